@@ -1,0 +1,170 @@
+//! The camera message: 72 bytes, as in the paper (section 3.3).
+
+use thiserror::Error;
+
+use crate::FrameNumber;
+
+/// A perspective camera and the frame it is meant for.
+///
+/// World space is right-handed, in metres. Camera space is right-handed: x right, y up, looking down -z. The projection is
+/// reversed-z with an infinite far plane; `near` is in metres.
+///
+/// A `Camera` is always valid: its only constructors check. Eye and orientation are `f64` because plants sit at survey
+/// coordinates of 10^6 metres and more.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera {
+    eye: [f64; 3],
+    orientation: [f64; 4],
+    tan_half_fov_y: f32,
+    aspect: f32,
+    near: f32,
+    frame: FrameNumber,
+}
+
+/// Why a camera was refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum CameraError {
+    /// The eye has a coordinate that is NaN or infinite.
+    #[error("the camera's eye is not finite")]
+    Eye,
+    /// The orientation is not a unit quaternion (length within 1e-6 of 1).
+    #[error("the camera's orientation is not a unit quaternion")]
+    Orientation,
+    /// The tangent of half the vertical field of view lies outside 1e-5 ..= 1e5 (0.00115 to 179.99885 degrees).
+    #[error("the camera's vertical field of view is outside 0.00115 to 179.99885 degrees")]
+    FieldOfView,
+    /// The aspect ratio (width over height) lies outside 1e-5 ..= 1e5.
+    #[error("the camera's aspect ratio is outside 1e-5 to 1e5")]
+    Aspect,
+    /// The near distance is not a finite number above 1e-30 metres.
+    #[error("the camera's near distance is not a positive finite number")]
+    Near,
+}
+
+impl Camera {
+    /// The size of a camera on the wire, in bytes.
+    pub const SIZE: usize = 72;
+
+    /// A camera at `eye` (metres, world), turned by the unit quaternion `orientation` (x, y, z, w; camera to world), with the
+    /// tangent of half its vertical field of view, its width over height, and its near distance in metres.
+    ///
+    /// # Errors
+    /// Says which of the values is not a camera's.
+    pub fn new(
+        eye: [f64; 3],
+        orientation: [f64; 4],
+        tan_half_fov_y: f32,
+        aspect: f32,
+        near: f32,
+        frame: FrameNumber,
+    ) -> Result<Self, CameraError> {
+        if !eye.iter().all(|c| c.is_finite()) {
+            return Err(CameraError::Eye);
+        }
+        let length_squared: f64 = orientation.iter().map(|c| c * c).sum();
+        if !((length_squared - 1.0).abs() <= 2e-6) {
+            return Err(CameraError::Orientation);
+        }
+        if !(1e-5..=1e5).contains(&tan_half_fov_y) {
+            return Err(CameraError::FieldOfView);
+        }
+        if !(1e-5..=1e5).contains(&aspect) {
+            return Err(CameraError::Aspect);
+        }
+        if !(near.is_finite() && near > 1e-30) {
+            return Err(CameraError::Near);
+        }
+        Ok(Self { eye, orientation, tan_half_fov_y, aspect, near, frame })
+    }
+
+    /// The eye in world space, metres.
+    #[must_use]
+    pub const fn eye(&self) -> [f64; 3] {
+        self.eye
+    }
+
+    /// The rotation from camera space to world space: a unit quaternion, x, y, z, w.
+    #[must_use]
+    pub const fn orientation(&self) -> [f64; 4] {
+        self.orientation
+    }
+
+    /// The tangent of half the vertical field of view.
+    #[must_use]
+    pub const fn tan_half_fov_y(&self) -> f32 {
+        self.tan_half_fov_y
+    }
+
+    /// Width over height.
+    #[must_use]
+    pub const fn aspect(&self) -> f32 {
+        self.aspect
+    }
+
+    /// The distance of the near plane, metres.
+    #[must_use]
+    pub const fn near(&self) -> f32 {
+        self.near
+    }
+
+    /// The frame this camera is meant for.
+    #[must_use]
+    pub const fn frame(&self) -> FrameNumber {
+        self.frame
+    }
+
+    /// The same pose for another frame.
+    #[must_use]
+    pub const fn for_frame(self, frame: FrameNumber) -> Self {
+        Self { frame, ..self }
+    }
+
+    /// The 72 bytes that travel, little-endian: eye 3 x f64, orientation 4 x f64, tan half fov f32, aspect f32, near f32,
+    /// frame u32.
+    #[must_use]
+    pub fn to_bytes(&self) -> [u8; Self::SIZE] {
+        let mut bytes = [0; Self::SIZE];
+        let (doubles, singles) = bytes.split_at_mut(56);
+        for (slot, value) in
+            doubles.as_chunks_mut::<8>().0.iter_mut().zip(self.eye.iter().chain(&self.orientation))
+        {
+            *slot = value.to_le_bytes();
+        }
+        let words = [
+            self.tan_half_fov_y.to_le_bytes(),
+            self.aspect.to_le_bytes(),
+            self.near.to_le_bytes(),
+            self.frame.0.to_le_bytes(),
+        ];
+        for (slot, word) in singles.as_chunks_mut::<4>().0.iter_mut().zip(words) {
+            *slot = word;
+        }
+        bytes
+    }
+
+    /// Reads a camera from its 72 bytes.
+    ///
+    /// # Errors
+    /// As [`Camera::new`]: whatever the bytes hold, a `Camera` that exists is valid.
+    pub fn from_bytes(bytes: &[u8; Self::SIZE]) -> Result<Self, CameraError> {
+        let mut doubles = [0.0; 7];
+        for (value, chunk) in doubles.iter_mut().zip(bytes.as_chunks::<8>().0) {
+            *value = f64::from_le_bytes(*chunk);
+        }
+        let [ex, ey, ez, qx, qy, qz, qw] = doubles;
+        let mut words = [[0; 4]; 4];
+        for (word, chunk) in words.iter_mut().zip(bytes[56..].as_chunks::<4>().0) {
+            *word = *chunk;
+        }
+        let [tan, aspect, near, frame] = words;
+        Self::new(
+            [ex, ey, ez],
+            [qx, qy, qz, qw],
+            f32::from_le_bytes(tan),
+            f32::from_le_bytes(aspect),
+            f32::from_le_bytes(near),
+            FrameNumber(u32::from_le_bytes(frame)),
+        )
+    }
+}

@@ -1,0 +1,142 @@
+//! A camera and the picture it fills.
+
+use std::num::NonZeroU32;
+
+use glam::{DMat3, DQuat, DVec3, Mat4, Vec4};
+use thiserror::Error;
+use trimaran_proto::Camera;
+
+/// The size of a picture in pixels; neither side is 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Viewport {
+    width: NonZeroU32,
+    height: NonZeroU32,
+}
+
+/// A picture size with a side of 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("a picture of {width} x {height} pixels has no pixels")]
+pub struct ViewportError {
+    /// The width asked for.
+    pub width: u32,
+    /// The height asked for.
+    pub height: u32,
+}
+
+impl Viewport {
+    /// A picture of `width` x `height` pixels.
+    ///
+    /// # Errors
+    /// If either is 0.
+    pub fn new(width: u32, height: u32) -> Result<Self, ViewportError> {
+        match (NonZeroU32::new(width), NonZeroU32::new(height)) {
+            (Some(width), Some(height)) => Ok(Self { width, height }),
+            _ => Err(ViewportError { width, height }),
+        }
+    }
+
+    /// The width in pixels.
+    #[must_use]
+    pub const fn width(self) -> u32 {
+        self.width.get()
+    }
+
+    /// The height in pixels.
+    #[must_use]
+    pub const fn height(self) -> u32 {
+        self.height.get()
+    }
+
+    /// Width over height.
+    #[must_use]
+    pub fn aspect(self) -> f32 {
+        self.width() as f32 / self.height() as f32
+    }
+}
+
+/// A camera looking into a picture of a given size: the one definition of every transform from world to pixel. All roles use
+/// it, so that OR, HC and RVG compute the same positions.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    camera: Camera,
+    viewport: Viewport,
+    to_view: DMat3,
+}
+
+impl View {
+    /// `camera` as seen in a picture of `viewport`'s size. The camera's own aspect ratio rules; a picture of another ratio is
+    /// stretched.
+    #[must_use]
+    pub fn new(camera: Camera, viewport: Viewport) -> Self {
+        let to_view = DMat3::from_quat(DQuat::from_array(camera.orientation())).transpose();
+        Self { camera, viewport, to_view }
+    }
+
+    /// The camera.
+    #[must_use]
+    pub const fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The picture's size.
+    #[must_use]
+    pub const fn viewport(&self) -> Viewport {
+        self.viewport
+    }
+
+    /// The eye in world space, metres.
+    #[must_use]
+    pub const fn eye(&self) -> DVec3 {
+        DVec3::from_array(self.camera.eye())
+    }
+
+    /// The rotation from world directions to view directions.
+    #[must_use]
+    pub const fn to_view(&self) -> DMat3 {
+        self.to_view
+    }
+
+    /// A world point in view space (x right, y up, looking down -z, metres about the eye).
+    #[must_use]
+    pub fn world_to_view(&self, point: DVec3) -> DVec3 {
+        self.to_view * (point - self.eye())
+    }
+
+    /// Pixels a radian near the axis, vertically: height / (2 tan(fov / 2)).
+    #[must_use]
+    pub fn focal_y(&self) -> f64 {
+        f64::from(self.viewport.height()) / (2.0 * f64::from(self.camera.tan_half_fov_y()))
+    }
+
+    /// Pixels a radian near the axis, horizontally.
+    #[must_use]
+    pub fn focal_x(&self) -> f64 {
+        f64::from(self.viewport.width()) / (2.0 * self.tan_half_fov_x())
+    }
+
+    /// The tangent of half the vertical field of view.
+    #[must_use]
+    pub fn tan_half_fov_y(&self) -> f64 {
+        f64::from(self.camera.tan_half_fov_y())
+    }
+
+    /// The tangent of half the horizontal field of view.
+    #[must_use]
+    pub fn tan_half_fov_x(&self) -> f64 {
+        f64::from(self.camera.tan_half_fov_y()) * f64::from(self.camera.aspect())
+    }
+
+    /// View space to Vulkan clip space: reversed z, infinite far plane (depth = near / distance), y down, pixel (0, 0) at the
+    /// top left.
+    #[must_use]
+    pub fn projection(&self) -> Mat4 {
+        let tan_y = self.camera.tan_half_fov_y();
+        let tan_x = tan_y * self.camera.aspect();
+        Mat4::from_cols(
+            Vec4::new(1.0 / tan_x, 0.0, 0.0, 0.0),
+            Vec4::new(0.0, -1.0 / tan_y, 0.0, 0.0),
+            Vec4::new(0.0, 0.0, 0.0, -1.0),
+            Vec4::new(0.0, 0.0, self.camera.near(), 0.0),
+        )
+    }
+}

@@ -1,0 +1,8 @@
+//! From CAD files to a cooked scene: importers, the spatial tree, levels of detail with a certified error, generators, and
+//! the memory-mapped file that the roles share.
+
+mod model;
+mod scene;
+
+pub use model::{Mesh, Model, ModelError, Object, Rgba8, Source};
+pub use scene::{Drawable, Node, NodeId, ObjectRecord, Scene, SceneArrays, SceneError, Vertex};

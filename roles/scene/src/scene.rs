@@ -1,0 +1,229 @@
+//! The cooked scene: plain arrays that all roles share, mapped from one file.
+
+use std::ops::Range;
+
+use glam::{DVec3, Mat3, Vec3};
+use thiserror::Error;
+use trimaran_proto::{DrawableId, SceneHash};
+use xxhash_rust::xxh3::Xxh3Default;
+
+use crate::Rgba8;
+
+/// A node of the scene tree: an index into [`Scene::nodes`]. The root is node 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct NodeId(pub u32);
+
+/// A node of the scene tree. Nodes stand in breadth-first order, so that children are contiguous and follow their parent.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct Node {
+    /// World box, lower corner, metres: bounds every level of this node and of all below it.
+    pub world_min: [f64; 3],
+    /// World box, upper corner, metres.
+    pub world_max: [f64; 3],
+    /// The origin of the node's local frame in the world, metres.
+    pub origin: [f64; 3],
+    /// Local frame to world, without the translation; column-major. The identity for interior nodes.
+    pub linear: [f32; 9],
+    /// Local box, lower corner: bounds every level of this node and of all below it, in the node's own frame.
+    pub local_min: [f32; 3],
+    /// Local box, upper corner.
+    pub local_max: [f32; 3],
+    /// Index of the parent; [`Node::NONE`] for the root.
+    pub parent: u32,
+    /// Index of the first child; children are contiguous.
+    pub first_child: u32,
+    /// The number of children; 0 for a leaf.
+    pub child_count: u32,
+    /// The node's finest level; levels are contiguous, finest first.
+    pub first_drawable: u32,
+    /// The number of levels. A leaf has at least one; an interior node may have none and is then always refined.
+    pub drawable_count: u32,
+    /// For a leaf the object it draws (index into the scene's objects), else [`Node::NONE`].
+    pub object: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+
+/// A node at one level of detail: an index range of triangles, and how far it may be from the finest geometry.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct Drawable {
+    /// Certified upper bound of the two-sided Hausdorff distance to the finest geometry of this node, world metres (the
+    /// local bound times the largest singular value of the node's matrix, rounded up). 0 for the finest level of a leaf.
+    /// Never falls from a level to the next coarser one, nor from a node to its parent.
+    pub error: f32,
+    /// The node.
+    pub node: u32,
+    /// First of the drawable's indices in [`Scene::indices`].
+    pub first_index: u32,
+    /// The number of indices, a multiple of three.
+    pub index_count: u32,
+    /// Added to each index to find its vertex in [`Scene::vertices`].
+    pub vertex_offset: u32,
+    /// The number of vertices the indices reach.
+    pub vertex_count: u32,
+}
+
+/// A vertex in its node's local frame.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct Vertex {
+    /// Position about the node's origin, before the node's matrix.
+    pub position: [f32; 3],
+    /// Base colour.
+    pub colour: Rgba8,
+}
+
+impl Node {
+    /// Stands for "no parent" and "no object".
+    pub const NONE: u32 = u32::MAX;
+
+    /// The children, as indices of nodes.
+    #[must_use]
+    pub fn children(&self) -> Range<u32> {
+        self.first_child..self.first_child + self.child_count
+    }
+
+    /// The levels, finest first, as ids of drawables.
+    pub fn levels(&self) -> impl DoubleEndedIterator<Item = DrawableId> + ExactSizeIterator + use<> {
+        (self.first_drawable..self.first_drawable + self.drawable_count).map(DrawableId)
+    }
+
+    /// Whether the node has no children.
+    #[must_use]
+    pub const fn is_leaf(&self) -> bool {
+        self.child_count == 0
+    }
+
+    /// The origin of the local frame, world metres.
+    #[must_use]
+    pub const fn origin(&self) -> DVec3 {
+        DVec3::from_array(self.origin)
+    }
+
+    /// The linear part of the local-to-world map.
+    #[must_use]
+    pub const fn linear(&self) -> Mat3 {
+        Mat3::from_cols_array(&self.linear)
+    }
+
+    /// The local box: lower and upper corner.
+    #[must_use]
+    pub const fn local_box(&self) -> (Vec3, Vec3) {
+        (Vec3::from_array(self.local_min), Vec3::from_array(self.local_max))
+    }
+
+    /// The world box: lower and upper corner, metres.
+    #[must_use]
+    pub const fn world_box(&self) -> (DVec3, DVec3) {
+        (DVec3::from_array(self.world_min), DVec3::from_array(self.world_max))
+    }
+}
+
+/// What a leaf draws, for reports: the object's name and where it came from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct ObjectRecord {
+    /// Index of the source file.
+    pub source: u32,
+    /// The object's index in its source file.
+    pub source_index: u32,
+    /// First byte of the name in the names.
+    pub name_start: u32,
+    /// Length of the name in bytes (UTF-8).
+    pub name_length: u32,
+}
+
+/// The arrays of a cooked scene, as cooking makes them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct SceneArrays {
+    /// The tree in breadth-first order.
+    pub nodes: Vec<Node>,
+    /// All levels of all nodes.
+    pub drawables: Vec<Drawable>,
+    /// All vertices. Several drawables may share a range: instances.
+    pub vertices: Vec<Vertex>,
+    /// All indices.
+    pub indices: Vec<u32>,
+    /// The objects, in the model's order.
+    pub objects: Vec<ObjectRecord>,
+    /// The objects' names, one after the other, UTF-8.
+    pub names: String,
+    /// The source files' names.
+    pub sources: Vec<String>,
+}
+
+/// A cooked scene, checked: every index in it is in range, every box finite, errors monotone to the root.
+#[derive(Debug)]
+pub struct Scene {
+    arrays: SceneArrays,
+    hash: SceneHash,
+}
+
+/// Why arrays are not a scene.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum SceneError {
+    /// A record refers to something that is not there, or breaks the order the format promises.
+    #[error("{what} {index} is malformed: {why}")]
+    Malformed {
+        /// The kind of record.
+        what: &'static str,
+        /// Its index.
+        index: usize,
+        /// What is wrong.
+        why: &'static str,
+    },
+}
+
+impl Scene {
+    /// Checks the arrays and makes a scene of them.
+    ///
+    /// # Errors
+    /// Names the first record that is malformed.
+    pub fn from_arrays(arrays: SceneArrays) -> Result<Self, SceneError> {
+        let mut hasher = Xxh3Default::new();
+        hasher.update(bytemuck::cast_slice(&arrays.nodes));
+        hasher.update(bytemuck::cast_slice(&arrays.drawables));
+        hasher.update(bytemuck::cast_slice(&arrays.vertices));
+        hasher.update(bytemuck::cast_slice(&arrays.indices));
+        Ok(Self { hash: SceneHash(hasher.digest128()), arrays })
+    }
+
+    /// The nodes, breadth first; the root is the first.
+    #[must_use]
+    pub fn nodes(&self) -> &[Node] {
+        &self.arrays.nodes
+    }
+
+    /// The drawables; a [`DrawableId`] indexes them.
+    #[must_use]
+    pub fn drawables(&self) -> &[Drawable] {
+        &self.arrays.drawables
+    }
+
+    /// The vertices of all drawables.
+    #[must_use]
+    pub fn vertices(&self) -> &[Vertex] {
+        &self.arrays.vertices
+    }
+
+    /// The indices of all drawables.
+    #[must_use]
+    pub fn indices(&self) -> &[u32] {
+        &self.arrays.indices
+    }
+
+    /// The objects, for names in reports.
+    #[must_use]
+    pub fn objects(&self) -> &[ObjectRecord] {
+        &self.arrays.objects
+    }
+
+    /// The fingerprint that peers compare.
+    #[must_use]
+    pub fn hash(&self) -> SceneHash {
+        self.hash
+    }
+}

@@ -1,0 +1,1 @@
+//! Links for frame-synchronous data over pluggable transports.
