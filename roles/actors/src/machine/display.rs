@@ -1,0 +1,139 @@
+//! The display: shows each frame from the machine that culled it, and hands out cameras (paper, algorithm 4.3).
+
+use trimaran_proto::{Camera, FrameNumber};
+
+use super::{OrderError, Seat, in_session, two_on};
+
+/// What the display does next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DisplayStep {
+    /// Read the next message of this frame from that machine: report with [`DisplayMachine::began`],
+    /// [`DisplayMachine::ended`].
+    Await {
+        /// The machine that culls the frame.
+        from: Seat,
+        /// The frame.
+        frame: FrameNumber,
+    },
+    /// All frames have been shown.
+    Done,
+}
+
+/// The order in which the display works.
+#[derive(Debug, Clone)]
+pub struct DisplayMachine {
+    frames: Option<u32>,
+    due: Option<FrameNumber>,
+    began: bool,
+    /// The newest camera handed out for the frame that is due and for the one after it.
+    handed: [Option<Camera>; 2],
+}
+
+impl DisplayMachine {
+    /// A display for a session of `frames` frames, or one without end.
+    #[must_use]
+    pub fn new(frames: Option<u32>) -> Self {
+        let first = FrameNumber(0);
+        Self { frames, due: in_session(first, frames).then_some(first), began: false, handed: [None; 2] }
+    }
+
+    /// The frames whose cameras are handed out before anything else, each to its machine: see [`DisplayMachine::hand_out`].
+    pub fn first_cameras(&self) -> impl Iterator<Item = FrameNumber> + use<> {
+        let frames = self.frames;
+        [FrameNumber(0), FrameNumber(1)].into_iter().filter(move |frame| in_session(*frame, frames))
+    }
+
+    /// Notes that `camera` goes to the machine that culls its frame. A camera handed out again for the same frame (the user has
+    /// moved on) replaces the earlier one.
+    pub fn hand_out(&mut self, camera: Camera) {
+        self.handed[usize::from(camera.frame().0 % 2 == 1)] = Some(camera);
+    }
+
+    /// What is due.
+    #[must_use]
+    pub fn step(&self) -> DisplayStep {
+        match self.due {
+            Some(frame) => DisplayStep::Await { from: Seat::of(frame), frame },
+            None => DisplayStep::Done,
+        }
+    }
+
+    /// A machine began to send a frame, culled from `camera`. Says which frame's camera that machine is to get now.
+    ///
+    /// # Errors
+    /// If the frame is not the one due, has begun already, or was culled from a camera that was not handed out for it. With
+    /// `lockstep` the camera must be the newest one handed out; else the pose may be an earlier one.
+    pub fn began(&mut self, camera: Camera, lockstep: bool) -> Result<Option<FrameNumber>, OrderError> {
+        let due = self.due.ok_or(OrderError::Unexpected { what: "a frame", state: "nothing more" })?;
+        if self.began {
+            return Err(OrderError::Unexpected { what: "the begin of a frame", state: "its ids or its end" });
+        }
+        if camera.frame() != due {
+            return Err(OrderError::WrongFrame { due, got: camera.frame() });
+        }
+        if lockstep && self.handed[usize::from(due.0 % 2 == 1)] != Some(camera) {
+            return Err(OrderError::ForeignCamera { frame: due });
+        }
+        self.began = true;
+        Ok(two_on(due, self.frames))
+    }
+
+    /// The frame's end arrived: it can be shown.
+    ///
+    /// # Errors
+    /// If no frame had begun.
+    pub fn ended(&mut self) -> Result<(), OrderError> {
+        match self.due {
+            Some(frame) if self.began => {
+                self.began = false;
+                self.due = frame.next().filter(|next| in_session(*next, self.frames));
+                Ok(())
+            }
+            _ => Err(OrderError::Unexpected { what: "the end of a frame", state: "the begin of a frame" }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(frame: u32) -> Camera {
+        Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, FrameNumber(frame)).unwrap()
+    }
+
+    #[test]
+    fn frames_alternate_between_the_machines() {
+        let mut display = DisplayMachine::new(Some(3));
+        assert_eq!(display.first_cameras().collect::<Vec<_>>(), [FrameNumber(0), FrameNumber(1)]);
+        for frame in 0..3 {
+            let from = if frame % 2 == 0 { Seat::First } else { Seat::Second };
+            assert_eq!(display.step(), DisplayStep::Await { from, frame: FrameNumber(frame) });
+            display.hand_out(camera(frame));
+            let next = display.began(camera(frame), true).unwrap();
+            assert_eq!(next, (frame == 0).then_some(FrameNumber(2)), "only frame 2 is left to hand out");
+            display.ended().unwrap();
+        }
+        assert_eq!(display.step(), DisplayStep::Done);
+        assert!(matches!(display.began(camera(3), true), Err(OrderError::Unexpected { .. })));
+    }
+
+    #[test]
+    fn a_frame_out_of_turn_is_refused() {
+        let mut display = DisplayMachine::new(None);
+        assert_eq!(
+            display.began(camera(1), true),
+            Err(OrderError::WrongFrame { due: FrameNumber(0), got: FrameNumber(1) })
+        );
+        assert!(matches!(display.ended(), Err(OrderError::Unexpected { .. })));
+    }
+
+    #[test]
+    fn in_lockstep_a_foreign_camera_is_refused() {
+        let mut display = DisplayMachine::new(None);
+        let moved = Camera::new([1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, FrameNumber(0)).unwrap();
+        display.hand_out(camera(0));
+        assert_eq!(display.began(moved, true), Err(OrderError::ForeignCamera { frame: FrameNumber(0) }));
+        assert_eq!(display.began(moved, false), Ok(Some(FrameNumber(2))));
+    }
+}
