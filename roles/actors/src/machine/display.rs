@@ -131,7 +131,8 @@ mod tests {
     #[test]
     fn in_lockstep_a_foreign_camera_is_refused() {
         let mut display = DisplayMachine::new(None);
-        let moved = Camera::new([1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, FrameNumber(0)).unwrap();
+        let moved =
+            Camera::new([1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, FrameNumber(0)).unwrap();
         display.hand_out(camera(0));
         assert_eq!(display.began(moved, true), Err(OrderError::ForeignCamera { frame: FrameNumber(0) }));
         assert_eq!(display.began(moved, false), Ok(Some(FrameNumber(2))));

@@ -1,0 +1,44 @@
+#!/bin/bash
+# Runs the README's two commands on a fresh Debian 12 that holds nothing but the Rust toolchain and git.
+#
+#   tests/fresh_machine.sh [demo|test|both]      (default: both; needs root and debootstrap)
+#
+# The machine is a folder made by debootstrap, entered by chroot. This machine's Rust toolchain is mounted into it read-only,
+# and the committed state of this checkout is cloned into it. The machine is removed at the end, also after a failure.
+set -euo pipefail
+what=${1:-both}
+cd "$(dirname "$0")/.."
+repository=$PWD
+[ "$(id -u)" = 0 ] || { echo "fresh_machine: needs root for debootstrap and chroot" >&2; exit 2; }
+command -v debootstrap >/dev/null || { echo "fresh_machine: needs debootstrap (apt-get install debootstrap)" >&2; exit 2; }
+
+machine=$(mktemp -d)
+mounts=()
+mount_into() {
+    mkdir -p "$machine/$2"
+    mount --bind "$1" "$machine/$2"
+    mounts=("$machine/$2" "${mounts[@]}")
+}
+clean_up() {
+    for path in "${mounts[@]}"; do umount "$path" || umount --lazy "$path"; done
+    rm -rf --one-file-system "$machine"
+}
+trap clean_up EXIT
+
+debootstrap --variant=minbase --include=git,ca-certificates bookworm "$machine" http://deb.debian.org/debian
+mount_into /proc proc
+mount_into /dev dev
+toolchain=$(rustc --print sysroot)
+mount_into "$toolchain" opt/rust
+mount -o remount,ro,bind "$machine/opt/rust"
+cp /etc/resolv.conf "$machine/etc/resolv.conf"
+
+git clone --quiet "$repository" "$machine/root/trimaran"
+inside() {
+    echo "== fresh machine: $*"
+    chroot "$machine" /usr/bin/env -i HOME=/root PATH=/opt/rust/bin:/usr/sbin:/usr/bin:/sbin:/bin \
+        ${CARGO_NET_OFFLINE:+CARGO_NET_OFFLINE="$CARGO_NET_OFFLINE"} sh -c "cd /root/trimaran && $*"
+}
+[ "$what" = test ] || inside ./x demo
+[ "$what" = demo ] || inside ./x test
+echo "fresh_machine: $what passed"
