@@ -1,6 +1,8 @@
 //! From CAD files to a cooked scene: importers, the spatial tree, levels of detail with a certified error, generators, and
 //! the memory-mapped file that the roles share.
 
+pub mod walk;
+
 mod model;
 mod scene;
 
