@@ -1,1 +1,3 @@
 //! Trimaran.
+
+pub mod report;

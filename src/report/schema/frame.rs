@@ -1,0 +1,269 @@
+//! One frame of a run.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+/// One frame: pose, times, what was drawn, what should have been, and what it cost on the wire.
+///
+/// `None` means "not measured on this frame" and is written as `null`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Frame {
+    /// The frame's number, from 0.
+    pub frame: u32,
+    /// The eye in the world, metres.
+    pub eye: [f64; 3],
+    /// The view direction, a unit vector in the world.
+    pub forward: [f64; 3],
+    /// Up in the picture: a world direction, not parallel to `forward`.
+    pub up: [f64; 3],
+
+    /// Busy time of OR for this frame: drawing its occluders, waiting not counted. Milliseconds.
+    pub or_ms: Option<f64>,
+    /// Busy time of HC for this frame: cut, box tests, sending. Milliseconds.
+    pub hc_ms: Option<f64>,
+    /// Busy time of RVG for this frame: drawing the visible set. Milliseconds.
+    pub rvg_ms: Option<f64>,
+    /// Time from the previous picture shown to this one, milliseconds.
+    pub frame_ms: Option<f64>,
+    /// Frames shown between the camera's publication and its own picture; 0 if its picture was the very next.
+    pub latency_frames: Option<u32>,
+    /// Time from the camera's publication to its picture, milliseconds.
+    pub latency_ms: Option<f64>,
+    /// When each role was busy with this frame.
+    #[serde(default)]
+    pub timeline: Vec<Span>,
+    /// Times of the single passes.
+    #[serde(default)]
+    pub passes: Vec<PassTime>,
+
+    /// Drawables that RVG drew.
+    pub nodes_drawn: Option<u64>,
+    /// Drawables exactly visible at the same level cut: those that own a pixel of its unculled item buffer.
+    pub nodes_exact: Option<u64>,
+    /// Triangles that RVG drew.
+    pub triangles_drawn: Option<u64>,
+    /// Triangles exactly visible at the same level cut: those that own a pixel of its unculled item buffer.
+    pub triangles_exact: Option<u64>,
+    /// Objects exactly visible at full detail.
+    pub objects_exact_full: Option<u64>,
+    /// Triangles exactly visible at full detail.
+    pub triangles_exact_full: Option<u64>,
+    /// Drawables that OR drew as occluders.
+    pub occluders_drawn: Option<u64>,
+    /// Triangles that OR drew as occluders.
+    pub occluder_triangles: Option<u64>,
+    /// What HC's traversal did.
+    pub culling: Option<CullingCounts>,
+    /// Nodes drawn because the test could not be decided, by reason.
+    #[serde(default)]
+    pub doubts: BTreeMap<String, u64>,
+
+    /// Drawables exactly visible at the same level cut that were not drawn.
+    pub false_culled_nodes: Option<u64>,
+    /// Pixels that those drawables own.
+    pub false_culled_pixels: Option<u64>,
+    /// Size of the largest 8-connected blob of such pixels.
+    pub false_culled_blob_px: Option<u64>,
+    /// The false culls by cause; empty if there are none.
+    #[serde(default)]
+    pub false_culls: Vec<FalseCull>,
+    /// Pixels whose colour differs from the unculled picture of the same level cut. Must be 0.
+    pub cut_mismatch_pixels: Option<u64>,
+    /// The picture against full detail: the error of the levels.
+    pub full_detail: Option<PictureError>,
+
+    /// All bytes sent for this frame over all links, headers included.
+    pub bytes: Option<u64>,
+    /// The same by kind.
+    pub bytes_by_kind: Option<BytesByKind>,
+
+    /// The objects exactly visible at full detail, if the run was asked for them.
+    pub visible: Option<Vec<VisibleObject>>,
+    /// The PNG files of this frame, relative to the report.
+    #[serde(default)]
+    pub pictures: FramePictures,
+}
+
+/// What a machine does at a moment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// Occlusion representation: draws the next frame's occluders.
+    Or,
+    /// Hardware cull: tests boxes against the occluders.
+    Hc,
+    /// Render visible geometry: makes the picture.
+    Rvg,
+}
+
+/// A time in which a role was busy with a frame, on the one clock of the run (0: its start).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Span {
+    /// The role.
+    pub role: Role,
+    /// The machine that played it.
+    pub seat: super::Seat,
+    /// Begin, milliseconds.
+    pub start_ms: f64,
+    /// End, milliseconds.
+    pub end_ms: f64,
+}
+
+/// The time of one pass.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PassTime {
+    /// The role that ran it.
+    pub role: Role,
+    /// The pass.
+    pub pass: String,
+    /// Its time on the device, milliseconds.
+    pub ms: f64,
+}
+
+/// What HC's traversal of the tree did.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CullingCounts {
+    /// Nodes looked at.
+    pub nodes_visited: u64,
+    /// Nodes outside the frustum.
+    pub nodes_outside: u64,
+    /// Boxes tested against the occluders.
+    pub boxes_tested: u64,
+    /// Boxes found hidden.
+    pub boxes_hidden: u64,
+    /// Batches of box tests, one a level of the tree.
+    pub batches: u64,
+}
+
+/// Drawables falsely culled for one cause.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FalseCull {
+    /// The cause.
+    pub cause: FalseCullCause,
+    /// Drawables.
+    pub nodes: u64,
+    /// Pixels they own.
+    pub pixels: u64,
+}
+
+/// Why a visible drawable was not drawn: which of the conditions under which culling is exact did not hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FalseCullCause {
+    /// OR, HC and RVG did not draw the same level of the node.
+    LevelMismatch,
+    /// The node's box does not hold all of its levels.
+    BoxTooSmall,
+    /// The box touches the front surface and lost the depth test to it.
+    DepthTie,
+    /// The box covered no sample.
+    MissedSamples,
+    /// The box crosses the near plane, or the eye is inside.
+    NearPlane,
+    /// The node's id was sent and did not arrive.
+    LostIds,
+    /// Two passes or two devices computed different positions.
+    PositionMismatch,
+    /// The pixel-count rule of the paper's section 4.5.2 was on and dropped it.
+    PixelCountRule,
+    /// None of the above could be shown.
+    Unattributed,
+}
+
+impl FalseCullCause {
+    /// All causes, in the order of tables.
+    pub const ALL: [Self; 9] = [
+        Self::LevelMismatch,
+        Self::BoxTooSmall,
+        Self::DepthTie,
+        Self::MissedSamples,
+        Self::NearPlane,
+        Self::LostIds,
+        Self::PositionMismatch,
+        Self::PixelCountRule,
+        Self::Unattributed,
+    ];
+
+    /// The cause in words.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::LevelMismatch => "the roles drew different levels of it",
+            Self::BoxTooSmall => "its box does not hold all of its levels",
+            Self::DepthTie => "its box lost a depth tie",
+            Self::MissedSamples => "its box covered no sample",
+            Self::NearPlane => "its box crosses the near plane",
+            Self::LostIds => "its id did not arrive",
+            Self::PositionMismatch => "two passes computed different positions",
+            Self::PixelCountRule => "the pixel-count rule (option) dropped it",
+            Self::Unattributed => "no cause found",
+        }
+    }
+}
+
+/// One picture against another.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PictureError {
+    /// Peak signal-to-noise ratio over red, green and blue, decibels; `null` if the pictures are equal (infinite).
+    pub psnr_db: Option<f64>,
+    /// Mean of the FLIP error map, 0 (equal) to 1.
+    pub flip_mean: Option<f64>,
+    /// 99th percentile of the FLIP error map.
+    pub flip_p99: Option<f64>,
+    /// Pixels whose colour differs.
+    pub mismatching_pixels: u64,
+    /// Largest distance between the outlines of what is covered, pixels; `null` if only one picture covers anything.
+    pub silhouette_max_px: Option<f64>,
+    /// 95th percentile of that distance over all outline pixels of both.
+    pub silhouette_p95_px: Option<f64>,
+}
+
+/// Bytes sent for a frame over all links, by kind.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BytesByKind {
+    /// Payloads of camera messages: 72 each.
+    pub camera: u64,
+    /// Payloads of id batches: 4 an id and receiver.
+    pub ids: u64,
+    /// Payloads of end-of-frame messages.
+    pub eof: u64,
+    /// Payloads of begin-of-frame messages.
+    pub begin: u64,
+    /// Payloads of control messages.
+    pub control: u64,
+    /// Headers of all messages.
+    pub headers: u64,
+    /// The number of messages (not bytes).
+    pub messages: u64,
+}
+
+impl BytesByKind {
+    /// All bytes.
+    #[must_use]
+    pub const fn total(&self) -> u64 {
+        self.camera + self.ids + self.eof + self.begin + self.control + self.headers
+    }
+}
+
+/// An object, named as in its source file.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct VisibleObject {
+    /// Its name; may be empty.
+    pub name: String,
+    /// The file it came from.
+    pub source: String,
+    /// Its index in that file: the node of a glTF file, else the object's place in reading order.
+    pub source_index: u32,
+}
+
+/// The PNG files of a frame, relative to `report.json`.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FramePictures {
+    /// What RVG showed.
+    pub shown: Option<String>,
+    /// The same level cut without culling.
+    pub unculled: Option<String>,
+    /// Full detail without culling.
+    pub full: Option<String>,
+}

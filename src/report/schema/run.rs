@@ -1,0 +1,103 @@
+//! What was run, where, and with which settings.
+
+use std::time::SystemTime;
+
+use serde::{Deserialize, Serialize};
+
+/// What was run, where, and with which settings.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Run {
+    /// The program's version.
+    pub version: String,
+    /// The command line, one argument an entry, the program first.
+    pub command_line: Vec<String>,
+    /// When the run began: RFC 3339, UTC, as [`timestamp`] writes it.
+    pub started: String,
+    /// The machines' share: who drew on what.
+    pub roles: Vec<RoleInfo>,
+    /// The scene walked through.
+    pub scene: SceneInfo,
+    /// The bound on the picture's level-of-detail error, pixels.
+    pub epsilon_px: f64,
+    /// The box tester: `query`, `raster` or `hzb`.
+    pub tester: String,
+    /// The most node ids in one message.
+    pub batch: u32,
+    /// How the roles are joined: `inproc` (three actors of one process) or `tcp` (three processes).
+    pub link: String,
+    /// The transport below the link, in words, with the options that matter.
+    pub transport: String,
+    /// Whether every camera of the path became a frame, or the newest camera won.
+    pub mode: Mode,
+    /// Where the cameras came from: `auto`, or the path file.
+    pub path: String,
+    /// The seed of an `auto` path and of whatever else is drawn by lot.
+    pub seed: Option<u64>,
+    /// Frames 0, n, 2n and on were audited against the unculled pictures; `null` if none was.
+    pub audit_every: Option<u32>,
+    /// Remarks that belong beside every figure, such as "replicated scene".
+    #[serde(default)]
+    pub notes: Vec<String>,
+}
+
+/// Whether every camera became a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Mode {
+    /// Every camera of the path is one frame; the run is deterministic.
+    Lockstep,
+    /// OR takes the latest camera; cameras that came too early are skipped.
+    Live,
+}
+
+/// One of the three machines, or of the three actors that stand for them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Seat {
+    /// The peer of the switching pair that culls even frames.
+    SwitchA,
+    /// The peer of the switching pair that culls odd frames.
+    SwitchB,
+    /// The one that shows the visible geometry (RVG).
+    Display,
+}
+
+/// What one of the three machines is.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RoleInfo {
+    /// Which of the three.
+    pub seat: Seat,
+    /// The Vulkan device's name.
+    pub device: String,
+    /// The driver's name and version.
+    pub driver: String,
+}
+
+/// The scene walked through.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SceneInfo {
+    /// The cooked file.
+    pub file: String,
+    /// Its fingerprint, 32 hexadecimal digits.
+    pub hash: String,
+    /// Size of the cooked file in bytes.
+    pub file_bytes: Option<u64>,
+    /// Objects of the model, instances counted each.
+    pub objects: u64,
+    /// Nodes of the tree.
+    pub nodes: u64,
+    /// Nodes times their levels of detail.
+    pub drawables: u64,
+    /// Triangles at full detail, instances counted each.
+    pub triangles: u64,
+    /// Triangles at full detail, each mesh counted once.
+    pub triangles_unique: Option<u64>,
+    /// The files the scene was cooked from.
+    pub sources: Vec<String>,
+}
+
+/// A moment as the report writes it: RFC 3339 in UTC, whole seconds (`2026-03-01T12:34:56Z`).
+#[must_use]
+pub fn timestamp(time: SystemTime) -> String {
+    humantime::format_rfc3339_seconds(time).to_string()
+}

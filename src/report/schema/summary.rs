@@ -1,0 +1,349 @@
+//! The frames' figures, condensed.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::{BytesByKind, FalseCull, FalseCullCause, Frame, Run};
+
+/// Objects drawn over objects exactly visible in the paper's power plant (its tables 2 and 3).
+pub const PAPER_OBJECT_TIGHTNESS: f64 = 1.83;
+/// Polygons drawn over polygons exactly visible in the paper's power plant (its tables 2 and 3).
+pub const PAPER_TRIANGLE_TIGHTNESS: f64 = 12.2;
+
+/// A figure that every frame may have.
+#[derive(Debug, Clone, Copy)]
+pub struct Metric {
+    /// Its key in [`Summary::metrics`].
+    pub key: &'static str,
+    /// Its unit; empty for counts and ratios.
+    pub unit: &'static str,
+    /// What it is, for tables.
+    pub title: &'static str,
+    /// Its value on a frame; `None` if it was not measured there.
+    pub of: fn(&Frame) -> Option<f64>,
+}
+
+/// Every figure that is summarised, in the order of tables. PSNR is not among them: it is worst where it is lowest, and has
+/// [`Summary::psnr_db`].
+pub const METRICS: &[Metric] = &[
+    metric("or_ms", "ms", "OR busy", |f| f.or_ms),
+    metric("hc_ms", "ms", "HC busy", |f| f.hc_ms),
+    metric("rvg_ms", "ms", "RVG busy", |f| f.rvg_ms),
+    metric("slowest_role_ms", "ms", "slowest role, max(OR, HC, RVG)", Frame::slowest_role_ms),
+    metric("frame_ms", "ms", "frame time as measured", |f| f.frame_ms),
+    metric("latency_ms", "ms", "camera to picture", |f| f.latency_ms),
+    metric("latency_frames", "frames", "camera to picture", |f| f.latency_frames.map(f64::from)),
+    metric("nodes_drawn", "", "nodes drawn", |f| count(f.nodes_drawn)),
+    metric("nodes_exact", "", "nodes exactly visible, same cut", |f| count(f.nodes_exact)),
+    metric("node_tightness", "", "nodes drawn / exactly visible", |f| ratio(f.nodes_drawn, f.nodes_exact)),
+    metric("triangles_drawn", "", "triangles drawn", |f| count(f.triangles_drawn)),
+    metric("triangles_exact", "", "triangles exactly visible, same cut", |f| count(f.triangles_exact)),
+    metric("triangle_tightness", "", "triangles drawn / exactly visible", |f| {
+        ratio(f.triangles_drawn, f.triangles_exact)
+    }),
+    metric("objects_exact_full", "", "objects exactly visible, full detail", |f| count(f.objects_exact_full)),
+    metric("triangles_exact_full", "", "triangles exactly visible, full detail", |f| {
+        count(f.triangles_exact_full)
+    }),
+    metric("occluders_drawn", "", "occluders drawn", |f| count(f.occluders_drawn)),
+    metric("occluder_triangles", "", "occluder triangles", |f| count(f.occluder_triangles)),
+    metric("boxes_tested", "", "boxes tested", |f| f.culling.map(|c| c.boxes_tested as f64)),
+    metric("false_culled_nodes", "", "nodes falsely culled", |f| count(f.false_culled_nodes)),
+    metric("false_culled_pixels", "px", "pixels falsely culled", |f| count(f.false_culled_pixels)),
+    metric("false_culled_blob_px", "px", "largest falsely culled blob", |f| count(f.false_culled_blob_px)),
+    metric("cut_mismatch_pixels", "px", "pixels unlike the unculled cut", |f| count(f.cut_mismatch_pixels)),
+    metric("mismatching_pixels", "px", "pixels unlike full detail", |f| {
+        f.full_detail.map(|e| e.mismatching_pixels as f64)
+    }),
+    metric("flip_mean", "", "FLIP against full detail, mean", |f| f.full_detail?.flip_mean),
+    metric("flip_p99", "", "FLIP against full detail, 99th percentile", |f| f.full_detail?.flip_p99),
+    metric("silhouette_max_px", "px", "silhouette deviation, largest", |f| f.full_detail?.silhouette_max_px),
+    metric("silhouette_p95_px", "px", "silhouette deviation, 95th percentile", |f| {
+        f.full_detail?.silhouette_p95_px
+    }),
+    metric("bytes", "B", "bytes sent", |f| count(f.bytes)),
+];
+
+const fn metric(
+    key: &'static str,
+    unit: &'static str,
+    title: &'static str,
+    of: fn(&Frame) -> Option<f64>,
+) -> Metric {
+    Metric { key, unit, title, of }
+}
+
+fn count(value: Option<u64>) -> Option<f64> {
+    value.map(|v| v as f64)
+}
+
+/// `None` where there is nothing to be tight about.
+fn ratio(drawn: Option<u64>, exact: Option<u64>) -> Option<f64> {
+    let exact = exact.filter(|&e| e > 0)?;
+    Some(drawn? as f64 / exact as f64)
+}
+
+impl Frame {
+    /// The busiest role's time, milliseconds: what the frame would take if each role had a machine of its own. `None` unless
+    /// all three were measured.
+    #[must_use]
+    pub fn slowest_role_ms(&self) -> Option<f64> {
+        Some(self.or_ms?.max(self.hc_ms?).max(self.rvg_ms?))
+    }
+}
+
+/// How a figure spreads over the frames on which it was measured. Percentiles are nearest-rank: the smallest measured value
+/// that at least that share of the values does not exceed, so every figure here occurred.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Stat {
+    /// Frames on which it was measured.
+    pub frames: u32,
+    /// The 50th percentile.
+    pub median: f64,
+    /// The 95th percentile.
+    pub p95: f64,
+    /// The largest.
+    pub max: f64,
+}
+
+impl Stat {
+    /// The spread of `values`; `None` if there are none. Values that are not finite are left out.
+    #[must_use]
+    pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
+        let mut values: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
+        values.sort_by(f64::total_cmp);
+        let &max = values.last()?;
+        Some(Self {
+            frames: u32::try_from(values.len()).unwrap_or(u32::MAX),
+            median: nearest_rank(&values, 50)?,
+            p95: nearest_rank(&values, 95)?,
+            max,
+        })
+    }
+}
+
+/// How a figure spreads that is worst where it is lowest.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LowStat {
+    /// Frames on which it was measured, and finite.
+    pub frames: u32,
+    /// Frames on which it was infinite: pictures that are equal. They are not in the figures below.
+    pub infinite: u32,
+    /// The 50th percentile.
+    pub median: Option<f64>,
+    /// The 5th percentile.
+    pub p5: Option<f64>,
+    /// The smallest.
+    pub min: Option<f64>,
+}
+
+impl LowStat {
+    fn of_psnr(frames: &[Frame]) -> Option<Self> {
+        let errors: Vec<_> = frames.iter().filter_map(|f| f.full_detail).collect();
+        let mut values: Vec<f64> = errors.iter().filter_map(|e| e.psnr_db).filter(|v| v.is_finite()).collect();
+        values.sort_by(f64::total_cmp);
+        let equal = errors.iter().filter(|e| e.mismatching_pixels == 0).count();
+        (!errors.is_empty()).then(|| Self {
+            frames: u32::try_from(values.len()).unwrap_or(u32::MAX),
+            infinite: u32::try_from(equal).unwrap_or(u32::MAX),
+            median: nearest_rank(&values, 50),
+            p5: nearest_rank(&values, 5),
+            min: values.first().copied(),
+        })
+    }
+}
+
+/// The nearest-rank percentile of sorted values.
+fn nearest_rank(sorted: &[f64], percent: usize) -> Option<f64> {
+    let rank = (percent * sorted.len()).div_ceil(100).max(1);
+    sorted.get(rank - 1).copied()
+}
+
+/// The frames' figures, condensed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// Frames shown.
+    pub frames: u32,
+    /// Frames compared with the unculled picture of the same level cut.
+    pub audited_frames: u32,
+    /// Time from the first picture shown to the last, milliseconds.
+    pub wall_ms: Option<f64>,
+    /// Frames a second as measured on this machine, over `wall_ms`.
+    pub measured_fps: Option<f64>,
+    /// Frames a second that three machines would show: a model, not a measurement.
+    pub modelled_fps: Option<ModelledFps>,
+    /// How much more than the exactly visible was drawn.
+    pub tightness: Tightness,
+    /// Drawables falsely culled, summed over the audited frames; `null` if none was audited.
+    pub false_culled_nodes_total: Option<u64>,
+    /// Pixels falsely culled, summed over the audited frames.
+    pub false_culled_pixels_total: Option<u64>,
+    /// Pixels unlike the unculled level cut, summed over the audited frames.
+    pub cut_mismatch_pixels_total: Option<u64>,
+    /// The false culls by cause, summed over the audited frames.
+    pub false_culls: Vec<FalseCull>,
+    /// Whether the silhouette deviated by at most epsilon on every frame on which it was measured.
+    pub silhouette_within_epsilon: Option<bool>,
+    /// PSNR against full detail, decibels.
+    pub psnr_db: Option<LowStat>,
+    /// Nodes drawn because a test could not be decided, by reason, summed over all frames.
+    pub doubts: BTreeMap<String, u64>,
+    /// Bytes by kind, summed over all frames on which they were counted.
+    pub bytes_by_kind: Option<BytesByKind>,
+    /// Bytes a frame as counted, beside the two formulas.
+    pub bandwidth: Option<Bandwidth>,
+    /// Median, 95th percentile and maximum of every figure of [`METRICS`] that was measured.
+    pub metrics: BTreeMap<String, Stat>,
+}
+
+/// Frames a second that three machines would show.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ModelledFps {
+    /// Frames a second: 1000 times the frames over the sum of max(or_ms, hc_ms, rvg_ms).
+    pub fps: f64,
+    /// Always true: the roles' busy times were measured where they share a machine, and a network's time is not in them.
+    pub is_model: bool,
+    /// The model in words.
+    pub model: String,
+}
+
+/// How much more than the exactly visible was drawn: medians over the audited frames, beside the paper's.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Tightness {
+    /// Nodes drawn over nodes exactly visible at the same level cut, median.
+    pub nodes: Option<f64>,
+    /// Triangles drawn over triangles exactly visible at the same level cut, median.
+    pub triangles: Option<f64>,
+    /// [`PAPER_OBJECT_TIGHTNESS`].
+    pub paper_objects: f64,
+    /// [`PAPER_TRIANGLE_TIGHTNESS`].
+    pub paper_triangles: f64,
+}
+
+/// Bytes a frame as counted, beside the two formulas evaluated at what was measured.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Bandwidth {
+    /// Ids a frame and receiver (n), mean.
+    pub ids_per_frame: f64,
+    /// The most ids in one message (b).
+    pub batch: u32,
+    /// Header bytes a message (h), mean.
+    pub header_bytes: f64,
+    /// Bytes a frame as counted, mean.
+    pub measured_bytes: f64,
+    /// The paper's formula, bytes a frame: 8nh/b + 3(72 + h). It multiplies id bytes by header bytes.
+    pub paper_formula_bytes: f64,
+    /// What is really sent, bytes a frame: 2(4n + hn/b) + 3(72 + h).
+    pub corrected_formula_bytes: f64,
+}
+
+impl Summary {
+    /// Condenses `frames`; `wall_ms` is the time from the first picture shown to the last.
+    #[must_use]
+    pub fn of(run: &Run, frames: &[Frame], wall_ms: Option<f64>) -> Self {
+        let metrics: BTreeMap<String, Stat> = METRICS
+            .iter()
+            .filter_map(|m| Some((m.key.to_owned(), Stat::of(frames.iter().filter_map(m.of))?)))
+            .collect();
+        let median = |key: &str| metrics.get(key).map(|s| s.median);
+        let audited = frames.iter().filter(|f| f.cut_mismatch_pixels.is_some()).count();
+        Self {
+            frames: u32::try_from(frames.len()).unwrap_or(u32::MAX),
+            audited_frames: u32::try_from(audited).unwrap_or(u32::MAX),
+            wall_ms,
+            measured_fps: measured_fps(frames.len(), wall_ms),
+            modelled_fps: ModelledFps::of(frames),
+            tightness: Tightness {
+                nodes: median("node_tightness"),
+                triangles: median("triangle_tightness"),
+                paper_objects: PAPER_OBJECT_TIGHTNESS,
+                paper_triangles: PAPER_TRIANGLE_TIGHTNESS,
+            },
+            false_culled_nodes_total: sum(frames, |f| f.false_culled_nodes),
+            false_culled_pixels_total: sum(frames, |f| f.false_culled_pixels),
+            cut_mismatch_pixels_total: sum(frames, |f| f.cut_mismatch_pixels),
+            false_culls: false_culls(frames),
+            silhouette_within_epsilon: metrics.get("silhouette_max_px").map(|s| s.max <= run.epsilon_px),
+            psnr_db: LowStat::of_psnr(frames),
+            doubts: doubts(frames),
+            bytes_by_kind: bytes_by_kind(frames),
+            bandwidth: Bandwidth::of(run, frames),
+            metrics,
+        }
+    }
+}
+
+impl ModelledFps {
+    fn of(frames: &[Frame]) -> Option<Self> {
+        let times: Vec<f64> = frames.iter().filter_map(Frame::slowest_role_ms).collect();
+        let total: f64 = times.iter().sum();
+        (total > 0.0).then(|| Self {
+            fps: 1000.0 * times.len() as f64 / total,
+            is_model: true,
+            model: "three machines, no network delay: each frame takes max(or_ms, hc_ms, rvg_ms)".to_owned(),
+        })
+    }
+}
+
+impl Bandwidth {
+    fn of(run: &Run, frames: &[Frame]) -> Option<Self> {
+        let counted: Vec<(&BytesByKind, f64)> =
+            frames.iter().filter_map(|f| Some((f.bytes_by_kind.as_ref()?, f.nodes_drawn? as f64))).collect();
+        let mean = |total: f64| total / counted.len() as f64;
+        let messages: u64 = counted.iter().map(|(b, _)| b.messages).sum();
+        if counted.is_empty() || messages == 0 || run.batch == 0 {
+            return None;
+        }
+        let headers: u64 = counted.iter().map(|(b, _)| b.headers).sum();
+        let (n, h) = (mean(counted.iter().map(|(_, n)| n).sum()), headers as f64 / messages as f64);
+        let b = f64::from(run.batch);
+        Some(Self {
+            ids_per_frame: n,
+            batch: run.batch,
+            header_bytes: h,
+            measured_bytes: mean(counted.iter().map(|(b, _)| b.total() as f64).sum()),
+            paper_formula_bytes: 8.0 * n * h / b + 3.0 * (72.0 + h),
+            corrected_formula_bytes: 2.0 * (4.0 * n + h * n / b) + 3.0 * (72.0 + h),
+        })
+    }
+}
+
+fn measured_fps(frames: usize, wall_ms: Option<f64>) -> Option<f64> {
+    let wall_ms = wall_ms.filter(|&w| w > 0.0 && frames > 1)?;
+    Some(1000.0 * (frames - 1) as f64 / wall_ms)
+}
+
+fn sum(frames: &[Frame], of: impl Fn(&Frame) -> Option<u64>) -> Option<u64> {
+    frames.iter().filter_map(of).reduce(u64::saturating_add)
+}
+
+fn false_culls(frames: &[Frame]) -> Vec<FalseCull> {
+    let total = |cause: FalseCullCause| {
+        frames.iter().flat_map(|f| &f.false_culls).filter(|c| c.cause == cause).fold(
+            FalseCull { cause, nodes: 0, pixels: 0 },
+            |sum, c| FalseCull { cause, nodes: sum.nodes + c.nodes, pixels: sum.pixels + c.pixels },
+        )
+    };
+    FalseCullCause::ALL.into_iter().map(total).filter(|c| c.nodes + c.pixels > 0).collect()
+}
+
+fn doubts(frames: &[Frame]) -> BTreeMap<String, u64> {
+    let mut total = BTreeMap::new();
+    for (reason, nodes) in frames.iter().flat_map(|f| &f.doubts) {
+        *total.entry(reason.clone()).or_insert(0) += nodes;
+    }
+    total
+}
+
+fn bytes_by_kind(frames: &[Frame]) -> Option<BytesByKind> {
+    frames.iter().filter_map(|f| f.bytes_by_kind).reduce(|a, b| BytesByKind {
+        camera: a.camera + b.camera,
+        ids: a.ids + b.ids,
+        eof: a.eof + b.eof,
+        begin: a.begin + b.begin,
+        control: a.control + b.control,
+        headers: a.headers + b.headers,
+        messages: a.messages + b.messages,
+    })
+}
