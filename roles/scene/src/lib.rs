@@ -1,10 +1,13 @@
 //! From CAD files to a cooked scene: importers, the spatial tree, levels of detail with a certified error, generators, and
 //! the memory-mapped file that the roles share.
 
+pub mod import;
 pub mod walk;
 
 mod model;
 mod scene;
 
 pub use model::{Mesh, Model, ModelError, Object, Rgba8, Source};
-pub use scene::{Drawable, Node, NodeId, ObjectRecord, Scene, SceneArrays, SceneError, Vertex};
+pub use scene::{
+    Drawable, Node, NodeId, ObjectRecord, OpenError, SaveError, Scene, SceneArrays, SceneError, Vertex,
+};

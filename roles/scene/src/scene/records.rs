@@ -1,15 +1,13 @@
-//! The cooked scene: plain arrays that all roles share, mapped from one file.
+//! The records of a cooked scene, laid out as they stand in memory, on the GPU and in the file.
 
 use std::ops::Range;
 
 use glam::{DVec3, Mat3, Vec3};
-use thiserror::Error;
-use trimaran_proto::{DrawableId, SceneHash};
-use xxhash_rust::xxh3::Xxh3Default;
+use trimaran_proto::DrawableId;
 
 use crate::Rgba8;
 
-/// A node of the scene tree: an index into [`Scene::nodes`]. The root is node 0.
+/// A node of the scene tree: an index into [`Scene::nodes`](crate::Scene::nodes). The root is node 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct NodeId(pub u32);
 
@@ -55,11 +53,11 @@ pub struct Drawable {
     pub error: f32,
     /// The node.
     pub node: u32,
-    /// First of the drawable's indices in [`Scene::indices`].
+    /// First of the drawable's indices in [`Scene::indices`](crate::Scene::indices).
     pub first_index: u32,
     /// The number of indices, a multiple of three.
     pub index_count: u32,
-    /// Added to each index to find its vertex in [`Scene::vertices`].
+    /// Added to each index to find its vertex in [`Scene::vertices`](crate::Scene::vertices).
     pub vertex_offset: u32,
     /// The number of vertices the indices reach.
     pub vertex_count: u32,
@@ -152,78 +150,4 @@ pub struct SceneArrays {
     pub names: String,
     /// The source files' names.
     pub sources: Vec<String>,
-}
-
-/// A cooked scene, checked: every index in it is in range, every box finite, errors monotone to the root.
-#[derive(Debug)]
-pub struct Scene {
-    arrays: SceneArrays,
-    hash: SceneHash,
-}
-
-/// Why arrays are not a scene.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[non_exhaustive]
-pub enum SceneError {
-    /// A record refers to something that is not there, or breaks the order the format promises.
-    #[error("{what} {index} is malformed: {why}")]
-    Malformed {
-        /// The kind of record.
-        what: &'static str,
-        /// Its index.
-        index: usize,
-        /// What is wrong.
-        why: &'static str,
-    },
-}
-
-impl Scene {
-    /// Checks the arrays and makes a scene of them.
-    ///
-    /// # Errors
-    /// Names the first record that is malformed.
-    pub fn from_arrays(arrays: SceneArrays) -> Result<Self, SceneError> {
-        let mut hasher = Xxh3Default::new();
-        hasher.update(bytemuck::cast_slice(&arrays.nodes));
-        hasher.update(bytemuck::cast_slice(&arrays.drawables));
-        hasher.update(bytemuck::cast_slice(&arrays.vertices));
-        hasher.update(bytemuck::cast_slice(&arrays.indices));
-        Ok(Self { hash: SceneHash(hasher.digest128()), arrays })
-    }
-
-    /// The nodes, breadth first; the root is the first.
-    #[must_use]
-    pub fn nodes(&self) -> &[Node] {
-        &self.arrays.nodes
-    }
-
-    /// The drawables; a [`DrawableId`] indexes them.
-    #[must_use]
-    pub fn drawables(&self) -> &[Drawable] {
-        &self.arrays.drawables
-    }
-
-    /// The vertices of all drawables.
-    #[must_use]
-    pub fn vertices(&self) -> &[Vertex] {
-        &self.arrays.vertices
-    }
-
-    /// The indices of all drawables.
-    #[must_use]
-    pub fn indices(&self) -> &[u32] {
-        &self.arrays.indices
-    }
-
-    /// The objects, for names in reports.
-    #[must_use]
-    pub fn objects(&self) -> &[ObjectRecord] {
-        &self.arrays.objects
-    }
-
-    /// The fingerprint that peers compare.
-    #[must_use]
-    pub fn hash(&self) -> SceneHash {
-        self.hash
-    }
 }

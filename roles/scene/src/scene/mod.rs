@@ -1,0 +1,154 @@
+//! The cooked scene: plain arrays that all roles share, in memory or mapped from one file.
+
+mod file;
+mod hash;
+mod records;
+mod validate;
+
+use trimaran_proto::SceneHash;
+
+use file::MappedScene;
+pub use file::{OpenError, SaveError};
+pub use records::{Drawable, Node, NodeId, ObjectRecord, SceneArrays, Vertex};
+pub use validate::SceneError;
+
+/// A cooked scene, checked: every index in it is in range, every box finite, errors monotone to the root.
+#[derive(Debug)]
+pub struct Scene {
+    storage: Storage,
+    hash: SceneHash,
+}
+
+/// Where the arrays live.
+#[derive(Debug)]
+enum Storage {
+    Memory(SceneArrays),
+    File(MappedScene),
+}
+
+/// The arrays of a scene, wherever they live.
+#[derive(Debug, Clone, Copy)]
+struct Parts<'a> {
+    nodes: &'a [Node],
+    drawables: &'a [Drawable],
+    vertices: &'a [Vertex],
+    indices: &'a [u32],
+    objects: &'a [ObjectRecord],
+    /// UTF-8 as a whole.
+    names: &'a [u8],
+    sources: &'a [String],
+}
+
+impl Scene {
+    /// Checks the arrays and makes a scene of them.
+    ///
+    /// # Errors
+    /// Names the first record that is malformed.
+    pub fn from_arrays(arrays: SceneArrays) -> Result<Self, SceneError> {
+        let parts = arrays.parts();
+        validate::check(&parts)?;
+        Ok(Self { hash: hash::fingerprint(&parts), storage: Storage::Memory(arrays) })
+    }
+
+    /// The nodes, breadth first; the root is the first.
+    #[must_use]
+    pub fn nodes(&self) -> &[Node] {
+        match &self.storage {
+            Storage::Memory(arrays) => &arrays.nodes,
+            Storage::File(mapped) => mapped.nodes(),
+        }
+    }
+
+    /// The drawables; a [`DrawableId`](trimaran_proto::DrawableId) indexes them.
+    #[must_use]
+    pub fn drawables(&self) -> &[Drawable] {
+        match &self.storage {
+            Storage::Memory(arrays) => &arrays.drawables,
+            Storage::File(mapped) => mapped.drawables(),
+        }
+    }
+
+    /// The vertices of all drawables.
+    #[must_use]
+    pub fn vertices(&self) -> &[Vertex] {
+        match &self.storage {
+            Storage::Memory(arrays) => &arrays.vertices,
+            Storage::File(mapped) => mapped.vertices(),
+        }
+    }
+
+    /// The indices of all drawables.
+    #[must_use]
+    pub fn indices(&self) -> &[u32] {
+        match &self.storage {
+            Storage::Memory(arrays) => &arrays.indices,
+            Storage::File(mapped) => mapped.indices(),
+        }
+    }
+
+    /// The objects, for names in reports.
+    #[must_use]
+    pub fn objects(&self) -> &[ObjectRecord] {
+        match &self.storage {
+            Storage::Memory(arrays) => &arrays.objects,
+            Storage::File(mapped) => mapped.objects(),
+        }
+    }
+
+    /// The name of an object (index into [`Scene::objects`]); `None` past their end, empty if the object has no name.
+    #[must_use]
+    pub fn object_name(&self, object: u32) -> Option<&str> {
+        let parts = self.parts();
+        parts.name_of(parts.objects.get(object as usize)?)
+    }
+
+    /// The name of a source file ([`ObjectRecord::source`]); `None` past their end.
+    #[must_use]
+    pub fn source_name(&self, source: u32) -> Option<&str> {
+        self.parts().sources.get(source as usize).map(String::as_str)
+    }
+
+    /// The names of the files the objects came from.
+    #[must_use]
+    pub fn sources(&self) -> &[String] {
+        self.parts().sources
+    }
+
+    /// The fingerprint that peers compare, and the checksum of the file.
+    #[must_use]
+    pub fn hash(&self) -> SceneHash {
+        self.hash
+    }
+
+    fn parts(&self) -> Parts<'_> {
+        match &self.storage {
+            Storage::Memory(arrays) => arrays.parts(),
+            Storage::File(mapped) => mapped.parts(),
+        }
+    }
+}
+
+impl SceneArrays {
+    fn parts(&self) -> Parts<'_> {
+        Parts {
+            nodes: &self.nodes,
+            drawables: &self.drawables,
+            vertices: &self.vertices,
+            indices: &self.indices,
+            objects: &self.objects,
+            names: self.names.as_bytes(),
+            sources: &self.sources,
+        }
+    }
+}
+
+impl<'a> Parts<'a> {
+    fn name_of(&self, object: &ObjectRecord) -> Option<&'a str> {
+        let start = object.name_start as usize;
+        let end = start.checked_add(object.name_length as usize)?;
+        std::str::from_utf8(self.names.get(start..end)?).ok()
+    }
+}
+
+#[cfg(test)]
+mod tests;
