@@ -1,0 +1,292 @@
+//! What the command line accepts. The help texts are the manual: each says what a thing is, its unit and its default.
+
+use std::{net::SocketAddr, path::PathBuf};
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
+
+/// Walk through 3D models too large for one GPU.
+///
+/// Two machines take turns, one culling a frame with occlusion queries while the other draws the occluders of the next; a
+/// third shows what is visible. A typical first hour:
+///
+///   trimaran doctor                               what this machine can do
+///   trimaran demo                                 a walk through a generated plant
+///   trimaran import plant/*.rvm -o plant.scene    your own model
+///   trimaran run plant.scene --out walk           walk it; open walk/report.html
+#[derive(Debug, Parser)]
+#[command(name = "trimaran", version, verbatim_doc_comment, arg_required_else_help = true, max_term_width = 110)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+    /// Log more: -v what is done, -vv each frame, -vvv each message. `TRIMARAN_LOG` takes a tracing filter instead.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub(crate) verbose: u8,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Read CAD files and cook them into one scene.
+    Import(ImportArgs),
+    /// Generate a plant or a tanker and cook it: models of any size for machines without data.
+    Generate(GenerateArgs),
+    /// Say what a cooked scene holds.
+    Info(InfoArgs),
+    /// Walk a camera through a scene with the three roles and write a report.
+    Run(RunArgs),
+    /// Walk the same path at several error bounds: speed against error.
+    Sweep(SweepArgs),
+    /// Run one role of a deployment on several machines.
+    #[command(subcommand)]
+    Role(RoleCommand),
+    /// Generate a plant, walk through it and say where the report is.
+    Demo(DemoArgs),
+    /// Check GPU, memory and sockets: what works, what is missing, what to install.
+    Doctor(DoctorArgs),
+    /// Print completions for a shell.
+    Completions {
+        /// The shell to print them for.
+        shell: Shell,
+    },
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ImportArgs {
+    /// The files: glTF (.glb, .gltf), AVEVA review (.rvm), OBJ (.obj). Several make one scene.
+    #[arg(required = true, value_name = "FILES")]
+    pub(crate) files: Vec<PathBuf>,
+    /// Where to write the scene.
+    #[arg(short, long, value_name = "X.scene")]
+    pub(crate) output: PathBuf,
+    /// How far a tessellated curve may lie from the true one, millimetres (RVM).
+    #[arg(long, value_name = "MM", default_value_t = 1.0, value_parser = positive)]
+    pub(crate) chord_tolerance: f64,
+    /// Which way is up in the files [default: y for glTF and OBJ, z for RVM].
+    #[arg(long, value_enum)]
+    pub(crate) up: Option<Up>,
+    /// Metres a unit of the files' coordinates [default: 1 for glTF and OBJ, 0.001 for RVM].
+    #[arg(long, value_name = "METRES", value_parser = positive)]
+    pub(crate) unit: Option<f64>,
+    /// Print what was read and made as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Up {
+    Y,
+    Z,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Kind {
+    /// Decks, rooms, pipe racks and vessels of a process plant.
+    Plant,
+    /// A ship: hull, bulkheads, tanks, superstructure.
+    Tanker,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct GenerateArgs {
+    /// What to generate.
+    #[arg(value_enum)]
+    pub(crate) kind: Kind,
+    /// Where to write the scene.
+    #[arg(short, long, value_name = "X.scene")]
+    pub(crate) output: PathBuf,
+    /// About how many triangles; instances count each time [default: 0.4 million].
+    #[arg(long, value_name = "N")]
+    pub(crate) triangles: Option<u64>,
+    /// About how many objects [default: as suits the triangles].
+    #[arg(long, value_name = "N")]
+    pub(crate) objects: Option<u32>,
+    /// The same seed gives the same model, byte for byte.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// The size the paper measured: a plant of 13 million triangles in 1,200 objects, a tanker of 82 million in 127 thousand.
+    #[arg(long, conflicts_with_all = ["triangles", "objects"])]
+    pub(crate) paper: bool,
+    /// Print what was made as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct InfoArgs {
+    /// The scene.
+    pub(crate) scene: PathBuf,
+    /// Print as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LinkKind {
+    /// Three roles as threads of this process.
+    Inproc,
+    /// Three processes over TCP on this machine's loopback.
+    Tcp,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TesterKind {
+    /// Vulkan occlusion queries, the paper's method.
+    Query,
+    /// One instanced draw that counts pixels with atomics; counts equal the queries'.
+    Raster,
+    /// A pyramid of farthest depths; the fastest, never hides what a query shows.
+    Hzb,
+}
+
+/// A picture size, `WIDTHxHEIGHT`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Size {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+}
+
+#[derive(Debug, Clone, Args)]
+pub(crate) struct WalkArgs {
+    /// How many frames [default: as many as the path has, 200 for an automatic one].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) frames: Option<u32>,
+    /// A path file (JSON: eye, forward and up per frame), a report.json to walk again, or `auto`: a seeded walk at eye height
+    /// that avoids solid space.
+    #[arg(long, value_name = "FILE|auto", default_value = "auto")]
+    pub(crate) path: String,
+    /// The seed of an automatic path.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// The picture's size in pixels.
+    #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = size)]
+    pub(crate) size: Size,
+    /// How many ids travel in one batch.
+    #[arg(long, value_name = "B", default_value_t = 1024, value_parser = clap::value_parser!(u16).range(1..=16384))]
+    pub(crate) batch: u16,
+    /// What tests boxes against the occluders.
+    #[arg(long, value_enum, default_value = "hzb")]
+    pub(crate) tester: TesterKind,
+    /// The Vulkan device, by a part of its name [default: the best there is].
+    #[arg(long, value_name = "NAME")]
+    pub(crate) device: Option<String>,
+    /// Check every N-th frame against the unculled picture and the exactly visible set; 0 checks none.
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    pub(crate) audit_every: u32,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    /// The scene.
+    pub(crate) scene: PathBuf,
+    /// How the roles are joined.
+    #[arg(long, value_enum, default_value = "inproc")]
+    pub(crate) link: LinkKind,
+    /// The largest error on the screen, pixels.
+    #[arg(long, value_name = "PX", default_value_t = 2.0, value_parser = positive)]
+    pub(crate) epsilon: f64,
+    #[command(flatten)]
+    pub(crate) walk: WalkArgs,
+    /// Add to the report, per audited frame, the objects exactly visible at full detail by name and index in their file.
+    #[arg(long)]
+    pub(crate) visible: bool,
+    /// Where to write report.json, report.html and the frames.
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    pub(crate) out: PathBuf,
+    /// Print the report's summary as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SweepArgs {
+    /// The scene.
+    pub(crate) scene: PathBuf,
+    /// The error bounds to walk at, pixels.
+    #[arg(long, value_name = "PX,PX,..", value_delimiter = ',', default_value = "0.5,1,2,5,10,20", value_parser = positive)]
+    pub(crate) epsilons: Vec<f64>,
+    #[command(flatten)]
+    pub(crate) walk: WalkArgs,
+    /// Where to write report.json and report.html.
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    pub(crate) out: PathBuf,
+    /// Print the sweep as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum RoleCommand {
+    /// One of the two machines that take turns: draws occluders, culls.
+    Switch(RoleArgs),
+    /// The machine that shows the pictures and holds the camera.
+    Display(RoleArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RoleArgs {
+    /// The role's configuration (TOML).
+    #[arg(long, value_name = "F.toml")]
+    pub(crate) config: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DemoArgs {
+    /// Walk this scene instead of a generated plant.
+    pub(crate) scene: Option<PathBuf>,
+    /// Where to write the scene and the report.
+    #[arg(long, value_name = "DIR", default_value = "out/demo")]
+    pub(crate) out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DoctorArgs {
+    /// An address whose port is to be tried for listening.
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
+    pub(crate) listen: SocketAddr,
+    /// Print as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("give a number above 0".to_owned()),
+    }
+}
+
+fn size(text: &str) -> Result<Size, String> {
+    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    match sides {
+        Some((width @ 1.., height @ 1..)) => Ok(Size { width, height }),
+        _ => Err("give WIDTHxHEIGHT in pixels, such as 1024x1024".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_size_needs_two_sides_above_zero() {
+        assert_eq!(size("1920x1080"), Ok(Size { width: 1920, height: 1080 }));
+        for bad in ["", "10", "0x10", "10x0", "x", "10x-1", "1e3x5", "99999999999x1"] {
+            assert!(size(bad).is_err(), "{bad:?} was taken");
+        }
+    }
+
+    #[test]
+    fn an_error_bound_is_a_number_above_zero() {
+        assert_eq!(positive("0.5"), Ok(0.5));
+        for bad in ["0", "-1", "NaN", "inf", "two"] {
+            assert!(positive(bad).is_err(), "{bad:?} was taken");
+        }
+    }
+}
