@@ -63,7 +63,7 @@ impl Camera {
             return Err(CameraError::Eye);
         }
         let length_squared: f64 = orientation.iter().map(|c| c * c).sum();
-        if !((length_squared - 1.0).abs() <= 2e-6) {
+        if !(1.0 - 2e-6..=1.0 + 2e-6).contains(&length_squared) {
             return Err(CameraError::Orientation);
         }
         if !(1e-5..=1e5).contains(&tan_half_fov_y) {

@@ -1,0 +1,160 @@
+//! From bytes to messages, however the bytes are split and whatever they hold.
+
+use bytes::BytesMut;
+use thiserror::Error;
+
+use crate::header::{HEADER_BYTES, Kind, parse_header};
+use crate::{CameraError, IdBatchError, Message, ProtocolVersion};
+
+/// Bytes that are not the wire's.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error("at byte {offset} of the stream: {fault}")]
+pub struct DecodeError {
+    /// Where the offending message starts, in bytes from the start of the stream.
+    pub offset: u64,
+    /// What is wrong with it.
+    #[source]
+    pub fault: DecodeFault,
+}
+
+/// What is wrong with a message.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum DecodeFault {
+    /// No message has this code.
+    #[error("no message has the code {code:#04x}: this is not a Trimaran peer")]
+    UnknownKind {
+        /// The first byte of the header.
+        code: u8,
+    },
+    /// The header claims a length that the kind does not allow.
+    #[error("a message of kind {kind} cannot have {length} bytes, only {min} to {max}", min = kind.lengths().start(), max = kind.lengths().end())]
+    Length {
+        /// The kind.
+        kind: Kind,
+        /// The length claimed.
+        length: usize,
+    },
+    /// A hello without the magic number.
+    #[error("the hello does not start with the magic number: this is not a Trimaran peer")]
+    NotTrimaran,
+    /// A hello of another version.
+    #[error(
+        "the peer speaks version {theirs} of the protocol, this one version {ours}: install the same release on both"
+    )]
+    Version {
+        /// The version of this side.
+        ours: ProtocolVersion,
+        /// The version of the other.
+        theirs: ProtocolVersion,
+    },
+    /// A batch that is no whole number of ids.
+    #[error("the batch is bad: {cause}")]
+    Ids {
+        /// How so.
+        cause: IdBatchError,
+    },
+    /// A camera that is none.
+    #[error("the {kind} message holds no camera: {cause}")]
+    Camera {
+        /// Camera or begin.
+        kind: Kind,
+        /// How so.
+        cause: CameraError,
+    },
+    /// A control message that postcard cannot read.
+    #[error("the {kind} message is malformed: {cause}")]
+    Control {
+        /// The kind.
+        kind: Kind,
+        /// What postcard says.
+        cause: postcard::Error,
+    },
+    /// A control message with something behind it.
+    #[error("the {kind} message has {bytes} bytes too many")]
+    Trailing {
+        /// The kind.
+        kind: Kind,
+        /// How many.
+        bytes: usize,
+    },
+    /// A message that ends before its fixed part does.
+    #[error("the {kind} message is too short")]
+    Short {
+        /// The kind.
+        kind: Kind,
+    },
+}
+
+/// Finds the messages in a stream of bytes.
+///
+/// Feed it through [`Decoder::buffer`] or [`Decoder::push`], then call [`Decoder::next_message`] until it gives `None`. Ids are
+/// not copied: a batch shares the buffer's memory.
+///
+/// Memory: it holds what was fed and not yet taken. A header is judged as soon as its four bytes are there, so nothing waits
+/// for a length that no message has; a caller who takes all messages before reading on therefore never holds more than one
+/// message of 65,540 bytes and one read.
+///
+/// After an error the stream is lost, and each further call gives the same error.
+#[derive(Debug, Default)]
+pub struct Decoder {
+    buffer: BytesMut,
+    offset: u64,
+    failed: Option<DecodeError>,
+}
+
+impl Decoder {
+    /// A decoder at the start of a stream.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The buffer to read into, with room for at least `room` more bytes. Only append to it.
+    pub fn buffer(&mut self, room: usize) -> &mut BytesMut {
+        self.buffer.reserve(room);
+        &mut self.buffer
+    }
+
+    /// Appends bytes.
+    pub fn push(&mut self, bytes: &[u8]) {
+        self.buffer.extend_from_slice(bytes);
+    }
+
+    /// How many bytes wait for the rest of their message: 0 where the stream may end.
+    #[must_use]
+    pub fn pending(&self) -> usize {
+        self.buffer.len()
+    }
+
+    /// Takes the next whole message; `None` when more bytes are needed.
+    ///
+    /// # Errors
+    /// When the bytes are not the wire's.
+    pub fn next_message(&mut self) -> Result<Option<Message>, DecodeError> {
+        if let Some(error) = &self.failed {
+            return Err(error.clone());
+        }
+        self.step().map_err(|fault| {
+            let error = DecodeError { offset: self.offset, fault };
+            self.failed = Some(error.clone());
+            error
+        })
+    }
+
+    fn step(&mut self) -> Result<Option<Message>, DecodeFault> {
+        let Some(header) = self.buffer.first_chunk::<HEADER_BYTES>() else { return Ok(None) };
+        let (code, length) = parse_header(*header);
+        let kind = Kind::from_code(code).ok_or(DecodeFault::UnknownKind { code })?;
+        if !kind.lengths().contains(&length) {
+            return Err(DecodeFault::Length { kind, length });
+        }
+        if self.buffer.len() < HEADER_BYTES + length {
+            return Ok(None);
+        }
+        let mut whole = self.buffer.split_to(HEADER_BYTES + length);
+        let message = Message::parse(kind, whole.split_off(HEADER_BYTES).freeze())?;
+        self.offset += (HEADER_BYTES + length) as u64;
+        Ok(Some(message))
+    }
+}
