@@ -68,7 +68,9 @@ impl View {
     /// stretched.
     #[must_use]
     pub fn new(camera: Camera, viewport: Viewport) -> Self {
-        let to_view = DMat3::from_quat(DQuat::from_array(camera.orientation())).transpose();
+        // A camera's quaternion is of unit length to 1e-6; normalized, lengths in view space are lengths in the world to 1e-15.
+        let orientation = DQuat::from_array(camera.orientation()).normalize();
+        let to_view = DMat3::from_quat(orientation).transpose();
         Self { camera, viewport, to_view }
     }
 

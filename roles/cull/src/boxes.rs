@@ -1,0 +1,221 @@
+//! From a node to the box that is tested in its place.
+//!
+//! A box must show wherever anything in it shows. Four things could make it fail, and each has its allowance here:
+//! - *rounding*: vertices are placed by f32 arithmetic about the eye, so they lie up to some ulp of their distance outside the
+//!   exact box ([`POSITION_ULPS`]);
+//! - *depth ties*: the rasterizer interpolates depth in f32, with an error of some ulp of a triangle's *greatest* depth value,
+//!   which in metres grows with the square of the distance; a surface on the box's own face must still pass
+//!   ([`DEPTH_ULPS`]). A constant bias of the depth value would be too little near the eye and far too much away from it;
+//! - *samples*: a box smaller than a pixel may lie between the pixel centres, and the rasterizer moves corners by its sub-pixel
+//!   step ([`OUTLINE_PX`]);
+//! - *flatness*: a box without thickness has no front. Growing it by the allowances above gives it one in every direction.
+//!
+//! All are allowances in view space, in metres.
+
+use glam::{DMat3, DVec3, Vec3};
+use trimaran_scene::Node;
+
+use crate::frustum::Frustum;
+use crate::{Outline, TestBox, View};
+
+/// How far a box's outline is grown on the screen, in pixels to each side: half a pixel, so that it holds a pixel centre
+/// however small it is, and the sub-pixel step of 1/256.
+pub const OUTLINE_PX: f64 = 0.5 + 1.0 / 256.0;
+
+/// The allowance for rounding, in ulp (2^-24) of the farthest number that goes into a vertex's place. The vertex stage rounds a
+/// translation, nine matrix entries, three products and three sums; the box's own corners are made alike.
+pub const POSITION_ULPS: f64 = 16.0;
+
+/// The allowance for depth interpolation, in ulp (2^-24) of the greatest depth value in the box.
+pub const DEPTH_ULPS: f64 = 16.0;
+
+const ULP: f64 = 1.0 / (1 << 24) as f64;
+
+/// The near plane counts as a little farther than it is, so that what the rasterizer clips never decides.
+const NEAR_SLACK: f64 = 1e-5;
+
+/// What becomes of a node before any test.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Prepared {
+    /// Certainly outside the frustum: nothing of it is seen.
+    Outside,
+    /// To be tested.
+    Test(TestBox),
+    /// Visible without a test, and why.
+    Visible(Untestable),
+}
+
+/// Why a box is taken as visible without a test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Untestable {
+    /// The eye is in the inflated box.
+    EyeInside,
+    /// A corner is nearer than the near plane.
+    AcrossNear,
+    /// A coordinate is NaN, infinite, or too large for f32.
+    NotFinite,
+}
+
+/// Turns nodes into boxes, for one view.
+#[derive(Debug, Clone, Copy)]
+pub struct BoxMaker {
+    frustum: Frustum,
+    eye: DVec3,
+    to_view: DMat3,
+    near: f64,
+    /// Metres a metre of depth that the outline grows, right and up.
+    growth: (f64, f64),
+}
+
+impl BoxMaker {
+    /// For boxes as seen from `view` by a tester that deals with outlines as `outline` says.
+    #[must_use]
+    pub fn new(view: &View, outline: Outline) -> Self {
+        let growth = match outline {
+            Outline::InBox => (OUTLINE_PX / view.focal_x(), OUTLINE_PX / view.focal_y()),
+            Outline::OnScreen => (0.0, 0.0),
+        };
+        Self {
+            frustum: Frustum::new(view),
+            eye: view.eye(),
+            to_view: view.to_view(),
+            near: f64::from(view.camera().near()),
+            growth,
+        }
+    }
+
+    /// The box of `node`, whose vertices and those of all nodes below it are at most `reach` metres from the origins of their
+    /// frames (see [`reaches`]).
+    #[must_use]
+    pub fn prepare(&self, node: &Node, reach: f64) -> Prepared {
+        let exact = OrientedBox::new(node, self.eye, self.to_view);
+        let (nearest, farthest) = exact.depths();
+        let far = exact.centre.length() + exact.half.length() + reach;
+        let position = POSITION_ULPS * ULP * far;
+        // Clamped to the near plane: nothing nearer than that is ever rasterized.
+        let depth = DEPTH_ULPS * ULP * farthest * farthest / nearest.max(self.near);
+        let slack = position + depth.max(0.0);
+        if !(slack.is_finite() && slack <= f64::from(f32::MAX)) {
+            return Prepared::Visible(Untestable::NotFinite);
+        }
+        if self.frustum.excludes(exact.centre, &exact.axes(), slack) {
+            return Prepared::Outside;
+        }
+        let grown = exact.grown(slack, self.growth, farthest + slack);
+        if grown.holds_eye() {
+            return Prepared::Visible(Untestable::EyeInside);
+        }
+        if grown.depths().0 <= self.near * (1.0 + NEAR_SLACK) {
+            return Prepared::Visible(Untestable::AcrossNear);
+        }
+        match grown.narrow() {
+            Some(narrow) => Prepared::Test(narrow),
+            None => Prepared::Visible(Untestable::NotFinite),
+        }
+    }
+}
+
+/// Per node, how far from the origin of its frame a vertex of it or of a node below it may be, world metres (measured along
+/// the frame's linear part). Rounding of vertices grows with it where a mesh lies far from its own origin.
+#[must_use]
+pub fn reaches(nodes: &[Node]) -> Vec<f32> {
+    let mut reach: Vec<f32> = nodes
+        .iter()
+        .map(|node| {
+            let (min, max) = node.local_box();
+            let linear = node.linear().as_dmat3();
+            let far = min.abs().max(max.abs()).as_dvec3();
+            let per_axis =
+                linear.x_axis.abs() * far.x + linear.y_axis.abs() * far.y + linear.z_axis.abs() * far.z;
+            per_axis.length() as f32 * (1.0 + f32::EPSILON)
+        })
+        .collect();
+    // Children stand after their parents, so one walk from the end carries the greatest reach to the root.
+    for (index, node) in nodes.iter().enumerate().rev() {
+        let own = reach.get(index).copied().unwrap_or(f32::NAN);
+        if let Some(parent) = reach.get_mut(node.parent as usize) {
+            // Not `max`: NaN must win, so that it is found out.
+            if !(*parent >= own) {
+                *parent = own;
+            }
+        }
+    }
+    reach
+}
+
+/// A box in view space with axes at right angles.
+#[derive(Debug, Clone, Copy)]
+struct OrientedBox {
+    centre: DVec3,
+    /// Unit vectors.
+    directions: [DVec3; 3],
+    half: DVec3,
+}
+
+impl OrientedBox {
+    /// The box around the node's local box. A sheared local box is a skewed one in the world: the result is the smallest around
+    /// it whose first direction is its longest edge and whose second lies in the plane of the two longest.
+    fn new(node: &Node, eye: DVec3, to_view: DMat3) -> Self {
+        let (min, max) = node.local_box();
+        let (min, max) = (min.as_dvec3(), max.as_dvec3());
+        let (middle, half) = ((min + max) * 0.5, (max - min) * 0.5);
+        let linear = to_view * node.linear().as_dmat3();
+        let centre = to_view * (node.origin() - eye) + linear * middle;
+        let edges = [linear.x_axis * half.x, linear.y_axis * half.y, linear.z_axis * half.z];
+        let directions = frame_of(edges);
+        let half = DVec3::from_array(directions.map(|u| edges.iter().map(|edge| u.dot(*edge).abs()).sum()));
+        Self { centre, directions, half }
+    }
+
+    fn axes(&self) -> [DVec3; 3] {
+        let [a, b, c] = self.directions;
+        [a * self.half.x, b * self.half.y, c * self.half.z]
+    }
+
+    /// The smallest and the greatest depth in the box.
+    fn depths(&self) -> (f64, f64) {
+        let thickness: f64 = self.axes().iter().map(|axis| axis.z.abs()).sum();
+        (-self.centre.z - thickness, -self.centre.z + thickness)
+    }
+
+    /// The box around this one moved by up to `slack` in any direction, and by up to `growth` times `depth` right and up.
+    fn grown(self, slack: f64, growth: (f64, f64), depth: f64) -> Self {
+        let right = growth.0 * depth.max(0.0);
+        let up = growth.1 * depth.max(0.0);
+        let more = DVec3::from_array(self.directions.map(|u| slack + u.x.abs() * right + u.y.abs() * up));
+        Self { half: self.half + more, ..self }
+    }
+
+    fn holds_eye(&self) -> bool {
+        self.directions.iter().zip(self.half.to_array()).all(|(u, half)| u.dot(self.centre).abs() <= half)
+    }
+
+    /// The box in f32; `None` if it does not fit.
+    fn narrow(&self) -> Option<TestBox> {
+        let centre = self.centre.as_vec3();
+        let axes: [Vec3; 3] = self.axes().map(|axis| axis.as_vec3());
+        (centre.is_finite() && axes.iter().all(|axis| axis.is_finite())).then_some(TestBox { centre, axes })
+    }
+}
+
+/// Three unit vectors at right angles, the first along the longest of `edges`, the second as near as can be to the next longest
+/// one that is not parallel to it. Any frame will do for a point.
+fn frame_of(edges: [DVec3; 3]) -> [DVec3; 3] {
+    let mut order = [0, 1, 2];
+    let length_squared = edges.map(|edge| edge.length_squared());
+    order.sort_unstable_by(|&a: &usize, &b| length_squared[b].total_cmp(&length_squared[a]));
+    let [longest, middle, shortest] = order.map(|index| edges[index]);
+    let Some(first) = longest.try_normalize() else { return [DVec3::X, DVec3::Y, DVec3::Z] };
+    let second = [middle, shortest]
+        .into_iter()
+        .find_map(|edge| {
+            let rest = edge - first * first.dot(edge);
+            // What is left of a parallel edge is rounding, and points anywhere.
+            let parallel = rest.length_squared() <= 1e-24 * edge.length_squared();
+            // Once more, so that rounding in the first subtraction does not tilt it.
+            if parallel { None } else { (rest - first * first.dot(rest)).try_normalize() }
+        })
+        .unwrap_or_else(|| first.any_orthonormal_vector());
+    // Back to the order of the edges is not needed: a box is the same whatever its axes are called.
+    [first, second, first.cross(second)]
+}

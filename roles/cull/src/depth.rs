@@ -1,0 +1,165 @@
+//! A depth buffer and its pyramid of farthest depths (hierarchical z-buffer; Greene, Kass and Miller, 1993).
+//!
+//! Depth is reversed: near / distance, 0 for the background, so the farthest of several is their minimum. Level 0 is the depth
+//! buffer itself; a texel of level k holds the farthest depth of the pixels `x << k .. (x + 1) << k`, as far as the picture
+//! goes, and likewise in y. Each level is half the size of the one before it *rounded up*: at odd sizes the last column and row
+//! stand for themselves, and no border pixel is lost.
+
+use thiserror::Error;
+
+use crate::Viewport;
+
+/// A picture's depth values: reversed z (near / distance), 0 for the background, row 0 at the top, none of them NaN. Sampled at
+/// pixel centres, so the sample of column x is at x + 0.5 pixels.
+#[derive(Debug, Clone, Copy)]
+pub struct DepthImage<'d> {
+    viewport: Viewport,
+    depth: &'d [f32],
+}
+
+/// Depth values that do not fill the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("{values} depth values for a picture of {} x {} pixels", viewport.width(), viewport.height())]
+pub struct DepthImageError {
+    /// The picture's size.
+    pub viewport: Viewport,
+    /// The number of values.
+    pub values: usize,
+}
+
+impl<'d> DepthImage<'d> {
+    /// `depth` as the rows of a picture, top to bottom.
+    ///
+    /// # Errors
+    /// If there is not one value a pixel.
+    pub fn new(viewport: Viewport, depth: &'d [f32]) -> Result<Self, DepthImageError> {
+        if depth.len() as u64 == u64::from(viewport.width()) * u64::from(viewport.height()) {
+            Ok(Self { viewport, depth })
+        } else {
+            Err(DepthImageError { viewport, values: depth.len() })
+        }
+    }
+
+    /// The picture's size.
+    #[must_use]
+    pub const fn viewport(&self) -> Viewport {
+        self.viewport
+    }
+
+    /// The values, row by row.
+    #[must_use]
+    pub const fn depth(&self) -> &'d [f32] {
+        self.depth
+    }
+}
+
+/// The coarser levels over a depth image. Keep one and rebuild it each frame: it keeps its memory.
+#[derive(Debug, Clone, Default)]
+pub struct DepthPyramid {
+    /// Level k + 1 of the pyramid at k, until one texel is left.
+    levels: Vec<Level>,
+    finest: Option<Viewport>,
+}
+
+/// One level, row by row.
+#[derive(Debug, Clone, Default)]
+struct Level {
+    width: usize,
+    height: usize,
+    farthest: Vec<f32>,
+}
+
+/// A level as it is read.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Texels<'p> {
+    width: usize,
+    values: &'p [f32],
+}
+
+impl Texels<'_> {
+    /// The farthest depth in texel (x, y); the background's outside of the picture, where nothing can hide.
+    #[inline]
+    pub(crate) fn at(&self, x: usize, y: usize) -> f32 {
+        self.values.get(y * self.width + x).copied().unwrap_or(0.0)
+    }
+}
+
+impl DepthPyramid {
+    /// An empty one, to be filled by [`rebuild`](Self::rebuild).
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Builds all levels over `image`.
+    pub fn rebuild(&mut self, image: DepthImage<'_>) {
+        let viewport = image.viewport();
+        let (mut width, mut height) = (viewport.width() as usize, viewport.height() as usize);
+        let mut count = 0;
+        while width > 1 || height > 1 {
+            let (next_width, next_height) = (width.div_ceil(2), height.div_ceil(2));
+            if self.levels.len() == count {
+                self.levels.push(Level::default());
+            }
+            let (done, rest) = self.levels.split_at_mut(count);
+            let Some(level) = rest.first_mut() else { break };
+            let finer = done.last().map_or(image.depth(), |finer| &finer.farthest);
+            level.resize(next_width, next_height);
+            level.reduce(finer, width);
+            (width, height) = (next_width, next_height);
+            count += 1;
+        }
+        self.levels.truncate(count);
+        self.finest = Some(viewport);
+    }
+
+    /// The size of the image this was built over.
+    #[must_use]
+    pub const fn viewport(&self) -> Option<Viewport> {
+        self.finest
+    }
+
+    /// The index of the last level, which is a single texel; 0 is the image.
+    #[must_use]
+    pub fn last_level(&self) -> usize {
+        self.levels.len()
+    }
+
+    /// Level `index`; level 0 is `image`, the one this was built over.
+    pub(crate) fn level<'p>(&'p self, image: DepthImage<'p>, index: usize) -> Texels<'p> {
+        match index.checked_sub(1).and_then(|index| self.levels.get(index)) {
+            Some(level) => Texels { width: level.width, values: &level.farthest },
+            None => Texels { width: image.viewport().width() as usize, values: image.depth() },
+        }
+    }
+}
+
+impl Level {
+    fn resize(&mut self, width: usize, height: usize) {
+        (self.width, self.height) = (width, height);
+        self.farthest.resize(width * height, 0.0);
+    }
+
+    /// Fills this level from the finer one of `finer_width` columns.
+    fn reduce(&mut self, finer: &[f32], finer_width: usize) {
+        for (row, pair) in self.farthest.chunks_exact_mut(self.width).zip(finer.chunks(2 * finer_width)) {
+            let (top, bottom) = pair.split_at(finer_width);
+            // An odd picture's last row stands for itself.
+            let bottom = if bottom.is_empty() { top } else { bottom };
+            let (tops, top_rest) = top.as_chunks::<2>();
+            let (bottoms, bottom_rest) = bottom.as_chunks::<2>();
+            for ((texel, t), b) in row.iter_mut().zip(tops).zip(bottoms) {
+                *texel = farther(farther(t[0], t[1]), farther(b[0], b[1]));
+            }
+            if let (Some(texel), [t], [b]) = (row.last_mut(), top_rest, bottom_rest) {
+                *texel = farther(*t, *b);
+            }
+        }
+    }
+}
+
+/// The smaller of two depths: a plain comparison becomes one instruction, where `f32::min` also looks after NaN.
+#[inline]
+fn farther(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}

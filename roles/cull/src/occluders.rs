@@ -1,0 +1,215 @@
+//! From the last frame's visible set to the next frame's occluders.
+//!
+//! HC emits drawables of the cut for *its* camera; OR draws for the next one, where another cut is due. An id is mapped to what
+//! the new cut has in its place: the same node at another level, an ancestor, or descendants. So every occluder is part of the
+//! picture that will be drawn, and nothing hidden behind it can show: this is what makes culling exact. Any subset of the cut
+//! is a valid set of occluders, so fewer may be drawn ([`largest_within`]) for looser culling.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use thiserror::Error;
+use trimaran_proto::DrawableId;
+use trimaran_scene::{Node, Scene};
+
+use crate::View;
+use crate::cut::{Choice, CutRule, LevelCut};
+
+/// An id from another scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("{id} is not in this scene, which has {count}: do all roles hold the same scene?")]
+pub struct OccluderError {
+    /// The id.
+    pub id: DrawableId,
+    /// The number of drawables of this scene.
+    pub count: usize,
+}
+
+/// What is known of a node in this frame. Stored with the frame's stamp in one word, so that a new frame costs nothing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+enum State {
+    /// Nothing yet.
+    Unknown,
+    /// The cut goes through the node's descendants, not all of which may have been asked for.
+    Above,
+    /// As `Above`, and all that the cut has below it has been handed out.
+    AllBelowDue,
+    /// The cut is at this node (handed out) or above it, or the node is outside the frustum: nothing is left to hand out.
+    Settled,
+}
+
+/// Maps batches of ids as they come, each due drawable once a frame. The cost is proportional to the ids and what they map to.
+#[derive(Debug)]
+pub struct OccluderMapper {
+    scene: Arc<Scene>,
+    /// Per node: stamp * 4 + state.
+    marks: Vec<u32>,
+    stamp: u32,
+    view: View,
+    rule: CutRule,
+    path: Vec<u32>,
+}
+
+impl OccluderMapper {
+    const LAST_STAMP: u32 = u32::MAX >> 2;
+
+    /// For the cut of `scene` seen from `view` under `rule`.
+    #[must_use]
+    pub fn new(scene: Arc<Scene>, view: View, rule: CutRule) -> Self {
+        let marks = vec![0; scene.nodes().len()];
+        Self { scene, marks, stamp: 1, view, rule, path: Vec::new() }
+    }
+
+    /// Starts the next frame: forgets what was handed out and maps to the cut from `view` under `rule` from now on.
+    pub fn begin(&mut self, view: View, rule: CutRule) {
+        (self.view, self.rule) = (view, rule);
+        if self.stamp == Self::LAST_STAMP {
+            self.marks.fill(0);
+            self.stamp = 0;
+        }
+        self.stamp += 1;
+    }
+
+    /// Appends to `due` what the cut has in place of `ids` and what was not due before in this frame.
+    ///
+    /// # Errors
+    /// At the first id that the scene does not have; those before it have been mapped.
+    pub fn push(&mut self, ids: &[DrawableId], due: &mut Vec<DrawableId>) -> Result<(), OccluderError> {
+        let scene = Arc::clone(&self.scene);
+        let cut = LevelCut::new(&scene, &self.view, self.rule);
+        for &id in ids {
+            let drawable = scene
+                .drawables()
+                .get(id.index())
+                .ok_or(OccluderError { id, count: scene.drawables().len() })?;
+            if self.settle_path(&cut, drawable.node, due) == State::Above {
+                self.descend(&cut, drawable.node, due);
+            }
+        }
+        Ok(())
+    }
+
+    /// Settles the nodes from the root down to `node`, and says what it is.
+    fn settle_path(&mut self, cut: &LevelCut<'_>, node: u32, due: &mut Vec<DrawableId>) -> State {
+        let nodes = cut.scene().nodes();
+        self.path.clear();
+        let mut state = State::Above;
+        let mut at = node;
+        // Up to the first ancestor that is known; the root's parent is no node and ends the climb.
+        while let Some(above) = nodes.get(at as usize) {
+            let known = self.state(at);
+            if known != State::Unknown {
+                state = known;
+                break;
+            }
+            self.path.push(at);
+            at = above.parent;
+        }
+        // And down again: below a settled node all is settled.
+        while let Some(below) = self.path.pop() {
+            let Some(record) = nodes.get(below as usize) else { break };
+            if state == State::Above {
+                state = Self::ask(cut, record, due);
+            }
+            self.mark(below, state);
+        }
+        state
+    }
+
+    /// Hands out all that the cut has below `top`, which is above the cut.
+    fn descend(&mut self, cut: &LevelCut<'_>, top: u32, due: &mut Vec<DrawableId>) {
+        let nodes = cut.scene().nodes();
+        self.path.clear();
+        self.path.push(top);
+        while let Some(at) = self.path.pop() {
+            let Some(record) = nodes.get(at as usize) else { continue };
+            let state = match self.state(at) {
+                State::Unknown => Self::ask(cut, record, due),
+                known => known,
+            };
+            if state == State::Above {
+                self.mark(at, State::AllBelowDue);
+                self.path.extend(record.children());
+            } else {
+                self.mark(at, state);
+            }
+        }
+    }
+
+    /// Decides a node that the cut comes to.
+    fn ask(cut: &LevelCut<'_>, node: &Node, due: &mut Vec<DrawableId>) -> State {
+        if cut.outside(node) {
+            return State::Settled;
+        }
+        match cut.choose(node) {
+            Choice::Draw(id) => {
+                due.push(id);
+                State::Settled
+            }
+            Choice::Refine => State::Above,
+        }
+    }
+
+    fn state(&self, node: u32) -> State {
+        match self.marks.get(node as usize) {
+            Some(mark) if mark >> 2 == self.stamp => match mark & 3 {
+                1 => State::Above,
+                2 => State::AllBelowDue,
+                3 => State::Settled,
+                _ => State::Unknown,
+            },
+            _ => State::Unknown,
+        }
+    }
+
+    fn mark(&mut self, node: u32, state: State) {
+        if let Some(mark) = self.marks.get_mut(node as usize) {
+            *mark = self.stamp << 2 | state as u32;
+        }
+    }
+}
+
+/// At most so many triangles of occluders.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct TriangleBudget(pub u64);
+
+/// Keeps the drawables that look largest (the box's diagonal over its distance) as long as their triangles fit the budget,
+/// largest first. What the scene does not have is dropped.
+pub fn largest_within(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>, budget: TriangleBudget) {
+    let eye = view.eye();
+    let mut sized: Vec<(f32, DrawableId, u64)> = ids
+        .iter()
+        .filter_map(|&id| {
+            let drawable = scene.drawables().get(id.index())?;
+            let (min, max) = scene.nodes().get(drawable.node as usize)?.world_box();
+            let distance = (min - eye).max(eye - max).max(DVec3::ZERO).length();
+            let size = ((max - min).length() / distance) as f32;
+            Some((size, id, u64::from(drawable.index_count / 3)))
+        })
+        .collect();
+    sized.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut left = budget.0;
+    ids.clear();
+    for (_, id, triangles) in sized {
+        if triangles <= left {
+            left -= triangles;
+            ids.push(id);
+        }
+    }
+}
+
+/// What the cut from `view` under `rule` has in place of `ids`, each once: see [`OccluderMapper`], which takes batches.
+///
+/// # Errors
+/// If the scene does not have one of them.
+pub fn occluders(
+    scene: &Arc<Scene>,
+    view: &View,
+    rule: CutRule,
+    ids: &[DrawableId],
+) -> Result<Vec<DrawableId>, OccluderError> {
+    let mut due = Vec::new();
+    OccluderMapper::new(Arc::clone(scene), *view, rule).push(ids, &mut due)?;
+    Ok(due)
+}
