@@ -1,0 +1,75 @@
+//! Why an import failed.
+
+use std::io;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use super::gltf::GltfError;
+use crate::ModelError;
+
+/// Why files could not be imported: which file, where in it, and what to do.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ImportError {
+    /// Nothing to import.
+    #[error("no input files: name at least one .glb, .gltf, .rvm or .obj file")]
+    NoFiles,
+    /// An option makes no sense.
+    #[error("the {option} is {value}; it must be a positive, finite number")]
+    Option {
+        /// The option.
+        option: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A file cannot be read at all.
+    #[error("cannot read {path}: {source}; check the name and the permissions", path = path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The name tells of no format that is known here.
+    #[error("{path} is of no known format: its name must end in .glb, .gltf, .rvm or .obj", path = path.display())]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The name tells of one format and the first bytes of another.
+    #[error(
+        "{path} is not what its name says: a {expected} file starts with {magic}; it may be damaged, or have the wrong ending",
+        path = path.display()
+    )]
+    WrongMagic {
+        /// The file.
+        path: PathBuf,
+        /// The format that the name tells of.
+        expected: &'static str,
+        /// What such a file starts with.
+        magic: &'static str,
+    },
+    /// A glTF file is malformed or needs what is not supported.
+    #[error("{path}: {source}", path = path.display())]
+    Gltf {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: Box<GltfError>,
+    },
+    /// The files are fine one by one, but what they make cannot be used.
+    #[error("{path}: {source}", path = path.display())]
+    Model {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: ModelError,
+    },
+    /// More objects or meshes than 32-bit indices can name.
+    #[error("the files hold more than 4 thousand million {what} together; import them as several scenes")]
+    TooLarge {
+        /// What there is too much of.
+        what: &'static str,
+    },
+}

@@ -1,0 +1,81 @@
+//! Which format a file is in: its name says, its first bytes confirm.
+
+use std::fs;
+use std::path::Path;
+
+use super::ImportError;
+
+/// A file format that can be imported.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Format {
+    /// glTF 2.0, as one binary file (.glb) or as JSON with its buffers beside it (.gltf).
+    Gltf,
+}
+
+impl Format {
+    /// The format of a file with this name and these bytes.
+    ///
+    /// # Errors
+    /// The name's ending is unknown, or the bytes contradict it.
+    pub fn of(path: &Path, bytes: &[u8]) -> Result<Self, ImportError> {
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+        let wrong = |expected, magic| Err(ImportError::WrongMagic { path: path.to_owned(), expected, magic });
+        match ending.as_deref() {
+            Some("glb") if bytes.starts_with(b"glTF") => Ok(Self::Gltf),
+            Some("glb") => wrong(".glb", "the letters glTF"),
+            Some("gltf") if first_visible(bytes) == Some(b'{') => Ok(Self::Gltf),
+            Some("gltf") => wrong(".gltf", "a brace: it is JSON"),
+            _ => Err(ImportError::UnknownFormat { path: path.to_owned() }),
+        }
+    }
+}
+
+/// The first byte that is neither white space nor part of a byte order mark.
+fn first_visible(bytes: &[u8]) -> Option<u8> {
+    let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    bytes.iter().copied().find(|byte| !byte.is_ascii_whitespace())
+}
+
+/// The bytes of a regular file. Pipes and devices are refused: they may never end.
+pub(super) fn read(path: &Path) -> Result<Vec<u8>, ImportError> {
+    let read = || {
+        if fs::metadata(path)?.is_file() {
+            fs::read(path)
+        } else {
+            Err(std::io::Error::other("it is not a regular file"))
+        }
+    };
+    read().map_err(|source| ImportError::Read { path: path.to_owned(), source })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_without_regard_to_case() {
+        assert_eq!(Format::of(Path::new("A.GLB"), b"glTF").unwrap(), Format::Gltf);
+        assert_eq!(Format::of(Path::new("a.gLtF"), b"\xEF\xBB\xBF \n{").unwrap(), Format::Gltf);
+    }
+
+    #[test]
+    fn bytes_must_agree_with_the_name() {
+        let wrong = Format::of(Path::new("a.glb"), b"{}");
+        assert!(matches!(wrong, Err(ImportError::WrongMagic { expected: ".glb", .. })));
+        assert!(matches!(Format::of(Path::new("a.gltf"), b""), Err(ImportError::WrongMagic { .. })));
+    }
+
+    #[test]
+    fn an_unknown_ending_is_named() {
+        let error = Format::of(Path::new("plant.step"), b"").unwrap_err();
+        assert!(error.to_string().starts_with("plant.step is of no known format"), "{error}");
+        assert!(matches!(Format::of(Path::new("glb"), b"glTF"), Err(ImportError::UnknownFormat { .. })));
+    }
+
+    #[test]
+    fn a_folder_is_not_a_file() {
+        let error = read(Path::new(env!("CARGO_MANIFEST_DIR"))).unwrap_err();
+        assert!(error.to_string().contains("not a regular file"), "{error}");
+    }
+}

@@ -1,0 +1,256 @@
+//! Typed arrays out of buffers: dense, strided, sparse and quantized accessors.
+
+use std::borrow::Cow;
+
+use super::json::{Accessor, BufferView, Document};
+
+/// Reads accessors of one document. Errors are texts that the caller completes with who needed the accessor.
+pub(super) struct Accessors<'a> {
+    accessors: &'a [Accessor],
+    views: &'a [BufferView],
+    buffers: &'a [Cow<'a, [u8]>],
+    /// Bytes in all buffers: bounds what an accessor without bytes of its own may claim.
+    total: u64,
+}
+
+/// The type of a number in a buffer.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Component {
+    I8,
+    U8,
+    I16,
+    U16,
+    U32,
+    F32,
+}
+
+type Result<T> = std::result::Result<T, &'static str>;
+
+impl<'a> Accessors<'a> {
+    pub(super) fn new(document: &'a Document, buffers: &'a [Cow<'a, [u8]>]) -> Self {
+        Self {
+            accessors: &document.accessors,
+            views: &document.buffer_views,
+            buffers,
+            total: buffers.iter().map(|buffer| buffer.len() as u64).sum(),
+        }
+    }
+
+    /// Numbers a vector of this accessor: 1 to 4.
+    pub(super) fn lanes(&self, index: u32) -> Result<usize> {
+        match self.accessor(index)?.kind.as_str() {
+            "SCALAR" => Ok(1),
+            "VEC2" => Ok(2),
+            "VEC3" => Ok(3),
+            "VEC4" => Ok(4),
+            _ => Err("its type is not a vector"),
+        }
+    }
+
+    /// Vectors of `N` floats; integers are converted, and scaled to 0..1 or -1..1 if the accessor is normalized.
+    pub(super) fn vectors<const N: usize>(&self, index: u32) -> Result<Vec<[f32; N]>> {
+        let accessor = self.accessor(index)?;
+        if self.lanes(index)? != N {
+            return Err("its type has another number of components than its use demands");
+        }
+        let component = Component::new(accessor.component_type)?;
+        let decode = |bytes: &[u8]| {
+            let mut vector = [0.0; N];
+            for (number, bytes) in vector.iter_mut().zip(bytes.chunks_exact(component.size())) {
+                *number = component.float(bytes, accessor.normalized);
+            }
+            vector
+        };
+        self.elements(accessor, component.size() * N, [0.0; N], decode)
+    }
+
+    /// Vertex indices: unsigned whole numbers.
+    pub(super) fn indices(&self, index: u32) -> Result<Vec<u32>> {
+        let accessor = self.accessor(index)?;
+        let component = Component::new(accessor.component_type)?;
+        if self.lanes(index)? != 1 || !component.is_unsigned() {
+            return Err("indices must be unsigned scalars");
+        }
+        self.elements(accessor, component.size(), 0, |bytes| component.unsigned(bytes))
+    }
+
+    fn accessor(&self, index: u32) -> Result<&'a Accessor> {
+        self.accessors.get(index as usize).ok_or("it does not exist")
+    }
+
+    /// The elements of an accessor, `size` bytes each.
+    fn elements<T: Copy>(
+        &self,
+        accessor: &Accessor,
+        size: usize,
+        zero: T,
+        decode: impl Fn(&[u8]) -> T,
+    ) -> Result<Vec<T>> {
+        let mut elements = match accessor.buffer_view {
+            Some(view) => self.dense(view, accessor.byte_offset, accessor.count, size, &decode)?,
+            // Only sparse values: the rest is zero and has no bytes that would bound the count.
+            None if accessor.count <= self.total => vec![zero; accessor.count as usize],
+            None => return Err("it claims more elements than the file has bytes"),
+        };
+        if let Some(sparse) = &accessor.sparse {
+            let part = &sparse.indices;
+            let index = Component::new(part.component_type.ok_or("its sparse indices have no type")?)?;
+            if !index.is_unsigned() {
+                return Err("its sparse indices are not unsigned");
+            }
+            let places =
+                self.dense(part.buffer_view, part.byte_offset, sparse.count, index.size(), |bytes| {
+                    index.unsigned(bytes)
+                })?;
+            let part = &sparse.values;
+            let values = self.dense(part.buffer_view, part.byte_offset, sparse.count, size, &decode)?;
+            for (place, value) in places.into_iter().zip(values) {
+                *elements.get_mut(place as usize).ok_or("a sparse index points past its end")? = value;
+            }
+        }
+        Ok(elements)
+    }
+
+    /// `count` elements of `size` bytes; never more than the view has bytes for.
+    fn dense<T>(
+        &self,
+        view: u32,
+        offset: u64,
+        count: u64,
+        size: usize,
+        decode: impl Fn(&[u8]) -> T,
+    ) -> Result<Vec<T>> {
+        let view = self.views.get(view as usize).ok_or("its buffer view does not exist")?;
+        let stride = match view.byte_stride {
+            None => size,
+            Some(stride) => usize::try_from(stride)
+                .ok()
+                .filter(|&stride| stride >= size)
+                .ok_or("its stride is less than an element")?,
+        };
+        let bytes = self.view(view)?;
+        let bytes = usize::try_from(offset).ok().and_then(|offset| bytes.get(offset..));
+        let bytes = bytes.ok_or("its offset is past the end of its buffer view")?;
+        // The last element needs its own bytes only, not a whole stride.
+        let room = if bytes.len() < size { 0 } else { (bytes.len() - size) / stride + 1 };
+        let count = usize::try_from(count).ok().filter(|&count| count <= room);
+        let count = count.ok_or("it reaches past the end of its buffer view")?;
+        Ok(bytes.chunks(stride).take(count).filter_map(|chunk| chunk.get(..size)).map(decode).collect())
+    }
+
+    fn view(&self, view: &BufferView) -> Result<&'a [u8]> {
+        let buffer = self.buffers.get(view.buffer as usize).ok_or("its buffer does not exist")?;
+        let range = usize::try_from(view.byte_offset).ok().zip(usize::try_from(view.byte_length).ok());
+        range
+            .and_then(|(start, length)| buffer.get(start..start.checked_add(length)?))
+            .ok_or("its buffer view reaches past the end of the buffer")
+    }
+}
+
+impl Component {
+    fn new(code: u32) -> Result<Self> {
+        match code {
+            5120 => Ok(Self::I8),
+            5121 => Ok(Self::U8),
+            5122 => Ok(Self::I16),
+            5123 => Ok(Self::U16),
+            5125 => Ok(Self::U32),
+            5126 => Ok(Self::F32),
+            _ => Err("its component type is unknown"),
+        }
+    }
+
+    const fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::U32 | Self::F32 => 4,
+        }
+    }
+
+    const fn is_unsigned(self) -> bool {
+        matches!(self, Self::U8 | Self::U16 | Self::U32)
+    }
+
+    fn unsigned(self, bytes: &[u8]) -> u32 {
+        match (self, bytes) {
+            (Self::U8, &[a]) => u32::from(a),
+            (Self::U16, &[a, b]) => u32::from(u16::from_le_bytes([a, b])),
+            (Self::U32, &[a, b, c, d]) => u32::from_le_bytes([a, b, c, d]),
+            _ => 0,
+        }
+    }
+
+    /// The number as a float; signed normalized numbers clamp at -1 (glTF 2.0 specification, section 3.6.2.2).
+    fn float(self, bytes: &[u8], normalized: bool) -> f32 {
+        let (value, largest) = match (self, bytes) {
+            (Self::F32, &[a, b, c, d]) => return f32::from_le_bytes([a, b, c, d]),
+            (Self::I8, &[a]) => (f32::from(a.cast_signed()), f32::from(i8::MAX)),
+            (Self::I16, &[a, b]) => (f32::from(i16::from_le_bytes([a, b])), f32::from(i16::MAX)),
+            (Self::U8, &[a]) => (f32::from(a), f32::from(u8::MAX)),
+            (Self::U16, &[a, b]) => (f32::from(u16::from_le_bytes([a, b])), f32::from(u16::MAX)),
+            _ => (self.unsigned(bytes) as f32, u32::MAX as f32),
+        };
+        if normalized { (value / largest).max(-1.0) } else { value }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn document(accessors: &str, views: &str) -> Document {
+        serde_json::from_str(&format!(r#"{{"accessors":[{accessors}],"bufferViews":[{views}]}}"#)).unwrap()
+    }
+
+    fn read<const N: usize>(accessor: &str, views: &str, bytes: &[u8]) -> Result<Vec<[f32; N]>> {
+        let document = document(accessor, views);
+        let buffers = [Cow::Borrowed(bytes)];
+        Accessors::new(&document, &buffers).vectors(0)
+    }
+
+    #[test]
+    fn strides_and_offsets() {
+        let bytes = [9, 1, 2, 0, 3, 4];
+        let view = r#"{"buffer":0,"byteOffset":1,"byteLength":5,"byteStride":3}"#;
+        let accessor = r#"{"bufferView":0,"componentType":5121,"count":2,"type":"VEC2"}"#;
+        assert_eq!(read(accessor, view, &bytes), Ok(vec![[1.0, 2.0], [3.0, 4.0]]));
+        let past = accessor.replace(r#""count":2"#, r#""count":3"#);
+        assert_eq!(read::<2>(&past, view, &bytes), Err("it reaches past the end of its buffer view"));
+    }
+
+    #[test]
+    fn normalized_numbers_are_scaled_and_clamped() {
+        let view = r#"{"buffer":0,"byteLength":3}"#;
+        let accessor = r#"{"bufferView":0,"componentType":5120,"normalized":true,"count":1,"type":"VEC3"}"#;
+        assert_eq!(read(accessor, view, &[0x80, 0, 127]), Ok(vec![[-1.0, 0.0, 1.0]]));
+    }
+
+    #[test]
+    fn sparse_values_replace_zeros() {
+        let views = r#"{"buffer":0,"byteLength":1},{"buffer":0,"byteOffset":4,"byteLength":4}"#;
+        let accessor = r#"{"componentType":5126,"count":3,"type":"SCALAR","sparse":{"count":1,
+            "indices":{"bufferView":0,"componentType":5121},"values":{"bufferView":1}}}"#;
+        let bytes = [2, 0, 0, 0, 0, 0, 0x80, 0x3f];
+        assert_eq!(read(accessor, views, &bytes), Ok(vec![[0.0], [0.0], [1.0]]));
+        let bytes = [3, 0, 0, 0, 0, 0, 0x80, 0x3f];
+        assert_eq!(read::<1>(accessor, views, &bytes), Err("a sparse index points past its end"));
+    }
+
+    #[test]
+    fn no_count_makes_it_allocate() {
+        let views = r#"{"buffer":0,"byteLength":8}"#;
+        for accessor in [
+            r#"{"componentType":5126,"count":9000000000000000000,"type":"VEC3"}"#,
+            r#"{"bufferView":0,"componentType":5126,"count":9000000000000000000,"type":"VEC3"}"#,
+            r#"{"bufferView":0,"byteOffset":18446744073709551615,"componentType":5126,"count":1,"type":"VEC3"}"#,
+        ] {
+            assert!(read::<3>(accessor, views, &[0; 8]).is_err(), "{accessor}");
+        }
+        let huge = r#"{"buffer":0,"byteOffset":18446744073709551615,"byteLength":18446744073709551615}"#;
+        let accessor = r#"{"bufferView":0,"componentType":5126,"count":1,"type":"VEC3"}"#;
+        assert!(read::<3>(accessor, huge, &[0; 8]).is_err());
+        let still = r#"{"buffer":0,"byteLength":8,"byteStride":0}"#;
+        assert_eq!(read::<3>(accessor, still, &[0; 8]), Err("its stride is less than an element"));
+    }
+}

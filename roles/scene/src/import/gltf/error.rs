@@ -1,0 +1,89 @@
+//! Why a glTF file could not be imported.
+
+use std::io;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// What is wrong with a glTF file, where in it, and what to do.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum GltfError {
+    /// The binary container is broken.
+    #[error("the container is malformed at byte {offset}: {what}; the file may be cut off: get it again")]
+    Container {
+        /// Byte in the file.
+        offset: usize,
+        /// What is wrong there.
+        what: &'static str,
+    },
+    /// The JSON does not parse, or a field has the wrong type.
+    #[error("the JSON does not parse: {0}")]
+    Json(#[from] serde_json::Error),
+    /// The file is of another version of glTF.
+    #[error("it is glTF {version}; this reads 2.0: convert it")]
+    Version {
+        /// The version it claims.
+        version: String,
+    },
+    /// The file cannot be read without an extension that is not supported.
+    #[error(
+        "it needs the extension {extension}, which is not supported: export it again without (for Draco or meshopt, without compression)"
+    )]
+    Extension {
+        /// The extension.
+        extension: String,
+    },
+    /// A buffer cannot be had.
+    #[error("buffer {buffer} cannot be read from {path}: {source}; a .gltf needs its buffers beside it", path = path.display())]
+    BufferFile {
+        /// Index of the buffer.
+        buffer: usize,
+        /// Where it was looked for.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// A buffer's address or content is malformed.
+    #[error("buffer {buffer} is malformed: {what}")]
+    Buffer {
+        /// Index of the buffer.
+        buffer: usize,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+    /// An accessor that geometry is read from is malformed.
+    #[error("accessor {accessor}, needed by {user}, is malformed: {what}")]
+    Accessor {
+        /// Index of the accessor.
+        accessor: u32,
+        /// What needs it: a mesh's primitive or a node.
+        user: String,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+    /// A mesh is malformed.
+    #[error("{mesh} is malformed: {what}")]
+    Mesh {
+        /// The mesh and primitive, with its name.
+        mesh: String,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// A node is malformed.
+    #[error("{node} is malformed: {what}")]
+    Node {
+        /// The path to the node from its root.
+        node: String,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+    /// The scene to show is not there, or names a node that is not.
+    #[error("scene {scene} is malformed: {what}")]
+    Scene {
+        /// Index of the scene.
+        scene: u32,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+}

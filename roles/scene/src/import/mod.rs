@@ -1,0 +1,177 @@
+//! From files to a [`Model`]: glTF 2.0, AVEVA review files (RVM) and Wavefront OBJ.
+//!
+//! [`import`] takes any number of files and makes one model of them. What a walk needs is kept (shape, place, base
+//! colour, name); textures, animation and materials beyond the base colour are not. The world of the result is
+//! right-handed, y up, in metres, whatever the files' own frames are.
+//!
+//! Files come from strangers. No importer panics on bad bytes or allocates what a length field claims; each ends in an
+//! [`ImportError`] that names the file, the place in it and the cause. What can be left out without a hole in the model
+//! (points, lines, textures) is left out and counted in [`ImportReport::warnings`].
+
+mod assemble;
+mod error;
+mod format;
+mod gltf;
+mod report;
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use glam::{DAffine3, DMat3, DVec3};
+use rayon::prelude::*;
+
+pub use error::ImportError;
+pub use format::Format;
+pub use gltf::GltfError;
+pub use report::{ImportReport, PrimitiveCounts, Warning};
+
+use crate::Model;
+
+/// The axis that points to the sky in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum UpAxis {
+    /// y up: glTF by its specification, OBJ by custom.
+    Y,
+    /// z up: RVM, and most CAD. (x, y, z) becomes (x, z, -y).
+    Z,
+}
+
+/// How to read files.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ImportOptions {
+    /// The farthest a tessellated surface may be from the true one, metres. Only RVM has curved surfaces.
+    pub chord_tolerance: f64,
+    /// The axis that points up; `None` is each format's own: y for glTF and OBJ, z for RVM.
+    pub up: Option<UpAxis>,
+    /// Metres a unit of length, for OBJ and RVM; `None` is each format's own: 1 for OBJ, 0.001 for RVM. glTF is in
+    /// metres by its specification and ignores it.
+    pub unit: Option<f64>,
+}
+
+impl Default for ImportOptions {
+    fn default() -> Self {
+        Self { chord_tolerance: 1e-3, up: None, unit: None }
+    }
+}
+
+/// A model and what importing it met.
+#[derive(Debug, Clone)]
+pub struct Imported {
+    /// The model, checked: [`Model::check`] holds.
+    pub model: Model,
+    /// Counts and warnings.
+    pub report: ImportReport,
+}
+
+/// How far an import has come: told after each file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress<'a> {
+    /// The file that was just read.
+    pub file: &'a Path,
+    /// Files read so far, this one included.
+    pub files_done: usize,
+    /// Files in all.
+    pub files: usize,
+}
+
+/// Reads `paths` into one model: the files' objects one after the other, in the order given.
+///
+/// The format is told by the file's name and confirmed by its first bytes. Files are read in parallel, and `progress` is
+/// called after each, in the order in which they finish. The result does not depend on that order.
+///
+/// # Errors
+/// The first file, in the order given, that cannot be read; or options that make no sense.
+pub fn import(
+    paths: &[PathBuf],
+    options: &ImportOptions,
+    progress: &mut (dyn FnMut(Progress<'_>) + Send),
+) -> Result<Imported, ImportError> {
+    if paths.is_empty() {
+        return Err(ImportError::NoFiles);
+    }
+    options.check()?;
+    let progress = Mutex::new((0, progress));
+    let parts: Vec<_> = paths
+        .par_iter()
+        .map(|path| {
+            let part = import_file(path, options);
+            // A callback that panicked has poisoned the lock; its panic is on its way up already.
+            if let Ok(mut guard) = progress.lock() {
+                guard.0 += 1;
+                let files_done = guard.0;
+                (guard.1)(Progress { file: path, files_done, files: paths.len() });
+            }
+            part
+        })
+        .collect();
+    assemble::merge(paths, parts)
+}
+
+/// One file's part of the model, its objects in the world frame, and what reading it met.
+struct Part {
+    model: Model,
+    report: ImportReport,
+}
+
+fn import_file(path: &Path, options: &ImportOptions) -> Result<Part, ImportError> {
+    let bytes = format::read(path)?;
+    match Format::of(path, &bytes)? {
+        Format::Gltf => gltf::import(path, &bytes, options)
+            .map_err(|source| ImportError::Gltf { path: path.to_owned(), source: Box::new(source) }),
+    }
+}
+
+impl ImportOptions {
+    fn check(&self) -> Result<(), ImportError> {
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        if !positive(self.chord_tolerance) {
+            return Err(ImportError::Option { option: "chord tolerance", value: self.chord_tolerance });
+        }
+        match self.unit {
+            Some(unit) if !positive(unit) => Err(ImportError::Option { option: "unit", value: unit }),
+            _ => Ok(()),
+        }
+    }
+
+    /// The map from a file's frame to the world's, for a format whose own up axis is `default`.
+    fn file_to_world(&self, default: UpAxis) -> DAffine3 {
+        DAffine3::from_mat3(match self.up.unwrap_or(default) {
+            UpAxis::Y => DMat3::IDENTITY,
+            UpAxis::Z => DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn z_up_turns_into_y_up() {
+        let map = ImportOptions::default().file_to_world(UpAxis::Z);
+        assert_eq!(map.transform_point3(DVec3::new(1.0, 2.0, 3.0)), DVec3::new(1.0, 3.0, -2.0));
+        assert_eq!(map.matrix3.determinant(), 1.0);
+    }
+
+    #[test]
+    fn options_outrank_the_format() {
+        let map = ImportOptions { up: Some(UpAxis::Y), ..Default::default() }.file_to_world(UpAxis::Z);
+        assert_eq!(map, DAffine3::IDENTITY);
+    }
+
+    #[test]
+    fn senseless_options_are_refused() {
+        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let options = ImportOptions { chord_tolerance: bad, ..Default::default() };
+            assert!(matches!(options.check(), Err(ImportError::Option { option: "chord tolerance", .. })));
+            let options = ImportOptions { unit: Some(bad), ..Default::default() };
+            assert!(matches!(options.check(), Err(ImportError::Option { option: "unit", .. })));
+        }
+    }
+
+    #[test]
+    fn no_files_is_an_error() {
+        let result = import(&[], &ImportOptions::default(), &mut |_| {});
+        assert!(matches!(result, Err(ImportError::NoFiles)));
+    }
+}
