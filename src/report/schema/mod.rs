@@ -12,14 +12,14 @@ mod summary;
 mod sweep;
 
 pub use frame::{
-    BytesByKind, CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, PassTime, PictureError, Role,
-    Span, VisibleObject,
+    BytesByKind, CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, PassTime, PictureError,
+    RegionDeviation, Role, Span, VisibleObject,
 };
 pub use run::{Mode, RoleInfo, Run, SceneInfo, Seat, timestamp};
 use serde::{Deserialize, Serialize};
 pub use summary::{
-    Bandwidth, LowStat, METRICS, Metric, ModelledFps, PAPER_OBJECT_TIGHTNESS, PAPER_TRIANGLE_TIGHTNESS, Stat,
-    Summary, Tightness,
+    Bandwidth, LowStat, METRICS, Metric, ModelledFps, PAPER_OBJECT_TIGHTNESS, PAPER_TRIANGLE_TIGHTNESS,
+    SilhouetteVerdict, Stat, Summary, Tightness,
 };
 pub use sweep::SweepPoint;
 

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::report::metrics::SAMPLING_SLACK_PX;
+
 use super::{BytesByKind, FalseCull, FalseCullCause, Frame, Run};
 
 /// Objects drawn over objects exactly visible in the paper's power plant (its tables 2 and 3).
@@ -61,6 +63,9 @@ pub const METRICS: &[Metric] = &[
     metric("silhouette_max_px", "px", "silhouette deviation, largest", |f| f.full_detail?.silhouette_max_px),
     metric("silhouette_p95_px", "px", "silhouette deviation, 95th percentile", |f| {
         f.full_detail?.silhouette_p95_px
+    }),
+    metric("region_p95_px", "px", "outlines between things, 95th percentile", |f| {
+        Some(f.full_detail?.regions?.p95_px)
     }),
     metric("bytes", "B", "bytes sent", |f| count(f.bytes)),
 ];
@@ -141,7 +146,8 @@ pub struct LowStat {
 impl LowStat {
     fn of_psnr(frames: &[Frame]) -> Option<Self> {
         let errors: Vec<_> = frames.iter().filter_map(|f| f.full_detail).collect();
-        let mut values: Vec<f64> = errors.iter().filter_map(|e| e.psnr_db).filter(|v| v.is_finite()).collect();
+        let mut values: Vec<f64> =
+            errors.iter().filter_map(|e| e.psnr_db).filter(|v| v.is_finite()).collect();
         values.sort_by(f64::total_cmp);
         let equal = errors.iter().filter(|e| e.mismatching_pixels == 0).count();
         (!errors.is_empty()).then(|| Self {
@@ -183,8 +189,8 @@ pub struct Summary {
     pub cut_mismatch_pixels_total: Option<u64>,
     /// The false culls by cause, summed over the audited frames.
     pub false_culls: Vec<FalseCull>,
-    /// Whether the silhouette deviated by at most epsilon on every frame on which it was measured.
-    pub silhouette_within_epsilon: Option<bool>,
+    /// The silhouette's deviation against the claimed bound; `null` if it was not measured.
+    pub silhouette: Option<SilhouetteVerdict>,
     /// PSNR against full detail, decibels.
     pub psnr_db: Option<LowStat>,
     /// Nodes drawn because a test could not be decided, by reason, summed over all frames.
@@ -238,6 +244,30 @@ pub struct Bandwidth {
     pub corrected_formula_bytes: f64,
 }
 
+/// The largest deviation of the silhouette from full detail, against the bound that was claimed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SilhouetteVerdict {
+    /// The largest deviation of all frames, pixels.
+    pub max_px: f64,
+    /// The bound, pixels.
+    pub epsilon_px: f64,
+    /// Whether the deviation is at most the bound.
+    pub within_epsilon: bool,
+    /// Whether it is at most the bound and [`SAMPLING_SLACK_PX`], which sampling at pixel centres may add.
+    pub within_epsilon_and_sampling: bool,
+}
+
+impl SilhouetteVerdict {
+    fn of(max_px: f64, epsilon_px: f64) -> Self {
+        Self {
+            max_px,
+            epsilon_px,
+            within_epsilon: max_px <= epsilon_px,
+            within_epsilon_and_sampling: max_px <= epsilon_px + SAMPLING_SLACK_PX,
+        }
+    }
+}
+
 impl Summary {
     /// Condenses `frames`; `wall_ms` is the time from the first picture shown to the last.
     #[must_use]
@@ -264,7 +294,9 @@ impl Summary {
             false_culled_pixels_total: sum(frames, |f| f.false_culled_pixels),
             cut_mismatch_pixels_total: sum(frames, |f| f.cut_mismatch_pixels),
             false_culls: false_culls(frames),
-            silhouette_within_epsilon: metrics.get("silhouette_max_px").map(|s| s.max <= run.epsilon_px),
+            silhouette: metrics
+                .get("silhouette_max_px")
+                .map(|s| SilhouetteVerdict::of(s.max, run.epsilon_px)),
             psnr_db: LowStat::of_psnr(frames),
             doubts: doubts(frames),
             bytes_by_kind: bytes_by_kind(frames),
