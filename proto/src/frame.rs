@@ -7,7 +7,7 @@ use thiserror::Error;
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::batch::put_ids;
-use crate::{BatchSize, Camera, DrawableId, FrameNumber, IdBatch};
+use crate::{BatchSize, Camera, DrawableId, FrameNumber, FrameStats, IdBatch};
 
 /// How a frame begins: its number, and the camera that its ids were culled for.
 ///
@@ -40,6 +40,8 @@ pub enum FrameMessage {
     Ids(IdBatch),
     /// The frame ends.
     End(FrameEnd),
+    /// What the sender did for a frame that has ended.
+    Stats(FrameStats),
 }
 
 /// What a receiver of frames learns.
@@ -51,6 +53,8 @@ pub enum FrameEvent {
     Ids(IdBatch),
     /// The frame is over.
     End(FrameOutcome),
+    /// What the sender did for a frame that is over; between frames.
+    Stats(FrameStats),
 }
 
 /// What became of a frame.
@@ -108,6 +112,12 @@ pub enum FrameViolation {
         open: FrameNumber,
         /// The frame that ended.
         ended: FrameNumber,
+    },
+    /// Statistics came inside of a frame.
+    #[error("statistics came before {open} ended")]
+    StatsInsideFrame {
+        /// The frame that is open.
+        open: FrameNumber,
     },
     /// More ids came than the end announces.
     #[error("{frame} had {received} ids, its end announces {announced}")]
@@ -191,6 +201,10 @@ impl FrameAssembler {
                 None => Err(FrameViolation::IdsOutsideFrame { count: batch.count() }),
             },
             FrameMessage::End(end) => self.end(end),
+            FrameMessage::Stats(stats) => match &self.open {
+                None => Ok(FrameEvent::Stats(stats)),
+                Some(digest) => Err(FrameViolation::StatsInsideFrame { open: digest.frame }),
+            },
         }
     }
 

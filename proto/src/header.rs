@@ -30,11 +30,13 @@ pub enum Kind {
     Ids = 0x21,
     /// The frame ends: its number, how many ids it had, and their hash.
     End = 0x22,
+    /// What the sender did for a frame that has ended.
+    Stats = 0x23,
 }
 
 impl Kind {
     /// Every kind, in the order of the codes.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Hello,
         Self::Accept,
         Self::Refuse,
@@ -43,6 +45,7 @@ impl Kind {
         Self::Begin,
         Self::Ids,
         Self::End,
+        Self::Stats,
     ];
 
     /// The kind with this code, if there is one.
@@ -69,6 +72,7 @@ impl Kind {
             Self::Begin => 4 + Camera::SIZE..=4 + Camera::SIZE,
             Self::Ids => 4..=BatchSize::MAX.bytes(),
             Self::End => 16..=16,
+            Self::Stats => 1..=256,
         }
     }
 
@@ -90,6 +94,7 @@ impl fmt::Display for Kind {
             Self::Begin => "begin",
             Self::Ids => "ids",
             Self::End => "end",
+            Self::Stats => "stats",
         })
     }
 }

@@ -14,6 +14,7 @@ mod header;
 mod id;
 mod message;
 mod settings;
+mod stats;
 
 pub use batch::{BatchSize, BatchSizeError, ID_BYTES, IdBatch, IdBatchError};
 pub use camera::{Camera, CameraError};
@@ -30,3 +31,4 @@ pub use header::{HEADER_BYTES, Kind};
 pub use id::{DrawableId, FrameNumber, SceneHash};
 pub use message::Message;
 pub use settings::{EpsilonPx, PictureSize, Settings, SettingsError, TesterKind};
+pub use stats::{CullCounts, FrameStats};

@@ -43,6 +43,7 @@ impl Message {
             Self::Frame(FrameMessage::Begin(_)) => Kind::Begin,
             Self::Frame(FrameMessage::Ids(_)) => Kind::Ids,
             Self::Frame(FrameMessage::End(_)) => Kind::End,
+            Self::Frame(FrameMessage::Stats(_)) => Kind::Stats,
         }
     }
 
@@ -73,6 +74,7 @@ impl Message {
                 out.put_slice(&Kind::Ids.header(batch.as_bytes().len()));
                 out.put_slice(batch.as_bytes());
             }
+            Self::Frame(FrameMessage::Stats(stats)) => put_control(out, Kind::Stats, &[], stats),
             Self::Frame(FrameMessage::End(end)) => {
                 out.put_slice(&Kind::End.header(16));
                 out.put_u32_le(end.frame.0);
@@ -99,6 +101,7 @@ impl Message {
             Kind::Ids => IdBatch::new(payload)
                 .map(|batch| Self::Frame(FrameMessage::Ids(batch)))
                 .map_err(|cause| DecodeFault::Ids { cause }),
+            Kind::Stats => parse_control(kind, &payload).map(|stats| Self::Frame(FrameMessage::Stats(stats))),
             Kind::End => {
                 let words: &[u8; 16] = payload.first_chunk().ok_or(DecodeFault::Short { kind })?;
                 let word = u128::from_le_bytes(*words);

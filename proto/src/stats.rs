@@ -1,0 +1,56 @@
+//! What a machine of the pair says of its own work on a frame.
+
+use serde::{Deserialize, Serialize};
+
+use crate::FrameNumber;
+
+/// What one machine of the pair did for a frame: OR, then HC. It follows the frame's end, for reports; nothing waits for it.
+///
+/// Times are nanoseconds on the sender's own clock. [`FrameStats::hc_start_ns`] is when it sent the frame's begin: a receiver
+/// that notes when that came can place the others on its own clock, late by the link's one-way delay.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct FrameStats {
+    /// The frame.
+    pub frame: FrameNumber,
+    /// When OR began: the camera was there.
+    pub or_start_ns: u64,
+    /// When OR was complete.
+    pub or_end_ns: u64,
+    /// Of that, the time in which it worked and did not wait for ids.
+    pub or_busy_ns: u64,
+    /// When HC began.
+    pub hc_start_ns: u64,
+    /// When HC was complete.
+    pub hc_end_ns: u64,
+    /// Drawables that OR drew.
+    pub occluders: u32,
+    /// Triangles that OR drew.
+    pub occluder_triangles: u64,
+    /// What HC did.
+    pub culling: CullCounts,
+}
+
+/// What HC's walk down the tree did. Each node it came to is counted once among `outside`, `hidden`, `emitted` and `refined`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct CullCounts {
+    /// Nodes it came to.
+    pub visited: u32,
+    /// Nodes outside the frustum.
+    pub outside: u32,
+    /// Boxes tested.
+    pub tested: u32,
+    /// Boxes found hidden.
+    pub hidden: u32,
+    /// Visible untested: a corner is nearer than the near plane.
+    pub near_visible: u32,
+    /// Visible untested: the eye is in the inflated box.
+    pub eye_inside: u32,
+    /// Visible untested: a coordinate is not a finite f32.
+    pub not_finite: u32,
+    /// Drawables sent.
+    pub emitted: u32,
+    /// Visible nodes that were too coarse.
+    pub refined: u32,
+    /// Batches of box tests.
+    pub batches: u32,
+}
