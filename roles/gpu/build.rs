@@ -1,0 +1,40 @@
+//! Compiles `shaders/*.wgsl` to SPIR-V, one module per entry point: a module then asks only for what its one stage needs.
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::{env, fs};
+
+use naga::back::spv;
+use naga::front::wgsl;
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!("cargo::rerun-if-changed=shaders");
+    let out = PathBuf::from(env::var("OUT_DIR")?);
+    for entry in fs::read_dir("shaders")? {
+        compile(&entry?.path(), &out)?;
+    }
+    Ok(())
+}
+
+/// Writes `<entry point>.spv` for each entry point of one WGSL file.
+fn compile(path: &Path, out: &Path) -> Result<(), Box<dyn Error>> {
+    let source = fs::read_to_string(path)?;
+    let explain = |message: String| format!("{}: {message}", path.display());
+    let module = wgsl::parse_str(&source).map_err(|e| explain(e.emit_to_string(&source)))?;
+    let capabilities =
+        Capabilities::PRIMITIVE_INDEX | Capabilities::IMMEDIATES | Capabilities::EARLY_DEPTH_TEST;
+    let mut validator = Validator::new(ValidationFlags::all(), capabilities);
+    let info = validator.validate(&module).map_err(|e| explain(e.emit_to_string(&source)))?;
+    let mut options = spv::Options { lang_version: (1, 3), ..spv::Options::default() };
+    // The projection already speaks Vulkan (y down), and WebGPU's flip would turn the picture over.
+    options.flags.remove(spv::WriterFlags::ADJUST_COORDINATE_SPACE);
+    for point in &module.entry_points {
+        let only = spv::PipelineOptions { shader_stage: point.stage, entry_point: point.name.clone() };
+        let words =
+            spv::write_vec(&module, &info, &options, Some(&only)).map_err(|e| explain(e.to_string()))?;
+        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        fs::write(out.join(format!("{}.spv", point.name)), bytes)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,246 @@
+//! Which devices this machine has, what each lacks, and which one to take.
+
+use std::ffi::CStr;
+
+use ash::vk;
+
+use crate::GpuError;
+use crate::error::During as _;
+
+/// Which device to open.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum DeviceChoice {
+    /// The best suitable one: discrete before integrated before virtual before CPU.
+    #[default]
+    Best,
+    /// The best suitable one whose name contains this text, in any case.
+    Named(String),
+    /// A driver that draws on the CPU, such as lavapipe.
+    Cpu,
+}
+
+/// The kind of a device, worst first, so that the best one is the greatest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
+pub enum DeviceKind {
+    /// Something Vulkan has no name for.
+    Other,
+    /// A driver that draws on the CPU.
+    Cpu,
+    /// A device behind a hypervisor.
+    Virtual,
+    /// A GPU that shares the CPU's memory.
+    Integrated,
+    /// A GPU with memory of its own.
+    Discrete,
+}
+
+/// What a device says of itself.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GpuInfo {
+    /// The device's name.
+    pub name: String,
+    /// The driver's name and version, as the driver words it.
+    pub driver: String,
+    /// The Vulkan version it speaks: major, minor, patch.
+    pub api_version: (u32, u32, u32),
+    /// Its kind.
+    pub kind: DeviceKind,
+    /// The longest side of a picture, in pixels.
+    pub max_viewport: u32,
+    /// The largest single allocation, in bytes.
+    pub max_allocation: u64,
+    /// Memory of its own, in bytes (the largest device-local heap).
+    pub memory: u64,
+    /// What it lacks of what this crate needs, by Vulkan's own names. Such a device cannot be opened.
+    pub missing: Vec<&'static str>,
+    /// Whether the item pass can run on it (Vulkan's `geometryShader`, which brings primitive ids to fragment shaders).
+    pub item_pass: bool,
+}
+
+/// A device found, and what is needed to open it.
+pub(crate) struct Adapter {
+    pub(crate) physical: vk::PhysicalDevice,
+    pub(crate) queue_family: u32,
+    pub(crate) info: GpuInfo,
+    pub(crate) limits: Limits,
+}
+
+/// The limits that passes look at.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Limits {
+    pub(crate) max_allocation: u64,
+    pub(crate) max_side: u32,
+    /// Nanoseconds a tick of the timestamp counter; 0 if the queue has no timestamps.
+    pub(crate) timestamp_period_ns: f64,
+}
+
+impl Adapter {
+    /// All devices, best first; suitable ones before those that lack something.
+    pub(crate) fn all(instance: &ash::Instance) -> Result<Vec<Self>, GpuError> {
+        // SAFETY: the instance is alive.
+        let found = unsafe { instance.enumerate_physical_devices() };
+        let found = match found {
+            // A loader without any driver says so with this code.
+            Err(vk::Result::ERROR_INITIALIZATION_FAILED) => Vec::new(),
+            other => other.during("listing the Vulkan devices")?,
+        };
+        let mut adapters: Vec<_> = found.into_iter().map(|device| Self::inspect(instance, device)).collect();
+        adapters.sort_by_key(|a| (!a.info.missing.is_empty(), std::cmp::Reverse(a.info.kind)));
+        Ok(adapters)
+    }
+
+    /// The adapter to open.
+    pub(crate) fn choose(instance: &ash::Instance, choice: &DeviceChoice) -> Result<Self, GpuError> {
+        let adapters = Self::all(instance)?;
+        if adapters.is_empty() {
+            return Err(GpuError::NoDevice);
+        }
+        let found = adapters.iter().map(|a| a.info.name.as_str()).collect::<Vec<_>>().join(", ");
+        let Some(best) = adapters.into_iter().find(|a| choice.matches(&a.info)) else {
+            let wanted = match choice {
+                DeviceChoice::Named(name) => format!("the name {name:?}"),
+                DeviceChoice::Best | DeviceChoice::Cpu => "a driver for the CPU".to_owned(),
+            };
+            return Err(GpuError::NoSuchDevice { wanted, found });
+        };
+        if best.info.missing.is_empty() {
+            Ok(best)
+        } else {
+            let missing = best.info.missing.join(", ");
+            Err(GpuError::Unsuitable { device: best.info.name, missing })
+        }
+    }
+
+    fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Self {
+        let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
+        let mut driver = vk::PhysicalDeviceDriverProperties::default();
+        let mut properties =
+            vk::PhysicalDeviceProperties2::default().push_next(&mut maintenance).push_next(&mut driver);
+        // SAFETY: `physical` was enumerated from this instance; the chain holds structures of Vulkan 1.1 and 1.2 that older
+        // devices leave untouched.
+        let (families, memory) = unsafe {
+            instance.get_physical_device_properties2(physical, &mut properties);
+            (
+                instance.get_physical_device_queue_family_properties(physical),
+                instance.get_physical_device_memory_properties(physical),
+            )
+        };
+        let properties = properties.properties;
+        let limits = properties.limits;
+        let version = properties.api_version;
+        let (features, item_pass) = missing_features(instance, physical, version);
+        let mut missing = features;
+
+        let family = families.iter().position(|family| family.queue_flags.contains(vk::QueueFlags::GRAPHICS));
+        if family.is_none() {
+            missing.push("a graphics queue");
+        }
+        let queue_family = family.unwrap_or(0);
+        let timestamps = families.get(queue_family).is_some_and(|family| family.timestamp_valid_bits > 0);
+        let max_side = limits
+            .max_framebuffer_width
+            .min(limits.max_framebuffer_height)
+            .min(limits.max_viewport_dimensions[0])
+            .min(limits.max_viewport_dimensions[1])
+            .min(limits.max_image_dimension2_d);
+        let local_heaps = memory
+            .memory_heaps_as_slice()
+            .iter()
+            .filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
+        Self {
+            physical,
+            queue_family: queue_family as u32,
+            limits: Limits {
+                max_allocation: maintenance.max_memory_allocation_size,
+                max_side,
+                timestamp_period_ns: if timestamps { f64::from(limits.timestamp_period) } else { 0.0 },
+            },
+            info: GpuInfo {
+                name: text(properties.device_name_as_c_str()),
+                driver: format!(
+                    "{} {}",
+                    text(driver.driver_name_as_c_str()),
+                    text(driver.driver_info_as_c_str())
+                ),
+                api_version: (
+                    vk::api_version_major(version),
+                    vk::api_version_minor(version),
+                    vk::api_version_patch(version),
+                ),
+                kind: DeviceKind::from_vk(properties.device_type),
+                max_viewport: max_side,
+                max_allocation: maintenance.max_memory_allocation_size,
+                memory: local_heaps.map(|heap| heap.size).max().unwrap_or(0),
+                missing,
+                item_pass,
+            },
+        }
+    }
+}
+
+/// The features to turn on, in one place with [`missing_features`]: the same list, asked and answered.
+pub(crate) fn required_features(item_pass: bool) -> vk::PhysicalDeviceFeatures {
+    vk::PhysicalDeviceFeatures::default()
+        // Every device has it; an index that points past the vertices then reads something harmless.
+        .robust_buffer_access(true)
+        .occlusion_query_precise(true)
+        .multi_draw_indirect(true)
+        .draw_indirect_first_instance(true)
+        .fragment_stores_and_atomics(true)
+        .geometry_shader(item_pass)
+}
+
+fn missing_features(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    version: u32,
+) -> (Vec<&'static str>, bool) {
+    if version < vk::API_VERSION_1_3 {
+        return (vec!["Vulkan 1.3"], false);
+    }
+    let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
+    let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
+    let mut all = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
+    // SAFETY: the device speaks Vulkan 1.3, so both structures of the chain are its own.
+    unsafe { instance.get_physical_device_features2(physical, &mut all) };
+    let core = all.features;
+    let missing = [
+        (core.occlusion_query_precise, "occlusionQueryPrecise"),
+        (core.multi_draw_indirect, "multiDrawIndirect"),
+        (core.draw_indirect_first_instance, "drawIndirectFirstInstance"),
+        (core.fragment_stores_and_atomics, "fragmentStoresAndAtomics"),
+        (v12.timeline_semaphore, "timelineSemaphore"),
+        (v13.synchronization2, "synchronization2"),
+        (v13.dynamic_rendering, "dynamicRendering"),
+    ];
+    let missing = missing.into_iter().filter(|(has, _)| *has == vk::FALSE).map(|(_, name)| name).collect();
+    (missing, core.geometry_shader == vk::TRUE)
+}
+
+impl DeviceChoice {
+    fn matches(&self, info: &GpuInfo) -> bool {
+        match self {
+            Self::Best => true,
+            Self::Named(name) => info.name.to_lowercase().contains(&name.to_lowercase()),
+            Self::Cpu => info.kind == DeviceKind::Cpu,
+        }
+    }
+}
+
+impl DeviceKind {
+    const fn from_vk(kind: vk::PhysicalDeviceType) -> Self {
+        match kind {
+            vk::PhysicalDeviceType::DISCRETE_GPU => Self::Discrete,
+            vk::PhysicalDeviceType::INTEGRATED_GPU => Self::Integrated,
+            vk::PhysicalDeviceType::VIRTUAL_GPU => Self::Virtual,
+            vk::PhysicalDeviceType::CPU => Self::Cpu,
+            _ => Self::Other,
+        }
+    }
+}
+
+fn text<E>(name: Result<&CStr, E>) -> String {
+    name.map_or_else(|_| "unnamed".to_owned(), |name| name.to_string_lossy().into_owned())
+}

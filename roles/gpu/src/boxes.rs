@@ -1,0 +1,97 @@
+//! Boxes as the testers draw them: the faces that show, and nothing else.
+
+use glam::{DVec3, Vec3};
+use trimaran_cull::{TestBox, View};
+
+/// `Box` of boxes.wgsl.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(crate) struct BoxRecord {
+    centre: [f32; 3],
+    faces: u32,
+    axes: [[f32; 4]; 3],
+}
+
+/// Vertices a box takes: three faces of two triangles.
+pub(crate) const VERTICES: u32 = 18;
+
+impl BoxRecord {
+    /// A box, its axes turned so that faces that show lie on positive ends. `None` if no test can tell: a coordinate is not finite, a
+    /// corner is not beyond the near plane, or no face shows, as from inside. Such a box counts as visible.
+    ///
+    /// Of two opposite faces at most one shows: the eye's coordinate along the axis, in half-edges, is beyond 1 or below -1, or
+    /// else neither shows. Drawing these faces alone covers each pixel of the box once, with its front, whatever the axes' handedness: the
+    /// count needs no culling by winding, which a thin box's rounding could turn over.
+    pub(crate) fn new(shape: &TestBox, near: f64) -> Option<Self> {
+        let centre = shape.centre.as_dvec3();
+        let axes = shape.axes.map(Vec3::as_dvec3);
+        let nearest = -centre.z - axes.iter().map(|axis| axis.z.abs()).sum::<f64>();
+        // Also false for NaN and infinity.
+        if !(nearest > near && centre.is_finite() && axes.iter().all(|axis| axis.is_finite())) {
+            return None;
+        }
+        let mut record = Self { centre: shape.centre.to_array(), faces: 0, axes: [[0.0; 4]; 3] };
+        for (i, slot) in record.axes.iter_mut().enumerate() {
+            let axis = axes[i];
+            let normal = axes[(i + 1) % 3].cross(axes[(i + 2) % 3]);
+            let eye = eye_along(axis, normal, centre);
+            // A flat box has NaN or infinity here, and its face is drawn.
+            let shows = !(eye.abs() <= 1.0);
+            record.faces |= u32::from(shows) << i;
+            let Vec3 { x, y, z } = if eye < 0.0 { -shape.axes[i] } else { shape.axes[i] };
+            *slot = [x, y, z, 0.0];
+        }
+        (record.faces != 0).then_some(record)
+    }
+}
+
+/// The eye's coordinate along `axis`, in half-edges from the centre; the eye is the origin. `normal` is at right angles to the
+/// other two axes.
+fn eye_along(axis: DVec3, normal: DVec3, centre: DVec3) -> f64 {
+    -normal.dot(centre) / normal.dot(axis)
+}
+
+/// Readies a batch: a record for each box that needs testing, with its index; all others are set visible in `visible`, which is
+/// filled with one entry a box.
+pub(crate) fn prepare(
+    view: &View,
+    boxes: &[TestBox],
+    visible: &mut Vec<u32>,
+    records: &mut Vec<BoxRecord>,
+    owners: &mut Vec<u32>,
+) {
+    let near = f64::from(view.camera().near());
+    visible.clear();
+    visible.resize(boxes.len(), 0);
+    records.clear();
+    owners.clear();
+    for ((index, shape), visible) in (0..).zip(boxes).zip(visible) {
+        match BoxRecord::new(shape, near) {
+            Some(record) => {
+                records.push(record);
+                owners.push(index);
+            }
+            None => *visible = 1,
+        }
+    }
+}
+
+/// The most boxes tested at once: four megabytes of records, far below every device's maxStorageBufferRange.
+const BATCH: usize = 65_536;
+
+/// Records and their owners in parts that a device takes at once.
+pub(crate) fn batches<'a>(
+    records: &'a [BoxRecord],
+    owners: &'a [u32],
+) -> impl Iterator<Item = (&'a [BoxRecord], &'a [u32])> {
+    records.chunks(BATCH).zip(owners.chunks(BATCH))
+}
+
+/// Gives each count to the box that owns it.
+pub(crate) fn hand_out(counts: &[u32], owners: &[u32], visible: &mut [u32]) {
+    for (&count, &owner) in counts.iter().zip(owners) {
+        if let Some(visible) = visible.get_mut(owner as usize) {
+            *visible = count;
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! What can go wrong between this process and a graphics device.
+
+use ash::vk;
+use gpu_allocator::AllocationError;
+use thiserror::Error;
+use trimaran_proto::DrawableId;
+
+/// Why a graphics operation failed. Each message says what was being done, and what to do where something can be done.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum GpuError {
+    /// The Vulkan loader library is not installed.
+    #[error("no Vulkan loader on this machine; install it (Debian and Ubuntu: apt install libvulkan1)")]
+    NoLoader(#[source] ash::LoadingError),
+    /// There is a loader, but no driver offers a device.
+    #[error(
+        "no Vulkan device on this machine; install a driver (Debian and Ubuntu: apt install mesa-vulkan-drivers, \
+         which also brings one for the CPU alone)"
+    )]
+    NoDevice,
+    /// Validation was asked for and its layer is not installed.
+    #[error(
+        "the Vulkan validation layer is not installed; install it (Debian and Ubuntu: apt install \
+         vulkan-validationlayers) or open the device without validation"
+    )]
+    NoValidationLayer,
+    /// No device has the name asked for, or none is a CPU device where one was asked for.
+    #[error("no Vulkan device matches {wanted}; this machine has: {found}")]
+    NoSuchDevice {
+        /// What was asked for.
+        wanted: String,
+        /// The names of the devices there are.
+        found: String,
+    },
+    /// Devices match, but each lacks something this crate needs.
+    #[error("the Vulkan device {device} lacks {missing}; a newer driver may have it")]
+    Unsuitable {
+        /// The name of the best device that matched.
+        device: String,
+        /// What it lacks, by Vulkan's own names.
+        missing: String,
+    },
+    /// A pass needs an optional feature that this device lacks.
+    #[error("{pass} needs the device feature {feature}, which {device} lacks")]
+    MissingFeature {
+        /// The pass.
+        pass: &'static str,
+        /// The feature, by Vulkan's own name.
+        feature: &'static str,
+        /// The device's name.
+        device: String,
+    },
+    /// The device was lost: the driver crashed, was reset, or was taken away. Open it anew.
+    #[error("the graphics device was lost while {operation}; open it again")]
+    DeviceLost {
+        /// What was being done.
+        operation: &'static str,
+    },
+    /// Host or device memory ran out.
+    #[error("out of memory while {operation}")]
+    OutOfMemory {
+        /// What was being done.
+        operation: &'static str,
+    },
+    /// Memory for one buffer or image could not be had.
+    #[error("no memory on the graphics device for {what} ({bytes} bytes)")]
+    Allocation {
+        /// What the memory was for.
+        what: &'static str,
+        /// How much was asked for.
+        bytes: u64,
+        /// What the allocator says.
+        #[source]
+        source: AllocationError,
+    },
+    /// The scene does not fit what the device can address or hold.
+    #[error(
+        "the scene's {what} take {bytes} bytes, more than this device's {limit}; use a coarser or smaller scene"
+    )]
+    SceneTooLarge {
+        /// Which part of the scene.
+        what: &'static str,
+        /// Its size in bytes.
+        bytes: u64,
+        /// The device's limit in bytes.
+        limit: u64,
+    },
+    /// The picture is larger than the device can draw.
+    #[error("a picture of {width} x {height} pixels is larger than this device's {limit} x {limit}")]
+    ViewportTooLarge {
+        /// The width asked for.
+        width: u32,
+        /// The height asked for.
+        height: u32,
+        /// The longest side the device can draw.
+        limit: u32,
+    },
+    /// Something was drawn or read before any view was set.
+    #[error("{0} was used before it was given a view (call begin first)")]
+    NotBegun(&'static str),
+    /// An id names no drawable of the scene.
+    #[error("{id} is not in this scene, which has {count}")]
+    UnknownDrawable {
+        /// The id.
+        id: DrawableId,
+        /// The number of drawables in the scene.
+        count: usize,
+    },
+    /// Any other Vulkan error.
+    #[error("Vulkan failed while {operation}")]
+    Vulkan {
+        /// What was being done.
+        operation: &'static str,
+        /// Vulkan's own code.
+        #[source]
+        source: vk::Result,
+    },
+}
+
+impl GpuError {
+    /// An error for Vulkan's code, with the operation named.
+    pub(crate) const fn from_vk(operation: &'static str, code: vk::Result) -> Self {
+        match code {
+            vk::Result::ERROR_DEVICE_LOST => Self::DeviceLost { operation },
+            vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
+                Self::OutOfMemory { operation }
+            }
+            source => Self::Vulkan { operation, source },
+        }
+    }
+}
+
+/// Names the operation in the error of a Vulkan call.
+pub(crate) trait During<T> {
+    /// Turns Vulkan's code into a [`GpuError`] that says it happened while `operation` went on.
+    fn during(self, operation: &'static str) -> Result<T, GpuError>;
+}
+
+impl<T> During<T> for Result<T, vk::Result> {
+    fn during(self, operation: &'static str) -> Result<T, GpuError> {
+        self.map_err(|code| GpuError::from_vk(operation, code))
+    }
+}

@@ -1,0 +1,220 @@
+//! An open device.
+
+use std::mem::ManuallyDrop;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use ash::vk;
+use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
+
+use crate::adapter::{Adapter, Limits, required_features};
+use crate::error::During as _;
+use crate::validation::{self, Messenger};
+use crate::{DeviceChoice, GpuError, GpuInfo};
+
+/// How to open a device.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct GpuOptions {
+    /// Whether the Khronos validation layer checks every call, synchronization included. Slow; for tests.
+    pub validation: bool,
+    /// Which device.
+    pub device: DeviceChoice,
+}
+
+/// An open Vulkan device without a window. Passes and scenes share it through an [`Arc`]; threads may too.
+pub struct Gpu {
+    // Dropped by hand, in this order: the allocator's memory, the device, the messenger, the instance, the loader.
+    allocator: ManuallyDrop<Mutex<Allocator>>,
+    device: ash::Device,
+    messenger: ManuallyDrop<Option<Messenger>>,
+    instance: ash::Instance,
+    queue: Mutex<vk::Queue>,
+    queue_family: u32,
+    info: GpuInfo,
+    limits: Limits,
+    _entry: ash::Entry,
+}
+
+impl Gpu {
+    /// Opens a device.
+    ///
+    /// # Errors
+    /// Says what is missing, a loader, a device or a feature of one, and the package that has it.
+    pub fn open(options: &GpuOptions) -> Result<Arc<Self>, GpuError> {
+        let (entry, instance) = instance(options.validation)?;
+        // From here on a failure has to destroy what exists.
+        let opened = Self::open_on(&entry, &instance, options);
+        match opened {
+            Ok(parts) => Ok(Arc::new(parts.into_gpu(entry, instance))),
+            Err(error) => {
+                // SAFETY: all that was made from the instance is gone: `open_on` leaves nothing behind when it fails.
+                unsafe { instance.destroy_instance(None) };
+                Err(error)
+            }
+        }
+    }
+
+    /// What the machine's devices are and what each lacks, best first: for a report on what works here.
+    ///
+    /// # Errors
+    /// If there is no loader, or it cannot list devices. No device at all is an empty list.
+    pub fn list() -> Result<Vec<GpuInfo>, GpuError> {
+        let (_entry, instance) = instance(false)?;
+        let adapters = Adapter::all(&instance);
+        // SAFETY: nothing was made from the instance.
+        unsafe { instance.destroy_instance(None) };
+        Ok(adapters?.into_iter().map(|adapter| adapter.info).collect())
+    }
+
+    /// What the device says of itself.
+    #[must_use]
+    pub const fn info(&self) -> &GpuInfo {
+        &self.info
+    }
+
+    /// All that the validation layer has complained of; empty without validation.
+    #[must_use]
+    pub fn validation_messages(&self) -> Vec<String> {
+        self.messenger.as_ref().map(Messenger::messages).unwrap_or_default()
+    }
+
+    pub(crate) const fn device(&self) -> &ash::Device {
+        &self.device
+    }
+
+    pub(crate) const fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    pub(crate) const fn queue_family(&self) -> u32 {
+        self.queue_family
+    }
+
+    pub(crate) fn allocator(&self) -> MutexGuard<'_, Allocator> {
+        self.allocator.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The queue, for one thread at a time as Vulkan demands.
+    pub(crate) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn open_on(
+        entry: &ash::Entry,
+        instance: &ash::Instance,
+        options: &GpuOptions,
+    ) -> Result<Parts, GpuError> {
+        let messenger = options.validation.then(|| Messenger::new(entry, instance)).transpose()?;
+        let adapter = Adapter::choose(instance, &options.device)?;
+        let device = logical_device(instance, &adapter)?;
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: instance.clone(),
+            device: device.clone(),
+            physical_device: adapter.physical,
+            debug_settings: AllocatorDebugSettings::default(),
+            buffer_device_address: false,
+            allocation_sizes: AllocationSizes::new(BLOCK_BYTES, BLOCK_BYTES),
+        });
+        match allocator {
+            Ok(allocator) => Ok(Parts { allocator, device, messenger, adapter }),
+            Err(source) => {
+                // SAFETY: the device is idle: nothing was submitted.
+                unsafe { device.destroy_device(None) };
+                Err(GpuError::Allocation { what: "the allocator", bytes: 0, source })
+            }
+        }
+    }
+}
+
+/// Small things share blocks of this size; large ones get their own memory.
+const BLOCK_BYTES: u64 = 16 << 20;
+
+/// What opening makes, but for the instance.
+struct Parts {
+    allocator: Allocator,
+    device: ash::Device,
+    messenger: Option<Messenger>,
+    adapter: Adapter,
+}
+
+impl Parts {
+    fn into_gpu(self, entry: ash::Entry, instance: ash::Instance) -> Gpu {
+        let queue_family = self.adapter.queue_family;
+        // SAFETY: the device was made with one queue of this family.
+        let queue = unsafe { self.device.get_device_queue(queue_family, 0) };
+        Gpu {
+            allocator: ManuallyDrop::new(Mutex::new(self.allocator)),
+            device: self.device,
+            messenger: ManuallyDrop::new(self.messenger),
+            instance,
+            queue: Mutex::new(queue),
+            queue_family,
+            info: self.adapter.info,
+            limits: self.adapter.limits,
+            _entry: entry,
+        }
+    }
+}
+
+impl Drop for Gpu {
+    fn drop(&mut self) {
+        // SAFETY: every object made from the device holds an `Arc` of this `Gpu` and is gone by now, so nothing runs on the device and
+        // nothing uses it; allocator, device, messenger and instance go in the order of their dependence, each once.
+        unsafe {
+            ManuallyDrop::drop(&mut self.allocator);
+            self.device.destroy_device(None);
+            ManuallyDrop::drop(&mut self.messenger);
+            self.instance.destroy_instance(None);
+        }
+    }
+}
+
+impl std::fmt::Debug for Gpu {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Gpu").field("info", &self.info).finish_non_exhaustive()
+    }
+}
+
+fn instance(validation: bool) -> Result<(ash::Entry, ash::Instance), GpuError> {
+    // SAFETY: loads the system's Vulkan loader, whose initialisers are sound to run; the entry outlives all made from it.
+    let entry = unsafe { ash::Entry::load() }.map_err(GpuError::NoLoader)?;
+    let application =
+        vk::ApplicationInfo::default().application_name(c"trimaran").api_version(vk::API_VERSION_1_3);
+    let layers = [validation::LAYER.as_ptr()];
+    let extensions = [ash::ext::debug_utils::NAME.as_ptr(), ash::ext::validation_features::NAME.as_ptr()];
+    let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+    let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
+    let mut info = vk::InstanceCreateInfo::default().application_info(&application);
+    if validation {
+        info =
+            info.enabled_layer_names(&layers).enabled_extension_names(&extensions).push_next(&mut features);
+    }
+    // SAFETY: all that `info` points to lives through the call.
+    match unsafe { entry.create_instance(&info, None) } {
+        Ok(instance) => Ok((entry, instance)),
+        Err(vk::Result::ERROR_LAYER_NOT_PRESENT | vk::Result::ERROR_EXTENSION_NOT_PRESENT) if validation => {
+            Err(GpuError::NoValidationLayer)
+        }
+        // What a loader answers that finds no driver at all.
+        Err(vk::Result::ERROR_INCOMPATIBLE_DRIVER) => Err(GpuError::NoDevice),
+        Err(code) => Err(GpuError::from_vk("starting Vulkan", code)),
+    }
+}
+
+fn logical_device(instance: &ash::Instance, adapter: &Adapter) -> Result<ash::Device, GpuError> {
+    let priorities = [1.0];
+    let queues = [vk::DeviceQueueCreateInfo::default()
+        .queue_family_index(adapter.queue_family)
+        .queue_priorities(&priorities)];
+    let features = required_features(adapter.info.item_pass);
+    let mut v12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
+    let mut v13 =
+        vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).dynamic_rendering(true);
+    let info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_features(&features)
+        .push_next(&mut v12)
+        .push_next(&mut v13);
+    // SAFETY: the adapter is of this instance and has the queue family and each of these features (`Adapter::choose`).
+    unsafe { instance.create_device(adapter.physical, &info, None) }.during("opening the device")
+}

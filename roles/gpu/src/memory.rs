@@ -1,0 +1,320 @@
+//! Buffers and images: a handle and its memory, freed together.
+
+use std::marker::PhantomData;
+use std::mem::ManuallyDrop;
+use std::sync::Arc;
+
+use ash::vk;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+use gpu_allocator::{AllocationError, MemoryLocation};
+use trimaran_cull::Viewport;
+
+use crate::error::During as _;
+use crate::{Gpu, GpuError};
+
+/// A buffer in whatever memory was asked for. Whoever submits work that uses it keeps it alive until that work is done.
+pub(crate) struct Buffer {
+    gpu: Arc<Gpu>,
+    handle: vk::Buffer,
+    allocation: ManuallyDrop<Allocation>,
+    bytes: u64,
+}
+
+impl Buffer {
+    /// A buffer of `bytes` bytes (at least one: Vulkan has no empty ones); `what` it is for goes into errors.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        what: &'static str,
+        usage: vk::BufferUsageFlags,
+        location: MemoryLocation,
+        bytes: u64,
+    ) -> Result<Self, GpuError> {
+        let info = vk::BufferCreateInfo::default().size(bytes.max(1)).usage(usage);
+        // SAFETY: the device is alive, the size is not 0, and the usage bits are core ones.
+        let handle = unsafe { gpu.device().create_buffer(&info, None) }.during("making a buffer")?;
+        // SAFETY: the buffer was just made from this device.
+        let requirements = unsafe { gpu.device().get_buffer_memory_requirements(handle) };
+        let allocation = allocate(gpu, what, requirements, location, true).and_then(|allocation| {
+            // SAFETY: the memory is of this device, meets the buffer's requirements, and nothing else is bound to its range.
+            let bound =
+                unsafe { gpu.device().bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
+            match bound.during("binding a buffer's memory") {
+                Ok(()) => Ok(allocation),
+                Err(error) => {
+                    free(gpu, allocation);
+                    Err(error)
+                }
+            }
+        });
+        match allocation {
+            Ok(allocation) => {
+                Ok(Self { gpu: Arc::clone(gpu), handle, allocation: ManuallyDrop::new(allocation), bytes })
+            }
+            Err(error) => {
+                // SAFETY: the buffer is ours and nothing uses it.
+                unsafe { gpu.device().destroy_buffer(handle, None) };
+                Err(error)
+            }
+        }
+    }
+
+    pub(crate) const fn handle(&self) -> vk::Buffer {
+        self.handle
+    }
+
+    pub(crate) const fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// The buffer's memory if the host sees it and writes to it without flushing, even where the location did not ask for that:
+    /// on a CPU driver all memory is such.
+    pub(crate) fn mapped_mut(&mut self) -> Option<&mut [u8]> {
+        let coherent = self
+            .allocation
+            .memory_properties()
+            .contains(vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT);
+        let bytes = usize::try_from(self.bytes).ok()?;
+        self.allocation.mapped_slice_mut().filter(|_| coherent)?.get_mut(..bytes)
+    }
+}
+
+impl Drop for Buffer {
+    fn drop(&mut self) {
+        // SAFETY: work that uses the buffer is done (see the type); the handle is ours, and the allocation is taken once.
+        let allocation = unsafe {
+            self.gpu.device().destroy_buffer(self.handle, None);
+            ManuallyDrop::take(&mut self.allocation)
+        };
+        free(&self.gpu, allocation);
+    }
+}
+
+/// A buffer of `T` that the host reads or writes in place.
+pub(crate) struct HostBuffer<T> {
+    buffer: Buffer,
+    count: usize,
+    element: PhantomData<T>,
+}
+
+impl<T: bytemuck::Pod> HostBuffer<T> {
+    /// A buffer of `count` elements. `location` is one that the host sees.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        what: &'static str,
+        usage: vk::BufferUsageFlags,
+        location: MemoryLocation,
+        count: usize,
+    ) -> Result<Self, GpuError> {
+        let bytes = (count * size_of::<T>()) as u64;
+        let mut buffer = Buffer::new(gpu, what, usage, location, bytes)?;
+        let usable =
+            buffer.mapped_mut().is_some_and(|bytes| bytemuck::try_cast_slice::<u8, T>(bytes).is_ok());
+        if usable {
+            Ok(Self { buffer, count, element: PhantomData })
+        } else {
+            let source = AllocationError::FailedToMap("the host cannot see it".to_owned());
+            Err(GpuError::Allocation { what, bytes, source })
+        }
+    }
+
+    pub(crate) const fn buffer(&self) -> &Buffer {
+        &self.buffer
+    }
+
+    pub(crate) const fn len(&self) -> usize {
+        self.count
+    }
+
+    /// The elements as the device left them. The caller has waited for the device to finish writing.
+    pub(crate) fn elements(&self) -> &[T] {
+        let bytes = self.buffer.allocation.mapped_slice().unwrap_or_default();
+        bytemuck::cast_slice(bytes.get(..self.count * size_of::<T>()).unwrap_or_default())
+    }
+
+    /// The elements, to write. The caller writes none that the device may be reading.
+    pub(crate) fn elements_mut(&mut self) -> &mut [T] {
+        bytemuck::cast_slice_mut(self.buffer.mapped_mut().unwrap_or_default())
+    }
+}
+
+/// What an image is used for next: its layout, and the stages and accesses to order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ImageUse {
+    Colour,
+    Depth,
+    CopySource,
+}
+
+impl ImageUse {
+    pub(crate) const fn layout(self) -> vk::ImageLayout {
+        match self {
+            Self::Colour => vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
+            Self::Depth => vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL,
+            Self::CopySource => vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+        }
+    }
+
+    pub(crate) fn scope(self) -> (vk::PipelineStageFlags2, vk::AccessFlags2) {
+        match self {
+            Self::Colour => (
+                vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT,
+                vk::AccessFlags2::COLOR_ATTACHMENT_READ | vk::AccessFlags2::COLOR_ATTACHMENT_WRITE,
+            ),
+            Self::Depth => (
+                vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS,
+                vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_READ
+                    | vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE,
+            ),
+            Self::CopySource => (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_READ),
+        }
+    }
+}
+
+/// An attachment of a pass: a 2D image that is drawn to and copied from. It knows its last use, so that the next can be ordered
+/// after it; all uses go through one stream.
+pub(crate) struct Image {
+    gpu: Arc<Gpu>,
+    handle: vk::Image,
+    view: vk::ImageView,
+    allocation: ManuallyDrop<Allocation>,
+    aspect: vk::ImageAspectFlags,
+    pub(crate) last_use: Option<ImageUse>,
+}
+
+impl Image {
+    /// An attachment of `size`. `what` it is for goes into errors.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        what: &'static str,
+        format: vk::Format,
+        size: Viewport,
+    ) -> Result<Self, GpuError> {
+        let limit = gpu.limits().max_side;
+        let (width, height) = (size.width(), size.height());
+        if width > limit || height > limit {
+            return Err(GpuError::ViewportTooLarge { width, height, limit });
+        }
+        let (usage, aspect) = if format == vk::Format::D32_SFLOAT {
+            (vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT, vk::ImageAspectFlags::DEPTH)
+        } else {
+            (vk::ImageUsageFlags::COLOR_ATTACHMENT, vk::ImageAspectFlags::COLOR)
+        };
+        let info = vk::ImageCreateInfo::default()
+            .image_type(vk::ImageType::TYPE_2D)
+            .format(format)
+            .extent(vk::Extent3D { width, height, depth: 1 })
+            .mip_levels(1)
+            .array_layers(1)
+            .samples(vk::SampleCountFlags::TYPE_1)
+            .usage(usage | vk::ImageUsageFlags::TRANSFER_SRC);
+        // SAFETY: the sides are within the device's limits, and the formats used are ones Vulkan requires for these usages.
+        let handle = unsafe { gpu.device().create_image(&info, None) }.during("making a picture")?;
+        match Self::back(gpu, what, format, handle, aspect) {
+            Ok((allocation, view)) => Ok(Self {
+                gpu: Arc::clone(gpu),
+                handle,
+                view,
+                allocation: ManuallyDrop::new(allocation),
+                aspect,
+                last_use: None,
+            }),
+            Err(error) => {
+                // SAFETY: the image is ours and nothing uses it.
+                unsafe { gpu.device().destroy_image(handle, None) };
+                Err(error)
+            }
+        }
+    }
+
+    fn back(
+        gpu: &Arc<Gpu>,
+        what: &'static str,
+        format: vk::Format,
+        handle: vk::Image,
+        aspect: vk::ImageAspectFlags,
+    ) -> Result<(Allocation, vk::ImageView), GpuError> {
+        // SAFETY: the image was just made from this device.
+        let requirements = unsafe { gpu.device().get_image_memory_requirements(handle) };
+        let allocation = allocate(gpu, what, requirements, MemoryLocation::GpuOnly, false)?;
+        // SAFETY: the memory is of this device, meets the image's requirements, and nothing else is bound to its range.
+        let bound =
+            unsafe { gpu.device().bind_image_memory(handle, allocation.memory(), allocation.offset()) };
+        let info = vk::ImageViewCreateInfo::default()
+            .image(handle)
+            .view_type(vk::ImageViewType::TYPE_2D)
+            .format(format)
+            .subresource_range(whole(aspect));
+        // SAFETY: the image is bound to memory (checked first) and the view has its format.
+        let view = bound.and_then(|()| unsafe { gpu.device().create_image_view(&info, None) });
+        match view.during("binding a picture's memory") {
+            Ok(view) => Ok((allocation, view)),
+            Err(error) => {
+                free(gpu, allocation);
+                Err(error)
+            }
+        }
+    }
+
+    pub(crate) const fn handle(&self) -> vk::Image {
+        self.handle
+    }
+
+    pub(crate) const fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
+    pub(crate) const fn view(&self) -> vk::ImageView {
+        self.view
+    }
+
+    pub(crate) const fn aspect(&self) -> vk::ImageAspectFlags {
+        self.aspect
+    }
+}
+
+impl Drop for Image {
+    fn drop(&mut self) {
+        // SAFETY: the stream that used the image is done; view and image are ours; the allocation is taken once.
+        let allocation = unsafe {
+            self.gpu.device().destroy_image_view(self.view, None);
+            self.gpu.device().destroy_image(self.handle, None);
+            ManuallyDrop::take(&mut self.allocation)
+        };
+        free(&self.gpu, allocation);
+    }
+}
+
+/// The only mip level and layer of an image.
+pub(crate) const fn whole(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
+    vk::ImageSubresourceRange {
+        aspect_mask: aspect,
+        base_mip_level: 0,
+        level_count: 1,
+        base_array_layer: 0,
+        layer_count: 1,
+    }
+}
+
+fn allocate(
+    gpu: &Gpu,
+    what: &'static str,
+    requirements: vk::MemoryRequirements,
+    location: MemoryLocation,
+    linear: bool,
+) -> Result<Allocation, GpuError> {
+    gpu.allocator()
+        .allocate(&AllocationCreateDesc {
+            name: what,
+            requirements,
+            location,
+            linear,
+            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+        })
+        .map_err(|source| GpuError::Allocation { what, bytes: requirements.size, source })
+}
+
+fn free(gpu: &Gpu, allocation: Allocation) {
+    if let Err(error) = gpu.allocator().free(allocation) {
+        tracing::error!(%error, "graphics memory could not be freed");
+    }
+}

@@ -1,0 +1,115 @@
+//! The occluder pass (OR): depth alone.
+
+use std::sync::Arc;
+
+use trimaran_cull::{DepthImage, View, Viewport};
+use trimaran_proto::DrawableId;
+
+use crate::memory::HostBuffer;
+use crate::pass::{PassKind, ScenePass};
+use crate::pipeline::{VertexInput, shader};
+use crate::query::QueryBoxes;
+use crate::raster::RasterBoxes;
+use crate::{GpuError, GpuScene, PassTiming, QueryTester, RasterTester};
+
+static KIND: PassKind = PassKind {
+    name: "drawing the occluders",
+    vertex: shader!("vs_depth"),
+    fragment: None,
+    input: VertexInput::Position,
+    colour: None,
+};
+
+/// Draws occluders into a depth buffer that stays on the device, for the box testers that run against it.
+///
+/// Depth is 32-bit float, reversed: near / distance, 0 for the background.
+pub struct OccluderPass {
+    // The pass before all else: its stream waits for work that uses the rest.
+    pub(crate) pass: ScenePass,
+    pub(crate) queries: Option<QueryBoxes>,
+    pub(crate) raster: Option<RasterBoxes>,
+    depth: Option<HostBuffer<f32>>,
+    /// The host's copy is of what was drawn last.
+    depth_is_current: bool,
+}
+
+impl OccluderPass {
+    /// A pass for pictures of `size` at first.
+    ///
+    /// # Errors
+    /// If the device cannot draw that size, or memory does not suffice.
+    pub fn new(scene: &Arc<GpuScene>, size: Viewport) -> Result<Self, GpuError> {
+        Ok(Self {
+            pass: ScenePass::new(scene, &KIND, size)?,
+            queries: None,
+            raster: None,
+            depth: None,
+            depth_is_current: false,
+        })
+    }
+
+    /// Starts a frame: an empty depth buffer of the view's size.
+    ///
+    /// # Errors
+    /// If the device fails, or cannot draw the view's size.
+    pub fn begin(&mut self, view: &View) -> Result<(), GpuError> {
+        self.depth_is_current = false;
+        self.pass.begin(view)
+    }
+
+    /// Adds occluders. The device starts on them at the next [`flush`](Self::flush).
+    ///
+    /// # Errors
+    /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), or without memory.
+    pub fn draw(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
+        self.depth_is_current = false;
+        self.pass.draw(ids)
+    }
+
+    /// Hands what was added to the device, which draws it while the host goes on. Each flush costs a submission (tens of
+    /// microseconds): worth it for hundreds of draws.
+    ///
+    /// # Errors
+    /// If the device fails, or before [`begin`](Self::begin).
+    pub fn flush(&mut self) -> Result<(), GpuError> {
+        self.pass.flush()
+    }
+
+    /// Waits until all is drawn.
+    ///
+    /// # Errors
+    /// If the device fails, or before [`begin`](Self::begin).
+    pub fn finish(&mut self) -> Result<PassTiming, GpuError> {
+        self.pass.finish()
+    }
+
+    /// The depth, as the host reads it: copied from the device when first asked for after drawing.
+    ///
+    /// # Errors
+    /// If the device fails, or before [`begin`](Self::begin).
+    pub fn read_depth(&mut self) -> Result<DepthImage<'_>, GpuError> {
+        if !self.depth_is_current {
+            self.pass.read_depth(&mut self.depth)?;
+            self.depth_is_current = true;
+        }
+        let size = self.pass.size();
+        let depth = self.depth.as_ref().map(HostBuffer::elements).unwrap_or_default();
+        DepthImage::new(size, depth).map_err(|_| GpuError::NotBegun(KIND.name))
+    }
+
+    /// Tests boxes by occlusion queries against what was drawn.
+    ///
+    /// # Errors
+    /// If the device cannot make the queries.
+    pub fn query_tester(&mut self) -> Result<QueryTester<'_>, GpuError> {
+        QueryTester::new(self)
+    }
+
+    /// Tests boxes by counting fragments against what was drawn.
+    ///
+    /// # Errors
+    /// If the device cannot make the buffers.
+    pub fn raster_tester(&mut self) -> Result<RasterTester<'_>, GpuError> {
+        RasterTester::new(self)
+    }
+}

@@ -1,0 +1,220 @@
+//! What the three scene passes share: draws that come in batches go to the device in pieces, over one set of attachments.
+
+use std::sync::Arc;
+
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use trimaran_cull::{View, Viewport};
+use trimaran_proto::DrawableId;
+
+use crate::camera::CameraConstants;
+use crate::draws::Draws;
+use crate::memory::{HostBuffer, Image};
+use crate::pipeline::{Layout, Pipeline, PipelineDesc, Shader, VertexInput};
+use crate::recorder::Targets;
+use crate::stream::Stream;
+use crate::timing::{PassTiming, Stopwatch};
+use crate::{Gpu, GpuError, GpuScene};
+
+/// What sets one scene pass apart from another.
+pub(crate) struct PassKind {
+    /// For error messages.
+    pub(crate) name: &'static str,
+    pub(crate) vertex: Shader,
+    pub(crate) fragment: Option<Shader>,
+    pub(crate) input: VertexInput,
+    pub(crate) colour: Option<ColourTarget>,
+}
+
+/// A pass's colour attachment.
+#[derive(Clone, Copy)]
+pub(crate) struct ColourTarget {
+    pub(crate) format: vk::Format,
+    pub(crate) background: vk::ClearColorValue,
+}
+
+/// Pieces of a scene drawn over one depth attachment and perhaps a colour attachment.
+pub(crate) struct ScenePass {
+    // First, so that the device is done before anything below goes.
+    stream: Stream,
+    scene: Arc<GpuScene>,
+    kind: &'static PassKind,
+    pipeline: Pipeline,
+    draws: Draws,
+    attachments: Attachments,
+    view: Option<View>,
+    /// Nothing was drawn since `begin`, so the first piece clears.
+    fresh: bool,
+    recording: Stopwatch,
+}
+
+/// The finished depth of a pass, to test boxes against.
+pub(crate) struct OverDepth<'a> {
+    pub(crate) stream: &'a mut Stream,
+    pub(crate) size: Viewport,
+    pub(crate) depth: &'a mut Image,
+}
+
+impl OverDepth<'_> {
+    /// Attachments for testing: the depth as it is, and nothing else.
+    pub(crate) const fn targets<'i>(depth: &'i mut Image, size: Viewport) -> Targets<'i> {
+        Targets { size, colour: None, depth, clear: false }
+    }
+}
+
+struct Attachments {
+    size: Viewport,
+    depth: Image,
+    colour: Option<Image>,
+}
+
+impl ScenePass {
+    pub(crate) fn new(
+        scene: &Arc<GpuScene>,
+        kind: &'static PassKind,
+        size: Viewport,
+    ) -> Result<Self, GpuError> {
+        let gpu = scene.gpu();
+        let layout = Layout::new::<CameraConstants>(gpu, 1)?;
+        let pipeline = Pipeline::new(
+            &layout,
+            &PipelineDesc {
+                vertex: kind.vertex,
+                fragment: kind.fragment,
+                input: kind.input,
+                colour: kind.colour.map(|target| target.format),
+                depth_write: true,
+            },
+        )?;
+        Ok(Self {
+            stream: Stream::new(gpu)?,
+            scene: Arc::clone(scene),
+            kind,
+            pipeline,
+            draws: Draws::new(Arc::clone(gpu), layout),
+            attachments: Attachments::new(gpu, kind, size)?,
+            view: None,
+            fresh: true,
+            recording: Stopwatch::default(),
+        })
+    }
+
+    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
+        self.scene.gpu()
+    }
+
+    /// The picture's size: that of the last view.
+    pub(crate) const fn size(&self) -> Viewport {
+        self.attachments.size
+    }
+
+    /// Starts a frame, after waiting for the last one. A view of another size changes the attachments.
+    pub(crate) fn begin(&mut self, view: &View) -> Result<(), GpuError> {
+        self.stream.wait(self.kind.name)?;
+        self.stream.take_busy_ms();
+        self.recording = Stopwatch::default();
+        if view.viewport() != self.attachments.size {
+            self.attachments = Attachments::new(self.scene.gpu(), self.kind, view.viewport())?;
+        }
+        self.draws.clear();
+        self.view = Some(*view);
+        self.fresh = true;
+        Ok(())
+    }
+
+    /// Adds draws; they run at the next flush.
+    pub(crate) fn draw(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
+        let view = self.view.as_ref().ok_or(GpuError::NotBegun(self.kind.name))?;
+        self.recording.measure(|| self.draws.add(&self.scene, view, ids))
+    }
+
+    /// Hands the draws so far to the device, which starts on them at once. The first piece of a frame clears.
+    pub(crate) fn flush(&mut self) -> Result<(), GpuError> {
+        let view = self.view.as_ref().ok_or(GpuError::NotBegun(self.kind.name))?;
+        if !self.fresh && !self.draws.has_news() {
+            return Ok(());
+        }
+        let Self { stream, scene, kind, pipeline, draws, attachments, recording, .. } = self;
+        let clear = self.fresh;
+        self.fresh = false;
+        let constants = CameraConstants::new(view);
+        recording.measure(|| {
+            stream.submit(kind.name, |commands| {
+                commands.render(attachments.targets(kind, clear), || {
+                    commands.bind(pipeline, &constants);
+                    commands.bind_mesh(scene.vertices(), scene.indices());
+                    draws.record(commands, pipeline);
+                });
+            })
+        })
+    }
+
+    /// Flushes, waits for the device, and says what the frame took since `begin`.
+    pub(crate) fn finish(&mut self) -> Result<PassTiming, GpuError> {
+        self.flush()?;
+        self.stream.wait(self.kind.name)?;
+        Ok(PassTiming { device_ms: self.stream.take_busy_ms(), host_ms: self.recording.take_ms() })
+    }
+
+    /// What a box tester needs to draw over the pass's depth. What was added so far is drawn first.
+    pub(crate) fn over_depth(&mut self) -> Result<OverDepth<'_>, GpuError> {
+        self.flush()?;
+        let Attachments { size, depth, .. } = &mut self.attachments;
+        Ok(OverDepth { stream: &mut self.stream, size: *size, depth })
+    }
+
+    /// Copies the depth to the host and waits for it.
+    pub(crate) fn read_depth(&mut self, into: &mut Option<HostBuffer<f32>>) -> Result<(), GpuError> {
+        self.flush()?;
+        let Attachments { size, depth, .. } = &mut self.attachments;
+        read_back(&mut self.stream, depth, *size, into)
+    }
+
+    /// Copies the colour attachment, if the pass has one, to the host and waits for it.
+    pub(crate) fn read_colour<T: bytemuck::Pod>(
+        &mut self,
+        into: &mut Option<HostBuffer<T>>,
+    ) -> Result<(), GpuError> {
+        self.flush()?;
+        let Attachments { size, colour, .. } = &mut self.attachments;
+        colour.as_mut().map_or(Ok(()), |colour| read_back(&mut self.stream, colour, *size, into))
+    }
+}
+
+/// Copies an image whose texels are `T`s into a host buffer, which is made anew if it has another size.
+fn read_back<T: bytemuck::Pod>(
+    stream: &mut Stream,
+    image: &mut Image,
+    size: Viewport,
+    into: &mut Option<HostBuffer<T>>,
+) -> Result<(), GpuError> {
+    const OPERATION: &str = "reading a picture back";
+    let count = size.width() as usize * size.height() as usize;
+    let buffer = match into.take().filter(|buffer| buffer.len() == count) {
+        Some(buffer) => buffer,
+        None => HostBuffer::new(
+            image.gpu(),
+            "reading a picture back",
+            vk::BufferUsageFlags::TRANSFER_DST,
+            MemoryLocation::GpuToCpu,
+            count,
+        )?,
+    };
+    let buffer = into.insert(buffer);
+    stream.submit(OPERATION, |commands| commands.copy_to_host(image, size, buffer.buffer()))?;
+    stream.wait(OPERATION)
+}
+
+impl Attachments {
+    fn new(gpu: &Arc<Gpu>, kind: &PassKind, size: Viewport) -> Result<Self, GpuError> {
+        let depth = Image::new(gpu, "depth", vk::Format::D32_SFLOAT, size)?;
+        let colour =
+            kind.colour.map(|target| Image::new(gpu, "a picture", target.format, size)).transpose()?;
+        Ok(Self { size, depth, colour })
+    }
+
+    fn targets(&mut self, kind: &PassKind, clear: bool) -> Targets<'_> {
+        let colour = self.colour.as_mut().zip(kind.colour.map(|target| target.background));
+        Targets { size: self.size, colour, depth: &mut self.depth, clear }
+    }
+}

@@ -1,0 +1,154 @@
+//! The picture pass (RVG): shaded colour.
+
+use std::sync::Arc;
+
+use ash::vk;
+use trimaran_cull::{DepthImage, View, Viewport};
+use trimaran_proto::DrawableId;
+
+use crate::memory::HostBuffer;
+use crate::pass::{ColourTarget, PassKind, ScenePass};
+use crate::pipeline::{VertexInput, shader};
+use crate::{GpuError, GpuScene, PassTiming};
+
+/// What shows where nothing is drawn: a light grey sky, as sRGB.
+pub const BACKGROUND: [u8; 4] = [219, 226, 232, 255];
+
+static KIND: PassKind = PassKind {
+    name: "drawing the picture",
+    vertex: shader!("vs_picture"),
+    fragment: Some(shader!("fs_picture")),
+    input: VertexInput::PositionAndColour,
+    colour: Some(ColourTarget {
+        // Not an SRGB format: the shader's output is encoded already.
+        format: vk::Format::R8G8B8A8_UNORM,
+        background: vk::ClearColorValue { float32: [219.0 / 255.0, 226.0 / 255.0, 232.0 / 255.0, 1.0] },
+    }),
+};
+
+/// A picture: sRGB-encoded red, green, blue and alpha (255), 8 bits each, row by row from the top.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Picture {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Four bytes a pixel.
+    pub rgba: Vec<u8>,
+}
+
+/// Draws shaded pictures. Frames alternate between two sets of attachments, so that the next can be prepared and submitted
+/// while the device still draws this one.
+pub struct PicturePass {
+    frames: [Frame; 2],
+    /// The frame that draws go to.
+    current: usize,
+    /// The frame that is read: the last one waited for.
+    readable: usize,
+}
+
+struct Frame {
+    pass: ScenePass,
+    colour: Option<HostBuffer<[u8; 4]>>,
+    depth: Option<HostBuffer<f32>>,
+}
+
+impl PicturePass {
+    /// A pass for pictures of `size` at first.
+    ///
+    /// # Errors
+    /// If the device cannot draw that size, or memory does not suffice.
+    pub fn new(scene: &Arc<GpuScene>, size: Viewport) -> Result<Self, GpuError> {
+        let frame = || Ok(Frame { pass: ScenePass::new(scene, &KIND, size)?, colour: None, depth: None });
+        Ok(Self { frames: [frame()?, frame()?], current: 0, readable: 0 })
+    }
+
+    /// Starts a picture of the view's size, on the set of attachments that was not used last; waits for what is still drawn
+    /// there.
+    ///
+    /// # Errors
+    /// If the device fails, or cannot draw the view's size.
+    pub fn begin(&mut self, view: &View) -> Result<(), GpuError> {
+        self.current ^= 1;
+        self.current().pass.begin(view)
+    }
+
+    /// Adds draws, in this order: of equal depths the later one shows.
+    ///
+    /// # Errors
+    /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), or without memory.
+    pub fn draw(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
+        self.current().pass.draw(ids)
+    }
+
+    /// Hands what was added to the device, which draws it while the host goes on. At the end of a frame this lets the next one
+    /// [`begin`](Self::begin) before this one is [`finish`](Self::finish)ed.
+    ///
+    /// # Errors
+    /// If the device fails, or before [`begin`](Self::begin).
+    pub fn flush(&mut self) -> Result<(), GpuError> {
+        self.current().pass.flush()
+    }
+
+    /// Waits until the picture begun last is drawn, and makes it the one that is read.
+    ///
+    /// # Errors
+    /// If the device fails, or before [`begin`](Self::begin).
+    pub fn finish(&mut self) -> Result<PassTiming, GpuError> {
+        self.readable = self.current;
+        self.current().pass.finish()
+    }
+
+    /// Waits until the picture *before* the one begun last is drawn, and makes it the one that is read: for a caller that
+    /// prepares a frame while the last one is drawn. Before the second frame there is none and the error says so.
+    ///
+    /// # Errors
+    /// If the device fails, or there is no such picture.
+    pub fn finish_previous(&mut self) -> Result<PassTiming, GpuError> {
+        self.readable = self.current ^ 1;
+        self.readable().pass.finish()
+    }
+
+    /// The pixels of the picture finished last: sRGB-encoded red, green, blue and alpha, row by row from the top.
+    ///
+    /// # Errors
+    /// If the device fails, or before [`begin`](Self::begin).
+    pub fn pixels(&mut self) -> Result<&[[u8; 4]], GpuError> {
+        let Frame { pass, colour, .. } = self.readable();
+        pass.read_colour(colour)?;
+        Ok(colour.as_ref().map(HostBuffer::elements).unwrap_or_default())
+    }
+
+    /// Copies the picture finished last into `picture`, whose memory is used again.
+    ///
+    /// # Errors
+    /// If the device fails, or before [`begin`](Self::begin).
+    pub fn read(&mut self, picture: &mut Picture) -> Result<(), GpuError> {
+        let size = self.readable().pass.size();
+        (picture.width, picture.height) = (size.width(), size.height());
+        picture.rgba.clear();
+        picture.rgba.extend_from_slice(self.pixels()?.as_flattened());
+        Ok(())
+    }
+
+    /// The depth of the picture finished last.
+    ///
+    /// # Errors
+    /// If the device fails, or before [`begin`](Self::begin).
+    pub fn read_depth(&mut self) -> Result<DepthImage<'_>, GpuError> {
+        let Frame { pass, depth, .. } = self.readable();
+        pass.read_depth(depth)?;
+        let values = depth.as_ref().map(HostBuffer::elements).unwrap_or_default();
+        DepthImage::new(pass.size(), values).map_err(|_| GpuError::NotBegun(KIND.name))
+    }
+
+    fn current(&mut self) -> &mut Frame {
+        let [even, odd] = &mut self.frames;
+        if self.current == 0 { even } else { odd }
+    }
+
+    fn readable(&mut self) -> &mut Frame {
+        let [even, odd] = &mut self.frames;
+        if self.readable == 0 { even } else { odd }
+    }
+}

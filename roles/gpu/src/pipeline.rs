@@ -1,0 +1,295 @@
+//! Shaders joined into pipelines, and the buffers they read.
+
+use std::ffi::CStr;
+use std::sync::Arc;
+
+use ash::vk;
+use trimaran_scene::Vertex;
+
+use crate::error::During as _;
+use crate::memory::Buffer;
+use crate::{Gpu, GpuError};
+
+/// One compiled entry point.
+#[derive(Clone, Copy)]
+pub(crate) struct Shader {
+    pub(crate) spirv: &'static [u8],
+    pub(crate) entry: &'static CStr,
+}
+
+/// The entry point `$name` as the build script compiled it.
+macro_rules! shader {
+    ($name:literal) => {
+        $crate::pipeline::Shader {
+            spirv: include_bytes!(concat!(env!("OUT_DIR"), "/", $name, ".spv")),
+            entry: {
+                const NAME: &[u8] = concat!($name, "\0").as_bytes();
+                match ::std::ffi::CStr::from_bytes_with_nul(NAME) {
+                    Ok(name) => name,
+                    Err(_) => c"",
+                }
+            },
+        }
+    };
+}
+pub(crate) use shader;
+
+/// What shaders are given: some storage buffers and some push constants, to both stages.
+pub(crate) struct Layout {
+    gpu: Arc<Gpu>,
+    set: vk::DescriptorSetLayout,
+    handle: vk::PipelineLayout,
+    buffers: u32,
+}
+
+impl Layout {
+    /// `buffers` storage buffers at bindings 0 and on, and push constants of the size of `C`.
+    pub(crate) fn new<C>(gpu: &Arc<Gpu>, buffers: u32) -> Result<Arc<Self>, GpuError> {
+        const OPERATION: &str = "laying out a pipeline";
+        let stages = vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT;
+        let bindings: Vec<_> = (0..buffers)
+            .map(|binding| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(binding)
+                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .descriptor_count(1)
+                    .stage_flags(stages)
+            })
+            .collect();
+        let constants =
+            [vk::PushConstantRange { stage_flags: stages, offset: 0, size: size_of::<C>() as u32 }];
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+        // SAFETY: the device is alive and the bindings are distinct.
+        let set = unsafe { gpu.device().create_descriptor_set_layout(&info, None) }.during(OPERATION)?;
+        let mut layout = Self { gpu: Arc::clone(gpu), set, handle: vk::PipelineLayout::null(), buffers };
+        let sets = [set];
+        let info =
+            vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&constants);
+        // SAFETY: the set layout is ours; all push constants used here are within the 128 bytes every device has.
+        layout.handle = unsafe { gpu.device().create_pipeline_layout(&info, None) }.during(OPERATION)?;
+        Ok(Arc::new(layout))
+    }
+
+    pub(crate) const fn handle(&self) -> vk::PipelineLayout {
+        self.handle
+    }
+}
+
+impl Drop for Layout {
+    fn drop(&mut self) {
+        // SAFETY: both are ours (the second may be null); pipelines hold the layout, so none is in use.
+        unsafe {
+            self.gpu.device().destroy_pipeline_layout(self.handle, None);
+            self.gpu.device().destroy_descriptor_set_layout(self.set, None);
+        }
+    }
+}
+
+/// Buffers bound together. Whoever holds it keeps the buffers as long.
+pub(crate) struct BindingSet {
+    layout: Arc<Layout>,
+    pool: vk::DescriptorPool,
+    handle: vk::DescriptorSet,
+}
+
+impl BindingSet {
+    /// Binds `buffers`, as many as the layout has, in order, each as a whole.
+    pub(crate) fn new(layout: &Arc<Layout>, buffers: &[&Buffer]) -> Result<Self, GpuError> {
+        const OPERATION: &str = "binding buffers";
+        let device = layout.gpu.device();
+        let sizes = [vk::DescriptorPoolSize {
+            ty: vk::DescriptorType::STORAGE_BUFFER,
+            descriptor_count: layout.buffers,
+        }];
+        let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
+        // SAFETY: the device is alive.
+        let pool = unsafe { device.create_descriptor_pool(&info, None) }.during(OPERATION)?;
+        let mut set = Self { layout: Arc::clone(layout), pool, handle: vk::DescriptorSet::null() };
+        let layouts = [layout.set];
+        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+        // SAFETY: the pool has room for one set of this layout.
+        let sets = unsafe { device.allocate_descriptor_sets(&info) }.during(OPERATION)?;
+        set.handle = sets.first().copied().unwrap_or_default();
+        let infos: Vec<_> = buffers
+            .iter()
+            .map(|buffer| [vk::DescriptorBufferInfo::default().buffer(buffer.handle()).range(vk::WHOLE_SIZE)])
+            .collect();
+        let writes: Vec<_> = infos
+            .iter()
+            .zip(0..layout.buffers)
+            .map(|(info, binding)| {
+                vk::WriteDescriptorSet::default()
+                    .dst_set(set.handle)
+                    .dst_binding(binding)
+                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .buffer_info(info)
+            })
+            .collect();
+        // SAFETY: the set is fresh, so not in use; the buffers are alive storage buffers.
+        unsafe { device.update_descriptor_sets(&writes, &[]) };
+        Ok(set)
+    }
+
+    pub(crate) const fn handle(&self) -> vk::DescriptorSet {
+        self.handle
+    }
+}
+
+impl Drop for BindingSet {
+    fn drop(&mut self) {
+        // SAFETY: work that uses the set is done, as for the buffers it binds; the set goes with its pool.
+        unsafe { self.layout.gpu.device().destroy_descriptor_pool(self.pool, None) };
+    }
+}
+
+/// What a vertex shader reads of a [`Vertex`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum VertexInput {
+    None,
+    Position,
+    PositionAndColour,
+}
+
+/// What sets the pipelines apart; all else they share: triangles, both sides, reversed-z depth test, no blending.
+pub(crate) struct PipelineDesc {
+    pub(crate) vertex: Shader,
+    pub(crate) fragment: Option<Shader>,
+    pub(crate) input: VertexInput,
+    pub(crate) colour: Option<vk::Format>,
+    pub(crate) depth_write: bool,
+}
+
+/// A graphics pipeline.
+pub(crate) struct Pipeline {
+    layout: Arc<Layout>,
+    handle: vk::Pipeline,
+}
+
+impl Pipeline {
+    pub(crate) fn new(layout: &Arc<Layout>, desc: &PipelineDesc) -> Result<Self, GpuError> {
+        let vertex = Module::new(&layout.gpu, desc.vertex)?;
+        let fragment = desc.fragment.map(|shader| Module::new(&layout.gpu, shader)).transpose()?;
+        let mut stages = vec![vertex.stage(vk::ShaderStageFlags::VERTEX)];
+        stages.extend(fragment.iter().map(|module| module.stage(vk::ShaderStageFlags::FRAGMENT)));
+
+        let (bindings, attributes) = vertex_input(desc.input);
+        let input = vk::PipelineVertexInputStateCreateInfo::default()
+            .vertex_binding_descriptions(&bindings)
+            .vertex_attribute_descriptions(&attributes);
+        let assembly = vk::PipelineInputAssemblyStateCreateInfo::default()
+            .topology(vk::PrimitiveTopology::TRIANGLE_LIST);
+        let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
+        let raster = vk::PipelineRasterizationStateCreateInfo::default()
+            .polygon_mode(vk::PolygonMode::FILL)
+            .cull_mode(vk::CullModeFlags::NONE)
+            .line_width(1.0);
+        let samples = vk::PipelineMultisampleStateCreateInfo::default()
+            .rasterization_samples(vk::SampleCountFlags::TYPE_1);
+        // Equal depths pass: doubt means visible, and the last drawn of equals wins in every pass alike.
+        let depth = vk::PipelineDepthStencilStateCreateInfo::default()
+            .depth_test_enable(true)
+            .depth_write_enable(desc.depth_write)
+            .depth_compare_op(vk::CompareOp::GREATER_OR_EQUAL);
+        let formats: Vec<_> = desc.colour.into_iter().collect();
+        let writes: Vec<_> = formats
+            .iter()
+            .map(|_| {
+                vk::PipelineColorBlendAttachmentState::default()
+                    .color_write_mask(vk::ColorComponentFlags::RGBA)
+            })
+            .collect();
+        let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&writes);
+        let dynamic_states = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
+        let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic_states);
+        let mut rendering = vk::PipelineRenderingCreateInfo::default()
+            .color_attachment_formats(&formats)
+            .depth_attachment_format(vk::Format::D32_SFLOAT);
+        let info = vk::GraphicsPipelineCreateInfo::default()
+            .stages(&stages)
+            .vertex_input_state(&input)
+            .input_assembly_state(&assembly)
+            .viewport_state(&viewport)
+            .rasterization_state(&raster)
+            .multisample_state(&samples)
+            .depth_stencil_state(&depth)
+            .color_blend_state(&blend)
+            .dynamic_state(&dynamic)
+            .layout(layout.handle)
+            .push_next(&mut rendering);
+        // SAFETY: all that `info` points to lives through the call; the shaders were validated when they were compiled and use no more than
+        // the layout and the enabled features give.
+        let made = unsafe {
+            layout.gpu.device().create_graphics_pipelines(vk::PipelineCache::null(), &[info], None)
+        };
+        let handles = made.map_err(|(_, code)| GpuError::from_vk("making a pipeline", code))?;
+        let handle = handles.first().copied().unwrap_or_default();
+        Ok(Self { layout: Arc::clone(layout), handle })
+    }
+
+    pub(crate) const fn handle(&self) -> vk::Pipeline {
+        self.handle
+    }
+
+    pub(crate) fn layout(&self) -> &Layout {
+        &self.layout
+    }
+}
+
+impl Drop for Pipeline {
+    fn drop(&mut self) {
+        // SAFETY: the stream that used it is done: owners declare their stream first.
+        unsafe { self.layout.gpu.device().destroy_pipeline(self.handle, None) };
+    }
+}
+
+fn vertex_input(
+    input: VertexInput,
+) -> (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>) {
+    let binding = vk::VertexInputBindingDescription {
+        binding: 0,
+        stride: size_of::<Vertex>() as u32,
+        input_rate: vk::VertexInputRate::VERTEX,
+    };
+    let attribute = |location, format, offset| vk::VertexInputAttributeDescription {
+        location,
+        binding: 0,
+        format,
+        offset: offset as u32,
+    };
+    let position = attribute(0, vk::Format::R32G32B32_SFLOAT, std::mem::offset_of!(Vertex, position));
+    let colour = attribute(1, vk::Format::R8G8B8A8_UNORM, std::mem::offset_of!(Vertex, colour));
+    match input {
+        VertexInput::None => (vec![], vec![]),
+        VertexInput::Position => (vec![binding], vec![position]),
+        VertexInput::PositionAndColour => (vec![binding], vec![position, colour]),
+    }
+}
+
+/// A shader module, needed only while pipelines are made of it.
+struct Module<'a> {
+    gpu: &'a Gpu,
+    handle: vk::ShaderModule,
+    entry: &'static CStr,
+}
+
+impl<'a> Module<'a> {
+    fn new(gpu: &'a Gpu, shader: Shader) -> Result<Self, GpuError> {
+        let words: Vec<u32> =
+            shader.spirv.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word)).collect();
+        let info = vk::ShaderModuleCreateInfo::default().code(&words);
+        // SAFETY: the words are SPIR-V that naga wrote from a validated module.
+        let handle = unsafe { gpu.device().create_shader_module(&info, None) }.during("loading a shader")?;
+        Ok(Self { gpu, handle, entry: shader.entry })
+    }
+
+    fn stage(&self, stage: vk::ShaderStageFlags) -> vk::PipelineShaderStageCreateInfo<'_> {
+        vk::PipelineShaderStageCreateInfo::default().stage(stage).module(self.handle).name(self.entry)
+    }
+}
+
+impl Drop for Module<'_> {
+    fn drop(&mut self) {
+        // SAFETY: ours; pipelines do not need it once they are made.
+        unsafe { self.gpu.device().destroy_shader_module(self.handle, None) };
+    }
+}

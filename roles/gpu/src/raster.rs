@@ -1,0 +1,151 @@
+//! Testing boxes by counting the fragments that pass the depth test.
+
+use std::sync::Arc;
+
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use trimaran_cull::{Answer, BoxTester, TestBox, View};
+
+use crate::boxes::{self, BoxRecord};
+use crate::camera::ProjectionConstants;
+use crate::memory::{Buffer, HostBuffer};
+use crate::pass::{OverDepth, ScenePass};
+use crate::pipeline::{BindingSet, Layout, Pipeline, PipelineDesc, VertexInput, shader};
+use crate::{Gpu, GpuError, OccluderPass};
+
+/// Tests boxes by one instanced draw of a whole batch: a fragment that passes the early depth test adds one to its box's
+/// count. The counts are those of [`QueryTester`](crate::QueryTester), at a fraction of the cost while boxes are small.
+pub struct RasterTester<'a> {
+    pass: &'a mut ScenePass,
+    boxes: &'a mut RasterBoxes,
+}
+
+const OPERATION: &str = "testing boxes by counting fragments";
+
+/// What counting needs, kept from frame to frame.
+pub(crate) struct RasterBoxes {
+    layout: Arc<Layout>,
+    pipeline: Pipeline,
+    room: Option<Room>,
+    records: Vec<BoxRecord>,
+    owners: Vec<u32>,
+}
+
+/// Room on the device for a batch of so many boxes.
+struct Room {
+    set: BindingSet,
+    records: HostBuffer<BoxRecord>,
+    /// Where the device counts: its own memory, for atomics across a bus are slow.
+    counts: Buffer,
+    /// Where the host reads.
+    results: HostBuffer<u32>,
+}
+
+impl<'a> RasterTester<'a> {
+    pub(crate) fn new(occluders: &'a mut OccluderPass) -> Result<Self, GpuError> {
+        let OccluderPass { pass, raster, .. } = occluders;
+        let boxes = match raster.take() {
+            Some(boxes) => boxes,
+            None => RasterBoxes::new(pass.gpu())?,
+        };
+        Ok(Self { pass, boxes: raster.insert(boxes) })
+    }
+}
+
+impl BoxTester for RasterTester<'_> {
+    type Error = GpuError;
+
+    fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), GpuError> {
+        let Self { pass, boxes: RasterBoxes { layout, pipeline, room, records, owners } } = self;
+        boxes::prepare(view, boxes, visible, records, owners);
+        let constants = ProjectionConstants::new(view);
+        let write = (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE);
+        let zeroed = (vk::PipelineStageFlags2::CLEAR, vk::AccessFlags2::TRANSFER_WRITE);
+        let count = (
+            vk::PipelineStageFlags2::FRAGMENT_SHADER,
+            vk::AccessFlags2::SHADER_STORAGE_READ | vk::AccessFlags2::SHADER_STORAGE_WRITE,
+        );
+        let copy = (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_READ);
+        let host = (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ);
+        for (records, owners) in boxes::batches(records, owners) {
+            let room = Room::fit(room, pass.gpu(), layout, records.len())?;
+            room.records.elements_mut()[..records.len()].copy_from_slice(records);
+            let OverDepth { stream, size, depth } = pass.over_depth()?;
+            stream.submit(OPERATION, |commands| {
+                commands.zero(&room.counts);
+                commands.barrier(zeroed, count);
+                commands.render(OverDepth::targets(depth, size), || {
+                    commands.bind(pipeline, &constants);
+                    commands.bind_set(pipeline, &room.set);
+                    commands.draw(boxes::VERTICES, 0..records.len() as u32);
+                });
+                commands.barrier(count, copy);
+                let bytes = size_of_val(owners) as u64;
+                commands.copy(&room.counts, room.results.buffer(), 0, bytes);
+                commands.barrier(write, host);
+            })?;
+            stream.wait(OPERATION)?;
+            boxes::hand_out(room.results.elements(), owners, visible);
+        }
+        Ok(())
+    }
+
+    fn answer(&self) -> Answer {
+        Answer::PixelCount
+    }
+}
+
+impl RasterBoxes {
+    fn new(gpu: &Arc<Gpu>) -> Result<Self, GpuError> {
+        let layout = Layout::new::<ProjectionConstants>(gpu, 2)?;
+        let pipeline = Pipeline::new(
+            &layout,
+            &PipelineDesc {
+                vertex: shader!("vs_counted_box"),
+                fragment: Some(shader!("fs_count")),
+                input: VertexInput::None,
+                colour: None,
+                depth_write: false,
+            },
+        )?;
+        Ok(Self { layout, pipeline, room: None, records: vec![], owners: vec![] })
+    }
+}
+
+impl Room {
+    /// The room there is if it is large enough, else a larger one.
+    fn fit<'r>(
+        room: &'r mut Option<Self>,
+        gpu: &Arc<Gpu>,
+        layout: &Arc<Layout>,
+        boxes: usize,
+    ) -> Result<&'r mut Self, GpuError> {
+        let kept = match room.take().filter(|room| room.records.len() >= boxes) {
+            Some(room) => room,
+            None => Self::new(gpu, layout, boxes.next_power_of_two())?,
+        };
+        Ok(room.insert(kept))
+    }
+
+    fn new(gpu: &Arc<Gpu>, layout: &Arc<Layout>, boxes: usize) -> Result<Self, GpuError> {
+        use vk::BufferUsageFlags as Usage;
+        let records =
+            HostBuffer::new(gpu, "boxes to test", Usage::STORAGE_BUFFER, MemoryLocation::CpuToGpu, boxes)?;
+        let counts = Buffer::new(
+            gpu,
+            "counts of boxes",
+            Usage::STORAGE_BUFFER | Usage::TRANSFER_DST | Usage::TRANSFER_SRC,
+            MemoryLocation::GpuOnly,
+            (boxes * size_of::<u32>()) as u64,
+        )?;
+        let results = HostBuffer::new(
+            gpu,
+            "counts of boxes read back",
+            Usage::TRANSFER_DST,
+            MemoryLocation::GpuToCpu,
+            boxes,
+        )?;
+        let set = BindingSet::new(layout, &[records.buffer(), &counts])?;
+        Ok(Self { set, records, counts, results })
+    }
+}

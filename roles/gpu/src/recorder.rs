@@ -1,0 +1,251 @@
+//! Recording commands: the few that the passes use, typed.
+//!
+//! Every method here records into a command buffer that [`Stream::submit`](crate::stream::Stream::submit) has begun. What makes each call
+//! sound is the same: handles come from living wrappers, and the stream's owner keeps these alive until the stream is done.
+
+use ash::vk;
+use trimaran_cull::Viewport;
+
+use crate::memory::{Buffer, Image, ImageUse, whole};
+use crate::pipeline::{BindingSet, Pipeline};
+
+/// A command buffer being recorded.
+pub(crate) struct Recorder<'a> {
+    device: &'a ash::Device,
+    commands: vk::CommandBuffer,
+}
+
+/// The attachments of a render pass and what to do with them first.
+pub(crate) struct Targets<'a> {
+    pub(crate) size: Viewport,
+    pub(crate) colour: Option<(&'a mut Image, vk::ClearColorValue)>,
+    pub(crate) depth: &'a mut Image,
+    /// Whether to clear both first (depth to 0, the far end), or to go on from what is there.
+    pub(crate) clear: bool,
+}
+
+impl<'a> Recorder<'a> {
+    pub(crate) const fn new(device: &'a ash::Device, commands: vk::CommandBuffer) -> Self {
+        Self { device, commands }
+    }
+
+    /// Runs `draw` inside a render pass over the targets.
+    pub(crate) fn render(&self, targets: Targets<'_>, draw: impl FnOnce()) {
+        let Targets { size, colour, depth, clear } = targets;
+        let load_op = if clear { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD };
+        self.hand_over(depth, ImageUse::Depth, clear);
+        let depth_info = vk::RenderingAttachmentInfo::default()
+            .image_view(depth.view())
+            .image_layout(ImageUse::Depth.layout())
+            .load_op(load_op)
+            .store_op(vk::AttachmentStoreOp::STORE)
+            .clear_value(vk::ClearValue {
+                depth_stencil: vk::ClearDepthStencilValue { depth: 0.0, stencil: 0 },
+            });
+        let colours: Vec<_> = colour
+            .into_iter()
+            .map(|(image, background)| {
+                self.hand_over(image, ImageUse::Colour, clear);
+                vk::RenderingAttachmentInfo::default()
+                    .image_view(image.view())
+                    .image_layout(ImageUse::Colour.layout())
+                    .load_op(load_op)
+                    .store_op(vk::AttachmentStoreOp::STORE)
+                    .clear_value(vk::ClearValue { color: background })
+            })
+            .collect();
+        let extent = vk::Extent2D { width: size.width(), height: size.height() };
+        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent };
+        let info = vk::RenderingInfo::default()
+            .render_area(area)
+            .layer_count(1)
+            .color_attachments(&colours)
+            .depth_attachment(&depth_info);
+        let viewport = vk::Viewport {
+            x: 0.0,
+            y: 0.0,
+            width: size.width() as f32,
+            height: size.height() as f32,
+            min_depth: 0.0,
+            max_depth: 1.0,
+        };
+        // SAFETY: the module's rule; the attachments are in the layouts named and of the size named.
+        unsafe {
+            self.device.cmd_begin_rendering(self.commands, &info);
+            self.device.cmd_set_viewport(self.commands, 0, &[viewport]);
+            self.device.cmd_set_scissor(self.commands, 0, &[area]);
+        }
+        draw();
+        // SAFETY: a render pass was begun above, and nothing else ends one.
+        unsafe { self.device.cmd_end_rendering(self.commands) };
+    }
+
+    /// Draws with this pipeline and these constants from here on.
+    pub(crate) fn bind<C: bytemuck::NoUninit>(&self, pipeline: &Pipeline, constants: &C) {
+        // SAFETY: the module's rule; the layout's push constants are of this size (`Layout::new`).
+        unsafe {
+            self.device.cmd_bind_pipeline(self.commands, vk::PipelineBindPoint::GRAPHICS, pipeline.handle());
+            self.device.cmd_push_constants(
+                self.commands,
+                pipeline.layout().handle(),
+                vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT,
+                0,
+                bytemuck::bytes_of(constants),
+            );
+        }
+    }
+
+    /// Uses these buffers' contents from here on.
+    pub(crate) fn bind_set(&self, pipeline: &Pipeline, set: &BindingSet) {
+        // SAFETY: the module's rule; sets and pipelines that meet here share a layout.
+        unsafe {
+            self.device.cmd_bind_descriptor_sets(
+                self.commands,
+                vk::PipelineBindPoint::GRAPHICS,
+                pipeline.layout().handle(),
+                0,
+                &[set.handle()],
+                &[],
+            );
+        }
+    }
+
+    /// Uses these vertices and 32-bit indices from here on.
+    pub(crate) fn bind_mesh(&self, vertices: &Buffer, indices: &Buffer) {
+        // SAFETY: the module's rule; the buffers were made with these usages.
+        unsafe {
+            self.device.cmd_bind_vertex_buffers(self.commands, 0, &[vertices.handle()], &[0]);
+            self.device.cmd_bind_index_buffer(self.commands, indices.handle(), 0, vk::IndexType::UINT32);
+        }
+    }
+
+    /// Draws `count` commands of `commands`, from `first` on, in one call.
+    pub(crate) fn draw_indexed_indirect(&self, commands: &Buffer, first: usize, count: usize) {
+        let stride = size_of::<vk::DrawIndexedIndirectCommand>();
+        // SAFETY: the module's rule; callers pass ranges inside the buffer, and no more than a chunk, which is below every device's
+        // maxDrawIndirectCount (65535 at least with multiDrawIndirect).
+        unsafe {
+            self.device.cmd_draw_indexed_indirect(
+                self.commands,
+                commands.handle(),
+                (first * stride) as u64,
+                count as u32,
+                stride as u32,
+            );
+        }
+    }
+
+    /// Draws `vertices` vertices for each of `instances`, without a mesh.
+    pub(crate) fn draw(&self, vertices: u32, instances: std::ops::Range<u32>) {
+        // SAFETY: the module's rule; the pipeline bound takes no vertex buffers.
+        unsafe {
+            self.device.cmd_draw(
+                self.commands,
+                vertices,
+                instances.end - instances.start,
+                0,
+                instances.start,
+            );
+        }
+    }
+
+    /// Resets queries; outside of a render pass.
+    pub(crate) fn reset_queries(&self, pool: vk::QueryPool, count: u32) {
+        // SAFETY: the module's rule; the pool has at least `count` queries, none of them in use.
+        unsafe { self.device.cmd_reset_query_pool(self.commands, pool, 0, count) };
+    }
+
+    /// Counts precisely the samples that `draw` passes.
+    pub(crate) fn query(&self, pool: vk::QueryPool, index: u32, draw: impl FnOnce()) {
+        // SAFETY: the module's rule; the query lies in the pool and was reset, occlusionQueryPrecise is enabled, and begin and end lie in
+        // one render pass.
+        unsafe {
+            self.device.cmd_begin_query(self.commands, pool, index, vk::QueryControlFlags::PRECISE);
+            draw();
+            self.device.cmd_end_query(self.commands, pool, index);
+        }
+    }
+
+    /// Copies a whole image into a host-visible buffer that holds it tightly packed, top row first, and makes it visible to
+    /// the host.
+    pub(crate) fn copy_to_host(&self, image: &mut Image, size: Viewport, buffer: &Buffer) {
+        self.hand_over(image, ImageUse::CopySource, false);
+        let region = vk::BufferImageCopy::default()
+            .image_subresource(vk::ImageSubresourceLayers {
+                aspect_mask: image.aspect(),
+                mip_level: 0,
+                base_array_layer: 0,
+                layer_count: 1,
+            })
+            .image_extent(vk::Extent3D { width: size.width(), height: size.height(), depth: 1 });
+        // SAFETY: the module's rule; the image is in the layout named and the buffer as large as its texels.
+        unsafe {
+            self.device.cmd_copy_image_to_buffer(
+                self.commands,
+                image.handle(),
+                ImageUse::CopySource.layout(),
+                buffer.handle(),
+                &[region],
+            );
+        }
+        self.barrier(
+            (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE),
+            (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ),
+        );
+    }
+
+    /// Sets a buffer to zero, before shaders count in it.
+    pub(crate) fn zero(&self, buffer: &Buffer) {
+        // SAFETY: the module's rule; the buffer was made to be written by transfers, and its size is a multiple of 4.
+        unsafe { self.device.cmd_fill_buffer(self.commands, buffer.handle(), 0, vk::WHOLE_SIZE, 0) };
+    }
+
+    /// Copies bytes from one buffer to another.
+    pub(crate) fn copy(&self, from: &Buffer, to: &Buffer, to_offset: u64, bytes: u64) {
+        let region = vk::BufferCopy { src_offset: 0, dst_offset: to_offset, size: bytes };
+        // SAFETY: the module's rule; callers pass ranges inside both buffers.
+        unsafe { self.device.cmd_copy_buffer(self.commands, from.handle(), to.handle(), &[region]) };
+    }
+
+    /// Orders all memory accesses of the first scope before those of the second.
+    pub(crate) fn barrier(
+        &self,
+        from: (vk::PipelineStageFlags2, vk::AccessFlags2),
+        to: (vk::PipelineStageFlags2, vk::AccessFlags2),
+    ) {
+        let barriers = [vk::MemoryBarrier2::default()
+            .src_stage_mask(from.0)
+            .src_access_mask(from.1)
+            .dst_stage_mask(to.0)
+            .dst_access_mask(to.1)];
+        let info = vk::DependencyInfo::default().memory_barriers(&barriers);
+        // SAFETY: the module's rule; synchronization2 is enabled and no render pass is open.
+        unsafe { self.device.cmd_pipeline_barrier2(self.commands, &info) };
+    }
+
+    /// Orders an image's next use after its last, and puts it into the layout of the next. With `discard` its content may go.
+    fn hand_over(&self, image: &mut Image, next: ImageUse, discard: bool) {
+        let (stage, access) = next.scope();
+        let (from_stage, from_access) =
+            image.last_use.map_or((vk::PipelineStageFlags2::NONE, vk::AccessFlags2::NONE), ImageUse::scope);
+        let from_layout = match image.last_use {
+            Some(last) if !discard => last.layout(),
+            _ => vk::ImageLayout::UNDEFINED,
+        };
+        let barriers = [vk::ImageMemoryBarrier2::default()
+            .src_stage_mask(from_stage)
+            .src_access_mask(from_access)
+            .dst_stage_mask(stage)
+            .dst_access_mask(access)
+            .old_layout(from_layout)
+            .new_layout(next.layout())
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .image(image.handle())
+            .subresource_range(whole(image.aspect()))];
+        let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
+        // SAFETY: the module's rule; the old layout is the one the image was left in, or UNDEFINED; no render pass is open.
+        unsafe { self.device.cmd_pipeline_barrier2(self.commands, &info) };
+        image.last_use = Some(next);
+    }
+}

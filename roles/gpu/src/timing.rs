@@ -1,0 +1,38 @@
+//! What a pass took.
+
+use std::time::Instant;
+
+/// What a frame's pass took, in milliseconds.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PassTiming {
+    /// The device's time between its own timestamps around each piece of work, summed; idle time between pieces does not
+    /// count. On a CPU driver this is wall time, other work on the same cores included. 0 where the device has no timestamps.
+    pub device_ms: f64,
+    /// The host's time to prepare and record the draws.
+    pub host_ms: f64,
+}
+
+/// Sums the time that some work takes.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Stopwatch {
+    ms: f64,
+}
+
+impl Stopwatch {
+    /// Runs `work` and adds the time it took.
+    #[allow(
+        clippy::disallowed_methods,
+        reason = "the one clock of this crate's measurements; nothing waits on it"
+    )]
+    pub(crate) fn measure<T>(&mut self, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let result = work();
+        self.ms += start.elapsed().as_secs_f64() * 1e3;
+        result
+    }
+
+    /// The sum so far; starts again from 0.
+    pub(crate) const fn take_ms(&mut self) -> f64 {
+        std::mem::replace(&mut self.ms, 0.0)
+    }
+}
