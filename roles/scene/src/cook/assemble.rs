@@ -1,0 +1,164 @@
+//! Lays out the arrays of the scene.
+
+use glam::{DVec3, Mat3, Vec3};
+
+use super::CookError;
+use super::hlod::{Merged, MergedLevel};
+use super::levels::{Level, LeveledMesh};
+use super::linear::WorldBox;
+use super::placed::Leaf;
+use super::tree::TreeNode;
+use crate::{Drawable, Model, Node, ObjectRecord, SceneArrays, SceneError};
+
+/// Where a mesh or merged level went.
+#[derive(Debug, Clone, Copy)]
+struct Range {
+    first_index: u32,
+    index_count: u32,
+    vertex_offset: u32,
+    vertex_count: u32,
+}
+
+/// Puts the tree, its levels and the objects' names into arrays.
+pub(super) fn assemble(
+    model: &Model,
+    meshes: &[Option<LeveledMesh>],
+    leaves: &[Leaf],
+    tree: &[TreeNode],
+    merged: Vec<Option<Merged>>,
+) -> Result<SceneArrays, CookError> {
+    let mut arrays = SceneArrays::default();
+    record_objects(model, &mut arrays)?;
+    let ranges = add_meshes(meshes, &mut arrays)?;
+    for ((index, node), merged) in (0_u32..).zip(tree).zip(merged) {
+        let mut record = Node {
+            parent: node.parent.unwrap_or(Node::NONE),
+            first_child: node.children.start,
+            child_count: node.children.len() as u32,
+            first_drawable: number("drawables", arrays.drawables.len())?,
+            ..blank()
+        };
+        let leaf = node.item.and_then(|item| leaves.get(item as usize));
+        let mesh = leaf.and_then(|leaf| meshes.get(leaf.mesh as usize)?.as_ref());
+        if let (Some(leaf), Some(mesh)) = (leaf, mesh) {
+            place_leaf(&mut record, leaf, mesh);
+            let ranges = ranges.get(leaf.mesh as usize).map_or(&[][..], Vec::as_slice);
+            for (level, range) in mesh.levels.iter().zip(ranges) {
+                arrays.drawables.push(drawable(index, leaf.world_error(level.error), *range));
+            }
+        } else if let Some(merged) = merged {
+            place_inner(&mut record, merged.origin, merged.bounds);
+            if let Some(level) = merged.level {
+                let error = level.error;
+                let range = add_merged(level, &mut arrays)?;
+                arrays.drawables.push(drawable(index, error, range));
+            }
+        }
+        record.drawable_count = number("drawables", arrays.drawables.len())? - record.first_drawable;
+        arrays.nodes.push(record);
+    }
+    raise_errors(&mut arrays);
+    Ok(arrays)
+}
+
+fn blank() -> Node {
+    Node { linear: Mat3::IDENTITY.to_cols_array(), object: Node::NONE, ..bytemuck::Zeroable::zeroed() }
+}
+
+fn place_leaf(record: &mut Node, leaf: &Leaf, mesh: &LeveledMesh) {
+    record.world_min = leaf.world.min.to_array();
+    record.world_max = leaf.world.max.to_array();
+    record.origin = leaf.origin.to_array();
+    record.linear = leaf.linear.to_cols_array();
+    record.local_min = mesh.min.to_array();
+    record.local_max = mesh.max.to_array();
+    record.object = leaf.object;
+}
+
+fn place_inner(record: &mut Node, origin: DVec3, bounds: WorldBox) {
+    record.world_min = bounds.min.to_array();
+    record.world_max = bounds.max.to_array();
+    record.origin = origin.to_array();
+    // One step outwards covers the rounding of the difference and of the conversion.
+    let low = (bounds.min - origin).as_vec3();
+    let high = (bounds.max - origin).as_vec3();
+    record.local_min = Vec3::new(low.x.next_down(), low.y.next_down(), low.z.next_down()).to_array();
+    record.local_max = Vec3::new(high.x.next_up(), high.y.next_up(), high.z.next_up()).to_array();
+}
+
+fn drawable(node: u32, error: f32, range: Range) -> Drawable {
+    let Range { first_index, index_count, vertex_offset, vertex_count } = range;
+    Drawable { error, node, first_index, index_count, vertex_offset, vertex_count }
+}
+
+fn record_objects(model: &Model, arrays: &mut SceneArrays) -> Result<(), CookError> {
+    arrays.sources = model.sources.iter().map(|source| source.name.clone()).collect();
+    for object in &model.objects {
+        arrays.objects.push(ObjectRecord {
+            source: object.source,
+            source_index: object.source_index,
+            name_start: number("bytes of names", arrays.names.len())?,
+            name_length: number("bytes of names", object.name.len())?,
+        });
+        arrays.names.push_str(&object.name);
+    }
+    Ok(())
+}
+
+/// Adds all levels of all meshes; returns where each went.
+fn add_meshes(
+    meshes: &[Option<LeveledMesh>],
+    arrays: &mut SceneArrays,
+) -> Result<Vec<Vec<Range>>, CookError> {
+    let present = || meshes.iter().flatten();
+    arrays.vertices.reserve(present().map(|mesh| mesh.vertices.len()).sum());
+    arrays.indices.reserve(present().flat_map(|mesh| &mesh.levels).map(|level| level.indices.len()).sum());
+    let add = |mesh: &Option<LeveledMesh>| {
+        let Some(mesh) = mesh else { return Ok(Vec::new()) };
+        let vertex_offset = number("vertices", arrays.vertices.len())?;
+        arrays.vertices.extend_from_slice(&mesh.vertices);
+        let mut add_level = |level: &Level| {
+            let first_index = number("indices", arrays.indices.len())?;
+            arrays.indices.extend_from_slice(&level.indices);
+            let index_count = number("indices", level.indices.len())?;
+            Ok(Range { first_index, index_count, vertex_offset, vertex_count: level.vertex_count })
+        };
+        mesh.levels.iter().map(&mut add_level).collect()
+    };
+    meshes.iter().map(add).collect()
+}
+
+fn add_merged(level: MergedLevel, arrays: &mut SceneArrays) -> Result<Range, CookError> {
+    let range = Range {
+        first_index: number("indices", arrays.indices.len())?,
+        index_count: number("indices", level.indices.len())?,
+        vertex_offset: number("vertices", arrays.vertices.len())?,
+        vertex_count: number("vertices", level.vertices.len())?,
+    };
+    arrays.vertices.extend_from_slice(&level.vertices);
+    arrays.indices.extend_from_slice(&level.indices);
+    Ok(range)
+}
+
+/// Makes errors monotone: no level of a node may have a smaller error than one of a node below it. Merging adds to the
+/// errors of what it merges, so this changes nothing but what rounding left.
+fn raise_errors(arrays: &mut SceneArrays) {
+    let mut coarsest = vec![0.0_f32; arrays.nodes.len()];
+    for (index, node) in arrays.nodes.iter().enumerate().rev() {
+        let below = node.children().filter_map(|c| coarsest.get(c as usize)).fold(0.0, |m: f32, &e| m.max(e));
+        let (first, count) = (node.first_drawable as usize, node.drawable_count as usize);
+        let mut error = below;
+        for drawable in arrays.drawables.iter_mut().skip(first).take(count) {
+            error = error.max(drawable.error);
+            drawable.error = error;
+        }
+        if let Some(slot) = coarsest.get_mut(index) {
+            *slot = error;
+        }
+    }
+}
+
+/// A count or position as the format's `u32`.
+fn number(what: &'static str, count: usize) -> Result<u32, CookError> {
+    u32::try_from(count).map_err(|_| CookError::Scene(SceneError::TooMany { what, count }))
+}

@@ -1,0 +1,242 @@
+//! The certificate: an upper bound of the two-sided Hausdorff distance between two triangle meshes.
+//!
+//! Branch and bound. The distance to a surface changes by at most the way one walks (it is 1-Lipschitz), and the distance to
+//! *one* triangle is a convex function, so over a piece of the other mesh it is greatest at a corner. Both bound the distance
+//! over a whole triangle from its corners alone; most triangles are settled by that. The rest are halved, worst first, until
+//! the worst bound is within 5 % of the largest distance seen.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use glam::Vec3;
+
+use super::bvh::{Bvh, Nearest};
+
+/// How far the bound may be above the largest distance seen: 5 %.
+const GAP: f32 = 1.05;
+/// Distances below this part of the meshes' extent are as good as none (0.05 pixels where the mesh fills 1,000).
+const FLOOR: f32 = 5e-5;
+/// Rounding of coordinates and distances, as part of the largest coordinate.
+const ROUNDING: f32 = 1e-6;
+/// Halvings allowed for each triangle of the two meshes; where they run out, the bound is what has been shown until then.
+const HALVINGS: usize = 8;
+
+/// A mesh with its hierarchy, ready to be measured against others.
+#[derive(Debug)]
+pub(super) struct Surface<'a> {
+    pub(super) positions: &'a [Vec3],
+    pub(super) indices: &'a [u32],
+    bvh: Bvh,
+}
+
+impl<'a> Surface<'a> {
+    pub(super) fn new(positions: &'a [Vec3], indices: &'a [u32]) -> Self {
+        Self { positions, indices, bvh: Bvh::new(positions, indices) }
+    }
+
+    fn corner(&self, index: u32) -> Vec3 {
+        self.positions.get(index as usize).copied().unwrap_or_default()
+    }
+}
+
+/// An upper bound of the two-sided Hausdorff distance between two meshes, given as positions and corner indices in one frame:
+/// no point of either is farther than this from the other. At most 5 % above the distance, unless that is below 5e-5 of the
+/// meshes' extent. Two meshes without triangles are 0 apart; one without is infinitely far from one with.
+///
+/// Indices past the positions count as the origin. Not-finite positions give a meaningless result, never a panic.
+#[must_use]
+pub fn hausdorff_bound(a: (&[Vec3], &[u32]), b: (&[Vec3], &[u32])) -> f32 {
+    bound(&Surface::new(a.0, a.1), &Surface::new(b.0, b.1))
+}
+
+/// As [`hausdorff_bound`].
+pub(super) fn bound(a: &Surface<'_>, b: &Surface<'_>) -> f32 {
+    match (a.indices.len() < 3, b.indices.len() < 3) {
+        (true, true) => return 0.0,
+        (false, false) => {}
+        _ => return f32::INFINITY,
+    }
+    let used =
+        |s: &Surface<'_>| s.indices.iter().fold(0.0_f32, |m, &i| m.max(s.corner(i).abs().max_element()));
+    let extent = used(a).max(used(b));
+    let mut search = Search { lower: 0.0, settled: 0.0, floor: FLOOR * extent, open: BinaryHeap::new() };
+    // Corners of both sides first: the larger the distance seen, the fewer triangles are in question.
+    let sides = [(a, b, false), (b, a, true)];
+    let corners = sides.map(|(from, to, _)| search.corner_distances(from, to));
+    for ((from, to, to_first), corners) in sides.iter().zip(&corners) {
+        search.add_triangles(from, to, *to_first, corners);
+    }
+    let budget = HALVINGS * (a.indices.len() + b.indices.len()) / 3 + 64;
+    for _ in 0..budget {
+        let Some(piece) = search.open.pop() else { break };
+        if search.settles(piece.bound) {
+            search.settled = search.settled.max(piece.bound);
+            search.open.clear(); // the others' bounds are lower still
+            break;
+        }
+        search.halve(&piece, if piece.to_first { &a.bvh } else { &b.bvh });
+    }
+    let open = search.open.peek().map_or(0.0, |piece| piece.bound);
+    search.lower.max(search.settled).max(open) + ROUNDING * extent
+}
+
+/// A point of one mesh and what is nearest to it on the other.
+#[derive(Debug, Clone, Copy)]
+struct Sample {
+    point: Vec3,
+    nearest: Nearest,
+}
+
+/// A part of a triangle whose bound is not yet good enough.
+#[derive(Debug, Clone, Copy)]
+struct Piece {
+    bound: f32,
+    /// Whether the mesh that distances go to is the first of the two.
+    to_first: bool,
+    corners: [Sample; 3],
+}
+
+impl PartialEq for Piece {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Piece {}
+
+impl PartialOrd for Piece {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Piece {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.bound.total_cmp(&other.bound)
+    }
+}
+
+#[derive(Debug)]
+struct Search {
+    /// The largest distance seen at a point.
+    lower: f32,
+    /// The largest bound that was good enough when it was found.
+    settled: f32,
+    floor: f32,
+    open: BinaryHeap<Piece>,
+}
+
+impl Search {
+    /// Whether a bound is as good as the largest distance seen allows.
+    fn settles(&self, bound: f32) -> bool {
+        bound <= (self.lower * GAP).max(self.floor)
+    }
+
+    fn sample(&mut self, point: Vec3, to: &Bvh, hint: u32) -> Sample {
+        let nearest = to.nearest(point, hint).unwrap_or(Nearest { distance: f32::INFINITY, triangle: 0 });
+        self.lower = self.lower.max(nearest.distance);
+        Sample { point, nearest }
+    }
+
+    /// What is nearest to each vertex that a triangle uses; `None` for the others.
+    fn corner_distances(&mut self, from: &Surface<'_>, to: &Surface<'_>) -> Vec<Option<Nearest>> {
+        let mut found = vec![None; from.positions.len()];
+        let mut hint = 0;
+        for &index in from.indices {
+            if let Some(slot @ None) = found.get_mut(index as usize) {
+                let nearest = self.sample(from.corner(index), &to.bvh, hint).nearest;
+                hint = nearest.triangle;
+                *slot = Some(nearest);
+            }
+        }
+        found
+    }
+
+    /// Bounds all triangles of `from`; those that are not settled wait in the queue.
+    fn add_triangles(
+        &mut self,
+        from: &Surface<'_>,
+        to: &Surface<'_>,
+        to_first: bool,
+        corners: &[Option<Nearest>],
+    ) {
+        for triangle in from.indices.as_chunks::<3>().0 {
+            let samples = triangle.map(|index| {
+                let point = from.corner(index);
+                match corners.get(index as usize).copied().flatten() {
+                    Some(nearest) => Sample { point, nearest },
+                    None => self.sample(point, &to.bvh, 0),
+                }
+            });
+            let bound = corner_bound(&samples, &to.bvh);
+            if self.settles(bound) {
+                self.settled = self.settled.max(bound);
+                continue;
+            }
+            // Neighbours tie at corners and edges; the middle tells which triangle lies below.
+            let [a, b, c] = samples.map(|s| s.point);
+            let middle = self.sample((a + b + c) / 3.0, &to.bvh, samples[0].nearest.triangle);
+            let reach = samples.iter().fold(0.0_f32, |m, s| m.max(s.point.distance(middle.point)));
+            let bound = bound.min(middle.nearest.distance + reach).min(triangle_bound(
+                &samples,
+                &to.bvh,
+                middle.nearest.triangle,
+            ));
+            self.add(Piece { bound, to_first, corners: samples });
+        }
+    }
+
+    fn add(&mut self, piece: Piece) {
+        if self.settles(piece.bound) {
+            self.settled = self.settled.max(piece.bound);
+        } else {
+            self.open.push(piece);
+        }
+    }
+
+    /// Cuts a piece in two across its longest edge. What held for the whole holds for both halves.
+    fn halve(&mut self, piece: &Piece, to: &Bvh) {
+        let [a, b, c] = piece.corners;
+        let edge = |s: Sample, t: Sample| s.point.distance_squared(t.point);
+        // Turned so that the longest edge is the one from `a` to `b`.
+        let (a, b, c) = if edge(a, b) >= edge(b, c) && edge(a, b) >= edge(c, a) {
+            (a, b, c)
+        } else if edge(b, c) >= edge(c, a) {
+            (b, c, a)
+        } else {
+            (c, a, b)
+        };
+        let middle = self.sample(a.point.midpoint(b.point), to, a.nearest.triangle);
+        for corners in [[a, middle, c], [middle, b, c]] {
+            let bound = corner_bound(&corners, to).min(piece.bound);
+            self.add(Piece { bound, corners, ..*piece });
+        }
+    }
+}
+
+/// A bound of the distance over a triangle from what is nearest to its corners.
+fn corner_bound(corners: &[Sample; 3], to: &Bvh) -> f32 {
+    let [a, b, c] = corners;
+    let longest = a.point.distance(b.point).max(b.point.distance(c.point)).max(c.point.distance(a.point));
+    let farthest = corners.iter().fold(0.0_f32, |m, s| m.max(s.nearest.distance));
+    // No point of a triangle is farther from its nearest corner than the longest edge over the square root of three.
+    let mut bound = farthest + longest * 0.577_350_3;
+    for (index, corner) in corners.iter().enumerate() {
+        let known = corners.iter().take(index).any(|s| s.nearest.triangle == corner.nearest.triangle);
+        if !known {
+            bound = bound.min(triangle_bound(corners, to, corner.nearest.triangle));
+        }
+    }
+    bound
+}
+
+/// The distance over a piece to one triangle: convex, so greatest at a corner.
+fn triangle_bound(corners: &[Sample; 3], to: &Bvh, triangle: u32) -> f32 {
+    corners.iter().fold(0.0_f32, |m, s| {
+        m.max(if s.nearest.triangle == triangle {
+            s.nearest.distance
+        } else {
+            to.distance_to(triangle, s.point)
+        })
+    })
+}

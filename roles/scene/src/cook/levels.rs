@@ -1,0 +1,162 @@
+//! Levels of detail of one mesh, shared by all objects that place it.
+
+use glam::Vec3;
+use meshopt::{SimplifyOptions, VertexDataAdapter};
+use rayon::prelude::*;
+
+use super::hausdorff::{self, Surface};
+use super::{CookOptions, Phase, Progress};
+use crate::{Mesh, Model, Vertex};
+
+/// A level is kept if it has at most this part of the triangles of the one before.
+const WORTH: f32 = 0.7;
+/// Meshes of so few triangles are not simplified further.
+const FEW: usize = 24;
+/// Meshes farther from their origin than this many times their radius are recentred: a matrix that is applied in single
+/// precision would move them.
+const FAR: f32 = 4.0;
+
+/// One level: indices into the mesh's vertices, and its certified error in the mesh's frame.
+#[derive(Debug)]
+pub(super) struct Level {
+    pub(super) indices: Vec<u32>,
+    /// The indices stay below this: coarser levels use fewer of the first vertices.
+    pub(super) vertex_count: u32,
+    pub(super) error: f32,
+}
+
+/// A mesh with its levels, finest first.
+#[derive(Debug)]
+pub(super) struct LeveledMesh {
+    /// What was subtracted from the model's positions.
+    pub(super) centre: Vec3,
+    pub(super) vertices: Vec<Vertex>,
+    pub(super) levels: Vec<Level>,
+    pub(super) min: Vec3,
+    pub(super) max: Vec3,
+}
+
+/// Simplifies each mesh that an object places. `None` for the others, and for those without a proper triangle.
+pub(super) fn simplify_meshes(
+    model: &Model,
+    options: &CookOptions,
+    progress: &dyn Progress,
+) -> Vec<Option<LeveledMesh>> {
+    let mut placed = vec![false; model.meshes.len()];
+    for object in &model.objects {
+        if let Some(slot) = placed.get_mut(object.mesh as usize) {
+            *slot = true;
+        }
+    }
+    progress.begin(Phase::Levels, model.meshes.len());
+    let meshes = model
+        .meshes
+        .par_iter()
+        .zip(placed)
+        .with_max_len(16) // a few meshes hold most of the triangles
+        .map(|(mesh, placed)| {
+            let leveled = if placed { LeveledMesh::new(mesh, options.coarsest_error) } else { None };
+            progress.advance(1);
+            leveled
+        })
+        .collect();
+    meshes
+}
+
+impl LeveledMesh {
+    fn new(mesh: &Mesh, coarsest_error: f32) -> Option<Self> {
+        let (centre, vertices, finest) = clean(mesh)?;
+        let positions: Vec<Vec3> = vertices.iter().map(|v| Vec3::from_array(v.position)).collect();
+        let min = positions.iter().fold(Vec3::INFINITY, |m, &p| m.min(p));
+        let max = positions.iter().fold(Vec3::NEG_INFINITY, |m, &p| m.max(p));
+        let chain = chain(&positions, finest, coarsest_error * min.distance(max));
+        let (vertices, levels) = share_vertices(&vertices, chain);
+        Some(Self { centre, vertices, levels, min, max })
+    }
+}
+
+/// Recentres a mesh that is far from its origin, welds equal vertices, drops triangles that have two equal corners.
+fn clean(mesh: &Mesh) -> Option<(Vec3, Vec<Vertex>, Vec<u32>)> {
+    let used = || mesh.indices.iter().filter_map(|&i| mesh.positions.get(i as usize).copied());
+    let min = used().fold(Vec3::INFINITY, Vec3::min);
+    let max = used().fold(Vec3::NEG_INFINITY, Vec3::max);
+    let middle = min.midpoint(max);
+    let centre = if middle.length() > FAR * 0.5 * min.distance(max) { middle } else { Vec3::ZERO };
+    let corners: Vec<Vertex> = mesh
+        .positions
+        .iter()
+        .zip(&mesh.colours)
+        // Adding zero turns -0 into 0, so that equal positions have equal bits.
+        .map(|(&p, &colour)| Vertex { position: (p - centre + Vec3::ZERO).to_array(), colour })
+        .collect();
+    let (count, remap) = meshopt::generate_vertex_remap(&corners, Some(&mesh.indices));
+    let at = |i: u32| corners.get(i as usize).map(|v| v.position);
+    let indices: Vec<u32> = mesh
+        .indices
+        .as_chunks::<3>()
+        .0
+        .iter()
+        .filter(|&&[a, b, c]| at(a) != at(b) && at(b) != at(c) && at(c) != at(a))
+        .flatten()
+        .filter_map(|&i| remap.get(i as usize).copied())
+        .collect();
+    let mut vertices = vec![Vertex { position: [0.0; 3], colour: crate::Rgba8([0; 4]) }; count];
+    for (vertex, &slot) in corners.iter().zip(&remap) {
+        if let Some(slot) = vertices.get_mut(slot as usize) {
+            *slot = *vertex;
+        }
+    }
+    (!indices.is_empty()).then_some((centre, vertices, indices))
+}
+
+/// Halves the triangles again and again, each level made from the one before and measured against the finest.
+fn chain(positions: &[Vec3], finest: Vec<u32>, largest_error: f32) -> Vec<(Vec<u32>, f32)> {
+    let Ok(adapter) = VertexDataAdapter::new(bytemuck::cast_slice(positions), size_of::<Vec3>(), 0) else {
+        return vec![(finest, 0.0)];
+    };
+    let mut chain: Vec<(Vec<u32>, f32)> = Vec::new();
+    let reference = Surface::new(positions, &finest);
+    let mut former = finest.as_slice();
+    let mut error = 0.0_f32;
+    while former.len() / 3 > FEW {
+        let options = SimplifyOptions::Prune | SimplifyOptions::ErrorAbsolute;
+        let target = former.len() / 6 * 3;
+        let level = meshopt::simplify(former, &adapter, target, largest_error, options, None);
+        if level.is_empty() || level.len() as f32 > WORTH * former.len() as f32 {
+            break;
+        }
+        error = error.max(hausdorff::bound(&reference, &Surface::new(positions, &level)));
+        if error > largest_error {
+            break;
+        }
+        chain.push((level, error));
+        former = chain.last().map_or(&[], |(level, _)| level);
+    }
+    drop(reference);
+    chain.insert(0, (finest, 0.0));
+    chain
+}
+
+/// Orders the vertices so that each level uses the first few: the coarsest level's come first.
+fn share_vertices(vertices: &[Vertex], chain: Vec<(Vec<u32>, f32)>) -> (Vec<Vertex>, Vec<Level>) {
+    let mut order = vec![u32::MAX; vertices.len()];
+    let mut shared = Vec::with_capacity(vertices.len());
+    let mut levels: Vec<Level> = Vec::with_capacity(chain.len());
+    for (mut indices, error) in chain.into_iter().rev() {
+        meshopt::optimize_vertex_cache_in_place(&mut indices, vertices.len());
+        for index in &mut indices {
+            let (Some(slot), Some(vertex)) = (order.get_mut(*index as usize), vertices.get(*index as usize))
+            else {
+                continue;
+            };
+            if *slot == u32::MAX {
+                *slot = shared.len() as u32;
+                shared.push(*vertex);
+            }
+            *index = *slot;
+        }
+        levels.push(Level { indices, vertex_count: shared.len() as u32, error });
+    }
+    levels.reverse();
+    (shared, levels)
+}

@@ -1,0 +1,219 @@
+//! A spatial tree over boxes: binned surface heuristic, collapsed to eight children.
+//!
+//! A box's size is measured by the square of the sum of its edges: like its surface, but not zero for flat and line-like
+//! boxes. Where the boxes' centres coincide, or the tree grows too deep (centres that lie ever closer together), the items
+//! are halved in their order, so any input gives a tree of bounded depth. Outliers end up in subtrees of their own near the
+//! root, and a huge box beside tiny ones becomes a child of the node they share.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+
+use super::linear::WorldBox;
+
+/// The most children of a node.
+const CHILDREN: usize = 8;
+/// Bins along each axis.
+const BINS: usize = 16;
+/// Splits below this depth only halve.
+const DEEPEST: usize = 48;
+
+/// A node of the tree, in breadth-first order.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct TreeNode {
+    /// `None` for the root.
+    pub(super) parent: Option<u32>,
+    /// Empty for a leaf.
+    pub(super) children: Range<u32>,
+    /// For a leaf the item it stands for.
+    pub(super) item: Option<u32>,
+    /// The box around all items below.
+    pub(super) bounds: WorldBox,
+}
+
+/// Builds the tree over at least one box. Each item is one leaf; a single item is the root.
+pub(super) fn build(boxes: &[WorldBox]) -> Vec<TreeNode> {
+    let mut items: Vec<Item> = (0_u32..)
+        .zip(boxes)
+        .map(|(index, &bounds)| Item { index, bounds, centre: bounds.centre().to_array() })
+        .collect();
+    let binary = split(&mut items, 0);
+    let mut nodes =
+        vec![TreeNode { parent: None, children: 0..0, item: binary.item(), bounds: binary.bounds() }];
+    let mut queue = VecDeque::from([(0_u32, &binary)]);
+    while let Some((index, subtree)) = queue.pop_front() {
+        let children = collapse(subtree);
+        let first = nodes.len() as u32;
+        for (child, place) in children.into_iter().zip(first..) {
+            nodes.push(TreeNode {
+                parent: Some(index),
+                children: 0..0,
+                item: child.item(),
+                bounds: child.bounds(),
+            });
+            queue.push_back((place, child));
+        }
+        let end = nodes.len() as u32;
+        if let Some(node) = nodes.get_mut(index as usize)
+            && end > first
+        {
+            node.children = first..end;
+        }
+    }
+    nodes
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Item {
+    index: u32,
+    bounds: WorldBox,
+    centre: [f64; 3],
+}
+
+/// The binary tree before it is collapsed.
+#[derive(Debug)]
+enum Binary {
+    Leaf { item: u32, bounds: WorldBox },
+    Inner { bounds: WorldBox, count: usize, halves: Box<[Binary; 2]> },
+}
+
+impl Binary {
+    fn bounds(&self) -> WorldBox {
+        match self {
+            Self::Leaf { bounds, .. } | Self::Inner { bounds, .. } => *bounds,
+        }
+    }
+
+    fn item(&self) -> Option<u32> {
+        match self {
+            Self::Leaf { item, .. } => Some(*item),
+            Self::Inner { .. } => None,
+        }
+    }
+
+    fn count(&self) -> usize {
+        match self {
+            Self::Leaf { .. } => 1,
+            Self::Inner { count, .. } => *count,
+        }
+    }
+}
+
+/// The children of a collapsed node: the largest inner ones are opened until there are eight. One that holds no more items
+/// than there is room for is opened whole.
+fn collapse(subtree: &Binary) -> Vec<&Binary> {
+    let Binary::Inner { halves, .. } = subtree else { return Vec::new() };
+    let mut children: Vec<&Binary> = halves.iter().collect();
+    while children.len() < CHILDREN {
+        let largest = children
+            .iter()
+            .enumerate()
+            .filter(|(_, child)| child.count() > 1)
+            .max_by(|(_, a), (_, b)| size(a.bounds()).total_cmp(&size(b.bounds())));
+        let Some((place, Binary::Inner { halves, .. })) = largest.map(|(place, &child)| (place, child))
+        else {
+            break;
+        };
+        let [left, right] = halves.as_ref();
+        children.splice(place..=place, [left, right]);
+    }
+    children
+}
+
+fn size(bounds: WorldBox) -> f64 {
+    let sum = (bounds.max - bounds.min).element_sum();
+    sum * sum
+}
+
+fn split(items: &mut [Item], depth: usize) -> Binary {
+    let bounds = items.iter().fold(WorldBox::EMPTY, |b, item| b.union(item.bounds));
+    if let [item] = items {
+        return Binary::Leaf { item: item.index, bounds };
+    }
+    let count = items.len();
+    let cut = if depth < DEEPEST { best_cut(items) } else { None };
+    let middle = match cut {
+        Some(cut) => partition(items, |item| cut.bin(item) < cut.at),
+        None => count / 2,
+    };
+    let (left, right) = items.split_at_mut(middle);
+    let halves = if count > 4096 {
+        rayon::join(|| split(left, depth + 1), || split(right, depth + 1))
+    } else {
+        (split(left, depth + 1), split(right, depth + 1))
+    };
+    Binary::Inner { bounds, count, halves: Box::new([halves.0, halves.1]) }
+}
+
+/// Moves the items that are `wanted` to the front, keeping the order within both parts; returns how many they are.
+fn partition(items: &mut [Item], wanted: impl Fn(&Item) -> bool) -> usize {
+    let (front, back): (Vec<Item>, Vec<Item>) = items.iter().partition(|item| wanted(item));
+    for (slot, item) in items.iter_mut().zip(front.iter().chain(&back)) {
+        *slot = *item;
+    }
+    front.len()
+}
+
+/// A plane between two bins.
+#[derive(Debug, Clone, Copy)]
+struct Cut {
+    axis: usize,
+    low: f64,
+    scale: f64,
+    /// Bins below this go left.
+    at: usize,
+}
+
+impl Cut {
+    fn bin(&self, item: &Item) -> usize {
+        // The cast saturates, and NaN becomes 0.
+        (((item.centre[self.axis] - self.low) * self.scale) as usize).min(BINS - 1)
+    }
+}
+
+/// The plane that makes the sum of (count x size) least; `None` if the centres cannot be told apart.
+fn best_cut(items: &[Item]) -> Option<Cut> {
+    let mut best: Option<(f64, Cut)> = None;
+    for axis in 0..3 {
+        let low = items.iter().fold(f64::INFINITY, |m, item| m.min(item.centre[axis]));
+        let high = items.iter().fold(f64::NEG_INFINITY, |m, item| m.max(item.centre[axis]));
+        let scale = BINS as f64 / (high - low);
+        if !scale.is_finite() || scale <= 0.0 {
+            continue;
+        }
+        let mut cut = Cut { axis, low, scale, at: 0 };
+        let mut bins = [(0_usize, WorldBox::EMPTY); BINS];
+        for item in items {
+            let (count, bounds) = &mut bins[cut.bin(item)];
+            *count += 1;
+            *bounds = bounds.union(item.bounds);
+        }
+        for (at, cost) in costs(&bins) {
+            cut.at = at;
+            if best.is_none_or(|(least, _)| cost < least) {
+                best = Some((cost, cut));
+            }
+        }
+    }
+    best.map(|(_, cut)| cut)
+}
+
+/// The cost of each plane that leaves items on both sides.
+fn costs(bins: &[(usize, WorldBox); BINS]) -> impl Iterator<Item = (usize, f64)> {
+    let cost = |count: usize, bounds: WorldBox| if count == 0 { 0.0 } else { count as f64 * size(bounds) };
+    let mut right = [(0, 0.0); BINS];
+    let (mut count, mut bounds) = (0, WorldBox::EMPTY);
+    for (slot, bin) in right.iter_mut().zip(bins).rev() {
+        (count, bounds) = (count + bin.0, bounds.union(bin.1));
+        *slot = (count, cost(count, bounds));
+    }
+    let (mut count, mut bounds) = (0, WorldBox::EMPTY);
+    let mut left = [(0, 0.0); BINS];
+    for (slot, bin) in left.iter_mut().zip(bins) {
+        (count, bounds) = (count + bin.0, bounds.union(bin.1));
+        *slot = (count, cost(count, bounds));
+    }
+    (1..BINS).filter_map(move |at| {
+        let ((left_count, left_cost), (right_count, right_cost)) = (left[at - 1], right[at]);
+        (left_count > 0 && right_count > 0).then_some((at, left_cost + right_cost))
+    })
+}
