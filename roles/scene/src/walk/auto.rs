@@ -1,0 +1,238 @@
+//! Seeded walks through a scene.
+//!
+//! Places to start are drawn near objects, each object as likely as another, so that walks begin where the detail is; of them
+//! the most enclosed and crowded is taken. From there the walker's reach is explored cell by cell, with stairs and doors, and a
+//! line through it is walked. A scene without floors is hovered through in the same way; one without any room to move in is
+//! circled from outside.
+
+use glam::DVec3;
+use thiserror::Error;
+
+use super::{
+    file::{Walk, WalkError},
+    flood::{Body, Flood, Footing},
+    frame::WalkFrame,
+    route::{Pace, line, walk},
+    space::Space,
+};
+use crate::{Node, Scene, generate::random::Random};
+
+/// What walk to make.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AutoWalkOptions {
+    /// Equal seeds make equal walks through equal scenes.
+    pub seed: u64,
+    /// The number of frames; at least 1.
+    pub frames: u32,
+    /// Height of the eye above the floor, metres. By default 1.7 m, or less in a scene too small for people: see
+    /// [`AutoWalk::eye_height`].
+    pub eye_height: Option<f64>,
+    /// Vertical field of view, degrees.
+    pub vfov_deg: f64,
+    /// Whether the second half of the frames is walked in another place.
+    pub teleport: bool,
+}
+
+impl Default for AutoWalkOptions {
+    fn default() -> Self {
+        Self { seed: 1, frames: 200, eye_height: None, vfov_deg: 60.0, teleport: true }
+    }
+}
+
+/// How the camera moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum WalkKind {
+    /// On floors, at eye height.
+    Floors,
+    /// Through the air between the objects, level: no floor was found to walk on.
+    Hovering,
+    /// Around the scene from outside: there was no room to move inside.
+    Orbit,
+}
+
+/// A walk and how it was made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AutoWalk {
+    /// The walk, with a near plane at half the clearance: whatever the walker keeps clear of is not cut open, up to a field of
+    /// view of 100 degrees either way.
+    pub walk: Walk,
+    /// How the camera moves.
+    pub kind: WalkKind,
+    /// Height of the eye above floors, metres. 1.7 m in a scene of 25 m diagonal or more. A smaller one is a part or a toy:
+    /// a fifteenth of its diagonal, or four times the diagonal of its median object, whichever is less.
+    pub eye_height: f64,
+    /// No surface comes nearer to an eye than this, metres: 0.15 eye heights.
+    pub clearance: f64,
+    /// Metres moved in a frame at full speed: 1.4 m/s at 30 frames a second for an eye height of 1.7 m.
+    pub step: f64,
+}
+
+/// Why no walk was made.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum AutoWalkError {
+    /// An eye height that is not a length.
+    #[error("the eye height is {0}; it must be a positive finite number of metres")]
+    EyeHeight(f64),
+    /// No frames, or a field of view that no camera has.
+    #[error("no walk can be made with these options")]
+    Options(#[from] WalkError),
+}
+
+/// The eye height of people, metres.
+const HUMAN: f64 = 1.7;
+/// Scenes of at least this diagonal are of human scale, metres.
+const HUMAN_SCENE: f64 = 25.0;
+/// Candidates for a place to start.
+const CANDIDATES: usize = 160;
+/// Cells to explore from a start.
+const CELLS: usize = 1500;
+/// A start that reaches fewer cells than this is a trap.
+const FEWEST_CELLS: usize = 24;
+/// Starts to explore before giving up.
+const STARTS: usize = 12;
+
+/// Makes a walk through a scene. Never fails for the scene's sake: see [`WalkKind`].
+///
+/// # Errors
+/// If the options make no walk.
+pub fn auto(scene: &Scene, options: &AutoWalkOptions) -> Result<AutoWalk, AutoWalkError> {
+    if let Some(height) = options.eye_height.filter(|h| !(h.is_finite() && *h > 0.0)) {
+        return Err(AutoWalkError::EyeHeight(height));
+    }
+    let leaves: Vec<&Node> = scene.nodes().iter().filter(|node| node.is_leaf()).collect();
+    let eye_height = options.eye_height.unwrap_or_else(|| natural_eye_height(scene, &leaves));
+    let frames = options.frames as usize;
+    let pace = Pace { step: 1.4 / 30.0 * eye_height / HUMAN, turn: 0.07 };
+    let space = Space::new(scene);
+    for (footing, kind) in [(Footing::Floor, WalkKind::Floors), (Footing::Air, WalkKind::Hovering)] {
+        let body = Body { eye_height, clearance: 0.15 * eye_height, footing };
+        let poses = Explorer { space: &space, leaves: &leaves, body, options }.poses(frames, pace);
+        if let Some(poses) = poses {
+            let walk = Walk::new(options.vfov_deg, poses)?.with_near(body.clearance / 2.0)?;
+            return Ok(AutoWalk { walk, kind, eye_height, clearance: body.clearance, step: pace.step });
+        }
+    }
+    orbit(scene, options, eye_height)
+}
+
+/// The eye height that suits a scene's size.
+fn natural_eye_height(scene: &Scene, leaves: &[&Node]) -> f64 {
+    let scene_diagonal = scene.nodes().first().map_or(0.0, diagonal);
+    if scene_diagonal >= HUMAN_SCENE || scene_diagonal == 0.0 {
+        return HUMAN;
+    }
+    let mut diagonals: Vec<f64> = leaves.iter().map(|leaf| diagonal(leaf)).filter(|&d| d > 0.0).collect();
+    diagonals.sort_by(f64::total_cmp);
+    let median = diagonals.get(diagonals.len() / 2).copied().unwrap_or(scene_diagonal);
+    (scene_diagonal / 15.0).min(4.0 * median).max(scene_diagonal / 1000.0)
+}
+
+fn diagonal(node: &Node) -> f64 {
+    let (min, max) = node.world_box();
+    min.distance(max)
+}
+
+/// Looks for ground to walk on.
+struct Explorer<'a> {
+    space: &'a Space<'a>,
+    leaves: &'a [&'a Node],
+    body: Body,
+    options: &'a AutoWalkOptions,
+}
+
+impl Explorer<'_> {
+    /// The poses of a walk; `None` if there is no ground for one.
+    fn poses(&self, frames: usize, pace: Pace) -> Option<Vec<WalkFrame>> {
+        let mut random = Random::stream(self.options.seed, 11, self.body.footing as u64);
+        let starts = self.starts(&mut random);
+        let mut starts = starts.into_iter().take(STARTS);
+        let first = self.flood(&mut starts)?;
+        let second_half = if self.options.teleport { frames / 2 } else { 0 };
+        let first_half = frames - second_half;
+        let mut walk_in = |flood: &Flood, frames: usize| {
+            let length = frames as f64 * pace.step;
+            walk(&line(self.space, &self.body, flood, length, &mut random), frames, pace, &mut random)
+        };
+        let mut poses = walk_in(&first, first_half);
+        if second_half > 0 {
+            let away = |start: &DVec3| start.distance(first.eye(0)) > 6.0 * self.body.eye_height;
+            let elsewhere = self.flood(&mut starts.filter(away)).unwrap_or_else(|| {
+                let far = first.eye(first.farthest());
+                Flood::from(self.space, &self.body, far, CELLS)
+            });
+            poses.extend(walk_in(&elsewhere, second_half));
+        }
+        Some(poses)
+    }
+
+    /// The ground around the first of the starts that is no trap.
+    fn flood(&self, starts: &mut impl Iterator<Item = DVec3>) -> Option<Flood> {
+        starts
+            .map(|start| Flood::from(self.space, &self.body, start, CELLS))
+            .find(|flood| flood.len() >= FEWEST_CELLS)
+    }
+
+    /// Points where the walker can stand, the most enclosed and crowded first.
+    fn starts(&self, random: &mut Random) -> Vec<DVec3> {
+        let mut starts: Vec<(f64, DVec3)> = (0..CANDIDATES)
+            .filter_map(|_| {
+                let eye = self.candidate(random)?;
+                self.body.passes(self.space, eye, eye).then(|| (self.interest(eye), eye))
+            })
+            .collect();
+        starts.sort_by(|a, b| b.0.total_cmp(&a.0));
+        starts.into_iter().map(|(_, eye)| eye).collect()
+    }
+
+    /// An eye above the floor near some object, or anywhere near it for a hovering walker.
+    fn candidate(&self, random: &mut Random) -> Option<DVec3> {
+        let height = self.body.eye_height;
+        let leaf = self.leaves.get(random.below(self.leaves.len()))?;
+        let (min, max) = leaf.world_box();
+        let (min, max) = (min - height, max + height);
+        let fractions = DVec3::new(random.unit(), random.unit(), random.unit());
+        let at = min + (max - min) * fractions;
+        match self.body.footing {
+            Footing::Air => Some(at),
+            Footing::Floor => {
+                let floor = self.space.ray(at, DVec3::NEG_Y, 4.0 * height)?.distance;
+                Some(at + DVec3::Y * (height - floor))
+            }
+        }
+    }
+
+    /// How much there is to see and to be hidden by: the share of directions that end at something, times the logarithm of the
+    /// number of objects near.
+    fn interest(&self, eye: DVec3) -> f64 {
+        let height = self.body.eye_height;
+        let around = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
+        let sides = around.map(|(x, z)| DVec3::new(f64::from(x), 0.0, f64::from(z)));
+        let directions = sides.into_iter().chain([DVec3::Y, DVec3::NEG_Y]);
+        let hits = directions.filter(|&d| self.space.ray(eye, d, 12.0 * height).is_some()).count();
+        let crowd = self.space.crowd(eye, 4.0 * height, 1000);
+        hits as f64 * libm::log1p(crowd as f64)
+    }
+}
+
+/// Circles the scene once, looking at its middle; the teleport is a jump to the other side halfway.
+fn orbit(scene: &Scene, options: &AutoWalkOptions, eye_height: f64) -> Result<AutoWalk, AutoWalkError> {
+    let (min, max) = scene.nodes().first().map_or((DVec3::ZERO, DVec3::ZERO), Node::world_box);
+    let centre = (min + max) / 2.0;
+    let radius = (min.distance(max) / 2.0).max(eye_height * 0.1);
+    let start = Random::stream(options.seed, 11, 2).between(0.0, std::f64::consts::TAU);
+    let frames = options.frames;
+    let turn = std::f64::consts::TAU / f64::from(frames.max(1));
+    let poses = (0..frames)
+        .filter_map(|frame| {
+            let jump = options.teleport && frame >= frames.div_ceil(2);
+            let opposite = if jump { std::f64::consts::PI } else { 0.0 };
+            let (sine, cosine) = libm::sincos(start + opposite + turn * f64::from(frame));
+            let outward = DVec3::new(cosine, 0.35, sine).normalize();
+            WalkFrame::new(centre + outward * (2.5 * radius), -outward, DVec3::Y).ok()
+        })
+        .collect();
+    let clearance = 1.5 * radius;
+    let walk = Walk::new(options.vfov_deg, poses)?.with_near(clearance / 2.0)?;
+    Ok(AutoWalk { walk, kind: WalkKind::Orbit, eye_height, clearance, step: 2.5 * radius * turn })
+}

@@ -1,0 +1,145 @@
+//! From places to frames: walking a line at a steady speed, turning smoothly.
+
+use glam::DVec3;
+
+use super::{
+    flood::{Body, Flood},
+    frame::WalkFrame,
+    space::Space,
+};
+use crate::generate::random::Random;
+
+/// Paces at which the walker moves.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pace {
+    /// Metres a frame.
+    pub(super) step: f64,
+    /// The most it turns in a frame, radians.
+    pub(super) turn: f64,
+}
+
+/// A line of eyes through a flood, at least `length` metres long if the ground allows: to the farthest cell, then on to
+/// random ones. Corners that need not be are cut.
+pub(super) fn line(
+    space: &Space<'_>,
+    body: &Body,
+    flood: &Flood,
+    length: f64,
+    random: &mut Random,
+) -> Vec<DVec3> {
+    const MOST_LEGS: usize = 200;
+    let (mut line, mut at) = (vec![flood.eye(0)], 0);
+    let mut walked = 0.0;
+    for leg in 0..MOST_LEGS {
+        let to = if leg == 0 { flood.farthest() } else { random.below(flood.len()) };
+        let way = shortcut(space, body, &flood.way(at, to));
+        walked += way.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f64>();
+        line.extend(way.into_iter().skip(1));
+        at = to;
+        if walked >= length {
+            break;
+        }
+    }
+    line
+}
+
+/// The same way with fewer corners: from each point straight to the farthest of the next ones that can be walked to.
+fn shortcut(space: &Space<'_>, body: &Body, way: &[DVec3]) -> Vec<DVec3> {
+    const AHEAD: usize = 24;
+    let mut line: Vec<DVec3> = way.first().copied().into_iter().collect();
+    let mut at = 0;
+    while at + 1 < way.len() {
+        let straight =
+            |&to: &usize| body.passes(space, way[at], way[to]) && body.carried(space, way[at], way[to]);
+        let last = (at + AHEAD).min(way.len() - 1);
+        // Halving the reach costs few queries and finds a straight stretch nearly always.
+        let mut to = last;
+        while to > at + 1 && !straight(&to) {
+            to = at + (to - at) / 2;
+        }
+        line.push(way[to]);
+        at = to;
+    }
+    line
+}
+
+/// Walks a line in `frames` frames. The gaze turns towards where the line leads, swings a little from side to side, and the
+/// walker waits while it must turn far. At the end of the line it stands and looks around.
+pub(super) fn walk(line: &[DVec3], frames: usize, pace: Pace, random: &mut Random) -> Vec<WalkFrame> {
+    let lengths: Vec<f64> = line
+        .windows(2)
+        .scan(0.0, |sum, pair| {
+            *sum += pair[0].distance(pair[1]);
+            Some(*sum)
+        })
+        .collect();
+    let total = lengths.last().copied().unwrap_or(0.0);
+    let at = |distance: f64| -> DVec3 {
+        let leg = lengths.partition_point(|&end| end < distance);
+        match line.get(leg..leg + 2) {
+            Some(&[from, to]) => {
+                let back = (lengths[leg] - distance) / from.distance(to).max(f64::MIN_POSITIVE);
+                to.lerp(from, back.clamp(0.0, 1.0))
+            }
+            _ => line.last().copied().unwrap_or_default(),
+        }
+    };
+    let heading = |distance: f64| {
+        let ahead = at(distance + 20.0 * pace.step) - at(distance);
+        (ahead.x.abs() + ahead.z.abs() > pace.step * 0.1).then(|| libm::atan2(ahead.x, ahead.z))
+    };
+    let phase = random.between(0.0, std::f64::consts::TAU);
+    let (mut distance, mut aim) = (0.0, heading(0.0).unwrap_or(phase));
+    let mut gaze = aim;
+    (0..frames)
+        .filter_map(|frame| {
+            let swing = 0.45 * libm::sin(phase + frame as f64 * 0.045);
+            aim = if distance < total { heading(distance).unwrap_or(aim) } else { aim + pace.turn * 0.7 };
+            let turn = wrapped(aim + swing - gaze);
+            gaze += turn.clamp(-pace.turn, pace.turn);
+            let eye = at(distance);
+            // Full speed while the way lies ahead, none while it lies behind.
+            let off = wrapped(aim - gaze).abs();
+            distance += pace.step * (1.5 - off).clamp(0.0, 1.0);
+            let (sine, cosine) = libm::sincos(gaze);
+            WalkFrame::new(eye, DVec3::new(sine, -0.08, cosine).normalize(), DVec3::Y).ok()
+        })
+        .collect()
+}
+
+/// The same angle between -pi and pi.
+fn wrapped(angle: f64) -> f64 {
+    angle - std::f64::consts::TAU * (angle / std::f64::consts::TAU).round()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PACE: Pace = Pace { step: 0.05, turn: 0.07 };
+
+    #[test]
+    fn a_line_is_walked_at_its_pace_with_bounded_turns() {
+        let line = [DVec3::ZERO, DVec3::X * 2.0, DVec3::new(2.0, 0.0, 2.0)];
+        let frames = walk(&line, 120, PACE, &mut Random::new(3));
+        assert_eq!(frames.len(), 120);
+        for pair in frames.windows(2) {
+            assert!(pair[0].eye().distance(pair[1].eye()) <= PACE.step + 1e-12);
+            assert!(pair[0].forward().angle_between(pair[1].forward()) <= PACE.turn + 1e-9);
+        }
+        assert!(frames[119].eye().distance(line[2]) < 1e-9, "it arrives: {}", frames[119].eye());
+    }
+
+    #[test]
+    fn a_single_point_is_a_place_to_look_around() {
+        let frames = walk(&[DVec3::ONE], 50, PACE, &mut Random::new(3));
+        assert!(frames.iter().all(|f| f.eye() == DVec3::ONE));
+        assert!(frames[0].forward().angle_between(frames[49].forward()) > 0.3);
+    }
+
+    #[test]
+    fn angles_wrap_to_the_nearest_turn() {
+        assert!((wrapped(7.0) - (7.0 - std::f64::consts::TAU)).abs() < 1e-12);
+        assert!((wrapped(-4.0) - (std::f64::consts::TAU - 4.0)).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,188 @@
+//! Where there is room in a scene: rays and clearances against its finest geometry.
+
+use std::{
+    cell::{Cell, RefCell},
+    collections::HashMap,
+    rc::Rc,
+};
+
+use glam::{DMat3, DVec3};
+
+use super::triangles::{Triangles, ray_box, ray_triangle, segment_triangle};
+use crate::{Node, NodeId, Scene};
+
+/// Answers what a walker asks of a scene: what is along a ray, how near is the nearest surface. Distances are in metres, in the
+/// world frame, against the finest level of every leaf.
+///
+/// The scene's own tree leads to the leaves; a mesh gets a tree of its triangles when a query first comes near it, once for
+/// all its instances. A leaf whose matrix cannot be inverted counts as solid throughout its box.
+#[derive(Debug)]
+pub struct Space<'a> {
+    scene: &'a Scene,
+    meshes: RefCell<HashMap<MeshKey, Rc<Triangles>>>,
+}
+
+/// What tells meshes apart: the first index and the vertex offset of the finest level.
+type MeshKey = (u32, u32);
+
+/// What a ray met.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// How far away, metres.
+    pub distance: f64,
+    /// The leaf that was met.
+    pub leaf: NodeId,
+}
+
+impl<'a> Space<'a> {
+    /// The space of a scene.
+    #[must_use]
+    pub fn new(scene: &'a Scene) -> Self {
+        Self { scene, meshes: RefCell::default() }
+    }
+
+    /// The scene.
+    #[must_use]
+    pub const fn scene(&self) -> &'a Scene {
+        self.scene
+    }
+
+    /// The nearest surface from `origin` along `direction` (any length), at most `limit` metres away. Both sides of a triangle
+    /// count.
+    #[must_use]
+    pub fn ray(&self, origin: DVec3, direction: DVec3, limit: f64) -> Option<Hit> {
+        let direction = direction.try_normalize()?;
+        let inverse = direction.recip();
+        let mut nearest: Option<Hit> = None;
+        let mut reach = limit;
+        let mut stack = vec![0_u32];
+        while let Some(index) = stack.pop() {
+            let Some(node) = self.scene.nodes().get(index as usize) else { continue };
+            let (min, max) = node.world_box();
+            let (near, far) = ray_box(origin, inverse, min, max);
+            if near > far || far < 0.0 || near > reach {
+                continue;
+            }
+            if !node.is_leaf() {
+                stack.extend(node.children());
+                continue;
+            }
+            let met = self.leaf_ray(node, origin, direction, reach, near.max(0.0));
+            if let Some(distance) = met.filter(|&d| d <= reach) {
+                reach = distance;
+                nearest = Some(Hit { distance, leaf: NodeId(index) });
+            }
+        }
+        nearest
+    }
+
+    /// The distance from the segment `from`..`to` to the nearest surface, or `limit` if none is as near. A segment that goes
+    /// through a surface is 0 away from it.
+    #[must_use]
+    pub fn clearance(&self, from: DVec3, to: DVec3, limit: f64) -> f64 {
+        let mut least = limit;
+        self.visit_leaves(from.min(to) - limit, from.max(to) + limit, |_, node| {
+            least = least.min(self.leaf_clearance(node, from, to, least));
+            least > 0.0
+        });
+        least
+    }
+
+    /// The number of leaves whose box comes within `radius` of a point, counted up to `most`.
+    #[must_use]
+    pub fn crowd(&self, centre: DVec3, radius: f64, most: usize) -> usize {
+        let mut count = 0;
+        self.visit_leaves(centre - radius, centre + radius, |_, _| {
+            count += 1;
+            count < most
+        });
+        count
+    }
+
+    /// Calls `visit` with each leaf whose box meets the given one, until it returns false.
+    fn visit_leaves(&self, min: DVec3, max: DVec3, mut visit: impl FnMut(NodeId, &Node) -> bool) {
+        let mut stack = vec![0_u32];
+        while let Some(index) = stack.pop() {
+            let Some(node) = self.scene.nodes().get(index as usize) else { continue };
+            let (low, high) = node.world_box();
+            if low.cmpgt(max).any() || high.cmplt(min).any() {
+                continue;
+            }
+            if !node.is_leaf() {
+                stack.extend(node.children());
+            } else if !visit(NodeId(index), node) {
+                return;
+            }
+        }
+    }
+
+    fn leaf_ray(&self, node: &Node, origin: DVec3, direction: DVec3, limit: f64, entry: f64) -> Option<f64> {
+        let linear = node.linear().as_dmat3();
+        let Some(inverse) = inverse(linear) else { return Some(entry) };
+        // An affine map keeps the multiple of the direction at which they meet.
+        let (origin, direction) = (inverse * (origin - node.origin()), inverse * direction);
+        let reciprocal = direction.recip();
+        let nearest = Cell::new(None);
+        let reach = || nearest.get().unwrap_or(limit);
+        self.mesh(node)?.visit(
+            |min, max| {
+                let (near, far) = ray_box(origin, reciprocal, min.as_dvec3(), max.as_dvec3());
+                near <= far && far >= 0.0 && near <= reach()
+            },
+            |triangle| {
+                let met = ray_triangle(origin, direction, triangle.map(|corner| corner.as_dvec3()));
+                if met.is_some_and(|t| t <= reach()) {
+                    nearest.set(met);
+                }
+            },
+        );
+        nearest.get()
+    }
+
+    fn leaf_clearance(&self, node: &Node, from: DVec3, to: DVec3, limit: f64) -> f64 {
+        let linear = node.linear().as_dmat3();
+        let Some(inverse) = inverse(linear) else { return 0.0 };
+        let (from, to) = (from - node.origin(), to - node.origin());
+        // The box, in the local frame, of all that is within `limit` of the segment: a ball there is an ellipsoid, whose
+        // extent along an axis is the length of the inverse's row.
+        let (a, b) = (inverse * from, inverse * to);
+        let rows = inverse.transpose();
+        let reach = DVec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length()) * limit;
+        let (low, high) = (a.min(b) - reach, a.max(b) + reach);
+        let mut least = limit;
+        let Some(mesh) = self.mesh(node) else { return limit };
+        mesh.visit(
+            |min, max| !(min.as_dvec3().cmpgt(high).any() || max.as_dvec3().cmplt(low).any()),
+            |triangle| {
+                let corners = triangle.map(|corner| linear * corner.as_dvec3());
+                least = least.min(segment_triangle(from, to, corners));
+            },
+        );
+        least
+    }
+
+    /// The triangles of a leaf's finest level, in its local frame.
+    fn mesh(&self, node: &Node) -> Option<Rc<Triangles>> {
+        let drawable = self.scene.drawables().get(node.first_drawable as usize)?;
+        let key = (drawable.first_index, drawable.vertex_offset);
+        if let Some(mesh) = self.meshes.borrow().get(&key) {
+            return Some(Rc::clone(mesh));
+        }
+        let first = drawable.first_index as usize;
+        let indices = self.scene.indices().get(first..first + drawable.index_count as usize)?;
+        let (vertices, offset) = (self.scene.vertices(), drawable.vertex_offset as usize);
+        let corner = |index: u32| Some(vertices.get(offset + index as usize)?.position.into());
+        let (triples, _) = indices.as_chunks::<3>();
+        let triangles =
+            triples.iter().filter_map(|&[a, b, c]| Some([corner(a)?, corner(b)?, corner(c)?])).collect();
+        let mesh = Rc::new(Triangles::new(triangles));
+        self.meshes.borrow_mut().insert(key, Rc::clone(&mesh));
+        Some(mesh)
+    }
+}
+
+/// The inverse of a leaf's matrix, if it has one.
+fn inverse(linear: DMat3) -> Option<DMat3> {
+    let inverse = linear.inverse();
+    (linear.determinant() != 0.0 && inverse.is_finite()).then_some(inverse)
+}
