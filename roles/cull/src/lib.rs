@@ -11,6 +11,7 @@ mod frustum;
 mod hzb;
 mod occluders;
 mod order;
+pub mod reference;
 mod tester;
 mod traverse;
 mod view;

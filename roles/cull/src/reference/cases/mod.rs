@@ -1,0 +1,10 @@
+//! Small scenes and views for tests: the hard cases of culling, and a random plant to walk through. GPU testers are tested on
+//! the same ones as the oracle.
+
+mod builder;
+mod hard;
+mod plant;
+
+pub use builder::{Mesh, Object, build};
+pub use hard::{Case, CaseError, hard_cases, looking};
+pub use plant::{Dice, plant, plant_views};

@@ -1,0 +1,13 @@
+//! The oracle: a rasterizer in f64 that follows Vulkan's rules, and what is built on it. Slow, simple, and independent of the
+//! code it checks and of any GPU. Everything here is for tests and for reports; nothing of it runs while walking.
+
+pub mod cases;
+mod picture;
+mod raster;
+mod tester;
+mod walk;
+
+pub use picture::{Item, Picture, Placement, rasterize};
+pub use raster::{Coverage, rasterize_triangle};
+pub use tester::ReferenceTester;
+pub use walk::{Fault, FrameReport, ReferenceWalk, Testing, WalkError};

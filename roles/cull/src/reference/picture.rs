@@ -1,0 +1,155 @@
+//! Drawables to a picture of depths and items.
+
+use glam::{DVec3, Vec3};
+use trimaran_proto::DrawableId;
+use trimaran_scene::{Drawable, Scene};
+
+use super::raster::rasterize_triangle;
+use crate::{View, Viewport};
+
+/// What is seen at a pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Item {
+    /// The drawable.
+    pub drawable: DrawableId,
+    /// The triangle in it, counted from 0.
+    pub triangle: u32,
+}
+
+/// How vertices get from their node's frame to view space.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Placement {
+    /// In f64 all the way.
+    #[default]
+    Exact,
+    /// As a GPU does: matrix and translation about the eye composed in f64, rounded to f32, and applied in f32.
+    Single,
+}
+
+/// Depth and item at every pixel, row by row from the top left.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    viewport: Viewport,
+    depth: Vec<f64>,
+    items: Vec<Option<Item>>,
+}
+
+impl Picture {
+    /// An empty picture: the background everywhere.
+    #[must_use]
+    pub fn new(viewport: Viewport) -> Self {
+        let pixels = viewport.width() as usize * viewport.height() as usize;
+        Self { viewport, depth: vec![0.0; pixels], items: vec![None; pixels] }
+    }
+
+    /// The size.
+    #[must_use]
+    pub const fn viewport(&self) -> Viewport {
+        self.viewport
+    }
+
+    /// Reversed depth (near / distance); 0 for the background.
+    #[must_use]
+    pub fn depth(&self) -> &[f64] {
+        &self.depth
+    }
+
+    /// Reversed depth as a D32 buffer holds it.
+    #[must_use]
+    pub fn depth32(&self) -> Vec<f32> {
+        self.depth.iter().map(|&depth| depth as f32).collect()
+    }
+
+    /// What is seen at each pixel.
+    #[must_use]
+    pub fn items(&self) -> &[Option<Item>] {
+        &self.items
+    }
+
+    /// The drawables seen, each once, in ascending order.
+    #[must_use]
+    pub fn seen(&self) -> Vec<DrawableId> {
+        let mut seen: Vec<DrawableId> = self.items.iter().flatten().map(|item| item.drawable).collect();
+        seen.sort_unstable();
+        seen.dedup();
+        seen
+    }
+
+    /// The number of pixels at which another item is seen in the other picture.
+    #[must_use]
+    pub fn differing_pixels(&self, other: &Self) -> usize {
+        let unpaired = self.items.len().abs_diff(other.items.len());
+        unpaired + self.items.iter().zip(&other.items).filter(|(a, b)| a != b).count()
+    }
+
+    /// Moves all that is drawn nearer to the eye by a fraction of its distance: a fault to be found.
+    pub(super) fn bring_nearer(&mut self, fraction: f64) {
+        for depth in &mut self.depth {
+            *depth *= 1.0 + fraction;
+        }
+    }
+
+    /// Draws one drawable. Where depths are equal, what was drawn first stays.
+    pub fn draw(&mut self, scene: &Scene, view: &View, id: DrawableId, placement: Placement) {
+        let Some(drawable) = scene.drawables().get(id.index()) else { return };
+        for (triangle, corners) in (0..).zip(triangles(scene, view, drawable, placement)) {
+            rasterize_triangle(view, corners, |hit| {
+                let (Some(depth), Some(item)) =
+                    (self.depth.get_mut(hit.pixel), self.items.get_mut(hit.pixel))
+                else {
+                    return;
+                };
+                let nearness = match placement {
+                    Placement::Exact => hit.depth,
+                    Placement::Single => f64::from(hit.depth as f32),
+                };
+                if nearness > *depth {
+                    *depth = nearness;
+                    *item = Some(Item { drawable: id, triangle });
+                }
+            });
+        }
+    }
+}
+
+/// Draws `ids` in the order given.
+#[must_use]
+pub fn rasterize(
+    scene: &Scene,
+    view: &View,
+    ids: impl IntoIterator<Item = DrawableId>,
+    placement: Placement,
+) -> Picture {
+    let mut picture = Picture::new(view.viewport());
+    for id in ids {
+        picture.draw(scene, view, id, placement);
+    }
+    picture
+}
+
+/// The drawable's triangles in view space.
+fn triangles<'s>(
+    scene: &'s Scene,
+    view: &View,
+    drawable: &Drawable,
+    placement: Placement,
+) -> impl Iterator<Item = [DVec3; 3]> + use<'s> {
+    let first = drawable.first_index as usize;
+    let indices = scene.indices().get(first..first + drawable.index_count as usize).unwrap_or_default();
+    let base = drawable.vertex_offset as usize;
+    let node = scene.nodes().get(drawable.node as usize);
+    let place = node.map(|node| {
+        (view.to_view() * node.linear().as_dmat3(), view.to_view() * (node.origin() - view.eye()))
+    });
+    let corner = move |index: u32| {
+        let vertex = scene.vertices().get(base + index as usize)?;
+        let (linear, origin) = place?;
+        let position = Vec3::from_array(vertex.position);
+        Some(match placement {
+            Placement::Exact => origin + linear * position.as_dvec3(),
+            Placement::Single => (origin.as_vec3() + linear.as_mat3() * position).as_dvec3(),
+        })
+    };
+    let (triples, _) = indices.as_chunks::<3>();
+    triples.iter().filter_map(move |[a, b, c]| Some([corner(*a)?, corner(*b)?, corner(*c)?]))
+}
