@@ -127,6 +127,12 @@ impl Decoder {
         self.buffer.len()
     }
 
+    /// How many bytes the messages taken so far had, headers included.
+    #[must_use]
+    pub const fn position(&self) -> u64 {
+        self.offset
+    }
+
     /// Takes the next whole message; `None` when more bytes are needed.
     ///
     /// # Errors

@@ -280,6 +280,12 @@ pub enum FrameOrderError {
     /// `push` or `finish` before `begin`.
     #[error("no frame is open: begin one first")]
     NoneOpen,
+    /// Statistics before `finish`.
+    #[error("statistics cannot be sent before {open} is finished")]
+    StatsInsideFrame {
+        /// The frame that is open.
+        open: FrameNumber,
+    },
     /// A frame of more than `u32::MAX` ids.
     #[error("{frame} has more ids than 32 bits can count")]
     TooMany {
@@ -375,5 +381,16 @@ impl FrameWriter {
         let end = FrameEnd { frame, ids, hash: digest.hasher.digest() };
         emit(FrameMessage::End(end));
         Ok(end)
+    }
+
+    /// Says what the sender did for a frame that is over.
+    ///
+    /// # Errors
+    /// When a frame is open.
+    pub fn stats(&self, stats: FrameStats) -> Result<FrameMessage, FrameOrderError> {
+        match &self.open {
+            Some(digest) => Err(FrameOrderError::StatsInsideFrame { open: digest.frame }),
+            None => Ok(FrameMessage::Stats(stats)),
+        }
     }
 }

@@ -1,0 +1,166 @@
+//! How using a link can fail.
+
+use std::io;
+use std::time::Duration;
+
+use thiserror::Error;
+use trimaran_proto::{DecodeError, FrameOrderError, FrameViolation, Goodbye, Kind, Lane, Role};
+
+use crate::patience::Expired;
+
+/// Why nothing was received.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum RecvError {
+    /// The peer left on purpose.
+    #[error("{peer} said goodbye: {reason}")]
+    Goodbye {
+        /// The peer.
+        peer: Role,
+        /// Its reason.
+        reason: Goodbye,
+    },
+    /// The connection ended without a goodbye: the peer crashed, was killed, or cannot be reached.
+    #[error("the connection to {peer} was lost")]
+    Lost {
+        /// The peer.
+        peer: Role,
+        /// How it ended.
+        #[source]
+        cause: Loss,
+    },
+    /// The connection stands, but nothing came within the link's patience.
+    #[error(
+        "{peer} sent nothing for {waited:?}: it hangs, or the link's patience is too short for what it does"
+    )]
+    Silent {
+        /// The peer.
+        peer: Role,
+        /// The link's patience.
+        waited: Duration,
+    },
+    /// The deadline of this call came. The link is as good as before.
+    #[error("nothing came from {peer} before the deadline")]
+    Deadline {
+        /// The peer.
+        peer: Role,
+    },
+    /// The peer sent what the protocol does not allow. The link cannot be used any more.
+    #[error("{peer} broke the protocol")]
+    Protocol {
+        /// The peer.
+        peer: Role,
+        /// How.
+        #[source]
+        cause: ProtocolError,
+    },
+}
+
+/// Why something could not be sent.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum SendError {
+    /// The connection is gone. Receiving tells whether the peer said goodbye before.
+    #[error("the connection to {peer} was lost")]
+    Lost {
+        /// The peer.
+        peer: Role,
+        /// How it ended.
+        #[source]
+        cause: Loss,
+    },
+    /// The peer took nothing within the link's patience.
+    #[error(
+        "{peer} took nothing for {waited:?}: it hangs, or the link's patience is too short for what it does"
+    )]
+    Stalled {
+        /// The peer.
+        peer: Role,
+        /// The link's patience.
+        waited: Duration,
+    },
+    /// This side called begin, push and finish in an order that makes no frame.
+    #[error("a frame for {peer} was put together in the wrong order")]
+    Order {
+        /// The peer.
+        peer: Role,
+        /// How.
+        #[source]
+        cause: FrameOrderError,
+    },
+}
+
+/// How a connection ended without a goodbye.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum Loss {
+    /// The peer closed it, between two messages.
+    #[error("it was closed without a goodbye")]
+    Closed,
+    /// The peer closed it within a message.
+    #[error("it was closed in the middle of a message, {bytes} bytes into it")]
+    Cut {
+        /// How much of the message had come.
+        bytes: usize,
+    },
+    /// The system reports an error.
+    #[error(transparent)]
+    Io(io::Error),
+}
+
+/// What a peer did that the protocol does not allow.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ProtocolError {
+    /// It sent bytes that are no message.
+    #[error(transparent)]
+    Decode(#[from] DecodeError),
+    /// It broke the order of a frame, or its ids are not those it announced.
+    #[error(transparent)]
+    Frame(#[from] FrameViolation),
+    /// It sent a message that does not belong on the lane.
+    #[error("a {kind} message does not belong on the {lane} lane")]
+    Misplaced {
+        /// The message.
+        kind: Kind,
+        /// The lane.
+        lane: Lane,
+    },
+}
+
+/// How a lane fails, before it is known for which peer.
+#[derive(Debug)]
+pub(crate) enum LaneError {
+    Goodbye(Goodbye),
+    Lost(Loss),
+    Expired(Expired),
+    Protocol(ProtocolError),
+}
+
+impl LaneError {
+    pub(crate) fn receiving(self, peer: Role, patience: Duration) -> RecvError {
+        match self {
+            Self::Goodbye(reason) => RecvError::Goodbye { peer, reason },
+            Self::Lost(cause) => RecvError::Lost { peer, cause },
+            Self::Expired(Expired::Deadline) => RecvError::Deadline { peer },
+            Self::Expired(Expired::Patience) => RecvError::Silent { peer, waited: patience },
+            Self::Protocol(cause) => RecvError::Protocol { peer, cause },
+        }
+    }
+}
+
+/// How sending over a lane fails, before it is known for which peer.
+#[derive(Debug)]
+pub(crate) enum LaneSendError {
+    Lost(Loss),
+    Stalled,
+}
+
+impl LaneSendError {
+    pub(crate) fn sending(self, peer: Role, patience: Duration) -> SendError {
+        match self {
+            Self::Lost(cause) => SendError::Lost { peer, cause },
+            Self::Stalled => SendError::Stalled { peer, waited: patience },
+        }
+    }
+}

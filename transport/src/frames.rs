@@ -1,0 +1,191 @@
+//! The frames lane: begin, ids, end.
+
+use trimaran_proto::{
+    BatchSize, DrawableId, FrameAssembler, FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOrderError,
+    FrameStart, FrameStats, FrameWriter, Goodbye, Kind, Message,
+};
+
+use crate::error::{LaneError, LaneSendError, ProtocolError};
+use crate::link::Shared;
+use crate::net::Instant;
+use crate::patience::Patience;
+use crate::{RecvError, SendError, inproc, stream};
+
+/// Sends frames: `begin`, any number of `push`, `finish`.
+///
+/// Each call waits until the peer's side has room (backpressure), within the link's patience. What a call was given counts as
+/// taken even when its future is dropped: the next call sends it.
+#[derive(Debug)]
+pub struct FrameSender {
+    pub(crate) writer: FrameWriter,
+    pub(crate) lane: FrameTx,
+    pub(crate) shared: Shared,
+    pub(crate) patience: Patience,
+}
+
+/// Receives frames.
+#[derive(Debug)]
+pub struct FrameReceiver {
+    pub(crate) assembler: FrameAssembler,
+    pub(crate) lane: FrameRx,
+    pub(crate) shared: Shared,
+    pub(crate) patience: Patience,
+}
+
+#[derive(Debug)]
+pub(crate) enum FrameTx {
+    Inproc(inproc::FrameTx),
+    Stream(stream::FrameTx),
+}
+
+#[derive(Debug)]
+pub(crate) enum FrameRx {
+    Inproc(inproc::FrameRx),
+    Stream(stream::FrameRx),
+}
+
+impl FrameSender {
+    pub(crate) fn new(batch: BatchSize, lane: FrameTx, shared: Shared, patience: Patience) -> Self {
+        Self { writer: FrameWriter::new(batch), lane, shared, patience }
+    }
+
+    /// Begins a frame; its camera is on its way when this returns.
+    ///
+    /// # Errors
+    /// When the peer is gone or stalls, a frame is open, or the frame's number is not above the last one's.
+    pub async fn begin(&mut self, start: FrameStart) -> Result<(), SendError> {
+        let message = self.writer.begin(start).map_err(|e| self.order(e))?;
+        self.lane.stage(message, &self.shared);
+        self.send_staged().await
+    }
+
+    /// Adds ids to the open frame. All batches that this fills leave together, in one write where there is room; a
+    /// remainder waits for more ids, [`FrameSender::flush`] or [`FrameSender::finish`].
+    ///
+    /// # Errors
+    /// When the peer is gone or stalls, or no frame is open.
+    pub async fn push(&mut self, ids: &[DrawableId]) -> Result<(), SendError> {
+        let Self { writer, lane, shared, .. } = self;
+        writer.push(ids, |message| lane.stage(message, shared)).map_err(|e| self.order(e))?;
+        self.send_staged().await
+    }
+
+    /// Sends what waits, without waiting for a full batch.
+    ///
+    /// # Errors
+    /// As [`FrameSender::push`].
+    pub async fn flush(&mut self) -> Result<(), SendError> {
+        let Self { writer, lane, shared, .. } = self;
+        writer.flush(|message| lane.stage(message, shared)).map_err(|e| self.order(e))?;
+        self.send_staged().await
+    }
+
+    /// Ends the open frame: sends what waits and the end (EOF). Says what the frame had.
+    ///
+    /// # Errors
+    /// As [`FrameSender::push`].
+    pub async fn finish(&mut self) -> Result<FrameEnd, SendError> {
+        let Self { writer, lane, shared, .. } = self;
+        let end = writer.finish(|message| lane.stage(message, shared)).map_err(|e| self.order(e))?;
+        self.send_staged().await?;
+        Ok(end)
+    }
+
+    /// Sends what this side did for a frame that is over.
+    ///
+    /// # Errors
+    /// When the peer is gone or stalls, or a frame is open.
+    pub async fn stats(&mut self, stats: &FrameStats) -> Result<(), SendError> {
+        let message = self.writer.stats(*stats).map_err(|e| self.order(e))?;
+        self.lane.stage(message, &self.shared);
+        self.send_staged().await
+    }
+
+    /// Says goodbye on this lane. A frame that is open stays unfinished.
+    ///
+    /// # Errors
+    /// When the peer is gone already, or takes nothing within the link's patience.
+    pub async fn goodbye(mut self, reason: Goodbye) -> Result<(), SendError> {
+        match &mut self.lane {
+            FrameTx::Inproc(lane) => lane.goodbye(reason, &self.shared, &mut self.patience).await,
+            FrameTx::Stream(lane) => lane.goodbye(reason, &self.shared, &mut self.patience).await,
+        }
+        .map_err(|e| self.error(e))
+    }
+
+    async fn send_staged(&mut self) -> Result<(), SendError> {
+        match &mut self.lane {
+            FrameTx::Inproc(lane) => lane.send_staged(&mut self.patience).await,
+            FrameTx::Stream(lane) => lane.send_staged(&mut self.patience).await,
+        }
+        .map_err(|e| self.error(e))
+    }
+
+    fn error(&self, error: LaneSendError) -> SendError {
+        error.sending(self.shared.peer, self.patience.limit())
+    }
+
+    const fn order(&self, cause: FrameOrderError) -> SendError {
+        SendError::Order { peer: self.shared.peer, cause }
+    }
+}
+
+impl FrameTx {
+    /// Puts a message in the queue of this side.
+    fn stage(&mut self, message: FrameMessage, shared: &Shared) {
+        match self {
+            Self::Inproc(lane) => lane.stage(message, shared),
+            Self::Stream(lane) => lane.stage(&Message::Frame(message), shared),
+        }
+    }
+}
+
+impl FrameReceiver {
+    pub(crate) fn new(lane: FrameRx, shared: Shared, patience: Patience) -> Self {
+        Self { assembler: FrameAssembler::new(), lane, shared, patience }
+    }
+
+    /// Waits for what comes next. Dropping the future loses nothing.
+    ///
+    /// # Errors
+    /// When the peer said goodbye, is lost, broke the protocol, or sent nothing within the link's patience.
+    pub async fn recv(&mut self) -> Result<FrameEvent, RecvError> {
+        self.recv_until(None).await
+    }
+
+    /// As [`FrameReceiver::recv`], until `deadline` at most.
+    ///
+    /// # Errors
+    /// As there, and [`RecvError::Deadline`].
+    pub async fn recv_by(&mut self, deadline: Instant) -> Result<FrameEvent, RecvError> {
+        self.recv_until(Some(deadline)).await
+    }
+
+    /// The frame that has begun and not ended.
+    #[must_use]
+    pub fn open_frame(&self) -> Option<FrameNumber> {
+        self.assembler.open_frame()
+    }
+
+    async fn recv_until(&mut self, by: Option<Instant>) -> Result<FrameEvent, RecvError> {
+        let message = match &mut self.lane {
+            FrameRx::Inproc(lane) => lane.next(by, &self.shared, &mut self.patience).await,
+            FrameRx::Stream(lane) => lane.next(by, &self.shared, &mut self.patience).await,
+        };
+        message
+            .and_then(|message| {
+                self.assembler.take(message).map_err(|e| LaneError::Protocol(ProtocolError::Frame(e)))
+            })
+            .map_err(|e| e.receiving(self.shared.peer, self.patience.limit()))
+    }
+}
+
+/// The kind and payload size of a message of the frames lane within one process.
+pub(crate) fn weight(message: &FrameMessage) -> (Kind, usize) {
+    match message {
+        FrameMessage::Begin(_) => (Kind::Begin, *Kind::Begin.lengths().end()),
+        FrameMessage::Ids(batch) => (Kind::Ids, batch.as_bytes().len()),
+        FrameMessage::End(_) => (Kind::End, *Kind::End.lengths().end()),
+        FrameMessage::Stats(_) => (Kind::Stats, 0),
+    }
+}

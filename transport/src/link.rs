@@ -1,0 +1,107 @@
+//! What two peers share after the handshake.
+
+use std::fmt;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use trimaran_proto::{BatchSize, Goodbye, Identity, Role, SessionId};
+
+use crate::stats::Counters;
+use crate::{FrameReceiver, FrameSender, LatestReceiver, LatestSender, SendError, StatsHandle};
+
+/// A link to a peer: a lane for the latest camera and a lane for frames of ids, both in both directions.
+///
+/// The halves are independent: take the struct apart and use each where it is needed, from any thread. Waiting calls work
+/// inside a runtime as well as under `Handle::block_on` on a thread of the caller's.
+///
+/// A link that is dropped without [`Link::goodbye`] looks to the peer like a crash.
+#[derive(Debug)]
+pub struct Link {
+    /// Who is at the other end.
+    pub peer: PeerInfo,
+    /// Publishes cameras.
+    pub latest_tx: LatestSender,
+    /// Reads the newest camera.
+    pub latest_rx: LatestReceiver,
+    /// Sends frames of ids.
+    pub frames_tx: FrameSender,
+    /// Receives frames of ids.
+    pub frames_rx: FrameReceiver,
+    /// Counts what travels, for reading at any time.
+    pub stats: StatsHandle,
+}
+
+/// Who is at the other end of a link.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PeerInfo {
+    /// Its role, scene and settings.
+    pub identity: Identity,
+    /// The link's session id.
+    pub session: SessionId,
+    /// Where it is.
+    pub address: PeerAddress,
+}
+
+/// Where a peer is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum PeerAddress {
+    /// In this process.
+    InProcess,
+    /// At the other end of TCP connections; the port is that of the frames lane.
+    Tcp(SocketAddr),
+}
+
+impl fmt::Display for PeerAddress {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::InProcess => f.write_str("this process"),
+            Self::Tcp(address) => address.fmt(f),
+        }
+    }
+}
+
+/// What holds for a link whatever its transport.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LinkConfig {
+    /// How long any one wait for the peer may last: longer than the peer's longest pause between two messages, loading and
+    /// first frame included. Default 30 s.
+    pub patience: Duration,
+    /// How many ids travel in a batch at most, where neither peer's settings say so.
+    pub batch: BatchSize,
+}
+
+impl Default for LinkConfig {
+    fn default() -> Self {
+        Self { patience: Duration::from_secs(30), batch: BatchSize::default() }
+    }
+}
+
+impl LinkConfig {
+    /// The batch size of a link between these two: the display's settings decide.
+    pub(crate) fn batch_between(&self, ours: &Identity, theirs: &Identity) -> BatchSize {
+        ours.settings.or(theirs.settings).map_or(self.batch, |settings| settings.batch)
+    }
+}
+
+impl Link {
+    /// Leaves in good order: says goodbye on both lanes and waits until it is on its way.
+    ///
+    /// # Errors
+    /// When the peer is gone already, or takes nothing within the link's patience.
+    pub async fn goodbye(self, reason: Goodbye) -> Result<(), SendError> {
+        let frames = self.frames_tx.goodbye(reason.clone()).await;
+        let latest = self.latest_tx.goodbye(reason).await;
+        frames.and(latest)
+    }
+}
+
+/// What the halves of a link have in common.
+#[derive(Debug, Clone)]
+pub(crate) struct Shared {
+    pub(crate) peer: Role,
+    pub(crate) counters: Arc<Counters>,
+    /// Dropped with the last half.
+    pub(crate) _place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
+}

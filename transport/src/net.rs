@@ -1,0 +1,157 @@
+//! The one seam to time, tasks and sockets.
+
+use std::fmt;
+use std::future::poll_fn;
+use std::io;
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use tokio::io::{AsyncRead, AsyncWrite};
+
+use crate::TcpOptions;
+
+/// A future on the heap. The seam uses it where connections are made, never per message.
+pub type BoxFuture<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
+
+/// The end of a stream that is read from. A read end that is dropped is closed.
+pub type BoxReader = Box<dyn AsyncRead + Send + Unpin>;
+
+/// The end of a stream that is written to. A write end that is dropped is closed: the peer reads the end of the stream.
+pub type BoxWriter = Box<dyn AsyncWrite + Send + Unpin>;
+
+/// A point in the time of one [`Net`]: nanoseconds since an origin that the `Net` chose.
+///
+/// Not a `std::time::Instant`, because a simulated network keeps a time of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Instant(u64);
+
+impl Instant {
+    /// `nanos` nanoseconds after the origin.
+    #[must_use]
+    pub const fn from_nanos(nanos: u64) -> Self {
+        Self(nanos)
+    }
+
+    /// Nanoseconds since the origin.
+    #[must_use]
+    pub const fn as_nanos(self) -> u64 {
+        self.0
+    }
+
+    /// `duration` later, or the last instant there is (584 years after the origin).
+    #[must_use]
+    pub fn after(self, duration: Duration) -> Self {
+        Self(self.0.saturating_add(u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)))
+    }
+
+    /// How long ago `earlier` was; zero when it was not.
+    #[must_use]
+    pub const fn since(self, earlier: Self) -> Duration {
+        Duration::from_nanos(self.0.saturating_sub(earlier.0))
+    }
+}
+
+/// Time, tasks and sockets. [`TokioNet`](crate::TokioNet) is the real one; a simulator implements the same trait over
+/// virtual time, so that the very same transports run on it.
+///
+/// Object-safe on purpose: whatever uses a link does not depend on what is below it.
+pub trait Net: fmt::Debug + Send + Sync + 'static {
+    /// The time now.
+    fn now(&self) -> Instant;
+
+    /// A timer that rings at no time until it is set.
+    fn timer(&self) -> Box<dyn Timer>;
+
+    /// Runs `task` beside the caller.
+    fn spawn(&self, task: BoxFuture<'static, ()>);
+
+    /// 64 random bits, for session ids and the like. A simulated network draws them from its seed.
+    ///
+    /// # Errors
+    /// When the system has no randomness to give.
+    fn random(&self) -> io::Result<u64>;
+
+    /// The addresses of `host:port`; host is a name, an IPv4 address or an IPv6 address in brackets.
+    fn resolve<'a>(&'a self, address: &'a str) -> BoxFuture<'a, io::Result<Vec<SocketAddr>>>;
+
+    /// Connects to a TCP listener.
+    fn connect_tcp(&self, to: SocketAddr, options: TcpOptions) -> BoxFuture<'_, io::Result<Stream>>;
+
+    /// Listens for TCP connections; port 0 takes a free one.
+    ///
+    /// # Errors
+    /// When the address cannot be listened on, for instance because the port is in use.
+    fn listen_tcp(&self, at: SocketAddr, options: TcpOptions) -> io::Result<Box<dyn Listen>>;
+}
+
+/// A timer that can be set again and again without allocating.
+pub trait Timer: Send {
+    /// Sets the timer to ring at `at`, whatever it was set to before.
+    fn reset(&mut self, at: Instant);
+
+    /// Ready once the time that was set has come.
+    fn poll(&mut self, cx: &mut Context<'_>) -> Poll<()>;
+}
+
+/// A listening socket.
+pub trait Listen: Send {
+    /// Waits for the next connection. Dropping the future loses none.
+    fn accept(&mut self) -> BoxFuture<'_, io::Result<Stream>>;
+
+    /// Where it listens.
+    ///
+    /// # Errors
+    /// When the system does not say.
+    fn local_addr(&self) -> io::Result<SocketAddr>;
+}
+
+/// A connected byte stream.
+pub struct Stream {
+    /// What the peer sends.
+    pub reader: BoxReader,
+    /// What is sent to the peer.
+    pub writer: BoxWriter,
+    /// The peer's address.
+    pub peer: SocketAddr,
+}
+
+impl fmt::Debug for Stream {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Stream").field("peer", &self.peer).finish_non_exhaustive()
+    }
+}
+
+/// Waits until `at`.
+pub async fn sleep_until(net: &dyn Net, at: Instant) {
+    let mut timer = net.timer();
+    timer.reset(at);
+    poll_fn(|cx| timer.poll(cx)).await;
+}
+
+/// What `future` gives, or `None` when `at` comes first.
+pub async fn until<F: Future>(net: &dyn Net, at: Instant, future: F) -> Option<F::Output> {
+    let mut future = std::pin::pin!(future);
+    let mut timer = net.timer();
+    timer.reset(at);
+    poll_fn(|cx| match future.as_mut().poll(cx) {
+        Poll::Ready(output) => Poll::Ready(Some(output)),
+        Poll::Pending => timer.poll(cx).map(|()| None),
+    })
+    .await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_saturates_at_both_ends() {
+        let t = Instant::from_nanos(5);
+        assert_eq!(t.after(Duration::from_nanos(2)), Instant::from_nanos(7));
+        assert_eq!(t.after(Duration::MAX), Instant::from_nanos(u64::MAX));
+        assert_eq!(t.since(Instant::from_nanos(2)), Duration::from_nanos(3));
+        assert_eq!(t.since(Instant::from_nanos(9)), Duration::ZERO);
+    }
+}

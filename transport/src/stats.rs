@@ -1,0 +1,246 @@
+//! What travelled over a link, by cause.
+
+use std::ops::Sub;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use trimaran_proto::{HEADER_BYTES, ID_BYTES, Kind};
+
+/// What travelled over a link since it was made, handshake included.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct LinkStats {
+    /// What this side sent.
+    pub sent: Traffic,
+    /// What this side received.
+    pub received: Traffic,
+}
+
+/// Messages and payload bytes by kind, in one direction.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Cameras on the latest lane.
+    pub camera: Tally,
+    /// Beginnings of frames: each carries a camera.
+    pub begin: Tally,
+    /// Batches of ids.
+    pub ids: Tally,
+    /// Ends of frames (EOF).
+    pub end: Tally,
+    /// Handshake, goodbye and statistics; within one process these have no size.
+    pub control: Tally,
+    /// The bytes of this protocol's own headers; those of TCP, IP and Ethernet are not seen from here. 0 in one process.
+    pub header_bytes: u64,
+}
+
+/// Messages and their payload.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// How many messages.
+    pub messages: u64,
+    /// Their payload in bytes, headers not counted.
+    pub bytes: u64,
+}
+
+impl Traffic {
+    /// How many ids.
+    #[must_use]
+    pub const fn id_count(&self) -> u64 {
+        self.ids.bytes / ID_BYTES as u64
+    }
+
+    /// All bytes: payloads and headers.
+    #[must_use]
+    pub const fn total_bytes(&self) -> u64 {
+        self.camera.bytes
+            + self.begin.bytes
+            + self.ids.bytes
+            + self.end.bytes
+            + self.control.bytes
+            + self.header_bytes
+    }
+}
+
+impl Sub for LinkStats {
+    type Output = Self;
+
+    /// What was added since the earlier snapshot `earlier`.
+    fn sub(self, earlier: Self) -> Self {
+        Self { sent: self.sent - earlier.sent, received: self.received - earlier.received }
+    }
+}
+
+impl Sub for Traffic {
+    type Output = Self;
+
+    fn sub(self, earlier: Self) -> Self {
+        Self {
+            camera: self.camera - earlier.camera,
+            begin: self.begin - earlier.begin,
+            ids: self.ids - earlier.ids,
+            end: self.end - earlier.end,
+            control: self.control - earlier.control,
+            header_bytes: self.header_bytes.saturating_sub(earlier.header_bytes),
+        }
+    }
+}
+
+impl Sub for Tally {
+    type Output = Self;
+
+    fn sub(self, earlier: Self) -> Self {
+        Self {
+            messages: self.messages.saturating_sub(earlier.messages),
+            bytes: self.bytes.saturating_sub(earlier.bytes),
+        }
+    }
+}
+
+/// Reads the counters of a link at any time, from any thread.
+#[derive(Debug, Clone)]
+pub struct StatsHandle(Arc<Counters>);
+
+impl StatsHandle {
+    /// A snapshot. Counters that change meanwhile may be one message apart from each other.
+    #[must_use]
+    pub fn read(&self) -> LinkStats {
+        LinkStats { sent: self.0.sent.read(self.0.header), received: self.0.received.read(self.0.header) }
+    }
+}
+
+/// The counters that the halves of a link share.
+#[derive(Debug)]
+pub(crate) struct Counters {
+    pub(crate) sent: Direction,
+    pub(crate) received: Direction,
+    /// The header bytes of a message on this transport.
+    header: u64,
+}
+
+impl Counters {
+    /// For a transport whose messages travel as bytes.
+    pub(crate) fn framed() -> Arc<Self> {
+        Self::with_header(HEADER_BYTES as u64)
+    }
+
+    /// For a transport whose messages are passed on as they are.
+    pub(crate) fn unframed() -> Arc<Self> {
+        Self::with_header(0)
+    }
+
+    fn with_header(header: u64) -> Arc<Self> {
+        Arc::new(Self { sent: Direction::default(), received: Direction::default(), header })
+    }
+
+    /// Adds what `other` counted.
+    pub(crate) fn absorb(&self, other: &Self) {
+        self.sent.absorb(&other.sent);
+        self.received.absorb(&other.received);
+    }
+
+    pub(crate) fn handle(self: &Arc<Self>) -> StatsHandle {
+        StatsHandle(Arc::clone(self))
+    }
+}
+
+/// Counters of one direction. Relaxed: they order nothing, they only add up.
+#[derive(Debug, Default)]
+pub(crate) struct Direction {
+    camera: AtomicTally,
+    begin: AtomicTally,
+    ids: AtomicTally,
+    end: AtomicTally,
+    control: AtomicTally,
+}
+
+#[derive(Debug, Default)]
+struct AtomicTally {
+    messages: AtomicU64,
+    bytes: AtomicU64,
+}
+
+impl AtomicTally {
+    fn absorb(&self, other: &Self) {
+        let Tally { messages, bytes } = other.read();
+        self.messages.fetch_add(messages, Ordering::Relaxed);
+        self.bytes.fetch_add(bytes, Ordering::Relaxed);
+    }
+
+    fn read(&self) -> Tally {
+        Tally { messages: self.messages.load(Ordering::Relaxed), bytes: self.bytes.load(Ordering::Relaxed) }
+    }
+}
+
+impl Direction {
+    /// Counts one message of `bytes` bytes of payload.
+    pub(crate) fn count(&self, kind: Kind, bytes: usize) {
+        let tally = match kind {
+            Kind::Camera => &self.camera,
+            Kind::Begin => &self.begin,
+            Kind::Ids => &self.ids,
+            Kind::End => &self.end,
+            Kind::Hello | Kind::Accept | Kind::Refuse | Kind::Goodbye | Kind::Stats => &self.control,
+        };
+        tally.messages.fetch_add(1, Ordering::Relaxed);
+        tally.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
+    }
+
+    fn absorb(&self, other: &Self) {
+        let Self { camera, begin, ids, end, control } = self;
+        camera.absorb(&other.camera);
+        begin.absorb(&other.begin);
+        ids.absorb(&other.ids);
+        end.absorb(&other.end);
+        control.absorb(&other.control);
+    }
+
+    fn read(&self, header: u64) -> Traffic {
+        let mut traffic = Traffic {
+            camera: self.camera.read(),
+            begin: self.begin.read(),
+            ids: self.ids.read(),
+            end: self.end.read(),
+            control: self.control.read(),
+            header_bytes: 0,
+        };
+        let messages = traffic.camera.messages
+            + traffic.begin.messages
+            + traffic.ids.messages
+            + traffic.end.messages
+            + traffic.control.messages;
+        traffic.header_bytes = messages * header;
+        traffic
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_are_told_apart_by_kind_and_direction() {
+        let counters = Counters::framed();
+        counters.sent.count(Kind::Ids, 40);
+        counters.sent.count(Kind::Ids, 8);
+        counters.received.count(Kind::Camera, 72);
+        counters.received.count(Kind::Goodbye, 1);
+        let early = counters.handle().read();
+        assert_eq!(early.sent.ids, Tally { messages: 2, bytes: 48 });
+        assert_eq!(early.sent.id_count(), 12);
+        assert_eq!(early.sent.total_bytes(), 48 + 2 * 4);
+        assert_eq!(early.received.camera, Tally { messages: 1, bytes: 72 });
+        assert_eq!(early.received.control, Tally { messages: 1, bytes: 1 });
+
+        counters.sent.count(Kind::End, 16);
+        let later = counters.handle().read() - early;
+        assert_eq!(later.sent.end, Tally { messages: 1, bytes: 16 });
+        assert_eq!((later.sent.header_bytes, later.sent.total_bytes()), (4, 20));
+        assert_eq!(later.received, Traffic::default());
+    }
+
+    #[test]
+    fn one_process_has_no_headers() {
+        let counters = Counters::unframed();
+        counters.sent.count(Kind::Begin, 76);
+        assert_eq!(counters.handle().read().sent.total_bytes(), 76);
+    }
+}

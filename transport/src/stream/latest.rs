@@ -1,0 +1,212 @@
+//! The latest lane over a byte stream of its own.
+
+use std::future::poll_fn;
+use std::io;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll, Waker, ready};
+
+use tokio::sync::Notify;
+use trimaran_proto::{Camera, Goodbye, Lane, Message};
+
+use super::source::{Sink, Source, misplaced};
+use crate::error::{LaneError, LaneSendError, Loss};
+use crate::link::Shared;
+use crate::net::{Instant, Net};
+use crate::patience::Patience;
+
+/// How much is read at once: some fifty cameras.
+const ROOM: usize = 4 * 1024;
+
+/// How many reads are drained in search of the newest camera before it is handed out, so that a flood cannot hold the reader.
+const READS: usize = 64;
+
+/// Writes each camera straight from the publishing thread. Only when the stream takes no more does a task take over, and the
+/// cell of size one fills.
+#[derive(Debug)]
+pub(crate) struct LatestTx {
+    net: Arc<dyn Net>,
+    cell: Arc<Cell>,
+}
+
+#[derive(Debug)]
+struct Cell {
+    outgoing: Mutex<Outgoing>,
+    /// Rings when the task is done.
+    idle: Notify,
+    shared: Shared,
+}
+
+#[derive(Debug)]
+struct Outgoing {
+    sink: Sink,
+    /// The newest camera, while older bytes are still being written.
+    newest: Option<Camera>,
+    farewell: Option<Goodbye>,
+    /// A task writes; nobody else may, because a stream wakes only who polled it last.
+    busy: bool,
+    failed: Option<io::ErrorKind>,
+}
+
+impl LatestTx {
+    pub(crate) fn new(net: &Arc<dyn Net>, sink: Sink, shared: Shared) -> Self {
+        let outgoing = Outgoing { sink, newest: None, farewell: None, busy: false, failed: None };
+        let cell = Cell { outgoing: Mutex::new(outgoing), idle: Notify::new(), shared };
+        Self { net: Arc::clone(net), cell: Arc::new(cell) }
+    }
+
+    pub(crate) fn publish(&mut self, camera: Camera) -> Result<(), LaneSendError> {
+        self.send(|outgoing| outgoing.newest = Some(camera))
+    }
+
+    pub(crate) async fn goodbye(
+        &mut self,
+        reason: Goodbye,
+        patience: &mut Patience,
+    ) -> Result<(), LaneSendError> {
+        self.send(|outgoing| outgoing.farewell = Some(reason))?;
+        loop {
+            // Made before the look, so that a task that ends in between is not missed.
+            let idle = self.cell.idle.notified();
+            {
+                let outgoing = self.cell.lock();
+                outgoing.check()?;
+                if !outgoing.busy {
+                    return Ok(());
+                }
+            }
+            patience.wait(None, idle).await.map_err(|_| LaneSendError::Stalled)?;
+        }
+    }
+
+    fn send(&self, put: impl FnOnce(&mut Outgoing)) -> Result<(), LaneSendError> {
+        let mut outgoing = self.cell.lock();
+        outgoing.check()?;
+        put(&mut outgoing);
+        if outgoing.busy {
+            return Ok(());
+        }
+        if self.cell.poll_send(&mut outgoing, &mut Context::from_waker(Waker::noop())).is_pending() {
+            outgoing.busy = true;
+            drop(outgoing);
+            let cell = Arc::clone(&self.cell);
+            self.net.spawn(Box::pin(async move { cell.send_all().await }));
+            return Ok(());
+        }
+        outgoing.check()
+    }
+}
+
+impl Cell {
+    fn lock(&self) -> MutexGuard<'_, Outgoing> {
+        // A panic elsewhere leaves whole messages in the sink: going on is sound.
+        self.outgoing.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    async fn send_all(&self) {
+        poll_fn(|cx| {
+            let mut outgoing = self.lock();
+            ready!(self.poll_send(&mut outgoing, cx));
+            outgoing.busy = false;
+            Poll::Ready(())
+        })
+        .await;
+        self.idle.notify_waiters();
+    }
+
+    /// Ready when there is nothing more to send, or the stream has failed.
+    fn poll_send(&self, outgoing: &mut Outgoing, cx: &mut Context<'_>) -> Poll<()> {
+        loop {
+            if let Err(e) = ready!(outgoing.sink.poll_drain(cx)) {
+                outgoing.failed = Some(e.kind());
+                return Poll::Ready(());
+            }
+            let counts = &self.shared.counters.sent;
+            if let Some(camera) = outgoing.newest.take() {
+                outgoing.sink.stage(&Message::Camera(camera), counts);
+            } else if let Some(reason) = outgoing.farewell.take() {
+                outgoing.sink.stage(&Message::Goodbye(reason), counts);
+            } else {
+                return Poll::Ready(());
+            }
+        }
+    }
+}
+
+impl Outgoing {
+    fn check(&self) -> Result<(), LaneSendError> {
+        match self.failed {
+            Some(kind) => Err(LaneSendError::Lost(Loss::Io(kind.into()))),
+            None => Ok(()),
+        }
+    }
+}
+
+#[derive(Debug)]
+pub(crate) struct LatestRx {
+    source: Source,
+    farewell: Option<Goodbye>,
+    /// What ended the lane behind a camera that was given first.
+    ended: Option<LaneError>,
+}
+
+impl LatestRx {
+    pub(crate) fn new(source: Source) -> Self {
+        Self { source: source.with_room(ROOM), farewell: None, ended: None }
+    }
+
+    pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<Camera>, LaneError> {
+        if let Some(end) = self.ended.take() {
+            return Err(end);
+        }
+        let mut newest = None;
+        match self.drain(shared, &mut newest) {
+            Ok(()) => Ok(newest),
+            Err(end) if newest.is_some() => {
+                self.ended = Some(end);
+                Ok(newest)
+            }
+            Err(end) => Err(end),
+        }
+    }
+
+    pub(crate) async fn latest(
+        &mut self,
+        by: Option<Instant>,
+        shared: &Shared,
+        patience: &mut Patience,
+    ) -> Result<Camera, LaneError> {
+        loop {
+            if let Some(camera) = self.try_latest(shared)? {
+                return Ok(camera);
+            }
+            patience
+                .wait(by, poll_fn(|cx| self.source.poll_fill(cx)))
+                .await
+                .map_err(LaneError::Expired)??;
+        }
+    }
+
+    /// Takes everything that has arrived.
+    fn drain(&mut self, shared: &Shared, newest: &mut Option<Camera>) -> Result<(), LaneError> {
+        if let Some(reason) = &self.farewell {
+            return Err(LaneError::Goodbye(reason.clone()));
+        }
+        for _ in 0..READS {
+            while let Some(message) = self.source.next_buffered(&shared.counters.received)? {
+                match message {
+                    Message::Camera(camera) => *newest = Some(camera),
+                    Message::Goodbye(reason) => {
+                        self.farewell = Some(reason.clone());
+                        return Err(LaneError::Goodbye(reason));
+                    }
+                    other => return Err(misplaced(other.kind(), Lane::Latest)),
+                }
+            }
+            match self.source.poll_fill(&mut Context::from_waker(Waker::noop())) {
+                Poll::Ready(filled) => filled?,
+                Poll::Pending => break,
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,129 @@
+//! The two ends of a byte stream as messages.
+
+use std::fmt;
+use std::io;
+use std::pin::{Pin, pin};
+use std::task::{Context, Poll, ready};
+
+use bytes::{Buf, BytesMut};
+use tokio::io::{AsyncReadExt, AsyncWrite};
+use trimaran_proto::{Decoder, HEADER_BYTES, Kind, Message};
+
+use crate::error::{LaneError, Loss, ProtocolError};
+use crate::net::{BoxReader, BoxWriter};
+use crate::stats::Direction;
+
+/// Reads messages.
+pub(crate) struct Source {
+    reader: BoxReader,
+    decoder: Decoder,
+    /// How much is read at once at least, bytes.
+    room: usize,
+}
+
+impl fmt::Debug for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Source").field("decoder", &self.decoder).finish_non_exhaustive()
+    }
+}
+
+impl Source {
+    /// Reads `room` bytes or more at once.
+    pub(crate) fn new(reader: BoxReader, room: usize) -> Self {
+        Self { reader, decoder: Decoder::new(), room }
+    }
+
+    /// Goes on with another appetite, for instance once a stranger has become a peer.
+    pub(crate) fn with_room(self, room: usize) -> Self {
+        Self { room, ..self }
+    }
+
+    /// A message that has arrived in full.
+    pub(crate) fn next_buffered(&mut self, counts: &Direction) -> Result<Option<Message>, LaneError> {
+        let before = self.decoder.position();
+        let message =
+            self.decoder.next_message().map_err(|e| LaneError::Protocol(ProtocolError::Decode(e)))?;
+        if let Some(message) = &message {
+            let bytes = self.decoder.position().saturating_sub(before) as usize;
+            counts.count(message.kind(), bytes.saturating_sub(HEADER_BYTES));
+        }
+        Ok(message)
+    }
+
+    /// Reads what there is, at least one byte.
+    pub(crate) fn poll_fill(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), LaneError>> {
+        let buffer = self.decoder.buffer(self.room);
+        // The future of `read_buf` holds no state of its own, so that a fresh one per poll goes on where the last one was.
+        let read = ready!(pin!(self.reader.read_buf(buffer)).poll(cx));
+        Poll::Ready(match read {
+            Ok(0) => Err(LaneError::Lost(match self.decoder.pending() {
+                0 => Loss::Closed,
+                bytes => Loss::Cut { bytes },
+            })),
+            Ok(_) => Ok(()),
+            Err(e) => Err(LaneError::Lost(Loss::Io(e))),
+        })
+    }
+}
+
+/// Writes messages.
+pub(crate) struct Sink {
+    writer: BoxWriter,
+    out: BytesMut,
+}
+
+impl fmt::Debug for Sink {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Sink").field("waiting", &self.out.len()).finish_non_exhaustive()
+    }
+}
+
+impl Sink {
+    pub(crate) fn new(writer: BoxWriter) -> Self {
+        Self { writer, out: BytesMut::new() }
+    }
+
+    /// Whether everything has been written.
+    pub(crate) fn is_drained(&self) -> bool {
+        self.out.is_empty()
+    }
+
+    /// Adds a message to what is to be written.
+    pub(crate) fn stage(&mut self, message: &Message, counts: &Direction) {
+        let before = self.out.len();
+        message.encode(&mut self.out);
+        counts.count(message.kind(), self.out.len() - before - HEADER_BYTES);
+    }
+
+    /// Writes as much as the stream takes now, at least one byte unless there is nothing to write.
+    pub(crate) fn poll_write(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        if self.out.is_empty() {
+            return Poll::Ready(Ok(()));
+        }
+        match ready!(Pin::new(&mut self.writer).poll_write(cx, &self.out))? {
+            0 => Poll::Ready(Err(io::ErrorKind::WriteZero.into())),
+            written => {
+                self.out.advance(written);
+                Poll::Ready(Ok(()))
+            }
+        }
+    }
+
+    /// Writes everything, and has the stream pass it on.
+    pub(crate) fn poll_drain(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        while !self.is_drained() {
+            ready!(self.poll_write(cx))?;
+        }
+        Pin::new(&mut self.writer).poll_flush(cx)
+    }
+
+    /// Tells the peer that nothing more comes.
+    pub(crate) fn poll_shutdown(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.writer).poll_shutdown(cx)
+    }
+}
+
+/// A message on a lane where it does not belong.
+pub(super) fn misplaced(kind: Kind, lane: trimaran_proto::Lane) -> LaneError {
+    LaneError::Protocol(ProtocolError::Misplaced { kind, lane })
+}

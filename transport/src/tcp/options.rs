@@ -1,0 +1,69 @@
+//! How TCP connections are set up.
+
+use std::time::Duration;
+
+use crate::LinkConfig;
+
+/// Options of each TCP connection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TcpOptions {
+    /// Send at once, without Nagle's wait for an acknowledgement. Default true.
+    pub nodelay: bool,
+    /// The system's send buffer, bytes; `None` leaves it to the system, which adapts it.
+    pub send_buffer: Option<usize>,
+    /// The system's receive buffer, bytes; `None` leaves it to the system, which adapts it.
+    pub recv_buffer: Option<usize>,
+    /// Probes of an idle connection, answered by the peer's system even while the peer is busy. Default after 5 s.
+    pub keepalive: Option<Keepalive>,
+    /// How long data may wait for the peer's system, or for room on its side, before the connection counts as dead
+    /// (`TCP_USER_TIMEOUT`; Linux only). Default 20 s. `None` leaves it to the system: about 15 minutes.
+    pub user_timeout: Option<Duration>,
+    /// How many connections may wait to be accepted.
+    pub backlog: i32,
+}
+
+/// Probes of an idle connection.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Keepalive {
+    /// How long a connection is idle before the first probe.
+    pub idle: Duration,
+    /// The time between two probes.
+    pub interval: Duration,
+}
+
+impl Default for TcpOptions {
+    fn default() -> Self {
+        Self {
+            nodelay: true,
+            send_buffer: None,
+            recv_buffer: None,
+            keepalive: Some(Keepalive { idle: Duration::from_secs(5), interval: Duration::from_secs(2) }),
+            user_timeout: Some(Duration::from_secs(20)),
+            backlog: 128,
+        }
+    }
+}
+
+/// Options of links over TCP.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Options {
+    /// What holds for the link.
+    pub link: LinkConfig,
+    /// What holds for its connections.
+    pub tcp: TcpOptions,
+    /// How long one handshake may take, from the connection to the last answer. Default 5 s.
+    pub handshake: Duration,
+    /// How many handshakes a listener has under way at once; more are turned away. Default 32.
+    pub max_handshakes: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            link: LinkConfig::default(),
+            tcp: TcpOptions::default(),
+            handshake: Duration::from_secs(5),
+            max_handshakes: 32,
+        }
+    }
+}
