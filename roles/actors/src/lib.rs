@@ -1,5 +1,20 @@
 //! The three roles as state machines, their drivers, and the session that joins them.
+//!
+//! [`SwitchMachine`] and [`DisplayMachine`] know what is due and what is out of order; [`PairRole`] and [`DisplayRole`] move
+//! messages between them, a device ([`PairDevice`], [`PictureDevice`]) and links; [`in_process`] joins three of them in one process.
 
+mod clock;
+mod device;
+mod driver;
 mod machine;
+mod session;
+mod vulkan;
 
+pub use clock::Stopwatch;
+pub use device::{PairDevice, PictureDevice};
+pub use driver::{
+    Cameras, DisplayRole, LinkError, Observer, PairRole, PairTraffic, RoleError, ShownFrame, Stop, Stopper,
+};
 pub use machine::{DisplayMachine, DisplayStep, OrderError, Seat, SwitchMachine, SwitchStep};
+pub use session::{Devices, SessionError, in_process};
+pub use vulkan::{VulkanDisplay, VulkanPair, VulkanPairError};

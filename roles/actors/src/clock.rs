@@ -1,0 +1,27 @@
+//! The one clock that roles measure their own work with.
+
+use std::time::{Duration, Instant};
+
+/// Time since the role started. It measures; nothing waits by it.
+#[derive(Debug, Clone, Copy)]
+pub struct Stopwatch {
+    start: Instant,
+}
+
+impl Stopwatch {
+    /// Starts now.
+    #[must_use]
+    #[allow(
+        clippy::disallowed_methods,
+        reason = "the one place where roles read the clock, to measure and never to wait"
+    )]
+    pub fn start() -> Self {
+        Self { start: Instant::now() }
+    }
+
+    /// Time since the start.
+    #[must_use]
+    pub fn elapsed(&self) -> Duration {
+        self.start.elapsed()
+    }
+}

@@ -1,0 +1,276 @@
+//! The display at work (paper, algorithm 4.3).
+
+use std::{sync::Arc, time::Duration};
+
+use tokio::runtime::Handle;
+use trimaran_cull::{DrawOrder, View, Viewport};
+use trimaran_gpu::Picture;
+use trimaran_proto::{Camera, DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStats, Settings};
+use trimaran_scene::Scene;
+use trimaran_transport::{Link, LinkStats, StatsHandle};
+
+use super::{
+    RoleError, leave,
+    stop::{Stop, Waiting},
+    viewport_of, wait,
+};
+use crate::{DisplayMachine, DisplayStep, OrderError, PictureDevice, Seat, Stopwatch};
+
+/// Where cameras come from.
+pub trait Cameras {
+    /// The pose for this frame. In a lockstep session it depends on the frame alone.
+    fn camera(&mut self, frame: FrameNumber) -> Camera;
+}
+
+/// A frame that has been drawn, as the display's observer sees it.
+#[derive(Debug)]
+pub struct ShownFrame<'f> {
+    /// The camera it shows; its number is the frame's.
+    pub camera: Camera,
+    /// What was drawn, in the order drawn.
+    pub ids: &'f [DrawableId],
+    /// The picture, if it was asked for.
+    pub picture: Option<&'f Picture>,
+    /// When its camera was handed out, since the session's start.
+    pub published: Duration,
+    /// When its begin arrived.
+    pub begun: Duration,
+    /// When drawing began.
+    pub drawing: Duration,
+    /// When the device was done with it. RVG was busy from `drawing` to here.
+    pub shown: Duration,
+}
+
+/// Sees what the display does. Time spent here is the session's: an observer notes and returns.
+pub trait Observer {
+    /// Whether this frame's picture is to be read back.
+    fn wants_picture(&self, frame: FrameNumber) -> bool;
+    /// A frame has been shown.
+    fn shown(&mut self, frame: &ShownFrame<'_>);
+    /// What a machine of the pair did for a frame that it has sent.
+    fn pair_did(&mut self, stats: &FrameStats);
+}
+
+/// The display, joined to the pair.
+#[derive(Debug)]
+pub struct DisplayRole<D> {
+    /// The scene, the same in all three roles.
+    pub scene: Arc<Scene>,
+    /// Its device.
+    pub device: D,
+    /// The link to the pair's first machine.
+    pub first: Link,
+    /// The link to the pair's second machine.
+    pub second: Link,
+    /// What it has decided for the session.
+    pub settings: Settings,
+}
+
+/// What the display's links carried, first and second machine.
+pub type PairTraffic = [LinkStats; 2];
+
+impl<D: PictureDevice> DisplayRole<D> {
+    /// Plays the role until the session's last frame is shown, or `stop` asks. It occupies this thread; `runtime` drives the
+    /// links. Returns what the links carried.
+    ///
+    /// # Errors
+    /// When a peer dies, leaves or breaks the order, or the device fails. The peers are told before it returns.
+    pub fn run(
+        self,
+        cameras: &mut dyn Cameras,
+        observer: &mut dyn Observer,
+        runtime: &Handle,
+        stop: &Stop,
+    ) -> Result<PairTraffic, RoleError<D::Error>> {
+        let waiting = Waiting { runtime, stop };
+        let mut work = Work::new(self, waiting)?;
+        let result = work.frames(cameras, observer);
+        let counters = work.links.each_ref().map(|link| link.stats.clone());
+        runtime.block_on(leave(work.links, &result));
+        match result {
+            Err(error) if !error.is_clean_end() => Err(error),
+            _ => Ok(counters.each_ref().map(StatsHandle::read)),
+        }
+    }
+}
+
+struct Work<'r, D> {
+    machine: DisplayMachine,
+    scene: Arc<Scene>,
+    device: D,
+    links: [Link; 2],
+    viewport: Viewport,
+    lockstep: bool,
+    waiting: Waiting<'r>,
+    clock: Stopwatch,
+    /// When the cameras of the frame due and of the one after it were handed out.
+    published: [Duration; 2],
+    order: DrawOrder,
+    ids: Vec<DrawableId>,
+    picture: Picture,
+}
+
+/// A frame that a machine of the pair has begun to send.
+#[derive(Debug, Clone, Copy)]
+struct Begun {
+    camera: Camera,
+    /// When its camera was handed out.
+    published: Duration,
+    /// When the begin arrived.
+    at: Duration,
+}
+
+const fn peer(seat: Seat) -> &'static str {
+    match seat {
+        Seat::First => "first machine of the pair",
+        Seat::Second => "second machine of the pair",
+    }
+}
+
+const fn index(seat: Seat) -> usize {
+    match seat {
+        Seat::First => 0,
+        Seat::Second => 1,
+    }
+}
+
+impl<'r, D: PictureDevice> Work<'r, D> {
+    fn new(role: DisplayRole<D>, waiting: Waiting<'r>) -> Result<Self, RoleError<D::Error>> {
+        let DisplayRole { scene, device, first, second, settings } = role;
+        Ok(Self {
+            machine: DisplayMachine::new(settings.frames),
+            scene,
+            device,
+            links: [first, second],
+            viewport: viewport_of(&settings)?,
+            lockstep: settings.lockstep,
+            waiting,
+            clock: Stopwatch::start(),
+            published: [Duration::ZERO; 2],
+            order: DrawOrder::default(),
+            ids: Vec::new(),
+            picture: Picture::default(),
+        })
+    }
+
+    fn frames(
+        &mut self,
+        cameras: &mut dyn Cameras,
+        observer: &mut dyn Observer,
+    ) -> Result<(), RoleError<D::Error>> {
+        for frame in self.machine.first_cameras() {
+            self.hand_out(cameras.camera(frame))?;
+        }
+        while let DisplayStep::Await { from, .. } = self.machine.step() {
+            if self.waiting.stop.requested() {
+                return Err(RoleError::Stopped);
+            }
+            let begun = self.await_begin(from, cameras, observer)?;
+            self.gather(from)?;
+            self.show(begun, observer)?;
+        }
+        self.last_words(observer)
+    }
+
+    fn hand_out(&mut self, camera: Camera) -> Result<(), RoleError<D::Error>> {
+        let seat = Seat::of(camera.frame());
+        self.machine.hand_out(camera);
+        self.published[index(seat)] = self.clock.elapsed();
+        let publish = self.links[index(seat)].latest_tx.publish(camera);
+        publish.map_err(|cause| RoleError::Link { doing: "handing out a camera", cause: cause.into() })
+    }
+
+    /// Waits for the frame's begin, and hands its machine the camera of the frame after next.
+    fn await_begin(
+        &mut self,
+        from: Seat,
+        cameras: &mut dyn Cameras,
+        observer: &mut dyn Observer,
+    ) -> Result<Begun, RoleError<D::Error>> {
+        loop {
+            match self.receive(from)? {
+                FrameEvent::Begin(start) => {
+                    let published = self.published[index(from)];
+                    let begun = Begun { camera: start.camera, published, at: self.clock.elapsed() };
+                    let order = |cause| RoleError::Order { peer: peer(from), cause };
+                    let next = self.machine.began(start.camera, self.lockstep).map_err(order)?;
+                    if let Some(frame) = next {
+                        self.hand_out(cameras.camera(frame))?;
+                    }
+                    return Ok(begun);
+                }
+                FrameEvent::Stats(stats) => observer.pair_did(&stats),
+                FrameEvent::Ids(_) | FrameEvent::End(_) => return Err(out_of_order(from, "its begin")),
+            }
+        }
+    }
+
+    /// Gathers the frame's ids up to its end.
+    fn gather(&mut self, from: Seat) -> Result<(), RoleError<D::Error>> {
+        self.ids.clear();
+        loop {
+            match self.receive(from)? {
+                FrameEvent::Ids(batch) => self.ids.extend(batch.iter()),
+                FrameEvent::End(FrameOutcome::Complete(_)) => {
+                    return self
+                        .machine
+                        .ended()
+                        .map_err(|cause| RoleError::Order { peer: peer(from), cause });
+                }
+                FrameEvent::End(FrameOutcome::Incomplete { frame, expected, received }) => {
+                    return Err(RoleError::Incomplete { frame, expected, received });
+                }
+                FrameEvent::Begin(_) | FrameEvent::Stats(_) => return Err(out_of_order(from, "its end")),
+            }
+        }
+    }
+
+    /// RVG: draws the frame front to back.
+    fn show(&mut self, begun: Begun, observer: &mut dyn Observer) -> Result<(), RoleError<D::Error>> {
+        let Begun { camera, published, at } = begun;
+        let view = View::new(camera, self.viewport);
+        let drawing = self.clock.elapsed();
+        self.order.sort(&self.scene, &view, &mut self.ids);
+        let device = |cause| RoleError::Device { doing: "drawing a picture", cause };
+        self.device.draw(&view, &self.ids).map_err(device)?;
+        let shown = self.clock.elapsed();
+        let wanted = observer.wants_picture(camera.frame());
+        if wanted {
+            self.device.read(&mut self.picture).map_err(device)?;
+        }
+        observer.shown(&ShownFrame {
+            camera,
+            ids: &self.ids,
+            picture: wanted.then_some(&self.picture),
+            published,
+            begun: at,
+            drawing,
+            shown,
+        });
+        Ok(())
+    }
+
+    /// After the last frame: what the machines still say of their work, up to their goodbyes.
+    fn last_words(&mut self, observer: &mut dyn Observer) -> Result<(), RoleError<D::Error>> {
+        for seat in [Seat::First, Seat::Second] {
+            loop {
+                match self.receive(seat) {
+                    Ok(FrameEvent::Stats(stats)) => observer.pair_did(&stats),
+                    Ok(_) => return Err(out_of_order(seat, "its goodbye")),
+                    Err(error) if error.is_clean_end() => break,
+                    Err(error) => return Err(error),
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, from: Seat) -> Result<FrameEvent, RoleError<D::Error>> {
+        wait(self.waiting, "receiving a frame", self.links[index(from)].frames_rx.recv())
+    }
+}
+
+fn out_of_order<D: std::error::Error>(from: Seat, state: &'static str) -> RoleError<D> {
+    let cause = OrderError::Unexpected { what: "a part of a frame", state };
+    RoleError::Order { peer: peer(from), cause }
+}

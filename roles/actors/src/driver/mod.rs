@@ -1,0 +1,146 @@
+//! The drivers: thin loops that move messages between links, state machines and devices.
+//!
+//! A role occupies one thread, since its device blocks. The links are async: each wait hands the thread to the runtime for just
+//! that long, and gives up when the role is asked to stop.
+
+mod display;
+mod outlet;
+mod pair;
+mod stop;
+
+pub use display::{Cameras, DisplayRole, Observer, PairTraffic, ShownFrame};
+pub use pair::PairRole;
+pub use stop::{Stop, Stopper};
+
+use std::future::Future;
+
+use thiserror::Error;
+use trimaran_cull::{CullError, CutRule, CutRuleError, OccluderError, Viewport, ViewportError};
+use trimaran_proto::{FrameNumber, Goodbye, Settings};
+use trimaran_transport::{Link, RecvError, SendError};
+
+use crate::OrderError;
+use stop::Waiting;
+
+/// Why a role ended early. `D` is its device's error.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum RoleError<D: std::error::Error + 'static> {
+    /// It was asked to stop.
+    #[error("stopped")]
+    Stopped,
+    /// A link failed: the peer died, fell silent or spoke nonsense.
+    #[error("{doing} failed")]
+    Link {
+        /// What the role was doing.
+        doing: &'static str,
+        /// Why.
+        #[source]
+        cause: LinkError,
+    },
+    /// A peer broke the order of a frame's messages.
+    #[error("the {peer} broke the order of messages")]
+    Order {
+        /// The peer.
+        peer: &'static str,
+        /// How.
+        #[source]
+        cause: OrderError,
+    },
+    /// The device failed.
+    #[error("the device failed while {doing}")]
+    Device {
+        /// What the role was doing.
+        doing: &'static str,
+        /// Why.
+        #[source]
+        cause: D,
+    },
+    /// Culling failed.
+    #[error("culling failed")]
+    Cull(#[from] CullError<D>),
+    /// A peer named a drawable that the scene does not have, although both hold the same scene.
+    #[error("the peer named a drawable that the scene does not have")]
+    Unknown(#[from] OccluderError),
+    /// Ids of a frame did not arrive on a link that promises them all.
+    #[error("{received} of {expected} ids of {frame} arrived")]
+    Incomplete {
+        /// The frame.
+        frame: FrameNumber,
+        /// Ids sent.
+        expected: u32,
+        /// Ids received.
+        received: u32,
+    },
+    /// The session's picture has no pixels.
+    #[error("the session's picture size cannot be used")]
+    Viewport(#[from] ViewportError),
+    /// The session's error bound is none.
+    #[error("the session's error bound cannot be used")]
+    Rule(#[from] CutRuleError),
+}
+
+impl<D: std::error::Error + 'static> RoleError<D> {
+    /// Whether the session was ended on purpose: this role was asked to stop, or a peer that was said goodbye.
+    #[must_use]
+    pub const fn is_clean_end(&self) -> bool {
+        matches!(self, Self::Stopped)
+            || matches!(self, Self::Link { cause: LinkError::Receive(cause), .. } if left_on_purpose(cause))
+    }
+}
+
+/// What failed on a link.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum LinkError {
+    /// Nothing more comes.
+    #[error(transparent)]
+    Receive(#[from] RecvError),
+    /// Nothing more goes out.
+    #[error(transparent)]
+    Send(#[from] SendError),
+}
+
+/// Whether the peer left because its session was over or it was asked to.
+const fn left_on_purpose(cause: &RecvError) -> bool {
+    matches!(cause, RecvError::Goodbye { reason: Goodbye::Finished | Goodbye::Interrupted, .. })
+}
+
+/// Waits for a link, and says what failed while doing what.
+fn wait<T, E: Into<LinkError>, D: std::error::Error + 'static>(
+    waiting: Waiting<'_>,
+    doing: &'static str,
+    link: impl Future<Output = Result<T, E>>,
+) -> Result<T, RoleError<D>> {
+    match waiting.on(link) {
+        Some(result) => result.map_err(|cause| RoleError::Link { doing, cause: cause.into() }),
+        None => Err(RoleError::Stopped),
+    }
+}
+
+/// Says goodbye on both links, giving the reason that `result` gives. A peer that is gone already does not hear it, and need
+/// not.
+async fn leave<D: std::error::Error + 'static>(links: [Link; 2], result: &Result<(), RoleError<D>>) {
+    let reason = match result {
+        Ok(()) => Goodbye::Finished,
+        Err(error) if error.is_clean_end() => Goodbye::Interrupted,
+        Err(error) => Goodbye::failed(&error.to_string()),
+    };
+    for link in links {
+        if let Err(cause) = link.goodbye(reason.clone()).await {
+            tracing::debug!(%cause, "a goodbye was not heard");
+        }
+    }
+}
+
+fn viewport_of(settings: &Settings) -> Result<Viewport, ViewportError> {
+    Viewport::new(settings.size.width(), settings.size.height())
+}
+
+fn rule_of(settings: &Settings) -> Result<CutRule, CutRuleError> {
+    CutRule::new(settings.epsilon.pixels())
+}
+
+fn nanoseconds(time: std::time::Duration) -> u64 {
+    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
+}

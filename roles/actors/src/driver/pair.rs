@@ -1,0 +1,227 @@
+//! One machine of the pair at work (paper, algorithm 4.2).
+
+use std::{sync::Arc, time::Duration};
+
+use tokio::runtime::Handle;
+use trimaran_cull::{CullStats, Culler, CutRule, OccluderMapper, View, Viewport};
+use trimaran_proto::{
+    Camera, CullCounts, DrawableId, FrameEvent, FrameNumber, FrameStart, FrameStats, IdBatch, Settings,
+};
+use trimaran_scene::Scene;
+use trimaran_transport::{Link, RecvError};
+
+use super::{
+    LinkError, RoleError, leave, left_on_purpose, nanoseconds,
+    outlet::Outlet,
+    rule_of,
+    stop::{Stop, Waiting},
+    viewport_of, wait,
+};
+use crate::{PairDevice, Seat, Stopwatch, SwitchMachine, SwitchStep};
+
+const DISPLAY: &str = "display";
+const OTHER: &str = "other machine of the pair";
+
+/// One machine of the pair, joined to the other two.
+#[derive(Debug)]
+pub struct PairRole<D> {
+    /// Which machine.
+    pub seat: Seat,
+    /// The scene, the same in all three roles.
+    pub scene: Arc<Scene>,
+    /// Its device.
+    pub device: D,
+    /// The link to the display.
+    pub display: Link,
+    /// The link to the other machine of the pair.
+    pub other: Link,
+    /// What the display has decided.
+    pub settings: Settings,
+}
+
+impl<D: PairDevice> PairRole<D> {
+    /// Plays the role until the session ends, a peer leaves, or `stop` asks. It occupies this thread; `runtime` drives the
+    /// links.
+    ///
+    /// # Errors
+    /// When a peer dies or breaks the order, or the device fails. The peers are told before it returns. A session that was
+    /// interrupted on purpose is no error.
+    pub fn run(self, runtime: &Handle, stop: &Stop) -> Result<(), RoleError<D::Error>> {
+        let mut work = Work::new(self, Waiting { runtime, stop })?;
+        let mut result = work.frames();
+        if matches!(&result, Err(RoleError::Link { cause: LinkError::Send(_), .. })) {
+            // A peer that left on purpose cannot be sent to, but has said goodbye before.
+            result = work.heard_goodbye().map_or(result, |cause| {
+                Err(RoleError::Link { doing: "sending to a peer", cause: LinkError::Receive(cause) })
+            });
+        }
+        runtime.block_on(leave([work.display, work.other], &result));
+        result.or_else(|error| if error.is_clean_end() { Ok(()) } else { Err(error) })
+    }
+}
+
+/// What goes on while the role is played.
+struct Work<'r, D> {
+    machine: SwitchMachine,
+    device: D,
+    display: Link,
+    other: Link,
+    culler: Culler,
+    mapper: Option<OccluderMapper>,
+    viewport: Viewport,
+    rule: CutRule,
+    batch: usize,
+    waiting: Waiting<'r>,
+    clock: Stopwatch,
+    stats: FrameStats,
+    /// Time the host spent on the occluders of this frame.
+    host: Duration,
+    received: Vec<DrawableId>,
+    due: Vec<DrawableId>,
+}
+
+impl<'r, D: PairDevice> Work<'r, D> {
+    fn new(role: PairRole<D>, waiting: Waiting<'r>) -> Result<Self, RoleError<D::Error>> {
+        let PairRole { seat, scene, device, display, other, settings } = role;
+        let rule = rule_of(&settings)?;
+        Ok(Self {
+            machine: SwitchMachine::new(seat, settings.frames),
+            device,
+            display,
+            other,
+            mapper: None,
+            culler: Culler::new(scene),
+            viewport: viewport_of(&settings)?,
+            rule,
+            batch: settings.batch.ids(),
+            waiting,
+            clock: Stopwatch::start(),
+            stats: FrameStats::default(),
+            host: Duration::ZERO,
+            received: Vec::new(),
+            due: Vec::new(),
+        })
+    }
+
+    fn frames(&mut self) -> Result<(), RoleError<D::Error>> {
+        loop {
+            match self.machine.step() {
+                SwitchStep::AwaitCamera { .. } => {
+                    let camera = wait(self.waiting, "waiting for a camera", self.display.latest_rx.latest())?;
+                    self.machine.camera(camera).map_err(|cause| RoleError::Order { peer: DISPLAY, cause })?;
+                }
+                SwitchStep::Occlude { camera } => self.draw_occluders(camera)?,
+                SwitchStep::Cull { camera, feeds_other } => self.cull(camera, feeds_other)?,
+                SwitchStep::Done => return Ok(()),
+            }
+        }
+    }
+
+    /// The goodbye of a peer that has left on purpose.
+    fn heard_goodbye(&mut self) -> Option<RecvError> {
+        let from_display = self.display.latest_rx.try_latest().err();
+        let from_other = || self.other.latest_rx.try_latest().err();
+        from_display.or_else(from_other).filter(left_on_purpose)
+    }
+
+    /// OR (paper, section 4.2): draws what the other machine finds visible in the frame before, as it comes, from this frame's
+    /// camera and at the levels due there.
+    fn draw_occluders(&mut self, camera: Camera) -> Result<(), RoleError<D::Error>> {
+        self.begin_occluders(camera)?;
+        loop {
+            let event = wait(self.waiting, "receiving occluders", self.other.frames_rx.recv())?;
+            let order = |cause| RoleError::Order { peer: OTHER, cause };
+            match event {
+                FrameEvent::Begin(start) => self.machine.occluders_began(start.frame).map_err(order)?,
+                FrameEvent::Ids(batch) => self.draw_batch(&batch)?,
+                FrameEvent::Stats(_) => {}
+                FrameEvent::End(_) => {
+                    self.machine.occluders_ended().map_err(order)?;
+                    return Ok(());
+                }
+            }
+        }
+    }
+
+    fn begin_occluders(&mut self, camera: Camera) -> Result<(), RoleError<D::Error>> {
+        let view = View::new(camera, self.viewport);
+        let start = self.clock.elapsed();
+        self.stats =
+            FrameStats { frame: camera.frame(), or_start_ns: nanoseconds(start), ..FrameStats::default() };
+        match &mut self.mapper {
+            Some(mapper) => mapper.begin(view, self.rule),
+            None => self.mapper = Some(OccluderMapper::new(Arc::clone(self.culler.scene()), view, self.rule)),
+        }
+        self.device.begin_occluders(&view).map_err(|cause| device("clearing the depth", cause))?;
+        self.host = self.clock.elapsed().saturating_sub(start);
+        Ok(())
+    }
+
+    fn draw_batch(&mut self, batch: &IdBatch) -> Result<(), RoleError<D::Error>> {
+        let start = self.clock.elapsed();
+        self.received.clear();
+        self.received.extend(batch.iter());
+        self.due.clear();
+        if let Some(mapper) = &mut self.mapper {
+            mapper.push(&self.received, &mut self.due)?;
+        }
+        self.device.draw_occluders(&self.due).map_err(|cause| device("drawing occluders", cause))?;
+        self.stats.occluders += u32::try_from(self.due.len()).unwrap_or(u32::MAX);
+        self.stats.occluder_triangles += triangles(self.culler.scene(), &self.due);
+        self.host += self.clock.elapsed().saturating_sub(start);
+        Ok(())
+    }
+
+    /// HC (paper, section 4.1): sends the camera, then each visible drawable as it is decided, then the end.
+    fn cull(&mut self, camera: Camera, feeds_other: bool) -> Result<(), RoleError<D::Error>> {
+        if camera.frame() == FrameNumber(0) {
+            // No frame before it, so no occluders: the depth stays empty.
+            self.begin_occluders(camera)?;
+        }
+        let drawing =
+            self.device.finish_occluders().map_err(|cause| device("completing the depth", cause))?;
+        self.stats.or_busy_ns = nanoseconds(self.host + drawing);
+        self.stats.or_end_ns = nanoseconds(self.clock.elapsed());
+        self.stats.hc_start_ns = self.stats.or_end_ns;
+
+        let view = View::new(camera, self.viewport);
+        let other = feeds_other.then_some(&mut self.other.frames_tx);
+        let mut outlet = Outlet::new(self.waiting, &mut self.display.frames_tx, other, self.batch);
+        outlet.begin(FrameStart { frame: camera.frame(), camera });
+        let culled = self.culler.cull(&view, self.rule, &mut self.device, |id| outlet.push(id));
+        let sent = outlet.finish();
+        let walk = culled?;
+        sent?;
+        self.stats.culling = counts(&walk);
+        self.stats.hc_end_ns = nanoseconds(self.clock.elapsed());
+        let stats = self.display.frames_tx.stats(&self.stats);
+        wait(self.waiting, "sending statistics", stats)?;
+        self.machine.culled().map_err(|cause| RoleError::Order { peer: OTHER, cause })
+    }
+}
+
+fn device<D: std::error::Error>(doing: &'static str, cause: D) -> RoleError<D> {
+    RoleError::Device { doing, cause }
+}
+
+fn triangles(scene: &Scene, ids: &[DrawableId]) -> u64 {
+    ids.iter()
+        .filter_map(|id| scene.drawables().get(id.index()))
+        .map(|drawable| u64::from(drawable.index_count / 3))
+        .sum()
+}
+
+const fn counts(walk: &CullStats) -> CullCounts {
+    CullCounts {
+        visited: walk.visited,
+        outside: walk.frustum_culled,
+        tested: walk.tested,
+        hidden: walk.hidden,
+        near_visible: walk.near_visible,
+        eye_inside: walk.eye_inside,
+        not_finite: walk.not_finite,
+        emitted: walk.emitted,
+        refined: walk.refined,
+        batches: walk.batches,
+    }
+}

@@ -1,0 +1,62 @@
+//! Asking a role to stop.
+
+use std::future::Future;
+
+use tokio::{runtime::Handle, sync::watch};
+
+/// Asks every role that holds its [`Stop`] to end: on Ctrl-C, or when another role of the process has failed.
+#[derive(Debug, Clone)]
+pub struct Stopper(watch::Sender<bool>);
+
+/// Tells a role whether it has been asked to end.
+#[derive(Debug, Clone)]
+pub struct Stop(watch::Receiver<bool>);
+
+impl Stop {
+    /// A pair of ends. When the [`Stopper`] is dropped the role goes on.
+    #[must_use]
+    pub fn new() -> (Stopper, Self) {
+        let (sender, receiver) = watch::channel(false);
+        (Stopper(sender), Self(receiver))
+    }
+
+    /// Whether the role has been asked to end.
+    #[must_use]
+    pub fn requested(&self) -> bool {
+        *self.0.borrow()
+    }
+
+    async fn wait(mut self) {
+        if self.0.wait_for(|stop| *stop).await.is_err() {
+            // Nobody is left who could ask.
+            std::future::pending::<()>().await;
+        }
+    }
+}
+
+impl Stopper {
+    /// Asks.
+    pub fn stop(&self) {
+        self.0.send_replace(true);
+    }
+}
+
+/// How a role waits: on the runtime, and not beyond a request to stop.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Waiting<'r> {
+    pub(super) runtime: &'r Handle,
+    pub(super) stop: &'r Stop,
+}
+
+impl Waiting<'_> {
+    /// Waits for `future`; `None` if the role was asked to stop first.
+    pub(super) fn on<T>(&self, future: impl Future<Output = T>) -> Option<T> {
+        self.runtime.block_on(async {
+            tokio::select! {
+                biased;
+                value = future => Some(value),
+                () = self.stop.clone().wait() => None,
+            }
+        })
+    }
+}

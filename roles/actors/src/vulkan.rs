@@ -1,0 +1,126 @@
+//! The roles' devices on Vulkan.
+
+use std::{sync::Arc, time::Duration};
+
+use thiserror::Error;
+use trimaran_cull::{Answer, BoxTester, DepthPyramid, HzbError, HzbTester, Outline, TestBox, View, Viewport};
+use trimaran_gpu::{GpuError, GpuScene, OccluderPass, PassTiming, Picture, PicturePass};
+use trimaran_proto::{DrawableId, TesterKind};
+
+use crate::{PairDevice, PictureDevice};
+
+/// Why a machine of the pair cannot draw or test.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum VulkanPairError {
+    /// The device failed.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// Boxes were to be tested before the depth was complete.
+    #[error(transparent)]
+    Hzb(#[from] HzbError),
+}
+
+/// The device of one machine of the pair.
+pub struct VulkanPair {
+    pass: OccluderPass,
+    tester: TesterKind,
+    pyramid: DepthPyramid,
+}
+
+impl VulkanPair {
+    /// Draws occluders of `scene` into a depth buffer of `size` and tests boxes against it by `tester`.
+    ///
+    /// # Errors
+    /// If the device cannot draw that size, or memory does not suffice.
+    pub fn new(scene: &Arc<GpuScene>, size: Viewport, tester: TesterKind) -> Result<Self, GpuError> {
+        Ok(Self { pass: OccluderPass::new(scene, size)?, tester, pyramid: DepthPyramid::new() })
+    }
+}
+
+impl PairDevice for VulkanPair {
+    fn begin_occluders(&mut self, view: &View) -> Result<(), VulkanPairError> {
+        Ok(self.pass.begin(view)?)
+    }
+
+    fn draw_occluders(&mut self, ids: &[DrawableId]) -> Result<(), VulkanPairError> {
+        self.pass.draw(ids)?;
+        Ok(self.pass.flush()?)
+    }
+
+    fn finish_occluders(&mut self) -> Result<Duration, VulkanPairError> {
+        let timing = self.pass.finish()?;
+        if self.tester == TesterKind::Hzb {
+            self.pyramid.rebuild(self.pass.read_depth()?);
+        }
+        Ok(device_time(timing))
+    }
+}
+
+impl BoxTester for VulkanPair {
+    type Error = VulkanPairError;
+
+    fn test(
+        &mut self,
+        view: &View,
+        boxes: &[TestBox],
+        visible: &mut Vec<u32>,
+    ) -> Result<(), VulkanPairError> {
+        match self.tester {
+            TesterKind::Query => self.pass.query_tester()?.test(view, boxes, visible)?,
+            TesterKind::Raster => self.pass.raster_tester()?.test(view, boxes, visible)?,
+            TesterKind::Hzb => {
+                HzbTester::new(self.pass.read_depth()?, &self.pyramid)?.test(view, boxes, visible)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn outline(&self) -> Outline {
+        match self.tester {
+            TesterKind::Query | TesterKind::Raster => Outline::InBox,
+            TesterKind::Hzb => Outline::OnScreen,
+        }
+    }
+
+    fn answer(&self) -> Answer {
+        match self.tester {
+            TesterKind::Query | TesterKind::Raster => Answer::PixelCount,
+            TesterKind::Hzb => Answer::YesNo,
+        }
+    }
+}
+
+/// The display's device.
+pub struct VulkanDisplay {
+    pass: PicturePass,
+}
+
+impl VulkanDisplay {
+    /// Draws pictures of `scene` of `size`.
+    ///
+    /// # Errors
+    /// If the device cannot draw that size, or memory does not suffice.
+    pub fn new(scene: &Arc<GpuScene>, size: Viewport) -> Result<Self, GpuError> {
+        Ok(Self { pass: PicturePass::new(scene, size)? })
+    }
+}
+
+impl PictureDevice for VulkanDisplay {
+    type Error = GpuError;
+
+    fn draw(&mut self, view: &View, ids: &[DrawableId]) -> Result<(), GpuError> {
+        self.pass.begin(view)?;
+        self.pass.draw(ids)?;
+        self.pass.finish()?;
+        Ok(())
+    }
+
+    fn read(&mut self, picture: &mut Picture) -> Result<(), GpuError> {
+        self.pass.read(picture)
+    }
+}
+
+fn device_time(timing: PassTiming) -> Duration {
+    Duration::try_from_secs_f64(timing.device_ms * 1e-3).unwrap_or_default()
+}
