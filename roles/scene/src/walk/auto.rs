@@ -178,7 +178,8 @@ impl Explorer<'_> {
         let mut starts: Vec<(f64, DVec3)> = (0..CANDIDATES)
             .filter_map(|_| {
                 let eye = self.candidate(random)?;
-                self.body.passes(self.space, eye, eye).then(|| (self.interest(eye), eye))
+                let free = self.body.passes(self.space, eye, eye);
+                free.then(|| self.interest(eye)).flatten().map(|interest| (interest, eye))
             })
             .collect();
         starts.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -203,15 +204,16 @@ impl Explorer<'_> {
     }
 
     /// How much there is to see and to be hidden by: the share of directions that end at something, times the logarithm of the
-    /// number of objects near.
-    fn interest(&self, eye: DVec3) -> f64 {
+    /// number of objects near. `None` in the air where there is next to nothing: such a place is better seen from outside.
+    fn interest(&self, eye: DVec3) -> Option<f64> {
         let height = self.body.eye_height;
         let around = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
         let sides = around.map(|(x, z)| DVec3::new(f64::from(x), 0.0, f64::from(z)));
         let directions = sides.into_iter().chain([DVec3::Y, DVec3::NEG_Y]);
         let hits = directions.filter(|&d| self.space.ray(eye, d, 12.0 * height).is_some()).count();
         let crowd = self.space.crowd(eye, 4.0 * height, 1000);
-        hits as f64 * libm::log1p(crowd as f64)
+        let desert = self.body.footing == Footing::Air && hits < 3 && crowd < 4;
+        (!desert).then(|| hits as f64 * libm::log1p(crowd as f64))
     }
 }
 
@@ -235,4 +237,142 @@ fn orbit(scene: &Scene, options: &AutoWalkOptions, eye_height: f64) -> Result<Au
     let clearance = 1.5 * radius;
     let walk = Walk::new(options.vfov_deg, poses)?.with_near(clearance / 2.0)?;
     Ok(AutoWalk { walk, kind: WalkKind::Orbit, eye_height, clearance, step: 2.5 * radius * turn })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        Model,
+        generate::{PlantOptions, plant},
+        walk::testing::{boxes, uncooked},
+    };
+
+    /// Asserts what every walk promises: its frames, their clearance all along the way, one teleport.
+    fn check(scene: &Scene, made: &AutoWalk, options: &AutoWalkOptions) {
+        let frames = made.walk.frames();
+        assert_eq!(frames.len(), options.frames as usize);
+        let space = Space::new(scene);
+        let mut jumps = 0;
+        for pair in frames.windows(2) {
+            let (from, to) = (pair[0].eye(), pair[1].eye());
+            if from.distance(to) > made.step * 1.001 + 1e-9 {
+                jumps += 1;
+                continue;
+            }
+            let clearance = space.clearance(from, to, made.clearance);
+            assert!(clearance >= made.clearance * 0.999, "{clearance} between {from} and {to}");
+        }
+        assert_eq!(jumps, usize::from(options.teleport));
+        assert_eq!(made.walk.near(), Some((made.clearance / 2.0) as f32));
+    }
+
+    fn small_plant() -> Scene {
+        uncooked(&plant(&PlantOptions { seed: 5, objects: 1_500, triangles: 120_000 }))
+    }
+
+    #[test]
+    fn a_plant_is_walked_on_its_floors() {
+        let scene = small_plant();
+        for seed in 0..4 {
+            let options = AutoWalkOptions { seed, frames: 300, ..AutoWalkOptions::default() };
+            let made = auto(&scene, &options).unwrap();
+            assert_eq!((made.kind, made.eye_height), (WalkKind::Floors, 1.7));
+            check(&scene, &made, &options);
+            let frames = made.walk.frames();
+            let walked: f64 = frames.windows(2).map(|p| p[0].eye().distance(p[1].eye()).min(made.step)).sum();
+            assert!(walked > 6.0, "seed {seed} walks {walked} m");
+            let turned: f64 = frames.windows(2).map(|p| p[0].forward().angle_between(p[1].forward())).sum();
+            assert!(turned > 2.0, "seed {seed} turns {turned} rad");
+        }
+    }
+
+    #[test]
+    fn a_seed_is_a_walk() {
+        let scene = small_plant();
+        let options = AutoWalkOptions { frames: 60, ..AutoWalkOptions::default() };
+        let first = auto(&scene, &options).unwrap();
+        assert_eq!(first, auto(&scene, &options).unwrap());
+        assert_ne!(first, auto(&scene, &AutoWalkOptions { seed: 2, ..options }).unwrap());
+    }
+
+    #[test]
+    fn a_toy_is_walked_at_its_own_scale() {
+        let mut model = plant(&PlantOptions { seed: 5, objects: 1_000, triangles: 90_000 });
+        let shrink = glam::DAffine3::from_scale(DVec3::splat(0.02));
+        model.objects.iter_mut().for_each(|object| object.to_world = shrink * object.to_world);
+        let scene = uncooked(&model);
+        let options = AutoWalkOptions { frames: 80, ..AutoWalkOptions::default() };
+        let made = auto(&scene, &options).unwrap();
+        assert!((0.005..0.08).contains(&made.eye_height), "{}", made.eye_height);
+        assert_eq!(made.kind, WalkKind::Floors);
+        check(&scene, &made, &options);
+    }
+
+    #[test]
+    fn bars_in_the_air_are_hovered_through() {
+        let bars: Vec<_> = (0..400)
+            .map(|i| [f64::from(i % 10), f64::from(i / 100), f64::from(i / 10 % 10)].map(|c| c * 5.0))
+            .map(|at| (at, [at[0] + 3.0, at[1] + 0.05, at[2] + 0.05]))
+            .collect();
+        let scene = uncooked(&boxes(&bars));
+        let options = AutoWalkOptions { frames: 100, ..AutoWalkOptions::default() };
+        let made = auto(&scene, &options).unwrap();
+        assert_eq!(made.kind, WalkKind::Hovering);
+        check(&scene, &made, &options);
+    }
+
+    #[test]
+    fn a_single_triangle_is_circled() {
+        let mut model: Model = boxes(&[([0.0; 3], [1.0; 3])]);
+        model.meshes[0].indices.truncate(3);
+        let scene = uncooked(&model);
+        for frames in [1, 2, 7] {
+            let options = AutoWalkOptions { frames, teleport: frames > 1, ..AutoWalkOptions::default() };
+            let made = auto(&scene, &options).unwrap();
+            assert_eq!(made.kind, WalkKind::Orbit);
+            assert_eq!(made.walk.frames().len(), frames as usize);
+        }
+    }
+
+    #[test]
+    fn a_stack_of_sheets_is_walked_on_top() {
+        // So close that no eye fits between them.
+        let sheets: Vec<_> =
+            (0..40).map(|i| f64::from(i) * 0.2).map(|y| ([0.0, y, 0.0], [120.0, y + 0.1, 120.0])).collect();
+        let scene = uncooked(&boxes(&sheets));
+        let options = AutoWalkOptions { frames: 40, ..AutoWalkOptions::default() };
+        let made = auto(&scene, &options).unwrap();
+        assert_eq!(made.kind, WalkKind::Floors);
+        check(&scene, &made, &options);
+        assert!(made.walk.frames().iter().all(|frame| (frame.eye().y - 9.6).abs() < 1e-6));
+    }
+
+    #[test]
+    fn an_orbit_keeps_away_and_jumps_once() {
+        let scene = uncooked(&boxes(&[([1e7, 0.0, 0.0], [1e7 + 1.0, 1.0, 1.0])]));
+        let options = AutoWalkOptions { frames: 21, ..AutoWalkOptions::default() };
+        let made = orbit(&scene, &options, 1.0).unwrap();
+        assert_eq!(made.kind, WalkKind::Orbit);
+        check(&scene, &made, &options);
+        let centre = DVec3::new(1e7 + 0.5, 0.5, 0.5);
+        for frame in made.walk.frames() {
+            assert!((centre - frame.eye()).normalize().dot(frame.forward()) > 0.999_999);
+        }
+    }
+
+    #[test]
+    fn bad_options_are_refused() {
+        let scene = uncooked(&boxes(&[([0.0; 3], [1.0; 3])]));
+        let with = |options: AutoWalkOptions| auto(&scene, &options).unwrap_err();
+        let usual = AutoWalkOptions::default();
+        for height in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let refused = with(AutoWalkOptions { eye_height: Some(height), ..usual });
+            assert!(matches!(refused, AutoWalkError::EyeHeight(_)));
+        }
+        let refused = with(AutoWalkOptions { frames: 0, ..usual });
+        assert!(matches!(refused, AutoWalkError::Options(WalkError::NoFrames)), "{refused:?}");
+        let refused = with(AutoWalkOptions { vfov_deg: 180.0, ..usual });
+        assert!(matches!(refused, AutoWalkError::Options(WalkError::FieldOfView(_))), "{refused:?}");
+    }
 }

@@ -9,6 +9,8 @@ mod flood;
 mod frame;
 mod route;
 mod space;
+#[cfg(test)]
+mod testing;
 mod triangles;
 
 pub use auto::{AutoWalk, AutoWalkError, AutoWalkOptions, WalkKind, auto};

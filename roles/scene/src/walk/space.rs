@@ -186,3 +186,67 @@ fn inverse(linear: DMat3) -> Option<DMat3> {
     let inverse = linear.inverse();
     (linear.determinant() != 0.0 && inverse.is_finite()).then_some(inverse)
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DAffine3;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::walk::testing::{boxes, uncooked};
+
+    #[test]
+    fn a_ray_finds_the_nearest_of_two_boxes() {
+        let scene =
+            uncooked(&boxes(&[([5.0, -1.0, -1.0], [6.0, 1.0, 1.0]), ([2.0, -1.0, -1.0], [3.0, 1.0, 1.0])]));
+        let space = Space::new(&scene);
+        let hit = space.ray(DVec3::ZERO, DVec3::X * 0.1, 100.0).unwrap();
+        assert!((hit.distance - 2.0).abs() < 1e-9);
+        assert_eq!(hit.leaf, NodeId(2));
+        assert_eq!(space.ray(DVec3::ZERO, DVec3::X, 1.5), None);
+        assert_eq!(space.ray(DVec3::ZERO, DVec3::Y, 100.0), None);
+        assert_eq!(space.ray(DVec3::ZERO, DVec3::ZERO, 100.0), None);
+    }
+
+    #[test]
+    fn clearance_is_capped_and_zero_through_a_wall() {
+        let scene = uncooked(&boxes(&[([2.0, -1.0, -1.0], [3.0, 1.0, 1.0])]));
+        let space = Space::new(&scene);
+        assert_eq!(space.clearance(DVec3::ZERO, DVec3::ZERO, 1.5), 1.5);
+        assert!((space.clearance(DVec3::ZERO, DVec3::X * 0.5, 9.0) - 1.5).abs() < 1e-9);
+        assert_eq!(space.clearance(DVec3::ZERO, DVec3::X * 9.0, 9.0), 0.0);
+        assert_eq!((space.crowd(DVec3::ZERO, 1.0, 9), space.crowd(DVec3::ZERO, 2.5, 9)), (0, 1));
+    }
+
+    #[test]
+    fn a_singular_leaf_is_solid() {
+        let mut model = boxes(&[([2.0, -1.0, -1.0], [3.0, 1.0, 1.0])]);
+        // Invertible in f64, as a model must be, and no longer so in the f32 of a scene.
+        model.objects[0].to_world = DAffine3::from_scale(DVec3::new(1e-60, 1e-60, 1.0));
+        let scene = uncooked(&model);
+        let space = Space::new(&scene);
+        assert_eq!(space.clearance(DVec3::Z * 0.5, DVec3::Z * 0.5, 1.0), 0.0);
+        assert!(space.ray(DVec3::new(-1.0, 0.0, 0.5), DVec3::X, 9.0).is_some());
+    }
+
+    proptest! {
+        #[test]
+        fn sheared_and_scaled_instances_keep_world_distances(
+            columns in prop::array::uniform9(-3.0f64..3.0), at in prop::array::uniform3(-5.0f64..5.0),
+            from in prop::array::uniform3(-5.0f64..5.0), to in prop::array::uniform3(-5.0f64..5.0)
+        ) {
+            let matrix = DMat3::from_cols_array(&columns).as_mat3().as_dmat3();
+            prop_assume!(matrix.determinant().abs() > 0.05);
+            let mut model = boxes(&[([0.0; 3], [1.0; 3])]);
+            model.objects[0].to_world = DAffine3 { matrix3: matrix, translation: DVec3::from_array(at) };
+            let scene = uncooked(&model);
+            let (from, to) = (DVec3::from_array(from), DVec3::from_array(to));
+            let mesh = &model.meshes[0];
+            let exact = mesh.indices.chunks(3).map(|t| {
+                let corner = |i: u32| model.objects[0].to_world.transform_point3(mesh.positions[i as usize].as_dvec3());
+                segment_triangle(from, to, [corner(t[0]), corner(t[1]), corner(t[2])])
+            }).fold(2.0, f64::min);
+            prop_assert!((Space::new(&scene).clearance(from, to, 2.0) - exact).abs() < 1e-9);
+        }
+    }
+}
