@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use std::{env, fs};
 
 use glam::DVec3;
-use trimaran_scene::import::{ImportOptions, Imported, import};
+use trimaran_scene::import::{ImportOptions, Imported, PrimitiveCounts, import};
 
 /// The folder of real scenes, from the environment variable `TRIMARAN_DATA`. Without it a test says that it is skipped,
 /// unless `TRIMARAN_REQUIRE_DATA` is 1.
@@ -30,7 +30,7 @@ fn unpacked(folder: &Path, name: &str) -> PathBuf {
             .stdin(Stdio::null())
             .stdout(fs::File::create(&partial).unwrap())
             .status()
-            .expect("xz unpacks the data: install xz-utils");
+            .unwrap_or_else(|error| panic!("xz unpacks the data, and cannot be run: {error}"));
         assert!(status.success(), "xz could not unpack {name}");
         fs::rename(&partial, &target).unwrap();
     }
@@ -81,4 +81,37 @@ fn city_at_full_size() {
     let Imported { report, .. } = import_glb(&folder, "ldraw_city_88Mtri.glb");
     assert_eq!((report.objects, report.meshes), (128_635, 1_791));
     assert_eq!((report.triangles, report.unique_triangles), (87_606_788, 2_582_126));
+}
+
+fn platform_files(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder.join("huldra")).unwrap();
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    files.retain(|file| file.extension().is_some_and(|ending| ending == "RVM"));
+    files.sort();
+    assert_eq!(files.len(), 8);
+    files
+}
+
+#[test]
+fn platform_from_its_review_files() {
+    let Some(folder) = data_folder() else { return };
+    let files = platform_files(&folder);
+    let Imported { model, report } = import(&files, &ImportOptions::default(), &mut |_| {}).unwrap();
+    println!("{report:?}");
+    assert_eq!((report.files, report.objects, report.meshes), (8, 9_720, 9_720));
+    let kinds = PrimitiveCounts {
+        pyramids: 679,
+        boxes: 4_181,
+        rectangular_tori: 299,
+        circular_tori: 318,
+        elliptical_dishes: 147,
+        spherical_dishes: 62,
+        snouts: 1_141,
+        cylinders: 6_824,
+        spheres: 0,
+        lines: 129,
+        facet_groups: 1_475,
+    };
+    assert_eq!(report.primitives, kinds);
+    assert_eq!(model.sources[3].name, "HA-MECH.RVM");
 }

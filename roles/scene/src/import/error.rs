@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use super::gltf::GltfError;
+use super::rvm::RvmError;
 use crate::ModelError;
 
 /// Why files could not be imported: which file, where in it, and what to do.
@@ -57,6 +58,14 @@ pub enum ImportError {
         path: PathBuf,
         /// What is wrong with it.
         source: Box<GltfError>,
+    },
+    /// An RVM file is malformed.
+    #[error("{path}: {source}", path = path.display())]
+    Rvm {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: RvmError,
     },
     /// The files are fine one by one, but what they make cannot be used.
     #[error("{path}: {source}", path = path.display())]

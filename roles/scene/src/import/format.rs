@@ -11,6 +11,8 @@ use super::ImportError;
 pub enum Format {
     /// glTF 2.0, as one binary file (.glb) or as JSON with its buffers beside it (.gltf).
     Gltf,
+    /// AVEVA review file, binary.
+    Rvm,
 }
 
 impl Format {
@@ -26,6 +28,10 @@ impl Format {
             Some("glb") => wrong(".glb", "the letters glTF"),
             Some("gltf") if first_visible(bytes) == Some(b'{') => Ok(Self::Gltf),
             Some("gltf") => wrong(".gltf", "a brace: it is JSON"),
+            Some("rvm") if bytes.starts_with(b"\0\0\0H\0\0\0E\0\0\0A\0\0\0D") => Ok(Self::Rvm),
+            Some("rvm") => {
+                wrong(".rvm", "the word HEAD, four bytes a letter: it is binary, not the text form")
+            }
             _ => Err(ImportError::UnknownFormat { path: path.to_owned() }),
         }
     }

@@ -13,6 +13,7 @@ mod error;
 mod format;
 mod gltf;
 mod report;
+mod rvm;
 
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -24,6 +25,7 @@ pub use error::ImportError;
 pub use format::Format;
 pub use gltf::GltfError;
 pub use report::{ImportReport, PrimitiveCounts, Warning};
+pub use rvm::RvmError;
 
 use crate::Model;
 
@@ -118,6 +120,9 @@ fn import_file(path: &Path, options: &ImportOptions) -> Result<Part, ImportError
     match Format::of(path, &bytes)? {
         Format::Gltf => gltf::import(path, &bytes, options)
             .map_err(|source| ImportError::Gltf { path: path.to_owned(), source: Box::new(source) }),
+        Format::Rvm => {
+            rvm::import(&bytes, options).map_err(|source| ImportError::Rvm { path: path.to_owned(), source })
+        }
     }
 }
 

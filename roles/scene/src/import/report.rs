@@ -35,6 +35,8 @@ pub enum Warning {
     TexturedMaterial,
     /// glTF nodes with a skin: drawn as modelled, without it.
     SkinnedNode,
+    /// RVM insulation and obstruction volumes: they are room kept free, not things, and would hide what is in them.
+    VolumeLeftOut,
     /// Objects whose matrix flattens them: their mesh was flattened instead.
     FlattenedObject,
     /// Objects without a single triangle: left out.
@@ -101,6 +103,7 @@ impl fmt::Display for Warning {
             Self::PointsOrLines => "primitives of points or lines left out: they have no surface",
             Self::TexturedMaterial => "textured materials drawn in their base colour",
             Self::SkinnedNode => "skinned nodes drawn as modelled",
+            Self::VolumeLeftOut => "insulation and obstruction volumes left out",
             Self::FlattenedObject => "objects that their matrix flattens",
             Self::EmptyObject => "objects without a triangle left out",
         })

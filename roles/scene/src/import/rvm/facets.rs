@@ -1,0 +1,252 @@
+//! Plane polygons with holes as triangles.
+//!
+//! A polygon's contours come in any order and direction. Which are holes follows from what lies in what: a contour
+//! within an odd number of others is a hole, so an island in a hole is drawn.
+
+use earcut::Earcut;
+use glam::{DVec2, DVec3};
+
+use super::shape::Polygon;
+use super::solid::Solid;
+
+/// Adds the triangles of all polygons, facing as each polygon's largest contour winds; corners at the same place are
+/// shared.
+pub(super) fn triangulate(solid: &mut Solid, polygons: &[Polygon]) {
+    let mut earcut = Earcut::new();
+    for polygon in polygons {
+        match polygon.as_slice() {
+            [contour] if contour.len() == 3 => {
+                let first = solid.positions.len() as u32;
+                solid.positions.extend(contour);
+                solid.triangle([first, first + 1, first + 2]);
+            }
+            _ => add(solid, polygon, &mut earcut),
+        }
+    }
+    solid.collapse();
+}
+
+/// A contour laid flat.
+struct Contour {
+    points: Vec<DVec2>,
+    /// The solid's vertex at the first of them.
+    first: u32,
+    /// Twice the area; positive if it winds like the polygon.
+    area: f64,
+    /// How many contours it lies within.
+    depth: usize,
+    /// Index of the smallest contour that it lies within.
+    parent: Option<usize>,
+}
+
+fn add(solid: &mut Solid, polygon: &Polygon, earcut: &mut Earcut<f64>) {
+    let Some((origin, normal)) = plane(polygon) else { return };
+    let (x, y) = normal.any_orthonormal_pair();
+    let mut contours: Vec<Contour> = polygon
+        .iter()
+        .filter(|contour| contour.len() >= 3)
+        .map(|contour| {
+            let first = solid.positions.len() as u32;
+            solid.positions.extend(contour);
+            let flat = |p: &DVec3| DVec2::new((p - origin).dot(x), (p - origin).dot(y));
+            let points: Vec<DVec2> = contour.iter().map(flat).collect();
+            Contour { area: area(&points), points, first, depth: 0, parent: None }
+        })
+        .collect();
+    contours.sort_by(|a, b| b.area.abs().total_cmp(&a.area.abs()));
+    nest(&mut contours);
+    for (index, outer) in contours.iter().enumerate().filter(|(_, contour)| contour.depth % 2 == 0) {
+        let holes: Vec<&Contour> =
+            contours.iter().filter(|hole| hole.parent == Some(index) && hole.depth % 2 == 1).collect();
+        fill(solid, outer, &holes, earcut);
+    }
+}
+
+/// A point and the normal of the contour with the largest area (Newell's sum); none if all are flat.
+fn plane(polygon: &Polygon) -> Option<(DVec3, DVec3)> {
+    let normals = polygon.iter().filter_map(|contour| {
+        let origin = *contour.first()?;
+        let ends = contour.iter().zip(contour.iter().skip(1));
+        let sum: DVec3 = ends.map(|(&a, &b)| (a - origin).cross(b - origin)).sum();
+        Some((origin, sum))
+    });
+    let (origin, sum) = normals.max_by(|a, b| a.1.length_squared().total_cmp(&b.1.length_squared()))?;
+    Some((origin, sum.try_normalize()?))
+}
+
+/// Twice the signed area.
+fn area(points: &[DVec2]) -> f64 {
+    let next = points.iter().cycle().skip(1);
+    points.iter().zip(next).map(|(a, b)| a.perp_dot(*b)).sum()
+}
+
+/// Finds what lies in what, among contours sorted from large to small.
+fn nest(contours: &mut [Contour]) {
+    for index in 1..contours.len() {
+        let (larger, rest) = contours.split_at_mut(index);
+        let Some(contour) = rest.first_mut() else { continue };
+        let around = larger.iter().enumerate().rev().find(|(_, outer)| outer.surrounds(contour));
+        if let Some((parent, outer)) = around {
+            contour.parent = Some(parent);
+            contour.depth = outer.depth + 1;
+        }
+    }
+}
+
+impl Contour {
+    /// Whether most corners of `other` are inside: a hole may touch the border.
+    fn surrounds(&self, other: &Self) -> bool {
+        let inside = other.points.iter().filter(|&&point| self.contains(point)).count();
+        2 * inside > other.points.len()
+    }
+
+    /// Whether a ray from the point crosses the contour an odd number of times.
+    fn contains(&self, p: DVec2) -> bool {
+        let next = self.points.iter().cycle().skip(1);
+        let crossings = self.points.iter().zip(next).filter(|&(a, b)| {
+            (a.y > p.y) != (b.y > p.y) && p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x)
+        });
+        crossings.count() % 2 == 1
+    }
+}
+
+fn fill(solid: &mut Solid, outer: &Contour, holes: &[&Contour], earcut: &mut Earcut<f64>) {
+    let rings = || std::iter::once(outer).chain(holes.iter().copied());
+    let points: Vec<DVec2> = rings().flat_map(|contour| contour.points.iter().copied()).collect();
+    let vertices: Vec<u32> =
+        rings().flat_map(|contour| (contour.first..).take(contour.points.len())).collect();
+    let mut starts = Vec::new();
+    let mut start = outer.points.len() as u32;
+    for hole in holes {
+        starts.push(start);
+        start += hole.points.len() as u32;
+    }
+    let mut corners: Vec<u32> = Vec::new();
+    earcut.earcut(points.iter().map(|point| point.to_array()), &starts, &mut corners);
+
+    let twice = |&[a, b, c]: &[u32; 3]| match (
+        points.get(a as usize),
+        points.get(b as usize),
+        points.get(c as usize),
+    ) {
+        (Some(a), Some(b), Some(c)) => (b - a).perp_dot(c - a),
+        _ => 0.0,
+    };
+    let wanted = outer.area.abs() - holes.iter().map(|hole| hole.area.abs()).sum::<f64>();
+    let covered: f64 = corners.as_chunks::<3>().0.iter().map(|triangle| twice(triangle).abs()).sum();
+    if covered < 0.999 * wanted {
+        // A contour that crosses itself or a hole. A fan covers all of the outer contour, holes too: better too much
+        // than a hole where a wall should be.
+        let last = outer.points.len() as u32;
+        corners = (2..last).flat_map(|corner| [0, corner - 1, corner]).collect();
+    }
+    for triangle in corners.as_chunks::<3>().0 {
+        let [a, b, c] = if (twice(triangle) < 0.0) == (outer.area < 0.0) {
+            *triangle
+        } else {
+            let [a, b, c] = *triangle;
+            [a, c, b]
+        };
+        if let (Some(&a), Some(&b), Some(&c)) =
+            (vertices.get(a as usize), vertices.get(b as usize), vertices.get(c as usize))
+        {
+            solid.triangle([a, b, c]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// A square of half side `half` about the middle, in the plane x = 7.
+    fn square(half: f64) -> Vec<DVec3> {
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+            .map(|(y, z)| DVec3::new(7.0, y * half, z * half))
+            .to_vec()
+    }
+
+    fn backwards(mut contour: Vec<DVec3>) -> Vec<DVec3> {
+        contour.reverse();
+        contour
+    }
+
+    /// The sum of the triangles' area vectors, and of their lengths.
+    fn areas(polygon: Polygon) -> (DVec3, f64) {
+        let mut solid = Solid::default();
+        triangulate(&mut solid, &[polygon]);
+        let halves = solid.indices.as_chunks::<3>().0.iter().map(|triangle| {
+            let [a, b, c] = triangle.map(|index| solid.positions[index as usize]);
+            (b - a).cross(c - a) / 2.0
+        });
+        halves.fold((DVec3::ZERO, 0.0), |(sum, length), half| (sum + half, length + half.length()))
+    }
+
+    fn assert_area(polygon: Polygon, expected: f64) {
+        let (sum, length) = areas(polygon);
+        assert!((sum.x - expected).abs() < 1e-9, "{sum} is not {expected}");
+        assert!((length - expected).abs() < 1e-9, "{length} is not {expected}: triangles overlap");
+    }
+
+    #[test]
+    fn holes_wind_either_way_and_come_in_any_order() {
+        assert_area(vec![square(2.0), square(1.0)], 12.0);
+        assert_area(vec![square(2.0), backwards(square(1.0))], 12.0);
+        assert_area(vec![backwards(square(1.0)), square(2.0)], 12.0);
+    }
+
+    #[test]
+    fn an_island_in_a_hole_is_drawn() {
+        assert_area(vec![square(3.0), square(2.0), square(1.0)], 36.0 - 16.0 + 4.0);
+    }
+
+    #[test]
+    fn contours_side_by_side_are_both_drawn() {
+        let aside = square(1.0).into_iter().map(|p| p + DVec3::Y * 5.0).collect();
+        assert_area(vec![square(2.0), aside], 16.0 + 4.0);
+    }
+
+    #[test]
+    fn a_concave_polygon_keeps_its_notch_and_its_side() {
+        let mut notched = square(1.0);
+        notched.push(DVec3::new(7.0, 0.0, 0.0));
+        assert_area(vec![notched.clone()], 3.0);
+        let (sum, _) = areas(vec![backwards(notched)]);
+        assert!((sum.x + 3.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_polygon_that_crosses_itself_is_covered() {
+        let bow =
+            vec![square(1.0)[0], square(1.0)[2], square(1.0)[1], square(1.0)[3], DVec3::new(7.0, -3.0, 0.0)];
+        assert!(areas(vec![bow]).1 > 1.0);
+    }
+
+    #[test]
+    fn degenerate_polygons_vanish() {
+        for polygon in [vec![], vec![vec![]], vec![square(0.0)], vec![square(1.0)[..2].to_vec()]] {
+            assert_eq!(areas(polygon).1, 0.0);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_contours_break_it(
+            polygon in prop::collection::vec(
+                prop::collection::vec(prop::array::uniform3(-3i8..3), 0..9),
+                0..4,
+            )
+        ) {
+            let corner = |p: [i8; 3]| DVec3::from_array(p.map(f64::from));
+            let polygon: Polygon =
+                polygon.into_iter().map(|contour| contour.into_iter().map(corner).collect()).collect();
+            let mut solid = Solid::default();
+            triangulate(&mut solid, &[polygon]);
+            for &index in &solid.indices {
+                prop_assert!((index as usize) < solid.positions.len());
+            }
+        }
+    }
+}

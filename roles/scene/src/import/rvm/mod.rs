@@ -1,0 +1,161 @@
+//! RVM: the review format of AVEVA's plant design programs (PDMS, E3D), in which process plants are exchanged.
+//!
+//! A file is a tree of named groups that hold primitives: cylinders, boxes, tori, and so on, eleven kinds. Each group
+//! with primitives of its own becomes one object, its primitives tessellated into one mesh about the middle of the
+//! group. There is no public specification; the facts here are those that readers of the format agree on, checked
+//! against the box that every primitive stores.
+
+mod colour;
+mod error;
+mod facets;
+mod parse;
+mod reader;
+mod shape;
+mod solid;
+mod tessellate;
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+
+pub use error::RvmError;
+
+use self::parse::{File, Group, Primitive};
+use self::shape::Shape;
+use self::solid::{Chord, Solid};
+use self::tessellate::tessellate;
+use super::assemble::weld;
+use super::report::{ImportReport, Warning};
+use super::{ImportOptions, Part, UpAxis};
+use crate::{Mesh, Model, Object, Rgba8};
+
+/// Metres a unit of length that writers have in mind: a file's matrices take millimetres to metres.
+const USUAL_UNIT: f64 = 1e-3;
+
+/// No file may make more triangles than this, or a few numbers in it could fill all memory.
+const MOST_TRIANGLES: u64 = 200_000_000;
+
+/// Reads an RVM file. `source_index` of its objects is the running number of the group among all groups of the file, in
+/// the order in which they open; groups without primitives count too.
+pub(super) fn import(bytes: &[u8], options: &ImportOptions) -> Result<Part, RvmError> {
+    let file = File::parse(bytes)?;
+    let scale = options.unit.unwrap_or(USUAL_UNIT) / USUAL_UNIT;
+    let frame = Frame {
+        file_to_world: options.file_to_world(UpAxis::Z) * DAffine3::from_scale(DVec3::splat(scale)),
+        chord_tolerance: options.chord_tolerance,
+    };
+    let triangles = AtomicU64::new(0);
+    let objects: Vec<Option<Placed>> = file
+        .groups
+        .par_iter()
+        .map(|group| frame.place(group, colour::of(group.material, &file.colours), &triangles))
+        .collect::<Result<_, _>>()?;
+
+    let mut part = Part { model: Model::default(), report: ImportReport::default() };
+    part.report.warn(Warning::VolumeLeftOut, file.volumes);
+    for (group, placed) in file.groups.into_iter().zip(objects) {
+        for primitive in &group.primitives {
+            primitive.shape.count(&mut part.report.primitives);
+        }
+        let Some(Placed { mesh, origin, box_mismatches }) = placed else {
+            part.report.warn(Warning::EmptyObject, 1);
+            continue;
+        };
+        part.report.box_mismatches += box_mismatches;
+        part.model.objects.push(Object {
+            mesh: part.model.meshes.len() as u32,
+            to_world: DAffine3::from_translation(origin),
+            name: group.name,
+            source: 0,
+            source_index: group.index,
+        });
+        part.model.meshes.push(mesh);
+    }
+    Ok(part)
+}
+
+/// A group as a mesh about `origin`.
+struct Placed {
+    mesh: Mesh,
+    origin: DVec3,
+    box_mismatches: u64,
+}
+
+/// What all groups of a file are placed and cut by.
+struct Frame {
+    file_to_world: DAffine3,
+    /// Metres.
+    chord_tolerance: f64,
+}
+
+impl Frame {
+    /// The group's primitives as one mesh; none if they have no surface.
+    fn place(&self, group: &Group, colour: Rgba8, total: &AtomicU64) -> Result<Option<Placed>, RvmError> {
+        let mut positions: Vec<DVec3> = Vec::new();
+        let mut indices: Vec<u32> = Vec::new();
+        let mut box_mismatches = 0;
+        for primitive in &group.primitives {
+            let to_world = self.file_to_world * primitive.matrix;
+            let scale = largest_scale(&to_world);
+            let tolerance = if scale > 0.0 { self.chord_tolerance / scale } else { f64::MAX };
+            let solid = tessellate(&primitive.shape, Chord { tolerance });
+            let triangles = (solid.indices.len() / 3) as u64;
+            if total.fetch_add(triangles, Ordering::Relaxed) + triangles > MOST_TRIANGLES {
+                return Err(RvmError::TooFine { limit: MOST_TRIANGLES / 1_000_000 });
+            }
+            box_mismatches += u64::from(!fits_stored_box(primitive, &solid, tolerance));
+
+            let first = positions.len() as u32;
+            positions.extend(solid.positions.iter().map(|&p| to_world.transform_point3(p)));
+            if positions.iter().skip(first as usize).any(|p| !p.as_vec3().is_finite()) {
+                return Err(RvmError::Unusable {
+                    offset: primitive.offset,
+                    group: group.name.clone(),
+                    what: "it is too large or too far away for its place to be a number",
+                });
+            }
+            // A mirroring matrix turns the solid inside out.
+            let mirrored = to_world.matrix3.determinant() < 0.0;
+            let turned = |&[a, b, c]: &[u32; 3]| if mirrored { [a, c, b] } else { [a, b, c] };
+            let triangles = solid.indices.as_chunks::<3>().0.iter();
+            indices.extend(triangles.flat_map(turned).map(|index| index + first));
+        }
+        if indices.is_empty() {
+            return Ok(None);
+        }
+        let (low, high) = bounds(&positions);
+        let origin = (low + high) / 2.0;
+        let mesh = weld(&Mesh {
+            colours: vec![colour; positions.len()],
+            positions: positions.iter().map(|p| (p - origin).as_vec3()).collect(),
+            indices,
+        });
+        Ok(Some(Placed { mesh, origin, box_mismatches }))
+    }
+}
+
+/// An upper bound of how much the map lengthens anything, exact if its axes stay at right angles (Gershgorin's circles
+/// about the squares of the singular values).
+fn largest_scale(map: &DAffine3) -> f64 {
+    let m = map.matrix3;
+    let row = |a: DVec3| a.dot(m.x_axis).abs() + a.dot(m.y_axis).abs() + a.dot(m.z_axis).abs();
+    row(m.x_axis).max(row(m.y_axis)).max(row(m.z_axis)).sqrt()
+}
+
+fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
+    let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    positions.iter().fold(empty, |(low, high), &p| (low.min(p), high.max(p)))
+}
+
+/// Whether the tessellation fills the box that the file stores with the primitive: no side is off by more than 5 % of the
+/// box's diagonal, plus what cutting curves to chords may take away. Lines have no surface and fit any box.
+fn fits_stored_box(primitive: &Primitive, solid: &Solid, tolerance: f64) -> bool {
+    if matches!(primitive.shape, Shape::Line) {
+        return true;
+    }
+    let [stored_low, stored_high] = primitive.stored_box;
+    let (low, high) = bounds(&solid.positions);
+    let off = (low - stored_low).abs().max((high - stored_high).abs()).max_element();
+    off <= 0.05 * (stored_high - stored_low).length() + tolerance
+}

@@ -1,0 +1,183 @@
+//! Closed surfaces out of rings of vertices, in the frame of a primitive.
+
+use std::f64::consts::{PI, TAU};
+use std::ops::Range;
+
+use glam::DVec3;
+
+/// A surface in the making: vertices are shared, triangles wind counter-clockwise seen from outside.
+#[derive(Debug, Default)]
+pub(super) struct Solid {
+    pub positions: Vec<DVec3>,
+    pub indices: Vec<u32>,
+}
+
+/// Vertices in a row that close to a ring, counter-clockwise seen from where the solid goes on to.
+#[derive(Debug, Clone)]
+pub(super) struct Ring(Range<u32>);
+
+impl Solid {
+    pub(super) fn vertex(&mut self, position: DVec3) -> u32 {
+        self.positions.push(position);
+        self.positions.len() as u32 - 1
+    }
+
+    pub(super) fn ring(&mut self, positions: impl IntoIterator<Item = DVec3>) -> Ring {
+        let first = self.positions.len() as u32;
+        self.positions.extend(positions);
+        Ring(first..self.positions.len() as u32)
+    }
+
+    pub(super) fn triangle(&mut self, corners: [u32; 3]) {
+        self.indices.extend(corners);
+    }
+
+    /// The wall between two rings of equally many vertices; `lower` comes first along the solid.
+    pub(super) fn wall(&mut self, lower: &Ring, upper: &Ring) {
+        for ((a, b), (c, d)) in lower.edges().zip(upper.edges()) {
+            self.triangle([a, b, d]);
+            self.triangle([a, d, c]);
+        }
+    }
+
+    /// The wall from a ring to a single vertex that the solid ends in.
+    pub(super) fn cone_to(&mut self, ring: &Ring, tip: u32) {
+        for (a, b) in ring.edges() {
+            self.triangle([a, b, tip]);
+        }
+    }
+
+    /// The wall from a single vertex that the solid begins in to a ring.
+    pub(super) fn cone_from(&mut self, tip: u32, ring: &Ring) {
+        for (a, b) in ring.edges() {
+            self.triangle([b, a, tip]);
+        }
+    }
+
+    /// Closes the solid where it ends.
+    pub(super) fn end(&mut self, ring: &Ring) {
+        self.cap(ring, |[a, b, c]| [a, b, c]);
+    }
+
+    /// Closes the solid where it begins.
+    pub(super) fn begin(&mut self, ring: &Ring) {
+        self.cap(ring, |[a, b, c]| [a, c, b]);
+    }
+
+    /// A convex ring filled from side to side, which makes better triangles than a fan.
+    fn cap(&mut self, ring: &Ring, turn: impl Fn([u32; 3]) -> [u32; 3]) {
+        let (mut low, mut high) = (ring.0.start, ring.0.end.saturating_sub(1));
+        while high >= low + 2 {
+            self.triangle(turn([low, low + 1, high]));
+            low += 1;
+            if high >= low + 2 {
+                self.triangle(turn([low, high - 1, high]));
+                high -= 1;
+            }
+        }
+    }
+
+    /// Makes one vertex of vertices at the same place, and drops the triangles that thereby lose their area.
+    pub(super) fn collapse(&mut self) {
+        let mut order: Vec<u32> = (0..self.positions.len() as u32).collect();
+        let key = |&index: &u32| {
+            self.positions.get(index as usize).map(|p| (p + DVec3::ZERO).to_array().map(f64::to_bits))
+        };
+        order.sort_by_key(key);
+        let mut first = vec![0; order.len()];
+        for same in order.chunk_by(|a, b| key(a) == key(b)) {
+            // The sort is stable, so the first of equals has the least index.
+            for &index in same {
+                if let (Some(slot), Some(&least)) = (first.get_mut(index as usize), same.first()) {
+                    *slot = least;
+                }
+            }
+        }
+        let merged = |&index: &u32| first.get(index as usize).copied().unwrap_or(index);
+        let triangles =
+            self.indices.as_chunks::<3>().0.iter().map(|triangle| triangle.each_ref().map(merged));
+        self.indices = triangles.filter(|[a, b, c]| a != b && b != c && c != a).flatten().collect();
+    }
+}
+
+impl Ring {
+    /// Each vertex with the next one around.
+    fn edges(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
+        let Range { start, end } = self.0;
+        (start..end).zip((start + 1..end).chain(std::iter::once(start)))
+    }
+}
+
+/// How finely to cut curves: the tolerance in the primitive's own units.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Chord {
+    pub tolerance: f64,
+}
+
+/// No curve is cut into more chords than this. At 1 mm it is enough for a radius of 200 m; beyond, the tolerance gives
+/// way, or one number in a file could fill all memory.
+const MOST_CHORDS: f64 = 1024.0;
+
+impl Chord {
+    /// A tolerance for each of two directions in which a surface is curved.
+    pub(super) fn shared(self) -> Self {
+        Self { tolerance: self.tolerance / 2.0 }
+    }
+
+    /// The fewest equal chords along `angle` of a circle that stay within the tolerance of it: a chord over the angle a
+    /// is r (1 - cos a/2) off. No chord spans more than an eighth of a turn, so that small pipes stay round.
+    pub(super) fn count(self, radius: f64, angle: f64) -> usize {
+        let angle = angle.abs().min(TAU);
+        let half = libm::acos((1.0 - self.tolerance / radius.abs()).clamp(-1.0, 1.0));
+        let step = (2.0 * half).min(PI / 4.0);
+        // A zero step divides to infinity, which the clamp takes care of; NaN casts to 0.
+        ((angle / step).ceil().clamp(1.0, MOST_CHORDS) as usize).max(1)
+    }
+}
+
+/// The points at `count` equal steps around the unit circle.
+pub(super) fn circle(count: usize) -> impl Iterator<Item = (f64, f64)> + Clone {
+    (0..count).map(move |index| direction(TAU * index as f64 / count as f64))
+}
+
+/// The cosine and sine of an angle, alike on every machine.
+pub(super) fn direction(angle: f64) -> (f64, f64) {
+    (libm::cos(angle), libm::sin(angle))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chords_stay_within_the_tolerance_and_are_no_finer_than_needed() {
+        let sagitta = |radius: f64, chords: usize| radius * (1.0 - (PI / chords as f64).cos());
+        for radius in [20.0, 57.0, 300.0, 5000.0] {
+            let chords = Chord { tolerance: 1.0 }.count(radius, TAU);
+            assert!(sagitta(radius, chords) <= 1.0, "{radius}: {chords}");
+            assert!(sagitta(radius, chords - 1) > 1.0, "{radius}: {chords}");
+        }
+    }
+
+    #[test]
+    fn degenerate_curves_have_few_chords() {
+        let chord = Chord { tolerance: 1.0 };
+        assert_eq!(chord.count(0.0, TAU), 8);
+        assert_eq!(chord.count(0.5, TAU), 8);
+        assert_eq!(chord.count(10.0, 0.0), 1);
+        assert_eq!(chord.count(1e30, TAU), 1024);
+        assert_eq!(chord.count(f64::INFINITY, TAU), 1024);
+        assert_eq!(chord.count(0.5, 1e30), 8);
+    }
+
+    #[test]
+    fn collapsing_makes_a_tip_of_a_ring() {
+        let mut solid = Solid::default();
+        let lower = solid.ring(circle(4).map(|(x, y)| DVec3::new(x, y, 0.0)));
+        let upper = solid.ring([0.0, -0.0, 0.0, -0.0].map(|x| DVec3::new(x, 0.0, 1.0)));
+        solid.wall(&lower, &upper);
+        solid.begin(&lower);
+        solid.collapse();
+        assert_eq!(solid.indices.len() / 3, 4 + 2);
+    }
+}

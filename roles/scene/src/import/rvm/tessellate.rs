@@ -1,0 +1,362 @@
+//! Primitives as triangles.
+//!
+//! Every solid comes out closed, its vertices shared, its faces outward; ends that touch another primitive are capped
+//! all the same. No point of the true surface is farther from the triangles than the chord tolerance.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use glam::DVec3;
+
+use super::facets;
+use super::shape::Shape;
+use super::solid::{Chord, Ring, Solid, circle, direction};
+
+/// A torus whose angle is this near to a full turn is closed.
+const FULL_TURN: f64 = TAU - 1e-4;
+
+/// The shape's surface, cut to `chord`.
+pub(super) fn tessellate(shape: &Shape, chord: Chord) -> Solid {
+    let mut solid = Solid::default();
+    match *shape {
+        Shape::Pyramid { bottom, top, offset, height } => pyramid(&mut solid, bottom, top, offset, height),
+        Shape::Box { size: [x, y, z] } => pyramid(&mut solid, [x, y], [x, y], [0.0; 2], z),
+        Shape::RectangularTorus { inner, outer, height, angle } => {
+            let section = [(inner, -0.5), (outer, -0.5), (outer, 0.5), (inner, 0.5)];
+            let section = section.map(|(radius, z)| (radius, z * height));
+            turn(&mut solid, &section, chord.count(outer, angle), angle);
+        }
+        Shape::CircularTorus { offset, radius, angle } => {
+            let chord = chord.shared();
+            let section: Vec<_> = circle(chord.count(radius, TAU))
+                .map(|(cos, sin)| (offset + radius * cos, radius * sin))
+                .collect();
+            turn(&mut solid, &section, chord.count(offset.abs() + radius.abs(), angle), angle);
+        }
+        Shape::EllipticalDish { radius, height } => dish(&mut solid, radius, height, chord),
+        Shape::SphericalDish { radius, height } => spherical_dish(&mut solid, radius, height, chord),
+        Shape::Snout { bottom, top, height, offset: [x, y], bottom_shear, top_shear } => {
+            let low = End { radius: bottom, centre: DVec3::new(-x, -y, -height) / 2.0, shear: bottom_shear };
+            let high = End { radius: top, centre: DVec3::new(x, y, height) / 2.0, shear: top_shear };
+            frustum(&mut solid, &low, &high, chord);
+        }
+        Shape::Cylinder { radius, height } => {
+            let end = |z| End { radius, centre: DVec3::Z * z, shear: [0.0; 2] };
+            frustum(&mut solid, &end(-height / 2.0), &end(height / 2.0), chord);
+        }
+        Shape::Sphere { diameter } => {
+            let radius = diameter / 2.0;
+            Ellipsoid { radius, height: radius, centre: 0.0 }.top(&mut solid, PI, chord);
+        }
+        Shape::Line => {}
+        Shape::FacetGroup { ref polygons } => facets::triangulate(&mut solid, polygons),
+    }
+    solid
+}
+
+fn pyramid(solid: &mut Solid, bottom: [f64; 2], top: [f64; 2], offset: [f64; 2], height: f64) {
+    let mut rectangle = |[x, y]: [f64; 2], side: f64| {
+        let centre = DVec3::new(offset[0], offset[1], height) * side;
+        let corners = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)];
+        solid.ring(corners.map(|(i, j)| centre + DVec3::new(i * x, j * y, 0.0)))
+    };
+    let (low, high) = (rectangle(bottom, -0.5), rectangle(top, 0.5));
+    solid.wall(&low, &high);
+    solid.begin(&low);
+    solid.end(&high);
+    solid.collapse();
+}
+
+/// One end of a frustum: a circle, cut at angles about y and x.
+struct End {
+    radius: f64,
+    centre: DVec3,
+    shear: [f64; 2],
+}
+
+impl End {
+    /// How much the end rises along x and y.
+    fn slope(&self) -> [f64; 2] {
+        self.shear.map(libm::tan)
+    }
+
+    /// The longest half axis of the ellipse that the cut makes of the circle.
+    fn reach(&self) -> f64 {
+        let [x, y] = self.slope();
+        self.radius.abs() * (1.0 + x * x + y * y).sqrt()
+    }
+
+    fn ring(&self, solid: &mut Solid, count: usize) -> Ring {
+        let [slope_x, slope_y] = self.slope();
+        solid.ring(circle(count).map(|(cos, sin)| {
+            let (x, y) = (self.radius * cos, self.radius * sin);
+            self.centre + DVec3::new(x, y, slope_x * x + slope_y * y)
+        }))
+    }
+}
+
+fn frustum(solid: &mut Solid, low: &End, high: &End, chord: Chord) {
+    let count = chord.count(low.reach().max(high.reach()), TAU);
+    match (low.radius == 0.0, high.radius == 0.0) {
+        (false, true) => {
+            let ring = low.ring(solid, count);
+            let tip = solid.vertex(high.centre);
+            solid.cone_to(&ring, tip);
+            solid.begin(&ring);
+        }
+        (true, false) => {
+            let tip = solid.vertex(low.centre);
+            let ring = high.ring(solid, count);
+            solid.cone_from(tip, &ring);
+            solid.end(&ring);
+        }
+        _ => {
+            let (lower, upper) = (low.ring(solid, count), high.ring(solid, count));
+            solid.wall(&lower, &upper);
+            solid.begin(&lower);
+            solid.end(&upper);
+        }
+    }
+}
+
+/// Turns a section, (distance from z, height) counter-clockwise, about z from the x axis on.
+fn turn(solid: &mut Solid, section: &[(f64, f64)], count: usize, angle: f64) {
+    let closed = angle.abs() >= FULL_TURN;
+    // Three chords at least, or a full turn would be flat.
+    let (count, angle) = if closed { (count.max(3), TAU.copysign(angle)) } else { (count, angle) };
+    // Seen from where the turn goes on to, a positive one, the section runs clockwise.
+    let mut section = section.to_vec();
+    if angle >= 0.0 {
+        section.reverse();
+    }
+    let rings: Vec<Ring> = (0..count + usize::from(!closed))
+        .map(|step| {
+            let (cos, sin) = direction(angle * step as f64 / count as f64);
+            solid.ring(section.iter().map(|&(radius, z)| DVec3::new(radius * cos, radius * sin, z)))
+        })
+        .collect();
+    for pair in rings.windows(2) {
+        if let [lower, upper] = pair {
+            solid.wall(lower, upper);
+        }
+    }
+    if let (Some(first), Some(last)) = (rings.first(), rings.last()) {
+        if closed {
+            solid.wall(last, first);
+        } else {
+            solid.begin(first);
+            solid.end(last);
+        }
+    }
+    // A section that touches the axis collapses there.
+    if section.iter().any(|&(radius, _)| radius == 0.0) {
+        solid.collapse();
+    }
+}
+
+/// Half an ellipsoid on the xy plane.
+fn dish(solid: &mut Solid, radius: f64, height: f64, chord: Chord) {
+    let whole = Ellipsoid { radius, height, centre: 0.0 };
+    whole.top(solid, FRAC_PI_2, chord);
+}
+
+/// The part of a sphere above the xy plane that is `height` high and `radius` wide at its foot.
+fn spherical_dish(solid: &mut Solid, radius: f64, height: f64, chord: Chord) {
+    let sphere = (radius * radius + height * height) / (2.0 * height);
+    if sphere.is_finite() {
+        let whole = Ellipsoid { radius: sphere, height: sphere, centre: height - sphere };
+        // From the top to the foot; more than a quarter turn if the dish bulges.
+        whole.top(solid, libm::atan2(radius, sphere - height), chord);
+    } else {
+        dish(solid, radius, height, chord);
+    }
+}
+
+/// An ellipsoid of revolution about z with these half axes.
+struct Ellipsoid {
+    radius: f64,
+    height: f64,
+    /// Where its centre stands on z.
+    centre: f64,
+}
+
+impl Ellipsoid {
+    /// The part within the angle `arc` of the top, closed at its foot.
+    fn top(&self, solid: &mut Solid, arc: f64, chord: Chord) {
+        let chord = chord.shared();
+        let around = chord.count(self.radius, TAU);
+        let rows = chord.count(self.radius.abs().max(self.height.abs()), arc).max(2);
+        let ring = |solid: &mut Solid, row: usize| {
+            let (cos, sin) = direction(arc * row as f64 / rows as f64);
+            let (radius, z) = (self.radius * sin, self.centre + self.height * cos);
+            solid.ring(circle(around).map(|(x, y)| DVec3::new(radius * x, radius * y, z)))
+        };
+        let whole = arc >= PI - 1e-6;
+        let foot = if whole { rows - 1 } else { rows };
+        let mut lower = ring(solid, foot);
+        if whole {
+            let bottom = solid.vertex(DVec3::Z * (self.centre - self.height));
+            solid.cone_from(bottom, &lower);
+        } else {
+            solid.begin(&lower);
+        }
+        for row in (1..foot).rev() {
+            let upper = ring(solid, row);
+            solid.wall(&lower, &upper);
+            lower = upper;
+        }
+        let top = solid.vertex(DVec3::Z * (self.centre + self.height));
+        solid.cone_to(&lower, top);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashMap;
+
+    use glam::DVec3;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn volume(solid: &Solid) -> f64 {
+        let at = |index: u32| solid.positions[index as usize];
+        let triangles = solid.indices.as_chunks::<3>().0.iter();
+        triangles.map(|&[a, b, c]| at(a).dot(at(b).cross(at(c))) / 6.0).sum()
+    }
+
+    /// Every edge is walked once in each direction: the surface is closed, shares its vertices, and winds one way.
+    fn assert_closed(solid: &Solid) {
+        let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
+        for &[a, b, c] in solid.indices.as_chunks::<3>().0 {
+            for edge in [(a, b), (b, c), (c, a)] {
+                assert_ne!(edge.0, edge.1);
+                *edges.entry(edge).or_default() += 1;
+            }
+        }
+        for (&(a, b), &count) in &edges {
+            assert_eq!((count, edges.get(&(b, a))), (1, Some(&1)), "edge {a} {b}");
+        }
+    }
+
+    fn check(shape: &Shape, expected: f64) {
+        let solid = tessellate(shape, Chord { tolerance: 0.01 });
+        assert_closed(&solid);
+        let volume = volume(&solid);
+        assert!((volume / expected - 1.0).abs() < 0.01, "{shape:?} has the volume {volume}, not {expected}");
+    }
+
+    #[test]
+    fn solids_are_closed_and_enclose_their_volume() {
+        check(&Shape::Box { size: [1.0, 2.0, 3.0] }, 6.0);
+        check(&Shape::Cylinder { radius: 2.0, height: 3.0 }, 12.0 * PI);
+        check(&Shape::Sphere { diameter: 4.0 }, 32.0 / 3.0 * PI);
+        check(&Shape::EllipticalDish { radius: 3.0, height: 2.0 }, 12.0 * PI);
+        check(&Shape::SphericalDish { radius: 3.0, height: 1.0 }, PI / 6.0 * 28.0);
+        check(&Shape::SphericalDish { radius: 3.0, height: 4.0 }, PI * 4.0 / 6.0 * (27.0 + 16.0));
+        check(&Shape::CircularTorus { offset: 5.0, radius: 2.0, angle: TAU }, 40.0 * PI * PI);
+        check(&Shape::CircularTorus { offset: 5.0, radius: 2.0, angle: FRAC_PI_2 }, 10.0 * PI * PI);
+        let torus = |inner| Shape::RectangularTorus { inner, outer: 3.0, height: 2.0, angle: PI };
+        check(&torus(1.0), 8.0 * PI);
+        check(&torus(0.0), 9.0 * PI);
+    }
+
+    #[test]
+    fn pyramids_may_taper_to_an_edge_or_a_tip() {
+        let pyramid = |top| Shape::Pyramid { bottom: [2.0, 3.0], top, offset: [0.5, -0.5], height: 6.0 };
+        check(&pyramid([0.0, 0.0]), 12.0);
+        check(&pyramid([0.0, 3.0]), 18.0);
+        check(&pyramid([1.0, 1.0]), 6.0 * (6.0 + 1.0 + 2.5) / 3.0);
+    }
+
+    #[test]
+    fn snouts_may_lean_taper_to_either_end_and_be_cut_askew() {
+        let snout = |bottom, top, offset, bottom_shear, top_shear| Shape::Snout {
+            bottom,
+            top,
+            height: 3.0,
+            offset,
+            bottom_shear,
+            top_shear,
+        };
+        let leaning = |bottom, top| snout(bottom, top, [1.0, -2.0], [0.0; 2], [0.0; 2]);
+        let cone = |b: f64, t: f64| PI * (b * b + b * t + t * t);
+        check(&leaning(2.0, 1.0), cone(2.0, 1.0));
+        check(&leaning(2.0, 0.0), cone(2.0, 0.0));
+        check(&leaning(0.0, 2.0), cone(0.0, 2.0));
+        check(&snout(2.0, 2.0, [0.0; 2], [0.1, 0.2], [-0.3, 0.2]), 12.0 * PI);
+    }
+
+    #[test]
+    fn a_snout_is_where_its_offsets_and_cuts_put_it() {
+        let shape = Shape::Snout {
+            bottom: 1.0,
+            top: 2.0,
+            height: 10.0,
+            offset: [4.0, 0.0],
+            bottom_shear: [0.0, 0.0],
+            top_shear: [PI / 4.0, 0.0],
+        };
+        let solid = tessellate(&shape, Chord { tolerance: 0.01 });
+        let has = |p: DVec3| solid.positions.iter().any(|&q| q.distance(p) < 1e-12);
+        assert!(has(DVec3::new(-2.0 + 1.0, 0.0, -5.0)));
+        assert!(has(DVec3::new(2.0 + 2.0, 0.0, 5.0 + 2.0)));
+    }
+
+    #[test]
+    fn flat_shapes_do_not_break() {
+        for shape in [
+            Shape::Cylinder { radius: 0.0, height: 50.0 },
+            Shape::Box { size: [0.0, 0.0, 0.0] },
+            Shape::SphericalDish { radius: 3.0, height: 0.0 },
+            Shape::EllipticalDish { radius: 0.0, height: 0.0 },
+            Shape::CircularTorus { offset: 0.0, radius: 0.0, angle: 0.0 },
+            Shape::RectangularTorus { inner: 0.0, outer: 0.0, height: 0.0, angle: -1.0 },
+        ] {
+            let solid = tessellate(&shape, Chord { tolerance: 0.01 });
+            assert!(solid.positions.iter().all(|p| p.is_finite()), "{shape:?}");
+        }
+    }
+
+    proptest! {
+        /// Points of the true torus are within the tolerance of the triangles: the nearest triangle is sought among all.
+        #[test]
+        fn a_torus_keeps_the_tolerance(u in 0.0..1.0, v in 0.0..TAU, radius in 1.0..40.0, offset in 41.0..100.0) {
+            let angle = FRAC_PI_2;
+            let solid = tessellate(&Shape::CircularTorus { offset, radius, angle }, Chord { tolerance: 1.0 });
+            let (cos, sin) = direction(u * angle);
+            let out = offset + radius * v.cos();
+            let point = DVec3::new(out * cos, out * sin, radius * v.sin());
+            let nearest = solid.indices.as_chunks::<3>().0.iter().map(|triangle| {
+                let [a, b, c] = triangle.map(|index| solid.positions[index as usize]);
+                distance(point, a, b, c)
+            });
+            prop_assert!(nearest.fold(f64::MAX, f64::min) <= 1.0 + 1e-9);
+        }
+
+        /// Nor does a triangle's middle leave the true sphere by more.
+        #[test]
+        fn a_sphere_keeps_the_tolerance(diameter in 5.0..5000.0) {
+            let solid = tessellate(&Shape::Sphere { diameter }, Chord { tolerance: 1.0 });
+            assert_closed(&solid);
+            for triangle in solid.indices.as_chunks::<3>().0 {
+                let [a, b, c] = triangle.map(|index| solid.positions[index as usize]);
+                prop_assert!(((a + b + c) / 3.0).length() >= diameter / 2.0 - 1.0);
+                prop_assert!((a + b).length() / 2.0 >= diameter / 2.0 - 1.0);
+            }
+        }
+    }
+
+    /// The distance from `p` to the triangle: to its plane if `p` stands above the inside, else to an edge.
+    fn distance(p: DVec3, a: DVec3, b: DVec3, c: DVec3) -> f64 {
+        let normal = (b - a).cross(c - a);
+        let inside = |a: DVec3, b: DVec3| normal.dot((b - a).cross(p - a)) >= 0.0;
+        if inside(a, b) && inside(b, c) && inside(c, a) {
+            return (p - a).dot(normal).abs() / normal.length();
+        }
+        let edge = |a: DVec3, b: DVec3| {
+            let along = ((p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+            p.distance(a.lerp(b, along))
+        };
+        edge(a, b).min(edge(b, c)).min(edge(c, a))
+    }
+}
