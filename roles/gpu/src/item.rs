@@ -71,7 +71,7 @@ impl ItemPass {
         self.pass.begin(view)
     }
 
-    /// Adds draws, in this order: of equal depths the later one shows.
+    /// Adds draws, in this order: of equal depths the first one shows.
     ///
     /// # Errors
     /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), or without memory.

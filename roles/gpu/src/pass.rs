@@ -10,7 +10,7 @@ use trimaran_proto::DrawableId;
 use crate::camera::CameraConstants;
 use crate::draws::Draws;
 use crate::memory::{HostBuffer, Image};
-use crate::pipeline::{Layout, Pipeline, PipelineDesc, Shader, VertexInput};
+use crate::pipeline::{DepthUse, Layout, Pipeline, PipelineDesc, Shader, VertexInput};
 use crate::recorder::Targets;
 use crate::stream::Stream;
 use crate::timing::{PassTiming, Stopwatch};
@@ -83,7 +83,7 @@ impl ScenePass {
                 fragment: kind.fragment,
                 input: kind.input,
                 colour: kind.colour.map(|target| target.format),
-                depth_write: true,
+                depth: DepthUse::Draw,
             },
         )?;
         Ok(Self {

@@ -150,13 +150,22 @@ pub(crate) enum VertexInput {
     PositionAndColour,
 }
 
+/// What a pipeline does with the depth buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum DepthUse {
+    /// Keeps the nearest surface.
+    Draw,
+    /// Passes what is nearer than the surface or level with it, and changes nothing.
+    Test,
+}
+
 /// What sets the pipelines apart; all else they share: triangles, both sides, reversed-z depth test, no blending.
 pub(crate) struct PipelineDesc {
     pub(crate) vertex: Shader,
     pub(crate) fragment: Option<Shader>,
     pub(crate) input: VertexInput,
     pub(crate) colour: Option<vk::Format>,
-    pub(crate) depth_write: bool,
+    pub(crate) depth: DepthUse,
 }
 
 /// A graphics pipeline.
@@ -185,11 +194,15 @@ impl Pipeline {
             .line_width(1.0);
         let samples = vk::PipelineMultisampleStateCreateInfo::default()
             .rasterization_samples(vk::SampleCountFlags::TYPE_1);
-        // Equal depths pass: doubt means visible, and the last drawn of equals wins in every pass alike.
+        // Of equal surfaces the one drawn first stays, in every pass alike; but a box that is level with a surface shows.
+        let (depth_write, compare) = match desc.depth {
+            DepthUse::Draw => (true, vk::CompareOp::GREATER),
+            DepthUse::Test => (false, vk::CompareOp::GREATER_OR_EQUAL),
+        };
         let depth = vk::PipelineDepthStencilStateCreateInfo::default()
             .depth_test_enable(true)
-            .depth_write_enable(desc.depth_write)
-            .depth_compare_op(vk::CompareOp::GREATER_OR_EQUAL);
+            .depth_write_enable(depth_write)
+            .depth_compare_op(compare);
         let formats: Vec<_> = desc.colour.into_iter().collect();
         let writes: Vec<_> = formats
             .iter()

@@ -11,7 +11,7 @@ use crate::camera::ProjectionConstants;
 use crate::error::During as _;
 use crate::memory::HostBuffer;
 use crate::pass::{OverDepth, ScenePass};
-use crate::pipeline::{BindingSet, Layout, Pipeline, PipelineDesc, VertexInput, shader};
+use crate::pipeline::{BindingSet, DepthUse, Layout, Pipeline, PipelineDesc, VertexInput, shader};
 use crate::{Gpu, GpuError, OccluderPass};
 
 /// Tests boxes by precise occlusion queries, one a box, all of a batch before the first is read. Counts pixels.
@@ -102,7 +102,7 @@ impl QueryBoxes {
                 fragment: None,
                 input: VertexInput::None,
                 colour: None,
-                depth_write: false,
+                depth: DepthUse::Test,
             },
         )?;
         Ok(Self { layout, pipeline, room: None, records: vec![], owners: vec![], results: vec![] })

@@ -10,7 +10,7 @@ use crate::boxes::{self, BoxRecord};
 use crate::camera::ProjectionConstants;
 use crate::memory::{Buffer, HostBuffer};
 use crate::pass::{OverDepth, ScenePass};
-use crate::pipeline::{BindingSet, Layout, Pipeline, PipelineDesc, VertexInput, shader};
+use crate::pipeline::{BindingSet, DepthUse, Layout, Pipeline, PipelineDesc, VertexInput, shader};
 use crate::{Gpu, GpuError, OccluderPass};
 
 /// Tests boxes by one instanced draw of a whole batch: a fragment that passes the early depth test adds one to its box's
@@ -105,7 +105,7 @@ impl RasterBoxes {
                 fragment: Some(shader!("fs_count")),
                 input: VertexInput::None,
                 colour: None,
-                depth_write: false,
+                depth: DepthUse::Test,
             },
         )?;
         Ok(Self { layout, pipeline, room: None, records: vec![], owners: vec![] })

@@ -1,0 +1,3 @@
+//! What passes and testers take.
+
+fn main() {}

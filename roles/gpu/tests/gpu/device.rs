@@ -1,0 +1,90 @@
+//! Opening devices.
+
+use glam::{DVec3, Vec3};
+use trimaran_gpu::{DeviceChoice, DeviceKind, Gpu, GpuError, GpuOptions, OccluderPass};
+
+use crate::common::{CheckedGpu, NEAR, Part, ids, upload, view};
+
+#[test]
+fn a_device_opens_and_says_what_it_is() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let info = gpu.info();
+    assert!(!info.name.is_empty());
+    assert!(info.api_version >= (1, 3, 0));
+    assert_eq!(info.missing, Vec::<&str>::new());
+    assert!(info.max_viewport >= 4096);
+    assert_eq!(Gpu::list().unwrap().first(), Some(info), "the best device is listed first and opened");
+}
+
+#[test]
+fn a_device_is_found_by_a_part_of_its_name() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let part: String = gpu.info().name.chars().take(5).collect::<String>().to_uppercase();
+    let named = GpuOptions { device: DeviceChoice::Named(part), validation: true };
+    assert_eq!(Gpu::open(&named).unwrap().info(), gpu.info());
+}
+
+#[test]
+fn a_device_that_is_not_there_is_named_beside_those_that_are() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let absent = GpuOptions { device: DeviceChoice::Named("Voodoo 2".into()), validation: true };
+    let error = Gpu::open(&absent).unwrap_err();
+    assert!(matches!(error, GpuError::NoSuchDevice { .. }), "{error}");
+    assert!(error.to_string().contains("Voodoo 2"), "{error}");
+    assert!(error.to_string().contains(&gpu.info().name), "{error}");
+}
+
+#[test]
+fn the_cpu_can_be_asked_for() {
+    let Some(_) = CheckedGpu::open() else { return };
+    match Gpu::open(&GpuOptions { device: DeviceChoice::Cpu, validation: true }) {
+        Ok(gpu) => assert_eq!(gpu.info().kind, DeviceKind::Cpu),
+        Err(error) => assert!(matches!(error, GpuError::NoSuchDevice { .. }), "{error}"),
+    }
+}
+
+#[test]
+fn two_devices_in_one_process_draw_at_once() {
+    let depth_of = |distance: f32| {
+        let gpu = CheckedGpu::open()?;
+        let scene = upload(&gpu, &[Part::wall(Vec3::new(0.0, 0.0, -distance), 99.0, 99.0)]);
+        let view = view(64, 64, DVec3::ZERO);
+        let mut pass = OccluderPass::new(&scene, view.viewport()).unwrap();
+        let mut depths = Vec::new();
+        for _ in 0..20 {
+            pass.begin(&view).unwrap();
+            pass.draw(&ids(1)).unwrap();
+            pass.finish().unwrap();
+            depths.extend_from_slice(pass.read_depth().unwrap().depth());
+        }
+        Some(depths)
+    };
+    let (near, far) = std::thread::scope(|scope| {
+        let near = scope.spawn(|| depth_of(1.0));
+        let far = scope.spawn(|| depth_of(4.0));
+        (near.join().unwrap(), far.join().unwrap())
+    });
+    let (Some(near), Some(far)) = (near, far) else { return };
+    assert!(near.iter().all(|&depth| depth == NEAR), "near / 1 m, exactly");
+    assert!(far.iter().all(|&depth| depth == NEAR / 4.0), "near / 4 m, exactly");
+}
+
+#[test]
+fn one_device_is_shared_by_threads() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let scene = upload(&gpu, &[Part::wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0)]);
+    std::thread::scope(|scope| {
+        for _ in 0..3 {
+            scope.spawn(|| {
+                let view = view(33, 17, DVec3::ZERO);
+                let mut pass = OccluderPass::new(&scene, view.viewport()).unwrap();
+                for _ in 0..20 {
+                    pass.begin(&view).unwrap();
+                    pass.draw(&ids(1)).unwrap();
+                    let depth = pass.read_depth().unwrap();
+                    assert!(depth.depth().iter().all(|&depth| depth == NEAR / 2.0));
+                }
+            });
+        }
+    });
+}
