@@ -1,6 +1,17 @@
 //! What a run leaves behind: `report.json`, `report.html` and PNG frames, and what is printed; all from one [`Report`].
+//!
+//! A run fills a [`Frame`] per picture, hands pictures to a [`Writer`] as they come, makes a [`Report`] of the frames and lets
+//! the writer put it beside them. [`metrics`] measures how wrong a picture is.
 
+mod format;
+mod html;
 pub mod metrics;
+mod png;
+#[cfg(test)]
+mod sample;
 pub mod schema;
+pub mod text;
+mod write;
 
 pub use schema::{Frame, Lens, Report, Run, Summary, SweepPoint};
+pub use write::{Paths, PictureKind, ReportError, Writer, write};

@@ -21,6 +21,7 @@ pub use summary::{
     Bandwidth, LowStat, METRICS, Metric, ModelledFps, PAPER_OBJECT_TIGHTNESS, PAPER_TRIANGLE_TIGHTNESS,
     SilhouetteVerdict, Stat, Summary, Tightness,
 };
+pub(super) use summary::{corrected_formula_bytes, paper_formula_bytes};
 pub use sweep::SweepPoint;
 
 /// The version of the schema that this program writes. Keys may be added without a new version; a key that changes its meaning
@@ -87,5 +88,103 @@ impl Report {
     #[must_use]
     pub fn with_sweep(self, sweep: Vec<SweepPoint>) -> Self {
         Self { sweep, ..self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use serde_json::Value;
+
+    use super::*;
+    use crate::report::sample;
+
+    /// All keys of objects, and the names of enum values; the keys of maps whose keys are data are left out.
+    fn keys(value: &Value, found: &mut BTreeSet<String>) {
+        match value {
+            Value::Object(map) => {
+                for (key, value) in map {
+                    found.insert(key.clone());
+                    if key != "doubts" {
+                        keys(value, found);
+                    }
+                }
+            }
+            Value::Array(values) => values.iter().for_each(|v| keys(v, found)),
+            _ => {}
+        }
+    }
+
+    #[test]
+    fn the_documentation_names_every_key_and_cause() {
+        let docs = include_str!("../../../docs/report.md");
+        let mut found = BTreeSet::new();
+        keys(&serde_json::to_value(sample::report()).unwrap(), &mut found);
+        found.extend(METRICS.iter().map(|m| m.key.to_owned()));
+        let causes = FalseCullCause::ALL.map(|c| serde_json::to_value(c).unwrap());
+        found.extend(causes.iter().filter_map(Value::as_str).map(str::to_owned));
+        assert!(found.len() > 120, "{}", found.len());
+        let missing: Vec<_> = found.iter().filter(|key| !docs.contains(&format!("`{key}`"))).collect();
+        assert!(missing.is_empty(), "docs/report.md does not name {missing:?}");
+    }
+
+    #[test]
+    fn the_sample_leaves_no_key_unfilled() {
+        let report = sample::report();
+        // Frame 0 has no frame before it, and pictures are entered when they are written.
+        let mut frame = serde_json::to_value(&report.frames[27]).unwrap();
+        frame.as_object_mut().unwrap().remove("pictures");
+        let value = serde_json::json!([frame, report.run, report.summary, report.sweep]);
+        fn nulls(path: &str, value: &Value, found: &mut Vec<String>) {
+            match value {
+                Value::Null => found.push(path.to_owned()),
+                Value::Object(map) => map.iter().for_each(|(k, v)| nulls(&format!("{path}.{k}"), v, found)),
+                Value::Array(list) => list.iter().for_each(|v| nulls(path, v, found)),
+                _ => {}
+            }
+        }
+        let mut found = Vec::new();
+        nulls("", &value, &mut found);
+        assert!(found.is_empty(), "{found:?}");
+    }
+
+    #[test]
+    fn every_frame_has_the_promised_keys_and_null_where_nothing_was_measured() {
+        let frame = serde_json::to_value(Frame::default()).unwrap();
+        for key in [
+            "false_culled_nodes",
+            "false_culled_pixels",
+            "nodes_drawn",
+            "nodes_exact",
+            "triangles_drawn",
+            "triangles_exact",
+            "cut_mismatch_pixels",
+            "or_ms",
+            "hc_ms",
+            "rvg_ms",
+            "bytes",
+        ] {
+            assert_eq!(frame.get(key), Some(&Value::Null), "{key}");
+        }
+        assert_eq!(frame["frame"], 0);
+    }
+
+    #[test]
+    fn a_report_survives_json_bit_for_bit() {
+        let report = sample::report();
+        let text = serde_json::to_string(&report).unwrap();
+        assert_eq!(serde_json::from_str::<Report>(&text).unwrap(), report);
+    }
+
+    #[test]
+    fn a_report_is_a_path() {
+        let report = serde_json::to_value(sample::report()).unwrap();
+        for key in ["width", "height", "vfov_deg", "near"] {
+            assert!(report[key].is_number(), "{key}");
+        }
+        for key in ["eye", "forward", "up"] {
+            assert_eq!(report["frames"][5][key].as_array().map(Vec::len), Some(3), "{key}");
+        }
     }
 }

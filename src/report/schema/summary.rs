@@ -329,16 +329,25 @@ impl Bandwidth {
         }
         let headers: u64 = counted.iter().map(|(b, _)| b.headers).sum();
         let (n, h) = (mean(counted.iter().map(|(_, n)| n).sum()), headers as f64 / messages as f64);
-        let b = f64::from(run.batch);
         Some(Self {
             ids_per_frame: n,
             batch: run.batch,
             header_bytes: h,
             measured_bytes: mean(counted.iter().map(|(b, _)| b.total() as f64).sum()),
-            paper_formula_bytes: 8.0 * n * h / b + 3.0 * (72.0 + h),
-            corrected_formula_bytes: 2.0 * (4.0 * n + h * n / b) + 3.0 * (72.0 + h),
+            paper_formula_bytes: paper_formula_bytes(n, run.batch, h),
+            corrected_formula_bytes: corrected_formula_bytes(n, run.batch, h),
         })
     }
+}
+
+/// The paper's formula (section 3.3), bytes a frame, for `n` ids, `b` ids a message and `h` header bytes a message.
+pub(in crate::report) fn paper_formula_bytes(n: f64, b: u32, h: f64) -> f64 {
+    8.0 * n * h / f64::from(b) + 3.0 * (72.0 + h)
+}
+
+/// What is really sent, bytes a frame: ids go to two receivers, and three cameras travel.
+pub(in crate::report) fn corrected_formula_bytes(n: f64, b: u32, h: f64) -> f64 {
+    2.0 * (4.0 * n + h * n / f64::from(b)) + 3.0 * (72.0 + h)
 }
 
 fn measured_fps(frames: usize, wall_ms: Option<f64>) -> Option<f64> {
@@ -378,4 +387,147 @@ fn bytes_by_kind(frames: &[Frame]) -> Option<BytesByKind> {
         headers: a.headers + b.headers,
         messages: a.messages + b.messages,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::report::sample;
+    use crate::report::schema::PictureError;
+
+    #[test]
+    fn percentiles_are_nearest_rank() {
+        let of = |values: &[f64]| Stat::of(values.iter().copied()).unwrap();
+        let hundred: Vec<f64> = (1..=100).rev().map(f64::from).collect();
+        assert_eq!(of(&hundred), Stat { frames: 100, median: 50.0, p95: 95.0, max: 100.0 });
+        assert_eq!(of(&[7.0]), Stat { frames: 1, median: 7.0, p95: 7.0, max: 7.0 });
+        assert_eq!(of(&[1.0, 2.0]), Stat { frames: 2, median: 1.0, p95: 2.0, max: 2.0 });
+        assert_eq!(of(&[f64::NAN, 1.0, f64::INFINITY]).frames, 1);
+        assert_eq!(Stat::of([]), None);
+    }
+
+    #[test]
+    fn what_was_not_measured_is_not_zero() {
+        let summary = Summary::of(&sample::run(), &[Frame::default(), Frame::default()], None);
+        assert_eq!(summary.frames, 2);
+        assert_eq!(summary.audited_frames, 0);
+        assert!(summary.metrics.is_empty());
+        assert_eq!(summary.false_culled_pixels_total, None);
+        assert_eq!(summary.measured_fps, None);
+        assert_eq!(summary.modelled_fps, None);
+        assert_eq!(summary.bandwidth, None);
+        assert_eq!(summary.silhouette, None);
+        assert_eq!(summary.psnr_db, None);
+    }
+
+    #[test]
+    fn frames_a_second() {
+        let times = [(10.0, 20.0, 5.0), (30.0, 10.0, 5.0)];
+        let frames: Vec<Frame> = times
+            .iter()
+            .map(|&(or, hc, rvg)| Frame {
+                or_ms: Some(or),
+                hc_ms: Some(hc),
+                rvg_ms: Some(rvg),
+                ..Frame::default()
+            })
+            .collect();
+        let summary = Summary::of(&sample::run(), &frames, Some(100.0));
+        assert_eq!(summary.measured_fps, Some(10.0), "two pictures 100 ms apart");
+        let model = summary.modelled_fps.unwrap();
+        assert_eq!((model.fps, model.is_model), (40.0, true), "two frames in 20 + 30 ms");
+        // A frame without all three times is in no model.
+        let partial = Frame { or_ms: Some(1.0), ..Frame::default() };
+        assert_eq!(Summary::of(&sample::run(), &[partial], Some(0.0)).modelled_fps, None);
+    }
+
+    #[test]
+    fn tightness_is_of_audited_frames_with_something_to_see() {
+        let frame = |drawn, exact| Frame { nodes_drawn: Some(drawn), nodes_exact: exact, ..Frame::default() };
+        let frames = [frame(30, Some(20)), frame(1000, None), frame(5, Some(0))];
+        let summary = Summary::of(&sample::run(), &frames, None);
+        assert_eq!(summary.tightness.nodes, Some(1.5));
+        assert_eq!(summary.metrics["node_tightness"].frames, 1);
+        assert_eq!(summary.metrics["nodes_drawn"].frames, 3);
+    }
+
+    #[test]
+    fn equal_pictures_count_as_infinite_psnr() {
+        let error = |psnr_db, mismatching_pixels| Frame {
+            full_detail: Some(PictureError {
+                psnr_db,
+                flip_mean: None,
+                flip_p99: None,
+                mismatching_pixels,
+                silhouette_max_px: None,
+                silhouette_p95_px: None,
+                regions: None,
+            }),
+            ..Frame::default()
+        };
+        let frames = [error(Some(40.0), 9), error(None, 0), error(Some(30.0), 90)];
+        let psnr = LowStat::of_psnr(&frames).unwrap();
+        let expected =
+            LowStat { frames: 2, infinite: 1, median: Some(30.0), p5: Some(30.0), min: Some(30.0) };
+        assert_eq!(psnr, expected);
+    }
+
+    #[test]
+    fn the_formulas_give_the_papers_figure_and_the_corrected_one() {
+        // n = 4000 ids, b = 10 a message, h = 50 header bytes, 30 frames a second: the paper says 39 Mbit/s.
+        let megabits = |bytes: f64| bytes * 8.0 * 30.0 / 1e6;
+        assert!((megabits(paper_formula_bytes(4000.0, 10, 50.0)) - 38.5).abs() < 0.05);
+        assert!((megabits(corrected_formula_bytes(4000.0, 10, 50.0)) - 17.4).abs() < 0.05);
+    }
+
+    #[test]
+    fn bandwidth_is_evaluated_at_what_was_measured() {
+        let frame = |drawn: u64, headers, messages| Frame {
+            nodes_drawn: Some(drawn),
+            bytes_by_kind: Some(BytesByKind { ids: 8 * drawn, headers, messages, ..BytesByKind::default() }),
+            ..Frame::default()
+        };
+        let run = Run { batch: 100, ..sample::run() };
+        let bandwidth = Bandwidth::of(&run, &[frame(100, 40, 4), frame(300, 60, 6)]).unwrap();
+        assert_eq!((bandwidth.ids_per_frame, bandwidth.header_bytes), (200.0, 10.0));
+        assert_eq!(bandwidth.measured_bytes, 1650.0);
+        assert_eq!(bandwidth.corrected_formula_bytes, 2.0 * (800.0 + 20.0) + 3.0 * 82.0);
+        assert_eq!(bandwidth.paper_formula_bytes, 160.0 + 3.0 * 82.0);
+    }
+
+    #[test]
+    fn the_silhouette_is_held_against_epsilon() {
+        let verdict = |max| {
+            let v = SilhouetteVerdict::of(max, 2.0);
+            (v.within_epsilon, v.within_epsilon_and_sampling)
+        };
+        assert_eq!([verdict(2.0), verdict(2.5), verdict(3.0)], [(true, true), (false, true), (false, false)]);
+    }
+
+    #[test]
+    fn false_culls_are_summed_by_cause() {
+        let summary = sample::report().summary;
+        let causes: Vec<_> = summary.false_culls.iter().map(|c| (c.cause, c.nodes, c.pixels)).collect();
+        let expected = [(FalseCullCause::MissedSamples, 2, 11), (FalseCullCause::Unattributed, 1, 30)];
+        assert_eq!(causes, expected);
+        assert_eq!(summary.false_culled_pixels_total, Some(41));
+        assert_eq!(summary.audited_frames, 20);
+        assert_eq!(summary.doubts["near_plane"], 240);
+    }
+
+    proptest! {
+        #[test]
+        fn a_percentile_is_the_smallest_value_that_enough_do_not_exceed(
+            mut values in prop::collection::vec(-1e6..1e6_f64, 1..60),
+            percent in 1_usize..=100,
+        ) {
+            values.sort_by(f64::total_cmp);
+            let found = nearest_rank(&values, percent).unwrap();
+            let enough = |limit: f64| 100 * values.iter().filter(|&&v| v <= limit).count() >= percent * values.len();
+            prop_assert!(enough(found));
+            prop_assert!(values.iter().filter(|&&v| v < found).all(|&v| !enough(v)));
+        }
+    }
 }

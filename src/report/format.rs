@@ -1,0 +1,72 @@
+//! Numbers for people: few digits, grouped thousands.
+
+/// A figure with about three significant digits, thousands grouped by narrow spaces: `0`, `0.0123`, `4.56`, `78.9`, `1 234`.
+pub(super) fn figure(value: f64) -> String {
+    let size = value.abs();
+    if !value.is_finite() {
+        "–".to_owned()
+    } else if size >= 99.95 {
+        grouped(value)
+    } else if value == 0.0 {
+        "0".to_owned()
+    } else if size < 1e-4 {
+        format!("{value:.1e}")
+    } else {
+        let decimals = (2 - size.log10().floor() as i32).clamp(0, 6) as usize;
+        let text = format!("{value:.decimals$}");
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    }
+}
+
+/// A whole number with its thousands grouped by narrow no-break spaces.
+pub(super) fn grouped(value: f64) -> String {
+    let digits = format!("{:.0}", value.abs());
+    let mut text = if value < 0.0 && digits != "0" { "-".to_owned() } else { String::new() };
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push('\u{202f}');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// A figure with its unit; `none` in words where it was not measured.
+pub(super) fn with_unit(value: Option<f64>, unit: &str, none: &str) -> String {
+    match value {
+        None => none.to_owned(),
+        Some(value) if unit.is_empty() => figure(value),
+        Some(value) => format!("{} {unit}", figure(value)),
+    }
+}
+
+/// `one` or `many`, after its number.
+pub(super) fn plural(count: u64, one: &str, many: &str) -> String {
+    format!("{} {}", grouped(count as f64), if count == 1 { one } else { many })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_keep_three_digits() {
+        let cases = [
+            (0.0, "0"),
+            (0.012_345, "0.0123"),
+            (1.0, "1"),
+            (4.561, "4.56"),
+            (78.94, "78.9"),
+            (99.97, "100"),
+            (1234.5, "1\u{202f}234"),
+            (-3.0, "-3"),
+            (0.000_012, "1.2e-5"),
+            (f64::NAN, "–"),
+        ];
+        for (value, text) in cases {
+            assert_eq!(figure(value), text);
+        }
+        assert_eq!(grouped(12_804_256.0), "12\u{202f}804\u{202f}256");
+        assert_eq!(grouped(-0.2), "0");
+    }
+}

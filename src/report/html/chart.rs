@@ -1,0 +1,337 @@
+//! Line charts, stacked areas and scatters as inline SVG. Colours come from classes, so that light and dark pages share them.
+
+use std::fmt::Write as _;
+
+use super::escape;
+use crate::report::format::figure;
+
+/// The drawing's size and the plot's place in it, in SVG units.
+pub(super) const WIDTH: f64 = 720.0;
+pub(super) const LEFT: f64 = 58.0;
+pub(super) const RIGHT: f64 = WIDTH - 14.0;
+const HEIGHT: f64 = 250.0;
+const TOP: f64 = 14.0;
+const BOTTOM: f64 = HEIGHT - 40.0;
+/// Above this many points a line shows no dots.
+const DOTS_UP_TO: usize = 90;
+
+/// What a chart shows for one name of its legend.
+#[derive(Debug, Clone)]
+pub(super) struct Series {
+    /// Its name in the legend.
+    pub(super) name: String,
+    /// The class that gives its colour: `or`, `hc`, `rvg`, `drawn`, `exact`, `paper`, `model`, `k0` to `k5`.
+    pub(super) class: &'static str,
+    /// How it is drawn.
+    pub(super) mark: Mark,
+    /// Its points, by ascending x; none where nothing was measured.
+    pub(super) points: Vec<(f64, f64)>,
+}
+
+/// How a series is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Mark {
+    /// A line through the points.
+    Line,
+    /// A dashed line: a bound, or a formula.
+    Dashed,
+    /// An area from the areas before it; all areas of a chart have the same x.
+    Area,
+    /// Single points, joined by a thin line.
+    Points,
+}
+
+/// A chart.
+#[derive(Debug, Clone)]
+pub(super) struct Chart {
+    /// The name of the x axis, with its unit.
+    pub(super) x: &'static str,
+    /// The name of the y axis, with its unit.
+    pub(super) y: &'static str,
+    /// What it shows.
+    pub(super) series: Vec<Series>,
+    /// A horizontal line that the values are held against.
+    pub(super) bound: Option<(f64, String)>,
+    /// Labels beside single points.
+    pub(super) labels: Vec<(f64, f64, String)>,
+    /// The keys of the frames' records to show under the pointer; empty if x is not a frame.
+    pub(super) keys: &'static [&'static str],
+}
+
+/// A map from values to SVG units.
+#[derive(Debug, Clone, Copy)]
+struct Axis {
+    low: f64,
+    high: f64,
+    from: f64,
+    to: f64,
+    log: bool,
+}
+
+impl Axis {
+    fn linear(low: f64, high: f64, from: f64, to: f64) -> Self {
+        let high = if high > low { high } else { low + 1.0 };
+        Self { low, high, from, to, log: false }
+    }
+
+    /// The axis of values from 0: logarithmic where single values stand far above the rest, and none is 0.
+    fn of_values(values: &mut [f64], may_be_log: bool) -> Self {
+        values.sort_by(f64::total_cmp);
+        let (low, high) = (values.first().copied().unwrap_or(0.0), values.last().copied().unwrap_or(1.0));
+        let median = values.get(values.len() / 2).copied().unwrap_or(1.0);
+        if may_be_log && low > 0.0 && high > 20.0 * median {
+            let (low, high) = (10_f64.powf(low.log10().floor()), 10_f64.powf(high.log10().ceil()));
+            return Self { low, high, from: BOTTOM, to: TOP, log: true };
+        }
+        let high = if high > 0.0 { high * 1.06 } else { 1.0 };
+        Self::linear(0.0, high, BOTTOM, TOP)
+    }
+
+    fn at(&self, value: f64) -> f64 {
+        let share = if self.log {
+            (value.max(self.low) / self.low).log10() / (self.high / self.low).log10()
+        } else {
+            (value - self.low) / (self.high - self.low)
+        };
+        self.from + share * (self.to - self.from)
+    }
+
+    fn ticks(&self, about: f64) -> Vec<f64> {
+        if self.log {
+            let decades = (self.high / self.low).log10().round() as i32;
+            return (0..=decades).map(|d| self.low * 10_f64.powi(d)).collect();
+        }
+        let step = nice_step((self.high - self.low) / about);
+        let first = (self.low / step).ceil() as i64;
+        let last = (self.high / step).floor() as i64;
+        (first..=last).map(|i| i as f64 * step).collect()
+    }
+}
+
+/// The smallest of 1, 2, 5 times a power of ten that is at least `raw`.
+pub(super) fn nice_step(raw: f64) -> f64 {
+    let power = 10_f64.powf(raw.log10().floor());
+    [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power).find(|&s| s >= raw * 0.999).unwrap_or(raw)
+}
+
+impl Chart {
+    /// The chart as SVG and legend; a remark where nothing was measured.
+    pub(super) fn svg(&self) -> String {
+        let all = || self.series.iter().flat_map(|s| &s.points).chain(&[]);
+        if all().next().is_none() {
+            return "<p class=\"none\">Not measured in this run.</p>".to_owned();
+        }
+        let areas = self.stacked();
+        let mut ys: Vec<f64> = all().map(|p| p.1).chain(areas.iter().flatten().map(|a| a.2)).collect();
+        ys.extend(self.bound.iter().map(|b| b.0));
+        let y = Axis::of_values(&mut ys, areas.is_empty());
+        let x = self.x_axis();
+
+        let mut svg = self.open(&x);
+        grid(&mut svg, &x, &y);
+        for (series, area) in self.series.iter().filter(|s| s.mark == Mark::Area).zip(&areas) {
+            area_path(&mut svg, series.class, area, &x, &y);
+        }
+        for series in self.series.iter().filter(|s| s.mark != Mark::Area) {
+            line(&mut svg, series, &x, &y);
+        }
+        if let Some((value, name)) = &self.bound {
+            let at = y.at(*value);
+            let _ = write!(
+                svg,
+                "<line class=\"bound\" x1=\"{LEFT}\" x2=\"{RIGHT}\" y1=\"{at:.1}\" y2=\"{at:.1}\"/>\
+                 <text class=\"boundname\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+                RIGHT - 4.0,
+                at - 5.0,
+                escape(name)
+            );
+        }
+        for (px, py, label) in &self.labels {
+            let (px, py) = (x.at(*px), y.at(*py));
+            let (dx, anchor) = if px > RIGHT - 70.0 { (-9.0, "end") } else { (9.0, "start") };
+            let _ = write!(
+                svg,
+                "<text class=\"label\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">{}</text>",
+                px + dx,
+                py - 8.0,
+                escape(label)
+            );
+        }
+        self.axis_names(&mut svg, y.log);
+        svg.push_str("</svg>");
+        self.legend() + &svg
+    }
+
+    /// For each area its points as (x, lower edge, upper edge).
+    fn stacked(&self) -> Vec<Vec<(f64, f64, f64)>> {
+        let mut floor: Vec<f64> = Vec::new();
+        let mut areas = Vec::new();
+        for series in self.series.iter().filter(|s| s.mark == Mark::Area) {
+            floor.resize(series.points.len(), 0.0);
+            let area: Vec<_> = series.points.iter().zip(&floor).map(|(p, f)| (p.0, *f, f + p.1)).collect();
+            floor = area.iter().map(|a| a.2).collect();
+            areas.push(area);
+        }
+        areas
+    }
+
+    fn x_axis(&self) -> Axis {
+        let xs = || self.series.iter().flat_map(|s| &s.points).map(|p| p.0);
+        let (low, high) = (xs().fold(f64::INFINITY, f64::min), xs().fold(f64::NEG_INFINITY, f64::max));
+        if self.keys.is_empty() {
+            return Axis::linear(0.0, if high > 0.0 { high * 1.08 } else { 1.0 }, LEFT, RIGHT);
+        }
+        // A single frame stands in the middle.
+        if low == high {
+            return Axis::linear(low - 1.0, high + 1.0, LEFT, RIGHT);
+        }
+        Axis::linear(low, high, LEFT, RIGHT)
+    }
+
+    fn open(&self, x: &Axis) -> String {
+        let hover = if self.keys.is_empty() {
+            String::new()
+        } else {
+            format!(" data-keys=\"{}\" data-low=\"{}\" data-high=\"{}\"", self.keys.join(" "), x.low, x.high)
+        };
+        let names: Vec<&str> = self.series.iter().map(|s| s.name.as_str()).collect();
+        format!(
+            "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{} over {}: {}\"{hover}>",
+            escape(self.y),
+            escape(self.x),
+            escape(&names.join(", "))
+        )
+    }
+
+    fn axis_names(&self, svg: &mut String, log: bool) {
+        let middle = (LEFT + RIGHT) / 2.0;
+        let logarithmic = if log { ", logarithmic" } else { "" };
+        let _ = write!(
+            svg,
+            "<text class=\"axis\" x=\"{middle}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>\
+             <text class=\"axis\" transform=\"translate(13 {:.1}) rotate(-90)\" text-anchor=\"middle\">{}{logarithmic}</text>",
+            HEIGHT - 5.0,
+            escape(self.x),
+            (TOP + BOTTOM) / 2.0,
+            escape(self.y),
+        );
+    }
+
+    fn legend(&self) -> String {
+        let entries: String = self
+            .series
+            .iter()
+            .filter(|s| !s.points.is_empty())
+            .map(|s| {
+                let shape = match s.mark {
+                    Mark::Line | Mark::Points => "",
+                    Mark::Dashed => " dashed",
+                    Mark::Area => " block",
+                };
+                format!("<li><i class=\"{}{shape}\"></i>{}</li>", s.class, escape(&s.name))
+            })
+            .collect();
+        format!("<ul class=\"legend\">{entries}</ul>")
+    }
+}
+
+fn grid(svg: &mut String, x: &Axis, y: &Axis) {
+    for tick in y.ticks(5.0) {
+        let at = y.at(tick);
+        let _ = write!(
+            svg,
+            "<line class=\"grid\" x1=\"{LEFT}\" x2=\"{RIGHT}\" y1=\"{at:.1}\" y2=\"{at:.1}\"/>\
+             <text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
+            LEFT - 7.0,
+            at + 4.0,
+            figure(tick)
+        );
+    }
+    for tick in x.ticks(9.0) {
+        let at = x.at(tick);
+        let _ = write!(
+            svg,
+            "<line class=\"notch\" x1=\"{at:.1}\" x2=\"{at:.1}\" y1=\"{BOTTOM}\" y2=\"{:.1}\"/>\
+             <text class=\"tick\" x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
+            BOTTOM + 4.0,
+            BOTTOM + 17.0,
+            figure(tick)
+        );
+    }
+    let _ =
+        write!(svg, "<line class=\"base\" x1=\"{LEFT}\" x2=\"{RIGHT}\" y1=\"{BOTTOM}\" y2=\"{BOTTOM}\"/>");
+}
+
+fn line(svg: &mut String, series: &Series, x: &Axis, y: &Axis) {
+    let points: Vec<(f64, f64)> = series.points.iter().map(|p| (x.at(p.0), y.at(p.1))).collect();
+    let path: Vec<String> = points.iter().map(|p| format!("{:.1},{:.1}", p.0, p.1)).collect();
+    let style = match series.mark {
+        Mark::Dashed => " dashed",
+        Mark::Points => " thin",
+        Mark::Line | Mark::Area => "",
+    };
+    let _ = write!(svg, "<polyline class=\"line {}{style}\" points=\"{}\"/>", series.class, path.join(" "));
+    let radius = if series.mark == Mark::Points { 4.5 } else { 2.0 };
+    if series.mark == Mark::Points || (series.mark == Mark::Line && points.len() <= DOTS_UP_TO) {
+        for (px, py) in points {
+            let _ = write!(
+                svg,
+                "<circle class=\"dot {}\" cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"{radius}\"/>",
+                series.class
+            );
+        }
+    }
+}
+
+fn area_path(svg: &mut String, class: &str, area: &[(f64, f64, f64)], x: &Axis, y: &Axis) {
+    let upper = area.iter().map(|a| (a.0, a.2));
+    let lower = area.iter().rev().map(|a| (a.0, a.1));
+    let path: Vec<String> =
+        upper.chain(lower).map(|p| format!("{:.1},{:.1}", x.at(p.0), y.at(p.1))).collect();
+    let _ = write!(svg, "<polygon class=\"area {class}\" points=\"{}\"/>", path.join(" "));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chart(points: Vec<(f64, f64)>) -> Chart {
+        let series = Series { name: "<b>".to_owned(), class: "or", mark: Mark::Line, points };
+        let keys: &[&str] = &["or_ms"];
+        Chart { x: "frame", y: "ms", series: vec![series], bound: None, labels: Vec::new(), keys }
+    }
+
+    #[test]
+    fn nothing_measured_is_said() {
+        assert!(chart(Vec::new()).svg().contains("Not measured"));
+    }
+
+    #[test]
+    fn one_frame_and_all_zeros_make_finite_charts() {
+        for points in [vec![(0.0, 3.0)], vec![(0.0, 0.0), (1.0, 0.0)], vec![(7.0, 0.0)]] {
+            let svg = chart(points).svg();
+            assert!(svg.contains("polyline"));
+            assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
+        }
+    }
+
+    #[test]
+    fn a_spike_makes_the_axis_logarithmic_unless_a_value_is_zero() {
+        let spike = |low| (0..20).map(|i| (f64::from(i), if i == 0 { 5000.0 } else { low })).collect();
+        assert!(chart(spike(10.0)).svg().contains("logarithmic"));
+        assert!(!chart(spike(0.0)).svg().contains("logarithmic"));
+    }
+
+    #[test]
+    fn names_are_escaped() {
+        let svg = chart(vec![(0.0, 1.0)]).svg();
+        assert!(svg.contains("&lt;b&gt;") && !svg.contains("<b>"));
+    }
+
+    #[test]
+    fn steps_are_one_two_or_five() {
+        for (raw, step) in [(0.9, 1.0), (1.0, 1.0), (1.3, 2.0), (2.1, 5.0), (51.0, 100.0), (0.03, 0.05)] {
+            assert!((nice_step(raw) - step).abs() < 1e-9, "{raw}");
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! PNG files to and from memory.
+
+use std::io::Cursor;
+
+use super::metrics::Picture;
+
+/// An 8-bit RGB image in memory, row by row from the top left.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Rgb {
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) pixels: Vec<[u8; 3]>,
+}
+
+impl Rgb {
+    pub(super) fn of(picture: &Picture<'_>) -> Self {
+        let (width, height) = picture.size();
+        Self { width, height, pixels: picture.pixels().iter().map(|[r, g, b, _]| [*r, *g, *b]).collect() }
+    }
+
+    pub(super) fn encode(&self, compression: png::Compression) -> Result<Vec<u8>, png::EncodingError> {
+        let mut file = Vec::new();
+        let mut encoder = png::Encoder::new(&mut file, self.width, self.height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_compression(compression);
+        encoder.write_header()?.write_image_data(self.pixels.as_flattened())?;
+        Ok(file)
+    }
+
+    /// Reads back what [`Self::encode`] wrote.
+    pub(super) fn decode(file: &[u8]) -> Result<Self, png::DecodingError> {
+        let mut reader = png::Decoder::new(Cursor::new(file)).read_info()?;
+        let (width, height) = reader.info().size();
+        let mut pixels = vec![[0; 3]; width as usize * height as usize];
+        reader.next_frame(pixels.as_flattened_mut())?;
+        Ok(Self { width, height, pixels })
+    }
+
+    /// The image made smaller by a whole factor. `of_block` makes one pixel of a block's.
+    pub(super) fn shrink(&self, factor: u32, of_block: impl Fn(&[[u8; 3]]) -> [u8; 3]) -> Self {
+        let (width, height) = (self.width.div_ceil(factor), self.height.div_ceil(factor));
+        let mut block = Vec::with_capacity((factor * factor) as usize);
+        let mut pixels = Vec::with_capacity(width as usize * height as usize);
+        for y in 0..height {
+            for x in 0..width {
+                block.clear();
+                for row in y * factor..((y + 1) * factor).min(self.height) {
+                    let start = row as usize * self.width as usize;
+                    let (left, right) = (x * factor, ((x + 1) * factor).min(self.width));
+                    block.extend_from_slice(&self.pixels[start + left as usize..start + right as usize]);
+                }
+                pixels.push(of_block(&block));
+            }
+        }
+        Self { width, height, pixels }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_survives_its_file_and_loses_alpha() {
+        let rgba: Vec<u8> = (0..5 * 3 * 4).collect();
+        let rgb = Rgb::of(&Picture::new(5, 3, &rgba).unwrap());
+        assert_eq!(rgb.pixels[1], [4, 5, 6]);
+        for compression in [png::Compression::Fast, png::Compression::Balanced] {
+            assert_eq!(Rgb::decode(&rgb.encode(compression).unwrap()).unwrap(), rgb);
+        }
+    }
+
+    #[test]
+    fn shrinking_takes_every_pixel_once_at_odd_sizes() {
+        let rgb = Rgb { width: 5, height: 3, pixels: vec![[1, 0, 0]; 15] };
+        let small = rgb.shrink(2, |block| [block.len() as u8, 0, 0]);
+        assert_eq!((small.width, small.height), (3, 2));
+        let blocks: Vec<u8> = small.pixels.iter().map(|p| p[0]).collect();
+        assert_eq!(blocks, [4, 4, 2, 2, 2, 1]);
+    }
+}

@@ -1,0 +1,209 @@
+//! A made-up run with every key filled, for tests.
+
+use std::sync::LazyLock;
+
+use super::metrics::{Mask, Picture, picture_error};
+use super::schema::{
+    BytesByKind, CullingCounts, FalseCull, FalseCullCause, Frame, Lens, Mode, PassTime, RegionDeviation,
+    Report, Role, RoleInfo, Run, SceneInfo, Seat, Span, SweepPoint, VisibleObject,
+};
+
+pub(super) const SIZE: u32 = 96;
+const FRAMES: u32 = 60;
+pub(super) const AUDIT_EVERY: u32 = 3;
+
+pub(super) fn run() -> Run {
+    let role = |seat| RoleInfo {
+        seat,
+        device: "llvmpipe (LLVM 15.0.6, 256 bits)".to_owned(),
+        driver: "llvmpipe, Mesa 22.3.6".to_owned(),
+    };
+    Run {
+        version: "0.1.0".to_owned(),
+        command_line: ["trimaran", "run", "platform.scene", "--epsilon", "2"].map(str::to_owned).to_vec(),
+        started: "2026-03-01T12:34:56Z".to_owned(),
+        roles: [Seat::SwitchA, Seat::SwitchB, Seat::Display].map(role).to_vec(),
+        scene: SceneInfo {
+            file: "scenes/<b>platform</b>.scene".to_owned(),
+            hash: "0123456789abcdef0123456789abcdef".to_owned(),
+            file_bytes: Some(48_111_616),
+            objects: 9_720,
+            nodes: 12_955,
+            drawables: 51_204,
+            triangles: 923_118,
+            triangles_unique: Some(923_118),
+            sources: vec!["area.RVM".to_owned(), "</script><script>alert(1)</script>.RVM".to_owned()],
+        },
+        epsilon_px: 2.0,
+        tester: "raster".to_owned(),
+        batch: 1024,
+        link: "tcp".to_owned(),
+        transport: "tcp over loopback, no delay, two connections a pair".to_owned(),
+        mode: Mode::Lockstep,
+        path: "auto".to_owned(),
+        seed: Some(7),
+        audit_every: Some(AUDIT_EVERY),
+        notes: vec!["A made-up run.".to_owned()],
+    }
+}
+
+/// A number between 0 and 1 that depends on `frame` and `salt` only.
+fn noise(frame: u32, salt: u32) -> f64 {
+    let mixed = (frame.wrapping_mul(0x9e37_79b9) ^ salt.wrapping_mul(0x85eb_ca6b)).wrapping_mul(0xc2b2_ae35);
+    f64::from(mixed >> 8) / f64::from(1 << 24)
+}
+
+/// A frame; every third is audited, and one of those has false culls.
+fn frame(frame: u32) -> Frame {
+    let turn = std::f64::consts::TAU * f64::from(frame) / f64::from(FRAMES);
+    let load = 1.0 + 0.5 * (2.0 * turn).sin() + 0.15 * noise(frame, 1);
+    let (or, hc, rvg) = (9.0 * load, 14.0 * load + noise(frame, 2), 11.0 * load);
+    let start = 18.0 * f64::from(frame);
+    let (culler, drawer) =
+        if frame.is_multiple_of(2) { (Seat::SwitchA, Seat::SwitchB) } else { (Seat::SwitchB, Seat::SwitchA) };
+    let span = |role, seat, start_ms: f64, ms: f64| Span { role, seat, start_ms, end_ms: start_ms + ms };
+
+    let exact = (420.0 * load) as u64;
+    let drawn = if frame == 0 { 5_210 } else { (exact as f64 * (1.22 + 0.1 * noise(frame, 3))) as u64 };
+    let audited = frame.is_multiple_of(AUDIT_EVERY);
+    let wrong = frame == 27;
+    let bytes_by_kind = BytesByKind {
+        camera: 3 * 72,
+        ids: 8 * drawn,
+        eof: 48,
+        begin: 16,
+        control: if frame.is_multiple_of(10) { 120 } else { 0 },
+        headers: 8 * (7 + 2 * drawn.div_ceil(1024)),
+        messages: 7 + 2 * drawn.div_ceil(1024),
+    };
+    Frame {
+        frame,
+        eye: [10.0 + turn.cos() / 3.0, 1.7, -4.0 + turn.sin() / 3.0],
+        forward: [turn.cos(), 0.0, turn.sin()],
+        up: [0.0, 1.0, 0.0],
+        or_ms: Some(or),
+        hc_ms: Some(hc),
+        rvg_ms: Some(rvg),
+        frame_ms: (frame > 0).then_some(or + hc + 3.0 * noise(frame, 4)),
+        latency_frames: Some(1),
+        latency_ms: Some(or + hc + rvg),
+        timeline: vec![
+            span(Role::Or, drawer, start, or),
+            span(Role::Hc, culler, start + 18.0, hc),
+            span(Role::Rvg, Seat::Display, start + 20.0, rvg),
+        ],
+        passes: vec![
+            PassTime { role: Role::Or, pass: "occluders".to_owned(), ms: or * 0.9 },
+            PassTime { role: Role::Hc, pass: "box tests".to_owned(), ms: hc * 0.7 },
+            PassTime { role: Role::Rvg, pass: "picture".to_owned(), ms: rvg * 0.8 },
+        ],
+        nodes_drawn: Some(drawn),
+        nodes_exact: audited.then_some(exact),
+        triangles_drawn: Some(drawn * 61),
+        triangles_exact: audited.then_some(exact * 13),
+        objects_exact_full: audited.then_some(exact + 200),
+        triangles_exact_full: audited.then_some(exact * 19),
+        occluders_drawn: Some(drawn - 40),
+        occluder_triangles: Some((drawn - 40) * 55),
+        culling: Some(CullingCounts {
+            nodes_visited: 5 * drawn,
+            nodes_outside: drawn,
+            boxes_tested: 3 * drawn,
+            boxes_hidden: 2 * drawn,
+            batches: 9,
+        }),
+        doubts: [("near_plane".to_owned(), 4), ("eye_inside".to_owned(), 2)].into(),
+        false_culled_nodes: audited.then_some(if wrong { 3 } else { 0 }),
+        false_culled_pixels: audited.then_some(if wrong { 41 } else { 0 }),
+        false_culled_blob_px: audited.then_some(if wrong { 30 } else { 0 }),
+        false_culls: if wrong {
+            vec![
+                FalseCull { cause: FalseCullCause::MissedSamples, nodes: 2, pixels: 11 },
+                FalseCull { cause: FalseCullCause::Unattributed, nodes: 1, pixels: 30 },
+            ]
+        } else {
+            Vec::new()
+        },
+        cut_mismatch_pixels: audited.then_some(if wrong { 41 } else { 0 }),
+        full_detail: audited.then(|| {
+            let (shown, full) = (picture(frame, 1), picture(frame, 0));
+            let picture = |rgba| Picture::new(SIZE, SIZE, rgba).unwrap();
+            let mut error =
+                picture_error((&picture(&full), &coverage(&full)), (&picture(&shown), &coverage(&shown)))
+                    .unwrap();
+            error.regions =
+                Some(RegionDeviation { differing_pixels: 90, unmatched_pixels: 3, max_px: 4.0, p95_px: 1.0 });
+            error
+        }),
+        bytes: Some(bytes_by_kind.total()),
+        bytes_by_kind: Some(bytes_by_kind),
+        visible: audited.then(|| {
+            vec![VisibleObject { name: "/PIPE-1".to_owned(), source: "area.RVM".to_owned(), source_index: 3 }]
+        }),
+        pictures: Default::default(),
+    }
+}
+
+/// Discs and boxes on a pale ground; `shift` moves their edges, as a coarser level would.
+pub(super) fn picture(frame: u32, shift: u32) -> Vec<u8> {
+    let mut rgba = Vec::with_capacity((4 * SIZE * SIZE) as usize);
+    for y in 0..SIZE {
+        for x in 0..SIZE {
+            let mut colour = [226, 232, 238, 255];
+            for item in 0..24 {
+                let along = (noise(item, 11) + f64::from(frame) / f64::from(FRAMES)).fract();
+                let (dx, dy) = (
+                    f64::from(x) - along * f64::from(SIZE),
+                    f64::from(y) - (0.35 + 0.6 * noise(item, 12)) * f64::from(SIZE),
+                );
+                let radius = (4.0 + 9.0 * noise(item, 13)) - f64::from(shift * (item % 2));
+                let inside =
+                    if item % 3 == 0 { dx.abs().max(dy.abs() / 3.0) < radius } else { dx.hypot(dy) < radius };
+                if inside {
+                    let light = 0.55 + 0.45 * (1.0 - dx.abs() / radius);
+                    let channel = |salt| (light * (90.0 + 150.0 * noise(item, salt))) as u8;
+                    colour = [channel(14), channel(15), channel(16), 255];
+                }
+            }
+            rgba.extend_from_slice(&colour);
+        }
+    }
+    rgba
+}
+
+fn coverage(rgba: &[u8]) -> Mask {
+    let covered = rgba.as_chunks::<4>().0.iter().map(|p| *p != [226, 232, 238, 255]).collect();
+    Mask::new(SIZE, SIZE, covered).unwrap()
+}
+
+/// The whole made-up run. Its errors are measured once: that takes a second.
+pub(super) fn report() -> Report {
+    static REPORT: LazyLock<Report> = LazyLock::new(make_report);
+    REPORT.clone()
+}
+
+fn make_report() -> Report {
+    let frames: Vec<Frame> = (0..FRAMES).map(frame).collect();
+    let lens = Lens { width: SIZE, height: SIZE, vfov_deg: 60.0, near: 0.05 };
+    let wall_ms = frames.iter().filter_map(|f| f.frame_ms).sum();
+    let report = Report::new(run(), lens, frames, Some(wall_ms));
+    let sweep = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0].map(|epsilon: f64| {
+        let point = SweepPoint::of(&report);
+        let gain = epsilon.sqrt();
+        SweepPoint {
+            epsilon_px: epsilon,
+            measured_fps: point.measured_fps.map(|v| v * gain / 1.4),
+            modelled_fps: point.modelled_fps.map(|v| v * gain / 1.4),
+            flip_mean: Some(0.004 * epsilon),
+            silhouette_max_px: Some(0.7 * epsilon),
+            ..point
+        }
+    });
+    report.with_sweep(sweep.to_vec())
+}
+
+/// A report of a run in which nothing could be measured.
+pub(super) fn bare() -> Report {
+    let lens = Lens { width: 1, height: 1, vfov_deg: 60.0, near: 0.05 };
+    Report::new(run(), lens, vec![Frame::default()], None)
+}

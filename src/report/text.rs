@@ -1,0 +1,215 @@
+//! What is printed at the end of a run.
+
+use super::format::{figure, grouped, plural, with_unit};
+use super::schema::{METRICS, Report, SweepPoint};
+
+/// The metrics that the printed summary shows; `report.json` has all.
+const PRINTED: [&str; 14] = [
+    "or_ms",
+    "hc_ms",
+    "rvg_ms",
+    "slowest_role_ms",
+    "frame_ms",
+    "latency_ms",
+    "nodes_drawn",
+    "nodes_exact",
+    "triangles_drawn",
+    "triangles_exact",
+    "cut_mismatch_pixels",
+    "flip_mean",
+    "silhouette_max_px",
+    "bytes",
+];
+
+/// The summary of a run: some lines of at most about 100 columns, aligned, ending in a line break.
+#[must_use]
+pub fn summary(report: &Report) -> String {
+    let summary = &report.summary;
+    let mut out = format!(
+        "{}: {} at {} x {}, epsilon {} px, tester {}, link {}\n\n",
+        report.run.scene.file,
+        plural(u64::from(summary.frames), "frame", "frames"),
+        report.width,
+        report.height,
+        figure(report.run.epsilon_px),
+        report.run.tester,
+        report.run.link
+    );
+    let rows: Vec<Vec<String>> = PRINTED
+        .iter()
+        .filter_map(|key| {
+            let metric = METRICS.iter().find(|m| m.key == *key)?;
+            let stat = summary.metrics.get(*key)?;
+            let unit = metric.unit.to_owned();
+            Some(vec![
+                metric.title.to_owned(),
+                figure(stat.median),
+                figure(stat.p95),
+                figure(stat.max),
+                unit,
+                stat.frames.to_string(),
+            ])
+        })
+        .collect();
+    out += &table(&["", "median", "p95", "max", "unit", "frames"], &rows);
+    out.push('\n');
+
+    let none = "not measured";
+    let fps = with_unit(summary.measured_fps, "frames/s", none);
+    out += &format!("measured   {fps} on this machine\n");
+    if let Some(model) = &summary.modelled_fps {
+        out += &format!("MODEL      {} frames/s, not measured: {}\n", figure(model.fps), model.model);
+    }
+    out += &format!("culling    {}\n", culling(report));
+    if let Some(silhouette) = summary.silhouette {
+        out += &format!(
+            "detail     silhouette off by at most {} px (claimed: {} px){}\n",
+            figure(silhouette.max_px),
+            figure(silhouette.epsilon_px),
+            match (silhouette.within_epsilon, silhouette.within_epsilon_and_sampling) {
+                (true, _) => "",
+                (false, true) => ", within what sampling at pixel centres adds",
+                (false, false) => ": BEYOND THE CLAIM",
+            }
+        );
+    }
+    let tightness = &summary.tightness;
+    if tightness.nodes.is_some() || tightness.triangles.is_some() {
+        out += &format!(
+            "tightness  drawn / exactly visible: {} nodes (paper {}), {} triangles (paper {})\n",
+            with_unit(tightness.nodes, "", "?"),
+            figure(tightness.paper_objects),
+            with_unit(tightness.triangles, "", "?"),
+            figure(tightness.paper_triangles)
+        );
+    }
+    if let Some(b) = &summary.bandwidth {
+        out += &format!(
+            "bytes      {} a frame; corrected formula {}, paper's formula {}\n",
+            grouped(b.measured_bytes),
+            grouped(b.corrected_formula_bytes),
+            grouped(b.paper_formula_bytes)
+        );
+    }
+    for note in &report.run.notes {
+        out += &format!("note       {note}\n");
+    }
+    out
+}
+
+fn culling(report: &Report) -> String {
+    let summary = &report.summary;
+    let Some(pixels) = summary.cut_mismatch_pixels_total else {
+        return "not audited: nothing is known of its error".to_owned();
+    };
+    let frames = plural(u64::from(summary.audited_frames), "audited frame", "audited frames");
+    let nodes = summary.false_culled_nodes_total.unwrap_or(0);
+    let mut text = format!(
+        "{} changed, {} lost, on {frames}",
+        plural(pixels, "pixel", "pixels"),
+        plural(nodes, "visible node", "visible nodes")
+    );
+    for cull in &summary.false_culls {
+        text += &format!("\n           - {}: {}", cull.cause.words(), plural(cull.nodes, "node", "nodes"));
+    }
+    text
+}
+
+/// The table of a sweep: one line a setting of epsilon, ending in a line break.
+#[must_use]
+pub fn sweep(points: &[SweepPoint]) -> String {
+    let value = |v: Option<f64>| v.map_or_else(|| "-".to_owned(), figure);
+    let count = |v: Option<u64>| v.map_or_else(|| "-".to_owned(), |v| grouped(v as f64));
+    let rows: Vec<Vec<String>> = points
+        .iter()
+        .map(|p| {
+            vec![
+                figure(p.epsilon_px),
+                value(p.measured_fps),
+                value(p.modelled_fps),
+                value(p.or_ms),
+                value(p.hc_ms),
+                value(p.rvg_ms),
+                value(p.triangles_drawn),
+                count(p.cut_mismatch_pixels),
+                value(p.psnr_db),
+                value(p.flip_mean),
+                value(p.silhouette_max_px),
+            ]
+        })
+        .collect();
+    let head = [
+        "epsilon",
+        "fps",
+        "MODEL fps",
+        "OR ms",
+        "HC ms",
+        "RVG ms",
+        "triangles",
+        "changed px",
+        "PSNR dB",
+        "FLIP",
+        "silhouette px",
+    ];
+    table(&head, &rows)
+        + "MODEL: three machines, each frame max(OR, HC, RVG), no network delay. changed px: by culling, must be 0.\n"
+}
+
+/// Aligned columns: the first to the left, the others to the right.
+fn table(head: &[&str], rows: &[Vec<String>]) -> String {
+    let head: Vec<String> = head.iter().map(|h| (*h).to_owned()).collect();
+    let lines = || std::iter::once(&head).chain(rows);
+    let width = |column: usize| {
+        lines().filter_map(|line| line.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..head.len()).map(width).collect();
+    let line = |cells: &Vec<String>| {
+        let aligned: Vec<String> = cells
+            .iter()
+            .zip(&widths)
+            .enumerate()
+            .map(
+                |(i, (cell, width))| {
+                    if i == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+                },
+            )
+            .collect();
+        aligned.join("  ").trim_end().to_owned() + "\n"
+    };
+    lines().map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::sample;
+
+    #[test]
+    fn columns_are_aligned() {
+        let rows = [vec!["a".to_owned(), "10".to_owned()], vec!["long".to_owned(), "7".to_owned()]];
+        assert_eq!(table(&["", "n"], &rows), "       n\na     10\nlong   7\n");
+    }
+
+    #[test]
+    fn a_summary_says_what_is_a_model_and_names_the_false_culls() {
+        let text = summary(&sample::report());
+        assert!(text.lines().any(|l| l.starts_with("MODEL") && l.contains("not measured")), "{text}");
+        assert!(text.contains("41 pixels changed, 3 visible nodes lost, on 20 audited frames"), "{text}");
+        assert!(text.contains("its box covered no sample: 2 nodes"), "{text}");
+        assert!(text.lines().all(|l| l.chars().count() <= 130), "{text}");
+    }
+
+    #[test]
+    fn an_unaudited_run_claims_nothing() {
+        let text = summary(&sample::bare());
+        assert!(text.contains("not audited: nothing is known of its error"), "{text}");
+        assert!(text.contains("measured   not measured"), "{text}");
+    }
+
+    #[test]
+    fn a_sweep_has_a_line_a_point() {
+        let text = sweep(&sample::report().sweep);
+        assert_eq!(text.lines().count(), 8, "{text}");
+        assert!(text.contains("MODEL fps"), "{text}");
+    }
+}
