@@ -31,4 +31,4 @@ pub use header::{HEADER_BYTES, Kind};
 pub use id::{DrawableId, FrameNumber, SceneHash};
 pub use message::Message;
 pub use settings::{EpsilonPx, PictureSize, Settings, SettingsError, TesterKind};
-pub use stats::{CullCounts, FrameStats};
+pub use stats::{CullCounts, FrameStats, SentBytes};

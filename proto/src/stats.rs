@@ -28,6 +28,27 @@ pub struct FrameStats {
     pub occluder_triangles: u64,
     /// What HC did.
     pub culling: CullCounts,
+    /// What it sent to the other machine of the pair for the frame; what the display got, the display counts itself.
+    pub to_other: SentBytes,
+}
+
+/// Bytes sent over one link, by kind: payloads, and the headers of all messages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct SentBytes {
+    /// Cameras.
+    pub camera: u64,
+    /// Beginnings of frames.
+    pub begin: u64,
+    /// Ids.
+    pub ids: u64,
+    /// Ends of frames.
+    pub end: u64,
+    /// Statistics and other control messages.
+    pub control: u64,
+    /// Headers.
+    pub headers: u64,
+    /// The number of messages, not bytes.
+    pub messages: u64,
 }
 
 /// What HC's walk down the tree did. Each node it came to is counted once among `outside`, `hidden`, `emitted` and `refined`.

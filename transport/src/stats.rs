@@ -1,6 +1,6 @@
 //! What travelled over a link, by cause.
 
-use std::ops::Sub;
+use std::ops::{Add, Sub};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -69,6 +69,22 @@ impl Sub for LinkStats {
     }
 }
 
+impl Add for Traffic {
+    type Output = Self;
+
+    /// Both together: both directions of a link, say.
+    fn add(self, other: Self) -> Self {
+        Self {
+            camera: self.camera + other.camera,
+            begin: self.begin + other.begin,
+            ids: self.ids + other.ids,
+            end: self.end + other.end,
+            control: self.control + other.control,
+            header_bytes: self.header_bytes + other.header_bytes,
+        }
+    }
+}
+
 impl Sub for Traffic {
     type Output = Self;
 
@@ -81,6 +97,14 @@ impl Sub for Traffic {
             control: self.control - earlier.control,
             header_bytes: self.header_bytes.saturating_sub(earlier.header_bytes),
         }
+    }
+}
+
+impl Add for Tally {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self { messages: self.messages + other.messages, bytes: self.bytes + other.bytes }
     }
 }
 

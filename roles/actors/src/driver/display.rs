@@ -5,12 +5,15 @@ use std::{sync::Arc, time::Duration};
 use tokio::runtime::Handle;
 use trimaran_cull::{DrawOrder, View, Viewport};
 use trimaran_gpu::Picture;
-use trimaran_proto::{Camera, DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStats, Settings};
+use trimaran_proto::{
+    Camera, DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStats, SentBytes, Settings,
+};
 use trimaran_scene::Scene;
 use trimaran_transport::{Link, LinkStats, StatsHandle};
 
 use super::{
     RoleError, leave,
+    pair::sent_bytes,
     stop::{Stop, Waiting},
     viewport_of, wait,
 };
@@ -39,6 +42,9 @@ pub struct ShownFrame<'f> {
     pub drawing: Duration,
     /// When the device was done with it. RVG was busy from `drawing` to here.
     pub shown: Duration,
+    /// What travelled between the display and the frame's machine, both ways, since that machine's last frame was shown: the
+    /// frame, statistics of an earlier one, and a camera.
+    pub traffic: SentBytes,
 }
 
 /// Sees what the display does. Time spent here is the session's: an observer notes and returns.
@@ -105,6 +111,8 @@ struct Work<'r, D> {
     clock: Stopwatch,
     /// When the cameras of the frame due and of the one after it were handed out.
     published: [Duration; 2],
+    /// What the links had carried when their last frames were shown.
+    carried: [LinkStats; 2],
     order: DrawOrder,
     ids: Vec<DrawableId>,
     picture: Picture,
@@ -141,6 +149,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             machine: DisplayMachine::new(settings.frames),
             scene,
             device,
+            carried: [first.stats.read(), second.stats.read()],
             links: [first, second],
             viewport: viewport_of(&settings)?,
             lockstep: settings.lockstep,
@@ -234,6 +243,10 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         let device = |cause| RoleError::Device { doing: "drawing a picture", cause };
         self.device.draw(&view, &self.ids).map_err(device)?;
         let shown = self.clock.elapsed();
+        let machine = index(Seat::of(camera.frame()));
+        let carried = self.links[machine].stats.read();
+        let LinkStats { sent, received } = carried - std::mem::replace(&mut self.carried[machine], carried);
+        let traffic = sent_bytes(sent + received);
         let wanted = observer.wants_picture(camera.frame());
         if wanted {
             self.device.read(&mut self.picture).map_err(device)?;
@@ -246,6 +259,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             begun: at,
             drawing,
             shown,
+            traffic,
         });
         Ok(())
     }

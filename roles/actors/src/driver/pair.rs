@@ -5,10 +5,11 @@ use std::{sync::Arc, time::Duration};
 use tokio::runtime::Handle;
 use trimaran_cull::{CullStats, Culler, CutRule, OccluderMapper, View, Viewport};
 use trimaran_proto::{
-    Camera, CullCounts, DrawableId, FrameEvent, FrameNumber, FrameStart, FrameStats, IdBatch, Settings,
+    Camera, CullCounts, DrawableId, FrameEvent, FrameNumber, FrameStart, FrameStats, IdBatch, SentBytes,
+    Settings,
 };
 use trimaran_scene::Scene;
-use trimaran_transport::{Link, RecvError};
+use trimaran_transport::{Link, RecvError, Traffic};
 
 use super::{
     LinkError, RoleError, leave, left_on_purpose, nanoseconds,
@@ -74,6 +75,8 @@ struct Work<'r, D> {
     waiting: Waiting<'r>,
     clock: Stopwatch,
     stats: FrameStats,
+    /// All that was sent to the other machine up to the frame before.
+    sent_to_other: Traffic,
     /// Time the host spent on the occluders of this frame.
     host: Duration,
     received: Vec<DrawableId>,
@@ -88,6 +91,7 @@ impl<'r, D: PairDevice> Work<'r, D> {
             machine: SwitchMachine::new(seat, settings.frames),
             device,
             display,
+            sent_to_other: other.stats.read().sent,
             other,
             mapper: None,
             culler: Culler::new(scene),
@@ -194,6 +198,8 @@ impl<'r, D: PairDevice> Work<'r, D> {
         sent?;
         self.stats.culling = counts(&walk);
         self.stats.hc_end_ns = nanoseconds(self.clock.elapsed());
+        let sent = self.other.stats.read().sent;
+        self.stats.to_other = sent_bytes(sent - std::mem::replace(&mut self.sent_to_other, sent));
         let stats = self.display.frames_tx.stats(&self.stats);
         wait(self.waiting, "sending statistics", stats)?;
         self.machine.culled().map_err(|cause| RoleError::Order { peer: OTHER, cause })
@@ -209,6 +215,22 @@ fn triangles(scene: &Scene, ids: &[DrawableId]) -> u64 {
         .filter_map(|id| scene.drawables().get(id.index()))
         .map(|drawable| u64::from(drawable.index_count / 3))
         .sum()
+}
+
+pub(super) const fn sent_bytes(traffic: Traffic) -> SentBytes {
+    SentBytes {
+        camera: traffic.camera.bytes,
+        begin: traffic.begin.bytes,
+        ids: traffic.ids.bytes,
+        end: traffic.end.bytes,
+        control: traffic.control.bytes,
+        headers: traffic.header_bytes,
+        messages: traffic.camera.messages
+            + traffic.begin.messages
+            + traffic.ids.messages
+            + traffic.end.messages
+            + traffic.control.messages,
+    }
 }
 
 const fn counts(walk: &CullStats) -> CullCounts {
