@@ -135,7 +135,7 @@ pub fn reaches(nodes: &[Node]) -> Vec<f32> {
         let own = reach.get(index).copied().unwrap_or(f32::NAN);
         if let Some(parent) = reach.get_mut(node.parent as usize) {
             // Not `max`: NaN must win, so that it is found out.
-            if !(*parent >= own) {
+            if own.is_nan() || own > *parent {
                 *parent = own;
             }
         }

@@ -96,8 +96,8 @@ impl<'p> HzbTester<'p> {
         self.stack.clear();
         for y in pixels.y0 >> level_index..=pixels.y1 >> level_index {
             for x in pixels.x0 >> level_index..=pixels.x1 >> level_index {
-                // Written so that NaN shows.
-                if !(footprint.nearest < f64::from(level.at(x, y))) {
+                let hidden = footprint.nearest < f64::from(level.at(x, y));
+                if !hidden {
                     self.stack.push(Texel { level: level_index, x, y });
                 }
             }

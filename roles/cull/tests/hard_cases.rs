@@ -11,7 +11,11 @@ fn assert_exact(case: &Case, testing: Testing, placement: Placement) {
         let mut walk = ReferenceWalk::new(case.scene.clone(), rule).testing(testing).placing(placement);
         for view in &case.views {
             let report = walk.frame(view).unwrap();
-            let at = format!("{}, {testing:?}, {placement:?}, epsilon {epsilon}, {}", case.name, view.camera().frame());
+            let at = format!(
+                "{}, {testing:?}, {placement:?}, epsilon {epsilon}, {}",
+                case.name,
+                view.camera().frame()
+            );
             assert_eq!(report.false_culled, [], "{at}");
             assert_eq!(report.differing_pixels, 0, "{at}");
         }

@@ -174,7 +174,7 @@ fn leaf(index: usize, object: &Object) -> Draft<'_> {
     let reach = linear.x_axis.abs() * half.x + linear.y_axis.abs() * half.y + linear.z_axis.abs() * half.z;
     // A few ulp more than the f64 sums above may have lost.
     let reach = reach + (centre.abs() + reach) * 1e-15;
-    let stretch = f32_above(frobenius(object.linear));
+    let stretch = stretch(object.linear);
     let error = object.coarser.iter().map(|(error, _)| error * stretch).fold(0.0, f32::max);
     Draft {
         min: centre - reach,
@@ -229,7 +229,7 @@ fn place<'o>(
     let node = arrays.nodes.len() as u32;
     let (origin, linear, (local_min, local_max)) = match draft.object {
         Some((_, object)) => {
-            let stretch = f32_above(frobenius(object.linear));
+            let stretch = stretch(object.linear);
             add_level(arrays, node, 0.0, &object.mesh);
             for (error, mesh) in &object.coarser {
                 add_level(arrays, node, error * stretch, mesh);
@@ -279,9 +279,11 @@ fn add_level(arrays: &mut SceneArrays, node: u32, error: f32, mesh: &Mesh) {
     arrays.indices.extend(&mesh.indices);
 }
 
-/// At least the largest singular value.
-fn frobenius(linear: Mat3) -> f64 {
-    linear.to_cols_array().iter().map(|&entry| f64::from(entry) * f64::from(entry)).sum::<f64>().sqrt()
+/// At least the largest singular value: the geometric mean of the greatest column sum and the greatest row sum.
+fn stretch(linear: Mat3) -> f32 {
+    let sum = |v: Vec3| v.abs().as_dvec3().element_sum();
+    let greatest = |m: Mat3| sum(m.x_axis).max(sum(m.y_axis)).max(sum(m.z_axis));
+    f32_above((greatest(linear) * greatest(linear.transpose())).sqrt())
 }
 
 fn f32_above(value: f64) -> f32 {

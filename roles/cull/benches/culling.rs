@@ -1,0 +1,102 @@
+//! What culling costs on the CPU: the pyramid, and the walk over it, in random plants of ten and a hundred thousand objects.
+//! Prints how tight the visible sets are beside it.
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use glam::DVec3;
+use trimaran_cull::reference::cases::{plant, plant_views};
+use trimaran_cull::reference::{Placement, rasterize};
+use trimaran_cull::{
+    Culler, CutRule, DepthImage, DepthPyramid, HzbTester, LevelCut, NoOccluders, OccluderMapper, Outline,
+    View, Viewport, draw_order,
+};
+use trimaran_proto::DrawableId;
+
+fn pyramid(c: &mut Criterion) {
+    for (width, height) in [(1024, 1024), (1023, 777)] {
+        let viewport = Viewport::new(width, height).unwrap();
+        let depth: Vec<f32> = (0..width * height).map(|i| (i % 977) as f32 / 977.0).collect();
+        let image = DepthImage::new(viewport, &depth).unwrap();
+        let mut pyramid = DepthPyramid::new();
+        c.bench_function(&format!("pyramid {width} x {height}"), |b| {
+            b.iter(|| pyramid.rebuild(black_box(image)))
+        });
+    }
+}
+
+/// Depth of the exactly visible part of a view's cut, its drawables, and those HC emits.
+struct Frame {
+    view: View,
+    depth: Vec<f32>,
+    exact: Vec<DrawableId>,
+}
+
+fn walk(c: &mut Criterion) {
+    let viewport = Viewport::new(1024, 1024).unwrap();
+    let rule = CutRule::new(2.0).unwrap();
+    for objects in [10_000, 100_000] {
+        let scene = plant(1, objects, DVec3::ZERO).unwrap();
+        let mut culler = Culler::new(scene.clone());
+        let frames: Vec<Frame> = plant_views(2, objects, DVec3::ZERO, viewport, 130)
+            .unwrap()
+            .into_iter()
+            .step_by(13)
+            .map(|view| {
+                let mut cut = LevelCut::new(&scene, &view, rule).drawables();
+                draw_order(&scene, &view, &mut cut);
+                let picture = rasterize(&scene, &view, cut, Placement::Single);
+                Frame { view, depth: picture.depth32(), exact: picture.seen() }
+            })
+            .collect();
+        for outline in [Outline::OnScreen, Outline::InBox] {
+            let (mut emitted, mut exact) = (0, 0);
+            let mut sums = [0; 6];
+            for frame in &frames {
+                let image = DepthImage::new(viewport, &frame.depth).unwrap();
+                let mut pyramid = DepthPyramid::new();
+                pyramid.rebuild(image);
+                let mut tester = HzbTester::new(image, &pyramid).unwrap().with_outline(outline);
+                let stats = culler.cull(&frame.view, rule, &mut tester, |_| emitted += 1).unwrap();
+                exact += frame.exact.len();
+                let figures = [
+                    stats.visited,
+                    stats.tested,
+                    stats.hidden,
+                    stats.frustum_culled,
+                    stats.refined,
+                    stats.near_visible,
+                ];
+                sums.iter_mut().zip(figures).for_each(|(sum, figure)| *sum += figure);
+            }
+            println!(
+                "{objects} objects, {outline:?}: {emitted} emitted / {exact} exactly visible = {:.3}; \
+                 visited, tested, hidden, outside, refined, near: {sums:?}",
+                f64::from(emitted) / exact as f64
+            );
+        }
+        let frame = &frames[3];
+        let image = DepthImage::new(viewport, &frame.depth).unwrap();
+        let mut pyramid = DepthPyramid::new();
+        pyramid.rebuild(image);
+        c.bench_function(&format!("cull {objects} objects, pyramid"), |b| {
+            let mut tester = HzbTester::new(image, &pyramid).unwrap();
+            b.iter(|| culler.cull(&frame.view, rule, &mut tester, |id| drop(black_box(id))).unwrap());
+        });
+        c.bench_function(&format!("cull {objects} objects, no occluders"), |b| {
+            b.iter(|| culler.cull(&frame.view, rule, &mut NoOccluders, |id| drop(black_box(id))).unwrap());
+        });
+        let mut mapper = OccluderMapper::new(scene.clone(), frame.view, rule);
+        let mut due = Vec::new();
+        c.bench_function(&format!("map {} ids of {objects} objects", frame.exact.len()), |b| {
+            b.iter(|| {
+                mapper.begin(frames[3].view, rule);
+                due.clear();
+                mapper.push(&frame.exact, &mut due).unwrap();
+            });
+        });
+    }
+}
+
+criterion_group!(benches, pyramid, walk);
+criterion_main!(benches);
