@@ -85,9 +85,9 @@ impl Module {
         self.put(paint, shape, DAffine3 { matrix3: turn, translation: DVec3::from_array(from) }, name);
     }
 
-    /// Keeps the first `count` parts.
-    pub(super) fn truncate(&mut self, count: usize) {
-        self.parts.truncate(count);
+    /// Whether it is one of the rooms, which take small parts.
+    pub(super) fn is_room(&self) -> bool {
+        self.name.starts_with("room ")
     }
 
     /// The parts of each trade that has any, in the order of the trades.

@@ -14,5 +14,7 @@ mod plant;
 pub(crate) mod random;
 mod room;
 mod shape;
+mod tanker;
 
 pub use plant::{PlantOptions, plant};
+pub use tanker::{TankerOptions, tanker};

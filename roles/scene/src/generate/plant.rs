@@ -92,8 +92,8 @@ fn merged_modules(options: &PlantOptions) -> Vec<Module> {
 
 /// Builds as many rooms as fit into so many objects; at least one.
 pub(super) fn fill_up_to(objects: usize, grain: Grain, build: impl Fn(usize) -> Vec<Module>) -> Vec<Module> {
-    let sample = build(8);
-    let mut rooms = (objects * sample.len() / object_count(&sample, grain).max(1)).max(1);
+    const SAMPLE: usize = 24;
+    let mut rooms = (objects * SAMPLE / object_count(&build(SAMPLE), grain).max(1)).max(1);
     loop {
         let modules = build(rooms);
         let got = object_count(&modules, grain);
@@ -136,9 +136,14 @@ impl Grid {
         Self { rooms, columns, rows: storey.div_ceil(columns) }
     }
 
-    /// A block of so many columns, storeys and rows.
-    pub(super) const fn block(columns: usize, storeys: usize, rows: usize) -> Self {
-        Self { rooms: columns * storeys * rows, columns, rows }
+    /// So many rooms in `rows` rows and `storeys` storeys.
+    pub(super) const fn stack(rooms: usize, rows: usize, storeys: usize) -> Self {
+        Self { rooms, columns: rooms.div_ceil(rows * storeys), rows }
+    }
+
+    /// Rooms along x.
+    pub(super) const fn columns(&self) -> usize {
+        self.columns
     }
 
     fn cell(&self, index: usize) -> Cell {
