@@ -114,6 +114,14 @@ impl Scene {
         self.parts().sources
     }
 
+    /// The triangles of all leaves at their finest level: the model as it came, instances counted each.
+    #[must_use]
+    pub fn full_detail_triangles(&self) -> u64 {
+        let leaves = self.nodes().iter().filter(|node| node.is_leaf());
+        let finest = leaves.filter_map(|leaf| self.drawables().get(leaf.levels().next()?.index()));
+        finest.map(|drawable| u64::from(drawable.index_count / 3)).sum()
+    }
+
     /// The fingerprint that peers compare, and the checksum of the file.
     #[must_use]
     pub fn hash(&self) -> SceneHash {
