@@ -60,7 +60,8 @@ impl BoxTester for RasterTester<'_> {
         boxes::prepare(view, boxes, visible, records, owners);
         let constants = ProjectionConstants::new(view);
         let write = (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE);
-        let zeroed = (vk::PipelineStageFlags2::CLEAR, vk::AccessFlags2::TRANSFER_WRITE);
+        // Versions of Vulkan differ in whether filling a buffer is a clear or a copy.
+        let zeroed = (vk::PipelineStageFlags2::ALL_TRANSFER, vk::AccessFlags2::TRANSFER_WRITE);
         let count = (
             vk::PipelineStageFlags2::FRAGMENT_SHADER,
             vk::AccessFlags2::SHADER_STORAGE_READ | vk::AccessFlags2::SHADER_STORAGE_WRITE,

@@ -10,11 +10,11 @@ use trimaran_proto::{Camera, DrawableId, FrameNumber};
 use trimaran_scene::{Drawable, Node, ObjectRecord, Rgba8, Scene, SceneArrays, Vertex};
 
 /// An open device that must have nothing to complain of when it goes.
-pub struct CheckedGpu(Arc<Gpu>);
+pub(crate) struct CheckedGpu(Arc<Gpu>);
 
 impl CheckedGpu {
     /// A device, or `None` where there is no Vulkan at all and the test may be skipped.
-    pub fn open() -> Option<Self> {
+    pub(crate) fn open() -> Option<Self> {
         match Gpu::open(&GpuOptions { validation: true, ..GpuOptions::default() }) {
             Ok(gpu) => Some(Self(gpu)),
             Err(error @ GpuError::NoLoader(_)) if !gpu_is_required() => {
@@ -41,24 +41,25 @@ impl Deref for CheckedGpu {
 impl Drop for CheckedGpu {
     fn drop(&mut self) {
         if !std::thread::panicking() {
-            assert_eq!(self.0.validation_messages(), Vec::<String>::new());
+            let messages = self.0.validation_messages();
+            assert!(messages.is_empty(), "{} validation messages, the first: {}", messages.len(), messages[0]);
         }
     }
 }
 
 /// An object: triangles in a local frame, and where that is.
 #[derive(Debug, Clone)]
-pub struct Part {
-    pub positions: Vec<[f32; 3]>,
-    pub indices: Vec<u32>,
-    pub colour: [u8; 4],
-    pub origin: DVec3,
-    pub linear: Mat3,
+pub(crate) struct Part {
+    pub(crate) positions: Vec<[f32; 3]>,
+    pub(crate) indices: Vec<u32>,
+    pub(crate) colour: [u8; 4],
+    pub(crate) origin: DVec3,
+    pub(crate) linear: Mat3,
 }
 
 impl Part {
     /// Triangles whose corners are given one after the other, at the world's origin.
-    pub fn triangles(positions: &[[f32; 3]]) -> Self {
+    pub(crate) fn triangles(positions: &[[f32; 3]]) -> Self {
         Self {
             positions: positions.to_vec(),
             indices: (0..positions.len() as u32).collect(),
@@ -69,20 +70,20 @@ impl Part {
     }
 
     /// An upright rectangle about `centre` that faces along z; triangle 0 is its lower left half.
-    pub fn wall(centre: Vec3, half_width: f32, half_height: f32) -> Self {
+    pub(crate) fn wall(centre: Vec3, half_width: f32, half_height: f32) -> Self {
         let at = |x: f32, y: f32| (centre + Vec3::new(x * half_width, y * half_height, 0.0)).to_array();
         let corners = [at(-1.0, -1.0), at(1.0, -1.0), at(-1.0, 1.0), at(1.0, 1.0)];
         Self { indices: vec![0, 1, 2, 2, 1, 3], ..Self::triangles(&corners) }
     }
 
     /// The same part elsewhere.
-    pub fn at(self, origin: DVec3) -> Self {
+    pub(crate) fn at(self, origin: DVec3) -> Self {
         Self { origin, ..self }
     }
 }
 
 /// A scene of these parts; part i is drawable i.
-pub fn scene(parts: &[Part]) -> Scene {
+pub(crate) fn scene(parts: &[Part]) -> Scene {
     let far = 1e12;
     let mut arrays = SceneArrays { sources: vec!["test".into()], ..SceneArrays::default() };
     let node = |parent, first_child, child_count, part: Option<(u32, &Part)>| Node {
@@ -120,20 +121,20 @@ pub fn scene(parts: &[Part]) -> Scene {
 }
 
 /// Parts on a device.
-pub fn upload(gpu: &Arc<Gpu>, parts: &[Part]) -> Arc<GpuScene> {
+pub(crate) fn upload(gpu: &Arc<Gpu>, parts: &[Part]) -> Arc<GpuScene> {
     GpuScene::upload(gpu, &scene(parts)).unwrap()
 }
 
 /// All drawables of a scene of so many parts.
-pub fn ids(count: usize) -> Vec<DrawableId> {
+pub(crate) fn ids(count: usize) -> Vec<DrawableId> {
     (0..count as u32).map(DrawableId).collect()
 }
 
 /// The nearest that anything is seen in these tests, metres.
-pub const NEAR: f32 = 0.125;
+pub(crate) const NEAR: f32 = 0.125;
 
 /// A camera at `eye` that looks along -z, 90 degrees high, into a picture of this size.
-pub fn view(width: u32, height: u32, eye: DVec3) -> View {
+pub(crate) fn view(width: u32, height: u32, eye: DVec3) -> View {
     let viewport = Viewport::new(width, height).unwrap();
     let camera =
         Camera::new(eye.to_array(), [0.0, 0.0, 0.0, 1.0], 1.0, viewport.aspect(), NEAR, FrameNumber(0));

@@ -3,3 +3,5 @@
 mod common;
 mod device;
 mod passes;
+mod testers;
+mod walks;

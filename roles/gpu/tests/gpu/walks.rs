@@ -1,0 +1,187 @@
+//! Whole walks on the device: occluders, culling and item buffer, on the hard cases that the CPU reference walks too.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use trimaran_cull::reference::cases::{Case, hard_cases, plant, plant_views};
+use trimaran_cull::reference::{Placement, rasterize};
+use trimaran_cull::{
+    Culler, CutRule, DepthPyramid, HzbTester, NoOccluders, View, Viewport, draw_order, level_cut, occluders,
+};
+use trimaran_gpu::{GpuScene, ItemImage, ItemPass, OccluderPass};
+use trimaran_proto::DrawableId;
+
+use crate::common::CheckedGpu;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Tester {
+    Query,
+    Raster,
+    Pyramid,
+}
+
+/// The three roles on one device.
+struct Walk<'g> {
+    culler: Culler,
+    rule: CutRule,
+    tester: Tester,
+    occluder_pass: OccluderPass,
+    item_pass: ItemPass,
+    pyramid: DepthPyramid,
+    last: Option<Vec<DrawableId>>,
+    _gpu: &'g CheckedGpu,
+}
+
+/// What a frame drew, and what should have shown.
+struct Frame {
+    culled: ItemImage,
+    truth: ItemImage,
+    emitted: Vec<DrawableId>,
+    cut: Vec<DrawableId>,
+}
+
+impl<'g> Walk<'g> {
+    fn new(gpu: &'g CheckedGpu, case: &Case, rule: CutRule, tester: Tester) -> Self {
+        let scene = GpuScene::upload(gpu, &case.scene).unwrap();
+        let size = case.views[0].viewport();
+        Self {
+            culler: Culler::new(Arc::clone(&case.scene)),
+            rule,
+            tester,
+            occluder_pass: OccluderPass::new(&scene, size).unwrap(),
+            item_pass: ItemPass::new(&scene, size).unwrap(),
+            pyramid: DepthPyramid::new(),
+            last: None,
+            _gpu: gpu,
+        }
+    }
+
+    fn frame(&mut self, view: &View) -> Frame {
+        let scene = Arc::clone(self.culler.scene());
+        let mut emitted = self.cull(view);
+        draw_order(&scene, view, &mut emitted);
+        let mut cut = level_cut(&scene, view, self.rule);
+        draw_order(&scene, view, &mut cut);
+        self.last = Some(emitted.clone());
+        Frame { culled: self.items(view, &emitted), truth: self.items(view, &cut), emitted, cut }
+    }
+
+    fn cull(&mut self, view: &View) -> Vec<DrawableId> {
+        let Self { culler, rule, tester, occluder_pass, pyramid, last, .. } = self;
+        let mut emitted = Vec::new();
+        let sink = |id| emitted.push(id);
+        let Some(last) = last else {
+            culler.cull(view, *rule, &mut NoOccluders, sink).unwrap();
+            return emitted;
+        };
+        let due = occluders(culler.scene(), view, *rule, last).unwrap();
+        occluder_pass.begin(view).unwrap();
+        occluder_pass.draw(&due).unwrap();
+        match tester {
+            Tester::Query => {
+                culler.cull(view, *rule, &mut occluder_pass.query_tester().unwrap(), sink).unwrap();
+            }
+            Tester::Raster => {
+                culler.cull(view, *rule, &mut occluder_pass.raster_tester().unwrap(), sink).unwrap();
+            }
+            Tester::Pyramid => {
+                let image = occluder_pass.read_depth().unwrap();
+                pyramid.rebuild(image);
+                culler.cull(view, *rule, &mut HzbTester::new(image, pyramid).unwrap(), sink).unwrap();
+            }
+        }
+        emitted
+    }
+
+    fn items(&mut self, view: &View, ids: &[DrawableId]) -> ItemImage {
+        let mut image = ItemImage::default();
+        self.item_pass.begin(view).unwrap();
+        self.item_pass.draw(ids).unwrap();
+        self.item_pass.read(&mut image).unwrap();
+        image
+    }
+}
+
+/// Walks a case and asserts that culling changes no pixel; gives what was drawn of what was in the cut.
+fn assert_exact(gpu: &CheckedGpu, case: &Case, tester: Tester) -> (usize, usize) {
+    let (mut drawn, mut whole) = (0, 0);
+    for epsilon in [0.5, 4.0] {
+        let mut walk = Walk::new(gpu, case, CutRule::new(epsilon).unwrap(), tester);
+        for view in &case.views {
+            let Frame { culled, truth, emitted, cut } = walk.frame(view);
+            let at = format!("{}, {tester:?}, epsilon {epsilon}, {}", case.name, view.camera().frame());
+            let differing = culled.drawable.iter().zip(&truth.drawable).filter(|(a, b)| a != b).count();
+            assert_eq!(differing, 0, "pixels differ: {at}");
+            assert!(culled == truth, "another triangle shows: {at}");
+            (drawn, whole) = (drawn + emitted.len(), whole + cut.len());
+        }
+    }
+    (drawn, whole)
+}
+
+#[test]
+fn culling_by_queries_is_exact_on_the_hard_cases() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    for case in hard_cases().unwrap() {
+        assert_exact(&gpu, &case, Tester::Query);
+    }
+}
+
+#[test]
+fn culling_by_counting_is_exact_on_the_hard_cases() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    for case in hard_cases().unwrap() {
+        assert_exact(&gpu, &case, Tester::Raster);
+    }
+}
+
+#[test]
+fn culling_by_the_depth_pyramid_is_exact_on_the_hard_cases() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    for case in hard_cases().unwrap() {
+        assert_exact(&gpu, &case, Tester::Pyramid);
+    }
+}
+
+fn plant_case(origin: DVec3) -> Case {
+    let size = Viewport::new(320, 200).unwrap();
+    Case {
+        name: "plant",
+        scene: plant(7, 800, origin).unwrap(),
+        views: plant_views(7, 800, origin, size, 30).unwrap(),
+    }
+}
+
+#[test]
+fn culling_a_plant_is_exact_and_hides_most_of_it_with_every_tester() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let case = plant_case(DVec3::ZERO);
+    for tester in [Tester::Query, Tester::Raster, Tester::Pyramid] {
+        let (drawn, whole) = assert_exact(&gpu, &case, tester);
+        assert!(drawn * 2 < whole, "{tester:?} drew {drawn} of {whole}");
+    }
+}
+
+#[test]
+fn the_item_buffer_agrees_with_the_reference_picture() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let case = plant_case(DVec3::new(1e6, 2e6, 0.0));
+    let rule = CutRule::new(1.0).unwrap();
+    let mut walk = Walk::new(&gpu, &case, rule, Tester::Query);
+    let (mut pixels, mut differing) = (0, 0);
+    for view in case.views.iter().step_by(6) {
+        let mut cut = level_cut(&case.scene, view, rule);
+        draw_order(&case.scene, view, &mut cut);
+        let expected = rasterize(&case.scene, view, cut.iter().copied(), Placement::Single);
+        let items = walk.items(view, &cut);
+        let drawn = items.drawable.iter().zip(&items.triangle);
+        for (item, (&drawable, &triangle)) in expected.items().iter().zip(drawn) {
+            let expected =
+                item.map_or((ItemImage::BACKGROUND, ItemImage::BACKGROUND), |i| (i.drawable.0, i.triangle));
+            pixels += 1;
+            differing += usize::from(expected != (drawable, triangle));
+        }
+    }
+    // Surfaces that touch tie within f32's rounding; all else must be the same.
+    assert!(differing * 500 < pixels, "{differing} of {pixels} pixels differ");
+}
