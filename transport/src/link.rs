@@ -10,6 +10,9 @@ use trimaran_proto::{BatchSize, Goodbye, Identity, Role, SessionId};
 use crate::stats::Counters;
 use crate::{FrameReceiver, FrameSender, LatestReceiver, LatestSender, SendError, StatsHandle};
 
+/// How long a peer that leaves waits for the other one to leave as well.
+const LINGER: Duration = Duration::from_millis(500);
+
 /// A link to a peer: a lane for the latest camera and a lane for frames of ids, both in both directions.
 ///
 /// The halves are independent: take the struct apart and use each where it is needed, from any thread. Waiting calls work
@@ -86,14 +89,22 @@ impl LinkConfig {
 }
 
 impl Link {
-    /// Leaves in good order: says goodbye on both lanes and waits until it is on its way.
+    /// Leaves in good order: says goodbye on both lanes, and waits a moment (half a second at most) for the peer to leave as
+    /// well. What still comes from it is thrown away.
     ///
     /// # Errors
     /// When the peer is gone already, or takes nothing within the link's patience.
     pub async fn goodbye(self, reason: Goodbye) -> Result<(), SendError> {
-        let frames = self.frames_tx.goodbye(reason.clone()).await;
-        let latest = self.latest_tx.goodbye(reason).await;
-        frames.and(latest)
+        let Self { peer, latest_tx, mut latest_rx, frames_tx, mut frames_rx, .. } = self;
+        let said = frames_tx.goodbye(reason.clone()).await.and(latest_tx.goodbye(reason).await);
+        if peer.address != PeerAddress::InProcess {
+            // A connection that is closed while it holds unread data is reset, and on some systems the reset overtakes the goodbye
+            // on the peer's side. So whatever comes is read until the peer closes.
+            let by = frames_rx.patience.now().after(LINGER);
+            while frames_rx.recv_by(by).await.is_ok() {}
+            while latest_rx.latest_by(by).await.is_ok() {}
+        }
+        said
     }
 }
 

@@ -46,6 +46,10 @@ impl Patience {
         self.limit
     }
 
+    pub(crate) fn now(&self) -> Instant {
+        self.net.now()
+    }
+
     /// What `future` gives, unless the patience or the deadline `by` ends first.
     pub(crate) async fn wait<F: Future>(
         &mut self,

@@ -1,0 +1,76 @@
+//! What the transport tests share: peers, cameras, and the conformance suite.
+#![allow(dead_code, reason = "each test program uses a part")]
+
+pub(crate) mod conformance;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use trimaran_proto::{
+    BatchSize, Camera, DrawableId, EpsilonPx, FrameEnd, FrameEvent, FrameNumber, FrameOutcome, FrameStart,
+    Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
+};
+use trimaran_transport::{FrameReceiver, Instant, Net, RecvError, TokioNet};
+
+pub(crate) const SCENE: SceneHash = SceneHash(0x5ce7e);
+
+pub(crate) fn net() -> Arc<dyn Net> {
+    Arc::new(TokioNet::current().unwrap())
+}
+
+pub(crate) fn soon(net: &Arc<dyn Net>) -> Instant {
+    net.now().after(Duration::from_secs(60))
+}
+
+pub(crate) fn identity(role: Role) -> Identity {
+    Identity { role, scene: SCENE, settings: None }
+}
+
+pub(crate) fn settings(batch: u32) -> Settings {
+    Settings {
+        size: PictureSize::new(640, 480).unwrap(),
+        epsilon: EpsilonPx::new(2.0).unwrap(),
+        batch: BatchSize::new(batch).unwrap(),
+        tester: TesterKind::Query,
+        lockstep: true,
+        frames: None,
+    }
+}
+
+pub(crate) fn camera(frame: u32) -> Camera {
+    let eye = [f64::from(frame), 2.0, -3.5];
+    Camera::new(eye, [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(frame)).unwrap()
+}
+
+pub(crate) fn start(frame: u32) -> FrameStart {
+    FrameStart { frame: FrameNumber(frame), camera: camera(frame + 100) }
+}
+
+pub(crate) fn ids(count: u32) -> Vec<DrawableId> {
+    (0..count).map(|i| DrawableId(i.wrapping_mul(2_654_435_761))).collect()
+}
+
+/// One frame as it was received.
+#[derive(Debug)]
+pub(crate) struct Received {
+    pub(crate) start: FrameStart,
+    pub(crate) batches: Vec<usize>,
+    pub(crate) ids: Vec<DrawableId>,
+    pub(crate) end: FrameEnd,
+}
+
+/// Reads one frame that must be complete.
+pub(crate) async fn receive(rx: &mut FrameReceiver) -> Result<Received, RecvError> {
+    let FrameEvent::Begin(start) = rx.recv().await? else { panic!("no begin") };
+    let (mut batches, mut ids) = (Vec::new(), Vec::new());
+    loop {
+        match rx.recv().await? {
+            FrameEvent::Ids(batch) => {
+                batches.push(batch.count());
+                ids.extend(batch.iter());
+            }
+            FrameEvent::End(FrameOutcome::Complete(end)) => return Ok(Received { start, batches, ids, end }),
+            other => panic!("{other:?} within a frame"),
+        }
+    }
+}

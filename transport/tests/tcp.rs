@@ -1,0 +1,196 @@
+//! Links over TCP on the loopback interface: the conformance suite, and who gets a link.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+mod common;
+
+use std::error::Error;
+use std::io::ErrorKind;
+use std::sync::Arc;
+use std::time::Duration;
+
+use common::conformance::Pairs;
+use common::{SCENE, camera, identity, ids, net, receive, settings, soon, start};
+use trimaran_proto::{Identity, Refusal, Role, SceneHash};
+use trimaran_transport::tcp::{
+    AcceptError, AttemptError, ConnectError, HandshakeError, ListenError, Listener, Options, connect,
+};
+use trimaran_transport::{Link, LinkConfig, Net, PeerAddress, TcpOptions, sleep_until};
+
+struct Tcp;
+
+impl Pairs for Tcp {
+    const HEADER: u64 = 4;
+    const HANDSHAKE: u64 = 2;
+
+    async fn pair(&self, link: LinkConfig) -> (Link, Link) {
+        // Buffers that the tests' amounts exceed.
+        let tcp = TcpOptions {
+            send_buffer: Some(64 * 1024),
+            recv_buffer: Some(64 * 1024),
+            ..TcpOptions::default()
+        };
+        pair("127.0.0.1", &Options { link, tcp, ..Options::default() }).await
+    }
+}
+
+conformance!(Tcp);
+
+async fn pair(host: &str, options: &Options) -> (Link, Link) {
+    let net = net();
+    let address = format!("{host}:0");
+    let mut listener = Listener::bind(&net, &address, identity(Role::SwitchA), options).await.unwrap();
+    let address = format!("{host}:{}", listener.local_addr().port());
+    let (there, here) = tokio::join!(
+        connect(&net, &address, identity(Role::Display), options, soon(&net)),
+        listener.accept(soon(&net)),
+    );
+    (here.unwrap(), there.unwrap())
+}
+
+async fn listener(net: &Arc<dyn Net>, identity: Identity, options: &Options) -> (Listener, String) {
+    let listener = Listener::bind(net, "127.0.0.1:0", identity, options).await.unwrap();
+    let address = listener.local_addr().to_string();
+    (listener, address)
+}
+
+/// Tries to connect to a listener that must refuse; gives what both sides learn.
+async fn refusal(listening: Identity, connecting: Identity) -> (Refusal, Refusal) {
+    let (net, options) = (net(), Options::default());
+    let (mut listener, address) = listener(&net, listening, &options).await;
+    let error = connect(&net, &address, connecting, &options, soon(&net)).await.unwrap_err();
+    let ConnectError::Refused { refusal, .. } = error else { panic!("{error:?}") };
+    let accepted = listener.accept(net.now().after(Duration::from_millis(50))).await;
+    match accepted {
+        Err(AcceptError::Deadline { last: Some(HandshakeError::Refused(known)), .. }) => (refusal, known),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[tokio::test]
+async fn host_names_and_both_address_families_work() {
+    for host in ["localhost", "127.0.0.1", "[::1]"] {
+        let (mut a, display) = pair(host, &Options::default()).await;
+        assert_eq!(a.peer.identity, identity(Role::Display));
+        assert_eq!(display.peer.identity, identity(Role::SwitchA));
+        assert_eq!(a.peer.session, display.peer.session);
+        let PeerAddress::Tcp(address) = a.peer.address else { panic!("{:?}", a.peer) };
+        assert!(address.ip().is_loopback());
+        let mut display = display;
+        display.latest_tx.publish(camera(4)).unwrap();
+        assert_eq!(a.latest_rx.latest().await.unwrap(), camera(4));
+    }
+}
+
+#[tokio::test]
+async fn the_connecting_side_may_start_first() {
+    let (net, options) = (net(), Options::default());
+    let (reserved, address) = listener(&net, identity(Role::SwitchB), &options).await;
+    drop(reserved);
+    let late = async {
+        sleep_until(&*net, net.now().after(Duration::from_millis(300))).await;
+        let mut listener = Listener::bind(&net, &address, identity(Role::SwitchB), &options).await.unwrap();
+        listener.accept(soon(&net)).await.unwrap()
+    };
+    let early = connect(&net, &address, identity(Role::SwitchA), &options, soon(&net));
+    let (early, late) = tokio::join!(early, late);
+    assert_eq!(early.unwrap().peer.identity.role, Role::SwitchB);
+    assert_eq!(late.peer.identity.role, Role::SwitchA);
+}
+
+#[tokio::test]
+async fn settings_travel_in_the_hello_and_in_the_answer() {
+    let display = Identity { settings: Some(settings(3)), ..identity(Role::Display) };
+    for (listening, connecting) in [(display, identity(Role::SwitchA)), (identity(Role::SwitchA), display)] {
+        let (net, options) = (net(), Options::default());
+        let (mut listener, address) = listener(&net, listening, &options).await;
+        let mut there = connect(&net, &address, connecting, &options, soon(&net)).await.unwrap();
+        let mut here = listener.accept(soon(&net)).await.unwrap();
+        assert_eq!((there.peer.identity, here.peer.identity), (listening, connecting));
+        there.frames_tx.begin(start(0)).await.unwrap();
+        there.frames_tx.push(&ids(7)).await.unwrap();
+        there.frames_tx.finish().await.unwrap();
+        assert_eq!(
+            receive(&mut here.frames_rx).await.unwrap().batches,
+            [3, 3, 1],
+            "the display's batch size"
+        );
+    }
+}
+
+#[tokio::test]
+async fn another_scene_is_refused_and_both_sides_know_both_scenes() {
+    let other = SceneHash(0xdead);
+    let connecting = Identity { scene: other, ..identity(Role::Display) };
+    let expected = Refusal::Scene { listener: SCENE, connector: other };
+    assert_eq!(refusal(identity(Role::SwitchA), connecting).await, (expected, expected));
+}
+
+#[tokio::test]
+async fn other_settings_are_refused() {
+    let (x, y) = (settings(10), settings(11));
+    let listening = Identity { settings: Some(x), ..identity(Role::SwitchA) };
+    let connecting = Identity { settings: Some(y), ..identity(Role::Display) };
+    let expected = Refusal::Settings { listener: x, connector: y };
+    assert_eq!(refusal(listening, connecting).await, (expected, expected));
+}
+
+#[tokio::test]
+async fn the_listeners_own_role_is_refused() {
+    let expected = Refusal::RoleTaken { role: Role::Display };
+    assert_eq!(refusal(identity(Role::Display), identity(Role::Display)).await, (expected, expected));
+}
+
+#[tokio::test]
+async fn a_role_is_taken_until_the_last_half_of_its_link_is_dropped() {
+    let (net, options) = (net(), Options::default());
+    let (mut listener, address) = listener(&net, identity(Role::SwitchA), &options).await;
+    let first = connect(&net, &address, identity(Role::Display), &options, soon(&net)).await.unwrap();
+    let Link { latest_rx, .. } = listener.accept(soon(&net)).await.unwrap();
+    let second = connect(&net, &address, identity(Role::Display), &options, soon(&net)).await;
+    let Err(ConnectError::Refused { refusal, .. }) = second else { panic!("{second:?}") };
+    assert_eq!(refusal, Refusal::RoleTaken { role: Role::Display });
+    drop((first, latest_rx));
+    connect(&net, &address, identity(Role::Display), &options, soon(&net)).await.unwrap();
+}
+
+#[tokio::test]
+async fn nobody_there_ends_at_the_deadline_with_the_last_cause() {
+    let (net, options) = (net(), Options::default());
+    let (gone, address) = listener(&net, identity(Role::SwitchA), &options).await;
+    drop(gone);
+    sleep_until(&*net, net.now().after(Duration::from_millis(50))).await;
+    let deadline = net.now().after(Duration::from_millis(300));
+    let error = connect(&net, &address, identity(Role::Display), &options, deadline).await.unwrap_err();
+    assert!(error.source().is_some());
+    let ConnectError::Deadline { attempts, last: AttemptError::Connect { cause, .. }, .. } = error else {
+        panic!("{error:?}")
+    };
+    assert!(attempts > 1, "{attempts} attempts");
+    assert_eq!(cause.kind(), ErrorKind::ConnectionRefused);
+}
+
+#[tokio::test]
+async fn nobody_comes_ends_at_the_deadline() {
+    let (net, options) = (net(), Options::default());
+    let (mut listener, _) = listener(&net, identity(Role::SwitchA), &options).await;
+    let accepted = listener.accept(net.now().after(Duration::from_millis(20))).await;
+    assert!(matches!(accepted, Err(AcceptError::Deadline { last: None, .. })), "{accepted:?}");
+}
+
+#[tokio::test]
+async fn a_port_in_use_says_so() {
+    let (net, options) = (net(), Options::default());
+    let (_holder, address) = listener(&net, identity(Role::SwitchA), &options).await;
+    let error = Listener::bind(&net, &address, identity(Role::SwitchA), &options).await.unwrap_err();
+    assert!(matches!(error, ListenError::InUse { .. }), "{error:?}");
+    assert!(error.to_string().contains(&address), "{error}");
+}
+
+#[tokio::test]
+async fn an_address_without_a_port_is_no_address() {
+    let (net, options) = (net(), Options::default());
+    let error = connect(&net, "localhost", identity(Role::Display), &options, soon(&net)).await.unwrap_err();
+    assert!(matches!(error, ConnectError::Address { .. }), "{error:?}");
+    let error = Listener::bind(&net, "localhost", identity(Role::SwitchA), &options).await.unwrap_err();
+    assert!(matches!(error, ListenError::Address { .. }), "{error:?}");
+}
