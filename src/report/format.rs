@@ -18,6 +18,15 @@ pub(super) fn figure(value: f64) -> String {
     }
 }
 
+/// A figure beside an axis: short, with k and M for thousands and millions.
+pub(super) fn tick_figure(value: f64) -> String {
+    match value.abs() {
+        size if size >= 1e6 => format!("{} M", figure(value / 1e6)),
+        size if size >= 1e4 => format!("{} k", figure(value / 1e3)),
+        _ => figure(value),
+    }
+}
+
 /// A whole number with its thousands grouped by narrow no-break spaces.
 pub(super) fn grouped(value: f64) -> String {
     let digits = format!("{:.0}", value.abs());
@@ -66,6 +75,9 @@ mod tests {
         for (value, text) in cases {
             assert_eq!(figure(value), text);
         }
+        assert_eq!(tick_figure(200_000.0), "200 k");
+        assert_eq!(tick_figure(1_500_000.0), "1.5 M");
+        assert_eq!(tick_figure(0.05), "0.05");
         assert_eq!(grouped(12_804_256.0), "12\u{202f}804\u{202f}256");
         assert_eq!(grouped(-0.2), "0");
     }

@@ -24,7 +24,7 @@ pub(super) fn run() -> Run {
         started: "2026-03-01T12:34:56Z".to_owned(),
         roles: [Seat::SwitchA, Seat::SwitchB, Seat::Display].map(role).to_vec(),
         scene: SceneInfo {
-            file: "scenes/<b>platform</b>.scene".to_owned(),
+            file: "scenes/<b>platform.scene".to_owned(),
             hash: "0123456789abcdef0123456789abcdef".to_owned(),
             file_bytes: Some(48_111_616),
             objects: 9_720,
@@ -58,9 +58,9 @@ fn frame(frame: u32) -> Frame {
     let turn = std::f64::consts::TAU * f64::from(frame) / f64::from(FRAMES);
     let load = 1.0 + 0.5 * (2.0 * turn).sin() + 0.15 * noise(frame, 1);
     let (or, hc, rvg) = (9.0 * load, 14.0 * load + noise(frame, 2), 11.0 * load);
-    let start = 18.0 * f64::from(frame);
-    let (culler, drawer) =
-        if frame.is_multiple_of(2) { (Seat::SwitchA, Seat::SwitchB) } else { (Seat::SwitchB, Seat::SwitchA) };
+    // The pair swaps every 25 ms; the machine that drew a frame's occluders culls it.
+    let start = 25.0 * f64::from(frame);
+    let seat = if frame.is_multiple_of(2) { Seat::SwitchA } else { Seat::SwitchB };
     let span = |role, seat, start_ms: f64, ms: f64| Span { role, seat, start_ms, end_ms: start_ms + ms };
 
     let exact = (420.0 * load) as u64;
@@ -88,9 +88,9 @@ fn frame(frame: u32) -> Frame {
         latency_frames: Some(1),
         latency_ms: Some(or + hc + rvg),
         timeline: vec![
-            span(Role::Or, drawer, start, or),
-            span(Role::Hc, culler, start + 18.0, hc),
-            span(Role::Rvg, Seat::Display, start + 20.0, rvg),
+            span(Role::Or, seat, start, or),
+            span(Role::Hc, seat, start + 25.0, hc),
+            span(Role::Rvg, Seat::Display, start + 27.0, rvg),
         ],
         passes: vec![
             PassTime { role: Role::Or, pass: "occluders".to_owned(), ms: or * 0.9 },

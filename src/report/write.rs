@@ -278,7 +278,11 @@ mod tests {
             .flat_map(|frame| {
                 let mut all = vec![(frame, PictureKind::Shown, sample::picture(frame, 1))];
                 if frame.is_multiple_of(AUDIT_EVERY) {
-                    all.push((frame, PictureKind::Unculled, sample::picture(frame, 1)));
+                    let mut unculled = sample::picture(frame, 1);
+                    if frame == 27 {
+                        unculled[20_000..20_164].fill(60);
+                    }
+                    all.push((frame, PictureKind::Unculled, unculled));
                     all.push((frame, PictureKind::Full, sample::picture(frame, 0)));
                 }
                 all

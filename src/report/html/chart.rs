@@ -3,17 +3,19 @@
 use std::fmt::Write as _;
 
 use super::escape;
-use crate::report::format::figure;
+use crate::report::format::tick_figure;
 
-/// The drawing's size and the plot's place in it, in SVG units.
-pub(super) const WIDTH: f64 = 720.0;
-pub(super) const LEFT: f64 = 58.0;
-pub(super) const RIGHT: f64 = WIDTH - 14.0;
-const HEIGHT: f64 = 250.0;
+/// The drawing's size and the plot's place in it, in SVG units; `script.js` knows them too.
+const WIDTH: f64 = 560.0;
+const LEFT: f64 = 58.0;
+const RIGHT: f64 = WIDTH - 14.0;
+const HEIGHT: f64 = 240.0;
 const TOP: f64 = 14.0;
 const BOTTOM: f64 = HEIGHT - 40.0;
 /// Above this many points a line shows no dots.
 const DOTS_UP_TO: usize = 90;
+/// An axis is logarithmic where the largest value is this many times the median.
+const LOG_ABOVE: f64 = 6.0;
 
 /// What a chart shows for one name of its legend.
 #[derive(Debug, Clone)]
@@ -66,12 +68,16 @@ struct Axis {
     from: f64,
     to: f64,
     log: bool,
+    /// All values are 0.
+    empty: bool,
+    /// The largest value; above `high` where the axis is cut off.
+    largest: f64,
 }
 
 impl Axis {
     fn linear(low: f64, high: f64, from: f64, to: f64) -> Self {
         let high = if high > low { high } else { low + 1.0 };
-        Self { low, high, from, to, log: false }
+        Self { low, high, from, to, log: false, empty: false, largest: high }
     }
 
     /// The axis of values from 0: logarithmic where single values stand far above the rest, and none is 0.
@@ -79,29 +85,47 @@ impl Axis {
         values.sort_by(f64::total_cmp);
         let (low, high) = (values.first().copied().unwrap_or(0.0), values.last().copied().unwrap_or(1.0));
         let median = values.get(values.len() / 2).copied().unwrap_or(1.0);
-        if may_be_log && low > 0.0 && high > 20.0 * median {
-            let (low, high) = (10_f64.powf(low.log10().floor()), 10_f64.powf(high.log10().ceil()));
-            return Self { low, high, from: BOTTOM, to: TOP, log: true };
+        if may_be_log && low > 0.0 && high > LOG_ABOVE * median {
+            return Self {
+                low: low * 0.8,
+                high: high * 1.25,
+                from: BOTTOM,
+                to: TOP,
+                log: true,
+                empty: false,
+                largest: high,
+            };
         }
-        let high = if high > 0.0 { high * 1.06 } else { 1.0 };
-        Self::linear(0.0, high, BOTTOM, TOP)
+        // An area has no logarithm: it is cut off above what most values need.
+        let most = values.get(values.len() * 95 / 100).copied().unwrap_or(high);
+        if !may_be_log && median > 0.0 && high > LOG_ABOVE * median {
+            return Self { largest: high, ..Self::linear(0.0, most * 1.3, BOTTOM, TOP) };
+        }
+        if high > 0.0 {
+            Self::linear(0.0, high * 1.06, BOTTOM, TOP)
+        } else {
+            Self { empty: true, ..Self::linear(0.0, 1.0, BOTTOM, TOP) }
+        }
     }
 
     fn at(&self, value: f64) -> f64 {
         let share = if self.log {
             (value.max(self.low) / self.low).log10() / (self.high / self.low).log10()
         } else {
-            (value - self.low) / (self.high - self.low)
+            (value.min(self.high) - self.low) / (self.high - self.low)
         };
         self.from + share * (self.to - self.from)
     }
 
     fn ticks(&self, about: f64) -> Vec<f64> {
         if self.log {
-            let decades = (self.high / self.low).log10().round() as i32;
-            return (0..=decades).map(|d| self.low * 10_f64.powi(d)).collect();
+            let (first, last) = (self.low.log10().floor() as i32, self.high.log10().ceil() as i32);
+            let steps: &[f64] = if last - first <= 3 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+            let all = (first..=last).flat_map(|d| steps.iter().map(move |s| s * 10_f64.powi(d)));
+            return all.filter(|t| (self.low..=self.high).contains(t)).collect();
         }
-        let step = nice_step((self.high - self.low) / about);
+        // Where all values are 0, nothing but 0 is worth a line.
+        let step = if self.empty { self.high } else { nice_step((self.high - self.low) / about) };
         let first = (self.low / step).ceil() as i64;
         let last = (self.high / step).floor() as i64;
         (first..=last).map(|i| i as f64 * step).collect()
@@ -146,15 +170,14 @@ impl Chart {
                 escape(name)
             );
         }
-        for (px, py, label) in &self.labels {
-            let (px, py) = (x.at(*px), y.at(*py));
-            let (dx, anchor) = if px > RIGHT - 70.0 { (-9.0, "end") } else { (9.0, "start") };
+        self.point_labels(&mut svg, &x, &y);
+        if y.high < y.largest {
             let _ = write!(
                 svg,
-                "<text class=\"label\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">{}</text>",
-                px + dx,
-                py - 8.0,
-                escape(label)
+                "<text class=\"boundname\" x=\"{:.1}\" y=\"{:.1}\">up to {}, cut off here</text>",
+                LEFT + 12.0,
+                TOP + 4.0,
+                tick_figure(y.largest)
             );
         }
         self.axis_names(&mut svg, y.log);
@@ -203,6 +226,25 @@ impl Chart {
         )
     }
 
+    /// Labels beside their points, each where it covers no other; one that finds no place is left out.
+    fn point_labels(&self, svg: &mut String, x: &Axis, y: &Axis) {
+        let mut taken: Vec<(f64, f64)> = Vec::new();
+        for (px, py, label) in &self.labels {
+            let (px, py) = (x.at(*px), y.at(*py));
+            let width = 7.0 * label.chars().count() as f64;
+            let places = [(px - 8.0 - width, py - 6.0), (px - width / 2.0, py - 12.0), (px + 9.0, py + 4.0)];
+            let free = |place: &&(f64, f64)| {
+                let apart = |t: &(f64, f64)| (t.0 - place.0).abs() > width || (t.1 - place.1).abs() > 13.0;
+                place.0 > LEFT && taken.iter().all(apart)
+            };
+            if let Some(&(left, base)) = places.iter().find(free) {
+                let text = escape(label);
+                let _ = write!(svg, "<text class=\"label\" x=\"{left:.1}\" y=\"{base:.1}\">{text}</text>");
+                taken.push((left, base));
+            }
+        }
+    }
+
     fn axis_names(&self, svg: &mut String, log: bool) {
         let middle = (LEFT + RIGHT) / 2.0;
         let logarithmic = if log { ", logarithmic" } else { "" };
@@ -244,10 +286,10 @@ fn grid(svg: &mut String, x: &Axis, y: &Axis) {
              <text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
             LEFT - 7.0,
             at + 4.0,
-            figure(tick)
+            tick_figure(tick)
         );
     }
-    for tick in x.ticks(9.0) {
+    for tick in x.ticks(7.0) {
         let at = x.at(tick);
         let _ = write!(
             svg,
@@ -255,7 +297,7 @@ fn grid(svg: &mut String, x: &Axis, y: &Axis) {
              <text class=\"tick\" x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
             BOTTOM + 4.0,
             BOTTOM + 17.0,
-            figure(tick)
+            tick_figure(tick)
         );
     }
     let _ =

@@ -67,8 +67,9 @@ impl Exhibit {
         if let Some(unculled) = &self.unculled {
             let wrong = frame.and_then(|f| f.cut_mismatch_pixels).map_or_else(
                 || "differing pixels are lit".to_owned(),
-                |pixels| {
-                    format!("{} changed by culling; they would be lit", plural(pixels, "pixel", "pixels"))
+                |pixels| match pixels {
+                    0 => "culling changed no pixel; one that differs would be lit".to_owned(),
+                    _ => format!("culling changed the {} that are lit", plural(pixels, "pixel", "pixels")),
                 },
             );
             panes += &pane("unculled", "the same level cut without culling", unculled, Shrink::Mean);

@@ -2,7 +2,7 @@
 "use strict";
 (() => {
   const report = JSON.parse(document.getElementById("report").textContent);
-  const plot = { left: 58, right: 706, top: 14, bottom: 210 };
+  const plot = { left: 58, right: 546, top: 14, bottom: 200 };
   const value = (frame, key) => {
     const parts = [frame, frame.full_detail, frame.culling].filter(Boolean);
     const part = parts.find((p) => key in p);

@@ -8,12 +8,11 @@ use crate::report::schema::{METRICS, Mode, Report, Role, Seat, Stat};
 
 pub(super) fn html(report: &Report) -> String {
     format!(
-        "<h2 id=\"tables\">Figures</h2><div class=\"columns\">{}{}{}{}{}{}</div><h2 id=\"settings\">Settings</h2>\
+        "<h2 id=\"tables\">Figures</h2><div class=\"columns\">{}{}{}{}{}</div><h2 id=\"settings\">Settings</h2>\
          <div class=\"columns\">{}{}{}</div>",
         metrics(report),
         false_culls(report),
         doubts(report),
-        bandwidth(report),
         passes(report),
         sweep(report),
         settings(report),
@@ -119,7 +118,7 @@ fn doubts(report: &Report) -> String {
     )
 }
 
-fn bandwidth(report: &Report) -> String {
+pub(super) fn bandwidth(report: &Report) -> String {
     let Some(b) = report.summary.bandwidth else { return String::new() };
     let rate = |bytes: f64| {
         report.summary.measured_fps.map_or_else(|| "–".to_owned(), |fps| figure(bytes * 8.0 * fps / 1e6))

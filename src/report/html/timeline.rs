@@ -2,12 +2,15 @@
 
 use std::fmt::Write as _;
 
-use super::chart::{LEFT, RIGHT, WIDTH, nice_step};
-use crate::report::format::figure;
+use super::chart::nice_step;
+use crate::report::format::{figure, tick_figure};
 use crate::report::schema::{Frame, Role, Seat, Span};
 
 /// The frames that a timeline shows at most; more would be hairlines.
-const WINDOW: usize = 16;
+const WINDOW: usize = 20;
+const WIDTH: f64 = 1160.0;
+const LEFT: f64 = 66.0;
+const RIGHT: f64 = WIDTH - 8.0;
 const ROW: f64 = 38.0;
 const BAR: f64 = 28.0;
 const TOP: f64 = 8.0;
@@ -54,7 +57,7 @@ impl<'a> Timeline<'a> {
         let mut svg = format!(
             "<ul class=\"legend\"><li><i class=\"or block\"></i>OR: draws the next frame's occluders</li>\
              <li><i class=\"hc block\"></i>HC: culls</li><li><i class=\"rvg block\"></i>RVG: draws the picture</li></ul>\
-             <svg class=\"wide\" viewBox=\"0 0 {WIDTH} {:.0}\" role=\"img\" aria-label=\"which machine is busy when\">",
+             <svg viewBox=\"0 0 {WIDTH} {:.0}\" role=\"img\" aria-label=\"which machine is busy when\">",
             bottom + 40.0
         );
         self.grid(&mut svg, bottom);
@@ -86,7 +89,7 @@ impl<'a> Timeline<'a> {
     }
 
     fn grid(&self, svg: &mut String, bottom: f64) {
-        let step = nice_step((self.end_ms - self.start_ms) / 9.0);
+        let step = nice_step((self.end_ms - self.start_ms) / 14.0);
         for tick in (self.start_ms / step).ceil() as i64..=(self.end_ms / step).floor() as i64 {
             let x = self.at(tick as f64 * step);
             let _ = write!(
@@ -94,7 +97,7 @@ impl<'a> Timeline<'a> {
                 "<line class=\"grid\" x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{TOP}\" y2=\"{bottom:.1}\"/>\
                  <text class=\"tick\" x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
                 bottom + 16.0,
-                figure(tick as f64 * step)
+                tick_figure(tick as f64 * step)
             );
         }
     }

@@ -3,6 +3,7 @@
 use super::{card, over_frames, series};
 use crate::report::format::figure;
 use crate::report::html::chart::{Chart, Mark, Series};
+use crate::report::html::tables;
 use crate::report::schema::{
     Bandwidth, BytesByKind, Frame, Report, corrected_formula_bytes, paper_formula_bytes,
 };
@@ -13,7 +14,7 @@ pub(super) fn html(report: &Report) -> String {
         &chart(report).svg(),
         "The formulas are evaluated at each frame's own number of ids. The paper's 8nh/b + 3(72+h) multiplies id bytes by \
          header bytes; what is sent is 2(4n + hn/b) + 3(72+h).",
-    )
+    ) + &tables::bandwidth(report)
 }
 
 fn chart(report: &Report) -> Chart {

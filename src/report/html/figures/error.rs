@@ -16,7 +16,7 @@ pub(super) fn html(report: &Report) -> String {
         &silhouette(report).svg(),
         "Two-sided Hausdorff distance of the covered pixels against full detail; sampling at pixel centres may add 0.71 px.",
     ) + &card(
-        "How visible the levels of detail are",
+        &flip_finding(report),
         &flip(frames).svg(),
         "FLIP against full detail: 0 looks equal, 1 is as different as can be.",
     ) + &sweep(&report.sweep)
@@ -83,6 +83,13 @@ fn silhouette_finding(report: &Report) -> String {
     }
 }
 
+fn flip_finding(report: &Report) -> String {
+    report.summary.metrics.get("flip_mean").map_or_else(
+        || "How visible the levels of detail are".to_owned(),
+        |flip| format!("The levels of detail are visible by a mean FLIP of {} (median)", figure(flip.median)),
+    )
+}
+
 fn flip(frames: &[Frame]) -> Chart {
     over_frames(
         "FLIP",
@@ -124,8 +131,14 @@ fn sweep(points: &[SweepPoint]) -> String {
         let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max));
         if low > 0.0 && high > 0.0 { figure(high / low) } else { "?".to_owned() }
     };
-    let title =
-        format!("A coarser ε buys up to {} times the frame rate: visible error", gain(|p| p.measured_fps));
+    let title = format!(
+        "A coarser ε buys up to {} times the frame rate, and this much visible error",
+        gain(|p| p.measured_fps)
+    );
     by(|p| p.flip_mean, "mean FLIP against full detail", &title)
-        + &by(|p| p.silhouette_max_px, "largest silhouette deviation (px)", "The same runs: silhouette error")
+        + &by(
+            |p| p.silhouette_max_px,
+            "largest silhouette deviation (px)",
+            "What the same runs do to the silhouette",
+        )
 }

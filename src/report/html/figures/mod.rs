@@ -11,22 +11,31 @@ use crate::report::schema::{Frame, METRICS, Report};
 
 pub(super) fn html(report: &Report) -> String {
     [
-        "<h2 id=\"speed\">Speed</h2>".to_owned(),
-        speed::html(report),
-        "<h2 id=\"visibility\">Drawn against exactly visible</h2>".to_owned(),
-        visibility::html(report),
-        "<h2 id=\"error\">Error</h2>".to_owned(),
-        error::html(report),
-        "<h2 id=\"bytes\">Bytes</h2>".to_owned(),
-        bytes::html(report),
+        section("speed", "Speed", &speed::html(report)),
+        section("visibility", "Drawn against exactly visible", &visibility::html(report)),
+        section("error", "Error", &error::html(report)),
+        section("bytes", "Bytes", &bytes::html(report)),
     ]
     .concat()
 }
 
+fn section(id: &str, title: &str, cards: &str) -> String {
+    format!("<h2 id=\"{id}\">{title}</h2><div class=\"cards\">{cards}</div>")
+}
+
 /// A chart under its finding.
 fn card(finding: &str, svg: &str, caption: &str) -> String {
+    figure("card", finding, svg, caption)
+}
+
+/// A chart that takes the page's whole width.
+fn wide_card(finding: &str, svg: &str, caption: &str) -> String {
+    figure("card all", finding, svg, caption)
+}
+
+fn figure(class: &str, finding: &str, svg: &str, caption: &str) -> String {
     format!(
-        "<figure class=\"card\"><h3>{}</h3>{svg}<figcaption>{}</figcaption></figure>",
+        "<figure class=\"{class}\"><h3>{}</h3>{svg}<figcaption>{}</figcaption></figure>",
         escape(finding),
         escape(caption)
     )

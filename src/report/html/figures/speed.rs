@@ -1,7 +1,7 @@
 //! How long the roles take.
 
-use super::{card, over_frames, series};
-use crate::report::format::figure;
+use super::{card, over_frames, series, wide_card};
+use crate::report::format::{figure, plural};
 use crate::report::html::chart::{Chart, Mark};
 use crate::report::html::timeline::Timeline;
 use crate::report::schema::{Frame, Report};
@@ -15,31 +15,26 @@ pub(super) fn html(report: &Report) -> String {
         let caption = format!(
             "Frames {first} to {last}. The switching pair takes turns: whoever drew the occluders of a frame culls it."
         );
-        card(&finding, &timeline.svg(), &caption)
+        wide_card(&finding, &timeline.svg(), &caption)
     });
-    card(
+    let roles = card(
         &role_finding(frames),
         &role_times(frames).svg(),
         "Busy time: waiting for another role is not counted.",
-    ) + &timeline
-        + &card(
-            &latency_finding(report),
-            &latency(frames).svg(),
-            "From a camera's publication to its own picture.",
-        )
+    );
+    let latency = card(
+        &latency_finding(report),
+        &latency(frames).svg(),
+        "From a camera's publication to its own picture.",
+    );
+    roles + &latency + &timeline
 }
 
 fn role_times(frames: &[Frame]) -> Chart {
     let lines = [("or_ms", "OR", "or"), ("hc_ms", "HC", "hc"), ("rvg_ms", "RVG", "rvg")]
         .map(|(key, name, class)| series(frames, key, name, class, Mark::Line));
     let [or, hc, rvg] = lines;
-    let measured = series(
-        frames,
-        "frame_ms",
-        "frame time as measured, all roles sharing this machine",
-        "exact",
-        Mark::Dashed,
-    );
+    let measured = series(frames, "frame_ms", "frame time as measured here", "exact", Mark::Dashed);
     over_frames("ms a frame", vec![or, hc, rvg, measured], &["or_ms", "hc_ms", "rvg_ms", "frame_ms"])
 }
 
@@ -73,9 +68,9 @@ fn latency_finding(report: &Report) -> String {
     let metrics = &report.summary.metrics;
     match (metrics.get("latency_ms"), metrics.get("latency_frames")) {
         (Some(ms), Some(frames)) => format!(
-            "A camera is seen after {} ms and {} frames (medians)",
+            "A camera is seen after {} ms and {} (medians)",
             figure(ms.median),
-            figure(frames.median)
+            plural(frames.median as u64, "frame", "frames")
         ),
         (Some(ms), None) => format!("A camera is seen after {} ms (median)", figure(ms.median)),
         _ => "Camera to picture".to_owned(),
