@@ -6,6 +6,7 @@
 mod clock;
 mod device;
 mod driver;
+mod join;
 mod machine;
 mod session;
 mod vulkan;
@@ -15,6 +16,7 @@ pub use device::{PairDevice, PictureDevice};
 pub use driver::{
     Cameras, DisplayRole, LinkError, Observer, PairRole, PairTraffic, RoleError, ShownFrame, Stop, Stopper,
 };
+pub use join::{JoinError, Joined, await_pair, join_session, role_of};
 pub use machine::{DisplayMachine, DisplayStep, OrderError, Seat, SwitchMachine, SwitchStep};
 pub use session::{Devices, SessionError, in_process};
 pub use vulkan::{VulkanDisplay, VulkanPair, VulkanPairError};

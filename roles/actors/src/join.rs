@@ -1,0 +1,132 @@
+//! Three roles find each other over TCP. Start order does not matter: whoever connects tries again until the deadline.
+
+use std::sync::Arc;
+
+use thiserror::Error;
+use trimaran_proto::{Identity, Role, SceneHash, Settings};
+use trimaran_transport::{
+    Instant, Link, Net,
+    tcp::{AcceptError, ConnectError, ListenError, Listener, Options, connect},
+};
+
+use crate::Seat;
+
+/// Why a role did not find the others.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum JoinError {
+    /// The role cannot listen.
+    #[error(transparent)]
+    Listen(#[from] ListenError),
+    /// A peer did not come.
+    #[error("waiting for {peer} failed")]
+    Accept {
+        /// The peer that was missing.
+        peer: Role,
+        /// Why.
+        #[source]
+        cause: AcceptError,
+    },
+    /// A peer cannot be reached, or refuses.
+    #[error("joining {peer} failed")]
+    Connect {
+        /// The peer.
+        peer: Role,
+        /// Why.
+        #[source]
+        cause: ConnectError,
+    },
+    /// A peer came that has no place here.
+    #[error("{came} came where {due} was due; check the roles and addresses in the configurations")]
+    Stranger {
+        /// Who came.
+        came: Role,
+        /// Who was due.
+        due: Role,
+    },
+    /// The display's address belongs to something that dictates no session.
+    #[error("the peer at the display's address dictates no session")]
+    NoSettings,
+}
+
+/// The role on the wire of a machine of the pair.
+#[must_use]
+pub const fn role_of(seat: Seat) -> Role {
+    match seat {
+        Seat::First => Role::SwitchA,
+        Seat::Second => Role::SwitchB,
+    }
+}
+
+/// The display waits for both machines of the pair on its listener; the links come first machine first.
+///
+/// # Errors
+/// When one has not come by the deadline.
+pub async fn await_pair(mut listener: Listener, deadline: Instant) -> Result<[Link; 2], JoinError> {
+    let (mut first, mut second) = (None, None);
+    loop {
+        let missing = if first.is_none() { Role::SwitchA } else { Role::SwitchB };
+        let link =
+            listener.accept(deadline).await.map_err(|cause| JoinError::Accept { peer: missing, cause })?;
+        match link.peer.identity.role {
+            Role::SwitchA => first = Some(link),
+            Role::SwitchB => second = Some(link),
+            came @ Role::Display => return Err(JoinError::Stranger { came, due: missing }),
+        }
+        match (first.take(), second.take()) {
+            (Some(first), Some(second)) => return Ok([first, second]),
+            (early_first, early_second) => (first, second) = (early_first, early_second),
+        }
+    }
+}
+
+/// What a machine of the pair has once it has joined.
+#[derive(Debug)]
+pub struct Joined {
+    /// The link to the display.
+    pub display: Link,
+    /// The link to the other machine of the pair.
+    pub other: Link,
+    /// What the display dictates.
+    pub settings: Settings,
+}
+
+/// A machine of the pair joins the display at `display` and the other machine: the first listens at `pair`, the second
+/// connects there.
+///
+/// # Errors
+/// When a peer is not there by the deadline, refuses, or is not who it should be.
+pub async fn join_session(
+    net: &Arc<dyn Net>,
+    seat: Seat,
+    scene: SceneHash,
+    display: &str,
+    pair: &str,
+    options: &Options,
+    deadline: Instant,
+) -> Result<Joined, JoinError> {
+    let role = role_of(seat);
+    let identity = |settings| Identity { role, scene, settings };
+    let display = connect(net, display, identity(None), options, deadline)
+        .await
+        .map_err(|cause| JoinError::Connect { peer: Role::Display, cause })?;
+    expect_role(&display, Role::Display)?;
+    let settings = display.peer.identity.settings.ok_or(JoinError::NoSettings)?;
+    let peer = role_of(seat.other());
+    let other = match seat {
+        Seat::First => {
+            let mut listener = Listener::bind(net, pair, identity(Some(settings)), options).await?;
+            listener.accept(deadline).await.map_err(|cause| JoinError::Accept { peer, cause })?
+        }
+        Seat::Second => connect(net, pair, identity(Some(settings)), options, deadline)
+            .await
+            .map_err(|cause| JoinError::Connect { peer, cause })?,
+    };
+    expect_role(&other, peer)?;
+    Ok(Joined { display, other, settings })
+}
+
+fn expect_role(link: &Link, due: Role) -> Result<(), JoinError> {
+    let came = link.peer.identity.role;
+    if came == due { Ok(()) } else { Err(JoinError::Stranger { came, due }) }
+}
