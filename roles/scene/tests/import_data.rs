@@ -1,5 +1,7 @@
 //! Imports real scenes and compares counts with what is known of them. Needs the data folder: see `data_folder`.
 
+#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests: a failure is a test's failure")]
+
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DAffine3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 
 use super::report::{ImportReport, Warning};
 use super::{ImportError, Imported, Part};
@@ -38,6 +38,21 @@ pub(super) fn weld(mesh: &Mesh) -> Mesh {
         colours: vertices.iter().map(|key| Rgba8(key.colour)).collect(),
         indices,
     }
+}
+
+/// A mesh about the middle of its box, and where that is: single precision then holds what it can.
+pub(super) fn centred(positions: &[DVec3], colours: Vec<Rgba8>, indices: Vec<u32>) -> (Mesh, DVec3) {
+    let (low, high) = bounds(positions);
+    // Half first: the sum could overflow.
+    let origin = if positions.is_empty() { DVec3::ZERO } else { low / 2.0 + high / 2.0 };
+    let positions = positions.iter().map(|p| (p - origin).as_vec3()).collect();
+    (weld(&Mesh { positions, colours, indices }), origin)
+}
+
+/// The lower and the upper corner of the box around all positions; infinite and inverted if there are none.
+pub(super) fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
+    let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    positions.iter().fold(empty, |(low, high), &p| (low.min(p), high.max(p)))
 }
 
 /// Places `mesh` in the part, flattening the mesh itself where the matrix is singular: an object must keep an invertible
@@ -110,7 +125,7 @@ fn index(present: usize, more: usize, what: &'static str) -> Result<u32, ImportE
 
 #[cfg(test)]
 mod tests {
-    use glam::{DMat3, DVec3};
+    use glam::DMat3;
 
     use super::*;
 

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use super::gltf::GltfError;
+use super::obj::ObjError;
 use super::rvm::RvmError;
 use crate::ModelError;
 
@@ -66,6 +67,14 @@ pub enum ImportError {
         path: PathBuf,
         /// What is wrong with it.
         source: RvmError,
+    },
+    /// An OBJ file is malformed.
+    #[error("{path}: {source}", path = path.display())]
+    Obj {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: ObjError,
     },
     /// The files are fine one by one, but what they make cannot be used.
     #[error("{path}: {source}", path = path.display())]

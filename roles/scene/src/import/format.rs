@@ -1,7 +1,7 @@
 //! Which format a file is in: its name says, its first bytes confirm.
 
-use std::fs;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
+use std::{fs, io};
 
 use super::ImportError;
 
@@ -13,6 +13,8 @@ pub enum Format {
     Gltf,
     /// AVEVA review file, binary.
     Rvm,
+    /// Wavefront OBJ, with its materials (.mtl) beside it.
+    Obj,
 }
 
 impl Format {
@@ -32,6 +34,9 @@ impl Format {
             Some("rvm") => {
                 wrong(".rvm", "the word HEAD, four bytes a letter: it is binary, not the text form")
             }
+            // Text of any kind: it has no first bytes to know it by, but it cannot hold a zero.
+            Some("obj") if !bytes.contains(&0) => Ok(Self::Obj),
+            Some("obj") => wrong(".obj", "text"),
             _ => Err(ImportError::UnknownFormat { path: path.to_owned() }),
         }
     }
@@ -44,15 +49,20 @@ fn first_visible(bytes: &[u8]) -> Option<u8> {
 }
 
 /// The bytes of a regular file. Pipes and devices are refused: they may never end.
-pub(super) fn read(path: &Path) -> Result<Vec<u8>, ImportError> {
-    let read = || {
-        if fs::metadata(path)?.is_file() {
-            fs::read(path)
-        } else {
-            Err(std::io::Error::other("it is not a regular file"))
-        }
-    };
-    read().map_err(|source| ImportError::Read { path: path.to_owned(), source })
+pub(super) fn read(path: &Path) -> io::Result<Vec<u8>> {
+    if fs::metadata(path)?.is_file() {
+        fs::read(path)
+    } else {
+        Err(io::Error::other("it is not a regular file"))
+    }
+}
+
+/// Where the file is that `document` refers to as `name`; none unless it is in the document's folder or below. A model from
+/// a stranger must not name any other file of this machine.
+pub(super) fn beside(document: &Path, name: &Path) -> Option<PathBuf> {
+    let inside = |part| matches!(part, Component::Normal(_) | Component::CurDir);
+    let is_plain = !name.to_string_lossy().contains(':') && name.components().all(inside);
+    is_plain.then(|| document.parent().unwrap_or(Path::new("")).join(name))
 }
 
 #[cfg(test)]

@@ -12,6 +12,8 @@ mod assemble;
 mod error;
 mod format;
 mod gltf;
+mod obj;
+mod polygon;
 mod report;
 mod rvm;
 
@@ -24,6 +26,7 @@ use rayon::prelude::*;
 pub use error::ImportError;
 pub use format::Format;
 pub use gltf::GltfError;
+pub use obj::ObjError;
 pub use report::{ImportReport, PrimitiveCounts, Warning};
 pub use rvm::RvmError;
 
@@ -116,10 +119,12 @@ struct Part {
 }
 
 fn import_file(path: &Path, options: &ImportOptions) -> Result<Part, ImportError> {
-    let bytes = format::read(path)?;
+    let bytes = format::read(path).map_err(|source| ImportError::Read { path: path.to_owned(), source })?;
     match Format::of(path, &bytes)? {
         Format::Gltf => gltf::import(path, &bytes, options)
             .map_err(|source| ImportError::Gltf { path: path.to_owned(), source: Box::new(source) }),
+        Format::Obj => obj::import(path, &bytes, options)
+            .map_err(|source| ImportError::Obj { path: path.to_owned(), source }),
         Format::Rvm => {
             rvm::import(&bytes, options).map_err(|source| ImportError::Rvm { path: path.to_owned(), source })
         }

@@ -29,10 +29,12 @@ pub struct ImportReport {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Warning {
-    /// glTF primitives of points or lines: they have no surface.
+    /// glTF primitives and OBJ elements of points or lines: they have no surface.
     PointsOrLines,
-    /// glTF materials whose colour comes from a texture: drawn in their base colour.
+    /// glTF and OBJ materials whose colour comes from a texture: drawn in their base colour.
     TexturedMaterial,
+    /// OBJ material libraries that cannot be read: what uses them is drawn grey.
+    MaterialsMissing,
     /// glTF nodes with a skin: drawn as modelled, without it.
     SkinnedNode,
     /// RVM insulation and obstruction volumes: they are room kept free, not things, and would hide what is in them.
@@ -102,6 +104,7 @@ impl fmt::Display for Warning {
         f.write_str(match self {
             Self::PointsOrLines => "primitives of points or lines left out: they have no surface",
             Self::TexturedMaterial => "textured materials drawn in their base colour",
+            Self::MaterialsMissing => "material libraries that cannot be read: drawn grey",
             Self::SkinnedNode => "skinned nodes drawn as modelled",
             Self::VolumeLeftOut => "insulation and obstruction volumes left out",
             Self::FlattenedObject => "objects that their matrix flattens",

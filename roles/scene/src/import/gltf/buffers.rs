@@ -1,8 +1,7 @@
 //! The bytes that a glTF document refers to: in the container, in data URIs, or in files beside it.
 
 use std::borrow::Cow;
-use std::fs;
-use std::path::{Component, Path, PathBuf};
+use std::path::Path;
 
 use base64::Engine;
 use base64::engine::DecodePaddingMode;
@@ -11,6 +10,7 @@ use percent_encoding::percent_decode_str;
 
 use super::GltfError;
 use super::json::Buffer;
+use crate::import::format::{beside, read};
 
 /// Exporters differ on padding.
 const BASE64: GeneralPurpose = GeneralPurpose::new(
@@ -58,22 +58,9 @@ fn fetch(document: &Path, buffer: usize, uri: &str) -> Result<Vec<u8>, GltfError
         };
     }
     let name = percent_decode_str(uri).decode_utf8().map_err(|_| malformed("its address is not UTF-8"))?;
-    let name = PathBuf::from(name.as_ref());
-    // A model from a stranger must not name any file of this machine: only those beside or below it.
-    if name.to_string_lossy().contains(':')
-        || !name.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
-    {
-        return Err(malformed("its address leads out of the document's folder; put the buffer beside it"));
-    }
-    let path = document.parent().unwrap_or(Path::new("")).join(name);
-    let read = || {
-        if fs::metadata(&path)?.is_file() {
-            fs::read(&path)
-        } else {
-            Err(std::io::Error::other("it is not a regular file"))
-        }
-    };
-    read().map_err(|source| GltfError::BufferFile { buffer, path: path.clone(), source })
+    let path = beside(document, Path::new(name.as_ref()))
+        .ok_or(malformed("its address leads out of the document's folder; put the buffer beside it"))?;
+    read(&path).map_err(|source| GltfError::BufferFile { buffer, path, source })
 }
 
 #[cfg(test)]

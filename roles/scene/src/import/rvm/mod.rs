@@ -7,7 +7,6 @@
 
 mod colour;
 mod error;
-mod facets;
 mod parse;
 mod reader;
 mod shape;
@@ -25,7 +24,7 @@ use self::parse::{File, Group, Primitive};
 use self::shape::Shape;
 use self::solid::{Chord, Solid};
 use self::tessellate::tessellate;
-use super::assemble::weld;
+use super::assemble::{bounds, centred};
 use super::report::{ImportReport, Warning};
 use super::{ImportOptions, Part, UpAxis};
 use crate::{Mesh, Model, Object, Rgba8};
@@ -124,13 +123,8 @@ impl Frame {
         if indices.is_empty() {
             return Ok(None);
         }
-        let (low, high) = bounds(&positions);
-        let origin = (low + high) / 2.0;
-        let mesh = weld(&Mesh {
-            colours: vec![colour; positions.len()],
-            positions: positions.iter().map(|p| (p - origin).as_vec3()).collect(),
-            indices,
-        });
+        let colours = vec![colour; positions.len()];
+        let (mesh, origin) = centred(&positions, colours, indices);
         Ok(Some(Placed { mesh, origin, box_mismatches }))
     }
 }
@@ -141,11 +135,6 @@ fn largest_scale(map: &DAffine3) -> f64 {
     let m = map.matrix3;
     let row = |a: DVec3| a.dot(m.x_axis).abs() + a.dot(m.y_axis).abs() + a.dot(m.z_axis).abs();
     row(m.x_axis).max(row(m.y_axis)).max(row(m.z_axis)).sqrt()
-}
-
-fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
-    let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    positions.iter().fold(empty, |(low, high), &p| (low.min(p), high.max(p)))
 }
 
 /// Whether the tessellation fills the box that the file stores with the primitive: no side is off by more than 5 % of the

@@ -32,11 +32,19 @@ impl Solid {
         self.indices.extend(corners);
     }
 
-    /// The wall between two rings of equally many vertices; `lower` comes first along the solid.
+    /// The wall between two rings, which may have different numbers of vertices; `lower` comes first along the solid.
     pub(super) fn wall(&mut self, lower: &Ring, upper: &Ring) {
-        for ((a, b), (c, d)) in lower.edges().zip(upper.edges()) {
-            self.triangle([a, b, d]);
-            self.triangle([a, d, c]);
+        let (n, m) = (lower.count(), upper.count());
+        let (mut i, mut j) = (0, 0);
+        while i < n || j < m {
+            // Go on along the ring whose next vertex comes first around the axis.
+            if j == m || (i < n && (i + 1) * m <= (j + 1) * n) {
+                self.triangle([lower.at(i), lower.at(i + 1), upper.at(j)]);
+                i += 1;
+            } else {
+                self.triangle([lower.at(i), upper.at(j + 1), upper.at(j)]);
+                j += 1;
+            }
         }
     }
 
@@ -101,6 +109,15 @@ impl Solid {
 }
 
 impl Ring {
+    fn count(&self) -> u64 {
+        u64::from(self.0.end - self.0.start)
+    }
+
+    /// Vertex `index` around, the first once more after the last.
+    fn at(&self, index: u64) -> u32 {
+        if index < self.count() { self.0.start + index as u32 } else { self.0.start }
+    }
+
     /// Each vertex with the next one around.
     fn edges(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
         let Range { start, end } = self.0;
@@ -125,11 +142,12 @@ impl Chord {
     }
 
     /// The fewest equal chords along `angle` of a circle that stay within the tolerance of it: a chord over the angle a
-    /// is r (1 - cos a/2) off. No chord spans more than an eighth of a turn, so that small pipes stay round.
+    /// is r (1 - cos a/2) off. No chord spans more than a sixth of a turn, so that the thinnest pipe is still a
+    /// pipe.
     pub(super) fn count(self, radius: f64, angle: f64) -> usize {
         let angle = angle.abs().min(TAU);
         let half = libm::acos((1.0 - self.tolerance / radius.abs()).clamp(-1.0, 1.0));
-        let step = (2.0 * half).min(PI / 4.0);
+        let step = (2.0 * half).min(PI / 3.0);
         // A zero step divides to infinity, which the clamp takes care of; NaN casts to 0.
         ((angle / step).ceil().clamp(1.0, MOST_CHORDS) as usize).max(1)
     }
@@ -162,12 +180,12 @@ mod tests {
     #[test]
     fn degenerate_curves_have_few_chords() {
         let chord = Chord { tolerance: 1.0 };
-        assert_eq!(chord.count(0.0, TAU), 8);
-        assert_eq!(chord.count(0.5, TAU), 8);
+        assert_eq!(chord.count(0.0, TAU), 6);
+        assert_eq!(chord.count(0.5, TAU), 6);
         assert_eq!(chord.count(10.0, 0.0), 1);
         assert_eq!(chord.count(1e30, TAU), 1024);
         assert_eq!(chord.count(f64::INFINITY, TAU), 1024);
-        assert_eq!(chord.count(0.5, 1e30), 8);
+        assert_eq!(chord.count(0.5, 1e30), 6);
     }
 
     #[test]

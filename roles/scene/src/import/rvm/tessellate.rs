@@ -7,9 +7,9 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::DVec3;
 
-use super::facets;
-use super::shape::Shape;
+use super::shape::{Polygon, Shape};
 use super::solid::{Chord, Ring, Solid, circle, direction};
+use crate::import::polygon::Triangulator;
 
 /// A torus whose angle is this near to a full turn is closed.
 const FULL_TURN: f64 = TAU - 1e-4;
@@ -48,7 +48,7 @@ pub(super) fn tessellate(shape: &Shape, chord: Chord) -> Solid {
             Ellipsoid { radius, height: radius, centre: 0.0 }.top(&mut solid, PI, chord);
         }
         Shape::Line => {}
-        Shape::FacetGroup { ref polygons } => facets::triangulate(&mut solid, polygons),
+        Shape::FacetGroup { ref polygons } => facets(&mut solid, polygons),
     }
     solid
 }
@@ -153,6 +153,19 @@ fn turn(solid: &mut Solid, section: &[(f64, f64)], count: usize, angle: f64) {
     }
 }
 
+/// Polygons, their corners at the same place shared.
+fn facets(solid: &mut Solid, polygons: &[Polygon]) {
+    let mut triangulator = Triangulator::new();
+    for polygon in polygons {
+        let first = solid.positions.len() as u32;
+        solid.positions.extend(polygon.iter().flatten());
+        for triangle in triangulator.triangulate(polygon) {
+            solid.triangle(triangle.map(|corner| first + corner));
+        }
+    }
+    solid.collapse();
+}
+
 /// Half an ellipsoid on the xy plane.
 fn dish(solid: &mut Solid, radius: f64, height: f64, chord: Chord) {
     let whole = Ellipsoid { radius, height, centre: 0.0 };
@@ -183,12 +196,12 @@ impl Ellipsoid {
     /// The part within the angle `arc` of the top, closed at its foot.
     fn top(&self, solid: &mut Solid, arc: f64, chord: Chord) {
         let chord = chord.shared();
-        let around = chord.count(self.radius, TAU);
         let rows = chord.count(self.radius.abs().max(self.height.abs()), arc).max(2);
         let ring = |solid: &mut Solid, row: usize| {
             let (cos, sin) = direction(arc * row as f64 / rows as f64);
             let (radius, z) = (self.radius * sin, self.centre + self.height * cos);
-            solid.ring(circle(around).map(|(x, y)| DVec3::new(radius * x, radius * y, z)))
+            let around = circle(chord.count(radius, TAU));
+            solid.ring(around.map(|(x, y)| DVec3::new(radius * x, radius * y, z)))
         };
         let whole = arc >= PI - 1e-6;
         let foot = if whole { rows - 1 } else { rows };

@@ -6,30 +6,15 @@
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
-use super::shape::Polygon;
-use super::solid::Solid;
-
-/// Adds the triangles of all polygons, facing as each polygon's largest contour winds; corners at the same place are
-/// shared.
-pub(super) fn triangulate(solid: &mut Solid, polygons: &[Polygon]) {
-    let mut earcut = Earcut::new();
-    for polygon in polygons {
-        match polygon.as_slice() {
-            [contour] if contour.len() == 3 => {
-                let first = solid.positions.len() as u32;
-                solid.positions.extend(contour);
-                solid.triangle([first, first + 1, first + 2]);
-            }
-            _ => add(solid, polygon, &mut earcut),
-        }
-    }
-    solid.collapse();
+/// Cuts polygons into triangles; keeps its memory from one to the next.
+pub(super) struct Triangulator {
+    earcut: Earcut<f64>,
 }
 
 /// A contour laid flat.
 struct Contour {
     points: Vec<DVec2>,
-    /// The solid's vertex at the first of them.
+    /// Number of its first corner among those of all contours.
     first: u32,
     /// Twice the area; positive if it winds like the polygon.
     area: f64,
@@ -39,31 +24,81 @@ struct Contour {
     parent: Option<usize>,
 }
 
-fn add(solid: &mut Solid, polygon: &Polygon, earcut: &mut Earcut<f64>) {
-    let Some((origin, normal)) = plane(polygon) else { return };
-    let (x, y) = normal.any_orthonormal_pair();
-    let mut contours: Vec<Contour> = polygon
-        .iter()
-        .filter(|contour| contour.len() >= 3)
-        .map(|contour| {
-            let first = solid.positions.len() as u32;
-            solid.positions.extend(contour);
+impl Triangulator {
+    pub(super) fn new() -> Self {
+        Self { earcut: Earcut::new() }
+    }
+
+    /// The triangles of a polygon, facing as its largest contour winds. Corners are numbered through all contours, in
+    /// the order given. Corners must be finite.
+    pub(super) fn triangulate(&mut self, polygon: &[Vec<DVec3>]) -> Vec<[u32; 3]> {
+        if let [contour] = polygon
+            && contour.len() == 3
+        {
+            return vec![[0, 1, 2]];
+        }
+        let Some((origin, normal)) = plane(polygon) else { return Vec::new() };
+        let (x, y) = normal.any_orthonormal_pair();
+        let mut first = 0;
+        let mut contours = Vec::new();
+        for corners in polygon {
             let flat = |p: &DVec3| DVec2::new((p - origin).dot(x), (p - origin).dot(y));
-            let points: Vec<DVec2> = contour.iter().map(flat).collect();
-            Contour { area: area(&points), points, first, depth: 0, parent: None }
-        })
-        .collect();
-    contours.sort_by(|a, b| b.area.abs().total_cmp(&a.area.abs()));
-    nest(&mut contours);
-    for (index, outer) in contours.iter().enumerate().filter(|(_, contour)| contour.depth % 2 == 0) {
-        let holes: Vec<&Contour> =
-            contours.iter().filter(|hole| hole.parent == Some(index) && hole.depth % 2 == 1).collect();
-        fill(solid, outer, &holes, earcut);
+            let points: Vec<DVec2> = corners.iter().map(flat).collect();
+            if points.len() >= 3 {
+                contours.push(Contour { area: area(&points), points, first, depth: 0, parent: None });
+            }
+            first += corners.len() as u32;
+        }
+        contours.sort_by(|a, b| b.area.abs().total_cmp(&a.area.abs()));
+        nest(&mut contours);
+        let mut triangles = Vec::new();
+        for (index, outer) in contours.iter().enumerate().filter(|(_, contour)| contour.depth % 2 == 0) {
+            let is_hole = |contour: &&Contour| contour.parent == Some(index) && contour.depth % 2 == 1;
+            let holes: Vec<&Contour> = contours.iter().filter(is_hole).collect();
+            self.fill(outer, &holes, &mut triangles);
+        }
+        triangles
+    }
+
+    fn fill(&mut self, outer: &Contour, holes: &[&Contour], triangles: &mut Vec<[u32; 3]>) {
+        let rings = || std::iter::once(outer).chain(holes.iter().copied());
+        let points: Vec<DVec2> = rings().flat_map(|contour| contour.points.iter().copied()).collect();
+        let numbers: Vec<u32> =
+            rings().flat_map(|contour| (contour.first..).take(contour.points.len())).collect();
+        let starts: Vec<u32> = rings()
+            .scan(0, |end, contour| {
+                *end += contour.points.len() as u32;
+                Some(*end)
+            })
+            .take(holes.len())
+            .collect();
+        let mut corners: Vec<u32> = Vec::new();
+        self.earcut.earcut(points.iter().map(|point| point.to_array()), &starts, &mut corners);
+
+        let twice = |&[a, b, c]: &[u32; 3]| match [a, b, c].map(|corner| points.get(corner as usize)) {
+            [Some(a), Some(b), Some(c)] => (b - a).perp_dot(c - a),
+            _ => 0.0,
+        };
+        let wanted = outer.area.abs() - holes.iter().map(|hole| hole.area.abs()).sum::<f64>();
+        let covered: f64 = corners.as_chunks::<3>().0.iter().map(|triangle| twice(triangle).abs()).sum();
+        if covered < 0.999 * wanted {
+            // A contour that crosses itself or a hole. A fan covers all that the outer contour surrounds, holes too:
+            // better too much than a hole where a wall should be.
+            let count = outer.points.len() as u32;
+            corners = (2..count).flat_map(|corner| [0, corner - 1, corner]).collect();
+        }
+        for triangle in corners.as_chunks::<3>().0 {
+            let [a, b, c] = *triangle;
+            let turned = if (twice(triangle) < 0.0) == (outer.area < 0.0) { [a, b, c] } else { [a, c, b] };
+            if let [Some(&a), Some(&b), Some(&c)] = turned.map(|corner| numbers.get(corner as usize)) {
+                triangles.push([a, b, c]);
+            }
+        }
     }
 }
 
 /// A point and the normal of the contour with the largest area (Newell's sum); none if all are flat.
-fn plane(polygon: &Polygon) -> Option<(DVec3, DVec3)> {
+fn plane(polygon: &[Vec<DVec3>]) -> Option<(DVec3, DVec3)> {
     let normals = polygon.iter().filter_map(|contour| {
         let origin = *contour.first()?;
         let ends = contour.iter().zip(contour.iter().skip(1));
@@ -110,51 +145,6 @@ impl Contour {
     }
 }
 
-fn fill(solid: &mut Solid, outer: &Contour, holes: &[&Contour], earcut: &mut Earcut<f64>) {
-    let rings = || std::iter::once(outer).chain(holes.iter().copied());
-    let points: Vec<DVec2> = rings().flat_map(|contour| contour.points.iter().copied()).collect();
-    let vertices: Vec<u32> =
-        rings().flat_map(|contour| (contour.first..).take(contour.points.len())).collect();
-    let mut starts = Vec::new();
-    let mut start = outer.points.len() as u32;
-    for hole in holes {
-        starts.push(start);
-        start += hole.points.len() as u32;
-    }
-    let mut corners: Vec<u32> = Vec::new();
-    earcut.earcut(points.iter().map(|point| point.to_array()), &starts, &mut corners);
-
-    let twice = |&[a, b, c]: &[u32; 3]| match (
-        points.get(a as usize),
-        points.get(b as usize),
-        points.get(c as usize),
-    ) {
-        (Some(a), Some(b), Some(c)) => (b - a).perp_dot(c - a),
-        _ => 0.0,
-    };
-    let wanted = outer.area.abs() - holes.iter().map(|hole| hole.area.abs()).sum::<f64>();
-    let covered: f64 = corners.as_chunks::<3>().0.iter().map(|triangle| twice(triangle).abs()).sum();
-    if covered < 0.999 * wanted {
-        // A contour that crosses itself or a hole. A fan covers all of the outer contour, holes too: better too much
-        // than a hole where a wall should be.
-        let last = outer.points.len() as u32;
-        corners = (2..last).flat_map(|corner| [0, corner - 1, corner]).collect();
-    }
-    for triangle in corners.as_chunks::<3>().0 {
-        let [a, b, c] = if (twice(triangle) < 0.0) == (outer.area < 0.0) {
-            *triangle
-        } else {
-            let [a, b, c] = *triangle;
-            [a, c, b]
-        };
-        if let (Some(&a), Some(&b), Some(&c)) =
-            (vertices.get(a as usize), vertices.get(b as usize), vertices.get(c as usize))
-        {
-            solid.triangle([a, b, c]);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -174,17 +164,17 @@ mod tests {
     }
 
     /// The sum of the triangles' area vectors, and of their lengths.
-    fn areas(polygon: Polygon) -> (DVec3, f64) {
-        let mut solid = Solid::default();
-        triangulate(&mut solid, &[polygon]);
-        let halves = solid.indices.as_chunks::<3>().0.iter().map(|triangle| {
-            let [a, b, c] = triangle.map(|index| solid.positions[index as usize]);
+    fn areas(polygon: Vec<Vec<DVec3>>) -> (DVec3, f64) {
+        let corners = polygon.concat();
+        let triangles = Triangulator::new().triangulate(&polygon);
+        let halves = triangles.into_iter().map(|triangle| {
+            let [a, b, c] = triangle.map(|corner| corners[corner as usize]);
             (b - a).cross(c - a) / 2.0
         });
         halves.fold((DVec3::ZERO, 0.0), |(sum, length), half| (sum + half, length + half.length()))
     }
 
-    fn assert_area(polygon: Polygon, expected: f64) {
+    fn assert_area(polygon: Vec<Vec<DVec3>>, expected: f64) {
         let (sum, length) = areas(polygon);
         assert!((sum.x - expected).abs() < 1e-9, "{sum} is not {expected}");
         assert!((length - expected).abs() < 1e-9, "{length} is not {expected}: triangles overlap");
@@ -240,12 +230,11 @@ mod tests {
             )
         ) {
             let corner = |p: [i8; 3]| DVec3::from_array(p.map(f64::from));
-            let polygon: Polygon =
+            let polygon: Vec<Vec<DVec3>> =
                 polygon.into_iter().map(|contour| contour.into_iter().map(corner).collect()).collect();
-            let mut solid = Solid::default();
-            triangulate(&mut solid, &[polygon]);
-            for &index in &solid.indices {
-                prop_assert!((index as usize) < solid.positions.len());
+            let corners = polygon.concat().len();
+            for number in Triangulator::new().triangulate(&polygon).concat() {
+                prop_assert!((number as usize) < corners);
             }
         }
     }
