@@ -248,7 +248,8 @@ mod tests {
             ("session.width", "width = 0"),
             ("session.frames", "frames = 0"),
         ] {
-            let (_dir, path) = written(&format!("scene = 'a'\nlisten = 'x:1'\nout = 'o'\n[session]\n{line}\n"));
+            let (_dir, path) =
+                written(&format!("scene = 'a'\nlisten = 'x:1'\nout = 'o'\n[session]\n{line}\n"));
             let message = DisplayConfig::read(&path).unwrap_err().to_string();
             assert!(message.contains(key), "{line}: {message}");
         }

@@ -15,7 +15,13 @@ use clap_complete::Shell;
 ///   trimaran import plant/*.rvm -o plant.scene    your own model
 ///   trimaran run plant.scene --out walk           walk it; open walk/report.html
 #[derive(Debug, Parser)]
-#[command(name = "trimaran", version, verbatim_doc_comment, arg_required_else_help = true, max_term_width = 110)]
+#[command(
+    name = "trimaran",
+    version,
+    verbatim_doc_comment,
+    arg_required_else_help = true,
+    max_term_width = 110
+)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -129,7 +135,7 @@ pub(crate) enum LinkKind {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum TesterKind {
+pub(crate) enum Tester {
     /// Vulkan occlusion queries, the paper's method.
     Query,
     /// One instanced draw that counts pixels with atomics; counts equal the queries'.
@@ -165,7 +171,7 @@ pub(crate) struct WalkArgs {
     pub(crate) batch: u16,
     /// What tests boxes against the occluders.
     #[arg(long, value_enum, default_value = "hzb")]
-    pub(crate) tester: TesterKind,
+    pub(crate) tester: Tester,
     /// The Vulkan device, by a part of its name [default: the best there is].
     #[arg(long, value_name = "NAME")]
     pub(crate) device: Option<String>,

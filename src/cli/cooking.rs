@@ -1,0 +1,66 @@
+//! Cooking with progress, and saving: what `import`, `generate` and `demo` share.
+
+use std::{path::Path, sync::Mutex};
+
+use indicatif::ProgressBar;
+use trimaran_scene::{
+    Model, Scene,
+    cook::{CookOptions, Phase, Progress, cook},
+};
+
+use super::{Failure, progress};
+
+/// Cooks `model` and writes the scene to `output`.
+pub(super) fn cook_and_save(model: &Model, output: &Path) -> Result<Scene, Failure> {
+    let shown = Shown(Mutex::new(None));
+    let scene = cook(model, &CookOptions::default(), &shown).map_err(Failure::bad_input)?;
+    drop(shown);
+    scene.save(output).map_err(Failure::broken)?;
+    Ok(scene)
+}
+
+/// Cooking's progress as a bar for each stage.
+struct Shown(Mutex<Option<ProgressBar>>);
+
+impl Shown {
+    fn bar(&self, change: impl FnOnce(&mut Option<ProgressBar>)) {
+        // A poisoned lock means that cooking has panicked: there is no progress to show then.
+        if let Ok(mut bar) = self.0.lock() {
+            change(&mut bar);
+        }
+    }
+}
+
+impl Progress for Shown {
+    fn begin(&self, phase: Phase, steps: usize) {
+        let what = match phase {
+            Phase::Levels => "levels",
+            Phase::Tree => "tree",
+            Phase::Merging => "merging",
+            Phase::Assembling => "assembling",
+        };
+        self.bar(|bar| {
+            if let Some(done) = bar.replace(progress::bar(what, steps as u64)) {
+                done.finish_and_clear();
+            }
+        });
+    }
+
+    fn advance(&self, steps: usize) {
+        self.bar(|bar| {
+            if let Some(bar) = bar {
+                bar.inc(steps as u64);
+            }
+        });
+    }
+}
+
+impl Drop for Shown {
+    fn drop(&mut self) {
+        self.bar(|bar| {
+            if let Some(last) = bar.take() {
+                last.finish_and_clear();
+            }
+        });
+    }
+}

@@ -1,0 +1,44 @@
+//! `trimaran demo`: the main job on a model of its own, from nothing to a report.
+
+use trimaran_scene::generate::{PlantOptions, plant};
+
+use super::{
+    Failure,
+    args::{DemoArgs, LinkKind, RunArgs, Size, Tester, WalkArgs},
+    cooking, run,
+};
+
+pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
+    let scene = match &args.scene {
+        Some(scene) => scene.clone(),
+        None => {
+            std::fs::create_dir_all(&args.out).map_err(|cause| {
+                Failure::bad_input(format!("cannot create the folder {}: {cause}", args.out.display()))
+            })?;
+            let output = args.out.join("plant.scene");
+            println!("generating a plant of 4 thousand objects and cooking it into {}", output.display());
+            cooking::cook_and_save(&plant(&PlantOptions::small(1)), &output)?;
+            output
+        }
+    };
+    println!("walking through it with three roles: two take turns culling and drawing occluders, one shows");
+    let walk = WalkArgs {
+        frames: Some(120),
+        path: "auto".to_owned(),
+        seed: 1,
+        size: Size { width: 1024, height: 1024 },
+        batch: 1024,
+        tester: Tester::Hzb,
+        device: None,
+        audit_every: 10,
+    };
+    run::run(&RunArgs {
+        scene,
+        link: LinkKind::Inproc,
+        epsilon: 2.0,
+        walk,
+        visible: false,
+        out: args.out.clone(),
+        json: false,
+    })
+}

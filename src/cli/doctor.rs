@@ -1,0 +1,107 @@
+//! `trimaran doctor`: what works on this machine, what is missing, what to install.
+
+use std::{fmt::Write as _, net::TcpListener, thread};
+
+use serde::Serialize;
+use trimaran_gpu::{DeviceKind, Gpu, GpuInfo, GpuOptions};
+
+use super::{Failure, args::DoctorArgs, print_json};
+
+/// One thing looked at.
+#[derive(Debug, Serialize)]
+struct Finding {
+    what: &'static str,
+    works: bool,
+    /// What was found; what to do where it does not work.
+    detail: String,
+}
+
+pub(super) fn run(args: &DoctorArgs) -> Result<(), Failure> {
+    let mut findings = gpus();
+    findings.push(memory());
+    findings.push(sockets(args));
+    let healthy = findings.iter().all(|finding| finding.works);
+    if args.json {
+        print_json(&serde_json::json!({ "works": healthy, "findings": findings }))?;
+    } else {
+        for finding in &findings {
+            let mark = if finding.works { "ok      " } else { "MISSING " };
+            println!("{mark}{:8}{}", finding.what, finding.detail);
+        }
+    }
+    if healthy {
+        Ok(())
+    } else {
+        Err(Failure::broken("something that a walkthrough needs is missing; see above"))
+    }
+}
+
+fn gpus() -> Vec<Finding> {
+    let devices = match Gpu::list() {
+        Ok(devices) => devices,
+        Err(error) => return vec![Finding { what: "gpu", works: false, detail: error.to_string() }],
+    };
+    let mut findings: Vec<_> = devices.iter().map(listed).collect();
+    // Listing tells what a device claims; opening it is the proof.
+    let opened = Gpu::open(&GpuOptions::default());
+    findings.push(Finding {
+        what: "vulkan",
+        works: opened.is_ok(),
+        detail: match &opened {
+            Ok(gpu) => format!("opened {}", gpu.info().name),
+            Err(error) => error.to_string(),
+        },
+    });
+    findings
+}
+
+fn listed(info: &GpuInfo) -> Finding {
+    let (major, minor, patch) = info.api_version;
+    let mut detail =
+        format!("{} ({}), Vulkan {major}.{minor}.{patch}, {}", info.name, kind(info.kind), info.driver);
+    if !info.missing.is_empty() {
+        // Writing to a string cannot fail.
+        let _ = write!(detail, "; cannot be used, lacks {}", info.missing.join(", "));
+    }
+    // A device that cannot be used is no fault as long as another can.
+    Finding { what: "gpu", works: true, detail }
+}
+
+const fn kind(kind: DeviceKind) -> &'static str {
+    match kind {
+        DeviceKind::Discrete => "discrete GPU",
+        DeviceKind::Integrated => "integrated GPU",
+        DeviceKind::Virtual => "virtual GPU",
+        DeviceKind::Cpu => "draws on the CPU",
+        _ => "of an unknown kind",
+    }
+}
+
+fn memory() -> Finding {
+    let cores = thread::available_parallelism().map_or(1, usize::from);
+    let available = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
+        let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+        line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()
+    });
+    let detail = match available {
+        Some(kib) => format!("{:.1} GiB available, {cores} cores", kib as f64 / f64::from(1 << 20)),
+        None => format!("{cores} cores; this system does not say how much memory is available"),
+    };
+    let works = available.is_none_or(|kib| kib >= 1 << 20);
+    Finding {
+        what: "memory",
+        works,
+        detail: if works { detail } else { format!("{detail}; cooking a plant needs 1 GiB") },
+    }
+}
+
+fn sockets(args: &DoctorArgs) -> Finding {
+    match TcpListener::bind(args.listen) {
+        Ok(_) => Finding { what: "sockets", works: true, detail: format!("can listen on {}", args.listen) },
+        Err(error) => Finding {
+            what: "sockets",
+            works: false,
+            detail: format!("cannot listen on {}: {error}; give another address with --listen", args.listen),
+        },
+    }
+}

@@ -1,0 +1,55 @@
+//! `trimaran generate`: models of any size for machines without data.
+
+use serde_json::json;
+use trimaran_scene::{
+    Model,
+    generate::{PlantOptions, TankerOptions, plant, tanker},
+};
+
+use super::{
+    Failure,
+    args::{GenerateArgs, Kind},
+    cooking,
+    info::SceneSummary,
+    print_json,
+};
+
+pub(super) fn run(args: &GenerateArgs) -> Result<(), Failure> {
+    let model = generate(args);
+    let scene = cooking::cook_and_save(&model, &args.output)?;
+    let summary = SceneSummary::of(&args.output, &scene);
+    if args.json {
+        return print_json(&json!({ "scene": summary }));
+    }
+    summary.print();
+    Ok(())
+}
+
+fn generate(args: &GenerateArgs) -> Model {
+    match args.kind {
+        Kind::Plant => {
+            let base =
+                if args.paper { PlantOptions::paper(args.seed) } else { PlantOptions::small(args.seed) };
+            let (objects, triangles) = size((base.objects, base.triangles), args);
+            plant(&PlantOptions { objects, triangles, ..base })
+        }
+        Kind::Tanker => {
+            let base =
+                if args.paper { TankerOptions::paper(args.seed) } else { TankerOptions::small(args.seed) };
+            let (objects, triangles) = size((base.objects, base.triangles), args);
+            tanker(&TankerOptions { objects, triangles, ..base })
+        }
+    }
+}
+
+/// Objects and triangles: as asked for; whichever is not keeps the base's triangles an object.
+fn size((objects, triangles): (usize, usize), args: &GenerateArgs) -> (usize, usize) {
+    let each = triangles as f64 / objects as f64;
+    let asked_triangles = args.triangles.map(|count| usize::try_from(count).unwrap_or(usize::MAX));
+    match (args.objects.map(|count| count as usize), asked_triangles) {
+        (Some(objects), Some(triangles)) => (objects, triangles),
+        (Some(objects), None) => (objects, (objects as f64 * each) as usize),
+        (None, Some(triangles)) => ((triangles as f64 / each).max(1.0) as usize, triangles),
+        (None, None) => (objects, triangles),
+    }
+}

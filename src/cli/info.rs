@@ -1,0 +1,109 @@
+//! `trimaran info`: what a cooked scene holds.
+
+use std::path::Path;
+
+use glam::DVec3;
+use serde::Serialize;
+use trimaran_scene::{Node, Scene};
+
+use super::{Failure, args::InfoArgs, number};
+
+/// What a scene holds, as `info --json` prints it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(super) struct SceneSummary {
+    /// The cooked file.
+    file: String,
+    /// Its size, bytes.
+    file_bytes: u64,
+    /// Its fingerprint, which the roles compare.
+    hash: String,
+    /// The files it was cooked from.
+    sources: Vec<String>,
+    /// Objects of the model.
+    objects: usize,
+    /// Nodes of the tree, of which `interior` have children.
+    nodes: usize,
+    interior: usize,
+    /// Interior nodes that have merged levels of their own.
+    interior_with_levels: usize,
+    /// The tree's depth; 1 is a lone root.
+    depth: u32,
+    /// Nodes times their levels.
+    drawables: usize,
+    /// Triangles at full detail, instances counted each.
+    triangles: u64,
+    /// Triangles stored, over all levels.
+    triangles_stored: usize,
+    vertices_stored: usize,
+    /// The world box, metres, y up.
+    min: [f64; 3],
+    max: [f64; 3],
+}
+
+impl SceneSummary {
+    pub(super) fn of(path: &Path, scene: &Scene) -> Self {
+        let nodes = scene.nodes();
+        let interior = nodes.iter().filter(|node| !node.is_leaf());
+        let (min, max) = nodes.first().map_or((DVec3::ZERO, DVec3::ZERO), Node::world_box);
+        Self {
+            file: path.display().to_string(),
+            file_bytes: std::fs::metadata(path).map_or(0, |file| file.len()),
+            hash: scene.hash().to_string(),
+            sources: scene.sources().to_vec(),
+            objects: scene.objects().len(),
+            nodes: nodes.len(),
+            interior: interior.clone().count(),
+            interior_with_levels: interior.filter(|node| node.drawable_count > 0).count(),
+            depth: depth(nodes),
+            drawables: scene.drawables().len(),
+            triangles: scene.full_detail_triangles(),
+            triangles_stored: scene.indices().len() / 3,
+            vertices_stored: scene.vertices().len(),
+            min: min.to_array(),
+            max: max.to_array(),
+        }
+    }
+
+    pub(super) fn print(&self) {
+        let size = DVec3::from_array(self.max) - DVec3::from_array(self.min);
+        println!("{}", self.file);
+        println!("  size        {:.1} MB, fingerprint {}", self.file_bytes as f64 / 1e6, self.hash);
+        println!("  from        {}", self.sources.join(", "));
+        println!("  extent      {:.2} x {:.2} x {:.2} m (y up)", size.x, size.y, size.z);
+        println!("  objects     {}", number(self.objects as u64));
+        println!(
+            "  triangles   {} at full detail; {} stored over all levels",
+            number(self.triangles),
+            number(self.triangles_stored as u64)
+        );
+        println!(
+            "  tree        {} nodes, {} deep; {} of {} interior nodes have merged levels",
+            number(self.nodes as u64),
+            self.depth,
+            number(self.interior_with_levels as u64),
+            number(self.interior as u64)
+        );
+        println!("  drawables   {} (nodes times their levels)", number(self.drawables as u64));
+    }
+}
+
+/// Parents stand before their children, so one pass finds every depth.
+fn depth(nodes: &[Node]) -> u32 {
+    let mut depths: Vec<u32> = Vec::with_capacity(nodes.len());
+    for node in nodes {
+        let above = depths.get(node.parent as usize).copied().unwrap_or(0);
+        depths.push(above + 1);
+    }
+    depths.into_iter().max().unwrap_or(0)
+}
+
+pub(super) fn run(args: &InfoArgs) -> Result<(), Failure> {
+    let scene = Scene::open(&args.scene).map_err(Failure::bad_input)?;
+    let summary = SceneSummary::of(&args.scene, &scene);
+    if args.json {
+        super::print_json(&summary)
+    } else {
+        summary.print();
+        Ok(())
+    }
+}

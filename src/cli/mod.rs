@@ -1,0 +1,100 @@
+//! The command-line tool: a file a command.
+
+mod args;
+mod cooking;
+mod demo;
+mod doctor;
+mod failure;
+mod generate;
+mod import;
+mod info;
+mod progress;
+mod role;
+mod run;
+mod sweep;
+mod three_processes;
+mod walking;
+
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser};
+use serde::Serialize;
+use tracing_subscriber::EnvFilter;
+
+use args::{Cli, Command};
+use failure::Failure;
+
+/// Runs the command line given to this process.
+pub(crate) fn main() -> ExitCode {
+    let cli = Cli::parse();
+    log_to_stderr(cli.verbose);
+    match dispatch(cli.command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("trimaran: {failure}");
+            failure.exit_code()
+        }
+    }
+}
+
+fn dispatch(command: Command) -> Result<(), Failure> {
+    match command {
+        Command::Import(args) => import::run(&args),
+        Command::Generate(args) => generate::run(&args),
+        Command::Info(args) => info::run(&args),
+        Command::Doctor(args) => doctor::run(&args),
+        Command::Completions { shell } => {
+            clap_complete::generate(shell, &mut Cli::command(), "trimaran", &mut std::io::stdout());
+            Ok(())
+        }
+        Command::Run(args) => run::run(&args),
+        Command::Sweep(args) => sweep::run(&args),
+        Command::Role(command) => role::run(&command),
+        Command::Demo(args) => demo::run(&args),
+    }
+}
+
+/// Sends the log to standard error: warnings, and more for each `-v`; `TRIMARAN_LOG` overrides.
+fn log_to_stderr(verbose: u8) {
+    let level = match verbose {
+        0 => "warn",
+        1 => "info",
+        2 => "debug",
+        _ => "trace",
+    };
+    let filter = EnvFilter::try_from_env("TRIMARAN_LOG").unwrap_or_else(|_| EnvFilter::new(level));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
+}
+
+/// Prints a value as JSON on standard output.
+fn print_json(value: &impl Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(value).map_err(Failure::broken)?;
+    println!("{text}");
+    Ok(())
+}
+
+/// A count with a comma every three digits.
+fn number(count: u64) -> String {
+    let digits = count.to_string();
+    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::number;
+
+    #[test]
+    fn counts_are_grouped_by_threes() {
+        let cases = [(0, "0"), (999, "999"), (1_000, "1,000"), (87_600_123, "87,600,123")];
+        for (count, text) in cases {
+            assert_eq!(number(count), text);
+        }
+    }
+}

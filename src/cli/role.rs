@@ -1,0 +1,199 @@
+//! `trimaran role`: one role of a deployment on several machines.
+
+use std::{path::Path, sync::Arc, time::SystemTime};
+
+use tokio::runtime::Runtime;
+use trimaran::{
+    config::{DisplayConfig, PairSeat, SessionConfig, SwitchConfig},
+    report::{Report, schema::Seat as ReportSeat},
+    walkthrough::{PathChoice, Plan, Recorder, ReportPlan, SceneFile, Trail, viewport, write_report},
+};
+use trimaran_actors::{
+    DisplayRole, Joined, PairRole, Seat, VulkanDisplay, VulkanPair, await_pair, join_session,
+};
+use trimaran_gpu::{Gpu, GpuInfo, GpuScene};
+use trimaran_proto::{BatchSize, EpsilonPx, Identity, PictureSize, Role};
+use trimaran_transport::{
+    Instant, Net, TokioNet,
+    tcp::{Listener, Options},
+};
+
+use super::{
+    Failure,
+    args::RoleCommand,
+    progress,
+    run::{conclude, notes, report_on},
+    walking::{self, gpu_options, open, stop_on_signal},
+};
+
+pub(super) fn run(command: &RoleCommand) -> Result<(), Failure> {
+    match command {
+        RoleCommand::Switch(args) => switch(&SwitchConfig::read(&args.config).map_err(Failure::bad_input)?),
+        RoleCommand::Display(args) => {
+            display(&DisplayConfig::read(&args.config).map_err(Failure::bad_input)?)
+        }
+    }
+}
+
+/// One machine of the pair, from start to goodbye.
+fn switch(config: &SwitchConfig) -> Result<(), Failure> {
+    let file = open(&config.scene)?;
+    let drawn = upload(&file, config.device.as_deref())?;
+    let runtime = walking::runtime()?;
+    let stop = stop_on_signal(&runtime);
+    let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+    let seat = match config.seat {
+        PairSeat::First => Seat::First,
+        PairSeat::Second => Seat::Second,
+    };
+    let options = Options::default();
+    let joining = join_session(
+        &net,
+        seat,
+        file.scene.hash(),
+        &config.display,
+        &config.pair,
+        &options,
+        deadline(&net, config.patience_s),
+    );
+    let Some(joined) = stop.unless_requested(runtime.handle(), joining) else { return Ok(()) };
+    let Joined { display, other, settings } = joined.map_err(Failure::bad_input)?;
+    tracing::info!(%settings, "joined the session");
+    let size = viewport(settings.size).map_err(Failure::bad_input)?;
+    let device = VulkanPair::new(&drawn, size, settings.tester).map_err(Failure::broken)?;
+    let role = PairRole { seat, scene: file.scene, device, display, other, settings };
+    role.run(runtime.handle(), &stop).map_err(Failure::broken)
+}
+
+/// The display of a deployment: waits for the pair, walks the path, writes the report.
+fn display(config: &DisplayConfig) -> Result<(), Failure> {
+    let file = open(&config.scene)?;
+    let plan = session_plan(&config.session)?;
+    let choice = PathChoice::parse(&config.session.path, config.session.seed);
+    let size = viewport(plan.size).map_err(Failure::bad_input)?;
+    let trail = Trail::find(&choice, &file.scene, size, config.session.frames).map_err(Failure::bad_input)?;
+    let runtime = walking::runtime()?;
+    let stage = DisplayStage::set(&file, config.device.as_deref(), &plan, &trail, &runtime, &config.listen)?;
+    eprintln!("trimaran: the display listens on {}", stage.listener.local_addr());
+    let info = stage.drawn.gpu().info().clone();
+    let show = Show {
+        plan,
+        trail,
+        path: config.session.path.clone(),
+        seed: config.session.seed,
+        devices: vec![(ReportSeat::Display, info)],
+        patience_s: config.patience_s,
+    };
+    let report = stage.show(&file, show, &config.out, &runtime)?;
+    conclude(&report, &config.out, false)
+}
+
+/// What the configuration asks for.
+fn session_plan(session: &SessionConfig) -> Result<Plan, Failure> {
+    Ok(Plan {
+        size: PictureSize::new(session.width, session.height).map_err(Failure::bad_input)?,
+        epsilon: EpsilonPx::new(session.epsilon_px).map_err(Failure::bad_input)?,
+        batch: BatchSize::new(session.batch.into()).map_err(Failure::bad_input)?,
+        tester: session.tester.parse().map_err(Failure::bad_input)?,
+        audit_every: session.audit_every,
+        visible: session.visible,
+    })
+}
+
+fn upload(file: &SceneFile, device: Option<&str>) -> Result<Arc<GpuScene>, Failure> {
+    let gpu = Gpu::open(&gpu_options(device)).map_err(Failure::broken)?;
+    GpuScene::upload(&gpu, &file.scene).map_err(Failure::broken)
+}
+
+fn deadline(net: &Arc<dyn Net>, seconds: f64) -> Instant {
+    net.now().after(std::time::Duration::try_from_secs_f64(seconds).unwrap_or_default())
+}
+
+/// A display that listens for its pair, its device ready.
+pub(super) struct DisplayStage {
+    drawn: Arc<GpuScene>,
+    pub(super) listener: Listener,
+    net: Arc<dyn Net>,
+}
+
+/// What a display shows.
+pub(super) struct Show {
+    pub(super) plan: Plan,
+    pub(super) trail: Trail,
+    /// As the user named it.
+    pub(super) path: String,
+    pub(super) seed: u64,
+    /// The devices that the report names.
+    pub(super) devices: Vec<(ReportSeat, GpuInfo)>,
+    /// How long to wait for the pair, seconds.
+    pub(super) patience_s: f64,
+}
+
+impl DisplayStage {
+    /// Opens the device and listens.
+    pub(super) fn set(
+        file: &SceneFile,
+        device: Option<&str>,
+        plan: &Plan,
+        trail: &Trail,
+        runtime: &Runtime,
+        listen: &str,
+    ) -> Result<Self, Failure> {
+        let drawn = upload(file, device)?;
+        let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+        let settings = plan.settings(trail.frames());
+        let identity = Identity { role: Role::Display, scene: file.scene.hash(), settings: Some(settings) };
+        let options = Options::default();
+        let listening = Listener::bind(&net, listen, identity, &options);
+        let listener = runtime.block_on(listening).map_err(Failure::bad_input)?;
+        Ok(Self { drawn, listener, net })
+    }
+
+    /// The device's own words.
+    pub(super) fn info(&self) -> &GpuInfo {
+        self.drawn.gpu().info()
+    }
+
+    /// Waits for the pair, walks and writes the report into `out`.
+    pub(super) fn show(
+        self,
+        file: &SceneFile,
+        show: Show,
+        out: &Path,
+        runtime: &Runtime,
+    ) -> Result<Report, Failure> {
+        let Self { drawn, listener, net } = self;
+        let Show { plan, mut trail, path, seed, devices, patience_s } = show;
+        let started = SystemTime::now();
+        let stop = stop_on_signal(runtime);
+        let coming = await_pair(listener, deadline(&net, patience_s));
+        let Some(pair) = stop.unless_requested(runtime.handle(), coming) else {
+            return Err(Failure::broken("interrupted before the pair had come"));
+        };
+        let [first, second] = pair.map_err(Failure::bad_input)?;
+        let transport = format!("TCP: {} and {}", first.peer.address, second.peer.address);
+        let settings = plan.settings(trail.frames());
+        let size = viewport(plan.size).map_err(Failure::bad_input)?;
+        let device = VulkanDisplay::new(&drawn, size).map_err(Failure::broken)?;
+        let role = DisplayRole { scene: Arc::clone(&file.scene), device, first, second, settings };
+        let bar = progress::bar("walking", trail.frames().into());
+        let mut advance = |_| bar.inc(1);
+        let mut recorder = Recorder::new(plan.audit_every, &mut advance);
+        role.run(&mut trail, &mut recorder, runtime.handle(), &stop).map_err(Failure::broken)?;
+        let records = recorder.into_frames();
+        bar.finish_and_clear();
+        let about = ReportPlan {
+            command_line: std::env::args().collect(),
+            started,
+            link: "tcp".to_owned(),
+            transport,
+            seed: (path == "auto").then_some(seed),
+            path,
+            devices,
+            notes: notes(&trail),
+        };
+        report_on(&records, &stop, |records, advance| {
+            write_report(out, file, &drawn, &plan, &about, &trail, records, advance)
+        })
+    }
+}

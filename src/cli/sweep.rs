@@ -1,0 +1,35 @@
+//! `trimaran sweep`: the same path at several error bounds, speed against error.
+
+use trimaran::report::{SweepPoint, text, write};
+
+use super::{
+    Failure,
+    args::SweepArgs,
+    print_json,
+    run::{set_stage, walk_and_report},
+    walking::{self, open},
+};
+
+pub(super) fn run(args: &SweepArgs) -> Result<(), Failure> {
+    let file = open(&args.scene)?;
+    let stage = set_stage(&file, &args.walk)?;
+    let mut points = Vec::new();
+    let mut last = None;
+    for &epsilon in &args.epsilons {
+        let plan = walking::plan(&args.walk, epsilon, false)?;
+        let trail = walking::trail(&args.walk, &plan, &file.scene)?;
+        let out = args.out.join(format!("epsilon-{epsilon}"));
+        let report = walk_and_report(&stage, &file, &plan, trail, &args.walk, &out)?;
+        points.push(SweepPoint::of(&report));
+        last = Some(report);
+    }
+    if let Some(report) = last {
+        write(&args.out, report.with_sweep(points.clone()), []).map_err(Failure::broken)?;
+    }
+    if args.json {
+        return print_json(&points);
+    }
+    print!("{}", text::sweep(&points));
+    println!("report: {}", args.out.join("report.html").display());
+    Ok(())
+}

@@ -1,0 +1,72 @@
+//! What `run`, `sweep` and the roles share: from flags to a plan, and a runtime to run it on.
+
+use std::{path::Path, sync::Arc};
+
+use tokio::runtime::{Builder, Runtime};
+use trimaran::walkthrough::{PathChoice, Plan, SceneFile, Trail, viewport};
+use trimaran_actors::{Stop, Stopper};
+use trimaran_gpu::{DeviceChoice, GpuOptions};
+use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
+use trimaran_scene::Scene;
+
+use super::{
+    Failure,
+    args::{Tester, WalkArgs},
+};
+
+/// The plan that the flags ask for.
+pub(super) fn plan(walk: &WalkArgs, epsilon_px: f64, visible: bool) -> Result<Plan, Failure> {
+    Ok(Plan {
+        size: PictureSize::new(walk.size.width, walk.size.height).map_err(Failure::bad_input)?,
+        epsilon: EpsilonPx::new(epsilon_px).map_err(Failure::bad_input)?,
+        batch: BatchSize::new(walk.batch.into()).map_err(Failure::bad_input)?,
+        tester: match walk.tester {
+            Tester::Query => TesterKind::Query,
+            Tester::Raster => TesterKind::Raster,
+            Tester::Hzb => TesterKind::Hzb,
+        },
+        audit_every: walk.audit_every,
+        visible,
+    })
+}
+
+/// The path that the flags ask for, through `scene`.
+pub(super) fn trail(walk: &WalkArgs, plan: &Plan, scene: &Scene) -> Result<Trail, Failure> {
+    let choice = PathChoice::parse(&walk.path, walk.seed);
+    let size = viewport(plan.size).map_err(Failure::bad_input)?;
+    Trail::find(&choice, scene, size, walk.frames).map_err(Failure::bad_input)
+}
+
+/// Opens a cooked scene.
+pub(super) fn open(path: &Path) -> Result<SceneFile, Failure> {
+    let scene = Scene::open(path).map_err(Failure::bad_input)?;
+    Ok(SceneFile { path: path.to_owned(), scene: Arc::new(scene) })
+}
+
+/// How to open the device that the flags ask for.
+pub(super) fn gpu_options(device: Option<&str>) -> GpuOptions {
+    let device = device.map_or(DeviceChoice::Best, |name| DeviceChoice::Named(name.to_owned()));
+    GpuOptions { validation: false, device }
+}
+
+/// A runtime for links; its threads keep sockets going while roles are busy with their devices.
+pub(super) fn runtime() -> Result<Runtime, Failure> {
+    Builder::new_multi_thread().worker_threads(1).enable_all().build().map_err(Failure::broken)
+}
+
+/// A stop that Ctrl-C and the termination signal of systemd set.
+pub(super) fn stop_on_signal(runtime: &Runtime) -> Stop {
+    let (stopper, stop) = Stop::new();
+    runtime.spawn(wait_for_signal(stopper));
+    stop
+}
+
+async fn wait_for_signal(stopper: Stopper) {
+    use tokio::signal::unix::{SignalKind, signal};
+    let Ok(mut terminate) = signal(SignalKind::terminate()) else { return };
+    tokio::select! {
+        _ = tokio::signal::ctrl_c() => {}
+        _ = terminate.recv() => {}
+    }
+    stopper.stop();
+}

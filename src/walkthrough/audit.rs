@@ -1,0 +1,226 @@
+//! How wrong a picture is: against its own level cut without culling, and against full detail.
+
+use std::{collections::BTreeSet, sync::Arc};
+
+use thiserror::Error;
+use trimaran_cull::{CutRule, LevelCut, View, Viewport, draw_order, level_cut};
+use trimaran_gpu::{GpuError, GpuScene, ItemImage, ItemPass, Picture, PicturePass};
+use trimaran_proto::DrawableId;
+use trimaran_scene::Scene;
+use xxhash_rust::xxh3::xxh3_64;
+
+use super::record::FrameRecord;
+use crate::report::{
+    metrics::{
+        self, MetricError, exactly_visible, exactly_visible_triangles, false_culls, mismatching_pixels,
+    },
+    schema::{FalseCull, FalseCullCause, Frame, PictureError, VisibleObject},
+};
+
+/// Why a frame could not be checked.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum AuditError {
+    /// The device failed.
+    #[error("drawing for the audit failed")]
+    Gpu(#[from] GpuError),
+    /// The pictures do not fit together.
+    #[error("comparing pictures failed")]
+    Metric(#[from] MetricError),
+    /// The picture drawn again is not the one that was shown: the device does not repeat itself.
+    #[error(
+        "the picture of {frame} drawn again differs from the one shown: the device does not draw the same twice"
+    )]
+    NotRepeatable {
+        /// The frame.
+        frame: trimaran_proto::FrameNumber,
+    },
+}
+
+/// The pictures of one audited frame.
+#[derive(Debug, Clone, Default)]
+pub struct AuditPictures {
+    /// As shown.
+    pub shown: Picture,
+    /// The same level cut without culling.
+    pub unculled: Picture,
+    /// Full detail without culling.
+    pub full: Picture,
+}
+
+/// Checks frames of a finished session, away from its clock: draws each again from its record, as it was, without culling and
+/// at full detail.
+pub struct Auditor {
+    scene: Arc<Scene>,
+    viewport: Viewport,
+    rule: CutRule,
+    pictures: PicturePass,
+    items: ItemPass,
+}
+
+impl Auditor {
+    /// An auditor for pictures of `viewport`'s size at `rule`'s levels.
+    ///
+    /// # Errors
+    /// If the device cannot draw that size or tell triangles apart.
+    pub fn new(
+        scene: &Arc<Scene>,
+        drawn: &Arc<GpuScene>,
+        viewport: Viewport,
+        rule: CutRule,
+    ) -> Result<Self, GpuError> {
+        Ok(Self {
+            scene: Arc::clone(scene),
+            viewport,
+            rule,
+            pictures: PicturePass::new(drawn, viewport)?,
+            items: ItemPass::new(drawn, viewport)?,
+        })
+    }
+
+    /// The picture of a frame, drawn again.
+    ///
+    /// # Errors
+    /// If the device fails, or draws another picture than it did then.
+    pub fn picture(&mut self, record: &FrameRecord, into: &mut Picture) -> Result<(), AuditError> {
+        let view = View::new(record.camera, self.viewport);
+        self.draw_picture(&view, &record.ids, into)?;
+        match record.picture {
+            Some(hash) if hash != xxh3_64(&into.rgba) => {
+                Err(AuditError::NotRepeatable { frame: record.camera.frame() })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Checks one frame: enters what it finds into `frame`, with the names of the visible objects if `names`, and leaves the
+    /// pictures in `pictures`.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn audit(
+        &mut self,
+        record: &FrameRecord,
+        names: bool,
+        frame: &mut Frame,
+        pictures: &mut AuditPictures,
+    ) -> Result<(), AuditError> {
+        let view = View::new(record.camera, self.viewport);
+        self.picture(record, &mut pictures.shown)?;
+        let shown_items = self.draw_items(&view, &record.ids)?;
+
+        let mut cut = level_cut(&self.scene, &view, self.rule);
+        draw_order(&self.scene, &view, &mut cut);
+        self.draw_picture(&view, &cut, &mut pictures.unculled)?;
+        let cut_items = self.draw_items(&view, &cut)?;
+        enter_culling(frame, record, pictures, &shown_items, &cut_items)?;
+
+        let mut finest = self.full_detail(&view);
+        draw_order(&self.scene, &view, &mut finest);
+        self.draw_picture(&view, &finest, &mut pictures.full)?;
+        let full_items = self.draw_items(&view, &finest)?;
+        frame.triangles_exact_full = exactly_visible_triangles(&items_of(&full_items)?, &full_items.triangle);
+        let objects = self.objects(&exactly_visible(&items_of(&full_items)?));
+        frame.objects_exact_full = Some(objects.len() as u64);
+        if names {
+            frame.visible = Some(objects.iter().map(|&object| self.named(object)).collect());
+        }
+        frame.full_detail = Some(level_error(pictures, &shown_items, &full_items)?);
+        Ok(())
+    }
+
+    fn draw_picture(&mut self, view: &View, ids: &[DrawableId], into: &mut Picture) -> Result<(), GpuError> {
+        self.pictures.begin(view)?;
+        self.pictures.draw(ids)?;
+        self.pictures.finish()?;
+        self.pictures.read(into)
+    }
+
+    fn draw_items(&mut self, view: &View, ids: &[DrawableId]) -> Result<ItemImage, GpuError> {
+        let mut image = ItemImage::default();
+        self.items.begin(view)?;
+        self.items.draw(ids)?;
+        self.items.finish()?;
+        self.items.read(&mut image)?;
+        Ok(image)
+    }
+
+    /// The finest level of every leaf that is not outside the frustum.
+    fn full_detail(&self, view: &View) -> Vec<DrawableId> {
+        let cut = LevelCut::new(&self.scene, view, self.rule);
+        let leaves = self.scene.nodes().iter().filter(|node| node.is_leaf() && !cut.outside(node));
+        leaves.filter_map(|leaf| leaf.levels().next()).collect()
+    }
+
+    /// The objects that these drawables belong to, ascending, each once.
+    fn objects(&self, drawables: &[u32]) -> BTreeSet<u32> {
+        drawables
+            .iter()
+            .filter_map(|&id| self.scene.drawables().get(id as usize))
+            .filter_map(|drawable| self.scene.nodes().get(drawable.node as usize))
+            .map(|node| node.object)
+            .collect()
+    }
+
+    fn named(&self, object: u32) -> VisibleObject {
+        let record = self.scene.objects().get(object as usize);
+        VisibleObject {
+            name: self.scene.object_name(object).unwrap_or_default().to_owned(),
+            source: record.and_then(|r| self.scene.source_name(r.source)).unwrap_or_default().to_owned(),
+            source_index: record.map_or(object, |r| r.source_index),
+        }
+    }
+}
+
+/// What culling cost the picture: against the same level cut without it.
+fn enter_culling(
+    frame: &mut Frame,
+    record: &FrameRecord,
+    pictures: &AuditPictures,
+    shown: &ItemImage,
+    cut: &ItemImage,
+) -> Result<(), MetricError> {
+    let (shown_items, cut_items) = (items_of(shown)?, items_of(cut)?);
+    frame.nodes_exact = Some(exactly_visible(&cut_items).len() as u64);
+    frame.triangles_exact = exactly_visible_triangles(&cut_items, &cut.triangle);
+    let drawn: Vec<u32> = record.ids.iter().map(|id| id.0).collect();
+    let lost = false_culls(&cut_items, &shown_items, &drawn)?;
+    frame.false_culled_nodes = Some(lost.nodes.len() as u64);
+    frame.false_culled_pixels = Some(lost.pixels);
+    frame.false_culled_blob_px = Some(lost.largest_blob);
+    if lost.pixels > 0 {
+        frame.false_culls = vec![FalseCull {
+            cause: FalseCullCause::Unattributed,
+            nodes: lost.nodes.len() as u64,
+            pixels: lost.pixels,
+        }];
+    }
+    frame.cut_mismatch_pixels =
+        Some(mismatching_pixels(&picture_of(&pictures.shown)?, &picture_of(&pictures.unculled)?)?);
+    Ok(())
+}
+
+/// What the levels cost the picture: against full detail.
+fn level_error(
+    pictures: &AuditPictures,
+    shown: &ItemImage,
+    full: &ItemImage,
+) -> Result<PictureError, MetricError> {
+    let (shown_mask, full_mask) = (items_of(shown)?.coverage(), items_of(full)?.coverage());
+    metrics::picture_error(
+        (&picture_of(&pictures.full)?, &full_mask),
+        (&picture_of(&pictures.shown)?, &shown_mask),
+    )
+}
+
+/// A picture as the metrics read it.
+///
+/// # Errors
+/// If its size and its bytes differ.
+pub fn picture_of(picture: &Picture) -> Result<metrics::Picture<'_>, MetricError> {
+    metrics::Picture::new(picture.width, picture.height, &picture.rgba)
+}
+
+fn items_of(image: &ItemImage) -> Result<metrics::ItemImage<'_>, MetricError> {
+    metrics::ItemImage::new(image.width, image.height, &image.drawable, ItemImage::BACKGROUND)
+}

@@ -1,0 +1,138 @@
+//! From what was recorded to the frames of a report.
+
+use std::{collections::BTreeMap, time::Duration};
+
+use trimaran_proto::{CullCounts, FrameNumber, FrameStats, SentBytes};
+use trimaran_scene::Scene;
+
+use super::{path::Trail, record::FrameRecord};
+use crate::report::schema::{BytesByKind, CullingCounts, Frame, Role, Seat, Span};
+
+/// The report's record of every frame, without what only an audit can tell.
+#[must_use]
+pub(super) fn frames(scene: &Scene, trail: &Trail, records: &[FrameRecord]) -> Vec<Frame> {
+    let mut previous = None;
+    records
+        .iter()
+        .map(|record| {
+            let frame = frame(scene, trail, record, previous, records);
+            previous = Some(record.shown);
+            frame
+        })
+        .collect()
+}
+
+fn frame(
+    scene: &Scene,
+    trail: &Trail,
+    record: &FrameRecord,
+    previous: Option<Duration>,
+    records: &[FrameRecord],
+) -> Frame {
+    let number = record.camera.frame();
+    let pose = trail.pose(number);
+    let triangles = record
+        .ids
+        .iter()
+        .filter_map(|id| scene.drawables().get(id.index()))
+        .map(|drawable| u64::from(drawable.index_count / 3))
+        .sum();
+    let stats = record.stats.as_ref();
+    let shown_between =
+        records.iter().filter(|r| r.shown > record.published && r.shown < record.shown).count();
+    let bytes = all_bytes(record);
+    Frame {
+        frame: number.0,
+        eye: pose.map(|p| p.eye().to_array()).unwrap_or_default(),
+        forward: pose.map(|p| p.forward().to_array()).unwrap_or_default(),
+        up: pose.map(|p| p.up().to_array()).unwrap_or_default(),
+        or_ms: stats.map(|s| s.or_busy_ns as f64 * 1e-6),
+        hc_ms: stats.map(|s| s.hc_end_ns.saturating_sub(s.hc_start_ns) as f64 * 1e-6),
+        rvg_ms: Some(milliseconds(record.shown.saturating_sub(record.drawing))),
+        frame_ms: previous.map(|previous| milliseconds(record.shown.saturating_sub(previous))),
+        latency_frames: u32::try_from(shown_between).ok(),
+        latency_ms: Some(milliseconds(record.shown.saturating_sub(record.published))),
+        timeline: timeline(record),
+        nodes_drawn: Some(record.ids.len() as u64),
+        triangles_drawn: Some(triangles),
+        occluders_drawn: stats.map(|s| u64::from(s.occluders)),
+        occluder_triangles: stats.map(|s| s.occluder_triangles),
+        culling: stats.map(|s| culling(&s.culling)),
+        doubts: stats.map(|s| doubts(&s.culling)).unwrap_or_default(),
+        bytes: Some(bytes.total()),
+        bytes_by_kind: Some(bytes),
+        ..Frame::default()
+    }
+}
+
+/// When each role was busy. The machine's clock is laid over the display's where the frame's begin was sent and arrived.
+fn timeline(record: &FrameRecord) -> Vec<Span> {
+    let number = record.camera.frame();
+    let mut spans = vec![Span {
+        role: Role::Rvg,
+        seat: Seat::Display,
+        start_ms: milliseconds(record.drawing),
+        end_ms: milliseconds(record.shown),
+    }];
+    if let Some(stats) = &record.stats {
+        let here =
+            |there_ns: u64| milliseconds(record.begun) + (there_ns as f64 - stats.hc_start_ns as f64) * 1e-6;
+        let seat = seat_of(number);
+        let span = |role, start, end| Span { role, seat, start_ms: here(start), end_ms: here(end) };
+        spans.push(span(Role::Or, busy_start(stats), stats.or_end_ns));
+        spans.push(span(Role::Hc, stats.hc_start_ns, stats.hc_end_ns));
+    }
+    spans
+}
+
+/// OR waits for ids before and between its work; the work ends where OR ends, so it is shown there as one piece.
+const fn busy_start(stats: &FrameStats) -> u64 {
+    stats.or_end_ns.saturating_sub(stats.or_busy_ns)
+}
+
+const fn seat_of(frame: FrameNumber) -> Seat {
+    match trimaran_actors::Seat::of(frame) {
+        trimaran_actors::Seat::First => Seat::SwitchA,
+        trimaran_actors::Seat::Second => Seat::SwitchB,
+    }
+}
+
+/// The frame's bytes over all three links.
+fn all_bytes(record: &FrameRecord) -> BytesByKind {
+    let between_pair = record.stats.map(|stats| stats.to_other).unwrap_or_default();
+    let sum = |part: fn(&SentBytes) -> u64| part(&record.traffic) + part(&between_pair);
+    BytesByKind {
+        camera: sum(|b| b.camera),
+        ids: sum(|b| b.ids),
+        eof: sum(|b| b.end),
+        begin: sum(|b| b.begin),
+        control: sum(|b| b.control),
+        headers: sum(|b| b.headers),
+        messages: sum(|b| b.messages),
+    }
+}
+
+fn culling(counts: &CullCounts) -> CullingCounts {
+    CullingCounts {
+        nodes_visited: counts.visited.into(),
+        nodes_outside: counts.outside.into(),
+        boxes_tested: counts.tested.into(),
+        boxes_hidden: counts.hidden.into(),
+        batches: counts.batches.into(),
+    }
+}
+
+fn doubts(counts: &CullCounts) -> BTreeMap<String, u64> {
+    [
+        ("near_plane", counts.near_visible),
+        ("eye_inside", counts.eye_inside),
+        ("not_finite", counts.not_finite),
+    ]
+    .into_iter()
+    .map(|(reason, count)| (reason.to_owned(), count.into()))
+    .collect()
+}
+
+fn milliseconds(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
+}

@@ -1,0 +1,73 @@
+//! A walkthrough with three roles in this process.
+
+use std::sync::Arc;
+
+use thiserror::Error;
+use tokio::runtime::Handle;
+use trimaran_actors::{
+    Devices, Observer, SessionError, Stop, VulkanDisplay, VulkanPair, VulkanPairError, in_process as join,
+};
+use trimaran_cull::ViewportError;
+use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene};
+use trimaran_scene::Scene;
+use trimaran_transport::{Net, TokioNet};
+
+use super::{Plan, path::Trail, viewport};
+
+/// A scene on the devices of three roles: a Vulkan device each, so that one role's work does not queue behind another's.
+pub struct Stage {
+    /// The scene.
+    pub scene: Arc<Scene>,
+    /// On the pair's first machine, the pair's second, and the display.
+    pub drawn: [Arc<GpuScene>; 3],
+}
+
+/// Why a walkthrough in one process failed.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum StageError {
+    /// A device could not be opened, filled or sized.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// The picture has no pixels.
+    #[error(transparent)]
+    Viewport(#[from] ViewportError),
+    /// The session failed.
+    #[error("the walkthrough failed")]
+    Session(#[from] Box<SessionError<VulkanPairError, GpuError>>),
+}
+
+impl Stage {
+    /// Opens the devices and copies the scene to each.
+    ///
+    /// # Errors
+    /// Says what the machine lacks.
+    pub fn set(scene: &Arc<Scene>, options: &GpuOptions) -> Result<Self, StageError> {
+        let upload = || GpuScene::upload(&Gpu::open(options)?, scene);
+        let drawn = [upload()?, upload()?, upload()?];
+        Ok(Self { scene: Arc::clone(scene), drawn })
+    }
+}
+
+/// Walks `trail` on `stage` and shows each frame to `observer`.
+///
+/// # Errors
+/// The first role to fail.
+pub fn in_process(
+    stage: &Stage,
+    plan: &Plan,
+    trail: &mut Trail,
+    observer: &mut dyn Observer,
+    runtime: &Handle,
+    stop: &Stop,
+) -> Result<(), StageError> {
+    let size = viewport(plan.size)?;
+    let [first, second, display] = &stage.drawn;
+    let pair = |drawn| VulkanPair::new(drawn, size, plan.tester);
+    let devices =
+        Devices { first: pair(first)?, second: pair(second)?, display: VulkanDisplay::new(display, size)? };
+    let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
+    let settings = plan.settings(trail.frames());
+    join(&stage.scene, settings, devices, trail, observer, &net, runtime, stop).map_err(Box::new)?;
+    Ok(())
+}

@@ -1,0 +1,162 @@
+//! The camera path of a walkthrough: automatic, from a file, or from an earlier report.
+
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+use trimaran_actors::Cameras;
+use trimaran_cull::Viewport;
+use trimaran_proto::{Camera, CameraError, FrameNumber};
+use trimaran_scene::{
+    Scene,
+    walk::{AutoWalkError, AutoWalkOptions, Walk, WalkError, WalkKind, auto},
+};
+
+/// Which way to walk.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum PathChoice {
+    /// A seeded walk at eye height.
+    Auto {
+        /// The same seed makes the same walk.
+        seed: u64,
+    },
+    /// A path file or a report.
+    File(PathBuf),
+}
+
+impl PathChoice {
+    /// `auto`, or a file's name.
+    #[must_use]
+    pub fn parse(text: &str, seed: u64) -> Self {
+        if text == "auto" { Self::Auto { seed } } else { Self::File(text.into()) }
+    }
+}
+
+/// A camera for each frame of a walkthrough.
+#[derive(Debug, Clone)]
+pub struct Trail {
+    cameras: Vec<Camera>,
+    walk: Walk,
+    near: f32,
+    /// How an automatic walk moves; `None` for one from a file.
+    pub kind: Option<WalkKind>,
+}
+
+/// Why there is no path to walk.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum TrailError {
+    /// The file cannot be read.
+    #[error("cannot read the path {path}: {cause}", path = path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        cause: std::io::Error,
+    },
+    /// The file holds no walk.
+    #[error("the path {path} cannot be walked", path = path.display())]
+    Walk {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        cause: WalkError,
+    },
+    /// No automatic walk was found.
+    #[error("no automatic path was found; give one with --path")]
+    Auto(#[from] AutoWalkError),
+    /// A frame makes no camera.
+    #[error("frame {frame} of the path makes no camera")]
+    Camera {
+        /// Its index in the path.
+        frame: usize,
+        /// Why.
+        #[source]
+        cause: CameraError,
+    },
+}
+
+impl Trail {
+    /// How many frames an automatic walk has unless told otherwise.
+    pub const AUTO_FRAMES: u32 = 200;
+
+    /// Finds the path. With `frames` it has so many: a path from a file is cut or walked again from its start.
+    ///
+    /// # Errors
+    /// Says what is wrong with the file, or why there is no automatic walk.
+    pub fn find(
+        choice: &PathChoice,
+        scene: &Scene,
+        viewport: Viewport,
+        frames: Option<u32>,
+    ) -> Result<Self, TrailError> {
+        let (walk, kind) = match choice {
+            PathChoice::Auto { seed } => {
+                let frames = frames.unwrap_or(Self::AUTO_FRAMES);
+                let found =
+                    auto(scene, &AutoWalkOptions { seed: *seed, frames, ..AutoWalkOptions::default() })?;
+                (found.walk, Some(found.kind))
+            }
+            PathChoice::File(path) => (read(path)?, None),
+        };
+        let near = walk.near().unwrap_or_else(|| default_near(scene));
+        let camera = |(frame, pose): (usize, &trimaran_scene::walk::WalkFrame)| {
+            pose.camera(walk.vfov_deg(), viewport.aspect(), near, FrameNumber(0))
+                .map_err(|cause| TrailError::Camera { frame, cause })
+        };
+        let poses: Vec<Camera> = walk.frames().iter().enumerate().map(camera).collect::<Result<_, _>>()?;
+        let count = frames.map_or(poses.len(), |frames| frames as usize);
+        let cameras =
+            poses.iter().cycle().take(count).zip(0..).map(|(c, n)| c.for_frame(FrameNumber(n))).collect();
+        Ok(Self { cameras, walk, near, kind })
+    }
+
+    /// How many frames it has; at least one.
+    #[must_use]
+    pub fn frames(&self) -> u32 {
+        u32::try_from(self.cameras.len()).unwrap_or(u32::MAX)
+    }
+
+    /// The vertical field of view, degrees.
+    #[must_use]
+    pub fn vfov_deg(&self) -> f64 {
+        self.walk.vfov_deg()
+    }
+
+    /// The near plane's distance, metres.
+    #[must_use]
+    pub const fn near(&self) -> f32 {
+        self.near
+    }
+
+    /// The pose of a frame as the path has it: eye, forward and up.
+    #[must_use]
+    pub fn pose(&self, frame: FrameNumber) -> Option<&trimaran_scene::walk::WalkFrame> {
+        let count = self.walk.frames().len();
+        self.walk.frames().get(frame.0 as usize % count.max(1))
+    }
+}
+
+impl Cameras for Trail {
+    fn camera(&mut self, frame: FrameNumber) -> Camera {
+        // A session asks for its own frames only, and has as many as the trail; past its end the walk stands still.
+        let last = self.cameras.len().saturating_sub(1);
+        self.cameras[(frame.0 as usize).min(last)].for_frame(frame)
+    }
+}
+
+fn read(path: &Path) -> Result<Walk, TrailError> {
+    let text =
+        std::fs::read_to_string(path).map_err(|cause| TrailError::Read { path: path.to_owned(), cause })?;
+    Walk::from_json(&text).map_err(|cause| TrailError::Walk { path: path.to_owned(), cause })
+}
+
+/// The near plane of a path that names none: a ten-thousandth of the scene's diagonal.
+fn default_near(scene: &Scene) -> f32 {
+    let diagonal = scene.nodes().first().map_or(1.0, |root| {
+        let (min, max) = root.world_box();
+        (max - min).length()
+    });
+    ((diagonal * 1e-4) as f32).max(1e-6)
+}
