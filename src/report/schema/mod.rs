@@ -7,7 +7,9 @@
 //!   `forward`, `up`), so that any report can be walked again.
 
 mod frame;
+mod metric;
 mod run;
+mod stat;
 mod summary;
 mod sweep;
 
@@ -15,11 +17,13 @@ pub use frame::{
     BytesByKind, CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, PassTime, PictureError,
     RegionDeviation, Role, Span, VisibleObject,
 };
+pub use metric::{METRICS, Metric};
 pub use run::{Mode, RoleInfo, Run, SceneInfo, Seat, timestamp};
 use serde::{Deserialize, Serialize};
+pub use stat::{LowStat, Stat};
 pub use summary::{
-    Bandwidth, LowStat, METRICS, Metric, ModelledFps, PAPER_OBJECT_TIGHTNESS, PAPER_TRIANGLE_TIGHTNESS,
-    SilhouetteVerdict, Stat, Summary, Tightness,
+    Bandwidth, ModelledFps, PAPER_OBJECT_TIGHTNESS, PAPER_TRIANGLE_TIGHTNESS, SilhouetteVerdict, Summary,
+    Tightness,
 };
 pub(super) use summary::{corrected_formula_bytes, paper_formula_bytes};
 pub use sweep::SweepPoint;

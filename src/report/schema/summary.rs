@@ -6,165 +6,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::report::metrics::SAMPLING_SLACK_PX;
 
-use super::{BytesByKind, FalseCull, FalseCullCause, Frame, Run};
+use super::{BytesByKind, FalseCull, FalseCullCause, Frame, LowStat, METRICS, Run, Stat};
 
 /// Objects drawn over objects exactly visible in the paper's power plant (its tables 2 and 3).
 pub const PAPER_OBJECT_TIGHTNESS: f64 = 1.83;
 /// Polygons drawn over polygons exactly visible in the paper's power plant (its tables 2 and 3).
 pub const PAPER_TRIANGLE_TIGHTNESS: f64 = 12.2;
-
-/// A figure that every frame may have.
-#[derive(Debug, Clone, Copy)]
-pub struct Metric {
-    /// Its key in [`Summary::metrics`].
-    pub key: &'static str,
-    /// Its unit; empty for counts and ratios.
-    pub unit: &'static str,
-    /// What it is, for tables.
-    pub title: &'static str,
-    /// Its value on a frame; `None` if it was not measured there.
-    pub of: fn(&Frame) -> Option<f64>,
-}
-
-/// Every figure that is summarised, in the order of tables. PSNR is not among them: it is worst where it is lowest, and has
-/// [`Summary::psnr_db`].
-pub const METRICS: &[Metric] = &[
-    metric("or_ms", "ms", "OR busy", |f| f.or_ms),
-    metric("hc_ms", "ms", "HC busy", |f| f.hc_ms),
-    metric("rvg_ms", "ms", "RVG busy", |f| f.rvg_ms),
-    metric("slowest_role_ms", "ms", "slowest role, max(OR, HC, RVG)", Frame::slowest_role_ms),
-    metric("frame_ms", "ms", "frame time as measured", |f| f.frame_ms),
-    metric("latency_ms", "ms", "camera to picture", |f| f.latency_ms),
-    metric("latency_frames", "frames", "camera to picture", |f| f.latency_frames.map(f64::from)),
-    metric("nodes_drawn", "", "nodes drawn", |f| count(f.nodes_drawn)),
-    metric("nodes_exact", "", "nodes exactly visible, same cut", |f| count(f.nodes_exact)),
-    metric("node_tightness", "", "nodes drawn / exactly visible", |f| ratio(f.nodes_drawn, f.nodes_exact)),
-    metric("triangles_drawn", "", "triangles drawn", |f| count(f.triangles_drawn)),
-    metric("triangles_exact", "", "triangles exactly visible, same cut", |f| count(f.triangles_exact)),
-    metric("triangle_tightness", "", "triangles drawn / exactly visible", |f| {
-        ratio(f.triangles_drawn, f.triangles_exact)
-    }),
-    metric("objects_exact_full", "", "objects exactly visible, full detail", |f| count(f.objects_exact_full)),
-    metric("triangles_exact_full", "", "triangles exactly visible, full detail", |f| {
-        count(f.triangles_exact_full)
-    }),
-    metric("occluders_drawn", "", "occluders drawn", |f| count(f.occluders_drawn)),
-    metric("occluder_triangles", "", "occluder triangles", |f| count(f.occluder_triangles)),
-    metric("boxes_tested", "", "boxes tested", |f| f.culling.map(|c| c.boxes_tested as f64)),
-    metric("false_culled_nodes", "", "nodes falsely culled", |f| count(f.false_culled_nodes)),
-    metric("false_culled_pixels", "px", "pixels falsely culled", |f| count(f.false_culled_pixels)),
-    metric("false_culled_blob_px", "px", "largest falsely culled blob", |f| count(f.false_culled_blob_px)),
-    metric("cut_mismatch_pixels", "px", "pixels unlike the unculled cut", |f| count(f.cut_mismatch_pixels)),
-    metric("mismatching_pixels", "px", "pixels unlike full detail", |f| {
-        f.full_detail.map(|e| e.mismatching_pixels as f64)
-    }),
-    metric("flip_mean", "", "FLIP against full detail, mean", |f| f.full_detail?.flip_mean),
-    metric("flip_p99", "", "FLIP against full detail, 99th percentile", |f| f.full_detail?.flip_p99),
-    metric("silhouette_max_px", "px", "silhouette deviation, largest", |f| f.full_detail?.silhouette_max_px),
-    metric("silhouette_p95_px", "px", "silhouette deviation, 95th percentile", |f| {
-        f.full_detail?.silhouette_p95_px
-    }),
-    metric("region_p95_px", "px", "outlines between things, 95th percentile", |f| {
-        Some(f.full_detail?.regions?.p95_px)
-    }),
-    metric("bytes", "B", "bytes sent", |f| count(f.bytes)),
-];
-
-const fn metric(
-    key: &'static str,
-    unit: &'static str,
-    title: &'static str,
-    of: fn(&Frame) -> Option<f64>,
-) -> Metric {
-    Metric { key, unit, title, of }
-}
-
-fn count(value: Option<u64>) -> Option<f64> {
-    value.map(|v| v as f64)
-}
-
-/// `None` where there is nothing to be tight about.
-fn ratio(drawn: Option<u64>, exact: Option<u64>) -> Option<f64> {
-    let exact = exact.filter(|&e| e > 0)?;
-    Some(drawn? as f64 / exact as f64)
-}
-
-impl Frame {
-    /// The busiest role's time, milliseconds: what the frame would take if each role had a machine of its own. `None` unless
-    /// all three were measured.
-    #[must_use]
-    pub fn slowest_role_ms(&self) -> Option<f64> {
-        Some(self.or_ms?.max(self.hc_ms?).max(self.rvg_ms?))
-    }
-}
-
-/// How a figure spreads over the frames on which it was measured. Percentiles are nearest-rank: the smallest measured value
-/// that at least that share of the values does not exceed, so every figure here occurred.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Stat {
-    /// Frames on which it was measured.
-    pub frames: u32,
-    /// The 50th percentile.
-    pub median: f64,
-    /// The 95th percentile.
-    pub p95: f64,
-    /// The largest.
-    pub max: f64,
-}
-
-impl Stat {
-    /// The spread of `values`; `None` if there are none. Values that are not finite are left out.
-    #[must_use]
-    pub fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
-        let mut values: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
-        values.sort_by(f64::total_cmp);
-        let &max = values.last()?;
-        Some(Self {
-            frames: u32::try_from(values.len()).unwrap_or(u32::MAX),
-            median: nearest_rank(&values, 50)?,
-            p95: nearest_rank(&values, 95)?,
-            max,
-        })
-    }
-}
-
-/// How a figure spreads that is worst where it is lowest.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct LowStat {
-    /// Frames on which it was measured, and finite.
-    pub frames: u32,
-    /// Frames on which it was infinite: pictures that are equal. They are not in the figures below.
-    pub infinite: u32,
-    /// The 50th percentile.
-    pub median: Option<f64>,
-    /// The 5th percentile.
-    pub p5: Option<f64>,
-    /// The smallest.
-    pub min: Option<f64>,
-}
-
-impl LowStat {
-    fn of_psnr(frames: &[Frame]) -> Option<Self> {
-        let errors: Vec<_> = frames.iter().filter_map(|f| f.full_detail).collect();
-        let mut values: Vec<f64> =
-            errors.iter().filter_map(|e| e.psnr_db).filter(|v| v.is_finite()).collect();
-        values.sort_by(f64::total_cmp);
-        let equal = errors.iter().filter(|e| e.mismatching_pixels == 0).count();
-        (!errors.is_empty()).then(|| Self {
-            frames: u32::try_from(values.len()).unwrap_or(u32::MAX),
-            infinite: u32::try_from(equal).unwrap_or(u32::MAX),
-            median: nearest_rank(&values, 50),
-            p5: nearest_rank(&values, 5),
-            min: values.first().copied(),
-        })
-    }
-}
-
-/// The nearest-rank percentile of sorted values.
-fn nearest_rank(sorted: &[f64], percent: usize) -> Option<f64> {
-    let rank = (percent * sorted.len()).div_ceil(100).max(1);
-    sorted.get(rank - 1).copied()
-}
 
 /// The frames' figures, condensed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -391,22 +238,8 @@ fn bytes_by_kind(frames: &[Frame]) -> Option<BytesByKind> {
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
-
     use super::*;
     use crate::report::sample;
-    use crate::report::schema::PictureError;
-
-    #[test]
-    fn percentiles_are_nearest_rank() {
-        let of = |values: &[f64]| Stat::of(values.iter().copied()).unwrap();
-        let hundred: Vec<f64> = (1..=100).rev().map(f64::from).collect();
-        assert_eq!(of(&hundred), Stat { frames: 100, median: 50.0, p95: 95.0, max: 100.0 });
-        assert_eq!(of(&[7.0]), Stat { frames: 1, median: 7.0, p95: 7.0, max: 7.0 });
-        assert_eq!(of(&[1.0, 2.0]), Stat { frames: 2, median: 1.0, p95: 2.0, max: 2.0 });
-        assert_eq!(of(&[f64::NAN, 1.0, f64::INFINITY]).frames, 1);
-        assert_eq!(Stat::of([]), None);
-    }
 
     #[test]
     fn what_was_not_measured_is_not_zero() {
@@ -454,27 +287,6 @@ mod tests {
     }
 
     #[test]
-    fn equal_pictures_count_as_infinite_psnr() {
-        let error = |psnr_db, mismatching_pixels| Frame {
-            full_detail: Some(PictureError {
-                psnr_db,
-                flip_mean: None,
-                flip_p99: None,
-                mismatching_pixels,
-                silhouette_max_px: None,
-                silhouette_p95_px: None,
-                regions: None,
-            }),
-            ..Frame::default()
-        };
-        let frames = [error(Some(40.0), 9), error(None, 0), error(Some(30.0), 90)];
-        let psnr = LowStat::of_psnr(&frames).unwrap();
-        let expected =
-            LowStat { frames: 2, infinite: 1, median: Some(30.0), p5: Some(30.0), min: Some(30.0) };
-        assert_eq!(psnr, expected);
-    }
-
-    #[test]
     fn the_formulas_give_the_papers_figure_and_the_corrected_one() {
         // n = 4000 ids, b = 10 a message, h = 50 header bytes, 30 frames a second: the paper says 39 Mbit/s.
         let megabits = |bytes: f64| bytes * 8.0 * 30.0 / 1e6;
@@ -515,19 +327,5 @@ mod tests {
         assert_eq!(summary.false_culled_pixels_total, Some(41));
         assert_eq!(summary.audited_frames, 20);
         assert_eq!(summary.doubts["near_plane"], 240);
-    }
-
-    proptest! {
-        #[test]
-        fn a_percentile_is_the_smallest_value_that_enough_do_not_exceed(
-            mut values in prop::collection::vec(-1e6..1e6_f64, 1..60),
-            percent in 1_usize..=100,
-        ) {
-            values.sort_by(f64::total_cmp);
-            let found = nearest_rank(&values, percent).unwrap();
-            let enough = |limit: f64| 100 * values.iter().filter(|&&v| v <= limit).count() >= percent * values.len();
-            prop_assert!(enough(found));
-            prop_assert!(values.iter().filter(|&&v| v < found).all(|&v| !enough(v)));
-        }
     }
 }

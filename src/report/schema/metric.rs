@@ -1,0 +1,88 @@
+//! The figures that a frame may have, as a table: what is summarised, drawn and printed.
+
+use super::Frame;
+
+/// A figure that every frame may have.
+#[derive(Debug, Clone, Copy)]
+pub struct Metric {
+    /// Its key in [`Summary::metrics`](super::Summary::metrics).
+    pub key: &'static str,
+    /// Its unit; empty for counts and ratios.
+    pub unit: &'static str,
+    /// What it is, for tables.
+    pub title: &'static str,
+    /// Its value on a frame; `None` if it was not measured there.
+    pub of: fn(&Frame) -> Option<f64>,
+}
+
+/// Every figure that is summarised, in the order of tables. PSNR is not among them: it is worst where it is lowest, and has
+/// [`Summary::psnr_db`](super::Summary::psnr_db).
+pub const METRICS: &[Metric] = &[
+    metric("or_ms", "ms", "OR busy", |f| f.or_ms),
+    metric("hc_ms", "ms", "HC busy", |f| f.hc_ms),
+    metric("rvg_ms", "ms", "RVG busy", |f| f.rvg_ms),
+    metric("slowest_role_ms", "ms", "slowest role, max(OR, HC, RVG)", Frame::slowest_role_ms),
+    metric("frame_ms", "ms", "frame time as measured", |f| f.frame_ms),
+    metric("latency_ms", "ms", "camera to picture", |f| f.latency_ms),
+    metric("latency_frames", "frames", "camera to picture", |f| f.latency_frames.map(f64::from)),
+    metric("nodes_drawn", "", "nodes drawn", |f| count(f.nodes_drawn)),
+    metric("nodes_exact", "", "nodes exactly visible, same cut", |f| count(f.nodes_exact)),
+    metric("node_tightness", "", "nodes drawn / exactly visible", |f| ratio(f.nodes_drawn, f.nodes_exact)),
+    metric("triangles_drawn", "", "triangles drawn", |f| count(f.triangles_drawn)),
+    metric("triangles_exact", "", "triangles exactly visible, same cut", |f| count(f.triangles_exact)),
+    metric("triangle_tightness", "", "triangles drawn / exactly visible", |f| {
+        ratio(f.triangles_drawn, f.triangles_exact)
+    }),
+    metric("objects_exact_full", "", "objects exactly visible, full detail", |f| count(f.objects_exact_full)),
+    metric("triangles_exact_full", "", "triangles exactly visible, full detail", |f| {
+        count(f.triangles_exact_full)
+    }),
+    metric("occluders_drawn", "", "occluders drawn", |f| count(f.occluders_drawn)),
+    metric("occluder_triangles", "", "occluder triangles", |f| count(f.occluder_triangles)),
+    metric("boxes_tested", "", "boxes tested", |f| f.culling.map(|c| c.boxes_tested as f64)),
+    metric("false_culled_nodes", "", "nodes falsely culled", |f| count(f.false_culled_nodes)),
+    metric("false_culled_pixels", "px", "pixels falsely culled", |f| count(f.false_culled_pixels)),
+    metric("false_culled_blob_px", "px", "largest falsely culled blob", |f| count(f.false_culled_blob_px)),
+    metric("cut_mismatch_pixels", "px", "pixels unlike the unculled cut", |f| count(f.cut_mismatch_pixels)),
+    metric("mismatching_pixels", "px", "pixels unlike full detail", |f| {
+        f.full_detail.map(|e| e.mismatching_pixels as f64)
+    }),
+    metric("flip_mean", "", "FLIP against full detail, mean", |f| f.full_detail?.flip_mean),
+    metric("flip_p99", "", "FLIP against full detail, 99th percentile", |f| f.full_detail?.flip_p99),
+    metric("silhouette_max_px", "px", "silhouette deviation, largest", |f| f.full_detail?.silhouette_max_px),
+    metric("silhouette_p95_px", "px", "silhouette deviation, 95th percentile", |f| {
+        f.full_detail?.silhouette_p95_px
+    }),
+    metric("region_p95_px", "px", "outlines between things, 95th percentile", |f| {
+        Some(f.full_detail?.regions?.p95_px)
+    }),
+    metric("bytes", "B", "bytes sent", |f| count(f.bytes)),
+];
+
+const fn metric(
+    key: &'static str,
+    unit: &'static str,
+    title: &'static str,
+    of: fn(&Frame) -> Option<f64>,
+) -> Metric {
+    Metric { key, unit, title, of }
+}
+
+fn count(value: Option<u64>) -> Option<f64> {
+    value.map(|v| v as f64)
+}
+
+/// `None` where there is nothing to be tight about.
+fn ratio(drawn: Option<u64>, exact: Option<u64>) -> Option<f64> {
+    let exact = exact.filter(|&e| e > 0)?;
+    Some(drawn? as f64 / exact as f64)
+}
+
+impl Frame {
+    /// The busiest role's time, milliseconds: what the frame would take if each role had a machine of its own. `None` unless
+    /// all three were measured.
+    #[must_use]
+    pub fn slowest_role_ms(&self) -> Option<f64> {
+        Some(self.or_ms?.max(self.hc_ms?).max(self.rvg_ms?))
+    }
+}
