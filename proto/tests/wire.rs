@@ -1,0 +1,137 @@
+//! The worked examples of WIRE.md are what this crate writes and reads.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+use std::collections::BTreeMap;
+
+use bytes::{Bytes, BytesMut};
+use trimaran_proto::{
+    Accept, BatchSize, Camera, CullCounts, Decoder, DrawableId, EpsilonPx, FrameEnd, FrameMessage,
+    FrameNumber, FrameStart, FrameStats, FrameWriter, Goodbye, HEADER_BYTES, Hello, IdBatch, Identity, Kind,
+    Lane, Message, PictureSize, Refusal, Role, SceneHash, SessionId, Settings, TesterKind,
+};
+
+const WIRE: &str = include_str!("../WIRE.md");
+
+/// The examples by name: each is a fenced block `hex NAME` of hexadecimal bytes, with a comment behind a `#` in any line.
+fn examples() -> BTreeMap<&'static str, Vec<u8>> {
+    WIRE.split("\n```hex ")
+        .skip(1)
+        .map(|block| {
+            let (name, rest) = block.split_once('\n').unwrap();
+            let (body, _) = rest.split_once("\n```").unwrap();
+            let digits =
+                body.lines().filter_map(|line| line.split('#').next()).flat_map(str::split_whitespace);
+            (name, digits.map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect())
+        })
+        .collect()
+}
+
+fn camera() -> Camera {
+    Camera::new([1.0, 2.0, -3.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.25, FrameNumber(7)).unwrap()
+}
+
+fn display() -> Identity {
+    let settings = Settings {
+        size: PictureSize::new(1024, 768).unwrap(),
+        epsilon: EpsilonPx::new(2.0).unwrap(),
+        batch: BatchSize::new(256).unwrap(),
+        tester: TesterKind::Raster,
+        lockstep: true,
+        frames: Some(200),
+    };
+    Identity { role: Role::Display, scene: SceneHash(0x1234), settings: Some(settings) }
+}
+
+fn switch() -> Identity {
+    Identity { role: Role::SwitchA, scene: SceneHash(0x1234), settings: None }
+}
+
+/// The messages that the examples spell out.
+fn messages() -> Vec<(&'static str, Message)> {
+    let ids = [1u32, 258].map(u32::to_le_bytes).concat();
+    let frame = FrameNumber(9);
+    let stats = FrameStats {
+        frame,
+        or_start_ns: 1,
+        or_end_ns: 300,
+        culling: CullCounts { visited: 5, emitted: 2, ..CullCounts::default() },
+        ..FrameStats::default()
+    };
+    let hello = Hello { identity: display(), session: SessionId(5), lane: Lane::Latest };
+    let refusal = Refusal::Scene { listener: SceneHash(0x1234), connector: SceneHash(0x81) };
+    let end = FrameEnd { frame, ids: 2, hash: xxhash_rust::xxh3::xxh3_64(&ids) };
+    let frames = [
+        ("begin", FrameMessage::Begin(FrameStart { frame, camera: camera() })),
+        ("ids", FrameMessage::Ids(IdBatch::new(Bytes::from(ids)).unwrap())),
+        ("end", FrameMessage::End(end)),
+        ("stats", FrameMessage::Stats(stats)),
+    ];
+    let mut messages = vec![
+        ("hello", Message::Hello(hello)),
+        ("accept", Message::Accept(Accept { identity: switch() })),
+        ("refuse", Message::Refuse(refusal)),
+        ("goodbye", Message::Goodbye(Goodbye::failed("no GPU"))),
+        ("camera", Message::Camera(camera())),
+    ];
+    messages.extend(frames.map(|(name, message)| (name, Message::Frame(message))));
+    messages
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x} ")).collect()
+}
+
+#[test]
+fn every_kind_of_message_has_an_example() {
+    let kinds: Vec<Kind> = messages().iter().map(|(_, message)| message.kind()).collect();
+    assert_eq!(kinds, Kind::ALL);
+    let written = examples();
+    for (name, message) in messages() {
+        let mut out = BytesMut::new();
+        message.encode(&mut out);
+        assert_eq!(hex(&out), hex(written.get(name).map_or(&[], Vec::as_slice)), "the example {name}");
+    }
+    assert_eq!(written.len(), messages().len() + 2, "and the empty frame, and another version's hello");
+}
+
+#[test]
+fn every_example_reads_back() {
+    let written = examples();
+    for (name, message) in messages() {
+        let mut decoder = Decoder::new();
+        decoder.push(&written[name]);
+        assert_eq!(decoder.next_message(), Ok(Some(message)), "the example {name}");
+        assert_eq!(decoder.pending(), 0);
+    }
+}
+
+#[test]
+fn the_empty_frame_is_begin_and_end() {
+    let mut writer = FrameWriter::new(BatchSize::default());
+    let mut out = BytesMut::new();
+    Message::Frame(writer.begin(FrameStart { frame: FrameNumber(9), camera: camera() }).unwrap())
+        .encode(&mut out);
+    out.clear();
+    writer.push(&[] as &[DrawableId], |_| panic!("no batch")).unwrap();
+    writer.finish(|message| Message::Frame(message).encode(&mut out)).unwrap();
+    assert_eq!(hex(&out), hex(&examples()["empty-end"]));
+}
+
+#[test]
+fn another_versions_hello_says_which() {
+    let mut decoder = Decoder::new();
+    decoder.push(&examples()["hello-2"]);
+    let error = decoder.next_message().unwrap_err().to_string();
+    assert!(error.contains("the peer speaks version 2 of the protocol, this one version 1"), "{error}");
+}
+
+#[test]
+fn the_tables_of_codes_and_lengths_are_the_crates() {
+    for kind in Kind::ALL {
+        let (min, max) = kind.lengths().into_inner();
+        let lengths = if min == max { format!("{min}") } else { format!("{min} to {max}") };
+        let row = format!("| `{:#04x}` | {kind} | {lengths} |", kind.code());
+        assert!(WIRE.contains(&row), "no row {row:?}");
+    }
+    assert!(WIRE.contains(&format!("{HEADER_BYTES}-byte header")));
+}
