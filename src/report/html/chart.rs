@@ -228,19 +228,20 @@ impl Chart {
 
     /// Labels beside their points, each where it covers no other; one that finds no place is left out.
     fn point_labels(&self, svg: &mut String, x: &Axis, y: &Axis) {
-        let mut taken: Vec<(f64, f64)> = Vec::new();
+        let mut taken: Vec<(f64, f64, f64)> = Vec::new();
         for (px, py, label) in &self.labels {
             let (px, py) = (x.at(*px), y.at(*py));
             let width = 7.0 * label.chars().count() as f64;
             let places = [(px - 8.0 - width, py - 6.0), (px - width / 2.0, py - 12.0), (px + 9.0, py + 4.0)];
             let free = |place: &&(f64, f64)| {
-                let apart = |t: &(f64, f64)| (t.0 - place.0).abs() > width || (t.1 - place.1).abs() > 13.0;
+                let beside = |t: &(f64, f64, f64)| place.0 + width < t.0 || t.0 + t.2 < place.0;
+                let apart = |t: &(f64, f64, f64)| beside(t) || (t.1 - place.1).abs() > 13.0;
                 place.0 > LEFT && taken.iter().all(apart)
             };
             if let Some(&(left, base)) = places.iter().find(free) {
                 let text = escape(label);
                 let _ = write!(svg, "<text class=\"label\" x=\"{left:.1}\" y=\"{base:.1}\">{text}</text>");
-                taken.push((left, base));
+                taken.push((left, base, width));
             }
         }
     }
