@@ -3,12 +3,13 @@
 
 enable primitive_index;
 
-// What one draw of a batch needs; the draw finds its own by its first instance.
+// What one draw of a batch needs, as attributes that advance by instance: each draw is one instance, and its first instance is its
+// place in the batch. No descriptor sets, and no limit on the number of draws from the size of a storage buffer.
 struct Draw {
     // Local frame to view space: the rows of a 3x4 matrix.
-    to_view: array<vec4<f32>, 3>,
-    // The drawable, in x; the rest is padding.
-    id: vec4<u32>,
+    @location(2) row_x: vec4<f32>,
+    @location(3) row_y: vec4<f32>,
+    @location(4) row_z: vec4<f32>,
 }
 
 struct Camera {
@@ -24,22 +25,19 @@ struct Camera {
     up: vec4<f32>,
 }
 
-@group(0) @binding(0) var<storage, read> draws: array<Draw>;
 var<immediate> camera: Camera;
 
-fn clip_position(local: vec3<f32>, draw: u32) -> vec4<f32> {
+fn clip_position(local: vec3<f32>, draw: Draw) -> vec4<f32> {
     let p = vec4<f32>(local, 1.0);
-    let x = dot(draws[draw].to_view[0], p);
-    let y = dot(draws[draw].to_view[1], p);
-    let z = dot(draws[draw].to_view[2], p);
-    return vec4<f32>(x * camera.scale.x, y * camera.scale.y, camera.near, -z);
+    let view = vec3<f32>(dot(draw.row_x, p), dot(draw.row_y, p), dot(draw.row_z, p));
+    return vec4<f32>(view.xy * camera.scale, camera.near, -view.z);
 }
 
 // Depth alone: no fragment shader at all.
 @vertex
 fn vs_depth(
     @location(0) local: vec3<f32>,
-    @builtin(instance_index) draw: u32,
+    draw: Draw,
 ) -> @invariant @builtin(position) vec4<f32> {
     return clip_position(local, draw);
 }
@@ -53,7 +51,7 @@ struct PictureVertex {
 fn vs_picture(
     @location(0) local: vec3<f32>,
     @location(1) colour: vec4<f32>,
-    @builtin(instance_index) draw: u32,
+    draw: Draw,
 ) -> PictureVertex {
     return PictureVertex(clip_position(local, draw), colour.rgb);
 }
@@ -85,8 +83,8 @@ struct ItemVertex {
 }
 
 @vertex
-fn vs_item(@location(0) local: vec3<f32>, @builtin(instance_index) draw: u32) -> ItemVertex {
-    return ItemVertex(clip_position(local, draw), draws[draw].id.x);
+fn vs_item(@location(0) local: vec3<f32>, draw: Draw, @location(5) id: u32) -> ItemVertex {
+    return ItemVertex(clip_position(local, draw), id);
 }
 
 @fragment

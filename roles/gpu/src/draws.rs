@@ -1,4 +1,6 @@
 //! The draws of a frame: one record and one indirect command each, in buffers that the device reads in place.
+//!
+//! A record is an instance's vertex attributes. Each draw is one instance, whose number (its first instance) picks the record.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -9,37 +11,34 @@ use trimaran_cull::View;
 use trimaran_proto::DrawableId;
 
 use crate::memory::HostBuffer;
-use crate::pipeline::{BindingSet, Layout, Pipeline};
 use crate::recorder::Recorder;
 use crate::{Gpu, GpuError, GpuScene};
 
 /// The draws of one frame, in the order given. Those already submitted stay as they are until [`clear`](Self::clear).
 pub(crate) struct Draws {
     gpu: Arc<Gpu>,
-    layout: Arc<Layout>,
     chunks: Vec<Chunk>,
     /// Draws since the frame began, and how many of them were recorded.
     added: usize,
     recorded: usize,
 }
 
-/// Draws that share an indirect call. So few that no device's limits are near: a megabyte of storage buffer, of 128; 16 thousand commands, of
-/// 65 thousand.
+/// Draws that share an indirect call: far below the 65 thousand commands that every device takes in one.
 const CHUNK: usize = 16_384;
 
 struct Chunk {
-    // The set before the buffers it binds, so that it goes first.
-    set: BindingSet,
     records: HostBuffer<DrawRecord>,
     commands: HostBuffer<DrawCommand>,
 }
 
-/// `Draw` of scene.wgsl.
+/// What the shaders know of a draw: `Draw` of scene.wgsl and the id.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-struct DrawRecord {
-    to_view: [[f32; 4]; 3],
-    id: [u32; 4],
+pub(crate) struct DrawRecord {
+    /// Local frame to view space: the rows of a 3x4 matrix.
+    pub(crate) to_view: [[f32; 4]; 3],
+    /// The drawable.
+    pub(crate) id: u32,
 }
 
 /// `VkDrawIndexedIndirectCommand`.
@@ -54,9 +53,9 @@ struct DrawCommand {
 }
 
 impl Draws {
-    /// No draws yet. `layout` has one storage buffer, for the records.
-    pub(crate) const fn new(gpu: Arc<Gpu>, layout: Arc<Layout>) -> Self {
-        Self { gpu, layout, chunks: Vec::new(), added: 0, recorded: 0 }
+    /// No draws yet.
+    pub(crate) const fn new(gpu: Arc<Gpu>) -> Self {
+        Self { gpu, chunks: Vec::new(), added: 0, recorded: 0 }
     }
 
     /// Forgets all draws. The caller has waited for the device to finish them.
@@ -82,10 +81,11 @@ impl Draws {
             else {
                 return Ok(()); // a chunk has CHUNK of both
             };
-            let mut first_instance = slot as u32;
-            for ((record, command), &id) in records.iter_mut().zip(commands).zip(now) {
+            for (first_instance, ((record, command), &id)) in
+                (slot as u32..).zip(records.iter_mut().zip(commands).zip(now))
+            {
                 let (range, place) = scene.find(id)?;
-                *record = DrawRecord { to_view: place.to_view(view), id: [id.0, 0, 0, 0] };
+                *record = DrawRecord { to_view: place.in_view(view), id: id.0 };
                 *command = DrawCommand {
                     index_count: range.index_count,
                     instance_count: 1,
@@ -93,7 +93,6 @@ impl Draws {
                     vertex_offset: range.vertex_offset,
                     first_instance,
                 };
-                first_instance += 1;
             }
             self.added += now.len();
             rest = later;
@@ -102,10 +101,10 @@ impl Draws {
     }
 
     /// Records the draws added since the last time: one indirect call a chunk.
-    pub(crate) fn record(&mut self, commands: &Recorder<'_>, pipeline: &Pipeline) {
+    pub(crate) fn record(&mut self, commands: &Recorder<'_>) {
         for (chunk, part) in parts(self.recorded..self.added) {
             if let Some(chunk) = self.chunks.get(chunk) {
-                commands.bind_set(pipeline, &chunk.set);
+                commands.bind_instances(chunk.records.buffer());
                 commands.draw_indexed_indirect(chunk.commands.buffer(), part.start, part.len());
             }
         }
@@ -115,7 +114,7 @@ impl Draws {
     /// The chunk of this index, which exists or is the next one to make.
     fn chunk(&mut self, index: usize) -> Result<&mut Chunk, GpuError> {
         if index >= self.chunks.len() {
-            self.chunks.push(Chunk::new(&self.gpu, &self.layout)?);
+            self.chunks.push(Chunk::new(&self.gpu)?);
         }
         let last = self.chunks.len() - 1;
         Ok(&mut self.chunks[index.min(last)])
@@ -123,14 +122,12 @@ impl Draws {
 }
 
 impl Chunk {
-    fn new(gpu: &Arc<Gpu>, layout: &Arc<Layout>) -> Result<Self, GpuError> {
+    fn new(gpu: &Arc<Gpu>) -> Result<Self, GpuError> {
         let here = MemoryLocation::CpuToGpu;
-        let records =
-            HostBuffer::new(gpu, "draw records", vk::BufferUsageFlags::STORAGE_BUFFER, here, CHUNK)?;
+        let records = HostBuffer::new(gpu, "draw records", vk::BufferUsageFlags::VERTEX_BUFFER, here, CHUNK)?;
         let commands =
             HostBuffer::new(gpu, "draw commands", vk::BufferUsageFlags::INDIRECT_BUFFER, here, CHUNK)?;
-        let set = BindingSet::new(layout, &[records.buffer()])?;
-        Ok(Self { set, records, commands })
+        Ok(Self { records, commands })
     }
 }
 

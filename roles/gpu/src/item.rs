@@ -15,7 +15,7 @@ static KIND: PassKind = PassKind {
     name: "drawing the item buffer",
     vertex: shader!("vs_item"),
     fragment: Some(shader!("fs_item")),
-    input: VertexInput::Position,
+    input: VertexInput::Id,
     colour: Some(ColourTarget {
         format: vk::Format::R32G32_UINT,
         background: vk::ClearColorValue { uint32: [ItemImage::BACKGROUND; 4] },

@@ -75,7 +75,7 @@ impl ScenePass {
         size: Viewport,
     ) -> Result<Self, GpuError> {
         let gpu = scene.gpu();
-        let layout = Layout::new::<CameraConstants>(gpu, 1)?;
+        let layout = Layout::new::<CameraConstants>(gpu, 0)?;
         let pipeline = Pipeline::new(
             &layout,
             &PipelineDesc {
@@ -91,7 +91,7 @@ impl ScenePass {
             scene: Arc::clone(scene),
             kind,
             pipeline,
-            draws: Draws::new(Arc::clone(gpu), layout),
+            draws: Draws::new(Arc::clone(gpu)),
             attachments: Attachments::new(gpu, kind, size)?,
             view: None,
             fresh: true,
@@ -143,7 +143,7 @@ impl ScenePass {
                 commands.render(attachments.targets(kind, clear), || {
                     commands.bind(pipeline, &constants);
                     commands.bind_mesh(scene.vertices(), scene.indices());
-                    draws.record(commands, pipeline);
+                    draws.record(commands);
                 });
             })
         })

@@ -1,11 +1,13 @@
 //! Shaders joined into pipelines, and the buffers they read.
 
 use std::ffi::CStr;
+use std::mem::offset_of;
 use std::sync::Arc;
 
 use ash::vk;
 use trimaran_scene::Vertex;
 
+use crate::draws::DrawRecord;
 use crate::error::During as _;
 use crate::memory::Buffer;
 use crate::{Gpu, GpuError};
@@ -43,7 +45,7 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
-    /// `buffers` storage buffers at bindings 0 and on, and push constants of the size of `C`.
+    /// `buffers` storage buffers (perhaps none) at bindings 0 and on, and push constants of the size of `C`.
     pub(crate) fn new<C>(gpu: &Arc<Gpu>, buffers: u32) -> Result<Arc<Self>, GpuError> {
         const OPERATION: &str = "laying out a pipeline";
         let stages = vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT;
@@ -142,12 +144,17 @@ impl Drop for BindingSet {
     }
 }
 
-/// What a vertex shader reads of a [`Vertex`].
+/// What a vertex shader reads: of a vertex, and of its draw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum VertexInput {
+    /// Nothing: the shader makes its own.
     None,
+    /// The position, and the draw's matrix.
     Position,
-    PositionAndColour,
+    /// These and the vertex's colour.
+    Colour,
+    /// These (but no colour) and the draw's id.
+    Id,
 }
 
 /// What a pipeline does with the depth buffer.
@@ -258,24 +265,41 @@ impl Drop for Pipeline {
 fn vertex_input(
     input: VertexInput,
 ) -> (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>) {
-    let binding = vk::VertexInputBindingDescription {
-        binding: 0,
-        stride: size_of::<Vertex>() as u32,
-        input_rate: vk::VertexInputRate::VERTEX,
-    };
-    let attribute = |location, format, offset| vk::VertexInputAttributeDescription {
+    const VERTICES: u32 = 0;
+    const DRAWS: u32 = 1;
+    let bindings = vec![
+        vk::VertexInputBindingDescription {
+            binding: VERTICES,
+            stride: size_of::<Vertex>() as u32,
+            input_rate: vk::VertexInputRate::VERTEX,
+        },
+        vk::VertexInputBindingDescription {
+            binding: DRAWS,
+            stride: size_of::<DrawRecord>() as u32,
+            input_rate: vk::VertexInputRate::INSTANCE,
+        },
+    ];
+    let attribute = |location, binding, format, offset| vk::VertexInputAttributeDescription {
         location,
-        binding: 0,
+        binding,
         format,
         offset: offset as u32,
     };
-    let position = attribute(0, vk::Format::R32G32B32_SFLOAT, std::mem::offset_of!(Vertex, position));
-    let colour = attribute(1, vk::Format::R8G8B8A8_UNORM, std::mem::offset_of!(Vertex, colour));
+    let row = |index| {
+        let offset = offset_of!(DrawRecord, to_view) + index * size_of::<[f32; 4]>();
+        attribute(2 + index as u32, DRAWS, vk::Format::R32G32B32A32_SFLOAT, offset)
+    };
+    let position = attribute(0, VERTICES, vk::Format::R32G32B32_SFLOAT, offset_of!(Vertex, position));
+    let colour = attribute(1, VERTICES, vk::Format::R8G8B8A8_UNORM, offset_of!(Vertex, colour));
+    let id = attribute(5, DRAWS, vk::Format::R32_UINT, offset_of!(DrawRecord, id));
+    let mut attributes = vec![position, row(0), row(1), row(2)];
     match input {
-        VertexInput::None => (vec![], vec![]),
-        VertexInput::Position => (vec![binding], vec![position]),
-        VertexInput::PositionAndColour => (vec![binding], vec![position, colour]),
+        VertexInput::None => return (vec![], vec![]),
+        VertexInput::Position => {}
+        VertexInput::Colour => attributes.push(colour),
+        VertexInput::Id => attributes.push(id),
     }
+    (bindings, attributes)
 }
 
 /// A shader module, needed only while pipelines are made of it.

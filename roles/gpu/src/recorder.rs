@@ -119,6 +119,12 @@ impl<'a> Recorder<'a> {
         }
     }
 
+    /// Uses these instance attributes from here on.
+    pub(crate) fn bind_instances(&self, instances: &Buffer) {
+        // SAFETY: the module's rule; the buffer was made with this usage.
+        unsafe { self.device.cmd_bind_vertex_buffers(self.commands, 1, &[instances.handle()], &[0]) };
+    }
+
     /// Draws `count` commands of `commands`, from `first` on, in one call.
     pub(crate) fn draw_indexed_indirect(&self, commands: &Buffer, first: usize, count: usize) {
         let stride = size_of::<vk::DrawIndexedIndirectCommand>();

@@ -121,7 +121,7 @@ impl Placement {
     ///
     /// World coordinates of plants are too large for f32, so the eye is subtracted and the rotation applied in f64, and each entry is
     /// rounded once, to f32, at the end: what is left of the error is about half an ulp of the *view-space* distance.
-    pub(crate) fn to_view(&self, view: &View) -> [[f32; 4]; 3] {
+    pub(crate) fn in_view(&self, view: &View) -> [[f32; 4]; 3] {
         let rotation = view.to_view().to_cols_array();
         let eye = view.eye().to_array();
         let offset: [f64; 3] = std::array::from_fn(|i| self.origin[i] - eye[i]);

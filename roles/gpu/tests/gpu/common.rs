@@ -42,7 +42,12 @@ impl Drop for CheckedGpu {
     fn drop(&mut self) {
         if !std::thread::panicking() {
             let messages = self.0.validation_messages();
-            assert!(messages.is_empty(), "{} validation messages, the first: {}", messages.len(), messages[0]);
+            assert!(
+                messages.is_empty(),
+                "{} validation messages, the first: {}",
+                messages.len(),
+                messages[0]
+            );
         }
     }
 }
