@@ -102,8 +102,19 @@ pub(super) fn import(path: &Path, bytes: &[u8], options: &ImportOptions) -> Resu
 fn essence(text: &str) -> (String, u64) {
     let mut left_out = 0;
     let mut kept = String::with_capacity(text.len());
+    // Colours of some vertices only would be taken for those of others.
+    let is_vertex = |line: &&str| line.split_whitespace().next() == Some("v");
+    let all_coloured = text.lines().filter(is_vertex).all(|line| line.split_whitespace().nth(6).is_some());
     for line in text.lines() {
         match line.split_whitespace().next() {
+            Some("v") if !all_coloured => {
+                let place = line.split_whitespace().take(if line.split_whitespace().nth(6).is_some() {
+                    4
+                } else {
+                    8
+                });
+                kept.extend(place.flat_map(|word| [word, " "]));
+            }
             Some("v" | "f" | "o" | "g" | "usemtl" | "mtllib") => kept.push_str(line),
             Some("l" | "p") => left_out += 1,
             _ => {}
@@ -252,5 +263,8 @@ mod tests {
         let text = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nf 1 2 3\n";
         let Part { model, .. } = parse(text).unwrap();
         assert_eq!(model.meshes[0].colours[1], Rgba8([0, 255, 0, 255]));
+        // Unless some vertices have none.
+        let Part { model, .. } = parse(&text.replacen(" 1 0 0\n", "\n", 1)).unwrap();
+        assert_eq!(model.meshes[0].colours[1], Rgba8([153, 153, 153, 255]));
     }
 }

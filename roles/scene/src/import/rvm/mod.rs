@@ -33,7 +33,7 @@ use crate::{Mesh, Model, Object, Rgba8};
 const USUAL_UNIT: f64 = 1e-3;
 
 /// No file may make more triangles than this, or a few numbers in it could fill all memory.
-const MOST_TRIANGLES: u64 = 200_000_000;
+const MOST_TRIANGLES: u64 = 100_000_000;
 
 /// Reads an RVM file. `source_index` of its objects is the running number of the group among all groups of the file, in
 /// the order in which they open; groups without primitives count too.
@@ -147,4 +147,57 @@ fn fits_stored_box(primitive: &Primitive, solid: &Solid, tolerance: f64) -> bool
     let (low, high) = bounds(&solid.positions);
     let off = (low - stored_low).abs().max((high - stored_high).abs()).max_element();
     off <= 0.05 * (stored_high - stored_low).length() + tolerance
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tube(radius: f64, matrix: DAffine3) -> Group {
+        let shape = Shape::Cylinder { radius, height: 100.0 };
+        let stored_box = [DVec3::new(-radius, -radius, -50.0), DVec3::new(radius, radius, 50.0)];
+        let primitives = vec![Primitive { offset: 77, matrix, stored_box, shape }];
+        Group { index: 0, name: "/TUBE".into(), material: 1, primitives }
+    }
+
+    fn place(group: &Group, already: u64) -> Result<Option<Placed>, RvmError> {
+        let frame = Frame { file_to_world: DAffine3::IDENTITY, chord_tolerance: 1e-3 };
+        frame.place(group, Rgba8([0; 4]), &AtomicU64::new(already))
+    }
+
+    fn volume(mesh: &Mesh) -> f32 {
+        let at = |index: u32| mesh.positions[index as usize];
+        mesh.indices.as_chunks::<3>().0.iter().map(|&[a, b, c]| at(a).dot(at(b).cross(at(c))) / 6.0).sum()
+    }
+
+    #[test]
+    fn too_many_triangles_are_an_error_and_not_a_full_memory() {
+        let group = tube(50.0, DAffine3::from_scale(DVec3::splat(1e-3)));
+        assert!(place(&group, 0).is_ok());
+        assert_eq!(place(&group, MOST_TRIANGLES).err(), Some(RvmError::TooFine { limit: 100 }));
+    }
+
+    #[test]
+    fn a_place_beyond_single_precision_is_an_error() {
+        let group = tube(50.0, DAffine3::from_translation(DVec3::X * 1e39));
+        assert!(matches!(place(&group, 0), Err(RvmError::Unusable { offset: 77, .. })));
+    }
+
+    #[test]
+    fn a_mirroring_matrix_keeps_faces_outward() {
+        for side in [1e-3, -1e-3] {
+            let group = tube(50.0, DAffine3::from_scale(DVec3::new(side, 1e-3, 1e-3)));
+            let placed = place(&group, 0).unwrap().unwrap();
+            assert!(volume(&placed.mesh) > 7e-4, "{side}");
+            assert_eq!(placed.box_mismatches, 0);
+        }
+    }
+
+    #[test]
+    fn the_tolerance_is_that_of_the_world() {
+        let small = place(&tube(50.0, DAffine3::from_scale(DVec3::splat(1e-3))), 0).unwrap().unwrap();
+        let stretched = DAffine3::from_scale(DVec3::new(1e-3, 0.1, 1e-3));
+        let large = place(&tube(50.0, stretched), 0).unwrap().unwrap();
+        assert!(large.mesh.triangle_count() > 9 * small.mesh.triangle_count());
+    }
 }
