@@ -26,3 +26,7 @@ pub use net::{BoxFuture, BoxReader, BoxWriter, Instant, Listen, Net, Stream, Tim
 pub use stats::{LinkStats, StatsHandle, Tally, Traffic};
 pub use tcp::TcpOptions;
 pub use tokio_net::TokioNet;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeExamples;
