@@ -163,3 +163,46 @@ impl Level {
 fn farther(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::cases::Dice;
+
+    /// Every texel of every level is the farthest of exactly its pixels, at sizes that are and are not powers of two.
+    #[test]
+    fn each_texel_is_the_farthest_of_its_pixels() {
+        let mut dice = Dice::new(4);
+        let mut pyramid = DepthPyramid::new();
+        for (width, height) in
+            [(1, 1), (1, 9), (9, 1), (2, 2), (3, 5), (64, 64), (333, 77), (1023, 3), (17, 16)]
+        {
+            let viewport = Viewport::new(width, height).unwrap();
+            let depth: Vec<f32> = (0..width * height).map(|_| dice.between(0.0, 1.0) as f32).collect();
+            let image = DepthImage::new(viewport, &depth).unwrap();
+            pyramid.rebuild(image);
+            let (width, height) = (width as usize, height as usize);
+            for level in 0..=pyramid.last_level() {
+                let texels = pyramid.level(image, level);
+                for (y, x) in
+                    (0..=(height - 1) >> level).flat_map(|y| (0..=(width - 1) >> level).map(move |x| (y, x)))
+                {
+                    let rows = (y << level)..((y + 1) << level).min(height);
+                    let columns = || (x << level)..((x + 1) << level).min(width);
+                    let farthest =
+                        rows.flat_map(|r| columns().map(move |c| (r, c))).map(|(r, c)| depth[r * width + c]);
+                    let farthest = farthest.reduce(f32::min).unwrap();
+                    assert_eq!(texels.at(x, y), farthest, "{width} x {height}, level {level}, ({x}, {y})");
+                }
+            }
+            assert_eq!((width - 1).max(height - 1) >> pyramid.last_level(), 0, "{width} x {height}");
+        }
+    }
+
+    #[test]
+    fn an_image_has_one_value_a_pixel() {
+        let viewport = Viewport::new(3, 2).unwrap();
+        let error = DepthImage::new(viewport, &[0.0; 5]).unwrap_err();
+        assert_eq!(error.to_string(), "5 depth values for a picture of 3 x 2 pixels");
+    }
+}

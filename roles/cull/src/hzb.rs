@@ -4,25 +4,14 @@
 //! Most hidden boxes end there. Where that does not hide the box, its true outline and the depth of its front faces are tested
 //! down to single pixels, as far as a budget of texels goes; when that is spent, the box counts as visible.
 //!
-//! Both rest on one fact: the reciprocal depth of a plane is linear on the screen. A ray enters the box at the farthest of its
-//! front planes and leaves it at the nearest of its back planes, so at a pixel the entry is the *minimum* of a few linear
-//! functions (depth is reversed), the exit the *maximum* of others, and the outline is where no entry function is below an exit
-//! function. The extremes of a linear function over a rectangle of pixels are exact and cheap.
-//!
 //! The promise: a box is hidden only if at every pixel whose centre lies in its outline (grown as [`Outline`] says) its front is
 //! behind the depth there. So nothing that a rasterized test of the same box shows is hidden; a little more may show.
 
-use glam::{DVec3, Vec3};
 use thiserror::Error;
 
 use crate::boxes::OUTLINE_PX;
+use crate::screen_box::{Footprint, Lens, MARGIN_PX, PixelRect, ScreenShape, Texel};
 use crate::{BoxTester, DepthImage, DepthPyramid, Outline, TestBox, View, Viewport};
-
-/// Allowance for the rasterizer's sub-pixel grid (1/256) and for rounding here, in pixels.
-const MARGIN_PX: f64 = 1.0 / 64.0;
-
-/// Depths are taken to be nearer by this, relatively: more than the rounding of a division in f32.
-const NEARER: f64 = 1.0 + 1e-6;
 
 /// Texels looked at for one box before it counts as visible.
 const BUDGET: u32 = 256;
@@ -155,239 +144,99 @@ impl BoxTester for HzbTester<'_> {
     }
 }
 
-#[derive(Debug, Clone, Copy)]
-struct Texel {
-    level: usize,
-    x: usize,
-    y: usize,
-}
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Vec3};
 
-/// Pixels `x0..=x1`, `y0..=y1`.
-#[derive(Debug, Clone, Copy)]
-struct PixelRect {
-    x0: usize,
-    x1: usize,
-    y0: usize,
-    y1: usize,
-}
+    use super::*;
+    use crate::reference::cases::{Dice, looking};
+    use crate::reference::{Picture, ReferenceTester, rasterize_triangle};
 
-impl PixelRect {
-    /// The finest level at which the rectangle covers at most 5 x 5 texels.
-    fn coarse_level(&self) -> usize {
-        let longest = (self.x1 - self.x0).max(self.y1 - self.y0);
-        if longest < 4 { 0 } else { longest.ilog2() as usize - 1 }
+    fn random_box(dice: &mut Dice) -> TestBox {
+        let depth = dice.between(-2.0, 5.0).exp2();
+        let centre =
+            DVec3::new(dice.between(-0.8, 0.8) * depth, dice.between(-0.8, 0.8) * depth, -depth - 0.1);
+        let turn = dice.rotation();
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z]
+            .map(|axis| (turn * axis * depth * 0.4 * dice.between(-9.0, 0.0).exp2()).as_vec3());
+        TestBox { centre: centre.as_vec3(), axes }
     }
 
-    /// The part of the rectangle in a texel that touches it.
-    fn within(&self, texel: Texel) -> Self {
-        let last = (1 << texel.level) - 1;
-        let (left, top) = (texel.x << texel.level, texel.y << texel.level);
-        Self {
-            x0: self.x0.max(left),
-            x1: self.x1.min(left + last),
-            y0: self.y0.max(top),
-            y1: self.y1.min(top + last),
-        }
-    }
-}
-
-/// From view space to the screen.
-#[derive(Debug, Clone, Copy)]
-struct Lens {
-    near: f64,
-    focal: (f64, f64),
-    middle: (f64, f64),
-    last: (f64, f64),
-}
-
-/// Where a box can show, and how near it comes.
-#[derive(Debug, Clone, Copy)]
-struct Footprint {
-    /// The pixels whose centres its grown rectangle holds, if any.
-    pixels: Option<PixelRect>,
-    /// Its nearest and its farthest depth, reversed.
-    nearest: f64,
-    farthest: f64,
-}
-
-impl Lens {
-    fn new(view: &View) -> Self {
-        let (width, height) = (f64::from(view.viewport().width()), f64::from(view.viewport().height()));
-        Self {
-            near: f64::from(view.camera().near()),
-            focal: (view.focal_x(), view.focal_y()),
-            middle: (0.5 * width, 0.5 * height),
-            last: (width - 1.0, height - 1.0),
-        }
-    }
-
-    /// The footprint of a box whose rectangle is grown by `grown` pixels; `None` where it reaches the eye's plane or is not
-    /// finite.
-    fn footprint(&self, test_box: &TestBox, grown: f64) -> Option<Footprint> {
-        let centre = test_box.centre.as_dvec3();
-        let [a, b, c] = test_box.axes.map(Vec3::as_dvec3);
-        let thickness = a.z.abs() + b.z.abs() + c.z.abs();
-        let (front, back) = (-centre.z - thickness, -centre.z + thickness);
-        // Not even twice the smallest f32: below that reciprocals overflow.
-        if !(front > f64::from(f32::MIN_POSITIVE) && (centre + a + b + c).is_finite()) {
-            return None;
-        }
-        let (mut low, mut high) = ((f64::INFINITY, f64::INFINITY), (f64::NEG_INFINITY, f64::NEG_INFINITY));
-        let (one, other) = (centre + c, centre - c);
-        for side in [a + b, a - b, b - a, -a - b] {
-            for corner in [one + side, other + side] {
-                let inverse = -1.0 / corner.z;
-                let (x, y) = (corner.x * inverse, -corner.y * inverse);
-                low = (low.0.min(x), low.1.min(y));
-                high = (high.0.max(x), high.1.max(y));
-            }
-        }
-        let span = |low: f64, high: f64, focal: f64, middle: f64, last: f64| {
-            let first = (middle + focal * low - grown - 0.5).ceil().max(0.0);
-            let end = (middle + focal * high + grown - 0.5).floor().min(last);
-            (first <= end).then_some((first as usize, end as usize))
-        };
-        let columns = span(low.0, high.0, self.focal.0, self.middle.0, self.last.0);
-        let rows = span(low.1, high.1, self.focal.1, self.middle.1, self.last.1);
-        let pixels = match (columns, rows) {
-            (Some((x0, x1)), Some((y0, y1))) => Some(PixelRect { x0, x1, y0, y1 }),
-            _ => None,
-        };
-        Some(Footprint { pixels, nearest: self.near / front * NEARER, farthest: self.near / back })
-    }
-}
-
-/// A linear function on the screen, about the middle of the box's rectangle.
-#[derive(Debug, Clone, Copy, Default)]
-struct Linear {
-    middle: f64,
-    dx: f64,
-    dy: f64,
-}
-
-impl Linear {
-    /// Its greatest value on a block.
-    fn greatest(&self, block: &Block) -> f64 {
-        self.middle
-            + self.dx * block.x
-            + self.dy * block.y
-            + self.dx.abs() * block.half_x
-            + self.dy.abs() * block.half_y
-    }
-}
-
-/// A rectangle of the screen, about the middle of the box's rectangle.
-#[derive(Debug, Clone, Copy)]
-struct Block {
-    x: f64,
-    y: f64,
-    half_x: f64,
-    half_y: f64,
-}
-
-/// A box's outline and front on the screen, as linear functions of reversed depth.
-#[derive(Debug)]
-struct ScreenShape {
-    /// Front planes: the front is their minimum.
-    fronts: Few<3>,
-    /// A front plane less a back plane: the outline is where all are at least 0.
-    edges: Few<9>,
-    nearest: f64,
-    farthest: f64,
-    middle: (f64, f64),
-    grown: f64,
-}
-
-/// At most N linear functions.
-#[derive(Debug)]
-struct Few<const N: usize> {
-    functions: [Linear; N],
-    count: usize,
-}
-
-impl<const N: usize> Few<N> {
-    fn new() -> Self {
-        Self { functions: [Linear::default(); N], count: 0 }
-    }
-
-    /// Adds one; beyond N it is left out, which only makes the shape larger.
-    fn push(&mut self, function: Linear) {
-        if let Some(slot) = self.functions.get_mut(self.count) {
-            *slot = function;
-            self.count += 1;
-        }
-    }
-
-    fn iter(&self) -> impl Iterator<Item = &Linear> {
-        self.functions.iter().take(self.count)
-    }
-}
-
-impl ScreenShape {
-    fn new(lens: &Lens, test_box: &TestBox, footprint: &Footprint, pixels: PixelRect, grown: f64) -> Self {
-        let middle = (0.5 * (pixels.x0 + pixels.x1 + 1) as f64, 0.5 * (pixels.y0 + pixels.y1 + 1) as f64);
-        let ray = DVec3::new(
-            (middle.0 - lens.middle.0) / lens.focal.0,
-            -(middle.1 - lens.middle.1) / lens.focal.1,
-            -1.0,
-        );
-        let (mut fronts, mut backs) = (Few::<3>::new(), Few::<6>::new());
-        for axis in test_box.axes.map(Vec3::as_dvec3) {
-            let (along, half) = (axis.dot(test_box.centre.as_dvec3()), axis.length_squared());
-            // A face at `axis . p = offset`; the eye is outside of it if its outward side has the origin.
-            for (offset, outside) in [(along + half, along + half < 0.0), (along - half, along - half > 0.0)]
-            {
-                let scale = lens.near / offset;
-                let plane = Linear {
-                    middle: axis.dot(ray) * scale,
-                    dx: axis.x * scale / lens.focal.0,
-                    dy: -axis.y * scale / lens.focal.1,
-                };
-                // A plane through the eye is seen edge on and bounds nothing: leaving it out makes the shape larger.
-                if !scale.is_finite() {
-                } else if outside {
-                    fronts.push(plane);
-                } else {
-                    backs.push(plane);
-                }
-            }
-        }
-        let mut edges = Few::new();
-        for front in fronts.iter() {
-            for back in backs.iter() {
-                edges.push(Linear {
-                    middle: front.middle - back.middle,
-                    dx: front.dx - back.dx,
-                    dy: front.dy - back.dy,
+    /// Against random triangles at sizes from one pixel up: a box that a rasterized test shows is never hidden, and most of
+    /// those that it hides are.
+    #[test]
+    fn nothing_that_a_rasterized_test_shows_is_hidden() {
+        let mut dice = Dice::new(9);
+        let (mut both_hide, mut reference_hides) = (0, 0);
+        for round in 0..60 {
+            let (width, height) = [(64, 48), (1, 1), (1, 33), (77, 31), (127, 129)][round % 5];
+            let fov = [60.0, 100.0, 20.0][round % 3];
+            let viewport = Viewport::new(width, height).unwrap();
+            let view = looking(DVec3::ZERO, DVec3::Y, fov, viewport, 0).unwrap();
+            let mut occluders = Picture::new(viewport);
+            for _ in 0..12 {
+                let wall = random_box(&mut dice);
+                let [a, b] = [wall.axes[0] * 9.0, wall.axes[1] * 9.0].map(Vec3::as_dvec3);
+                let centre = wall.centre.as_dvec3();
+                rasterize_triangle(&view, [centre + a, centre - a + b, centre - a - b], |hit| {
+                    occluders.cover(hit);
                 });
             }
+            let depth = occluders.depth32();
+            let image = DepthImage::new(viewport, &depth).unwrap();
+            let mut pyramid = DepthPyramid::new();
+            pyramid.rebuild(image);
+            let boxes: Vec<TestBox> = (0..200).map(|_| random_box(&mut dice)).collect();
+            let (mut exact, mut fast) = (Vec::new(), Vec::new());
+            ReferenceTester::new(&occluders).test(&view, &boxes, &mut exact).unwrap();
+            let mut tester = HzbTester::new(image, &pyramid).unwrap().with_outline(Outline::InBox);
+            tester.test(&view, &boxes, &mut fast).unwrap();
+            for (test_box, (&count, &shows)) in boxes.iter().zip(exact.iter().zip(&fast)) {
+                let beyond_near =
+                    -test_box.centre.z - test_box.axes.iter().map(|a| a.z.abs()).sum::<f32>() > 0.011;
+                if !beyond_near {
+                    continue;
+                }
+                assert!(
+                    count == 0 || shows == 1,
+                    "{count} pixels of {test_box:?} show at {width} x {height}, fov {fov}"
+                );
+                reference_hides += u32::from(count == 0);
+                both_hide += u32::from(count == 0 && shows == 0);
+            }
         }
-        Self { fronts, edges, nearest: footprint.nearest, farthest: footprint.farthest, middle, grown }
+        assert!(f64::from(both_hide) > 0.9 * f64::from(reference_hides), "{both_hide} of {reference_hides}");
     }
 
-    /// How near the box's front can be (reversed depth) at the centres of these pixels.
-    fn nearest_over(&self, pixels: PixelRect) -> f64 {
-        let block = self.block(pixels, MARGIN_PX);
-        let front = self
-            .fronts
-            .iter()
-            .fold(self.nearest, |nearest, plane| nearest.min(plane.greatest(&block) * NEARER));
-        // In the margin around the outline the planes go on beyond the box.
-        front.max(self.farthest)
+    #[test]
+    fn a_box_that_cannot_be_judged_shows() {
+        let viewport = Viewport::new(8, 8).unwrap();
+        let view = looking(DVec3::ZERO, DVec3::Y, 60.0, viewport, 0).unwrap();
+        let nearest = [1.0; 64];
+        let image = DepthImage::new(viewport, &nearest).unwrap();
+        let mut pyramid = DepthPyramid::new();
+        pyramid.rebuild(image);
+        let sound = TestBox { centre: Vec3::new(0.0, 0.0, -5.0), axes: [Vec3::X, Vec3::Y, Vec3::Z] };
+        let around_the_eye = TestBox { centre: Vec3::ZERO, ..sound };
+        let nan = TestBox { centre: Vec3::new(f32::NAN, 0.0, -5.0), ..sound };
+        let infinite = TestBox { axes: [Vec3::X * f32::INFINITY, Vec3::Y, Vec3::Z], ..sound };
+        let mut answers = Vec::new();
+        let mut tester = HzbTester::new(image, &pyramid).unwrap();
+        tester.test(&view, &[sound, around_the_eye, nan, infinite], &mut answers).unwrap();
+        assert_eq!(answers, [0, 1, 1, 1]);
     }
 
-    /// Whether the grown outline misses the centres of all these pixels.
-    fn misses(&self, pixels: PixelRect) -> bool {
-        let block = self.block(pixels, self.grown);
-        self.edges.iter().any(|edge| edge.greatest(&block) < 0.0)
-    }
-
-    fn block(&self, pixels: PixelRect, margin: f64) -> Block {
-        Block {
-            x: 0.5 * (pixels.x0 + pixels.x1 + 1) as f64 - self.middle.0,
-            y: 0.5 * (pixels.y0 + pixels.y1 + 1) as f64 - self.middle.1,
-            half_x: 0.5 * (pixels.x1 - pixels.x0) as f64 + margin,
-            half_y: 0.5 * (pixels.y1 - pixels.y0) as f64 + margin,
-        }
+    #[test]
+    fn sizes_must_agree() {
+        let depth = [0.0; 6];
+        let image = DepthImage::new(Viewport::new(3, 2).unwrap(), &depth).unwrap();
+        let mut pyramid = DepthPyramid::new();
+        assert!(HzbTester::new(image, &pyramid).is_err());
+        pyramid.rebuild(image);
+        let mut tester = HzbTester::new(image, &pyramid).unwrap();
+        let view = looking(DVec3::ZERO, DVec3::Y, 60.0, Viewport::new(2, 3).unwrap(), 0).unwrap();
+        let error = tester.test(&view, &[], &mut Vec::new()).unwrap_err();
+        let message = "a depth image of 3 x 2 pixels against 2 x 3 pixels: both must be of the view's size";
+        assert_eq!(error.to_string(), message);
     }
 }

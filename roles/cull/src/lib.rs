@@ -12,6 +12,7 @@ mod hzb;
 mod occluders;
 mod order;
 pub mod reference;
+mod screen_box;
 mod tester;
 mod traverse;
 mod view;

@@ -3,6 +3,8 @@
 //! A box that is grown by half a pixel in view space also comes nearer by about that much, which at these small pictures hides
 //! small faults: rasterized boxes get larger ones than the pyramid, which leaves the faces where they are.
 
+#![allow(clippy::unwrap_used, reason = "a test or benchmark that cannot be set up fails")]
+
 use std::f32::consts::FRAC_PI_2;
 use std::sync::Arc;
 

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Drawable, Scene};
 
-use super::raster::rasterize_triangle;
+use super::raster::{Coverage, rasterize_triangle};
 use crate::{View, Viewport};
 
 /// What is seen at a pixel.
@@ -80,6 +80,13 @@ impl Picture {
     pub fn differing_pixels(&self, other: &Self) -> usize {
         let unpaired = self.items.len().abs_diff(other.items.len());
         unpaired + self.items.iter().zip(&other.items).filter(|(a, b)| a != b).count()
+    }
+
+    /// Keeps the nearer of what is drawn and a pixel of a triangle that belongs to no drawable: an occluder by hand.
+    pub fn cover(&mut self, hit: Coverage) {
+        if let Some(depth) = self.depth.get_mut(hit.pixel) {
+            *depth = depth.max(hit.depth);
+        }
     }
 
     /// Moves all that is drawn nearer to the eye by a fraction of its distance: a fault to be found.

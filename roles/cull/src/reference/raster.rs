@@ -122,3 +122,77 @@ fn fill(view: &View, [a, mut b, mut c]: [Corner; 3], cover: &mut impl FnMut(Cove
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Viewport;
+    use crate::reference::cases::{Dice, looking};
+
+    fn view() -> View {
+        looking(DVec3::ZERO, DVec3::Y, 90.0, Viewport::new(32, 32).unwrap(), 0).unwrap()
+    }
+
+    fn covered(corners: [DVec3; 3]) -> Vec<usize> {
+        let mut pixels = Vec::new();
+        rasterize_triangle(&view(), corners, |hit| pixels.push(hit.pixel));
+        pixels
+    }
+
+    #[test]
+    fn a_triangle_covers_the_pixels_whose_centres_it_holds() {
+        // At depth 16 a metre is a pixel. The upper left half of the picture's middle 4 x 4 pixels: centres on the diagonal
+        // are on its right edge, which is not its own.
+        let corners =
+            [DVec3::new(-2.0, 2.0, -16.0), DVec3::new(2.0, 2.0, -16.0), DVec3::new(-2.0, -2.0, -16.0)];
+        let [first, second, third] = [14, 15, 16].map(|row| row * 32 + 14);
+        let expected = [first, first + 1, first + 2, second, second + 1, third];
+        assert_eq!(covered(corners), expected);
+        let [a, b, c] = corners;
+        assert_eq!(covered([a, c, b]), expected, "the other winding");
+    }
+
+    #[test]
+    fn an_edge_shared_by_two_triangles_covers_each_pixel_once() {
+        let mut dice = Dice::new(5);
+        for _ in 0..300 {
+            let mut corner = || dice.point(DVec3::new(-9.0, -9.0, -20.0), DVec3::new(9.0, 9.0, -8.0));
+            let (a, b) = (corner(), corner());
+            let (mut c, mut d) = (corner(), corner());
+            // On either side of the edge as seen from the eye.
+            let side = |p: DVec3| a.cross(b).dot(p);
+            if side(c) * side(d) > 0.0 {
+                (c, d) = (c, (a + b) - c * 0.999);
+            }
+            if side(c) * side(d) >= 0.0 || d.z > -1.0 {
+                continue;
+            }
+            let mut both = covered([a, b, c]);
+            both.extend(covered([a, b, d]));
+            let count = both.len();
+            both.sort_unstable();
+            both.dedup();
+            assert_eq!(both.len(), count, "{a} {b} {c} {d}");
+        }
+    }
+
+    #[test]
+    fn what_is_nearer_than_the_near_plane_is_clipped() {
+        let floor =
+            [DVec3::new(-50.0, -1.0, 5.0), DVec3::new(50.0, -1.0, 5.0), DVec3::new(0.0, -1.0, -500.0)];
+        let mut pixels = Vec::new();
+        rasterize_triangle(&view(), floor, |hit| pixels.push(hit));
+        assert!(pixels.len() > 400, "{}", pixels.len());
+        assert!(pixels.iter().all(|hit| hit.pixel / 32 >= 16), "a floor is below the horizon");
+        // Row 31's centre is 15.5 pixels down at 16 pixels a unit: the floor is 1 m / (15.5 / 16) away there.
+        let lowest = pixels.iter().find(|hit| hit.pixel == 31 * 32 + 16).unwrap();
+        assert!((lowest.depth - 0.01 * 15.5 / 16.0).abs() < 1e-6, "{lowest:?}");
+    }
+
+    #[test]
+    fn corners_that_are_not_finite_cover_nothing() {
+        let far = DVec3::new(0.0, 0.0, -5.0);
+        assert!(covered([far, DVec3::new(f64::NAN, 0.0, -5.0), far + DVec3::X]).is_empty());
+        assert!(covered([far, DVec3::new(0.0, f64::INFINITY, -5.0), far + DVec3::X]).is_empty());
+    }
+}
