@@ -1,11 +1,14 @@
 // The box testers: the faces of a box that face the eye.
 
-// A box in view space, its axes turned so that a face that shows lies on an axis's positive end.
+// A box in view space, its axes turned so that a face that shows lies on an axis's positive end; as attributes that advance by
+// instance.
 struct Box {
-    centre: vec3<f32>,
+    @location(0) centre: vec3<f32>,
     // Bit i: the face at the end of axis i faces the eye.
-    faces: u32,
-    axes: array<vec4<f32>, 3>,
+    @location(1) faces: u32,
+    @location(2) axis_0: vec3<f32>,
+    @location(3) axis_1: vec3<f32>,
+    @location(4) axis_2: vec3<f32>,
 }
 
 struct Camera {
@@ -14,18 +17,17 @@ struct Camera {
     near: f32,
 }
 
-@group(0) @binding(0) var<storage, read> boxes: array<Box>;
-@group(0) @binding(1) var<storage, read_write> counts: array<atomic<u32>>;
+@group(0) @binding(0) var<storage, read_write> counts: array<atomic<u32>>;
 var<immediate> camera: Camera;
 
 // Vertex 0..18: three faces of two triangles. A face that does not show collapses to a point.
-fn corner_position(vertex: u32, index: u32) -> vec4<f32> {
+fn corner_position(vertex: u32, shape: Box) -> vec4<f32> {
     let face = vertex / 6u;
     let corner = vertex % 6u;
     // Two triangles of a square: (0,0) (1,0) (0,1) and (0,1) (1,0) (1,1).
     let right = corner == 1u || corner >= 4u;
     let top = corner == 2u || corner == 3u || corner == 5u;
-    let shows = (boxes[index].faces & (1u << face)) != 0u;
+    let shows = (shape.faces & (1u << face)) != 0u;
     let u = select(-1.0, 1.0, right && shows);
     let v = select(-1.0, 1.0, top && shows);
     // Each corner is summed in the axes' own order whichever face asks, so that faces meet without a crack.
@@ -34,20 +36,14 @@ fn corner_position(vertex: u32, index: u32) -> vec4<f32> {
         vec3<f32>(1.0, u, v),
         face == 0u,
     );
-    let p = boxes[index].centre
-        + boxes[index].axes[0].xyz * weights.x
-        + boxes[index].axes[1].xyz * weights.y
-        + boxes[index].axes[2].xyz * weights.z;
+    let p = shape.centre + shape.axis_0 * weights.x + shape.axis_1 * weights.y + shape.axis_2 * weights.z;
     return vec4<f32>(p.x * camera.scale.x, p.y * camera.scale.y, camera.near, -p.z);
 }
 
 // For occlusion queries: no fragment shader, the query counts.
 @vertex
-fn vs_box(
-    @builtin(vertex_index) vertex: u32,
-    @builtin(instance_index) index: u32,
-) -> @builtin(position) vec4<f32> {
-    return corner_position(vertex, index);
+fn vs_box(@builtin(vertex_index) vertex: u32, shape: Box) -> @builtin(position) vec4<f32> {
+    return corner_position(vertex, shape);
 }
 
 struct CountedVertex {
@@ -59,8 +55,9 @@ struct CountedVertex {
 fn vs_counted_box(
     @builtin(vertex_index) vertex: u32,
     @builtin(instance_index) index: u32,
+    shape: Box,
 ) -> CountedVertex {
-    return CountedVertex(corner_position(vertex, index), index);
+    return CountedVertex(corner_position(vertex, shape), index);
 }
 
 // Runs only where the depth test passed.

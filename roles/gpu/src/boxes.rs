@@ -7,9 +7,10 @@ use trimaran_cull::{TestBox, View};
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(crate) struct BoxRecord {
-    centre: [f32; 3],
-    faces: u32,
-    axes: [[f32; 4]; 3],
+    pub(crate) centre: [f32; 3],
+    /// Bit i: the face at the end of axis i faces the eye.
+    pub(crate) faces: u32,
+    pub(crate) axes: [[f32; 3]; 3],
 }
 
 /// Vertices a box takes: three faces of two triangles.
@@ -30,7 +31,7 @@ impl BoxRecord {
         if !(nearest > near && centre.is_finite() && axes.iter().all(|axis| axis.is_finite())) {
             return None;
         }
-        let mut record = Self { centre: shape.centre.to_array(), faces: 0, axes: [[0.0; 4]; 3] };
+        let mut record = Self { centre: shape.centre.to_array(), faces: 0, axes: [[0.0; 3]; 3] };
         for (i, slot) in record.axes.iter_mut().enumerate() {
             let axis = axes[i];
             let normal = axes[(i + 1) % 3].cross(axes[(i + 2) % 3]);
@@ -38,8 +39,8 @@ impl BoxRecord {
             // A flat box has NaN or infinity here, and its face is drawn.
             let shows = !(eye.abs() <= 1.0);
             record.faces |= u32::from(shows) << i;
-            let Vec3 { x, y, z } = if eye < 0.0 { -shape.axes[i] } else { shape.axes[i] };
-            *slot = [x, y, z, 0.0];
+            let towards_eye = if eye < 0.0 { -shape.axes[i] } else { shape.axes[i] };
+            *slot = towards_eye.to_array();
         }
         (record.faces != 0).then_some(record)
     }
@@ -76,7 +77,7 @@ pub(crate) fn prepare(
     }
 }
 
-/// The most boxes tested at once: four megabytes of records, far below every device's maxStorageBufferRange.
+/// The most boxes tested at once: some megabytes of records.
 const BATCH: usize = 65_536;
 
 /// Records and their owners in parts that a device takes at once.

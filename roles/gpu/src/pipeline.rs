@@ -7,6 +7,7 @@ use std::sync::Arc;
 use ash::vk;
 use trimaran_scene::Vertex;
 
+use crate::boxes::BoxRecord;
 use crate::draws::DrawRecord;
 use crate::error::During as _;
 use crate::memory::Buffer;
@@ -147,8 +148,8 @@ impl Drop for BindingSet {
 /// What a vertex shader reads: of a vertex, and of its draw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum VertexInput {
-    /// Nothing: the shader makes its own.
-    None,
+    /// No vertices, which the shader makes, but a box an instance.
+    Box,
     /// The position, and the draw's matrix.
     Position,
     /// These and the vertex's colour.
@@ -262,44 +263,66 @@ impl Drop for Pipeline {
     }
 }
 
-fn vertex_input(
-    input: VertexInput,
-) -> (Vec<vk::VertexInputBindingDescription>, Vec<vk::VertexInputAttributeDescription>) {
-    const VERTICES: u32 = 0;
-    const DRAWS: u32 = 1;
-    let bindings = vec![
-        vk::VertexInputBindingDescription {
-            binding: VERTICES,
-            stride: size_of::<Vertex>() as u32,
-            input_rate: vk::VertexInputRate::VERTEX,
-        },
-        vk::VertexInputBindingDescription {
-            binding: DRAWS,
-            stride: size_of::<DrawRecord>() as u32,
-            input_rate: vk::VertexInputRate::INSTANCE,
-        },
-    ];
-    let attribute = |location, binding, format, offset| vk::VertexInputAttributeDescription {
-        location,
-        binding,
-        format,
-        offset: offset as u32,
+/// The binding of vertices, and that of instances: draws or boxes.
+pub(crate) const VERTICES: u32 = 0;
+pub(crate) const INSTANCES: u32 = 1;
+
+type Bindings = Vec<vk::VertexInputBindingDescription>;
+type Attributes = Vec<vk::VertexInputAttributeDescription>;
+
+fn vertex_input(input: VertexInput) -> (Bindings, Attributes) {
+    if input == VertexInput::Box {
+        return (vec![instances::<BoxRecord>()], box_attributes());
+    }
+    let vertices = vk::VertexInputBindingDescription {
+        binding: VERTICES,
+        stride: size_of::<Vertex>() as u32,
+        input_rate: vk::VertexInputRate::VERTEX,
     };
     let row = |index| {
         let offset = offset_of!(DrawRecord, to_view) + index * size_of::<[f32; 4]>();
-        attribute(2 + index as u32, DRAWS, vk::Format::R32G32B32A32_SFLOAT, offset)
+        attribute(2 + index as u32, INSTANCES, vk::Format::R32G32B32A32_SFLOAT, offset)
     };
     let position = attribute(0, VERTICES, vk::Format::R32G32B32_SFLOAT, offset_of!(Vertex, position));
-    let colour = attribute(1, VERTICES, vk::Format::R8G8B8A8_UNORM, offset_of!(Vertex, colour));
-    let id = attribute(5, DRAWS, vk::Format::R32_UINT, offset_of!(DrawRecord, id));
     let mut attributes = vec![position, row(0), row(1), row(2)];
     match input {
-        VertexInput::None => return (vec![], vec![]),
-        VertexInput::Position => {}
-        VertexInput::Colour => attributes.push(colour),
-        VertexInput::Id => attributes.push(id),
+        VertexInput::Box | VertexInput::Position => {}
+        VertexInput::Colour => {
+            attributes.push(attribute(1, VERTICES, vk::Format::R8G8B8A8_UNORM, offset_of!(Vertex, colour)));
+        }
+        VertexInput::Id => {
+            attributes.push(attribute(5, INSTANCES, vk::Format::R32_UINT, offset_of!(DrawRecord, id)));
+        }
     }
-    (bindings, attributes)
+    (vec![vertices, instances::<DrawRecord>()], attributes)
+}
+
+/// `Box` of boxes.wgsl.
+fn box_attributes() -> Attributes {
+    let axis = |index| {
+        let offset = offset_of!(BoxRecord, axes) + index * size_of::<[f32; 3]>();
+        attribute(2 + index as u32, INSTANCES, vk::Format::R32G32B32_SFLOAT, offset)
+    };
+    let centre = attribute(0, INSTANCES, vk::Format::R32G32B32_SFLOAT, offset_of!(BoxRecord, centre));
+    let faces = attribute(1, INSTANCES, vk::Format::R32_UINT, offset_of!(BoxRecord, faces));
+    vec![centre, faces, axis(0), axis(1), axis(2)]
+}
+
+const fn instances<T>() -> vk::VertexInputBindingDescription {
+    vk::VertexInputBindingDescription {
+        binding: INSTANCES,
+        stride: size_of::<T>() as u32,
+        input_rate: vk::VertexInputRate::INSTANCE,
+    }
+}
+
+const fn attribute(
+    location: u32,
+    binding: u32,
+    format: vk::Format,
+    offset: usize,
+) -> vk::VertexInputAttributeDescription {
+    vk::VertexInputAttributeDescription { location, binding, format, offset: offset as u32 }
 }
 
 /// A shader module, needed only while pipelines are made of it.

@@ -11,7 +11,7 @@ use crate::camera::ProjectionConstants;
 use crate::error::During as _;
 use crate::memory::HostBuffer;
 use crate::pass::{OverDepth, ScenePass};
-use crate::pipeline::{BindingSet, DepthUse, Layout, Pipeline, PipelineDesc, VertexInput, shader};
+use crate::pipeline::{DepthUse, Layout, Pipeline, PipelineDesc, VertexInput, shader};
 use crate::{Gpu, GpuError, OccluderPass};
 
 /// Tests boxes by precise occlusion queries, one a box, all of a batch before the first is read. Counts pixels.
@@ -27,7 +27,6 @@ const OPERATION: &str = "testing boxes by occlusion queries";
 
 /// What queries need, kept from frame to frame.
 pub(crate) struct QueryBoxes {
-    layout: Arc<Layout>,
     pipeline: Pipeline,
     room: Option<Room>,
     records: Vec<BoxRecord>,
@@ -39,7 +38,6 @@ pub(crate) struct QueryBoxes {
 struct Room {
     gpu: Arc<Gpu>,
     pool: vk::QueryPool,
-    set: BindingSet,
     records: HostBuffer<BoxRecord>,
 }
 
@@ -58,11 +56,11 @@ impl BoxTester for QueryTester<'_> {
     type Error = GpuError;
 
     fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), GpuError> {
-        let Self { pass, boxes: QueryBoxes { layout, pipeline, room, records, owners, results } } = self;
+        let Self { pass, boxes: QueryBoxes { pipeline, room, records, owners, results } } = self;
         boxes::prepare(view, boxes, visible, records, owners);
         let constants = ProjectionConstants::new(view);
         for (records, owners) in boxes::batches(records, owners) {
-            let room = Room::fit(room, pass.gpu(), layout, records.len())?;
+            let room = Room::fit(room, pass.gpu(), records.len())?;
             room.records.elements_mut()[..records.len()].copy_from_slice(records);
             let OverDepth { stream, size, depth } = pass.over_depth()?;
             stream.submit(OPERATION, |commands| {
@@ -71,7 +69,7 @@ impl BoxTester for QueryTester<'_> {
                     let last = records.len().min(first + QUERIES_PER_PASS);
                     commands.render(OverDepth::targets(depth, size), || {
                         commands.bind(pipeline, &constants);
-                        commands.bind_set(pipeline, &room.set);
+                        commands.bind_instances(room.records.buffer());
                         for index in first as u32..last as u32 {
                             commands.query(room.pool, index, || {
                                 commands.draw(boxes::VERTICES, index..index + 1);
@@ -94,51 +92,45 @@ impl BoxTester for QueryTester<'_> {
 
 impl QueryBoxes {
     fn new(gpu: &Arc<Gpu>) -> Result<Self, GpuError> {
-        let layout = Layout::new::<ProjectionConstants>(gpu, 1)?;
+        let layout = Layout::new::<ProjectionConstants>(gpu, 0)?;
         let pipeline = Pipeline::new(
             &layout,
             &PipelineDesc {
                 vertex: shader!("vs_box"),
                 fragment: None,
-                input: VertexInput::None,
+                input: VertexInput::Box,
                 colour: None,
                 depth: DepthUse::Test,
             },
         )?;
-        Ok(Self { layout, pipeline, room: None, records: vec![], owners: vec![], results: vec![] })
+        Ok(Self { pipeline, room: None, records: vec![], owners: vec![], results: vec![] })
     }
 }
 
 impl Room {
     /// The room there is if it is large enough, else a larger one.
-    fn fit<'r>(
-        room: &'r mut Option<Self>,
-        gpu: &Arc<Gpu>,
-        layout: &Arc<Layout>,
-        boxes: usize,
-    ) -> Result<&'r mut Self, GpuError> {
+    fn fit<'r>(room: &'r mut Option<Self>, gpu: &Arc<Gpu>, boxes: usize) -> Result<&'r mut Self, GpuError> {
         let kept = match room.take().filter(|room| room.records.len() >= boxes) {
             Some(room) => room,
-            None => Self::new(gpu, layout, boxes.next_power_of_two())?,
+            None => Self::new(gpu, boxes.next_power_of_two())?,
         };
         Ok(room.insert(kept))
     }
 
-    fn new(gpu: &Arc<Gpu>, layout: &Arc<Layout>, boxes: usize) -> Result<Self, GpuError> {
+    fn new(gpu: &Arc<Gpu>, boxes: usize) -> Result<Self, GpuError> {
         let records = HostBuffer::new(
             gpu,
             "boxes to test",
-            vk::BufferUsageFlags::STORAGE_BUFFER,
+            vk::BufferUsageFlags::VERTEX_BUFFER,
             MemoryLocation::CpuToGpu,
             boxes,
         )?;
-        let set = BindingSet::new(layout, &[records.buffer()])?;
         let info =
             vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::OCCLUSION).query_count(boxes as u32);
         // SAFETY: the device is alive and the count is above 0.
         let pool =
             unsafe { gpu.device().create_query_pool(&info, None) }.during("making occlusion queries")?;
-        Ok(Self { gpu: Arc::clone(gpu), pool, set, records })
+        Ok(Self { gpu: Arc::clone(gpu), pool, records })
     }
 
     /// The counts of the first `count` queries, whose work is done.

@@ -78,6 +78,7 @@ impl BoxTester for RasterTester<'_> {
                 commands.render(OverDepth::targets(depth, size), || {
                     commands.bind(pipeline, &constants);
                     commands.bind_set(pipeline, &room.set);
+                    commands.bind_instances(room.records.buffer());
                     commands.draw(boxes::VERTICES, 0..records.len() as u32);
                 });
                 commands.barrier(count, copy);
@@ -98,13 +99,13 @@ impl BoxTester for RasterTester<'_> {
 
 impl RasterBoxes {
     fn new(gpu: &Arc<Gpu>) -> Result<Self, GpuError> {
-        let layout = Layout::new::<ProjectionConstants>(gpu, 2)?;
+        let layout = Layout::new::<ProjectionConstants>(gpu, 1)?;
         let pipeline = Pipeline::new(
             &layout,
             &PipelineDesc {
                 vertex: shader!("vs_counted_box"),
                 fragment: Some(shader!("fs_count")),
-                input: VertexInput::None,
+                input: VertexInput::Box,
                 colour: None,
                 depth: DepthUse::Test,
             },
@@ -131,7 +132,7 @@ impl Room {
     fn new(gpu: &Arc<Gpu>, layout: &Arc<Layout>, boxes: usize) -> Result<Self, GpuError> {
         use vk::BufferUsageFlags as Usage;
         let records =
-            HostBuffer::new(gpu, "boxes to test", Usage::STORAGE_BUFFER, MemoryLocation::CpuToGpu, boxes)?;
+            HostBuffer::new(gpu, "boxes to test", Usage::VERTEX_BUFFER, MemoryLocation::CpuToGpu, boxes)?;
         let counts = Buffer::new(
             gpu,
             "counts of boxes",
@@ -146,7 +147,7 @@ impl Room {
             MemoryLocation::GpuToCpu,
             boxes,
         )?;
-        let set = BindingSet::new(layout, &[records.buffer(), &counts])?;
+        let set = BindingSet::new(layout, &[&counts])?;
         Ok(Self { set, records, counts, results })
     }
 }

@@ -7,7 +7,7 @@ use ash::vk;
 use trimaran_cull::Viewport;
 
 use crate::memory::{Buffer, Image, ImageUse, whole};
-use crate::pipeline::{BindingSet, Pipeline};
+use crate::pipeline::{BindingSet, INSTANCES, Pipeline, VERTICES};
 
 /// A command buffer being recorded.
 pub(crate) struct Recorder<'a> {
@@ -114,7 +114,7 @@ impl<'a> Recorder<'a> {
     pub(crate) fn bind_mesh(&self, vertices: &Buffer, indices: &Buffer) {
         // SAFETY: the module's rule; the buffers were made with these usages.
         unsafe {
-            self.device.cmd_bind_vertex_buffers(self.commands, 0, &[vertices.handle()], &[0]);
+            self.device.cmd_bind_vertex_buffers(self.commands, VERTICES, &[vertices.handle()], &[0]);
             self.device.cmd_bind_index_buffer(self.commands, indices.handle(), 0, vk::IndexType::UINT32);
         }
     }
@@ -122,7 +122,7 @@ impl<'a> Recorder<'a> {
     /// Uses these instance attributes from here on.
     pub(crate) fn bind_instances(&self, instances: &Buffer) {
         // SAFETY: the module's rule; the buffer was made with this usage.
-        unsafe { self.device.cmd_bind_vertex_buffers(self.commands, 1, &[instances.handle()], &[0]) };
+        unsafe { self.device.cmd_bind_vertex_buffers(self.commands, INSTANCES, &[instances.handle()], &[0]) };
     }
 
     /// Draws `count` commands of `commands`, from `first` on, in one call.
@@ -143,7 +143,7 @@ impl<'a> Recorder<'a> {
 
     /// Draws `vertices` vertices for each of `instances`, without a mesh.
     pub(crate) fn draw(&self, vertices: u32, instances: std::ops::Range<u32>) {
-        // SAFETY: the module's rule; the pipeline bound takes no vertex buffers.
+        // SAFETY: the module's rule; the pipeline bound takes instance attributes alone, and callers bind as many instances.
         unsafe {
             self.device.cmd_draw(
                 self.commands,
