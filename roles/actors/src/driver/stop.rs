@@ -26,6 +26,17 @@ impl Stop {
         *self.0.borrow()
     }
 
+    /// Waits for `future` on `runtime`; `None` if the role is asked to stop first.
+    pub fn unless_requested<T>(&self, runtime: &Handle, future: impl Future<Output = T>) -> Option<T> {
+        runtime.block_on(async {
+            tokio::select! {
+                biased;
+                value = future => Some(value),
+                () = self.clone().wait() => None,
+            }
+        })
+    }
+
     async fn wait(mut self) {
         if self.0.wait_for(|stop| *stop).await.is_err() {
             // Nobody is left who could ask.
@@ -51,12 +62,6 @@ pub(super) struct Waiting<'r> {
 impl Waiting<'_> {
     /// Waits for `future`; `None` if the role was asked to stop first.
     pub(super) fn on<T>(&self, future: impl Future<Output = T>) -> Option<T> {
-        self.runtime.block_on(async {
-            tokio::select! {
-                biased;
-                value = future => Some(value),
-                () = self.stop.clone().wait() => None,
-            }
-        })
+        self.stop.unless_requested(self.runtime, future)
     }
 }
