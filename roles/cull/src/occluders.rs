@@ -213,3 +213,31 @@ pub fn occluders(
     OccluderMapper::new(Arc::clone(scene), *view, rule).push(ids, &mut due)?;
     Ok(due)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Viewport;
+    use crate::cut::level_cut;
+    use crate::reference::cases::{plant, plant_views};
+
+    /// When the stamps run out, marks of the frames before must not count as this frame's.
+    #[test]
+    fn frames_past_the_last_stamp_start_clean() {
+        let scene = plant(1, 100, DVec3::ZERO).unwrap();
+        let viewport = Viewport::new(32, 32).unwrap();
+        let view = plant_views(1, 100, DVec3::ZERO, viewport, 1).unwrap()[0];
+        let rule = CutRule::new(1.0).unwrap();
+        let cut = level_cut(&scene, &view, rule);
+        let mut mapper = OccluderMapper::new(scene, view, rule);
+        mapper.stamp = OccluderMapper::LAST_STAMP - 1;
+        for _ in 0..4 {
+            mapper.begin(view, rule);
+            let mut due = Vec::new();
+            mapper.push(&cut, &mut due).unwrap();
+            assert_eq!(due.len(), cut.len(), "stamp {}", mapper.stamp);
+            mapper.push(&cut, &mut due).unwrap();
+            assert_eq!(due.len(), cut.len(), "each once");
+        }
+    }
+}

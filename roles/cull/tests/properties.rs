@@ -230,3 +230,31 @@ fn a_tester_that_fails_or_miscounts_stops_the_walk() {
     let uncounted = culler.cull(&view, few, &mut Broken(Ok(0)), |_| ()).unwrap_err();
     assert!(matches!(uncounted, CullError::NeedsPixelCount), "{uncounted}");
 }
+
+/// A tester to which every box shows at so many pixels.
+struct Shows(u32);
+
+impl trimaran_cull::BoxTester for Shows {
+    type Error = std::convert::Infallible;
+
+    fn test(&mut self, _: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Self::Error> {
+        visible.resize(boxes.len(), self.0);
+        Ok(())
+    }
+
+    fn answer(&self) -> trimaran_cull::Answer {
+        trimaran_cull::Answer::PixelCount
+    }
+}
+
+#[test]
+fn at_few_pixels_the_walk_stops_only_if_the_rule_says_so() {
+    let (scene, view) = busy_setting();
+    let mut culler = Culler::new(scene);
+    let mut stopped = |pixels, on| {
+        let rule = rule(4.0).stopping_at_few_pixels(on);
+        culler.cull(&view, rule, &mut Shows(pixels), |_| ()).unwrap().stopped_at_few_pixels
+    };
+    assert!(stopped(3, true) > 0);
+    assert_eq!((stopped(4, true), stopped(3, false)), (0, 0));
+}
