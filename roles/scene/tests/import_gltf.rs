@@ -79,7 +79,7 @@ fn a_flattening_matrix_flattens_the_mesh() {
 #[test]
 fn gpu_instances_become_objects() {
     let json = r#"{"asset":{"version":"2.0"},"extensionsRequired":["EXT_mesh_gpu_instancing"],
-        "nodes":[{"mesh":0,"translation":[0,0,1],"extensions":{"EXT_mesh_gpu_instancing":{"attributes":{
+        "nodes":[{"mesh":0,"translation":[0,0,1],"scale":[2,2,2],"extensions":{"EXT_mesh_gpu_instancing":{"attributes":{
             "TRANSLATION":1,"ROTATION":2}}}}],
         "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
         "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"},
@@ -92,9 +92,9 @@ fn gpu_instances_become_objects() {
     bin.extend([0, 0, 0, 127, 0, 0, 127, 0]);
     let model = model(&glb(&json.replace("COUNT", "2"), &bin));
     assert_eq!((model.meshes.len(), model.objects.len()), (1, 2));
-    assert_eq!(model.objects[0].to_world.translation, DVec3::new(10.0, 0.0, 1.0));
+    assert_eq!(model.objects[0].to_world.translation, DVec3::new(20.0, 0.0, 1.0));
     // Half a turn about z.
-    assert_eq!(model.objects[1].to_world.transform_point3(DVec3::X), DVec3::new(19.0, 0.0, 1.0));
+    assert_eq!(model.objects[1].to_world.transform_point3(DVec3::X), DVec3::new(38.0, 0.0, 1.0));
     let uneven = error(&glb(&json.replace("COUNT", "1"), &bin));
     assert!(matches!(uneven, GltfError::Accessor { accessor: 2, .. }), "{uneven}");
 }
