@@ -128,9 +128,9 @@ pub(super) struct Grid {
 type Cell = [usize; 3];
 
 impl Grid {
-    /// About a third as high as wide, in rooms.
+    /// About half as many storeys as rooms side by side.
     fn of(rooms: usize) -> Self {
-        let storeys = ((rooms as f64 / 9.0).cbrt().round() as usize).clamp(1, 12);
+        let storeys = ((rooms as f64 / 4.0).cbrt().round() as usize).clamp(1, 12);
         let storey = rooms.div_ceil(storeys);
         let columns = storey.isqrt().max(1);
         Self { rooms, columns, rows: storey.div_ceil(columns) }

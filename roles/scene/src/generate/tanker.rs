@@ -417,12 +417,14 @@ fn bow(origin: DVec3) -> Module {
         let [t0, t1] = [step, step + 1].map(|s| f64::from(s) / f64::from(steps));
         let (x0, x1) = (length * t0, length * t1);
         for (side, sign) in [("port", -1.0), ("starboard", 1.0)] {
+            // The bulwark stands a metre above the deck.
+            let high = DECK + 1.0;
             let [z0, z1] = [t0, t1].map(|t| BEAM / 2.0 + sign * half(t));
             let along = DVec3::new(x1 - x0, 0.0, z1 - z0);
             let thick = DVec3::new(0.0, 0.0, 0.03);
-            let middle = DVec3::new((x0 + x1) / 2.0, DECK / 2.0, (z0 + z1) / 2.0);
+            let middle = DVec3::new((x0 + x1) / 2.0, high / 2.0, (z0 + z1) / 2.0);
             let place =
-                DAffine3 { matrix3: DMat3::from_cols(along, DVec3::Y * DECK, thick), translation: middle };
+                DAffine3 { matrix3: DMat3::from_cols(along, DVec3::Y * high, thick), translation: middle };
             module.put(Paint::Hull, Shape::Box, place, format!("{side} bow plate {}", step + 1));
         }
         let (low, high) = (BEAM / 2.0 - half(t1), BEAM / 2.0 + half(t1));

@@ -5,6 +5,8 @@
 //! line through it is walked. A scene without floors is hovered through in the same way; one without any room to move in is
 //! circled from outside.
 
+use std::collections::BTreeSet;
+
 use glam::DVec3;
 use thiserror::Error;
 
@@ -15,7 +17,7 @@ use super::{
     route::{Pace, line, walk},
     space::Space,
 };
-use crate::{Node, Scene, generate::random::Random};
+use crate::{Node, NodeId, Scene, generate::random::Random};
 
 /// What walk to make.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -204,17 +206,19 @@ impl Explorer<'_> {
         }
     }
 
-    /// How much there is to see and to be hidden by: the share of directions that end at something, times the logarithm of the
-    /// number of objects near. `None` in the air where there is next to nothing: such a place is better seen from outside.
+    /// How much there is to see and to be hidden by: the number of different objects that 26 rays around meet, times the
+    /// logarithm of the number of objects near. Inside a closed tank it is low, in a full room high. `None` in the air where
+    /// there is next to nothing: such a place is better seen from outside.
     fn interest(&self, eye: DVec3) -> Option<f64> {
         let height = self.body.eye_height;
         let around = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
-        let sides = around.map(|(x, z)| DVec3::new(f64::from(x), 0.0, f64::from(z)));
-        let directions = sides.into_iter().chain([DVec3::Y, DVec3::NEG_Y]);
-        let hits = directions.filter(|&d| self.space.ray(eye, d, 12.0 * height).is_some()).count();
+        let sides = [-0.4, 0.0, 0.4].map(|y| around.map(|(x, z)| DVec3::new(f64::from(x), y, f64::from(z))));
+        let directions = sides.into_iter().flatten().chain([DVec3::Y, DVec3::NEG_Y]);
+        let met: BTreeSet<NodeId> =
+            directions.filter_map(|d| self.space.ray(eye, d, 12.0 * height)).map(|hit| hit.leaf).collect();
         let crowd = self.space.crowd(eye, 4.0 * height, 1000);
-        let desert = self.body.footing == Footing::Air && hits < 6 && crowd < 4;
-        (!desert).then(|| hits as f64 * libm::log1p(crowd as f64))
+        let desert = self.body.footing == Footing::Air && crowd < 4;
+        (!desert).then(|| met.len() as f64 * libm::log1p(crowd as f64))
     }
 }
 
