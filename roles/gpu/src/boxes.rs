@@ -80,6 +80,11 @@ pub(crate) fn prepare(
 /// The most boxes tested at once: some megabytes of records.
 const BATCH: usize = 65_536;
 
+/// The room to make for a batch of `count` boxes: enough that the next ones seldom need more.
+pub(crate) fn room_for(count: usize) -> usize {
+    count.next_power_of_two().max(1024)
+}
+
 /// Records and their owners in parts that a device takes at once.
 pub(crate) fn batches<'a>(
     records: &'a [BoxRecord],

@@ -110,9 +110,9 @@ impl QueryBoxes {
 impl Room {
     /// The room there is if it is large enough, else a larger one.
     fn fit<'r>(room: &'r mut Option<Self>, gpu: &Arc<Gpu>, boxes: usize) -> Result<&'r mut Self, GpuError> {
-        let kept = match room.take().filter(|room| room.records.len() >= boxes) {
+        let kept = match room.take().filter(|room| room.records.len() >= count) {
             Some(room) => room,
-            None => Self::new(gpu, boxes.next_power_of_two())?,
+            None => Self::new(gpu, boxes::room_for(count))?,
         };
         Ok(room.insert(kept))
     }

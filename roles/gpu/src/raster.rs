@@ -120,11 +120,11 @@ impl Room {
         room: &'r mut Option<Self>,
         gpu: &Arc<Gpu>,
         layout: &Arc<Layout>,
-        boxes: usize,
+        count: usize,
     ) -> Result<&'r mut Self, GpuError> {
-        let kept = match room.take().filter(|room| room.records.len() >= boxes) {
+        let kept = match room.take().filter(|room| room.records.len() >= count) {
             Some(room) => room,
-            None => Self::new(gpu, layout, boxes.next_power_of_two())?,
+            None => Self::new(gpu, layout, boxes::room_for(count))?,
         };
         Ok(room.insert(kept))
     }
