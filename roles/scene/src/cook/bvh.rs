@@ -6,6 +6,8 @@
 
 use glam::Vec3;
 
+use super::facets;
+
 /// Triangles in a leaf: fewer make the tree larger than it helps.
 const LEAF: usize = 4;
 
@@ -25,14 +27,18 @@ pub(super) struct Bvh {
     nodes: Vec<BoxNode>,
     /// The triangles, in the order of the leaves.
     triangles: Vec<[Vec3; 3]>,
+    /// For each triangle the one that makes a flat convex quadrangle with it; itself if there is none.
+    partners: Vec<u32>,
 }
 
 /// The nearest triangle found, and how far it is.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Nearest {
     pub(super) distance: f32,
-    /// Index for [`Bvh::distance_to`].
+    /// The triangle, for hints.
     pub(super) triangle: u32,
+    /// The facet it belongs to, for [`Bvh::distance_to`].
+    pub(super) facet: u32,
 }
 
 impl Bvh {
@@ -45,7 +51,8 @@ impl Bvh {
         if !triangles.is_empty() {
             build(&mut nodes, &mut triangles, 0);
         }
-        Self { nodes, triangles }
+        let partners = facets::pair_triangles(&triangles);
+        Self { nodes, triangles, partners }
     }
 
     /// The triangle nearest to `point`; `None` if there are none. `hint` is a triangle that may be near: it only saves time.
@@ -89,12 +96,21 @@ impl Bvh {
                 }
             }
         }
-        Some(Nearest { distance: best.sqrt(), triangle })
+        let facet = triangle.min(self.partner(triangle));
+        Some(Nearest { distance: best.sqrt(), triangle, facet })
     }
 
-    /// The distance from `point` to one triangle.
-    pub(super) fn distance_to(&self, triangle: u32, point: Vec3) -> f32 {
-        self.triangles.get(triangle as usize).map_or(f32::INFINITY, |t| squared_distance(point, t).sqrt())
+    /// The distance from `point` to one facet: a triangle, or two that make a flat convex quadrangle.
+    pub(super) fn distance_to(&self, facet: u32, point: Vec3) -> f32 {
+        let squared =
+            |t: u32| self.triangles.get(t as usize).map_or(f32::INFINITY, |t| squared_distance(point, t));
+        let partner = self.partner(facet);
+        let first = squared(facet);
+        if partner == facet { first.sqrt() } else { first.min(squared(partner)).sqrt() }
+    }
+
+    fn partner(&self, triangle: u32) -> u32 {
+        self.partners.get(triangle as usize).copied().unwrap_or(triangle)
     }
 
     fn box_distance(&self, node: u32, point: Vec3) -> f32 {
@@ -217,7 +233,7 @@ mod tests {
                 .map(|t| squared_distance(p, &[t[0], t[1], t[2]]).sqrt())
                 .fold(f32::INFINITY, f32::min);
             prop_assert_eq!(nearest.distance, brute);
-            prop_assert_eq!(bvh.distance_to(nearest.triangle, p), brute);
+            prop_assert_eq!(bvh.distance_to(nearest.facet, p), brute);
         }
     }
 

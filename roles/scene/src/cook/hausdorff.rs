@@ -2,8 +2,9 @@
 //!
 //! Branch and bound. The distance to a surface changes by at most the way one walks (it is 1-Lipschitz), and the distance to
 //! *one* triangle is a convex function, so over a piece of the other mesh it is greatest at a corner. Both bound the distance
-//! over a whole triangle from its corners alone; most triangles are settled by that. The rest are halved, worst first, until
-//! the worst bound is within 5 % of the largest distance seen.
+//! over a whole triangle from its corners alone; most triangles are settled by that. The rest are cut in two, worst first, until
+//! the worst bound is within 5 % of the largest distance seen. The same holds for two triangles that together are flat and
+//! convex (see [`facets`](super::facets)), which is what "facet" means below.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -11,15 +12,16 @@ use std::collections::BinaryHeap;
 use glam::Vec3;
 
 use super::bvh::{Bvh, Nearest};
+use super::facets::FLATNESS;
 
 /// How far the bound may be above the largest distance seen: 5 %.
 const GAP: f32 = 1.05;
-/// Distances below this part of the meshes' extent are as good as none (0.05 pixels where the mesh fills 1,000).
-const FLOOR: f32 = 5e-5;
-/// Rounding of coordinates and distances, as part of the largest coordinate.
-const ROUNDING: f32 = 1e-6;
-/// Halvings allowed for each triangle of the two meshes; where they run out, the bound is what has been shown until then.
-const HALVINGS: usize = 8;
+/// Distances below this part of the meshes' extent are as good as none (0.1 pixels where the mesh fills 1,000).
+const FLOOR: f32 = 2e-4;
+/// Rounding of coordinates and distances, and facets that are not quite flat, as part of the largest coordinate.
+const ROUNDING: f32 = 1e-6 + 2.0 * FLATNESS;
+/// Cuts allowed for each triangle of the two meshes; where they run out, the bound is what has been shown until then.
+const CUTS: usize = 4;
 
 /// A mesh with its hierarchy, ready to be measured against others.
 #[derive(Debug)]
@@ -40,7 +42,7 @@ impl<'a> Surface<'a> {
 }
 
 /// An upper bound of the two-sided Hausdorff distance between two meshes, given as positions and corner indices in one frame:
-/// no point of either is farther than this from the other. At most 5 % above the distance, unless that is below 5e-5 of the
+/// no point of either is farther than this from the other. At most 5 % above the distance, unless that is below 2e-4 of the
 /// meshes' extent. Two meshes without triangles are 0 apart; one without is infinitely far from one with.
 ///
 /// Indices past the positions count as the origin. Not-finite positions give a meaningless result, never a panic.
@@ -66,7 +68,7 @@ pub(super) fn bound(a: &Surface<'_>, b: &Surface<'_>) -> f32 {
     for ((from, to, to_first), corners) in sides.iter().zip(&corners) {
         search.add_triangles(from, to, *to_first, corners);
     }
-    let budget = HALVINGS * (a.indices.len() + b.indices.len()) / 3 + 64;
+    let budget = CUTS * (a.indices.len() + b.indices.len()) / 3 + 64;
     for _ in 0..budget {
         let Some(piece) = search.open.pop() else { break };
         if search.settles(piece.bound) {
@@ -74,7 +76,7 @@ pub(super) fn bound(a: &Surface<'_>, b: &Surface<'_>) -> f32 {
             search.open.clear(); // the others' bounds are lower still
             break;
         }
-        search.halve(&piece, if piece.to_first { &a.bvh } else { &b.bvh });
+        search.cut(&piece, if piece.to_first { &a.bvh } else { &b.bvh });
     }
     let open = search.open.peek().map_or(0.0, |piece| piece.bound);
     search.lower.max(search.settled).max(open) + ROUNDING * extent
@@ -133,7 +135,8 @@ impl Search {
     }
 
     fn sample(&mut self, point: Vec3, to: &Bvh, hint: u32) -> Sample {
-        let nearest = to.nearest(point, hint).unwrap_or(Nearest { distance: f32::INFINITY, triangle: 0 });
+        let nearest =
+            to.nearest(point, hint).unwrap_or(Nearest { distance: f32::INFINITY, triangle: 0, facet: 0 });
         self.lower = self.lower.max(nearest.distance);
         Sample { point, nearest }
     }
@@ -177,10 +180,10 @@ impl Search {
             let [a, b, c] = samples.map(|s| s.point);
             let middle = self.sample((a + b + c) / 3.0, &to.bvh, samples[0].nearest.triangle);
             let reach = samples.iter().fold(0.0_f32, |m, s| m.max(s.point.distance(middle.point)));
-            let bound = bound.min(middle.nearest.distance + reach).min(triangle_bound(
+            let bound = bound.min(middle.nearest.distance + reach).min(facet_bound(
                 &samples,
                 &to.bvh,
-                middle.nearest.triangle,
+                middle.nearest.facet,
             ));
             self.add(Piece { bound, to_first, corners: samples });
         }
@@ -194,23 +197,64 @@ impl Search {
         }
     }
 
-    /// Cuts a piece in two across its longest edge. What held for the whole holds for both halves.
-    fn halve(&mut self, piece: &Piece, to: &Bvh) {
+    /// Cuts a piece in two. What held for the whole holds for both halves.
+    fn cut(&mut self, piece: &Piece, to: &Bvh) {
         let [a, b, c] = piece.corners;
-        let edge = |s: Sample, t: Sample| s.point.distance_squared(t.point);
-        // Turned so that the longest edge is the one from `a` to `b`.
-        let (a, b, c) = if edge(a, b) >= edge(b, c) && edge(a, b) >= edge(c, a) {
-            (a, b, c)
-        } else if edge(b, c) >= edge(c, a) {
-            (b, c, a)
-        } else {
-            (c, a, b)
+        let edges = [(a, b, c), (b, c, a), (c, a, b)].map(|(s, t, rest)| (Edge::new(s, t, to), rest));
+        // Across the edge whose ends know least of each other's facets: a long strip over a long facet is not cut short.
+        let [first, second, third] = edges;
+        let wider = if second.0.apart > first.0.apart { second } else { first };
+        let (edge, rest) = if third.0.apart > wider.0.apart { third } else { wider };
+        let point = edge.turn();
+        // The facets at hand may do: then nothing need be searched.
+        let known = [edge.from, edge.to, rest].map(|s| {
+            let facet = s.nearest.facet;
+            Nearest { distance: to.distance_to(facet, point), triangle: s.nearest.triangle, facet }
+        });
+        let nearest = known.into_iter().fold(known[0], |n, k| if k.distance < n.distance { k } else { n });
+        let halves = |middle: Sample| {
+            [[edge.from, middle, rest], [middle, edge.to, rest]].map(|corners| {
+                let bound = corner_bound(&corners, to).min(piece.bound);
+                Piece { bound, corners, ..*piece }
+            })
         };
-        let middle = self.sample(a.point.midpoint(b.point), to, a.nearest.triangle);
-        for corners in [[a, middle, c], [middle, b, c]] {
-            let bound = corner_bound(&corners, to).min(piece.bound);
-            self.add(Piece { bound, corners, ..*piece });
+        let mut pieces = halves(Sample { point, nearest });
+        if !pieces.iter().all(|half| self.settles(half.bound)) {
+            pieces = halves(self.sample(point, to, nearest.triangle));
         }
+        pieces.into_iter().for_each(|half| self.add(half));
+    }
+}
+
+/// An edge of a piece, and how far its ends are from each other's facets.
+#[derive(Debug, Clone, Copy)]
+struct Edge {
+    from: Sample,
+    to: Sample,
+    /// From the first end to the facet of the second.
+    from_other: f32,
+    /// From the second end to the facet of the first.
+    to_other: f32,
+    /// The larger of the two; 0 if one facet is nearest to both ends, as it then holds for the whole edge.
+    apart: f32,
+}
+
+impl Edge {
+    fn new(from: Sample, to: Sample, surface: &Bvh) -> Self {
+        let from_other = surface.distance_to(to.nearest.facet, from.point);
+        let to_other = surface.distance_to(from.nearest.facet, to.point);
+        let apart = if from.nearest.facet == to.nearest.facet { 0.0 } else { from_other.max(to_other) };
+        Self { from, to, from_other, to_other, apart }
+    }
+
+    /// Where the edge passes from above one facet to above the other, as if both distances were linear: cut there, either
+    /// part is above one facet. Kept off the ends so that parts do shrink.
+    fn turn(&self) -> Vec3 {
+        let before = (self.from_other - self.from.nearest.distance).max(0.0);
+        let after = (self.to_other - self.to.nearest.distance).max(0.0);
+        let part = before / (before + after);
+        let part = if part > 0.1 && part < 0.9 { part } else { 0.5 };
+        self.from.point.lerp(self.to.point, part)
     }
 }
 
@@ -222,21 +266,17 @@ fn corner_bound(corners: &[Sample; 3], to: &Bvh) -> f32 {
     // No point of a triangle is farther from its nearest corner than the longest edge over the square root of three.
     let mut bound = farthest + longest * 0.577_350_3;
     for (index, corner) in corners.iter().enumerate() {
-        let known = corners.iter().take(index).any(|s| s.nearest.triangle == corner.nearest.triangle);
+        let known = corners.iter().take(index).any(|s| s.nearest.facet == corner.nearest.facet);
         if !known {
-            bound = bound.min(triangle_bound(corners, to, corner.nearest.triangle));
+            bound = bound.min(facet_bound(corners, to, corner.nearest.facet));
         }
     }
     bound
 }
 
-/// The distance over a piece to one triangle: convex, so greatest at a corner.
-fn triangle_bound(corners: &[Sample; 3], to: &Bvh, triangle: u32) -> f32 {
+/// The distance over a piece to one facet: convex, so greatest at a corner.
+fn facet_bound(corners: &[Sample; 3], to: &Bvh, facet: u32) -> f32 {
     corners.iter().fold(0.0_f32, |m, s| {
-        m.max(if s.nearest.triangle == triangle {
-            s.nearest.distance
-        } else {
-            to.distance_to(triangle, s.point)
-        })
+        m.max(if s.nearest.facet == facet { s.nearest.distance } else { to.distance_to(facet, s.point) })
     })
 }

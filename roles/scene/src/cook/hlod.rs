@@ -22,7 +22,10 @@ const WORTH: f32 = 0.7;
 /// A merged level aims at this part of the triangles it stands for.
 const AIM: usize = 4;
 /// ... but not below this many.
-const FEW: usize = 32;
+const FEW: usize = 256;
+/// The simplifier stops where its own estimate of the error passes this part of the node's diagonal, even if that leaves more
+/// triangles than aimed at: a level that is far from what it stands for is never drawn.
+const COARSEST: f32 = 0.03;
 /// Vertices closer than this part of the node's diagonal are welded.
 const WELD: f64 = 1e-4;
 /// Rounding of positions to single precision about the node's origin, as part of the node's diagonal: 2^-24 for each axis.
@@ -177,7 +180,7 @@ impl Soup {
         self.error = self.error.max(error);
     }
 
-    /// Simplifies the soup to at most `most` triangles or nearly so; `None` if that saves too little.
+    /// Simplifies the soup towards `most` triangles or fewer; `None` if that saves too little.
     fn merge(&self, diagonal: f64, most: usize) -> Option<MergedLevel> {
         let before = self.indices.len() / 3;
         let aim = (before / AIM).max(FEW).min(most);
@@ -186,7 +189,7 @@ impl Soup {
         let positions: Vec<Vec3> = vertices.iter().map(|v| Vec3::from_array(v.position)).collect();
         let adapter = VertexDataAdapter::new(bytemuck::cast_slice(&positions), size_of::<Vec3>(), 0).ok()?;
         let options = SimplifyOptions::Prune | SimplifyOptions::Permissive | SimplifyOptions::ErrorAbsolute;
-        let indices = meshopt::simplify(&indices, &adapter, goal, diagonal as f32, options, None);
+        let indices = meshopt::simplify(&indices, &adapter, goal, COARSEST * diagonal as f32, options, None);
         let after = indices.len() / 3;
         if after == 0 || after as f32 > WORTH * before as f32 {
             return None;

@@ -49,7 +49,7 @@ pub(super) fn simplify_meshes(
         }
     }
     progress.begin(Phase::Levels, model.meshes.len());
-    let meshes = model
+    model
         .meshes
         .par_iter()
         .zip(placed)
@@ -59,8 +59,7 @@ pub(super) fn simplify_meshes(
             progress.advance(1);
             leveled
         })
-        .collect();
-    meshes
+        .collect()
 }
 
 impl LeveledMesh {

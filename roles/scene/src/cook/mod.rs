@@ -11,6 +11,7 @@
 
 mod assemble;
 mod bvh;
+mod facets;
 mod hausdorff;
 mod hlod;
 mod levels;
@@ -27,7 +28,8 @@ pub use hausdorff::hausdorff_bound;
 /// How to cook.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CookOptions {
-    /// The most triangles that the merged level of an interior node may have.
+    /// The number of triangles that merged levels of interior nodes aim at where more stand below; they keep more where
+    /// fewer would move surfaces by too much.
     pub merged_triangles: usize,
     /// Levels of one mesh end where their certified error passes this part of the mesh's diagonal.
     pub coarsest_error: f32,

@@ -73,7 +73,7 @@ struct Item {
 #[derive(Debug)]
 enum Binary {
     Leaf { item: u32, bounds: WorldBox },
-    Inner { bounds: WorldBox, count: usize, halves: Box<[Binary; 2]> },
+    Inner { bounds: WorldBox, count: usize, halves: Box<[Self; 2]> },
 }
 
 impl Binary {

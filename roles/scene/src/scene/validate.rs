@@ -41,7 +41,7 @@ pub(super) fn check(parts: &Parts<'_>) -> Result<(), SceneError> {
     }
     check_counts(parts)?;
     check_tree(parts)?;
-    each("node", parts.nodes, |node| check_boxes(node))?;
+    each("node", parts.nodes, check_boxes)?;
     check_levels(parts)?;
     check_errors(parts)?;
     each("drawable", parts.drawables, |drawable| check_ranges(parts, drawable))?;

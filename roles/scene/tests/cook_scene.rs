@@ -1,0 +1,189 @@
+//! Whole scenes: what cooking promises about trees, boxes, levels and errors.
+
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+use trimaran_scene::cook::{CookError, CookOptions, cook};
+use trimaran_scene::{Mesh, Model, Object, Rgba8, Scene, Source};
+
+/// A pipe along x: `sides` sides, `rings` rings, radius 0.1, length 2.
+fn pipe(sides: u32, rings: u32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for ring in 0..=rings {
+        for side in 0..sides {
+            let angle = std::f32::consts::TAU * side as f32 / sides as f32;
+            let x = 2.0 * ring as f32 / rings as f32;
+            mesh.positions.push(Vec3::new(x, 0.1 * angle.cos(), 0.1 * angle.sin()));
+            mesh.colours.push(Rgba8([200, 100, 50, 255]));
+        }
+    }
+    for ring in 0..rings {
+        for side in 0..sides {
+            let (a, b) = (ring * sides + side, ring * sides + (side + 1) % sides);
+            mesh.indices.extend([a, b, a + sides, b, b + sides, a + sides]);
+        }
+    }
+    mesh
+}
+
+fn object(mesh: u32, to_world: DAffine3, index: u32) -> Object {
+    Object { mesh, to_world, name: format!("pipe {index}"), source: 0, source_index: index }
+}
+
+/// Pipes in a grid, every third sheared, every fifth mirrored, some far away.
+fn rack() -> Model {
+    let mut objects = Vec::new();
+    for index in 0..150_u32 {
+        let (x, y, z) = (index % 5, index / 5 % 6, index / 30);
+        let linear = if index % 3 == 0 {
+            DMat3::from_cols(DVec3::X * 2.0, DVec3::new(0.7, 1.0, 0.0), DVec3::Z)
+        } else if index % 5 == 0 {
+            DMat3::from_diagonal(DVec3::new(-1.0, 0.5, 3.0))
+        } else {
+            DMat3::from_rotation_y(f64::from(index))
+        };
+        let away = if index == 77 { 5e4 } else { 0.0 };
+        let place = DVec3::new(3.0 * f64::from(x) + away, 0.4 * f64::from(y), 2.0 * f64::from(z));
+        objects.push(object(index % 2, DAffine3::from_mat3_translation(linear, place), index));
+    }
+    Model {
+        meshes: vec![pipe(24, 12), pipe(8, 1)],
+        objects,
+        sources: vec![Source { name: "rack.glb".to_owned() }],
+    }
+}
+
+fn cooked(model: &Model) -> Scene {
+    cook(model, &CookOptions::default(), &()).unwrap()
+}
+
+/// The vertices of each drawable in the world, with its node.
+fn world_vertices(scene: &Scene) -> impl Iterator<Item = (usize, u32, DVec3)> {
+    scene.drawables().iter().enumerate().flat_map(move |(id, d)| {
+        let node = scene.nodes()[d.node as usize];
+        let indices = &scene.indices()[d.first_index as usize..(d.first_index + d.index_count) as usize];
+        indices.iter().map(move |&i| {
+            let vertex = scene.vertices()[(d.vertex_offset + i) as usize];
+            let local = Vec3::from_array(vertex.position);
+            (id, d.node, node.origin() + node.linear().as_dmat3() * local.as_dvec3())
+        })
+    })
+}
+
+#[test]
+fn each_object_is_one_leaf_with_all_its_triangles() {
+    let model = rack();
+    let scene = cooked(&model);
+    let mut seen = vec![0; model.objects.len()];
+    for node in scene.nodes().iter().filter(|node| node.is_leaf()) {
+        seen[node.object as usize] += 1;
+        let finest = scene.drawables()[node.first_drawable as usize];
+        let mesh = &model.meshes[model.objects[node.object as usize].mesh as usize];
+        assert_eq!(finest.index_count as usize, mesh.indices.len());
+        assert_eq!(finest.error, 0.0);
+    }
+    assert!(seen.iter().all(|&count| count == 1));
+    assert_eq!(scene.object_name(7), Some("pipe 7"));
+    assert!(scene.nodes().iter().all(|node| node.child_count <= 8));
+}
+
+#[test]
+fn boxes_hold_every_level_of_the_node_and_of_all_below() {
+    let scene = cooked(&rack());
+    for (id, node, point) in world_vertices(&scene) {
+        let mut up = node;
+        loop {
+            let record = &scene.nodes()[up as usize];
+            let (low, high) = record.world_box();
+            assert!(point.cmpge(low).all() && point.cmple(high).all(), "drawable {id}, node {up}: {point}");
+            if up == 0 {
+                break;
+            }
+            up = record.parent;
+        }
+    }
+}
+
+#[test]
+fn instances_share_levels_and_scale_their_errors() {
+    let scene = cooked(&rack());
+    let levels = |object: u32| {
+        let node = scene.nodes().iter().find(|n| n.is_leaf() && n.object == object).unwrap();
+        let first = node.first_drawable as usize;
+        &scene.drawables()[first..first + node.drawable_count as usize]
+    };
+    // 10 is mirrored and stretched threefold along one axis, 2 is only turned; both are the finer pipe.
+    let (stretched, plain) = (levels(10), levels(2));
+    assert!(plain.len() > 1, "the pipe has 576 triangles and should have levels");
+    for (s, p) in stretched.iter().zip(plain) {
+        assert_eq!((s.first_index, s.vertex_offset), (p.first_index, p.vertex_offset));
+        assert!((f64::from(s.error) - 3.0 * f64::from(p.error)).abs() <= 1e-5 * f64::from(s.error));
+    }
+}
+
+#[test]
+fn a_merged_level_is_as_near_as_it_claims() {
+    let scene = cooked(&rack());
+    let fine: Vec<DVec3> = world_vertices(&scene)
+        .filter(|&(id, node, _)| {
+            let node = &scene.nodes()[node as usize];
+            node.is_leaf() && id == node.first_drawable as usize
+        })
+        .map(|(_, _, point)| point)
+        .collect();
+    let root = scene.nodes()[0];
+    let inner = scene.nodes().iter().filter(|n| !n.is_leaf() && n.drawable_count > 0).count();
+    assert!(inner > 0, "144 objects below {} children should be merged somewhere", root.child_count);
+    // Coarse vertices are some of the fine ones, so each has one within the error; dense sampling is in cook_hausdorff.
+    for (id, node, point) in world_vertices(&scene) {
+        if scene.nodes()[node as usize].is_leaf() {
+            continue;
+        }
+        let nearest = fine.iter().map(|q| q.distance(point)).fold(f64::INFINITY, f64::min);
+        assert!(nearest <= f64::from(scene.drawables()[id].error), "drawable {id}: {nearest}");
+    }
+}
+
+#[test]
+fn the_same_model_makes_the_same_bytes_on_any_number_of_threads() {
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| cooked(&rack()).hash())
+    };
+    assert_eq!(on(1), on(2));
+    assert_eq!(on(1), on(7));
+}
+
+#[test]
+fn coincident_objects_and_a_lone_one_make_trees() {
+    let mut model = rack();
+    for object in &mut model.objects {
+        object.to_world = DAffine3::IDENTITY;
+    }
+    assert_eq!(cooked(&model).nodes().iter().filter(|n| n.is_leaf()).count(), 150);
+    model.objects.truncate(1);
+    let scene = cooked(&model);
+    assert_eq!(scene.nodes().len(), 1);
+    assert_eq!(scene.nodes()[0].object, 0);
+}
+
+#[test]
+fn nothing_to_draw_is_an_error_and_empty_objects_have_no_leaf() {
+    let mut model = rack();
+    model.meshes[1] = Mesh::default();
+    assert_eq!(cooked(&model).nodes().iter().filter(|n| n.is_leaf()).count(), 75);
+    let point = Vec3::splat(2.0);
+    model.meshes[0] =
+        Mesh { positions: vec![point; 3], colours: vec![Rgba8([0; 4]); 3], indices: vec![0, 1, 2] };
+    assert!(matches!(cook(&model, &CookOptions::default(), &()), Err(CookError::Empty { objects: 150 })));
+    assert!(matches!(
+        cook(&Model::default(), &CookOptions::default(), &()),
+        Err(CookError::Empty { objects: 0 })
+    ));
+}
+
+#[test]
+fn a_placement_beyond_single_precision_is_refused_by_name() {
+    let mut model = rack();
+    model.objects[3].to_world.matrix3 *= 1e60;
+    let message = cook(&model, &CookOptions::default(), &()).unwrap_err().to_string();
+    assert!(message.contains("pipe 3"), "{message}");
+}
