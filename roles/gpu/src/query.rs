@@ -109,7 +109,7 @@ impl QueryBoxes {
 
 impl Room {
     /// The room there is if it is large enough, else a larger one.
-    fn fit<'r>(room: &'r mut Option<Self>, gpu: &Arc<Gpu>, boxes: usize) -> Result<&'r mut Self, GpuError> {
+    fn fit<'r>(room: &'r mut Option<Self>, gpu: &Arc<Gpu>, count: usize) -> Result<&'r mut Self, GpuError> {
         let kept = match room.take().filter(|room| room.records.len() >= count) {
             Some(room) => room,
             None => Self::new(gpu, boxes::room_for(count))?,
