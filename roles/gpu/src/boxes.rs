@@ -37,7 +37,7 @@ impl BoxRecord {
             let normal = axes[(i + 1) % 3].cross(axes[(i + 2) % 3]);
             let eye = eye_along(axis, normal, centre);
             // A flat box has NaN or infinity here, and its face is drawn.
-            let shows = !(eye.abs() <= 1.0);
+            let shows = eye.abs() > 1.0 || eye.is_nan();
             record.faces |= u32::from(shows) << i;
             let towards_eye = if eye < 0.0 { -shape.axes[i] } else { shape.axes[i] };
             *slot = towards_eye.to_array();
