@@ -25,6 +25,8 @@ pub(super) const AISLE: [f64; 2] = [3.0, 5.0];
 const TRAYS: f64 = 2.75;
 const RACK: f64 = 3.3;
 const DUCTS: f64 = 4.3;
+/// Stairs stay on this side of x, with room for a walker's shoulders.
+const STAIR_EDGE: f64 = 2.2;
 
 /// One side of a room.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,7 +62,9 @@ pub(super) struct Seeds {
 /// Builds everything of a room but its small parts.
 pub(super) fn build(module: &mut Module, around: &Surroundings, seeds: Seeds, tags: &mut Tags) {
     let random = &mut Random::new(seeds.content);
-    frame(module);
+    // Over stairs that lead up, everything at the ceiling ends short of them.
+    let start = if around.stairs_up { STAIR_EDGE } else { 0.0 };
+    frame(module, start);
     floor(module, 0.0, around.stairs_below);
     if around.roof {
         floor(module, STOREY, false);
@@ -68,8 +72,8 @@ pub(super) fn build(module: &mut Module, around: &Surroundings, seeds: Seeds, ta
     for (side, wall) in around.walls.into_iter().enumerate() {
         build_wall(module, side, wall);
     }
-    rack(module, &mut Random::new(seeds.lines));
-    services(module);
+    rack(module, &mut Random::new(seeds.lines), start);
+    services(module, start);
     let stairs = around.stairs_below || around.stairs_up;
     if around.stairs_up {
         let shape = Shape::Stairs { rise: 5000, run: 6000, width: 1200 };
@@ -124,7 +128,7 @@ pub(super) fn add_small_part(module: &mut Module, random: &mut Random, index: us
         4 => module.stand(Paint::Instrument, Shape::Gauge, at, format!("gauge {number}")),
         5 => module.stand(Paint::Fitting, Shape::Bolt, at, format!("anchor {number}")),
         6 => {
-            let (x, z) = (random.between(0.5, 7.5), random.between(0.5, 7.5));
+            let (x, z) = (random.between(STAIR_EDGE, 7.5), random.between(0.5, 7.5));
             let rod = Shape::Rod { radius: 8 };
             module.bar(
                 Paint::Steel,
@@ -147,7 +151,7 @@ pub(super) fn add_small_part(module: &mut Module, random: &mut Random, index: us
     }
 }
 
-fn frame(module: &mut Module) {
+fn frame(module: &mut Module, start: f64) {
     let height = STOREY - SLAB;
     let column = Shape::Beam { depth: 300, width: 300 };
     module.bar(Paint::Steel, column, [0.0, 0.0, 0.0], (Axis::Y, height), "column");
@@ -156,7 +160,7 @@ fn frame(module: &mut Module) {
     module.bar(Paint::Steel, girder, [0.0, height - 0.2, 0.0], (Axis::Z, SIDE), "girder z");
     let joist = Shape::Beam { depth: 200, width: 100 };
     for z in [2.0, 4.0, 6.0] {
-        module.bar(Paint::Steel, joist, [0.0, height - 0.1, z], (Axis::X, SIDE), "joist");
+        module.bar(Paint::Steel, joist, [start, height - 0.1, z], (Axis::X, SIDE - start), "joist");
     }
 }
 
@@ -225,7 +229,7 @@ fn door(module: &mut Module, side: usize, start: f64) {
 }
 
 /// Pipes that cross the room in both directions above the aisles.
-fn rack(module: &mut Module, random: &mut Random) {
+fn rack(module: &mut Module, random: &mut Random, start: f64) {
     for (axis, y) in [(Axis::X, RACK), (Axis::Z, RACK + 0.55)] {
         let mut across = 0.55;
         let mut line = 0;
@@ -239,47 +243,42 @@ fn rack(module: &mut Module, random: &mut Random) {
                 Axis::X => [along, y, across],
                 _ => [across, y, along],
             };
-            module.bar(paint, Shape::Rod { radius }, at(0.0, y, across), (axis, SIDE), name.as_str());
-            for along in [2.7, 5.3] {
-                let shoe = at(along, y - r - 0.1, across);
-                module.bar(
-                    Paint::Steel,
-                    Shape::Angle { leg: 80 },
-                    shoe,
-                    (Axis::Y, 0.1),
-                    format!("{name} shoe"),
-                );
+            let fitting_at = random.between(2.9, 7.0);
+            let valve = random.chance(0.3);
+            let spacing = 2.0 * r + random.between(0.35, 0.9);
+            let from = if matches!(axis, Axis::X) { start } else { 0.0 };
+            // A line that would run along the stairs stops at this room's walls.
+            if from > 0.0 || across > start {
+                let run = (axis, SIDE - from);
+                module.bar(paint, Shape::Rod { radius }, at(from, y, across), run, name.as_str());
+                for along in [2.7, 5.3] {
+                    let shoe = at(along, y - r - 0.1, across);
+                    let angle = Shape::Angle { leg: 80 };
+                    module.bar(Paint::Steel, angle, shoe, (Axis::Y, 0.1), format!("{name} shoe"));
+                }
+                if radius >= 40 {
+                    let translation = DVec3::from_array(at(fitting_at, y, across));
+                    let place = DAffine3 { matrix3: axis.turn(), translation };
+                    let shape =
+                        if valve { Shape::Valve { pipe: radius } } else { Shape::Flange { pipe: radius } };
+                    module.put(Paint::Fitting, shape, place, format!("{name} fitting"));
+                }
             }
-            if radius >= 40 {
-                let along = random.between(1.0, 7.0);
-                let place =
-                    DAffine3 { matrix3: axis.turn(), translation: DVec3::from_array(at(along, y, across)) };
-                let shape = if random.chance(0.3) {
-                    Shape::Valve { pipe: radius }
-                } else {
-                    Shape::Flange { pipe: radius }
-                };
-                module.put(Paint::Fitting, shape, place, format!("{name} fitting"));
-            }
-            across += 2.0 * r + random.between(0.35, 0.9);
+            across += spacing;
         }
         for along in [2.7, 5.3] {
             let support = Shape::Beam { depth: 150, width: 100 };
-            let other = if matches!(axis, Axis::X) { Axis::Z } else { Axis::X };
-            module.bar(Paint::Steel, support, at_support(axis, along, y - 0.32), (other, SIDE), "rack beam");
+            let (from, run) = match axis {
+                Axis::X => ([along, y - 0.32, 0.0], (Axis::Z, SIDE)),
+                _ => ([start, y - 0.32, along], (Axis::X, SIDE - start)),
+            };
+            module.bar(Paint::Steel, support, from, run, "rack beam");
         }
-    }
-}
-
-fn at_support(axis: Axis, along: f64, y: f64) -> [f64; 3] {
-    match axis {
-        Axis::X => [along, y, 0.0],
-        _ => [0.0, y, along],
     }
 }
 
 /// Cable trays, ducts and lamps.
-fn services(module: &mut Module) {
+fn services(module: &mut Module, start: f64) {
     for (tray, x) in [2.6, 5.4].into_iter().enumerate() {
         for section in 0..4 {
             let z = 2.0 * f64::from(section);
@@ -300,7 +299,9 @@ fn services(module: &mut Module) {
     module.cuboid(Paint::Duct, [3.7, DUCTS, 0.0], [4.3, DUCTS + 0.35, SIDE], "duct");
     module.cuboid(Paint::Duct, [3.8, DUCTS - 0.15, 3.8], [4.2, DUCTS, 4.2], "duct outlet");
     for (x, z) in [(1.2, 1.5), (5.6, 1.5), (1.2, 6.5), (5.6, 6.5)] {
-        module.stand(Paint::Instrument, Shape::Lamp, [x, DUCTS, z], "lamp");
+        if x > start {
+            module.stand(Paint::Instrument, Shape::Lamp, [x, DUCTS, z], "lamp");
+        }
     }
     module.stand(Paint::Fire, Shape::Extinguisher, [2.7, 0.0, 0.25], "fire extinguisher");
 }

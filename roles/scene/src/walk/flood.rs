@@ -145,3 +145,57 @@ impl Flood {
         up.into_iter().chain(down.into_iter().rev()).map(|cell| self.cells[cell].eye).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        generate::{PlantOptions, plant},
+        walk::testing::{boxes, uncooked},
+    };
+
+    const WALKER: Body = Body { eye_height: 1.7, clearance: 0.25, footing: Footing::Floor };
+
+    #[test]
+    fn every_room_of_a_plant_is_reached_through_doors_and_stairs() {
+        let model = plant(&PlantOptions { seed: 2, objects: 4_000, triangles: 300_000 });
+        let scene = uncooked(&model);
+        let flood = Flood::from(&Space::new(&scene), &WALKER, DVec3::new(4.0, 1.7, 4.0), 20_000);
+        let columns: Vec<DVec3> =
+            model.objects.iter().filter(|o| o.name == "column").map(|o| o.to_world.translation).collect();
+        assert!(columns.iter().any(|c| c.y > 4.0), "it has two storeys");
+        for corner in columns {
+            let middle = corner + DVec3::new(4.0, WALKER.eye_height, 4.0);
+            let reached = (0..flood.len()).any(|cell| flood.eye(cell).distance(middle) < 1.0);
+            assert!(reached, "the room at {corner} is not reached");
+        }
+    }
+
+    #[test]
+    fn a_wall_with_a_gap_too_narrow_holds() {
+        let with_gap = |gap: f64| {
+            let walls = [
+                ([-9.0, -0.1, -9.0], [9.0, 0.0, 9.0]),
+                ([0.0, 0.0, -9.0], [0.1, 3.0, -gap / 2.0]),
+                ([0.0, 0.0, gap / 2.0], [0.1, 3.0, 9.0]),
+            ];
+            let scene = uncooked(&boxes(&walls));
+            let flood = Flood::from(&Space::new(&scene), &WALKER, DVec3::new(-2.0, 1.7, 0.0), 20_000);
+            (0..flood.len()).any(|cell| flood.eye(cell).x > 1.0)
+        };
+        assert!(!with_gap(0.45) && with_gap(0.9));
+    }
+
+    #[test]
+    fn a_way_goes_through_neighbouring_cells() {
+        let scene = uncooked(&boxes(&[([-3.0, -0.1, -3.0], [3.0, 0.0, 3.0])]));
+        let flood = Flood::from(&Space::new(&scene), &WALKER, DVec3::new(0.0, 1.7, 0.0), 500);
+        let way = flood.way(flood.farthest(), flood.len() - 1);
+        assert_eq!((way[0], way[way.len() - 1]), (flood.eye(flood.farthest()), flood.eye(flood.len() - 1)));
+        assert!(way.windows(2).all(|p| p[0].distance(p[1]) < WALKER.stride() * 1.5));
+        assert!(
+            (0..flood.len()).all(|cell| flood.eye(cell).abs().max_element() < 3.2),
+            "nobody walks off the edge"
+        );
+    }
+}

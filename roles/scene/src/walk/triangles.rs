@@ -86,8 +86,10 @@ fn centre(triangle: &Triangle, axis: usize) -> f32 {
 /// Where the line `origin + t direction` passes a box, as a range of t; empty (low above high) if it does not.
 pub(super) fn ray_box(origin: DVec3, inverse: DVec3, min: DVec3, max: DVec3) -> (f64, f64) {
     let (a, b) = ((min - origin) * inverse, (max - origin) * inverse);
-    // NaN arises where the line lies in a face (0 times infinity); `min` and `max` then give the other operand.
-    let (near, far) = (a.min(b), a.max(b));
+    // Where the line lies in a face, zero times infinity is not a number: that axis then does not limit the line at all.
+    let undecided = (a + b).is_nan_mask();
+    let near = DVec3::select(undecided, DVec3::NEG_INFINITY, a.min(b));
+    let far = DVec3::select(undecided, DVec3::INFINITY, a.max(b));
     (near.x.max(near.y).max(near.z), far.x.min(far.y).min(far.z))
 }
 
@@ -182,6 +184,16 @@ mod tests {
         assert_eq!(segment_triangle(DVec3::ZERO, DVec3::X, point), 2_f64.sqrt());
         let line = [DVec3::ZERO, DVec3::X * 2.0, DVec3::X];
         assert_eq!(point_triangle(DVec3::new(1.0, 0.5, 0.0), line), 0.5);
+    }
+
+    #[test]
+    fn a_ray_in_a_face_of_a_box_meets_it() {
+        for x in [0.0, 1.0] {
+            let (near, far) = ray_box(DVec3::new(x, 3.0, 0.5), DVec3::NEG_Y.recip(), DVec3::ZERO, DVec3::ONE);
+            assert_eq!((near, far), (2.0, 3.0));
+        }
+        let (near, far) = ray_box(DVec3::new(1.5, 3.0, 0.5), DVec3::NEG_Y.recip(), DVec3::ZERO, DVec3::ONE);
+        assert!(near > far);
     }
 
     #[test]
