@@ -107,7 +107,7 @@ fn a_hole_is_seen_although_all_corners_stay() {
     ]
     .concat();
     let bound = bound(&full, &rim);
-    assert!((1.0..=1.05 + 1e-3).contains(&bound), "{bound}");
+    assert!((1.0..=1.15).contains(&bound), "{bound}"); // cuts may run out above the gap
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! Whole scenes: what cooking promises about trees, boxes, levels and errors.
 
+#![expect(clippy::unwrap_used, reason = "a test whose scene cannot be cooked has failed")]
+
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use trimaran_scene::cook::{CookError, CookOptions, cook};
 use trimaran_scene::{Mesh, Model, Object, Rgba8, Scene, Source};

@@ -68,7 +68,7 @@ pub(super) fn bound(a: &Surface<'_>, b: &Surface<'_>) -> f32 {
     for ((from, to, to_first), corners) in sides.iter().zip(&corners) {
         search.add_triangles(from, to, *to_first, corners);
     }
-    let budget = CUTS * (a.indices.len() + b.indices.len()) / 3 + 64;
+    let budget = CUTS * (a.indices.len() + b.indices.len()) / 3 + 256;
     for _ in 0..budget {
         let Some(piece) = search.open.pop() else { break };
         if search.settles(piece.bound) {

@@ -184,6 +184,9 @@ impl Soup {
     fn merge(&self, diagonal: f64, most: usize) -> Option<MergedLevel> {
         let before = self.indices.len() / 3;
         let aim = (before / AIM).max(FEW).min(most);
+        if aim as f32 > WORTH * before as f32 {
+            return None; // the nodes above gather these triangles themselves
+        }
         let (vertices, indices) = self.weld(diagonal * WELD);
         let goal = (3 * aim).min(indices.len()); // the simplifier aborts on more
         let positions: Vec<Vec3> = vertices.iter().map(|v| Vec3::from_array(v.position)).collect();
