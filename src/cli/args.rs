@@ -65,13 +65,13 @@ pub(crate) struct ImportArgs {
     #[arg(short, long, value_name = "X.scene")]
     pub(crate) output: PathBuf,
     /// How far a tessellated curve may lie from the true one, millimetres (RVM).
-    #[arg(long, value_name = "MM", default_value_t = 1.0, value_parser = positive)]
+    #[arg(long, value_name = "MM", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
     pub(crate) chord_tolerance: f64,
     /// Which way is up in the files [default: y for glTF and OBJ, z for RVM].
     #[arg(long, value_enum)]
     pub(crate) up: Option<Up>,
     /// Metres a unit of the files' coordinates [default: 1 for glTF and OBJ, 0.001 for RVM].
-    #[arg(long, value_name = "METRES", value_parser = positive)]
+    #[arg(long, value_name = "METRES", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) unit: Option<f64>,
     /// Print what was read and made as JSON.
     #[arg(long)]
@@ -188,7 +188,7 @@ pub(crate) struct RunArgs {
     #[arg(long, value_enum, default_value = "inproc")]
     pub(crate) link: LinkKind,
     /// The largest error on the screen, pixels.
-    #[arg(long, value_name = "PX", default_value_t = 2.0, value_parser = positive)]
+    #[arg(long, value_name = "PX", default_value_t = 2.0, value_parser = positive, allow_negative_numbers = true)]
     pub(crate) epsilon: f64,
     #[command(flatten)]
     pub(crate) walk: WalkArgs,
@@ -208,7 +208,7 @@ pub(crate) struct SweepArgs {
     /// The scene.
     pub(crate) scene: PathBuf,
     /// The error bounds to walk at, pixels.
-    #[arg(long, value_name = "PX,PX,..", value_delimiter = ',', default_value = "0.5,1,2,5,10,20", value_parser = positive)]
+    #[arg(long, value_name = "PX,PX,..", value_delimiter = ',', default_value = "0.5,1,2,5,10,20", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) epsilons: Vec<f64>,
     #[command(flatten)]
     pub(crate) walk: WalkArgs,

@@ -1,0 +1,227 @@
+//! The program as a user meets it when something is wrong: what it says, its exit code, and what it leaves behind.
+
+use std::{
+    fs,
+    net::TcpListener,
+    path::{Path, PathBuf},
+    process::{Command, Output},
+};
+
+use tempfile::TempDir;
+
+/// A folder with a small cooked plant in it.
+struct Bench {
+    dir: TempDir,
+}
+
+impl Bench {
+    fn empty() -> Self {
+        Self { dir: tempfile::tempdir().unwrap() }
+    }
+
+    fn with_plant() -> Self {
+        let bench = Self::empty();
+        let made = bench.trimaran(&["generate", "plant", "--objects", "300", "-o", "plant.scene"]);
+        assert!(made.status.success(), "{}", said(&made));
+        bench
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
+        command.args(args).current_dir(self.dir.path());
+        command
+    }
+
+    fn trimaran(&self, args: &[&str]) -> Output {
+        self.command(args).output().unwrap()
+    }
+
+    /// Runs the program, which is to refuse its input: exit code 2, and every one of `words` in what it says.
+    fn refuses(&self, args: &[&str], words: &[&str]) {
+        expect(&self.trimaran(args), 2, words);
+    }
+
+    fn files(&self) -> Vec<String> {
+        let entries = fs::read_dir(self.dir.path()).unwrap();
+        let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn expect(output: &Output, code: i32, words: &[&str]) {
+    let said = said(output);
+    assert_eq!(output.status.code(), Some(code), "{said}");
+    for word in words {
+        assert!(said.contains(word), "{word:?} is not in: {said}");
+    }
+    assert!(!said.contains("panicked"), "{said}");
+}
+
+#[test]
+fn flags_that_make_no_sense_are_refused() {
+    let bench = Bench::empty();
+    bench.refuses(&["run", "a.scene", "--size", "0x5"], &["--size", "WIDTHxHEIGHT"]);
+    bench.refuses(&["run", "a.scene", "--epsilon", "-1"], &["--epsilon"]);
+    bench.refuses(&["run", "a.scene", "--batch", "20000"], &["--batch", "16384"]);
+    bench.refuses(&["run", "a.scene", "--tester", "guess"], &["query", "raster", "hzb"]);
+}
+
+#[test]
+fn files_that_are_not_what_they_should_be_are_refused() {
+    let bench = Bench::empty();
+    fs::write(bench.path("a.glb"), b"glTF\x02\0\0\0\xff\xff\xff\x7f").unwrap();
+    fs::write(bench.path("a.rvm"), b"\0\0\0H\0\0\0E\0\0\0A").unwrap();
+    fs::write(bench.path("a.scene"), b"not a scene at all").unwrap();
+    bench.refuses(&["import", "a.glb", "-o", "b.scene"], &["a.glb"]);
+    bench.refuses(&["import", "a.rvm", "-o", "b.scene"], &["a.rvm"]);
+    bench.refuses(&["import", "missing.glb", "-o", "b.scene"], &["missing.glb"]);
+    bench.refuses(&["info", "a.scene"], &["a.scene", "not a cooked scene"]);
+    assert_eq!(bench.files(), ["a.glb", "a.rvm", "a.scene"], "something was left behind");
+}
+
+#[test]
+fn a_scene_cut_short_or_changed_is_refused() {
+    let bench = Bench::with_plant();
+    let whole = fs::read(bench.path("plant.scene")).unwrap();
+    fs::write(bench.path("short.scene"), &whole[..whole.len() / 2]).unwrap();
+    bench.refuses(&["info", "short.scene"], &["short.scene", "cut short"]);
+    let mut changed = whole;
+    let middle = changed.len() / 2;
+    changed[middle] ^= 1;
+    fs::write(bench.path("changed.scene"), changed).unwrap();
+    bench.refuses(&["run", "changed.scene"], &["changed.scene", "damaged"]);
+}
+
+#[test]
+fn a_path_that_cannot_be_walked_is_refused() {
+    let bench = Bench::with_plant();
+    fs::write(
+        bench.path("path.json"),
+        r#"{"vfov_deg":60,"frames":[{"eye":[0,0,0],"forward":[0,0,0],"up":[0,1,0]}]}"#,
+    )
+    .unwrap();
+    bench.refuses(&["run", "plant.scene", "--path", "path.json"], &["path.json", "frame 0"]);
+    bench.refuses(&["run", "plant.scene", "--path", "nowhere.json"], &["nowhere.json"]);
+}
+
+#[test]
+fn without_a_vulkan_device_it_says_what_to_install() {
+    let bench = Bench::with_plant();
+    let run = bench
+        .command(&["run", "plant.scene"])
+        .env("VK_DRIVER_FILES", "/nonexistent")
+        .env("VK_ICD_FILENAMES", "/nonexistent")
+        .output()
+        .unwrap();
+    expect(&run, 1, &["mesa-vulkan-drivers"]);
+}
+
+#[test]
+fn a_full_disk_leaves_nothing_half_written() {
+    let bench = Bench::empty();
+    // A limit on the size of files stands for the full disk: both make the write fail half-way.
+    let program = env!("CARGO_BIN_EXE_trimaran");
+    let script =
+        format!("ulimit -f 16; trap '' XFSZ; exec {program} generate plant --objects 300 -o plant.scene");
+    let output = Command::new("sh").args(["-c", &script]).current_dir(bench.dir.path()).output().unwrap();
+    expect(&output, 1, &["plant.scene"]);
+    assert_eq!(bench.files(), Vec::<String>::new(), "something was left behind");
+}
+
+#[test]
+fn a_port_in_use_is_named() {
+    let bench = Bench::with_plant();
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    write_display(&bench, &address);
+    bench.refuses(&["role", "display", "--config", "display.toml"], &[&address, "in use"]);
+}
+
+#[test]
+fn roles_that_hold_different_scenes_refuse_each_other() {
+    let bench = Bench::with_plant();
+    let made = bench.trimaran(&["generate", "plant", "--objects", "300", "--seed", "2", "-o", "other.scene"]);
+    assert!(made.status.success(), "{}", said(&made));
+    let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    write_display(&bench, &address);
+    fs::write(
+        bench.path("first.toml"),
+        format!("scene = 'other.scene'\nseat = 'first'\ndisplay = '{address}'\npair = '127.0.0.1:1'\n"),
+    )
+    .unwrap();
+    let mut display = bench.command(&["role", "display", "--config", "display.toml"]).spawn().unwrap();
+    let first = bench.trimaran(&["role", "switch", "--config", "first.toml"]);
+    display.kill().unwrap();
+    display.wait().unwrap();
+    expect(&first, 2, &["scene", &hash_of(&bench, "plant.scene"), &hash_of(&bench, "other.scene")]);
+}
+
+fn write_display(bench: &Bench, address: &str) {
+    let config = format!("scene = 'plant.scene'\nlisten = '{address}'\nout = 'out'\n[session]\nframes = 4\n");
+    fs::write(bench.path("display.toml"), config).unwrap();
+}
+
+fn hash_of(bench: &Bench, scene: &str) -> String {
+    let info = bench.trimaran(&["info", scene, "--json"]);
+    let info: serde_json::Value = serde_json::from_slice(&info.stdout).unwrap();
+    info["hash"].as_str().unwrap().to_owned()
+}
+
+#[test]
+fn three_processes_show_what_one_shows() {
+    let bench = Bench::with_plant();
+    for link in ["inproc", "tcp"] {
+        let args = [
+            "run",
+            "plant.scene",
+            "--link",
+            link,
+            "--out",
+            link,
+            "--frames",
+            "6",
+            "--size",
+            "96x80",
+            "--audit-every",
+            "3",
+        ];
+        let run = bench.trimaran(&args);
+        assert!(run.status.success(), "{}", said(&run));
+    }
+    let frames = |link: &str| -> Vec<Vec<u8>> {
+        (0..6).map(|n| fs::read(bench.path(link).join(format!("frames/{n:05}.png"))).unwrap()).collect()
+    };
+    assert_eq!(frames("inproc"), frames("tcp"));
+    let report = |link: &str| -> serde_json::Value {
+        serde_json::from_slice(&fs::read(bench.path(link).join("report.json")).unwrap()).unwrap()
+    };
+    for frame in report("tcp")["frames"].as_array().unwrap() {
+        assert!(
+            frame["or_ms"].is_number() && frame["hc_ms"].is_number(),
+            "the pair's times arrived: {frame}"
+        );
+        let ids = frame["bytes_by_kind"]["ids"].as_u64().unwrap();
+        let last = frame["frame"] == 5;
+        let receivers = if last { 1 } else { 2 };
+        assert_eq!(ids, 4 * receivers * frame["nodes_drawn"].as_u64().unwrap(), "{frame}");
+    }
+    assert!(walks_again(&bench), "a report can be walked again");
+}
+
+/// The report as a path: the same frames.
+fn walks_again(bench: &Bench) -> bool {
+    let again = ["run", "plant.scene", "--path", "inproc/report.json", "--out", "again", "--size", "96x80"];
+    let run = bench.trimaran(&again);
+    assert!(run.status.success(), "{}", said(&run));
+    let picture = |dir: &Path| fs::read(dir.join("frames/00005.png")).unwrap();
+    picture(&bench.path("again")) == picture(&bench.path("inproc"))
+}
