@@ -1,12 +1,12 @@
 //! Cooking: from a model to a scene that can be walked.
 //!
-//! 1. Each distinct mesh gets a chain of levels of detail ([`levels`]). All objects that place the mesh share them.
-//! 2. A spatial tree is built over the objects ([`tree`]), each a leaf.
-//! 3. From the leaves up, each interior node gets one level merged from the coarsest levels below it ([`hlod`]).
-//! 4. All of it is laid out as the arrays of a [`Scene`] ([`assemble`]).
+//! 1. Each distinct mesh gets a chain of levels of detail (`levels`). All objects that place the mesh share them.
+//! 2. A spatial tree is built over the objects (`tree`), each a leaf.
+//! 3. From the leaves up, each interior node gets one level merged from the coarsest levels below it (`hlod`).
+//! 4. All of it is laid out as the arrays of a [`Scene`] (`assemble`).
 //!
 //! Each level's error is certified: an upper bound of the two-sided Hausdorff distance to the finest geometry
-//! ([`hausdorff`]), never the simplifier's own estimate, which is up to seven times too small where whole parts vanish. The
+//! (`hausdorff`), never the simplifier's own estimate, which is up to seven times too small where whole parts vanish. The
 //! same model and options make the same bytes, on any number of threads.
 
 mod assemble;

@@ -104,11 +104,10 @@ fn collapse(subtree: &Binary) -> Vec<&Binary> {
     let Binary::Inner { halves, .. } = subtree else { return Vec::new() };
     let mut children: Vec<&Binary> = halves.iter().collect();
     while children.len() < CHILDREN {
-        let largest = children
-            .iter()
-            .enumerate()
-            .filter(|(_, child)| child.count() > 1)
-            .max_by(|(_, a), (_, b)| size(a.bounds()).total_cmp(&size(b.bounds())));
+        let largest =
+            children.iter().enumerate().filter(|(_, child)| child.count() > 1).max_by(|(_, a), (_, b)| {
+                size(a.bounds()).total_cmp(&size(b.bounds())).then(a.count().cmp(&b.count()))
+            });
         let Some((place, Binary::Inner { halves, .. })) = largest.map(|(place, &child)| (place, child))
         else {
             break;
@@ -216,4 +215,81 @@ fn costs(bins: &[(usize, WorldBox); BINS]) -> impl Iterator<Item = (usize, f64)>
         let ((left_count, left_cost), (right_count, right_cost)) = (left[at - 1], right[at]);
         (left_count > 0 && right_count > 0).then_some((at, left_cost + right_cost))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    fn cube(x: f64, y: f64, z: f64, half: f64) -> WorldBox {
+        let centre = DVec3::new(x, y, z);
+        WorldBox { min: centre - half, max: centre + half }
+    }
+
+    /// Every item once, at most eight children, parents around children, and the greatest depth.
+    fn checked(boxes: &[WorldBox]) -> usize {
+        let tree = build(boxes);
+        let mut items: Vec<u32> = tree.iter().filter_map(|node| node.item).collect();
+        items.sort_unstable();
+        assert_eq!(items, (0..boxes.len() as u32).collect::<Vec<_>>());
+        let mut depths = vec![0; tree.len()];
+        for (index, node) in tree.iter().enumerate() {
+            assert_eq!(node.item.is_some(), node.children.is_empty());
+            assert!(node.children.len() <= CHILDREN && node.children.len() != 1);
+            for child in node.children.clone() {
+                let child = child as usize;
+                assert!(child > index && tree[child].parent == Some(index as u32));
+                assert_eq!(node.bounds.union(tree[child].bounds), node.bounds);
+                depths[child] = depths[index] + 1;
+            }
+        }
+        depths.into_iter().max().unwrap_or_default()
+    }
+
+    #[test]
+    fn one_two_and_many_items() {
+        for count in [1, 2, 8, 9, 1000] {
+            let boxes: Vec<_> =
+                (0..count).map(|i| cube(f64::from(i % 10), f64::from(i / 10), 0.0, 0.4)).collect();
+            checked(&boxes);
+        }
+    }
+
+    #[test]
+    fn coincident_boxes_make_a_shallow_tree() {
+        assert!(checked(&vec![cube(1.0, 2.0, 3.0, 0.5); 4096]) <= 6);
+    }
+
+    #[test]
+    fn centres_ever_closer_together_do_not_make_a_chain() {
+        let boxes: Vec<_> = (0..2000).map(|i| cube(2.0_f64.powi(-i / 2), 0.0, 0.0, 0.0)).collect();
+        assert!(checked(&boxes) <= 60);
+    }
+
+    #[test]
+    fn a_giant_and_an_outlier_stay_near_the_root() {
+        let mut boxes: Vec<_> =
+            (0..512).map(|i| cube(f64::from(i % 8), f64::from(i / 8 % 8), f64::from(i / 64), 0.1)).collect();
+        boxes.push(cube(4.0, 4.0, 4.0, 50.0));
+        boxes.push(cube(1e7, 0.0, 0.0, 0.1));
+        let tree = build(&boxes);
+        let depth = |item: u32| {
+            let mut at = tree.iter().position(|node| node.item == Some(item));
+            let mut depth = 0;
+            while let Some(parent) = at.and_then(|at| tree[at].parent) {
+                (at, depth) = (Some(parent as usize), depth + 1);
+            }
+            depth
+        };
+        assert_eq!(depth(513), 1, "the outlier");
+        assert!(depth(512) <= 2, "the giant is at depth {}", depth(512));
+        checked(&boxes);
+    }
+
+    #[test]
+    fn huge_coordinates_still_make_a_tree() {
+        checked(&[cube(1e300, 0.0, 0.0, 1.0), cube(-1e300, 0.0, 0.0, 1.0), cube(0.0, 1e-300, 0.0, 0.0)]);
+    }
 }
