@@ -43,7 +43,7 @@ impl<'a> Surface<'a> {
 
 /// An upper bound of the two-sided Hausdorff distance between two meshes, given as positions and corner indices in one frame:
 /// no point of either is farther than this from the other. Within 5 % of the distance, unless that is below 2e-4 of the
-/// meshes' extent, or the work allowed for the two meshes' size runs out (one pair in ten, mostly evenly curved ones): the
+/// meshes' extent, or the work allowed for the two meshes' size runs out: the
 /// bound holds then too, but is looser. Two meshes without triangles are 0 apart; one without is infinitely far from one with.
 ///
 /// Indices past the positions count as the origin. Not-finite positions give a meaningless result, never a panic.
