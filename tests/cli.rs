@@ -1,4 +1,5 @@
 //! The program as a user meets it when something is wrong: what it says, its exit code, and what it leaves behind.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 use std::{
     fs,

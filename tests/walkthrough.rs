@@ -1,4 +1,5 @@
 //! Whole sessions: three roles, real devices, a generated plant.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 use std::{sync::Arc, thread};
 

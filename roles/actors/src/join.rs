@@ -34,7 +34,7 @@ pub enum JoinError {
         peer: Role,
         /// Why.
         #[source]
-        cause: ConnectError,
+        cause: Box<ConnectError>,
     },
     /// A peer came that has no place here.
     #[error("{came} came where {due} was due; check the roles and addresses in the configurations")]
@@ -109,7 +109,7 @@ pub async fn join_session(
     let identity = |settings| Identity { role, scene, settings };
     let display = connect(net, display, identity(None), options, deadline)
         .await
-        .map_err(|cause| JoinError::Connect { peer: Role::Display, cause })?;
+        .map_err(|cause| JoinError::Connect { peer: Role::Display, cause: Box::new(cause) })?;
     expect_role(&display, Role::Display)?;
     let settings = display.peer.identity.settings.ok_or(JoinError::NoSettings)?;
     let peer = role_of(seat.other());
@@ -120,7 +120,7 @@ pub async fn join_session(
         }
         Seat::Second => connect(net, pair, identity(Some(settings)), options, deadline)
             .await
-            .map_err(|cause| JoinError::Connect { peer, cause })?,
+            .map_err(|cause| JoinError::Connect { peer, cause: Box::new(cause) })?,
     };
     expect_role(&other, peer)?;
     Ok(Joined { display, other, settings })
