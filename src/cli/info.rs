@@ -21,7 +21,7 @@ pub(super) struct SceneSummary {
     sources: Vec<String>,
     /// Objects of the model.
     objects: usize,
-    /// Nodes of the tree, of which `interior` have children.
+    /// Nodes of the tree, of which `interior` stand for several objects; the others are objects and their clusters.
     nodes: usize,
     interior: usize,
     /// Interior nodes that have merged levels of their own.
@@ -43,7 +43,7 @@ pub(super) struct SceneSummary {
 impl SceneSummary {
     pub(super) fn of(path: &Path, scene: &Scene) -> Self {
         let nodes = scene.nodes();
-        let interior = nodes.iter().filter(|node| !node.is_leaf());
+        let interior = nodes.iter().filter(|node| node.object == Node::NONE);
         let (min, max) = nodes.first().map_or((DVec3::ZERO, DVec3::ZERO), Node::world_box);
         Self {
             file: path.display().to_string(),
@@ -77,7 +77,7 @@ impl SceneSummary {
             number(self.triangles_stored as u64)
         );
         println!(
-            "  tree        {} nodes, {} deep; {} of {} interior nodes have merged levels",
+            "  tree        {} nodes, {} deep; {} of {} groups of objects have merged levels",
             number(self.nodes as u64),
             self.depth,
             number(self.interior_with_levels as u64),

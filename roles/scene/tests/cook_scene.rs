@@ -4,7 +4,7 @@
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use trimaran_scene::cook::{CookError, CookOptions, cook};
-use trimaran_scene::{Mesh, Model, Object, Rgba8, Scene, Source};
+use trimaran_scene::{Mesh, Model, Node, Object, Rgba8, Scene, Source};
 
 /// A pipe along x: `sides` sides, `rings` rings, radius 0.1, length 2.
 fn pipe(sides: u32, rings: u32) -> Mesh {
@@ -70,19 +70,32 @@ fn world_vertices(scene: &Scene) -> impl Iterator<Item = (usize, u32, DVec3)> {
     })
 }
 
+/// The topmost node of each object.
+fn object_nodes(scene: &Scene) -> impl Iterator<Item = &Node> {
+    scene.nodes().iter().filter(|node| {
+        let parent = scene.nodes().get(node.parent as usize);
+        node.object != Node::NONE && parent.is_none_or(|parent| parent.object == Node::NONE)
+    })
+}
+
 #[test]
-fn each_object_is_one_leaf_with_all_its_triangles() {
+fn each_object_is_one_subtree_whose_leaves_have_all_its_triangles() {
     let model = rack();
     let scene = cooked(&model);
     let mut seen = vec![0; model.objects.len()];
-    for node in scene.nodes().iter().filter(|node| node.is_leaf()) {
-        seen[node.object as usize] += 1;
-        let finest = scene.drawables()[node.first_drawable as usize];
-        let mesh = &model.meshes[model.objects[node.object as usize].mesh as usize];
-        assert_eq!(finest.index_count as usize, mesh.indices.len());
+    object_nodes(&scene).for_each(|node| seen[node.object as usize] += 1);
+    assert!(seen.iter().all(|&count| count == 1));
+    let mut indices = vec![0; model.objects.len()];
+    for leaf in scene.nodes().iter().filter(|node| node.is_leaf()) {
+        let finest = scene.drawables()[leaf.first_drawable as usize];
+        indices[leaf.object as usize] += finest.index_count as usize;
         assert_eq!(finest.error, 0.0);
     }
-    assert!(seen.iter().all(|&count| count == 1));
+    let expected: Vec<_> =
+        model.objects.iter().map(|object| model.meshes[object.mesh as usize].indices.len()).collect();
+    assert_eq!(indices, expected);
+    let clusters = scene.nodes().iter().filter(|node| node.is_leaf() && node.object == 2).count();
+    assert!(clusters > 5, "576 triangles make clusters, not {clusters}");
     assert_eq!(scene.object_name(7), Some("pipe 7"));
     assert!(scene.nodes().iter().all(|node| node.child_count <= 8));
 }
@@ -108,7 +121,7 @@ fn boxes_hold_every_level_of_the_node_and_of_all_below() {
 fn instances_share_levels_and_scale_their_errors() {
     let scene = cooked(&rack());
     let levels = |object: u32| {
-        let node = scene.nodes().iter().find(|n| n.is_leaf() && n.object == object).unwrap();
+        let node = object_nodes(&scene).find(|n| n.object == object).unwrap();
         let first = node.first_drawable as usize;
         &scene.drawables()[first..first + node.drawable_count as usize]
     };
@@ -132,11 +145,11 @@ fn a_merged_level_is_as_near_as_it_claims() {
         .map(|(_, _, point)| point)
         .collect();
     let root = scene.nodes()[0];
-    let inner = scene.nodes().iter().filter(|n| !n.is_leaf() && n.drawable_count > 0).count();
+    let inner = scene.nodes().iter().filter(|n| n.object == Node::NONE && n.drawable_count > 0).count();
     assert!(inner > 0, "144 objects below {} children should be merged somewhere", root.child_count);
     // Coarse vertices are some of the fine ones, so each has one within the error; dense sampling is in cook_hausdorff.
     for (id, node, point) in world_vertices(&scene) {
-        if scene.nodes()[node as usize].is_leaf() {
+        if scene.nodes()[node as usize].object != Node::NONE {
             continue;
         }
         let nearest = fine.iter().map(|q| q.distance(point)).fold(f64::INFINITY, f64::min);
@@ -160,18 +173,17 @@ fn coincident_objects_and_a_lone_one_make_trees() {
     for object in &mut model.objects {
         object.to_world = DAffine3::IDENTITY;
     }
-    assert_eq!(cooked(&model).nodes().iter().filter(|n| n.is_leaf()).count(), 150);
+    assert_eq!(object_nodes(&cooked(&model)).count(), 150);
     model.objects.truncate(1);
     let scene = cooked(&model);
-    assert_eq!(scene.nodes().len(), 1);
-    assert_eq!(scene.nodes()[0].object, 0);
+    assert!(scene.nodes().iter().all(|node| node.object == 0), "the root is the object itself");
 }
 
 #[test]
 fn nothing_to_draw_is_an_error_and_empty_objects_have_no_leaf() {
     let mut model = rack();
     model.meshes[1] = Mesh::default();
-    assert_eq!(cooked(&model).nodes().iter().filter(|n| n.is_leaf()).count(), 75);
+    assert_eq!(object_nodes(&cooked(&model)).count(), 75);
     let point = Vec3::splat(2.0);
     model.meshes[0] =
         Mesh { positions: vec![point; 3], colours: vec![Rgba8([0; 4]); 3], indices: vec![0, 1, 2] };

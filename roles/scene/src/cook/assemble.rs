@@ -19,6 +19,15 @@ struct Range {
     vertex_count: u32,
 }
 
+/// What a node of the scene stands for.
+#[derive(Debug, Clone, Copy)]
+enum Place {
+    /// A node of the tree over objects: an object if it is a leaf there.
+    Tree(u32),
+    /// A node of the cluster tree of this leaf's mesh, below its root.
+    Cluster { leaf: u32, node: u32 },
+}
+
 /// Puts the tree, its levels and the objects' names into arrays.
 pub(super) fn assemble(
     model: &Model,
@@ -30,35 +39,126 @@ pub(super) fn assemble(
     let mut arrays = SceneArrays::default();
     record_objects(model, &mut arrays)?;
     let ranges = add_meshes(meshes, &mut arrays)?;
-    for ((index, node), merged) in (0_u32..).zip(tree).zip(merged) {
+    let parts = Parts { tree, leaves, meshes, ranges };
+    let mut merged = merged;
+    // Breadth first: a node's children are appended when it is reached.
+    let mut queue = vec![(Node::NONE, Place::Tree(0))];
+    let mut index = 0;
+    while let Some(&(parent, place)) = queue.get(index) {
+        let own = number("nodes", index)?;
+        let first_child = number("nodes", queue.len())?;
+        queue.extend(parts.children(place).map(|child| (own, child)));
         let mut record = Node {
-            parent: node.parent.unwrap_or(Node::NONE),
-            first_child: node.children.start,
-            child_count: node.children.len() as u32,
+            parent,
+            first_child,
+            child_count: number("nodes", queue.len())? - first_child,
             first_drawable: number("drawables", arrays.drawables.len())?,
             ..blank()
         };
-        let leaf = node.item.and_then(|item| leaves.get(item as usize));
-        let mesh = leaf.and_then(|leaf| meshes.get(leaf.mesh as usize)?.as_ref());
-        if let (Some(leaf), Some(mesh)) = (leaf, mesh) {
-            place_leaf(&mut record, leaf, mesh);
-            let ranges = ranges.get(leaf.mesh as usize).map_or(&[][..], Vec::as_slice);
-            for (level, range) in mesh.levels.iter().zip(ranges) {
-                arrays.drawables.push(drawable(index, leaf.world_error(level.error), *range));
+        match place {
+            Place::Tree(node) => {
+                let merged = merged.get_mut(node as usize).and_then(Option::take);
+                parts.place_tree_node(node, merged, own, &mut record, &mut arrays)?;
             }
-        } else if let Some(merged) = merged {
-            place_inner(&mut record, merged.origin, merged.bounds);
-            if let Some(level) = merged.level {
-                let error = level.error;
-                let range = add_merged(level, &mut arrays)?;
-                arrays.drawables.push(drawable(index, error, range));
-            }
+            Place::Cluster { leaf, node } => parts.place_cluster(leaf, node, own, &mut record, &mut arrays),
         }
         record.drawable_count = number("drawables", arrays.drawables.len())? - record.first_drawable;
         arrays.nodes.push(record);
+        index += 1;
     }
     raise_errors(&mut arrays);
     Ok(arrays)
+}
+
+/// What the nodes are made of.
+struct Parts<'a> {
+    tree: &'a [TreeNode],
+    leaves: &'a [Leaf],
+    meshes: &'a [Option<LeveledMesh>],
+    /// Where each level of each mesh went.
+    ranges: Vec<Vec<Range>>,
+}
+
+impl<'a> Parts<'a> {
+    fn leaf(&self, leaf: u32) -> Option<(&'a Leaf, &'a LeveledMesh)> {
+        let leaf = self.leaves.get(leaf as usize)?;
+        Some((leaf, self.meshes.get(leaf.mesh as usize)?.as_ref()?))
+    }
+
+    fn children(&self, place: Place) -> impl Iterator<Item = Place> + use<> {
+        let tree_node = |node: u32| self.tree.get(node as usize);
+        let (below, leaf) = match place {
+            Place::Tree(node) => match tree_node(node).and_then(|node| node.item) {
+                Some(leaf) => (self.clusters_below(leaf, 0), Some(leaf)),
+                None => (tree_node(node).map_or(0..0, |node| node.children.clone()), None),
+            },
+            Place::Cluster { leaf, node } => (self.clusters_below(leaf, node), Some(leaf)),
+        };
+        below.map(move |node| match leaf {
+            Some(leaf) => Place::Cluster { leaf, node },
+            None => Place::Tree(node),
+        })
+    }
+
+    fn clusters_below(&self, leaf: u32, node: u32) -> std::ops::Range<u32> {
+        let cluster = self.leaf(leaf).and_then(|(_, mesh)| mesh.clusters.get(node as usize));
+        cluster.map_or(0..0, |cluster| cluster.children.clone())
+    }
+
+    /// An object, or what is merged of several.
+    fn place_tree_node(
+        &self,
+        node: u32,
+        merged: Option<Merged>,
+        index: u32,
+        record: &mut Node,
+        arrays: &mut SceneArrays,
+    ) -> Result<(), CookError> {
+        let item = self.tree.get(node as usize).and_then(|node| node.item);
+        if let Some((leaf, mesh)) = item.and_then(|item| self.leaf(item)) {
+            place_leaf(record, leaf, mesh);
+            let ranges = self.ranges.get(leaf.mesh as usize).map_or(&[][..], Vec::as_slice);
+            // Where there are clusters, the finest level is theirs.
+            let clustered = usize::from(!mesh.clusters.is_empty());
+            for (level, range) in mesh.levels.iter().zip(ranges).skip(clustered) {
+                arrays.drawables.push(drawable(index, leaf.world_error(level.error), *range));
+            }
+        } else if let Some(merged) = merged {
+            place_inner(record, merged.origin, merged.bounds);
+            if let Some(level) = merged.level {
+                let error = level.error;
+                let range = add_merged(level, arrays)?;
+                arrays.drawables.push(drawable(index, error, range));
+            }
+        }
+        Ok(())
+    }
+
+    /// A part of an object's finest level, in the object's frame.
+    fn place_cluster(&self, leaf: u32, node: u32, index: u32, record: &mut Node, arrays: &mut SceneArrays) {
+        let Some((leaf, mesh)) = self.leaf(leaf) else { return };
+        let Some(cluster) = mesh.clusters.get(node as usize) else { return };
+        place_leaf(record, leaf, mesh);
+        record.local_min = cluster.min.to_array();
+        record.local_max = cluster.max.to_array();
+        // Both boxes hold the cluster, so what they share does, and it lies within the parent's.
+        let (parent_min, parent_max) = arrays.nodes.get(record.parent as usize).map_or_else(
+            || (leaf.world.min, leaf.world.max),
+            |parent| (DVec3::from_array(parent.world_min), DVec3::from_array(parent.world_max)),
+        );
+        let world = leaf.world_box(cluster.min, cluster.max);
+        record.world_min = world.min.max(parent_min).to_array();
+        record.world_max = world.max.min(parent_max).to_array();
+        let finest = self.ranges.get(leaf.mesh as usize).and_then(|ranges| ranges.first());
+        if let Some(&finest) = finest.filter(|_| cluster.children.is_empty()) {
+            let range = Range {
+                first_index: finest.first_index + cluster.indices.start,
+                index_count: cluster.indices.len() as u32,
+                ..finest
+            };
+            arrays.drawables.push(drawable(index, 0.0, range));
+        }
+    }
 }
 
 fn blank() -> Node {

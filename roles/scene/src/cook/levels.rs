@@ -4,6 +4,7 @@ use glam::Vec3;
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 use rayon::prelude::*;
 
+use super::clusters::{self, ClusterNode};
 use super::hausdorff::{self, Surface};
 use super::{CookOptions, Phase, Progress};
 use crate::{Mesh, Model, Vertex};
@@ -32,6 +33,8 @@ pub(super) struct LeveledMesh {
     pub(super) centre: Vec3,
     pub(super) vertices: Vec<Vertex>,
     pub(super) levels: Vec<Level>,
+    /// The tree of the finest level's clusters; empty for a small mesh.
+    pub(super) clusters: Vec<ClusterNode>,
     pub(super) min: Vec3,
     pub(super) max: Vec3,
 }
@@ -69,8 +72,9 @@ impl LeveledMesh {
         let min = positions.iter().fold(Vec3::INFINITY, |m, &p| m.min(p));
         let max = positions.iter().fold(Vec3::NEG_INFINITY, |m, &p| m.max(p));
         let chain = chain(&positions, finest, coarsest_error * min.distance(max));
-        let (vertices, levels) = share_vertices(&vertices, chain);
-        Some(Self { centre, vertices, levels, min, max })
+        let (vertices, mut levels) = share_vertices(&vertices, chain);
+        let clusters = levels.first_mut().map(|finest| clusters::cut(&vertices, &mut finest.indices));
+        Some(Self { centre, vertices, levels, clusters: clusters.unwrap_or_default(), min, max })
     }
 }
 

@@ -56,6 +56,18 @@ impl Leaf {
         sound.then_some(Self { object: index, mesh: object.mesh, linear, origin, stretch, world })
     }
 
+    /// A world box around a box in the mesh's frame.
+    pub(super) fn world_box(&self, min: Vec3, max: Vec3) -> WorldBox {
+        let linear = self.linear.as_dmat3();
+        let corners = (0..8_u32).map(|corner| {
+            let pick =
+                |axis: u32, low: f32, high: f32| f64::from(if corner >> axis & 1 == 0 { low } else { high });
+            linear * DVec3::new(pick(0, min.x, max.x), pick(1, min.y, max.y), pick(2, min.z, max.z))
+                + self.origin
+        });
+        WorldBox::around(corners).padded()
+    }
+
     /// A vertex of the mesh in the world.
     pub(super) fn to_world(&self, vertex: &Vertex) -> DVec3 {
         self.linear.as_dmat3() * Vec3::from_array(vertex.position).as_dvec3() + self.origin

@@ -32,11 +32,7 @@ pub(super) struct TreeNode {
 
 /// Builds the tree over at least one box. Each item is one leaf; a single item is the root.
 pub(super) fn build(boxes: &[WorldBox]) -> Vec<TreeNode> {
-    let mut items: Vec<Item> = (0_u32..)
-        .zip(boxes)
-        .map(|(index, &bounds)| Item { index, bounds, centre: bounds.centre().to_array() })
-        .collect();
-    let binary = split(&mut items, 0);
+    let binary = split(&mut items(boxes), 0);
     let mut nodes =
         vec![TreeNode { parent: None, children: 0..0, item: binary.item(), bounds: binary.bounds() }];
     let mut queue = VecDeque::from([(0_u32, &binary)]);
@@ -60,6 +56,31 @@ pub(super) fn build(boxes: &[WorldBox]) -> Vec<TreeNode> {
         }
     }
     nodes
+}
+
+/// Cuts the items into groups of at most `most` that lie near each other; items keep their order within a group.
+pub(super) fn groups(boxes: &[WorldBox], most: usize) -> Vec<Vec<u32>> {
+    let mut items = items(boxes);
+    let mut groups = Vec::new();
+    gather(&mut items, 0, most.max(1), &mut groups);
+    groups
+}
+
+fn gather(items: &mut [Item], depth: usize, most: usize, groups: &mut Vec<Vec<u32>>) {
+    if items.len() <= most {
+        groups.push(items.iter().map(|item| item.index).collect());
+        return;
+    }
+    let (left, right) = halve(items, depth);
+    gather(left, depth + 1, most, groups);
+    gather(right, depth + 1, most, groups);
+}
+
+fn items(boxes: &[WorldBox]) -> Vec<Item> {
+    (0_u32..)
+        .zip(boxes)
+        .map(|(index, &bounds)| Item { index, bounds, centre: bounds.centre().to_array() })
+        .collect()
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -129,18 +150,23 @@ fn split(items: &mut [Item], depth: usize) -> Binary {
         return Binary::Leaf { item: item.index, bounds };
     }
     let count = items.len();
-    let cut = if depth < DEEPEST { best_cut(items) } else { None };
-    let middle = match cut {
-        Some(cut) => partition(items, |item| cut.bin(item) < cut.at),
-        None => count / 2,
-    };
-    let (left, right) = items.split_at_mut(middle);
+    let (left, right) = halve(items, depth);
     let halves = if count > 4096 {
         rayon::join(|| split(left, depth + 1), || split(right, depth + 1))
     } else {
         (split(left, depth + 1), split(right, depth + 1))
     };
     Binary::Inner { bounds, count, halves: Box::new([halves.0, halves.1]) }
+}
+
+/// Divides at least two items by the best plane, or in their order where there is none.
+fn halve(items: &mut [Item], depth: usize) -> (&mut [Item], &mut [Item]) {
+    let cut = if depth < DEEPEST { best_cut(items) } else { None };
+    let middle = match cut {
+        Some(cut) => partition(items, |item| cut.bin(item) < cut.at),
+        None => items.len() / 2,
+    };
+    items.split_at_mut(middle)
 }
 
 /// Moves the items that are `wanted` to the front, keeping the order within both parts; returns how many they are.

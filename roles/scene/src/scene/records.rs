@@ -21,7 +21,7 @@ pub struct Node {
     pub world_max: [f64; 3],
     /// The origin of the node's local frame in the world, metres.
     pub origin: [f64; 3],
-    /// Local frame to world, without the translation; column-major. The identity for interior nodes.
+    /// Local frame to world, without the translation; column-major. The identity for nodes of several objects.
     pub linear: [f32; 9],
     /// Local box, lower corner: bounds every level of this node and of all below it, in the node's own frame.
     pub local_min: [f32; 3],
@@ -37,7 +37,7 @@ pub struct Node {
     pub first_drawable: u32,
     /// The number of levels. A leaf has at least one; an interior node may have none and is then always refined.
     pub drawable_count: u32,
-    /// For a leaf the object it draws (index into the scene's objects), else [`Node::NONE`].
+    /// The object that the node is, or is a part of: an index into the scene's objects. [`Node::NONE`] for nodes of several.
     pub object: u32,
     /// Zero.
     pub reserved: u32,

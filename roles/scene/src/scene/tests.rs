@@ -70,7 +70,7 @@ fn a_sound_scene_is_accepted_and_names_its_objects() {
 #[test]
 fn every_broken_rule_is_named_with_its_record() {
     type Change = fn(&mut SceneArrays);
-    let cases: [(Change, &str); 22] = [
+    let cases: [(Change, &str); 23] = [
         (|a| a.nodes.clear(), "the scene has no nodes"),
         (|a| a.nodes[0].parent = 0, "node 0 is malformed: it is the root"),
         (|a| a.nodes[0].first_child = 2, "node 0 is malformed: its children are not next"),
@@ -83,8 +83,12 @@ fn every_broken_rule_is_named_with_its_record() {
         (|a| a.nodes[2].drawable_count = 2, "node 2 is malformed: its levels lie past"),
         (|a| a.nodes[1].drawable_count = 0, "node 1 is malformed: it is a leaf without"),
         (|a| a.nodes[1].object = 2, "node 1 is malformed: it is a leaf whose object"),
-        (|a| a.nodes[0].object = 0, "node 0 is malformed: it has both"),
-        (|a| a.nodes[0].linear[0] = 2.0, "node 0 is malformed: it has children, but its matrix"),
+        (|a| a.nodes[0].object = 0, "node 2 is malformed: it is not of the object"),
+        (|a| a.nodes[0].object = 2, "node 1 is malformed: it is not of the object"),
+        (
+            |a| a.nodes[0].linear[0] = 2.0,
+            "node 0 is malformed: it stands for several objects, but its matrix",
+        ),
         (|a| a.drawables[1].node = 2, "drawable 1 is malformed: its node does not have it"),
         (|a| a.drawables[0].error = f32::NAN, "drawable 0 is malformed: its error is no distance"),
         (|a| a.drawables[1].error = 0.25, "node 1 is malformed: it is a leaf whose finest"),

@@ -104,6 +104,9 @@ fn check_tree(parts: &Parts<'_>) -> Result<(), SceneError> {
             if record.parent as usize != index {
                 return Err(broken(child, "its parent is not the node whose child it is"));
             }
+            if node.object != Node::NONE && record.object != node.object {
+                return Err(broken(child, "it is not of the object whose part it is"));
+            }
             if !contains(node, record) {
                 return Err(broken(child, "its box sticks out of its parent's"));
             }
@@ -132,7 +135,7 @@ fn check_boxes(node: &Node) -> Check {
     }
 }
 
-/// Each drawable belongs to exactly one node; leaves have a level and an object, interior nodes no object.
+/// Each drawable belongs to exactly one node; leaves have a level and an object.
 fn check_levels(parts: &Parts<'_>) -> Result<(), SceneError> {
     each("node", parts.nodes, |node| {
         let first = node.first_drawable as usize;
@@ -147,11 +150,14 @@ fn check_levels(parts: &Parts<'_>) -> Result<(), SceneError> {
             Some(_) if node.is_leaf() && node.object as usize >= parts.objects.len() => {
                 Err("it is a leaf whose object does not exist")
             }
-            Some(_) if !node.is_leaf() && node.object != Node::NONE => {
-                Err("it has both children and an object")
+            Some(_) if node.object != Node::NONE && node.object as usize >= parts.objects.len() => {
+                Err("its object does not exist")
             }
-            Some(_) if !node.is_leaf() && node.linear != [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] => {
-                Err("it has children, but its matrix is not the identity")
+            Some(_)
+                if node.object == Node::NONE
+                    && node.linear != [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] =>
+            {
+                Err("it stands for several objects, but its matrix is not the identity")
             }
             Some(_) => Ok(()),
         }
