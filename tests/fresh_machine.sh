@@ -32,12 +32,14 @@ toolchain=$(rustc --print sysroot)
 mount_into "$toolchain" opt/rust
 mount -o remount,ro,bind "$machine/opt/rust"
 cp /etc/resolv.conf "$machine/etc/resolv.conf"
+# Behind a proxy with an authority of its own, the fresh machine must trust what this one trusts.
+cp /etc/ssl/certs/ca-certificates.crt "$machine/etc/ssl/certs/ca-certificates.crt"
 
 git clone --quiet "$repository" "$machine/root/trimaran"
 inside() {
     echo "== fresh machine: $*"
     chroot "$machine" /usr/bin/env -i HOME=/root PATH=/opt/rust/bin:/usr/sbin:/usr/bin:/sbin:/bin \
-        ${CARGO_NET_OFFLINE:+CARGO_NET_OFFLINE="$CARGO_NET_OFFLINE"} sh -c "cd /root/trimaran && $*"
+        ${CARGO_BUILD_JOBS:+CARGO_BUILD_JOBS="$CARGO_BUILD_JOBS"} sh -c "cd /root/trimaran && $*"
 }
 [ "$what" = test ] || inside ./x demo
 [ "$what" = demo ] || inside ./x test
