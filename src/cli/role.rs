@@ -9,7 +9,7 @@ use trimaran::{
     walkthrough::{PathChoice, Plan, Recorder, ReportPlan, SceneFile, Trail, viewport, write_report},
 };
 use trimaran_actors::{
-    DisplayRole, Joined, PairRole, Seat, VulkanDisplay, VulkanPair, await_pair, join_session,
+    DisplayRole, Joined, OccluderPolicy, PairRole, Seat, VulkanDisplay, VulkanPair, await_pair, join_session,
 };
 use trimaran_gpu::{Gpu, GpuInfo, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, Identity, PictureSize, Role};
@@ -61,7 +61,8 @@ fn switch(config: &SwitchConfig) -> Result<(), Failure> {
     tracing::info!(%settings, "joined the session");
     let size = viewport(settings.size).map_err(Failure::bad_input)?;
     let device = VulkanPair::new(&drawn, size, settings.tester).map_err(Failure::broken)?;
-    let role = PairRole { seat, scene: file.scene, device, display, other, settings };
+    let occluders = OccluderPolicy::default();
+    let role = PairRole { seat, scene: file.scene, device, display, other, settings, occluders };
     role.run(runtime.handle(), &stop).map_err(Failure::broken)
 }
 

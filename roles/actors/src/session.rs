@@ -9,7 +9,8 @@ use trimaran_scene::Scene;
 use trimaran_transport::{Link, LinkConfig, Net, inproc};
 
 use crate::{
-    Cameras, DisplayRole, Observer, PairDevice, PairRole, PairTraffic, PictureDevice, RoleError, Seat, Stop,
+    Cameras, DisplayRole, Observer, OccluderPolicy, PairDevice, PairRole, PairTraffic, PictureDevice,
+    RoleError, Seat, Stop,
 };
 
 /// The devices of the three roles.
@@ -85,6 +86,7 @@ where
         display,
         other,
         settings,
+        occluders: OccluderPolicy::default(),
     };
     let first = machine(Seat::First, devices.first, first_display, first_second);
     let second = machine(Seat::Second, devices.second, second_display, second_first);

@@ -13,6 +13,7 @@ mod occluders;
 mod order;
 pub mod reference;
 mod screen_box;
+mod selection;
 mod tester;
 mod traverse;
 mod view;
@@ -21,8 +22,9 @@ pub use boxes::{BoxMaker, DEPTH_ULPS, OUTLINE_PX, POSITION_ULPS, Prepared, Untes
 pub use cut::{Choice, CutRule, CutRuleError, LevelCut, choose, level_cut};
 pub use depth::{DepthImage, DepthImageError, DepthPyramid};
 pub use hzb::{HzbError, HzbTester};
-pub use occluders::{OccluderError, OccluderMapper, TriangleBudget, largest_within, occluders};
+pub use occluders::{OccluderError, OccluderMapper, occluders};
 pub use order::{DrawOrder, draw_order};
+pub use selection::{TriangleBudget, nearest_within, worthiest_within};
 pub use tester::{Answer, BoxTester, NoOccluders, Outline, TestBox};
 pub use traverse::{CullError, CullStats, Culler};
 pub use view::{View, Viewport, ViewportError};

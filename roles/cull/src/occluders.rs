@@ -3,11 +3,10 @@
 //! HC emits drawables of the cut for *its* camera; OR draws for the next one, where another cut is due. An id is mapped to what
 //! the new cut has in its place: the same node at another level, an ancestor, or descendants. So every occluder is part of the
 //! picture that will be drawn, and nothing hidden behind it can show: this is what makes culling exact. Any subset of the cut
-//! is a valid set of occluders, so fewer may be drawn ([`largest_within`]) for looser culling.
+//! is a valid set of occluders, so fewer may be drawn ([`worthiest_within`](crate::worthiest_within)) for looser culling.
 
 use std::sync::Arc;
 
-use glam::DVec3;
 use thiserror::Error;
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, Scene};
@@ -170,35 +169,6 @@ impl OccluderMapper {
     }
 }
 
-/// At most so many triangles of occluders.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct TriangleBudget(pub u64);
-
-/// Keeps the drawables that look largest (the box's diagonal over its distance) as long as their triangles fit the budget,
-/// largest first. What the scene does not have is dropped.
-pub fn largest_within(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>, budget: TriangleBudget) {
-    let eye = view.eye();
-    let mut sized: Vec<(f32, DrawableId, u64)> = ids
-        .iter()
-        .filter_map(|&id| {
-            let drawable = scene.drawables().get(id.index())?;
-            let (min, max) = scene.nodes().get(drawable.node as usize)?.world_box();
-            let distance = (min - eye).max(eye - max).max(DVec3::ZERO).length();
-            let size = ((max - min).length() / distance) as f32;
-            Some((size, id, u64::from(drawable.index_count / 3)))
-        })
-        .collect();
-    sized.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let mut left = budget.0;
-    ids.clear();
-    for (_, id, triangles) in sized {
-        if triangles <= left {
-            left -= triangles;
-            ids.push(id);
-        }
-    }
-}
-
 /// What the cut from `view` under `rule` has in place of `ids`, each once: see [`OccluderMapper`], which takes batches.
 ///
 /// # Errors
@@ -216,6 +186,8 @@ pub fn occluders(
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
     use crate::Viewport;
     use crate::cut::level_cut;

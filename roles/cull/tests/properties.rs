@@ -10,8 +10,8 @@ use proptest::prelude::*;
 use trimaran_cull::reference::cases::{plant, plant_views};
 use trimaran_cull::reference::{ReferenceWalk, Testing};
 use trimaran_cull::{
-    Choice, CullError, Culler, CutRule, LevelCut, NoOccluders, OccluderMapper, TestBox, TriangleBudget, View,
-    Viewport, draw_order, largest_within, level_cut, occluders,
+    Choice, CullError, Culler, CutRule, LevelCut, NoOccluders, OccluderMapper, TestBox, View, Viewport,
+    draw_order, level_cut, occluders, worthiest_within,
 };
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
@@ -184,21 +184,6 @@ fn busy_setting() -> (Arc<Scene>, View) {
     let (scene, views) = setting(3);
     let busiest = views.into_iter().max_by_key(|view| level_cut(&scene, view, rule(2.0)).len()).unwrap();
     (scene, busiest)
-}
-
-#[test]
-fn a_triangle_budget_keeps_the_largest() {
-    let (scene, view) = busy_setting();
-    let mut ids = level_cut(&scene, &view, rule(2.0));
-    let triangles = |ids: &[DrawableId]| -> u64 {
-        ids.iter().map(|id| u64::from(scene.drawables()[id.index()].index_count / 3)).sum()
-    };
-    let all = ids.len();
-    largest_within(&scene, &view, &mut ids, TriangleBudget(500));
-    assert!(!ids.is_empty() && ids.len() < all);
-    assert!(triangles(&ids) <= 500);
-    largest_within(&scene, &view, &mut ids, TriangleBudget(0));
-    assert_eq!(ids, []);
 }
 
 /// A tester that breaks its contract, or fails.

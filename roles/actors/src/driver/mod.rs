@@ -9,7 +9,7 @@ mod pair;
 mod stop;
 
 pub use display::{Cameras, DisplayRole, Observer, PairTraffic, ShownFrame};
-pub use pair::PairRole;
+pub use pair::{OccluderPolicy, PairRole};
 pub use stop::{Stop, Stopper};
 
 use std::future::Future;

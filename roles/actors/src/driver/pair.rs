@@ -3,7 +3,10 @@
 use std::{sync::Arc, time::Duration};
 
 use tokio::runtime::Handle;
-use trimaran_cull::{CullStats, Culler, CutRule, OccluderMapper, View, Viewport};
+use trimaran_cull::{
+    CullStats, Culler, CutRule, OccluderMapper, TriangleBudget, View, Viewport, nearest_within,
+    worthiest_within,
+};
 use trimaran_proto::{
     Camera, CullCounts, DrawableId, FrameEvent, FrameNumber, FrameStart, FrameStats, IdBatch, SentBytes,
     Settings,
@@ -38,6 +41,26 @@ pub struct PairRole<D> {
     pub other: Link,
     /// What the display has decided.
     pub settings: Settings,
+    /// Which occluders it draws.
+    pub occluders: OccluderPolicy,
+}
+
+/// Which occluders a machine draws. Any subset of the level cut is a valid set: fewer are drawn sooner and hide less, and
+/// never too much.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OccluderPolicy {
+    /// Draw the worthiest of the last frame's visible set within this budget, once all its ids are there. `None` draws all of
+    /// them, each batch as it comes.
+    pub budget: Option<TriangleBudget>,
+    /// Where the last frame's set says little of this one (the first frame, or one after a jump), draw the nearest drawables
+    /// within this budget as well.
+    pub after_a_jump: TriangleBudget,
+}
+
+impl Default for OccluderPolicy {
+    fn default() -> Self {
+        Self { budget: Some(TriangleBudget(60_000)), after_a_jump: TriangleBudget(60_000) }
+    }
 }
 
 impl<D: PairDevice> PairRole<D> {
@@ -79,13 +102,16 @@ struct Work<'r, D> {
     sent_to_other: Traffic,
     /// Time the host spent on the occluders of this frame.
     host: Duration,
+    policy: OccluderPolicy,
     received: Vec<DrawableId>,
+    /// Ids received of the last frame, and occluders they map to: both for the frame whose occluders are drawn.
+    received_count: usize,
     due: Vec<DrawableId>,
 }
 
 impl<'r, D: PairDevice> Work<'r, D> {
     fn new(role: PairRole<D>, waiting: Waiting<'r>) -> Result<Self, RoleError<D::Error>> {
-        let PairRole { seat, scene, device, display, other, settings } = role;
+        let PairRole { seat, scene, device, display, other, settings, occluders } = role;
         let rule = rule_of(&settings)?;
         Ok(Self {
             machine: SwitchMachine::new(seat, settings.frames),
@@ -102,7 +128,9 @@ impl<'r, D: PairDevice> Work<'r, D> {
             clock: Stopwatch::start(),
             stats: FrameStats::default(),
             host: Duration::ZERO,
+            policy: occluders,
             received: Vec::new(),
+            received_count: 0,
             due: Vec::new(),
         })
     }
@@ -137,11 +165,11 @@ impl<'r, D: PairDevice> Work<'r, D> {
             let order = |cause| RoleError::Order { peer: OTHER, cause };
             match event {
                 FrameEvent::Begin(start) => self.machine.occluders_began(start.frame).map_err(order)?,
-                FrameEvent::Ids(batch) => self.draw_batch(&batch)?,
+                FrameEvent::Ids(batch) => self.take_batch(&batch)?,
                 FrameEvent::Stats(_) => {}
                 FrameEvent::End(_) => {
                     self.machine.occluders_ended().map_err(order)?;
-                    return Ok(());
+                    return self.complete_occluders(camera);
                 }
             }
         }
@@ -157,30 +185,63 @@ impl<'r, D: PairDevice> Work<'r, D> {
             None => self.mapper = Some(OccluderMapper::new(Arc::clone(self.culler.scene()), view, self.rule)),
         }
         self.device.begin_occluders(&view).map_err(|cause| device("clearing the depth", cause))?;
+        self.received_count = 0;
+        self.due.clear();
         self.host = self.clock.elapsed().saturating_sub(start);
         Ok(())
     }
 
-    fn draw_batch(&mut self, batch: &IdBatch) -> Result<(), RoleError<D::Error>> {
+    /// Maps a batch onto this frame's level cut, and draws it if there is nothing to choose.
+    fn take_batch(&mut self, batch: &IdBatch) -> Result<(), RoleError<D::Error>> {
         let start = self.clock.elapsed();
         self.received.clear();
         self.received.extend(batch.iter());
-        self.due.clear();
+        self.received_count += self.received.len();
+        let known = self.due.len();
         if let Some(mapper) = &mut self.mapper {
             mapper.push(&self.received, &mut self.due)?;
         }
-        self.device.draw_occluders(&self.due).map_err(|cause| device("drawing occluders", cause))?;
-        self.stats.occluders += u32::try_from(self.due.len()).unwrap_or(u32::MAX);
-        self.stats.occluder_triangles += triangles(self.culler.scene(), &self.due);
+        if self.policy.budget.is_none() {
+            self.draw(known)?;
+        }
         self.host += self.clock.elapsed().saturating_sub(start);
+        Ok(())
+    }
+
+    /// All ids are there: chooses among them, and makes up for those that a jump has made useless.
+    fn complete_occluders(&mut self, camera: Camera) -> Result<(), RoleError<D::Error>> {
+        let start = self.clock.elapsed();
+        let view = View::new(camera, self.viewport);
+        let scene = Arc::clone(self.culler.scene());
+        let jumped = self.due.len() * 2 <= self.received_count;
+        if let Some(budget) = self.policy.budget {
+            worthiest_within(&scene, &view, &mut self.due, budget);
+            self.draw(0)?;
+        }
+        if jumped {
+            let known = self.due.len();
+            nearest_within(&scene, &view, self.rule, self.policy.after_a_jump, &mut self.due);
+            self.draw(known)?;
+        }
+        self.host += self.clock.elapsed().saturating_sub(start);
+        Ok(())
+    }
+
+    /// Draws the due occluders from this one on.
+    fn draw(&mut self, first: usize) -> Result<(), RoleError<D::Error>> {
+        let ids = self.due.get(first..).unwrap_or_default();
+        self.device.draw_occluders(ids).map_err(|cause| device("drawing occluders", cause))?;
+        self.stats.occluders += u32::try_from(ids.len()).unwrap_or(u32::MAX);
+        self.stats.occluder_triangles += triangles(self.culler.scene(), ids);
         Ok(())
     }
 
     /// HC (paper, section 4.1): sends the camera, then each visible drawable as it is decided, then the end.
     fn cull(&mut self, camera: Camera, feeds_other: bool) -> Result<(), RoleError<D::Error>> {
         if camera.frame() == FrameNumber(0) {
-            // No frame before it, so no occluders: the depth stays empty.
+            // No frame before it to take occluders from.
             self.begin_occluders(camera)?;
+            self.complete_occluders(camera)?;
         }
         let drawing =
             self.device.finish_occluders().map_err(|cause| device("completing the depth", cause))?;

@@ -74,7 +74,7 @@ impl SwitchMachine {
         };
         match camera.frame().cmp(&frame) {
             std::cmp::Ordering::Less => {}
-            // Frame 0 has no frame before it: its depth stays empty and everything in the frustum is visible.
+            // Frame 0 has no frame before it whose visible set could hide something.
             std::cmp::Ordering::Equal if frame.0 == 0 => self.state = State::Cull { camera },
             std::cmp::Ordering::Equal => self.state = State::Occlude { camera, began: false },
             std::cmp::Ordering::Greater => {
