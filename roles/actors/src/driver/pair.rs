@@ -59,7 +59,7 @@ pub struct OccluderPolicy {
 
 impl Default for OccluderPolicy {
     fn default() -> Self {
-        Self { budget: Some(TriangleBudget(60_000)), after_a_jump: TriangleBudget(60_000) }
+        Self { budget: Some(TriangleBudget(30_000)), after_a_jump: TriangleBudget(60_000) }
     }
 }
 
