@@ -282,10 +282,12 @@ fn cabinet(brush: &mut Brush<'_>, width: f64, height: f64, depth: f64) {
 }
 
 fn door_frame(brush: &mut Brush<'_>, width: f64, height: f64) {
-    for x in [-0.06, width] {
-        brush.cuboid([x, 0.0, -0.1], [x + 0.06, height + 0.06, 0.1]);
+    // It reaches into the opening by this much: a frame flush with the wall's edge would flicker with it.
+    let lining = 0.015;
+    for (from, to) in [(-0.06, lining), (width - lining, width + 0.06)] {
+        brush.cuboid([from, 0.0, -0.1], [to, height + 0.06, 0.1]);
     }
-    brush.cuboid([0.0, height, -0.1], [width, height + 0.06, 0.1]);
+    brush.cuboid([lining, height - lining, -0.1], [width - lining, height + 0.06, 0.1]);
 }
 
 fn door_leaf(brush: &mut Brush<'_>, width: f64, height: f64) {

@@ -1,11 +1,9 @@
 //! Seeded walks through a scene.
 //!
 //! Places to start are drawn near objects, each object as likely as another, so that walks begin where the detail is; of them
-//! the most enclosed and crowded is taken. From there the walker's reach is explored cell by cell, with stairs and doors, and a
-//! line through it is walked. A scene without floors is hovered through in the same way; one without any room to move in is
+//! the one with the best view in the densest crowd is taken. From there the walker's reach is explored cell by cell, with
+//! stairs and doors, and a line through it is walked, looking to the side where there is most to see. A scene without floors is hovered through in the same way; one without any room to move in is
 //! circled from outside.
-
-use std::collections::BTreeSet;
 
 use glam::DVec3;
 use thiserror::Error;
@@ -14,10 +12,11 @@ use super::{
     file::{Walk, WalkError},
     flood::{Body, Flood, Footing},
     frame::WalkFrame,
+    gaze::Panorama,
     route::{Pace, line, walk},
     space::Space,
 };
-use crate::{Node, NodeId, Scene, generate::random::Random};
+use crate::{Node, Scene, generate::random::Random};
 
 /// What walk to make.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -154,7 +153,9 @@ impl Explorer<'_> {
         let first_half = frames - second_half;
         let mut walk_in = |flood: &Flood, frames: usize| {
             let length = frames as f64 * pace.step;
-            walk(&line(self.space, &self.body, flood, length, &mut random), frames, pace, &mut random)
+            let line = line(self.space, &self.body, flood, length, &mut random);
+            let look = |eye, heading, gaze| self.panorama(eye).look(heading, gaze);
+            walk(&line, frames, pace, &mut random, look)
         };
         let mut poses = walk_in(&first, first_half);
         if second_half > 0 {
@@ -175,7 +176,7 @@ impl Explorer<'_> {
             .find(|flood| flood.len() >= FEWEST_CELLS)
     }
 
-    /// Points where the walker can stand, the most enclosed and crowded first.
+    /// Points where the walker can stand, the most interesting first.
     fn starts(&self, random: &mut Random) -> Vec<DVec3> {
         let mut starts: Vec<(f64, DVec3)> = (0..CANDIDATES)
             .filter_map(|_| {
@@ -206,19 +207,17 @@ impl Explorer<'_> {
         }
     }
 
-    /// How much there is to see and to be hidden by: the number of different objects that 26 rays around meet, times the
-    /// logarithm of the number of objects near. Inside a closed tank it is low, in a full room high. `None` in the air where
-    /// there is next to nothing: such a place is better seen from outside.
+    /// How much there is to see and to be hidden by: what the best view is worth, times the logarithm of the number of objects
+    /// near. Inside a closed tank it is low, in a full room high. `None` in the air where there is next to nothing: such a place
+    /// is better seen from outside.
     fn interest(&self, eye: DVec3) -> Option<f64> {
-        let height = self.body.eye_height;
-        let around = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)];
-        let sides = [-0.4, 0.0, 0.4].map(|y| around.map(|(x, z)| DVec3::new(f64::from(x), y, f64::from(z))));
-        let directions = sides.into_iter().flatten().chain([DVec3::Y, DVec3::NEG_Y]);
-        let met: BTreeSet<NodeId> =
-            directions.filter_map(|d| self.space.ray(eye, d, 12.0 * height)).map(|hit| hit.leaf).collect();
-        let crowd = self.space.crowd(eye, 4.0 * height, 1000);
+        let crowd = self.space.crowd(eye, 4.0 * self.body.eye_height, 1000);
         let desert = self.body.footing == Footing::Air && crowd < 4;
-        (!desert).then(|| met.len() as f64 * libm::log1p(crowd as f64))
+        (!desert).then(|| self.panorama(eye).best() * libm::log1p(crowd as f64))
+    }
+
+    fn panorama(&self, eye: DVec3) -> Panorama {
+        Panorama::around(self.space, eye, self.body.eye_height)
     }
 }
 

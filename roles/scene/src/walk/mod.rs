@@ -7,6 +7,7 @@ mod auto;
 mod file;
 mod flood;
 mod frame;
+mod gaze;
 mod route;
 mod space;
 #[cfg(test)]

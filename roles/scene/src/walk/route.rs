@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::{
     flood::{Body, Flood},
     frame::WalkFrame,
+    gaze::wrapped,
     space::Space,
 };
 use crate::generate::random::Random;
@@ -63,9 +64,18 @@ fn shortcut(space: &Space<'_>, body: &Body, way: &[DVec3]) -> Vec<DVec3> {
     line
 }
 
-/// Walks a line in `frames` frames. The gaze turns towards where the line leads, swings a little from side to side, and the
-/// walker waits while it must turn far. At the end of the line it stands and looks around.
-pub(super) fn walk(line: &[DVec3], frames: usize, pace: Pace, random: &mut Random) -> Vec<WalkFrame> {
+/// Walks a line in `frames` frames. The gaze turns to where `look` says, given the eye, the angle of the way ahead and the
+/// gaze's own; it swings a little from side to side, and the walker waits while the way lies behind. At the end of the line it
+/// stands and looks around.
+pub(super) fn walk(
+    line: &[DVec3],
+    frames: usize,
+    pace: Pace,
+    random: &mut Random,
+    look: impl Fn(DVec3, f64, f64) -> f64,
+) -> Vec<WalkFrame> {
+    /// Looks are chosen every so many frames.
+    const GLANCE: usize = 10;
     let lengths: Vec<f64> = line
         .windows(2)
         .scan(0.0, |sum, pair| {
@@ -90,26 +100,25 @@ pub(super) fn walk(line: &[DVec3], frames: usize, pace: Pace, random: &mut Rando
     };
     let phase = random.between(0.0, std::f64::consts::TAU);
     let (mut distance, mut aim) = (0.0, heading(0.0).unwrap_or(phase));
-    let mut gaze = aim;
+    let mut view = look(at(0.0), aim, aim);
+    let mut gaze = view;
     (0..frames)
         .filter_map(|frame| {
-            let swing = 0.45 * libm::sin(phase + frame as f64 * 0.045);
+            let swing = 0.2 * libm::sin(phase + frame as f64 * 0.045);
             aim = if distance < total { heading(distance).unwrap_or(aim) } else { aim + pace.turn * 0.7 };
-            let turn = wrapped(aim + swing - gaze);
-            gaze += turn.clamp(-pace.turn, pace.turn);
             let eye = at(distance);
-            // Full speed while the way lies ahead, none while it lies behind.
+            if frame % GLANCE == 0 {
+                view = look(eye, aim, gaze);
+            }
+            let turn = wrapped(view + swing - gaze);
+            gaze += turn.clamp(-pace.turn, pace.turn);
+            // Full speed while the way lies ahead or aside, none while it lies behind.
             let off = wrapped(aim - gaze).abs();
-            distance += pace.step * (1.5 - off).clamp(0.0, 1.0);
+            distance += pace.step * (2.4 - off).clamp(0.0, 1.0);
             let (sine, cosine) = libm::sincos(gaze);
             WalkFrame::new(eye, DVec3::new(sine, -0.08, cosine).normalize(), DVec3::Y).ok()
         })
         .collect()
-}
-
-/// The same angle between -pi and pi.
-fn wrapped(angle: f64) -> f64 {
-    angle - std::f64::consts::TAU * (angle / std::f64::consts::TAU).round()
 }
 
 #[cfg(test)]
@@ -121,7 +130,7 @@ mod tests {
     #[test]
     fn a_line_is_walked_at_its_pace_with_bounded_turns() {
         let line = [DVec3::ZERO, DVec3::X * 2.0, DVec3::new(2.0, 0.0, 2.0)];
-        let frames = walk(&line, 120, PACE, &mut Random::new(3));
+        let frames = walk(&line, 120, PACE, &mut Random::new(3), |_, ahead, _| ahead);
         assert_eq!(frames.len(), 120);
         for pair in frames.windows(2) {
             assert!(pair[0].eye().distance(pair[1].eye()) <= PACE.step + 1e-12);
@@ -132,14 +141,8 @@ mod tests {
 
     #[test]
     fn a_single_point_is_a_place_to_look_around() {
-        let frames = walk(&[DVec3::ONE], 50, PACE, &mut Random::new(3));
+        let frames = walk(&[DVec3::ONE], 50, PACE, &mut Random::new(3), |_, ahead, _| ahead);
         assert!(frames.iter().all(|f| f.eye() == DVec3::ONE));
         assert!(frames[0].forward().angle_between(frames[49].forward()) > 0.3);
-    }
-
-    #[test]
-    fn angles_wrap_to_the_nearest_turn() {
-        assert!((wrapped(7.0) - (7.0 - std::f64::consts::TAU)).abs() < 1e-12);
-        assert!((wrapped(-4.0) - (std::f64::consts::TAU - 4.0)).abs() < 1e-12);
     }
 }

@@ -1,0 +1,48 @@
+//! A walkthrough as a library: generate a plant, cook it, walk through it with three roles in this process, and say how it went.
+//!
+//!     cargo run --release --example a_walkthrough
+
+use std::{error::Error, sync::Arc};
+
+use trimaran::walkthrough::{PathChoice, Plan, Recorder, Stage, Trail, in_process, viewport};
+use trimaran_actors::Stop;
+use trimaran_gpu::GpuOptions;
+use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
+use trimaran_scene::{
+    cook::{CookOptions, cook},
+    generate::{PlantOptions, plant},
+};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let model = plant(&PlantOptions { seed: 1, objects: 1_000, triangles: 100_000 });
+    let scene = Arc::new(cook(&model, &CookOptions::default(), &())?);
+    println!("{} objects, {} nodes", model.objects.len(), scene.nodes().len());
+
+    let plan = Plan {
+        size: PictureSize::new(512, 512)?,
+        epsilon: EpsilonPx::new(2.0)?,
+        batch: BatchSize::new(1024)?,
+        tester: TesterKind::Hzb,
+        audit_every: 0,
+        visible: false,
+    };
+    let mut trail = Trail::find(&PathChoice::Auto { seed: 1 }, &scene, viewport(plan.size)?, Some(30))?;
+    let stage = Stage::set(&scene, &GpuOptions::default())?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+    let (_stopper, stop) = Stop::new(); // whoever keeps the stopper can end the walk early
+
+    let mut progress = |_| {};
+    let mut recorder = Recorder::new(0, &mut progress);
+    in_process(&stage, &plan, &mut trail, &mut recorder, runtime.handle(), &stop)?;
+
+    let frames = recorder.into_frames();
+    let drawn: usize = frames.iter().map(|frame| frame.ids.len()).sum();
+    let hidden: u32 = frames.iter().filter_map(|frame| frame.stats).map(|stats| stats.culling.hidden).sum();
+    let count = frames.len().max(1);
+    println!(
+        "{count} frames: {} nodes drawn a frame, {} boxes hidden",
+        drawn / count,
+        hidden as usize / count
+    );
+    Ok(())
+}
