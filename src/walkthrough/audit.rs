@@ -5,7 +5,7 @@ use std::{collections::BTreeSet, sync::Arc};
 use thiserror::Error;
 use trimaran_cull::{CutRule, LevelCut, View, Viewport, draw_order, level_cut};
 use trimaran_gpu::{GpuError, GpuScene, ItemImage, ItemPass, Picture, PicturePass};
-use trimaran_proto::DrawableId;
+use trimaran_proto::{Camera, DrawableId};
 use trimaran_scene::Scene;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -115,8 +115,7 @@ impl Auditor {
         let cut_items = self.draw_items(&view, &cut)?;
         enter_culling(frame, record, pictures, &shown_items, &cut_items)?;
 
-        let mut finest = self.full_detail(&view);
-        draw_order(&self.scene, &view, &mut finest);
+        let finest = self.full_detail(&view);
         self.draw_picture(&view, &finest, &mut pictures.full)?;
         let full_items = self.draw_items(&view, &finest)?;
         frame.triangles_exact_full = exactly_visible_triangles(&items_of(&full_items)?, &full_items.triangle);
@@ -127,6 +126,16 @@ impl Auditor {
         }
         frame.full_detail = Some(level_error(pictures, &shown_items, &full_items)?);
         Ok(())
+    }
+
+    /// Which triangle shows at each pixel at full detail and without culling: the ground truth of visibility.
+    ///
+    /// # Errors
+    /// If the device fails.
+    pub fn full_detail_items(&mut self, camera: Camera) -> Result<ItemImage, GpuError> {
+        let view = View::new(camera, self.viewport);
+        let finest = self.full_detail(&view);
+        self.draw_items(&view, &finest)
     }
 
     fn draw_picture(&mut self, view: &View, ids: &[DrawableId], into: &mut Picture) -> Result<(), GpuError> {
@@ -145,11 +154,13 @@ impl Auditor {
         Ok(image)
     }
 
-    /// The finest level of every leaf that is not outside the frustum.
+    /// The finest level of every leaf that is not outside the frustum, in drawing order.
     fn full_detail(&self, view: &View) -> Vec<DrawableId> {
         let cut = LevelCut::new(&self.scene, view, self.rule);
         let leaves = self.scene.nodes().iter().filter(|node| node.is_leaf() && !cut.outside(node));
-        leaves.filter_map(|leaf| leaf.levels().next()).collect()
+        let mut finest = leaves.filter_map(|leaf| leaf.levels().next()).collect::<Vec<_>>();
+        draw_order(&self.scene, view, &mut finest);
+        finest
     }
 
     /// The objects that these drawables belong to, ascending, each once.

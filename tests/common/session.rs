@@ -1,0 +1,103 @@
+//! Whole sessions of three roles, in this process and over TCP on loopback.
+
+use std::{net, sync::Arc, thread, time::Duration};
+
+use tokio::runtime::{Builder, Runtime};
+use trimaran::walkthrough::{FrameRecord, PathChoice, Plan, Recorder, Stage, Trail, in_process, viewport};
+use trimaran_actors::{
+    DisplayRole, Joined, OccluderPolicy, PairRole, Seat, Stop, VulkanDisplay, VulkanPair, await_pair,
+    join_session,
+};
+use trimaran_cull::{CutRule, View, level_cut};
+use trimaran_proto::{Identity, Role};
+use trimaran_scene::Scene;
+use trimaran_transport::{
+    Net, TokioNet,
+    tcp::{Listener, Options},
+};
+
+/// A scene on three devices, or `None` where there is no device and none is required.
+pub(crate) fn stage(scene: &Arc<Scene>) -> Option<Stage> {
+    super::unless_required(Stage::set(scene, &super::options()))
+}
+
+/// The first `frames` cameras of a path.
+pub(crate) fn trail(stage: &Stage, plan: &Plan, path: &PathChoice, frames: u32) -> Trail {
+    Trail::find(path, &stage.scene, viewport(plan.size).unwrap(), Some(frames)).unwrap()
+}
+
+/// Walks with the three roles in this process; every picture is read back.
+pub(crate) fn walk_in_process(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<FrameRecord> {
+    let (runtime, (_stopper, stop)) = (runtime(), Stop::new());
+    let mut quiet = |_| {};
+    let mut recorder = Recorder::new(1, &mut quiet);
+    in_process(stage, plan, &mut trail.clone(), &mut recorder, runtime.handle(), &stop).unwrap();
+    recorder.into_frames()
+}
+
+/// The same session with the three roles joined over TCP on loopback, as separate processes are.
+pub(crate) fn walk_over_tcp(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<FrameRecord> {
+    let (runtime, (_stopper, stop)) = (runtime(), Stop::new());
+    let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+    let deadline = net.now().after(Duration::from_secs(60));
+    let size = viewport(plan.size).unwrap();
+    let settings = plan.settings(trail.frames());
+    let scene = stage.scene.hash();
+    let [first, second, display] = &stage.drawn;
+    let identity = Identity { role: Role::Display, scene, settings: Some(settings) };
+    let listener =
+        runtime.block_on(Listener::bind(&net, "127.0.0.1:0", identity, &Options::default())).unwrap();
+    let address = listener.local_addr().to_string();
+    let pair = net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let mut quiet = |_| {};
+    let mut recorder = Recorder::new(1, &mut quiet);
+    thread::scope(|scope| {
+        for (seat, drawn) in [(Seat::First, first), (Seat::Second, second)] {
+            let (address, pair, net, stop, runtime) = (&address, &pair, &net, &stop, &runtime);
+            scope.spawn(move || {
+                let options = Options::default();
+                let joining = join_session(net, seat, scene, address, pair, &options, deadline);
+                let Joined { display, other, settings } = runtime.block_on(joining).unwrap();
+                assert_eq!(settings, plan.settings(trail.frames()));
+                let device = VulkanPair::new(drawn, size, settings.tester).unwrap();
+                let role = PairRole {
+                    seat,
+                    scene: Arc::clone(&stage.scene),
+                    device,
+                    display,
+                    other,
+                    settings,
+                    occluders: OccluderPolicy::default(),
+                };
+                role.run(runtime.handle(), stop).unwrap();
+            });
+        }
+        let [first, second] = runtime.block_on(await_pair(listener, deadline)).unwrap();
+        let device = VulkanDisplay::new(display, size).unwrap();
+        let role = DisplayRole { scene: Arc::clone(&stage.scene), device, first, second, settings };
+        role.run(&mut trail.clone(), &mut recorder, runtime.handle(), &stop).unwrap();
+    });
+    recorder.into_frames()
+}
+
+/// What a session must do the same way every time: the ids drawn and the picture's hash, a frame.
+pub(crate) fn essence(records: &[FrameRecord]) -> Vec<(Vec<u32>, u64)> {
+    records.iter().map(|r| (r.ids.iter().map(|id| id.0).collect(), r.picture.unwrap())).collect()
+}
+
+/// How many drawables the frame's level cut has before culling.
+pub(crate) fn uncut_count(stage: &Stage, plan: &Plan, record: &FrameRecord) -> usize {
+    let view = View::new(record.camera, viewport(plan.size).unwrap());
+    level_cut(&stage.scene, &view, CutRule::new(plan.epsilon.pixels()).unwrap()).len()
+}
+
+/// Fails if the validation layer had anything to say.
+pub(crate) fn assert_no_validation_messages(stage: &Stage) {
+    for drawn in &stage.drawn {
+        assert_eq!(drawn.gpu().validation_messages(), Vec::<String>::new());
+    }
+}
+
+fn runtime() -> Runtime {
+    Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap()
+}
