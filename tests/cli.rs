@@ -5,7 +5,7 @@ use std::{
     fs,
     net::TcpListener,
     path::{Path, PathBuf},
-    process::{Command, Output},
+    process::{Child, Command, Output, Stdio},
 };
 
 use tempfile::TempDir;
@@ -216,6 +216,61 @@ fn three_processes_show_what_one_shows() {
         assert_eq!(ids, 4 * receivers * frame["nodes_drawn"].as_u64().unwrap(), "{frame}");
     }
     assert!(walks_again(&bench), "a report can be walked again");
+}
+
+/// A long session of three processes, and the process ids of its pair once both have joined.
+fn long_session(bench: &Bench) -> (Child, Vec<String>) {
+    let args =
+        ["run", "plant.scene", "--link", "tcp", "--out", "long", "--frames", "100000", "--size", "64x64"];
+    let session = bench.command(&args).args(["--audit-every", "0"]).stderr(Stdio::piped()).spawn().unwrap();
+    let children = format!("/proc/{0}/task/{0}/children", session.id());
+    loop {
+        let pair: Vec<String> =
+            fs::read_to_string(&children).unwrap().split_whitespace().map(str::to_owned).collect();
+        // A machine of the pair that has joined holds two connections to the display and two to the other machine.
+        let joined = |pid: &String| {
+            let links = fs::read_dir(format!("/proc/{pid}/fd")).unwrap().filter_map(Result::ok);
+            links
+                .filter_map(|fd| fs::read_link(fd.path()).ok())
+                .filter(|to| to.to_string_lossy().starts_with("socket:"))
+                .count()
+                >= 4
+        };
+        if pair.len() == 2 && pair.iter().all(joined) {
+            return (session, pair);
+        }
+        std::thread::yield_now();
+    }
+}
+
+fn signal(name: &str, process: &str) {
+    assert!(Command::new("kill").args([name, process]).status().unwrap().success());
+}
+
+#[test]
+fn when_a_machine_of_the_pair_is_killed_the_session_ends_and_says_which() {
+    let bench = Bench::with_plant();
+    let (session, pair) = long_session(&bench);
+    signal("-KILL", &pair[0]);
+    expect(&session.wait_with_output().unwrap(), 1, &["switch", "lost"]);
+    assert!(!bench.path("long/report.json").exists());
+}
+
+#[test]
+fn an_interrupted_session_reports_what_it_walked() {
+    let bench = Bench::with_plant();
+    let (session, _) = long_session(&bench);
+    signal("-INT", &session.id().to_string());
+    let ended = session.wait_with_output().unwrap();
+    if ended.status.success() {
+        assert!(said(&ended).contains("interrupted after"), "{}", said(&ended));
+        let report = fs::read(bench.path("long/report.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+        let frames = report["frames"].as_array().unwrap().len();
+        assert!((1..100_000).contains(&frames));
+    } else {
+        expect(&ended, 1, &["interrupted before the first frame"]);
+    }
 }
 
 /// The report as a path: the same frames.

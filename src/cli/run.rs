@@ -1,6 +1,6 @@
 //! `trimaran run`: walks a camera through a scene with the three roles and writes the report.
 
-use std::{path::Path, time::SystemTime};
+use std::{ops::ControlFlow, path::Path, time::SystemTime};
 
 use trimaran::{
     report::{Report, schema::Seat, text},
@@ -79,17 +79,24 @@ pub(super) fn report_on(
     stop: &Stop,
     write: impl FnOnce(
         &[FrameRecord],
-        &mut dyn FnMut(u32),
+        &mut dyn FnMut(u32) -> ControlFlow<()>,
     ) -> Result<(Report, trimaran::report::Paths), trimaran::walkthrough::ReportingError>,
 ) -> Result<Report, Failure> {
     if stop.requested() {
-        eprintln!("trimaran: interrupted after {} frames; writing their report", records.len());
+        eprintln!(
+            "trimaran: interrupted after {} frames; writing their report (interrupt again to leave without)",
+            records.len()
+        );
     }
     if records.is_empty() {
         return Err(Failure::broken("interrupted before the first frame: there is nothing to report"));
     }
     let bar = progress::bar("reporting", records.len() as u64);
-    let (report, _) = write(records, &mut |_| bar.inc(1)).map_err(Failure::broken)?;
+    let mut advance = |_| {
+        bar.inc(1);
+        if stop.insisted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let (report, _) = write(records, &mut advance).map_err(Failure::broken)?;
     bar.finish_and_clear();
     Ok(report)
 }

@@ -54,7 +54,7 @@ pub(super) fn runtime() -> Result<Runtime, Failure> {
     Builder::new_multi_thread().worker_threads(1).enable_all().build().map_err(Failure::broken)
 }
 
-/// A stop that Ctrl-C and the termination signal of systemd set.
+/// A stop that Ctrl-C and the termination signal of systemd set; a second one insists.
 pub(super) fn stop_on_signal(runtime: &Runtime) -> Stop {
     let (stopper, stop) = Stop::new();
     runtime.spawn(wait_for_signal(stopper));
@@ -63,10 +63,16 @@ pub(super) fn stop_on_signal(runtime: &Runtime) -> Stop {
 
 async fn wait_for_signal(stopper: Stopper) {
     use tokio::signal::unix::{SignalKind, signal};
-    let Ok(mut terminate) = signal(SignalKind::terminate()) else { return };
-    tokio::select! {
-        _ = tokio::signal::ctrl_c() => {}
-        _ = terminate.recv() => {}
+    let (Ok(mut interrupt), Ok(mut terminate)) =
+        (signal(SignalKind::interrupt()), signal(SignalKind::terminate()))
+    else {
+        return;
+    };
+    loop {
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+        }
+        stopper.stop();
     }
-    stopper.stop();
 }

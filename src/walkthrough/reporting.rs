@@ -1,6 +1,11 @@
 //! From a finished session to a report on disk.
 
-use std::{path::Path, path::PathBuf, sync::Arc, time::SystemTime};
+use std::{
+    ops::ControlFlow,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::SystemTime,
+};
 
 use thiserror::Error;
 use trimaran_cull::{CutRule, CutRuleError, ViewportError};
@@ -61,6 +66,9 @@ pub enum ReportingError {
     /// A frame could not be checked.
     #[error(transparent)]
     Audit(#[from] AuditError),
+    /// It was broken off.
+    #[error("interrupted: no report was written")]
+    Interrupted,
     /// Writing failed.
     #[error(transparent)]
     Write(#[from] ReportError),
@@ -75,10 +83,11 @@ pub enum ReportingError {
     Metric(#[from] MetricError),
 }
 
-/// Audits the session's frames, draws all its pictures and writes the report into `out`. Calls `progress` after each frame.
+/// Audits the session's frames, draws all its pictures and writes the report into `out`. Calls `progress` after each frame, and
+/// stops if it says so.
 ///
 /// # Errors
-/// When a device fails or the disk does; then nothing of the report is left.
+/// When a device fails, the disk does, or `progress` breaks it off; then nothing of the report is left.
 #[expect(clippy::too_many_arguments, reason = "a report joins this many things")]
 pub fn write_report(
     out: &Path,
@@ -88,7 +97,7 @@ pub fn write_report(
     about: &ReportPlan,
     trail: &Trail,
     records: &[FrameRecord],
-    progress: &mut dyn FnMut(u32),
+    progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
 ) -> Result<(Report, Paths), ReportingError> {
     let size = viewport(plan.size)?;
     let rule = CutRule::new(plan.epsilon.pixels())?;
@@ -111,7 +120,9 @@ pub fn write_report(
             auditor.picture(record, &mut pictures.shown)?;
             write_picture(&mut writer, number, PictureKind::Shown, &pictures.shown)?;
         }
-        progress(number);
+        if progress(number).is_break() {
+            return Err(ReportingError::Interrupted);
+        }
     }
     let report = report(file, plan, about, trail, records, frames);
     let paths = writer.finish(report.clone())?;

@@ -6,24 +6,30 @@ use tokio::{runtime::Handle, sync::watch};
 
 /// Asks every role that holds its [`Stop`] to end: on Ctrl-C, or when another role of the process has failed.
 #[derive(Debug, Clone)]
-pub struct Stopper(watch::Sender<bool>);
+pub struct Stopper(watch::Sender<u32>);
 
 /// Tells a role whether it has been asked to end.
 #[derive(Debug, Clone)]
-pub struct Stop(watch::Receiver<bool>);
+pub struct Stop(watch::Receiver<u32>);
 
 impl Stop {
     /// A pair of ends. When the [`Stopper`] is dropped the role goes on.
     #[must_use]
     pub fn new() -> (Stopper, Self) {
-        let (sender, receiver) = watch::channel(false);
+        let (sender, receiver) = watch::channel(0);
         (Stopper(sender), Self(receiver))
     }
 
     /// Whether the role has been asked to end.
     #[must_use]
     pub fn requested(&self) -> bool {
-        *self.0.borrow()
+        *self.0.borrow() > 0
+    }
+
+    /// Whether it has been asked more than once: whoever asks wants it to leave what it is finishing.
+    #[must_use]
+    pub fn insisted(&self) -> bool {
+        *self.0.borrow() > 1
     }
 
     /// Waits for `future` on `runtime`; `None` if the role is asked to stop first.
@@ -38,7 +44,7 @@ impl Stop {
     }
 
     async fn wait(mut self) {
-        if self.0.wait_for(|stop| *stop).await.is_err() {
+        if self.0.wait_for(|requests| *requests > 0).await.is_err() {
             // Nobody is left who could ask.
             std::future::pending::<()>().await;
         }
@@ -46,9 +52,9 @@ impl Stop {
 }
 
 impl Stopper {
-    /// Asks.
+    /// Asks, or asks again.
     pub fn stop(&self) {
-        self.0.send_replace(true);
+        self.0.send_modify(|requests| *requests = requests.saturating_add(1));
     }
 }
 
