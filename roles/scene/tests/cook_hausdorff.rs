@@ -56,13 +56,13 @@ proptest! {
         let (bound, sampled) = (bound(&a, &b), two_sided(&a, &b, n));
         // Sampling the other mesh finds distances that are too large by at most the spacing.
         prop_assert!(bound >= sampled - spacing, "bound {bound}, sampled {sampled}");
-        prop_assert!(bound <= 1.2 * (sampled + spacing), "bound {bound}, sampled {sampled}");
+        prop_assert!(bound <= 1.05 * (sampled + spacing) + 1e-4, "bound {bound}, sampled {sampled}");
     }
 
     #[test]
     fn the_bound_is_the_same_from_either_side_up_to_its_gap(a in mesh(6), b in mesh(6)) {
         let (ab, ba) = (bound(&a, &b), bound(&b, &a));
-        prop_assert!(ab <= 1.2 * ba && ba <= 1.2 * ab, "{ab} and {ba}");
+        prop_assert!(ab <= 1.051 * ba && ba <= 1.051 * ab, "{ab} and {ba}");
     }
 }
 
@@ -107,7 +107,7 @@ fn a_hole_is_seen_although_all_corners_stay() {
     ]
     .concat();
     let bound = bound(&full, &rim);
-    assert!((1.0..=1.15).contains(&bound), "{bound}"); // cuts may run out above the gap
+    assert!((1.0..=1.05).contains(&bound), "{bound}");
 }
 
 #[test]

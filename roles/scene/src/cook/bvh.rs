@@ -29,6 +29,8 @@ pub(super) struct Bvh {
     triangles: Vec<[Vec3; 3]>,
     /// For each triangle the one that makes a flat convex quadrangle with it; itself if there is none.
     partners: Vec<u32>,
+    /// Where in the order of the leaves each triangle went.
+    places: Vec<u32>,
 }
 
 /// The nearest triangle found, and how far it is.
@@ -45,14 +47,54 @@ impl Bvh {
     /// Builds the hierarchy by halving along the longest side of the centroids' box.
     pub(super) fn new(positions: &[Vec3], indices: &[u32]) -> Self {
         let corner = |i: u32| positions.get(i as usize).copied().unwrap_or_default();
-        let mut triangles: Vec<[Vec3; 3]> =
-            indices.as_chunks::<3>().0.iter().map(|&[a, b, c]| [corner(a), corner(b), corner(c)]).collect();
-        let mut nodes = Vec::with_capacity(triangles.len());
-        if !triangles.is_empty() {
-            build(&mut nodes, &mut triangles, 0);
+        let mut ordered: Vec<Sorted> = (0_u32..)
+            .zip(indices.as_chunks::<3>().0)
+            .map(|(index, &[a, b, c])| Sorted { corners: [corner(a), corner(b), corner(c)], index })
+            .collect();
+        let mut nodes = Vec::with_capacity(ordered.len());
+        if !ordered.is_empty() {
+            build(&mut nodes, &mut ordered, 0);
         }
+        let mut places = vec![0; ordered.len()];
+        for (place, triangle) in (0_u32..).zip(&ordered) {
+            if let Some(slot) = places.get_mut(triangle.index as usize) {
+                *slot = place;
+            }
+        }
+        let triangles: Vec<_> = ordered.into_iter().map(|triangle| triangle.corners).collect();
         let partners = facets::pair_triangles(&triangles);
-        Self { nodes, triangles, partners }
+        Self { nodes, triangles, partners, places }
+    }
+
+    /// The facet of each triangle, in the order in which they were given.
+    pub(super) fn facets(&self) -> impl Iterator<Item = u32> {
+        self.places.iter().map(|&place| place.min(self.partner(place)))
+    }
+
+    /// Walls on a facet's outline, upright on it: a point on each and the direction inwards, of length one. None for a facet
+    /// without area.
+    pub(super) fn walls(&self, facet: u32) -> [Option<(Vec3, Vec3)>; 4] {
+        let Some(&[a, b, c]) = self.triangles.get(facet as usize) else { return [None; 4] };
+        let partner = self.partner(facet);
+        let other = self.triangles.get(partner as usize).filter(|_| partner != facet);
+        let outline = match other {
+            Some(other) => facets::quadrangle(&[a, b, c], other),
+            None => [a, b, c, a],
+        };
+        let [p, q, r, _] = outline;
+        let Some(normal) = (q - p).cross(r - p).try_normalize() else { return [None; 4] };
+        let [p, q, r, s] = outline;
+        [(p, q), (q, r), (r, s), (s, p)]
+            .map(|(from, to)| Some((from, normal.cross(to - from).try_normalize()?)))
+    }
+
+    /// The longest side of the box around a facet.
+    pub(super) fn extent_of(&self, facet: u32) -> f32 {
+        let corners = |t: u32| self.triangles.get(t as usize).into_iter().flatten();
+        let (min, max) = corners(facet)
+            .chain(corners(self.partner(facet)))
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), &p| (min.min(p), max.max(p)));
+        (max - min).max_element()
     }
 
     /// The triangle nearest to `point`; `None` if there are none. `hint` is a triangle that may be near: it only saves time.
@@ -120,10 +162,17 @@ impl Bvh {
     }
 }
 
-fn build(nodes: &mut Vec<BoxNode>, triangles: &mut [[Vec3; 3]], first: u32) {
+/// A triangle on its way into the hierarchy, and which one it was.
+#[derive(Debug, Clone, Copy)]
+struct Sorted {
+    corners: [Vec3; 3],
+    index: u32,
+}
+
+fn build(nodes: &mut Vec<BoxNode>, triangles: &mut [Sorted], first: u32) {
     let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for &[a, b, c] in triangles.iter() {
+    for &Sorted { corners: [a, b, c], .. } in triangles.iter() {
         min = min.min(a).min(b).min(c);
         max = max.max(a).max(b).max(c);
         low = low.min(a + b + c);
@@ -137,7 +186,7 @@ fn build(nodes: &mut Vec<BoxNode>, triangles: &mut [[Vec3; 3]], first: u32) {
     let axis = (high - low).max_position();
     let middle = triangles.len() / 2;
     triangles.select_nth_unstable_by(middle, |s, t| {
-        let centre = |t: &[Vec3; 3]| t[0][axis] + t[1][axis] + t[2][axis];
+        let centre = |t: &Sorted| t.corners.iter().map(|p| p[axis]).sum::<f32>();
         centre(s).total_cmp(&centre(t))
     });
     let (left, right) = triangles.split_at_mut(middle);

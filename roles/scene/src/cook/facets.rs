@@ -50,6 +50,22 @@ pub(super) fn pair_triangles(triangles: &[[Vec3; 3]]) -> Vec<u32> {
     partners
 }
 
+/// The outline of two triangles that share an edge, in the winding of the first.
+pub(super) fn quadrangle(first: &[Vec3; 3], second: &[Vec3; 3]) -> [Vec3; 4] {
+    let [a, b, c] = *first;
+    let shared = |p: &Vec3| second.contains(p);
+    let apex = second.iter().copied().find(|p| !first.contains(p)).unwrap_or(a);
+    // Turned so that the shared edge is the first.
+    let [p, q, r] = if !shared(&c) {
+        [a, b, c]
+    } else if !shared(&a) {
+        [b, c, a]
+    } else {
+        [c, a, b]
+    };
+    [p, apex, q, r]
+}
+
 /// A number that is the same for an edge from either side. Other edges may share it: what follows looks at the points.
 fn edge_key(p: Vec3, q: Vec3) -> u64 {
     let key = |v: Vec3| {

@@ -19,6 +19,7 @@ mod hlod;
 mod levels;
 mod linear;
 mod placed;
+mod polygon;
 mod tree;
 
 use thiserror::Error;
