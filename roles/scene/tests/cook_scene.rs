@@ -157,6 +157,61 @@ fn a_merged_level_is_as_near_as_it_claims() {
     }
 }
 
+/// The least squared distance to a dense grid of points on a triangle.
+fn squared_distance_to(point: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let n = 24;
+    let grid = (0..=n)
+        .flat_map(|i| (0..=n - i).map(move |j| (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n))));
+    grid.map(|(u, v)| point.distance_squared(a + (b - a) * u + (c - a) * v)).fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn no_point_of_the_finest_geometry_is_farther_from_a_merged_level_than_its_error() {
+    let scene = cooked(&rack());
+    let triangles = |id: usize| -> Vec<[DVec3; 3]> {
+        let corners: Vec<DVec3> = world_vertices(&scene).filter(|v| v.0 == id).map(|v| v.2).collect();
+        corners.as_chunks::<3>().0.to_vec()
+    };
+    let is_below = |mut node: u32, ancestor: u32| {
+        while node != ancestor && node != 0 {
+            node = scene.nodes()[node as usize].parent;
+        }
+        node == ancestor
+    };
+    // The finest level of what is drawn below: that without an error.
+    let merged = scene
+        .drawables()
+        .iter()
+        .enumerate()
+        .filter(|(_, d)| scene.nodes()[d.node as usize].object == Node::NONE);
+    let mut checked = 0;
+    for (id, level) in merged {
+        let coarse = triangles(id);
+        let longest = coarse
+            .iter()
+            .flat_map(|&[a, b, c]| [a.distance(b), b.distance(c), c.distance(a)])
+            .fold(0.0, f64::max);
+        let finest = scene
+            .drawables()
+            .iter()
+            .enumerate()
+            .filter(|(_, d)| d.error == 0.0 && is_below(d.node, level.node));
+        for (fine, _) in finest.step_by(7) {
+            for [a, b, c] in triangles(fine).into_iter().step_by(29) {
+                for point in [a, (a + b) / 2.0, (a + b + c) / 3.0] {
+                    let squared =
+                        coarse.iter().map(|&t| squared_distance_to(point, t)).fold(f64::INFINITY, f64::min);
+                    // The grid on the coarse triangles finds distances that are too large by at most its spacing.
+                    let most = f64::from(level.error) + longest / 24.0;
+                    assert!(squared.sqrt() <= most, "drawable {id}: {} of {most}", squared.sqrt());
+                    checked += 1;
+                }
+            }
+        }
+    }
+    assert!(checked > 100, "{checked}");
+}
+
 #[test]
 fn the_same_model_makes_the_same_bytes_on_any_number_of_threads() {
     let on = |threads: usize| {

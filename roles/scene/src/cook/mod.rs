@@ -18,6 +18,7 @@ mod hausdorff;
 mod hlod;
 mod levels;
 mod linear;
+mod lost;
 mod placed;
 mod polygon;
 mod tree;
