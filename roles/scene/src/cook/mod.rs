@@ -1,7 +1,7 @@
 //! Cooking: from a model to a scene that can be walked.
 //!
 //! 1. Each distinct mesh gets a chain of levels of detail (`levels`). All objects that place the mesh share them.
-//!    The finest level of a large mesh is cut into clusters ([`clusters`]) that are culled one by one.
+//!    The finest level of a large mesh is cut into clusters (`clusters`) that are culled one by one.
 //! 2. A spatial tree is built over the objects (`tree`), each a leaf.
 //! 3. From the leaves up, each interior node gets one level merged from the coarsest levels below it (`hlod`).
 //! 4. All of it is laid out as the arrays of a [`Scene`] (`assemble`).
