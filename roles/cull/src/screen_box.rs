@@ -7,13 +7,14 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::{TestBox, View};
+use crate::boxes::OUTLINE_PX;
+use crate::{Outline, TestBox, View};
 
 /// Allowance for the rasterizer's sub-pixel grid (1/256) and for rounding here, in pixels.
 pub(crate) const MARGIN_PX: f64 = 1.0 / 64.0;
 
 /// Depths are taken to be nearer by this, relatively: more than the rounding of a division in f32.
-const NEARER: f64 = 1.0 + 1e-6;
+const NEARER: f64 = 1e-6;
 
 /// A texel of a depth pyramid.
 #[derive(Debug, Clone, Copy)]
@@ -59,6 +60,8 @@ pub(crate) struct Lens {
     focal: (f64, f64),
     middle: (f64, f64),
     last: (f64, f64),
+    /// What nearest depths are multiplied by.
+    nearer: f64,
 }
 
 /// Where a box can show, and how near it comes.
@@ -72,13 +75,24 @@ pub(crate) struct Footprint {
 }
 
 impl Lens {
-    pub(crate) fn new(view: &View) -> Self {
+    /// The lens of `view`, for boxes whose outlines are grown as `outline` says.
+    ///
+    /// The rasterizer moves a surface sideways by up to half a sub-pixel step, and the steeper the surface, the more that moves
+    /// its depth at a pixel: at the edge of a face seen at a grazing angle it may come out nearer than any part of the box.
+    /// A box that is grown by half a pixel to all sides comes as much nearer, which covers any slope up to 256 metres of depth
+    /// a metre across. Where outlines are grown on the screen only, depths get the same allowance here.
+    pub(crate) fn new(view: &View, outline: Outline) -> Self {
+        let steepness = match outline {
+            Outline::OnScreen => OUTLINE_PX / view.focal_x().min(view.focal_y()),
+            Outline::InBox => 0.0,
+        };
         let (width, height) = (f64::from(view.viewport().width()), f64::from(view.viewport().height()));
         Self {
             near: f64::from(view.camera().near()),
             focal: (view.focal_x(), view.focal_y()),
             middle: (0.5 * width, 0.5 * height),
             last: (width - 1.0, height - 1.0),
+            nearer: 1.0 + NEARER + steepness,
         }
     }
 
@@ -114,7 +128,7 @@ impl Lens {
             (Some((x0, x1)), Some((y0, y1))) => Some(PixelRect { x0, x1, y0, y1 }),
             _ => None,
         };
-        Some(Footprint { pixels, nearest: self.near / front * NEARER, farthest: self.near / back })
+        Some(Footprint { pixels, nearest: self.near / front * self.nearer, farthest: self.near / back })
     }
 }
 
@@ -157,6 +171,7 @@ pub(crate) struct ScreenShape {
     farthest: f64,
     middle: (f64, f64),
     grown: f64,
+    nearer: f64,
 }
 
 /// At most N linear functions.
@@ -229,7 +244,15 @@ impl ScreenShape {
                 });
             }
         }
-        Self { fronts, edges, nearest: footprint.nearest, farthest: footprint.farthest, middle, grown }
+        Self {
+            fronts,
+            edges,
+            nearest: footprint.nearest,
+            farthest: footprint.farthest,
+            middle,
+            grown,
+            nearer: lens.nearer,
+        }
     }
 
     /// How near the box's front can be (reversed depth) at the centres of these pixels.
@@ -238,7 +261,7 @@ impl ScreenShape {
         let front = self
             .fronts
             .iter()
-            .fold(self.nearest, |nearest, plane| nearest.min(plane.greatest(&block) * NEARER));
+            .fold(self.nearest, |nearest, plane| nearest.min(plane.greatest(&block) * self.nearer));
         // In the margin around the outline the planes go on beyond the box.
         front.max(self.farthest)
     }
