@@ -1,0 +1,111 @@
+//! Whole sessions through real models: no false cull, the unculled picture, and no outline farther off than was promised.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
+
+mod common;
+
+use std::{error::Error, path::PathBuf};
+
+use common::{
+    data::{Data, cooked, imported},
+    session::{assert_no_validation_messages, essence, stage, trail, walk_in_process, walk_over_tcp},
+};
+use trimaran::{
+    report::{Frame, metrics::SAMPLING_SLACK_PX},
+    walkthrough::{Auditor, FrameRecord, PathChoice, Plan, Stage, viewport},
+};
+use trimaran_cull::CutRule;
+use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
+
+/// Every so many frames one is audited.
+const AUDIT_EVERY: u32 = 5;
+
+fn plan(tester: TesterKind, epsilon_px: f64) -> Plan {
+    Plan {
+        size: PictureSize::new(384, 384).unwrap(),
+        epsilon: EpsilonPx::new(epsilon_px).unwrap(),
+        batch: BatchSize::new(256).unwrap(),
+        tester,
+        audit_every: AUDIT_EVERY,
+        visible: false,
+    }
+}
+
+/// Queries are the slowest by far on a CPU driver.
+const fn frames(tester: TesterKind) -> u32 {
+    if matches!(tester, TesterKind::Query) { 11 } else { 41 }
+}
+
+/// Walks through a model with every tester at two error bounds, and audits.
+fn walks(files: &[PathBuf], path: &PathChoice) -> Result<Option<Stage>, Box<dyn Error>> {
+    let Some(stage) = stage(&cooked(&imported(files))) else { return Ok(None) };
+    println!("tester epsilon  frames  audited  drawn  outline off by");
+    for epsilon in [2.0, 10.0] {
+        let mut pictures = Vec::new();
+        for tester in TesterKind::ALL {
+            let plan = plan(tester, epsilon);
+            let records = walk_in_process(&stage, &plan, &trail(&stage, &plan, path, frames(tester)));
+            assert_eq!(records.len(), frames(tester) as usize);
+            let farthest = audit(&stage, &plan, &records)?;
+            let drawn: usize = records.iter().map(|record| record.ids.len()).sum();
+            println!(
+                "{tester:6} {epsilon:7} {:7} {:8} {:6} {farthest:9.2} px",
+                records.len(),
+                records.len().div_ceil(AUDIT_EVERY as usize),
+                drawn / records.len(),
+            );
+            pictures.push(records.iter().map(|record| record.picture).collect::<Vec<_>>());
+        }
+        for (frame, (raster, hzb)) in pictures[1].iter().zip(&pictures[2]).enumerate() {
+            assert_eq!(raster, hzb, "frame {frame} at {epsilon} px: testers differ in what shows");
+        }
+    }
+    assert_no_validation_messages(&stage);
+    Ok(Some(stage))
+}
+
+/// Audits frames of a session and returns how far an outline was off at most, in pixels.
+fn audit(stage: &Stage, plan: &Plan, records: &[FrameRecord]) -> Result<f64, Box<dyn Error>> {
+    let [_, _, display] = &stage.drawn;
+    let rule = CutRule::new(plan.epsilon.pixels())?;
+    let mut auditor = Auditor::new(&stage.scene, display, viewport(plan.size)?, rule)?;
+    let mut farthest = 0.0_f64;
+    for record in records.iter().step_by(AUDIT_EVERY as usize) {
+        let mut frame = Frame::default();
+        auditor.audit(record, false, &mut frame, &mut Default::default())?;
+        let at = format!("{} at {} px, {}", plan.tester, plan.epsilon.pixels(), record.camera.frame());
+        assert_eq!(frame.false_culled_pixels, Some(0), "{at}");
+        assert_eq!(frame.cut_mismatch_pixels, Some(0), "{at}");
+        let off = frame.full_detail.and_then(|error| error.silhouette_max_px).unwrap();
+        assert!(off <= plan.epsilon.pixels() + SAMPLING_SLACK_PX, "{at}: an outline is off by {off} px");
+        farthest = farthest.max(off);
+    }
+    Ok(farthest)
+}
+
+#[test]
+fn platform() -> Result<(), Box<dyn Error>> {
+    let Some(data) = Data::find() else { return Ok(()) };
+    walks(&data.platform(), &PathChoice::Auto { seed: 1 })?;
+    Ok(())
+}
+
+#[test]
+fn platform_in_14_copies() -> Result<(), Box<dyn Error>> {
+    let Some(data) = Data::find() else { return Ok(()) };
+    let path = PathChoice::File(data.truth("huldra_x14_13Mtri.walk.json"));
+    walks(&[data.unpacked("huldra_x14_13Mtri.glb")], &path)?;
+    Ok(())
+}
+
+#[test]
+fn town_hall_in_process_and_over_tcp() -> Result<(), Box<dyn Error>> {
+    let Some(data) = Data::find() else { return Ok(()) };
+    let path = PathChoice::File(data.truth("ldraw_town_hall_1.3Mtri.walk.json"));
+    let Some(stage) = walks(&[data.unpacked("ldraw_town_hall_1.3Mtri.glb")], &path)? else { return Ok(()) };
+    let plan = plan(TesterKind::Raster, 2.0);
+    let trail = trail(&stage, &plan, &path, frames(plan.tester));
+    let (inproc, tcp) = (walk_in_process(&stage, &plan, &trail), walk_over_tcp(&stage, &plan, &trail));
+    assert_eq!(essence(&inproc), essence(&tcp), "TCP shows what one process shows");
+    assert_no_validation_messages(&stage);
+    Ok(())
+}
