@@ -11,7 +11,7 @@ use trimaran_cull::reference::cases::{plant, plant_views};
 use trimaran_cull::reference::{ReferenceWalk, Testing};
 use trimaran_cull::{
     Choice, CullError, Culler, CutRule, LevelCut, NoOccluders, OccluderMapper, TestBox, View, Viewport,
-    draw_order, level_cut, occluders, worthiest_within,
+    draw_order, level_cut, occluders,
 };
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
