@@ -76,7 +76,8 @@ fn every_tester_shows_the_unculled_cut() -> Result<(), Box<dyn Error>> {
         pictures.push(records.iter().map(|record| record.picture).collect::<Vec<_>>());
         let drawn: usize = records.iter().map(|record| record.ids.len()).sum();
         let cut: usize = records.iter().map(|r| uncut_count(&stage, &plan, r)).sum();
-        assert!(drawn * 2 < cut, "{tester} drew {drawn} of {cut}: a plant hides more than half");
+        // The walk looks where there is most to see.
+        assert!(drawn * 5 < cut * 4, "{tester} drew {drawn} of {cut}: even so a fifth is hidden");
     }
     assert!(
         pictures.windows(2).all(|pair| pair[0] == pair[1]),
