@@ -2,33 +2,30 @@
 //!
 //! A node's merged level is made from the coarsest levels below it, put into the node's frame, welded and simplified. Its
 //! error is bounded by the triangle inequality: the largest error of what was merged, plus the measured distance from that
-//! to the result. Parts that the simplifier drops far from all that is left are brought back as single triangles (`lost`):
-//! else the distance from the part to what is left would be the level's error, and the level never be drawn.
+//! to the result. A part that the simplifier drops is seen by the measurement: the distance from the part to what is left
+//! counts, so a level's error is never below the size of what vanished.
 
 use glam::{DVec3, Vec3};
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 use rayon::prelude::*;
 
 use super::hausdorff::{self, Surface};
-use super::levels::{Level, LeveledMesh};
+use super::levels::LeveledMesh;
 use super::linear::WorldBox;
-use super::lost::lost_triangles;
 use super::placed::{Leaf, round_up};
 use super::tree::TreeNode;
 use super::{CookOptions, Phase, Progress};
 use crate::{Rgba8, Vertex};
 
 /// A merged level is kept if it has at most this part of the triangles it stands for.
-const WORTH: f32 = 0.5;
+const WORTH: f32 = 0.7;
 /// A merged level aims at this part of the triangles it stands for.
 const AIM: usize = 4;
 /// ... but not below this many.
 const FEW: usize = 256;
 /// The simplifier stops where its own estimate of the error passes this part of the node's diagonal, even if that leaves more
 /// triangles than aimed at: a level that is far from what it stands for is never drawn.
-const COARSEST: f32 = 0.02;
-/// What is merged has at most this part of the node's diagonal as its own error, if there are levels so fine: errors add up.
-const FINE: f64 = 0.02;
+const COARSEST: f32 = 0.03;
 /// Vertices closer than this part of the node's diagonal are welded.
 const WELD: f64 = 1e-4;
 /// Rounding of positions to single precision about the node's origin, as part of the node's diagonal: 2^-24 for each axis.
@@ -134,7 +131,7 @@ impl Below<'_> {
         let mut soup = Soup::default();
         let mut bounds = node.bounds;
         for child in node.children.clone() {
-            self.gather(child, origin, FINE * bounds.diagonal(), &mut soup);
+            self.gather(child, origin, &mut soup);
             if let Some(Some(child)) = self.merged.get(child as usize) {
                 bounds = bounds.union(child.bounds);
             }
@@ -146,14 +143,12 @@ impl Below<'_> {
         Some(Merged { origin, bounds: bounds.padded(), level })
     }
 
-    /// Adds a node's coarsest level whose error is at most `most`, or those of all below it where it has none.
-    fn gather(&self, index: u32, origin: DVec3, most: f64, soup: &mut Soup) {
+    /// Adds the coarsest level of a node, or of all below it where it has none.
+    fn gather(&self, index: u32, origin: DVec3, soup: &mut Soup) {
         let Some(node) = self.tree.get(index as usize) else { return };
         if let Some(leaf) = node.item.and_then(|item| self.leaves.get(item as usize)) {
             let mesh = self.meshes.get(leaf.mesh as usize).and_then(Option::as_ref);
-            let fine = |level: &&Level| f64::from(leaf.world_error(level.error)) <= most;
-            let level = mesh.and_then(|mesh| mesh.levels.iter().rev().find(fine).or(mesh.levels.first()));
-            if let Some((mesh, level)) = mesh.zip(level) {
+            if let Some((mesh, level)) = mesh.and_then(|mesh| Some((mesh, mesh.levels.last()?))) {
                 let vertices = mesh.vertices.iter().take(level.vertex_count as usize);
                 let placed = vertices.map(|v| (leaf.to_world(v) - origin, v.colour));
                 soup.add(placed, &level.indices, leaf.world_error(level.error));
@@ -161,7 +156,7 @@ impl Below<'_> {
             return;
         }
         match self.merged.get(index as usize).and_then(Option::as_ref) {
-            Some(Merged { origin: from, level: Some(level), .. }) if f64::from(level.error) <= most => {
+            Some(Merged { origin: from, level: Some(level), .. }) => {
                 let shift = *from - origin;
                 let placed = level
                     .vertices
@@ -169,7 +164,7 @@ impl Below<'_> {
                     .map(|v| (Vec3::from_array(v.position).as_dvec3() + shift, v.colour));
                 soup.add(placed, &level.indices, level.error);
             }
-            _ => node.children.clone().for_each(|child| self.gather(child, origin, most, soup)),
+            _ => node.children.clone().for_each(|child| self.gather(child, origin, soup)),
         }
     }
 }
@@ -197,10 +192,7 @@ impl Soup {
         let positions: Vec<Vec3> = vertices.iter().map(|v| Vec3::from_array(v.position)).collect();
         let adapter = VertexDataAdapter::new(bytemuck::cast_slice(&positions), size_of::<Vec3>(), 0).ok()?;
         let options = SimplifyOptions::Prune | SimplifyOptions::Permissive | SimplifyOptions::ErrorAbsolute;
-        let reach = COARSEST * diagonal as f32;
-        let mut left = meshopt::simplify(&indices, &adapter, goal, reach, options, None);
-        left.extend(lost_triangles(&positions, &indices, &left, reach));
-        let indices = left;
+        let indices = meshopt::simplify(&indices, &adapter, goal, COARSEST * diagonal as f32, options, None);
         let after = indices.len() / 3;
         if after == 0 || after as f32 > WORTH * before as f32 {
             return None;

@@ -18,7 +18,6 @@ mod hausdorff;
 mod hlod;
 mod levels;
 mod linear;
-mod lost;
 mod placed;
 mod polygon;
 mod tree;
