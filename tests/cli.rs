@@ -219,6 +219,7 @@ fn three_processes_show_what_one_shows() {
 }
 
 /// A long session of three processes, and the process ids of its pair once both have joined.
+#[expect(clippy::zombie_processes, reason = "the caller waits for it; only a failed test leaves it")]
 fn long_session(bench: &Bench) -> (Child, Vec<String>) {
     let args =
         ["run", "plant.scene", "--link", "tcp", "--out", "long", "--frames", "100000", "--size", "64x64"];
