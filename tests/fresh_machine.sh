@@ -25,7 +25,7 @@ clean_up() {
 }
 trap clean_up EXIT
 
-debootstrap --variant=minbase --include=git,ca-certificates bookworm "$machine" http://deb.debian.org/debian
+debootstrap --variant=minbase --include=git,ca-certificates bookworm "$machine"
 mount_into /proc proc
 mount_into /dev dev
 toolchain=$(rustc --print sysroot)
