@@ -3,9 +3,10 @@
 
 use std::{
     fs,
+    io::{BufRead, BufReader, Read},
     net::TcpListener,
     path::{Path, PathBuf},
-    process::{Child, Command, Output, Stdio},
+    process::{Child, ChildStderr, Command, Output, Stdio},
 };
 
 use tempfile::TempDir;
@@ -218,29 +219,39 @@ fn three_processes_show_what_one_shows() {
     assert!(walks_again(&bench), "a report can be walked again");
 }
 
-/// A long session of three processes, and the process ids of its pair once both have joined.
-#[expect(clippy::zombie_processes, reason = "the caller waits for it; only a failed test leaves it")]
-fn long_session(bench: &Bench) -> (Child, Vec<String>) {
-    let args =
-        ["run", "plant.scene", "--link", "tcp", "--out", "long", "--frames", "100000", "--size", "64x64"];
-    let session = bench.command(&args).args(["--audit-every", "0"]).stderr(Stdio::piped()).spawn().unwrap();
-    let children = format!("/proc/{0}/task/{0}/children", session.id());
-    loop {
-        let pair: Vec<String> =
-            fs::read_to_string(&children).unwrap().split_whitespace().map(str::to_owned).collect();
-        // A machine of the pair that has joined holds two connections to the display and two to the other machine.
-        let joined = |pid: &String| {
-            let links = fs::read_dir(format!("/proc/{pid}/fd")).unwrap().filter_map(Result::ok);
-            links
-                .filter_map(|fd| fs::read_link(fd.path()).ok())
-                .filter(|to| to.to_string_lossy().starts_with("socket:"))
-                .count()
-                >= 4
-        };
-        if pair.len() == 2 && pair.iter().all(joined) {
-            return (session, pair);
+/// A long session of three processes whose pair has joined.
+struct LongSession {
+    display: Child,
+    pair: Vec<String>,
+    stderr: BufReader<ChildStderr>,
+}
+
+impl LongSession {
+    #[expect(clippy::zombie_processes, reason = "`end` waits for it; only a failed test leaves it")]
+    fn start(bench: &Bench) -> Self {
+        let args =
+            ["run", "plant.scene", "--link", "tcp", "--out", "long", "--frames", "100000", "--size", "64x64"];
+        let mut command = bench.command(&args);
+        command.args(["--audit-every", "0"]).env("TRIMARAN_LOG", "info").stderr(Stdio::piped());
+        let mut display = command.spawn().unwrap();
+        // The pair shares the display's standard error, and each machine says when it has joined.
+        let mut stderr = BufReader::new(display.stderr.take().unwrap());
+        let mut joined = 0;
+        while joined < 2 {
+            let mut line = String::new();
+            assert!(stderr.read_line(&mut line).unwrap() > 0, "the session ended before its pair had joined");
+            joined += usize::from(line.contains("joined the session"));
         }
-        std::thread::yield_now();
+        let children = format!("/proc/{0}/task/{0}/children", display.id());
+        let pair = fs::read_to_string(children).unwrap().split_whitespace().map(str::to_owned).collect();
+        Self { display, pair, stderr }
+    }
+
+    /// Waits for the end of all three; what they said since the pair had joined.
+    fn end(mut self) -> Output {
+        let mut stderr = Vec::new();
+        self.stderr.read_to_end(&mut stderr).unwrap();
+        Output { status: self.display.wait().unwrap(), stdout: Vec::new(), stderr }
     }
 }
 
@@ -251,18 +262,18 @@ fn signal(name: &str, process: &str) {
 #[test]
 fn when_a_machine_of_the_pair_is_killed_the_session_ends_and_says_which() {
     let bench = Bench::with_plant();
-    let (session, pair) = long_session(&bench);
-    signal("-KILL", &pair[0]);
-    expect(&session.wait_with_output().unwrap(), 1, &["switch", "lost"]);
+    let session = LongSession::start(&bench);
+    signal("-KILL", &session.pair[0]);
+    expect(&session.end(), 1, &["switch", "lost"]);
     assert!(!bench.path("long/report.json").exists());
 }
 
 #[test]
 fn an_interrupted_session_reports_what_it_walked() {
     let bench = Bench::with_plant();
-    let (session, _) = long_session(&bench);
-    signal("-INT", &session.id().to_string());
-    let ended = session.wait_with_output().unwrap();
+    let session = LongSession::start(&bench);
+    signal("-INT", &session.display.id().to_string());
+    let ended = session.end();
     if ended.status.success() {
         assert!(said(&ended).contains("interrupted after"), "{}", said(&ended));
         let report = fs::read(bench.path("long/report.json")).unwrap();
