@@ -227,7 +227,6 @@ struct LongSession {
 }
 
 impl LongSession {
-    #[expect(clippy::zombie_processes, reason = "`end` waits for it; only a failed test leaves it")]
     fn start(bench: &Bench) -> Self {
         let args =
             ["run", "plant.scene", "--link", "tcp", "--out", "long", "--frames", "100000", "--size", "64x64"];
