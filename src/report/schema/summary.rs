@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use trimaran_netsim::FrameLoad;
 
 use crate::report::metrics::SAMPLING_SLACK_PX;
 
@@ -187,14 +188,14 @@ impl Bandwidth {
     }
 }
 
-/// The paper's formula (section 3.3), bytes a frame, for `n` ids, `b` ids a message and `h` header bytes a message.
+/// The paper's formula, bytes a frame, for `n` ids, `b` ids a message and `h` header bytes a message.
 pub(in crate::report) fn paper_formula_bytes(n: f64, b: u32, h: f64) -> f64 {
-    8.0 * n * h / f64::from(b) + 3.0 * (72.0 + h)
+    FrameLoad { ids: n, batch: f64::from(b), header: h }.paper_bytes()
 }
 
-/// What is really sent, bytes a frame: ids go to two receivers, and three cameras travel.
+/// The formula of what is sent, likewise.
 pub(in crate::report) fn corrected_formula_bytes(n: f64, b: u32, h: f64) -> f64 {
-    2.0 * (4.0 * n + h * n / f64::from(b)) + 3.0 * (72.0 + h)
+    FrameLoad { ids: n, batch: f64::from(b), header: h }.sent_bytes()
 }
 
 fn measured_fps(frames: usize, wall_ms: Option<f64>) -> Option<f64> {
