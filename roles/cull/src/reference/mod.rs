@@ -2,11 +2,13 @@
 //! code it checks and of any GPU. Everything here is for tests and for reports; nothing of it runs while walking.
 
 pub mod cases;
+mod nearest;
 mod picture;
 mod raster;
 mod tester;
 mod walk;
 
+pub use nearest::{SURFACE_SLACK_PX, distances_to_surfaces};
 pub use picture::{Item, Picture, Placement, rasterize};
 pub use raster::{Coverage, rasterize_triangle};
 pub use tester::ReferenceTester;

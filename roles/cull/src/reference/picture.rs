@@ -135,7 +135,7 @@ pub fn rasterize(
 }
 
 /// The drawable's triangles in view space.
-fn triangles<'s>(
+pub(super) fn triangles<'s>(
     scene: &'s Scene,
     view: &View,
     drawable: &Drawable,

@@ -66,7 +66,7 @@ fn snap(pixels: f64) -> i64 {
 }
 
 /// Keeps the part of a convex polygon where `side` is at least 0 (Sutherland and Hodgman, 1974).
-fn clip(polygon: &mut Vec<DVec3>, side: impl Fn(DVec3) -> f64) {
+pub(super) fn clip(polygon: &mut Vec<DVec3>, side: impl Fn(DVec3) -> f64) {
     let mut kept = Vec::with_capacity(polygon.len() + 1);
     for (index, &here) in polygon.iter().enumerate() {
         let Some(&next) = polygon.get((index + 1) % polygon.len()) else { continue };
