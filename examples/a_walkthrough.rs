@@ -4,7 +4,7 @@
 
 use std::{error::Error, sync::Arc};
 
-use trimaran::walkthrough::{PathChoice, Plan, Recorder, Stage, Trail, in_process, viewport};
+use trimaran::walkthrough::{Pace, PathChoice, Plan, Recorder, Stage, Trail, in_process, viewport};
 use trimaran_actors::Stop;
 use trimaran_gpu::GpuOptions;
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
@@ -23,17 +23,19 @@ fn main() -> Result<(), Box<dyn Error>> {
         epsilon: EpsilonPx::new(2.0)?,
         batch: BatchSize::new(1024)?,
         tester: TesterKind::Hzb,
+        pace: Pace::Lockstep,
+        few_pixels: false,
         audit_every: 0,
         visible: false,
     };
-    let mut trail = Trail::find(&PathChoice::Auto { seed: 1 }, &scene, viewport(plan.size)?, Some(30))?;
+    let trail = Trail::find(&PathChoice::Auto { seed: 1 }, &scene, viewport(plan.size)?, Some(30))?;
     let stage = Stage::set(&scene, &GpuOptions::default())?;
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let (_stopper, stop) = Stop::new(); // whoever keeps the stopper can end the walk early
 
     let mut progress = |_| {};
     let mut recorder = Recorder::new(0, &mut progress);
-    in_process(&stage, &plan, &mut trail, &mut recorder, runtime.handle(), &stop)?;
+    in_process(&stage, &plan, &trail, &mut recorder, runtime.handle(), &stop)?;
 
     let frames = recorder.into_frames();
     let drawn: usize = frames.iter().map(|frame| frame.ids.len()).sum();

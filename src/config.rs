@@ -73,6 +73,11 @@ pub struct SessionConfig {
     pub batch: u16,
     /// What tests boxes: `query`, `raster` or `hzb`.
     pub tester: String,
+    /// Walk by the clock, so many poses of the path a second; without it every pose is a frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub live_hz: Option<f64>,
+    /// Whether culling stops at what shows at fewer pixels than epsilon (paper, section 4.5.2); not with the tester `hzb`.
+    pub few_pixels: bool,
     /// How many frames; as many as the path has if not given, 200 for an automatic one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<u32>,
@@ -94,6 +99,8 @@ impl Default for SessionConfig {
             epsilon_px: 2.0,
             batch: 1024,
             tester: "hzb".to_owned(),
+            live_hz: None,
+            few_pixels: false,
             frames: None,
             path: "auto".to_owned(),
             seed: 1,
@@ -167,6 +174,12 @@ impl DisplayConfig {
         }
         if !(1..=16384).contains(&session.batch) {
             return Err(value("session.batch", "give 1 to 16384"));
+        }
+        if !session.live_hz.is_none_or(|hz| hz.is_finite() && hz > 0.0) {
+            return Err(value("session.live_hz", "give poses a second above 0, or leave it out"));
+        }
+        if session.few_pixels && session.tester == "hzb" {
+            return Err(value("session.few_pixels", "it needs the tester query or raster"));
         }
         if session.frames == Some(0) {
             return Err(value("session.frames", "give at least 1, or leave it out"));
@@ -247,6 +260,8 @@ mod tests {
             ("session.epsilon_px", "epsilon_px = nan"),
             ("session.width", "width = 0"),
             ("session.frames", "frames = 0"),
+            ("session.live_hz", "live_hz = 0"),
+            ("session.few_pixels", "few_pixels = true"),
         ] {
             let (_dir, path) =
                 written(&format!("scene = 'a'\nlisten = 'x:1'\nout = 'o'\n[session]\n{line}\n"));

@@ -285,6 +285,44 @@ fn an_interrupted_session_reports_what_it_walked() {
     }
 }
 
+#[test]
+fn a_live_walk_ends_with_its_path_and_shows_poses_of_it() {
+    let bench = Bench::with_plant();
+    for link in ["inproc", "tcp"] {
+        let out = format!("live-{link}");
+        let args =
+            ["run", "plant.scene", "--link", link, "--live", "40", "--frames", "20", "--size", "64x64"];
+        let run = bench.command(&args).args(["--audit-every", "3", "--out", &out]).output().unwrap();
+        assert!(run.status.success(), "{}", said(&run));
+        let report = fs::read(bench.path(&out).join("report.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+        assert_eq!(report["run"]["mode"], "live");
+        let frames = report["frames"].as_array().unwrap();
+        assert!(!frames.is_empty());
+        for (number, frame) in frames.iter().enumerate() {
+            assert_eq!(frame["frame"], number, "no frame is missing");
+            assert_ne!(frame["forward"], serde_json::json!([0.0, 0.0, 0.0]), "each shows a pose of the path");
+            assert!(frame["latency_ms"].as_f64().unwrap() >= 0.0);
+            if number % 3 == 0 {
+                let wrong = (&frame["cut_mismatch_pixels"], &frame["false_culled_pixels"]);
+                assert_eq!(wrong, (&0.into(), &0.into()), "frame {number} over {link}");
+            }
+        }
+    }
+}
+
+#[test]
+fn stopping_at_few_pixels_needs_a_tester_that_counts() {
+    let bench = Bench::with_plant();
+    let args = ["run", "plant.scene", "--few-pixels", "--frames", "4", "--size", "64x64", "--out", "few"];
+    expect(&bench.trimaran(&args), 2, &["--few-pixels", "--tester raster"]);
+    let run = bench.command(&args).args(["--tester", "raster", "--epsilon", "20"]).output().unwrap();
+    assert!(run.status.success(), "{}", said(&run));
+    let report: serde_json::Value =
+        serde_json::from_slice(&fs::read(bench.path("few/report.json")).unwrap()).unwrap();
+    assert!(report["frames"][0]["culling"]["stopped_at_few_pixels"].is_u64());
+}
+
 /// The report as a path: the same frames.
 fn walks_again(bench: &Bench) -> bool {
     let again = ["run", "plant.scene", "--path", "inproc/report.json", "--out", "again", "--size", "96x80"];

@@ -11,7 +11,7 @@ use common::{
 };
 use trimaran::{
     report::{Frame, metrics::SAMPLING_SLACK_PX},
-    walkthrough::{Auditor, FrameRecord, PathChoice, Plan, Stage, viewport},
+    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, viewport},
 };
 use trimaran_cull::CutRule;
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
@@ -25,6 +25,8 @@ fn plan(tester: TesterKind, epsilon_px: f64) -> Plan {
         epsilon: EpsilonPx::new(epsilon_px).unwrap(),
         batch: BatchSize::new(256).unwrap(),
         tester,
+        pace: Pace::Lockstep,
+        few_pixels: false,
         audit_every: AUDIT_EVERY,
         visible: false,
     }

@@ -10,7 +10,7 @@ use common::session::{
 };
 use trimaran::{
     report::Frame,
-    walkthrough::{Auditor, PathChoice, Plan, Stage, Trail, viewport},
+    walkthrough::{Auditor, Pace, PathChoice, Plan, Stage, Trail, viewport},
 };
 use trimaran_cull::CutRule;
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
@@ -27,6 +27,8 @@ fn plan(tester: TesterKind) -> Plan {
         epsilon: EpsilonPx::new(2.0).unwrap(),
         batch: BatchSize::new(16).unwrap(),
         tester,
+        pace: Pace::Lockstep,
+        few_pixels: false,
         audit_every: 1,
         visible: false,
     }

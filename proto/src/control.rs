@@ -280,6 +280,7 @@ mod tests {
             batch: BatchSize::default(),
             tester: TesterKind::Raster,
             lockstep: true,
+            few_pixels: false,
             frames: Some(200),
         }
     }

@@ -21,15 +21,21 @@ pub struct Settings {
     pub tester: TesterKind,
     /// Whether every camera is exactly one frame (deterministic), rather than the latest camera whenever a frame starts.
     pub lockstep: bool,
+    /// Whether culling stops at nodes that show at fewer pixels than the error bound (paper, section 4.5.2). What is drawn then depends on
+    /// what is visible, so pictures may differ from those without culling. Needs a tester that counts pixels.
+    pub few_pixels: bool,
     /// How many frames the session lasts; `None` until someone leaves.
     pub frames: Option<u32>,
 }
 
 impl fmt::Display for Settings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { size, epsilon, batch, tester, lockstep, frames } = self;
+        let Self { size, epsilon, batch, tester, lockstep, few_pixels, frames } = self;
         let pace = if *lockstep { "lockstep" } else { "live" };
         write!(f, "{size} at {epsilon} px, {} ids a batch, tester {tester}, {pace}", batch.ids())?;
+        if *few_pixels {
+            f.write_str(", stopping at few pixels")?;
+        }
         match frames {
             Some(frames) => write!(f, ", {frames} frames"),
             None => f.write_str(", no frame limit"),

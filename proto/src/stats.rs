@@ -68,6 +68,8 @@ pub struct CullCounts {
     pub eye_inside: u32,
     /// Visible untested: a coordinate is not a finite f32.
     pub not_finite: u32,
+    /// Drawn too coarsely because they show at few pixels ([`Settings::few_pixels`](crate::Settings::few_pixels)).
+    pub few_pixels: u32,
     /// Drawables sent.
     pub emitted: u32,
     /// Visible nodes that were too coarse.

@@ -37,6 +37,7 @@ fn display() -> Identity {
         batch: BatchSize::new(256).unwrap(),
         tester: TesterKind::Raster,
         lockstep: true,
+        few_pixels: false,
         frames: Some(200),
     };
     Identity { role: Role::Display, scene: SceneHash(0x1234), settings: Some(settings) }

@@ -172,6 +172,10 @@ pub(crate) struct WalkArgs {
     /// What tests boxes against the occluders.
     #[arg(long, value_enum, default_value = "hzb")]
     pub(crate) tester: Tester,
+    /// Do not refine what shows at fewer pixels than epsilon (section 4.5.2 of the paper). The report says what that costs. Needs a
+    /// tester that counts pixels: query or raster.
+    #[arg(long)]
+    pub(crate) few_pixels: bool,
     /// The Vulkan device, by a part of its name [default: the best there is].
     #[arg(long, value_name = "NAME")]
     pub(crate) device: Option<String>,
@@ -192,6 +196,9 @@ pub(crate) struct RunArgs {
     pub(crate) epsilon: f64,
     #[command(flatten)]
     pub(crate) walk: WalkArgs,
+    /// Walk by the clock, so many poses of the path a second, and show in each frame the newest pose. Without it every pose is a frame.
+    #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true)]
+    pub(crate) live: Option<f64>,
     /// Add to the report, per audited frame, the objects exactly visible at full detail by name and index in their file.
     #[arg(long)]
     pub(crate) visible: bool,

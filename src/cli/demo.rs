@@ -29,6 +29,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         size: Size { width: 1024, height: 1024 },
         batch: 1024,
         tester: Tester::Hzb,
+        few_pixels: false,
         device: None,
         audit_every: 10,
     };
@@ -37,6 +38,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         link: LinkKind::Inproc,
         epsilon: 2.0,
         walk,
+        live: None,
         visible: false,
         out: args.out.clone(),
         json: false,

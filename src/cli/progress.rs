@@ -1,6 +1,7 @@
 //! Progress on a terminal, silence in a pipe.
 
 use indicatif::{ProgressBar, ProgressStyle};
+use trimaran::walkthrough::{Pace, Trail};
 
 /// A bar for `total` steps of `what`. Nothing is drawn where standard error is no terminal.
 pub(crate) fn bar(what: &'static str, total: u64) -> ProgressBar {
@@ -9,5 +10,17 @@ pub(crate) fn bar(what: &'static str, total: u64) -> ProgressBar {
     match style {
         Ok(style) => bar.with_style(style.progress_chars("=> ")),
         Err(_) => bar,
+    }
+}
+
+/// A bar for a walk. Nobody knows beforehand how many frames a live one has.
+pub(crate) fn walk(pace: Pace, trail: &Trail) -> ProgressBar {
+    match pace {
+        Pace::Lockstep => bar("walking", trail.frames().into()),
+        Pace::Live { .. } => {
+            let style = ProgressStyle::with_template("{msg:>12} {pos} frames, {elapsed}");
+            let bar = ProgressBar::no_length().with_message("walking");
+            style.map_or_else(|_| bar.clone(), |style| bar.clone().with_style(style))
+        }
     }
 }

@@ -96,6 +96,8 @@ fn session_plan(session: &SessionConfig) -> Result<Plan, Failure> {
         epsilon: EpsilonPx::new(session.epsilon_px).map_err(Failure::bad_input)?,
         batch: BatchSize::new(session.batch.into()).map_err(Failure::bad_input)?,
         tester: session.tester.parse().map_err(Failure::bad_input)?,
+        pace: walking::pace(session.live_hz),
+        few_pixels: session.few_pixels,
         audit_every: session.audit_every,
         visible: session.visible,
     })
@@ -164,7 +166,7 @@ impl DisplayStage {
         runtime: &Runtime,
     ) -> Result<Report, Failure> {
         let Self { drawn, listener, net } = self;
-        let Show { plan, mut trail, path, seed, devices, patience_s } = show;
+        let Show { plan, trail, path, seed, devices, patience_s } = show;
         let started = SystemTime::now();
         let stop = stop_on_signal(runtime);
         let coming = await_pair(listener, deadline(&net, patience_s));
@@ -176,11 +178,12 @@ impl DisplayStage {
         let settings = plan.settings(trail.frames());
         let size = viewport(plan.size).map_err(Failure::bad_input)?;
         let device = VulkanDisplay::new(&drawn, size).map_err(Failure::broken)?;
-        let role = DisplayRole { scene: Arc::clone(&file.scene), device, first, second, settings };
-        let bar = progress::bar("walking", trail.frames().into());
+        let role = DisplayRole { scene: Arc::clone(&file.scene), device, first, second, settings, net };
+        let bar = progress::walk(plan.pace, &trail);
         let mut advance = |_| bar.inc(1);
         let mut recorder = Recorder::new(plan.audit_every, &mut advance);
-        role.run(&mut trail, &mut recorder, runtime.handle(), &stop).map_err(Failure::broken)?;
+        role.run(&mut *trail.cameras(plan.pace), &mut recorder, runtime.handle(), &stop)
+            .map_err(Failure::broken)?;
         let records = recorder.into_frames();
         bar.finish_and_clear();
         let about = ReportPlan {

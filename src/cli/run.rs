@@ -19,13 +19,13 @@ use super::{
 };
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
-    let plan = walking::plan(&args.walk, args.epsilon, args.visible)?;
+    let plan = walking::plan(&args.walk, args.epsilon, args.visible, walking::pace(args.live))?;
     match args.link {
         LinkKind::Inproc => {
             let file = open(&args.scene)?;
             let stage = set_stage(&file, &args.walk)?;
             let trail = walking::trail(&args.walk, &plan, &file.scene)?;
-            let report = walk_and_report(&stage, &file, &plan, trail, &args.walk, &args.out)?;
+            let report = walk_and_report(&stage, &file, &plan, &trail, &args.walk, &args.out)?;
             conclude(&report, &args.out, args.json)
         }
         LinkKind::Tcp => three_processes::run(args),
@@ -42,17 +42,17 @@ pub(super) fn walk_and_report(
     stage: &Stage,
     file: &SceneFile,
     plan: &Plan,
-    mut trail: Trail,
+    trail: &Trail,
     walk: &WalkArgs,
     out: &Path,
 ) -> Result<Report, Failure> {
     let started = SystemTime::now();
     let runtime = walking::runtime()?;
     let stop = stop_on_signal(&runtime);
-    let bar = progress::bar("walking", trail.frames().into());
+    let bar = progress::walk(plan.pace, trail);
     let mut advance = |_| bar.inc(1);
     let mut recorder = Recorder::new(plan.audit_every, &mut advance);
-    in_process(stage, plan, &mut trail, &mut recorder, runtime.handle(), &stop).map_err(Failure::broken)?;
+    in_process(stage, plan, trail, &mut recorder, runtime.handle(), &stop).map_err(Failure::broken)?;
     let records = recorder.into_frames();
     bar.finish_and_clear();
     let [first, second, display] = &stage.drawn;
@@ -66,10 +66,10 @@ pub(super) fn walk_and_report(
         path: walk.path.clone(),
         seed: (walk.path == "auto").then_some(walk.seed),
         devices: devices.into(),
-        notes: notes(&trail),
+        notes: notes(trail),
     };
     report_on(&records, &stop, |records, advance| {
-        write_report(out, file, display, plan, &about, &trail, records, advance)
+        write_report(out, file, display, plan, &about, trail, records, advance)
     })
 }
 

@@ -1,6 +1,9 @@
 //! `trimaran sweep`: the same path at several error bounds, speed against error.
 
-use trimaran::report::{SweepPoint, text, write};
+use trimaran::{
+    report::{SweepPoint, text, write},
+    walkthrough::Pace,
+};
 
 use super::{
     Failure,
@@ -16,10 +19,10 @@ pub(super) fn run(args: &SweepArgs) -> Result<(), Failure> {
     let mut points = Vec::new();
     let mut last = None;
     for &epsilon in &args.epsilons {
-        let plan = walking::plan(&args.walk, epsilon, false)?;
+        let plan = walking::plan(&args.walk, epsilon, false, Pace::Lockstep)?;
         let trail = walking::trail(&args.walk, &plan, &file.scene)?;
         let out = args.out.join(format!("epsilon-{epsilon}"));
-        let report = walk_and_report(&stage, &file, &plan, trail, &args.walk, &out)?;
+        let report = walk_and_report(&stage, &file, &plan, &trail, &args.walk, &out)?;
         points.push(SweepPoint::of(&report));
         last = Some(report);
     }

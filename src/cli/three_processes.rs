@@ -24,7 +24,7 @@ use super::{
 const PATIENCE_S: f64 = 120.0;
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
-    let plan = walking::plan(&args.walk, args.epsilon, args.visible)?;
+    let plan = walking::plan(&args.walk, args.epsilon, args.visible, walking::pace(args.live))?;
     let file = open(&args.scene)?;
     let trail = walking::trail(&args.walk, &plan, &file.scene)?;
     let runtime = walking::runtime()?;

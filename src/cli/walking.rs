@@ -3,7 +3,7 @@
 use std::{path::Path, sync::Arc};
 
 use tokio::runtime::{Builder, Runtime};
-use trimaran::walkthrough::{PathChoice, Plan, SceneFile, Trail, viewport};
+use trimaran::walkthrough::{Pace, PathChoice, Plan, SceneFile, Trail, viewport};
 use trimaran_actors::{Stop, Stopper};
 use trimaran_gpu::{DeviceChoice, GpuOptions};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
@@ -15,7 +15,11 @@ use super::{
 };
 
 /// The plan that the flags ask for.
-pub(super) fn plan(walk: &WalkArgs, epsilon_px: f64, visible: bool) -> Result<Plan, Failure> {
+pub(super) fn plan(walk: &WalkArgs, epsilon_px: f64, visible: bool, pace: Pace) -> Result<Plan, Failure> {
+    if walk.few_pixels && walk.tester == Tester::Hzb {
+        let why = "--few-pixels needs a tester that counts pixels: add --tester raster or --tester query";
+        return Err(Failure::bad_input(why));
+    }
     Ok(Plan {
         size: PictureSize::new(walk.size.width, walk.size.height).map_err(Failure::bad_input)?,
         epsilon: EpsilonPx::new(epsilon_px).map_err(Failure::bad_input)?,
@@ -25,9 +29,16 @@ pub(super) fn plan(walk: &WalkArgs, epsilon_px: f64, visible: bool) -> Result<Pl
             Tester::Raster => TesterKind::Raster,
             Tester::Hzb => TesterKind::Hzb,
         },
+        pace,
+        few_pixels: walk.few_pixels,
         audit_every: walk.audit_every,
         visible,
     })
+}
+
+/// The pace that `--live` asks for.
+pub(super) fn pace(live_hz: Option<f64>) -> Pace {
+    live_hz.map_or(Pace::Lockstep, |hz| Pace::Live { hz })
 }
 
 /// The path that the flags ask for, through `scene`.

@@ -111,6 +111,7 @@ fn frame(frame: u32) -> Frame {
             boxes_tested: 3 * drawn,
             boxes_hidden: 2 * drawn,
             batches: 9,
+            stopped_at_few_pixels: 0,
         }),
         doubts: [("near_plane".to_owned(), 4), ("eye_inside".to_owned(), 2)].into(),
         false_culled_nodes: audited.then_some(if wrong { 3 } else { 0 }),

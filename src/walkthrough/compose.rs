@@ -30,7 +30,7 @@ fn frame(
     records: &[FrameRecord],
 ) -> Frame {
     let number = record.camera.frame();
-    let pose = trail.pose(number);
+    let pose = trail.pose_of(&record.camera);
     let triangles = record
         .ids
         .iter()
@@ -119,6 +119,7 @@ fn culling(counts: &CullCounts) -> CullingCounts {
         boxes_tested: counts.tested.into(),
         boxes_hidden: counts.hidden.into(),
         batches: counts.batches.into(),
+        stopped_at_few_pixels: counts.few_pixels.into(),
     }
 }
 

@@ -56,7 +56,7 @@ impl Stage {
 pub fn in_process(
     stage: &Stage,
     plan: &Plan,
-    trail: &mut Trail,
+    trail: &Trail,
     observer: &mut dyn Observer,
     runtime: &Handle,
     stop: &Stop,
@@ -68,6 +68,7 @@ pub fn in_process(
         Devices { first: pair(first)?, second: pair(second)?, display: VulkanDisplay::new(display, size)? };
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
     let settings = plan.settings(trail.frames());
-    join(&stage.scene, settings, devices, trail, observer, &net, runtime, stop).map_err(Box::new)?;
+    let mut cameras = trail.cameras(plan.pace);
+    join(&stage.scene, settings, devices, &mut *cameras, observer, &net, runtime, stop).map_err(Box::new)?;
     Ok(())
 }

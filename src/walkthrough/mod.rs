@@ -10,6 +10,7 @@
 mod audit;
 mod compose;
 mod in_process;
+mod live;
 mod path;
 mod record;
 mod reporting;
@@ -23,6 +24,18 @@ pub use reporting::{ReportPlan, ReportingError, SceneFile, write_report};
 use trimaran_cull::Viewport;
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Settings, TesterKind};
 
+/// How the poses of a path become frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Pace {
+    /// Every pose is one frame: the same frames each time.
+    Lockstep,
+    /// The path is walked by the clock, and a frame shows the newest pose there is when its machine begins it.
+    Live {
+        /// Poses of the path a second, above 0.
+        hz: f64,
+    },
+}
+
 /// How to walk.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plan {
@@ -34,6 +47,11 @@ pub struct Plan {
     pub batch: BatchSize,
     /// What tests boxes.
     pub tester: TesterKind,
+    /// How poses become frames.
+    pub pace: Pace,
+    /// Whether culling stops at nodes that show at fewer pixels than epsilon (paper, section 4.5.2). Needs a tester that counts
+    /// pixels.
+    pub few_pixels: bool,
     /// Every how many frames one is checked against the truth; 0 for none.
     pub audit_every: u32,
     /// Whether audited frames name what is exactly visible at full detail.
@@ -41,7 +59,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// What the display dictates to the pair for a walk of `frames` frames, in lockstep.
+    /// What the display dictates to the pair for a walk of `frames` poses. A live session has as many frames as there is time for.
     #[must_use]
     pub const fn settings(&self, frames: u32) -> Settings {
         Settings {
@@ -49,8 +67,12 @@ impl Plan {
             epsilon: self.epsilon,
             batch: self.batch,
             tester: self.tester,
-            lockstep: true,
-            frames: Some(frames),
+            lockstep: matches!(self.pace, Pace::Lockstep),
+            few_pixels: self.few_pixels,
+            frames: match self.pace {
+                Pace::Lockstep => Some(frames),
+                Pace::Live { .. } => None,
+            },
         }
     }
 }

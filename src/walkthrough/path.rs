@@ -3,13 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
-use trimaran_actors::Cameras;
+use trimaran_actors::{Cameras, Stopwatch};
 use trimaran_cull::Viewport;
 use trimaran_proto::{Camera, CameraError, FrameNumber};
 use trimaran_scene::{
     Scene,
     walk::{AutoWalkError, AutoWalkOptions, Walk, WalkError, WalkKind, auto},
 };
+
+use super::{Pace, live::LiveTrail};
 
 /// Which way to walk.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -130,19 +132,43 @@ impl Trail {
         self.near
     }
 
-    /// The pose of a frame as the path has it: eye, forward and up.
+    /// The pose that a camera of this trail has, as the path has it: eye, forward and up.
     #[must_use]
-    pub fn pose(&self, frame: FrameNumber) -> Option<&trimaran_scene::walk::WalkFrame> {
+    pub fn pose_of(&self, camera: &Camera) -> Option<&trimaran_scene::walk::WalkFrame> {
+        let same = |other: &Camera| other.for_frame(camera.frame()) == *camera;
+        // In lockstep the frame's number is its place.
+        let place = camera.frame().0 as usize;
+        let place = if self.cameras.get(place).is_some_and(same) {
+            place
+        } else {
+            self.cameras.iter().position(same)?
+        };
         let count = self.walk.frames().len();
-        self.walk.frames().get(frame.0 as usize % count.max(1))
+        self.walk.frames().get(place % count.max(1))
+    }
+
+    /// The cameras of a session that walks it at this pace.
+    #[must_use]
+    pub fn cameras(&self, pace: Pace) -> Box<dyn Cameras> {
+        match pace {
+            Pace::Lockstep => Box::new(self.clone()),
+            Pace::Live { hz } => {
+                let clock = Stopwatch::start();
+                Box::new(LiveTrail::new(self.clone(), hz, move || clock.elapsed()))
+            }
+        }
+    }
+
+    /// The camera at a place of the path, for a frame. Past its end the walk stands still.
+    pub(super) fn camera_at(&self, place: usize, frame: FrameNumber) -> Camera {
+        let last = self.cameras.len().saturating_sub(1);
+        self.cameras[place.min(last)].for_frame(frame)
     }
 }
 
 impl Cameras for Trail {
     fn camera(&mut self, frame: FrameNumber) -> Camera {
-        // A session asks for its own frames only, and has as many as the trail; past its end the walk stands still.
-        let last = self.cameras.len().saturating_sub(1);
-        self.cameras[(frame.0 as usize).min(last)].for_frame(frame)
+        self.camera_at(frame.0 as usize, frame)
     }
 }
 

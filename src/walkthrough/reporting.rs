@@ -13,7 +13,7 @@ use trimaran_gpu::{GpuError, GpuInfo, GpuScene, Picture};
 use trimaran_scene::Scene;
 
 use super::{
-    Plan,
+    Pace, Plan,
     audit::{AuditError, AuditPictures, Auditor, picture_of},
     compose,
     path::Trail,
@@ -176,7 +176,10 @@ fn run(file: &SceneFile, plan: &Plan, about: &ReportPlan) -> Run {
         batch: u32::try_from(plan.batch.ids()).unwrap_or(u32::MAX),
         link: about.link.clone(),
         transport: about.transport.clone(),
-        mode: Mode::Lockstep,
+        mode: match plan.pace {
+            Pace::Lockstep => Mode::Lockstep,
+            Pace::Live { .. } => Mode::Live,
+        },
         path: about.path.clone(),
         seed: about.seed,
         audit_every: (plan.audit_every > 0).then_some(plan.audit_every),

@@ -31,7 +31,7 @@ pub(crate) fn walk_in_process(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<
     let (runtime, (_stopper, stop)) = (runtime(), Stop::new());
     let mut quiet = |_| {};
     let mut recorder = Recorder::new(1, &mut quiet);
-    in_process(stage, plan, &mut trail.clone(), &mut recorder, runtime.handle(), &stop).unwrap();
+    in_process(stage, plan, trail, &mut recorder, runtime.handle(), &stop).unwrap();
     recorder.into_frames()
 }
 
@@ -74,7 +74,8 @@ pub(crate) fn walk_over_tcp(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<Fr
         }
         let [first, second] = runtime.block_on(await_pair(listener, deadline)).unwrap();
         let device = VulkanDisplay::new(display, size).unwrap();
-        let role = DisplayRole { scene: Arc::clone(&stage.scene), device, first, second, settings };
+        let net = Arc::clone(&net);
+        let role = DisplayRole { scene: Arc::clone(&stage.scene), device, first, second, settings, net };
         role.run(&mut trail.clone(), &mut recorder, runtime.handle(), &stop).unwrap();
     });
     recorder.into_frames()

@@ -96,6 +96,7 @@ where
         first: display_first,
         second: display_second,
         settings,
+        net: Arc::clone(net),
     };
 
     thread::scope(|scope| {

@@ -134,6 +134,9 @@ pub struct CullingCounts {
     pub boxes_hidden: u64,
     /// Batches of box tests, one a level of the tree.
     pub batches: u64,
+    /// Nodes drawn too coarsely because they show at few pixels: the paper's section 4.5.2, if it is on.
+    #[serde(default)]
+    pub stopped_at_few_pixels: u64,
 }
 
 /// Drawables falsely culled for one cause.

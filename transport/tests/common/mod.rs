@@ -33,6 +33,7 @@ pub(crate) fn settings(batch: u32) -> Settings {
         batch: BatchSize::new(batch).unwrap(),
         tester: TesterKind::Query,
         lockstep: true,
+        few_pixels: false,
         frames: None,
     }
 }

@@ -1,6 +1,6 @@
 //! The display at work (paper, algorithm 4.3).
 
-use std::{sync::Arc, time::Duration};
+use std::{pin::pin, sync::Arc, time::Duration};
 
 use tokio::runtime::Handle;
 use trimaran_cull::{DrawOrder, View, Viewport};
@@ -9,21 +9,20 @@ use trimaran_proto::{
     Camera, DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStats, SentBytes, Settings,
 };
 use trimaran_scene::Scene;
-use trimaran_transport::{Link, LinkStats, StatsHandle};
+use trimaran_transport::{Link, LinkStats, Net, SendError, StatsHandle, until};
 
 use super::{
-    RoleError, leave,
+    Cameras, RoleError,
+    cameras::Handed,
+    leave,
     pair::sent_bytes,
     stop::{Stop, Waiting},
     viewport_of, wait,
 };
 use crate::{DisplayMachine, DisplayStep, OrderError, PictureDevice, Seat, Stopwatch};
 
-/// Where cameras come from.
-pub trait Cameras {
-    /// The pose for this frame. In a lockstep session it depends on the frame alone.
-    fn camera(&mut self, frame: FrameNumber) -> Camera;
-}
+/// How often the display of a live session looks for a newer pose while it waits for the pair.
+const REFRESH: Duration = Duration::from_millis(4);
 
 /// A frame that has been drawn, as the display's observer sees it.
 #[derive(Debug)]
@@ -70,6 +69,8 @@ pub struct DisplayRole<D> {
     pub second: Link,
     /// What it has decided for the session.
     pub settings: Settings,
+    /// The time it waits by.
+    pub net: Arc<dyn Net>,
 }
 
 /// What the display's links carried, first and second machine.
@@ -108,9 +109,9 @@ struct Work<'r, D> {
     viewport: Viewport,
     lockstep: bool,
     waiting: Waiting<'r>,
+    net: Arc<dyn Net>,
     clock: Stopwatch,
-    /// When the cameras of the frame due and of the one after it were handed out.
-    published: [Duration; 2],
+    handed: Handed,
     /// What the links had carried when their last frames were shown.
     carried: [LinkStats; 2],
     order: DrawOrder,
@@ -135,16 +136,10 @@ const fn peer(seat: Seat) -> &'static str {
     }
 }
 
-const fn index(seat: Seat) -> usize {
-    match seat {
-        Seat::First => 0,
-        Seat::Second => 1,
-    }
-}
-
 impl<'r, D: PictureDevice> Work<'r, D> {
     fn new(role: DisplayRole<D>, waiting: Waiting<'r>) -> Result<Self, RoleError<D::Error>> {
-        let DisplayRole { scene, device, first, second, settings } = role;
+        let DisplayRole { scene, device, first, second, settings, net } = role;
+        let clock = Stopwatch::start();
         Ok(Self {
             machine: DisplayMachine::new(settings.frames),
             scene,
@@ -154,8 +149,9 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             viewport: viewport_of(&settings)?,
             lockstep: settings.lockstep,
             waiting,
-            clock: Stopwatch::start(),
-            published: [Duration::ZERO; 2],
+            net,
+            clock,
+            handed: Handed::new(clock),
             order: DrawOrder::default(),
             ids: Vec::new(),
             picture: Picture::default(),
@@ -174,19 +170,20 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             if self.waiting.stop.requested() {
                 return Err(RoleError::Stopped);
             }
+            if !self.lockstep && cameras.is_over() {
+                return Ok(());
+            }
             let begun = self.await_begin(from, cameras, observer)?;
-            self.gather(from)?;
+            self.gather(from, cameras)?;
             self.show(begun, observer)?;
         }
         self.last_words(observer)
     }
 
     fn hand_out(&mut self, camera: Camera) -> Result<(), RoleError<D::Error>> {
-        let seat = Seat::of(camera.frame());
         self.machine.hand_out(camera);
-        self.published[index(seat)] = self.clock.elapsed();
-        let publish = self.links[index(seat)].latest_tx.publish(camera);
-        publish.map_err(|cause| RoleError::Link { doing: "handing out a camera", cause: cause.into() })
+        let link = &mut self.links[Seat::of(camera.frame()).index()];
+        self.handed.hand_out(camera, &mut link.latest_tx).map_err(handing_out)
     }
 
     /// Waits for the frame's begin, and hands its machine the camera of the frame after next.
@@ -197,9 +194,9 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         observer: &mut dyn Observer,
     ) -> Result<Begun, RoleError<D::Error>> {
         loop {
-            match self.receive(from)? {
+            match self.receive(from, cameras)? {
                 FrameEvent::Begin(start) => {
-                    let published = self.published[index(from)];
+                    let published = self.handed.taken(&start.camera);
                     let begun = Begun { camera: start.camera, published, at: self.clock.elapsed() };
                     let order = |cause| RoleError::Order { peer: peer(from), cause };
                     let next = self.machine.began(start.camera, self.lockstep).map_err(order)?;
@@ -215,10 +212,10 @@ impl<'r, D: PictureDevice> Work<'r, D> {
     }
 
     /// Gathers the frame's ids up to its end.
-    fn gather(&mut self, from: Seat) -> Result<(), RoleError<D::Error>> {
+    fn gather(&mut self, from: Seat, cameras: &mut dyn Cameras) -> Result<(), RoleError<D::Error>> {
         self.ids.clear();
         loop {
-            match self.receive(from)? {
+            match self.receive(from, cameras)? {
                 FrameEvent::Ids(batch) => self.ids.extend(batch.iter()),
                 FrameEvent::End(FrameOutcome::Complete(_)) => {
                     return self
@@ -243,7 +240,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         let device = |cause| RoleError::Device { doing: "drawing a picture", cause };
         self.device.draw(&view, &self.ids).map_err(device)?;
         let shown = self.clock.elapsed();
-        let machine = index(Seat::of(camera.frame()));
+        let machine = Seat::of(camera.frame()).index();
         let carried = self.links[machine].stats.read();
         let LinkStats { sent, received } = carried - std::mem::replace(&mut self.carried[machine], carried);
         let traffic = sent_bytes(sent + received);
@@ -268,7 +265,8 @@ impl<'r, D: PictureDevice> Work<'r, D> {
     fn last_words(&mut self, observer: &mut dyn Observer) -> Result<(), RoleError<D::Error>> {
         for seat in [Seat::First, Seat::Second] {
             loop {
-                match self.receive(seat) {
+                let next = self.links[seat.index()].frames_rx.recv();
+                match wait(self.waiting, "receiving a frame", next) {
                     Ok(FrameEvent::Stats(stats)) => observer.pair_did(&stats),
                     Ok(_) => return Err(out_of_order(seat, "its goodbye")),
                     Err(error) if error.is_clean_end() => break,
@@ -279,9 +277,40 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         Ok(())
     }
 
-    fn receive(&mut self, from: Seat) -> Result<FrameEvent, RoleError<D::Error>> {
-        wait(self.waiting, "receiving a frame", self.links[index(from)].frames_rx.recv())
+    /// Waits for the next message of a machine. In a live session newer poses go out meanwhile, for frames that have not begun.
+    fn receive(&mut self, from: Seat, cameras: &mut dyn Cameras) -> Result<FrameEvent, RoleError<D::Error>> {
+        let doing = "receiving a frame";
+        let [first, second] = &mut self.links;
+        let lane = match from {
+            Seat::First => &mut first.frames_rx,
+            Seat::Second => &mut second.frames_rx,
+        };
+        let mut next = pin!(lane.recv());
+        let cells = [&mut first.latest_tx, &mut second.latest_tx];
+        if self.lockstep {
+            return wait(self.waiting, doing, next);
+        }
+        loop {
+            let look = self.net.now().after(REFRESH);
+            match self.waiting.on(until(&*self.net, look, next.as_mut())) {
+                None => return Err(RoleError::Stopped),
+                Some(Some(event)) => {
+                    return event.map_err(|cause| RoleError::Link { doing, cause: cause.into() });
+                }
+                Some(None) => {}
+            }
+            for seat in [Seat::First, Seat::Second] {
+                if let Some(camera) = self.handed.newer(seat, cameras) {
+                    self.machine.hand_out(camera);
+                    self.handed.hand_out(camera, cells[seat.index()]).map_err(handing_out)?;
+                }
+            }
+        }
     }
+}
+
+fn handing_out<D: std::error::Error>(cause: SendError) -> RoleError<D> {
+    RoleError::Link { doing: "handing out a camera", cause: cause.into() }
 }
 
 fn out_of_order<D: std::error::Error>(from: Seat, state: &'static str) -> RoleError<D> {

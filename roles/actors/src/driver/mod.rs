@@ -3,12 +3,14 @@
 //! A role occupies one thread, since its device blocks. The links are async: each wait hands the thread to the runtime for just
 //! that long, and gives up when the role is asked to stop.
 
+mod cameras;
 mod display;
 mod outlet;
 mod pair;
 mod stop;
 
-pub use display::{Cameras, DisplayRole, Observer, PairTraffic, ShownFrame};
+pub use cameras::Cameras;
+pub use display::{DisplayRole, Observer, PairTraffic, ShownFrame};
 pub use pair::{OccluderPolicy, PairRole};
 pub use stop::{Stop, Stopper};
 
@@ -138,9 +140,33 @@ fn viewport_of(settings: &Settings) -> Result<Viewport, ViewportError> {
 }
 
 fn rule_of(settings: &Settings) -> Result<CutRule, CutRuleError> {
-    CutRule::new(settings.epsilon.pixels())
+    Ok(CutRule::new(settings.epsilon.pixels())?.stopping_at_few_pixels(settings.few_pixels))
 }
 
 fn nanoseconds(time: std::time::Duration) -> u64 {
     u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
+
+    use super::*;
+
+    #[test]
+    fn the_display_decides_bound_and_rule() {
+        for few_pixels in [false, true] {
+            let settings = Settings {
+                size: PictureSize::new(8, 8).unwrap(),
+                epsilon: EpsilonPx::new(3.0).unwrap(),
+                batch: BatchSize::default(),
+                tester: TesterKind::Raster,
+                lockstep: true,
+                few_pixels,
+                frames: None,
+            };
+            let rule = rule_of(&settings).unwrap();
+            assert_eq!((rule.epsilon_px(), rule.stops_at_few_pixels()), (3.0, few_pixels));
+        }
+    }
 }

@@ -303,6 +303,7 @@ const fn counts(walk: &CullStats) -> CullCounts {
         near_visible: walk.near_visible,
         eye_inside: walk.eye_inside,
         not_finite: walk.not_finite,
+        few_pixels: walk.stopped_at_few_pixels,
         emitted: walk.emitted,
         refined: walk.refined,
         batches: walk.batches,

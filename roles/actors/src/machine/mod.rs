@@ -48,6 +48,14 @@ impl Seat {
         }
     }
 
+    /// Its place in pairs of things: 0 or 1.
+    pub(crate) const fn index(self) -> usize {
+        match self {
+            Self::First => 0,
+            Self::Second => 1,
+        }
+    }
+
     /// The first frame this machine culls.
     const fn first_frame(self) -> FrameNumber {
         match self {
