@@ -15,6 +15,7 @@ mod id;
 mod message;
 mod settings;
 mod stats;
+mod time;
 
 pub use batch::{BatchSize, BatchSizeError, ID_BYTES, IdBatch, IdBatchError};
 pub use camera::{Camera, CameraError};
@@ -32,3 +33,4 @@ pub use id::{DrawableId, FrameNumber, SceneHash};
 pub use message::Message;
 pub use settings::{EpsilonPx, PictureSize, Settings, SettingsError, TesterKind};
 pub use stats::{CullCounts, FrameStats, SentBytes};
+pub use time::Instant;

@@ -6,9 +6,10 @@ use std::io;
 use std::net::SocketAddr;
 use std::pin::Pin;
 use std::task::{Context, Poll};
-use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncWrite};
+
+pub use trimaran_proto::Instant;
 
 use crate::TcpOptions;
 
@@ -20,38 +21,6 @@ pub type BoxReader = Box<dyn AsyncRead + Send + Unpin>;
 
 /// The end of a stream that is written to. A write end that is dropped is closed: the peer reads the end of the stream.
 pub type BoxWriter = Box<dyn AsyncWrite + Send + Unpin>;
-
-/// A point in the time of one [`Net`]: nanoseconds since an origin that the `Net` chose.
-///
-/// Not a `std::time::Instant`, because a simulated network keeps a time of its own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Instant(u64);
-
-impl Instant {
-    /// `nanos` nanoseconds after the origin.
-    #[must_use]
-    pub const fn from_nanos(nanos: u64) -> Self {
-        Self(nanos)
-    }
-
-    /// Nanoseconds since the origin.
-    #[must_use]
-    pub const fn as_nanos(self) -> u64 {
-        self.0
-    }
-
-    /// `duration` later, or the last instant there is (584 years after the origin).
-    #[must_use]
-    pub fn after(self, duration: Duration) -> Self {
-        Self(self.0.saturating_add(u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)))
-    }
-
-    /// How long ago `earlier` was; zero when it was not.
-    #[must_use]
-    pub const fn since(self, earlier: Self) -> Duration {
-        Duration::from_nanos(self.0.saturating_sub(earlier.0))
-    }
-}
 
 /// Time, tasks and sockets. [`TokioNet`](crate::TokioNet) is the real one; a simulator implements the same trait over
 /// virtual time, so that the very same transports run on it.
@@ -140,18 +109,4 @@ pub async fn until<F: Future>(net: &dyn Net, at: Instant, future: F) -> Option<F
         Poll::Pending => timer.poll(cx).map(|()| None),
     })
     .await
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn time_saturates_at_both_ends() {
-        let t = Instant::from_nanos(5);
-        assert_eq!(t.after(Duration::from_nanos(2)), Instant::from_nanos(7));
-        assert_eq!(t.after(Duration::MAX), Instant::from_nanos(u64::MAX));
-        assert_eq!(t.since(Instant::from_nanos(2)), Duration::from_nanos(3));
-        assert_eq!(t.since(Instant::from_nanos(9)), Duration::ZERO);
-    }
 }

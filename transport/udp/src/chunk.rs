@@ -1,0 +1,209 @@
+//! The inside of a packet: a sequence of chunks.
+
+use trimaran_proto::Camera;
+
+use crate::ranges::RangeSet;
+use crate::wire::{Malformed, Reader, put_varint, varint_len};
+
+const PING: u8 = 0x01;
+const ACK: u8 = 0x02;
+const CREDIT: u8 = 0x03;
+const CLOSE: u8 = 0x04;
+const CAMERA: u8 = 0x10;
+const PART: u8 = 0x20;
+
+/// The ranges of packet numbers that an acknowledgement names at most; older ones have been named often enough.
+pub(crate) const ACK_RANGES: usize = 32;
+
+/// How a part of a unit relates to what follows it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Tail {
+    /// More of the unit follows.
+    More,
+    /// Nothing follows for now: the receiver shall pass on what it has.
+    Pause,
+    /// The unit ends here, and is no whole frame.
+    End,
+    /// The frame ends here; the hash of its ids.
+    Frame(u64),
+}
+
+/// One chunk.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Chunk<'a> {
+    /// Only to be acknowledged.
+    Ping,
+    /// Packets that arrived; the newest one so many microseconds ago.
+    Ack { delay_us: u64, numbers: RangeSet },
+    /// How many bytes and units the sender may send in all.
+    Credit { bytes: u64, units: u64 },
+    /// The sender is gone.
+    Close,
+    /// A camera, the `number`th that was published.
+    Camera { number: u64, camera: [u8; Camera::SIZE] },
+    /// Bytes of a unit of the frames lane.
+    Part { unit: u64, offset: u64, tail: Tail, data: &'a [u8] },
+}
+
+/// The most bytes that a part has beside its data.
+pub(crate) fn part_overhead(unit: u64, offset: u64) -> usize {
+    1 + varint_len(unit) + varint_len(offset) + 2 + 8
+}
+
+impl<'a> Chunk<'a> {
+    /// Whether the peer shall acknowledge the packet.
+    pub(crate) const fn is_eliciting(&self) -> bool {
+        !matches!(self, Self::Ack { .. } | Self::Close)
+    }
+
+    pub(crate) fn write(&self, out: &mut Vec<u8>) {
+        match self {
+            Self::Ping => out.push(PING),
+            Self::Ack { delay_us, numbers } => {
+                out.push(ACK);
+                put_varint(out, *delay_us);
+                put_varint(out, numbers.len().min(ACK_RANGES) as u64);
+                let mut above = None;
+                for range in numbers.iter().rev().take(ACK_RANGES) {
+                    // The first is named by its last number, each further one by the gap below the one before.
+                    put_varint(out, above.map_or(range.end - 1, |above: u64| above - range.end));
+                    put_varint(out, range.end - range.start);
+                    above = Some(range.start);
+                }
+            }
+            Self::Credit { bytes, units } => {
+                out.push(CREDIT);
+                put_varint(out, *bytes);
+                put_varint(out, *units);
+            }
+            Self::Close => out.push(CLOSE),
+            Self::Camera { number, camera } => {
+                out.push(CAMERA);
+                put_varint(out, *number);
+                out.extend_from_slice(camera);
+            }
+            Self::Part { unit, offset, tail, data } => {
+                out.push(PART | match tail {
+                    Tail::More => 0,
+                    Tail::Pause => 1,
+                    Tail::End => 2,
+                    Tail::Frame(_) => 3,
+                });
+                put_varint(out, *unit);
+                put_varint(out, *offset);
+                out.extend_from_slice(&(data.len() as u16).to_le_bytes());
+                if let Tail::Frame(hash) = tail {
+                    out.extend_from_slice(&hash.to_le_bytes());
+                }
+                out.extend_from_slice(data);
+            }
+        }
+    }
+
+    /// Reads the next chunk.
+    pub(crate) fn read(reader: &mut Reader<'a>) -> Result<Self, Malformed> {
+        let code = reader.u8("chunk")?;
+        match code {
+            PING => Ok(Self::Ping),
+            ACK => read_ack(reader),
+            CREDIT => Ok(Self::Credit { bytes: reader.varint("credit")?, units: reader.varint("credit")? }),
+            CLOSE => Ok(Self::Close),
+            CAMERA => {
+                let number = reader.varint("camera number")?;
+                Ok(Self::Camera { number, camera: *reader.array("camera")? })
+            }
+            0x20..=0x23 => {
+                let unit = reader.varint("unit")?;
+                let offset = reader.varint("offset")?;
+                let length = usize::from(reader.u16("part length")?);
+                let tail = match code & 3 {
+                    0 => Tail::More,
+                    1 => Tail::Pause,
+                    2 => Tail::End,
+                    _ => Tail::Frame(reader.u64("hash")?),
+                };
+                Ok(Self::Part { unit, offset, tail, data: reader.take(length, "part")? })
+            }
+            _ => Err(Malformed::UnknownChunk { code }),
+        }
+    }
+}
+
+fn read_ack<'a>(reader: &mut Reader<'a>) -> Result<Chunk<'a>, Malformed> {
+    const WHAT: &str = "acknowledged range";
+    let out_of_range = Malformed::Range { what: WHAT };
+    let delay_us = reader.varint("acknowledgement delay")?;
+    let count = reader.varint(WHAT)?;
+    if !(1..=ACK_RANGES as u64).contains(&count) {
+        return Err(out_of_range);
+    }
+    let mut numbers = RangeSet::default();
+    let mut above: Option<u64> = None;
+    for _ in 0..count {
+        let step = reader.varint(WHAT)?;
+        let length = reader.varint(WHAT)?;
+        let end = match above {
+            None => step.checked_add(1),
+            Some(_) if step == 0 => None,
+            Some(above) => above.checked_sub(step),
+        };
+        let end = end.ok_or(out_of_range)?;
+        let start = end.checked_sub(length).filter(|_| length > 0).ok_or(out_of_range)?;
+        numbers.insert(start..end);
+        above = Some(start);
+    }
+    Ok(Chunk::Ack { delay_us, numbers })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn back(chunk: &Chunk<'_>) {
+        let mut out = Vec::new();
+        chunk.write(&mut out);
+        let mut reader = Reader::new(&out);
+        assert_eq!(Chunk::read(&mut reader).as_ref(), Ok(chunk));
+        assert!(reader.is_empty());
+        for cut in 0..out.len() {
+            assert!(Chunk::read(&mut Reader::new(&out[..cut])).is_err(), "{cut} of {}", out.len());
+        }
+    }
+
+    #[test]
+    fn chunks_come_back_and_their_parts_do_not() {
+        back(&Chunk::Ping);
+        back(&Chunk::Close);
+        back(&Chunk::Credit { bytes: 1 << 40, units: 7 });
+        back(&Chunk::Camera { number: 300, camera: [5; Camera::SIZE] });
+        for tail in [Tail::More, Tail::Pause, Tail::End, Tail::Frame(77)] {
+            back(&Chunk::Part { unit: 1 << 30, offset: 80, tail, data: b"ids" });
+        }
+        let mut numbers = RangeSet::default();
+        for range in [0..1, 3..9, 200..1000] {
+            numbers.insert(range);
+        }
+        back(&Chunk::Ack { delay_us: 900, numbers });
+    }
+
+    #[test]
+    fn ranges_below_zero_empty_or_touching_are_refused() {
+        for ack in [[5, 7, 0, 0], [5, 0, 0, 0], [5, 2, 0, 1], [5, 2, 4, 1], [5, 2, 2, 3]] {
+            let bytes = [&[ACK, 0, 2][..], &ack].concat();
+            let read = Chunk::read(&mut Reader::new(&bytes));
+            assert!(matches!(read, Err(Malformed::Range { .. })), "{ack:?}: {read:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_judged_and_what_is_read_is_written_back(bytes in prop::collection::vec(any::<u8>(), 0..120)) {
+            let mut reader = Reader::new(&bytes);
+            while let Ok(chunk) = Chunk::read(&mut reader) {
+                back(&chunk);
+            }
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! How much may be in flight: CUBIC (RFC 9438), with the validation of RFC 7661.
+
+use std::time::Duration;
+
+use trimaran_proto::Instant;
+
+/// What a loss leaves of the window (RFC 9438, section 4.6).
+const BETA: f64 = 0.7;
+/// How fast the window comes back, in segments per second cubed (RFC 9438, section 5).
+const C: f64 = 0.4;
+/// The window at the start and the smallest one, in segments (RFC 9002, section 7.2).
+const INITIAL: f64 = 10.0;
+const MINIMUM: f64 = 2.0;
+
+/// The congestion window. All sizes are in segments of the path inside, in bytes outside.
+#[derive(Debug, Clone)]
+pub(crate) struct Cubic {
+    segment: f64,
+    window: f64,
+    threshold: f64,
+    /// The window before the last reduction.
+    peak: f64,
+    /// What Reno would have.
+    reno: f64,
+    /// The start of congestion avoidance since the last reduction.
+    epoch: Option<Instant>,
+    /// Packets sent before this do not reduce the window again.
+    recovery: Option<Instant>,
+}
+
+impl Cubic {
+    pub(crate) fn new(segment: usize) -> Self {
+        Self {
+            segment: segment as f64,
+            window: INITIAL,
+            threshold: f64::INFINITY,
+            peak: 0.0,
+            reno: 0.0,
+            epoch: None,
+            recovery: None,
+        }
+    }
+
+    /// Bytes that may be in flight.
+    pub(crate) fn window(&self) -> usize {
+        (self.window * self.segment) as usize
+    }
+
+    /// `bytes` sent at `sent` were acknowledged, `in_flight` having been in flight before.
+    pub(crate) fn on_ack(
+        &mut self,
+        now: Instant,
+        sent: Instant,
+        bytes: usize,
+        in_flight: usize,
+        rtt: Duration,
+    ) {
+        let recovering = self.recovery.is_some_and(|start| sent <= start);
+        // A window of which less than half is used says nothing about the path, and must not grow (RFC 7661, section 4.3).
+        if recovering || in_flight * 2 < self.window() {
+            return;
+        }
+        let acked = bytes as f64 / self.segment;
+        if self.window < self.threshold {
+            self.window += acked;
+            return;
+        }
+        let epoch = *self.epoch.get_or_insert_with(|| {
+            self.reno = self.window;
+            self.peak = self.peak.max(self.window);
+            now
+        });
+        self.reno += 3.0 * (1.0 - BETA) / (1.0 + BETA) * acked / self.window;
+        let k = ((self.peak - self.peak.min(self.threshold)) / C).cbrt();
+        let at = (now.since(epoch) + rtt).as_secs_f64() - k;
+        let target = (C * at * at * at + self.peak).clamp(self.window, 1.5 * self.window);
+        let step = (target - self.window) / self.window * acked;
+        self.window = (self.window + step).max(self.reno);
+    }
+
+    /// A packet sent at `sent` was lost. The losses of one round trip count once.
+    pub(crate) fn on_loss(&mut self, now: Instant, sent: Instant) {
+        if self.recovery.is_some_and(|start| sent <= start) {
+            return;
+        }
+        self.recovery = Some(now);
+        self.epoch = None;
+        // Fast convergence: who lost below the last peak leaves room to others (RFC 9438, section 4.7).
+        self.peak = if self.window < self.peak { self.window * (1.0 + BETA) / 2.0 } else { self.window };
+        self.window = (self.window * BETA).max(MINIMUM);
+        self.threshold = self.window;
+    }
+
+    /// Everything sent over a long time was lost (RFC 9002, section 7.6).
+    pub(crate) fn on_persistent_congestion(&mut self) {
+        self.threshold = (self.window * BETA).max(MINIMUM);
+        self.window = MINIMUM;
+        self.epoch = None;
+        self.recovery = None;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RTT: Duration = Duration::from_millis(10);
+
+    fn at(ms: u64) -> Instant {
+        Instant::from_nanos(ms * 1_000_000)
+    }
+
+    #[test]
+    fn the_window_doubles_each_round_trip_until_a_loss() {
+        let mut cubic = Cubic::new(1000);
+        assert_eq!(cubic.window(), 10_000);
+        cubic.on_ack(at(10), at(0), 10_000, 10_000, RTT);
+        assert_eq!(cubic.window(), 20_000);
+        cubic.on_loss(at(20), at(11));
+        assert_eq!(cubic.window(), 14_000);
+        cubic.on_loss(at(21), at(12));
+        assert_eq!(cubic.window(), 14_000, "the same round trip");
+        cubic.on_loss(at(40), at(30));
+        assert_eq!(cubic.window() / 10, 979, "two reductions, rounded down");
+    }
+
+    #[test]
+    fn an_unused_window_does_not_grow() {
+        let mut cubic = Cubic::new(1000);
+        cubic.on_ack(at(10), at(0), 4_000, 4_000, RTT);
+        assert_eq!(cubic.window(), 10_000);
+        cubic.on_ack(at(10), at(0), 5_000, 5_000, RTT);
+        assert_eq!(cubic.window(), 15_000);
+    }
+
+    #[test]
+    fn after_a_loss_the_window_comes_back_to_its_peak() {
+        let mut cubic = Cubic::new(1000);
+        cubic.on_ack(at(10), at(0), 90_000, 90_000, RTT);
+        cubic.on_loss(at(20), at(15));
+        assert_eq!(cubic.window(), 70_000);
+        // The peak is due after cbrt(30 / 0.4) = 4.2 s; at this round trip Reno would be at 81 by then.
+        let rtt = Duration::from_millis(200);
+        let mut before = cubic.window();
+        for round in 1..22 {
+            let window = cubic.window();
+            cubic.on_ack(at(round * 200), at(round * 200 - 150), window, window, rtt);
+            assert!(cubic.window() >= before);
+            before = cubic.window();
+        }
+        assert!((98_000..=101_000).contains(&before), "{before}");
+    }
+
+    #[test]
+    fn persistent_congestion_leaves_two_segments() {
+        let mut cubic = Cubic::new(1000);
+        cubic.on_persistent_congestion();
+        assert_eq!(cubic.window(), 2_000);
+        for _ in 0..20 {
+            cubic.on_loss(at(1), at(2));
+        }
+        assert_eq!(cubic.window(), 2_000);
+    }
+}

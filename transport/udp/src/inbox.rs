@@ -1,0 +1,248 @@
+//! The frames lane as it is received: units put together in any order, passed on in theirs.
+
+use std::collections::VecDeque;
+
+use bytes::{Buf, BytesMut};
+use thiserror::Error;
+use trimaran_proto::{
+    BatchSize, Decoder, DecodeError, FrameEnd, FrameMessage, FrameNumber, Goodbye, HEADER_BYTES, ID_BYTES,
+    IdBatch, Kind, Message,
+};
+
+use crate::chunk::Tail;
+use crate::ranges::RangeSet;
+
+/// How many units may be under way.
+const UNITS: u64 = 1024;
+/// How many separate pieces of one unit are kept.
+const PIECES: usize = 4096;
+/// The header and payload of begin: what a frame starts with.
+const HEAD: usize = HEADER_BYTES + *Kind::Begin.lengths().end();
+
+/// What comes out of the lane.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Received {
+    /// A message of the lane.
+    Frame(FrameMessage),
+    /// The peer leaves.
+    Goodbye(Goodbye),
+    /// The peer is gone without a goodbye.
+    Gone,
+}
+
+/// What a peer did on the frames lane that it must not do.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum LaneViolation {
+    /// It sent more than it was allowed.
+    #[error("more was sent than allowed")]
+    Credit,
+    /// It ended a unit in two places, or sent bytes behind the end.
+    #[error("a unit ends in two places")]
+    End,
+    /// It sent a unit in too many pieces.
+    #[error("a unit came in more than {PIECES} separate pieces")]
+    Pieces,
+    /// A unit is no message.
+    #[error("a unit holds no message of the lane")]
+    Unit,
+    /// A unit does not decode.
+    #[error(transparent)]
+    Decode(#[from] DecodeError),
+}
+
+/// Units in order of their numbers.
+#[derive(Debug)]
+pub(crate) struct Inbox {
+    units: VecDeque<Unit>,
+    /// The number of the unit that is passed on now.
+    first: u64,
+    batch: BatchSize,
+    window: u64,
+    /// Bytes passed on, and bytes that the peer has used of what it may send.
+    taken: u64,
+    used: u64,
+    /// The credit that the peer was told of.
+    told: u64,
+}
+
+#[derive(Debug, Default)]
+struct Unit {
+    /// Bytes from `base` on, with gaps; what lies before was passed on.
+    data: BytesMut,
+    base: u64,
+    have: RangeSet,
+    highest: u64,
+    /// Up to where everything shall be passed on.
+    pause: u64,
+    end: Option<(u64, Tail)>,
+    frame: Option<FrameNumber>,
+}
+
+impl Inbox {
+    pub(crate) fn new(batch: BatchSize, window: u64) -> Self {
+        Self { units: VecDeque::new(), first: 0, batch, window, taken: 0, used: 0, told: window }
+    }
+
+    /// What the peer may send before it hears of more.
+    pub(crate) const fn initial_units() -> u64 {
+        UNITS
+    }
+
+    /// The credit to tell the peer, when there is a good part of the window to tell of, or `again`.
+    pub(crate) fn credit(&mut self, again: bool) -> Option<(u64, u64)> {
+        let bytes = self.taken + self.window;
+        // A unit without bytes is counted as some, so that small units bring credit as well.
+        if !again && bytes - self.told < self.window / 4 && !self.first.is_multiple_of(UNITS / 4) {
+            return None;
+        }
+        self.told = bytes;
+        Some((bytes, self.first + UNITS))
+    }
+
+    /// Takes a part.
+    pub(crate) fn put(&mut self, number: u64, offset: u64, tail: Tail, data: &[u8]) -> Result<(), LaneViolation> {
+        let Some(at) = number.checked_sub(self.first) else { return Ok(()) };
+        if at >= UNITS {
+            return Err(LaneViolation::Credit);
+        }
+        while self.units.len() as u64 <= at {
+            self.units.push_back(Unit::default());
+        }
+        let Some(unit) = usize::try_from(at).ok().and_then(|at| self.units.get_mut(at)) else { return Ok(()) };
+        let to = offset.checked_add(data.len() as u64).ok_or(LaneViolation::Credit)?;
+        let fresh = to.saturating_sub(unit.highest);
+        if self.used.checked_add(fresh).is_none_or(|used| used > self.taken + self.window) {
+            return Err(LaneViolation::Credit);
+        }
+        let beyond = unit.end.is_some_and(|(end, _)| to > end);
+        let ends = matches!(tail, Tail::End | Tail::Frame(_));
+        let moved = ends && (unit.end.is_some_and(|known| known != (to, tail)) || to < unit.highest);
+        if beyond || moved {
+            return Err(LaneViolation::End);
+        }
+        self.used += fresh;
+        unit.highest = unit.highest.max(to);
+        match tail {
+            Tail::More => {}
+            Tail::Pause => unit.pause = unit.pause.max(to),
+            Tail::End | Tail::Frame(_) => {
+                unit.end = Some((to, tail));
+                unit.pause = to;
+            }
+        }
+        unit.store(offset, data)
+    }
+
+    /// The next message, if it has arrived.
+    pub(crate) fn take(&mut self) -> Result<Option<Received>, LaneViolation> {
+        loop {
+            let Some(unit) = self.units.front_mut() else { return Ok(None) };
+            let before = unit.base;
+            let step = unit.step(self.batch)?;
+            self.taken += unit.base - before;
+            match step {
+                Step::Wait => return Ok(None),
+                Step::Item(item) => return Ok(Some(item)),
+                Step::Last(item) => {
+                    self.units.pop_front();
+                    self.first += 1;
+                    if let Some(item) = item {
+                        return Ok(Some(item));
+                    }
+                }
+            }
+        }
+    }
+}
+
+enum Step {
+    Wait,
+    Item(Received),
+    /// The unit is over.
+    Last(Option<Received>),
+}
+
+impl Unit {
+    fn store(&mut self, offset: u64, data: &[u8]) -> Result<(), LaneViolation> {
+        let skip = (self.base.saturating_sub(offset) as usize).min(data.len());
+        let (offset, data) = (offset + skip as u64, data.get(skip..).unwrap_or_default());
+        if data.is_empty() {
+            return Ok(());
+        }
+        let (from, to) = ((offset - self.base) as usize, (offset - self.base) as usize + data.len());
+        if self.data.len() < to {
+            self.data.resize(to, 0);
+        }
+        if let Some(slot) = self.data.get_mut(from..to) {
+            slot.copy_from_slice(data);
+        }
+        self.have.insert(offset..offset + data.len() as u64);
+        if self.have.len() > PIECES { Err(LaneViolation::Pieces) } else { Ok(()) }
+    }
+
+    fn step(&mut self, batch: BatchSize) -> Result<Step, LaneViolation> {
+        let ready = self.have.end_of_run(self.base) - self.base;
+        let ended = self.end.filter(|(end, _)| *end == self.base + ready).map(|(_, tail)| tail);
+        let Some(frame) = self.frame else {
+            return self.first_step(ready as usize, ended);
+        };
+        let pause = self.pause.saturating_sub(self.base).min(ready);
+        let whole = batch.bytes() as u64;
+        let now = if ready >= whole { whole } else { pause - pause % ID_BYTES as u64 };
+        if now > 0 {
+            let bytes = self.split(now as usize).freeze();
+            let batch = IdBatch::new(bytes).map_err(|_| LaneViolation::Unit)?;
+            return Ok(Step::Item(Received::Frame(FrameMessage::Ids(batch))));
+        }
+        Ok(match ended {
+            None => Step::Wait,
+            Some(Tail::Frame(hash)) => {
+                let ids = (self.base - HEAD as u64) / ID_BYTES as u64;
+                let ids = u32::try_from(ids).map_err(|_| LaneViolation::Unit)?;
+                let end = FrameEnd { frame, ids, hash };
+                Step::Last(Some(Received::Frame(FrameMessage::End(end))))
+            }
+            Some(_) => Step::Last(None),
+        })
+    }
+
+    /// What a unit starts with says what it is.
+    fn first_step(&mut self, ready: usize, ended: Option<Tail>) -> Result<Step, LaneViolation> {
+        let begins = self.data.first() == Some(&Kind::Begin.code());
+        let length = match ended {
+            Some(_) if ready == 0 => return Ok(Step::Last(Some(Received::Gone))),
+            _ if begins && ready >= HEAD => HEAD,
+            Some(_) => ready,
+            None => return Ok(Step::Wait),
+        };
+        let mut decoder = Decoder::new();
+        decoder.push(&self.split(length));
+        match decoder.next_message()? {
+            Some(Message::Frame(FrameMessage::Begin(start))) if decoder.pending() == 0 => {
+                self.frame = Some(start.frame);
+                Ok(Step::Item(Received::Frame(FrameMessage::Begin(start))))
+            }
+            Some(Message::Frame(stats @ FrameMessage::Stats(_))) if decoder.pending() == 0 => {
+                Ok(Step::Last(Some(Received::Frame(stats))))
+            }
+            Some(Message::Goodbye(reason)) if decoder.pending() == 0 => {
+                Ok(Step::Last(Some(Received::Goodbye(reason))))
+            }
+            _ => Err(LaneViolation::Unit),
+        }
+    }
+
+    fn split(&mut self, count: usize) -> BytesMut {
+        self.base += count as u64;
+        self.have.remove(&(0..self.base));
+        if count >= self.data.len() {
+            return std::mem::take(&mut self.data);
+        }
+        let mut head = BytesMut::with_capacity(count);
+        head.extend_from_slice(self.data.get(..count).unwrap_or_default());
+        self.data.advance(count);
+        head
+    }
+}

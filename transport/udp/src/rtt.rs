@@ -1,0 +1,84 @@
+//! The round-trip time of a path (RFC 9002, section 5).
+
+use std::time::Duration;
+
+/// Timers are no finer than this (RFC 9002, section 6.1.2).
+pub(crate) const GRANULARITY: Duration = Duration::from_millis(1);
+
+/// What the round trip is taken for before it was measured: local networks are faster, and RFC 9002's 333 ms would make a lost first
+/// packet cost a second.
+const INITIAL: Duration = Duration::from_millis(100);
+
+/// A smoothed round-trip time.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Rtt {
+    measured: Option<Measured>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Measured {
+    latest: Duration,
+    smoothed: Duration,
+    variation: Duration,
+    minimum: Duration,
+}
+
+impl Rtt {
+    /// Takes a sample; the peer held the acknowledgement back for `delay`.
+    pub(crate) fn sample(&mut self, latest: Duration, delay: Duration) {
+        let Some(rtt) = &mut self.measured else {
+            let measured = Measured { latest, smoothed: latest, variation: latest / 2, minimum: latest };
+            self.measured = Some(measured);
+            return;
+        };
+        rtt.latest = latest;
+        rtt.minimum = rtt.minimum.min(latest);
+        // A delay that would push the sample below the minimum is not believed.
+        let sample = if latest >= rtt.minimum + delay { latest - delay } else { latest };
+        rtt.variation = (rtt.variation * 3 + rtt.smoothed.abs_diff(sample)) / 4;
+        rtt.smoothed = (rtt.smoothed * 7 + sample) / 8;
+    }
+
+    pub(crate) fn smoothed(&self) -> Duration {
+        self.measured.map_or(INITIAL, |rtt| rtt.smoothed)
+    }
+
+    /// How long after a later packet's acknowledgement an earlier one counts as lost.
+    pub(crate) fn loss_delay(&self) -> Duration {
+        let longest = self.measured.map_or(INITIAL, |rtt| rtt.latest.max(rtt.smoothed));
+        (longest * 9 / 8).max(GRANULARITY)
+    }
+
+    /// How long to wait for an acknowledgement before probing, without backoff.
+    pub(crate) fn probe_timeout(&self, max_ack_delay: Duration) -> Duration {
+        let variation = self.measured.map_or(INITIAL / 2, |rtt| rtt.variation);
+        self.smoothed() + (variation * 4).max(GRANULARITY) + max_ack_delay
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    #[test]
+    fn samples_are_smoothed_as_the_rfc_says() {
+        let mut rtt = Rtt::default();
+        rtt.sample(10 * MS, Duration::ZERO);
+        assert_eq!((rtt.smoothed(), rtt.probe_timeout(MS)), (10 * MS, 31 * MS));
+        rtt.sample(20 * MS, 2 * MS);
+        // 10 * 7/8 + 18 / 8, and 5 * 3/4 + 8 / 4.
+        assert_eq!(rtt.smoothed(), Duration::from_micros(11_000));
+        assert_eq!(rtt.probe_timeout(Duration::ZERO), Duration::from_micros(11_000 + 4 * 5_750));
+        assert_eq!(rtt.loss_delay(), 20 * MS * 9 / 8);
+    }
+
+    #[test]
+    fn a_delay_that_cannot_be_is_not_believed() {
+        let mut rtt = Rtt::default();
+        rtt.sample(10 * MS, Duration::ZERO);
+        rtt.sample(10 * MS, 9 * MS);
+        assert_eq!(rtt.smoothed(), 10 * MS);
+    }
+}
