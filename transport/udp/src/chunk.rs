@@ -83,12 +83,14 @@ impl<'a> Chunk<'a> {
                 out.extend_from_slice(camera);
             }
             Self::Part { unit, offset, tail, data } => {
-                out.push(PART | match tail {
-                    Tail::More => 0,
-                    Tail::Pause => 1,
-                    Tail::End => 2,
-                    Tail::Frame(_) => 3,
-                });
+                out.push(
+                    PART | match tail {
+                        Tail::More => 0,
+                        Tail::Pause => 1,
+                        Tail::End => 2,
+                        Tail::Frame(_) => 3,
+                    },
+                );
                 put_varint(out, *unit);
                 put_varint(out, *offset);
                 out.extend_from_slice(&(data.len() as u16).to_le_bytes());

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use bytes::{Buf, BytesMut};
 use thiserror::Error;
 use trimaran_proto::{
-    BatchSize, Decoder, DecodeError, FrameEnd, FrameMessage, FrameNumber, Goodbye, HEADER_BYTES, ID_BYTES,
+    BatchSize, DecodeError, Decoder, FrameEnd, FrameMessage, FrameNumber, Goodbye, HEADER_BYTES, ID_BYTES,
     IdBatch, Kind, Message,
 };
 
@@ -64,7 +64,7 @@ pub(crate) struct Inbox {
     taken: u64,
     used: u64,
     /// The credit that the peer was told of.
-    told: u64,
+    told: (u64, u64),
 }
 
 #[derive(Debug, Default)]
@@ -82,7 +82,7 @@ struct Unit {
 
 impl Inbox {
     pub(crate) fn new(batch: BatchSize, window: u64) -> Self {
-        Self { units: VecDeque::new(), first: 0, batch, window, taken: 0, used: 0, told: window }
+        Self { units: VecDeque::new(), first: 0, batch, window, taken: 0, used: 0, told: (window, UNITS) }
     }
 
     /// What the peer may send before it hears of more.
@@ -90,19 +90,26 @@ impl Inbox {
         UNITS
     }
 
-    /// The credit to tell the peer, when there is a good part of the window to tell of, or `again`.
-    pub(crate) fn credit(&mut self, again: bool) -> Option<(u64, u64)> {
-        let bytes = self.taken + self.window;
-        // A unit without bytes is counted as some, so that small units bring credit as well.
-        if !again && bytes - self.told < self.window / 4 && !self.first.is_multiple_of(UNITS / 4) {
-            return None;
-        }
-        self.told = bytes;
-        Some((bytes, self.first + UNITS))
+    /// Whether a good part of the credit was used up since the peer was told.
+    pub(crate) const fn credit_due(&self) -> bool {
+        let (bytes, units) = self.told;
+        self.taken + self.window - bytes >= self.window / 4 || self.first + UNITS - units >= UNITS / 4
+    }
+
+    /// The bytes and units that the peer may send in all; it counts as told.
+    pub(crate) const fn tell_credit(&mut self) -> (u64, u64) {
+        self.told = (self.taken + self.window, self.first + UNITS);
+        self.told
     }
 
     /// Takes a part.
-    pub(crate) fn put(&mut self, number: u64, offset: u64, tail: Tail, data: &[u8]) -> Result<(), LaneViolation> {
+    pub(crate) fn put(
+        &mut self,
+        number: u64,
+        offset: u64,
+        tail: Tail,
+        data: &[u8],
+    ) -> Result<(), LaneViolation> {
         let Some(at) = number.checked_sub(self.first) else { return Ok(()) };
         if at >= UNITS {
             return Err(LaneViolation::Credit);
@@ -110,7 +117,9 @@ impl Inbox {
         while self.units.len() as u64 <= at {
             self.units.push_back(Unit::default());
         }
-        let Some(unit) = usize::try_from(at).ok().and_then(|at| self.units.get_mut(at)) else { return Ok(()) };
+        let Some(unit) = usize::try_from(at).ok().and_then(|at| self.units.get_mut(at)) else {
+            return Ok(());
+        };
         let to = offset.checked_add(data.len() as u64).ok_or(LaneViolation::Credit)?;
         let fresh = to.saturating_sub(unit.highest);
         if self.used.checked_add(fresh).is_none_or(|used| used > self.taken + self.window) {

@@ -18,7 +18,13 @@ pub(crate) enum Keys {
 
 impl Keys {
     /// Seals `plain` behind the header that is in `out`.
-    pub(crate) fn seal(&self, to: ConnectionId, number: PacketNumber, plain: &[u8], out: &mut Vec<u8>) -> bool {
+    pub(crate) fn seal(
+        &self,
+        to: ConnectionId,
+        number: PacketNumber,
+        plain: &[u8],
+        out: &mut Vec<u8>,
+    ) -> bool {
         let start = out.len();
         match self {
             Self::Noise(noise) => {
@@ -34,7 +40,13 @@ impl Keys {
     }
 
     /// Opens what was sealed into `plain`, which it replaces; false when it is not what the peer sealed.
-    pub(crate) fn open(&self, to: ConnectionId, number: PacketNumber, sealed: &[u8], plain: &mut Vec<u8>) -> bool {
+    pub(crate) fn open(
+        &self,
+        to: ConnectionId,
+        number: PacketNumber,
+        sealed: &[u8],
+        plain: &mut Vec<u8>,
+    ) -> bool {
         plain.clear();
         let Some(length) = sealed.len().checked_sub(TAG) else { return false };
         match self {

@@ -1,8 +1,24 @@
-//! Frames over datagrams: the state machine, without sockets or a clock.
-#![allow(dead_code, reason = "work on the branch: the connection that uses these parts is not written yet")]
+//! Frames over datagrams: the state machine of a connection, without sockets or a clock.
+//!
+//! A [`Connection`] carries the two lanes of a link in packets that fit the path: the newest camera, sent again until it or a newer
+//! one has arrived, and the frames lane, whose frames are put together each by itself, so that the loss of a packet holds up no
+//! other frame on the wire; they are passed on in order.
 
+mod acks;
+mod chunk;
 mod congestion;
+mod connection;
+mod inbox;
+mod keys;
+mod outbox;
+mod pacer;
 mod packet;
 mod ranges;
+mod recovery;
 mod rtt;
 mod wire;
+
+pub use connection::{Closed, Config, Connection};
+pub use inbox::{LaneViolation, Received};
+pub use packet::{ConnectionId, MIN_DATAGRAM, VERSION};
+pub use wire::Malformed;

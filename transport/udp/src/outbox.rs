@@ -114,12 +114,24 @@ impl Outbox {
         self.allowed_units = self.allowed_units.max(units);
     }
 
+    /// Whether [`Outbox::write_part`] has something, given room.
+    pub(crate) fn has_due(&self) -> bool {
+        let units = self.allowed_units.saturating_sub(self.first);
+        let credit = self.offered < self.allowed_bytes;
+        self.units.iter().zip(0..units).any(|(unit, _)| {
+            let fresh = unit.sent < unit.written();
+            !unit.lost.is_empty() || fresh && credit || !fresh && unit.end_due
+        })
+    }
+
     /// Writes the next part that is due into `out`, at most `room` bytes; older units and lost parts first.
     pub(crate) fn write_part(&mut self, room: usize, out: &mut Vec<u8>) -> Option<(u64, Range<u64>)> {
         let units = self.allowed_units.saturating_sub(self.first);
         for (unit, at) in self.units.iter_mut().zip(0..units) {
             let number = self.first + at;
-            let most = room.checked_sub(part_overhead(number, unit.written())).filter(|most| *most >= 4)? as u64 & !3;
+            let most = room.checked_sub(part_overhead(number, unit.written())).filter(|most| *most >= 4)?
+                as u64
+                & !3;
             let fresh = (unit.written() - unit.sent).min(self.allowed_bytes.saturating_sub(self.offered));
             let range = match unit.lost.pop_front(most) {
                 Some(range) => range,

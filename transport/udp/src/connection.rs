@@ -1,0 +1,426 @@
+//! One end of a connection, once both sides have keys.
+
+use std::fmt;
+use std::time::Duration;
+
+use thiserror::Error;
+use trimaran_proto::{BatchSize, Camera, FrameMessage, Goodbye, Instant};
+
+use crate::acks::Acks;
+use crate::chunk::Chunk;
+use crate::inbox::{Inbox, LaneViolation, Received};
+use crate::keys::{Keys, OVERHEAD};
+use crate::outbox::Outbox;
+use crate::pacer::Pacer;
+use crate::packet::{ConnectionId, MIN_DATAGRAM, NUMBERS, Packet, data_header};
+use crate::recovery::{Content, Recovery, Sent, Verdict};
+use crate::wire::{Malformed, Reader};
+
+/// What holds for a connection. Both ends must agree on the window.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Config {
+    /// How many ids are passed on at once at most.
+    pub batch: BatchSize,
+    /// Bytes of the frames lane that the receiver keeps for a reader who does not read. Default 4 MiB.
+    pub window: u64,
+    /// Bytes that the sender keeps until they are acknowledged. Default 4 MiB.
+    pub send_buffer: usize,
+    /// How long an acknowledgement may wait for company. Default 1 ms.
+    pub ack_delay: Duration,
+    /// How long nothing may arrive before the peer counts as dead. Default 20 s; a quarter of it without traffic sends a ping.
+    pub lease: Duration,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            batch: BatchSize::default(),
+            window: 4 << 20,
+            send_buffer: 4 << 20,
+            ack_delay: Duration::from_millis(1),
+            lease: Duration::from_secs(20),
+        }
+    }
+}
+
+/// Why a connection is over.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum Closed {
+    /// This side closed it.
+    #[error("this side closed the connection")]
+    Here,
+    /// The peer closed it.
+    #[error("the peer closed the connection")]
+    Peer,
+    /// Nothing came for the lease.
+    #[error("nothing came from the peer for {0:?}")]
+    Silent(Duration),
+    /// The peer sent what is no packet, under its own key.
+    #[error("the peer sent a packet that is none")]
+    Malformed(#[from] Malformed),
+    /// The peer broke the rules of the frames lane.
+    #[error("the peer broke the rules of the frames lane")]
+    Lane(#[from] LaneViolation),
+    /// The peer acknowledged a packet that was never sent.
+    #[error("the peer acknowledged a packet that was never sent")]
+    NeverSent,
+    /// The peer sent a camera that is none.
+    #[error("the peer sent a camera that is none")]
+    Camera,
+    /// All packet numbers are used, or a packet could not be sealed.
+    #[error("no further packet can be sealed")]
+    Exhausted,
+}
+
+/// One end of a connection: no socket, no clock.
+///
+/// Hand it what arrives ([`Connection::handle`]) and the time when it is due ([`Connection::poll_timeout`],
+/// [`Connection::handle_timeout`]); after each call send what [`Connection::poll_transmit`] gives, until it gives nothing.
+pub struct Connection {
+    config: Config,
+    keys: Keys,
+    here: ConnectionId,
+    there: ConnectionId,
+    recovery: Recovery,
+    pacer: Pacer,
+    paced_until: Option<Instant>,
+    acks: Acks,
+    outbox: Outbox,
+    inbox: Inbox,
+    latest: Latest,
+    credit_due: bool,
+    /// A ping is due: a probe or a keepalive. It may exceed the window by one packet.
+    probe: bool,
+    last_received: Instant,
+    last_sent: Instant,
+    closed: Option<Closed>,
+    close_due: bool,
+    plain: Vec<u8>,
+}
+
+/// The latest lane, both ways.
+#[derive(Debug, Default)]
+struct Latest {
+    /// The newest camera published here, its number, and whether it must be sent.
+    out: Option<(u64, Camera)>,
+    out_due: bool,
+    /// The newest number seen, and its camera until it is read.
+    seen: u64,
+    unread: Option<Camera>,
+}
+
+impl fmt::Debug for Connection {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Connection")
+            .field("here", &self.here)
+            .field("there", &self.there)
+            .field("closed", &self.closed)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Connection {
+    /// A connection in the clear, between two ends that chose these ids: for trusted networks, and for tests.
+    #[must_use]
+    pub fn plaintext(now: Instant, here: ConnectionId, there: ConnectionId, config: Config) -> Self {
+        Self::new(now, here, there, config, Keys::Plaintext)
+    }
+
+    /// A connection whose Noise handshake is done.
+    #[must_use]
+    pub fn noise(
+        now: Instant,
+        here: ConnectionId,
+        there: ConnectionId,
+        config: Config,
+        keys: snow::StatelessTransportState,
+    ) -> Self {
+        Self::new(now, here, there, config, Keys::Noise(Box::new(keys)))
+    }
+
+    fn new(now: Instant, here: ConnectionId, there: ConnectionId, config: Config, keys: Keys) -> Self {
+        Self {
+            config,
+            keys,
+            here,
+            there,
+            recovery: Recovery::new(MIN_DATAGRAM, config.ack_delay),
+            pacer: Pacer::new(MIN_DATAGRAM),
+            paced_until: None,
+            acks: Acks::default(),
+            outbox: Outbox::new(config.window, Inbox::initial_units()),
+            inbox: Inbox::new(config.batch, config.window),
+            latest: Latest::default(),
+            credit_due: false,
+            probe: false,
+            last_received: now,
+            last_sent: now,
+            closed: None,
+            close_due: false,
+            plain: Vec::with_capacity(MIN_DATAGRAM),
+        }
+    }
+
+    /// Whether [`Connection::send`] may be called: what waits for its acknowledgement leaves room.
+    #[must_use]
+    pub const fn is_writable(&self) -> bool {
+        self.outbox.kept() < self.config.send_buffer
+    }
+
+    /// Whether everything that was sent has arrived.
+    #[must_use]
+    pub fn is_drained(&self) -> bool {
+        self.outbox.is_empty()
+    }
+
+    /// Why the connection is over, if it is.
+    #[must_use]
+    pub const fn closed(&self) -> Option<&Closed> {
+        self.closed.as_ref()
+    }
+
+    /// Packets that were found lost so far.
+    #[must_use]
+    pub const fn lost_packets(&self) -> u64 {
+        self.recovery.lost_packets
+    }
+
+    /// Sends a message of the frames lane; a frame writer has put the messages in order.
+    pub fn send(&mut self, message: FrameMessage) {
+        self.outbox.put(message);
+    }
+
+    /// Sends a goodbye behind everything else on the frames lane.
+    pub fn goodbye(&mut self, reason: Goodbye) {
+        self.outbox.goodbye(reason);
+    }
+
+    /// Says behind everything else on the frames lane that nothing more comes.
+    pub fn gone(&mut self) {
+        self.outbox.gone();
+    }
+
+    /// Publishes a camera: it replaces the one before. It is sent again until it or a newer one has arrived.
+    pub fn publish(&mut self, camera: Camera) {
+        let number = self.latest.out.map_or(1, |(number, _)| number + 1);
+        self.latest.out = Some((number, camera));
+        self.latest.out_due = true;
+    }
+
+    /// The newest camera of the peer, if it was not read before.
+    pub const fn latest(&mut self) -> Option<Camera> {
+        self.latest.unread.take()
+    }
+
+    /// The next message of the frames lane. What arrived before an end of the connection is still given.
+    pub fn recv(&mut self) -> Option<Received> {
+        match self.inbox.take() {
+            Ok(item) => {
+                self.credit_due |= self.inbox.credit_due();
+                item
+            }
+            Err(violation) => {
+                self.end(violation.into());
+                None
+            }
+        }
+    }
+
+    /// Closes at once: what has not arrived is lost.
+    pub fn close(&mut self) {
+        self.end(Closed::Here);
+    }
+
+    /// Takes a datagram for this connection. What does not open, came before, or belongs elsewhere is ignored.
+    pub fn handle(&mut self, now: Instant, datagram: &[u8]) {
+        let Ok(Packet::Data { to, number, sealed }) = Packet::parse(datagram) else { return };
+        if to != self.here || self.closed.is_some() || !self.acks.is_new(number) {
+            return;
+        }
+        let mut plain = std::mem::take(&mut self.plain);
+        if self.keys.open(to, number, sealed, &mut plain) {
+            self.last_received = now;
+            match self.take_chunks(now, &plain) {
+                Ok(eliciting) => self.acks.on_received(now, number, eliciting, self.config.ack_delay),
+                Err(why) => self.end(why),
+            }
+        }
+        self.plain = plain;
+    }
+
+    /// Writes the next datagram into `out`, which it replaces; false when there is none now.
+    pub fn poll_transmit(&mut self, now: Instant, out: &mut Vec<u8>) -> bool {
+        let mut plain = std::mem::take(&mut self.plain);
+        plain.clear();
+        let sent = self.write_chunks(now, &mut plain);
+        let made = !plain.is_empty() && self.seal(now, &plain, sent, out);
+        self.plain = plain;
+        made
+    }
+
+    /// When [`Connection::handle_timeout`] is due, if nothing happens before.
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<Instant> {
+        if self.closed.is_some() {
+            return None;
+        }
+        let keepalive = self.last_sent.after(self.config.lease / 4);
+        let lease = self.last_received.after(self.config.lease);
+        [self.recovery.timeout(), self.acks.due(), self.paced_until, Some(keepalive), Some(lease)]
+            .into_iter()
+            .flatten()
+            .min()
+    }
+
+    /// Does what is due at `now`.
+    pub fn handle_timeout(&mut self, now: Instant) {
+        if self.closed.is_some() {
+            return;
+        }
+        if now >= self.last_received.after(self.config.lease) {
+            self.end(Closed::Silent(self.config.lease));
+            return;
+        }
+        self.probe |= now >= self.last_sent.after(self.config.lease / 4);
+        if self.recovery.timeout().is_some_and(|at| at <= now) {
+            let (verdict, probe) = self.recovery.on_timeout(now);
+            self.probe |= probe;
+            self.judge(verdict);
+        }
+    }
+
+    fn end(&mut self, why: Closed) {
+        if self.closed.is_none() {
+            self.close_due = why != Closed::Peer;
+            self.closed = Some(why);
+        }
+    }
+
+    fn take_chunks(&mut self, now: Instant, plain: &[u8]) -> Result<bool, Closed> {
+        let mut reader = Reader::new(plain);
+        let mut eliciting = false;
+        while !reader.is_empty() {
+            let chunk = Chunk::read(&mut reader)?;
+            eliciting |= chunk.is_eliciting();
+            match chunk {
+                Chunk::Ping => {}
+                Chunk::Ack { delay_us, numbers } => {
+                    let delay = Duration::from_micros(delay_us);
+                    let verdict =
+                        self.recovery.on_ack(now, &numbers, delay).map_err(|_| Closed::NeverSent)?;
+                    self.judge(verdict);
+                }
+                Chunk::Credit { bytes, units } => self.outbox.allow(bytes, units),
+                Chunk::Close => return Err(Closed::Peer),
+                Chunk::Camera { number, camera } => {
+                    let camera = Camera::from_bytes(&camera).map_err(|_| Closed::Camera)?;
+                    if number > self.latest.seen {
+                        self.latest.seen = number;
+                        self.latest.unread = Some(camera);
+                    }
+                }
+                Chunk::Part { unit, offset, tail, data } => self.inbox.put(unit, offset, tail, data)?,
+            }
+        }
+        Ok(eliciting)
+    }
+
+    fn judge(&mut self, verdict: Verdict) {
+        for content in verdict.lost {
+            match content {
+                Content::Part { unit, range, ended } => self.outbox.on_loss(unit, range, ended),
+                Content::Camera { number } => {
+                    self.latest.out_due |= self.latest.out.is_some_and(|(newest, _)| newest == number);
+                }
+                Content::Credit => self.credit_due = true,
+            }
+        }
+        for content in verdict.arrived {
+            if let Content::Part { unit, range, ended } = content {
+                self.outbox.on_ack(unit, range, ended);
+            }
+        }
+    }
+
+    /// Fills a packet; gives what it carried if it asks for an acknowledgement.
+    fn write_chunks(&mut self, now: Instant, plain: &mut Vec<u8>) -> Option<Vec<Content>> {
+        const ROOM: usize = MIN_DATAGRAM - OVERHEAD;
+        if self.closed.is_some() {
+            if std::mem::take(&mut self.close_due) {
+                Chunk::Close.write(plain);
+            }
+            return None;
+        }
+        let mut contents = Vec::new();
+        let allowed = self.may_send(now);
+        let ack_due = self.acks.due().is_some_and(|due| due <= now);
+        let has_data = allowed && self.has_data();
+        if (ack_due || has_data || self.probe)
+            && let Some(ack) = self.acks.take(now)
+        {
+            ack.write(plain);
+        }
+        if !allowed {
+            return None;
+        }
+        let probe = std::mem::take(&mut self.probe);
+        if std::mem::take(&mut self.credit_due) {
+            let (bytes, units) = self.inbox.tell_credit();
+            Chunk::Credit { bytes, units }.write(plain);
+            contents.push(Content::Credit);
+        }
+        if std::mem::take(&mut self.latest.out_due)
+            && let Some((number, camera)) = self.latest.out
+        {
+            Chunk::Camera { number, camera: camera.to_bytes() }.write(plain);
+            contents.push(Content::Camera { number });
+        }
+        while let Some((unit, range)) = self.outbox.write_part(ROOM.saturating_sub(plain.len()), plain) {
+            let ended = self.outbox.ends(unit, &range);
+            contents.push(Content::Part { unit, range, ended });
+        }
+        if contents.is_empty() && probe {
+            Chunk::Ping.write(plain);
+            return Some(contents);
+        }
+        (!contents.is_empty()).then_some(contents)
+    }
+
+    /// Whether window and pacer allow a full packet now. A probe always may leave.
+    fn may_send(&mut self, now: Instant) -> bool {
+        self.paced_until = None;
+        if self.probe {
+            return true;
+        }
+        if !self.has_data() || self.recovery.room() < MIN_DATAGRAM {
+            return false;
+        }
+        let ready = self.pacer.ready(now, self.recovery.cubic.window(), self.recovery.rtt.smoothed());
+        if ready > now {
+            self.paced_until = Some(ready);
+        }
+        ready <= now
+    }
+
+    fn has_data(&self) -> bool {
+        self.credit_due || self.latest.out_due || self.outbox.has_due()
+    }
+
+    fn seal(&mut self, now: Instant, plain: &[u8], sent: Option<Vec<Content>>, out: &mut Vec<u8>) -> bool {
+        let number = self.recovery.next_number();
+        out.clear();
+        out.extend_from_slice(&data_header(self.there, number));
+        if number >= NUMBERS || !self.keys.seal(self.there, number, plain, out) {
+            self.closed.get_or_insert(Closed::Exhausted);
+            return false;
+        }
+        self.last_sent = now;
+        let bytes = out.len();
+        if sent.is_some() {
+            self.pacer.on_sent(bytes);
+        }
+        self.recovery.on_sent(sent.map(|contents| Sent { at: now, bytes, contents }));
+        true
+    }
+}

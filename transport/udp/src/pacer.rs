@@ -1,0 +1,57 @@
+//! Spreads packets over the round trip (RFC 9002, section 7.7).
+
+use std::time::Duration;
+
+use trimaran_proto::Instant;
+
+/// How much may leave at once, in packets: the initial window.
+const BURST: usize = 10;
+
+/// A bucket of bytes that fills at 5/4 of the window a round trip.
+#[derive(Debug)]
+pub(crate) struct Pacer {
+    tokens: f64,
+    filled: Option<Instant>,
+    segment: usize,
+}
+
+impl Pacer {
+    pub(crate) const fn new(segment: usize) -> Self {
+        Self { tokens: (BURST * segment) as f64, filled: None, segment }
+    }
+
+    /// When a packet of full size may leave: not after `now` if at once.
+    pub(crate) fn ready(&mut self, now: Instant, window: usize, rtt: Duration) -> Instant {
+        let rate = 1.25 * window as f64 / rtt.as_secs_f64().max(1e-6);
+        let waited = self.filled.map_or(Duration::ZERO, |filled| now.since(filled));
+        self.filled = Some(now);
+        let full = (BURST * self.segment) as f64;
+        self.tokens = (self.tokens + rate * waited.as_secs_f64()).min(full);
+        let missing = self.segment as f64 - self.tokens;
+        // Less than a byte is rounding.
+        if missing < 1.0 { now } else { now.after(Duration::from_secs_f64((missing / rate).max(1e-9))) }
+    }
+
+    pub(crate) fn on_sent(&mut self, bytes: usize) {
+        self.tokens -= bytes as f64;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ten_packets_leave_at_once_and_then_one_after_the_other() {
+        let mut pacer = Pacer::new(1000);
+        let (start, rtt) = (Instant::from_nanos(0), Duration::from_millis(10));
+        for _ in 0..10 {
+            assert_eq!(pacer.ready(start, 20_000, rtt), start);
+            pacer.on_sent(1000);
+        }
+        // 25,000 bytes in 10 ms: 0.4 ms a packet.
+        let next = pacer.ready(start, 20_000, rtt);
+        assert_eq!(next.since(start).as_micros(), 400);
+        assert_eq!(pacer.ready(next, 20_000, rtt), next);
+    }
+}

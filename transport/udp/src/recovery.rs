@@ -1,0 +1,271 @@
+//! What was sent and has not been acknowledged: loss detection and probes (RFC 9002).
+
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::time::Duration;
+
+use trimaran_proto::Instant;
+
+use crate::congestion::Cubic;
+use crate::packet::PacketNumber;
+use crate::ranges::RangeSet;
+use crate::rtt::Rtt;
+
+/// A packet is lost when one that many numbers later has arrived (RFC 9002, section 6.1.1).
+const REORDERING: u64 = 3;
+/// Losses over that many probe timeouts are persistent congestion (section 7.6.1).
+const PERSISTENT: u32 = 3;
+
+/// What a packet carried, as far as its loss or arrival matters.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Content {
+    Part { unit: u64, range: Range<u64>, ended: bool },
+    Camera { number: u64 },
+    Credit,
+}
+
+/// A packet in flight.
+#[derive(Debug)]
+pub(crate) struct Sent {
+    pub(crate) at: Instant,
+    pub(crate) bytes: usize,
+    pub(crate) contents: Vec<Content>,
+}
+
+/// What an acknowledgement or a timeout made known.
+#[derive(Debug, Default)]
+pub(crate) struct Verdict {
+    pub(crate) arrived: Vec<Content>,
+    pub(crate) lost: Vec<Content>,
+}
+
+/// An acknowledgement of a packet that was never sent.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct NeverSent;
+
+/// The packets of one connection that ask for an acknowledgement; the others are not tracked.
+#[derive(Debug)]
+pub(crate) struct Recovery {
+    next: PacketNumber,
+    /// Packets from number `base` on; `None` where one was acknowledged, lost, or asked for nothing.
+    sent: VecDeque<Option<Sent>>,
+    base: PacketNumber,
+    largest_acked: Option<PacketNumber>,
+    in_flight: usize,
+    last_sent: Option<Instant>,
+    probes: u32,
+    max_ack_delay: Duration,
+    pub(crate) rtt: Rtt,
+    pub(crate) cubic: Cubic,
+    pub(crate) lost_packets: u64,
+}
+
+impl Recovery {
+    pub(crate) fn new(segment: usize, max_ack_delay: Duration) -> Self {
+        Self {
+            next: 0,
+            sent: VecDeque::new(),
+            base: 0,
+            largest_acked: None,
+            in_flight: 0,
+            last_sent: None,
+            probes: 0,
+            max_ack_delay,
+            rtt: Rtt::default(),
+            cubic: Cubic::new(segment),
+            lost_packets: 0,
+        }
+    }
+
+    /// The number of the next packet.
+    pub(crate) const fn next_number(&self) -> PacketNumber {
+        self.next
+    }
+
+    /// Bytes that the window leaves.
+    pub(crate) fn room(&self) -> usize {
+        self.cubic.window().saturating_sub(self.in_flight)
+    }
+
+    /// The packet with the next number was sent; `eliciting` is `None` when it asks for no acknowledgement.
+    pub(crate) fn on_sent(&mut self, eliciting: Option<Sent>) {
+        self.next += 1;
+        if let Some(sent) = &eliciting {
+            self.in_flight += sent.bytes;
+            self.last_sent = Some(sent.at);
+        }
+        self.sent.push_back(eliciting);
+        self.trim();
+    }
+
+    pub(crate) fn on_ack(
+        &mut self,
+        now: Instant,
+        numbers: &RangeSet,
+        delay: Duration,
+    ) -> Result<Verdict, NeverSent> {
+        let mut verdict = Verdict::default();
+        let Some(last) = numbers.iter().next_back() else { return Ok(verdict) };
+        if last.end > self.next {
+            return Err(NeverSent);
+        }
+        let largest = last.end - 1;
+        let in_flight = self.in_flight;
+        for range in numbers.iter() {
+            for number in range.start.max(self.base)..range.end {
+                let Some(sent) = self.forget(number) else { continue };
+                if number == largest {
+                    self.rtt.sample(now.since(sent.at), delay.min(self.max_ack_delay));
+                }
+                self.probes = 0;
+                self.cubic.on_ack(now, sent.at, sent.bytes, in_flight, self.rtt.smoothed());
+                verdict.arrived.extend(sent.contents);
+            }
+        }
+        self.largest_acked = self.largest_acked.max(Some(largest));
+        self.detect_losses(now, &mut verdict);
+        self.trim();
+        Ok(verdict)
+    }
+
+    /// When [`Recovery::on_timeout`] is due.
+    pub(crate) fn timeout(&self) -> Option<Instant> {
+        self.loss_time().or_else(|| self.probe_time())
+    }
+
+    /// Finds packets that are lost by now; or else asks for a probe, which repeats what the oldest packet in flight carried.
+    pub(crate) fn on_timeout(&mut self, now: Instant) -> (Verdict, bool) {
+        let mut verdict = Verdict::default();
+        if self.loss_time().is_some_and(|at| at <= now) {
+            self.detect_losses(now, &mut verdict);
+            self.trim();
+            return (verdict, false);
+        }
+        if self.probe_time().is_none_or(|at| at > now) {
+            return (verdict, false);
+        }
+        self.probes += 1;
+        self.last_sent = Some(now);
+        let oldest = self.sent.iter().flatten().find(|sent| !sent.contents.is_empty());
+        verdict.lost.extend(oldest.into_iter().flat_map(|sent| sent.contents.clone()));
+        (verdict, true)
+    }
+
+    fn probe_time(&self) -> Option<Instant> {
+        let last = self.last_sent.filter(|_| self.in_flight > 0)?;
+        let once = self.rtt.probe_timeout(self.max_ack_delay);
+        Some(last.after(once * 2u32.pow(self.probes.min(10))))
+    }
+
+    fn loss_time(&self) -> Option<Instant> {
+        let largest = self.largest_acked?;
+        let before = largest.checked_sub(self.base).and_then(|count| usize::try_from(count).ok())?;
+        let oldest = self.sent.iter().take(before).flatten().next()?;
+        Some(oldest.at.after(self.rtt.loss_delay()))
+    }
+
+    fn detect_losses(&mut self, now: Instant, verdict: &mut Verdict) {
+        let Some(largest) = self.largest_acked else { return };
+        let delay = self.rtt.loss_delay();
+        let (mut first, mut last) = (None, None);
+        for number in self.base..largest {
+            let late = largest - number >= REORDERING;
+            let Some(sent) = self.peek(number) else { continue };
+            if !late && now.since(sent.at) < delay {
+                continue;
+            }
+            let Some(sent) = self.forget(number) else { continue };
+            self.lost_packets += 1;
+            first = first.or(Some(sent.at));
+            last = Some(sent.at);
+            verdict.lost.extend(sent.contents);
+        }
+        if let (Some(first), Some(last)) = (first, last) {
+            self.cubic.on_loss(now, last);
+            let long = self.rtt.probe_timeout(self.max_ack_delay) * PERSISTENT;
+            if verdict.arrived.is_empty() && last.since(first) > long {
+                self.cubic.on_persistent_congestion();
+            }
+        }
+    }
+
+    fn index(&self, number: PacketNumber) -> Option<usize> {
+        usize::try_from(number.checked_sub(self.base)?).ok()
+    }
+
+    fn peek(&self, number: PacketNumber) -> Option<&Sent> {
+        self.sent.get(self.index(number)?)?.as_ref()
+    }
+
+    fn forget(&mut self, number: PacketNumber) -> Option<Sent> {
+        let at = self.index(number)?;
+        let sent = self.sent.get_mut(at)?.take()?;
+        self.in_flight = self.in_flight.saturating_sub(sent.bytes);
+        Some(sent)
+    }
+
+    fn trim(&mut self) {
+        while self.sent.front().is_some_and(Option::is_none) {
+            self.sent.pop_front();
+            self.base += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(ms: u64) -> Instant {
+        Instant::from_nanos(ms * 1_000_000)
+    }
+
+    fn send(recovery: &mut Recovery, ms: u64) -> Content {
+        let content = Content::Camera { number: recovery.next_number() };
+        let contents = vec![content.clone()];
+        recovery.on_sent(Some(Sent { at: at(ms), bytes: 1000, contents }));
+        content
+    }
+
+    fn numbers(range: Range<u64>) -> RangeSet {
+        let mut set = RangeSet::default();
+        set.insert(range);
+        set
+    }
+
+    fn sender() -> Recovery {
+        Recovery::new(1000, Duration::from_millis(1))
+    }
+
+    #[test]
+    fn three_packets_later_is_lost_two_is_late() {
+        let mut recovery = sender();
+        let sent: Vec<_> = (0..5).map(|_| send(&mut recovery, 0)).collect();
+        let verdict = recovery.on_ack(at(10), &numbers(2..3), Duration::ZERO).unwrap();
+        assert_eq!((verdict.arrived, verdict.lost), (vec![sent[2].clone()], vec![]));
+        let verdict = recovery.on_ack(at(10), &numbers(3..4), Duration::ZERO).unwrap();
+        assert_eq!(verdict.lost, [sent[0].clone()]);
+        assert_eq!(recovery.timeout(), Some(at(0).after(Duration::from_micros(11_250))), "9/8 of 10 ms");
+        let (verdict, probe) = recovery.on_timeout(at(12));
+        assert_eq!((verdict.lost, probe), (vec![sent[1].clone()], false));
+    }
+
+    #[test]
+    fn a_lost_tail_is_probed_with_growing_pauses() {
+        let mut recovery = sender();
+        let sent = send(&mut recovery, 0);
+        // Nothing is measured: 100 ms, four times 50 ms, and 1 ms.
+        assert_eq!(recovery.timeout(), Some(at(301)));
+        let (verdict, probe) = recovery.on_timeout(at(301));
+        assert_eq!((verdict.lost, probe), (vec![sent], true));
+        assert_eq!(recovery.timeout(), Some(at(301 + 602)));
+        assert_eq!(recovery.lost_packets, 0, "a probe says nothing of loss");
+    }
+
+    #[test]
+    fn an_acknowledgement_of_what_was_never_sent_is_refused() {
+        let mut recovery = sender();
+        send(&mut recovery, 0);
+        assert_eq!(recovery.on_ack(at(1), &numbers(0..2), Duration::ZERO).err(), Some(NeverSent));
+    }
+}

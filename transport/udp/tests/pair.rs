@@ -1,0 +1,253 @@
+//! Two ends in virtual time, over a network that loses, doubles, delays and breaks.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::time::Duration;
+
+use proptest::prelude::*;
+use trimaran_proto::{
+    BatchSize, Camera, DrawableId, FrameAssembler, FrameEvent, FrameNumber, FrameOutcome, FrameStart,
+    FrameWriter, Goodbye, Instant,
+};
+use trimaran_udp::{Closed, Config, Connection, ConnectionId, MIN_DATAGRAM, Received};
+
+/// What happens to packets, in 1/1000.
+#[derive(Debug, Clone, Copy)]
+struct Network {
+    loss: u64,
+    twice: u64,
+    late: u64,
+    broken: u64,
+    seed: u64,
+}
+
+const CLEAN: Network = Network { loss: 0, twice: 0, late: 0, broken: 0, seed: 1 };
+const ONE_WAY: Duration = Duration::from_millis(5);
+
+struct Pair {
+    now: Instant,
+    ends: [Connection; 2],
+    network: Network,
+    /// Arrival, order, whither, what.
+    flying: BinaryHeap<Reverse<(Instant, u64, usize, Vec<u8>)>>,
+    count: u64,
+    sent: u64,
+}
+
+impl Pair {
+    fn new(network: Network, config: Config) -> Self {
+        let now = Instant::from_nanos(0);
+        let (a, b) = (ConnectionId(1), ConnectionId(2));
+        let ends = [Connection::plaintext(now, a, b, config), Connection::plaintext(now, b, a, config)];
+        Self { now, ends, network, flying: BinaryHeap::new(), count: 0, sent: 0 }
+    }
+
+    /// Splitmix64: the same network for the same seed.
+    fn chance(&mut self, per_mille: u64) -> bool {
+        self.network.seed = self.network.seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.network.seed;
+        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ z >> 31) % 1000 < per_mille
+    }
+
+    fn transmit(&mut self) {
+        let mut out = Vec::new();
+        for end in 0..2 {
+            while self.ends[end].poll_transmit(self.now, &mut out) {
+                assert!(out.len() <= MIN_DATAGRAM, "{} bytes", out.len());
+                self.sent += 1;
+                let copies = 1 + usize::from(self.chance(self.network.twice));
+                for _ in 0..copies {
+                    if self.chance(self.network.loss) {
+                        continue;
+                    }
+                    let mut packet = out.clone();
+                    if self.chance(self.network.broken) {
+                        let at = (self.count as usize * 7) % packet.len();
+                        packet[at] ^= 0x10;
+                    }
+                    let late = if self.chance(self.network.late) { ONE_WAY } else { Duration::ZERO };
+                    self.count += 1;
+                    self.flying.push(Reverse((self.now.after(ONE_WAY + late), self.count, 1 - end, packet)));
+                }
+            }
+        }
+    }
+
+    /// Goes to the next thing that happens; false when nothing ever will, or not before `end`.
+    fn step(&mut self, end: Instant) -> bool {
+        self.transmit();
+        let arrival = self.flying.peek().map(|Reverse((at, ..))| *at);
+        let timers = self.ends.iter().filter_map(Connection::poll_timeout);
+        let Some(next) = timers.chain(arrival).min().filter(|next| *next <= end) else { return false };
+        self.now = self.now.max(next);
+        while self.flying.peek().is_some_and(|Reverse((at, ..))| *at <= self.now) {
+            if let Some(Reverse((_, _, to, packet))) = self.flying.pop() {
+                self.ends[to].handle(self.now, &packet);
+            }
+        }
+        for end in &mut self.ends {
+            if end.poll_timeout().is_some_and(|at| at <= self.now) {
+                end.handle_timeout(self.now);
+            }
+        }
+        true
+    }
+}
+
+fn camera(frame: u32) -> Camera {
+    Camera::new([f64::from(frame), 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(frame))
+        .unwrap()
+}
+
+fn ids(count: u32) -> Vec<DrawableId> {
+    (0..count).map(|i| DrawableId(i.wrapping_mul(2_654_435_761))).collect()
+}
+
+fn send_frame(writer: &mut FrameWriter, end: &mut Connection, frame: u32, ids: &[DrawableId]) {
+    let start = FrameStart { frame: FrameNumber(frame), camera: camera(frame) };
+    end.send(writer.begin(start).unwrap());
+    writer.push(ids, |message| end.send(message)).unwrap();
+    writer.finish(|message| end.send(message)).unwrap();
+}
+
+/// Reads what is there; gives the complete frames' ids.
+#[derive(Default)]
+struct Reader {
+    assembler: FrameAssembler,
+    ids: Vec<DrawableId>,
+    frames: Vec<Vec<DrawableId>>,
+    ended: Option<Received>,
+}
+
+impl Reader {
+    fn read(&mut self, end: &mut Connection) {
+        while let Some(item) = end.recv() {
+            assert_eq!(self.ended, None, "nothing comes after the end");
+            let Received::Frame(message) = item else {
+                self.ended = Some(item);
+                continue;
+            };
+            match self.assembler.take(message).unwrap() {
+                FrameEvent::Ids(batch) => self.ids.extend(batch.iter()),
+                FrameEvent::End(FrameOutcome::Complete(_)) => self.frames.push(std::mem::take(&mut self.ids)),
+                FrameEvent::Begin(_) | FrameEvent::Stats(_) => {}
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+}
+
+/// Sends frames of these sizes and a goodbye over `network`; all must arrive.
+fn deliver(network: Network, config: Config, sizes: &[u32]) -> Pair {
+    let mut pair = Pair::new(network, config);
+    let (mut writer, mut reader) = (FrameWriter::new(config.batch), Reader::default());
+    let mut waiting = (0..).zip(sizes);
+    let end = Instant::from_nanos(0).after(Duration::from_secs(600));
+    let mut newest = None;
+    loop {
+        if pair.ends[0].is_writable() {
+            match waiting.next() {
+                Some((frame, size)) => {
+                    pair.ends[0].publish(camera(frame));
+                    send_frame(&mut writer, &mut pair.ends[0], frame, &ids(*size));
+                    if frame as usize + 1 == sizes.len() {
+                        pair.ends[0].goodbye(Goodbye::Finished);
+                    }
+                }
+                None if reader.ended.is_some() && pair.ends[0].is_drained() => break,
+                None => {}
+            }
+        }
+        assert!(pair.step(end), "stuck at {:?}: {:?}", pair.now, pair.ends);
+        assert_eq!((pair.ends[0].closed(), pair.ends[1].closed()), (None, None));
+        reader.read(&mut pair.ends[1]);
+        newest = pair.ends[1].latest().map(|camera| camera.frame()).or(newest);
+    }
+    assert_eq!(reader.ended, Some(Received::Goodbye(Goodbye::Finished)));
+    assert_eq!(reader.frames, sizes.iter().map(|size| ids(*size)).collect::<Vec<_>>());
+    assert_eq!(newest, sizes.len().checked_sub(1).map(|last| FrameNumber(last as u32)));
+    pair
+}
+
+#[test]
+fn a_frame_takes_one_trip_and_nothing_is_sent_twice_on_a_clean_path() {
+    let pair = deliver(CLEAN, Config::default(), &[2000]);
+    assert_eq!(pair.ends[0].lost_packets(), 0);
+    assert!(pair.sent <= 14, "{} packets for 8 kB", pair.sent);
+}
+
+#[test]
+fn frames_of_every_size_arrive() {
+    for batch in [1, 10, 256, 16_384] {
+        let config = Config { batch: BatchSize::new(batch).unwrap(), ..Config::default() };
+        deliver(CLEAN, config, &[0, 1, batch - 1, batch, batch + 1, 4000, 200_000]);
+    }
+}
+
+#[test]
+fn more_than_the_window_passes() {
+    let config = Config { window: 64 << 10, send_buffer: 32 << 10, ..Config::default() };
+    deliver(Network { loss: 20, ..CLEAN }, config, &[100_000, 0, 50_000]);
+}
+
+#[test]
+fn more_units_than_may_be_under_way_pass() {
+    deliver(Network { loss: 20, ..CLEAN }, Config::default(), &[0; 3000]);
+}
+
+#[test]
+fn the_last_camera_arrives_although_nothing_follows() {
+    let mut pair = Pair::new(Network { loss: 500, ..CLEAN }, Config::default());
+    pair.ends[0].publish(camera(7));
+    let end = Instant::from_nanos(0).after(Duration::from_secs(19));
+    let mut read = None;
+    while read.is_none() && pair.step(end) {
+        read = pair.ends[1].latest();
+    }
+    assert_eq!(read, Some(camera(7)));
+}
+
+#[test]
+fn a_dead_path_ends_after_the_lease_and_a_live_one_does_not() {
+    let lease = Duration::from_secs(2);
+    let config = Config { lease, ..Config::default() };
+    let end = Instant::from_nanos(0).after(Duration::from_secs(60));
+    let mut pair = Pair::new(CLEAN, config);
+    while pair.step(end) {}
+    assert_eq!(pair.ends[0].closed(), None);
+    pair.network.loss = 1000;
+    while pair.step(end.after(lease * 2)) {}
+    assert_eq!(pair.ends[0].closed(), Some(&Closed::Silent(lease)));
+}
+
+#[test]
+fn a_close_is_told_and_ends_the_other_side() {
+    let mut pair = Pair::new(CLEAN, Config::default());
+    pair.ends[0].close();
+    while pair.step(Instant::from_nanos(0).after(Duration::from_secs(1))) {}
+    assert_eq!(pair.ends[0].closed(), Some(&Closed::Here));
+    assert_eq!(pair.ends[1].closed(), Some(&Closed::Peer));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
+
+    #[test]
+    fn every_frame_arrives_once_in_order_whatever_the_network_does(
+        loss in 0u64..200, twice in 0u64..200, late in 0u64..300, broken in 0u64..100, seed: u64,
+        sizes in prop::collection::vec(0u32..6000, 1..12),
+    ) {
+        deliver(Network { loss, twice, late, broken, seed }, Config::default(), &sizes);
+    }
+
+    #[test]
+    fn a_strangers_bytes_change_nothing(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        let mut pair = Pair::new(CLEAN, Config::default());
+        pair.ends[0].handle(pair.now, &bytes);
+        let mut out = Vec::new();
+        prop_assert!(!pair.ends[0].poll_transmit(pair.now, &mut out));
+        prop_assert_eq!(pair.ends[0].closed(), None);
+    }
+}
