@@ -127,19 +127,13 @@ impl Connection {
         Self::new(now, here, there, config, Keys::Plaintext)
     }
 
-    /// A connection whose Noise handshake is done.
-    #[must_use]
-    pub fn noise(
+    pub(crate) fn new(
         now: Instant,
         here: ConnectionId,
         there: ConnectionId,
         config: Config,
-        keys: snow::StatelessTransportState,
+        keys: Keys,
     ) -> Self {
-        Self::new(now, here, there, config, Keys::Noise(Box::new(keys)))
-    }
-
-    fn new(now: Instant, here: ConnectionId, there: ConnectionId, config: Config, keys: Keys) -> Self {
         Self {
             config,
             keys,

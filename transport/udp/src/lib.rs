@@ -8,6 +8,8 @@ mod acks;
 mod chunk;
 mod congestion;
 mod connection;
+mod cookie;
+mod handshake;
 mod inbox;
 mod keys;
 mod outbox;
@@ -19,6 +21,7 @@ mod rtt;
 mod wire;
 
 pub use connection::{Closed, Config, Connection};
+pub use handshake::{Connecting, Door, HandshakeError, Knock, MAX_HELLO, Progress, Reception, Security};
 pub use inbox::{LaneViolation, Received};
 pub use packet::{ConnectionId, MIN_DATAGRAM, VERSION};
 pub use wire::Malformed;

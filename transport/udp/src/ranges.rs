@@ -25,10 +25,6 @@ impl RangeSet {
         self.0.range(..=value).next_back().is_some_and(|(_, &end)| value < end)
     }
 
-    pub(crate) fn covers(&self, range: &Range<u64>) -> bool {
-        range.is_empty() || self.0.range(..=range.start).next_back().is_some_and(|(_, &end)| range.end <= end)
-    }
-
     /// Where the range that holds `from` ends; `from` where none does.
     pub(crate) fn end_of_run(&self, from: u64) -> u64 {
         self.0.range(..=from).next_back().map_or(from, |(_, &end)| end.max(from))
@@ -117,7 +113,6 @@ mod tests {
                 let gaps: Vec<u64> = set.gaps(5..50).into_iter().flatten().collect();
                 let missing: Vec<u64> = (5..50).filter(|value| !model.contains(value)).collect();
                 prop_assert_eq!(gaps, missing);
-                prop_assert_eq!(set.covers(&(5..50)), (5..50).all(|value| model.contains(&value)));
                 let run = (5..).find(|value| !model.contains(value));
                 prop_assert_eq!(Some(set.end_of_run(5)), run);
             }

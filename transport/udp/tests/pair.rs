@@ -1,4 +1,5 @@
 //! Two ends in virtual time, over a network that loses, doubles, delays and breaks.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -24,12 +25,14 @@ struct Network {
 const CLEAN: Network = Network { loss: 0, twice: 0, late: 0, broken: 0, seed: 1 };
 const ONE_WAY: Duration = Duration::from_millis(5);
 
+/// Arrival, order, whither, what.
+type Flight = (Instant, u64, usize, Vec<u8>);
+
 struct Pair {
     now: Instant,
     ends: [Connection; 2],
     network: Network,
-    /// Arrival, order, whither, what.
-    flying: BinaryHeap<Reverse<(Instant, u64, usize, Vec<u8>)>>,
+    flying: BinaryHeap<Reverse<Flight>>,
     count: u64,
     sent: u64,
 }

@@ -1,0 +1,81 @@
+//! Proof that a stranger receives at the address it sends from, without remembering the stranger.
+
+use std::net::{IpAddr, SocketAddr};
+use std::time::Duration;
+
+use trimaran_proto::Instant;
+
+use crate::packet::{ConnectionId, CookieBytes};
+
+/// How long a cookie is good: several round trips with losses, and no longer.
+const LIFE: Duration = Duration::from_secs(10);
+
+/// The secret of a listener, from which it makes cookies: 32 random bytes, drawn when it starts.
+pub(crate) struct Jar([u8; 32]);
+
+impl Jar {
+    pub(crate) const fn new(secret: [u8; 32]) -> Self {
+        Self(secret)
+    }
+
+    pub(crate) fn bake(&self, now: Instant, address: SocketAddr, id: ConnectionId) -> CookieBytes {
+        let mut cookie = [0; 24];
+        let (time, hash) = cookie.split_at_mut(8);
+        time.copy_from_slice(&now.as_nanos().to_le_bytes());
+        hash.copy_from_slice(&self.hash(now, address, id).as_bytes()[..16]);
+        cookie
+    }
+
+    pub(crate) fn accepts(
+        &self,
+        now: Instant,
+        address: SocketAddr,
+        id: ConnectionId,
+        cookie: &CookieBytes,
+    ) -> bool {
+        let Some((time, hash)) = cookie.split_first_chunk() else { return false };
+        let baked = Instant::from_nanos(u64::from_le_bytes(*time));
+        // Compared as keyed hashes, which takes the same time wherever they differ.
+        let theirs = blake3::keyed_hash(&self.0, hash);
+        let ours = blake3::keyed_hash(&self.0, &self.hash(baked, address, id).as_bytes()[..16]);
+        baked <= now && now.since(baked) <= LIFE && theirs == ours
+    }
+
+    fn hash(&self, at: Instant, address: SocketAddr, id: ConnectionId) -> blake3::Hash {
+        let mut hasher = blake3::Hasher::new_keyed(&self.0);
+        match address.ip() {
+            IpAddr::V4(ip) => hasher.update(&ip.octets()),
+            IpAddr::V6(ip) => hasher.update(&ip.octets()),
+        };
+        hasher.update(&address.port().to_le_bytes());
+        hasher.update(&at.as_nanos().to_le_bytes());
+        hasher.update(&id.0.to_le_bytes());
+        hasher.finalize()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cookie_is_good_for_one_address_one_id_and_ten_seconds() {
+        let jar = Jar::new([7; 32]);
+        let (here, there) = (SocketAddr::from(([127, 0, 0, 1], 5)), SocketAddr::from(([127, 0, 0, 1], 6)));
+        let (id, other) = (ConnectionId(1), ConnectionId(2));
+        let now = Instant::from_nanos(1_000_000);
+        let cookie = jar.bake(now, here, id);
+        assert!(jar.accepts(now, here, id, &cookie));
+        assert!(jar.accepts(now.after(LIFE), here, id, &cookie));
+        assert!(!jar.accepts(now.after(LIFE + Duration::from_nanos(1)), here, id, &cookie));
+        assert!(!jar.accepts(Instant::from_nanos(0), here, id, &cookie), "from the future");
+        assert!(!jar.accepts(now, there, id, &cookie));
+        assert!(!jar.accepts(now, here, other, &cookie));
+        assert!(!Jar::new([8; 32]).accepts(now, here, id, &cookie));
+        for at in 0..cookie.len() {
+            let mut forged = cookie;
+            forged[at] ^= 1;
+            assert!(!jar.accepts(now.after(LIFE / 2), here, id, &forged), "byte {at}");
+        }
+    }
+}

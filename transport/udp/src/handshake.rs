@@ -1,0 +1,321 @@
+//! From two strangers to a connection: a cookie, then one Noise message each way.
+
+use std::fmt;
+use std::net::SocketAddr;
+
+use snow::{Builder, HandshakeState};
+use thiserror::Error;
+use trimaran_proto::Instant;
+
+use crate::connection::{Config, Connection};
+use crate::cookie::Jar;
+use crate::keys::Keys;
+use crate::packet::{ConnectionId, CookieBytes, MIN_DATAGRAM, Packet, VERSION};
+
+/// The most that a hello may have: a first packet has room for it, its cookie and its keys.
+pub const MAX_HELLO: usize = 1024;
+
+/// What makes peers trust each other. Both sides need the same kind.
+#[derive(Clone)]
+pub enum Security {
+    /// Both hold this key (`Noise_NNpsk0`): who has it is a peer.
+    PreShared([u8; 32]),
+    /// Each holds a key pair and knows the other's public key (`Noise_IK`, X25519).
+    Pinned {
+        /// The private key of this side.
+        own: [u8; 32],
+        /// The public keys of peers: a listener takes them all, who connects expects the first.
+        peers: Vec<[u8; 32]>,
+    },
+    /// Nothing is hidden and nobody is checked: only for trusted networks, and only when asked for by this name.
+    Plaintext,
+}
+
+impl fmt::Debug for Security {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::PreShared(_) => "PreShared",
+            Self::Pinned { .. } => "Pinned",
+            Self::Plaintext => "Plaintext",
+        })
+    }
+}
+
+/// Why no connection came about.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum HandshakeError {
+    /// The keys cannot be used.
+    #[error(
+        "the keys cannot be used: a pinned peer needs 32 bytes of a private key and one public key at least"
+    )]
+    Keys(#[source] snow::Error),
+    /// No peer is pinned.
+    #[error("no public key of a peer is pinned")]
+    NoPeer,
+    /// The hello is too long.
+    #[error("a hello of {0} bytes is longer than {MAX_HELLO}")]
+    Long(usize),
+}
+
+enum Half {
+    Noise(Box<HandshakeState>),
+    Plaintext,
+}
+
+const PSK: &str = "Noise_NNpsk0_25519_ChaChaPoly_BLAKE2s";
+const PINNED: &str = "Noise_IK_25519_ChaChaPoly_BLAKE2s";
+
+impl Half {
+    /// The initiator's connection id is bound to the handshake: it cannot be changed on the way.
+    fn new(security: &Security, initiator: ConnectionId, initiates: bool) -> Result<Self, HandshakeError> {
+        let prologue = [b"trimaran/udp/1".as_slice(), &initiator.0.to_le_bytes()].concat();
+        let build = |builder: Builder<'_>| {
+            let builder = builder.prologue(&prologue)?;
+            if initiates { builder.build_initiator() } else { builder.build_responder() }
+        };
+        let state = match security {
+            Security::Plaintext => return Ok(Self::Plaintext),
+            Security::PreShared(key) => {
+                PSK.parse().and_then(|params| build(Builder::new(params).psk(0, key)?))
+            }
+            Security::Pinned { own, peers } => {
+                let peer = peers.first().ok_or(HandshakeError::NoPeer)?;
+                PINNED.parse().and_then(|params| {
+                    let builder = Builder::new(params).local_private_key(own)?;
+                    build(if initiates { builder.remote_public_key(peer)? } else { builder })
+                })
+            }
+        };
+        state.map(|state| Self::Noise(Box::new(state))).map_err(HandshakeError::Keys)
+    }
+
+    fn write(&mut self, payload: &[u8]) -> Result<Vec<u8>, snow::Error> {
+        match self {
+            Self::Plaintext => Ok(payload.to_vec()),
+            Self::Noise(state) => {
+                let mut out = vec![0; payload.len() + 128];
+                let length = state.write_message(payload, &mut out)?;
+                out.truncate(length);
+                Ok(out)
+            }
+        }
+    }
+
+    fn read(&mut self, message: &[u8]) -> Option<Vec<u8>> {
+        match self {
+            Self::Plaintext => Some(message.to_vec()),
+            Self::Noise(state) => {
+                let mut out = vec![0; message.len()];
+                let length = state.read_message(message, &mut out).ok()?;
+                out.truncate(length);
+                Some(out)
+            }
+        }
+    }
+
+    fn keys(self) -> Option<Keys> {
+        match self {
+            Self::Plaintext => Some(Keys::Plaintext),
+            Self::Noise(state) => {
+                state.into_stateless_transport_mode().ok().map(|state| Keys::Noise(Box::new(state)))
+            }
+        }
+    }
+}
+
+/// The connecting side until there is a connection. Send [`Connecting::initial`], and again whenever an answer is overdue.
+pub struct Connecting {
+    here: ConnectionId,
+    half: Half,
+    message: Vec<u8>,
+    cookie: Option<CookieBytes>,
+}
+
+impl fmt::Debug for Connecting {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Connecting").field("here", &self.here).finish_non_exhaustive()
+    }
+}
+
+/// What an answer did.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum Progress {
+    /// Nothing: it was none, or a forged one.
+    None(Connecting),
+    /// Send [`Connecting::initial`] again, now: it holds a cookie.
+    Retry(Connecting),
+    /// The listener speaks this other version.
+    Version(u64),
+    /// The listener took the hello, and this is its answer.
+    Taken(Box<Connection>, Vec<u8>),
+    /// The listener refused, and this is its answer.
+    Refused(Vec<u8>),
+}
+
+impl Connecting {
+    /// Begins to connect; `here` is drawn at random, `hello` is what the listener shall read.
+    ///
+    /// # Errors
+    /// When the keys cannot be used or the hello is too long.
+    pub fn new(security: &Security, here: ConnectionId, hello: &[u8]) -> Result<Self, HandshakeError> {
+        if hello.len() > MAX_HELLO {
+            return Err(HandshakeError::Long(hello.len()));
+        }
+        let mut half = Half::new(security, here, true)?;
+        let message = half.write(hello).map_err(HandshakeError::Keys)?;
+        Ok(Self { here, half, message, cookie: None })
+    }
+
+    /// Writes the first packet into `out`, which it replaces.
+    pub fn initial(&self, out: &mut Vec<u8>) {
+        let cookie = self.cookie.as_ref();
+        Packet::Initial { version: VERSION, from: self.here, cookie, noise: &self.message }.write(out);
+    }
+
+    /// Takes a datagram from the listener.
+    #[must_use]
+    pub fn handle(mut self, now: Instant, datagram: &[u8], config: Config) -> Progress {
+        match Packet::parse(datagram) {
+            Ok(Packet::Retry { version, to, .. }) if to == self.here && version != VERSION => {
+                Progress::Version(version)
+            }
+            Ok(Packet::Retry { to, cookie, .. }) if to == self.here && self.cookie.is_none() => {
+                self.cookie = Some(*cookie);
+                Progress::Retry(self)
+            }
+            Ok(Packet::Answer { version: VERSION, to, noise }) if to == self.here => {
+                let Some(payload) = self.half.read(noise) else { return Progress::None(self) };
+                let Some((&[taken, a, b, c, d], rest)) = payload.split_first_chunk() else {
+                    return Progress::None(self);
+                };
+                if taken == 0 {
+                    return Progress::Refused(rest.to_vec());
+                }
+                let there = ConnectionId(u32::from_le_bytes([a, b, c, d]));
+                let here = self.here;
+                match self.half.keys() {
+                    Some(keys) => {
+                        let connection = Connection::new(now, here, there, config, keys);
+                        Progress::Taken(Box::new(connection), rest.to_vec())
+                    }
+                    None => Progress::Refused(Vec::new()),
+                }
+            }
+            _ => Progress::None(self),
+        }
+    }
+}
+
+/// The listening side: it remembers nobody who has not shown that it receives at its address.
+pub struct Door {
+    security: Security,
+    jar: Jar,
+}
+
+impl fmt::Debug for Door {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Door").field("security", &self.security).finish_non_exhaustive()
+    }
+}
+
+/// Someone with a good cookie and the right keys.
+pub struct Knock {
+    /// The id that its sender chose: with its address it tells a repeated packet from a second connection.
+    pub from: ConnectionId,
+    /// What it says.
+    pub hello: Vec<u8>,
+    half: Half,
+}
+
+impl fmt::Debug for Knock {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Knock").field("from", &self.from).finish_non_exhaustive()
+    }
+}
+
+/// What to do about a datagram that belongs to no connection.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum Reception {
+    /// Nothing.
+    Ignore,
+    /// Send what was written into `out`. It is shorter than what came.
+    Reply,
+    /// Judge the hello, then [`Knock::take`] or [`Knock::refuse`].
+    Knock(Box<Knock>),
+}
+
+impl Door {
+    /// A door with 32 random bytes as its secret.
+    ///
+    /// # Errors
+    /// When the keys cannot be used.
+    pub fn new(security: Security, secret: [u8; 32]) -> Result<Self, HandshakeError> {
+        Half::new(&security, ConnectionId(0), false)?;
+        Ok(Self { security, jar: Jar::new(secret) })
+    }
+
+    /// Takes a datagram from `address`. Nothing is allocated before the cookie is found good.
+    pub fn handle(&self, now: Instant, address: SocketAddr, datagram: &[u8], out: &mut Vec<u8>) -> Reception {
+        // A first packet is as long as any: what is shorter could be answered with more than it cost.
+        if datagram.len() < MIN_DATAGRAM {
+            return Reception::Ignore;
+        }
+        let Ok(Packet::Initial { version, from, cookie, noise }) = Packet::parse(datagram) else {
+            return Reception::Ignore;
+        };
+        let cookie =
+            cookie.filter(|cookie| version == VERSION && self.jar.accepts(now, address, from, cookie));
+        if cookie.is_none() {
+            let cookie = &self.jar.bake(now, address, from);
+            Packet::Retry { version: VERSION, to: from, cookie }.write(out);
+            return Reception::Reply;
+        }
+        match self.open(from, noise) {
+            Some(knock) => Reception::Knock(Box::new(knock)),
+            None => Reception::Ignore,
+        }
+    }
+
+    fn open(&self, from: ConnectionId, noise: &[u8]) -> Option<Knock> {
+        let mut half = Half::new(&self.security, from, false).ok()?;
+        let hello = half.read(noise)?;
+        if let (Security::Pinned { peers, .. }, Half::Noise(state)) = (&self.security, &half) {
+            let theirs = state.get_remote_static()?;
+            peers.iter().find(|peer| peer.as_slice() == theirs)?;
+        }
+        Some(Knock { from, hello, half })
+    }
+}
+
+impl Knock {
+    /// Takes the peer: `here` is free and drawn at random, `answer` is what the peer shall read. Writes the packet into `out`, which
+    /// it replaces; keep it, and send it again whenever the same first packet comes again.
+    #[must_use]
+    pub fn take(
+        mut self,
+        now: Instant,
+        here: ConnectionId,
+        answer: &[u8],
+        config: Config,
+        out: &mut Vec<u8>,
+    ) -> Option<Connection> {
+        self.answer(1, here, answer, out)?;
+        Some(Connection::new(now, here, self.from, config, self.half.keys()?))
+    }
+
+    /// Refuses the peer; `answer` says why. Writes the packet into `out`, which it replaces; nothing is to be remembered.
+    pub fn refuse(mut self, answer: &[u8], out: &mut Vec<u8>) {
+        let _unsaid = self.answer(0, ConnectionId(0), answer, out);
+    }
+
+    fn answer(&mut self, taken: u8, here: ConnectionId, answer: &[u8], out: &mut Vec<u8>) -> Option<()> {
+        let answer = answer.get(..MAX_HELLO.min(answer.len()))?;
+        let payload = [&[taken][..], &here.0.to_le_bytes(), answer].concat();
+        let noise = &self.half.write(&payload).ok()?;
+        Packet::Answer { version: VERSION, to: self.from, noise }.write(out);
+        Some(())
+    }
+}

@@ -1,0 +1,166 @@
+//! Strangers at the door.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use proptest::prelude::*;
+use trimaran_proto::{Camera, FrameNumber, Instant};
+use trimaran_udp::{
+    Config, Connecting, Connection, ConnectionId, Door, Knock, Progress, Reception, Security,
+};
+
+const HERE: ConnectionId = ConnectionId(10);
+const THERE: ConnectionId = ConnectionId(20);
+
+fn now() -> Instant {
+    Instant::from_nanos(1_000_000_000)
+}
+
+fn address() -> SocketAddr {
+    SocketAddr::from(([192, 0, 2, 1], 4000))
+}
+
+fn pinned(own: &snow::Keypair, peer: &snow::Keypair) -> Security {
+    let key = |bytes: &[u8]| bytes.try_into().unwrap();
+    Security::Pinned { own: key(&own.private), peers: vec![key(&peer.public)] }
+}
+
+fn keypair() -> snow::Keypair {
+    snow::Builder::new("Noise_IK_25519_ChaChaPoly_BLAKE2s".parse().unwrap()).generate_keypair().unwrap()
+}
+
+/// Fetches a cookie and knocks with it.
+fn knock(door: &Door, connecting: Connecting) -> (Connecting, Option<Knock>, Vec<u8>) {
+    let (mut first, mut reply) = (Vec::new(), Vec::new());
+    connecting.initial(&mut first);
+    let reception = door.handle(now(), address(), &first, &mut reply);
+    assert!(matches!(reception, Reception::Reply), "{reception:?}");
+    assert!(reply.len() <= first.len() / 3, "{} bytes for {}", reply.len(), first.len());
+    let Progress::Retry(connecting) = connecting.handle(now(), &reply, Config::default()) else {
+        panic!("no retry")
+    };
+    connecting.initial(&mut first);
+    match door.handle(now(), address(), &first, &mut reply) {
+        Reception::Knock(knock) => (connecting, Some(*knock), first),
+        _ => (connecting, None, first),
+    }
+}
+
+fn join(ours: &Security, theirs: Security) -> Option<(Connection, Connection)> {
+    let door = Door::new(theirs, [3; 32]).unwrap();
+    let (connecting, knock, _) = knock(&door, Connecting::new(ours, HERE, b"hello").unwrap());
+    let knock = knock?;
+    assert_eq!((knock.from, &knock.hello[..]), (HERE, &b"hello"[..]));
+    let mut answer = Vec::new();
+    let there = knock.take(now(), THERE, b"welcome", Config::default(), &mut answer).unwrap();
+    let mut connecting = connecting;
+    if !matches!(ours, Security::Plaintext) {
+        for at in [0, 9, 12, 44, answer.len() - 1] {
+            let mut forged = answer.clone();
+            forged[at] ^= 4;
+            let Progress::None(same) = connecting.handle(now(), &forged, Config::default()) else {
+                panic!("byte {at} of the answer was changed")
+            };
+            connecting = same;
+        }
+    }
+    match connecting.handle(now(), &answer, Config::default()) {
+        Progress::Taken(here, said) => {
+            assert_eq!(said, b"welcome");
+            Some((*here, there))
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+fn talk((mut here, mut there): (Connection, Connection)) -> Vec<u8> {
+    let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(7)).unwrap();
+    let mut packet = Vec::new();
+    for (from, to) in [(&mut here, &mut there)] {
+        from.publish(camera);
+        assert!(from.poll_transmit(now(), &mut packet));
+        for at in 0..packet.len() {
+            let mut forged = packet.clone();
+            forged[at] ^= 4;
+            to.handle(now(), &forged);
+            assert_eq!((to.latest(), to.closed()), (None, None), "byte {at}");
+        }
+        to.handle(now(), &packet);
+        assert_eq!(to.latest(), Some(camera));
+        to.handle(now(), &packet);
+        assert_eq!(to.latest(), None, "a replay");
+    }
+    there.publish(camera);
+    let mut back = Vec::new();
+    assert!(there.poll_transmit(now(), &mut back));
+    here.handle(now(), &back);
+    assert_eq!(here.latest(), Some(camera));
+    packet
+}
+
+#[test]
+fn peers_with_the_same_key_talk_and_forgeries_and_replays_do_nothing() {
+    let key = Security::PreShared([9; 32]);
+    let packet = talk(join(&key, key.clone()).unwrap());
+    assert!(!packet.windows(8).any(|bytes| bytes == 1.0f64.to_le_bytes()), "the camera is hidden");
+    let packet = talk(join(&Security::Plaintext, Security::Plaintext).unwrap());
+    assert!(packet.windows(8).any(|bytes| bytes == 1.0f64.to_le_bytes()), "the camera is in the clear");
+}
+
+#[test]
+fn pinned_peers_talk_and_others_do_not() {
+    let (a, b, stranger) = (keypair(), keypair(), keypair());
+    talk(join(&pinned(&a, &b), pinned(&b, &a)).unwrap());
+    assert!(join(&pinned(&stranger, &b), pinned(&b, &a)).is_none(), "not on the list");
+    assert!(join(&pinned(&a, &stranger), pinned(&b, &a)).is_none(), "another listener was expected");
+}
+
+#[test]
+fn another_key_or_none_is_not_let_in() {
+    let key = |byte| Security::PreShared([byte; 32]);
+    assert!(join(&key(1), key(2)).is_none());
+    assert!(join(&Security::Plaintext, key(2)).is_none());
+    let (a, b) = (keypair(), keypair());
+    assert!(join(&key(1), pinned(&a, &b)).is_none());
+}
+
+#[test]
+fn a_refusal_is_read() {
+    let key = Security::PreShared([9; 32]);
+    let door = Door::new(key.clone(), [3; 32]).unwrap();
+    let (connecting, knock, _) = knock(&door, Connecting::new(&key, HERE, b"hello").unwrap());
+    let mut answer = Vec::new();
+    knock.unwrap().refuse(b"no", &mut answer);
+    let progress = connecting.handle(now(), &answer, Config::default());
+    assert!(matches!(&progress, Progress::Refused(said) if said == b"no"), "{progress:?}");
+}
+
+#[test]
+fn a_cookie_does_not_work_from_elsewhere_or_later() {
+    let key = Security::PreShared([9; 32]);
+    let door = Door::new(key.clone(), [3; 32]).unwrap();
+    let (_, _, first) = knock(&door, Connecting::new(&key, HERE, b"hello").unwrap());
+    let mut out = Vec::new();
+    let elsewhere = SocketAddr::from(([192, 0, 2, 2], 4000));
+    assert!(matches!(door.handle(now(), elsewhere, &first, &mut out), Reception::Reply));
+    let later = now().after(Duration::from_secs(11));
+    assert!(matches!(door.handle(later, address(), &first, &mut out), Reception::Reply));
+    assert!(matches!(door.handle(now(), address(), &first[..1199], &mut out), Reception::Ignore));
+}
+
+proptest! {
+    #[test]
+    fn no_stranger_gets_back_more_than_a_third(mut bytes in prop::collection::vec(any::<u8>(), 0..1500), form in 0u8..4) {
+        if let Some(first) = bytes.first_mut() {
+            *first = 4 | form;
+        }
+        let door = Door::new(Security::PreShared([9; 32]), [3; 32]).unwrap();
+        let mut out = Vec::new();
+        match door.handle(now(), address(), &bytes, &mut out) {
+            Reception::Reply => prop_assert!(out.len() * 3 <= bytes.len()),
+            Reception::Ignore => prop_assert!(out.is_empty()),
+            other => prop_assert!(false, "{other:?}"),
+        }
+    }
+}
