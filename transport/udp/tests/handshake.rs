@@ -88,8 +88,14 @@ fn talk((mut here, mut there): (Connection, Connection)) -> Vec<u8> {
         }
         to.handle(now(), &packet);
         assert_eq!(to.latest(), Some(camera));
-        to.handle(now(), &packet);
+        let (later, mut ack) = (now().after(Duration::from_millis(1)), Vec::new());
+        assert!(to.poll_transmit(later, &mut ack), "an acknowledgement is owed");
+        to.handle(later, &packet);
         assert_eq!(to.latest(), None, "a replay");
+        assert!(
+            !to.poll_transmit(later.after(Duration::from_millis(1)), &mut ack),
+            "a replay is not acknowledged"
+        );
     }
     there.publish(camera);
     let mut back = Vec::new();
