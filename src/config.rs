@@ -7,6 +7,7 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
+use trimaran_transport::Endpoint;
 
 /// Which machine of the pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -26,10 +27,11 @@ pub struct SwitchConfig {
     pub scene: PathBuf,
     /// Which of the two machines this is.
     pub seat: PairSeat,
-    /// The display's address, `host:port`.
-    pub display: String,
-    /// The other machine of the pair, `host:port`: the first machine listens there, the second connects to it.
-    pub pair: String,
+    /// Where the display listens, such as `tcp://show:7400`.
+    pub display: Endpoint,
+    /// Where the machines of the pair meet: the first listens there, the second connects to it. It need not be the transport
+    /// that leads to the display.
+    pub pair: Endpoint,
     /// The Vulkan device, by a part of its name; the best there is if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
@@ -44,8 +46,8 @@ pub struct SwitchConfig {
 pub struct DisplayConfig {
     /// The cooked scene. Relative to the configuration file's folder.
     pub scene: PathBuf,
-    /// The address to listen on, `host:port`.
-    pub listen: String,
+    /// Where to listen, such as `tcp://0.0.0.0:7400` or `unix:/run/trimaran/display.sock`.
+    pub listen: Endpoint,
     /// The Vulkan device, by a part of its name; the best there is if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
@@ -224,7 +226,7 @@ mod tests {
 
     #[test]
     fn a_short_configuration_is_filled_with_defaults_and_paths_start_beside_it() {
-        let (dir, path) = written("scene = 'a.scene'\nlisten = '[::]:7400'\nout = '/tmp/x'\n");
+        let (dir, path) = written("scene = 'a.scene'\nlisten = 'tcp://[::]:7400'\nout = '/tmp/x'\n");
         let config = DisplayConfig::read(&path).unwrap();
         assert_eq!(config.session, SessionConfig::default());
         assert_eq!(config.scene, dir.path().join("a.scene"));
@@ -236,8 +238,8 @@ mod tests {
         let config = SwitchConfig {
             scene: "/s/a.scene".into(),
             seat: PairSeat::Second,
-            display: "show:7400".into(),
-            pair: "one:7401".into(),
+            display: "tcp://show:7400".parse().unwrap(),
+            pair: "tcp://one:7401".parse().unwrap(),
             device: None,
             patience_s: 5.0,
         };
@@ -247,9 +249,16 @@ mod tests {
 
     #[test]
     fn a_misspelt_key_is_named_with_its_line() {
-        let (_dir, path) = written("scene = 'a'\nlisten = 'x:1'\nout = 'o'\n[session]\nepsilon = 2\n");
+        let (_dir, path) = written("scene = 'a'\nlisten = 'tcp://x:1'\nout = 'o'\n[session]\nepsilon = 2\n");
         let message = DisplayConfig::read(&path).unwrap_err().to_string();
         assert!(message.contains("epsilon") && message.contains("line 5"), "{message}");
+    }
+
+    #[test]
+    fn an_address_without_a_transport_is_refused_with_what_is_expected() {
+        let (_dir, path) = written("scene = 'a'\nlisten = 'show:7400'\nout = 'o'\n");
+        let message = DisplayConfig::read(&path).unwrap_err().to_string();
+        assert!(message.contains("line 2") && message.contains("tcp://host:port"), "{message}");
     }
 
     #[test]
@@ -264,7 +273,7 @@ mod tests {
             ("session.few_pixels", "few_pixels = true"),
         ] {
             let (_dir, path) =
-                written(&format!("scene = 'a'\nlisten = 'x:1'\nout = 'o'\n[session]\n{line}\n"));
+                written(&format!("scene = 'a'\nlisten = 'tcp://x:1'\nout = 'o'\n[session]\n{line}\n"));
             let message = DisplayConfig::read(&path).unwrap_err().to_string();
             assert!(message.contains(key), "{line}: {message}");
         }

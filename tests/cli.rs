@@ -143,7 +143,7 @@ fn a_full_disk_leaves_nothing_half_written() {
 fn a_port_in_use_is_named() {
     let bench = Bench::with_plant();
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = taken.local_addr().unwrap().to_string();
+    let address = format!("tcp://{}", taken.local_addr().unwrap());
     write_display(&bench, &address);
     bench.refuses(&["role", "display", "--config", "display.toml"], &[&address, "in use"]);
 }
@@ -153,11 +153,12 @@ fn roles_that_hold_different_scenes_refuse_each_other() {
     let bench = Bench::with_plant();
     let made = bench.trimaran(&["generate", "plant", "--objects", "300", "--seed", "2", "-o", "other.scene"]);
     assert!(made.status.success(), "{}", said(&made));
-    let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let address = format!("tcp://{address}");
     write_display(&bench, &address);
     fs::write(
         bench.path("first.toml"),
-        format!("scene = 'other.scene'\nseat = 'first'\ndisplay = '{address}'\npair = '127.0.0.1:1'\n"),
+        format!("scene = 'other.scene'\nseat = 'first'\ndisplay = '{address}'\npair = 'tcp://127.0.0.1:1'\n"),
     )
     .unwrap();
     let mut display = bench.command(&["role", "display", "--config", "display.toml"]).spawn().unwrap();
@@ -181,7 +182,7 @@ fn hash_of(bench: &Bench, scene: &str) -> String {
 #[test]
 fn three_processes_show_what_one_shows() {
     let bench = Bench::with_plant();
-    for link in ["inproc", "tcp"] {
+    for link in ["inproc", "unix", "tcp"] {
         let args = [
             "run",
             "plant.scene",
@@ -203,6 +204,7 @@ fn three_processes_show_what_one_shows() {
         (0..6).map(|n| fs::read(bench.path(link).join(format!("frames/{n:05}.png"))).unwrap()).collect()
     };
     assert_eq!(frames("inproc"), frames("tcp"));
+    assert_eq!(frames("inproc"), frames("unix"));
     let report = |link: &str| -> serde_json::Value {
         serde_json::from_slice(&fs::read(bench.path(link).join("report.json")).unwrap()).unwrap()
     };

@@ -130,7 +130,9 @@ pub(crate) struct InfoArgs {
 pub(crate) enum LinkKind {
     /// Three roles as threads of this process.
     Inproc,
-    /// Three processes over TCP on this machine's loopback.
+    /// Three processes of this machine over Unix sockets.
+    Unix,
+    /// Three processes of this machine over TCP on its loopback.
     Tcp,
 }
 

@@ -13,10 +13,7 @@ use trimaran_actors::{
 };
 use trimaran_gpu::{Gpu, GpuInfo, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, Identity, PictureSize, Role};
-use trimaran_transport::{
-    Instant, Net, TokioNet,
-    tcp::{Listener, Options},
-};
+use trimaran_transport::{Endpoint, Instant, Listener, Net, Options, TokioNet};
 
 use super::{
     Failure,
@@ -75,7 +72,7 @@ fn display(config: &DisplayConfig) -> Result<(), Failure> {
     let trail = Trail::find(&choice, &file.scene, size, config.session.frames).map_err(Failure::bad_input)?;
     let runtime = walking::runtime()?;
     let stage = DisplayStage::set(&file, config.device.as_deref(), &plan, &trail, &runtime, &config.listen)?;
-    eprintln!("trimaran: the display listens on {}", stage.listener.local_addr());
+    eprintln!("trimaran: the display listens on {}", stage.listener.local_endpoint());
     let info = stage.drawn.gpu().info().clone();
     let show = Show {
         plan,
@@ -140,7 +137,7 @@ impl DisplayStage {
         plan: &Plan,
         trail: &Trail,
         runtime: &Runtime,
-        listen: &str,
+        listen: &Endpoint,
     ) -> Result<Self, Failure> {
         let drawn = upload(file, device)?;
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
@@ -169,12 +166,13 @@ impl DisplayStage {
         let Show { plan, trail, path, seed, devices, patience_s } = show;
         let started = SystemTime::now();
         let stop = stop_on_signal(runtime);
+        let link = listener.local_endpoint().transport();
         let coming = await_pair(listener, deadline(&net, patience_s));
         let Some(pair) = stop.unless_requested(runtime.handle(), coming) else {
             return Err(Failure::broken("interrupted before the pair had come"));
         };
         let [first, second] = pair.map_err(Failure::bad_input)?;
-        let transport = format!("TCP: {} and {}", first.peer.address, second.peer.address);
+        let transport = format!("{link}: {} and {}", first.peer.address, second.peer.address);
         let settings = plan.settings(trail.frames());
         let size = viewport(plan.size).map_err(Failure::bad_input)?;
         let device = VulkanDisplay::new(&drawn, size).map_err(Failure::broken)?;
@@ -189,7 +187,7 @@ impl DisplayStage {
         let about = ReportPlan {
             command_line: std::env::args().collect(),
             started,
-            link: "tcp".to_owned(),
+            link: link.to_owned(),
             transport,
             seed: (path == "auto").then_some(seed),
             path,

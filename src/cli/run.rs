@@ -14,7 +14,8 @@ use trimaran_scene::walk::WalkKind;
 use super::{
     Failure,
     args::{LinkKind, RunArgs, WalkArgs},
-    print_json, progress, three_processes,
+    print_json, progress,
+    three_processes::{self, Transport},
     walking::{self, gpu_options, open, stop_on_signal},
 };
 
@@ -28,7 +29,8 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
             let report = walk_and_report(&stage, &file, &plan, &trail, &args.walk, &args.out)?;
             conclude(&report, &args.out, args.json)
         }
-        LinkKind::Tcp => three_processes::run(args),
+        LinkKind::Unix => three_processes::run(args, Transport::Unix),
+        LinkKind::Tcp => three_processes::run(args, Transport::Tcp),
     }
 }
 

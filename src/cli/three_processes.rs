@@ -1,8 +1,8 @@
-//! `trimaran run --link tcp`: the three roles as three processes of this machine, joined over loopback. This process is the
+//! `trimaran run --link tcp` or `unix`: the three roles as three processes of this machine. This process is the
 //! display; the pair are two of `trimaran role switch`.
 
 use std::{
-    net::TcpListener,
+    net::{SocketAddr, TcpListener},
     path::Path,
     process::{Child, Command},
 };
@@ -11,6 +11,7 @@ use trimaran::{
     config::{PairSeat, SwitchConfig},
     report::schema::Seat,
 };
+use trimaran_transport::{Endpoint, SocketPath};
 
 use super::{
     Failure,
@@ -23,18 +24,25 @@ use super::{
 /// How long the three wait for each other: loading and copying a large scene takes a while.
 const PATIENCE_S: f64 = 120.0;
 
-pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
+/// How the three processes are joined.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Transport {
+    Unix,
+    Tcp,
+}
+
+pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
     let plan = walking::plan(&args.walk, args.epsilon, args.visible, walking::pace(args.live))?;
     let file = open(&args.scene)?;
     let trail = walking::trail(&args.walk, &plan, &file.scene)?;
     let runtime = walking::runtime()?;
     let device = args.walk.device.as_deref();
-    let stage = DisplayStage::set(&file, device, &plan, &trail, &runtime, "127.0.0.1:0")?;
-
     let configs = tempfile::tempdir().map_err(Failure::broken)?;
+    let (listen, pair) = meeting_places(transport, configs.path())?;
+    let stage = DisplayStage::set(&file, device, &plan, &trail, &runtime, &listen)?;
+
     let scene = std::path::absolute(&args.scene).map_err(Failure::broken)?;
-    let display = stage.listener.local_addr().to_string();
-    let pair = free_address()?;
+    let display = stage.listener.local_endpoint().clone();
     let machine = |seat| {
         let config = SwitchConfig {
             scene: scene.clone(),
@@ -64,10 +72,25 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     conclude(&report, &args.out, args.json)
 }
 
+/// Where the display listens, and where the pair meets.
+fn meeting_places(transport: Transport, folder: &Path) -> Result<(Endpoint, Endpoint), Failure> {
+    match transport {
+        Transport::Unix => {
+            let socket = |name| SocketPath::new(folder.join(name)).map(Endpoint::Unix);
+            let place = |name| socket(name).map_err(Failure::broken);
+            Ok((place("display.sock")?, place("pair.sock")?))
+        }
+        Transport::Tcp => {
+            let display = SocketAddr::from(([127, 0, 0, 1], 0));
+            Ok((Endpoint::Tcp(display.into()), Endpoint::Tcp(free_address()?.into())))
+        }
+    }
+}
+
 /// An address of loopback that nobody listens on now.
-fn free_address() -> Result<String, Failure> {
+fn free_address() -> Result<SocketAddr, Failure> {
     let listener = TcpListener::bind("127.0.0.1:0").map_err(Failure::broken)?;
-    Ok(listener.local_addr().map_err(Failure::broken)?.to_string())
+    listener.local_addr().map_err(Failure::broken)
 }
 
 /// A machine of the pair as a process of its own, which does not outlive this one's interest in it.

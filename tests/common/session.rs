@@ -11,10 +11,7 @@ use trimaran_actors::{
 use trimaran_cull::{CutRule, View, level_cut};
 use trimaran_proto::{Identity, Role};
 use trimaran_scene::Scene;
-use trimaran_transport::{
-    Net, TokioNet,
-    tcp::{Listener, Options},
-};
+use trimaran_transport::{Endpoint, Listener, Net, Options, TokioNet};
 
 /// A scene on three devices, or `None` where there is no device and none is required.
 pub(crate) fn stage(scene: &Arc<Scene>) -> Option<Stage> {
@@ -45,10 +42,12 @@ pub(crate) fn walk_over_tcp(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<Fr
     let scene = stage.scene.hash();
     let [first, second, display] = &stage.drawn;
     let identity = Identity { role: Role::Display, scene, settings: Some(settings) };
-    let listener =
-        runtime.block_on(Listener::bind(&net, "127.0.0.1:0", identity, &Options::default())).unwrap();
-    let address = listener.local_addr().to_string();
-    let pair = net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let listener = runtime
+        .block_on(Listener::bind(&net, &"tcp://127.0.0.1:0".parse().unwrap(), identity, &Options::default()))
+        .unwrap();
+    let address = listener.local_endpoint().clone();
+    let pair = net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    let pair = Endpoint::Tcp(pair.into());
     let mut quiet = |_| {};
     let mut recorder = Recorder::new(1, &mut quiet);
     thread::scope(|scope| {

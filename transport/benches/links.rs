@@ -14,8 +14,7 @@ use tokio::runtime::Runtime;
 use trimaran_proto::{
     Camera, DrawableId, FrameEvent, FrameNumber, FrameStart, Goodbye, Identity, Role, SceneHash,
 };
-use trimaran_transport::tcp::{Listener, Options, connect};
-use trimaran_transport::{Link, LinkConfig, Net, TokioNet, inproc};
+use trimaran_transport::{Link, LinkConfig, Listener, Net, Options, TokioNet, connect, inproc};
 
 const IDS: u32 = 4000;
 
@@ -42,8 +41,10 @@ fn tcp_pair(runtime: &Runtime) -> (Link, Link) {
     runtime.block_on(async {
         let options = Options::default();
         let mut listener =
-            Listener::bind(&net, "127.0.0.1:0", identity(Role::SwitchA), &options).await.unwrap();
-        let address = listener.local_addr().to_string();
+            Listener::bind(&net, &"tcp://127.0.0.1:0".parse().unwrap(), identity(Role::SwitchA), &options)
+                .await
+                .unwrap();
+        let address = listener.local_endpoint().clone();
         let deadline = net.now().after(std::time::Duration::from_secs(10));
         let (there, here) = tokio::join!(
             connect(&net, &address, identity(Role::Display), &options, deadline),

@@ -1,22 +1,75 @@
 //! Links within one process: nothing is encoded, ids are shared.
 
-use std::collections::VecDeque;
-use std::sync::Arc;
+use std::collections::{HashMap, VecDeque};
+use std::io;
+use std::sync::{Arc, LazyLock, Mutex, Weak};
 
 use tokio::sync::{mpsc, watch};
 use trimaran_proto::{BatchSize, Camera, FrameMessage, Goodbye, Identity, Kind, Refusal, SessionId};
 
+use crate::Name;
+use crate::connect::{AttemptError, Introduction};
+use crate::desk::{Desk, Place, lock};
 use crate::error::{LaneError, LaneSendError, Loss};
 use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx, weight};
+use crate::handshake::HandshakeError;
 use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
-use crate::link::{Link, LinkConfig, PeerAddress, PeerInfo, Shared};
+use crate::link::{Capabilities, Link, LinkConfig, Parts, PeerAddress, PeerInfo, Shared};
 use crate::net::{Instant, Net};
 use crate::patience::Patience;
 use crate::stats::Counters;
-use crate::{FrameReceiver, FrameSender, LatestReceiver, LatestSender};
 
-/// How many messages of the frames lane may wait for their reader: 32 MiB of ids at the largest batch size.
+/// The most messages of the frames lane that may wait for their reader: 32 MiB of ids at the largest batch size.
 const QUEUE: usize = 512;
+
+const CAPABILITIES: Capabilities =
+    Capabilities { reliable: true, ordered: true, max_frame: u32::MAX, encrypted: false, local: true };
+
+/// Who listens in this process, by name.
+static LISTENERS: LazyLock<Mutex<HashMap<Name, Weak<Desk>>>> = LazyLock::new(Mutex::default);
+
+/// A listener's name; free again when this is dropped.
+#[derive(Debug)]
+pub(crate) struct Registered(Name);
+
+impl Drop for Registered {
+    fn drop(&mut self) {
+        lock(&LISTENERS).remove(&self.0);
+    }
+}
+
+/// Takes `name` for the listener at `desk`.
+pub(crate) fn listen(name: &Name, desk: &Arc<Desk>) -> io::Result<Registered> {
+    let mut listeners = lock(&LISTENERS);
+    if listeners.contains_key(name) {
+        return Err(io::ErrorKind::AddrInUse.into());
+    }
+    listeners.insert(name.clone(), Arc::downgrade(desk));
+    Ok(Registered(name.clone()))
+}
+
+/// Makes a link with whoever listens as `name`.
+pub(crate) async fn attempt(
+    net: &Arc<dyn Net>,
+    name: &Name,
+    introduction: &Introduction<'_>,
+) -> Result<Link, AttemptError> {
+    let found = lock(&LISTENERS).get(name).and_then(Weak::upgrade);
+    let desk = found.ok_or_else(|| AttemptError::Nobody { name: name.clone() })?;
+    let Introduction { identity: ours, session, options } = *introduction;
+    let theirs = desk.identity;
+    let place = desk.enter(&ours).map_err(|refusal| AttemptError::Handshake {
+        address: name.to_string(),
+        cause: HandshakeError::Refused(refusal),
+    })?;
+    let there = &desk.options.link;
+    let (sent, taken) = Lanes::pair();
+    let here =
+        assemble(net, theirs, session, options.link.batch_between(&ours, &theirs), &options.link, sent, None);
+    let batch = there.batch_between(&theirs, &ours);
+    desk.hand_out(assemble(&desk.net, ours, session, batch, there, taken, Some(place))).await;
+    Ok(here)
+}
 
 /// Two links, each the other's peer: the first is `ours`, and has `theirs` at its other end.
 ///
@@ -30,57 +83,60 @@ pub fn pair(
 ) -> Result<(Link, Link), Refusal> {
     ours.admits(&theirs)?;
     let batch = config.batch_between(&ours, &theirs);
-    let there = Lanes::new();
-    let back = Lanes::new();
-    let make = |peer, out: LanesTx, r#in: LanesRx| assemble(net, peer, batch, config, out, r#in);
-    Ok((make(theirs, there.0, back.1), make(ours, back.0, there.1)))
+    let (here, there) = Lanes::pair();
+    let make = |peer, lanes| assemble(net, peer, SessionId(0), batch, config, lanes, None);
+    Ok((make(theirs, here), make(ours, there)))
+}
+
+/// One end of both lanes.
+struct Lanes {
+    latest: (LatestTx, LatestRx),
+    frames: (FrameTx, FrameRx),
+}
+
+impl Lanes {
+    /// Both ends.
+    fn pair() -> (Self, Self) {
+        let ((latest_a, frames_a), (latest_b, frames_b)) = (direction(), direction());
+        (
+            Self { latest: (latest_a.0, latest_b.1), frames: (frames_a.0, frames_b.1) },
+            Self { latest: (latest_b.0, latest_a.1), frames: (frames_b.0, frames_a.1) },
+        )
+    }
 }
 
 /// Both lanes in one direction.
-struct Lanes;
-type LanesTx = (LatestTx, FrameTx);
-type LanesRx = (LatestRx, FrameRx);
-
-impl Lanes {
-    #[expect(clippy::new_ret_no_self, reason = "a pair of ends is what there is")]
-    fn new() -> (LanesTx, LanesRx) {
-        let (cell, view) = watch::channel(Cell::default());
-        let (queue, items) = mpsc::channel(QUEUE);
-        (
-            (LatestTx { cell }, FrameTx { queue, staged: VecDeque::new() }),
-            (LatestRx { view, seen: 0 }, FrameRx { items, farewell: None }),
-        )
-    }
+fn direction() -> ((LatestTx, LatestRx), (FrameTx, FrameRx)) {
+    let (cell, view) = watch::channel(Cell::default());
+    let (queue, items) = mpsc::channel(QUEUE);
+    (
+        (LatestTx { cell }, LatestRx { view, seen: 0 }),
+        (FrameTx { queue, staged: VecDeque::new() }, FrameRx { items, farewell: None }),
+    )
 }
 
 fn assemble(
     net: &Arc<dyn Net>,
     peer: Identity,
+    session: SessionId,
     batch: BatchSize,
     config: &LinkConfig,
-    (latest_tx, frame_tx): LanesTx,
-    (latest_rx, frame_rx): LanesRx,
+    Lanes { latest, frames }: Lanes,
+    place: Option<Place>,
 ) -> Link {
-    let counters = Counters::unframed();
-    let stats = counters.handle();
-    let shared = || Shared { peer: peer.role, counters: Arc::clone(&counters), _place: None };
-    let patience = || Patience::new(net, config.patience);
-    Link {
-        peer: PeerInfo { identity: peer, session: SessionId(0), address: PeerAddress::InProcess },
-        latest_tx: LatestSender {
-            lane: AnyLatestTx::Inproc(latest_tx),
-            shared: shared(),
-            patience: patience(),
+    Parts {
+        latest: (AnyLatestTx::Inproc(latest.0), AnyLatestRx::Inproc(latest.1)),
+        frames: (AnyFrameTx::Inproc(frames.0), AnyFrameRx::Inproc(frames.1)),
+        peer: PeerInfo { identity: peer, session, address: PeerAddress::InProcess },
+        capabilities: CAPABILITIES,
+        shared: Shared {
+            peer: peer.role,
+            counters: Counters::unframed(),
+            _place: place.map(|place| Arc::new(place) as _),
         },
-        latest_rx: LatestReceiver {
-            lane: AnyLatestRx::Inproc(latest_rx),
-            shared: shared(),
-            patience: patience(),
-        },
-        frames_tx: FrameSender::new(batch, AnyFrameTx::Inproc(frame_tx), shared(), patience()),
-        frames_rx: FrameReceiver::new(AnyFrameRx::Inproc(frame_rx), shared(), patience()),
-        stats,
+        batch,
     }
+    .into_link(net, config)
 }
 
 /// What the latest lane holds.

@@ -1,31 +1,47 @@
 //! Links for frame-synchronous data over pluggable transports.
 //!
 //! A [`Link`] joins two peers by two lanes: the *latest* lane is a cell of size one for the newest camera, the *frames* lane
-//! carries begin, ids, end. [`inproc::pair`] makes two joined links in one process, [`tcp::connect`] and [`tcp::Listener`]
-//! make them over TCP; using them is the same.
+//! carries begin, ids, end. [`connect`] and [`Listener`] make them over the transport that an [`Endpoint`] names; using them is
+//! the same. [`inproc::pair`] makes two joined links in one process without either.
 //!
 //! All time, tasks and sockets come through one trait, [`Net`]: [`TokioNet`] is the real one.
 
+mod connect;
+mod desk;
+mod endpoint;
 mod error;
 mod frames;
+mod handshake;
 pub mod inproc;
 mod latest;
 mod link;
+mod listen;
 mod net;
+mod options;
 mod patience;
 mod stats;
 mod stream;
-pub mod tcp;
+mod tcp;
 mod tokio_net;
+mod unix;
 
+pub use connect::{AttemptError, ConnectError, connect};
+pub use endpoint::{Endpoint, EndpointError, EndpointFault, Host, HostName, HostPort, Name, SocketPath};
 pub use error::{Loss, ProtocolError, RecvError, SendError};
 pub use frames::{FrameReceiver, FrameSender};
+pub use handshake::HandshakeError;
 pub use latest::{LatestReceiver, LatestSender};
-pub use link::{Link, LinkConfig, PeerAddress, PeerInfo};
-pub use net::{BoxFuture, BoxReader, BoxWriter, Instant, Listen, Net, Stream, Timer, sleep_until, until};
+pub use link::{Capabilities, Credentials, Link, LinkConfig, PeerAddress, PeerInfo};
+pub use listen::{AcceptError, ListenError, Listener};
+pub use net::{
+    BATCH_SIZE, BoxFuture, BoxReader, BoxWriter, EcnCodepoint, Instant, Listen, Net, RecvMeta, Stream, Timer,
+    Transmit, UdpPoller, UdpSocket, UdpSocketOptions, sleep_until, until,
+};
+pub use options::{Limits, Options};
 pub use stats::{LinkStats, StatsHandle, Tally, Traffic};
-pub use tcp::TcpOptions;
+pub use tcp::{Keepalive, TcpOptions};
 pub use tokio_net::TokioNet;
+pub use unix::{ForeignUser, UnixOptions};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -7,6 +7,10 @@ use std::time::Duration;
 
 use trimaran_proto::{BatchSize, Goodbye, Identity, Role, SessionId};
 
+use crate::frames::{FrameRx, FrameTx};
+use crate::latest::{LatestRx, LatestTx};
+use crate::net::Net;
+use crate::patience::Patience;
 use crate::stats::Counters;
 use crate::{FrameReceiver, FrameSender, LatestReceiver, LatestSender, SendError, StatsHandle};
 
@@ -33,6 +37,7 @@ pub struct Link {
     pub frames_rx: FrameReceiver,
     /// Counts what travels, for reading at any time.
     pub stats: StatsHandle,
+    pub(crate) capabilities: Capabilities,
 }
 
 /// Who is at the other end of a link.
@@ -54,13 +59,47 @@ pub enum PeerAddress {
     InProcess,
     /// At the other end of TCP connections; the port is that of the frames lane.
     Tcp(SocketAddr),
+    /// At the other end of Unix sockets of this machine.
+    Unix(Credentials),
+    /// Behind datagrams of this crate's own protocol.
+    Udp(SocketAddr),
+    /// At the other end of a QUIC connection.
+    Quic(SocketAddr),
+}
+
+/// Whose process holds the other end of a Unix socket, as the kernel says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Credentials {
+    /// The process's effective user id.
+    pub uid: u32,
+    /// Its effective group id.
+    pub gid: u32,
+    /// The process, where the system tells.
+    pub pid: Option<i32>,
+}
+
+/// What a link's transport promises.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Capabilities {
+    /// Every frame arrives complete, or the link ends.
+    pub reliable: bool,
+    /// Frames arrive in the order sent, none before all of the one before.
+    pub ordered: bool,
+    /// The most ids that a frame may have.
+    pub max_frame: u32,
+    /// Nobody on the way can read or change what travels.
+    pub encrypted: bool,
+    /// The peer is on this machine.
+    pub local: bool,
 }
 
 impl fmt::Display for PeerAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::InProcess => f.write_str("this process"),
-            Self::Tcp(address) => address.fmt(f),
+            Self::Tcp(address) | Self::Udp(address) | Self::Quic(address) => address.fmt(f),
+            Self::Unix(Credentials { uid, pid: Some(pid), .. }) => write!(f, "process {pid} of user {uid}"),
+            Self::Unix(Credentials { uid, pid: None, .. }) => write!(f, "a process of user {uid}"),
         }
     }
 }
@@ -89,6 +128,12 @@ impl LinkConfig {
 }
 
 impl Link {
+    /// What the link's transport promises.
+    #[must_use]
+    pub const fn capabilities(&self) -> Capabilities {
+        self.capabilities
+    }
+
     /// Leaves in good order: says goodbye on both lanes, and waits a moment (half a second at most) for the peer to leave as
     /// well. What still comes from it is thrown away.
     ///
@@ -105,6 +150,33 @@ impl Link {
             while latest_rx.latest_by(by).await.is_ok() {}
         }
         said
+    }
+}
+
+/// What a transport has when its handshake is done: a link but for its dress.
+#[derive(Debug)]
+pub(crate) struct Parts {
+    pub(crate) latest: (LatestTx, LatestRx),
+    pub(crate) frames: (FrameTx, FrameRx),
+    pub(crate) peer: PeerInfo,
+    pub(crate) capabilities: Capabilities,
+    pub(crate) shared: Shared,
+    pub(crate) batch: BatchSize,
+}
+
+impl Parts {
+    pub(crate) fn into_link(self, net: &Arc<dyn Net>, config: &LinkConfig) -> Link {
+        let Self { latest, frames, peer, capabilities, shared, batch } = self;
+        let patience = || Patience::new(net, config.patience);
+        Link {
+            peer,
+            capabilities,
+            stats: shared.counters.handle(),
+            latest_tx: LatestSender { lane: latest.0, shared: shared.clone(), patience: patience() },
+            latest_rx: LatestReceiver { lane: latest.1, shared: shared.clone(), patience: patience() },
+            frames_tx: FrameSender::new(batch, frames.0, shared.clone(), patience()),
+            frames_rx: FrameReceiver::new(frames.1, shared, patience()),
+        }
     }
 }
 

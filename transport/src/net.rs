@@ -4,14 +4,20 @@ use std::fmt;
 use std::future::poll_fn;
 use std::io;
 use std::net::SocketAddr;
+use std::path::Path;
 use std::pin::Pin;
+use std::sync::Arc;
 use std::task::{Context, Poll};
 
 use tokio::io::{AsyncRead, AsyncWrite};
 
 pub use trimaran_proto::Instant;
 
-use crate::TcpOptions;
+use crate::{PeerAddress, TcpOptions, UnixOptions};
+
+mod udp;
+
+pub use udp::{BATCH_SIZE, EcnCodepoint, RecvMeta, Transmit, UdpPoller, UdpSocket, UdpSocketOptions};
 
 /// A future on the heap. The seam uses it where connections are made, never per message.
 pub type BoxFuture<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
@@ -48,11 +54,32 @@ pub trait Net: fmt::Debug + Send + Sync + 'static {
     /// Connects to a TCP listener.
     fn connect_tcp(&self, to: SocketAddr, options: TcpOptions) -> BoxFuture<'_, io::Result<Stream>>;
 
-    /// Listens for TCP connections; port 0 takes a free one.
+    /// Listens for TCP connections, and says where; port 0 takes a free one.
     ///
     /// # Errors
     /// When the address cannot be listened on, for instance because the port is in use.
-    fn listen_tcp(&self, at: SocketAddr, options: TcpOptions) -> io::Result<Box<dyn Listen>>;
+    fn listen_tcp(&self, at: SocketAddr, options: TcpOptions) -> io::Result<(Box<dyn Listen>, SocketAddr)>;
+
+    /// Binds a UDP socket; port 0 takes a free one.
+    ///
+    /// # Errors
+    /// When the address cannot be bound.
+    fn bind_udp(&self, at: SocketAddr, options: UdpSocketOptions) -> io::Result<Arc<dyn UdpSocket>>;
+
+    /// Connects to a Unix socket. A network without them says [`io::ErrorKind::Unsupported`].
+    fn connect_unix<'a>(&'a self, _path: &'a Path) -> BoxFuture<'a, io::Result<Stream>> {
+        Box::pin(std::future::ready(Err(io::ErrorKind::Unsupported.into())))
+    }
+
+    /// Listens on a Unix socket. The file of a listener that is dead is replaced, a live one's not. A network without Unix
+    /// sockets says [`io::ErrorKind::Unsupported`].
+    fn listen_unix<'a>(
+        &'a self,
+        _path: &'a Path,
+        _options: &'a UnixOptions,
+    ) -> BoxFuture<'a, io::Result<Box<dyn Listen>>> {
+        Box::pin(std::future::ready(Err(io::ErrorKind::Unsupported.into())))
+    }
 }
 
 /// A timer that can be set again and again without allocating.
@@ -68,12 +95,6 @@ pub trait Timer: Send {
 pub trait Listen: Send {
     /// Waits for the next connection. Dropping the future loses none.
     fn accept(&mut self) -> BoxFuture<'_, io::Result<Stream>>;
-
-    /// Where it listens.
-    ///
-    /// # Errors
-    /// When the system does not say.
-    fn local_addr(&self) -> io::Result<SocketAddr>;
 }
 
 /// A connected byte stream.
@@ -82,8 +103,8 @@ pub struct Stream {
     pub reader: BoxReader,
     /// What is sent to the peer.
     pub writer: BoxWriter,
-    /// The peer's address.
-    pub peer: SocketAddr,
+    /// Who is at the other end, as far as the system knows.
+    pub peer: PeerAddress,
 }
 
 impl fmt::Debug for Stream {

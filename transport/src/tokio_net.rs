@@ -4,6 +4,7 @@
 use std::io;
 use std::net::SocketAddr;
 use std::pin::Pin;
+use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
@@ -12,8 +13,12 @@ use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::runtime::Handle;
 use tokio::time::{Sleep, sleep_until};
 
-use crate::TcpOptions;
-use crate::net::{BoxFuture, Instant, Listen, Net, Stream, Timer};
+use crate::net::{BoxFuture, Instant, Listen, Net, Stream, Timer, UdpSocket, UdpSocketOptions};
+use crate::{PeerAddress, TcpOptions};
+
+mod udp;
+#[cfg(unix)]
+mod unix;
 
 /// Sockets, time and tasks of a tokio runtime.
 ///
@@ -77,7 +82,7 @@ impl Net for TokioNet {
         })
     }
 
-    fn listen_tcp(&self, at: SocketAddr, options: TcpOptions) -> io::Result<Box<dyn Listen>> {
+    fn listen_tcp(&self, at: SocketAddr, options: TcpOptions) -> io::Result<(Box<dyn Listen>, SocketAddr)> {
         let _guard = self.runtime.enter();
         let socket = Socket::new(Domain::for_address(at), Type::STREAM, Some(Protocol::TCP))?;
         socket.set_nonblocking(true)?;
@@ -89,7 +94,27 @@ impl Net for TokioNet {
         socket.bind(&at.into())?;
         socket.listen(options.backlog)?;
         let listener = TcpListener::from_std(socket.into())?;
-        Ok(Box::new(TokioListener { listener, options }))
+        let address = listener.local_addr()?;
+        Ok((Box::new(TokioListener { listener, options }), address))
+    }
+
+    fn bind_udp(&self, at: SocketAddr, options: UdpSocketOptions) -> io::Result<Arc<dyn UdpSocket>> {
+        let _guard = self.runtime.enter();
+        udp::bind(at, options)
+    }
+
+    #[cfg(unix)]
+    fn connect_unix<'a>(&'a self, path: &'a std::path::Path) -> BoxFuture<'a, io::Result<Stream>> {
+        Box::pin(unix::connect(path))
+    }
+
+    #[cfg(unix)]
+    fn listen_unix<'a>(
+        &'a self,
+        path: &'a std::path::Path,
+        options: &'a crate::UnixOptions,
+    ) -> BoxFuture<'a, io::Result<Box<dyn Listen>>> {
+        Box::pin(unix::listen(path, options))
     }
 }
 
@@ -113,7 +138,7 @@ fn apply(socket: &SockRef<'_>, options: &TcpOptions) -> io::Result<()> {
 
 fn stream(tcp: TcpStream, peer: SocketAddr) -> io::Result<Stream> {
     let (reader, writer) = tcp.into_split();
-    Ok(Stream { reader: Box::new(reader), writer: Box::new(writer), peer })
+    Ok(Stream { reader: Box::new(reader), writer: Box::new(writer), peer: PeerAddress::Tcp(peer) })
 }
 
 struct TokioTimer {
@@ -153,9 +178,5 @@ impl Listen for TokioListener {
             apply(&SockRef::from(&tcp), &self.options)?;
             stream(tcp, peer)
         })
-    }
-
-    fn local_addr(&self) -> io::Result<SocketAddr> {
-        self.listener.local_addr()
     }
 }

@@ -15,10 +15,10 @@ use trimaran_proto::{
     Accept, DecodeFault, Decoder, FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOutcome,
     FrameViolation, Kind, Lane, Message, ProtocolVersion, Refusal, Role, SessionId,
 };
-use trimaran_transport::tcp::{
-    AcceptError, AttemptError, ConnectError, HandshakeError, Listener, Options, connect,
+use trimaran_transport::{
+    AcceptError, AttemptError, ConnectError, Endpoint, FrameReceiver, HandshakeError, Limits, Link, Listener,
+    Loss, Net, Options, ProtocolError, RecvError, connect, sleep_until, until,
 };
-use trimaran_transport::{FrameReceiver, Link, Loss, Net, ProtocolError, RecvError, sleep_until, until};
 
 const SESSION: SessionId = SessionId(0x1234);
 
@@ -27,8 +27,12 @@ fn quick() -> Options {
 }
 
 async fn listener(net: &Arc<dyn Net>, options: &Options) -> (Listener, SocketAddr) {
-    let listener = Listener::bind(net, "127.0.0.1:0", identity(Role::SwitchA), options).await.unwrap();
-    let address = listener.local_addr();
+    let listener =
+        Listener::bind(net, &"tcp://127.0.0.1:0".parse().unwrap(), identity(Role::SwitchA), options)
+            .await
+            .unwrap();
+    let Endpoint::Tcp(at) = listener.local_endpoint() else { panic!("no TCP") };
+    let address = at.to_string().parse().unwrap();
     (listener, address)
 }
 
@@ -128,7 +132,7 @@ async fn another_version_is_refused_in_words_that_it_can_read() {
 async fn a_listener_of_another_version_is_understood() {
     let net = net();
     let server = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let address = server.local_addr().unwrap().to_string();
+    let address = Endpoint::Tcp(server.local_addr().unwrap().into());
     let serve = async {
         let (mut frames, _) = server.accept().await.unwrap();
         let (_latest, _) = server.accept().await.unwrap();
@@ -156,7 +160,7 @@ async fn strangers_hold_up_nobody() {
         strangers.push(stranger);
     }
     let options = Options::default();
-    let address = address.to_string();
+    let address = Endpoint::Tcp(address.into());
     let (there, here) = tokio::join!(
         connect(&net, &address, identity(Role::Display), &options, soon(&net)),
         listener.accept(soon(&net)),
@@ -216,7 +220,7 @@ async fn the_same_lane_twice_is_refused_and_the_right_one_still_welcome() {
 #[tokio::test]
 async fn a_crowd_is_turned_away_and_peers_get_through_after_it() {
     let net = net();
-    let options = Options { max_handshakes: 4, ..quick() };
+    let options = Options { limits: Limits { handshakes: 4, ..Limits::default() }, ..quick() };
     let (mut listener, address) = listener(&net, &options).await;
     let mut crowd = Vec::new();
     for _ in 0..4 {
@@ -225,7 +229,7 @@ async fn a_crowd_is_turned_away_and_peers_get_through_after_it() {
     sleep_until(&*net, net.now().after(Duration::from_millis(50))).await;
     let mut late = TcpStream::connect(address).await.unwrap();
     assert_eq!(answers(&mut late).await, [Message::Refuse(Refusal::Busy)]);
-    let address = address.to_string();
+    let address = Endpoint::Tcp(address.into());
     let (there, here) = tokio::join!(
         connect(&net, &address, identity(Role::Display), &options, soon(&net)),
         listener.accept(soon(&net)),
@@ -237,7 +241,7 @@ async fn a_crowd_is_turned_away_and_peers_get_through_after_it() {
 async fn a_server_that_is_no_peer_is_named_as_the_cause() {
     let net = net();
     let server = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let address = server.local_addr().unwrap().to_string();
+    let address = Endpoint::Tcp(server.local_addr().unwrap().into());
     let serve = async {
         let mut connections = Vec::new();
         loop {
@@ -345,7 +349,7 @@ async fn a_reset_is_a_loss() {
 async fn goodbye_survives_unread_data() {
     let net = net();
     let (mut listener, address) = listener(&net, &Options::default()).await;
-    let (address, options) = (address.to_string(), Options::default());
+    let (address, options) = (Endpoint::Tcp(address.into()), Options::default());
     let (there, here) = tokio::join!(
         connect(&net, &address, identity(Role::Display), &options, soon(&net)),
         listener.accept(soon(&net)),

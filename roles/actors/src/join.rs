@@ -1,12 +1,11 @@
-//! Three roles find each other over TCP. Start order does not matter: whoever connects tries again until the deadline.
+//! Three roles find each other, over whatever transports their endpoints name. Start order does not matter: whoever connects tries again until the deadline.
 
 use std::sync::Arc;
 
 use thiserror::Error;
 use trimaran_proto::{Identity, Role, SceneHash, Settings};
 use trimaran_transport::{
-    Instant, Link, Net,
-    tcp::{AcceptError, ConnectError, ListenError, Listener, Options, connect},
+    AcceptError, ConnectError, Endpoint, Instant, Link, ListenError, Listener, Net, Options, connect,
 };
 
 use crate::Seat;
@@ -100,8 +99,8 @@ pub async fn join_session(
     net: &Arc<dyn Net>,
     seat: Seat,
     scene: SceneHash,
-    display: &str,
-    pair: &str,
+    display: &Endpoint,
+    pair: &Endpoint,
     options: &Options,
     deadline: Instant,
 ) -> Result<Joined, JoinError> {

@@ -2,8 +2,6 @@
 
 use std::time::Duration;
 
-use crate::LinkConfig;
-
 /// Options of each TCP connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TcpOptions {
@@ -40,30 +38,6 @@ impl Default for TcpOptions {
             keepalive: Some(Keepalive { idle: Duration::from_secs(5), interval: Duration::from_secs(2) }),
             user_timeout: Some(Duration::from_secs(20)),
             backlog: 128,
-        }
-    }
-}
-
-/// Options of links over TCP.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Options {
-    /// What holds for the link.
-    pub link: LinkConfig,
-    /// What holds for its connections.
-    pub tcp: TcpOptions,
-    /// How long one handshake may take, from the connection to the last answer. Default 5 s.
-    pub handshake: Duration,
-    /// How many handshakes a listener has under way at once; more are turned away. Default 32.
-    pub max_handshakes: usize,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            link: LinkConfig::default(),
-            tcp: TcpOptions::default(),
-            handshake: Duration::from_secs(5),
-            max_handshakes: 32,
         }
     }
 }

@@ -10,7 +10,9 @@ use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameEnd, FrameEvent, FrameNumber, FrameOutcome, FrameStart,
     Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
 };
-use trimaran_transport::{FrameReceiver, Instant, Net, RecvError, TokioNet};
+use trimaran_transport::{
+    Endpoint, FrameReceiver, Instant, Link, Listener, Net, Options, RecvError, TokioNet, connect,
+};
 
 pub(crate) const SCENE: SceneHash = SceneHash(0x5ce7e);
 
@@ -74,4 +76,17 @@ pub(crate) async fn receive(rx: &mut FrameReceiver) -> Result<Received, RecvErro
             other => panic!("{other:?} within a frame"),
         }
     }
+}
+
+/// A link over the transport that `endpoint` names, by a listener and a connector: switch A's end first, then the display's.
+pub(crate) async fn joined(endpoint: &str, options: &Options) -> (Link, Link) {
+    let net = net();
+    let endpoint: Endpoint = endpoint.parse().unwrap();
+    let mut listener = Listener::bind(&net, &endpoint, identity(Role::SwitchA), options).await.unwrap();
+    let there = listener.local_endpoint().clone();
+    let (there, here) = tokio::join!(
+        connect(&net, &there, identity(Role::Display), options, soon(&net)),
+        listener.accept(soon(&net)),
+    );
+    (here.unwrap(), there.unwrap())
 }

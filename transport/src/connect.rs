@@ -1,0 +1,189 @@
+//! Connecting to a listener that may not be there yet, over whatever transport its endpoint names.
+
+use std::io;
+use std::sync::Arc;
+use std::time::Duration;
+
+use thiserror::Error;
+use trimaran_proto::{Identity, Refusal, SessionId};
+
+use crate::handshake::HandshakeError;
+use crate::net::{Instant, Net, sleep_until, until};
+use crate::{Endpoint, Link, Name, Options, inproc, tcp, unix};
+
+/// The pause after the first attempt; it doubles up to [`LAST_PAUSE`].
+const FIRST_PAUSE: Duration = Duration::from_millis(20);
+/// The longest pause between two attempts.
+const LAST_PAUSE: Duration = Duration::from_secs(1);
+
+/// How this side introduces itself in one attempt.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Introduction<'o> {
+    pub(crate) identity: Identity,
+    pub(crate) session: SessionId,
+    pub(crate) options: &'o Options,
+}
+
+/// Why no link came about.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ConnectError {
+    /// The listener is there and refuses: trying again would not help.
+    #[error("{endpoint} refuses: {refusal}")]
+    Refused {
+        /// Whom we asked.
+        endpoint: Endpoint,
+        /// Its reason.
+        refusal: Refusal,
+    },
+    /// The deadline came before a link.
+    #[error(
+        "no link to {endpoint} within {waited:?} and {attempts} attempts: is the other role running there?"
+    )]
+    Deadline {
+        /// Whom we asked.
+        endpoint: Endpoint,
+        /// How long.
+        waited: Duration,
+        /// How often.
+        attempts: u32,
+        /// What went wrong the last time.
+        #[source]
+        last: AttemptError,
+    },
+    /// The attempt failed in a way that trying again cannot mend.
+    #[error("no link to {endpoint} can be made")]
+    Failed {
+        /// Whom we asked.
+        endpoint: Endpoint,
+        /// Why.
+        #[source]
+        cause: AttemptError,
+    },
+    /// The system has no random numbers for a session id.
+    #[error("the system gives no random number for the session id")]
+    Random(#[source] io::Error),
+}
+
+/// Why one attempt failed.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum AttemptError {
+    /// The host name has no address now.
+    #[error("the host name could not be resolved")]
+    Resolve(#[source] io::Error),
+    /// The host name has no address at all.
+    #[error("the host name has no address")]
+    NoAddress,
+    /// No connection.
+    #[error("no connection to {address}")]
+    Connect {
+        /// Where to.
+        address: String,
+        /// What the system says.
+        #[source]
+        cause: io::Error,
+    },
+    /// A connection, but no handshake.
+    #[error("no handshake with {address}")]
+    Handshake {
+        /// With whom.
+        address: String,
+        /// Why.
+        #[source]
+        cause: HandshakeError,
+    },
+    /// Nobody in this process listens under the name.
+    #[error("nobody in this process listens as {name}")]
+    Nobody {
+        /// The name.
+        name: Name,
+    },
+    /// This build has no such transport.
+    #[error("this build has no transport {transport}; take tcp, unix or inproc")]
+    NotBuilt {
+        /// The transport.
+        transport: &'static str,
+    },
+    /// The attempt itself took too long.
+    #[error("no answer in time")]
+    TimedOut,
+}
+
+impl AttemptError {
+    /// Whether another attempt would end the same.
+    const fn is_final(&self) -> bool {
+        matches!(self, Self::NotBuilt { .. } | Self::Handshake { cause: HandshakeError::ForeignUser(_), .. })
+    }
+}
+
+/// Connects to the listener at `endpoint`, trying again until `deadline`: which of two peers starts first does
+/// not matter.
+///
+/// # Errors
+/// When the listener refuses, or no link came about before the deadline; then the last attempt's error is the source.
+pub async fn connect(
+    net: &Arc<dyn Net>,
+    endpoint: &Endpoint,
+    identity: Identity,
+    options: &Options,
+    deadline: Instant,
+) -> Result<Link, ConnectError> {
+    let started = net.now();
+    let mut pause = FIRST_PAUSE;
+    let mut attempts = 0;
+    loop {
+        attempts += 1;
+        let session = SessionId(net.random().map_err(ConnectError::Random)?);
+        let patience = net.now().after(options.handshake).min(deadline);
+        let introduction = Introduction { identity, session, options };
+        let attempt = attempt(net, endpoint, &introduction);
+        let last = match until(&**net, patience, attempt).await {
+            Some(Ok(link)) => return Ok(link),
+            Some(Err(e)) => e,
+            None => AttemptError::TimedOut,
+        };
+        let last = match last {
+            AttemptError::Handshake { cause: HandshakeError::Refused(refusal), .. }
+                if refusal != Refusal::Busy =>
+            {
+                return Err(ConnectError::Refused { endpoint: endpoint.clone(), refusal });
+            }
+            cause if cause.is_final() => {
+                return Err(ConnectError::Failed { endpoint: endpoint.clone(), cause });
+            }
+            last => last,
+        };
+        tracing::debug!(%endpoint, attempts, error = &last as &dyn std::error::Error, "trying again");
+        let next = net.now().after(jittered(pause, &**net)?);
+        if next >= deadline {
+            let waited = net.now().since(started);
+            return Err(ConnectError::Deadline { endpoint: endpoint.clone(), waited, attempts, last });
+        }
+        sleep_until(&**net, next).await;
+        pause = (pause * 2).min(LAST_PAUSE);
+    }
+}
+
+/// Between a half and the whole of `pause`, so that peers which lost the same listener do not all come back at once.
+fn jittered(pause: Duration, net: &dyn Net) -> Result<Duration, ConnectError> {
+    let part = net.random().map_err(ConnectError::Random)? >> 32;
+    let half = pause / 2;
+    Ok(half + Duration::from_nanos((half.as_nanos() as u64).saturating_mul(part) >> 32))
+}
+
+/// Tries once. Each transport has its arm here and in [`Listener::bind`](crate::Listener::bind).
+async fn attempt(
+    net: &Arc<dyn Net>,
+    endpoint: &Endpoint,
+    introduction: &Introduction<'_>,
+) -> Result<Link, AttemptError> {
+    match endpoint {
+        Endpoint::Tcp(at) => tcp::attempt(net, at, introduction).await,
+        Endpoint::Unix(path) => unix::attempt(net, path, introduction).await,
+        Endpoint::Inproc(name) => inproc::attempt(net, name, introduction).await,
+        Endpoint::Udp(_) | Endpoint::Quic(_) => {
+            Err(AttemptError::NotBuilt { transport: endpoint.transport() })
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! Who is let in at a listener, whatever its transport.
+
+use std::fmt;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
+use trimaran_proto::{Identity, Refusal, Role};
+
+use crate::handshake::HandshakeError;
+use crate::net::Net;
+use crate::{Link, Options};
+
+/// Admits peers and hands their links to whoever accepts. A transport's listening task holds it, asks [`Desk::enter`] once a
+/// peer has introduced itself, and ends when [`Desk::closed`] does.
+#[derive(Debug)]
+pub(crate) struct Desk {
+    pub(crate) net: Arc<dyn Net>,
+    pub(crate) identity: Identity,
+    pub(crate) options: Options,
+    taken: Arc<Mutex<Vec<Role>>>,
+    room: Arc<Semaphore>,
+    done: mpsc::Sender<Link>,
+    last_failure: Mutex<Option<HandshakeError>>,
+}
+
+/// A role's place at the listener: freed when the last half of its link is dropped.
+#[derive(Debug)]
+pub(crate) struct Place {
+    role: Role,
+    taken: Arc<Mutex<Vec<Role>>>,
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        lock(&self.taken).retain(|role| *role != self.role);
+    }
+}
+
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // Everything under these locks is changed in single steps, so that a panic elsewhere leaves it sound.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Desk {
+    /// A desk that receives peers of `identity` and hands their links to `done`.
+    pub(crate) fn new(
+        net: &Arc<dyn Net>,
+        identity: Identity,
+        options: &Options,
+        done: mpsc::Sender<Link>,
+    ) -> Self {
+        Self {
+            net: Arc::clone(net),
+            identity,
+            options: options.clone(),
+            taken: Arc::default(),
+            room: Arc::new(Semaphore::new(options.limits.handshakes)),
+            done,
+            last_failure: Mutex::default(),
+        }
+    }
+
+    /// Room for one more handshake, kept until the permit is dropped.
+    pub(crate) fn room(&self) -> Option<OwnedSemaphorePermit> {
+        Arc::clone(&self.room).try_acquire_owned().ok()
+    }
+
+    /// Whether `theirs` may come in, without taking the place.
+    pub(crate) fn admits(&self, theirs: &Identity) -> Result<(), Refusal> {
+        self.vacant(theirs, &lock(&self.taken))
+    }
+
+    /// Takes the place of `theirs`.
+    pub(crate) fn enter(&self, theirs: &Identity) -> Result<Place, Refusal> {
+        let mut taken = lock(&self.taken);
+        self.vacant(theirs, &taken)?;
+        taken.push(theirs.role);
+        Ok(Place { role: theirs.role, taken: Arc::clone(&self.taken) })
+    }
+
+    fn vacant(&self, theirs: &Identity, taken: &[Role]) -> Result<(), Refusal> {
+        self.identity.admits(theirs)?;
+        if taken.contains(&theirs.role) {
+            return Err(Refusal::RoleTaken { role: theirs.role });
+        }
+        if taken.len() >= self.options.limits.peers { Err(Refusal::Busy) } else { Ok(()) }
+    }
+
+    /// Hands out a link. Where nobody takes it, dropping it tells the peer.
+    pub(crate) async fn hand_out(&self, link: Link) {
+        let _unwanted = self.done.send(link).await;
+    }
+
+    /// Ends when nobody accepts any more.
+    pub(crate) async fn closed(&self) {
+        self.done.closed().await;
+    }
+
+    /// Notes what became of a connection that did not make it to a link.
+    pub(crate) fn failed(&self, address: &dyn fmt::Display, error: HandshakeError) {
+        tracing::debug!(%address, error = &error as &dyn std::error::Error, "a handshake failed");
+        *lock(&self.last_failure) = Some(error);
+    }
+
+    /// Takes what became of the last connection that did not make it to a link.
+    pub(crate) fn last_failure(&self) -> Option<HandshakeError> {
+        lock(&self.last_failure).take()
+    }
+}

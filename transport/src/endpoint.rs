@@ -1,0 +1,399 @@
+//! Where a peer is to be found: a transport and an address, as one value that a flag or a file can hold.
+
+use std::fmt;
+use std::net::{Ipv4Addr, Ipv6Addr};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// The longest path of a Unix socket, bytes: what fits into a `sockaddr_un` of Linux (108 with the closing zero). Systems with
+/// less room say so when the socket is made.
+const LONGEST_PATH: usize = 107;
+
+/// The longest name of a listener within a process, bytes.
+const LONGEST_NAME: usize = 64;
+
+/// The longest host name, bytes (RFC 1035, section 2.3.4).
+const LONGEST_HOST: usize = 253;
+
+/// A transport and an address: `tcp://host:port`, `udp://host:port`, `quic://host:port`, `unix:/path` or `inproc:name`.
+///
+/// A host is a name, an IPv4 address, or an IPv6 address in brackets. Port 0 takes a free port when listening.
+/// [`fmt::Display`] gives back what parses to the same value.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+#[non_exhaustive]
+pub enum Endpoint {
+    /// TCP connections.
+    Tcp(HostPort),
+    /// Datagrams of this crate's own protocol.
+    Udp(HostPort),
+    /// QUIC (RFC 9000).
+    Quic(HostPort),
+    /// Unix stream sockets: peers on this machine.
+    Unix(SocketPath),
+    /// Peers in this process.
+    Inproc(Name),
+}
+
+/// A host and a port.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct HostPort {
+    /// The host.
+    pub host: Host,
+    /// The port; 0 takes a free one when listening.
+    pub port: u16,
+}
+
+/// A machine.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Host {
+    /// By name.
+    Name(HostName),
+    /// By an IPv4 address.
+    V4(Ipv4Addr),
+    /// By an IPv6 address.
+    V6(Ipv6Addr),
+}
+
+/// A host name: letters, digits, dots, hyphens and underscores, 1 to 253 of them, neither first nor last a hyphen or a dot.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct HostName(String);
+
+/// The absolute path of a Unix socket, 2 to 107 bytes.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct SocketPath(String);
+
+/// The name of a listener within a process: 1 to 64 letters, digits, dots, hyphens and underscores.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Name(String);
+
+/// Why a text is no endpoint.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{text:?} is no endpoint: {fault}")]
+pub struct EndpointError {
+    /// The text.
+    pub text: String,
+    /// What is wrong with it.
+    #[source]
+    pub fault: EndpointFault,
+}
+
+/// What is wrong with an endpoint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum EndpointFault {
+    /// No transport in front.
+    #[error(
+        "it names no transport; give tcp://host:port, udp://host:port, quic://host:port, unix:/path or inproc:name"
+    )]
+    Scheme,
+    /// No port behind.
+    #[error("it has no port; give host:port, with an IPv6 address in brackets: [::1]:7400")]
+    NoPort,
+    /// The port is no number of 16 bits.
+    #[error("its port is not a number from 0 to 65535")]
+    Port,
+    /// The host is neither a name nor an address.
+    #[error("its host is neither a name nor an IPv4 address nor an IPv6 address in brackets")]
+    Host,
+    /// The path of a socket.
+    #[error("a socket's path starts with / and has 2 to {LONGEST_PATH} bytes, none of them zero")]
+    Path,
+    /// The name of a listener within a process.
+    #[error("a name has 1 to {LONGEST_NAME} letters, digits, dots, hyphens or underscores")]
+    Name,
+}
+
+impl Endpoint {
+    /// The transport's name, which is the endpoint's scheme: `tcp`, `udp`, `quic`, `unix` or `inproc`.
+    #[must_use]
+    pub const fn transport(&self) -> &'static str {
+        match self {
+            Self::Tcp(_) => "tcp",
+            Self::Udp(_) => "udp",
+            Self::Quic(_) => "quic",
+            Self::Unix(_) => "unix",
+            Self::Inproc(_) => "inproc",
+        }
+    }
+}
+
+impl FromStr for Endpoint {
+    type Err = EndpointError;
+
+    fn from_str(text: &str) -> Result<Self, EndpointError> {
+        let parsed = match text.split_once(':') {
+            Some(("tcp", rest)) => authority(rest).map(Self::Tcp),
+            Some(("udp", rest)) => authority(rest).map(Self::Udp),
+            Some(("quic", rest)) => authority(rest).map(Self::Quic),
+            Some(("unix", path)) => path.parse().map(Self::Unix),
+            Some(("inproc", name)) => name.parse().map(Self::Inproc),
+            _ => Err(EndpointFault::Scheme),
+        };
+        parsed.map_err(|fault| EndpointError { text: text.to_owned(), fault })
+    }
+}
+
+/// What follows the scheme of an address on a network.
+fn authority(rest: &str) -> Result<HostPort, EndpointFault> {
+    rest.strip_prefix("//").ok_or(EndpointFault::Scheme)?.parse()
+}
+
+impl fmt::Display for Endpoint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let transport = self.transport();
+        match self {
+            Self::Tcp(at) | Self::Udp(at) | Self::Quic(at) => write!(f, "{transport}://{at}"),
+            Self::Unix(path) => write!(f, "{transport}:{path}"),
+            Self::Inproc(name) => write!(f, "{transport}:{name}"),
+        }
+    }
+}
+
+impl TryFrom<String> for Endpoint {
+    type Error = EndpointError;
+
+    fn try_from(text: String) -> Result<Self, EndpointError> {
+        text.parse()
+    }
+}
+
+impl From<Endpoint> for String {
+    fn from(endpoint: Endpoint) -> Self {
+        endpoint.to_string()
+    }
+}
+
+impl FromStr for HostPort {
+    type Err = EndpointFault;
+
+    fn from_str(text: &str) -> Result<Self, EndpointFault> {
+        let (host, port) = text.rsplit_once(':').ok_or(EndpointFault::NoPort)?;
+        let host = match host.strip_prefix('[') {
+            Some(v6) => {
+                let v6 = v6.strip_suffix(']').ok_or(EndpointFault::NoPort)?;
+                Host::V6(v6.parse().map_err(|_| EndpointFault::Host)?)
+            }
+            None if host.contains(':') => return Err(EndpointFault::NoPort),
+            None => host.parse().map(Host::V4).or_else(|_| host.parse().map(Host::Name))?,
+        };
+        // `u16` alone would take a sign.
+        let digits = !port.is_empty() && port.bytes().all(|b| b.is_ascii_digit());
+        let port = port.parse().ok().filter(|_| digits).ok_or(EndpointFault::Port)?;
+        Ok(Self { host, port })
+    }
+}
+
+impl fmt::Display for HostPort {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}", self.host, self.port)
+    }
+}
+
+impl From<std::net::SocketAddr> for HostPort {
+    /// The scope of a link-local IPv6 address is lost: name the interface's address instead.
+    fn from(address: std::net::SocketAddr) -> Self {
+        let host = match address {
+            std::net::SocketAddr::V4(v4) => Host::V4(*v4.ip()),
+            std::net::SocketAddr::V6(v6) => Host::V6(*v6.ip()),
+        };
+        Self { host, port: address.port() }
+    }
+}
+
+impl fmt::Display for Host {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Name(name) => f.write_str(&name.0),
+            Self::V4(address) => address.fmt(f),
+            Self::V6(address) => write!(f, "[{address}]"),
+        }
+    }
+}
+
+impl HostName {
+    /// The name.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl FromStr for HostName {
+    type Err = EndpointFault;
+
+    fn from_str(text: &str) -> Result<Self, EndpointFault> {
+        let edge = |c: Option<char>| matches!(c, Some('-' | '.') | None);
+        // Only digits and dots is an IPv4 address gone wrong, not a name.
+        let numeric = text.chars().all(|c| c.is_ascii_digit() || c == '.');
+        let odd = edge(text.chars().next()) || edge(text.chars().next_back()) || numeric;
+        if odd || text.len() > LONGEST_HOST || !is_plain(text) {
+            return Err(EndpointFault::Host);
+        }
+        Ok(Self(text.to_owned()))
+    }
+}
+
+impl SocketPath {
+    /// The path.
+    #[must_use]
+    pub fn as_path(&self) -> &Path {
+        Path::new(&self.0)
+    }
+
+    /// The endpoint's path for `path`.
+    ///
+    /// # Errors
+    /// When it is not absolute, not UTF-8, or too long for a socket.
+    pub fn new(path: impl Into<PathBuf>) -> Result<Self, EndpointFault> {
+        path.into().to_str().ok_or(EndpointFault::Path)?.parse()
+    }
+}
+
+impl FromStr for SocketPath {
+    type Err = EndpointFault;
+
+    fn from_str(text: &str) -> Result<Self, EndpointFault> {
+        let fits = (2..=LONGEST_PATH).contains(&text.len());
+        if !fits || !text.starts_with('/') || text.ends_with('/') || text.contains('\0') {
+            return Err(EndpointFault::Path);
+        }
+        Ok(Self(text.to_owned()))
+    }
+}
+
+impl fmt::Display for SocketPath {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl Name {
+    /// The name.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl FromStr for Name {
+    type Err = EndpointFault;
+
+    fn from_str(text: &str) -> Result<Self, EndpointFault> {
+        if text.is_empty() || text.len() > LONGEST_NAME || !is_plain(text) {
+            return Err(EndpointFault::Name);
+        }
+        Ok(Self(text.to_owned()))
+    }
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+fn is_plain(text: &str) -> bool {
+    text.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'.' | b'-' | b'_'))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn fault(text: &str) -> EndpointFault {
+        text.parse::<Endpoint>().unwrap_err().fault
+    }
+
+    #[test]
+    fn every_kind_of_endpoint_is_read_and_written() {
+        for text in [
+            "tcp://localhost:7400",
+            "tcp://one.plant.example:0",
+            "udp://10.0.0.1:65535",
+            "quic://[::1]:7400",
+            "tcp://[2001:db8::7]:1",
+            "unix:/run/trimaran/display.sock",
+            "inproc:display",
+        ] {
+            let endpoint: Endpoint = text.parse().unwrap();
+            assert_eq!(endpoint.to_string(), text);
+            assert_eq!(text.split_once(':').unwrap().0, endpoint.transport());
+        }
+        let Ok(Endpoint::Quic(at)) = "quic://[::1]:7400".parse() else { panic!("no address") };
+        assert_eq!(at, HostPort { host: Host::V6(Ipv6Addr::LOCALHOST), port: 7400 });
+    }
+
+    #[test]
+    fn a_bad_endpoint_says_what_is_expected() {
+        for text in
+            ["", "localhost:7400", "http://a:1", "tcp:a:1", "tcp:/a:1", "TCP://a:1", ":", "10.0.0.1:7400"]
+        {
+            assert_eq!(fault(text), EndpointFault::Scheme, "{text:?}");
+        }
+        for text in ["tcp://", "tcp://host", "udp://::1:7400", "tcp://[::1]", "tcp://[::1:7400", "quic://::1"]
+        {
+            assert_eq!(fault(text), EndpointFault::NoPort, "{text:?}");
+        }
+        for text in ["tcp://a:", "tcp://a:65536", "tcp://a:-1", "tcp://a:+1", "tcp://a:1 ", "tcp://a:7400/"] {
+            assert_eq!(fault(text), EndpointFault::Port, "{text:?}");
+        }
+        for text in [
+            "tcp://:1",
+            "tcp://a b:1",
+            "tcp://256.0.0.1:1",
+            "tcp://[127.0.0.1]:1",
+            "tcp://-a:1",
+            "tcp://a.:1",
+        ] {
+            assert_eq!(fault(text), EndpointFault::Host, "{text:?}");
+        }
+        for text in ["unix:", "unix:/", "unix:a.sock", "unix:/a/", "unix:/a\0b"] {
+            assert_eq!(fault(text), EndpointFault::Path, "{text:?}");
+        }
+        for text in ["inproc:", "inproc:a b", "inproc://a", "inproc:ä"] {
+            assert_eq!(fault(text), EndpointFault::Name, "{text:?}");
+        }
+        let message = "show:7400".parse::<Endpoint>().unwrap_err().to_string();
+        assert!(message.contains("\"show:7400\"") && message.contains("tcp://host:port"), "{message}");
+    }
+
+    #[test]
+    fn lengths_end_where_the_system_ends() {
+        let path = |bytes: usize| format!("unix:/{}", "a".repeat(bytes - 1));
+        assert!(path(LONGEST_PATH).parse::<Endpoint>().is_ok());
+        assert_eq!(fault(&path(LONGEST_PATH + 1)), EndpointFault::Path);
+        let name = |bytes| format!("inproc:{}", "a".repeat(bytes));
+        assert!(name(LONGEST_NAME).parse::<Endpoint>().is_ok());
+        assert_eq!(fault(&name(LONGEST_NAME + 1)), EndpointFault::Name);
+        let host = |bytes| format!("tcp://{}:1", "a".repeat(bytes));
+        assert!(host(LONGEST_HOST).parse::<Endpoint>().is_ok());
+        assert_eq!(fault(&host(LONGEST_HOST + 1)), EndpointFault::Host);
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_is_read_is_written_the_same(text in "(tcp|udp|quic|unix|inproc):(//|/)?[a-z0-9:\\[\\]./_-]{0,20}(:[0-9]{1,5})?") {
+            if let Ok(endpoint) = text.parse::<Endpoint>() {
+                prop_assert_eq!(&endpoint.to_string().parse::<Endpoint>().unwrap(), &endpoint);
+            }
+        }
+
+        #[test]
+        fn any_address_survives(address: std::net::SocketAddr) {
+            let endpoint = Endpoint::Tcp(address.into());
+            prop_assert_eq!(endpoint.to_string().parse::<Endpoint>().unwrap(), endpoint);
+        }
+
+        #[test]
+        fn no_text_panics(text in any::<String>()) {
+            let _ = text.parse::<Endpoint>();
+        }
+    }
+}

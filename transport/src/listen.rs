@@ -1,0 +1,162 @@
+//! Listening for peers.
+
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use thiserror::Error;
+use tokio::sync::mpsc;
+use trimaran_proto::Identity;
+
+use crate::desk::Desk;
+use crate::handshake::HandshakeError;
+use crate::net::{Instant, Net, until};
+use crate::{Endpoint, HostPort, Link, Options, inproc, tcp, unix};
+
+/// How many links may wait for [`Listener::accept`].
+const QUEUE: usize = 8;
+
+/// Why a listener could not be made.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ListenError {
+    /// The host has no address.
+    #[error("cannot listen on {endpoint}: its host is no address of this machine")]
+    Address {
+        /// Where.
+        endpoint: Endpoint,
+        /// What the resolver says.
+        #[source]
+        cause: io::Error,
+    },
+    /// Someone else listens there.
+    #[error("cannot listen on {endpoint}: it is in use; choose another one, or stop the program that has it")]
+    InUse {
+        /// Where.
+        endpoint: Endpoint,
+    },
+    /// This build has no such transport.
+    #[error("cannot listen on {endpoint}: this build has no such transport; take tcp, unix or inproc")]
+    NotBuilt {
+        /// Where.
+        endpoint: Endpoint,
+    },
+    /// Any other failure.
+    #[error("cannot listen on {endpoint}")]
+    Io {
+        /// Where.
+        endpoint: Endpoint,
+        /// What the system says.
+        #[source]
+        cause: io::Error,
+    },
+}
+
+/// Why no peer was accepted.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum AcceptError {
+    /// No peer came before the deadline.
+    #[error("no peer connected to {endpoint} in {waited:?}{}", .last.as_ref().map(|e| format!(" (the last that tried: {e})")).unwrap_or_default())]
+    Deadline {
+        /// Where we listened.
+        endpoint: Endpoint,
+        /// How long this call waited.
+        waited: Duration,
+        /// What became of the last connection that did not make it to a link.
+        #[source]
+        last: Option<HandshakeError>,
+    },
+    /// The listener's task is gone, because its runtime was shut down.
+    #[error("the listener on {endpoint} was shut down")]
+    ShutDown {
+        /// Where we listened.
+        endpoint: Endpoint,
+    },
+}
+
+/// Takes peers that connect.
+///
+/// Handshakes go on beside the caller: a stranger, or a peer that stops in the middle, holds up nobody. Each has a limit in
+/// time and they have one in number.
+#[derive(Debug)]
+pub struct Listener {
+    links: mpsc::Receiver<Link>,
+    endpoint: Endpoint,
+    net: Arc<dyn Net>,
+    desk: Arc<Desk>,
+    /// Takes the name of a listener within this process away when it is dropped.
+    _name: Option<inproc::Registered>,
+}
+
+impl Listener {
+    /// Listens on `endpoint` as the peer `identity`; port 0 takes a free port.
+    ///
+    /// # Errors
+    /// When the endpoint cannot be listened on.
+    pub async fn bind(
+        net: &Arc<dyn Net>,
+        endpoint: &Endpoint,
+        identity: Identity,
+        options: &Options,
+    ) -> Result<Self, ListenError> {
+        let (done, links) = mpsc::channel(QUEUE);
+        let desk = Arc::new(Desk::new(net, identity, options, done));
+        let failed = |cause: io::Error| match cause.kind() {
+            io::ErrorKind::AddrInUse => ListenError::InUse { endpoint: endpoint.clone() },
+            _ => ListenError::Io { endpoint: endpoint.clone(), cause },
+        };
+        let mut name = None;
+        let local = match endpoint {
+            Endpoint::Tcp(at) => {
+                let at = resolve(net, at)
+                    .await
+                    .map_err(|cause| ListenError::Address { endpoint: endpoint.clone(), cause })?;
+                Endpoint::Tcp(tcp::listen(at, &desk).map_err(failed)?.into())
+            }
+            Endpoint::Unix(path) => {
+                unix::listen(path.as_path(), &desk).await.map_err(failed)?;
+                endpoint.clone()
+            }
+            Endpoint::Inproc(wanted) => {
+                name = Some(inproc::listen(wanted, &desk).map_err(failed)?);
+                endpoint.clone()
+            }
+            Endpoint::Udp(_) | Endpoint::Quic(_) => {
+                return Err(ListenError::NotBuilt { endpoint: endpoint.clone() });
+            }
+        };
+        Ok(Self { links, endpoint: local, net: Arc::clone(net), desk, _name: name })
+    }
+
+    /// Where it listens: with the port that the system chose, where it was to.
+    #[must_use]
+    pub const fn local_endpoint(&self) -> &Endpoint {
+        &self.endpoint
+    }
+
+    /// Waits for the next peer, until `deadline` at most.
+    ///
+    /// # Errors
+    /// When none came; then the error says what became of the last one that tried.
+    pub async fn accept(&mut self, deadline: Instant) -> Result<Link, AcceptError> {
+        let started = self.net.now();
+        let endpoint = self.endpoint.clone();
+        match until(&*self.net, deadline, self.links.recv()).await {
+            Some(Some(link)) => Ok(link),
+            Some(None) => Err(AcceptError::ShutDown { endpoint }),
+            None => {
+                let waited = self.net.now().since(started);
+                let last = self.desk.last_failure();
+                Err(AcceptError::Deadline { endpoint, waited, last })
+            }
+        }
+    }
+}
+
+/// The first address of a host and port.
+async fn resolve(net: &Arc<dyn Net>, at: &HostPort) -> io::Result<SocketAddr> {
+    let addresses = net.resolve(&at.to_string()).await?;
+    addresses.first().copied().ok_or_else(|| io::ErrorKind::NotFound.into())
+}

@@ -1,0 +1,50 @@
+//! How links are made and what they may cost: what all transports have in common, and each one's own.
+
+use std::time::Duration;
+
+use crate::{LinkConfig, TcpOptions, UnixOptions};
+
+/// Options of links, whatever their transport.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// What holds for a link once it is made.
+    pub link: LinkConfig,
+    /// How long one handshake may take, from the connection to the last answer. Default 5 s.
+    pub handshake: Duration,
+    /// What others may make this side spend.
+    pub limits: Limits,
+    /// What holds for TCP connections.
+    pub tcp: TcpOptions,
+    /// What holds for Unix sockets.
+    pub unix: UnixOptions,
+}
+
+/// What others may make this side spend.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// How many peers a listener has links with at once; more are told that it is busy. Default 16.
+    pub peers: usize,
+    /// How many handshakes a listener has under way at once; more are turned away. Default 32.
+    pub handshakes: usize,
+    /// How much of what a peer sent may wait for its reader, bytes. Where the transport itself holds nothing, the system's
+    /// socket buffers are the limit. Default 32 MiB.
+    pub memory_per_peer: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            link: LinkConfig::default(),
+            handshake: Duration::from_secs(5),
+            limits: Limits::default(),
+            tcp: TcpOptions::default(),
+            unix: UnixOptions::default(),
+        }
+    }
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self { peers: 16, handshakes: 32, memory_per_peer: 32 << 20 }
+    }
+}

@@ -1,0 +1,166 @@
+//! Where the connections of links over byte streams are received, and the two of a link paired.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex};
+use std::task::{Context, Waker};
+use std::time::Duration;
+
+use tokio::sync::{OwnedSemaphorePermit, oneshot};
+use trimaran_proto::{Accept, Hello, Lane, Message, Refusal, SessionId};
+
+use super::handshake::{Connection, Lanes};
+use crate::desk::{Desk, Place, lock};
+use crate::handshake::HandshakeError;
+use crate::link::Capabilities;
+use crate::net::{Instant, Listen, Stream, sleep_until, until};
+use crate::stats::Counters;
+use crate::unix;
+
+/// The pause after the system could not accept, for instance for want of file descriptors.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+
+/// Accepts until nobody takes the links any more.
+pub(crate) async fn serve(desk: Arc<Desk>, socket: Box<dyn Listen>, capabilities: Capabilities) {
+    Arc::new(Reception { desk, capabilities, waiting: Mutex::default() }).serve(socket).await;
+}
+
+/// Receives connections, checks who they are, and pairs them.
+#[derive(Debug)]
+struct Reception {
+    desk: Arc<Desk>,
+    capabilities: Capabilities,
+    /// Which sessions have one connection.
+    waiting: Mutex<HashMap<SessionId, Waiting>>,
+}
+
+/// A connection whose session lacks the other lane.
+#[derive(Debug)]
+struct Waiting {
+    hello: Hello,
+    connection: Connection,
+    /// Dropped when the other lane comes: tells the task that watches the time to stop.
+    _paired: oneshot::Sender<()>,
+}
+
+/// What becomes of a hello.
+enum Entry {
+    /// Both lanes are there, and the role is this link's.
+    Complete(Lanes, Place),
+    /// The other lane has to come.
+    Wait(oneshot::Receiver<()>),
+    /// No.
+    Refused(Connection, Refusal),
+}
+
+impl Reception {
+    async fn serve(self: Arc<Self>, mut socket: Box<dyn Listen>) {
+        loop {
+            let accepted = tokio::select! {
+                () = self.desk.closed() => return,
+                accepted = socket.accept() => accepted,
+            };
+            match accepted {
+                Ok(stream) => {
+                    let reception = Arc::clone(&self);
+                    match self.desk.room() {
+                        Some(permit) => self.desk.net.spawn(Box::pin(reception.receive(stream, permit))),
+                        None => turn_away(stream),
+                    }
+                }
+                Err(e) => {
+                    tracing::warn!(error = &e as &dyn std::error::Error, "could not accept a connection");
+                    sleep_until(&*self.desk.net, self.desk.net.now().after(ACCEPT_PAUSE)).await;
+                }
+            }
+        }
+    }
+
+    /// One connection, from its first byte to a link or a failure.
+    async fn receive(self: Arc<Self>, stream: Stream, _permit: OwnedSemaphorePermit) {
+        let address = stream.peer;
+        let deadline = self.desk.net.now().after(self.desk.options.handshake);
+        // A lane that waits for the other one watches the deadline itself, in order to refuse politely; the limit is for a peer
+        // that does not even read the refusal.
+        let limit = deadline.after(self.desk.options.handshake);
+        let handshake = self.shake_hands(stream, deadline);
+        let outcome = until(&*self.desk.net, limit, handshake).await.unwrap_or(Err(HandshakeError::TimedOut));
+        if let Err(e) = outcome {
+            self.desk.failed(&address, e);
+        }
+    }
+
+    async fn shake_hands(&self, stream: Stream, deadline: Instant) -> Result<(), HandshakeError> {
+        let net = &*self.desk.net;
+        unix::check(&stream.peer, &self.desk.options.unix)?;
+        let mut connection = Connection::new(stream, &Counters::framed());
+        let hello = until(net, deadline, connection.recv_hello()).await.ok_or(HandshakeError::TimedOut)??;
+        match self.enter(hello, connection) {
+            Entry::Complete(lanes, place) => self.welcome(hello, lanes, place).await,
+            Entry::Wait(paired) => {
+                if until(net, deadline, paired).await.is_some() {
+                    return Ok(());
+                }
+                let Some(mut waiting) = lock(&self.waiting).remove(&hello.session) else {
+                    return Ok(());
+                };
+                let refusal = Refusal::Unpaired { session: hello.session };
+                waiting.connection.refuse(refusal).await?;
+                Err(HandshakeError::Refused(refusal))
+            }
+            Entry::Refused(mut connection, refusal) => {
+                connection.refuse(refusal).await?;
+                Err(HandshakeError::Refused(refusal))
+            }
+        }
+    }
+
+    /// Pairs a hello with that of the other lane, if it is there.
+    fn enter(&self, hello: Hello, connection: Connection) -> Entry {
+        let Hello { identity, session, lane } = hello;
+        if let Err(refusal) = self.desk.admits(&identity) {
+            return Entry::Refused(connection, refusal);
+        }
+        let mut waiting = lock(&self.waiting);
+        let Some(other) = waiting.remove(&session) else {
+            let (_paired, watch) = oneshot::channel();
+            waiting.insert(session, Waiting { hello, connection, _paired });
+            return Entry::Wait(watch);
+        };
+        if other.hello.lane == lane || other.hello.identity != identity {
+            waiting.insert(session, other);
+            return Entry::Refused(connection, Refusal::Session { session, lane });
+        }
+        let place = match self.desk.enter(&identity) {
+            Ok(place) => place,
+            Err(refusal) => {
+                waiting.insert(session, other);
+                return Entry::Refused(connection, refusal);
+            }
+        };
+        let capabilities = self.capabilities;
+        let lanes = match lane {
+            Lane::Latest => Lanes { latest: connection, frames: other.connection, capabilities },
+            Lane::Frames => Lanes { latest: other.connection, frames: connection, capabilities },
+        };
+        Entry::Complete(lanes, place)
+    }
+
+    /// Answers on both lanes, and hands out the link.
+    async fn welcome(&self, hello: Hello, mut lanes: Lanes, place: Place) -> Result<(), HandshakeError> {
+        let accept = Message::Accept(Accept { identity: self.desk.identity });
+        lanes.latest.send(&accept).await?;
+        lanes.frames.send(&accept).await?;
+        let Hello { identity: theirs, session, .. } = hello;
+        let config = &self.desk.options.link;
+        let link = lanes.into_link(&self.desk.net, config, &self.desk.identity, theirs, session, Some(place));
+        self.desk.hand_out(link).await;
+        Ok(())
+    }
+}
+
+/// Says that there is no room, if that can be said without waiting.
+fn turn_away(stream: Stream) {
+    let mut connection = Connection::new(stream, &Counters::framed());
+    let refusal = std::pin::pin!(connection.refuse(Refusal::Busy));
+    let _ignored = refusal.poll(&mut Context::from_waker(Waker::noop()));
+}

@@ -1,0 +1,126 @@
+//! One connection of a link over byte streams during the handshake, and what it becomes.
+
+use std::future::poll_fn;
+use std::sync::Arc;
+
+use trimaran_proto::{DecodeFault, Hello, Identity, Message, Refusal, SessionId};
+
+use super::{FrameRx, FrameTx, LatestRx, LatestTx, Sink, Source};
+use crate::desk::Place;
+use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx};
+use crate::handshake::HandshakeError;
+use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
+use crate::link::{Capabilities, Link, LinkConfig, Parts, PeerAddress, PeerInfo, Shared};
+use crate::net::{Net, Stream};
+use crate::stats::Counters;
+
+/// How much is read at once from someone who is not a peer yet.
+const ROOM: usize = 512;
+
+/// A connection on which the two sides introduce themselves.
+#[derive(Debug)]
+pub(super) struct Connection {
+    source: Source,
+    sink: Sink,
+    pub(super) address: PeerAddress,
+    counters: Arc<Counters>,
+}
+
+impl Connection {
+    pub(super) fn new(stream: Stream, counters: &Arc<Counters>) -> Self {
+        Self {
+            source: Source::new(stream.reader, ROOM),
+            sink: Sink::new(stream.writer),
+            address: stream.peer,
+            counters: Arc::clone(counters),
+        }
+    }
+
+    pub(super) async fn send(&mut self, message: &Message) -> Result<(), HandshakeError> {
+        self.sink.stage(message, &self.counters.sent);
+        poll_fn(|cx| self.sink.poll_drain(cx)).await.map_err(HandshakeError::Io)
+    }
+
+    async fn recv(&mut self) -> Result<Message, HandshakeError> {
+        loop {
+            if let Some(message) = self.source.next_buffered(&self.counters.received)? {
+                return Ok(message);
+            }
+            poll_fn(|cx| self.source.poll_fill(cx)).await?;
+        }
+    }
+
+    /// Reads the hello of whoever connected. A peer of another version is refused here: no more of it can be read.
+    pub(super) async fn recv_hello(&mut self) -> Result<Hello, HandshakeError> {
+        match self.recv().await {
+            Ok(Message::Hello(hello)) => Ok(hello),
+            Ok(other) => Err(HandshakeError::Unexpected { kind: other.kind() }),
+            Err(HandshakeError::Decode(e)) => {
+                if let DecodeFault::Version { ours, theirs } = e.fault {
+                    let refusal = Refusal::Version { listener: ours, connector: theirs };
+                    self.refuse(refusal).await?;
+                    return Err(HandshakeError::Refused(refusal));
+                }
+                Err(HandshakeError::Decode(e))
+            }
+            Err(e) => Err(e),
+        }
+    }
+
+    /// Reads the answer to a hello.
+    pub(super) async fn recv_answer(&mut self) -> Result<Identity, HandshakeError> {
+        match self.recv().await? {
+            Message::Accept(accept) => Ok(accept.identity),
+            Message::Refuse(refusal) => Err(HandshakeError::Refused(refusal)),
+            other => Err(HandshakeError::Unexpected { kind: other.kind() }),
+        }
+    }
+
+    /// Says no, and that nothing more comes.
+    pub(super) async fn refuse(&mut self, refusal: Refusal) -> Result<(), HandshakeError> {
+        self.send(&Message::Refuse(refusal)).await?;
+        poll_fn(|cx| self.sink.poll_shutdown(cx)).await.map_err(HandshakeError::Io)
+    }
+}
+
+/// The two connections of a link whose handshake is done.
+#[derive(Debug)]
+pub(super) struct Lanes {
+    pub(super) latest: Connection,
+    pub(super) frames: Connection,
+    pub(super) capabilities: Capabilities,
+}
+
+impl Lanes {
+    pub(super) fn into_link(
+        self,
+        net: &Arc<dyn Net>,
+        config: &LinkConfig,
+        ours: &Identity,
+        theirs: Identity,
+        session: SessionId,
+        place: Option<Place>,
+    ) -> Link {
+        let Self { latest, frames, capabilities } = self;
+        let counters = frames.counters;
+        if !Arc::ptr_eq(&counters, &latest.counters) {
+            counters.absorb(&latest.counters);
+        }
+        let shared = Shared { peer: theirs.role, counters, _place: place.map(|place| Arc::new(place) as _) };
+        Parts {
+            latest: (
+                AnyLatestTx::Stream(LatestTx::new(net, latest.sink, shared.clone())),
+                AnyLatestRx::Stream(LatestRx::new(latest.source)),
+            ),
+            frames: (
+                AnyFrameTx::Stream(FrameTx::new(frames.sink)),
+                AnyFrameRx::Stream(FrameRx::new(frames.source)),
+            ),
+            peer: PeerInfo { identity: theirs, session, address: frames.address },
+            capabilities,
+            shared,
+            batch: config.batch_between(ours, &theirs),
+        }
+        .into_link(net, config)
+    }
+}

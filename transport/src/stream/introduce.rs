@@ -1,0 +1,49 @@
+//! Making a link over byte streams: two connections, a hello on each, an answer on each.
+
+use std::fmt;
+use std::io;
+use std::sync::Arc;
+
+use trimaran_proto::{Lane, Message};
+
+use super::handshake::{Connection, Lanes};
+use crate::Link;
+use crate::connect::{AttemptError, Introduction};
+use crate::handshake::HandshakeError;
+use crate::link::Capabilities;
+use crate::net::{Net, Stream};
+use crate::stats::Counters;
+use crate::unix;
+
+/// Opens both connections to `to`, says hello on both, and reads both answers.
+pub(crate) async fn introduce(
+    net: &Arc<dyn Net>,
+    to: &dyn fmt::Display,
+    open: impl AsyncFn() -> io::Result<Stream>,
+    introduction: &Introduction<'_>,
+    capabilities: Capabilities,
+) -> Result<Link, AttemptError> {
+    let Introduction { identity, session, options } = *introduction;
+    let counters = Counters::framed();
+    let failed = |cause| AttemptError::Handshake { address: to.to_string(), cause };
+    let connection = async || match open().await {
+        Ok(stream) => {
+            unix::check(&stream.peer, &options.unix).map_err(|e| failed(e.into()))?;
+            Ok(Connection::new(stream, &counters))
+        }
+        Err(cause) => Err(AttemptError::Connect { address: to.to_string(), cause }),
+    };
+    let mut frames = connection().await?;
+    let mut latest = connection().await?;
+    let theirs = async {
+        frames.send(&Message::Hello(identity.hello(session, Lane::Frames))).await?;
+        latest.send(&Message::Hello(identity.hello(session, Lane::Latest))).await?;
+        let theirs = frames.recv_answer().await?;
+        latest.recv_answer().await?;
+        Ok::<_, HandshakeError>(theirs)
+    }
+    .await
+    .map_err(failed)?;
+    let lanes = Lanes { latest, frames, capabilities };
+    Ok(lanes.into_link(net, &options.link, &identity, theirs, session, None))
+}

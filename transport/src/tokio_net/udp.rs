@@ -1,0 +1,172 @@
+//! UDP sockets of tokio, with what `quinn-udp` gets out of the kernel: batches, segmentation, ECN, destination addresses.
+
+use std::fmt;
+use std::io::{self, IoSliceMut};
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll, ready};
+
+use quinn_udp::UdpSocketState;
+use socket2::{Domain, Protocol, SockRef, Socket, Type};
+use tokio::io::Interest;
+
+use crate::net::{RecvMeta, Transmit, UdpPoller, UdpSocket, UdpSocketOptions};
+
+/// Binds a socket; the caller is within a runtime.
+pub(super) fn bind(at: SocketAddr, options: UdpSocketOptions) -> io::Result<Arc<dyn UdpSocket>> {
+    let socket = Socket::new(Domain::for_address(at), Type::DGRAM, Some(Protocol::UDP))?;
+    socket.set_nonblocking(true)?;
+    enlarge(&SockRef::from(&socket), options);
+    socket.bind(&at.into())?;
+    let state = UdpSocketState::new((&socket).into())?;
+    Ok(Arc::new(TokioUdp { io: tokio::net::UdpSocket::from_std(socket.into())?, state }))
+}
+
+/// A system that refuses a larger buffer leaves the one it had, and that works too.
+fn enlarge(socket: &SockRef<'_>, options: UdpSocketOptions) {
+    let send = options.send_buffer.map_or(Ok(()), |bytes| socket.set_send_buffer_size(bytes));
+    let receive = options.recv_buffer.map_or(Ok(()), |bytes| socket.set_recv_buffer_size(bytes));
+    if let Err(e) = send.and(receive) {
+        tracing::debug!(error = &e as &dyn std::error::Error, "the system refuses larger UDP buffers");
+    }
+}
+
+#[derive(Debug)]
+struct TokioUdp {
+    io: tokio::net::UdpSocket,
+    state: UdpSocketState,
+}
+
+impl UdpSocket for TokioUdp {
+    fn try_send(&self, transmit: &Transmit<'_>) -> io::Result<()> {
+        self.io.try_io(Interest::WRITABLE, || self.state.try_send((&self.io).into(), transmit))
+    }
+
+    fn poller(self: Arc<Self>) -> Pin<Box<dyn UdpPoller>> {
+        Box::pin(Poller { socket: self, wait: None })
+    }
+
+    fn poll_recv(
+        &self,
+        cx: &mut Context<'_>,
+        buffers: &mut [IoSliceMut<'_>],
+        meta: &mut [RecvMeta],
+    ) -> Poll<io::Result<usize>> {
+        loop {
+            ready!(self.io.poll_recv_ready(cx))?;
+            let receive = || self.state.recv((&self.io).into(), buffers, meta);
+            match self.io.try_io(Interest::READABLE, receive) {
+                // Some systems report here that an earlier datagram found nobody: news about one peer, not about the socket.
+                Err(e) if matches!(e.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::ConnectionReset) => {}
+                received => return Poll::Ready(received),
+            }
+        }
+    }
+
+    fn local_addr(&self) -> io::Result<SocketAddr> {
+        self.io.local_addr()
+    }
+
+    fn max_transmit_segments(&self) -> usize {
+        self.state.max_gso_segments()
+    }
+
+    fn max_receive_segments(&self) -> usize {
+        self.state.gro_segments()
+    }
+
+    fn may_fragment(&self) -> bool {
+        self.state.may_fragment()
+    }
+}
+
+/// A wait for room, kept between two polls; tokio's own poll knows a single waiter a socket.
+struct Poller {
+    socket: Arc<TokioUdp>,
+    wait: Option<Pin<Box<dyn Future<Output = io::Result<()>> + Send + Sync>>>,
+}
+
+impl fmt::Debug for Poller {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Poller").field("socket", &self.socket).finish_non_exhaustive()
+    }
+}
+
+impl UdpPoller for Poller {
+    fn poll_writable(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        let Self { socket, wait } = &mut *self;
+        let wait = wait.get_or_insert_with(|| {
+            let socket = Arc::clone(socket);
+            Box::pin(async move { socket.io.writable().await })
+        });
+        let writable = ready!(wait.as_mut().poll(cx));
+        self.wait = None;
+        Poll::Ready(writable)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::future::poll_fn;
+
+    use super::*;
+    use crate::{Net, TokioNet};
+
+    async fn send(socket: &Arc<dyn UdpSocket>, transmit: &Transmit<'_>) {
+        let mut poller = Arc::clone(socket).poller();
+        poll_fn(|cx| poller.as_mut().poll_writable(cx)).await.unwrap();
+        socket.try_send(transmit).unwrap();
+    }
+
+    async fn receive(socket: &dyn UdpSocket, buffers: &mut [Vec<u8>]) -> Vec<RecvMeta> {
+        let mut meta = vec![RecvMeta::default(); buffers.len()];
+        let mut slices: Vec<_> = buffers.iter_mut().map(|b| IoSliceMut::new(b)).collect();
+        let filled = poll_fn(|cx| socket.poll_recv(cx, &mut slices, &mut meta)).await.unwrap();
+        meta.truncate(filled);
+        meta
+    }
+
+    #[tokio::test]
+    async fn datagrams_arrive_with_what_the_kernel_knows() {
+        let net = TokioNet::current().unwrap();
+        let options = UdpSocketOptions::default();
+        let at = "127.0.0.1:0".parse().unwrap();
+        let (a, b) = (net.bind_udp(at, options).unwrap(), net.bind_udp(at, options).unwrap());
+        let transmit = Transmit {
+            destination: b.local_addr().unwrap(),
+            ecn: Some(crate::net::EcnCodepoint::Ect0),
+            contents: &[7; 1200],
+            segment_size: None,
+            src_ip: None,
+        };
+        send(&a, &transmit).await;
+        let mut buffers = [vec![0; 2000], vec![0; 2000]];
+        let [meta] = receive(&*b, &mut buffers).await[..] else { panic!("not one datagram") };
+        assert_eq!((meta.len, meta.stride, meta.addr), (1200, 1200, a.local_addr().unwrap()));
+        assert_eq!(meta.ecn, transmit.ecn);
+        assert_eq!(buffers[0][..1200], [7; 1200]);
+    }
+
+    #[tokio::test]
+    async fn several_datagrams_leave_in_one_transmit() {
+        let net = TokioNet::current().unwrap();
+        let options = UdpSocketOptions::default();
+        let at = "[::1]:0".parse().unwrap();
+        let (Ok(a), Ok(b)) = (net.bind_udp(at, options), net.bind_udp(at, options)) else { return };
+        let segments = a.max_transmit_segments().min(3);
+        let contents: Vec<u8> = (0..segments).flat_map(|n| vec![n as u8; 100]).collect();
+        let destination = b.local_addr().unwrap();
+        let segment_size = (segments > 1).then_some(100);
+        send(&a, &Transmit { destination, ecn: None, contents: &contents, segment_size, src_ip: None }).await;
+        let mut got = Vec::new();
+        while got.len() < contents.len() {
+            let mut buffers = [vec![0; 64 << 10]];
+            for meta in receive(&*b, &mut buffers).await {
+                assert_eq!(meta.stride, 100);
+                got.extend_from_slice(&buffers[0][..meta.len]);
+            }
+        }
+        assert_eq!(got, contents);
+    }
+}

@@ -1,0 +1,18 @@
+//! How Unix sockets are set up.
+
+/// Options of Unix sockets.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct UnixOptions {
+    /// The permissions of the socket's file. Default `0o600`: only the own user may connect.
+    pub mode: u32,
+    /// Whose processes are taken as peers beside those of the own user, by user id. Default nobody.
+    pub allow_uids: Vec<u32>,
+    /// How many connections may wait to be accepted. Default 128.
+    pub backlog: i32,
+}
+
+impl Default for UnixOptions {
+    fn default() -> Self {
+        Self { mode: 0o600, allow_uids: Vec::new(), backlog: 128 }
+    }
+}
