@@ -155,7 +155,7 @@ pub async fn connect(
             last => last,
         };
         tracing::debug!(%endpoint, attempts, error = &last as &dyn std::error::Error, "trying again");
-        let next = net.now().after(jittered(pause, &**net)?);
+        let next = net.now().after(jittered(pause, &**net).map_err(ConnectError::Random)?);
         if next >= deadline {
             let waited = net.now().since(started);
             return Err(ConnectError::Deadline { endpoint: endpoint.clone(), waited, attempts, last });
@@ -166,8 +166,8 @@ pub async fn connect(
 }
 
 /// Between a half and the whole of `pause`, so that peers which lost the same listener do not all come back at once.
-fn jittered(pause: Duration, net: &dyn Net) -> Result<Duration, ConnectError> {
-    let part = net.random().map_err(ConnectError::Random)? >> 32;
+fn jittered(pause: Duration, net: &dyn Net) -> io::Result<Duration> {
+    let part = net.random()? >> 32;
     let half = pause / 2;
     Ok(half + Duration::from_nanos((half.as_nanos() as u64).saturating_mul(part) >> 32))
 }
