@@ -10,10 +10,10 @@ use common::{
     session::{assert_no_validation_messages, essence, stage, trail, walk_in_process, walk_over_tcp},
 };
 use trimaran::{
-    report::{Frame, metrics::SAMPLING_SLACK_PX},
+    report::Frame,
     walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, viewport},
 };
-use trimaran_cull::CutRule;
+use trimaran_cull::{CutRule, reference::SURFACE_SLACK_PX};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
 
 /// Every so many frames one is audited.
@@ -40,17 +40,17 @@ const fn frames(tester: TesterKind) -> u32 {
 /// Walks through a model with every tester at two error bounds, and audits.
 fn walks(files: &[PathBuf], path: &PathChoice) -> Result<Option<Stage>, Box<dyn Error>> {
     let Some(stage) = stage(&cooked(&imported(files))) else { return Ok(None) };
-    println!("tester epsilon  frames  audited  drawn  outline off by");
+    println!("tester epsilon  frames  audited  drawn  outline off  surface off");
     for epsilon in [2.0, 10.0] {
         let mut pictures = Vec::new();
         for tester in TesterKind::ALL {
             let plan = plan(tester, epsilon);
             let records = walk_in_process(&stage, &plan, &trail(&stage, &plan, path, frames(tester)));
             assert_eq!(records.len(), frames(tester) as usize);
-            let farthest = audit(&stage, &plan, &records)?;
+            let [outline, surface] = audit(&stage, &plan, &records)?;
             let drawn: usize = records.iter().map(|record| record.ids.len()).sum();
             println!(
-                "{tester:6} {epsilon:7} {:7} {:8} {:6} {farthest:9.2} px",
+                "{tester:6} {epsilon:7} {:7} {:8} {:6} {outline:9.2} px {surface:9.2} px",
                 records.len(),
                 records.len().div_ceil(AUDIT_EVERY as usize),
                 drawn / records.len(),
@@ -65,21 +65,24 @@ fn walks(files: &[PathBuf], path: &PathChoice) -> Result<Option<Stage>, Box<dyn 
     Ok(Some(stage))
 }
 
-/// Audits frames of a session and returns how far an outline was off at most, in pixels.
-fn audit(stage: &Stage, plan: &Plan, records: &[FrameRecord]) -> Result<f64, Box<dyn Error>> {
+/// Audits frames of a session and returns how far an outline and a surface were off at most, in pixels.
+fn audit(stage: &Stage, plan: &Plan, records: &[FrameRecord]) -> Result<[f64; 2], Box<dyn Error>> {
     let [_, _, display] = &stage.drawn;
     let rule = CutRule::new(plan.epsilon.pixels())?;
     let mut auditor = Auditor::new(&stage.scene, display, viewport(plan.size)?, rule)?;
-    let mut farthest = 0.0_f64;
+    let mut farthest = [0.0_f64; 2];
     for record in records.iter().step_by(AUDIT_EVERY as usize) {
         let mut frame = Frame::default();
         auditor.audit(record, false, &mut frame, &mut Default::default())?;
         let at = format!("{} at {} px, {}", plan.tester, plan.epsilon.pixels(), record.camera.frame());
         assert_eq!(frame.false_culled_pixels, Some(0), "{at}");
         assert_eq!(frame.cut_mismatch_pixels, Some(0), "{at}");
-        let off = frame.full_detail.and_then(|error| error.silhouette_max_px).unwrap();
-        assert!(off <= plan.epsilon.pixels() + SAMPLING_SLACK_PX, "{at}: an outline is off by {off} px");
-        farthest = farthest.max(off);
+        let error = frame.full_detail.unwrap();
+        let (outline, surface) = (error.silhouette_max_px.unwrap(), error.surface_max_px.unwrap());
+        let bound = plan.epsilon.pixels() + SURFACE_SLACK_PX;
+        assert!(outline <= bound, "{at}: an outline is off by {outline} px");
+        assert!(surface <= bound, "{at}: a surface is off by {surface} px");
+        farthest = [farthest[0].max(outline), farthest[1].max(surface)];
     }
     Ok(farthest)
 }

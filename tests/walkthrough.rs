@@ -12,9 +12,10 @@ use trimaran::{
     report::Frame,
     walkthrough::{Auditor, Pace, PathChoice, Plan, Stage, Trail, viewport},
 };
-use trimaran_cull::CutRule;
+use trimaran_cull::{CutRule, reference::SURFACE_SLACK_PX};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
 use trimaran_scene::{
+    ObjectRecord, Scene, SceneArrays,
     cook::{CookOptions, cook},
     generate::{PlantOptions, plant},
 };
@@ -56,6 +57,58 @@ fn a_session_is_the_same_in_process_and_over_tcp() {
     let tcp = walk_over_tcp(&stage, &plan, &trail);
     assert_eq!(essence(&inproc), essence(&tcp), "TCP shows what one process shows");
     assert_no_validation_messages(&stage);
+}
+
+/// The scene with every certified error divided by `by`: levels that claim to be closer than they are.
+fn understated(scene: &Scene, by: f32) -> Scene {
+    let mut drawables = scene.drawables().to_vec();
+    drawables.iter_mut().for_each(|level| level.error /= by);
+    let arrays = SceneArrays {
+        nodes: scene.nodes().to_vec(),
+        drawables,
+        vertices: scene.vertices().to_vec(),
+        indices: scene.indices().to_vec(),
+        objects: scene
+            .objects()
+            .iter()
+            .map(|object| ObjectRecord { name_start: 0, name_length: 0, ..*object })
+            .collect(),
+        names: String::new(),
+        sources: scene.sources().to_vec(),
+    };
+    Scene::from_arrays(arrays).unwrap()
+}
+
+/// The farthest that an outline and a surface are off in a session, pixels.
+fn farthest_off(stage: &Stage, plan: &Plan) -> Result<[f64; 2], Box<dyn Error>> {
+    let [_, _, display] = &stage.drawn;
+    let rule = CutRule::new(plan.epsilon.pixels())?;
+    let mut auditor = Auditor::new(&stage.scene, display, viewport(plan.size)?, rule)?;
+    let mut farthest = [0.0_f64; 2];
+    for record in walk_in_process(stage, plan, &automatic(stage, plan)) {
+        let mut frame = Frame::default();
+        auditor.audit(&record, false, &mut frame, &mut Default::default())?;
+        assert_eq!(frame.cut_mismatch_pixels, Some(0), "culling is not at fault");
+        let error = frame.full_detail.unwrap();
+        let off = [error.silhouette_max_px.unwrap(), error.surface_max_px.unwrap()];
+        farthest = std::array::from_fn(|measure| farthest[measure].max(off[measure]));
+    }
+    Ok(farthest)
+}
+
+#[test]
+fn levels_that_claim_too_much_are_found_out() -> Result<(), Box<dyn Error>> {
+    let Some(honest) = plant_on_stage() else { return Ok(()) };
+    let Some(boasting) = stage(&Arc::new(understated(&honest.scene, 20.0))) else { return Ok(()) };
+    let plan = plan(TesterKind::Raster);
+    let bound = plan.epsilon.pixels() + SURFACE_SLACK_PX;
+    let [outline, surface] = farthest_off(&honest, &plan)?;
+    assert!(outline <= bound && surface <= bound, "off by {outline} and {surface} px");
+    assert!(surface > 0.0, "levels were chosen");
+    // The plant has walls all around: no background shows, and no outline against it.
+    let [_, surface] = farthest_off(&boasting, &plan)?;
+    assert!(surface > bound, "a surface off by {surface} px");
+    Ok(())
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::format::{figure, grouped, plural, with_unit};
 use super::schema::{METRICS, Report, SweepPoint};
 
 /// The metrics that the printed summary shows; `report.json` has all.
-const PRINTED: [&str; 14] = [
+const PRINTED: [&str; 15] = [
     "or_ms",
     "hc_ms",
     "rvg_ms",
@@ -18,6 +18,7 @@ const PRINTED: [&str; 14] = [
     "cut_mismatch_pixels",
     "flip_mean",
     "silhouette_max_px",
+    "surface_max_px",
     "bytes",
 ];
 
@@ -61,17 +62,15 @@ pub fn summary(report: &Report) -> String {
         out += &format!("MODEL      {} frames/s, not measured: {}\n", figure(model.fps), model.model);
     }
     out += &format!("culling    {}\n", culling(report));
-    if let Some(silhouette) = summary.silhouette {
-        out += &format!(
-            "detail     silhouette off by at most {} px (claimed: {} px){}\n",
-            figure(silhouette.max_px),
-            figure(silhouette.epsilon_px),
-            match (silhouette.within_epsilon, silhouette.within_epsilon_and_sampling) {
-                (true, _) => "",
-                (false, true) => ", within what sampling at pixel centres adds",
-                (false, false) => ": BEYOND THE CLAIM",
-            }
-        );
+    for (what, found) in [("silhouette", summary.silhouette), ("surfaces", summary.surfaces)] {
+        if let Some(found) = found {
+            out += &format!(
+                "detail     {what} off by at most {} px (claimed: {} px){}\n",
+                figure(found.max_px),
+                figure(found.epsilon_px),
+                if found.within_epsilon { "" } else { ": BEYOND THE CLAIM" }
+            );
+        }
     }
     let tightness = &summary.tightness;
     if tightness.nodes.is_some() || tightness.triangles.is_some() {

@@ -9,7 +9,7 @@ use trimaran_proto::{Camera, DrawableId};
 use trimaran_scene::Scene;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::record::FrameRecord;
+use super::{deviation, record::FrameRecord};
 use crate::report::{
     metrics::{
         self, MetricError, exactly_visible, exactly_visible_triangles, false_culls, mismatching_pixels,
@@ -124,7 +124,8 @@ impl Auditor {
         if names {
             frame.visible = Some(objects.iter().map(|&object| self.named(object)).collect());
         }
-        frame.full_detail = Some(level_error(pictures, &shown_items, &full_items)?);
+        frame.full_detail =
+            Some(self.level_error(&view, record, &cut, pictures, [&shown_items, &full_items])?);
         Ok(())
     }
 
@@ -161,6 +162,24 @@ impl Auditor {
         let mut finest = leaves.filter_map(|leaf| leaf.levels().next()).collect::<Vec<_>>();
         draw_order(&self.scene, view, &mut finest);
         finest
+    }
+
+    /// What the levels cost the picture: against full detail.
+    fn level_error(
+        &self,
+        view: &View,
+        record: &FrameRecord,
+        cut: &[DrawableId],
+        pictures: &AuditPictures,
+        [shown, full]: [&ItemImage; 2],
+    ) -> Result<PictureError, MetricError> {
+        let (shown, full) = (items_of(shown)?, items_of(full)?);
+        metrics::picture_error(
+            &picture_of(&pictures.full)?,
+            &picture_of(&pictures.shown)?,
+            deviation::silhouette(&self.scene, view, &record.ids, &shown, &full)?,
+            deviation::surfaces(&self.scene, view, cut, &shown, &full),
+        )
     }
 
     /// The objects that these drawables belong to, ascending, each once.
@@ -209,19 +228,6 @@ fn enter_culling(
     frame.cut_mismatch_pixels =
         Some(mismatching_pixels(&picture_of(&pictures.shown)?, &picture_of(&pictures.unculled)?)?);
     Ok(())
-}
-
-/// What the levels cost the picture: against full detail.
-fn level_error(
-    pictures: &AuditPictures,
-    shown: &ItemImage,
-    full: &ItemImage,
-) -> Result<PictureError, MetricError> {
-    let (shown_mask, full_mask) = (items_of(shown)?.coverage(), items_of(full)?.coverage());
-    metrics::picture_error(
-        (&picture_of(&pictures.full)?, &full_mask),
-        (&picture_of(&pictures.shown)?, &shown_mask),
-    )
 }
 
 /// A picture as the metrics read it.

@@ -9,6 +9,7 @@
 
 mod audit;
 mod compose;
+mod deviation;
 mod in_process;
 mod live;
 mod path;

@@ -76,13 +76,7 @@ fn tiles(report: &Report) -> [String; 6] {
     let silhouette = summary.silhouette.map_or_else(
         || "silhouette not measured".to_owned(),
         |s| {
-            let within = if s.within_epsilon {
-                "within"
-            } else if s.within_epsilon_and_sampling {
-                "within sampling (+0.71 px) of"
-            } else {
-                "beyond"
-            };
+            let within = if s.within_epsilon { "within" } else { "beyond" };
             format!(
                 "silhouette off by at most {} px: {within} ε = {} px",
                 figure(s.max_px),

@@ -1,8 +1,7 @@
 //! Pictures against pictures, by colour.
 
 use super::image::same_size;
-use super::silhouette::silhouette;
-use super::{Mask, MetricError, Picture};
+use super::{Deviation, MetricError, Picture};
 use crate::report::schema::PictureError;
 
 /// The FLIP error of every pixel: 0 (looks equal) to 1, row by row from the top left.
@@ -79,25 +78,26 @@ pub fn flip(reference: &Picture<'_>, picture: &Picture<'_>) -> Result<FlipMap, M
     Ok(FlipMap { values: map.to_vec() })
 }
 
-/// `picture` against `reference`, by every measure; the masks say what each of them covers.
+/// `picture` against `reference` by colour, beside how far what it shows moved.
 ///
 /// # Errors
-/// If any of the four differ in size.
+/// If they differ in size.
 pub fn picture_error(
-    reference: (&Picture<'_>, &Mask),
-    picture: (&Picture<'_>, &Mask),
+    reference: &Picture<'_>,
+    picture: &Picture<'_>,
+    silhouette: Deviation,
+    surfaces: Deviation,
 ) -> Result<PictureError, MetricError> {
-    let map = flip(reference.0, picture.0)?;
-    same_size(reference.0.size(), reference.1.size())?;
-    let silhouette = silhouette(reference.1, picture.1)?;
+    let map = flip(reference, picture)?;
     Ok(PictureError {
-        psnr_db: psnr_db(reference.0, picture.0)?,
+        psnr_db: psnr_db(reference, picture)?,
         flip_mean: Some(map.mean()),
         flip_p99: Some(map.percentile(99)),
-        mismatching_pixels: mismatching_pixels(reference.0, picture.0)?,
+        mismatching_pixels: mismatching_pixels(reference, picture)?,
         silhouette_max_px: Some(silhouette.max_px),
         silhouette_p95_px: Some(silhouette.p95_px),
-        regions: None,
+        surface_max_px: Some(surfaces.max_px),
+        surface_p95_px: Some(surfaces.p95_px),
     })
 }
 

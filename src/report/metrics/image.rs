@@ -131,6 +131,11 @@ impl Mask {
     pub(super) fn height(&self) -> usize {
         self.size.1 as usize
     }
+
+    /// The length of the picture's diagonal, which no distance in it exceeds, in pixels.
+    pub(super) fn diagonal(&self) -> f64 {
+        f64::from(self.size.0).hypot(f64::from(self.size.1))
+    }
 }
 
 /// Refuses images of different sizes.

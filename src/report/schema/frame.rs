@@ -216,28 +216,17 @@ pub struct PictureError {
     pub flip_p99: Option<f64>,
     /// Pixels whose colour differs.
     pub mismatching_pixels: u64,
-    /// Largest distance between what the pictures cover, pixels ([`silhouette`](crate::report::metrics::silhouette) defines
-    /// it); the picture's diagonal if only one of them covers anything.
+    /// Largest distance of a pixel that only one of the pictures covers to the nearest surface of the other, pixels; the
+    /// picture's diagonal if there is none.
     pub silhouette_max_px: Option<f64>,
-    /// 95th percentile of that distance over the outline pixels of both.
+    /// 95th percentile of that distance, over the outline pixels of both as well (0 where both cover them).
     pub silhouette_p95_px: Option<f64>,
-    /// How far the outlines between things moved, where item buffers whose ids mean the same were compared.
+    /// Largest distance of a covered pixel, of either picture, to the same thing's surface in the other, pixels.
     #[serde(default)]
-    pub regions: Option<RegionDeviation>,
-}
-
-/// How far the outlines between things moved; [`region_deviation`](crate::report::metrics::region_deviation) defines it. Epsilon
-/// does not bound it.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct RegionDeviation {
-    /// Pixels whose owner differs.
-    pub differing_pixels: u64,
-    /// Owners at those pixels, of either picture, that show nowhere nearby in the other one.
-    pub unmatched_pixels: u64,
-    /// The largest distance of the others, pixels.
-    pub max_px: f64,
-    /// Their 95th percentile, pixels.
-    pub p95_px: f64,
+    pub surface_max_px: Option<f64>,
+    /// 95th percentile of that distance over the covered pixels of both.
+    #[serde(default)]
+    pub surface_p95_px: Option<f64>,
 }
 
 /// Bytes sent for a frame over all links, by kind.

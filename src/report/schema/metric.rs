@@ -53,9 +53,8 @@ pub const METRICS: &[Metric] = &[
     metric("silhouette_p95_px", "px", "silhouette deviation, 95th percentile", |f| {
         f.full_detail?.silhouette_p95_px
     }),
-    metric("region_p95_px", "px", "outlines between things, 95th percentile", |f| {
-        Some(f.full_detail?.regions?.p95_px)
-    }),
+    metric("surface_max_px", "px", "surface deviation, largest", |f| f.full_detail?.surface_max_px),
+    metric("surface_p95_px", "px", "surface deviation, 95th percentile", |f| f.full_detail?.surface_p95_px),
     metric("bytes", "B", "bytes sent", |f| count(f.bytes)),
 ];
 

@@ -15,14 +15,14 @@ mod sweep;
 
 pub use frame::{
     BytesByKind, CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, PassTime, PictureError,
-    RegionDeviation, Role, Span, VisibleObject,
+    Role, Span, VisibleObject,
 };
 pub use metric::{METRICS, Metric};
 pub use run::{Mode, RoleInfo, Run, SceneInfo, Seat, timestamp};
 use serde::{Deserialize, Serialize};
 pub use stat::{LowStat, Stat};
 pub use summary::{
-    Bandwidth, ModelledFps, PAPER_OBJECT_TIGHTNESS, PAPER_TRIANGLE_TIGHTNESS, SilhouetteVerdict, Summary,
+    Bandwidth, DeviationVerdict, ModelledFps, PAPER_OBJECT_TIGHTNESS, PAPER_TRIANGLE_TIGHTNESS, Summary,
     Tightness,
 };
 pub(super) use summary::{corrected_formula_bytes, paper_formula_bytes};
@@ -30,7 +30,7 @@ pub use sweep::SweepPoint;
 
 /// The version of the schema that this program writes. Keys may be added without a new version; a key that changes its meaning
 /// or goes away brings one.
-pub const SCHEMA_VERSION: u32 = 1;
+pub const SCHEMA_VERSION: u32 = 2;
 
 /// A whole report: `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

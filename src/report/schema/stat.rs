@@ -100,7 +100,8 @@ mod tests {
                 mismatching_pixels,
                 silhouette_max_px: None,
                 silhouette_p95_px: None,
-                regions: None,
+                surface_max_px: None,
+                surface_p95_px: None,
             }),
             ..Frame::default()
         };

@@ -3,9 +3,8 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use trimaran_cull::reference::SURFACE_SLACK_PX;
 use trimaran_netsim::FrameLoad;
-
-use crate::report::metrics::SAMPLING_SLACK_PX;
 
 use super::{BytesByKind, FalseCull, FalseCullCause, Frame, LowStat, METRICS, Run, Stat};
 
@@ -38,7 +37,9 @@ pub struct Summary {
     /// The false culls by cause, summed over the audited frames.
     pub false_culls: Vec<FalseCull>,
     /// The silhouette's deviation against the claimed bound; `null` if it was not measured.
-    pub silhouette: Option<SilhouetteVerdict>,
+    pub silhouette: Option<DeviationVerdict>,
+    /// The surfaces' deviation, likewise.
+    pub surfaces: Option<DeviationVerdict>,
     /// PSNR against full detail, decibels.
     pub psnr_db: Option<LowStat>,
     /// Nodes drawn because a test could not be decided, by reason, summed over all frames.
@@ -92,27 +93,25 @@ pub struct Bandwidth {
     pub corrected_formula_bytes: f64,
 }
 
-/// The largest deviation of the silhouette from full detail, against the bound that was claimed.
+/// A largest deviation from full detail, against the bound that was claimed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct SilhouetteVerdict {
-    /// The largest deviation of all frames, pixels.
+pub struct DeviationVerdict {
+    /// The largest deviation of all audited frames, pixels.
     pub max_px: f64,
     /// The bound, pixels.
     pub epsilon_px: f64,
-    /// Whether the deviation is at most the bound.
+    /// [`SURFACE_SLACK_PX`]: how exactly it is known where a surface lies, pixels.
+    pub resolution_px: f64,
+    /// Whether the deviation is at most the bound, as far as that can be resolved.
     pub within_epsilon: bool,
-    /// Whether it is at most the bound and [`SAMPLING_SLACK_PX`], which sampling at pixel centres may add.
-    pub within_epsilon_and_sampling: bool,
 }
 
-impl SilhouetteVerdict {
-    fn of(max_px: f64, epsilon_px: f64) -> Self {
-        Self {
-            max_px,
-            epsilon_px,
-            within_epsilon: max_px <= epsilon_px,
-            within_epsilon_and_sampling: max_px <= epsilon_px + SAMPLING_SLACK_PX,
-        }
+impl DeviationVerdict {
+    fn of(largest: Option<&Stat>, epsilon_px: f64) -> Option<Self> {
+        let max_px = largest?.max;
+        let resolution_px = SURFACE_SLACK_PX;
+        let within_epsilon = max_px <= epsilon_px + resolution_px;
+        Some(Self { max_px, epsilon_px, resolution_px, within_epsilon })
     }
 }
 
@@ -142,9 +141,8 @@ impl Summary {
             false_culled_pixels_total: sum(frames, |f| f.false_culled_pixels),
             cut_mismatch_pixels_total: sum(frames, |f| f.cut_mismatch_pixels),
             false_culls: false_culls(frames),
-            silhouette: metrics
-                .get("silhouette_max_px")
-                .map(|s| SilhouetteVerdict::of(s.max, run.epsilon_px)),
+            silhouette: DeviationVerdict::of(metrics.get("silhouette_max_px"), run.epsilon_px),
+            surfaces: DeviationVerdict::of(metrics.get("surface_max_px"), run.epsilon_px),
             psnr_db: LowStat::of_psnr(frames),
             doubts: doubts(frames),
             bytes_by_kind: bytes_by_kind(frames),
@@ -252,7 +250,7 @@ mod tests {
         assert_eq!(summary.measured_fps, None);
         assert_eq!(summary.modelled_fps, None);
         assert_eq!(summary.bandwidth, None);
-        assert_eq!(summary.silhouette, None);
+        assert_eq!((summary.silhouette, summary.surfaces), (None, None));
         assert_eq!(summary.psnr_db, None);
     }
 
@@ -311,12 +309,13 @@ mod tests {
     }
 
     #[test]
-    fn the_silhouette_is_held_against_epsilon() {
-        let verdict = |max| {
-            let v = SilhouetteVerdict::of(max, 2.0);
-            (v.within_epsilon, v.within_epsilon_and_sampling)
+    fn deviations_are_held_against_epsilon() {
+        let within = |max| {
+            let stat = Stat::of([0.5, max]).unwrap();
+            DeviationVerdict::of(Some(&stat), 2.0).unwrap().within_epsilon
         };
-        assert_eq!([verdict(2.0), verdict(2.5), verdict(3.0)], [(true, true), (false, true), (false, false)]);
+        assert_eq!([within(2.0), within(2.0 + SURFACE_SLACK_PX), within(2.1)], [true, true, false]);
+        assert_eq!(DeviationVerdict::of(None, 2.0), None);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! code it checks and of any GPU. Everything here is for tests and for reports; nothing of it runs while walking.
 
 pub mod cases;
+mod grid;
 mod nearest;
 mod picture;
 mod raster;

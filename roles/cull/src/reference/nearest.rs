@@ -9,6 +9,7 @@ use glam::{DVec2, DVec3};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, Scene};
 
+use super::grid::{Grid, bounds};
 use super::picture::{Placement, triangles};
 use super::raster::clip;
 use crate::View;
@@ -161,65 +162,6 @@ fn squared_distance(point: DVec2, polygon: &[DVec2], (low, high): (DVec2, DVec2)
         nearest = nearest.min(point.distance_squared(a + edge * along));
     }
     if left || right { 0.0 } else { nearest }
-}
-
-fn bounds(points: &[DVec2]) -> (DVec2, DVec2) {
-    let start = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-    points.iter().fold(start, |(low, high), &p| (low.min(p), high.max(p)))
-}
-
-/// Points sorted into square cells, so that those in a rectangle are found without looking at all.
-struct Grid {
-    corner: DVec2,
-    cell: f64,
-    columns: usize,
-    rows: usize,
-    /// The points, cell by cell.
-    order: Vec<usize>,
-    /// Where each cell's points start in `order`, and the end of the last.
-    starts: Vec<usize>,
-}
-
-impl Grid {
-    fn new(points: &[DVec2], cell: f64) -> Self {
-        let (corner, high) = bounds(points);
-        let cell = cell.max(2.0);
-        let count = |extent: f64| (extent / cell) as usize + 1;
-        let (columns, rows) = (count(high.x - corner.x), count(high.y - corner.y));
-        let cell_of = |p: DVec2| {
-            let at = (p - corner) / cell;
-            at.y as usize * columns + at.x as usize
-        };
-        let mut starts = vec![0; columns * rows + 1];
-        let mut order: Vec<usize> = (0..points.len()).collect();
-        order.sort_by_key(|&point| cell_of(points[point]));
-        for &point in points {
-            starts[cell_of(point) + 1] += 1;
-        }
-        for cell in 1..starts.len() {
-            starts[cell] += starts[cell - 1];
-        }
-        Self { corner, cell, columns, rows, order, starts }
-    }
-
-    /// The points of the cells that touch a rectangle, a row of cells at a time.
-    fn cells(&self, low: DVec2, high: DVec2) -> impl Iterator<Item = &[usize]> {
-        let (low, high) = ((low - self.corner) / self.cell, (high - self.corner) / self.cell);
-        // From float to integer saturates: what is left of the first cell becomes the first cell, unless all of it is.
-        let end = |high: f64, count: usize| {
-            if high < 0.0 { 0 } else { (high as usize).saturating_add(1).min(count) }
-        };
-        let columns = low.x as usize..end(high.x, self.columns);
-        let rows = low.y as usize..if columns.is_empty() { 0 } else { end(high.y, self.rows) };
-        rows.map(move |row| {
-            let first = row * self.columns;
-            &self.order[self.starts[first + columns.start]..self.starts[first + columns.end]]
-        })
-    }
-
-    fn holds_any(&self, low: DVec2, high: DVec2) -> bool {
-        self.cells(low, high).any(|points| !points.is_empty())
-    }
 }
 
 #[cfg(test)]

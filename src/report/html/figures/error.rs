@@ -3,7 +3,7 @@
 use super::{card, over_frames, series};
 use crate::report::format::figure;
 use crate::report::html::chart::{Chart, Mark, Series};
-use crate::report::schema::{Frame, Report, SweepPoint};
+use crate::report::schema::{DeviationVerdict, Frame, Report, SweepPoint};
 
 pub(super) fn html(report: &Report) -> String {
     let frames = &report.frames;
@@ -12,9 +12,13 @@ pub(super) fn html(report: &Report) -> String {
         &culling(frames).svg(),
         "Against the unculled picture of the same level cut, on the audited frames.",
     ) + &card(
-        &silhouette_finding(report),
+        &deviation_finding("The silhouette is", report.summary.silhouette),
         &silhouette(report).svg(),
-        "Two-sided Hausdorff distance of the covered pixels against full detail; sampling at pixel centres may add 0.71 px.",
+        "From pixels that only one picture covers, shown or full detail, to the nearest surface of the other.",
+    ) + &card(
+        &deviation_finding("Surfaces are", report.summary.surfaces),
+        &surfaces(report).svg(),
+        "From every covered pixel, shown or full detail, to the same thing's surface in the other picture.",
     ) + &card(
         &flip_finding(report),
         &flip(frames).svg(),
@@ -47,39 +51,36 @@ fn culling_finding(report: &Report) -> String {
 }
 
 fn silhouette(report: &Report) -> Chart {
+    against_epsilon(report, &["silhouette_max_px", "silhouette_p95_px"])
+}
+
+fn surfaces(report: &Report) -> Chart {
+    against_epsilon(report, &["surface_max_px", "surface_p95_px"])
+}
+
+/// The largest deviation and its 95th percentile over the frames, with the claimed bound.
+fn against_epsilon(report: &Report, keys: &'static [&'static str; 2]) -> Chart {
+    let [largest, p95] = keys;
     let lines = vec![
-        series(&report.frames, "silhouette_max_px", "largest", "drawn", Mark::Line),
-        series(&report.frames, "silhouette_p95_px", "95th percentile", "rvg", Mark::Line),
+        series(&report.frames, largest, "largest", "drawn", Mark::Line),
+        series(&report.frames, p95, "95th percentile", "rvg", Mark::Line),
     ];
     let epsilon = report.run.epsilon_px;
     Chart {
         bound: Some((epsilon, format!("claimed: ε = {} px", figure(epsilon)))),
-        ..over_frames("px", lines, &["silhouette_max_px", "silhouette_p95_px"])
+        ..over_frames("px", lines, keys)
     }
 }
 
-fn silhouette_finding(report: &Report) -> String {
-    match report.summary.silhouette {
-        Some(s) if s.within_epsilon => {
-            format!(
-                "The silhouette is off by at most {} px, within the claimed {}",
-                figure(s.max_px),
-                figure(s.epsilon_px)
-            )
-        }
-        Some(s) if s.within_epsilon_and_sampling => format!(
-            "The silhouette is off by at most {} px: the claimed {} and what sampling adds",
-            figure(s.max_px),
-            figure(s.epsilon_px)
+fn deviation_finding(what: &str, verdict: Option<DeviationVerdict>) -> String {
+    match verdict {
+        Some(found) => format!(
+            "{what} off by at most {} px, {} the claimed {}",
+            figure(found.max_px),
+            if found.within_epsilon { "within" } else { "beyond" },
+            figure(found.epsilon_px)
         ),
-        Some(s) => {
-            format!(
-                "The silhouette is off by up to {} px, beyond the claimed {}",
-                figure(s.max_px),
-                figure(s.epsilon_px)
-            )
-        }
-        None => "Silhouette against full detail".to_owned(),
+        None => format!("{what} against full detail"),
     }
 }
 
