@@ -9,6 +9,8 @@ mod chunk;
 mod congestion;
 mod connection;
 mod cookie;
+#[cfg(test)]
+mod examples;
 mod handshake;
 mod inbox;
 mod keys;

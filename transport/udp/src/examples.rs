@@ -1,0 +1,220 @@
+//! The worked examples of WIRE.md are what this crate writes and reads.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use bytes::BytesMut;
+use trimaran_proto::{Camera, FrameMessage, FrameNumber, FrameStart, Instant, Message};
+use xxhash_rust::xxh3::xxh3_64;
+
+use crate::chunk::{Chunk, Tail};
+use crate::connection::{Config, Connection};
+use crate::cookie::Jar;
+use crate::handshake::{Connecting, Door, Progress, Reception, Security};
+use crate::inbox::{Inbox, Received};
+use crate::keys::Keys;
+use crate::packet::{ConnectionId, MIN_DATAGRAM, Packet, VERSION, data_header};
+use crate::ranges::RangeSet;
+use crate::wire::Reader;
+
+const WIRE: &str = include_str!("../WIRE.md");
+const HERE: ConnectionId = ConnectionId(10);
+const THERE: ConnectionId = ConnectionId(20);
+const SECRET: [u8; 32] = [7; 32];
+const PSK: [u8; 32] = [9; 32];
+
+/// The examples by name: each is a fenced block `hex NAME` of hexadecimal bytes, with a comment behind a `#` in any line.
+fn examples() -> BTreeMap<&'static str, Vec<u8>> {
+    WIRE.split("\n```hex ")
+        .skip(1)
+        .map(|block| {
+            let (name, rest) = block.split_once('\n').unwrap();
+            let (body, _) = rest.split_once("\n```").unwrap();
+            let digits =
+                body.lines().filter_map(|line| line.split('#').next()).flat_map(str::split_whitespace);
+            (name, digits.map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect())
+        })
+        .collect()
+}
+
+#[track_caller]
+fn assert_example(name: &str, bytes: &[u8]) {
+    let hex = |bytes: &[u8]| bytes.iter().map(|byte| format!("{byte:02x} ")).collect::<String>();
+    assert_eq!(hex(bytes), hex(examples().get(name).map_or(&[], Vec::as_slice)), "the example {name}");
+}
+
+fn now() -> Instant {
+    Instant::from_nanos(1_000_000_000)
+}
+
+fn address() -> SocketAddr {
+    SocketAddr::from(([192, 0, 2, 1], 4000))
+}
+
+fn numbers() -> RangeSet {
+    let mut numbers = RangeSet::default();
+    numbers.insert(3..5);
+    numbers.insert(8..11);
+    numbers
+}
+
+/// A frame of two ids.
+fn unit() -> Vec<u8> {
+    let begin = FrameStart { frame: FrameNumber(7), camera: camera() };
+    let mut bytes = BytesMut::new();
+    Message::Frame(FrameMessage::Begin(begin)).encode(&mut bytes);
+    [&bytes[..], &1u32.to_le_bytes(), &258u32.to_le_bytes()].concat()
+}
+
+fn camera() -> Camera {
+    Camera::new([1.0, 2.0, -3.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.25, FrameNumber(7)).unwrap()
+}
+
+#[test]
+fn every_chunk_has_an_example() {
+    let unit = unit();
+    let hash = xxh3_64(&unit[80..]);
+    let part = |unit, offset, tail, data| Chunk::Part { unit, offset, tail, data };
+    let chunks = [
+        ("ping", Chunk::Ping),
+        ("ack", Chunk::Ack { delay_us: 300, numbers: numbers() }),
+        ("credit", Chunk::Credit { bytes: 4 << 20, units: 1024 }),
+        ("close", Chunk::Close),
+        ("camera", Chunk::Camera { number: 1, camera: camera().to_bytes() }),
+        ("part", part(0, 0, Tail::More, &unit[..80])),
+        ("part-pause", part(0, 80, Tail::Pause, &unit[80..84])),
+        ("part-frame", part(0, 84, Tail::Frame(hash), &unit[84..])),
+        ("part-goodbye", part(1, 0, Tail::End, &[4, 1, 0, 0, 0])),
+        ("part-gone", part(2, 0, Tail::End, &[])),
+    ];
+    let mut inbox = Inbox::new(Config::default().batch, Config::default().window);
+    for (name, chunk) in &chunks {
+        let mut out = Vec::new();
+        chunk.write(&mut out);
+        assert_example(name, &out);
+        let written = &examples()[name];
+        let mut reader = Reader::new(written);
+        assert_eq!(Chunk::read(&mut reader).as_ref(), Ok(chunk), "the example {name}");
+        assert!(reader.is_empty());
+        if let Chunk::Part { unit, offset, tail, data } = *chunk {
+            inbox.put(unit, offset, tail, data).unwrap();
+        }
+    }
+    let received: Vec<_> = std::iter::from_fn(|| inbox.take().unwrap()).collect();
+    assert_eq!(received.len(), 5, "{received:?}");
+    assert!(matches!(received.as_slice(), [_, _, _, Received::Goodbye(_), Received::Gone]), "{received:?}");
+}
+
+#[test]
+fn a_packet_in_the_clear_is_the_example() {
+    let mut sender = Connection::plaintext(now(), HERE, THERE, Config::default());
+    sender.publish(camera());
+    let mut out = Vec::new();
+    assert!(sender.poll_transmit(now(), &mut out));
+    assert_example("data", &out);
+    let mut reader = Connection::plaintext(now(), THERE, HERE, Config::default());
+    reader.handle(now(), &examples()["data"]);
+    assert_eq!(reader.latest(), Some(camera()));
+}
+
+/// Everything before the zeros that fill an initial packet.
+fn unfilled(packet: &[u8], length: usize) -> &[u8] {
+    assert_eq!(packet.len(), MIN_DATAGRAM);
+    assert!(packet[length..].iter().all(|byte| *byte == 0));
+    &packet[..length]
+}
+
+#[test]
+fn the_handshake_in_the_clear_is_the_examples() {
+    let door = Door::new(Security::Plaintext, SECRET).unwrap();
+    let connecting = Connecting::new(&Security::Plaintext, HERE, b"hello").unwrap();
+    let (mut out, mut reply) = (Vec::new(), Vec::new());
+    connecting.initial(&mut out);
+    assert_example("initial", unfilled(&out, 20));
+    assert!(matches!(door.handle(now(), address(), &out, &mut reply), Reception::Reply));
+    assert_example("retry", &reply);
+    assert!(Jar::new(SECRET).accepts(now(), address(), HERE, reply[12..].try_into().unwrap()));
+    let Progress::Retry(connecting) = connecting.handle(now(), &reply, Config::default()) else {
+        panic!("no retry")
+    };
+    connecting.initial(&mut out);
+    assert_example("initial-with-cookie", unfilled(&out, 44));
+    let knock = || match door.handle(now(), address(), &out, &mut Vec::new()) {
+        Reception::Knock(knock) => *knock,
+        other => panic!("{other:?}"),
+    };
+    knock().take(now(), THERE, b"welcome", Config::default(), &mut reply).unwrap();
+    assert_example("answer", &reply);
+    knock().refuse(b"no", &mut reply);
+    assert_example("answer-no", &reply);
+}
+
+/// The Noise state of one side, its ephemeral key no secret, built without this crate's code.
+fn noise(ephemeral: [u8; 32], initiates: bool) -> snow::HandshakeState {
+    let prologue = b"trimaran/udp/1\x0a\x00\x00\x00";
+    let builder = snow::Builder::new("Noise_NNpsk0_25519_ChaChaPoly_BLAKE2s".parse().unwrap())
+        .prologue(prologue)
+        .unwrap()
+        .psk(0, &PSK)
+        .unwrap()
+        .fixed_ephemeral_key_for_testing_only(&ephemeral);
+    if initiates { builder.build_initiator() } else { builder.build_responder() }.unwrap()
+}
+
+fn with_room<E>(room: usize, write: impl FnOnce(&mut [u8]) -> Result<usize, E>) -> Vec<u8> {
+    let mut out = vec![0; room];
+    let length = write(&mut out).unwrap_or_default();
+    out.truncate(length);
+    out
+}
+
+#[test]
+fn the_handshake_with_a_shared_key_is_the_examples() {
+    let (mut here, mut there) = (noise([1; 32], true), noise([2; 32], false));
+    let message = with_room(100, |out| here.write_message(b"hello", out));
+    let cookie = &Jar::new(SECRET).bake(now(), address(), HERE);
+    let mut out = Vec::new();
+    Packet::Initial { version: VERSION, from: HERE, cookie: Some(cookie), noise: &message }.write(&mut out);
+    assert_example("initial-shared", unfilled(&out, 39 + message.len()));
+
+    // The door, which knows nothing of the fixed keys, reads the example.
+    let mut example = examples()["initial-shared"].clone();
+    example.resize(MIN_DATAGRAM, 0);
+    let door = Door::new(Security::PreShared(PSK), SECRET).unwrap();
+    match door.handle(now(), address(), &example, &mut Vec::new()) {
+        Reception::Knock(knock) => assert_eq!((knock.from, &knock.hello[..]), (HERE, &b"hello"[..])),
+        other => panic!("{other:?}"),
+    }
+
+    with_room(100, |out| there.read_message(&message, out));
+    let payload = [&[1][..], &THERE.0.to_le_bytes(), b"welcome"].concat();
+    let message = with_room(100, |out| there.write_message(&payload, out));
+    Packet::Answer { version: VERSION, to: HERE, noise: &message }.write(&mut out);
+    assert_example("answer-shared", &out);
+    assert_eq!(with_room(100, |out| here.read_message(&message, out)), payload);
+
+    let keys =
+        |state: snow::HandshakeState| Keys::Noise(Box::new(state.into_stateless_transport_mode().unwrap()));
+    let mut ping = Vec::from(data_header(THERE, 0));
+    assert!(keys(here).seal(THERE, 0, &[1], &mut ping));
+    assert_example("data-shared", &ping);
+    let later = now().after(Duration::from_millis(1));
+    let mut listener = Connection::new(now(), THERE, HERE, Config::default(), keys(there));
+    listener.handle(now(), &examples()["data-shared"]);
+    assert!(listener.poll_transmit(later, &mut out), "the ping of the example is acknowledged");
+}
+
+#[test]
+fn the_page_says_what_the_constants_are() {
+    for fact in [
+        format!("at least {MIN_DATAGRAM} bytes"),
+        format!("at most {} bytes of hello", crate::MAX_HELLO),
+        format!("at most {} ranges", crate::chunk::ACK_RANGES),
+        format!("the first {} units", Inbox::initial_units()),
+    ] {
+        assert!(WIRE.contains(&fact), "{fact:?}");
+    }
+    assert_eq!(examples().len(), 19, "every example is checked by a test here");
+}
