@@ -99,6 +99,8 @@ fn frame(frame: u32) -> Frame {
         ],
         nodes_drawn: Some(drawn),
         nodes_exact: audited.then_some(exact),
+        objects_drawn: Some(drawn * 2),
+        objects_exact: audited.then_some(exact * 2),
         triangles_drawn: Some(drawn * 61),
         triangles_exact: audited.then_some(exact * 13),
         objects_exact_full: audited.then_some(exact + 200),

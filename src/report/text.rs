@@ -75,8 +75,9 @@ pub fn summary(report: &Report) -> String {
     let tightness = &summary.tightness;
     if tightness.nodes.is_some() || tightness.triangles.is_some() {
         out += &format!(
-            "tightness  drawn / exactly visible: {} nodes (paper {}), {} triangles (paper {})\n",
+            "tightness  drawn / exactly visible: {} nodes, {} objects (paper {}), {} triangles (paper {})\n",
             with_unit(tightness.nodes, "", "?"),
+            with_unit(tightness.objects, "", "?"),
             figure(tightness.paper_objects),
             with_unit(tightness.triangles, "", "?"),
             figure(tightness.paper_triangles)

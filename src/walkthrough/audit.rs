@@ -9,7 +9,7 @@ use trimaran_proto::{Camera, DrawableId};
 use trimaran_scene::Scene;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::{deviation, record::FrameRecord};
+use super::{deviation, objects::ObjectCounts, record::FrameRecord};
 use crate::report::{
     metrics::{
         self, MetricError, exactly_visible, exactly_visible_triangles, false_culls, mismatching_pixels,
@@ -56,6 +56,7 @@ pub struct Auditor {
     rule: CutRule,
     pictures: PicturePass,
     items: ItemPass,
+    counts: ObjectCounts,
 }
 
 impl Auditor {
@@ -75,6 +76,7 @@ impl Auditor {
             rule,
             pictures: PicturePass::new(drawn, viewport)?,
             items: ItemPass::new(drawn, viewport)?,
+            counts: ObjectCounts::new(scene),
         })
     }
 
@@ -114,6 +116,8 @@ impl Auditor {
         self.draw_picture(&view, &cut, &mut pictures.unculled)?;
         let cut_items = self.draw_items(&view, &cut)?;
         enter_culling(frame, record, pictures, &shown_items, &cut_items)?;
+        let exact = exactly_visible(&items_of(&cut_items)?).into_iter().map(DrawableId);
+        frame.objects_exact = Some(self.counts.of(&self.scene, exact));
 
         let finest = self.full_detail(&view);
         self.draw_picture(&view, &finest, &mut pictures.full)?;

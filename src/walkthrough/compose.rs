@@ -5,19 +5,22 @@ use std::{collections::BTreeMap, time::Duration};
 use trimaran_proto::{CullCounts, FrameNumber, FrameStats, SentBytes};
 use trimaran_scene::Scene;
 
-use super::{path::Trail, record::FrameRecord};
+use super::{objects::ObjectCounts, path::Trail, record::FrameRecord};
 use crate::report::schema::{BytesByKind, CullingCounts, Frame, Role, Seat, Span};
 
 /// The report's record of every frame, without what only an audit can tell.
 #[must_use]
 pub(super) fn frames(scene: &Scene, trail: &Trail, records: &[FrameRecord]) -> Vec<Frame> {
     let mut previous = None;
+    let objects = ObjectCounts::new(scene);
     records
         .iter()
         .map(|record| {
-            let frame = frame(scene, trail, record, previous, records);
-            previous = Some(record.shown);
-            frame
+            let before = previous.replace(record.shown);
+            Frame {
+                objects_drawn: Some(objects.of(scene, record.ids.iter().copied())),
+                ..frame(scene, trail, record, before, records)
+            }
         })
         .collect()
 }

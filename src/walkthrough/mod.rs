@@ -12,6 +12,7 @@ mod compose;
 mod deviation;
 mod in_process;
 mod live;
+mod objects;
 mod path;
 mod record;
 mod reporting;

@@ -105,12 +105,13 @@ fn tiles(report: &Report) -> [String; 6] {
             &[&error, modelled.map_or("no role times", |m| m.model.as_str())],
         ),
         tile(
-            "nodes drawn / exactly visible",
+            "objects drawn / exactly visible",
             "",
-            &with_unit(tightness.nodes, "", none),
+            &with_unit(tightness.objects, "", none),
             &[
                 &format!("paper: {} (objects, its plant)", figure(tightness.paper_objects)),
-                &counts(stat("nodes_drawn").map(|s| s.median), stat("nodes_exact").map(|s| s.median)),
+                &counts(stat("objects_drawn").map(|s| s.median), stat("objects_exact").map(|s| s.median)),
+                &format!("nodes: {}", with_unit(tightness.nodes, "", none)),
             ],
         ),
         tile(

@@ -41,6 +41,12 @@ pub struct Frame {
     pub nodes_drawn: Option<u64>,
     /// Drawables exactly visible at the same level cut: those that own a pixel of its unculled item buffer.
     pub nodes_exact: Option<u64>,
+    /// Objects that what RVG drew shows: all that a merged level stands for, and one for the parts of one.
+    #[serde(default)]
+    pub objects_drawn: Option<u64>,
+    /// The same of the drawables that are exactly visible at the same level cut.
+    #[serde(default)]
+    pub objects_exact: Option<u64>,
     /// Triangles that RVG drew.
     pub triangles_drawn: Option<u64>,
     /// Triangles exactly visible at the same level cut: those that own a pixel of its unculled item buffer.

@@ -28,6 +28,11 @@ pub const METRICS: &[Metric] = &[
     metric("nodes_drawn", "", "nodes drawn", |f| count(f.nodes_drawn)),
     metric("nodes_exact", "", "nodes exactly visible, same cut", |f| count(f.nodes_exact)),
     metric("node_tightness", "", "nodes drawn / exactly visible", |f| ratio(f.nodes_drawn, f.nodes_exact)),
+    metric("objects_drawn", "", "objects drawn", |f| count(f.objects_drawn)),
+    metric("objects_exact", "", "objects exactly visible, same cut", |f| count(f.objects_exact)),
+    metric("object_tightness", "", "objects drawn / exactly visible", |f| {
+        ratio(f.objects_drawn, f.objects_exact)
+    }),
     metric("triangles_drawn", "", "triangles drawn", |f| count(f.triangles_drawn)),
     metric("triangles_exact", "", "triangles exactly visible, same cut", |f| count(f.triangles_exact)),
     metric("triangle_tightness", "", "triangles drawn / exactly visible", |f| {

@@ -68,6 +68,8 @@ pub struct ModelledFps {
 pub struct Tightness {
     /// Nodes drawn over nodes exactly visible at the same level cut, median.
     pub nodes: Option<f64>,
+    /// Objects drawn over objects exactly visible at the same level cut, median.
+    pub objects: Option<f64>,
     /// Triangles drawn over triangles exactly visible at the same level cut, median.
     pub triangles: Option<f64>,
     /// [`PAPER_OBJECT_TIGHTNESS`].
@@ -133,6 +135,7 @@ impl Summary {
             modelled_fps: ModelledFps::of(frames),
             tightness: Tightness {
                 nodes: median("node_tightness"),
+                objects: median("object_tightness"),
                 triangles: median("triangle_tightness"),
                 paper_objects: PAPER_OBJECT_TIGHTNESS,
                 paper_triangles: PAPER_TRIANGLE_TIGHTNESS,

@@ -10,7 +10,7 @@ const CAPTION: &str =
 
 pub(super) fn html(report: &Report) -> String {
     let (frames, tightness) = (&report.frames, &report.summary.tightness);
-    card(&finding("nodes", tightness.nodes, PAPER_OBJECT_TIGHTNESS), &nodes(frames).svg(), CAPTION)
+    card(&finding("objects", tightness.objects, PAPER_OBJECT_TIGHTNESS), &objects(frames).svg(), CAPTION)
         + &card(
             &finding("triangles", tightness.triangles, PAPER_TRIANGLE_TIGHTNESS),
             &triangles(frames).svg(),
@@ -18,14 +18,14 @@ pub(super) fn html(report: &Report) -> String {
         )
 }
 
-fn nodes(frames: &[Frame]) -> Chart {
+fn objects(frames: &[Frame]) -> Chart {
     over_frames(
-        "nodes",
+        "objects",
         vec![
-            series(frames, "nodes_drawn", "drawn", "drawn", Mark::Line),
-            series(frames, "nodes_exact", "exactly visible, same level cut", "exact", Mark::Line),
+            series(frames, "objects_drawn", "drawn", "drawn", Mark::Line),
+            series(frames, "objects_exact", "exactly visible, same level cut", "exact", Mark::Line),
         ],
-        &["nodes_drawn", "nodes_exact", "occluders_drawn"],
+        &["objects_drawn", "objects_exact", "nodes_drawn", "nodes_exact", "occluders_drawn"],
     )
 }
 
