@@ -32,6 +32,8 @@ toolchain=$(rustc --print sysroot)
 mount_into "$toolchain" opt/rust
 mount -o remount,ro,bind "$machine/opt/rust"
 cp /etc/resolv.conf "$machine/etc/resolv.conf"
+# Debian's installer names the loopback; debootstrap alone does not.
+printf '127.0.0.1 localhost\n::1 localhost\n' >"$machine/etc/hosts"
 # Behind a proxy with an authority of its own, the fresh machine must trust what this one trusts.
 cp /etc/ssl/certs/ca-certificates.crt "$machine/etc/ssl/certs/ca-certificates.crt"
 
