@@ -43,7 +43,7 @@ pub(super) struct SceneSummary {
 impl SceneSummary {
     pub(super) fn of(path: &Path, scene: &Scene) -> Self {
         let nodes = scene.nodes();
-        let interior = nodes.iter().filter(|node| node.object == Node::NONE);
+        let tree = Tree::of(nodes);
         let (min, max) = nodes.first().map_or((DVec3::ZERO, DVec3::ZERO), Node::world_box);
         Self {
             file: path.display().to_string(),
@@ -52,9 +52,9 @@ impl SceneSummary {
             sources: scene.sources().to_vec(),
             objects: scene.objects().len(),
             nodes: nodes.len(),
-            interior: interior.clone().count(),
-            interior_with_levels: interior.filter(|node| node.drawable_count > 0).count(),
-            depth: depth(nodes),
+            interior: tree.interior,
+            interior_with_levels: tree.interior_with_levels,
+            depth: tree.depth,
             drawables: scene.drawables().len(),
             triangles: scene.full_detail_triangles(),
             triangles_stored: scene.indices().len() / 3,
@@ -87,14 +87,30 @@ impl SceneSummary {
     }
 }
 
-/// Parents stand before their children, so one pass finds every depth.
-fn depth(nodes: &[Node]) -> u32 {
-    let mut depths: Vec<u32> = Vec::with_capacity(nodes.len());
-    for node in nodes {
-        let above = depths.get(node.parent as usize).copied().unwrap_or(0);
-        depths.push(above + 1);
+/// What one pass over the nodes, the largest part of a scene, tells of the tree.
+#[derive(Default)]
+struct Tree {
+    interior: usize,
+    interior_with_levels: usize,
+    depth: u32,
+}
+
+impl Tree {
+    fn of(nodes: &[Node]) -> Self {
+        let mut tree = Self::default();
+        // Parents stand before their children, so their depths are known.
+        let mut depths: Vec<u32> = Vec::with_capacity(nodes.len());
+        for node in nodes {
+            let depth = depths.get(node.parent as usize).copied().unwrap_or(0) + 1;
+            depths.push(depth);
+            tree.depth = tree.depth.max(depth);
+            if node.object == Node::NONE {
+                tree.interior += 1;
+                tree.interior_with_levels += usize::from(node.drawable_count > 0);
+            }
+        }
+        tree
     }
-    depths.into_iter().max().unwrap_or(0)
 }
 
 pub(super) fn run(args: &InfoArgs) -> Result<(), Failure> {

@@ -5,6 +5,7 @@ mod hash;
 mod records;
 mod validate;
 
+use rayon::prelude::*;
 use trimaran_proto::SceneHash;
 
 use file::MappedScene;
@@ -117,7 +118,7 @@ impl Scene {
     /// The triangles of all leaves at their finest level: the model as it came, instances counted each.
     #[must_use]
     pub fn full_detail_triangles(&self) -> u64 {
-        let leaves = self.nodes().iter().filter(|node| node.is_leaf());
+        let leaves = self.nodes().par_iter().filter(|node| node.is_leaf());
         let finest = leaves.filter_map(|leaf| self.drawables().get(leaf.levels().next()?.index()));
         finest.map(|drawable| u64::from(drawable.index_count / 3)).sum()
     }

@@ -70,12 +70,13 @@ fn a_sound_scene_is_accepted_and_names_its_objects() {
 #[test]
 fn every_broken_rule_is_named_with_its_record() {
     type Change = fn(&mut SceneArrays);
-    let cases: [(Change, &str); 23] = [
+    let cases: [(Change, &str); 24] = [
         (|a| a.nodes.clear(), "the scene has no nodes"),
         (|a| a.nodes[0].parent = 0, "node 0 is malformed: it is the root"),
         (|a| a.nodes[0].first_child = 2, "node 0 is malformed: its children are not next"),
+        (|a| a.nodes[1].child_count = 1, "node 1 is malformed: its children are not next"),
         (|a| a.nodes[0].child_count = 3, "node 0 is malformed: its children lie past"),
-        (|a| a.nodes[0].child_count = 1, "node 2 is malformed: it is no node's child"),
+        (|a| a.nodes[0].child_count = 1, "node 2 is malformed: its parent is not"),
         (|a| a.nodes[2].parent = 1, "node 2 is malformed: its parent"),
         (|a| a.nodes[2].world_max[0] = 4.5, "node 2 is malformed: its box sticks out"),
         (|a| a.nodes[1].origin[1] = f64::NAN, "node 1 is malformed: its box, origin"),
@@ -84,7 +85,7 @@ fn every_broken_rule_is_named_with_its_record() {
         (|a| a.nodes[1].drawable_count = 0, "node 1 is malformed: it is a leaf without"),
         (|a| a.nodes[1].object = 2, "node 1 is malformed: it is a leaf whose object"),
         (|a| a.nodes[0].object = 0, "node 2 is malformed: it is not of the object"),
-        (|a| a.nodes[0].object = 2, "node 1 is malformed: it is not of the object"),
+        (|a| a.nodes[0].object = 2, "node 0 is malformed: its object does not exist"),
         (
             |a| a.nodes[0].linear[0] = 2.0,
             "node 0 is malformed: it stands for several objects, but its matrix",
@@ -114,6 +115,57 @@ fn errors_never_fall_from_node_to_parent() {
         message,
         "drawable 0 is malformed: its error is below that of a finer level, or of a node below its own"
     );
+}
+
+/// A root, `count` nodes below it and a leaf below each of those.
+fn a_leaf_below_each_of(count: u32) -> SceneArrays {
+    let mut arrays = two_leaves();
+    let (root, leaf) = (arrays.nodes[0], arrays.nodes[1]);
+    let middle = Node { parent: 0, drawable_count: 0, ..root };
+    arrays.nodes = vec![Node { child_count: count, ..root }];
+    arrays.drawables.truncate(1);
+    let inner = (1..=count).map(|node| Node { first_child: count + node, child_count: 1, ..middle });
+    arrays.nodes.extend(inner);
+    for parent in 1..=count {
+        arrays.nodes.push(Node { parent, first_drawable: parent, ..leaf });
+        arrays.drawables.push(Drawable { error: 0.0, node: count + parent, ..arrays.drawables[0] });
+    }
+    arrays
+}
+
+/// The checks run over thousands of nodes at a time; what they pass from one run to the next is looked at here.
+#[test]
+fn rules_between_far_nodes_are_checked() {
+    let run = 4096;
+    let sound = || a_leaf_below_each_of(3 * run - 1);
+    assert!(Scene::from_arrays(sound()).is_ok());
+
+    // The children of one whole run of nodes change places with those of the next.
+    let mut arrays = sound();
+    for node in run..2 * run {
+        let (a, b) = (node as usize, (node + run) as usize);
+        let (below_a, below_b) = (arrays.nodes[a].first_child, arrays.nodes[b].first_child);
+        arrays.nodes[a].first_child = below_b;
+        arrays.nodes[b].first_child = below_a;
+        arrays.nodes[below_a as usize].parent = node + run;
+        arrays.nodes[below_b as usize].parent = node;
+    }
+    let message = Scene::from_arrays(arrays).unwrap_err().to_string();
+    assert_eq!(message, "node 4096 is malformed: its children are not next in breadth-first order");
+
+    // The last leaf's coarser level is worse than the root's, and the node between them has no level.
+    let mut arrays = sound();
+    let last = arrays.nodes.len() - 1;
+    arrays.nodes[last].drawable_count = 2;
+    arrays.drawables.push(Drawable { error: 0.75, node: last as u32, ..arrays.drawables[0] });
+    let message = Scene::from_arrays(arrays).unwrap_err().to_string();
+    assert!(message.starts_with("drawable 0 is malformed: its error is below that"), "{message}");
+
+    // A drawable that no node has.
+    let mut arrays = sound();
+    arrays.drawables.push(arrays.drawables[0]);
+    let message = Scene::from_arrays(arrays).unwrap_err().to_string();
+    assert_eq!(message, "drawable 12288 is malformed: its node does not have it among its levels");
 }
 
 /// A folder of its own with the scene in it, and the scene's bytes.
