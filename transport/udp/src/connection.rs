@@ -207,7 +207,8 @@ impl Connection {
         self.latest.unread.take()
     }
 
-    /// The next message of the frames lane. What arrived before an end of the connection is still given.
+    /// The next message of the frames lane. What arrived before an end of the connection is still given,
+    /// up to the first unit that breaks the rules of the lane.
     pub fn recv(&mut self) -> Option<Received> {
         match self.inbox.take() {
             Ok(item) => {

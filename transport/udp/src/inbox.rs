@@ -151,8 +151,16 @@ impl Inbox {
         if self.pieces > PIECES { Err(LaneViolation::Pieces) } else { Ok(()) }
     }
 
-    /// The next message, if it has arrived.
+    /// The next message, if it has arrived. After a violation there is none: what follows it means nothing.
     pub(crate) fn take(&mut self) -> Result<Option<Received>, LaneViolation> {
+        let taken = self.take_next();
+        if taken.is_err() {
+            self.units.clear();
+        }
+        taken
+    }
+
+    fn take_next(&mut self) -> Result<Option<Received>, LaneViolation> {
         loop {
             let Some(unit) = self.units.front_mut() else { return Ok(None) };
             let (base, pieces) = (unit.base, unit.have.len());

@@ -1,0 +1,4 @@
+//! Chunks from a peer.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| trimaran_fuzz::datagrams::chunks(bytes));

@@ -1,0 +1,4 @@
+//! Datagrams from a stranger.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| trimaran_fuzz::datagrams::strangers(bytes));

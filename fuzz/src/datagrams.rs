@@ -1,0 +1,113 @@
+//! What must hold for any datagram at all. The fuzz targets search for one that breaks it; an ordinary test of `trimaran-udp` replays
+//! the corpus.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use trimaran_proto::{Camera, FrameMessage, FrameNumber, Goodbye, Instant};
+use trimaran_udp::{
+    Closed, Config, Connecting, Connection, ConnectionId, Door, MIN_DATAGRAM, Progress, Received, Reception,
+    Security,
+};
+use xxhash_rust::xxh3::xxh3_128_with_seed;
+
+const HERE: ConnectionId = ConnectionId(10);
+const THERE: ConnectionId = ConnectionId(20);
+
+fn now() -> Instant {
+    Instant::from_nanos(1_000_000_000)
+}
+
+/// Any datagram from a stranger, as it is and filled up to a first packet's length, is answered with a third of it at most; and
+/// any answer leaves who connects waiting or gives a sound connection.
+pub fn strangers(bytes: &[u8]) {
+    let mut filled = bytes.to_vec();
+    filled.resize(MIN_DATAGRAM.max(bytes.len()), 0);
+    for security in [Security::Plaintext, Security::PreShared([9; 32])] {
+        for datagram in [bytes, &filled] {
+            knock(&security, datagram);
+            answer(&security, datagram);
+        }
+    }
+}
+
+fn knock(security: &Security, datagram: &[u8]) {
+    let Ok(door) = Door::new(security.clone(), [7; 32]) else { unreachable!("the keys are good") };
+    let mut out = Vec::new();
+    match door.handle(now(), SocketAddr::from(([192, 0, 2, 1], 4000)), datagram, &mut out) {
+        Reception::Reply => assert!(out.len() * 3 <= datagram.len(), "{} for {}", out.len(), datagram.len()),
+        Reception::Knock(knock) => {
+            assert!(datagram.len() >= MIN_DATAGRAM);
+            let connection = knock.take(now(), THERE, b"welcome", Config::default(), &mut out);
+            assert!(connection.is_some(), "who knocks rightly is let in");
+            assert!(out.len() <= MIN_DATAGRAM);
+        }
+        _ => assert_eq!(out, [0; 0]),
+    }
+}
+
+fn answer(security: &Security, datagram: &[u8]) {
+    let Ok(connecting) = Connecting::new(security, HERE, b"hello") else { unreachable!("the keys are good") };
+    match connecting.handle(now(), datagram, Config::default()) {
+        Progress::Retry(connecting) | Progress::None(connecting) => {
+            let mut out = Vec::new();
+            connecting.initial(&mut out);
+            assert_eq!(out.len(), MIN_DATAGRAM);
+        }
+        Progress::Taken(mut connection, said) => {
+            assert!(said.len() < datagram.len());
+            settle(&mut connection, now());
+        }
+        _ => {}
+    }
+}
+
+/// Any chunks, each packet of them a byte of length and so many bytes, sealed as a peer would: the connection passes on no more
+/// than came, sends packets that fit until it has no more, and is over for good when it is over.
+pub fn chunks(bytes: &[u8]) {
+    let mut connection = Connection::plaintext(now(), HERE, THERE, Config::default());
+    if let Ok(camera) = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0, 1.0, 0.1, FrameNumber(0)) {
+        connection.publish(camera);
+    }
+    connection.goodbye(Goodbye::Finished);
+    settle(&mut connection, now());
+    let (mut rest, mut at, mut passed) = (bytes, now(), 0);
+    for number in 0.. {
+        let Some((&length, tail)) = rest.split_first() else { break };
+        let (body, tail) = tail.split_at(tail.len().min(usize::from(length)));
+        rest = tail;
+        let closed = connection.closed().cloned();
+        connection.handle(at, &sealed(number, body));
+        while let Some(item) = connection.recv() {
+            assert_eq!(closed, None, "nothing comes after the end");
+            if let Received::Frame(FrameMessage::Ids(ids)) = item {
+                passed += ids.as_bytes().len();
+            }
+        }
+        settle(&mut connection, at);
+        assert!(passed <= bytes.len(), "{passed} bytes of ids out of {}", bytes.len());
+        assert!(closed.is_none() || connection.closed() == closed.as_ref(), "over for good");
+        at = connection.poll_timeout().unwrap_or(at).max(at.after(Duration::from_micros(1)));
+        connection.handle_timeout(at);
+    }
+}
+
+/// Sends what there is.
+fn settle(connection: &mut Connection, at: Instant) {
+    let mut out = Vec::new();
+    for _ in 0..64 {
+        if !connection.poll_transmit(at, &mut out) {
+            assert_ne!(connection.closed(), Some(&Closed::Exhausted));
+            assert_eq!(connection.poll_timeout().is_none(), connection.closed().is_some());
+            return;
+        }
+        assert!(out.len() <= MIN_DATAGRAM);
+    }
+    unreachable!("it never stops to send");
+}
+
+fn sealed(number: u64, chunks: &[u8]) -> Vec<u8> {
+    let seed = number ^ u64::from(HERE.0) << 32;
+    let tag = xxh3_128_with_seed(chunks, seed).to_le_bytes();
+    [&(number << 2).to_le_bytes()[..], &HERE.0.to_le_bytes(), chunks, &tag].concat()
+}

@@ -1,0 +1,48 @@
+//! What the fuzz targets look for, on what they have found so far, and a little further.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use proptest::prelude::*;
+
+#[allow(unreachable_pub, reason = "the fuzz targets use it too")]
+#[path = "../../../fuzz/src/datagrams.rs"]
+mod datagrams;
+
+/// The corpus of a target.
+fn corpus(target: &str) -> Vec<Vec<u8>> {
+    let folder = format!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fuzz/corpus/{}"), target);
+    std::fs::read_dir(folder).unwrap().map(|entry| std::fs::read(entry.unwrap().path()).unwrap()).collect()
+}
+
+#[test]
+fn the_fuzz_corpus_does_no_harm() {
+    for (target, check, least) in
+        [("strangers", datagrams::strangers as fn(&[u8]), 18), ("chunks", datagrams::chunks, 39)]
+    {
+        let inputs = corpus(target);
+        inputs.iter().for_each(|input| check(input));
+        assert!(inputs.len() >= least, "only {} inputs of {target}: is the corpus there?", inputs.len());
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 500, ..ProptestConfig::default() })]
+
+    /// Two inputs of the corpus, one behind the other, with a few bytes broken.
+    #[test]
+    fn broken_inputs_of_the_corpus_do_no_harm(
+        first in any::<prop::sample::Index>(), second in any::<prop::sample::Index>(),
+        broken in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..4),
+    ) {
+        for (target, check) in [("strangers", datagrams::strangers as fn(&[u8])), ("chunks", datagrams::chunks)] {
+            let inputs = corpus(target);
+            let mut input = [first.get(&inputs).clone(), second.get(&inputs).clone()].concat();
+            for (at, byte) in &broken {
+                if !input.is_empty() {
+                    let at = at.index(input.len());
+                    input[at] = *byte;
+                }
+            }
+            check(&input);
+        }
+    }
+}
