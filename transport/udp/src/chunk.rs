@@ -8,7 +8,7 @@ use crate::wire::{Malformed, Reader, put_varint, varint_len};
 const PING: u8 = 0x01;
 const ACK: u8 = 0x02;
 const CREDIT: u8 = 0x03;
-const CLOSE: u8 = 0x04;
+pub(crate) const CLOSE: u8 = 0x04;
 const CAMERA: u8 = 0x10;
 const PART: u8 = 0x20;
 

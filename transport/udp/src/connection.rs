@@ -7,7 +7,7 @@ use thiserror::Error;
 use trimaran_proto::{BatchSize, Camera, FrameMessage, Goodbye, Instant};
 
 use crate::acks::Acks;
-use crate::chunk::Chunk;
+use crate::chunk::{CLOSE, Chunk};
 use crate::inbox::{Inbox, LaneViolation, Received};
 use crate::keys::{Keys, OVERHEAD};
 use crate::outbox::Outbox;
@@ -222,7 +222,7 @@ impl Connection {
         }
     }
 
-    /// Closes at once: what has not arrived is lost.
+    /// Closes at once: what has not arrived is lost. Whoever goes on to send is told again.
     pub fn close(&mut self) {
         self.end(Closed::Here);
     }
@@ -230,12 +230,19 @@ impl Connection {
     /// Takes a datagram for this connection. What does not open, came before, or belongs elsewhere is ignored.
     pub fn handle(&mut self, now: Instant, datagram: &[u8]) {
         let Ok(Packet::Data { to, number, sealed }) = Packet::parse(datagram) else { return };
-        if to != self.here || self.closed.is_some() || !self.acks.is_new(number) {
+        if to != self.here || self.closed == Some(Closed::Peer) || !self.acks.is_new(number) {
             return;
         }
         let mut plain = std::mem::take(&mut self.plain);
         if self.keys.open(to, number, sealed, &mut plain) {
             self.last_received = now;
+            if self.closed.is_some() {
+                // The close was lost, unless this one crossed it: two ends that answer each other's would never stop.
+                self.close_due = plain != [CLOSE];
+                self.acks.on_received(now, number, false, self.config.ack_delay);
+                self.plain = plain;
+                return;
+            }
             match self.take_chunks(now, &plain) {
                 Ok(eliciting) => self.acks.on_received(now, number, eliciting, self.config.ack_delay),
                 Err(why) => self.end(why),

@@ -3,6 +3,7 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::net::SocketAddr;
 use std::time::Duration;
 
 use proptest::prelude::*;
@@ -10,7 +11,10 @@ use trimaran_proto::{
     BatchSize, Camera, DrawableId, FrameAssembler, FrameEvent, FrameNumber, FrameOutcome, FrameStart,
     FrameWriter, Goodbye, Instant,
 };
-use trimaran_udp::{Closed, Config, Connection, ConnectionId, MIN_DATAGRAM, Received};
+use trimaran_udp::{
+    Closed, Config, Connecting, Connection, ConnectionId, Door, MIN_DATAGRAM, Progress, Received, Reception,
+    Security,
+};
 
 /// What happens to packets, in 1/1000.
 #[derive(Debug, Clone, Copy)]
@@ -19,14 +23,47 @@ struct Network {
     twice: u64,
     late: u64,
     broken: u64,
+    /// Whether losses come in bursts as well (Gilbert and Elliott): one packet in a hundred begins a burst, one in four ends it, and
+    /// within it four of five are lost.
+    bursts: bool,
+    /// Longer packets are lost.
+    mtu: usize,
+    /// Whether packets are encrypted.
+    sealed: bool,
     seed: u64,
 }
 
-const CLEAN: Network = Network { loss: 0, twice: 0, late: 0, broken: 0, seed: 1 };
+const CLEAN: Network = Network {
+    loss: 0,
+    twice: 0,
+    late: 0,
+    broken: 0,
+    bursts: false,
+    mtu: MIN_DATAGRAM,
+    sealed: false,
+    seed: 1,
+};
 const ONE_WAY: Duration = Duration::from_millis(5);
 
 /// Arrival, order, whither, what.
 type Flight = (Instant, u64, usize, Vec<u8>);
+
+/// Two ends that have met at a door and share a key.
+fn introduce(now: Instant, here: ConnectionId, there: ConnectionId, config: Config) -> [Connection; 2] {
+    let key = Security::PreShared([9; 32]);
+    let door = Door::new(key.clone(), [3; 32]).unwrap();
+    let address = SocketAddr::from(([192, 0, 2, 1], 4000));
+    let connecting = Connecting::new(&key, here, b"").unwrap();
+    let (mut first, mut reply) = (Vec::new(), Vec::new());
+    connecting.initial(&mut first);
+    let _retry = door.handle(now, address, &first, &mut reply);
+    let Progress::Retry(connecting) = connecting.handle(now, &reply, config) else { panic!("no retry") };
+    connecting.initial(&mut first);
+    let Reception::Knock(knock) = door.handle(now, address, &first, &mut reply) else { panic!("no knock") };
+    let listener = knock.take(now, there, b"", config, &mut reply).unwrap();
+    let Progress::Taken(ours, _) = connecting.handle(now, &reply, config) else { panic!("not taken") };
+    [*ours, listener]
+}
 
 struct Pair {
     now: Instant,
@@ -35,14 +72,31 @@ struct Pair {
     flying: BinaryHeap<Reverse<Flight>>,
     count: u64,
     sent: u64,
+    longest: usize,
+    /// Whether each direction is in a burst; packets lost to bursts.
+    in_burst: [bool; 2],
+    burst_losses: u64,
 }
 
 impl Pair {
     fn new(network: Network, config: Config) -> Self {
         let now = Instant::from_nanos(0);
         let (a, b) = (ConnectionId(1), ConnectionId(2));
-        let ends = [Connection::plaintext(now, a, b, config), Connection::plaintext(now, b, a, config)];
-        Self { now, ends, network, flying: BinaryHeap::new(), count: 0, sent: 0 }
+        let ends = if network.sealed {
+            introduce(now, a, b, config)
+        } else {
+            [Connection::plaintext(now, a, b, config), Connection::plaintext(now, b, a, config)]
+        };
+        let (flying, in_burst) = (BinaryHeap::new(), [false; 2]);
+        Self { now, ends, network, flying, count: 0, sent: 0, longest: 0, in_burst, burst_losses: 0 }
+    }
+
+    fn lost_in_burst(&mut self, end: usize) -> bool {
+        let turns = self.chance(if self.in_burst[end] { 250 } else { 10 });
+        self.in_burst[end] ^= turns && self.network.bursts;
+        let lost = self.in_burst[end] && self.chance(800);
+        self.burst_losses += u64::from(lost);
+        lost
     }
 
     /// Splitmix64: the same network for the same seed.
@@ -60,9 +114,11 @@ impl Pair {
             while self.ends[end].poll_transmit(self.now, &mut out) {
                 assert!(out.len() <= MIN_DATAGRAM, "{} bytes", out.len());
                 self.sent += 1;
+                self.longest = self.longest.max(out.len());
                 let copies = 1 + usize::from(self.chance(self.network.twice));
                 for _ in 0..copies {
-                    if self.chance(self.network.loss) {
+                    let lost = self.lost_in_burst(end) || out.len() > self.network.mtu;
+                    if self.chance(self.network.loss) || lost {
                         continue;
                     }
                     let mut packet = out.clone();
@@ -234,15 +290,64 @@ fn a_close_is_told_and_ends_the_other_side() {
     assert_eq!(pair.ends[1].closed(), Some(&Closed::Peer));
 }
 
+const SEALED: Network = Network { sealed: true, ..CLEAN };
+
+#[test]
+fn sealed_frames_arrive_although_losses_come_in_bursts() {
+    let pair = deliver(Network { bursts: true, ..SEALED }, Config::default(), &[0, 200_000, 1, 100_000]);
+    assert!(pair.burst_losses >= 20, "{} lost", pair.burst_losses);
+    assert!(pair.ends[0].lost_packets() > 0);
+}
+
+#[test]
+fn sealed_packets_fill_the_narrowest_path_and_no_more() {
+    let pair = deliver(SEALED, Config::default(), &[20_000]);
+    assert!((MIN_DATAGRAM - 16..=MIN_DATAGRAM).contains(&pair.longest), "{} bytes", pair.longest);
+    let mut narrow = Pair::new(Network { mtu: pair.longest - 1, ..SEALED }, Config::default());
+    let mut reader = Reader::default();
+    send_frame(&mut FrameWriter::new(BatchSize::default()), &mut narrow.ends[0], 0, &ids(20_000));
+    let end = Instant::from_nanos(0).after(Duration::from_secs(60));
+    while narrow.step(end) {
+        reader.read(&mut narrow.ends[1]);
+    }
+    assert!(reader.frames.is_empty() && !narrow.ends[0].is_drained(), "the path is narrower");
+}
+
+#[test]
+fn a_lost_close_is_told_again_to_who_goes_on() {
+    for network in [CLEAN, SEALED] {
+        let mut pair = Pair::new(Network { loss: 1000, ..network }, Config::default());
+        pair.ends[0].close();
+        pair.ends[0].close();
+        pair.transmit();
+        assert_eq!(pair.sent, 1, "two calls, one packet");
+        pair.network.loss = 0;
+        pair.ends[1].publish(camera(1));
+        while pair.step(Instant::from_nanos(0).after(Duration::from_secs(1))) {}
+        assert_eq!(pair.ends[1].closed(), Some(&Closed::Peer));
+        assert_eq!(pair.sent, 3, "the camera and one more close");
+        assert_eq!(pair.ends[0].closed(), Some(&Closed::Here));
+    }
+}
+
+#[test]
+fn closes_that_cross_are_not_answered() {
+    let mut pair = Pair::new(SEALED, Config::default());
+    pair.ends.iter_mut().for_each(Connection::close);
+    while pair.step(Instant::from_nanos(0).after(Duration::from_secs(1))) {}
+    assert_eq!((pair.sent, pair.flying.len()), (2, 0));
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
 
     #[test]
     fn every_frame_arrives_once_in_order_whatever_the_network_does(
-        loss in 0u64..200, twice in 0u64..200, late in 0u64..300, broken in 0u64..100, seed: u64,
+        loss in 0u64..200, twice in 0u64..200, late in 0u64..300, broken in 0u64..100,
+        bursts: bool, sealed: bool, seed: u64,
         sizes in prop::collection::vec(0u32..6000, 1..12),
     ) {
-        deliver(Network { loss, twice, late, broken, seed }, Config::default(), &sizes);
+        deliver(Network { loss, twice, late, broken, bursts, sealed, seed, ..CLEAN }, Config::default(), &sizes);
     }
 
     #[test]
