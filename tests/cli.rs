@@ -261,6 +261,28 @@ fn signal(name: &str, process: &str) {
     assert!(Command::new("sh").args(["-c", &format!("kill {name} {process}")]).status().unwrap().success());
 }
 
+/// The loader of this test, which is the program's as well.
+fn dynamic_loader() -> Option<String> {
+    let maps = fs::read_to_string("/proc/self/maps").unwrap();
+    let mut files = maps.lines().filter_map(|line| line.split_whitespace().nth(5));
+    let loader = |file: &&str| file.rsplit('/').next().is_some_and(|name| name.starts_with("ld-"));
+    files.find(loader).map(str::to_owned)
+}
+
+#[test]
+fn a_pair_that_cannot_start_is_not_waited_for() {
+    let Some(loader) = dynamic_loader() else {
+        return println!("skipped: the program has no dynamic loader");
+    };
+    let bench = Bench::with_plant();
+    for link in ["tcp", "unix"] {
+        // Started by the loader, the program takes the loader for itself: the machines that it starts end at once.
+        let args = [env!("CARGO_BIN_EXE_trimaran"), "run", "plant.scene", "--link", link, "--frames", "4"];
+        let run = Command::new(&loader).args(args).current_dir(bench.dir.path()).output().unwrap();
+        expect(&run, 1, &["machine of the pair", "exit status: 127", "before it had joined"]);
+    }
+}
+
 #[test]
 fn when_a_machine_of_the_pair_is_killed_the_session_ends_and_says_which() {
     let bench = Bench::with_plant();

@@ -1,6 +1,6 @@
 //! `trimaran role`: one role of a deployment on several machines.
 
-use std::{path::Path, sync::Arc, time::SystemTime};
+use std::{future::pending, path::Path, sync::Arc, time::SystemTime};
 
 use tokio::runtime::Runtime;
 use trimaran::{
@@ -82,7 +82,7 @@ fn display(config: &DisplayConfig) -> Result<(), Failure> {
         devices: vec![(ReportSeat::Display, info)],
         patience_s: config.patience_s,
     };
-    let report = stage.show(&file, show, &config.out, &runtime)?;
+    let report = stage.show(&file, show, &config.out, &runtime, pending())?;
     conclude(&report, &config.out, false)
 }
 
@@ -154,24 +154,31 @@ impl DisplayStage {
         self.drawn.gpu().info()
     }
 
-    /// Waits for the pair, walks and writes the report into `out`.
+    /// Waits for the pair, walks and writes the report into `out`. When `hopeless` ends, the pair cannot come any more.
     pub(super) fn show(
         self,
         file: &SceneFile,
         show: Show,
         out: &Path,
         runtime: &Runtime,
+        hopeless: impl Future<Output = Failure>,
     ) -> Result<Report, Failure> {
         let Self { drawn, listener, net } = self;
         let Show { plan, trail, path, seed, devices, patience_s } = show;
         let started = SystemTime::now();
         let stop = stop_on_signal(runtime);
         let link = listener.local_endpoint().transport();
-        let coming = await_pair(listener, deadline(&net, patience_s));
+        let coming = async {
+            tokio::select! {
+                biased;
+                pair = await_pair(listener, deadline(&net, patience_s)) => pair.map_err(Failure::bad_input),
+                failure = hopeless => Err(failure),
+            }
+        };
         let Some(pair) = stop.unless_requested(runtime.handle(), coming) else {
             return Err(Failure::broken("interrupted before the pair had come"));
         };
-        let [first, second] = pair.map_err(Failure::bad_input)?;
+        let [first, second] = pair?;
         let transport = format!("{link}: {} and {}", first.peer.address, second.peer.address);
         let settings = plan.settings(trail.frames());
         let size = viewport(plan.size).map_err(Failure::bad_input)?;

@@ -4,9 +4,12 @@
 use std::{
     net::{SocketAddr, TcpListener},
     path::Path,
-    process::{Child, Command},
 };
 
+use tokio::{
+    process::{Child, Command},
+    runtime::Runtime,
+};
 use trimaran::{
     config::{PairSeat, SwitchConfig},
     report::schema::Seat,
@@ -52,9 +55,9 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
             device: args.walk.device.clone(),
             patience_s: PATIENCE_S,
         };
-        Machine::start(&config, configs.path())
+        Machine::start(&config, configs.path(), &runtime)
     };
-    let machines = [machine(PairSeat::First)?, machine(PairSeat::Second)?];
+    let mut machines = [machine(PairSeat::First)?, machine(PairSeat::Second)?];
 
     let devices = [Seat::SwitchA, Seat::SwitchB, Seat::Display].map(|seat| (seat, stage.info().clone()));
     let show = Show {
@@ -65,9 +68,9 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
         devices: devices.into(),
         patience_s: PATIENCE_S,
     };
-    let report = stage.show(&file, show, &args.out, &runtime)?;
+    let report = stage.show(&file, show, &args.out, &runtime, ended_early(&mut machines))?;
     for machine in machines {
-        machine.ended_well()?;
+        runtime.block_on(machine.ended_well())?;
     }
     conclude(&report, &args.out, args.json)
 }
@@ -93,38 +96,100 @@ fn free_address() -> Result<SocketAddr, Failure> {
     listener.local_addr().map_err(Failure::broken)
 }
 
+/// Ends when one of `machines` does, with what to say of one that ended before it had joined.
+async fn ended_early([first, second]: &mut [Machine; 2]) -> Failure {
+    tokio::select! {
+        failure = first.ended_early() => failure,
+        failure = second.ended_early() => failure,
+    }
+}
+
 /// A machine of the pair as a process of its own, which does not outlive this one's interest in it.
 struct Machine {
+    seat: PairSeat,
     child: Child,
 }
 
 impl Machine {
-    fn start(config: &SwitchConfig, folder: &Path) -> Result<Self, Failure> {
+    fn start(config: &SwitchConfig, folder: &Path, runtime: &Runtime) -> Result<Self, Failure> {
         let path = folder.join(format!("{:?}.toml", config.seat));
         let text = toml::to_string(config).map_err(Failure::broken)?;
         std::fs::write(&path, text).map_err(Failure::broken)?;
         let program = std::env::current_exe().map_err(Failure::broken)?;
-        let child = Command::new(program)
-            .args(["role", "switch", "--config"])
-            .arg(&path)
-            .spawn()
-            .map_err(Failure::broken)?;
-        Ok(Self { child })
+        let mut command = Command::new(program);
+        command.args(["role", "switch", "--config"]).arg(&path);
+        Self::spawn(config.seat, command, runtime)
     }
 
-    fn ended_well(mut self) -> Result<(), Failure> {
-        let status = self.child.wait().map_err(Failure::broken)?;
+    fn spawn(seat: PairSeat, mut command: Command, runtime: &Runtime) -> Result<Self, Failure> {
+        let _within = runtime.enter();
+        let child = command.kill_on_drop(true).spawn().map_err(Failure::broken)?;
+        Ok(Self { seat, child })
+    }
+
+    /// How it is spoken of.
+    const fn name(&self) -> &'static str {
+        match self.seat {
+            PairSeat::First => "the first machine of the pair",
+            PairSeat::Second => "the second machine of the pair",
+        }
+    }
+
+    async fn ended_early(&mut self) -> Failure {
+        match self.child.wait().await {
+            Ok(status) => Failure::broken(format!(
+                "{} ended with {status} before it had joined the session; its own words are above",
+                self.name()
+            )),
+            Err(e) => Failure::broken(e),
+        }
+    }
+
+    async fn ended_well(mut self) -> Result<(), Failure> {
+        let status = self.child.wait().await.map_err(Failure::broken)?;
         if status.success() {
             return Ok(());
         }
-        Err(Failure::broken(format!("a machine of the pair ended with {status}")))
+        Err(Failure::broken(format!("{} ended with {status}", self.name())))
     }
 }
 
-impl Drop for Machine {
-    fn drop(&mut self) {
-        // Both fail only for a process that has ended already.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::walking::runtime;
+
+    fn machine(seat: PairSeat, program: &str, args: &[&str], runtime: &Runtime) -> Machine {
+        let mut command = Command::new(program);
+        command.args(args);
+        Machine::spawn(seat, command, runtime).unwrap()
+    }
+
+    #[test]
+    fn the_machine_that_ends_early_is_named_with_its_status() {
+        let runtime = runtime().unwrap();
+        let sleeper = |seat| machine(seat, "sleep", &["1000"], &runtime);
+        let loser = |seat| machine(seat, "sh", &["-c", "exit 3"], &runtime);
+        for (mut machines, name) in [
+            ([loser(PairSeat::First), sleeper(PairSeat::Second)], "the first machine"),
+            ([sleeper(PairSeat::First), loser(PairSeat::Second)], "the second machine"),
+        ] {
+            let said = runtime.block_on(ended_early(&mut machines)).to_string();
+            assert!(said.contains(name) && said.contains("exit status: 3"), "{said}");
+        }
+    }
+
+    #[test]
+    fn a_machine_that_nobody_is_interested_in_is_stopped() {
+        let runtime = runtime().unwrap();
+        let mut command = Command::new("sh");
+        // Its standard output is open for as long as it lives.
+        command.args(["-c", "exec sleep 1000"]).stdout(std::process::Stdio::piped());
+        let mut machine = Machine::spawn(PairSeat::First, command, &runtime).unwrap();
+        let mut output = machine.child.stdout.take().unwrap();
+        drop(machine);
+        let mut all = Vec::new();
+        let read = runtime.block_on(tokio::io::AsyncReadExt::read_to_end(&mut output, &mut all));
+        assert_eq!(read.unwrap(), 0);
     }
 }
