@@ -26,9 +26,6 @@ pub struct Limits {
     pub peers: usize,
     /// How many handshakes a listener has under way at once; more are turned away. Default 32.
     pub handshakes: usize,
-    /// How much of what a peer sent may wait for its reader, bytes. Where the transport itself holds nothing, the system's
-    /// socket buffers are the limit. Default 32 MiB.
-    pub memory_per_peer: usize,
 }
 
 impl Default for Options {
@@ -45,6 +42,6 @@ impl Default for Options {
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { peers: 16, handshakes: 32, memory_per_peer: 32 << 20 }
+        Self { peers: 16, handshakes: 32 }
     }
 }

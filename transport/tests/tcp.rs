@@ -9,7 +9,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use common::conformance::Pairs;
-use common::{SCENE, camera, identity, ids, joined, net, receive, settings, soon, start};
+use common::{SCENE, camera, identity, ids, joined, last_failure, net, receive, settings, soon, start};
+use tokio::net::TcpSocket;
 use trimaran_proto::{Identity, Refusal, Role, SceneHash};
 use trimaran_transport::{
     AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Link, LinkConfig, ListenError,
@@ -48,9 +49,8 @@ async fn refusal(listening: Identity, connecting: Identity) -> (Refusal, Refusal
     let (mut listener, address) = listener(&net, listening, &options).await;
     let error = connect(&net, &address, connecting, &options, soon(&net)).await.unwrap_err();
     let ConnectError::Refused { refusal, .. } = error else { panic!("{error:?}") };
-    let accepted = listener.accept(net.now().after(Duration::from_millis(50))).await;
-    match accepted {
-        Err(AcceptError::Deadline { last: Some(HandshakeError::Refused(known)), .. }) => (refusal, known),
+    match last_failure(&mut listener).await {
+        HandshakeError::Refused(known) => (refusal, known),
         other => panic!("{other:?}"),
     }
 }
@@ -145,9 +145,10 @@ async fn a_role_is_taken_until_the_last_half_of_its_link_is_dropped() {
 #[tokio::test]
 async fn nobody_there_ends_at_the_deadline_with_the_last_cause() {
     let (net, options) = (net(), Options::default());
-    let (gone, address) = listener(&net, identity(Role::SwitchA), &options).await;
-    drop(gone);
-    sleep_until(&*net, net.now().after(Duration::from_millis(50))).await;
+    // Held, so that nobody else gets the port, and not listened on.
+    let holder = TcpSocket::new_v4().unwrap();
+    holder.bind("127.0.0.1:0".parse().unwrap()).unwrap();
+    let address = Endpoint::Tcp(holder.local_addr().unwrap().into());
     let deadline = net.now().after(Duration::from_millis(300));
     let error = connect(&net, &address, identity(Role::Display), &options, deadline).await.unwrap_err();
     assert!(error.source().is_some());

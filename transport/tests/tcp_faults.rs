@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::BytesMut;
-use common::{camera, identity, ids, net, receive, soon, start};
+use common::{camera, identity, ids, last_failure, net, receive, soon, start};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use trimaran_proto::{
@@ -16,8 +16,8 @@ use trimaran_proto::{
     FrameViolation, Kind, Lane, Message, ProtocolVersion, Refusal, Role, SessionId,
 };
 use trimaran_transport::{
-    AcceptError, AttemptError, ConnectError, Endpoint, FrameReceiver, HandshakeError, Limits, Link, Listener,
-    Loss, Net, Options, ProtocolError, RecvError, connect, sleep_until, until,
+    AttemptError, ConnectError, Endpoint, FrameReceiver, HandshakeError, Limits, Link, Listener, Loss, Net,
+    Options, ProtocolError, RecvError, connect, until,
 };
 
 const SESSION: SessionId = SessionId(0x1234);
@@ -44,6 +44,13 @@ fn bytes(messages: &[Message]) -> BytesMut {
 
 fn hello(lane: Lane) -> Message {
     Message::Hello(identity(Role::Display).hello(SESSION, lane))
+}
+
+/// A connection to `address` on which `message` was said.
+async fn dial(address: SocketAddr, message: &Message) -> TcpStream {
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    stream.write_all(&bytes(std::slice::from_ref(message))).await.unwrap();
+    stream
 }
 
 /// Everything that comes until the end of the stream.
@@ -120,12 +127,8 @@ async fn another_version_is_refused_in_words_that_it_can_read() {
     decoder.push(&answer);
     let expected = Refusal::Version { listener: ProtocolVersion(1), connector: ProtocolVersion(0x0107) };
     assert_eq!(decoder.next_message(), Ok(Some(Message::Refuse(expected))));
-    match listener.accept(net.now().after(Duration::from_millis(20))).await {
-        Err(AcceptError::Deadline { last: Some(HandshakeError::Refused(known)), .. }) => {
-            assert_eq!(known, expected);
-        }
-        other => panic!("{other:?}"),
-    }
+    let failure = last_failure(&mut listener).await;
+    assert!(matches!(failure, HandshakeError::Refused(known) if known == expected), "{failure:?}");
 }
 
 #[tokio::test]
@@ -178,11 +181,8 @@ async fn whoever_stops_in_the_middle_of_the_handshake_is_dropped() {
     let mut half = TcpStream::connect(address).await.unwrap();
     half.write_all(&bytes(&[hello(Lane::Frames)])[..7]).await.unwrap();
     assert_eq!(until(&*net, soon(&net), answers(&mut half)).await.unwrap(), []);
-    let accepted = listener.accept(net.now().after(Duration::from_millis(20))).await;
-    assert!(
-        matches!(accepted, Err(AcceptError::Deadline { last: Some(HandshakeError::TimedOut), .. })),
-        "{accepted:?}"
-    );
+    let failure = last_failure(&mut listener).await;
+    assert!(matches!(failure, HandshakeError::TimedOut), "{failure:?}");
 }
 
 #[tokio::test]
@@ -199,16 +199,17 @@ async fn one_lane_alone_is_refused_in_time() {
 async fn the_same_lane_twice_is_refused_and_the_right_one_still_welcome() {
     let net = net();
     let (mut listener, address) = listener(&net, &Options::default()).await;
-    let mut frames = TcpStream::connect(address).await.unwrap();
-    frames.write_all(&bytes(&[hello(Lane::Frames)])).await.unwrap();
-    sleep_until(&*net, net.now().after(Duration::from_millis(50))).await;
-    for odd in [hello(Lane::Frames), Message::Hello(identity(Role::SwitchB).hello(SESSION, Lane::Latest))] {
-        let mut second = TcpStream::connect(address).await.unwrap();
-        second.write_all(&bytes(std::slice::from_ref(&odd))).await.unwrap();
-        let Message::Hello(odd) = odd else { panic!() };
-        let refusal = Refusal::Session { session: SESSION, lane: odd.lane };
-        assert_eq!(answers(&mut second).await, [Message::Refuse(refusal)]);
-    }
+    let frames = hello(Lane::Frames);
+    let (mut one, mut two) = (dial(address, &frames).await, dial(address, &frames).await);
+    // Whichever is read last is the one too many.
+    let (refused, mut frames) = tokio::select! {
+        refused = answers(&mut one) => (refused, two),
+        refused = answers(&mut two) => (refused, one),
+    };
+    let refusal = |lane| [Message::Refuse(Refusal::Session { session: SESSION, lane })];
+    assert_eq!(refused, refusal(Lane::Frames));
+    let other_role = Message::Hello(identity(Role::SwitchB).hello(SESSION, Lane::Latest));
+    assert_eq!(answers(&mut dial(address, &other_role).await).await, refusal(Lane::Latest));
     let mut latest = TcpStream::connect(address).await.unwrap();
     latest.write_all(&bytes(&[hello(Lane::Latest)])).await.unwrap();
     assert_eq!(listener.accept(soon(&net)).await.unwrap().peer.session, SESSION);
@@ -226,7 +227,7 @@ async fn a_crowd_is_turned_away_and_peers_get_through_after_it() {
     for _ in 0..4 {
         crowd.push(TcpStream::connect(address).await.unwrap());
     }
-    sleep_until(&*net, net.now().after(Duration::from_millis(50))).await;
+    // Connections are accepted in the order in which they came, and each takes its room at once.
     let mut late = TcpStream::connect(address).await.unwrap();
     assert_eq!(answers(&mut late).await, [Message::Refuse(Refusal::Busy)]);
     let address = Endpoint::Tcp(address.into());
@@ -359,7 +360,9 @@ async fn goodbye_survives_unread_data() {
     here.frames_tx.push(&ids(1000)).await.unwrap();
     here.latest_tx.publish(camera(0)).unwrap();
     there.goodbye(trimaran_proto::Goodbye::Interrupted).await.unwrap();
-    sleep_until(&*net, net.now().after(Duration::from_millis(50))).await;
+    // What was said on one lane was said on both.
+    let said = here.latest_rx.latest().await.unwrap_err();
+    assert!(matches!(said, RecvError::Goodbye { .. }), "{said:?}");
     let error = receive(&mut here.frames_rx).await.unwrap_err();
     let reason = trimaran_proto::Goodbye::Interrupted;
     assert!(matches!(&error, RecvError::Goodbye { reason: said, .. } if *said == reason), "{error:?}");

@@ -11,7 +11,8 @@ use trimaran_proto::{
     Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
 };
 use trimaran_transport::{
-    Endpoint, FrameReceiver, Instant, Link, Listener, Net, Options, RecvError, TokioNet, connect,
+    AcceptError, Endpoint, FrameReceiver, HandshakeError, Instant, Link, Listener, Net, Options, RecvError,
+    TokioNet, connect,
 };
 
 pub(crate) const SCENE: SceneHash = SceneHash(0x5ce7e);
@@ -89,4 +90,16 @@ pub(crate) async fn joined(endpoint: &str, options: &Options) -> (Link, Link) {
         listener.accept(soon(&net)),
     );
     (here.unwrap(), there.unwrap())
+}
+
+/// What became of the last connection to `listener` that did not make it to a link, once there is such a one.
+pub(crate) async fn last_failure(listener: &mut Listener) -> HandshakeError {
+    let net = net();
+    loop {
+        match listener.accept(net.now()).await {
+            Err(AcceptError::Deadline { last: Some(failure), .. }) => return failure,
+            Err(AcceptError::Deadline { last: None, .. }) => tokio::task::yield_now().await,
+            other => panic!("{other:?}"),
+        }
+    }
 }

@@ -1,0 +1,262 @@
+//! What a peer may do over byte streams, TCP and Unix alike: lie about lengths, come in crowds, and die at every step.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+mod common;
+
+use std::time::Duration;
+
+use bytes::BytesMut;
+use common::{identity, last_failure, net, soon};
+use tempfile::TempDir;
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
+use trimaran_proto::{Accept, DecodeFault, Kind, Lane, Message, Refusal, Role, SessionId};
+use trimaran_transport::{
+    Endpoint, HandshakeError, Limits, Link, Listener, Options, ProtocolError, RecvError, connect,
+};
+
+/// Runs a case over each transport.
+macro_rules! over_tcp_and_unix {
+    ($($case:ident),+ $(,)?) => {
+        $(mod $case {
+            #[tokio::test]
+            async fn tcp() {
+                super::cases::$case("tcp://127.0.0.1:0").await;
+            }
+
+            #[tokio::test]
+            async fn unix() {
+                let folder = tempfile::tempdir().unwrap();
+                super::cases::$case(&super::socket_in(&folder)).await;
+            }
+        })+
+    };
+}
+
+over_tcp_and_unix!(
+    a_lie_in_every_length_field_ends_the_lane,
+    ten_thousand_half_open_handshakes_shut_nobody_out,
+    a_peer_that_died_may_come_back,
+    a_connector_may_die_at_every_byte_of_its_handshake,
+    a_listener_may_die_at_every_step_of_the_handshake,
+);
+
+fn socket_in(folder: &TempDir) -> String {
+    format!("unix:{}", folder.path().join("a.sock").display())
+}
+
+trait Duplex: AsyncRead + AsyncWrite + Unpin + Send {}
+
+impl<T: AsyncRead + AsyncWrite + Unpin + Send> Duplex for T {}
+
+async fn dial(endpoint: &Endpoint) -> Box<dyn Duplex> {
+    match endpoint {
+        Endpoint::Tcp(at) => Box::new(TcpStream::connect(at.to_string()).await.unwrap()),
+        Endpoint::Unix(path) => Box::new(UnixStream::connect(path.as_path()).await.unwrap()),
+        other => panic!("{other}"),
+    }
+}
+
+/// A listener that is no peer.
+enum Bare {
+    Tcp(TcpListener),
+    Unix(UnixListener),
+}
+
+impl Bare {
+    async fn bind(endpoint: &str) -> (Self, Endpoint) {
+        match endpoint.parse().unwrap() {
+            Endpoint::Tcp(at) => {
+                let listener = TcpListener::bind(at.to_string()).await.unwrap();
+                let at = Endpoint::Tcp(listener.local_addr().unwrap().into());
+                (Self::Tcp(listener), at)
+            }
+            Endpoint::Unix(path) => {
+                (Self::Unix(UnixListener::bind(path.as_path()).unwrap()), Endpoint::Unix(path))
+            }
+            other => panic!("{other}"),
+        }
+    }
+
+    async fn accept(&self) -> Box<dyn Duplex> {
+        match self {
+            Self::Tcp(listener) => Box::new(listener.accept().await.unwrap().0),
+            Self::Unix(listener) => Box::new(listener.accept().await.unwrap().0),
+        }
+    }
+}
+
+async fn listen(endpoint: &str, options: &Options) -> (Listener, Endpoint) {
+    let endpoint = endpoint.parse().unwrap();
+    let listener = Listener::bind(&net(), &endpoint, identity(Role::SwitchA), options).await.unwrap();
+    let endpoint = listener.local_endpoint().clone();
+    (listener, endpoint)
+}
+
+fn bytes(message: &Message) -> BytesMut {
+    let mut out = BytesMut::new();
+    message.encode(&mut out);
+    out
+}
+
+fn hello(session: u64, lane: Lane) -> BytesMut {
+    bytes(&Message::Hello(identity(Role::Display).hello(SessionId(session), lane)))
+}
+
+fn accept() -> BytesMut {
+    bytes(&Message::Accept(Accept { identity: identity(Role::SwitchA) }))
+}
+
+/// A display of bare streams, and the listener's link with it.
+async fn raw_display(
+    listener: &mut Listener,
+    at: &Endpoint,
+    session: u64,
+) -> (Link, Box<dyn Duplex>, Box<dyn Duplex>) {
+    let (mut frames, mut latest) = (dial(at).await, dial(at).await);
+    frames.write_all(&hello(session, Lane::Frames)).await.unwrap();
+    latest.write_all(&hello(session, Lane::Latest)).await.unwrap();
+    (listener.accept(soon(&net())).await.unwrap(), frames, latest)
+}
+
+/// A display comes, is let in, and leaves.
+async fn a_display_gets_in(listener: &mut Listener, at: &Endpoint) {
+    let (net, options) = (net(), Options::default());
+    let (there, here) = tokio::join!(
+        connect(&net, at, identity(Role::Display), &options, soon(&net)),
+        listener.accept(soon(&net)),
+    );
+    assert_eq!(there.unwrap().peer.identity.role, Role::SwitchA);
+    assert_eq!(here.unwrap().peer.identity.role, Role::Display);
+}
+
+fn length_of(error: &RecvError) -> Option<(Kind, usize)> {
+    match error {
+        RecvError::Protocol { cause: ProtocolError::Decode(e), .. } => match e.fault {
+            DecodeFault::Length { kind, length } => Some((kind, length)),
+            _ => None,
+        },
+        _ => None,
+    }
+}
+
+mod cases {
+    use super::*;
+
+    pub(super) async fn a_lie_in_every_length_field_ends_the_lane(endpoint: &str) {
+        const MOST: usize = 0xff_ffff;
+        let (mut listener, at) = listen(endpoint, &Options::default()).await;
+        let kinds: Vec<Kind> = (0..=u8::MAX).filter_map(Kind::from_code).collect();
+        assert!(kinds.len() > 8, "{kinds:?}");
+        for (session, kind) in (1..).zip(kinds) {
+            let header = [kind.code(), 0xff, 0xff, 0xff];
+            let (mut link, mut frames, mut latest) = raw_display(&mut listener, &at, session).await;
+            frames.write_all(&header).await.unwrap();
+            latest.write_all(&header).await.unwrap();
+            let on_frames = link.frames_rx.recv().await.unwrap_err();
+            let on_latest = link.latest_rx.latest().await.unwrap_err();
+            assert_eq!(length_of(&on_frames), Some((kind, MOST)), "{on_frames:?}");
+            assert_eq!(length_of(&on_latest), Some((kind, MOST)), "{on_latest:?}");
+            drop(link);
+
+            let mut stranger = dial(&at).await;
+            stranger.write_all(&header).await.unwrap();
+            let failure = last_failure(&mut listener).await;
+            let HandshakeError::Decode(e) = failure else { panic!("{kind:?}: {failure:?}") };
+            assert!(matches!(e.fault, DecodeFault::Length { kind: said, .. } if said == kind), "{e:?}");
+        }
+        a_display_gets_in(&mut listener, &at).await;
+    }
+
+    pub(super) async fn ten_thousand_half_open_handshakes_shut_nobody_out(endpoint: &str) {
+        const ROOM: usize = 4;
+        let limits = Limits { handshakes: ROOM, ..Limits::default() };
+        let handshake = Duration::from_secs(3600);
+        let (mut listener, at) = listen(endpoint, &Options { limits, handshake, ..Options::default() }).await;
+        let mut inside = Vec::new();
+        for session in 0..ROOM as u64 {
+            let mut half = dial(&at).await;
+            half.write_all(&hello(session, Lane::Frames)[..7]).await.unwrap();
+            inside.push(half);
+        }
+        let busy = bytes(&Message::Refuse(Refusal::Busy));
+        for number in ROOM..10_000 {
+            let mut answer = Vec::new();
+            dial(&at).await.read_to_end(&mut answer).await.unwrap();
+            assert_eq!(answer, busy, "number {number} is one too many");
+        }
+        drop(inside);
+        a_display_gets_in(&mut listener, &at).await;
+    }
+
+    pub(super) async fn a_peer_that_died_may_come_back(endpoint: &str) {
+        let (mut listener, at) = listen(endpoint, &Options::default()).await;
+        for session in 1..4 {
+            let (mut link, frames, latest) = raw_display(&mut listener, &at, session).await;
+            // The answers to its hellos lie unread: over TCP the end is a reset.
+            drop((frames, latest));
+            let error = link.frames_rx.recv().await.unwrap_err();
+            assert!(matches!(error, RecvError::Lost { peer: Role::Display, .. }), "{error:?}");
+        }
+        a_display_gets_in(&mut listener, &at).await;
+    }
+
+    pub(super) async fn a_connector_may_die_at_every_byte_of_its_handshake(endpoint: &str) {
+        let (mut listener, at) = listen(endpoint, &Options::default()).await;
+        let whole = hello(0, Lane::Frames).len();
+        for step in 0..whole {
+            let mut frames = dial(&at).await;
+            frames.write_all(&hello(step as u64, Lane::Frames)[..step]).await.unwrap();
+            drop(frames);
+            let failure = last_failure(&mut listener).await;
+            assert!(
+                matches!(failure, HandshakeError::Closed | HandshakeError::Io(_)),
+                "{step} bytes: {failure:?}"
+            );
+        }
+        for step in 0..whole {
+            let session = 1000 + step as u64;
+            let (mut frames, mut latest) = (dial(&at).await, dial(&at).await);
+            frames.write_all(&hello(session, Lane::Frames)).await.unwrap();
+            latest.write_all(&hello(session, Lane::Latest)[..step]).await.unwrap();
+            drop((frames, latest));
+            let failure = last_failure(&mut listener).await;
+            assert!(
+                matches!(failure, HandshakeError::Closed | HandshakeError::Io(_)),
+                "{step} bytes of the second: {failure:?}"
+            );
+        }
+        a_display_gets_in(&mut listener, &at).await;
+    }
+
+    pub(super) async fn a_listener_may_die_at_every_step_of_the_handshake(endpoint: &str) {
+        let (bare, at) = Bare::bind(endpoint).await;
+        let (answer, hello) = (accept(), hello(0, Lane::Frames).len());
+        let serve = async {
+            // How much of the two hellos it reads, and then of the two answers it gives, before it dies.
+            let most = (hello, hello, answer.len(), answer.len());
+            let half = answer.len() / 2;
+            for (of_frames, of_latest, to_frames, to_latest) in [
+                (0, 0, 0, 0),
+                (7, 0, 0, 0),
+                (hello, 0, 0, 0),
+                (hello, hello, 0, 0),
+                (hello, hello, half, 0),
+                (hello, hello, answer.len(), 0),
+                (hello, hello, answer.len(), half),
+                most,
+            ] {
+                let (mut frames, mut latest) = (bare.accept().await, bare.accept().await);
+                frames.read_exact(&mut vec![0; of_frames]).await.unwrap();
+                latest.read_exact(&mut vec![0; of_latest]).await.unwrap();
+                frames.write_all(&answer[..to_frames]).await.unwrap();
+                latest.write_all(&answer[..to_latest]).await.unwrap();
+            }
+        };
+        let (net, options) = (net(), Options::default());
+        let connecting = connect(&net, &at, identity(Role::Display), &options, soon(&net));
+        let (link, ()) = tokio::join!(connecting, serve);
+        assert_eq!(link.unwrap().peer.identity.role, Role::SwitchA);
+    }
+}
