@@ -24,7 +24,7 @@ pub enum JoinError {
         peer: Role,
         /// Why.
         #[source]
-        cause: AcceptError,
+        cause: Box<AcceptError>,
     },
     /// A peer cannot be reached, or refuses.
     #[error("joining {peer} failed")]
@@ -65,8 +65,10 @@ pub async fn await_pair(mut listener: Listener, deadline: Instant) -> Result<[Li
     let (mut first, mut second) = (None, None);
     loop {
         let missing = if first.is_none() { Role::SwitchA } else { Role::SwitchB };
-        let link =
-            listener.accept(deadline).await.map_err(|cause| JoinError::Accept { peer: missing, cause })?;
+        let link = listener
+            .accept(deadline)
+            .await
+            .map_err(|cause| JoinError::Accept { peer: missing, cause: Box::new(cause) })?;
         match link.peer.identity.role {
             Role::SwitchA => first = Some(link),
             Role::SwitchB => second = Some(link),
@@ -115,7 +117,10 @@ pub async fn join_session(
     let other = match seat {
         Seat::First => {
             let mut listener = Listener::bind(net, pair, identity(Some(settings)), options).await?;
-            listener.accept(deadline).await.map_err(|cause| JoinError::Accept { peer, cause })?
+            listener
+                .accept(deadline)
+                .await
+                .map_err(|cause| JoinError::Accept { peer, cause: Box::new(cause) })?
         }
         Seat::Second => connect(net, pair, identity(Some(settings)), options, deadline)
             .await
