@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::RangeInclusive;
 
-use crate::{BatchSize, Camera};
+use crate::{BatchSize, Camera, NumberedCamera};
 
 /// The bytes of a frame header: the kind, then the payload's length as 24 bits, little-endian.
 pub const HEADER_BYTES: usize = 4;
@@ -24,6 +24,8 @@ pub enum Kind {
     Goodbye = 0x04,
     /// A camera on the latest lane.
     Camera = 0x10,
+    /// A camera and its number, where the latest lane has no order of its own.
+    Numbered = 0x11,
     /// A frame begins: its number and the camera it was culled for.
     Begin = 0x20,
     /// A batch of ids of the frame that has begun.
@@ -36,12 +38,13 @@ pub enum Kind {
 
 impl Kind {
     /// Every kind, in the order of the codes.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Hello,
         Self::Accept,
         Self::Refuse,
         Self::Goodbye,
         Self::Camera,
+        Self::Numbered,
         Self::Begin,
         Self::Ids,
         Self::End,
@@ -69,6 +72,7 @@ impl Kind {
             Self::Refuse => 2..=512,
             Self::Goodbye => 1..=256,
             Self::Camera => Camera::SIZE..=Camera::SIZE,
+            Self::Numbered => NumberedCamera::SIZE..=NumberedCamera::SIZE,
             Self::Begin => 4 + Camera::SIZE..=4 + Camera::SIZE,
             Self::Ids => 4..=BatchSize::MAX.bytes(),
             Self::End => 16..=16,
@@ -91,6 +95,7 @@ impl fmt::Display for Kind {
             Self::Refuse => "refuse",
             Self::Goodbye => "goodbye",
             Self::Camera => "camera",
+            Self::Numbered => "numbered camera",
             Self::Begin => "begin",
             Self::Ids => "ids",
             Self::End => "end",

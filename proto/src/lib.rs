@@ -13,6 +13,7 @@ mod frame;
 mod header;
 mod id;
 mod message;
+mod numbered;
 mod settings;
 mod stats;
 mod time;
@@ -31,6 +32,7 @@ pub use frame::{
 pub use header::{HEADER_BYTES, Kind};
 pub use id::{DrawableId, FrameNumber, SceneHash};
 pub use message::Message;
+pub use numbered::{CameraNumber, NumberedCamera};
 pub use settings::{EpsilonPx, PictureSize, Settings, SettingsError, TesterKind};
 pub use stats::{CullCounts, FrameStats, SentBytes};
 pub use time::Instant;

@@ -6,7 +6,7 @@ use serde::Serialize;
 use crate::decode::DecodeFault;
 use crate::header::Kind;
 use crate::{
-    Accept, Camera, FrameEnd, FrameMessage, FrameNumber, FrameStart, Goodbye, Hello, IdBatch,
+    Accept, Camera, FrameEnd, FrameMessage, FrameNumber, FrameStart, Goodbye, Hello, IdBatch, NumberedCamera,
     ProtocolVersion, Refusal,
 };
 
@@ -26,6 +26,8 @@ pub enum Message {
     Goodbye(Goodbye),
     /// A camera on the latest lane.
     Camera(Camera),
+    /// A camera on a latest lane that has no order of its own.
+    Numbered(NumberedCamera),
     /// A message of the frames lane.
     Frame(FrameMessage),
 }
@@ -40,6 +42,7 @@ impl Message {
             Self::Refuse(_) => Kind::Refuse,
             Self::Goodbye(_) => Kind::Goodbye,
             Self::Camera(_) => Kind::Camera,
+            Self::Numbered(_) => Kind::Numbered,
             Self::Frame(FrameMessage::Begin(_)) => Kind::Begin,
             Self::Frame(FrameMessage::Ids(_)) => Kind::Ids,
             Self::Frame(FrameMessage::End(_)) => Kind::End,
@@ -64,6 +67,10 @@ impl Message {
             Self::Camera(camera) => {
                 out.put_slice(&Kind::Camera.header(Camera::SIZE));
                 out.put_slice(&camera.to_bytes());
+            }
+            Self::Numbered(numbered) => {
+                out.put_slice(&Kind::Numbered.header(NumberedCamera::SIZE));
+                out.put_slice(&numbered.to_bytes());
             }
             Self::Frame(FrameMessage::Begin(start)) => {
                 out.put_slice(&Kind::Begin.header(4 + Camera::SIZE));
@@ -92,6 +99,12 @@ impl Message {
             Kind::Refuse => parse_refusal(&payload),
             Kind::Goodbye => parse_control(kind, &payload).map(Self::Goodbye),
             Kind::Camera => parse_camera(kind, &payload).map(Self::Camera),
+            Kind::Numbered => {
+                let bytes = payload.first_chunk().ok_or(DecodeFault::Short { kind })?;
+                NumberedCamera::from_bytes(bytes)
+                    .map(Self::Numbered)
+                    .map_err(|cause| DecodeFault::Camera { kind, cause })
+            }
             Kind::Begin => {
                 let (frame, camera) = payload.split_first_chunk().ok_or(DecodeFault::Short { kind })?;
                 let frame = FrameNumber(u32::from_le_bytes(*frame));

@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 
 use bytes::{Bytes, BytesMut};
 use trimaran_proto::{
-    Accept, BatchSize, Camera, CullCounts, Decoder, DrawableId, EpsilonPx, FrameEnd, FrameMessage,
-    FrameNumber, FrameStart, FrameStats, FrameWriter, Goodbye, HEADER_BYTES, Hello, IdBatch, Identity, Kind,
-    Lane, Message, PictureSize, Refusal, Role, SceneHash, SessionId, Settings, TesterKind,
+    Accept, BatchSize, Camera, CameraNumber, CullCounts, Decoder, DrawableId, EpsilonPx, FrameEnd,
+    FrameMessage, FrameNumber, FrameStart, FrameStats, FrameWriter, Goodbye, HEADER_BYTES, Hello, IdBatch,
+    Identity, Kind, Lane, Message, NumberedCamera, PictureSize, Refusal, Role, SceneHash, SessionId,
+    Settings, TesterKind,
 };
 
 const WIRE: &str = include_str!("../WIRE.md");
@@ -73,6 +74,7 @@ fn messages() -> Vec<(&'static str, Message)> {
         ("refuse", Message::Refuse(refusal)),
         ("goodbye", Message::Goodbye(Goodbye::failed("no GPU"))),
         ("camera", Message::Camera(camera())),
+        ("numbered-camera", Message::Numbered(NumberedCamera { number: CameraNumber(5), camera: camera() })),
     ];
     messages.extend(frames.map(|(name, message)| (name, Message::Frame(message))));
     messages

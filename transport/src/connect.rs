@@ -9,7 +9,7 @@ use trimaran_proto::{Identity, Refusal, SessionId};
 
 use crate::handshake::HandshakeError;
 use crate::net::{Instant, Net, sleep_until, until};
-use crate::{Endpoint, Link, Name, Options, inproc, tcp, unix};
+use crate::{Endpoint, Link, Name, Options, inproc, quic, tcp, unix};
 
 /// The pause after the first attempt; it doubles up to [`LAST_PAUSE`].
 const FIRST_PAUSE: Duration = Duration::from_millis(20);
@@ -100,7 +100,7 @@ pub enum AttemptError {
         name: Name,
     },
     /// This build has no such transport.
-    #[error("this build has no transport {transport}; take tcp, unix or inproc")]
+    #[error("this build has no transport {transport}; take tcp, unix, quic or inproc")]
     NotBuilt {
         /// The transport.
         transport: &'static str,
@@ -113,7 +113,20 @@ pub enum AttemptError {
 impl AttemptError {
     /// Whether another attempt would end the same.
     const fn is_final(&self) -> bool {
-        matches!(self, Self::NotBuilt { .. } | Self::Handshake { cause: HandshakeError::ForeignUser(_), .. })
+        matches!(
+            self,
+            Self::NotBuilt { .. }
+                | Self::Handshake {
+                    cause: HandshakeError::ForeignUser(_)
+                        | HandshakeError::NoKeys
+                        | HandshakeError::Tls(_)
+                        | HandshakeError::UnknownPeer(_)
+                        | HandshakeError::NotKnown { .. }
+                        | HandshakeError::Alpn
+                        | HandshakeError::Datagrams { .. },
+                    ..
+                }
+        )
     }
 }
 
@@ -182,8 +195,7 @@ async fn attempt(
         Endpoint::Tcp(at) => tcp::attempt(net, at, introduction).await,
         Endpoint::Unix(path) => unix::attempt(net, path, introduction).await,
         Endpoint::Inproc(name) => inproc::attempt(net, name, introduction).await,
-        Endpoint::Udp(_) | Endpoint::Quic(_) => {
-            Err(AttemptError::NotBuilt { transport: endpoint.transport() })
-        }
+        Endpoint::Quic(at) => quic::attempt(net, at, introduction).await,
+        Endpoint::Udp(_) => Err(AttemptError::NotBuilt { transport: endpoint.transport() }),
     }
 }

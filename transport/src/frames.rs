@@ -9,7 +9,7 @@ use crate::error::{LaneError, LaneSendError, ProtocolError};
 use crate::link::Shared;
 use crate::net::Instant;
 use crate::patience::Patience;
-use crate::{RecvError, SendError, inproc, stream};
+use crate::{RecvError, SendError, inproc, quic, stream};
 
 /// Sends frames: `begin`, any number of `push`, `finish`.
 ///
@@ -36,12 +36,14 @@ pub struct FrameReceiver {
 pub(crate) enum FrameTx {
     Inproc(inproc::FrameTx),
     Stream(stream::FrameTx),
+    Quic(quic::FrameTx),
 }
 
 #[derive(Debug)]
 pub(crate) enum FrameRx {
     Inproc(inproc::FrameRx),
     Stream(stream::FrameRx),
+    Quic(quic::FrameRx),
 }
 
 impl FrameSender {
@@ -109,6 +111,7 @@ impl FrameSender {
         match &mut self.lane {
             FrameTx::Inproc(lane) => lane.goodbye(reason, &self.shared, &mut self.patience).await,
             FrameTx::Stream(lane) => lane.goodbye(reason, &self.shared, &mut self.patience).await,
+            FrameTx::Quic(lane) => lane.goodbye(reason, &self.shared, &mut self.patience).await,
         }
         .map_err(|e| self.error(e))
     }
@@ -117,6 +120,7 @@ impl FrameSender {
         match &mut self.lane {
             FrameTx::Inproc(lane) => lane.send_staged(&mut self.patience).await,
             FrameTx::Stream(lane) => lane.send_staged(&mut self.patience).await,
+            FrameTx::Quic(lane) => lane.send_staged(&mut self.patience).await,
         }
         .map_err(|e| self.error(e))
     }
@@ -136,6 +140,7 @@ impl FrameTx {
         match self {
             Self::Inproc(lane) => lane.stage(message, shared),
             Self::Stream(lane) => lane.stage(&Message::Frame(message), shared),
+            Self::Quic(lane) => lane.stage(&Message::Frame(message), shared),
         }
     }
 }
@@ -171,6 +176,7 @@ impl FrameReceiver {
         let message = match &mut self.lane {
             FrameRx::Inproc(lane) => lane.next(by, &self.shared, &mut self.patience).await,
             FrameRx::Stream(lane) => lane.next(by, &self.shared, &mut self.patience).await,
+            FrameRx::Quic(lane) => lane.next(by, &self.shared, &mut self.patience).await,
         };
         message
             .and_then(|message| {

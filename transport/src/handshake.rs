@@ -6,6 +6,7 @@ use thiserror::Error;
 use trimaran_proto::{DecodeError, Kind, Refusal};
 
 use crate::error::{LaneError, Loss, ProtocolError};
+use crate::quic::{Fingerprint, UnknownPeer};
 use crate::unix::ForeignUser;
 
 /// Why a handshake failed.
@@ -33,6 +34,36 @@ pub enum HandshakeError {
     /// It took too long.
     #[error("the handshake took too long")]
     TimedOut,
+    /// This side has no keys.
+    #[error(
+        "QUIC needs keys: make them with `Keys::create` and name them and the peers' fingerprints in the options"
+    )]
+    NoKeys,
+    /// TLS cannot be set up.
+    #[error("TLS cannot be set up")]
+    Tls(#[from] rustls::Error),
+    /// The peer's certificate is none that this side knows.
+    #[error(transparent)]
+    UnknownPeer(#[from] Box<UnknownPeer>),
+    /// The peer does not know this side's certificate.
+    #[error(
+        "the peer does not expect our certificate {presented}: add it to the peer's list, or use the keys it expects"
+    )]
+    NotKnown {
+        /// What this side showed.
+        presented: Fingerprint,
+    },
+    /// The other side speaks QUIC, but no protocol or version of ours.
+    #[error("the other side does not speak trimaran/1: install the same release on both")]
+    Alpn,
+    /// Cameras do not fit into the datagrams of the connection.
+    #[error("cameras need datagrams of {needed} bytes, and the connection allows {}", .allowed.map_or("none".to_owned(), |n| n.to_string()))]
+    Datagrams {
+        /// What a camera needs, bytes.
+        needed: usize,
+        /// What the peer and the way allow, bytes.
+        allowed: Option<usize>,
+    },
     /// The peer is another user's process.
     #[error(transparent)]
     ForeignUser(#[from] ForeignUser),

@@ -6,7 +6,7 @@ use crate::error::{LaneError, LaneSendError};
 use crate::link::Shared;
 use crate::net::Instant;
 use crate::patience::Patience;
-use crate::{RecvError, SendError, inproc, stream};
+use crate::{RecvError, SendError, inproc, quic, stream};
 
 /// Publishes cameras: each replaces the one before, whether that has been read or not.
 #[derive(Debug)]
@@ -28,12 +28,14 @@ pub struct LatestReceiver {
 pub(crate) enum LatestTx {
     Inproc(inproc::LatestTx),
     Stream(stream::LatestTx),
+    Quic(quic::LatestTx),
 }
 
 #[derive(Debug)]
 pub(crate) enum LatestRx {
     Inproc(inproc::LatestRx),
     Stream(stream::LatestRx),
+    Quic(quic::LatestRx),
 }
 
 impl LatestSender {
@@ -45,6 +47,7 @@ impl LatestSender {
         match &mut self.lane {
             LatestTx::Inproc(lane) => lane.publish(camera, &self.shared),
             LatestTx::Stream(lane) => lane.publish(camera),
+            LatestTx::Quic(lane) => lane.publish(camera, &self.shared),
         }
         .map_err(|e| self.error(e))
     }
@@ -57,6 +60,7 @@ impl LatestSender {
         match &mut self.lane {
             LatestTx::Inproc(lane) => lane.goodbye(reason, &self.shared),
             LatestTx::Stream(lane) => lane.goodbye(reason, &mut self.patience).await,
+            LatestTx::Quic(lane) => lane.goodbye(reason, &mut self.patience).await,
         }
         .map_err(|e| self.error(e))
     }
@@ -94,6 +98,7 @@ impl LatestReceiver {
         match &mut self.lane {
             LatestRx::Inproc(lane) => lane.try_latest(&self.shared),
             LatestRx::Stream(lane) => lane.try_latest(&self.shared),
+            LatestRx::Quic(lane) => lane.try_latest(&self.shared),
         }
         .map_err(|e| self.error(e))
     }
@@ -102,6 +107,7 @@ impl LatestReceiver {
         match &mut self.lane {
             LatestRx::Inproc(lane) => lane.latest(by, &self.shared, &mut self.patience).await,
             LatestRx::Stream(lane) => lane.latest(by, &self.shared, &mut self.patience).await,
+            LatestRx::Quic(lane) => lane.latest(by, &self.shared, &mut self.patience).await,
         }
         .map_err(|e| self.error(e))
     }

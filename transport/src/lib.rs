@@ -19,6 +19,7 @@ mod listen;
 mod net;
 mod options;
 mod patience;
+pub mod quic;
 mod stats;
 mod stream;
 mod tcp;

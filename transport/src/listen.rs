@@ -12,7 +12,7 @@ use trimaran_proto::Identity;
 use crate::desk::Desk;
 use crate::handshake::HandshakeError;
 use crate::net::{Instant, Net, until};
-use crate::{Endpoint, HostPort, Link, Options, inproc, tcp, unix};
+use crate::{Endpoint, HostPort, Link, Options, inproc, quic, tcp, unix};
 
 /// How many links may wait for [`Listener::accept`].
 const QUEUE: usize = 8;
@@ -37,7 +37,7 @@ pub enum ListenError {
         endpoint: Endpoint,
     },
     /// This build has no such transport.
-    #[error("cannot listen on {endpoint}: this build has no such transport; take tcp, unix or inproc")]
+    #[error("cannot listen on {endpoint}: this build has no such transport; take tcp, unix, quic or inproc")]
     NotBuilt {
         /// Where.
         endpoint: Endpoint,
@@ -123,7 +123,13 @@ impl Listener {
                 name = Some(inproc::listen(wanted, &desk).map_err(failed)?);
                 endpoint.clone()
             }
-            Endpoint::Udp(_) | Endpoint::Quic(_) => {
+            Endpoint::Quic(at) => {
+                let at = resolve(net, at)
+                    .await
+                    .map_err(|cause| ListenError::Address { endpoint: endpoint.clone(), cause })?;
+                Endpoint::Quic(quic::listen(at, &desk).map_err(failed)?.into())
+            }
+            Endpoint::Udp(_) => {
                 return Err(ListenError::NotBuilt { endpoint: endpoint.clone() });
             }
         };

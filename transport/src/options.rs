@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::quic::QuicOptions;
 use crate::{LinkConfig, TcpOptions, UnixOptions};
 
 /// Options of links, whatever their transport.
@@ -17,6 +18,8 @@ pub struct Options {
     pub tcp: TcpOptions,
     /// What holds for Unix sockets.
     pub unix: UnixOptions,
+    /// What holds for QUIC connections.
+    pub quic: QuicOptions,
 }
 
 /// What others may make this side spend.
@@ -36,6 +39,7 @@ impl Default for Options {
             limits: Limits::default(),
             tcp: TcpOptions::default(),
             unix: UnixOptions::default(),
+            quic: QuicOptions::default(),
         }
     }
 }

@@ -198,7 +198,7 @@ impl Direction {
     /// Counts one message of `bytes` bytes of payload.
     pub(crate) fn count(&self, kind: Kind, bytes: usize) {
         let tally = match kind {
-            Kind::Camera => &self.camera,
+            Kind::Camera | Kind::Numbered => &self.camera,
             Kind::Begin => &self.begin,
             Kind::Ids => &self.ids,
             Kind::End => &self.end,

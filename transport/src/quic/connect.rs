@@ -1,0 +1,96 @@
+//! Connecting over QUIC.
+
+use std::io;
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::sync::Arc;
+
+use quinn::crypto::rustls::QuicClientConfig;
+use quinn::{ClientConfig, Endpoint, EndpointConfig, ServerConfig};
+use trimaran_proto::{Lane, Message};
+
+use super::control::{Control, check_datagrams, explain};
+use super::runtime::{NetRuntime, NetSocket};
+use super::tls::{self, Doorman};
+use super::{QuicOptions, Security};
+use crate::connect::{AttemptError, Introduction};
+use crate::handshake::HandshakeError;
+use crate::net::Net;
+use crate::{HostPort, Link};
+
+/// TLS wants a name; peers know each other by fingerprint.
+const SERVER_NAME: &str = "trimaran";
+
+/// Tries each address of the host once.
+pub(crate) async fn attempt(
+    net: &Arc<dyn Net>,
+    at: &HostPort,
+    introduction: &Introduction<'_>,
+) -> Result<Link, AttemptError> {
+    let mut last = AttemptError::NoAddress;
+    for to in net.resolve(&at.to_string()).await.map_err(AttemptError::Resolve)? {
+        match introduce(net, to, introduction).await {
+            Err(e @ AttemptError::Connect { .. }) => last = e,
+            done => return done,
+        }
+    }
+    Err(last)
+}
+
+async fn introduce(
+    net: &Arc<dyn Net>,
+    to: SocketAddr,
+    introduction: &Introduction<'_>,
+) -> Result<Link, AttemptError> {
+    let Introduction { identity, session, options } = *introduction;
+    let failed = |cause| AttemptError::Handshake { address: to.to_string(), cause };
+    let refused = |cause| AttemptError::Connect { address: to.to_string(), cause };
+    let security = options.quic.security.as_ref().ok_or(HandshakeError::NoKeys).map_err(failed)?;
+    let Security { keys, peers } = security;
+    let doorman = Doorman::new(peers);
+    let crypto = tls::client(keys, &doorman).map_err(|e| failed(e.into()))?;
+    let crypto = QuicClientConfig::try_from(crypto).map_err(|e| refused(io::Error::other(e)))?;
+    let mut config = ClientConfig::new(Arc::new(crypto));
+    config.transport_config(options.quic.transport());
+    let here: SocketAddr = match to {
+        SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
+        SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
+    };
+    let (endpoint, _) = endpoint(net, here, &options.quic, None).map_err(refused)?;
+    let connecting =
+        endpoint.connect_with(config, to, SERVER_NAME).map_err(|e| refused(io::Error::other(e)))?;
+    let explained = |e| failed(explain(e, &doorman, keys.fingerprint()));
+    let connection = connecting.await.map_err(explained)?;
+    let shake = async {
+        check_datagrams(&connection)?;
+        let streams = connection.open_bi().await.map_err(|e| HandshakeError::Io(e.into()))?;
+        let mut control = Control::new(connection.clone(), streams);
+        control.send(&Message::Hello(identity.hello(session, Lane::Frames))).await?;
+        let theirs = control.recv_answer().await?;
+        Ok::<_, HandshakeError>((control, theirs))
+    };
+    // The listener judges our certificate after we have judged its own: a refusal comes on what seemed a connection.
+    let (control, theirs) = shake.await.map_err(|e| match (e, connection.close_reason()) {
+        (HandshakeError::Io(_), Some(reason)) => explained(reason),
+        (e, _) => failed(e),
+    })?;
+    Ok(control.into_link(net, &options.link, &identity, theirs, session, None))
+}
+
+/// quinn on a socket of `net`; says where it is bound.
+pub(super) fn endpoint(
+    net: &Arc<dyn Net>,
+    at: SocketAddr,
+    options: &QuicOptions,
+    server: Option<ServerConfig>,
+) -> io::Result<(Endpoint, SocketAddr)> {
+    let socket = net.bind_udp(at, options.socket)?;
+    let address = socket.local_addr()?;
+    let mut config = EndpointConfig::default();
+    let mut seed = [0; 32];
+    for word in seed.as_chunks_mut::<8>().0 {
+        *word = net.random()?.to_le_bytes();
+    }
+    config.rng_seed(Some(seed));
+    let (socket, runtime) = (Arc::new(NetSocket(socket)), Arc::new(NetRuntime::new(net)));
+    Ok((Endpoint::new_with_abstract_socket(config, server, socket, runtime)?, address))
+}

@@ -1,0 +1,172 @@
+//! The control stream during the handshake, and the link that comes of it.
+
+use std::fmt;
+use std::future::poll_fn;
+use std::sync::Arc;
+
+use bytes::BytesMut;
+use quinn::{Connection, ConnectionError, RecvStream, SendStream, TransportErrorCode, VarInt, WriteError};
+use trimaran_proto::{
+    DecodeFault, Decoder, HEADER_BYTES, Hello, Identity, Message, NumberedCamera, Refusal, SessionId,
+};
+
+use super::carrier::Carrier;
+use super::frames::{FrameRx, FrameTx, poll_fill};
+use super::latest::{LatestRx, LatestTx};
+use super::tls::Doorman;
+use super::{CAPABILITIES, Fingerprint};
+use crate::Link;
+use crate::error::{LaneError, Loss};
+use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx};
+use crate::handshake::HandshakeError;
+use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
+use crate::link::{LinkConfig, Parts, PeerAddress, PeerInfo, Shared};
+use crate::net::Net;
+use crate::stats::Counters;
+
+/// The connection's end says this when cameras do not fit.
+const NO_DATAGRAMS: VarInt = VarInt::from_u32(1);
+/// TLS alerts (RFC 8446, section 6.2).
+const CERTIFICATE_UNKNOWN: u8 = 46;
+const NO_APPLICATION_PROTOCOL: u8 = 120;
+
+/// The stream on which the two sides introduce themselves.
+#[derive(Debug)]
+pub(super) struct Control {
+    connection: Connection,
+    send: SendStream,
+    recv: RecvStream,
+    decoder: Decoder,
+    counters: Arc<Counters>,
+}
+
+impl Control {
+    pub(super) fn new(connection: Connection, (send, recv): (SendStream, RecvStream)) -> Self {
+        // Fails only for a stream that is closed.
+        let _ = send.set_priority(i32::MAX);
+        Self { connection, send, recv, decoder: Decoder::new(), counters: Counters::framed() }
+    }
+
+    pub(super) async fn send(&mut self, message: &Message) -> Result<(), HandshakeError> {
+        let mut bytes = BytesMut::new();
+        message.encode(&mut bytes);
+        self.counters.sent.count(message.kind(), bytes.len() - HEADER_BYTES);
+        self.send.write_chunk(bytes.freeze()).await.map_err(|e| match e {
+            WriteError::ConnectionLost(e) => HandshakeError::Io(e.into()),
+            other => HandshakeError::Io(std::io::Error::other(other)),
+        })
+    }
+
+    async fn recv(&mut self) -> Result<Message, HandshakeError> {
+        loop {
+            let before = self.decoder.position();
+            if let Some(message) = self.decoder.next_message()? {
+                let bytes = (self.decoder.position() - before) as usize;
+                self.counters.received.count(message.kind(), bytes.saturating_sub(HEADER_BYTES));
+                return Ok(message);
+            }
+            if poll_fn(|cx| poll_fill(&mut self.recv, &mut self.decoder, cx)).await? == 0 {
+                return Err(LaneError::Lost(Loss::Closed).into());
+            }
+        }
+    }
+
+    /// Reads the hello of whoever connected; refuses one of another version here, because no more of it can be read.
+    pub(super) async fn recv_hello(&mut self) -> Result<Hello, HandshakeError> {
+        match self.recv().await {
+            Ok(Message::Hello(hello)) => Ok(hello),
+            Ok(other) => Err(HandshakeError::Unexpected { kind: other.kind() }),
+            Err(HandshakeError::Decode(e)) => {
+                if let DecodeFault::Version { ours, theirs } = e.fault {
+                    let refusal = Refusal::Version { listener: ours, connector: theirs };
+                    self.refuse(refusal).await?;
+                    return Err(HandshakeError::Refused(refusal));
+                }
+                Err(HandshakeError::Decode(e))
+            }
+            Err(e) => Err(e),
+        }
+    }
+
+    /// Reads the answer to a hello.
+    pub(super) async fn recv_answer(&mut self) -> Result<Identity, HandshakeError> {
+        match self.recv().await? {
+            Message::Accept(accept) => Ok(accept.identity),
+            Message::Refuse(refusal) => Err(HandshakeError::Refused(refusal)),
+            other => Err(HandshakeError::Unexpected { kind: other.kind() }),
+        }
+    }
+
+    /// Says no, and waits until that has arrived.
+    pub(super) async fn refuse(&mut self, refusal: Refusal) -> Result<(), HandshakeError> {
+        self.send(&Message::Refuse(refusal)).await?;
+        // Fails only for a stream that is closed.
+        let _ = self.send.finish();
+        let _gone = self.send.stopped().await;
+        Ok(())
+    }
+
+    pub(super) fn into_link(
+        self,
+        net: &Arc<dyn Net>,
+        config: &LinkConfig,
+        ours: &Identity,
+        theirs: Identity,
+        session: SessionId,
+        place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
+    ) -> Link {
+        let Self { connection, send, recv, decoder, counters } = self;
+        let address = PeerAddress::Quic(connection.remote_address());
+        let shared = Shared { peer: theirs.role, counters, _place: place };
+        let carrier = Carrier::new(net, connection);
+        // The lane that lives on in its task must not keep the peer's place.
+        let copier = Shared { _place: None, ..shared.clone() };
+        Parts {
+            latest: (
+                AnyLatestTx::Quic(LatestTx::new(&carrier, send, copier)),
+                AnyLatestRx::Quic(LatestRx::new(&carrier, recv, decoder)),
+            ),
+            frames: (AnyFrameTx::Quic(FrameTx::new(&carrier)), AnyFrameRx::Quic(FrameRx::new(&carrier))),
+            peer: PeerInfo { identity: theirs, session, address },
+            capabilities: CAPABILITIES,
+            batch: config.batch_between(ours, &theirs),
+            shared,
+        }
+        .into_link(net, config)
+    }
+}
+
+/// Checks that cameras fit into datagrams; where they do not, the peer is told why.
+pub(super) fn check_datagrams(connection: &Connection) -> Result<(), HandshakeError> {
+    let allowed = connection.max_datagram_size();
+    if allowed.is_some_and(|bytes| bytes >= NumberedCamera::SIZE) {
+        return Ok(());
+    }
+    let error = HandshakeError::Datagrams { needed: NumberedCamera::SIZE, allowed };
+    connection.close(NO_DATAGRAMS, error.to_string().as_bytes());
+    Err(error)
+}
+
+/// What a failed connection means; `ours` is what this side showed.
+pub(super) fn explain(error: ConnectionError, doorman: &Doorman, ours: Fingerprint) -> HandshakeError {
+    if let Some(unknown) = doorman.turned_away() {
+        return Box::new(unknown).into();
+    }
+    let alert = |code| match code {
+        code if code == TransportErrorCode::crypto(CERTIFICATE_UNKNOWN) => {
+            Some(HandshakeError::NotKnown { presented: ours })
+        }
+        code if code == TransportErrorCode::crypto(NO_APPLICATION_PROTOCOL) => Some(HandshakeError::Alpn),
+        code if code == TransportErrorCode::CONNECTION_REFUSED => {
+            Some(HandshakeError::Refused(Refusal::Busy))
+        }
+        _ => None,
+    };
+    let known = match &error {
+        ConnectionError::ConnectionClosed(close) => alert(close.error_code),
+        ConnectionError::TransportError(error) => alert(error.code),
+        ConnectionError::TimedOut => Some(HandshakeError::TimedOut),
+        _ => None,
+    };
+    known.unwrap_or_else(|| HandshakeError::Io(error.into()))
+}

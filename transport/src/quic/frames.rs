@@ -1,0 +1,279 @@
+//! The frames lane over QUIC: a stream for each frame, so that what is lost of one holds up only that one on the way.
+//!
+//! The lane is what its streams hold, one after the other in the order in which they were opened. Each holds one frame, or the
+//! statistics between two, or the goodbye. Older streams go first where the connection cannot take all.
+
+use std::collections::VecDeque;
+use std::future::poll_fn;
+use std::sync::Arc;
+use std::task::{Context, Poll, Waker, ready};
+
+use bytes::{Bytes, BytesMut};
+use quinn::{RecvStream, SendStream, VarInt};
+use tokio::io::ReadBuf;
+use trimaran_proto::{Decoder, FrameMessage, Goodbye, HEADER_BYTES, Kind, Lane, Message};
+
+use super::carrier::{Carrier, all_arrived, loss, read_loss, write_loss};
+use crate::error::{LaneError, LaneSendError, Loss, ProtocolError};
+use crate::link::Shared;
+use crate::net::Instant;
+use crate::patience::Patience;
+
+/// How much is read at once: whole frames, mostly.
+const ROOM: usize = 64 * 1024;
+/// How much is given to a stream at once.
+const PART: usize = 64 * 1024;
+/// What a stream that nobody reads is stopped with.
+const UNREAD: VarInt = VarInt::from_u32(0);
+
+#[derive(Debug)]
+pub(crate) struct FrameTx {
+    carrier: Arc<Carrier>,
+    /// The stream of the open frame.
+    stream: Option<SendStream>,
+    /// Streams that are finished and perhaps not all arrived.
+    flying: VecDeque<SendStream>,
+    /// Falls with each stream; starts anew after two thousand million.
+    priority: i32,
+    buffer: BytesMut,
+    staged: VecDeque<Part>,
+}
+
+/// Bytes of one stream.
+#[derive(Debug)]
+struct Part {
+    bytes: Bytes,
+    /// Nothing follows them on their stream.
+    last: bool,
+}
+
+impl FrameTx {
+    pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
+        Self {
+            carrier: Arc::clone(carrier),
+            stream: None,
+            flying: VecDeque::new(),
+            priority: 0,
+            buffer: BytesMut::new(),
+            staged: VecDeque::new(),
+        }
+    }
+
+    pub(crate) fn stage(&mut self, message: &Message, shared: &Shared) {
+        self.buffer.reserve(PART);
+        let before = self.buffer.len();
+        message.encode(&mut self.buffer);
+        shared.counters.sent.count(message.kind(), self.buffer.len() - before - HEADER_BYTES);
+        let last = matches!(message.kind(), Kind::End | Kind::Stats | Kind::Goodbye);
+        if last || self.buffer.len() >= PART {
+            self.cut(last);
+        }
+    }
+
+    fn cut(&mut self, last: bool) {
+        self.staged.push_back(Part { bytes: self.buffer.split().freeze(), last });
+    }
+
+    /// Gives what is staged to the connection. Whatever it takes starts the patience anew.
+    pub(crate) async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
+        if !self.buffer.is_empty() {
+            self.cut(false);
+        }
+        while let Some(part) = self.staged.front_mut() {
+            let stream = match &mut self.stream {
+                Some(stream) => stream,
+                None => {
+                    let opened = patience.wait(None, self.carrier.connection.open_uni()).await;
+                    let stream = opened
+                        .map_err(|_| LaneSendError::Stalled)?
+                        .map_err(|e| LaneSendError::Lost(loss(e)))?;
+                    self.priority = self.priority.checked_sub(1).unwrap_or(0);
+                    // Fails only for a stream that is closed.
+                    let _ = stream.set_priority(self.priority);
+                    self.stream.insert(stream)
+                }
+            };
+            while !part.bytes.is_empty() {
+                let bytes = std::slice::from_mut(&mut part.bytes);
+                patience
+                    .wait(None, stream.write_chunks(bytes))
+                    .await
+                    .map_err(|_| LaneSendError::Stalled)?
+                    .map_err(|e| LaneSendError::Lost(write_loss(e)))?;
+            }
+            if part.last {
+                self.finish();
+            }
+            self.staged.pop_front();
+        }
+        Ok(())
+    }
+
+    pub(crate) async fn goodbye(
+        &mut self,
+        reason: Goodbye,
+        shared: &Shared,
+        patience: &mut Patience,
+    ) -> Result<(), LaneSendError> {
+        self.stage(&Message::Goodbye(reason), shared);
+        self.send_staged(patience).await?;
+        patience.wait(None, all_arrived(&self.flying)).await.map_err(|_| LaneSendError::Stalled)
+    }
+
+    fn finish(&mut self) {
+        if let Some(mut stream) = self.stream.take() {
+            // Fails only for a stream that is closed.
+            let _ = stream.finish();
+            self.flying.push_back(stream);
+        }
+        // A stream all of which has arrived is forgotten, and has no priority any more.
+        while self.flying.front().is_some_and(|stream| stream.priority().is_err()) {
+            self.flying.pop_front();
+        }
+    }
+}
+
+impl Drop for FrameTx {
+    fn drop(&mut self) {
+        self.finish();
+        self.carrier.outlive(self.flying.drain(..));
+    }
+}
+
+#[derive(Debug)]
+pub(crate) struct FrameRx {
+    carrier: Arc<Carrier>,
+    stream: Option<RecvStream>,
+    decoder: Decoder,
+    /// Between the beginning and the end of a frame.
+    within: bool,
+    farewell: Option<Goodbye>,
+}
+
+impl FrameRx {
+    pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
+        let carrier = Arc::clone(carrier);
+        Self { carrier, stream: None, decoder: Decoder::new(), within: false, farewell: None }
+    }
+
+    pub(crate) async fn next(
+        &mut self,
+        by: Option<Instant>,
+        shared: &Shared,
+        patience: &mut Patience,
+    ) -> Result<FrameMessage, LaneError> {
+        if let Some(reason) = &self.farewell {
+            return Err(LaneError::Goodbye(reason.clone()));
+        }
+        loop {
+            if let Some(message) = self.buffered(shared)? {
+                match message {
+                    Message::Frame(message) => {
+                        match message {
+                            FrameMessage::Begin(_) => self.within = true,
+                            FrameMessage::End(_) => self.within = false,
+                            _ => {}
+                        }
+                        return Ok(message);
+                    }
+                    Message::Goodbye(reason) => {
+                        self.farewell = Some(reason.clone());
+                        return Err(LaneError::Goodbye(reason));
+                    }
+                    other => {
+                        let cause = ProtocolError::Misplaced { kind: other.kind(), lane: Lane::Frames };
+                        return Err(LaneError::Protocol(cause));
+                    }
+                }
+            }
+            match &mut self.stream {
+                Some(stream) => {
+                    let decoder = &mut self.decoder;
+                    let read = patience.wait(by, poll_fn(|cx| poll_fill(stream, decoder, cx))).await;
+                    if read.map_err(LaneError::Expired)?? == 0 {
+                        self.end_of_stream()?;
+                    }
+                }
+                None => {
+                    let accepted = patience.wait(by, self.carrier.connection.accept_uni()).await;
+                    let stream = accepted.map_err(LaneError::Expired)?;
+                    self.stream = Some(stream.map_err(|e| LaneError::Lost(loss(e)))?);
+                }
+            }
+        }
+    }
+
+    fn buffered(&mut self, shared: &Shared) -> Result<Option<Message>, LaneError> {
+        let message =
+            self.decoder.next_message().map_err(|e| LaneError::Protocol(ProtocolError::Decode(e)))?;
+        if let Some(message) = &message {
+            let payload = match message {
+                Message::Frame(FrameMessage::Ids(batch)) => batch.as_bytes().len(),
+                other => encoded_length(other),
+            };
+            shared.counters.received.count(message.kind(), payload);
+        }
+        Ok(message)
+    }
+
+    /// A stream ends where its frame does. One that ends before was left by a sender that was dropped.
+    fn end_of_stream(&mut self) -> Result<(), LaneError> {
+        match self.decoder.pending() {
+            0 if self.within => Err(LaneError::Lost(Loss::Closed)),
+            0 => {
+                self.stream = None;
+                Ok(())
+            }
+            bytes => Err(LaneError::Lost(Loss::Cut { bytes })),
+        }
+    }
+}
+
+impl Drop for FrameRx {
+    /// Tells the peer that nobody reads its frames any more: those that come later are stopped as well.
+    fn drop(&mut self) {
+        self.stream = None;
+        let connection = self.carrier.connection.clone();
+        let closed = connection.clone();
+        self.carrier.net.spawn(Box::pin(async move {
+            let stop = async {
+                while let Ok(mut stream) = connection.accept_uni().await {
+                    let _ = stream.stop(UNREAD);
+                }
+            };
+            tokio::select! {
+                () = stop => {}
+                _ = closed.closed() => {}
+            }
+        }));
+    }
+}
+
+/// The payload of a message that is not ids.
+fn encoded_length(message: &Message) -> usize {
+    let mut bytes = BytesMut::new();
+    message.encode(&mut bytes);
+    bytes.len() - HEADER_BYTES
+}
+
+/// Reads what there is; 0 bytes at the end of the stream.
+pub(super) fn poll_fill(
+    stream: &mut RecvStream,
+    decoder: &mut Decoder,
+    cx: &mut Context<'_>,
+) -> Poll<Result<usize, LaneError>> {
+    let buffer = decoder.buffer(ROOM);
+    let before = buffer.len();
+    buffer.resize(before + ROOM, 0);
+    let mut room = ReadBuf::new(&mut buffer[before..]);
+    let read = stream.poll_read_buf(cx, &mut room);
+    let filled = room.filled().len();
+    buffer.truncate(before + filled);
+    ready!(read).map_err(|e| LaneError::Lost(read_loss(e)))?;
+    Poll::Ready(Ok(filled))
+}
+
+/// Polls without being woken later.
+pub(super) fn noop() -> Context<'static> {
+    Context::from_waker(Waker::noop())
+}

@@ -1,0 +1,124 @@
+//! Listening over QUIC: who is let in, and what strangers may cost.
+
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+use quinn::crypto::rustls::QuicServerConfig;
+use quinn::{Endpoint, Incoming, ServerConfig};
+use tokio::sync::OwnedSemaphorePermit;
+use trimaran_proto::{Accept, Hello, Lane, Message, Refusal};
+
+use super::Security;
+use super::connect::endpoint;
+use super::control::{Control, check_datagrams, explain};
+use super::tls::{self, Doorman};
+use crate::desk::Desk;
+use crate::handshake::HandshakeError;
+use crate::net::until;
+
+/// How many bytes an attempt may have waiting before it is looked at.
+const WAITING: u64 = 16 * 1024;
+
+/// Listens, and receives peers until nobody accepts them any more. Says where.
+pub(crate) fn listen(at: SocketAddr, desk: &Arc<Desk>) -> io::Result<SocketAddr> {
+    let options = &desk.options;
+    let security = options.quic.security.clone().ok_or_else(|| io::Error::other(HandshakeError::NoKeys))?;
+    let (config, _) = server(desk, &security).map_err(io::Error::other)?;
+    let (endpoint, address) = endpoint(&desk.net, at, &options.quic, Some(config))?;
+    desk.net.spawn(Box::pin(serve(Arc::clone(desk), security, endpoint)));
+    Ok(address)
+}
+
+/// How one handshake is done, and who judges the certificate in it.
+fn server(desk: &Desk, security: &Security) -> Result<(ServerConfig, Arc<Doorman>), HandshakeError> {
+    let doorman = Doorman::new(&security.peers);
+    let crypto = tls::server(&security.keys, &doorman)?;
+    let crypto = QuicServerConfig::try_from(crypto).map_err(|e| HandshakeError::Io(io::Error::other(e)))?;
+    let mut config = ServerConfig::with_crypto(Arc::new(crypto));
+    let handshakes = desk.options.limits.handshakes;
+    config
+        .transport_config(desk.options.quic.transport())
+        .max_incoming(handshakes)
+        .incoming_buffer_size(WAITING)
+        .incoming_buffer_size_total(WAITING * handshakes as u64);
+    Ok((config, doorman))
+}
+
+async fn serve(desk: Arc<Desk>, security: Security, endpoint: Endpoint) {
+    let under_way = Arc::new(());
+    loop {
+        let incoming = tokio::select! {
+            () = desk.closed() => break,
+            incoming = endpoint.accept() => incoming,
+        };
+        let Some(incoming) = incoming else { break };
+        // Once half of the room is taken, an address must prove that it is one, with nothing kept for it here (RFC 9000,
+        // section 8.1.2): senders of forged packets get no further.
+        let busy = (Arc::strong_count(&under_way) - 1) * 2 >= desk.options.limits.handshakes;
+        if busy && !incoming.remote_address_validated() {
+            if let Err(e) = incoming.retry() {
+                e.into_incoming().refuse();
+            }
+            continue;
+        }
+        let Some(permit) = desk.room() else {
+            incoming.refuse();
+            continue;
+        };
+        let guest = Guest { desk: Arc::clone(&desk), _permit: permit, _counted: Arc::clone(&under_way) };
+        let security = security.clone();
+        desk.net.spawn(Box::pin(async move { guest.receive(incoming, &security).await }));
+    }
+    endpoint.set_server_config(None);
+}
+
+/// One handshake.
+struct Guest {
+    desk: Arc<Desk>,
+    _permit: OwnedSemaphorePermit,
+    _counted: Arc<()>,
+}
+
+impl Guest {
+    async fn receive(self, incoming: Incoming, security: &Security) {
+        let address = incoming.remote_address();
+        let desk = &self.desk;
+        let deadline = desk.net.now().after(desk.options.handshake);
+        let handshake = self.shake_hands(incoming, security);
+        let outcome = until(&*desk.net, deadline, handshake).await.unwrap_or(Err(HandshakeError::TimedOut));
+        if let Err(e) = outcome {
+            desk.failed(&address, e);
+        }
+    }
+
+    async fn shake_hands(&self, incoming: Incoming, security: &Security) -> Result<(), HandshakeError> {
+        let desk = &self.desk;
+        let (config, doorman) = server(desk, security)?;
+        let explained = |e| explain(e, &doorman, security.keys.fingerprint());
+        let connection =
+            incoming.accept_with(Arc::new(config)).map_err(explained)?.await.map_err(explained)?;
+        check_datagrams(&connection)?;
+        let streams = connection.accept_bi().await.map_err(explained)?;
+        let mut control = Control::new(connection, streams);
+        let Hello { identity: theirs, session, lane } = control.recv_hello().await?;
+        let entered = match lane {
+            Lane::Frames => desk.enter(&theirs),
+            Lane::Latest => Err(Refusal::Session { session, lane }),
+        };
+        match entered {
+            Ok(place) => {
+                control.send(&Message::Accept(Accept { identity: desk.identity })).await?;
+                let config = &desk.options.link;
+                let place = Some(Arc::new(place) as _);
+                desk.hand_out(control.into_link(&desk.net, config, &desk.identity, theirs, session, place))
+                    .await;
+                Ok(())
+            }
+            Err(refusal) => {
+                control.refuse(refusal).await?;
+                Err(HandshakeError::Refused(refusal))
+            }
+        }
+    }
+}

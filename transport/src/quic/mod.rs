@@ -1,0 +1,30 @@
+//! Links over QUIC (RFC 9000): cameras as datagrams, a stream for each frame, TLS 1.3 with both sides' certificates pinned.
+//!
+//! The peer that connects opens one stream in both directions, the control stream: hello and its answer, then copies of
+//! cameras that no newer one has followed, then the goodbye of the latest lane. See `proto/WIRE.md`.
+
+mod carrier;
+mod connect;
+mod control;
+mod fingerprint;
+mod frames;
+mod keys;
+mod latest;
+mod listen;
+mod options;
+mod runtime;
+mod tls;
+
+pub(crate) use connect::attempt;
+pub use fingerprint::{Fingerprint, FingerprintError};
+pub(crate) use frames::{FrameRx, FrameTx};
+pub use keys::{Keys, KeysError};
+pub(crate) use latest::{LatestRx, LatestTx};
+pub(crate) use listen::listen;
+pub use options::{Congestion, QuicOptions, Security};
+pub use tls::UnknownPeer;
+
+use crate::link::Capabilities;
+
+pub(crate) const CAPABILITIES: Capabilities =
+    Capabilities { reliable: true, ordered: true, max_frame: u32::MAX, encrypted: true, local: false };

@@ -1,0 +1,108 @@
+//! How QUIC connections are set up.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use quinn::congestion::{BbrConfig, CubicConfig, NewRenoConfig};
+use quinn::{IdleTimeout, MtuDiscoveryConfig, TransportConfig, VarInt};
+use trimaran_proto::NumberedCamera;
+
+use super::{Fingerprint, Keys};
+use crate::UdpSocketOptions;
+
+/// Room for the one camera that waits to be sent: the next one takes its place. quinn counts 32 bytes of its own a datagram.
+const DATAGRAM_ROOM: usize = NumberedCamera::SIZE + size_of::<bytes::Bytes>();
+/// How many cameras may wait for their reader; the oldest go first.
+const CAMERAS: usize = 16;
+
+/// Options of QUIC connections.
+#[derive(Debug, Clone, PartialEq)]
+pub struct QuicOptions {
+    /// This peer's keys and the peers that it knows. Without them there is no QUIC: it has no plaintext mode. Default none.
+    pub security: Option<Security>,
+    /// How the connection shares the way with others. Default cubic.
+    pub congestion: Congestion,
+    /// The pause after which an idle connection shows a sign of life. Default 5 s.
+    pub keepalive: Duration,
+    /// The silence after which the peer's machine counts as dead. Default 20 s.
+    pub idle: Duration,
+    /// What the first packets take the round trip to be, before it is measured: a third of the pause after which they are
+    /// sent again. Default 100 ms.
+    pub initial_rtt: Duration,
+    /// How many bytes may be under way in each direction, sent and not read. Default 8 MiB.
+    pub window: u32,
+    /// How many frames may be under way in each direction. Default 64.
+    pub frames: u32,
+    /// Hands the system several packets at once (GSO) where it can cut them up. A loss may then take several. Default true.
+    pub segmentation: bool,
+    /// Probes for the largest packets that the way takes. Default true.
+    pub mtu_discovery: bool,
+    /// The UDP socket.
+    pub socket: UdpSocketOptions,
+}
+
+/// Who this peer is and whom it knows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Security {
+    /// This peer's own keys.
+    pub keys: Keys,
+    /// The fingerprints of the peers that it talks to.
+    pub peers: Vec<Fingerprint>,
+}
+
+/// Which congestion control a connection has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Congestion {
+    /// CUBIC (RFC 9438), as most TCP has it.
+    #[default]
+    Cubic,
+    /// BBR: by measured bandwidth rather than by loss. Experimental in quinn.
+    Bbr,
+    /// New Reno (RFC 9002, section 7).
+    NewReno,
+}
+
+impl Default for QuicOptions {
+    fn default() -> Self {
+        Self {
+            security: None,
+            congestion: Congestion::default(),
+            keepalive: Duration::from_secs(5),
+            idle: Duration::from_secs(20),
+            initial_rtt: Duration::from_millis(100),
+            window: 8 << 20,
+            frames: 64,
+            segmentation: true,
+            mtu_discovery: true,
+            socket: UdpSocketOptions::default(),
+        }
+    }
+}
+
+impl QuicOptions {
+    pub(crate) fn transport(&self) -> Arc<TransportConfig> {
+        let mut config = TransportConfig::default();
+        // A hundred years of silence are as good as for ever.
+        let idle = IdleTimeout::try_from(self.idle).ok();
+        config
+            .max_idle_timeout(idle)
+            .keep_alive_interval(Some(self.keepalive))
+            .initial_rtt(self.initial_rtt)
+            .stream_receive_window(VarInt::from_u32(self.window))
+            .receive_window(VarInt::from_u32(self.window))
+            .send_window(self.window.into())
+            .max_concurrent_bidi_streams(VarInt::from_u32(1))
+            .max_concurrent_uni_streams(VarInt::from_u32(self.frames))
+            .datagram_send_buffer_size(DATAGRAM_ROOM)
+            .datagram_receive_buffer_size(Some(DATAGRAM_ROOM * CAMERAS))
+            .enable_segmentation_offload(self.segmentation)
+            .mtu_discovery_config(self.mtu_discovery.then(MtuDiscoveryConfig::default));
+        match self.congestion {
+            Congestion::Cubic => config.congestion_controller_factory(Arc::new(CubicConfig::default())),
+            Congestion::Bbr => config.congestion_controller_factory(Arc::new(BbrConfig::default())),
+            Congestion::NewReno => config.congestion_controller_factory(Arc::new(NewRenoConfig::default())),
+        };
+        Arc::new(config)
+    }
+}

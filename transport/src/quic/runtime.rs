@@ -1,0 +1,130 @@
+//! quinn over [`Net`]: its clock, timers, tasks and sockets, so that a simulated network runs the very same QUIC.
+
+use std::fmt;
+use std::io::{self, IoSliceMut};
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+use std::time::{Duration, Instant as StdInstant};
+
+use quinn::udp::{RecvMeta, Transmit};
+use quinn::{AsyncTimer, AsyncUdpSocket, Runtime, UdpPoller as QuinnPoller};
+
+use crate::net::{Instant, Net, Timer, UdpPoller, UdpSocket};
+
+/// A [`Net`] as quinn wants it.
+#[derive(Debug, Clone)]
+pub(crate) struct NetRuntime {
+    net: Arc<dyn Net>,
+    /// The `Net`'s origin in quinn's time: any fixed moment will do.
+    origin: StdInstant,
+}
+
+impl NetRuntime {
+    #[allow(clippy::disallowed_methods, reason = "a fixed point that the time of the seam is counted from")]
+    pub(crate) fn new(net: &Arc<dyn Net>) -> Self {
+        Self { net: Arc::clone(net), origin: StdInstant::now() }
+    }
+
+    fn net_instant(&self, at: StdInstant) -> Instant {
+        Instant::from_nanos(0).after(at.saturating_duration_since(self.origin))
+    }
+}
+
+impl Runtime for NetRuntime {
+    fn new_timer(&self, at: StdInstant) -> Pin<Box<dyn AsyncTimer>> {
+        let mut timer = NetTimer { timer: self.net.timer(), runtime: self.clone() };
+        timer.timer.reset(self.net_instant(at));
+        Box::pin(timer)
+    }
+
+    fn spawn(&self, task: Pin<Box<dyn Future<Output = ()> + Send>>) {
+        self.net.spawn(task);
+    }
+
+    fn wrap_udp_socket(&self, _socket: std::net::UdpSocket) -> io::Result<Arc<dyn AsyncUdpSocket>> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
+
+    fn now(&self) -> StdInstant {
+        self.origin + Duration::from_nanos(self.net.now().as_nanos())
+    }
+}
+
+struct NetTimer {
+    timer: Box<dyn Timer>,
+    runtime: NetRuntime,
+}
+
+impl fmt::Debug for NetTimer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("NetTimer").finish_non_exhaustive()
+    }
+}
+
+impl AsyncTimer for NetTimer {
+    fn reset(mut self: Pin<&mut Self>, at: StdInstant) {
+        let at = self.runtime.net_instant(at);
+        self.timer.reset(at);
+    }
+
+    fn poll(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<()> {
+        self.timer.poll(cx)
+    }
+}
+
+/// A socket of the seam as quinn wants it.
+#[derive(Debug)]
+pub(crate) struct NetSocket(pub(crate) Arc<dyn UdpSocket>);
+
+impl AsyncUdpSocket for NetSocket {
+    fn create_io_poller(self: Arc<Self>) -> Pin<Box<dyn QuinnPoller>> {
+        Box::pin(NetPoller(Arc::clone(&self.0).poller()))
+    }
+
+    fn try_send(&self, transmit: &Transmit<'_>) -> io::Result<()> {
+        match self.0.try_send(transmit) {
+            Err(e) if e.kind() != io::ErrorKind::WouldBlock => {
+                // About this datagram only, and QUIC takes care of what is lost; quinn would give the connection up.
+                tracing::debug!(error = &e as &dyn std::error::Error, "a datagram could not be sent");
+                Ok(())
+            }
+            sent => sent,
+        }
+    }
+
+    fn poll_recv(
+        &self,
+        cx: &mut Context<'_>,
+        buffers: &mut [IoSliceMut<'_>],
+        meta: &mut [RecvMeta],
+    ) -> Poll<io::Result<usize>> {
+        self.0.poll_recv(cx, buffers, meta)
+    }
+
+    fn local_addr(&self) -> io::Result<SocketAddr> {
+        self.0.local_addr()
+    }
+
+    fn max_transmit_segments(&self) -> usize {
+        self.0.max_transmit_segments()
+    }
+
+    fn max_receive_segments(&self) -> usize {
+        self.0.max_receive_segments()
+    }
+
+    fn may_fragment(&self) -> bool {
+        self.0.may_fragment()
+    }
+}
+
+#[derive(Debug)]
+struct NetPoller(Pin<Box<dyn UdpPoller>>);
+
+impl QuinnPoller for NetPoller {
+    fn poll_writable(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        self.0.as_mut().poll_writable(cx)
+    }
+}

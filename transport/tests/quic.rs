@@ -1,0 +1,220 @@
+//! Links over QUIC on the loopback interface: the conformance suite, who gets a link, and who does not.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+mod common;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use common::conformance::Pairs;
+use common::{SCENE, camera, identity, ids, net, receive, soon, start};
+use trimaran_proto::{Identity, Refusal, Role, SceneHash};
+use trimaran_transport::quic::{Congestion, Keys, QuicOptions, Security};
+use trimaran_transport::{
+    AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Link, LinkConfig, Listener,
+    Net, Options, PeerAddress, connect, until,
+};
+
+struct Quic;
+
+impl Pairs for Quic {
+    const HEADER: u64 = 4;
+    const HANDSHAKE: u64 = 1;
+
+    async fn pair(&self, link: LinkConfig) -> (Link, Link) {
+        pair("127.0.0.1", &Options { link, ..Options::default() }).await
+    }
+}
+
+conformance!(Quic);
+
+/// Options of two peers that know each other.
+fn acquainted(options: &Options) -> (Options, Options) {
+    let (a, b) = (Keys::ephemeral().unwrap(), Keys::ephemeral().unwrap());
+    let with = |keys: &Keys, peer: &Keys| {
+        let security = Some(Security { keys: keys.clone(), peers: vec![peer.fingerprint()] });
+        Options { quic: QuicOptions { security, ..options.quic.clone() }, ..options.clone() }
+    };
+    (with(&a, &b), with(&b, &a))
+}
+
+async fn pair(host: &str, options: &Options) -> (Link, Link) {
+    let net = net();
+    let (ours, theirs) = acquainted(options);
+    let endpoint: Endpoint = format!("quic://{host}:0").parse().unwrap();
+    let mut listener = Listener::bind(&net, &endpoint, identity(Role::SwitchA), &ours).await.unwrap();
+    let endpoint = listener.local_endpoint().clone();
+    let (there, here) = tokio::join!(
+        connect(&net, &endpoint, identity(Role::Display), &theirs, soon(&net)),
+        listener.accept(soon(&net)),
+    );
+    (here.unwrap(), there.unwrap())
+}
+
+async fn listener(net: &Arc<dyn Net>, options: &Options) -> (Listener, Endpoint) {
+    let endpoint = "quic://127.0.0.1:0".parse().unwrap();
+    let listener = Listener::bind(net, &endpoint, identity(Role::SwitchA), options).await.unwrap();
+    let endpoint = listener.local_endpoint().clone();
+    (listener, endpoint)
+}
+
+/// How a connection fails, at the connecting and at the listening side.
+async fn failures(ours: &Options, theirs: &Options, who: Identity) -> (ConnectError, HandshakeError) {
+    let net = net();
+    let (mut listener, endpoint) = listener(&net, ours).await;
+    let error = connect(&net, &endpoint, who, theirs, soon(&net)).await.unwrap_err();
+    let accepted = listener.accept(net.now().after(Duration::from_millis(500))).await;
+    let Err(AcceptError::Deadline { last: Some(known), .. }) = accepted else { panic!("{accepted:?}") };
+    (error, known)
+}
+
+fn handshake(error: ConnectError) -> HandshakeError {
+    match error {
+        ConnectError::Failed { cause: AttemptError::Handshake { cause, .. }, .. } => cause,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[tokio::test]
+async fn both_address_families_work_and_the_link_is_encrypted() {
+    for host in ["127.0.0.1", "[::1]", "localhost"] {
+        let (mut a, mut display) = pair(host, &Options::default()).await;
+        assert!(a.capabilities().encrypted && display.capabilities().encrypted);
+        assert!(matches!(a.peer.address, PeerAddress::Quic(at) if at.ip().is_loopback()));
+        assert_eq!(a.peer.session, display.peer.session);
+        display.latest_tx.publish(camera(4)).unwrap();
+        assert_eq!(a.latest_rx.latest().await.unwrap(), camera(4));
+    }
+}
+
+#[tokio::test]
+async fn every_congestion_control_carries_a_large_frame() {
+    for congestion in [Congestion::Cubic, Congestion::Bbr, Congestion::NewReno] {
+        let quic = QuicOptions { congestion, ..QuicOptions::default() };
+        let (mut a, mut display) = pair("127.0.0.1", &Options { quic, ..Options::default() }).await;
+        let send = async {
+            a.frames_tx.begin(start(0)).await.unwrap();
+            a.frames_tx.push(&ids(200_000)).await.unwrap();
+            a.frames_tx.finish().await.unwrap();
+        };
+        let ((), got) = tokio::join!(send, receive(&mut display.frames_rx));
+        assert!(got.unwrap().ids == ids(200_000), "{congestion:?}");
+    }
+}
+
+#[tokio::test]
+async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints() {
+    let (ours, theirs) = acquainted(&Options::default());
+    let (_, stranger) = acquainted(&Options::default());
+    let of = |options: &Options| options.quic.security.clone().unwrap();
+    let print = |options: &Options| of(options).keys.fingerprint();
+
+    // The listener knows the peer, the peer another listener.
+    let confused = Options {
+        quic: QuicOptions {
+            security: Some(Security { peers: vec![print(&stranger)], ..of(&theirs) }),
+            ..QuicOptions::default()
+        },
+        ..Options::default()
+    };
+    let (error, _) = failures(&ours, &confused, identity(Role::Display)).await;
+    let HandshakeError::UnknownPeer(unknown) = handshake(error) else { panic!("the wrong listener") };
+    assert_eq!((&unknown.expected[..], unknown.presented), (&[print(&stranger)][..], print(&ours)));
+    let message = unknown.to_string();
+    assert!(message.contains(&print(&stranger).to_string()) && message.contains(&print(&ours).to_string()));
+
+    // The peer knows the listener, the listener another peer.
+    let intruder = Options {
+        quic: QuicOptions {
+            security: Some(Security { peers: vec![print(&ours)], ..of(&stranger) }),
+            ..QuicOptions::default()
+        },
+        ..Options::default()
+    };
+    let (error, known) = failures(&ours, &intruder, identity(Role::Display)).await;
+    let HandshakeError::NotKnown { presented } = handshake(error) else { panic!("an intruder") };
+    assert_eq!(presented, print(&stranger));
+    let HandshakeError::UnknownPeer(unknown) = known else { panic!("{known:?}") };
+    assert_eq!((&unknown.expected[..], unknown.presented), (&[print(&theirs)][..], print(&stranger)));
+}
+
+#[tokio::test]
+async fn another_scene_is_refused_and_both_sides_know_both_scenes() {
+    let (ours, theirs) = acquainted(&Options::default());
+    let other = Identity { scene: SceneHash(0xdead), ..identity(Role::Display) };
+    let (error, known) = failures(&ours, &theirs, other).await;
+    let expected = Refusal::Scene { listener: SCENE, connector: SceneHash(0xdead) };
+    assert!(matches!(error, ConnectError::Refused { refusal, .. } if refusal == expected), "{error:?}");
+    assert!(matches!(known, HandshakeError::Refused(refusal) if refusal == expected), "{known:?}");
+}
+
+#[tokio::test]
+async fn without_keys_there_is_no_quic() {
+    let (net, options) = (net(), Options::default());
+    let endpoint = "quic://127.0.0.1:1".parse().unwrap();
+    let error = connect(&net, &endpoint, identity(Role::Display), &options, soon(&net)).await.unwrap_err();
+    assert!(matches!(handshake(error), HandshakeError::NoKeys));
+    assert!(Listener::bind(&net, &endpoint, identity(Role::SwitchA), &options).await.is_err());
+}
+
+#[tokio::test]
+async fn random_datagrams_disturb_neither_a_link_nor_a_listener() {
+    let net = net();
+    let (ours, theirs) = acquainted(&Options::default());
+    let (mut listener, endpoint) = listener(&net, &ours).await;
+    let Endpoint::Quic(at) = &endpoint else { panic!("{endpoint}") };
+    let stranger = tokio::net::UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    for i in 0..2000_u32 {
+        let seed = i.wrapping_mul(2_654_435_761);
+        let bytes: Vec<u8> = (0..seed % 1400).map(|j| (seed.wrapping_mul(j | 1) >> 13) as u8).collect();
+        stranger.send_to(&bytes, at.to_string()).await.unwrap();
+    }
+    let (there, here) = tokio::join!(
+        connect(&net, &endpoint, identity(Role::Display), &theirs, soon(&net)),
+        listener.accept(soon(&net)),
+    );
+    let (mut there, mut here) = (there.unwrap(), here.unwrap());
+    there.latest_tx.publish(camera(1)).unwrap();
+    assert_eq!(here.latest_rx.latest().await.unwrap(), camera(1));
+}
+
+/// A genuine first packet, sent again and again by someone who goes no further with it.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_first_packet_repeated_ten_thousand_times_keeps_no_peer_out() {
+    let net = net();
+    let limits = Limits { handshakes: 8, ..Limits::default() };
+    let options = Options { limits, handshake: Duration::from_secs(2), ..Options::default() };
+    let (ours, theirs) = acquainted(&options);
+    let (mut listener, endpoint) = listener(&net, &ours).await;
+    let Endpoint::Quic(at) = &endpoint else { panic!("{endpoint}") };
+    // A first packet that is authentic: what a relay sees of a handshake that goes no further.
+    let relay = tokio::net::UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    let lure: Endpoint = format!("quic://{}", relay.local_addr().unwrap()).parse().unwrap();
+    let mut first = vec![0; 2000];
+    let length = tokio::select! {
+        _ = connect(&net, &lure, identity(Role::Display), &theirs, soon(&net)) => panic!("a link to a relay"),
+        received = relay.recv(&mut first) => received.unwrap(),
+    };
+    for _ in 0..10_000 {
+        relay.send_to(&first[..length], at.to_string()).await.unwrap();
+    }
+    let (there, here) = tokio::join!(
+        connect(&net, &endpoint, identity(Role::Display), &theirs, soon(&net)),
+        listener.accept(soon(&net)),
+    );
+    assert!(there.is_ok() && here.is_ok(), "{there:?} {here:?}");
+}
+
+#[tokio::test]
+async fn the_last_camera_arrives_though_nothing_follows_it() {
+    let net = net();
+    let (mut a, mut display) = pair("127.0.0.1", &Options::default()).await;
+    for frame in 0..50 {
+        display.latest_tx.publish(camera(frame)).unwrap();
+    }
+    let all = async { while a.latest_rx.latest().await.unwrap() != camera(49) {} };
+    assert_eq!(until(&*net, soon(&net), all).await, Some(()));
+    // Its copy on the control stream is the same camera, and not read again.
+    let again = a.latest_rx.latest_by(net.now().after(Duration::from_millis(100))).await;
+    assert!(again.is_err(), "{again:?}");
+}
