@@ -140,6 +140,26 @@ fn a_full_disk_leaves_nothing_half_written() {
 }
 
 #[test]
+fn keys_are_made_once_and_both_files_say_who_they_are() {
+    let bench = Bench::empty();
+    let made = bench.trimaran(&["keys", "new", "one", "--out", "keys"]);
+    assert!(made.status.success(), "{}", said(&made));
+    let printed = String::from_utf8(made.stdout).unwrap();
+    let prints: Vec<_> = printed.lines().filter(|line| line.starts_with("  ")).collect();
+    assert_eq!(prints.len(), 2, "{printed}");
+    for (file, kind) in [("keys/one.key", "private"), ("keys/one.pub", "public")] {
+        let shown = bench.trimaran(&["keys", "show", file]);
+        let shown = String::from_utf8(shown.stdout).unwrap();
+        assert_eq!(shown, format!("one ({kind})\n{}\n", prints.join("\n")));
+    }
+    bench.refuses(&["keys", "new", "one", "--out", "keys"], &["keys/one.key", "not overwritten"]);
+    bench.refuses(&["keys", "new", "a/b"], &["letters, digits"]);
+    bench.refuses(&["keys", "show", "keys/two.pub"], &["keys/two.pub"]);
+    fs::write(bench.path("keys/one.pub"), "name = 'one'\nquic = 'zz'\n").unwrap();
+    bench.refuses(&["keys", "show", "keys/one.pub"], &["keys/one.pub, line 2", "64 hexadecimal digits"]);
+}
+
+#[test]
 fn a_port_in_use_is_named() {
     let bench = Bench::with_plant();
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();

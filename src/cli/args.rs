@@ -4,6 +4,7 @@ use std::{net::SocketAddr, path::PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
+use trimaran_transport::Name;
 
 /// Walk through 3D models too large for one GPU.
 ///
@@ -45,6 +46,9 @@ pub(crate) enum Command {
     /// Run one role of a deployment on several machines.
     #[command(subcommand)]
     Role(RoleCommand),
+    /// Make and show the keys by which machines know each other where a transport encrypts.
+    #[command(subcommand)]
+    Keys(KeysCommand),
     /// Generate a plant, walk through it and say where the report is.
     Demo(DemoArgs),
     /// Check GPU, memory and sockets: what works, what is missing, what to install.
@@ -242,6 +246,23 @@ pub(crate) struct RoleArgs {
     /// The role's configuration (TOML).
     #[arg(long, value_name = "F.toml")]
     pub(crate) config: PathBuf,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum KeysCommand {
+    /// Make the keys of a machine: NAME.key, which is private and stays there, and NAME.pub for its peers.
+    New {
+        /// What to call the machine: up to 64 letters, digits, dots, hyphens and underscores.
+        name: Name,
+        /// The folder to write both files into.
+        #[arg(long, value_name = "DIR", default_value = ".")]
+        out: PathBuf,
+    },
+    /// Print who a key file is.
+    Show {
+        /// A private or a public key file.
+        file: PathBuf,
+    },
 }
 
 #[derive(Debug, Args)]

@@ -8,6 +8,7 @@ mod failure;
 mod generate;
 mod import;
 mod info;
+mod keys;
 mod progress;
 mod role;
 mod run;
@@ -50,6 +51,7 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         Command::Run(args) => run::run(&args),
         Command::Sweep(args) => sweep::run(&args),
         Command::Role(command) => role::run(&command),
+        Command::Keys(command) => keys::run(&command),
         Command::Demo(args) => demo::run(&args),
     }
 }

@@ -1,6 +1,7 @@
 //! Connecting to a listener that may not be there yet, over whatever transport its endpoint names.
 
 use std::io;
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,7 +10,7 @@ use trimaran_proto::{Identity, Refusal, SessionId};
 
 use crate::handshake::HandshakeError;
 use crate::net::{Instant, Net, sleep_until, until};
-use crate::{Endpoint, Link, Name, Options, inproc, quic, tcp, unix};
+use crate::{Endpoint, HostPort, Link, Name, Options, inproc, quic, tcp, unix};
 
 /// The pause after the first attempt; it doubles up to [`LAST_PAUSE`].
 const FIRST_PAUSE: Duration = Duration::from_millis(20);
@@ -183,6 +184,22 @@ fn jittered(pause: Duration, net: &dyn Net) -> io::Result<Duration> {
     let part = net.random()? >> 32;
     let half = pause / 2;
     Ok(half + Duration::from_nanos((half.as_nanos() as u64).saturating_mul(part) >> 32))
+}
+
+/// Tries each address of a host once, until one is there: whoever answers has the last word.
+pub(crate) async fn each_address(
+    net: &Arc<dyn Net>,
+    at: &HostPort,
+    introduce: impl AsyncFn(SocketAddr) -> Result<Link, AttemptError>,
+) -> Result<Link, AttemptError> {
+    let mut last = AttemptError::NoAddress;
+    for to in net.resolve(&at.to_string()).await.map_err(AttemptError::Resolve)? {
+        match introduce(to).await {
+            Err(e @ AttemptError::Connect { .. }) => last = e,
+            done => return done,
+        }
+    }
+    Err(last)
 }
 
 /// Tries once. Each transport has its arm here and in [`Listener::bind`](crate::Listener::bind).

@@ -67,8 +67,9 @@ pub struct HostName(String);
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct SocketPath(String);
 
-/// The name of a listener within a process: 1 to 64 letters, digits, dots, hyphens and underscores.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+/// The name of a listener within a process, or of a peer: 1 to 64 letters, digits, dots, hyphens and underscores.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 pub struct Name(String);
 
 /// Why a text is no endpoint.
@@ -288,6 +289,20 @@ impl FromStr for Name {
             return Err(EndpointFault::Name);
         }
         Ok(Self(text.to_owned()))
+    }
+}
+
+impl TryFrom<String> for Name {
+    type Error = EndpointFault;
+
+    fn try_from(text: String) -> Result<Self, EndpointFault> {
+        text.parse()
+    }
+}
+
+impl From<Name> for String {
+    fn from(name: Name) -> Self {
+        name.0
     }
 }
 

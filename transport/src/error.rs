@@ -149,6 +149,11 @@ impl LaneError {
     }
 }
 
+/// A message came on a lane where it does not belong.
+pub(crate) const fn misplaced(kind: Kind, lane: Lane) -> LaneError {
+    LaneError::Protocol(ProtocolError::Misplaced { kind, lane })
+}
+
 /// How sending over a lane fails, before it is known for which peer.
 #[derive(Debug)]
 pub(crate) enum LaneSendError {

@@ -57,7 +57,7 @@ impl FrameSender {
     /// When the peer is gone or stalls, a frame is open, or the frame's number is not above the last one's.
     pub async fn begin(&mut self, start: FrameStart) -> Result<(), SendError> {
         let message = self.writer.begin(start).map_err(|e| self.order(e))?;
-        self.lane.stage(message, &self.shared);
+        self.lane.stage(Message::Frame(message), &self.shared);
         self.send_staged().await
     }
 
@@ -68,7 +68,7 @@ impl FrameSender {
     /// When the peer is gone or stalls, or no frame is open.
     pub async fn push(&mut self, ids: &[DrawableId]) -> Result<(), SendError> {
         let Self { writer, lane, shared, .. } = self;
-        writer.push(ids, |message| lane.stage(message, shared)).map_err(|e| self.order(e))?;
+        writer.push(ids, |message| lane.stage(Message::Frame(message), shared)).map_err(|e| self.order(e))?;
         self.send_staged().await
     }
 
@@ -78,7 +78,7 @@ impl FrameSender {
     /// As [`FrameSender::push`].
     pub async fn flush(&mut self) -> Result<(), SendError> {
         let Self { writer, lane, shared, .. } = self;
-        writer.flush(|message| lane.stage(message, shared)).map_err(|e| self.order(e))?;
+        writer.flush(|message| lane.stage(Message::Frame(message), shared)).map_err(|e| self.order(e))?;
         self.send_staged().await
     }
 
@@ -88,7 +88,9 @@ impl FrameSender {
     /// As [`FrameSender::push`].
     pub async fn finish(&mut self) -> Result<FrameEnd, SendError> {
         let Self { writer, lane, shared, .. } = self;
-        let end = writer.finish(|message| lane.stage(message, shared)).map_err(|e| self.order(e))?;
+        let end = writer
+            .finish(|message| lane.stage(Message::Frame(message), shared))
+            .map_err(|e| self.order(e))?;
         self.send_staged().await?;
         Ok(end)
     }
@@ -99,7 +101,7 @@ impl FrameSender {
     /// When the peer is gone or stalls, or a frame is open.
     pub async fn stats(&mut self, stats: &FrameStats) -> Result<(), SendError> {
         let message = self.writer.stats(*stats).map_err(|e| self.order(e))?;
-        self.lane.stage(message, &self.shared);
+        self.lane.stage(Message::Frame(message), &self.shared);
         self.send_staged().await
     }
 
@@ -108,10 +110,12 @@ impl FrameSender {
     /// # Errors
     /// When the peer is gone already, or takes nothing within the link's patience.
     pub async fn goodbye(mut self, reason: Goodbye) -> Result<(), SendError> {
+        self.lane.stage(Message::Goodbye(reason), &self.shared);
+        self.send_staged().await?;
         match &mut self.lane {
-            FrameTx::Inproc(lane) => lane.goodbye(reason, &self.shared, &mut self.patience).await,
-            FrameTx::Stream(lane) => lane.goodbye(reason, &self.shared, &mut self.patience).await,
-            FrameTx::Quic(lane) => lane.goodbye(reason, &self.shared, &mut self.patience).await,
+            FrameTx::Inproc(_) => Ok(()),
+            FrameTx::Stream(lane) => lane.close(&mut self.patience).await,
+            FrameTx::Quic(lane) => lane.close(&mut self.patience).await,
         }
         .map_err(|e| self.error(e))
     }
@@ -136,11 +140,11 @@ impl FrameSender {
 
 impl FrameTx {
     /// Puts a message in the queue of this side.
-    fn stage(&mut self, message: FrameMessage, shared: &Shared) {
+    fn stage(&mut self, message: Message, shared: &Shared) {
         match self {
             Self::Inproc(lane) => lane.stage(message, shared),
-            Self::Stream(lane) => lane.stage(&Message::Frame(message), shared),
-            Self::Quic(lane) => lane.stage(&Message::Frame(message), shared),
+            Self::Stream(lane) => lane.stage(&message, shared),
+            Self::Quic(lane) => lane.stage(&message, shared),
         }
     }
 }
@@ -187,11 +191,12 @@ impl FrameReceiver {
 }
 
 /// The kind and payload size of a message of the frames lane within one process.
-pub(crate) fn weight(message: &FrameMessage) -> (Kind, usize) {
-    match message {
-        FrameMessage::Begin(_) => (Kind::Begin, *Kind::Begin.lengths().end()),
-        FrameMessage::Ids(batch) => (Kind::Ids, batch.as_bytes().len()),
-        FrameMessage::End(_) => (Kind::End, *Kind::End.lengths().end()),
-        FrameMessage::Stats(_) => (Kind::Stats, 0),
-    }
+pub(crate) fn weight(message: &Message) -> (Kind, usize) {
+    let bytes = match message {
+        Message::Frame(FrameMessage::Begin(_)) => *Kind::Begin.lengths().end(),
+        Message::Frame(FrameMessage::Ids(batch)) => batch.as_bytes().len(),
+        Message::Frame(FrameMessage::End(_)) => *Kind::End.lengths().end(),
+        _ => 0,
+    };
+    (message.kind(), bytes)
 }

@@ -1,12 +1,13 @@
-//! How a handshake fails, whatever the transport.
+//! What every handshake has in common, whatever the transport, and how it fails.
 
 use std::io;
 
 use thiserror::Error;
-use trimaran_proto::{DecodeError, Kind, Refusal};
+use trimaran_proto::{DecodeError, DecodeFault, Hello, Identity, Kind, Message, Refusal};
 
 use crate::error::{LaneError, Loss, ProtocolError};
-use crate::quic::{Fingerprint, UnknownPeer};
+use crate::keys::Fingerprint;
+use crate::quic::UnknownPeer;
 use crate::unix::ForeignUser;
 
 /// Why a handshake failed.
@@ -36,7 +37,7 @@ pub enum HandshakeError {
     TimedOut,
     /// This side has no keys.
     #[error(
-        "QUIC needs keys: make them with `Keys::create` and name them and the peers' fingerprints in the options"
+        "this transport needs keys: make them with `trimaran keys new NAME`, and name them and the peers' public files"
     )]
     NoKeys,
     /// TLS cannot be set up.
@@ -79,6 +80,45 @@ impl From<LaneError> for HandshakeError {
             LaneError::Protocol(ProtocolError::Frame(_)) => Self::Unexpected { kind: Kind::Ids },
             LaneError::Goodbye(_) => Self::Unexpected { kind: Kind::Goodbye },
             LaneError::Expired(_) => Self::TimedOut,
+        }
+    }
+}
+
+/// The other side, while the two introduce themselves.
+pub(crate) trait Parley: Send {
+    /// Reads the next message.
+    fn recv(&mut self) -> impl Future<Output = Result<Message, HandshakeError>> + Send;
+
+    /// Says no, and that nothing more comes.
+    fn refuse(&mut self, refusal: Refusal) -> impl Future<Output = Result<(), HandshakeError>> + Send;
+
+    /// Reads the hello of whoever connected. A peer of another version is refused here: no more of it can be read.
+    fn recv_hello(&mut self) -> impl Future<Output = Result<Hello, HandshakeError>> + Send {
+        async {
+            match self.recv().await {
+                Ok(Message::Hello(hello)) => Ok(hello),
+                Ok(other) => Err(HandshakeError::Unexpected { kind: other.kind() }),
+                Err(HandshakeError::Decode(e)) => {
+                    if let DecodeFault::Version { ours, theirs } = e.fault {
+                        let refusal = Refusal::Version { listener: ours, connector: theirs };
+                        self.refuse(refusal).await?;
+                        return Err(HandshakeError::Refused(refusal));
+                    }
+                    Err(HandshakeError::Decode(e))
+                }
+                Err(e) => Err(e),
+            }
+        }
+    }
+
+    /// Reads the answer to a hello.
+    fn recv_answer(&mut self) -> impl Future<Output = Result<Identity, HandshakeError>> + Send {
+        async {
+            match self.recv().await? {
+                Message::Accept(accept) => Ok(accept.identity),
+                Message::Refuse(refusal) => Err(HandshakeError::Refused(refusal)),
+                other => Err(HandshakeError::Unexpected { kind: other.kind() }),
+            }
         }
     }
 }

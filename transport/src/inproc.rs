@@ -5,12 +5,14 @@ use std::io;
 use std::sync::{Arc, LazyLock, Mutex, Weak};
 
 use tokio::sync::{mpsc, watch};
-use trimaran_proto::{BatchSize, Camera, FrameMessage, Goodbye, Identity, Kind, Refusal, SessionId};
+use trimaran_proto::{
+    BatchSize, Camera, FrameMessage, Goodbye, Identity, Kind, Lane, Message, Refusal, SessionId,
+};
 
 use crate::Name;
 use crate::connect::{AttemptError, Introduction};
 use crate::desk::{Desk, Place, lock};
-use crate::error::{LaneError, LaneSendError, Loss};
+use crate::error::{LaneError, LaneSendError, Loss, misplaced};
 use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx, weight};
 use crate::handshake::HandshakeError;
 use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
@@ -108,10 +110,10 @@ impl Lanes {
 /// Both lanes in one direction.
 fn direction() -> ((LatestTx, LatestRx), (FrameTx, FrameRx)) {
     let (cell, view) = watch::channel(Cell::default());
-    let (queue, items) = mpsc::channel(QUEUE);
+    let (queue, messages) = mpsc::channel(QUEUE);
     (
         (LatestTx { cell }, LatestRx { view, seen: 0 }),
-        (FrameTx { queue, staged: VecDeque::new() }, FrameRx { items, farewell: None }),
+        (FrameTx { queue, staged: VecDeque::new() }, FrameRx { messages, farewell: None }),
     )
 }
 
@@ -216,50 +218,33 @@ impl LatestRx {
 }
 
 #[derive(Debug)]
-enum Item {
-    Frame(FrameMessage),
-    Goodbye(Goodbye),
-}
-
-#[derive(Debug)]
 pub(crate) struct FrameTx {
-    queue: mpsc::Sender<Item>,
-    staged: VecDeque<Item>,
+    queue: mpsc::Sender<Message>,
+    staged: VecDeque<Message>,
 }
 
 impl FrameTx {
-    pub(crate) fn stage(&mut self, message: FrameMessage, shared: &Shared) {
+    pub(crate) fn stage(&mut self, message: Message, shared: &Shared) {
         let (kind, bytes) = weight(&message);
         shared.counters.sent.count(kind, bytes);
-        self.staged.push_back(Item::Frame(message));
+        self.staged.push_back(message);
     }
 
     pub(crate) async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
         while !self.staged.is_empty() {
             let room = patience.wait(None, self.queue.reserve()).await.map_err(|_| LaneSendError::Stalled)?;
             let room = room.map_err(|_| LaneSendError::Lost(Loss::Closed))?;
-            if let Some(item) = self.staged.pop_front() {
-                room.send(item);
+            if let Some(message) = self.staged.pop_front() {
+                room.send(message);
             }
         }
         Ok(())
-    }
-
-    pub(crate) async fn goodbye(
-        &mut self,
-        reason: Goodbye,
-        shared: &Shared,
-        patience: &mut Patience,
-    ) -> Result<(), LaneSendError> {
-        shared.counters.sent.count(Kind::Goodbye, 0);
-        self.staged.push_back(Item::Goodbye(reason));
-        self.send_staged(patience).await
     }
 }
 
 #[derive(Debug)]
 pub(crate) struct FrameRx {
-    items: mpsc::Receiver<Item>,
+    messages: mpsc::Receiver<Message>,
     farewell: Option<Goodbye>,
 }
 
@@ -273,18 +258,17 @@ impl FrameRx {
         if let Some(reason) = &self.farewell {
             return Err(LaneError::Goodbye(reason.clone()));
         }
-        match patience.wait(by, self.items.recv()).await.map_err(LaneError::Expired)? {
-            Some(Item::Frame(message)) => {
-                let (kind, bytes) = weight(&message);
-                shared.counters.received.count(kind, bytes);
-                Ok(message)
-            }
-            Some(Item::Goodbye(reason)) => {
-                shared.counters.received.count(Kind::Goodbye, 0);
+        let message = patience.wait(by, self.messages.recv()).await.map_err(LaneError::Expired)?;
+        let message = message.ok_or(LaneError::Lost(Loss::Closed))?;
+        let (kind, bytes) = weight(&message);
+        shared.counters.received.count(kind, bytes);
+        match message {
+            Message::Frame(message) => Ok(message),
+            Message::Goodbye(reason) => {
                 self.farewell = Some(reason.clone());
                 Err(LaneError::Goodbye(reason))
             }
-            None => Err(LaneError::Lost(Loss::Closed)),
+            _ => Err(misplaced(kind, Lane::Frames)),
         }
     }
 }

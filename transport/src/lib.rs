@@ -13,6 +13,7 @@ mod error;
 mod frames;
 mod handshake;
 pub mod inproc;
+pub mod keys;
 mod latest;
 mod link;
 mod listen;

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::keys::Security;
 use crate::quic::QuicOptions;
 use crate::{LinkConfig, TcpOptions, UnixOptions};
 
@@ -14,6 +15,8 @@ pub struct Options {
     pub handshake: Duration,
     /// What others may make this side spend.
     pub limits: Limits,
+    /// This peer's keys and the peers that it knows. What encrypts needs them: QUIC has no plaintext mode. Default none.
+    pub security: Option<Security>,
     /// What holds for TCP connections.
     pub tcp: TcpOptions,
     /// What holds for Unix sockets.
@@ -37,6 +40,7 @@ impl Default for Options {
             link: LinkConfig::default(),
             handshake: Duration::from_secs(5),
             limits: Limits::default(),
+            security: None,
             tcp: TcpOptions::default(),
             unix: UnixOptions::default(),
             quic: QuicOptions::default(),

@@ -9,7 +9,8 @@ use std::time::Duration;
 use common::conformance::Pairs;
 use common::{SCENE, camera, identity, ids, net, receive, soon, start};
 use trimaran_proto::{Identity, Refusal, Role, SceneHash};
-use trimaran_transport::quic::{Congestion, Keys, QuicOptions, Security};
+use trimaran_transport::keys::{Keys, Security};
+use trimaran_transport::quic::{Congestion, QuicOptions};
 use trimaran_transport::{
     AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Link, LinkConfig, Listener,
     Net, Options, PeerAddress, connect, until,
@@ -30,10 +31,11 @@ conformance!(Quic);
 
 /// Options of two peers that know each other.
 fn acquainted(options: &Options) -> (Options, Options) {
-    let (a, b) = (Keys::ephemeral().unwrap(), Keys::ephemeral().unwrap());
+    let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
+    let (a, b) = (keys("a"), keys("b"));
     let with = |keys: &Keys, peer: &Keys| {
-        let security = Some(Security { keys: keys.clone(), peers: vec![peer.fingerprint()] });
-        Options { quic: QuicOptions { security, ..options.quic.clone() }, ..options.clone() }
+        let security = Some(Security { keys: keys.clone(), peers: vec![peer.public().clone()] });
+        Options { security, ..options.clone() }
     };
     (with(&a, &b), with(&b, &a))
 }
@@ -106,17 +108,13 @@ async fn every_congestion_control_carries_a_large_frame() {
 async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints() {
     let (ours, theirs) = acquainted(&Options::default());
     let (_, stranger) = acquainted(&Options::default());
-    let of = |options: &Options| options.quic.security.clone().unwrap();
-    let print = |options: &Options| of(options).keys.fingerprint();
+    let of = |options: &Options| options.security.clone().unwrap();
+    let public = |options: &Options| of(options).keys.public().clone();
+    let print = |options: &Options| public(options).quic;
 
     // The listener knows the peer, the peer another listener.
-    let confused = Options {
-        quic: QuicOptions {
-            security: Some(Security { peers: vec![print(&stranger)], ..of(&theirs) }),
-            ..QuicOptions::default()
-        },
-        ..Options::default()
-    };
+    let security = Some(Security { peers: vec![public(&stranger)], ..of(&theirs) });
+    let confused = Options { security, ..Options::default() };
     let (error, _) = failures(&ours, &confused, identity(Role::Display)).await;
     let HandshakeError::UnknownPeer(unknown) = handshake(error) else { panic!("the wrong listener") };
     assert_eq!((&unknown.expected[..], unknown.presented), (&[print(&stranger)][..], print(&ours)));
@@ -124,13 +122,8 @@ async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints
     assert!(message.contains(&print(&stranger).to_string()) && message.contains(&print(&ours).to_string()));
 
     // The peer knows the listener, the listener another peer.
-    let intruder = Options {
-        quic: QuicOptions {
-            security: Some(Security { peers: vec![print(&ours)], ..of(&stranger) }),
-            ..QuicOptions::default()
-        },
-        ..Options::default()
-    };
+    let security = Some(Security { peers: vec![public(&ours)], ..of(&stranger) });
+    let intruder = Options { security, ..Options::default() };
     let (error, known) = failures(&ours, &intruder, identity(Role::Display)).await;
     let HandshakeError::NotKnown { presented } = handshake(error) else { panic!("an intruder") };
     assert_eq!(presented, print(&stranger));

@@ -8,32 +8,26 @@ use quinn::crypto::rustls::QuicClientConfig;
 use quinn::{ClientConfig, Endpoint, EndpointConfig, ServerConfig};
 use trimaran_proto::{Lane, Message};
 
+use super::QuicOptions;
 use super::control::{Control, check_datagrams, explain};
 use super::runtime::{NetRuntime, NetSocket};
 use super::tls::{self, Doorman};
-use super::{QuicOptions, Security};
-use crate::connect::{AttemptError, Introduction};
-use crate::handshake::HandshakeError;
+use crate::connect::{AttemptError, Introduction, each_address};
+use crate::handshake::{HandshakeError, Parley};
+use crate::keys::Security;
 use crate::net::Net;
 use crate::{HostPort, Link};
 
 /// TLS wants a name; peers know each other by fingerprint.
 const SERVER_NAME: &str = "trimaran";
 
-/// Tries each address of the host once.
+/// Tries once.
 pub(crate) async fn attempt(
     net: &Arc<dyn Net>,
     at: &HostPort,
     introduction: &Introduction<'_>,
 ) -> Result<Link, AttemptError> {
-    let mut last = AttemptError::NoAddress;
-    for to in net.resolve(&at.to_string()).await.map_err(AttemptError::Resolve)? {
-        match introduce(net, to, introduction).await {
-            Err(e @ AttemptError::Connect { .. }) => last = e,
-            done => return done,
-        }
-    }
-    Err(last)
+    each_address(net, at, async |to| introduce(net, to, introduction).await).await
 }
 
 async fn introduce(
@@ -44,7 +38,7 @@ async fn introduce(
     let Introduction { identity, session, options } = *introduction;
     let failed = |cause| AttemptError::Handshake { address: to.to_string(), cause };
     let refused = |cause| AttemptError::Connect { address: to.to_string(), cause };
-    let security = options.quic.security.as_ref().ok_or(HandshakeError::NoKeys).map_err(failed)?;
+    let security = options.security.as_ref().ok_or(HandshakeError::NoKeys).map_err(failed)?;
     let Security { keys, peers } = security;
     let doorman = Doorman::new(peers);
     let crypto = tls::client(keys, &doorman).map_err(|e| failed(e.into()))?;
@@ -58,7 +52,7 @@ async fn introduce(
     let (endpoint, _) = endpoint(net, here, &options.quic, None).map_err(refused)?;
     let connecting =
         endpoint.connect_with(config, to, SERVER_NAME).map_err(|e| refused(io::Error::other(e)))?;
-    let explained = |e| failed(explain(e, &doorman, keys.fingerprint()));
+    let explained = |e| failed(explain(e, &doorman, keys.public().quic));
     let connection = connecting.await.map_err(explained)?;
     let shake = async {
         check_datagrams(&connection)?;

@@ -6,19 +6,18 @@ use std::sync::Arc;
 
 use bytes::BytesMut;
 use quinn::{Connection, ConnectionError, RecvStream, SendStream, TransportErrorCode, VarInt, WriteError};
-use trimaran_proto::{
-    DecodeFault, Decoder, HEADER_BYTES, Hello, Identity, Message, NumberedCamera, Refusal, SessionId,
-};
+use trimaran_proto::{Decoder, HEADER_BYTES, Identity, Message, NumberedCamera, Refusal, SessionId};
 
+use super::CAPABILITIES;
 use super::carrier::Carrier;
 use super::frames::{FrameRx, FrameTx, poll_fill};
 use super::latest::{LatestRx, LatestTx};
 use super::tls::Doorman;
-use super::{CAPABILITIES, Fingerprint};
 use crate::Link;
 use crate::error::{LaneError, Loss};
 use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx};
-use crate::handshake::HandshakeError;
+use crate::handshake::{HandshakeError, Parley};
+use crate::keys::Fingerprint;
 use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
 use crate::link::{LinkConfig, Parts, PeerAddress, PeerInfo, Shared};
 use crate::net::Net;
@@ -57,55 +56,6 @@ impl Control {
         })
     }
 
-    async fn recv(&mut self) -> Result<Message, HandshakeError> {
-        loop {
-            let before = self.decoder.position();
-            if let Some(message) = self.decoder.next_message()? {
-                let bytes = (self.decoder.position() - before) as usize;
-                self.counters.received.count(message.kind(), bytes.saturating_sub(HEADER_BYTES));
-                return Ok(message);
-            }
-            if poll_fn(|cx| poll_fill(&mut self.recv, &mut self.decoder, cx)).await? == 0 {
-                return Err(LaneError::Lost(Loss::Closed).into());
-            }
-        }
-    }
-
-    /// Reads the hello of whoever connected; refuses one of another version here, because no more of it can be read.
-    pub(super) async fn recv_hello(&mut self) -> Result<Hello, HandshakeError> {
-        match self.recv().await {
-            Ok(Message::Hello(hello)) => Ok(hello),
-            Ok(other) => Err(HandshakeError::Unexpected { kind: other.kind() }),
-            Err(HandshakeError::Decode(e)) => {
-                if let DecodeFault::Version { ours, theirs } = e.fault {
-                    let refusal = Refusal::Version { listener: ours, connector: theirs };
-                    self.refuse(refusal).await?;
-                    return Err(HandshakeError::Refused(refusal));
-                }
-                Err(HandshakeError::Decode(e))
-            }
-            Err(e) => Err(e),
-        }
-    }
-
-    /// Reads the answer to a hello.
-    pub(super) async fn recv_answer(&mut self) -> Result<Identity, HandshakeError> {
-        match self.recv().await? {
-            Message::Accept(accept) => Ok(accept.identity),
-            Message::Refuse(refusal) => Err(HandshakeError::Refused(refusal)),
-            other => Err(HandshakeError::Unexpected { kind: other.kind() }),
-        }
-    }
-
-    /// Says no, and waits until that has arrived.
-    pub(super) async fn refuse(&mut self, refusal: Refusal) -> Result<(), HandshakeError> {
-        self.send(&Message::Refuse(refusal)).await?;
-        // Fails only for a stream that is closed.
-        let _ = self.send.finish();
-        let _gone = self.send.stopped().await;
-        Ok(())
-    }
-
     pub(super) fn into_link(
         self,
         net: &Arc<dyn Net>,
@@ -133,6 +83,31 @@ impl Control {
             shared,
         }
         .into_link(net, config)
+    }
+}
+
+impl Parley for Control {
+    async fn recv(&mut self) -> Result<Message, HandshakeError> {
+        loop {
+            let before = self.decoder.position();
+            if let Some(message) = self.decoder.next_message()? {
+                let bytes = (self.decoder.position() - before) as usize;
+                self.counters.received.count(message.kind(), bytes.saturating_sub(HEADER_BYTES));
+                return Ok(message);
+            }
+            if poll_fn(|cx| poll_fill(&mut self.recv, &mut self.decoder, cx)).await? == 0 {
+                return Err(LaneError::Lost(Loss::Closed).into());
+            }
+        }
+    }
+
+    /// Says no, and waits until that has arrived.
+    async fn refuse(&mut self, refusal: Refusal) -> Result<(), HandshakeError> {
+        self.send(&Message::Refuse(refusal)).await?;
+        // Fails only for a stream that is closed.
+        let _ = self.send.finish();
+        let _gone = self.send.stopped().await;
+        Ok(())
     }
 }
 

@@ -14,7 +14,7 @@ use tokio::io::ReadBuf;
 use trimaran_proto::{Decoder, FrameMessage, Goodbye, HEADER_BYTES, Kind, Lane, Message};
 
 use super::carrier::{Carrier, all_arrived, loss, read_loss, write_loss};
-use crate::error::{LaneError, LaneSendError, Loss, ProtocolError};
+use crate::error::{LaneError, LaneSendError, Loss, ProtocolError, misplaced};
 use crate::link::Shared;
 use crate::net::Instant;
 use crate::patience::Patience;
@@ -109,14 +109,8 @@ impl FrameTx {
         Ok(())
     }
 
-    pub(crate) async fn goodbye(
-        &mut self,
-        reason: Goodbye,
-        shared: &Shared,
-        patience: &mut Patience,
-    ) -> Result<(), LaneSendError> {
-        self.stage(&Message::Goodbye(reason), shared);
-        self.send_staged(patience).await?;
+    /// Waits until everything has arrived.
+    pub(crate) async fn close(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
         patience.wait(None, all_arrived(&self.flying)).await.map_err(|_| LaneSendError::Stalled)
     }
 
@@ -180,10 +174,7 @@ impl FrameRx {
                         self.farewell = Some(reason.clone());
                         return Err(LaneError::Goodbye(reason));
                     }
-                    other => {
-                        let cause = ProtocolError::Misplaced { kind: other.kind(), lane: Lane::Frames };
-                        return Err(LaneError::Protocol(cause));
-                    }
+                    other => return Err(misplaced(other.kind(), Lane::Frames)),
                 }
             }
             match &mut self.stream {

@@ -18,7 +18,7 @@ use trimaran_proto::{
 use super::carrier::{Carrier, all_arrived, loss, write_loss};
 use super::frames::{noop, poll_fill};
 use crate::desk::lock;
-use crate::error::{LaneError, LaneSendError, Loss, ProtocolError};
+use crate::error::{LaneError, LaneSendError, Loss, ProtocolError, misplaced};
 use crate::link::Shared;
 use crate::net::Instant;
 use crate::patience::Patience;
@@ -300,8 +300,7 @@ impl LatestRx {
                     return Poll::Ready(LaneError::Goodbye(reason));
                 }
                 Ok(Some(other)) => {
-                    let cause = ProtocolError::Misplaced { kind: other.kind(), lane: Lane::Latest };
-                    return Poll::Ready(LaneError::Protocol(cause));
+                    return Poll::Ready(misplaced(other.kind(), Lane::Latest));
                 }
                 Ok(None) => match poll_fill(&mut self.control, &mut self.decoder, cx) {
                     Poll::Ready(Ok(0)) => return Poll::Ready(LaneError::Lost(Loss::Closed)),

@@ -9,12 +9,12 @@ use quinn::{Endpoint, Incoming, ServerConfig};
 use tokio::sync::OwnedSemaphorePermit;
 use trimaran_proto::{Accept, Hello, Lane, Message, Refusal};
 
-use super::Security;
 use super::connect::endpoint;
 use super::control::{Control, check_datagrams, explain};
 use super::tls::{self, Doorman};
 use crate::desk::Desk;
-use crate::handshake::HandshakeError;
+use crate::handshake::{HandshakeError, Parley};
+use crate::keys::Security;
 use crate::net::until;
 
 /// How many bytes an attempt may have waiting before it is looked at.
@@ -23,7 +23,7 @@ const WAITING: u64 = 16 * 1024;
 /// Listens, and receives peers until nobody accepts them any more. Says where.
 pub(crate) fn listen(at: SocketAddr, desk: &Arc<Desk>) -> io::Result<SocketAddr> {
     let options = &desk.options;
-    let security = options.quic.security.clone().ok_or_else(|| io::Error::other(HandshakeError::NoKeys))?;
+    let security = options.security.clone().ok_or_else(|| io::Error::other(HandshakeError::NoKeys))?;
     let (config, _) = server(desk, &security).map_err(io::Error::other)?;
     let (endpoint, address) = endpoint(&desk.net, at, &options.quic, Some(config))?;
     desk.net.spawn(Box::pin(serve(Arc::clone(desk), security, endpoint)));
@@ -95,7 +95,7 @@ impl Guest {
     async fn shake_hands(&self, incoming: Incoming, security: &Security) -> Result<(), HandshakeError> {
         let desk = &self.desk;
         let (config, doorman) = server(desk, security)?;
-        let explained = |e| explain(e, &doorman, security.keys.fingerprint());
+        let explained = |e| explain(e, &doorman, security.keys.public().quic);
         let connection =
             incoming.accept_with(Arc::new(config)).map_err(explained)?.await.map_err(explained)?;
         check_datagrams(&connection)?;

@@ -6,9 +6,7 @@
 mod carrier;
 mod connect;
 mod control;
-mod fingerprint;
 mod frames;
-mod keys;
 mod latest;
 mod listen;
 mod options;
@@ -16,12 +14,10 @@ mod runtime;
 mod tls;
 
 pub(crate) use connect::attempt;
-pub use fingerprint::{Fingerprint, FingerprintError};
 pub(crate) use frames::{FrameRx, FrameTx};
-pub use keys::{Keys, KeysError};
 pub(crate) use latest::{LatestRx, LatestTx};
 pub(crate) use listen::listen;
-pub use options::{Congestion, QuicOptions, Security};
+pub use options::{Congestion, QuicOptions};
 pub use tls::UnknownPeer;
 
 use crate::link::Capabilities;

@@ -7,7 +7,6 @@ use quinn::congestion::{BbrConfig, CubicConfig, NewRenoConfig};
 use quinn::{IdleTimeout, MtuDiscoveryConfig, TransportConfig, VarInt};
 use trimaran_proto::NumberedCamera;
 
-use super::{Fingerprint, Keys};
 use crate::UdpSocketOptions;
 
 /// Room for the one camera that waits to be sent: the next one takes its place. quinn counts 32 bytes of its own a datagram.
@@ -16,10 +15,8 @@ const DATAGRAM_ROOM: usize = NumberedCamera::SIZE + size_of::<bytes::Bytes>();
 const CAMERAS: usize = 16;
 
 /// Options of QUIC connections.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QuicOptions {
-    /// This peer's keys and the peers that it knows. Without them there is no QUIC: it has no plaintext mode. Default none.
-    pub security: Option<Security>,
     /// How the connection shares the way with others. Default cubic.
     pub congestion: Congestion,
     /// The pause after which an idle connection shows a sign of life. Default 5 s.
@@ -41,15 +38,6 @@ pub struct QuicOptions {
     pub socket: UdpSocketOptions,
 }
 
-/// Who this peer is and whom it knows.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Security {
-    /// This peer's own keys.
-    pub keys: Keys,
-    /// The fingerprints of the peers that it talks to.
-    pub peers: Vec<Fingerprint>,
-}
-
 /// Which congestion control a connection has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
@@ -66,7 +54,6 @@ pub enum Congestion {
 impl Default for QuicOptions {
     fn default() -> Self {
         Self {
-            security: None,
             congestion: Congestion::default(),
             keepalive: Duration::from_secs(5),
             idle: Duration::from_secs(20),

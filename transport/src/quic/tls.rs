@@ -15,7 +15,7 @@ use rustls::{
 };
 use thiserror::Error;
 
-use super::{Fingerprint, Keys};
+use crate::keys::{Fingerprint, Keys, PublicKeys};
 
 /// The protocol's name in the TLS handshake (ALPN, RFC 7301); its number is the version of the wire.
 pub(crate) const ALPN: &[u8] = b"trimaran/1";
@@ -53,9 +53,13 @@ pub(crate) struct Doorman {
 }
 
 impl Doorman {
-    pub(crate) fn new(expected: &[Fingerprint]) -> Arc<Self> {
+    pub(crate) fn new(peers: &[PublicKeys]) -> Arc<Self> {
         let algorithms = ring::default_provider().signature_verification_algorithms;
-        Arc::new(Self { expected: expected.to_vec(), algorithms, turned_away: Mutex::default() })
+        Arc::new(Self {
+            expected: peers.iter().map(|peer| peer.quic).collect(),
+            algorithms,
+            turned_away: Mutex::default(),
+        })
     }
 
     /// Whom it turned away.
@@ -74,6 +78,33 @@ impl Doorman {
     }
 }
 
+/// What both kinds of verifier do with a proof: TLS 1.3 signatures only, checked by the provider.
+macro_rules! proofs {
+    () => {
+        fn verify_tls12_signature(
+            &self,
+            _message: &[u8],
+            _certificate: &CertificateDer<'_>,
+            _signature: &DigitallySignedStruct,
+        ) -> Result<HandshakeSignatureValid, Error> {
+            Err(PeerIncompatible::Tls13RequiredForQuic.into())
+        }
+
+        fn verify_tls13_signature(
+            &self,
+            message: &[u8],
+            certificate: &CertificateDer<'_>,
+            signature: &DigitallySignedStruct,
+        ) -> Result<HandshakeSignatureValid, Error> {
+            verify_tls13_signature(message, certificate, signature, &self.algorithms)
+        }
+
+        fn supported_verify_schemes(&self) -> Vec<SignatureScheme> {
+            self.algorithms.supported_schemes()
+        }
+    };
+}
+
 impl ServerCertVerifier for Doorman {
     fn verify_server_cert(
         &self,
@@ -86,27 +117,7 @@ impl ServerCertVerifier for Doorman {
         self.check(end_entity).map(|()| ServerCertVerified::assertion())
     }
 
-    fn verify_tls12_signature(
-        &self,
-        _message: &[u8],
-        _certificate: &CertificateDer<'_>,
-        _signature: &DigitallySignedStruct,
-    ) -> Result<HandshakeSignatureValid, Error> {
-        Err(PeerIncompatible::Tls13RequiredForQuic.into())
-    }
-
-    fn verify_tls13_signature(
-        &self,
-        message: &[u8],
-        certificate: &CertificateDer<'_>,
-        signature: &DigitallySignedStruct,
-    ) -> Result<HandshakeSignatureValid, Error> {
-        verify_tls13_signature(message, certificate, signature, &self.algorithms)
-    }
-
-    fn supported_verify_schemes(&self) -> Vec<SignatureScheme> {
-        self.algorithms.supported_schemes()
-    }
+    proofs!();
 }
 
 impl ClientCertVerifier for Doorman {
@@ -123,27 +134,7 @@ impl ClientCertVerifier for Doorman {
         self.check(end_entity).map(|()| ClientCertVerified::assertion())
     }
 
-    fn verify_tls12_signature(
-        &self,
-        _message: &[u8],
-        _certificate: &CertificateDer<'_>,
-        _signature: &DigitallySignedStruct,
-    ) -> Result<HandshakeSignatureValid, Error> {
-        Err(PeerIncompatible::Tls13RequiredForQuic.into())
-    }
-
-    fn verify_tls13_signature(
-        &self,
-        message: &[u8],
-        certificate: &CertificateDer<'_>,
-        signature: &DigitallySignedStruct,
-    ) -> Result<HandshakeSignatureValid, Error> {
-        verify_tls13_signature(message, certificate, signature, &self.algorithms)
-    }
-
-    fn supported_verify_schemes(&self) -> Vec<SignatureScheme> {
-        self.algorithms.supported_schemes()
-    }
+    proofs!();
 }
 
 fn provider() -> Arc<CryptoProvider> {

@@ -10,7 +10,7 @@ use trimaran_proto::{Accept, Hello, Lane, Message, Refusal, SessionId};
 
 use super::handshake::{Connection, Lanes};
 use crate::desk::{Desk, Place, lock};
-use crate::handshake::HandshakeError;
+use crate::handshake::{HandshakeError, Parley};
 use crate::link::Capabilities;
 use crate::net::{Instant, Listen, Stream, sleep_until, until};
 use crate::stats::Counters;

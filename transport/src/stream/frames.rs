@@ -4,8 +4,8 @@ use std::future::poll_fn;
 
 use trimaran_proto::{FrameMessage, Goodbye, Lane, Message};
 
-use super::source::{Sink, Source, misplaced};
-use crate::error::{LaneError, LaneSendError, Loss};
+use super::source::{Sink, Source};
+use crate::error::{LaneError, LaneSendError, Loss, misplaced};
 use crate::link::Shared;
 use crate::net::Instant;
 use crate::patience::Patience;
@@ -39,14 +39,8 @@ impl FrameTx {
         Ok(())
     }
 
-    pub(crate) async fn goodbye(
-        &mut self,
-        reason: Goodbye,
-        shared: &Shared,
-        patience: &mut Patience,
-    ) -> Result<(), LaneSendError> {
-        self.stage(&Message::Goodbye(reason), shared);
-        self.send_staged(patience).await?;
+    /// Tells the peer that nothing more comes.
+    pub(crate) async fn close(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
         patience
             .wait(None, poll_fn(|cx| self.sink.poll_shutdown(cx)))
             .await

@@ -3,12 +3,12 @@
 use std::future::poll_fn;
 use std::sync::Arc;
 
-use trimaran_proto::{DecodeFault, Hello, Identity, Message, Refusal, SessionId};
+use trimaran_proto::{Identity, Message, Refusal, SessionId};
 
 use super::{FrameRx, FrameTx, LatestRx, LatestTx, Sink, Source};
 use crate::desk::Place;
 use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx};
-use crate::handshake::HandshakeError;
+use crate::handshake::{HandshakeError, Parley};
 use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
 use crate::link::{Capabilities, Link, LinkConfig, Parts, PeerAddress, PeerInfo, Shared};
 use crate::net::{Net, Stream};
@@ -40,7 +40,9 @@ impl Connection {
         self.sink.stage(message, &self.counters.sent);
         poll_fn(|cx| self.sink.poll_drain(cx)).await.map_err(HandshakeError::Io)
     }
+}
 
+impl Parley for Connection {
     async fn recv(&mut self) -> Result<Message, HandshakeError> {
         loop {
             if let Some(message) = self.source.next_buffered(&self.counters.received)? {
@@ -50,34 +52,7 @@ impl Connection {
         }
     }
 
-    /// Reads the hello of whoever connected. A peer of another version is refused here: no more of it can be read.
-    pub(super) async fn recv_hello(&mut self) -> Result<Hello, HandshakeError> {
-        match self.recv().await {
-            Ok(Message::Hello(hello)) => Ok(hello),
-            Ok(other) => Err(HandshakeError::Unexpected { kind: other.kind() }),
-            Err(HandshakeError::Decode(e)) => {
-                if let DecodeFault::Version { ours, theirs } = e.fault {
-                    let refusal = Refusal::Version { listener: ours, connector: theirs };
-                    self.refuse(refusal).await?;
-                    return Err(HandshakeError::Refused(refusal));
-                }
-                Err(HandshakeError::Decode(e))
-            }
-            Err(e) => Err(e),
-        }
-    }
-
-    /// Reads the answer to a hello.
-    pub(super) async fn recv_answer(&mut self) -> Result<Identity, HandshakeError> {
-        match self.recv().await? {
-            Message::Accept(accept) => Ok(accept.identity),
-            Message::Refuse(refusal) => Err(HandshakeError::Refused(refusal)),
-            other => Err(HandshakeError::Unexpected { kind: other.kind() }),
-        }
-    }
-
-    /// Says no, and that nothing more comes.
-    pub(super) async fn refuse(&mut self, refusal: Refusal) -> Result<(), HandshakeError> {
+    async fn refuse(&mut self, refusal: Refusal) -> Result<(), HandshakeError> {
         self.send(&Message::Refuse(refusal)).await?;
         poll_fn(|cx| self.sink.poll_shutdown(cx)).await.map_err(HandshakeError::Io)
     }

@@ -9,7 +9,7 @@ use trimaran_proto::{Lane, Message};
 use super::handshake::{Connection, Lanes};
 use crate::Link;
 use crate::connect::{AttemptError, Introduction};
-use crate::handshake::HandshakeError;
+use crate::handshake::{HandshakeError, Parley};
 use crate::link::Capabilities;
 use crate::net::{Net, Stream};
 use crate::stats::Counters;

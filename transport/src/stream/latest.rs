@@ -8,8 +8,8 @@ use std::task::{Context, Poll, Waker, ready};
 use tokio::sync::Notify;
 use trimaran_proto::{Camera, Goodbye, Lane, Message};
 
-use super::source::{Sink, Source, misplaced};
-use crate::error::{LaneError, LaneSendError, Loss};
+use super::source::{Sink, Source};
+use crate::error::{LaneError, LaneSendError, Loss, misplaced};
 use crate::link::Shared;
 use crate::net::{Instant, Net};
 use crate::patience::Patience;

@@ -7,7 +7,7 @@ use std::task::{Context, Poll, ready};
 
 use bytes::{Buf, BytesMut};
 use tokio::io::{AsyncReadExt, AsyncWrite};
-use trimaran_proto::{Decoder, HEADER_BYTES, Kind, Message};
+use trimaran_proto::{Decoder, HEADER_BYTES, Message};
 
 use crate::error::{LaneError, Loss, ProtocolError};
 use crate::net::{BoxReader, BoxWriter};
@@ -121,9 +121,4 @@ impl Sink {
     pub(crate) fn poll_shutdown(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
         Pin::new(&mut self.writer).poll_shutdown(cx)
     }
-}
-
-/// A message on a lane where it does not belong.
-pub(super) fn misplaced(kind: Kind, lane: trimaran_proto::Lane) -> LaneError {
-    LaneError::Protocol(ProtocolError::Misplaced { kind, lane })
 }

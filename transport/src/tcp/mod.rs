@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 pub use options::{Keepalive, TcpOptions};
 
-use crate::connect::{AttemptError, Introduction};
+use crate::connect::{AttemptError, Introduction, each_address};
 use crate::desk::Desk;
 use crate::link::Capabilities;
 use crate::net::Net;
@@ -18,21 +18,17 @@ use crate::{HostPort, Link};
 pub(crate) const CAPABILITIES: Capabilities =
     Capabilities { reliable: true, ordered: true, max_frame: u32::MAX, encrypted: false, local: false };
 
-/// Tries each address of the host once.
+/// Tries once.
 pub(crate) async fn attempt(
     net: &Arc<dyn Net>,
     at: &HostPort,
     introduction: &Introduction<'_>,
 ) -> Result<Link, AttemptError> {
-    let mut last = AttemptError::NoAddress;
-    for to in net.resolve(&at.to_string()).await.map_err(AttemptError::Resolve)? {
+    each_address(net, at, async |to| {
         let open = async || net.connect_tcp(to, introduction.options.tcp).await;
-        match introduce(net, &to, open, introduction, CAPABILITIES).await {
-            Err(e @ AttemptError::Connect { .. }) => last = e,
-            done => return done,
-        }
-    }
-    Err(last)
+        introduce(net, &to, open, introduction, CAPABILITIES).await
+    })
+    .await
 }
 
 /// Listens, and receives peers until nobody accepts them any more. Says where.

@@ -1,0 +1,42 @@
+//! `trimaran keys`: what machines know each other by where a transport encrypts.
+
+use std::path::Path;
+
+use trimaran_transport::{
+    Name,
+    keys::{Keys, KeysError, PublicKeys},
+};
+
+use super::{Failure, args::KeysCommand};
+
+pub(super) fn run(command: &KeysCommand) -> Result<(), Failure> {
+    match command {
+        KeysCommand::New { name, out } => new(name, out),
+        KeysCommand::Show { file } => show(file),
+    }
+}
+
+fn new(name: &Name, folder: &Path) -> Result<(), Failure> {
+    let keys = Keys::generate(name.clone()).map_err(Failure::broken)?;
+    let files = keys.save(folder).map_err(Failure::bad_input)?;
+    println!("{}  private: stays on this machine, readable by its owner only", files.private.display());
+    println!("{}  public: copy it to the machines that {name} talks to", files.public.display());
+    print(keys.public());
+    Ok(())
+}
+
+fn show(file: &Path) -> Result<(), Failure> {
+    let (kind, public) = match Keys::read(file) {
+        Ok(keys) => ("private", keys.public().clone()),
+        Err(KeysError::Public { .. }) => ("public", PublicKeys::read(file).map_err(Failure::bad_input)?),
+        Err(e) => return Err(Failure::bad_input(e)),
+    };
+    println!("{} ({kind})", public.name);
+    print(&public);
+    Ok(())
+}
+
+fn print(keys: &PublicKeys) {
+    println!("  quic  {}", keys.quic);
+    println!("  udp   {}", keys.udp);
+}

@@ -1,0 +1,347 @@
+//! Keys in files: TOML, a private one that only its owner may read, and a public one.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::{NoiseSecret, PublicKeys};
+use crate::Name;
+
+const PRIVATE_REMARK: &str =
+    "# Private keys of a Trimaran peer. Whoever has this file is that peer: it stays on its machine.\n\n";
+const PUBLIC_REMARK: &str =
+    "# Public keys of a Trimaran peer. Copy this file to the peers that are to know it.\n\n";
+
+/// Where a pair of files lies.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct KeyFiles {
+    /// `NAME.key`: for this machine only.
+    pub private: PathBuf,
+    /// `NAME.pub`: for the peers.
+    pub public: PathBuf,
+}
+
+/// Why there are no keys.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum KeysError {
+    /// The system has no randomness to give.
+    #[error("the system gives no randomness for keys")]
+    Random(#[source] io::Error),
+    /// They could not be made.
+    #[error("no keys could be made")]
+    Make(#[from] rcgen::Error),
+    /// A file could not be written.
+    #[error("cannot write {}", .path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        #[source]
+        cause: io::Error,
+    },
+    /// There are keys already.
+    #[error("{} is there already: keys are not overwritten; choose another name or folder, or remove it", .path.display())]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A file could not be read.
+    #[error("cannot read the keys {}", .path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        #[source]
+        cause: io::Error,
+    },
+    /// A file is no key file. What it holds is not repeated: it may be a secret.
+    #[error("{}, line {line}: {why}; make keys with `trimaran keys new NAME`", .path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// A public file came where a private one is needed.
+    #[error("{} is public: a peer's own keys are in its private file, NAME.key", .path.display())]
+    Public {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A private file came where a public one is needed.
+    #[error("{} is private, and should not have left its machine: peers are known by their public file, NAME.pub", .path.display())]
+    Private {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Others may read the private file.
+    #[error("others may read {0} (mode {mode:03o}): run chmod 600 {0}", .path.display())]
+    Exposed {
+        /// The file.
+        path: PathBuf,
+        /// Its mode.
+        mode: u32,
+    },
+    /// The keys in a private file cannot be used.
+    #[error("the keys in {} cannot be used", .path.display())]
+    Unusable {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        cause: Box<Self>,
+    },
+    /// The key is of no kind that can sign, or not the one of the certificate.
+    #[error("the key and the certificate do not go together")]
+    Mismatch(#[from] rustls::Error),
+}
+
+/// What a private file holds.
+#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PrivateFile {
+    pub(super) name: Name,
+    /// X.509, self-signed.
+    pub(super) quic_certificate: Der,
+    /// PKCS #8.
+    pub(super) quic_key: Der,
+    pub(super) udp_key: NoiseSecret,
+}
+
+/// Bytes that travel as base64.
+#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub(super) struct Der(Vec<u8>);
+
+impl From<Vec<u8>> for Der {
+    fn from(bytes: Vec<u8>) -> Self {
+        Self(bytes)
+    }
+}
+
+impl AsRef<[u8]> for Der {
+    fn as_ref(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+impl TryFrom<String> for Der {
+    type Error = &'static str;
+
+    fn try_from(text: String) -> Result<Self, &'static str> {
+        STANDARD.decode(text).map(Self).map_err(|_| "this is not base64")
+    }
+}
+
+impl From<Der> for String {
+    fn from(der: Der) -> Self {
+        STANDARD.encode(der.0)
+    }
+}
+
+/// Writes both files, or none.
+pub(super) fn save(private: &PrivateFile, public: &PublicKeys, folder: &Path) -> Result<KeyFiles, KeysError> {
+    fs::create_dir_all(folder).map_err(|cause| KeysError::Write { path: folder.to_owned(), cause })?;
+    let at = |ending| folder.join(format!("{}.{ending}", public.name));
+    let files = KeyFiles { private: at("key"), public: at("pub") };
+    write_new(&files.private, PRIVATE_REMARK, private, 0o600)?;
+    write_new(&files.public, PUBLIC_REMARK, public, 0o644).inspect_err(|_| {
+        // Nobody has the other half: as if nothing had been made.
+        let _ = fs::remove_file(&files.private);
+    })?;
+    Ok(files)
+}
+
+/// Writes a file that must not be there, with its mode from the first moment on.
+fn write_new(path: &Path, remark: &str, content: &impl Serialize, mode: u32) -> Result<(), KeysError> {
+    let failed = |cause: io::Error| match cause.kind() {
+        io::ErrorKind::AlreadyExists => KeysError::Exists { path: path.to_owned() },
+        _ => KeysError::Write { path: path.to_owned(), cause },
+    };
+    let text = toml::to_string(content).map_err(|e| failed(io::Error::other(e)))?;
+    let mut options = OpenOptions::new();
+    options.write(true).create_new(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, mode);
+    #[cfg(not(unix))]
+    let _ = mode;
+    let mut file = options.open(path).map_err(failed)?;
+    let written = write!(file, "{remark}{text}").and_then(|()| file.sync_all());
+    written.map_err(|e| {
+        let _ = fs::remove_file(path);
+        failed(e)
+    })
+}
+
+/// Reads a private file that only its owner may read.
+pub(super) fn read_private(path: &Path) -> Result<PrivateFile, KeysError> {
+    let (text, mode) = read(path)?;
+    let parsed = toml::from_str(&text);
+    if parsed.is_err() && toml::from_str::<PublicKeys>(&text).is_ok() {
+        return Err(KeysError::Public { path: path.to_owned() });
+    }
+    if let Some(mode) = mode.filter(|mode| mode & 0o077 != 0) {
+        return Err(KeysError::Exposed { path: path.to_owned(), mode });
+    }
+    parsed.map_err(|e| malformed(path, &text, &e))
+}
+
+/// Reads a public file.
+pub(super) fn read_public(path: &Path) -> Result<PublicKeys, KeysError> {
+    let (text, _) = read(path)?;
+    toml::from_str(&text).map_err(|e| match toml::from_str::<PrivateFile>(&text) {
+        Ok(_) => KeysError::Private { path: path.to_owned() },
+        Err(_) => malformed(path, &text, &e),
+    })
+}
+
+/// The text of a file and its mode, where files have one; both of the same file, whatever becomes of its name meanwhile.
+fn read(path: &Path) -> Result<(String, Option<u32>), KeysError> {
+    let failed = |cause| KeysError::Read { path: path.to_owned(), cause };
+    let mut file = File::open(path).map_err(failed)?;
+    let mode = mode(&file).map_err(failed)?;
+    let mut text = String::new();
+    file.read_to_string(&mut text).map_err(failed)?;
+    Ok((text, mode))
+}
+
+#[cfg(unix)]
+fn mode(file: &File) -> io::Result<Option<u32>> {
+    use std::os::unix::fs::PermissionsExt;
+    Ok(Some(file.metadata()?.permissions().mode() & 0o777))
+}
+
+#[cfg(not(unix))]
+fn mode(_file: &File) -> io::Result<Option<u32>> {
+    Ok(None)
+}
+
+/// Where and why; the error's own text would repeat the line.
+fn malformed(path: &Path, text: &str, error: &toml::de::Error) -> KeysError {
+    let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
+    let line = before.matches('\n').count() + 1;
+    KeysError::Malformed { path: path.to_owned(), line, why: error.message().to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::keys::Keys;
+
+    fn keys(name: &str) -> Keys {
+        Keys::generate(name.parse().unwrap()).unwrap()
+    }
+
+    /// A folder with the files of a peer.
+    fn saved(name: &str) -> (tempfile::TempDir, Keys, KeyFiles) {
+        let folder = tempfile::tempdir().unwrap();
+        let keys = keys(name);
+        let files = keys.save(folder.path()).unwrap();
+        (folder, keys, files)
+    }
+
+    #[test]
+    fn what_was_saved_is_read_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let made = keys("one");
+        let files = made.save(&folder.path().join("deeper")).unwrap();
+        assert_eq!(files.private, folder.path().join("deeper/one.key"));
+        assert_eq!(files.public, folder.path().join("deeper/one.pub"));
+        assert_eq!(Keys::read(&files.private).unwrap(), made);
+        assert_eq!(PublicKeys::read(&files.public).unwrap(), *made.public());
+        assert_ne!(keys("one"), made, "every key is another");
+    }
+
+    #[test]
+    fn keys_are_not_overwritten() {
+        let (folder, made, files) = saved("one");
+        let again = keys("one").save(folder.path()).unwrap_err();
+        assert!(matches!(&again, KeysError::Exists { path } if *path == files.private), "{again}");
+        fs::remove_file(&files.private).unwrap();
+        let again = keys("one").save(folder.path()).unwrap_err();
+        assert!(matches!(&again, KeysError::Exists { path } if *path == files.public), "{again}");
+        assert!(!files.private.exists(), "half a pair was left behind");
+        assert_eq!(PublicKeys::read(&files.public).unwrap(), *made.public());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn the_private_file_is_for_its_owner_only() {
+        use std::os::unix::fs::PermissionsExt;
+        let (_folder, _, files) = saved("one");
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        assert_eq!(mode(&files.private), 0o600);
+        for open in [0o640, 0o604, 0o610] {
+            fs::set_permissions(&files.private, fs::Permissions::from_mode(open)).unwrap();
+            let error = Keys::read(&files.private).unwrap_err();
+            assert!(matches!(error, KeysError::Exposed { mode, .. } if mode == open), "{error}");
+            assert!(error.to_string().contains("chmod 600"), "{error}");
+        }
+        fs::set_permissions(&files.private, fs::Permissions::from_mode(0o400)).unwrap();
+        assert!(Keys::read(&files.private).is_ok());
+    }
+
+    #[test]
+    fn the_two_files_are_not_taken_for_each_other() {
+        let (_folder, _, files) = saved("one");
+        let error = Keys::read(&files.public).unwrap_err();
+        assert!(matches!(error, KeysError::Public { .. }), "{error}");
+        let error = PublicKeys::read(&files.private).unwrap_err();
+        assert!(matches!(error, KeysError::Private { .. }), "{error}");
+    }
+
+    #[test]
+    fn the_public_file_holds_no_secret() {
+        let (_folder, keys, files) = saved("one");
+        let public = fs::read_to_string(files.public).unwrap();
+        for secret in [String::from(keys.noise().clone()), String::from(keys.file.quic_key.clone())] {
+            assert!(fs::read_to_string(&files.private).unwrap().contains(&secret));
+            assert!(!public.contains(&secret), "{public}");
+        }
+        assert!(!format!("{keys:?}").contains(&String::from(keys.noise().clone())));
+    }
+
+    #[test]
+    fn a_malformed_file_is_named_with_its_line_but_not_repeated() {
+        let (_folder, keys, files) = saved("one");
+        let secret = String::from(keys.noise().clone());
+        let text = fs::read_to_string(&files.private).unwrap();
+        let line = text.lines().position(|line| line.starts_with("udp_key")).unwrap() + 1;
+        for bad in ["udp_key = \"0", "udp_key = ", "other = \"", "udp_key = [\""] {
+            fs::write(&files.private, text.replace("udp_key = \"", bad)).unwrap();
+            let error = Keys::read(&files.private).unwrap_err();
+            let KeysError::Malformed { line: said, .. } = &error else { panic!("{error}") };
+            assert_eq!(*said, line, "{bad}: {error}");
+            assert!(error.to_string().contains("one.key"), "{error}");
+            assert!(!format!("{error:?} {error}").contains(&secret[..32]), "{error} gives the secret away");
+        }
+        fs::write(&files.public, "name = \"one\"\nquic = \"12\"\n").unwrap();
+        let error = PublicKeys::read(&files.public).unwrap_err().to_string();
+        assert!(error.contains("one.pub, line 2") && error.contains("64 hexadecimal digits"), "{error}");
+    }
+
+    #[test]
+    fn keys_that_do_not_go_together_are_refused() {
+        let (_folder, _, files) = saved("one");
+        let mut file = read_private(&files.private).unwrap();
+        file.quic_key = keys("two").file.quic_key.clone();
+        fs::write(&files.private, toml::to_string(&file).unwrap()).unwrap();
+        let error = Keys::read(&files.private).unwrap_err();
+        let KeysError::Unusable { cause, .. } = &error else { panic!("{error}") };
+        assert!(matches!(**cause, KeysError::Mismatch(_)), "{cause}");
+    }
+
+    #[test]
+    fn a_missing_file_is_named() {
+        let error = Keys::read(Path::new("nowhere/one.key")).unwrap_err();
+        assert!(error.to_string().contains("nowhere/one.key"), "{error}");
+    }
+}

@@ -1,0 +1,139 @@
+//! What a peer proves itself with: made, kept in files, handed to others.
+//!
+//! One pair of files serves every transport that encrypts: `NAME.key` is private and stays on its machine, `NAME.pub` goes to the
+//! peers.
+
+mod file;
+mod fingerprint;
+mod hex;
+mod noise;
+
+use std::fmt;
+use std::path::Path;
+use std::sync::Arc;
+
+use rcgen::{CertificateParams, KeyPair, PKCS_ED25519};
+use rustls::crypto::ring::sign::any_supported_type;
+use rustls::pki_types::{CertificateDer, PrivatePkcs8KeyDer};
+use rustls::sign::CertifiedKey;
+use serde::{Deserialize, Serialize};
+
+use crate::Name;
+use file::PrivateFile;
+pub use file::{KeyFiles, KeysError};
+pub use fingerprint::{Fingerprint, FingerprintError};
+pub(crate) use noise::NoiseSecret;
+pub use noise::{NoiseKey, NoiseKeyError};
+
+/// The name in a certificate. Nobody relies on it: peers know each other by fingerprint.
+const COMMON_NAME: &str = "trimaran";
+
+/// The private keys of a peer, and the public ones that go with them: a self-signed certificate for QUIC, a static Noise key for
+/// UDP.
+///
+/// The certificate is Ed25519: its signatures have one length, so that a simulated handshake has the same packets every time.
+#[derive(Clone)]
+pub struct Keys {
+    pub(crate) certified: Arc<CertifiedKey>,
+    public: PublicKeys,
+    file: Arc<PrivateFile>,
+}
+
+/// What others know a peer by: its public file, `NAME.pub`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PublicKeys {
+    /// What people call the peer.
+    pub name: Name,
+    /// Its certificate's fingerprint: who it is over QUIC.
+    pub quic: Fingerprint,
+    /// Its public X25519 key: who it is over UDP.
+    pub udp: NoiseKey,
+}
+
+/// Who this peer is and whom it knows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Security {
+    /// This peer's own keys.
+    pub keys: Keys,
+    /// The peers that it talks to: nobody else is let in, and nobody else is believed.
+    pub peers: Vec<PublicKeys>,
+}
+
+impl Keys {
+    /// New keys that live as long as this process, unless they are [saved](Self::save).
+    ///
+    /// # Errors
+    /// When the system gives no randomness.
+    pub fn generate(name: Name) -> Result<Self, KeysError> {
+        let key = KeyPair::generate_for(&PKCS_ED25519)?;
+        let certificate = CertificateParams::new(vec![COMMON_NAME.to_owned()])?.self_signed(&key)?;
+        Self::assemble(PrivateFile {
+            name,
+            quic_certificate: certificate.der().to_vec().into(),
+            quic_key: key.serialize_der().into(),
+            udp_key: NoiseSecret::random().map_err(KeysError::Random)?,
+        })
+    }
+
+    /// Writes `NAME.key`, for its owner's eyes only, and `NAME.pub` into `folder`, which is created where it is missing.
+    ///
+    /// # Errors
+    /// When one of the two is there already, or cannot be written; then neither is left behind.
+    pub fn save(&self, folder: &Path) -> Result<KeyFiles, KeysError> {
+        file::save(&self.file, &self.public, folder)
+    }
+
+    /// Reads a private file.
+    ///
+    /// # Errors
+    /// When the file is missing, is no private file, or others may read it.
+    pub fn read(path: &Path) -> Result<Self, KeysError> {
+        let file = file::read_private(path)?;
+        Self::assemble(file).map_err(|e| KeysError::Unusable { path: path.to_owned(), cause: Box::new(e) })
+    }
+
+    /// What others know this peer by.
+    #[must_use]
+    pub const fn public(&self) -> &PublicKeys {
+        &self.public
+    }
+
+    /// The secret behind [`PublicKeys::udp`].
+    #[allow(dead_code, reason = "for the transport over UDP")]
+    pub(crate) fn noise(&self) -> &NoiseSecret {
+        &self.file.udp_key
+    }
+
+    fn assemble(file: PrivateFile) -> Result<Self, KeysError> {
+        let certificate = CertificateDer::from(file.quic_certificate.as_ref().to_vec());
+        let quic = Fingerprint::of(&certificate);
+        let key = PrivatePkcs8KeyDer::from(file.quic_key.as_ref()).into();
+        let certified = CertifiedKey::new(vec![certificate], any_supported_type(&key)?);
+        certified.keys_match()?;
+        let public = PublicKeys { name: file.name.clone(), quic, udp: file.udp_key.public() };
+        Ok(Self { certified: Arc::new(certified), public, file: Arc::new(file) })
+    }
+}
+
+impl PublicKeys {
+    /// Reads a public file.
+    ///
+    /// # Errors
+    /// When the file is missing or is no public file.
+    pub fn read(path: &Path) -> Result<Self, KeysError> {
+        file::read_public(path)
+    }
+}
+
+impl fmt::Debug for Keys {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Keys").field("public", &self.public).finish_non_exhaustive()
+    }
+}
+
+impl PartialEq for Keys {
+    fn eq(&self, other: &Self) -> bool {
+        self.file == other.file
+    }
+}
