@@ -1,5 +1,24 @@
-//! The bandwidth formulas of the three-role system, and the network simulator's home.
+//! Networks in virtual time, and the bandwidth formulas of the three-role system.
+//!
+//! A [`Topology`] of machines and [`link`]s becomes a [`Simulation`]; each machine's [`SimNet`] is the transports' `Net`, so
+//! that programs written for that run here unchanged, in no time, and the same way each time.
 
 mod bandwidth;
+mod events;
+mod executor;
+mod fabric;
+pub mod link;
+mod net;
+mod packet;
+mod random;
+mod simulation;
+mod text;
+mod topology;
+mod wire;
+mod world;
 
 pub use bandwidth::{FrameLoad, bits_per_second};
+pub use net::SimNet;
+pub use simulation::{Simulation, Stalled};
+pub use topology::{HostId, NodeId, Topology};
+pub use wire::WireTally;

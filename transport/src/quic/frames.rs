@@ -233,6 +233,7 @@ impl Drop for FrameRx {
                 }
             };
             tokio::select! {
+                biased;
                 () = stop => {}
                 _ = closed.closed() => {}
             }

@@ -130,6 +130,7 @@ impl Copier {
     async fn run(mut self) {
         let connection = self.carrier.connection.clone();
         let failed = tokio::select! {
+            biased;
             e = connection.closed() => Some(io::Error::from(e).kind()),
             sent = self.copy() => sent.err().map(|e| match write_loss(e) {
                 Loss::Io(e) => e.kind(),
@@ -187,6 +188,7 @@ impl Copier {
             // A newer camera rings as well: it must not cut the pause short, a leave must.
             loop {
                 tokio::select! {
+                    biased;
                     () = poll_fn(|cx| timer.poll(cx)) => break,
                     () = self.cell.changed.notified() => if lock(&self.cell.state).leaving { break },
                 }

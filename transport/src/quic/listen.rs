@@ -49,6 +49,7 @@ async fn serve(desk: Arc<Desk>, security: Security, endpoint: Endpoint) {
     let under_way = Arc::new(());
     loop {
         let incoming = tokio::select! {
+            biased;
             () = desk.closed() => break,
             incoming = endpoint.accept() => incoming,
         };

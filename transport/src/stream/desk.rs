@@ -56,6 +56,7 @@ impl Reception {
     async fn serve(self: Arc<Self>, mut socket: Box<dyn Listen>) {
         loop {
             let accepted = tokio::select! {
+                biased;
                 () = self.desk.closed() => return,
                 accepted = socket.accept() => accepted,
             };

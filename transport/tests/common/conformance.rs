@@ -1,10 +1,11 @@
 //! What every transport must do, whatever is below it. A transport joins by making pairs of links.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use trimaran_proto::{BatchSize, DrawableId, FrameEvent, FrameNumber, FrameOrderError, Goodbye, Role};
 use trimaran_transport::{
-    Link, LinkConfig, LinkStats, Loss, RecvError, SendError, Tally, sleep_until, until,
+    Link, LinkConfig, LinkStats, Loss, Net, RecvError, SendError, Tally, sleep_until, until,
 };
 
 use super::{camera, ids, net, receive, start};
@@ -12,6 +13,10 @@ use super::{camera, ids, net, receive, start};
 /// Makes pairs of joined links: switch A first, the display at its other end.
 pub(crate) trait Pairs {
     async fn pair(&self, config: LinkConfig) -> (Link, Link);
+    /// The network whose time the links keep.
+    fn net(&self) -> Arc<dyn Net> {
+        net()
+    }
     /// The bytes of a header.
     const HEADER: u64;
     /// How many messages a handshake takes in each direction.
@@ -152,7 +157,7 @@ pub(crate) async fn a_camera_is_read_once(pairs: &impl Pairs) {
     display.latest_tx.publish(camera(7)).unwrap();
     assert_eq!(a.latest_rx.latest().await.unwrap(), camera(7));
     assert_eq!(a.latest_rx.try_latest().unwrap(), None);
-    let net = net();
+    let net = pairs.net();
     let by = net.now().after(Duration::from_millis(30));
     let again = a.latest_rx.latest_by(by).await;
     assert!(matches!(again, Err(RecvError::Deadline { peer: Role::Display })), "{again:?}");
@@ -185,7 +190,7 @@ pub(crate) async fn a_receiver_that_catches_up_gets_everything(pairs: &impl Pair
         a.frames_tx.push(&all).await.unwrap();
         a.frames_tx.finish().await.unwrap();
     };
-    let net = net();
+    let net = pairs.net();
     let reader = async {
         sleep_until(&*net, net.now().after(Duration::from_millis(50))).await;
         receive(&mut display.frames_rx).await.unwrap()
@@ -235,7 +240,7 @@ pub(crate) async fn silence_ends_in_an_error(pairs: &impl Pairs) {
 
 pub(crate) async fn a_deadline_leaves_the_link_usable(pairs: &impl Pairs) {
     let (mut a, mut display) = pairs.pair(patient()).await;
-    let net = net();
+    let net = pairs.net();
     for frame in 0..3 {
         let by = net.now().after(Duration::from_millis(10));
         let missed = display.frames_rx.recv_by(by).await;
@@ -258,7 +263,7 @@ pub(crate) async fn dropping_a_wait_loses_nothing(pairs: &impl Pairs) {
         }
         a.frames_tx.finish().await.unwrap();
     };
-    let net = net();
+    let net = pairs.net();
     let reader = async {
         let mut got = Vec::new();
         loop {
@@ -327,7 +332,7 @@ pub(crate) async fn a_dead_receiver_fails_the_sender(pairs: &impl Pairs) {
     display.frames_tx.begin(start(0)).await.unwrap();
     drop(a.frames_rx);
     drop(a.frames_tx);
-    let net = net();
+    let net = pairs.net();
     let error = loop {
         match display.frames_tx.push(&ids(1000)).await {
             Ok(()) => sleep_until(&*net, net.now().after(Duration::from_millis(1))).await,

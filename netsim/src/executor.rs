@@ -1,0 +1,230 @@
+//! Tasks on one thread, in an order that depends on nothing but the program.
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::pin::Pin;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll, Wake, Waker};
+
+use slab::Slab;
+use trimaran_transport::BoxFuture;
+
+/// The key of the future that [`Executor::run_until_stalled`] was given; no task has it.
+const MAIN: usize = usize::MAX;
+
+/// Runs tasks in the order in which they were woken. Whatever wakes them, wakes them in an order of its own making: there are
+/// no threads and no clock.
+#[derive(Default)]
+pub(crate) struct Executor {
+    tasks: Mutex<Slab<Task>>,
+    ready: Arc<Ready>,
+}
+
+impl fmt::Debug for Executor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Executor").field("tasks", &lock(&self.tasks).len()).finish_non_exhaustive()
+    }
+}
+
+struct Task {
+    /// Away while it runs.
+    future: Option<BoxFuture<'static, ()>>,
+    rouser: Arc<Rouser>,
+}
+
+#[derive(Debug, Default)]
+struct Ready(Mutex<VecDeque<Arc<Rouser>>>);
+
+/// Puts one task into the queue, once until it has run.
+#[derive(Debug)]
+struct Rouser {
+    key: usize,
+    queued: AtomicBool,
+    ready: Arc<Ready>,
+}
+
+impl Rouser {
+    fn new(key: usize, ready: &Arc<Ready>) -> Arc<Self> {
+        Arc::new(Self { key, queued: AtomicBool::new(false), ready: Arc::clone(ready) })
+    }
+}
+
+impl Wake for Rouser {
+    fn wake(self: Arc<Self>) {
+        if !self.queued.swap(true, Ordering::Relaxed) {
+            lock(&self.ready.0).push_back(Arc::clone(&self));
+        }
+    }
+
+    fn wake_by_ref(self: &Arc<Self>) {
+        Arc::clone(self).wake();
+    }
+}
+
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // One thread: a lock is poisoned only by a panic that ends the simulation anyway.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Executor {
+    /// Adds a task; it runs for the first time when its turn comes.
+    pub(crate) fn spawn(&self, future: BoxFuture<'static, ()>) {
+        let mut tasks = lock(&self.tasks);
+        let entry = tasks.vacant_entry();
+        let rouser = Rouser::new(entry.key(), &self.ready);
+        Arc::clone(&rouser).wake();
+        entry.insert(Task { future: Some(future), rouser });
+    }
+
+    /// A waker of the main future.
+    pub(crate) fn main(&self) -> MainWaker {
+        MainWaker(Rouser::new(MAIN, &self.ready))
+    }
+
+    /// Runs whatever is ready, and `main` with it, until `main` is done or nothing is ready.
+    pub(crate) fn run_until_stalled<F: Future>(
+        &self,
+        main: &mut Pin<&mut F>,
+        MainWaker(rouser): &MainWaker,
+    ) -> Poll<F::Output> {
+        let waker = Waker::from(Arc::clone(rouser));
+        loop {
+            let Some(next) = lock(&self.ready.0).pop_front() else { return Poll::Pending };
+            next.queued.store(false, Ordering::Relaxed);
+            if next.key == MAIN {
+                if let Poll::Ready(output) = main.as_mut().poll(&mut Context::from_waker(&waker)) {
+                    return Poll::Ready(output);
+                }
+            } else {
+                self.run(&next);
+            }
+        }
+    }
+
+    fn run(&self, rouser: &Arc<Rouser>) {
+        // The key of a task that has ended may be another's by now.
+        let future = match lock(&self.tasks).get_mut(rouser.key) {
+            Some(task) if Arc::ptr_eq(&task.rouser, rouser) => task.future.take(),
+            _ => None,
+        };
+        let Some(mut future) = future else { return };
+        let done =
+            future.as_mut().poll(&mut Context::from_waker(&Waker::from(Arc::clone(rouser)))).is_ready();
+        let mut tasks = lock(&self.tasks);
+        if done {
+            tasks.remove(rouser.key);
+            drop(tasks);
+            drop(future); // without the lock: what it held may wake or end others
+        } else if let Some(task) = tasks.get_mut(rouser.key) {
+            task.future = Some(future);
+        }
+    }
+
+    /// Drops all tasks. They hold what holds them.
+    pub(crate) fn clear(&self) {
+        loop {
+            let tasks = std::mem::take(&mut *lock(&self.tasks));
+            lock(&self.ready.0).clear();
+            if tasks.is_empty() {
+                return;
+            }
+            drop(tasks);
+        }
+    }
+}
+
+/// Wakes the main future.
+#[derive(Debug)]
+pub(crate) struct MainWaker(Arc<Rouser>);
+
+impl MainWaker {
+    pub(crate) fn wake(&self) {
+        Arc::clone(&self.0).wake();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::pin::pin;
+
+    use super::*;
+
+    /// Runs `main` until it is done or nothing is ready.
+    fn run<F: Future>(executor: &Executor, main: F) -> Poll<F::Output> {
+        let waker = executor.main();
+        waker.wake();
+        executor.run_until_stalled(&mut pin!(main), &waker)
+    }
+
+    async fn yield_once() {
+        let mut yielded = false;
+        std::future::poll_fn(|cx| {
+            if yielded {
+                return Poll::Ready(());
+            }
+            yielded = true;
+            cx.waker().wake_by_ref();
+            Poll::Pending
+        })
+        .await;
+    }
+
+    #[test]
+    fn tasks_take_turns_in_the_order_of_their_wake_ups() {
+        let executor = Executor::default();
+        let log = Arc::new(Mutex::new(Vec::new()));
+        for name in ["a", "b", "c"] {
+            let log = Arc::clone(&log);
+            executor.spawn(Box::pin(async move {
+                for round in 0..2 {
+                    lock(&log).push((name, round));
+                    yield_once().await;
+                }
+            }));
+        }
+        assert_eq!(run(&executor, std::future::pending::<()>()), Poll::Pending);
+        assert_eq!(*lock(&log), [("a", 0), ("b", 0), ("c", 0), ("a", 1), ("b", 1), ("c", 1)]);
+    }
+
+    #[test]
+    fn a_waker_that_outlives_its_task_wakes_nobody_else() {
+        let executor = Executor::default();
+        let stale = Arc::new(Mutex::new(None));
+        let keep = Arc::clone(&stale);
+        executor.spawn(Box::pin(async move {
+            std::future::poll_fn(|cx| {
+                *lock(&keep) = Some(cx.waker().clone());
+                Poll::Ready(())
+            })
+            .await;
+        }));
+        assert!(run(&executor, std::future::pending::<()>()).is_pending());
+        let polls = Arc::new(Mutex::new(0));
+        let count = Arc::clone(&polls);
+        executor.spawn(Box::pin(std::future::poll_fn(move |_| {
+            *lock(&count) += 1;
+            Poll::Pending
+        })));
+        assert!(run(&executor, std::future::pending::<()>()).is_pending());
+        lock(&stale).take().unwrap().wake();
+        assert!(run(&executor, std::future::pending::<()>()).is_pending());
+        assert_eq!(*lock(&polls), 1);
+    }
+
+    #[test]
+    fn being_woken_twice_runs_a_task_once() {
+        let executor = Executor::default();
+        let mut polls = 0;
+        let main = std::future::poll_fn(|cx| {
+            polls += 1;
+            if polls == 1 {
+                cx.waker().wake_by_ref();
+                cx.waker().wake_by_ref();
+            }
+            Poll::<()>::Pending
+        });
+        assert_eq!(run(&executor, main), Poll::Pending);
+        assert_eq!(polls, 2);
+    }
+}

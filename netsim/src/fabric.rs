@@ -1,0 +1,158 @@
+//! All links of a topology, and packets on their way from link to link.
+
+use slab::Slab;
+use trimaran_transport::Instant;
+
+use crate::events::Events;
+use crate::link::{Action, LinkTally, Parcel, Pipe};
+use crate::packet::Packet;
+use crate::random::Random;
+use crate::topology::{HostId, NodeId, Topology};
+
+/// What happens on links.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum LinkEvent {
+    /// A pipe's line is free.
+    Free { pipe: usize },
+    /// A packet comes out of a pipe.
+    Arrive { pipe: usize, packet: usize },
+    /// A packet has left the machine that sent it.
+    Left { token: u32, ip_bytes: u32 },
+}
+
+/// What a link event means to machines.
+pub(crate) enum Outcome {
+    /// Nothing yet.
+    Underway,
+    /// The packet is there.
+    Delivered(Packet),
+    /// Whoever has the token is rid of so many bytes.
+    Left { token: u32, ip_bytes: u32 },
+}
+
+#[derive(Debug)]
+pub(crate) struct Fabric {
+    pipes: Vec<Pipe<Packet>>,
+    /// Where each pipe ends.
+    ends: Vec<NodeId>,
+    nodes: Vec<Option<HostId>>,
+    homes: Vec<NodeId>,
+    /// By host, then by node: the pipe to take.
+    routes: Vec<Vec<Option<usize>>>,
+    flying: Slab<Parcel<Packet>>,
+}
+
+impl Fabric {
+    pub(crate) fn new(topology: &Topology, seed: u64) -> Self {
+        let pipe = |(index, way): (usize, &crate::topology::Way)| {
+            Pipe::new(way.model.clone(), Random::stream(seed, index as u64).bits())
+        };
+        Self {
+            pipes: topology.pipes.iter().enumerate().map(pipe).collect(),
+            ends: topology.pipes.iter().map(|way| way.to).collect(),
+            nodes: topology.nodes.clone(),
+            homes: topology.hosts.iter().map(|host| host.node).collect(),
+            routes: (0..topology.hosts.len()).map(|host| topology.routes_to(HostId(host))).collect(),
+            flying: Slab::new(),
+        }
+    }
+
+    pub(crate) fn tallies(&self) -> Vec<LinkTally> {
+        self.pipes.iter().map(|pipe| *pipe.tally()).collect()
+    }
+
+    /// The pipes from one machine to another.
+    fn way(&self, from: HostId, to: HostId) -> impl Iterator<Item = &Pipe<Packet>> {
+        let mut node = self.homes.get(from.0).copied();
+        std::iter::from_fn(move || {
+            let index = self.route(node?, to)?;
+            node = self.ends.get(index).copied();
+            self.pipes.get(index)
+        })
+    }
+
+    fn route(&self, node: NodeId, to: HostId) -> Option<usize> {
+        *self.routes.get(to.0)?.get(node.0)?
+    }
+
+    /// What the link layer adds to a packet where it leaves `from`.
+    pub(crate) fn framing(&self, packet: &Packet) -> u32 {
+        let ip_bytes = packet.ip_bytes();
+        let first = self.way(packet.from, packet.to).next();
+        first.map_or(0, |pipe| pipe.model().framing.frame_bytes(ip_bytes) - ip_bytes)
+    }
+
+    /// Sends a packet on its way. `token` is told when it has left the machine; a packet that has no way is gone at once.
+    pub(crate) fn send<E: From<LinkEvent>>(
+        &mut self,
+        now: Instant,
+        packet: Packet,
+        token: Option<u32>,
+        events: &mut Events<E>,
+    ) {
+        let ip_bytes = packet.ip_bytes();
+        let first = self.homes.get(packet.from.0).and_then(|home| self.route(*home, packet.to));
+        let Some(pipe) = first else {
+            if let Some(token) = token {
+                events.add(now, LinkEvent::Left { token, ip_bytes }.into());
+            }
+            return;
+        };
+        let parcel = Parcel { ip_bytes, ecn: packet.ecn, token, packet };
+        self.on(pipe, events, |pipe| pipe.offer(now, parcel));
+    }
+
+    pub(crate) fn happen<E: From<LinkEvent>>(
+        &mut self,
+        now: Instant,
+        event: LinkEvent,
+        events: &mut Events<E>,
+    ) -> Outcome {
+        match event {
+            LinkEvent::Left { token, ip_bytes } => Outcome::Left { token, ip_bytes },
+            LinkEvent::Free { pipe } => {
+                self.on(pipe, events, |pipe| pipe.free(now));
+                Outcome::Underway
+            }
+            LinkEvent::Arrive { pipe, packet } => {
+                let Some(mut parcel) = self.flying.try_remove(packet) else { return Outcome::Underway };
+                if let Some(pipe) = self.pipes.get_mut(pipe) {
+                    pipe.arrived(&parcel);
+                }
+                parcel.packet.ecn = parcel.ecn;
+                let Some(&node) = self.ends.get(pipe) else { return Outcome::Underway };
+                if self.nodes.get(node.0).is_some_and(|host| *host == Some(parcel.packet.to)) {
+                    return Outcome::Delivered(parcel.packet);
+                }
+                if let Some(next) = self.route(node, parcel.packet.to) {
+                    parcel.token = None; // it has left its machine long ago
+                    self.on(next, events, |pipe| pipe.offer(now, parcel));
+                }
+                Outcome::Underway
+            }
+        }
+    }
+
+    /// Has a pipe do something, and then does what it wants.
+    fn on<E: From<LinkEvent>>(
+        &mut self,
+        index: usize,
+        events: &mut Events<E>,
+        act: impl FnOnce(&mut Pipe<Packet>),
+    ) {
+        let Some(pipe) = self.pipes.get_mut(index) else { return };
+        act(pipe);
+        while let Some(action) = pipe.next_action() {
+            match action {
+                Action::Wake(at) => events.add(at, LinkEvent::Free { pipe: index }.into()),
+                Action::Arrive(at, parcel) => {
+                    let packet = self.flying.insert(parcel);
+                    events.add(at, LinkEvent::Arrive { pipe: index, packet }.into());
+                }
+                Action::Left { at, token, ip_bytes } => {
+                    events.add(at, LinkEvent::Left { token, ip_bytes }.into());
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,17 @@
+//! One direction of a link: what happens to packets between two machines.
+
+mod jitter;
+mod loss;
+mod model;
+mod pipe;
+mod queue;
+mod tally;
+
+pub use jitter::{Distribution, Jitter};
+pub use loss::{GilbertElliott, Loss};
+pub use model::{
+    Conditions, Framing, LinkModel, Phase, Probability, ProbabilityError, Rate, RateError, Reorder,
+};
+pub use pipe::{Action, Ecn, Parcel, Pipe};
+pub use queue::{CoDel, Discipline, QueueModel};
+pub use tally::{Count, Drops, LinkTally};

@@ -1,0 +1,307 @@
+//! What a link is like, as data.
+
+use std::fmt;
+use std::str::FromStr;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+use trimaran_transport::Instant;
+
+use super::{Jitter, Loss, QueueModel};
+
+/// One direction of a link.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinkModel {
+    /// What it is like at first.
+    pub conditions: Conditions,
+    /// What it is like from later times on, by rising time.
+    pub phases: Vec<Phase>,
+    /// After this time the phases begin anew.
+    pub repeat: Option<Duration>,
+    /// What waits before it.
+    pub queue: QueueModel,
+    /// The largest IP packet, bytes.
+    pub mtu: u32,
+    /// What the link layer adds to an IP packet.
+    pub framing: Framing,
+}
+
+/// What may change while a link is in use.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Conditions {
+    /// Bits a second; without one, sending takes no time.
+    pub rate: Option<Rate>,
+    /// How long a bit is on its way.
+    pub delay: Duration,
+    /// How that varies.
+    pub jitter: Option<Jitter>,
+    /// Which packets are lost.
+    pub loss: Loss,
+    /// The share of packets that arrive damaged; checksums find them, so they are lost at the far end.
+    pub corrupt: Probability,
+    /// The share of packets that arrive twice.
+    pub duplicate: Probability,
+    /// Which packets are held up so that others overtake them.
+    pub reorder: Option<Reorder>,
+}
+
+/// Conditions from a time on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Phase {
+    /// Since the start of the simulation, or of the repetition.
+    pub at: Duration,
+    /// What holds then.
+    pub conditions: Conditions,
+}
+
+/// Packets that take a detour.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reorder {
+    /// The share that does.
+    pub share: Probability,
+    /// How much longer it takes.
+    #[serde(with = "crate::text::duration")]
+    pub by: Duration,
+}
+
+/// What a link layer adds to an IP packet.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Framing {
+    /// Ethernet (IEEE 802.3): a header of 14 bytes and a check sequence of 4, at least 64 in all; on the line 8 more before
+    /// and a gap of 12 after each frame, which take time and are not counted as bytes sent.
+    #[default]
+    Ethernet,
+    /// A fixed number of bytes a packet.
+    Bytes(u32),
+}
+
+impl Framing {
+    /// The bytes of the frame around an IP packet.
+    #[must_use]
+    pub fn frame_bytes(self, ip_bytes: u32) -> u32 {
+        match self {
+            Self::Ethernet => (14 + ip_bytes + 4).max(64),
+            Self::Bytes(bytes) => ip_bytes + bytes,
+        }
+    }
+
+    /// The bytes whose time the frame takes on the line.
+    #[must_use]
+    pub fn line_bytes(self, ip_bytes: u32) -> u32 {
+        match self {
+            Self::Ethernet => self.frame_bytes(ip_bytes) + 8 + 12,
+            Self::Bytes(_) => self.frame_bytes(ip_bytes),
+        }
+    }
+}
+
+impl LinkModel {
+    /// A link of this rate and delay with an unlimited queue and nothing that goes wrong.
+    #[must_use]
+    pub fn clean(rate: Option<Rate>, delay: Duration) -> Self {
+        Self {
+            conditions: Conditions { rate, delay, ..Conditions::default() },
+            phases: Vec::new(),
+            repeat: None,
+            queue: QueueModel { packets: u32::MAX, ..QueueModel::default() },
+            mtu: 1500,
+            framing: Framing::Ethernet,
+        }
+    }
+
+    /// What holds at a time.
+    #[must_use]
+    pub fn conditions_at(&self, now: Instant) -> &Conditions {
+        if self.phases.is_empty() {
+            return &self.conditions;
+        }
+        let since_start = u128::from(now.as_nanos());
+        let time = match self.repeat.map(|period| period.as_nanos()) {
+            Some(period) if period > 0 => since_start % period,
+            _ => since_start,
+        };
+        let past = self.phases.partition_point(|phase| phase.at.as_nanos() <= time);
+        past.checked_sub(1)
+            .and_then(|index| self.phases.get(index))
+            .map_or(&self.conditions, |phase| &phase.conditions)
+    }
+}
+
+/// Between 0 and 1.
+#[derive(Debug, Clone, Copy, Default, PartialEq, PartialOrd, Serialize, Deserialize)]
+#[serde(try_from = "f64", into = "f64")]
+pub struct Probability(f64);
+
+/// A number that is no probability.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[error("{0} is no probability: give a number from 0 to 1, such as 0.01 for one in a hundred")]
+pub struct ProbabilityError(f64);
+
+impl Probability {
+    /// A probability.
+    ///
+    /// # Errors
+    /// When `value` is not within 0 and 1.
+    pub fn new(value: f64) -> Result<Self, ProbabilityError> {
+        if (0.0..=1.0).contains(&value) { Ok(Self(value)) } else { Err(ProbabilityError(value)) }
+    }
+
+    /// Certainty.
+    #[must_use]
+    pub const fn one() -> Self {
+        Self(1.0)
+    }
+
+    /// The number.
+    #[must_use]
+    pub const fn get(self) -> f64 {
+        self.0
+    }
+}
+
+impl TryFrom<f64> for Probability {
+    type Error = ProbabilityError;
+
+    fn try_from(value: f64) -> Result<Self, ProbabilityError> {
+        Self::new(value)
+    }
+}
+
+impl From<Probability> for f64 {
+    fn from(probability: Probability) -> Self {
+        probability.0
+    }
+}
+
+/// Bits a second; above 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct Rate(u64);
+
+/// A text that is no rate.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error(
+    "{text:?} is no rate: give a number above 0 and bit/s, kbit/s, Mbit/s or Gbit/s, such as \"100 Mbit/s\""
+)]
+pub struct RateError {
+    /// The text.
+    pub text: String,
+}
+
+/// Units of rates, the largest first.
+const RATE_UNITS: [(&str, u64); 4] =
+    [("Gbit/s", 1_000_000_000), ("Mbit/s", 1_000_000), ("kbit/s", 1000), ("bit/s", 1)];
+
+impl Rate {
+    /// So many bits a second; `None` for 0.
+    #[must_use]
+    pub const fn new(bits_per_second: u64) -> Option<Self> {
+        if bits_per_second == 0 { None } else { Some(Self(bits_per_second)) }
+    }
+
+    /// Bits a second.
+    #[must_use]
+    pub const fn bits_per_second(self) -> u64 {
+        self.0
+    }
+}
+
+impl FromStr for Rate {
+    type Err = RateError;
+
+    fn from_str(text: &str) -> Result<Self, RateError> {
+        let error = || RateError { text: text.to_owned() };
+        let (number, unit) = RATE_UNITS
+            .iter()
+            .find_map(|(name, unit)| text.strip_suffix(name).map(|number| (number, *unit)))
+            .ok_or_else(error)?;
+        let number: f64 = number.trim_end().parse().map_err(|_| error())?;
+        let bits = number * unit as f64;
+        if (1.0..=1e15).contains(&bits) { Ok(Self(libm::round(bits) as u64)) } else { Err(error()) }
+    }
+}
+
+impl TryFrom<String> for Rate {
+    type Error = RateError;
+
+    fn try_from(text: String) -> Result<Self, RateError> {
+        text.parse()
+    }
+}
+
+impl From<Rate> for String {
+    fn from(rate: Rate) -> Self {
+        rate.to_string()
+    }
+}
+
+impl fmt::Display for Rate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (name, unit) = RATE_UNITS.into_iter().find(|(_, unit)| self.0 >= *unit).unwrap_or(("bit/s", 1));
+        write!(f, "{} {name}", self.0 as f64 / unit as f64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn ethernet_counts_frames_and_times_lines() {
+        assert_eq!(Framing::Ethernet.frame_bytes(1500), 1518);
+        assert_eq!(Framing::Ethernet.line_bytes(1500), 1538);
+        assert_eq!(Framing::Ethernet.frame_bytes(40), 64, "short packets are padded");
+        assert_eq!(Framing::Bytes(8).line_bytes(1500), 1508);
+    }
+
+    #[test]
+    fn rates_are_read_with_their_units() {
+        for (text, bits) in
+            [("100 Mbit/s", 100_000_000), ("1Gbit/s", 1_000_000_000), ("2.5 kbit/s", 2500), ("1 bit/s", 1)]
+        {
+            assert_eq!(text.parse::<Rate>().unwrap().bits_per_second(), bits);
+        }
+        for text in ["", "100", "100 Mb/s", "-1 Mbit/s", "0 Mbit/s", "NaN Mbit/s", "1e300 Gbit/s", "Mbit/s"] {
+            assert!(text.parse::<Rate>().is_err(), "{text:?} was taken");
+        }
+    }
+
+    #[test]
+    fn probabilities_stay_between_0_and_1() {
+        for bad in [-0.1, 1.1, f64::NAN, f64::INFINITY] {
+            assert!(Probability::new(bad).is_err(), "{bad} was taken");
+        }
+        assert_eq!(Probability::new(1.0), Ok(Probability::one()));
+    }
+
+    #[test]
+    fn phases_follow_one_another_and_repeat() {
+        let rate =
+            |megabits: u64| Conditions { rate: Rate::new(megabits * 1_000_000), ..Conditions::default() };
+        let phase =
+            |seconds, megabits| Phase { at: Duration::from_secs(seconds), conditions: rate(megabits) };
+        let mut link = LinkModel::clean(Rate::new(9_000_000), Duration::ZERO);
+        link.phases = vec![phase(2, 2), phase(5, 5)];
+        let at = |link: &LinkModel, millis: u64| {
+            link.conditions_at(Instant::from_nanos(millis * 1_000_000)).rate.unwrap().bits_per_second()
+                / 1_000_000
+        };
+        assert_eq!([0, 1999, 2000, 4999, 5000, 60_000].map(|t| at(&link, t)), [9, 9, 2, 2, 5, 5]);
+        link.repeat = Some(Duration::from_secs(6));
+        assert_eq!([5999, 6000, 8000, 11_000].map(|t| at(&link, t)), [5, 9, 2, 5]);
+    }
+
+    proptest! {
+        #[test]
+        fn a_rate_that_is_written_is_read_the_same(bits in 1..10_u64.pow(12)) {
+            let rate = Rate::new(bits).unwrap();
+            let read: Rate = rate.to_string().parse().unwrap();
+            prop_assert_eq!(read, rate);
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! What became of the packets of a link.
+
+use std::ops::{Add, AddAssign, SubAssign};
+
+use serde::Serialize;
+
+/// Packets and the bytes of their frames: headers of all layers and the frame check sequence, without preamble and gap.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct Count {
+    /// How many packets.
+    pub packets: u64,
+    /// Their bytes.
+    pub bytes: u64,
+}
+
+impl AddAssign<u32> for Count {
+    /// Counts one packet of so many bytes.
+    fn add_assign(&mut self, bytes: u32) {
+        self.packets += 1;
+        self.bytes += u64::from(bytes);
+    }
+}
+
+impl SubAssign<u32> for Count {
+    /// Takes one packet of so many bytes away.
+    fn sub_assign(&mut self, bytes: u32) {
+        self.packets -= 1;
+        self.bytes -= u64::from(bytes);
+    }
+}
+
+impl Add for Count {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self { packets: self.packets + other.packets, bytes: self.bytes + other.bytes }
+    }
+}
+
+/// Packets that did not arrive, by cause.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct Drops {
+    /// Larger than the link takes.
+    pub mtu: Count,
+    /// The queue was full.
+    pub queue: Count,
+    /// The queue's management dropped them to keep it short.
+    pub managed: Count,
+    /// Lost on the way.
+    pub lost: Count,
+    /// Arrived damaged and were thrown away for their checksum.
+    pub corrupted: Count,
+}
+
+impl Drops {
+    /// All of them.
+    #[must_use]
+    pub fn total(&self) -> Count {
+        self.mtu + self.queue + self.managed + self.lost + self.corrupted
+    }
+}
+
+/// What became of the packets of one direction of a link.
+///
+/// At any time `offered + duplicated = delivered + dropped + queued + flying`, in packets and in bytes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct LinkTally {
+    /// Handed to the link.
+    pub offered: Count,
+    /// Copies that the link made.
+    pub duplicated: Count,
+    /// Came out at the other end.
+    pub delivered: Count,
+    /// Did not, by cause.
+    pub dropped: Drops,
+    /// Wait for their turn.
+    pub queued: Count,
+    /// Are being sent, or are on their way.
+    pub flying: Count,
+    /// Marked "congestion experienced" rather than dropped; counted under what became of them as well.
+    pub marked: Count,
+}
+
+impl LinkTally {
+    /// Whether every packet is accounted for.
+    #[must_use]
+    pub fn is_balanced(&self) -> bool {
+        self.offered + self.duplicated == self.delivered + self.dropped.total() + self.queued + self.flying
+    }
+}

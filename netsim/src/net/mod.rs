@@ -1,0 +1,91 @@
+//! What a machine of a simulation offers to programs: the transports' [`Net`].
+
+mod timer;
+pub(crate) mod udp;
+
+use std::fmt;
+use std::io;
+use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+
+use trimaran_transport::{
+    BoxFuture, Instant, Listen, Net, Stream, TcpOptions, Timer, UdpSocket, UdpSocketOptions,
+};
+
+use crate::topology::HostId;
+use crate::world::World;
+use timer::SimTimer;
+
+/// The network as one machine of a simulation sees it.
+#[derive(Clone)]
+pub struct SimNet {
+    pub(crate) world: Arc<World>,
+    pub(crate) host: HostId,
+}
+
+impl fmt::Debug for SimNet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SimNet").field("host", &self.host).finish_non_exhaustive()
+    }
+}
+
+impl SimNet {
+    /// Where a socket asked for `at` is bound, if that is an address of this machine.
+    fn own(&self, at: IpAddr) -> io::Result<()> {
+        if self.host.of(at) == Some(self.host) { Ok(()) } else { Err(io::ErrorKind::AddrNotAvailable.into()) }
+    }
+}
+
+impl Net for SimNet {
+    fn now(&self) -> Instant {
+        self.world.now()
+    }
+
+    fn timer(&self) -> Box<dyn Timer> {
+        Box::new(SimTimer::new(&self.world))
+    }
+
+    fn spawn(&self, task: BoxFuture<'static, ()>) {
+        self.world.executor.spawn(task);
+    }
+
+    fn random(&self) -> io::Result<u64> {
+        Ok(self.world.core().random.bits())
+    }
+
+    /// Host names are those of the topology.
+    fn resolve<'a>(&'a self, address: &'a str) -> BoxFuture<'a, io::Result<Vec<SocketAddr>>> {
+        Box::pin(std::future::ready(self.lookup(address)))
+    }
+
+    fn connect_tcp(&self, _to: SocketAddr, _options: TcpOptions) -> BoxFuture<'_, io::Result<Stream>> {
+        Box::pin(std::future::ready(Err(io::ErrorKind::Unsupported.into())))
+    }
+
+    fn listen_tcp(&self, _at: SocketAddr, _options: TcpOptions) -> io::Result<(Box<dyn Listen>, SocketAddr)> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
+
+    fn bind_udp(&self, at: SocketAddr, options: UdpSocketOptions) -> io::Result<Arc<dyn UdpSocket>> {
+        self.own(at.ip())?;
+        udp::bind(self, at, options)
+    }
+}
+
+impl SimNet {
+    fn lookup(&self, address: &str) -> io::Result<Vec<SocketAddr>> {
+        if let Ok(address) = address.parse() {
+            return Ok(vec![address]);
+        }
+        let unknown =
+            || io::Error::new(io::ErrorKind::NotFound, format!("the simulation has no host of {address}"));
+        let (name, port) = address.rsplit_once(':').ok_or_else(unknown)?;
+        let port = port.parse().map_err(|_| unknown())?;
+        let core = self.world.core();
+        let host = match name {
+            "localhost" => self.host,
+            name => HostId(core.names.iter().position(|known| known == name).ok_or_else(unknown)?),
+        };
+        Ok(vec![SocketAddr::new(host.v4(), port), SocketAddr::new(host.v6(), port)])
+    }
+}

@@ -1,0 +1,58 @@
+//! Packets between machines.
+
+use std::net::SocketAddr;
+
+use bytes::Bytes;
+
+use crate::link::Ecn;
+use crate::topology::HostId;
+
+/// The header of UDP, bytes (RFC 768).
+const UDP_HEADER: u32 = 8;
+
+/// An IP packet.
+#[derive(Debug, Clone)]
+pub(crate) struct Packet {
+    pub(crate) from: HostId,
+    pub(crate) to: HostId,
+    pub(crate) src: SocketAddr,
+    pub(crate) dst: SocketAddr,
+    pub(crate) ecn: Ecn,
+    pub(crate) body: Body,
+}
+
+/// What an IP packet carries.
+#[derive(Debug, Clone)]
+pub(crate) enum Body {
+    Udp(Bytes),
+}
+
+impl Packet {
+    /// The IP header: 20 bytes for IPv4 (RFC 791), 40 for IPv6 (RFC 8200).
+    pub(crate) const fn ip_header(&self) -> u32 {
+        if self.dst.is_ipv4() { 20 } else { 40 }
+    }
+
+    pub(crate) const fn transport_header(&self) -> u32 {
+        match &self.body {
+            Body::Udp(_) => UDP_HEADER,
+        }
+    }
+
+    pub(crate) fn payload(&self) -> u32 {
+        match &self.body {
+            Body::Udp(data) => data.len() as u32,
+        }
+    }
+
+    pub(crate) fn ip_bytes(&self) -> u32 {
+        self.ip_header() + self.transport_header() + self.payload()
+    }
+
+    /// The number of the protocol in the IP header.
+    pub(crate) const fn protocol(&self) -> u8 {
+        match &self.body {
+            Body::Udp(_) => 17,
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Running programs on a simulated network.
+
+use std::pin::pin;
+use std::sync::Arc;
+use std::task::Poll;
+
+use thiserror::Error;
+use trimaran_transport::Instant;
+
+use crate::link::LinkTally;
+use crate::net::SimNet;
+use crate::topology::{HostId, Topology};
+use crate::wire::WireTally;
+use crate::world::World;
+
+/// A network in virtual time: time passes only where every task waits, and then at once.
+///
+/// Everything in it happens on the caller's thread and in an order that depends on the topology, the seed and the programs
+/// alone.
+#[derive(Debug)]
+pub struct Simulation {
+    world: Arc<World>,
+}
+
+/// Nothing will ever happen again, and the program still waits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("every task waits and nothing is under way, {} ns after the start", at.as_nanos())]
+pub struct Stalled {
+    /// The time at which everything came to a stop.
+    pub at: Instant,
+}
+
+impl Simulation {
+    /// The machines and links of `topology` at time 0. The same seed gives the same losses and delays.
+    #[must_use]
+    pub fn new(topology: &Topology, seed: u64) -> Self {
+        Self { world: Arc::new(World::new(topology, seed)) }
+    }
+
+    /// The network as that machine sees it.
+    #[must_use]
+    pub fn net(&self, host: HostId) -> SimNet {
+        SimNet { world: Arc::clone(&self.world), host }
+    }
+
+    /// Runs `program` and the tasks that it spawns until it is done. The tasks that are left go on when another one is run.
+    ///
+    /// # Errors
+    /// When it waits for something that never comes.
+    pub fn run<F: Future>(&self, program: F) -> Result<F::Output, Stalled> {
+        let mut program = pin!(program);
+        let waker = self.world.executor.main();
+        waker.wake();
+        loop {
+            if let Poll::Ready(output) = self.world.executor.run_until_stalled(&mut program, &waker) {
+                return Ok(output);
+            }
+            if !self.world.step() {
+                return Err(Stalled { at: self.world.now() });
+            }
+        }
+    }
+
+    /// The time.
+    #[must_use]
+    pub fn now(&self) -> Instant {
+        self.world.now()
+    }
+
+    /// A hash of the trace so far: of every packet sent and every packet arrived, when, between whom, and how large.
+    #[must_use]
+    pub fn trace_hash(&self) -> u64 {
+        self.world.core().trace_hash()
+    }
+
+    /// What became of the packets of each direction of each link, in the order in which the links were joined.
+    #[must_use]
+    pub fn links(&self) -> Vec<LinkTally> {
+        self.world.core().fabric.tallies()
+    }
+
+    /// What one machine sent to another.
+    #[must_use]
+    pub fn sent(&self, from: HostId, to: HostId) -> WireTally {
+        self.world.core().sent(from, to)
+    }
+}
+
+impl Drop for Simulation {
+    fn drop(&mut self) {
+        // Tasks hold the world and the world holds the tasks.
+        self.world.executor.clear();
+    }
+}

@@ -1,0 +1,182 @@
+//! Which machines there are and what joins them.
+
+use std::collections::VecDeque;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
+
+use crate::link::LinkModel;
+
+/// A machine with sockets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct HostId(pub(crate) usize);
+
+/// A machine, or a switch or router that only passes packets on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NodeId(pub(crate) usize);
+
+/// Machines and links. Packets take the way with the fewest links, of several the one joined first; a switch stores each and
+/// forwards it.
+#[derive(Debug, Clone, Default)]
+pub struct Topology {
+    pub(crate) hosts: Vec<Host>,
+    /// The host at each node.
+    pub(crate) nodes: Vec<Option<HostId>>,
+    pub(crate) pipes: Vec<Way>,
+}
+
+/// A machine with sockets.
+#[derive(Debug, Clone)]
+pub(crate) struct Host {
+    pub(crate) name: String,
+    pub(crate) node: NodeId,
+}
+
+/// One direction of a link.
+#[derive(Debug, Clone)]
+pub(crate) struct Way {
+    pub(crate) from: NodeId,
+    pub(crate) to: NodeId,
+    pub(crate) model: LinkModel,
+}
+
+impl Topology {
+    /// No machines.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Machines of these names at one switch, each with a link of its own; the machines' ids are in the order of the names.
+    #[must_use]
+    pub fn star(hosts: &[&str], up: &LinkModel, down: &LinkModel) -> Self {
+        let mut topology = Self::new();
+        let switch = topology.switch();
+        for name in hosts {
+            let host = topology.host(name);
+            topology.join(topology.node(host), switch, up.clone(), down.clone());
+        }
+        topology
+    }
+
+    /// Adds a machine. Its addresses are `10.0.0.1` and `fd00::1` for the first, and so on; its name resolves to them.
+    pub fn host(&mut self, name: &str) -> HostId {
+        let (node, host) = (NodeId(self.nodes.len()), HostId(self.hosts.len()));
+        self.nodes.push(Some(host));
+        self.hosts.push(Host { name: name.to_owned(), node });
+        host
+    }
+
+    /// Adds a switch or router.
+    pub fn switch(&mut self) -> NodeId {
+        self.nodes.push(None);
+        NodeId(self.nodes.len() - 1)
+    }
+
+    /// Where a machine is. A machine of another topology is taken for the first one.
+    #[must_use]
+    pub fn node(&self, host: HostId) -> NodeId {
+        self.hosts.get(host.0).map_or(NodeId(0), |host| host.node)
+    }
+
+    /// Joins two machines or switches: `there` leads from `a` to `b`, `back` from `b` to `a`.
+    pub fn join(&mut self, a: NodeId, b: NodeId, there: LinkModel, back: LinkModel) {
+        self.pipes.push(Way { from: a, to: b, model: there });
+        self.pipes.push(Way { from: b, to: a, model: back });
+    }
+
+    /// The machine with this name.
+    #[must_use]
+    pub fn find(&self, name: &str) -> Option<HostId> {
+        self.hosts.iter().position(|host| host.name == name).map(HostId)
+    }
+
+    /// For each node, the pipe that leads on to `host`.
+    pub(crate) fn routes_to(&self, host: HostId) -> Vec<Option<usize>> {
+        let mut next = vec![None; self.nodes.len()];
+        let target = self.node(host);
+        let mut frontier = VecDeque::from([target]);
+        while let Some(reached) = frontier.pop_front() {
+            for (index, way) in self.pipes.iter().enumerate() {
+                // Machines do not forward.
+                let forwards = reached == target || self.nodes.get(reached.0).is_some_and(Option::is_none);
+                if way.to == reached
+                    && way.from != target
+                    && forwards
+                    && let Some(entry @ None) = next.get_mut(way.from.0)
+                {
+                    *entry = Some(index);
+                    frontier.push_back(way.from);
+                }
+            }
+        }
+        next
+    }
+}
+
+impl HostId {
+    /// Its address for IPv4.
+    #[must_use]
+    pub fn v4(self) -> IpAddr {
+        Ipv4Addr::from_bits(0x0a00_0001 + self.0 as u32).into()
+    }
+
+    /// Its address for IPv6.
+    #[must_use]
+    pub fn v6(self) -> IpAddr {
+        Ipv6Addr::from_bits((0xfd00_u128 << 112) + 1 + self.0 as u128).into()
+    }
+
+    /// The machine that `address` belongs to, seen from this one: its own for loopback and unspecified addresses.
+    pub(crate) fn of(self, address: IpAddr) -> Option<Self> {
+        if address.is_loopback() || address.is_unspecified() {
+            return Some(self);
+        }
+        let number = match address {
+            IpAddr::V4(v4) => u128::from(v4.to_bits().checked_sub(0x0a00_0001)?),
+            IpAddr::V6(v6) => v6.to_bits().checked_sub((0xfd00_u128 << 112) + 1)?,
+        };
+        usize::try_from(number).ok().map(Self)
+    }
+
+    /// Its address of the family of `other`.
+    pub(crate) fn like(self, other: IpAddr) -> IpAddr {
+        if other.is_ipv4() { self.v4() } else { self.v6() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    fn wire() -> LinkModel {
+        LinkModel::clean(None, Duration::ZERO)
+    }
+
+    #[test]
+    fn packets_take_the_shortest_way_over_switches_and_never_through_a_host() {
+        let mut topology = Topology::new();
+        let [a, b, c] = ["a", "b", "c"].map(|name| topology.host(name));
+        let [left, right] = [topology.switch(), topology.switch()];
+        topology.join(topology.node(a), left, wire(), wire()); // 0, 1
+        topology.join(topology.node(b), left, wire(), wire()); // 2, 3
+        topology.join(left, right, wire(), wire()); // 4, 5
+        topology.join(topology.node(c), right, wire(), wire()); // 6, 7
+        topology.join(topology.node(b), topology.node(c), wire(), wire()); // 8, 9
+        // Nodes: a, b, c, left, right.
+        assert_eq!(topology.routes_to(c), [Some(0), Some(8), None, Some(4), Some(7)]);
+        assert_eq!(topology.routes_to(a), [None, Some(2), Some(6), Some(1), Some(5)]);
+    }
+
+    #[test]
+    fn addresses_name_hosts() {
+        let me = HostId(4);
+        for host in [HostId(0), HostId(7)] {
+            assert_eq!((me.of(host.v4()), me.of(host.v6())), (Some(host), Some(host)));
+        }
+        for own in ["127.0.0.1", "0.0.0.0", "::1", "::"] {
+            assert_eq!(me.of(own.parse().unwrap()), Some(me));
+        }
+        assert_eq!(me.of("9.9.9.9".parse().unwrap()), None);
+    }
+}

@@ -1,0 +1,229 @@
+//! All that there is in a simulation: the time, what will happen, machines and links.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard};
+use std::task::Waker;
+
+use slab::Slab;
+use trimaran_transport::Instant;
+use xxhash_rust::xxh3::Xxh3;
+
+use crate::events::Events;
+use crate::executor::{Executor, lock};
+use crate::fabric::{Fabric, LinkEvent, Outcome};
+use crate::net::udp::UdpState;
+use crate::packet::{Body, Packet};
+use crate::random::Random;
+use crate::topology::{HostId, Topology};
+use crate::wire::WireTally;
+
+/// The world, shared by all sockets and timers in it. One thread at a time lives in it.
+#[derive(Debug)]
+pub(crate) struct World {
+    pub(crate) executor: Executor,
+    /// Nanoseconds; a copy of the core's, to be read without its lock.
+    now: AtomicU64,
+    core: Mutex<Core>,
+}
+
+/// What the lock protects.
+pub(crate) struct Core {
+    pub(crate) now: Instant,
+    pub(crate) random: Random,
+    pub(crate) timers: Slab<TimerState>,
+    pub(crate) sockets: BTreeMap<u32, UdpState>,
+    /// Which socket has a UDP port of a host.
+    pub(crate) udp_ports: BTreeMap<(HostId, u16), u32>,
+    pub(crate) fabric: Fabric,
+    pub(crate) names: Vec<String>,
+    last_socket: u32,
+    events: Events<Event>,
+    trace: Xxh3,
+    wire: BTreeMap<(HostId, HostId), WireTally>,
+}
+
+/// What will happen.
+#[derive(Debug, Clone, Copy)]
+enum Event {
+    Timer(usize),
+    Link(LinkEvent),
+}
+
+impl From<LinkEvent> for Event {
+    fn from(event: LinkEvent) -> Self {
+        Self::Link(event)
+    }
+}
+
+/// A timer. Only the earliest of its events counts; it adds another one where it was set to a later time meanwhile.
+#[derive(Debug, Default)]
+pub(crate) struct TimerState {
+    pub(crate) due: Option<Instant>,
+    pub(crate) waker: Option<Waker>,
+    queued: Option<Instant>,
+}
+
+impl fmt::Debug for Core {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Core").field("now", &self.now).finish_non_exhaustive()
+    }
+}
+
+impl World {
+    pub(crate) fn new(topology: &Topology, seed: u64) -> Self {
+        let start = Instant::from_nanos(0);
+        let core = Core {
+            now: start,
+            random: Random::stream(seed, 0),
+            timers: Slab::new(),
+            sockets: BTreeMap::new(),
+            udp_ports: BTreeMap::new(),
+            fabric: Fabric::new(topology, Random::stream(seed, 1).bits()),
+            names: topology.hosts.iter().map(|host| host.name.clone()).collect(),
+            last_socket: 0,
+            events: Events::new(),
+            trace: Xxh3::new(),
+            wire: BTreeMap::new(),
+        };
+        Self { executor: Executor::default(), now: AtomicU64::new(0), core: Mutex::new(core) }
+    }
+
+    pub(crate) fn core(&self) -> MutexGuard<'_, Core> {
+        lock(&self.core)
+    }
+
+    pub(crate) fn now(&self) -> Instant {
+        Instant::from_nanos(self.now.load(Ordering::Relaxed))
+    }
+
+    /// Goes on to the next event; false if there is none.
+    pub(crate) fn step(&self) -> bool {
+        let mut core = self.core();
+        let Some((at, event)) = core.events.next() else { return false };
+        core.now = at;
+        self.now.store(at.as_nanos(), Ordering::Relaxed);
+        core.happen(event);
+        true
+    }
+}
+
+impl Core {
+    /// A number for a new socket that no socket has had.
+    pub(crate) const fn new_socket(&mut self) -> u32 {
+        self.last_socket += 1;
+        self.last_socket
+    }
+
+    /// Sets a timer.
+    pub(crate) fn set_timer(&mut self, key: usize, at: Instant) {
+        let Some(timer) = self.timers.get_mut(key) else { return };
+        timer.due = Some(at);
+        if timer.queued.is_none_or(|queued| queued > at) {
+            timer.queued = Some(at);
+            self.events.add(at.max(self.now), Event::Timer(key));
+        }
+    }
+
+    /// Sends a packet. `token` is told when it has left the machine.
+    pub(crate) fn send(&mut self, packet: Packet, token: Option<u32>) {
+        self.note(0, &packet);
+        if packet.from == packet.to {
+            let ip_bytes = packet.ip_bytes();
+            if let Some(token) = token {
+                self.left(token, ip_bytes);
+            }
+            self.deliver(packet);
+            return;
+        }
+        *self.wire.entry((packet.from, packet.to)).or_default() += WireTally {
+            packets: 1,
+            payload: packet.payload().into(),
+            transport_headers: packet.transport_header().into(),
+            ip_headers: packet.ip_header().into(),
+            link_layer: self.fabric.framing(&packet).into(),
+        };
+        self.fabric.send(self.now, packet, token, &mut self.events);
+    }
+
+    /// What one machine sent to another.
+    pub(crate) fn sent(&self, from: HostId, to: HostId) -> WireTally {
+        self.wire.get(&(from, to)).copied().unwrap_or_default()
+    }
+
+    pub(crate) fn trace_hash(&self) -> u64 {
+        self.trace.digest()
+    }
+
+    fn happen(&mut self, event: Event) {
+        match event {
+            Event::Timer(key) => self.ring(key),
+            Event::Link(event) => match self.fabric.happen(self.now, event, &mut self.events) {
+                Outcome::Underway => {}
+                Outcome::Delivered(packet) => {
+                    self.note(1, &packet);
+                    self.deliver(packet);
+                }
+                Outcome::Left { token, ip_bytes } => self.left(token, ip_bytes),
+            },
+        }
+    }
+
+    fn ring(&mut self, key: usize) {
+        let now = self.now;
+        let Some(timer) = self.timers.get_mut(key) else { return };
+        if timer.queued.is_none_or(|queued| queued > now) {
+            return; // an earlier setting's, or that of a timer that had this key before
+        }
+        timer.queued = None;
+        match timer.due {
+            Some(due) if due > now => self.set_timer(key, due),
+            Some(_) => {
+                if let Some(waker) = timer.waker.take() {
+                    waker.wake();
+                }
+            }
+            None => {}
+        }
+    }
+
+    fn deliver(&mut self, packet: Packet) {
+        let port = (packet.to, packet.dst.port());
+        match packet.body {
+            Body::Udp(data) => {
+                let socket = self.udp_ports.get(&port).and_then(|number| self.sockets.get_mut(number));
+                if let Some(socket) = socket {
+                    socket.receive(packet.src, packet.dst, packet.ecn, data);
+                }
+            }
+        }
+    }
+
+    fn left(&mut self, token: u32, ip_bytes: u32) {
+        if let Some(socket) = self.sockets.get_mut(&token) {
+            socket.left(ip_bytes);
+        }
+    }
+
+    /// Adds a packet to the trace: when, where from and to, what and how large. Not its contents, which differ where they are
+    /// encrypted.
+    fn note(&mut self, what: u8, packet: &Packet) {
+        let mut record = [0; 24];
+        let mut rest = record.as_mut_slice();
+        for part in [
+            &self.now.as_nanos().to_le_bytes()[..],
+            &packet.ip_bytes().to_le_bytes(),
+            &(packet.from.0 as u16).to_le_bytes(),
+            &(packet.to.0 as u16).to_le_bytes(),
+            &packet.src.port().to_le_bytes(),
+            &packet.dst.port().to_le_bytes(),
+            &[what, packet.protocol()],
+        ] {
+            let (place, after) = rest.split_at_mut(part.len());
+            place.copy_from_slice(part);
+            rest = after;
+        }
+        self.trace.update(&record);
+    }
+}
