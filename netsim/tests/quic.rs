@@ -12,7 +12,7 @@ use common::{camera, identity, ids, receive, start};
 use trimaran_netsim::link::{LinkModel, LinkTally, Loss, Probability, Rate};
 use trimaran_netsim::{SimNet, Simulation, Topology};
 use trimaran_proto::Role;
-use trimaran_transport::quic::{Keys, QuicOptions, Security};
+use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::{Endpoint, Link, LinkConfig, Listener, Net, Options, connect};
 
 /// Two machines of a simulation.
@@ -50,10 +50,11 @@ fn net(net: &SimNet) -> Arc<dyn Net> {
 }
 
 fn acquainted(link: LinkConfig) -> (Options, Options) {
-    let (a, b) = (Keys::ephemeral().unwrap(), Keys::ephemeral().unwrap());
+    let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
+    let (a, b) = (keys("a"), keys("b"));
     let with = |keys: &Keys, peer: &Keys| {
-        let security = Some(Security { keys: keys.clone(), peers: vec![peer.fingerprint()] });
-        Options { link, quic: QuicOptions { security, ..QuicOptions::default() }, ..Options::default() }
+        let security = Some(Security { keys: keys.clone(), peers: vec![peer.public().clone()] });
+        Options { link, security, ..Options::default() }
     };
     (with(&a, &b), with(&b, &a))
 }
