@@ -10,7 +10,7 @@ use trimaran_proto::{Identity, Refusal, SessionId};
 
 use crate::handshake::HandshakeError;
 use crate::net::{Instant, Net, sleep_until, until};
-use crate::{Endpoint, HostPort, Link, Name, Options, inproc, quic, tcp, unix};
+use crate::{Endpoint, HostPort, Link, Name, Options, inproc, quic, tcp, udp, unix};
 
 /// The pause after the first attempt; it doubles up to [`LAST_PAUSE`].
 const FIRST_PAUSE: Duration = Duration::from_millis(20);
@@ -100,12 +100,6 @@ pub enum AttemptError {
         /// The name.
         name: Name,
     },
-    /// This build has no such transport.
-    #[error("this build has no transport {transport}; take tcp, unix, quic or inproc")]
-    NotBuilt {
-        /// The transport.
-        transport: &'static str,
-    },
     /// The attempt itself took too long.
     #[error("no answer in time")]
     TimedOut,
@@ -116,17 +110,16 @@ impl AttemptError {
     const fn is_final(&self) -> bool {
         matches!(
             self,
-            Self::NotBuilt { .. }
-                | Self::Handshake {
-                    cause: HandshakeError::ForeignUser(_)
-                        | HandshakeError::NoKeys
-                        | HandshakeError::Tls(_)
-                        | HandshakeError::UnknownPeer(_)
-                        | HandshakeError::NotKnown { .. }
-                        | HandshakeError::Alpn
-                        | HandshakeError::Datagrams { .. },
-                    ..
-                }
+            Self::Handshake {
+                cause: HandshakeError::ForeignUser(_)
+                    | HandshakeError::NoKeys
+                    | HandshakeError::Tls(_)
+                    | HandshakeError::UnknownPeer(_)
+                    | HandshakeError::NotKnown { .. }
+                    | HandshakeError::Alpn
+                    | HandshakeError::Datagrams { .. },
+                ..
+            }
         )
     }
 }
@@ -213,6 +206,6 @@ async fn attempt(
         Endpoint::Unix(path) => unix::attempt(net, path, introduction).await,
         Endpoint::Inproc(name) => inproc::attempt(net, name, introduction).await,
         Endpoint::Quic(at) => quic::attempt(net, at, introduction).await,
-        Endpoint::Udp(_) => Err(AttemptError::NotBuilt { transport: endpoint.transport() }),
+        Endpoint::Udp(at) => udp::attempt(net, at, introduction).await,
     }
 }

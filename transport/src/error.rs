@@ -118,6 +118,9 @@ pub enum ProtocolError {
     /// It broke the order of a frame, or its ids are not those it announced.
     #[error(transparent)]
     Frame(#[from] FrameViolation),
+    /// It broke the rules of the datagrams.
+    #[error(transparent)]
+    Datagrams(Box<trimaran_udp::Closed>),
     /// It sent a message that does not belong on the lane.
     #[error("a {kind} message does not belong on the {lane} lane")]
     Misplaced {

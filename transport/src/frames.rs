@@ -9,7 +9,7 @@ use crate::error::{LaneError, LaneSendError, ProtocolError};
 use crate::link::Shared;
 use crate::net::Instant;
 use crate::patience::Patience;
-use crate::{RecvError, SendError, inproc, quic, stream};
+use crate::{RecvError, SendError, inproc, quic, stream, udp};
 
 /// Sends frames: `begin`, any number of `push`, `finish`.
 ///
@@ -37,6 +37,7 @@ pub(crate) enum FrameTx {
     Inproc(inproc::FrameTx),
     Stream(stream::FrameTx),
     Quic(quic::FrameTx),
+    Udp(udp::FrameTx),
 }
 
 #[derive(Debug)]
@@ -44,6 +45,7 @@ pub(crate) enum FrameRx {
     Inproc(inproc::FrameRx),
     Stream(stream::FrameRx),
     Quic(quic::FrameRx),
+    Udp(udp::FrameRx),
 }
 
 impl FrameSender {
@@ -116,6 +118,7 @@ impl FrameSender {
             FrameTx::Inproc(_) => Ok(()),
             FrameTx::Stream(lane) => lane.close(&mut self.patience).await,
             FrameTx::Quic(lane) => lane.close(&mut self.patience).await,
+            FrameTx::Udp(lane) => lane.close(&mut self.patience).await,
         }
         .map_err(|e| self.error(e))
     }
@@ -125,6 +128,7 @@ impl FrameSender {
             FrameTx::Inproc(lane) => lane.send_staged(&mut self.patience).await,
             FrameTx::Stream(lane) => lane.send_staged(&mut self.patience).await,
             FrameTx::Quic(lane) => lane.send_staged(&mut self.patience).await,
+            FrameTx::Udp(lane) => lane.send_staged(&mut self.patience).await,
         }
         .map_err(|e| self.error(e))
     }
@@ -145,6 +149,7 @@ impl FrameTx {
             Self::Inproc(lane) => lane.stage(message, shared),
             Self::Stream(lane) => lane.stage(&message, shared),
             Self::Quic(lane) => lane.stage(&message, shared),
+            Self::Udp(lane) => lane.stage(message, shared),
         }
     }
 }
@@ -181,6 +186,7 @@ impl FrameReceiver {
             FrameRx::Inproc(lane) => lane.next(by, &self.shared, &mut self.patience).await,
             FrameRx::Stream(lane) => lane.next(by, &self.shared, &mut self.patience).await,
             FrameRx::Quic(lane) => lane.next(by, &self.shared, &mut self.patience).await,
+            FrameRx::Udp(lane) => lane.next(by, &self.shared, &mut self.patience).await,
         };
         message
             .and_then(|message| {

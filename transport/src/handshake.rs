@@ -40,6 +40,22 @@ pub enum HandshakeError {
         "this transport needs keys: make them with `trimaran keys new NAME`, and name them and the peers' public files"
     )]
     NoKeys,
+    /// Nobody answers.
+    #[error("no answer: nobody listens there, or not to these keys")]
+    Unanswered,
+    /// Someone came whose keys do not fit.
+    #[error("someone came whose keys do not fit")]
+    Stranger,
+    /// The other side has another version of the datagrams.
+    #[error(
+        "the other side has version {theirs} of the datagrams, this one version {ours}: install the same release on both"
+    )]
+    Datagram {
+        /// Its version.
+        theirs: u64,
+        /// Ours.
+        ours: u64,
+    },
     /// TLS cannot be set up.
     #[error("TLS cannot be set up")]
     Tls(#[from] rustls::Error),
@@ -77,7 +93,9 @@ impl From<LaneError> for HandshakeError {
             LaneError::Lost(Loss::Closed | Loss::Cut { .. }) => Self::Closed,
             LaneError::Protocol(ProtocolError::Decode(e)) => Self::Decode(e),
             LaneError::Protocol(ProtocolError::Misplaced { kind, .. }) => Self::Unexpected { kind },
-            LaneError::Protocol(ProtocolError::Frame(_)) => Self::Unexpected { kind: Kind::Ids },
+            LaneError::Protocol(ProtocolError::Frame(_) | ProtocolError::Datagrams(_)) => {
+                Self::Unexpected { kind: Kind::Ids }
+            }
             LaneError::Goodbye(_) => Self::Unexpected { kind: Kind::Goodbye },
             LaneError::Expired(_) => Self::TimedOut,
         }

@@ -6,7 +6,7 @@ use crate::error::{LaneError, LaneSendError};
 use crate::link::Shared;
 use crate::net::Instant;
 use crate::patience::Patience;
-use crate::{RecvError, SendError, inproc, quic, stream};
+use crate::{RecvError, SendError, inproc, quic, stream, udp};
 
 /// Publishes cameras: each replaces the one before, whether that has been read or not.
 #[derive(Debug)]
@@ -29,6 +29,7 @@ pub(crate) enum LatestTx {
     Inproc(inproc::LatestTx),
     Stream(stream::LatestTx),
     Quic(quic::LatestTx),
+    Udp(udp::LatestTx),
 }
 
 #[derive(Debug)]
@@ -36,6 +37,7 @@ pub(crate) enum LatestRx {
     Inproc(inproc::LatestRx),
     Stream(stream::LatestRx),
     Quic(quic::LatestRx),
+    Udp(udp::LatestRx),
 }
 
 impl LatestSender {
@@ -48,6 +50,7 @@ impl LatestSender {
             LatestTx::Inproc(lane) => lane.publish(camera, &self.shared),
             LatestTx::Stream(lane) => lane.publish(camera),
             LatestTx::Quic(lane) => lane.publish(camera, &self.shared),
+            LatestTx::Udp(lane) => lane.publish(camera, &self.shared),
         }
         .map_err(|e| self.error(e))
     }
@@ -61,6 +64,7 @@ impl LatestSender {
             LatestTx::Inproc(lane) => lane.goodbye(reason, &self.shared),
             LatestTx::Stream(lane) => lane.goodbye(reason, &mut self.patience).await,
             LatestTx::Quic(lane) => lane.goodbye(reason, &mut self.patience).await,
+            LatestTx::Udp(lane) => lane.goodbye(reason, &mut self.patience).await,
         }
         .map_err(|e| self.error(e))
     }
@@ -99,6 +103,7 @@ impl LatestReceiver {
             LatestRx::Inproc(lane) => lane.try_latest(&self.shared),
             LatestRx::Stream(lane) => lane.try_latest(&self.shared),
             LatestRx::Quic(lane) => lane.try_latest(&self.shared),
+            LatestRx::Udp(lane) => lane.try_latest(&self.shared),
         }
         .map_err(|e| self.error(e))
     }
@@ -108,6 +113,7 @@ impl LatestReceiver {
             LatestRx::Inproc(lane) => lane.latest(by, &self.shared, &mut self.patience).await,
             LatestRx::Stream(lane) => lane.latest(by, &self.shared, &mut self.patience).await,
             LatestRx::Quic(lane) => lane.latest(by, &self.shared, &mut self.patience).await,
+            LatestRx::Udp(lane) => lane.latest(by, &self.shared, &mut self.patience).await,
         }
         .map_err(|e| self.error(e))
     }

@@ -25,6 +25,7 @@ mod stats;
 mod stream;
 mod tcp;
 mod tokio_net;
+pub mod udp;
 mod unix;
 
 pub use connect::{AttemptError, ConnectError, connect};

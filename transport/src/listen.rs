@@ -12,7 +12,7 @@ use trimaran_proto::Identity;
 use crate::desk::Desk;
 use crate::handshake::HandshakeError;
 use crate::net::{Instant, Net, until};
-use crate::{Endpoint, HostPort, Link, Options, inproc, quic, tcp, unix};
+use crate::{Endpoint, HostPort, Link, Options, inproc, quic, tcp, udp, unix};
 
 /// How many links may wait for [`Listener::accept`].
 const QUEUE: usize = 8;
@@ -33,12 +33,6 @@ pub enum ListenError {
     /// Someone else listens there.
     #[error("cannot listen on {endpoint}: it is in use; choose another one, or stop the program that has it")]
     InUse {
-        /// Where.
-        endpoint: Endpoint,
-    },
-    /// This build has no such transport.
-    #[error("cannot listen on {endpoint}: this build has no such transport; take tcp, unix, quic or inproc")]
-    NotBuilt {
         /// Where.
         endpoint: Endpoint,
     },
@@ -129,8 +123,11 @@ impl Listener {
                     .map_err(|cause| ListenError::Address { endpoint: endpoint.clone(), cause })?;
                 Endpoint::Quic(quic::listen(at, &desk).map_err(failed)?.into())
             }
-            Endpoint::Udp(_) => {
-                return Err(ListenError::NotBuilt { endpoint: endpoint.clone() });
+            Endpoint::Udp(at) => {
+                let at = resolve(net, at)
+                    .await
+                    .map_err(|cause| ListenError::Address { endpoint: endpoint.clone(), cause })?;
+                Endpoint::Udp(udp::listen(at, &desk).map_err(failed)?.into())
             }
         };
         Ok(Self { links, endpoint: local, net: Arc::clone(net), desk, _name: name })

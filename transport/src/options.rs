@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use crate::keys::Security;
 use crate::quic::QuicOptions;
+use crate::udp::UdpOptions;
 use crate::{LinkConfig, TcpOptions, UnixOptions};
 
 /// Options of links, whatever their transport.
@@ -23,6 +24,8 @@ pub struct Options {
     pub unix: UnixOptions,
     /// What holds for QUIC connections.
     pub quic: QuicOptions,
+    /// What holds for connections over datagrams.
+    pub udp: UdpOptions,
 }
 
 /// What others may make this side spend.
@@ -44,6 +47,7 @@ impl Default for Options {
             tcp: TcpOptions::default(),
             unix: UnixOptions::default(),
             quic: QuicOptions::default(),
+            udp: UdpOptions::default(),
         }
     }
 }

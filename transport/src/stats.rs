@@ -28,7 +28,8 @@ pub struct Traffic {
     pub end: Tally,
     /// Handshake, goodbye and statistics; within one process these have no size.
     pub control: Tally,
-    /// The bytes of this protocol's own headers; those of TCP, IP and Ethernet are not seen from here. 0 in one process.
+    /// The bytes of this protocol's own headers; those of TCP, IP and Ethernet are not seen from here. 0 where messages have no
+    /// headers of their own: in one process, and over datagrams.
     pub header_bytes: u64,
 }
 

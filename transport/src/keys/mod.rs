@@ -100,7 +100,6 @@ impl Keys {
     }
 
     /// The secret behind [`PublicKeys::udp`].
-    #[allow(dead_code, reason = "for the transport over UDP")]
     pub(crate) fn noise(&self) -> &NoiseSecret {
         &self.file.udp_key
     }

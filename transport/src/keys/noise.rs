@@ -45,6 +45,11 @@ impl NoiseSecret {
         Ok(Self(bytes))
     }
 
+    /// The secret's bytes, as the Noise handshake takes them.
+    pub(crate) const fn to_bytes(&self) -> [u8; 32] {
+        self.0
+    }
+
     /// The public key that belongs to it.
     pub(super) fn public(&self) -> NoiseKey {
         NoiseKey(MontgomeryPoint::mul_base_clamped(self.0).to_bytes())

@@ -9,7 +9,9 @@ const PING: u8 = 0x01;
 const ACK: u8 = 0x02;
 const CREDIT: u8 = 0x03;
 pub(crate) const CLOSE: u8 = 0x04;
+const UNREAD: u8 = 0x05;
 const CAMERA: u8 = 0x10;
+const LAST_CAMERA: u8 = 0x11;
 const PART: u8 = 0x20;
 
 /// The ranges of packet numbers that an acknowledgement names at most; older ones have been named often enough.
@@ -41,6 +43,10 @@ pub(crate) enum Chunk<'a> {
     Close,
     /// A camera, the `number`th that was published.
     Camera { number: u64, camera: [u8; Camera::SIZE] },
+    /// The latest lane ends behind camera `number`, 0 if there was none, with the encoded goodbye, or with none.
+    LastCamera { number: u64, goodbye: &'a [u8] },
+    /// The sender reads no more of the frames lane.
+    Unread,
     /// Bytes of a unit of the frames lane.
     Part { unit: u64, offset: u64, tail: Tail, data: &'a [u8] },
 }
@@ -77,6 +83,13 @@ impl<'a> Chunk<'a> {
                 put_varint(out, *units);
             }
             Self::Close => out.push(CLOSE),
+            Self::Unread => out.push(UNREAD),
+            Self::LastCamera { number, goodbye } => {
+                out.push(LAST_CAMERA);
+                put_varint(out, *number);
+                out.extend_from_slice(&(goodbye.len() as u16).to_le_bytes());
+                out.extend_from_slice(goodbye);
+            }
             Self::Camera { number, camera } => {
                 out.push(CAMERA);
                 put_varint(out, *number);
@@ -110,9 +123,15 @@ impl<'a> Chunk<'a> {
             ACK => read_ack(reader),
             CREDIT => Ok(Self::Credit { bytes: reader.varint("credit")?, units: reader.varint("credit")? }),
             CLOSE => Ok(Self::Close),
+            UNREAD => Ok(Self::Unread),
             CAMERA => {
                 let number = reader.varint("camera number")?;
                 Ok(Self::Camera { number, camera: *reader.array("camera")? })
+            }
+            LAST_CAMERA => {
+                let number = reader.varint("camera number")?;
+                let length = usize::from(reader.u16("goodbye length")?);
+                Ok(Self::LastCamera { number, goodbye: reader.take(length, "goodbye")? })
             }
             0x20..=0x23 => {
                 let unit = reader.varint("unit")?;
@@ -179,7 +198,9 @@ mod tests {
         back(&Chunk::Ping);
         back(&Chunk::Close);
         back(&Chunk::Credit { bytes: 1 << 40, units: 7 });
+        back(&Chunk::Unread);
         back(&Chunk::Camera { number: 300, camera: [5; Camera::SIZE] });
+        back(&Chunk::LastCamera { number: 301, goodbye: b"gone" });
         for tail in [Tail::More, Tail::Pause, Tail::End, Tail::Frame(77)] {
             back(&Chunk::Part { unit: 1 << 30, offset: 80, tail, data: b"ids" });
         }

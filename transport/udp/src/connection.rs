@@ -10,6 +10,7 @@ use crate::acks::Acks;
 use crate::chunk::{CLOSE, Chunk};
 use crate::inbox::{Inbox, LaneViolation, Received};
 use crate::keys::{Keys, OVERHEAD};
+use crate::latest::{LatestEnd, LatestIn, LatestOut};
 use crate::outbox::Outbox;
 use crate::pacer::Pacer;
 use crate::packet::{ConnectionId, MIN_DATAGRAM, NUMBERS, Packet, data_header};
@@ -88,8 +89,16 @@ pub struct Connection {
     acks: Acks,
     outbox: Outbox,
     inbox: Inbox,
-    latest: Latest,
+    cameras_out: LatestOut,
+    cameras_in: LatestIn,
     credit_due: bool,
+    /// The peer's frames lane is not read here, and it must be told so.
+    unread: bool,
+    unread_due: bool,
+    /// The peer does not read the frames lane.
+    unheard: bool,
+    /// Something came that only the peer can have sent.
+    confirmed: bool,
     /// A ping is due: a probe or a keepalive. It may exceed the window by one packet.
     probe: bool,
     last_received: Instant,
@@ -97,17 +106,6 @@ pub struct Connection {
     closed: Option<Closed>,
     close_due: bool,
     plain: Vec<u8>,
-}
-
-/// The latest lane, both ways.
-#[derive(Debug, Default)]
-struct Latest {
-    /// The newest camera published here, its number, and whether it must be sent.
-    out: Option<(u64, Camera)>,
-    out_due: bool,
-    /// The newest number seen, and its camera until it is read.
-    seen: u64,
-    unread: Option<Camera>,
 }
 
 impl fmt::Debug for Connection {
@@ -145,8 +143,13 @@ impl Connection {
             acks: Acks::default(),
             outbox: Outbox::new(config.window, Inbox::initial_units()),
             inbox: Inbox::new(config.batch, config.window),
-            latest: Latest::default(),
+            cameras_out: LatestOut::default(),
+            cameras_in: LatestIn::default(),
             credit_due: false,
+            unread: false,
+            unread_due: false,
+            unheard: false,
+            confirmed: false,
             probe: false,
             last_received: now,
             last_sent: now,
@@ -154,6 +157,12 @@ impl Connection {
             close_due: false,
             plain: Vec::with_capacity(MIN_DATAGRAM),
         }
+    }
+
+    /// The name that this side gave the connection.
+    #[must_use]
+    pub const fn id(&self) -> ConnectionId {
+        self.here
     }
 
     /// Whether [`Connection::send`] may be called: what waits for its acknowledgement leaves room.
@@ -165,7 +174,48 @@ impl Connection {
     /// Whether everything that was sent has arrived.
     #[must_use]
     pub fn is_drained(&self) -> bool {
+        self.outbox.is_empty() && self.cameras_out.is_drained()
+    }
+
+    /// Whether everything that was sent on the frames lane has arrived.
+    #[must_use]
+    pub fn is_lane_drained(&self) -> bool {
         self.outbox.is_empty()
+    }
+
+    /// Whether the newest camera has arrived, and the end of the lane if there was one.
+    #[must_use]
+    pub fn is_latest_drained(&self) -> bool {
+        self.cameras_out.is_drained()
+    }
+
+    /// Whether [`Connection::recv`] would give something.
+    #[must_use]
+    pub fn is_readable(&self) -> bool {
+        self.inbox.is_readable()
+    }
+
+    /// Whether something has come that only a peer with these keys can have sent, and only now: a listener may have answered a
+    /// repeated first packet.
+    #[must_use]
+    pub const fn is_confirmed(&self) -> bool {
+        self.confirmed
+    }
+
+    /// Whether the peer reads the frames lane no more: what is sent on it is thrown away.
+    #[must_use]
+    pub const fn is_unheard(&self) -> bool {
+        self.unheard
+    }
+
+    /// Passes on ids in batches of at most `batch`, from now on.
+    pub const fn set_batch(&mut self, batch: BatchSize) {
+        self.inbox.set_batch(batch);
+    }
+
+    /// Sends something, so that the peer knows this side is there.
+    pub const fn ping(&mut self) {
+        self.probe = true;
     }
 
     /// Why the connection is over, if it is.
@@ -195,16 +245,38 @@ impl Connection {
         self.outbox.gone();
     }
 
+    /// Says that the frames lane is not read any more: the peer need not send what is left of it.
+    pub fn stop_reading(&mut self) {
+        self.unread_due |= !self.unread;
+        self.unread = true;
+        self.credit_due |= self.inbox.discard();
+    }
+
     /// Publishes a camera: it replaces the one before. It is sent again until it or a newer one has arrived.
     pub fn publish(&mut self, camera: Camera) {
-        let number = self.latest.out.map_or(1, |(number, _)| number + 1);
-        self.latest.out = Some((number, camera));
-        self.latest.out_due = true;
+        self.cameras_out.publish(camera);
+    }
+
+    /// Ends the latest lane behind the newest camera, with a goodbye or without. The first call counts.
+    pub fn end_latest(&mut self, reason: Option<Goodbye>) {
+        self.cameras_out.end(reason);
     }
 
     /// The newest camera of the peer, if it was not read before.
     pub const fn latest(&mut self) -> Option<Camera> {
-        self.latest.unread.take()
+        self.cameras_in.take()
+    }
+
+    /// How the peer's latest lane ended, once the last camera has come.
+    #[must_use]
+    pub fn latest_end(&self) -> Option<&LatestEnd> {
+        self.cameras_in.end()
+    }
+
+    /// Whether there is a camera or an end of the latest lane to read.
+    #[must_use]
+    pub fn is_latest_readable(&self) -> bool {
+        self.cameras_in.is_readable()
     }
 
     /// The next message of the frames lane. What arrived before an end of the connection is still given,
@@ -236,6 +308,7 @@ impl Connection {
         let mut plain = std::mem::take(&mut self.plain);
         if self.keys.open(to, number, sealed, &mut plain) {
             self.last_received = now;
+            self.confirmed = true;
             if self.closed.is_some() {
                 // The close was lost, unless this one crossed it: two ends that answer each other's would never stop.
                 self.close_due = plain != [CLOSE];
@@ -317,12 +390,21 @@ impl Connection {
                 Chunk::Close => return Err(Closed::Peer),
                 Chunk::Camera { number, camera } => {
                     let camera = Camera::from_bytes(&camera).map_err(|_| Closed::Camera)?;
-                    if number > self.latest.seen {
-                        self.latest.seen = number;
-                        self.latest.unread = Some(camera);
+                    self.cameras_in.put(number, camera);
+                }
+                Chunk::LastCamera { number, goodbye } => {
+                    self.cameras_in.put_end(number, goodbye).map_err(|_| Closed::Camera)?;
+                }
+                Chunk::Unread => {
+                    self.unheard = true;
+                    self.outbox.drop_all();
+                }
+                Chunk::Part { unit, offset, tail, data } => {
+                    self.inbox.put(unit, offset, tail, data)?;
+                    if self.unread {
+                        self.credit_due |= self.inbox.discard();
                     }
                 }
-                Chunk::Part { unit, offset, tail, data } => self.inbox.put(unit, offset, tail, data)?,
             }
         }
         Ok(eliciting)
@@ -332,15 +414,18 @@ impl Connection {
         for content in verdict.lost {
             match content {
                 Content::Part { unit, range, ended } => self.outbox.on_loss(unit, range, ended),
-                Content::Camera { number } => {
-                    self.latest.out_due |= self.latest.out.is_some_and(|(newest, _)| newest == number);
-                }
+                Content::Camera { number } => self.cameras_out.on_camera_lost(number),
+                Content::LastCamera => self.cameras_out.on_end_lost(),
                 Content::Credit => self.credit_due = true,
+                Content::Unread => self.unread_due = true,
             }
         }
         for content in verdict.arrived {
-            if let Content::Part { unit, range, ended } = content {
-                self.outbox.on_ack(unit, range, ended);
+            match content {
+                Content::Part { unit, range, ended } => self.outbox.on_ack(unit, range, ended),
+                Content::Camera { number } => self.cameras_out.on_camera_arrived(number),
+                Content::LastCamera => self.cameras_out.on_end_arrived(),
+                Content::Credit | Content::Unread => {}
             }
         }
     }
@@ -372,12 +457,11 @@ impl Connection {
             Chunk::Credit { bytes, units }.write(plain);
             contents.push(Content::Credit);
         }
-        if std::mem::take(&mut self.latest.out_due)
-            && let Some((number, camera)) = self.latest.out
-        {
-            Chunk::Camera { number, camera: camera.to_bytes() }.write(plain);
-            contents.push(Content::Camera { number });
+        if std::mem::take(&mut self.unread_due) {
+            Chunk::Unread.write(plain);
+            contents.push(Content::Unread);
         }
+        self.cameras_out.write(ROOM.saturating_sub(plain.len()), plain, &mut contents);
         while let Some((unit, range)) = self.outbox.write_part(ROOM.saturating_sub(plain.len()), plain) {
             let ended = self.outbox.ends(unit, &range);
             contents.push(Content::Part { unit, range, ended });
@@ -406,7 +490,7 @@ impl Connection {
     }
 
     fn has_data(&self) -> bool {
-        self.credit_due || self.latest.out_due || self.outbox.has_due()
+        self.credit_due || self.unread_due || self.cameras_out.is_due() || self.outbox.has_due()
     }
 
     fn seal(&mut self, now: Instant, plain: &[u8], sent: Option<Vec<Content>>, out: &mut Vec<u8>) -> bool {

@@ -82,6 +82,8 @@ fn every_chunk_has_an_example() {
         ("ack", Chunk::Ack { delay_us: 300, numbers: numbers() }),
         ("credit", Chunk::Credit { bytes: 4 << 20, units: 1024 }),
         ("close", Chunk::Close),
+        ("unread", Chunk::Unread),
+        ("last-camera", Chunk::LastCamera { number: 1, goodbye: &[4, 1, 0, 0, 0] }),
         ("camera", Chunk::Camera { number: 1, camera: camera().to_bytes() }),
         ("part", part(0, 0, Tail::More, &unit[..80])),
         ("part-pause", part(0, 80, Tail::Pause, &unit[80..84])),
@@ -216,5 +218,5 @@ fn the_page_says_what_the_constants_are() {
     ] {
         assert!(WIRE.contains(&fact), "{fact:?}");
     }
-    assert_eq!(examples().len(), 19, "every example is checked by a test here");
+    assert_eq!(examples().len(), 21, "every example is checked by a test here");
 }

@@ -16,7 +16,7 @@ use crate::packet::{ConnectionId, CookieBytes, MIN_DATAGRAM, Packet, VERSION};
 pub const MAX_HELLO: usize = 1024;
 
 /// What makes peers trust each other. Both sides need the same kind.
-#[derive(Clone)]
+#[derive(Clone, PartialEq, Eq)]
 pub enum Security {
     /// Both hold this key (`Noise_NNpsk0`): who has it is a peer.
     PreShared([u8; 32]),
@@ -243,6 +243,8 @@ pub enum Reception {
     Ignore,
     /// Send what was written into `out`. It is shorter than what came.
     Reply,
+    /// Nothing: someone who receives at its address, with keys that do not fit.
+    Stranger,
     /// Judge the hello, then [`Knock::take`] or [`Knock::refuse`].
     Knock(Box<Knock>),
 }
@@ -275,7 +277,7 @@ impl Door {
         }
         match self.open(from, noise) {
             Some(knock) => Reception::Knock(Box::new(knock)),
-            None => Reception::Ignore,
+            None => Reception::Stranger,
         }
     }
 

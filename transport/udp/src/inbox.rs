@@ -94,6 +94,23 @@ impl Inbox {
         UNITS
     }
 
+    pub(crate) const fn set_batch(&mut self, batch: BatchSize) {
+        self.batch = batch;
+    }
+
+    /// Throws away what has arrived, for nobody reads it. Says whether the peer should hear of the credit that this gives.
+    pub(crate) fn discard(&mut self) -> bool {
+        self.units.clear();
+        self.pieces = 0;
+        self.taken = self.used;
+        self.credit_due()
+    }
+
+    /// Whether [`Inbox::take`] would give a message or find a fault.
+    pub(crate) fn is_readable(&self) -> bool {
+        self.units.front().is_some_and(|unit| unit.is_readable(self.batch))
+    }
+
     /// Whether a good part of the credit was used up since the peer was told.
     pub(crate) const fn credit_due(&self) -> bool {
         let (bytes, units) = self.told;
@@ -206,6 +223,21 @@ impl Unit {
         self.have.insert(offset..offset + data.len() as u64);
     }
 
+    /// Whether [`Unit::step`] would not wait.
+    fn is_readable(&self, batch: BatchSize) -> bool {
+        let ready = self.have.end_of_run(self.base) - self.base;
+        if self.end.is_some_and(|(end, _)| end == self.base + ready) {
+            return true;
+        }
+        match self.frame {
+            None => ready as usize >= HEAD,
+            Some(_) => {
+                let pause = self.pause.saturating_sub(self.base).min(ready);
+                ready >= batch.bytes() as u64 || pause >= ID_BYTES as u64
+            }
+        }
+    }
+
     fn step(&mut self, batch: BatchSize) -> Result<Step, LaneViolation> {
         let ready = self.have.end_of_run(self.base) - self.base;
         let ended = self.end.filter(|(end, _)| *end == self.base + ready).map(|(_, tail)| tail);
@@ -273,7 +305,13 @@ impl Unit {
 
 #[cfg(test)]
 mod tests {
+    use trimaran_proto::{Camera, FrameStart};
+
     use super::*;
+
+    fn camera() -> Camera {
+        Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(3)).unwrap()
+    }
 
     fn empty() -> Inbox {
         Inbox::new(BatchSize::default(), 4 << 20)
@@ -291,6 +329,41 @@ mod tests {
             assert_eq!(scatter(&mut inbox, 4096, each), Ok(()), "{each} a unit");
             assert_eq!(scatter(&mut inbox, 4096, each), Ok(()), "the same again changes nothing");
             assert_eq!(inbox.put(1023, 9, Tail::More, &[0]), Err(LaneViolation::Pieces), "{each} a unit");
+        }
+    }
+
+    #[test]
+    fn what_is_readable_is_what_can_be_taken() {
+        let mut inbox = empty();
+        assert!(!inbox.is_readable());
+        let begin = FrameStart { frame: FrameNumber(0), camera: camera() };
+        let mut bytes = BytesMut::new();
+        Message::Frame(FrameMessage::Begin(begin)).encode(&mut bytes);
+        bytes.extend_from_slice(&[7; 8]);
+        for (range, tail, messages) in [
+            (84..88, Tail::More, 0),
+            (0..79, Tail::More, 0),
+            (79..84, Tail::More, 1),
+            (88..88, Tail::Pause, 1),
+            (88..88, Tail::End, 0),
+        ] {
+            inbox.put(0, range.start as u64, tail, bytes.get(range).unwrap()).unwrap();
+            assert_eq!(inbox.is_readable(), messages > 0 || tail == Tail::End);
+            for _ in 0..messages {
+                assert!(inbox.take().unwrap().is_some());
+            }
+            assert_eq!(inbox.take(), Ok(None));
+            assert!(!inbox.is_readable());
+        }
+    }
+
+    #[test]
+    fn what_nobody_reads_is_thrown_away_and_makes_room() {
+        let mut inbox = Inbox::new(BatchSize::default(), 1000);
+        for unit in 0..10 {
+            inbox.put(unit, 0, Tail::More, &[0; 900]).unwrap();
+            assert!(inbox.discard(), "the peer should hear of new room");
+            assert_eq!((inbox.take(), inbox.pieces), (Ok(None), 0));
         }
     }
 

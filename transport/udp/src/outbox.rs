@@ -109,6 +109,13 @@ impl Outbox {
         }
     }
 
+    /// Throws everything away: nobody reads the lane.
+    pub(crate) fn drop_all(&mut self) {
+        self.first += self.units.len() as u64;
+        self.units.clear();
+        self.kept = 0;
+    }
+
     pub(crate) fn allow(&mut self, bytes: u64, units: u64) {
         self.allowed_bytes = self.allowed_bytes.max(bytes);
         self.allowed_units = self.allowed_units.max(units);

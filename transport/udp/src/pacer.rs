@@ -6,6 +6,10 @@ use trimaran_proto::Instant;
 
 /// How much may leave at once, in packets: the initial window.
 const BURST: usize = 10;
+/// What may leave at once where more than that is due between two rings of a timer that is no finer than a millisecond.
+const TICK: Duration = Duration::from_millis(2);
+/// And the most that may, in packets.
+const LARGEST: usize = 128;
 
 /// A bucket of bytes that fills at 5/4 of the window a round trip.
 #[derive(Debug)]
@@ -25,7 +29,8 @@ impl Pacer {
         let rate = 1.25 * window as f64 / rtt.as_secs_f64().max(1e-6);
         let waited = self.filled.map_or(Duration::ZERO, |filled| now.since(filled));
         self.filled = Some(now);
-        let full = (BURST * self.segment) as f64;
+        let full =
+            (rate * TICK.as_secs_f64()).clamp((BURST * self.segment) as f64, (LARGEST * self.segment) as f64);
         self.tokens = (self.tokens + rate * waited.as_secs_f64()).min(full);
         let missing = self.segment as f64 - self.tokens;
         // Less than a byte is rounding.

@@ -108,6 +108,15 @@ impl<'a> Packet<'a> {
     }
 }
 
+/// For which connection a datagram is, if it is a packet of one.
+#[must_use]
+pub fn destination(datagram: &[u8]) -> Option<ConnectionId> {
+    match Packet::parse(datagram) {
+        Ok(Packet::Data { to, .. }) => Some(to),
+        _ => None,
+    }
+}
+
 /// The header of a data packet.
 pub(crate) fn data_header(to: ConnectionId, number: PacketNumber) -> [u8; HEADER] {
     let mut header = [0; HEADER];

@@ -21,7 +21,9 @@ const PERSISTENT: u32 = 3;
 pub(crate) enum Content {
     Part { unit: u64, range: Range<u64>, ended: bool },
     Camera { number: u64 },
+    LastCamera,
     Credit,
+    Unread,
 }
 
 /// A packet in flight.

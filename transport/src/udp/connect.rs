@@ -1,0 +1,219 @@
+//! Connecting over datagrams.
+
+use std::io;
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::sync::Arc;
+use std::time::Duration;
+
+use bytes::BytesMut;
+use trimaran_proto::{Decoder, HEADER_BYTES, Identity, Lane, Message};
+use trimaran_udp::{Config, Connecting, Connection, ConnectionId, Progress, VERSION};
+
+use super::driver::Board;
+use super::port::Port;
+use super::socket::{Incoming, Outgoing};
+use crate::connect::{AttemptError, Introduction};
+use crate::handshake::HandshakeError;
+use crate::net::{Net, UdpSocket, until};
+use crate::stats::Counters;
+use crate::{HostPort, Link};
+
+/// The pause before the first packet is sent again; it doubles up to [`LAST_PAUSE`].
+const FIRST_PAUSE: Duration = Duration::from_millis(50);
+/// The longest pause between two first packets: a listener that has just come up is found within that time.
+const LAST_PAUSE: Duration = Duration::from_millis(400);
+
+/// Tries each address of the host, each for its share of the time that a handshake may take: nobody says that there is nobody.
+pub(crate) async fn attempt(
+    net: &Arc<dyn Net>,
+    at: &HostPort,
+    introduction: &Introduction<'_>,
+) -> Result<Link, AttemptError> {
+    let addresses = net.resolve(&at.to_string()).await.map_err(AttemptError::Resolve)?;
+    let share = introduction.options.handshake / u32::try_from(addresses.len()).unwrap_or(u32::MAX).max(1);
+    let mut last = AttemptError::NoAddress;
+    for to in addresses {
+        let by = net.now().after(share);
+        match until(&**net, by, introduce(net, to, introduction)).await {
+            Some(Ok(link)) => return Ok(link),
+            Some(Err(e @ AttemptError::Connect { .. })) => last = e,
+            Some(Err(e)) => return Err(e),
+            None => {
+                last = AttemptError::Handshake { address: to.to_string(), cause: HandshakeError::Unanswered };
+            }
+        }
+    }
+    Err(last)
+}
+
+async fn introduce(
+    net: &Arc<dyn Net>,
+    to: SocketAddr,
+    introduction: &Introduction<'_>,
+) -> Result<Link, AttemptError> {
+    let Introduction { identity, session, options } = *introduction;
+    let failed = |cause| AttemptError::Handshake { address: to.to_string(), cause };
+    let candidates = options.udp.trust.connecting(options.security.as_ref()).map_err(failed)?;
+    let here: SocketAddr = match to {
+        SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
+        SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
+    };
+    let refused = |cause| AttemptError::Connect { address: to.to_string(), cause };
+    let socket = net.bind_udp(here, options.udp.socket).map_err(refused)?;
+    let counters = Counters::unframed();
+    let hello = encode(&Message::Hello(identity.hello(session, Lane::Frames)), &counters);
+    let mut ways = Vec::new();
+    for security in candidates {
+        let name = ConnectionId(net.random().map_err(refused)? as u32);
+        ways.push(Connecting::new(&security, name, &hello).map_err(|e| failed(e.into()))?);
+    }
+    let mut asking = Asking { net, socket: &socket, to, incoming: Incoming::new(&socket) };
+    let (mut connection, answer) = asking.ask(ways, options.udp.config()).await.map_err(failed)?;
+    let theirs = read_answer(&answer, &counters).map_err(failed)?;
+    connection.set_batch(options.link.batch_between(&identity, &theirs));
+    // The listener believes in this side once it has heard it use its keys.
+    connection.ping();
+
+    let board = Board::new(net);
+    let here = connection.id();
+    let port = Port::new(net, &socket, to, connection);
+    net.spawn(Box::pin(board.serve(here, &port)));
+    let mut incoming = asking.incoming;
+    net.spawn(Box::pin(async move {
+        loop {
+            tokio::select! {
+                () = board.emptied() => break,
+                () = board.receive(&mut incoming, |_, _| {}) => {}
+            }
+        }
+    }));
+    port.settle();
+    Ok(super::link(net, &port, options, (&identity, theirs), session, counters, None))
+}
+
+/// The payload of a message of the handshake, counted as sent.
+pub(super) fn encode(message: &Message, counters: &Counters) -> BytesMut {
+    let mut bytes = BytesMut::new();
+    message.encode(&mut bytes);
+    counters.sent.count(message.kind(), bytes.len() - HEADER_BYTES);
+    bytes
+}
+
+/// The message that a payload of the handshake holds, counted as received.
+pub(super) fn decode(bytes: &[u8], counters: &Counters) -> Result<Message, HandshakeError> {
+    let mut decoder = Decoder::new();
+    decoder.push(bytes);
+    let message = decoder.next_message()?.ok_or(HandshakeError::Closed)?;
+    counters.received.count(message.kind(), bytes.len().saturating_sub(HEADER_BYTES));
+    Ok(message)
+}
+
+fn read_answer(bytes: &[u8], counters: &Counters) -> Result<Identity, HandshakeError> {
+    match decode(bytes, counters)? {
+        Message::Accept(accept) => Ok(accept.identity),
+        Message::Refuse(refusal) => Err(HandshakeError::Refused(refusal)),
+        other => Err(HandshakeError::Unexpected { kind: other.kind() }),
+    }
+}
+
+/// A socket on which an answer is awaited.
+struct Asking<'a> {
+    net: &'a Arc<dyn Net>,
+    socket: &'a Arc<dyn UdpSocket>,
+    to: SocketAddr,
+    incoming: Incoming,
+}
+
+/// How far one way to shake hands has come.
+enum Stage {
+    Asking(Connecting),
+    /// A packet is to be sent at once.
+    Again(Connecting),
+    Taken(Box<Connection>, Vec<u8>),
+    Refused(Vec<u8>),
+    Version(u64),
+}
+
+impl Asking<'_> {
+    /// Sends first packets until one is answered. Gives the connection and what the listener says.
+    async fn ask(
+        &mut self,
+        ways: Vec<Connecting>,
+        config: Config,
+    ) -> Result<(Connection, Vec<u8>), HandshakeError> {
+        let mut stages: Vec<Stage> = ways.into_iter().map(Stage::Asking).collect();
+        let (mut again, mut pause) = (self.net.now(), FIRST_PAUSE);
+        loop {
+            let all = self.net.now() >= again;
+            if all {
+                again = self.net.now().after(pause);
+                pause = (pause * 2).min(LAST_PAUSE);
+            }
+            let mut waiting = Vec::new();
+            for stage in stages {
+                waiting.push(match stage {
+                    Stage::Again(connecting) => self.send(connecting),
+                    Stage::Asking(connecting) if all => self.send(connecting),
+                    Stage::Asking(connecting) => Stage::Asking(connecting),
+                    Stage::Taken(connection, answer) => return Ok((*connection, answer)),
+                    Stage::Refused(answer) => return Err(refusal(&answer)),
+                    Stage::Version(theirs) => return Err(HandshakeError::Datagram { theirs, ours: VERSION }),
+                });
+            }
+            stages = waiting;
+            let Self { net, to, incoming, .. } = self;
+            let received = incoming.receive(|from, datagram| {
+                if from == *to {
+                    let all = std::mem::take(&mut stages);
+                    stages = all.into_iter().map(|stage| stage.take(&***net, datagram, config)).collect();
+                }
+            });
+            if let Some(received) = until(&***net, again, received).await {
+                received.map_err(HandshakeError::Io)?;
+            }
+        }
+    }
+
+    /// What cannot be sent counts as lost: it is sent again.
+    fn send(&self, connecting: Connecting) -> Stage {
+        let mut datagram = Vec::new();
+        connecting.initial(&mut datagram);
+        let mut outgoing = Outgoing::new(self.to, &**self.socket);
+        outgoing.push(&datagram);
+        outgoing.send(&**self.socket);
+        Stage::Asking(connecting)
+    }
+}
+
+/// What a listener that refuses says.
+fn refusal(answer: &[u8]) -> HandshakeError {
+    read_answer(answer, &Counters::unframed()).err().unwrap_or(HandshakeError::Closed)
+}
+
+impl Stage {
+    fn take(self, net: &dyn Net, datagram: &[u8], config: Config) -> Self {
+        let now = net.now();
+        match self {
+            Self::Asking(connecting) => match connecting.handle(now, datagram, config) {
+                Progress::Retry(connecting) => Self::Again(connecting),
+                Progress::Taken(connection, answer) => Self::Taken(connection, answer),
+                Progress::Refused(answer) => Self::Refused(answer),
+                Progress::Version(theirs) => Self::Version(theirs),
+                Progress::None(connecting) => Self::Asking(connecting),
+                _ => Self::Refused(Vec::new()),
+            },
+            Self::Taken(mut connection, answer) => {
+                // Data may follow the answer at once.
+                connection.handle(now, datagram);
+                Self::Taken(connection, answer)
+            }
+            other => other,
+        }
+    }
+}
+
+impl From<trimaran_udp::HandshakeError> for HandshakeError {
+    fn from(error: trimaran_udp::HandshakeError) -> Self {
+        Self::Io(io::Error::other(error))
+    }
+}

@@ -1,0 +1,171 @@
+//! The tasks behind connections: one a socket that takes what arrives, one a connection that keeps its timers.
+
+use std::collections::BTreeMap;
+use std::future::poll_fn;
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex};
+use std::task::{Poll, ready};
+use std::time::Duration;
+
+use tokio::sync::Notify;
+use trimaran_udp::{Closed, ConnectionId, destination};
+
+use super::port::{Port, State, Waiter};
+use super::socket::Incoming;
+use crate::desk::lock;
+use crate::net::{Instant, Net, UdpPoller, sleep_until};
+
+/// How long what was sent may take to arrive after the last half of a link was dropped.
+const LINGER: Duration = Duration::from_secs(2);
+/// How long a peer that goes on is told that the connection is closed.
+const TELL: Duration = Duration::from_secs(1);
+/// The pause after a socket has failed to receive.
+const PAUSE: Duration = Duration::from_millis(10);
+
+/// The connections at one socket, by the names that this side gave them.
+#[derive(Debug)]
+pub(super) struct Board {
+    net: Arc<dyn Net>,
+    ports: Mutex<BTreeMap<ConnectionId, Arc<Port>>>,
+    emptied: Notify,
+}
+
+impl Board {
+    pub(super) fn new(net: &Arc<dyn Net>) -> Arc<Self> {
+        Arc::new(Self { net: Arc::clone(net), ports: Mutex::default(), emptied: Notify::new() })
+    }
+
+    pub(super) fn has(&self, id: ConnectionId) -> bool {
+        lock(&self.ports).contains_key(&id)
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        lock(&self.ports).is_empty()
+    }
+
+    /// Ends when the last connection does.
+    pub(super) async fn emptied(&self) {
+        loop {
+            // Made before the look, so that an end in between is not missed.
+            let emptied = self.emptied.notified();
+            if self.is_empty() {
+                return;
+            }
+            emptied.await;
+        }
+    }
+
+    /// Serves a connection to its end.
+    pub(super) fn serve(
+        self: &Arc<Self>,
+        id: ConnectionId,
+        port: &Arc<Port>,
+    ) -> impl Future<Output = ()> + Send + use<> {
+        lock(&self.ports).insert(id, Arc::clone(port));
+        let (board, port) = (Arc::clone(self), Arc::clone(port));
+        async move {
+            drive(&port).await;
+            lock(&board.ports).remove(&id);
+            board.emptied.notify_waiters();
+        }
+    }
+
+    /// Receives once; what is for no connection goes to `stranger`.
+    pub(super) async fn receive(&self, incoming: &mut Incoming, mut stranger: impl FnMut(SocketAddr, &[u8])) {
+        let mut touched: Vec<Arc<Port>> = Vec::new();
+        let received = incoming
+            .receive(|from, datagram| {
+                let port = destination(datagram).and_then(|id| lock(&self.ports).get(&id).cloned());
+                let Some(port) = port else { return stranger(from, datagram) };
+                port.handle(from, datagram);
+                if !touched.last().is_some_and(|last| Arc::ptr_eq(last, &port)) {
+                    touched.push(port);
+                }
+            })
+            .await;
+        touched.iter().for_each(|port| port.settle());
+        if let Err(e) = received {
+            tracing::debug!(error = &e as &dyn std::error::Error, "nothing could be received");
+            sleep_until(&*self.net, self.net.now().after(PAUSE)).await;
+        }
+    }
+}
+
+/// Keeps the timers of a connection, sends what its socket had no room for, and ends it once its link is gone.
+async fn drive(port: &Port) {
+    let mut timer = port.net.timer();
+    let mut poller: Option<Pin<Box<dyn UdpPoller>>> = None;
+    let mut departure = Departure::default();
+    poll_fn(|cx| {
+        loop {
+            let (sent, due) = {
+                let mut state = port.lock();
+                state.forget(Waiter::Driver);
+                let now = port.net.now();
+                if state.connection.poll_timeout().is_some_and(|at| at <= now) {
+                    state.connection.handle_timeout(now);
+                }
+                let leave = departure.step(now, &mut state);
+                let sent = state.flush(now, &*port.socket);
+                state.wake_ready();
+                let due = match leave {
+                    Next::Done => return Poll::Ready(()),
+                    Next::At(at) => state.connection.poll_timeout().map_or(at, |due| due.min(at)),
+                    Next::Never => match state.connection.poll_timeout() {
+                        Some(due) => due,
+                        None => return Poll::Ready(()),
+                    },
+                };
+                state.armed = Some(due);
+                state.wait(Waiter::Driver, cx);
+                (sent, due)
+            };
+            if !sent {
+                let poller = poller.get_or_insert_with(|| Arc::clone(&port.socket).poller());
+                // A socket that cannot be waited for shows that when it is used.
+                let _writable = ready!(poller.as_mut().poll_writable(cx));
+                continue;
+            }
+            timer.reset(due);
+            ready!(timer.poll(cx));
+        }
+    })
+    .await;
+}
+
+/// How a connection comes to its end.
+#[derive(Debug, Default)]
+struct Departure {
+    /// Until when what was sent may still arrive.
+    linger: Option<Instant>,
+    /// Until when the peer is told of the close.
+    tell: Option<Instant>,
+}
+
+/// When to look again.
+enum Next {
+    Done,
+    At(Instant),
+    Never,
+}
+
+impl Departure {
+    fn step(&mut self, now: Instant, state: &mut State) -> Next {
+        if state.left && state.connection.closed().is_none() {
+            let linger = *self.linger.get_or_insert(now.after(LINGER));
+            if !state.connection.is_drained() && now < linger {
+                return Next::At(linger);
+            }
+            state.connection.close();
+        }
+        match state.connection.closed() {
+            None => Next::Never,
+            Some(Closed::Peer | Closed::Silent(_)) => Next::Done,
+            Some(_) => {
+                let tell = *self.tell.get_or_insert(now.after(TELL));
+                if now < tell { Next::At(tell) } else { Next::Done }
+            }
+        }
+    }
+}

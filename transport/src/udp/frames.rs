@@ -1,0 +1,162 @@
+//! The frames lane over datagrams.
+
+use std::collections::VecDeque;
+use std::future::poll_fn;
+use std::sync::Arc;
+use std::task::Poll;
+
+use trimaran_proto::{FrameMessage, Kind, Message};
+use trimaran_udp::Received;
+
+use super::port::{Carrier, State, Waiter};
+use crate::error::{LaneError, LaneSendError, Loss};
+use crate::frames::weight;
+use crate::link::Shared;
+use crate::net::Instant;
+use crate::patience::Patience;
+
+#[derive(Debug)]
+pub(crate) struct FrameTx {
+    carrier: Arc<Carrier>,
+    staged: VecDeque<Message>,
+    /// The lane has ended with a goodbye.
+    ended: bool,
+}
+
+impl FrameTx {
+    pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
+        Self { carrier: Arc::clone(carrier), staged: VecDeque::new(), ended: false }
+    }
+
+    pub(crate) fn stage(&mut self, message: Message, shared: &Shared) {
+        let (kind, bytes) = weight(&message);
+        shared.counters.sent.count(kind, bytes);
+        self.staged.push_back(message);
+    }
+
+    /// Gives what is staged to the connection. Whatever it takes starts the patience anew.
+    pub(crate) async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
+        while !self.staged.is_empty() {
+            let Self { carrier, staged, .. } = self;
+            let some = poll_fn(|cx| {
+                let mut state = carrier.lock();
+                if let Some(loss) = gone(&state) {
+                    return Poll::Ready(Err(LaneSendError::Lost(loss)));
+                }
+                if !state.connection.is_writable() {
+                    state.wait(Waiter::FrameTx, cx);
+                    return Poll::Pending;
+                }
+                while state.connection.is_writable()
+                    && let Some(message) = staged.pop_front()
+                {
+                    match message {
+                        Message::Frame(message) => state.connection.send(message),
+                        Message::Goodbye(reason) => state.connection.goodbye(reason),
+                        // No other message is staged on this lane.
+                        _ => {}
+                    }
+                }
+                carrier.port().flush(&mut state);
+                Poll::Ready(Ok(()))
+            });
+            patience.wait(None, some).await.map_err(|_| LaneSendError::Stalled)??;
+        }
+        Ok(())
+    }
+
+    /// Ends the lane behind its goodbye, once all of it has arrived.
+    pub(crate) async fn close(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
+        self.ended = true;
+        let arrived = poll_fn(|cx| {
+            let mut state = self.carrier.lock();
+            if state.connection.is_lane_drained() {
+                return Poll::Ready(Ok(()));
+            }
+            if let Some(loss) = state.loss() {
+                return Poll::Ready(Err(LaneSendError::Lost(loss)));
+            }
+            state.wait(Waiter::FrameTx, cx);
+            Poll::Pending
+        });
+        patience.wait(None, arrived).await.map_err(|_| LaneSendError::Stalled)?
+    }
+}
+
+/// Why nothing can be sent any more, if it cannot.
+fn gone(state: &State) -> Option<Loss> {
+    state.loss().or_else(|| state.connection.is_unheard().then_some(Loss::Closed))
+}
+
+impl Drop for FrameTx {
+    fn drop(&mut self) {
+        if !self.ended {
+            let mut state = self.carrier.lock();
+            state.connection.gone();
+            self.carrier.port().flush(&mut state);
+        }
+    }
+}
+
+#[derive(Debug)]
+pub(crate) struct FrameRx {
+    carrier: Arc<Carrier>,
+    farewell: Option<Received>,
+}
+
+impl FrameRx {
+    pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
+        Self { carrier: Arc::clone(carrier), farewell: None }
+    }
+
+    pub(crate) async fn next(
+        &mut self,
+        by: Option<Instant>,
+        shared: &Shared,
+        patience: &mut Patience,
+    ) -> Result<FrameMessage, LaneError> {
+        let next = poll_fn(|cx| {
+            if let Some(end) = self.farewell.clone() {
+                return Poll::Ready(Ok(end));
+            }
+            let mut state = self.carrier.lock();
+            let received = state.connection.recv();
+            // Reading may give the peer credit.
+            self.carrier.port().flush(&mut state);
+            if let Some(received) = received {
+                return Poll::Ready(Ok(received));
+            }
+            if let Some(end) = state.end() {
+                return Poll::Ready(Err(end));
+            }
+            state.wait(Waiter::FrameRx, cx);
+            Poll::Pending
+        });
+        let received = patience.wait(by, next).await.map_err(LaneError::Expired)??;
+        match &received {
+            Received::Frame(message) => {
+                let (kind, bytes) = weight(&Message::Frame(message.clone()));
+                shared.counters.received.count(kind, bytes);
+            }
+            end if self.farewell.is_none() => {
+                shared.counters.received.count(Kind::Goodbye, 0);
+                self.farewell = Some(end.clone());
+            }
+            _ => {}
+        }
+        match received {
+            Received::Frame(message) => Ok(message),
+            Received::Goodbye(reason) => Err(LaneError::Goodbye(reason)),
+            _ => Err(LaneError::Lost(Loss::Closed)),
+        }
+    }
+}
+
+impl Drop for FrameRx {
+    /// Tells the peer that nobody reads its frames any more.
+    fn drop(&mut self) {
+        let mut state = self.carrier.lock();
+        state.connection.stop_reading();
+        self.carrier.port().flush(&mut state);
+    }
+}

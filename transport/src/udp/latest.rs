@@ -1,0 +1,115 @@
+//! The latest lane over datagrams.
+
+use std::future::poll_fn;
+use std::sync::Arc;
+use std::task::Poll;
+
+use trimaran_proto::{Camera, Goodbye, Kind};
+use trimaran_udp::LatestEnd;
+
+use super::port::{Carrier, State, Waiter};
+use crate::error::{LaneError, LaneSendError, Loss};
+use crate::link::Shared;
+use crate::net::Instant;
+use crate::patience::Patience;
+
+#[derive(Debug)]
+pub(crate) struct LatestTx {
+    carrier: Arc<Carrier>,
+}
+
+impl LatestTx {
+    pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
+        Self { carrier: Arc::clone(carrier) }
+    }
+
+    pub(crate) fn publish(&mut self, camera: Camera, shared: &Shared) -> Result<(), LaneSendError> {
+        let mut state = self.carrier.lock();
+        if let Some(loss) = state.loss() {
+            return Err(LaneSendError::Lost(loss));
+        }
+        shared.counters.sent.count(Kind::Camera, Camera::SIZE);
+        state.connection.publish(camera);
+        self.carrier.port().flush(&mut state);
+        Ok(())
+    }
+
+    pub(crate) async fn goodbye(
+        &mut self,
+        reason: Goodbye,
+        patience: &mut Patience,
+    ) -> Result<(), LaneSendError> {
+        self.end(Some(reason));
+        let arrived = poll_fn(|cx| {
+            let mut state = self.carrier.lock();
+            if state.connection.is_latest_drained() {
+                return Poll::Ready(Ok(()));
+            }
+            if let Some(loss) = state.loss() {
+                return Poll::Ready(Err(LaneSendError::Lost(loss)));
+            }
+            state.wait(Waiter::LatestTx, cx);
+            Poll::Pending
+        });
+        patience.wait(None, arrived).await.map_err(|_| LaneSendError::Stalled)?
+    }
+
+    fn end(&self, reason: Option<Goodbye>) {
+        let mut state = self.carrier.lock();
+        state.connection.end_latest(reason);
+        self.carrier.port().flush(&mut state);
+    }
+}
+
+impl Drop for LatestTx {
+    fn drop(&mut self) {
+        self.end(None);
+    }
+}
+
+#[derive(Debug)]
+pub(crate) struct LatestRx {
+    carrier: Arc<Carrier>,
+}
+
+impl LatestRx {
+    pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
+        Self { carrier: Arc::clone(carrier) }
+    }
+
+    pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<Camera>, LaneError> {
+        next(&mut self.carrier.lock(), shared).transpose()
+    }
+
+    pub(crate) async fn latest(
+        &mut self,
+        by: Option<Instant>,
+        shared: &Shared,
+        patience: &mut Patience,
+    ) -> Result<Camera, LaneError> {
+        let camera = poll_fn(|cx| {
+            let mut state = self.carrier.lock();
+            match next(&mut state, shared) {
+                Some(next) => Poll::Ready(next),
+                None => {
+                    state.wait(Waiter::LatestRx, cx);
+                    Poll::Pending
+                }
+            }
+        });
+        patience.wait(by, camera).await.map_err(LaneError::Expired)?
+    }
+}
+
+/// The camera that was not read, or how the lane ended; none where a camera may still come.
+fn next(state: &mut State, shared: &Shared) -> Option<Result<Camera, LaneError>> {
+    if let Some(camera) = state.connection.latest() {
+        shared.counters.received.count(Kind::Camera, Camera::SIZE);
+        return Some(Ok(camera));
+    }
+    let ended = state.connection.latest_end().map(|end| match end {
+        LatestEnd::Goodbye(reason) => LaneError::Goodbye(reason.clone()),
+        _ => LaneError::Lost(Loss::Closed),
+    });
+    ended.or_else(|| state.end()).map(Err)
+}

@@ -1,0 +1,200 @@
+//! Listening over datagrams: who is let in, and what strangers may cost.
+
+use std::collections::BTreeMap;
+use std::future::poll_fn;
+use std::io;
+use std::net::SocketAddr;
+use std::sync::{Arc, Mutex};
+use std::task::Poll;
+
+use tokio::sync::OwnedSemaphorePermit;
+use trimaran_proto::{Accept, DecodeFault, Hello, Lane, Message, Refusal};
+use trimaran_udp::{ConnectionId, Door, Knock, Reception};
+
+use super::connect::{decode, encode};
+use super::driver::Board;
+use super::port::{Port, Waiter};
+use super::socket::{Incoming, Outgoing};
+use crate::desk::{Desk, Place, lock};
+use crate::handshake::HandshakeError;
+use crate::net::{UdpSocket, until};
+use crate::stats::Counters;
+
+/// Listens, and receives peers until nobody accepts them any more. Says where.
+pub(crate) fn listen(at: SocketAddr, desk: &Arc<Desk>) -> io::Result<SocketAddr> {
+    let options = &desk.options.udp;
+    let security = options.trust.listening(desk.options.security.as_ref()).map_err(io::Error::other)?;
+    let mut secret = [0; 32];
+    for word in secret.as_chunks_mut::<8>().0 {
+        *word = desk.net.random()?.to_le_bytes();
+    }
+    let door = Door::new(security, secret).map_err(io::Error::other)?;
+    let socket = desk.net.bind_udp(at, options.socket)?;
+    let address = socket.local_addr()?;
+    let board = Board::new(&desk.net);
+    let hall = Hall { desk: Arc::clone(desk), door, socket, board, answers: Arc::default() };
+    desk.net.spawn(Box::pin(hall.serve()));
+    Ok(address)
+}
+
+/// The address of a peer and the name that it gave its connection.
+type Caller = (SocketAddr, ConnectionId);
+
+/// A listening socket, and the connections at it.
+struct Hall {
+    desk: Arc<Desk>,
+    door: Door,
+    socket: Arc<dyn UdpSocket>,
+    board: Arc<Board>,
+    /// What callers were answered: the same first packet may come again, and means the same connection.
+    answers: Arc<Mutex<BTreeMap<Caller, Vec<u8>>>>,
+}
+
+/// A caller whose keys fit.
+struct Guest {
+    hello: Hello,
+    place: Place,
+    permit: OwnedSemaphorePermit,
+    counters: Arc<Counters>,
+}
+
+impl Hall {
+    async fn serve(self) {
+        let mut incoming = Incoming::new(&self.socket);
+        let mut open = true;
+        while open || !self.board.is_empty() {
+            let receive = self.board.receive(&mut incoming, |from, datagram| {
+                if open {
+                    self.take(from, datagram);
+                }
+            });
+            tokio::select! {
+                () = self.desk.closed(), if open => open = false,
+                () = self.board.emptied(), if !open => {}
+                () = receive => {}
+            }
+        }
+    }
+
+    /// A datagram for no connection.
+    fn take(&self, from: SocketAddr, datagram: &[u8]) {
+        let mut reply = Vec::new();
+        match self.door.handle(self.desk.net.now(), from, datagram, &mut reply) {
+            Reception::Reply => self.send(from, &reply),
+            Reception::Knock(knock) => self.answer(from, *knock),
+            Reception::Stranger => self.desk.failed(&from, HandshakeError::Stranger),
+            _ => {}
+        }
+    }
+
+    fn answer(&self, from: SocketAddr, knock: Knock) {
+        let caller = (from, knock.from);
+        if let Some(answer) = lock(&self.answers).get(&caller) {
+            return self.send(from, answer);
+        }
+        let mut reply = Vec::new();
+        match self.judge(&knock) {
+            Ok(guest) => match self.let_in(caller, knock, guest, &mut reply) {
+                Ok(()) => {}
+                Err(e) => return self.desk.failed(&from, HandshakeError::Io(e)),
+            },
+            Err(error) => {
+                if let HandshakeError::Refused(refusal) = &error {
+                    knock.refuse(&encode(&Message::Refuse(*refusal), &Counters::unframed()), &mut reply);
+                }
+                self.desk.failed(&from, error);
+            }
+        }
+        self.send(from, &reply);
+    }
+
+    /// Whether the caller may come in.
+    fn judge(&self, knock: &Knock) -> Result<Guest, HandshakeError> {
+        let counters = Counters::unframed();
+        let hello = match decode(&knock.hello, &counters) {
+            Ok(Message::Hello(hello)) => Ok(hello),
+            Ok(other) => Err(HandshakeError::Unexpected { kind: other.kind() }),
+            Err(HandshakeError::Decode(e)) => Err(match e.fault {
+                DecodeFault::Version { ours, theirs } => {
+                    HandshakeError::Refused(Refusal::Version { listener: ours, connector: theirs })
+                }
+                _ => HandshakeError::Decode(e),
+            }),
+            Err(e) => Err(e),
+        }?;
+        if hello.lane != Lane::Frames {
+            let Hello { session, lane, .. } = hello;
+            return Err(HandshakeError::Refused(Refusal::Session { session, lane }));
+        }
+        let permit = self.desk.room().ok_or(HandshakeError::Refused(Refusal::Busy))?;
+        let place = self.desk.enter(&hello.identity).map_err(HandshakeError::Refused)?;
+        Ok(Guest { hello, place, permit, counters })
+    }
+
+    /// Makes a connection of the caller, and a link once it has shown that it is there now: its first packet may be a copy of one
+    /// that somebody else sent.
+    fn let_in(&self, caller: Caller, knock: Knock, guest: Guest, reply: &mut Vec<u8>) -> io::Result<()> {
+        let desk = &self.desk;
+        let here = self.free_name()?;
+        let answer = encode(&Message::Accept(Accept { identity: desk.identity }), &guest.counters);
+        let batch = desk.options.link.batch_between(&desk.identity, &guest.hello.identity);
+        let config = trimaran_udp::Config { batch, ..desk.options.udp.config() };
+        let connection = knock
+            .take(desk.net.now(), here, &answer, config, reply)
+            .ok_or_else(|| io::Error::other("the answer could not be sealed"))?;
+        lock(&self.answers).insert(caller, reply.clone());
+        let port = Port::new(&desk.net, &self.socket, caller.0, connection);
+        let (served, answers) = (self.board.serve(here, &port), Arc::clone(&self.answers));
+        desk.net.spawn(Box::pin(async move {
+            served.await;
+            lock(&answers).remove(&caller);
+        }));
+        desk.net.spawn(Box::pin(greet(Arc::clone(desk), port, guest)));
+        Ok(())
+    }
+
+    /// A name that no connection here has.
+    fn free_name(&self) -> io::Result<ConnectionId> {
+        loop {
+            let id = ConnectionId(self.desk.net.random()? as u32);
+            if !self.board.has(id) {
+                return Ok(id);
+            }
+        }
+    }
+
+    /// What cannot be sent counts as lost: the caller asks again.
+    fn send(&self, to: SocketAddr, datagram: &[u8]) {
+        if !datagram.is_empty() {
+            let mut outgoing = Outgoing::new(to, &*self.socket);
+            outgoing.push(datagram);
+            outgoing.send(&*self.socket);
+        }
+    }
+}
+
+/// Hands out the link with a guest once it has used its keys, or lets it go.
+async fn greet(desk: Arc<Desk>, port: Arc<Port>, guest: Guest) {
+    let confirmed = poll_fn(|cx| {
+        let mut state = port.lock();
+        if state.connection.is_confirmed() || state.connection.closed().is_some() {
+            return Poll::Ready(state.connection.is_confirmed());
+        }
+        state.wait(Waiter::Greeter, cx);
+        Poll::Pending
+    });
+    let by = desk.net.now().after(desk.options.handshake);
+    if until(&*desk.net, by, confirmed).await != Some(true) {
+        port.lock().connection.close();
+        port.settle();
+        desk.failed(&port.remote(), HandshakeError::TimedOut);
+        return;
+    }
+    let Guest { hello, place, permit, counters } = guest;
+    drop(permit);
+    let Hello { identity: theirs, session, .. } = hello;
+    let place = Some(Arc::new(place) as _);
+    let link =
+        super::link(&desk.net, &port, &desk.options, (&desk.identity, theirs), session, counters, place);
+    desk.hand_out(link).await;
+}

@@ -1,0 +1,219 @@
+//! A connection at a socket, shared by the halves of its link and the tasks that serve it.
+
+use std::fmt;
+use std::net::SocketAddr;
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::task::{Context, Waker};
+
+use trimaran_udp::{Closed, Connection};
+
+use super::socket::Outgoing;
+use crate::desk::lock;
+use crate::error::{LaneError, Loss, ProtocolError};
+use crate::net::{Instant, Net, UdpSocket};
+
+/// A connection and what its tasks wait for.
+pub(super) struct Port {
+    pub(super) net: Arc<dyn Net>,
+    pub(super) socket: Arc<dyn UdpSocket>,
+    remote: SocketAddr,
+    state: Mutex<State>,
+}
+
+pub(super) struct State {
+    pub(super) connection: Connection,
+    outgoing: Outgoing,
+    /// The next datagram, and whether it waits for others to leave before it.
+    datagram: Vec<u8>,
+    waits: bool,
+    /// When the driver looks after the connection by itself.
+    pub(super) armed: Option<Instant>,
+    /// No half of the link is left.
+    pub(super) left: bool,
+    waiting: [Option<Waker>; 6],
+}
+
+/// Who waits for a connection.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Waiter {
+    Driver,
+    Greeter,
+    FrameTx,
+    FrameRx,
+    LatestTx,
+    LatestRx,
+}
+
+impl fmt::Debug for Port {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Port").field("remote", &self.remote).finish_non_exhaustive()
+    }
+}
+
+impl Port {
+    pub(super) fn new(
+        net: &Arc<dyn Net>,
+        socket: &Arc<dyn UdpSocket>,
+        remote: SocketAddr,
+        connection: Connection,
+    ) -> Arc<Self> {
+        let state = State {
+            connection,
+            outgoing: Outgoing::new(remote, &**socket),
+            datagram: Vec::new(),
+            waits: false,
+            armed: None,
+            left: false,
+            waiting: [const { None }; 6],
+        };
+        Arc::new(Self { net: Arc::clone(net), socket: Arc::clone(socket), remote, state: Mutex::new(state) })
+    }
+
+    pub(super) const fn remote(&self) -> SocketAddr {
+        self.remote
+    }
+
+    pub(super) fn lock(&self) -> MutexGuard<'_, State> {
+        lock(&self.state)
+    }
+
+    /// Takes a datagram that came for the connection. [`Port::settle`] follows the last one.
+    pub(super) fn handle(&self, from: SocketAddr, datagram: &[u8]) {
+        // Answers go where the handshake came from: connections do not move.
+        if from == self.remote {
+            self.lock().connection.handle(self.net.now(), datagram);
+        }
+    }
+
+    /// Answers what has come, and wakes whoever has something to do now.
+    pub(super) fn settle(&self) {
+        let mut state = self.lock();
+        self.flush(&mut state);
+        state.wake_ready();
+    }
+
+    /// Sends what there is to be sent; for whoever has just given the connection something.
+    pub(super) fn flush(&self, state: &mut State) {
+        state.flush(self.net.now(), &*self.socket);
+    }
+}
+
+impl State {
+    /// Hands the system everything that may leave now; false when it has no room.
+    pub(super) fn flush(&mut self, now: Instant, socket: &dyn UdpSocket) -> bool {
+        let sent = self.send_all(now, socket);
+        let due = self.connection.poll_timeout();
+        let early = due.is_some_and(|due| self.armed.is_none_or(|armed| due < armed));
+        if !sent || early || self.connection.closed().is_some() {
+            self.wake(Waiter::Driver);
+        }
+        sent
+    }
+
+    fn send_all(&mut self, now: Instant, socket: &dyn UdpSocket) -> bool {
+        let Self { connection, outgoing, datagram, waits, .. } = self;
+        while *waits || connection.poll_transmit(now, datagram) {
+            *waits = true;
+            if !outgoing.takes(datagram.len()) && !outgoing.send(socket) {
+                return false;
+            }
+            outgoing.push(datagram);
+            *waits = false;
+        }
+        outgoing.send(socket)
+    }
+
+    pub(super) fn wait(&mut self, who: Waiter, cx: &Context<'_>) {
+        let slot = self.slot(who);
+        match slot {
+            Some(waker) => waker.clone_from(cx.waker()),
+            None => *slot = Some(cx.waker().clone()),
+        }
+    }
+
+    pub(super) fn forget(&mut self, who: Waiter) {
+        self.slot(who).take();
+    }
+
+    pub(super) fn wake(&mut self, who: Waiter) {
+        if let Some(waker) = self.slot(who).take() {
+            waker.wake();
+        }
+    }
+
+    /// Wakes the halves that have something to do.
+    pub(super) fn wake_ready(&mut self) {
+        let connection = &self.connection;
+        let over = connection.closed().is_some();
+        let drained = connection.is_drained();
+        let ready = [
+            (Waiter::Greeter, connection.is_confirmed()),
+            (Waiter::FrameTx, connection.is_writable() || connection.is_unheard() || drained),
+            (Waiter::FrameRx, connection.is_readable()),
+            (Waiter::LatestTx, drained),
+            (Waiter::LatestRx, connection.is_latest_readable()),
+        ];
+        for (who, ready) in ready {
+            if ready || over {
+                self.wake(who);
+            }
+        }
+    }
+
+    /// How the connection was lost, if it was.
+    pub(super) fn loss(&self) -> Option<Loss> {
+        self.connection.closed().map(|why| match why {
+            Closed::Peer | Closed::Here => Loss::Closed,
+            Closed::Silent(_) => Loss::Io(std::io::Error::new(std::io::ErrorKind::TimedOut, why.clone())),
+            other => Loss::Io(std::io::Error::new(std::io::ErrorKind::InvalidData, other.clone())),
+        })
+    }
+
+    /// How the connection ended for a reader, if it did: a peer that broke the protocol is told from one that was lost.
+    pub(super) fn end(&self) -> Option<LaneError> {
+        match self.connection.closed()? {
+            Closed::Here | Closed::Peer | Closed::Silent(_) | Closed::Exhausted => {
+                self.loss().map(LaneError::Lost)
+            }
+            broken => Some(LaneError::Protocol(ProtocolError::Datagrams(Box::new(broken.clone())))),
+        }
+    }
+
+    fn slot(&mut self, who: Waiter) -> &mut Option<Waker> {
+        let [driver, greeter, frame_tx, frame_rx, latest_tx, latest_rx] = &mut self.waiting;
+        match who {
+            Waiter::Driver => driver,
+            Waiter::Greeter => greeter,
+            Waiter::FrameTx => frame_tx,
+            Waiter::FrameRx => frame_rx,
+            Waiter::LatestTx => latest_tx,
+            Waiter::LatestRx => latest_rx,
+        }
+    }
+}
+
+/// A port as the halves of a link hold it. Dropping the last one lets the connection end once what was sent has arrived.
+#[derive(Debug)]
+pub(crate) struct Carrier(Arc<Port>);
+
+impl Carrier {
+    pub(super) fn new(port: &Arc<Port>) -> Arc<Self> {
+        Arc::new(Self(Arc::clone(port)))
+    }
+
+    pub(super) fn port(&self) -> &Port {
+        &self.0
+    }
+
+    pub(super) fn lock(&self) -> MutexGuard<'_, State> {
+        self.0.lock()
+    }
+}
+
+impl Drop for Carrier {
+    fn drop(&mut self) {
+        let mut state = self.0.lock();
+        state.left = true;
+        state.wake(Waiter::Driver);
+    }
+}

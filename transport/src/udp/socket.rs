@@ -1,0 +1,107 @@
+//! A socket as connections use it: many datagrams in, one address at a time out.
+
+use std::future::poll_fn;
+use std::io::{self, IoSliceMut};
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+use trimaran_udp::MIN_DATAGRAM;
+
+use crate::net::{BATCH_SIZE, RecvMeta, Transmit, UdpSocket};
+
+/// How much one buffer holds where the system gives one datagram at a time: more than the protocol ever sends.
+const DATAGRAM: usize = 2048;
+/// The most that one buffer holds, however many datagrams the system would put into it.
+const BUFFER: usize = 64 << 10;
+
+/// Receives from a socket.
+#[derive(Debug)]
+pub(super) struct Incoming {
+    socket: Arc<dyn UdpSocket>,
+    buffers: Vec<Vec<u8>>,
+    meta: [RecvMeta; BATCH_SIZE],
+}
+
+impl Incoming {
+    pub(super) fn new(socket: &Arc<dyn UdpSocket>) -> Self {
+        let room = (socket.max_receive_segments() * DATAGRAM).min(BUFFER);
+        // As many bytes whether datagrams come one by one or many in a buffer.
+        let count = (2 * BUFFER / room).clamp(2, BATCH_SIZE);
+        Self {
+            socket: Arc::clone(socket),
+            buffers: vec![vec![0; room]; count],
+            meta: [RecvMeta::default(); BATCH_SIZE],
+        }
+    }
+
+    /// Waits for datagrams and hands each to `take`, with where it comes from.
+    pub(super) async fn receive(&mut self, mut take: impl FnMut(SocketAddr, &[u8])) -> io::Result<()> {
+        let Self { socket, buffers, meta } = self;
+        let filled = {
+            let mut slices: Vec<_> = buffers.iter_mut().map(|buffer| IoSliceMut::new(buffer)).collect();
+            poll_fn(|cx| socket.poll_recv(cx, &mut slices, meta)).await?
+        };
+        for (meta, buffer) in meta.iter().zip(buffers).take(filled) {
+            let bytes = buffer.get(..meta.len).unwrap_or_default();
+            bytes.chunks(meta.stride.max(1)).for_each(|datagram| take(meta.addr, datagram));
+        }
+        Ok(())
+    }
+}
+
+/// Datagrams to one address on their way into the system, several of one size at once where it takes them so.
+#[derive(Debug)]
+pub(super) struct Outgoing {
+    to: SocketAddr,
+    bytes: Vec<u8>,
+    /// The size of all of them but the last, which may be shorter.
+    segment: usize,
+    count: usize,
+    /// How many the system takes at once.
+    most: usize,
+}
+
+impl Outgoing {
+    pub(super) fn new(to: SocketAddr, socket: &dyn UdpSocket) -> Self {
+        let most = socket.max_transmit_segments().min(BUFFER / DATAGRAM);
+        Self { to, bytes: Vec::with_capacity(most * MIN_DATAGRAM), segment: 0, count: 0, most }
+    }
+
+    pub(super) const fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Whether `length` more bytes can leave together with what is there.
+    pub(super) const fn takes(&self, length: usize) -> bool {
+        let last_is_short = self.count > 0 && !self.bytes.len().is_multiple_of(self.segment);
+        self.count == 0 || self.count < self.most && !last_is_short && length <= self.segment
+    }
+
+    pub(super) fn push(&mut self, datagram: &[u8]) {
+        if self.count == 0 {
+            self.segment = datagram.len();
+        }
+        self.bytes.extend_from_slice(datagram);
+        self.count += 1;
+    }
+
+    /// Hands everything to the system; false when it has no room now. What it refuses for another reason counts as lost.
+    pub(super) fn send(&mut self, socket: &dyn UdpSocket) -> bool {
+        if self.is_empty() {
+            return true;
+        }
+        let segment_size = (self.count > 1).then_some(self.segment);
+        let transmit =
+            Transmit { destination: self.to, ecn: None, contents: &self.bytes, segment_size, src_ip: None };
+        match socket.try_send(&transmit) {
+            Err(e) if e.kind() == io::ErrorKind::WouldBlock => return false,
+            Err(e) => {
+                tracing::debug!(to = %self.to, error = &e as &dyn std::error::Error, "a datagram could not be sent");
+            }
+            Ok(()) => {}
+        }
+        self.bytes.clear();
+        self.count = 0;
+        true
+    }
+}
