@@ -13,6 +13,7 @@ use trimaran::{
     report::Frame,
     walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, viewport},
 };
+use trimaran_actors::VulkanPair;
 use trimaran_cull::{CutRule, reference::SURFACE_SLACK_PX};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
 
@@ -70,10 +71,11 @@ fn audit(stage: &Stage, plan: &Plan, records: &[FrameRecord]) -> Result<[f64; 2]
     let [_, _, display] = &stage.drawn;
     let rule = CutRule::new(plan.epsilon.pixels())?;
     let mut auditor = Auditor::new(&stage.scene, display, viewport(plan.size)?, rule)?;
+    let mut machine = VulkanPair::new(display, viewport(plan.size)?, plan.tester)?;
     let mut farthest = [0.0_f64; 2];
-    for record in records.iter().step_by(AUDIT_EVERY as usize) {
+    for (index, record) in records.iter().enumerate().step_by(AUDIT_EVERY as usize) {
         let mut frame = Frame::default();
-        auditor.audit(record, false, &mut frame, &mut Default::default())?;
+        auditor.audit(&mut machine, &records[..=index], false, &mut frame, &mut Default::default())?;
         let at = format!("{} at {} px, {}", plan.tester, plan.epsilon.pixels(), record.camera.frame());
         assert_eq!(frame.false_culled_pixels, Some(0), "{at}");
         assert_eq!(frame.cut_mismatch_pixels, Some(0), "{at}");

@@ -12,6 +12,7 @@ use trimaran::{
     report::Frame,
     walkthrough::{Auditor, Pace, PathChoice, Plan, Stage, Trail, viewport},
 };
+use trimaran_actors::VulkanPair;
 use trimaran_cull::{CutRule, reference::SURFACE_SLACK_PX};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
 use trimaran_scene::{
@@ -84,10 +85,12 @@ fn farthest_off(stage: &Stage, plan: &Plan) -> Result<[f64; 2], Box<dyn Error>> 
     let [_, _, display] = &stage.drawn;
     let rule = CutRule::new(plan.epsilon.pixels())?;
     let mut auditor = Auditor::new(&stage.scene, display, viewport(plan.size)?, rule)?;
+    let mut machine = VulkanPair::new(display, viewport(plan.size)?, plan.tester)?;
     let mut farthest = [0.0_f64; 2];
-    for record in walk_in_process(stage, plan, &automatic(stage, plan)) {
+    let records = walk_in_process(stage, plan, &automatic(stage, plan));
+    for index in 0..records.len() {
         let mut frame = Frame::default();
-        auditor.audit(&record, false, &mut frame, &mut Default::default())?;
+        auditor.audit(&mut machine, &records[..=index], false, &mut frame, &mut Default::default())?;
         assert_eq!(frame.cut_mismatch_pixels, Some(0), "culling is not at fault");
         let error = frame.full_detail.unwrap();
         let off = [error.silhouette_max_px.unwrap(), error.surface_max_px.unwrap()];
@@ -121,9 +124,10 @@ fn every_tester_shows_the_unculled_cut() -> Result<(), Box<dyn Error>> {
         let rule = CutRule::new(plan.epsilon.pixels())?;
         let [_, _, display] = &stage.drawn;
         let mut auditor = Auditor::new(&stage.scene, display, viewport(plan.size)?, rule)?;
-        for record in &records {
+        let mut machine = VulkanPair::new(display, viewport(plan.size)?, tester)?;
+        for (index, record) in records.iter().enumerate() {
             let mut frame = Frame::default();
-            auditor.audit(record, false, &mut frame, &mut Default::default())?;
+            auditor.audit(&mut machine, &records[..=index], false, &mut frame, &mut Default::default())?;
             assert_eq!(frame.false_culled_pixels, Some(0), "{tester}: {}", record.camera.frame());
             assert_eq!(frame.cut_mismatch_pixels, Some(0), "{tester}: {}", record.camera.frame());
             assert!(frame.nodes_exact.is_some_and(|exact| exact > 0), "something shows");

@@ -110,7 +110,12 @@ fn culling(report: &Report) -> String {
         plural(nodes, "visible node", "visible nodes")
     );
     for cull in &summary.false_culls {
-        text += &format!("\n           - {}: {}", cull.cause.words(), plural(cull.nodes, "node", "nodes"));
+        text += &format!(
+            "\n           - {}: {}, {}",
+            cull.cause.words(),
+            plural(cull.nodes, "node", "nodes"),
+            plural(cull.pixels, "pixel", "pixels")
+        );
     }
     text
 }
@@ -195,7 +200,7 @@ mod tests {
         let text = summary(&sample::report());
         assert!(text.lines().any(|l| l.starts_with("MODEL") && l.contains("not measured")), "{text}");
         assert!(text.contains("41 pixels changed, 3 visible nodes lost, on 20 audited frames"), "{text}");
-        assert!(text.contains("its box covered no sample: 2 nodes"), "{text}");
+        assert!(text.contains("its box covers none of its pixels: 2 nodes, 11 pixels"), "{text}");
         assert!(text.lines().all(|l| l.chars().count() <= 130), "{text}");
     }
 

@@ -3,18 +3,24 @@
 use std::{collections::BTreeSet, sync::Arc};
 
 use thiserror::Error;
-use trimaran_cull::{CutRule, LevelCut, View, Viewport, draw_order, level_cut};
+use trimaran_actors::PairDevice;
+use trimaran_cull::{CutRule, LevelCut, View, Viewport, draw_order, level_cut, reference::Missing};
 use trimaran_gpu::{GpuError, GpuScene, ItemImage, ItemPass, Picture, PicturePass};
 use trimaran_proto::{Camera, DrawableId};
 use trimaran_scene::Scene;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::{deviation, objects::ObjectCounts, record::FrameRecord};
+use super::{
+    attribution::{self, AttributionError},
+    deviation,
+    objects::ObjectCounts,
+    record::FrameRecord,
+};
 use crate::report::{
     metrics::{
         self, MetricError, exactly_visible, exactly_visible_triangles, false_culls, mismatching_pixels,
     },
-    schema::{FalseCull, FalseCullCause, Frame, PictureError, VisibleObject},
+    schema::{Frame, PictureError, VisibleObject},
 };
 
 /// Why a frame could not be checked.
@@ -27,6 +33,15 @@ pub enum AuditError {
     /// The pictures do not fit together.
     #[error("comparing pictures failed")]
     Metric(#[from] MetricError),
+    /// Something visible was not drawn, and the machine's work could not be done again to see why.
+    #[error("{frame} was culled falsely; culling it again, to see why, failed")]
+    Attribution {
+        /// The frame.
+        frame: trimaran_proto::FrameNumber,
+        /// Why.
+        #[source]
+        cause: AttributionError,
+    },
     /// The picture drawn again is not the one that was shown: the device does not repeat itself.
     #[error(
         "the picture of {frame} drawn again differs from the one shown: the device does not draw the same twice"
@@ -95,18 +110,21 @@ impl Auditor {
         }
     }
 
-    /// Checks one frame: enters what it finds into `frame`, with the names of the visible objects if `names`, and leaves the
-    /// pictures in `pictures`.
+    /// Checks the last frame of `walk`, which holds all frames up to it: enters what it finds into `frame`, with the names of
+    /// the visible objects if `names`, and leaves the pictures in `pictures`. If something visible is missing, `machine` does
+    /// again what the frame's machine did, to find the cause.
     ///
     /// # Errors
-    /// If the device fails.
-    pub fn audit(
+    /// If a device fails.
+    pub fn audit<D: PairDevice>(
         &mut self,
-        record: &FrameRecord,
+        machine: &mut D,
+        walk: &[FrameRecord],
         names: bool,
         frame: &mut Frame,
         pictures: &mut AuditPictures,
     ) -> Result<(), AuditError> {
+        let Some(record) = walk.last() else { return Ok(()) };
         let view = View::new(record.camera, self.viewport);
         self.picture(record, &mut pictures.shown)?;
         let shown_items = self.draw_items(&view, &record.ids)?;
@@ -115,7 +133,13 @@ impl Auditor {
         draw_order(&self.scene, &view, &mut cut);
         self.draw_picture(&view, &cut, &mut pictures.unculled)?;
         let cut_items = self.draw_items(&view, &cut)?;
-        enter_culling(frame, record, pictures, &shown_items, &cut_items)?;
+        let missing = enter_culling(frame, record, pictures, &shown_items, &cut_items)?;
+        if !missing.is_empty() {
+            let number = record.camera.frame();
+            frame.false_culls =
+                attribution::false_culls(&self.scene, self.rule, self.viewport, machine, walk, &missing)
+                    .map_err(|cause| AuditError::Attribution { frame: number, cause })?;
+        }
         let exact = exactly_visible(&items_of(&cut_items)?).into_iter().map(DrawableId);
         frame.objects_exact = Some(self.counts.of(&self.scene, exact));
 
@@ -206,14 +230,14 @@ impl Auditor {
     }
 }
 
-/// What culling cost the picture: against the same level cut without it.
+/// What culling cost the picture: against the same level cut without it. Returns what is missing.
 fn enter_culling(
     frame: &mut Frame,
     record: &FrameRecord,
     pictures: &AuditPictures,
     shown: &ItemImage,
     cut: &ItemImage,
-) -> Result<(), MetricError> {
+) -> Result<Vec<Missing>, MetricError> {
     let (shown_items, cut_items) = (items_of(shown)?, items_of(cut)?);
     frame.nodes_exact = Some(exactly_visible(&cut_items).len() as u64);
     frame.triangles_exact = exactly_visible_triangles(&cut_items, &cut.triangle);
@@ -222,16 +246,14 @@ fn enter_culling(
     frame.false_culled_nodes = Some(lost.nodes.len() as u64);
     frame.false_culled_pixels = Some(lost.pixels);
     frame.false_culled_blob_px = Some(lost.largest_blob);
-    if lost.pixels > 0 {
-        frame.false_culls = vec![FalseCull {
-            cause: FalseCullCause::Unattributed,
-            nodes: lost.nodes.len() as u64,
-            pixels: lost.pixels,
-        }];
-    }
     frame.cut_mismatch_pixels =
         Some(mismatching_pixels(&picture_of(&pictures.shown)?, &picture_of(&pictures.unculled)?)?);
-    Ok(())
+    let mut pixels = deviation::pixels_by_owner(&cut_items);
+    let missing = lost.nodes.iter().filter_map(|(id, _)| {
+        let id = DrawableId(*id);
+        Some(Missing { id, pixels: pixels.remove(&id)? })
+    });
+    Ok(missing.collect())
 }
 
 /// A picture as the metrics read it.

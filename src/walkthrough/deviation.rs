@@ -106,7 +106,7 @@ fn node_of(scene: &Scene, drawable: DrawableId) -> Option<NodeId> {
 }
 
 /// The pixels that each drawable owns, as indices row by row.
-fn pixels_by_owner(image: &ItemImage<'_>) -> BTreeMap<DrawableId, Vec<usize>> {
+pub(super) fn pixels_by_owner(image: &ItemImage<'_>) -> BTreeMap<DrawableId, Vec<usize>> {
     let mut pixels = BTreeMap::<_, Vec<usize>>::new();
     for (pixel, owner) in image.owners().enumerate() {
         if let Some(owner) = owner {

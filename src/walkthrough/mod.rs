@@ -7,6 +7,7 @@
 //! report           all of it as a report with its pictures
 //! ```
 
+mod attribution;
 mod audit;
 mod compose;
 mod deviation;
@@ -17,6 +18,7 @@ mod path;
 mod record;
 mod reporting;
 
+pub use attribution::AttributionError;
 pub use audit::{AuditError, AuditPictures, Auditor, picture_of};
 pub use in_process::{Stage, StageError, in_process};
 pub use path::{PathChoice, Trail, TrailError};

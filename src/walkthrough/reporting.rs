@@ -8,6 +8,7 @@ use std::{
 };
 
 use thiserror::Error;
+use trimaran_actors::VulkanPair;
 use trimaran_cull::{CutRule, CutRuleError, ViewportError};
 use trimaran_gpu::{GpuError, GpuInfo, GpuScene, Picture};
 use trimaran_scene::Scene;
@@ -100,15 +101,17 @@ pub fn write_report(
     progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
 ) -> Result<(Report, Paths), ReportingError> {
     let size = viewport(plan.size)?;
-    let rule = CutRule::new(plan.epsilon.pixels())?;
+    let rule = CutRule::new(plan.epsilon.pixels())?.stopping_at_few_pixels(plan.few_pixels);
     let mut auditor = Auditor::new(&file.scene, drawn, size, rule)?;
+    let mut machine = VulkanPair::new(drawn, size, plan.tester)?;
     let mut writer = Writer::create(out)?;
     let mut frames = compose::frames(&file.scene, trail, records);
     let mut pictures = AuditPictures::default();
-    for (frame, record) in frames.iter_mut().zip(records) {
+    for (index, (frame, record)) in frames.iter_mut().zip(records).enumerate() {
         let number = frame.frame;
         if plan.audit_every > 0 && number.is_multiple_of(plan.audit_every) {
-            auditor.audit(record, plan.visible, frame, &mut pictures)?;
+            let walk = records.get(..=index).unwrap_or_default();
+            auditor.audit(&mut machine, walk, plan.visible, frame, &mut pictures)?;
             for (kind, picture) in [
                 (PictureKind::Shown, &pictures.shown),
                 (PictureKind::Unculled, &pictures.unculled),

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use trimaran_cull::{BoxTester, View};
+use trimaran_cull::{BoxTester, DepthImage, View};
 use trimaran_gpu::Picture;
 use trimaran_proto::DrawableId;
 
@@ -26,6 +26,12 @@ pub trait PairDevice: BoxTester {
     /// # Errors
     /// As the device says.
     fn finish_occluders(&mut self) -> Result<Duration, Self::Error>;
+
+    /// The depth of the occluders finished last. Sessions leave it where it is; an audit looks at it.
+    ///
+    /// # Errors
+    /// As the device says.
+    fn read_depth(&mut self) -> Result<DepthImage<'_>, Self::Error>;
 }
 
 /// The display's device: it draws what is visible.

@@ -3,7 +3,9 @@
 use std::{sync::Arc, time::Duration};
 
 use thiserror::Error;
-use trimaran_cull::{Answer, BoxTester, DepthPyramid, HzbError, HzbTester, Outline, TestBox, View, Viewport};
+use trimaran_cull::{
+    Answer, BoxTester, DepthImage, DepthPyramid, HzbError, HzbTester, Outline, TestBox, View, Viewport,
+};
 use trimaran_gpu::{GpuError, GpuScene, OccluderPass, PassTiming, Picture, PicturePass};
 use trimaran_proto::{DrawableId, TesterKind};
 
@@ -54,6 +56,10 @@ impl PairDevice for VulkanPair {
             self.pyramid.rebuild(self.pass.read_depth()?);
         }
         Ok(device_time(timing))
+    }
+
+    fn read_depth(&mut self) -> Result<DepthImage<'_>, VulkanPairError> {
+        Ok(self.pass.read_depth()?)
     }
 }
 

@@ -89,12 +89,8 @@ impl BoxMaker {
     #[must_use]
     pub fn prepare(&self, node: &Node, reach: f64) -> Prepared {
         let exact = OrientedBox::new(node, self.eye, self.to_view);
-        let (nearest, farthest) = exact.depths();
-        let far = exact.centre.length() + exact.half.length() + reach;
-        let position = POSITION_ULPS * ULP * far;
-        // Clamped to the near plane: nothing nearer than that is ever rasterized.
-        let depth = DEPTH_ULPS * ULP * farthest * farthest / nearest.max(self.near);
-        let slack = position + depth.max(0.0);
+        let farthest = exact.depths().1;
+        let slack = self.slack_of(&exact, reach);
         if !(slack.is_finite() && slack <= f64::from(f32::MAX)) {
             return Prepared::Visible(Untestable::NotFinite);
         }
@@ -112,6 +108,20 @@ impl BoxMaker {
             Some(narrow) => Prepared::Test(narrow),
             None => Prepared::Visible(Untestable::NotFinite),
         }
+    }
+
+    /// How far the box of `node` is inflated against rounding and depth ties, metres.
+    pub(crate) fn slack(&self, node: &Node, reach: f64) -> f64 {
+        self.slack_of(&OrientedBox::new(node, self.eye, self.to_view), reach)
+    }
+
+    fn slack_of(&self, exact: &OrientedBox, reach: f64) -> f64 {
+        let (nearest, farthest) = exact.depths();
+        let far = exact.centre.length() + exact.half.length() + reach;
+        let position = POSITION_ULPS * ULP * far;
+        // Clamped to the near plane: nothing nearer than that is ever rasterized.
+        let depth = DEPTH_ULPS * ULP * farthest * farthest / nearest.max(self.near);
+        position + depth.max(0.0)
     }
 }
 

@@ -95,12 +95,7 @@ fn false_culls(report: &Report) -> String {
         (true, _) => vec![vec!["none".to_owned(), "0".to_owned(), "0".to_owned()]],
         (false, _) => rows,
     };
-    table(
-        "False culls by cause: why a visible node was not drawn",
-        &["cause", "nodes", "pixels"],
-        &rows,
-        false,
-    )
+    table("False culls by cause: the first step that went wrong", &["cause", "nodes", "pixels"], &rows, false)
 }
 
 fn doubts(report: &Report) -> String {

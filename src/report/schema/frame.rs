@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+pub use trimaran_cull::reference::FalseCullCause;
+
 /// One frame: pose, times, what was drawn, what should have been, and what it cost on the wire.
 ///
 /// `None` means "not measured on this frame" and is written as `null`.
@@ -154,61 +156,6 @@ pub struct FalseCull {
     pub nodes: u64,
     /// Pixels they own.
     pub pixels: u64,
-}
-
-/// Why a visible drawable was not drawn: which of the conditions under which culling is exact did not hold.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FalseCullCause {
-    /// OR, HC and RVG did not draw the same level of the node.
-    LevelMismatch,
-    /// The node's box does not hold all of its levels.
-    BoxTooSmall,
-    /// The box touches the front surface and lost the depth test to it.
-    DepthTie,
-    /// The box covered no sample.
-    MissedSamples,
-    /// The box crosses the near plane, or the eye is inside.
-    NearPlane,
-    /// The node's id was sent and did not arrive.
-    LostIds,
-    /// Two passes or two devices computed different positions.
-    PositionMismatch,
-    /// The pixel-count rule of the paper's section 4.5.2 was on and dropped it.
-    PixelCountRule,
-    /// None of the above could be shown.
-    Unattributed,
-}
-
-impl FalseCullCause {
-    /// All causes, in the order of tables.
-    pub const ALL: [Self; 9] = [
-        Self::LevelMismatch,
-        Self::BoxTooSmall,
-        Self::DepthTie,
-        Self::MissedSamples,
-        Self::NearPlane,
-        Self::LostIds,
-        Self::PositionMismatch,
-        Self::PixelCountRule,
-        Self::Unattributed,
-    ];
-
-    /// The cause in words.
-    #[must_use]
-    pub const fn words(self) -> &'static str {
-        match self {
-            Self::LevelMismatch => "the roles drew different levels of it",
-            Self::BoxTooSmall => "its box does not hold all of its levels",
-            Self::DepthTie => "its box lost a depth tie",
-            Self::MissedSamples => "its box covered no sample",
-            Self::NearPlane => "its box crosses the near plane",
-            Self::LostIds => "its id did not arrive",
-            Self::PositionMismatch => "two passes computed different positions",
-            Self::PixelCountRule => "the pixel-count rule (option) dropped it",
-            Self::Unattributed => "no cause found",
-        }
-    }
 }
 
 /// One picture against another.

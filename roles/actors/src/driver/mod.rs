@@ -5,13 +5,15 @@
 
 mod cameras;
 mod display;
+mod occluders;
 mod outlet;
 mod pair;
 mod stop;
 
 pub use cameras::Cameras;
 pub use display::{DisplayRole, Observer, PairTraffic, ShownFrame};
-pub use pair::{OccluderPolicy, PairRole};
+pub use occluders::OccluderPolicy;
+pub use pair::PairRole;
 pub use stop::{Stop, Stopper};
 
 use std::future::Future;

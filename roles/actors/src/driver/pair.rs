@@ -3,10 +3,7 @@
 use std::{sync::Arc, time::Duration};
 
 use tokio::runtime::Handle;
-use trimaran_cull::{
-    CullStats, Culler, CutRule, OccluderMapper, TriangleBudget, View, Viewport, nearest_within,
-    worthiest_within,
-};
+use trimaran_cull::{CullStats, Culler, CutRule, OccluderMapper, View, Viewport};
 use trimaran_proto::{
     Camera, CullCounts, DrawableId, FrameEvent, FrameNumber, FrameStart, FrameStats, IdBatch, SentBytes,
     Settings,
@@ -15,7 +12,7 @@ use trimaran_scene::Scene;
 use trimaran_transport::{Link, RecvError, Traffic};
 
 use super::{
-    LinkError, RoleError, leave, left_on_purpose, nanoseconds,
+    LinkError, OccluderPolicy, RoleError, leave, left_on_purpose, nanoseconds,
     outlet::Outlet,
     rule_of,
     stop::{Stop, Waiting},
@@ -43,24 +40,6 @@ pub struct PairRole<D> {
     pub settings: Settings,
     /// Which occluders it draws.
     pub occluders: OccluderPolicy,
-}
-
-/// Which occluders a machine draws. Any subset of the level cut is a valid set: fewer are drawn sooner and hide less, and
-/// never too much.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct OccluderPolicy {
-    /// Draw the worthiest of the last frame's visible set within this budget, once all its ids are there. `None` draws all of
-    /// them, each batch as it comes.
-    pub budget: Option<TriangleBudget>,
-    /// Where the last frame's set says little of this one (the first frame, or one after a jump), draw the nearest drawables
-    /// within this budget as well.
-    pub after_a_jump: TriangleBudget,
-}
-
-impl Default for OccluderPolicy {
-    fn default() -> Self {
-        Self { budget: Some(TriangleBudget(30_000)), after_a_jump: TriangleBudget(60_000) }
-    }
 }
 
 impl<D: PairDevice> PairRole<D> {
@@ -213,16 +192,9 @@ impl<'r, D: PairDevice> Work<'r, D> {
         let start = self.clock.elapsed();
         let view = View::new(camera, self.viewport);
         let scene = Arc::clone(self.culler.scene());
-        let jumped = self.due.len() * 2 <= self.received_count;
-        if let Some(budget) = self.policy.budget {
-            worthiest_within(&scene, &view, &mut self.due, budget);
-            self.draw(0)?;
-        }
-        if jumped {
-            let known = self.due.len();
-            nearest_within(&scene, &view, self.rule, self.policy.after_a_jump, &mut self.due);
-            self.draw(known)?;
-        }
+        let drawn = if self.policy.budget.is_none() { self.due.len() } else { 0 };
+        self.policy.choose(&scene, &view, self.rule, self.received_count, &mut self.due);
+        self.draw(drawn)?;
         self.host += self.clock.elapsed().saturating_sub(start);
         Ok(())
     }

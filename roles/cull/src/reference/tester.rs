@@ -76,7 +76,7 @@ impl BoxTester for ReferenceTester<'_> {
 }
 
 /// The twelve triangles of a box, in view space.
-fn triangles_of(test_box: &TestBox) -> impl Iterator<Item = [DVec3; 3]> + use<> {
+pub(super) fn triangles_of(test_box: &TestBox) -> impl Iterator<Item = [DVec3; 3]> + use<> {
     let centre = test_box.centre.as_dvec3();
     let axes = test_box.axes.map(Vec3::as_dvec3);
     (0..6).flat_map(move |face: usize| {

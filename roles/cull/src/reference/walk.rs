@@ -2,41 +2,22 @@
 //!
 //! Why culling is exact rests on five conditions. [`Fault`] breaks each on purpose, to see that a check of the pictures notices.
 
-use std::convert::Infallible;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use thiserror::Error;
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
+use super::attribution::{CulledFrame, Missing, causes};
+use super::cause::FalseCullCause;
+use super::fault::{AnyTester, Fault, Tampered};
 use super::picture::{Picture, Placement, rasterize};
 use super::tester::ReferenceTester;
 use crate::{
-    Answer, BoxTester, CullError, CullStats, Culler, CutRule, DepthImage, DepthPyramid, DrawOrder, HzbError,
-    HzbTester, LevelCut, NoOccluders, OccluderError, OccluderMapper, Outline, TestBox, View,
+    CullError, CullStats, Culler, CutRule, DepthImage, DepthPyramid, DrawOrder, HzbError, HzbTester,
+    LevelCut, OccluderError, OccluderMapper, View,
 };
-
-/// One of the conditions of exact culling, broken.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum Fault {
-    /// None: all conditions hold.
-    #[default]
-    None,
-    /// Condition 1: OR draws the levels it was sent and not those of its own cut.
-    OtherLevels,
-    /// As if OR had drawn from the camera before: its depth is the last frame's.
-    StaleDepth,
-    /// Condition 2: boxes are this much smaller than what they stand for.
-    SmallBoxes(f32),
-    /// Condition 3: boxes are not inflated against ties, but lie this fraction farther away.
-    NoInflation(f32),
-    /// Condition 3: boxes are not grown by half a pixel.
-    NoOutline,
-    /// Condition 4: every so manieth id never arrives at RVG.
-    DroppedIds(usize),
-    /// Condition 5: OR's vertices are this fraction nearer to the eye than RVG's.
-    NearerOccluders(f64),
-}
 
 /// Which tester HC uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -59,24 +40,32 @@ pub struct FrameReport {
     pub emitted: Vec<DrawableId>,
     /// What is seen in the unculled picture.
     pub exact: Vec<DrawableId>,
-    /// What is seen in the unculled picture and was not emitted: must be none.
-    pub false_culled: Vec<DrawableId>,
+    /// What is seen in the unculled picture and was not drawn: must be none.
+    pub false_culled: Vec<FalseCull>,
     /// Pixels at which the culled picture shows another item than the unculled one: must be 0.
     pub differing_pixels: usize,
     /// The culled picture.
     pub picture: Picture,
 }
 
+/// A drawable that is seen in the unculled picture and was not drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FalseCull {
+    /// Which.
+    pub id: DrawableId,
+    /// The pixels it owns in the unculled picture.
+    pub pixels: usize,
+    /// Why it was not drawn.
+    pub cause: FalseCullCause,
+}
+
 /// Why a reference walk stopped.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum WalkError {
-    /// The oracle's culling failed.
-    #[error("culling with rasterized boxes failed")]
-    Rasterized(#[from] CullError<Infallible>),
-    /// Culling with the pyramid failed.
-    #[error("culling with the depth pyramid failed")]
-    Pyramid(#[from] CullError<HzbError>),
+    /// Culling failed.
+    #[error("culling failed")]
+    Culling(#[from] CullError<HzbError>),
     /// The pyramid does not fit the picture.
     #[error("the depth pyramid does not fit the picture")]
     Size(#[from] HzbError),
@@ -93,7 +82,32 @@ pub struct ReferenceWalk {
     testing: Testing,
     placement: Placement,
     fault: Fault,
-    last: Option<(Vec<DrawableId>, Picture)>,
+    last: Option<Last>,
+}
+
+/// What is left of the frame before.
+#[derive(Debug)]
+struct Last {
+    view: View,
+    emitted: Vec<DrawableId>,
+    drawn: Vec<DrawableId>,
+    picture: Picture,
+}
+
+/// What OR drew, and its depth as every tester wants it.
+#[derive(Debug)]
+struct Occluders {
+    ids: Vec<DrawableId>,
+    picture: Picture,
+    depth: Vec<f32>,
+    pyramid: DepthPyramid,
+}
+
+impl Occluders {
+    fn image(&self) -> Result<DepthImage<'_>, HzbError> {
+        let size = self.picture.viewport();
+        DepthImage::new(size, &self.depth).map_err(|_| HzbError::Size { image: size, other: Some(size) })
+    }
 }
 
 impl ReferenceWalk {
@@ -135,109 +149,88 @@ impl ReferenceWalk {
     pub fn frame(&mut self, view: &View) -> Result<FrameReport, WalkError> {
         let scene = Arc::clone(self.culler.scene());
         let mut order = DrawOrder::default();
-        let (occluders, depth) = match &self.last {
-            Some((ids, picture)) => {
-                let (occluders, depth) = self.draw_occluders(&scene, view, ids, picture)?;
-                (occluders, Some(depth))
-            }
-            None => (Vec::new(), None),
-        };
-        let (mut emitted, stats) = self.cull(view, depth.as_ref())?;
+        let occluders = self.draw_occluders(&scene, view)?;
+        let mut emitted = Vec::new();
+        let mut tester = self.tester(&occluders)?;
+        let stats = self.culler.cull(view, self.rule, &mut tester, |id| emitted.push(id))?;
         order.sort(&scene, view, &mut emitted);
-        let arrived = emitted.iter().enumerate().filter_map(|(index, &id)| match self.fault {
-            Fault::DroppedIds(every) if index % every == 0 => None,
-            _ => Some(id),
-        });
-        let picture = rasterize(&scene, view, arrived, self.placement);
+        let drawn = self.fault.arrived(&scene, &emitted);
+        let picture = rasterize(&scene, view, drawn.iter().copied(), self.placement);
         let mut cut = LevelCut::new(&scene, view, self.rule).drawables();
         order.sort(&scene, view, &mut cut);
         let truth = rasterize(&scene, view, cut, self.placement);
         let exact = truth.seen();
-        let false_culled = exact.iter().copied().filter(|id| !emitted.contains(id)).collect();
+
+        let missing = missing(&truth, &drawn);
+        let before: Vec<(View, &[DrawableId])> =
+            self.last.iter().map(|last| (last.view, last.drawn.as_slice())).collect();
+        let frame = CulledFrame {
+            scene: &scene,
+            view,
+            rule: self.rule,
+            occluders: &occluders.ids,
+            depth: &occluders.depth,
+            sent: Some(emitted.len() as u64),
+            drawn: &drawn,
+            before: &before,
+        };
+        let causes = causes(&frame, &mut tester, &missing)?;
+        let false_cull =
+            |(lost, cause): (&Missing, _)| FalseCull { id: lost.id, pixels: lost.pixels.len(), cause };
+        let false_culled = missing.iter().zip(causes).map(false_cull).collect();
+
         let differing_pixels = picture.differing_pixels(&truth);
-        self.last = Some((emitted.clone(), picture.clone()));
+        self.last = Some(Last { view: *view, emitted: emitted.clone(), drawn, picture: picture.clone() });
+        let occluders = occluders.ids;
         Ok(FrameReport { stats, occluders, emitted, exact, false_culled, differing_pixels, picture })
     }
 
-    /// OR: the last frame's ids, mapped to this view's cut and drawn from it.
-    fn draw_occluders(
-        &self,
-        scene: &Arc<Scene>,
-        view: &View,
-        ids: &[DrawableId],
-        last: &Picture,
-    ) -> Result<(Vec<DrawableId>, Picture), WalkError> {
-        let mut due = Vec::new();
-        if self.fault == Fault::OtherLevels {
-            due.extend_from_slice(ids);
-        } else {
-            OccluderMapper::new(Arc::clone(scene), *view, self.rule).push(ids, &mut due)?;
+    /// OR: the last frame's ids, mapped to this view's cut and drawn from it; nothing before there is a last frame.
+    fn draw_occluders(&self, scene: &Arc<Scene>, view: &View) -> Result<Occluders, WalkError> {
+        let mut ids = Vec::new();
+        match &self.last {
+            Some(last) if self.fault == Fault::OtherLevels => ids.extend_from_slice(&last.emitted),
+            Some(last) => {
+                OccluderMapper::new(Arc::clone(scene), *view, self.rule).push(&last.emitted, &mut ids)?;
+            }
+            None => {}
         }
-        let mut depth = match self.fault {
-            Fault::StaleDepth if last.viewport() == view.viewport() => last.clone(),
-            _ => rasterize(scene, view, due.iter().copied(), self.placement),
+        let mut picture = match &self.last {
+            Some(last) if self.fault == Fault::StaleDepth && last.view.viewport() == view.viewport() => {
+                last.picture.clone()
+            }
+            _ => rasterize(scene, view, ids.iter().copied(), self.placement),
         };
         if let Fault::NearerOccluders(fraction) = self.fault {
-            depth.bring_nearer(fraction);
+            picture.bring_nearer(fraction);
         }
-        Ok((due, depth))
+        let depth = picture.depth32();
+        let occluders = Occluders { ids, picture, depth, pyramid: DepthPyramid::new() };
+        let mut pyramid = DepthPyramid::new();
+        if self.testing == Testing::Pyramid {
+            pyramid.rebuild(occluders.image()?);
+        }
+        Ok(Occluders { pyramid, ..occluders })
     }
 
-    /// HC.
-    fn cull(
-        &mut self,
-        view: &View,
-        depth: Option<&Picture>,
-    ) -> Result<(Vec<DrawableId>, CullStats), WalkError> {
-        let mut emitted = Vec::new();
-        let fault = self.fault;
-        let stats = match (depth, self.testing) {
-            (None, _) => self.culler.cull(view, self.rule, &mut NoOccluders, |id| emitted.push(id))?,
-            (Some(depth), Testing::Rasterized) => {
-                let mut tester = Tampered { inner: ReferenceTester::new(depth), fault };
-                self.culler.cull(view, self.rule, &mut tester, |id| emitted.push(id))?
-            }
-            (Some(depth), Testing::Pyramid) => {
-                let values = depth.depth32();
-                let mut pyramid = DepthPyramid::new();
-                let size = |_| HzbError::Size { image: view.viewport(), other: Some(depth.viewport()) };
-                let image = DepthImage::new(depth.viewport(), &values).map_err(size)?;
-                pyramid.rebuild(image);
-                let mut tester = Tampered { inner: HzbTester::new(image, &pyramid)?, fault };
-                self.culler.cull(view, self.rule, &mut tester, |id| emitted.push(id))?
-            }
+    /// HC's tester.
+    fn tester<'o>(&self, occluders: &'o Occluders) -> Result<Tampered<'o>, HzbError> {
+        let inner = match self.testing {
+            Testing::Rasterized => AnyTester::Rasterized(ReferenceTester::new(&occluders.picture)),
+            Testing::Pyramid => AnyTester::Pyramid(HzbTester::new(occluders.image()?, &occluders.pyramid)?),
         };
-        Ok((emitted, stats))
+        Ok(Tampered { inner, fault: self.fault })
     }
 }
 
-/// A tester whose boxes are tampered with as the fault says.
-struct Tampered<T> {
-    inner: T,
-    fault: Fault,
-}
-
-impl<T: BoxTester> BoxTester for Tampered<T> {
-    type Error = T::Error;
-
-    fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), T::Error> {
-        let tampered = |test_box: &TestBox| match self.fault {
-            Fault::SmallBoxes(scale) => TestBox { axes: test_box.axes.map(|axis| axis * scale), ..*test_box },
-            Fault::NoInflation(fraction) => {
-                let away = 1.0 + fraction;
-                TestBox { centre: test_box.centre * away, axes: test_box.axes.map(|axis| axis * away) }
-            }
-            _ => *test_box,
-        };
-        let boxes: Vec<TestBox> = boxes.iter().map(tampered).collect();
-        self.inner.test(view, &boxes, visible)
+/// What owns pixels of the unculled picture and was not drawn.
+fn missing(truth: &Picture, drawn: &[DrawableId]) -> Vec<Missing> {
+    let drawn: BTreeSet<DrawableId> = drawn.iter().copied().collect();
+    let mut missing = BTreeMap::<DrawableId, Vec<usize>>::new();
+    for (pixel, item) in truth.items().iter().enumerate() {
+        if let Some(item) = item.filter(|item| !drawn.contains(&item.drawable)) {
+            missing.entry(item.drawable).or_default().push(pixel);
+        }
     }
-
-    fn outline(&self) -> Outline {
-        if self.fault == Fault::NoOutline { Outline::OnScreen } else { self.inner.outline() }
-    }
-
-    fn answer(&self) -> Answer {
-        self.inner.answer()
-    }
+    missing.into_iter().map(|(id, pixels)| Missing { id, pixels }).collect()
 }

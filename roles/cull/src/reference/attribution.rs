@@ -1,0 +1,527 @@
+//! Why something visible was not drawn: the walk from the root down to it, step by step, each step held against the surface
+//! that the picture shows.
+//!
+//! The tester and its depth are those of the machine that culled the frame (or of one that did its work again), and so is what
+//! comes before the tester: the level cut, the frustum test, the boxes. What they are judged by is independent of them: where
+//! the f64 rasterizer puts the surface that is missing. The walk to a drawable may go wrong at any node above it, and the first
+//! such step is the cause.
+
+use std::collections::BTreeMap;
+use std::iter::successors;
+
+use glam::{DVec3, Vec3};
+use trimaran_proto::DrawableId;
+use trimaran_scene::{Node, NodeId, Scene};
+
+use super::cause::FalseCullCause as Cause;
+use super::picture::{Item, Picture, Placement, rasterize, triangles};
+use super::raster::rasterize_triangle;
+use super::tester::triangles_of;
+use crate::boxes::{BoxMaker, Prepared, reaches};
+use crate::{BoxTester, CutRule, LevelCut, TestBox, View};
+
+/// A pixel's centre may be covered by a surface that ends so far beside it: corners move by the sub-pixel step.
+const SNAP_PX: f64 = 1.0 / 256.0;
+
+/// What a machine did for a frame from which something is missing.
+#[derive(Debug, Clone, Copy)]
+pub struct CulledFrame<'f> {
+    /// The scene.
+    pub scene: &'f Scene,
+    /// The frame's camera and size.
+    pub view: &'f View,
+    /// The rule of its level cut.
+    pub rule: CutRule,
+    /// What OR drew.
+    pub occluders: &'f [DrawableId],
+    /// The depth that came of it, as the tester had it: reversed, row by row from the top left.
+    pub depth: &'f [f32],
+    /// How many ids HC sent, if that is known.
+    pub sent: Option<u64>,
+    /// What RVG drew.
+    pub drawn: &'f [DrawableId],
+    /// Frames before it whose cameras OR may have drawn from by mistake: their views and what was drawn of them.
+    pub before: &'f [(View, &'f [DrawableId])],
+}
+
+/// A drawable that owns pixels of the unculled picture and was not drawn.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Missing {
+    /// Which.
+    pub id: DrawableId,
+    /// Its pixels, row by row from the top left.
+    pub pixels: Vec<usize>,
+}
+
+/// The cause for each of `missing`, in order. `tester` is that of the machine, and tests against `frame.depth`.
+///
+/// # Errors
+/// If the tester fails.
+pub fn causes<T: BoxTester>(
+    frame: &CulledFrame<'_>,
+    tester: &mut T,
+    missing: &[Missing],
+) -> Result<Vec<Cause>, T::Error> {
+    let steps = MachineSteps {
+        cut: LevelCut::new(frame.scene, frame.view, frame.rule),
+        maker: BoxMaker::new(frame.view, tester.outline()),
+        reach: reaches(frame.scene.nodes()),
+        view: frame.view,
+        tester,
+        answers: Vec::new(),
+    };
+    Judge::new(frame, steps).judge(missing)
+}
+
+/// The steps of HC's walk, one node at a time.
+trait Steps {
+    type Error;
+
+    /// Whether the node is outside the frustum, by its world box.
+    fn outside(&self, node: &Node) -> bool;
+
+    /// What becomes of the node before any test.
+    fn prepare(&self, id: NodeId, node: &Node) -> Prepared;
+
+    /// Whether the tester says that the box shows.
+    fn shows(&mut self, test_box: TestBox) -> Result<bool, Self::Error>;
+
+    /// How far the node's box is inflated against rounding and depth ties, metres.
+    fn slack(&self, id: NodeId, node: &Node) -> f64;
+}
+
+/// The steps as [`Culler`](crate::Culler) takes them.
+struct MachineSteps<'f, T> {
+    cut: LevelCut<'f>,
+    maker: BoxMaker,
+    reach: Vec<f32>,
+    view: &'f View,
+    tester: &'f mut T,
+    answers: Vec<u32>,
+}
+
+impl<T> MachineSteps<'_, T> {
+    fn reach(&self, id: NodeId) -> f64 {
+        self.reach.get(id.0 as usize).copied().unwrap_or(f32::NAN).into()
+    }
+}
+
+impl<T: BoxTester> Steps for MachineSteps<'_, T> {
+    type Error = T::Error;
+
+    fn outside(&self, node: &Node) -> bool {
+        self.cut.outside(node)
+    }
+
+    fn prepare(&self, id: NodeId, node: &Node) -> Prepared {
+        self.maker.prepare(node, self.reach(id))
+    }
+
+    fn shows(&mut self, test_box: TestBox) -> Result<bool, T::Error> {
+        self.tester.test(self.view, &[test_box], &mut self.answers)?;
+        Ok(self.answers != [0])
+    }
+
+    fn slack(&self, id: NodeId, node: &Node) -> f64 {
+        self.maker.slack(node, self.reach(id))
+    }
+}
+
+/// A point of a missing surface, at the centre of a pixel that it owns.
+#[derive(Debug, Clone, Copy)]
+struct SurfacePoint {
+    pixel: usize,
+    /// In view space, metres.
+    place: DVec3,
+    /// Reversed depth.
+    depth: f64,
+    /// By what fraction depths of this surface may differ between passes.
+    tolerance: f64,
+}
+
+struct Judge<'f, S> {
+    frame: &'f CulledFrame<'f>,
+    steps: S,
+    /// Each node of which a level was drawn.
+    drawn: Vec<u32>,
+    /// The occluders as the reference draws them; drawn when first asked for.
+    occluders: Option<Picture>,
+    /// This frame's occluders from the cameras of the frames before, and what was drawn of those frames; likewise.
+    stale: Option<Vec<Picture>>,
+}
+
+impl<'f, S: Steps> Judge<'f, S> {
+    fn new(frame: &'f CulledFrame<'f>, steps: S) -> Self {
+        let mut drawn: Vec<u32> = frame
+            .drawn
+            .iter()
+            .filter_map(|id| frame.scene.drawables().get(id.index()))
+            .map(|drawable| drawable.node)
+            .collect();
+        drawn.sort_unstable();
+        Self { frame, steps, drawn, occluders: None, stale: None }
+    }
+
+    fn judge(&mut self, missing: &[Missing]) -> Result<Vec<Cause>, S::Error> {
+        missing.iter().map(|missing| self.cause(missing)).collect()
+    }
+
+    fn cause(&mut self, missing: &Missing) -> Result<Cause, S::Error> {
+        let scene = self.frame.scene;
+        let Some(drawable) = scene.drawables().get(missing.id.index()) else {
+            return Ok(Cause::Unattributed);
+        };
+        let target = NodeId(drawable.node);
+        if let Some(cause) = self.replaced(target) {
+            return Ok(cause);
+        }
+        let surface = self.surface(missing, target);
+        for id in way_down(scene, target) {
+            let Some(node) = scene.nodes().get(id.0 as usize) else { continue };
+            if let Some(cause) = self.step(id, node, &surface)? {
+                return Ok(cause);
+            }
+        }
+        let arrived = self.frame.drawn.len() as u64;
+        let lost = self.frame.sent.is_some_and(|sent| sent > arrived);
+        Ok(if lost { Cause::LostIds } else { Cause::Unattributed })
+    }
+
+    /// Whether something else was drawn for the node: another of its levels, a node above it or nodes below it.
+    fn replaced(&self, target: NodeId) -> Option<Cause> {
+        let scene = self.frame.scene;
+        let was_drawn = |node: NodeId| self.drawn.binary_search(&node.0).is_ok();
+        if way_down(scene, target).into_iter().any(|above| above != target && was_drawn(above)) {
+            let rule = self.frame.rule.stops_at_few_pixels();
+            return Some(if rule { Cause::PixelCountRule } else { Cause::LevelMismatch });
+        }
+        let below = |&node: &u32| way_down(scene, NodeId(node)).contains(&target);
+        self.drawn.iter().any(below).then_some(Cause::LevelMismatch)
+    }
+
+    /// Where the f64 rasterizer puts the missing surface at its pixels. Pixels on its very edge may not be among them.
+    fn surface(&self, missing: &Missing, target: NodeId) -> Vec<SurfacePoint> {
+        let (scene, view) = (self.frame.scene, self.frame.view);
+        let Some(drawable) = scene.drawables().get(missing.id.index()) else { return Vec::new() };
+        let mut nearest: BTreeMap<usize, f64> = missing.pixels.iter().map(|&pixel| (pixel, 0.0)).collect();
+        for corners in triangles(scene, view, drawable, Placement::Exact) {
+            rasterize_triangle(view, corners, |hit| {
+                if let Some(depth) = nearest.get_mut(&hit.pixel) {
+                    *depth = depth.max(hit.depth);
+                }
+            });
+        }
+        let slack =
+            scene.nodes().get(target.0 as usize).map_or(f64::NAN, |node| self.steps.slack(target, node));
+        let points = nearest.into_iter().filter(|(_, depth)| *depth > 0.0);
+        points
+            .map(|(pixel, depth)| {
+                let place = unproject(view, pixel, depth);
+                // Each of two passes may be off by the slack.
+                SurfacePoint { pixel, place, depth, tolerance: 2.0 * slack / -place.z }
+            })
+            .collect()
+    }
+
+    /// What goes wrong at one node on the way down, if anything does.
+    fn step(&mut self, id: NodeId, node: &Node, surface: &[SurfacePoint]) -> Result<Option<Cause>, S::Error> {
+        let prepared =
+            if self.steps.outside(node) { Prepared::Outside } else { self.steps.prepare(id, node) };
+        let test_box = match prepared {
+            Prepared::Visible(_) => return Ok(None),
+            Prepared::Outside => {
+                let holds = self.holds(node, surface);
+                return Ok(Some(if holds { Cause::OutsideFrustum } else { Cause::BoxTooSmall }));
+            }
+            Prepared::Test(test_box) => test_box,
+        };
+        if self.steps.shows(test_box)? {
+            return Ok(None);
+        }
+        let near = f64::from(self.frame.view.camera().near());
+        Ok(Some(if !(self.holds(node, surface) && self.box_holds(&test_box, surface)) {
+            Cause::BoxTooSmall
+        } else if nearest(&test_box) <= near {
+            Cause::NearPlane
+        } else {
+            self.hidden(&test_box, surface)
+        }))
+    }
+
+    /// Why a box that holds the surface was found hidden.
+    fn hidden(&mut self, test_box: &TestBox, surface: &[SurfacePoint]) -> Cause {
+        let tested =
+            |point: &SurfacePoint| f64::from(self.frame.depth.get(point.pixel).copied().unwrap_or_default());
+        let open: Vec<&SurfacePoint> =
+            surface.iter().filter(|point| tested(point) <= point.depth * (1.0 + point.tolerance)).collect();
+        if open.is_empty() {
+            return self.covered(surface);
+        }
+        let covered = covered(self.frame.view, test_box);
+        if !open.iter().any(|point| covered.binary_search(&point.pixel).is_ok()) {
+            return Cause::MissedSamples;
+        }
+        let clearly = open.iter().any(|point| point.depth > tested(point) * (1.0 + point.tolerance));
+        if clearly { Cause::TesterHid } else { Cause::DepthTie }
+    }
+
+    /// Why the depth tested against lies in front of the surface at all its pixels.
+    fn covered(&mut self, surface: &[SurfacePoint]) -> Cause {
+        let frame = self.frame;
+        let draw = |view: &View, ids: &[DrawableId]| {
+            rasterize(frame.scene, view, ids.iter().copied(), Placement::Exact)
+        };
+        let occluders = self.occluders.get_or_insert_with(|| draw(frame.view, frame.occluders));
+        let cut = LevelCut::new(frame.scene, frame.view, frame.rule);
+        let foreign = |point: &SurfacePoint| {
+            let item = occluders.items().get(point.pixel).copied().flatten();
+            let before = occluders.depth().get(point.pixel).is_some_and(|&depth| depth > point.depth);
+            before && item.is_some_and(|item| !is_of_cut(frame.scene, &cut, item))
+        };
+        if surface.iter().any(foreign) {
+            return Cause::LevelMismatch;
+        }
+        let stale = self.stale.get_or_insert_with(|| {
+            let moved = frame.before.iter().filter(|(view, _)| {
+                view.viewport() == frame.view.viewport() && pose(view) != pose(frame.view)
+            });
+            moved.flat_map(|(view, drawn)| [draw(view, drawn), draw(view, frame.occluders)]).collect()
+        });
+        let same = |picture: &Picture| {
+            surface.iter().all(|point| {
+                let tested = frame.depth.get(point.pixel).copied().map(f64::from);
+                picture.depth().get(point.pixel).zip(tested).is_some_and(|(drawn, tested)| {
+                    (drawn - tested).abs() <= tested * point.tolerance.max(f64::from(f32::EPSILON))
+                })
+            })
+        };
+        if stale.iter().any(same) { Cause::StaleCamera } else { Cause::OccluderTooNear }
+    }
+
+    /// Whether the node's own boxes hold every point of the surface.
+    fn holds(&self, node: &Node, surface: &[SurfacePoint]) -> bool {
+        let view = self.frame.view;
+        let (min, max) = node.world_box();
+        let (local_min, local_max) = node.local_box();
+        let linear = node.linear().as_dmat3();
+        let to_local = (linear.determinant() != 0.0).then(|| linear.inverse());
+        surface.iter().all(|point| {
+            let slack = self.leeway(point);
+            let from_eye = view.to_view().transpose() * point.place;
+            let world = view.eye() + from_eye;
+            let in_world = (min - slack).cmple(world).all() && world.cmple(max + slack).all();
+            // A frame without thickness cannot be turned back; its world box must do.
+            let in_local = to_local.is_none_or(|to_local| {
+                let local = to_local * (world - node.origin());
+                let slack = DVec3::from_array(
+                    [to_local.row(0), to_local.row(1), to_local.row(2)].map(|row| row.length() * slack),
+                );
+                let (low, high) = (local_min.as_dvec3() - slack, local_max.as_dvec3() + slack);
+                low.cmple(local).all() && local.cmple(high).all()
+            });
+            in_world && in_local
+        })
+    }
+
+    /// Whether the box that was tested holds every point of the surface.
+    fn box_holds(&self, test_box: &TestBox, surface: &[SurfacePoint]) -> bool {
+        surface.iter().all(|point| {
+            let offset = point.place - test_box.centre.as_dvec3();
+            test_box.axes.map(Vec3::as_dvec3).iter().all(|axis| {
+                axis.dot(offset).abs() <= axis.length_squared() + axis.length() * self.leeway(point)
+            })
+        })
+    }
+
+    /// How far from the surface a point at its pixel's centre may lie, metres.
+    fn leeway(&self, point: &SurfacePoint) -> f64 {
+        let focal = self.frame.view.focal_x().min(self.frame.view.focal_y());
+        -point.place.z * (SNAP_PX / focal + point.tolerance)
+    }
+}
+
+/// The nodes from the root down to this one.
+fn way_down(scene: &Scene, target: NodeId) -> Vec<NodeId> {
+    let parent = |id: &NodeId| {
+        let parent = scene.nodes().get(id.0 as usize)?.parent;
+        (parent != Node::NONE).then_some(NodeId(parent))
+    };
+    let mut way: Vec<NodeId> = successors(Some(target), parent).collect();
+    way.reverse();
+    way
+}
+
+/// Where a view is seen from, and which way.
+fn pose(view: &View) -> ([f64; 3], [f64; 4]) {
+    (view.camera().eye(), view.camera().orientation())
+}
+
+fn is_of_cut(scene: &Scene, cut: &LevelCut<'_>, item: Item) -> bool {
+    let Some(drawable) = scene.drawables().get(item.drawable.index()) else { return false };
+    way_down(scene, NodeId(drawable.node)).into_iter().all(|id| {
+        let Some(node) = scene.nodes().get(id.0 as usize) else { return false };
+        let chosen = cut.choose(node);
+        if id.0 == drawable.node {
+            chosen == crate::Choice::Draw(item.drawable)
+        } else {
+            chosen == crate::Choice::Refine
+        }
+    })
+}
+
+/// The point at a pixel's centre with this reversed depth, in view space.
+fn unproject(view: &View, pixel: usize, depth: f64) -> DVec3 {
+    let (width, height) = (view.viewport().width() as usize, f64::from(view.viewport().height()));
+    let distance = f64::from(view.camera().near()) / depth;
+    let (x, y) = ((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
+    DVec3::new(
+        (x - width as f64 * 0.5) / view.focal_x() * distance,
+        (height * 0.5 - y) / view.focal_y() * distance,
+        -distance,
+    )
+}
+
+/// The smallest depth in a box, metres.
+fn nearest(test_box: &TestBox) -> f64 {
+    let thickness: f64 = test_box.axes.iter().map(|axis| f64::from(axis.z.abs())).sum();
+    -f64::from(test_box.centre.z) - thickness
+}
+
+/// The pixels that a box covers, ascending.
+fn covered(view: &View, test_box: &TestBox) -> Vec<usize> {
+    let mut pixels = Vec::new();
+    for corners in triangles_of(test_box) {
+        rasterize_triangle(view, corners, |hit| pixels.push(hit.pixel));
+    }
+    pixels.sort_unstable();
+    pixels.dedup();
+    pixels
+}
+
+#[cfg(test)]
+mod tests {
+    use std::convert::Infallible;
+
+    use super::*;
+    use crate::Viewport;
+    use crate::reference::cases::{Mesh, Object, build, looking};
+
+    /// Steps that answer the same at every node.
+    struct Told {
+        outside: bool,
+        prepared: Prepared,
+        shows: bool,
+    }
+
+    impl Steps for Told {
+        type Error = Infallible;
+
+        fn outside(&self, _: &Node) -> bool {
+            self.outside
+        }
+
+        fn prepare(&self, _: NodeId, _: &Node) -> Prepared {
+            self.prepared
+        }
+
+        fn shows(&mut self, _: TestBox) -> Result<bool, Infallible> {
+            Ok(self.shows)
+        }
+
+        fn slack(&self, _: NodeId, _: &Node) -> f64 {
+            1e-6
+        }
+    }
+
+    /// A plate 0.5 m high and wide, 4 m ahead, at about 10 x 10 pixels: what is missing.
+    struct Plate {
+        scene: Scene,
+        view: View,
+        missing: Missing,
+        truth: Picture,
+    }
+
+    impl Plate {
+        fn new() -> Self {
+            let plate = Mesh::rectangle(Vec3::Y * 4.0, Vec3::X * 0.25, Vec3::Z * 0.25, 1);
+            let scene = build(&[Object::new(plate)], false).unwrap();
+            let view = looking(DVec3::ZERO, DVec3::Y, 60.0, Viewport::new(96, 96).unwrap(), 0).unwrap();
+            let id = DrawableId(0);
+            let truth = rasterize(&scene, &view, [id], Placement::Exact);
+            let pixels = (0..truth.items().len()).filter(|&p| truth.items()[p].is_some()).collect();
+            Self { scene, view, missing: Missing { id, pixels }, truth }
+        }
+
+        /// A box about the plate, so much thicker and larger to each side, metres.
+        fn grown(&self, more: f32) -> Prepared {
+            let axes = [Vec3::X * (0.25 + more), Vec3::Y * (0.25 + more), Vec3::Z * more];
+            Prepared::Test(TestBox { centre: Vec3::NEG_Z * 4.0, axes })
+        }
+
+        /// The cause, if the tester says what `shows` says and the depth tested against is `nearer` times that of the plate
+        /// at the plate's pixels.
+        fn cause(&self, outside: bool, prepared: Prepared, shows: bool, nearer: f64) -> Cause {
+            let depth: Vec<f32> = self.truth.depth().iter().map(|d| (d * nearer) as f32).collect();
+            self.cause_of(Told { outside, prepared, shows }, &depth, Some(0), &self.missing)
+        }
+
+        fn cause_of(&self, told: Told, depth: &[f32], sent: Option<u64>, missing: &Missing) -> Cause {
+            let frame = CulledFrame {
+                scene: &self.scene,
+                view: &self.view,
+                rule: CutRule::new(1.0).unwrap(),
+                occluders: &[DrawableId(0)],
+                depth,
+                sent,
+                drawn: &[],
+                before: &[],
+            };
+            Judge::new(&frame, told).judge(std::slice::from_ref(missing)).unwrap()[0]
+        }
+    }
+
+    #[test]
+    fn each_step_that_goes_wrong_is_named() {
+        let plate = Plate::new();
+        assert_eq!(plate.missing.pixels.len(), 100);
+        let right = plate.grown(0.01);
+        assert_eq!(plate.cause(true, right, true, 0.0), Cause::OutsideFrustum);
+        assert_eq!(plate.cause(false, Prepared::Outside, true, 0.0), Cause::OutsideFrustum);
+        assert_eq!(plate.cause(false, plate.grown(-0.05), false, 0.0), Cause::BoxTooSmall);
+        assert_eq!(plate.cause(false, plate.grown(5.0), false, 0.0), Cause::NearPlane);
+        assert_eq!(plate.cause(false, right, false, 0.0), Cause::TesterHid);
+        assert_eq!(plate.cause(false, right, false, 0.99), Cause::TesterHid);
+        assert_eq!(plate.cause(false, right, false, 1.0), Cause::DepthTie);
+        assert_eq!(plate.cause(false, right, false, 1.01), Cause::OccluderTooNear);
+        assert_eq!(plate.cause(false, right, true, 1.0), Cause::Unattributed);
+    }
+
+    #[test]
+    fn a_box_between_the_samples_is_named() {
+        let plate = Plate::new();
+        let pixel = plate.missing.pixels[0];
+        let missing = Missing { id: DrawableId(0), pixels: vec![pixel] };
+        let place = unproject(&plate.view, pixel, plate.truth.depth()[pixel]);
+        let axes = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis * 1e-5);
+        let prepared = Prepared::Test(TestBox { centre: place.as_vec3(), axes });
+        let told = Told { outside: false, prepared, shows: false };
+        assert_eq!(plate.cause_of(told, &[], None, &missing), Cause::MissedSamples);
+    }
+
+    #[test]
+    fn an_id_that_was_sent_and_not_drawn_is_lost() {
+        let plate = Plate::new();
+        let told = || Told { outside: false, prepared: plate.grown(0.01), shows: true };
+        assert_eq!(plate.cause_of(told(), &[], Some(1), &plate.missing), Cause::LostIds);
+        assert_eq!(plate.cause_of(told(), &[], None, &plate.missing), Cause::Unattributed);
+    }
+
+    #[test]
+    fn a_surface_is_found_again_from_its_depth() {
+        let plate = Plate::new();
+        for &pixel in &plate.missing.pixels {
+            let place = unproject(&plate.view, pixel, plate.truth.depth()[pixel]);
+            assert!((place.z + 4.0).abs() < 1e-9 && place.x.abs() < 0.25 && place.y.abs() < 0.25, "{place}");
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! Faults to be found: what each condition of exact culling looks like when it does not hold.
+
+use trimaran_proto::DrawableId;
+use trimaran_scene::Scene;
+
+use super::ReferenceTester;
+use crate::{Answer, BoxTester, HzbError, HzbTester, Outline, TestBox, View};
+
+/// One of the conditions of exact culling, broken.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Fault {
+    /// None: all conditions hold.
+    #[default]
+    None,
+    /// Condition 1: OR draws the levels it was sent and not those of its own cut.
+    OtherLevels,
+    /// Condition 1: RVG draws every so manieth node at another level than it was sent.
+    OtherLevelsShown(usize),
+    /// As if OR had drawn from the camera before: its depth is the last frame's.
+    StaleDepth,
+    /// Condition 3: the tester tests boxes this much smaller than it was given.
+    SmallBoxes(f32),
+    /// Condition 3: boxes are not inflated against ties, but lie this fraction farther away.
+    NoInflation(f32),
+    /// Condition 3: boxes are not grown by half a pixel.
+    NoOutline,
+    /// Condition 4: every so manieth id never arrives at RVG.
+    DroppedIds(usize),
+    /// Condition 5: OR's vertices are this fraction nearer to the eye than RVG's.
+    NearerOccluders(f64),
+}
+
+impl Fault {
+    /// What RVG draws of the ids that HC sent it.
+    pub(super) fn arrived(self, scene: &Scene, sent: &[DrawableId]) -> Vec<DrawableId> {
+        let other_level = |id: DrawableId| {
+            let drawable = scene.drawables().get(id.index())?;
+            scene.nodes().get(drawable.node as usize)?.levels().find(|level| *level != id)
+        };
+        sent.iter()
+            .enumerate()
+            .filter_map(|(index, &id)| match self {
+                Self::DroppedIds(every) if index % every == 0 => None,
+                Self::OtherLevelsShown(every) if index % every == 0 => Some(other_level(id).unwrap_or(id)),
+                _ => Some(id),
+            })
+            .collect()
+    }
+
+    fn tampered(self, test_box: &TestBox) -> TestBox {
+        match self {
+            Self::SmallBoxes(scale) => TestBox { axes: test_box.axes.map(|axis| axis * scale), ..*test_box },
+            Self::NoInflation(fraction) => {
+                let away = 1.0 + fraction;
+                TestBox { centre: test_box.centre * away, axes: test_box.axes.map(|axis| axis * away) }
+            }
+            _ => *test_box,
+        }
+    }
+}
+
+/// Which of the testers a machine has.
+pub(super) enum AnyTester<'p> {
+    Rasterized(ReferenceTester<'p>),
+    Pyramid(HzbTester<'p>),
+}
+
+/// A tester whose boxes are tampered with as the fault says.
+pub(super) struct Tampered<'p> {
+    pub(super) inner: AnyTester<'p>,
+    pub(super) fault: Fault,
+}
+
+impl BoxTester for Tampered<'_> {
+    type Error = HzbError;
+
+    fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), HzbError> {
+        let boxes: Vec<TestBox> = boxes.iter().map(|test_box| self.fault.tampered(test_box)).collect();
+        match &mut self.inner {
+            AnyTester::Rasterized(tester) => {
+                tester.test(view, &boxes, visible).map_err(|never| match never {})
+            }
+            AnyTester::Pyramid(tester) => tester.test(view, &boxes, visible),
+        }
+    }
+
+    fn outline(&self) -> Outline {
+        match &self.inner {
+            _ if self.fault == Fault::NoOutline => Outline::OnScreen,
+            AnyTester::Rasterized(tester) => tester.outline(),
+            AnyTester::Pyramid(tester) => tester.outline(),
+        }
+    }
+
+    fn answer(&self) -> Answer {
+        match &self.inner {
+            AnyTester::Rasterized(tester) => tester.answer(),
+            AnyTester::Pyramid(tester) => tester.answer(),
+        }
+    }
+}

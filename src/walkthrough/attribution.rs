@@ -1,0 +1,108 @@
+//! Why something visible was not drawn, in a session that has ended: its machine's work done again, and held against the
+//! reference.
+
+use std::{collections::BTreeMap, sync::Arc};
+
+use thiserror::Error;
+use trimaran_actors::{OccluderPolicy, PairDevice};
+use trimaran_cull::{
+    CutRule, OccluderError, View, Viewport,
+    reference::{CulledFrame, FalseCullCause, Missing, causes},
+};
+use trimaran_proto::DrawableId;
+use trimaran_scene::Scene;
+
+use super::record::FrameRecord;
+use crate::report::schema::FalseCull;
+
+/// Why no cause could be looked for.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum AttributionError {
+    /// The frame before holds ids that the scene does not have.
+    #[error("the frame before is not of this scene")]
+    Ids(#[from] OccluderError),
+    /// The machine failed.
+    #[error("the device failed")]
+    Device(#[source] Box<dyn std::error::Error + Send + Sync>),
+}
+
+/// The false culls of the last frame of `walk`, by cause. A session is deterministic: from the frames before and the frame's
+/// camera, `machine` draws the same occluders and tests the same boxes as the machine of the session did.
+///
+/// # Errors
+/// If the machine fails, or the frames are not of this scene.
+pub(super) fn false_culls<D: PairDevice>(
+    scene: &Arc<Scene>,
+    rule: CutRule,
+    size: Viewport,
+    machine: &mut D,
+    walk: &[FrameRecord],
+    missing: &[Missing],
+) -> Result<Vec<FalseCull>, AttributionError> {
+    let [earlier @ .., record] = walk else { return Ok(Vec::new()) };
+    let session = Session { scene, rule, size };
+    // A machine culls every other frame. What it did for its last one may be the cause.
+    if let [own_earlier @ .., own, _] = earlier {
+        session.draw_occluders(machine, own_earlier.last(), own)?;
+    }
+    let occluders = session.draw_occluders(machine, earlier.last(), record)?;
+    let depth = machine.read_depth().map_err(device)?.depth().to_vec();
+    let before: Vec<(View, &[DrawableId])> =
+        earlier.iter().rev().take(2).map(|before| (session.view(before), before.ids.as_slice())).collect();
+    let frame = CulledFrame {
+        scene,
+        view: &session.view(record),
+        rule,
+        occluders: &occluders,
+        depth: &depth,
+        sent: record.stats.as_ref().map(|stats| stats.culling.emitted.into()),
+        drawn: &record.ids,
+        before: &before,
+    };
+    let causes = causes(&frame, machine, missing).map_err(device)?;
+    Ok(by_cause(missing.iter().zip(causes)))
+}
+
+/// What all frames of a session share.
+struct Session<'s> {
+    scene: &'s Arc<Scene>,
+    rule: CutRule,
+    size: Viewport,
+}
+
+impl Session<'_> {
+    fn view(&self, record: &FrameRecord) -> View {
+        View::new(record.camera, self.size)
+    }
+
+    /// OR's work for a frame: returns what it draws.
+    fn draw_occluders<D: PairDevice>(
+        &self,
+        machine: &mut D,
+        before: Option<&FrameRecord>,
+        record: &FrameRecord,
+    ) -> Result<Vec<DrawableId>, AttributionError> {
+        let view = self.view(record);
+        let last = before.map(|before| before.ids.as_slice()).unwrap_or_default();
+        let occluders = OccluderPolicy::default().occluders(self.scene, &view, self.rule, last)?;
+        machine.begin_occluders(&view).map_err(device)?;
+        machine.draw_occluders(&occluders).map_err(device)?;
+        machine.finish_occluders().map_err(device)?;
+        Ok(occluders)
+    }
+}
+
+fn by_cause<'m>(causes: impl Iterator<Item = (&'m Missing, FalseCullCause)>) -> Vec<FalseCull> {
+    let mut found = BTreeMap::new();
+    for (missing, cause) in causes {
+        let sum = found.entry(cause).or_insert(FalseCull { cause, nodes: 0, pixels: 0 });
+        sum.nodes += 1;
+        sum.pixels += missing.pixels.len() as u64;
+    }
+    found.into_values().collect()
+}
+
+fn device<E: std::error::Error + Send + Sync + 'static>(cause: E) -> AttributionError {
+    AttributionError::Device(Box::new(cause))
+}
