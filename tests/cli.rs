@@ -202,7 +202,7 @@ fn hash_of(bench: &Bench, scene: &str) -> String {
 #[test]
 fn three_processes_show_what_one_shows() {
     let bench = Bench::with_plant();
-    for link in ["inproc", "unix", "tcp"] {
+    for link in ["inproc", "unix", "tcp", "quic"] {
         let args = [
             "run",
             "plant.scene",
@@ -220,11 +220,10 @@ fn three_processes_show_what_one_shows() {
         let run = bench.trimaran(&args);
         assert!(run.status.success(), "{}", said(&run));
     }
-    let frames = |link: &str| -> Vec<Vec<u8>> {
-        (0..6).map(|n| fs::read(bench.path(link).join(format!("frames/{n:05}.png"))).unwrap()).collect()
-    };
+    let frames = |link: &str| pictures(&bench, link, 6);
     assert_eq!(frames("inproc"), frames("tcp"));
     assert_eq!(frames("inproc"), frames("unix"));
+    assert_eq!(frames("inproc"), frames("quic"));
     let report = |link: &str| -> serde_json::Value {
         serde_json::from_slice(&fs::read(bench.path(link).join("report.json")).unwrap()).unwrap()
     };
@@ -239,6 +238,97 @@ fn three_processes_show_what_one_shows() {
         assert_eq!(ids, 4 * receivers * frame["nodes_drawn"].as_u64().unwrap(), "{frame}");
     }
     assert!(walks_again(&bench), "a report can be walked again");
+}
+
+/// The first `count` pictures of a walk.
+fn pictures(bench: &Bench, out: &str, count: u32) -> Vec<Vec<u8>> {
+    (0..count).map(|n| fs::read(bench.path(out).join(format!("frames/{n:05}.png"))).unwrap()).collect()
+}
+
+/// The display listens for one machine over TCP and for the other over QUIC, and those two meet over a Unix socket.
+#[test]
+fn every_pair_of_roles_may_have_another_transport() {
+    const WALK: [&str; 6] = ["--frames", "4", "--size", "96x80", "--audit-every", "0"];
+    let bench = Bench::with_plant();
+    let alone = bench.command(&["run", "plant.scene", "--out", "alone"]).args(WALK).output().unwrap();
+    assert!(alone.status.success(), "{}", said(&alone));
+    for name in ["show", "one", "two"] {
+        assert!(bench.trimaran(&["keys", "new", name]).status.success());
+    }
+    let config = "scene = 'plant.scene'\nout = 'apart'\nkeys = 'show.key'\npeers.second = 'two.pub'\n\
+                  session = { frames = 4, width = 96, height = 80, audit_every = 0 }\n";
+    fs::write(bench.path("display.toml"), config).unwrap();
+    let mut display = bench.command(&["role", "display", "--config", "display.toml"]);
+    let listen = "tcp://127.0.0.1:0,quic://127.0.0.1:0";
+    let mut display = display.args(["--listen", listen]).stderr(Stdio::piped()).spawn().unwrap();
+    let mut stderr = BufReader::new(display.stderr.take().unwrap());
+    let mut line = String::new();
+    stderr.read_line(&mut line).unwrap();
+    let (tcp, quic) = line.trim().rsplit_once(' ').unwrap().1.split_once(',').unwrap();
+    let pair = format!("unix:{}", bench.path("pair.sock").display());
+    let machine = |seat: &str, display: &str, keys: &[&str]| {
+        let args = ["role", "switch", "--scene", "plant.scene", "--seat", seat, "--display", display];
+        bench.command(&args).args(["--pair", &pair]).args(keys).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    let first = machine("first", tcp, &[]);
+    let second = machine("second", quic, &["--keys", "two.key", "--peer-display", "show.pub"]);
+    for machine in [first, second] {
+        let ended = machine.wait_with_output().unwrap();
+        assert!(ended.status.success(), "{}", said(&ended));
+    }
+    stderr.read_to_string(&mut line).unwrap();
+    assert!(display.wait().unwrap().success(), "{line}");
+    assert_eq!(pictures(&bench, "apart", 4), pictures(&bench, "alone", 4));
+    let report: serde_json::Value =
+        serde_json::from_slice(&fs::read(bench.path("apart/report.json")).unwrap()).unwrap();
+    assert_eq!(report["run"]["link"], "tcp and quic");
+}
+
+#[test]
+fn a_flag_goes_before_the_environment_and_that_before_the_file() {
+    let bench = Bench::with_plant();
+    let taken: Vec<_> = (0..3).map(|_| TcpListener::bind("127.0.0.1:0").unwrap()).collect();
+    let [flag, variable, file] = &taken[..] else { panic!("not three") };
+    let [flag, variable, file] = [flag, variable, file].map(|l| format!("tcp://{}", l.local_addr().unwrap()));
+    write_display(&bench, &file);
+    let args = ["role", "display", "--config", "display.toml"];
+    bench.refuses(&args, &[&file, "in use"]);
+    expect(
+        &bench.command(&args).env("TRIMARAN_LISTEN", &variable).output().unwrap(),
+        2,
+        &[&variable, "in use"],
+    );
+    let mut all = bench.command(&args);
+    let all = all.env("TRIMARAN_LISTEN", &variable).args(["--listen", &flag]).output().unwrap();
+    expect(&all, 2, &[&flag, "in use"]);
+    // A bad value is told by where it stands.
+    let bad = bench.command(&args).env("TRIMARAN_SESSION_BATCH", "0").output().unwrap();
+    expect(&bad, 2, &["TRIMARAN_SESSION_BATCH", "1 to 16384"]);
+    bench
+        .refuses(&["role", "display", "--config", "display.toml", "--batch", "0"], &["--batch", "1..=16384"]);
+    fs::write(bench.path("display.toml"), "scene = 'a'\n[link.quic]\ncongestion = 'reno'\n").unwrap();
+    bench.refuses(&args, &["display.toml", "line 3", "congestion", "new-reno"]);
+}
+
+#[test]
+fn a_transport_that_encrypts_asks_for_keys() {
+    let bench = Bench::with_plant();
+    let listen =
+        ["role", "display", "--scene", "plant.scene", "--out", "o", "--listen", "quic://127.0.0.1:0"];
+    bench.refuses(&listen, &["quic://127.0.0.1:0", "`keys`", "peers.first", "trimaran keys new"]);
+    let args =
+        ["role", "switch", "--scene", "plant.scene", "--seat", "second", "--display", "quic://127.0.0.1:1"];
+    let mut second = bench.command(&args);
+    expect(&second.args(["--pair", "tcp://127.0.0.1:1"]).output().unwrap(), 2, &["peers.display"]);
+}
+
+#[test]
+fn the_configuration_of_each_role_is_printed() {
+    let bench = Bench::empty();
+    for (role, key) in [("switch", "#seat ="), ("display", "#listen =")] {
+        let printed = bench.trimaran(&["config", role]);
+        assert!(printed.status.success() && String::from_utf8(printed.stdout).unwrap().contains(key));
+    }
 }
 
 /// A long session of three processes whose pair has joined.
@@ -295,7 +385,7 @@ fn a_pair_that_cannot_start_is_not_waited_for() {
         return println!("skipped: the program has no dynamic loader");
     };
     let bench = Bench::with_plant();
-    for link in ["tcp", "unix"] {
+    for link in ["tcp", "unix", "quic"] {
         // Started by the loader, the program takes the loader for itself: the machines that it starts end at once.
         let args = [env!("CARGO_BIN_EXE_trimaran"), "run", "plant.scene", "--link", link, "--frames", "4"];
         let run = Command::new(&loader).args(args).current_dir(bench.dir.path()).output().unwrap();

@@ -3,16 +3,18 @@
 
 use std::path::{Path, PathBuf};
 
-use trimaran::config::{DisplayConfig, PairSeat, SessionConfig, SwitchConfig};
+use confique::{Config, Layer};
+use trimaran::config::{DisplayConfig, PairSeat, RoleConfig, SessionConfig, SwitchConfig};
 
-fn example(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/configs").join(name)
+fn example<C: RoleConfig>(name: &str) -> C {
+    let path: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/configs").join(name);
+    C::load(Layer::empty(), Some(&path)).unwrap()
 }
 
 #[test]
 fn the_pair_of_the_example_takes_both_seats_at_one_display() {
-    let first = SwitchConfig::read(&example("first.toml")).unwrap();
-    let second = SwitchConfig::read(&example("second.toml")).unwrap();
+    let first: SwitchConfig = example("first.toml");
+    let second: SwitchConfig = example("second.toml");
     assert_eq!((first.seat, second.seat), (PairSeat::First, PairSeat::Second));
     assert_eq!(first.display, second.display);
     assert_eq!(first.scene, second.scene);
@@ -20,7 +22,23 @@ fn the_pair_of_the_example_takes_both_seats_at_one_display() {
 
 #[test]
 fn the_example_display_spells_out_the_defaults() {
-    let display = DisplayConfig::read(&example("display.toml")).unwrap();
-    assert_eq!(display.session, SessionConfig { frames: Some(200), ..SessionConfig::default() });
-    assert_eq!(display.scene, SwitchConfig::read(&example("first.toml")).unwrap().scene);
+    let display: DisplayConfig = example("display.toml");
+    let defaults = SessionConfig::from_layer(Layer::default_values()).unwrap();
+    assert_eq!(display.session, SessionConfig { frames: Some(200), ..defaults });
+    assert_eq!(display.scene, example::<SwitchConfig>("first.toml").scene);
+}
+
+#[test]
+fn the_encrypted_example_joins_three_machines_that_know_each_other() {
+    let display: DisplayConfig = example("quic/display.toml");
+    let pair = [example::<SwitchConfig>("quic/first.toml"), example("quic/second.toml")];
+    let name = |path: &Option<PathBuf>| path.as_ref().unwrap().file_stem().unwrap().to_owned();
+    let known = [&display.peers.first, &display.peers.second].map(name);
+    assert!(display.listen.first().needs_keys());
+    assert_eq!(pair.each_ref().map(|machine| name(&machine.keys)), known);
+    for (machine, other) in pair.iter().zip(pair.iter().rev()) {
+        assert_eq!(machine.display.transport(), display.listen.first().transport());
+        assert_eq!(name(&machine.peers.display), name(&display.keys));
+        assert_eq!(name(&machine.peers.other), name(&other.keys));
+    }
 }

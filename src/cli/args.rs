@@ -4,6 +4,8 @@ use std::{net::SocketAddr, path::PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
+use confique::Config;
+use trimaran::config::{DisplayConfig, LinkConfig, SwitchConfig, positive};
 use trimaran_transport::Name;
 
 /// Walk through 3D models too large for one GPU.
@@ -45,7 +47,12 @@ pub(crate) enum Command {
     Sweep(SweepArgs),
     /// Run one role of a deployment on several machines.
     #[command(subcommand)]
-    Role(RoleCommand),
+    Role(Box<RoleCommand>),
+    /// Print a role's configuration file with every key, its flag, its environment variable, its default and what it means.
+    Config {
+        /// The role.
+        role: RoleName,
+    },
     /// Make and show the keys by which machines know each other where a transport encrypts.
     #[command(subcommand)]
     Keys(KeysCommand),
@@ -138,6 +145,8 @@ pub(crate) enum LinkKind {
     Unix,
     /// Three processes of this machine over TCP on its loopback.
     Tcp,
+    /// Three processes of this machine over QUIC on its loopback, with keys made for the session.
+    Quic,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -195,8 +204,10 @@ pub(crate) struct RunArgs {
     /// The scene.
     pub(crate) scene: PathBuf,
     /// How the roles are joined.
-    #[arg(long, value_enum, default_value = "inproc")]
+    #[arg(long, value_enum, default_value = "inproc", env = "TRIMARAN_LINK")]
     pub(crate) link: LinkKind,
+    #[command(flatten)]
+    pub(crate) links: <LinkConfig as Config>::Layer,
     /// The largest error on the screen, pixels.
     #[arg(long, value_name = "PX", default_value_t = 2.0, value_parser = positive, allow_negative_numbers = true)]
     pub(crate) epsilon: f64,
@@ -236,16 +247,27 @@ pub(crate) struct SweepArgs {
 #[derive(Debug, Subcommand)]
 pub(crate) enum RoleCommand {
     /// One of the two machines that take turns: draws occluders, culls.
-    Switch(RoleArgs),
+    Switch(RoleArgs<<SwitchConfig as Config>::Layer>),
     /// The machine that shows the pictures and holds the camera.
-    Display(RoleArgs),
+    Display(RoleArgs<<DisplayConfig as Config>::Layer>),
 }
 
+/// What a role is told: a flag overrides its environment variable, that overrides the file, and that the default.
 #[derive(Debug, Args)]
-pub(crate) struct RoleArgs {
-    /// The role's configuration (TOML).
-    #[arg(long, value_name = "F.toml")]
-    pub(crate) config: PathBuf,
+pub(crate) struct RoleArgs<L: Args> {
+    /// The role's configuration (TOML); `trimaran config` prints one with every key.
+    #[arg(long, value_name = "F.toml", env = "TRIMARAN_CONFIG")]
+    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) flags: L,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum RoleName {
+    /// A machine of the pair.
+    Switch,
+    /// The machine that shows the pictures.
+    Display,
 }
 
 #[derive(Debug, Subcommand)]
@@ -282,13 +304,6 @@ pub(crate) struct DoctorArgs {
     /// Print as JSON.
     #[arg(long)]
     pub(crate) json: bool,
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        _ => Err("give a number above 0".to_owned()),
-    }
 }
 
 fn size(text: &str) -> Result<Size, String> {

@@ -1,5 +1,6 @@
 //! `trimaran demo`: the main job on a model of its own, from nothing to a report.
 
+use confique::Layer;
 use trimaran_scene::generate::{PlantOptions, plant};
 
 use super::{
@@ -36,6 +37,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
     run::run(&RunArgs {
         scene,
         link: LinkKind::Inproc,
+        links: Layer::empty(),
         epsilon: 2.0,
         walk,
         live: None,

@@ -26,11 +26,14 @@ fn new(name: &Name, folder: &Path) -> Result<(), Failure> {
 }
 
 fn show(file: &Path) -> Result<(), Failure> {
-    let (kind, public) = match Keys::read(file) {
-        Ok(keys) => ("private", keys.public().clone()),
-        Err(KeysError::Public { .. }) => ("public", PublicKeys::read(file).map_err(Failure::bad_input)?),
-        Err(e) => return Err(Failure::bad_input(e)),
+    let public = |file| PublicKeys::read(file).map(|keys| ("public", keys));
+    let private = |file| Keys::read(file).map(|keys| ("private", keys.public().clone()));
+    let shown = if file.extension().is_some_and(|ending| ending == "pub") {
+        public(file)
+    } else {
+        private(file).or_else(|e| if matches!(e, KeysError::Public { .. }) { public(file) } else { Err(e) })
     };
+    let (kind, public) = shown.map_err(Failure::bad_input)?;
     println!("{} ({kind})", public.name);
     print(&public);
     Ok(())

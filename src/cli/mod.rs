@@ -51,6 +51,10 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         Command::Run(args) => run::run(&args),
         Command::Sweep(args) => sweep::run(&args),
         Command::Role(command) => role::run(&command),
+        Command::Config { role } => {
+            print!("{}", role::template(role));
+            Ok(())
+        }
         Command::Keys(command) => keys::run(&command),
         Command::Demo(args) => demo::run(&args),
     }

@@ -1,23 +1,29 @@
 //! `trimaran role`: one role of a deployment on several machines.
 
-use std::{future::pending, path::Path, sync::Arc, time::SystemTime};
+use std::{
+    future::pending,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::SystemTime,
+};
 
 use tokio::runtime::Runtime;
 use trimaran::{
-    config::{DisplayConfig, PairSeat, SessionConfig, SwitchConfig},
+    config::{DisplayConfig, PairSeat, RoleConfig, SessionConfig, SwitchConfig, security},
     report::{Report, schema::Seat as ReportSeat},
     walkthrough::{PathChoice, Plan, Recorder, ReportPlan, SceneFile, Trail, viewport, write_report},
 };
 use trimaran_actors::{
-    DisplayRole, Joined, OccluderPolicy, PairRole, Seat, VulkanDisplay, VulkanPair, await_pair, join_session,
+    DisplayRole, Joined, OccluderPolicy, PairRole, Place, Seat, VulkanDisplay, VulkanPair, await_pair,
+    join_session,
 };
 use trimaran_gpu::{Gpu, GpuInfo, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, Identity, PictureSize, Role};
-use trimaran_transport::{Endpoint, Instant, Listener, Net, Options, TokioNet};
+use trimaran_transport::{Endpoint, Endpoints, Instant, Listener, Net, Options, TokioNet};
 
 use super::{
     Failure,
-    args::RoleCommand,
+    args::{RoleArgs, RoleCommand, RoleName},
     progress,
     run::{conclude, notes, report_on},
     walking::{self, gpu_options, open, stop_on_signal},
@@ -25,10 +31,23 @@ use super::{
 
 pub(super) fn run(command: &RoleCommand) -> Result<(), Failure> {
     match command {
-        RoleCommand::Switch(args) => switch(&SwitchConfig::read(&args.config).map_err(Failure::bad_input)?),
-        RoleCommand::Display(args) => {
-            display(&DisplayConfig::read(&args.config).map_err(Failure::bad_input)?)
-        }
+        RoleCommand::Switch(args) => switch(&load(args)?),
+        RoleCommand::Display(args) => display(&load(args)?),
+    }
+}
+
+fn load<C: RoleConfig>(args: &RoleArgs<C::Layer>) -> Result<C, Failure>
+where
+    C::Layer: clap::Args + Clone,
+{
+    C::load(args.flags.clone(), args.config.as_deref()).map_err(Failure::bad_input)
+}
+
+/// A configuration file with every key.
+pub(super) fn template(role: RoleName) -> String {
+    match role {
+        RoleName::Switch => SwitchConfig::template(),
+        RoleName::Display => DisplayConfig::template(),
     }
 }
 
@@ -43,16 +62,15 @@ fn switch(config: &SwitchConfig) -> Result<(), Failure> {
         PairSeat::First => Seat::First,
         PairSeat::Second => Seat::Second,
     };
-    let options = Options::default();
-    let joining = join_session(
-        &net,
-        seat,
-        file.scene.hash(),
-        &config.display,
-        &config.pair,
-        &options,
-        deadline(&net, config.patience_s),
-    );
+    let place = |endpoint: &Endpoint, name, peer: &Option<PathBuf>| {
+        let guard = security(&endpoint.clone().into(), config.keys.as_deref(), &[(name, peer.as_deref())]);
+        let options = config.link.options(guard.map_err(Failure::bad_input)?);
+        Ok::<_, Failure>(Place { endpoint: endpoint.clone(), options })
+    };
+    let display = place(&config.display, "peers.display", &config.peers.display)?;
+    let pair = place(&config.pair, "peers.other", &config.peers.other)?;
+    let deadline = deadline(&net, config.patience_s);
+    let joining = join_session(&net, seat, file.scene.hash(), &display, &pair, deadline);
     let Some(joined) = stop.unless_requested(runtime.handle(), joining) else { return Ok(()) };
     let Joined { display, other, settings } = joined.map_err(Failure::bad_input)?;
     tracing::info!(%settings, "joined the session");
@@ -71,8 +89,13 @@ fn display(config: &DisplayConfig) -> Result<(), Failure> {
     let size = viewport(plan.size).map_err(Failure::bad_input)?;
     let trail = Trail::find(&choice, &file.scene, size, config.session.frames).map_err(Failure::bad_input)?;
     let runtime = walking::runtime()?;
-    let stage = DisplayStage::set(&file, config.device.as_deref(), &plan, &trail, &runtime, &config.listen)?;
-    eprintln!("trimaran: the display listens on {}", stage.listener.local_endpoint());
+    let peers =
+        [("peers.first", config.peers.first.as_deref()), ("peers.second", config.peers.second.as_deref())];
+    let guard = security(&config.listen, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
+    let options = config.link.options(guard);
+    let device = config.device.as_deref();
+    let stage = DisplayStage::set(&file, device, &plan, &trail, &runtime, &config.listen, &options)?;
+    eprintln!("trimaran: the display listens on {}", stage.listener.local_endpoints());
     let info = stage.drawn.gpu().info().clone();
     let show = Show {
         plan,
@@ -137,14 +160,14 @@ impl DisplayStage {
         plan: &Plan,
         trail: &Trail,
         runtime: &Runtime,
-        listen: &Endpoint,
+        listen: &Endpoints,
+        options: &Options,
     ) -> Result<Self, Failure> {
         let drawn = upload(file, device)?;
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
         let settings = plan.settings(trail.frames());
         let identity = Identity { role: Role::Display, scene: file.scene.hash(), settings: Some(settings) };
-        let options = Options::default();
-        let listening = Listener::bind(&net, listen, identity, &options);
+        let listening = Listener::bind_all(&net, listen, identity, options);
         let listener = runtime.block_on(listening).map_err(Failure::bad_input)?;
         Ok(Self { drawn, listener, net })
     }
@@ -167,7 +190,6 @@ impl DisplayStage {
         let Show { plan, trail, path, seed, devices, patience_s } = show;
         let started = SystemTime::now();
         let stop = stop_on_signal(runtime);
-        let link = listener.local_endpoint().transport();
         let coming = async {
             tokio::select! {
                 biased;
@@ -179,7 +201,13 @@ impl DisplayStage {
             return Err(Failure::broken("interrupted before the pair had come"));
         };
         let [first, second] = pair?;
-        let transport = format!("{link}: {} and {}", first.peer.address, second.peer.address);
+        let [a, b] = [first.peer.address, second.peer.address];
+        let (link, transport) = if a.transport() == b.transport() {
+            (a.transport().to_owned(), format!("{}: {a} and {b}", a.transport()))
+        } else {
+            let (one, other) = (a.transport(), b.transport());
+            (format!("{one} and {other}"), format!("{one}: {a}; {other}: {b}"))
+        };
         let settings = plan.settings(trail.frames());
         let size = viewport(plan.size).map_err(Failure::bad_input)?;
         let device = VulkanDisplay::new(&drawn, size).map_err(Failure::broken)?;
@@ -194,7 +222,7 @@ impl DisplayStage {
         let about = ReportPlan {
             command_line: std::env::args().collect(),
             started,
-            link: link.to_owned(),
+            link,
             transport,
             seed: (path == "auto").then_some(seed),
             path,

@@ -1,20 +1,24 @@
-//! `trimaran run --link tcp` or `unix`: the three roles as three processes of this machine. This process is the
+//! `trimaran run --link` over anything but `inproc`: the three roles as three processes of this machine. This process is the
 //! display; the pair are two of `trimaran role switch`.
 
 use std::{
-    net::{SocketAddr, TcpListener},
+    net::{SocketAddr, TcpListener, UdpSocket},
     path::Path,
 };
 
+use confique::{Config, Layer};
 use tokio::{
     process::{Child, Command},
     runtime::Runtime,
 };
 use trimaran::{
-    config::{PairSeat, SwitchConfig},
+    config::{LinkConfig, PairSeat, SwitchConfig, SwitchPeers},
     report::schema::Seat,
 };
-use trimaran_transport::{Endpoint, SocketPath};
+use trimaran_transport::{
+    Endpoint, SocketPath,
+    keys::{KeyFiles, Keys, Security},
+};
 
 use super::{
     Failure,
@@ -32,6 +36,7 @@ const PATIENCE_S: f64 = 120.0;
 pub(super) enum Transport {
     Unix,
     Tcp,
+    Quic,
 }
 
 pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
@@ -42,7 +47,10 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
     let device = args.walk.device.as_deref();
     let configs = tempfile::tempdir().map_err(Failure::broken)?;
     let (listen, pair) = meeting_places(transport, configs.path())?;
-    let stage = DisplayStage::set(&file, device, &plan, &trail, &runtime, &listen)?;
+    let link = links(&args.links)?;
+    let keyring = if listen.needs_keys() { Some(Keyring::make(configs.path())?) } else { None };
+    let options = link.options(keyring.as_ref().map(|keyring| keyring.security.clone()));
+    let stage = DisplayStage::set(&file, device, &plan, &trail, &runtime, &listen.into(), &options)?;
 
     let scene = std::path::absolute(&args.scene).map_err(Failure::broken)?;
     let display = stage.listener.local_endpoint().clone();
@@ -54,6 +62,9 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
             pair: pair.clone(),
             device: args.walk.device.clone(),
             patience_s: PATIENCE_S,
+            keys: keyring.as_ref().map(|keyring| keyring.of(seat).private.clone()),
+            peers: keyring.as_ref().map(|keyring| keyring.peers_of(seat)).unwrap_or_default(),
+            link: link.clone(),
         };
         Machine::start(&config, configs.path(), &runtime)
     };
@@ -75,8 +86,57 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
     conclude(&report, &args.out, args.json)
 }
 
-/// Where the display listens, and where the pair meets.
+/// How links are made: by flags, the environment, and the defaults.
+fn links(flags: &<LinkConfig as Config>::Layer) -> Result<LinkConfig, Failure> {
+    type Links = <LinkConfig as Config>::Layer;
+    let environment = Links::from_env().map_err(Failure::bad_input)?;
+    let layers = flags.clone().with_fallback(environment).with_fallback(Links::default_values());
+    LinkConfig::from_layer(layers).map_err(Failure::bad_input)
+}
+
+/// Keys that live as long as the session: each of the three knows the two others.
+struct Keyring {
+    /// The display's own, and whom it knows.
+    security: Security,
+    display: KeyFiles,
+    pair: [KeyFiles; 2],
+}
+
+impl Keyring {
+    fn make(folder: &Path) -> Result<Self, Failure> {
+        let make = |name: &str| {
+            let name = name.parse().map_err(Failure::broken)?;
+            let keys = Keys::generate(name).map_err(Failure::broken)?;
+            let files = keys.save(folder).map_err(Failure::broken)?;
+            Ok::<_, Failure>((keys, files))
+        };
+        let ((keys, display), (first, one), (second, two)) =
+            (make("display")?, make("first")?, make("second")?);
+        let peers = vec![first.public().clone(), second.public().clone()];
+        Ok(Self { security: Security { keys, peers }, display, pair: [one, two] })
+    }
+
+    const fn of(&self, seat: PairSeat) -> &KeyFiles {
+        let [first, second] = &self.pair;
+        match seat {
+            PairSeat::First => first,
+            PairSeat::Second => second,
+        }
+    }
+
+    fn peers_of(&self, seat: PairSeat) -> SwitchPeers {
+        let other = match seat {
+            PairSeat::First => PairSeat::Second,
+            PairSeat::Second => PairSeat::First,
+        };
+        let public = |files: &KeyFiles| Some(files.public.clone());
+        SwitchPeers { display: public(&self.display), other: public(self.of(other)) }
+    }
+}
+
+/// Where the display listens, and where the pair meets: for the latter, a port of loopback that nobody listens on now.
 fn meeting_places(transport: Transport, folder: &Path) -> Result<(Endpoint, Endpoint), Failure> {
+    let display = SocketAddr::from(([127, 0, 0, 1], 0));
     match transport {
         Transport::Unix => {
             let socket = |name| SocketPath::new(folder.join(name)).map(Endpoint::Unix);
@@ -84,16 +144,14 @@ fn meeting_places(transport: Transport, folder: &Path) -> Result<(Endpoint, Endp
             Ok((place("display.sock")?, place("pair.sock")?))
         }
         Transport::Tcp => {
-            let display = SocketAddr::from(([127, 0, 0, 1], 0));
-            Ok((Endpoint::Tcp(display.into()), Endpoint::Tcp(free_address()?.into())))
+            let pair = TcpListener::bind(display).and_then(|listener| listener.local_addr());
+            Ok((Endpoint::Tcp(display.into()), Endpoint::Tcp(pair.map_err(Failure::broken)?.into())))
+        }
+        Transport::Quic => {
+            let pair = UdpSocket::bind(display).and_then(|socket| socket.local_addr());
+            Ok((Endpoint::Quic(display.into()), Endpoint::Quic(pair.map_err(Failure::broken)?.into())))
         }
     }
-}
-
-/// An address of loopback that nobody listens on now.
-fn free_address() -> Result<SocketAddr, Failure> {
-    let listener = TcpListener::bind("127.0.0.1:0").map_err(Failure::broken)?;
-    listener.local_addr().map_err(Failure::broken)
 }
 
 /// Ends when one of `machines` does, with what to say of one that ended before it had joined.

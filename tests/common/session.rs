@@ -5,7 +5,7 @@ use std::{net, sync::Arc, thread, time::Duration};
 use tokio::runtime::{Builder, Runtime};
 use trimaran::walkthrough::{FrameRecord, PathChoice, Plan, Recorder, Stage, Trail, in_process, viewport};
 use trimaran_actors::{
-    DisplayRole, Joined, OccluderPolicy, PairRole, Seat, Stop, VulkanDisplay, VulkanPair, await_pair,
+    DisplayRole, Joined, OccluderPolicy, PairRole, Place, Seat, Stop, VulkanDisplay, VulkanPair, await_pair,
     join_session,
 };
 use trimaran_cull::{CutRule, View, level_cut};
@@ -54,8 +54,10 @@ pub(crate) fn walk_over_tcp(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<Fr
         for (seat, drawn) in [(Seat::First, first), (Seat::Second, second)] {
             let (address, pair, net, stop, runtime) = (&address, &pair, &net, &stop, &runtime);
             scope.spawn(move || {
-                let options = Options::default();
-                let joining = join_session(net, seat, scene, address, pair, &options, deadline);
+                let place =
+                    |endpoint: &Endpoint| Place { endpoint: endpoint.clone(), options: Options::default() };
+                let (address, pair) = (place(address), place(pair));
+                let joining = join_session(net, seat, scene, &address, &pair, deadline);
                 let Joined { display, other, settings } = runtime.block_on(joining).unwrap();
                 assert_eq!(settings, plan.settings(trail.frames()));
                 let device = VulkanPair::new(drawn, size, settings.tester).unwrap();

@@ -121,6 +121,12 @@ impl Endpoint {
             Self::Inproc(_) => "inproc",
         }
     }
+
+    /// Whether peers prove there who they are, so that both need [keys](crate::keys).
+    #[must_use]
+    pub const fn needs_keys(&self) -> bool {
+        matches!(self, Self::Udp(_) | Self::Quic(_))
+    }
 }
 
 impl FromStr for Endpoint {

@@ -9,6 +9,7 @@
 mod connect;
 mod desk;
 mod endpoint;
+mod endpoints;
 mod error;
 mod frames;
 mod handshake;
@@ -30,6 +31,7 @@ mod unix;
 
 pub use connect::{AttemptError, ConnectError, connect};
 pub use endpoint::{Endpoint, EndpointError, EndpointFault, Host, HostName, HostPort, Name, SocketPath};
+pub use endpoints::Endpoints;
 pub use error::{Loss, ProtocolError, RecvError, SendError};
 pub use frames::{FrameReceiver, FrameSender};
 pub use handshake::HandshakeError;

@@ -93,6 +93,20 @@ pub struct Capabilities {
     pub local: bool,
 }
 
+impl PeerAddress {
+    /// The transport that leads there, as [`Endpoint::transport`](crate::Endpoint::transport) names it.
+    #[must_use]
+    pub const fn transport(&self) -> &'static str {
+        match self {
+            Self::InProcess => "inproc",
+            Self::Tcp(_) => "tcp",
+            Self::Unix(_) => "unix",
+            Self::Udp(_) => "udp",
+            Self::Quic(_) => "quic",
+        }
+    }
+}
+
 impl fmt::Display for PeerAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

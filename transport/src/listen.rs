@@ -12,7 +12,7 @@ use trimaran_proto::Identity;
 use crate::desk::Desk;
 use crate::handshake::HandshakeError;
 use crate::net::{Instant, Net, until};
-use crate::{Endpoint, HostPort, Link, Options, inproc, quic, tcp, udp, unix};
+use crate::{Endpoint, Endpoints, HostPort, Link, Options, inproc, quic, tcp, udp, unix};
 
 /// How many links may wait for [`Listener::accept`].
 const QUEUE: usize = 8;
@@ -52,10 +52,10 @@ pub enum ListenError {
 #[non_exhaustive]
 pub enum AcceptError {
     /// No peer came before the deadline.
-    #[error("no peer connected to {endpoint} in {waited:?}{}", .last.as_ref().map(|e| format!(" (the last that tried: {e})")).unwrap_or_default())]
+    #[error("no peer connected to {endpoints} in {waited:?}{}", .last.as_ref().map(|e| format!(" (the last that tried: {e})")).unwrap_or_default())]
     Deadline {
         /// Where we listened.
-        endpoint: Endpoint,
+        endpoints: Endpoints,
         /// How long this call waited.
         waited: Duration,
         /// What became of the last connection that did not make it to a link.
@@ -63,25 +63,25 @@ pub enum AcceptError {
         last: Option<HandshakeError>,
     },
     /// The listener's task is gone, because its runtime was shut down.
-    #[error("the listener on {endpoint} was shut down")]
+    #[error("the listener on {endpoints} was shut down")]
     ShutDown {
         /// Where we listened.
-        endpoint: Endpoint,
+        endpoints: Endpoints,
     },
 }
 
-/// Takes peers that connect.
+/// Takes peers that connect, over one transport or several.
 ///
 /// Handshakes go on beside the caller: a stranger, or a peer that stops in the middle, holds up nobody. Each has a limit in
 /// time and they have one in number.
 #[derive(Debug)]
 pub struct Listener {
     links: mpsc::Receiver<Link>,
-    endpoint: Endpoint,
+    endpoints: Endpoints,
     net: Arc<dyn Net>,
     desk: Arc<Desk>,
-    /// Takes the name of a listener within this process away when it is dropped.
-    _name: Option<inproc::Registered>,
+    /// Take the names of a listener within this process away when they are dropped.
+    _names: Vec<inproc::Registered>,
 }
 
 impl Listener {
@@ -95,48 +95,45 @@ impl Listener {
         identity: Identity,
         options: &Options,
     ) -> Result<Self, ListenError> {
-        let (done, links) = mpsc::channel(QUEUE);
-        let desk = Arc::new(Desk::new(net, identity, options, done));
-        let failed = |cause: io::Error| match cause.kind() {
-            io::ErrorKind::AddrInUse => ListenError::InUse { endpoint: endpoint.clone() },
-            _ => ListenError::Io { endpoint: endpoint.clone(), cause },
-        };
-        let mut name = None;
-        let local = match endpoint {
-            Endpoint::Tcp(at) => {
-                let at = resolve(net, at)
-                    .await
-                    .map_err(|cause| ListenError::Address { endpoint: endpoint.clone(), cause })?;
-                Endpoint::Tcp(tcp::listen(at, &desk).map_err(failed)?.into())
-            }
-            Endpoint::Unix(path) => {
-                unix::listen(path.as_path(), &desk).await.map_err(failed)?;
-                endpoint.clone()
-            }
-            Endpoint::Inproc(wanted) => {
-                name = Some(inproc::listen(wanted, &desk).map_err(failed)?);
-                endpoint.clone()
-            }
-            Endpoint::Quic(at) => {
-                let at = resolve(net, at)
-                    .await
-                    .map_err(|cause| ListenError::Address { endpoint: endpoint.clone(), cause })?;
-                Endpoint::Quic(quic::listen(at, &desk).map_err(failed)?.into())
-            }
-            Endpoint::Udp(at) => {
-                let at = resolve(net, at)
-                    .await
-                    .map_err(|cause| ListenError::Address { endpoint: endpoint.clone(), cause })?;
-                Endpoint::Udp(udp::listen(at, &desk).map_err(failed)?.into())
-            }
-        };
-        Ok(Self { links, endpoint: local, net: Arc::clone(net), desk, _name: name })
+        Self::bind_all(net, &endpoint.clone().into(), identity, options).await
     }
 
-    /// Where it listens: with the port that the system chose, where it was to.
+    /// As [`Listener::bind`], at each of `endpoints` at once: a role has one place whichever way it comes, and the limits hold for
+    /// all together.
+    ///
+    /// # Errors
+    /// When one of the endpoints cannot be listened on.
+    pub async fn bind_all(
+        net: &Arc<dyn Net>,
+        endpoints: &Endpoints,
+        identity: Identity,
+        options: &Options,
+    ) -> Result<Self, ListenError> {
+        let (done, links) = mpsc::channel(QUEUE);
+        let desk = Arc::new(Desk::new(net, identity, options, done));
+        let mut names = Vec::new();
+        let mut bound: Option<Endpoints> = None;
+        for endpoint in endpoints.iter() {
+            let local = listen(&desk, endpoint, &mut names).await?;
+            match &mut bound {
+                Some(bound) => bound.push(local),
+                None => bound = Some(local.into()),
+            }
+        }
+        let endpoints = bound.unwrap_or_else(|| endpoints.clone());
+        Ok(Self { links, endpoints, net: Arc::clone(net), desk, _names: names })
+    }
+
+    /// Where it listens, first of all: with the port that the system chose, where it was to.
     #[must_use]
     pub const fn local_endpoint(&self) -> &Endpoint {
-        &self.endpoint
+        self.endpoints.first()
+    }
+
+    /// Everywhere that it listens, in the order given.
+    #[must_use]
+    pub const fn local_endpoints(&self) -> &Endpoints {
+        &self.endpoints
     }
 
     /// Waits for the next peer, until `deadline` at most.
@@ -145,17 +142,46 @@ impl Listener {
     /// When none came; then the error says what became of the last one that tried.
     pub async fn accept(&mut self, deadline: Instant) -> Result<Link, AcceptError> {
         let started = self.net.now();
-        let endpoint = self.endpoint.clone();
+        let endpoints = self.endpoints.clone();
         match until(&*self.net, deadline, self.links.recv()).await {
             Some(Some(link)) => Ok(link),
-            Some(None) => Err(AcceptError::ShutDown { endpoint }),
+            Some(None) => Err(AcceptError::ShutDown { endpoints }),
             None => {
                 let waited = self.net.now().since(started);
                 let last = self.desk.last_failure();
-                Err(AcceptError::Deadline { endpoint, waited, last })
+                Err(AcceptError::Deadline { endpoints, waited, last })
             }
         }
     }
+}
+
+/// Listens at `endpoint`, and says where that is. Each transport has its arm here and in `connect`.
+async fn listen(
+    desk: &Arc<Desk>,
+    endpoint: &Endpoint,
+    names: &mut Vec<inproc::Registered>,
+) -> Result<Endpoint, ListenError> {
+    let failed = |cause: io::Error| match cause.kind() {
+        io::ErrorKind::AddrInUse => ListenError::InUse { endpoint: endpoint.clone() },
+        _ => ListenError::Io { endpoint: endpoint.clone(), cause },
+    };
+    let address = async |at| {
+        let resolved = resolve(&desk.net, at).await;
+        resolved.map_err(|cause| ListenError::Address { endpoint: endpoint.clone(), cause })
+    };
+    Ok(match endpoint {
+        Endpoint::Tcp(at) => Endpoint::Tcp(tcp::listen(address(at).await?, desk).map_err(failed)?.into()),
+        Endpoint::Unix(path) => {
+            unix::listen(path.as_path(), desk).await.map_err(failed)?;
+            endpoint.clone()
+        }
+        Endpoint::Inproc(wanted) => {
+            names.push(inproc::listen(wanted, desk).map_err(failed)?);
+            endpoint.clone()
+        }
+        Endpoint::Quic(at) => Endpoint::Quic(quic::listen(address(at).await?, desk).map_err(failed)?.into()),
+        Endpoint::Udp(at) => Endpoint::Udp(udp::listen(address(at).await?, desk).map_err(failed)?.into()),
+    })
 }
 
 /// The first address of a host and port.

@@ -92,8 +92,17 @@ pub struct Joined {
     pub settings: Settings,
 }
 
+/// Where a role meets another, and what holds for their link.
+#[derive(Debug, Clone)]
+pub struct Place {
+    /// Where.
+    pub endpoint: Endpoint,
+    /// How, and whom it expects there.
+    pub options: Options,
+}
+
 /// A machine of the pair joins the display at `display` and the other machine: the first listens at `pair`, the second
-/// connects there.
+/// connects there. The two links may go over different transports.
 ///
 /// # Errors
 /// When a peer is not there by the deadline, refuses, or is not who it should be.
@@ -101,14 +110,13 @@ pub async fn join_session(
     net: &Arc<dyn Net>,
     seat: Seat,
     scene: SceneHash,
-    display: &Endpoint,
-    pair: &Endpoint,
-    options: &Options,
+    display: &Place,
+    pair: &Place,
     deadline: Instant,
 ) -> Result<Joined, JoinError> {
     let role = role_of(seat);
     let identity = |settings| Identity { role, scene, settings };
-    let display = connect(net, display, identity(None), options, deadline)
+    let display = connect(net, &display.endpoint, identity(None), &display.options, deadline)
         .await
         .map_err(|cause| JoinError::Connect { peer: Role::Display, cause: Box::new(cause) })?;
     expect_role(&display, Role::Display)?;
@@ -116,13 +124,14 @@ pub async fn join_session(
     let peer = role_of(seat.other());
     let other = match seat {
         Seat::First => {
-            let mut listener = Listener::bind(net, pair, identity(Some(settings)), options).await?;
+            let mut listener =
+                Listener::bind(net, &pair.endpoint, identity(Some(settings)), &pair.options).await?;
             listener
                 .accept(deadline)
                 .await
                 .map_err(|cause| JoinError::Accept { peer, cause: Box::new(cause) })?
         }
-        Seat::Second => connect(net, pair, identity(Some(settings)), options, deadline)
+        Seat::Second => connect(net, &pair.endpoint, identity(Some(settings)), &pair.options, deadline)
             .await
             .map_err(|cause| JoinError::Connect { peer, cause: Box::new(cause) })?,
     };

@@ -17,7 +17,7 @@ pub(crate) use connect::attempt;
 pub(crate) use frames::{FrameRx, FrameTx};
 pub(crate) use latest::{LatestRx, LatestTx};
 pub(crate) use listen::listen;
-pub use options::{Congestion, QuicOptions};
+pub use options::{Congestion, CongestionError, QuicOptions};
 pub use tls::UnknownPeer;
 
 use crate::link::Capabilities;

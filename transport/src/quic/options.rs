@@ -1,10 +1,13 @@
 //! How QUIC connections are set up.
 
+use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Duration;
 
 use quinn::congestion::{BbrConfig, CubicConfig, NewRenoConfig};
 use quinn::{IdleTimeout, MtuDiscoveryConfig, TransportConfig, VarInt};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
 use trimaran_proto::NumberedCamera;
 
 use crate::UdpSocketOptions;
@@ -39,7 +42,10 @@ pub struct QuicOptions {
 }
 
 /// Which congestion control a connection has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+///
+/// As text `cubic`, `bbr` or `new-reno`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
 #[non_exhaustive]
 pub enum Congestion {
     /// CUBIC (RFC 9438), as most TCP has it.
@@ -49,6 +55,49 @@ pub enum Congestion {
     Bbr,
     /// New Reno (RFC 9002, section 7).
     NewReno,
+}
+
+/// A text that names no congestion control.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{0:?} is no congestion control: give cubic, bbr or new-reno")]
+pub struct CongestionError(String);
+
+impl Congestion {
+    /// Every one.
+    pub const ALL: [Self; 3] = [Self::Cubic, Self::Bbr, Self::NewReno];
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Cubic => "cubic",
+            Self::Bbr => "bbr",
+            Self::NewReno => "new-reno",
+        }
+    }
+}
+
+impl FromStr for Congestion {
+    type Err = CongestionError;
+
+    fn from_str(name: &str) -> Result<Self, CongestionError> {
+        let found = Self::ALL.into_iter().find(|congestion| congestion.name() == name);
+        found.ok_or_else(|| CongestionError(name.to_owned()))
+    }
+}
+
+impl TryFrom<String> for Congestion {
+    type Error = CongestionError;
+
+    fn try_from(name: String) -> Result<Self, CongestionError> {
+        name.parse()
+    }
+}
+
+impl From<Congestion> for String {
+    fn from(congestion: Congestion) -> Self {
+        congestion.name().to_owned()
+    }
 }
 
 impl Default for QuicOptions {
@@ -91,5 +140,19 @@ impl QuicOptions {
             Congestion::NewReno => config.congestion_controller_factory(Arc::new(NewRenoConfig::default())),
         };
         Arc::new(config)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_congestion_control_goes_by_its_name() {
+        for congestion in Congestion::ALL {
+            assert_eq!(congestion.name().parse(), Ok(congestion));
+        }
+        let error = "reno".parse::<Congestion>().unwrap_err().to_string();
+        assert!(error.contains("new-reno"), "{error}");
     }
 }

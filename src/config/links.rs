@@ -1,0 +1,114 @@
+//! How links are made: what every transport has in common, what each has of its own, and who is let in.
+
+use std::{path::Path, time::Duration};
+
+use confique::Config;
+use serde::Serialize;
+use trimaran_transport::{
+    Endpoints, Limits, Options, UdpSocketOptions,
+    keys::{Keys, PublicKeys, Security},
+    quic::{Congestion, QuicOptions},
+};
+
+use super::{ConfigError, seconds};
+
+/// How links are made, whatever the role.
+#[derive(Debug, Clone, PartialEq, Serialize, Config)]
+#[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
+pub struct LinkConfig {
+    /// How long any one wait for a peer may last once it has joined, seconds: longer than its longest pause, loading included.
+    #[config(env = "TRIMARAN_LINK_PATIENCE_S", default = 30.0, validate = seconds, layer_attr(arg(long = "link-patience", id = "link_patience_s", value_name = "S")))]
+    pub patience_s: f64,
+    /// How long one handshake may take, seconds.
+    #[config(env = "TRIMARAN_LINK_HANDSHAKE_S", default = 5.0, validate = seconds, layer_attr(arg(long = "link-handshake", value_name = "S")))]
+    pub handshake_s: f64,
+    /// How many peers a listener has links with at once; more are told that it is busy.
+    #[config(
+        env = "TRIMARAN_LINK_PEERS",
+        default = 16,
+        layer_attr(arg(long = "link-peers", id = "link_peers", value_name = "N"))
+    )]
+    pub peers: usize,
+    /// How many handshakes a listener has under way at once; more are turned away.
+    #[config(
+        env = "TRIMARAN_LINK_HANDSHAKES",
+        default = 32,
+        layer_attr(arg(long = "link-handshakes", value_name = "N"))
+    )]
+    pub handshakes: usize,
+    /// QUIC.
+    #[config(nested, layer_attr(command(flatten)))]
+    pub quic: QuicConfig,
+}
+
+/// How QUIC connections are set up.
+#[derive(Debug, Clone, PartialEq, Serialize, Config)]
+#[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
+pub struct QuicConfig {
+    /// How the connection shares the way with others: `cubic`, `bbr` or `new-reno`.
+    #[config(
+        env = "TRIMARAN_LINK_QUIC_CONGESTION",
+        default = "cubic",
+        layer_attr(arg(long = "quic-congestion", value_name = "NAME"))
+    )]
+    pub congestion: Congestion,
+    /// How many bytes may be under way in each direction, sent and not read.
+    #[config(
+        env = "TRIMARAN_LINK_QUIC_WINDOW",
+        default = 8_388_608,
+        layer_attr(arg(long = "quic-window", value_name = "BYTES"))
+    )]
+    pub window: u32,
+    /// The send and the receive buffer that the system is asked for, bytes each; it may grant less.
+    #[config(
+        env = "TRIMARAN_LINK_QUIC_SOCKET_BUFFER",
+        default = 4_194_304,
+        layer_attr(arg(long = "quic-socket-buffer", value_name = "BYTES"))
+    )]
+    pub socket_buffer: usize,
+}
+
+impl LinkConfig {
+    /// What the transports make of it, for a link that `security` guards.
+    #[must_use]
+    pub fn options(&self, security: Option<Security>) -> Options {
+        let duration = |seconds| Duration::try_from_secs_f64(seconds).unwrap_or_default();
+        let defaults = Options::default();
+        let buffer = Some(self.quic.socket_buffer);
+        Options {
+            link: trimaran_transport::LinkConfig { patience: duration(self.patience_s), ..defaults.link },
+            handshake: duration(self.handshake_s),
+            limits: Limits { peers: self.peers, handshakes: self.handshakes },
+            security,
+            quic: QuicOptions {
+                congestion: self.quic.congestion,
+                window: self.quic.window,
+                socket: UdpSocketOptions { send_buffer: buffer, recv_buffer: buffer },
+                ..defaults.quic
+            },
+            ..defaults
+        }
+    }
+}
+
+/// What guards the links made at `endpoints`: this machine's `keys`, and the public ones of its `peers`, each under the key that
+/// names it. None where no endpoint needs any.
+///
+/// # Errors
+/// When a file that is needed is not named, or cannot be used.
+pub fn security(
+    endpoints: &Endpoints,
+    keys: Option<&Path>,
+    peers: &[(&'static str, Option<&Path>)],
+) -> Result<Option<Security>, ConfigError> {
+    let Some(endpoint) = endpoints.iter().find(|endpoint| endpoint.needs_keys()) else { return Ok(None) };
+    let no_keys = |peer| ConfigError::NoKeys { endpoint: endpoint.clone(), peer };
+    // A display may have one machine that comes over another transport: so one peer is enough, but it takes one.
+    let known =
+        peers.iter().filter_map(|(_, path)| *path).map(PublicKeys::read).collect::<Result<Vec<_>, _>>()?;
+    match (keys, peers) {
+        (Some(keys), _) if !known.is_empty() => Ok(Some(Security { keys: Keys::read(keys)?, peers: known })),
+        (_, [(peer, _), ..]) => Err(no_keys(peer)),
+        (_, []) => Err(no_keys("peers")),
+    }
+}

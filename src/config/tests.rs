@@ -1,0 +1,180 @@
+use confique::meta::{FieldKind, LeafKind, Meta};
+
+use super::*;
+
+const DISPLAY: &str = "scene = 'a'\nlisten = 'tcp://x:1'\nout = 'o'\n";
+
+fn written(text: &str) -> (tempfile::TempDir, PathBuf) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("role.toml");
+    fs::write(&path, text).unwrap();
+    (dir, path)
+}
+
+fn file<C: RoleConfig>(text: &str) -> Result<C, ConfigError> {
+    let (_dir, path) = written(text);
+    C::load(C::Layer::empty(), Some(&path))
+}
+
+fn defaults() -> SessionConfig {
+    SessionConfig::from_layer(Layer::default_values()).unwrap()
+}
+
+#[test]
+fn a_short_configuration_is_filled_with_defaults_and_paths_start_beside_it() {
+    let (dir, path) =
+        written("scene = 'a.scene'\nlisten = 'tcp://[::]:7400'\nout = '/tmp/x'\nkeys = 'k/one.key'\n");
+    let config = DisplayConfig::load(Layer::empty(), Some(&path)).unwrap();
+    assert_eq!(config.session, defaults());
+    assert_eq!((config.session.width, config.session.tester.as_str()), (1024, "hzb"));
+    assert_eq!(config.scene, dir.path().join("a.scene"));
+    assert_eq!(config.keys, Some(dir.path().join("k/one.key")));
+    assert_eq!(config.out, Path::new("/tmp/x"));
+}
+
+#[test]
+fn a_flag_goes_before_the_file_and_its_paths_start_where_the_user_is() {
+    let (_dir, path) = written(&format!("{DISPLAY}[session]\nbatch = 7\nseed = 8\n"));
+    let mut flags = <DisplayConfig as Config>::Layer::empty();
+    flags.session.batch = Some(9);
+    flags.scene = Some("b.scene".into());
+    let config = DisplayConfig::load(flags, Some(&path)).unwrap();
+    assert_eq!((config.session.batch, config.session.seed, config.session.audit_every), (9, 8, 10));
+    assert_eq!(config.scene, Path::new("b.scene"));
+}
+
+#[test]
+fn a_switch_configuration_survives_a_round_trip() {
+    let peers = SwitchPeers { display: Some("/k/display.pub".into()), other: None };
+    let config = SwitchConfig {
+        scene: "/s/a.scene".into(),
+        seat: PairSeat::Second,
+        display: "quic://show:7400".parse().unwrap(),
+        pair: "tcp://one:7401".parse().unwrap(),
+        device: None,
+        patience_s: 5.0,
+        keys: Some("/k/two.key".into()),
+        peers,
+        link: LinkConfig::from_layer(Layer::default_values()).unwrap(),
+    };
+    assert_eq!(file::<SwitchConfig>(&toml::to_string(&config).unwrap()).unwrap(), config);
+}
+
+#[test]
+fn a_key_that_nobody_gave_is_named() {
+    let message = file::<DisplayConfig>("scene = 'a'\nout = 'o'\n").unwrap_err().to_string();
+    assert!(message.contains("listen"), "{message}");
+}
+
+#[test]
+fn a_misspelt_key_is_named_with_its_line() {
+    for (lines, key) in [("[session]\nepsilon = 2\n", "epsilon"), ("[link.quic]\nwindows = 2\n", "windows")] {
+        let message = file::<DisplayConfig>(&format!("{DISPLAY}{lines}")).unwrap_err().to_string();
+        assert!(message.contains(key) && message.contains("line 5"), "{message}");
+    }
+}
+
+#[test]
+fn an_address_without_a_transport_is_refused_with_what_is_expected() {
+    let message =
+        file::<DisplayConfig>("scene = 'a'\nlisten = 'show:7400'\nout = 'o'\n").unwrap_err().to_string();
+    assert!(message.contains("line 2") && message.contains("tcp://host:port"), "{message}");
+}
+
+#[test]
+fn values_outside_their_range_are_refused_by_line_and_key() {
+    for line in [
+        "session.batch = 0",
+        "session.batch = 16385",
+        "session.epsilon_px = nan",
+        "session.epsilon_px = 0",
+        "session.width = 0",
+        "session.frames = 0",
+        "session.live_hz = 0",
+        "session.tester = 'guess'",
+        "patience_s = -1",
+        "link.patience_s = 1e9",
+        "link.quic.congestion = 'reno'",
+        "link.peers = -1",
+    ] {
+        let key = line.split([' ', '.']).nth(line.split(' ').next().unwrap().matches('.').count()).unwrap();
+        let message = file::<DisplayConfig>(&format!("{DISPLAY}{line}\n")).unwrap_err().to_string();
+        assert!(message.contains(key) && message.contains("line 4"), "{line}: {message}");
+    }
+    let message = file::<DisplayConfig>(&format!("{DISPLAY}session.few_pixels = true\n")).unwrap_err();
+    assert!(message.to_string().contains("session.few_pixels"), "{message}");
+}
+
+/// Every leaf below `meta`, with its path.
+fn leaves(meta: &'static Meta, under: &str, found: &mut Vec<(String, Option<&'static str>, LeafKind)>) {
+    for field in meta.fields {
+        let path = if under.is_empty() { field.name.to_owned() } else { format!("{under}.{}", field.name) };
+        assert!(!field.doc.is_empty(), "{path} is not described");
+        match field.kind {
+            FieldKind::Leaf { env, kind } => found.push((path, env, kind)),
+            FieldKind::Nested { meta } => leaves(meta, &path, found),
+        }
+    }
+}
+
+/// The template with every key that has a default turned on, and every other one off.
+fn template_in_step<C: RoleConfig>(required: &str) -> C {
+    let mut keys = Vec::new();
+    leaves(&C::META, "", &mut keys);
+    assert!(keys.len() > 10, "{keys:?}");
+    let template = C::template();
+    for (path, env, kind) in &keys {
+        let name = path.rsplit('.').next().unwrap();
+        let env = env.unwrap_or_else(|| panic!("{path} has no environment variable"));
+        assert_eq!(env, format!("TRIMARAN_{}", path.replace('.', "_").to_uppercase()));
+        assert!(template.contains(env), "{env} is not in the template");
+        let default = matches!(kind, LeafKind::Required { default: Some(_) });
+        let shown = template.contains(&format!("\n#{name} ="));
+        assert!(shown, "{path} (default: {default}) is not in the template:\n{template}");
+    }
+    let on = |line: &str| match line.strip_prefix('#') {
+        Some(key) if key.starts_with(|c: char| c.is_ascii_lowercase()) && !key.trim_end().ends_with('=') => {
+            key.to_owned()
+        }
+        _ => line.to_owned(),
+    };
+    let text: Vec<_> = template.lines().map(on).collect();
+    file(&format!("{required}{}", text.join("\n"))).unwrap()
+}
+
+#[test]
+fn the_templates_have_every_key_and_its_true_default() {
+    let display: DisplayConfig = template_in_step(DISPLAY);
+    assert_eq!(display.session, defaults());
+    let required = "scene = 'a'\nseat = 'first'\ndisplay = 'tcp://x:1'\npair = 'tcp://x:2'\n";
+    let switch: SwitchConfig = template_in_step(required);
+    assert_eq!(switch.link, display.link);
+    assert_eq!(
+        switch.link.options(None),
+        trimaran_transport::Options::default(),
+        "the defaults are the links' own"
+    );
+}
+
+#[test]
+fn what_encrypts_needs_keys_of_both_sides() {
+    let dir = tempfile::tempdir().unwrap();
+    let make = |name: &str| {
+        let keys = trimaran_transport::keys::Keys::generate(name.parse().unwrap()).unwrap();
+        keys.save(dir.path()).unwrap()
+    };
+    let (one, two) = (make("one"), make("two"));
+    let tcp = "tcp://a:1".parse().unwrap();
+    let both = "tcp://a:1,quic://a:2".parse().unwrap();
+    let peer = ("peers.other", Some(two.public.as_path()));
+    assert_eq!(security(&tcp, None, &[("peers.other", None)]).unwrap(), None);
+    let guard = security(&both, Some(&one.private), &[("peers.first", None), peer]).unwrap().unwrap();
+    assert_eq!(guard.keys.public().name.as_str(), "one");
+    assert_eq!(guard.peers.iter().map(|peer| peer.name.as_str()).collect::<Vec<_>>(), ["two"]);
+    for (keys, peer) in [(None, peer), (Some(one.private.as_path()), ("peers.other", None))] {
+        let message = security(&both, keys, &[peer]).unwrap_err().to_string();
+        assert!(message.contains("quic://a:2") && message.contains("peers.other"), "{message}");
+    }
+    let swapped = security(&both, Some(&one.public), &[peer]).unwrap_err();
+    assert!(matches!(swapped, ConfigError::Keys(KeysError::Public { .. })), "{swapped}");
+}
