@@ -7,7 +7,7 @@ use std::{error::Error, sync::Arc};
 use trimaran::walkthrough::{Pace, PathChoice, Plan, Recorder, Stage, Trail, in_process, viewport};
 use trimaran_actors::Stop;
 use trimaran_gpu::GpuOptions;
-use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
+use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
 use trimaran_scene::{
     cook::{CookOptions, cook},
     generate::{PlantOptions, plant},
@@ -22,6 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         size: PictureSize::new(512, 512)?,
         epsilon: EpsilonPx::new(2.0)?,
         batch: BatchSize::new(1024)?,
+        coding: IdCoding::Plain,
         tester: TesterKind::Hzb,
         pace: Pace::Lockstep,
         few_pixels: false,

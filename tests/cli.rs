@@ -202,12 +202,14 @@ fn hash_of(bench: &Bench, scene: &str) -> String {
 #[test]
 fn three_processes_show_what_one_shows() {
     let bench = Bench::with_plant();
-    for link in ["inproc", "unix", "tcp", "quic"] {
+    for (link, coding) in [("inproc", "changes"), ("unix", "changes"), ("tcp", "plain"), ("quic", "changes")] {
         let args = [
             "run",
             "plant.scene",
             "--link",
             link,
+            "--coding",
+            coding,
             "--out",
             link,
             "--frames",
@@ -237,6 +239,8 @@ fn three_processes_show_what_one_shows() {
         let receivers = if last { 1 } else { 2 };
         assert_eq!(ids, 4 * receivers * frame["nodes_drawn"].as_u64().unwrap(), "{frame}");
     }
+    let id_bytes = |link: &str| report(link)["summary"]["bytes_by_kind"]["ids"].as_u64().unwrap();
+    assert!(2 * id_bytes("unix") < id_bytes("tcp"), "{} and {}", id_bytes("unix"), id_bytes("tcp"));
     assert!(walks_again(&bench), "a report can be walked again");
 }
 

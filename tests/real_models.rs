@@ -15,7 +15,7 @@ use trimaran::{
 };
 use trimaran_actors::VulkanPair;
 use trimaran_cull::{CutRule, reference::SURFACE_SLACK_PX};
-use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
+use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
 
 /// Every so many frames one is audited.
 const AUDIT_EVERY: u32 = 5;
@@ -25,6 +25,7 @@ fn plan(tester: TesterKind, epsilon_px: f64) -> Plan {
         size: PictureSize::new(384, 384).unwrap(),
         epsilon: EpsilonPx::new(epsilon_px).unwrap(),
         batch: BatchSize::new(256).unwrap(),
+        coding: IdCoding::Changes,
         tester,
         pace: Pace::Lockstep,
         few_pixels: false,

@@ -14,7 +14,7 @@ use trimaran::{
 };
 use trimaran_actors::VulkanPair;
 use trimaran_cull::{CutRule, reference::SURFACE_SLACK_PX};
-use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
+use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
 use trimaran_scene::{
     ObjectRecord, Scene, SceneArrays,
     cook::{CookOptions, cook},
@@ -28,6 +28,7 @@ fn plan(tester: TesterKind) -> Plan {
         size: PictureSize::new(233, 160).unwrap(),
         epsilon: EpsilonPx::new(2.0).unwrap(),
         batch: BatchSize::new(16).unwrap(),
+        coding: IdCoding::Changes,
         tester,
         pace: Pace::Lockstep,
         few_pixels: false,

@@ -3,8 +3,8 @@
 
 use bytes::BytesMut;
 use trimaran_proto::{
-    BatchSize, Camera, Decoder, DrawableId, FrameAssembler, FrameEvent, FrameMessage, FrameNumber,
-    FrameOutcome, FrameStart, FrameWriter, Message,
+    BatchSize, Camera, Decoder, Delivery, DrawableId, FrameAssembler, FrameEvent, FrameMessage, FrameNumber,
+    FrameOutcome, FrameStart, FrameWriter, IdDecoder, IdEncoder, Message,
 };
 
 /// Any bytes, whole or byte by byte, give the same messages and the same end; and each message that was read is written again
@@ -43,7 +43,8 @@ fn rewrite(message: &Message, read: &[u8]) {
     message.encode(&mut written);
     match message {
         Message::Camera(_) => assert_eq!(written, read),
-        Message::Frame(FrameMessage::Begin(_) | FrameMessage::Ids(_) | FrameMessage::End(_)) => {
+        Message::Frame(FrameMessage::Begin(_) | FrameMessage::Ids(_) | FrameMessage::End(_))
+        | Message::Coded(_) => {
             assert_eq!(written, read);
         }
         _ => {
@@ -98,6 +99,47 @@ pub fn frames(bytes: &[u8]) {
             }
         }
     }
+}
+
+/// Any bytes, taken as what is sent over a lane: first a frame of the ids that the front names, then changes against it. Whatever
+/// is read rises, fits a batch, and is written and read again as the same ids.
+pub fn changes(bytes: &[u8]) {
+    let Some((count, rest)) = bytes.split_first() else { return };
+    let (gaps, payload) = rest.split_at(usize::from(*count).min(rest.len()));
+    let mut next = 0_u32;
+    let held: Vec<DrawableId> = gaps
+        .iter()
+        .map(|gap| {
+            next += u32::from(*gap) + 1;
+            DrawableId(next)
+        })
+        .collect();
+    let (mut decoder, mut encoder) = (IdDecoder::new(), IdEncoder::new(Delivery::Ordered));
+    let mut writer = FrameWriter::new(BatchSize::MAX);
+    let mut first = Vec::new();
+    first.extend(begin(&mut writer, 0));
+    let _ = writer.push(&held, |message| first.push(message));
+    let _ = writer.finish(|message| first.push(message));
+    first.extend(begin(&mut writer, 1));
+    for message in first {
+        encoder.encode(decoder.plain(message));
+    }
+    let mut wire = Decoder::new();
+    wire.push(&(0x24 | (payload.len() as u32) << 8).to_le_bytes());
+    wire.push(payload);
+    let Ok(Some(Message::Coded(coded))) = wire.next_message() else { return };
+    let Ok(FrameMessage::Ids(batch)) = decoder.coded(&coded) else { return };
+    let ids: Vec<DrawableId> = batch.iter().collect();
+    assert!(ids.is_sorted_by(|a, b| a < b) && ids.len() <= BatchSize::MAX.ids());
+    if let Message::Coded(again) = encoder.encode(FrameMessage::Ids(batch.clone())) {
+        assert!(again.as_bytes().len() < batch.as_bytes().len());
+        assert_eq!(decoder.coded(&again), Ok(FrameMessage::Ids(batch)));
+    }
+}
+
+fn begin(writer: &mut FrameWriter, frame: u32) -> Option<FrameMessage> {
+    let frame = FrameNumber(frame);
+    writer.begin(FrameStart { frame, camera: camera(frame)? }).ok()
 }
 
 fn camera(frame: FrameNumber) -> Option<Camera> {

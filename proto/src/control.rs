@@ -265,7 +265,7 @@ impl fmt::Display for Explanation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BatchSize, EpsilonPx, PictureSize, TesterKind};
+    use crate::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
 
     const SCENE: SceneHash = SceneHash(0xfeed);
 
@@ -278,6 +278,7 @@ mod tests {
             size: PictureSize::new(width, 480).unwrap(),
             epsilon: EpsilonPx::new(2.0).unwrap(),
             batch: BatchSize::default(),
+            coding: IdCoding::Plain,
             tester: TesterKind::Raster,
             lockstep: true,
             few_pixels: false,

@@ -34,11 +34,13 @@ pub enum Kind {
     End = 0x22,
     /// What the sender did for a frame that has ended.
     Stats = 0x23,
+    /// A batch of ids of the frame that has begun, as changes against an earlier frame.
+    Coded = 0x24,
 }
 
 impl Kind {
     /// Every kind, in the order of the codes.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Hello,
         Self::Accept,
         Self::Refuse,
@@ -49,6 +51,7 @@ impl Kind {
         Self::Ids,
         Self::End,
         Self::Stats,
+        Self::Coded,
     ];
 
     /// The kind with this code, if there is one.
@@ -77,6 +80,8 @@ impl Kind {
             Self::Ids => 4..=BatchSize::MAX.bytes(),
             Self::End => 16..=16,
             Self::Stats => 1..=256,
+            // Shorter than the same ids plain.
+            Self::Coded => 3..=BatchSize::MAX.bytes(),
         }
     }
 
@@ -98,6 +103,7 @@ impl fmt::Display for Kind {
             Self::Numbered => "numbered camera",
             Self::Begin => "begin",
             Self::Ids => "ids",
+            Self::Coded => "coded ids",
             Self::End => "end",
             Self::Stats => "stats",
         })

@@ -7,6 +7,7 @@
 
 mod batch;
 mod camera;
+mod coding;
 mod control;
 mod decode;
 mod frame;
@@ -20,6 +21,7 @@ mod time;
 
 pub use batch::{BatchSize, BatchSizeError, ID_BYTES, IdBatch, IdBatchError};
 pub use camera::{Camera, CameraError};
+pub use coding::{CodedIds, CodedViolation, CodingFault, Delivery, IdCoding, IdDecoder, IdEncoder};
 pub use control::{
     Accept, Explanation, ExplanationError, Goodbye, Hello, Identity, Lane, ProtocolVersion, Refusal, Role,
     SessionId,

@@ -6,8 +6,8 @@ use serde::Serialize;
 use crate::decode::DecodeFault;
 use crate::header::Kind;
 use crate::{
-    Accept, Camera, FrameEnd, FrameMessage, FrameNumber, FrameStart, Goodbye, Hello, IdBatch, NumberedCamera,
-    ProtocolVersion, Refusal,
+    Accept, Camera, CodedIds, FrameEnd, FrameMessage, FrameNumber, FrameStart, Goodbye, Hello, IdBatch,
+    NumberedCamera, ProtocolVersion, Refusal,
 };
 
 /// The bytes that every hello starts with, in every version: they tell a peer from a stranger.
@@ -30,6 +30,8 @@ pub enum Message {
     Numbered(NumberedCamera),
     /// A message of the frames lane.
     Frame(FrameMessage),
+    /// Ids on the frames lane, as changes.
+    Coded(CodedIds),
 }
 
 impl Message {
@@ -47,6 +49,7 @@ impl Message {
             Self::Frame(FrameMessage::Ids(_)) => Kind::Ids,
             Self::Frame(FrameMessage::End(_)) => Kind::End,
             Self::Frame(FrameMessage::Stats(_)) => Kind::Stats,
+            Self::Coded(_) => Kind::Coded,
         }
     }
 
@@ -81,6 +84,10 @@ impl Message {
                 out.put_slice(&Kind::Ids.header(batch.as_bytes().len()));
                 out.put_slice(batch.as_bytes());
             }
+            Self::Coded(coded) => {
+                out.put_slice(&Kind::Coded.header(coded.as_bytes().len()));
+                out.put_slice(coded.as_bytes());
+            }
             Self::Frame(FrameMessage::Stats(stats)) => put_control(out, Kind::Stats, &[], stats),
             Self::Frame(FrameMessage::End(end)) => {
                 out.put_slice(&Kind::End.header(16));
@@ -114,6 +121,7 @@ impl Message {
             Kind::Ids => IdBatch::new(payload)
                 .map(|batch| Self::Frame(FrameMessage::Ids(batch)))
                 .map_err(|cause| DecodeFault::Ids { cause }),
+            Kind::Coded => Ok(Self::Coded(CodedIds::new(payload))),
             Kind::Stats => parse_control(kind, &payload).map(|stats| Self::Frame(FrameMessage::Stats(stats))),
             Kind::End => {
                 let words: &[u8; 16] = payload.first_chunk().ok_or(DecodeFault::Short { kind })?;

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::BatchSize;
+use crate::{BatchSize, IdCoding};
 
 /// What the display decides for all three roles. It travels in the handshake; each field is valid by its type.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -17,6 +17,8 @@ pub struct Settings {
     pub epsilon: EpsilonPx,
     /// How many ids a batch holds at most.
     pub batch: BatchSize,
+    /// How ids travel where links are not within one process.
+    pub coding: IdCoding,
     /// How the switch tests boxes for visibility.
     pub tester: TesterKind,
     /// Whether every camera is exactly one frame (deterministic), rather than the latest camera whenever a frame starts.
@@ -30,9 +32,13 @@ pub struct Settings {
 
 impl fmt::Display for Settings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { size, epsilon, batch, tester, lockstep, few_pixels, frames } = self;
+        let Self { size, epsilon, batch, coding, tester, lockstep, few_pixels, frames } = self;
         let pace = if *lockstep { "lockstep" } else { "live" };
-        write!(f, "{size} at {epsilon} px, {} ids a batch, tester {tester}, {pace}", batch.ids())?;
+        write!(
+            f,
+            "{size} at {epsilon} px, {} ids a batch, coding {coding}, tester {tester}, {pace}",
+            batch.ids()
+        )?;
         if *few_pixels {
             f.write_str(", stopping at few pixels")?;
         }
@@ -66,6 +72,9 @@ pub enum SettingsError {
     /// The error bound is negative, infinite or NaN.
     #[error("an error bound of {0} pixels is not a finite number of at least 0")]
     Epsilon(f64),
+    /// No coding has this name.
+    #[error("no coding of ids is called {0:?}: take plain or changes")]
+    Coding(String),
     /// No tester has this name.
     #[error("no tester is called {0:?}: take query, raster or hzb")]
     Tester(String),

@@ -8,9 +8,9 @@ mod checks;
 use bytes::BytesMut;
 use proptest::prelude::*;
 use trimaran_proto::{
-    BatchSize, Camera, Decoder, DrawableId, FrameAssembler, FrameEvent, FrameMessage, FrameNumber,
-    FrameOutcome, FrameStart, FrameViolation, FrameWriter, Goodbye, Identity, Lane, Message, Refusal, Role,
-    SceneHash, SessionId,
+    BatchSize, Camera, Decoder, Delivery, DrawableId, FrameAssembler, FrameEvent, FrameMessage, FrameNumber,
+    FrameOutcome, FrameStart, FrameViolation, FrameWriter, Goodbye, IdDecoder, IdEncoder, Identity, Lane,
+    Message, Refusal, Role, SceneHash, SessionId,
 };
 
 prop_compose! {
@@ -79,6 +79,20 @@ fn decode(bytes: &[u8], cuts: &[prop::sample::Index]) -> Vec<Message> {
 
 fn pieces() -> impl Strategy<Value = Vec<Vec<u32>>> {
     prop::collection::vec(prop::collection::vec(any::<u32>(), 0..50), 0..8)
+}
+
+/// What is visible in a frame: mostly rising, often the same as in other frames.
+fn visible() -> impl Strategy<Value = Vec<u32>> {
+    let scattered = prop::collection::btree_set(prop_oneof![0..400u32, any::<u32>()], 0..300)
+        .prop_map(|ids| ids.into_iter().collect::<Vec<_>>());
+    let mostly = prop::collection::vec(prop::bool::weighted(0.9), 0..400)
+        .prop_map(|shows| (0..).zip(shows).filter_map(|(id, shows)| shows.then_some(3 * id)).collect());
+    prop_oneof![scattered, mostly, prop::collection::vec(any::<u32>(), 0..50)]
+}
+
+fn frame_of(frame: FrameNumber, batch: BatchSize, ids: &[u32]) -> Vec<FrameMessage> {
+    let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0, 1.0, 0.1, frame).unwrap();
+    self::frame(frame.0, camera, batch, &[ids.to_vec()])
 }
 
 fn batch() -> impl Strategy<Value = BatchSize> {
@@ -166,9 +180,62 @@ proptest! {
     }
 
     #[test]
+    fn frames_survive_as_changes(
+        frames in prop::collection::vec((visible(), batch()), 1..12),
+        lossy: bool,
+        lost in prop::collection::vec(any::<prop::sample::Index>(), 0..4),
+    ) {
+        let delivery = if lossy { Delivery::Lossy } else { Delivery::Ordered };
+        let (mut encoder, mut decoder, mut assembler) = (IdEncoder::new(delivery), IdDecoder::new(), FrameAssembler::new());
+        let lost: Vec<usize> = lost.iter().map(|index| index.index(frames.len())).collect();
+        for (number, (ids, batch)) in frames.into_iter().enumerate() {
+            let frame = FrameNumber(number as u32);
+            let mut got = Vec::new();
+            for message in frame_of(frame, batch, &ids) {
+                // Lossy lanes lose a batch now and then.
+                let gone = lossy && lost.contains(&number) && matches!(message, FrameMessage::Ids(_));
+                let sent = encoder.encode(message);
+                if gone {
+                    continue;
+                }
+                let read = match sent {
+                    Message::Coded(coded) => decoder.coded(&coded).unwrap(),
+                    Message::Frame(message) => decoder.plain(message),
+                    other => panic!("{other:?}"),
+                };
+                match assembler.take(read).unwrap() {
+                    FrameEvent::Ids(batch) => got.extend(batch.iter().map(|id| id.0)),
+                    FrameEvent::End(FrameOutcome::Complete(_)) => {
+                        prop_assert_eq!(&got, &ids);
+                        encoder.confirm(frame);
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn changes_are_never_longer_than_plain(before in visible(), now in visible()) {
+        let (mut encoder, mut bytes) = (IdEncoder::new(Delivery::Ordered), 0);
+        for (number, ids) in [(0, &before), (1, &now)] {
+            bytes = 0;
+            for message in frame_of(FrameNumber(number), BatchSize::default(), ids) {
+                bytes += match encoder.encode(message) {
+                    Message::Coded(coded) => coded.as_bytes().len(),
+                    Message::Frame(FrameMessage::Ids(batch)) => batch.as_bytes().len(),
+                    _ => 0,
+                };
+            }
+        }
+        prop_assert!(bytes <= 4 * now.len());
+    }
+
+    #[test]
     fn garbage_does_no_harm(bytes in prop::collection::vec(any::<u8>(), 0..600)) {
         checks::decode(&bytes);
         checks::frames(&bytes);
+        checks::changes(&bytes);
     }
 
     #[test]
@@ -190,7 +257,9 @@ proptest! {
 fn the_fuzz_corpus_does_no_harm() {
     let corpus = concat!(env!("CARGO_MANIFEST_DIR"), "/../fuzz/corpus");
     let mut replayed = 0;
-    for (target, check) in [("decode", checks::decode as fn(&[u8])), ("frames", checks::frames)] {
+    for (target, check) in
+        [("decode", checks::decode as fn(&[u8])), ("frames", checks::frames), ("changes", checks::changes)]
+    {
         for entry in std::fs::read_dir(format!("{corpus}/{target}")).unwrap() {
             check(&std::fs::read(entry.unwrap().path()).unwrap());
             replayed += 1;

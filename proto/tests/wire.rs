@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 
 use bytes::{Bytes, BytesMut};
 use trimaran_proto::{
-    Accept, BatchSize, Camera, CameraNumber, CullCounts, Decoder, DrawableId, EpsilonPx, FrameEnd,
+    Accept, BatchSize, Camera, CameraNumber, CullCounts, Decoder, Delivery, DrawableId, EpsilonPx, FrameEnd,
     FrameMessage, FrameNumber, FrameStart, FrameStats, FrameWriter, Goodbye, HEADER_BYTES, Hello, IdBatch,
-    Identity, Kind, Lane, Message, NumberedCamera, PictureSize, Refusal, Role, SceneHash, SessionId,
-    Settings, TesterKind,
+    IdCoding, IdEncoder, Identity, Kind, Lane, Message, NumberedCamera, PictureSize, Refusal, Role,
+    SceneHash, SessionId, Settings, TesterKind,
 };
 
 const WIRE: &str = include_str!("../WIRE.md");
@@ -36,6 +36,7 @@ fn display() -> Identity {
         size: PictureSize::new(1024, 768).unwrap(),
         epsilon: EpsilonPx::new(2.0).unwrap(),
         batch: BatchSize::new(256).unwrap(),
+        coding: IdCoding::Changes,
         tester: TesterKind::Raster,
         lockstep: true,
         few_pixels: false,
@@ -46,6 +47,23 @@ fn display() -> Identity {
 
 fn switch() -> Identity {
     Identity { role: Role::SwitchA, scene: SceneHash(0x1234), settings: None }
+}
+
+/// The second frame of a lane of changes: 100 to 149 were visible, and 110, 120 to 122 no longer are; 200 and 1000 are new.
+fn coded() -> Message {
+    let (mut writer, mut encoder) =
+        (FrameWriter::new(BatchSize::default()), IdEncoder::new(Delivery::Ordered));
+    let before: Vec<u32> = (100..150).collect();
+    let now: Vec<u32> = (100..110).chain(111..120).chain(123..150).chain([200, 1000]).collect();
+    let mut sent = Vec::new();
+    for (frame, ids) in [(7, before), (9, now)] {
+        let begin = writer.begin(FrameStart { frame: FrameNumber(frame), camera: camera() }).unwrap();
+        sent = vec![encoder.encode(begin)];
+        let ids: Vec<DrawableId> = ids.into_iter().map(DrawableId).collect();
+        writer.push(&ids, |message| sent.push(encoder.encode(message))).unwrap();
+        writer.finish(|message| sent.push(encoder.encode(message))).unwrap();
+    }
+    sent.swap_remove(1)
 }
 
 /// The messages that the examples spell out.
@@ -77,6 +95,7 @@ fn messages() -> Vec<(&'static str, Message)> {
         ("numbered-camera", Message::Numbered(NumberedCamera { number: CameraNumber(5), camera: camera() })),
     ];
     messages.extend(frames.map(|(name, message)| (name, Message::Frame(message))));
+    messages.push(("coded-ids", coded()));
     messages
 }
 

@@ -159,6 +159,15 @@ pub(crate) enum Tester {
     Hzb,
 }
 
+/// How ids travel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Coding {
+    /// As changes against an earlier frame, where that is shorter.
+    Changes,
+    /// 4 bytes an id, as in the paper's bandwidth formula.
+    Plain,
+}
+
 /// A picture size, `WIDTHxHEIGHT`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Size {
@@ -184,6 +193,9 @@ pub(crate) struct WalkArgs {
     /// How many ids travel in one batch.
     #[arg(long, value_name = "B", default_value_t = 1024, value_parser = clap::value_parser!(u16).range(1..=16384))]
     pub(crate) batch: u16,
+    /// How ids travel between processes.
+    #[arg(long, value_enum, default_value = "changes")]
+    pub(crate) coding: Coding,
     /// What tests boxes against the occluders.
     #[arg(long, value_enum, default_value = "hzb")]
     pub(crate) tester: Tester,

@@ -5,7 +5,7 @@ use trimaran_scene::generate::{PlantOptions, plant};
 
 use super::{
     Failure,
-    args::{DemoArgs, LinkKind, RunArgs, Size, Tester, WalkArgs},
+    args::{Coding, DemoArgs, LinkKind, RunArgs, Size, Tester, WalkArgs},
     cooking, run,
 };
 
@@ -29,6 +29,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         seed: 1,
         size: Size { width: 1024, height: 1024 },
         batch: 1024,
+        coding: Coding::Changes,
         tester: Tester::Hzb,
         few_pixels: false,
         device: None,

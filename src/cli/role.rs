@@ -115,6 +115,7 @@ fn session_plan(session: &SessionConfig) -> Result<Plan, Failure> {
         size: PictureSize::new(session.width, session.height).map_err(Failure::bad_input)?,
         epsilon: EpsilonPx::new(session.epsilon_px).map_err(Failure::bad_input)?,
         batch: BatchSize::new(session.batch.into()).map_err(Failure::bad_input)?,
+        coding: session.coding.parse().map_err(Failure::bad_input)?,
         tester: session.tester.parse().map_err(Failure::bad_input)?,
         pace: walking::pace(session.live_hz),
         few_pixels: session.few_pixels,

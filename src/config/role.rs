@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use confique::Config;
 use serde::{Deserialize, Serialize};
-use trimaran_proto::TesterKind;
+use trimaran_proto::{IdCoding, TesterKind};
 use trimaran_transport::{Endpoint, Endpoints};
 
 use super::{ConfigError, LinkConfig, RoleConfig, positive, seconds};
@@ -139,6 +139,9 @@ pub struct SessionConfig {
     /// How many ids travel in one batch, 1 to 16384.
     #[config(env = "TRIMARAN_SESSION_BATCH", default = 1024, validate((1..=16384).contains(batch), "give 1 to 16384"), layer_attr(arg(long, value_name = "B", value_parser = clap::value_parser!(u16).range(1..=16384))))]
     pub batch: u16,
+    /// How ids travel between processes: `changes` against an earlier frame, or `plain`, 4 bytes each.
+    #[config(env = "TRIMARAN_SESSION_CODING", default = "changes", validate(coding.parse::<IdCoding>().is_ok(), "give changes or plain"), layer_attr(arg(long, value_name = "CODING")))]
+    pub coding: String,
     /// What tests boxes: `query`, `raster` or `hzb`.
     #[config(env = "TRIMARAN_SESSION_TESTER", default = "hzb", validate(tester.parse::<TesterKind>().is_ok(), "give query, raster or hzb"), layer_attr(arg(long, value_name = "TESTER")))]
     pub tester: String,

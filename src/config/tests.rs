@@ -91,6 +91,7 @@ fn values_outside_their_range_are_refused_by_line_and_key() {
         "session.width = 0",
         "session.frames = 0",
         "session.live_hz = 0",
+        "session.coding = 'zip'",
         "session.tester = 'guess'",
         "patience_s = -1",
         "link.patience_s = 1e9",

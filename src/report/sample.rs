@@ -37,6 +37,7 @@ pub(super) fn run() -> Run {
         epsilon_px: 2.0,
         tester: "raster".to_owned(),
         batch: 1024,
+        coding: Some("plain".to_owned()),
         link: "tcp".to_owned(),
         transport: "tcp over loopback, no delay, two connections a pair".to_owned(),
         mode: Mode::Lockstep,

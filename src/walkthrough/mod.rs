@@ -26,7 +26,7 @@ pub use record::{FrameRecord, Recorder};
 pub use reporting::{ReportPlan, ReportingError, SceneFile, write_report};
 
 use trimaran_cull::Viewport;
-use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Settings, TesterKind};
+use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, Settings, TesterKind};
 
 /// How the poses of a path become frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,6 +49,8 @@ pub struct Plan {
     pub epsilon: EpsilonPx,
     /// How many ids travel in a batch.
     pub batch: BatchSize,
+    /// How ids travel between processes.
+    pub coding: IdCoding,
     /// What tests boxes.
     pub tester: TesterKind,
     /// How poses become frames.
@@ -70,6 +72,7 @@ impl Plan {
             size: self.size,
             epsilon: self.epsilon,
             batch: self.batch,
+            coding: self.coding,
             tester: self.tester,
             lockstep: matches!(self.pace, Pace::Lockstep),
             few_pixels: self.few_pixels,

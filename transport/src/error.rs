@@ -4,7 +4,9 @@ use std::io;
 use std::time::Duration;
 
 use thiserror::Error;
-use trimaran_proto::{DecodeError, FrameOrderError, FrameViolation, Goodbye, Kind, Lane, Role};
+use trimaran_proto::{
+    CodedViolation, DecodeError, FrameOrderError, FrameViolation, Goodbye, Kind, Lane, Role,
+};
 
 use crate::patience::Expired;
 
@@ -121,6 +123,9 @@ pub enum ProtocolError {
     /// It broke the rules of the datagrams.
     #[error(transparent)]
     Datagrams(Box<trimaran_udp::Closed>),
+    /// It sent ids as changes that make no sense.
+    #[error(transparent)]
+    Coded(#[from] CodedViolation),
     /// It sent a message that does not belong on the lane.
     #[error("a {kind} message does not belong on the {lane} lane")]
     Misplaced {

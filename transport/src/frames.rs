@@ -1,12 +1,12 @@
 //! The frames lane: begin, ids, end.
 
 use trimaran_proto::{
-    BatchSize, DrawableId, FrameAssembler, FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOrderError,
-    FrameStart, FrameStats, FrameWriter, Goodbye, Kind, Message,
+    Delivery, DrawableId, FrameAssembler, FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOrderError,
+    FrameStart, FrameStats, FrameWriter, Goodbye, IdCoding, IdEncoder, Kind, Message,
 };
 
 use crate::error::{LaneError, LaneSendError, ProtocolError};
-use crate::link::Shared;
+use crate::link::{Batching, Capabilities, Shared};
 use crate::net::Instant;
 use crate::patience::Patience;
 use crate::{RecvError, SendError, inproc, quic, stream, udp};
@@ -18,6 +18,8 @@ use crate::{RecvError, SendError, inproc, quic, stream, udp};
 #[derive(Debug)]
 pub struct FrameSender {
     pub(crate) writer: FrameWriter,
+    /// Where ids do not travel plain.
+    pub(crate) encoder: Option<IdEncoder>,
     pub(crate) lane: FrameTx,
     pub(crate) shared: Shared,
     pub(crate) patience: Patience,
@@ -49,8 +51,17 @@ pub(crate) enum FrameRx {
 }
 
 impl FrameSender {
-    pub(crate) fn new(batch: BatchSize, lane: FrameTx, shared: Shared, patience: Patience) -> Self {
-        Self { writer: FrameWriter::new(batch), lane, shared, patience }
+    pub(crate) fn new(
+        Batching { size, coding }: Batching,
+        capabilities: Capabilities,
+        lane: FrameTx,
+        shared: Shared,
+        patience: Patience,
+    ) -> Self {
+        let delivery = if capabilities.reliable { Delivery::Ordered } else { Delivery::Lossy };
+        let in_process = matches!(lane, FrameTx::Inproc(_));
+        let encoder = (coding == IdCoding::Changes && !in_process).then(|| IdEncoder::new(delivery));
+        Self { writer: FrameWriter::new(size), encoder, lane, shared, patience }
     }
 
     /// Begins a frame; its camera is on its way when this returns.
@@ -59,7 +70,7 @@ impl FrameSender {
     /// When the peer is gone or stalls, a frame is open, or the frame's number is not above the last one's.
     pub async fn begin(&mut self, start: FrameStart) -> Result<(), SendError> {
         let message = self.writer.begin(start).map_err(|e| self.order(e))?;
-        self.lane.stage(Message::Frame(message), &self.shared);
+        self.lane.stage(coded(&mut self.encoder, message), &self.shared);
         self.send_staged().await
     }
 
@@ -69,8 +80,9 @@ impl FrameSender {
     /// # Errors
     /// When the peer is gone or stalls, or no frame is open.
     pub async fn push(&mut self, ids: &[DrawableId]) -> Result<(), SendError> {
-        let Self { writer, lane, shared, .. } = self;
-        writer.push(ids, |message| lane.stage(Message::Frame(message), shared)).map_err(|e| self.order(e))?;
+        let Self { writer, encoder, lane, shared, .. } = self;
+        writer.push(ids, |message| lane.stage(coded(encoder, message), shared)).map_err(|e| self.order(e))?;
+        self.shared.counters.sent.count_ids(ids.len());
         self.send_staged().await
     }
 
@@ -79,8 +91,8 @@ impl FrameSender {
     /// # Errors
     /// As [`FrameSender::push`].
     pub async fn flush(&mut self) -> Result<(), SendError> {
-        let Self { writer, lane, shared, .. } = self;
-        writer.flush(|message| lane.stage(Message::Frame(message), shared)).map_err(|e| self.order(e))?;
+        let Self { writer, encoder, lane, shared, .. } = self;
+        writer.flush(|message| lane.stage(coded(encoder, message), shared)).map_err(|e| self.order(e))?;
         self.send_staged().await
     }
 
@@ -89,9 +101,9 @@ impl FrameSender {
     /// # Errors
     /// As [`FrameSender::push`].
     pub async fn finish(&mut self) -> Result<FrameEnd, SendError> {
-        let Self { writer, lane, shared, .. } = self;
+        let Self { writer, encoder, lane, shared, .. } = self;
         let end = writer
-            .finish(|message| lane.stage(Message::Frame(message), shared))
+            .finish(|message| lane.stage(coded(encoder, message), shared))
             .map_err(|e| self.order(e))?;
         self.send_staged().await?;
         Ok(end)
@@ -103,7 +115,7 @@ impl FrameSender {
     /// When the peer is gone or stalls, or a frame is open.
     pub async fn stats(&mut self, stats: &FrameStats) -> Result<(), SendError> {
         let message = self.writer.stats(*stats).map_err(|e| self.order(e))?;
-        self.lane.stage(Message::Frame(message), &self.shared);
+        self.lane.stage(coded(&mut self.encoder, message), &self.shared);
         self.send_staged().await
     }
 
@@ -154,6 +166,14 @@ impl FrameTx {
     }
 }
 
+/// What travels for a message of a frame.
+fn coded(encoder: &mut Option<IdEncoder>, message: FrameMessage) -> Message {
+    match encoder {
+        Some(encoder) => encoder.encode(message),
+        None => Message::Frame(message),
+    }
+}
+
 impl FrameReceiver {
     pub(crate) fn new(lane: FrameRx, shared: Shared, patience: Patience) -> Self {
         Self { assembler: FrameAssembler::new(), lane, shared, patience }
@@ -188,11 +208,15 @@ impl FrameReceiver {
             FrameRx::Quic(lane) => lane.next(by, &self.shared, &mut self.patience).await,
             FrameRx::Udp(lane) => lane.next(by, &self.shared, &mut self.patience).await,
         };
-        message
+        let event = message
             .and_then(|message| {
                 self.assembler.take(message).map_err(|e| LaneError::Protocol(ProtocolError::Frame(e)))
             })
-            .map_err(|e| e.receiving(self.shared.peer, self.patience.limit()))
+            .map_err(|e| e.receiving(self.shared.peer, self.patience.limit()))?;
+        if let FrameEvent::Ids(batch) = &event {
+            self.shared.counters.received.count_ids(batch.count());
+        }
+        Ok(event)
     }
 }
 

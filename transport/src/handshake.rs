@@ -96,6 +96,7 @@ impl From<LaneError> for HandshakeError {
             LaneError::Protocol(ProtocolError::Frame(_) | ProtocolError::Datagrams(_)) => {
                 Self::Unexpected { kind: Kind::Ids }
             }
+            LaneError::Protocol(ProtocolError::Coded(_)) => Self::Unexpected { kind: Kind::Coded },
             LaneError::Goodbye(_) => Self::Unexpected { kind: Kind::Goodbye },
             LaneError::Expired(_) => Self::TimedOut,
         }

@@ -5,9 +5,7 @@ use std::io;
 use std::sync::{Arc, LazyLock, Mutex, Weak};
 
 use tokio::sync::{mpsc, watch};
-use trimaran_proto::{
-    BatchSize, Camera, FrameMessage, Goodbye, Identity, Kind, Lane, Message, Refusal, SessionId,
-};
+use trimaran_proto::{Camera, FrameMessage, Goodbye, Identity, Kind, Lane, Message, Refusal, SessionId};
 
 use crate::Name;
 use crate::connect::{AttemptError, Introduction};
@@ -16,7 +14,7 @@ use crate::error::{LaneError, LaneSendError, Loss, misplaced};
 use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx, weight};
 use crate::handshake::HandshakeError;
 use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
-use crate::link::{Capabilities, Link, LinkConfig, Parts, PeerAddress, PeerInfo, Shared};
+use crate::link::{Batching, Capabilities, Link, LinkConfig, Parts, PeerAddress, PeerInfo, Shared};
 use crate::net::{Instant, Net};
 use crate::patience::Patience;
 use crate::stats::Counters;
@@ -66,10 +64,17 @@ pub(crate) async fn attempt(
     })?;
     let there = &desk.options.link;
     let (sent, taken) = Lanes::pair();
-    let here =
-        assemble(net, theirs, session, options.link.batch_between(&ours, &theirs), &options.link, sent, None);
-    let batch = there.batch_between(&theirs, &ours);
-    desk.hand_out(assemble(&desk.net, ours, session, batch, there, taken, Some(place))).await;
+    let here = assemble(
+        net,
+        theirs,
+        session,
+        options.link.batching_between(&ours, &theirs),
+        &options.link,
+        sent,
+        None,
+    );
+    let batching = there.batching_between(&theirs, &ours);
+    desk.hand_out(assemble(&desk.net, ours, session, batching, there, taken, Some(place))).await;
     Ok(here)
 }
 
@@ -84,9 +89,9 @@ pub fn pair(
     config: &LinkConfig,
 ) -> Result<(Link, Link), Refusal> {
     ours.admits(&theirs)?;
-    let batch = config.batch_between(&ours, &theirs);
+    let batching = config.batching_between(&ours, &theirs);
     let (here, there) = Lanes::pair();
-    let make = |peer, lanes| assemble(net, peer, SessionId(0), batch, config, lanes, None);
+    let make = |peer, lanes| assemble(net, peer, SessionId(0), batching, config, lanes, None);
     Ok((make(theirs, here), make(ours, there)))
 }
 
@@ -121,7 +126,7 @@ fn assemble(
     net: &Arc<dyn Net>,
     peer: Identity,
     session: SessionId,
-    batch: BatchSize,
+    batching: Batching,
     config: &LinkConfig,
     Lanes { latest, frames }: Lanes,
     place: Option<Place>,
@@ -136,7 +141,7 @@ fn assemble(
             counters: Counters::unframed(),
             _place: place.map(|place| Arc::new(place) as _),
         },
-        batch,
+        batching,
     }
     .into_link(net, config)
 }

@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use trimaran_proto::{BatchSize, Goodbye, Identity, Role, SessionId};
+use trimaran_proto::{BatchSize, Goodbye, IdCoding, Identity, Role, SessionId};
 
 use crate::frames::{FrameRx, FrameTx};
 use crate::latest::{LatestRx, LatestTx};
@@ -126,18 +126,30 @@ pub struct LinkConfig {
     pub patience: Duration,
     /// How many ids travel in a batch at most, where neither peer's settings say so.
     pub batch: BatchSize,
+    /// How ids travel, where neither peer's settings say so. Within one process they are not coded.
+    pub coding: IdCoding,
+}
+
+/// How a link's ids travel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Batching {
+    pub(crate) size: BatchSize,
+    pub(crate) coding: IdCoding,
 }
 
 impl Default for LinkConfig {
     fn default() -> Self {
-        Self { patience: Duration::from_secs(30), batch: BatchSize::default() }
+        Self { patience: Duration::from_secs(30), batch: BatchSize::default(), coding: IdCoding::default() }
     }
 }
 
 impl LinkConfig {
-    /// The batch size of a link between these two: the display's settings decide.
-    pub(crate) fn batch_between(&self, ours: &Identity, theirs: &Identity) -> BatchSize {
-        ours.settings.or(theirs.settings).map_or(self.batch, |settings| settings.batch)
+    /// How ids travel between these two: the display's settings decide.
+    pub(crate) fn batching_between(&self, ours: &Identity, theirs: &Identity) -> Batching {
+        let own = Batching { size: self.batch, coding: self.coding };
+        ours.settings
+            .or(theirs.settings)
+            .map_or(own, |settings| Batching { size: settings.batch, coding: settings.coding })
     }
 }
 
@@ -175,12 +187,12 @@ pub(crate) struct Parts {
     pub(crate) peer: PeerInfo,
     pub(crate) capabilities: Capabilities,
     pub(crate) shared: Shared,
-    pub(crate) batch: BatchSize,
+    pub(crate) batching: Batching,
 }
 
 impl Parts {
     pub(crate) fn into_link(self, net: &Arc<dyn Net>, config: &LinkConfig) -> Link {
-        let Self { latest, frames, peer, capabilities, shared, batch } = self;
+        let Self { latest, frames, peer, capabilities, shared, batching } = self;
         let patience = || Patience::new(net, config.patience);
         Link {
             peer,
@@ -188,7 +200,7 @@ impl Parts {
             stats: shared.counters.handle(),
             latest_tx: LatestSender { lane: latest.0, shared: shared.clone(), patience: patience() },
             latest_rx: LatestReceiver { lane: latest.1, shared: shared.clone(), patience: patience() },
-            frames_tx: FrameSender::new(batch, frames.0, shared.clone(), patience()),
+            frames_tx: FrameSender::new(batching, capabilities, frames.0, shared.clone(), patience()),
             frames_rx: FrameReceiver::new(frames.1, shared, patience()),
         }
     }

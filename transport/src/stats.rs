@@ -4,7 +4,7 @@ use std::ops::{Add, Sub};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use trimaran_proto::{HEADER_BYTES, ID_BYTES, Kind};
+use trimaran_proto::{HEADER_BYTES, Kind};
 
 /// What travelled over a link since it was made, handshake included.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -22,8 +22,10 @@ pub struct Traffic {
     pub camera: Tally,
     /// Beginnings of frames: each carries a camera.
     pub begin: Tally,
-    /// Batches of ids.
+    /// Batches of ids, plain or as changes.
     pub ids: Tally,
+    /// How many ids. Plain they would have been 4 bytes each.
+    pub id_count: u64,
     /// Ends of frames (EOF).
     pub end: Tally,
     /// Handshake, goodbye and statistics; within one process these have no size.
@@ -43,12 +45,6 @@ pub struct Tally {
 }
 
 impl Traffic {
-    /// How many ids.
-    #[must_use]
-    pub const fn id_count(&self) -> u64 {
-        self.ids.bytes / ID_BYTES as u64
-    }
-
     /// All bytes: payloads and headers.
     #[must_use]
     pub const fn total_bytes(&self) -> u64 {
@@ -79,6 +75,7 @@ impl Add for Traffic {
             camera: self.camera + other.camera,
             begin: self.begin + other.begin,
             ids: self.ids + other.ids,
+            id_count: self.id_count + other.id_count,
             end: self.end + other.end,
             control: self.control + other.control,
             header_bytes: self.header_bytes + other.header_bytes,
@@ -94,6 +91,7 @@ impl Sub for Traffic {
             camera: self.camera - earlier.camera,
             begin: self.begin - earlier.begin,
             ids: self.ids - earlier.ids,
+            id_count: self.id_count.saturating_sub(earlier.id_count),
             end: self.end - earlier.end,
             control: self.control - earlier.control,
             header_bytes: self.header_bytes.saturating_sub(earlier.header_bytes),
@@ -173,6 +171,7 @@ pub(crate) struct Direction {
     camera: AtomicTally,
     begin: AtomicTally,
     ids: AtomicTally,
+    id_count: AtomicU64,
     end: AtomicTally,
     control: AtomicTally,
 }
@@ -201,7 +200,7 @@ impl Direction {
         let tally = match kind {
             Kind::Camera | Kind::Numbered => &self.camera,
             Kind::Begin => &self.begin,
-            Kind::Ids => &self.ids,
+            Kind::Ids | Kind::Coded => &self.ids,
             Kind::End => &self.end,
             Kind::Hello | Kind::Accept | Kind::Refuse | Kind::Goodbye | Kind::Stats => &self.control,
         };
@@ -209,8 +208,14 @@ impl Direction {
         tally.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
     }
 
+    /// Counts ids, however they travel.
+    pub(crate) fn count_ids(&self, ids: usize) {
+        self.id_count.fetch_add(ids as u64, Ordering::Relaxed);
+    }
+
     fn absorb(&self, other: &Self) {
-        let Self { camera, begin, ids, end, control } = self;
+        let Self { camera, begin, ids, id_count, end, control } = self;
+        id_count.fetch_add(other.id_count.load(Ordering::Relaxed), Ordering::Relaxed);
         camera.absorb(&other.camera);
         begin.absorb(&other.begin);
         ids.absorb(&other.ids);
@@ -223,6 +228,7 @@ impl Direction {
             camera: self.camera.read(),
             begin: self.begin.read(),
             ids: self.ids.read(),
+            id_count: self.id_count.load(Ordering::Relaxed),
             end: self.end.read(),
             control: self.control.read(),
             header_bytes: 0,
@@ -245,12 +251,13 @@ mod tests {
     fn bytes_are_told_apart_by_kind_and_direction() {
         let counters = Counters::framed();
         counters.sent.count(Kind::Ids, 40);
-        counters.sent.count(Kind::Ids, 8);
+        counters.sent.count(Kind::Coded, 8);
+        counters.sent.count_ids(13);
         counters.received.count(Kind::Camera, 72);
         counters.received.count(Kind::Goodbye, 1);
         let early = counters.handle().read();
         assert_eq!(early.sent.ids, Tally { messages: 2, bytes: 48 });
-        assert_eq!(early.sent.id_count(), 12);
+        assert_eq!(early.sent.id_count, 13);
         assert_eq!(early.sent.total_bytes(), 48 + 2 * 4);
         assert_eq!(early.received.camera, Tally { messages: 1, bytes: 72 });
         assert_eq!(early.received.control, Tally { messages: 1, bytes: 1 });

@@ -23,6 +23,9 @@ pub struct Run {
     pub tester: String,
     /// The most node ids in one message.
     pub batch: u32,
+    /// How ids travelled: `plain` or `changes`. In one process they are not coded.
+    #[serde(default)]
+    pub coding: Option<String>,
     /// How the roles are joined: `inproc` (three actors of one process) or `tcp` (three processes).
     pub link: String,
     /// The transport below the link, in words, with the options that matter.

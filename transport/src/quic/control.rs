@@ -79,7 +79,7 @@ impl Control {
             frames: (AnyFrameTx::Quic(FrameTx::new(&carrier)), AnyFrameRx::Quic(FrameRx::new(&carrier))),
             peer: PeerInfo { identity: theirs, session, address },
             capabilities: CAPABILITIES,
-            batch: config.batch_between(ours, &theirs),
+            batching: config.batching_between(ours, &theirs),
             shared,
         }
         .into_link(net, config)

@@ -11,7 +11,7 @@ use std::task::{Context, Poll, Waker, ready};
 use bytes::{Bytes, BytesMut};
 use quinn::{RecvStream, SendStream, VarInt};
 use tokio::io::ReadBuf;
-use trimaran_proto::{Decoder, FrameMessage, Goodbye, HEADER_BYTES, Kind, Lane, Message};
+use trimaran_proto::{Decoder, FrameMessage, Goodbye, HEADER_BYTES, IdDecoder, Kind, Lane, Message};
 
 use super::carrier::{Carrier, all_arrived, loss, read_loss, write_loss};
 use crate::error::{LaneError, LaneSendError, Loss, ProtocolError, misplaced};
@@ -139,6 +139,7 @@ pub(crate) struct FrameRx {
     carrier: Arc<Carrier>,
     stream: Option<RecvStream>,
     decoder: Decoder,
+    ids: IdDecoder,
     /// Between the beginning and the end of a frame.
     within: bool,
     farewell: Option<Goodbye>,
@@ -147,7 +148,14 @@ pub(crate) struct FrameRx {
 impl FrameRx {
     pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
         let carrier = Arc::clone(carrier);
-        Self { carrier, stream: None, decoder: Decoder::new(), within: false, farewell: None }
+        Self {
+            carrier,
+            stream: None,
+            decoder: Decoder::new(),
+            ids: IdDecoder::new(),
+            within: false,
+            farewell: None,
+        }
     }
 
     pub(crate) async fn next(
@@ -168,7 +176,10 @@ impl FrameRx {
                             FrameMessage::End(_) => self.within = false,
                             _ => {}
                         }
-                        return Ok(message);
+                        return Ok(self.ids.plain(message));
+                    }
+                    Message::Coded(coded) => {
+                        return self.ids.coded(&coded).map_err(|e| LaneError::Protocol(e.into()));
                     }
                     Message::Goodbye(reason) => {
                         self.farewell = Some(reason.clone());
@@ -200,6 +211,7 @@ impl FrameRx {
         if let Some(message) = &message {
             let payload = match message {
                 Message::Frame(FrameMessage::Ids(batch)) => batch.as_bytes().len(),
+                Message::Coded(coded) => coded.as_bytes().len(),
                 other => encoded_length(other),
             };
             shared.counters.received.count(message.kind(), payload);

@@ -2,7 +2,7 @@
 
 use std::future::poll_fn;
 
-use trimaran_proto::{FrameMessage, Goodbye, Lane, Message};
+use trimaran_proto::{FrameMessage, Goodbye, IdDecoder, Lane, Message};
 
 use super::source::{Sink, Source};
 use crate::error::{LaneError, LaneSendError, Loss, misplaced};
@@ -52,12 +52,13 @@ impl FrameTx {
 #[derive(Debug)]
 pub(crate) struct FrameRx {
     source: Source,
+    decoder: IdDecoder,
     farewell: Option<Goodbye>,
 }
 
 impl FrameRx {
     pub(crate) fn new(source: Source) -> Self {
-        Self { source: source.with_room(ROOM), farewell: None }
+        Self { source: source.with_room(ROOM), decoder: IdDecoder::new(), farewell: None }
     }
 
     pub(crate) async fn next(
@@ -71,7 +72,10 @@ impl FrameRx {
         }
         loop {
             match self.source.next_buffered(&shared.counters.received)? {
-                Some(Message::Frame(message)) => return Ok(message),
+                Some(Message::Frame(message)) => return Ok(self.decoder.plain(message)),
+                Some(Message::Coded(coded)) => {
+                    return self.decoder.coded(&coded).map_err(|e| LaneError::Protocol(e.into()));
+                }
                 Some(Message::Goodbye(reason)) => {
                     self.farewell = Some(reason.clone());
                     return Err(LaneError::Goodbye(reason));

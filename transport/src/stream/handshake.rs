@@ -94,7 +94,7 @@ impl Lanes {
             peer: PeerInfo { identity: theirs, session, address: frames.address },
             capabilities,
             shared,
-            batch: config.batch_between(ours, &theirs),
+            batching: config.batching_between(ours, &theirs),
         }
         .into_link(net, config)
     }

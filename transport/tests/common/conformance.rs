@@ -3,9 +3,11 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use trimaran_proto::{BatchSize, DrawableId, FrameEvent, FrameNumber, FrameOrderError, Goodbye, Role};
+use trimaran_proto::{
+    BatchSize, DrawableId, FrameEvent, FrameNumber, FrameOrderError, Goodbye, IdCoding, Role,
+};
 use trimaran_transport::{
-    Link, LinkConfig, LinkStats, Loss, Net, RecvError, SendError, Tally, sleep_until, until,
+    Link, LinkConfig, LinkStats, Loss, Net, RecvError, SendError, Tally, Traffic, sleep_until, until,
 };
 
 use super::{camera, ids, net, receive, start};
@@ -54,6 +56,7 @@ macro_rules! conformance {
             frames_in_the_wrong_order_are_refused,
             both_directions_at_once,
             every_byte_is_counted,
+            frames_alike_cost_little_as_changes,
         );
     };
 }
@@ -403,7 +406,7 @@ pub(crate) async fn every_byte_is_counted<P: Pairs>(pairs: &P) {
     let sent = (a.stats.read() - before).sent;
     assert_eq!(sent.begin, Tally { messages: 1, bytes: 76 });
     assert_eq!(sent.ids, Tally { messages: 3, bytes: 100 });
-    assert_eq!(sent.id_count(), 25);
+    assert_eq!(sent.id_count, 25);
     assert_eq!(sent.end, Tally { messages: 1, bytes: 16 });
     assert_eq!(sent.camera, Tally { messages: 1, bytes: 72 });
     assert_eq!(sent.control, Tally::default());
@@ -414,4 +417,33 @@ pub(crate) async fn every_byte_is_counted<P: Pairs>(pairs: &P) {
     assert_eq!((received.end, received.camera), (sent.end, sent.camera));
     assert_eq!(received.control.messages, P::HANDSHAKE);
     assert_eq!(received.control, a.stats.read().sent.control);
+}
+
+pub(crate) async fn frames_alike_cost_little_as_changes<P: Pairs>(pairs: &P) {
+    let (mut a, mut display) = pairs.pair(LinkConfig { coding: IdCoding::Changes, ..batches_of(256) }).await;
+    // Of 4,000 drawables, others are hidden in each frame.
+    let visible = |frame: u32| -> Vec<DrawableId> {
+        (0..4000).filter(|id| (id + 3 * frame) % 100 != 0).map(|id| DrawableId(5 * id)).collect()
+    };
+    let mut first = Traffic::default();
+    for frame in 0..10 {
+        a.frames_tx.begin(start(frame)).await.unwrap();
+        a.frames_tx.push(&visible(frame)).await.unwrap();
+        a.frames_tx.finish().await.unwrap();
+        assert_eq!(receive(&mut display.frames_rx).await.unwrap().ids, visible(frame));
+        if frame == 0 {
+            first = a.stats.read().sent;
+        }
+    }
+    let sent = a.stats.read().sent - first;
+    assert_eq!(sent.id_count, 9 * 3960);
+    if P::HEADER == 0 {
+        assert_eq!(sent.ids.bytes, 4 * sent.id_count, "within one process nothing is coded");
+    } else {
+        // 40 ids come and 40 go: 3 bytes for each, and some for each of the 16 batches.
+        assert!(sent.ids.bytes < 9 * (80 * 3 + 16 * 6), "{:?}", sent.ids);
+    }
+    let received = display.stats.read().received;
+    assert_eq!(received.id_count, 10 * 3960);
+    assert_eq!(received.ids.bytes, sent.ids.bytes + first.ids.bytes);
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameEnd, FrameEvent, FrameNumber, FrameOutcome, FrameStart,
-    Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
+    IdCoding, Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
 };
 use trimaran_transport::{
     AcceptError, Endpoint, FrameReceiver, HandshakeError, Instant, Link, Listener, Net, Options, RecvError,
@@ -34,6 +34,7 @@ pub(crate) fn settings(batch: u32) -> Settings {
         size: PictureSize::new(640, 480).unwrap(),
         epsilon: EpsilonPx::new(2.0).unwrap(),
         batch: BatchSize::new(batch).unwrap(),
+        coding: IdCoding::Plain,
         tester: TesterKind::Query,
         lockstep: true,
         few_pixels: false,

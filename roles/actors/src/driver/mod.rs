@@ -151,7 +151,7 @@ fn nanoseconds(time: std::time::Duration) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
+    use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
 
     use super::*;
 
@@ -162,6 +162,7 @@ mod tests {
                 size: PictureSize::new(8, 8).unwrap(),
                 epsilon: EpsilonPx::new(3.0).unwrap(),
                 batch: BatchSize::default(),
+                coding: IdCoding::Plain,
                 tester: TesterKind::Raster,
                 lockstep: true,
                 few_pixels,

@@ -1,0 +1,404 @@
+//! Ids written as what changed against an earlier frame.
+//!
+//! What is visible in a frame is mostly what was visible in the frame before. A batch of rising ids is written as runs over a *reference*, the
+//! ids of a frame that the receiver has complete: keep so many, skip so many, put these in between. Each such batch names its
+//! reference and its place in it, so that it reads without the batches before it.
+
+mod coder;
+mod reference;
+mod varint;
+
+use std::fmt;
+use std::str::FromStr;
+
+use bytes::{BufMut, Bytes, BytesMut};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+pub use coder::{CodedViolation, Delivery, IdDecoder, IdEncoder};
+use reference::References;
+use varint::{get_varint, put_varint};
+
+use crate::{BatchSize, FrameNumber, IdBatch, SettingsError};
+
+/// How the ids of a frame travel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+pub enum IdCoding {
+    /// 4 bytes an id, as the paper's bandwidth formula counts them.
+    #[default]
+    Plain,
+    /// As changes against an earlier frame, in order and as soon as they are known; batches that would be no smaller travel plain.
+    Changes,
+}
+
+impl IdCoding {
+    /// Every coding.
+    pub const ALL: [Self; 2] = [Self::Plain, Self::Changes];
+
+    /// The name used on the command line and in reports.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Plain => "plain",
+            Self::Changes => "changes",
+        }
+    }
+}
+
+impl fmt::Display for IdCoding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for IdCoding {
+    type Err = SettingsError;
+
+    fn from_str(name: &str) -> Result<Self, SettingsError> {
+        Self::ALL
+            .into_iter()
+            .find(|coding| coding.name() == name)
+            .ok_or_else(|| SettingsError::Coding(name.to_owned()))
+    }
+}
+
+/// A batch of ids as changes: see `WIRE.md`. Only its size has been judged; an [`IdDecoder`] reads it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CodedIds(Bytes);
+
+/// Bytes that are no batch of changes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum CodingFault {
+    /// The reference is a frame that the receiver does not hold complete.
+    #[error("they refer to a frame {back} before, which is not held complete")]
+    UnknownReference {
+        /// How many frame numbers before.
+        back: u32,
+    },
+    /// A number is cut short or above 32 bits.
+    #[error("a number is cut short or too large")]
+    Number,
+    /// A run reaches beyond the reference.
+    #[error("a run reaches beyond the {held} ids of the reference")]
+    Beyond {
+        /// How many ids the reference has.
+        held: usize,
+    },
+    /// An id is not above the one before it, or above 32 bits.
+    #[error("the ids do not rise")]
+    NotRising,
+    /// No id, or more than a batch may have.
+    #[error("{0} ids are not 1 to {max}", max = BatchSize::MAX.ids())]
+    Count(usize),
+}
+
+/// What follows a run of kept ids: the lower two bits of its first number.
+mod op {
+    pub(super) const SKIP_ONE: u32 = 0;
+    pub(super) const PUT_ONE: u32 = 1;
+    pub(super) const SKIP: u32 = 2;
+    pub(super) const PUT: u32 = 3;
+    pub(super) const BITS: u32 = 2;
+}
+
+impl CodedIds {
+    /// Takes bytes of a size that is allowed on the wire.
+    pub(crate) const fn new(bytes: Bytes) -> Self {
+        Self(bytes)
+    }
+
+    /// The bytes that travel.
+    #[must_use]
+    pub fn as_bytes(&self) -> &[u8] {
+        &self.0
+    }
+
+    /// The shortest way to write `batch` that is shorter than plain; `None` where there is none or the ids do not rise.
+    /// `reference` is a frame `back` before this one, with its ids, rising.
+    pub(crate) fn shortest(batch: &IdBatch, reference: Option<(u32, &[u32])>) -> Option<Self> {
+        let ids: Vec<u32> = batch.iter().map(|id| id.0).collect();
+        if !ids.is_sorted_by(|a, b| a < b) {
+            return None;
+        }
+        let by_itself = write(&ids, 0, &[]);
+        let shorter = match reference {
+            Some((back, held)) => {
+                let changes = write(&ids, back, held);
+                if changes.len() < by_itself.len() { changes } else { by_itself }
+            }
+            None => by_itself,
+        };
+        (shorter.len() < batch.as_bytes().len()).then(|| Self(shorter.freeze()))
+    }
+
+    /// The ids, where `references` are the complete frames before `frame`.
+    pub(crate) fn read(
+        &self,
+        frame: FrameNumber,
+        references: &mut References,
+    ) -> Result<IdBatch, CodingFault> {
+        let bytes = &mut self.as_bytes();
+        let back = number(bytes)?;
+        let mut reader = if back == 0 {
+            Reader::new(&[], 0)
+        } else {
+            let unknown = CodingFault::UnknownReference { back };
+            let number_of_reference = frame.0.checked_sub(back).map(FrameNumber).ok_or(unknown)?;
+            let held = references.get(number_of_reference).ok_or(unknown)?;
+            Reader::new(held, number(bytes)?)
+        };
+        while !bytes.is_empty() {
+            reader.run(bytes)?;
+        }
+        let count = reader.ids.len() / crate::ID_BYTES;
+        IdBatch::new(reader.ids.freeze()).map_err(|_| CodingFault::Count(count))
+    }
+}
+
+/// The rising `ids` as runs over `held`; over nothing, `back` is 0.
+fn write(ids: &[u32], back: u32, held: &[u32]) -> BytesMut {
+    let mut out = BytesMut::with_capacity(16 + 2 * ids.len());
+    put_varint(&mut out, back);
+    let first = ids.first().copied().unwrap_or_default();
+    let mut place = held.partition_point(|id| *id < first);
+    if back != 0 {
+        put_varint(&mut out, place as u32);
+    }
+    let mut next = place.checked_sub(1).and_then(|before| held.get(before)).map_or(0, |id| above(*id));
+    let mut rest = ids;
+    while !rest.is_empty() {
+        let ahead = held.get(place..).unwrap_or_default();
+        let kept = rest.iter().zip(ahead).take_while(|(id, held)| id == held).count();
+        let (run, after) = rest.split_at(kept);
+        next = run.last().map_or(next, |id| above(*id));
+        place += kept;
+        let ahead = ahead.get(kept..).unwrap_or_default();
+        let until = after.first().copied();
+        let skipped = until.map_or(0, |until| ahead.partition_point(|id| *id < until));
+        if skipped > 0 || until.is_none() {
+            put_run(&mut out, kept, skipped, [op::SKIP_ONE, op::SKIP]);
+            place += skipped;
+            next = ahead.get(..skipped).and_then(<[u32]>::last).map_or(next, |id| above(*id));
+            rest = after;
+        } else {
+            let stop = ahead.first().copied();
+            let put = after.iter().take_while(|id| stop.is_none_or(|stop| **id < stop)).count();
+            put_run(&mut out, kept, put, [op::PUT_ONE, op::PUT]);
+            let (put, after) = after.split_at(put);
+            for id in put {
+                put_varint(&mut out, id.wrapping_sub(next));
+                next = above(*id);
+            }
+            rest = after;
+        }
+    }
+    out
+}
+
+/// The least that the id after `id` can be. After the largest id none can come, so what it wraps to is not looked at.
+const fn above(id: u32) -> u32 {
+    id.wrapping_add(1)
+}
+
+/// A run of kept ids, and that so many are skipped or put after it.
+fn put_run(out: &mut impl BufMut, kept: usize, count: usize, [one, many]: [u32; 2]) {
+    let op = if count == 1 { one } else { many };
+    put_varint(out, (kept as u32) << op::BITS | op);
+    if op == many {
+        put_varint(out, count as u32);
+    }
+}
+
+/// Reads runs over a reference.
+struct Reader<'r> {
+    held: &'r [u32],
+    place: usize,
+    /// The least that the next id can be; `None` after the largest.
+    next: Option<u32>,
+    ids: BytesMut,
+}
+
+impl<'r> Reader<'r> {
+    fn new(held: &'r [u32], place: u32) -> Self {
+        let place = place as usize;
+        let before = place.checked_sub(1).and_then(|before| held.get(before));
+        Self { held, place, next: before.map_or(Some(0), |id| id.checked_add(1)), ids: BytesMut::new() }
+    }
+
+    fn run(&mut self, bytes: &mut &[u8]) -> Result<(), CodingFault> {
+        let run = number(bytes)?;
+        let kept = self.pass(run >> op::BITS)?;
+        self.room_for(kept.len())?;
+        for id in kept {
+            self.push(*id)?;
+        }
+        match run & ((1 << op::BITS) - 1) {
+            op::SKIP_ONE => self.skip(1),
+            op::SKIP => self.skip(number(bytes)?),
+            op::PUT_ONE => self.put(bytes),
+            _ => {
+                // Each takes a byte at least, so that a large count is soon at the end of the bytes.
+                (0..number(bytes)?).try_for_each(|_| self.put(bytes))
+            }
+        }
+    }
+
+    /// The next `count` ids of the reference; they are behind then.
+    fn pass(&mut self, count: u32) -> Result<&'r [u32], CodingFault> {
+        let beyond = CodingFault::Beyond { held: self.held.len() };
+        let end = self.place.checked_add(count as usize).ok_or(beyond)?;
+        let passed = self.held.get(self.place..end).ok_or(beyond)?;
+        self.place = end;
+        Ok(passed)
+    }
+
+    fn skip(&mut self, count: u32) -> Result<(), CodingFault> {
+        if let (Some(last), Some(next)) = (self.pass(count)?.last(), self.next) {
+            self.next = last.checked_add(1).map(|above| above.max(next));
+        }
+        Ok(())
+    }
+
+    fn put(&mut self, bytes: &mut &[u8]) -> Result<(), CodingFault> {
+        let gap = number(bytes)?;
+        self.room_for(1)?;
+        self.push(self.next.and_then(|next| next.checked_add(gap)).ok_or(CodingFault::NotRising)?)
+    }
+
+    fn push(&mut self, id: u32) -> Result<(), CodingFault> {
+        if self.next.is_none_or(|next| id < next) {
+            return Err(CodingFault::NotRising);
+        }
+        self.next = id.checked_add(1);
+        self.ids.put_u32_le(id);
+        Ok(())
+    }
+
+    /// So that a few bytes cannot name more ids than a batch may have.
+    fn room_for(&self, more: usize) -> Result<(), CodingFault> {
+        let count = self.ids.len() / crate::ID_BYTES + more;
+        if count > BatchSize::MAX.ids() { Err(CodingFault::Count(count)) } else { Ok(()) }
+    }
+}
+
+fn number(bytes: &mut &[u8]) -> Result<u32, CodingFault> {
+    get_varint(bytes).ok_or(CodingFault::Number)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FRAME: FrameNumber = FrameNumber(9);
+
+    fn batch(ids: &[u32]) -> IdBatch {
+        IdBatch::new(Bytes::from(ids.iter().flat_map(|id| id.to_le_bytes()).collect::<Vec<_>>())).unwrap()
+    }
+
+    /// That hold `ids` as frame 7.
+    fn holding(ids: &[u32]) -> References {
+        let mut references = References::default();
+        references.begin();
+        if !ids.is_empty() {
+            references.add(&batch(ids));
+        }
+        references.complete(FrameNumber(7));
+        references
+    }
+
+    fn read(bytes: &[u8], held: &[u32]) -> Result<Vec<u32>, CodingFault> {
+        let coded = CodedIds::new(Bytes::copy_from_slice(bytes));
+        coded.read(FRAME, &mut holding(held)).map(|batch| batch.iter().map(|id| id.0).collect())
+    }
+
+    /// How many bytes `ids` take against `held`, after reading them back; `None` if they travel plain.
+    fn size(ids: &[u32], held: &[u32]) -> Option<usize> {
+        let coded = CodedIds::shortest(&batch(ids), Some((2, held)))?;
+        assert_eq!(read(coded.as_bytes(), held).as_deref(), Ok(ids));
+        Some(coded.as_bytes().len())
+    }
+
+    #[test]
+    fn what_stays_costs_nothing() {
+        let held: Vec<u32> = (0..4000).map(|i| 17 * i).collect();
+        assert_eq!(size(&held, &held), Some(5), "back, place, 4000 kept, none skipped");
+        let mut without = held.clone();
+        without.remove(2000);
+        assert_eq!(size(&without, &held), Some(7));
+        let mut with = held.clone();
+        with.insert(2000, 17 * 2000 - 1);
+        assert_eq!(size(&with, &held), Some(8));
+        assert_eq!(size(&held[1000..], &held), Some(6), "a batch in the middle of a frame");
+    }
+
+    #[test]
+    fn ids_far_from_the_reference_are_written_by_themselves() {
+        let held: Vec<u32> = (0..1000).map(|i| 20 * i + 7).collect();
+        let ids: Vec<u32> = (0..1000).map(|i| 20 * i).collect();
+        assert_eq!(size(&ids, &held), Some(1 + 1 + 2 + 1000));
+    }
+
+    #[test]
+    fn what_would_be_no_shorter_travels_plain() {
+        assert_eq!(size(&[5], &[5]), Some(3), "by its gap");
+        assert_eq!(size(&[300], &[300]), None, "4 bytes either way");
+        assert_eq!(size(&[0, 1 << 20], &[]), Some(7));
+        assert_eq!(size(&[1 << 30, u32::MAX], &[]), None);
+        assert_eq!(size(&[3, 2, 1], &[1, 2, 3]), None, "ids that do not rise");
+        assert_eq!(size(&[2, 2, 2], &[2]), None);
+    }
+
+    #[test]
+    fn the_largest_id_can_be_kept_put_and_skipped_over() {
+        let end = u32::MAX;
+        assert_eq!(read(&[2, 0, 1 << 2 | 2, 0], &[end]), Ok(vec![end]));
+        assert_eq!(read(&[0, 1, 0xff, 0xff, 0xff, 0xff, 0x0f], &[]), Ok(vec![end]));
+        assert_eq!(read(&[2, 0, 0, 1, 0], &[end]), Err(CodingFault::NotRising), "nothing is above it");
+        assert_eq!(
+            size(&(end - 9..end).collect::<Vec<_>>(), &[end]),
+            Some(16),
+            "the first gap takes five bytes"
+        );
+    }
+
+    #[test]
+    fn changes_that_make_no_sense_are_refused() {
+        let held = [10, 20, 30];
+        for (bytes, fault) in [
+            (&[][..], CodingFault::Number),
+            (&[2], CodingFault::Number),
+            (&[2, 0, 1], CodingFault::Number),
+            (&[2, 0, 0x80], CodingFault::Number),
+            (&[1, 0, 4], CodingFault::UnknownReference { back: 1 }),
+            (&[10, 0, 4], CodingFault::UnknownReference { back: 10 }),
+            (&[2, 0], CodingFault::Count(0)),
+            (&[2, 0, 0], CodingFault::Count(0)),
+            (&[2, 0, 4 << 2], CodingFault::Beyond { held: 3 }),
+            (&[2, 0, 3 << 2], CodingFault::Beyond { held: 3 }),
+            (&[2, 4, 1 << 2], CodingFault::Beyond { held: 3 }),
+            (&[0, 1 << 2], CodingFault::Beyond { held: 0 }),
+            // 40 is put in before 10 is kept.
+            (&[2, 0, 1, 40, 1 << 2 | 2, 0], CodingFault::NotRising),
+            (&[0, 3, 2, 0xff, 0xff, 0xff, 0xff, 0x0f, 0], CodingFault::NotRising),
+            (&[0, 3, 0xff, 0xff, 0xff, 0xff, 0x0f], CodingFault::Number),
+        ] {
+            assert_eq!(read(bytes, &held), Err(fault), "{bytes:?}");
+        }
+    }
+
+    #[test]
+    fn a_few_bytes_name_no_more_ids_than_a_batch() {
+        let held: Vec<u32> = (0..=16_384).collect();
+        let mut references = References::default();
+        references.begin();
+        held.chunks(8192).for_each(|ids| references.add(&batch(ids)));
+        references.complete(FrameNumber(7));
+        for (kept, expected) in [(16_384, Ok(16_384)), (16_385, Err(CodingFault::Count(16_385)))] {
+            let mut bytes = BytesMut::from(&[2, 0][..]);
+            put_run(&mut bytes, kept, 0, [op::SKIP_ONE, op::SKIP]);
+            let read = CodedIds::new(bytes.freeze()).read(FRAME, &mut references);
+            assert_eq!(read.map(|batch| batch.count()), expected);
+        }
+    }
+}

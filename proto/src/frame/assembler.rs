@@ -1,0 +1,164 @@
+//! What arrives on the frames lane, judged.
+
+use std::fmt;
+
+use thiserror::Error;
+
+use super::{Digest, FrameEnd, FrameEvent, FrameMessage, FrameOutcome, FrameStart};
+use crate::FrameNumber;
+
+/// Checks what arrives on the frames lane: order, count and hash.
+#[derive(Default)]
+pub struct FrameAssembler {
+    open: Option<Digest>,
+    last: Option<FrameNumber>,
+}
+
+impl fmt::Debug for FrameAssembler {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let open = self.open.as_ref().map(|digest| (digest.frame, digest.ids));
+        f.debug_struct("FrameAssembler").field("open", &open).field("last", &self.last).finish()
+    }
+}
+
+impl FrameAssembler {
+    /// An assembler that waits for a first frame.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The frame that has begun and not ended.
+    #[must_use]
+    pub fn open_frame(&self) -> Option<FrameNumber> {
+        self.open.as_ref().map(|digest| digest.frame)
+    }
+
+    /// Takes the next message.
+    ///
+    /// # Errors
+    /// When it cannot come now or contradicts what came before. The peer cannot be trusted after that.
+    pub fn take(&mut self, message: FrameMessage) -> Result<FrameEvent, FrameViolation> {
+        match message {
+            FrameMessage::Begin(start) => self.begin(start),
+            FrameMessage::Ids(batch) => match &mut self.open {
+                Some(digest) => {
+                    digest.add(&batch);
+                    Ok(FrameEvent::Ids(batch))
+                }
+                None => Err(FrameViolation::IdsOutsideFrame { count: batch.count() }),
+            },
+            FrameMessage::End(end) => self.end(end),
+            FrameMessage::Stats(stats) => match &self.open {
+                None => Ok(FrameEvent::Stats(stats)),
+                Some(digest) => Err(FrameViolation::StatsInsideFrame { open: digest.frame }),
+            },
+        }
+    }
+
+    fn begin(&mut self, start: FrameStart) -> Result<FrameEvent, FrameViolation> {
+        let begun = start.frame;
+        if let Some(digest) = &self.open {
+            return Err(FrameViolation::BeginInsideFrame { open: digest.frame, begun });
+        }
+        if let Some(last) = self.last.filter(|last| *last >= begun) {
+            return Err(FrameViolation::NotRising { last, begun });
+        }
+        self.last = Some(begun);
+        self.open = Some(Digest::new(begun));
+        Ok(FrameEvent::Begin(start))
+    }
+
+    fn end(&mut self, end: FrameEnd) -> Result<FrameEvent, FrameViolation> {
+        let Some(digest) = self.open.take() else {
+            return Err(FrameViolation::EndOutsideFrame { ended: end.frame });
+        };
+        let frame = digest.frame;
+        if frame != end.frame {
+            return Err(FrameViolation::EndOfOtherFrame { open: frame, ended: end.frame });
+        }
+        let announced = end.ids;
+        match u32::try_from(digest.ids) {
+            Ok(received) if received < announced => {
+                Ok(FrameEvent::End(FrameOutcome::Incomplete { frame, expected: announced, received }))
+            }
+            Ok(received) if received == announced => {
+                let received = digest.hasher.digest();
+                if received == end.hash {
+                    Ok(FrameEvent::End(FrameOutcome::Complete(end)))
+                } else {
+                    Err(FrameViolation::Hash { frame, announced: end.hash, received })
+                }
+            }
+            _ => Err(FrameViolation::TooMany { frame, announced, received: digest.ids }),
+        }
+    }
+}
+
+/// A peer that breaks the order of the frames lane, or whose ids are not those that it announced.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum FrameViolation {
+    /// A frame began while another was open.
+    #[error("{begun} began before the end of {open}")]
+    BeginInsideFrame {
+        /// The frame that is open.
+        open: FrameNumber,
+        /// The frame that began.
+        begun: FrameNumber,
+    },
+    /// Frame numbers must rise.
+    #[error("{begun} began after {last}")]
+    NotRising {
+        /// The frame before.
+        last: FrameNumber,
+        /// The frame that began.
+        begun: FrameNumber,
+    },
+    /// Ids came outside of a frame.
+    #[error("{count} ids came outside of a frame")]
+    IdsOutsideFrame {
+        /// How many.
+        count: usize,
+    },
+    /// An end came outside of a frame.
+    #[error("the end of {ended} came outside of a frame")]
+    EndOutsideFrame {
+        /// The frame that ended.
+        ended: FrameNumber,
+    },
+    /// Another frame ended than the one that is open.
+    #[error("the end of {ended} came within {open}")]
+    EndOfOtherFrame {
+        /// The frame that is open.
+        open: FrameNumber,
+        /// The frame that ended.
+        ended: FrameNumber,
+    },
+    /// Statistics came inside of a frame.
+    #[error("statistics came before {open} ended")]
+    StatsInsideFrame {
+        /// The frame that is open.
+        open: FrameNumber,
+    },
+    /// More ids came than the end announces.
+    #[error("{frame} had {received} ids, its end announces {announced}")]
+    TooMany {
+        /// The frame.
+        frame: FrameNumber,
+        /// What the end says.
+        announced: u32,
+        /// What came.
+        received: u64,
+    },
+    /// As many ids came as announced, but not the same ones.
+    #[error("the ids of {frame} hash to {received:016x}, its end announces {announced:016x}")]
+    Hash {
+        /// The frame.
+        frame: FrameNumber,
+        /// What the end says.
+        announced: u64,
+        /// What came.
+        received: u64,
+    },
+}
