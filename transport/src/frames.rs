@@ -59,8 +59,9 @@ impl FrameSender {
         patience: Patience,
     ) -> Self {
         let delivery = if capabilities.reliable { Delivery::Ordered } else { Delivery::Lossy };
-        let in_process = matches!(lane, FrameTx::Inproc(_));
-        let encoder = (coding == IdCoding::Changes && !in_process).then(|| IdEncoder::new(delivery));
+        // Nothing is coded within one process, and the datagrams' own framing holds ids plain.
+        let codes = matches!(lane, FrameTx::Stream(_) | FrameTx::Quic(_));
+        let encoder = (coding == IdCoding::Changes && codes).then(|| IdEncoder::new(delivery));
         Self { writer: FrameWriter::new(size), encoder, lane, shared, patience }
     }
 

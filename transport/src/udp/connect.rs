@@ -70,7 +70,7 @@ async fn introduce(
     let mut asking = Asking { net, socket: &socket, to, incoming: Incoming::new(&socket) };
     let (mut connection, answer) = asking.ask(ways, options.udp.config()).await.map_err(failed)?;
     let theirs = read_answer(&answer, &counters).map_err(failed)?;
-    connection.set_batch(options.link.batch_between(&identity, &theirs));
+    connection.set_batch(options.link.batching_between(&identity, &theirs).size);
     // The listener believes in this side once it has heard it use its keys.
     connection.ping();
 

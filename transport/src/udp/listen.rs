@@ -137,7 +137,7 @@ impl Hall {
         let desk = &self.desk;
         let here = self.free_name()?;
         let answer = encode(&Message::Accept(Accept { identity: desk.identity }), &guest.counters);
-        let batch = desk.options.link.batch_between(&desk.identity, &guest.hello.identity);
+        let batch = desk.options.link.batching_between(&desk.identity, &guest.hello.identity).size;
         let config = trimaran_udp::Config { batch, ..desk.options.udp.config() };
         let connection = knock
             .take(desk.net.now(), here, &answer, config, reply)

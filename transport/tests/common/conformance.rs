@@ -423,7 +423,7 @@ pub(crate) async fn frames_alike_cost_little_as_changes<P: Pairs>(pairs: &P) {
     let (mut a, mut display) = pairs.pair(LinkConfig { coding: IdCoding::Changes, ..batches_of(256) }).await;
     // Of 4,000 drawables, others are hidden in each frame.
     let visible = |frame: u32| -> Vec<DrawableId> {
-        (0..4000).filter(|id| (id + 3 * frame) % 100 != 0).map(|id| DrawableId(5 * id)).collect()
+        (0..4000).filter(|id| !(id + 3 * frame).is_multiple_of(100)).map(|id| DrawableId(5 * id)).collect()
     };
     let mut first = Traffic::default();
     for frame in 0..10 {
@@ -438,7 +438,7 @@ pub(crate) async fn frames_alike_cost_little_as_changes<P: Pairs>(pairs: &P) {
     let sent = a.stats.read().sent - first;
     assert_eq!(sent.id_count, 9 * 3960);
     if P::HEADER == 0 {
-        assert_eq!(sent.ids.bytes, 4 * sent.id_count, "within one process nothing is coded");
+        assert_eq!(sent.ids.bytes, 4 * sent.id_count, "without messages of their own ids are not coded");
     } else {
         // 40 ids come and 40 go: 3 bytes for each, and some for each of the 16 batches.
         assert!(sent.ids.bytes < 9 * (80 * 3 + 16 * 6), "{:?}", sent.ids);
