@@ -202,7 +202,8 @@ fn hash_of(bench: &Bench, scene: &str) -> String {
 #[test]
 fn three_processes_show_what_one_shows() {
     let bench = Bench::with_plant();
-    for (link, coding) in [("inproc", "changes"), ("unix", "changes"), ("tcp", "plain"), ("quic", "changes")] {
+    for (link, coding) in [("inproc", "changes"), ("unix", "changes"), ("tcp", "plain"), ("quic", "changes")]
+    {
         let args = [
             "run",
             "plant.scene",
