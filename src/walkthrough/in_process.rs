@@ -1,6 +1,6 @@
 //! A walkthrough with three roles in this process.
 
-use std::sync::Arc;
+use std::{sync::Arc, thread};
 
 use thiserror::Error;
 use tokio::runtime::Handle;
@@ -44,8 +44,13 @@ impl Stage {
     /// Says what the machine lacks.
     pub fn set(scene: &Arc<Scene>, options: &GpuOptions) -> Result<Self, StageError> {
         let upload = || GpuScene::upload(&Gpu::open(options)?, scene);
-        let drawn = [upload()?, upload()?, upload()?];
-        Ok(Self { scene: Arc::clone(scene), drawn })
+        // Most of a start is the drivers' loading and the copies, and no device needs another.
+        let drawn = thread::scope(|scope| {
+            let devices = [scope.spawn(upload), scope.spawn(upload), scope.spawn(upload)];
+            devices.map(|device| device.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+        });
+        let [first, second, display] = drawn;
+        Ok(Self { scene: Arc::clone(scene), drawn: [first?, second?, display?] })
     }
 }
 

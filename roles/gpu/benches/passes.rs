@@ -16,7 +16,7 @@ use trimaran_cull::reference::cases::Dice;
 use trimaran_cull::{BoxTester, DepthPyramid, HzbTester, TestBox, View, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemPass, OccluderPass, PassTiming, PicturePass};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
-use trimaran_scene::{Drawable, Node, ObjectRecord, Rgba8, Scene, SceneArrays, Vertex};
+use trimaran_scene::{Drawable, Node, ObjectRecord, Rgba8, Scene, SceneArrays, Shading, Vertex};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -178,21 +178,26 @@ fn add_sphere(arrays: &mut SceneArrays, index: u32, radius: f32, triangles: u32)
     let sides = (triangles / (2 * rings)).max(3);
     let (first_index, vertex_offset) = (arrays.indices.len() as u32, arrays.vertices.len() as u32);
     let colour = Rgba8([(index * 37) as u8, (index * 91) as u8, 200, 255]);
+    let (mut vertices, mut indices) = (Vec::new(), Vec::new());
     for ring in 0..=rings {
         let (sin, cos) = (PI * ring as f32 / rings as f32).sin_cos();
         for side in 0..=sides {
             let (across, along) = (TAU * side as f32 / sides as f32).sin_cos();
             let position = [radius * sin * across, radius * cos, radius * sin * along];
-            arrays.vertices.push(Vertex { position, colour });
+            vertices.push(Vertex::new(position, colour));
         }
     }
     for ring in 0..rings {
         for side in 0..sides {
             let a = ring * (sides + 1) + side;
             let b = a + sides + 1;
-            arrays.indices.extend([a, b, a + 1, a + 1, b, b + 1]);
+            indices.extend([a, b, a + 1, a + 1, b, b + 1]);
         }
     }
+    let mut shading = Shading::new(vertices);
+    shading.turn(&mut indices);
+    arrays.vertices.extend(shading.into_vertices());
+    arrays.indices.extend(indices);
     arrays.drawables.push(Drawable {
         error: 0.0,
         node: index + 1,

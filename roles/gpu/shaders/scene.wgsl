@@ -27,9 +27,13 @@ struct Camera {
 
 var<immediate> camera: Camera;
 
-fn clip_position(local: vec3<f32>, draw: Draw) -> vec4<f32> {
+fn view_position(local: vec3<f32>, draw: Draw) -> vec3<f32> {
     let p = vec4<f32>(local, 1.0);
-    let view = vec3<f32>(dot(draw.row_x, p), dot(draw.row_y, p), dot(draw.row_z, p));
+    return vec3<f32>(dot(draw.row_x, p), dot(draw.row_y, p), dot(draw.row_z, p));
+}
+
+fn clip_position(local: vec3<f32>, draw: Draw) -> vec4<f32> {
+    let view = view_position(local, draw);
     return vec4<f32>(view.xy * camera.scale, camera.near, -view.z);
 }
 
@@ -45,33 +49,52 @@ fn vs_depth(
 struct PictureVertex {
     @invariant @builtin(position) position: vec4<f32>,
     @location(0) @interpolate(flat) colour: vec3<f32>,
+    // What the light at the eye gives is linear in the pixel: weights of x, y and 1.
+    @location(1) @interpolate(flat) eye_light: vec3<f32>,
+    @location(2) @interpolate(flat) other_light: f32,
 }
+
+// Shares of the lights. All shading is flat: a triangle has the normal of its first corner.
+const AMBIENT = 0.10;
+const SKY = 0.22;
+const EYE = 0.26;
+const KEY = 0.42;
 
 @vertex
 fn vs_picture(
     @location(0) local: vec3<f32>,
     @location(1) colour: vec4<f32>,
+    @location(6) folded: vec2<f32>,
     draw: Draw,
 ) -> PictureVertex {
-    return PictureVertex(clip_position(local, draw), colour.rgb);
+    let normal = view_normal(folded, view_position(local, draw), draw);
+    let sky = 0.5 + 0.5 * dot(normal, camera.up.xyz);
+    let other_light = AMBIENT + SKY * sky + KEY * max(dot(normal, camera.key.xyz), 0.0);
+    // The normal by the ray from the pixel to the eye, (-x, -y, 1).
+    let eye_light = vec3<f32>(-normal.xy * camera.ray_scale, normal.z - dot(normal.xy, camera.ray_offset));
+    return PictureVertex(clip_position(local, draw), colour.rgb, EYE * eye_light, other_light);
+}
+
+// The unit normal in view space from one in the local frame, folded as the scene's `Normal` says. It is turned to the eye, so that
+// both sides of a triangle are lit alike, whatever the winding and even in a mirror.
+fn view_normal(folded: vec2<f32>, position: vec3<f32>, draw: Draw) -> vec3<f32> {
+    let z = 1.0 - abs(folded.x) - abs(folded.y);
+    let under = max(-z, 0.0);
+    let local = vec3<f32>(folded - select(vec2<f32>(-under), vec2<f32>(under), folded >= vec2<f32>(0.0)), z);
+    // Cofactors keep a normal at right angles to its plane under any scale.
+    let normal = vec3<f32>(
+        dot(cross(draw.row_y.xyz, draw.row_z.xyz), local),
+        dot(cross(draw.row_z.xyz, draw.row_x.xyz), local),
+        dot(cross(draw.row_x.xyz, draw.row_y.xyz), local),
+    );
+    let shrink = inverseSqrt(max(dot(normal, normal), 1e-36));
+    return normal * select(shrink, -shrink, dot(normal, position) > 0.0);
 }
 
 // Flat shading by a key light, a light at the eye and a sky.
-//
-// The normal comes from depth alone, so nothing but a colour has to be interpolated: on a plane, 1/distance is linear in the
-// ray (x, y), and its gradient is the plane's x and y; the plane's equation gives z. The normal so found faces away from the eye
-// whatever the winding, so both sides of a triangle are lit alike.
 @fragment
 fn fs_picture(in: PictureVertex) -> @location(0) vec4<f32> {
-    let depth = in.position.z;
-    let ray = in.position.xy * camera.ray_scale + camera.ray_offset;
-    let slope = vec2<f32>(dpdx(depth), dpdy(depth)) / camera.ray_scale;
-    let away = vec3<f32>(slope, dot(slope, ray) - depth);
-    let shrink = inverseSqrt(max(dot(away, away), 1e-36));
-    let normal = away * -shrink;
-    let sky = 0.5 + 0.5 * dot(normal, camera.up.xyz);
-    let facing = min(depth * shrink, 1.0);
-    let light = 0.10 + 0.22 * sky + 0.26 * facing + 0.42 * max(dot(normal, camera.key.xyz), 0.0);
+    let light = in.other_light + min(dot(in.eye_light, vec3<f32>(in.position.xy, 1.0)), EYE);
     // The colours are sRGB-encoded and light multiplies what they encode. sRGB is near a power law, under which encoding the product is
     // the product of the encoded: so encode the light (a square root) and leave the colours as they are.
     return vec4<f32>(in.colour * sqrt(light), 1.0);

@@ -18,7 +18,7 @@ static KIND: PassKind = PassKind {
     name: "drawing the picture",
     vertex: shader!("vs_picture"),
     fragment: Some(shader!("fs_picture")),
-    input: VertexInput::Colour,
+    input: VertexInput::Facet,
     colour: Some(ColourTarget {
         // Not an SRGB format: the shader's output is encoded already.
         format: vk::Format::R8G8B8A8_UNORM,

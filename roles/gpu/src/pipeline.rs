@@ -152,9 +152,9 @@ pub(crate) enum VertexInput {
     Box,
     /// The position, and the draw's matrix.
     Position,
-    /// These and the vertex's colour.
-    Colour,
-    /// These (but no colour) and the draw's id.
+    /// These, and the vertex's colour and normal.
+    Facet,
+    /// These (but no colour and no normal) and the draw's id.
     Id,
 }
 
@@ -287,8 +287,9 @@ fn vertex_input(input: VertexInput) -> (Bindings, Attributes) {
     let mut attributes = vec![position, row(0), row(1), row(2)];
     match input {
         VertexInput::Box | VertexInput::Position => {}
-        VertexInput::Colour => {
+        VertexInput::Facet => {
             attributes.push(attribute(1, VERTICES, vk::Format::R8G8B8A8_UNORM, offset_of!(Vertex, colour)));
+            attributes.push(attribute(6, VERTICES, vk::Format::R16G16_SNORM, offset_of!(Vertex, normal)));
         }
         VertexInput::Id => {
             attributes.push(attribute(5, INSTANCES, vk::Format::R32_UINT, offset_of!(DrawRecord, id)));

@@ -11,5 +11,6 @@ mod scene;
 
 pub use model::{Mesh, Model, ModelError, Object, Rgba8, Source};
 pub use scene::{
-    Drawable, Node, NodeId, ObjectRecord, OpenError, SaveError, Scene, SceneArrays, SceneError, Vertex,
+    Drawable, Node, NodeId, Normal, ObjectRecord, OpenError, SaveError, Scene, SceneArrays, SceneError,
+    Shading, Vertex,
 };

@@ -7,7 +7,7 @@ use glam::{DVec3, Mat3, Vec3};
 use trimaran_cull::{View, Viewport};
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
-use trimaran_scene::{Drawable, Node, ObjectRecord, Rgba8, Scene, SceneArrays, Vertex};
+use trimaran_scene::{Drawable, Node, ObjectRecord, Rgba8, Scene, SceneArrays, Shading, Vertex};
 
 /// An open device that must have nothing to complain of when it goes.
 pub(crate) struct CheckedGpu(Arc<Gpu>);
@@ -81,6 +81,14 @@ impl Part {
         Self { indices: vec![0, 1, 2, 2, 1, 3], ..Self::triangles(&corners) }
     }
 
+    fn shaded(&self) -> (Vec<Vertex>, Vec<u32>) {
+        let vertex = |&position: &[f32; 3]| Vertex::new(position, Rgba8(self.colour));
+        let mut shading = Shading::new(self.positions.iter().map(vertex).collect());
+        let mut indices = self.indices.clone();
+        shading.turn(&mut indices);
+        (shading.into_vertices(), indices)
+    }
+
     /// The same part elsewhere.
     pub(crate) fn at(self, origin: DVec3) -> Self {
         Self { origin, ..self }
@@ -109,17 +117,17 @@ pub(crate) fn scene(parts: &[Part]) -> Scene {
     arrays.nodes.push(node(Node::NONE, 1, parts.len() as u32, None));
     for (index, part) in (0..).zip(parts) {
         arrays.nodes.push(node(0, 0, 0, Some((index, part))));
+        let (vertices, indices) = part.shaded();
         arrays.drawables.push(Drawable {
             error: 0.0,
             node: index + 1,
             first_index: arrays.indices.len() as u32,
             index_count: part.indices.len() as u32,
             vertex_offset: arrays.vertices.len() as u32,
-            vertex_count: part.positions.len() as u32,
+            vertex_count: vertices.len() as u32,
         });
-        arrays.indices.extend(&part.indices);
-        let colour = Rgba8(part.colour);
-        arrays.vertices.extend(part.positions.iter().map(|&position| Vertex { position, colour }));
+        arrays.indices.extend(indices);
+        arrays.vertices.extend(vertices);
         arrays.objects.push(ObjectRecord { source: 0, source_index: index, name_start: 0, name_length: 0 });
     }
     Scene::from_arrays(arrays).unwrap()

@@ -8,7 +8,7 @@ use super::levels::{Level, LeveledMesh};
 use super::linear::WorldBox;
 use super::placed::Leaf;
 use super::tree::TreeNode;
-use crate::{Drawable, Model, Node, ObjectRecord, SceneArrays, SceneError};
+use crate::{Drawable, Model, Node, ObjectRecord, SceneArrays, SceneError, Shading};
 
 /// Where a mesh or merged level went.
 #[derive(Debug, Clone, Copy)]
@@ -216,28 +216,41 @@ fn add_meshes(
     let add = |mesh: &Option<LeveledMesh>| {
         let Some(mesh) = mesh else { return Ok(Vec::new()) };
         let vertex_offset = number("vertices", arrays.vertices.len())?;
-        arrays.vertices.extend_from_slice(&mesh.vertices);
-        let mut add_level = |level: &Level| {
-            let first_index = number("indices", arrays.indices.len())?;
-            arrays.indices.extend_from_slice(&level.indices);
-            let index_count = number("indices", level.indices.len())?;
-            Ok(Range { first_index, index_count, vertex_offset, vertex_count: level.vertex_count })
-        };
-        mesh.levels.iter().map(&mut add_level).collect()
+        let mut shading = Shading::new(mesh.vertices.clone());
+        let mut add_level =
+            |level: &Level| add_triangles(&level.indices, vertex_offset, &mut shading, arrays);
+        let ranges = mesh.levels.iter().map(&mut add_level).collect();
+        arrays.vertices.extend(shading.into_vertices());
+        ranges
     };
     meshes.iter().map(add).collect()
 }
 
 fn add_merged(level: MergedLevel, arrays: &mut SceneArrays) -> Result<Range, CookError> {
-    let range = Range {
-        first_index: number("indices", arrays.indices.len())?,
-        index_count: number("indices", level.indices.len())?,
-        vertex_offset: number("vertices", arrays.vertices.len())?,
-        vertex_count: number("vertices", level.vertices.len())?,
-    };
-    arrays.vertices.extend_from_slice(&level.vertices);
-    arrays.indices.extend_from_slice(&level.indices);
-    Ok(range)
+    let vertex_offset = number("vertices", arrays.vertices.len())?;
+    let mut shading = Shading::new(level.vertices);
+    let range = add_triangles(&level.indices, vertex_offset, &mut shading, arrays);
+    arrays.vertices.extend(shading.into_vertices());
+    range
+}
+
+/// Adds triangles, ready for flat shading. Their vertices go to `vertex_offset` when all that share them are there.
+fn add_triangles(
+    triangles: &[u32],
+    vertex_offset: u32,
+    shading: &mut Shading,
+    arrays: &mut SceneArrays,
+) -> Result<Range, CookError> {
+    let first = arrays.indices.len();
+    arrays.indices.extend_from_slice(triangles);
+    let added = arrays.indices.get_mut(first..).unwrap_or_default();
+    shading.turn(added);
+    Ok(Range {
+        first_index: number("indices", first)?,
+        index_count: number("indices", added.len())?,
+        vertex_offset,
+        vertex_count: added.iter().max().map_or(0, |last| last + 1),
+    })
 }
 
 /// Makes errors monotone: no level of a node may have a smaller error than one of a node below it. Merging adds to the

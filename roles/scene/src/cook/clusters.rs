@@ -76,7 +76,7 @@ mod tests {
 
     /// A strip of `count` triangles along x.
     fn strip(count: u32) -> (Vec<Vertex>, Vec<u32>) {
-        let vertex = |i: u32| Vertex { position: [i as f32, (i % 2) as f32, 0.0], colour: Rgba8([255; 4]) };
+        let vertex = |i: u32| Vertex::new([i as f32, (i % 2) as f32, 0.0], Rgba8([255; 4]));
         ((0..count + 2).map(vertex).collect(), (0..count).flat_map(|i| [i, i + 1, i + 2]).collect())
     }
 

@@ -222,7 +222,7 @@ impl Soup {
         let mut vertices: Vec<Option<Vertex>> = vec![None; count];
         for ((position, &colour), &slot) in self.positions.iter().zip(&self.colours).zip(&remap) {
             if let Some(slot @ None) = vertices.get_mut(slot as usize) {
-                *slot = Some(Vertex { position: position.to_array(), colour });
+                *slot = Some(Vertex::new(position.to_array(), colour));
             }
         }
         let mut indices = self.indices.clone();

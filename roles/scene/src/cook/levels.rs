@@ -90,7 +90,7 @@ fn clean(mesh: &Mesh) -> Option<(Vec3, Vec<Vertex>, Vec<u32>)> {
         .iter()
         .zip(&mesh.colours)
         // Adding zero turns -0 into 0, so that equal positions have equal bits.
-        .map(|(&p, &colour)| Vertex { position: (p - centre + Vec3::ZERO).to_array(), colour })
+        .map(|(&p, &colour)| Vertex::new((p - centre + Vec3::ZERO).to_array(), colour))
         .collect();
     let (count, remap) = meshopt::generate_vertex_remap(&corners, Some(&mesh.indices));
     let at = |i: u32| corners.get(i as usize).map(|v| v.position);
@@ -103,7 +103,7 @@ fn clean(mesh: &Mesh) -> Option<(Vec3, Vec<Vertex>, Vec<u32>)> {
         .flatten()
         .filter_map(|&i| remap.get(i as usize).copied())
         .collect();
-    let mut vertices = vec![Vertex { position: [0.0; 3], colour: crate::Rgba8([0; 4]) }; count];
+    let mut vertices = vec![Vertex::new([0.0; 3], crate::Rgba8([0; 4])); count];
     for (vertex, &slot) in corners.iter().zip(&remap) {
         if let Some(slot) = vertices.get_mut(slot as usize) {
             *slot = *vertex;

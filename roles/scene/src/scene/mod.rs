@@ -3,6 +3,7 @@
 mod file;
 mod hash;
 mod records;
+mod shading;
 mod validate;
 
 use rayon::prelude::*;
@@ -11,6 +12,7 @@ use trimaran_proto::SceneHash;
 use file::MappedScene;
 pub use file::{OpenError, SaveError};
 pub use records::{Drawable, Node, NodeId, ObjectRecord, SceneArrays, Vertex};
+pub use shading::{Normal, Shading};
 pub use validate::SceneError;
 
 /// A cooked scene, checked: every index in it is in range, every box finite, errors monotone to the root.

@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::{DVec3, Mat3, Vec3};
 use trimaran_proto::DrawableId;
 
+use super::Normal;
 use crate::Rgba8;
 
 /// A node of the scene tree: an index into [`Scene::nodes`](crate::Scene::nodes). The root is node 0.
@@ -69,8 +70,18 @@ pub struct Drawable {
 pub struct Vertex {
     /// Position about the node's origin, before the node's matrix.
     pub position: [f32; 3],
-    /// Base colour.
+    /// Base colour of the triangles that begin here.
     pub colour: Rgba8,
+    /// Normal of the triangles that begin here, in the node's local frame.
+    pub normal: Normal,
+}
+
+impl Vertex {
+    /// A vertex that no triangle begins with yet: [`Shading`](super::Shading) gives it a normal.
+    #[must_use]
+    pub const fn new(position: [f32; 3], colour: Rgba8) -> Self {
+        Self { position, colour, normal: Normal::NONE }
+    }
 }
 
 impl Node {
@@ -142,7 +153,7 @@ pub struct SceneArrays {
     pub drawables: Vec<Drawable>,
     /// All vertices. Several drawables may share a range: instances.
     pub vertices: Vec<Vertex>,
-    /// All indices.
+    /// All indices, three a triangle. The first of the three is the vertex that carries its colour and normal.
     pub indices: Vec<u32>,
     /// The objects, in the model's order.
     pub objects: Vec<ObjectRecord>,

@@ -32,7 +32,7 @@ fn two_leaves() -> SceneArrays {
     };
     let drawable =
         Drawable { error: 0.0, node: 1, first_index: 0, index_count: 3, vertex_offset: 0, vertex_count: 3 };
-    let vertex = |x, y| Vertex { position: [x, y, 0.0], colour: Rgba8([9, 8, 7, 255]) };
+    let vertex = |x, y| Vertex::new([x, y, 0.0], Rgba8([9, 8, 7, 255]));
     SceneArrays {
         nodes: vec![node, leaf(0.0, 0), leaf(3.0, 1)],
         drawables: vec![

@@ -14,7 +14,7 @@ pub(super) fn uncooked(model: &Model) -> Scene {
             let range = (arrays.indices.len() as u32, arrays.vertices.len() as u32);
             arrays.indices.extend(&mesh.indices);
             let vertices = mesh.positions.iter().zip(&mesh.colours);
-            arrays.vertices.extend(vertices.map(|(p, &colour)| Vertex { position: p.to_array(), colour }));
+            arrays.vertices.extend(vertices.map(|(p, &colour)| Vertex::new(p.to_array(), colour)));
             range
         })
         .collect();

@@ -275,7 +275,7 @@ fn add_level(arrays: &mut SceneArrays, node: u32, error: f32, mesh: &Mesh) {
         vertex_count: mesh.positions.len() as u32,
     });
     let colour = Rgba8([(node * 37) as u8, (node * 91) as u8, 200, 255]);
-    arrays.vertices.extend(mesh.positions.iter().map(|p| Vertex { position: p.to_array(), colour }));
+    arrays.vertices.extend(mesh.positions.iter().map(|p| Vertex::new(p.to_array(), colour)));
     arrays.indices.extend(&mesh.indices);
 }
 
