@@ -75,6 +75,11 @@ impl Fabric {
         *self.routes.get(to.0)?.get(node.0)?
     }
 
+    /// The largest IP packet that gets from one machine to another; none where there is no way.
+    pub(crate) fn path_mtu(&self, from: HostId, to: HostId) -> Option<u32> {
+        self.way(from, to).map(|pipe| pipe.model().mtu).min()
+    }
+
     /// What the link layer adds to a packet where it leaves `from`.
     pub(crate) fn framing(&self, packet: &Packet) -> u32 {
         let ip_bytes = packet.ip_bytes();

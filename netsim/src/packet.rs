@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 use bytes::Bytes;
 
 use crate::link::Ecn;
+use crate::tcp::{Class, Segment};
 use crate::topology::HostId;
 
 /// The header of UDP, bytes (RFC 768).
@@ -25,6 +26,7 @@ pub(crate) struct Packet {
 #[derive(Debug, Clone)]
 pub(crate) enum Body {
     Udp(Bytes),
+    Tcp(Box<Segment>),
 }
 
 impl Packet {
@@ -33,15 +35,17 @@ impl Packet {
         if self.dst.is_ipv4() { 20 } else { 40 }
     }
 
-    pub(crate) const fn transport_header(&self) -> u32 {
+    pub(crate) fn transport_header(&self) -> u32 {
         match &self.body {
             Body::Udp(_) => UDP_HEADER,
+            Body::Tcp(segment) => segment.header(),
         }
     }
 
     pub(crate) fn payload(&self) -> u32 {
         match &self.body {
             Body::Udp(data) => data.len() as u32,
+            Body::Tcp(segment) => segment.data.len() as u32,
         }
     }
 
@@ -53,6 +57,14 @@ impl Packet {
     pub(crate) const fn protocol(&self) -> u8 {
         match &self.body {
             Body::Udp(_) => 17,
+            Body::Tcp(_) => 6,
+        }
+    }
+
+    pub(crate) const fn class(&self) -> Class {
+        match &self.body {
+            Body::Udp(_) => Class::Datagram,
+            Body::Tcp(segment) => segment.class,
         }
     }
 }

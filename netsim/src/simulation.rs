@@ -1,5 +1,6 @@
 //! Running programs on a simulated network.
 
+use std::collections::BTreeMap;
 use std::pin::pin;
 use std::sync::Arc;
 use std::task::Poll;
@@ -9,6 +10,7 @@ use trimaran_transport::Instant;
 
 use crate::link::LinkTally;
 use crate::net::SimNet;
+use crate::tcp::Class;
 use crate::topology::{HostId, Topology};
 use crate::wire::WireTally;
 use crate::world::World;
@@ -82,6 +84,12 @@ impl Simulation {
     /// What one machine sent to another.
     #[must_use]
     pub fn sent(&self, from: HostId, to: HostId) -> WireTally {
+        self.sent_by_class(from, to).into_values().fold(WireTally::default(), |all, tally| all + tally)
+    }
+
+    /// What one machine sent to another, by what it was for.
+    #[must_use]
+    pub fn sent_by_class(&self, from: HostId, to: HostId) -> BTreeMap<Class, WireTally> {
         self.world.core().sent(from, to)
     }
 }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard};
 use std::task::Waker;
@@ -13,9 +14,11 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::events::Events;
 use crate::executor::{Executor, lock};
 use crate::fabric::{Fabric, LinkEvent, Outcome};
+use crate::net::tcp::{ListenerState, TcpState};
 use crate::net::udp::UdpState;
 use crate::packet::{Body, Packet};
 use crate::random::Random;
+use crate::tcp::Class;
 use crate::topology::{HostId, Topology};
 use crate::wire::WireTally;
 
@@ -36,18 +39,23 @@ pub(crate) struct Core {
     pub(crate) sockets: BTreeMap<u32, UdpState>,
     /// Which socket has a UDP port of a host.
     pub(crate) udp_ports: BTreeMap<(HostId, u16), u32>,
+    pub(crate) tcp: BTreeMap<u32, TcpState>,
+    /// Which connection belongs to a port of a host and its peer's address.
+    pub(crate) tcp_ports: BTreeMap<(HostId, u16, SocketAddr), u32>,
+    pub(crate) listeners: BTreeMap<(HostId, u16), ListenerState>,
     pub(crate) fabric: Fabric,
     pub(crate) names: Vec<String>,
     last_socket: u32,
     events: Events<Event>,
     trace: Xxh3,
-    wire: BTreeMap<(HostId, HostId), WireTally>,
+    wire: BTreeMap<(HostId, HostId, Class), WireTally>,
 }
 
 /// What will happen.
 #[derive(Debug, Clone, Copy)]
 enum Event {
     Timer(usize),
+    Tcp(u32),
     Link(LinkEvent),
 }
 
@@ -80,6 +88,9 @@ impl World {
             timers: Slab::new(),
             sockets: BTreeMap::new(),
             udp_ports: BTreeMap::new(),
+            tcp: BTreeMap::new(),
+            tcp_ports: BTreeMap::new(),
+            listeners: BTreeMap::new(),
             fabric: Fabric::new(topology, Random::stream(seed, 1).bits()),
             names: topology.hosts.iter().map(|host| host.name.clone()).collect(),
             last_socket: 0,
@@ -137,7 +148,7 @@ impl Core {
             self.deliver(packet);
             return;
         }
-        *self.wire.entry((packet.from, packet.to)).or_default() += WireTally {
+        *self.wire.entry((packet.from, packet.to, packet.class())).or_default() += WireTally {
             packets: 1,
             payload: packet.payload().into(),
             transport_headers: packet.transport_header().into(),
@@ -147,9 +158,15 @@ impl Core {
         self.fabric.send(self.now, packet, token, &mut self.events);
     }
 
-    /// What one machine sent to another.
-    pub(crate) fn sent(&self, from: HostId, to: HostId) -> WireTally {
-        self.wire.get(&(from, to)).copied().unwrap_or_default()
+    /// Has a connection look at its timers at this time.
+    pub(crate) fn wake_tcp(&mut self, number: u32, at: Instant) {
+        self.events.add(at.max(self.now), Event::Tcp(number));
+    }
+
+    /// What one machine sent to another, by purpose.
+    pub(crate) fn sent(&self, from: HostId, to: HostId) -> BTreeMap<Class, WireTally> {
+        let sent = self.wire.iter().filter(|((f, t, _), _)| (*f, *t) == (from, to));
+        sent.map(|((_, _, class), tally)| (*class, *tally)).collect()
     }
 
     pub(crate) fn trace_hash(&self) -> u64 {
@@ -159,6 +176,7 @@ impl Core {
     fn happen(&mut self, event: Event) {
         match event {
             Event::Timer(key) => self.ring(key),
+            Event::Tcp(number) => self.tcp_timer(number),
             Event::Link(event) => match self.fabric.happen(self.now, event, &mut self.events) {
                 Outcome::Underway => {}
                 Outcome::Delivered(packet) => {
@@ -197,12 +215,15 @@ impl Core {
                     socket.receive(packet.src, packet.dst, packet.ecn, data);
                 }
             }
+            Body::Tcp(segment) => self.tcp_segment(packet.to, packet.from, packet.dst, packet.src, &segment),
         }
     }
 
     fn left(&mut self, token: u32, ip_bytes: u32) {
         if let Some(socket) = self.sockets.get_mut(&token) {
             socket.left(ip_bytes);
+        } else {
+            self.tcp_left(token, ip_bytes);
         }
     }
 

@@ -3,6 +3,9 @@
 
 #[path = "../../transport/tests/common/mod.rs"]
 mod common;
+#[path = "virtual_time/mod.rs"]
+#[macro_use]
+mod virtual_time;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -72,38 +75,7 @@ fn gigabit() -> LinkModel {
     LinkModel::clean(Rate::new(1_000_000_000), Duration::from_micros(5))
 }
 
-macro_rules! conformance_in_virtual_time {
-    ($($case:ident),+ $(,)?) => {
-        $(
-            #[test]
-            fn $case() {
-                let (simulation, pairs) = machines(&gigabit(), 1);
-                simulation.run(common::conformance::$case(&pairs)).unwrap();
-            }
-        )+
-    };
-}
-
-// All but the one whose receiver is a thread of its own: there are none here.
-conformance_in_virtual_time!(
-    frames_of_every_size_arrive_in_order,
-    batches_are_full_but_the_last,
-    flush_sends_a_part_of_a_batch,
-    the_newest_camera_wins,
-    publishing_never_waits,
-    a_camera_is_read_once,
-    a_slow_receiver_holds_the_sender_back,
-    a_receiver_that_catches_up_gets_everything,
-    silence_ends_in_an_error,
-    a_deadline_leaves_the_link_usable,
-    dropping_a_wait_loses_nothing,
-    goodbye_comes_after_everything,
-    death_within_a_frame_is_no_goodbye,
-    a_dead_receiver_fails_the_sender,
-    frames_in_the_wrong_order_are_refused,
-    both_directions_at_once,
-    every_byte_is_counted,
-);
+conformance_in_virtual_time!(|| machines(&gigabit(), 1));
 
 /// Sends 50 frames of 4000 ids over a link that loses a hundredth of all packets. Gives the hash of the trace, when it was
 /// done, and how many packets were lost.

@@ -1,5 +1,6 @@
 //! What a machine of a simulation offers to programs: the transports' [`Net`].
 
+pub(crate) mod tcp;
 mod timer;
 pub(crate) mod udp;
 
@@ -58,12 +59,13 @@ impl Net for SimNet {
         Box::pin(std::future::ready(self.lookup(address)))
     }
 
-    fn connect_tcp(&self, _to: SocketAddr, _options: TcpOptions) -> BoxFuture<'_, io::Result<Stream>> {
-        Box::pin(std::future::ready(Err(io::ErrorKind::Unsupported.into())))
+    fn connect_tcp(&self, to: SocketAddr, options: TcpOptions) -> BoxFuture<'_, io::Result<Stream>> {
+        Box::pin(tcp::connect(self, to, options))
     }
 
-    fn listen_tcp(&self, _at: SocketAddr, _options: TcpOptions) -> io::Result<(Box<dyn Listen>, SocketAddr)> {
-        Err(io::ErrorKind::Unsupported.into())
+    fn listen_tcp(&self, at: SocketAddr, options: TcpOptions) -> io::Result<(Box<dyn Listen>, SocketAddr)> {
+        self.own(at.ip())?;
+        tcp::listen(self, at, options)
     }
 
     fn bind_udp(&self, at: SocketAddr, options: UdpSocketOptions) -> io::Result<Arc<dyn UdpSocket>> {

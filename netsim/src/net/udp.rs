@@ -16,7 +16,7 @@ use crate::packet::{Body, Packet};
 use crate::topology::HostId;
 
 /// The first port that the system hands out itself (RFC 6335, section 6).
-const FIRST_FREE_PORT: u16 = 49_152;
+pub(super) const FIRST_FREE_PORT: u16 = 49_152;
 /// The most that a program may ask for as a buffer, and what it has without asking: Linux's `net.core.rmem_max` and `wmem_max`.
 const LARGEST_BUFFER: usize = 212_992;
 

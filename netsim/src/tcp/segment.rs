@@ -1,0 +1,84 @@
+//! TCP segments.
+
+use bytes::Bytes;
+use serde::Serialize;
+
+/// A segment. Sequence numbers are counts of bytes since the start of the connection; they do not wrap here.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(crate) struct Segment {
+    pub(crate) seq: u64,
+    /// What is expected next from the other side; none in the very first segment.
+    pub(crate) ack: Option<u64>,
+    pub(crate) syn: bool,
+    pub(crate) fin: bool,
+    pub(crate) rst: bool,
+    /// How many bytes the sender takes.
+    pub(crate) window: u32,
+    /// When it was sent, in milliseconds, and the newest such time that the sender has seen (RFC 7323).
+    pub(crate) timestamp: u64,
+    pub(crate) echo: u64,
+    /// What has arrived out of order, or twice, the latest first.
+    pub(crate) sacks: Vec<Range>,
+    pub(crate) data: Bytes,
+    pub(crate) class: Class,
+}
+
+/// Bytes from a sequence number to before another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Range {
+    pub(crate) from: u64,
+    pub(crate) to: u64,
+}
+
+/// What a packet is for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Class {
+    /// A datagram of UDP.
+    Datagram,
+    /// Data sent for the first time.
+    #[default]
+    Data,
+    /// Data sent again.
+    Retransmission,
+    /// Nothing but an acknowledgement, or a window.
+    Acknowledgement,
+    /// The beginning or the end of a connection.
+    Handshake,
+    /// A question whether the peer is still there, or has room again.
+    Probe,
+}
+
+/// The most ranges that fit beside the timestamp.
+pub(super) const MOST_SACKS: usize = 3;
+
+impl Segment {
+    /// The TCP header: 20 bytes and its options, padded to whole words.
+    pub(crate) fn header(&self) -> u32 {
+        // Maximum segment size 4, selective acknowledgements permitted 2, timestamp 10, window scale 3, and one of padding.
+        const SYN_OPTIONS: u32 = 20;
+        const TIMESTAMP: u32 = 12;
+        if self.rst {
+            return 20;
+        }
+        if self.syn {
+            return 20 + SYN_OPTIONS;
+        }
+        let sacks = if self.sacks.is_empty() { 0 } else { 4 + 8 * self.sacks.len() as u32 };
+        20 + TIMESTAMP + sacks
+    }
+
+    /// How many sequence numbers it takes.
+    pub(crate) fn length(&self) -> u64 {
+        self.data.len() as u64 + u64::from(self.syn) + u64::from(self.fin)
+    }
+
+    pub(crate) fn end(&self) -> u64 {
+        self.seq + self.length()
+    }
+}
+
+/// The data of a full segment where IP packets may have so many bytes.
+pub(super) const fn full_size(mtu: u32, ip_header: u32) -> u32 {
+    mtu.saturating_sub(ip_header + 20 + 12)
+}

@@ -1,0 +1,569 @@
+//! The sending half: what may be sent, when it is sent again, and how fast.
+
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+use trimaran_transport::Instant;
+
+use super::board::{Board, News};
+use super::cubic::{Ack, Cubic};
+use super::rtt::{RTO_MIN, Rtt};
+use super::segment::{Class, Range, Segment};
+
+/// Packets at first (RFC 6928).
+const FIRST_WINDOW: u32 = 10;
+/// A probe for a lost tail waits two round trips and so much more: two of Linux's clock ticks.
+const PROBE_SLACK: Duration = Duration::from_millis(2);
+/// What Linux charges a socket for a full packet, and at most for all (`tcp_wmem`).
+const PACKET_COST: u64 = 4352;
+const BUFFER_MAX: u64 = 4_194_304;
+
+#[derive(Debug)]
+pub(super) struct Sender {
+    /// The first byte that is not acknowledged; the next one to be sent; how far the peer takes them.
+    pub(super) acknowledged: u64,
+    pub(super) next: u64,
+    window_end: u64,
+    segment: u32,
+    unsent: BytesMut,
+    buffer: Option<u64>,
+    /// The program has written all that it will.
+    closing: bool,
+    fin_sent: bool,
+    board: Board,
+    pub(super) rtt: Rtt,
+    cubic: Cubic,
+    cwnd: u32,
+    threshold: u32,
+    state: State,
+    /// A recovery is over when this is acknowledged.
+    recovery_end: u64,
+    reduction: Reduction,
+    undo: Option<Undo>,
+    /// When the first of the repetitions under way left, milliseconds.
+    repeating_since: Option<u64>,
+    usage: Usage,
+    timers: Timers,
+    /// A probe for a lost tail is out: what was next then, and whether it was data sent again.
+    tail_probe: Option<(u64, bool)>,
+    /// Send that probe now, whatever the window.
+    probe_tail: bool,
+    /// Ask for room now.
+    probe_window: bool,
+    last_sent: Instant,
+    /// When something was acknowledged last, or began to wait for that.
+    progress: Instant,
+    /// Bytes of this connection in the machine's own queue.
+    outgoing: u64,
+    nodelay: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    Open,
+    /// Something is lost, and what arrives makes room to repeat it.
+    Recovery,
+    /// Nothing came for a timeout: starts anew.
+    Loss,
+}
+
+/// How the window shrinks in a recovery (RFC 6937).
+#[derive(Debug, Default)]
+struct Reduction {
+    before: u32,
+    delivered: u32,
+    sent: u32,
+}
+
+/// What was before a recovery that may prove spurious.
+#[derive(Debug)]
+struct Undo {
+    cwnd: u32,
+    threshold: u32,
+    /// Repetitions that were not reported as duplicates.
+    repetitions: u32,
+}
+
+/// How much of the window is used.
+#[derive(Debug)]
+struct Usage {
+    limited: bool,
+    /// The most packets in flight in this round trip, and where that ends.
+    most: u32,
+    round_end: u64,
+    /// The most used since the window last was the limit, and since when it is not.
+    unlimited_most: u32,
+    since: Instant,
+}
+
+#[derive(Debug, Default)]
+struct Timers {
+    retransmit: Option<Instant>,
+    tail: Option<Instant>,
+    reorder: Option<Instant>,
+    persist: Option<Instant>,
+}
+
+/// A segment's place in the stream.
+pub(super) struct Outgoing {
+    pub(super) seq: u64,
+    pub(super) data: Bytes,
+    pub(super) fin: bool,
+    pub(super) class: Class,
+}
+
+impl Sender {
+    pub(super) fn new(next: u64, segment: u32, buffer: Option<usize>, nodelay: bool) -> Self {
+        let start = Instant::from_nanos(0);
+        Self {
+            acknowledged: next,
+            next,
+            window_end: next,
+            segment,
+            unsent: BytesMut::new(),
+            buffer: buffer.map(|bytes| bytes as u64),
+            closing: false,
+            fin_sent: false,
+            board: Board::new(),
+            rtt: Rtt::new(),
+            cubic: Cubic::new(),
+            cwnd: FIRST_WINDOW,
+            threshold: u32::MAX,
+            state: State::Open,
+            recovery_end: 0,
+            reduction: Reduction::default(),
+            undo: None,
+            repeating_since: None,
+            usage: Usage { limited: false, most: 0, round_end: 0, unlimited_most: 0, since: start },
+            timers: Timers::default(),
+            tail_probe: None,
+            probe_tail: false,
+            probe_window: false,
+            last_sent: start,
+            progress: start,
+            outgoing: 0,
+            nodelay,
+        }
+    }
+
+    /// How many bytes the program may write now.
+    pub(super) fn room(&self) -> usize {
+        // Linux's buffer grows with the window: twice what a window of packets costs.
+        let grown = 2 * PACKET_COST * u64::from(self.cwnd.max(FIRST_WINDOW));
+        let limit = self.buffer.unwrap_or_else(|| grown.min(BUFFER_MAX));
+        usize::try_from(limit.saturating_sub(self.held())).unwrap_or(usize::MAX)
+    }
+
+    /// Whether a program that waits for room should be told: when a third is free, as Linux has it.
+    pub(super) fn has_much_room(&self) -> bool {
+        self.room() as u64 >= self.held() / 2
+    }
+
+    fn held(&self) -> u64 {
+        self.unsent.len() as u64 + (self.next - self.acknowledged)
+    }
+
+    pub(super) fn write(&mut self, data: &[u8]) {
+        self.unsent.extend_from_slice(data);
+    }
+
+    pub(super) const fn close(&mut self) {
+        self.closing = true;
+    }
+
+    /// Whether all has been acknowledged, the end of the stream included.
+    pub(super) fn has_ended(&self) -> bool {
+        self.fin_sent && self.board.is_empty()
+    }
+
+    /// Since when what is to be sent makes no progress: it is not acknowledged, or the peer has no room.
+    pub(super) fn waiting_since(&self) -> Option<Instant> {
+        (!self.board.is_empty() || self.timers.persist.is_some()).then_some(self.progress)
+    }
+
+    pub(super) fn set_window(&mut self, ack: u64, window: u32) {
+        self.window_end = self.window_end.max(ack + u64::from(window));
+        if self.window_end > self.next {
+            self.timers.persist = None;
+        }
+    }
+
+    /// So many bytes of this connection have left the machine.
+    pub(super) const fn left(&mut self, bytes: u64) {
+        self.outgoing = self.outgoing.saturating_sub(bytes);
+    }
+
+    pub(super) const fn entered(&mut self, bytes: u64) {
+        self.outgoing += bytes;
+    }
+
+    pub(super) fn next_timeout(&self) -> Option<Instant> {
+        let Timers { retransmit, tail, reorder, persist } = self.timers;
+        [retransmit, tail, reorder, persist].into_iter().flatten().min()
+    }
+
+    /// The next segment to be sent, if there is one that may.
+    pub(super) fn transmit(&mut self, now: Instant) -> Option<Outgoing> {
+        if self.board.in_flight() < self.cwnd
+            && let Some(packet) = self.board.repeat_lost(now)
+        {
+            let out = Outgoing {
+                seq: packet.seq,
+                data: packet.data.clone(),
+                fin: packet.fin,
+                class: Class::Retransmission,
+            };
+            self.reduction.sent += 1;
+            self.repeating_since.get_or_insert(now.as_nanos() / 1_000_000);
+            if let Some(undo) = &mut self.undo {
+                undo.repetitions += 1;
+            }
+            if self.timers.retransmit.is_none() {
+                self.timers.retransmit = Some(now.after(self.rtt.timeout()));
+            }
+            self.last_sent = now;
+            return Some(out);
+        }
+        if std::mem::take(&mut self.probe_window) {
+            // A byte that the peer has: it can but answer with its window.
+            return Some(Outgoing {
+                seq: self.acknowledged - 1,
+                data: Bytes::new(),
+                fin: false,
+                class: Class::Probe,
+            });
+        }
+        let probing = std::mem::take(&mut self.probe_tail);
+        let fresh = self.transmit_new(now, probing);
+        if !probing {
+            return fresh;
+        }
+        self.tail_probe = Some((self.next, fresh.is_none()));
+        self.timers.retransmit = Some(now.after(self.rtt.timeout()));
+        self.timers.tail = None;
+        fresh.or_else(|| {
+            let packet = self.board.repeat_last(now)?;
+            let class = Class::Retransmission;
+            Some(Outgoing { seq: packet.seq, data: packet.data.clone(), fin: packet.fin, class })
+        })
+    }
+
+    /// New data, as far as windows and the machine's own queue allow; a probe need not heed the congestion window.
+    fn transmit_new(&mut self, now: Instant, probing: bool) -> Option<Outgoing> {
+        let fin_due = self.closing && !self.fin_sent;
+        if self.unsent.is_empty() && !fin_due {
+            return None;
+        }
+        if self.board.is_empty() && self.state == State::Open {
+            self.restart_after_idle(now);
+        }
+        if !probing && self.board.in_flight() >= self.cwnd {
+            self.usage.limited = true;
+            self.usage.most = self.usage.most.max(self.board.packets());
+            return None;
+        }
+        if self.outgoing >= self.queue_limit() {
+            return None;
+        }
+        let room = self.window_end.saturating_sub(self.next);
+        let wanted = self.unsent.len().min(self.segment as usize);
+        let size = wanted.min(usize::try_from(room).unwrap_or(usize::MAX));
+        if size < wanted && (size == 0 || !self.board.is_empty()) {
+            if self.board.is_empty() && self.timers.persist.is_none() {
+                self.timers.persist = Some(now.after(self.rtt.timeout()));
+                self.progress = now;
+            }
+            return None;
+        }
+        // A small segment waits while one before it is still in this machine (Linux's autocorking), or, without `nodelay`, while
+        // one is not acknowledged (Nagle).
+        let small = wanted < self.segment as usize && !fin_due;
+        if small && !probing && !self.board.is_empty() && (self.outgoing > 0 || !self.nodelay) {
+            return None;
+        }
+        let data = self.unsent.split_to(size).freeze();
+        let fin = fin_due && self.unsent.is_empty();
+        if self.board.is_empty() {
+            self.progress = now;
+        }
+        if self.board.is_empty() || self.timers.tail.is_some() {
+            self.timers.retransmit = Some(now.after(self.rtt.timeout()));
+        }
+        let out = Outgoing { seq: self.next, data: data.clone(), fin, class: Class::Data };
+        self.next += data.len() as u64 + u64::from(fin);
+        self.fin_sent |= fin;
+        self.board.push(now, out.seq, data, fin);
+        self.reduction.sent += 1;
+        self.last_sent = now;
+        self.note_usage(now);
+        self.set_tail_timer(now);
+        Some(out)
+    }
+
+    /// About a millisecond of data, and two packets at least, may wait in the machine's own queue (Linux's small queues).
+    fn queue_limit(&self) -> u64 {
+        let two = 2 * u64::from(self.segment + 52);
+        let Some(rtt) = self.rtt.smoothed().filter(|rtt| !rtt.is_zero()) else { return two };
+        let factor = if self.cwnd < self.threshold / 2 { 2.0 } else { 1.2 };
+        let rate = factor * f64::from(self.cwnd) * f64::from(self.segment) / rtt.as_secs_f64();
+        two.max((rate / 1024.0) as u64)
+    }
+
+    fn note_usage(&mut self, now: Instant) {
+        let (packets, remembered, timeout) =
+            (self.board.packets(), self.remembered_threshold(), self.rtt.timeout());
+        let usage = &mut self.usage;
+        if self.acknowledged > usage.round_end {
+            (usage.most, usage.round_end, usage.limited) = (0, self.next, false);
+        }
+        usage.most = usage.most.max(packets);
+        if packets >= self.cwnd {
+            usage.limited = true;
+            (usage.unlimited_most, usage.since) = (0, now);
+            return;
+        }
+        usage.unlimited_most = usage.unlimited_most.max(packets);
+        if now.since(usage.since) >= timeout {
+            // What is not used for so long is given back, half at a time.
+            let used = usage.unlimited_most.max(FIRST_WINDOW);
+            if self.state == State::Open && used < self.cwnd {
+                self.threshold = remembered;
+                self.cwnd = u32::midpoint(self.cwnd, used);
+            }
+            (usage.unlimited_most, usage.since) = (0, now);
+        }
+    }
+
+    /// After a pause of a timeout the window is halved, once for each.
+    fn restart_after_idle(&mut self, now: Instant) {
+        let timeout = self.rtt.timeout();
+        let mut idle = now.since(self.last_sent);
+        if self.last_sent.as_nanos() == 0 || idle <= timeout {
+            return;
+        }
+        self.threshold = self.remembered_threshold();
+        let least = self.cwnd.min(FIRST_WINDOW);
+        while idle > timeout && self.cwnd > least {
+            idle -= timeout;
+            self.cwnd = (self.cwnd / 2).max(least);
+        }
+        self.last_sent = now;
+    }
+
+    /// The threshold after a window was given back that was not used: three quarters of it are known to work.
+    const fn remembered_threshold(&self) -> u32 {
+        let most = self.cwnd - self.cwnd / 4;
+        if self.threshold > most { self.threshold } else { most }
+    }
+
+    fn set_tail_timer(&mut self, now: Instant) {
+        self.timers.tail = None;
+        if self.state != State::Open || self.board.is_empty() || self.tail_probe.is_some() {
+            return;
+        }
+        let Some(smoothed) = self.rtt.smoothed() else { return };
+        // A single packet's acknowledgement may be delayed.
+        let slack = if self.board.packets() == 1 { RTO_MIN } else { PROBE_SLACK };
+        let at = now.after(2 * smoothed + slack);
+        let last = self.board.oldest().map_or(at, |oldest| oldest.at.after(self.rtt.timeout()));
+        self.timers.tail = Some(if last > now { at.min(last) } else { at });
+    }
+
+    /// An acknowledgement came.
+    pub(super) fn acknowledge(&mut self, now: Instant, segment: &Segment, ack: u64) {
+        if ack > self.next || ack < self.acknowledged {
+            return;
+        }
+        let duplicate = duplicate(&segment.sacks, ack);
+        let advanced = ack > self.acknowledged;
+        self.acknowledged = ack;
+        let min_rtt = self.rtt.min();
+        let news = self.board.acknowledge(now, ack, &segment.sacks, min_rtt);
+        if let Some(sample) = news.rtt.or(news.latest_rtt) {
+            self.rtt.measure(now, sample, ack, self.next);
+        }
+        if advanced {
+            self.progress = now;
+            self.rtt.forgive();
+            self.timers.retransmit = (!self.board.is_empty()).then(|| now.after(self.rtt.timeout()));
+        }
+        self.judge_tail_probe(ack, &news, advanced, duplicate);
+        if duplicate && self.tail_probe.is_none() {
+            self.board.be_more_patient();
+        }
+        self.undo_if_spurious(segment, advanced, duplicate);
+        self.look_for_losses(now);
+        if self.state != State::Open && ack >= self.recovery_end {
+            if self.state == State::Recovery {
+                self.cwnd = self.threshold;
+            }
+            self.state = State::Open;
+        }
+        if self.state == State::Open && self.board.has_lost() {
+            self.enter_recovery();
+        }
+        match self.state {
+            State::Recovery => self.reduce(&news, advanced),
+            State::Open | State::Loss => self.grow(now, &news),
+        }
+        self.set_tail_timer(now);
+    }
+
+    fn look_for_losses(&mut self, now: Instant) {
+        let recovering = self.state != State::Open;
+        let wait = self.board.find_lost(now, recovering, self.rtt.min(), self.rtt.smoothed());
+        self.timers.reorder = wait.map(|wait| now.after(wait + PROBE_SLACK));
+    }
+
+    /// A probe for a lost tail that was data sent again repaired a loss, unless its acknowledgement says that it came twice.
+    fn judge_tail_probe(&mut self, ack: u64, news: &News, advanced: bool, duplicate: bool) {
+        let Some((end, again)) = self.tail_probe.filter(|(end, _)| ack >= *end) else { return };
+        let repaired = again && !duplicate && ack > end;
+        if repaired && self.state == State::Open {
+            // Congestion: less from now on, though nothing is left to repair.
+            self.threshold = self.cubic.after_loss(self.cwnd);
+            self.cwnd = self.threshold;
+        }
+        // Nothing new at all: the probe came twice, too.
+        if repaired || !again || duplicate || (!advanced && !news.sacked) {
+            self.tail_probe = None;
+        }
+    }
+
+    fn enter_recovery(&mut self) {
+        self.remember_for_undo();
+        self.reduction = Reduction { before: self.cwnd, ..Reduction::default() };
+        self.threshold = self.cubic.after_loss(self.cwnd);
+        self.recovery_end = self.next;
+        self.state = State::Recovery;
+        self.tail_probe = None;
+    }
+
+    fn remember_for_undo(&mut self) {
+        if self.board.repeated() == 0 {
+            self.repeating_since = None;
+        }
+        let repetitions = self.board.repeated();
+        self.undo = Some(Undo { cwnd: self.cwnd, threshold: self.threshold, repetitions });
+    }
+
+    /// Makes the window as large as it was, when everything that was repeated had arrived: the peer says so, or acknowledges what
+    /// was sent before.
+    fn undo_if_spurious(&mut self, segment: &Segment, advanced: bool, duplicate: bool) {
+        let recovering = self.state != State::Open;
+        let Some(undo) = &mut self.undo else { return };
+        if duplicate {
+            undo.repetitions = undo.repetitions.saturating_sub(1);
+        }
+        let since = self.repeating_since;
+        let all_twice = duplicate && since.is_some() && undo.repetitions == 0;
+        let older = recovering && advanced && since.is_some_and(|since| segment.echo < since);
+        if !all_twice && !older {
+            return;
+        }
+        self.cwnd = self.cwnd.max(undo.cwnd);
+        self.threshold = self.threshold.max(undo.threshold);
+        self.undo = None;
+        if recovering {
+            self.board.nothing_is_lost();
+            self.state = State::Open;
+        }
+    }
+
+    /// Proportional rate reduction: sends in proportion to what arrives, so that the window ends at the threshold.
+    fn reduce(&mut self, news: &News, advanced: bool) {
+        let flight = self.board.in_flight();
+        let reduction = &mut self.reduction;
+        reduction.delivered += news.delivered;
+        let allowed = if flight > self.threshold {
+            let share = u64::from(self.threshold) * u64::from(reduction.delivered);
+            let due = share.div_ceil(u64::from(reduction.before.max(1)));
+            u32::try_from(due).unwrap_or(u32::MAX).saturating_sub(reduction.sent)
+        } else {
+            let more = reduction.delivered.saturating_sub(reduction.sent).max(news.delivered);
+            (more + u32::from(advanced)).min(self.threshold - flight)
+        };
+        let least = u32::from(reduction.sent == 0);
+        self.cwnd = flight + allowed.max(least);
+    }
+
+    fn grow(&mut self, now: Instant, news: &News) {
+        if news.acknowledged == 0 {
+            return;
+        }
+        let Some(min_rtt) = self.rtt.min() else { return };
+        let slow_start = self.cwnd < self.threshold;
+        if slow_start
+            && let Some(rtt) = news.latest_rtt
+            && self.cubic.leaves_slow_start(
+                now,
+                Ack { acknowledged: self.acknowledged, next: self.next, rtt, min_rtt },
+                self.cwnd,
+            )
+        {
+            self.threshold = self.cwnd;
+        }
+        let used = if slow_start { self.cwnd < 2 * self.usage.most } else { self.usage.limited };
+        if !used {
+            return;
+        }
+        let mut acked = news.acknowledged;
+        if self.cwnd < self.threshold {
+            let step = acked.min(self.threshold - self.cwnd);
+            self.cwnd += step;
+            acked -= step;
+        }
+        if acked > 0 {
+            self.cwnd = self.cubic.grow(now, self.cwnd, acked, min_rtt);
+        }
+    }
+
+    /// The time has come that [`Sender::next_timeout`] named.
+    pub(super) fn expire(&mut self, now: Instant) {
+        let due = |timer: &mut Option<Instant>| timer.take_if(|at| *at <= now).is_some();
+        if due(&mut self.timers.reorder) {
+            self.look_for_losses(now);
+            if self.state == State::Open && self.board.has_lost() {
+                self.enter_recovery();
+                self.reduce(&News::default(), false);
+                self.timers.tail = None;
+            }
+        }
+        if due(&mut self.timers.tail) && !self.board.is_empty() {
+            self.probe_tail = true;
+            self.timers.retransmit = None;
+            return;
+        }
+        if due(&mut self.timers.persist) {
+            self.probe_window = true;
+            self.rtt.back_off();
+            self.timers.persist = Some(now.after(self.rtt.timeout()));
+        }
+        if due(&mut self.timers.retransmit) && !self.board.is_empty() {
+            self.time_out(now);
+        }
+    }
+
+    fn time_out(&mut self, now: Instant) {
+        if self.state != State::Loss {
+            self.remember_for_undo();
+            self.threshold = self.cubic.after_loss(self.cwnd);
+            self.cubic.reset();
+        }
+        self.state = State::Loss;
+        self.recovery_end = self.next;
+        self.tail_probe = None;
+        self.timers.tail = None;
+        self.board.give_up(now);
+        self.cwnd = self.board.in_flight() + 1;
+        self.rtt.back_off();
+        self.timers.retransmit = Some(now.after(self.rtt.timeout()));
+    }
+}
+
+/// Whether the first range reports something that came twice (RFC 2883, section 4).
+fn duplicate(sacks: &[Range], ack: u64) -> bool {
+    let Some(first) = sacks.first() else { return false };
+    let within = sacks.get(1).is_some_and(|second| second.from <= first.from && first.to <= second.to);
+    first.to <= ack || within
+}

@@ -1,0 +1,381 @@
+//! A connection: its beginning, its two halves, its end.
+
+use std::io;
+use std::time::Duration;
+
+use trimaran_transport::{Instant, TcpOptions};
+
+use super::receiver::Receiver;
+use super::segment::{Class, Segment, full_size};
+use super::sender::Sender;
+
+/// How long the first segment waits for its answer; doubled each time (RFC 6298).
+const FIRST_WAIT: Duration = Duration::from_secs(1);
+/// Linux's `tcp_syn_retries`.
+const FIRST_TRIES: u32 = 6;
+/// Linux's `tcp_keepalive_probes`.
+const PROBES: u32 = 9;
+
+/// Linux's `tcp_fin_timeout`.
+const FIN_TIMEOUT: Duration = Duration::from_secs(60);
+
+/// What a connection is set up with.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Config {
+    pub(crate) options: TcpOptions,
+    /// The largest IP packet of the way, and the bytes of its IP header.
+    pub(crate) mtu: u32,
+    pub(crate) ip_header: u32,
+}
+
+/// One end of a connection.
+#[derive(Debug)]
+pub(crate) struct Socket {
+    config: Config,
+    state: State,
+    sender: Sender,
+    receiver: Receiver,
+    /// The newest timestamp of the peer's, to be sent back.
+    echo: u64,
+    last_heard: Instant,
+    /// The program is gone: whatever comes finds nobody.
+    orphan: bool,
+    reset: Reset,
+    probes: u32,
+    probe: bool,
+    failure: Option<io::ErrorKind>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    /// The first segment, or the answer to one, is out; since when, how often, and whether it is to be sent now.
+    Opening {
+        answering: bool,
+        due: Instant,
+        tries: u32,
+        send: bool,
+        first: Instant,
+    },
+    Open,
+    Closed,
+}
+
+/// Whether the peer is told that the connection is no more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Reset {
+    No,
+    Due,
+    Done,
+}
+
+impl Socket {
+    /// An end that connects.
+    pub(crate) fn connect(now: Instant, config: Config) -> Self {
+        Self::new(now, config, false)
+    }
+
+    /// The end that answers a first segment.
+    pub(crate) fn accept(now: Instant, config: Config, syn: &Segment) -> Self {
+        let mut socket = Self::new(now, config, true);
+        socket.receiver = socket.fresh_receiver(syn.end());
+        socket.sender.set_window(0, syn.window);
+        socket.echo = syn.timestamp;
+        socket
+    }
+
+    fn new(now: Instant, config: Config, answering: bool) -> Self {
+        let Config { options, mtu, ip_header } = config;
+        let segment = full_size(mtu, ip_header);
+        Self {
+            config,
+            state: State::Opening { answering, due: now.after(FIRST_WAIT), tries: 0, send: true, first: now },
+            sender: Sender::new(1, segment, options.send_buffer, options.nodelay),
+            receiver: Receiver::new(1, segment, options.recv_buffer),
+            echo: 0,
+            last_heard: now,
+            orphan: false,
+            reset: Reset::No,
+            probes: 0,
+            probe: false,
+            failure: None,
+        }
+    }
+
+    fn fresh_receiver(&self, next: u64) -> Receiver {
+        Receiver::new(
+            next,
+            full_size(self.config.mtu, self.config.ip_header),
+            self.config.options.recv_buffer,
+        )
+    }
+
+    /// Whether the connection is made; not, or with what end, if it has ended.
+    pub(crate) const fn is_open(&self) -> bool {
+        matches!(self.state, State::Open)
+    }
+
+    /// Why it failed.
+    pub(crate) const fn failure(&self) -> Option<io::ErrorKind> {
+        self.failure
+    }
+
+    /// Whether nothing more will happen to it.
+    pub(crate) fn is_over(&self) -> bool {
+        match self.state {
+            State::Closed => self.reset != Reset::Due,
+            State::Open => {
+                self.orphan && self.sender.has_ended() && self.receiver.has_ended() && !self.receiver.ack_now
+            }
+            State::Opening { .. } => false,
+        }
+    }
+
+    /// Whether the program has left it.
+    pub(crate) const fn is_abandoned(&self) -> bool {
+        self.orphan
+    }
+
+    pub(crate) fn is_readable(&self) -> bool {
+        self.failure.is_some() || self.receiver.is_readable()
+    }
+
+    pub(crate) fn is_writable(&self) -> bool {
+        self.failure.is_some() || self.sender.has_much_room()
+    }
+
+    /// Reads; nothing is the end of the stream.
+    pub(crate) fn read(&mut self, now: Instant, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.receiver.read(now, buffer, self.sender.rtt.smoothed());
+        match self.failure {
+            Some(kind) if count == 0 && !self.receiver.has_ended() => Err(kind.into()),
+            _ => Ok(count),
+        }
+    }
+
+    /// Writes as much as there is room for.
+    pub(crate) fn write(&mut self, data: &[u8]) -> io::Result<usize> {
+        if let Some(kind) = self.failure {
+            // A connection that the peer reset is a broken pipe to whoever writes on.
+            let kind = if kind == io::ErrorKind::ConnectionReset { io::ErrorKind::BrokenPipe } else { kind };
+            return Err(kind.into());
+        }
+        let count = data.len().min(self.sender.room());
+        self.sender.write(data.get(..count).unwrap_or_default());
+        Ok(count)
+    }
+
+    /// The program writes nothing more.
+    pub(crate) const fn shutdown(&mut self) {
+        self.sender.close();
+    }
+
+    /// The program is gone. What it did not read is refused, which tells the peer.
+    pub(crate) fn close(&mut self) {
+        self.orphan = true;
+        if self.receiver.unread() > 0 {
+            self.abort();
+        } else {
+            self.sender.close();
+        }
+    }
+
+    fn abort(&mut self) {
+        self.state = State::Closed;
+        self.reset = Reset::Due;
+    }
+
+    fn fail(&mut self, kind: io::ErrorKind) {
+        self.state = State::Closed;
+        self.failure.get_or_insert(kind);
+    }
+
+    /// A segment came.
+    pub(crate) fn receive(&mut self, now: Instant, segment: &Segment) {
+        if segment.rst {
+            let refused = matches!(self.state, State::Opening { .. });
+            self.reset = Reset::Done;
+            self.fail(if refused {
+                io::ErrorKind::ConnectionRefused
+            } else {
+                io::ErrorKind::ConnectionReset
+            });
+            return;
+        }
+        self.last_heard = now;
+        self.probes = 0;
+        match self.state {
+            State::Closed => return,
+            State::Opening { answering, first, tries, .. } => {
+                let answered = segment.ack == Some(1);
+                if answering && segment.syn {
+                    return; // the answer is lost; it is repeated in time
+                }
+                if !answered {
+                    return;
+                }
+                if tries <= 1 {
+                    self.sender.rtt.measure(now, now.since(first), 1, 1);
+                }
+                self.state = State::Open;
+                if segment.syn {
+                    self.receiver = self.fresh_receiver(segment.end());
+                    self.receiver.ack_now = true;
+                }
+            }
+            State::Open if segment.syn => {
+                self.receiver.ack_now = true; // our acknowledgement of the peer's answer was lost
+                return;
+            }
+            State::Open => {}
+        }
+        if segment.seq <= self.receiver.next {
+            self.echo = self.echo.max(segment.timestamp);
+        }
+        if let Some(ack) = segment.ack {
+            self.sender.set_window(ack, segment.window);
+            self.sender.acknowledge(now, segment, ack);
+        }
+        if segment.syn {
+            return;
+        }
+        if self.orphan && segment.data.len() as u64 > 0 && segment.end() > self.receiver.next {
+            self.abort();
+            return;
+        }
+        if segment.length() > 0 || segment.seq < self.receiver.next {
+            let (rto, smoothed) = (self.sender.rtt.timeout(), self.sender.rtt.smoothed());
+            self.receiver.receive(now, segment, rto, smoothed);
+        }
+    }
+
+    /// So many bytes of this connection have left the machine.
+    pub(crate) const fn left(&mut self, bytes: u64) {
+        self.sender.left(bytes);
+    }
+
+    /// The next segment to be sent.
+    pub(crate) fn transmit(&mut self, now: Instant) -> Option<Segment> {
+        let mut segment =
+            Segment { timestamp: now.as_nanos() / 1_000_000, echo: self.echo, ..Segment::default() };
+        match &mut self.state {
+            State::Closed => {
+                if self.reset != Reset::Due {
+                    return None;
+                }
+                self.reset = Reset::Done;
+                (segment.seq, segment.rst, segment.class) = (self.sender.next, true, Class::Handshake);
+                return Some(segment);
+            }
+            State::Opening { answering, send, tries, .. } => {
+                if !std::mem::take(send) {
+                    return None;
+                }
+                *tries += 1;
+                (segment.syn, segment.class) = (true, Class::Handshake);
+                self.receiver.acknowledge(&mut segment);
+                segment.ack = segment.ack.filter(|_| *answering);
+                return Some(segment);
+            }
+            State::Open => {}
+        }
+        if let Some(out) = self.sender.transmit(now) {
+            (segment.seq, segment.data, segment.fin, segment.class) = (out.seq, out.data, out.fin, out.class);
+            if !segment.data.is_empty() {
+                self.receiver.acks.answered(now);
+            }
+            self.receiver.acknowledge(&mut segment);
+            self.sender.entered(self.ip_bytes(&segment));
+        } else if std::mem::take(&mut self.probe) {
+            (segment.seq, segment.class) = (self.sender.acknowledged - 1, Class::Probe);
+            self.receiver.acknowledge(&mut segment);
+        } else if self.receiver.ack_now {
+            (segment.seq, segment.class) = (self.sender.next, Class::Acknowledgement);
+            self.receiver.acknowledge(&mut segment);
+        } else {
+            return None;
+        }
+        Some(segment)
+    }
+
+    fn ip_bytes(&self, segment: &Segment) -> u64 {
+        u64::from(self.config.ip_header + segment.header()) + segment.data.len() as u64
+    }
+
+    /// When [`Socket::expire`] is to be called.
+    pub(crate) fn next_timeout(&self) -> Option<Instant> {
+        match self.state {
+            State::Closed => None,
+            State::Opening { due, .. } => Some(due),
+            State::Open => {
+                let Config { options, .. } = self.config;
+                let stale =
+                    options.user_timeout.and_then(|limit| Some(self.sender.waiting_since()?.after(limit)));
+                [
+                    self.sender.next_timeout(),
+                    self.receiver.acks.due(),
+                    self.next_probe(),
+                    self.deserted(),
+                    stale,
+                ]
+                .into_iter()
+                .flatten()
+                .min()
+            }
+        }
+    }
+
+    /// Time has passed.
+    pub(crate) fn expire(&mut self, now: Instant) {
+        match &mut self.state {
+            State::Closed => {}
+            State::Opening { due, tries, send, .. } => {
+                if now < *due {
+                    return;
+                }
+                if *tries > FIRST_TRIES {
+                    self.fail(io::ErrorKind::TimedOut);
+                    return;
+                }
+                *send = true;
+                *due = now.after(FIRST_WAIT * 2_u32.saturating_pow(*tries));
+            }
+            State::Open => self.expire_open(now),
+        }
+    }
+
+    fn expire_open(&mut self, now: Instant) {
+        let Config { options, .. } = self.config;
+        let waiting = self.sender.waiting_since();
+        if options.user_timeout.zip(waiting).is_some_and(|(limit, since)| since.after(limit) <= now) {
+            self.fail(io::ErrorKind::TimedOut);
+            return;
+        }
+        self.sender.expire(now);
+        if self.receiver.acks.due().is_some_and(|due| due <= now) {
+            self.receiver.acks.expired();
+            self.receiver.ack_now = true;
+        }
+        if self.deserted().is_some_and(|at| at <= now) {
+            self.state = State::Closed;
+        } else if self.next_probe().is_some_and(|at| at <= now) {
+            if self.probes >= PROBES {
+                self.fail(io::ErrorKind::TimedOut);
+                return;
+            }
+            self.probes += 1;
+            self.probe = true;
+        }
+    }
+
+    /// When an idle peer is asked whether it is still there.
+    fn next_probe(&self) -> Option<Instant> {
+        let keepalive = self.config.options.keepalive?;
+        let idle = !self.orphan && self.sender.waiting_since().is_none();
+        idle.then(|| self.last_heard.after(keepalive.idle + keepalive.interval * self.probes))
+    }
+
+    /// When a connection ends that the program has left and whose peer does not end it (Linux's `tcp_fin_timeout`).
+    fn deserted(&self) -> Option<Instant> {
+        (self.orphan && self.sender.has_ended()).then(|| self.last_heard.after(FIN_TIMEOUT))
+    }
+}
