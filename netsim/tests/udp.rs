@@ -1,0 +1,95 @@
+//! The project's own connection over datagrams in virtual time: the conformance suite, and the same run each time.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+#[path = "../../transport/tests/common/mod.rs"]
+mod common;
+#[path = "virtual_time/mod.rs"]
+#[macro_use]
+mod virtual_time;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use common::conformance::Pairs;
+use common::{camera, identity, ids, receive, start};
+use trimaran_netsim::link::{LinkModel, LinkTally, Loss, Probability, Rate};
+use trimaran_netsim::{SimNet, Simulation, Topology};
+use trimaran_proto::Role;
+use trimaran_transport::udp::{Trust, UdpOptions};
+use trimaran_transport::{Endpoint, Link, LinkConfig, Listener, Net, Options, connect};
+
+/// Two machines of a simulation.
+struct Udp {
+    here: SimNet,
+    there: SimNet,
+}
+
+impl Pairs for Udp {
+    const HEADER: u64 = 0;
+    const HANDSHAKE: u64 = 1;
+
+    async fn pair(&self, link: LinkConfig) -> (Link, Link) {
+        let udp = UdpOptions { trust: Trust::SharedKey([9; 32]), ..UdpOptions::default() };
+        let options = Options { link, udp, ..Options::default() };
+        let (here, there) = (self.net(), Arc::new(self.there.clone()) as Arc<dyn Net>);
+        let endpoint = "udp://0.0.0.0:0".parse().unwrap();
+        let mut listener = Listener::bind(&here, &endpoint, identity(Role::SwitchA), &options).await.unwrap();
+        let Endpoint::Udp(at) = listener.local_endpoint() else { panic!("not UDP") };
+        let endpoint = format!("udp://here:{}", at.port).parse().unwrap();
+        let soon = here.now().after(Duration::from_secs(60));
+        let (there, here) = tokio::join!(
+            connect(&there, &endpoint, identity(Role::Display), &options, soon),
+            listener.accept(soon),
+        );
+        (here.unwrap(), there.unwrap())
+    }
+
+    fn net(&self) -> Arc<dyn Net> {
+        Arc::new(self.here.clone())
+    }
+}
+
+fn machines(link: &LinkModel, seed: u64) -> (Simulation, Udp) {
+    let mut topology = Topology::new();
+    let (here, there) = (topology.host("here"), topology.host("there"));
+    topology.join(topology.node(here), topology.node(there), link.clone(), link.clone());
+    let simulation = Simulation::new(&topology, seed);
+    let pairs = Udp { here: simulation.net(here), there: simulation.net(there) };
+    (simulation, pairs)
+}
+
+conformance_in_virtual_time!(|| {
+    machines(&LinkModel::clean(Rate::new(1_000_000_000), Duration::from_micros(5)), 1)
+});
+
+/// Sends 50 frames of 4000 ids over a link that loses a hundredth of all packets. Gives the hash of the trace, when it was
+/// done, and how many packets were lost.
+fn lossy_session(seed: u64) -> (u64, u64, u64) {
+    let mut link = LinkModel::clean(Rate::new(100_000_000), Duration::from_millis(2));
+    link.conditions.loss = Loss::Independent(Probability::new(0.01).unwrap());
+    let (simulation, pairs) = machines(&link, seed);
+    simulation
+        .run(async {
+            let (mut a, mut display) = pairs.pair(LinkConfig::default()).await;
+            for frame in 0..50 {
+                display.latest_tx.publish(camera(frame)).unwrap();
+                a.frames_tx.begin(start(frame)).await.unwrap();
+                a.frames_tx.push(&ids(4000)).await.unwrap();
+                a.frames_tx.finish().await.unwrap();
+                assert_eq!(receive(&mut display.frames_rx).await.unwrap().ids, ids(4000));
+            }
+        })
+        .unwrap();
+    let links = simulation.links();
+    assert!(links.iter().all(LinkTally::is_balanced));
+    let lost = links.iter().map(|link| link.dropped.lost.packets).sum();
+    (simulation.trace_hash(), simulation.now().as_nanos(), lost)
+}
+
+#[test]
+fn the_same_seed_gives_the_same_packets_at_the_same_nanoseconds() {
+    let first = lossy_session(7);
+    assert!(first.2 > 5, "nothing was lost: {first:?}");
+    assert_eq!(lossy_session(7), first);
+    assert_ne!(lossy_session(8).0, first.0);
+}
