@@ -344,10 +344,11 @@ struct LongSession {
 }
 
 impl LongSession {
-    fn start(bench: &Bench) -> Self {
+    fn start(bench: &Bench, link: &str) -> Self {
         let args =
-            ["run", "plant.scene", "--link", "tcp", "--out", "long", "--frames", "100000", "--size", "64x64"];
+            ["run", "plant.scene", "--link", link, "--out", "long", "--frames", "100000", "--size", "64x64"];
         let mut command = bench.command(&args);
+        command.env("TRIMARAN_LINK_LEASE_S", "4");
         command.args(["--audit-every", "0"]).env("TRIMARAN_LOG", "info").stderr(Stdio::piped());
         let mut display = command.spawn().unwrap();
         // The pair shares the display's standard error, and each machine says when it has joined.
@@ -401,16 +402,27 @@ fn a_pair_that_cannot_start_is_not_waited_for() {
 #[test]
 fn when_a_machine_of_the_pair_is_killed_the_session_ends_and_says_which() {
     let bench = Bench::with_plant();
-    let session = LongSession::start(&bench);
+    let session = LongSession::start(&bench, "tcp");
     signal("-KILL", &session.pair[0]);
     expect(&session.end(), 1, &["switch", "lost"]);
     assert!(!bench.path("long/report.json").exists());
 }
 
 #[test]
+fn a_machine_of_the_pair_that_hangs_is_noticed_within_the_lease() {
+    let bench = Bench::with_plant();
+    for link in ["unix", "tcp", "quic"] {
+        let session = LongSession::start(&bench, link);
+        // Its connections stand, and the system under it answers for it.
+        signal("-STOP", &session.pair[1]);
+        expect(&session.end(), 1, &["switch", "lost", "no sign of life"]);
+    }
+}
+
+#[test]
 fn an_interrupted_session_reports_what_it_walked() {
     let bench = Bench::with_plant();
-    let session = LongSession::start(&bench);
+    let session = LongSession::start(&bench, "tcp");
     signal("-INT", &session.display.id().to_string());
     let ended = session.end();
     if ended.status.success() {

@@ -22,6 +22,8 @@ pub enum Kind {
     Refuse = 0x03,
     /// The peer leaves, and why.
     Goodbye = 0x04,
+    /// The sender has nothing to say, and lives.
+    Alive = 0x05,
     /// A camera on the latest lane.
     Camera = 0x10,
     /// A camera and its number, where the latest lane has no order of its own.
@@ -40,11 +42,12 @@ pub enum Kind {
 
 impl Kind {
     /// Every kind, in the order of the codes.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Hello,
         Self::Accept,
         Self::Refuse,
         Self::Goodbye,
+        Self::Alive,
         Self::Camera,
         Self::Numbered,
         Self::Begin,
@@ -74,6 +77,7 @@ impl Kind {
             Self::Hello | Self::Accept => 2..=256,
             Self::Refuse => 2..=512,
             Self::Goodbye => 1..=256,
+            Self::Alive => 0..=0,
             Self::Camera => Camera::SIZE..=Camera::SIZE,
             Self::Numbered => NumberedCamera::SIZE..=NumberedCamera::SIZE,
             Self::Begin => 4 + Camera::SIZE..=4 + Camera::SIZE,
@@ -99,6 +103,7 @@ impl fmt::Display for Kind {
             Self::Accept => "accept",
             Self::Refuse => "refuse",
             Self::Goodbye => "goodbye",
+            Self::Alive => "sign of life",
             Self::Camera => "camera",
             Self::Numbered => "numbered camera",
             Self::Begin => "begin",

@@ -24,6 +24,8 @@ pub enum Message {
     Refuse(Refusal),
     /// The peer leaves.
     Goodbye(Goodbye),
+    /// The peer has nothing to say, and lives.
+    Alive,
     /// A camera on the latest lane.
     Camera(Camera),
     /// A camera on a latest lane that has no order of its own.
@@ -43,6 +45,7 @@ impl Message {
             Self::Accept(_) => Kind::Accept,
             Self::Refuse(_) => Kind::Refuse,
             Self::Goodbye(_) => Kind::Goodbye,
+            Self::Alive => Kind::Alive,
             Self::Camera(_) => Kind::Camera,
             Self::Numbered(_) => Kind::Numbered,
             Self::Frame(FrameMessage::Begin(_)) => Kind::Begin,
@@ -67,6 +70,7 @@ impl Message {
                 put_control(out, Kind::Refuse, &ProtocolVersion::CURRENT.0.to_le_bytes(), refusal);
             }
             Self::Goodbye(goodbye) => put_control(out, Kind::Goodbye, &[], goodbye),
+            Self::Alive => out.put_slice(&Kind::Alive.header(0)),
             Self::Camera(camera) => {
                 out.put_slice(&Kind::Camera.header(Camera::SIZE));
                 out.put_slice(&camera.to_bytes());
@@ -105,6 +109,7 @@ impl Message {
             Kind::Accept => parse_control(kind, &payload).map(Self::Accept),
             Kind::Refuse => parse_refusal(&payload),
             Kind::Goodbye => parse_control(kind, &payload).map(Self::Goodbye),
+            Kind::Alive => Ok(Self::Alive),
             Kind::Camera => parse_camera(kind, &payload).map(Self::Camera),
             Kind::Numbered => {
                 let bytes = payload.first_chunk().ok_or(DecodeFault::Short { kind })?;

@@ -44,6 +44,7 @@ fn control() -> impl Strategy<Value = Message> {
             Message::Hello(identity.hello(SessionId(session), lane))
         }),
         goodbye.prop_map(Message::Goodbye),
+        Just(Message::Alive),
         refusal.prop_map(Message::Refuse),
         camera().prop_map(Message::Camera),
     ]

@@ -91,6 +91,7 @@ fn messages() -> Vec<(&'static str, Message)> {
         ("accept", Message::Accept(Accept { identity: switch() })),
         ("refuse", Message::Refuse(refusal)),
         ("goodbye", Message::Goodbye(Goodbye::failed("no GPU"))),
+        ("sign-of-life", Message::Alive),
         ("camera", Message::Camera(camera())),
         ("numbered-camera", Message::Numbered(NumberedCamera { number: CameraNumber(5), camera: camera() })),
     ];

@@ -19,6 +19,10 @@ pub struct LinkConfig {
     /// How long any one wait for a peer may last once it has joined, seconds: longer than its longest pause, loading included.
     #[config(env = "TRIMARAN_LINK_PATIENCE_S", default = 30.0, validate = seconds, layer_attr(arg(long = "link-patience", id = "link_patience_s", value_name = "S")))]
     pub patience_s: f64,
+    /// The silence after which a peer counts as lost, seconds: its process shows signs of life while it has nothing to say. The same for
+    /// all roles.
+    #[config(env = "TRIMARAN_LINK_LEASE_S", default = 20.0, validate = lease, layer_attr(arg(long = "link-lease", value_name = "S")))]
+    pub lease_s: f64,
     /// How long one handshake may take, seconds.
     #[config(env = "TRIMARAN_LINK_HANDSHAKE_S", default = 5.0, validate = seconds, layer_attr(arg(long = "link-handshake", value_name = "S")))]
     pub handshake_s: f64,
@@ -68,6 +72,12 @@ pub struct QuicConfig {
     pub socket_buffer: usize,
 }
 
+/// A lease that can be kept.
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "as the derived code calls it")]
+fn lease(seconds: &f64) -> Result<(), &'static str> {
+    if (0.1..=86_400.0).contains(seconds) { Ok(()) } else { Err("give 0.1 to 86400 seconds") }
+}
+
 impl LinkConfig {
     /// What the transports make of it, for a link that `security` guards.
     #[must_use]
@@ -76,7 +86,11 @@ impl LinkConfig {
         let defaults = Options::default();
         let buffer = Some(self.quic.socket_buffer);
         Options {
-            link: trimaran_transport::LinkConfig { patience: duration(self.patience_s), ..defaults.link },
+            link: trimaran_transport::LinkConfig {
+                patience: duration(self.patience_s),
+                lease: duration(self.lease_s),
+                ..defaults.link
+            },
             handshake: duration(self.handshake_s),
             limits: Limits { peers: self.peers, handshakes: self.handshakes },
             security,

@@ -105,6 +105,11 @@ pub enum Loss {
         /// How much of the message had come.
         bytes: usize,
     },
+    /// Nothing came within the lease, not even a sign of life.
+    #[error(
+        "no sign of life came from it within the lease: its machine, its process or the way to it is gone or hangs"
+    )]
+    Silent,
     /// The system reports an error.
     #[error(transparent)]
     Io(io::Error),
@@ -152,6 +157,7 @@ impl LaneError {
             Self::Lost(cause) => RecvError::Lost { peer, cause },
             Self::Expired(Expired::Deadline) => RecvError::Deadline { peer },
             Self::Expired(Expired::Patience) => RecvError::Silent { peer, waited: patience },
+            Self::Expired(Expired::Lease) => RecvError::Lost { peer, cause: Loss::Silent },
             Self::Protocol(cause) => RecvError::Protocol { peer, cause },
         }
     }

@@ -91,6 +91,7 @@ impl From<LaneError> for HandshakeError {
         match error {
             LaneError::Lost(Loss::Io(e)) => Self::Io(e),
             LaneError::Lost(Loss::Closed | Loss::Cut { .. }) => Self::Closed,
+            LaneError::Lost(Loss::Silent) => Self::TimedOut,
             LaneError::Protocol(ProtocolError::Decode(e)) => Self::Decode(e),
             LaneError::Protocol(ProtocolError::Misplaced { kind, .. }) => Self::Unexpected { kind },
             LaneError::Protocol(ProtocolError::Frame(_) | ProtocolError::Datagrams(_)) => {

@@ -124,6 +124,10 @@ pub struct LinkConfig {
     /// How long any one wait for the peer may last: longer than the peer's longest pause between two messages, loading and
     /// first frame included. Default 30 s.
     pub patience: Duration,
+    /// The silence after which the peer counts as lost, whatever the transport: it shows signs of life while it has nothing to say, as
+    /// long as its process runs. Time in which nobody waits for the peer does not count. Both sides should have the same, or
+    /// 20 s and more. Default 20 s.
+    pub lease: Duration,
     /// How many ids travel in a batch at most, where neither peer's settings say so.
     pub batch: BatchSize,
     /// How ids travel, where neither peer's settings say so. Within one process they are not coded.
@@ -139,11 +143,21 @@ pub(crate) struct Batching {
 
 impl Default for LinkConfig {
     fn default() -> Self {
-        Self { patience: Duration::from_secs(30), batch: BatchSize::default(), coding: IdCoding::default() }
+        Self {
+            patience: Duration::from_secs(30),
+            lease: Duration::from_secs(20),
+            batch: BatchSize::default(),
+            coding: IdCoding::default(),
+        }
     }
 }
 
 impl LinkConfig {
+    /// The pause after which a lane that has nothing to say shows a sign of life: often enough for a peer of the default lease.
+    pub(crate) fn keepalive(&self) -> Duration {
+        (self.lease / 4).min(Duration::from_secs(5))
+    }
+
     /// How ids travel between these two: the display's settings decide.
     pub(crate) fn batching_between(&self, ours: &Identity, theirs: &Identity) -> Batching {
         let own = Batching { size: self.batch, coding: self.coding };
@@ -193,7 +207,7 @@ pub(crate) struct Parts {
 impl Parts {
     pub(crate) fn into_link(self, net: &Arc<dyn Net>, config: &LinkConfig) -> Link {
         let Self { latest, frames, peer, capabilities, shared, batching } = self;
-        let patience = || Patience::new(net, config.patience);
+        let patience = || Patience::new(net, config.patience, config.lease);
         Link {
             peer,
             capabilities,

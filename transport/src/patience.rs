@@ -1,4 +1,4 @@
-//! How long a link waits for its peer.
+//! How long a link waits for its peer: by patience for what it is to say, and by lease for a sign of life.
 
 use std::fmt;
 use std::future::poll_fn;
@@ -16,10 +16,19 @@ use crate::net::{Instant, Net, Timer};
 pub(crate) struct Patience {
     net: Arc<dyn Net>,
     limit: Duration,
+    lease: Duration,
+    /// How long this half has listened since it last heard anything.
+    quiet: Duration,
     timer: Box<dyn Timer>,
     /// When the timer rings. It may ring early for a later wait, which then sets it again: so the timer is set about once
     /// per `limit`, not once per message.
     armed: Option<Instant>,
+}
+
+/// A wait that is made of several: for each part of what is to come, and past signs of life.
+#[derive(Debug, Default)]
+pub(crate) struct Wait {
+    end: Option<(Instant, Expired)>,
 }
 
 /// A wait that took too long.
@@ -29,6 +38,8 @@ pub(crate) enum Expired {
     Patience,
     /// The deadline of the call came.
     Deadline,
+    /// Not even a sign of life came.
+    Lease,
 }
 
 impl fmt::Debug for Patience {
@@ -38,8 +49,9 @@ impl fmt::Debug for Patience {
 }
 
 impl Patience {
-    pub(crate) fn new(net: &Arc<dyn Net>, limit: Duration) -> Self {
-        Self { net: Arc::clone(net), limit, timer: net.timer(), armed: None }
+    pub(crate) fn new(net: &Arc<dyn Net>, limit: Duration, lease: Duration) -> Self {
+        let quiet = Duration::ZERO;
+        Self { net: Arc::clone(net), limit, lease, quiet, timer: net.timer(), armed: None }
     }
 
     pub(crate) const fn limit(&self) -> Duration {
@@ -57,21 +69,56 @@ impl Patience {
         future: F,
     ) -> Result<F::Output, Expired> {
         let mut future = pin!(future);
-        let mut end = None;
+        let mut wait = Wait::default();
         poll_fn(|cx| {
             if let Poll::Ready(output) = future.as_mut().poll(cx) {
                 return Poll::Ready(Ok(output));
             }
-            let (at, why) = *end.get_or_insert_with(|| {
-                let patience = self.net.now().after(self.limit);
-                match by {
-                    Some(by) if by < patience => (by, Expired::Deadline),
-                    _ => (patience, Expired::Patience),
-                }
-            });
+            let (at, why) = self.end(&mut wait, by);
             self.poll_reached(at, cx).map(|()| Err(why))
         })
         .await
+    }
+
+    /// What `future` hears of the peer: as [`Patience::wait`] for all that `wait` is made of, and only as long as the lease lasts.
+    ///
+    /// The lease counts the time in which this half listens, over several waits if need be: while its owner does something else,
+    /// signs of life lie unread and are no less there.
+    pub(crate) async fn hear<F: Future>(
+        &mut self,
+        wait: &mut Wait,
+        by: Option<Instant>,
+        future: F,
+    ) -> Result<F::Output, Expired> {
+        let mut future = pin!(future);
+        let mut since = None;
+        let heard = poll_fn(|cx| {
+            if let Poll::Ready(output) = future.as_mut().poll(cx) {
+                return Poll::Ready(Ok(output));
+            }
+            let begun = *since.get_or_insert_with(|| self.net.now());
+            let end = self.end(wait, by);
+            let lease = begun.after(self.lease.saturating_sub(self.quiet));
+            let (at, why) = if lease < end.0 { (lease, Expired::Lease) } else { end };
+            self.poll_reached(at, cx).map(|()| Err(why))
+        })
+        .await;
+        self.quiet = match (&heard, since) {
+            (Err(_), Some(since)) => self.quiet + self.net.now().since(since),
+            _ => Duration::ZERO,
+        };
+        heard
+    }
+
+    /// When a wait ends, and why: told when it is first needed, because most waits are over at once.
+    fn end(&self, wait: &mut Wait, by: Option<Instant>) -> (Instant, Expired) {
+        *wait.end.get_or_insert_with(|| {
+            let patience = self.net.now().after(self.limit);
+            match by {
+                Some(by) if by < patience => (by, Expired::Deadline),
+                _ => (patience, Expired::Patience),
+            }
+        })
     }
 
     fn poll_reached(&mut self, at: Instant, cx: &mut Context<'_>) -> Poll<()> {
@@ -95,6 +142,8 @@ mod tests {
     use crate::TokioNet;
     use crate::net::sleep_until;
 
+    const LEASE: Duration = Duration::from_secs(20);
+
     fn net() -> Arc<dyn Net> {
         Arc::new(TokioNet::current().unwrap())
     }
@@ -102,7 +151,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn each_wait_has_the_whole_patience() {
         let net = net();
-        let mut patience = Patience::new(&net, Duration::from_millis(100));
+        let mut patience = Patience::new(&net, Duration::from_millis(100), LEASE);
         for _ in 0..5 {
             let soon = net.now().after(Duration::from_millis(90));
             assert_eq!(patience.wait(None, sleep_until(&*net, soon)).await, Ok(()));
@@ -116,7 +165,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn a_deadline_cuts_a_wait_short_and_only_that_one() {
         let net = net();
-        let mut patience = Patience::new(&net, Duration::from_secs(10));
+        let mut patience = Patience::new(&net, Duration::from_secs(10), LEASE);
         let start = net.now();
         let by = start.after(Duration::from_millis(50));
         let never = std::future::pending::<()>();
@@ -129,10 +178,44 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn a_deadline_in_the_past_still_takes_what_is_there() {
         let net = net();
-        let mut patience = Patience::new(&net, Duration::from_secs(10));
+        let mut patience = Patience::new(&net, Duration::from_secs(10), LEASE);
         let past = Instant::from_nanos(0);
         assert_eq!(patience.wait(Some(past), std::future::ready(7)).await, Ok(7));
         let never = std::future::pending::<()>();
         assert_eq!(patience.wait(Some(past), never).await, Err(Expired::Deadline));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn signs_of_life_renew_the_lease_and_not_the_patience() {
+        let net = net();
+        let mut patience = Patience::new(&net, Duration::from_secs(100), LEASE);
+        let (start, mut wait, mut signs) = (net.now(), Wait::default(), 0);
+        let end = loop {
+            let soon = net.now().after(Duration::from_secs(19));
+            match patience.hear(&mut wait, None, sleep_until(&*net, soon)).await {
+                Ok(()) => signs += 1,
+                Err(end) => break end,
+            }
+        };
+        assert_eq!((end, signs), (Expired::Patience, 5));
+        assert!(net.now().since(start) >= Duration::from_secs(100));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn the_lease_counts_while_somebody_listens() {
+        let net = net();
+        let mut patience = Patience::new(&net, Duration::from_secs(100), LEASE);
+        let mut listened = 0;
+        let end = loop {
+            let by = net.now().after(Duration::from_secs(3));
+            let never = std::future::pending::<()>();
+            match patience.hear(&mut Wait::default(), Some(by), never).await {
+                Err(Expired::Deadline) => listened += 3,
+                end => break end,
+            }
+            // Busy elsewhere for longer than the lease.
+            sleep_until(&*net, net.now().after(LEASE * 2)).await;
+        };
+        assert_eq!((end, listened), (Err(Expired::Lease), 18));
     }
 }

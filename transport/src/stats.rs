@@ -28,7 +28,7 @@ pub struct Traffic {
     pub id_count: u64,
     /// Ends of frames (EOF).
     pub end: Tally,
-    /// Handshake, goodbye and statistics; within one process these have no size.
+    /// Handshake, goodbye, signs of life and statistics; within one process these have no size.
     pub control: Tally,
     /// The bytes of this protocol's own headers; those of TCP, IP and Ethernet are not seen from here. 0 where messages have no
     /// headers of their own: in one process, and over datagrams.
@@ -202,7 +202,9 @@ impl Direction {
             Kind::Begin => &self.begin,
             Kind::Ids | Kind::Coded => &self.ids,
             Kind::End => &self.end,
-            Kind::Hello | Kind::Accept | Kind::Refuse | Kind::Goodbye | Kind::Stats => &self.control,
+            Kind::Hello | Kind::Accept | Kind::Refuse | Kind::Goodbye | Kind::Alive | Kind::Stats => {
+                &self.control
+            }
         };
         tally.messages.fetch_add(1, Ordering::Relaxed);
         tally.bytes.fetch_add(bytes as u64, Ordering::Relaxed);

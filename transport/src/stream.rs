@@ -5,6 +5,7 @@ mod frames;
 mod handshake;
 mod introduce;
 mod latest;
+mod pulse;
 mod source;
 
 pub(crate) use desk::serve;

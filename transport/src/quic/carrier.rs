@@ -58,6 +58,7 @@ pub(crate) async fn all_arrived(streams: impl IntoIterator<Item = &SendStream>) 
 pub(crate) fn loss(error: ConnectionError) -> Loss {
     match error {
         ConnectionError::ApplicationClosed(_) | ConnectionError::LocallyClosed => Loss::Closed,
+        ConnectionError::TimedOut => Loss::Silent,
         other => Loss::Io(other.into()),
     }
 }

@@ -44,7 +44,7 @@ async fn introduce(
     let crypto = tls::client(keys, &doorman).map_err(|e| failed(e.into()))?;
     let crypto = QuicClientConfig::try_from(crypto).map_err(|e| refused(io::Error::other(e)))?;
     let mut config = ClientConfig::new(Arc::new(crypto));
-    config.transport_config(options.quic.transport());
+    config.transport_config(options.quic.transport(&options.link));
     let here: SocketAddr = match to {
         SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
         SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),

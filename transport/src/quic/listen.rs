@@ -38,7 +38,7 @@ fn server(desk: &Desk, security: &Security) -> Result<(ServerConfig, Arc<Doorman
     let mut config = ServerConfig::with_crypto(Arc::new(crypto));
     let handshakes = desk.options.limits.handshakes;
     config
-        .transport_config(desk.options.quic.transport())
+        .transport_config(desk.options.quic.transport(&desk.options.link))
         .max_incoming(handshakes)
         .incoming_buffer_size(WAITING)
         .incoming_buffer_size_total(WAITING * handshakes as u64);

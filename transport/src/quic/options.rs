@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use trimaran_proto::NumberedCamera;
 
-use crate::UdpSocketOptions;
+use crate::{LinkConfig, UdpSocketOptions};
 
 /// Room for the one camera that waits to be sent: the next one takes its place. quinn counts 32 bytes of its own a datagram.
 const DATAGRAM_ROOM: usize = NumberedCamera::SIZE + size_of::<bytes::Bytes>();
@@ -22,10 +22,6 @@ const CAMERAS: usize = 16;
 pub struct QuicOptions {
     /// How the connection shares the way with others. Default cubic.
     pub congestion: Congestion,
-    /// The pause after which an idle connection shows a sign of life. Default 5 s.
-    pub keepalive: Duration,
-    /// The silence after which the peer's machine counts as dead. Default 20 s.
-    pub idle: Duration,
     /// What the first packets take the round trip to be, before it is measured: a third of the pause after which they are
     /// sent again. Default 100 ms.
     pub initial_rtt: Duration,
@@ -104,8 +100,6 @@ impl Default for QuicOptions {
     fn default() -> Self {
         Self {
             congestion: Congestion::default(),
-            keepalive: Duration::from_secs(5),
-            idle: Duration::from_secs(20),
             initial_rtt: Duration::from_millis(100),
             window: 8 << 20,
             frames: 64,
@@ -117,13 +111,13 @@ impl Default for QuicOptions {
 }
 
 impl QuicOptions {
-    pub(crate) fn transport(&self) -> Arc<TransportConfig> {
+    pub(crate) fn transport(&self, link: &LinkConfig) -> Arc<TransportConfig> {
         let mut config = TransportConfig::default();
         // A hundred years of silence are as good as for ever.
-        let idle = IdleTimeout::try_from(self.idle).ok();
+        let idle = IdleTimeout::try_from(link.lease).ok();
         config
             .max_idle_timeout(idle)
-            .keep_alive_interval(Some(self.keepalive))
+            .keep_alive_interval(Some(link.keepalive()))
             .initial_rtt(self.initial_rtt)
             .stream_receive_window(VarInt::from_u32(self.window))
             .receive_window(VarInt::from_u32(self.window))

@@ -1,37 +1,66 @@
 //! The frames lane over a byte stream of its own.
 
 use std::future::poll_fn;
+use std::mem;
+use std::sync::{Arc, Mutex};
+use std::task::{Context, Waker};
 
 use trimaran_proto::{FrameMessage, Goodbye, IdDecoder, Lane, Message};
 
+use super::pulse::Pulse;
 use super::source::{Sink, Source};
+use crate::desk::lock;
 use crate::error::{LaneError, LaneSendError, Loss, misplaced};
 use crate::link::Shared;
 use crate::net::Instant;
-use crate::patience::Patience;
+use crate::patience::{Patience, Wait};
+use crate::stats::Counters;
 
 /// How much is read at once: whole frames, mostly.
 const ROOM: usize = 64 * 1024;
 
 #[derive(Debug)]
 pub(crate) struct FrameTx {
+    outlet: Arc<Outlet>,
+}
+
+/// What the lane's owner writes to, and its pulse while the owner has nothing to say.
+#[derive(Debug)]
+pub(super) struct Outlet {
+    state: Mutex<State>,
+    counters: Arc<Counters>,
+}
+
+#[derive(Debug)]
+struct State {
     sink: Sink,
+    /// The owner waits for room. Nobody else may write then, because a stream wakes only who polled it last.
+    waiting: bool,
+    /// Something was said since the last beat.
+    spoke: bool,
+    closed: bool,
 }
 
 impl FrameTx {
-    pub(crate) const fn new(sink: Sink) -> Self {
-        Self { sink }
+    pub(crate) fn new(sink: Sink, counters: &Arc<Counters>) -> Self {
+        let state = Mutex::new(State { sink, waiting: false, spoke: false, closed: false });
+        Self { outlet: Arc::new(Outlet { state, counters: Arc::clone(counters) }) }
+    }
+
+    pub(super) fn outlet(&self) -> &Arc<Outlet> {
+        &self.outlet
     }
 
     pub(crate) fn stage(&mut self, message: &Message, shared: &Shared) {
-        self.sink.stage(message, &shared.counters.sent);
+        lock(&self.outlet.state).sink.stage(message, &shared.counters.sent);
     }
 
     /// Writes what is staged. Whatever the peer takes starts the patience anew.
     pub(crate) async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
-        while !self.sink.is_drained() {
+        let turn = Turn::take(&self.outlet);
+        while !lock(&turn.state).sink.is_drained() {
             patience
-                .wait(None, poll_fn(|cx| self.sink.poll_write(cx)))
+                .wait(None, poll_fn(|cx| lock(&turn.state).sink.poll_write(cx)))
                 .await
                 .map_err(|_| LaneSendError::Stalled)?
                 .map_err(|e| LaneSendError::Lost(Loss::Io(e)))?;
@@ -41,11 +70,57 @@ impl FrameTx {
 
     /// Tells the peer that nothing more comes.
     pub(crate) async fn close(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
+        lock(&self.outlet.state).closed = true;
         patience
-            .wait(None, poll_fn(|cx| self.sink.poll_shutdown(cx)))
+            .wait(None, poll_fn(|cx| lock(&self.outlet.state).sink.poll_shutdown(cx)))
             .await
             .map_err(|_| LaneSendError::Stalled)?
             .map_err(|e| LaneSendError::Lost(Loss::Io(e)))
+    }
+}
+
+/// The owner's turn to write, which ends when its future does, finished or not.
+struct Turn<'o>(&'o Outlet);
+
+impl<'o> Turn<'o> {
+    fn take(outlet: &'o Outlet) -> Self {
+        let mut state = lock(&outlet.state);
+        state.waiting = true;
+        state.spoke = true;
+        drop(state);
+        Self(outlet)
+    }
+}
+
+impl std::ops::Deref for Turn<'_> {
+    type Target = Outlet;
+
+    fn deref(&self) -> &Outlet {
+        self.0
+    }
+}
+
+impl Drop for Turn<'_> {
+    fn drop(&mut self) {
+        lock(&self.0.state).waiting = false;
+    }
+}
+
+impl Pulse for Outlet {
+    fn beat(&self) -> bool {
+        let mut state = lock(&self.state);
+        if state.closed {
+            return false;
+        }
+        if state.waiting || mem::take(&mut state.spoke) {
+            return true;
+        }
+        if state.sink.is_drained() {
+            state.sink.stage(&Message::Alive, &self.counters.sent);
+        }
+        // What the stream does not take now goes with what is said next; an error shows then.
+        let _later = state.sink.poll_write(&mut Context::from_waker(Waker::noop()));
+        true
     }
 }
 
@@ -70,6 +145,7 @@ impl FrameRx {
         if let Some(reason) = &self.farewell {
             return Err(LaneError::Goodbye(reason.clone()));
         }
+        let mut wait = Wait::default();
         loop {
             match self.source.next_buffered(&shared.counters.received)? {
                 Some(Message::Frame(message)) => return Ok(self.decoder.plain(message)),
@@ -80,10 +156,11 @@ impl FrameRx {
                     self.farewell = Some(reason.clone());
                     return Err(LaneError::Goodbye(reason));
                 }
+                Some(Message::Alive) => {}
                 Some(other) => return Err(misplaced(other.kind(), Lane::Frames)),
                 None => {
                     patience
-                        .wait(by, poll_fn(|cx| self.source.poll_fill(cx)))
+                        .hear(&mut wait, by, poll_fn(|cx| self.source.poll_fill(cx)))
                         .await
                         .map_err(LaneError::Expired)??;
                 }

@@ -2,17 +2,19 @@
 
 use std::future::poll_fn;
 use std::io;
+use std::mem;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Waker, ready};
 
 use tokio::sync::Notify;
 use trimaran_proto::{Camera, Goodbye, Lane, Message};
 
+use super::pulse::Pulse;
 use super::source::{Sink, Source};
 use crate::error::{LaneError, LaneSendError, Loss, misplaced};
 use crate::link::Shared;
 use crate::net::{Instant, Net};
-use crate::patience::Patience;
+use crate::patience::{Patience, Wait};
 
 /// How much is read at once: some fifty cameras.
 const ROOM: usize = 4 * 1024;
@@ -29,7 +31,7 @@ pub(crate) struct LatestTx {
 }
 
 #[derive(Debug)]
-struct Cell {
+pub(super) struct Cell {
     outgoing: Mutex<Outgoing>,
     /// Rings when the task is done.
     idle: Notify,
@@ -42,6 +44,12 @@ struct Outgoing {
     /// The newest camera, while older bytes are still being written.
     newest: Option<Camera>,
     farewell: Option<Goodbye>,
+    /// A sign of life is due.
+    alive: bool,
+    /// Something was said since the last beat.
+    spoke: bool,
+    /// Nothing follows the farewell.
+    left: bool,
     /// A task writes; nobody else may, because a stream wakes only who polled it last.
     busy: bool,
     failed: Option<io::ErrorKind>,
@@ -49,9 +57,22 @@ struct Outgoing {
 
 impl LatestTx {
     pub(crate) fn new(net: &Arc<dyn Net>, sink: Sink, shared: Shared) -> Self {
-        let outgoing = Outgoing { sink, newest: None, farewell: None, busy: false, failed: None };
+        let outgoing = Outgoing {
+            sink,
+            newest: None,
+            farewell: None,
+            alive: false,
+            spoke: false,
+            left: false,
+            busy: false,
+            failed: None,
+        };
         let cell = Cell { outgoing: Mutex::new(outgoing), idle: Notify::new(), shared };
         Self { net: Arc::clone(net), cell: Arc::new(cell) }
+    }
+
+    pub(super) fn cell(&self) -> &Arc<Cell> {
+        &self.cell
     }
 
     pub(crate) fn publish(&mut self, camera: Camera) -> Result<(), LaneSendError> {
@@ -63,7 +84,10 @@ impl LatestTx {
         reason: Goodbye,
         patience: &mut Patience,
     ) -> Result<(), LaneSendError> {
-        self.send(|outgoing| outgoing.farewell = Some(reason))?;
+        self.send(|outgoing| {
+            outgoing.farewell = Some(reason);
+            outgoing.left = true;
+        })?;
         loop {
             // Made before the look, so that a task that ends in between is not missed.
             let idle = self.cell.idle.notified();
@@ -82,6 +106,7 @@ impl LatestTx {
         let mut outgoing = self.cell.lock();
         outgoing.check()?;
         put(&mut outgoing);
+        outgoing.spoke = true;
         if outgoing.busy {
             return Ok(());
         }
@@ -123,12 +148,29 @@ impl Cell {
             let counts = &self.shared.counters.sent;
             if let Some(camera) = outgoing.newest.take() {
                 outgoing.sink.stage(&Message::Camera(camera), counts);
+            } else if mem::take(&mut outgoing.alive) {
+                outgoing.sink.stage(&Message::Alive, counts);
             } else if let Some(reason) = outgoing.farewell.take() {
                 outgoing.sink.stage(&Message::Goodbye(reason), counts);
             } else {
                 return Poll::Ready(());
             }
         }
+    }
+}
+
+impl Pulse for Cell {
+    fn beat(&self) -> bool {
+        let mut outgoing = self.lock();
+        if outgoing.left || outgoing.failed.is_some() {
+            return false;
+        }
+        if !outgoing.busy && !mem::take(&mut outgoing.spoke) {
+            outgoing.alive = outgoing.sink.is_drained();
+            // What the stream does not take now goes with what is said next.
+            let _later = self.poll_send(&mut outgoing, &mut Context::from_waker(Waker::noop()));
+        }
+        true
     }
 }
 
@@ -175,12 +217,13 @@ impl LatestRx {
         shared: &Shared,
         patience: &mut Patience,
     ) -> Result<Camera, LaneError> {
+        let mut wait = Wait::default();
         loop {
             if let Some(camera) = self.try_latest(shared)? {
                 return Ok(camera);
             }
             patience
-                .wait(by, poll_fn(|cx| self.source.poll_fill(cx)))
+                .hear(&mut wait, by, poll_fn(|cx| self.source.poll_fill(cx)))
                 .await
                 .map_err(LaneError::Expired)??;
         }
@@ -195,6 +238,7 @@ impl LatestRx {
             while let Some(message) = self.source.next_buffered(&shared.counters.received)? {
                 match message {
                     Message::Camera(camera) => *newest = Some(camera),
+                    Message::Alive => {}
                     Message::Goodbye(reason) => {
                         self.farewell = Some(reason.clone());
                         return Err(LaneError::Goodbye(reason));

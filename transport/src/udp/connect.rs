@@ -68,7 +68,8 @@ async fn introduce(
         ways.push(Connecting::new(&security, name, &hello).map_err(|e| failed(e.into()))?);
     }
     let mut asking = Asking { net, socket: &socket, to, incoming: Incoming::new(&socket) };
-    let (mut connection, answer) = asking.ask(ways, options.udp.config()).await.map_err(failed)?;
+    let (mut connection, answer) =
+        asking.ask(ways, options.udp.config(&options.link)).await.map_err(failed)?;
     let theirs = read_answer(&answer, &counters).map_err(failed)?;
     connection.set_batch(options.link.batching_between(&identity, &theirs).size);
     // The listener believes in this side once it has heard it use its keys.

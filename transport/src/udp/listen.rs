@@ -138,7 +138,7 @@ impl Hall {
         let here = self.free_name()?;
         let answer = encode(&Message::Accept(Accept { identity: desk.identity }), &guest.counters);
         let batch = desk.options.link.batching_between(&desk.identity, &guest.hello.identity).size;
-        let config = trimaran_udp::Config { batch, ..desk.options.udp.config() };
+        let config = trimaran_udp::Config { batch, ..desk.options.udp.config(&desk.options.link) };
         let connection = knock
             .take(desk.net.now(), here, &answer, config, reply)
             .ok_or_else(|| io::Error::other("the answer could not be sealed"))?;

@@ -1,21 +1,18 @@
 //! How connections over datagrams are set up.
 
 use std::fmt;
-use std::time::Duration;
 
 use trimaran_udp::{Config, Security as Noise};
 
-use crate::UdpSocketOptions;
 use crate::handshake::HandshakeError;
 use crate::keys::Security;
+use crate::{LinkConfig, UdpSocketOptions};
 
 /// Options of connections over datagrams.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UdpOptions {
     /// What makes peers trust each other. Default their keys.
     pub trust: Trust,
-    /// The silence after which the peer counts as dead; a quarter of it without traffic shows a sign of life. Default 20 s.
-    pub lease: Duration,
     /// How many bytes of frames may be under way in each direction, sent and not read. Both sides must have the same. Default
     /// 4 MiB.
     pub window: u32,
@@ -75,10 +72,9 @@ impl Trust {
 
 impl Default for UdpOptions {
     fn default() -> Self {
-        let Config { lease, window, send_buffer, .. } = Config::default();
+        let Config { window, send_buffer, .. } = Config::default();
         Self {
             trust: Trust::default(),
-            lease,
             window: u32::try_from(window).unwrap_or(u32::MAX),
             send_buffer,
             socket: UdpSocketOptions::default(),
@@ -87,9 +83,9 @@ impl Default for UdpOptions {
 }
 
 impl UdpOptions {
-    pub(super) fn config(&self) -> Config {
+    pub(super) fn config(&self, link: &LinkConfig) -> Config {
         Config {
-            lease: self.lease,
+            lease: link.lease,
             window: self.window.into(),
             send_buffer: self.send_buffer,
             ..Config::default()

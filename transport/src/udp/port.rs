@@ -164,7 +164,7 @@ impl State {
     pub(super) fn loss(&self) -> Option<Loss> {
         self.connection.closed().map(|why| match why {
             Closed::Peer | Closed::Here => Loss::Closed,
-            Closed::Silent(_) => Loss::Io(std::io::Error::new(std::io::ErrorKind::TimedOut, why.clone())),
+            Closed::Silent(_) => Loss::Silent,
             other => Loss::Io(std::io::Error::new(std::io::ErrorKind::InvalidData, other.clone())),
         })
     }

@@ -1,0 +1,149 @@
+//! Signs of life on lanes that have nothing to say.
+
+use std::sync::{Arc, Weak};
+use std::time::Duration;
+
+use crate::net::{Net, sleep_until};
+
+/// A lane that can show a sign of life.
+pub(super) trait Pulse: Send + Sync {
+    /// Shows one, unless something was said since the last call or waits to be written. False once the lane is over.
+    fn beat(&self) -> bool;
+}
+
+/// Has each of `lanes` show a sign of life every `interval` in which it says nothing, until all are over.
+pub(super) fn keep_alive(net: &Arc<dyn Net>, interval: Duration, lanes: [Weak<dyn Pulse>; 2]) {
+    let clock = Arc::clone(net);
+    net.spawn(Box::pin(async move {
+        loop {
+            sleep_until(&*clock, clock.now().after(interval)).await;
+            let live = lanes.iter().filter(|lane| lane.upgrade().is_some_and(|lane| lane.beat())).count();
+            if live == 0 {
+                return;
+            }
+        }
+    }));
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::io::{AsyncReadExt, DuplexStream, duplex, split};
+    use trimaran_proto::{
+        Camera, DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStart, Goodbye, Identity, Role,
+        SceneHash, SessionId,
+    };
+
+    use super::super::handshake::{Connection, Lanes};
+    use crate::net::{Net, Stream, sleep_until};
+    use crate::stats::Counters;
+    use crate::{Link, LinkConfig, Loss, PeerAddress, RecvError, SendError, TokioNet};
+    use std::sync::Arc;
+    use std::time::Duration;
+
+    const LEASE: Duration = Duration::from_secs(20);
+
+    fn net() -> Arc<dyn Net> {
+        Arc::new(TokioNet::current().unwrap())
+    }
+
+    fn link(net: &Arc<dyn Net>, latest: DuplexStream, frames: DuplexStream, patience: Duration) -> Link {
+        let counters = Counters::framed();
+        let connection = |stream| {
+            let (reader, writer) = split(stream);
+            let stream =
+                Stream { reader: Box::new(reader), writer: Box::new(writer), peer: PeerAddress::InProcess };
+            Connection::new(stream, &counters)
+        };
+        let config = LinkConfig { patience, lease: LEASE, ..LinkConfig::default() };
+        let identity = Identity { role: Role::SwitchA, scene: SceneHash(1), settings: None };
+        Lanes {
+            latest: connection(latest),
+            frames: connection(frames),
+            capabilities: crate::tcp::CAPABILITIES,
+        }
+        .into_link(net, &config, &identity, identity, SessionId(1), None)
+    }
+
+    /// Two links over pipes of `room` bytes.
+    fn pair(net: &Arc<dyn Net>, room: usize, patience: Duration) -> (Link, Link) {
+        let ((latest_a, latest_b), (frames_a, frames_b)) = (duplex(room), duplex(room));
+        (link(net, latest_a, frames_a, patience), link(net, latest_b, frames_b, patience))
+    }
+
+    fn camera() -> Camera {
+        Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(0)).unwrap()
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_peer_with_nothing_to_say_lives() {
+        let net = net();
+        let (mut here, there) = pair(&net, 4096, LEASE * 10);
+        let silent = here.frames_rx.recv().await.unwrap_err();
+        assert!(matches!(silent, RecvError::Silent { .. }), "{silent:?}");
+        let silent = here.latest_rx.latest().await.unwrap_err();
+        assert!(matches!(silent, RecvError::Silent { .. }), "{silent:?}");
+        assert!(net.now().as_nanos() >= (LEASE * 20).as_nanos() as u64);
+        // Four in each lease, on either lane.
+        assert!((140..=160).contains(&there.stats.read().sent.control.messages));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_peer_that_hangs_is_lost_when_the_lease_is_over() {
+        let net = net();
+        let ((latest, _hangs), (frames, _too)) = (duplex(4096), duplex(4096));
+        let mut here = link(&net, latest, frames, LEASE * 10);
+        for at in [LEASE, LEASE * 2] {
+            let lost = if at == LEASE {
+                here.frames_rx.recv().await.unwrap_err()
+            } else {
+                here.latest_rx.latest().await.unwrap_err()
+            };
+            assert!(matches!(lost, RecvError::Lost { cause: Loss::Silent, .. }), "{lost:?}");
+            assert_eq!(net.now().as_nanos() / 1_000_000_000, at.as_secs());
+        }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_beat_never_comes_between_what_a_sender_who_waits_has_to_say() {
+        let net = net();
+        let (mut here, mut there) = pair(&net, 64, LEASE * 10);
+        let ids: Vec<_> = (0..5000).map(|id| DrawableId(id * 7919)).collect();
+        let send = async {
+            here.frames_tx.begin(FrameStart { frame: FrameNumber(0), camera: camera() }).await?;
+            here.frames_tx.push(&ids).await?;
+            here.frames_tx.finish().await?;
+            Ok::<_, SendError>(())
+        };
+        let receive = async {
+            // Many beats fall due while the sender waits for room.
+            sleep_until(&*net, net.now().after(LEASE * 5)).await;
+            let mut got = Vec::new();
+            loop {
+                match there.frames_rx.recv().await.unwrap() {
+                    FrameEvent::Ids(batch) => got.extend(batch.iter()),
+                    FrameEvent::End(outcome) => break (got, outcome),
+                    _ => {}
+                }
+            }
+        };
+        let (sent, (got, outcome)) = tokio::join!(send, receive);
+        sent.unwrap();
+        assert!(got == ids && matches!(outcome, FrameOutcome::Complete(_)), "{outcome:?}");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn nothing_follows_a_goodbye() {
+        let net = net();
+        let ((latest, mut raw_latest), (frames, mut raw_frames)) = (duplex(4096), duplex(4096));
+        let Link { latest_tx, latest_rx, frames_tx, frames_rx, .. } = link(&net, latest, frames, LEASE * 10);
+        frames_tx.goodbye(Goodbye::Finished).await.unwrap();
+        latest_tx.goodbye(Goodbye::Finished).await.unwrap();
+        sleep_until(&*net, net.now().after(LEASE * 5)).await;
+        drop((latest_rx, frames_rx));
+        for raw in [&mut raw_latest, &mut raw_frames] {
+            let mut all = Vec::new();
+            raw.read_to_end(&mut all).await.unwrap();
+            assert_eq!((all[0], all.len()), (trimaran_proto::Kind::Goodbye.code(), 5), "{all:?}");
+        }
+    }
+}

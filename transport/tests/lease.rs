@@ -1,0 +1,126 @@
+//! Peers that hang, and peers that come back, over every transport between processes.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+mod common;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use common::{camera, identity, ids, net, receive, soon, start};
+use tokio::runtime::{Builder, Runtime};
+use trimaran_proto::Role;
+use trimaran_transport::keys::{Keys, Security};
+use trimaran_transport::{
+    Endpoint, Link, LinkConfig, Listener, Loss, Net, Options, RecvError, TokioNet, connect,
+};
+
+/// Makes a test of each case for each transport.
+macro_rules! over_every_transport {
+    ($($case:ident),+ $(,)?) => {
+        over_every_transport!(@ tcp "tcp://127.0.0.1:0" $($case)+);
+        over_every_transport!(@ unix "unix:" $($case)+);
+        over_every_transport!(@ quic "quic://127.0.0.1:0" $($case)+);
+        over_every_transport!(@ udp "udp://127.0.0.1:0" $($case)+);
+    };
+    (@ $transport:ident $endpoint:literal $($case:ident)+) => {
+        mod $transport {
+            $(
+                #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+                async fn $case() {
+                    super::$case($endpoint).await;
+                }
+            )+
+        }
+    };
+}
+
+over_every_transport!(
+    a_peer_that_hangs_is_lost_by_whoever_listens,
+    a_peer_that_comes_back_goes_on_with_the_next_frame,
+);
+
+/// A listener, where it is, and how a display gets in.
+struct Meeting {
+    listener: Listener,
+    at: Endpoint,
+    display: Options,
+    _folder: tempfile::TempDir,
+}
+
+impl Meeting {
+    async fn at(endpoint: &str, link: LinkConfig) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let endpoint = match endpoint {
+            "unix:" => format!("unix:{}", folder.path().join("socket").display()),
+            other => other.to_owned(),
+        };
+        let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
+        let (a, b) = (keys("a"), keys("b"));
+        let options = |keys: &Keys, peer: &Keys| {
+            let security = Security { keys: keys.clone(), peers: vec![peer.public().clone()] };
+            Options { link, security: Some(security), ..Options::default() }
+        };
+        let (ours, display) = (options(&a, &b), options(&b, &a));
+        let endpoint = endpoint.parse().unwrap();
+        let listener = Listener::bind(&net(), &endpoint, identity(Role::SwitchA), &ours).await.unwrap();
+        let at = listener.local_endpoint().clone();
+        Self { listener, at, display, _folder: folder }
+    }
+}
+
+/// A display whose process runs until it has read a camera, and then hangs with all that it has.
+async fn hanging_display(at: Endpoint, options: Options) -> (Runtime, Link) {
+    let life = move || {
+        let runtime = Builder::new_current_thread().enable_all().build().unwrap();
+        let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+        let link = runtime.block_on(async {
+            let mut link = connect(&net, &at, identity(Role::Display), &options, soon(&net)).await.unwrap();
+            assert_eq!(link.latest_rx.latest().await.unwrap(), camera(1));
+            link
+        });
+        (runtime, link)
+    };
+    tokio::task::spawn_blocking(life).await.unwrap()
+}
+
+async fn a_peer_that_hangs_is_lost_by_whoever_listens(endpoint: &str) {
+    let lease = Duration::from_millis(500);
+    let patience = Duration::from_secs(3600);
+    let link = LinkConfig { patience, lease, ..LinkConfig::default() };
+    let Meeting { mut listener, at, display, _folder } = Meeting::at(endpoint, link).await;
+    let meet = async {
+        let mut here = listener.accept(soon(&net())).await.unwrap();
+        here.latest_tx.publish(camera(1)).unwrap();
+        here
+    };
+    let (mut here, (runtime, _link)) = tokio::join!(meet, hanging_display(at, display));
+    let lost = here.frames_rx.recv().await.unwrap_err();
+    assert!(matches!(lost, RecvError::Lost { cause: Loss::Silent, .. }), "{lost:?}");
+    let lost = here.latest_rx.latest().await.unwrap_err();
+    assert!(matches!(lost, RecvError::Lost { cause: Loss::Silent, .. }), "{lost:?}");
+    runtime.shutdown_background();
+}
+
+async fn a_peer_that_comes_back_goes_on_with_the_next_frame(endpoint: &str) {
+    let Meeting { mut listener, at, display, _folder } = Meeting::at(endpoint, LinkConfig::default()).await;
+    let net = net();
+    for frame in 0..4 {
+        let (there, here) = tokio::join!(
+            connect(&net, &at, identity(Role::Display), &display, soon(&net)),
+            listener.accept(soon(&net)),
+        );
+        let (mut there, mut here) = (there.unwrap(), here.unwrap());
+        let send = async {
+            here.frames_tx.begin(start(frame)).await.unwrap();
+            here.frames_tx.push(&ids(frame * 1000)).await.unwrap();
+            here.frames_tx.finish().await.unwrap();
+        };
+        let ((), got) = tokio::join!(send, receive(&mut there.frames_rx));
+        let got = got.unwrap();
+        assert_eq!((got.start, got.ids), (start(frame), ids(frame * 1000)));
+        // It crashes, and whoever waits for it knows.
+        drop(there);
+        let lost = here.frames_rx.recv().await.unwrap_err();
+        assert!(matches!(lost, RecvError::Lost { .. }), "{lost:?}");
+    }
+}
