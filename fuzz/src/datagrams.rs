@@ -101,7 +101,7 @@ fn settle(connection: &mut Connection, at: Instant) {
             assert_eq!(connection.poll_timeout().is_none(), connection.closed().is_some());
             return;
         }
-        assert!(out.len() <= MIN_DATAGRAM);
+        assert!(out.len() <= Config::default().max_datagram);
     }
     unreachable!("it never stops to send");
 }

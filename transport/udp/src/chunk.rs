@@ -1,10 +1,12 @@
 //! The inside of a packet: a sequence of chunks.
 
-use trimaran_proto::Camera;
+use trimaran_proto::{Camera, HEADER_BYTES, Kind};
 
 use crate::ranges::RangeSet;
+use crate::repair::Block;
 use crate::wire::{Malformed, Reader, put_varint, varint_len};
 
+const PAD: u8 = 0x00;
 const PING: u8 = 0x01;
 const ACK: u8 = 0x02;
 const CREDIT: u8 = 0x03;
@@ -13,6 +15,9 @@ const UNREAD: u8 = 0x05;
 const CAMERA: u8 = 0x10;
 const LAST_CAMERA: u8 = 0x11;
 const PART: u8 = 0x20;
+const GIVE_UP: u8 = 0x24;
+const REPAIR: u8 = 0x30;
+const LAST_REPAIR: u8 = 0x33;
 
 /// The ranges of packet numbers that an acknowledgement names at most; older ones have been named often enough.
 pub(crate) const ACK_RANGES: usize = 32;
@@ -33,6 +38,8 @@ pub(crate) enum Tail {
 /// One chunk.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Chunk<'a> {
+    /// Nothing: a byte that fills a packet up.
+    Pad,
     /// Only to be acknowledged.
     Ping,
     /// Packets that arrived; the newest one so many microseconds ago.
@@ -49,7 +56,15 @@ pub(crate) enum Chunk<'a> {
     Unread,
     /// Bytes of a unit of the frames lane.
     Part { unit: u64, offset: u64, tail: Tail, data: &'a [u8] },
+    /// What has not arrived of a frame will not come any more. The frame has `length` bytes, the first `sent` of which were sent;
+    /// `head` is the end of its beginning, as far as that may not have arrived.
+    GiveUp { unit: u64, length: u64, sent: u64, hash: u64, head: &'a [u8] },
+    /// A repair shard of a block of a unit; with the frame's hash where the block ends the frame.
+    Repair { unit: u64, block: Block, hash: Option<u64>, index: u8, data: &'a [u8] },
 }
+
+/// What a frame's unit starts with: the header and payload of begin.
+pub(crate) const UNIT_HEAD: usize = HEADER_BYTES + *Kind::Begin.lengths().end();
 
 /// The most bytes that a part has beside its data.
 pub(crate) fn part_overhead(unit: u64, offset: u64) -> usize {
@@ -57,13 +72,17 @@ pub(crate) fn part_overhead(unit: u64, offset: u64) -> usize {
 }
 
 impl<'a> Chunk<'a> {
+    /// The byte that is the chunk [`Chunk::Pad`].
+    pub(crate) const FILLING: u8 = PAD;
+
     /// Whether the peer shall acknowledge the packet.
     pub(crate) const fn is_eliciting(&self) -> bool {
-        !matches!(self, Self::Ack { .. } | Self::Close)
+        !matches!(self, Self::Ack { .. } | Self::Close | Self::Pad)
     }
 
     pub(crate) fn write(&self, out: &mut Vec<u8>) {
         match self {
+            Self::Pad => out.push(PAD),
             Self::Ping => out.push(PING),
             Self::Ack { delay_us, numbers } => {
                 out.push(ACK);
@@ -112,6 +131,27 @@ impl<'a> Chunk<'a> {
                 }
                 out.extend_from_slice(data);
             }
+            Self::GiveUp { unit, length, sent, hash, head } => {
+                out.push(GIVE_UP);
+                put_varint(out, *unit);
+                put_varint(out, *length);
+                put_varint(out, *sent);
+                out.extend_from_slice(&hash.to_le_bytes());
+                out.push(head.len() as u8);
+                out.extend_from_slice(head);
+            }
+            Self::Repair { unit, block, hash, index, data } => {
+                out.push(if hash.is_some() { LAST_REPAIR } else { REPAIR });
+                put_varint(out, *unit);
+                put_varint(out, block.offset);
+                put_varint(out, block.length.into());
+                out.extend_from_slice(&block.shard.to_le_bytes());
+                out.extend_from_slice(&[block.count, *index]);
+                if let Some(hash) = hash {
+                    out.extend_from_slice(&hash.to_le_bytes());
+                }
+                out.extend_from_slice(data);
+            }
         }
     }
 
@@ -119,6 +159,7 @@ impl<'a> Chunk<'a> {
     pub(crate) fn read(reader: &mut Reader<'a>) -> Result<Self, Malformed> {
         let code = reader.u8("chunk")?;
         match code {
+            PAD => Ok(Self::Pad),
             PING => Ok(Self::Ping),
             ACK => read_ack(reader),
             CREDIT => Ok(Self::Credit { bytes: reader.varint("credit")?, units: reader.varint("credit")? }),
@@ -144,6 +185,37 @@ impl<'a> Chunk<'a> {
                     _ => Tail::Frame(reader.u64("hash")?),
                 };
                 Ok(Self::Part { unit, offset, tail, data: reader.take(length, "part")? })
+            }
+            GIVE_UP => {
+                let unit = reader.varint("unit")?;
+                let length = reader.varint("unit length")?;
+                let sent = reader.varint("sent length")?;
+                let hash = reader.u64("hash")?;
+                let count = usize::from(reader.u8("beginning length")?);
+                if sent > length || count > UNIT_HEAD {
+                    return Err(Malformed::Range { what: "unit length" });
+                }
+                Ok(Self::GiveUp { unit, length, sent, hash, head: reader.take(count, "beginning")? })
+            }
+            REPAIR | LAST_REPAIR => {
+                let unit = reader.varint("unit")?;
+                let offset = reader.varint("offset")?;
+                let length = reader.varint("block length")?;
+                let length = u32::try_from(length).map_err(|_| Malformed::Range { what: "block length" })?;
+                let shard = reader.u16("shard length")?;
+                let [count, index] = *reader.array("repair shards")?;
+                let hash = if code == LAST_REPAIR { Some(reader.u64("hash")?) } else { None };
+                let block = Block { offset, length, shard, count };
+                if !block.is_sound() || index >= count {
+                    return Err(Malformed::Range { what: "block" });
+                }
+                Ok(Self::Repair {
+                    unit,
+                    block,
+                    hash,
+                    index,
+                    data: reader.take(shard.into(), "repair shard")?,
+                })
             }
             _ => Err(Malformed::UnknownChunk { code }),
         }
@@ -199,6 +271,12 @@ mod tests {
         back(&Chunk::Close);
         back(&Chunk::Credit { bytes: 1 << 40, units: 7 });
         back(&Chunk::Unread);
+        back(&Chunk::Pad);
+        back(&Chunk::GiveUp { unit: 7, length: 9000, sent: 8000, hash: 5, head: &[3; UNIT_HEAD] });
+        let block = Block { offset: 1136, length: 5, shard: 6, count: 2 };
+        for hash in [None, Some(9)] {
+            back(&Chunk::Repair { unit: 7, block, hash, index: 1, data: b"repair" });
+        }
         back(&Chunk::Camera { number: 300, camera: [5; Camera::SIZE] });
         back(&Chunk::LastCamera { number: 301, goodbye: b"gone" });
         for tail in [Tail::More, Tail::Pause, Tail::End, Tail::Frame(77)] {

@@ -41,6 +41,15 @@ impl Cubic {
         }
     }
 
+    /// Packets have another size from now on; the window keeps its bytes.
+    pub(crate) fn set_segment(&mut self, segment: usize) {
+        let ratio = self.segment / segment as f64;
+        for size in [&mut self.window, &mut self.threshold, &mut self.peak, &mut self.reno] {
+            *size *= ratio;
+        }
+        self.segment = segment as f64;
+    }
+
     /// Bytes that may be in flight.
     pub(crate) fn window(&self) -> usize {
         (self.window * self.segment) as usize
@@ -122,6 +131,15 @@ mod tests {
         assert_eq!(cubic.window(), 14_000, "the same round trip");
         cubic.on_loss(at(40), at(30));
         assert_eq!(cubic.window() / 10, 979, "two reductions, rounded down");
+    }
+
+    #[test]
+    fn larger_packets_are_fewer() {
+        let mut cubic = Cubic::new(1200);
+        cubic.set_segment(1500);
+        assert_eq!(cubic.window(), 12_000);
+        (0..20).for_each(|round| cubic.on_loss(at(2 * round + 1), at(2 * round + 1)));
+        assert_eq!(cubic.window(), 3_000, "two of the new ones");
     }
 
     #[test]

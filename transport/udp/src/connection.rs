@@ -8,14 +8,20 @@ use trimaran_proto::{BatchSize, Camera, FrameMessage, Goodbye, Instant};
 
 use crate::acks::Acks;
 use crate::chunk::{CLOSE, Chunk};
-use crate::inbox::{Inbox, LaneViolation, Received};
+use crate::inbox::{GivenUp, Inbox, LaneViolation, Received};
 use crate::keys::{Keys, OVERHEAD};
 use crate::latest::{LatestEnd, LatestIn, LatestOut};
-use crate::outbox::Outbox;
+use crate::mtu::Mtu;
+use crate::outbox::{Outbox, Path};
 use crate::pacer::Pacer;
 use crate::packet::{ConnectionId, MIN_DATAGRAM, NUMBERS, Packet, data_header};
 use crate::recovery::{Content, Recovery, Sent, Verdict};
 use crate::wire::{Malformed, Reader};
+
+/// What a full packet has beside its part or repair shard at most, bytes: the chunk's own fields, or a short acknowledgement too.
+const BESIDE: usize = 36;
+/// After so many probes without an answer a path may have become narrower.
+const BLACK_HOLE: u32 = 3;
 
 /// What holds for a connection. Both ends must agree on the window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,8 +34,18 @@ pub struct Config {
     pub send_buffer: usize,
     /// How long an acknowledgement may wait for company. Default 1 ms.
     pub ack_delay: Duration,
-    /// How long nothing may arrive before the peer counts as dead. Default 20 s; a quarter of it without traffic sends a ping.
+    /// How long nothing may arrive, or nothing that was sent be acknowledged, before the peer counts as dead. Default 20 s; a
+    /// quarter of it without traffic sends a ping.
     pub lease: Duration,
+    /// How long after its end a frame sent from here is worth sending: whatever cannot arrive in time is given up, and the peer
+    /// gets the frame with gaps. `None`, the default, for always.
+    pub patience: Option<Duration>,
+    /// How many bytes of repair frames sent from here may have, percent of their own, while packets are lost. Default 15; 0 for
+    /// none.
+    pub repair_percent: u8,
+    /// The largest datagram that is tried, bytes; 1,200 are always used. Default 1,452: Ethernet's 1,500 less the headers of IPv6
+    /// and UDP.
+    pub max_datagram: usize,
 }
 
 impl Default for Config {
@@ -40,6 +56,9 @@ impl Default for Config {
             send_buffer: 4 << 20,
             ack_delay: Duration::from_millis(1),
             lease: Duration::from_secs(20),
+            patience: None,
+            repair_percent: 15,
+            max_datagram: 1452,
         }
     }
 }
@@ -57,6 +76,9 @@ pub enum Closed {
     /// Nothing came for the lease.
     #[error("nothing came from the peer for {0:?}")]
     Silent(Duration),
+    /// The peer sends, but acknowledges nothing.
+    #[error("the peer acknowledged nothing for {0:?}")]
+    Deaf(Duration),
     /// The peer sent what is no packet, under its own key.
     #[error("the peer sent a packet that is none")]
     Malformed(#[from] Malformed),
@@ -86,6 +108,7 @@ pub struct Connection {
     recovery: Recovery,
     pacer: Pacer,
     paced_until: Option<Instant>,
+    mtu: Mtu,
     acks: Acks,
     outbox: Outbox,
     inbox: Inbox,
@@ -141,7 +164,13 @@ impl Connection {
             pacer: Pacer::new(MIN_DATAGRAM),
             paced_until: None,
             acks: Acks::default(),
-            outbox: Outbox::new(config.window, Inbox::initial_units()),
+            mtu: Mtu::new(now, config.max_datagram),
+            outbox: Outbox::new(
+                config.window,
+                Inbox::initial_units(),
+                config.patience,
+                config.repair_percent,
+            ),
             inbox: Inbox::new(config.batch, config.window),
             cameras_out: LatestOut::default(),
             cameras_in: LatestIn::default(),
@@ -230,19 +259,47 @@ impl Connection {
         self.recovery.lost_packets
     }
 
+    /// The largest datagram that is known to arrive, bytes.
+    #[must_use]
+    pub const fn datagram_size(&self) -> usize {
+        self.mtu.known()
+    }
+
+    /// Frames sent from here that were given up, for they could not arrive in time.
+    #[must_use]
+    pub const fn frames_given_up(&self) -> u64 {
+        self.outbox.frames_given_up
+    }
+
+    /// Frames of the peer that are whole only because of their repair.
+    #[must_use]
+    pub const fn frames_repaired(&self) -> u64 {
+        self.inbox.frames_repaired
+    }
+
+    /// The smoothed round-trip time.
+    #[must_use]
+    pub fn round_trip(&self) -> Duration {
+        self.recovery.rtt.smoothed()
+    }
+
     /// Sends a message of the frames lane; a frame writer has put the messages in order.
     pub fn send(&mut self, message: FrameMessage) {
-        self.outbox.put(message);
+        self.outbox.put(message, self.path());
     }
 
     /// Sends a goodbye behind everything else on the frames lane.
     pub fn goodbye(&mut self, reason: Goodbye) {
-        self.outbox.goodbye(reason);
+        self.outbox.goodbye(reason, self.path());
     }
 
     /// Says behind everything else on the frames lane that nothing more comes.
     pub fn gone(&mut self) {
-        self.outbox.gone();
+        self.outbox.gone(self.path());
+    }
+
+    const fn path(&self) -> Path {
+        Path { shard: (self.mtu.known() - OVERHEAD - BESIDE) & !15, loss: self.recovery.loss() }
     }
 
     /// Says that the frames lane is not read any more: the peer need not send what is left of it.
@@ -328,6 +385,7 @@ impl Connection {
     pub fn poll_transmit(&mut self, now: Instant, out: &mut Vec<u8>) -> bool {
         let mut plain = std::mem::take(&mut self.plain);
         plain.clear();
+        self.outbox.expire(now, now.after(self.recovery.rtt.one_way()));
         let sent = self.write_chunks(now, &mut plain);
         let made = !plain.is_empty() && self.seal(now, &plain, sent, out);
         self.plain = plain;
@@ -342,10 +400,13 @@ impl Connection {
         }
         let keepalive = self.last_sent.after(self.config.lease / 4);
         let lease = self.last_received.after(self.config.lease);
-        [self.recovery.timeout(), self.acks.due(), self.paced_until, Some(keepalive), Some(lease)]
-            .into_iter()
-            .flatten()
-            .min()
+        let way = self.recovery.rtt.one_way().as_nanos() as u64;
+        let deadline =
+            self.outbox.deadline().map(|at| Instant::from_nanos(at.as_nanos().saturating_sub(way)));
+        let unheard = self.recovery.unheard_since().map(|since| since.after(self.config.lease));
+        let probe = self.mtu.due().filter(|_| self.paced_until.is_none() && self.may_probe());
+        let timers = [self.recovery.timeout(), self.acks.due(), self.paced_until, deadline, unheard, probe];
+        timers.into_iter().flatten().chain([keepalive, lease]).min()
     }
 
     /// Does what is due at `now`.
@@ -357,12 +418,31 @@ impl Connection {
             self.end(Closed::Silent(self.config.lease));
             return;
         }
+        if self.recovery.unheard_since().is_some_and(|since| now >= since.after(self.config.lease)) {
+            self.end(Closed::Deaf(self.config.lease));
+            return;
+        }
         self.probe |= now >= self.last_sent.after(self.config.lease / 4);
         if self.recovery.timeout().is_some_and(|at| at <= now) {
             let (verdict, probe) = self.recovery.on_timeout(now);
             self.probe |= probe;
-            self.judge(verdict);
+            self.judge(now, verdict);
+            if self.recovery.probes() >= BLACK_HOLE && self.mtu.known() > MIN_DATAGRAM {
+                self.mtu.on_black_hole(now);
+                self.resize();
+            }
         }
+    }
+
+    /// Takes over the size of datagrams that is known to arrive.
+    fn resize(&mut self) {
+        self.recovery.cubic.set_segment(self.mtu.known());
+        self.pacer.set_segment(self.mtu.known());
+    }
+
+    /// A probe is for a peer that is there, and for a path that is worth it: one that carries frames.
+    fn may_probe(&self) -> bool {
+        self.confirmed && self.recovery.room() >= self.config.max_datagram
     }
 
     fn end(&mut self, why: Closed) {
@@ -379,12 +459,12 @@ impl Connection {
             let chunk = Chunk::read(&mut reader)?;
             eliciting |= chunk.is_eliciting();
             match chunk {
-                Chunk::Ping => {}
+                Chunk::Pad | Chunk::Ping => {}
                 Chunk::Ack { delay_us, numbers } => {
                     let delay = Duration::from_micros(delay_us);
                     let verdict =
                         self.recovery.on_ack(now, &numbers, delay).map_err(|_| Closed::NeverSent)?;
-                    self.judge(verdict);
+                    self.judge(now, verdict);
                 }
                 Chunk::Credit { bytes, units } => self.outbox.allow(bytes, units),
                 Chunk::Close => return Err(Closed::Peer),
@@ -399,18 +479,22 @@ impl Connection {
                     self.unheard = true;
                     self.outbox.drop_all();
                 }
-                Chunk::Part { unit, offset, tail, data } => {
-                    self.inbox.put(unit, offset, tail, data)?;
-                    if self.unread {
-                        self.credit_due |= self.inbox.discard();
-                    }
+                Chunk::Part { unit, offset, tail, data } => self.inbox.put(unit, offset, tail, data)?,
+                Chunk::GiveUp { unit, length, sent, hash, head } => {
+                    self.inbox.give_up(unit, GivenUp { length, sent, hash }, head)?;
+                }
+                Chunk::Repair { unit, block, hash, index, data } => {
+                    self.inbox.put_repair(unit, block, hash, index, data)?;
                 }
             }
+        }
+        if self.unread {
+            self.credit_due |= self.inbox.discard();
         }
         Ok(eliciting)
     }
 
-    fn judge(&mut self, verdict: Verdict) {
+    fn judge(&mut self, now: Instant, verdict: Verdict) {
         for content in verdict.lost {
             match content {
                 Content::Part { unit, range, ended } => self.outbox.on_loss(unit, range, ended),
@@ -418,6 +502,9 @@ impl Connection {
                 Content::LastCamera => self.cameras_out.on_end_lost(),
                 Content::Credit => self.credit_due = true,
                 Content::Unread => self.unread_due = true,
+                Content::GiveUp { unit } => self.outbox.on_give_up_loss(unit),
+                Content::Repair => {}
+                Content::Probe { size } => self.mtu.on_lost(now, size),
             }
         }
         for content in verdict.arrived {
@@ -425,14 +512,19 @@ impl Connection {
                 Content::Part { unit, range, ended } => self.outbox.on_ack(unit, range, ended),
                 Content::Camera { number } => self.cameras_out.on_camera_arrived(number),
                 Content::LastCamera => self.cameras_out.on_end_arrived(),
-                Content::Credit | Content::Unread => {}
+                Content::GiveUp { unit } => self.outbox.on_give_up_ack(unit),
+                Content::Probe { size } => {
+                    self.mtu.on_arrived(now, size);
+                    self.resize();
+                }
+                Content::Credit | Content::Unread | Content::Repair => {}
             }
         }
     }
 
     /// Fills a packet; gives what it carried if it asks for an acknowledgement.
     fn write_chunks(&mut self, now: Instant, plain: &mut Vec<u8>) -> Option<Vec<Content>> {
-        const ROOM: usize = MIN_DATAGRAM - OVERHEAD;
+        let all = self.mtu.known() - OVERHEAD;
         if self.closed.is_some() {
             if std::mem::take(&mut self.close_due) {
                 Chunk::Close.write(plain);
@@ -447,9 +539,14 @@ impl Connection {
             && let Some(ack) = self.acks.take(now)
         {
             ack.write(plain);
+            // A packet that leaves anyway.
+            self.cameras_out.write_copy(all.saturating_sub(plain.len()), plain, &mut contents);
+            if !contents.is_empty() {
+                return Some(contents);
+            }
         }
         if !allowed {
-            return None;
+            return (!contents.is_empty()).then_some(contents);
         }
         let probe = std::mem::take(&mut self.probe);
         if std::mem::take(&mut self.credit_due) {
@@ -461,16 +558,27 @@ impl Connection {
             Chunk::Unread.write(plain);
             contents.push(Content::Unread);
         }
-        self.cameras_out.write(ROOM.saturating_sub(plain.len()), plain, &mut contents);
-        while let Some((unit, range)) = self.outbox.write_part(ROOM.saturating_sub(plain.len()), plain) {
-            let ended = self.outbox.ends(unit, &range);
-            contents.push(Content::Part { unit, range, ended });
+        self.cameras_out.write(all.saturating_sub(plain.len()), plain, &mut contents);
+        while let Some(content) = self.outbox.write_next(all.saturating_sub(plain.len()), all, plain) {
+            contents.push(content);
         }
         if contents.is_empty() && probe {
             Chunk::Ping.write(plain);
             return Some(contents);
         }
+        if plain.is_empty() && self.may_probe() {
+            self.write_probe(now, plain, &mut contents);
+        }
         (!contents.is_empty()).then_some(contents)
+    }
+
+    /// Fills a packet up to the size that is to be tried.
+    fn write_probe(&mut self, now: Instant, plain: &mut Vec<u8>, contents: &mut Vec<Content>) {
+        if let Some(size) = self.mtu.probe(now) {
+            Chunk::Ping.write(plain);
+            plain.resize(size - OVERHEAD, Chunk::FILLING);
+            contents.push(Content::Probe { size });
+        }
     }
 
     /// Whether window and pacer allow a full packet now. A probe always may leave.
@@ -479,7 +587,8 @@ impl Connection {
         if self.probe {
             return true;
         }
-        if !self.has_data() || self.recovery.room() < MIN_DATAGRAM {
+        let probe = self.mtu.due().is_some_and(|due| due <= now) && self.may_probe();
+        if !self.has_data() && !probe || self.recovery.room() < self.mtu.known() {
             return false;
         }
         let ready = self.pacer.ready(now, self.recovery.cubic.window(), self.recovery.rtt.smoothed());
@@ -506,7 +615,8 @@ impl Connection {
         if sent.is_some() {
             self.pacer.on_sent(bytes);
         }
-        self.recovery.on_sent(sent.map(|contents| Sent { at: now, bytes, contents }));
+        let lost = self.recovery.on_sent(sent.map(|contents| Sent { at: now, bytes, contents }));
+        self.judge(now, Verdict { lost, ..Verdict::default() });
         true
     }
 }

@@ -13,10 +13,11 @@ use crate::chunk::{Chunk, Tail};
 use crate::connection::{Config, Connection};
 use crate::cookie::Jar;
 use crate::handshake::{Connecting, Door, Progress, Reception, Security};
-use crate::inbox::{Inbox, Received};
+use crate::inbox::{GivenUp, Inbox, Received};
 use crate::keys::Keys;
 use crate::packet::{ConnectionId, MIN_DATAGRAM, Packet, VERSION, data_header};
 use crate::ranges::RangeSet;
+use crate::repair::{Block, protect};
 use crate::wire::Reader;
 
 const WIRE: &str = include_str!("../WIRE.md");
@@ -91,6 +92,17 @@ fn every_chunk_has_an_example() {
         ("part-goodbye", part(1, 0, Tail::End, &[4, 1, 0, 0, 0])),
         ("part-gone", part(2, 0, Tail::End, &[])),
     ];
+    let block = Block { offset: 0, length: 88, shard: 44, count: 1 };
+    let repair = protect(&unit, 44, 1);
+    let chunks = [
+        chunks.as_slice(),
+        &[
+            ("pad", Chunk::Pad),
+            ("give-up", Chunk::GiveUp { unit: 0, length: 88, sent: 84, hash, head: &[] }),
+            ("repair", Chunk::Repair { unit: 0, block, hash: Some(hash), index: 0, data: &repair[0] }),
+        ],
+    ]
+    .concat();
     let mut inbox = Inbox::new(Config::default().batch, Config::default().window);
     for (name, chunk) in &chunks {
         let mut out = Vec::new();
@@ -107,6 +119,33 @@ fn every_chunk_has_an_example() {
     let received: Vec<_> = std::iter::from_fn(|| inbox.take().unwrap()).collect();
     assert_eq!(received.len(), 5, "{received:?}");
     assert!(matches!(received.as_slice(), [_, _, _, Received::Goodbye(_), Received::Gone]), "{received:?}");
+}
+
+#[test]
+fn the_examples_of_repair_and_of_giving_up_do_what_the_page_says() {
+    let unit = unit();
+    let window = Config::default().window;
+    let read = |name: &str, inbox: &mut Inbox| match Chunk::read(&mut Reader::new(&examples()[name])).unwrap()
+    {
+        Chunk::Repair { unit, block, hash, index, data } => inbox.put_repair(unit, block, hash, index, data),
+        Chunk::GiveUp { unit, length, sent, hash, head } => {
+            inbox.give_up(unit, GivenUp { length, sent, hash }, head)
+        }
+        other => panic!("{other:?}"),
+    };
+    for (lost, name, ids) in [(0..44, "repair", 2), (44..88, "repair", 2), (84..88, "give-up", 1)] {
+        let mut inbox = Inbox::new(Config::default().batch, window);
+        inbox.put(0, 0, Tail::More, &unit[..lost.start]).unwrap();
+        inbox.put(0, lost.end as u64, Tail::More, &unit[lost.end..]).unwrap();
+        read(name, &mut inbox).unwrap();
+        let received: Vec<_> = std::iter::from_fn(|| inbox.take().unwrap()).collect();
+        let [_, Received::Frame(FrameMessage::Ids(batch)), Received::Frame(FrameMessage::End(end))] =
+            &received[..]
+        else {
+            panic!("{received:?}")
+        };
+        assert_eq!((batch.count(), end.ids, end.hash), (ids, 2, xxh3_64(&unit[80..])), "{name}");
+    }
 }
 
 #[test]
@@ -215,8 +254,11 @@ fn the_page_says_what_the_constants_are() {
         format!("at most {} bytes of hello", crate::MAX_HELLO),
         format!("at most {} ranges", crate::chunk::ACK_RANGES),
         format!("the first {} units", Inbox::initial_units()),
+        format!("at most {} *shards*", crate::repair::BLOCK),
+        format!("1 to {}", crate::repair::MOST),
+        format!("at most {}", crate::chunk::UNIT_HEAD),
     ] {
         assert!(WIRE.contains(&fact), "{fact:?}");
     }
-    assert_eq!(examples().len(), 21, "every example is checked by a test here");
+    assert_eq!(examples().len(), 24, "every example is checked by a test here");
 }

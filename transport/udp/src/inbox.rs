@@ -2,23 +2,23 @@
 
 use std::collections::VecDeque;
 
-use bytes::{Buf, BytesMut};
 use thiserror::Error;
-use trimaran_proto::{
-    BatchSize, DecodeError, Decoder, FrameEnd, FrameMessage, FrameNumber, Goodbye, HEADER_BYTES, ID_BYTES,
-    IdBatch, Kind, Message,
-};
+use trimaran_proto::{BatchSize, DecodeError, FrameMessage, Goodbye};
 
 use crate::chunk::Tail;
-use crate::ranges::RangeSet;
+use crate::repair::Block;
+
+mod unit;
+
+use unit::{Step, Unit};
 
 /// How many units may be under way.
 const UNITS: u64 = 1024;
 /// How many separate pieces of all units together are kept: an honest peer sends a window of 4 MiB in 3,700 full packets, so that it
 /// stays below even if every second one is lost.
 const PIECES: usize = 4096;
-/// The header and payload of begin: what a frame starts with.
-const HEAD: usize = HEADER_BYTES + *Kind::Begin.lengths().end();
+/// How many repair shards of all units together are kept; more are ignored.
+const REPAIR: usize = 256;
 
 /// What comes out of the lane.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,6 +53,14 @@ pub enum LaneViolation {
     Decode(#[from] DecodeError),
 }
 
+/// What is said of a frame when it is given up: its length, how many bytes of it were sent, its hash.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct GivenUp {
+    pub(crate) length: u64,
+    pub(crate) sent: u64,
+    pub(crate) hash: u64,
+}
+
 /// Units in order of their numbers.
 #[derive(Debug)]
 pub(crate) struct Inbox {
@@ -68,25 +76,22 @@ pub(crate) struct Inbox {
     pieces: usize,
     /// The credit that the peer was told of.
     told: (u64, u64),
-}
-
-#[derive(Debug, Default)]
-struct Unit {
-    /// Bytes from `base` on, with gaps; what lies before was passed on.
-    data: BytesMut,
-    base: u64,
-    have: RangeSet,
-    highest: u64,
-    /// Up to where everything shall be passed on.
-    pause: u64,
-    end: Option<(u64, Tail)>,
-    frame: Option<FrameNumber>,
+    pub(crate) frames_repaired: u64,
 }
 
 impl Inbox {
     pub(crate) fn new(batch: BatchSize, window: u64) -> Self {
-        let told = (window, UNITS);
-        Self { units: VecDeque::new(), first: 0, batch, window, taken: 0, used: 0, pieces: 0, told }
+        Self {
+            units: VecDeque::new(),
+            first: 0,
+            batch,
+            window,
+            taken: 0,
+            used: 0,
+            pieces: 0,
+            told: (window, UNITS),
+            frames_repaired: 0,
+        }
     }
 
     /// What the peer may send before it hears of more.
@@ -102,7 +107,7 @@ impl Inbox {
     pub(crate) fn discard(&mut self) -> bool {
         self.units.clear();
         self.pieces = 0;
-        self.taken = self.used;
+        self.taken = self.taken.max(self.used);
         self.credit_due()
     }
 
@@ -131,6 +136,64 @@ impl Inbox {
         tail: Tail,
         data: &[u8],
     ) -> Result<(), LaneViolation> {
+        let to = offset.checked_add(data.len() as u64).ok_or(LaneViolation::Credit)?;
+        self.with_unit(number, |unit, credit| {
+            if !unit.is_given_up() {
+                credit.use_up_to(unit, to)?;
+                unit.note(to, tail)?;
+                unit.highest = unit.highest.max(to);
+                unit.store(offset, data);
+                restore(unit, credit)?;
+            }
+            Ok(())
+        })
+    }
+
+    /// Takes a repair shard; `hash` is that of the frame which the block ends.
+    pub(crate) fn put_repair(
+        &mut self,
+        number: u64,
+        block: Block,
+        hash: Option<u64>,
+        index: u8,
+        data: &[u8],
+    ) -> Result<(), LaneViolation> {
+        let kept: usize = self.units.iter().map(Unit::repair_shards).sum();
+        self.with_unit(number, |unit, credit| {
+            if unit.is_given_up() {
+                return Ok(());
+            }
+            let to = block.offset + u64::from(block.length);
+            credit.allows(unit, to)?;
+            if let Some(hash) = hash {
+                unit.note(to, Tail::Frame(hash))?;
+            }
+            if kept < REPAIR {
+                unit.keep_repair(block, index, data);
+            }
+            restore(unit, credit)
+        })
+    }
+
+    /// Takes word that no more comes of a frame.
+    pub(crate) fn give_up(&mut self, number: u64, about: GivenUp, head: &[u8]) -> Result<(), LaneViolation> {
+        let GivenUp { length, sent, hash } = about;
+        self.with_unit(number, |unit, credit| {
+            if !unit.is_given_up() {
+                credit.use_up_to(unit, sent)?;
+                unit.give_up(length, hash, sent, head)?;
+                unit.highest = unit.highest.max(sent);
+            }
+            Ok(())
+        })
+    }
+
+    /// Does `work` on a unit, unless it was passed on before.
+    fn with_unit(
+        &mut self,
+        number: u64,
+        work: impl FnOnce(&mut Unit, &mut Credit) -> Result<(), LaneViolation>,
+    ) -> Result<(), LaneViolation> {
         let Some(at) = number.checked_sub(self.first) else { return Ok(()) };
         if at >= UNITS {
             return Err(LaneViolation::Credit);
@@ -141,30 +204,12 @@ impl Inbox {
         let Some(unit) = usize::try_from(at).ok().and_then(|at| self.units.get_mut(at)) else {
             return Ok(());
         };
-        let to = offset.checked_add(data.len() as u64).ok_or(LaneViolation::Credit)?;
-        let fresh = to.saturating_sub(unit.highest);
-        if self.used.checked_add(fresh).is_none_or(|used| used > self.taken + self.window) {
-            return Err(LaneViolation::Credit);
-        }
-        let beyond = unit.end.is_some_and(|(end, _)| to > end);
-        let ends = matches!(tail, Tail::End | Tail::Frame(_));
-        let moved = ends && (unit.end.is_some_and(|known| known != (to, tail)) || to < unit.highest);
-        if beyond || moved {
-            return Err(LaneViolation::End);
-        }
-        self.used += fresh;
-        unit.highest = unit.highest.max(to);
-        match tail {
-            Tail::More => {}
-            Tail::Pause => unit.pause = unit.pause.max(to),
-            Tail::End | Tail::Frame(_) => {
-                unit.end = Some((to, tail));
-                unit.pause = to;
-            }
-        }
-        let before = unit.have.len();
-        unit.store(offset, data);
-        self.pieces = self.pieces + unit.have.len() - before;
+        let before = (unit.pieces(), unit.repaired);
+        let mut credit = Credit { used: self.used, allowed: self.taken + self.window };
+        work(unit, &mut credit)?;
+        self.used = credit.used;
+        self.pieces = self.pieces + unit.pieces() - before.0;
+        self.frames_repaired += u64::from(unit.repaired && !before.1);
         if self.pieces > PIECES { Err(LaneViolation::Pieces) } else { Ok(()) }
     }
 
@@ -180,13 +225,11 @@ impl Inbox {
     fn take_next(&mut self) -> Result<Option<Received>, LaneViolation> {
         loop {
             let Some(unit) = self.units.front_mut() else { return Ok(None) };
-            let (base, pieces) = (unit.base, unit.have.len());
+            let (base, pieces) = (unit.base, unit.pieces());
             let step = unit.step(self.batch)?;
             self.taken += unit.base - base;
-            self.pieces = self.pieces + unit.have.len() - pieces;
+            self.pieces -= pieces;
             match step {
-                Step::Wait => return Ok(None),
-                Step::Item(item) => return Ok(Some(item)),
                 Step::Last(item) => {
                     self.units.pop_front();
                     self.first += 1;
@@ -194,118 +237,54 @@ impl Inbox {
                         return Ok(Some(item));
                     }
                 }
+                Step::Wait => {
+                    self.pieces += unit.pieces();
+                    return Ok(None);
+                }
+                Step::Item(item) => {
+                    self.pieces += unit.pieces();
+                    return Ok(Some(item));
+                }
             }
         }
     }
 }
 
-enum Step {
-    Wait,
-    Item(Received),
-    /// The unit is over.
-    Last(Option<Received>),
+/// What the peer has used of what it may send.
+struct Credit {
+    used: u64,
+    allowed: u64,
 }
 
-impl Unit {
-    fn store(&mut self, offset: u64, data: &[u8]) {
-        let skip = (self.base.saturating_sub(offset) as usize).min(data.len());
-        let (offset, data) = (offset + skip as u64, data.get(skip..).unwrap_or_default());
-        if data.is_empty() {
-            return;
-        }
-        let (from, to) = ((offset - self.base) as usize, (offset - self.base) as usize + data.len());
-        if self.data.len() < to {
-            self.data.resize(to, 0);
-        }
-        if let Some(slot) = self.data.get_mut(from..to) {
-            slot.copy_from_slice(data);
-        }
-        self.have.insert(offset..offset + data.len() as u64);
+impl Credit {
+    /// Whether the peer may have sent that much of the unit.
+    fn allows(&self, unit: &Unit, to: u64) -> Result<u64, LaneViolation> {
+        let used = self.used.checked_add(to.saturating_sub(unit.highest));
+        used.filter(|used| *used <= self.allowed).ok_or(LaneViolation::Credit)
     }
 
-    /// Whether [`Unit::step`] would not wait.
-    fn is_readable(&self, batch: BatchSize) -> bool {
-        let ready = self.have.end_of_run(self.base) - self.base;
-        if self.end.is_some_and(|(end, _)| end == self.base + ready) {
-            return true;
-        }
-        match self.frame {
-            None => ready as usize >= HEAD,
-            Some(_) => {
-                let pause = self.pause.saturating_sub(self.base).min(ready);
-                ready >= batch.bytes() as u64 || pause >= ID_BYTES as u64
-            }
-        }
+    fn use_up_to(&mut self, unit: &Unit, to: u64) -> Result<(), LaneViolation> {
+        self.used = self.allows(unit, to)?;
+        Ok(())
     }
+}
 
-    fn step(&mut self, batch: BatchSize) -> Result<Step, LaneViolation> {
-        let ready = self.have.end_of_run(self.base) - self.base;
-        let ended = self.end.filter(|(end, _)| *end == self.base + ready).map(|(_, tail)| tail);
-        let Some(frame) = self.frame else {
-            return self.first_step(ready as usize, ended);
-        };
-        let pause = self.pause.saturating_sub(self.base).min(ready);
-        let whole = batch.bytes() as u64;
-        let now = if ready >= whole { whole } else { pause - pause % ID_BYTES as u64 };
-        if now > 0 {
-            let bytes = self.split(now as usize).freeze();
-            let batch = IdBatch::new(bytes).map_err(|_| LaneViolation::Unit)?;
-            return Ok(Step::Item(Received::Frame(FrameMessage::Ids(batch))));
-        }
-        Ok(match ended {
-            None => Step::Wait,
-            Some(Tail::Frame(hash)) => {
-                let ids = (self.base - HEAD as u64) / ID_BYTES as u64;
-                let ids = u32::try_from(ids).map_err(|_| LaneViolation::Unit)?;
-                let end = FrameEnd { frame, ids, hash };
-                Step::Last(Some(Received::Frame(FrameMessage::End(end))))
-            }
-            Some(_) => Step::Last(None),
-        })
+/// Restores lost bytes from repair, as far as that is possible now.
+fn restore(unit: &mut Unit, credit: &mut Credit) -> Result<(), LaneViolation> {
+    for (offset, bytes) in unit.restore() {
+        let to = offset + bytes.len() as u64;
+        credit.use_up_to(unit, to)?;
+        unit.highest = unit.highest.max(to);
+        unit.store(offset, &bytes);
+        unit.repaired = true;
     }
-
-    /// What a unit starts with says what it is.
-    fn first_step(&mut self, ready: usize, ended: Option<Tail>) -> Result<Step, LaneViolation> {
-        let begins = self.data.first() == Some(&Kind::Begin.code());
-        let length = match ended {
-            Some(_) if ready == 0 => return Ok(Step::Last(Some(Received::Gone))),
-            _ if begins && ready >= HEAD => HEAD,
-            Some(_) => ready,
-            None => return Ok(Step::Wait),
-        };
-        let mut decoder = Decoder::new();
-        decoder.push(&self.split(length));
-        match decoder.next_message()? {
-            Some(Message::Frame(FrameMessage::Begin(start))) if decoder.pending() == 0 => {
-                self.frame = Some(start.frame);
-                Ok(Step::Item(Received::Frame(FrameMessage::Begin(start))))
-            }
-            Some(Message::Frame(stats @ FrameMessage::Stats(_))) if decoder.pending() == 0 => {
-                Ok(Step::Last(Some(Received::Frame(stats))))
-            }
-            Some(Message::Goodbye(reason)) if decoder.pending() == 0 => {
-                Ok(Step::Last(Some(Received::Goodbye(reason))))
-            }
-            _ => Err(LaneViolation::Unit),
-        }
-    }
-
-    fn split(&mut self, count: usize) -> BytesMut {
-        self.base += count as u64;
-        self.have.remove(&(0..self.base));
-        if count >= self.data.len() {
-            return std::mem::take(&mut self.data);
-        }
-        let mut head = BytesMut::with_capacity(count);
-        head.extend_from_slice(self.data.get(..count).unwrap_or_default());
-        self.data.advance(count);
-        head
-    }
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
-    use trimaran_proto::{Camera, FrameStart};
+    use bytes::BytesMut;
+    use trimaran_proto::{Camera, FrameEnd, FrameNumber, FrameStart, Message};
 
     use super::*;
 
@@ -365,6 +344,129 @@ mod tests {
             assert!(inbox.discard(), "the peer should hear of new room");
             assert_eq!((inbox.take(), inbox.pieces), (Ok(None), 0));
         }
+    }
+
+    /// A frame of `count` ids as its unit's bytes.
+    fn frame_of(count: u32) -> Vec<u8> {
+        let begin = FrameStart { frame: FrameNumber(0), camera: camera() };
+        let mut bytes = BytesMut::new();
+        Message::Frame(FrameMessage::Begin(begin)).encode(&mut bytes);
+        (0..count).for_each(|id| bytes.extend_from_slice(&id.to_le_bytes()));
+        bytes.to_vec()
+    }
+
+    fn all(inbox: &mut Inbox) -> Vec<Received> {
+        std::iter::from_fn(|| inbox.take().unwrap()).collect()
+    }
+
+    fn ids_of(items: &[Received]) -> Vec<u32> {
+        let mut ids = Vec::new();
+        for item in items {
+            if let Received::Frame(FrameMessage::Ids(batch)) = item {
+                ids.extend(batch.iter().map(|id| id.0));
+            }
+        }
+        ids
+    }
+
+    #[test]
+    fn a_frame_that_is_given_up_passes_on_what_came_and_gives_the_credit_back() {
+        let mut inbox = Inbox::new(BatchSize::default(), 4000);
+        let bytes = frame_of(100);
+        for range in [0..96, 200..246, 403..440] {
+            inbox.put(0, range.start as u64, Tail::More, &bytes[range]).unwrap();
+        }
+        assert_eq!(ids_of(&all(&mut inbox)), [0; 0], "nothing says that more will not come");
+        let about = GivenUp { length: 480, sent: 460, hash: 7 };
+        inbox.give_up(0, about, &[]).unwrap();
+        inbox.put(0, 96, Tail::More, &bytes[96..100]).unwrap();
+        let items = all(&mut inbox);
+        let expected: Vec<u32> = [0..4, 30..41, 81..90].into_iter().flatten().collect();
+        assert_eq!(ids_of(&items), expected, "whole ids, in order, none that came later");
+        let end = FrameEnd { frame: FrameNumber(0), ids: 100, hash: 7 };
+        assert_eq!(items.last(), Some(&Received::Frame(FrameMessage::End(end))));
+        assert_eq!((inbox.taken, inbox.used, inbox.pieces, inbox.first), (460, 460, 0, 1));
+    }
+
+    #[test]
+    fn a_beginning_that_was_lost_comes_with_the_word_that_no_more_does() {
+        let mut inbox = empty();
+        let bytes = frame_of(10);
+        inbox.put(0, 100, Tail::More, &bytes[100..120]).unwrap();
+        inbox.give_up(0, GivenUp { length: 120, sent: 120, hash: 7 }, &bytes[..80]).unwrap();
+        let items = all(&mut inbox);
+        assert!(matches!(items[0], Received::Frame(FrameMessage::Begin(_))), "{items:?}");
+        assert_eq!(ids_of(&items), [5, 6, 7, 8, 9]);
+        assert_eq!(inbox.taken, inbox.used);
+
+        let mut inbox = empty();
+        inbox.give_up(0, GivenUp { length: 120, sent: 0, hash: 7 }, &[]).unwrap();
+        assert_eq!(inbox.take(), Err(LaneViolation::Unit), "no beginning at all");
+    }
+
+    #[test]
+    fn word_that_contradicts_what_came_is_a_violation() {
+        let bytes = frame_of(10);
+        for about in [(119, 119, 7), (120, 119, 7), (60, 60, 7), (120, 120, 8)] {
+            let mut inbox = empty();
+            inbox.put(0, 0, Tail::More, &bytes[..80]).unwrap();
+            inbox.put(0, 100, Tail::Frame(7), &bytes[100..]).unwrap();
+            let (length, sent, hash) = about;
+            assert_eq!(
+                inbox.give_up(0, GivenUp { length, sent, hash }, &[]),
+                Err(LaneViolation::End),
+                "{about:?}"
+            );
+        }
+        let mut inbox = Inbox::new(BatchSize::default(), 100);
+        let about = GivenUp { length: 480, sent: 101, hash: 7 };
+        assert_eq!(inbox.give_up(0, about, &[]), Err(LaneViolation::Credit));
+    }
+
+    #[test]
+    fn a_whole_frame_cannot_be_given_up_any_more() {
+        let mut inbox = empty();
+        inbox.put(0, 0, Tail::More, &frame_of(10)).unwrap();
+        inbox.give_up(0, GivenUp { length: 120, sent: 120, hash: 7 }, &[]).unwrap();
+        assert_eq!(ids_of(&all(&mut inbox)), (0..10).collect::<Vec<_>>());
+        assert_eq!(inbox.first, 1, "only its end had been lost");
+    }
+
+    #[test]
+    fn repair_stands_in_for_what_is_lost_though_part_of_the_block_was_passed_on() {
+        let bytes = frame_of(1000);
+        let block = Block { offset: 0, length: 4080, shard: 512, count: 2 };
+        let shards = crate::repair::protect(&bytes, 512, 2);
+        let mut inbox = empty();
+        inbox.put(0, 0, Tail::Pause, &bytes[..1024]).unwrap();
+        assert_eq!(ids_of(&all(&mut inbox)).len(), 236);
+        inbox.put(0, 1536, Tail::More, &bytes[1536..3584]).unwrap();
+        inbox.put_repair(0, block, Some(7), 1, &shards[1]).unwrap();
+        assert_eq!((all(&mut inbox).len(), inbox.frames_repaired), (0, 0), "two are lost");
+        inbox.put_repair(0, block, Some(7), 1, &shards[1]).unwrap();
+        assert_eq!(all(&mut inbox).len(), 0, "the same again");
+        inbox.put_repair(0, block, Some(7), 0, &shards[0]).unwrap();
+        let items = all(&mut inbox);
+        assert_eq!(ids_of(&items), (236..1000).collect::<Vec<_>>());
+        let end = FrameEnd { frame: FrameNumber(0), ids: 1000, hash: 7 };
+        assert_eq!(items.last(), Some(&Received::Frame(FrameMessage::End(end))));
+        assert_eq!((inbox.frames_repaired, inbox.taken, inbox.used), (1, 4080, 4080));
+    }
+
+    #[test]
+    fn repair_is_kept_within_limits() {
+        let mut inbox = empty();
+        for unit in 0..100 {
+            let block = Block { offset: 0, length: 4096, shard: 2, count: 32 };
+            let block = Block { length: 128, ..block };
+            for index in 0..32 {
+                inbox.put_repair(unit, block, None, index, &[0; 2]).unwrap();
+            }
+        }
+        let kept: usize = inbox.units.iter().map(Unit::repair_shards).sum();
+        assert_eq!(kept, REPAIR);
+        let beyond = Block { offset: 4 << 20, length: 2, shard: 2, count: 1 };
+        assert_eq!(inbox.put_repair(0, beyond, None, 0, &[0; 2]), Err(LaneViolation::Credit));
     }
 
     #[test]

@@ -6,6 +6,11 @@ use trimaran_proto::{Camera, Decoder, Goodbye, Message};
 use crate::chunk::Chunk;
 use crate::recovery::Content;
 
+/// In how many packets a camera rides along after its own.
+const COPIES: u32 = 2;
+/// The most that a camera or an end has beside its bytes.
+const OVERHEAD: usize = 16;
+
 /// How the peer's latest lane ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
@@ -23,6 +28,8 @@ pub(crate) struct LatestOut {
     newest: Option<(u64, Camera)>,
     due: bool,
     arrived: bool,
+    /// In how many more packets it rides along, in case that the first one is lost.
+    copies: u32,
     end: Option<End>,
 }
 
@@ -39,6 +46,7 @@ impl LatestOut {
         self.newest = Some((self.number() + 1, camera));
         self.due = true;
         self.arrived = false;
+        self.copies = COPIES;
     }
 
     /// Ends the lane behind the newest camera. The first call counts.
@@ -61,7 +69,6 @@ impl LatestOut {
 
     /// Writes what is due.
     pub(crate) fn write(&mut self, room: usize, out: &mut Vec<u8>, contents: &mut Vec<Content>) {
-        const OVERHEAD: usize = 16;
         if let Some((number, camera)) = self.newest.filter(|_| self.due && room >= Camera::SIZE + OVERHEAD) {
             self.due = false;
             Chunk::Camera { number, camera: camera.to_bytes() }.write(out);
@@ -74,6 +81,20 @@ impl LatestOut {
             end.due = false;
             Chunk::LastCamera { number, goodbye: &end.goodbye }.write(out);
             contents.push(Content::LastCamera);
+        }
+    }
+
+    /// Writes a copy of the newest camera into a packet that leaves anyway, if one is wanted: who waits for it need not wait for
+    /// its loss to be noticed.
+    pub(crate) fn write_copy(&mut self, room: usize, out: &mut Vec<u8>, contents: &mut Vec<Content>) {
+        let Some((number, camera)) = self.newest.filter(|_| self.copies > 0 && !self.due && !self.arrived)
+        else {
+            return;
+        };
+        if room >= Camera::SIZE + OVERHEAD && !contents.contains(&Content::Camera { number }) {
+            self.copies -= 1;
+            Chunk::Camera { number, camera: camera.to_bytes() }.write(out);
+            contents.push(Content::Camera { number });
         }
     }
 
@@ -186,6 +207,24 @@ mod tests {
         assert!(lane.is_drained() && !lane.is_due());
         lane.on_camera_lost(2);
         assert!(!lane.is_due(), "a copy of it has arrived");
+    }
+
+    #[test]
+    fn a_camera_rides_along_twice_until_it_has_arrived() {
+        let (mut lane, mut out) = (LatestOut::default(), Vec::new());
+        let mut packet = |lane: &mut LatestOut| {
+            let mut contents = Vec::new();
+            lane.write(1000, &mut out, &mut contents);
+            lane.write_copy(1000, &mut out, &mut contents);
+            contents
+        };
+        lane.publish(camera(0));
+        let carried: Vec<_> = (0..4).map(|_| packet(&mut lane).len()).collect();
+        assert_eq!(carried, [1, 1, 1, 0]);
+        lane.publish(camera(1));
+        assert_eq!(packet(&mut lane), [Content::Camera { number: 2 }]);
+        lane.on_camera_arrived(2);
+        assert_eq!(packet(&mut lane), []);
     }
 
     #[test]

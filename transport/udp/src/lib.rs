@@ -15,11 +15,13 @@ mod handshake;
 mod inbox;
 mod keys;
 mod latest;
+mod mtu;
 mod outbox;
 mod pacer;
 mod packet;
 mod ranges;
 mod recovery;
+mod repair;
 mod rtt;
 mod wire;
 

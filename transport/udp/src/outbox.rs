@@ -1,13 +1,31 @@
-//! The frames lane as it is sent: units whose bytes are kept until they are acknowledged.
+//! The frames lane as it is sent: units whose bytes are kept until they are acknowledged, or not worth sending any more.
 
 use std::collections::VecDeque;
 use std::ops::Range;
+use std::time::Duration;
 
-use bytes::{Buf, BufMut, BytesMut};
-use trimaran_proto::{FrameMessage, Goodbye, Message};
+use bytes::BytesMut;
+use trimaran_proto::{FrameMessage, Goodbye, Instant, Message};
 
-use crate::chunk::{Chunk, Tail, part_overhead};
-use crate::ranges::RangeSet;
+use crate::chunk::{Chunk, Tail};
+use crate::recovery::Content;
+use crate::repair::Budget;
+
+mod unit;
+
+use unit::Unit;
+
+/// What a unit costs beside its bytes, so that many small ones are not for nothing.
+const UNIT_COST: usize = 256;
+
+/// What is known of the path when something is put into the lane.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Path {
+    /// How many bytes a part has at most: with them a packet is full.
+    pub(crate) shard: usize,
+    /// The share of packets that is lost.
+    pub(crate) loss: f64,
+}
 
 /// Units in order of their numbers. A unit is a frame, statistics, a goodbye, or, empty, the end of the lane without one.
 #[derive(Debug)]
@@ -21,28 +39,33 @@ pub(crate) struct Outbox {
     /// Bytes that were sent for the first time.
     offered: u64,
     kept: usize,
-}
-
-#[derive(Debug, Default)]
-struct Unit {
-    /// Bytes from `base` on; what lies before is acknowledged.
-    data: BytesMut,
-    base: u64,
-    sent: u64,
-    acked: RangeSet,
-    lost: RangeSet,
-    /// The end, once it is known, and whether it must be sent, and whether it has arrived.
-    end: Option<Tail>,
-    end_due: bool,
-    end_acked: bool,
+    /// How long after its end a frame is worth sending; always, if not given.
+    patience: Option<Duration>,
+    repair: Budget,
+    pub(crate) frames_given_up: u64,
 }
 
 impl Outbox {
-    pub(crate) fn new(allowed_bytes: u64, allowed_units: u64) -> Self {
-        Self { units: VecDeque::new(), first: 0, allowed_bytes, allowed_units, offered: 0, kept: 0 }
+    pub(crate) fn new(
+        allowed_bytes: u64,
+        allowed_units: u64,
+        patience: Option<Duration>,
+        repair_percent: u8,
+    ) -> Self {
+        Self {
+            units: VecDeque::new(),
+            first: 0,
+            allowed_bytes,
+            allowed_units,
+            offered: 0,
+            kept: 0,
+            patience,
+            repair: Budget::new(repair_percent),
+            frames_given_up: 0,
+        }
     }
 
-    /// Bytes that wait for their acknowledgement.
+    /// Bytes that wait for their acknowledgement, and what their units cost.
     pub(crate) const fn kept(&self) -> usize {
         self.kept
     }
@@ -52,60 +75,66 @@ impl Outbox {
     }
 
     /// Takes the next message of the lane, which a frame writer has put in order.
-    pub(crate) fn put(&mut self, message: FrameMessage) {
+    pub(crate) fn put(&mut self, message: FrameMessage, path: Path) {
         match message {
-            FrameMessage::Ids(batch) => self.append(batch.as_bytes()),
-            FrameMessage::End(end) => self.end(Tail::Frame(end.hash)),
+            FrameMessage::Ids(batch) => self.append(batch.as_bytes(), path),
+            FrameMessage::End(end) => self.end(Tail::Frame(end.hash), path),
             begin @ FrameMessage::Begin(_) => {
-                self.units.push_back(Unit::default());
-                self.append_message(&Message::Frame(begin));
+                self.open(path);
+                self.append_message(&Message::Frame(begin), path);
             }
-            stats @ FrameMessage::Stats(_) => self.whole(&Message::Frame(stats)),
+            stats @ FrameMessage::Stats(_) => self.whole(&Message::Frame(stats), path),
         }
     }
 
-    pub(crate) fn goodbye(&mut self, reason: Goodbye) {
-        self.cut();
-        self.whole(&Message::Goodbye(reason));
+    pub(crate) fn goodbye(&mut self, reason: Goodbye, path: Path) {
+        self.cut(path);
+        self.whole(&Message::Goodbye(reason), path);
     }
 
     /// Ends the lane without a goodbye.
-    pub(crate) fn gone(&mut self) {
-        self.cut();
-        self.units.push_back(Unit::default());
-        self.end(Tail::End);
+    pub(crate) fn gone(&mut self, path: Path) {
+        self.cut(path);
+        self.open(path);
+        self.end(Tail::End, path);
     }
 
-    fn whole(&mut self, message: &Message) {
-        self.units.push_back(Unit::default());
-        self.append_message(message);
-        self.end(Tail::End);
+    fn whole(&mut self, message: &Message, path: Path) {
+        self.open(path);
+        self.append_message(message, path);
+        self.end(Tail::End, path);
     }
 
-    fn append_message(&mut self, message: &Message) {
+    fn open(&mut self, path: Path) {
+        self.units.push_back(Unit::new(path.shard));
+        self.kept += UNIT_COST;
+    }
+
+    fn append_message(&mut self, message: &Message, path: Path) {
         let mut bytes = BytesMut::new();
         message.encode(&mut bytes);
-        self.append(&bytes);
+        self.append(&bytes, path);
     }
 
-    fn append(&mut self, bytes: &[u8]) {
+    fn append(&mut self, bytes: &[u8], path: Path) {
         if let Some(unit) = self.units.back_mut() {
-            unit.data.put_slice(bytes);
+            unit.append(bytes);
             self.kept += bytes.len();
+            unit.protect(&mut self.repair, path.loss);
         }
     }
 
-    fn end(&mut self, tail: Tail) {
+    fn end(&mut self, tail: Tail, path: Path) {
         if let Some(unit) = self.units.back_mut() {
-            unit.end = Some(tail);
-            unit.end_due = true;
+            unit.end(tail);
+            unit.protect(&mut self.repair, path.loss);
         }
     }
 
     /// Ends a frame that will never be finished.
-    fn cut(&mut self) {
-        if self.units.back().is_some_and(|unit| unit.end.is_none()) {
-            self.end(Tail::End);
+    fn cut(&mut self, path: Path) {
+        if self.units.back().is_some_and(|unit| !unit.is_ended()) {
+            self.end(Tail::End, path);
         }
     }
 
@@ -121,44 +150,43 @@ impl Outbox {
         self.allowed_units = self.allowed_units.max(units);
     }
 
-    /// Whether [`Outbox::write_part`] has something, given room.
-    pub(crate) fn has_due(&self) -> bool {
-        let units = self.allowed_units.saturating_sub(self.first);
-        let credit = self.offered < self.allowed_bytes;
-        self.units.iter().zip(0..units).any(|(unit, _)| {
-            let fresh = unit.sent < unit.written();
-            !unit.lost.is_empty() || fresh && credit || !fresh && unit.end_due
-        })
+    /// Gives up frames that are not worth sending any more: what leaves at `now` arrives at `arrival`.
+    pub(crate) fn expire(&mut self, now: Instant, arrival: Instant) {
+        let Some(patience) = self.patience else { return };
+        for unit in &mut self.units {
+            unit.due_by(now.after(patience));
+            if unit.is_late(arrival) {
+                self.kept = self.kept.saturating_sub(unit.give_up());
+                self.frames_given_up += 1;
+            }
+        }
     }
 
-    /// Writes the next part that is due into `out`, at most `room` bytes; older units and lost parts first.
-    pub(crate) fn write_part(&mut self, room: usize, out: &mut Vec<u8>) -> Option<(u64, Range<u64>)> {
+    /// By when the next frame has to arrive.
+    pub(crate) fn deadline(&self) -> Option<Instant> {
+        self.patience?;
+        self.units.iter().filter_map(Unit::deadline).min()
+    }
+
+    /// Whether [`Outbox::write_next`] has something, given room.
+    pub(crate) fn has_due(&self) -> bool {
         let units = self.allowed_units.saturating_sub(self.first);
-        for (unit, at) in self.units.iter_mut().zip(0..units) {
-            let number = self.first + at;
-            let most = room.checked_sub(part_overhead(number, unit.written())).filter(|most| *most >= 4)?
-                as u64
-                & !3;
-            let fresh = (unit.written() - unit.sent).min(self.allowed_bytes.saturating_sub(self.offered));
-            let range = match unit.lost.pop_front(most) {
-                Some(range) => range,
-                None if fresh > 0 => {
-                    let range = unit.sent..unit.sent + fresh.min(most);
-                    unit.sent = range.end;
-                    self.offered += range.end - range.start;
-                    range
-                }
-                None if unit.end_due && unit.sent == unit.written() => unit.sent..unit.sent,
-                None => continue,
-            };
-            let last = range.end == unit.written();
-            let tail = if last { unit.end.unwrap_or(Tail::Pause) } else { Tail::More };
-            unit.end_due &= !(last && unit.end.is_some());
-            let from = range.start.saturating_sub(unit.base) as usize;
-            let to = range.end.saturating_sub(unit.base) as usize;
-            let data = unit.data.get(from..to).unwrap_or_default();
-            Chunk::Part { unit: number, offset: range.start, tail, data }.write(out);
-            return Some((number, range));
+        let credit = self.allowed_bytes.saturating_sub(self.offered);
+        self.units.iter().zip(0..units).any(|(unit, _)| unit.has_due(credit))
+    }
+
+    /// Writes the next chunk that is due into `out`, at most `room` bytes; older units and lost parts first. A part that would fit
+    /// alone, `whole`, is not cut up.
+    pub(crate) fn write_next(&mut self, room: usize, whole: usize, out: &mut Vec<u8>) -> Option<Content> {
+        let units = self.allowed_units.saturating_sub(self.first);
+        for (unit, number) in self.units.iter_mut().zip(self.first..self.first + units) {
+            let credit = self.allowed_bytes.saturating_sub(self.offered);
+            if !unit.has_due(credit) {
+                continue;
+            }
+            let (content, fresh) = unit.write(number, credit, room, whole, out)?;
+            self.offered += fresh;
+            return Some(content);
         }
         None
     }
@@ -166,34 +194,38 @@ impl Outbox {
     /// A part has arrived; `ended` if it carried the unit's end.
     pub(crate) fn on_ack(&mut self, number: u64, range: Range<u64>, ended: bool) {
         let Some(unit) = self.unit(number) else { return };
-        unit.lost.remove(&range);
-        unit.acked.insert(range);
-        unit.end_acked |= ended;
-        let done = unit.acked.end_of_run(unit.base);
-        let freed = (done - unit.base) as usize;
-        unit.data.advance(freed.min(unit.data.len()));
-        unit.base = done;
+        let freed = unit.on_ack(range, ended);
         self.kept = self.kept.saturating_sub(freed);
-        while self.units.front().is_some_and(|unit| unit.end_acked && unit.data.is_empty()) {
-            self.units.pop_front();
-            self.first += 1;
-        }
+        self.forget_arrived();
     }
 
     /// A part has to be sent again.
     pub(crate) fn on_loss(&mut self, number: u64, range: Range<u64>, ended: bool) {
-        let Some(unit) = self.unit(number) else { return };
-        unit.end_due |= ended && !unit.end_acked;
-        for gap in unit.acked.gaps(range) {
-            unit.lost.insert(gap);
+        if let Some(unit) = self.unit(number) {
+            unit.on_loss(range, ended);
         }
     }
 
-    /// Whether the part ends its unit, as far as is known now.
-    pub(crate) fn ends(&self, number: u64, range: &Range<u64>) -> bool {
-        let at = number.checked_sub(self.first).and_then(|at| usize::try_from(at).ok());
-        at.and_then(|at| self.units.get(at))
-            .is_some_and(|unit| unit.end.is_some() && range.end == unit.written())
+    /// The peer knows that a frame was given up.
+    pub(crate) fn on_give_up_ack(&mut self, number: u64) {
+        if let Some(unit) = self.unit(number) {
+            unit.on_give_up_ack();
+        }
+        self.forget_arrived();
+    }
+
+    pub(crate) fn on_give_up_loss(&mut self, number: u64) {
+        if let Some(unit) = self.unit(number) {
+            unit.on_give_up_loss();
+        }
+    }
+
+    fn forget_arrived(&mut self) {
+        while self.units.front().is_some_and(Unit::has_arrived) {
+            self.units.pop_front();
+            self.first += 1;
+            self.kept = self.kept.saturating_sub(UNIT_COST);
+        }
     }
 
     fn unit(&mut self, number: u64) -> Option<&mut Unit> {
@@ -202,9 +234,92 @@ impl Outbox {
     }
 }
 
-impl Unit {
-    /// How many bytes the unit has so far.
-    fn written(&self) -> u64 {
-        self.base + self.data.len() as u64
+/// Writes `chunk` if it fits.
+fn write_if_fits(chunk: &Chunk<'_>, room: usize, out: &mut Vec<u8>) -> Option<()> {
+    let before = out.len();
+    chunk.write(out);
+    if out.len() - before > room {
+        out.truncate(before);
+        return None;
+    }
+    Some(())
+}
+
+#[cfg(test)]
+mod tests {
+    use trimaran_proto::{Camera, FrameEnd, FrameNumber, FrameStart};
+
+    use super::*;
+
+    const PATH: Path = Path { shard: 1136, loss: 0.0 };
+
+    fn frame(outbox: &mut Outbox, number: u32) {
+        let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(number)).unwrap();
+        let frame = FrameNumber(number);
+        outbox.put(FrameMessage::Begin(FrameStart { frame, camera }), PATH);
+        outbox.put(FrameMessage::End(FrameEnd { frame, ids: 0, hash: 0 }), PATH);
+    }
+
+    fn at(ms: u64) -> Instant {
+        Instant::from_nanos(ms * 1_000_000)
+    }
+
+    #[test]
+    fn empty_frames_cost_as_well_and_give_back_what_they_cost() {
+        let mut outbox = Outbox::new(1 << 20, 1024, None, 0);
+        (0..3).for_each(|number| frame(&mut outbox, number));
+        assert_eq!(outbox.kept(), 3 * (80 + UNIT_COST));
+        for unit in 0..3 {
+            outbox.on_ack(unit, 0..80, true);
+        }
+        assert_eq!((outbox.kept(), outbox.is_empty()), (0, true));
+    }
+
+    #[test]
+    fn a_frame_is_given_up_when_it_cannot_arrive_in_time_and_not_before() {
+        let mut outbox = Outbox::new(1 << 20, 1024, Some(Duration::from_millis(50)), 0);
+        frame(&mut outbox, 0);
+        outbox.expire(at(0), at(5));
+        let mut out = Vec::new();
+        let part = Content::Part { unit: 0, range: 0..80, ended: true };
+        assert_eq!(outbox.write_next(1172, 1172, &mut out), Some(part));
+        assert_eq!(outbox.deadline(), Some(at(50)));
+        outbox.on_loss(0, 0..80, true);
+        outbox.expire(at(44), at(49));
+        assert_eq!(outbox.frames_given_up, 0);
+        outbox.expire(at(45), at(50));
+        assert_eq!((outbox.frames_given_up, outbox.kept()), (1, UNIT_COST));
+        out.clear();
+        assert_eq!(outbox.write_next(1172, 1172, &mut out), Some(Content::GiveUp { unit: 0 }));
+        assert!(!outbox.has_due());
+        outbox.on_give_up_loss(0);
+        assert!(outbox.has_due());
+        outbox.on_give_up_ack(0);
+        assert!(outbox.is_empty());
+    }
+
+    #[test]
+    fn the_word_of_giving_up_is_said_until_it_arrives_though_the_end_had_arrived() {
+        let mut outbox = Outbox::new(1 << 20, 1024, Some(Duration::from_millis(50)), 0);
+        frame(&mut outbox, 0);
+        outbox.expire(at(0), at(5));
+        outbox.on_ack(0, 40..80, true);
+        outbox.expire(at(50), at(55));
+        let mut out = Vec::new();
+        for _ in 0..3 {
+            assert_eq!(outbox.write_next(1172, 1172, &mut out), Some(Content::GiveUp { unit: 0 }));
+            outbox.on_give_up_loss(0);
+        }
+        assert!(!outbox.is_empty());
+    }
+
+    #[test]
+    fn a_frame_that_arrived_is_not_given_up() {
+        let mut outbox = Outbox::new(1 << 20, 1024, Some(Duration::from_millis(50)), 0);
+        (0..2).for_each(|number| frame(&mut outbox, number));
+        outbox.expire(at(0), at(5));
+        outbox.on_ack(1, 0..80, true);
+        outbox.expire(at(90), at(95));
+        assert_eq!(outbox.frames_given_up, 1, "the first one only");
     }
 }

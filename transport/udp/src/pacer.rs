@@ -24,6 +24,11 @@ impl Pacer {
         Self { tokens: (BURST * segment) as f64, filled: None, segment }
     }
 
+    /// Packets have another size from now on.
+    pub(crate) const fn set_segment(&mut self, segment: usize) {
+        self.segment = segment;
+    }
+
     /// When a packet of full size may leave: not after `now` if at once.
     pub(crate) fn ready(&mut self, now: Instant, window: usize, rtt: Duration) -> Instant {
         let rate = 1.25 * window as f64 / rtt.as_secs_f64().max(1e-6);
@@ -58,5 +63,19 @@ mod tests {
         let next = pacer.ready(start, 20_000, rtt);
         assert_eq!(next.since(start).as_micros(), 400);
         assert_eq!(pacer.ready(next, 20_000, rtt), next);
+    }
+
+    #[test]
+    fn what_is_due_within_a_tick_leaves_at_once() {
+        let mut pacer = Pacer::new(1000);
+        let (start, rtt) = (Instant::from_nanos(0), Duration::from_millis(10));
+        pacer.ready(start, 200_000, rtt);
+        let later = start.after(Duration::from_secs(1));
+        // 25 bytes a microsecond: 50,000 in two milliseconds.
+        for _ in 0..50 {
+            assert_eq!(pacer.ready(later, 200_000, rtt), later);
+            pacer.on_sent(1000);
+        }
+        assert!(pacer.ready(later, 200_000, rtt) > later);
     }
 }

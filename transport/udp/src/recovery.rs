@@ -15,15 +15,39 @@ use crate::rtt::Rtt;
 const REORDERING: u64 = 3;
 /// Losses over that many probe timeouts are persistent congestion (section 7.6.1).
 const PERSISTENT: u32 = 3;
+/// How many packets are remembered at most: far more than a window of honest ones. Of those beyond it the oldest count as lost.
+const REMEMBERED: usize = 16 * 1024;
+/// Probes are no further apart: one small packet a second harms no path, and a link that comes back is found at once.
+const LONGEST_PAUSE: Duration = Duration::from_secs(1);
+/// The share of losses counts about that many packets.
+const MEMORY: f64 = 512.0;
+/// Up to that share of losses, and while nothing queues, losses are taken for accidents of the path (as BBR does: section 4.5.2 of
+/// draft-ietf-ccwg-bbr).
+const ACCIDENTS: f64 = 0.02;
 
 /// What a packet carried, as far as its loss or arrival matters.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Content {
-    Part { unit: u64, range: Range<u64>, ended: bool },
-    Camera { number: u64 },
+    Part {
+        unit: u64,
+        range: Range<u64>,
+        ended: bool,
+    },
+    Camera {
+        number: u64,
+    },
     LastCamera,
     Credit,
     Unread,
+    GiveUp {
+        unit: u64,
+    },
+    /// Of use while it is fresh, and never sent again.
+    Repair,
+    /// Only to find out whether a datagram of that size arrives.
+    Probe {
+        size: usize,
+    },
 }
 
 /// A packet in flight.
@@ -32,6 +56,12 @@ pub(crate) struct Sent {
     pub(crate) at: Instant,
     pub(crate) bytes: usize,
     pub(crate) contents: Vec<Content>,
+}
+
+impl Sent {
+    fn is_probe(&self) -> bool {
+        self.contents.iter().any(|content| matches!(content, Content::Probe { .. }))
+    }
 }
 
 /// What an acknowledgement or a timeout made known.
@@ -55,7 +85,11 @@ pub(crate) struct Recovery {
     largest_acked: Option<PacketNumber>,
     in_flight: usize,
     last_sent: Option<Instant>,
+    /// When something was acknowledged, or first waited for an acknowledgement.
+    progress: Option<Instant>,
     probes: u32,
+    /// The share of packets that was lost lately.
+    loss: f64,
     max_ack_delay: Duration,
     pub(crate) rtt: Rtt,
     pub(crate) cubic: Cubic,
@@ -71,7 +105,9 @@ impl Recovery {
             largest_acked: None,
             in_flight: 0,
             last_sent: None,
+            progress: None,
             probes: 0,
+            loss: 0.0,
             max_ack_delay,
             rtt: Rtt::default(),
             cubic: Cubic::new(segment),
@@ -86,18 +122,40 @@ impl Recovery {
 
     /// Bytes that the window leaves.
     pub(crate) fn room(&self) -> usize {
-        self.cubic.window().saturating_sub(self.in_flight)
+        // Signs of life and acknowledgements still find a place among those remembered when data do not.
+        if self.sent.len() >= REMEMBERED / 2 { 0 } else { self.cubic.window().saturating_sub(self.in_flight) }
     }
 
-    /// The packet with the next number was sent; `eliciting` is `None` when it asks for no acknowledgement.
-    pub(crate) fn on_sent(&mut self, eliciting: Option<Sent>) {
+    /// The share of packets that was lost lately.
+    pub(crate) const fn loss(&self) -> f64 {
+        self.loss
+    }
+
+    /// Probes since something was acknowledged.
+    pub(crate) const fn probes(&self) -> u32 {
+        self.probes
+    }
+
+    /// Since when an acknowledgement has been awaited in vain.
+    pub(crate) fn unheard_since(&self) -> Option<Instant> {
+        self.progress.filter(|_| self.in_flight > 0)
+    }
+
+    /// The packet with the next number was sent; `eliciting` is `None` when it asks for no acknowledgement. Says what is lost
+    /// because there is no place to remember it.
+    pub(crate) fn on_sent(&mut self, eliciting: Option<Sent>) -> Vec<Content> {
         self.next += 1;
         if let Some(sent) = &eliciting {
+            if self.in_flight == 0 {
+                self.progress = Some(sent.at);
+            }
             self.in_flight += sent.bytes;
             self.last_sent = Some(sent.at);
         }
         self.sent.push_back(eliciting);
+        let overflow = if self.sent.len() > REMEMBERED { self.forget(self.base) } else { None };
         self.trim();
+        overflow.map(|sent| sent.contents).unwrap_or_default()
     }
 
     pub(crate) fn on_ack(
@@ -120,6 +178,10 @@ impl Recovery {
                     self.rtt.sample(now.since(sent.at), delay.min(self.max_ack_delay));
                 }
                 self.probes = 0;
+                self.progress = Some(now);
+                if !sent.is_probe() {
+                    self.loss -= self.loss / MEMORY;
+                }
                 self.cubic.on_ack(now, sent.at, sent.bytes, in_flight, self.rtt.smoothed());
                 verdict.arrived.extend(sent.contents);
             }
@@ -156,7 +218,7 @@ impl Recovery {
     fn probe_time(&self) -> Option<Instant> {
         let last = self.last_sent.filter(|_| self.in_flight > 0)?;
         let once = self.rtt.probe_timeout(self.max_ack_delay);
-        Some(last.after(once * 2u32.pow(self.probes.min(10))))
+        Some(last.after((once * 2u32.pow(self.probes.min(10))).min(LONGEST_PAUSE.max(once))))
     }
 
     fn loss_time(&self) -> Option<Instant> {
@@ -177,13 +239,19 @@ impl Recovery {
                 continue;
             }
             let Some(sent) = self.forget(number) else { continue };
-            self.lost_packets += 1;
-            first = first.or(Some(sent.at));
-            last = Some(sent.at);
+            // The loss of a probe says that it was too large, and nothing else (RFC 9000, section 14.4).
+            if !sent.is_probe() {
+                self.lost_packets += 1;
+                self.loss += (1.0 - self.loss) / MEMORY;
+                first = first.or(Some(sent.at));
+                last = Some(sent.at);
+            }
             verdict.lost.extend(sent.contents);
         }
         if let (Some(first), Some(last)) = (first, last) {
-            self.cubic.on_loss(now, last);
+            if self.loss > ACCIDENTS || self.rtt.queues() {
+                self.cubic.on_loss(now, last);
+            }
             let long = self.rtt.probe_timeout(self.max_ack_delay) * PERSISTENT;
             if verdict.arrived.is_empty() && last.since(first) > long {
                 self.cubic.on_persistent_congestion();
@@ -262,6 +330,62 @@ mod tests {
         assert_eq!((verdict.lost, probe), (vec![sent], true));
         assert_eq!(recovery.timeout(), Some(at(301 + 602)));
         assert_eq!(recovery.lost_packets, 0, "a probe says nothing of loss");
+        let mut now = at(301);
+        for _ in 0..20 {
+            let due = recovery.timeout().unwrap();
+            assert!(due.since(now) <= LONGEST_PAUSE);
+            now = due;
+            recovery.on_timeout(now);
+        }
+    }
+
+    #[test]
+    fn what_is_never_acknowledged_is_not_remembered_for_ever() {
+        let mut recovery = sender();
+        let first = send(&mut recovery, 0);
+        for _ in 1..REMEMBERED {
+            assert_eq!(recovery.on_sent(None), []);
+        }
+        assert_eq!(recovery.on_sent(None), [first], "one more than are remembered");
+        assert_eq!((recovery.sent.len(), recovery.in_flight), (0, 0));
+        assert_eq!(recovery.unheard_since(), None);
+        for ms in 0..REMEMBERED as u64 / 2 {
+            assert!(recovery.room() > 0 || recovery.in_flight >= recovery.cubic.window());
+            send(&mut recovery, ms);
+        }
+        recovery.in_flight = 0;
+        assert_eq!(recovery.room(), 0, "no data any more");
+    }
+
+    #[test]
+    fn a_few_losses_without_a_queue_leave_the_window_alone() {
+        let mut recovery = sender();
+        let lose_one = |recovery: &mut Recovery, ms: u64| {
+            let base = recovery.next_number();
+            (0..4).for_each(|_| drop(send(recovery, ms)));
+            recovery.on_ack(at(ms + 10), &numbers(base + 1..base + 4), Duration::ZERO).unwrap();
+        };
+        lose_one(&mut recovery, 0);
+        assert_eq!((recovery.lost_packets, recovery.cubic.window()), (1, 10_000));
+        assert!((recovery.loss() - 1.0 / 512.0).abs() < 1e-4);
+        let mut ms = 100;
+        while recovery.loss() <= ACCIDENTS {
+            assert_eq!(recovery.cubic.window(), 10_000);
+            lose_one(&mut recovery, ms);
+            ms += 100;
+        }
+        assert_eq!(recovery.cubic.window(), 7_000, "too many for accidents");
+    }
+
+    #[test]
+    fn a_lost_probe_is_no_sign_of_congestion() {
+        let mut recovery = sender();
+        let contents = vec![Content::Probe { size: 1452 }];
+        recovery.on_sent(Some(Sent { at: at(0), bytes: 1452, contents: contents.clone() }));
+        (0..3).for_each(|_| drop(send(&mut recovery, 0)));
+        let verdict = recovery.on_ack(at(50), &numbers(1..4), Duration::ZERO).unwrap();
+        assert_eq!((verdict.lost, recovery.lost_packets), (contents, 0));
+        assert_eq!((recovery.loss(), recovery.cubic.window()), (0.0, 10_000));
     }
 
     #[test]

@@ -9,6 +9,9 @@ pub(crate) const GRANULARITY: Duration = Duration::from_millis(1);
 /// packet cost a second.
 const INITIAL: Duration = Duration::from_millis(100);
 
+/// What timers and late acknowledgements add to a round trip without any queue.
+const SLACK: Duration = Duration::from_millis(3);
+
 /// A smoothed round-trip time.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Rtt {
@@ -43,6 +46,16 @@ impl Rtt {
         self.measured.map_or(INITIAL, |rtt| rtt.smoothed)
     }
 
+    /// How long a packet is on its way, about; nothing where that was not measured.
+    pub(crate) fn one_way(&self) -> Duration {
+        self.measured.map_or(Duration::ZERO, |rtt| rtt.smoothed / 2)
+    }
+
+    /// Whether packets wait somewhere on the path: round trips take longer than they must.
+    pub(crate) fn queues(&self) -> bool {
+        self.measured.is_some_and(|rtt| rtt.smoothed > rtt.minimum + (rtt.minimum / 4).max(SLACK))
+    }
+
     /// How long after a later packet's acknowledgement an earlier one counts as lost.
     pub(crate) fn loss_delay(&self) -> Duration {
         let longest = self.measured.map_or(INITIAL, |rtt| rtt.latest.max(rtt.smoothed));
@@ -72,6 +85,17 @@ mod tests {
         assert_eq!(rtt.smoothed(), Duration::from_micros(11_000));
         assert_eq!(rtt.probe_timeout(Duration::ZERO), Duration::from_micros(11_000 + 4 * 5_750));
         assert_eq!(rtt.loss_delay(), 20 * MS * 9 / 8);
+    }
+
+    #[test]
+    fn a_queue_shows_in_longer_round_trips() {
+        let mut rtt = Rtt::default();
+        assert!(!rtt.queues());
+        rtt.sample(20 * MS, Duration::ZERO);
+        (0..50).for_each(|_| rtt.sample(24 * MS, Duration::ZERO));
+        assert!(!rtt.queues());
+        (0..50).for_each(|_| rtt.sample(27 * MS, Duration::ZERO));
+        assert!(rtt.queues());
     }
 
     #[test]

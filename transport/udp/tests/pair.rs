@@ -72,10 +72,13 @@ struct Pair {
     flying: BinaryHeap<Reverse<Flight>>,
     count: u64,
     sent: u64,
+    bytes: [u64; 2],
     longest: usize,
     /// Whether each direction is in a burst; packets lost to bursts.
     in_burst: [bool; 2],
     burst_losses: u64,
+    /// Nothing that the first end sends arrives.
+    deaf: bool,
 }
 
 impl Pair {
@@ -88,7 +91,19 @@ impl Pair {
             [Connection::plaintext(now, a, b, config), Connection::plaintext(now, b, a, config)]
         };
         let (flying, in_burst) = (BinaryHeap::new(), [false; 2]);
-        Self { now, ends, network, flying, count: 0, sent: 0, longest: 0, in_burst, burst_losses: 0 }
+        Self {
+            now,
+            ends,
+            network,
+            flying,
+            count: 0,
+            sent: 0,
+            bytes: [0; 2],
+            longest: 0,
+            in_burst,
+            burst_losses: 0,
+            deaf: false,
+        }
     }
 
     fn lost_in_burst(&mut self, end: usize) -> bool {
@@ -112,13 +127,14 @@ impl Pair {
         let mut out = Vec::new();
         for end in 0..2 {
             while self.ends[end].poll_transmit(self.now, &mut out) {
-                assert!(out.len() <= MIN_DATAGRAM, "{} bytes", out.len());
+                assert!(out.len() <= Config::default().max_datagram, "{} bytes", out.len());
+                self.bytes[end] += out.len() as u64;
                 self.sent += 1;
                 self.longest = self.longest.max(out.len());
                 let copies = 1 + usize::from(self.chance(self.network.twice));
                 for _ in 0..copies {
                     let lost = self.lost_in_burst(end) || out.len() > self.network.mtu;
-                    if self.chance(self.network.loss) || lost {
+                    if self.chance(self.network.loss) || lost || self.deaf && end == 0 {
                         continue;
                     }
                     let mut packet = out.clone();
@@ -132,6 +148,15 @@ impl Pair {
                 }
             }
         }
+    }
+
+    /// Goes to the next thing that happens, but no further than `wake`.
+    fn step_until(&mut self, wake: Instant, end: Instant) -> bool {
+        if self.step(wake) {
+            return true;
+        }
+        self.now = self.now.max(wake);
+        wake < end
     }
 
     /// Goes to the next thing that happens; false when nothing ever will, or not before `end`.
@@ -177,6 +202,8 @@ struct Reader {
     assembler: FrameAssembler,
     ids: Vec<DrawableId>,
     frames: Vec<Vec<DrawableId>>,
+    /// Which frames had gaps, and how many ids they should have had.
+    gaps: Vec<(usize, u32)>,
     ended: Option<Received>,
 }
 
@@ -191,22 +218,37 @@ impl Reader {
             match self.assembler.take(message).unwrap() {
                 FrameEvent::Ids(batch) => self.ids.extend(batch.iter()),
                 FrameEvent::End(FrameOutcome::Complete(_)) => self.frames.push(std::mem::take(&mut self.ids)),
+                FrameEvent::End(FrameOutcome::Incomplete { expected, received, .. }) => {
+                    assert_eq!(received as usize, self.ids.len());
+                    self.gaps.push((self.frames.len(), expected));
+                    self.frames.push(std::mem::take(&mut self.ids));
+                }
                 FrameEvent::Begin(_) | FrameEvent::Stats(_) => {}
-                other => panic!("{other:?}"),
             }
         }
     }
 }
 
-/// Sends frames of these sizes and a goodbye over `network`; all must arrive.
+/// Sends frames of these sizes and a goodbye over `network`; all must arrive whole.
 fn deliver(network: Network, config: Config, sizes: &[u32]) -> Pair {
+    let (pair, reader) = converse(network, config, sizes, Duration::ZERO);
+    assert_eq!(reader.gaps, []);
+    assert_eq!(reader.frames, sizes.iter().map(|size| ids(*size)).collect::<Vec<_>>());
+    pair
+}
+
+/// Sends frames of these sizes, one after each `pause`, and a goodbye. The end must arrive, and of each frame its ids in order, with
+/// gaps where the configuration allows them.
+fn converse(network: Network, config: Config, sizes: &[u32], pause: Duration) -> (Pair, Reader) {
     let mut pair = Pair::new(network, config);
     let (mut writer, mut reader) = (FrameWriter::new(config.batch), Reader::default());
     let mut waiting = (0..).zip(sizes);
     let end = Instant::from_nanos(0).after(Duration::from_secs(600));
     let mut newest = None;
+    let mut next = Instant::from_nanos(0);
     loop {
-        if pair.ends[0].is_writable() {
+        if pair.ends[0].is_writable() && pair.now >= next {
+            next = pair.now.after(pause);
             match waiting.next() {
                 Some((frame, size)) => {
                     pair.ends[0].publish(camera(frame));
@@ -219,15 +261,30 @@ fn deliver(network: Network, config: Config, sizes: &[u32]) -> Pair {
                 None => {}
             }
         }
-        assert!(pair.step(end), "stuck at {:?}: {:?}", pair.now, pair.ends);
+        assert!(
+            pair.step_until(if next > pair.now { next } else { end }, end),
+            "stuck at {:?}: {:?}, {} frames, {:?}",
+            pair.now,
+            pair.ends,
+            reader.frames.len(),
+            reader.ended
+        );
         assert_eq!((pair.ends[0].closed(), pair.ends[1].closed()), (None, None));
         reader.read(&mut pair.ends[1]);
         newest = pair.ends[1].latest().map(|camera| camera.frame()).or(newest);
     }
     assert_eq!(reader.ended, Some(Received::Goodbye(Goodbye::Finished)));
-    assert_eq!(reader.frames, sizes.iter().map(|size| ids(*size)).collect::<Vec<_>>());
+    assert_eq!(reader.frames.len(), sizes.len());
+    for (got, size) in reader.frames.iter().zip(sizes) {
+        let mut all = ids(*size).into_iter();
+        assert!(got.iter().all(|id| all.any(|sent| sent == *id)), "ids that were not sent, or out of order");
+    }
+    for (frame, expected) in &reader.gaps {
+        assert!(config.patience.is_some() && *expected == sizes[*frame], "{frame} of {sizes:?}");
+        assert!(reader.frames[*frame].len() < *expected as usize);
+    }
     assert_eq!(newest, sizes.len().checked_sub(1).map(|last| FrameNumber(last as u32)));
-    pair
+    (pair, reader)
 }
 
 #[test]
@@ -301,9 +358,10 @@ fn sealed_frames_arrive_although_losses_come_in_bursts() {
 
 #[test]
 fn sealed_packets_fill_the_narrowest_path_and_no_more() {
-    let pair = deliver(SEALED, Config::default(), &[20_000]);
-    assert!((MIN_DATAGRAM - 16..=MIN_DATAGRAM).contains(&pair.longest), "{} bytes", pair.longest);
-    let mut narrow = Pair::new(Network { mtu: pair.longest - 1, ..SEALED }, Config::default());
+    let config = Config { max_datagram: MIN_DATAGRAM, ..Config::default() };
+    let pair = deliver(SEALED, config, &[20_000]);
+    assert!((MIN_DATAGRAM - 36..=MIN_DATAGRAM).contains(&pair.longest), "{} bytes", pair.longest);
+    let mut narrow = Pair::new(Network { mtu: pair.longest - 1, ..SEALED }, config);
     let mut reader = Reader::default();
     send_frame(&mut FrameWriter::new(BatchSize::default()), &mut narrow.ends[0], 0, &ids(20_000));
     let end = Instant::from_nanos(0).after(Duration::from_secs(60));
@@ -338,6 +396,100 @@ fn closes_that_cross_are_not_answered() {
     assert_eq!((pair.sent, pair.flying.len()), (2, 0));
 }
 
+/// Frames of 4,000 ids, sixty a second, for `seconds`.
+fn stream(network: Network, config: Config, seconds: usize) -> (Pair, Reader) {
+    converse(network, config, &vec![4000; 60 * seconds], Duration::from_micros(16_667))
+}
+
+const DEADLINE: Config = Config { patience: Some(Duration::from_millis(40)), ..RELIABLE };
+const RELIABLE: Config = Config {
+    window: 4 << 20,
+    send_buffer: 4 << 20,
+    ack_delay: Duration::from_millis(1),
+    lease: Duration::from_secs(20),
+    patience: None,
+    repair_percent: 15,
+    max_datagram: 1452,
+    batch: BatchSize::MAX,
+};
+
+#[test]
+fn a_clean_path_costs_no_repair_and_no_gaps() {
+    for config in [RELIABLE, DEADLINE] {
+        let (pair, reader) = stream(SEALED, config, 2);
+        assert_eq!(reader.gaps, []);
+        assert_eq!((pair.ends[0].lost_packets(), pair.ends[1].frames_repaired()), (0, 0));
+        let least = 120 * 16_080;
+        assert!(pair.bytes[0] < least * 106 / 100, "{} bytes for {least}", pair.bytes[0]);
+    }
+}
+
+#[test]
+fn repair_spares_most_frames_a_wait_and_costs_what_was_set() {
+    let lossy = Network { loss: 10, ..SEALED };
+    let (plain, _) = stream(lossy, Config { repair_percent: 0, ..RELIABLE }, 10);
+    let (repaired, _) = stream(lossy, RELIABLE, 10);
+    let count = repaired.ends[1].frames_repaired();
+    assert!(count > 60, "{count} of 600 frames, of which one in seven loses a packet");
+    assert_eq!(plain.ends[1].frames_repaired(), 0);
+    assert!(repaired.bytes[0] * 100 <= plain.bytes[0] * 115, "{} and {}", repaired.bytes[0], plain.bytes[0]);
+}
+
+#[test]
+fn what_cannot_arrive_in_time_is_given_up_and_the_rest_is_passed_on() {
+    let config = Config { repair_percent: 0, patience: Some(Duration::from_millis(9)), ..RELIABLE };
+    let (pair, reader) = stream(Network { loss: 10, ..SEALED }, config, 5);
+    // A round trip takes 10 ms: what is lost is not sent again in time.
+    assert!(reader.gaps.len() > 10, "{} frames with gaps", reader.gaps.len());
+    assert!(pair.ends[0].frames_given_up() >= reader.gaps.len() as u64);
+    let missing: usize =
+        reader.gaps.iter().map(|(at, expected)| *expected as usize - reader.frames[*at].len()).sum();
+    assert!(
+        missing < reader.gaps.len() * 900,
+        "{missing} ids in {} frames: packets of them",
+        reader.gaps.len()
+    );
+
+    let (_, patient) = stream(Network { loss: 10, ..SEALED }, DEADLINE, 5);
+    assert_eq!(patient.gaps, [], "two round trips are enough");
+}
+
+#[test]
+fn a_wider_path_is_found_and_a_narrower_one_too() {
+    let (pair, _) = stream(Network { mtu: 1500, ..SEALED }, RELIABLE, 2);
+    assert_eq!((pair.ends[0].datagram_size(), pair.longest), (1452, 1452));
+    let (mut pair, _) = stream(Network { mtu: 1300, ..SEALED }, RELIABLE, 2);
+    assert!((1285..=1300).contains(&pair.ends[0].datagram_size()), "{}", pair.ends[0].datagram_size());
+    assert_eq!(pair.ends[0].lost_packets(), 0, "lost probes are no losses");
+    pair.network.mtu = 1200;
+    let mut writer = FrameWriter::new(BatchSize::default());
+    send_frame(&mut writer, &mut pair.ends[0], 10_000, &ids(4000));
+    let end = pair.now.after(Duration::from_secs(19));
+    while !pair.ends[0].is_drained() {
+        assert!(pair.step(end), "{:?}", pair.ends);
+    }
+    assert_eq!(pair.ends[0].datagram_size(), 1200);
+}
+
+#[test]
+fn a_peer_that_acknowledges_nothing_is_given_up_and_costs_no_more() {
+    let lease = Duration::from_secs(5);
+    let config = Config { lease, ..Config::default() };
+    let mut pair = Pair::new(CLEAN, config);
+    pair.deaf = true;
+    pair.ends[0].publish(camera(0));
+    // It goes on to send, so it is not silent.
+    let mut frame = 0;
+    while pair.ends[0].closed().is_none()
+        && pair.step_until(pair.now.after(Duration::from_millis(100)), Instant::from_nanos(u64::MAX))
+    {
+        frame += 1;
+        pair.ends[1].publish(camera(frame));
+        assert!(pair.now < Instant::from_nanos(0).after(lease * 2));
+    }
+    assert_eq!(pair.ends[0].closed(), Some(&Closed::Deaf(lease)));
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
 
@@ -348,6 +500,22 @@ proptest! {
         sizes in prop::collection::vec(0u32..6000, 1..12),
     ) {
         deliver(Network { loss, twice, late, broken, bursts, sealed, seed, ..CLEAN }, Config::default(), &sizes);
+    }
+
+    #[test]
+    fn with_deadlines_every_frame_ends_whole_or_with_known_gaps(
+        loss in 0u64..300, twice in 0u64..200, late in 0u64..300, broken in 0u64..100,
+        bursts: bool, sealed: bool, seed: u64, patience in 1u64..80, repair_percent in 0u8..60,
+        mtu in 1200usize..1460, pause in 0u64..20,
+        sizes in prop::collection::vec(0u32..6000, 1..12),
+    ) {
+        let network = Network { loss, twice, late, broken, bursts, sealed, seed, mtu };
+        let config = Config { patience: Some(Duration::from_millis(patience)), repair_percent, ..RELIABLE };
+        let (pair, reader) = converse(network, config, &sizes, Duration::from_millis(pause));
+        if loss + broken == 0 && !bursts && late == 0 && patience > 70 {
+            prop_assert_eq!(reader.gaps, []);
+        }
+        prop_assert!(pair.ends[0].is_drained());
     }
 
     #[test]

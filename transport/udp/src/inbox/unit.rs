@@ -1,0 +1,271 @@
+//! One unit of the frames lane as it is received.
+
+use std::ops::Range;
+
+use bytes::{Buf, BytesMut};
+use trimaran_proto::{
+    BatchSize, Decoder, FrameEnd, FrameMessage, FrameNumber, ID_BYTES, IdBatch, Kind, Message,
+};
+
+use super::{LaneViolation, Received};
+use crate::chunk::{Tail, UNIT_HEAD};
+use crate::ranges::RangeSet;
+use crate::repair::{BLOCK, Block};
+
+/// How much of what was passed on is kept: a block that is not whole yet may need it for its repair. No larger datagram than this
+/// allows for is sent.
+const RETAINED: u64 = BLOCK as u64 * 1500;
+
+#[derive(Debug, Default)]
+pub(super) struct Unit {
+    /// Bytes from `kept` on, with gaps; those before `base` were passed on.
+    data: BytesMut,
+    kept: u64,
+    pub(super) base: u64,
+    have: RangeSet,
+    pub(super) highest: u64,
+    /// Up to where everything shall be passed on.
+    pause: u64,
+    end: Option<(u64, Tail)>,
+    frame: Option<FrameNumber>,
+    /// No more comes, and there are gaps; how much was sent.
+    given_up: Option<u64>,
+    repair: Vec<(Block, Vec<(u8, Vec<u8>)>)>,
+    pub(super) repaired: bool,
+}
+
+/// What is next in a unit.
+pub(super) enum Step {
+    Wait,
+    Item(Received),
+    /// The unit is over.
+    Last(Option<Received>),
+}
+
+impl Unit {
+    /// How many separate pieces it has.
+    pub(super) fn pieces(&self) -> usize {
+        self.have.len()
+    }
+
+    /// How many repair shards it has.
+    pub(super) fn repair_shards(&self) -> usize {
+        self.repair.iter().map(|(_, shards)| shards.len()).sum()
+    }
+
+    pub(super) const fn is_given_up(&self) -> bool {
+        self.given_up.is_some()
+    }
+
+    /// Notes how what ends at `to` relates to the unit's end.
+    pub(super) fn note(&mut self, to: u64, tail: Tail) -> Result<(), LaneViolation> {
+        let beyond = self.end.is_some_and(|(end, _)| to > end);
+        let ends = matches!(tail, Tail::End | Tail::Frame(_));
+        let moved = ends && (self.end.is_some_and(|known| known != (to, tail)) || to < self.highest);
+        if beyond || moved {
+            return Err(LaneViolation::End);
+        }
+        match tail {
+            Tail::More => {}
+            Tail::Pause => self.pause = self.pause.max(to),
+            Tail::End | Tail::Frame(_) => {
+                self.end = Some((to, tail));
+                self.pause = to;
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn store(&mut self, offset: u64, data: &[u8]) {
+        let skip = (self.base.saturating_sub(offset) as usize).min(data.len());
+        let (offset, data) = (offset + skip as u64, data.get(skip..).unwrap_or_default());
+        if data.is_empty() {
+            return;
+        }
+        let from = (offset - self.kept) as usize;
+        let to = from + data.len();
+        if self.data.len() < to {
+            self.data.resize(to, 0);
+        }
+        if let Some(slot) = self.data.get_mut(from..to) {
+            slot.copy_from_slice(data);
+        }
+        self.have.insert(offset..offset + data.len() as u64);
+    }
+
+    /// Keeps a repair shard.
+    pub(super) fn keep_repair(&mut self, block: Block, index: u8, data: &[u8]) {
+        if block.shards().all(|range| self.has(&range)) {
+            return;
+        }
+        let shards = match self.repair.iter_mut().find(|(known, _)| *known == block) {
+            Some((_, shards)) => shards,
+            None => &mut self.repair.push_mut((block, Vec::new())).1,
+        };
+        if shards.iter().all(|(known, _)| *known != index) {
+            shards.push((index, data.to_vec()));
+        }
+    }
+
+    /// Restores what can be restored; gives the pieces.
+    pub(super) fn restore(&mut self) -> Vec<(u64, Vec<u8>)> {
+        let mut restored = Vec::new();
+        let mut repair = std::mem::take(&mut self.repair);
+        repair.retain(|(block, shards)| {
+            let pieces = block.restore(|range| self.present(range), shards);
+            let done = !pieces.is_empty() || block.shards().all(|range| self.has(&range));
+            restored.extend(pieces);
+            !done
+        });
+        self.repair = repair;
+        restored
+    }
+
+    /// Whether all of `range` has come.
+    fn has(&self, range: &Range<u64>) -> bool {
+        range.end <= self.base || self.have.end_of_run(self.base.max(range.start)) >= range.end
+    }
+
+    /// The bytes of `range`, if all of them have come and are still kept.
+    fn present(&self, range: Range<u64>) -> Option<&[u8]> {
+        let from = usize::try_from(range.start.checked_sub(self.kept)?).ok()?;
+        let bytes = self.data.get(from..from + (range.end - range.start) as usize)?;
+        self.has(&range).then_some(bytes)
+    }
+
+    /// Nothing more comes of a frame of `length` bytes, the first `sent` of which were sent; `head` is the end of its beginning.
+    pub(super) fn give_up(
+        &mut self,
+        length: u64,
+        hash: u64,
+        sent: u64,
+        head: &[u8],
+    ) -> Result<(), LaneViolation> {
+        if length < UNIT_HEAD as u64 || sent < self.highest {
+            return Err(LaneViolation::End);
+        }
+        self.note(length, Tail::Frame(hash))?;
+        self.store((UNIT_HEAD - head.len().min(UNIT_HEAD)) as u64, head);
+        if self.have.end_of_run(self.base) < length {
+            self.given_up = Some(sent);
+        }
+        self.repair.clear();
+        Ok(())
+    }
+
+    /// Whether [`Unit::step`] would not wait.
+    pub(super) fn is_readable(&self, batch: BatchSize) -> bool {
+        let ready = self.have.end_of_run(self.base) - self.base;
+        if self.given_up.is_some() || self.end.is_some_and(|(end, _)| end == self.base + ready) {
+            return true;
+        }
+        match self.frame {
+            None => ready >= UNIT_HEAD as u64,
+            Some(_) => {
+                let pause = self.pause.saturating_sub(self.base).min(ready);
+                ready >= batch.bytes() as u64 || pause >= ID_BYTES as u64
+            }
+        }
+    }
+
+    pub(super) fn step(&mut self, batch: BatchSize) -> Result<Step, LaneViolation> {
+        let ready = self.have.end_of_run(self.base) - self.base;
+        let ended = self.end.filter(|(end, _)| *end == self.base + ready).map(|(_, tail)| tail);
+        let Some(frame) = self.frame else {
+            if self.given_up.is_some() && ready < UNIT_HEAD as u64 {
+                return Err(LaneViolation::Unit);
+            }
+            return self.first_step(ready as usize, ended);
+        };
+        if let Some(sent) = self.given_up {
+            return self.step_over_gaps(frame, sent, batch);
+        }
+        let pause = self.pause.saturating_sub(self.base).min(ready);
+        let whole = batch.bytes() as u64;
+        let now = if ready >= whole { whole } else { pause - pause % ID_BYTES as u64 };
+        if now > 0 {
+            return self.ids(now as usize).map(Step::Item);
+        }
+        Ok(match ended {
+            None => Step::Wait,
+            Some(Tail::Frame(hash)) => Step::Last(Some(end_of(frame, self.base, hash)?)),
+            Some(_) => Step::Last(None),
+        })
+    }
+
+    /// Passes on the ids that have come, wherever they are, and then the end that says how many there were.
+    fn step_over_gaps(
+        &mut self,
+        frame: FrameNumber,
+        sent: u64,
+        batch: BatchSize,
+    ) -> Result<Step, LaneViolation> {
+        let whole_ids = |range: Range<u64>| {
+            let id = ID_BYTES as u64;
+            range.start.max(self.base).next_multiple_of(id)..range.end - range.end % id
+        };
+        let next = self.have.iter().map(whole_ids).find(|range| range.start < range.end);
+        if let Some(range) = next {
+            self.base = range.start;
+            let count = (range.end - range.start).min(batch.bytes() as u64);
+            return self.ids(count as usize).map(Step::Item);
+        }
+        self.base = self.base.max(sent);
+        match self.end {
+            Some((length, Tail::Frame(hash))) => Ok(Step::Last(Some(end_of(frame, length, hash)?))),
+            _ => Err(LaneViolation::Unit),
+        }
+    }
+
+    fn ids(&mut self, count: usize) -> Result<Received, LaneViolation> {
+        let bytes = self.split(count).freeze();
+        let batch = IdBatch::new(bytes).map_err(|_| LaneViolation::Unit)?;
+        Ok(Received::Frame(FrameMessage::Ids(batch)))
+    }
+
+    /// What a unit starts with says what it is.
+    fn first_step(&mut self, ready: usize, ended: Option<Tail>) -> Result<Step, LaneViolation> {
+        let begins = self.data.first() == Some(&Kind::Begin.code());
+        let length = match ended {
+            Some(_) if ready == 0 => return Ok(Step::Last(Some(Received::Gone))),
+            _ if begins && ready >= UNIT_HEAD => UNIT_HEAD,
+            Some(_) => ready,
+            None => return Ok(Step::Wait),
+        };
+        let mut decoder = Decoder::new();
+        decoder.push(&self.split(length));
+        match decoder.next_message()? {
+            Some(Message::Frame(FrameMessage::Begin(start))) if decoder.pending() == 0 => {
+                self.frame = Some(start.frame);
+                Ok(Step::Item(Received::Frame(FrameMessage::Begin(start))))
+            }
+            Some(Message::Frame(stats @ FrameMessage::Stats(_))) if decoder.pending() == 0 => {
+                Ok(Step::Last(Some(Received::Frame(stats))))
+            }
+            Some(Message::Goodbye(reason)) if decoder.pending() == 0 => {
+                Ok(Step::Last(Some(Received::Goodbye(reason))))
+            }
+            _ => Err(LaneViolation::Unit),
+        }
+    }
+
+    fn split(&mut self, count: usize) -> BytesMut {
+        let from = (self.base - self.kept) as usize;
+        let head = BytesMut::from(self.data.get(from..from + count).unwrap_or_default());
+        self.base += count as u64;
+        self.have.remove(&(0..self.base));
+        // Not each time: moving the beginning costs.
+        if self.base - self.kept > 2 * RETAINED {
+            let gone = self.base - RETAINED - self.kept;
+            self.data.advance(gone as usize);
+            self.kept += gone;
+        }
+        head
+    }
+}
+
+fn end_of(frame: FrameNumber, length: u64, hash: u64) -> Result<Received, LaneViolation> {
+    let ids = (length - UNIT_HEAD as u64) / ID_BYTES as u64;
+    let ids = u32::try_from(ids).map_err(|_| LaneViolation::Unit)?;
+    Ok(Received::Frame(FrameMessage::End(FrameEnd { frame, ids, hash })))
+}

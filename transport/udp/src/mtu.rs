@@ -1,0 +1,133 @@
+//! How large datagrams may be: 1,200 bytes, and more where a probe of that size has arrived (RFC 8899).
+
+use std::time::Duration;
+
+use trimaran_proto::Instant;
+
+use crate::packet::MIN_DATAGRAM;
+
+/// How often a size is tried before it counts as too large.
+const TRIES: u32 = 3;
+/// The search ends when that few bytes are left to be gained.
+const ENOUGH: usize = 16;
+/// The pause before the first probe: handshake and first frames go first.
+const FIRST: Duration = Duration::from_millis(100);
+/// How long a search is good for: the path may change (RFC 8899, section 5.1.1).
+const AGAIN: Duration = Duration::from_secs(600);
+
+/// Searches for the largest datagram that arrives.
+#[derive(Debug)]
+pub(crate) struct Mtu {
+    known: usize,
+    /// The largest that may still be tried.
+    limit: usize,
+    most: usize,
+    tries: u32,
+    /// The size of the probe that is under way.
+    under_way: Option<usize>,
+    next: Instant,
+}
+
+impl Mtu {
+    pub(crate) fn new(now: Instant, most: usize) -> Self {
+        let most = most.max(MIN_DATAGRAM);
+        Self { known: MIN_DATAGRAM, limit: most, most, tries: 0, under_way: None, next: now.after(FIRST) }
+    }
+
+    /// The size that is known to arrive.
+    pub(crate) const fn known(&self) -> usize {
+        self.known
+    }
+
+    /// When a probe is due.
+    pub(crate) const fn due(&self) -> Option<Instant> {
+        let done = self.under_way.is_some() || self.most < self.known + ENOUGH;
+        if done { None } else { Some(self.next) }
+    }
+
+    /// The size of the probe that leaves now, if one is due.
+    pub(crate) fn probe(&mut self, now: Instant) -> Option<usize> {
+        self.due().filter(|due| *due <= now)?;
+        if self.limit < self.known + ENOUGH {
+            self.limit = self.most;
+        }
+        // The largest is the likeliest: most paths carry what Ethernet does.
+        let size = if self.limit == self.most { self.most } else { (self.known + self.limit).div_ceil(2) };
+        self.under_way = Some(size);
+        Some(size)
+    }
+
+    /// A probe has arrived.
+    pub(crate) fn on_arrived(&mut self, now: Instant, size: usize) {
+        self.known = self.known.max(size);
+        self.settle(now);
+    }
+
+    /// A probe was lost.
+    pub(crate) fn on_lost(&mut self, now: Instant, size: usize) {
+        self.under_way = None;
+        self.tries += 1;
+        if self.tries >= TRIES {
+            self.limit = size - 1;
+            self.settle(now);
+        }
+    }
+
+    /// Nothing arrives any more: perhaps the path has become narrower.
+    pub(crate) fn on_black_hole(&mut self, now: Instant) {
+        self.known = MIN_DATAGRAM;
+        self.limit = self.most;
+        self.under_way = None;
+        self.tries = 0;
+        self.next = now.after(AGAIN);
+    }
+
+    fn settle(&mut self, now: Instant) {
+        self.under_way = None;
+        self.tries = 0;
+        let done = self.limit < self.known + ENOUGH;
+        self.next = if done { now.after(AGAIN) } else { now };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Searches a path that carries `carries` bytes; gives what was found and how many probes that took.
+    fn search(carries: usize, most: usize) -> (usize, u32) {
+        let mut now = Instant::from_nanos(0);
+        let (mut mtu, mut probes) = (Mtu::new(now, most), 0);
+        while let Some(due) = mtu.due().filter(|due| due.since(now) < AGAIN) {
+            now = now.max(due);
+            let size = mtu.probe(now).unwrap();
+            assert!(size > mtu.known() && size <= most);
+            assert_eq!(mtu.probe(now), None, "one at a time");
+            probes += 1;
+            if size <= carries { mtu.on_arrived(now, size) } else { mtu.on_lost(now, size) }
+        }
+        (mtu.known(), probes)
+    }
+
+    #[test]
+    fn the_largest_size_that_arrives_is_found() {
+        assert_eq!(search(1500, 1452), (1452, 1));
+        assert_eq!(search(1200, 1200), (1200, 0));
+        for carries in [1200, 1201, 1280, 1392, 1451] {
+            let (found, probes) = search(carries, 1452);
+            assert!(found <= carries && found + ENOUGH > carries, "{found} of {carries}");
+            assert!(probes <= 30, "{probes} probes");
+        }
+    }
+
+    #[test]
+    fn a_black_hole_starts_anew() {
+        let mut mtu = Mtu::new(Instant::from_nanos(0), 1452);
+        let now = Instant::from_nanos(1_000_000_000);
+        mtu.probe(now);
+        mtu.on_arrived(now, 1452);
+        assert_eq!((mtu.known(), mtu.due()), (1452, None));
+        mtu.on_black_hole(now);
+        assert_eq!((mtu.known(), mtu.due()), (1200, Some(now.after(AGAIN))));
+    }
+}
