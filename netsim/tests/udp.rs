@@ -35,7 +35,7 @@ impl Pairs for Udp {
         let endpoint = "udp://0.0.0.0:0".parse().unwrap();
         let mut listener = Listener::bind(&here, &endpoint, identity(Role::SwitchA), &options).await.unwrap();
         let Endpoint::Udp(at) = listener.local_endpoint() else { panic!("not UDP") };
-        let endpoint = format!("udp://here:{}", at.port).parse().unwrap();
+        let endpoint = format!("udp://here:{}", at.at.port).parse().unwrap();
         let soon = here.now().after(Duration::from_secs(60));
         let (there, here) = tokio::join!(
             connect(&there, &endpoint, identity(Role::Display), &options, soon),

@@ -18,7 +18,8 @@ const LONGEST_NAME: usize = 64;
 /// The longest host name, bytes (RFC 1035, section 2.3.4).
 const LONGEST_HOST: usize = 253;
 
-/// A transport and an address: `tcp://host:port`, `udp://host:port`, `quic://host:port`, `unix:/path` or `inproc:name`.
+/// A transport and an address: `tcp://host:port`, `udp://host:port`, `quic://host:port`, `unix:/path` or `inproc:name`. Behind
+/// the port of `udp` may follow `?mode=reliable` or `?mode=deadline`.
 ///
 /// A host is a name, an IPv4 address, or an IPv6 address in brackets. Port 0 takes a free port when listening.
 /// [`fmt::Display`] gives back what parses to the same value.
@@ -29,7 +30,7 @@ pub enum Endpoint {
     /// TCP connections.
     Tcp(HostPort),
     /// Datagrams of this crate's own protocol.
-    Udp(HostPort),
+    Udp(UdpEndpoint),
     /// QUIC (RFC 9000).
     Quic(HostPort),
     /// Unix stream sockets: peers on this machine.
@@ -45,6 +46,26 @@ pub struct HostPort {
     pub host: Host,
     /// The port; 0 takes a free one when listening.
     pub port: u16,
+}
+
+/// A host and a port, and how frames are sent there.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct UdpEndpoint {
+    /// Where.
+    pub at: HostPort,
+    /// What becomes of frames that do not arrive in time; as the [options](crate::udp::UdpOptions) say, if not given.
+    pub mode: Option<UdpMode>,
+}
+
+/// What becomes of frames that this side sends over datagrams when packets are lost. Each side has its own mode.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[non_exhaustive]
+pub enum UdpMode {
+    /// Every frame arrives complete, or the link ends.
+    #[default]
+    Reliable,
+    /// What cannot arrive within the options' deadline is given up: the receiver gets the frame with gaps, and knows it.
+    Deadline,
 }
 
 /// A machine.
@@ -101,6 +122,9 @@ pub enum EndpointFault {
     /// The host is neither a name nor an address.
     #[error("its host is neither a name nor an IPv4 address nor an IPv6 address in brackets")]
     Host,
+    /// What follows the port.
+    #[error("behind its port only ?mode=reliable or ?mode=deadline may follow, and that for udp only")]
+    Query,
     /// The path of a socket.
     #[error("a socket's path starts with / and has 2 to {LONGEST_PATH} bytes, none of them zero")]
     Path,
@@ -135,7 +159,7 @@ impl FromStr for Endpoint {
     fn from_str(text: &str) -> Result<Self, EndpointError> {
         let parsed = match text.split_once(':') {
             Some(("tcp", rest)) => authority(rest).map(Self::Tcp),
-            Some(("udp", rest)) => authority(rest).map(Self::Udp),
+            Some(("udp", rest)) => udp_authority(rest).map(Self::Udp),
             Some(("quic", rest)) => authority(rest).map(Self::Quic),
             Some(("unix", path)) => path.parse().map(Self::Unix),
             Some(("inproc", name)) => name.parse().map(Self::Inproc),
@@ -150,11 +174,40 @@ fn authority(rest: &str) -> Result<HostPort, EndpointFault> {
     rest.strip_prefix("//").ok_or(EndpointFault::Scheme)?.parse()
 }
 
+/// What follows the scheme of an address for datagrams.
+fn udp_authority(rest: &str) -> Result<UdpEndpoint, EndpointFault> {
+    let (at, mode) = match rest.split_once('?') {
+        None => (rest, None),
+        Some((at, "mode=reliable")) => (at, Some(UdpMode::Reliable)),
+        Some((at, "mode=deadline")) => (at, Some(UdpMode::Deadline)),
+        Some(_) => return Err(EndpointFault::Query),
+    };
+    Ok(UdpEndpoint { at: authority(at)?, mode })
+}
+
+impl fmt::Display for UdpEndpoint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.at.fmt(f)?;
+        match self.mode {
+            None => Ok(()),
+            Some(UdpMode::Reliable) => f.write_str("?mode=reliable"),
+            Some(UdpMode::Deadline) => f.write_str("?mode=deadline"),
+        }
+    }
+}
+
+impl From<std::net::SocketAddr> for UdpEndpoint {
+    fn from(address: std::net::SocketAddr) -> Self {
+        Self { at: address.into(), mode: None }
+    }
+}
+
 impl fmt::Display for Endpoint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let transport = self.transport();
         match self {
-            Self::Tcp(at) | Self::Udp(at) | Self::Quic(at) => write!(f, "{transport}://{at}"),
+            Self::Tcp(at) | Self::Quic(at) => write!(f, "{transport}://{at}"),
+            Self::Udp(at) => write!(f, "{transport}://{at}"),
             Self::Unix(path) => write!(f, "{transport}:{path}"),
             Self::Inproc(name) => write!(f, "{transport}:{name}"),
         }
@@ -338,6 +391,8 @@ mod tests {
             "tcp://localhost:7400",
             "tcp://one.plant.example:0",
             "udp://10.0.0.1:65535",
+            "udp://[::1]:7400?mode=deadline",
+            "udp://localhost:7400?mode=reliable",
             "quic://[::1]:7400",
             "tcp://[2001:db8::7]:1",
             "unix:/run/trimaran/display.sock",
@@ -365,6 +420,10 @@ mod tests {
         for text in ["tcp://a:", "tcp://a:65536", "tcp://a:-1", "tcp://a:+1", "tcp://a:1 ", "tcp://a:7400/"] {
             assert_eq!(fault(text), EndpointFault::Port, "{text:?}");
         }
+        for text in ["udp://a:1?", "udp://a:1?mode=", "udp://a:1?mode=fast", "udp://a:1?deadline=5"] {
+            assert_eq!(fault(text), EndpointFault::Query, "{text:?}");
+        }
+        assert_eq!(fault("tcp://a:1?mode=deadline"), EndpointFault::Port);
         for text in [
             "tcp://:1",
             "tcp://a b:1",

@@ -30,7 +30,9 @@ pub mod udp;
 mod unix;
 
 pub use connect::{AttemptError, ConnectError, connect};
-pub use endpoint::{Endpoint, EndpointError, EndpointFault, Host, HostName, HostPort, Name, SocketPath};
+pub use endpoint::{
+    Endpoint, EndpointError, EndpointFault, Host, HostName, HostPort, Name, SocketPath, UdpEndpoint, UdpMode,
+};
 pub use endpoints::Endpoints;
 pub use error::{Loss, ProtocolError, RecvError, SendError};
 pub use frames::{FrameReceiver, FrameSender};

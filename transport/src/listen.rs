@@ -12,7 +12,7 @@ use trimaran_proto::Identity;
 use crate::desk::Desk;
 use crate::handshake::HandshakeError;
 use crate::net::{Instant, Net, until};
-use crate::{Endpoint, Endpoints, HostPort, Link, Options, inproc, quic, tcp, udp, unix};
+use crate::{Endpoint, Endpoints, HostPort, Link, Options, UdpEndpoint, inproc, quic, tcp, udp, unix};
 
 /// How many links may wait for [`Listener::accept`].
 const QUEUE: usize = 8;
@@ -180,7 +180,10 @@ async fn listen(
             endpoint.clone()
         }
         Endpoint::Quic(at) => Endpoint::Quic(quic::listen(address(at).await?, desk).map_err(failed)?.into()),
-        Endpoint::Udp(at) => Endpoint::Udp(udp::listen(address(at).await?, desk).map_err(failed)?.into()),
+        Endpoint::Udp(UdpEndpoint { at, mode }) => {
+            let at = udp::listen(address(at).await?, *mode, desk).map_err(failed)?.into();
+            Endpoint::Udp(UdpEndpoint { at, mode: *mode })
+        }
     })
 }
 

@@ -9,7 +9,7 @@ use std::time::Duration;
 use common::conformance::Pairs;
 use common::{SCENE, camera, identity, ids, joined, net, receive, soon, start};
 use tokio::net::UdpSocket;
-use trimaran_proto::{Identity, Refusal, Role, SceneHash};
+use trimaran_proto::{FrameEvent, FrameNumber, FrameOutcome, Identity, Refusal, Role, SceneHash};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{
@@ -47,8 +47,8 @@ async fn listener(options: &Options) -> (Listener, Endpoint) {
 }
 
 fn address(endpoint: &Endpoint) -> String {
-    let Endpoint::Udp(at) = endpoint else { panic!("{endpoint}") };
-    at.to_string()
+    let Endpoint::Udp(there) = endpoint else { panic!("{endpoint}") };
+    there.at.to_string()
 }
 
 /// A display comes, is let in, and both ends talk.
@@ -386,6 +386,31 @@ async fn pinned_peers_find_each_other_among_several_and_others_do_not_get_in() {
     }
     let known = common::last_failure(&mut listener).await;
     assert!(matches!(known, HandshakeError::Stranger), "{known:?}");
+}
+
+/// With no time at all to arrive, nothing but a frame's beginning and end does.
+#[tokio::test]
+async fn a_frame_that_is_given_up_says_how_many_ids_are_missing() {
+    let udp = UdpOptions { deadline: Duration::ZERO, ..shared(1).udp };
+    let options = Options { udp, ..shared(1) };
+    let (mut a, mut display) = joined("udp://127.0.0.1:0?mode=deadline", &options).await;
+    assert!(!a.capabilities().reliable && !display.capabilities().reliable, "both sides know");
+    for frame in 0..3 {
+        a.frames_tx.begin(start(frame)).await.unwrap();
+        a.frames_tx.push(&ids(4000)).await.unwrap();
+        a.frames_tx.finish().await.unwrap();
+        assert_eq!(display.frames_rx.recv().await.unwrap(), FrameEvent::Begin(start(frame)));
+        let mut came = 0;
+        let outcome = loop {
+            match display.frames_rx.recv().await.unwrap() {
+                FrameEvent::Ids(batch) => came += batch.count() as u32,
+                FrameEvent::End(outcome) => break outcome,
+                other => panic!("{other:?}"),
+            }
+        };
+        let frame = FrameNumber(frame);
+        assert_eq!(outcome, FrameOutcome::Incomplete { frame, expected: 4000, received: came });
+    }
 }
 
 #[tokio::test]

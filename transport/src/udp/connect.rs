@@ -5,7 +5,7 @@ use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
 
-use bytes::BytesMut;
+use bytes::{BufMut, BytesMut};
 use trimaran_proto::{Decoder, HEADER_BYTES, Identity, Lane, Message};
 use trimaran_udp::{Config, Connecting, Connection, ConnectionId, Progress, VERSION};
 
@@ -16,7 +16,7 @@ use crate::connect::{AttemptError, Introduction};
 use crate::handshake::HandshakeError;
 use crate::net::{Net, UdpSocket, until};
 use crate::stats::Counters;
-use crate::{HostPort, Link};
+use crate::{Link, UdpEndpoint, UdpMode};
 
 /// The pause before the first packet is sent again; it doubles up to [`LAST_PAUSE`].
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
@@ -26,15 +26,15 @@ const LAST_PAUSE: Duration = Duration::from_millis(400);
 /// Tries each address of the host, each for its share of the time that a handshake may take: nobody says that there is nobody.
 pub(crate) async fn attempt(
     net: &Arc<dyn Net>,
-    at: &HostPort,
+    endpoint: &UdpEndpoint,
     introduction: &Introduction<'_>,
 ) -> Result<Link, AttemptError> {
-    let addresses = net.resolve(&at.to_string()).await.map_err(AttemptError::Resolve)?;
+    let addresses = net.resolve(&endpoint.at.to_string()).await.map_err(AttemptError::Resolve)?;
     let share = introduction.options.handshake / u32::try_from(addresses.len()).unwrap_or(u32::MAX).max(1);
     let mut last = AttemptError::NoAddress;
     for to in addresses {
         let by = net.now().after(share);
-        match until(&**net, by, introduce(net, to, introduction)).await {
+        match until(&**net, by, introduce(net, to, endpoint.mode, introduction)).await {
             Some(Ok(link)) => return Ok(link),
             Some(Err(e @ AttemptError::Connect { .. })) => last = e,
             Some(Err(e)) => return Err(e),
@@ -49,6 +49,7 @@ pub(crate) async fn attempt(
 async fn introduce(
     net: &Arc<dyn Net>,
     to: SocketAddr,
+    mode: Option<UdpMode>,
     introduction: &Introduction<'_>,
 ) -> Result<Link, AttemptError> {
     let Introduction { identity, session, options } = *introduction;
@@ -61,16 +62,17 @@ async fn introduce(
     let refused = |cause| AttemptError::Connect { address: to.to_string(), cause };
     let socket = net.bind_udp(here, options.udp.socket).map_err(refused)?;
     let counters = Counters::unframed();
-    let hello = encode(&Message::Hello(identity.hello(session, Lane::Frames)), &counters);
+    let config = options.udp.config(mode, &options.link);
+    let hello = introduce_with(&Message::Hello(identity.hello(session, Lane::Frames)), &config, &counters);
     let mut ways = Vec::new();
     for security in candidates {
         let name = ConnectionId(net.random().map_err(refused)? as u32);
         ways.push(Connecting::new(&security, name, &hello).map_err(|e| failed(e.into()))?);
     }
     let mut asking = Asking { net, socket: &socket, to, incoming: Incoming::new(&socket) };
-    let (mut connection, answer) =
-        asking.ask(ways, options.udp.config(&options.link)).await.map_err(failed)?;
-    let theirs = read_answer(&answer, &counters).map_err(failed)?;
+    let (mut connection, answer) = asking.ask(ways, config).await.map_err(failed)?;
+    let (theirs, reliable) = read_answer(&answer, &counters).map_err(failed)?;
+    let reliable = reliable && config.patience.is_none();
     connection.set_batch(options.link.batching_between(&identity, &theirs).size);
     // The listener believes in this side once it has heard it use its keys.
     connection.ping();
@@ -89,31 +91,40 @@ async fn introduce(
         }
     }));
     port.settle();
-    Ok(super::link(net, &port, options, (&identity, theirs), session, counters, None))
+    Ok(super::link(net, &port, options, (&identity, theirs), session, counters, reliable, None))
 }
 
-/// The payload of a message of the handshake, counted as sent.
-pub(super) fn encode(message: &Message, counters: &Counters) -> BytesMut {
+/// A payload of the handshake: the message, and whether all frames sent from here will be whole. Counted as sent.
+pub(super) fn introduce_with(message: &Message, config: &Config, counters: &Counters) -> BytesMut {
     let mut bytes = BytesMut::new();
     message.encode(&mut bytes);
     counters.sent.count(message.kind(), bytes.len() - HEADER_BYTES);
+    bytes.put_u8(u8::from(config.patience.is_some()));
     bytes
 }
 
-/// The message that a payload of the handshake holds, counted as received.
-pub(super) fn decode(bytes: &[u8], counters: &Counters) -> Result<Message, HandshakeError> {
+/// What a payload of the handshake says. Counted as received.
+pub(super) fn read_introduction(
+    bytes: &[u8],
+    counters: &Counters,
+) -> Result<(Message, bool), HandshakeError> {
+    let (message, reliable) = match bytes.split_last() {
+        Some((mode, message)) => (message, *mode == 0),
+        None => return Err(HandshakeError::Closed),
+    };
     let mut decoder = Decoder::new();
-    decoder.push(bytes);
+    decoder.push(message);
+    let length = message.len().saturating_sub(HEADER_BYTES);
     let message = decoder.next_message()?.ok_or(HandshakeError::Closed)?;
-    counters.received.count(message.kind(), bytes.len().saturating_sub(HEADER_BYTES));
-    Ok(message)
+    counters.received.count(message.kind(), length);
+    Ok((message, reliable))
 }
 
-fn read_answer(bytes: &[u8], counters: &Counters) -> Result<Identity, HandshakeError> {
-    match decode(bytes, counters)? {
-        Message::Accept(accept) => Ok(accept.identity),
-        Message::Refuse(refusal) => Err(HandshakeError::Refused(refusal)),
-        other => Err(HandshakeError::Unexpected { kind: other.kind() }),
+fn read_answer(bytes: &[u8], counters: &Counters) -> Result<(Identity, bool), HandshakeError> {
+    match read_introduction(bytes, counters)? {
+        (Message::Accept(accept), reliable) => Ok((accept.identity, reliable)),
+        (Message::Refuse(refusal), _) => Err(HandshakeError::Refused(refusal)),
+        (other, _) => Err(HandshakeError::Unexpected { kind: other.kind() }),
     }
 }
 

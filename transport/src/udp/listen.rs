@@ -9,19 +9,20 @@ use std::task::Poll;
 
 use tokio::sync::OwnedSemaphorePermit;
 use trimaran_proto::{Accept, DecodeFault, Hello, Lane, Message, Refusal};
-use trimaran_udp::{ConnectionId, Door, Knock, Reception};
+use trimaran_udp::{Config, ConnectionId, Door, Knock, Reception};
 
-use super::connect::{decode, encode};
+use super::connect::{introduce_with, read_introduction};
 use super::driver::Board;
 use super::port::{Port, Waiter};
 use super::socket::{Incoming, Outgoing};
+use crate::UdpMode;
 use crate::desk::{Desk, Place, lock};
 use crate::handshake::HandshakeError;
 use crate::net::{UdpSocket, until};
 use crate::stats::Counters;
 
 /// Listens, and receives peers until nobody accepts them any more. Says where.
-pub(crate) fn listen(at: SocketAddr, desk: &Arc<Desk>) -> io::Result<SocketAddr> {
+pub(crate) fn listen(at: SocketAddr, mode: Option<UdpMode>, desk: &Arc<Desk>) -> io::Result<SocketAddr> {
     let options = &desk.options.udp;
     let security = options.trust.listening(desk.options.security.as_ref()).map_err(io::Error::other)?;
     let mut secret = [0; 32];
@@ -32,7 +33,8 @@ pub(crate) fn listen(at: SocketAddr, desk: &Arc<Desk>) -> io::Result<SocketAddr>
     let socket = desk.net.bind_udp(at, options.socket)?;
     let address = socket.local_addr()?;
     let board = Board::new(&desk.net);
-    let hall = Hall { desk: Arc::clone(desk), door, socket, board, answers: Arc::default() };
+    let config = options.config(mode, &desk.options.link);
+    let hall = Hall { desk: Arc::clone(desk), config, door, socket, board, answers: Arc::default() };
     desk.net.spawn(Box::pin(hall.serve()));
     Ok(address)
 }
@@ -43,6 +45,7 @@ type Caller = (SocketAddr, ConnectionId);
 /// A listening socket, and the connections at it.
 struct Hall {
     desk: Arc<Desk>,
+    config: Config,
     door: Door,
     socket: Arc<dyn UdpSocket>,
     board: Arc<Board>,
@@ -53,6 +56,8 @@ struct Hall {
 /// A caller whose keys fit.
 struct Guest {
     hello: Hello,
+    /// Whether all frames will be whole, in both directions.
+    reliable: bool,
     place: Place,
     permit: OwnedSemaphorePermit,
     counters: Arc<Counters>,
@@ -100,7 +105,9 @@ impl Hall {
             },
             Err(error) => {
                 if let HandshakeError::Refused(refusal) = &error {
-                    knock.refuse(&encode(&Message::Refuse(*refusal), &Counters::unframed()), &mut reply);
+                    let answer =
+                        introduce_with(&Message::Refuse(*refusal), &self.config, &Counters::unframed());
+                    knock.refuse(&answer, &mut reply);
                 }
                 self.desk.failed(&from, error);
             }
@@ -111,9 +118,9 @@ impl Hall {
     /// Whether the caller may come in.
     fn judge(&self, knock: &Knock) -> Result<Guest, HandshakeError> {
         let counters = Counters::unframed();
-        let hello = match decode(&knock.hello, &counters) {
-            Ok(Message::Hello(hello)) => Ok(hello),
-            Ok(other) => Err(HandshakeError::Unexpected { kind: other.kind() }),
+        let (hello, reliable) = match read_introduction(&knock.hello, &counters) {
+            Ok((Message::Hello(hello), reliable)) => Ok((hello, reliable)),
+            Ok((other, _)) => Err(HandshakeError::Unexpected { kind: other.kind() }),
             Err(HandshakeError::Decode(e)) => Err(match e.fault {
                 DecodeFault::Version { ours, theirs } => {
                     HandshakeError::Refused(Refusal::Version { listener: ours, connector: theirs })
@@ -128,7 +135,8 @@ impl Hall {
         }
         let permit = self.desk.room().ok_or(HandshakeError::Refused(Refusal::Busy))?;
         let place = self.desk.enter(&hello.identity).map_err(HandshakeError::Refused)?;
-        Ok(Guest { hello, place, permit, counters })
+        let reliable = reliable && self.config.patience.is_none();
+        Ok(Guest { hello, reliable, place, permit, counters })
     }
 
     /// Makes a connection of the caller, and a link once it has shown that it is there now: its first packet may be a copy of one
@@ -136,9 +144,10 @@ impl Hall {
     fn let_in(&self, caller: Caller, knock: Knock, guest: Guest, reply: &mut Vec<u8>) -> io::Result<()> {
         let desk = &self.desk;
         let here = self.free_name()?;
-        let answer = encode(&Message::Accept(Accept { identity: desk.identity }), &guest.counters);
+        let accept = Message::Accept(Accept { identity: desk.identity });
+        let answer = introduce_with(&accept, &self.config, &guest.counters);
         let batch = desk.options.link.batching_between(&desk.identity, &guest.hello.identity).size;
-        let config = trimaran_udp::Config { batch, ..desk.options.udp.config(&desk.options.link) };
+        let config = Config { batch, ..self.config };
         let connection = knock
             .take(desk.net.now(), here, &answer, config, reply)
             .ok_or_else(|| io::Error::other("the answer could not be sealed"))?;
@@ -190,11 +199,19 @@ async fn greet(desk: Arc<Desk>, port: Arc<Port>, guest: Guest) {
         desk.failed(&port.remote(), HandshakeError::TimedOut);
         return;
     }
-    let Guest { hello, place, permit, counters } = guest;
+    let Guest { hello, reliable, place, permit, counters } = guest;
     drop(permit);
     let Hello { identity: theirs, session, .. } = hello;
     let place = Some(Arc::new(place) as _);
-    let link =
-        super::link(&desk.net, &port, &desk.options, (&desk.identity, theirs), session, counters, place);
+    let link = super::link(
+        &desk.net,
+        &port,
+        &desk.options,
+        (&desk.identity, theirs),
+        session,
+        counters,
+        reliable,
+        place,
+    );
     desk.hand_out(link).await;
 }

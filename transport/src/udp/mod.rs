@@ -34,6 +34,7 @@ use crate::stats::Counters;
 use port::{Carrier, Port};
 
 /// Makes a link of a connection.
+#[expect(clippy::too_many_arguments, reason = "a link has this many parts, each of its own type")]
 fn link(
     net: &Arc<dyn Net>,
     port: &Arc<Port>,
@@ -41,6 +42,7 @@ fn link(
     (ours, theirs): (&Identity, Identity),
     session: SessionId,
     counters: Arc<Counters>,
+    reliable: bool,
     place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
 ) -> Link {
     let config: &LinkConfig = &options.link;
@@ -50,7 +52,7 @@ fn link(
         frames: (AnyFrameTx::Udp(FrameTx::new(&carrier)), AnyFrameRx::Udp(FrameRx::new(&carrier))),
         peer: PeerInfo { identity: theirs, session, address: PeerAddress::Udp(port.remote()) },
         capabilities: Capabilities {
-            reliable: true,
+            reliable,
             ordered: true,
             max_frame: u32::MAX,
             encrypted: options.udp.is_encrypted(),

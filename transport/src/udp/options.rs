@@ -1,18 +1,31 @@
 //! How connections over datagrams are set up.
 
 use std::fmt;
+use std::time::Duration;
 
 use trimaran_udp::{Config, Security as Noise};
 
 use crate::handshake::HandshakeError;
 use crate::keys::Security;
-use crate::{LinkConfig, UdpSocketOptions};
+use crate::{LinkConfig, UdpMode, UdpSocketOptions};
+
+/// The largest datagram that fits the buffers here.
+const LARGEST: usize = 1500;
 
 /// Options of connections over datagrams.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UdpOptions {
     /// What makes peers trust each other. Default their keys.
     pub trust: Trust,
+    /// What becomes of frames that are sent from here and do not arrive in time, where the endpoint does not say. Default reliable.
+    pub mode: UdpMode,
+    /// How long after its end a frame sent from here may arrive, in the mode with deadlines. Default 50 ms.
+    pub deadline: Duration,
+    /// How many bytes of repair may be sent, percent of the frames' own, while packets are lost: with it most losses cost no
+    /// time. 0 for none. Default 15.
+    pub repair_percent: u8,
+    /// The largest datagram that is tried, bytes: 1,200 are always used, and at most 1,500 are. Default 1,452.
+    pub max_datagram: usize,
     /// How many bytes of frames may be under way in each direction, sent and not read. Both sides must have the same. Default
     /// 4 MiB.
     pub window: u32,
@@ -72,9 +85,13 @@ impl Trust {
 
 impl Default for UdpOptions {
     fn default() -> Self {
-        let Config { window, send_buffer, .. } = Config::default();
+        let Config { window, send_buffer, repair_percent, max_datagram, .. } = Config::default();
         Self {
             trust: Trust::default(),
+            mode: UdpMode::default(),
+            deadline: Duration::from_millis(50),
+            repair_percent,
+            max_datagram,
             window: u32::try_from(window).unwrap_or(u32::MAX),
             send_buffer,
             socket: UdpSocketOptions::default(),
@@ -83,8 +100,16 @@ impl Default for UdpOptions {
 }
 
 impl UdpOptions {
-    pub(super) fn config(&self, link: &LinkConfig) -> Config {
+    /// What holds for a connection whose endpoint asks for `mode`.
+    pub(super) fn config(&self, mode: Option<UdpMode>, link: &LinkConfig) -> Config {
+        let patience = match mode.unwrap_or(self.mode) {
+            UdpMode::Reliable => None,
+            UdpMode::Deadline => Some(self.deadline),
+        };
         Config {
+            patience,
+            repair_percent: self.repair_percent,
+            max_datagram: self.max_datagram.min(LARGEST),
             lease: link.lease,
             window: self.window.into(),
             send_buffer: self.send_buffer,

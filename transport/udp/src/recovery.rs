@@ -362,7 +362,9 @@ mod tests {
         let mut recovery = sender();
         let lose_one = |recovery: &mut Recovery, ms: u64| {
             let base = recovery.next_number();
-            (0..4).for_each(|_| drop(send(recovery, ms)));
+            for _ in 0..4 {
+                send(recovery, ms);
+            }
             recovery.on_ack(at(ms + 10), &numbers(base + 1..base + 4), Duration::ZERO).unwrap();
         };
         lose_one(&mut recovery, 0);
@@ -382,7 +384,9 @@ mod tests {
         let mut recovery = sender();
         let contents = vec![Content::Probe { size: 1452 }];
         recovery.on_sent(Some(Sent { at: at(0), bytes: 1452, contents: contents.clone() }));
-        (0..3).for_each(|_| drop(send(&mut recovery, 0)));
+        for _ in 0..3 {
+            send(&mut recovery, 0);
+        }
         let verdict = recovery.on_ack(at(50), &numbers(1..4), Duration::ZERO).unwrap();
         assert_eq!((verdict.lost, recovery.lost_packets), (contents, 0));
         assert_eq!((recovery.loss(), recovery.cubic.window()), (0.0, 10_000));

@@ -16,6 +16,9 @@ use crate::repair::{BLOCK, Block};
 /// allows for is sent.
 const RETAINED: u64 = BLOCK as u64 * 1500;
 
+/// Repair shards by index.
+type Shards = Vec<(u8, Vec<u8>)>;
+
 #[derive(Debug, Default)]
 pub(super) struct Unit {
     /// Bytes from `kept` on, with gaps; those before `base` were passed on.
@@ -30,7 +33,7 @@ pub(super) struct Unit {
     frame: Option<FrameNumber>,
     /// No more comes, and there are gaps; how much was sent.
     given_up: Option<u64>,
-    repair: Vec<(Block, Vec<(u8, Vec<u8>)>)>,
+    repair: Vec<(Block, Shards)>,
     pub(super) repaired: bool,
 }
 
