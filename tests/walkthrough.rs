@@ -13,10 +13,13 @@ use trimaran::{
     walkthrough::{Auditor, Pace, PathChoice, Plan, Stage, Trail, viewport},
 };
 use trimaran_actors::VulkanPair;
-use trimaran_cull::{CutRule, reference::SURFACE_SLACK_PX};
+use trimaran_cull::{
+    CutRule,
+    reference::{SURFACE_SLACK_PX, cases::with_records},
+};
 use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
 use trimaran_scene::{
-    ObjectRecord, Scene, SceneArrays,
+    Scene,
     cook::{CookOptions, cook},
     generate::{PlantOptions, plant},
 };
@@ -65,20 +68,7 @@ fn a_session_is_the_same_in_process_and_over_tcp() {
 fn understated(scene: &Scene, by: f32) -> Scene {
     let mut drawables = scene.drawables().to_vec();
     drawables.iter_mut().for_each(|level| level.error /= by);
-    let arrays = SceneArrays {
-        nodes: scene.nodes().to_vec(),
-        drawables,
-        vertices: scene.vertices().to_vec(),
-        indices: scene.indices().to_vec(),
-        objects: scene
-            .objects()
-            .iter()
-            .map(|object| ObjectRecord { name_start: 0, name_length: 0, ..*object })
-            .collect(),
-        names: String::new(),
-        sources: scene.sources().to_vec(),
-    };
-    Scene::from_arrays(arrays).unwrap()
+    with_records(scene, scene.nodes().to_vec(), drawables).unwrap()
 }
 
 /// The farthest that an outline and a surface are off in a session, pixels.
@@ -126,18 +116,22 @@ fn every_tester_shows_the_unculled_cut() -> Result<(), Box<dyn Error>> {
         let [_, _, display] = &stage.drawn;
         let mut auditor = Auditor::new(&stage.scene, display, viewport(plan.size)?, rule)?;
         let mut machine = VulkanPair::new(display, viewport(plan.size)?, tester)?;
+        let mut seen = 0;
         for (index, record) in records.iter().enumerate() {
             let mut frame = Frame::default();
             auditor.audit(&mut machine, &records[..=index], false, &mut frame, &mut Default::default())?;
             assert_eq!(frame.false_culled_pixels, Some(0), "{tester}: {}", record.camera.frame());
             assert_eq!(frame.cut_mismatch_pixels, Some(0), "{tester}: {}", record.camera.frame());
-            assert!(frame.nodes_exact.is_some_and(|exact| exact > 0), "something shows");
+            let exact = frame.nodes_exact.unwrap() as usize;
+            assert!(exact > 0, "something shows");
+            seen += exact;
         }
         pictures.push(records.iter().map(|record| record.picture).collect::<Vec<_>>());
         let drawn: usize = records.iter().map(|record| record.ids.len()).sum();
         let cut: usize = records.iter().map(|r| uncut_count(&stage, &plan, r)).sum();
-        // The walk looks where there is most to see.
-        assert!(drawn * 5 < cut * 4, "{tester} drew {drawn} of {cut}: even so a fifth is hidden");
+        // The walk looks where there is most to see: of 2544 drawables 1550 own a pixel, and culling leaves 300 of the others.
+        let (hidden, culled) = (cut - seen, cut - drawn);
+        assert!(culled * 5 > hidden * 3, "{tester} culled {culled} of {hidden} that are hidden");
     }
     assert!(
         pictures.windows(2).all(|pair| pair[0] == pair[1]),

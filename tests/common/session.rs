@@ -5,8 +5,8 @@ use std::{net, sync::Arc, thread, time::Duration};
 use tokio::runtime::{Builder, Runtime};
 use trimaran::walkthrough::{FrameRecord, PathChoice, Plan, Recorder, Stage, Trail, in_process, viewport};
 use trimaran_actors::{
-    DisplayRole, Joined, OccluderPolicy, PairRole, Place, Seat, Stop, VulkanDisplay, VulkanPair, await_pair,
-    join_session,
+    Devices, DisplayRole, Joined, OccluderPolicy, PairDevice, PairRole, Place, Seat, Stop, VulkanDisplay,
+    VulkanPair, await_pair, join_session,
 };
 use trimaran_cull::{CutRule, View, level_cut};
 use trimaran_proto::{Identity, Role};
@@ -29,6 +29,34 @@ pub(crate) fn walk_in_process(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<
     let mut quiet = |_| {};
     let mut recorder = Recorder::new(1, &mut quiet);
     in_process(stage, plan, trail, &mut recorder, runtime.handle(), &stop).unwrap();
+    recorder.into_frames()
+}
+
+/// The same with a pair of other devices.
+pub(crate) fn walk_with<P: PairDevice + Send>(
+    stage: &Stage,
+    plan: &Plan,
+    trail: &Trail,
+    [first, second]: [P; 2],
+) -> Vec<FrameRecord> {
+    let (runtime, (_stopper, stop)) = (runtime(), Stop::new());
+    let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+    let display = VulkanDisplay::new(&stage.drawn[2], viewport(plan.size).unwrap()).unwrap();
+    let mut quiet = |_| {};
+    let mut recorder = Recorder::new(1, &mut quiet);
+    let settings = plan.settings(trail.frames());
+    let devices = Devices { first, second, display };
+    trimaran_actors::in_process(
+        &stage.scene,
+        settings,
+        devices,
+        &mut trail.clone(),
+        &mut recorder,
+        &net,
+        runtime.handle(),
+        &stop,
+    )
+    .unwrap();
     recorder.into_frames()
 }
 

@@ -6,7 +6,7 @@
 //! the f64 rasterizer puts the surface that is missing. The walk to a drawable may go wrong at any node above it, and the first
 //! such step is the cause.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::iter::successors;
 
 use glam::{DVec3, Vec3};
@@ -18,10 +18,13 @@ use super::picture::{Item, Picture, Placement, rasterize, triangles};
 use super::raster::rasterize_triangle;
 use super::tester::triangles_of;
 use crate::boxes::{BoxMaker, Prepared, reaches};
-use crate::{BoxTester, CutRule, LevelCut, TestBox, View};
+use crate::{BoxTester, CutRule, LevelCut, Outline, TestBox, View};
 
 /// A pixel's centre may be covered by a surface that ends so far beside it: corners move by the sub-pixel step.
 const SNAP_PX: f64 = 1.0 / 256.0;
+
+/// Depths that differ by less than this fraction are of the same surface.
+const SAME_DEPTH: f64 = 1e-4;
 
 /// What a machine did for a frame from which something is missing.
 #[derive(Debug, Clone, Copy)]
@@ -86,6 +89,9 @@ trait Steps {
     /// Whether the tester says that the box shows.
     fn shows(&mut self, test_box: TestBox) -> Result<bool, Self::Error>;
 
+    /// The node's box without its half pixel, if it can be tested.
+    fn bare(&self, id: NodeId, node: &Node) -> Option<TestBox>;
+
     /// How far the node's box is inflated against rounding and depth ties, metres.
     fn slack(&self, id: NodeId, node: &Node) -> f64;
 }
@@ -120,6 +126,13 @@ impl<T: BoxTester> Steps for MachineSteps<'_, T> {
     fn shows(&mut self, test_box: TestBox) -> Result<bool, T::Error> {
         self.tester.test(self.view, &[test_box], &mut self.answers)?;
         Ok(self.answers != [0])
+    }
+
+    fn bare(&self, id: NodeId, node: &Node) -> Option<TestBox> {
+        match BoxMaker::new(self.view, Outline::OnScreen).prepare(node, self.reach(id)) {
+            Prepared::Test(test_box) => Some(test_box),
+            _ => None,
+        }
     }
 
     fn slack(&self, id: NodeId, node: &Node) -> f64 {
@@ -203,24 +216,23 @@ impl<'f, S: Steps> Judge<'f, S> {
     fn surface(&self, missing: &Missing, target: NodeId) -> Vec<SurfacePoint> {
         let (scene, view) = (self.frame.scene, self.frame.view);
         let Some(drawable) = scene.drawables().get(missing.id.index()) else { return Vec::new() };
-        let mut nearest: BTreeMap<usize, f64> = missing.pixels.iter().map(|&pixel| (pixel, 0.0)).collect();
+        let slack =
+            scene.nodes().get(target.0 as usize).map_or(f64::NAN, |node| self.steps.slack(target, node));
+        let mut nearest: BTreeMap<usize, Option<SurfacePoint>> =
+            missing.pixels.iter().map(|&pixel| (pixel, None)).collect();
         for corners in triangles(scene, view, drawable, Placement::Exact) {
+            let snap = depth_of_a_snap(view, &corners);
             rasterize_triangle(view, corners, |hit| {
-                if let Some(depth) = nearest.get_mut(&hit.pixel) {
-                    *depth = depth.max(hit.depth);
+                let Some(found) = nearest.get_mut(&hit.pixel) else { return };
+                if found.is_none_or(|found| hit.depth > found.depth) {
+                    let place = unproject(view, hit.pixel, hit.depth);
+                    // Each of two passes may be off by the slack, and by a step of the sub-pixel grid where the surface is steep.
+                    let tolerance = 2.0 * slack / -place.z + snap / hit.depth;
+                    *found = Some(SurfacePoint { pixel: hit.pixel, place, depth: hit.depth, tolerance });
                 }
             });
         }
-        let slack =
-            scene.nodes().get(target.0 as usize).map_or(f64::NAN, |node| self.steps.slack(target, node));
-        let points = nearest.into_iter().filter(|(_, depth)| *depth > 0.0);
-        points
-            .map(|(pixel, depth)| {
-                let place = unproject(view, pixel, depth);
-                // Each of two passes may be off by the slack.
-                SurfacePoint { pixel, place, depth, tolerance: 2.0 * slack / -place.z }
-            })
-            .collect()
+        nearest.into_values().flatten().collect()
     }
 
     /// What goes wrong at one node on the way down, if anything does.
@@ -244,12 +256,13 @@ impl<'f, S: Steps> Judge<'f, S> {
         } else if nearest(&test_box) <= near {
             Cause::NearPlane
         } else {
-            self.hidden(&test_box, surface)
+            let bare = self.steps.bare(id, node).unwrap_or(test_box);
+            self.hidden(&test_box, &bare, surface)
         }))
     }
 
-    /// Why a box that holds the surface was found hidden.
-    fn hidden(&mut self, test_box: &TestBox, surface: &[SurfacePoint]) -> Cause {
+    /// Why a box that holds the surface was found hidden; `bare` is the same without its half pixel.
+    fn hidden(&mut self, test_box: &TestBox, bare: &TestBox, surface: &[SurfacePoint]) -> Cause {
         let tested =
             |point: &SurfacePoint| f64::from(self.frame.depth.get(point.pixel).copied().unwrap_or_default());
         let open: Vec<&SurfacePoint> =
@@ -258,10 +271,14 @@ impl<'f, S: Steps> Judge<'f, S> {
             return self.covered(surface);
         }
         let covered = covered(self.frame.view, test_box);
-        if !open.iter().any(|point| covered.binary_search(&point.pixel).is_ok()) {
+        if !open.iter().any(|point| covered.contains_key(&point.pixel)) {
             return Cause::MissedSamples;
         }
-        let clearly = open.iter().any(|point| point.depth > tested(point) * (1.0 + point.tolerance));
+        let fronts = self::covered(self.frame.view, bare);
+        let clearly = open.iter().any(|point| {
+            let front = fronts.get(&point.pixel).map_or(point.depth, |front| front.max(point.depth));
+            front > tested(point) * (1.0 + 2.0 * point.tolerance)
+        });
         if clearly { Cause::TesterHid } else { Cause::DepthTie }
     }
 
@@ -287,13 +304,15 @@ impl<'f, S: Steps> Judge<'f, S> {
             });
             moved.flat_map(|(view, drawn)| [draw(view, drawn), draw(view, frame.occluders)]).collect()
         });
+        // At most points: along edges a device may round to another surface. The depth of a large triangle is interpolated less
+        // exactly than the missing surface's own tolerance says.
         let same = |picture: &Picture| {
-            surface.iter().all(|point| {
+            let equal = |point: &&SurfacePoint| {
                 let tested = frame.depth.get(point.pixel).copied().map(f64::from);
-                picture.depth().get(point.pixel).zip(tested).is_some_and(|(drawn, tested)| {
-                    (drawn - tested).abs() <= tested * point.tolerance.max(f64::from(f32::EPSILON))
-                })
-            })
+                let drawn = picture.depth().get(point.pixel);
+                drawn.zip(tested).is_some_and(|(drawn, tested)| (drawn - tested).abs() <= tested * SAME_DEPTH)
+            };
+            surface.iter().filter(equal).count() * 2 > surface.len()
         };
         if stale.iter().any(same) { Cause::StaleCamera } else { Cause::OccluderTooNear }
     }
@@ -381,21 +400,32 @@ fn unproject(view: &View, pixel: usize, depth: f64) -> DVec3 {
     )
 }
 
+/// By how much the reversed depth of a triangle changes over a step of the sub-pixel grid, right and down together.
+fn depth_of_a_snap(view: &View, [a, b, c]: &[DVec3; 3]) -> f64 {
+    let normal = (*b - *a).cross(*c - *a);
+    // Reversed depth is near / distance, which on the plane `normal . p = offset` is linear on the screen.
+    let scale = f64::from(view.camera().near()) / normal.dot(*a);
+    let gradient = ((normal.x / view.focal_x()).abs() + (normal.y / view.focal_y()).abs()) * scale.abs();
+    // A plane through the eye is seen edge on: nothing is known of depths on it.
+    if gradient.is_finite() { SNAP_PX * gradient } else { 0.0 }
+}
+
 /// The smallest depth in a box, metres.
 fn nearest(test_box: &TestBox) -> f64 {
     let thickness: f64 = test_box.axes.iter().map(|axis| f64::from(axis.z.abs())).sum();
     -f64::from(test_box.centre.z) - thickness
 }
 
-/// The pixels that a box covers, ascending.
-fn covered(view: &View, test_box: &TestBox) -> Vec<usize> {
-    let mut pixels = Vec::new();
+/// The pixels that a box covers, with the reversed depth of its front.
+fn covered(view: &View, test_box: &TestBox) -> HashMap<usize, f64> {
+    let mut fronts = HashMap::new();
     for corners in triangles_of(test_box) {
-        rasterize_triangle(view, corners, |hit| pixels.push(hit.pixel));
+        rasterize_triangle(view, corners, |hit| {
+            let front = fronts.entry(hit.pixel).or_insert(hit.depth);
+            *front = hit.depth.max(*front);
+        });
     }
-    pixels.sort_unstable();
-    pixels.dedup();
-    pixels
+    fronts
 }
 
 #[cfg(test)]
@@ -426,6 +456,10 @@ mod tests {
 
         fn shows(&mut self, _: TestBox) -> Result<bool, Infallible> {
             Ok(self.shows)
+        }
+
+        fn bare(&self, _: NodeId, _: &Node) -> Option<TestBox> {
+            None
         }
 
         fn slack(&self, _: NodeId, _: &Node) -> f64 {
@@ -484,13 +518,14 @@ mod tests {
     fn each_step_that_goes_wrong_is_named() {
         let plate = Plate::new();
         assert_eq!(plate.missing.pixels.len(), 100);
-        let right = plate.grown(0.01);
+        let right = plate.grown(1e-6);
         assert_eq!(plate.cause(true, right, true, 0.0), Cause::OutsideFrustum);
         assert_eq!(plate.cause(false, Prepared::Outside, true, 0.0), Cause::OutsideFrustum);
         assert_eq!(plate.cause(false, plate.grown(-0.05), false, 0.0), Cause::BoxTooSmall);
         assert_eq!(plate.cause(false, plate.grown(5.0), false, 0.0), Cause::NearPlane);
         assert_eq!(plate.cause(false, right, false, 0.0), Cause::TesterHid);
         assert_eq!(plate.cause(false, right, false, 0.99), Cause::TesterHid);
+        assert_eq!(plate.cause(false, plate.grown(0.01), false, 1.0), Cause::TesterHid);
         assert_eq!(plate.cause(false, right, false, 1.0), Cause::DepthTie);
         assert_eq!(plate.cause(false, right, false, 1.01), Cause::OccluderTooNear);
         assert_eq!(plate.cause(false, right, true, 1.0), Cause::Unattributed);

@@ -23,9 +23,9 @@ pub enum FalseCullCause {
     OccluderTooNear,
     /// The box given to the tester covers none of the pixels at which the surface shows.
     MissedSamples,
-    /// The surface is level with the depth tested against, and the box lost to it.
+    /// The box, before it is grown, is level with the depth tested against, and lost to it.
     DepthTie,
-    /// The box is clearly in front at a pixel, and the tester said that it is hidden.
+    /// The box is clearly in front at a pixel of the surface, and the tester said that it is hidden.
     TesterHid,
     /// Every step keeps it, and more ids were sent than drawn.
     LostIds,
