@@ -78,6 +78,13 @@ impl Camera {
         Ok(Self { eye, orientation, tan_half_fov_y, aspect, near, frame })
     }
 
+    /// A camera at the origin that looks down -z: field of view 90 degrees, square, near distance 0.1 m.
+    #[must_use]
+    pub const fn at_origin(frame: FrameNumber) -> Self {
+        let orientation = [0.0, 0.0, 0.0, 1.0];
+        Self { eye: [0.0; 3], orientation, tan_half_fov_y: 1.0, aspect: 1.0, near: 0.1, frame }
+    }
+
     /// The eye in world space, metres.
     #[must_use]
     pub const fn eye(&self) -> [f64; 3] {

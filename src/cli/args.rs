@@ -6,7 +6,10 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use confique::Config;
 use trimaran::config::{DisplayConfig, LinkConfig, SwitchConfig, positive};
+use trimaran_proto::IdCoding;
 use trimaran_transport::Name;
+
+use super::ping::PingArgs;
 
 /// Walk through 3D models too large for one GPU.
 ///
@@ -56,6 +59,8 @@ pub(crate) enum Command {
     /// Make and show the keys by which machines know each other where a transport encrypts.
     #[command(subcommand)]
     Keys(KeysCommand),
+    /// Measure round trips over any transport, of a camera or of a frame of ids.
+    Ping(PingArgs),
     /// Generate a plant, walk through it and say where the report is.
     Demo(DemoArgs),
     /// Check GPU, memory and sockets: what works, what is missing, what to install.
@@ -166,6 +171,15 @@ pub(crate) enum Coding {
     Changes,
     /// 4 bytes an id, as in the paper's bandwidth formula.
     Plain,
+}
+
+impl From<Coding> for IdCoding {
+    fn from(coding: Coding) -> Self {
+        match coding {
+            Coding::Changes => Self::Changes,
+            Coding::Plain => Self::Plain,
+        }
+    }
 }
 
 /// A picture size, `WIDTHxHEIGHT`.

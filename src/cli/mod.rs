@@ -9,6 +9,7 @@ mod generate;
 mod import;
 mod info;
 mod keys;
+mod ping;
 mod progress;
 mod role;
 mod run;
@@ -56,6 +57,7 @@ fn dispatch(command: Command) -> Result<(), Failure> {
             Ok(())
         }
         Command::Keys(command) => keys::run(&command),
+        Command::Ping(args) => ping::run(&args),
         Command::Demo(args) => demo::run(&args),
     }
 }

@@ -6,7 +6,6 @@ use std::{
     path::Path,
 };
 
-use confique::{Config, Layer};
 use tokio::{
     process::{Child, Command},
     runtime::Runtime,
@@ -47,7 +46,7 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
     let device = args.walk.device.as_deref();
     let configs = tempfile::tempdir().map_err(Failure::broken)?;
     let (listen, pair) = meeting_places(transport, configs.path())?;
-    let link = links(&args.links)?;
+    let link = LinkConfig::load(args.links.clone()).map_err(Failure::bad_input)?;
     let keyring = if listen.needs_keys() { Some(Keyring::make(configs.path())?) } else { None };
     let options = link.options(keyring.as_ref().map(|keyring| keyring.security.clone()));
     let stage = DisplayStage::set(&file, device, &plan, &trail, &runtime, &listen.into(), &options)?;
@@ -84,14 +83,6 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
         runtime.block_on(machine.ended_well())?;
     }
     conclude(&report, &args.out, args.json)
-}
-
-/// How links are made: by flags, the environment, and the defaults.
-fn links(flags: &<LinkConfig as Config>::Layer) -> Result<LinkConfig, Failure> {
-    type Links = <LinkConfig as Config>::Layer;
-    let environment = Links::from_env().map_err(Failure::bad_input)?;
-    let layers = flags.clone().with_fallback(environment).with_fallback(Links::default_values());
-    LinkConfig::from_layer(layers).map_err(Failure::bad_input)
 }
 
 /// Keys that live as long as the session: each of the three knows the two others.

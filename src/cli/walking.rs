@@ -6,12 +6,12 @@ use tokio::runtime::{Builder, Runtime};
 use trimaran::walkthrough::{Pace, PathChoice, Plan, SceneFile, Trail, viewport};
 use trimaran_actors::{Stop, Stopper};
 use trimaran_gpu::{DeviceChoice, GpuOptions};
-use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
+use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
 use trimaran_scene::Scene;
 
 use super::{
     Failure,
-    args::{Coding, Tester, WalkArgs},
+    args::{Tester, WalkArgs},
 };
 
 /// The plan that the flags ask for.
@@ -24,10 +24,7 @@ pub(super) fn plan(walk: &WalkArgs, epsilon_px: f64, visible: bool, pace: Pace) 
         size: PictureSize::new(walk.size.width, walk.size.height).map_err(Failure::bad_input)?,
         epsilon: EpsilonPx::new(epsilon_px).map_err(Failure::bad_input)?,
         batch: BatchSize::new(walk.batch.into()).map_err(Failure::bad_input)?,
-        coding: match walk.coding {
-            Coding::Changes => IdCoding::Changes,
-            Coding::Plain => IdCoding::Plain,
-        },
+        coding: walk.coding.into(),
         tester: match walk.tester {
             Tester::Query => TesterKind::Query,
             Tester::Raster => TesterKind::Raster,

@@ -2,7 +2,7 @@
 
 use std::{path::Path, time::Duration};
 
-use confique::Config;
+use confique::{Config, Layer};
 use serde::Serialize;
 use trimaran_transport::{
     Endpoints, Limits, Options, UdpSocketOptions,
@@ -79,6 +79,18 @@ fn lease(seconds: &f64) -> Result<(), &'static str> {
 }
 
 impl LinkConfig {
+    /// By flags, the environment and the defaults, the first of these that says something.
+    ///
+    /// # Errors
+    /// When a variable of the environment has a bad value.
+    pub fn load(flags: <Self as Config>::Layer) -> Result<Self, ConfigError> {
+        let environment =
+            <Self as Config>::Layer::from_env().map_err(|cause| ConfigError::Environment { cause })?;
+        let layers =
+            flags.with_fallback(environment).with_fallback(<Self as Config>::Layer::default_values());
+        Self::from_layer(layers).map_err(|cause| ConfigError::Missing { cause })
+    }
+
     /// What the transports make of it, for a link that `security` guards.
     #[must_use]
     pub fn options(&self, security: Option<Security>) -> Options {

@@ -21,6 +21,7 @@ mod listen;
 mod net;
 mod options;
 mod patience;
+pub mod probe;
 pub mod quic;
 mod stats;
 mod stream;
