@@ -164,3 +164,79 @@ pub(crate) fn server(keys: &Keys, doorman: &Arc<Doorman>) -> Result<ServerConfig
     config.send_tls13_tickets = 0;
     Ok(config)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::net::{Ipv4Addr, SocketAddr};
+    use std::time::Duration;
+
+    use quinn::crypto::rustls::{QuicClientConfig, QuicServerConfig};
+    use trimaran_proto::{Identity, Role, SceneHash};
+
+    use super::*;
+    use crate::keys::Security;
+    use crate::quic::QuicOptions;
+    use crate::quic::connect::endpoint;
+    use crate::{
+        AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Listener, Net, Options, TokioNet,
+        connect,
+    };
+
+    const OTHER: &[u8] = b"trimaran/0";
+    const HERE: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
+
+    fn net() -> Arc<dyn Net> {
+        Arc::new(TokioNet::current().unwrap())
+    }
+
+    fn identity(role: Role) -> Identity {
+        Identity { role, scene: SceneHash(1), settings: None }
+    }
+
+    /// A peer of ours, and what another program needs to be taken for one of its acquaintances.
+    fn acquainted() -> (Options, Keys, Arc<Doorman>) {
+        let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
+        let (ours, theirs) = (keys("ours"), keys("theirs"));
+        let doorman = Doorman::new(&[ours.public().clone()]);
+        let security = Some(Security { keys: ours, peers: vec![theirs.public().clone()] });
+        (Options { security, ..Options::default() }, theirs, doorman)
+    }
+
+    #[tokio::test]
+    async fn a_listener_turns_another_protocol_away() {
+        let (net, (options, theirs, doorman)) = (net(), acquainted());
+        let at = Endpoint::Quic(HERE.into());
+        let mut listener = Listener::bind(&net, &at, identity(Role::SwitchA), &options).await.unwrap();
+        let Endpoint::Quic(at) = listener.local_endpoint() else { panic!("not QUIC") };
+        let at = at.to_string().parse().unwrap();
+        let mut crypto = client(&theirs, &doorman).unwrap();
+        crypto.alpn_protocols = vec![OTHER.to_vec()];
+        let config = quinn::ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
+        let (other, _) = endpoint(&net, HERE, &QuicOptions::default(), None).unwrap();
+        assert!(other.connect_with(config, at, "trimaran").unwrap().await.is_err());
+        let accepted = listener.accept(net.now().after(Duration::from_millis(500))).await;
+        let Err(AcceptError::Deadline { last: Some(why), .. }) = accepted else { panic!("{accepted:?}") };
+        assert!(matches!(why, HandshakeError::Alpn), "{why:?}");
+    }
+
+    #[tokio::test]
+    async fn a_listener_of_another_protocol_is_no_peer() {
+        let (net, (options, theirs, doorman)) = (net(), acquainted());
+        let mut crypto = server(&theirs, &doorman).unwrap();
+        crypto.alpn_protocols = vec![OTHER.to_vec()];
+        let config = quinn::ServerConfig::with_crypto(Arc::new(QuicServerConfig::try_from(crypto).unwrap()));
+        let (other, at) = endpoint(&net, HERE, &QuicOptions::default(), Some(config)).unwrap();
+        net.spawn(Box::pin(async move {
+            while let Some(incoming) = other.accept().await {
+                let _refused = incoming.await;
+            }
+        }));
+        let deadline = net.now().after(Duration::from_secs(60));
+        let at = Endpoint::Quic(at.into());
+        let error = connect(&net, &at, identity(Role::Display), &options, deadline).await.unwrap_err();
+        let ConnectError::Failed { cause: AttemptError::Handshake { cause, .. }, .. } = error else {
+            panic!("{error:?}")
+        };
+        assert!(matches!(cause, HandshakeError::Alpn), "{cause:?}");
+    }
+}

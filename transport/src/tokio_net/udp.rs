@@ -169,4 +169,24 @@ mod tests {
         }
         assert_eq!(got, contents);
     }
+
+    #[test]
+    fn the_system_is_asked_for_buffers_of_another_size() {
+        const BYTES: usize = 48 << 10;
+        let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP)).unwrap();
+        let before = (socket.send_buffer_size().unwrap(), socket.recv_buffer_size().unwrap());
+        let ask = |bytes| {
+            let options = UdpSocketOptions { send_buffer: bytes, recv_buffer: bytes };
+            enlarge(&SockRef::from(&socket), options);
+            (socket.send_buffer_size().unwrap(), socket.recv_buffer_size().unwrap())
+        };
+        assert_eq!(ask(None), before);
+        let (send, receive) = ask(Some(BYTES));
+        // Linux grants twice that, for its own bookkeeping.
+        assert!(
+            (BYTES..=BYTES * 2).contains(&send) && (BYTES..=BYTES * 2).contains(&receive),
+            "{send} {receive}"
+        );
+        assert_ne!((send, receive), before);
+    }
 }
