@@ -7,4 +7,5 @@
 
 pub mod config;
 pub mod report;
+pub mod simulate;
 pub mod walkthrough;

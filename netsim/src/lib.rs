@@ -10,6 +10,7 @@ mod fabric;
 pub mod link;
 mod net;
 mod packet;
+mod profile;
 mod random;
 mod simulation;
 mod tcp;
@@ -20,6 +21,7 @@ mod world;
 
 pub use bandwidth::{FrameLoad, bits_per_second};
 pub use net::SimNet;
+pub use profile::{Machines, Profile, ProfileError};
 pub use simulation::{Simulation, Stalled};
 pub use tcp::Class;
 pub use topology::{HostId, NodeId, Topology};

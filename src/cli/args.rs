@@ -48,6 +48,8 @@ pub(crate) enum Command {
     Run(RunArgs),
     /// Walk the same path at several error bounds: speed against error.
     Sweep(SweepArgs),
+    /// Simulate the three roles on a network: frame latency and bandwidth by transport, before a cable is bought.
+    Sim(SimArgs),
     /// Run one role of a deployment on several machines.
     #[command(subcommand)]
     Role(Box<RoleCommand>),
@@ -270,6 +272,56 @@ pub(crate) struct SweepArgs {
     pub(crate) json: bool,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SimLink {
+    /// Two TCP connections a link, as in the paper.
+    Tcp,
+    /// A QUIC connection a link.
+    Quic,
+    /// The project's own connection over datagrams.
+    Udp,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SimArgs {
+    /// The networks: fast-ethernet, gigabit, 10g, wifi, lte, wan-20ms, wan-80ms, satellite, or files ending in .toml.
+    #[arg(long, value_name = "PROFILE,..", value_delimiter = ',', default_value = "fast-ethernet")]
+    pub(crate) network: Vec<String>,
+    /// What joins the roles.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "tcp,quic,udp")]
+    pub(crate) link: Vec<SimLink>,
+    /// How many ids travel in one batch: the paper's b.
+    #[arg(long, value_name = "B,..", value_delimiter = ',', default_value = "1024", value_parser = clap::value_parser!(u16).range(1..=16384))]
+    pub(crate) batch: Vec<u16>,
+    /// How many ids each frame has: the paper's n.
+    #[arg(long, value_name = "N", default_value_t = 4000, conflicts_with = "trace")]
+    pub(crate) nodes: u32,
+    /// How long OR draws, milliseconds.
+    #[arg(long, value_name = "MS", default_value_t = 5.0, value_parser = pause, conflicts_with = "trace")]
+    pub(crate) or_ms: f64,
+    /// How long HC culls, milliseconds.
+    #[arg(long, value_name = "MS", default_value_t = 5.0, value_parser = pause, conflicts_with = "trace")]
+    pub(crate) hc_ms: f64,
+    /// How long RVG draws, milliseconds.
+    #[arg(long, value_name = "MS", default_value_t = 5.0, value_parser = pause, conflicts_with = "trace")]
+    pub(crate) rvg_ms: f64,
+    /// A report.json of `trimaran run`: each frame has the ids and the times of the recorded one.
+    #[arg(long, value_name = "REPORT")]
+    pub(crate) trace: Option<PathBuf>,
+    /// How many frames to show.
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) frames: u32,
+    /// The seed of losses and delays: the same one gives the same run.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// Where to write sim.json, with all figures, and frames.csv, with the times of every frame.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Print all figures as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum RoleCommand {
     /// One of the two machines that take turns: draws occluders, culls.
@@ -337,6 +389,13 @@ fn size(text: &str) -> Result<Size, String> {
     match sides {
         Some((width @ 1.., height @ 1..)) => Ok(Size { width, height }),
         _ => Err("give WIDTHxHEIGHT in pixels, such as 1024x1024".to_owned()),
+    }
+}
+
+fn pause(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=60_000.0).contains(&value) => Ok(value),
+        _ => Err("give milliseconds from 0 to 60000".to_owned()),
     }
 }
 

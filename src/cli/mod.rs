@@ -13,6 +13,7 @@ mod ping;
 mod progress;
 mod role;
 mod run;
+mod sim;
 mod sweep;
 mod three_processes;
 mod walking;
@@ -51,6 +52,7 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         }
         Command::Run(args) => run::run(&args),
         Command::Sweep(args) => sweep::run(&args),
+        Command::Sim(args) => sim::run(&args),
         Command::Role(command) => role::run(&command),
         Command::Config { role } => {
             print!("{}", role::template(role));

@@ -296,7 +296,7 @@ impl Sender {
         self.reduction.sent += 1;
         self.last_sent = now;
         self.note_usage(now);
-        self.set_tail_timer(now);
+        self.set_tail_timer(now, false);
         Some(out)
     }
 
@@ -356,7 +356,9 @@ impl Sender {
         if self.threshold > most { self.threshold } else { most }
     }
 
-    fn set_tail_timer(&mut self, now: Instant) {
+    /// Sets the timer after which a lost tail is probed for, at the retransmission timeout at most: that of the oldest packet,
+    /// or a fresh one where an acknowledgement has just come.
+    fn set_tail_timer(&mut self, now: Instant, heard: bool) {
         self.timers.tail = None;
         if self.state != State::Open || self.board.is_empty() || self.tail_probe.is_some() {
             return;
@@ -365,7 +367,8 @@ impl Sender {
         // A single packet's acknowledgement may be delayed.
         let slack = if self.board.packets() == 1 { RTO_MIN } else { PROBE_SLACK };
         let at = now.after(2 * smoothed + slack);
-        let last = self.board.oldest().map_or(at, |oldest| oldest.at.after(self.rtt.timeout()));
+        let since = if heard { None } else { self.board.oldest().map(|oldest| oldest.at) };
+        let last = since.unwrap_or(now).after(self.rtt.timeout());
         self.timers.tail = Some(if last > now { at.min(last) } else { at });
     }
 
@@ -406,7 +409,7 @@ impl Sender {
             State::Recovery => self.reduce(&news, advanced),
             State::Open | State::Loss => self.grow(now, &news),
         }
-        self.set_tail_timer(now);
+        self.set_tail_timer(now, true);
     }
 
     fn look_for_losses(&mut self, now: Instant) {

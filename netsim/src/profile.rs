@@ -1,0 +1,358 @@
+//! Networks by name or from a file.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde::Deserialize;
+use thiserror::Error;
+
+use crate::link::{
+    Conditions, Framing, Jitter, LinkModel, Loss, Phase, Probability, QueueModel, Rate, Reorder,
+};
+use crate::topology::{HostId, Topology};
+
+/// The networks that come with this crate.
+const BUILT_IN: [(&str, &str); 8] = [
+    ("fast-ethernet", include_str!("../profiles/fast-ethernet.toml")),
+    ("gigabit", include_str!("../profiles/gigabit.toml")),
+    ("10g", include_str!("../profiles/10g.toml")),
+    ("wifi", include_str!("../profiles/wifi.toml")),
+    ("lte", include_str!("../profiles/lte.toml")),
+    ("wan-20ms", include_str!("../profiles/wan-20ms.toml")),
+    ("wan-80ms", include_str!("../profiles/wan-80ms.toml")),
+    ("satellite", include_str!("../profiles/satellite.toml")),
+];
+
+/// A network for the three roles: all at one switch, or the display at another site than the pair.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Profile {
+    /// What it is called.
+    pub name: String,
+    /// What it is.
+    pub about: String,
+    /// Where its numbers are from.
+    pub sources: Vec<String>,
+    /// From each machine to its switch, and back.
+    pub up: LinkModel,
+    /// From the switch to each machine.
+    pub down: LinkModel,
+    /// Between the sites, if there are two: from the pair's to the display's, and back.
+    pub wan: Option<(LinkModel, LinkModel)>,
+}
+
+/// Why a network cannot be had.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ProfileError {
+    /// Neither a name nor a file.
+    #[error("no network is called {name:?}: take a file ending in .toml, or one of {}", Profile::names().collect::<Vec<_>>().join(", "))]
+    Unknown {
+        /// What was asked for.
+        name: String,
+    },
+    /// The file cannot be read.
+    #[error("cannot read the network {}", .path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        #[source]
+        cause: io::Error,
+    },
+    /// The file is no profile.
+    #[error("the network {profile} cannot be used: {cause}")]
+    Parse {
+        /// Which.
+        profile: String,
+        /// What is wrong, and where.
+        cause: Box<toml::de::Error>,
+    },
+    /// A value makes no sense.
+    #[error("the network {profile} cannot be used: the key `{key}` {problem}")]
+    Value {
+        /// Which.
+        profile: String,
+        /// Where.
+        key: String,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
+}
+
+/// The roles' machines.
+#[derive(Debug, Clone, Copy)]
+pub struct Machines {
+    /// The pair's first machine.
+    pub first: HostId,
+    /// Its second.
+    pub second: HostId,
+    /// The display.
+    pub display: HostId,
+}
+
+/// A profile as it is written.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    about: String,
+    sources: Vec<String>,
+    up: WrittenLink,
+    down: Option<WrittenLink>,
+    wan: Option<WrittenLink>,
+    wan_back: Option<WrittenLink>,
+}
+
+/// A link as it is written.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenLink {
+    rate: Option<Rate>,
+    #[serde(default, with = "crate::text::duration")]
+    delay: Duration,
+    jitter: Option<Jitter>,
+    #[serde(default)]
+    loss: Loss,
+    #[serde(default)]
+    corrupt: Probability,
+    #[serde(default)]
+    duplicate: Probability,
+    reorder: Option<Reorder>,
+    #[serde(default)]
+    queue: QueueModel,
+    #[serde(default = "ethernet_mtu")]
+    mtu: u32,
+    #[serde(default)]
+    framing: Framing,
+    #[serde(default)]
+    phases: Vec<WrittenPhase>,
+    repeat: Option<WrittenDuration>,
+}
+
+/// What changes at a time; what is not said stays as the link has it at first.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WrittenPhase {
+    #[serde(with = "crate::text::duration")]
+    at: Duration,
+    rate: Option<Rate>,
+    delay: Option<WrittenDuration>,
+    jitter: Option<Jitter>,
+    loss: Option<Loss>,
+    corrupt: Option<Probability>,
+    duplicate: Option<Probability>,
+    reorder: Option<Reorder>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(transparent)]
+struct WrittenDuration(#[serde(with = "crate::text::duration")] Duration);
+
+const fn ethernet_mtu() -> u32 {
+    1500
+}
+
+/// The smallest MTU of IPv4 that a host must be able to receive (RFC 791): room for every header.
+const LEAST_MTU: u32 = 576;
+
+impl Profile {
+    /// The names of the networks that come with this crate.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        BUILT_IN.iter().map(|(name, _)| *name)
+    }
+
+    /// The network of that name, or the one in the file `name`, which ends in `.toml`.
+    ///
+    /// # Errors
+    /// When there is none, or what is written makes no sense; the error names the key.
+    pub fn find(name: &str) -> Result<Self, ProfileError> {
+        if let Some((_, text)) = BUILT_IN.iter().find(|(known, _)| *known == name) {
+            return Self::parse(name, text);
+        }
+        let path = Path::new(name);
+        if path.extension().is_none_or(|extension| extension != "toml") {
+            return Err(ProfileError::Unknown { name: name.to_owned() });
+        }
+        let text =
+            fs::read_to_string(path).map_err(|cause| ProfileError::Read { path: path.to_owned(), cause })?;
+        Self::parse(name, &text)
+    }
+
+    /// Reads what is written in TOML.
+    ///
+    /// # Errors
+    /// When it makes no sense; the error names the key.
+    pub fn parse(name: &str, text: &str) -> Result<Self, ProfileError> {
+        let written: Written = toml::from_str(text)
+            .map_err(|cause| ProfileError::Parse { profile: name.to_owned(), cause: Box::new(cause) })?;
+        let link = |key, link: WrittenLink| {
+            link.model().map_err(|(part, problem)| ProfileError::Value {
+                profile: name.to_owned(),
+                key: format!("{key}.{part}"),
+                problem,
+            })
+        };
+        let alone = written.wan_back.is_some() && written.wan.is_none();
+        if alone {
+            let (profile, key) = (name.to_owned(), "wan_back".to_owned());
+            return Err(ProfileError::Value {
+                profile,
+                key,
+                problem: "is the way back of `wan`, which is missing",
+            });
+        }
+        let up = link("up", written.up)?;
+        let down = written.down.map_or_else(|| Ok(up.clone()), |down| link("down", down))?;
+        let wan = match written.wan {
+            Some(out) => {
+                let out = link("wan", out)?;
+                let back = written.wan_back.map_or_else(|| Ok(out.clone()), |back| link("wan_back", back))?;
+                Some((out, back))
+            }
+            None => None,
+        };
+        Ok(Self { name: name.to_owned(), about: written.about, sources: written.sources, up, down, wan })
+    }
+
+    /// The machines of the three roles on this network: `first`, `second` and `display`.
+    #[must_use]
+    pub fn topology(&self) -> (Topology, Machines) {
+        let mut topology = Topology::new();
+        let [first, second, display] = ["first", "second", "display"].map(|name| topology.host(name));
+        let here = topology.switch();
+        let there = match &self.wan {
+            Some((out, back)) => {
+                let there = topology.switch();
+                topology.join(here, there, out.clone(), back.clone());
+                there
+            }
+            None => here,
+        };
+        for (host, switch) in [(first, here), (second, here), (display, there)] {
+            topology.join(topology.node(host), switch, self.up.clone(), self.down.clone());
+        }
+        (topology, Machines { first, second, display })
+    }
+}
+
+impl WrittenLink {
+    /// The link, or the key that is wrong and what is wrong with it.
+    fn model(self) -> Result<LinkModel, (&'static str, &'static str)> {
+        let Self {
+            rate,
+            delay,
+            jitter,
+            loss,
+            corrupt,
+            duplicate,
+            reorder,
+            queue,
+            mtu,
+            framing,
+            phases,
+            repeat,
+        } = self;
+        if mtu < LEAST_MTU {
+            return Err(("mtu", "is below 576 bytes"));
+        }
+        if queue.packets == 0 {
+            return Err(("queue.packets", "is 0: then nothing could ever be sent"));
+        }
+        if queue.bytes < u64::from(mtu) + 64 {
+            return Err(("queue.bytes", "has no room for a packet of the link's mtu"));
+        }
+        if !phases.is_sorted_by(|a, b| a.at < b.at) {
+            return Err(("phases", "are not in the order of their `at`"));
+        }
+        let repeat = repeat.map(|WrittenDuration(repeat)| repeat);
+        if repeat.is_some_and(|repeat| phases.last().is_none_or(|last| last.at >= repeat)) {
+            return Err(("repeat", "is not after the last phase"));
+        }
+        let conditions = Conditions { rate, delay, jitter, loss, corrupt, duplicate, reorder };
+        let phases = phases.into_iter().map(|phase| phase.over(&conditions)).collect();
+        Ok(LinkModel { conditions, phases, repeat, queue, mtu, framing })
+    }
+}
+
+impl WrittenPhase {
+    fn over(self, first: &Conditions) -> Phase {
+        let conditions = Conditions {
+            rate: self.rate.or(first.rate),
+            delay: self.delay.map_or(first.delay, |WrittenDuration(delay)| delay),
+            jitter: self.jitter.or(first.jitter),
+            loss: self.loss.unwrap_or(first.loss),
+            corrupt: self.corrupt.unwrap_or(first.corrupt),
+            duplicate: self.duplicate.unwrap_or(first.duplicate),
+            reorder: self.reorder.or(first.reorder),
+        };
+        Phase { at: self.at, conditions }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_network_that_comes_along_can_be_used() {
+        for name in Profile::names() {
+            let profile = Profile::find(name).unwrap();
+            assert!(!profile.about.is_empty() && !profile.sources.is_empty(), "{name}");
+            let (topology, machines) = profile.topology();
+            assert_eq!(topology.find("display").map(|host| host.v4()), Some(machines.display.v4()));
+        }
+        let wifi = Profile::find("wifi").unwrap();
+        let Loss::GilbertElliott(loss) = wifi.up.conditions.loss else { panic!("{:?}", wifi.up) };
+        assert!((loss.stationary_loss() - 0.01).abs() < 1e-5);
+        assert_eq!(wifi.up, wifi.down, "as up where nothing else is said");
+        let lte = Profile::find("lte").unwrap();
+        let (out, back) = lte.wan.unwrap();
+        let rate = |link: &LinkModel| link.conditions.rate.unwrap().bits_per_second();
+        assert_eq!((rate(&out), rate(&back)), (30_000_000, 10_000_000));
+    }
+
+    fn error(text: &str) -> String {
+        Profile::parse("mine.toml", text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_by_its_key() {
+        let with = |link: &str| error(&format!("about = \"a\"\nsources = []\n[up]\n{link}\n"));
+        for (link, expected) in [
+            ("rate = \"fast\"", "rate = \"fast\""),
+            ("delay = \"soon\"", "delay = \"soon\""),
+            ("loss = { independent = 1.5 }", "1.5 is no probability"),
+            ("speed = 3", "unknown field `speed`"),
+            ("mtu = 100", "`up.mtu` is below 576 bytes"),
+            ("queue = { packets = 0 }", "`up.queue.packets` is 0"),
+            ("queue = { bytes = 1000 }", "`up.queue.bytes` has no room"),
+            ("phases = [{ at = \"2s\" }, { at = \"1s\" }]", "`up.phases` are not in the order"),
+            ("phases = [{ at = \"2s\" }]\nrepeat = \"2s\"", "`up.repeat` is not after the last phase"),
+        ] {
+            let error = with(link);
+            assert!(error.contains("mine.toml") && error.contains(expected), "{link}: {error}");
+        }
+        assert!(
+            error("about = \"a\"\nsources = []\n[up]\n[wan_back]\n").contains("`wan_back` is the way back")
+        );
+        assert!(error("about = \"a\"\n[up]\n").contains("missing field `sources`"));
+        let unknown = Profile::find("token-ring").unwrap_err().to_string();
+        assert!(unknown.contains("token-ring") && unknown.contains("fast-ethernet, gigabit"), "{unknown}");
+    }
+
+    #[test]
+    fn a_phase_says_only_what_changes() {
+        let profile = Profile::parse(
+            "p",
+            "about = \"a\"\nsources = []\n[up]\nrate = \"9 Mbit/s\"\ndelay = \"3ms\"\nrepeat = \"20s\"\n\
+             phases = [{ at = \"10s\", rate = \"1 Mbit/s\" }]\n",
+        )
+        .unwrap();
+        let [phase] = profile.up.phases[..] else { panic!("{:?}", profile.up) };
+        assert_eq!(phase.at, Duration::from_secs(10));
+        assert_eq!(phase.conditions.rate, Rate::new(1_000_000));
+        assert_eq!(phase.conditions.delay, Duration::from_millis(3));
+        assert_eq!(profile.up.repeat, Some(Duration::from_secs(20)));
+    }
+}

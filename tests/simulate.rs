@@ -1,0 +1,95 @@
+//! Whole sessions in virtual time, over each transport.
+#![allow(clippy::unwrap_used, reason = "a test ends where what it needs is not there")]
+
+use std::path::Path;
+use std::time::Duration;
+
+use trimaran::simulate::{Load, Outcome, Scenario, Transport, Workload, WorkloadError, simulate};
+use trimaran_netsim::Profile;
+use trimaran_proto::BatchSize;
+
+const ALL: [Transport; 3] = [Transport::Tcp, Transport::Quic, Transport::Udp];
+
+fn load(nodes: u32, ms: u64) -> Load {
+    let time = Duration::from_millis(ms);
+    Load { nodes, or: time, hc: time, rvg: time }
+}
+
+fn run(network: &str, link: Transport, batch: u32, load: Load, seed: u64) -> Outcome {
+    let network = Profile::find(network).unwrap();
+    let batch = BatchSize::new(batch).unwrap();
+    simulate(&Scenario { network, link, batch, frames: 60, seed, workload: Workload::steady(load) }).unwrap()
+}
+
+#[test]
+fn every_transport_shows_every_frame_once_and_the_parts_of_its_time_add_up() {
+    for link in ALL {
+        let outcome = run("fast-ethernet", link, 1024, load(4000, 5), 1);
+        assert_eq!(outcome.times.len(), 60);
+        for pair in outcome.times.windows(2) {
+            assert!(pair[0].shown < pair[1].shown, "{link:?}");
+        }
+        for times in &outcome.times[1..] {
+            let moments = [
+                times.published,
+                times.taken,
+                times.fed,
+                times.occluded,
+                times.culled,
+                times.arrived,
+                times.shown,
+            ];
+            assert!(moments.is_sorted(), "{link:?}: {times:?}");
+            assert_eq!(times.culled.since(times.occluded), Duration::from_millis(5));
+            assert!(times.shown.since(times.arrived) >= Duration::from_millis(5));
+        }
+        // The ids of 4000 nodes for two receivers; the last frame feeds no occluders.
+        let ids = 4.0 * 4000.0 * (2.0 * 60.0 - 1.0) / 60.0;
+        assert_eq!(outcome.bytes.ids, ids, "{link:?}");
+        let bytes = &outcome.bytes;
+        let parts = bytes.ids
+            + bytes.messages
+            + bytes.transport
+            + bytes.transport_headers
+            + bytes.ip_headers
+            + bytes.link_layer;
+        assert!((parts - bytes.total).abs() < 1.0, "{link:?}: {bytes:?}");
+    }
+}
+
+#[test]
+fn an_idle_network_costs_the_time_of_the_bits() {
+    // The last batch of 100 ids leaves when culling ends; its end, and the ids, take two hops of 100 Mbit/s.
+    let outcome = run("fast-ethernet", Transport::Tcp, 100, load(100, 5), 1);
+    let us = outcome.network_ms.p50 * 1e3;
+    // One segment of 404 bytes of ids, or with the end in another: 2 x (66 + 404 + 24) x 0.08 us and 10 us of delay at least.
+    assert!(us > 2.0 * 494.0 * 0.08 + 10.0 && us < 150.0, "{us} us");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_session_and_another_one_another() {
+    for link in ALL {
+        let [first, again, other] = [7, 7, 8].map(|seed| run("wifi", link, 1024, load(2000, 4), seed));
+        assert_eq!((&first.trace_hash, &first.times), (&again.trace_hash, &again.times), "{link:?}");
+        assert_ne!(first.trace_hash, other.trace_hash, "{link:?}");
+    }
+}
+
+#[test]
+fn small_batches_cost_headers_as_the_corrected_formula_says_where_each_is_a_packet_of_its_own() {
+    let [ten, thousand] = [10, 1000].map(|batch| run("10g", Transport::Tcp, batch, load(4000, 5), 1));
+    assert!(ten.bytes.total > 1.5 * thousand.bytes.total, "{} {}", ten.bytes.total, thousand.bytes.total);
+    // With its own headers (TCP 32, IP 20, Ethernet 18, a message's 4) rather than the paper's 50, and acknowledgements.
+    assert!(ten.bytes.total > ten.bytes.corrected && ten.bytes.total < 3.0 * ten.bytes.corrected);
+    assert!(ten.bytes.paper > 2.0 * ten.bytes.corrected);
+}
+
+#[test]
+fn a_trace_that_is_none_is_named() {
+    let missing = Workload::recorded(Path::new("no/such/report.json")).unwrap_err();
+    assert!(
+        matches!(&missing, WorkloadError::Read { .. }) && missing.to_string().contains("no/such/report.json")
+    );
+    let wrong = Workload::recorded(&Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml")).unwrap_err();
+    assert!(matches!(wrong, WorkloadError::Parse { .. }), "{wrong}");
+}
