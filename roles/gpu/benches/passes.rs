@@ -34,7 +34,7 @@ fn main() -> Outcome<()> {
             time_passes(&uploaded, &label, view(side)?, draws, &wanted)?;
         }
     }
-    let scene = GpuScene::upload(&gpu, &cloud(100, 1000)?)?;
+    let scene = GpuScene::upload(&gpu, &Arc::new(cloud(100, 1000)?))?;
     for (boxes, edge_px) in [(1000, 4.0), (1000, 32.0), (10_000, 4.0), (10_000, 32.0)] {
         time_testers(&scene, boxes, edge_px, &wanted)?;
     }

@@ -74,6 +74,9 @@ pub(crate) struct Limits {
     pub(crate) max_side: u32,
     /// Nanoseconds a tick of the timestamp counter; 0 if the queue has no timestamps.
     pub(crate) timestamp_period_ns: f64,
+    /// For a driver that draws on the CPU and can read the host's memory where it is: what addresses and sizes of such memory are
+    /// multiples of.
+    pub(crate) host_memory_alignment: Option<u64>,
 }
 
 impl Adapter {
@@ -129,6 +132,7 @@ impl Adapter {
         };
         let properties = properties.properties;
         let limits = properties.limits;
+        let kind = DeviceKind::from_vk(properties.device_type);
         let version = properties.api_version;
         let (features, item_pass) = missing_features(instance, physical, version);
         let mut missing = features;
@@ -156,6 +160,9 @@ impl Adapter {
                 max_allocation: maintenance.max_memory_allocation_size,
                 max_side,
                 timestamp_period_ns: if timestamps { f64::from(limits.timestamp_period) } else { 0.0 },
+                host_memory_alignment: (kind == DeviceKind::Cpu)
+                    .then(|| host_memory_alignment(instance, physical))
+                    .flatten(),
             },
             info: GpuInfo {
                 name: text(properties.device_name_as_c_str()),
@@ -169,7 +176,7 @@ impl Adapter {
                     vk::api_version_minor(version),
                     vk::api_version_patch(version),
                 ),
-                kind: DeviceKind::from_vk(properties.device_type),
+                kind,
                 max_viewport: max_side,
                 max_allocation: maintenance.max_memory_allocation_size,
                 memory: local_heaps.map(|heap| heap.size).max().unwrap_or(0),
@@ -178,6 +185,19 @@ impl Adapter {
             },
         }
     }
+}
+
+/// What memory of the host has to be aligned to for a device to read it in place; `None` if it cannot.
+fn host_memory_alignment(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<u64> {
+    // SAFETY: `physical` was enumerated from this instance.
+    let extensions = unsafe { instance.enumerate_device_extension_properties(physical) }.ok()?;
+    let wanted = Ok(ash::ext::external_memory_host::NAME);
+    extensions.iter().find(|extension| extension.extension_name_as_c_str() == wanted)?;
+    let mut host = vk::PhysicalDeviceExternalMemoryHostPropertiesEXT::default();
+    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut host);
+    // SAFETY: as above, and the device has the extension that the structure belongs to.
+    unsafe { instance.get_physical_device_properties2(physical, &mut properties) };
+    Some(host.min_imported_host_pointer_alignment)
 }
 
 /// The features to turn on, in one place with [`missing_features`]: the same list, asked and answered.

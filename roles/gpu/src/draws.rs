@@ -12,6 +12,7 @@ use trimaran_proto::DrawableId;
 
 use crate::memory::HostBuffer;
 use crate::recorder::Recorder;
+use crate::scene::in_view;
 use crate::{Gpu, GpuError, GpuScene};
 
 /// The draws of one frame, in the order given. Those already submitted stay as they are until [`clear`](Self::clear).
@@ -84,13 +85,13 @@ impl Draws {
             for (first_instance, ((record, command), &id)) in
                 (slot as u32..).zip(records.iter_mut().zip(commands).zip(now))
             {
-                let (range, place) = scene.find(id)?;
-                *record = DrawRecord { to_view: place.in_view(view), id: id.0 };
+                let (drawable, node) = scene.find(id)?;
+                *record = DrawRecord { to_view: in_view(node, view), id: id.0 };
                 *command = DrawCommand {
-                    index_count: range.index_count,
+                    index_count: drawable.index_count,
                     instance_count: 1,
-                    first_index: range.first_index,
-                    vertex_offset: range.vertex_offset,
+                    first_index: drawable.first_index,
+                    vertex_offset: drawable.vertex_offset as i32, // `GpuScene::upload` has seen that it fits
                     first_instance,
                 };
             }

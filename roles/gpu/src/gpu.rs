@@ -30,6 +30,8 @@ pub struct Gpu {
     instance: ash::Instance,
     queue: Mutex<vk::Queue>,
     queue_family: u32,
+    /// The calls that make memory of the host known to the device, where that is of use.
+    host_memory: Option<ash::ext::external_memory_host::Device>,
     info: GpuInfo,
     limits: Limits,
     _entry: ash::Entry,
@@ -84,6 +86,10 @@ impl Gpu {
 
     pub(crate) const fn limits(&self) -> &Limits {
         &self.limits
+    }
+
+    pub(crate) const fn host_memory(&self) -> Option<&ash::ext::external_memory_host::Device> {
+        self.host_memory.as_ref()
     }
 
     pub(crate) const fn queue_family(&self) -> u32 {
@@ -142,6 +148,9 @@ impl Parts {
         let queue_family = self.adapter.queue_family;
         // SAFETY: the device was made with one queue of this family.
         let queue = unsafe { self.device.get_device_queue(queue_family, 0) };
+        let host_memory = self.adapter.limits.host_memory_alignment;
+        let host_memory =
+            host_memory.map(|_| ash::ext::external_memory_host::Device::new(&instance, &self.device));
         Gpu {
             allocator: ManuallyDrop::new(Mutex::new(self.allocator)),
             device: self.device,
@@ -149,6 +158,7 @@ impl Parts {
             instance,
             queue: Mutex::new(queue),
             queue_family,
+            host_memory,
             info: self.adapter.info,
             limits: self.adapter.limits,
             _entry: entry,
@@ -210,11 +220,16 @@ fn logical_device(instance: &ash::Instance, adapter: &Adapter) -> Result<ash::De
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
     let mut v13 =
         vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).dynamic_rendering(true);
+    let host_memory = adapter.limits.host_memory_alignment;
+    let extensions: Vec<_> =
+        host_memory.iter().map(|_| ash::ext::external_memory_host::NAME.as_ptr()).collect();
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
+        .enabled_extension_names(&extensions)
         .enabled_features(&features)
         .push_next(&mut v12)
         .push_next(&mut v13);
-    // SAFETY: the adapter is of this instance and has the queue family and each of these features (`Adapter::choose`).
+    // SAFETY: the adapter is of this instance and has the queue family, each of these features (`Adapter::choose`) and the
+    // extension.
     unsafe { instance.create_device(adapter.physical, &info, None) }.during("opening the device")
 }

@@ -6,7 +6,7 @@
 //! depth.
 //!
 //! # Soundness
-//! The `unsafe` calls sit in small wrappers (`gpu`, `memory`, `stream`, `recorder`, `pipeline`, `query`); the passes above them are safe code.
+//! The `unsafe` calls sit in small wrappers (`gpu`, `memory`, `in_place`, `stream`, `recorder`, `pipeline`, `query`); the passes above them are safe code.
 //! Two rules carry them. An object holds an [`Arc`](std::sync::Arc) of the device it was made from. And whatever owns a stream of
 //! commands declares it before the things its commands use: fields drop in order of declaration, and a stream that is dropped waits
 //! for the device.
@@ -21,6 +21,7 @@ mod camera;
 mod draws;
 mod error;
 mod gpu;
+mod in_place;
 mod item;
 mod memory;
 mod occluder;

@@ -10,14 +10,23 @@ use gpu_allocator::{AllocationError, MemoryLocation};
 use trimaran_cull::Viewport;
 
 use crate::error::During as _;
+use crate::in_place::SceneMemory;
 use crate::{Gpu, GpuError};
 
 /// A buffer in whatever memory was asked for. Whoever submits work that uses it keeps it alive until that work is done.
 pub(crate) struct Buffer {
     gpu: Arc<Gpu>,
     handle: vk::Buffer,
-    allocation: ManuallyDrop<Allocation>,
+    backing: ManuallyDrop<Backing>,
     bytes: u64,
+}
+
+/// Where a buffer's bytes are.
+pub(crate) enum Backing {
+    /// In memory of the device's, or of the host's for the device, for the buffer alone.
+    Own(Allocation),
+    /// In a scene, which the device reads where it is.
+    Scene(SceneMemory),
 }
 
 impl Buffer {
@@ -47,9 +56,7 @@ impl Buffer {
             }
         });
         match allocation {
-            Ok(allocation) => {
-                Ok(Self { gpu: Arc::clone(gpu), handle, allocation: ManuallyDrop::new(allocation), bytes })
-            }
+            Ok(allocation) => Ok(Self::over(gpu, handle, Backing::Own(allocation), bytes)),
             Err(error) => {
                 // SAFETY: the buffer is ours and nothing uses it.
                 unsafe { gpu.device().destroy_buffer(handle, None) };
@@ -58,34 +65,53 @@ impl Buffer {
         }
     }
 
+    /// A buffer that is bound to `backing`, and frees both.
+    pub(crate) fn over(gpu: &Arc<Gpu>, handle: vk::Buffer, backing: Backing, bytes: u64) -> Self {
+        Self { gpu: Arc::clone(gpu), handle, backing: ManuallyDrop::new(backing), bytes }
+    }
+
     pub(crate) const fn handle(&self) -> vk::Buffer {
         self.handle
     }
 
-    pub(crate) const fn bytes(&self) -> u64 {
-        self.bytes
+    /// The size of the memory that is the buffer's own.
+    pub(crate) fn own_bytes(&self) -> u64 {
+        match &*self.backing {
+            Backing::Own(_) => self.bytes,
+            Backing::Scene(_) => 0,
+        }
     }
 
     /// The buffer's memory if the host sees it and writes to it without flushing, even where the location did not ask for that:
     /// on a CPU driver all memory is such.
     pub(crate) fn mapped_mut(&mut self) -> Option<&mut [u8]> {
-        let coherent = self
-            .allocation
+        let Backing::Own(allocation) = &mut *self.backing else { return None };
+        let coherent = allocation
             .memory_properties()
             .contains(vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT);
         let bytes = usize::try_from(self.bytes).ok()?;
-        self.allocation.mapped_slice_mut().filter(|_| coherent)?.get_mut(..bytes)
+        allocation.mapped_slice_mut().filter(|_| coherent)?.get_mut(..bytes)
+    }
+
+    fn mapped(&self) -> Option<&[u8]> {
+        match &*self.backing {
+            Backing::Own(allocation) => allocation.mapped_slice(),
+            Backing::Scene(_) => None,
+        }
     }
 }
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        // SAFETY: work that uses the buffer is done (see the type); the handle is ours, and the allocation is taken once.
-        let allocation = unsafe {
+        // SAFETY: work that uses the buffer is done (see the type); the handle is ours, and the backing is taken once.
+        let backing = unsafe {
             self.gpu.device().destroy_buffer(self.handle, None);
-            ManuallyDrop::take(&mut self.allocation)
+            ManuallyDrop::take(&mut self.backing)
         };
-        free(&self.gpu, allocation);
+        match backing {
+            Backing::Own(allocation) => free(&self.gpu, allocation),
+            Backing::Scene(memory) => drop(memory),
+        }
     }
 }
 
@@ -127,7 +153,7 @@ impl<T: bytemuck::Pod> HostBuffer<T> {
 
     /// The elements as the device left them. The caller has waited for the device to finish writing.
     pub(crate) fn elements(&self) -> &[T] {
-        let bytes = self.buffer.allocation.mapped_slice().unwrap_or_default();
+        let bytes = self.buffer.mapped().unwrap_or_default();
         bytemuck::cast_slice(bytes.get(..self.count * size_of::<T>()).unwrap_or_default())
     }
 

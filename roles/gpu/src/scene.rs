@@ -6,58 +6,52 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use trimaran_cull::View;
 use trimaran_proto::DrawableId;
-use trimaran_scene::{Drawable, Node, Scene};
+use trimaran_scene::{Drawable, Node, Scene, Vertex};
 
+use crate::in_place::{self, SceneArray};
 use crate::memory::{Buffer, HostBuffer};
 use crate::stream::Stream;
 use crate::{Gpu, GpuError};
 
-/// The triangles of a scene on a device, and what of its tree drawing needs. Passes share it through an [`Arc`].
+/// The triangles of a scene on a device, and the scene itself for what of its tree drawing needs. Passes share it through an [`Arc`].
 pub struct GpuScene {
     gpu: Arc<Gpu>,
     vertices: Buffer,
     indices: Buffer,
-    drawables: Vec<DrawRange>,
-    nodes: Vec<Placement>,
+    scene: Arc<Scene>,
 }
 
-/// What drawing needs of a [`Drawable`].
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct DrawRange {
-    pub(crate) index_count: u32,
-    pub(crate) first_index: u32,
-    pub(crate) vertex_offset: i32,
-    pub(crate) node: u32,
-}
+const VERTICES: SceneArray = SceneArray {
+    name: "vertices",
+    usage: vk::BufferUsageFlags::VERTEX_BUFFER,
+    bytes: |scene| bytemuck::cast_slice(scene.vertices()),
+};
 
-/// What drawing needs of a [`Node`].
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Placement {
-    origin: [f64; 3],
-    linear: [f32; 9],
-}
+const INDICES: SceneArray = SceneArray {
+    name: "indices",
+    usage: vk::BufferUsageFlags::INDEX_BUFFER,
+    bytes: |scene| bytemuck::cast_slice(scene.indices()),
+};
 
 impl GpuScene {
-    /// Copies a scene's triangles to the device.
+    /// Gives a scene's triangles to the device: a copy, or where it draws on the CPU and the scene is mapped from a file, the file's own
+    /// pages.
     ///
     /// # Errors
     /// If the scene is larger than the device can address or has memory for.
-    pub fn upload(gpu: &Arc<Gpu>, scene: &Scene) -> Result<Arc<Self>, GpuError> {
-        let vertices = upload(
-            gpu,
-            "vertices",
-            vk::BufferUsageFlags::VERTEX_BUFFER,
-            bytemuck::cast_slice(scene.vertices()),
-        )?;
-        let indices = upload(
-            gpu,
-            "indices",
-            vk::BufferUsageFlags::INDEX_BUFFER,
-            bytemuck::cast_slice(scene.indices()),
-        )?;
-        let drawables = scene.drawables().iter().map(DrawRange::new).collect::<Result<_, _>>()?;
-        let nodes = scene.nodes().iter().map(Placement::new).collect();
-        Ok(Arc::new(Self { gpu: Arc::clone(gpu), vertices, indices, drawables, nodes }))
+    pub fn upload(gpu: &Arc<Gpu>, scene: &Arc<Scene>) -> Result<Arc<Self>, GpuError> {
+        let last_offset = scene.drawables().iter().map(|drawable| drawable.vertex_offset).max();
+        if let Some(offset) = last_offset.filter(|&offset| i32::try_from(offset).is_err()) {
+            let size = size_of::<Vertex>() as u64;
+            let (bytes, limit) = (u64::from(offset) * size, i32::MAX as u64 * size);
+            return Err(GpuError::SceneTooLarge { what: VERTICES.name, bytes, limit });
+        }
+        let on_device = |array| match in_place::buffer(gpu, scene, array) {
+            Some(buffer) => Ok(buffer),
+            None => upload(gpu, array.name, array.usage, (array.bytes)(scene)),
+        };
+        let (vertices, indices) = (on_device(VERTICES)?, on_device(INDICES)?);
+        Ok(Arc::new(Self { gpu: Arc::clone(gpu), vertices, indices, scene: Arc::clone(scene) }))
     }
 
     /// The device that holds it.
@@ -66,10 +60,10 @@ impl GpuScene {
         &self.gpu
     }
 
-    /// Bytes of vertices and indices on the device.
+    /// Bytes that were copied for the device: those of vertices and indices, or none where it reads the scene's own.
     #[must_use]
-    pub const fn bytes(&self) -> u64 {
-        self.vertices.bytes() + self.indices.bytes()
+    pub fn copied_bytes(&self) -> u64 {
+        [&self.vertices, &self.indices].map(Buffer::own_bytes).iter().sum()
     }
 
     pub(crate) const fn vertices(&self) -> &Buffer {
@@ -80,58 +74,37 @@ impl GpuScene {
         &self.indices
     }
 
-    /// A drawable's index range and its node's place.
-    pub(crate) fn find(&self, id: DrawableId) -> Result<(&DrawRange, &Placement), GpuError> {
-        self.drawables
+    /// A drawable and its node.
+    pub(crate) fn find(&self, id: DrawableId) -> Result<(&Drawable, &Node), GpuError> {
+        let drawables = self.scene.drawables();
+        drawables
             .get(id.index())
-            .and_then(|range| Some((range, self.nodes.get(range.node as usize)?)))
-            .ok_or(GpuError::UnknownDrawable { id, count: self.drawables.len() })
+            .and_then(|drawable| Some((drawable, self.scene.nodes().get(drawable.node as usize)?)))
+            .ok_or(GpuError::UnknownDrawable { id, count: drawables.len() })
     }
 }
 
 impl std::fmt::Debug for GpuScene {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("GpuScene").field("bytes", &self.bytes()).finish_non_exhaustive()
+        f.debug_struct("GpuScene").field("copied_bytes", &self.copied_bytes()).finish_non_exhaustive()
     }
 }
 
-impl DrawRange {
-    fn new(drawable: &Drawable) -> Result<Self, GpuError> {
-        let vertex_offset = i32::try_from(drawable.vertex_offset).map_err(|_| GpuError::SceneTooLarge {
-            what: "vertices",
-            bytes: u64::from(drawable.vertex_offset) * size_of::<trimaran_scene::Vertex>() as u64,
-            limit: i32::MAX as u64 * size_of::<trimaran_scene::Vertex>() as u64,
-        })?;
-        Ok(Self {
-            index_count: drawable.index_count,
-            first_index: drawable.first_index,
-            vertex_offset,
-            node: drawable.node,
-        })
-    }
-}
-
-impl Placement {
-    const fn new(node: &Node) -> Self {
-        Self { origin: node.origin, linear: node.linear }
-    }
-
-    /// The map from the node's local frame to view space, as the rows of a 3x4 matrix: the one definition of where a vertex
-    /// lies, used by every pass.
-    ///
-    /// World coordinates of plants are too large for f32, so the eye is subtracted and the rotation applied in f64, and each entry is
-    /// rounded once, to f32, at the end: what is left of the error is about half an ulp of the *view-space* distance.
-    pub(crate) fn in_view(&self, view: &View) -> [[f32; 4]; 3] {
-        let rotation = view.to_view().to_cols_array();
-        let eye = view.eye().to_array();
-        let offset: [f64; 3] = std::array::from_fn(|i| self.origin[i] - eye[i]);
-        std::array::from_fn(|row| {
-            let r = [rotation[row], rotation[3 + row], rotation[6 + row]];
-            let dot = |v: [f64; 3]| (r[0] * v[0] + r[1] * v[1] + r[2] * v[2]) as f32;
-            let column = |c: usize| std::array::from_fn(|i| f64::from(self.linear[3 * c + i]));
-            [dot(column(0)), dot(column(1)), dot(column(2)), dot(offset)]
-        })
-    }
+/// The map from a node's local frame to view space, as the rows of a 3x4 matrix: the one definition of where a vertex lies, used
+/// by every pass.
+///
+/// World coordinates of plants are too large for f32, so the eye is subtracted and the rotation applied in f64, and each entry is
+/// rounded once, to f32, at the end: what is left of the error is about half an ulp of the *view-space* distance.
+pub(crate) fn in_view(node: &Node, view: &View) -> [[f32; 4]; 3] {
+    let rotation = view.to_view().to_cols_array();
+    let eye = view.eye().to_array();
+    let offset: [f64; 3] = std::array::from_fn(|i| node.origin[i] - eye[i]);
+    std::array::from_fn(|row| {
+        let r = [rotation[row], rotation[3 + row], rotation[6 + row]];
+        let dot = |v: [f64; 3]| (r[0] * v[0] + r[1] * v[1] + r[2] * v[2]) as f32;
+        let column = |c: usize| std::array::from_fn(|i| f64::from(node.linear[3 * c + i]));
+        [dot(column(0)), dot(column(1)), dot(column(2)), dot(offset)]
+    })
 }
 
 /// How much is copied at a time where the device's own memory cannot be written in place.

@@ -135,7 +135,7 @@ pub(crate) fn scene(parts: &[Part]) -> Scene {
 
 /// Parts on a device.
 pub(crate) fn upload(gpu: &Arc<Gpu>, parts: &[Part]) -> Arc<GpuScene> {
-    GpuScene::upload(gpu, &scene(parts)).unwrap()
+    GpuScene::upload(gpu, &Arc::new(scene(parts))).unwrap()
 }
 
 /// All drawables of a scene of so many parts.

@@ -1,9 +1,14 @@
 //! Opening devices.
 
-use glam::{DVec3, Vec3};
-use trimaran_gpu::{DeviceChoice, DeviceKind, Gpu, GpuError, GpuOptions, OccluderPass};
+use std::sync::Arc;
 
-use crate::common::{CheckedGpu, NEAR, Part, ids, upload, view};
+use glam::{DVec3, Vec3};
+use trimaran_gpu::{
+    DeviceChoice, DeviceKind, Gpu, GpuError, GpuOptions, GpuScene, OccluderPass, PicturePass,
+};
+use trimaran_scene::{Scene, Vertex};
+
+use crate::common::{CheckedGpu, NEAR, Part, ids, scene, upload, view};
 
 #[test]
 fn a_device_opens_and_says_what_it_is() {
@@ -87,4 +92,30 @@ fn one_device_is_shared_by_threads() {
             });
         }
     });
+}
+
+#[test]
+fn a_mapped_scene_is_read_in_place_and_looks_like_its_copy() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let walls = [-2.0, -3.0].map(|z| Part::wall(Vec3::new(z, 0.0, z), 1.5, 1.0));
+    let view = view(64, 64, DVec3::ZERO);
+    let picture_of = |scene: Scene| {
+        // The device alone keeps the scene from here on.
+        let drawn = GpuScene::upload(&gpu, &Arc::new(scene)).unwrap();
+        let mut pass = PicturePass::new(&drawn, view.viewport()).unwrap();
+        pass.begin(&view).unwrap();
+        pass.draw(&ids(2)).unwrap();
+        pass.finish().unwrap();
+        (drawn.copied_bytes(), pass.pixels().unwrap().to_vec())
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("walls.scene");
+    scene(&walls).save(&file).unwrap();
+    let (copied, expected) = picture_of(scene(&walls));
+    let (left_in_place, picture) = picture_of(Scene::open(&file).unwrap());
+    assert_eq!(picture, expected);
+    assert_eq!(copied, (2 * (4 * size_of::<Vertex>() + 6 * size_of::<u32>())) as u64);
+    if gpu.info().driver.contains("llvmpipe") {
+        assert_eq!(left_in_place, 0);
+    }
 }

@@ -9,7 +9,7 @@ use trimaran_cull::{Answer, BoxTester, TestBox, View};
 use trimaran_gpu::{GpuScene, OccluderPass};
 use trimaran_scene::Scene;
 
-use crate::common::{CheckedGpu, Part, ids, scene, view};
+use crate::common::{CheckedGpu, Part, ids, scene, upload, view};
 
 /// A box along the view's axes.
 fn upright(centre: Vec3, half: Vec3) -> TestBox {
@@ -47,7 +47,7 @@ struct Answers {
     raster: Vec<u32>,
 }
 
-fn ask(gpu: &CheckedGpu, scene: &Scene, view: &View, boxes: &[TestBox]) -> Answers {
+fn ask(gpu: &CheckedGpu, scene: &Arc<Scene>, view: &View, boxes: &[TestBox]) -> Answers {
     let all = ids(scene.drawables().len());
     let picture = rasterize(scene, view, all.iter().copied(), Placement::Single);
     let mut reference = Vec::new();
@@ -71,7 +71,7 @@ fn ask(gpu: &CheckedGpu, scene: &Scene, view: &View, boxes: &[TestBox]) -> Answe
 #[test]
 fn queries_and_counting_agree_with_the_reference_on_random_boxes() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let scene = scene(&walls());
+    let scene = Arc::new(scene(&walls()));
     let mut dice = Dice::new(1);
     for (width, height) in [(256, 256), (333, 177)] {
         let view = view(width, height, DVec3::ZERO);
@@ -94,7 +94,7 @@ fn queries_and_counting_agree_with_the_reference_on_random_boxes() {
 #[test]
 fn a_box_in_the_open_counts_its_silhouette_once() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let scene = scene(&[Part::wall(Vec3::new(0.0, 0.0, -50.0), 1.0, 1.0)]);
+    let scene = Arc::new(scene(&[Part::wall(Vec3::new(0.0, 0.0, -50.0), 1.0, 1.0)]));
     // 64 pixels to 2 m at 1 m: the front face of half-width 1/4 at 1 m covers 16 x 16 pixels, the back face fewer.
     let front = upright(Vec3::new(0.0, 0.0, -1.5), Vec3::new(0.25, 0.25, 0.5));
     let mirrored = TestBox { axes: [-front.axes[0], front.axes[1], front.axes[2]], ..front };
@@ -109,7 +109,7 @@ fn a_box_in_the_open_counts_its_silhouette_once() {
 #[test]
 fn boxes_level_with_a_wall_show_and_boxes_behind_it_do_not() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let scene = scene(&[Part::wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0)]);
+    let scene = Arc::new(scene(&[Part::wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0)]));
     let view = view(40, 40, DVec3::ZERO);
     let at = |z: f32| upright(Vec3::new(0.25, 0.25, z - 0.5), Vec3::new(0.3, 0.3, 0.5));
     let Answers { reference, query, raster } =
@@ -123,7 +123,7 @@ fn boxes_level_with_a_wall_show_and_boxes_behind_it_do_not() {
 #[test]
 fn boxes_smaller_than_a_pixel_agree_with_the_reference() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let scene = scene(&walls());
+    let scene = Arc::new(scene(&walls()));
     let view = view(200, 200, DVec3::ZERO);
     let mut dice = Dice::new(2);
     let boxes: Vec<TestBox> = (0..4000).map(|_| random_box(&mut dice, 0.03)).collect();
@@ -138,7 +138,7 @@ fn boxes_smaller_than_a_pixel_agree_with_the_reference() {
 #[test]
 fn what_no_tester_can_decide_is_visible() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let scene = scene(&[Part::wall(Vec3::new(0.0, 0.0, -0.2), 99.0, 99.0)]);
+    let scene = Arc::new(scene(&[Part::wall(Vec3::new(0.0, 0.0, -0.2), 99.0, 99.0)]));
     let view = view(16, 16, DVec3::ZERO);
     let behind = upright(Vec3::new(0.0, 0.0, -9.0), Vec3::ONE);
     let around = upright(Vec3::ZERO, Vec3::splat(5.0));
@@ -154,7 +154,7 @@ fn what_no_tester_can_decide_is_visible() {
 #[test]
 fn flat_boxes_show_as_the_rectangle_they_are() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let scene = scene(&[Part::wall(Vec3::new(0.0, 0.0, -50.0), 1.0, 1.0)]);
+    let scene = Arc::new(scene(&[Part::wall(Vec3::new(0.0, 0.0, -50.0), 1.0, 1.0)]));
     let view = view(64, 64, DVec3::ZERO);
     let flat = upright(Vec3::new(0.0, 0.0, -1.0), Vec3::new(0.25, 0.25, 0.0));
     let thin = upright(Vec3::new(0.0, 0.0, -1.0), Vec3::new(0.25, 0.25, 1e-7));
@@ -166,7 +166,7 @@ fn flat_boxes_show_as_the_rectangle_they_are() {
 #[test]
 fn batches_of_any_size_are_answered_in_order() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let scene: Arc<GpuScene> = GpuScene::upload(&gpu, &scene(&walls())).unwrap();
+    let scene: Arc<GpuScene> = upload(&gpu, &walls());
     let view = view(64, 64, DVec3::ZERO);
     let mut pass = OccluderPass::new(&scene, view.viewport()).unwrap();
     pass.begin(&view).unwrap();

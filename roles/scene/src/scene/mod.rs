@@ -125,6 +125,12 @@ impl Scene {
         finest.map(|drawable| u64::from(drawable.index_count / 3)).sum()
     }
 
+    /// Whether the arrays are pages of a mapped file, all of them readable for as long as the scene lives.
+    #[must_use]
+    pub const fn is_mapped(&self) -> bool {
+        matches!(self.storage, Storage::File(_))
+    }
+
     /// The fingerprint that peers compare, and the checksum of the file.
     #[must_use]
     pub fn hash(&self) -> SceneHash {

@@ -1,0 +1,237 @@
+//! What a walk through a cooked scene costs: the start, and each role's part of a frame, as CPU time of all threads of the process (Linux),
+//! which other programs disturb least. One after the other, so that no role's time is another's.
+//!
+//! Beside it stands a floor had in the same run: the display draws only what is exactly visible, as if culling were perfect, and an empty
+//! frame. `cargo bench -p trimaran-gpu --bench walk -- X.scene WALK.json [SIDE]`.
+
+#![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
+
+use std::collections::BTreeSet;
+use std::error::Error;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use trimaran_cull::{
+    Culler, CutRule, DepthPyramid, DrawOrder, HzbTester, OccluderMapper, TriangleBudget, View, Viewport,
+    nearest_within, worthiest_within,
+};
+use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemImage, ItemPass, OccluderPass, PicturePass};
+use trimaran_proto::{DrawableId, FrameNumber};
+use trimaran_scene::{Scene, walk::Walk};
+
+type Outcome<T> = Result<T, Box<dyn Error>>;
+
+/// As sessions draw occluders unless told otherwise.
+const OCCLUDERS: TriangleBudget = TriangleBudget(30_000);
+const AFTER_A_JUMP: TriangleBudget = TriangleBudget(60_000);
+const EPSILON_PX: f64 = 2.0;
+
+fn main() -> Outcome<()> {
+    let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
+    let [scene, walk, rest @ ..] = words.as_slice() else {
+        println!("nothing to measure: name a cooked scene and a walk");
+        return Ok(());
+    };
+    let side: u32 = rest.first().map_or(Ok(1024), |side| side.parse())?;
+    let views = views(&Walk::from_json(&std::fs::read_to_string(walk)?)?, Viewport::new(side, side)?)?;
+    let mut stages = start(Path::new(scene), views.first().ok_or("an empty walk")?)?;
+    let mut table = Table::default();
+    for view in &views {
+        stages.frame(view, &mut table)?;
+    }
+    table.print();
+    Ok(())
+}
+
+fn views(walk: &Walk, size: Viewport) -> Outcome<Vec<View>> {
+    let near = walk.near().ok_or("the walk names no near distance")?;
+    let camera = |(pose, frame): (&trimaran_scene::walk::WalkFrame, u32)| {
+        Ok(View::new(pose.camera(walk.vfov_deg(), size.aspect(), near, FrameNumber(frame))?, size))
+    };
+    walk.frames().iter().zip(0..).map(camera).collect()
+}
+
+/// Everything from the program's start to the first picture, each step timed.
+fn start(path: &Path, first: &View) -> Outcome<Roles> {
+    let mut lap = Lap::begin();
+    println!("{:<32} {:>9} {:>9}", "start, ms", "cpu", "wall");
+    let scene = Arc::new(Scene::open(path)?);
+    lap.print("open the scene");
+    let gpu = Gpu::open(&GpuOptions::default())?;
+    lap.print("open a device");
+    let drawn = GpuScene::upload(&gpu, &scene)?;
+    lap.print("give it the scene");
+    let mut roles = Roles::new(scene, &drawn, first)?;
+    lap.print("make the passes");
+    roles.frame(first, &mut Table::default())?;
+    lap.print("first frame, all passes twice");
+    println!("{} copied {} bytes\n", gpu.info().driver, drawn.copied_bytes());
+    Ok(roles)
+}
+
+/// The three roles, and the item pass for what is exactly visible.
+struct Roles {
+    scene: Arc<Scene>,
+    rule: CutRule,
+    occluders: OccluderPass,
+    pictures: PicturePass,
+    items: ItemPass,
+    pyramid: DepthPyramid,
+    culler: Culler,
+    mapper: OccluderMapper,
+    order: DrawOrder,
+    visible: Vec<DrawableId>,
+}
+
+impl Roles {
+    fn new(scene: Arc<Scene>, drawn: &Arc<GpuScene>, first: &View) -> Outcome<Self> {
+        let (size, rule) = (first.viewport(), CutRule::new(EPSILON_PX)?);
+        Ok(Self {
+            occluders: OccluderPass::new(drawn, size)?,
+            pictures: PicturePass::new(drawn, size)?,
+            items: ItemPass::new(drawn, size)?,
+            pyramid: DepthPyramid::new(),
+            culler: Culler::new(Arc::clone(&scene)),
+            mapper: OccluderMapper::new(Arc::clone(&scene), *first, rule),
+            order: DrawOrder::default(),
+            visible: Vec::new(),
+            scene,
+            rule,
+        })
+    }
+
+    fn frame(&mut self, view: &View, table: &mut Table) -> Outcome<()> {
+        let (mut lap, mut whole) = (Lap::begin(), Lap::begin());
+        let due = self.due(view)?;
+        table.add("OR, choosing: cpu ms", lap.cpu());
+        self.occluders.begin(view)?;
+        self.occluders.draw(&due)?;
+        self.occluders.finish()?;
+        table.add("OR, drawing: cpu ms", lap.cpu());
+        self.pyramid.rebuild(self.occluders.read_depth()?);
+        table.add("OR, pyramid: cpu ms", lap.cpu());
+        let mut tester = HzbTester::new(self.occluders.read_depth()?, &self.pyramid)?;
+        let visible = &mut self.visible;
+        visible.clear();
+        self.culler.cull(view, self.rule, &mut tester, |id| visible.push(id))?;
+        table.add("HC: cpu ms", lap.cpu());
+        self.order.sort(&self.scene, view, &mut self.visible);
+        table.add("RVG, sorting: cpu ms", lap.cpu());
+        let all = std::mem::take(&mut self.visible);
+        self.picture(view, &all)?;
+        table.add("RVG, drawing: cpu ms", lap.cpu());
+        table.add("all roles: cpu ms", whole.cpu());
+
+        let (exact, exact_triangles) = self.exactly_visible(view, &all)?;
+        lap = Lap::begin();
+        self.picture(view, &exact)?;
+        table.add("floor: RVG of the exactly visible: cpu ms", lap.cpu());
+        self.picture(view, &[])?;
+        table.add("floor: RVG of nothing: cpu ms", lap.cpu());
+        table.add("nodes drawn", all.len() as f64);
+        table.add("nodes exactly visible", exact.len() as f64);
+        table.add("triangles drawn", self.triangles(&all));
+        table.add("triangles of the exactly visible", self.triangles(&exact));
+        table.add("triangles exactly visible", exact_triangles as f64);
+        table.add("occluder triangles", self.triangles(&due));
+        self.visible = all;
+        Ok(())
+    }
+
+    /// The occluders of a frame, from what was visible in the last.
+    fn due(&mut self, view: &View) -> Outcome<Vec<DrawableId>> {
+        let mut due = Vec::new();
+        self.mapper.begin(*view, self.rule);
+        self.mapper.push(&self.visible, &mut due)?;
+        let jumped = 2 * due.len() <= self.visible.len();
+        worthiest_within(&self.scene, view, &mut due, OCCLUDERS);
+        if jumped {
+            nearest_within(&self.scene, view, self.rule, AFTER_A_JUMP, &mut due);
+        }
+        Ok(due)
+    }
+
+    fn picture(&mut self, view: &View, ids: &[DrawableId]) -> Outcome<()> {
+        self.pictures.begin(view)?;
+        self.pictures.draw(ids)?;
+        self.pictures.finish()?;
+        Ok(())
+    }
+
+    /// Those of `ids` that show at a pixel, in their order, and how many triangles do.
+    fn exactly_visible(&mut self, view: &View, ids: &[DrawableId]) -> Outcome<(Vec<DrawableId>, usize)> {
+        self.items.begin(view)?;
+        self.items.draw(ids)?;
+        self.items.finish()?;
+        let items = self.items.items()?.iter().filter(|[drawable, _]| *drawable != ItemImage::BACKGROUND);
+        let triangles: BTreeSet<[u32; 2]> = items.copied().collect();
+        let drawables: BTreeSet<u32> = triangles.iter().map(|[drawable, _]| *drawable).collect();
+        let exact = ids.iter().copied().filter(|id| drawables.contains(&id.0)).collect();
+        Ok((exact, triangles.len()))
+    }
+
+    fn triangles(&self, ids: &[DrawableId]) -> f64 {
+        let drawables = self.scene.drawables();
+        ids.iter().map(|id| f64::from(drawables[id.index()].index_count / 3)).sum()
+    }
+}
+
+/// A line a figure, a value a frame.
+#[derive(Default)]
+struct Table {
+    lines: Vec<(&'static str, Vec<f64>)>,
+}
+
+impl Table {
+    fn add(&mut self, name: &'static str, value: f64) {
+        match self.lines.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, values)) => values.push(value),
+            None => self.lines.push((name, vec![value])),
+        }
+    }
+
+    fn print(mut self) {
+        println!("{:<44} {:>9} {:>9} {:>9}", "a frame", "median", "mean", "p95");
+        for (name, values) in &mut self.lines {
+            values.sort_by(f64::total_cmp);
+            let count = values.len();
+            let mean = values.iter().sum::<f64>() / count as f64;
+            println!("{name:<44} {:>9.2} {mean:>9.2} {:>9.2}", values[count / 2], values[count * 95 / 100]);
+        }
+    }
+}
+
+/// Time since the last lap.
+struct Lap {
+    cpu: f64,
+    wall: Instant,
+}
+
+impl Lap {
+    fn begin() -> Self {
+        Self { cpu: cpu_ms(), wall: Instant::now() }
+    }
+
+    /// CPU milliseconds of the lap, and the next begins.
+    fn cpu(&mut self) -> f64 {
+        let ended = std::mem::replace(self, Self::begin());
+        self.cpu - ended.cpu
+    }
+
+    fn print(&mut self, name: &str) {
+        let ended = std::mem::replace(self, Self::begin());
+        let wall = (self.wall - ended.wall).as_secs_f64() * 1e3;
+        println!("{name:<32} {:>9.1} {wall:>9.1}", self.cpu - ended.cpu);
+    }
+}
+
+/// Milliseconds of CPU time of all threads of this process so far; 0 where the system does not tell.
+fn cpu_ms() -> f64 {
+    let threads = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
+    let nanoseconds = threads.filter_map(|thread| {
+        let times = std::fs::read_to_string(thread.path().join("schedstat")).ok()?;
+        times.split_whitespace().next()?.parse::<f64>().ok()
+    });
+    nanoseconds.sum::<f64>() / 1e6
+}
