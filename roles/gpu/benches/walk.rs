@@ -2,7 +2,8 @@
 //! which other programs disturb least. One after the other, so that no role's time is another's.
 //!
 //! Beside it stands a floor had in the same run: the display draws only what is exactly visible, as if culling were perfect, and an empty
-//! frame. `cargo bench -p trimaran-gpu --bench walk -- X.scene WALK.json [SIDE]`.
+//! frame. `cargo bench -p trimaran-gpu --bench walk -- X.scene WALK.json [SIDE [OCCLUDERS]]`, where
+//! OCCLUDERS is the budget of triangles for them.
 
 #![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
 
@@ -23,7 +24,7 @@ use trimaran_scene::{Scene, walk::Walk};
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
 /// As sessions draw occluders unless told otherwise.
-const OCCLUDERS: TriangleBudget = TriangleBudget(30_000);
+const OCCLUDERS: u64 = 30_000;
 const AFTER_A_JUMP: TriangleBudget = TriangleBudget(60_000);
 const EPSILON_PX: f64 = 2.0;
 
@@ -34,8 +35,9 @@ fn main() -> Outcome<()> {
         return Ok(());
     };
     let side: u32 = rest.first().map_or(Ok(1024), |side| side.parse())?;
+    let budget = TriangleBudget(rest.get(1).map_or(Ok(OCCLUDERS), |budget| budget.parse())?);
     let views = views(&Walk::from_json(&std::fs::read_to_string(walk)?)?, Viewport::new(side, side)?)?;
-    let mut stages = start(Path::new(scene), views.first().ok_or("an empty walk")?)?;
+    let mut stages = start(Path::new(scene), budget, views.first().ok_or("an empty walk")?)?;
     let mut table = Table::default();
     for view in &views {
         stages.frame(view, &mut table)?;
@@ -53,7 +55,7 @@ fn views(walk: &Walk, size: Viewport) -> Outcome<Vec<View>> {
 }
 
 /// Everything from the program's start to the first picture, each step timed.
-fn start(path: &Path, first: &View) -> Outcome<Roles> {
+fn start(path: &Path, budget: TriangleBudget, first: &View) -> Outcome<Roles> {
     let mut lap = Lap::begin();
     println!("{:<32} {:>9} {:>9}", "start, ms", "cpu", "wall");
     let scene = Arc::new(Scene::open(path)?);
@@ -62,7 +64,7 @@ fn start(path: &Path, first: &View) -> Outcome<Roles> {
     lap.print("open a device");
     let drawn = GpuScene::upload(&gpu, &scene)?;
     lap.print("give it the scene");
-    let mut roles = Roles::new(scene, &drawn, first)?;
+    let mut roles = Roles::new(scene, &drawn, budget, first)?;
     lap.print("make the passes");
     roles.frame(first, &mut Table::default())?;
     lap.print("first frame, all passes twice");
@@ -74,6 +76,7 @@ fn start(path: &Path, first: &View) -> Outcome<Roles> {
 struct Roles {
     scene: Arc<Scene>,
     rule: CutRule,
+    budget: TriangleBudget,
     occluders: OccluderPass,
     pictures: PicturePass,
     items: ItemPass,
@@ -85,7 +88,7 @@ struct Roles {
 }
 
 impl Roles {
-    fn new(scene: Arc<Scene>, drawn: &Arc<GpuScene>, first: &View) -> Outcome<Self> {
+    fn new(scene: Arc<Scene>, drawn: &Arc<GpuScene>, budget: TriangleBudget, first: &View) -> Outcome<Self> {
         let (size, rule) = (first.viewport(), CutRule::new(EPSILON_PX)?);
         Ok(Self {
             occluders: OccluderPass::new(drawn, size)?,
@@ -98,6 +101,7 @@ impl Roles {
             visible: Vec::new(),
             scene,
             rule,
+            budget,
         })
     }
 
@@ -145,7 +149,7 @@ impl Roles {
         self.mapper.begin(*view, self.rule);
         self.mapper.push(&self.visible, &mut due)?;
         let jumped = 2 * due.len() <= self.visible.len();
-        worthiest_within(&self.scene, view, &mut due, OCCLUDERS);
+        worthiest_within(&self.scene, view, &mut due, self.budget);
         if jumped {
             nearest_within(&self.scene, view, self.rule, AFTER_A_JUMP, &mut due);
         }
