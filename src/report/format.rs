@@ -1,5 +1,7 @@
 //! Numbers for people: few digits, grouped thousands.
 
+use super::schema::SweepPoint;
+
 /// A figure with about three significant digits, thousands grouped by narrow spaces: `0`, `0.0123`, `4.56`, `78.9`, `1 234`.
 pub(super) fn figure(value: f64) -> String {
     let size = value.abs();
@@ -52,6 +54,24 @@ pub(super) fn with_unit(value: Option<f64>, unit: &str, none: &str) -> String {
 /// `one` or `many`, after its number.
 pub(super) fn plural(count: u64, one: &str, many: &str) -> String {
     format!("{} {}", grouped(count as f64), if count == 1 { one } else { many })
+}
+
+/// A point of a sweep, in the columns of its tables; `none` where a figure was not measured.
+pub(super) fn sweep_cells(point: &SweepPoint, none: &str) -> Vec<String> {
+    let value = |v: Option<f64>| with_unit(v, "", none);
+    vec![
+        figure(point.epsilon_px),
+        value(point.measured_fps),
+        value(point.modelled_fps),
+        value(point.or_ms),
+        value(point.hc_ms),
+        value(point.rvg_ms),
+        value(point.triangles_drawn),
+        point.cut_mismatch_pixels.map_or_else(|| none.to_owned(), |pixels| grouped(pixels as f64)),
+        value(point.psnr_db),
+        value(point.flip_mean),
+        value(point.silhouette_max_px),
+    ]
 }
 
 #[cfg(test)]

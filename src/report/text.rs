@@ -1,6 +1,6 @@
 //! What is printed at the end of a run.
 
-use super::format::{figure, grouped, plural, with_unit};
+use super::format::{figure, grouped, plural, sweep_cells, with_unit};
 use super::schema::{METRICS, Report, SweepPoint};
 use crate::simulate::Outcome;
 
@@ -124,26 +124,7 @@ fn culling(report: &Report) -> String {
 /// The table of a sweep: one line a setting of epsilon, ending in a line break.
 #[must_use]
 pub fn sweep(points: &[SweepPoint]) -> String {
-    let value = |v: Option<f64>| v.map_or_else(|| "-".to_owned(), figure);
-    let count = |v: Option<u64>| v.map_or_else(|| "-".to_owned(), |v| grouped(v as f64));
-    let rows: Vec<Vec<String>> = points
-        .iter()
-        .map(|p| {
-            vec![
-                figure(p.epsilon_px),
-                value(p.measured_fps),
-                value(p.modelled_fps),
-                value(p.or_ms),
-                value(p.hc_ms),
-                value(p.rvg_ms),
-                value(p.triangles_drawn),
-                count(p.cut_mismatch_pixels),
-                value(p.psnr_db),
-                value(p.flip_mean),
-                value(p.silhouette_max_px),
-            ]
-        })
-        .collect();
+    let rows: Vec<Vec<String>> = points.iter().map(|point| sweep_cells(point, "-")).collect();
     let head = [
         "epsilon",
         "fps",

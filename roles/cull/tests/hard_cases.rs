@@ -94,7 +94,8 @@ fn far_from_the_origin_is_as_at_the_origin() {
 
 #[test]
 fn a_teleport_culls_nothing_falsely() {
-    // The walk teleports every 13 views; the frame after one draws more, and nothing is lost.
+    assert_exact("teleport every frame");
+    // This walk teleports every 13 views; the frame after one draws more, and nothing is lost.
     let frames = assert_exact("origin at 0");
     assert!(frames[13].emitted.len() >= frames[14].emitted.len());
 }

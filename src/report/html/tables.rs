@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::escape;
-use crate::report::format::{figure, grouped};
+use crate::report::format::{figure, grouped, sweep_cells};
 use crate::report::schema::{METRICS, Mode, Report, Role, Seat, Stat};
 
 pub(super) fn html(report: &Report) -> String {
@@ -167,27 +167,7 @@ fn passes(report: &Report) -> String {
 }
 
 fn sweep(report: &Report) -> String {
-    let value = |v: Option<f64>| v.map_or_else(|| "–".to_owned(), figure);
-    let count = |v: Option<u64>| v.map_or_else(|| "–".to_owned(), |v| grouped(v as f64));
-    let rows: Vec<_> = report
-        .sweep
-        .iter()
-        .map(|p| {
-            vec![
-                figure(p.epsilon_px),
-                value(p.measured_fps),
-                value(p.modelled_fps),
-                value(p.or_ms),
-                value(p.hc_ms),
-                value(p.rvg_ms),
-                value(p.triangles_drawn),
-                count(p.cut_mismatch_pixels),
-                value(p.psnr_db),
-                value(p.flip_mean),
-                value(p.silhouette_max_px),
-            ]
-        })
-        .collect();
+    let rows: Vec<_> = report.sweep.iter().map(|point| sweep_cells(point, "–")).collect();
     let head = [
         "ε (px)",
         "frames/s",

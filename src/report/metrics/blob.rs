@@ -37,12 +37,8 @@ fn take(open: &mut [bool], pixel: usize, stack: &mut Vec<usize>) {
 mod tests {
     use proptest::prelude::*;
 
+    use super::super::image::mask;
     use super::*;
-
-    fn mask(width: u32, rows: &str) -> Mask {
-        let covered: Vec<bool> = rows.chars().filter(|c| !c.is_whitespace()).map(|c| c == '#').collect();
-        Mask::new(width, covered.len() as u32 / width, covered).unwrap()
-    }
 
     #[test]
     fn diagonal_neighbours_connect_and_row_ends_do_not() {

@@ -72,12 +72,8 @@ fn outline(mask: &Mask) -> impl Iterator<Item = usize> + '_ {
 mod tests {
     use proptest::prelude::*;
 
+    use super::super::image::mask;
     use super::*;
-
-    fn mask(width: u32, rows: &str) -> Mask {
-        let covered: Vec<bool> = rows.chars().filter(|c| !c.is_whitespace()).map(|c| c == '#').collect();
-        Mask::new(width, covered.len() as u32 / width, covered).unwrap()
-    }
 
     #[test]
     fn only_what_one_picture_covers_is_measured() {

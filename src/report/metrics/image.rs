@@ -148,6 +148,14 @@ fn checked(width: u32, height: u32, values: usize) -> Result<(u32, u32), MetricE
     if fits { Ok((width, height)) } else { Err(MetricError::Size { width, height, values }) }
 }
 
+/// A mask drawn in characters, `#` where it is covered, rows one after the other; white space says nothing.
+#[cfg(test)]
+pub(super) fn mask(width: u32, rows: &str) -> Mask {
+    let covered: Vec<bool> = rows.chars().filter(|c| !c.is_whitespace()).map(|c| c == '#').collect();
+    let size = (width, covered.len() as u32 / width);
+    Mask { size, covered }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -80,6 +80,7 @@ pub fn hard_cases() -> Result<Vec<Case>, CaseError> {
         thin_wall_with_something_behind()?,
         scaled_mirrored_sheared()?,
         looking_away()?,
+        teleporting()?,
     ];
     for (name, exponent) in [
         ("origin at 0", None),
@@ -260,6 +261,14 @@ fn looking_away() -> Result<Case, CaseError> {
     let away = looking(DVec3::ZERO, DVec3::NEG_Y, 60.0, small()?, 0)?;
     let towards = looking(DVec3::ZERO, DVec3::Y, 60.0, small()?, 0)?;
     case("nothing visible, and back", &objects, vec![towards, away, away, towards, away, towards])
+}
+
+/// Every frame from another place in the plant: the last frame's visible set is never of use.
+fn teleporting() -> Result<Case, CaseError> {
+    let views = plant_views(9, 120, DVec3::ZERO, small()?, 60)?;
+    // Views change place every 13: steps of 17 never land in the same stretch twice running.
+    let views = (0..30).filter_map(|frame| views.get(frame * 17 % 60).copied()).collect();
+    Ok(Case { name: "teleport every frame", scene: plant(9, 120, DVec3::ZERO)?, views })
 }
 
 fn far_from_the_origin(name: &'static str, distance: f64) -> Result<Case, CaseError> {
