@@ -303,8 +303,7 @@ mod tests {
             assert_eq!(topology.find("display").map(|host| host.v4()), Some(machines.display.v4()));
         }
         let wifi = Profile::find("wifi").unwrap();
-        let Loss::GilbertElliott(loss) = wifi.up.conditions.loss else { panic!("{:?}", wifi.up) };
-        assert!((loss.stationary_loss() - 0.01).abs() < 1e-5);
+        assert_eq!(wifi.up.conditions.loss, Loss::Independent(Probability::new(0.01).unwrap()));
         assert_eq!(wifi.up, wifi.down, "as up where nothing else is said");
         let lte = Profile::find("lte").unwrap();
         let (out, back) = lte.wan.unwrap();

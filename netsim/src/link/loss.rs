@@ -19,6 +19,9 @@ pub enum Loss {
 }
 
 /// Two states, one of which loses (much) more than the other (Gilbert 1960, Elliott 1963); the state changes per packet.
+///
+/// It changes per packet and not with time, as in `tc netem`: where packets are rare a bad spell is long, and repetitions that
+/// come one at a time are lost one after another.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GilbertElliott {

@@ -345,7 +345,9 @@ impl AsyncRead for Reader {
                 state.reader = Some(cx.waker().clone());
                 return Poll::Pending;
             }
-            let count = state.socket.read(now, buffer.initialize_unfilled());
+            // No more of the buffer is made ready than will be filled: it may be large.
+            let size = buffer.remaining().min(state.socket.unread());
+            let count = state.socket.read(now, buffer.initialize_unfilled_to(size));
             Poll::Ready(count.map(|count| buffer.advance(count)))
         })
     }

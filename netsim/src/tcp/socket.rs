@@ -139,6 +139,11 @@ impl Socket {
         self.failure.is_some() || self.receiver.is_readable()
     }
 
+    /// How many bytes wait to be read.
+    pub(crate) const fn unread(&self) -> usize {
+        self.receiver.unread() as usize
+    }
+
     pub(crate) fn is_writable(&self) -> bool {
         self.failure.is_some() || self.sender.has_much_room()
     }
