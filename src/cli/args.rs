@@ -154,6 +154,8 @@ pub(crate) enum LinkKind {
     Tcp,
     /// Three processes of this machine over QUIC on its loopback, with keys made for the session.
     Quic,
+    /// Three processes of this machine over the project's own datagrams on its loopback, with keys made for the session.
+    Udp,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -32,6 +32,7 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
         LinkKind::Unix => three_processes::run(args, Transport::Unix),
         LinkKind::Tcp => three_processes::run(args, Transport::Tcp),
         LinkKind::Quic => three_processes::run(args, Transport::Quic),
+        LinkKind::Udp => three_processes::run(args, Transport::Udp),
     }
 }
 

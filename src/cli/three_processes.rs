@@ -36,6 +36,7 @@ pub(super) enum Transport {
     Unix,
     Tcp,
     Quic,
+    Udp,
 }
 
 pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
@@ -141,6 +142,10 @@ fn meeting_places(transport: Transport, folder: &Path) -> Result<(Endpoint, Endp
         Transport::Quic => {
             let pair = UdpSocket::bind(display).and_then(|socket| socket.local_addr());
             Ok((Endpoint::Quic(display.into()), Endpoint::Quic(pair.map_err(Failure::broken)?.into())))
+        }
+        Transport::Udp => {
+            let pair = UdpSocket::bind(display).and_then(|socket| socket.local_addr());
+            Ok((Endpoint::Udp(display.into()), Endpoint::Udp(pair.map_err(Failure::broken)?.into())))
         }
     }
 }

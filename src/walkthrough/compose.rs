@@ -61,7 +61,7 @@ fn frame(
         occluders_drawn: stats.map(|s| u64::from(s.occluders)),
         occluder_triangles: stats.map(|s| s.occluder_triangles),
         culling: stats.map(|s| culling(&s.culling)),
-        doubts: stats.map(|s| doubts(&s.culling)).unwrap_or_default(),
+        doubts: doubts(record),
         bytes: Some(bytes.total()),
         bytes_by_kind: Some(bytes),
         ..Frame::default()
@@ -126,15 +126,18 @@ fn culling(counts: &CullCounts) -> CullingCounts {
     }
 }
 
-fn doubts(counts: &CullCounts) -> BTreeMap<String, u64> {
-    [
-        ("near_plane", counts.near_visible),
-        ("eye_inside", counts.eye_inside),
-        ("not_finite", counts.not_finite),
-    ]
-    .into_iter()
-    .map(|(reason, count)| (reason.to_owned(), count.into()))
-    .collect()
+/// What was drawn because it was not known to be hidden, by reason.
+fn doubts(record: &FrameRecord) -> BTreeMap<String, u64> {
+    let culling = record.stats.map(|stats| stats.culling);
+    let of_culling = culling.iter().flat_map(|counts| {
+        [
+            ("near_plane", counts.near_visible),
+            ("eye_inside", counts.eye_inside),
+            ("not_finite", counts.not_finite),
+        ]
+    });
+    let loss = (record.for_loss > 0).then_some(("loss", record.for_loss));
+    of_culling.chain(loss).map(|(reason, count)| (reason.to_owned(), count.into())).collect()
 }
 
 fn milliseconds(time: Duration) -> f64 {

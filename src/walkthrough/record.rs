@@ -13,6 +13,8 @@ pub struct FrameRecord {
     pub camera: Camera,
     /// What was drawn, in the order drawn.
     pub ids: Vec<DrawableId>,
+    /// How many of them were drawn only because ids of the frame were lost.
+    pub for_loss: u32,
     /// XXH3-64 of the picture's bytes, if it was read back.
     pub picture: Option<u64>,
     /// When its camera was handed out; all times are on the display's clock.
@@ -58,6 +60,7 @@ impl Observer for Recorder<'_> {
         self.frames.push(FrameRecord {
             camera: frame.camera,
             ids: frame.ids.to_vec(),
+            for_loss: frame.for_loss,
             picture: frame.picture.map(|picture| xxh3_64(&picture.rgba)),
             published: frame.published,
             begun: frame.begun,

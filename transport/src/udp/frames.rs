@@ -70,7 +70,7 @@ impl FrameTx {
         self.ended = true;
         let arrived = poll_fn(|cx| {
             let mut state = self.carrier.lock();
-            if state.connection.is_lane_drained() {
+            if state.connection.is_lane_drained() || state.peer_has_left() {
                 return Poll::Ready(Ok(()));
             }
             if let Some(loss) = state.loss() {

@@ -42,7 +42,7 @@ impl LatestTx {
         self.end(Some(reason));
         let arrived = poll_fn(|cx| {
             let mut state = self.carrier.lock();
-            if state.connection.is_latest_drained() {
+            if state.connection.is_latest_drained() || state.peer_has_left() {
                 return Poll::Ready(Ok(()));
             }
             if let Some(loss) = state.loss() {

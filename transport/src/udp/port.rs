@@ -160,6 +160,11 @@ impl State {
         }
     }
 
+    /// Whether the peer has closed the connection in good order: a goodbye that crosses its leaving need not arrive.
+    pub(super) fn peer_has_left(&self) -> bool {
+        matches!(self.connection.closed(), Some(Closed::Peer))
+    }
+
     /// How the connection was lost, if it was.
     pub(super) fn loss(&self) -> Option<Loss> {
         self.connection.closed().map(|why| match why {

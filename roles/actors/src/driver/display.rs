@@ -14,8 +14,10 @@ use trimaran_transport::{Link, LinkStats, Net, SendError, StatsHandle, until};
 use super::{
     Cameras, RoleError,
     cameras::Handed,
+    gaps::Gaps,
     leave,
     pair::sent_bytes,
+    rule_of,
     stop::{Stop, Waiting},
     viewport_of, wait,
 };
@@ -31,6 +33,8 @@ pub struct ShownFrame<'f> {
     pub camera: Camera,
     /// What was drawn, in the order drawn.
     pub ids: &'f [DrawableId],
+    /// How many of them were drawn only because ids of the frame were lost on a link with deadlines.
+    pub for_loss: u32,
     /// The picture, if it was asked for.
     pub picture: Option<&'f Picture>,
     /// When its camera was handed out, since the session's start.
@@ -116,6 +120,9 @@ struct Work<'r, D> {
     carried: [LinkStats; 2],
     order: DrawOrder,
     ids: Vec<DrawableId>,
+    /// Ids of the frame were lost.
+    lossy: bool,
+    gaps: Gaps,
     picture: Picture,
 }
 
@@ -140,6 +147,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
     fn new(role: DisplayRole<D>, waiting: Waiting<'r>) -> Result<Self, RoleError<D::Error>> {
         let DisplayRole { scene, device, first, second, settings, net } = role;
         let clock = Stopwatch::start();
+        let gaps = Gaps::new(&scene, rule_of(&settings)?);
         Ok(Self {
             machine: DisplayMachine::new(settings.frames),
             scene,
@@ -154,6 +162,8 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             handed: Handed::new(clock),
             order: DrawOrder::default(),
             ids: Vec::new(),
+            lossy: false,
+            gaps,
             picture: Picture::default(),
         })
     }
@@ -217,14 +227,12 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         loop {
             match self.receive(from, cameras)? {
                 FrameEvent::Ids(batch) => self.ids.extend(batch.iter()),
-                FrameEvent::End(FrameOutcome::Complete(_)) => {
+                FrameEvent::End(outcome) => {
+                    self.lossy = !matches!(outcome, FrameOutcome::Complete(_));
                     return self
                         .machine
                         .ended()
                         .map_err(|cause| RoleError::Order { peer: peer(from), cause });
-                }
-                FrameEvent::End(FrameOutcome::Incomplete { frame, expected, received }) => {
-                    return Err(RoleError::Incomplete { frame, expected, received });
                 }
                 FrameEvent::Begin(_) | FrameEvent::Stats(_) => return Err(out_of_order(from, "its end")),
             }
@@ -236,9 +244,11 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         let Begun { camera, published, at } = begun;
         let view = View::new(camera, self.viewport);
         let drawing = self.clock.elapsed();
+        let for_loss = if self.lossy { self.gaps.fill(view, &mut self.ids)? } else { 0 };
         self.order.sort(&self.scene, &view, &mut self.ids);
         let device = |cause| RoleError::Device { doing: "drawing a picture", cause };
         self.device.draw(&view, &self.ids).map_err(device)?;
+        self.gaps.drawn(&self.ids);
         let shown = self.clock.elapsed();
         let machine = Seat::of(camera.frame()).index();
         let carried = self.links[machine].stats.read();
@@ -251,6 +261,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         observer.shown(&ShownFrame {
             camera,
             ids: &self.ids,
+            for_loss: u32::try_from(for_loss).unwrap_or(u32::MAX),
             picture: wanted.then_some(&self.picture),
             published,
             begun: at,

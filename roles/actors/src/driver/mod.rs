@@ -5,6 +5,7 @@
 
 mod cameras;
 mod display;
+mod gaps;
 mod occluders;
 mod outlet;
 mod pair;
@@ -20,7 +21,7 @@ use std::future::Future;
 
 use thiserror::Error;
 use trimaran_cull::{CullError, CutRule, CutRuleError, OccluderError, Viewport, ViewportError};
-use trimaran_proto::{FrameNumber, Goodbye, Settings};
+use trimaran_proto::{Goodbye, Settings};
 use trimaran_transport::{Link, RecvError, SendError};
 
 use crate::OrderError;
@@ -66,16 +67,6 @@ pub enum RoleError<D: std::error::Error + 'static> {
     /// A peer named a drawable that the scene does not have, although both hold the same scene.
     #[error("the peer named a drawable that the scene does not have")]
     Unknown(#[from] OccluderError),
-    /// Ids of a frame did not arrive on a link that promises them all.
-    #[error("{received} of {expected} ids of {frame} arrived")]
-    Incomplete {
-        /// The frame.
-        frame: FrameNumber,
-        /// Ids sent.
-        expected: u32,
-        /// Ids received.
-        received: u32,
-    },
     /// The session's picture has no pixels.
     #[error("the session's picture size cannot be used")]
     Viewport(#[from] ViewportError),

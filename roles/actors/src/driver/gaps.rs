@@ -1,0 +1,96 @@
+//! What the display draws when ids of a frame were lost (a link with deadlines): loss means visible.
+
+use std::sync::Arc;
+
+use trimaran_cull::{CutRule, OccluderError, OccluderMapper, View};
+use trimaran_proto::DrawableId;
+use trimaran_scene::Scene;
+
+/// The last frame's set, from which a frame with gaps is made up.
+#[derive(Debug)]
+pub(super) struct Gaps {
+    scene: Arc<Scene>,
+    rule: CutRule,
+    last: Vec<DrawableId>,
+    /// Made with the first gap: most sessions have none.
+    mapper: Option<OccluderMapper>,
+}
+
+impl Gaps {
+    pub(super) fn new(scene: &Arc<Scene>, rule: CutRule) -> Self {
+        Self { scene: Arc::clone(scene), rule, last: Vec::new(), mapper: None }
+    }
+
+    /// Adds to the `ids` that came what the frame's level cut has in place of the last frame's set. Says how many that are.
+    ///
+    /// What is lost is in most cases what was visible a moment ago. What has just come into sight may be missing until the next
+    /// frame, and its absence is known: the frame counts as one with gaps.
+    pub(super) fn fill(&mut self, view: View, ids: &mut Vec<DrawableId>) -> Result<usize, OccluderError> {
+        let mapper = match &mut self.mapper {
+            Some(mapper) => {
+                mapper.begin(view, self.rule);
+                mapper
+            }
+            None => self.mapper.insert(OccluderMapper::new(Arc::clone(&self.scene), view, self.rule)),
+        };
+        let mut due = Vec::new();
+        mapper.push(&self.last, &mut due)?;
+        ids.sort_unstable_by_key(|id| id.0);
+        let came = ids.len();
+        due.retain(|id| ids.binary_search_by_key(&id.0, |id| id.0).is_err());
+        ids.append(&mut due);
+        Ok(ids.len() - came)
+    }
+
+    /// Notes what was drawn.
+    pub(super) fn drawn(&mut self, ids: &[DrawableId]) {
+        self.last.clear();
+        self.last.extend_from_slice(ids);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use trimaran_cull::{Viewport, level_cut};
+    use trimaran_proto::{Camera, FrameNumber};
+    use trimaran_scene::cook::{CookOptions, cook};
+    use trimaran_scene::generate::{PlantOptions, plant};
+
+    use super::*;
+
+    fn view(x: f64) -> View {
+        let camera = Camera::new([x, 2.0, 1.7], [0.5, 0.5, 0.5, 0.5], 0.5, 1.5, 0.1, FrameNumber(0)).unwrap();
+        View::new(camera, Viewport::new(320, 240).unwrap())
+    }
+
+    fn cut(scene: &Scene, view: &View, rule: CutRule) -> Vec<u32> {
+        let mut ids: Vec<u32> = level_cut(scene, view, rule).into_iter().map(|id| id.0).collect();
+        ids.sort_unstable();
+        ids
+    }
+
+    #[test]
+    fn a_lost_half_is_made_up_from_the_last_frame_at_the_levels_due_now() {
+        let scene = Arc::new(cook(&plant(&PlantOptions::small(3)), &CookOptions::default(), &()).unwrap());
+        let rule = CutRule::new(2.0).unwrap();
+        let (before, now) = (view(1.0), view(1.2));
+        let last = level_cut(&scene, &before, rule);
+        let whole = cut(&scene, &now, rule);
+        assert!(whole.len() > 20, "{} ids", whole.len());
+        let mut gaps = Gaps::new(&scene, rule);
+        gaps.drawn(&last);
+        let mut ids: Vec<_> = whole.iter().step_by(2).map(|id| DrawableId(*id)).collect();
+        let came = ids.len();
+        let added = gaps.fill(now, &mut ids).unwrap();
+        assert_eq!(ids.len(), came + added);
+        let mut drawn: Vec<u32> = ids.iter().map(|id| id.0).collect();
+        drawn.sort_unstable();
+        assert!(drawn.windows(2).all(|pair| pair[0] < pair[1]), "nothing is drawn twice");
+        assert!(drawn.iter().all(|id| whole.binary_search(id).is_ok()), "nothing but the cut");
+        assert!(drawn.len() * 10 >= whole.len() * 9, "{} of {} ids", drawn.len(), whole.len());
+
+        gaps.drawn(&[]);
+        let mut ids = vec![DrawableId(whole[0])];
+        assert_eq!(gaps.fill(now, &mut ids).unwrap(), 0, "no last frame, nothing to add");
+    }
+}
