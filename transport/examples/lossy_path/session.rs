@@ -1,0 +1,199 @@
+//! One link over one path, and what became of its frames.
+
+use std::error::Error;
+use std::fmt;
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use tokio::runtime::{Builder, Runtime};
+use trimaran_proto::{
+    Camera, DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStart, Goodbye, Identity, Role, SceneHash,
+};
+use trimaran_transport::keys::{Keys, Security};
+use trimaran_transport::udp::{Trust, UdpOptions};
+use trimaran_transport::{Endpoint, Instant, Link, Listener, Net, Options, TokioNet, connect, sleep_until};
+
+use crate::path::{ADDRESSES, Path};
+use crate::relay::{Loss, Tally, carry};
+
+const FRAMES_A_SECOND: u32 = 60;
+const IDS: u32 = 4000;
+const PORT: u16 = 7400;
+
+/// A way to link.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Kind {
+    pub(crate) name: &'static str,
+    endpoint: &'static str,
+    /// Behind the port.
+    query: &'static str,
+    repair_percent: u8,
+}
+
+/// The ways.
+pub(crate) const KINDS: &[Kind] = &[
+    Kind { name: "tcp", endpoint: "tcp", query: "", repair_percent: 0 },
+    Kind { name: "quic", endpoint: "quic", query: "", repair_percent: 0 },
+    Kind { name: "udp reliable", endpoint: "udp", query: "?mode=reliable", repair_percent: 0 },
+    Kind { name: "udp reliable + repair", endpoint: "udp", query: "?mode=reliable", repair_percent: 15 },
+    Kind { name: "udp deadline", endpoint: "udp", query: "?mode=deadline", repair_percent: 0 },
+    Kind { name: "udp deadline + repair", endpoint: "udp", query: "?mode=deadline", repair_percent: 15 },
+];
+
+/// What became of the frames.
+pub(crate) struct Outcome {
+    latencies: Vec<Duration>,
+    sent: u32,
+    complete: u32,
+    bytes: u64,
+    packets: u64,
+    lost: u64,
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let at = |share: f64| {
+            let last = self.latencies.len().saturating_sub(1);
+            let index = (share * last as f64).ceil() as usize;
+            self.latencies.get(index).map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e3)
+        };
+        let complete = 100.0 * f64::from(self.complete) / f64::from(self.sent.max(1));
+        let kilobytes = self.bytes as f64 / 1e3 / f64::from(self.sent.max(1));
+        let lost = 100.0 * self.lost as f64 / self.packets.max(1) as f64;
+        write!(
+            f,
+            "{:>7.1} {:>7.1} {:>8.1} {:>8.1} {complete:>11.3} {kilobytes:>8.2} {lost:>7.2}",
+            at(0.5),
+            at(0.99),
+            at(0.999),
+            at(1.0)
+        )
+    }
+}
+
+/// When each frame was begun; one clock for both ends.
+type Begun = Arc<Mutex<Vec<Instant>>>;
+
+/// Runs a link of `kind` for so many seconds.
+pub(crate) fn run(kind: &Kind, loss: Loss, seconds: u32) -> Result<Outcome, Box<dyn Error>> {
+    let path = Arc::new(Path::lay()?);
+    let tally = Arc::new(Tally::default());
+    let [a, b] = &path.devices;
+    carry(Arc::clone(a), Arc::clone(b), loss, 1, Arc::clone(&tally));
+    carry(Arc::clone(b), Arc::clone(a), loss, 2, Arc::clone(&tally));
+    let frames = seconds * FRAMES_A_SECOND;
+    let (begun, origin) = (Begun::default(), Builder::new_multi_thread().enable_all().build()?);
+    // One clock: both ends' `Net` begin at the same time only if they are clones.
+    let clock: Arc<dyn Net> = Arc::new(TokioNet::new(origin.handle().clone()));
+    let (ours, theirs) = options(kind)?;
+    let (latencies, complete) = thread::scope(|scope| {
+        let sender = scope.spawn({
+            let (path, begun, clock) = (Arc::clone(&path), Arc::clone(&begun), Arc::clone(&clock));
+            move || -> Result<(), String> {
+                let runtime = runtime_in(&path, 0).map_err(|e| e.to_string())?;
+                runtime.block_on(send(kind, &ours, frames, &begun, &*clock)).map_err(|e| e.to_string())
+            }
+        });
+        let receiver = scope.spawn({
+            let path = Arc::clone(&path);
+            move || -> Result<(Vec<Duration>, u32), String> {
+                let runtime = runtime_in(&path, 1).map_err(|e| e.to_string())?;
+                runtime.block_on(receive(kind, &theirs, &begun, &*clock)).map_err(|e| e.to_string())
+            }
+        });
+        let sent = sender.join().map_err(|_| "the sender panicked".to_owned())?;
+        let received = receiver.join().map_err(|_| "the receiver panicked".to_owned())?;
+        sent.and(received)
+    })?;
+    Ok(Outcome {
+        latencies,
+        sent: frames,
+        complete,
+        bytes: tally.bytes.load(Ordering::Relaxed),
+        packets: tally.packets.load(Ordering::Relaxed),
+        lost: tally.lost.load(Ordering::Relaxed),
+    })
+}
+
+/// A runtime whose sockets are in the namespace of an end: it has this thread only.
+fn runtime_in(path: &Path, end: usize) -> std::io::Result<Runtime> {
+    path.enter(end)?;
+    Builder::new_current_thread().enable_all().build()
+}
+
+/// Options of sender and receiver.
+fn options(kind: &Kind) -> Result<(Options, Options), Box<dyn Error>> {
+    let (a, b) = (Keys::generate("sender".parse()?)?, Keys::generate("receiver".parse()?)?);
+    let with = |own: &Keys, peer: &Keys| Options {
+        security: Some(Security { keys: own.clone(), peers: vec![peer.public().clone()] }),
+        udp: UdpOptions { trust: Trust::Keys, repair_percent: kind.repair_percent, ..UdpOptions::default() },
+        ..Options::default()
+    };
+    Ok((with(&a, &b), with(&b, &a)))
+}
+
+fn endpoint(kind: &Kind) -> Result<Endpoint, Box<dyn Error>> {
+    Ok(format!("{}://{}:{PORT}{}", kind.endpoint, ADDRESSES[0], kind.query).parse()?)
+}
+
+const fn identity(role: Role) -> Identity {
+    Identity { role, scene: SceneHash(1), settings: None }
+}
+
+async fn send(
+    kind: &Kind,
+    options: &Options,
+    frames: u32,
+    begun: &Begun,
+    clock: &dyn Net,
+) -> Result<(), Box<dyn Error>> {
+    let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
+    let soon = net.now().after(Duration::from_secs(30));
+    let mut listener = Listener::bind(&net, &endpoint(kind)?, identity(Role::SwitchA), options).await?;
+    let mut link: Link = listener.accept(soon).await?;
+    let ids: Vec<DrawableId> = (0..IDS).map(|id| DrawableId(id.wrapping_mul(2_654_435_761))).collect();
+    let start = net.now();
+    for frame in 0..frames {
+        let due = start.after(Duration::from_secs(1) * frame / FRAMES_A_SECOND);
+        sleep_until(&*net, due).await;
+        begun.lock().unwrap_or_else(PoisonError::into_inner).push(clock.now());
+        let frame = FrameNumber(frame);
+        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, frame)?;
+        link.frames_tx.begin(FrameStart { frame, camera }).await?;
+        link.frames_tx.push(&ids).await?;
+        link.frames_tx.finish().await?;
+    }
+    leave(link, &*net).await;
+    Ok(())
+}
+
+/// How long each frame took from its beginning to its end's arrival, rising, and how many were whole.
+async fn receive(
+    kind: &Kind,
+    options: &Options,
+    begun: &Begun,
+    clock: &dyn Net,
+) -> Result<(Vec<Duration>, u32), Box<dyn Error>> {
+    let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
+    let soon = net.now().after(Duration::from_secs(30));
+    let mut link = connect(&net, &endpoint(kind)?, identity(Role::Display), options, soon).await?;
+    let (mut latencies, mut complete) = (Vec::new(), 0);
+    while let Ok(event) = link.frames_rx.recv().await {
+        let FrameEvent::End(outcome) = event else { continue };
+        let now = clock.now();
+        complete += u32::from(matches!(outcome, FrameOutcome::Complete(_)));
+        let begun = begun.lock().unwrap_or_else(PoisonError::into_inner);
+        latencies.extend(begun.get(latencies.len()).map(|begun| now.since(*begun)));
+    }
+    latencies.sort_unstable();
+    leave(link, &*net).await;
+    Ok((latencies, complete))
+}
+
+/// Says goodbye, and stays a moment: the runtime goes with this thread, and a lost goodbye may have to be said again.
+async fn leave(link: Link, net: &dyn Net) {
+    let _gone = link.goodbye(Goodbye::Finished).await;
+    sleep_until(net, net.now().after(Duration::from_millis(500))).await;
+}
