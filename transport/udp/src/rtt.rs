@@ -12,6 +12,9 @@ const INITIAL: Duration = Duration::from_millis(100);
 /// What timers and late acknowledgements add to a round trip without any queue.
 const SLACK: Duration = Duration::from_millis(3);
 
+/// How many round trips tell a queue from a busy machine.
+const FEW: u32 = 32;
+
 /// A smoothed round-trip time.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Rtt {
@@ -24,18 +27,50 @@ struct Measured {
     smoothed: Duration,
     variation: Duration,
     minimum: Duration,
+    lately: Lately,
+}
+
+/// The shortest round trip of the last few: a queue that stands makes all of them longer, a machine that is busy only some.
+#[derive(Debug, Clone, Copy)]
+struct Lately {
+    /// Of those before the newest few, and of the newest few.
+    before: Duration,
+    now: Duration,
+    count: u32,
+}
+
+impl Lately {
+    const fn new(first: Duration) -> Self {
+        Self { before: Duration::MAX, now: first, count: 1 }
+    }
+
+    fn sample(&mut self, latest: Duration) {
+        if self.count == FEW {
+            *self = Self { before: self.now, ..Self::new(latest) };
+        } else {
+            self.now = self.now.min(latest);
+            self.count += 1;
+        }
+    }
+
+    fn shortest(&self) -> Duration {
+        self.before.min(self.now)
+    }
 }
 
 impl Rtt {
     /// Takes a sample; the peer held the acknowledgement back for `delay`.
     pub(crate) fn sample(&mut self, latest: Duration, delay: Duration) {
         let Some(rtt) = &mut self.measured else {
-            let measured = Measured { latest, smoothed: latest, variation: latest / 2, minimum: latest };
+            let lately = Lately::new(latest);
+            let measured =
+                Measured { latest, smoothed: latest, variation: latest / 2, minimum: latest, lately };
             self.measured = Some(measured);
             return;
         };
         rtt.latest = latest;
         rtt.minimum = rtt.minimum.min(latest);
+        rtt.lately.sample(latest);
         // A delay that would push the sample below the minimum is not believed.
         let sample = if latest >= rtt.minimum + delay { latest - delay } else { latest };
         rtt.variation = (rtt.variation * 3 + rtt.smoothed.abs_diff(sample)) / 4;
@@ -51,9 +86,9 @@ impl Rtt {
         self.measured.map_or(Duration::ZERO, |rtt| rtt.smoothed / 2)
     }
 
-    /// Whether packets wait somewhere on the path: round trips take longer than they must.
+    /// Whether packets wait somewhere on the path: all round trips take longer than they must.
     pub(crate) fn queues(&self) -> bool {
-        self.measured.is_some_and(|rtt| rtt.smoothed > rtt.minimum + (rtt.minimum / 4).max(SLACK))
+        self.measured.is_some_and(|rtt| rtt.lately.shortest() > rtt.minimum + (rtt.minimum / 4).max(SLACK))
     }
 
     /// How long after a later packet's acknowledgement an earlier one counts as lost.
@@ -94,8 +129,11 @@ mod tests {
         rtt.sample(20 * MS, Duration::ZERO);
         (0..50).for_each(|_| rtt.sample(24 * MS, Duration::ZERO));
         assert!(!rtt.queues());
-        (0..50).for_each(|_| rtt.sample(27 * MS, Duration::ZERO));
+        (0..2 * FEW).for_each(|_| rtt.sample(27 * MS, Duration::ZERO));
         assert!(rtt.queues());
+        rtt.sample(22 * MS, Duration::ZERO);
+        (0..FEW).for_each(|_| rtt.sample(60 * MS, Duration::ZERO));
+        assert!(!rtt.queues(), "one that was quick shows that nothing stands in the way");
     }
 
     #[test]
