@@ -207,6 +207,7 @@ mod tests {
         let mut patience = Patience::new(&net, Duration::from_secs(100), LEASE);
         let mut listened = 0;
         let end = loop {
+            assert!(listened < 100, "the lease never ends");
             let by = net.now().after(Duration::from_secs(3));
             let never = std::future::pending::<()>();
             match patience.hear(&mut Wait::default(), Some(by), never).await {
