@@ -80,8 +80,8 @@ fn platform_from_its_review_files() {
     };
     assert_eq!(report.primitives, kinds);
     assert_eq!(model.sources[3].name, "HA-MECH.RVM");
-    // A tessellator that lets both directions of a torus use up the whole tolerance makes 0.92 million.
-    assert!((900_000..1_100_000).contains(&report.triangles), "{}", report.triangles);
+    // A tessellator that lets both directions of a torus use up the whole tolerance, evenly all around, makes 0.92 million.
+    assert!((850_000..920_000).contains(&report.triangles), "{}", report.triangles);
     // Sheared snouts and eccentric pyramids, whose stored boxes are loose; an independent reader finds 232.
     assert!(report.box_mismatches <= 232, "{}", report.box_mismatches);
 }

@@ -9,6 +9,7 @@ mod colour;
 mod error;
 mod parse;
 mod reader;
+mod round;
 mod shape;
 mod solid;
 mod tessellate;

@@ -133,14 +133,9 @@ pub(super) struct Chord {
 
 /// No curve is cut into more chords than this. At 1 mm it is enough for a radius of 200 m; beyond, the tolerance gives
 /// way, or one number in a file could fill all memory.
-const MOST_CHORDS: f64 = 1024.0;
+pub(super) const MOST_CHORDS: usize = 1024;
 
 impl Chord {
-    /// A tolerance for each of two directions in which a surface is curved.
-    pub(super) fn shared(self) -> Self {
-        Self { tolerance: self.tolerance / 2.0 }
-    }
-
     /// The fewest equal chords along `angle` of a circle that stay within the tolerance of it: a chord over the angle a
     /// is r (1 - cos a/2) off. No chord spans more than a sixth of a turn, so that the thinnest pipe is still a
     /// pipe.
@@ -149,7 +144,7 @@ impl Chord {
         let half = libm::acos((1.0 - self.tolerance / radius.abs()).clamp(-1.0, 1.0));
         let step = (2.0 * half).min(PI / 3.0);
         // A zero step divides to infinity, which the clamp takes care of; NaN casts to 0.
-        ((angle / step).ceil().clamp(1.0, MOST_CHORDS) as usize).max(1)
+        ((angle / step).ceil().clamp(1.0, MOST_CHORDS as f64) as usize).max(1)
     }
 }
 

@@ -3,10 +3,11 @@
 //! Every solid comes out closed, its vertices shared, its faces outward; ends that touch another primitive are capped
 //! all the same. No point of the true surface is farther from the triangles than the chord tolerance.
 
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::TAU;
 
 use glam::DVec3;
 
+use super::round;
 use super::shape::{Polygon, Shape};
 use super::solid::{Chord, Ring, Solid, circle, direction};
 use crate::import::polygon::Triangulator;
@@ -26,14 +27,10 @@ pub(super) fn tessellate(shape: &Shape, chord: Chord) -> Solid {
             turn(&mut solid, &section, chord.count(outer, angle), angle);
         }
         Shape::CircularTorus { offset, radius, angle } => {
-            let chord = chord.shared();
-            let section: Vec<_> = circle(chord.count(radius, TAU))
-                .map(|(cos, sin)| (offset + radius * cos, radius * sin))
-                .collect();
-            turn(&mut solid, &section, chord.count(offset.abs() + radius.abs(), angle), angle);
+            round::torus(&mut solid, offset, radius, angle, chord);
         }
-        Shape::EllipticalDish { radius, height } => dish(&mut solid, radius, height, chord),
-        Shape::SphericalDish { radius, height } => spherical_dish(&mut solid, radius, height, chord),
+        Shape::EllipticalDish { radius, height } => round::dish(&mut solid, radius, height, chord),
+        Shape::SphericalDish { radius, height } => round::spherical_dish(&mut solid, radius, height, chord),
         Shape::Snout { bottom, top, height, offset: [x, y], bottom_shear, top_shear } => {
             let low = End { radius: bottom, centre: DVec3::new(-x, -y, -height) / 2.0, shear: bottom_shear };
             let high = End { radius: top, centre: DVec3::new(x, y, height) / 2.0, shear: top_shear };
@@ -43,10 +40,7 @@ pub(super) fn tessellate(shape: &Shape, chord: Chord) -> Solid {
             let end = |z| End { radius, centre: DVec3::Z * z, shear: [0.0; 2] };
             frustum(&mut solid, &end(-height / 2.0), &end(height / 2.0), chord);
         }
-        Shape::Sphere { diameter } => {
-            let radius = diameter / 2.0;
-            Ellipsoid { radius, height: radius, centre: 0.0 }.top(&mut solid, PI, chord);
-        }
+        Shape::Sphere { diameter } => round::sphere(&mut solid, diameter / 2.0, chord),
         Shape::Line => {}
         Shape::FacetGroup { ref polygons } => facets(&mut solid, polygons),
     }
@@ -119,7 +113,7 @@ fn frustum(solid: &mut Solid, low: &End, high: &End, chord: Chord) {
 }
 
 /// Turns a section, (distance from z, height) counter-clockwise, about z from the x axis on.
-fn turn(solid: &mut Solid, section: &[(f64, f64)], count: usize, angle: f64) {
+pub(super) fn turn(solid: &mut Solid, section: &[(f64, f64)], count: usize, angle: f64) {
     let closed = angle.abs() >= FULL_TURN;
     // Three chords at least, or a full turn would be flat.
     let (count, angle) = if closed { (count.max(3), TAU.copysign(angle)) } else { (count, angle) };
@@ -166,68 +160,12 @@ fn facets(solid: &mut Solid, polygons: &[Polygon]) {
     solid.collapse();
 }
 
-/// Half an ellipsoid on the xy plane.
-fn dish(solid: &mut Solid, radius: f64, height: f64, chord: Chord) {
-    let whole = Ellipsoid { radius, height, centre: 0.0 };
-    whole.top(solid, FRAC_PI_2, chord);
-}
-
-/// The part of a sphere above the xy plane that is `height` high and `radius` wide at its foot.
-fn spherical_dish(solid: &mut Solid, radius: f64, height: f64, chord: Chord) {
-    let sphere = (radius * radius + height * height) / (2.0 * height);
-    if sphere.is_finite() {
-        let whole = Ellipsoid { radius: sphere, height: sphere, centre: height - sphere };
-        // From the top to the foot; more than a quarter turn if the dish bulges.
-        whole.top(solid, libm::atan2(radius, sphere - height), chord);
-    } else {
-        dish(solid, radius, height, chord);
-    }
-}
-
-/// An ellipsoid of revolution about z with these half axes.
-struct Ellipsoid {
-    radius: f64,
-    height: f64,
-    /// Where its centre stands on z.
-    centre: f64,
-}
-
-impl Ellipsoid {
-    /// The part within the angle `arc` of the top, closed at its foot.
-    fn top(&self, solid: &mut Solid, arc: f64, chord: Chord) {
-        let chord = chord.shared();
-        let rows = chord.count(self.radius.abs().max(self.height.abs()), arc).max(2);
-        let ring = |solid: &mut Solid, row: usize| {
-            let (cos, sin) = direction(arc * row as f64 / rows as f64);
-            let (radius, z) = (self.radius * sin, self.centre + self.height * cos);
-            let around = circle(chord.count(radius, TAU));
-            solid.ring(around.map(|(x, y)| DVec3::new(radius * x, radius * y, z)))
-        };
-        let whole = arc >= PI - 1e-6;
-        let foot = if whole { rows - 1 } else { rows };
-        let mut lower = ring(solid, foot);
-        if whole {
-            let bottom = solid.vertex(DVec3::Z * (self.centre - self.height));
-            solid.cone_from(bottom, &lower);
-        } else {
-            solid.begin(&lower);
-        }
-        for row in (1..foot).rev() {
-            let upper = ring(solid, row);
-            solid.wall(&lower, &upper);
-            lower = upper;
-        }
-        let top = solid.vertex(DVec3::Z * (self.centre + self.height));
-        solid.cone_to(&lower, top);
-    }
-}
-
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::collections::HashMap;
+    use std::f64::consts::{FRAC_PI_2, PI};
 
     use glam::DVec3;
-    use proptest::prelude::*;
 
     use super::*;
 
@@ -238,7 +176,7 @@ mod tests {
     }
 
     /// Every edge is walked once in each direction: the surface is closed, shares its vertices, and winds one way.
-    fn assert_closed(solid: &Solid) {
+    pub(in super::super) fn assert_closed(solid: &Solid) {
         let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
         for &[a, b, c] in solid.indices.as_chunks::<3>().0 {
             for edge in [(a, b), (b, c), (c, a)] {
@@ -252,7 +190,7 @@ mod tests {
     }
 
     fn check(shape: &Shape, expected: f64) {
-        let solid = tessellate(shape, Chord { tolerance: 0.01 });
+        let solid = tessellate(shape, Chord { tolerance: 0.005 });
         assert_closed(&solid);
         let volume = volume(&solid);
         assert!((volume / expected - 1.0).abs() < 0.01, "{shape:?} has the volume {volume}, not {expected}");
@@ -328,48 +266,5 @@ mod tests {
             let solid = tessellate(&shape, Chord { tolerance: 0.01 });
             assert!(solid.positions.iter().all(|p| p.is_finite()), "{shape:?}");
         }
-    }
-
-    proptest! {
-        /// Points of the true torus are within the tolerance of the triangles: the nearest triangle is sought among all.
-        #[test]
-        fn a_torus_keeps_the_tolerance(u in 0.0..1.0, v in 0.0..TAU, radius in 1.0..40.0, offset in 41.0..100.0) {
-            let angle = FRAC_PI_2;
-            let solid = tessellate(&Shape::CircularTorus { offset, radius, angle }, Chord { tolerance: 1.0 });
-            let (cos, sin) = direction(u * angle);
-            let out = offset + radius * v.cos();
-            let point = DVec3::new(out * cos, out * sin, radius * v.sin());
-            let nearest = solid.indices.as_chunks::<3>().0.iter().map(|triangle| {
-                let [a, b, c] = triangle.map(|index| solid.positions[index as usize]);
-                distance(point, a, b, c)
-            });
-            prop_assert!(nearest.fold(f64::MAX, f64::min) <= 1.0 + 1e-9);
-        }
-
-        /// Nor does a triangle's middle leave the true sphere by more.
-        #[test]
-        fn a_sphere_keeps_the_tolerance(diameter in 5.0..5000.0) {
-            let solid = tessellate(&Shape::Sphere { diameter }, Chord { tolerance: 1.0 });
-            assert_closed(&solid);
-            for triangle in solid.indices.as_chunks::<3>().0 {
-                let [a, b, c] = triangle.map(|index| solid.positions[index as usize]);
-                prop_assert!(((a + b + c) / 3.0).length() >= diameter / 2.0 - 1.0);
-                prop_assert!((a + b).length() / 2.0 >= diameter / 2.0 - 1.0);
-            }
-        }
-    }
-
-    /// The distance from `p` to the triangle: to its plane if `p` stands above the inside, else to an edge.
-    fn distance(p: DVec3, a: DVec3, b: DVec3, c: DVec3) -> f64 {
-        let normal = (b - a).cross(c - a);
-        let inside = |a: DVec3, b: DVec3| normal.dot((b - a).cross(p - a)) >= 0.0;
-        if inside(a, b) && inside(b, c) && inside(c, a) {
-            return (p - a).dot(normal).abs() / normal.length();
-        }
-        let edge = |a: DVec3, b: DVec3| {
-            let along = ((p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
-            p.distance(a.lerp(b, along))
-        };
-        edge(a, b).min(edge(b, c)).min(edge(c, a))
     }
 }
