@@ -6,6 +6,7 @@
 //! [`trimaran_cull`] what is drawn, [`trimaran_gpu`] drawing it, [`trimaran_actors`] the roles.
 
 pub mod config;
+pub mod metrics;
 pub mod report;
 pub mod simulate;
 pub mod walkthrough;

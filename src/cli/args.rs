@@ -9,7 +9,7 @@ use trimaran::config::{DisplayConfig, LinkConfig, SwitchConfig, positive};
 use trimaran_proto::IdCoding;
 use trimaran_transport::Name;
 
-use super::ping::PingArgs;
+use super::{ping::PingArgs, stat::StatArgs};
 
 /// Walk through 3D models too large for one GPU.
 ///
@@ -63,6 +63,8 @@ pub(crate) enum Command {
     Keys(KeysCommand),
     /// Measure round trips over any transport, of a camera or of a frame of ids.
     Ping(PingArgs),
+    /// Watch what the links of a running role carry.
+    Stat(StatArgs),
     /// Generate a plant, walk through it and say where the report is.
     Demo(DemoArgs),
     /// Check GPU, memory and sockets: what works, what is missing, what to install.
@@ -243,6 +245,10 @@ pub(crate) struct RunArgs {
     pub(crate) epsilon: f64,
     #[command(flatten)]
     pub(crate) walk: WalkArgs,
+    /// Show what this process's links carry on this address while it walks, unless they are within it: `/metrics` for Prometheus, `/links`
+    /// for `trimaran stat`.
+    #[arg(long, value_name = "HOST:PORT")]
+    pub(crate) metrics: Option<SocketAddr>,
     /// Walk by the clock, so many poses of the path a second, and show in each frame the newest pose. Without it every pose is a frame.
     #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) live: Option<f64>,

@@ -41,6 +41,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         links: Layer::empty(),
         epsilon: 2.0,
         walk,
+        metrics: None,
         live: None,
         visible: false,
         out: args.out.clone(),

@@ -14,6 +14,7 @@ mod progress;
 mod role;
 mod run;
 mod sim;
+mod stat;
 mod sweep;
 mod three_processes;
 mod walking;
@@ -60,6 +61,7 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         }
         Command::Keys(command) => keys::run(&command),
         Command::Ping(args) => ping::run(&args),
+        Command::Stat(args) => stat::run(&args),
         Command::Demo(args) => demo::run(&args),
     }
 }

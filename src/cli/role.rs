@@ -2,6 +2,7 @@
 
 use std::{
     future::pending,
+    net::SocketAddr,
     path::{Path, PathBuf},
     sync::Arc,
     time::SystemTime,
@@ -10,6 +11,7 @@ use std::{
 use tokio::runtime::Runtime;
 use trimaran::{
     config::{DisplayConfig, PairSeat, RoleConfig, SessionConfig, SwitchConfig, security},
+    metrics::{LinkMetrics, Serving},
     report::{Report, schema::Seat as ReportSeat},
     walkthrough::{PathChoice, Plan, Recorder, ReportPlan, SceneFile, Trail, viewport, write_report},
 };
@@ -19,7 +21,7 @@ use trimaran_actors::{
 };
 use trimaran_gpu::{Gpu, GpuInfo, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, Identity, PictureSize, Role};
-use trimaran_transport::{Endpoint, Endpoints, Instant, Listener, Net, Options, TokioNet};
+use trimaran_transport::{Endpoint, Endpoints, Instant, Link, Listener, Net, Options, TokioNet};
 
 use super::{
     Failure,
@@ -74,6 +76,7 @@ fn switch(config: &SwitchConfig) -> Result<(), Failure> {
     let Some(joined) = stop.unless_requested(runtime.handle(), joining) else { return Ok(()) };
     let Joined { display, other, settings } = joined.map_err(Failure::bad_input)?;
     tracing::info!(%settings, "joined the session");
+    let _shown = show_metrics(config.metrics, [&display, &other], &runtime)?;
     let size = viewport(settings.size).map_err(Failure::bad_input)?;
     let device = VulkanPair::new(&drawn, size, settings.tester).map_err(Failure::broken)?;
     let occluders = OccluderPolicy::default();
@@ -104,6 +107,7 @@ fn display(config: &DisplayConfig) -> Result<(), Failure> {
         seed: config.session.seed,
         devices: vec![(ReportSeat::Display, info)],
         patience_s: config.patience_s,
+        metrics: config.metrics,
     };
     let report = stage.show(&file, show, &config.out, &runtime, pending())?;
     conclude(&report, &config.out, false)
@@ -122,6 +126,18 @@ fn session_plan(session: &SessionConfig) -> Result<Plan, Failure> {
         audit_every: session.audit_every,
         visible: session.visible,
     })
+}
+
+/// Shows what `links` carry for as long as what it gives lives.
+fn show_metrics(
+    at: Option<SocketAddr>,
+    links: [&Link; 2],
+    runtime: &Runtime,
+) -> Result<Option<Serving>, Failure> {
+    let Some(at) = at else { return Ok(None) };
+    let serving = LinkMetrics::of(links).serve(at, runtime.handle()).map_err(Failure::bad_input)?;
+    eprintln!("trimaran: metrics on http://{}/metrics", serving.address());
+    Ok(Some(serving))
 }
 
 fn upload(file: &SceneFile, device: Option<&str>) -> Result<Arc<GpuScene>, Failure> {
@@ -151,6 +167,8 @@ pub(super) struct Show {
     pub(super) devices: Vec<(ReportSeat, GpuInfo)>,
     /// How long to wait for the pair, seconds.
     pub(super) patience_s: f64,
+    /// Where to show what the links carry.
+    pub(super) metrics: Option<SocketAddr>,
 }
 
 impl DisplayStage {
@@ -188,7 +206,7 @@ impl DisplayStage {
         hopeless: impl Future<Output = Failure>,
     ) -> Result<Report, Failure> {
         let Self { drawn, listener, net } = self;
-        let Show { plan, trail, path, seed, devices, patience_s } = show;
+        let Show { plan, trail, path, seed, devices, patience_s, metrics } = show;
         let started = SystemTime::now();
         let stop = stop_on_signal(runtime);
         let coming = async {
@@ -202,6 +220,7 @@ impl DisplayStage {
             return Err(Failure::broken("interrupted before the pair had come"));
         };
         let [first, second] = pair?;
+        let _shown = show_metrics(metrics, [&first, &second], runtime)?;
         let [a, b] = [first.peer.address, second.peer.address];
         let (link, transport) = if a.transport() == b.transport() {
             (a.transport().to_owned(), format!("{}: {a} and {b}", a.transport()))

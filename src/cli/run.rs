@@ -22,6 +22,9 @@ use super::{
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let plan = walking::plan(&args.walk, args.epsilon, args.visible, walking::pace(args.live))?;
     match args.link {
+        LinkKind::Inproc if args.metrics.is_some() => Err(Failure::bad_input(
+            "--metrics shows what links between processes carry: add --link unix, tcp, quic or udp",
+        )),
         LinkKind::Inproc => {
             let file = open(&args.scene)?;
             let stage = set_stage(&file, &args.walk)?;

@@ -62,6 +62,7 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
             pair: pair.clone(),
             device: args.walk.device.clone(),
             patience_s: PATIENCE_S,
+            metrics: None,
             keys: keyring.as_ref().map(|keyring| keyring.of(seat).private.clone()),
             peers: keyring.as_ref().map(|keyring| keyring.peers_of(seat)).unwrap_or_default(),
             link: link.clone(),
@@ -78,6 +79,7 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
         seed: args.walk.seed,
         devices: devices.into(),
         patience_s: PATIENCE_S,
+        metrics: args.metrics,
     };
     let report = stage.show(&file, show, &args.out, &runtime, ended_early(&mut machines))?;
     for machine in machines {

@@ -1,6 +1,6 @@
 //! What each role can be told.
 
-use std::path::PathBuf;
+use std::{net::SocketAddr, path::PathBuf};
 
 use confique::Config;
 use serde::{Deserialize, Serialize};
@@ -44,6 +44,10 @@ pub struct SwitchConfig {
     /// How long to wait for the other roles at the start, seconds.
     #[config(env = "TRIMARAN_PATIENCE_S", default = 30.0, validate = seconds, layer_attr(arg(long = "patience", value_name = "S")))]
     pub patience_s: f64,
+    /// Show what the links carry on this address while the session runs: `/metrics` for Prometheus, `/links` as JSON.
+    #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub metrics: Option<SocketAddr>,
     /// This machine's private keys, `NAME.key` of `trimaran keys new NAME`: for transports that encrypt.
     #[config(env = "TRIMARAN_KEYS", layer_attr(arg(long, value_name = "NAME.key")))]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -94,6 +98,10 @@ pub struct DisplayConfig {
     /// How long to wait for the other roles at the start, seconds.
     #[config(env = "TRIMARAN_PATIENCE_S", default = 30.0, validate = seconds, layer_attr(arg(long = "patience", value_name = "S")))]
     pub patience_s: f64,
+    /// Show what the links carry on this address while the session runs: `/metrics` for Prometheus, `/links` as JSON.
+    #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub metrics: Option<SocketAddr>,
     /// This machine's private keys, `NAME.key` of `trimaran keys new NAME`: for transports that encrypt.
     #[config(env = "TRIMARAN_KEYS", layer_attr(arg(long, value_name = "NAME.key")))]
     #[serde(skip_serializing_if = "Option::is_none")]

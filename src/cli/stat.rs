@@ -1,0 +1,175 @@
+//! `trimaran stat`: what the links of a running role carry, second by second.
+
+use std::{fmt::Write as _, io::IsTerminal, sync::Arc, time::Duration};
+
+use clap::Args;
+use http_body_util::{BodyExt, Empty};
+use hyper::{Request, StatusCode, body::Bytes, client::conn::http1};
+use hyper_util::rt::TokioIo;
+use serde::Serialize;
+use tokio::net::TcpStream;
+use trimaran::{
+    config::positive,
+    metrics::{Carried, LinkReading},
+};
+use trimaran_transport::{Net, TokioNet, sleep_until};
+
+use super::{Failure, number, walking};
+
+#[derive(Debug, Args)]
+pub(crate) struct StatArgs {
+    /// Where the role shows its metrics: the HOST:PORT of its `--metrics`.
+    #[arg(value_name = "HOST:PORT")]
+    at: String,
+    /// Seconds from one reading to the next.
+    #[arg(long, short, value_name = "S", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
+    interval: f64,
+    /// How many readings [default: until interrupted or the role ends].
+    #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    count: Option<u32>,
+    /// Print each reading as a line of JSON: all that each link has carried.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What a link carried in one direction, a second.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Rates {
+    frames: f64,
+    ids: f64,
+    messages: f64,
+    bytes: f64,
+    id_bytes: f64,
+}
+
+pub(super) fn run(args: &StatArgs) -> Result<(), Failure> {
+    let runtime = walking::runtime()?;
+    let stop = walking::stop_on_signal(&runtime);
+    let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+    stop.unless_requested(runtime.handle(), watch(args, &net)).unwrap_or(Ok(()))
+}
+
+async fn watch(args: &StatArgs, net: &Arc<dyn Net>) -> Result<(), Failure> {
+    let interval = Duration::from_secs_f64(args.interval);
+    let mut before: Option<(Vec<LinkReading>, trimaran_transport::Instant)> = None;
+    for taken in 0.. {
+        let at = net.now();
+        let readings = match (read(&args.at).await, &before) {
+            (Ok(readings), _) => readings,
+            // It was there before: the session is over.
+            (Err(_), Some(_)) => break,
+            (Err(failure), None) => return Err(failure),
+        };
+        if args.json {
+            println!("{}", serde_json::to_string(&readings).map_err(Failure::broken)?);
+        } else if let Some((before, then)) = &before {
+            print!("{}", table(before, &readings, at.since(*then)));
+        }
+        before = Some((readings, at));
+        // Rates take two readings.
+        let shown = if args.json { taken + 1 } else { taken };
+        if args.count == Some(shown) {
+            break;
+        }
+        sleep_until(&**net, at.after(interval)).await;
+    }
+    Ok(())
+}
+
+/// One reading of all links.
+async fn read(at: &str) -> Result<Vec<LinkReading>, Failure> {
+    let unreachable = |cause: &dyn std::fmt::Display| {
+        Failure::bad_input(format!(
+            "cannot read the metrics at {at}: {cause}: was the role started with --metrics {at}?"
+        ))
+    };
+    let stream = TcpStream::connect(at).await.map_err(|e| unreachable(&e))?;
+    let (mut sender, connection) =
+        http1::handshake(TokioIo::new(stream)).await.map_err(|e| unreachable(&e))?;
+    let request =
+        Request::get("/links").header("host", at).body(Empty::<Bytes>::new()).map_err(|e| unreachable(&e))?;
+    let exchange = async {
+        let response = sender.send_request(request).await?;
+        let status = response.status();
+        Ok::<_, hyper::Error>((status, response.into_body().collect().await?.to_bytes()))
+    };
+    // The connection does the work that the exchange waits for; it may end first.
+    let (_, exchanged) = tokio::join!(connection, exchange);
+    let (status, body) = exchanged.map_err(|e| unreachable(&e))?;
+    if status != StatusCode::OK {
+        return Err(unreachable(&format!("it answers {status}")));
+    }
+    serde_json::from_slice(&body).map_err(|e| unreachable(&e))
+}
+
+/// What was carried between two readings, a line a link and direction.
+fn table(before: &[LinkReading], now: &[LinkReading], elapsed: Duration) -> String {
+    let mut text = String::new();
+    if std::io::stdout().is_terminal() {
+        // From the top of an empty screen.
+        text.push_str("\x1b[H\x1b[2J");
+    }
+    let _infallible = writeln!(
+        text,
+        "{:<10} {:<9} {:>10} {:>12} {:>12} {:>14} {:>14}",
+        "peer", "direction", "frames/s", "ids/s", "messages/s", "id bytes/s", "bytes/s"
+    );
+    for (now, before) in now.iter().zip(before) {
+        let ways = [
+            (now.peer.as_str(), "sent", &before.sent, &now.sent),
+            ("", "received", &before.received, &now.received),
+        ];
+        for (peer, direction, before, now) in ways {
+            let Rates { frames, ids, messages, bytes, id_bytes } = Rates::between(before, now, elapsed);
+            let [ids, messages, id_bytes, bytes] =
+                [ids, messages, id_bytes, bytes].map(|rate| number(rate.round() as u64));
+            let _infallible = writeln!(
+                text,
+                "{peer:<10} {direction:<9} {frames:>10.1} {ids:>12} {messages:>12} {id_bytes:>14} {bytes:>14}"
+            );
+        }
+    }
+    text
+}
+
+impl Rates {
+    fn between(before: &Carried, now: &Carried, elapsed: Duration) -> Self {
+        let seconds = elapsed.as_secs_f64().max(f64::MIN_POSITIVE);
+        let rate = |before: u64, now: u64| now.saturating_sub(before) as f64 / seconds;
+        Self {
+            frames: rate(before.frames, now.frames),
+            ids: rate(before.ids, now.ids),
+            messages: rate(before.messages, now.messages),
+            bytes: rate(before.total_bytes(), now.total_bytes()),
+            id_bytes: rate(before.id_bytes, now.id_bytes),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_tells_what_was_carried_a_second() {
+        let carried = |frames, ids, id_bytes| Carried {
+            frames,
+            ids,
+            id_bytes,
+            messages: 3 * frames,
+            ..Carried::default()
+        };
+        let link = |sent| LinkReading { peer: "display".to_owned(), sent, received: Carried::default() };
+        let (before, now) = (link(carried(10, 4_000, 900)), link(carried(25, 10_000, 1_500)));
+        let text = table(&[before], &[now], Duration::from_millis(500));
+        let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
+        assert_eq!(lines[1], ["display", "sent", "30.0", "12,000", "90", "1,200", "1,200"]);
+        assert_eq!(lines[2], ["received", "0.0", "0", "0", "0", "0"]);
+    }
+
+    #[test]
+    fn a_role_that_was_started_anew_has_no_rates_below_zero() {
+        let before = Carried { frames: 10, ..Carried::default() };
+        assert_eq!(Rates::between(&before, &Carried::default(), Duration::from_secs(1)).frames, 0.0);
+    }
+}

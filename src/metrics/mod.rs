@@ -1,0 +1,181 @@
+//! What links carry, for a monitoring system to read while a session runs: `/metrics` in the OpenMetrics text format that
+//! Prometheus scrapes, `/links` the same as JSON.
+
+mod server;
+
+use std::fmt;
+
+use prometheus_client::{
+    collector::Collector,
+    encoding::{DescriptorEncoder, EncodeLabelSet, EncodeMetric, text},
+    metrics::{MetricType, counter::ConstCounter},
+    registry::Registry,
+};
+use serde::{Deserialize, Serialize};
+use trimaran_transport::{Link, StatsHandle, Tally, Traffic};
+
+pub use server::{MetricsError, Serving};
+
+/// The links of this process.
+#[derive(Debug, Clone, Default)]
+pub struct LinkMetrics {
+    links: Vec<Watched>,
+}
+
+#[derive(Debug, Clone)]
+struct Watched {
+    peer: String,
+    stats: StatsHandle,
+}
+
+/// What a link has carried since it was made.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LinkReading {
+    /// The role at its other end.
+    pub peer: String,
+    /// What this side sent.
+    pub sent: Carried,
+    /// What this side received.
+    pub received: Carried,
+}
+
+/// Messages and bytes in one direction.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Carried {
+    /// Frames that have ended.
+    pub frames: u64,
+    /// Ids of drawables.
+    pub ids: u64,
+    /// Messages of all kinds.
+    pub messages: u64,
+    /// Payload bytes of cameras.
+    pub camera_bytes: u64,
+    /// Payload bytes of beginnings of frames.
+    pub begin_bytes: u64,
+    /// Payload bytes of ids.
+    pub id_bytes: u64,
+    /// Payload bytes of ends of frames.
+    pub end_bytes: u64,
+    /// Payload bytes of handshake, statistics and goodbye.
+    pub control_bytes: u64,
+    /// Bytes of this protocol's headers; those of the layers below are not seen from here.
+    pub header_bytes: u64,
+}
+
+impl LinkMetrics {
+    /// Watches these links.
+    #[must_use]
+    pub fn of<'l>(links: impl IntoIterator<Item = &'l Link>) -> Self {
+        let watch =
+            |link: &Link| Watched { peer: link.peer.identity.role.to_string(), stats: link.stats.clone() };
+        Self { links: links.into_iter().map(watch).collect() }
+    }
+
+    /// What each link has carried until now.
+    #[must_use]
+    pub fn read(&self) -> Vec<LinkReading> {
+        let read = |Watched { peer, stats }: &Watched| {
+            let stats = stats.read();
+            LinkReading { peer: peer.clone(), sent: stats.sent.into(), received: stats.received.into() }
+        };
+        self.links.iter().map(read).collect()
+    }
+
+    /// The OpenMetrics text.
+    ///
+    /// # Errors
+    /// None that could happen: text is written to memory.
+    fn text(&self) -> Result<String, fmt::Error> {
+        let mut registry = Registry::with_prefix("trimaran_link");
+        registry.register_collector(Box::new(self.clone()));
+        let mut text = String::new();
+        text::encode(&mut text, &registry)?;
+        Ok(text)
+    }
+}
+
+impl Carried {
+    /// Bytes by kind.
+    #[must_use]
+    pub const fn bytes(&self) -> [(&'static str, u64); 6] {
+        [
+            ("camera", self.camera_bytes),
+            ("begin", self.begin_bytes),
+            ("ids", self.id_bytes),
+            ("end", self.end_bytes),
+            ("control", self.control_bytes),
+            ("header", self.header_bytes),
+        ]
+    }
+
+    /// Bytes of all kinds.
+    #[must_use]
+    pub fn total_bytes(&self) -> u64 {
+        self.bytes().iter().map(|(_, bytes)| bytes).sum()
+    }
+}
+
+impl From<Traffic> for Carried {
+    fn from(traffic: Traffic) -> Self {
+        let Traffic { camera, begin, ids, id_count, end, control, header_bytes } = traffic;
+        let messages = [camera, begin, ids, end, control].iter().map(|tally: &Tally| tally.messages).sum();
+        Self {
+            frames: end.messages,
+            ids: id_count,
+            messages,
+            camera_bytes: camera.bytes,
+            begin_bytes: begin.bytes,
+            id_bytes: ids.bytes,
+            end_bytes: end.bytes,
+            control_bytes: control.bytes,
+            header_bytes,
+        }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Way {
+    peer: String,
+    direction: &'static str,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Kind {
+    peer: String,
+    direction: &'static str,
+    kind: &'static str,
+}
+
+impl Collector for LinkMetrics {
+    fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> Result<(), fmt::Error> {
+        let readings = self.read();
+        let ways: Vec<(Way, &Carried)> = readings
+            .iter()
+            .flat_map(|LinkReading { peer, sent, received }| {
+                [("sent", sent), ("received", received)]
+                    .map(|(direction, carried)| (Way { peer: peer.clone(), direction }, carried))
+            })
+            .collect();
+        type Count = fn(&Carried) -> u64;
+        let counts: [(&str, &str, Count); 3] = [
+            ("frames", "Frames that have ended", |carried| carried.frames),
+            ("ids", "Ids of drawables", |carried| carried.ids),
+            ("messages", "Messages of all kinds", |carried| carried.messages),
+        ];
+        for (name, help, count) in counts {
+            let mut family = encoder.encode_descriptor(name, help, None, MetricType::Counter)?;
+            for (way, carried) in &ways {
+                ConstCounter::new(count(carried)).encode(family.encode_family(way)?)?;
+            }
+        }
+        let help = "Bytes of payload by kind of message, and of this protocol's headers";
+        let mut family = encoder.encode_descriptor("bytes", help, None, MetricType::Counter)?;
+        for (Way { peer, direction }, carried) in &ways {
+            for (kind, bytes) in carried.bytes() {
+                let labels = Kind { peer: peer.clone(), direction, kind };
+                ConstCounter::new(bytes).encode(family.encode_family(&labels)?)?;
+            }
+        }
+        Ok(())
+    }
+}
