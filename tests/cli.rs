@@ -202,8 +202,13 @@ fn hash_of(bench: &Bench, scene: &str) -> String {
 #[test]
 fn three_processes_show_what_one_shows() {
     let bench = Bench::with_plant();
-    for (link, coding) in [("inproc", "changes"), ("unix", "changes"), ("tcp", "plain"), ("quic", "changes")]
-    {
+    for (link, coding) in [
+        ("inproc", "changes"),
+        ("unix", "changes"),
+        ("tcp", "plain"),
+        ("quic", "changes"),
+        ("udp", "changes"),
+    ] {
         let args = [
             "run",
             "plant.scene",
@@ -227,6 +232,7 @@ fn three_processes_show_what_one_shows() {
     assert_eq!(frames("inproc"), frames("tcp"));
     assert_eq!(frames("inproc"), frames("unix"));
     assert_eq!(frames("inproc"), frames("quic"));
+    assert_eq!(frames("inproc"), frames("udp"));
     let report = |link: &str| -> serde_json::Value {
         serde_json::from_slice(&fs::read(bench.path(link).join("report.json")).unwrap()).unwrap()
     };
@@ -391,7 +397,7 @@ fn a_pair_that_cannot_start_is_not_waited_for() {
         return println!("skipped: the program has no dynamic loader");
     };
     let bench = Bench::with_plant();
-    for link in ["tcp", "unix", "quic"] {
+    for link in ["tcp", "unix", "quic", "udp"] {
         // Started by the loader, the program takes the loader for itself: the machines that it starts end at once.
         let args = [env!("CARGO_BIN_EXE_trimaran"), "run", "plant.scene", "--link", link, "--frames", "4"];
         let run = Command::new(&loader).args(args).current_dir(bench.dir.path()).output().unwrap();
@@ -411,7 +417,7 @@ fn when_a_machine_of_the_pair_is_killed_the_session_ends_and_says_which() {
 #[test]
 fn a_machine_of_the_pair_that_hangs_is_noticed_within_the_lease() {
     let bench = Bench::with_plant();
-    for link in ["unix", "tcp", "quic"] {
+    for link in ["unix", "tcp", "quic", "udp"] {
         let session = LongSession::start(&bench, link);
         // Its connections stand, and the system under it answers for it.
         signal("-STOP", &session.pair[1]);
