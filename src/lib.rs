@@ -9,4 +9,5 @@ pub mod config;
 pub mod metrics;
 pub mod report;
 pub mod simulate;
+pub mod trace;
 pub mod walkthrough;

@@ -480,6 +480,35 @@ fn stopping_at_few_pixels_needs_a_tester_that_counts() {
     assert!(report["frames"][0]["culling"]["stopped_at_few_pixels"].is_u64());
 }
 
+#[test]
+fn a_recorded_walk_is_simulated_frame_by_frame() {
+    let bench = Bench::with_plant();
+    let args = ["run", "plant.scene", "--record", "walk.trace", "--frames", "12", "--size", "64x64"];
+    let run = bench.command(&args).args(["--batch", "16", "--audit-every", "0"]).output().unwrap();
+    assert!(run.status.success(), "{}", said(&run));
+    let report: serde_json::Value =
+        serde_json::from_slice(&fs::read(bench.path("out/report.json")).unwrap()).unwrap();
+    let frames = report["frames"].as_array().unwrap();
+    let nodes: f64 = frames.iter().map(|frame| frame["nodes_drawn"].as_f64().unwrap()).sum();
+
+    let args = ["sim", "--trace", "walk.trace", "--frames", "12", "--link", "tcp,udp", "--json"];
+    let sim = bench.trimaran(&args);
+    assert!(sim.status.success(), "{}", said(&sim));
+    let runs: serde_json::Value = serde_json::from_slice(&sim.stdout).unwrap();
+    for run in runs.as_array().unwrap() {
+        assert_eq!(run["nodes"].as_f64().unwrap(), nodes / 12.0);
+        // All but the last frame's ids go to two receivers, 4 bytes each.
+        let last = frames[11]["nodes_drawn"].as_f64().unwrap();
+        assert!((run["bytes"]["ids"].as_f64().unwrap() - 4.0 * (2.0 * nodes - last) / 12.0).abs() < 1e-9);
+    }
+
+    let bytes = fs::read(bench.path("walk.trace")).unwrap();
+    fs::write(bench.path("short.trace"), &bytes[..bytes.len() - 9]).unwrap();
+    bench.refuses(&["sim", "--trace", "short.trace"], &["short.trace", "cut short", "record the walk again"]);
+    bench.refuses(&["sim", "--trace", "plant.scene"], &["plant.scene", "trimaran run --record"]);
+    bench.refuses(&["sim", "--trace", "none.trace"], &["none.trace"]);
+}
+
 /// The report as a path: the same frames.
 fn walks_again(bench: &Bench) -> bool {
     let again = ["run", "plant.scene", "--path", "inproc/report.json", "--out", "again", "--size", "96x80"];

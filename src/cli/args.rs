@@ -255,6 +255,9 @@ pub(crate) struct RunArgs {
     /// Add to the report, per audited frame, the objects exactly visible at full detail by name and index in their file.
     #[arg(long)]
     pub(crate) visible: bool,
+    /// Record what each frame asked of the roles (ids, when they were found, computing times, camera), for `trimaran sim --trace`.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) record: Option<PathBuf>,
     /// Where to write report.json, report.html and the frames.
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub(crate) out: PathBuf,
@@ -313,8 +316,9 @@ pub(crate) struct SimArgs {
     /// How long RVG draws, milliseconds.
     #[arg(long, value_name = "MS", default_value_t = 5.0, value_parser = pause, conflicts_with = "trace")]
     pub(crate) rvg_ms: f64,
-    /// A report.json of `trimaran run`: each frame has the ids and the times of the recorded one.
-    #[arg(long, value_name = "REPORT")]
+    /// A walk recorded with `trimaran run --record`: each frame has its ids, when they were found, its times and its camera. Or a
+    /// report.json: counts and times only.
+    #[arg(long, value_name = "TRACE")]
     pub(crate) trace: Option<PathBuf>,
     /// How many frames to show.
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]

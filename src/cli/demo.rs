@@ -42,6 +42,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         epsilon: 2.0,
         walk,
         metrics: None,
+        record: None,
         live: None,
         visible: false,
         out: args.out.clone(),

@@ -27,7 +27,7 @@ use super::{
     Failure,
     args::{RoleArgs, RoleCommand, RoleName},
     progress,
-    run::{conclude, notes, report_on},
+    run::{conclude, notes, record, report_on},
     walking::{self, gpu_options, open, stop_on_signal},
 };
 
@@ -108,6 +108,7 @@ fn display(config: &DisplayConfig) -> Result<(), Failure> {
         devices: vec![(ReportSeat::Display, info)],
         patience_s: config.patience_s,
         metrics: config.metrics,
+        trace: None,
     };
     let report = stage.show(&file, show, &config.out, &runtime, pending())?;
     conclude(&report, &config.out, false)
@@ -169,6 +170,8 @@ pub(super) struct Show {
     pub(super) patience_s: f64,
     /// Where to show what the links carry.
     pub(super) metrics: Option<SocketAddr>,
+    /// Where to record what each frame asked of the roles.
+    pub(super) trace: Option<PathBuf>,
 }
 
 impl DisplayStage {
@@ -206,7 +209,7 @@ impl DisplayStage {
         hopeless: impl Future<Output = Failure>,
     ) -> Result<Report, Failure> {
         let Self { drawn, listener, net } = self;
-        let Show { plan, trail, path, seed, devices, patience_s, metrics } = show;
+        let Show { plan, trail, path, seed, devices, patience_s, metrics, trace } = show;
         let started = SystemTime::now();
         let stop = stop_on_signal(runtime);
         let coming = async {
@@ -239,6 +242,7 @@ impl DisplayStage {
             .map_err(Failure::broken)?;
         let records = recorder.into_frames();
         bar.finish_and_clear();
+        record(trace.as_deref(), file, &plan, &records)?;
         let about = ReportPlan {
             command_line: std::env::args().collect(),
             started,

@@ -4,6 +4,7 @@ use std::{ops::ControlFlow, path::Path, time::SystemTime};
 
 use trimaran::{
     report::{Report, schema::Seat, text},
+    trace::Trace,
     walkthrough::{
         FrameRecord, Plan, Recorder, ReportPlan, SceneFile, Stage, Trail, in_process, write_report,
     },
@@ -29,7 +30,8 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
             let file = open(&args.scene)?;
             let stage = set_stage(&file, &args.walk)?;
             let trail = walking::trail(&args.walk, &plan, &file.scene)?;
-            let report = walk_and_report(&stage, &file, &plan, &trail, &args.walk, &args.out)?;
+            let record = args.record.as_deref();
+            let report = walk_and_report(&stage, &file, &plan, &trail, &args.walk, record, &args.out)?;
             conclude(&report, &args.out, args.json)
         }
         LinkKind::Unix => three_processes::run(args, Transport::Unix),
@@ -44,13 +46,14 @@ pub(super) fn set_stage(file: &SceneFile, walk: &WalkArgs) -> Result<Stage, Fail
     Stage::set(&file.scene, &gpu_options(walk.device.as_deref())).map_err(Failure::broken)
 }
 
-/// Walks in this process and writes the report into `out`.
+/// Walks in this process, records into `trace` and writes the report into `out`.
 pub(super) fn walk_and_report(
     stage: &Stage,
     file: &SceneFile,
     plan: &Plan,
     trail: &Trail,
     walk: &WalkArgs,
+    trace: Option<&Path>,
     out: &Path,
 ) -> Result<Report, Failure> {
     let started = SystemTime::now();
@@ -62,6 +65,7 @@ pub(super) fn walk_and_report(
     in_process(stage, plan, trail, &mut recorder, runtime.handle(), &stop).map_err(Failure::broken)?;
     let records = recorder.into_frames();
     bar.finish_and_clear();
+    record(trace, file, plan, &records)?;
     let [first, second, display] = &stage.drawn;
     let devices = [(Seat::SwitchA, first), (Seat::SwitchB, second), (Seat::Display, display)]
         .map(|(seat, drawn)| (seat, drawn.gpu().info().clone()));
@@ -78,6 +82,18 @@ pub(super) fn walk_and_report(
     report_on(&records, &stop, |records, advance| {
         write_report(out, file, display, plan, &about, trail, records, advance)
     })
+}
+
+/// Writes what each frame asked of the roles, if that is wanted.
+pub(super) fn record(
+    trace: Option<&Path>,
+    file: &SceneFile,
+    plan: &Plan,
+    records: &[FrameRecord],
+) -> Result<(), Failure> {
+    let Some(path) = trace else { return Ok(()) };
+    let trace = Trace::of(file.scene.hash(), plan, records).map_err(Failure::broken)?;
+    trace.write(path).map_err(Failure::broken)
 }
 
 /// Writes the report of what was recorded, with progress. An interrupted walk has a report as far as it came.

@@ -22,7 +22,7 @@ pub(super) fn run(args: &SweepArgs) -> Result<(), Failure> {
         let plan = walking::plan(&args.walk, epsilon, false, Pace::Lockstep)?;
         let trail = walking::trail(&args.walk, &plan, &file.scene)?;
         let out = args.out.join(format!("epsilon-{epsilon}"));
-        let report = walk_and_report(&stage, &file, &plan, &trail, &args.walk, &out)?;
+        let report = walk_and_report(&stage, &file, &plan, &trail, &args.walk, None, &out)?;
         points.push(SweepPoint::of(&report));
         last = Some(report);
     }

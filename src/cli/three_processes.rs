@@ -80,6 +80,7 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
         devices: devices.into(),
         patience_s: PATIENCE_S,
         metrics: args.metrics,
+        trace: args.record.clone(),
     };
     let report = stage.show(&file, show, &args.out, &runtime, ended_early(&mut machines))?;
     for machine in machines {

@@ -4,9 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use trimaran_actors::{DisplayMachine, DisplayStep, Joined, Seat, SwitchMachine, SwitchStep};
-use trimaran_proto::{
-    Camera, DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStart, FrameStats, Goodbye,
-};
+use trimaran_proto::{FrameEvent, FrameNumber, FrameOutcome, FrameStart, FrameStats, Goodbye};
 use trimaran_transport::{Instant, Link, Net, StatsHandle, sleep_until};
 
 use super::session::RoleFailure;
@@ -53,11 +51,6 @@ async fn compute(net: &Arc<dyn Net>, time: Duration) {
     sleep_until(&**net, net.now().after(time)).await;
 }
 
-fn camera(frame: FrameNumber) -> Result<Camera, RoleFailure> {
-    let x = f64::from(frame.0);
-    Ok(Camera::new([x, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, frame)?)
-}
-
 /// The display: hands out cameras, gathers each frame, draws it, shows it (paper, algorithm 4.3).
 pub(super) async fn display(
     net: &Arc<dyn Net>,
@@ -95,7 +88,7 @@ fn hand_out(
     links: &mut [Link; 2],
     frame: FrameNumber,
 ) -> Result<(), RoleFailure> {
-    let camera = camera(frame)?;
+    let camera = stage.workload.camera(frame);
     machine.hand_out(camera);
     stage.note(frame, |times| times.published = net.now());
     Ok(of(links, Seat::of(frame)).latest_tx.publish(camera)?)
@@ -118,7 +111,6 @@ pub(super) async fn switch(
 ) -> Result<(), RoleFailure> {
     let Joined { display, other, settings } = joined;
     let mut machine = SwitchMachine::new(seat, Some(stage.frames));
-    let mut ids: Vec<DrawableId> = Vec::new();
     loop {
         match machine.step() {
             SwitchStep::AwaitCamera { .. } => machine.camera(display.latest_rx.latest().await?)?,
@@ -145,14 +137,12 @@ pub(super) async fn switch(
                 for sender in &mut receivers {
                     sender.begin(start).await?;
                 }
-                ids.clear();
-                ids.extend((0..load.nodes).map(|node| DrawableId(node.wrapping_mul(7))));
+                let ids = stage.workload.ids(frame.0);
                 let began = net.now();
                 let mut done = 0;
                 for batch in ids.chunks(settings.batch.ids()) {
                     done += batch.len();
-                    let share = done as f64 / f64::from(load.nodes.max(1));
-                    sleep_until(&**net, began.after(load.hc.mul_f64(share))).await;
+                    sleep_until(&**net, began.after(stage.workload.found_at(frame.0, done))).await;
                     for sender in &mut receivers {
                         sender.push(batch).await?;
                         sender.flush().await?;

@@ -7,8 +7,8 @@ use thiserror::Error;
 use trimaran_actors::{JoinError, OrderError, Place, Seat, await_pair, join_session};
 use trimaran_netsim::{HostId, Machines, Simulation, Stalled};
 use trimaran_proto::{
-    CameraError, EpsilonPx, FrameNumber, IdCoding, Identity, PictureSize, Role, SceneHash, Settings,
-    SettingsError, TesterKind,
+    EpsilonPx, FrameNumber, IdCoding, Identity, PictureSize, Role, SceneHash, Settings, SettingsError,
+    TesterKind,
 };
 use trimaran_transport::keys::{Keys, KeysError, Security};
 use trimaran_transport::{
@@ -80,9 +80,6 @@ pub enum RoleFailure {
     /// A peer broke the order of messages.
     #[error(transparent)]
     Order(#[from] OrderError),
-    /// A camera that is none.
-    #[error(transparent)]
-    Camera(#[from] CameraError),
     /// Ids are missing where all were promised.
     #[error("{frame} arrived incomplete")]
     Incomplete {

@@ -1,13 +1,17 @@
 //! What each frame takes: how many ids, and how long the roles compute.
 
+use std::borrow::Cow;
 use std::fs::File;
-use std::io::{self, BufReader};
+use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use thiserror::Error;
+use trimaran_proto::{Camera, DrawableId, FrameNumber};
 
 use crate::report::Report;
+use crate::trace::{Trace, TraceError, looks_like_a_trace};
 
 /// What one frame takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,15 +20,24 @@ pub struct Load {
     pub nodes: u32,
     /// How long OR draws the frame's occluders.
     pub or: Duration,
-    /// How long HC culls; the ids come evenly over that time.
+    /// How long HC culls.
     pub hc: Duration,
     /// How long RVG draws the picture.
     pub rvg: Duration,
 }
 
-/// What the frames take, over and over; never empty.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Workload(Vec<Load>);
+/// What the frames take, over and over.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Workload(Source);
+
+/// Never empty.
+#[derive(Debug, Clone, PartialEq)]
+enum Source {
+    /// Counts and times; which ids, and when culling finds them, is made up: evenly.
+    Loads(Arc<[Load]>),
+    /// A recorded walk.
+    Trace(Arc<Trace>),
+}
 
 /// Why a recorded walk cannot be used.
 #[derive(Debug, Error)]
@@ -39,8 +52,11 @@ pub enum WorkloadError {
         #[source]
         cause: io::Error,
     },
-    /// The file is no report.
-    #[error("{} is no report.json", .path.display())]
+    /// It begins as a trace does, and is none.
+    #[error(transparent)]
+    Trace(#[from] TraceError),
+    /// The file is neither a trace nor a report.
+    #[error("{} is neither a trace of `trimaran run --record` nor a report.json", .path.display())]
     Parse {
         /// The file.
         path: PathBuf,
@@ -49,7 +65,7 @@ pub enum WorkloadError {
         cause: serde_json::Error,
     },
     /// No frame of the report says what it took.
-    #[error("no frame of {} has all of `nodes_drawn`, `or_ms`, `hc_ms` and `rvg_ms`: record it with `trimaran run`", .path.display())]
+    #[error("no frame of {} has all of `nodes_drawn`, `or_ms`, `hc_ms` and `rvg_ms`: record a trace with `trimaran run --record`", .path.display())]
     Nothing {
         /// The file.
         path: PathBuf,
@@ -60,19 +76,26 @@ impl Workload {
     /// Every frame takes the same.
     #[must_use]
     pub fn steady(load: Load) -> Self {
-        Self(vec![load])
+        Self(Source::Loads(Arc::new([load])))
     }
 
-    /// What the frames of a report took. Frames that do not say are left out.
+    /// What a recorded walk took: a trace of `trimaran run --record`, or the counts and times of a `report.json`, whose frames that do
+    /// not say are left out.
     ///
     /// # Errors
-    /// When the file cannot be read, is no report, or says nothing of this.
+    /// When the file cannot be read, is neither, or says nothing of this.
     pub fn recorded(path: &Path) -> Result<Self, WorkloadError> {
-        let file = File::open(path).map_err(|cause| WorkloadError::Read { path: path.to_owned(), cause })?;
+        let read = |cause| WorkloadError::Read { path: path.to_owned(), cause };
+        let mut head = Vec::new();
+        File::open(path).and_then(|file| file.take(64).read_to_end(&mut head)).map_err(read)?;
+        if looks_like_a_trace(&head) {
+            return Ok(Self(Source::Trace(Arc::new(Trace::read(path)?))));
+        }
+        let file = File::open(path).map_err(read)?;
         let report: Report = serde_json::from_reader(BufReader::new(file))
             .map_err(|cause| WorkloadError::Parse { path: path.to_owned(), cause })?;
         let time = |ms: Option<f64>| Duration::try_from_secs_f64(ms? / 1e3).ok();
-        let loads: Vec<Load> = report
+        let loads: Arc<[Load]> = report
             .frames
             .iter()
             .filter_map(|frame| {
@@ -83,15 +106,70 @@ impl Workload {
         if loads.is_empty() {
             return Err(WorkloadError::Nothing { path: path.to_owned() });
         }
-        Ok(Self(loads))
+        Ok(Self(Source::Loads(loads)))
+    }
+
+    /// The recorded walk, if it is one with ids and cameras.
+    #[must_use]
+    pub fn trace(&self) -> Option<&Trace> {
+        match &self.0 {
+            Source::Loads(_) => None,
+            Source::Trace(trace) => Some(trace),
+        }
+    }
+
+    /// How many frames it has before it begins again.
+    #[must_use]
+    pub fn frames(&self) -> usize {
+        match &self.0 {
+            Source::Loads(loads) => loads.len(),
+            Source::Trace(trace) => trace.frames().len(),
+        }
     }
 
     /// What that frame takes.
     #[must_use]
     pub fn of(&self, frame: u32) -> Load {
-        let Self(loads) = self;
-        let nothing = Load { nodes: 0, or: Duration::ZERO, hc: Duration::ZERO, rvg: Duration::ZERO };
-        loads.get(frame as usize % loads.len().max(1)).copied().unwrap_or(nothing)
+        let load = match &self.0 {
+            Source::Loads(loads) => loads.get(frame as usize % loads.len().max(1)).copied(),
+            Source::Trace(trace) => trace.frame(frame).map(|frame| {
+                let nodes = u32::try_from(frame.ids.len()).unwrap_or(u32::MAX);
+                Load { nodes, or: frame.or, hc: frame.hc, rvg: frame.rvg }
+            }),
+        };
+        load.unwrap_or(Load { nodes: 0, or: Duration::ZERO, hc: Duration::ZERO, rvg: Duration::ZERO })
+    }
+
+    /// The ids of that frame, ascending.
+    #[must_use]
+    pub fn ids(&self, frame: u32) -> Cow<'_, [DrawableId]> {
+        match &self.0 {
+            Source::Loads(_) => {
+                (0..self.of(frame).nodes).map(|node| DrawableId(node.wrapping_mul(7))).collect()
+            }
+            Source::Trace(trace) => {
+                trace.frame(frame).map_or_else(Cow::default, |frame| Cow::Borrowed(&frame.ids[..]))
+            }
+        }
+    }
+
+    /// How long after it began HC of that frame has found the first `count` ids.
+    #[must_use]
+    pub fn found_at(&self, frame: u32, count: usize) -> Duration {
+        match &self.0 {
+            Source::Loads(_) => {
+                let Load { nodes, hc, .. } = self.of(frame);
+                hc.mul_f64((count as f64 / f64::from(nodes.max(1))).min(1.0))
+            }
+            Source::Trace(trace) => trace.frame(frame).map_or(Duration::ZERO, |frame| frame.found_at(count)),
+        }
+    }
+
+    /// The camera of that frame.
+    #[must_use]
+    pub fn camera(&self, frame: FrameNumber) -> Camera {
+        let recorded = self.trace().and_then(|trace| trace.frame(frame.0));
+        recorded.map_or_else(|| Camera::at_origin(frame), |recorded| recorded.camera.for_frame(frame))
     }
 
     /// The mean number of ids of the first `frames` frames.

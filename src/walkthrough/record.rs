@@ -27,6 +27,8 @@ pub struct FrameRecord {
     pub shown: Duration,
     /// What travelled between the display and the frame's machine.
     pub traffic: SentBytes,
+    /// How many ids had come, and when, since the begin: one entry a batch.
+    pub arrivals: Vec<(u32, Duration)>,
     /// What that machine says it did.
     pub stats: Option<FrameStats>,
 }
@@ -67,6 +69,7 @@ impl Observer for Recorder<'_> {
             drawing: frame.drawing,
             shown: frame.shown,
             traffic: frame.traffic,
+            arrivals: frame.arrivals.to_vec(),
             stats: None,
         });
         (self.progress)(frame.camera.frame());

@@ -48,6 +48,8 @@ pub struct ShownFrame<'f> {
     /// What travelled between the display and the frame's machine, both ways, since that machine's last frame was shown: the
     /// frame, statistics of an earlier one, and a camera.
     pub traffic: SentBytes,
+    /// How many ids had come, and when, since the frame's begin: one entry a batch.
+    pub arrivals: &'f [(u32, Duration)],
 }
 
 /// Sees what the display does. Time spent here is the session's: an observer notes and returns.
@@ -120,6 +122,7 @@ struct Work<'r, D> {
     carried: [LinkStats; 2],
     order: DrawOrder,
     ids: Vec<DrawableId>,
+    arrivals: Vec<(u32, Duration)>,
     /// Ids of the frame were lost.
     lossy: bool,
     gaps: Gaps,
@@ -162,6 +165,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             handed: Handed::new(clock),
             order: DrawOrder::default(),
             ids: Vec::new(),
+            arrivals: Vec::new(),
             lossy: false,
             gaps,
             picture: Picture::default(),
@@ -184,7 +188,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
                 return Ok(());
             }
             let begun = self.await_begin(from, cameras, observer)?;
-            self.gather(from, cameras)?;
+            self.gather(from, begun.at, cameras)?;
             self.show(begun, observer)?;
         }
         self.last_words(observer)
@@ -221,12 +225,22 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         }
     }
 
-    /// Gathers the frame's ids up to its end.
-    fn gather(&mut self, from: Seat, cameras: &mut dyn Cameras) -> Result<(), RoleError<D::Error>> {
+    /// Gathers the ids of a frame that has begun at `begun`, up to its end.
+    fn gather(
+        &mut self,
+        from: Seat,
+        begun: Duration,
+        cameras: &mut dyn Cameras,
+    ) -> Result<(), RoleError<D::Error>> {
         self.ids.clear();
+        self.arrivals.clear();
         loop {
             match self.receive(from, cameras)? {
-                FrameEvent::Ids(batch) => self.ids.extend(batch.iter()),
+                FrameEvent::Ids(batch) => {
+                    self.ids.extend(batch.iter());
+                    let count = u32::try_from(self.ids.len()).unwrap_or(u32::MAX);
+                    self.arrivals.push((count, self.clock.elapsed().saturating_sub(begun)));
+                }
                 FrameEvent::End(outcome) => {
                     self.lossy = !matches!(outcome, FrameOutcome::Complete(_));
                     return self
@@ -268,6 +282,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             drawing,
             shown,
             traffic,
+            arrivals: &self.arrivals,
         });
         Ok(())
     }

@@ -1,0 +1,156 @@
+//! A recorded walk: what each frame asked of the three roles, for simulations that need neither its scene nor a GPU.
+//!
+//! ```text
+//! trimaran run X.scene --record walk.trace     Trace::of, Trace::write
+//! trimaran sim --trace walk.trace              Trace::read
+//! ```
+//! `docs/report.md` describes the file for other programs.
+
+mod file;
+
+use std::time::Duration;
+
+use thiserror::Error;
+use trimaran_proto::{Camera, DrawableId, FrameNumber, SceneHash};
+
+use crate::walkthrough::{FrameRecord, Plan};
+
+pub use file::{TraceError, TraceFault, looks_like_a_trace};
+
+/// A recorded walk; at least one frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trace {
+    /// The scene that was walked through.
+    pub scene: SceneHash,
+    /// The picture's width and height, pixels.
+    pub size: [u32; 2],
+    /// The bound of the level-of-detail error, pixels.
+    pub epsilon_px: f64,
+    /// Whether culling stopped at nodes that show at fewer pixels than that (paper, section 4.5.2).
+    pub few_pixels: bool,
+    /// How many ids travelled in a batch.
+    pub batch: u32,
+    frames: Vec<TraceFrame>,
+}
+
+/// What one frame asked of the roles.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TraceFrame {
+    /// Its camera.
+    pub camera: Camera,
+    /// How long OR worked, waiting not counted.
+    pub or: Duration,
+    /// How long HC culled, sending included.
+    pub hc: Duration,
+    /// How long RVG drew.
+    pub rvg: Duration,
+    /// What HC found visible, ascending and each once: the order in which it sends.
+    pub ids: Vec<DrawableId>,
+    /// Of them, how many were at the display how long after the frame's begin: both ascending, one entry a batch.
+    pub found: Vec<(u32, Duration)>,
+}
+
+/// Why a walk makes no trace.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum RecordError {
+    /// The walk had no frame of which all is known.
+    #[error("the walk was over before a machine of the pair had said what a frame took: walk more frames")]
+    Nothing,
+    /// What was drawn is not what was culled.
+    #[error(
+        "{frame} lost ids on its way, so that nobody knows what was culled: record over a link without a deadline"
+    )]
+    Lost {
+        /// The frame.
+        frame: FrameNumber,
+    },
+}
+
+impl Trace {
+    /// What was recorded of a walk through `scene` by `plan`, up to the first frame of which the pair did not say what it did.
+    ///
+    /// # Errors
+    /// When there is no such frame, or one lost ids.
+    pub fn of(scene: SceneHash, plan: &Plan, records: &[FrameRecord]) -> Result<Self, RecordError> {
+        let mut frames = Vec::with_capacity(records.len());
+        for record in records {
+            let Some(stats) = &record.stats else { break };
+            if record.for_loss > 0 {
+                return Err(RecordError::Lost { frame: record.camera.frame() });
+            }
+            let mut ids = record.ids.clone();
+            ids.sort_unstable();
+            frames.push(TraceFrame {
+                camera: record.camera,
+                or: Duration::from_nanos(stats.or_busy_ns),
+                hc: Duration::from_nanos(stats.hc_end_ns.saturating_sub(stats.hc_start_ns)),
+                rvg: record.shown.saturating_sub(record.drawing),
+                ids,
+                found: record.arrivals.clone(),
+            });
+        }
+        if frames.is_empty() {
+            return Err(RecordError::Nothing);
+        }
+        Ok(Self {
+            scene,
+            size: [plan.size.width(), plan.size.height()],
+            epsilon_px: plan.epsilon.pixels(),
+            few_pixels: plan.few_pixels,
+            batch: u32::try_from(plan.batch.ids()).unwrap_or(u32::MAX),
+            frames,
+        })
+    }
+
+    /// What each frame asked for.
+    #[must_use]
+    pub fn frames(&self) -> &[TraceFrame] {
+        &self.frames
+    }
+
+    /// The frame that is walked as number `frame`: over and over.
+    #[must_use]
+    pub fn frame(&self, frame: u32) -> Option<&TraceFrame> {
+        self.frames.get(frame as usize % self.frames.len().max(1))
+    }
+}
+
+impl TraceFrame {
+    /// When HC has found the first `count` of its ids, since its beginning: between batches evenly, and no later than HC ends.
+    #[must_use]
+    pub fn found_at(&self, count: usize) -> Duration {
+        let (mut before, mut then) = (0, Duration::ZERO);
+        for &(there, at) in &self.found {
+            let there = there as usize;
+            if count <= there {
+                let share = (count.saturating_sub(before)) as f64 / (there - before).max(1) as f64;
+                return (then + at.saturating_sub(then).mul_f64(share)).min(self.hc);
+            }
+            (before, then) = (there, at);
+        }
+        self.hc
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ids_are_found_evenly_between_the_batches_that_were_seen() {
+        let ms = Duration::from_millis;
+        let frame = TraceFrame {
+            camera: Camera::at_origin(FrameNumber(0)),
+            or: ms(1),
+            hc: ms(8),
+            rvg: ms(1),
+            ids: (0..300).map(DrawableId).collect(),
+            found: vec![(100, ms(2)), (200, ms(6)), (300, ms(9))],
+        };
+        let found = [0, 50, 100, 150, 200, 300].map(|count| frame.found_at(count));
+        // The last batch was seen after HC had ended: the way to the display is not HC's.
+        assert_eq!(found, [ms(0), ms(1), ms(2), ms(4), ms(6), ms(8)]);
+        assert_eq!(frame.found_at(301), ms(8));
+    }
+}
