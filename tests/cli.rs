@@ -322,6 +322,43 @@ fn a_flag_goes_before_the_environment_and_that_before_the_file() {
 }
 
 #[test]
+fn a_bad_key_of_a_transport_is_named_wherever_it_stands() {
+    let bench = Bench::empty();
+    let args = ["ping", "tcp://127.0.0.1:1"];
+    let flags = [
+        ("--udp-mode=fast", "reliable"),
+        ("--udp-deadline-ms=0", "above 0"),
+        ("--udp-repair=maybe", "auto"),
+        ("--udp-repair-percent=0", "1..=100"),
+        ("--udp-trust=nobody", "plain"),
+        ("--udp-congestion=bbr", "new-reno"),
+        ("--udp-pmtu=1500", "true"),
+        ("--tcp-nodelay=2", "true"),
+        ("--tcp-send-buffer=-1", "invalid digit"),
+        ("--tcp-keepalive=-1", "0 to 86400"),
+        ("--tcp-user-timeout=never", "float"),
+        ("--unix-mode=999", "three octal digits"),
+        ("--unix-allow-uids=me", "invalid digit"),
+        ("--link-lease=0", "0.1 to 86400"),
+    ];
+    for (flag, why) in flags {
+        let (name, _) = flag.split_once('=').unwrap();
+        bench.refuses(&[&args[..], &[flag]].concat(), &[name, why]);
+    }
+    for (variable, value) in [
+        ("TRIMARAN_LINK_UDP_MODE", "fast"),
+        ("TRIMARAN_LINK_UDP_REPAIR_PERCENT", "101"),
+        ("TRIMARAN_LINK_TCP_NODELAY", "2"),
+        ("TRIMARAN_LINK_UNIX_ALLOW_UIDS", "1,me"),
+    ] {
+        expect(&bench.command(&args).env(variable, value).output().unwrap(), 2, &[variable]);
+    }
+    fs::write(bench.path("display.toml"), "scene = 'a'\n[link.udp]\nmode = 'fast'\n").unwrap();
+    let role = ["role", "display", "--config", "display.toml"];
+    bench.refuses(&role, &["display.toml", "line 3", "mode", "deadline"]);
+}
+
+#[test]
 fn a_transport_that_encrypts_asks_for_keys() {
     let bench = Bench::with_plant();
     let listen =

@@ -29,6 +29,19 @@ fn the_example_display_spells_out_the_defaults() {
 }
 
 #[test]
+fn the_files_with_every_key_are_what_the_program_prints() {
+    for (name, printed) in [("display", DisplayConfig::template()), ("switch", SwitchConfig::template())] {
+        let path =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("examples/configs/every-key/{name}.toml"));
+        let kept = std::fs::read_to_string(&path).unwrap();
+        assert!(
+            kept == printed,
+            "write it anew: trimaran config {name} > examples/configs/every-key/{name}.toml"
+        );
+    }
+}
+
+#[test]
 fn the_encrypted_example_joins_three_machines_that_know_each_other() {
     let display: DisplayConfig = example("quic/display.toml");
     let pair = [example::<SwitchConfig>("quic/first.toml"), example("quic/second.toml")];

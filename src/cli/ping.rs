@@ -6,7 +6,7 @@ use clap::Args;
 use confique::Config;
 use hdrhistogram::Histogram;
 use serde::Serialize;
-use trimaran::config::{LinkConfig, positive, security};
+use trimaran::config::{LinkConfig, positive};
 use trimaran_proto::{BatchSize, Goodbye, Identity, Refusal, Role, SceneHash};
 use trimaran_transport::{
     ConnectError, Endpoint, Link, Listener, Net, Options, TokioNet, connect,
@@ -94,10 +94,10 @@ struct Summary {
 }
 
 pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
-    let guard =
-        security(&args.endpoint.clone().into(), args.keys.as_deref(), &[("peer", args.peer.as_deref())])
-            .map_err(Failure::bad_input)?;
     let links = LinkConfig::load(args.links.clone()).map_err(Failure::bad_input)?;
+    let peer = [("peer", args.peer.as_deref())];
+    let guard = links.security(&args.endpoint.clone().into(), args.keys.as_deref(), &peer);
+    let guard = guard.map_err(Failure::bad_input)?;
     let mut options = links.options(guard);
     options.link.batch = BatchSize::new(args.batch.into()).map_err(Failure::bad_input)?;
     options.link.coding = args.coding.into();

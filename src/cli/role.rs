@@ -10,7 +10,7 @@ use std::{
 
 use tokio::runtime::Runtime;
 use trimaran::{
-    config::{DisplayConfig, PairSeat, RoleConfig, SessionConfig, SwitchConfig, security},
+    config::{DisplayConfig, PairSeat, RoleConfig, SessionConfig, SwitchConfig},
     metrics::{LinkMetrics, Serving},
     report::{Report, schema::Seat as ReportSeat},
     walkthrough::{PathChoice, Plan, Recorder, ReportPlan, SceneFile, Trail, viewport, write_report},
@@ -65,7 +65,11 @@ fn switch(config: &SwitchConfig) -> Result<(), Failure> {
         PairSeat::Second => Seat::Second,
     };
     let place = |endpoint: &Endpoint, name, peer: &Option<PathBuf>| {
-        let guard = security(&endpoint.clone().into(), config.keys.as_deref(), &[(name, peer.as_deref())]);
+        let guard = config.link.security(
+            &endpoint.clone().into(),
+            config.keys.as_deref(),
+            &[(name, peer.as_deref())],
+        );
         let options = config.link.options(guard.map_err(Failure::bad_input)?);
         Ok::<_, Failure>(Place { endpoint: endpoint.clone(), options })
     };
@@ -94,7 +98,8 @@ fn display(config: &DisplayConfig) -> Result<(), Failure> {
     let runtime = walking::runtime()?;
     let peers =
         [("peers.first", config.peers.first.as_deref()), ("peers.second", config.peers.second.as_deref())];
-    let guard = security(&config.listen, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
+    let guard =
+        config.link.security(&config.listen, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
     let options = config.link.options(guard);
     let device = config.device.as_deref();
     let stage = DisplayStage::set(&file, device, &plan, &trail, &runtime, &config.listen, &options)?;

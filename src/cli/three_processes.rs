@@ -48,7 +48,7 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
     let configs = tempfile::tempdir().map_err(Failure::broken)?;
     let (listen, pair) = meeting_places(transport, configs.path())?;
     let link = LinkConfig::load(args.links.clone()).map_err(Failure::bad_input)?;
-    let keyring = if listen.needs_keys() { Some(Keyring::make(configs.path())?) } else { None };
+    let keyring = if link.needs_keys(&listen) { Some(Keyring::make(configs.path())?) } else { None };
     let options = link.options(keyring.as_ref().map(|keyring| keyring.security.clone()));
     let stage = DisplayStage::set(&file, device, &plan, &trail, &runtime, &listen.into(), &options)?;
 

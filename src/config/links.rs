@@ -5,26 +5,33 @@ use std::{path::Path, time::Duration};
 use confique::{Config, Layer};
 use serde::Serialize;
 use trimaran_transport::{
-    Endpoints, Limits, Options, UdpSocketOptions,
+    Endpoint, Endpoints, Limits, Options,
     keys::{Keys, PublicKeys, Security},
-    quic::{Congestion, QuicOptions},
 };
 
 use super::{ConfigError, seconds};
+
+mod quic;
+mod streams;
+mod udp;
+
+pub use quic::QuicConfig;
+pub use streams::{FileMode, FileModeError, TcpConfig, UnixConfig};
+pub use udp::{FrameMode, RepairMode, UdpConfig, UdpCongestion, UdpTrust};
 
 /// How links are made, whatever the role.
 #[derive(Debug, Clone, PartialEq, Serialize, Config)]
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
 pub struct LinkConfig {
     /// How long any one wait for a peer may last once it has joined, seconds: longer than its longest pause, loading included.
-    #[config(env = "TRIMARAN_LINK_PATIENCE_S", default = 30.0, validate = seconds, layer_attr(arg(long = "link-patience", id = "link_patience_s", value_name = "S")))]
+    #[config(env = "TRIMARAN_LINK_PATIENCE_S", default = 30.0, validate = seconds, layer_attr(arg(long = "link-patience", id = "link_patience_s", value_name = "S", value_parser = pause, allow_negative_numbers = true)))]
     pub patience_s: f64,
     /// The silence after which a peer counts as lost, seconds: its process shows signs of life while it has nothing to say. The same for
     /// all roles.
-    #[config(env = "TRIMARAN_LINK_LEASE_S", default = 20.0, validate = lease, layer_attr(arg(long = "link-lease", value_name = "S")))]
+    #[config(env = "TRIMARAN_LINK_LEASE_S", default = 20.0, validate = lease, layer_attr(arg(long = "link-lease", value_name = "S", value_parser = lease_flag, allow_negative_numbers = true)))]
     pub lease_s: f64,
     /// How long one handshake may take, seconds.
-    #[config(env = "TRIMARAN_LINK_HANDSHAKE_S", default = 5.0, validate = seconds, layer_attr(arg(long = "link-handshake", value_name = "S")))]
+    #[config(env = "TRIMARAN_LINK_HANDSHAKE_S", default = 5.0, validate = seconds, layer_attr(arg(long = "link-handshake", value_name = "S", value_parser = pause, allow_negative_numbers = true)))]
     pub handshake_s: f64,
     /// How many peers a listener has links with at once; more are told that it is busy.
     #[config(
@@ -40,36 +47,18 @@ pub struct LinkConfig {
         layer_attr(arg(long = "link-handshakes", value_name = "N"))
     )]
     pub handshakes: usize,
+    /// TCP.
+    #[config(nested, layer_attr(command(flatten)))]
+    pub tcp: TcpConfig,
+    /// Unix sockets.
+    #[config(nested, layer_attr(command(flatten)))]
+    pub unix: UnixConfig,
     /// QUIC.
     #[config(nested, layer_attr(command(flatten)))]
     pub quic: QuicConfig,
-}
-
-/// How QUIC connections are set up.
-#[derive(Debug, Clone, PartialEq, Serialize, Config)]
-#[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
-pub struct QuicConfig {
-    /// How the connection shares the way with others: `cubic`, `bbr` or `new-reno`.
-    #[config(
-        env = "TRIMARAN_LINK_QUIC_CONGESTION",
-        default = "cubic",
-        layer_attr(arg(long = "quic-congestion", value_name = "NAME"))
-    )]
-    pub congestion: Congestion,
-    /// How many bytes may be under way in each direction, sent and not read.
-    #[config(
-        env = "TRIMARAN_LINK_QUIC_WINDOW",
-        default = 8_388_608,
-        layer_attr(arg(long = "quic-window", value_name = "BYTES"))
-    )]
-    pub window: u32,
-    /// The send and the receive buffer that the system is asked for, bytes each; it may grant less.
-    #[config(
-        env = "TRIMARAN_LINK_QUIC_SOCKET_BUFFER",
-        default = 4_194_304,
-        layer_attr(arg(long = "quic-socket-buffer", value_name = "BYTES"))
-    )]
-    pub socket_buffer: usize,
+    /// Datagrams of this program's own protocol.
+    #[config(nested, layer_attr(command(flatten)))]
+    pub udp: UdpConfig,
 }
 
 /// A lease that can be kept.
@@ -94,47 +83,83 @@ impl LinkConfig {
     /// What the transports make of it, for a link that `security` guards.
     #[must_use]
     pub fn options(&self, security: Option<Security>) -> Options {
-        let duration = |seconds| Duration::try_from_secs_f64(seconds).unwrap_or_default();
-        let defaults = Options::default();
-        let buffer = Some(self.quic.socket_buffer);
         Options {
             link: trimaran_transport::LinkConfig {
                 patience: duration(self.patience_s),
                 lease: duration(self.lease_s),
-                ..defaults.link
+                ..trimaran_transport::LinkConfig::default()
             },
             handshake: duration(self.handshake_s),
             limits: Limits { peers: self.peers, handshakes: self.handshakes },
             security,
-            quic: QuicOptions {
-                congestion: self.quic.congestion,
-                window: self.quic.window,
-                socket: UdpSocketOptions { send_buffer: buffer, recv_buffer: buffer },
-                ..defaults.quic
-            },
-            ..defaults
+            tcp: self.tcp.options(),
+            unix: self.unix.options(),
+            quic: self.quic.options(),
+            udp: self.udp.options(),
+        }
+    }
+
+    /// Whether both sides prove who they are at `endpoint`.
+    #[must_use]
+    pub fn needs_keys(&self, endpoint: &Endpoint) -> bool {
+        match endpoint {
+            Endpoint::Udp(_) => self.udp.trust == UdpTrust::Keys,
+            other => other.needs_keys(),
+        }
+    }
+
+    /// What guards the links made at `endpoints`: this machine's `keys`, and the public ones of its `peers`, each under the key that
+    /// names it. None where no endpoint needs any.
+    ///
+    /// # Errors
+    /// When a file that is needed is not named, or cannot be used.
+    pub fn security(
+        &self,
+        endpoints: &Endpoints,
+        keys: Option<&Path>,
+        peers: &[(&'static str, Option<&Path>)],
+    ) -> Result<Option<Security>, ConfigError> {
+        let Some(endpoint) = endpoints.iter().find(|endpoint| self.needs_keys(endpoint)) else {
+            return Ok(None);
+        };
+        let no_keys = |peer| ConfigError::NoKeys { endpoint: endpoint.clone(), peer };
+        // A display may have one machine that comes over another transport: so one peer is enough, but it takes one.
+        let known = peers
+            .iter()
+            .filter_map(|(_, path)| *path)
+            .map(PublicKeys::read)
+            .collect::<Result<Vec<_>, _>>()?;
+        match (keys, peers) {
+            (Some(keys), _) if !known.is_empty() => {
+                Ok(Some(Security { keys: Keys::read(keys)?, peers: known }))
+            }
+            (_, [(peer, _), ..]) => Err(no_keys(peer)),
+            (_, []) => Err(no_keys("peers")),
         }
     }
 }
 
-/// What guards the links made at `endpoints`: this machine's `keys`, and the public ones of its `peers`, each under the key that
-/// names it. None where no endpoint needs any.
+/// So many seconds; what is no time is none.
+fn duration(seconds: f64) -> Duration {
+    Duration::try_from_secs_f64(seconds).unwrap_or_default()
+}
+
+/// A number of seconds, for a flag.
 ///
 /// # Errors
-/// When a file that is needed is not named, or cannot be used.
-pub fn security(
-    endpoints: &Endpoints,
-    keys: Option<&Path>,
-    peers: &[(&'static str, Option<&Path>)],
-) -> Result<Option<Security>, ConfigError> {
-    let Some(endpoint) = endpoints.iter().find(|endpoint| endpoint.needs_keys()) else { return Ok(None) };
-    let no_keys = |peer| ConfigError::NoKeys { endpoint: endpoint.clone(), peer };
-    // A display may have one machine that comes over another transport: so one peer is enough, but it takes one.
-    let known =
-        peers.iter().filter_map(|(_, path)| *path).map(PublicKeys::read).collect::<Result<Vec<_>, _>>()?;
-    match (keys, peers) {
-        (Some(keys), _) if !known.is_empty() => Ok(Some(Security { keys: Keys::read(keys)?, peers: known })),
-        (_, [(peer, _), ..]) => Err(no_keys(peer)),
-        (_, []) => Err(no_keys("peers")),
-    }
+/// Says what to give.
+fn pause(text: &str) -> Result<f64, String> {
+    checked(text, seconds)
+}
+
+/// A lease, for a flag.
+fn lease_flag(text: &str) -> Result<f64, String> {
+    checked(text, lease)
+}
+
+/// A number that passes `check`.
+fn checked(text: &str, check: fn(&f64) -> Result<(), &'static str>) -> Result<f64, String> {
+    let number = text.parse::<f64>().map_err(|e| e.to_string())?;
+    check(&number).map_err(str::to_owned)?;
+    Ok(number)
 }

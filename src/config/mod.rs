@@ -17,7 +17,10 @@ use confique::{Config, Layer};
 use thiserror::Error;
 use trimaran_transport::{Endpoint, keys::KeysError};
 
-pub use links::{LinkConfig, QuicConfig, security};
+pub use links::{
+    FileMode, FileModeError, FrameMode, LinkConfig, QuicConfig, RepairMode, TcpConfig, UdpConfig,
+    UdpCongestion, UdpTrust, UnixConfig,
+};
 pub use role::{DisplayConfig, DisplayPeers, PairSeat, SessionConfig, SwitchConfig, SwitchPeers};
 
 /// Why a configuration could not be used.

@@ -1,3 +1,5 @@
+use std::time::Duration;
+
 use confique::meta::{FieldKind, LeafKind, Meta};
 
 use super::*;
@@ -97,6 +99,20 @@ fn values_outside_their_range_are_refused_by_line_and_key() {
         "patience_s = -1",
         "link.patience_s = 1e9",
         "link.quic.congestion = 'reno'",
+        "link.tcp.nodelay = 1",
+        "link.tcp.send_buffer = -1",
+        "link.tcp.keepalive_s = -1",
+        "link.tcp.user_timeout_s = 'never'",
+        "link.unix.mode = '999'",
+        "link.unix.mode = 600",
+        "link.unix.allow_uids = [-1]",
+        "link.udp.mode = 'fast'",
+        "link.udp.deadline_ms = 0",
+        "link.udp.repair = true",
+        "link.udp.repair_percent = 0",
+        "link.udp.trust = 'nobody'",
+        "link.udp.congestion = 'bbr'",
+        "link.udp.pmtu = 1500",
         "link.peers = -1",
     ] {
         let key = line.split([' ', '.']).nth(line.split(' ').next().unwrap().matches('.').count()).unwrap();
@@ -159,6 +175,50 @@ fn the_templates_have_every_key_and_its_true_default() {
 }
 
 #[test]
+fn what_is_told_of_a_transport_reaches_its_links() {
+    use trimaran_transport::{UdpMode, udp};
+    let tcp = "[link.tcp]\nnodelay = false\nsend_buffer = 1\nrecv_buffer = 2\nkeepalive_s = 0\nuser_timeout_s = 3.5\n";
+    let unix = "[link.unix]\nmode = '0660'\nallow_uids = [7, 8]\n";
+    let udp = "[link.udp]\nmode = 'deadline'\ndeadline_ms = 12.5\nrepair = 'on'\nrepair_percent = 20\ntrust = 'plain'\n\
+               congestion = 'new-reno'\npmtu = false\nwindow = 3\nsend_buffer = 4\nsocket_buffer = 5\n";
+    let config: DisplayConfig = file(&format!("{DISPLAY}{tcp}{unix}{udp}")).unwrap();
+    let options = config.link.options(None);
+    let tcp = options.tcp;
+    assert_eq!(
+        (tcp.nodelay, tcp.send_buffer, tcp.recv_buffer, tcp.keepalive),
+        (false, Some(1), Some(2), None)
+    );
+    assert_eq!(tcp.user_timeout, Some(Duration::from_millis(3500)));
+    assert_eq!((options.unix.mode, options.unix.allow_uids), (0o660, vec![7, 8]));
+    let buffer = Some(5);
+    let expected = udp::UdpOptions {
+        trust: udp::Trust::Plaintext,
+        mode: UdpMode::Deadline,
+        deadline: Duration::from_micros(12_500),
+        repair: udp::Repair::On,
+        repair_percent: 20,
+        congestion: udp::Congestion::NewReno,
+        max_datagram: 1200,
+        window: 3,
+        send_buffer: 4,
+        socket: trimaran_transport::UdpSocketOptions { send_buffer: buffer, recv_buffer: buffer },
+    };
+    assert_eq!(options.udp, expected);
+}
+
+#[test]
+fn datagrams_in_the_clear_need_no_keys() {
+    let mut link = LinkConfig::from_layer(Layer::default_values()).unwrap();
+    let (udp, quic) = ("udp://a:1".parse().unwrap(), "udp://a:1,quic://a:2".parse().unwrap());
+    let none = [("peers.other", None)];
+    assert!(link.security(&udp, None, &none).is_err());
+    link.udp.trust = UdpTrust::Plain;
+    assert_eq!(link.security(&udp, None, &none).unwrap(), None);
+    let message = link.security(&quic, None, &none).unwrap_err().to_string();
+    assert!(message.contains("quic://a:2"), "{message}");
+}
+
+#[test]
 fn what_encrypts_needs_keys_of_both_sides() {
     let dir = tempfile::tempdir().unwrap();
     let make = |name: &str| {
@@ -169,14 +229,15 @@ fn what_encrypts_needs_keys_of_both_sides() {
     let tcp = "tcp://a:1".parse().unwrap();
     let both = "tcp://a:1,quic://a:2".parse().unwrap();
     let peer = ("peers.other", Some(two.public.as_path()));
-    assert_eq!(security(&tcp, None, &[("peers.other", None)]).unwrap(), None);
-    let guard = security(&both, Some(&one.private), &[("peers.first", None), peer]).unwrap().unwrap();
+    let link = LinkConfig::from_layer(Layer::default_values()).unwrap();
+    assert_eq!(link.security(&tcp, None, &[("peers.other", None)]).unwrap(), None);
+    let guard = link.security(&both, Some(&one.private), &[("peers.first", None), peer]).unwrap().unwrap();
     assert_eq!(guard.keys.public().name.as_str(), "one");
     assert_eq!(guard.peers.iter().map(|peer| peer.name.as_str()).collect::<Vec<_>>(), ["two"]);
     for (keys, peer) in [(None, peer), (Some(one.private.as_path()), ("peers.other", None))] {
-        let message = security(&both, keys, &[peer]).unwrap_err().to_string();
+        let message = link.security(&both, keys, &[peer]).unwrap_err().to_string();
         assert!(message.contains("quic://a:2") && message.contains("peers.other"), "{message}");
     }
-    let swapped = security(&both, Some(&one.public), &[peer]).unwrap_err();
+    let swapped = link.security(&both, Some(&one.public), &[peer]).unwrap_err();
     assert!(matches!(swapped, ConfigError::Keys(KeysError::Public { .. })), "{swapped}");
 }

@@ -18,7 +18,7 @@ pub(crate) use frames::{FrameRx, FrameTx};
 pub(crate) use latest::{LatestRx, LatestTx};
 pub(crate) use listen::listen;
 pub use options::{Trust, UdpOptions};
-pub use trimaran_udp::{Closed, LaneViolation};
+pub use trimaran_udp::{Closed, Congestion, LaneViolation, MIN_DATAGRAM, Repair};
 
 use std::fmt;
 use std::sync::Arc;

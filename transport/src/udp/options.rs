@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use trimaran_udp::{Config, Security as Noise};
+use trimaran_udp::{Config, Congestion, Repair, Security as Noise};
 
 use crate::handshake::HandshakeError;
 use crate::keys::Security;
@@ -21,9 +21,12 @@ pub struct UdpOptions {
     pub mode: UdpMode,
     /// How long after its end a frame sent from here may arrive, in the mode with deadlines. Default 50 ms.
     pub deadline: Duration,
-    /// How many bytes of repair may be sent, percent of the frames' own, while packets are lost: with it most losses cost no
-    /// time. 0 for none. Default 15.
+    /// When frames sent from here get repair, with which most losses cost no time. Default while packets are lost.
+    pub repair: Repair,
+    /// How many bytes of repair may be sent, percent of the frames' own. 0 for none. Default 15.
     pub repair_percent: u8,
+    /// How a connection shares its path with others. Default CUBIC.
+    pub congestion: Congestion,
     /// The largest datagram that is tried, bytes: 1,200 are always used, and at most 1,500 are. Default 1,452.
     pub max_datagram: usize,
     /// How many bytes of frames may be under way in each direction, sent and not read. Both sides must have the same. Default
@@ -85,12 +88,15 @@ impl Trust {
 
 impl Default for UdpOptions {
     fn default() -> Self {
-        let Config { window, send_buffer, repair_percent, max_datagram, .. } = Config::default();
+        let Config { window, send_buffer, repair, repair_percent, congestion, max_datagram, .. } =
+            Config::default();
         Self {
             trust: Trust::default(),
             mode: UdpMode::default(),
             deadline: Duration::from_millis(50),
+            repair,
             repair_percent,
+            congestion,
             max_datagram,
             window: u32::try_from(window).unwrap_or(u32::MAX),
             send_buffer,
@@ -108,7 +114,9 @@ impl UdpOptions {
         };
         Config {
             patience,
+            repair: self.repair,
             repair_percent: self.repair_percent,
+            congestion: self.congestion,
             max_datagram: self.max_datagram.min(LARGEST),
             lease: link.lease,
             window: self.window.into(),

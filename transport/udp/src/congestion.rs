@@ -1,4 +1,4 @@
-//! How much may be in flight: CUBIC (RFC 9438), with the validation of RFC 7661.
+//! How much may be in flight: CUBIC (RFC 9438) or New Reno (RFC 9002, section 7), with the validation of RFC 7661.
 
 use std::time::Duration;
 
@@ -6,15 +6,38 @@ use trimaran_proto::Instant;
 
 /// What a loss leaves of the window (RFC 9438, section 4.6).
 const BETA: f64 = 0.7;
+/// What a loss leaves of it with New Reno (RFC 9002, section 7.3.2).
+const HALF: f64 = 0.5;
 /// How fast the window comes back, in segments per second cubed (RFC 9438, section 5).
 const C: f64 = 0.4;
 /// The window at the start and the smallest one, in segments (RFC 9002, section 7.2).
 const INITIAL: f64 = 10.0;
 const MINIMUM: f64 = 2.0;
 
+/// How a connection shares its path with others. There is no way to turn it off.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[non_exhaustive]
+pub enum Congestion {
+    /// CUBIC (RFC 9438), as most TCP has it.
+    #[default]
+    Cubic,
+    /// New Reno (RFC 9002, section 7): slower to come back on long paths.
+    NewReno,
+}
+
+impl Congestion {
+    const fn left_by_loss(self) -> f64 {
+        match self {
+            Self::Cubic => BETA,
+            Self::NewReno => HALF,
+        }
+    }
+}
+
 /// The congestion window. All sizes are in segments of the path inside, in bytes outside.
 #[derive(Debug, Clone)]
-pub(crate) struct Cubic {
+pub(crate) struct Window {
+    law: Congestion,
     segment: f64,
     window: f64,
     threshold: f64,
@@ -28,9 +51,10 @@ pub(crate) struct Cubic {
     recovery: Option<Instant>,
 }
 
-impl Cubic {
-    pub(crate) fn new(segment: usize) -> Self {
+impl Window {
+    pub(crate) fn new(law: Congestion, segment: usize) -> Self {
         Self {
+            law,
             segment: segment as f64,
             window: INITIAL,
             threshold: f64::INFINITY,
@@ -74,6 +98,14 @@ impl Cubic {
             self.window += acked;
             return;
         }
+        match self.law {
+            Congestion::Cubic => self.grow_cubic(now, acked, rtt),
+            // One segment for each window that was acknowledged.
+            Congestion::NewReno => self.window += acked / self.window,
+        }
+    }
+
+    fn grow_cubic(&mut self, now: Instant, acked: f64, rtt: Duration) {
         let epoch = *self.epoch.get_or_insert_with(|| {
             self.reno = self.window;
             self.peak = self.peak.max(self.window);
@@ -96,13 +128,13 @@ impl Cubic {
         self.epoch = None;
         // Fast convergence: who lost below the last peak leaves room to others (RFC 9438, section 4.7).
         self.peak = if self.window < self.peak { self.window * (1.0 + BETA) / 2.0 } else { self.window };
-        self.window = (self.window * BETA).max(MINIMUM);
+        self.window = (self.window * self.law.left_by_loss()).max(MINIMUM);
         self.threshold = self.window;
     }
 
     /// Everything sent over a long time was lost (RFC 9002, section 7.6).
     pub(crate) fn on_persistent_congestion(&mut self) {
-        self.threshold = (self.window * BETA).max(MINIMUM);
+        self.threshold = (self.window * self.law.left_by_loss()).max(MINIMUM);
         self.window = MINIMUM;
         self.epoch = None;
         self.recovery = None;
@@ -113,6 +145,10 @@ impl Cubic {
 mod tests {
     use super::*;
 
+    fn cubic(segment: usize) -> Window {
+        Window::new(Congestion::Cubic, segment)
+    }
+
     const RTT: Duration = Duration::from_millis(10);
 
     fn at(ms: u64) -> Instant {
@@ -121,7 +157,7 @@ mod tests {
 
     #[test]
     fn the_window_doubles_each_round_trip_until_a_loss() {
-        let mut cubic = Cubic::new(1000);
+        let mut cubic = cubic(1000);
         assert_eq!(cubic.window(), 10_000);
         cubic.on_ack(at(10), at(0), 10_000, 10_000, RTT);
         assert_eq!(cubic.window(), 20_000);
@@ -135,7 +171,7 @@ mod tests {
 
     #[test]
     fn larger_packets_are_fewer() {
-        let mut cubic = Cubic::new(1200);
+        let mut cubic = cubic(1200);
         cubic.set_segment(1500);
         assert_eq!(cubic.window(), 12_000);
         (0..20).for_each(|round| cubic.on_loss(at(2 * round + 1), at(2 * round + 1)));
@@ -144,7 +180,7 @@ mod tests {
 
     #[test]
     fn an_unused_window_does_not_grow() {
-        let mut cubic = Cubic::new(1000);
+        let mut cubic = cubic(1000);
         cubic.on_ack(at(10), at(0), 4_000, 4_000, RTT);
         assert_eq!(cubic.window(), 10_000);
         cubic.on_ack(at(10), at(0), 5_000, 5_000, RTT);
@@ -153,7 +189,7 @@ mod tests {
 
     #[test]
     fn after_a_loss_the_window_comes_back_to_its_peak() {
-        let mut cubic = Cubic::new(1000);
+        let mut cubic = cubic(1000);
         cubic.on_ack(at(10), at(0), 90_000, 90_000, RTT);
         cubic.on_loss(at(20), at(15));
         assert_eq!(cubic.window(), 70_000);
@@ -170,8 +206,21 @@ mod tests {
     }
 
     #[test]
+    fn new_reno_halves_and_comes_back_by_a_segment_a_round_trip() {
+        let mut reno = Window::new(Congestion::NewReno, 1000);
+        reno.on_ack(at(10), at(0), 90_000, 90_000, RTT);
+        reno.on_loss(at(20), at(15));
+        assert_eq!(reno.window(), 50_000);
+        for round in 1..=4 {
+            let window = reno.window();
+            reno.on_ack(at(20 + 10 * round), at(15 + 10 * round), window, window, RTT);
+        }
+        assert_eq!(reno.window(), 53_999, "the first one belongs to the loss");
+    }
+
+    #[test]
     fn persistent_congestion_leaves_two_segments() {
-        let mut cubic = Cubic::new(1000);
+        let mut cubic = cubic(1000);
         cubic.on_persistent_congestion();
         assert_eq!(cubic.window(), 2_000);
         for _ in 0..20 {

@@ -8,6 +8,7 @@ use trimaran_proto::{BatchSize, Camera, FrameMessage, Goodbye, Instant};
 
 use crate::acks::Acks;
 use crate::chunk::{CLOSE, Chunk};
+use crate::congestion::Congestion;
 use crate::inbox::{GivenUp, Inbox, LaneViolation, Received};
 use crate::keys::{Keys, OVERHEAD};
 use crate::latest::{LatestEnd, LatestIn, LatestOut};
@@ -16,6 +17,7 @@ use crate::outbox::{Outbox, Path};
 use crate::pacer::Pacer;
 use crate::packet::{ConnectionId, MIN_DATAGRAM, NUMBERS, Packet, data_header};
 use crate::recovery::{Content, Recovery, Sent, Verdict};
+use crate::repair::{Budget, Repair};
 use crate::wire::{Malformed, Reader};
 
 /// What a full packet has beside its part or repair shard at most, bytes: the chunk's own fields, or a short acknowledgement too.
@@ -40,9 +42,12 @@ pub struct Config {
     /// How long after its end a frame sent from here is worth sending: whatever cannot arrive in time is given up, and the peer
     /// gets the frame with gaps. `None`, the default, for always.
     pub patience: Option<Duration>,
-    /// How many bytes of repair frames sent from here may have, percent of their own, while packets are lost. Default 15; 0 for
-    /// none.
+    /// When frames sent from here get repair. Default while packets are lost.
+    pub repair: Repair,
+    /// How many bytes of repair they may have, percent of their own. Default 15; 0 for none.
     pub repair_percent: u8,
+    /// How the connection shares its path with others. Default CUBIC.
+    pub congestion: Congestion,
     /// The largest datagram that is tried, bytes; 1,200 are always used. Default 1,452: Ethernet's 1,500 less the headers of IPv6
     /// and UDP.
     pub max_datagram: usize,
@@ -57,7 +62,9 @@ impl Default for Config {
             ack_delay: Duration::from_millis(1),
             lease: Duration::from_secs(20),
             patience: None,
+            repair: Repair::default(),
             repair_percent: 15,
+            congestion: Congestion::default(),
             max_datagram: 1452,
         }
     }
@@ -160,7 +167,7 @@ impl Connection {
             keys,
             here,
             there,
-            recovery: Recovery::new(MIN_DATAGRAM, config.ack_delay),
+            recovery: Recovery::new(config.congestion, MIN_DATAGRAM, config.ack_delay),
             pacer: Pacer::new(MIN_DATAGRAM),
             paced_until: None,
             acks: Acks::default(),
@@ -169,7 +176,7 @@ impl Connection {
                 config.window,
                 Inbox::initial_units(),
                 config.patience,
-                config.repair_percent,
+                Budget::new(config.repair, config.repair_percent),
             ),
             inbox: Inbox::new(config.batch, config.window),
             cameras_out: LatestOut::default(),
@@ -436,7 +443,7 @@ impl Connection {
 
     /// Takes over the size of datagrams that is known to arrive.
     fn resize(&mut self) {
-        self.recovery.cubic.set_segment(self.mtu.known());
+        self.recovery.window.set_segment(self.mtu.known());
         self.pacer.set_segment(self.mtu.known());
     }
 
@@ -591,7 +598,7 @@ impl Connection {
         if !self.has_data() && !probe || self.recovery.room() < self.mtu.known() {
             return false;
         }
-        let ready = self.pacer.ready(now, self.recovery.cubic.window(), self.recovery.rtt.smoothed());
+        let ready = self.pacer.ready(now, self.recovery.window.window(), self.recovery.rtt.smoothed());
         if ready > now {
             self.paced_until = Some(ready);
         }

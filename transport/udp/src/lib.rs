@@ -25,9 +25,11 @@ mod repair;
 mod rtt;
 mod wire;
 
+pub use congestion::Congestion;
 pub use connection::{Closed, Config, Connection};
 pub use handshake::{Connecting, Door, HandshakeError, Knock, MAX_HELLO, Progress, Reception, Security};
 pub use inbox::{LaneViolation, Received};
 pub use latest::LatestEnd;
 pub use packet::{ConnectionId, MIN_DATAGRAM, VERSION, destination};
+pub use repair::Repair;
 pub use wire::Malformed;

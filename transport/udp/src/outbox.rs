@@ -50,7 +50,7 @@ impl Outbox {
         allowed_bytes: u64,
         allowed_units: u64,
         patience: Option<Duration>,
-        repair_percent: u8,
+        repair: Budget,
     ) -> Self {
         Self {
             units: VecDeque::new(),
@@ -60,7 +60,7 @@ impl Outbox {
             offered: 0,
             kept: 0,
             patience,
-            repair: Budget::new(repair_percent),
+            repair,
             frames_given_up: 0,
         }
     }
@@ -250,8 +250,15 @@ mod tests {
     use trimaran_proto::{Camera, FrameEnd, FrameNumber, FrameStart};
 
     use super::*;
+    use crate::repair::Repair;
 
     const PATH: Path = Path { shard: 1136, loss: 0.0 };
+
+    /// Without repair.
+    fn sender(patience: Option<u64>) -> Outbox {
+        let patience = patience.map(Duration::from_millis);
+        Outbox::new(1 << 20, 1024, patience, Budget::new(Repair::Off, 15))
+    }
 
     fn frame(outbox: &mut Outbox, number: u32) {
         let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(number)).unwrap();
@@ -266,7 +273,7 @@ mod tests {
 
     #[test]
     fn empty_frames_cost_as_well_and_give_back_what_they_cost() {
-        let mut outbox = Outbox::new(1 << 20, 1024, None, 0);
+        let mut outbox = sender(None);
         (0..3).for_each(|number| frame(&mut outbox, number));
         assert_eq!(outbox.kept(), 3 * (80 + UNIT_COST));
         for unit in 0..3 {
@@ -277,7 +284,7 @@ mod tests {
 
     #[test]
     fn a_frame_is_given_up_when_it_cannot_arrive_in_time_and_not_before() {
-        let mut outbox = Outbox::new(1 << 20, 1024, Some(Duration::from_millis(50)), 0);
+        let mut outbox = sender(Some(50));
         frame(&mut outbox, 0);
         outbox.expire(at(0), at(5));
         let mut out = Vec::new();
@@ -300,7 +307,7 @@ mod tests {
 
     #[test]
     fn the_word_of_giving_up_is_said_until_it_arrives_though_the_end_had_arrived() {
-        let mut outbox = Outbox::new(1 << 20, 1024, Some(Duration::from_millis(50)), 0);
+        let mut outbox = sender(Some(50));
         frame(&mut outbox, 0);
         outbox.expire(at(0), at(5));
         outbox.on_ack(0, 40..80, true);
@@ -315,7 +322,7 @@ mod tests {
 
     #[test]
     fn a_frame_that_arrived_is_not_given_up() {
-        let mut outbox = Outbox::new(1 << 20, 1024, Some(Duration::from_millis(50)), 0);
+        let mut outbox = sender(Some(50));
         (0..2).for_each(|number| frame(&mut outbox, number));
         outbox.expire(at(0), at(5));
         outbox.on_ack(1, 0..80, true);

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use trimaran_proto::Instant;
 
-use crate::congestion::Cubic;
+use crate::congestion::{Congestion, Window};
 use crate::packet::PacketNumber;
 use crate::ranges::RangeSet;
 use crate::rtt::Rtt;
@@ -92,12 +92,12 @@ pub(crate) struct Recovery {
     loss: f64,
     max_ack_delay: Duration,
     pub(crate) rtt: Rtt,
-    pub(crate) cubic: Cubic,
+    pub(crate) window: Window,
     pub(crate) lost_packets: u64,
 }
 
 impl Recovery {
-    pub(crate) fn new(segment: usize, max_ack_delay: Duration) -> Self {
+    pub(crate) fn new(law: Congestion, segment: usize, max_ack_delay: Duration) -> Self {
         Self {
             next: 0,
             sent: VecDeque::new(),
@@ -110,7 +110,7 @@ impl Recovery {
             loss: 0.0,
             max_ack_delay,
             rtt: Rtt::default(),
-            cubic: Cubic::new(segment),
+            window: Window::new(law, segment),
             lost_packets: 0,
         }
     }
@@ -123,7 +123,11 @@ impl Recovery {
     /// Bytes that the window leaves.
     pub(crate) fn room(&self) -> usize {
         // Signs of life and acknowledgements still find a place among those remembered when data do not.
-        if self.sent.len() >= REMEMBERED / 2 { 0 } else { self.cubic.window().saturating_sub(self.in_flight) }
+        if self.sent.len() >= REMEMBERED / 2 {
+            0
+        } else {
+            self.window.window().saturating_sub(self.in_flight)
+        }
     }
 
     /// The share of packets that was lost lately.
@@ -182,7 +186,7 @@ impl Recovery {
                 if !sent.is_probe() {
                     self.loss -= self.loss / MEMORY;
                 }
-                self.cubic.on_ack(now, sent.at, sent.bytes, in_flight, self.rtt.smoothed());
+                self.window.on_ack(now, sent.at, sent.bytes, in_flight, self.rtt.smoothed());
                 verdict.arrived.extend(sent.contents);
             }
         }
@@ -250,11 +254,11 @@ impl Recovery {
         }
         if let (Some(first), Some(last)) = (first, last) {
             if self.loss > ACCIDENTS || self.rtt.queues() {
-                self.cubic.on_loss(now, last);
+                self.window.on_loss(now, last);
             }
             let long = self.rtt.probe_timeout(self.max_ack_delay) * PERSISTENT;
             if verdict.arrived.is_empty() && last.since(first) > long {
-                self.cubic.on_persistent_congestion();
+                self.window.on_persistent_congestion();
             }
         }
     }
@@ -304,7 +308,7 @@ mod tests {
     }
 
     fn sender() -> Recovery {
-        Recovery::new(1000, Duration::from_millis(1))
+        Recovery::new(Congestion::Cubic, 1000, Duration::from_millis(1))
     }
 
     #[test]
@@ -350,7 +354,7 @@ mod tests {
         assert_eq!((recovery.sent.len(), recovery.in_flight), (0, 0));
         assert_eq!(recovery.unheard_since(), None);
         for ms in 0..REMEMBERED as u64 / 2 {
-            assert!(recovery.room() > 0 || recovery.in_flight >= recovery.cubic.window());
+            assert!(recovery.room() > 0 || recovery.in_flight >= recovery.window.window());
             send(&mut recovery, ms);
         }
         recovery.in_flight = 0;
@@ -368,15 +372,15 @@ mod tests {
             recovery.on_ack(at(ms + 10), &numbers(base + 1..base + 4), Duration::ZERO).unwrap();
         };
         lose_one(&mut recovery, 0);
-        assert_eq!((recovery.lost_packets, recovery.cubic.window()), (1, 10_000));
+        assert_eq!((recovery.lost_packets, recovery.window.window()), (1, 10_000));
         assert!((recovery.loss() - 1.0 / 512.0).abs() < 1e-4);
         let mut ms = 100;
         while recovery.loss() <= ACCIDENTS {
-            assert_eq!(recovery.cubic.window(), 10_000);
+            assert_eq!(recovery.window.window(), 10_000);
             lose_one(&mut recovery, ms);
             ms += 100;
         }
-        assert_eq!(recovery.cubic.window(), 7_000, "too many for accidents");
+        assert_eq!(recovery.window.window(), 7_000, "too many for accidents");
     }
 
     #[test]
@@ -389,7 +393,7 @@ mod tests {
         }
         let verdict = recovery.on_ack(at(50), &numbers(1..4), Duration::ZERO).unwrap();
         assert_eq!((verdict.lost, recovery.lost_packets), (contents, 0));
-        assert_eq!((recovery.loss(), recovery.cubic.window()), (0.0, 10_000));
+        assert_eq!((recovery.loss(), recovery.window.window()), (0.0, 10_000));
     }
 
     #[test]

@@ -13,19 +13,38 @@ pub(crate) const MOST: usize = 32;
 const FAILURES: f64 = 1e-3;
 /// Below this share of lost packets a path is clean.
 const CLEAN: f64 = 5e-4;
+/// The share of losses that is taken for granted where repair is always sent.
+const EXPECTED: f64 = 0.01;
 /// How many bytes of repair may be saved up for later.
 const SAVINGS: f64 = 64.0 * 1024.0;
+
+/// When frames get repair.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[non_exhaustive]
+pub enum Repair {
+    /// Never: what is lost is sent again.
+    Off,
+    /// While packets are lost, as much as the share that is lost asks for.
+    #[default]
+    Auto,
+    /// Always, on a clean path as if a hundredth of the packets were lost: so that the first loss costs no time either.
+    On,
+}
 
 /// What may be spent on repair: a share of the bytes sent.
 #[derive(Debug)]
 pub(crate) struct Budget {
     share: f64,
     saved: f64,
+    /// The share of losses that is taken for granted.
+    expected: f64,
 }
 
 impl Budget {
-    pub(crate) fn new(percent: u8) -> Self {
-        Self { share: f64::from(percent) / 100.0, saved: 0.0 }
+    pub(crate) fn new(when: Repair, percent: u8) -> Self {
+        let percent = if when == Repair::Off { 0 } else { percent };
+        let expected = if when == Repair::On { EXPECTED } else { 0.0 };
+        Self { share: f64::from(percent) / 100.0, saved: 0.0, expected }
     }
 
     pub(crate) const fn is_open(&self) -> bool {
@@ -34,6 +53,7 @@ impl Budget {
 
     /// How many repair shards a block of `length` bytes gets, where that share of packets is lost.
     pub(crate) fn spend(&mut self, length: usize, shard: usize, loss: f64) -> usize {
+        let loss = loss.max(self.expected);
         self.saved = (self.saved + length as f64 * self.share).min(SAVINGS);
         if loss < CLEAN || shard == 0 {
             return 0;
@@ -148,7 +168,7 @@ mod tests {
 
     #[test]
     fn a_clean_path_has_no_repair_and_a_bad_one_as_much_as_is_allowed() {
-        let mut budget = Budget::new(15);
+        let mut budget = Budget::new(Repair::Auto, 15);
         assert_eq!(budget.spend(15 * 1136, 1136, 0.0), 0);
         assert_eq!(budget.spend(15 * 1136, 1136, 0.01), 2, "needed");
         for _ in 0..100 {
@@ -156,7 +176,15 @@ mod tests {
         }
         let spent: usize = (0..100).map(|_| budget.spend(20 * 1136, 1136, 0.3)).sum();
         assert_eq!(spent, 300, "15 % of 2000");
-        assert_eq!(Budget::new(0).spend(1 << 20, 1136, 0.3), 0);
+        for none in [Budget::new(Repair::Auto, 0), Budget::new(Repair::Off, 15)] {
+            assert!(!none.is_open());
+        }
+    }
+
+    #[test]
+    fn repair_that_is_always_on_expects_losses_where_there_are_none() {
+        assert_eq!(Budget::new(Repair::On, 15).spend(15 * 1136, 1136, 0.0), 2);
+        assert_eq!(Budget::new(Repair::On, 0).spend(15 * 1136, 1136, 0.0), 0);
     }
 
     #[test]

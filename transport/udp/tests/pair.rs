@@ -12,8 +12,8 @@ use trimaran_proto::{
     FrameWriter, Goodbye, Instant,
 };
 use trimaran_udp::{
-    Closed, Config, Connecting, Connection, ConnectionId, Door, MIN_DATAGRAM, Progress, Received, Reception,
-    Security,
+    Closed, Config, Congestion, Connecting, Connection, ConnectionId, Door, MIN_DATAGRAM, Progress, Received,
+    Reception, Repair, Security,
 };
 
 /// What happens to packets, in 1/1000.
@@ -408,7 +408,9 @@ const RELIABLE: Config = Config {
     ack_delay: Duration::from_millis(1),
     lease: Duration::from_secs(20),
     patience: None,
+    repair: Repair::Auto,
     repair_percent: 15,
+    congestion: Congestion::Cubic,
     max_datagram: 1452,
     batch: BatchSize::MAX,
 };
