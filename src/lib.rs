@@ -7,6 +7,7 @@
 
 pub mod config;
 pub mod metrics;
+pub mod netem;
 pub mod report;
 pub mod simulate;
 pub mod trace;

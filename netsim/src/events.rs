@@ -35,7 +35,6 @@ impl<E> Events<E> {
     }
 
     /// The time of the next event.
-    #[cfg(test)]
     pub(crate) fn next_at(&self) -> Option<Instant> {
         self.heap.peek().map(|Reverse(entry)| entry.at)
     }

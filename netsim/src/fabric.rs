@@ -4,10 +4,23 @@ use slab::Slab;
 use trimaran_transport::Instant;
 
 use crate::events::Events;
-use crate::link::{Action, LinkTally, Parcel, Pipe};
-use crate::packet::Packet;
+use crate::link::{Action, Ecn, LinkTally, Parcel, Pipe};
 use crate::random::Random;
 use crate::topology::{HostId, NodeId, Topology};
+
+/// A packet that finds its way.
+pub(crate) trait Routed: Clone {
+    /// The machine that sends it.
+    fn from(&self) -> HostId;
+    /// The machine that is to get it.
+    fn to(&self) -> HostId;
+    /// The size of the IP packet, its header included.
+    fn ip_bytes(&self) -> u32;
+    /// Its ECN field.
+    fn ecn(&self) -> Ecn;
+    /// A link has marked it.
+    fn mark(&mut self, ecn: Ecn);
+}
 
 /// What happens on links.
 #[derive(Debug, Clone, Copy)]
@@ -21,28 +34,28 @@ pub(crate) enum LinkEvent {
 }
 
 /// What a link event means to machines.
-pub(crate) enum Outcome {
+pub(crate) enum Outcome<P> {
     /// Nothing yet.
     Underway,
     /// The packet is there.
-    Delivered(Packet),
+    Delivered(P),
     /// Whoever has the token is rid of so many bytes.
     Left { token: u32, ip_bytes: u32 },
 }
 
 #[derive(Debug)]
-pub(crate) struct Fabric {
-    pipes: Vec<Pipe<Packet>>,
+pub(crate) struct Fabric<P> {
+    pipes: Vec<Pipe<P>>,
     /// Where each pipe ends.
     ends: Vec<NodeId>,
     nodes: Vec<Option<HostId>>,
     homes: Vec<NodeId>,
     /// By host, then by node: the pipe to take.
     routes: Vec<Vec<Option<usize>>>,
-    flying: Slab<Parcel<Packet>>,
+    flying: Slab<Parcel<P>>,
 }
 
-impl Fabric {
+impl<P: Routed> Fabric<P> {
     pub(crate) fn new(topology: &Topology, seed: u64) -> Self {
         let pipe = |(index, way): (usize, &crate::topology::Way)| {
             Pipe::new(way.model.clone(), Random::stream(seed, index as u64).bits())
@@ -62,7 +75,7 @@ impl Fabric {
     }
 
     /// The pipes from one machine to another.
-    fn way(&self, from: HostId, to: HostId) -> impl Iterator<Item = &Pipe<Packet>> {
+    fn way(&self, from: HostId, to: HostId) -> impl Iterator<Item = &Pipe<P>> {
         let mut node = self.homes.get(from.0).copied();
         std::iter::from_fn(move || {
             let index = self.route(node?, to)?;
@@ -81,9 +94,9 @@ impl Fabric {
     }
 
     /// What the link layer adds to a packet where it leaves `from`.
-    pub(crate) fn framing(&self, packet: &Packet) -> u32 {
+    pub(crate) fn framing(&self, packet: &P) -> u32 {
         let ip_bytes = packet.ip_bytes();
-        let first = self.way(packet.from, packet.to).next();
+        let first = self.way(packet.from(), packet.to()).next();
         first.map_or(0, |pipe| pipe.model().framing.frame_bytes(ip_bytes) - ip_bytes)
     }
 
@@ -91,19 +104,19 @@ impl Fabric {
     pub(crate) fn send<E: From<LinkEvent>>(
         &mut self,
         now: Instant,
-        packet: Packet,
+        packet: P,
         token: Option<u32>,
         events: &mut Events<E>,
     ) {
         let ip_bytes = packet.ip_bytes();
-        let first = self.homes.get(packet.from.0).and_then(|home| self.route(*home, packet.to));
+        let first = self.homes.get(packet.from().0).and_then(|home| self.route(*home, packet.to()));
         let Some(pipe) = first else {
             if let Some(token) = token {
                 events.add(now, LinkEvent::Left { token, ip_bytes }.into());
             }
             return;
         };
-        let parcel = Parcel { ip_bytes, ecn: packet.ecn, token, packet };
+        let parcel = Parcel { ip_bytes, ecn: packet.ecn(), token, packet };
         self.on(pipe, events, |pipe| pipe.offer(now, parcel));
     }
 
@@ -112,7 +125,7 @@ impl Fabric {
         now: Instant,
         event: LinkEvent,
         events: &mut Events<E>,
-    ) -> Outcome {
+    ) -> Outcome<P> {
         match event {
             LinkEvent::Left { token, ip_bytes } => Outcome::Left { token, ip_bytes },
             LinkEvent::Free { pipe } => {
@@ -124,12 +137,12 @@ impl Fabric {
                 if let Some(pipe) = self.pipes.get_mut(pipe) {
                     pipe.arrived(&parcel);
                 }
-                parcel.packet.ecn = parcel.ecn;
+                parcel.packet.mark(parcel.ecn);
                 let Some(&node) = self.ends.get(pipe) else { return Outcome::Underway };
-                if self.nodes.get(node.0).is_some_and(|host| *host == Some(parcel.packet.to)) {
+                if self.nodes.get(node.0).is_some_and(|host| *host == Some(parcel.packet.to())) {
                     return Outcome::Delivered(parcel.packet);
                 }
-                if let Some(next) = self.route(node, parcel.packet.to) {
+                if let Some(next) = self.route(node, parcel.packet.to()) {
                     parcel.token = None; // it has left its machine long ago
                     self.on(next, events, |pipe| pipe.offer(now, parcel));
                 }
@@ -143,7 +156,7 @@ impl Fabric {
         &mut self,
         index: usize,
         events: &mut Events<E>,
-        act: impl FnOnce(&mut Pipe<Packet>),
+        act: impl FnOnce(&mut Pipe<P>),
     ) {
         let Some(pipe) = self.pipes.get_mut(index) else { return };
         act(pipe);

@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 
 use bytes::Bytes;
 
+use crate::fabric::Routed;
 use crate::link::Ecn;
 use crate::tcp::{Class, Segment};
 use crate::topology::HostId;
@@ -49,10 +50,6 @@ impl Packet {
         }
     }
 
-    pub(crate) fn ip_bytes(&self) -> u32 {
-        self.ip_header() + self.transport_header() + self.payload()
-    }
-
     /// The number of the protocol in the IP header.
     pub(crate) const fn protocol(&self) -> u8 {
         match &self.body {
@@ -66,5 +63,27 @@ impl Packet {
             Body::Udp(_) => Class::Datagram,
             Body::Tcp(segment) => segment.class,
         }
+    }
+}
+
+impl Routed for Packet {
+    fn from(&self) -> HostId {
+        self.from
+    }
+
+    fn to(&self) -> HostId {
+        self.to
+    }
+
+    fn ip_bytes(&self) -> u32 {
+        self.ip_header() + self.transport_header() + self.payload()
+    }
+
+    fn ecn(&self) -> Ecn {
+        self.ecn
+    }
+
+    fn mark(&mut self, ecn: Ecn) {
+        self.ecn = ecn;
     }
 }

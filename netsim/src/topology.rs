@@ -89,6 +89,41 @@ impl Topology {
         self.hosts.iter().position(|host| host.name == name).map(HostId)
     }
 
+    /// What each direction of each link joins, such as `first to switch`, in the order in which the links were joined.
+    pub fn link_names(&self) -> impl Iterator<Item = String> {
+        self.pipes.iter().map(|way| format!("{} to {}", self.node_name(way.from), self.node_name(way.to)))
+    }
+
+    /// A machine's name; a switch is called `switch` and, where there are several, has its number among them behind that.
+    fn node_name(&self, node: NodeId) -> String {
+        let host = self.nodes.get(node.0).copied().flatten().and_then(|host| self.hosts.get(host.0));
+        if let Some(host) = host {
+            return host.name.clone();
+        }
+        let switches = |nodes: &[Option<HostId>]| nodes.iter().filter(|host| host.is_none()).count();
+        match switches(&self.nodes) {
+            0 | 1 => "switch".to_owned(),
+            _ => format!("switch {}", self.nodes.get(..=node.0).map_or(0, switches)),
+        }
+    }
+
+    /// The machine that has an address.
+    #[must_use]
+    pub fn at(&self, address: IpAddr) -> Option<HostId> {
+        (0..self.hosts.len()).map(HostId).find(|host| host.v4() == address || host.v6() == address)
+    }
+
+    /// All machines, in the order in which they were added.
+    pub fn machines(&self) -> impl Iterator<Item = HostId> {
+        (0..self.hosts.len()).map(HostId)
+    }
+
+    /// What a machine is called.
+    #[must_use]
+    pub fn name(&self, host: HostId) -> Option<&str> {
+        self.hosts.get(host.0).map(|host| host.name.as_str())
+    }
+
     /// For each node, the pipe that leads on to `host`.
     pub(crate) fn routes_to(&self, host: HostId) -> Vec<Option<usize>> {
         let mut next = vec![None; self.nodes.len()];

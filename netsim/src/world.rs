@@ -13,7 +13,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 use crate::events::Events;
 use crate::executor::{Executor, lock};
-use crate::fabric::{Fabric, LinkEvent, Outcome};
+use crate::fabric::{Fabric, LinkEvent, Outcome, Routed};
 use crate::net::tcp::{ListenerState, TcpState};
 use crate::net::udp::UdpState;
 use crate::packet::{Body, Packet};
@@ -43,7 +43,7 @@ pub(crate) struct Core {
     /// Which connection belongs to a port of a host and its peer's address.
     pub(crate) tcp_ports: BTreeMap<(HostId, u16, SocketAddr), u32>,
     pub(crate) listeners: BTreeMap<(HostId, u16), ListenerState>,
-    pub(crate) fabric: Fabric,
+    pub(crate) fabric: Fabric<Packet>,
     pub(crate) names: Vec<String>,
     last_socket: u32,
     events: Events<Event>,

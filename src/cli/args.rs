@@ -9,7 +9,7 @@ use trimaran::config::{DisplayConfig, LinkConfig, SwitchConfig, positive};
 use trimaran_proto::IdCoding;
 use trimaran_transport::Name;
 
-use super::{ping::PingArgs, stat::StatArgs};
+use super::{netem::NetemArgs, ping::PingArgs, stat::StatArgs};
 
 /// Walk through 3D models too large for one GPU.
 ///
@@ -50,6 +50,8 @@ pub(crate) enum Command {
     Sweep(SweepArgs),
     /// Simulate the three roles on a network: frame latency and bandwidth by transport, before a cable is bought.
     Sim(SimArgs),
+    /// Put a network of the simulator between real programs: network namespaces whose packets are late, lost or queued.
+    Netem(NetemArgs),
     /// Run one role of a deployment on several machines.
     #[command(subcommand)]
     Role(Box<RoleCommand>),

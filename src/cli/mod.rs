@@ -9,6 +9,7 @@ mod generate;
 mod import;
 mod info;
 mod keys;
+mod netem;
 mod ping;
 mod progress;
 mod role;
@@ -54,6 +55,7 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         Command::Run(args) => run::run(&args),
         Command::Sweep(args) => sweep::run(&args),
         Command::Sim(args) => sim::run(&args),
+        Command::Netem(args) => netem::run(&args),
         Command::Role(command) => role::run(&command),
         Command::Config { role } => {
             print!("{}", role::template(role));

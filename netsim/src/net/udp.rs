@@ -11,6 +11,7 @@ use bytes::Bytes;
 use trimaran_transport::{EcnCodepoint, RecvMeta, Transmit, UdpPoller, UdpSocket, UdpSocketOptions};
 
 use super::SimNet;
+use crate::fabric::Routed;
 use crate::link::Ecn;
 use crate::packet::{Body, Packet};
 use crate::topology::HostId;

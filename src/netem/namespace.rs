@@ -1,0 +1,105 @@
+//! Network namespaces and the devices in them.
+
+use std::fs::File;
+use std::io;
+use std::net::IpAddr;
+use std::os::fd::AsFd;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::thread;
+
+use rustix::thread::{LinkNameSpaceType, move_into_link_name_space};
+use tun_rs::{DeviceBuilder, SyncDevice};
+
+use super::NetemError;
+
+/// Where iproute2 keeps the namespaces that have names.
+const FOLDER: &str = "/run/netns";
+/// What the device of a namespace is called in it.
+const DEVICE: &str = "net0";
+/// How many packets wait in a device for whoever reads it: more than come while a busy machine runs something else.
+const DEVICE_QUEUE: u32 = 10_000;
+
+/// A network namespace with a name, as `ip netns` makes them. One that was made is removed when this is dropped; one that was
+/// there before stays.
+#[derive(Debug)]
+pub struct Namespace {
+    name: String,
+    made: bool,
+}
+
+impl Namespace {
+    /// The namespace of that name, made if there is none.
+    pub(super) fn find_or_make(name: &str) -> Result<Self, NetemError> {
+        let made = !path(name).exists();
+        if made {
+            ip(&["netns", "add", name])?;
+        }
+        Ok(Self { name: name.to_owned(), made })
+    }
+
+    /// What it is called.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Moves the calling thread into the namespace, and with it the sockets that the thread opens from now on.
+    ///
+    /// # Errors
+    /// When the namespace is gone, or this process may not enter it.
+    pub fn enter(&self) -> io::Result<()> {
+        let file = File::open(path(&self.name))?;
+        Ok(move_into_link_name_space(file.as_fd(), Some(LinkNameSpaceType::Network))?)
+    }
+
+    /// Adds a TUN device with these addresses, each in a network of that many bits.
+    pub(super) fn add_device(&self, mtu: u32, addresses: &[(IpAddr, u8)]) -> Result<SyncDevice, NetemError> {
+        let name = &self.name;
+        let failed = |cause| NetemError::Device { namespace: name.clone(), cause };
+        // A device belongs to the namespace of the thread that makes it; the file that carries its packets to any thread.
+        let build = || {
+            self.enter()?;
+            DeviceBuilder::new().name(DEVICE).tx_queue_len(DEVICE_QUEUE).enable(false).build_sync()
+        };
+        let device = thread::scope(|scope| scope.spawn(build).join())
+            .unwrap_or_else(|_| Err(io::Error::other("the thread that made it panicked")))
+            .map_err(failed)?;
+        device.set_nonblocking(true).map_err(failed)?;
+        for (address, bits) in addresses {
+            let network = format!("{address}/{bits}");
+            let mut words = vec!["-n", name, "address", "add", &network, "dev", DEVICE];
+            if address.is_ipv6() {
+                words.push("nodad"); // nobody else is there: no need to wait for objections
+            }
+            ip(&words)?;
+        }
+        ip(&["-n", name, "link", "set", DEVICE, "mtu", &mtu.to_string(), "up"])?;
+        ip(&["-n", name, "link", "set", "lo", "up"])?;
+        Ok(device)
+    }
+}
+
+impl Drop for Namespace {
+    fn drop(&mut self) {
+        if self.made
+            && let Err(e) = ip(&["netns", "delete", &self.name])
+        {
+            tracing::warn!(error = &e as &dyn std::error::Error, "the namespace {} stays", self.name);
+        }
+    }
+}
+
+fn path(name: &str) -> PathBuf {
+    Path::new(FOLDER).join(name)
+}
+
+/// Runs iproute2's `ip`.
+fn ip(words: &[&str]) -> Result<(), NetemError> {
+    let output = Command::new("ip").args(words).output().map_err(|cause| NetemError::NoIp { cause })?;
+    if output.status.success() {
+        return Ok(());
+    }
+    let said = String::from_utf8_lossy(&output.stderr).trim().to_owned();
+    Err(NetemError::Ip { command: words.join(" "), said })
+}
