@@ -529,7 +529,7 @@ fn a_recorded_walk_is_simulated_frame_by_frame() {
     let nodes: f64 = frames.iter().map(|frame| frame["nodes_drawn"].as_f64().unwrap()).sum();
 
     let args = ["sim", "--trace", "walk.trace", "--frames", "12", "--link", "tcp,udp", "--json"];
-    let sim = bench.trimaran(&args);
+    let sim = bench.command(&args).args(["--out", "figures", "--seed", "1,2"]).output().unwrap();
     assert!(sim.status.success(), "{}", said(&sim));
     let runs: serde_json::Value = serde_json::from_slice(&sim.stdout).unwrap();
     for run in runs.as_array().unwrap() {
@@ -539,11 +539,25 @@ fn a_recorded_walk_is_simulated_frame_by_frame() {
         assert!((run["bytes"]["ids"].as_f64().unwrap() - 4.0 * (2.0 * nodes - last) / 12.0).abs() < 1e-9);
     }
 
+    assert_eq!(runs.as_array().unwrap().len(), 4, "two transports with two seeds");
+    let page = fs::read_to_string(bench.path("figures/sim.html")).unwrap();
+    for outside in ["http", "url(", "@import", "<link", " href=", "<script"] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    assert!(!page.contains("NaN") && !page.contains("inf\""));
+    let lines = |name: &str| fs::read_to_string(bench.path(name)).unwrap().lines().count();
+    assert_eq!((lines("figures/runs.csv"), lines("figures/frames.csv")), (1 + 4, 1 + 4 * 12));
+
     let bytes = fs::read(bench.path("walk.trace")).unwrap();
     fs::write(bench.path("short.trace"), &bytes[..bytes.len() - 9]).unwrap();
     bench.refuses(&["sim", "--trace", "short.trace"], &["short.trace", "cut short", "record the walk again"]);
     bench.refuses(&["sim", "--trace", "plant.scene"], &["plant.scene", "trimaran run --record"]);
     bench.refuses(&["sim", "--trace", "none.trace"], &["none.trace"]);
+    bench.refuses(&["sim", "--scene", "plant.scene"], &["--trace"]);
+    bench.refuses(&["sim", "--coding", "changes"], &["--coding", "--trace"]);
+    bench.refuses(&["sim", "--network", "ether"], &["ether", "fast-ethernet"]);
+    fs::write(bench.path("bad.toml"), "name = \"bad\"\nspeed = 7\n").unwrap();
+    bench.refuses(&["sim", "--network", "bad.toml"], &["bad.toml", "speed"]);
 }
 
 /// The report as a path: the same frames.

@@ -4,11 +4,11 @@
 use std::path::Path;
 use std::time::Duration;
 
-use trimaran::simulate::{Load, Outcome, Scenario, Transport, Workload, WorkloadError, simulate};
+use trimaran::simulate::{Knobs, Load, Outcome, Scenario, Transport, Workload, WorkloadError, simulate};
 use trimaran_netsim::Profile;
 use trimaran_proto::BatchSize;
 
-const ALL: [Transport; 3] = [Transport::Tcp, Transport::Quic, Transport::Udp];
+const ALL: [Transport; 4] = [Transport::Tcp, Transport::Quic, Transport::Udp, Transport::UdpDeadline];
 
 fn load(nodes: u32, ms: u64) -> Load {
     let time = Duration::from_millis(ms);
@@ -18,7 +18,8 @@ fn load(nodes: u32, ms: u64) -> Load {
 fn run(network: &str, link: Transport, batch: u32, load: Load, seed: u64) -> Outcome {
     let network = Profile::find(network).unwrap();
     let batch = BatchSize::new(batch).unwrap();
-    simulate(&Scenario { network, link, batch, frames: 60, seed, workload: Workload::steady(load) }).unwrap()
+    let (workload, knobs) = (Workload::steady(load), Knobs::default());
+    simulate(&Scenario { network, link, batch, frames: 60, seed, workload, knobs }).unwrap()
 }
 
 #[test]
@@ -28,6 +29,9 @@ fn every_transport_shows_every_frame_once_and_the_parts_of_its_time_add_up() {
         assert_eq!(outcome.times.len(), 60);
         for pair in outcome.times.windows(2) {
             assert!(pair[0].shown < pair[1].shown, "{link:?}");
+        }
+        for (times, split) in outcome.times.iter().zip(outcome.splits()) {
+            assert_eq!(split.total(), times.shown.since(times.published), "{link:?}: {times:?}");
         }
         for times in &outcome.times[1..] {
             let moments = [
@@ -70,8 +74,8 @@ fn an_idle_network_costs_the_time_of_the_bits() {
 fn the_same_seed_gives_the_same_session_and_another_one_another() {
     for link in ALL {
         let [first, again, other] = [7, 7, 8].map(|seed| run("wifi", link, 1024, load(2000, 4), seed));
-        assert_eq!((&first.trace_hash, &first.times), (&again.trace_hash, &again.times), "{link:?}");
-        assert_ne!(first.trace_hash, other.trace_hash, "{link:?}");
+        assert_eq!((&first.trace_hashes, &first.times), (&again.trace_hashes, &again.times), "{link:?}");
+        assert_ne!(first.trace_hashes, other.trace_hashes, "{link:?}");
     }
 }
 

@@ -12,6 +12,9 @@ use crate::topology::HostId;
 /// The header of UDP, bytes (RFC 768).
 const UDP_HEADER: u32 = 8;
 
+/// The largest payload of a small datagram, bytes: see [`Class::SmallDatagram`].
+const SMALL_DATAGRAM: usize = 64;
+
 /// An IP packet.
 #[derive(Debug, Clone)]
 pub(crate) struct Packet {
@@ -60,6 +63,7 @@ impl Packet {
 
     pub(crate) const fn class(&self) -> Class {
         match &self.body {
+            Body::Udp(data) if data.len() <= SMALL_DATAGRAM => Class::SmallDatagram,
             Body::Udp(_) => Class::Datagram,
             Body::Tcp(segment) => segment.class,
         }

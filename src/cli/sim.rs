@@ -2,99 +2,143 @@
 
 use std::fs;
 use std::io::Write;
+use std::path::Path;
 use std::time::Duration;
 
-use trimaran::report::text;
-use trimaran::simulate::{Load, Outcome, Scenario, Transport, Workload, simulate};
+use rayon::prelude::*;
+use trimaran::report::simulation;
+use trimaran::simulate::{Knobs, Load, Outcome, Painter, Scenario, Transport, Workload, pooled, simulate};
+use trimaran_gpu::{Gpu, GpuScene};
 use trimaran_netsim::Profile;
-use trimaran_proto::BatchSize;
+use trimaran_proto::{BatchSize, IdCoding};
 
 use super::{
     Failure,
-    args::{SimArgs, SimLink},
+    args::{Coding, SimArgs, SimLink},
     print_json, progress,
+    walking::{gpu_options, open},
 };
 
 pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
     let scenarios = scenarios(args)?;
     let bar = progress::bar("simulating", scenarios.len() as u64);
-    let mut outcomes = Vec::new();
-    for scenario in &scenarios {
-        outcomes.push(simulate(scenario).map_err(Failure::broken)?);
-        bar.inc(1);
-    }
+    // Each run is one thread's, and its outcome its place's: more cores change nothing but the time.
+    let runs: Result<Vec<Outcome>, _> = scenarios
+        .par_iter()
+        .map(|scenario| {
+            let outcome = simulate(scenario);
+            bar.inc(1);
+            outcome
+        })
+        .collect();
     bar.finish_and_clear();
+    let mut runs = runs.map_err(Failure::broken)?;
+    if let Some(scene) = &args.scene {
+        draw_gaps(scene, args.device.as_deref(), &scenarios, &mut runs)?;
+    }
+    let pooled = pooled(&runs);
     if let Some(folder) = &args.out {
         let write = |name: &str, text: &str| fs::write(folder.join(name), text);
+        let command: Vec<String> = std::env::args().collect();
         fs::create_dir_all(folder)
-            .and_then(|()| write("sim.json", &serde_json::to_string_pretty(&outcomes)?))
-            .and_then(|()| write("frames.csv", &frames_csv(&outcomes)))
+            .and_then(|()| write("sim.json", &serde_json::to_string_pretty(&runs)?))
+            .and_then(|()| write("runs.csv", &simulation::runs_csv(&runs)))
+            .and_then(|()| write("frames.csv", &simulation::frames_csv(&runs)))
+            .and_then(|()| write("sim.html", &simulation::page(&pooled, &command)))
             .map_err(Failure::broken)?;
     }
     if args.json {
-        return print_json(&outcomes);
+        return print_json(&runs);
     }
     let mut out = std::io::stdout().lock();
-    let written = write!(out, "{}", text::simulations(&outcomes));
+    let written = write!(out, "{}", simulation::tables(&pooled));
     written.map_err(Failure::broken)
 }
 
+/// Every network with every transport, every number of ids, every batch and every seed; seeds of the same are neighbours.
 fn scenarios(args: &SimArgs) -> Result<Vec<Scenario>, Failure> {
-    let workload = match &args.trace {
-        Some(report) => Workload::recorded(report).map_err(Failure::bad_input)?,
-        None => {
-            let time = |ms: f64| Duration::from_secs_f64(ms / 1e3);
-            let (or, hc, rvg) = (time(args.or_ms), time(args.hc_ms), time(args.rvg_ms));
-            Workload::steady(Load { nodes: args.nodes, or, hc, rvg })
-        }
-    };
+    let networks: Vec<Profile> = (args.network.iter())
+        .map(|name| Profile::find(name).map_err(Failure::bad_input))
+        .collect::<Result<_, _>>()?;
+    let batches: Vec<BatchSize> = (args.batch.iter())
+        .map(|batch| BatchSize::new(u32::from(*batch)).map_err(Failure::bad_input))
+        .collect::<Result<_, _>>()?;
+    if args.trace.is_none() && args.coding == Coding::Changes {
+        return Err(Failure::bad_input("--coding changes needs --trace: made-up frames are all alike"));
+    }
+    let workloads = workloads(args)?;
+    let links: Vec<(Transport, Knobs)> = args.link.iter().flat_map(|link| knobs(args, *link)).collect();
     let mut scenarios = Vec::new();
-    for name in &args.network {
-        let network = Profile::find(name).map_err(Failure::bad_input)?;
-        for link in &args.link {
-            for batch in &args.batch {
-                scenarios.push(Scenario {
-                    network: network.clone(),
-                    link: match link {
-                        SimLink::Tcp => Transport::Tcp,
-                        SimLink::Quic => Transport::Quic,
-                        SimLink::Udp => Transport::Udp,
-                    },
-                    batch: BatchSize::new(u32::from(*batch)).map_err(Failure::bad_input)?,
-                    frames: args.frames,
-                    seed: args.seed,
-                    workload: workload.clone(),
-                });
+    for network in &networks {
+        for (link, knobs) in &links {
+            for workload in &workloads {
+                for batch in &batches {
+                    scenarios.extend(args.seed.iter().map(|seed| Scenario {
+                        network: network.clone(),
+                        link: *link,
+                        batch: *batch,
+                        frames: args.frames,
+                        seed: *seed,
+                        workload: workload.clone(),
+                        knobs: *knobs,
+                    }));
+                }
             }
         }
     }
     Ok(scenarios)
 }
 
-/// When what happened to each frame, in nanoseconds of the run's own clock.
-fn frames_csv(outcomes: &[Outcome]) -> String {
-    let mut csv = "network,link,batch,frame,nodes,published_ns,taken_ns,fed_ns,occluded_ns,culled_ns,arrived_ns,shown_ns\n".to_owned();
-    for outcome in outcomes {
-        for (frame, times) in outcome.times.iter().enumerate() {
-            let moments = [
-                times.published,
-                times.taken,
-                times.fed,
-                times.occluded,
-                times.culled,
-                times.arrived,
-                times.shown,
-            ];
-            let moments: Vec<String> = moments.iter().map(|at| at.as_nanos().to_string()).collect();
-            csv += &format!(
-                "{},{},{},{frame},{},{}\n",
-                outcome.network,
-                outcome.link.name(),
-                outcome.batch,
-                times.nodes,
-                moments.join(",")
-            );
-        }
+fn workloads(args: &SimArgs) -> Result<Vec<Workload>, Failure> {
+    if let Some(trace) = &args.trace {
+        return Ok(vec![Workload::recorded(trace).map_err(Failure::bad_input)?]);
     }
-    csv
+    let time = |ms: f64| Duration::from_secs_f64(ms / 1e3);
+    let (or, hc, rvg) = (time(args.or_ms), time(args.hc_ms), time(args.rvg_ms));
+    Ok(args.nodes.iter().map(|nodes| Workload::steady(Load { nodes: *nodes, or, hc, rvg })).collect())
+}
+
+/// A transport in each of its modes that are asked for.
+fn knobs(args: &SimArgs, link: SimLink) -> Vec<(Transport, Knobs)> {
+    let usual = Knobs {
+        coding: IdCoding::from(args.coding),
+        in_the_clear: args.udp_in_the_clear,
+        ..Knobs::default()
+    };
+    let deadline = |ms: &f64| Duration::from_secs_f64(ms / 1e3);
+    let repairs = || args.udp_repair.iter().map(|percent| Knobs { repair_percent: *percent, ..usual });
+    match link {
+        SimLink::Tcp => vec![(Transport::Tcp, usual)],
+        SimLink::Quic => vec![(Transport::Quic, usual)],
+        SimLink::Udp => repairs().map(|knobs| (Transport::Udp, knobs)).collect(),
+        SimLink::UdpDeadline => (args.udp_deadline_ms.iter())
+            .flat_map(|ms| repairs().map(|knobs| Knobs { deadline: deadline(ms), ..knobs }))
+            .map(|knobs| (Transport::UdpDeadline, knobs))
+            .collect(),
+    }
+}
+
+/// Draws what displays showed that got only a part of a frame.
+fn draw_gaps(
+    scene: &Path,
+    device: Option<&str>,
+    scenarios: &[Scenario],
+    runs: &mut [Outcome],
+) -> Result<(), Failure> {
+    let Some(trace) = scenarios.first().and_then(|scenario| scenario.workload.trace()) else {
+        return Err(Failure::bad_input(
+            "--scene needs a --trace with ids: one that `trimaran run --record` wrote",
+        ));
+    };
+    let file = open(scene)?;
+    let gpu = Gpu::open(&gpu_options(device)).map_err(Failure::broken)?;
+    let drawn = GpuScene::upload(&gpu, &file.scene).map_err(Failure::broken)?;
+    let mut painter = Painter::new(&file.scene, &drawn, trace).map_err(Failure::bad_input)?;
+    let bar = progress::bar("drawing", runs.len() as u64);
+    for (run, scenario) in runs.iter_mut().zip(scenarios) {
+        run.pixels = Some(painter.cost(&scenario.workload, run).map_err(Failure::broken)?);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(())
 }

@@ -10,6 +10,7 @@ mod png;
 #[cfg(test)]
 mod sample;
 pub mod schema;
+pub mod simulation;
 pub mod text;
 mod write;
 

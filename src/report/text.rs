@@ -2,7 +2,6 @@
 
 use super::format::{figure, grouped, plural, sweep_cells, with_unit};
 use super::schema::{METRICS, Report, SweepPoint};
-use crate::simulate::Outcome;
 
 /// The metrics that the printed summary shows; `report.json` has all.
 const PRINTED: [&str; 15] = [
@@ -143,74 +142,7 @@ pub fn sweep(points: &[SweepPoint]) -> String {
 }
 
 /// Aligned columns: the first to the left, the others to the right.
-/// What simulations came to: latencies, then bytes; two tables with a row a run.
-#[must_use]
-pub fn simulations(outcomes: &[Outcome]) -> String {
-    let names = |outcome: &Outcome| {
-        vec![outcome.network.clone(), outcome.link.name().to_owned(), outcome.batch.to_string()]
-    };
-    let mut out = "latency from a camera leaving RVG to its picture, milliseconds; pictures later than a 30th and a 60th of a second\n\n".to_owned();
-    let rows: Vec<Vec<String>> = outcomes
-        .iter()
-        .map(|outcome| {
-            let latency = outcome.latency_ms;
-            let times = [
-                latency.p50,
-                latency.p95,
-                latency.p99,
-                latency.p999,
-                outcome.network_ms.p50,
-                outcome.network_ms.p99,
-                outcome.frames_per_second,
-            ];
-            let late = [outcome.late_at_30, outcome.late_at_60].map(|frames| frames.to_string());
-            names(outcome).into_iter().chain(times.map(figure)).chain(late).collect()
-        })
-        .collect();
-    let head = [
-        "network", "link", "b", "p50", "p95", "p99", "p99.9", "net p50", "net p99", "frames/s", "late 30",
-        "late 60",
-    ];
-    out += &table(&head, &rows);
-    out += "\nbytes a frame over all links, by what they are; the paper's formula multiplies ids and headers, the other adds them\n\n";
-    let rows: Vec<Vec<String>> = outcomes
-        .iter()
-        .map(|outcome| {
-            let bytes = &outcome.bytes;
-            let parts = [
-                bytes.total,
-                bytes.ids,
-                bytes.messages,
-                bytes.transport,
-                bytes.transport_headers,
-                bytes.ip_headers,
-                bytes.link_layer,
-                bytes.packets,
-                bytes.corrected,
-                bytes.paper,
-            ];
-            names(outcome).into_iter().chain(parts.map(figure)).collect()
-        })
-        .collect();
-    let head = [
-        "network",
-        "link",
-        "b",
-        "all",
-        "ids",
-        "messages",
-        "transport",
-        "tcp/udp",
-        "ip",
-        "link layer",
-        "packets",
-        "2(4n+hn/b)+3(72+h)",
-        "paper",
-    ];
-    out + &table(&head, &rows)
-}
-
-fn table(head: &[&str], rows: &[Vec<String>]) -> String {
+pub(super) fn table(head: &[&str], rows: &[Vec<String>]) -> String {
     let head: Vec<String> = head.iter().map(|h| (*h).to_owned()).collect();
     let lines = || std::iter::once(&head).chain(rows);
     let width = |column: usize| {

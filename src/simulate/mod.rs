@@ -3,18 +3,24 @@
 //!
 //! Ten thousand frames take seconds, and the same seed gives the same frames.
 
+mod bytes;
 mod outcome;
+mod pixels;
 mod roles;
 mod session;
 mod workload;
 
-pub use outcome::{FrameBytes, FrameTimes, Outcome, Percentiles};
+pub use bytes::FrameBytes;
+pub use outcome::{FrameTimes, Outcome, Percentiles, Split, pooled};
+pub use pixels::{Painter, PixelCost, PixelError};
 pub use session::{RoleFailure, SimulateError, simulate};
 pub use workload::{Load, Workload, WorkloadError};
 
+use std::time::Duration;
+
 use serde::Serialize;
 use trimaran_netsim::Profile;
-use trimaran_proto::BatchSize;
+use trimaran_proto::{BatchSize, IdCoding};
 
 /// What is simulated.
 #[derive(Debug, Clone)]
@@ -31,6 +37,32 @@ pub struct Scenario {
     pub seed: u64,
     /// What each frame takes.
     pub workload: Workload,
+    /// What else may be set.
+    pub knobs: Knobs,
+}
+
+/// What of links may be set in a simulation beside the transport.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Knobs {
+    /// How ids travel. Default plain, as the formulas count them.
+    pub coding: IdCoding,
+    /// For `udp` with deadlines: how long after its end a frame may arrive. Default 50 ms.
+    pub deadline: Duration,
+    /// For `udp`: how many bytes of repair may be sent while packets are lost, percent of the frames' own. Default 15.
+    pub repair_percent: u8,
+    /// For `udp`: nothing is encrypted, so that a capture shows what is said. Default no.
+    pub in_the_clear: bool,
+}
+
+impl Default for Knobs {
+    fn default() -> Self {
+        Self {
+            coding: IdCoding::Plain,
+            deadline: Duration::from_millis(50),
+            repair_percent: 15,
+            in_the_clear: false,
+        }
+    }
 }
 
 /// What joins machines.
@@ -41,18 +73,31 @@ pub enum Transport {
     Tcp,
     /// A QUIC connection a link.
     Quic,
-    /// The project's own connection over datagrams.
+    /// The project's own connection over datagrams: every frame arrives whole.
     Udp,
+    /// The same: what of a frame would come too late is given up, and the display makes up for it.
+    UdpDeadline,
 }
 
 impl Transport {
-    /// Its name in endpoints.
+    /// What it is called in flags and tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Tcp => "tcp",
             Self::Quic => "quic",
             Self::Udp => "udp",
+            Self::UdpDeadline => "udp-deadline",
+        }
+    }
+
+    /// The endpoint of `place`, a host with its port.
+    fn endpoint(self, place: &str) -> String {
+        match self {
+            Self::Tcp => format!("tcp://{place}"),
+            Self::Quic => format!("quic://{place}"),
+            Self::Udp => format!("udp://{place}"),
+            Self::UdpDeadline => format!("udp://{place}?mode=deadline"),
         }
     }
 }

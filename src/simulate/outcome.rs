@@ -1,26 +1,28 @@
 //! How a simulated session went.
 
 use std::collections::BTreeMap;
-use std::ops::Sub;
 use std::time::Duration;
 
 use serde::Serialize;
-use trimaran_netsim::{Class, FrameLoad, WireTally};
-use trimaran_transport::{Instant, Traffic};
+use trimaran_proto::DrawableId;
+use trimaran_transport::Instant;
 
+use super::bytes::{Account, FrameBytes};
+use super::pixels::PixelCost;
 use super::{Scenario, Transport};
-
-/// The header that the paper counts around each packet: TCP, IP and Ethernet, 50 bytes (section 3.3).
-const PAPER_HEADER: f64 = 50.0;
 
 /// When what happened to a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FrameTimes {
     /// How many ids it has.
     pub nodes: u32,
+    /// How many of them never came to the display.
+    pub missing: u32,
     /// Its camera left RVG.
     pub published: Instant,
-    /// OR waits for the ids of the frame before, with the camera in its hand.
+    /// Its machine is free, and waits for the camera.
+    pub asked: Instant,
+    /// The machine has the camera, and OR waits for the ids of the frame before.
     pub taken: Instant,
     /// They are there, and OR draws them.
     pub fed: Instant,
@@ -28,52 +30,82 @@ pub struct FrameTimes {
     pub occluded: Instant,
     /// HC has found the last id.
     pub culled: Instant,
-    /// The frame's end is at the display.
+    /// The display, free for it, has the frame's end.
     pub arrived: Instant,
     /// The picture is shown.
     pub shown: Instant,
 }
 
-/// How a session went.
+/// Where a frame's time went. All together it is the time from its camera leaving RVG to its picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Split {
+    /// For a machine that was busy with another frame, or for another machine's culling.
+    pub waiting: Duration,
+    /// For something under way, by a machine that was free for it.
+    pub network: Duration,
+    /// OR.
+    pub occluders: Duration,
+    /// HC.
+    pub culling: Duration,
+    /// RVG.
+    pub drawing: Duration,
+}
+
+/// How a session went, or several that differ in their seeds only.
 #[derive(Debug, Clone, Serialize)]
 pub struct Outcome {
     /// The network's name.
     pub network: String,
     /// What joined the roles.
     pub link: Transport,
+    /// With deadlines: how long after its end a frame might arrive, milliseconds.
+    pub deadline_ms: Option<f64>,
+    /// Over `udp`: how many bytes of repair there might be, percent of the frames' own.
+    pub repair_percent: Option<u8>,
+    /// How ids travelled: `plain` or `changes`.
+    pub coding: &'static str,
     /// How many ids a batch had: the paper's `b`.
     pub batch: usize,
-    /// How many frames were shown.
+    /// How many frames were shown, in all.
     pub frames: u32,
-    /// The seed.
-    pub seed: u64,
+    /// The seeds.
+    pub seeds: Vec<u64>,
     /// The mean number of ids a frame: the paper's `n`.
     pub nodes: f64,
     /// Frames a second, from the first picture to the last.
     pub frames_per_second: f64,
     /// From a camera leaving RVG to its picture shown, milliseconds.
     pub latency_ms: Percentiles,
-    /// Of that: the camera on its way, and waiting for its machine.
-    pub camera_ms: Percentiles,
-    /// Of that: OR waiting for the last ids of the frame before, and drawing.
+    /// Of that: for a machine that is busy with another frame, or for the culling of the frame before.
+    pub waiting_ms: Percentiles,
+    /// Of that: for what is under way, the machine being free.
+    pub network_ms: Percentiles,
+    /// Of that: OR.
     pub occluders_ms: Percentiles,
     /// Of that: HC.
     pub culling_ms: Percentiles,
-    /// Of that: from HC's last id to the frame's end at the display: the network, and the display busy with the frame before.
-    pub network_ms: Percentiles,
     /// Of that: RVG.
     pub drawing_ms: Percentiles,
     /// Pictures that came more than a thirtieth of a second after the one before.
     pub late_at_30: u32,
     /// The same for a sixtieth.
     pub late_at_60: u32,
+    /// Frames that came with gaps.
+    pub incomplete: u32,
+    /// What the gaps cost the pictures, where they were drawn.
+    pub pixels: Option<PixelCost>,
     /// Bytes a frame, from the first camera to the last picture.
     pub bytes: FrameBytes,
-    /// A hash of when, between whom and how large every packet was.
-    pub trace_hash: String,
+    /// A hash of when, between whom and how large every packet was; of each session.
+    pub trace_hashes: Vec<String>,
     /// When what happened to each frame.
     #[serde(skip)]
     pub times: Vec<FrameTimes>,
+    /// What came of each frame that came with gaps.
+    #[serde(skip)]
+    pub remains: BTreeMap<u32, Vec<DrawableId>>,
+    #[serde(skip)]
+    account: Account,
 }
 
 /// A distribution.
@@ -87,108 +119,161 @@ pub struct Percentiles {
     pub p99: f64,
     /// 999 of a thousand are.
     pub p999: f64,
+    /// All together, divided by their number.
+    pub mean: f64,
 }
 
-/// Bytes a frame over all links, as machines sent them, by what they were.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct FrameBytes {
-    /// All of them.
-    pub total: f64,
-    /// Ids, 4 bytes each.
-    pub ids: f64,
-    /// The other messages, and the headers of all of them.
-    pub messages: f64,
-    /// What the transport carries beside messages: in datagrams its own headers, acknowledgements, repetitions and seals; in TCP
-    /// repetitions.
-    pub transport: f64,
-    /// The headers of TCP or UDP.
-    pub transport_headers: f64,
-    /// Those of IP.
-    pub ip_headers: f64,
-    /// What Ethernet, or whatever is there, adds.
-    pub link_layer: f64,
-    /// Packets a frame.
-    pub packets: f64,
-    /// Of all bytes, those in packets of TCP that only acknowledge.
-    pub acknowledgements: f64,
-    /// Of all bytes, those in packets of TCP that repeat data.
-    pub repetitions: f64,
-    /// The paper's formula `8 (nh/b) + 3 (72 + h)`, with its `h` of 50.
-    pub paper: f64,
-    /// What the same terms come to when ids and headers are added: `2 (4n + hn/b) + 3 (72 + h)`.
-    pub corrected: f64,
-}
-
-/// What was sent in a time.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Sent {
-    pub(super) wire: BTreeMap<Class, WireTally>,
-    pub(super) messages: Traffic,
-}
-
-impl Sent {
-    pub(super) fn add(&mut self, class: Class, tally: WireTally) {
-        *self.wire.entry(class).or_default() += tally;
-    }
-}
-
-impl Sub for Sent {
-    type Output = Self;
-
-    fn sub(mut self, earlier: Self) -> Self {
-        for (class, tally) in &mut self.wire {
-            *tally = *tally - earlier.wire.get(class).copied().unwrap_or_default();
-        }
-        self.messages = self.messages - earlier.messages;
-        self
-    }
+/// What a session left behind.
+pub(super) struct Ended {
+    pub(super) times: Vec<FrameTimes>,
+    pub(super) remains: BTreeMap<u32, Vec<DrawableId>>,
+    pub(super) account: Account,
+    pub(super) trace_hash: u64,
 }
 
 impl Outcome {
-    pub(super) fn new(scenario: &Scenario, times: Vec<FrameTimes>, sent: Sent, trace_hash: u64) -> Self {
-        let Scenario { network, link, batch, frames, seed, workload } = scenario;
-        let nodes = workload.mean_nodes(*frames);
-        let gaps: Vec<Duration> = times.windows(2).filter_map(gap).collect();
-        let total: Duration = gaps.iter().sum();
-        let late = |limit: f64| gaps.iter().filter(|gap| gap.as_secs_f64() > limit).count() as u32;
-        let span = |from: fn(&FrameTimes) -> Instant, to: fn(&FrameTimes) -> Instant| {
-            Percentiles::of(
-                times.iter().map(|frame| to(frame).since(from(frame)).as_secs_f64() * 1e3).collect(),
-            )
-        };
+    pub(super) fn new(scenario: &Scenario, ended: Ended) -> Self {
+        let Scenario { network, link, batch, frames, seed, workload, knobs } = scenario;
+        let Ended { times, remains, account, trace_hash } = ended;
+        let deadline = (*link == Transport::UdpDeadline).then_some(knobs.deadline);
+        let over_udp = matches!(link, Transport::Udp | Transport::UdpDeadline);
+        let nothing = Percentiles::of(Vec::new());
         Self {
             network: network.name.clone(),
             link: *link,
+            deadline_ms: deadline.map(milliseconds),
+            repair_percent: over_udp.then_some(knobs.repair_percent),
+            coding: knobs.coding.name(),
             batch: batch.ids(),
             frames: *frames,
-            seed: *seed,
-            nodes,
+            seeds: vec![*seed],
+            nodes: workload.mean_nodes(*frames),
+            frames_per_second: 0.0,
+            latency_ms: nothing,
+            waiting_ms: nothing,
+            network_ms: nothing,
+            occluders_ms: nothing,
+            culling_ms: nothing,
+            drawing_ms: nothing,
+            late_at_30: 0,
+            late_at_60: 0,
+            incomplete: 0,
+            pixels: None,
+            bytes: FrameBytes::of(&account, 0.0, 1),
+            trace_hashes: vec![format!("{trace_hash:016x}")],
+            times,
+            remains,
+            account,
+        }
+        .summed_up()
+    }
+
+    /// Works out the figures from the times and the account.
+    fn summed_up(self) -> Self {
+        // From one session's last picture to the next one's first is no time.
+        let gaps: Vec<Duration> = self.times.windows(2).filter_map(gap).collect();
+        let total: Duration = gaps.iter().sum();
+        let late = |limit: f64| gaps.iter().filter(|gap| gap.as_secs_f64() > limit).count() as u32;
+        let splits = self.splits();
+        let part = |of: fn(&Split) -> Duration| {
+            Percentiles::of(splits.iter().map(|split| milliseconds(of(split))).collect())
+        };
+        Self {
             frames_per_second: if total.is_zero() { 0.0 } else { gaps.len() as f64 / total.as_secs_f64() },
-            latency_ms: span(|f| f.published, |f| f.shown),
-            camera_ms: span(|f| f.published, FrameTimes::in_hand),
-            occluders_ms: span(FrameTimes::in_hand, |f| f.occluded),
-            culling_ms: span(|f| f.occluded, |f| f.culled),
-            network_ms: span(|f| f.culled, |f| f.arrived),
-            drawing_ms: span(|f| f.arrived, |f| f.shown),
+            latency_ms: part(Split::total),
+            waiting_ms: part(|split| split.waiting),
+            network_ms: part(|split| split.network),
+            occluders_ms: part(|split| split.occluders),
+            culling_ms: part(|split| split.culling),
+            drawing_ms: part(|split| split.drawing),
             late_at_30: late(1.0 / 30.0),
             late_at_60: late(1.0 / 60.0),
-            bytes: FrameBytes::of(&sent, nodes, batch.ids(), *frames),
-            trace_hash: format!("{trace_hash:016x}"),
-            times,
+            incomplete: self.times.iter().filter(|times| times.missing > 0).count() as u32,
+            bytes: FrameBytes::of(&self.account, self.nodes, self.batch),
+            ..self
         }
     }
+
+    /// Where the time of each frame went.
+    #[must_use]
+    pub fn splits(&self) -> Vec<Split> {
+        let before = std::iter::once(None).chain(self.times.iter().map(Some));
+        self.times.iter().zip(before).map(|(times, before)| times.split(before)).collect()
+    }
+
+    /// The transport and, where there are several, its mode: what tells it apart in a table.
+    #[must_use]
+    pub fn label(&self) -> String {
+        let deadline = self.deadline_ms.map_or_else(String::new, |ms| format!("/{ms}ms"));
+        let usual = super::Knobs::default().repair_percent;
+        let repair = self.repair_percent.filter(|percent| *percent != usual);
+        let repair = repair.map_or_else(String::new, |percent| format!("/r{percent}"));
+        format!("{}{deadline}{repair}", self.link.name())
+    }
+
+    /// Whether the two differ in their seeds only.
+    fn is_like(&self, other: &Self) -> bool {
+        let what = |outcome: &Self| (outcome.network.clone(), outcome.label(), outcome.coding, outcome.batch);
+        what(self) == what(other) && self.nodes.to_bits() == other.nodes.to_bits()
+    }
+}
+
+/// Neighbours that differ in their seeds only, taken together: their frames are one distribution.
+#[must_use]
+pub fn pooled(outcomes: &[Outcome]) -> Vec<Outcome> {
+    outcomes.chunk_by(Outcome::is_like).filter_map(|alike| alike.iter().cloned().reduce(pool)).collect()
+}
+
+fn pool(mut all: Outcome, more: Outcome) -> Outcome {
+    let first = all.frames;
+    all.frames += more.frames;
+    all.seeds.extend(more.seeds);
+    all.trace_hashes.extend(more.trace_hashes);
+    all.times.extend(more.times);
+    all.remains.extend(more.remains.into_iter().map(|(frame, ids)| (first + frame, ids)));
+    all.pixels = all.pixels.zip(more.pixels).map(|(one, other)| one + other);
+    all.account = all.account + more.account;
+    all.summed_up()
 }
 
 fn gap(pair: &[FrameTimes]) -> Option<Duration> {
     let [before, after] = pair else { return None };
-    Some(after.shown.since(before.shown))
+    (after.shown > before.shown).then(|| after.shown.since(before.shown))
 }
 
 impl FrameTimes {
-    /// When OR began to wait for ids; the first frame has none to wait for.
-    fn in_hand(&self) -> Instant {
-        if self.taken < self.published { self.fed } else { self.taken }
+    /// Where the frame's time went, `before` being the frame before it.
+    #[must_use]
+    pub fn split(&self, before: Option<&Self>) -> Split {
+        // A frame that has none before it, or begins another session.
+        let before = before.filter(|before| before.shown < self.shown);
+        let free = self.asked.max(self.published);
+        // The first frame has no ids to wait for.
+        let fed = self.fed.max(self.taken);
+        let culled_before = before.map_or(self.taken, |before| before.culled).clamp(self.taken, fed);
+        let display_free = before.map_or(self.culled, |before| before.shown).clamp(self.culled, self.arrived);
+        Split {
+            waiting: free.since(self.published)
+                + culled_before.since(self.taken)
+                + display_free.since(self.culled),
+            network: self.taken.since(free) + fed.since(culled_before) + self.arrived.since(display_free),
+            occluders: self.occluded.since(fed),
+            culling: self.culled.since(self.occluded),
+            drawing: self.shown.since(self.arrived),
+        }
     }
+}
+
+impl Split {
+    /// All of it.
+    #[must_use]
+    pub fn total(&self) -> Duration {
+        self.waiting + self.network + self.occluders + self.culling + self.drawing
+    }
+}
+
+fn milliseconds(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
 }
 
 impl Percentiles {
@@ -199,31 +284,8 @@ impl Percentiles {
             let rank = (share * values.len() as f64).ceil() as usize;
             values.get(rank.saturating_sub(1)).copied().unwrap_or(0.0)
         };
-        Self { p50: at(0.5), p95: at(0.95), p99: at(0.99), p999: at(0.999) }
-    }
-}
-
-impl FrameBytes {
-    fn of(sent: &Sent, nodes: f64, batch: usize, frames: u32) -> Self {
-        let all = sent.wire.values().fold(WireTally::default(), |all, tally| all + *tally);
-        let of = |class| sent.wire.get(&class).map_or(0, WireTally::bytes);
-        let each = |bytes: u64| bytes as f64 / f64::from(frames.max(1));
-        let ids = sent.messages.ids.bytes;
-        let load = FrameLoad { ids: nodes, batch: batch as f64, header: PAPER_HEADER };
-        Self {
-            total: each(all.bytes()),
-            ids: each(ids),
-            messages: each(sent.messages.total_bytes().saturating_sub(ids)),
-            transport: each(all.payload.saturating_sub(sent.messages.total_bytes())),
-            transport_headers: each(all.transport_headers),
-            ip_headers: each(all.ip_headers),
-            link_layer: each(all.link_layer),
-            packets: each(all.packets),
-            acknowledgements: each(of(Class::Acknowledgement)),
-            repetitions: each(of(Class::Retransmission)),
-            paper: load.paper_bytes(),
-            corrected: load.sent_bytes(),
-        }
+        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+        Self { p50: at(0.5), p95: at(0.95), p99: at(0.99), p999: at(0.999), mean }
     }
 }
 
@@ -234,9 +296,47 @@ mod tests {
     #[test]
     fn percentiles_are_values_that_occurred() {
         let values = (1..=1000).rev().map(f64::from).collect();
-        let expected = Percentiles { p50: 500.0, p95: 950.0, p99: 990.0, p999: 999.0 };
+        let expected = Percentiles { p50: 500.0, p95: 950.0, p99: 990.0, p999: 999.0, mean: 500.5 };
         assert_eq!(Percentiles::of(values), expected);
         assert_eq!(Percentiles::of(vec![7.0]).p999, 7.0);
         assert_eq!(Percentiles::of(Vec::new()).p50, 0.0);
+    }
+
+    fn frame([published, asked, taken, fed, occluded, culled, arrived, shown]: [u64; 8]) -> FrameTimes {
+        let at = Instant::from_nanos;
+        FrameTimes {
+            nodes: 10,
+            missing: 0,
+            published: at(published),
+            asked: at(asked),
+            taken: at(taken),
+            fed: at(fed),
+            occluded: at(occluded),
+            culled: at(culled),
+            arrived: at(arrived),
+            shown: at(shown),
+        }
+    }
+
+    #[test]
+    fn a_free_machine_waits_for_the_network_and_a_busy_one_is_waited_for() {
+        let before = frame([0, 0, 10, 10, 20, 100, 110, 150]);
+        // Its machine is free 30 late, has the camera 5 later; the frame before is culled at 100 and its ids come at 107;
+        // the display is free at 150 and has the end at 153.
+        let after = frame([20, 50, 55, 107, 117, 140, 153, 160]);
+        let ns = Duration::from_nanos;
+        let split = after.split(Some(&before));
+        let expected = Split {
+            waiting: ns(30 + 45 + 10),
+            network: ns(5 + 7 + 3),
+            occluders: ns(10),
+            culling: ns(23),
+            drawing: ns(7),
+        };
+        assert_eq!(split, expected);
+        assert_eq!(split.total(), after.shown.since(after.published));
+        // The first frame has no ids to wait for.
+        let first = frame([0, 0, 10, 10, 20, 100, 110, 150]).split(None);
+        assert_eq!((first.waiting, first.network), (ns(0), ns(20)));
     }
 }

@@ -1,10 +1,11 @@
 //! The roles in virtual time: their state machines and their links, with pauses where they would compute.
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use trimaran_actors::{DisplayMachine, DisplayStep, Joined, Seat, SwitchMachine, SwitchStep};
-use trimaran_proto::{FrameEvent, FrameNumber, FrameOutcome, FrameStart, FrameStats, Goodbye};
+use trimaran_proto::{DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStart, FrameStats, Goodbye};
 use trimaran_transport::{Instant, Link, Net, StatsHandle, sleep_until};
 
 use super::session::RoleFailure;
@@ -15,6 +16,8 @@ use super::{FrameTimes, Workload};
 pub(super) struct Stage {
     pub(super) workload: Arc<Workload>,
     pub(super) frames: u32,
+    /// Whether frames may arrive with gaps.
+    pub(super) gaps: bool,
     log: Arc<Mutex<Log>>,
 }
 
@@ -23,14 +26,16 @@ pub(super) struct Stage {
 pub(super) struct Log {
     /// By frame.
     pub(super) times: Vec<FrameTimes>,
+    /// What came of each frame that came with gaps.
+    pub(super) remains: BTreeMap<u32, Vec<DrawableId>>,
     /// The counters of every end of every link.
     pub(super) stats: Vec<StatsHandle>,
 }
 
 impl Stage {
-    pub(super) fn new(workload: Arc<Workload>, frames: u32) -> Self {
+    pub(super) fn new(workload: Arc<Workload>, frames: u32, gaps: bool) -> Self {
         let times = (0..frames).map(|frame| FrameTimes::of(workload.of(frame).nodes)).collect();
-        Self { workload, frames, log: Arc::new(Mutex::new(Log { times, ..Log::default() })) }
+        Self { workload, frames, gaps, log: Arc::new(Mutex::new(Log { times, ..Log::default() })) }
     }
 
     /// The log, to be written or read.
@@ -61,6 +66,7 @@ pub(super) async fn display(
     for frame in machine.first_cameras() {
         hand_out(net, stage, &mut machine, links, frame)?;
     }
+    let mut ids = Vec::new();
     while let DisplayStep::Await { from, frame } = machine.step() {
         match of(links, from).frames_rx.recv().await? {
             FrameEvent::Begin(start) => {
@@ -68,14 +74,22 @@ pub(super) async fn display(
                     hand_out(net, stage, &mut machine, links, next)?;
                 }
             }
+            FrameEvent::Ids(batch) if stage.gaps => ids.extend(batch.iter()),
             FrameEvent::Ids(_) | FrameEvent::Stats(_) => {}
-            FrameEvent::End(FrameOutcome::Complete(_)) => {
+            FrameEvent::End(outcome) => {
                 machine.ended()?;
                 let arrived = net.now();
+                let came = std::mem::take(&mut ids);
+                if let FrameOutcome::Incomplete { expected, received, .. } = outcome {
+                    if !stage.gaps {
+                        return Err(RoleFailure::Incomplete { frame });
+                    }
+                    stage.note(frame, |times| times.missing = expected.saturating_sub(received));
+                    stage.log(|log| log.remains.insert(frame.0, came));
+                }
                 compute(net, stage.workload.of(frame.0).rvg).await;
                 stage.note(frame, |times| (times.arrived, times.shown) = (arrived, net.now()));
             }
-            FrameEvent::End(_) => return Err(RoleFailure::Incomplete { frame }),
         }
     }
     Ok(())
@@ -113,15 +127,17 @@ pub(super) async fn switch(
     let mut machine = SwitchMachine::new(seat, Some(stage.frames));
     loop {
         match machine.step() {
-            SwitchStep::AwaitCamera { .. } => machine.camera(display.latest_rx.latest().await?)?,
-            SwitchStep::Occlude { camera } => {
-                stage.note(camera.frame(), |times| times.taken = net.now());
-                match other.frames_rx.recv().await? {
-                    FrameEvent::Begin(start) => machine.occluders_began(start.frame)?,
-                    FrameEvent::Ids(_) | FrameEvent::Stats(_) => {}
-                    FrameEvent::End(_) => machine.occluders_ended()?,
-                }
+            SwitchStep::AwaitCamera { .. } => {
+                let asked = net.now();
+                let camera = display.latest_rx.latest().await?;
+                stage.note(camera.frame(), |times| (times.asked, times.taken) = (asked, net.now()));
+                machine.camera(camera)?;
             }
+            SwitchStep::Occlude { .. } => match other.frames_rx.recv().await? {
+                FrameEvent::Begin(start) => machine.occluders_began(start.frame)?,
+                FrameEvent::Ids(_) | FrameEvent::Stats(_) => {}
+                FrameEvent::End(_) => machine.occluders_ended()?,
+            },
             SwitchStep::Cull { camera, feeds_other } => {
                 let frame = camera.frame();
                 let load = stage.workload.of(frame.0);
@@ -174,7 +190,9 @@ impl FrameTimes {
         let start = Instant::from_nanos(0);
         Self {
             nodes,
+            missing: 0,
             published: start,
+            asked: start,
             taken: start,
             fed: start,
             occluded: start,

@@ -7,18 +7,19 @@ use thiserror::Error;
 use trimaran_actors::{JoinError, OrderError, Place, Seat, await_pair, join_session};
 use trimaran_netsim::{HostId, Machines, Simulation, Stalled};
 use trimaran_proto::{
-    EpsilonPx, FrameNumber, IdCoding, Identity, PictureSize, Role, SceneHash, Settings, SettingsError,
-    TesterKind,
+    EpsilonPx, FrameNumber, Identity, PictureSize, Role, SceneHash, Settings, SettingsError, TesterKind,
 };
 use trimaran_transport::keys::{Keys, KeysError, Security};
+use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{
     Endpoint, EndpointError, EndpointFault, ListenError, Listener, Net, Options, RecvError, SendError,
     Traffic, sleep_until,
 };
 
-use super::outcome::Sent;
+use super::bytes::{Account, Sent};
+use super::outcome::Ended;
 use super::roles::{Stage, display, leave, switch};
-use super::{Outcome, Scenario};
+use super::{Knobs, Outcome, Scenario, Transport};
 
 /// How long the roles may take to find each other.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -93,25 +94,24 @@ pub enum RoleFailure {
 /// # Errors
 /// When a role fails, for instance because a link falls silent for longer than links are patient.
 pub fn simulate(scenario: &Scenario) -> Result<Outcome, SimulateError> {
-    let Scenario { network, link, batch, frames, seed, workload } = scenario;
+    let Scenario { network, link, batch, frames, seed, workload, knobs } = scenario;
     let (topology, machines) = network.topology();
     let simulation = Simulation::new(&topology, *seed);
-    let scheme = link.name();
     let place = |host: &str, options: &Options| -> Result<Place, SimulateError> {
-        Ok(Place { endpoint: format!("{scheme}://{host}").parse::<Endpoint>()?, options: options.clone() })
+        Ok(Place { endpoint: link.endpoint(host).parse::<Endpoint>()?, options: options.clone() })
     };
-    let [first, second, third] = acquainted()?;
+    let [first, second, third] = acquainted(knobs)?;
     let settings = Settings {
         size: PictureSize::new(1024, 1024)?,
         epsilon: EpsilonPx::new(2.0)?,
         batch: *batch,
-        coding: IdCoding::Plain,
+        coding: knobs.coding,
         tester: TesterKind::Hzb,
         lockstep: true,
         few_pixels: false,
         frames: Some(*frames),
     };
-    let stage = Stage::new(Arc::new(workload.clone()), *frames);
+    let stage = Stage::new(Arc::new(workload.clone()), *frames, *link == Transport::UdpDeadline);
     let net = |host| -> Arc<dyn Net> { Arc::new(simulation.net(host)) };
     let nets = [net(machines.first), net(machines.second), net(machines.display)];
     let pair = |seat, options: Options| {
@@ -127,16 +127,18 @@ pub fn simulate(scenario: &Scenario) -> Result<Outcome, SimulateError> {
     let failed = |role, cause: RoleFailure| SimulateError::Role {
         role,
         network: network.name.clone(),
-        link: scheme,
+        link: link.name(),
         cause: Box::new(cause),
     };
     // Whoever fails first takes the others with it: they hear only of a lost link.
     for (role, ended) in [("pair's first machine", first), ("pair's second machine", second)] {
         ended.map_err(|cause| failed(role, cause))?;
     }
-    let counted = counted.map_err(|cause| failed("display", cause))?;
-    let times = stage.log(|log| std::mem::take(&mut log.times));
-    Ok(Outcome::new(scenario, times, counted, simulation.trace_hash()))
+    let (sent, before) = counted.map_err(|cause| failed("display", cause))?;
+    let (times, remains) =
+        stage.log(|log| (std::mem::take(&mut log.times), std::mem::take(&mut log.remains)));
+    let account = Account { sessions: 1, frames: *frames, sent, before };
+    Ok(Outcome::new(scenario, Ended { times, remains, account, trace_hash: simulation.trace_hash() }))
 }
 
 async fn pair_role(
@@ -161,7 +163,7 @@ async fn display_role(
     place: &Place,
     settings: Settings,
     machines: Machines,
-) -> Result<Sent, RoleFailure> {
+) -> Result<(Sent, u64), RoleFailure> {
     let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(settings) };
     let listener = Listener::bind(net, &place.endpoint, identity, &place.options).await?;
     let mut links = await_pair(listener, net.now().after(PATIENCE)).await?;
@@ -170,9 +172,10 @@ async fn display_role(
     stage.log(|log| log.stats.extend(handles));
     let before = count(simulation, stage, machines);
     display(net, stage, &mut links).await?;
+    let handshakes = before.bytes();
     let sent = count(simulation, stage, machines) - before;
     leave(links).await;
-    Ok(sent)
+    Ok((sent, handshakes))
 }
 
 /// What was sent so far: by the links' own count, and on the wire by what it was for.
@@ -183,7 +186,7 @@ fn count(simulation: &Simulation, stage: &Stage, machines: Machines) -> Sent {
     for from in hosts {
         for to in hosts {
             for (class, tally) in simulation.sent_by_class(from, to) {
-                sent.add(class, tally);
+                sent.add_packets(class, tally);
             }
         }
     }
@@ -194,12 +197,19 @@ fn count(simulation: &Simulation, stage: &Stage, machines: Machines) -> Sent {
 }
 
 /// Options of three machines that know each other.
-fn acquainted() -> Result<[Options; 3], SimulateError> {
+fn acquainted(knobs: &Knobs) -> Result<[Options; 3], SimulateError> {
     let keys = |name: &str| -> Result<Keys, SimulateError> { Ok(Keys::generate(name.parse()?)?) };
     let all = [keys("first")?, keys("second")?, keys("display")?];
     let peers: Vec<_> = all.iter().map(|keys| keys.public().clone()).collect();
+    let udp = UdpOptions {
+        trust: if knobs.in_the_clear { Trust::Plaintext } else { Trust::Keys },
+        deadline: knobs.deadline,
+        repair_percent: knobs.repair_percent,
+        ..UdpOptions::default()
+    };
     Ok(all.map(|keys| Options {
         security: Some(Security { keys, peers: peers.clone() }),
+        udp: udp.clone(),
         ..Options::default()
     }))
 }

@@ -1,7 +1,8 @@
 //! The file: a mark, a version, a length, the frames, and a checksum at the end.
 
-use std::fs;
+use std::fs::{self, Permissions};
 use std::io;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -129,7 +130,9 @@ impl Trace {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
         let folder = folder.unwrap_or_else(|| Path::new("."));
         fs::create_dir_all(folder)
-            .and_then(|()| tempfile::NamedTempFile::new_in(folder))
+            .and_then(|()| {
+                tempfile::Builder::new().permissions(Permissions::from_mode(0o666)).tempfile_in(folder)
+            })
             .and_then(|file| {
                 fs::write(file.path(), bytes)?;
                 file.persist(path).map_err(|failure| failure.error)

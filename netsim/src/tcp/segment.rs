@@ -36,6 +36,9 @@ pub(crate) struct Range {
 pub enum Class {
     /// A datagram of UDP.
     Datagram,
+    /// A datagram of at most 64 bytes: an acknowledgement or a sign of life, in protocols whose headers and seal alone come close to
+    /// that.
+    SmallDatagram,
     /// Data sent for the first time.
     #[default]
     Data,

@@ -16,6 +16,8 @@ const BOTTOM: f64 = HEIGHT - 40.0;
 const DOTS_UP_TO: usize = 90;
 /// An axis is logarithmic where the largest value is this many times the median.
 const LOG_ABOVE: f64 = 6.0;
+/// A horizontal axis is where the largest value is more than this many times the smallest.
+const LOG_X_ABOVE: f64 = 50.0;
 
 /// What a chart shows for one name of its legend.
 #[derive(Debug, Clone)]
@@ -201,6 +203,10 @@ impl Chart {
     fn x_axis(&self) -> Axis {
         let xs = || self.series.iter().flat_map(|s| &s.points).map(|p| p.0);
         let (low, high) = (xs().fold(f64::INFINITY, f64::min), xs().fold(f64::NEG_INFINITY, f64::max));
+        if self.keys.is_empty() && low > 0.0 && high > LOG_X_ABOVE * low {
+            let (low, high) = (low * 0.8, high * 1.25);
+            return Axis { low, high, from: LEFT, to: RIGHT, log: true, empty: false, largest: high };
+        }
         if self.keys.is_empty() {
             return Axis::linear(0.0, if high > 0.0 { high * 1.08 } else { 1.0 }, LEFT, RIGHT);
         }

@@ -5,6 +5,7 @@ mod chart;
 mod exhibit;
 mod figures;
 mod headline;
+pub(super) mod simulation;
 mod tables;
 mod timeline;
 

@@ -33,8 +33,13 @@ impl<'a> Timeline<'a> {
                 .partial_cmp(&frames[b].slowest_role_ms())
                 .unwrap_or(std::cmp::Ordering::Equal)
         })?;
-        let first = slowest.saturating_sub(WINDOW / 2).min(frames.len().saturating_sub(WINDOW));
-        let frames = &frames[first..(first + WINDOW).min(frames.len())];
+        Self::around(frames, slowest)
+    }
+
+    /// The window around one frame; `None` if nothing there was timed.
+    pub(super) fn around(frames: &'a [Frame], place: usize) -> Option<Self> {
+        let first = place.saturating_sub(WINDOW / 2).min(frames.len().saturating_sub(WINDOW));
+        let frames = frames.get(first..(first + WINDOW).min(frames.len()))?;
         let spans = || frames.iter().flat_map(|f| &f.timeline);
         let start_ms = spans().map(|s| s.start_ms).fold(f64::INFINITY, f64::min);
         let end_ms = spans().map(|s| s.end_ms).fold(f64::NEG_INFINITY, f64::max);

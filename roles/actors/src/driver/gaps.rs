@@ -8,7 +8,7 @@ use trimaran_scene::Scene;
 
 /// The last frame's set, from which a frame with gaps is made up.
 #[derive(Debug)]
-pub(super) struct Gaps {
+pub struct Gaps {
     scene: Arc<Scene>,
     rule: CutRule,
     last: Vec<DrawableId>,
@@ -17,7 +17,9 @@ pub(super) struct Gaps {
 }
 
 impl Gaps {
-    pub(super) fn new(scene: &Arc<Scene>, rule: CutRule) -> Self {
+    /// For a display that shows `scene` at `rule`'s levels, and has shown nothing yet.
+    #[must_use]
+    pub fn new(scene: &Arc<Scene>, rule: CutRule) -> Self {
         Self { scene: Arc::clone(scene), rule, last: Vec::new(), mapper: None }
     }
 
@@ -25,7 +27,10 @@ impl Gaps {
     ///
     /// What is lost is in most cases what was visible a moment ago. What has just come into sight may be missing until the next
     /// frame, and its absence is known: the frame counts as one with gaps.
-    pub(super) fn fill(&mut self, view: View, ids: &mut Vec<DrawableId>) -> Result<usize, OccluderError> {
+    ///
+    /// # Errors
+    /// When an id is none of the scene's.
+    pub fn fill(&mut self, view: View, ids: &mut Vec<DrawableId>) -> Result<usize, OccluderError> {
         let mapper = match &mut self.mapper {
             Some(mapper) => {
                 mapper.begin(view, self.rule);
@@ -43,7 +48,7 @@ impl Gaps {
     }
 
     /// Notes what was drawn.
-    pub(super) fn drawn(&mut self, ids: &[DrawableId]) {
+    pub fn drawn(&mut self, ids: &[DrawableId]) {
         self.last.clear();
         self.last.extend_from_slice(ids);
     }

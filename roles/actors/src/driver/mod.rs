@@ -13,6 +13,7 @@ mod stop;
 
 pub use cameras::Cameras;
 pub use display::{DisplayRole, Observer, PairTraffic, ShownFrame};
+pub use gaps::Gaps;
 pub use occluders::OccluderPolicy;
 pub use pair::PairRole;
 pub use stop::{Stop, Stopper};

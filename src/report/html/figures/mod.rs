@@ -29,7 +29,7 @@ fn card(finding: &str, svg: &str, caption: &str) -> String {
 }
 
 /// A chart that takes the page's whole width.
-fn wide_card(finding: &str, svg: &str, caption: &str) -> String {
+pub(super) fn wide_card(finding: &str, svg: &str, caption: &str) -> String {
     figure("card all", finding, svg, caption)
 }
 

@@ -1,0 +1,182 @@
+//! What simulations came to: tables to print, and files for other programs.
+
+use super::format::figure;
+use super::html;
+use super::text::table;
+use crate::simulate::Outcome;
+
+/// What simulations came to: latencies, then where the time went, then bytes; a row a run.
+#[must_use]
+pub fn tables(outcomes: &[Outcome]) -> String {
+    let mut out = "latency from a camera leaving RVG to its picture, milliseconds; pictures later than a 30th and a 60th of a second; frames \
+                   that came with gaps\n\n"
+        .to_owned();
+    out += &of(outcomes, &["p50", "p95", "p99", "p99.9", "frames/s", "late 30", "late 60", "gaps"], |run| {
+        let latency = run.latency_ms;
+        let times = [latency.p50, latency.p95, latency.p99, latency.p999, run.frames_per_second];
+        let counts = [run.late_at_30, run.late_at_60, run.incomplete].map(|frames| frames.to_string());
+        times.map(figure).into_iter().chain(counts).collect()
+    });
+    out += "\nof that, on average, milliseconds: waiting for a machine that is busy with another frame; the network; OR, HC, RVG\n\n";
+    let parts = ["waiting", "network", "network p99", "OR", "HC", "RVG", "all"];
+    out += &of(outcomes, &parts, |run| {
+        let mean = |part: crate::simulate::Percentiles| part.mean;
+        let times = [
+            mean(run.waiting_ms),
+            mean(run.network_ms),
+            run.network_ms.p99,
+            mean(run.occluders_ms),
+            mean(run.culling_ms),
+            mean(run.drawing_ms),
+            mean(run.latency_ms),
+        ];
+        times.map(figure).into()
+    });
+    out += "\nbytes a frame over all links, by what they are; h: headers around a packet; the paper's formula multiplies ids and headers, the \
+            other adds them\n\n";
+    let parts = [
+        "all",
+        "ids",
+        "messages",
+        "transport",
+        "tcp/udp",
+        "ip",
+        "link layer",
+        "packets",
+        "h",
+        "acks",
+        "repeated",
+        "2(4n+hn/b)+3(72+h)",
+        "h as is",
+        "paper",
+    ];
+    out += &of(outcomes, &parts, |run| {
+        let bytes = &run.bytes;
+        let parts = [
+            bytes.total,
+            bytes.ids,
+            bytes.messages,
+            bytes.transport,
+            bytes.transport_headers,
+            bytes.ip_headers,
+            bytes.link_layer,
+            bytes.packets,
+            bytes.header,
+            bytes.acknowledgements,
+            bytes.repetitions,
+            bytes.corrected,
+            bytes.corrected_as_measured,
+            bytes.paper,
+        ];
+        parts.map(figure).into()
+    });
+    if outcomes.iter().any(|run| run.pixels.is_some()) {
+        out += "\nwhat gaps cost the pictures: frames with a wrong pixel, wrong pixels a frame over all frames, the most in one, needless \
+                triangles a frame\n\n";
+        out += &of(outcomes, &["frames wrong", "wrong pixels", "worst", "triangles", "p99 ms"], |run| {
+            let Some(cost) = run.pixels else { return Vec::new() };
+            vec![
+                cost.frames_wrong.to_string(),
+                figure(cost.wrong_a_frame()),
+                cost.worst.to_string(),
+                figure(cost.needless_a_frame()),
+                figure(run.latency_ms.p99),
+            ]
+        });
+    }
+    out
+}
+
+fn of(outcomes: &[Outcome], head: &[&str], row: impl Fn(&Outcome) -> Vec<String>) -> String {
+    let rows: Vec<Vec<String>> =
+        outcomes.iter().map(|run| names(run).into_iter().chain(row(run)).collect()).collect();
+    let head: Vec<&str> = ["network", "link", "n", "b"].iter().chain(head).copied().collect();
+    table(&head, &rows)
+}
+
+fn names(run: &Outcome) -> [String; 4] {
+    [run.network.clone(), run.label(), figure(run.nodes), run.batch.to_string()]
+}
+
+/// A line a run, with the figures of the tables.
+#[must_use]
+pub fn runs_csv(outcomes: &[Outcome]) -> String {
+    let mut csv = "network,link,coding,nodes,batch,seed,frames,p50_ms,p95_ms,p99_ms,p999_ms,waiting_ms,network_ms,or_ms,hc_ms,rvg_ms,\
+                   frames_per_second,late_at_30,late_at_60,incomplete,bytes,ids,messages,transport,transport_headers,ip_headers,\
+                   link_layer,packets,acknowledgements,repetitions,keepalive,handshake,paper,corrected,corrected_as_measured\n"
+        .to_owned();
+    for run in outcomes {
+        let (latency, bytes) = (run.latency_ms, &run.bytes);
+        let figures = [
+            latency.p50,
+            latency.p95,
+            latency.p99,
+            latency.p999,
+            run.waiting_ms.mean,
+            run.network_ms.mean,
+            run.occluders_ms.mean,
+            run.culling_ms.mean,
+            run.drawing_ms.mean,
+            run.frames_per_second,
+            f64::from(run.late_at_30),
+            f64::from(run.late_at_60),
+            f64::from(run.incomplete),
+            bytes.total,
+            bytes.ids,
+            bytes.messages,
+            bytes.transport,
+            bytes.transport_headers,
+            bytes.ip_headers,
+            bytes.link_layer,
+            bytes.packets,
+            bytes.acknowledgements,
+            bytes.repetitions,
+            bytes.keepalive,
+            bytes.handshake,
+            bytes.paper,
+            bytes.corrected,
+            bytes.corrected_as_measured,
+        ];
+        let figures = figures.map(|value| value.to_string()).join(",");
+        csv += &format!("{},{},{figures}\n", key(run), run.frames);
+    }
+    csv
+}
+
+/// When what happened to each frame, in nanoseconds of the run's own clock.
+#[must_use]
+pub fn frames_csv(outcomes: &[Outcome]) -> String {
+    let mut csv = "network,link,coding,nodes_mean,batch,seed,frame,nodes,missing,published_ns,asked_ns,taken_ns,fed_ns,occluded_ns,\
+                   culled_ns,arrived_ns,shown_ns\n"
+        .to_owned();
+    for run in outcomes {
+        let key = key(run);
+        for (frame, times) in run.times.iter().enumerate() {
+            let moments = [
+                times.published,
+                times.asked,
+                times.taken,
+                times.fed,
+                times.occluded,
+                times.culled,
+                times.arrived,
+                times.shown,
+            ];
+            let moments = moments.map(|at| at.as_nanos().to_string()).join(",");
+            csv += &format!("{key},{frame},{},{},{moments}\n", times.nodes, times.missing);
+        }
+    }
+    csv
+}
+
+fn key(run: &Outcome) -> String {
+    let seeds: Vec<String> = run.seeds.iter().map(u64::to_string).collect();
+    let network = run.network.replace([',', '"', '\n'], " ");
+    format!("{network},{},{},{},{},{}", run.label(), run.coding, run.nodes, run.batch, seeds.join(" "))
+}
+
+/// The figures as one page that opens offline. `command` is how they can be had again.
+#[must_use]
+pub fn page(outcomes: &[Outcome], command: &[String]) -> String {
+    html::simulation::page(outcomes, command)
+}

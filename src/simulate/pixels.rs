@@ -1,0 +1,180 @@
+//! What lost ids cost the pictures: frames that came with gaps, drawn as the display draws them and as they would have been.
+
+use std::ops::Add;
+use std::sync::Arc;
+
+use serde::Serialize;
+use thiserror::Error;
+use trimaran_actors::Gaps;
+use trimaran_cull::{CutRule, CutRuleError, OccluderError, View, Viewport, ViewportError, draw_order};
+use trimaran_gpu::{GpuError, GpuScene, Picture, PicturePass};
+use trimaran_proto::{DrawableId, FrameNumber, SceneHash};
+use trimaran_scene::Scene;
+
+use super::{Outcome, Workload};
+use crate::report::metrics::{MetricError, mismatching_pixels};
+use crate::trace::Trace;
+use crate::walkthrough::picture_of;
+
+/// What gaps cost the pictures of a session.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct PixelCost {
+    /// How many frames were shown.
+    pub frames: u32,
+    /// How many had a pixel that is not as it would have been without loss.
+    pub frames_wrong: u32,
+    /// Such pixels, all frames together.
+    pub wrong_pixels: u64,
+    /// The most in a frame.
+    pub worst: u64,
+    /// Triangles drawn that would not have been, because the frame before had them and what was lost is not known; all together.
+    pub needless_triangles: u64,
+}
+
+/// Why the cost cannot be told.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum PixelError {
+    /// The trace has no ids.
+    #[error("only a trace of `trimaran run --record` says which ids each frame has")]
+    NoIds,
+    /// The trace is of another scene.
+    #[error(
+        "the walk was recorded in scene {recorded}, and this is scene {here}: give the scene that it was recorded in"
+    )]
+    OtherScene {
+        /// Of the trace.
+        recorded: SceneHash,
+        /// As opened.
+        here: SceneHash,
+    },
+    /// The device fails.
+    #[error("drawing the frames with gaps failed")]
+    Gpu(#[from] GpuError),
+    /// The picture has no pixels.
+    #[error(transparent)]
+    Viewport(#[from] ViewportError),
+    /// The error bound is none.
+    #[error(transparent)]
+    Rule(#[from] CutRuleError),
+    /// An id is none of the scene's.
+    #[error(transparent)]
+    Ids(#[from] OccluderError),
+    /// The pictures do not fit together.
+    #[error(transparent)]
+    Metric(#[from] MetricError),
+}
+
+/// Draws frames of a recorded walk as a display shows them that got only a part.
+pub struct Painter {
+    scene: Arc<Scene>,
+    viewport: Viewport,
+    rule: CutRule,
+    pass: PicturePass,
+    shown: Picture,
+    whole: Picture,
+}
+
+impl Painter {
+    /// For walks through `drawn`, recorded as `trace` says.
+    ///
+    /// # Errors
+    /// When the trace is of another scene or the device cannot draw its pictures.
+    pub fn new(scene: &Arc<Scene>, drawn: &Arc<GpuScene>, trace: &Trace) -> Result<Self, PixelError> {
+        if trace.scene != scene.hash() {
+            return Err(PixelError::OtherScene { recorded: trace.scene, here: scene.hash() });
+        }
+        let [width, height] = trace.size;
+        let viewport = Viewport::new(width, height)?;
+        Ok(Self {
+            scene: Arc::clone(scene),
+            viewport,
+            rule: CutRule::new(trace.epsilon_px)?.stopping_at_few_pixels(trace.few_pixels),
+            pass: PicturePass::new(drawn, viewport)?,
+            shown: Picture::default(),
+            whole: Picture::default(),
+        })
+    }
+
+    /// What the gaps of a session cost that walked `workload`.
+    ///
+    /// HC is taken to find what it found when it was recorded: occluders that lack some ids hide less, never more.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn cost(&mut self, workload: &Workload, outcome: &Outcome) -> Result<PixelCost, PixelError> {
+        if workload.trace().is_none() {
+            return Err(PixelError::NoIds);
+        }
+        let mut cost = PixelCost { frames: outcome.frames, ..PixelCost::default() };
+        let mut gaps = Gaps::new(&self.scene, self.rule);
+        let mut drawn_before: Option<(u32, Vec<DrawableId>)> = None;
+        for (&frame, came) in &outcome.remains {
+            let view = View::new(workload.camera(FrameNumber(frame)), self.viewport);
+            match (&drawn_before, frame.checked_sub(1)) {
+                (Some((before, ids)), Some(last)) if *before == last => gaps.drawn(ids),
+                (_, Some(last)) => gaps.drawn(&workload.ids(last)),
+                (_, None) => gaps.drawn(&[]),
+            }
+            let mut ids = came.clone();
+            gaps.fill(view, &mut ids)?;
+            let whole = workload.ids(frame);
+            let needless = ids.iter().filter(|id| whole.binary_search(id).is_err());
+            cost.needless_triangles += needless.map(|id| self.triangles(*id)).sum::<u64>();
+            Self::draw(&mut self.pass, &self.scene, &view, ids.clone(), &mut self.shown)?;
+            Self::draw(&mut self.pass, &self.scene, &view, whole.into_owned(), &mut self.whole)?;
+            let wrong = mismatching_pixels(&picture_of(&self.shown)?, &picture_of(&self.whole)?)?;
+            cost.frames_wrong += u32::from(wrong > 0);
+            cost.wrong_pixels += wrong;
+            cost.worst = cost.worst.max(wrong);
+            drawn_before = Some((frame, ids));
+        }
+        Ok(cost)
+    }
+
+    fn triangles(&self, id: DrawableId) -> u64 {
+        self.scene.drawables().get(id.index()).map_or(0, |drawable| u64::from(drawable.index_count / 3))
+    }
+
+    fn draw(
+        pass: &mut PicturePass,
+        scene: &Scene,
+        view: &View,
+        mut ids: Vec<DrawableId>,
+        into: &mut Picture,
+    ) -> Result<(), GpuError> {
+        draw_order(scene, view, &mut ids);
+        pass.begin(view)?;
+        pass.draw(&ids)?;
+        pass.finish()?;
+        pass.read(into)
+    }
+}
+
+impl PixelCost {
+    /// Wrong pixels a frame, over all frames.
+    #[must_use]
+    pub fn wrong_a_frame(&self) -> f64 {
+        self.wrong_pixels as f64 / f64::from(self.frames.max(1))
+    }
+
+    /// Needless triangles a frame, over all frames.
+    #[must_use]
+    pub fn needless_a_frame(&self) -> f64 {
+        self.needless_triangles as f64 / f64::from(self.frames.max(1))
+    }
+}
+
+impl Add for PixelCost {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            frames: self.frames + other.frames,
+            frames_wrong: self.frames_wrong + other.frames_wrong,
+            wrong_pixels: self.wrong_pixels + other.wrong_pixels,
+            worst: self.worst.max(other.worst),
+            needless_triangles: self.needless_triangles + other.needless_triangles,
+        }
+    }
+}
