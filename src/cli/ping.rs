@@ -6,7 +6,10 @@ use clap::Args;
 use confique::Config;
 use hdrhistogram::Histogram;
 use serde::Serialize;
-use trimaran::config::{LinkConfig, positive};
+use trimaran::{
+    config::{LinkConfig, positive},
+    metrics::PathReading,
+};
 use trimaran_proto::{BatchSize, Goodbye, Identity, Refusal, Role, SceneHash};
 use trimaran_transport::{
     ConnectError, Endpoint, Link, Listener, Net, Options, TokioNet, connect,
@@ -91,6 +94,17 @@ struct Summary {
     jitter_us: f64,
     /// The bytes that a round trip took, both ways, this protocol's headers included and those below it not.
     bytes: f64,
+    /// Packets and the path, where the transport tells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    path: Option<PathReading>,
+}
+
+/// What a ping took.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cost {
+    /// The bytes of a round trip.
+    bytes: f64,
+    path: Option<PathReading>,
 }
 
 pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
@@ -110,8 +124,8 @@ pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
     }
     let mut tally = Tally::new().map_err(Failure::broken)?;
     let pinging = ping(args, &net, &options, &mut tally);
-    let bytes = stop.unless_requested(runtime.handle(), pinging).transpose()?;
-    let summary = tally.summary(args, bytes.unwrap_or_default());
+    let cost = stop.unless_requested(runtime.handle(), pinging).transpose()?;
+    let summary = tally.summary(args, cost.unwrap_or_default());
     if args.json {
         return print_json(&summary);
     }
@@ -135,13 +149,13 @@ async fn keep_answering(net: &Arc<dyn Net>, at: &Endpoint, options: &Options) ->
     }
 }
 
-/// Pings; gives the bytes of a round trip.
+/// Pings; says what it took.
 async fn ping(
     args: &PingArgs,
     net: &Arc<dyn Net>,
     options: &Options,
     tally: &mut Tally,
-) -> Result<f64, Failure> {
+) -> Result<Cost, Failure> {
     let timeout = Duration::from_secs_f64(args.timeout);
     let identity = Identity { role: Role::Display, scene: NO_SCENE, settings: None };
     let begun = net.now();
@@ -160,7 +174,7 @@ async fn ping(
     let bytes = carried.sent.total_bytes() + carried.received.total_bytes();
     // What the other end makes of the end of the ping is its own business.
     let _left = link.goodbye(Goodbye::Finished).await;
-    Ok(bytes as f64 / f64::from(args.count))
+    Ok(Cost { bytes: bytes as f64 / f64::from(args.count), path: carried.path.map(PathReading::from) })
 }
 
 /// A role of a session answers no stranger: that is worth saying in other words.
@@ -213,7 +227,7 @@ impl Tally {
         self.last = Some(took);
     }
 
-    fn summary(&self, args: &PingArgs, bytes: f64) -> Summary {
+    fn summary(&self, args: &PingArgs, Cost { bytes, path }: Cost) -> Summary {
         let answered = u32::try_from(self.times.len()).unwrap_or(u32::MAX);
         let sent = answered + self.lost;
         let at = |quantile| self.times.value_at_quantile(quantile) as f64 / 1e3;
@@ -234,6 +248,7 @@ impl Tally {
             max_us: self.times.max() as f64 / 1e3,
             jitter_us: microseconds(self.differences.0) / f64::from(self.differences.1.max(1)),
             bytes,
+            path,
         }
     }
 
@@ -263,9 +278,10 @@ impl Summary {
         let what =
             if self.ids == 0 { "a camera".to_owned() } else { format!("{} ids", number(self.ids.into())) };
         let parts = if *incomplete > 0 { format!(", {incomplete} of them in part") } else { String::new() };
+        let path = self.path.as_ref().map(path_line).unwrap_or_default();
         format!(
             "{what} there and back: {sent} sent, {answered} answered{parts}, {lost} lost ({loss_percent:.1} %), {:.0} bytes each\n\
-             min {:.1}  mean {:.1}  p50 {:.1}  p90 {:.1}  p99 {:.1}  p99.9 {:.1}  max {:.1}  jitter {:.1} us\n",
+             min {:.1}  mean {:.1}  p50 {:.1}  p90 {:.1}  p99 {:.1}  p99.9 {:.1}  max {:.1}  jitter {:.1} us\n{path}",
             self.bytes,
             self.min_us,
             self.mean_us,
@@ -277,6 +293,18 @@ impl Summary {
             self.jitter_us
         )
     }
+}
+
+/// The path in one line.
+fn path_line(path: &PathReading) -> String {
+    let PathReading { packets_sent, packets_received, packets_lost, parts_repeated, .. } = path;
+    let PathReading { repair_sent, frames_repaired, probes, path_mtu, round_trip_ms, .. } = path;
+    format!(
+        "packets: {packets_sent} sent, {packets_received} received, {packets_lost} lost; {parts_repeated} parts repeated, \
+         {repair_sent} repair sent, {frames_repaired} frames repaired, {probes} probes; path: {path_mtu} bytes a datagram, \
+         {round_trip_ms:.2} ms, window {} bytes\n",
+        number(path.window_bytes)
+    )
 }
 
 fn microseconds(duration: Duration) -> f64 {
@@ -316,7 +344,7 @@ mod tests {
         let replies =
             [whole(100), whole(300), Reply::Lost, whole(200), Reply::Incomplete(Duration::from_micros(250))];
         let tally = tally(&replies);
-        let summary = tally.summary(&args(), 152.0);
+        let summary = tally.summary(&args(), Cost { bytes: 152.0, path: None });
         assert_eq!((summary.sent, summary.answered, summary.incomplete, summary.lost), (5, 4, 1, 1));
         assert_eq!(summary.loss_percent, 40.0);
         let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-3;
@@ -347,7 +375,7 @@ mod tests {
 
     #[test]
     fn nothing_answered_is_no_division_by_zero() {
-        let summary = tally(&[Reply::Lost]).summary(&args(), 0.0);
+        let summary = tally(&[Reply::Lost]).summary(&args(), Cost::default());
         assert_eq!((summary.answered, summary.loss_percent, summary.jitter_us), (0, 100.0, 0.0));
     }
 }

@@ -10,7 +10,7 @@ use serde::Serialize;
 use tokio::net::TcpStream;
 use trimaran::{
     config::positive,
-    metrics::{Carried, LinkReading},
+    metrics::{Carried, LinkReading, PathReading},
 };
 use trimaran_transport::{Net, TokioNet, sleep_until};
 
@@ -129,13 +129,57 @@ fn table(before: &[LinkReading], now: &[LinkReading], elapsed: Duration) -> Stri
             );
         }
     }
+    text.push_str(&paths(before, now, elapsed));
     text
+}
+
+/// A line for each link whose transport counts packets.
+fn paths(before: &[LinkReading], now: &[LinkReading], elapsed: Duration) -> String {
+    let mut text = String::new();
+    for (now, before) in now.iter().zip(before) {
+        let (Some(path), before) = (now.path, before.path.unwrap_or_default()) else { continue };
+        if text.is_empty() {
+            let _infallible = writeln!(
+                text,
+                "\n{:<10} {:>10} {:>10} {:>8} {:>8} {:>8} {:>9} {:>8} {:>7} {:>9} {:>9} {:>10}",
+                "path to",
+                "sent/s",
+                "received/s",
+                "lost",
+                "repeated",
+                "repair",
+                "repaired",
+                "given up",
+                "probes",
+                "datagram",
+                "RTT ms",
+                "window"
+            );
+        }
+        let PathReading { packets_lost, parts_repeated, repair_sent, frames_repaired, .. } = path;
+        let PathReading { frames_given_up, probes, path_mtu, round_trip_ms, .. } = path;
+        let [sent, received] =
+            [(before.packets_sent, path.packets_sent), (before.packets_received, path.packets_received)]
+                .map(|(before, now)| number(a_second(before, now, elapsed).round() as u64));
+        let _infallible = writeln!(
+            text,
+            "{:<10} {sent:>10} {received:>10} {packets_lost:>8} {parts_repeated:>8} {repair_sent:>8} {frames_repaired:>9} \
+             {frames_given_up:>8} {probes:>7} {path_mtu:>9} {round_trip_ms:>9.2} {:>10}",
+            now.peer,
+            number(path.window_bytes)
+        );
+    }
+    text
+}
+
+/// How much was added a second.
+fn a_second(before: u64, now: u64, elapsed: Duration) -> f64 {
+    now.saturating_sub(before) as f64 / elapsed.as_secs_f64().max(f64::MIN_POSITIVE)
 }
 
 impl Rates {
     fn between(before: &Carried, now: &Carried, elapsed: Duration) -> Self {
-        let seconds = elapsed.as_secs_f64().max(f64::MIN_POSITIVE);
-        let rate = |before: u64, now: u64| now.saturating_sub(before) as f64 / seconds;
+        let rate = |before, now| a_second(before, now, elapsed);
         Self {
             frames: rate(before.frames, now.frames),
             ids: rate(before.ids, now.ids),
@@ -159,12 +203,34 @@ mod tests {
             messages: 3 * frames,
             ..Carried::default()
         };
-        let link = |sent| LinkReading { peer: "display".to_owned(), sent, received: Carried::default() };
+        let link =
+            |sent| LinkReading { peer: "display".to_owned(), sent, received: Carried::default(), path: None };
         let (before, now) = (link(carried(10, 4_000, 900)), link(carried(25, 10_000, 1_500)));
         let text = table(&[before], &[now], Duration::from_millis(500));
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
         assert_eq!(lines[1], ["display", "sent", "30.0", "12,000", "90", "1,200", "1,200"]);
         assert_eq!(lines[2], ["received", "0.0", "0", "0", "0", "0"]);
+    }
+
+    #[test]
+    fn a_path_has_a_line_of_its_own() {
+        let link = |packets_sent| LinkReading {
+            peer: "display".to_owned(),
+            sent: Carried::default(),
+            received: Carried::default(),
+            path: Some(PathReading {
+                packets_sent,
+                packets_lost: 3,
+                path_mtu: 1452,
+                round_trip_ms: 10.126,
+                window_bytes: 14_520,
+                ..PathReading::default()
+            }),
+        };
+        let text = table(&[link(100)], &[link(600)], Duration::from_millis(500));
+        let words: Vec<&str> = text.lines().last().unwrap().split_whitespace().collect();
+        let expected = ["display", "1,000", "0", "3", "0", "0", "0", "0", "0", "1452", "10.13", "14,520"];
+        assert_eq!(words, expected, "{text}");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! What links carry, for a monitoring system to read while a session runs: `/metrics` in the OpenMetrics text format that
 //! Prometheus scrapes, `/links` the same as JSON.
 
+mod path;
 mod server;
 
 use std::fmt;
@@ -14,6 +15,7 @@ use prometheus_client::{
 use serde::{Deserialize, Serialize};
 use trimaran_transport::{Link, StatsHandle, Tally, Traffic};
 
+pub use path::PathReading;
 pub use server::{MetricsError, Serving};
 
 /// The links of this process.
@@ -29,7 +31,7 @@ struct Watched {
 }
 
 /// What a link has carried since it was made.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LinkReading {
     /// The role at its other end.
     pub peer: String,
@@ -37,6 +39,9 @@ pub struct LinkReading {
     pub sent: Carried,
     /// What this side received.
     pub received: Carried,
+    /// Packets and the path they take, over datagrams of this program's own protocol.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub path: Option<PathReading>,
 }
 
 /// Messages and bytes in one direction.
@@ -76,7 +81,8 @@ impl LinkMetrics {
     pub fn read(&self) -> Vec<LinkReading> {
         let read = |Watched { peer, stats }: &Watched| {
             let stats = stats.read();
-            LinkReading { peer: peer.clone(), sent: stats.sent.into(), received: stats.received.into() }
+            let path = stats.path.map(PathReading::from);
+            LinkReading { peer: peer.clone(), sent: stats.sent.into(), received: stats.received.into(), path }
         };
         self.links.iter().map(read).collect()
     }
@@ -151,7 +157,7 @@ impl Collector for LinkMetrics {
         let readings = self.read();
         let ways: Vec<(Way, &Carried)> = readings
             .iter()
-            .flat_map(|LinkReading { peer, sent, received }| {
+            .flat_map(|LinkReading { peer, sent, received, .. }| {
                 [("sent", sent), ("received", received)]
                     .map(|(direction, carried)| (Way { peer: peer.clone(), direction }, carried))
             })
@@ -176,6 +182,6 @@ impl Collector for LinkMetrics {
                 ConstCounter::new(bytes).encode(family.encode_family(&labels)?)?;
             }
         }
-        Ok(())
+        path::encode(&readings, &mut encoder)
     }
 }

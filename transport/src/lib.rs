@@ -49,6 +49,7 @@ pub use options::{Limits, Options};
 pub use stats::{LinkStats, StatsHandle, Tally, Traffic};
 pub use tcp::{Keepalive, TcpOptions};
 pub use tokio_net::TokioNet;
+pub use trimaran_udp::PathStats;
 pub use unix::{ForeignUser, UnixOptions};
 
 #[cfg(doctest)]

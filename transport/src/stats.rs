@@ -1,10 +1,12 @@
 //! What travelled over a link, by cause.
 
+use std::fmt;
 use std::ops::{Add, Sub};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use trimaran_proto::{HEADER_BYTES, Kind};
+use trimaran_udp::PathStats;
 
 /// What travelled over a link since it was made, handshake included.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -13,6 +15,8 @@ pub struct LinkStats {
     pub sent: Traffic,
     /// What this side received.
     pub received: Traffic,
+    /// Packets and the path they take, over datagrams of this crate's own protocol. Other transports do not tell.
+    pub path: Option<PathStats>,
 }
 
 /// Messages and payload bytes by kind, in one direction.
@@ -60,9 +64,13 @@ impl Traffic {
 impl Sub for LinkStats {
     type Output = Self;
 
-    /// What was added since the earlier snapshot `earlier`.
+    /// What was added since the earlier snapshot `earlier`. What is known of the path stays as it is.
     fn sub(self, earlier: Self) -> Self {
-        Self { sent: self.sent - earlier.sent, received: self.received - earlier.received }
+        Self {
+            sent: self.sent - earlier.sent,
+            received: self.received - earlier.received,
+            path: self.path.map(|path| path.since(&earlier.path.unwrap_or_default())),
+        }
     }
 }
 
@@ -126,8 +134,19 @@ impl StatsHandle {
     /// A snapshot. Counters that change meanwhile may be one message apart from each other.
     #[must_use]
     pub fn read(&self) -> LinkStats {
-        LinkStats { sent: self.0.sent.read(self.0.header), received: self.0.received.read(self.0.header) }
+        let Counters { sent, received, header, path } = &*self.0;
+        LinkStats {
+            sent: sent.read(*header),
+            received: received.read(*header),
+            path: path.get().map(|source| source.path()),
+        }
     }
+}
+
+/// What counts packets.
+pub(crate) trait PathSource: fmt::Debug + Send + Sync {
+    /// The counts, and the last ones once the connection is over.
+    fn path(&self) -> PathStats;
 }
 
 /// The counters that the halves of a link share.
@@ -137,6 +156,8 @@ pub(crate) struct Counters {
     pub(crate) received: Direction,
     /// The header bytes of a message on this transport.
     header: u64,
+    /// Who counts packets, where the transport tells.
+    path: OnceLock<Box<dyn PathSource>>,
 }
 
 impl Counters {
@@ -151,13 +172,19 @@ impl Counters {
     }
 
     fn with_header(header: u64) -> Arc<Self> {
-        Arc::new(Self { sent: Direction::default(), received: Direction::default(), header })
+        let (sent, received) = (Direction::default(), Direction::default());
+        Arc::new(Self { sent, received, header, path: OnceLock::new() })
     }
 
     /// Adds what `other` counted.
     pub(crate) fn absorb(&self, other: &Self) {
         self.sent.absorb(&other.sent);
         self.received.absorb(&other.received);
+    }
+
+    /// Has `source` count the packets. The first call counts.
+    pub(crate) fn watch(&self, source: impl PathSource + 'static) {
+        self.path.get_or_init(|| Box::new(source));
     }
 
     pub(crate) fn handle(self: &Arc<Self>) -> StatsHandle {

@@ -414,6 +414,28 @@ async fn a_frame_that_is_given_up_says_how_many_ids_are_missing() {
 }
 
 #[tokio::test]
+async fn packets_are_counted_while_the_link_lives_and_after() {
+    let (mut a, mut display) = joined("udp://127.0.0.1:0", &shared(1)).await;
+    a.frames_tx.begin(start(0)).await.unwrap();
+    a.frames_tx.push(&ids(50_000)).await.unwrap();
+    a.frames_tx.finish().await.unwrap();
+    assert_eq!(receive(&mut display.frames_rx).await.unwrap().ids, ids(50_000));
+    let [sent, received] = [&a, &display].map(|link| link.stats.read().path.unwrap());
+    assert!((139..400).contains(&sent.sent) && sent.sent_bytes > 200_000, "{sent:?}");
+    assert!(received.received_bytes > 200_000 && received.received <= sent.sent, "{received:?} of {sent:?}");
+    assert!((1200..=1452).contains(&sent.datagram_size) && sent.window >= 12_000, "{sent:?}");
+    assert!(sent.round_trip < Duration::from_millis(100), "measured: {sent:?}");
+    let stats = a.stats.clone();
+    let since = stats.read() - stats.read();
+    assert_eq!(since.path.map(|path| (path.sent, path.datagram_size > 0)), Some((0, true)));
+    drop((a, display));
+    let last = stats.read().path.unwrap();
+    assert!(last.sent >= sent.sent && last.sent_bytes >= sent.sent_bytes, "{last:?} after {sent:?}");
+    let (tcp, _peer) = joined("tcp://127.0.0.1:0", &Options::default()).await;
+    assert_eq!(tcp.stats.read().path, None, "TCP does not tell");
+}
+
+#[tokio::test]
 async fn nobody_accepting_any_more_leaves_links_as_they_are() {
     let (net, options) = (net(), shared(1));
     let (mut listener, at) = listener(&options).await;

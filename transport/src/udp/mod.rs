@@ -47,6 +47,7 @@ fn link(
 ) -> Link {
     let config: &LinkConfig = &options.link;
     let carrier = Carrier::new(port);
+    counters.watch(port.watch());
     Parts {
         latest: (AnyLatestTx::Udp(LatestTx::new(&carrier)), AnyLatestRx::Udp(LatestRx::new(&carrier))),
         frames: (AnyFrameTx::Udp(FrameTx::new(&carrier)), AnyFrameRx::Udp(FrameRx::new(&carrier))),

@@ -2,15 +2,16 @@
 
 use std::fmt;
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Arc, Mutex, MutexGuard, Weak};
 use std::task::{Context, Waker};
 
-use trimaran_udp::{Closed, Connection};
+use trimaran_udp::{Closed, Connection, PathStats};
 
 use super::socket::Outgoing;
 use crate::desk::lock;
 use crate::error::{LaneError, Loss, ProtocolError};
 use crate::net::{Instant, Net, UdpSocket};
+use crate::stats::PathSource;
 
 /// A connection and what its tasks wait for.
 pub(super) struct Port {
@@ -18,6 +19,29 @@ pub(super) struct Port {
     pub(super) socket: Arc<dyn UdpSocket>,
     remote: SocketAddr,
     state: Mutex<State>,
+    /// What the connection had counted when it went.
+    last: Arc<Mutex<PathStats>>,
+}
+
+/// Reads a port's counts, and its last ones once it is gone: it does not keep the socket.
+#[derive(Debug)]
+struct Watch {
+    port: Weak<Port>,
+    last: Arc<Mutex<PathStats>>,
+}
+
+impl PathSource for Watch {
+    fn path(&self) -> PathStats {
+        let live = self.port.upgrade().map(|port| port.lock().connection.stats());
+        live.unwrap_or_else(|| *lock(&self.last))
+    }
+}
+
+impl Drop for Port {
+    fn drop(&mut self) {
+        let counted = self.lock().connection.stats();
+        *lock(&self.last) = counted;
+    }
 }
 
 pub(super) struct State {
@@ -66,7 +90,18 @@ impl Port {
             left: false,
             waiting: [const { None }; 6],
         };
-        Arc::new(Self { net: Arc::clone(net), socket: Arc::clone(socket), remote, state: Mutex::new(state) })
+        Arc::new(Self {
+            net: Arc::clone(net),
+            socket: Arc::clone(socket),
+            remote,
+            state: Mutex::new(state),
+            last: Arc::default(),
+        })
+    }
+
+    /// Counts its packets.
+    pub(super) fn watch(self: &Arc<Self>) -> impl PathSource + use<> {
+        Watch { port: Arc::downgrade(self), last: Arc::clone(&self.last) }
     }
 
     pub(super) const fn remote(&self) -> SocketAddr {

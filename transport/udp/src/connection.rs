@@ -1,107 +1,34 @@
 //! One end of a connection, once both sides have keys.
 
 use std::fmt;
-use std::time::Duration;
 
-use thiserror::Error;
 use trimaran_proto::{BatchSize, Camera, FrameMessage, Goodbye, Instant};
 
 use crate::acks::Acks;
-use crate::chunk::{CLOSE, Chunk};
-use crate::congestion::Congestion;
-use crate::inbox::{GivenUp, Inbox, LaneViolation, Received};
+use crate::inbox::{Inbox, Received};
 use crate::keys::{Keys, OVERHEAD};
 use crate::latest::{LatestEnd, LatestIn, LatestOut};
 use crate::mtu::Mtu;
 use crate::outbox::{Outbox, Path};
 use crate::pacer::Pacer;
-use crate::packet::{ConnectionId, MIN_DATAGRAM, NUMBERS, Packet, data_header};
-use crate::recovery::{Content, Recovery, Sent, Verdict};
-use crate::repair::{Budget, Repair};
-use crate::wire::{Malformed, Reader};
+use crate::packet::{ConnectionId, MIN_DATAGRAM};
+use crate::recovery::Recovery;
+use crate::repair::Budget;
+
+mod closed;
+mod config;
+mod receive;
+mod stats;
+mod transmit;
+
+pub use closed::Closed;
+pub use config::Config;
+pub use stats::PathStats;
 
 /// What a full packet has beside its part or repair shard at most, bytes: the chunk's own fields, or a short acknowledgement too.
 const BESIDE: usize = 36;
 /// After so many probes without an answer a path may have become narrower.
 const BLACK_HOLE: u32 = 3;
-
-/// What holds for a connection. Both ends must agree on the window.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Config {
-    /// How many ids are passed on at once at most.
-    pub batch: BatchSize,
-    /// Bytes of the frames lane that the receiver keeps for a reader who does not read. Default 4 MiB.
-    pub window: u64,
-    /// Bytes that the sender keeps until they are acknowledged. Default 4 MiB.
-    pub send_buffer: usize,
-    /// How long an acknowledgement may wait for company. Default 1 ms.
-    pub ack_delay: Duration,
-    /// How long nothing may arrive, or nothing that was sent be acknowledged, before the peer counts as dead. Default 20 s; a
-    /// quarter of it without traffic sends a ping.
-    pub lease: Duration,
-    /// How long after its end a frame sent from here is worth sending: whatever cannot arrive in time is given up, and the peer
-    /// gets the frame with gaps. `None`, the default, for always.
-    pub patience: Option<Duration>,
-    /// When frames sent from here get repair. Default while packets are lost.
-    pub repair: Repair,
-    /// How many bytes of repair they may have, percent of their own. Default 15; 0 for none.
-    pub repair_percent: u8,
-    /// How the connection shares its path with others. Default CUBIC.
-    pub congestion: Congestion,
-    /// The largest datagram that is tried, bytes; 1,200 are always used. Default 1,452: Ethernet's 1,500 less the headers of IPv6
-    /// and UDP.
-    pub max_datagram: usize,
-}
-
-impl Default for Config {
-    fn default() -> Self {
-        Self {
-            batch: BatchSize::default(),
-            window: 4 << 20,
-            send_buffer: 4 << 20,
-            ack_delay: Duration::from_millis(1),
-            lease: Duration::from_secs(20),
-            patience: None,
-            repair: Repair::default(),
-            repair_percent: 15,
-            congestion: Congestion::default(),
-            max_datagram: 1452,
-        }
-    }
-}
-
-/// Why a connection is over.
-#[derive(Debug, Clone, PartialEq, Error)]
-#[non_exhaustive]
-pub enum Closed {
-    /// This side closed it.
-    #[error("this side closed the connection")]
-    Here,
-    /// The peer closed it.
-    #[error("the peer closed the connection")]
-    Peer,
-    /// Nothing came for the lease.
-    #[error("nothing came from the peer for {0:?}")]
-    Silent(Duration),
-    /// The peer sends, but acknowledges nothing.
-    #[error("the peer acknowledged nothing for {0:?}")]
-    Deaf(Duration),
-    /// The peer sent what is no packet, under its own key.
-    #[error("the peer sent a packet that is none")]
-    Malformed(#[from] Malformed),
-    /// The peer broke the rules of the frames lane.
-    #[error("the peer broke the rules of the frames lane")]
-    Lane(#[from] LaneViolation),
-    /// The peer acknowledged a packet that was never sent.
-    #[error("the peer acknowledged a packet that was never sent")]
-    NeverSent,
-    /// The peer sent a camera that is none.
-    #[error("the peer sent a camera that is none")]
-    Camera,
-    /// All packet numbers are used, or a packet could not be sealed.
-    #[error("no further packet can be sealed")]
-    Exhausted,
-}
 
 /// One end of a connection: no socket, no clock.
 ///
@@ -133,6 +60,10 @@ pub struct Connection {
     probe: bool,
     last_received: Instant,
     last_sent: Instant,
+    /// What was counted: bytes sent, packets and bytes received.
+    sent_bytes: u64,
+    received: u64,
+    received_bytes: u64,
     closed: Option<Closed>,
     close_due: bool,
     plain: Vec<u8>,
@@ -189,6 +120,9 @@ impl Connection {
             probe: false,
             last_received: now,
             last_sent: now,
+            sent_bytes: 0,
+            received: 0,
+            received_bytes: 0,
             closed: None,
             close_due: false,
             plain: Vec::with_capacity(MIN_DATAGRAM),
@@ -258,36 +192,6 @@ impl Connection {
     #[must_use]
     pub const fn closed(&self) -> Option<&Closed> {
         self.closed.as_ref()
-    }
-
-    /// Packets that were found lost so far.
-    #[must_use]
-    pub const fn lost_packets(&self) -> u64 {
-        self.recovery.lost_packets
-    }
-
-    /// The largest datagram that is known to arrive, bytes.
-    #[must_use]
-    pub const fn datagram_size(&self) -> usize {
-        self.mtu.known()
-    }
-
-    /// Frames sent from here that were given up, for they could not arrive in time.
-    #[must_use]
-    pub const fn frames_given_up(&self) -> u64 {
-        self.outbox.frames_given_up
-    }
-
-    /// Frames of the peer that are whole only because of their repair.
-    #[must_use]
-    pub const fn frames_repaired(&self) -> u64 {
-        self.inbox.frames_repaired
-    }
-
-    /// The smoothed round-trip time.
-    #[must_use]
-    pub fn round_trip(&self) -> Duration {
-        self.recovery.rtt.smoothed()
     }
 
     /// Sends a message of the frames lane; a frame writer has put the messages in order.
@@ -363,42 +267,6 @@ impl Connection {
         self.end(Closed::Here);
     }
 
-    /// Takes a datagram for this connection. What does not open, came before, or belongs elsewhere is ignored.
-    pub fn handle(&mut self, now: Instant, datagram: &[u8]) {
-        let Ok(Packet::Data { to, number, sealed }) = Packet::parse(datagram) else { return };
-        if to != self.here || self.closed == Some(Closed::Peer) || !self.acks.is_new(number) {
-            return;
-        }
-        let mut plain = std::mem::take(&mut self.plain);
-        if self.keys.open(to, number, sealed, &mut plain) {
-            self.last_received = now;
-            self.confirmed = true;
-            if self.closed.is_some() {
-                // The close was lost, unless this one crossed it: two ends that answer each other's would never stop.
-                self.close_due = plain != [CLOSE];
-                self.acks.on_received(now, number, false, self.config.ack_delay);
-                self.plain = plain;
-                return;
-            }
-            match self.take_chunks(now, &plain) {
-                Ok(eliciting) => self.acks.on_received(now, number, eliciting, self.config.ack_delay),
-                Err(why) => self.end(why),
-            }
-        }
-        self.plain = plain;
-    }
-
-    /// Writes the next datagram into `out`, which it replaces; false when there is none now.
-    pub fn poll_transmit(&mut self, now: Instant, out: &mut Vec<u8>) -> bool {
-        let mut plain = std::mem::take(&mut self.plain);
-        plain.clear();
-        self.outbox.expire(now, now.after(self.recovery.rtt.one_way()));
-        let sent = self.write_chunks(now, &mut plain);
-        let made = !plain.is_empty() && self.seal(now, &plain, sent, out);
-        self.plain = plain;
-        made
-    }
-
     /// When [`Connection::handle_timeout`] is due, if nothing happens before.
     #[must_use]
     pub fn poll_timeout(&self) -> Option<Instant> {
@@ -457,173 +325,5 @@ impl Connection {
             self.close_due = why != Closed::Peer;
             self.closed = Some(why);
         }
-    }
-
-    fn take_chunks(&mut self, now: Instant, plain: &[u8]) -> Result<bool, Closed> {
-        let mut reader = Reader::new(plain);
-        let mut eliciting = false;
-        while !reader.is_empty() {
-            let chunk = Chunk::read(&mut reader)?;
-            eliciting |= chunk.is_eliciting();
-            match chunk {
-                Chunk::Pad | Chunk::Ping => {}
-                Chunk::Ack { delay_us, numbers } => {
-                    let delay = Duration::from_micros(delay_us);
-                    let verdict =
-                        self.recovery.on_ack(now, &numbers, delay).map_err(|_| Closed::NeverSent)?;
-                    self.judge(now, verdict);
-                }
-                Chunk::Credit { bytes, units } => self.outbox.allow(bytes, units),
-                Chunk::Close => return Err(Closed::Peer),
-                Chunk::Camera { number, camera } => {
-                    let camera = Camera::from_bytes(&camera).map_err(|_| Closed::Camera)?;
-                    self.cameras_in.put(number, camera);
-                }
-                Chunk::LastCamera { number, goodbye } => {
-                    self.cameras_in.put_end(number, goodbye).map_err(|_| Closed::Camera)?;
-                }
-                Chunk::Unread => {
-                    self.unheard = true;
-                    self.outbox.drop_all();
-                }
-                Chunk::Part { unit, offset, tail, data } => self.inbox.put(unit, offset, tail, data)?,
-                Chunk::GiveUp { unit, length, sent, hash, head } => {
-                    self.inbox.give_up(unit, GivenUp { length, sent, hash }, head)?;
-                }
-                Chunk::Repair { unit, block, hash, index, data } => {
-                    self.inbox.put_repair(unit, block, hash, index, data)?;
-                }
-            }
-        }
-        if self.unread {
-            self.credit_due |= self.inbox.discard();
-        }
-        Ok(eliciting)
-    }
-
-    fn judge(&mut self, now: Instant, verdict: Verdict) {
-        for content in verdict.lost {
-            match content {
-                Content::Part { unit, range, ended } => self.outbox.on_loss(unit, range, ended),
-                Content::Camera { number } => self.cameras_out.on_camera_lost(number),
-                Content::LastCamera => self.cameras_out.on_end_lost(),
-                Content::Credit => self.credit_due = true,
-                Content::Unread => self.unread_due = true,
-                Content::GiveUp { unit } => self.outbox.on_give_up_loss(unit),
-                Content::Repair => {}
-                Content::Probe { size } => self.mtu.on_lost(now, size),
-            }
-        }
-        for content in verdict.arrived {
-            match content {
-                Content::Part { unit, range, ended } => self.outbox.on_ack(unit, range, ended),
-                Content::Camera { number } => self.cameras_out.on_camera_arrived(number),
-                Content::LastCamera => self.cameras_out.on_end_arrived(),
-                Content::GiveUp { unit } => self.outbox.on_give_up_ack(unit),
-                Content::Probe { size } => {
-                    self.mtu.on_arrived(now, size);
-                    self.resize();
-                }
-                Content::Credit | Content::Unread | Content::Repair => {}
-            }
-        }
-    }
-
-    /// Fills a packet; gives what it carried if it asks for an acknowledgement.
-    fn write_chunks(&mut self, now: Instant, plain: &mut Vec<u8>) -> Option<Vec<Content>> {
-        let all = self.mtu.known() - OVERHEAD;
-        if self.closed.is_some() {
-            if std::mem::take(&mut self.close_due) {
-                Chunk::Close.write(plain);
-            }
-            return None;
-        }
-        let mut contents = Vec::new();
-        let allowed = self.may_send(now);
-        let ack_due = self.acks.due().is_some_and(|due| due <= now);
-        let has_data = allowed && self.has_data();
-        if (ack_due || has_data || self.probe)
-            && let Some(ack) = self.acks.take(now)
-        {
-            ack.write(plain);
-            // A packet that leaves anyway.
-            self.cameras_out.write_copy(all.saturating_sub(plain.len()), plain, &mut contents);
-            if !contents.is_empty() {
-                return Some(contents);
-            }
-        }
-        if !allowed {
-            return (!contents.is_empty()).then_some(contents);
-        }
-        let probe = std::mem::take(&mut self.probe);
-        if std::mem::take(&mut self.credit_due) {
-            let (bytes, units) = self.inbox.tell_credit();
-            Chunk::Credit { bytes, units }.write(plain);
-            contents.push(Content::Credit);
-        }
-        if std::mem::take(&mut self.unread_due) {
-            Chunk::Unread.write(plain);
-            contents.push(Content::Unread);
-        }
-        self.cameras_out.write(all.saturating_sub(plain.len()), plain, &mut contents);
-        while let Some(content) = self.outbox.write_next(all.saturating_sub(plain.len()), all, plain) {
-            contents.push(content);
-        }
-        if contents.is_empty() && probe {
-            Chunk::Ping.write(plain);
-            return Some(contents);
-        }
-        if plain.is_empty() && self.may_probe() {
-            self.write_probe(now, plain, &mut contents);
-        }
-        (!contents.is_empty()).then_some(contents)
-    }
-
-    /// Fills a packet up to the size that is to be tried.
-    fn write_probe(&mut self, now: Instant, plain: &mut Vec<u8>, contents: &mut Vec<Content>) {
-        if let Some(size) = self.mtu.probe(now) {
-            Chunk::Ping.write(plain);
-            plain.resize(size - OVERHEAD, Chunk::FILLING);
-            contents.push(Content::Probe { size });
-        }
-    }
-
-    /// Whether window and pacer allow a full packet now. A probe always may leave.
-    fn may_send(&mut self, now: Instant) -> bool {
-        self.paced_until = None;
-        if self.probe {
-            return true;
-        }
-        let probe = self.mtu.due().is_some_and(|due| due <= now) && self.may_probe();
-        if !self.has_data() && !probe || self.recovery.room() < self.mtu.known() {
-            return false;
-        }
-        let ready = self.pacer.ready(now, self.recovery.window.window(), self.recovery.rtt.smoothed());
-        if ready > now {
-            self.paced_until = Some(ready);
-        }
-        ready <= now
-    }
-
-    fn has_data(&self) -> bool {
-        self.credit_due || self.unread_due || self.cameras_out.is_due() || self.outbox.has_due()
-    }
-
-    fn seal(&mut self, now: Instant, plain: &[u8], sent: Option<Vec<Content>>, out: &mut Vec<u8>) -> bool {
-        let number = self.recovery.next_number();
-        out.clear();
-        out.extend_from_slice(&data_header(self.there, number));
-        if number >= NUMBERS || !self.keys.seal(self.there, number, plain, out) {
-            self.closed.get_or_insert(Closed::Exhausted);
-            return false;
-        }
-        self.last_sent = now;
-        let bytes = out.len();
-        if sent.is_some() {
-            self.pacer.on_sent(bytes);
-        }
-        let lost = self.recovery.on_sent(sent.map(|contents| Sent { at: now, bytes, contents }));
-        self.judge(now, Verdict { lost, ..Verdict::default() });
-        true
     }
 }

@@ -26,7 +26,7 @@ mod rtt;
 mod wire;
 
 pub use congestion::Congestion;
-pub use connection::{Closed, Config, Connection};
+pub use connection::{Closed, Config, Connection, PathStats};
 pub use handshake::{Connecting, Door, HandshakeError, Knock, MAX_HELLO, Progress, Reception, Security};
 pub use inbox::{LaneViolation, Received};
 pub use latest::LatestEnd;

@@ -43,6 +43,10 @@ pub(crate) struct Outbox {
     patience: Option<Duration>,
     repair: Budget,
     pub(crate) frames_given_up: u64,
+    /// Parts that were sent again.
+    pub(crate) repeated: u64,
+    /// Repair shards that were sent.
+    pub(crate) repair_sent: u64,
 }
 
 impl Outbox {
@@ -62,6 +66,8 @@ impl Outbox {
             patience,
             repair,
             frames_given_up: 0,
+            repeated: 0,
+            repair_sent: 0,
         }
     }
 
@@ -186,6 +192,11 @@ impl Outbox {
             }
             let (content, fresh) = unit.write(number, credit, room, whole, out)?;
             self.offered += fresh;
+            match &content {
+                Content::Part { range, .. } => self.repeated += u64::from(range.end - range.start > fresh),
+                Content::Repair => self.repair_sent += 1,
+                _ => {}
+            }
             return Some(content);
         }
         None

@@ -94,6 +94,8 @@ pub(crate) struct Recovery {
     pub(crate) rtt: Rtt,
     pub(crate) window: Window,
     pub(crate) lost_packets: u64,
+    /// Probes since the beginning.
+    pub(crate) all_probes: u64,
 }
 
 impl Recovery {
@@ -112,6 +114,7 @@ impl Recovery {
             rtt: Rtt::default(),
             window: Window::new(law, segment),
             lost_packets: 0,
+            all_probes: 0,
         }
     }
 
@@ -133,6 +136,11 @@ impl Recovery {
     /// The share of packets that was lost lately.
     pub(crate) const fn loss(&self) -> f64 {
         self.loss
+    }
+
+    /// Bytes that were sent, and neither acknowledged nor found lost.
+    pub(crate) const fn in_flight(&self) -> usize {
+        self.in_flight
     }
 
     /// Probes since something was acknowledged.
@@ -213,6 +221,7 @@ impl Recovery {
             return (verdict, false);
         }
         self.probes += 1;
+        self.all_probes += 1;
         self.last_sent = Some(now);
         let oldest = self.sent.iter().flatten().find(|sent| !sent.contents.is_empty());
         verdict.lost.extend(oldest.into_iter().flat_map(|sent| sent.contents.clone()));

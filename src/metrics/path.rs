@@ -1,0 +1,162 @@
+//! Packets and the path that they take.
+
+use std::fmt;
+
+use prometheus_client::{
+    encoding::{DescriptorEncoder, EncodeLabelSet, EncodeMetric},
+    metrics::{MetricType, counter::ConstCounter, gauge::ConstGauge},
+};
+use serde::{Deserialize, Serialize};
+use trimaran_transport::PathStats;
+
+use super::LinkReading;
+
+/// Packets since the link was made, and the path as it is now, as this side sees them.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct PathReading {
+    /// Packets sent.
+    pub packets_sent: u64,
+    /// Their bytes, without the headers of UDP and IP.
+    pub packet_bytes_sent: u64,
+    /// Packets received.
+    pub packets_received: u64,
+    /// Their bytes.
+    pub packet_bytes_received: u64,
+    /// Packets sent and found lost.
+    pub packets_lost: u64,
+    /// Parts of frames sent again.
+    pub parts_repeated: u64,
+    /// Repair shards sent.
+    pub repair_sent: u64,
+    /// Received frames that are whole only because of their repair.
+    pub frames_repaired: u64,
+    /// Frames sent that were given up, for they could not arrive in time.
+    pub frames_given_up: u64,
+    /// Probes sent because nothing was acknowledged.
+    pub probes: u64,
+    /// The largest datagram that is known to arrive, bytes.
+    pub path_mtu: u64,
+    /// The smoothed round-trip time, milliseconds.
+    pub round_trip_ms: f64,
+    /// The congestion window, bytes.
+    pub window_bytes: u64,
+    /// Bytes in flight.
+    pub in_flight_bytes: u64,
+}
+
+impl From<PathStats> for PathReading {
+    fn from(path: PathStats) -> Self {
+        Self {
+            packets_sent: path.sent,
+            packet_bytes_sent: path.sent_bytes,
+            packets_received: path.received,
+            packet_bytes_received: path.received_bytes,
+            packets_lost: path.lost,
+            parts_repeated: path.repeated,
+            repair_sent: path.repair_sent,
+            frames_repaired: path.frames_repaired,
+            frames_given_up: path.frames_given_up,
+            probes: path.probes,
+            path_mtu: path.datagram_size as u64,
+            round_trip_ms: path.round_trip.as_secs_f64() * 1e3,
+            window_bytes: path.window as u64,
+            in_flight_bytes: path.in_flight as u64,
+        }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Peer {
+    peer: String,
+}
+
+/// Writes the families of all links that have a path.
+pub(super) fn encode(links: &[LinkReading], encoder: &mut DescriptorEncoder<'_>) -> Result<(), fmt::Error> {
+    let paths: Vec<(Peer, &PathReading)> = links
+        .iter()
+        .filter_map(|link| Some((Peer { peer: link.peer.clone() }, link.path.as_ref()?)))
+        .collect();
+    if paths.is_empty() {
+        return Ok(());
+    }
+    type Count = fn(&PathReading) -> u64;
+    let counts: [(&str, &str, Count); 10] = [
+        ("packets_sent", "Packets sent", |path| path.packets_sent),
+        ("packet_bytes_sent", "Bytes of packets sent", |path| path.packet_bytes_sent),
+        ("packets_received", "Packets received", |path| path.packets_received),
+        ("packet_bytes_received", "Bytes of packets received", |path| path.packet_bytes_received),
+        ("packets_lost", "Packets sent and found lost", |path| path.packets_lost),
+        ("parts_repeated", "Parts of frames sent again", |path| path.parts_repeated),
+        ("repair_sent", "Repair shards sent", |path| path.repair_sent),
+        ("frames_repaired", "Received frames that repair made whole", |path| path.frames_repaired),
+        ("frames_given_up", "Frames sent that were given up", |path| path.frames_given_up),
+        ("probes", "Probes sent because nothing was acknowledged", |path| path.probes),
+    ];
+    for (name, help, count) in counts {
+        let mut family = encoder.encode_descriptor(name, help, None, MetricType::Counter)?;
+        for (peer, path) in &paths {
+            ConstCounter::new(count(path)).encode(family.encode_family(peer)?)?;
+        }
+    }
+    type Level = fn(&PathReading) -> f64;
+    let levels: [(&str, &str, Level); 4] = [
+        ("path_mtu_bytes", "Largest datagram known to arrive", |path| path.path_mtu as f64),
+        ("round_trip_seconds", "Smoothed round-trip time", |path| path.round_trip_ms / 1e3),
+        ("window_bytes", "Congestion window", |path| path.window_bytes as f64),
+        ("in_flight_bytes", "Bytes in flight", |path| path.in_flight_bytes as f64),
+    ];
+    for (name, help, level) in levels {
+        let mut family = encoder.encode_descriptor(name, help, None, MetricType::Gauge)?;
+        for (peer, path) in &paths {
+            ConstGauge::new(level(path)).encode(family.encode_family(peer)?)?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use prometheus_client::{collector::Collector, encoding::text, registry::Registry};
+
+    use super::*;
+
+    #[derive(Debug)]
+    struct Readings(Vec<LinkReading>);
+
+    impl Collector for Readings {
+        fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> Result<(), fmt::Error> {
+            encode(&self.0, &mut encoder)
+        }
+    }
+
+    fn text_of(path: Option<PathReading>) -> String {
+        let carried = super::super::Carried::default();
+        let link = LinkReading { peer: "display".to_owned(), sent: carried.clone(), received: carried, path };
+        let mut registry = Registry::with_prefix("trimaran_link");
+        registry.register_collector(Box::new(Readings(vec![link])));
+        let mut text = String::new();
+        text::encode(&mut text, &registry).unwrap();
+        text
+    }
+
+    #[test]
+    fn packets_are_counters_and_the_path_is_gauges() {
+        let path =
+            PathReading { packets_lost: 7, round_trip_ms: 12.5, path_mtu: 1452, ..PathReading::default() };
+        let text = text_of(Some(path));
+        for line in [
+            "# TYPE trimaran_link_packets_lost counter",
+            "trimaran_link_packets_lost_total{peer=\"display\"} 7",
+            "# TYPE trimaran_link_round_trip_seconds gauge",
+            "trimaran_link_round_trip_seconds{peer=\"display\"} 0.0125",
+            "trimaran_link_path_mtu_bytes{peer=\"display\"} 1452.0",
+        ] {
+            assert!(text.lines().any(|found| found == line), "no {line} in {text}");
+        }
+    }
+
+    #[test]
+    fn a_transport_that_counts_no_packets_shows_none() {
+        assert_eq!(text_of(None), "# EOF\n");
+    }
+}

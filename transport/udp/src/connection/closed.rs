@@ -1,0 +1,41 @@
+//! How a connection ends.
+
+use std::time::Duration;
+
+use thiserror::Error;
+
+use crate::inbox::LaneViolation;
+use crate::wire::Malformed;
+
+/// Why a connection is over.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum Closed {
+    /// This side closed it.
+    #[error("this side closed the connection")]
+    Here,
+    /// The peer closed it.
+    #[error("the peer closed the connection")]
+    Peer,
+    /// Nothing came for the lease.
+    #[error("nothing came from the peer for {0:?}")]
+    Silent(Duration),
+    /// The peer sends, but acknowledges nothing.
+    #[error("the peer acknowledged nothing for {0:?}")]
+    Deaf(Duration),
+    /// The peer sent what is no packet, under its own key.
+    #[error("the peer sent a packet that is none")]
+    Malformed(#[from] Malformed),
+    /// The peer broke the rules of the frames lane.
+    #[error("the peer broke the rules of the frames lane")]
+    Lane(#[from] LaneViolation),
+    /// The peer acknowledged a packet that was never sent.
+    #[error("the peer acknowledged a packet that was never sent")]
+    NeverSent,
+    /// The peer sent a camera that is none.
+    #[error("the peer sent a camera that is none")]
+    Camera,
+    /// All packet numbers are used, or a packet could not be sealed.
+    #[error("no further packet can be sealed")]
+    Exhausted,
+}

@@ -1,0 +1,53 @@
+//! What a connection is told when it is made.
+
+use std::time::Duration;
+
+use trimaran_proto::BatchSize;
+
+use crate::congestion::Congestion;
+use crate::repair::Repair;
+
+/// What holds for a connection. Both ends must agree on the window.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Config {
+    /// How many ids are passed on at once at most.
+    pub batch: BatchSize,
+    /// Bytes of the frames lane that the receiver keeps for a reader who does not read. Default 4 MiB.
+    pub window: u64,
+    /// Bytes that the sender keeps until they are acknowledged. Default 4 MiB.
+    pub send_buffer: usize,
+    /// How long an acknowledgement may wait for company. Default 1 ms.
+    pub ack_delay: Duration,
+    /// How long nothing may arrive, or nothing that was sent be acknowledged, before the peer counts as dead. Default 20 s; a
+    /// quarter of it without traffic sends a ping.
+    pub lease: Duration,
+    /// How long after its end a frame sent from here is worth sending: whatever cannot arrive in time is given up, and the peer
+    /// gets the frame with gaps. `None`, the default, for always.
+    pub patience: Option<Duration>,
+    /// When frames sent from here get repair. Default while packets are lost.
+    pub repair: Repair,
+    /// How many bytes of repair they may have, percent of their own. Default 15; 0 for none.
+    pub repair_percent: u8,
+    /// How the connection shares its path with others. Default CUBIC.
+    pub congestion: Congestion,
+    /// The largest datagram that is tried, bytes; 1,200 are always used. Default 1,452: Ethernet's 1,500 less the headers of IPv6
+    /// and UDP.
+    pub max_datagram: usize,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            batch: BatchSize::default(),
+            window: 4 << 20,
+            send_buffer: 4 << 20,
+            ack_delay: Duration::from_millis(1),
+            lease: Duration::from_secs(20),
+            patience: None,
+            repair: Repair::default(),
+            repair_percent: 15,
+            congestion: Congestion::default(),
+            max_datagram: 1452,
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! What became of a connection's packets, and what is known of its path.
+
+use std::time::Duration;
+
+use super::Connection;
+
+/// Packets and the path, as one end sees them: what it counted since it was made, and what it knows now.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct PathStats {
+    /// Packets that were sent, whatever they held.
+    pub sent: u64,
+    /// Their bytes, without the headers of UDP and IP.
+    pub sent_bytes: u64,
+    /// Packets of the peer that arrived, each once.
+    pub received: u64,
+    /// Their bytes, without the headers of UDP and IP.
+    pub received_bytes: u64,
+    /// Packets that were sent and found lost. Probes for larger datagrams are not counted.
+    pub lost: u64,
+    /// Parts of frames that were sent again.
+    pub repeated: u64,
+    /// Repair shards that were sent.
+    pub repair_sent: u64,
+    /// Frames of the peer that are whole only because of their repair.
+    pub frames_repaired: u64,
+    /// Frames sent from here that were given up, for they could not arrive in time.
+    pub frames_given_up: u64,
+    /// Times that nothing was acknowledged for so long that something was sent only to be.
+    pub probes: u64,
+    /// The largest datagram that is known to arrive, bytes.
+    pub datagram_size: usize,
+    /// The smoothed round-trip time; 100 ms before it is measured.
+    pub round_trip: Duration,
+    /// How many bytes may be in flight (the congestion window).
+    pub window: usize,
+    /// How many are.
+    pub in_flight: usize,
+}
+
+impl PathStats {
+    /// What was counted since `earlier`, and what is known now.
+    #[must_use]
+    pub const fn since(&self, earlier: &Self) -> Self {
+        Self {
+            sent: self.sent.saturating_sub(earlier.sent),
+            sent_bytes: self.sent_bytes.saturating_sub(earlier.sent_bytes),
+            received: self.received.saturating_sub(earlier.received),
+            received_bytes: self.received_bytes.saturating_sub(earlier.received_bytes),
+            lost: self.lost.saturating_sub(earlier.lost),
+            repeated: self.repeated.saturating_sub(earlier.repeated),
+            repair_sent: self.repair_sent.saturating_sub(earlier.repair_sent),
+            frames_repaired: self.frames_repaired.saturating_sub(earlier.frames_repaired),
+            frames_given_up: self.frames_given_up.saturating_sub(earlier.frames_given_up),
+            probes: self.probes.saturating_sub(earlier.probes),
+            ..*self
+        }
+    }
+}
+
+impl Connection {
+    /// What became of the packets, and what is known of the path.
+    #[must_use]
+    pub fn stats(&self) -> PathStats {
+        let (recovery, outbox) = (&self.recovery, &self.outbox);
+        PathStats {
+            sent: recovery.next_number(),
+            sent_bytes: self.sent_bytes,
+            received: self.received,
+            received_bytes: self.received_bytes,
+            lost: recovery.lost_packets,
+            repeated: outbox.repeated,
+            repair_sent: outbox.repair_sent,
+            frames_repaired: self.inbox.frames_repaired,
+            frames_given_up: outbox.frames_given_up,
+            probes: recovery.all_probes,
+            datagram_size: self.mtu.known(),
+            round_trip: recovery.rtt.smoothed(),
+            window: recovery.window.window(),
+            in_flight: recovery.in_flight(),
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! What leaves: packets, filled with what is due.
+
+use trimaran_proto::Instant;
+
+use super::{Closed, Connection};
+use crate::chunk::Chunk;
+use crate::keys::OVERHEAD;
+use crate::packet::{NUMBERS, data_header};
+use crate::recovery::{Content, Sent, Verdict};
+
+impl Connection {
+    /// Writes the next datagram into `out`, which it replaces; false when there is none now.
+    pub fn poll_transmit(&mut self, now: Instant, out: &mut Vec<u8>) -> bool {
+        let mut plain = std::mem::take(&mut self.plain);
+        plain.clear();
+        self.outbox.expire(now, now.after(self.recovery.rtt.one_way()));
+        let sent = self.write_chunks(now, &mut plain);
+        let made = !plain.is_empty() && self.seal(now, &plain, sent, out);
+        self.plain = plain;
+        made
+    }
+
+    /// Fills a packet; gives what it carried if it asks for an acknowledgement.
+    fn write_chunks(&mut self, now: Instant, plain: &mut Vec<u8>) -> Option<Vec<Content>> {
+        let all = self.mtu.known() - OVERHEAD;
+        if self.closed.is_some() {
+            if std::mem::take(&mut self.close_due) {
+                Chunk::Close.write(plain);
+            }
+            return None;
+        }
+        let mut contents = Vec::new();
+        let allowed = self.may_send(now);
+        let ack_due = self.acks.due().is_some_and(|due| due <= now);
+        let has_data = allowed && self.has_data();
+        if (ack_due || has_data || self.probe)
+            && let Some(ack) = self.acks.take(now)
+        {
+            ack.write(plain);
+            // A packet that leaves anyway.
+            self.cameras_out.write_copy(all.saturating_sub(plain.len()), plain, &mut contents);
+            if !contents.is_empty() {
+                return Some(contents);
+            }
+        }
+        if !allowed {
+            return (!contents.is_empty()).then_some(contents);
+        }
+        let probe = std::mem::take(&mut self.probe);
+        if std::mem::take(&mut self.credit_due) {
+            let (bytes, units) = self.inbox.tell_credit();
+            Chunk::Credit { bytes, units }.write(plain);
+            contents.push(Content::Credit);
+        }
+        if std::mem::take(&mut self.unread_due) {
+            Chunk::Unread.write(plain);
+            contents.push(Content::Unread);
+        }
+        self.cameras_out.write(all.saturating_sub(plain.len()), plain, &mut contents);
+        while let Some(content) = self.outbox.write_next(all.saturating_sub(plain.len()), all, plain) {
+            contents.push(content);
+        }
+        if contents.is_empty() && probe {
+            Chunk::Ping.write(plain);
+            return Some(contents);
+        }
+        if plain.is_empty() && self.may_probe() {
+            self.write_probe(now, plain, &mut contents);
+        }
+        (!contents.is_empty()).then_some(contents)
+    }
+
+    /// Fills a packet up to the size that is to be tried.
+    fn write_probe(&mut self, now: Instant, plain: &mut Vec<u8>, contents: &mut Vec<Content>) {
+        if let Some(size) = self.mtu.probe(now) {
+            Chunk::Ping.write(plain);
+            plain.resize(size - OVERHEAD, Chunk::FILLING);
+            contents.push(Content::Probe { size });
+        }
+    }
+
+    /// Whether window and pacer allow a full packet now. A probe always may leave.
+    fn may_send(&mut self, now: Instant) -> bool {
+        self.paced_until = None;
+        if self.probe {
+            return true;
+        }
+        let probe = self.mtu.due().is_some_and(|due| due <= now) && self.may_probe();
+        if !self.has_data() && !probe || self.recovery.room() < self.mtu.known() {
+            return false;
+        }
+        let ready = self.pacer.ready(now, self.recovery.window.window(), self.recovery.rtt.smoothed());
+        if ready > now {
+            self.paced_until = Some(ready);
+        }
+        ready <= now
+    }
+
+    fn has_data(&self) -> bool {
+        self.credit_due || self.unread_due || self.cameras_out.is_due() || self.outbox.has_due()
+    }
+
+    fn seal(&mut self, now: Instant, plain: &[u8], sent: Option<Vec<Content>>, out: &mut Vec<u8>) -> bool {
+        let number = self.recovery.next_number();
+        out.clear();
+        out.extend_from_slice(&data_header(self.there, number));
+        if number >= NUMBERS || !self.keys.seal(self.there, number, plain, out) {
+            self.closed.get_or_insert(Closed::Exhausted);
+            return false;
+        }
+        self.last_sent = now;
+        let bytes = out.len();
+        self.sent_bytes += bytes as u64;
+        if sent.is_some() {
+            self.pacer.on_sent(bytes);
+        }
+        let lost = self.recovery.on_sent(sent.map(|contents| Sent { at: now, bytes, contents }));
+        self.judge(now, Verdict { lost, ..Verdict::default() });
+        true
+    }
+}
