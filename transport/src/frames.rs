@@ -1,5 +1,8 @@
 //! The frames lane: begin, ids, end.
 
+use std::pin::pin;
+use std::task::{Context, Poll, Waker};
+
 use trimaran_proto::{
     Delivery, DrawableId, FrameAssembler, FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOrderError,
     FrameStart, FrameStats, FrameWriter, Goodbye, IdCoding, IdEncoder, Kind, Message,
@@ -194,6 +197,20 @@ impl FrameReceiver {
     /// As there, and [`RecvError::Deadline`].
     pub async fn recv_by(&mut self, deadline: Instant) -> Result<FrameEvent, RecvError> {
         self.recv_until(Some(deadline)).await
+    }
+
+    /// What has arrived, if anything has, without waiting: for whoever polls rather than pay for being woken. A peer that hangs is
+    /// not noticed this way.
+    ///
+    /// # Errors
+    /// When the peer said goodbye, is lost, or broke the protocol.
+    pub fn try_recv(&mut self) -> Result<Option<FrameEvent>, RecvError> {
+        // Not bound by the runtime's budget of a task, which would show a full queue as an empty one to a loop that never yields.
+        let next = pin!(tokio::task::unconstrained(self.recv_until(None)));
+        match next.poll(&mut Context::from_waker(Waker::noop())) {
+            Poll::Ready(event) => event.map(Some),
+            Poll::Pending => Ok(None),
+        }
     }
 
     /// The frame that has begun and not ended.

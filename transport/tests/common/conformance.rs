@@ -49,6 +49,7 @@ macro_rules! conformance {
             a_busy_receiver_is_no_dead_peer,
             silence_ends_in_an_error,
             a_deadline_leaves_the_link_usable,
+            polling_takes_what_is_there,
             dropping_a_wait_loses_nothing,
             goodbye_comes_after_everything,
             death_within_a_frame_is_no_goodbye,
@@ -253,6 +254,36 @@ pub(crate) async fn a_deadline_leaves_the_link_usable(pairs: &impl Pairs) {
         a.frames_tx.finish().await.unwrap();
         assert_eq!(receive(&mut display.frames_rx).await.unwrap().ids, ids(300));
     }
+}
+
+pub(crate) async fn polling_takes_what_is_there(pairs: &impl Pairs) {
+    // More batches than a runtime lets a task take in one go.
+    let (mut a, mut display) = pairs.pair(batches_of(10)).await;
+    let net = pairs.net();
+    assert!(matches!(display.frames_rx.try_recv(), Ok(None)));
+    a.frames_tx.begin(start(0)).await.unwrap();
+    a.frames_tx.push(&ids(3000)).await.unwrap();
+    a.frames_tx.finish().await.unwrap();
+    let mut got = Vec::new();
+    loop {
+        match display.frames_rx.try_recv().unwrap() {
+            Some(FrameEvent::Ids(batch)) => got.extend(batch.iter()),
+            Some(FrameEvent::End(_)) => break,
+            Some(FrameEvent::Begin(_) | FrameEvent::Stats(_)) => {}
+            None => sleep_until(&*net, net.now().after(Duration::from_millis(1))).await,
+        }
+    }
+    assert_eq!(got, ids(3000));
+    let poll = async {
+        loop {
+            match display.frames_rx.try_recv() {
+                Ok(None) => sleep_until(&*net, net.now().after(Duration::from_millis(1))).await,
+                ended => break ended,
+            }
+        }
+    };
+    let (_left, ended) = tokio::join!(a.goodbye(Goodbye::Finished), poll);
+    assert!(matches!(ended, Err(RecvError::Goodbye { .. })), "{ended:?}");
 }
 
 pub(crate) async fn dropping_a_wait_loses_nothing(pairs: &impl Pairs) {

@@ -1,0 +1,89 @@
+//! What links cost beside other ways to send the same data: a camera there and back, a frame of 4,000 ids until the last one has
+//! arrived, frames without a pause; time, CPU time and heap allocations of both ends together.
+//!
+//! ```sh
+//! cargo run --release --manifest-path transport/benches/peers/Cargo.toml -- [--rounds N] [--json] [NAME..]
+//! ```
+//!
+//! Both ends are in this process, each a thread on a core of its own with a single-threaded runtime. Rounds go through all subjects
+//! in turn, so that what else the machine does falls on all of them.
+
+mod measure;
+mod subject;
+
+use std::alloc::System;
+
+use anyhow::Result;
+use clap::Parser;
+use measure::{Plan, Row, measure};
+use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
+use subject::{channel, iceoryx, link, quic, tcp, threads, udp, zenoh};
+
+#[global_allocator]
+static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
+
+/// Measures links beside other ways to send the same data.
+#[derive(Debug, Parser)]
+struct Args {
+    /// How often each subject is measured.
+    #[arg(long, default_value_t = 7)]
+    rounds: usize,
+    /// Cameras a round.
+    #[arg(long, default_value_t = 3000)]
+    cameras: u32,
+    /// Frames a round, one at a time and again without a pause.
+    #[arg(long, default_value_t = 300)]
+    frames: u32,
+    /// One JSON object a subject, on a line of its own.
+    #[arg(long)]
+    json: bool,
+    /// Only subjects whose names hold one of these.
+    names: Vec<String>,
+}
+
+/// A subject's name, and what measures it once into its row.
+type Entry = (&'static str, fn(&Plan, &mut Row) -> Result<()>);
+
+/// Each floor stands before what it is the floor of.
+const SUBJECTS: &[Entry] = &[
+    ("threads, park and unpark", |plan, row| measure(threads::Parking, plan, row)),
+    ("tokio channels", |plan, row| measure(channel::Channels, plan, row)),
+    ("inproc", |plan, row| measure(link::Linked::inproc()?, plan, row)),
+    ("inproc, polled", |plan, row| measure(link::Polled::new()?, plan, row)),
+    ("iceoryx2, polled", |plan, row| measure(iceoryx::SharedMemory::polled(), plan, row)),
+    ("iceoryx2, events", |plan, row| measure(iceoryx::SharedMemory::events(), plan, row)),
+    ("unix", |plan, row| measure(link::Linked::unix()?, plan, row)),
+    ("bare tokio TCP", |plan, row| measure(tcp::Bare, plan, row)),
+    ("tcp", |plan, row| measure(link::Linked::tcp()?, plan, row)),
+    ("zenoh over TCP", |plan, row| measure(zenoh::Zenoh, plan, row)),
+    ("bare tokio UDP", |plan, row| measure(udp::Bare, plan, row)),
+    ("udp", |plan, row| measure(link::Linked::udp()?, plan, row)),
+    ("bare quinn", |plan, row| measure(quic::Bare::new()?, plan, row)),
+    ("quic", |plan, row| measure(link::Linked::quic()?, plan, row)),
+];
+
+fn main() -> Result<()> {
+    let args = Args::parse();
+    let plan = Plan { cameras: args.cameras, frames: args.frames };
+    let chosen =
+        |name: &str| args.names.is_empty() || args.names.iter().any(|part| name.contains(part.as_str()));
+    let mut rows: Vec<(&Entry, Row)> =
+        SUBJECTS.iter().filter(|(name, _)| chosen(name)).map(|entry| (entry, Row::default())).collect();
+    for round in 1..=args.rounds {
+        eprintln!("round {round} of {}", args.rounds);
+        for ((name, run), row) in &mut rows {
+            run(&plan, row).map_err(|e| e.context(*name))?;
+        }
+    }
+    if !args.json {
+        println!("{}", Row::HEADER);
+    }
+    for ((name, _), row) in &rows {
+        if args.json {
+            println!("{}", row.json(name));
+        } else {
+            println!("{}", row.line(name));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,273 @@
+//! How a subject is measured: one round is a pair of ends made anew, cameras, frames one at a time, frames without a pause.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc;
+use std::thread;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use cpu_time::ProcessTime;
+use hdrhistogram::Histogram;
+use serde_json::{Value, json};
+use stats_alloc::Region;
+use tokio::runtime::{Builder, Runtime};
+
+use crate::ALLOCATOR;
+
+/// How many ids a frame has.
+pub(crate) const IDS: u32 = 4000;
+/// How many frames may be under way without an answer.
+const WINDOW: u32 = 4;
+/// Cameras and frames before anything counts.
+const WARM_UP: u32 = 50;
+
+/// What a round is made of.
+pub(crate) struct Plan {
+    pub(crate) cameras: u32,
+    pub(crate) frames: u32,
+}
+
+/// A way to send cameras and frames of ids between two threads.
+pub(crate) trait Subject: Send + Sync + 'static {
+    type Near: Near;
+    type Far: Far;
+    /// Whether the library has threads of its own: then nothing is pinned, and the runtime is of the kind with threads.
+    const HAS_THREADS: bool = false;
+
+    /// The end that listens; it tells the other one where.
+    async fn near(&self, whereabouts: mpsc::Sender<String>) -> Result<Self::Near>;
+    /// The end that connects.
+    async fn far(&self, whereabouts: &str) -> Result<Self::Far>;
+}
+
+/// The end that sends.
+pub(crate) trait Near {
+    /// Sends 72 bytes that carry `number`.
+    async fn camera(&mut self, number: u32) -> Result<()>;
+    /// Sends a frame of [`IDS`] ids.
+    async fn frame(&mut self, number: u32) -> Result<()>;
+    /// Waits for the next answer: the number of the camera or frame. Later ones may replace earlier ones.
+    async fn answer(&mut self) -> Result<u32>;
+    /// Ends the other end's service.
+    async fn close(self) -> Result<()>;
+}
+
+/// The end that answers.
+pub(crate) trait Far {
+    /// Answers each camera, and each frame once its last id is there, with 72 bytes; frames are told to `arrivals` before. Ends
+    /// when the other end has closed.
+    async fn serve(self, arrivals: &Arrivals) -> Result<()>;
+}
+
+/// When the last frame arrived.
+pub(crate) struct Arrivals {
+    epoch: Instant,
+    last: AtomicU64,
+}
+
+impl Arrivals {
+    pub(crate) fn mark(&self) {
+        self.last.store(self.now(), Ordering::Release);
+    }
+
+    fn now(&self) -> u64 {
+        u64::try_from(self.epoch.elapsed().as_nanos()).unwrap_or(u64::MAX)
+    }
+}
+
+/// What was measured of a subject, over all rounds.
+pub(crate) struct Row {
+    there_and_back: Histogram<u64>,
+    frame: Histogram<u64>,
+    rounds: Vec<Round>,
+}
+
+/// Of one round: nanoseconds, counts.
+#[derive(Clone, Copy)]
+struct Round {
+    camera_p50: f64,
+    frame_p50: f64,
+    cpu_a_frame: f64,
+    allocations_a_camera: f64,
+    allocations_a_frame: f64,
+    ids_a_second: f64,
+}
+
+impl Default for Row {
+    fn default() -> Self {
+        let histogram = || Histogram::new(3).unwrap_or_else(|_| unreachable!("three digits are allowed"));
+        Self { there_and_back: histogram(), frame: histogram(), rounds: Vec::new() }
+    }
+}
+
+/// Measures `subject` once.
+pub(crate) fn measure<S: Subject>(subject: S, plan: &Plan, row: &mut Row) -> Result<()> {
+    let subject = Arc::new(subject);
+    let arrivals = Arc::new(Arrivals { epoch: Instant::now(), last: AtomicU64::new(0) });
+    let (tell, told) = mpsc::channel::<String>();
+    let server = thread::spawn({
+        let (subject, arrivals) = (Arc::clone(&subject), Arc::clone(&arrivals));
+        move || {
+            let whereabouts = told.recv().context("the near end did not listen")?;
+            pin::<S>(1);
+            runtime::<S>()?.block_on(async { subject.far(&whereabouts).await?.serve(&arrivals).await })
+        }
+    });
+    let client = thread::scope(|scope| {
+        scope
+            .spawn(|| {
+                pin::<S>(0);
+                runtime::<S>()?.block_on(async {
+                    let mut near = subject.near(tell).await?;
+                    let round = drive(&mut near, plan, &arrivals, row).await?;
+                    near.close().await?;
+                    anyhow::Ok(round)
+                })
+            })
+            .join()
+    });
+    let round = client.map_err(|_| anyhow::anyhow!("the near end panicked"))?.context("near end")?;
+    server.join().map_err(|_| anyhow::anyhow!("the far end panicked"))?.context("far end")?;
+    row.rounds.push(round);
+    Ok(())
+}
+
+async fn drive(near: &mut impl Near, plan: &Plan, arrivals: &Arrivals, row: &mut Row) -> Result<Round> {
+    let mut number = 0;
+    for _ in 0..WARM_UP {
+        number += 1;
+        near.camera(number).await?;
+        until(near, number).await?;
+        number += 1;
+        near.frame(number).await?;
+        until(near, number).await?;
+    }
+
+    let (mut cameras, mut frames) = (Histogram::<u64>::new(3)?, Histogram::<u64>::new(3)?);
+    let heap = Region::new(ALLOCATOR);
+    for _ in 0..plan.cameras {
+        number += 1;
+        let start = arrivals.now();
+        near.camera(number).await?;
+        until(near, number).await?;
+        cameras.record(arrivals.now() - start)?;
+    }
+    let allocations_a_camera = heap.change().allocations as f64 / f64::from(plan.cameras);
+
+    let (heap, cpu) = (Region::new(ALLOCATOR), ProcessTime::now());
+    for _ in 0..plan.frames {
+        number += 1;
+        let start = arrivals.now();
+        near.frame(number).await?;
+        until(near, number).await?;
+        frames.record(arrivals.last.load(Ordering::Acquire).saturating_sub(start))?;
+    }
+    let cpu_a_frame = cpu.elapsed().as_nanos() as f64 / f64::from(plan.frames);
+    let allocations_a_frame = heap.change().allocations as f64 / f64::from(plan.frames);
+
+    let (start, first, mut answered) = (Instant::now(), number, number);
+    while number < first + plan.frames {
+        number += 1;
+        near.frame(number).await?;
+        while number - answered >= WINDOW {
+            answered = near.answer().await?;
+        }
+    }
+    while answered != number {
+        answered = near.answer().await?;
+    }
+    let ids_a_second = f64::from(plan.frames * IDS) / start.elapsed().as_secs_f64();
+
+    row.there_and_back.add(&cameras)?;
+    row.frame.add(&frames)?;
+    Ok(Round {
+        camera_p50: cameras.value_at_quantile(0.5) as f64,
+        frame_p50: frames.value_at_quantile(0.5) as f64,
+        cpu_a_frame,
+        allocations_a_camera,
+        allocations_a_frame,
+        ids_a_second,
+    })
+}
+
+async fn until(near: &mut impl Near, number: u32) -> Result<()> {
+    while near.answer().await? != number {}
+    Ok(())
+}
+
+fn runtime<S: Subject>() -> Result<Runtime> {
+    let mut builder = if S::HAS_THREADS {
+        let mut builder = Builder::new_multi_thread();
+        builder.worker_threads(1);
+        builder
+    } else {
+        Builder::new_current_thread()
+    };
+    Ok(builder.enable_all().build()?)
+}
+
+/// Keeps this thread on a core.
+fn pin<S: Subject>(core: usize) {
+    if let Some(cores) = core_affinity::get_core_ids().filter(|cores| !S::HAS_THREADS && cores.len() > 1) {
+        core_affinity::set_for_current(cores[core % cores.len()]);
+    }
+}
+
+impl Row {
+    pub(crate) const HEADER: &str = "\
+                          | camera there and back, us                  | frame of 4,000 ids, us             | CPU us  | allocations     | M ids
+                          |    p50 (of rounds)       p99      p99.9     |     p50 (of rounds)         p99    | a frame | camera    frame | a second";
+
+    pub(crate) fn line(&self, name: &str) -> String {
+        let us = |nanoseconds: f64| nanoseconds / 1e3;
+        let (camera, frame) = (self.of(|r| us(r.camera_p50)), self.of(|r| us(r.frame_p50)));
+        let quantile = |h: &Histogram<u64>, q: f64| us(h.value_at_quantile(q) as f64);
+        format!(
+            "{name:<26}| {:>6.2} ({:>6.2}-{:>6.2}) {:>8.1} {:>10.1}   | {:>7.1} ({:>6.1}-{:>6.1}) {:>8.1} | {:>7.1} | {:>6.2} {:>8.2} | {:>6.1}",
+            camera.median,
+            camera.least,
+            camera.most,
+            quantile(&self.there_and_back, 0.99),
+            quantile(&self.there_and_back, 0.999),
+            frame.median,
+            frame.least,
+            frame.most,
+            quantile(&self.frame, 0.99),
+            self.of(|r| us(r.cpu_a_frame)).median,
+            self.of(|r| r.allocations_a_camera).median,
+            self.of(|r| r.allocations_a_frame).median,
+            self.of(|r| r.ids_a_second / 1e6).median,
+        )
+    }
+
+    /// Times in nanoseconds.
+    pub(crate) fn json(&self, name: &str) -> Value {
+        json!({
+            "name": name,
+            "rounds": self.rounds.len(),
+            "camera_p50_ns": self.of(|r| r.camera_p50).median,
+            "camera_p99_ns": self.there_and_back.value_at_quantile(0.99),
+            "camera_p999_ns": self.there_and_back.value_at_quantile(0.999),
+            "frame_p50_ns": self.of(|r| r.frame_p50).median,
+            "frame_p99_ns": self.frame.value_at_quantile(0.99),
+            "cpu_a_frame_ns": self.of(|r| r.cpu_a_frame).median,
+            "allocations_a_camera": self.of(|r| r.allocations_a_camera).median,
+            "allocations_a_frame": self.of(|r| r.allocations_a_frame).median,
+            "ids_a_second": self.of(|r| r.ids_a_second).median,
+        })
+    }
+
+    fn of(&self, what: impl Fn(&Round) -> f64) -> Spread {
+        let mut values: Vec<f64> = self.rounds.iter().map(what).collect();
+        values.sort_by(f64::total_cmp);
+        let at = |i: usize| values.get(i).copied().unwrap_or(f64::NAN);
+        Spread { least: at(0), median: at(values.len() / 2), most: at(values.len().saturating_sub(1)) }
+    }
+}
+
+struct Spread {
+    least: f64,
+    median: f64,
+    most: f64,
+}

@@ -1,0 +1,34 @@
+//! What is measured: links, and other ways to send the same data.
+
+pub(crate) mod channel;
+pub(crate) mod iceoryx;
+pub(crate) mod link;
+pub(crate) mod quic;
+pub(crate) mod tcp;
+pub(crate) mod threads;
+pub(crate) mod udp;
+pub(crate) mod zenoh;
+
+use anyhow::{Context, Result};
+
+use crate::measure::IDS;
+
+/// How long a camera is.
+pub(crate) const CAMERA: usize = 72;
+
+/// 72 bytes that carry `number`.
+pub(crate) fn camera(number: u32) -> [u8; CAMERA] {
+    let mut bytes = [0; CAMERA];
+    bytes[..4].copy_from_slice(&number.to_le_bytes());
+    bytes
+}
+
+/// A frame's bytes: its number, then its ids.
+pub(crate) fn frame(number: u32) -> Vec<u8> {
+    std::iter::once(number).chain(0..IDS).flat_map(u32::to_le_bytes).collect()
+}
+
+/// The number that `bytes` begin with.
+pub(crate) fn number(bytes: &[u8]) -> Result<u32> {
+    Ok(u32::from_le_bytes(*bytes.first_chunk().context("too short")?))
+}

@@ -1,0 +1,138 @@
+//! Zenoh between two peers over TCP: cameras, frames and answers each a key of their own, nothing held back to be batched.
+
+use std::net::TcpListener;
+use std::sync::mpsc;
+
+use anyhow::{Result, anyhow};
+use zenoh::handlers::FifoChannelHandler;
+use zenoh::pubsub::{Publisher, Subscriber};
+use zenoh::qos::CongestionControl;
+use zenoh::sample::Sample;
+use zenoh::{Config, Session};
+
+use super::{camera, frame, number};
+use crate::measure::{Arrivals, Far, Near, Subject};
+
+/// Two zenoh sessions.
+pub(crate) struct Zenoh;
+
+pub(crate) struct End {
+    session: Session,
+    cameras: Publisher<'static>,
+    frames: Publisher<'static>,
+    received: Subscriber<FifoChannelHandler<Sample>>,
+    frame: Vec<u8>,
+}
+
+impl End {
+    async fn open(config: Config, sends: &'static str, receives: &'static str) -> Result<Self> {
+        let session = zenoh::open(config).await.map_err(|e| anyhow!(e))?;
+        let publisher = async |key: String| {
+            session
+                .declare_publisher(key)
+                .express(true)
+                .congestion_control(CongestionControl::Block)
+                .await
+                .map_err(|e| anyhow!(e))
+        };
+        let (cameras, frames) =
+            (publisher(format!("{sends}/camera")).await?, publisher(format!("{sends}/frame")).await?);
+        let received = session.declare_subscriber(format!("{receives}/**")).await.map_err(|e| anyhow!(e))?;
+        Ok(Self { session, cameras, frames, received, frame: frame(0) })
+    }
+
+    /// Waits until the other end listens.
+    async fn meet(&self) -> Result<()> {
+        while !self.cameras.matching_status().await.map_err(|e| anyhow!(e))?.matching() {
+            tokio::time::sleep(std::time::Duration::from_millis(10)).await;
+        }
+        Ok(())
+    }
+
+    async fn receive(&self) -> Result<Sample> {
+        self.received.recv_async().await.map_err(|e| anyhow!(e))
+    }
+
+    async fn send_camera(&self, number: u32) -> Result<()> {
+        self.cameras.put(camera(number).as_slice()).await.map_err(|e| anyhow!(e))
+    }
+}
+
+fn config(key: &str, endpoint: &str) -> Result<Config> {
+    let mut config = Config::default();
+    for (key, value) in [
+        ("mode", "\"peer\"".to_owned()),
+        ("scouting/multicast/enabled", "false".to_owned()),
+        ("scouting/gossip/enabled", "false".to_owned()),
+        ("listen/endpoints", "[]".to_owned()),
+        (key, format!("[\"tcp/{endpoint}\"]")),
+    ] {
+        config.insert_json5(key, &value).map_err(|e| anyhow!(e))?;
+    }
+    Ok(config)
+}
+
+impl Subject for Zenoh {
+    type Near = End;
+    type Far = End;
+    const HAS_THREADS: bool = true;
+
+    async fn near(&self, whereabouts: mpsc::Sender<String>) -> Result<End> {
+        let free = TcpListener::bind("127.0.0.1:0")?.local_addr()?.to_string();
+        let end = End::open(config("listen/endpoints", &free)?, "near", "far").await?;
+        whereabouts.send(free)?;
+        end.meet().await?;
+        Ok(end)
+    }
+
+    async fn far(&self, whereabouts: &str) -> Result<End> {
+        let end = End::open(config("connect/endpoints", whereabouts)?, "far", "near").await?;
+        end.meet().await?;
+        Ok(end)
+    }
+}
+
+impl Near for End {
+    async fn camera(&mut self, number: u32) -> Result<()> {
+        self.send_camera(number).await
+    }
+
+    async fn frame(&mut self, number: u32) -> Result<()> {
+        self.frame[..4].copy_from_slice(&number.to_le_bytes());
+        self.frames.put(self.frame.as_slice()).await.map_err(|e| anyhow!(e))
+    }
+
+    async fn answer(&mut self) -> Result<u32> {
+        number(&self.receive().await?.payload().to_bytes())
+    }
+
+    async fn close(self) -> Result<()> {
+        self.send_camera(u32::MAX).await?;
+        self.answer_to_end().await;
+        self.session.close().await.map_err(|e| anyhow!(e))
+    }
+}
+
+impl End {
+    /// Waits for the other end to have read the end.
+    async fn answer_to_end(&self) {
+        let _last = self.receive().await;
+    }
+}
+
+impl Far for End {
+    async fn serve(self, arrivals: &Arrivals) -> Result<()> {
+        loop {
+            let sample = self.receive().await?;
+            let bytes = sample.payload().to_bytes();
+            if bytes.len() > super::CAMERA {
+                arrivals.mark();
+            }
+            let number = number(&bytes)?;
+            self.send_camera(number).await?;
+            if number == u32::MAX {
+                return self.session.close().await.map_err(|e| anyhow!(e));
+            }
+        }
+    }
+}
