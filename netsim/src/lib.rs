@@ -4,6 +4,7 @@
 //! that programs written for that run here unchanged, in no time, and the same way each time.
 
 mod bandwidth;
+mod capture;
 mod events;
 mod executor;
 mod fabric;
@@ -21,6 +22,7 @@ mod wire;
 mod world;
 
 pub use bandwidth::{FrameLoad, bits_per_second};
+pub use capture::CaptureError;
 pub use net::SimNet;
 pub use profile::{Machines, Profile, ProfileError};
 pub use relay::{Arrival, Parting, Relay, Totals};

@@ -1,6 +1,7 @@
 //! Running programs on a simulated network.
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::pin::pin;
 use std::sync::Arc;
 use std::task::Poll;
@@ -8,6 +9,7 @@ use std::task::Poll;
 use thiserror::Error;
 use trimaran_transport::Instant;
 
+use crate::capture::{Capture, CaptureError};
 use crate::link::LinkTally;
 use crate::net::SimNet;
 use crate::tcp::Class;
@@ -37,6 +39,26 @@ impl Simulation {
     #[must_use]
     pub fn new(topology: &Topology, seed: u64) -> Self {
         Self { world: Arc::new(World::new(topology, seed)) }
+    }
+
+    /// Writes down every packet that a machine sends from now on, as pcapng: an interface a machine, times since the start.
+    ///
+    /// # Errors
+    /// When `out` takes nothing.
+    pub fn capture(&self, out: Box<dyn Write + Send>) -> Result<(), CaptureError> {
+        let mut core = self.world.core();
+        let capture = Capture::begin(out, core.names.iter().map(String::as_str))?;
+        core.capture = Some(capture);
+        Ok(())
+    }
+
+    /// Ends what [`Simulation::capture`] began.
+    ///
+    /// # Errors
+    /// When a packet could not be written.
+    pub fn end_capture(&self) -> Result<(), CaptureError> {
+        let capture = self.world.core().capture.take();
+        capture.map_or(Ok(()), Capture::end)
     }
 
     /// The network as that machine sees it.

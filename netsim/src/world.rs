@@ -11,6 +11,7 @@ use slab::Slab;
 use trimaran_transport::Instant;
 use xxhash_rust::xxh3::Xxh3;
 
+use crate::capture::Capture;
 use crate::events::Events;
 use crate::executor::{Executor, lock};
 use crate::fabric::{Fabric, LinkEvent, Outcome, Routed};
@@ -49,6 +50,7 @@ pub(crate) struct Core {
     events: Events<Event>,
     trace: Xxh3,
     wire: BTreeMap<(HostId, HostId, Class), WireTally>,
+    pub(crate) capture: Option<Capture>,
 }
 
 /// What will happen.
@@ -97,6 +99,7 @@ impl World {
             events: Events::new(),
             trace: Xxh3::new(),
             wire: BTreeMap::new(),
+            capture: None,
         };
         Self { executor: Executor::default(), now: AtomicU64::new(0), core: Mutex::new(core) }
     }
@@ -140,6 +143,10 @@ impl Core {
     /// Sends a packet. `token` is told when it has left the machine.
     pub(crate) fn send(&mut self, packet: Packet, token: Option<u32>) {
         self.note(0, &packet);
+        if let Some(capture) = &mut self.capture {
+            let mtu = self.fabric.path_mtu(packet.from, packet.to).unwrap_or_default();
+            capture.add(self.now, &packet, mtu);
+        }
         if packet.from == packet.to {
             let ip_bytes = packet.ip_bytes();
             if let Some(token) = token {

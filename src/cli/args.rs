@@ -354,6 +354,9 @@ pub(crate) struct SimArgs {
     /// The Vulkan device that draws them, by a part of its name [default: the best there is].
     #[arg(long, value_name = "NAME", requires = "scene")]
     pub(crate) device: Option<String>,
+    /// Where to write a run's packets for Wireshark, a pcapng file a run.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) pcap: Option<PathBuf>,
     /// Where to write sim.json, with all figures, runs.csv and frames.csv, with the times of every frame, and sim.html, a page with charts.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,

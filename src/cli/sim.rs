@@ -1,13 +1,15 @@
 //! `trimaran sim`: what three roles see on a network, before it is bought.
 
-use std::fs;
-use std::io::Write;
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::time::Duration;
 
 use rayon::prelude::*;
 use trimaran::report::simulation;
-use trimaran::simulate::{Knobs, Load, Outcome, Painter, Scenario, Transport, Workload, pooled, simulate};
+use trimaran::simulate::{
+    Knobs, Load, Outcome, Painter, Scenario, Transport, Workload, pooled, simulate, simulate_captured,
+};
 use trimaran_gpu::{Gpu, GpuScene};
 use trimaran_netsim::Profile;
 use trimaran_proto::{BatchSize, IdCoding};
@@ -21,18 +23,24 @@ use super::{
 
 pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
     let scenarios = scenarios(args)?;
+    if let Some(folder) = &args.pcap {
+        fs::create_dir_all(folder).map_err(Failure::broken)?;
+    }
     let bar = progress::bar("simulating", scenarios.len() as u64);
     // Each run is one thread's, and its outcome its place's: more cores change nothing but the time.
     let runs: Result<Vec<Outcome>, _> = scenarios
         .par_iter()
         .map(|scenario| {
-            let outcome = simulate(scenario);
+            let outcome = match &args.pcap {
+                None => simulate(scenario).map_err(Failure::broken),
+                Some(folder) => captured(scenario, folder),
+            };
             bar.inc(1);
             outcome
         })
         .collect();
     bar.finish_and_clear();
-    let mut runs = runs.map_err(Failure::broken)?;
+    let mut runs = runs?;
     if let Some(scene) = &args.scene {
         draw_gaps(scene, args.device.as_deref(), &scenarios, &mut runs)?;
     }
@@ -42,7 +50,7 @@ pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
         let command: Vec<String> = std::env::args().collect();
         fs::create_dir_all(folder)
             .and_then(|()| write("sim.json", &serde_json::to_string_pretty(&runs)?))
-            .and_then(|()| write("runs.csv", &simulation::runs_csv(&runs)))
+            .and_then(|()| write("runs.csv", &simulation::runs_csv(&pooled)))
             .and_then(|()| write("frames.csv", &simulation::frames_csv(&runs)))
             .and_then(|()| write("sim.html", &simulation::page(&pooled, &command)))
             .map_err(Failure::broken)?;
@@ -116,6 +124,23 @@ fn knobs(args: &SimArgs, link: SimLink) -> Vec<(Transport, Knobs)> {
             .map(|knobs| (Transport::UdpDeadline, knobs))
             .collect(),
     }
+}
+
+/// Simulates and writes down the packets, under a name that tells the run.
+fn captured(scenario: &Scenario, folder: &Path) -> Result<Outcome, Failure> {
+    let Scenario { network, link, batch, seed, workload, knobs, .. } = scenario;
+    // A file's name can hold neither of what tells folders apart.
+    let network = network.name.replace(['/', '\\'], "-");
+    let repair = knobs.repair_percent;
+    let mode = match link {
+        Transport::Tcp | Transport::Quic => String::new(),
+        Transport::Udp => format!("-r{repair}"),
+        Transport::UdpDeadline => format!("-{}ms-r{repair}", knobs.deadline.as_secs_f64() * 1e3),
+    };
+    let (link, nodes, batch) = (link.name(), workload.of(0).nodes, batch.ids());
+    let path = folder.join(format!("{network}-{link}{mode}-n{nodes}-b{batch}-s{seed}.pcapng"));
+    let file = File::create(&path).map_err(Failure::broken)?;
+    simulate_captured(scenario, Box::new(BufWriter::new(file))).map_err(Failure::broken)
 }
 
 /// Draws what displays showed that got only a part of a frame.

@@ -98,12 +98,13 @@ fn names(run: &Outcome) -> [String; 4] {
     [run.network.clone(), run.label(), figure(run.nodes), run.batch.to_string()]
 }
 
-/// A line a run, with the figures of the tables.
+/// A line a run, with the figures of the tables; pixels are empty where nothing was drawn.
 #[must_use]
 pub fn runs_csv(outcomes: &[Outcome]) -> String {
     let mut csv = "network,link,coding,nodes,batch,seed,frames,p50_ms,p95_ms,p99_ms,p999_ms,waiting_ms,network_ms,or_ms,hc_ms,rvg_ms,\
                    frames_per_second,late_at_30,late_at_60,incomplete,bytes,ids,messages,transport,transport_headers,ip_headers,\
-                   link_layer,packets,acknowledgements,repetitions,keepalive,handshake,paper,corrected,corrected_as_measured\n"
+                   link_layer,packets,acknowledgements,repetitions,keepalive,handshake,header,paper,corrected,\
+                   corrected_as_measured,frames_wrong,wrong_pixels,worst_pixels,needless_triangles\n"
         .to_owned();
     for run in outcomes {
         let (latency, bytes) = (run.latency_ms, &run.bytes);
@@ -133,12 +134,21 @@ pub fn runs_csv(outcomes: &[Outcome]) -> String {
             bytes.repetitions,
             bytes.keepalive,
             bytes.handshake,
+            bytes.header,
             bytes.paper,
             bytes.corrected,
             bytes.corrected_as_measured,
         ];
         let figures = figures.map(|value| value.to_string()).join(",");
-        csv += &format!("{},{},{figures}\n", key(run), run.frames);
+        // Empty where nothing was drawn: not measured.
+        let pixels = run.pixels.map_or_else(
+            || ",,,".to_owned(),
+            |cost| {
+                let (wrong, needless) = (cost.wrong_a_frame(), cost.needless_a_frame());
+                format!("{},{wrong},{},{needless}", cost.frames_wrong, cost.worst)
+            },
+        );
+        csv += &format!("{},{},{figures},{pixels}\n", key(run), run.frames);
     }
     csv
 }

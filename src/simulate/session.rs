@@ -1,11 +1,12 @@
 //! Joining the three roles on the simulated network, and counting.
 
+use std::io::Write;
 use std::sync::Arc;
 use std::time::Duration;
 
 use thiserror::Error;
 use trimaran_actors::{JoinError, OrderError, Place, Seat, await_pair, join_session};
-use trimaran_netsim::{HostId, Machines, Simulation, Stalled};
+use trimaran_netsim::{CaptureError, HostId, Machines, Simulation, Stalled};
 use trimaran_proto::{
     EpsilonPx, FrameNumber, Identity, PictureSize, Role, SceneHash, Settings, SettingsError, TesterKind,
 };
@@ -57,6 +58,9 @@ pub enum SimulateError {
         #[source]
         cause: Box<RoleFailure>,
     },
+    /// The packets cannot be written down.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
     /// The roles wait for each other.
     #[error(transparent)]
     Stalled(#[from] Stalled),
@@ -94,9 +98,24 @@ pub enum RoleFailure {
 /// # Errors
 /// When a role fails, for instance because a link falls silent for longer than links are patient.
 pub fn simulate(scenario: &Scenario) -> Result<Outcome, SimulateError> {
+    session(scenario, None)
+}
+
+/// Runs a session and writes all its packets into `out`, as pcapng.
+///
+/// # Errors
+/// As [`simulate`], and when `out` does not take them.
+pub fn simulate_captured(scenario: &Scenario, out: Box<dyn Write + Send>) -> Result<Outcome, SimulateError> {
+    session(scenario, Some(out))
+}
+
+fn session(scenario: &Scenario, capture: Option<Box<dyn Write + Send>>) -> Result<Outcome, SimulateError> {
     let Scenario { network, link, batch, frames, seed, workload, knobs } = scenario;
     let (topology, machines) = network.topology();
     let simulation = Simulation::new(&topology, *seed);
+    if let Some(out) = capture {
+        simulation.capture(out)?;
+    }
     let place = |host: &str, options: &Options| -> Result<Place, SimulateError> {
         Ok(Place { endpoint: link.endpoint(host).parse::<Endpoint>()?, options: options.clone() })
     };
@@ -124,6 +143,7 @@ pub fn simulate(scenario: &Scenario) -> Result<Outcome, SimulateError> {
     let listen = place("display:7400", &third)?;
     let show = display_role(&simulation, &nets[2], &stage, &listen, settings, machines);
     let (first, second, counted) = simulation.run(async { tokio::join!(first, second, show) })?;
+    simulation.end_capture()?;
     let failed = |role, cause: RoleFailure| SimulateError::Role {
         role,
         network: network.name.clone(),

@@ -79,6 +79,12 @@ impl Workload {
         Self(Source::Loads(Arc::new([load])))
     }
 
+    /// What a walk took that was recorded just now.
+    #[must_use]
+    pub fn of_trace(trace: Trace) -> Self {
+        Self(Source::Trace(Arc::new(trace)))
+    }
+
     /// What a recorded walk took: a trace of `trimaran run --record`, or the counts and times of a `report.json`, whose frames that do
     /// not say are left out.
     ///
@@ -89,7 +95,7 @@ impl Workload {
         let mut head = Vec::new();
         File::open(path).and_then(|file| file.take(64).read_to_end(&mut head)).map_err(read)?;
         if looks_like_a_trace(&head) {
-            return Ok(Self(Source::Trace(Arc::new(Trace::read(path)?))));
+            return Ok(Self::of_trace(Trace::read(path)?));
         }
         let file = File::open(path).map_err(read)?;
         let report: Report = serde_json::from_reader(BufReader::new(file))

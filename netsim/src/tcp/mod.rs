@@ -16,7 +16,7 @@ mod cubic;
 mod delayed_ack;
 mod receiver;
 mod rtt;
-mod segment;
+pub(crate) mod segment;
 mod sender;
 mod socket;
 

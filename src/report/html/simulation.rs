@@ -2,7 +2,7 @@
 
 use super::chart::{Chart, Mark, Series};
 use super::escape;
-use super::figures::wide_card;
+use super::figures::card;
 use super::timeline::Timeline;
 use crate::report::format::{figure, grouped};
 use crate::report::schema::{Frame, Role, Seat, Span};
@@ -60,7 +60,7 @@ fn latency(runs: &[Outcome]) -> String {
     };
     let chart = Chart {
         x: "latency (ms)",
-        y: "share of frames that take longer",
+        y: "frames that take longer",
         series: runs.iter().zip(CLASSES.iter().cycle()).map(series).collect(),
         bound: None,
         labels: Vec::new(),
@@ -76,7 +76,7 @@ fn latency(runs: &[Outcome]) -> String {
         std::iter::once(name(runs, run)).chain(times).chain(counts).collect()
     });
     let network = runs.first().map_or("", |run| &run.network);
-    wide_card(&format!("{network}: how many frames take longer than so many milliseconds"), &chart.svg(), "")
+    cards(&format!("{network}: how many frames take longer than so many milliseconds"), &chart.svg(), "")
         + &table(&head, rows)
 }
 
@@ -103,7 +103,7 @@ fn split(runs: &[Outcome]) -> String {
         .iter()
         .map(|run| {
             let parts = [
-                ("waiting", "model", run.waiting_ms.mean),
+                ("waiting", "k1", run.waiting_ms.mean),
                 ("network", "paper", run.network_ms.mean),
                 ("OR", "or", run.occluders_ms.mean),
                 ("HC", "hc", run.culling_ms.mean),
@@ -155,7 +155,7 @@ fn error_curve(runs: &[Outcome]) -> String {
         keys: &[],
     };
     let network = runs.first().map_or("", |run| &run.network);
-    wide_card(
+    cards(
         &format!("{network}: what is late in one mode is wrong in the other"),
         &chart.svg(),
         "Pixels that are not as they would have been with every id, over all frames.",
@@ -234,8 +234,17 @@ fn bytes(runs: &[Outcome]) -> String {
         std::iter::once(name(runs, run)).chain(parts.map(figure)).collect()
     });
     let network = runs.first().map_or("", |run| &run.network);
-    wide_card(&format!("{network}: bytes a frame beside the formulas"), &chart.svg(), "")
-        + &table(&head, rows)
+    // A single value of x makes no curve.
+    let varies = chart.series.iter().any(|series| series.points.len() > 1);
+    let finding = format!("{network}: bytes a frame beside the formulas");
+    let curves =
+        if varies { cards(&finding, &chart.svg(), "") } else { format!("<h3>{}</h3>", escape(&finding)) };
+    curves + &table(&head, rows)
+}
+
+/// A chart in a row of its own.
+fn cards(finding: &str, svg: &str, caption: &str) -> String {
+    format!("<div class=\"cards\">{}</div>", card(finding, svg, caption))
 }
 
 fn table(head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {

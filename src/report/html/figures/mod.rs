@@ -24,12 +24,12 @@ fn section(id: &str, title: &str, cards: &str) -> String {
 }
 
 /// A chart under its finding.
-fn card(finding: &str, svg: &str, caption: &str) -> String {
+pub(super) fn card(finding: &str, svg: &str, caption: &str) -> String {
     figure("card", finding, svg, caption)
 }
 
 /// A chart that takes the page's whole width.
-pub(super) fn wide_card(finding: &str, svg: &str, caption: &str) -> String {
+fn wide_card(finding: &str, svg: &str, caption: &str) -> String {
     figure("card all", finding, svg, caption)
 }
 

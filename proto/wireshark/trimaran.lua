@@ -1,0 +1,679 @@
+-- Trimaran's messages in Wireshark and tshark: proto/WIRE.md over TCP, transport/udp/WIRE.md over UDP.
+--
+--   wireshark -X lua_script:proto/wireshark/trimaran.lua capture.pcapng
+--
+-- Connections are known by their hello, and by the ports 7400 and 7401. Of encrypted datagrams only their headers can be read; QUIC
+-- is Wireshark's own.
+
+local KINDS = {
+  [0x01] = "hello", [0x02] = "accept", [0x03] = "refuse", [0x04] = "goodbye", [0x05] = "sign of life",
+  [0x10] = "camera", [0x11] = "numbered camera",
+  [0x20] = "begin", [0x21] = "ids", [0x22] = "end", [0x23] = "stats", [0x24] = "coded ids",
+}
+local HEADER, MAGIC, CAMERA, BEGIN_UNIT = 4, "TRIM", 72, 80
+local ROLES = { [0] = "switch A", "switch B", "display" }
+local LANES = { [0] = "latest", "frames" }
+local CODINGS = { [0] = "plain", "changes" }
+local TESTERS = { [0] = "query", "raster", "hzb" }
+local REASONS = {
+  [0] = "versions differ", "scenes differ", "the role is taken", "settings differ", "the lane came twice",
+  "the other lane did not come in time", "too many handshakes under way",
+}
+local GOODBYES = { [0] = "the session is over", "interrupted", "failed" }
+local FORMS = { [0] = "data", "initial", "retry", "answer" }
+local FRAMES_KEPT, TAG = 8, 16
+
+local trimaran = Proto("trimaran", "Trimaran")
+local datagrams = Proto("trimaran_udp", "Trimaran datagram")
+
+local f = {
+  kind = ProtoField.uint8("trimaran.kind", "Kind", base.HEX, KINDS),
+  length = ProtoField.uint24("trimaran.length", "Length"),
+  version = ProtoField.uint16("trimaran.version", "Version"),
+  role = ProtoField.uint8("trimaran.role", "Role", base.DEC, ROLES),
+  scene = ProtoField.string("trimaran.scene", "Scene"),
+  width = ProtoField.uint32("trimaran.settings.width", "Width"),
+  height = ProtoField.uint32("trimaran.settings.height", "Height"),
+  epsilon = ProtoField.double("trimaran.settings.epsilon", "Epsilon (px)"),
+  batch = ProtoField.uint32("trimaran.settings.batch", "Ids a batch"),
+  coding = ProtoField.uint8("trimaran.settings.coding", "Coding", base.DEC, CODINGS),
+  tester = ProtoField.uint8("trimaran.settings.tester", "Tester", base.DEC, TESTERS),
+  lockstep = ProtoField.bool("trimaran.settings.lockstep", "Lockstep"),
+  few = ProtoField.bool("trimaran.settings.few_pixels", "Few pixels"),
+  frames = ProtoField.uint32("trimaran.settings.frames", "Frames"),
+  session = ProtoField.uint64("trimaran.session", "Session", base.HEX),
+  lane = ProtoField.uint8("trimaran.lane", "Lane", base.DEC, LANES),
+  reason = ProtoField.uint8("trimaran.reason", "Reason", base.DEC, REASONS),
+  goodbye = ProtoField.uint8("trimaran.goodbye", "Goodbye", base.DEC, GOODBYES),
+  text = ProtoField.string("trimaran.goodbye.text", "Says"),
+  number = ProtoField.uint32("trimaran.camera.number", "Number of the camera"),
+  eye = ProtoField.double("trimaran.camera.eye", "Eye (m)"),
+  orientation = ProtoField.double("trimaran.camera.orientation", "Orientation"),
+  tangent = ProtoField.float("trimaran.camera.tangent", "Tangent of half the field of view"),
+  aspect = ProtoField.float("trimaran.camera.aspect", "Aspect"),
+  near = ProtoField.float("trimaran.camera.near", "Near (m)"),
+  meant = ProtoField.uint32("trimaran.camera.frame", "Camera of frame"),
+  begin = ProtoField.uint32("trimaran.begin", "Begin of frame"),
+  count = ProtoField.uint32("trimaran.ids", "Ids"),
+  id = ProtoField.uint32("trimaran.id", "Id"),
+  ended = ProtoField.uint32("trimaran.end", "End of frame"),
+  total = ProtoField.uint32("trimaran.end.ids", "Ids of the frame"),
+  hash = ProtoField.uint64("trimaran.end.hash", "Hash of the ids", base.HEX),
+  back = ProtoField.uint32("trimaran.coded.back", "Reference, frames back"),
+  place = ProtoField.uint32("trimaran.coded.place", "Ids of the reference before"),
+  kept = ProtoField.uint32("trimaran.coded.kept", "Kept"),
+  skipped = ProtoField.uint32("trimaran.coded.skipped", "Skipped"),
+  put = ProtoField.uint32("trimaran.coded.put", "Put in"),
+  stats = ProtoField.uint32("trimaran.stats", "Stats of frame"),
+  stat = ProtoField.uint64("trimaran.stats.value", "Value"),
+}
+local e = {
+  malformed = ProtoExpert.new("trimaran.malformed", "No message of version 1", expert.group.MALFORMED, expert.severity.ERROR),
+}
+trimaran.fields, trimaran.experts = f, e
+
+local u = {
+  form = ProtoField.uint8("trimaran_udp.form", "Form", base.DEC, FORMS),
+  version = ProtoField.uint32("trimaran_udp.version", "Version"),
+  packet = ProtoField.uint64("trimaran_udp.packet", "Packet number"),
+  connection = ProtoField.uint32("trimaran_udp.connection", "Connection id", base.HEX),
+  cookie = ProtoField.bytes("trimaran_udp.cookie", "Cookie"),
+  handshake = ProtoField.bytes("trimaran_udp.handshake", "Handshake message"),
+  taken = ProtoField.bool("trimaran_udp.taken", "Taken"),
+  listener = ProtoField.uint32("trimaran_udp.listener", "Listener's connection id", base.HEX),
+  sealed = ProtoField.bytes("trimaran_udp.sealed", "Sealed chunks"),
+  checksum = ProtoField.bytes("trimaran_udp.checksum", "Checksum"),
+  pad = ProtoField.uint32("trimaran_udp.pad", "Pads"),
+  ping = ProtoField.none("trimaran_udp.ping", "Ping"),
+  ack = ProtoField.uint64("trimaran_udp.ack", "Acknowledged up to"),
+  ack_first = ProtoField.uint64("trimaran_udp.ack.first", "Acknowledged from"),
+  delay = ProtoField.uint64("trimaran_udp.ack.delay", "Delay (us)"),
+  credit = ProtoField.uint64("trimaran_udp.credit", "Credit (bytes)"),
+  units = ProtoField.uint64("trimaran_udp.credit.units", "Credit (units)"),
+  close = ProtoField.none("trimaran_udp.close", "Close"),
+  unread = ProtoField.none("trimaran_udp.unread", "Unread"),
+  camera = ProtoField.uint64("trimaran_udp.camera", "Number of the camera"),
+  last = ProtoField.uint64("trimaran_udp.last_camera", "Number of the last camera"),
+  unit = ProtoField.uint64("trimaran_udp.unit", "Unit"),
+  offset = ProtoField.uint64("trimaran_udp.offset", "Offset"),
+  bytes = ProtoField.uint32("trimaran_udp.bytes", "Bytes"),
+  part = ProtoField.uint8("trimaran_udp.part", "Part", base.HEX, {
+    [0x20] = "more follows", [0x21] = "nothing follows for now", [0x22] = "the unit ends here", [0x23] = "the frame ends here",
+  }),
+  hash = ProtoField.uint64("trimaran_udp.hash", "Hash of the frame's ids", base.HEX),
+  given_up = ProtoField.uint64("trimaran_udp.given_up", "Given up: bytes of the unit"),
+  sent = ProtoField.uint64("trimaran_udp.given_up.sent", "Sent of them"),
+  repair = ProtoField.uint16("trimaran_udp.repair", "Repair shard"),
+  shard = ProtoField.uint16("trimaran_udp.repair.size", "Size of a shard"),
+  rest = ProtoField.bytes("trimaran_udp.repair.bytes", "Bytes of the shard"),
+}
+local ue = {
+  malformed = ProtoExpert.new("trimaran_udp.malformed", "No chunk of version 1", expert.group.MALFORMED, expert.severity.ERROR),
+}
+datagrams.fields, datagrams.experts = u, ue
+
+-- Reading. A reader walks over a range of bytes; whatever lies outside raises SHORT, which the dissectors catch.
+
+local SHORT = {}
+
+local function reader(tvb, from, to)
+  local at = from
+  local r = {}
+  function r.take(count)
+    if at + count > to then error(SHORT) end
+    local range = tvb(at, count)
+    at = at + count
+    return range
+  end
+  function r.left() return to - at end
+  function r.at() return at end
+  -- A varint as a number, exact up to 2^53; as UInt64; and where it stands.
+  function r.varint(most)
+    local start, value, scale, low, high = at, 0, 1, 0, 0
+    for group = 0, (most or 10) - 1 do
+      local byte = r.take(1):uint()
+      local bits = byte % 128
+      value = value + bits * scale
+      for bit = 0, 6 do
+        if math.floor(bits / 2 ^ bit) % 2 == 1 then
+          local place = 7 * group + bit
+          if place < 32 then low = low + 2 ^ place elseif place < 64 then high = high + 2 ^ (place - 32) end
+        end
+      end
+      scale = scale * 128
+      if byte < 128 then return value, UInt64(low, high), tvb(start, at - start) end
+    end
+    error(SHORT)
+  end
+  -- A varint of up to 128 bits, as hexadecimal digits.
+  function r.hex()
+    local start, bits = at, {}
+    for group = 0, 18 do
+      local byte = r.take(1):uint()
+      for bit = 0, 6 do bits[7 * group + bit] = math.floor(byte / 2 ^ bit) % 2 end
+      if byte < 128 then break end
+    end
+    local digits = {}
+    for nibble = 31, 0, -1 do
+      local value = 0
+      for bit = 3, 0, -1 do value = 2 * value + (bits[4 * nibble + bit] or 0) end
+      digits[#digits + 1] = string.format("%x", value)
+    end
+    return table.concat(digits), tvb(start, at - start)
+  end
+  return r
+end
+
+local function add_varint(tree, field, r)
+  local value, wide, range = r.varint()
+  tree:add(field, range, field == f.session and wide or value)
+  return value
+end
+
+local function add_wide(tree, field, r)
+  local value, wide, range = r.varint()
+  tree:add(field, range, wide)
+  return value
+end
+
+-- Messages.
+
+local function camera(r, tree)
+  local place = r.take(CAMERA)
+  local sub = tree:add(place, "Camera")
+  for axis = 0, 2 do sub:add_le(f.eye, place(8 * axis, 8)) end
+  for part = 0, 3 do sub:add_le(f.orientation, place(24 + 8 * part, 8)) end
+  sub:add_le(f.tangent, place(56, 4))
+  sub:add_le(f.aspect, place(60, 4))
+  sub:add_le(f.near, place(64, 4))
+  sub:add_le(f.meant, place(68, 4))
+  return place(68, 4):le_uint()
+end
+
+local function settings(r, tree)
+  add_varint(tree, f.width, r)
+  add_varint(tree, f.height, r)
+  tree:add_le(f.epsilon, r.take(8))
+  add_varint(tree, f.batch, r)
+  add_varint(tree, f.coding, r)
+  add_varint(tree, f.tester, r)
+  tree:add(f.lockstep, r.take(1))
+  tree:add(f.few, r.take(1))
+  if r.take(1):uint() == 1 then add_varint(tree, f.frames, r) end
+end
+
+local function identity(r, tree)
+  local role = add_varint(tree, f.role, r)
+  local scene, range = r.hex()
+  tree:add(f.scene, range, scene)
+  if r.take(1):uint() == 1 then settings(r, tree:add("Settings")) end
+  return ROLES[role] or "?"
+end
+
+-- What each direction of each lane has said so far, so that coded ids can be read. Only the first look at a packet adds to it; later
+-- ones find there what the first one made of each message.
+local lanes, decoded = {}, {}
+
+function trimaran.init() lanes, decoded = {}, {} end
+
+local function lane_of(pinfo)
+  local key = tostring(pinfo.src) .. ":" .. pinfo.src_port .. ">" .. tostring(pinfo.dst) .. ":" .. pinfo.dst_port
+  lanes[key] = lanes[key] or { kept = {}, order = {} }
+  return lanes[key]
+end
+
+local function begin_frame(lane, frame) lane.open = { frame = frame, ids = {}, whole = true } end
+
+local function end_frame(lane)
+  local open = lane.open
+  if open and open.whole then
+    lane.kept[open.frame] = open.ids
+    table.insert(lane.order, open.frame)
+    if #lane.order > FRAMES_KEPT then lane.kept[table.remove(lane.order, 1)] = nil end
+  end
+  lane.open = nil
+end
+
+-- Reads coded ids; `reference` may be missing, then only the runs are shown and no ids come back.
+local function runs(r, tree, reference, back)
+  local ids, place, least = {}, 1, 0
+  local function pass(count)
+    if count > 0 and reference then
+      if reference[place + count - 1] == nil then error(SHORT) end
+      least = math.max(least, reference[place + count - 1] + 1)
+    end
+  end
+  if back > 0 then
+    local before = add_varint(tree, f.place, r)
+    pass(before)
+    place = place + before
+  end
+  local function put(gap)
+    local id = least + gap
+    ids[#ids + 1] = id
+    least = id + 1
+  end
+  while r.left() > 0 do
+    local start = r.at()
+    local run = tree:add("Run")
+    local word, _, range = r.varint(5)
+    local keep, what = math.floor(word / 4), word % 4
+    run:add(f.kept, range, keep)
+    if keep > 0 and reference then
+      if reference[place + keep - 1] == nil then error(SHORT) end
+      for index = place, place + keep - 1 do ids[#ids + 1] = reference[index] end
+      least = math.max(least, reference[place + keep - 1] + 1)
+    end
+    place = place + keep
+    if what == 0 or what == 2 then
+      local count = 1
+      if what == 2 then count = add_varint(run, f.skipped, r) else run:add(f.skipped, range, 1) end
+      pass(count)
+      place = place + count
+    else
+      local count = 1
+      if what == 3 then count = add_varint(run, f.put, r) else run:add(f.put, range, 1) end
+      for _ = 1, count do put((r.varint(5))) end
+    end
+    run:set_len(r.at() - start)
+  end
+  if back > 0 and not reference then return nil end
+  return ids
+end
+
+local function coded(r, tree, pinfo, key)
+  local whole = r.left()
+  local back = add_varint(tree, f.back, r)
+  local lane = lane_of(pinfo)
+  local reference = nil
+  local known = decoded[key]
+  if known then
+    reference = known.reference
+  else
+    reference = back > 0 and lane.open and lane.kept[lane.open.frame - back] or nil
+  end
+  local ids = runs(r, tree, reference, back)
+  if not known then
+    decoded[key] = { reference = reference }
+    if lane.open then
+      if ids then
+        for _, id in ipairs(ids) do table.insert(lane.open.ids, id) end
+      else
+        lane.open.whole = false
+      end
+    end
+  end
+  if not ids then return "coded ids against a frame that was not captured" end
+  tree:add(f.count, #ids):set_generated()
+  for _, id in ipairs(ids) do tree:add(f.id, id):set_generated() end
+  return string.format("%d ids in %d bytes", #ids, whole)
+end
+
+local function plain_ids(r, tree)
+  local count = math.floor(r.left() / 4)
+  tree:add(f.count, count):set_generated()
+  local ids = {}
+  for index = 1, count do
+    local range = r.take(4)
+    tree:add_le(f.id, range)
+    ids[index] = range:le_uint()
+  end
+  return ids
+end
+
+local STATS = {
+  "OR start (ns)", "OR end (ns)", "OR busy (ns)", "HC start (ns)", "HC end (ns)", "occluders", "their triangles",
+  "nodes visited", "outside", "tested", "hidden", "visible by a near corner", "visible by the eye inside",
+  "visible by a number that is not finite", "drawn for few pixels", "emitted", "refined", "batches of tests",
+  "bytes of camera", "bytes of begin", "bytes of ids", "bytes of end", "bytes of control", "bytes of headers", "messages",
+}
+
+local function stats(r, tree)
+  local frame = add_varint(tree, f.stats, r)
+  for _, name in ipairs(STATS) do
+    if r.left() == 0 then break end
+    local _, wide, range = r.varint()
+    tree:add(f.stat, range, wide):set_text(name .. ": " .. tostring(wide))
+  end
+  return "stats of frame " .. frame
+end
+
+-- One message, header included. Says what it is. `key` tells it from all others in the capture.
+local function message(tvb, from, to, pinfo, tree, key)
+  local r = reader(tvb, from, to)
+  local header = r.take(HEADER)
+  local kind = header(0, 1):uint()
+  local name = KINDS[kind] or "unknown"
+  local sub = tree:add(trimaran, tvb(from, to - from), "Trimaran " .. name)
+  sub:add(f.kind, header(0, 1))
+  sub:add_le(f.length, header(1, 3))
+  local lane = lane_of(pinfo)
+  local first = not decoded[key]
+  if kind == 0x01 then
+    r.take(#MAGIC)
+    local version = r.take(2)
+    sub:add_le(f.version, version)
+    if version:le_uint() ~= 1 then return "hello of version " .. version:le_uint() end
+    local role = identity(r, sub)
+    add_varint(sub, f.session, r)
+    local which = add_varint(sub, f.lane, r)
+    return "hello from " .. role .. ", " .. (LANES[which] or "?")
+  elseif kind == 0x02 then
+    return "accept from " .. identity(r, sub)
+  elseif kind == 0x03 then
+    sub:add_le(f.version, r.take(2))
+    return "refuse: " .. (REASONS[add_varint(sub, f.reason, r)] or "?")
+  elseif kind == 0x04 then
+    local why = add_varint(sub, f.goodbye, r)
+    if why == 2 then
+      local length = r.varint()
+      sub:add(f.text, r.take(length))
+    end
+    return "goodbye: " .. (GOODBYES[why] or "?")
+  elseif kind == 0x10 then
+    return "camera of frame " .. camera(r, sub)
+  elseif kind == 0x11 then
+    sub:add_le(f.number, r.take(4))
+    return "camera of frame " .. camera(r, sub)
+  elseif kind == 0x20 then
+    local number = r.take(4)
+    sub:add_le(f.begin, number)
+    camera(r, sub)
+    if first then begin_frame(lane, number:le_uint()) end
+    decoded[key] = decoded[key] or {}
+    return "begin " .. number:le_uint()
+  elseif kind == 0x21 then
+    local ids = plain_ids(r, sub)
+    if first and lane.open then
+      for _, id in ipairs(ids) do table.insert(lane.open.ids, id) end
+    end
+    decoded[key] = decoded[key] or {}
+    return #ids .. " ids"
+  elseif kind == 0x22 then
+    local number = r.take(4)
+    sub:add_le(f.ended, number)
+    sub:add_le(f.total, r.take(4))
+    sub:add_le(f.hash, r.take(8))
+    if first then end_frame(lane) end
+    decoded[key] = decoded[key] or {}
+    return "end " .. number:le_uint()
+  elseif kind == 0x23 then
+    return stats(r, sub)
+  elseif kind == 0x24 then
+    return coded(r, sub, pinfo, key)
+  elseif kind == 0x05 then
+    return name
+  end
+  sub:add_proto_expert_info(e.malformed)
+  return "unknown kind"
+end
+
+-- Whatever reads beyond a message's end marks the tree.
+local function guarded(tree, mark, read, ...)
+  local fine, said = pcall(read, ...)
+  if fine then return said end
+  if said ~= SHORT then error(said) end
+  tree:add_proto_expert_info(mark)
+  return "malformed"
+end
+
+local function note(pinfo, protocol, said)
+  pinfo.cols.protocol = protocol
+  if tostring(pinfo.cols.info):find(protocol, 1, true) == nil then
+    pinfo.cols.info = protocol .. ": " .. said
+  else
+    pinfo.cols.info:append("; " .. said)
+  end
+end
+
+-- Over TCP.
+
+local function message_length(tvb, _, at)
+  return HEADER + tvb(at + 1, 3):le_uint()
+end
+
+local ordinal = { packet = 0, count = 0 }
+
+local function tcp_message(tvb, pinfo, tree)
+  if ordinal.packet ~= pinfo.number then ordinal = { packet = pinfo.number, count = 0 } end
+  ordinal.count = ordinal.count + 1
+  local key = pinfo.number .. "/" .. ordinal.count
+  note(pinfo, "Trimaran", guarded(tree, e.malformed, message, tvb, 0, tvb:len(), pinfo, tree, key))
+  return tvb:len()
+end
+
+function trimaran.dissector(tvb, pinfo, tree)
+  -- A capture that begins within a connection does not begin with a message.
+  if tvb:len() >= 1 and not KINDS[tvb(0, 1):uint()] then return 0 end
+  ordinal = { packet = 0, count = 0 }
+  dissect_tcp_pdus(tvb, tree, HEADER, message_length, tcp_message)
+  return tvb:len()
+end
+
+local function begins_with_hello(tvb, at)
+  return tvb:len() >= at + 8 and tvb(at, 1):uint() == 0x01 and tvb(at + 4, 4):string() == MAGIC
+end
+
+trimaran:register_heuristic("tcp", function(tvb, pinfo, tree)
+  if not begins_with_hello(tvb, 0) then return false end
+  pinfo.conversation = trimaran
+  trimaran.dissector(tvb, pinfo, tree)
+  return true
+end)
+DissectorTable.get("tcp.port"):add("7400-7401", trimaran)
+
+-- Over UDP.
+
+local function unit_bytes(r, tvb, tree, pinfo, offset, count, key)
+  local from = r.at()
+  local range = r.take(count)
+  if count == 0 then return "nothing" end
+  if offset == 0 and count >= HEADER and range(0, 1):uint() ~= 0x20 then
+    return message(tvb, from, from + count, pinfo, tree, key)
+  end
+  local said = {}
+  local skip = 0
+  if offset == 0 and count >= BEGIN_UNIT then
+    said[1] = message(tvb, from, from + BEGIN_UNIT, pinfo, tree, key)
+    skip = BEGIN_UNIT
+  elseif offset < BEGIN_UNIT then
+    skip = BEGIN_UNIT - offset
+  else
+    -- A part may begin within an id.
+    skip = (4 - (offset - BEGIN_UNIT) % 4) % 4
+  end
+  local ids = math.floor((count - skip) / 4)
+  if ids > 0 then
+    local sub = tree:add(trimaran, range(skip, 4 * ids), "Trimaran ids")
+    sub:add(f.count, ids):set_generated()
+    for index = 0, ids - 1 do sub:add_le(f.id, range(skip + 4 * index, 4)) end
+    said[#said + 1] = ids .. " ids"
+  end
+  return table.concat(said, ", ")
+end
+
+local function chunk(r, tvb, tree, pinfo, key)
+  local start = r.at()
+  local code = r.take(1):uint()
+  if code == 0x00 then
+    local count = 1
+    while r.left() > 0 and tvb(r.at(), 1):uint() == 0 do
+      r.take(1)
+      count = count + 1
+    end
+    tree:add(u.pad, tvb(start, count), count)
+    return nil
+  elseif code == 0x01 then
+    tree:add(u.ping, tvb(start, 1))
+    return "ping"
+  elseif code == 0x02 then
+    local sub = tree:add("Acknowledgement")
+    add_wide(sub, u.delay, r)
+    local ranges = r.varint()
+    if ranges < 1 or ranges > 32 then error(SHORT) end
+    local last, _, range = r.varint()
+    local newest = last
+    local length = r.varint()
+    for index = 1, ranges do
+      sub:add(u.ack, range, UInt64(last % 2 ^ 32, math.floor(last / 2 ^ 32)))
+      local least = last - length + 1
+      sub:add(u.ack_first, range, UInt64(least % 2 ^ 32, math.floor(least / 2 ^ 32)))
+      if index < ranges then
+        local missing
+        missing, _, range = r.varint()
+        last = least - missing - 1
+        length = r.varint()
+      end
+    end
+    sub:set_len(r.at() - start)
+    return "ack " .. newest
+  elseif code == 0x03 then
+    add_wide(tree, u.credit, r)
+    add_wide(tree, u.units, r)
+    return "credit"
+  elseif code == 0x04 then
+    tree:add(u.close, tvb(start, 1))
+    return "close"
+  elseif code == 0x05 then
+    tree:add(u.unread, tvb(start, 1))
+    return "unread"
+  elseif code == 0x10 then
+    add_wide(tree, u.camera, r)
+    return "camera of frame " .. camera(r, tree)
+  elseif code == 0x11 then
+    local last = add_wide(tree, u.last, r)
+    local length = r.take(2):le_uint()
+    if length > 0 then
+      local from = r.at()
+      r.take(length)
+      message(tvb, from, from + length, pinfo, tree, key)
+    end
+    return "last camera " .. last
+  elseif code >= 0x20 and code <= 0x23 then
+    local sub = tree:add("Part")
+    sub:add(u.part, tvb(start, 1))
+    local unit = add_wide(sub, u.unit, r)
+    local offset = add_wide(sub, u.offset, r)
+    local length = r.take(2)
+    sub:add_le(u.bytes, length)
+    if code == 0x23 then sub:add_le(u.hash, r.take(8)) end
+    local said = unit_bytes(r, tvb, sub, pinfo, offset, length:le_uint(), key)
+    sub:set_len(r.at() - start)
+    return "unit " .. unit .. ": " .. said .. (code == 0x23 and ", end" or "")
+  elseif code == 0x24 then
+    local sub = tree:add("Give-up")
+    local unit = add_wide(sub, u.unit, r)
+    add_wide(sub, u.given_up, r)
+    add_wide(sub, u.sent, r)
+    sub:add_le(u.hash, r.take(8))
+    r.take(r.take(1):uint())
+    sub:set_len(r.at() - start)
+    return "unit " .. unit .. " given up"
+  elseif code == 0x30 or code == 0x33 then
+    local sub = tree:add("Repair")
+    local unit = add_wide(sub, u.unit, r)
+    add_wide(sub, u.offset, r)
+    r.varint()
+    local size = r.take(2)
+    sub:add_le(u.shard, size)
+    r.take(1)
+    sub:add(u.repair, r.take(1))
+    if code == 0x33 then sub:add_le(u.hash, r.take(8)) end
+    sub:add(u.rest, r.take(size:le_uint()))
+    sub:set_len(r.at() - start)
+    return "unit " .. unit .. " repair"
+  end
+  error(SHORT)
+end
+
+local function chunks(tvb, from, to, pinfo, tree)
+  local r = reader(tvb, from, to)
+  local said, index = {}, 0
+  while r.left() > 0 do
+    index = index + 1
+    said[#said + 1] = chunk(r, tvb, tree, pinfo, pinfo.number .. "/" .. index)
+  end
+  return table.concat(said, "; ")
+end
+
+-- Whether a connection is in the clear: known from its initial, which has the hello where nothing seals it.
+local clear = {}
+
+function datagrams.init() clear = {} end
+
+local function pair_of(pinfo)
+  local here = tostring(pinfo.src) .. ":" .. pinfo.src_port
+  local there = tostring(pinfo.dst) .. ":" .. pinfo.dst_port
+  return here < there and here .. "|" .. there or there .. "|" .. here
+end
+
+local function handshake(tvb, from, to, pinfo, tree, form)
+  if to <= from then return "empty" end
+  local at = from
+  if form == 3 and clear[pair_of(pinfo)] then
+    tree:add(u.taken, tvb(at, 1))
+    tree:add_le(u.listener, tvb(at + 1, 4))
+    at = at + 5
+  end
+  -- Links put their hello into the first message and their answer into the second.
+  if clear[pair_of(pinfo)] and at + HEADER <= to and KINDS[tvb(at, 1):uint()] then
+    local length = HEADER + tvb(at + 1, 3):le_uint()
+    if at + length <= to then return message(tvb, at, at + length, pinfo, tree, pinfo.number .. "/h") end
+  end
+  tree:add(u.handshake, tvb(from, to - from))
+  return "sealed"
+end
+
+local function packet(tvb, pinfo, tree)
+  local size = tvb:len()
+  if size < 12 then error(SHORT) end
+  local form = tvb(0, 1):uint() % 4
+  local sub = tree:add(datagrams, tvb(), "Trimaran datagram, " .. FORMS[form])
+  sub:add(u.form, tvb(0, 1), form)
+  local word = tvb(0, 8):le_uint64()
+  sub:add_le(u.connection, tvb(8, 4))
+  if form == 0 then
+    sub:add(u.packet, tvb(0, 8), word:rshift(2))
+    if size < 12 + TAG then error(SHORT) end
+    if clear[pair_of(pinfo)] then
+      sub:add(u.checksum, tvb(size - TAG, TAG))
+      return guarded(sub, ue.malformed, chunks, tvb, 12, size - TAG, pinfo, sub)
+    end
+    sub:add(u.sealed, tvb(12, size - 12))
+    return "sealed, " .. (size - 12 - TAG) .. " bytes of chunks"
+  end
+  sub:add(u.version, tvb(0, 8), word:rshift(2):tonumber())
+  if form == 1 then
+    local r = reader(tvb, 12, size)
+    if r.take(1):uint() == 1 then sub:add(u.cookie, r.take(24)) end
+    local length = r.take(2):le_uint()
+    local from = r.at()
+    r.take(length)
+    if clear[pair_of(pinfo)] == nil then clear[pair_of(pinfo)] = begins_with_hello(tvb, from) end
+    return "initial: " .. handshake(tvb, from, from + length, pinfo, sub, form)
+  elseif form == 2 then
+    sub:add(u.cookie, tvb(12))
+    return "retry"
+  end
+  return "answer: " .. handshake(tvb, 12, size, pinfo, sub, form)
+end
+
+function datagrams.dissector(tvb, pinfo, tree)
+  note(pinfo, "Trimaran/UDP", guarded(tree, ue.malformed, packet, tvb, pinfo, tree))
+  return tvb:len()
+end
+
+-- An initial has 1,200 bytes at least, version 1, and zeros behind its handshake; that is told from QUIC by its first byte.
+datagrams:register_heuristic("udp", function(tvb, pinfo, tree)
+  if tvb:len() < 1200 or tvb(0, 8):le_uint64() ~= UInt64(5, 0) then return false end
+  local cookie = tvb(12, 1):uint()
+  if cookie > 1 then return false end
+  local at = 13 + 24 * cookie
+  local length = tvb(at, 2):le_uint()
+  if at + 2 + length > tvb:len() then return false end
+  local rest = tvb:len() - (at + 2 + length)
+  if rest > 0 and tvb(at + 2 + length, rest):bytes():tohex():find("[^0]") then return false end
+  pinfo.conversation = datagrams
+  datagrams.dissector(tvb, pinfo, tree)
+  return true
+end)

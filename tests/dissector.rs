@@ -1,0 +1,296 @@
+//! What Wireshark's command line reads out of captured sessions with the dissector of this repository, held against what was sent.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use tempfile::TempDir;
+use trimaran::simulate::{Knobs, Load, Scenario, Transport, Workload, simulate_captured};
+use trimaran::trace::Trace;
+use trimaran::walkthrough::{FrameRecord, Pace, Plan};
+use trimaran_netsim::Profile;
+use trimaran_proto::{
+    BatchSize, Camera, DrawableId, EpsilonPx, FrameEvent, FrameNumber, FrameStart, FrameStats, IdCoding,
+    Identity, PictureSize, Role, SceneHash, SentBytes, TesterKind,
+};
+use trimaran_transport::{Listener, Net, Options, TokioNet, connect};
+
+const FRAMES: u32 = 12;
+const SCENE: SceneHash = SceneHash(0x0123_4567_89ab_cdef_0011_2233_4455_6677);
+
+/// A capture and the program that reads it.
+struct Capture {
+    folder: TempDir,
+}
+
+/// A capture file; `None`, which skips the test, where tshark is missing and `TRIMARAN_REQUIRE_TSHARK` is not set.
+fn capture() -> Option<Capture> {
+    match Command::new("tshark").arg("--version").stdout(Stdio::null()).status() {
+        Ok(_) => Some(Capture { folder: tempfile::tempdir().unwrap() }),
+        Err(error) if std::env::var_os("TRIMARAN_REQUIRE_TSHARK").is_none() => {
+            println!("skipped: no tshark ({error}); ./x setup installs it");
+            None
+        }
+        Err(error) => panic!("no tshark: {error}"),
+    }
+}
+
+impl Capture {
+    fn path(&self) -> PathBuf {
+        self.folder.path().join("session.pcapng")
+    }
+
+    /// The packets that `filter` shows, each with what it has of `fields`.
+    fn read<const N: usize>(&self, filter: &str, fields: [&str; N]) -> Vec<[Vec<String>; N]> {
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("proto/wireshark/trimaran.lua");
+        let mut tshark = Command::new("tshark");
+        tshark.arg("-r").arg(self.path()).arg("-X").arg(format!("lua_script:{}", script.display()));
+        tshark.args(["-o", "ip.check_checksum:TRUE", "-o", "tcp.check_checksum:TRUE"]);
+        tshark.args(["-o", "udp.check_checksum:TRUE", "-Y", filter, "-T", "fields"]);
+        tshark.args(["-E", "separator=|", "-E", "aggregator=,"]);
+        tshark.args(fields.iter().flat_map(|field| ["-e", field]));
+        let output = tshark.output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && !said.contains("Lua"), "{said}");
+        let parts = |cell: &str| cell.split(',').filter(|part| !part.is_empty()).map(str::to_owned).collect();
+        let line = |line: &str| {
+            let cells: Vec<Vec<String>> = line.split('|').map(parts).collect();
+            cells.try_into().unwrap()
+        };
+        String::from_utf8(output.stdout).unwrap().lines().map(line).collect()
+    }
+
+    /// Nothing in it is malformed, and every checksum holds.
+    fn is_sound(&self) {
+        let bad = "_ws.malformed || trimaran.malformed || trimaran_udp.malformed || ip.checksum.status == 0 \
+                   || tcp.checksum.status == 0 || udp.checksum.status == 0";
+        let bad = self.read(bad, ["frame.number", "frame.protocols", "_ws.col.Info"]);
+        assert!(bad.is_empty(), "{bad:?}");
+    }
+
+    /// The ids of each frame by the address that they went to, as a receiver of the messages would gather them.
+    fn frames(&self) -> BTreeMap<(String, u32), Vec<u32>> {
+        let mut open: BTreeMap<String, u32> = BTreeMap::new();
+        let mut frames: BTreeMap<(String, u32), Vec<u32>> = BTreeMap::new();
+        let fields = ["ip.dst", "ip.src", "trimaran.begin", "trimaran.id"];
+        for [to, from, begun, ids] in self.read("trimaran.begin || trimaran.id", fields) {
+            let lane = format!("{}>{}", from[0], to[0]);
+            assert!(begun.len() <= 1, "no packet holds two frames' begins: {begun:?}");
+            if let [begun] = &begun[..] {
+                open.insert(lane.clone(), begun.parse().unwrap());
+            }
+            let frame = open[&lane];
+            let ids = ids.iter().map(|id| id.parse::<u32>().unwrap());
+            frames.entry((lane, frame)).or_default().extend(ids);
+        }
+        frames
+    }
+}
+
+/// A walk whose frames lose and win some ids.
+fn walk() -> Workload {
+    let plan = Plan {
+        size: PictureSize::new(64, 64).unwrap(),
+        epsilon: EpsilonPx::new(2.0).unwrap(),
+        batch: BatchSize::new(64).unwrap(),
+        coding: IdCoding::Changes,
+        tester: TesterKind::Hzb,
+        pace: Pace::Lockstep,
+        few_pixels: false,
+        audit_every: 0,
+        visible: false,
+    };
+    let ms = Duration::from_millis;
+    let record = |frame: u32| {
+        let ids: Vec<DrawableId> =
+            (0..700).filter(|id| (id + frame) % 13 != 0).map(|id| DrawableId(3 * id)).collect();
+        let busy = 2_000_000;
+        FrameRecord {
+            camera: Camera::new(
+                [frame.into(), 1.5, -2.0],
+                [0.0, 0.0, 0.0, 1.0],
+                0.5,
+                1.0,
+                0.25,
+                FrameNumber(frame),
+            )
+            .unwrap(),
+            for_loss: 0,
+            picture: None,
+            published: ms(0),
+            begun: ms(1),
+            drawing: ms(2),
+            shown: ms(4),
+            traffic: SentBytes::default(),
+            arrivals: vec![(ids.len() as u32, ms(2))],
+            stats: Some(FrameStats { or_busy_ns: busy, hc_end_ns: busy, ..FrameStats::default() }),
+            ids,
+        }
+    };
+    let records: Vec<FrameRecord> = (0..FRAMES).map(record).collect();
+    Workload::of_trace(Trace::of(SCENE, &plan, &records).unwrap())
+}
+
+fn session(capture: &Capture, link: Transport, workload: &Workload, knobs: Knobs) {
+    let scenario = Scenario {
+        network: Profile::find("gigabit").unwrap(),
+        link,
+        batch: BatchSize::new(100).unwrap(),
+        frames: FRAMES,
+        seed: 1,
+        workload: workload.clone(),
+        knobs,
+    };
+    simulate_captured(&scenario, Box::new(File::create(capture.path()).unwrap())).unwrap();
+}
+
+/// Every frame to the display, and all but the last to the other machine of the pair.
+fn holds_every_id(capture: &Capture, workload: &Workload) {
+    let frames = capture.frames();
+    let (display, pair): (Vec<_>, Vec<_>) =
+        frames.iter().partition(|((lane, _), _)| lane.ends_with("10.0.0.3"));
+    assert_eq!((display.len() as u32, pair.len() as u32), (FRAMES, FRAMES - 1));
+    for ((lane, frame), ids) in &frames {
+        let sent: Vec<u32> = workload.ids(*frame).iter().map(|id| id.0).collect();
+        assert_eq!(*ids, sent, "frame {frame} on {lane}");
+    }
+}
+
+#[test]
+fn a_session_over_tcp_is_read_id_by_id() {
+    let Some(capture) = capture() else { return };
+    let load = Load { nodes: 1000, or: Duration::ZERO, hc: Duration::from_millis(1), rvg: Duration::ZERO };
+    let workload = Workload::steady(load);
+    session(&capture, Transport::Tcp, &workload, Knobs::default());
+    capture.is_sound();
+    holds_every_id(&capture, &workload);
+    let ends = capture.read("trimaran.end", ["trimaran.end", "trimaran.end.ids"]);
+    let ids: Vec<&String> = ends.iter().flat_map(|[_, ids]| ids).collect();
+    assert_eq!(ids.len() as u32, 2 * FRAMES - 1);
+    assert!(ids.iter().all(|ids| *ids == "1000"));
+    // Three links of two lanes, a hello and an accept each; the display's settings are in its accepts.
+    let hellos =
+        capture.read("trimaran.kind == 1", ["trimaran.version", "trimaran.session", "trimaran.lane"]);
+    assert_eq!(hellos.len(), 6);
+    assert!(
+        hellos
+            .iter()
+            .all(|[version, session, lane]| version[0] == "1" && session.len() == 1 && lane.len() == 1)
+    );
+    let accepts = capture.read(
+        "trimaran.kind == 2 && trimaran.settings.width",
+        ["trimaran.role", "trimaran.settings.width", "trimaran.settings.batch", "trimaran.settings.frames"],
+    );
+    assert!(accepts.len() >= 4, "{accepts:?}");
+    let says = |accept: &[Vec<String>; 4]| accept.each_ref().map(|values| values[0].clone());
+    let expected = ["2", "1024", "100", "12"].map(str::to_owned);
+    assert!(accepts.iter().any(|accept| says(accept) == expected), "{accepts:?}");
+    assert!(!capture.read("trimaran.goodbye == 0", ["frame.number"]).is_empty());
+}
+
+#[test]
+fn coded_ids_are_decoded_against_the_frames_before() {
+    let Some(capture) = capture() else { return };
+    let workload = walk();
+    session(&capture, Transport::Tcp, &workload, Knobs { coding: IdCoding::Changes, ..Knobs::default() });
+    capture.is_sound();
+    let coded = capture.read("trimaran.kind == 0x24", ["trimaran.coded.back"]);
+    assert!(!coded.is_empty(), "most batches are shorter as changes");
+    holds_every_id(&capture, &workload);
+    let eyes = capture.read("trimaran.begin == 5", ["trimaran.camera.eye", "trimaran.camera.near"]);
+    let eye: Vec<f64> = eyes[0][0].iter().map(|value| value.parse().unwrap()).collect();
+    assert_eq!((eye, eyes[0][1][0].as_str()), (vec![5.0, 1.5, -2.0], "0.25"));
+}
+
+#[test]
+fn datagrams_in_the_clear_are_read_and_sealed_ones_called_so() {
+    let Some(capture) = capture() else { return };
+    let workload = walk();
+    session(&capture, Transport::Udp, &workload, Knobs { in_the_clear: true, ..Knobs::default() });
+    capture.is_sound();
+    holds_every_id(&capture, &workload);
+    let cameras = capture.read("trimaran_udp.camera", ["trimaran_udp.camera", "trimaran.camera.frame"]);
+    assert!(cameras.len() as u32 >= FRAMES, "{cameras:?}");
+    let hellos = capture.read("trimaran_udp.form == 1", ["trimaran.role", "trimaran_udp.version"]);
+    assert!(hellos.iter().all(|[role, version]| role.len() == 1 && version[0] == "1"), "{hellos:?}");
+
+    session(&capture, Transport::Udp, &workload, Knobs::default());
+    capture.is_sound();
+    let data = capture.read("trimaran_udp.form == 0", ["trimaran_udp.sealed", "trimaran_udp.packet"]);
+    assert!(data.len() as u32 > 2 * FRAMES);
+    assert!(data.iter().all(|[sealed, packet]| sealed.len() == 1 && packet.len() == 1), "{data:?}");
+    assert!(capture.read("trimaran", ["frame.number"]).is_empty(), "nothing of what is sealed is shown");
+}
+
+/// Stops with the test.
+struct Sniffer(Child);
+
+impl Drop for Sniffer {
+    fn drop(&mut self) {
+        let _gone = self.0.kill();
+        let _status = self.0.wait();
+    }
+}
+
+/// A link over the real loopback, captured by tshark itself, where the machine allows that.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_real_link_over_loopback_is_read_the_same() {
+    let Some(capture) = capture() else { return };
+    let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
+    let identity = |role| Identity { role, scene: SCENE, settings: None };
+    let endpoint = "tcp://127.0.0.1:0".parse().unwrap();
+    let options = Options::default();
+    let mut listener = Listener::bind(&net, &endpoint, identity(Role::Display), &options).await.unwrap();
+    let endpoint = listener.local_endpoint().clone();
+    let port = endpoint.to_string().rsplit(':').next().unwrap().to_owned();
+    let mut sniffer = Command::new("tshark");
+    sniffer.args(["-i", "lo", "-l", "-P", "-f", &format!("tcp port {port}"), "-w"]).arg(capture.path());
+    let mut sniffer = Sniffer(sniffer.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap());
+    if !begun(&capture, &mut sniffer) {
+        assert!(std::env::var_os("TRIMARAN_REQUIRE_CAPTURE").is_none(), "this user may not capture");
+        println!("skipped: this user may not capture on the loopback");
+        return;
+    }
+
+    let deadline = net.now().after(Duration::from_secs(30));
+    let (joined, accepted) = tokio::join!(
+        connect(&net, &endpoint, identity(Role::SwitchA), &options, deadline),
+        listener.accept(deadline)
+    );
+    let (mut machine, mut display) = (joined.unwrap(), accepted.unwrap());
+    let ids: Vec<DrawableId> = (0..5000).map(|id| DrawableId(id * id)).collect();
+    let camera = Camera::at_origin(FrameNumber(7));
+    machine.frames_tx.begin(FrameStart { frame: FrameNumber(7), camera }).await.unwrap();
+    machine.frames_tx.push(&ids).await.unwrap();
+    machine.frames_tx.finish().await.unwrap();
+    while !matches!(display.frames_rx.recv().await.unwrap(), FrameEvent::End(_)) {}
+
+    // Packets reach the file some time after they passed.
+    let until = Instant::now() + Duration::from_secs(30);
+    while capture.read("trimaran.end", ["trimaran.end"]).is_empty() {
+        assert!(Instant::now() < until, "the frame's end was never captured");
+        tokio::time::sleep(Duration::from_millis(200)).await;
+    }
+    let frames = capture.frames();
+    assert_eq!(frames.len(), 1);
+    let sent: Vec<u32> = ids.iter().map(|id| id.0).collect();
+    assert_eq!(frames[&("127.0.0.1>127.0.0.1".to_owned(), 7)], sent);
+}
+
+/// Waits until the sniffer has begun to write; `false` if it ended instead.
+fn begun(capture: &Capture, sniffer: &mut Sniffer) -> bool {
+    loop {
+        if sniffer.0.try_wait().unwrap().is_some() {
+            return false;
+        }
+        // It writes the file's head once the interface is open.
+        if std::fs::metadata(capture.path()).is_ok_and(|file| file.len() > 0) {
+            return true;
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
