@@ -80,8 +80,10 @@ pub fn chunks(bytes: &[u8]) {
         connection.handle(at, &sealed(number, body));
         while let Some(item) = connection.recv() {
             assert_eq!(closed, None, "nothing comes after the end");
-            if let Received::Frame(FrameMessage::Ids(ids)) = item {
-                passed += ids.as_bytes().len();
+            match item {
+                Received::Frame(FrameMessage::Ids(ids)) => passed += ids.as_bytes().len(),
+                Received::Coded(ids) => passed += ids.as_bytes().len(),
+                _ => {}
             }
         }
         settle(&mut connection, at);

@@ -62,8 +62,8 @@ impl FrameSender {
         patience: Patience,
     ) -> Self {
         let delivery = if capabilities.reliable { Delivery::Ordered } else { Delivery::Lossy };
-        // Nothing is coded within one process, and the datagrams' own framing holds ids plain.
-        let codes = matches!(lane, FrameTx::Stream(_) | FrameTx::Quic(_));
+        // Nothing is coded within one process.
+        let codes = !matches!(lane, FrameTx::Inproc(_));
         let encoder = (coding == IdCoding::Changes && codes).then(|| IdEncoder::new(delivery));
         Self { writer: FrameWriter::new(size), encoder, lane, shared, patience }
     }
@@ -74,6 +74,11 @@ impl FrameSender {
     /// When the peer is gone or stalls, a frame is open, or the frame's number is not above the last one's.
     pub async fn begin(&mut self, start: FrameStart) -> Result<(), SendError> {
         let message = self.writer.begin(start).map_err(|e| self.order(e))?;
+        if let (Some(encoder), FrameTx::Udp(lane)) = (&mut self.encoder, &self.lane)
+            && let Some(confirmed) = lane.confirmed()
+        {
+            encoder.confirm(confirmed);
+        }
         self.lane.stage(coded(&mut self.encoder, message), &self.shared);
         self.send_staged().await
     }
@@ -238,11 +243,12 @@ impl FrameReceiver {
     }
 }
 
-/// The kind and payload size of a message of the frames lane within one process.
+/// The kind and payload size of a message of the frames lane where messages have no headers of their own.
 pub(crate) fn weight(message: &Message) -> (Kind, usize) {
     let bytes = match message {
         Message::Frame(FrameMessage::Begin(_)) => *Kind::Begin.lengths().end(),
         Message::Frame(FrameMessage::Ids(batch)) => batch.as_bytes().len(),
+        Message::Coded(batch) => batch.as_bytes().len(),
         Message::Frame(FrameMessage::End(_)) => *Kind::End.lengths().end(),
         _ => 0,
     };

@@ -35,7 +35,7 @@ pub struct Traffic {
     /// Handshake, goodbye, signs of life and statistics; within one process these have no size.
     pub control: Tally,
     /// The bytes of this protocol's own headers; those of TCP, IP and Ethernet are not seen from here. 0 where messages have no
-    /// headers of their own: in one process, and over datagrams.
+    /// headers of their own: in one process, and over datagrams, whose packets [`LinkStats::path`] counts.
     pub header_bytes: u64,
 }
 

@@ -15,6 +15,7 @@ struct Inproc;
 
 impl Pairs for Inproc {
     const HEADER: u64 = 0;
+    const CODES: bool = false;
     const HANDSHAKE: u64 = 0;
 
     async fn pair(&self, config: LinkConfig) -> (Link, Link) {

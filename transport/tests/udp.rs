@@ -9,12 +9,14 @@ use std::time::Duration;
 use common::conformance::Pairs;
 use common::{SCENE, camera, identity, ids, joined, net, receive, soon, start};
 use tokio::net::UdpSocket;
-use trimaran_proto::{FrameEvent, FrameNumber, FrameOutcome, Identity, Refusal, Role, SceneHash};
+use trimaran_proto::{
+    DrawableId, FrameEvent, FrameNumber, FrameOutcome, IdCoding, Identity, Refusal, Role, SceneHash,
+};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{
     AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Link, LinkConfig, Listener,
-    Loss, Net, Options, PeerAddress, RecvError, connect, until,
+    Loss, Net, Options, PeerAddress, RecvError, connect, sleep_until, until,
 };
 
 struct Udp;
@@ -411,6 +413,35 @@ async fn a_frame_that_is_given_up_says_how_many_ids_are_missing() {
         let frame = FrameNumber(frame);
         assert_eq!(outcome, FrameOutcome::Incomplete { frame, expected: 4000, received: came });
     }
+}
+
+/// A frame may be lost there, so that only what the peer has confirmed is a reference.
+#[tokio::test]
+async fn with_deadlines_ids_travel_as_changes_once_a_frame_is_confirmed() {
+    let net = net();
+    let link = LinkConfig { coding: IdCoding::Changes, ..LinkConfig::default() };
+    let udp = UdpOptions { deadline: Duration::from_secs(10), ..shared(1).udp };
+    let options = Options { link, udp, ..shared(1) };
+    let (mut a, mut display) = joined("udp://127.0.0.1:0?mode=deadline", &options).await;
+    let visible: Vec<DrawableId> = (0..2000).map(|id| DrawableId(1000 * id)).collect();
+    let mut least = u64::MAX;
+    for frame in 0..500 {
+        let before = a.stats.read();
+        a.frames_tx.begin(start(frame)).await.unwrap();
+        a.frames_tx.push(&visible).await.unwrap();
+        a.frames_tx.finish().await.unwrap();
+        let bytes = (a.stats.read() - before).sent.ids.bytes;
+        assert!(frame > 0 || bytes > 4000, "{bytes} bytes for the first frame: nothing is confirmed");
+        assert_eq!(receive(&mut display.frames_rx).await.unwrap().ids, visible);
+        least = least.min(bytes);
+        if least < 60 {
+            break;
+        }
+        // Time for the acknowledgement.
+        sleep_until(&*net, net.now().after(Duration::from_millis(5))).await;
+    }
+    assert!(least < 60, "{least} bytes for a frame like the one before");
+    assert_eq!(a.stats.read().sent.ids, display.stats.read().received.ids);
 }
 
 #[tokio::test]

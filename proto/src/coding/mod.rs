@@ -132,6 +132,39 @@ impl CodedIds {
         (shorter.len() < batch.as_bytes().len()).then(|| Self(shorter.freeze()))
     }
 
+    /// How many ids they stand for, as they say themselves: read without the reference, so that only an [`IdDecoder`] knows whether it
+    /// is true.
+    ///
+    /// # Errors
+    /// When they cannot be read, or stand for no id or for more than a batch may have.
+    pub fn count(&self) -> Result<usize, CodingFault> {
+        let bytes = &mut self.as_bytes();
+        if number(bytes)? != 0 {
+            number(bytes)?;
+        }
+        let mut count = 0;
+        while !bytes.is_empty() {
+            let run = number(bytes)?;
+            count += (run >> op::BITS) as usize;
+            let put = match run & ((1 << op::BITS) - 1) {
+                op::SKIP_ONE => 0,
+                op::SKIP => {
+                    number(bytes)?;
+                    0
+                }
+                op::PUT_ONE => 1,
+                _ => number(bytes)?,
+            };
+            // Each takes a byte at least, so that a large count is soon at the end of the bytes.
+            (0..put).try_for_each(|_| number(bytes).map(drop))?;
+            count += put as usize;
+            if count > BatchSize::MAX.ids() {
+                return Err(CodingFault::Count(count));
+            }
+        }
+        if count == 0 { Err(CodingFault::Count(0)) } else { Ok(count) }
+    }
+
     /// The ids, where `references` are the complete frames before `frame`.
     pub(crate) fn read(
         &self,
@@ -316,6 +349,7 @@ mod tests {
     fn size(ids: &[u32], held: &[u32]) -> Option<usize> {
         let coded = CodedIds::shortest(&batch(ids), Some((2, held)))?;
         assert_eq!(read(coded.as_bytes(), held).as_deref(), Ok(ids));
+        assert_eq!(coded.count(), Ok(ids.len()));
         Some(coded.as_bytes().len())
     }
 
@@ -388,6 +422,21 @@ mod tests {
     }
 
     #[test]
+    fn changes_that_cannot_be_counted_are_refused() {
+        for (bytes, fault) in [
+            (&[][..], CodingFault::Number),
+            (&[2], CodingFault::Number),
+            (&[2, 0], CodingFault::Count(0)),
+            (&[2, 0, 0], CodingFault::Count(0)),
+            (&[2, 0, 4 << 2 | 2], CodingFault::Number),
+            (&[0, 1], CodingFault::Number),
+            (&[0, 3, 0xff, 0xff, 0xff, 0xff, 0x0f], CodingFault::Number),
+        ] {
+            assert_eq!(CodedIds::new(Bytes::copy_from_slice(bytes)).count(), Err(fault), "{bytes:?}");
+        }
+    }
+
+    #[test]
     fn a_few_bytes_name_no_more_ids_than_a_batch() {
         let held: Vec<u32> = (0..=16_384).collect();
         let mut references = References::default();
@@ -397,8 +446,9 @@ mod tests {
         for (kept, expected) in [(16_384, Ok(16_384)), (16_385, Err(CodingFault::Count(16_385)))] {
             let mut bytes = BytesMut::from(&[2, 0][..]);
             put_run(&mut bytes, kept, 0, [op::SKIP_ONE, op::SKIP]);
-            let read = CodedIds::new(bytes.freeze()).read(FRAME, &mut references);
-            assert_eq!(read.map(|batch| batch.count()), expected);
+            let coded = CodedIds::new(bytes.freeze());
+            assert_eq!(coded.count(), expected);
+            assert_eq!(coded.read(FRAME, &mut references).map(|batch| batch.count()), expected);
         }
     }
 }

@@ -73,7 +73,9 @@ async fn introduce(
     let (mut connection, answer) = asking.ask(ways, config).await.map_err(failed)?;
     let (theirs, reliable) = read_answer(&answer, &counters).map_err(failed)?;
     let reliable = reliable && config.patience.is_none();
-    connection.set_batch(options.link.batching_between(&identity, &theirs).size);
+    let batching = options.link.batching_between(&identity, &theirs);
+    connection.set_batch(batching.size);
+    connection.set_coding(batching.coding);
     // The listener believes in this side once it has heard it use its keys.
     connection.ping();
 

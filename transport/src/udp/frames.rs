@@ -5,7 +5,7 @@ use std::future::poll_fn;
 use std::sync::Arc;
 use std::task::Poll;
 
-use trimaran_proto::{FrameMessage, Kind, Message};
+use trimaran_proto::{FrameMessage, FrameNumber, IdDecoder, Kind, Message};
 use trimaran_udp::Received;
 
 use super::port::{Carrier, State, Waiter};
@@ -34,6 +34,11 @@ impl FrameTx {
         self.staged.push_back(message);
     }
 
+    /// The newest frame that the peer has all of.
+    pub(crate) fn confirmed(&self) -> Option<FrameNumber> {
+        self.carrier.lock().connection.confirmed_frame()
+    }
+
     /// Gives what is staged to the connection. Whatever it takes starts the patience anew.
     pub(crate) async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
         while !self.staged.is_empty() {
@@ -52,6 +57,7 @@ impl FrameTx {
                 {
                     match message {
                         Message::Frame(message) => state.connection.send(message),
+                        Message::Coded(batch) => state.connection.send_coded(batch),
                         Message::Goodbye(reason) => state.connection.goodbye(reason),
                         // No other message is staged on this lane.
                         _ => {}
@@ -101,12 +107,13 @@ impl Drop for FrameTx {
 #[derive(Debug)]
 pub(crate) struct FrameRx {
     carrier: Arc<Carrier>,
+    ids: IdDecoder,
     farewell: Option<Received>,
 }
 
 impl FrameRx {
     pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
-        Self { carrier: Arc::clone(carrier), farewell: None }
+        Self { carrier: Arc::clone(carrier), ids: IdDecoder::new(), farewell: None }
     }
 
     pub(crate) async fn next(
@@ -133,21 +140,26 @@ impl FrameRx {
             Poll::Pending
         });
         let received = patience.wait(by, next).await.map_err(LaneError::Expired)??;
-        match &received {
+        match received {
             Received::Frame(message) => {
                 let (kind, bytes) = weight(&Message::Frame(message.clone()));
                 shared.counters.received.count(kind, bytes);
+                Ok(self.ids.plain(message))
             }
-            end if self.farewell.is_none() => {
-                shared.counters.received.count(Kind::Goodbye, 0);
-                self.farewell = Some(end.clone());
+            Received::Coded(batch) => {
+                shared.counters.received.count(Kind::Coded, batch.as_bytes().len());
+                self.ids.coded(&batch).map_err(|e| LaneError::Protocol(e.into()))
             }
-            _ => {}
-        }
-        match received {
-            Received::Frame(message) => Ok(message),
-            Received::Goodbye(reason) => Err(LaneError::Goodbye(reason)),
-            _ => Err(LaneError::Lost(Loss::Closed)),
+            end => {
+                if self.farewell.is_none() {
+                    shared.counters.received.count(Kind::Goodbye, 0);
+                    self.farewell = Some(end.clone());
+                }
+                Err(match end {
+                    Received::Goodbye(reason) => LaneError::Goodbye(reason),
+                    _ => LaneError::Lost(Loss::Closed),
+                })
+            }
         }
     }
 }

@@ -18,6 +18,7 @@ use super::socket::{Incoming, Outgoing};
 use crate::UdpMode;
 use crate::desk::{Desk, Place, lock};
 use crate::handshake::HandshakeError;
+use crate::link::Batching;
 use crate::net::{UdpSocket, until};
 use crate::stats::Counters;
 
@@ -146,8 +147,9 @@ impl Hall {
         let here = self.free_name()?;
         let accept = Message::Accept(Accept { identity: desk.identity });
         let answer = introduce_with(&accept, &self.config, &guest.counters);
-        let batch = desk.options.link.batching_between(&desk.identity, &guest.hello.identity).size;
-        let config = Config { batch, ..self.config };
+        let Batching { size: batch, coding } =
+            desk.options.link.batching_between(&desk.identity, &guest.hello.identity);
+        let config = Config { batch, coding, ..self.config };
         let connection = knock
             .take(desk.net.now(), here, &answer, config, reply)
             .ok_or_else(|| io::Error::other("the answer could not be sealed"))?;

@@ -16,6 +16,7 @@ const CAMERA: u8 = 0x10;
 const LAST_CAMERA: u8 = 0x11;
 const PART: u8 = 0x20;
 const GIVE_UP: u8 = 0x24;
+const GIVE_UP_CODED: u8 = 0x25;
 const REPAIR: u8 = 0x30;
 const LAST_REPAIR: u8 = 0x33;
 
@@ -56,15 +57,31 @@ pub(crate) enum Chunk<'a> {
     Unread,
     /// Bytes of a unit of the frames lane.
     Part { unit: u64, offset: u64, tail: Tail, data: &'a [u8] },
-    /// What has not arrived of a frame will not come any more. The frame has `length` bytes, the first `sent` of which were sent;
-    /// `head` is the end of its beginning, as far as that may not have arrived.
-    GiveUp { unit: u64, length: u64, sent: u64, hash: u64, head: &'a [u8] },
+    /// What has not arrived of a frame will not come any more.
+    GiveUp { unit: u64, about: GivenUp, head: &'a [u8] },
     /// A repair shard of a block of a unit; with the frame's hash where the block ends the frame.
     Repair { unit: u64, block: Block, hash: Option<u64>, index: u8, data: &'a [u8] },
 }
 
-/// What a frame's unit starts with: the header and payload of begin.
-pub(crate) const UNIT_HEAD: usize = HEADER_BYTES + *Kind::Begin.lengths().end();
+/// What is said of a frame when it is given up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct GivenUp {
+    /// The bytes of its unit.
+    pub(crate) length: u64,
+    /// How many of them were sent, from the first on.
+    pub(crate) sent: u64,
+    pub(crate) hash: u64,
+    /// How many ids it has, where that does not follow from its length: its batches are messages.
+    pub(crate) coded: Option<u64>,
+}
+
+/// The first byte of a frame's unit whose batches are messages, so that they can be changes. Any other begins with the message begin.
+pub(crate) const CODED_UNIT: u8 = Kind::Coded.code();
+
+/// What a frame's unit starts with: the header and payload of begin, and a byte before them where its batches are messages.
+pub(crate) const fn unit_head(coded: bool) -> usize {
+    HEADER_BYTES + *Kind::Begin.lengths().end() + coded as usize
+}
 
 /// The most bytes that a part has beside its data.
 pub(crate) fn part_overhead(unit: u64, offset: u64) -> usize {
@@ -131,12 +148,15 @@ impl<'a> Chunk<'a> {
                 }
                 out.extend_from_slice(data);
             }
-            Self::GiveUp { unit, length, sent, hash, head } => {
-                out.push(GIVE_UP);
+            Self::GiveUp { unit, about: GivenUp { length, sent, hash, coded }, head } => {
+                out.push(if coded.is_some() { GIVE_UP_CODED } else { GIVE_UP });
                 put_varint(out, *unit);
                 put_varint(out, *length);
                 put_varint(out, *sent);
                 out.extend_from_slice(&hash.to_le_bytes());
+                if let Some(ids) = coded {
+                    put_varint(out, *ids);
+                }
                 out.push(head.len() as u8);
                 out.extend_from_slice(head);
             }
@@ -186,16 +206,18 @@ impl<'a> Chunk<'a> {
                 };
                 Ok(Self::Part { unit, offset, tail, data: reader.take(length, "part")? })
             }
-            GIVE_UP => {
+            GIVE_UP | GIVE_UP_CODED => {
                 let unit = reader.varint("unit")?;
                 let length = reader.varint("unit length")?;
                 let sent = reader.varint("sent length")?;
                 let hash = reader.u64("hash")?;
+                let coded = if code == GIVE_UP_CODED { Some(reader.varint("ids")?) } else { None };
                 let count = usize::from(reader.u8("beginning length")?);
-                if sent > length || count > UNIT_HEAD {
+                if sent > length || count > unit_head(coded.is_some()) {
                     return Err(Malformed::Range { what: "unit length" });
                 }
-                Ok(Self::GiveUp { unit, length, sent, hash, head: reader.take(count, "beginning")? })
+                let about = GivenUp { length, sent, hash, coded };
+                Ok(Self::GiveUp { unit, about, head: reader.take(count, "beginning")? })
             }
             REPAIR | LAST_REPAIR => {
                 let unit = reader.varint("unit")?;
@@ -272,7 +294,10 @@ mod tests {
         back(&Chunk::Credit { bytes: 1 << 40, units: 7 });
         back(&Chunk::Unread);
         back(&Chunk::Pad);
-        back(&Chunk::GiveUp { unit: 7, length: 9000, sent: 8000, hash: 5, head: &[3; UNIT_HEAD] });
+        for coded in [None, Some(300)] {
+            let about = GivenUp { length: 9000, sent: 8000, hash: 5, coded };
+            back(&Chunk::GiveUp { unit: 7, about, head: &[3; unit_head(false)] });
+        }
         let block = Block { offset: 1136, length: 5, shard: 6, count: 2 };
         for hash in [None, Some(9)] {
             back(&Chunk::Repair { unit: 7, block, hash, index: 1, data: b"repair" });

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use trimaran_proto::{BatchSize, Camera, FrameMessage, Goodbye, Instant};
+use trimaran_proto::{BatchSize, Camera, CodedIds, FrameMessage, FrameNumber, Goodbye, IdCoding, Instant};
 
 use crate::acks::Acks;
 use crate::inbox::{Inbox, Received};
@@ -108,6 +108,7 @@ impl Connection {
                 Inbox::initial_units(),
                 config.patience,
                 Budget::new(config.repair, config.repair_percent),
+                config.coding,
             ),
             inbox: Inbox::new(config.batch, config.window),
             cameras_out: LatestOut::default(),
@@ -183,6 +184,17 @@ impl Connection {
         self.inbox.set_batch(batch);
     }
 
+    /// Sends the ids of frames that begin from now on so.
+    pub const fn set_coding(&mut self, coding: IdCoding) {
+        self.outbox.set_coding(coding);
+    }
+
+    /// The newest frame sent from here all of which has arrived: what the peer reads later may refer to it.
+    #[must_use]
+    pub const fn confirmed_frame(&self) -> Option<FrameNumber> {
+        self.outbox.confirmed
+    }
+
     /// Sends something, so that the peer knows this side is there.
     pub const fn ping(&mut self) {
         self.probe = true;
@@ -197,6 +209,12 @@ impl Connection {
     /// Sends a message of the frames lane; a frame writer has put the messages in order.
     pub fn send(&mut self, message: FrameMessage) {
         self.outbox.put(message, self.path());
+    }
+
+    /// Sends a batch of the open frame's ids as changes. Frames take such where [`Connection::set_coding`] or [`Config::coding`] said so
+    /// before they began.
+    pub fn send_coded(&mut self, batch: CodedIds) {
+        self.outbox.put_coded(batch, self.path());
     }
 
     /// Sends a goodbye behind everything else on the frames lane.

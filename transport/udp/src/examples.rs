@@ -6,14 +6,17 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use bytes::BytesMut;
-use trimaran_proto::{Camera, FrameMessage, FrameNumber, FrameStart, Instant, Message};
+use trimaran_proto::{
+    BatchSize, Camera, Delivery, DrawableId, FrameMessage, FrameNumber, FrameStart, FrameWriter, IdEncoder,
+    Instant, Kind, Message,
+};
 use xxhash_rust::xxh3::xxh3_64;
 
-use crate::chunk::{Chunk, Tail};
+use crate::chunk::{Chunk, GivenUp, Tail};
 use crate::connection::{Config, Connection};
 use crate::cookie::Jar;
 use crate::handshake::{Connecting, Door, Progress, Reception, Security};
-use crate::inbox::{GivenUp, Inbox, Received};
+use crate::inbox::{Inbox, Received};
 use crate::keys::Keys;
 use crate::packet::{ConnectionId, MIN_DATAGRAM, Packet, VERSION, data_header};
 use crate::ranges::RangeSet;
@@ -73,9 +76,41 @@ fn camera() -> Camera {
     Camera::new([1.0, 2.0, -3.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.25, FrameNumber(7)).unwrap()
 }
 
+/// The frame of two ids, given up before the last one was sent.
+fn given_up(hash: u64) -> GivenUp {
+    GivenUp { length: 88, sent: 84, hash, coded: None }
+}
+
+/// The same frame, coded, and given up.
+fn coded_given_up(hash: u64) -> GivenUp {
+    GivenUp { length: 90, sent: 90, hash, coded: Some(2) }
+}
+
+/// The same frame as changes against frame 5, which had the ids 1 and 300.
+fn coded_unit() -> Vec<u8> {
+    let mut encoder = IdEncoder::new(Delivery::Lossy);
+    let mut writer = FrameWriter::new(BatchSize::default());
+    let mut bytes = BytesMut::from(&[0x24][..]);
+    for (frame, ids) in [(5, [1, 300]), (7, [1, 258])] {
+        bytes.truncate(1);
+        let mut put = |message| {
+            let message = encoder.encode(message);
+            if message.kind() != Kind::End {
+                message.encode(&mut bytes);
+            }
+        };
+        put(writer.begin(FrameStart { frame: FrameNumber(frame), camera: camera() }).unwrap());
+        writer.push(&ids.map(DrawableId), &mut put).unwrap();
+        writer.finish(&mut put).unwrap();
+        encoder.confirm(FrameNumber(frame));
+    }
+    bytes.to_vec()
+}
+
 #[test]
 fn every_chunk_has_an_example() {
     let unit = unit();
+    let coded = coded_unit();
     let hash = xxh3_64(&unit[80..]);
     let part = |unit, offset, tail, data| Chunk::Part { unit, offset, tail, data };
     let chunks = [
@@ -98,7 +133,9 @@ fn every_chunk_has_an_example() {
         chunks.as_slice(),
         &[
             ("pad", Chunk::Pad),
-            ("give-up", Chunk::GiveUp { unit: 0, length: 88, sent: 84, hash, head: &[] }),
+            ("give-up", Chunk::GiveUp { unit: 0, about: given_up(hash), head: &[] }),
+            ("part-coded", part(3, 0, Tail::Frame(hash), &coded)),
+            ("give-up-coded", Chunk::GiveUp { unit: 3, about: coded_given_up(hash), head: &unit[..80] }),
             ("repair", Chunk::Repair { unit: 0, block, hash: Some(hash), index: 0, data: &repair[0] }),
         ],
     ]
@@ -117,8 +154,13 @@ fn every_chunk_has_an_example() {
         }
     }
     let received: Vec<_> = std::iter::from_fn(|| inbox.take().unwrap()).collect();
-    assert_eq!(received.len(), 5, "{received:?}");
-    assert!(matches!(received.as_slice(), [_, _, _, Received::Goodbye(_), Received::Gone]), "{received:?}");
+    let [_, _, end, Received::Goodbye(_), Received::Gone, begin, Received::Coded(batch), coded_end] =
+        &received[..]
+    else {
+        panic!("{received:?}")
+    };
+    assert!(matches!(begin, Received::Frame(FrameMessage::Begin(_))), "{begin:?}");
+    assert_eq!((batch.count(), coded_end), (Ok(2), end), "the same frame");
 }
 
 #[test]
@@ -128,9 +170,7 @@ fn the_examples_of_repair_and_of_giving_up_do_what_the_page_says() {
     let read = |name: &str, inbox: &mut Inbox| match Chunk::read(&mut Reader::new(&examples()[name])).unwrap()
     {
         Chunk::Repair { unit, block, hash, index, data } => inbox.put_repair(unit, block, hash, index, data),
-        Chunk::GiveUp { unit, length, sent, hash, head } => {
-            inbox.give_up(unit, GivenUp { length, sent, hash }, head)
-        }
+        Chunk::GiveUp { unit, about, head } => inbox.give_up(unit, about, head),
         other => panic!("{other:?}"),
     };
     for (lost, name, ids) in [(0..44, "repair", 2), (44..88, "repair", 2), (84..88, "give-up", 1)] {
@@ -258,9 +298,9 @@ fn the_page_says_what_the_constants_are() {
         format!("the first {} units", Inbox::initial_units()),
         format!("at most {} *shards*", crate::repair::BLOCK),
         format!("1 to {}", crate::repair::MOST),
-        format!("at most {}", crate::chunk::UNIT_HEAD),
+        format!("at most {}, or {}", crate::chunk::unit_head(false), crate::chunk::unit_head(true)),
     ] {
         assert!(WIRE.contains(&fact), "{fact:?}");
     }
-    assert_eq!(examples().len(), 24, "every example is checked by a test here");
+    assert_eq!(examples().len(), 26, "every example is checked by a test here");
 }

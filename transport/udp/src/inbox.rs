@@ -3,9 +3,9 @@
 use std::collections::VecDeque;
 
 use thiserror::Error;
-use trimaran_proto::{BatchSize, DecodeError, FrameMessage, Goodbye};
+use trimaran_proto::{BatchSize, CodedIds, CodingFault, DecodeError, FrameMessage, Goodbye};
 
-use crate::chunk::Tail;
+use crate::chunk::{GivenUp, Tail};
 use crate::repair::Block;
 
 mod unit;
@@ -26,6 +26,8 @@ const REPAIR: usize = 256;
 pub enum Received {
     /// A message of the lane.
     Frame(FrameMessage),
+    /// A batch of ids as changes against a frame that the reader has complete.
+    Coded(CodedIds),
     /// The peer leaves.
     Goodbye(Goodbye),
     /// The peer is gone without a goodbye.
@@ -51,14 +53,9 @@ pub enum LaneViolation {
     /// A unit does not decode.
     #[error(transparent)]
     Decode(#[from] DecodeError),
-}
-
-/// What is said of a frame when it is given up: its length, how many bytes of it were sent, its hash.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct GivenUp {
-    pub(crate) length: u64,
-    pub(crate) sent: u64,
-    pub(crate) hash: u64,
+    /// Changes cannot be counted.
+    #[error("ids came as changes that cannot be read")]
+    Coding(#[from] CodingFault),
 }
 
 /// Units in order of their numbers.
@@ -177,12 +174,11 @@ impl Inbox {
 
     /// Takes word that no more comes of a frame.
     pub(crate) fn give_up(&mut self, number: u64, about: GivenUp, head: &[u8]) -> Result<(), LaneViolation> {
-        let GivenUp { length, sent, hash } = about;
         self.with_unit(number, |unit, credit| {
             if !unit.is_given_up() {
-                credit.use_up_to(unit, sent)?;
-                unit.give_up(length, hash, sent, head)?;
-                unit.highest = unit.highest.max(sent);
+                credit.use_up_to(unit, about.sent)?;
+                unit.give_up(about, head)?;
+                unit.highest = unit.highest.max(about.sent);
             }
             Ok(())
         })
@@ -377,7 +373,7 @@ mod tests {
             inbox.put(0, range.start as u64, Tail::More, &bytes[range]).unwrap();
         }
         assert_eq!(ids_of(&all(&mut inbox)), [0; 0], "nothing says that more will not come");
-        let about = GivenUp { length: 480, sent: 460, hash: 7 };
+        let about = GivenUp { length: 480, sent: 460, hash: 7, coded: None };
         inbox.give_up(0, about, &[]).unwrap();
         inbox.put(0, 96, Tail::More, &bytes[96..100]).unwrap();
         let items = all(&mut inbox);
@@ -393,14 +389,14 @@ mod tests {
         let mut inbox = empty();
         let bytes = frame_of(10);
         inbox.put(0, 100, Tail::More, &bytes[100..120]).unwrap();
-        inbox.give_up(0, GivenUp { length: 120, sent: 120, hash: 7 }, &bytes[..80]).unwrap();
+        inbox.give_up(0, GivenUp { length: 120, sent: 120, hash: 7, coded: None }, &bytes[..80]).unwrap();
         let items = all(&mut inbox);
         assert!(matches!(items[0], Received::Frame(FrameMessage::Begin(_))), "{items:?}");
         assert_eq!(ids_of(&items), [5, 6, 7, 8, 9]);
         assert_eq!(inbox.taken, inbox.used);
 
         let mut inbox = empty();
-        inbox.give_up(0, GivenUp { length: 120, sent: 0, hash: 7 }, &[]).unwrap();
+        inbox.give_up(0, GivenUp { length: 120, sent: 0, hash: 7, coded: None }, &[]).unwrap();
         assert_eq!(inbox.take(), Err(LaneViolation::Unit), "no beginning at all");
     }
 
@@ -413,13 +409,13 @@ mod tests {
             inbox.put(0, 100, Tail::Frame(7), &bytes[100..]).unwrap();
             let (length, sent, hash) = about;
             assert_eq!(
-                inbox.give_up(0, GivenUp { length, sent, hash }, &[]),
+                inbox.give_up(0, GivenUp { length, sent, hash, coded: None }, &[]),
                 Err(LaneViolation::End),
                 "{about:?}"
             );
         }
         let mut inbox = Inbox::new(BatchSize::default(), 100);
-        let about = GivenUp { length: 480, sent: 101, hash: 7 };
+        let about = GivenUp { length: 480, sent: 101, hash: 7, coded: None };
         assert_eq!(inbox.give_up(0, about, &[]), Err(LaneViolation::Credit));
     }
 
@@ -427,7 +423,7 @@ mod tests {
     fn a_whole_frame_cannot_be_given_up_any_more() {
         let mut inbox = empty();
         inbox.put(0, 0, Tail::More, &frame_of(10)).unwrap();
-        inbox.give_up(0, GivenUp { length: 120, sent: 120, hash: 7 }, &[]).unwrap();
+        inbox.give_up(0, GivenUp { length: 120, sent: 120, hash: 7, coded: None }, &[]).unwrap();
         assert_eq!(ids_of(&all(&mut inbox)), (0..10).collect::<Vec<_>>());
         assert_eq!(inbox.first, 1, "only its end had been lost");
     }

@@ -5,9 +5,9 @@ use std::ops::Range;
 use std::time::Duration;
 
 use bytes::BytesMut;
-use trimaran_proto::{FrameMessage, Goodbye, Instant, Message};
+use trimaran_proto::{CodedIds, FrameEnd, FrameMessage, FrameNumber, Goodbye, IdCoding, Instant, Message};
 
-use crate::chunk::{Chunk, Tail};
+use crate::chunk::{CODED_UNIT, Chunk, Tail};
 use crate::recovery::Content;
 use crate::repair::Budget;
 
@@ -42,6 +42,10 @@ pub(crate) struct Outbox {
     /// How long after its end a frame is worth sending; always, if not given.
     patience: Option<Duration>,
     repair: Budget,
+    /// How the ids of frames to come travel.
+    coding: IdCoding,
+    /// The newest frame all of which has arrived.
+    pub(crate) confirmed: Option<FrameNumber>,
     pub(crate) frames_given_up: u64,
     /// Parts that were sent again.
     pub(crate) repeated: u64,
@@ -55,6 +59,7 @@ impl Outbox {
         allowed_units: u64,
         patience: Option<Duration>,
         repair: Budget,
+        coding: IdCoding,
     ) -> Self {
         Self {
             units: VecDeque::new(),
@@ -65,6 +70,8 @@ impl Outbox {
             kept: 0,
             patience,
             repair,
+            coding,
+            confirmed: None,
             frames_given_up: 0,
             repeated: 0,
             repair_sent: 0,
@@ -83,14 +90,36 @@ impl Outbox {
     /// Takes the next message of the lane, which a frame writer has put in order.
     pub(crate) fn put(&mut self, message: FrameMessage, path: Path) {
         match message {
+            FrameMessage::Ids(batch) if self.is_coded() => {
+                self.append_message(&Message::Frame(FrameMessage::Ids(batch)), path);
+            }
             FrameMessage::Ids(batch) => self.append(batch.as_bytes(), path),
-            FrameMessage::End(end) => self.end(Tail::Frame(end.hash), path),
-            begin @ FrameMessage::Begin(_) => {
-                self.open(path);
-                self.append_message(&Message::Frame(begin), path);
+            FrameMessage::End(end) => self.finish(end, path),
+            FrameMessage::Begin(start) => {
+                let coded = self.coding == IdCoding::Changes;
+                self.add(Unit::frame(start.frame, coded, path.shard));
+                if coded {
+                    self.append(&[CODED_UNIT], path);
+                }
+                self.append_message(&Message::Frame(FrameMessage::Begin(start)), path);
             }
             stats @ FrameMessage::Stats(_) => self.whole(&Message::Frame(stats), path),
         }
+    }
+
+    /// Takes a batch of ids as changes; ignored in a frame that was not begun for such.
+    pub(crate) fn put_coded(&mut self, batch: CodedIds, path: Path) {
+        if self.is_coded() {
+            self.append_message(&Message::Coded(batch), path);
+        }
+    }
+
+    pub(crate) const fn set_coding(&mut self, coding: IdCoding) {
+        self.coding = coding;
+    }
+
+    fn is_coded(&self) -> bool {
+        self.units.back().is_some_and(Unit::is_coded)
     }
 
     pub(crate) fn goodbye(&mut self, reason: Goodbye, path: Path) {
@@ -101,19 +130,26 @@ impl Outbox {
     /// Ends the lane without a goodbye.
     pub(crate) fn gone(&mut self, path: Path) {
         self.cut(path);
-        self.open(path);
+        self.add(Unit::new(path.shard));
         self.end(Tail::End, path);
     }
 
     fn whole(&mut self, message: &Message, path: Path) {
-        self.open(path);
+        self.add(Unit::new(path.shard));
         self.append_message(message, path);
         self.end(Tail::End, path);
     }
 
-    fn open(&mut self, path: Path) {
-        self.units.push_back(Unit::new(path.shard));
+    fn add(&mut self, unit: Unit) {
+        self.units.push_back(unit);
         self.kept += UNIT_COST;
+    }
+
+    fn finish(&mut self, end: FrameEnd, path: Path) {
+        if let Some(unit) = self.units.back_mut() {
+            unit.set_ids(end.ids);
+        }
+        self.end(Tail::Frame(end.hash), path);
     }
 
     fn append_message(&mut self, message: &Message, path: Path) {
@@ -206,6 +242,8 @@ impl Outbox {
     pub(crate) fn on_ack(&mut self, number: u64, range: Range<u64>, ended: bool) {
         let Some(unit) = self.unit(number) else { return };
         let freed = unit.on_ack(range, ended);
+        let whole = unit.whole_frame();
+        self.confirmed = self.confirmed.max(whole);
         self.kept = self.kept.saturating_sub(freed);
         self.forget_arrived();
     }
@@ -258,7 +296,7 @@ fn write_if_fits(chunk: &Chunk<'_>, room: usize, out: &mut Vec<u8>) -> Option<()
 
 #[cfg(test)]
 mod tests {
-    use trimaran_proto::{Camera, FrameEnd, FrameNumber, FrameStart};
+    use trimaran_proto::{Camera, FrameStart};
 
     use super::*;
     use crate::repair::Repair;
@@ -268,7 +306,7 @@ mod tests {
     /// Without repair.
     fn sender(patience: Option<u64>) -> Outbox {
         let patience = patience.map(Duration::from_millis);
-        Outbox::new(1 << 20, 1024, patience, Budget::new(Repair::Off, 15))
+        Outbox::new(1 << 20, 1024, patience, Budget::new(Repair::Off, 15), IdCoding::Plain)
     }
 
     fn frame(outbox: &mut Outbox, number: u32) {

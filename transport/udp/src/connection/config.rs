@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use trimaran_proto::BatchSize;
+use trimaran_proto::{BatchSize, IdCoding};
 
 use crate::congestion::Congestion;
 use crate::repair::Repair;
@@ -12,6 +12,8 @@ use crate::repair::Repair;
 pub struct Config {
     /// How many ids are passed on at once at most.
     pub batch: BatchSize,
+    /// How the ids of frames sent from here travel. Default plain.
+    pub coding: IdCoding,
     /// Bytes of the frames lane that the receiver keeps for a reader who does not read. Default 4 MiB.
     pub window: u64,
     /// Bytes that the sender keeps until they are acknowledged. Default 4 MiB.
@@ -39,6 +41,7 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             batch: BatchSize::default(),
+            coding: IdCoding::default(),
             window: 4 << 20,
             send_buffer: 4 << 20,
             ack_delay: Duration::from_millis(1),

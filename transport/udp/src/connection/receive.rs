@@ -6,7 +6,6 @@ use trimaran_proto::{Camera, Instant};
 
 use super::{Closed, Connection};
 use crate::chunk::{CLOSE, Chunk};
-use crate::inbox::GivenUp;
 use crate::packet::Packet;
 use crate::recovery::{Content, Verdict};
 use crate::wire::Reader;
@@ -67,9 +66,7 @@ impl Connection {
                     self.outbox.drop_all();
                 }
                 Chunk::Part { unit, offset, tail, data } => self.inbox.put(unit, offset, tail, data)?,
-                Chunk::GiveUp { unit, length, sent, hash, head } => {
-                    self.inbox.give_up(unit, GivenUp { length, sent, hash }, head)?;
-                }
+                Chunk::GiveUp { unit, about, head } => self.inbox.give_up(unit, about, head)?,
                 Chunk::Repair { unit, block, hash, index, data } => {
                     self.inbox.put_repair(unit, block, hash, index, data)?;
                 }

@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use bytes::{Buf, BytesMut};
 use trimaran_proto::{
-    BatchSize, Decoder, FrameEnd, FrameMessage, FrameNumber, ID_BYTES, IdBatch, Kind, Message,
+    BatchSize, Decoder, FrameEnd, FrameMessage, FrameNumber, HEADER_BYTES, ID_BYTES, IdBatch, Kind, Message,
 };
 
 use super::{LaneViolation, Received};
-use crate::chunk::{Tail, UNIT_HEAD};
+use crate::chunk::{CODED_UNIT, GivenUp, Tail, unit_head};
 use crate::ranges::RangeSet;
 use crate::repair::{BLOCK, Block};
 
@@ -31,8 +31,11 @@ pub(super) struct Unit {
     pause: u64,
     end: Option<(u64, Tail)>,
     frame: Option<FrameNumber>,
-    /// No more comes, and there are gaps; how much was sent.
-    given_up: Option<u64>,
+    /// Whether its batches are messages, and how many ids those passed on had.
+    coded: bool,
+    ids: u64,
+    /// No more comes, and there are gaps.
+    given_up: Option<GivenUp>,
     repair: Vec<(Block, Shards)>,
     pub(super) repaired: bool,
 }
@@ -136,21 +139,17 @@ impl Unit {
         self.has(&range).then_some(bytes)
     }
 
-    /// Nothing more comes of a frame of `length` bytes, the first `sent` of which were sent; `head` is the end of its beginning.
-    pub(super) fn give_up(
-        &mut self,
-        length: u64,
-        hash: u64,
-        sent: u64,
-        head: &[u8],
-    ) -> Result<(), LaneViolation> {
-        if length < UNIT_HEAD as u64 || sent < self.highest {
+    /// Nothing more comes of a frame; `head` is the end of its beginning.
+    pub(super) fn give_up(&mut self, about: GivenUp, head: &[u8]) -> Result<(), LaneViolation> {
+        let GivenUp { length, sent, hash, coded } = about;
+        let begins = unit_head(coded.is_some());
+        if length < begins as u64 || sent < self.highest {
             return Err(LaneViolation::End);
         }
         self.note(length, Tail::Frame(hash))?;
-        self.store((UNIT_HEAD - head.len().min(UNIT_HEAD)) as u64, head);
+        self.store((begins - head.len().min(begins)) as u64, head);
         if self.have.end_of_run(self.base) < length {
-            self.given_up = Some(sent);
+            self.given_up = Some(about);
         }
         self.repair.clear();
         Ok(())
@@ -163,7 +162,8 @@ impl Unit {
             return true;
         }
         match self.frame {
-            None => ready >= UNIT_HEAD as u64,
+            None => ready >= unit_head(self.first_byte() == Some(CODED_UNIT)) as u64,
+            Some(_) if self.coded => !matches!(self.message_length(ready as usize), Ok(None)),
             Some(_) => {
                 let pause = self.pause.saturating_sub(self.base).min(ready);
                 ready >= batch.bytes() as u64 || pause >= ID_BYTES as u64
@@ -175,13 +175,16 @@ impl Unit {
         let ready = self.have.end_of_run(self.base) - self.base;
         let ended = self.end.filter(|(end, _)| *end == self.base + ready).map(|(_, tail)| tail);
         let Some(frame) = self.frame else {
-            if self.given_up.is_some() && ready < UNIT_HEAD as u64 {
+            if self.given_up.is_some_and(|about| ready < unit_head(about.coded.is_some()) as u64) {
                 return Err(LaneViolation::Unit);
             }
             return self.first_step(ready as usize, ended);
         };
-        if let Some(sent) = self.given_up {
-            return self.step_over_gaps(frame, sent, batch);
+        if self.coded {
+            return self.coded_step(frame, ready as usize, ended);
+        }
+        if let Some(about) = self.given_up {
+            return self.step_over_gaps(frame, about.sent, batch);
         }
         let pause = self.pause.saturating_sub(self.base).min(ready);
         let whole = batch.bytes() as u64;
@@ -191,9 +194,64 @@ impl Unit {
         }
         Ok(match ended {
             None => Step::Wait,
-            Some(Tail::Frame(hash)) => Step::Last(Some(end_of(frame, self.base, hash)?)),
+            Some(Tail::Frame(hash)) => Step::Last(Some(end_of(frame, plain_ids(self.base), hash)?)),
             Some(_) => Step::Last(None),
         })
+    }
+
+    /// Passes on the next batch of a frame whose batches are messages. Behind a gap nobody knows where the next one begins.
+    fn coded_step(
+        &mut self,
+        frame: FrameNumber,
+        ready: usize,
+        ended: Option<Tail>,
+    ) -> Result<Step, LaneViolation> {
+        if let Some(length) = self.message_length(ready)? {
+            let mut decoder = Decoder::new();
+            decoder.push(&self.split(length));
+            let (ids, batch) = match decoder.next_message()? {
+                Some(Message::Frame(FrameMessage::Ids(batch))) => {
+                    (batch.count(), Received::Frame(FrameMessage::Ids(batch)))
+                }
+                Some(Message::Coded(batch)) => (batch.count()?, Received::Coded(batch)),
+                _ => return Err(LaneViolation::Unit),
+            };
+            self.ids += ids as u64;
+            return Ok(Step::Item(batch));
+        }
+        match (self.given_up, self.end, ended) {
+            (Some(GivenUp { sent, hash, coded: Some(ids), .. }), ..) => {
+                self.base = self.base.max(sent);
+                Ok(Step::Last(Some(end_of(frame, ids, hash)?)))
+            }
+            (None, Some((end, Tail::Frame(hash))), Some(_)) if end == self.base => {
+                Ok(Step::Last(Some(end_of(frame, self.ids, hash)?)))
+            }
+            // Left by a sender that was dropped.
+            (None, _, Some(Tail::End)) => Ok(Step::Last(None)),
+            (None, _, None) => Ok(Step::Wait),
+            _ => Err(LaneViolation::Unit),
+        }
+    }
+
+    /// How long the batch is that comes next, if all of it is there.
+    fn message_length(&self, ready: usize) -> Result<Option<usize>, LaneViolation> {
+        let from = (self.base - self.kept) as usize;
+        let ahead = self.data.get(from..).and_then(|ahead| ahead.get(..ready)).unwrap_or_default();
+        let Some([kind, length @ ..]) = ahead.first_chunk::<HEADER_BYTES>() else { return Ok(None) };
+        let [low, middle, high] = *length;
+        let length = u32::from_le_bytes([low, middle, high, 0]) as usize;
+        let sound = Kind::from_code(*kind)
+            .filter(|kind| matches!(kind, Kind::Ids | Kind::Coded))
+            .is_some_and(|kind| kind.lengths().contains(&length));
+        if !sound {
+            return Err(LaneViolation::Unit);
+        }
+        Ok(Some(HEADER_BYTES + length).filter(|all| *all <= ready))
+    }
+
+    fn first_byte(&self) -> Option<u8> {
+        self.data.first().copied()
     }
 
     /// Passes on the ids that have come, wherever they are, and then the end that says how many there were.
@@ -215,7 +273,9 @@ impl Unit {
         }
         self.base = self.base.max(sent);
         match self.end {
-            Some((length, Tail::Frame(hash))) => Ok(Step::Last(Some(end_of(frame, length, hash)?))),
+            Some((length, Tail::Frame(hash))) => {
+                Ok(Step::Last(Some(end_of(frame, plain_ids(length), hash)?)))
+            }
             _ => Err(LaneViolation::Unit),
         }
     }
@@ -228,18 +288,26 @@ impl Unit {
 
     /// What a unit starts with says what it is.
     fn first_step(&mut self, ready: usize, ended: Option<Tail>) -> Result<Step, LaneViolation> {
-        let begins = self.data.first() == Some(&Kind::Begin.code());
+        let coded = self.first_byte() == Some(CODED_UNIT);
+        let begins = coded || self.first_byte() == Some(Kind::Begin.code());
+        if self.given_up.is_some_and(|about| about.coded.is_some() != coded) {
+            return Err(LaneViolation::Unit);
+        }
         let length = match ended {
             Some(_) if ready == 0 => return Ok(Step::Last(Some(Received::Gone))),
-            _ if begins && ready >= UNIT_HEAD => UNIT_HEAD,
+            _ if begins && ready >= unit_head(coded) => unit_head(false),
             Some(_) => ready,
             None => return Ok(Step::Wait),
         };
+        if coded && length == unit_head(false) {
+            self.split(1);
+        }
         let mut decoder = Decoder::new();
         decoder.push(&self.split(length));
         match decoder.next_message()? {
             Some(Message::Frame(FrameMessage::Begin(start))) if decoder.pending() == 0 => {
                 self.frame = Some(start.frame);
+                self.coded = coded;
                 Ok(Step::Item(Received::Frame(FrameMessage::Begin(start))))
             }
             Some(Message::Frame(stats @ FrameMessage::Stats(_))) if decoder.pending() == 0 => {
@@ -267,8 +335,12 @@ impl Unit {
     }
 }
 
-fn end_of(frame: FrameNumber, length: u64, hash: u64) -> Result<Received, LaneViolation> {
-    let ids = (length - UNIT_HEAD as u64) / ID_BYTES as u64;
+/// How many ids a frame of so many bytes has whose ids travel plain.
+const fn plain_ids(length: u64) -> u64 {
+    length.saturating_sub(unit_head(false) as u64) / ID_BYTES as u64
+}
+
+fn end_of(frame: FrameNumber, ids: u64, hash: u64) -> Result<Received, LaneViolation> {
     let ids = u32::try_from(ids).map_err(|_| LaneViolation::Unit)?;
     Ok(Received::Frame(FrameMessage::End(FrameEnd { frame, ids, hash })))
 }

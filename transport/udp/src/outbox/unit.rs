@@ -4,10 +4,10 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use bytes::{Buf, BufMut, BytesMut};
-use trimaran_proto::Instant;
+use trimaran_proto::{FrameNumber, Instant};
 
 use super::write_if_fits;
-use crate::chunk::{Chunk, Tail, UNIT_HEAD, part_overhead};
+use crate::chunk::{Chunk, GivenUp, Tail, part_overhead, unit_head};
 use crate::ranges::RangeSet;
 use crate::recovery::Content;
 use crate::repair::{BLOCK, Block, Budget, protect, shard_size};
@@ -30,7 +30,13 @@ pub(super) struct Unit {
     protected: u64,
     repair: VecDeque<Repair>,
     deadline: Option<Instant>,
-    given_up: Option<GivenUp>,
+    given_up: Option<GivingUp>,
+    /// The frame that it is, if it is one.
+    frame: Option<FrameNumber>,
+    /// Whether its batches are messages.
+    coded: bool,
+    /// How many ids it has, once it is over.
+    ids: u32,
 }
 
 /// A repair shard that waits to be sent.
@@ -44,10 +50,8 @@ struct Repair {
 
 /// A frame that is not worth sending any more.
 #[derive(Debug)]
-struct GivenUp {
-    length: u64,
-    sent: u64,
-    hash: u64,
+struct GivingUp {
+    about: GivenUp,
     head: BytesMut,
     due: bool,
 }
@@ -68,7 +72,28 @@ impl Unit {
             repair: VecDeque::new(),
             deadline: None,
             given_up: None,
+            frame: None,
+            coded: false,
+            ids: 0,
         }
+    }
+
+    /// A unit that will be a frame.
+    pub(super) fn frame(frame: FrameNumber, coded: bool, shard: usize) -> Self {
+        Self { frame: Some(frame), coded, ..Self::new(shard) }
+    }
+
+    pub(super) const fn is_coded(&self) -> bool {
+        self.coded
+    }
+
+    pub(super) const fn set_ids(&mut self, ids: u32) {
+        self.ids = ids;
+    }
+
+    /// The frame, if all of it has arrived.
+    pub(super) fn whole_frame(&self) -> Option<FrameNumber> {
+        self.frame.filter(|_| self.has_arrived() && self.given_up.is_none())
     }
 
     pub(super) fn append(&mut self, bytes: &[u8]) {
@@ -136,11 +161,13 @@ impl Unit {
     pub(super) fn give_up(&mut self) -> usize {
         let Some(Tail::Frame(hash)) = self.end else { return 0 };
         let length = self.written();
-        let unsure = (UNIT_HEAD as u64).saturating_sub(self.base) as usize;
+        let unsure = (unit_head(self.coded) as u64).saturating_sub(self.base) as usize;
         let freed = self.data.len();
         let mut head = std::mem::take(&mut self.data);
         head.truncate(unsure);
-        self.given_up = Some(GivenUp { length, sent: self.sent, hash, head, due: true });
+        let coded = self.coded.then_some(self.ids.into());
+        let about = GivenUp { length, sent: self.sent, hash, coded };
+        self.given_up = Some(GivingUp { about, head, due: true });
         self.base = length;
         self.lost = RangeSet::default();
         self.repair.clear();
@@ -167,8 +194,8 @@ impl Unit {
         whole: usize,
         out: &mut Vec<u8>,
     ) -> Option<(Content, u64)> {
-        if let Some(GivenUp { length, sent, hash, head, due }) = &mut self.given_up {
-            let chunk = Chunk::GiveUp { unit: number, length: *length, sent: *sent, hash: *hash, head };
+        if let Some(GivingUp { about, head, due }) = &mut self.given_up {
+            let chunk = Chunk::GiveUp { unit: number, about: *about, head };
             write_if_fits(&chunk, room, out)?;
             *due = false;
             return Some((Content::GiveUp { unit: number }, 0));

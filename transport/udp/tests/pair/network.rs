@@ -1,0 +1,181 @@
+//! Two ends in virtual time, and the network between them.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use trimaran_proto::Instant;
+use trimaran_udp::{
+    Config, Connecting, Connection, ConnectionId, Door, MIN_DATAGRAM, Progress, Reception, Security,
+};
+
+/// What happens to packets, in 1/1000.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Network {
+    pub(crate) loss: u64,
+    pub(crate) twice: u64,
+    pub(crate) late: u64,
+    pub(crate) broken: u64,
+    /// Whether losses come in bursts as well (Gilbert and Elliott): one packet in a hundred begins a burst, one in four ends it, and
+    /// within it four of five are lost.
+    pub(crate) bursts: bool,
+    /// Longer packets are lost.
+    pub(crate) mtu: usize,
+    /// Whether packets are encrypted.
+    pub(crate) sealed: bool,
+    pub(crate) seed: u64,
+}
+
+pub(crate) const CLEAN: Network = Network {
+    loss: 0,
+    twice: 0,
+    late: 0,
+    broken: 0,
+    bursts: false,
+    mtu: MIN_DATAGRAM,
+    sealed: false,
+    seed: 1,
+};
+pub(crate) const SEALED: Network = Network { sealed: true, ..CLEAN };
+pub(crate) const ONE_WAY: Duration = Duration::from_millis(5);
+
+/// Arrival, order, whither, what.
+type Flight = (Instant, u64, usize, Vec<u8>);
+
+/// Two ends that have met at a door and share a key.
+pub(crate) fn introduce(
+    now: Instant,
+    here: ConnectionId,
+    there: ConnectionId,
+    config: Config,
+) -> [Connection; 2] {
+    let key = Security::PreShared([9; 32]);
+    let door = Door::new(key.clone(), [3; 32]).unwrap();
+    let address = SocketAddr::from(([192, 0, 2, 1], 4000));
+    let connecting = Connecting::new(&key, here, b"").unwrap();
+    let (mut first, mut reply) = (Vec::new(), Vec::new());
+    connecting.initial(&mut first);
+    let _retry = door.handle(now, address, &first, &mut reply);
+    let Progress::Retry(connecting) = connecting.handle(now, &reply, config) else { panic!("no retry") };
+    connecting.initial(&mut first);
+    let Reception::Knock(knock) = door.handle(now, address, &first, &mut reply) else { panic!("no knock") };
+    let listener = knock.take(now, there, b"", config, &mut reply).unwrap();
+    let Progress::Taken(ours, _) = connecting.handle(now, &reply, config) else { panic!("not taken") };
+    [*ours, listener]
+}
+
+pub(crate) struct Pair {
+    pub(crate) now: Instant,
+    pub(crate) ends: [Connection; 2],
+    pub(crate) network: Network,
+    pub(crate) flying: BinaryHeap<Reverse<Flight>>,
+    pub(crate) count: u64,
+    pub(crate) sent: u64,
+    pub(crate) bytes: [u64; 2],
+    pub(crate) longest: usize,
+    /// Whether each direction is in a burst; packets lost to bursts.
+    pub(crate) in_burst: [bool; 2],
+    pub(crate) burst_losses: u64,
+    /// Nothing that the first end sends arrives.
+    pub(crate) deaf: bool,
+}
+
+impl Pair {
+    pub(crate) fn new(network: Network, config: Config) -> Self {
+        let now = Instant::from_nanos(0);
+        let (a, b) = (ConnectionId(1), ConnectionId(2));
+        let ends = if network.sealed {
+            introduce(now, a, b, config)
+        } else {
+            [Connection::plaintext(now, a, b, config), Connection::plaintext(now, b, a, config)]
+        };
+        let (flying, in_burst) = (BinaryHeap::new(), [false; 2]);
+        Self {
+            now,
+            ends,
+            network,
+            flying,
+            count: 0,
+            sent: 0,
+            bytes: [0; 2],
+            longest: 0,
+            in_burst,
+            burst_losses: 0,
+            deaf: false,
+        }
+    }
+
+    pub(crate) fn lost_in_burst(&mut self, end: usize) -> bool {
+        let turns = self.chance(if self.in_burst[end] { 250 } else { 10 });
+        self.in_burst[end] ^= turns && self.network.bursts;
+        let lost = self.in_burst[end] && self.chance(800);
+        self.burst_losses += u64::from(lost);
+        lost
+    }
+
+    /// Splitmix64: the same network for the same seed.
+    pub(crate) fn chance(&mut self, per_mille: u64) -> bool {
+        self.network.seed = self.network.seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.network.seed;
+        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ z >> 31) % 1000 < per_mille
+    }
+
+    pub(crate) fn transmit(&mut self) {
+        let mut out = Vec::new();
+        for end in 0..2 {
+            while self.ends[end].poll_transmit(self.now, &mut out) {
+                assert!(out.len() <= Config::default().max_datagram, "{} bytes", out.len());
+                self.bytes[end] += out.len() as u64;
+                self.sent += 1;
+                self.longest = self.longest.max(out.len());
+                let copies = 1 + usize::from(self.chance(self.network.twice));
+                for _ in 0..copies {
+                    let lost = self.lost_in_burst(end) || out.len() > self.network.mtu;
+                    if self.chance(self.network.loss) || lost || self.deaf && end == 0 {
+                        continue;
+                    }
+                    let mut packet = out.clone();
+                    if self.chance(self.network.broken) {
+                        let at = (self.count as usize * 7) % packet.len();
+                        packet[at] ^= 0x10;
+                    }
+                    let late = if self.chance(self.network.late) { ONE_WAY } else { Duration::ZERO };
+                    self.count += 1;
+                    self.flying.push(Reverse((self.now.after(ONE_WAY + late), self.count, 1 - end, packet)));
+                }
+            }
+        }
+    }
+
+    /// Goes to the next thing that happens, but no further than `wake`.
+    pub(crate) fn step_until(&mut self, wake: Instant, end: Instant) -> bool {
+        if self.step(wake) {
+            return true;
+        }
+        self.now = self.now.max(wake);
+        wake < end
+    }
+
+    /// Goes to the next thing that happens; false when nothing ever will, or not before `end`.
+    pub(crate) fn step(&mut self, end: Instant) -> bool {
+        self.transmit();
+        let arrival = self.flying.peek().map(|Reverse((at, ..))| *at);
+        let timers = self.ends.iter().filter_map(Connection::poll_timeout);
+        let Some(next) = timers.chain(arrival).min().filter(|next| *next <= end) else { return false };
+        self.now = self.now.max(next);
+        while self.flying.peek().is_some_and(|Reverse((at, ..))| *at <= self.now) {
+            if let Some(Reverse((_, _, to, packet))) = self.flying.pop() {
+                self.ends[to].handle(self.now, &packet);
+            }
+        }
+        for end in &mut self.ends {
+            if end.poll_timeout().is_some_and(|at| at <= self.now) {
+                end.handle_timeout(self.now);
+            }
+        }
+        true
+    }
+}
