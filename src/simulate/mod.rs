@@ -14,7 +14,7 @@ pub use bytes::FrameBytes;
 pub use outcome::{FrameTimes, Outcome, Percentiles, Split, pooled};
 pub use pixels::{Painter, PixelCost, PixelError};
 pub use session::{RoleFailure, SimulateError, simulate, simulate_captured};
-pub use workload::{Load, Times, Workload, WorkloadError};
+pub use workload::{Load, Workload, WorkloadError};
 
 use std::time::Duration;
 

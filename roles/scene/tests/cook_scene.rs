@@ -212,6 +212,33 @@ fn no_point_of_the_finest_geometry_is_farther_from_a_merged_level_than_its_error
     assert!(checked > 100, "{checked}");
 }
 
+/// A level that left out what is far from all else would be useless: as coarse as the way to it.
+#[test]
+fn merged_levels_are_small_and_near_what_they_stand_for() {
+    let mut model = rack();
+    model.objects.clear();
+    for index in 0..1000_u32 {
+        let (x, y, z) = (index % 10, index / 10 % 10, index / 100);
+        let place = 8.0 * DVec3::new(f64::from(x), f64::from(y), f64::from(z));
+        let turn = DMat3::from_rotation_y(f64::from(index));
+        model.objects.push(object(0, DAffine3::from_mat3_translation(turn, place), index));
+    }
+    let most = CookOptions::default().merged_triangles as u32;
+    let scene = cooked(&model);
+    let merged = scene.drawables().iter().filter(|d| scene.nodes()[d.node as usize].object == Node::NONE);
+    for level in merged {
+        let (low, high) = scene.nodes()[level.node as usize].world_box();
+        let part = f64::from(level.error) / low.distance(high);
+        assert!(part < 0.15, "an error of {part} of node {}", level.node);
+        assert!(level.index_count / 3 <= most, "{} triangles", level.index_count / 3);
+    }
+    let root = scene.nodes()[0];
+    let errors: Vec<f32> = root.levels().map(|level| scene.drawables()[level.index()].error).collect();
+    let (low, high) = root.world_box();
+    assert_eq!(errors.len(), 2, "the root stands for all, finely and coarsely");
+    assert!(errors[0] * 1.2 < errors[1] && f64::from(errors[0]) < 0.1 * low.distance(high), "{errors:?}");
+}
+
 #[test]
 fn the_same_model_makes_the_same_bytes_on_any_number_of_threads() {
     let on = |threads: usize| {

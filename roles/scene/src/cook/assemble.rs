@@ -125,7 +125,7 @@ impl<'a> Parts<'a> {
             }
         } else if let Some(merged) = merged {
             place_inner(record, merged.origin, merged.bounds);
-            if let Some(level) = merged.level {
+            for level in merged.levels {
                 let error = level.error;
                 let range = add_merged(level, arrays)?;
                 arrays.drawables.push(drawable(index, error, range));

@@ -24,7 +24,7 @@ const GAP: f32 = 1.05;
 /// Distances below this part of the meshes' extent are as good as none (0.1 pixels where the mesh fills 1,000).
 const FLOOR: f32 = 2e-4;
 /// Rounding of coordinates and distances, and facets that are not quite flat, as part of the largest coordinate.
-const ROUNDING: f32 = 2e-6 + 2.0 * FLATNESS;
+pub(super) const ROUNDING: f32 = 2e-6 + 2.0 * FLATNESS;
 /// Searches for the nearest facet allowed for each triangle of the two meshes; where they run out, the bound is what has been
 /// shown until then.
 const SEARCHES: usize = 4;

@@ -3,23 +3,26 @@
 //! 1. Each distinct mesh gets a chain of levels of detail (`levels`). All objects that place the mesh share them.
 //!    The finest level of a large mesh is cut into clusters (`clusters`) that are culled one by one.
 //! 2. A spatial tree is built over the objects (`tree`), each a leaf.
-//! 3. From the leaves up, each interior node gets one level merged from the coarsest levels below it (`hlod`).
+//! 3. From the leaves up, each interior node gets up to two levels merged from levels below it (`hlod`,
+//!    `thin`).
 //! 4. All of it is laid out as the arrays of a [`Scene`] (`assemble`).
 //!
 //! Each level's error is certified: an upper bound of the two-sided Hausdorff distance to the finest geometry
-//! (`hausdorff`), never the simplifier's own estimate, which is up to seven times too small where whole parts vanish. The
-//! same model and options make the same bytes, on any number of threads.
+//! (`hausdorff`, `thin`), never the simplifier's own estimate, which is up to seven times too small where whole parts vanish.
+//! The same model and options make the same bytes, on any number of threads.
 
 mod assemble;
 mod bvh;
 mod clusters;
 mod facets;
+mod gather;
 mod hausdorff;
 mod hlod;
 mod levels;
 mod linear;
 mod placed;
 mod polygon;
+mod thin;
 mod tree;
 
 use thiserror::Error;
@@ -31,8 +34,7 @@ pub use hausdorff::hausdorff_bound;
 /// How to cook.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CookOptions {
-    /// The number of triangles that merged levels of interior nodes aim at where more stand below; they keep more where
-    /// fewer would move surfaces by too much.
+    /// The most triangles of a merged level of an interior node; most have fewer.
     pub merged_triangles: usize,
     /// Levels of one mesh end where their certified error passes this part of the mesh's diagonal.
     pub coarsest_error: f32,
