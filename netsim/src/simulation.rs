@@ -64,7 +64,7 @@ impl Simulation {
     /// The network as that machine sees it.
     #[must_use]
     pub fn net(&self, host: HostId) -> SimNet {
-        SimNet { world: Arc::clone(&self.world), host }
+        SimNet { world: Arc::clone(&self.world), host, timer_grain: 1 }
     }
 
     /// Runs `program` and the tasks that it spawns until it is done. The tasks that are left go on when another one is run.

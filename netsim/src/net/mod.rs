@@ -8,6 +8,7 @@ use std::fmt;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
+use std::time::Duration;
 
 use trimaran_transport::{
     BoxFuture, Instant, Listen, Net, Stream, TcpOptions, Timer, UdpSocket, UdpSocketOptions,
@@ -22,6 +23,8 @@ use timer::SimTimer;
 pub struct SimNet {
     pub(crate) world: Arc<World>,
     pub(crate) host: HostId,
+    /// Nanoseconds.
+    pub(crate) timer_grain: u64,
 }
 
 impl fmt::Debug for SimNet {
@@ -31,6 +34,14 @@ impl fmt::Debug for SimNet {
 }
 
 impl SimNet {
+    /// This machine with timers that ring only at multiples of `grain`, not before their time, as those of many runtimes do: tokio's
+    /// grain is a millisecond. Without this they ring to the nanosecond.
+    #[must_use]
+    pub fn with_timer_grain(self, grain: Duration) -> Self {
+        let nanos = u64::try_from(grain.as_nanos()).unwrap_or(u64::MAX);
+        Self { timer_grain: nanos.max(1), ..self }
+    }
+
     /// Where a socket asked for `at` is bound, if that is an address of this machine.
     fn own(&self, at: IpAddr) -> io::Result<()> {
         if self.host.of(at) == Some(self.host) { Ok(()) } else { Err(io::ErrorKind::AddrNotAvailable.into()) }
@@ -43,7 +54,7 @@ impl Net for SimNet {
     }
 
     fn timer(&self) -> Box<dyn Timer> {
-        Box::new(SimTimer::new(&self.world))
+        Box::new(SimTimer::new(&self.world, self.timer_grain))
     }
 
     fn spawn(&self, task: BoxFuture<'static, ()>) {

@@ -10,17 +10,20 @@ use crate::world::{TimerState, World};
 pub(super) struct SimTimer {
     world: Arc<World>,
     key: usize,
+    /// It rings at multiples of so many nanoseconds.
+    grain: u64,
 }
 
 impl SimTimer {
-    pub(super) fn new(world: &Arc<World>) -> Self {
+    pub(super) fn new(world: &Arc<World>, grain: u64) -> Self {
         let key = world.core().timers.insert(TimerState::default());
-        Self { world: Arc::clone(world), key }
+        Self { world: Arc::clone(world), key, grain }
     }
 }
 
 impl Timer for SimTimer {
     fn reset(&mut self, at: Instant) {
+        let at = Instant::from_nanos(at.as_nanos().checked_next_multiple_of(self.grain).unwrap_or(u64::MAX));
         self.world.core().set_timer(self.key, at);
     }
 

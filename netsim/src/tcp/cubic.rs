@@ -69,6 +69,11 @@ impl Cubic {
         self.credit = 0.0;
     }
 
+    /// Nothing was on its way for so long: that time does not count, so that a program that pauses finds the window no larger.
+    pub(super) fn skip(&mut self, idle: Duration) {
+        self.epoch = self.epoch.map(|epoch| epoch.after(idle));
+    }
+
     /// Whether slow start should end, although nothing is lost: the queue grows, or the way is full.
     pub(super) fn leaves_slow_start(&mut self, now: Instant, ack: Ack, cwnd: u32) -> bool {
         let round = &mut self.round;

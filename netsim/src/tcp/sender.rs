@@ -204,6 +204,7 @@ impl Sender {
 
     /// The next segment to be sent, if there is one that may.
     pub(super) fn transmit(&mut self, now: Instant) -> Option<Outgoing> {
+        let alone = self.board.in_flight() == 0;
         if self.board.in_flight() < self.cwnd
             && let Some(packet) = self.board.repeat_lost(now)
         {
@@ -214,6 +215,9 @@ impl Sender {
                 class: Class::Retransmission,
             };
             self.reduction.sent += 1;
+            if alone {
+                self.cubic.skip(now.since(self.last_sent));
+            }
             self.repeating_since.get_or_insert(now.as_nanos() / 1_000_000);
             if let Some(undo) = &mut self.undo {
                 undo.repetitions += 1;
@@ -280,6 +284,9 @@ impl Sender {
         let small = wanted < self.segment as usize && !fin_due;
         if small && !probing && !self.board.is_empty() && (self.outgoing > 0 || !self.nodelay) {
             return None;
+        }
+        if self.board.in_flight() == 0 {
+            self.cubic.skip(now.since(self.last_sent));
         }
         let data = self.unsent.split_to(size).freeze();
         let fin = fin_due && self.unsent.is_empty();
