@@ -4,6 +4,7 @@
 //! Ten thousand frames take seconds, and the same seed gives the same frames.
 
 mod bytes;
+mod cast;
 mod outcome;
 mod pixels;
 mod roles;
@@ -11,6 +12,7 @@ mod session;
 mod workload;
 
 pub use bytes::FrameBytes;
+pub use cast::Cast;
 pub use outcome::{FrameTimes, Outcome, Percentiles, Split, pooled};
 pub use pixels::{Painter, PixelCost, PixelError};
 pub use session::{RoleFailure, SimulateError, simulate, simulate_captured};

@@ -1,0 +1,77 @@
+//! A session over real sockets.
+#![allow(clippy::disallowed_methods, reason = "real packets keep real time")]
+
+use std::error::Error;
+use std::io;
+use std::sync::Arc;
+use std::thread;
+
+use rustix::process::setpriority_process;
+use tokio::runtime::Builder;
+use trimaran::netem::{Emulation, Namespace, Report};
+use trimaran::simulate::{Cast, FrameTimes, Scenario};
+use trimaran_actors::Seat;
+use trimaran_transport::{Net, TokioNet};
+
+use crate::clock::Clock;
+
+/// What a session over real sockets was like.
+pub(crate) struct Played {
+    pub(crate) times: Vec<FrameTimes>,
+    /// What the machines sent, in bytes of Ethernet frames.
+    pub(crate) bytes: u64,
+    /// What the network did.
+    pub(crate) report: Report,
+}
+
+/// Plays a scenario in three namespaces.
+pub(crate) fn play(scenario: &Scenario) -> Ended<Played> {
+    let name = |role: &str| format!("trimaran-{}-{role}", std::process::id());
+    let names = ["first", "second", "display"].map(name);
+    let emulation = Emulation::start(&scenario.network, &names, scenario.seed)?;
+    let [(_, first), (_, second), (_, display)] = emulation.machines() else {
+        return Err("a machine is missing".into());
+    };
+    let (cast, start) = (Cast::new(scenario)?, std::time::Instant::now());
+    let sent = || -> u64 {
+        let report = emulation.report();
+        let leaving = report.links.iter().filter(|link| !link.name.starts_with("switch"));
+        leaving.map(|link| link.tally.offered.bytes).sum()
+    };
+    let (cast, sent) = (&cast, &sent);
+    let (before, after) = thread::scope(|scope| {
+        let switch = |seat, place| {
+            let played =
+                move || in_place(place, start, async |net, clock| Ok(cast.switch(seat, net, clock).await?));
+            scope.spawn(played)
+        };
+        let pair = [switch(Seat::First, first), switch(Seat::Second, second)];
+        let show = scope.spawn(move || {
+            in_place(display, start, async |net, clock| Ok(cast.display(net, clock, sent).await?))
+        });
+        for role in pair {
+            role.join().map_err(|_| "a machine of the pair panicked")??;
+        }
+        show.join().map_err(|_| "the display panicked")?
+    })?;
+    Ok(Played { times: cast.times(), bytes: after - before, report: emulation.finish()? })
+}
+
+/// What a thread of a role ends with.
+pub(crate) type Ended<T> = Result<T, Box<dyn Error + Send + Sync>>;
+
+/// Plays a role in a namespace, on this thread alone.
+fn in_place<T>(
+    place: &Namespace,
+    start: std::time::Instant,
+    play: impl AsyncFnOnce(&Arc<dyn Net>, &Arc<dyn Net>) -> Ended<T>,
+) -> Ended<T> {
+    place.enter()?;
+    // Other programs run on the machine; they are not what is measured.
+    setpriority_process(None, -15).map_err(io::Error::from)?;
+    let runtime = Builder::new_current_thread().enable_all().build()?;
+    let net = TokioNet::new(runtime.handle().clone());
+    let clock: Arc<dyn Net> = Arc::new(Clock::new(start, net.clone()));
+    let net: Arc<dyn Net> = Arc::new(net);
+    runtime.block_on(play(&net, &clock))
+}
