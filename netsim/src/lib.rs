@@ -30,3 +30,7 @@ pub use simulation::{Simulation, Stalled};
 pub use tcp::Class;
 pub use topology::{HostId, NodeId, Topology};
 pub use wire::WireTally;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct ReadmeExamples;
