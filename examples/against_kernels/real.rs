@@ -3,6 +3,7 @@
 
 use std::error::Error;
 use std::io;
+use std::process::Command;
 use std::sync::Arc;
 use std::thread;
 
@@ -32,6 +33,9 @@ pub(crate) fn play(scenario: &Scenario) -> Ended<Played> {
     let [(_, first), (_, second), (_, display)] = emulation.machines() else {
         return Err("a machine is missing".into());
     };
+    for place in [first, second, display] {
+        use_cubic(place)?;
+    }
     let (cast, start) = (Cast::new(scenario)?, std::time::Instant::now());
     let sent = || -> u64 {
         let report = emulation.report();
@@ -55,6 +59,13 @@ pub(crate) fn play(scenario: &Scenario) -> Ended<Played> {
         show.join().map_err(|_| "the display panicked")?
     })?;
     Ok(Played { times: cast.times(), bytes: after - before, report: emulation.finish()? })
+}
+
+/// The simulator's TCP is one with CUBIC; a system may have another one for its default, and Linux lets a route say which.
+fn use_cubic(place: &Namespace) -> io::Result<()> {
+    let words = ["-n", place.name(), "route", "replace", "10.0.0.0/24", "dev", "net0", "congctl", "cubic"];
+    let status = Command::new("ip").args(words).status()?;
+    if status.success() { Ok(()) } else { Err(io::Error::other("the kernel has no CUBIC")) }
 }
 
 /// What a thread of a role ends with.
