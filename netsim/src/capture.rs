@@ -215,7 +215,6 @@ mod tests {
     use etherparse::SlicedPacket;
 
     use super::*;
-    use crate::fabric::Routed;
     use crate::tcp::segment::Range;
 
     fn packet(v6: bool, body: Body) -> Packet {

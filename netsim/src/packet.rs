@@ -53,6 +53,10 @@ impl Packet {
         }
     }
 
+    pub(crate) fn ip_bytes(&self) -> u32 {
+        self.ip_header() + self.transport_header() + self.payload()
+    }
+
     /// The number of the protocol in the IP header.
     pub(crate) const fn protocol(&self) -> u8 {
         match &self.body {
@@ -70,7 +74,7 @@ impl Packet {
     }
 }
 
-impl Routed for Packet {
+impl Routed for Box<Packet> {
     fn from(&self) -> HostId {
         self.from
     }
@@ -80,7 +84,7 @@ impl Routed for Packet {
     }
 
     fn ip_bytes(&self) -> u32 {
-        self.ip_header() + self.transport_header() + self.payload()
+        Packet::ip_bytes(self)
     }
 
     fn ecn(&self) -> Ecn {

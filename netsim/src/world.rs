@@ -14,7 +14,7 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::capture::Capture;
 use crate::events::Events;
 use crate::executor::{Executor, lock};
-use crate::fabric::{Fabric, LinkEvent, Outcome, Routed};
+use crate::fabric::{Fabric, LinkEvent, Outcome};
 use crate::net::tcp::{ListenerState, TcpState};
 use crate::net::udp::UdpState;
 use crate::packet::{Body, Packet};
@@ -44,7 +44,8 @@ pub(crate) struct Core {
     /// Which connection belongs to a port of a host and its peer's address.
     pub(crate) tcp_ports: BTreeMap<(HostId, u16, SocketAddr), u32>,
     pub(crate) listeners: BTreeMap<(HostId, u16), ListenerState>,
-    pub(crate) fabric: Fabric<Packet>,
+    /// Packets are passed on from queue to queue: by pointer.
+    pub(crate) fabric: Fabric<Box<Packet>>,
     pub(crate) names: Vec<String>,
     last_socket: u32,
     events: Events<Event>,
@@ -155,6 +156,7 @@ impl Core {
             self.deliver(packet);
             return;
         }
+        let packet = Box::new(packet);
         *self.wire.entry((packet.from, packet.to, packet.class())).or_default() += WireTally {
             packets: 1,
             payload: packet.payload().into(),
@@ -188,7 +190,7 @@ impl Core {
                 Outcome::Underway => {}
                 Outcome::Delivered(packet) => {
                     self.note(1, &packet);
-                    self.deliver(packet);
+                    self.deliver(*packet);
                 }
                 Outcome::Left { token, ip_bytes } => self.left(token, ip_bytes),
             },

@@ -11,7 +11,6 @@ use bytes::Bytes;
 use trimaran_transport::{EcnCodepoint, RecvMeta, Transmit, UdpPoller, UdpSocket, UdpSocketOptions};
 
 use super::SimNet;
-use crate::fabric::Routed;
 use crate::link::Ecn;
 use crate::packet::{Body, Packet};
 use crate::topology::HostId;

@@ -11,6 +11,8 @@ const STEEPNESS: f64 = 410.0 / 1024.0;
 const LOW_WINDOW: u32 = 16;
 const TRAIN_GAP: Duration = Duration::from_millis(2);
 const SAMPLES: u32 = 8;
+/// So long Linux takes its last word for how fast the same window grows: a 32nd of a second.
+const PACE_HOLDS: Duration = Duration::from_micros(31_250);
 
 #[derive(Debug)]
 pub(super) struct Cubic {
@@ -25,6 +27,9 @@ pub(super) struct Cubic {
     acked: f64,
     /// Packets acknowledged towards our next one.
     credit: f64,
+    /// How many acknowledgements a further packet takes, as it was found last: when, and for which window.
+    each: f64,
+    found: Option<(Instant, u32)>,
     round: Round,
 }
 
@@ -49,6 +54,8 @@ impl Cubic {
             reno: 0.0,
             acked: 0.0,
             credit: 0.0,
+            each: f64::INFINITY,
+            found: None,
             round: Round { end: 0, start, last_ack: start, min: None, samples: 0 },
         }
     }
@@ -101,10 +108,27 @@ impl Cubic {
 
     /// The window after `acked` more packets were acknowledged beyond slow start.
     pub(super) fn grow(&mut self, now: Instant, cwnd: u32, acked: u32, min_rtt: Duration) -> u32 {
-        let window = f64::from(cwnd);
         self.acked += f64::from(acked);
+        let holds = |(at, window)| window == cwnd && now.since(at) <= PACE_HOLDS;
+        if !self.found.is_some_and(holds) {
+            self.found = Some((now, cwnd));
+            self.each = self.pace(now, f64::from(cwnd), f64::from(acked), min_rtt);
+        }
+        let mut more = 0.0;
+        // What was gathered while a slower pace held is worth one packet, however much it is.
+        if self.credit >= self.each {
+            (more, self.credit) = (1.0, 0.0);
+        }
+        self.credit += f64::from(acked);
+        let full = libm::floor(self.credit / self.each);
+        self.credit -= full * self.each;
+        cwnd.saturating_add((more + full) as u32)
+    }
+
+    /// How many acknowledgements a further packet takes.
+    fn pace(&mut self, now: Instant, window: f64, acked: f64, min_rtt: Duration) -> f64 {
         let epoch = *self.epoch.get_or_insert_with(|| {
-            self.acked = f64::from(acked);
+            self.acked = acked;
             self.reno = window;
             self.credit = 0.0;
             if self.last_max <= window {
@@ -117,7 +141,6 @@ impl Cubic {
         });
         let time = (now.since(epoch) + min_rtt).as_secs_f64() - self.until_origin;
         let target = self.origin + STEEPNESS * time * time * time;
-        // How many acknowledgements a further packet takes.
         let mut each = if target > window { window / (target - window) } else { 100.0 * window };
         if self.last_max == 0.0 {
             each = each.min(20.0);
@@ -128,13 +151,9 @@ impl Cubic {
             self.reno += 1.0;
         }
         if self.reno > window {
-            each = each.min(window / (self.reno - window));
+            each = each.min(libm::floor(window / (self.reno - window)));
         }
-        each = each.max(2.0);
-        self.credit += f64::from(acked);
-        let more = libm::floor(self.credit / each);
-        self.credit -= more * each;
-        cwnd.saturating_add(more as u32)
+        each.max(2.0)
     }
 }
 

@@ -19,6 +19,7 @@ mod rtt;
 pub(crate) mod segment;
 mod sender;
 mod socket;
+mod unsent;
 
 pub use segment::Class;
 pub(crate) use segment::Segment;

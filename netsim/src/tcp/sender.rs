@@ -2,13 +2,14 @@
 
 use std::time::Duration;
 
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use trimaran_transport::Instant;
 
 use super::board::{Board, News};
 use super::cubic::{Ack, Cubic};
 use super::rtt::{RTO_MIN, Rtt};
 use super::segment::{Class, Range, Segment};
+use super::unsent::Unsent;
 
 /// Packets at first (RFC 6928).
 const FIRST_WINDOW: u32 = 10;
@@ -25,7 +26,7 @@ pub(super) struct Sender {
     pub(super) next: u64,
     window_end: u64,
     segment: u32,
-    unsent: BytesMut,
+    unsent: Unsent,
     buffer: Option<u64>,
     /// The program has written all that it will.
     closing: bool,
@@ -120,7 +121,7 @@ impl Sender {
             next,
             window_end: next,
             segment,
-            unsent: BytesMut::new(),
+            unsent: Unsent::default(),
             buffer: buffer.map(|bytes| bytes as u64),
             closing: false,
             fin_sent: false,
@@ -164,7 +165,7 @@ impl Sender {
     }
 
     pub(super) fn write(&mut self, data: &[u8]) {
-        self.unsent.extend_from_slice(data);
+        self.unsent.write(data);
     }
 
     pub(super) const fn close(&mut self) {
@@ -288,7 +289,7 @@ impl Sender {
         if self.board.in_flight() == 0 {
             self.cubic.skip(now.since(self.last_sent));
         }
-        let data = self.unsent.split_to(size).freeze();
+        let data = self.unsent.take(size);
         let fin = fin_due && self.unsent.is_empty();
         if self.board.is_empty() {
             self.progress = now;
