@@ -7,6 +7,11 @@ use trimaran_proto::Instant;
 use crate::chunk::{ACK_RANGES, Chunk};
 use crate::packet::PacketNumber;
 use crate::ranges::RangeSet;
+use crate::recovery::REORDERING;
+
+/// So many packets are acknowledged at once, and fewer when they have waited: a frame comes as a burst of packets, and an
+/// acknowledgement of each second one (RFC 9000, section 13.2.2) would be a fortieth of its bytes.
+const MANY: u32 = 8;
 
 /// The numbers received. It is the replay window as well: below its lowest range everything counts as received.
 #[derive(Debug, Default)]
@@ -44,11 +49,17 @@ impl Acks {
         }
         if eliciting {
             self.owed += 1;
-            // Every second packet at once, and any that shows a gap or closes one (RFC 9000, section 13.2.1).
-            let wait = if self.owed >= 2 || number != highest { Duration::ZERO } else { max_delay };
+            let at_once = self.owed >= MANY || number != highest || self.follows_a_gap(number);
+            let wait = if at_once { Duration::ZERO } else { max_delay };
             let at = now.after(wait);
             self.due = Some(self.due.map_or(at, |due| due.min(at)));
         }
+    }
+
+    /// Whether a packet below this one is missing, and few came in between: the sender finds out when the third has arrived.
+    fn follows_a_gap(&self, number: PacketNumber) -> bool {
+        let run = self.numbers.iter().next_back().map_or(0, |range| number + 1 - range.start.min(number));
+        self.numbers.len() > 1 && run <= REORDERING
     }
 
     /// When an acknowledgement must leave.
@@ -75,18 +86,24 @@ mod tests {
     const DELAY: Duration = Duration::from_millis(1);
 
     #[test]
-    fn every_second_packet_and_every_gap_is_acknowledged_at_once() {
+    fn every_eighth_packet_and_the_first_three_behind_a_gap_are_acknowledged_at_once() {
         let mut acks = Acks::default();
         let now = Instant::from_nanos(0);
-        acks.on_received(now, 0, true, DELAY);
-        assert_eq!(acks.due(), Some(now.after(DELAY)));
-        acks.on_received(now, 1, true, DELAY);
+        for number in 0..7 {
+            acks.on_received(now, number, true, DELAY);
+            assert_eq!(acks.due(), Some(now.after(DELAY)));
+        }
+        acks.on_received(now, 7, true, DELAY);
         assert_eq!(acks.due(), Some(now));
         assert!(acks.take(now).is_some());
         assert!(acks.take(now).is_none());
-        acks.on_received(now, 3, true, DELAY);
-        assert_eq!(acks.due(), Some(now), "number 2 is missing");
-        assert!(acks.is_new(2) && !acks.is_new(3));
+        for (number, wait) in [(9, false), (10, false), (11, false), (12, true), (8, false)] {
+            acks.on_received(now, number, true, DELAY);
+            let due = if wait { now.after(DELAY) } else { now };
+            assert_eq!(acks.due(), Some(due), "number 8 is missing, {number} comes");
+            assert!(acks.take(now).is_some());
+        }
+        assert!(!acks.is_new(8) && acks.is_new(13));
     }
 
     #[test]

@@ -228,7 +228,7 @@ impl Connection {
     }
 
     const fn path(&self) -> Path {
-        Path { shard: (self.mtu.known() - OVERHEAD - BESIDE) & !15, loss: self.recovery.loss() }
+        Path { shard: (self.mtu.known() - OVERHEAD - BESIDE) & !15, loss: self.recovery.probable_loss() }
     }
 
     /// Says that the frames lane is not read any more: the peer need not send what is left of it.

@@ -42,6 +42,8 @@ pub(crate) struct Outbox {
     /// How long after its end a frame is worth sending; always, if not given.
     patience: Option<Duration>,
     repair: Budget,
+    /// The bytes of the last frame: those of the next one will be about as many.
+    last_length: usize,
     /// How the ids of frames to come travel.
     coding: IdCoding,
     /// The newest frame all of which has arrived.
@@ -70,6 +72,7 @@ impl Outbox {
             kept: 0,
             patience,
             repair,
+            last_length: 0,
             coding,
             confirmed: None,
             frames_given_up: 0,
@@ -97,7 +100,8 @@ impl Outbox {
             FrameMessage::End(end) => self.finish(end, path),
             FrameMessage::Begin(start) => {
                 let coded = self.coding == IdCoding::Changes;
-                self.add(Unit::frame(start.frame, coded, path.shard));
+                let shard = self.repair.shard(self.last_length, path.shard, path.loss);
+                self.add(Unit::frame(start.frame, coded, shard));
                 if coded {
                     self.append(&[CODED_UNIT], path);
                 }
@@ -148,6 +152,7 @@ impl Outbox {
     fn finish(&mut self, end: FrameEnd, path: Path) {
         if let Some(unit) = self.units.back_mut() {
             unit.set_ids(end.ids);
+            self.last_length = usize::try_from(unit.written()).unwrap_or(usize::MAX);
         }
         self.end(Tail::Frame(end.hash), path);
     }

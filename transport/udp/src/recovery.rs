@@ -12,15 +12,18 @@ use crate::ranges::RangeSet;
 use crate::rtt::Rtt;
 
 /// A packet is lost when one that many numbers later has arrived (RFC 9002, section 6.1.1).
-const REORDERING: u64 = 3;
+pub(crate) const REORDERING: u64 = 3;
 /// Losses over that many probe timeouts are persistent congestion (section 7.6.1).
 const PERSISTENT: u32 = 3;
 /// How many packets are remembered at most: far more than a window of honest ones. Of those beyond it the oldest count as lost.
 const REMEMBERED: usize = 16 * 1024;
 /// Probes are no further apart: one small packet a second harms no path, and a link that comes back is found at once.
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
-/// The share of losses counts about that many packets.
-const MEMORY: f64 = 512.0;
+/// The share of losses counts about that many packets: enough that one loss in a hundred is hardly ever taken for two.
+const MEMORY: f64 = 1024.0;
+/// For repair, which costs little when it comes too early, about so many at first, and later so many.
+const FIRST_MEMORY: f64 = 64.0;
+const GUESS_MEMORY: f64 = 512.0;
 /// Up to that share of losses, and while nothing queues, losses are taken for accidents of the path (as BBR does: section 4.5.2 of
 /// draft-ietf-ccwg-bbr).
 const ACCIDENTS: f64 = 0.02;
@@ -88,8 +91,10 @@ pub(crate) struct Recovery {
     /// When something was acknowledged, or first waited for an acknowledgement.
     progress: Option<Instant>,
     probes: u32,
-    /// The share of packets that was lost lately.
+    /// The share of packets that was lost lately; and the same by fewer packets at first, and by how many.
     loss: f64,
+    guess: f64,
+    memory: f64,
     max_ack_delay: Duration,
     pub(crate) rtt: Rtt,
     pub(crate) window: Window,
@@ -110,6 +115,8 @@ impl Recovery {
             progress: None,
             probes: 0,
             loss: 0.0,
+            guess: 0.0,
+            memory: FIRST_MEMORY,
             max_ack_delay,
             rtt: Rtt::default(),
             window: Window::new(law, segment),
@@ -133,9 +140,9 @@ impl Recovery {
         }
     }
 
-    /// The share of packets that was lost lately.
-    pub(crate) const fn loss(&self) -> f64 {
-        self.loss
+    /// The share of packets that is probably lost: from the first loss on, one of so many.
+    pub(crate) const fn probable_loss(&self) -> f64 {
+        self.guess
     }
 
     /// Bytes that were sent, and neither acknowledged nor found lost.
@@ -192,7 +199,7 @@ impl Recovery {
                 self.probes = 0;
                 self.progress = Some(now);
                 if !sent.is_probe() {
-                    self.loss -= self.loss / MEMORY;
+                    self.note(0.0);
                 }
                 self.window.on_ack(now, sent.at, sent.bytes, in_flight, self.rtt.smoothed());
                 verdict.arrived.extend(sent.contents);
@@ -255,7 +262,7 @@ impl Recovery {
             // The loss of a probe says that it was too large, and nothing else (RFC 9000, section 14.4).
             if !sent.is_probe() {
                 self.lost_packets += 1;
-                self.loss += (1.0 - self.loss) / MEMORY;
+                self.note(1.0);
                 first = first.or(Some(sent.at));
                 last = Some(sent.at);
             }
@@ -270,6 +277,13 @@ impl Recovery {
                 self.window.on_persistent_congestion();
             }
         }
+    }
+
+    /// Counts a packet among those that arrived, 0, or were lost, 1.
+    fn note(&mut self, lost: f64) {
+        self.loss += (lost - self.loss) / MEMORY;
+        self.guess += (lost - self.guess) / self.memory;
+        self.memory = (self.memory + 1.0).min(GUESS_MEMORY);
     }
 
     fn index(&self, number: PacketNumber) -> Option<usize> {
@@ -382,9 +396,10 @@ mod tests {
         };
         lose_one(&mut recovery, 0);
         assert_eq!((recovery.lost_packets, recovery.window.window()), (1, 10_000));
-        assert!((recovery.loss() - 1.0 / 512.0).abs() < 1e-4);
+        assert!((recovery.loss - 1.0 / 1024.0).abs() < 1e-4);
+        assert!((recovery.probable_loss() - 1.0 / 64.0).abs() < 1e-3, "as if one of the first 64 were lost");
         let mut ms = 100;
-        while recovery.loss() <= ACCIDENTS {
+        while recovery.loss <= ACCIDENTS {
             assert_eq!(recovery.window.window(), 10_000);
             lose_one(&mut recovery, ms);
             ms += 100;
@@ -402,7 +417,7 @@ mod tests {
         }
         let verdict = recovery.on_ack(at(50), &numbers(1..4), Duration::ZERO).unwrap();
         assert_eq!((verdict.lost, recovery.lost_packets), (contents, 0));
-        assert_eq!((recovery.loss(), recovery.window.window()), (0.0, 10_000));
+        assert_eq!((recovery.loss, recovery.window.window()), (0.0, 10_000));
     }
 
     #[test]

@@ -15,6 +15,10 @@ const FAILURES: f64 = 1e-3;
 const CLEAN: f64 = 5e-4;
 /// The share of losses that is taken for granted where repair is always sent.
 const EXPECTED: f64 = 0.01;
+/// What a packet has beside its bytes of a frame, about: this protocol's fields and tag, and the headers of UDP and IPv4.
+const BESIDE: usize = 70;
+/// A frame of fewer packets is not cut smaller: the packets would cost more than the repair.
+const FEW: usize = 7;
 /// How many bytes of repair may be saved up for later.
 const SAVINGS: f64 = 64.0 * 1024.0;
 
@@ -51,17 +55,34 @@ impl Budget {
         self.share > 0.0
     }
 
-    /// How many repair shards a block of `length` bytes gets, where that share of packets is lost.
+    /// How many repair shards a block of `length` bytes gets, where that share of packets is lost: as many as it needs and as are
+    /// left of the share, but one at least. So a frame of few packets has more than its share; it is small.
     pub(crate) fn spend(&mut self, length: usize, shard: usize, loss: f64) -> usize {
         let loss = loss.max(self.expected);
-        self.saved = (self.saved + length as f64 * self.share).min(SAVINGS);
-        if loss < CLEAN || shard == 0 {
+        let shards = length.div_ceil(shard.max(1));
+        let bytes = (length + shards * BESIDE) as f64;
+        self.saved = (self.saved + bytes * self.share).min(SAVINGS);
+        if loss < CLEAN || shard == 0 || length == 0 || !self.is_open() {
             return 0;
         }
-        let affordable = (self.saved / shard as f64) as usize;
-        let count = needed(length.div_ceil(shard), loss).min(affordable);
-        self.saved -= (count * shard) as f64;
+        let cost = (shard + BESIDE) as f64;
+        let affordable = (self.saved / cost) as usize;
+        let count = needed(shards, loss).min(affordable.max(1));
+        self.saved = (self.saved - count as f64 * cost).max(0.0);
         count
+    }
+
+    /// The size of the shards of a frame that will have about `length` bytes, at most `most`: smaller where more of them can afford
+    /// the repair that they need. Two of 12 shards are a sixth, two of 14 a seventh.
+    pub(crate) fn shard(&self, length: usize, most: usize, loss: f64) -> usize {
+        let loss = loss.max(self.expected);
+        let fewest = length.div_ceil(most.max(1));
+        if loss < CLEAN || !self.is_open() || !(FEW..=BLOCK / 2).contains(&fewest) {
+            return most;
+        }
+        let affords = |shards: &usize| needed(*shards, loss) as f64 <= self.share * *shards as f64;
+        let shards = (fewest..=fewest + fewest / 3).find(affords);
+        shards.map_or(most, |shards| length.div_ceil(shards).next_multiple_of(16).min(most))
     }
 }
 
@@ -176,9 +197,24 @@ mod tests {
         }
         let spent: usize = (0..100).map(|_| budget.spend(20 * 1136, 1136, 0.3)).sum();
         assert_eq!(spent, 300, "15 % of 2000");
+        let few: usize = (0..100).map(|_| budget.spend(2 * 1136, 1136, 0.01)).sum();
+        assert!((100..=101).contains(&few), "a frame of two packets has one of repair: {few}");
         for none in [Budget::new(Repair::Auto, 0), Budget::new(Repair::Off, 15)] {
             assert!(!none.is_open());
         }
+    }
+
+    #[test]
+    fn shards_are_as_small_as_makes_their_repair_affordable() {
+        let budget = Budget::new(Repair::Auto, 15);
+        // 4,000 ids: 12 packets at the usual size, of which two of repair would be a sixth.
+        assert_eq!(budget.shard(16_080, 1376, 0.01), 1152, "14 and two");
+        assert_eq!(budget.shard(16_080, 1136, 0.01), 1072, "15 alike and two");
+        assert_eq!(budget.shard(16_080, 1376, 0.0), 1376, "a clean path");
+        assert_eq!(budget.shard(16_080, 1376, 0.2), 1376, "out of reach");
+        assert_eq!(budget.shard(4000, 1376, 0.01), 1376, "few packets");
+        assert_eq!(budget.shard(200_000, 1376, 0.01), 1376, "many packets");
+        assert_eq!(Budget::new(Repair::Off, 15).shard(16_080, 1376, 0.01), 1376);
     }
 
     #[test]

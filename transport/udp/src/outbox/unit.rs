@@ -110,7 +110,7 @@ impl Unit {
     }
 
     /// How many bytes the unit has so far.
-    fn written(&self) -> u64 {
+    pub(super) fn written(&self) -> u64 {
         self.base + self.data.len() as u64
     }
 

@@ -56,7 +56,6 @@ impl Sender {
 }
 
 /// Reads what is there; gives the complete frames' ids.
-#[derive(Default)]
 pub(crate) struct Reader {
     assembler: FrameAssembler,
     decoder: IdDecoder,
@@ -67,9 +66,37 @@ pub(crate) struct Reader {
     /// Which frames had gaps, and how many ids they should have had.
     pub(crate) gaps: Vec<(usize, u32)>,
     pub(crate) ended: Option<Received>,
+    now: Instant,
+    begun: Vec<Instant>,
+    over: Vec<Instant>,
+}
+
+impl Default for Reader {
+    fn default() -> Self {
+        Self {
+            assembler: FrameAssembler::new(),
+            decoder: IdDecoder::new(),
+            coded: 0,
+            ids: Vec::new(),
+            frames: Vec::new(),
+            gaps: Vec::new(),
+            ended: None,
+            now: Instant::from_nanos(0),
+            begun: Vec::new(),
+            over: Vec::new(),
+        }
+    }
 }
 
 impl Reader {
+    /// How long frames took from their beginning to their end's arrival, rising.
+    pub(crate) fn latencies(&self) -> Vec<Duration> {
+        let mut latencies: Vec<_> =
+            self.begun.iter().zip(&self.over).map(|(begun, over)| over.since(*begun)).collect();
+        latencies.sort_unstable();
+        latencies
+    }
+
     pub(crate) fn read(&mut self, end: &mut Connection) {
         while let Some(item) = end.recv() {
             assert_eq!(self.ended, None, "nothing comes after the end");
@@ -86,9 +113,13 @@ impl Reader {
             };
             match self.assembler.take(message).unwrap() {
                 FrameEvent::Ids(batch) => self.ids.extend(batch.iter()),
-                FrameEvent::End(FrameOutcome::Complete(_)) => self.frames.push(std::mem::take(&mut self.ids)),
+                FrameEvent::End(FrameOutcome::Complete(_)) => {
+                    self.over.push(self.now);
+                    self.frames.push(std::mem::take(&mut self.ids));
+                }
                 FrameEvent::End(FrameOutcome::Incomplete { expected, received, .. }) => {
                     assert_eq!(received as usize, self.ids.len());
+                    self.over.push(self.now);
                     self.gaps.push((self.frames.len(), expected));
                     self.frames.push(std::mem::take(&mut self.ids));
                 }
@@ -130,6 +161,7 @@ pub(crate) fn converse(
             match waiting.next() {
                 Some((frame, ids)) => {
                     pair.ends[0].publish(camera(frame));
+                    reader.begun.push(pair.now);
                     sender.send(&mut pair.ends[0], frame, ids);
                     if frame as usize + 1 == frames.len() {
                         pair.ends[0].goodbye(Goodbye::Finished);
@@ -148,6 +180,7 @@ pub(crate) fn converse(
             reader.ended
         );
         assert_eq!((pair.ends[0].closed(), pair.ends[1].closed()), (None, None));
+        reader.now = pair.now;
         reader.read(&mut pair.ends[1]);
         newest = pair.ends[1].latest().map(|camera| camera.frame()).or(newest);
     }
