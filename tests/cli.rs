@@ -556,7 +556,7 @@ fn a_recorded_walk_is_simulated_frame_by_frame() {
     bench.refuses(&["sim", "--scene", "plant.scene"], &["--trace"]);
     bench.refuses(&["sim", "--coding", "changes"], &["--coding", "--trace"]);
     bench.refuses(&["sim", "--network", "ether"], &["ether", "fast-ethernet"]);
-    fs::write(bench.path("bad.toml"), "name = \"bad\"\nspeed = 7\n").unwrap();
+    fs::write(bench.path("bad.toml"), "about = \"\"\nsources = []\nspeed = 7\n").unwrap();
     bench.refuses(&["sim", "--network", "bad.toml"], &["bad.toml", "speed"]);
 }
 

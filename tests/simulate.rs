@@ -4,7 +4,9 @@
 use std::path::Path;
 use std::time::Duration;
 
-use trimaran::simulate::{Knobs, Load, Outcome, Scenario, Transport, Workload, WorkloadError, simulate};
+use trimaran::simulate::{
+    Knobs, Load, Outcome, Scenario, Times, Transport, Workload, WorkloadError, pooled, simulate,
+};
 use trimaran_netsim::Profile;
 use trimaran_proto::BatchSize;
 
@@ -65,7 +67,8 @@ fn every_transport_shows_every_frame_once_and_the_parts_of_its_time_add_up() {
 fn an_idle_network_costs_the_time_of_the_bits() {
     // The last batch of 100 ids leaves when culling ends; its end, and the ids, take two hops of 100 Mbit/s.
     let outcome = run("fast-ethernet", Transport::Tcp, 100, load(100, 5), 1);
-    let us = outcome.network_ms.p50 * 1e3;
+    let times = outcome.times[30];
+    let us = times.arrived.since(times.culled).as_secs_f64() * 1e6;
     // One segment of 404 bytes of ids, or with the end in another: 2 x (66 + 404 + 24) x 0.08 us and 10 us of delay at least.
     assert!(us > 2.0 * 494.0 * 0.08 + 10.0 && us < 150.0, "{us} us");
 }
@@ -86,6 +89,40 @@ fn small_batches_cost_headers_as_the_corrected_formula_says_where_each_is_a_pack
     // With its own headers (TCP 32, IP 20, Ethernet 18, a message's 4) rather than the paper's 50, and acknowledgements.
     assert!(ten.bytes.total > ten.bytes.corrected && ten.bytes.total < 3.0 * ten.bytes.corrected);
     assert!(ten.bytes.paper > 2.0 * ten.bytes.corrected);
+}
+
+#[test]
+fn other_times_take_the_place_of_the_recorded_ones() {
+    let ms = Duration::from_millis;
+    let times = Times { hc: Some(ms(8)), rvg: Some(ms(2)), ..Times::default() };
+    let workload = Workload::steady(load(100, 4)).taking(times);
+    assert_eq!(workload.of(7), Load { nodes: 100, or: ms(4), hc: ms(8), rvg: ms(2) });
+    assert_eq!((workload.found_at(7, 50), workload.found_at(7, 100)), (ms(4), ms(8)));
+}
+
+#[test]
+fn what_cannot_come_in_time_is_given_up_and_the_session_goes_on() {
+    let run = |ms: u64, repair_percent| {
+        let knobs = Knobs { deadline: Duration::from_millis(ms), repair_percent, ..Knobs::default() };
+        let network = Profile::find("wifi").unwrap();
+        let batch = BatchSize::new(1024).unwrap();
+        let workload = Workload::steady(load(4000, 5));
+        let link = Transport::UdpDeadline;
+        simulate(&Scenario { network, link, batch, frames: 200, seed: 3, workload, knobs }).unwrap()
+    };
+    let [hasty, patient] = [run(1, 0), run(1000, 0)];
+    assert_eq!((hasty.times.len(), patient.incomplete), (200, 0));
+    assert!(hasty.incomplete > 10, "{}", hasty.incomplete);
+    for (frame, came) in &hasty.remains {
+        let times = &hasty.times[*frame as usize];
+        assert_eq!(came.len() as u32 + times.missing, 4000, "frame {frame}");
+        assert!(came.is_sorted(), "frame {frame}");
+    }
+    assert_eq!(hasty.remains.len() as u32, hasty.incomplete);
+    let both = pooled(&[hasty.clone(), hasty.clone()]);
+    assert_eq!((both.len(), both[0].frames, both[0].incomplete), (1, 400, 2 * hasty.incomplete));
+    assert_eq!(both[0].latency_ms.p50, hasty.latency_ms.p50);
+    assert_eq!(pooled(&[hasty, patient]).len(), 2, "another deadline is another run");
 }
 
 #[test]

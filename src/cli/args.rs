@@ -317,15 +317,15 @@ pub(crate) struct SimArgs {
         conflicts_with = "trace"
     )]
     pub(crate) nodes: Vec<u32>,
-    /// How long OR draws, milliseconds.
-    #[arg(long, value_name = "MS", default_value_t = 5.0, value_parser = pause, conflicts_with = "trace")]
-    pub(crate) or_ms: f64,
-    /// How long HC culls, milliseconds.
-    #[arg(long, value_name = "MS", default_value_t = 5.0, value_parser = pause, conflicts_with = "trace")]
-    pub(crate) hc_ms: f64,
-    /// How long RVG draws, milliseconds.
-    #[arg(long, value_name = "MS", default_value_t = 5.0, value_parser = pause, conflicts_with = "trace")]
-    pub(crate) rvg_ms: f64,
+    /// How long OR draws, milliseconds [default: 5, or what the trace says].
+    #[arg(long, value_name = "MS", value_parser = pause)]
+    pub(crate) or_ms: Option<f64>,
+    /// How long HC culls, milliseconds [default: 5, or what the trace says].
+    #[arg(long, value_name = "MS", value_parser = pause)]
+    pub(crate) hc_ms: Option<f64>,
+    /// How long RVG draws, milliseconds [default: 5, or what the trace says].
+    #[arg(long, value_name = "MS", value_parser = pause)]
+    pub(crate) rvg_ms: Option<f64>,
     /// A walk recorded with `trimaran run --record`: each frame has its ids, when they were found, its times and its camera. Or a
     /// report.json: counts and times only.
     #[arg(long, value_name = "TRACE")]

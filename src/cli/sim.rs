@@ -8,7 +8,7 @@ use std::time::Duration;
 use rayon::prelude::*;
 use trimaran::report::simulation;
 use trimaran::simulate::{
-    Knobs, Load, Outcome, Painter, Scenario, Transport, Workload, pooled, simulate, simulate_captured,
+    Knobs, Load, Outcome, Painter, Scenario, Times, Transport, Workload, pooled, simulate, simulate_captured,
 };
 use trimaran_gpu::{Gpu, GpuScene};
 use trimaran_netsim::Profile;
@@ -20,6 +20,9 @@ use super::{
     print_json, progress,
     walking::{gpu_options, open},
 };
+
+/// How long each role computes if nothing says otherwise.
+const USUAL: Duration = Duration::from_millis(5);
 
 pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
     let scenarios = scenarios(args)?;
@@ -98,11 +101,12 @@ fn scenarios(args: &SimArgs) -> Result<Vec<Scenario>, Failure> {
 }
 
 fn workloads(args: &SimArgs) -> Result<Vec<Workload>, Failure> {
+    let time = |ms: Option<f64>| ms.map(|ms| Duration::from_secs_f64(ms / 1e3));
+    let times = Times { or: time(args.or_ms), hc: time(args.hc_ms), rvg: time(args.rvg_ms) };
     if let Some(trace) = &args.trace {
-        return Ok(vec![Workload::recorded(trace).map_err(Failure::bad_input)?]);
+        return Ok(vec![Workload::recorded(trace).map_err(Failure::bad_input)?.taking(times)]);
     }
-    let time = |ms: f64| Duration::from_secs_f64(ms / 1e3);
-    let (or, hc, rvg) = (time(args.or_ms), time(args.hc_ms), time(args.rvg_ms));
+    let [or, hc, rvg] = [times.or, times.hc, times.rvg].map(|time| time.unwrap_or(USUAL));
     Ok(args.nodes.iter().map(|nodes| Workload::steady(Load { nodes: *nodes, or, hc, rvg })).collect())
 }
 

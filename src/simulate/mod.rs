@@ -16,7 +16,7 @@ pub use cast::Cast;
 pub use outcome::{FrameTimes, Outcome, Percentiles, Split, pooled};
 pub use pixels::{Painter, PixelCost, PixelError};
 pub use session::{RoleFailure, SimulateError, simulate, simulate_captured};
-pub use workload::{Load, Workload, WorkloadError};
+pub use workload::{Load, Times, Workload, WorkloadError};
 
 use std::time::Duration;
 

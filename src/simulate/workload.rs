@@ -28,7 +28,21 @@ pub struct Load {
 
 /// What the frames take, over and over.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Workload(Source);
+pub struct Workload {
+    source: Source,
+    times: Times,
+}
+
+/// How long roles compute, where that is not what was recorded: on other machines.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Times {
+    /// OR.
+    pub or: Option<Duration>,
+    /// HC; ids are found at the same shares of it.
+    pub hc: Option<Duration>,
+    /// RVG.
+    pub rvg: Option<Duration>,
+}
 
 /// Never empty.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,13 +90,23 @@ impl Workload {
     /// Every frame takes the same.
     #[must_use]
     pub fn steady(load: Load) -> Self {
-        Self(Source::Loads(Arc::new([load])))
+        Self::of_source(Source::Loads(Arc::new([load])))
     }
 
     /// What a walk took that was recorded just now.
     #[must_use]
     pub fn of_trace(trace: Trace) -> Self {
-        Self(Source::Trace(Arc::new(trace)))
+        Self::of_source(Source::Trace(Arc::new(trace)))
+    }
+
+    fn of_source(source: Source) -> Self {
+        Self { source, times: Times::default() }
+    }
+
+    /// The same with these times.
+    #[must_use]
+    pub fn taking(self, times: Times) -> Self {
+        Self { times, ..self }
     }
 
     /// What a recorded walk took: a trace of `trimaran run --record`, or the counts and times of a `report.json`, whose frames that do
@@ -112,13 +136,13 @@ impl Workload {
         if loads.is_empty() {
             return Err(WorkloadError::Nothing { path: path.to_owned() });
         }
-        Ok(Self(Source::Loads(loads)))
+        Ok(Self::of_source(Source::Loads(loads)))
     }
 
     /// The recorded walk, if it is one with ids and cameras.
     #[must_use]
     pub fn trace(&self) -> Option<&Trace> {
-        match &self.0 {
+        match &self.source {
             Source::Loads(_) => None,
             Source::Trace(trace) => Some(trace),
         }
@@ -127,7 +151,7 @@ impl Workload {
     /// How many frames it has before it begins again.
     #[must_use]
     pub fn frames(&self) -> usize {
-        match &self.0 {
+        match &self.source {
             Source::Loads(loads) => loads.len(),
             Source::Trace(trace) => trace.frames().len(),
         }
@@ -136,7 +160,13 @@ impl Workload {
     /// What that frame takes.
     #[must_use]
     pub fn of(&self, frame: u32) -> Load {
-        let load = match &self.0 {
+        let Load { nodes, or, hc, rvg } = self.recorded_load(frame);
+        let Times { or: other_or, hc: other_hc, rvg: other_rvg } = self.times;
+        Load { nodes, or: other_or.unwrap_or(or), hc: other_hc.unwrap_or(hc), rvg: other_rvg.unwrap_or(rvg) }
+    }
+
+    fn recorded_load(&self, frame: u32) -> Load {
+        let load = match &self.source {
             Source::Loads(loads) => loads.get(frame as usize % loads.len().max(1)).copied(),
             Source::Trace(trace) => trace.frame(frame).map(|frame| {
                 let nodes = u32::try_from(frame.ids.len()).unwrap_or(u32::MAX);
@@ -149,7 +179,7 @@ impl Workload {
     /// The ids of that frame, ascending.
     #[must_use]
     pub fn ids(&self, frame: u32) -> Cow<'_, [DrawableId]> {
-        match &self.0 {
+        match &self.source {
             Source::Loads(_) => {
                 (0..self.of(frame).nodes).map(|node| DrawableId(node.wrapping_mul(7))).collect()
             }
@@ -162,12 +192,17 @@ impl Workload {
     /// How long after it began HC of that frame has found the first `count` ids.
     #[must_use]
     pub fn found_at(&self, frame: u32, count: usize) -> Duration {
-        match &self.0 {
-            Source::Loads(_) => {
-                let Load { nodes, hc, .. } = self.of(frame);
-                hc.mul_f64((count as f64 / f64::from(nodes.max(1))).min(1.0))
-            }
-            Source::Trace(trace) => trace.frame(frame).map_or(Duration::ZERO, |frame| frame.found_at(count)),
+        let Load { nodes, hc, .. } = self.of(frame);
+        match &self.source {
+            Source::Loads(_) => hc.mul_f64((count as f64 / f64::from(nodes.max(1))).min(1.0)),
+            Source::Trace(trace) => trace.frame(frame).map_or(Duration::ZERO, |frame| {
+                let at = frame.found_at(count);
+                if hc == frame.hc {
+                    at
+                } else {
+                    hc.mul_f64(at.as_secs_f64() / frame.hc.as_secs_f64().max(1e-9))
+                }
+            }),
         }
     }
 

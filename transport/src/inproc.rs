@@ -1,10 +1,12 @@
 //! Links within one process: nothing is encoded, ids are shared.
 
+mod queue;
+
 use std::collections::{HashMap, VecDeque};
 use std::io;
 use std::sync::{Arc, LazyLock, Mutex, Weak};
 
-use tokio::sync::{mpsc, watch};
+use tokio::sync::watch;
 use trimaran_proto::{Camera, FrameMessage, Goodbye, Identity, Kind, Lane, Message, Refusal, SessionId};
 
 use crate::Name;
@@ -19,8 +21,9 @@ use crate::net::{Instant, Net};
 use crate::patience::Patience;
 use crate::stats::Counters;
 
-/// The most messages of the frames lane that may wait for their reader: 32 MiB of ids at the largest batch size.
-const QUEUE: usize = 512;
+/// The most messages of the frames lane that may wait for their reader, and that it may have taken at once: 32 MiB of ids in all at
+/// the largest batch size.
+const QUEUE: usize = 256;
 
 const CAPABILITIES: Capabilities =
     Capabilities { reliable: true, ordered: true, max_frame: u32::MAX, encrypted: false, local: true };
@@ -115,7 +118,7 @@ impl Lanes {
 /// Both lanes in one direction.
 fn direction() -> ((LatestTx, LatestRx), (FrameTx, FrameRx)) {
     let (cell, view) = watch::channel(Cell::default());
-    let (queue, messages) = mpsc::channel(QUEUE);
+    let (queue, messages) = queue::queue(QUEUE);
     (
         (LatestTx { cell }, LatestRx { view, seen: 0 }),
         (FrameTx { queue, staged: VecDeque::new() }, FrameRx { messages, farewell: None }),
@@ -224,7 +227,7 @@ impl LatestRx {
 
 #[derive(Debug)]
 pub(crate) struct FrameTx {
-    queue: mpsc::Sender<Message>,
+    queue: queue::Sender<Message>,
     staged: VecDeque<Message>,
 }
 
@@ -237,11 +240,8 @@ impl FrameTx {
 
     pub(crate) async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
         while !self.staged.is_empty() {
-            let room = patience.wait(None, self.queue.reserve()).await.map_err(|_| LaneSendError::Stalled)?;
-            let room = room.map_err(|_| LaneSendError::Lost(Loss::Closed))?;
-            if let Some(message) = self.staged.pop_front() {
-                room.send(message);
-            }
+            let sent = patience.wait(None, self.queue.send(&mut self.staged)).await;
+            sent.map_err(|_| LaneSendError::Stalled)?.map_err(|_gone| LaneSendError::Lost(Loss::Closed))?;
         }
         Ok(())
     }
@@ -249,7 +249,7 @@ impl FrameTx {
 
 #[derive(Debug)]
 pub(crate) struct FrameRx {
-    messages: mpsc::Receiver<Message>,
+    messages: queue::Receiver<Message>,
     farewell: Option<Goodbye>,
 }
 

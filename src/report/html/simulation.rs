@@ -28,7 +28,7 @@ pub(in crate::report) fn page(outcomes: &[Outcome], command: &[String]) -> Strin
          <meta name=\"color-scheme\" content=\"light dark\"><title>Trimaran: simulated networks</title>\n<style>\n{style}</style></head>\n\
          <body>\n<header><h1>Simulated networks</h1><p>Nothing here was measured on a network: the links, QUIC and the datagram connection \
          are the real code in virtual time; the networks, TCP and the roles' computing times are models. To have it again:</p>\
-         <pre>{command}</pre></header>\n<main>\n\
+         <pre style=\"white-space: pre-wrap\">{command}</pre></header>\n<main>\n\
          <h2 id=\"latency\">Latency</h2><p class=\"hint\">From a camera leaving RVG to its picture.</p>{latencies}\
          <h2 id=\"split\">Where the time goes</h2>{splits}{curves}\
          <h2 id=\"bytes\">Bytes</h2>{bytes}\

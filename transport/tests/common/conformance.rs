@@ -264,7 +264,7 @@ pub(crate) async fn polling_takes_what_is_there(pairs: &impl Pairs) {
     let net = pairs.net();
     assert!(matches!(display.frames_rx.try_recv(), Ok(None)));
     a.frames_tx.begin(start(0)).await.unwrap();
-    a.frames_tx.push(&ids(3000)).await.unwrap();
+    a.frames_tx.push(&ids(2000)).await.unwrap();
     a.frames_tx.finish().await.unwrap();
     let mut got = Vec::new();
     loop {
@@ -275,7 +275,7 @@ pub(crate) async fn polling_takes_what_is_there(pairs: &impl Pairs) {
             None => sleep_until(&*net, net.now().after(Duration::from_millis(1))).await,
         }
     }
-    assert_eq!(got, ids(3000));
+    assert_eq!(got, ids(2000));
     let poll = async {
         loop {
             match display.frames_rx.try_recv() {

@@ -266,7 +266,8 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         let shown = self.clock.elapsed();
         let machine = Seat::of(camera.frame()).index();
         let carried = self.links[machine].stats.read();
-        let LinkStats { sent, received, .. } = carried - std::mem::replace(&mut self.carried[machine], carried);
+        let LinkStats { sent, received, .. } =
+            carried - std::mem::replace(&mut self.carried[machine], carried);
         let traffic = sent_bytes(sent + received);
         let wanted = observer.wants_picture(camera.frame());
         if wanted {

@@ -1,0 +1,113 @@
+//! A display of your own: two real machines cull and draw occluders, and the third role, which would draw what is visible, does
+//! something else with it. This one plans what a renderer that streams its geometry would have to load, frame by frame; it needs no
+//! device of its own. Any program that takes frames of visible nodes fits in the same place.
+//!
+//!     cargo run --release --example a_role_of_your_own
+
+use std::{collections::HashSet, convert::Infallible, error::Error, sync::Arc, time::Duration};
+
+use trimaran_actors::{Cameras, Devices, Observer, PictureDevice, ShownFrame, Stop, VulkanPair, in_process};
+use trimaran_cull::{View, Viewport};
+use trimaran_gpu::{Gpu, GpuOptions, GpuScene, Picture};
+use trimaran_proto::{
+    BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, PictureSize, Settings,
+    TesterKind,
+};
+use trimaran_scene::{
+    cook::{CookOptions, cook},
+    generate::{PlantOptions, plant},
+};
+use trimaran_transport::{Net, TokioNet};
+
+/// Holds what was ever visible, as a cache of geometry would that throws nothing away.
+#[derive(Default)]
+struct Loader {
+    loaded: HashSet<DrawableId>,
+    /// How many were new in the frame drawn last.
+    new: usize,
+}
+
+impl PictureDevice for Loader {
+    type Error = Infallible;
+
+    fn draw(&mut self, _: &View, ids: &[DrawableId]) -> Result<(), Infallible> {
+        let before = self.loaded.len();
+        self.loaded.extend(ids);
+        self.new = self.loaded.len() - before;
+        if self.new > 0 {
+            println!("{} drawables visible, {} of them to be loaded", ids.len(), self.new);
+        }
+        Ok(())
+    }
+
+    fn read(&mut self, _: &mut Picture) -> Result<(), Infallible> {
+        Ok(()) // nobody asks for a picture
+    }
+}
+
+/// Adds up what the pair says it did.
+#[derive(Default)]
+struct Tally {
+    frames: u32,
+    culling: Duration,
+}
+
+impl Observer for Tally {
+    fn wants_picture(&self, _: FrameNumber) -> bool {
+        false
+    }
+
+    fn shown(&mut self, _: &ShownFrame<'_>) {
+        self.frames += 1;
+    }
+
+    fn pair_did(&mut self, stats: &FrameStats) {
+        self.culling += Duration::from_nanos(stats.hc_end_ns - stats.hc_start_ns);
+    }
+}
+
+/// Walks along the plant's side, looking across it.
+struct Stroll;
+
+impl Cameras for Stroll {
+    fn camera(&mut self, frame: FrameNumber) -> Camera {
+        let looking_east = [0.0, -std::f64::consts::FRAC_1_SQRT_2, 0.0, std::f64::consts::FRAC_1_SQRT_2];
+        let eye = [1.0, 1.7, 2.0 + 0.25 * f64::from(frame.0)];
+        Camera::new(eye, looking_east, 0.5, 1.0, 0.1, frame)
+            .unwrap_or_else(|_| unreachable!("all numbers are finite"))
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let model = plant(&PlantOptions { seed: 1, objects: 1_000, triangles: 100_000 });
+    let scene = Arc::new(cook(&model, &CookOptions::default(), &())?);
+
+    // The pair's devices are real, and may be the same one.
+    let settings = Settings {
+        size: PictureSize::new(512, 512)?,
+        epsilon: EpsilonPx::new(2.0)?,
+        batch: BatchSize::new(1024)?,
+        coding: IdCoding::Plain,
+        tester: TesterKind::Hzb,
+        lockstep: true,
+        few_pixels: false,
+        frames: Some(60),
+    };
+    let drawn = GpuScene::upload(&Gpu::open(&GpuOptions::default())?, &scene)?;
+    let pair =
+        || VulkanPair::new(&drawn, Viewport::new(512, 512)?, settings.tester).map_err(Box::<dyn Error>::from);
+    let devices = Devices { first: pair()?, second: pair()?, display: Loader::default() };
+
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+    let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+    let (_stopper, stop) = Stop::new();
+    let mut tally = Tally::default();
+    in_process(&scene, settings, devices, &mut Stroll, &mut tally, &net, runtime.handle(), &stop)?;
+    println!(
+        "{} frames of a scene of {} drawables, culled in {:?}",
+        tally.frames,
+        scene.drawables().len(),
+        tally.culling
+    );
+    Ok(())
+}

@@ -1,0 +1,67 @@
+//! What a link carries, as Prometheus scrapes it: counters of any links, served by this program.
+//!
+//!     cargo run --example metrics                      # sends some frames, reads its own metrics once
+//!     cargo run --example metrics -- 127.0.0.1:9100    # goes on until Ctrl-C: curl http://127.0.0.1:9100/metrics
+
+use std::{error::Error, net::SocketAddr, sync::Arc, time::Duration};
+
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use trimaran::metrics::LinkMetrics;
+use trimaran_proto::{Camera, DrawableId, FrameEvent, FrameNumber, FrameStart, Identity, Role, SceneHash};
+use trimaran_transport::{Link, LinkConfig, Net, TokioNet, inproc};
+
+#[tokio::main]
+async fn main() -> Result<(), Box<dyn Error>> {
+    let address: Option<SocketAddr> = std::env::args().nth(1).map(|arg| arg.parse()).transpose()?;
+    let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
+    let identity = |role| Identity { role, scene: SceneHash(0x1234), settings: None };
+    let config = LinkConfig::default();
+    let (machine, display) = inproc::pair(&net, identity(Role::SwitchA), identity(Role::Display), &config)?;
+
+    // Counting costs nothing that can be felt; whoever holds the metrics may read them at any time, links alive or not.
+    let metrics = LinkMetrics::of([&machine]);
+    let any = SocketAddr::from(([127, 0, 0, 1], 0));
+    let serving = metrics.clone().serve(address.unwrap_or(any), &tokio::runtime::Handle::current())?;
+    println!("http://{}/metrics, and /links as JSON", serving.address());
+
+    let frames = if address.is_some() { u32::MAX } else { 30 };
+    tokio::select! {
+        sent = send(machine, frames) => sent?,
+        received = receive(display) => received?,
+        stop = tokio::signal::ctrl_c() => stop?,
+    }
+    let carried = &metrics.read()[0].sent;
+    println!("{} frames, {} ids, {} bytes were sent", carried.frames, carried.ids, carried.total_bytes());
+    println!("{}", fetch(serving.address()).await?);
+    Ok(())
+}
+
+/// Thirty frames a second.
+async fn send(mut link: Link, frames: u32) -> Result<(), Box<dyn Error>> {
+    let ids: Vec<DrawableId> = (0..500).map(DrawableId).collect();
+    for frame in 0..frames {
+        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(frame))?;
+        link.frames_tx.begin(FrameStart { frame: FrameNumber(frame), camera }).await?;
+        link.frames_tx.push(&ids).await?;
+        link.frames_tx.finish().await?;
+        tokio::time::sleep(Duration::from_millis(33)).await;
+    }
+    Ok(())
+}
+
+async fn receive(mut link: Link) -> Result<(), Box<dyn Error>> {
+    loop {
+        if let FrameEvent::End(outcome) = link.frames_rx.recv().await? {
+            tracing::debug!(?outcome, "a frame has ended");
+        }
+    }
+}
+
+/// What a scraper gets.
+async fn fetch(from: SocketAddr) -> Result<String, Box<dyn Error>> {
+    let mut stream = tokio::net::TcpStream::connect(from).await?;
+    stream.write_all(b"GET /metrics HTTP/1.0\r\n\r\n").await?;
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).await?;
+    Ok(answer.split_once("\r\n\r\n").map_or(answer.clone(), |(_, body)| body.to_owned()))
+}

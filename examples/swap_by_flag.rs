@@ -1,0 +1,111 @@
+//! The same frames over every transport: the value of one flag is all that changes. What differs is the time, and what each promises.
+//!
+//!     cargo run --release --example swap_by_flag                 # all of them, one after another
+//!     cargo run --release --example swap_by_flag -- --link udp   # one of inproc, unix, tcp, quic, udp
+
+use std::{error::Error, sync::Arc, time::Duration};
+
+use clap::{Parser, ValueEnum};
+use trimaran_proto::{
+    Camera, DrawableId, FrameEvent, FrameNumber, FrameStart, Goodbye, Identity, Role, SceneHash,
+};
+use trimaran_transport::keys::{Keys, Security};
+use trimaran_transport::{Endpoint, Link, Listener, Net, Options, TokioNet, connect};
+
+#[derive(Debug, Parser)]
+struct Args {
+    /// Which transport; all of them without this flag.
+    #[arg(long)]
+    link: Option<Transport>,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Transport {
+    Inproc,
+    Unix,
+    Tcp,
+    Quic,
+    Udp,
+}
+
+const FRAMES: u32 = 100;
+
+#[tokio::main]
+async fn main() -> Result<(), Box<dyn Error>> {
+    let chosen = Args::parse().link;
+    for transport in Transport::value_variants() {
+        if chosen.is_none() || chosen.map(|link| link as u8) == Some(*transport as u8) {
+            show(*transport).await?;
+        }
+    }
+    Ok(())
+}
+
+/// Where the display listens: the only place that knows of transports.
+fn endpoint(transport: Transport) -> Result<Endpoint, Box<dyn Error>> {
+    Ok(match transport {
+        Transport::Inproc => "inproc:display".parse()?,
+        Transport::Unix => {
+            format!("unix:{}/trimaran-swap-{}.sock", std::env::temp_dir().display(), std::process::id())
+                .parse()?
+        }
+        Transport::Tcp => "tcp://127.0.0.1:0".parse()?,
+        Transport::Quic => "quic://127.0.0.1:0".parse()?,
+        Transport::Udp => "udp://127.0.0.1:0".parse()?,
+    })
+}
+
+/// Sends frames of 4,000 ids to a display, which answers each with a camera.
+async fn show(transport: Transport) -> Result<(), Box<dyn Error>> {
+    let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
+    let (mut machine, mut display) = links(&net, &endpoint(transport)?).await?;
+    let (promises, sent) = (machine.capabilities(), machine.stats.clone());
+    let start = net.now();
+    let shows = tokio::spawn(async move {
+        for _ in 0..FRAMES {
+            while !matches!(display.frames_rx.recv().await?, FrameEvent::End(_)) {}
+            display.latest_tx.publish(camera(0)?)?;
+        }
+        Ok::<_, Box<dyn Error + Send + Sync>>(display)
+    });
+    let ids: Vec<DrawableId> = (0..4000).map(DrawableId).collect();
+    for frame in 0..FRAMES {
+        machine.frames_tx.begin(FrameStart { frame: FrameNumber(frame), camera: camera(frame)? }).await?;
+        machine.frames_tx.push(&ids).await?;
+        machine.frames_tx.finish().await?;
+        machine.latest_rx.latest().await?;
+    }
+    let micros = net.now().since(start).as_micros() / u128::from(FRAMES);
+    let display = shows.await?.map_err(|e| e.to_string())?;
+    let (encrypted, local) = (promises.encrypted, promises.local);
+    println!(
+        "{transport:?}: {micros} us a frame and its answer, {} bytes a frame, encrypted: {encrypted}, local: {local}",
+        sent.read().sent.total_bytes() / u64::from(FRAMES)
+    );
+    let (_, _) = tokio::join!(machine.goodbye(Goodbye::Finished), display.goodbye(Goodbye::Finished));
+    Ok(())
+}
+
+fn camera(frame: u32) -> Result<Camera, trimaran_proto::CameraError> {
+    Camera::new([0.0, 1.7, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(frame))
+}
+
+/// Both ends of a link: the machine's, then the display's. Each knows the other by its public keys, which QUIC and UDP need; in
+/// real life `trimaran keys new` makes them and they are read from files.
+async fn links(net: &Arc<dyn Net>, endpoint: &Endpoint) -> Result<(Link, Link), Box<dyn Error>> {
+    let (machine, display) = (Keys::generate("machine".parse()?)?, Keys::generate("display".parse()?)?);
+    let options = |own: &Keys, other: &Keys| Options {
+        security: Some(Security { keys: own.clone(), peers: vec![other.public().clone()] }),
+        ..Options::default()
+    };
+    let identity = |role| Identity { role, scene: SceneHash(0x1234), settings: None };
+    let (here, there) = (options(&display, &machine), options(&machine, &display));
+    let deadline = net.now().after(Duration::from_secs(10));
+    let mut listener = Listener::bind(net, endpoint, identity(Role::Display), &here).await?;
+    let place = listener.local_endpoint().clone();
+    let (machines, displays) = tokio::join!(
+        connect(net, &place, identity(Role::SwitchA), &there, deadline),
+        listener.accept(deadline)
+    );
+    Ok((machines?, displays?))
+}
