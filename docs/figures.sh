@@ -87,9 +87,9 @@ times="--or-ms 5 --hc-ms 5 --rvg-ms 5"
 echo; echo "## A walk"
 sim --trace "$1" $times --network fast-ethernet,wifi --link tcp,quic,udp --batch 10,100,1000 --frames 1000
 table network=network $bytes
-sim --trace "$1" $times --network fast-ethernet --link tcp,quic --coding plain --frames 1000
+sim --trace "$1" $times --network fast-ethernet --link tcp,quic,udp --coding plain --frames 1000
 table $bytes
-sim --trace "$1" $times --network fast-ethernet --link tcp,quic --coding changes --frames 1000
+sim --trace "$1" $times --network fast-ethernet --link tcp,quic,udp --coding changes --frames 1000
 table $bytes
 
 echo; echo "## Late or wrong"

@@ -215,6 +215,11 @@ fn datagrams_in_the_clear_are_read_and_sealed_ones_called_so() {
     holds_every_id(&capture, &workload);
     let cameras = capture.read("trimaran_udp.camera", ["trimaran_udp.camera", "trimaran.camera.frame"]);
     assert!(cameras.len() as u32 >= FRAMES, "{cameras:?}");
+    let coding = IdCoding::Changes;
+    session(&capture, Transport::Udp, &workload, Knobs { in_the_clear: true, coding, ..Knobs::default() });
+    capture.is_sound();
+    assert!(!capture.read("trimaran.kind == 0x24", ["frame.number"]).is_empty(), "frames travel as changes");
+    holds_every_id(&capture, &workload);
     let hellos = capture.read("trimaran_udp.form == 1", ["trimaran.role", "trimaran_udp.version"]);
     assert!(hellos.iter().all(|[role, version]| role.len() == 1 && version[0] == "1"), "{hellos:?}");
 

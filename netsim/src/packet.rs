@@ -13,7 +13,7 @@ use crate::topology::HostId;
 const UDP_HEADER: u32 = 8;
 
 /// The largest payload of a small datagram, bytes: see [`Class::SmallDatagram`].
-const SMALL_DATAGRAM: usize = 37;
+const SMALL_DATAGRAM: usize = 64;
 
 /// An IP packet.
 #[derive(Debug, Clone)]

@@ -21,6 +21,7 @@ local REASONS = {
 }
 local GOODBYES = { [0] = "the session is over", "interrupted", "failed" }
 local FORMS = { [0] = "data", "initial", "retry", "answer" }
+local PLAIN_FRAME, CODED_FRAME = 0x20, 0x24
 local FRAMES_KEPT, TAG = 8, 16
 
 local trimaran = Proto("trimaran", "Trimaran")
@@ -103,6 +104,7 @@ local u = {
   hash = ProtoField.uint64("trimaran_udp.hash", "Hash of the frame's ids", base.HEX),
   given_up = ProtoField.uint64("trimaran_udp.given_up", "Given up: bytes of the unit"),
   sent = ProtoField.uint64("trimaran_udp.given_up.sent", "Sent of them"),
+  ids = ProtoField.uint64("trimaran_udp.given_up.ids", "Ids of the frame"),
   repair = ProtoField.uint16("trimaran_udp.repair", "Repair shard"),
   shard = ProtoField.uint16("trimaran_udp.repair.size", "Size of a shard"),
   rest = ProtoField.bytes("trimaran_udp.repair.bytes", "Bytes of the shard"),
@@ -218,7 +220,7 @@ function trimaran.init() lanes, decoded = {}, {} end
 
 local function lane_of(pinfo)
   local key = tostring(pinfo.src) .. ":" .. pinfo.src_port .. ">" .. tostring(pinfo.dst) .. ":" .. pinfo.dst_port
-  lanes[key] = lanes[key] or { kept = {}, order = {} }
+  lanes[key] = lanes[key] or { kept = {}, order = {}, units = {} }
   return lanes[key]
 end
 
@@ -464,13 +466,78 @@ DissectorTable.get("tcp.port"):add("7400-7401", trimaran)
 
 -- Over UDP.
 
-local function unit_bytes(r, tvb, tree, pinfo, offset, count, key)
+-- Gathers the parts of a frame's unit. Says whether its batches have headers (a coded frame), and gives all of it to the part that
+-- makes it whole. Only the first look at a packet adds anything; later ones find there what it found.
+local function gather(lane, key, unit, offset, range, ends)
+  local found = decoded[key .. "/unit"]
+  if found then return found end
+  local whole = lane.units[unit] or { parts = {} }
+  lane.units[unit] = whole
+  if range then
+    table.insert(whole.parts, { from = offset, to = offset + range:len(), bytes = range:bytes() })
+    if offset == 0 then whole.coded = range(0, 1):uint() == CODED_FRAME end
+  end
+  if ends then whole.size = offset + (range and range:len() or 0) end
+  found = { coded = whole.coded }
+  decoded[key .. "/unit"] = found
+  if not whole.size or whole.done then return found end
+  local bytes, at = ByteArray.new(), 0
+  while at < whole.size do
+    local before = at
+    for _, part in ipairs(whole.parts) do
+      if part.from <= at and part.to > at then
+        bytes:append(part.bytes:subset(at - part.from, part.to - at))
+        at = part.to
+      end
+    end
+    if at == before then return found end
+  end
+  whole.done, whole.parts = true, {}
+  found.bytes = bytes
+  return found
+end
+
+-- Remembers a plain frame, which has no messages but its begin.
+local function remember(lane, bytes)
+  local function word(at)
+    local a, b, c, d = string.byte(bytes:raw(at, 4), 1, 4)
+    return a + 256 * b + 65536 * c + 16777216 * d
+  end
+  begin_frame(lane, word(HEADER))
+  for at = BEGIN_UNIT, bytes:len() - 4, 4 do table.insert(lane.open.ids, word(at)) end
+  end_frame(lane)
+end
+
+local function coded_frame(bytes, tree, pinfo, key)
+  local tvb = bytes:tvb("Trimaran coded frame")
+  local at, index, said = 1, 0, {}
+  while at < tvb:len() do
+    index = index + 1
+    if at + HEADER > tvb:len() then error(SHORT) end
+    local to = at + HEADER + tvb(at + 1, 3):le_uint()
+    if to > tvb:len() then error(SHORT) end
+    said[index] = message(tvb, at, to, pinfo, tree, key .. "/" .. index)
+    at = to
+  end
+  if not decoded[key .. "/ended"] then end_frame(lane_of(pinfo)) end
+  decoded[key .. "/ended"] = true
+  return table.concat(said, ", ")
+end
+
+local function unit_part(r, tvb, tree, pinfo, unit, offset, count, ends, key)
   local from = r.at()
-  local range = r.take(count)
-  if count == 0 then return "nothing" end
-  if offset == 0 and count >= HEADER and range(0, 1):uint() ~= 0x20 then
+  local range = count > 0 and r.take(count) or nil
+  local first = range and offset == 0 and range(0, 1):uint() or nil
+  if first and first ~= PLAIN_FRAME and first ~= CODED_FRAME then
     return message(tvb, from, from + count, pinfo, tree, key)
   end
+  local lane = lane_of(pinfo)
+  local found = gather(lane, key, unit, offset, range, ends)
+  if found.coded then
+    if not found.bytes then return "part of a coded frame" end
+    return coded_frame(found.bytes, tree, pinfo, key)
+  end
+  if not range then return "nothing" end
   local said = {}
   local skip = 0
   if offset == 0 and count >= BEGIN_UNIT then
@@ -488,6 +555,10 @@ local function unit_bytes(r, tvb, tree, pinfo, offset, count, key)
     sub:add(f.count, ids):set_generated()
     for index = 0, ids - 1 do sub:add_le(f.id, range(skip + 4 * index, 4)) end
     said[#said + 1] = ids .. " ids"
+  end
+  if found.bytes and not found.remembered and found.bytes:len() >= BEGIN_UNIT then
+    found.remembered = true
+    remember(lane, found.bytes)
   end
   return table.concat(said, ", ")
 end
@@ -557,15 +628,17 @@ local function chunk(r, tvb, tree, pinfo, key)
     local length = r.take(2)
     sub:add_le(u.bytes, length)
     if code == 0x23 then sub:add_le(u.hash, r.take(8)) end
-    local said = unit_bytes(r, tvb, sub, pinfo, offset, length:le_uint(), key)
+    local ends = code >= 0x22
+    local said = unit_part(r, tvb, sub, pinfo, unit, offset, length:le_uint(), ends, key)
     sub:set_len(r.at() - start)
     return "unit " .. unit .. ": " .. said .. (code == 0x23 and ", end" or "")
-  elseif code == 0x24 then
+  elseif code == 0x24 or code == 0x25 then
     local sub = tree:add("Give-up")
     local unit = add_wide(sub, u.unit, r)
     add_wide(sub, u.given_up, r)
     add_wide(sub, u.sent, r)
     sub:add_le(u.hash, r.take(8))
+    if code == 0x25 then add_wide(sub, u.ids, r) end
     r.take(r.take(1):uint())
     sub:set_len(r.at() - start)
     return "unit " .. unit .. " given up"

@@ -32,7 +32,8 @@ pub struct FrameBytes {
     pub packets: f64,
     /// Headers of TCP or UDP, IP and the link layer around each packet: what the formulas call `h`.
     pub header: f64,
-    /// Of all bytes, those in packets that only acknowledge: of TCP, or datagrams too small to carry anything else.
+    /// Of all bytes, those in packets that only acknowledge: of TCP, or datagrams of at most 64 bytes, which a few
+    /// ids fill as well.
     pub acknowledgements: f64,
     /// Of all bytes, those in packets of TCP that repeat data.
     pub repetitions: f64,

@@ -36,8 +36,8 @@ pub(crate) struct Range {
 pub enum Class {
     /// A datagram of UDP.
     Datagram,
-    /// A datagram of at most 37 bytes: in protocols whose headers and seal alone come close to that, as QUIC's and this project's do, an
-    /// acknowledgement or a sign of life.
+    /// A datagram of at most 64 bytes: in protocols whose headers and seal are half of that, as QUIC's and this project's, an
+    /// acknowledgement, a sign of life, or very little else.
     SmallDatagram,
     /// Data sent for the first time.
     #[default]
