@@ -200,3 +200,26 @@ fn a_socket_takes_no_more_than_its_send_buffer_until_packets_have_left() {
     assert_eq!(simulation.now().as_nanos(), (1000 + 28 + 38) * 8 * 1000);
     assert!(socket.try_send(&transmit).is_ok());
 }
+
+#[test]
+fn timers_with_a_grain_ring_at_the_next_multiple_of_it() {
+    let topology = Topology::star(
+        &["only"],
+        &LinkModel::clean(None, Duration::ZERO),
+        &LinkModel::clean(None, Duration::ZERO),
+    );
+    let simulation = Simulation::new(&topology, 1);
+    let exact = simulation.net(topology.find("only").unwrap());
+    let coarse = exact.clone().with_timer_grain(Duration::from_millis(1));
+    let rang = |net: SimNet, at: u64| {
+        let rang = async move {
+            sleep_until(&net, Instant::from_nanos(at)).await;
+            net.now().as_nanos()
+        };
+        simulation.run(rang).unwrap()
+    };
+    assert_eq!(rang(exact, 1_234_567), 1_234_567);
+    assert_eq!(rang(coarse.clone(), 1_300_000), 2_000_000);
+    assert_eq!(rang(coarse.clone(), 3_000_000), 3_000_000, "a multiple is its own");
+    assert_eq!(rang(coarse, 3_000_001), 4_000_000);
+}

@@ -229,4 +229,30 @@ mod tests {
         assert!(!cubic.leaves_slow_start(now, ack(RTT), LOW_WINDOW - 1));
         assert!(cubic.leaves_slow_start(now, ack(RTT), 40));
     }
+
+    #[test]
+    fn the_same_window_grows_at_the_same_pace_for_a_32nd_of_a_second() {
+        let ms = |millis: u64| Instant::from_nanos(millis * 1_000_000);
+        let mut cubic = Cubic::new();
+        let window = cubic.after_loss(20);
+        assert_eq!(cubic.grow(ms(0), window, 1, RTT), window);
+        // Reno would have grown long ago, but nobody looks yet.
+        assert_eq!(cubic.grow(ms(20), window, 200, RTT), window);
+        assert_eq!(cubic.grow(ms(40), window, 1, RTT), window + 1, "all of that is worth one packet");
+        assert_eq!(cubic.grow(ms(41), window + 1, 4, RTT), window + 3, "another window: another look");
+    }
+
+    #[test]
+    fn time_in_which_nothing_is_sent_does_not_make_the_window_grow() {
+        let at = |seconds: u64| Instant::from_nanos(seconds * 1_000_000_000);
+        let after = |idle: u64| {
+            let mut cubic = Cubic::new();
+            let window = cubic.after_loss(100);
+            assert_eq!(cubic.grow(at(0), window, 1, RTT), window);
+            cubic.skip(Duration::from_secs(idle));
+            cubic.grow(at(8), window, 20, RTT) - window
+        };
+        // The old window is reached after 4.2 s; from then on it is left behind ever faster.
+        assert_eq!((after(0), after(8)), (10, 0));
+    }
 }
