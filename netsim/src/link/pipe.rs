@@ -435,6 +435,13 @@ mod tests {
     }
 
     #[test]
+    fn a_packet_after_a_pause_takes_a_whole_nanosecond_more_again() {
+        // 12,304 bits at 7 Mbit/s: 1,757,714 ns and 2/7.
+        let out = run(megabits(7, 0), 1, [(0, 1500), (10_000_000, 1500)], FOREVER);
+        assert_eq!(out.arrived, [(1_757_715, 0), (11_757_715, 1)]);
+    }
+
+    #[test]
     fn a_link_gets_slower_when_its_time_comes() {
         let mut model = megabits(100, 0);
         let slow = Conditions { rate: Rate::new(10_000_000), ..model.conditions };

@@ -235,11 +235,19 @@ mod tests {
         let ms = |millis: u64| Instant::from_nanos(millis * 1_000_000);
         let mut cubic = Cubic::new();
         let window = cubic.after_loss(20);
-        assert_eq!(cubic.grow(ms(0), window, 1, RTT), window);
+        assert_eq!(cubic.grow(ms(0), window, 1, Duration::ZERO), window);
         // Reno would have grown long ago, but nobody looks yet.
-        assert_eq!(cubic.grow(ms(20), window, 200, RTT), window);
-        assert_eq!(cubic.grow(ms(40), window, 1, RTT), window + 1, "all of that is worth one packet");
-        assert_eq!(cubic.grow(ms(41), window + 1, 4, RTT), window + 3, "another window: another look");
+        assert_eq!(cubic.grow(ms(20), window, 200, Duration::ZERO), window);
+        assert_eq!(
+            cubic.grow(ms(40), window, 1, Duration::ZERO),
+            window + 1,
+            "all of that is worth one packet"
+        );
+        assert_eq!(
+            cubic.grow(ms(41), window + 1, 4, Duration::ZERO),
+            window + 3,
+            "another window: another look"
+        );
     }
 
     #[test]
