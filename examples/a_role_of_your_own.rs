@@ -91,6 +91,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         tester: TesterKind::Hzb,
         lockstep: true,
         few_pixels: false,
+        first: FrameNumber(0),
         frames: Some(60),
     };
     let drawn = GpuScene::upload(&Gpu::open(&GpuOptions::default())?, &scene)?;

@@ -201,6 +201,8 @@ pub enum Goodbye {
     Interrupted,
     /// The peer cannot go on.
     Failed(Explanation),
+    /// The peer has lost another one: the session stops, and goes on if all join again.
+    PeerLost(Explanation),
 }
 
 impl Goodbye {
@@ -208,6 +210,12 @@ impl Goodbye {
     #[must_use]
     pub fn failed(why: &str) -> Self {
         Self::Failed(Explanation::new(why))
+    }
+
+    /// The peer has lost another one, and how; at most [`Explanation::MAX_BYTES`] of the text travel.
+    #[must_use]
+    pub fn peer_lost(how: &str) -> Self {
+        Self::PeerLost(Explanation::new(how))
     }
 }
 
@@ -217,6 +225,7 @@ impl fmt::Display for Goodbye {
             Self::Finished => f.write_str("the session is over"),
             Self::Interrupted => f.write_str("it was interrupted"),
             Self::Failed(why) => write!(f, "it failed: {why}"),
+            Self::PeerLost(how) => write!(f, "it has lost a peer: {how}"),
         }
     }
 }
@@ -265,7 +274,7 @@ impl fmt::Display for Explanation {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
+    use crate::{BatchSize, EpsilonPx, FrameNumber, IdCoding, PictureSize, TesterKind};
 
     const SCENE: SceneHash = SceneHash(0xfeed);
 
@@ -282,6 +291,7 @@ mod tests {
             tester: TesterKind::Raster,
             lockstep: true,
             few_pixels: false,
+            first: FrameNumber(0),
             frames: Some(200),
         }
     }

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::{BatchSize, IdCoding};
+use crate::{BatchSize, FrameNumber, IdCoding};
 
 /// What the display decides for all three roles. It travels in the handshake; each field is valid by its type.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -26,13 +26,15 @@ pub struct Settings {
     /// Whether culling stops at nodes that show at fewer pixels than the error bound (paper, section 4.5.2). What is drawn then depends on
     /// what is visible, so pictures may differ from those without culling. Needs a tester that counts pixels.
     pub few_pixels: bool,
-    /// How many frames the session lasts; `None` until someone leaves.
+    /// The frame that comes first: above 0 where a session goes on after a peer was lost.
+    pub first: FrameNumber,
+    /// With which frame the session ends: it has this many, counted from 0. `None` until someone leaves.
     pub frames: Option<u32>,
 }
 
 impl fmt::Display for Settings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { size, epsilon, batch, coding, tester, lockstep, few_pixels, frames } = self;
+        let Self { size, epsilon, batch, coding, tester, lockstep, few_pixels, first, frames } = self;
         let pace = if *lockstep { "lockstep" } else { "live" };
         write!(
             f,
@@ -41,6 +43,9 @@ impl fmt::Display for Settings {
         )?;
         if *few_pixels {
             f.write_str(", stopping at few pixels")?;
+        }
+        if first.0 > 0 {
+            write!(f, ", from {first} on")?;
         }
         match frames {
             Some(frames) => write!(f, ", {frames} frames"),

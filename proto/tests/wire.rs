@@ -40,6 +40,7 @@ fn display() -> Identity {
         tester: TesterKind::Raster,
         lockstep: true,
         few_pixels: false,
+        first: FrameNumber(0),
         frames: Some(200),
     };
     Identity { role: Role::Display, scene: SceneHash(0x1234), settings: Some(settings) }

@@ -19,7 +19,7 @@ local REASONS = {
   [0] = "versions differ", "scenes differ", "the role is taken", "settings differ", "the lane came twice",
   "the other lane did not come in time", "too many handshakes under way",
 }
-local GOODBYES = { [0] = "the session is over", "interrupted", "failed" }
+local GOODBYES = { [0] = "the session is over", "interrupted", "failed", "lost a peer" }
 local FORMS = { [0] = "data", "initial", "retry", "answer" }
 local PLAIN_FRAME, CODED_FRAME = 0x20, 0x24
 local FRAMES_KEPT, TAG = 8, 16
@@ -41,6 +41,7 @@ local f = {
   tester = ProtoField.uint8("trimaran.settings.tester", "Tester", base.DEC, TESTERS),
   lockstep = ProtoField.bool("trimaran.settings.lockstep", "Lockstep"),
   few = ProtoField.bool("trimaran.settings.few_pixels", "Few pixels"),
+  first = ProtoField.uint32("trimaran.settings.first", "First frame"),
   frames = ProtoField.uint32("trimaran.settings.frames", "Frames"),
   session = ProtoField.uint64("trimaran.session", "Session", base.HEX),
   lane = ProtoField.uint8("trimaran.lane", "Lane", base.DEC, LANES),
@@ -201,6 +202,7 @@ local function settings(r, tree)
   add_varint(tree, f.tester, r)
   tree:add(f.lockstep, r.take(1))
   tree:add(f.few, r.take(1))
+  add_varint(tree, f.first, r)
   if r.take(1):uint() == 1 then add_varint(tree, f.frames, r) end
 end
 
@@ -367,7 +369,7 @@ local function message(tvb, from, to, pinfo, tree, key)
     return "refuse: " .. (REASONS[add_varint(sub, f.reason, r)] or "?")
   elseif kind == 0x04 then
     local why = add_varint(sub, f.goodbye, r)
-    if why == 2 then
+    if why >= 2 then
       local length = r.varint()
       sub:add(f.text, r.take(length))
     end

@@ -3,6 +3,7 @@
 mod args;
 mod cooking;
 mod demo;
+mod display;
 mod doctor;
 mod failure;
 mod generate;

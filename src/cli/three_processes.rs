@@ -22,7 +22,7 @@ use trimaran_transport::{
 use super::{
     Failure,
     args::RunArgs,
-    role::{DisplayStage, Show},
+    display::{DisplayStage, Show},
     run::conclude,
     walking::{self, open},
 };
@@ -62,6 +62,7 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
             pair: pair.clone(),
             device: args.walk.device.clone(),
             patience_s: PATIENCE_S,
+            reconnect_s: 0.0,
             metrics: None,
             keys: keyring.as_ref().map(|keyring| keyring.of(seat).private.clone()),
             peers: keyring.as_ref().map(|keyring| keyring.peers_of(seat)).unwrap_or_default(),
@@ -79,6 +80,8 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
         seed: args.walk.seed,
         devices: devices.into(),
         patience_s: PATIENCE_S,
+        // Nobody starts a machine of this session again.
+        reconnect_s: 0.0,
         metrics: args.metrics,
         trace: args.record.clone(),
     };

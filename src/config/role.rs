@@ -44,6 +44,10 @@ pub struct SwitchConfig {
     /// How long to wait for the other roles at the start, seconds.
     #[config(env = "TRIMARAN_PATIENCE_S", default = 30.0, validate = seconds, layer_attr(arg(long = "patience", value_name = "S")))]
     pub patience_s: f64,
+    /// How long to wait for a peer that was lost to come again, seconds: the session then goes on with the frame that was due. 0 ends
+    /// the session with the peer.
+    #[config(env = "TRIMARAN_RECONNECT_S", default = 60.0, validate = seconds, layer_attr(arg(long = "reconnect", value_name = "S")))]
+    pub reconnect_s: f64,
     /// Show what the links carry on this address while the session runs: `/metrics` for Prometheus, `/links` as JSON.
     #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -98,6 +102,10 @@ pub struct DisplayConfig {
     /// How long to wait for the other roles at the start, seconds.
     #[config(env = "TRIMARAN_PATIENCE_S", default = 30.0, validate = seconds, layer_attr(arg(long = "patience", value_name = "S")))]
     pub patience_s: f64,
+    /// How long to wait for a peer that was lost to come again, seconds: the session then goes on with the frame that was due. 0 ends
+    /// the session with the peer.
+    #[config(env = "TRIMARAN_RECONNECT_S", default = 60.0, validate = seconds, layer_attr(arg(long = "reconnect", value_name = "S")))]
+    pub reconnect_s: f64,
     /// Show what the links carry on this address while the session runs: `/metrics` for Prometheus, `/links` as JSON.
     #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -55,6 +55,7 @@ fn a_switch_configuration_survives_a_round_trip() {
         pair: "tcp://one:7401".parse().unwrap(),
         device: None,
         patience_s: 5.0,
+        reconnect_s: 0.0,
         metrics: None,
         keys: Some("/k/two.key".into()),
         peers,

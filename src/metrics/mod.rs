@@ -4,7 +4,10 @@
 mod path;
 mod server;
 
-use std::fmt;
+use std::{
+    fmt,
+    sync::{Arc, PoisonError, RwLock},
+};
 
 use prometheus_client::{
     collector::Collector,
@@ -18,10 +21,10 @@ use trimaran_transport::{Link, StatsHandle, Tally, Traffic};
 pub use path::PathReading;
 pub use server::{MetricsError, Serving};
 
-/// The links of this process.
+/// The links of this process. Clones are one and the same.
 #[derive(Debug, Clone, Default)]
 pub struct LinkMetrics {
-    links: Vec<Watched>,
+    links: Arc<RwLock<Vec<Watched>>>,
 }
 
 #[derive(Debug, Clone)]
@@ -71,9 +74,18 @@ impl LinkMetrics {
     /// Watches these links.
     #[must_use]
     pub fn of<'l>(links: impl IntoIterator<Item = &'l Link>) -> Self {
-        let watch =
+        let metrics = Self::default();
+        metrics.watch(links);
+        metrics
+    }
+
+    /// Watches these links from now on, and no longer those before: a session has new ones after a peer was lost. What they carry
+    /// counts from zero, as a scraper expects of a program that was started again.
+    pub fn watch<'l>(&self, links: impl IntoIterator<Item = &'l Link>) {
+        let watched =
             |link: &Link| Watched { peer: link.peer.identity.role.to_string(), stats: link.stats.clone() };
-        Self { links: links.into_iter().map(watch).collect() }
+        let watched = links.into_iter().map(watched).collect();
+        *self.links.write().unwrap_or_else(PoisonError::into_inner) = watched;
     }
 
     /// What each link has carried until now.
@@ -84,7 +96,7 @@ impl LinkMetrics {
             let path = stats.path.map(PathReading::from);
             LinkReading { peer: peer.clone(), sent: stats.sent.into(), received: stats.received.into(), path }
         };
-        self.links.iter().map(read).collect()
+        self.links.read().unwrap_or_else(PoisonError::into_inner).iter().map(read).collect()
     }
 
     /// The OpenMetrics text.

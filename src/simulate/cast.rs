@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use trimaran_actors::{Place, Seat, await_pair, join_session};
 use trimaran_netsim::Machines;
-use trimaran_proto::{DrawableId, EpsilonPx, Identity, PictureSize, Role, SceneHash, Settings, TesterKind};
+use trimaran_proto::{
+    DrawableId, EpsilonPx, FrameNumber, Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
+};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{Endpoint, Listener, Net, Options, Traffic, sleep_until};
@@ -54,6 +56,7 @@ impl Cast {
             tester: TesterKind::Hzb,
             lockstep: true,
             few_pixels: false,
+            first: FrameNumber(0),
             frames: Some(*frames),
         };
         Ok(Self {

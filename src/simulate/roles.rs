@@ -62,7 +62,7 @@ pub(super) async fn display(
     stage: &Stage,
     links: &mut [Link; 2],
 ) -> Result<(), RoleFailure> {
-    let mut machine = DisplayMachine::new(Some(stage.frames));
+    let mut machine = DisplayMachine::new(FrameNumber(0), Some(stage.frames));
     for frame in machine.first_cameras() {
         hand_out(net, stage, &mut machine, links, frame)?;
     }
@@ -124,7 +124,7 @@ pub(super) async fn switch(
     joined: &mut Joined,
 ) -> Result<(), RoleFailure> {
     let Joined { display, other, settings } = joined;
-    let mut machine = SwitchMachine::new(seat, Some(stage.frames));
+    let mut machine = SwitchMachine::new(seat, FrameNumber(0), Some(stage.frames));
     loop {
         match machine.step() {
             SwitchStep::AwaitCamera { .. } => {

@@ -26,7 +26,7 @@ pub use record::{FrameRecord, Recorder};
 pub use reporting::{ReportPlan, ReportingError, SceneFile, write_report};
 
 use trimaran_cull::Viewport;
-use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, Settings, TesterKind};
+use trimaran_proto::{BatchSize, EpsilonPx, FrameNumber, IdCoding, PictureSize, Settings, TesterKind};
 
 /// How the poses of a path become frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,6 +76,7 @@ impl Plan {
             tester: self.tester,
             lockstep: matches!(self.pace, Pace::Lockstep),
             few_pixels: self.few_pixels,
+            first: FrameNumber(0),
             frames: match self.pace {
                 Pace::Lockstep => Some(frames),
                 Pace::Live { .. } => None,

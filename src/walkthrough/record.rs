@@ -46,6 +46,12 @@ impl<'p> Recorder<'p> {
         Self { frames: Vec::new(), picture_every, progress }
     }
 
+    /// The frame after the last one shown.
+    #[must_use]
+    pub fn next_frame(&self) -> FrameNumber {
+        self.frames.last().and_then(|record| record.camera.frame().next()).unwrap_or(FrameNumber(0))
+    }
+
     /// The frames, in the order shown.
     #[must_use]
     pub fn into_frames(self) -> Vec<FrameRecord> {

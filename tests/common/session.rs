@@ -5,8 +5,8 @@ use std::{net, sync::Arc, thread, time::Duration};
 use tokio::runtime::{Builder, Runtime};
 use trimaran::walkthrough::{FrameRecord, PathChoice, Plan, Recorder, Stage, Trail, in_process, viewport};
 use trimaran_actors::{
-    Devices, DisplayRole, Joined, OccluderPolicy, PairDevice, PairRole, Place, Seat, Stop, VulkanDisplay,
-    VulkanPair, await_pair, join_session,
+    Devices, DisplayRole, Joined, OccluderPolicy, PairDevice, PairRole, Place, Seat, Stop, Stopwatch,
+    VulkanDisplay, VulkanPair, await_pair, join_session,
 };
 use trimaran_cull::{CutRule, View, level_cut};
 use trimaran_proto::{Identity, Role};
@@ -104,7 +104,9 @@ pub(crate) fn walk_over_tcp(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<Fr
         let [first, second] = runtime.block_on(await_pair(listener, deadline)).unwrap();
         let device = VulkanDisplay::new(display, size).unwrap();
         let net = Arc::clone(&net);
-        let role = DisplayRole { scene: Arc::clone(&stage.scene), device, first, second, settings, net };
+        let clock = Stopwatch::start();
+        let role =
+            DisplayRole { scene: Arc::clone(&stage.scene), device, first, second, settings, net, clock };
         role.run(&mut trail.clone(), &mut recorder, runtime.handle(), &stop).unwrap();
     });
     recorder.into_frames()

@@ -10,7 +10,7 @@ use trimaran_transport::{Link, LinkConfig, Net, inproc};
 
 use crate::{
     Cameras, DisplayRole, Observer, OccluderPolicy, PairDevice, PairRole, PairTraffic, PictureDevice,
-    RoleError, Seat, Stop,
+    RoleError, Seat, Stop, Stopwatch,
 };
 
 /// The devices of the three roles.
@@ -97,6 +97,7 @@ where
         second: display_second,
         settings,
         net: Arc::clone(net),
+        clock: Stopwatch::start(),
     };
 
     thread::scope(|scope| {

@@ -38,6 +38,7 @@ pub(crate) fn settings(batch: u32) -> Settings {
         tester: TesterKind::Query,
         lockstep: true,
         few_pixels: false,
+        first: FrameNumber(0),
         frames: None,
     }
 }

@@ -77,6 +77,8 @@ pub struct DisplayRole<D> {
     pub settings: Settings,
     /// The time it waits by.
     pub net: Arc<dyn Net>,
+    /// Started with the session; it goes on when the session goes on with another role after a peer was lost.
+    pub clock: Stopwatch,
 }
 
 /// What the display's links carried, first and second machine.
@@ -148,11 +150,10 @@ const fn peer(seat: Seat) -> &'static str {
 
 impl<'r, D: PictureDevice> Work<'r, D> {
     fn new(role: DisplayRole<D>, waiting: Waiting<'r>) -> Result<Self, RoleError<D::Error>> {
-        let DisplayRole { scene, device, first, second, settings, net } = role;
-        let clock = Stopwatch::start();
+        let DisplayRole { scene, device, first, second, settings, net, clock } = role;
         let gaps = Gaps::new(&scene, rule_of(&settings)?);
         Ok(Self {
-            machine: DisplayMachine::new(settings.frames),
+            machine: DisplayMachine::new(settings.first, settings.frames),
             scene,
             device,
             carried: [first.stats.read(), second.stats.read()],

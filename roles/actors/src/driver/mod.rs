@@ -77,6 +77,21 @@ pub enum RoleError<D: std::error::Error + 'static> {
 }
 
 impl<D: std::error::Error + 'static> RoleError<D> {
+    /// Whether a peer is gone that may come again: its connection broke, or it has lost another peer itself. The session can go
+    /// on with the frame that was due, once all three have joined again.
+    #[must_use]
+    pub const fn lost_a_peer(&self) -> bool {
+        let Self::Link { cause, .. } = self else { return false };
+        matches!(
+            cause,
+            LinkError::Receive(
+                RecvError::Lost { .. }
+                    | RecvError::Silent { .. }
+                    | RecvError::Goodbye { reason: Goodbye::PeerLost(_), .. }
+            ) | LinkError::Send(SendError::Lost { .. } | SendError::Stalled { .. })
+        )
+    }
+
     /// Whether the session was ended on purpose: this role was asked to stop, or a peer that was said goodbye.
     #[must_use]
     pub const fn is_clean_end(&self) -> bool {
@@ -120,6 +135,7 @@ async fn leave<D: std::error::Error + 'static>(links: [Link; 2], result: &Result
     let reason = match result {
         Ok(()) => Goodbye::Finished,
         Err(error) if error.is_clean_end() => Goodbye::Interrupted,
+        Err(error) if error.lost_a_peer() => Goodbye::peer_lost(&error.to_string()),
         Err(error) => Goodbye::failed(&error.to_string()),
     };
     for link in links {
@@ -143,7 +159,7 @@ fn nanoseconds(time: std::time::Duration) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
+    use trimaran_proto::{BatchSize, EpsilonPx, FrameNumber, IdCoding, PictureSize, TesterKind};
 
     use super::*;
 
@@ -158,6 +174,7 @@ mod tests {
                 tester: TesterKind::Raster,
                 lockstep: true,
                 few_pixels,
+                first: FrameNumber(0),
                 frames: None,
             };
             let rule = rule_of(&settings).unwrap();

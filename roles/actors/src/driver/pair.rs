@@ -66,6 +66,7 @@ impl<D: PairDevice> PairRole<D> {
 /// What goes on while the role is played.
 struct Work<'r, D> {
     machine: SwitchMachine,
+    first: FrameNumber,
     device: D,
     display: Link,
     other: Link,
@@ -93,7 +94,8 @@ impl<'r, D: PairDevice> Work<'r, D> {
         let PairRole { seat, scene, device, display, other, settings, occluders } = role;
         let rule = rule_of(&settings)?;
         Ok(Self {
-            machine: SwitchMachine::new(seat, settings.frames),
+            machine: SwitchMachine::new(seat, settings.first, settings.frames),
+            first: settings.first,
             device,
             display,
             sent_to_other: other.stats.read().sent,
@@ -210,7 +212,7 @@ impl<'r, D: PairDevice> Work<'r, D> {
 
     /// HC (paper, section 4.1): sends the camera, then each visible drawable as it is decided, then the end.
     fn cull(&mut self, camera: Camera, feeds_other: bool) -> Result<(), RoleError<D::Error>> {
-        if camera.frame() == FrameNumber(0) {
+        if camera.frame() == self.first {
             // No frame before it to take occluders from.
             self.begin_occluders(camera)?;
             self.complete_occluders(camera)?;

@@ -22,6 +22,7 @@ pub enum DisplayStep {
 /// The order in which the display works.
 #[derive(Debug, Clone)]
 pub struct DisplayMachine {
+    first: FrameNumber,
     frames: Option<u32>,
     due: Option<FrameNumber>,
     began: bool,
@@ -30,17 +31,20 @@ pub struct DisplayMachine {
 }
 
 impl DisplayMachine {
-    /// A display for a session of `frames` frames, or one without end.
+    /// A display for a session that begins with the frame `first` and ends before the frame `frames`, or never.
     #[must_use]
-    pub fn new(frames: Option<u32>) -> Self {
-        let first = FrameNumber(0);
-        Self { frames, due: in_session(first, frames).then_some(first), began: false, handed: [None; 2] }
+    pub fn new(first: FrameNumber, frames: Option<u32>) -> Self {
+        let due = in_session(first, frames).then_some(first);
+        Self { first, frames, due, began: false, handed: [None; 2] }
     }
 
     /// The frames whose cameras are handed out before anything else, each to its machine: see [`DisplayMachine::hand_out`].
     pub fn first_cameras(&self) -> impl Iterator<Item = FrameNumber> + use<> {
         let frames = self.frames;
-        [FrameNumber(0), FrameNumber(1)].into_iter().filter(move |frame| in_session(*frame, frames))
+        [Some(self.first), self.first.next()]
+            .into_iter()
+            .flatten()
+            .filter(move |frame| in_session(*frame, frames))
     }
 
     /// Notes that `camera` goes to the machine that culls its frame. A camera handed out again for the same frame (the user has
@@ -104,7 +108,7 @@ mod tests {
 
     #[test]
     fn frames_alternate_between_the_machines() {
-        let mut display = DisplayMachine::new(Some(3));
+        let mut display = DisplayMachine::new(FrameNumber(0), Some(3));
         assert_eq!(display.first_cameras().collect::<Vec<_>>(), [FrameNumber(0), FrameNumber(1)]);
         for frame in 0..3 {
             let from = if frame % 2 == 0 { Seat::First } else { Seat::Second };
@@ -120,7 +124,7 @@ mod tests {
 
     #[test]
     fn a_frame_out_of_turn_is_refused() {
-        let mut display = DisplayMachine::new(None);
+        let mut display = DisplayMachine::new(FrameNumber(0), None);
         assert_eq!(
             display.began(camera(1), true),
             Err(OrderError::WrongFrame { due: FrameNumber(0), got: FrameNumber(1) })
@@ -130,7 +134,7 @@ mod tests {
 
     #[test]
     fn in_lockstep_a_foreign_camera_is_refused() {
-        let mut display = DisplayMachine::new(None);
+        let mut display = DisplayMachine::new(FrameNumber(0), None);
         let moved =
             Camera::new([1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, FrameNumber(0)).unwrap();
         display.hand_out(camera(0));

@@ -56,12 +56,9 @@ impl Seat {
         }
     }
 
-    /// The first frame this machine culls.
-    const fn first_frame(self) -> FrameNumber {
-        match self {
-            Self::First => FrameNumber(0),
-            Self::Second => FrameNumber(1),
-        }
+    /// The first frame this machine culls in a session that begins with `first`; `None` after the last number there is.
+    fn first_frame(self, first: FrameNumber) -> Option<FrameNumber> {
+        if Self::of(first) == self { Some(first) } else { first.next() }
     }
 }
 

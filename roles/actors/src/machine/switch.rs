@@ -40,17 +40,18 @@ enum State {
 /// The order in which one machine of the pair works.
 #[derive(Debug, Clone)]
 pub struct SwitchMachine {
+    first: FrameNumber,
     frames: Option<u32>,
     state: State,
 }
 
 impl SwitchMachine {
-    /// The machine in `seat`, for a session of `frames` frames, or one without end.
+    /// The machine in `seat`, for a session that begins with the frame `first` and ends before the frame `frames`, or never.
     #[must_use]
-    pub fn new(seat: Seat, frames: Option<u32>) -> Self {
-        let frame = seat.first_frame();
-        let state = if in_session(frame, frames) { State::AwaitCamera { frame } } else { State::Done };
-        Self { frames, state }
+    pub fn new(seat: Seat, first: FrameNumber, frames: Option<u32>) -> Self {
+        let due = seat.first_frame(first).filter(|frame| in_session(*frame, frames));
+        let state = due.map_or(State::Done, |frame| State::AwaitCamera { frame });
+        Self { first, frames, state }
     }
 
     /// What is due.
@@ -74,8 +75,8 @@ impl SwitchMachine {
         };
         match camera.frame().cmp(&frame) {
             std::cmp::Ordering::Less => {}
-            // Frame 0 has no frame before it whose visible set could hide something.
-            std::cmp::Ordering::Equal if frame.0 == 0 => self.state = State::Cull { camera },
+            // The first frame has none before it whose visible set could hide something.
+            std::cmp::Ordering::Equal if frame == self.first => self.state = State::Cull { camera },
             std::cmp::Ordering::Equal => self.state = State::Occlude { camera, began: false },
             std::cmp::Ordering::Greater => {
                 return Err(OrderError::CameraAhead { due: frame, got: camera.frame() });
@@ -158,14 +159,14 @@ mod tests {
 
     #[test]
     fn the_first_frame_is_culled_without_occluders() {
-        let mut machine = SwitchMachine::new(Seat::First, None);
+        let mut machine = SwitchMachine::new(Seat::First, FrameNumber(0), None);
         machine.camera(camera(0)).unwrap();
         assert_eq!(machine.step(), SwitchStep::Cull { camera: camera(0), feeds_other: true });
     }
 
     #[test]
     fn a_machine_draws_occluders_of_the_frame_it_then_culls() {
-        let mut machine = SwitchMachine::new(Seat::Second, None);
+        let mut machine = SwitchMachine::new(Seat::Second, FrameNumber(0), None);
         machine.camera(camera(1)).unwrap();
         assert_eq!(machine.step(), SwitchStep::Occlude { camera: camera(1) });
         machine.occluders_began(FrameNumber(0)).unwrap();
@@ -177,17 +178,17 @@ mod tests {
 
     #[test]
     fn the_last_frame_feeds_nobody_and_ends_the_machine() {
-        let mut machine = SwitchMachine::new(Seat::First, Some(1));
+        let mut machine = SwitchMachine::new(Seat::First, FrameNumber(0), Some(1));
         machine.camera(camera(0)).unwrap();
         assert_eq!(machine.step(), SwitchStep::Cull { camera: camera(0), feeds_other: false });
         machine.culled().unwrap();
         assert_eq!(machine.step(), SwitchStep::Done);
-        assert_eq!(SwitchMachine::new(Seat::Second, Some(1)).step(), SwitchStep::Done);
+        assert_eq!(SwitchMachine::new(Seat::Second, FrameNumber(0), Some(1)).step(), SwitchStep::Done);
     }
 
     #[test]
     fn an_old_camera_is_ignored_and_one_ahead_refused() {
-        let mut machine = SwitchMachine::new(Seat::Second, None);
+        let mut machine = SwitchMachine::new(Seat::Second, FrameNumber(0), None);
         machine.camera(camera(0)).unwrap();
         assert_eq!(machine.step(), SwitchStep::AwaitCamera { frame: FrameNumber(1) });
         assert_eq!(
@@ -198,7 +199,7 @@ mod tests {
 
     #[test]
     fn messages_out_of_order_are_refused_and_change_nothing() {
-        let mut machine = SwitchMachine::new(Seat::Second, None);
+        let mut machine = SwitchMachine::new(Seat::Second, FrameNumber(0), None);
         assert!(matches!(machine.occluders_ended(), Err(OrderError::Unexpected { .. })));
         assert!(matches!(machine.culled(), Err(OrderError::Unexpected { .. })));
         machine.camera(camera(1)).unwrap();

@@ -1,0 +1,189 @@
+//! A session of three processes that loses one of them: it goes on with the frame that was due once all have joined again.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
+
+use std::{
+    fs,
+    io::{BufRead, BufReader, Read, Write},
+    net::{TcpListener, TcpStream},
+    path::PathBuf,
+    process::{Child, ChildStderr, Command, Stdio},
+    thread,
+    time::Duration,
+};
+
+use tempfile::TempDir;
+
+/// How many frames the sessions have.
+const FRAMES: usize = 200;
+
+/// A folder with a scene, keys and a configuration a role.
+struct Deployment {
+    dir: TempDir,
+}
+
+/// A running role and what it says.
+struct Role {
+    child: Child,
+    stderr: BufReader<ChildStderr>,
+    said: String,
+}
+
+impl Deployment {
+    fn new(transport: &str) -> Self {
+        let deployment = Self { dir: tempfile::tempdir().unwrap() };
+        deployment.run(&["generate", "plant", "--objects", "300", "-o", "plant.scene"]);
+        for name in ["display", "first", "second"] {
+            deployment.run(&["keys", "new", name, "--out", "."]);
+        }
+        // Free ports of this moment; both kinds, as the transport may be either.
+        let port = || TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let (display, pair) =
+            (format!("{transport}://127.0.0.1:{}", port()), format!("{transport}://127.0.0.1:{}", port()));
+        let write = |name: &str, text: String| fs::write(deployment.dir.path().join(name), text).unwrap();
+        write(
+            "display.toml",
+            format!(
+                "scene = 'plant.scene'\nlisten = '{display}'\nout = 'walk'\nkeys = 'display.key'\nmetrics = '127.0.0.1:0'\n\
+                 peers.first = 'first.pub'\npeers.second = 'second.pub'\n\
+                 [session]\nframes = {FRAMES}\nwidth = 64\nheight = 64\naudit_every = 40\n"
+            ),
+        );
+        for (seat, other) in [("first", "second"), ("second", "first")] {
+            write(
+                &format!("{seat}.toml"),
+                format!(
+                    "scene = 'plant.scene'\nseat = '{seat}'\ndisplay = '{display}'\npair = '{pair}'\nkeys = '{seat}.key'\n\
+                     peers.display = 'display.pub'\npeers.other = '{other}.pub'\n"
+                ),
+            );
+        }
+        deployment
+    }
+
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
+        command.args(args).current_dir(self.dir.path());
+        command
+    }
+
+    fn run(&self, args: &[&str]) {
+        assert!(self.command(args).output().unwrap().status.success(), "{args:?}");
+    }
+
+    fn start(&self, name: &str, more: &[&str]) -> Role {
+        let kind = if name == "display" { "display" } else { "switch" };
+        let mut command = self.command(&["role", kind, "--config", &format!("{name}.toml")]);
+        let mut child = command.args(more).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        let stderr = BufReader::new(child.stderr.take().unwrap());
+        Role { child, stderr, said: String::new() }
+    }
+
+    fn report(&self) -> serde_json::Value {
+        let path: PathBuf = self.dir.path().join("walk/report.json");
+        serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+    }
+}
+
+impl Role {
+    /// Reads what it says up to a line that holds `words`.
+    fn says(&mut self, words: &str) -> String {
+        loop {
+            let mut line = String::new();
+            assert!(self.stderr.read_line(&mut line).unwrap() > 0, "{words:?} is not in: {}", self.said);
+            self.said.push_str(&line);
+            if line.contains(words) {
+                return line;
+            }
+        }
+    }
+
+    /// Waits until this display has received so many frames from one of its machines.
+    fn shows(&mut self, frames: u64) {
+        let line = self.says("metrics on http://");
+        let address = line.split("http://").nth(1).unwrap().split('/').next().unwrap().to_owned();
+        loop {
+            let mut stream = TcpStream::connect(&address).unwrap();
+            stream.write_all(b"GET /links HTTP/1.0\r\n\r\n").unwrap();
+            let mut answer = String::new();
+            stream.read_to_string(&mut answer).unwrap();
+            let links: serde_json::Value =
+                serde_json::from_str(answer.split("\r\n\r\n").nth(1).unwrap()).unwrap();
+            if links[0]["received"]["frames"].as_u64().unwrap() >= frames {
+                return;
+            }
+            thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    fn kill(mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+
+    fn ends(mut self, code: i32) -> String {
+        self.stderr.read_to_string(&mut self.said).unwrap();
+        assert_eq!(self.child.wait().unwrap().code(), Some(code), "{}", self.said);
+        self.said
+    }
+}
+
+#[test]
+fn a_machine_that_is_started_again_takes_its_place_and_no_frame_is_missing() {
+    for (transport, lost) in [("tcp", "second"), ("tcp", "first"), ("quic", "second"), ("udp", "first")] {
+        let deployment = Deployment::new(transport);
+        let mut display = deployment.start("display", &[]);
+        let (kept, killed) = if lost == "first" { ("second", "first") } else { ("first", "second") };
+        let kept = deployment.start(kept, &[]);
+        let role = deployment.start(killed, &[]);
+        display.shows(5);
+        role.kill();
+        let restarted = deployment.start(killed, &[]);
+        assert!(kept.ends(0).contains("joining again"), "{transport}, {lost}");
+        restarted.ends(0);
+        let said = display.ends(0);
+        assert!(said.contains("waiting 60 s"), "{transport}, {lost}: {said}");
+
+        let report = deployment.report();
+        let frames = report["frames"].as_array().unwrap();
+        assert_eq!(frames.len(), FRAMES, "{transport}, {lost}");
+        for (number, frame) in frames.iter().enumerate() {
+            assert_eq!(frame["frame"], number, "{transport}, {lost}");
+            if number % 40 == 0 {
+                assert_eq!(frame["cut_mismatch_pixels"], 0, "{transport}, {lost}: {frame}");
+            }
+        }
+        assert!(
+            report["run"]["notes"].to_string().contains("the session stopped before"),
+            "{}",
+            report["run"]
+        );
+    }
+}
+
+#[test]
+fn a_display_that_is_started_again_finds_its_pair() {
+    let deployment = Deployment::new("tcp");
+    let mut display = deployment.start("display", &[]);
+    let pair = ["first", "second"].map(|seat| deployment.start(seat, &[]));
+    display.shows(5);
+    display.kill();
+    deployment.start("display", &["--frames", "10"]).ends(0);
+    for role in pair {
+        assert!(role.ends(0).contains("joining again"));
+    }
+    assert_eq!(deployment.report()["frames"].as_array().unwrap().len(), 10);
+}
+
+#[test]
+fn a_peer_that_stays_away_ends_the_session() {
+    let deployment = Deployment::new("tcp");
+    let mut display = deployment.start("display", &["--reconnect", "1"]);
+    let first = deployment.start("first", &["--reconnect", "1"]);
+    let second = deployment.start("second", &[]);
+    display.shows(5);
+    second.kill();
+    for role in [first, display] {
+        let said = role.ends(1);
+        assert!(said.contains("could not go on within 1 s") && said.contains("lost"), "{said}");
+    }
+}
