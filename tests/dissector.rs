@@ -6,7 +6,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use tempfile::TempDir;
 use trimaran::simulate::{Knobs, Load, Scenario, Transport, Workload, simulate_captured};
@@ -17,7 +17,7 @@ use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameEvent, FrameNumber, FrameStart, FrameStats, IdCoding,
     Identity, PictureSize, Role, SceneHash, SentBytes, TesterKind,
 };
-use trimaran_transport::{Listener, Net, Options, TokioNet, connect};
+use trimaran_transport::{Listener, Net, Options, TokioNet, connect, sleep_until};
 
 const FRAMES: u32 = 12;
 const SCENE: SceneHash = SceneHash(0x0123_4567_89ab_cdef_0011_2233_4455_6677);
@@ -107,7 +107,7 @@ fn walk() -> Workload {
     let ms = Duration::from_millis;
     let record = |frame: u32| {
         let ids: Vec<DrawableId> =
-            (0..700).filter(|id| (id + frame) % 13 != 0).map(|id| DrawableId(3 * id)).collect();
+            (0..700).filter(|id| !(id + frame).is_multiple_of(13)).map(|id| DrawableId(3 * id)).collect();
         let busy = 2_000_000;
         FrameRecord {
             camera: Camera::new(
@@ -275,10 +275,10 @@ async fn a_real_link_over_loopback_is_read_the_same() {
     while !matches!(display.frames_rx.recv().await.unwrap(), FrameEvent::End(_)) {}
 
     // Packets reach the file some time after they passed.
-    let until = Instant::now() + Duration::from_secs(30);
+    let until = net.now().after(Duration::from_secs(30));
     while capture.read("trimaran.end", ["trimaran.end"]).is_empty() {
-        assert!(Instant::now() < until, "the frame's end was never captured");
-        tokio::time::sleep(Duration::from_millis(200)).await;
+        assert!(net.now() < until, "the frame's end was never captured");
+        sleep_until(&*net, net.now().after(Duration::from_millis(200))).await;
     }
     let frames = capture.frames();
     assert_eq!(frames.len(), 1);

@@ -16,7 +16,7 @@ const TIMELINES: usize = 12;
 /// The page; its runs are shown network by network.
 pub(in crate::report) fn page(outcomes: &[Outcome], command: &[String]) -> String {
     let networks = || outcomes.chunk_by(|a, b| a.network == b.network);
-    let latencies: String = networks().map(|runs| latency(runs)).collect();
+    let latencies: String = networks().map(latency).collect();
     let splits: String = networks().map(split).collect();
     let bytes: String = networks().map(bytes).collect();
     let curves: String = networks().map(error_curve).collect();
