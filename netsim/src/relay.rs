@@ -191,7 +191,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::link::{LinkModel, Loss, Probability, Rate};
+    use crate::link::{CoDel, Discipline, LinkModel, Loss, Probability, Rate};
 
     fn star(model: &LinkModel) -> (Topology, [HostId; 3]) {
         let topology = Topology::star(&["a", "b", "c"], model, model);
@@ -237,6 +237,26 @@ mod tests {
         assert_eq!(relay.arrival(at(10_000_000)).map(|arrival| arrival.packet), Some(1));
         assert_eq!(relay.arrival(at(10_000_000)), None);
         assert_eq!(relay.arrival(at(10_246_080)).map(|arrival| arrival.packet), Some(2));
+    }
+
+    #[test]
+    fn a_packet_that_a_queue_has_marked_arrives_marked() {
+        let mut model = LinkModel::clean(Rate::new(10_000_000), Duration::ZERO);
+        model.queue.discipline = Discipline::CoDel(CoDel::default());
+        let (topology, [a, b, _]) = star(&model);
+        let mut relay = Relay::new(&topology, 1);
+        for packet in 0..2000 {
+            // A seventh more than the link takes.
+            let now = at(packet * 1_076_600);
+            relay.offer(now, Parting { from: a, to: b, ip_bytes: 1500, ecn: Ecn::Capable0, packet: () });
+        }
+        let mut marked = 0;
+        while let Some(arrival) = relay.arrival(at(u64::MAX)) {
+            marked += u64::from(arrival.ecn == Ecn::Experienced);
+        }
+        let by_links: u64 = relay.links().iter().map(|link| link.marked.packets).sum();
+        assert!(marked > 5, "{marked}");
+        assert_eq!((marked, relay.totals().managed), (by_links, 0));
     }
 
     #[test]

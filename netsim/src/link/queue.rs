@@ -206,6 +206,9 @@ mod tests {
         assert_eq!(queue.push(at(0), 200, 'a'), Ok(()));
         assert_eq!(queue.push(at(0), 51, 'b'), Err('b'));
         assert_eq!(queue.push(at(0), 50, 'c'), Ok(()));
+        assert_eq!(queue.next(at(1), 1500, |_| true), Some(Verdict::Send('a')));
+        assert_eq!(queue.push(at(1), 201, 'd'), Err('d'));
+        assert_eq!(queue.push(at(1), 200, 'd'), Ok(()), "whoever leaves makes room for as many bytes");
     }
 
     /// The times at which packets are dropped when each has waited `waited` and there is one a millisecond.
