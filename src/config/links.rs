@@ -11,10 +11,12 @@ use trimaran_transport::{
 
 use super::{ConfigError, seconds};
 
+mod limits;
 mod quic;
 mod streams;
 mod udp;
 
+pub use limits::LimitsConfig;
 pub use quic::QuicConfig;
 pub use streams::{FileMode, FileModeError, TcpConfig, UnixConfig};
 pub use udp::{FrameMode, RepairMode, UdpConfig, UdpCongestion, UdpTrust};
@@ -47,6 +49,9 @@ pub struct LinkConfig {
         layer_attr(arg(long = "link-handshakes", value_name = "N"))
     )]
     pub handshakes: usize,
+    /// What others may ask for in a second.
+    #[config(nested, layer_attr(command(flatten)))]
+    pub limits: LimitsConfig,
     /// TCP.
     #[config(nested, layer_attr(command(flatten)))]
     pub tcp: TcpConfig,
@@ -87,10 +92,16 @@ impl LinkConfig {
             link: trimaran_transport::LinkConfig {
                 patience: duration(self.patience_s),
                 lease: duration(self.lease_s),
+                messages_per_s: self.limits.messages_per_s,
                 ..trimaran_transport::LinkConfig::default()
             },
             handshake: duration(self.handshake_s),
-            limits: Limits { peers: self.peers, handshakes: self.handshakes },
+            limits: Limits {
+                peers: self.peers,
+                handshakes: self.handshakes,
+                handshakes_per_s: self.limits.handshakes_per_s,
+                handshakes_per_s_per_address: self.limits.handshakes_per_s_per_address,
+            },
             security,
             tcp: self.tcp.options(),
             unix: self.unix.options(),

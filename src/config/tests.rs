@@ -100,6 +100,8 @@ fn values_outside_their_range_are_refused_by_line_and_key() {
         "patience_s = -1",
         "link.patience_s = 1e9",
         "link.quic.congestion = 'reno'",
+        "link.limits.handshakes_per_s = 0",
+        "link.limits.messages_per_s = -1",
         "link.tcp.nodelay = 1",
         "link.tcp.send_buffer = -1",
         "link.tcp.keepalive_s = -1",

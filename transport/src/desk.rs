@@ -8,7 +8,8 @@ use trimaran_proto::{Identity, Refusal, Role};
 
 use crate::handshake::HandshakeError;
 use crate::net::Net;
-use crate::{Link, Options};
+use crate::rates::{Handshakes, TurnedAway};
+use crate::{Link, Options, PeerAddress};
 
 /// Admits peers and hands their links to whoever accepts. A transport's listening task holds it, asks [`Desk::enter`] once a
 /// peer has introduced itself, and ends when [`Desk::closed`] does.
@@ -19,6 +20,7 @@ pub(crate) struct Desk {
     pub(crate) options: Options,
     taken: Arc<Mutex<Vec<Role>>>,
     room: Arc<Semaphore>,
+    handshakes: Handshakes,
     done: mpsc::Sender<Link>,
     last_failure: Mutex<Option<HandshakeError>>,
 }
@@ -55,14 +57,28 @@ impl Desk {
             options: options.clone(),
             taken: Arc::default(),
             room: Arc::new(Semaphore::new(options.limits.handshakes)),
+            handshakes: Handshakes::new(&options.limits),
             done,
             last_failure: Mutex::default(),
         }
     }
 
+    /// Counts a handshake that begins.
+    pub(crate) fn begin(&self, from: &PeerAddress) -> Result<(), HandshakeError> {
+        self.handshakes.begin(self.net.now(), from).map_err(HandshakeError::TooMany)
+    }
+
     /// Room for one more handshake, kept until the permit is dropped.
-    pub(crate) fn room(&self) -> Option<OwnedSemaphorePermit> {
-        Arc::clone(&self.room).try_acquire_owned().ok()
+    pub(crate) fn room(&self) -> Result<OwnedSemaphorePermit, HandshakeError> {
+        Arc::clone(&self.room).try_acquire_owned().map_err(|_| {
+            self.handshakes.no_room();
+            HandshakeError::Refused(Refusal::Busy)
+        })
+    }
+
+    /// What was turned away.
+    pub(crate) fn turned_away(&self) -> TurnedAway {
+        self.handshakes.turned_away()
     }
 
     /// Whether `theirs` may come in, without taking the place.

@@ -9,6 +9,7 @@ use trimaran_proto::{
 };
 
 use crate::patience::Expired;
+use crate::rates::TooMany;
 
 /// Why nothing was received.
 #[derive(Debug, Error)]
@@ -131,6 +132,9 @@ pub enum ProtocolError {
     /// It sent ids as changes that make no sense.
     #[error(transparent)]
     Coded(#[from] CodedViolation),
+    /// It sent more than it may.
+    #[error(transparent)]
+    TooMany(#[from] TooMany),
     /// It sent a message that does not belong on the lane.
     #[error("a {kind} message does not belong on the {lane} lane")]
     Misplaced {

@@ -5,13 +5,15 @@ use std::task::{Context, Poll, Waker};
 
 use trimaran_proto::{
     Delivery, DrawableId, FrameAssembler, FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOrderError,
-    FrameStart, FrameStats, FrameWriter, Goodbye, IdCoding, IdEncoder, Kind, Message,
+    FrameOutcome, FrameStart, FrameStats, FrameWriter, Goodbye, IdCoding, IdEncoder, Kind, Message,
 };
 
 use crate::error::{LaneError, LaneSendError, ProtocolError};
 use crate::link::{Batching, Capabilities, Shared};
 use crate::net::Instant;
 use crate::patience::Patience;
+use crate::rates::Messages;
+use crate::trace::{FrameSpan, Way};
 use crate::{RecvError, SendError, inproc, quic, stream, udp};
 
 /// Sends frames: `begin`, any number of `push`, `finish`.
@@ -26,6 +28,7 @@ pub struct FrameSender {
     pub(crate) lane: FrameTx,
     pub(crate) shared: Shared,
     pub(crate) patience: Patience,
+    span: FrameSpan,
 }
 
 /// Receives frames.
@@ -35,6 +38,8 @@ pub struct FrameReceiver {
     pub(crate) lane: FrameRx,
     pub(crate) shared: Shared,
     pub(crate) patience: Patience,
+    rate: Messages,
+    span: FrameSpan,
 }
 
 #[derive(Debug)]
@@ -65,7 +70,7 @@ impl FrameSender {
         // Nothing is coded within one process.
         let codes = !matches!(lane, FrameTx::Inproc(_));
         let encoder = (coding == IdCoding::Changes && codes).then(|| IdEncoder::new(delivery));
-        Self { writer: FrameWriter::new(size), encoder, lane, shared, patience }
+        Self { writer: FrameWriter::new(size), encoder, lane, shared, patience, span: FrameSpan::none() }
     }
 
     /// Begins a frame; its camera is on its way when this returns.
@@ -74,6 +79,7 @@ impl FrameSender {
     /// When the peer is gone or stalls, a frame is open, or the frame's number is not above the last one's.
     pub async fn begin(&mut self, start: FrameStart) -> Result<(), SendError> {
         let message = self.writer.begin(start).map_err(|e| self.order(e))?;
+        self.span = FrameSpan::open(Way::Sent, start.frame, &self.shared);
         if let (Some(encoder), FrameTx::Udp(lane)) = (&mut self.encoder, &self.lane)
             && let Some(confirmed) = lane.confirmed()
         {
@@ -115,6 +121,7 @@ impl FrameSender {
             .finish(|message| lane.stage(coded(encoder, message), shared))
             .map_err(|e| self.order(e))?;
         self.send_staged().await?;
+        self.span.close(Way::Sent, end.ids, true, &self.shared);
         Ok(end)
     }
 
@@ -184,8 +191,8 @@ fn coded(encoder: &mut Option<IdEncoder>, message: FrameMessage) -> Message {
 }
 
 impl FrameReceiver {
-    pub(crate) fn new(lane: FrameRx, shared: Shared, patience: Patience) -> Self {
-        Self { assembler: FrameAssembler::new(), lane, shared, patience }
+    pub(crate) fn new(lane: FrameRx, shared: Shared, patience: Patience, rate: Messages) -> Self {
+        Self { assembler: FrameAssembler::new(), lane, shared, patience, rate, span: FrameSpan::none() }
     }
 
     /// Waits for what comes next. Dropping the future loses nothing.
@@ -233,11 +240,24 @@ impl FrameReceiver {
         };
         let event = message
             .and_then(|message| {
+                self.rate
+                    .count(|| self.patience.now())
+                    .map_err(|e| LaneError::Protocol(ProtocolError::TooMany(e)))?;
                 self.assembler.take(message).map_err(|e| LaneError::Protocol(ProtocolError::Frame(e)))
             })
             .map_err(|e| e.receiving(self.shared.peer, self.patience.limit()))?;
-        if let FrameEvent::Ids(batch) = &event {
-            self.shared.counters.received.count_ids(batch.count());
+        match &event {
+            FrameEvent::Begin(start) => {
+                self.span = FrameSpan::open(Way::Received, start.frame, &self.shared);
+            }
+            FrameEvent::Ids(batch) => self.shared.counters.received.count_ids(batch.count()),
+            FrameEvent::End(FrameOutcome::Complete(end)) => {
+                self.span.close(Way::Received, end.ids, true, &self.shared);
+            }
+            FrameEvent::End(FrameOutcome::Incomplete { received, .. }) => {
+                self.span.close(Way::Received, *received, false, &self.shared);
+            }
+            FrameEvent::Stats(_) => {}
         }
         Ok(event)
     }

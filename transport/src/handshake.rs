@@ -8,6 +8,7 @@ use trimaran_proto::{DecodeError, DecodeFault, Hello, Identity, Kind, Message, R
 use crate::error::{LaneError, Loss, ProtocolError};
 use crate::keys::Fingerprint;
 use crate::quic::UnknownPeer;
+use crate::rates::TooMany;
 use crate::unix::ForeignUser;
 
 /// Why a handshake failed.
@@ -81,6 +82,9 @@ pub enum HandshakeError {
         /// What the peer and the way allow, bytes.
         allowed: Option<usize>,
     },
+    /// Too many handshakes begin.
+    #[error(transparent)]
+    TooMany(#[from] TooMany),
     /// The peer is another user's process.
     #[error(transparent)]
     ForeignUser(#[from] ForeignUser),
@@ -94,6 +98,7 @@ impl From<LaneError> for HandshakeError {
             LaneError::Lost(Loss::Silent) => Self::TimedOut,
             LaneError::Protocol(ProtocolError::Decode(e)) => Self::Decode(e),
             LaneError::Protocol(ProtocolError::Misplaced { kind, .. }) => Self::Unexpected { kind },
+            LaneError::Protocol(ProtocolError::TooMany(e)) => Self::TooMany(e),
             LaneError::Protocol(ProtocolError::Frame(_) | ProtocolError::Datagrams(_)) => {
                 Self::Unexpected { kind: Kind::Ids }
             }

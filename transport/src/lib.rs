@@ -23,10 +23,12 @@ mod options;
 mod patience;
 pub mod probe;
 pub mod quic;
+mod rates;
 mod stats;
 mod stream;
 mod tcp;
 mod tokio_net;
+mod trace;
 pub mod udp;
 mod unix;
 
@@ -46,6 +48,7 @@ pub use net::{
     Transmit, UdpPoller, UdpSocket, UdpSocketOptions, sleep_until, until,
 };
 pub use options::{Limits, Options};
+pub use rates::{TooMany, TurnedAway};
 pub use stats::{LinkStats, StatsHandle, Tally, Traffic};
 pub use tcp::{Keepalive, TcpOptions};
 pub use tokio_net::TokioNet;

@@ -11,6 +11,7 @@ use crate::frames::{FrameRx, FrameTx};
 use crate::latest::{LatestRx, LatestTx};
 use crate::net::Net;
 use crate::patience::Patience;
+use crate::rates::Messages;
 use crate::stats::Counters;
 use crate::{FrameReceiver, FrameSender, LatestReceiver, LatestSender, SendError, StatsHandle};
 
@@ -132,6 +133,9 @@ pub struct LinkConfig {
     pub batch: BatchSize,
     /// How ids travel, where neither peer's settings say so. Within one process they are not coded.
     pub coding: IdCoding,
+    /// How many messages the peer may send on the frames lane in a second, measured over that many: one that sends more is no peer but a
+    /// flood, and the lane fails. Of cameras only the newest is read anyway. Not within one process. Default 1,000,000.
+    pub messages_per_s: u32,
 }
 
 /// How a link's ids travel.
@@ -148,6 +152,7 @@ impl Default for LinkConfig {
             lease: Duration::from_secs(20),
             batch: BatchSize::default(),
             coding: IdCoding::default(),
+            messages_per_s: 1_000_000,
         }
     }
 }
@@ -207,6 +212,8 @@ pub(crate) struct Parts {
 impl Parts {
     pub(crate) fn into_link(self, net: &Arc<dyn Net>, config: &LinkConfig) -> Link {
         let Self { latest, frames, peer, capabilities, shared, batching } = self;
+        let local = peer.address == PeerAddress::InProcess;
+        let most = if local { u32::MAX } else { config.messages_per_s };
         let patience = || Patience::new(net, config.patience, config.lease);
         Link {
             peer,
@@ -215,7 +222,7 @@ impl Parts {
             latest_tx: LatestSender { lane: latest.0, shared: shared.clone(), patience: patience() },
             latest_rx: LatestReceiver { lane: latest.1, shared: shared.clone(), patience: patience() },
             frames_tx: FrameSender::new(batching, capabilities, frames.0, shared.clone(), patience()),
-            frames_rx: FrameReceiver::new(frames.1, shared, patience()),
+            frames_rx: FrameReceiver::new(frames.1, shared, patience(), Messages::new(most)),
         }
     }
 }

@@ -12,6 +12,7 @@ use trimaran_proto::Identity;
 use crate::desk::Desk;
 use crate::handshake::HandshakeError;
 use crate::net::{Instant, Net, until};
+use crate::rates::TurnedAway;
 use crate::{Endpoint, Endpoints, HostPort, Link, Options, UdpEndpoint, inproc, quic, tcp, udp, unix};
 
 /// How many links may wait for [`Listener::accept`].
@@ -134,6 +135,12 @@ impl Listener {
     #[must_use]
     pub const fn local_endpoints(&self) -> &Endpoints {
         &self.endpoints
+    }
+
+    /// What was turned away so far.
+    #[must_use]
+    pub fn turned_away(&self) -> TurnedAway {
+        self.desk.turned_away()
     }
 
     /// Waits for the next peer, until `deadline` at most.

@@ -35,6 +35,10 @@ pub struct Limits {
     pub peers: usize,
     /// How many handshakes a listener has under way at once; more are turned away. Default 32.
     pub handshakes: usize,
+    /// How many handshakes may begin at a listener in a second, by all together; more are turned away. Default 1,000.
+    pub handshakes_per_s: u32,
+    /// And by one address, or of IPv6 one network of 64 bits; a link over TCP takes two. Default 500.
+    pub handshakes_per_s_per_address: u32,
 }
 
 impl Default for Options {
@@ -54,6 +58,6 @@ impl Default for Options {
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { peers: 16, handshakes: 32 }
+        Self { peers: 16, handshakes: 32, handshakes_per_s: 1000, handshakes_per_s_per_address: 500 }
     }
 }

@@ -242,6 +242,11 @@ impl Direction {
         self.id_count.fetch_add(ids as u64, Ordering::Relaxed);
     }
 
+    /// The payload bytes of frames: beginnings, ids and ends.
+    pub(crate) fn frame_bytes(&self) -> u64 {
+        [&self.begin, &self.ids, &self.end].into_iter().map(|tally| tally.read().bytes).sum()
+    }
+
     fn absorb(&self, other: &Self) {
         let Self { camera, begin, ids, id_count, end, control } = self;
         id_count.fetch_add(other.id_count.load(Ordering::Relaxed), Ordering::Relaxed);

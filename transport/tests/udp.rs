@@ -16,7 +16,7 @@ use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{
     AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Link, LinkConfig, Listener,
-    Loss, Net, Options, PeerAddress, RecvError, connect, sleep_until, until,
+    Loss, Net, Options, PeerAddress, ProtocolError, RecvError, TooMany, connect, sleep_until, until,
 };
 
 struct Udp;
@@ -464,6 +464,66 @@ async fn packets_are_counted_while_the_link_lives_and_after() {
     assert!(last.sent >= sent.sent && last.sent_bytes >= sent.sent_bytes, "{last:?} after {sent:?}");
     let (tcp, _peer) = joined("tcp://127.0.0.1:0", &Options::default()).await;
     assert_eq!(tcp.stats.read().path, None, "TCP does not tell");
+}
+
+/// An address that shakes hands too often is not even heard; others are.
+#[tokio::test]
+async fn handshakes_beyond_the_limit_of_a_second_are_turned_away_and_counted() {
+    for endpoint in ["udp://127.0.0.1:0", "tcp://127.0.0.1:0"] {
+        let limits = Limits { handshakes_per_s_per_address: 2, ..Limits::default() };
+        let options = Options { limits, handshake: Duration::from_millis(300), ..shared(1) };
+        let net = net();
+        let mut listener =
+            Listener::bind(&net, &endpoint.parse().unwrap(), identity(Role::SwitchA), &options)
+                .await
+                .unwrap();
+        let at = listener.local_endpoint().clone();
+        // Refused for their scene, so that each connection is one handshake of the second.
+        let other = Identity { scene: SceneHash(7), ..identity(Role::Display) };
+        let begun = net.now();
+        while listener.turned_away().from_address == 0 {
+            assert!(
+                net.now().since(begun) < Duration::from_secs(20),
+                "{endpoint}: {:?}",
+                listener.turned_away()
+            );
+            let soon = net.now().after(Duration::from_millis(500));
+            let _refused = connect(&net, &at, other, &options, soon).await;
+        }
+        a_display_gets_in(&mut listener, &at, &options).await;
+        assert_eq!(listener.turned_away().in_all, 0, "{endpoint}");
+    }
+}
+
+#[tokio::test]
+async fn a_peer_that_floods_the_lane_is_lost_for_it() {
+    let link = LinkConfig { messages_per_s: 200, ..LinkConfig::default() };
+    let options = Options { link, ..shared(1) };
+    for endpoint in ["udp://127.0.0.1:0", "tcp://127.0.0.1:0"] {
+        let (mut a, mut display) = joined(endpoint, &options).await;
+        let flood = async {
+            for frame in 0..1000 {
+                let sent = async {
+                    a.frames_tx.begin(start(frame)).await?;
+                    a.frames_tx.finish().await
+                };
+                if sent.await.is_err() {
+                    break;
+                }
+            }
+        };
+        let read = async {
+            loop {
+                if let Err(e) = display.frames_rx.recv().await {
+                    break e;
+                }
+            }
+        };
+        let (_, error) = tokio::join!(flood, read);
+        let RecvError::Protocol { cause: ProtocolError::TooMany(TooMany::Messages(200)), .. } = error else {
+            panic!("{endpoint}: {error:?}")
+        };
+    }
 }
 
 #[tokio::test]

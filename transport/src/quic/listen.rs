@@ -12,6 +12,7 @@ use trimaran_proto::{Accept, Hello, Lane, Message, Refusal};
 use super::connect::endpoint;
 use super::control::{Control, check_datagrams, explain};
 use super::tls::{self, Doorman};
+use crate::PeerAddress;
 use crate::desk::Desk;
 use crate::handshake::{HandshakeError, Parley};
 use crate::keys::Security;
@@ -63,9 +64,14 @@ async fn serve(desk: Arc<Desk>, security: Security, endpoint: Endpoint) {
             }
             continue;
         }
-        let Some(permit) = desk.room() else {
-            incoming.refuse();
-            continue;
+        let from = PeerAddress::Quic(incoming.remote_address());
+        let permit = match desk.begin(&from).and_then(|()| desk.room()) {
+            Ok(permit) => permit,
+            Err(e) => {
+                desk.failed(&from, e);
+                incoming.refuse();
+                continue;
+            }
         };
         let guest = Guest { desk: Arc::clone(&desk), _permit: permit, _counted: Arc::clone(&under_way) };
         let security = security.clone();

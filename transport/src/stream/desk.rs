@@ -63,9 +63,12 @@ impl Reception {
             match accepted {
                 Ok(stream) => {
                     let reception = Arc::clone(&self);
-                    match self.desk.room() {
-                        Some(permit) => self.desk.net.spawn(Box::pin(reception.receive(stream, permit))),
-                        None => turn_away(stream),
+                    match self.desk.begin(&stream.peer).and_then(|()| self.desk.room()) {
+                        Ok(permit) => self.desk.net.spawn(Box::pin(reception.receive(stream, permit))),
+                        Err(e) => {
+                            self.desk.failed(&stream.peer, e);
+                            turn_away(stream);
+                        }
                     }
                 }
                 Err(e) => {

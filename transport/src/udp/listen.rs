@@ -15,12 +15,12 @@ use super::connect::{introduce_with, read_introduction};
 use super::driver::Board;
 use super::port::{Port, Waiter};
 use super::socket::{Incoming, Outgoing};
-use crate::UdpMode;
 use crate::desk::{Desk, Place, lock};
 use crate::handshake::HandshakeError;
 use crate::link::Batching;
 use crate::net::{UdpSocket, until};
 use crate::stats::Counters;
+use crate::{PeerAddress, UdpMode};
 
 /// Listens, and receives peers until nobody accepts them any more. Says where.
 pub(crate) fn listen(at: SocketAddr, mode: Option<UdpMode>, desk: &Arc<Desk>) -> io::Result<SocketAddr> {
@@ -84,6 +84,12 @@ impl Hall {
 
     /// A datagram for no connection.
     fn take(&self, from: SocketAddr, datagram: &[u8]) {
+        // Whoever sends from an address of its own makes work from here on.
+        if self.door.would_open(self.desk.net.now(), from, datagram)
+            && let Err(e) = self.desk.begin(&PeerAddress::Udp(from))
+        {
+            return self.desk.failed(&from, e);
+        }
         let mut reply = Vec::new();
         match self.door.handle(self.desk.net.now(), from, datagram, &mut reply) {
             Reception::Reply => self.send(from, &reply),
@@ -134,7 +140,7 @@ impl Hall {
             let Hello { session, lane, .. } = hello;
             return Err(HandshakeError::Refused(Refusal::Session { session, lane }));
         }
-        let permit = self.desk.room().ok_or(HandshakeError::Refused(Refusal::Busy))?;
+        let permit = self.desk.room()?;
         let place = self.desk.enter(&hello.identity).map_err(HandshakeError::Refused)?;
         let reliable = reliable && self.config.patience.is_none();
         Ok(Guest { hello, reliable, place, permit, counters })

@@ -281,6 +281,17 @@ impl Door {
         }
     }
 
+    /// Whether `datagram` is a first packet with a good cookie: [`Door::handle`] answers others for nearly nothing, and opens this one.
+    #[must_use]
+    pub fn would_open(&self, now: Instant, address: SocketAddr, datagram: &[u8]) -> bool {
+        let Ok(Packet::Initial { version: VERSION, from, cookie: Some(cookie), .. }) =
+            Packet::parse(datagram)
+        else {
+            return false;
+        };
+        datagram.len() >= MIN_DATAGRAM && self.jar.accepts(now, address, from, cookie)
+    }
+
     fn open(&self, from: ConnectionId, noise: &[u8]) -> Option<Knock> {
         let mut half = Half::new(&self.security, from, false).ok()?;
         let hello = half.read(noise)?;

@@ -1,0 +1,144 @@
+//! A span for each frame that is sent or received, at the level debug: what it took, in time, ids and bytes.
+
+use tracing::field::Empty;
+use tracing::{Span, debug, debug_span};
+use trimaran_proto::{FrameNumber, Kind};
+
+use crate::link::Shared;
+use crate::stats::Direction;
+
+/// The span of the open frame; where nobody listens it is none, and costs a look at a flag.
+#[derive(Debug)]
+pub(crate) struct FrameSpan {
+    span: Span,
+    /// The bytes of frames before it.
+    before: u64,
+}
+
+/// Which way a frame goes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Way {
+    Sent,
+    Received,
+}
+
+impl Way {
+    fn counts(self, shared: &Shared) -> &Direction {
+        match self {
+            Self::Sent => &shared.counters.sent,
+            Self::Received => &shared.counters.received,
+        }
+    }
+}
+
+impl FrameSpan {
+    pub(crate) fn none() -> Self {
+        Self { span: Span::none(), before: 0 }
+    }
+
+    /// The span of a frame that begins now.
+    pub(crate) fn open(way: Way, frame: FrameNumber, shared: &Shared) -> Self {
+        let direction = match way {
+            Way::Sent => "sent",
+            Way::Received => "received",
+        };
+        let span = debug_span!("frame", number = frame.0, peer = %shared.peer, direction, ids = Empty, bytes = Empty);
+        if span.is_disabled() {
+            return Self::none();
+        }
+        let counted = way.counts(shared).frame_bytes();
+        // What has arrived of a frame that begins here is its beginning, and that was counted.
+        let before = match way {
+            Way::Sent => counted,
+            Way::Received => counted.saturating_sub(*Kind::Begin.lengths().end() as u64),
+        };
+        Self { span, before }
+    }
+
+    /// The frame is over: it had so many ids, perhaps not all that it should have.
+    pub(crate) fn close(&mut self, way: Way, ids: u32, whole: bool, shared: &Shared) {
+        let Self { span, before } = std::mem::replace(self, Self::none());
+        if span.is_disabled() {
+            return;
+        }
+        span.record("ids", ids);
+        span.record("bytes", way.counts(shared).frame_bytes().saturating_sub(before));
+        if whole {
+            debug!(parent: &span, "whole");
+        } else {
+            debug!(parent: &span, "with gaps");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{self, Write};
+    use std::sync::{Arc, Mutex};
+
+    use tracing_subscriber::filter::LevelFilter;
+    use trimaran_proto::{Camera, DrawableId, FrameEvent, FrameStart, Identity, Role, SceneHash};
+
+    use super::*;
+    use crate::desk::lock;
+    use crate::{LinkConfig, Net, TokioNet, inproc};
+
+    #[derive(Clone, Default)]
+    struct Page(Arc<Mutex<Vec<u8>>>);
+
+    impl Write for Page {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            lock(&self.0).write(bytes)
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    /// What is logged of one frame of three ids over a link.
+    fn logged(level: LevelFilter) -> String {
+        let page = Page::default();
+        let writer = page.clone();
+        let subscriber = tracing_subscriber::fmt()
+            .with_max_level(level)
+            .with_ansi(false)
+            .with_writer(move || writer.clone())
+            .finish();
+        tracing::subscriber::with_default(subscriber, || {
+            let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+            runtime.block_on(one_frame());
+        });
+        String::from_utf8(lock(&page.0).clone()).unwrap()
+    }
+
+    async fn one_frame() {
+        let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
+        let identity = |role| Identity { role, scene: SceneHash(1), settings: None };
+        let ends = [Role::SwitchA, Role::Display].map(identity);
+        let (mut a, mut display) = inproc::pair(&net, ends[0], ends[1], &LinkConfig::default()).unwrap();
+        let frame = FrameNumber(7);
+        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, frame).unwrap();
+        a.frames_tx.begin(FrameStart { frame, camera }).await.unwrap();
+        a.frames_tx.push(&[1, 2, 3].map(DrawableId)).await.unwrap();
+        a.frames_tx.finish().await.unwrap();
+        while !matches!(display.frames_rx.recv().await.unwrap(), FrameEvent::End(_)) {}
+    }
+
+    #[test]
+    fn a_frame_has_a_span_at_each_end_with_what_it_took() {
+        let page = logged(LevelFilter::DEBUG);
+        // Begin, three ids, end.
+        let bytes = 76 + 12 + 16;
+        for (peer, direction) in [("display", "sent"), ("switch A", "received")] {
+            let span = format!("frame{{number=7 peer={peer} direction=\"{direction}\" ids=3 bytes={bytes}}}");
+            let lines: Vec<_> = page.lines().filter(|line| line.contains(&span)).collect();
+            assert!(lines.len() == 1 && lines[0].ends_with("whole"), "{span} is not once in: {page}");
+        }
+    }
+
+    #[test]
+    fn nothing_is_said_of_frames_above_that_level() {
+        assert_eq!(logged(LevelFilter::INFO), "");
+    }
+}
