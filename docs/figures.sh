@@ -93,7 +93,6 @@ sim --trace "$1" $times --network fast-ethernet --link tcp,quic,udp --coding cha
 table $bytes
 
 echo; echo "## Late or wrong"
-sim --trace "$1" --scene "$2" $times --network wifi --link tcp,quic,udp,udp-deadline --udp-deadline-ms 2,5,10 --udp-repair 0,15 \
-    --frames 1200 --seed 1
+sim --trace "$1" --scene "$2" $times --network wifi --link tcp,quic,udp,udp-deadline --udp-deadline-ms 2,5,10 --frames 360
 table link=link p50_ms=p50 p99_ms=p99 p999_ms=p99.9 incomplete=gaps frames_wrong=frames_wrong \
     wrong_pixels=wrong_pixels_a_frame worst_pixels=worst needless_triangles=needless_triangles_a_frame bytes=bytes_a_frame
