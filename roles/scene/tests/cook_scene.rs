@@ -283,3 +283,17 @@ fn a_placement_beyond_single_precision_is_refused_by_name() {
     let message = cook(&model, &CookOptions::default(), &()).unwrap_err().to_string();
     assert!(message.contains("pipe 3"), "{message}");
 }
+
+/// Slats of 32 triangles: half of them would be saved, but that is less than a draw costs, and the slats would part.
+#[test]
+fn a_small_part_is_drawn_as_it_is() {
+    let mut model = rack();
+    model.meshes = vec![pipe(8, 2), pipe(8, 4)];
+    let scene = cooked(&model);
+    let levels = |mesh: u32| {
+        let object = model.objects.iter().position(|object| object.mesh == mesh).unwrap();
+        object_nodes(&scene).find(|node| node.object == object as u32).unwrap().drawable_count
+    };
+    assert_eq!(levels(0), 1, "of 32 triangles 16 could be saved");
+    assert!(levels(1) > 1, "of 64 triangles 32 are");
+}

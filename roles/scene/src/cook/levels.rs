@@ -11,6 +11,9 @@ use crate::{Mesh, Model, Vertex};
 
 /// A level is kept if it has at most this part of the triangles of the one before.
 const WORTH: f32 = 0.7;
+/// ... and if it saves at least so many. To draw a part costs as much as a few dozen triangles, and simplifying a small part shows:
+/// slats that overlap by a millimetre part by three.
+const SAVED: usize = 20;
 /// Meshes of so few triangles are not simplified further.
 const FEW: usize = 24;
 /// Meshes farther from their origin than this many times their radius are recentred: a matrix that is applied in single
@@ -125,7 +128,8 @@ fn chain(positions: &[Vec3], finest: Vec<u32>, largest_error: f32) -> Vec<(Vec<u
         let options = SimplifyOptions::Prune | SimplifyOptions::ErrorAbsolute;
         let target = former.len() / 6 * 3;
         let level = meshopt::simplify(former, &adapter, target, largest_error, options, None);
-        if level.is_empty() || level.len() as f32 > WORTH * former.len() as f32 {
+        let saved = (former.len() - level.len().min(former.len())) / 3;
+        if level.is_empty() || level.len() as f32 > WORTH * former.len() as f32 || saved < SAVED {
             break;
         }
         error = error.max(hausdorff::bound(&reference, &Surface::new(positions, &level)));
