@@ -73,18 +73,22 @@ impl Board {
 
     /// Receives once; what is for no connection goes to `stranger`.
     pub(super) async fn receive(&self, incoming: &mut Incoming, mut stranger: impl FnMut(SocketAddr, &[u8])) {
-        let mut touched: Vec<Arc<Port>> = Vec::new();
+        let mut touched: Option<Arc<Port>> = None;
         let received = incoming
             .receive(|from, datagram| {
                 let port = destination(datagram).and_then(|id| lock(&self.ports).get(&id).cloned());
                 let Some(port) = port else { return stranger(from, datagram) };
                 port.handle(from, datagram);
-                if !touched.last().is_some_and(|last| Arc::ptr_eq(last, &port)) {
-                    touched.push(port);
+                if !touched.as_ref().is_some_and(|last| Arc::ptr_eq(last, &port))
+                    && let Some(last) = touched.replace(port)
+                {
+                    last.settle();
                 }
             })
             .await;
-        touched.iter().for_each(|port| port.settle());
+        if let Some(last) = touched {
+            last.settle();
+        }
         if let Err(e) = received {
             tracing::debug!(error = &e as &dyn std::error::Error, "nothing could be received");
             sleep_until(&*self.net, self.net.now().after(PAUSE)).await;
@@ -95,11 +99,13 @@ impl Board {
 /// Keeps the timers of a connection, sends what its socket had no room for, and ends it once its link is gone.
 async fn drive(port: &Port) {
     let mut timer = port.net.timer();
+    // When the timer rings. It may ring too early, as deadlines move on with every acknowledgement: setting it costs more than a look.
+    let mut armed: Option<Instant> = None;
     let mut poller: Option<Pin<Box<dyn UdpPoller>>> = None;
     let mut departure = Departure::default();
     poll_fn(|cx| {
         loop {
-            let (sent, due) = {
+            let (sent, sooner) = {
                 let mut state = port.lock();
                 state.forget(Waiter::Driver);
                 let now = port.net.now();
@@ -117,18 +123,23 @@ async fn drive(port: &Port) {
                         None => return Poll::Ready(()),
                     },
                 };
-                state.armed = Some(due);
+                let sooner = armed.is_none_or(|armed| due < armed).then_some(due);
+                armed = sooner.or(armed);
+                state.armed = armed;
                 state.wait(Waiter::Driver, cx);
-                (sent, due)
+                (sent, sooner)
             };
+            if let Some(at) = sooner {
+                timer.reset(at);
+            }
             if !sent {
                 let poller = poller.get_or_insert_with(|| Arc::clone(&port.socket).poller());
                 // A socket that cannot be waited for shows that when it is used.
                 let _writable = ready!(poller.as_mut().poll_writable(cx));
                 continue;
             }
-            timer.reset(due);
             ready!(timer.poll(cx));
+            armed = None;
         }
     })
     .await;

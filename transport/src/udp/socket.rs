@@ -5,6 +5,7 @@ use std::io::{self, IoSliceMut};
 use std::net::SocketAddr;
 use std::sync::Arc;
 
+use smallvec::SmallVec;
 use trimaran_udp::MIN_DATAGRAM;
 
 use crate::net::{BATCH_SIZE, RecvMeta, Transmit, UdpSocket};
@@ -38,7 +39,8 @@ impl Incoming {
     pub(super) async fn receive(&mut self, mut take: impl FnMut(SocketAddr, &[u8])) -> io::Result<()> {
         let Self { socket, buffers, meta } = self;
         let filled = {
-            let mut slices: Vec<_> = buffers.iter_mut().map(|buffer| IoSliceMut::new(buffer)).collect();
+            let mut slices: SmallVec<[_; BATCH_SIZE]> =
+                buffers.iter_mut().map(|buffer| IoSliceMut::new(buffer)).collect();
             poll_fn(|cx| socket.poll_recv(cx, &mut slices, meta)).await?
         };
         for (meta, buffer) in meta.iter().zip(buffers).take(filled) {

@@ -4,7 +4,7 @@ use bytes::BytesMut;
 use trimaran_proto::{Camera, Decoder, Goodbye, Message};
 
 use crate::chunk::Chunk;
-use crate::recovery::Content;
+use crate::recovery::{Content, Contents};
 
 /// In how many packets a camera rides along after its own.
 const COPIES: u32 = 2;
@@ -68,7 +68,7 @@ impl LatestOut {
     }
 
     /// Writes what is due.
-    pub(crate) fn write(&mut self, room: usize, out: &mut Vec<u8>, contents: &mut Vec<Content>) {
+    pub(crate) fn write(&mut self, room: usize, out: &mut Vec<u8>, contents: &mut Contents) {
         if let Some((number, camera)) = self.newest.filter(|_| self.due && room >= Camera::SIZE + OVERHEAD) {
             self.due = false;
             Chunk::Camera { number, camera: camera.to_bytes() }.write(out);
@@ -86,7 +86,7 @@ impl LatestOut {
 
     /// Writes a copy of the newest camera into a packet that leaves anyway, if one is wanted: who waits for it need not wait for
     /// its loss to be noticed.
-    pub(crate) fn write_copy(&mut self, room: usize, out: &mut Vec<u8>, contents: &mut Vec<Content>) {
+    pub(crate) fn write_copy(&mut self, room: usize, out: &mut Vec<u8>, contents: &mut Contents) {
         let Some((number, camera)) = self.newest.filter(|_| self.copies > 0 && !self.due && !self.arrived)
         else {
             return;
@@ -191,12 +191,12 @@ mod tests {
 
     #[test]
     fn only_the_newest_camera_is_sent_again() {
-        let (mut lane, mut out, mut contents) = (LatestOut::default(), Vec::new(), Vec::new());
+        let (mut lane, mut out, mut contents) = (LatestOut::default(), Vec::new(), Contents::new());
         lane.publish(camera(0));
         lane.write(1000, &mut out, &mut contents);
         lane.publish(camera(1));
         lane.write(1000, &mut out, &mut contents);
-        assert_eq!(contents, [Content::Camera { number: 1 }, Content::Camera { number: 2 }]);
+        assert_eq!(contents[..], [Content::Camera { number: 1 }, Content::Camera { number: 2 }]);
         lane.on_camera_lost(1);
         assert!(!lane.is_due());
         lane.on_camera_lost(2);
@@ -213,7 +213,7 @@ mod tests {
     fn a_camera_rides_along_twice_until_it_has_arrived() {
         let (mut lane, mut out) = (LatestOut::default(), Vec::new());
         let mut packet = |lane: &mut LatestOut| {
-            let mut contents = Vec::new();
+            let mut contents = Contents::new();
             lane.write(1000, &mut out, &mut contents);
             lane.write_copy(1000, &mut out, &mut contents);
             contents
@@ -222,9 +222,9 @@ mod tests {
         let carried: Vec<_> = (0..4).map(|_| packet(&mut lane).len()).collect();
         assert_eq!(carried, [1, 1, 1, 0]);
         lane.publish(camera(1));
-        assert_eq!(packet(&mut lane), [Content::Camera { number: 2 }]);
+        assert_eq!(packet(&mut lane)[..], [Content::Camera { number: 2 }]);
         lane.on_camera_arrived(2);
-        assert_eq!(packet(&mut lane), []);
+        assert_eq!(packet(&mut lane)[..], []);
     }
 
     #[test]

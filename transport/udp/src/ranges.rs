@@ -1,11 +1,13 @@
 //! Sets of numbers as ranges: packets received, bytes acknowledged.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Disjoint, non-empty, non-adjacent half-open ranges in rising order.
+use smallvec::SmallVec;
+
+/// Disjoint, non-empty, non-adjacent half-open ranges in rising order. There are few of them, and mostly one: that needs no memory of its
+/// own.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub(crate) struct RangeSet(BTreeMap<u64, u64>);
+pub(crate) struct RangeSet(SmallVec<[Range<u64>; 2]>);
 
 impl RangeSet {
     pub(crate) fn is_empty(&self) -> bool {
@@ -18,67 +20,74 @@ impl RangeSet {
     }
 
     pub(crate) fn iter(&self) -> impl DoubleEndedIterator<Item = Range<u64>> + '_ {
-        self.0.iter().map(|(&start, &end)| start..end)
+        self.0.iter().cloned()
     }
 
     pub(crate) fn contains(&self, value: u64) -> bool {
-        self.0.range(..=value).next_back().is_some_and(|(_, &end)| value < end)
+        self.end_of_run(value) > value
     }
 
     /// Where the range that holds `from` ends; `from` where none does.
     pub(crate) fn end_of_run(&self, from: u64) -> u64 {
-        self.0.range(..=from).next_back().map_or(from, |(_, &end)| end.max(from))
+        let first = self.0.partition_point(|range| range.end <= from);
+        self.0.get(first).filter(|range| range.start <= from).map_or(from, |range| range.end)
     }
 
     pub(crate) fn insert(&mut self, mut range: Range<u64>) {
         if range.is_empty() {
             return;
         }
-        while let Some((&start, &end)) = self.0.range(..=range.end).next_back()
-            && end >= range.start
-        {
-            self.0.remove(&start);
-            range = range.start.min(start)..range.end.max(end);
+        // Those that it touches become one with it.
+        let from = self.0.partition_point(|other| other.end < range.start);
+        let to = self.0.partition_point(|other| other.start <= range.end);
+        for other in self.0.drain(from..to) {
+            range = range.start.min(other.start)..range.end.max(other.end);
         }
-        self.0.insert(range.start, range.end);
+        self.0.insert(from, range);
     }
 
     pub(crate) fn remove(&mut self, range: &Range<u64>) {
         if range.is_empty() {
             return;
         }
-        while let Some((&start, &end)) = self.0.range(..range.end).next_back()
-            && end > range.start
-        {
-            self.0.remove(&start);
-            if end > range.end {
-                self.0.insert(range.end, end);
-            }
-            if start < range.start {
-                self.0.insert(start, range.start);
-            }
+        let from = self.0.partition_point(|other| other.end <= range.start);
+        let to = self.0.partition_point(|other| other.start < range.end).max(from);
+        let (mut below, mut above) = (None, None);
+        for other in self.0.drain(from..to) {
+            below = below.or((other.start < range.start).then_some(other.start..range.start));
+            above = (other.end > range.end).then_some(range.end..other.end);
         }
+        self.0.insert_many(from, below.into_iter().chain(above));
     }
 
     /// Takes the lowest range, or as much of it as `most` allows.
     pub(crate) fn pop_front(&mut self, most: u64) -> Option<Range<u64>> {
-        let (start, end) = self.0.pop_first()?;
-        let cut = end.min(start.saturating_add(most));
-        if cut < end {
-            self.0.insert(cut, end);
+        let lowest = self.0.first_mut()?;
+        let cut = lowest.end.min(lowest.start.saturating_add(most));
+        let taken = lowest.start..cut;
+        lowest.start = cut;
+        if lowest.is_empty() {
+            self.0.remove(0);
         }
-        Some(start..cut)
+        Some(taken)
     }
 
     /// The parts of `range` that are not in the set, in rising order.
     pub(crate) fn gaps(&self, range: Range<u64>) -> Vec<Range<u64>> {
-        let mut rest = Self::default();
-        rest.insert(range.clone());
-        let from = self.0.range(..=range.start).next_back().map_or(range.start, |(&start, _)| start);
-        for (&start, &end) in self.0.range(from..range.end.max(from)) {
-            rest.remove(&(start..end));
+        let (mut gaps, mut from) = (Vec::new(), range.start);
+        for held in self.iter().skip_while(|held| held.end <= range.start) {
+            let gap = from..held.start.min(range.end);
+            if !gap.is_empty() {
+                gaps.push(gap);
+            }
+            from = held.end;
+            if from >= range.end {
+                return gaps;
+            }
         }
-        rest.iter().collect()
+        gaps.push(from..range.end);
+        gaps.retain(|gap| !gap.is_empty());
+        gaps
     }
 }
 

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::time::Duration;
 
+use smallvec::SmallVec;
 use trimaran_proto::Instant;
 
 use crate::congestion::{Congestion, Window};
@@ -53,12 +54,15 @@ pub(crate) enum Content {
     },
 }
 
+/// What packets carry; of most packets it needs no memory of its own.
+pub(crate) type Contents = SmallVec<[Content; 2]>;
+
 /// A packet in flight.
 #[derive(Debug)]
 pub(crate) struct Sent {
     pub(crate) at: Instant,
     pub(crate) bytes: usize,
-    pub(crate) contents: Vec<Content>,
+    pub(crate) contents: Contents,
 }
 
 impl Sent {
@@ -70,8 +74,8 @@ impl Sent {
 /// What an acknowledgement or a timeout made known.
 #[derive(Debug, Default)]
 pub(crate) struct Verdict {
-    pub(crate) arrived: Vec<Content>,
-    pub(crate) lost: Vec<Content>,
+    pub(crate) arrived: Contents,
+    pub(crate) lost: Contents,
 }
 
 /// An acknowledgement of a packet that was never sent.
@@ -162,7 +166,7 @@ impl Recovery {
 
     /// The packet with the next number was sent; `eliciting` is `None` when it asks for no acknowledgement. Says what is lost
     /// because there is no place to remember it.
-    pub(crate) fn on_sent(&mut self, eliciting: Option<Sent>) -> Vec<Content> {
+    pub(crate) fn on_sent(&mut self, eliciting: Option<Sent>) -> Contents {
         self.next += 1;
         if let Some(sent) = &eliciting {
             if self.in_flight == 0 {
@@ -311,6 +315,8 @@ impl Recovery {
 
 #[cfg(test)]
 mod tests {
+    use smallvec::smallvec;
+
     use super::*;
 
     fn at(ms: u64) -> Instant {
@@ -319,7 +325,7 @@ mod tests {
 
     fn send(recovery: &mut Recovery, ms: u64) -> Content {
         let content = Content::Camera { number: recovery.next_number() };
-        let contents = vec![content.clone()];
+        let contents = smallvec![content.clone()];
         recovery.on_sent(Some(Sent { at: at(ms), bytes: 1000, contents }));
         content
     }
@@ -339,12 +345,12 @@ mod tests {
         let mut recovery = sender();
         let sent: Vec<_> = (0..5).map(|_| send(&mut recovery, 0)).collect();
         let verdict = recovery.on_ack(at(10), &numbers(2..3), Duration::ZERO).unwrap();
-        assert_eq!((verdict.arrived, verdict.lost), (vec![sent[2].clone()], vec![]));
+        assert_eq!((verdict.arrived, verdict.lost), (smallvec![sent[2].clone()], Contents::new()));
         let verdict = recovery.on_ack(at(10), &numbers(3..4), Duration::ZERO).unwrap();
-        assert_eq!(verdict.lost, [sent[0].clone()]);
+        assert_eq!(verdict.lost[..], [sent[0].clone()]);
         assert_eq!(recovery.timeout(), Some(at(0).after(Duration::from_micros(11_250))), "9/8 of 10 ms");
         let (verdict, probe) = recovery.on_timeout(at(12));
-        assert_eq!((verdict.lost, probe), (vec![sent[1].clone()], false));
+        assert_eq!((verdict.lost, probe), (smallvec![sent[1].clone()], false));
     }
 
     #[test]
@@ -354,7 +360,7 @@ mod tests {
         // Nothing is measured: 100 ms, four times 50 ms, and 1 ms.
         assert_eq!(recovery.timeout(), Some(at(301)));
         let (verdict, probe) = recovery.on_timeout(at(301));
-        assert_eq!((verdict.lost, probe), (vec![sent], true));
+        assert_eq!((verdict.lost, probe), (smallvec![sent], true));
         assert_eq!(recovery.timeout(), Some(at(301 + 602)));
         assert_eq!(recovery.lost_packets, 0, "a probe says nothing of loss");
         let mut now = at(301);
@@ -371,9 +377,9 @@ mod tests {
         let mut recovery = sender();
         let first = send(&mut recovery, 0);
         for _ in 1..REMEMBERED {
-            assert_eq!(recovery.on_sent(None), []);
+            assert_eq!(recovery.on_sent(None)[..], []);
         }
-        assert_eq!(recovery.on_sent(None), [first], "one more than are remembered");
+        assert_eq!(recovery.on_sent(None)[..], [first], "one more than are remembered");
         assert_eq!((recovery.sent.len(), recovery.in_flight), (0, 0));
         assert_eq!(recovery.unheard_since(), None);
         for ms in 0..REMEMBERED as u64 / 2 {
@@ -410,7 +416,7 @@ mod tests {
     #[test]
     fn a_lost_probe_is_no_sign_of_congestion() {
         let mut recovery = sender();
-        let contents = vec![Content::Probe { size: 1452 }];
+        let contents: Contents = smallvec![Content::Probe { size: 1452 }];
         recovery.on_sent(Some(Sent { at: at(0), bytes: 1452, contents: contents.clone() }));
         for _ in 0..3 {
             send(&mut recovery, 0);

@@ -6,7 +6,7 @@ use super::{Closed, Connection};
 use crate::chunk::Chunk;
 use crate::keys::OVERHEAD;
 use crate::packet::{NUMBERS, data_header};
-use crate::recovery::{Content, Sent, Verdict};
+use crate::recovery::{Content, Contents, Sent, Verdict};
 
 impl Connection {
     /// Writes the next datagram into `out`, which it replaces; false when there is none now.
@@ -21,7 +21,7 @@ impl Connection {
     }
 
     /// Fills a packet; gives what it carried if it asks for an acknowledgement.
-    fn write_chunks(&mut self, now: Instant, plain: &mut Vec<u8>) -> Option<Vec<Content>> {
+    fn write_chunks(&mut self, now: Instant, plain: &mut Vec<u8>) -> Option<Contents> {
         let all = self.mtu.known() - OVERHEAD;
         if self.closed.is_some() {
             if std::mem::take(&mut self.close_due) {
@@ -29,7 +29,7 @@ impl Connection {
             }
             return None;
         }
-        let mut contents = Vec::new();
+        let mut contents = Contents::new();
         let allowed = self.may_send(now);
         let ack_due = self.acks.due().is_some_and(|due| due <= now);
         let has_data = allowed && self.has_data();
@@ -71,7 +71,7 @@ impl Connection {
     }
 
     /// Fills a packet up to the size that is to be tried.
-    fn write_probe(&mut self, now: Instant, plain: &mut Vec<u8>, contents: &mut Vec<Content>) {
+    fn write_probe(&mut self, now: Instant, plain: &mut Vec<u8>, contents: &mut Contents) {
         if let Some(size) = self.mtu.probe(now) {
             Chunk::Ping.write(plain);
             plain.resize(size - OVERHEAD, Chunk::FILLING);
@@ -100,7 +100,7 @@ impl Connection {
         self.credit_due || self.unread_due || self.cameras_out.is_due() || self.outbox.has_due()
     }
 
-    fn seal(&mut self, now: Instant, plain: &[u8], sent: Option<Vec<Content>>, out: &mut Vec<u8>) -> bool {
+    fn seal(&mut self, now: Instant, plain: &[u8], sent: Option<Contents>, out: &mut Vec<u8>) -> bool {
         let number = self.recovery.next_number();
         out.clear();
         out.extend_from_slice(&data_header(self.there, number));
