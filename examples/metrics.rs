@@ -8,7 +8,7 @@ use std::{error::Error, net::SocketAddr, sync::Arc, time::Duration};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use trimaran::metrics::LinkMetrics;
 use trimaran_proto::{Camera, DrawableId, FrameEvent, FrameNumber, FrameStart, Identity, Role, SceneHash};
-use trimaran_transport::{Link, LinkConfig, Net, TokioNet, inproc};
+use trimaran_transport::{Link, LinkConfig, Net, TokioNet, inproc, sleep_until};
 
 #[tokio::main]
 async fn main() -> Result<(), Box<dyn Error>> {
@@ -26,7 +26,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
 
     let frames = if address.is_some() { u32::MAX } else { 30 };
     tokio::select! {
-        sent = send(machine, frames) => sent?,
+        sent = send(&*net, machine, frames) => sent?,
         received = receive(display) => received?,
         stop = tokio::signal::ctrl_c() => stop?,
     }
@@ -37,14 +37,14 @@ async fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// Thirty frames a second.
-async fn send(mut link: Link, frames: u32) -> Result<(), Box<dyn Error>> {
+async fn send(net: &dyn Net, mut link: Link, frames: u32) -> Result<(), Box<dyn Error>> {
     let ids: Vec<DrawableId> = (0..500).map(DrawableId).collect();
     for frame in 0..frames {
         let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(frame))?;
         link.frames_tx.begin(FrameStart { frame: FrameNumber(frame), camera }).await?;
         link.frames_tx.push(&ids).await?;
         link.frames_tx.finish().await?;
-        tokio::time::sleep(Duration::from_millis(33)).await;
+        sleep_until(net, net.now().after(Duration::from_millis(33))).await;
     }
     Ok(())
 }

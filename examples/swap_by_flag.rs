@@ -61,22 +61,26 @@ async fn show(transport: Transport) -> Result<(), Box<dyn Error>> {
     let (mut machine, mut display) = links(&net, &endpoint(transport)?).await?;
     let (promises, sent) = (machine.capabilities(), machine.stats.clone());
     let start = net.now();
-    let shows = tokio::spawn(async move {
+    let shows = async {
         for _ in 0..FRAMES {
             while !matches!(display.frames_rx.recv().await?, FrameEvent::End(_)) {}
             display.latest_tx.publish(camera(0)?)?;
         }
-        Ok::<_, Box<dyn Error + Send + Sync>>(display)
-    });
+        Ok::<_, Box<dyn Error>>(())
+    };
     let ids: Vec<DrawableId> = (0..4000).map(DrawableId).collect();
-    for frame in 0..FRAMES {
-        machine.frames_tx.begin(FrameStart { frame: FrameNumber(frame), camera: camera(frame)? }).await?;
-        machine.frames_tx.push(&ids).await?;
-        machine.frames_tx.finish().await?;
-        machine.latest_rx.latest().await?;
-    }
+    let sends = async {
+        for frame in 0..FRAMES {
+            machine.frames_tx.begin(FrameStart { frame: FrameNumber(frame), camera: camera(frame)? }).await?;
+            machine.frames_tx.push(&ids).await?;
+            machine.frames_tx.finish().await?;
+            machine.latest_rx.latest().await?;
+        }
+        Ok::<_, Box<dyn Error>>(())
+    };
+    let (sent_all, shown_all) = tokio::join!(sends, shows);
+    sent_all.and(shown_all)?;
     let micros = net.now().since(start).as_micros() / u128::from(FRAMES);
-    let display = shows.await?.map_err(|e| e.to_string())?;
     let (encrypted, local) = (promises.encrypted, promises.local);
     println!(
         "{transport:?}: {micros} us a frame and its answer, {} bytes a frame, encrypted: {encrypted}, local: {local}",

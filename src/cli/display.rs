@@ -185,7 +185,7 @@ impl DisplayStage {
             }
             let said = Failure::broken(error);
             bar.suspend(|| {
-                eprintln!("trimaran: {said}; waiting {} s for all to join again", show.reconnect_s)
+                eprintln!("trimaran: {said}; waiting {} s for all to join again", show.reconnect_s);
             });
             walked
                 .interruptions
