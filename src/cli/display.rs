@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
     pin::pin,
     sync::Arc,
-    time::{Duration, SystemTime},
+    time::SystemTime,
 };
 
 use indicatif::ProgressBar;
@@ -19,17 +19,14 @@ use trimaran::{
 use trimaran_actors::{DisplayRole, Stop, Stopwatch, VulkanDisplay, await_pair};
 use trimaran_gpu::{GpuInfo, GpuScene};
 use trimaran_proto::{Identity, Role, Settings};
-use trimaran_transport::{Endpoints, Link, ListenError, Listener, Net, Options, TokioNet, sleep_until};
+use trimaran_transport::{Endpoints, Link, Listener, Net, Options, TokioNet};
 
 use super::{
     Failure, progress,
-    role::{Metrics, deadline, upload},
+    role::{Metrics, again, deadline, upload},
     run::{notes, record, report_on},
     walking::stop_on_signal,
 };
-
-/// How long after a failed try to listen again comes the next.
-const AGAIN: Duration = Duration::from_millis(200);
 
 /// A display that listens for its pair, its device ready.
 pub(super) struct DisplayStage {
@@ -187,12 +184,13 @@ impl DisplayStage {
             bar.suspend(|| {
                 eprintln!("trimaran: {said}; waiting {} s for all to join again", show.reconnect_s);
             });
-            walked
-                .interruptions
-                .push(format!("the session stopped before {}: {said}; it went on", settings.first));
+            walked.interruptions.push(format!("the session stopped before {}: {said}", settings.first));
             (wait_s, lost) = (show.reconnect_s, Some(said.to_string().into()));
-            let again = listen_again(&net, &endpoints, identity(file, settings), &options, show.reconnect_s);
-            listener = runtime.block_on(again).map_err(Failure::broken)?;
+            // The old sockets may need a moment to be gone.
+            let deadline = deadline(&net, wait_s);
+            let listen =
+                async || Listener::bind_all(&net, &endpoints, identity(file, settings), &options).await;
+            listener = runtime.block_on(again(&net, deadline, listen)).map_err(Failure::broken)?;
         }
     }
 }
@@ -221,22 +219,4 @@ impl Walked {
 
 fn identity(file: &SceneFile, settings: Settings) -> Identity {
     Identity { role: Role::Display, scene: file.scene.hash(), settings: Some(settings) }
-}
-
-/// Listens where this process has listened before. The old sockets may need a moment to be gone.
-async fn listen_again(
-    net: &Arc<dyn Net>,
-    endpoints: &Endpoints,
-    identity: Identity,
-    options: &Options,
-    seconds: f64,
-) -> Result<Listener, ListenError> {
-    let deadline = deadline(net, seconds);
-    loop {
-        match Listener::bind_all(net, endpoints, identity, options).await {
-            Err(error) if net.now() < deadline => tracing::debug!(%error, "cannot listen yet"),
-            result => return result,
-        }
-        sleep_until(&**net, net.now().after(AGAIN)).await;
-    }
 }

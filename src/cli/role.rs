@@ -9,9 +9,9 @@ use trimaran::{
     report::schema::Seat as ReportSeat,
     walkthrough::{PathChoice, Plan, SceneFile, Trail, viewport},
 };
-use trimaran_actors::{JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, VulkanPair, join_session};
+use trimaran_actors::{Joined, OccluderPolicy, PairRole, Place, Seat, VulkanPair, join_session};
 use trimaran_gpu::{Gpu, GpuScene};
-use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, SceneHash};
+use trimaran_proto::{BatchSize, EpsilonPx, PictureSize};
 use trimaran_transport::{Endpoint, Instant, Link, Net, TokioNet, sleep_until};
 
 use super::{
@@ -22,7 +22,7 @@ use super::{
     walking::{self, gpu_options, open, stop_on_signal},
 };
 
-/// How long after a failed try to join again comes the next.
+/// How long after a failed attempt comes the next.
 const AGAIN: Duration = Duration::from_millis(200);
 
 pub(super) fn run(command: &RoleCommand) -> Result<(), Failure> {
@@ -73,10 +73,12 @@ fn switch(config: &SwitchConfig) -> Result<(), Failure> {
     let (mut metrics, mut wait_s, mut lost) = (Metrics::new(config.metrics), config.patience_s, None);
     loop {
         let deadline = deadline(&net, wait_s);
+        let join = async || join_session(&net, seat, scene, &display, &pair, deadline).await;
         let joining = async {
             match &lost {
-                None => join_session(&net, seat, scene, &display, &pair, deadline).await,
-                Some(_) => join_again(&net, seat, scene, &display, &pair, deadline).await,
+                None => join().await,
+                // The others may not have noticed yet, and their old sockets may need a moment to be gone.
+                Some(_) => again(&net, deadline, join).await,
             }
         };
         let Some(joined) = stop.unless_requested(runtime.handle(), joining) else { return Ok(()) };
@@ -100,18 +102,15 @@ fn switch(config: &SwitchConfig) -> Result<(), Failure> {
     }
 }
 
-/// Joins a session that has lost a peer. The others may not have noticed yet, and their old sockets may need a moment to be gone.
-async fn join_again(
+/// What `attempt` gives in the end: it is made again until it works or the deadline has come.
+pub(super) async fn again<T, E: std::fmt::Display>(
     net: &Arc<dyn Net>,
-    seat: Seat,
-    scene: SceneHash,
-    display: &Place,
-    pair: &Place,
     deadline: Instant,
-) -> Result<Joined, JoinError> {
+    mut attempt: impl AsyncFnMut() -> Result<T, E>,
+) -> Result<T, E> {
     loop {
-        match join_session(net, seat, scene, display, pair, deadline).await {
-            Err(error) if net.now() < deadline => tracing::debug!(%error, "cannot join yet"),
+        match attempt().await {
+            Err(error) if net.now() < deadline => tracing::debug!(%error, "not yet"),
             result => return result,
         }
         sleep_until(&**net, net.now().after(AGAIN)).await;
