@@ -5,12 +5,13 @@
 
 use std::collections::VecDeque;
 use std::future::poll_fn;
+use std::pin::pin;
 use std::sync::Arc;
 use std::task::{Context, Poll, Waker, ready};
 
 use bytes::{Bytes, BytesMut};
 use quinn::{RecvStream, SendStream, VarInt};
-use tokio::io::ReadBuf;
+use tokio::io::AsyncReadExt;
 use trimaran_proto::{Decoder, FrameMessage, Goodbye, HEADER_BYTES, IdDecoder, Kind, Lane, Message};
 
 use super::carrier::{Carrier, all_arrived, loss, read_loss, write_loss};
@@ -206,15 +207,12 @@ impl FrameRx {
     }
 
     fn buffered(&mut self, shared: &Shared) -> Result<Option<Message>, LaneError> {
+        let before = self.decoder.position();
         let message =
             self.decoder.next_message().map_err(|e| LaneError::Protocol(ProtocolError::Decode(e)))?;
         if let Some(message) = &message {
-            let payload = match message {
-                Message::Frame(FrameMessage::Ids(batch)) => batch.as_bytes().len(),
-                Message::Coded(coded) => coded.as_bytes().len(),
-                other => encoded_length(other),
-            };
-            shared.counters.received.count(message.kind(), payload);
+            let bytes = self.decoder.position().saturating_sub(before) as usize;
+            shared.counters.received.count(message.kind(), bytes.saturating_sub(HEADER_BYTES));
         }
         Ok(message)
     }
@@ -253,28 +251,15 @@ impl Drop for FrameRx {
     }
 }
 
-/// The payload of a message that is not ids.
-fn encoded_length(message: &Message) -> usize {
-    let mut bytes = BytesMut::new();
-    message.encode(&mut bytes);
-    bytes.len() - HEADER_BYTES
-}
-
 /// Reads what there is; 0 bytes at the end of the stream.
 pub(super) fn poll_fill(
     stream: &mut RecvStream,
     decoder: &mut Decoder,
     cx: &mut Context<'_>,
 ) -> Poll<Result<usize, LaneError>> {
-    let buffer = decoder.buffer(ROOM);
-    let before = buffer.len();
-    buffer.resize(before + ROOM, 0);
-    let mut room = ReadBuf::new(&mut buffer[before..]);
-    let read = stream.poll_read_buf(cx, &mut room);
-    let filled = room.filled().len();
-    buffer.truncate(before + filled);
-    ready!(read).map_err(|e| LaneError::Lost(read_loss(e)))?;
-    Poll::Ready(Ok(filled))
+    // The future of `read_buf` holds no state of its own, so that a fresh one per poll goes on where the last one was.
+    let read = ready!(pin!(stream.read_buf(decoder.buffer(ROOM))).poll(cx));
+    Poll::Ready(read.map_err(|e| LaneError::Lost(e.downcast().map_or_else(Loss::Io, read_loss))))
 }
 
 /// Polls without being woken later.

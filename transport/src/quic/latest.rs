@@ -3,13 +3,13 @@
 
 use std::future::poll_fn;
 use std::io;
-use std::pin::pin;
+use std::pin::{Pin, pin};
 use std::sync::{Arc, Mutex};
 use std::task::{Context, Poll};
 use std::time::Duration;
 
 use bytes::{BufMut, Bytes, BytesMut};
-use quinn::{Connection, RecvStream, SendDatagramError, SendStream};
+use quinn::{Connection, ReadDatagram, RecvStream, SendDatagramError, SendStream};
 use tokio::sync::Notify;
 use trimaran_proto::{
     Camera, CameraNumber, DecodeError, DecodeFault, Decoder, Goodbye, Kind, Lane, Message, NumberedCamera,
@@ -20,7 +20,7 @@ use super::frames::{noop, poll_fill};
 use crate::desk::lock;
 use crate::error::{LaneError, LaneSendError, Loss, ProtocolError, misplaced};
 use crate::link::Shared;
-use crate::net::Instant;
+use crate::net::{Instant, Timer};
 use crate::patience::Patience;
 
 /// The shortest quiet after which the newest camera is copied; where a round trip takes longer, 1.5 of those.
@@ -77,8 +77,10 @@ impl LatestTx {
         })?;
         shared.counters.sent.count(Kind::Camera, Camera::SIZE);
         self.next = self.next.next();
-        lock(&self.cell.state).newest = Some(numbered);
-        self.cell.changed.notify_one();
+        // The copier looks by itself for newer ones while it has one to copy.
+        if lock(&self.cell.state).newest.replace(numbered).is_none() {
+            self.cell.changed.notify_one();
+        }
         Ok(())
     }
 
@@ -147,9 +149,10 @@ impl Copier {
     }
 
     async fn copy(&mut self) -> Result<(), quinn::WriteError> {
+        let mut timer = self.carrier.net.timer();
         loop {
             self.cell.changed.notified().await;
-            while let Some(newest) = self.quiet().await {
+            while let Some(newest) = self.quiet(&mut *timer).await {
                 self.write(&Message::Numbered(newest)).await?;
             }
             let farewell = {
@@ -171,9 +174,7 @@ impl Copier {
     }
 
     /// The newest camera, once no newer one has come for a while; none where there is nothing to copy.
-    async fn quiet(&self) -> Option<NumberedCamera> {
-        let net = &*self.carrier.net;
-        let mut timer = net.timer();
+    async fn quiet(&self, timer: &mut dyn Timer) -> Option<NumberedCamera> {
         loop {
             let seen = {
                 let mut state = lock(&self.cell.state);
@@ -183,9 +184,7 @@ impl Copier {
                 state.newest?.number
             };
             let pause = (self.carrier.connection.rtt() * 3 / 2).max(QUIET);
-            let end = net.now().after(pause);
-            timer.reset(end);
-            // A newer camera rings as well: it must not cut the pause short, a leave must.
+            timer.reset(self.carrier.net.now().after(pause));
             loop {
                 tokio::select! {
                     biased;
@@ -230,7 +229,7 @@ impl LatestRx {
 
     pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<Camera>, LaneError> {
         let connection = self.carrier.connection.clone();
-        match self.poll_latest(&connection, shared, &mut noop()) {
+        match self.poll_latest(&connection, pin!(connection.read_datagram()), shared, &mut noop()) {
             Poll::Ready(camera) => camera.map(Some),
             Poll::Pending => Ok(None),
         }
@@ -245,43 +244,35 @@ impl LatestRx {
         let connection = self.carrier.connection.clone();
         // What rings for a datagram is this future, so it lives as long as the wait.
         let mut datagram = pin!(connection.read_datagram());
-        let camera = poll_fn(|cx| {
-            loop {
-                if let Poll::Ready(camera) = self.poll_latest(&connection, shared, cx) {
-                    return Poll::Ready(camera);
-                }
-                match datagram.as_mut().poll(cx) {
-                    Poll::Ready(Ok(bytes)) => {
-                        datagram.set(connection.read_datagram());
-                        if let Err(e) = self.take(&bytes, shared) {
-                            return Poll::Ready(Err(e));
-                        }
-                    }
-                    Poll::Ready(Err(e)) => return Poll::Ready(Err(LaneError::Lost(loss(e)))),
-                    Poll::Pending => return Poll::Pending,
-                }
-            }
-        });
+        let camera = poll_fn(|cx| self.poll_latest(&connection, datagram.as_mut(), shared, cx));
         patience.wait(by, camera).await.map_err(LaneError::Expired)?
     }
 
     /// Takes everything that has arrived, and gives the newest camera; before any end that came behind it.
-    fn poll_latest(
+    fn poll_latest<'a>(
         &mut self,
-        connection: &Connection,
+        connection: &'a Connection,
+        mut datagram: Pin<&mut ReadDatagram<'a>>,
         shared: &Shared,
         cx: &mut Context<'_>,
     ) -> Poll<Result<Camera, LaneError>> {
-        while let Poll::Ready(Ok(bytes)) = pin!(connection.read_datagram()).poll(&mut noop()) {
-            if let Err(e) = self.take(&bytes, shared) {
-                return Poll::Ready(Err(e));
+        let lost = loop {
+            match datagram.as_mut().poll(cx) {
+                Poll::Ready(Ok(bytes)) => {
+                    datagram.set(connection.read_datagram());
+                    if let Err(e) = self.take(&bytes, shared) {
+                        return Poll::Ready(Err(e));
+                    }
+                }
+                Poll::Ready(Err(e)) => break Some(e),
+                Poll::Pending => break None,
             }
-        }
+        };
         let end = match self.poll_control(shared, cx) {
             Poll::Ready(end) => Some(end),
             Poll::Pending => None,
         };
-        match (self.newest.take(), end) {
+        match (self.newest.take(), end.or(lost.map(|e| LaneError::Lost(loss(e))))) {
             (Some(camera), _) => Poll::Ready(Ok(camera)),
             (None, Some(end)) => Poll::Ready(Err(end)),
             (None, None) => Poll::Pending,
