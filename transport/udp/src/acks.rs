@@ -1,5 +1,6 @@
 //! Which packets arrived, and when to say so.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use trimaran_proto::Instant;
@@ -12,6 +13,8 @@ use crate::recovery::REORDERING;
 /// So many packets are acknowledged at once, and fewer when they have waited: a frame comes as a burst of packets, and an
 /// acknowledgement of each second one (RFC 9000, section 13.2.2) would be a fortieth of its bytes.
 const MANY: u32 = 8;
+/// In how many acknowledgements a number is named: should all of them be lost, its packet is taken for lost.
+const NAMED: usize = 4;
 
 /// The numbers received. It is the replay window as well: below its lowest range everything counts as received.
 #[derive(Debug, Default)]
@@ -22,6 +25,9 @@ pub(crate) struct Acks {
     /// Packets that ask for an acknowledgement and have not been given one.
     owed: u32,
     due: Option<Instant>,
+    /// The lowest number that came since the last acknowledgement, and those before each of the last ones.
+    lowest: Option<PacketNumber>,
+    named: VecDeque<PacketNumber>,
 }
 
 impl Acks {
@@ -42,6 +48,7 @@ impl Acks {
             self.largest_at = Some(now);
         }
         self.numbers.insert(number..number + 1);
+        self.lowest = Some(self.lowest.map_or(number, |lowest| lowest.min(number)));
         while self.numbers.len() > ACK_RANGES {
             if let Some(oldest) = self.numbers.pop_front(u64::MAX) {
                 self.floor = oldest.end;
@@ -49,17 +56,18 @@ impl Acks {
         }
         if eliciting {
             self.owed += 1;
-            let at_once = self.owed >= MANY || number != highest || self.follows_a_gap(number);
+            let at_once = self.owed >= MANY || number < highest || self.shows_a_loss(highest, number);
             let wait = if at_once { Duration::ZERO } else { max_delay };
             let at = now.after(wait);
             self.due = Some(self.due.map_or(at, |due| due.min(at)));
         }
     }
 
-    /// Whether a packet below this one is missing, and few came in between: the sender finds out when the third has arrived.
-    fn follows_a_gap(&self, number: PacketNumber) -> bool {
-        let run = self.numbers.iter().next_back().map_or(0, |range| number + 1 - range.start.min(number));
-        self.numbers.len() > 1 && run <= REORDERING
+    /// Whether the sender finds out by this packet, the numbers below `highest` having been the ones before, that one is lost: only from
+    /// the third behind a gap on can it (the reordering threshold of draft-ietf-quic-ack-frequency, section 6.2).
+    fn shows_a_loss(&self, highest: PacketNumber, number: PacketNumber) -> bool {
+        let (from, to) = (highest.saturating_sub(REORDERING), (number + 1).saturating_sub(REORDERING));
+        self.numbers.end_of_run(from) < to
     }
 
     /// When an acknowledgement must leave.
@@ -75,7 +83,12 @@ impl Acks {
         self.owed = 0;
         self.due = None;
         let delay_us = self.largest_at.map_or(0, |at| now.since(at).as_micros() as u64);
-        Some(Chunk::Ack { delay_us, numbers: self.numbers.clone() })
+        self.named.extend(self.lowest.take());
+        if self.named.len() > NAMED {
+            self.named.pop_front();
+        }
+        let from = self.named.iter().min().copied().unwrap_or(0);
+        Some(Chunk::Ack { delay_us, numbers: self.numbers.reaching_over(from) })
     }
 }
 
@@ -86,7 +99,7 @@ mod tests {
     const DELAY: Duration = Duration::from_millis(1);
 
     #[test]
-    fn every_eighth_packet_and_the_first_three_behind_a_gap_are_acknowledged_at_once() {
+    fn every_eighth_packet_and_what_shows_a_loss_are_acknowledged_at_once() {
         let mut acks = Acks::default();
         let now = Instant::from_nanos(0);
         for number in 0..7 {
@@ -97,13 +110,37 @@ mod tests {
         assert_eq!(acks.due(), Some(now));
         assert!(acks.take(now).is_some());
         assert!(acks.take(now).is_none());
-        for (number, wait) in [(9, false), (10, false), (11, false), (12, true), (8, false)] {
+        for (number, wait) in [(9, true), (10, true), (11, false), (12, true), (8, false)] {
             acks.on_received(now, number, true, DELAY);
             let due = if wait { now.after(DELAY) } else { now };
             assert_eq!(acks.due(), Some(due), "number 8 is missing, {number} comes");
             assert!(acks.take(now).is_some());
         }
         assert!(!acks.is_new(8) && acks.is_new(13));
+        for (number, wait) in [(14, true), (15, true), (17, false), (18, true), (19, false)] {
+            acks.on_received(now, number, true, DELAY);
+            let due = if wait { now.after(DELAY) } else { now };
+            assert_eq!(acks.due(), Some(due), "13 and 16 are missing, {number} comes");
+            acks.take(now);
+        }
+    }
+
+    #[test]
+    fn a_packet_is_named_four_times() {
+        let mut acks = Acks::default();
+        let mut named = Vec::new();
+        for number in (0..20).step_by(2) {
+            acks.on_received(Instant::from_nanos(0), number, true, DELAY);
+            let Some(Chunk::Ack { numbers, .. }) = acks.take(Instant::from_nanos(0)) else { panic!("none") };
+            named.extend(numbers.iter().flatten());
+        }
+        for number in (0..14).step_by(2) {
+            assert_eq!(named.iter().filter(|other| **other == number).count(), NAMED, "{number}");
+        }
+        // What comes late is named with all that came since, so that ranges stay few.
+        acks.on_received(Instant::from_nanos(0), 5, true, DELAY);
+        let Some(Chunk::Ack { numbers, .. }) = acks.take(Instant::from_nanos(0)) else { panic!("none") };
+        assert_eq!(numbers.iter().next(), Some(4..7));
     }
 
     #[test]

@@ -320,6 +320,9 @@ impl Connection {
             let (verdict, probe) = self.recovery.on_timeout(now);
             self.probe |= probe;
             self.judge(now, verdict);
+            if probe {
+                self.outbox.stop_waiting();
+            }
             if self.recovery.probes() >= BLACK_HOLE && self.mtu.known() > MIN_DATAGRAM {
                 self.mtu.on_black_hole(now);
                 self.resize();

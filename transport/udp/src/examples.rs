@@ -169,7 +169,9 @@ fn the_examples_of_repair_and_of_giving_up_do_what_the_page_says() {
     let window = Config::default().window;
     let read = |name: &str, inbox: &mut Inbox| match Chunk::read(&mut Reader::new(&examples()[name])).unwrap()
     {
-        Chunk::Repair { unit, block, hash, index, data } => inbox.put_repair(unit, block, hash, index, data),
+        Chunk::Repair { unit, block, hash, index, data } => {
+            inbox.put_repair(unit, block, hash, index, data).map(|taken| assert!(taken))
+        }
         Chunk::GiveUp { unit, about, head } => inbox.give_up(unit, about, head),
         other => panic!("{other:?}"),
     };

@@ -17,7 +17,7 @@ const UNITS: u64 = 1024;
 /// How many separate pieces of all units together are kept: an honest peer sends a window of 4 MiB in 3,700 full packets, so that it
 /// stays below even if every second one is lost.
 const PIECES: usize = 4096;
-/// How many repair shards of all units together are kept; more are ignored.
+/// How many repair shards of all units together are kept; more are not taken.
 const REPAIR: usize = 256;
 
 /// What comes out of the lane.
@@ -146,7 +146,8 @@ impl Inbox {
         })
     }
 
-    /// Takes a repair shard; `hash` is that of the frame which the block ends.
+    /// Takes a repair shard; `hash` is that of the frame which the block ends. Says whether there was a place for it: if not, its packet
+    /// must not be acknowledged, for the sender would count on it.
     pub(crate) fn put_repair(
         &mut self,
         number: u64,
@@ -154,8 +155,9 @@ impl Inbox {
         hash: Option<u64>,
         index: u8,
         data: &[u8],
-    ) -> Result<(), LaneViolation> {
+    ) -> Result<bool, LaneViolation> {
         let kept: usize = self.units.iter().map(Unit::repair_shards).sum();
+        let mut has_place = true;
         self.with_unit(number, |unit, credit| {
             if unit.is_given_up() {
                 return Ok(());
@@ -165,11 +167,13 @@ impl Inbox {
             if let Some(hash) = hash {
                 unit.note(to, Tail::Frame(hash))?;
             }
-            if kept < REPAIR {
+            has_place = kept < REPAIR || !unit.wants_repair(block);
+            if has_place {
                 unit.keep_repair(block, index, data);
             }
             restore(unit, credit)
-        })
+        })?;
+        Ok(has_place)
     }
 
     /// Takes word that no more comes of a frame.
@@ -456,11 +460,19 @@ mod tests {
             let block = Block { offset: 0, length: 4096, shard: 2, count: 32 };
             let block = Block { length: 128, ..block };
             for index in 0..32 {
-                inbox.put_repair(unit, block, None, index, &[0; 2]).unwrap();
+                let taken = inbox.put_repair(unit, block, None, index, &[0; 2]);
+                assert_eq!(taken, Ok(unit * 32 + u64::from(index) < REPAIR as u64));
             }
         }
         let kept: usize = inbox.units.iter().map(Unit::repair_shards).sum();
         assert_eq!(kept, REPAIR);
+        inbox.put(99, 0, Tail::More, &[0; 128]).unwrap();
+        let block = Block { offset: 0, length: 128, shard: 2, count: 32 };
+        assert_eq!(
+            inbox.put_repair(99, block, None, 0, &[0; 2]),
+            Ok(true),
+            "of no use, so there is no need of a place"
+        );
         let beyond = Block { offset: 4 << 20, length: 2, shard: 2, count: 1 };
         assert_eq!(inbox.put_repair(0, beyond, None, 0, &[0; 2]), Err(LaneViolation::Credit));
     }

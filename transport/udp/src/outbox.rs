@@ -11,6 +11,7 @@ use crate::chunk::{CODED_UNIT, Chunk, Tail};
 use crate::recovery::Content;
 use crate::repair::Budget;
 
+mod guard;
 mod unit;
 
 use unit::Unit;
@@ -235,7 +236,7 @@ impl Outbox {
             self.offered += fresh;
             match &content {
                 Content::Part { range, .. } => self.repeated += u64::from(range.end - range.start > fresh),
-                Content::Repair => self.repair_sent += 1,
+                Content::Repair { .. } => self.repair_sent += 1,
                 _ => {}
             }
             return Some(content);
@@ -245,19 +246,40 @@ impl Outbox {
 
     /// A part has arrived; `ended` if it carried the unit's end.
     pub(crate) fn on_ack(&mut self, number: u64, range: Range<u64>, ended: bool) {
+        self.on_arrival(number, |unit| unit.on_ack(range, ended));
+    }
+
+    /// A repair shard of the block at `offset` has arrived.
+    pub(crate) fn on_repair_ack(&mut self, number: u64, offset: u64, index: u8) {
+        self.on_arrival(number, |unit| unit.on_repair_ack(offset, index));
+    }
+
+    /// Something of a unit has arrived; `note` says how many bytes that freed.
+    fn on_arrival(&mut self, number: u64, note: impl FnOnce(&mut Unit) -> usize) {
         let Some(unit) = self.unit(number) else { return };
-        let freed = unit.on_ack(range, ended);
+        let freed = note(unit);
         let whole = unit.whole_frame();
         self.confirmed = self.confirmed.max(whole);
         self.kept = self.kept.saturating_sub(freed);
         self.forget_arrived();
     }
 
-    /// A part has to be sent again.
+    /// A part was lost: it is sent again, unless repair makes up for it.
     pub(crate) fn on_loss(&mut self, number: u64, range: Range<u64>, ended: bool) {
         if let Some(unit) = self.unit(number) {
             unit.on_loss(range, ended);
         }
+    }
+
+    pub(crate) fn on_repair_loss(&mut self, number: u64, offset: u64, index: u8) {
+        if let Some(unit) = self.unit(number) {
+            unit.on_repair_loss(offset, index);
+        }
+    }
+
+    /// Sends all again that was lost: nothing is heard of the repair that could make up for it.
+    pub(crate) fn stop_waiting(&mut self) {
+        self.units.iter_mut().for_each(Unit::stop_waiting);
     }
 
     /// The peer knows that a frame was given up.

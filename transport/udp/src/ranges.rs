@@ -33,6 +33,18 @@ impl RangeSet {
         self.0.get(first).filter(|range| range.start <= from).map_or(from, |range| range.end)
     }
 
+    /// Whether any number of `range` is in it.
+    pub(crate) fn overlaps(&self, range: &Range<u64>) -> bool {
+        let first = self.0.partition_point(|held| held.end <= range.start);
+        self.0.get(first).is_some_and(|held| held.start < range.end)
+    }
+
+    /// The ranges that reach `from` or beyond, each as a whole.
+    pub(crate) fn reaching_over(&self, from: u64) -> Self {
+        let first = self.0.partition_point(|range| range.end <= from);
+        Self(self.0.get(first..).unwrap_or_default().into())
+    }
+
     pub(crate) fn insert(&mut self, mut range: Range<u64>) {
         if range.is_empty() {
             return;
@@ -58,6 +70,16 @@ impl RangeSet {
             above = (other.end > range.end).then_some(range.end..other.end);
         }
         self.0.insert_many(from, below.into_iter().chain(above));
+    }
+
+    /// Removes what of `range` is in the set, and gives it.
+    pub(crate) fn take(&mut self, range: &Range<u64>) -> Self {
+        let mut taken = Self::default();
+        for held in self.iter().filter(|held| held.start < range.end && held.end > range.start) {
+            taken.insert(held.start.max(range.start)..held.end.min(range.end));
+        }
+        self.remove(range);
+        taken
     }
 
     /// Takes the lowest range, or as much of it as `most` allows.
@@ -124,6 +146,13 @@ mod tests {
                 prop_assert_eq!(gaps, missing);
                 let run = (5..).find(|value| !model.contains(value));
                 prop_assert_eq!(Some(set.end_of_run(5)), run);
+                let mut rest = set.clone();
+                let taken: BTreeSet<u64> = rest.take(&(17..31)).iter().flatten().collect();
+                let (inside, outside) = model.iter().partition::<BTreeSet<u64>, _>(|value| (17..31).contains(*value));
+                prop_assert_eq!((taken, rest.iter().flatten().collect()), (inside, outside));
+                prop_assert_eq!(set.overlaps(&(20..23)), (20..23).any(|value| model.contains(&value)));
+                let above: Vec<_> = set.iter().filter(|range| range.end > 20).collect();
+                prop_assert_eq!(set.reaching_over(20).iter().collect::<Vec<_>>(), above);
             }
         }
     }

@@ -46,8 +46,12 @@ pub(crate) enum Content {
     GiveUp {
         unit: u64,
     },
-    /// Of use while it is fresh, and never sent again.
-    Repair,
+    /// A repair shard of the block at `offset`: of use while it is fresh, and never sent again.
+    Repair {
+        unit: u64,
+        offset: u64,
+        index: u8,
+    },
     /// Only to find out whether a datagram of that size arrives.
     Probe {
         size: usize,

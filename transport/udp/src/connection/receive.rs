@@ -31,16 +31,18 @@ impl Connection {
                 return;
             }
             match self.take_chunks(now, &plain) {
-                Ok(eliciting) => self.acks.on_received(now, number, eliciting, self.config.ack_delay),
+                Ok(Some(eliciting)) => self.acks.on_received(now, number, eliciting, self.config.ack_delay),
+                Ok(None) => {}
                 Err(why) => self.end(why),
             }
         }
         self.plain = plain;
     }
 
-    fn take_chunks(&mut self, now: Instant, plain: &[u8]) -> Result<bool, Closed> {
+    /// Says whether the packet asks for an acknowledgement; nothing if it must not get one, for not all of it could be taken.
+    fn take_chunks(&mut self, now: Instant, plain: &[u8]) -> Result<Option<bool>, Closed> {
         let mut reader = Reader::new(plain);
-        let mut eliciting = false;
+        let (mut eliciting, mut taken) = (false, true);
         while !reader.is_empty() {
             let chunk = Chunk::read(&mut reader)?;
             eliciting |= chunk.is_eliciting();
@@ -68,14 +70,14 @@ impl Connection {
                 Chunk::Part { unit, offset, tail, data } => self.inbox.put(unit, offset, tail, data)?,
                 Chunk::GiveUp { unit, about, head } => self.inbox.give_up(unit, about, head)?,
                 Chunk::Repair { unit, block, hash, index, data } => {
-                    self.inbox.put_repair(unit, block, hash, index, data)?;
+                    taken &= self.inbox.put_repair(unit, block, hash, index, data)?;
                 }
             }
         }
         if self.unread {
             self.credit_due |= self.inbox.discard();
         }
-        Ok(eliciting)
+        Ok(taken.then_some(eliciting))
     }
 
     pub(super) fn judge(&mut self, now: Instant, verdict: Verdict) {
@@ -87,7 +89,7 @@ impl Connection {
                 Content::Credit => self.credit_due = true,
                 Content::Unread => self.unread_due = true,
                 Content::GiveUp { unit } => self.outbox.on_give_up_loss(unit),
-                Content::Repair => {}
+                Content::Repair { unit, offset, index } => self.outbox.on_repair_loss(unit, offset, index),
                 Content::Probe { size } => self.mtu.on_lost(now, size),
             }
         }
@@ -101,7 +103,8 @@ impl Connection {
                     self.mtu.on_arrived(now, size);
                     self.resize();
                 }
-                Content::Credit | Content::Unread | Content::Repair => {}
+                Content::Repair { unit, offset, index } => self.outbox.on_repair_ack(unit, offset, index),
+                Content::Credit | Content::Unread => {}
             }
         }
     }

@@ -99,9 +99,14 @@ impl Unit {
         self.have.insert(offset..offset + data.len() as u64);
     }
 
+    /// Whether anything of a block is missing.
+    pub(super) fn wants_repair(&self, block: Block) -> bool {
+        !block.shards().all(|range| self.has(&range))
+    }
+
     /// Keeps a repair shard.
     pub(super) fn keep_repair(&mut self, block: Block, index: u8, data: &[u8]) {
-        if block.shards().all(|range| self.has(&range)) {
+        if !self.wants_repair(block) {
             return;
         }
         let shards = match self.repair.iter_mut().find(|(known, _)| *known == block) {

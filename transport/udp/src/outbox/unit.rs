@@ -6,6 +6,7 @@ use std::ops::Range;
 use bytes::{Buf, BufMut, BytesMut};
 use trimaran_proto::{FrameNumber, Instant};
 
+use super::guard::{Guard, Need};
 use super::write_if_fits;
 use crate::chunk::{Chunk, GivenUp, Tail, part_overhead, unit_head};
 use crate::ranges::RangeSet;
@@ -19,7 +20,11 @@ pub(super) struct Unit {
     base: u64,
     sent: u64,
     acked: RangeSet,
+    /// What has to be sent again; and what was lost as well, but may be restored from repair.
     lost: RangeSet,
+    waiting: RangeSet,
+    /// The blocks that have repair.
+    guards: Vec<Guard>,
     /// The end, once it is known, and whether it must be sent, and whether it has arrived.
     end: Option<Tail>,
     end_due: bool,
@@ -64,6 +69,8 @@ impl Unit {
             sent: 0,
             acked: RangeSet::default(),
             lost: RangeSet::default(),
+            waiting: RangeSet::default(),
+            guards: Vec::new(),
             end: None,
             end_due: false,
             end_acked: false,
@@ -135,6 +142,7 @@ impl Unit {
             if count > 0 {
                 let (length, count_u8) = (bytes.len() as u32, count as u8);
                 let block = Block { offset: self.protected, length, shard: shard as u16, count: count_u8 };
+                self.guards.push(Guard::new(block, hash.is_some()));
                 let shards = (0..).zip(protect(bytes, shard, count));
                 self.repair.extend(shards.map(|(index, data)| Repair { block, hash, index, data }));
             }
@@ -170,6 +178,8 @@ impl Unit {
         self.given_up = Some(GivingUp { about, head, due: true });
         self.base = length;
         self.lost = RangeSet::default();
+        self.waiting = RangeSet::default();
+        self.guards.clear();
         self.repair.clear();
         self.end_due = false;
         // From here on it is the word of giving up that has to arrive, whatever became of the end itself.
@@ -182,7 +192,15 @@ impl Unit {
             return given_up.due;
         }
         let fresh = self.sent < self.written();
-        !self.lost.is_empty() || fresh && credit > 0 || !fresh && (self.end_due || !self.repair.is_empty())
+        !self.lost.is_empty()
+            || fresh && credit > 0
+            || !fresh && (self.is_end_due() || !self.repair.is_empty())
+    }
+
+    /// Whether the end has to be said by itself. An end whose bytes may be restored waits for what becomes of them.
+    fn is_end_due(&self) -> bool {
+        let waits = self.waiting.iter().next_back().is_some_and(|range| range.end == self.written());
+        self.end_due && !waits
     }
 
     /// Writes the chunk that is due; gives what it carries and how many bytes of it were never sent before.
@@ -207,7 +225,7 @@ impl Unit {
         let wanted = match lost {
             Some(range) => range,
             None if fresh > 0 => self.sent..self.sent + fresh,
-            None if self.end_due => self.sent..self.sent,
+            None if self.is_end_due() => self.sent..self.sent,
             None => return self.write_repair(number, room, out).map(|content| (content, 0)),
         };
         let shard = self.shard as u64;
@@ -237,8 +255,9 @@ impl Unit {
         let Repair { block, hash, index, data } = self.repair.front()?;
         let chunk = Chunk::Repair { unit: number, block: *block, hash: *hash, index: *index, data };
         write_if_fits(&chunk, room, out)?;
+        let content = Content::Repair { unit: number, offset: block.offset, index: *index };
         self.repair.pop_front();
-        Some(Content::Repair)
+        Some(content)
     }
 
     /// A part has arrived; says how many bytes that freed.
@@ -246,10 +265,79 @@ impl Unit {
         if self.given_up.is_some() {
             return 0;
         }
+        let at = range.start;
         self.lost.remove(&range);
+        self.waiting.remove(&range);
         self.acked.insert(range);
         self.end_acked |= ended;
-        // What a block that is not complete yet needs for its repair is kept.
+        self.settle(at);
+        self.free()
+    }
+
+    pub(super) fn on_loss(&mut self, range: Range<u64>, ended: bool) {
+        if self.given_up.is_some() {
+            return;
+        }
+        self.end_due |= ended && !self.end_acked;
+        let at = range.start;
+        let set = if self.guard(at).is_some() { &mut self.waiting } else { &mut self.lost };
+        for gap in self.acked.gaps(range) {
+            set.insert(gap);
+        }
+        self.settle(at);
+    }
+
+    /// A repair shard of the block at `offset` has arrived; says how many bytes that freed.
+    pub(super) fn on_repair_ack(&mut self, offset: u64, index: u8) -> usize {
+        let Some(guard) = self.guard(offset) else { return 0 };
+        guard.on_arrived(index);
+        let ends = guard.tells_the_end();
+        self.end_acked |= ends;
+        self.end_due &= !ends;
+        self.settle(offset);
+        self.free()
+    }
+
+    pub(super) fn on_repair_loss(&mut self, offset: u64, index: u8) {
+        if let Some(guard) = self.guard(offset) {
+            guard.on_lost(index);
+        }
+        self.settle(offset);
+    }
+
+    /// Sends all again that was lost: nothing is heard of the repair.
+    pub(super) fn stop_waiting(&mut self) {
+        for range in std::mem::take(&mut self.waiting).iter() {
+            self.lost.insert(range);
+        }
+    }
+
+    /// The block that `at` lies in, if it has repair.
+    fn guard(&mut self, at: u64) -> Option<&mut Guard> {
+        self.guards.iter_mut().find(|guard| guard.range().contains(&at))
+    }
+
+    /// Decides what becomes of the lost bytes of the block that `at` lies in.
+    fn settle(&mut self, at: u64) {
+        let Some(guard) = self.guards.iter().find(|guard| guard.range().contains(&at)) else { return };
+        match guard.need(&self.acked, &self.waiting) {
+            Need::Restored => {
+                self.lost.remove(&guard.range());
+                self.waiting.remove(&guard.range());
+                self.acked.insert(guard.range());
+            }
+            Need::Again(shards) => {
+                for shard in shards {
+                    for lost in self.waiting.take(&shard).iter() {
+                        self.lost.insert(lost);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Forgets the bytes that have arrived; says how many. What a block that is not complete yet needs for its repair is kept.
+    fn free(&mut self) -> usize {
         let done = self.acked.end_of_run(self.base).min(self.protected.max(self.base));
         let freed = ((done - self.base) as usize).min(self.data.len());
         self.data.advance(freed);
@@ -258,16 +346,6 @@ impl Unit {
             self.repair.clear();
         }
         freed
-    }
-
-    pub(super) fn on_loss(&mut self, range: Range<u64>, ended: bool) {
-        if self.given_up.is_some() {
-            return;
-        }
-        self.end_due |= ended && !self.end_acked;
-        for gap in self.acked.gaps(range) {
-            self.lost.insert(gap);
-        }
     }
 
     pub(super) fn on_give_up_ack(&mut self) {

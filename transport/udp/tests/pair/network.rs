@@ -17,9 +17,8 @@ pub(crate) struct Network {
     pub(crate) twice: u64,
     pub(crate) late: u64,
     pub(crate) broken: u64,
-    /// Whether losses come in bursts as well (Gilbert and Elliott): one packet in a hundred begins a burst, one in four ends it, and
-    /// within it four of five are lost.
-    pub(crate) bursts: bool,
+    /// How often a packet begins a burst (Gilbert and Elliott): one in four ends it, and within it three of four are lost.
+    pub(crate) bursts: u64,
     /// Longer packets are lost.
     pub(crate) mtu: usize,
     /// Whether packets are encrypted.
@@ -27,16 +26,8 @@ pub(crate) struct Network {
     pub(crate) seed: u64,
 }
 
-pub(crate) const CLEAN: Network = Network {
-    loss: 0,
-    twice: 0,
-    late: 0,
-    broken: 0,
-    bursts: false,
-    mtu: MIN_DATAGRAM,
-    sealed: false,
-    seed: 1,
-};
+pub(crate) const CLEAN: Network =
+    Network { loss: 0, twice: 0, late: 0, broken: 0, bursts: 0, mtu: MIN_DATAGRAM, sealed: false, seed: 1 };
 pub(crate) const SEALED: Network = Network { sealed: true, ..CLEAN };
 pub(crate) const ONE_WAY: Duration = Duration::from_millis(5);
 
@@ -107,9 +98,9 @@ impl Pair {
     }
 
     pub(crate) fn lost_in_burst(&mut self, end: usize) -> bool {
-        let turns = self.chance(if self.in_burst[end] { 250 } else { 10 });
-        self.in_burst[end] ^= turns && self.network.bursts;
-        let lost = self.in_burst[end] && self.chance(800);
+        let turns = self.chance(if self.in_burst[end] { 250 } else { self.network.bursts });
+        self.in_burst[end] ^= turns;
+        let lost = self.in_burst[end] && self.chance(750);
         self.burst_losses += u64::from(lost);
         lost
     }

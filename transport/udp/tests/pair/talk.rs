@@ -66,9 +66,9 @@ pub(crate) struct Reader {
     /// Which frames had gaps, and how many ids they should have had.
     pub(crate) gaps: Vec<(usize, u32)>,
     pub(crate) ended: Option<Received>,
-    now: Instant,
-    begun: Vec<Instant>,
-    over: Vec<Instant>,
+    pub(crate) now: Instant,
+    pub(crate) begun: Vec<Instant>,
+    pub(crate) over: Vec<Instant>,
 }
 
 impl Default for Reader {
