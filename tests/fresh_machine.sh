@@ -19,7 +19,7 @@ mount_into() {
 }
 clean_up() {
     # What the tests mounted there too: network namespaces are mounts.
-    findmnt --raw --noheadings --output TARGET | grep "^$machine/" | tac | while read -r path; do
+    findmnt --raw --noheadings --output TARGET | { grep "^$machine/" || true; } | tac | while read -r path; do
         umount "$path" || umount --lazy "$path"
     done
     rm -rf --one-file-system "$machine"
