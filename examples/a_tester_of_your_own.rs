@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     say("without occluders", &clear);
     for metres in [15.0, 10.0, 5.0] {
         let mut drawn = Vec::new();
-        let stats = culler.cull(&view, rule, &mut Fog { metres }, |id| drawn.push(id))?;
+        let stats = culler.cull(&view, rule, &mut Fog { metres }, |ids| drawn.extend_from_slice(ids))?;
         say(&format!("fog at {metres} m"), &stats);
     }
     Ok(())

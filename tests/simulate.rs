@@ -97,7 +97,9 @@ fn other_times_take_the_place_of_the_recorded_ones() {
     let times = Times { hc: Some(ms(8)), rvg: Some(ms(2)), ..Times::default() };
     let workload = Workload::steady(load(100, 4)).taking(times);
     assert_eq!(workload.of(7), Load { nodes: 100, or: ms(4), hc: ms(8), rvg: ms(2) });
-    assert_eq!((workload.found_at(7, 50), workload.found_at(7, 100)), (ms(4), ms(8)));
+    let finds = workload.finds(7, BatchSize::new(40).unwrap());
+    let us = Duration::from_micros;
+    assert_eq!(finds, [(40, us(3200)), (80, us(6400)), (100, us(8000))]);
 }
 
 #[test]

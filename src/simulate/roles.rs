@@ -156,13 +156,13 @@ pub(super) async fn switch(
                 let ids = stage.workload.ids(frame.0);
                 let began = net.now();
                 let mut done = 0;
-                for batch in ids.chunks(settings.batch.ids()) {
-                    done += batch.len();
-                    sleep_until(&**net, began.after(stage.workload.found_at(frame.0, done))).await;
+                for (count, at) in stage.workload.finds(frame.0, settings.batch) {
+                    sleep_until(&**net, began.after(at)).await;
+                    let found = ids.get(done..count).unwrap_or_default();
                     for sender in &mut receivers {
-                        sender.push(batch).await?;
-                        sender.flush().await?;
+                        sender.push(found).await?;
                     }
+                    done = count;
                 }
                 sleep_until(&**net, began.after(load.hc)).await;
                 stage.note(frame, |times| times.culled = net.now());

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use thiserror::Error;
-use trimaran_proto::{Camera, DrawableId, FrameNumber};
+use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber};
 
 use crate::report::Report;
 use crate::trace::{Trace, TraceError, looks_like_a_trace};
@@ -189,19 +189,21 @@ impl Workload {
         }
     }
 
-    /// How long after it began HC of that frame has found the first `count` ids.
+    /// How many ids HC of that frame has found how long after it began, ascending. Of a recorded walk, as they were found; else
+    /// evenly, `batch` after `batch`.
     #[must_use]
-    pub fn found_at(&self, frame: u32, count: usize) -> Duration {
+    pub fn finds(&self, frame: u32, batch: BatchSize) -> Vec<(usize, Duration)> {
         let Load { nodes, hc, .. } = self.of(frame);
         match &self.source {
-            Source::Loads(_) => hc.mul_f64((count as f64 / f64::from(nodes.max(1))).min(1.0)),
-            Source::Trace(trace) => trace.frame(frame).map_or(Duration::ZERO, |frame| {
-                let at = frame.found_at(count);
-                if hc == frame.hc {
-                    at
-                } else {
-                    hc.mul_f64(at.as_secs_f64() / frame.hc.as_secs_f64().max(1e-9))
-                }
+            Source::Loads(_) => {
+                let nodes = nodes as usize;
+                let ends = (1..=nodes.div_ceil(batch.ids())).map(|end| (end * batch.ids()).min(nodes));
+                ends.map(|count| (count, hc.mul_f64(count as f64 / nodes as f64))).collect()
+            }
+            Source::Trace(trace) => trace.frame(frame).map_or_else(Vec::new, |frame| {
+                let scale = hc.as_secs_f64() / frame.hc.as_secs_f64().max(1e-9);
+                let there = |at: Duration| if hc == frame.hc { at } else { at.mul_f64(scale) };
+                frame.finds().map(|(count, at)| (count, there(at))).collect()
             }),
         }
     }

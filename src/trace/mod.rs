@@ -46,7 +46,8 @@ pub struct TraceFrame {
     pub rvg: Duration,
     /// What HC found visible, ascending and each once: the order in which it sends.
     pub ids: Vec<DrawableId>,
-    /// Of them, how many were at the display how long after the frame's begin: both ascending, one entry a batch.
+    /// Of them, how many were at the display how long after the frame's begin: both ascending, one entry for
+    /// what came at once.
     pub found: Vec<(u32, Duration)>,
 }
 
@@ -117,19 +118,10 @@ impl Trace {
 }
 
 impl TraceFrame {
-    /// When HC has found the first `count` of its ids, since its beginning: between batches evenly, and no later than HC ends.
-    #[must_use]
-    pub fn found_at(&self, count: usize) -> Duration {
-        let (mut before, mut then) = (0, Duration::ZERO);
-        for &(there, at) in &self.found {
-            let there = there as usize;
-            if count <= there {
-                let share = (count.saturating_sub(before)) as f64 / (there - before).max(1) as f64;
-                return (then + at.saturating_sub(then).mul_f64(share)).min(self.hc);
-            }
-            (before, then) = (there, at);
-        }
-        self.hc
+    /// How many of its ids HC has found how long after it began: it decides a level of the tree at once. No later than HC ends: the
+    /// way to the display, where it was seen, is not HC's.
+    pub fn finds(&self) -> impl Iterator<Item = (usize, Duration)> {
+        self.found.iter().map(|&(count, at)| (count as usize, at.min(self.hc)))
     }
 }
 
@@ -138,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ids_are_found_evenly_between_the_batches_that_were_seen() {
+    fn ids_are_found_when_they_were_seen_and_within_the_time_of_culling() {
         let ms = Duration::from_millis;
         let frame = TraceFrame {
             camera: Camera::at_origin(FrameNumber(0)),
@@ -148,9 +140,7 @@ mod tests {
             ids: (0..300).map(DrawableId).collect(),
             found: vec![(100, ms(2)), (200, ms(6)), (300, ms(9))],
         };
-        let found = [0, 50, 100, 150, 200, 300].map(|count| frame.found_at(count));
-        // The last batch was seen after HC had ended: the way to the display is not HC's.
-        assert_eq!(found, [ms(0), ms(1), ms(2), ms(4), ms(6), ms(8)]);
-        assert_eq!(frame.found_at(301), ms(8));
+        let finds: Vec<_> = frame.finds().collect();
+        assert_eq!(finds, [(100, ms(2)), (200, ms(6)), (300, ms(8))]);
     }
 }

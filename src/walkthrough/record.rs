@@ -27,7 +27,7 @@ pub struct FrameRecord {
     pub shown: Duration,
     /// What travelled between the display and the frame's machine.
     pub traffic: SentBytes,
-    /// How many ids had come, and when, since the begin: one entry a batch.
+    /// How many ids had come, and when, since the begin: one entry for all batches that came at once.
     pub arrivals: Vec<(u32, Duration)>,
     /// What that machine says it did.
     pub stats: Option<FrameStats>,

@@ -59,7 +59,7 @@ fn walk(c: &mut Criterion) {
                 let mut pyramid = DepthPyramid::new();
                 pyramid.rebuild(image);
                 let mut tester = HzbTester::new(image, &pyramid).unwrap().with_outline(outline);
-                let stats = culler.cull(&frame.view, rule, &mut tester, |_| emitted += 1).unwrap();
+                let stats = culler.cull(&frame.view, rule, &mut tester, |ids| emitted += ids.len()).unwrap();
                 exact += frame.exact.len();
                 let figures = [
                     stats.visited,
@@ -74,7 +74,7 @@ fn walk(c: &mut Criterion) {
             println!(
                 "{objects} objects, {outline:?}: {emitted} emitted / {exact} exactly visible = {:.3}; \
                  visited, tested, hidden, outside, refined, near: {sums:?}",
-                f64::from(emitted) / exact as f64
+                emitted as f64 / exact as f64
             );
         }
         let frame = &frames[3];
@@ -85,8 +85,8 @@ fn walk(c: &mut Criterion) {
             let mut tester = HzbTester::new(image, &pyramid).unwrap();
             b.iter(|| {
                 culler
-                    .cull(&frame.view, rule, &mut tester, |id| {
-                        black_box(id);
+                    .cull(&frame.view, rule, &mut tester, |ids| {
+                        black_box(ids);
                     })
                     .unwrap()
             });
@@ -94,8 +94,8 @@ fn walk(c: &mut Criterion) {
         c.bench_function(&format!("cull {objects} objects, no occluders"), |b| {
             b.iter(|| {
                 culler
-                    .cull(&frame.view, rule, &mut NoOccluders, |id| {
-                        black_box(id);
+                    .cull(&frame.view, rule, &mut NoOccluders, |ids| {
+                        black_box(ids);
                     })
                     .unwrap()
             });

@@ -70,6 +70,8 @@ pub struct Culler {
     candidates: Vec<Candidate>,
     boxes: Vec<TestBox>,
     answers: Vec<u32>,
+    /// The level's drawables that show.
+    visible: Vec<DrawableId>,
 }
 
 /// A node of the level that is not outside the frustum.
@@ -93,6 +95,7 @@ impl Culler {
             candidates: Vec::new(),
             boxes: Vec::new(),
             answers: Vec::new(),
+            visible: Vec::new(),
         }
     }
 
@@ -102,8 +105,8 @@ impl Culler {
         &self.scene
     }
 
-    /// Walks the tree breadth first, a level at a time, and gives `sink` each drawable of `rule`'s cut whose node shows in
-    /// front of the tester's occluders. A level's drawables go to the sink as soon as that level is decided.
+    /// Walks the tree breadth first, a level at a time, and gives `sink` the drawables of `rule`'s cut whose nodes show in
+    /// front of the tester's occluders: those of a level at once, as soon as that level is decided, and none for a level without.
     ///
     /// # Errors
     /// If the tester fails, or does not fit the rule.
@@ -112,7 +115,7 @@ impl Culler {
         view: &View,
         rule: CutRule,
         tester: &mut T,
-        mut sink: impl FnMut(DrawableId),
+        mut sink: impl FnMut(&[DrawableId]),
     ) -> Result<CullStats, CullError<T::Error>> {
         if rule.stops_at_few_pixels() && tester.answer() != Answer::PixelCount {
             return Err(CullError::NeedsPixelCount);
@@ -135,7 +138,10 @@ impl Culler {
             if self.answers.len() != self.boxes.len() {
                 return Err(CullError::AnswerCount { boxes: self.boxes.len(), answers: self.answers.len() });
             }
-            self.decide_level(rule, &mut stats, &mut sink);
+            self.decide_level(rule, &mut stats);
+            if !self.visible.is_empty() {
+                sink(&self.visible);
+            }
             std::mem::swap(&mut self.level, &mut self.next);
         }
         Ok(stats)
@@ -180,8 +186,9 @@ impl Culler {
     }
 
     /// Emits, refines or drops the level's candidates by the tester's answers.
-    fn decide_level(&mut self, rule: CutRule, stats: &mut CullStats, sink: &mut impl FnMut(DrawableId)) {
+    fn decide_level(&mut self, rule: CutRule, stats: &mut CullStats) {
         self.next.clear();
+        self.visible.clear();
         let mut answers = self.answers.iter();
         for candidate in &self.candidates {
             let pixels = if candidate.tested { answers.next().copied() } else { None };
@@ -195,12 +202,12 @@ impl Culler {
             match (candidate.choice, node.levels().next()) {
                 (Choice::Draw(id), _) => {
                     stats.emitted += 1;
-                    sink(id);
+                    self.visible.push(id);
                 }
                 (Choice::Refine, Some(finest)) if few => {
                     stats.stopped_at_few_pixels += 1;
                     stats.emitted += 1;
-                    sink(finest);
+                    self.visible.push(finest);
                 }
                 (Choice::Refine, _) => {
                     stats.refined += 1;

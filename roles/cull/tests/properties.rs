@@ -158,7 +158,9 @@ fn without_occluders_all_of_the_cut_in_the_frustum_is_emitted_and_every_node_is_
     let mut culler = Culler::new(scene.clone());
     for view in &views {
         let mut emitted = BTreeSet::new();
-        let stats = culler.cull(view, rule(2.0), &mut NoOccluders, |id| assert!(emitted.insert(id))).unwrap();
+        let stats = culler
+            .cull(view, rule(2.0), &mut NoOccluders, |ids| assert!(ids.iter().all(|id| emitted.insert(*id))))
+            .unwrap();
         let cut: BTreeSet<DrawableId> = level_cut(&scene, view, rule(2.0)).into_iter().collect();
         assert!(emitted.is_subset(&cut));
         assert_eq!(stats.emitted as usize, emitted.len());

@@ -118,7 +118,7 @@ impl Roles {
         let mut tester = HzbTester::new(self.occluders.read_depth()?, &self.pyramid)?;
         let visible = &mut self.visible;
         visible.clear();
-        self.culler.cull(view, self.rule, &mut tester, |id| visible.push(id))?;
+        self.culler.cull(view, self.rule, &mut tester, |ids| visible.extend_from_slice(ids))?;
         table.add("HC: cpu ms", lap.cpu());
         self.order.sort(&self.scene, view, &mut self.visible);
         table.add("RVG, sorting: cpu ms", lap.cpu());

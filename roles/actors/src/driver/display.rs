@@ -48,7 +48,7 @@ pub struct ShownFrame<'f> {
     /// What travelled between the display and the frame's machine, both ways, since that machine's last frame was shown: the
     /// frame, statistics of an earlier one, and a camera.
     pub traffic: SentBytes,
-    /// How many ids had come, and when, since the frame's begin: one entry a batch.
+    /// How many ids had come, and when, since the frame's begin: one entry for all batches that came at once.
     pub arrivals: &'f [(u32, Duration)],
 }
 
@@ -236,11 +236,21 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         self.ids.clear();
         self.arrivals.clear();
         loop {
-            match self.receive(from, cameras)? {
+            let there = self.try_receive(from)?;
+            // What is there without waiting came with what was before it.
+            let at_once = there.is_some();
+            let event = match there {
+                Some(event) => event,
+                None => self.receive(from, cameras)?,
+            };
+            match event {
                 FrameEvent::Ids(batch) => {
                     self.ids.extend(batch.iter());
                     let count = u32::try_from(self.ids.len()).unwrap_or(u32::MAX);
-                    self.arrivals.push((count, self.clock.elapsed().saturating_sub(begun)));
+                    match self.arrivals.last_mut().filter(|_| at_once) {
+                        Some((before, _)) => *before = count,
+                        None => self.arrivals.push((count, self.clock.elapsed().saturating_sub(begun))),
+                    }
                 }
                 FrameEvent::End(outcome) => {
                     self.lossy = !matches!(outcome, FrameOutcome::Complete(_));
@@ -303,6 +313,13 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             }
         }
         Ok(())
+    }
+
+    /// What has come, if anything has.
+    fn try_receive(&mut self, from: Seat) -> Result<Option<FrameEvent>, RoleError<D::Error>> {
+        let link = &mut self.links[from.index()];
+        let doing = "receiving a frame";
+        link.frames_rx.try_recv().map_err(|cause| RoleError::Link { doing, cause: cause.into() })
     }
 
     /// Waits for the next message of a machine. In a live session newer poses go out meanwhile, for frames that have not begun.

@@ -74,7 +74,6 @@ struct Work<'r, D> {
     mapper: Option<OccluderMapper>,
     viewport: Viewport,
     rule: CutRule,
-    batch: usize,
     waiting: Waiting<'r>,
     clock: Stopwatch,
     stats: FrameStats,
@@ -104,7 +103,6 @@ impl<'r, D: PairDevice> Work<'r, D> {
             culler: Culler::new(scene),
             viewport: viewport_of(&settings)?,
             rule,
-            batch: settings.batch.ids(),
             waiting,
             clock: Stopwatch::start(),
             stats: FrameStats::default(),
@@ -225,9 +223,9 @@ impl<'r, D: PairDevice> Work<'r, D> {
 
         let view = View::new(camera, self.viewport);
         let other = feeds_other.then_some(&mut self.other.frames_tx);
-        let mut outlet = Outlet::new(self.waiting, &mut self.display.frames_tx, other, self.batch);
+        let mut outlet = Outlet::new(self.waiting, &mut self.display.frames_tx, other);
         outlet.begin(FrameStart { frame: camera.frame(), camera });
-        let culled = self.culler.cull(&view, self.rule, &mut self.device, |id| outlet.push(id));
+        let culled = self.culler.cull(&view, self.rule, &mut self.device, |ids| outlet.push(ids));
         let sent = outlet.finish();
         let walk = culled?;
         sent?;

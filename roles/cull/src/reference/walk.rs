@@ -152,7 +152,7 @@ impl ReferenceWalk {
         let occluders = self.draw_occluders(&scene, view)?;
         let mut emitted = Vec::new();
         let mut tester = self.tester(&occluders)?;
-        let stats = self.culler.cull(view, self.rule, &mut tester, |id| emitted.push(id))?;
+        let stats = self.culler.cull(view, self.rule, &mut tester, |ids| emitted.extend_from_slice(ids))?;
         order.sort(&scene, view, &mut emitted);
         let drawn = self.fault.arrived(&scene, &emitted);
         let picture = rasterize(&scene, view, drawn.iter().copied(), self.placement);

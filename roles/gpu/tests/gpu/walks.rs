@@ -69,7 +69,7 @@ impl<'g> Walk<'g> {
     fn cull(&mut self, view: &View) -> Vec<DrawableId> {
         let Self { culler, rule, tester, occluder_pass, pyramid, last, .. } = self;
         let mut emitted = Vec::new();
-        let sink = |id| emitted.push(id);
+        let sink = |ids: &[DrawableId]| emitted.extend_from_slice(ids);
         let Some(last) = last else {
             culler.cull(view, *rule, &mut NoOccluders, sink).unwrap();
             return emitted;
