@@ -9,6 +9,9 @@ use std::time::Duration;
 
 use crate::net::{Instant, Net, Timer};
 
+/// How often a sender looks for signs of life in a lease: as often as there are some.
+const LOOKS: u32 = 4;
+
 /// Bounds every wait of one half of a link.
 ///
 /// The time counts from where a wait begins, not from the last byte: while the caller is busy elsewhere, what the peer sent
@@ -29,6 +32,15 @@ pub(crate) struct Patience {
 #[derive(Debug, Default)]
 pub(crate) struct Wait {
     end: Option<(Instant, Expired)>,
+}
+
+/// What is known of a peer's life while nobody listens to it.
+#[derive(Debug)]
+struct Life {
+    /// When something had come.
+    sign: Instant,
+    /// When to look again.
+    look: Instant,
 }
 
 /// A wait that took too long.
@@ -108,6 +120,50 @@ impl Patience {
             _ => Duration::ZERO,
         };
         heard
+    }
+
+    /// What `future` gives, unless the patience ends first, or the lease: `heard` is asked four times in each whether anything came
+    /// from the peer since it was asked last.
+    pub(crate) async fn wait_while_alive<F: Future>(
+        &mut self,
+        mut heard: impl FnMut() -> bool,
+        future: F,
+    ) -> Result<F::Output, Expired> {
+        let mut future = pin!(future);
+        let mut wait = Wait::default();
+        let mut life: Option<Life> = None;
+        poll_fn(|cx| {
+            if let Poll::Ready(output) = future.as_mut().poll(cx) {
+                return Poll::Ready(Ok(output));
+            }
+            let (end, why) = self.end(&mut wait, None);
+            loop {
+                let now = self.net.now();
+                let life = match &mut life {
+                    Some(life) => life,
+                    // What came before is a sign of life at this moment: whose age it has, nobody knows.
+                    None => {
+                        heard();
+                        life.insert(Life { sign: now, look: now.after(self.lease / LOOKS) })
+                    }
+                };
+                if now >= life.look {
+                    if heard() {
+                        life.sign = now;
+                    }
+                    life.look = now.after(self.lease / LOOKS);
+                }
+                if now.since(life.sign) >= self.lease {
+                    return Poll::Ready(Err(Expired::Lease));
+                }
+                if now >= end {
+                    return Poll::Ready(Err(why));
+                }
+                let at = end.min(life.look);
+                ready!(self.poll_reached(at, cx));
+            }
+        })
+        .await
     }
 
     /// When a wait ends, and why: told when it is first needed, because most waits are over at once.

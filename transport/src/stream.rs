@@ -3,6 +3,7 @@
 mod desk;
 mod frames;
 mod handshake;
+mod inlet;
 mod introduce;
 mod latest;
 mod pulse;

@@ -11,7 +11,7 @@ use tokio::runtime::{Builder, Runtime};
 use trimaran_proto::Role;
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::{
-    Endpoint, Link, LinkConfig, Listener, Loss, Net, Options, RecvError, TokioNet, connect,
+    Endpoint, Link, LinkConfig, Listener, Loss, Net, Options, RecvError, SendError, TokioNet, connect,
 };
 
 /// Makes a test of each case for each transport.
@@ -36,6 +36,7 @@ macro_rules! over_every_transport {
 
 over_every_transport!(
     a_peer_that_hangs_is_lost_by_whoever_listens,
+    a_peer_that_hangs_is_lost_by_whoever_waits_for_room,
     a_peer_that_comes_back_goes_on_with_the_next_frame,
 );
 
@@ -83,7 +84,8 @@ async fn hanging_display(at: Endpoint, options: Options) -> (Runtime, Link) {
     tokio::task::spawn_blocking(life).await.unwrap()
 }
 
-async fn a_peer_that_hangs_is_lost_by_whoever_listens(endpoint: &str) {
+/// A link to a display that hangs, and what keeps that display there.
+async fn joined_to_a_hanging_display(endpoint: &str) -> (Link, Runtime, impl Sized) {
     let lease = Duration::from_millis(500);
     let patience = Duration::from_secs(3600);
     let link = LinkConfig { patience, lease, ..LinkConfig::default() };
@@ -93,7 +95,24 @@ async fn a_peer_that_hangs_is_lost_by_whoever_listens(endpoint: &str) {
         here.latest_tx.publish(camera(1)).unwrap();
         here
     };
-    let (mut here, (runtime, _link)) = tokio::join!(meet, hanging_display(at, display));
+    let (here, (runtime, hangs)) = tokio::join!(meet, hanging_display(at, display));
+    (here, runtime, (hangs, listener, _folder))
+}
+
+async fn a_peer_that_hangs_is_lost_by_whoever_waits_for_room(endpoint: &str) {
+    let (mut here, runtime, _hangs) = joined_to_a_hanging_display(endpoint).await;
+    here.frames_tx.begin(start(0)).await.unwrap();
+    let lost = loop {
+        if let Err(lost) = here.frames_tx.push(&ids(100_000)).await {
+            break lost;
+        }
+    };
+    assert!(matches!(lost, SendError::Lost { cause: Loss::Silent, .. }), "{lost:?}");
+    runtime.shutdown_background();
+}
+
+async fn a_peer_that_hangs_is_lost_by_whoever_listens(endpoint: &str) {
+    let (mut here, runtime, _hangs) = joined_to_a_hanging_display(endpoint).await;
     let lost = here.frames_rx.recv().await.unwrap_err();
     assert!(matches!(lost, RecvError::Lost { cause: Loss::Silent, .. }), "{lost:?}");
     let lost = here.latest_rx.latest().await.unwrap_err();

@@ -7,13 +7,14 @@ use std::task::{Context, Waker};
 
 use trimaran_proto::{FrameMessage, Goodbye, IdDecoder, Lane, Message};
 
+use super::inlet::Inlet;
 use super::pulse::Pulse;
 use super::source::{Sink, Source};
 use crate::desk::lock;
 use crate::error::{LaneError, LaneSendError, Loss, misplaced};
 use crate::link::Shared;
 use crate::net::Instant;
-use crate::patience::{Patience, Wait};
+use crate::patience::{Expired, Patience, Wait};
 use crate::stats::Counters;
 
 /// How much is read at once: whole frames, mostly.
@@ -22,6 +23,8 @@ const ROOM: usize = 64 * 1024;
 #[derive(Debug)]
 pub(crate) struct FrameTx {
     outlet: Arc<Outlet>,
+    /// Where signs of life come in while the peer takes nothing.
+    inlet: Arc<Inlet>,
 }
 
 /// What the lane's owner writes to, and its pulse while the owner has nothing to say.
@@ -42,9 +45,10 @@ struct State {
 }
 
 impl FrameTx {
-    pub(crate) fn new(sink: Sink, counters: &Arc<Counters>) -> Self {
+    fn new(sink: Sink, counters: &Arc<Counters>, inlet: &Arc<Inlet>) -> Self {
         let state = Mutex::new(State { sink, waiting: false, spoke: false, closed: false });
-        Self { outlet: Arc::new(Outlet { state, counters: Arc::clone(counters) }) }
+        let outlet = Outlet { state, counters: Arc::clone(counters) };
+        Self { outlet: Arc::new(outlet), inlet: Arc::clone(inlet) }
     }
 
     pub(super) fn outlet(&self) -> &Arc<Outlet> {
@@ -55,14 +59,17 @@ impl FrameTx {
         lock(&self.outlet.state).sink.stage(message, &shared.counters.sent);
     }
 
-    /// Writes what is staged. Whatever the peer takes starts the patience anew.
+    /// Writes what is staged. Whatever the peer takes starts the patience anew, and a peer that hangs is not waited for that long.
     pub(crate) async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
         let turn = Turn::take(&self.outlet);
         while !lock(&turn.state).sink.is_drained() {
             patience
-                .wait(None, poll_fn(|cx| lock(&turn.state).sink.poll_write(cx)))
+                .wait_while_alive(|| self.inlet.heard(), poll_fn(|cx| lock(&turn.state).sink.poll_write(cx)))
                 .await
-                .map_err(|_| LaneSendError::Stalled)?
+                .map_err(|end| match end {
+                    Expired::Lease => LaneSendError::Lost(Loss::Silent),
+                    Expired::Patience | Expired::Deadline => LaneSendError::Stalled,
+                })?
                 .map_err(|e| LaneSendError::Lost(Loss::Io(e)))?;
         }
         Ok(())
@@ -126,16 +133,19 @@ impl Pulse for Outlet {
 
 #[derive(Debug)]
 pub(crate) struct FrameRx {
-    source: Source,
+    inlet: Arc<Inlet>,
     decoder: IdDecoder,
     farewell: Option<Goodbye>,
 }
 
-impl FrameRx {
-    pub(crate) fn new(source: Source) -> Self {
-        Self { source: source.with_room(ROOM), decoder: IdDecoder::new(), farewell: None }
-    }
+/// Both halves of the lane.
+pub(super) fn frames(sink: Sink, source: Source, counters: &Arc<Counters>) -> (FrameTx, FrameRx) {
+    let inlet = Arc::new(Inlet::new(source.with_room(ROOM), ROOM));
+    let tx = FrameTx::new(sink, counters, &inlet);
+    (tx, FrameRx { inlet, decoder: IdDecoder::new(), farewell: None })
+}
 
+impl FrameRx {
     pub(crate) async fn next(
         &mut self,
         by: Option<Instant>,
@@ -147,7 +157,7 @@ impl FrameRx {
         }
         let mut wait = Wait::default();
         loop {
-            match self.source.next_buffered(&shared.counters.received)? {
+            match self.inlet.next_buffered(&shared.counters.received)? {
                 Some(Message::Frame(message)) => return Ok(self.decoder.plain(message)),
                 Some(Message::Coded(coded)) => {
                     return self.decoder.coded(&coded).map_err(|e| LaneError::Protocol(e.into()));
@@ -159,8 +169,9 @@ impl FrameRx {
                 Some(Message::Alive) => {}
                 Some(other) => return Err(misplaced(other.kind(), Lane::Frames)),
                 None => {
+                    let attention = self.inlet.attend();
                     patience
-                        .hear(&mut wait, by, poll_fn(|cx| self.source.poll_fill(cx)))
+                        .hear(&mut wait, by, poll_fn(|cx| attention.poll_fill(cx)))
                         .await
                         .map_err(LaneError::Expired)??;
                 }

@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use trimaran_proto::{Identity, Message, Refusal, SessionId};
 
-use super::frames::Outlet;
+use super::frames::{Outlet, frames as both_halves};
 use super::latest::Cell;
 use super::pulse::{Pulse, keep_alive};
-use super::{FrameRx, FrameTx, LatestRx, LatestTx, Sink, Source};
+use super::{LatestRx, LatestTx, Sink, Source};
 use crate::desk::Place;
 use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx};
 use crate::handshake::{HandshakeError, Parley};
@@ -86,14 +86,14 @@ impl Lanes {
         }
         let shared = Shared { peer: theirs.role, counters, _place: place.map(|place| Arc::new(place) as _) };
         let latest_tx = LatestTx::new(net, latest.sink, shared.clone());
-        let frames_tx = FrameTx::new(frames.sink, &shared.counters);
+        let (frames_tx, frames_rx) = both_halves(frames.sink, frames.source, &shared.counters);
         let latest_pulse: Arc<dyn Pulse> = Arc::<Cell>::clone(latest_tx.cell());
         let frames_pulse: Arc<dyn Pulse> = Arc::<Outlet>::clone(frames_tx.outlet());
         let lanes = [Arc::downgrade(&latest_pulse), Arc::downgrade(&frames_pulse)];
         keep_alive(net, config.keepalive(), lanes);
         Parts {
             latest: (AnyLatestTx::Stream(latest_tx), AnyLatestRx::Stream(LatestRx::new(latest.source))),
-            frames: (AnyFrameTx::Stream(frames_tx), AnyFrameRx::Stream(FrameRx::new(frames.source))),
+            frames: (AnyFrameTx::Stream(frames_tx), AnyFrameRx::Stream(frames_rx)),
             peer: PeerInfo { identity: theirs, session, address: frames.address },
             capabilities,
             shared,

@@ -36,7 +36,7 @@ mod tests {
     use super::super::handshake::{Connection, Lanes};
     use crate::net::{Net, Stream, sleep_until};
     use crate::stats::Counters;
-    use crate::{Link, LinkConfig, Loss, PeerAddress, RecvError, TokioNet};
+    use crate::{Link, LinkConfig, Loss, PeerAddress, RecvError, SendError, TokioNet};
     use std::sync::Arc;
     use std::time::Duration;
 
@@ -101,6 +101,58 @@ mod tests {
             assert!(matches!(lost, RecvError::Lost { cause: Loss::Silent, .. }), "{lost:?}");
             assert_eq!(net.now().as_nanos() / 1_000_000_000, at.as_secs());
         }
+    }
+
+    /// Sends until that fails; says how, and when.
+    async fn send_into(here: &mut Link, net: &Arc<dyn Net>) -> (SendError, Duration) {
+        let ids: Vec<_> = (0..100_000).map(DrawableId).collect();
+        here.frames_tx.begin(FrameStart { frame: FrameNumber(0), camera: camera() }).await.unwrap();
+        let error = here.frames_tx.push(&ids).await.unwrap_err();
+        (error, Duration::from_nanos(net.now().as_nanos()))
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_peer_that_hangs_is_lost_by_a_sender_when_the_lease_is_over() {
+        let net = net();
+        let ((latest, _hangs), (frames, _too)) = (duplex(128), duplex(128));
+        let mut here = link(&net, latest, frames, LEASE * 10);
+        let (error, at) = send_into(&mut here, &net).await;
+        assert!(matches!(error, SendError::Lost { cause: Loss::Silent, .. }), "{error:?}");
+        assert_eq!(at.as_secs(), LEASE.as_secs());
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_peer_that_lives_and_takes_nothing_has_all_of_the_patience() {
+        let net = net();
+        let (mut here, _there) = pair(&net, 128, LEASE * 10);
+        let (error, at) = send_into(&mut here, &net).await;
+        assert!(matches!(error, SendError::Stalled { .. }), "{error:?}");
+        assert_eq!(at.as_secs(), 10 * LEASE.as_secs());
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn two_that_send_to_each_other_and_do_not_read_have_all_of_the_patience() {
+        let net = net();
+        // Each takes in something of what the other sends, to see whether it lives, and then no more.
+        let (mut here, mut there) = pair(&net, 64 * 1024, LEASE * 10);
+        let (one, other) = tokio::join!(send_into(&mut here, &net), send_into(&mut there, &net));
+        for (error, at) in [one, other] {
+            assert!(matches!(error, SendError::Stalled { .. }), "{error:?}");
+            assert!((200..=205).contains(&at.as_secs()), "{at:?}");
+        }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn what_a_sender_found_in_its_wait_is_read_afterwards() {
+        let net = net();
+        let (mut here, there) = pair(&net, 128, LEASE * 2);
+        let Link { frames_tx, frames_rx: _unread, latest_tx: _latest, .. } = there;
+        frames_tx.goodbye(Goodbye::Finished).await.unwrap();
+        // The peer has left: nothing more comes, and it takes nothing.
+        let (error, _) = send_into(&mut here, &net).await;
+        assert!(matches!(error, SendError::Lost { .. }), "{error:?}");
+        let left = here.frames_rx.recv().await.unwrap_err();
+        assert!(matches!(left, RecvError::Goodbye { .. }), "{left:?}");
     }
 
     #[tokio::test(start_paused = true)]

@@ -38,6 +38,11 @@ impl Source {
         Self { room, ..self }
     }
 
+    /// How many bytes have arrived and are no message yet.
+    pub(super) fn pending(&self) -> usize {
+        self.decoder.pending()
+    }
+
     /// A message that has arrived in full.
     pub(crate) fn next_buffered(&mut self, counts: &Direction) -> Result<Option<Message>, LaneError> {
         let before = self.decoder.position();

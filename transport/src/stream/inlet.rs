@@ -1,0 +1,87 @@
+//! What comes in on a lane: read by the lane's owner, and looked at for signs of life by a sender that waits for room.
+
+use std::sync::Mutex;
+use std::task::{Context, Poll, Waker, ready};
+
+use trimaran_proto::Message;
+
+use super::source::Source;
+use crate::desk::lock;
+use crate::error::LaneError;
+use crate::stats::Direction;
+
+/// A stream and what has come of it.
+#[derive(Debug)]
+pub(super) struct Inlet {
+    state: Mutex<State>,
+    /// The most that a sender takes in while its owner does not read, bytes.
+    room: usize,
+}
+
+#[derive(Debug)]
+struct State {
+    source: Source,
+    /// The owner waits for more. Nobody else may read then, because a stream wakes only who polled it last.
+    attended: bool,
+    /// Something came since a sender last asked.
+    heard: bool,
+    /// How the stream ended, where a sender found that out.
+    ended: Option<LaneError>,
+}
+
+impl Inlet {
+    pub(super) const fn new(source: Source, room: usize) -> Self {
+        let state = State { source, attended: false, heard: false, ended: None };
+        Self { state: Mutex::new(state), room }
+    }
+
+    /// A message that has arrived in full.
+    pub(super) fn next_buffered(&self, counts: &Direction) -> Result<Option<Message>, LaneError> {
+        lock(&self.state).source.next_buffered(counts)
+    }
+
+    /// The owner's wait for more.
+    pub(super) fn attend(&self) -> Attention<'_> {
+        lock(&self.state).attended = true;
+        Attention(self)
+    }
+
+    /// Whether anything came since the last time this was asked. Where more has come than is taken in for an owner who does not read,
+    /// nobody knows, and the peer has the benefit of the doubt.
+    pub(super) fn heard(&self) -> bool {
+        let mut state = lock(&self.state);
+        if !state.attended && state.ended.is_none() {
+            if state.source.pending() >= self.room {
+                return true;
+            }
+            match state.source.poll_fill(&mut Context::from_waker(Waker::noop())) {
+                Poll::Ready(Ok(())) => state.heard = true,
+                Poll::Ready(Err(end)) => state.ended = Some(end),
+                Poll::Pending => {}
+            }
+        }
+        std::mem::take(&mut state.heard)
+    }
+}
+
+/// The owner waits, until this is dropped.
+pub(super) struct Attention<'i>(&'i Inlet);
+
+impl Attention<'_> {
+    /// Reads what there is, at least one byte.
+    pub(super) fn poll_fill(&self, cx: &mut Context<'_>) -> Poll<Result<(), LaneError>> {
+        let mut state = lock(&self.0.state);
+        if let Some(end) = state.ended.take() {
+            return Poll::Ready(Err(end));
+        }
+        let filled = ready!(state.source.poll_fill(cx));
+        state.heard = true;
+        Poll::Ready(filled)
+    }
+}
+
+impl Drop for Attention<'_> {
+    fn drop(&mut self) {
+        lock(&self.0.state).attended = false;
+    }
+}
