@@ -5,6 +5,15 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::net::TcpStream as Dial;
+use trimaran::metrics::LinkMetrics;
+use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStart, Identity, Role, SceneHash};
+use trimaran_transport::{
+    ConnectError, Endpoint, Limits, LinkConfig, Listener, Net, Options, TokioNet, connect, sleep_until,
+};
 
 fn trimaran(folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
@@ -84,6 +93,67 @@ fn a_running_session_shows_what_its_links_carry() {
     let readings: serde_json::Value = serde_json::from_slice(&lines.stdout).unwrap();
     assert_eq!((&readings[0]["peer"], &readings[1]["peer"]), (&"switch A".into(), &"switch B".into()));
     assert!(readings[0]["received"]["ids"].as_u64().unwrap() > 0);
+}
+
+/// A listener with room for one peer and two handshakes meets a crowd, and a peer that says more than it may.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_came_up_against_a_limit_is_counted_and_shown() {
+    let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
+    let soon = net.now().after(Duration::from_secs(60));
+    let identity = |role| Identity { role, scene: SceneHash(1), settings: None };
+    let limits = Limits { peers: 1, handshakes: 2, ..Limits::default() };
+    let link = LinkConfig { messages_per_s: 2, ..LinkConfig::default() };
+    let strict = Options { limits, link, handshake: Duration::from_secs(3600), ..Options::default() };
+    let anywhere = "tcp://127.0.0.1:0".parse().unwrap();
+    let mut listener = Listener::bind(&net, &anywhere, identity(Role::Display), &strict).await.unwrap();
+    let there = listener.local_endpoint().clone();
+    let Endpoint::Tcp(at) = &there else { panic!("{there}") };
+
+    let silent = [Dial::connect(at.to_string()).await.unwrap(), Dial::connect(at.to_string()).await.unwrap()];
+    while listener.turned_away().no_room == 0 {
+        let _one_too_many = Dial::connect(at.to_string()).await.unwrap();
+        sleep_until(&*net, net.now().after(Duration::from_millis(1))).await;
+    }
+    drop(silent);
+    let options = Options::default();
+    let machine = connect(&net, &there, identity(Role::SwitchA), &options, soon).await;
+    let (mut machine, mut display) = (machine.unwrap(), listener.accept(soon).await.unwrap());
+    let second =
+        connect(&net, &there, identity(Role::SwitchB), &options, net.now().after(Duration::from_millis(50)))
+            .await;
+    assert!(
+        matches!(second, Err(ConnectError::Refused { .. } | ConnectError::Deadline { .. })),
+        "{second:?}"
+    );
+    let turned_away = listener.turned_away();
+    drop(listener);
+
+    let camera = Camera::at_origin(FrameNumber(0));
+    machine.frames_tx.begin(FrameStart { frame: FrameNumber(0), camera }).await.unwrap();
+    for id in 0..1000 {
+        machine.frames_tx.push(&[DrawableId(id)]).await.unwrap();
+        machine.frames_tx.flush().await.unwrap();
+    }
+    while display.frames_rx.recv().await.is_ok() {}
+    let serving = LinkMetrics::of([&display])
+        .serve(([127, 0, 0, 1], 0).into(), &tokio::runtime::Handle::current())
+        .unwrap();
+    let address = serving.address().to_string();
+    let (metrics, listener) =
+        tokio::task::spawn_blocking(move || (get(&address, "/metrics"), get(&address, "/listener")))
+            .await
+            .unwrap();
+    for (limit, count) in [
+        ("handshakes", turned_away.no_room),
+        ("handshakes_per_s_per_address", 0),
+        ("handshakes_per_s", 0),
+        ("peers", turned_away.no_place),
+    ] {
+        assert_eq!(value(&metrics, &format!("trimaran_link_turned_away_total{{limit=\"{limit}\"}}")), count);
+        assert!(listener.contains(&format!("\"{limit}\":{count}")), "{listener}");
+    }
+    assert!(turned_away.no_room > 0 && turned_away.no_place > 0, "{turned_away:?}");
+    assert_eq!(value(&metrics, "trimaran_link_floods_total{peer=\"switch A\"}"), 1);
 }
 
 #[test]

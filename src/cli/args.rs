@@ -248,7 +248,7 @@ pub(crate) struct RunArgs {
     #[command(flatten)]
     pub(crate) walk: WalkArgs,
     /// Show what this process's links carry on this address while it walks, unless they are within it: `/metrics` for Prometheus, `/links`
-    /// for `trimaran stat`.
+    /// and `/listener` for `trimaran stat`.
     #[arg(long, value_name = "HOST:PORT")]
     pub(crate) metrics: Option<SocketAddr>,
     /// Walk by the clock, so many poses of the path a second, and show in each frame the newest pose. Without it every pose is a frame.

@@ -6,11 +6,11 @@ use clap::Args;
 use http_body_util::{BodyExt, Empty};
 use hyper::{Request, StatusCode, body::Bytes, client::conn::http1};
 use hyper_util::rt::TokioIo;
-use serde::Serialize;
+use serde::{Serialize, de::DeserializeOwned};
 use tokio::net::TcpStream;
 use trimaran::{
     config::positive,
-    metrics::{Carried, LinkReading, PathReading},
+    metrics::{Carried, LinkReading, PathReading, TurnedAwayReading},
 };
 use trimaran_transport::{Net, TokioNet, sleep_until};
 
@@ -54,7 +54,7 @@ async fn watch(args: &StatArgs, net: &Arc<dyn Net>) -> Result<(), Failure> {
     let mut before: Option<(Vec<LinkReading>, trimaran_transport::Instant)> = None;
     for taken in 0.. {
         let at = net.now();
-        let readings = match (read(&args.at).await, &before) {
+        let readings: Vec<LinkReading> = match (read(&args.at, "/links").await, &before) {
             (Ok(readings), _) => readings,
             // It was there before: the session is over.
             (Err(_), Some(_)) => break,
@@ -63,7 +63,8 @@ async fn watch(args: &StatArgs, net: &Arc<dyn Net>) -> Result<(), Failure> {
         if args.json {
             println!("{}", serde_json::to_string(&readings).map_err(Failure::broken)?);
         } else if let Some((before, then)) = &before {
-            print!("{}", table(before, &readings, at.since(*then)));
+            let turned_away = read(&args.at, "/listener").await?;
+            print!("{}{}", table(before, &readings, at.since(*then)), limits(&readings, &turned_away));
         }
         before = Some((readings, at));
         // Rates take two readings.
@@ -76,8 +77,8 @@ async fn watch(args: &StatArgs, net: &Arc<dyn Net>) -> Result<(), Failure> {
     Ok(())
 }
 
-/// One reading of all links.
-async fn read(at: &str) -> Result<Vec<LinkReading>, Failure> {
+/// One page.
+async fn read<T: DeserializeOwned>(at: &str, page: &str) -> Result<T, Failure> {
     let unreachable = |cause: &dyn std::fmt::Display| {
         Failure::bad_input(format!(
             "cannot read the metrics at {at}: {cause}: was the role started with --metrics {at}?"
@@ -87,7 +88,7 @@ async fn read(at: &str) -> Result<Vec<LinkReading>, Failure> {
     let (mut sender, connection) =
         http1::handshake(TokioIo::new(stream)).await.map_err(|e| unreachable(&e))?;
     let request =
-        Request::get("/links").header("host", at).body(Empty::<Bytes>::new()).map_err(|e| unreachable(&e))?;
+        Request::get(page).header("host", at).body(Empty::<Bytes>::new()).map_err(|e| unreachable(&e))?;
     let exchange = async {
         let response = sender.send_request(request).await?;
         let status = response.status();
@@ -172,6 +173,21 @@ fn paths(before: &[LinkReading], now: &[LinkReading], elapsed: Duration) -> Stri
     text
 }
 
+/// A line for what came up against a limit, if anything did.
+fn limits(links: &[LinkReading], turned_away: &TurnedAwayReading) -> String {
+    let floods = links.iter().map(|link| link.floods).sum();
+    let reached = turned_away.by_limit().into_iter().chain([("messages_per_s", floods)]);
+    let reached: Vec<String> = reached
+        .filter(|(_, count)| *count > 0)
+        .map(|(limit, count)| format!("{limit} {}", number(count)))
+        .collect();
+    if reached.is_empty() {
+        String::new()
+    } else {
+        format!("\nturned away, by limit: {}\n", reached.join(", "))
+    }
+}
+
 /// How much was added a second.
 fn a_second(before: u64, now: u64, elapsed: Duration) -> f64 {
     now.saturating_sub(before) as f64 / elapsed.as_secs_f64().max(f64::MIN_POSITIVE)
@@ -203,8 +219,13 @@ mod tests {
             messages: 3 * frames,
             ..Carried::default()
         };
-        let link =
-            |sent| LinkReading { peer: "display".to_owned(), sent, received: Carried::default(), path: None };
+        let link = |sent| LinkReading {
+            peer: "display".to_owned(),
+            sent,
+            received: Carried::default(),
+            floods: 0,
+            path: None,
+        };
         let (before, now) = (link(carried(10, 4_000, 900)), link(carried(25, 10_000, 1_500)));
         let text = table(&[before], &[now], Duration::from_millis(500));
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
@@ -218,6 +239,7 @@ mod tests {
             peer: "display".to_owned(),
             sent: Carried::default(),
             received: Carried::default(),
+            floods: 0,
             path: Some(PathReading {
                 packets_sent,
                 packets_lost: 3,
@@ -231,6 +253,22 @@ mod tests {
         let words: Vec<&str> = text.lines().last().unwrap().split_whitespace().collect();
         let expected = ["display", "1,000", "0", "3", "0", "0", "0", "0", "0", "1452", "10.13", "14,520"];
         assert_eq!(words, expected, "{text}");
+    }
+
+    #[test]
+    fn a_limit_that_was_reached_is_named_and_no_other() {
+        let link = |floods| LinkReading {
+            peer: "display".to_owned(),
+            sent: Carried::default(),
+            received: Carried::default(),
+            floods,
+            path: None,
+        };
+        assert_eq!(limits(&[link(0)], &TurnedAwayReading::default()), "");
+        let turned_away =
+            TurnedAwayReading { handshakes_per_s: 1_200, peers: 2, ..TurnedAwayReading::default() };
+        let expected = "\nturned away, by limit: handshakes_per_s 1,200, peers 2, messages_per_s 3\n";
+        assert_eq!(limits(&[link(1), link(2)], &turned_away), expected);
     }
 
     #[test]

@@ -1,12 +1,13 @@
 //! What links carry, for a monitoring system to read while a session runs: `/metrics` in the OpenMetrics text format that
-//! Prometheus scrapes, `/links` the same as JSON.
+//! Prometheus scrapes, `/links` the same as JSON, `/listener` what the process's listener has turned away.
 
 mod path;
 mod server;
+mod turned_away;
 
 use std::{
     fmt,
-    sync::{Arc, PoisonError, RwLock},
+    sync::{Arc, PoisonError, RwLock, RwLockReadGuard},
 };
 
 use prometheus_client::{
@@ -16,19 +17,27 @@ use prometheus_client::{
     registry::Registry,
 };
 use serde::{Deserialize, Serialize};
-use trimaran_transport::{Link, StatsHandle, Tally, Traffic};
+use trimaran_transport::{Door, Link, LinkStats, StatsHandle, Tally, Traffic};
 
 pub use path::PathReading;
 pub use server::{MetricsError, Serving};
+pub use turned_away::TurnedAwayReading;
 
 /// The links of this process. Clones are one and the same.
 #[derive(Debug, Clone, Default)]
 pub struct LinkMetrics {
-    links: Arc<RwLock<Vec<Watched>>>,
+    watched: Arc<RwLock<Watched>>,
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Default)]
 struct Watched {
+    links: Vec<WatchedLink>,
+    /// The listeners through which their peers came, each once.
+    doors: Vec<Door>,
+}
+
+#[derive(Debug)]
+struct WatchedLink {
     peer: String,
     stats: StatsHandle,
 }
@@ -42,6 +51,9 @@ pub struct LinkReading {
     pub sent: Carried,
     /// What this side received.
     pub received: Carried,
+    /// How often it sent more messages in a second than it may.
+    #[serde(default)]
+    pub floods: u64,
     /// Packets and the path they take, over datagrams of this program's own protocol.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub path: Option<PathReading>,
@@ -82,21 +94,34 @@ impl LinkMetrics {
     /// Watches these links from now on, and no longer those before: a session has new ones after a peer was lost. What they carry
     /// counts from zero, as a scraper expects of a program that was started again.
     pub fn watch<'l>(&self, links: impl IntoIterator<Item = &'l Link>) {
-        let watched =
-            |link: &Link| Watched { peer: link.peer.identity.role.to_string(), stats: link.stats.clone() };
-        let watched = links.into_iter().map(watched).collect();
-        *self.links.write().unwrap_or_else(PoisonError::into_inner) = watched;
+        let mut watched = Watched::default();
+        for link in links {
+            let (peer, stats) = (link.peer.identity.role.to_string(), link.stats.clone());
+            watched.doors.extend(stats.door().filter(|door| !watched.doors.contains(door)));
+            watched.links.push(WatchedLink { peer, stats });
+        }
+        *self.watched.write().unwrap_or_else(PoisonError::into_inner) = watched;
     }
 
     /// What each link has carried until now.
     #[must_use]
     pub fn read(&self) -> Vec<LinkReading> {
-        let read = |Watched { peer, stats }: &Watched| {
-            let stats = stats.read();
-            let path = stats.path.map(PathReading::from);
-            LinkReading { peer: peer.clone(), sent: stats.sent.into(), received: stats.received.into(), path }
+        let read = |WatchedLink { peer, stats }: &WatchedLink| {
+            let LinkStats { sent, received, floods, path } = stats.read();
+            let path = path.map(PathReading::from);
+            LinkReading { peer: peer.clone(), sent: sent.into(), received: received.into(), floods, path }
         };
-        self.links.read().unwrap_or_else(PoisonError::into_inner).iter().map(read).collect()
+        self.watched().links.iter().map(read).collect()
+    }
+
+    /// What the listeners have turned away through which the links' peers came.
+    #[must_use]
+    pub fn turned_away(&self) -> TurnedAwayReading {
+        self.watched().doors.iter().map(|door| TurnedAwayReading::from(door.turned_away())).sum()
+    }
+
+    fn watched(&self) -> RwLockReadGuard<'_, Watched> {
+        self.watched.read().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The OpenMetrics text.
@@ -152,6 +177,11 @@ impl From<Traffic> for Carried {
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Peer {
+    peer: String,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct Way {
     peer: String,
     direction: &'static str,
@@ -194,6 +224,12 @@ impl Collector for LinkMetrics {
                 ConstCounter::new(bytes).encode(family.encode_family(&labels)?)?;
             }
         }
+        let help = "Times that the peer sent more messages in a second than it may";
+        let mut family = encoder.encode_descriptor("floods", help, None, MetricType::Counter)?;
+        for LinkReading { peer, floods, .. } in &readings {
+            ConstCounter::new(*floods).encode(family.encode_family(&Peer { peer: peer.clone() })?)?;
+        }
+        self.turned_away().encode(&mut encoder)?;
         path::encode(&readings, &mut encoder)
     }
 }

@@ -3,13 +3,13 @@
 use std::fmt;
 
 use prometheus_client::{
-    encoding::{DescriptorEncoder, EncodeLabelSet, EncodeMetric},
+    encoding::{DescriptorEncoder, EncodeMetric},
     metrics::{MetricType, counter::ConstCounter, gauge::ConstGauge},
 };
 use serde::{Deserialize, Serialize};
 use trimaran_transport::PathStats;
 
-use super::LinkReading;
+use super::{LinkReading, Peer};
 
 /// Packets since the link was made, and the path as it is now, as this side sees them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -63,11 +63,6 @@ impl From<PathStats> for PathReading {
             in_flight_bytes: path.in_flight as u64,
         }
     }
-}
-
-#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
-struct Peer {
-    peer: String,
 }
 
 /// Writes the families of all links that have a path.
@@ -131,7 +126,8 @@ mod tests {
 
     fn text_of(path: Option<PathReading>) -> String {
         let carried = super::super::Carried::default();
-        let link = LinkReading { peer: "display".to_owned(), sent: carried.clone(), received: carried, path };
+        let (sent, received) = (carried.clone(), carried);
+        let link = LinkReading { peer: "display".to_owned(), sent, received, floods: 0, path };
         let mut registry = Registry::with_prefix("trimaran_link");
         registry.register_collector(Box::new(Readings(vec![link])));
         let mut text = String::new();

@@ -76,7 +76,12 @@ impl LinkMetrics {
             (&Method::GET, "/links") => {
                 serde_json::to_string(&self.read()).map(|text| ("application/json", text)).ok()
             }
-            (&Method::GET, _) => return plain(StatusCode::NOT_FOUND, "there is /metrics and /links\n"),
+            (&Method::GET, "/listener") => {
+                serde_json::to_string(&self.turned_away()).map(|text| ("application/json", text)).ok()
+            }
+            (&Method::GET, _) => {
+                return plain(StatusCode::NOT_FOUND, "there is /metrics, /links and /listener\n");
+            }
             _ => return plain(StatusCode::METHOD_NOT_ALLOWED, "only GET\n"),
         };
         let Some((content_type, text)) = page else {

@@ -8,7 +8,7 @@ use trimaran_proto::{Identity, Refusal, Role};
 
 use crate::handshake::HandshakeError;
 use crate::net::Net;
-use crate::rates::{Handshakes, TurnedAway};
+use crate::rates::{Door, Handshakes, TurnedAway};
 use crate::{Link, Options, PeerAddress};
 
 /// Admits peers and hands their links to whoever accepts. A transport's listening task holds it, asks [`Desk::enter`] once a
@@ -20,7 +20,7 @@ pub(crate) struct Desk {
     pub(crate) options: Options,
     taken: Arc<Mutex<Vec<Role>>>,
     room: Arc<Semaphore>,
-    handshakes: Handshakes,
+    handshakes: Arc<Handshakes>,
     done: mpsc::Sender<Link>,
     last_failure: Mutex<Option<HandshakeError>>,
 }
@@ -57,7 +57,7 @@ impl Desk {
             options: options.clone(),
             taken: Arc::default(),
             room: Arc::new(Semaphore::new(options.limits.handshakes)),
-            handshakes: Handshakes::new(&options.limits),
+            handshakes: Arc::new(Handshakes::new(&options.limits)),
             done,
             last_failure: Mutex::default(),
         }
@@ -99,11 +99,16 @@ impl Desk {
         if taken.contains(&theirs.role) {
             return Err(Refusal::RoleTaken { role: theirs.role });
         }
-        if taken.len() >= self.options.limits.peers { Err(Refusal::Busy) } else { Ok(()) }
+        if taken.len() >= self.options.limits.peers {
+            self.handshakes.no_place();
+            return Err(Refusal::Busy);
+        }
+        Ok(())
     }
 
     /// Hands out a link. Where nobody takes it, dropping it tells the peer.
     pub(crate) async fn hand_out(&self, link: Link) {
+        link.stats.came_through(Door(Arc::clone(&self.handshakes)));
         let _unwanted = self.done.send(link).await;
     }
 

@@ -240,9 +240,10 @@ impl FrameReceiver {
         };
         let event = message
             .and_then(|message| {
-                self.rate
-                    .count(|| self.patience.now())
-                    .map_err(|e| LaneError::Protocol(ProtocolError::TooMany(e)))?;
+                self.rate.count(|| self.patience.now()).map_err(|e| {
+                    self.shared.counters.flooded();
+                    LaneError::Protocol(ProtocolError::TooMany(e))
+                })?;
                 self.assembler.take(message).map_err(|e| LaneError::Protocol(ProtocolError::Frame(e)))
             })
             .map_err(|e| e.receiving(self.shared.peer, self.patience.limit()))?;

@@ -48,7 +48,7 @@ pub use net::{
     Transmit, UdpPoller, UdpSocket, UdpSocketOptions, sleep_until, until,
 };
 pub use options::{Limits, Options};
-pub use rates::{TooMany, TurnedAway};
+pub use rates::{Door, TooMany, TurnedAway};
 pub use stats::{LinkStats, StatsHandle, Tally, Traffic};
 pub use tcp::{Keepalive, TcpOptions};
 pub use tokio_net::TokioNet;

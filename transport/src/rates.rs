@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 use std::net::IpAddr;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use thiserror::Error;
@@ -37,6 +37,27 @@ pub struct TurnedAway {
     pub from_address: u64,
     /// Handshakes beyond what all together may begin in a second.
     pub in_all: u64,
+    /// Connections of peers for which there was no place: as many peers as may come were there.
+    pub no_place: u64,
+}
+
+/// A listener as those who came through it know it: reads what it turns away, though the listener itself is gone.
+#[derive(Debug, Clone)]
+pub struct Door(pub(crate) Arc<Handshakes>);
+
+impl Door {
+    /// What was turned away since the listener was made.
+    #[must_use]
+    pub fn turned_away(&self) -> TurnedAway {
+        self.0.turned_away()
+    }
+}
+
+impl PartialEq for Door {
+    /// Whether both are the same listener's.
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
 }
 
 /// Counts the handshakes of a second.
@@ -92,6 +113,11 @@ impl Handshakes {
     /// Counts a handshake for which there was no room.
     pub(crate) fn no_room(&self) {
         lock(&self.counts).turned_away.no_room += 1;
+    }
+
+    /// Counts a peer for which there was no place.
+    pub(crate) fn no_place(&self) {
+        lock(&self.counts).turned_away.no_place += 1;
     }
 
     pub(crate) fn turned_away(&self) -> TurnedAway {
@@ -175,7 +201,10 @@ mod tests {
         );
         assert_eq!(begin(999, "10.0.0.4"), Err(TooMany::InAll(5)));
         assert_eq!(begin(1000, "10.0.0.1"), Ok(()), "another second");
-        assert_eq!(handshakes.turned_away(), TurnedAway { no_room: 0, from_address: 1, in_all: 1 });
+        assert_eq!(
+            handshakes.turned_away(),
+            TurnedAway { from_address: 1, in_all: 1, ..TurnedAway::default() }
+        );
     }
 
     #[test]

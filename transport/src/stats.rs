@@ -8,6 +8,8 @@ use std::sync::{Arc, OnceLock};
 use trimaran_proto::{HEADER_BYTES, Kind};
 use trimaran_udp::PathStats;
 
+use crate::rates::Door;
+
 /// What travelled over a link since it was made, handshake included.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct LinkStats {
@@ -15,6 +17,8 @@ pub struct LinkStats {
     pub sent: Traffic,
     /// What this side received.
     pub received: Traffic,
+    /// How often the peer sent more messages in a second than it [may](crate::LinkConfig::messages_per_s): each time its frames lane failed.
+    pub floods: u64,
     /// Packets and the path they take, over datagrams of this crate's own protocol. Other transports do not tell.
     pub path: Option<PathStats>,
 }
@@ -69,6 +73,7 @@ impl Sub for LinkStats {
         Self {
             sent: self.sent - earlier.sent,
             received: self.received - earlier.received,
+            floods: self.floods.saturating_sub(earlier.floods),
             path: self.path.map(|path| path.since(&earlier.path.unwrap_or_default())),
         }
     }
@@ -134,12 +139,24 @@ impl StatsHandle {
     /// A snapshot. Counters that change meanwhile may be one message apart from each other.
     #[must_use]
     pub fn read(&self) -> LinkStats {
-        let Counters { sent, received, header, path } = &*self.0;
+        let Counters { sent, received, floods, header, path, .. } = &*self.0;
         LinkStats {
             sent: sent.read(*header),
             received: received.read(*header),
+            floods: floods.load(Ordering::Relaxed),
             path: path.get().map(|source| source.path()),
         }
+    }
+
+    /// The listener that let the peer in; none at the end that connected.
+    #[must_use]
+    pub fn door(&self) -> Option<Door> {
+        self.0.door.get().cloned()
+    }
+
+    /// Says which listener let the peer in.
+    pub(crate) fn came_through(&self, door: Door) {
+        self.0.door.get_or_init(|| door);
     }
 }
 
@@ -154,10 +171,12 @@ pub(crate) trait PathSource: fmt::Debug + Send + Sync {
 pub(crate) struct Counters {
     pub(crate) sent: Direction,
     pub(crate) received: Direction,
+    floods: AtomicU64,
     /// The header bytes of a message on this transport.
     header: u64,
     /// Who counts packets, where the transport tells.
     path: OnceLock<Box<dyn PathSource>>,
+    door: OnceLock<Door>,
 }
 
 impl Counters {
@@ -173,7 +192,13 @@ impl Counters {
 
     fn with_header(header: u64) -> Arc<Self> {
         let (sent, received) = (Direction::default(), Direction::default());
-        Arc::new(Self { sent, received, header, path: OnceLock::new() })
+        let (path, door) = (OnceLock::new(), OnceLock::new());
+        Arc::new(Self { sent, received, floods: AtomicU64::new(0), header, path, door })
+    }
+
+    /// Counts that the peer sent more than it may.
+    pub(crate) fn flooded(&self) {
+        self.floods.fetch_add(1, Ordering::Relaxed);
     }
 
     /// Adds what `other` counted.
