@@ -1,22 +1,19 @@
 //! Where a peer is to be found: a transport and an address, as one value that a flag or a file can hold.
 
+mod host;
+mod local;
+mod udp;
+
 use std::fmt;
-use std::net::{Ipv4Addr, Ipv6Addr};
-use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// The longest path of a Unix socket, bytes: what fits into a `sockaddr_un` of Linux (108 with the closing zero). Systems with
-/// less room say so when the socket is made.
-const LONGEST_PATH: usize = 107;
-
-/// The longest name of a listener within a process, bytes.
-const LONGEST_NAME: usize = 64;
-
-/// The longest host name, bytes (RFC 1035, section 2.3.4).
-const LONGEST_HOST: usize = 253;
+pub use host::{Host, HostName, HostPort};
+use local::{LONGEST_NAME, LONGEST_PATH};
+pub use local::{Name, SocketPath};
+pub use udp::{UdpEndpoint, UdpMode};
 
 /// A transport and an address: `tcp://host:port`, `udp://host:port`, `quic://host:port`, `unix:/path` or `inproc:name`. Behind
 /// the port of `udp` may follow `?mode=reliable` or `?mode=deadline`.
@@ -38,60 +35,6 @@ pub enum Endpoint {
     /// Peers in this process.
     Inproc(Name),
 }
-
-/// A host and a port.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct HostPort {
-    /// The host.
-    pub host: Host,
-    /// The port; 0 takes a free one when listening.
-    pub port: u16,
-}
-
-/// A host and a port, and how frames are sent there.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct UdpEndpoint {
-    /// Where.
-    pub at: HostPort,
-    /// What becomes of frames that do not arrive in time; as the [options](crate::udp::UdpOptions) say, if not given.
-    pub mode: Option<UdpMode>,
-}
-
-/// What becomes of frames that this side sends over datagrams when packets are lost. Each side has its own mode.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-#[non_exhaustive]
-pub enum UdpMode {
-    /// Every frame arrives complete, or the link ends.
-    #[default]
-    Reliable,
-    /// What cannot arrive within the options' deadline is given up: the receiver gets the frame with gaps, and knows it.
-    Deadline,
-}
-
-/// A machine.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum Host {
-    /// By name.
-    Name(HostName),
-    /// By an IPv4 address.
-    V4(Ipv4Addr),
-    /// By an IPv6 address.
-    V6(Ipv6Addr),
-}
-
-/// A host name: letters, digits, dots, hyphens and underscores, 1 to 253 of them, neither first nor last a hyphen or a dot.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct HostName(String);
-
-/// The absolute path of a Unix socket, 2 to 107 bytes.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct SocketPath(String);
-
-/// The name of a listener within a process, or of a peer: 1 to 64 letters, digits, dots, hyphens and underscores.
-#[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
-pub struct Name(String);
 
 /// Why a text is no endpoint.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -159,7 +102,7 @@ impl FromStr for Endpoint {
     fn from_str(text: &str) -> Result<Self, EndpointError> {
         let parsed = match text.split_once(':') {
             Some(("tcp", rest)) => authority(rest).map(Self::Tcp),
-            Some(("udp", rest)) => udp_authority(rest).map(Self::Udp),
+            Some(("udp", rest)) => UdpEndpoint::behind_scheme(rest).map(Self::Udp),
             Some(("quic", rest)) => authority(rest).map(Self::Quic),
             Some(("unix", path)) => path.parse().map(Self::Unix),
             Some(("inproc", name)) => name.parse().map(Self::Inproc),
@@ -172,34 +115,6 @@ impl FromStr for Endpoint {
 /// What follows the scheme of an address on a network.
 fn authority(rest: &str) -> Result<HostPort, EndpointFault> {
     rest.strip_prefix("//").ok_or(EndpointFault::Scheme)?.parse()
-}
-
-/// What follows the scheme of an address for datagrams.
-fn udp_authority(rest: &str) -> Result<UdpEndpoint, EndpointFault> {
-    let (at, mode) = match rest.split_once('?') {
-        None => (rest, None),
-        Some((at, "mode=reliable")) => (at, Some(UdpMode::Reliable)),
-        Some((at, "mode=deadline")) => (at, Some(UdpMode::Deadline)),
-        Some(_) => return Err(EndpointFault::Query),
-    };
-    Ok(UdpEndpoint { at: authority(at)?, mode })
-}
-
-impl fmt::Display for UdpEndpoint {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.at.fmt(f)?;
-        match self.mode {
-            None => Ok(()),
-            Some(UdpMode::Reliable) => f.write_str("?mode=reliable"),
-            Some(UdpMode::Deadline) => f.write_str("?mode=deadline"),
-        }
-    }
-}
-
-impl From<std::net::SocketAddr> for UdpEndpoint {
-    fn from(address: std::net::SocketAddr) -> Self {
-        Self { at: address.into(), mode: None }
-    }
 }
 
 impl fmt::Display for Endpoint {
@@ -228,149 +143,6 @@ impl From<Endpoint> for String {
     }
 }
 
-impl FromStr for HostPort {
-    type Err = EndpointFault;
-
-    fn from_str(text: &str) -> Result<Self, EndpointFault> {
-        let (host, port) = text.rsplit_once(':').ok_or(EndpointFault::NoPort)?;
-        let host = match host.strip_prefix('[') {
-            Some(v6) => {
-                let v6 = v6.strip_suffix(']').ok_or(EndpointFault::NoPort)?;
-                Host::V6(v6.parse().map_err(|_| EndpointFault::Host)?)
-            }
-            None if host.contains(':') => return Err(EndpointFault::NoPort),
-            None => host.parse().map(Host::V4).or_else(|_| host.parse().map(Host::Name))?,
-        };
-        // `u16` alone would take a sign.
-        let digits = !port.is_empty() && port.bytes().all(|b| b.is_ascii_digit());
-        let port = port.parse().ok().filter(|_| digits).ok_or(EndpointFault::Port)?;
-        Ok(Self { host, port })
-    }
-}
-
-impl fmt::Display for HostPort {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}:{}", self.host, self.port)
-    }
-}
-
-impl From<std::net::SocketAddr> for HostPort {
-    /// The scope of a link-local IPv6 address is lost: name the interface's address instead.
-    fn from(address: std::net::SocketAddr) -> Self {
-        let host = match address {
-            std::net::SocketAddr::V4(v4) => Host::V4(*v4.ip()),
-            std::net::SocketAddr::V6(v6) => Host::V6(*v6.ip()),
-        };
-        Self { host, port: address.port() }
-    }
-}
-
-impl fmt::Display for Host {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Name(name) => f.write_str(&name.0),
-            Self::V4(address) => address.fmt(f),
-            Self::V6(address) => write!(f, "[{address}]"),
-        }
-    }
-}
-
-impl HostName {
-    /// The name.
-    #[must_use]
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-}
-
-impl FromStr for HostName {
-    type Err = EndpointFault;
-
-    fn from_str(text: &str) -> Result<Self, EndpointFault> {
-        let edge = |c: Option<char>| matches!(c, Some('-' | '.') | None);
-        // Only digits and dots is an IPv4 address gone wrong, not a name.
-        let numeric = text.chars().all(|c| c.is_ascii_digit() || c == '.');
-        let odd = edge(text.chars().next()) || edge(text.chars().next_back()) || numeric;
-        if odd || text.len() > LONGEST_HOST || !is_plain(text) {
-            return Err(EndpointFault::Host);
-        }
-        Ok(Self(text.to_owned()))
-    }
-}
-
-impl SocketPath {
-    /// The path.
-    #[must_use]
-    pub fn as_path(&self) -> &Path {
-        Path::new(&self.0)
-    }
-
-    /// The endpoint's path for `path`.
-    ///
-    /// # Errors
-    /// When it is not absolute, not UTF-8, or too long for a socket.
-    pub fn new(path: impl Into<PathBuf>) -> Result<Self, EndpointFault> {
-        path.into().to_str().ok_or(EndpointFault::Path)?.parse()
-    }
-}
-
-impl FromStr for SocketPath {
-    type Err = EndpointFault;
-
-    fn from_str(text: &str) -> Result<Self, EndpointFault> {
-        let fits = (2..=LONGEST_PATH).contains(&text.len());
-        if !fits || !text.starts_with('/') || text.ends_with('/') || text.contains('\0') {
-            return Err(EndpointFault::Path);
-        }
-        Ok(Self(text.to_owned()))
-    }
-}
-
-impl fmt::Display for SocketPath {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl Name {
-    /// The name.
-    #[must_use]
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-}
-
-impl FromStr for Name {
-    type Err = EndpointFault;
-
-    fn from_str(text: &str) -> Result<Self, EndpointFault> {
-        if text.is_empty() || text.len() > LONGEST_NAME || !is_plain(text) {
-            return Err(EndpointFault::Name);
-        }
-        Ok(Self(text.to_owned()))
-    }
-}
-
-impl TryFrom<String> for Name {
-    type Error = EndpointFault;
-
-    fn try_from(text: String) -> Result<Self, EndpointFault> {
-        text.parse()
-    }
-}
-
-impl From<Name> for String {
-    fn from(name: Name) -> Self {
-        name.0
-    }
-}
-
-impl fmt::Display for Name {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
 fn is_plain(text: &str) -> bool {
     text.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'.' | b'-' | b'_'))
 }
@@ -378,6 +150,8 @@ fn is_plain(text: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
+
+    use std::net::Ipv6Addr;
 
     use super::*;
 
@@ -452,9 +226,9 @@ mod tests {
         let name = |bytes| format!("inproc:{}", "a".repeat(bytes));
         assert!(name(LONGEST_NAME).parse::<Endpoint>().is_ok());
         assert_eq!(fault(&name(LONGEST_NAME + 1)), EndpointFault::Name);
-        let host = |bytes| format!("tcp://{}:1", "a".repeat(bytes));
-        assert!(host(LONGEST_HOST).parse::<Endpoint>().is_ok());
-        assert_eq!(fault(&host(LONGEST_HOST + 1)), EndpointFault::Host);
+        let of_host = |bytes| format!("tcp://{}:1", "a".repeat(bytes));
+        assert!(of_host(host::LONGEST).parse::<Endpoint>().is_ok());
+        assert_eq!(fault(&of_host(host::LONGEST + 1)), EndpointFault::Host);
     }
 
     proptest! {

@@ -1,7 +1,8 @@
 //! What the transport tests share: peers, cameras, and the conformance suite.
-#![allow(dead_code, reason = "each test program uses a part")]
+#![allow(dead_code, unused_imports, reason = "each test program uses a part")]
 
 pub(crate) mod conformance;
+pub(crate) mod udp;
 
 use std::sync::Arc;
 use std::time::Duration;

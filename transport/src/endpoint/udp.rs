@@ -1,0 +1,55 @@
+//! A host and a port for datagrams, and how frames are sent there.
+
+use std::fmt;
+
+use super::{EndpointFault, HostPort, authority};
+
+/// A host and a port, and how frames are sent there.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct UdpEndpoint {
+    /// Where.
+    pub at: HostPort,
+    /// What becomes of frames that do not arrive in time; as the [options](crate::udp::UdpOptions) say, if not given.
+    pub mode: Option<UdpMode>,
+}
+
+/// What becomes of frames that this side sends over datagrams when packets are lost. Each side has its own mode.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[non_exhaustive]
+pub enum UdpMode {
+    /// Every frame arrives complete, or the link ends.
+    #[default]
+    Reliable,
+    /// What cannot arrive within the options' deadline is given up: the receiver gets the frame with gaps, and knows it.
+    Deadline,
+}
+
+impl UdpEndpoint {
+    /// What follows the scheme of an address for datagrams.
+    pub(super) fn behind_scheme(rest: &str) -> Result<Self, EndpointFault> {
+        let (at, mode) = match rest.split_once('?') {
+            None => (rest, None),
+            Some((at, "mode=reliable")) => (at, Some(UdpMode::Reliable)),
+            Some((at, "mode=deadline")) => (at, Some(UdpMode::Deadline)),
+            Some(_) => return Err(EndpointFault::Query),
+        };
+        Ok(Self { at: authority(at)?, mode })
+    }
+}
+
+impl fmt::Display for UdpEndpoint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.at.fmt(f)?;
+        match self.mode {
+            None => Ok(()),
+            Some(UdpMode::Reliable) => f.write_str("?mode=reliable"),
+            Some(UdpMode::Deadline) => f.write_str("?mode=deadline"),
+        }
+    }
+}
+
+impl From<std::net::SocketAddr> for UdpEndpoint {
+    fn from(address: std::net::SocketAddr) -> Self {
+        Self { at: address.into(), mode: None }
+    }
+}

@@ -1,0 +1,42 @@
+//! Peers over datagrams on the loopback interface.
+
+use trimaran_proto::Role;
+use trimaran_transport::udp::{Trust, UdpOptions};
+use trimaran_transport::{Endpoint, Listener, Options, connect};
+
+use super::{camera, identity, net, soon};
+
+pub(crate) fn with(trust: Trust) -> Options {
+    Options { udp: UdpOptions { trust, ..UdpOptions::default() }, ..Options::default() }
+}
+
+/// Options of peers that share a key.
+pub(crate) fn shared(key: u8) -> Options {
+    with(Trust::SharedKey([key; 32]))
+}
+
+pub(crate) async fn listener(options: &Options) -> (Listener, Endpoint) {
+    let endpoint = "udp://127.0.0.1:0".parse().unwrap();
+    let listener = Listener::bind(&net(), &endpoint, identity(Role::SwitchA), options).await.unwrap();
+    let endpoint = listener.local_endpoint().clone();
+    (listener, endpoint)
+}
+
+pub(crate) fn address(endpoint: &Endpoint) -> String {
+    let Endpoint::Udp(there) = endpoint else { panic!("{endpoint}") };
+    there.at.to_string()
+}
+
+/// A display comes, is let in, and both ends talk.
+pub(crate) async fn a_display_gets_in(listener: &mut Listener, at: &Endpoint, options: &Options) {
+    let net = net();
+    let (there, here) = tokio::join!(
+        connect(&net, at, identity(Role::Display), options, soon(&net)),
+        listener.accept(soon(&net)),
+    );
+    let (mut there, mut here) = (there.unwrap(), here.unwrap());
+    there.latest_tx.publish(camera(1)).unwrap();
+    assert_eq!(here.latest_rx.latest().await.unwrap(), camera(1));
+    here.latest_tx.publish(camera(2)).unwrap();
+    assert_eq!(there.latest_rx.latest().await.unwrap(), camera(2));
+}

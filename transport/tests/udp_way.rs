@@ -1,0 +1,208 @@
+//! Links over datagrams when somebody is on the way, or nobody: garbage, replays, half-open handshakes, silence.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+mod common;
+
+use std::time::Duration;
+
+use common::udp::{a_display_gets_in, address, listener, shared};
+use common::{camera, identity, net, soon};
+use tokio::net::UdpSocket;
+use trimaran_proto::Role;
+use trimaran_transport::{
+    Endpoint, HandshakeError, Limits, LinkConfig, Loss, Options, RecvError, connect, until,
+};
+
+/// Deterministic garbage.
+fn garbage(i: u32) -> Vec<u8> {
+    let seed = i.wrapping_mul(2_654_435_761);
+    (0..seed % 1400).map(|j| (seed.wrapping_mul(j | 1) >> 13) as u8).collect()
+}
+
+#[tokio::test]
+async fn garbage_disturbs_neither_a_link_nor_a_listener() {
+    let options = shared(1);
+    let (mut listener, endpoint) = listener(&options).await;
+    let stranger = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    for i in 0..2000 {
+        stranger.send_to(&garbage(i), address(&endpoint)).await.unwrap();
+    }
+    a_display_gets_in(&mut listener, &endpoint, &options).await;
+}
+
+/// A socket between a peer and a listener, which sees and may do everything.
+struct Relay {
+    outside: UdpSocket,
+    inside: UdpSocket,
+    peer: Option<std::net::SocketAddr>,
+}
+
+impl Relay {
+    async fn before(listener: &Endpoint) -> (Self, Endpoint) {
+        let outside = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+        let inside = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+        inside.connect(address(listener)).await.unwrap();
+        let endpoint = Endpoint::Udp(outside.local_addr().unwrap().into());
+        (Self { outside, inside, peer: None }, endpoint)
+    }
+
+    /// Passes on what comes until `done`; gives what went in.
+    async fn pass(&mut self, mut done: impl FnMut(&[u8], bool) -> bool) -> Vec<Vec<u8>> {
+        let (mut inwards, mut a, mut b) = (Vec::new(), vec![0; 2000], vec![0; 2000]);
+        loop {
+            let (bytes, into) = tokio::select! {
+                got = self.outside.recv_from(&mut a) => {
+                    let (length, from) = got.unwrap();
+                    self.peer = Some(from);
+                    self.inside.send(&a[..length]).await.unwrap();
+                    inwards.push(a[..length].to_vec());
+                    (&a[..length], true)
+                }
+                got = self.inside.recv(&mut b) => {
+                    let length = got.unwrap();
+                    self.outside.send_to(&b[..length], self.peer.unwrap()).await.unwrap();
+                    (&b[..length], false)
+                }
+            };
+            if done(bytes, into) {
+                return inwards;
+            }
+        }
+    }
+}
+
+/// Everything that a peer said is said again ten times, by someone at its address.
+#[tokio::test]
+async fn replays_make_no_second_link_and_no_second_camera() {
+    let (net, options) = (net(), shared(1));
+    let (mut listener, at) = listener(&options).await;
+    let (mut relay, through) = Relay::before(&at).await;
+    let talk = async {
+        let (there, here) = tokio::join!(
+            connect(&net, &through, identity(Role::Display), &options, soon(&net)),
+            listener.accept(soon(&net)),
+        );
+        let (mut there, mut here) = (there.unwrap(), here.unwrap());
+        there.latest_tx.publish(camera(1)).unwrap();
+        assert_eq!(here.latest_rx.latest().await.unwrap(), camera(1));
+        (there, here)
+    };
+    let mut inwards = Vec::new();
+    let (there, mut here) = tokio::select! {
+        links = talk => links,
+        _ = relay.pass(|bytes, into| { if into { inwards.push(bytes.to_vec()); } false }) => panic!("it never ends"),
+    };
+    assert!(inwards.len() >= 4, "two first packets, a sign of life and a camera");
+    for packet in inwards.iter().cycle().take(10 * inwards.len()) {
+        relay.inside.send(packet).await.unwrap();
+    }
+    let again = here.latest_rx.latest_by(net.now().after(Duration::from_millis(100))).await;
+    assert!(matches!(again, Err(RecvError::Deadline { .. })), "{again:?}");
+    assert!(listener.accept(net.now().after(Duration::from_millis(100))).await.is_err());
+    drop(there);
+}
+
+/// Whoever repeats a first packet that was answered, and never uses its keys, holds a place for the time of a handshake at most.
+#[tokio::test]
+async fn a_first_packet_that_somebody_repeats_is_no_link() {
+    let net = net();
+    let options = Options { handshake: Duration::from_millis(300), ..shared(1) };
+    let (mut listener, at) = listener(&options).await;
+    let (mut relay, through) = Relay::before(&at).await;
+    let mut answers = 0;
+    let first = tokio::select! {
+        _ = connect(&net, &through, identity(Role::Display), &options, soon(&net)) => panic!("through a relay that keeps the answer"),
+        first = relay.keep_the_answer() => first,
+    };
+    for _ in 0..100 {
+        relay.inside.send(&first).await.unwrap();
+    }
+    let mut buffer = vec![0; 2000];
+    while until(&*net, net.now().after(Duration::from_millis(50)), relay.inside.recv(&mut buffer))
+        .await
+        .is_some()
+    {
+        answers += 1;
+        assert!(buffer[0] & 3 == 3 || buffer[0] & 3 == 0, "an answer or a close");
+    }
+    assert!(answers <= 100, "{answers} answers");
+    let failure = common::last_failure(&mut listener).await;
+    assert!(matches!(failure, HandshakeError::TimedOut), "{failure:?}");
+    a_display_gets_in(&mut listener, &at, &options).await;
+}
+
+impl Relay {
+    /// Passes on a handshake but for the listener's last word; gives the packet that it answered.
+    async fn keep_the_answer(&mut self) -> Vec<u8> {
+        let (mut a, mut b, mut last) = (vec![0; 2000], vec![0; 2000], Vec::new());
+        loop {
+            tokio::select! {
+                got = self.outside.recv_from(&mut a) => {
+                    let (length, from) = got.unwrap();
+                    self.peer = Some(from);
+                    last = a[..length].to_vec();
+                    self.inside.send(&last).await.unwrap();
+                }
+                got = self.inside.recv(&mut b) => {
+                    let length = got.unwrap();
+                    if b[0] & 3 == 3 {
+                        return last;
+                    }
+                    self.outside.send_to(&b[..length], self.peer.unwrap()).await.unwrap();
+                }
+            }
+        }
+    }
+}
+
+#[tokio::test]
+async fn ten_thousand_half_open_handshakes_shut_nobody_out() {
+    let net = net();
+    let limits = Limits { handshakes: 4, ..Limits::default() };
+    let options = Options { limits, ..shared(1) };
+    let (mut listener, at) = listener(&options).await;
+    // A first packet as genuine as a stranger can see one: without a cookie of its own.
+    let lure = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    let there = Endpoint::Udp(lure.local_addr().unwrap().into());
+    let mut first = vec![0; 2000];
+    let length = tokio::select! {
+        _ = connect(&net, &there, identity(Role::Display), &options, soon(&net)) => panic!("a link to a lure"),
+        got = lure.recv(&mut first) => got.unwrap(),
+    };
+    let (mut sent, mut received) = (0, 0);
+    let mut reply = vec![0; 2000];
+    for number in 0_u32..10_000 {
+        first[8..12].copy_from_slice(&number.to_le_bytes());
+        sent += lure.send_to(&first[..length], address(&at)).await.unwrap();
+        while let Ok(length) = lure.try_recv(&mut reply) {
+            received += length;
+        }
+    }
+    assert!(received * 3 <= sent, "{received} bytes for {sent}");
+    assert!(received > 0, "cookies were given");
+    a_display_gets_in(&mut listener, &at, &options).await;
+}
+
+#[tokio::test]
+async fn a_peer_that_vanishes_is_lost_after_the_lease() {
+    let net = net();
+    let lease = Duration::from_millis(400);
+    let options = Options { link: LinkConfig { lease, ..shared(1).link }, ..shared(1) };
+    let (mut listener, at) = listener(&options).await;
+    let (mut relay, through) = Relay::before(&at).await;
+    let joining = async {
+        tokio::join!(
+            connect(&net, &through, identity(Role::Display), &options, soon(&net)),
+            listener.accept(soon(&net)),
+        )
+    };
+    let (there, here) = tokio::select! {
+        links = joining => links,
+        _ = relay.pass(|_, _| false) => panic!("it never ends"),
+    };
+    let (mut there, mut here) = (there.unwrap(), here.unwrap());
+    // From here on nothing is passed on.
+    for lost in [here.frames_rx.recv().await, there.frames_rx.recv().await] {
+        assert!(matches!(lost, Err(RecvError::Lost { cause: Loss::Silent, .. })), "{lost:?}");
+    }
+}
