@@ -15,6 +15,7 @@ const ONE_WAY: Duration = Duration::from_millis(5);
 /// How packets are lost: in two states (Gilbert and Elliott), the chances in 1/1000.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Loss {
+    pub(crate) word: &'static str,
     pub(crate) name: &'static str,
     to_bad: u64,
     to_good: u64,
@@ -24,11 +25,24 @@ pub(crate) struct Loss {
 
 /// The paths.
 pub(crate) const LOSSES: &[Loss] = &[
-    Loss { name: "none", to_bad: 0, to_good: 1000, lost_in_good: 0, lost_in_bad: 0 },
-    Loss { name: "1 % random", to_bad: 0, to_good: 1000, lost_in_good: 10, lost_in_bad: 0 },
+    Loss { word: "none", name: "none", to_bad: 0, to_good: 1000, lost_in_good: 0, lost_in_bad: 0 },
+    Loss { word: "random", name: "1 %, random", to_bad: 0, to_good: 1000, lost_in_good: 10, lost_in_bad: 0 },
     // A burst each 300 packets, of 4 on average, three of four lost.
-    Loss { name: "1 % in bursts", to_bad: 3, to_good: 250, lost_in_good: 0, lost_in_bad: 750 },
+    Loss {
+        word: "bursts",
+        name: "1 %, bursts of 4",
+        to_bad: 3,
+        to_good: 250,
+        lost_in_good: 0,
+        lost_in_bad: 750,
+    },
 ];
+
+impl Loss {
+    pub(crate) const fn is_none(self) -> bool {
+        self.lost_in_good == 0 && self.lost_in_bad == 0
+    }
+}
 
 /// What was carried.
 #[derive(Debug, Default)]

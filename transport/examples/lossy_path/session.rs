@@ -25,6 +25,7 @@ const PORT: u16 = 7400;
 /// A way to link.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Kind {
+    pub(crate) word: &'static str,
     pub(crate) name: &'static str,
     endpoint: &'static str,
     /// Behind the port.
@@ -34,41 +35,82 @@ pub(crate) struct Kind {
 
 /// The ways.
 pub(crate) const KINDS: &[Kind] = &[
-    Kind { name: "tcp", endpoint: "tcp", query: "", repair_percent: 0 },
-    Kind { name: "quic", endpoint: "quic", query: "", repair_percent: 0 },
-    Kind { name: "udp reliable", endpoint: "udp", query: "?mode=reliable", repair_percent: 0 },
-    Kind { name: "udp reliable + repair", endpoint: "udp", query: "?mode=reliable", repair_percent: 15 },
-    Kind { name: "udp deadline", endpoint: "udp", query: "?mode=deadline", repair_percent: 0 },
-    Kind { name: "udp deadline + repair", endpoint: "udp", query: "?mode=deadline", repair_percent: 15 },
+    Kind { word: "tcp", name: "tcp", endpoint: "tcp", query: "", repair_percent: 0 },
+    Kind { word: "quic", name: "quic", endpoint: "quic", query: "", repair_percent: 0 },
+    Kind {
+        word: "reliable",
+        name: "udp reliable",
+        endpoint: "udp",
+        query: "?mode=reliable",
+        repair_percent: 0,
+    },
+    Kind {
+        word: "reliable-repair",
+        name: "udp reliable, repair",
+        endpoint: "udp",
+        query: "?mode=reliable",
+        repair_percent: 15,
+    },
+    Kind {
+        word: "deadline",
+        name: "udp deadline",
+        endpoint: "udp",
+        query: "?mode=deadline",
+        repair_percent: 0,
+    },
+    Kind {
+        word: "deadline-repair",
+        name: "udp deadline, repair",
+        endpoint: "udp",
+        query: "?mode=deadline",
+        repair_percent: 15,
+    },
 ];
 
 /// What became of the frames.
 pub(crate) struct Outcome {
-    latencies: Vec<Duration>,
+    arrived: Arrived,
     sent: u32,
-    complete: u32,
     bytes: u64,
     packets: u64,
     lost: u64,
 }
 
+/// What a receiver saw.
+struct Arrived {
+    /// How long each frame took from its beginning to its end's arrival, rising; and the first one.
+    latencies: Vec<Duration>,
+    first: Duration,
+    /// How many were whole.
+    complete: u32,
+}
+
+impl Outcome {
+    /// Bytes of IP packets of both directions, a frame.
+    pub(crate) fn kilobytes(&self) -> f64 {
+        self.bytes as f64 / 1e3 / f64::from(self.sent.max(1))
+    }
+
+    pub(crate) fn lost_percent(&self) -> f64 {
+        100.0 * self.lost as f64 / self.packets.max(1) as f64
+    }
+}
+
 impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Arrived { latencies, first, complete } = &self.arrived;
         let at = |share: f64| {
-            let last = self.latencies.len().saturating_sub(1);
+            let last = latencies.len().saturating_sub(1);
             let index = (share * last as f64).ceil() as usize;
-            self.latencies.get(index).map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e3)
+            latencies.get(index).map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e3)
         };
-        let complete = 100.0 * f64::from(self.complete) / f64::from(self.sent.max(1));
-        let kilobytes = self.bytes as f64 / 1e3 / f64::from(self.sent.max(1));
-        let lost = 100.0 * self.lost as f64 / self.packets.max(1) as f64;
+        let (p50, p99, p999, slowest) = (at(0.5), at(0.99), at(0.999), at(1.0));
+        let first = first.as_secs_f64() * 1e3;
+        let complete = 100.0 * f64::from(*complete) / f64::from(self.sent.max(1));
+        let kilobytes = self.kilobytes();
         write!(
             f,
-            "{:>7.1} {:>7.1} {:>8.1} {:>8.1} {complete:>11.3} {kilobytes:>8.2} {lost:>7.2}",
-            at(0.5),
-            at(0.99),
-            at(0.999),
-            at(1.0)
+            "{p50:.1} | {p99:.1} | {p999:.1} | {slowest:.1} | {first:.1} | {complete:.3} % | {kilobytes:.2}"
         )
     }
 }
@@ -88,7 +130,7 @@ pub(crate) fn run(kind: &Kind, loss: Loss, seconds: u32) -> Result<Outcome, Box<
     // One clock: both ends' `Net` begin at the same time only if they are clones.
     let clock: Arc<dyn Net> = Arc::new(TokioNet::new(origin.handle().clone()));
     let (ours, theirs) = options(kind)?;
-    let (latencies, complete) = thread::scope(|scope| {
+    let arrived = thread::scope(|scope| {
         let sender = scope.spawn({
             let (path, begun, clock) = (Arc::clone(&path), Arc::clone(&begun), Arc::clone(&clock));
             move || -> Result<(), String> {
@@ -98,7 +140,7 @@ pub(crate) fn run(kind: &Kind, loss: Loss, seconds: u32) -> Result<Outcome, Box<
         });
         let receiver = scope.spawn({
             let path = Arc::clone(&path);
-            move || -> Result<(Vec<Duration>, u32), String> {
+            move || -> Result<Arrived, String> {
                 let runtime = runtime_in(&path, 1).map_err(|e| e.to_string())?;
                 runtime.block_on(receive(kind, &theirs, &begun, &*clock)).map_err(|e| e.to_string())
             }
@@ -108,9 +150,8 @@ pub(crate) fn run(kind: &Kind, loss: Loss, seconds: u32) -> Result<Outcome, Box<
         sent.and(received)
     })?;
     Ok(Outcome {
-        latencies,
+        arrived,
         sent: frames,
-        complete,
         bytes: tally.bytes.load(Ordering::Relaxed),
         packets: tally.packets.load(Ordering::Relaxed),
         lost: tally.lost.load(Ordering::Relaxed),
@@ -169,13 +210,12 @@ async fn send(
     Ok(())
 }
 
-/// How long each frame took from its beginning to its end's arrival, rising, and how many were whole.
 async fn receive(
     kind: &Kind,
     options: &Options,
     begun: &Begun,
     clock: &dyn Net,
-) -> Result<(Vec<Duration>, u32), Box<dyn Error>> {
+) -> Result<Arrived, Box<dyn Error>> {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
     let soon = net.now().after(Duration::from_secs(30));
     let mut link = connect(&net, &endpoint(kind)?, identity(Role::Display), options, soon).await?;
@@ -187,9 +227,10 @@ async fn receive(
         let begun = begun.lock().unwrap_or_else(PoisonError::into_inner);
         latencies.extend(begun.get(latencies.len()).map(|begun| now.since(*begun)));
     }
-    latencies.sort_unstable();
     leave(link, &*net).await;
-    Ok((latencies, complete))
+    let first = *latencies.first().ok_or("no frame arrived")?;
+    latencies.sort_unstable();
+    Ok(Arrived { latencies, first, complete })
 }
 
 /// Says goodbye, and stays a moment: the runtime goes with this thread, and a lost goodbye may have to be said again.

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use trimaran_proto::Instant;
 
-use crate::chunk::{ACK_RANGES, Chunk};
+use crate::chunk::{ACK_RANGES, Asks, Chunk};
 use crate::packet::PacketNumber;
 use crate::ranges::RangeSet;
 use crate::recovery::REORDERING;
@@ -24,6 +24,8 @@ pub(crate) struct Acks {
     largest_at: Option<Instant>,
     /// Packets that ask for an acknowledgement and have not been given one.
     owed: u32,
+    /// Acknowledgements that were asked for one by one.
+    asked: u32,
     due: Option<Instant>,
     /// The lowest number that came since the last acknowledgement, and those before each of the last ones.
     lowest: Option<PacketNumber>,
@@ -40,7 +42,7 @@ impl Acks {
         &mut self,
         now: Instant,
         number: PacketNumber,
-        eliciting: bool,
+        asks: Asks,
         max_delay: Duration,
     ) {
         let highest = self.numbers.iter().next_back().map_or(0, |range| range.end);
@@ -54,9 +56,11 @@ impl Acks {
                 self.floor = oldest.end;
             }
         }
-        if eliciting {
+        if asks > Asks::Nothing {
             self.owed += 1;
-            let at_once = self.owed >= MANY || number < highest || self.shows_a_loss(highest, number);
+            self.asked += u32::from(asks == Asks::AckNow);
+            let at_once =
+                self.asked > 0 || self.owed >= MANY || number < highest || self.shows_a_loss(highest, number);
             let wait = if at_once { Duration::ZERO } else { max_delay };
             let at = now.after(wait);
             self.due = Some(self.due.map_or(at, |due| due.min(at)));
@@ -80,8 +84,9 @@ impl Acks {
         if self.owed == 0 {
             return None;
         }
-        self.owed = 0;
-        self.due = None;
+        self.asked = self.asked.saturating_sub(1);
+        self.owed = self.asked;
+        self.due = Some(now).filter(|_| self.asked > 0);
         let delay_us = self.largest_at.map_or(0, |at| now.since(at).as_micros() as u64);
         self.named.extend(self.lowest.take());
         if self.named.len() > NAMED {
@@ -103,22 +108,22 @@ mod tests {
         let mut acks = Acks::default();
         let now = Instant::from_nanos(0);
         for number in 0..7 {
-            acks.on_received(now, number, true, DELAY);
+            acks.on_received(now, number, Asks::Ack, DELAY);
             assert_eq!(acks.due(), Some(now.after(DELAY)));
         }
-        acks.on_received(now, 7, true, DELAY);
+        acks.on_received(now, 7, Asks::Ack, DELAY);
         assert_eq!(acks.due(), Some(now));
         assert!(acks.take(now).is_some());
         assert!(acks.take(now).is_none());
         for (number, wait) in [(9, true), (10, true), (11, false), (12, true), (8, false)] {
-            acks.on_received(now, number, true, DELAY);
+            acks.on_received(now, number, Asks::Ack, DELAY);
             let due = if wait { now.after(DELAY) } else { now };
             assert_eq!(acks.due(), Some(due), "number 8 is missing, {number} comes");
             assert!(acks.take(now).is_some());
         }
         assert!(!acks.is_new(8) && acks.is_new(13));
         for (number, wait) in [(14, true), (15, true), (17, false), (18, true), (19, false)] {
-            acks.on_received(now, number, true, DELAY);
+            acks.on_received(now, number, Asks::Ack, DELAY);
             let due = if wait { now.after(DELAY) } else { now };
             assert_eq!(acks.due(), Some(due), "13 and 16 are missing, {number} comes");
             acks.take(now);
@@ -126,11 +131,26 @@ mod tests {
     }
 
     #[test]
+    fn each_ping_has_an_acknowledgement_of_its_own() {
+        let mut acks = Acks::default();
+        let now = Instant::from_nanos(0);
+        acks.on_received(now, 0, Asks::Ack, DELAY);
+        for number in 1..3 {
+            acks.on_received(now, number, Asks::AckNow, DELAY);
+        }
+        for _ in 0..2 {
+            assert_eq!(acks.due(), Some(now));
+            assert!(acks.take(now).is_some());
+        }
+        assert_eq!((acks.due(), acks.take(now)), (None, None));
+    }
+
+    #[test]
     fn a_packet_is_named_four_times() {
         let mut acks = Acks::default();
         let mut named = Vec::new();
         for number in (0..20).step_by(2) {
-            acks.on_received(Instant::from_nanos(0), number, true, DELAY);
+            acks.on_received(Instant::from_nanos(0), number, Asks::Ack, DELAY);
             let Some(Chunk::Ack { numbers, .. }) = acks.take(Instant::from_nanos(0)) else { panic!("none") };
             named.extend(numbers.iter().flatten());
         }
@@ -138,7 +158,7 @@ mod tests {
             assert_eq!(named.iter().filter(|other| **other == number).count(), NAMED, "{number}");
         }
         // What comes late is named with all that came since, so that ranges stay few.
-        acks.on_received(Instant::from_nanos(0), 5, true, DELAY);
+        acks.on_received(Instant::from_nanos(0), 5, Asks::Ack, DELAY);
         let Some(Chunk::Ack { numbers, .. }) = acks.take(Instant::from_nanos(0)) else { panic!("none") };
         assert_eq!(numbers.iter().next(), Some(4..7));
     }
@@ -147,7 +167,7 @@ mod tests {
     fn what_is_below_the_window_is_a_replay() {
         let mut acks = Acks::default();
         for number in 0..200 {
-            acks.on_received(Instant::from_nanos(0), number * 2, true, DELAY);
+            acks.on_received(Instant::from_nanos(0), number * 2, Asks::Ack, DELAY);
         }
         assert!(!acks.is_new(1), "too old to tell");
         assert!(acks.is_new(399));

@@ -36,12 +36,21 @@ pub(crate) enum Tail {
     Frame(u64),
 }
 
+/// Whether a packet is to be acknowledged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Asks {
+    Nothing,
+    Ack,
+    /// By an acknowledgement of its own, at once.
+    AckNow,
+}
+
 /// One chunk.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Chunk<'a> {
     /// Nothing: a byte that fills a packet up.
     Pad,
-    /// Only to be acknowledged.
+    /// Only to be acknowledged, at once.
     Ping,
     /// Packets that arrived; the newest one so many microseconds ago.
     Ack { delay_us: u64, numbers: RangeSet },
@@ -92,9 +101,13 @@ impl<'a> Chunk<'a> {
     /// The byte that is the chunk [`Chunk::Pad`].
     pub(crate) const FILLING: u8 = PAD;
 
-    /// Whether the peer shall acknowledge the packet.
-    pub(crate) const fn is_eliciting(&self) -> bool {
-        !matches!(self, Self::Ack { .. } | Self::Close | Self::Pad)
+    /// What it asks of who receives it.
+    pub(crate) const fn asks(&self) -> Asks {
+        match self {
+            Self::Ack { .. } | Self::Close | Self::Pad => Asks::Nothing,
+            Self::Ping => Asks::AckNow,
+            _ => Asks::Ack,
+        }
     }
 
     pub(crate) fn write(&self, out: &mut Vec<u8>) {

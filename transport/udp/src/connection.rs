@@ -9,11 +9,11 @@ use crate::inbox::{Inbox, Received};
 use crate::keys::{Keys, OVERHEAD};
 use crate::latest::{LatestEnd, LatestIn, LatestOut};
 use crate::mtu::Mtu;
-use crate::outbox::{Outbox, Path};
+use crate::outbox::Outbox;
 use crate::pacer::Pacer;
 use crate::packet::{ConnectionId, MIN_DATAGRAM};
-use crate::recovery::Recovery;
-use crate::repair::Budget;
+use crate::recovery::{PROBES, Recovery};
+use crate::repair::{Budget, Path};
 
 mod closed;
 mod config;
@@ -56,8 +56,8 @@ pub struct Connection {
     unheard: bool,
     /// Something came that only the peer can have sent.
     confirmed: bool,
-    /// A ping is due: a probe or a keepalive. It may exceed the window by one packet.
-    probe: bool,
+    /// How many pings are due: probes, or a keepalive. Each may exceed the window by one packet.
+    pings: u8,
     last_received: Instant,
     last_sent: Instant,
     /// What was counted: bytes sent, packets and bytes received.
@@ -118,7 +118,7 @@ impl Connection {
             unread_due: false,
             unheard: false,
             confirmed: false,
-            probe: false,
+            pings: 0,
             last_received: now,
             last_sent: now,
             sent_bytes: 0,
@@ -196,8 +196,8 @@ impl Connection {
     }
 
     /// Sends something, so that the peer knows this side is there.
-    pub const fn ping(&mut self) {
-        self.probe = true;
+    pub fn ping(&mut self) {
+        self.pings = self.pings.max(1);
     }
 
     /// Why the connection is over, if it is.
@@ -315,12 +315,14 @@ impl Connection {
             self.end(Closed::Deaf(self.config.lease));
             return;
         }
-        self.probe |= now >= self.last_sent.after(self.config.lease / 4);
+        if now >= self.last_sent.after(self.config.lease / 4) {
+            self.ping();
+        }
         if self.recovery.timeout().is_some_and(|at| at <= now) {
             let (verdict, probe) = self.recovery.on_timeout(now);
-            self.probe |= probe;
             self.judge(now, verdict);
             if probe {
+                self.pings = PROBES;
                 self.outbox.stop_waiting();
             }
             if self.recovery.probes() >= BLACK_HOLE && self.mtu.known() > MIN_DATAGRAM {

@@ -14,6 +14,8 @@ const ENOUGH: usize = 16;
 const FIRST: Duration = Duration::from_millis(100);
 /// How long a search is good for: the path may change (RFC 8899, section 5.1.1).
 const AGAIN: Duration = Duration::from_secs(600);
+/// And the pause before the next one where nothing arrived any more: it may have been a burst of losses.
+const DOUBT: Duration = Duration::from_secs(1);
 
 /// Searches for the largest datagram that arrives.
 #[derive(Debug)]
@@ -79,7 +81,7 @@ impl Mtu {
         self.limit = self.most;
         self.under_way = None;
         self.tries = 0;
-        self.next = now.after(AGAIN);
+        self.next = now.after(DOUBT);
     }
 
     fn settle(&mut self, now: Instant) {
@@ -128,6 +130,6 @@ mod tests {
         mtu.on_arrived(now, 1452);
         assert_eq!((mtu.known(), mtu.due()), (1452, None));
         mtu.on_black_hole(now);
-        assert_eq!((mtu.known(), mtu.due()), (1200, Some(now.after(AGAIN))));
+        assert_eq!((mtu.known(), mtu.due()), (1200, Some(now.after(DOUBT))));
     }
 }

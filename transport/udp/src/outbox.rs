@@ -9,7 +9,7 @@ use trimaran_proto::{CodedIds, FrameEnd, FrameMessage, FrameNumber, Goodbye, IdC
 
 use crate::chunk::{CODED_UNIT, Chunk, Tail};
 use crate::recovery::Content;
-use crate::repair::Budget;
+use crate::repair::{Budget, Path};
 
 mod guard;
 mod unit;
@@ -18,15 +18,6 @@ use unit::Unit;
 
 /// What a unit costs beside its bytes, so that many small ones are not for nothing.
 const UNIT_COST: usize = 256;
-
-/// What is known of the path when something is put into the lane.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Path {
-    /// How many bytes a part has at most: with them a packet is full.
-    pub(crate) shard: usize,
-    /// The share of packets that is lost.
-    pub(crate) loss: f64,
-}
 
 /// Units in order of their numbers. A unit is a frame, statistics, a goodbye, or, empty, the end of the lane without one.
 #[derive(Debug)]
@@ -101,7 +92,7 @@ impl Outbox {
             FrameMessage::End(end) => self.finish(end, path),
             FrameMessage::Begin(start) => {
                 let coded = self.coding == IdCoding::Changes;
-                let shard = self.repair.shard(self.last_length, path.shard, path.loss);
+                let shard = self.repair.shard(self.last_length, path);
                 self.add(Unit::frame(start.frame, coded, shard));
                 if coded {
                     self.append(&[CODED_UNIT], path);
@@ -168,14 +159,14 @@ impl Outbox {
         if let Some(unit) = self.units.back_mut() {
             unit.append(bytes);
             self.kept += bytes.len();
-            unit.protect(&mut self.repair, path.loss);
+            unit.protect(&mut self.repair, path);
         }
     }
 
     fn end(&mut self, tail: Tail, path: Path) {
         if let Some(unit) = self.units.back_mut() {
             unit.end(tail);
-            unit.protect(&mut self.repair, path.loss);
+            unit.protect(&mut self.repair, path);
         }
     }
 

@@ -16,6 +16,8 @@ use crate::rtt::Rtt;
 pub(crate) const REORDERING: u64 = 3;
 /// Losses over that many probe timeouts are persistent congestion (section 7.6.1).
 const PERSISTENT: u32 = 3;
+/// So many packets are sent where nothing was acknowledged in time, in case one is lost as well (section 6.2.4).
+pub(crate) const PROBES: u8 = 2;
 /// How many packets are remembered at most: far more than a window of honest ones. Of those beyond it the oldest count as lost.
 const REMEMBERED: usize = 16 * 1024;
 /// Probes are no further apart: one small packet a second harms no path, and a link that comes back is found at once.
@@ -224,7 +226,7 @@ impl Recovery {
         self.loss_time().or_else(|| self.probe_time())
     }
 
-    /// Finds packets that are lost by now; or else asks for a probe, which repeats what the oldest packet in flight carried.
+    /// Finds packets that are lost by now; or else asks for probes, which repeat what the oldest packets in flight carried.
     pub(crate) fn on_timeout(&mut self, now: Instant) -> (Verdict, bool) {
         let mut verdict = Verdict::default();
         if self.loss_time().is_some_and(|at| at <= now) {
@@ -238,8 +240,8 @@ impl Recovery {
         self.probes += 1;
         self.all_probes += 1;
         self.last_sent = Some(now);
-        let oldest = self.sent.iter().flatten().find(|sent| !sent.contents.is_empty());
-        verdict.lost.extend(oldest.into_iter().flat_map(|sent| sent.contents.clone()));
+        let oldest = self.sent.iter().flatten().filter(|sent| !sent.contents.is_empty());
+        verdict.lost.extend(oldest.take(PROBES.into()).flat_map(|sent| sent.contents.clone()));
         (verdict, true)
     }
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 use trimaran_proto::{Camera, Instant};
 
 use super::{Closed, Connection};
-use crate::chunk::{CLOSE, Chunk};
+use crate::chunk::{Asks, CLOSE, Chunk};
 use crate::packet::Packet;
 use crate::recovery::{Content, Verdict};
 use crate::wire::Reader;
@@ -26,12 +26,12 @@ impl Connection {
             if self.closed.is_some() {
                 // The close was lost, unless this one crossed it: two ends that answer each other's would never stop.
                 self.close_due = plain != [CLOSE];
-                self.acks.on_received(now, number, false, self.config.ack_delay);
+                self.acks.on_received(now, number, Asks::Nothing, self.config.ack_delay);
                 self.plain = plain;
                 return;
             }
             match self.take_chunks(now, &plain) {
-                Ok(Some(eliciting)) => self.acks.on_received(now, number, eliciting, self.config.ack_delay),
+                Ok(Some(asks)) => self.acks.on_received(now, number, asks, self.config.ack_delay),
                 Ok(None) => {}
                 Err(why) => self.end(why),
             }
@@ -39,13 +39,13 @@ impl Connection {
         self.plain = plain;
     }
 
-    /// Says whether the packet asks for an acknowledgement; nothing if it must not get one, for not all of it could be taken.
-    fn take_chunks(&mut self, now: Instant, plain: &[u8]) -> Result<Option<bool>, Closed> {
+    /// Says what acknowledgement the packet asks for; nothing if it must not get one, for not all of it could be taken.
+    fn take_chunks(&mut self, now: Instant, plain: &[u8]) -> Result<Option<Asks>, Closed> {
         let mut reader = Reader::new(plain);
-        let (mut eliciting, mut taken) = (false, true);
+        let (mut asks, mut taken) = (Asks::Nothing, true);
         while !reader.is_empty() {
             let chunk = Chunk::read(&mut reader)?;
-            eliciting |= chunk.is_eliciting();
+            asks = asks.max(chunk.asks());
             match chunk {
                 Chunk::Pad | Chunk::Ping => {}
                 Chunk::Ack { delay_us, numbers } => {
@@ -77,7 +77,7 @@ impl Connection {
         if self.unread {
             self.credit_due |= self.inbox.discard();
         }
-        Ok(taken.then_some(eliciting))
+        Ok(taken.then_some(asks))
     }
 
     pub(super) fn judge(&mut self, now: Instant, verdict: Verdict) {

@@ -33,7 +33,7 @@ impl Connection {
         let allowed = self.may_send(now);
         let ack_due = self.acks.due().is_some_and(|due| due <= now);
         let has_data = allowed && self.has_data();
-        if (ack_due || has_data || self.probe)
+        if (ack_due || has_data || self.pings > 0)
             && let Some(ack) = self.acks.take(now)
         {
             ack.write(plain);
@@ -46,7 +46,11 @@ impl Connection {
         if !allowed {
             return (!contents.is_empty()).then_some(contents);
         }
-        let probe = std::mem::take(&mut self.probe);
+        let ping = self.pings > 0;
+        if ping {
+            self.pings -= 1;
+            Chunk::Ping.write(plain);
+        }
         if std::mem::take(&mut self.credit_due) {
             let (bytes, units) = self.inbox.tell_credit();
             Chunk::Credit { bytes, units }.write(plain);
@@ -60,8 +64,7 @@ impl Connection {
         while let Some(content) = self.outbox.write_next(all.saturating_sub(plain.len()), all, plain) {
             contents.push(content);
         }
-        if contents.is_empty() && probe {
-            Chunk::Ping.write(plain);
+        if ping {
             return Some(contents);
         }
         if plain.is_empty() && self.may_probe() {
@@ -82,7 +85,7 @@ impl Connection {
     /// Whether window and pacer allow a full packet now. A probe always may leave.
     fn may_send(&mut self, now: Instant) -> bool {
         self.paced_until = None;
-        if self.probe {
+        if self.pings > 0 {
             return true;
         }
         let probe = self.mtu.due().is_some_and(|due| due <= now) && self.may_probe();

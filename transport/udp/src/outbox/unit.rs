@@ -11,7 +11,7 @@ use super::write_if_fits;
 use crate::chunk::{Chunk, GivenUp, Tail, part_overhead, unit_head};
 use crate::ranges::RangeSet;
 use crate::recovery::Content;
-use crate::repair::{BLOCK, Block, Budget, protect, shard_size};
+use crate::repair::{BLOCK, Block, Budget, Path, protect, shard_size};
 
 #[derive(Debug)]
 pub(super) struct Unit {
@@ -122,7 +122,7 @@ impl Unit {
     }
 
     /// Makes repair for the blocks that are complete, or, of a frame that is over, for all. What is no whole frame gets none.
-    pub(super) fn protect(&mut self, budget: &mut Budget, loss: f64) {
+    pub(super) fn protect(&mut self, budget: &mut Budget, path: Path) {
         let over = self.is_ended();
         if !budget.is_open() || self.end == Some(Tail::End) {
             self.protected = u64::MAX;
@@ -138,7 +138,7 @@ impl Unit {
             let from = self.protected.saturating_sub(self.base) as usize;
             let bytes = self.data.get(from..(end - self.base) as usize).unwrap_or_default();
             let shard = shard_size(bytes.len(), self.shard);
-            let count = budget.spend(bytes.len(), shard, loss);
+            let count = budget.spend(bytes.len(), shard, path);
             if count > 0 {
                 let (length, count_u8) = (bytes.len() as u32, count as u8);
                 let block = Block { offset: self.protected, length, shard: shard as u16, count: count_u8 };

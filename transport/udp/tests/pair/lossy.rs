@@ -1,38 +1,103 @@
-//! What frames cost where packets are lost: time and bytes.
+//! What frames cost where packets are lost: time and bytes, on the path of the example `lossy_path`.
 
 use std::time::Duration;
 
+use trimaran_proto::Instant;
 use trimaran_udp::{Config, Repair};
 
 use crate::network::{Network, Pair, SEALED};
-use crate::talk::{RELIABLE, Reader, stream};
+use crate::talk::{RELIABLE, Reader, Sender, ids};
 
 /// What UDP and IPv4 add to a packet, bytes.
 const BELOW: u64 = 28;
+/// Frames a run.
+const FRAMES: u32 = 3600;
+const CLEAN: Network = Network { mtu: 1500, ..SEALED };
+const RANDOM: Network = Network { loss: 10, ..CLEAN };
+const BURSTS: Network = Network { bursts: 3, ..CLEAN };
+/// A frame that takes longer than this waited for a round trip.
+const WAITED: Duration = Duration::from_millis(10);
 
-/// The time that all but one frame in a thousand take at most.
-fn slowest(reader: &Reader) -> Duration {
-    let latencies = reader.latencies();
-    latencies[latencies.len() - 1 - latencies.len() / 1000]
+/// Three runs.
+struct Runs {
+    /// Rising.
+    latencies: Vec<Duration>,
+    /// The headers of the layers below included.
+    bytes: u64,
 }
 
-/// The bytes of both directions, headers of the layers below included.
-fn bytes(pair: &Pair) -> u64 {
-    pair.bytes.iter().sum::<u64>() + pair.sent * BELOW
-}
-
-/// One packet in a hundred is lost, 5 ms one way: a frame that waits for a repetition takes 15 ms.
-#[test]
-fn with_repair_one_frame_in_a_thousand_waits_for_one_repetition_at_most() {
-    for seed in 1..4 {
-        let lossy = Network { loss: 10, mtu: 1500, seed, ..SEALED };
-        let (plain, waiting) = stream(lossy, Config { repair: Repair::Off, ..RELIABLE }, 60);
-        let (repaired, reader) = stream(lossy, RELIABLE, 60);
-        assert_eq!((waiting.gaps.len(), reader.gaps.len()), (0, 0));
-        let (without, with) = (slowest(&waiting), slowest(&reader));
-        assert!(with <= Duration::from_millis(16), "{with:?}");
-        assert!(without >= Duration::from_millis(20), "{without:?}: there is nothing to gain");
-        let (without, with) = (bytes(&plain), bytes(&repaired));
-        assert!(with * 1000 <= without * 1160, "{with} bytes where without repair they are {without}");
+impl Runs {
+    fn of(network: Network, repair: Repair) -> Self {
+        let (mut latencies, mut bytes) = (Vec::new(), 0);
+        for seed in 1..4 {
+            let (pair, reader) = run(Network { seed, ..network }, Config { repair, ..RELIABLE });
+            assert_eq!((reader.frames.len(), reader.gaps.len()), (FRAMES as usize, 0));
+            latencies.extend(reader.latencies());
+            bytes += pair.bytes.iter().sum::<u64>() + pair.sent * BELOW;
+        }
+        latencies.sort_unstable();
+        Self { latencies, bytes }
     }
+
+    fn waited(&self) -> usize {
+        self.latencies.iter().filter(|latency| **latency > WAITED).count()
+    }
+
+    fn slowest(&self) -> Duration {
+        self.latencies.last().copied().unwrap_or_default()
+    }
+
+    /// All but one frame in a thousand take at most this.
+    fn p999(&self) -> Duration {
+        self.latencies[self.latencies.len() - 1 - self.latencies.len() / 1000]
+    }
+}
+
+/// Sixty frames of 4,000 ids a second, and nothing else.
+fn run(network: Network, config: Config) -> (Pair, Reader) {
+    let mut pair = Pair::new(network, config);
+    let (mut sender, mut reader) = (Sender::new(config), Reader::default());
+    let ids = ids(4000);
+    for frame in 0..=FRAMES {
+        let due = Instant::from_nanos(u64::from(frame) * 1_000_000_000 / 60);
+        let wake = if frame < FRAMES { due } else { due.after(Duration::from_secs(2)) };
+        while pair.step_until(wake, wake) {
+            reader.now = pair.now;
+            reader.read(&mut pair.ends[1]);
+        }
+        if frame < FRAMES {
+            reader.begun.push(pair.now);
+            sender.send(&mut pair.ends[0], frame, &ids);
+        }
+    }
+    (pair, reader)
+}
+
+/// It needs more packets than the initial window has, so it waits for their acknowledgement.
+#[test]
+fn without_loss_only_the_first_frame_of_a_link_takes_a_round_trip_more() {
+    let clean = Runs::of(CLEAN, Repair::Auto);
+    assert_eq!(clean.waited(), 3, "one a run");
+    assert_eq!(clean.slowest(), Duration::from_millis(15));
+}
+
+#[test]
+fn repair_spares_almost_all_frames_a_wait_for_a_seventh_more_bytes() {
+    let clean = Runs::of(CLEAN, Repair::Auto).bytes;
+    let (plain, repaired) = (Runs::of(RANDOM, Repair::Off), Runs::of(RANDOM, Repair::Auto));
+    assert!(plain.waited() > 1000, "{}: there is nothing to gain", plain.waited());
+    assert!(plain.bytes * 1000 < clean * 1015, "{} and {clean} bytes", plain.bytes);
+    // Beside the first frame of a run and the one that loses its first packet.
+    assert!(repaired.waited() <= 6 + 12, "{} of {}", repaired.waited(), 3 * FRAMES);
+    assert!(repaired.slowest() < Duration::from_millis(30), "{:?}", repaired.slowest());
+    assert!(repaired.bytes * 1000 <= clean * 1150, "{} and {clean} bytes", repaired.bytes);
+}
+
+#[test]
+fn bursts_make_few_frames_wait_and_no_link_stand_still() {
+    let clean = Runs::of(CLEAN, Repair::Auto).bytes;
+    let (plain, repaired) = (Runs::of(BURSTS, Repair::Off), Runs::of(BURSTS, Repair::Auto));
+    assert!(repaired.waited() * 5 < plain.waited() * 4, "{} and {}", repaired.waited(), plain.waited());
+    assert!(repaired.p999() < Duration::from_millis(60), "{:?}", repaired.p999());
+    assert!(repaired.bytes * 1000 <= clean * 1150, "{} and {clean} bytes", repaired.bytes);
 }
