@@ -1,7 +1,7 @@
 //! What must hold for any datagram at all. The fuzz targets search for one that breaks it; an ordinary test of `trimaran-udp` replays
 //! the corpus.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
 use trimaran_proto::{Camera, FrameMessage, FrameNumber, Goodbye, Instant};
@@ -13,6 +13,10 @@ use xxhash_rust::xxh3::xxh3_128_with_seed;
 
 const HERE: ConnectionId = ConnectionId(10);
 const THERE: ConnectionId = ConnectionId(20);
+const SECRET: [u8; 32] = [7; 32];
+/// Where the peer is, and where it is not unless it says so.
+const HOME: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::new(192, 0, 2, 2)), 4000);
+const ELSEWHERE: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::new(192, 0, 2, 1)), 4000);
 
 fn now() -> Instant {
     Instant::from_nanos(1_000_000_000)
@@ -32,9 +36,9 @@ pub fn strangers(bytes: &[u8]) {
 }
 
 fn knock(security: &Security, datagram: &[u8]) {
-    let Ok(door) = Door::new(security.clone(), [7; 32]) else { unreachable!("the keys are good") };
+    let Ok(door) = Door::new(security.clone(), SECRET) else { unreachable!("the keys are good") };
     let mut out = Vec::new();
-    match door.handle(now(), SocketAddr::from(([192, 0, 2, 1], 4000)), datagram, &mut out) {
+    match door.handle(now(), ELSEWHERE, datagram, &mut out) {
         Reception::Reply => assert!(out.len() * 3 <= datagram.len(), "{} for {}", out.len(), datagram.len()),
         Reception::Knock(knock) => {
             assert!(datagram.len() >= MIN_DATAGRAM);
@@ -62,22 +66,25 @@ fn answer(security: &Security, datagram: &[u8]) {
     }
 }
 
-/// Any chunks, each packet of them a byte of length and so many bytes, sealed as a peer would: the connection passes on no more
-/// than came, sends packets that fit until it has no more, and is over for good when it is over.
+/// Any chunks, each packet of them a byte of length and so many bytes, sealed as a peer would, and two of four from elsewhere: the
+/// connection passes on no more than came, asks there with thrice as much at most, sends packets that fit until it has no more, and is over for good when it is over.
 pub fn chunks(bytes: &[u8]) {
     let mut connection = Connection::plaintext(now(), HERE, THERE, Config::default());
     if let Ok(camera) = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0, 1.0, 0.1, FrameNumber(0)) {
         connection.publish(camera);
     }
     connection.goodbye(Goodbye::Finished);
+    connection.follow(HOME, SECRET);
     settle(&mut connection, now());
-    let (mut rest, mut at, mut passed) = (bytes, now(), 0);
+    let (mut rest, mut at, mut passed, mut elsewhere) = (bytes, now(), 0, 0);
     for number in 0.. {
         let Some((&length, tail)) = rest.split_first() else { break };
         let (body, tail) = tail.split_at(tail.len().min(usize::from(length)));
         rest = tail;
         let closed = connection.closed().cloned();
-        connection.handle(at, &sealed(number, body));
+        let (from, datagram) = (if number & 2 == 0 { ELSEWHERE } else { HOME }, sealed(number, body));
+        connection.handle_from(at, from, &datagram);
+        elsewhere += if from == ELSEWHERE { 3 * datagram.len() } else { 0 };
         while let Some(item) = connection.recv() {
             assert_eq!(closed, None, "nothing comes after the end");
             match item {
@@ -87,6 +94,11 @@ pub fn chunks(bytes: &[u8]) {
             }
         }
         settle(&mut connection, at);
+        let mut out = Vec::new();
+        while let Some(to) = connection.poll_excursion(at, &mut out) {
+            assert!(out.len() <= MIN_DATAGRAM && connection.closed().is_none());
+            elsewhere -= if to == ELSEWHERE { out.len() } else { 0 };
+        }
         assert!(passed <= bytes.len(), "{passed} bytes of ids out of {}", bytes.len());
         assert!(closed.is_none() || connection.closed() == closed.as_ref(), "over for good");
         at = connection.poll_timeout().unwrap_or(at).max(at.after(Duration::from_micros(1)));

@@ -94,6 +94,8 @@ local u = {
   units = ProtoField.uint64("trimaran_udp.credit.units", "Credit (units)"),
   close = ProtoField.none("trimaran_udp.close", "Close"),
   unread = ProtoField.none("trimaran_udp.unread", "Unread"),
+  challenge = ProtoField.bytes("trimaran_udp.challenge", "Challenge"),
+  response = ProtoField.bytes("trimaran_udp.response", "Response"),
   camera = ProtoField.uint64("trimaran_udp.camera", "Number of the camera"),
   last = ProtoField.uint64("trimaran_udp.last_camera", "Number of the last camera"),
   unit = ProtoField.uint64("trimaran_udp.unit", "Unit"),
@@ -610,6 +612,12 @@ local function chunk(r, tvb, tree, pinfo, key)
   elseif code == 0x05 then
     tree:add(u.unread, tvb(start, 1))
     return "unread"
+  elseif code == 0x06 then
+    tree:add(u.challenge, r.take(24))
+    return "challenge"
+  elseif code == 0x07 then
+    tree:add(u.response, r.take(24))
+    return "response"
   elseif code == 0x10 then
     add_wide(tree, u.camera, r)
     return "camera of frame " .. camera(r, tree)

@@ -37,6 +37,16 @@ impl Acks {
         number >= self.floor && !self.numbers.contains(number)
     }
 
+    /// Whether no later packet has been received.
+    pub(crate) fn is_newest(&self, number: PacketNumber) -> bool {
+        number >= self.end()
+    }
+
+    /// One past the highest number received.
+    fn end(&self) -> PacketNumber {
+        self.numbers.iter().next_back().map_or(0, |range| range.end)
+    }
+
     /// A packet was received, and all of it taken.
     pub(crate) fn on_received(
         &mut self,
@@ -45,7 +55,7 @@ impl Acks {
         asks: Asks,
         max_delay: Duration,
     ) {
-        let highest = self.numbers.iter().next_back().map_or(0, |range| range.end);
+        let highest = self.end();
         if number >= highest {
             self.largest_at = Some(now);
         }

@@ -2,6 +2,7 @@
 
 use trimaran_proto::{Camera, HEADER_BYTES, Kind};
 
+use crate::packet::CookieBytes;
 use crate::ranges::RangeSet;
 use crate::repair::Block;
 use crate::wire::{Malformed, Reader, put_varint, varint_len};
@@ -12,6 +13,8 @@ const ACK: u8 = 0x02;
 const CREDIT: u8 = 0x03;
 pub(crate) const CLOSE: u8 = 0x04;
 const UNREAD: u8 = 0x05;
+const CHALLENGE: u8 = 0x06;
+const RESPONSE: u8 = 0x07;
 const CAMERA: u8 = 0x10;
 const LAST_CAMERA: u8 = 0x11;
 const PART: u8 = 0x20;
@@ -64,6 +67,10 @@ pub(crate) enum Chunk<'a> {
     LastCamera { number: u64, goodbye: &'a [u8] },
     /// The sender reads no more of the frames lane.
     Unread,
+    /// Who receives at the address that this is sent to shall bring the cookie back from there.
+    Challenge { cookie: CookieBytes },
+    /// The cookie of a challenge.
+    Response { cookie: CookieBytes },
     /// Bytes of a unit of the frames lane.
     Part { unit: u64, offset: u64, tail: Tail, data: &'a [u8] },
     /// What has not arrived of a frame will not come any more.
@@ -104,7 +111,11 @@ impl<'a> Chunk<'a> {
     /// What it asks of who receives it.
     pub(crate) const fn asks(&self) -> Asks {
         match self {
-            Self::Ack { .. } | Self::Close | Self::Pad => Asks::Nothing,
+            Self::Ack { .. }
+            | Self::Close
+            | Self::Pad
+            | Self::Challenge { .. }
+            | Self::Response { .. } => Asks::Nothing,
             Self::Ping => Asks::AckNow,
             _ => Asks::Ack,
         }
@@ -133,6 +144,14 @@ impl<'a> Chunk<'a> {
             }
             Self::Close => out.push(CLOSE),
             Self::Unread => out.push(UNREAD),
+            Self::Challenge { cookie } => {
+                out.push(CHALLENGE);
+                out.extend_from_slice(cookie);
+            }
+            Self::Response { cookie } => {
+                out.push(RESPONSE);
+                out.extend_from_slice(cookie);
+            }
             Self::LastCamera { number, goodbye } => {
                 out.push(LAST_CAMERA);
                 put_varint(out, *number);
@@ -198,6 +217,8 @@ impl<'a> Chunk<'a> {
             CREDIT => Ok(Self::Credit { bytes: reader.varint("credit")?, units: reader.varint("credit")? }),
             CLOSE => Ok(Self::Close),
             UNREAD => Ok(Self::Unread),
+            CHALLENGE => Ok(Self::Challenge { cookie: *reader.array("cookie")? }),
+            RESPONSE => Ok(Self::Response { cookie: *reader.array("cookie")? }),
             CAMERA => {
                 let number = reader.varint("camera number")?;
                 Ok(Self::Camera { number, camera: *reader.array("camera")? })

@@ -14,9 +14,11 @@ use crate::pacer::Pacer;
 use crate::packet::{ConnectionId, MIN_DATAGRAM};
 use crate::recovery::{PROBES, Recovery};
 use crate::repair::{Budget, Path};
+use crate::whereabouts::Whereabouts;
 
 mod closed;
 mod config;
+mod moving;
 mod receive;
 mod stats;
 mod transmit;
@@ -39,6 +41,8 @@ pub struct Connection {
     keys: Keys,
     here: ConnectionId,
     there: ConnectionId,
+    /// Where the peer is, if it is followed.
+    whereabouts: Option<Whereabouts>,
     recovery: Recovery,
     pacer: Pacer,
     paced_until: Option<Instant>,
@@ -98,6 +102,7 @@ impl Connection {
             keys,
             here,
             there,
+            whereabouts: None,
             recovery: Recovery::new(config.congestion, MIN_DATAGRAM, config.ack_delay),
             pacer: Pacer::new(MIN_DATAGRAM),
             paced_until: None,
@@ -298,7 +303,9 @@ impl Connection {
             self.outbox.deadline().map(|at| Instant::from_nanos(at.as_nanos().saturating_sub(way)));
         let unheard = self.recovery.unheard_since().map(|since| since.after(self.config.lease));
         let probe = self.mtu.due().filter(|_| self.paced_until.is_none() && self.may_probe());
-        let timers = [self.recovery.timeout(), self.acks.due(), self.paced_until, deadline, unheard, probe];
+        let excursion = self.whereabouts.as_ref().and_then(Whereabouts::due);
+        let timers =
+            [self.recovery.timeout(), self.acks.due(), self.paced_until, deadline, unheard, probe, excursion];
         timers.into_iter().flatten().chain([keepalive, lease]).min()
     }
 

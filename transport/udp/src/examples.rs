@@ -119,6 +119,8 @@ fn every_chunk_has_an_example() {
         ("credit", Chunk::Credit { bytes: 4 << 20, units: 1024 }),
         ("close", Chunk::Close),
         ("unread", Chunk::Unread),
+        ("challenge", Chunk::Challenge { cookie: Jar::new(SECRET).bake(now(), address(), HERE) }),
+        ("response", Chunk::Response { cookie: Jar::new(SECRET).bake(now(), address(), HERE) }),
         ("last-camera", Chunk::LastCamera { number: 1, goodbye: &[4, 1, 0, 0, 0] }),
         ("camera", Chunk::Camera { number: 1, camera: camera().to_bytes() }),
         ("part", part(0, 0, Tail::More, &unit[..80])),
@@ -304,5 +306,5 @@ fn the_page_says_what_the_constants_are() {
     ] {
         assert!(WIRE.contains(&fact), "{fact:?}");
     }
-    assert_eq!(examples().len(), 26, "every example is checked by a test here");
+    assert_eq!(examples().len(), 28, "every example is checked by a test here");
 }

@@ -23,6 +23,7 @@ mod ranges;
 mod recovery;
 mod repair;
 mod rtt;
+mod whereabouts;
 mod wire;
 
 pub use congestion::Congestion;

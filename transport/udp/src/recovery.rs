@@ -12,6 +12,8 @@ use crate::packet::PacketNumber;
 use crate::ranges::RangeSet;
 use crate::rtt::Rtt;
 
+mod moved;
+
 /// A packet is lost when one that many numbers later has arrived (RFC 9002, section 6.1.1).
 pub(crate) const REORDERING: u64 = 3;
 /// Losses over that many probe timeouts are persistent congestion (section 7.6.1).

@@ -8,11 +8,16 @@ use super::{Closed, Connection};
 use crate::chunk::{Asks, CLOSE, Chunk};
 use crate::packet::Packet;
 use crate::recovery::{Content, Verdict};
+use crate::whereabouts::Arrival;
 use crate::wire::Reader;
 
 impl Connection {
     /// Takes a datagram for this connection. What does not open, came before, or belongs elsewhere is ignored.
     pub fn handle(&mut self, now: Instant, datagram: &[u8]) {
+        self.receive(now, None, datagram);
+    }
+
+    pub(super) fn receive(&mut self, now: Instant, arrival: Option<Arrival>, datagram: &[u8]) {
         let Ok(Packet::Data { to, number, sealed }) = Packet::parse(datagram) else { return };
         if to != self.here || self.closed == Some(Closed::Peer) || !self.acks.is_new(number) {
             return;
@@ -23,6 +28,7 @@ impl Connection {
             self.received += 1;
             self.received_bytes += datagram.len() as u64;
             self.confirmed = true;
+            self.locate(now, arrival, self.acks.is_newest(number));
             if self.closed.is_some() {
                 // The close was lost, unless this one crossed it: two ends that answer each other's would never stop.
                 self.close_due = plain != [CLOSE];
@@ -30,7 +36,7 @@ impl Connection {
                 self.plain = plain;
                 return;
             }
-            match self.take_chunks(now, &plain) {
+            match self.take_chunks(now, arrival, &plain) {
                 Ok(Some(asks)) => self.acks.on_received(now, number, asks, self.config.ack_delay),
                 Ok(None) => {}
                 Err(why) => self.end(why),
@@ -40,7 +46,12 @@ impl Connection {
     }
 
     /// Says what acknowledgement the packet asks for; nothing if it must not get one, for not all of it could be taken.
-    fn take_chunks(&mut self, now: Instant, plain: &[u8]) -> Result<Option<Asks>, Closed> {
+    fn take_chunks(
+        &mut self,
+        now: Instant,
+        arrival: Option<Arrival>,
+        plain: &[u8],
+    ) -> Result<Option<Asks>, Closed> {
         let mut reader = Reader::new(plain);
         let (mut asks, mut taken) = (Asks::Nothing, true);
         while !reader.is_empty() {
@@ -48,6 +59,9 @@ impl Connection {
             asks = asks.max(chunk.asks());
             match chunk {
                 Chunk::Pad | Chunk::Ping => {}
+                Chunk::Challenge { .. } | Chunk::Response { .. } => {
+                    self.take_path_chunk(now, arrival, &chunk);
+                }
                 Chunk::Ack { delay_us, numbers } => {
                     let delay = Duration::from_micros(delay_us);
                     let verdict =

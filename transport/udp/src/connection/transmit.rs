@@ -103,7 +103,13 @@ impl Connection {
         self.credit_due || self.unread_due || self.cameras_out.is_due() || self.outbox.has_due()
     }
 
-    fn seal(&mut self, now: Instant, plain: &[u8], sent: Option<Contents>, out: &mut Vec<u8>) -> bool {
+    pub(super) fn seal(
+        &mut self,
+        now: Instant,
+        plain: &[u8],
+        sent: Option<Contents>,
+        out: &mut Vec<u8>,
+    ) -> bool {
         let number = self.recovery.next_number();
         out.clear();
         out.extend_from_slice(&data_header(self.there, number));

@@ -3,6 +3,7 @@
 
 mod coded;
 mod lossy;
+mod moving;
 mod network;
 mod talk;
 

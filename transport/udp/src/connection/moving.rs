@@ -1,0 +1,81 @@
+//! A peer that goes elsewhere: a router gives it another address, or it changes networks.
+
+use std::net::SocketAddr;
+
+use trimaran_proto::Instant;
+
+use super::Connection;
+use crate::chunk::Chunk;
+use crate::keys::OVERHEAD;
+use crate::mtu::Mtu;
+use crate::pacer::Pacer;
+use crate::packet::MIN_DATAGRAM;
+use crate::recovery::Verdict;
+use crate::whereabouts::{Arrival, Excursion, Moved, Whereabouts};
+
+impl Connection {
+    /// Follows the peer from `remote` on, wherever it goes: `secret` are 32 random bytes, for this connection alone. Hand what arrives to
+    /// [`Connection::handle_from`], and send what [`Connection::poll_excursion`] gives as well.
+    pub fn follow(&mut self, remote: SocketAddr, secret: [u8; 32]) {
+        self.whereabouts = Some(Whereabouts::new(remote, secret));
+    }
+
+    /// Where the peer is, if it is followed: there goes what [`Connection::poll_transmit`] gives.
+    #[must_use]
+    pub fn remote(&self) -> Option<SocketAddr> {
+        self.whereabouts.as_ref().map(Whereabouts::remote)
+    }
+
+    /// As [`Connection::handle`], of a datagram that came from `from`.
+    pub fn handle_from(&mut self, now: Instant, from: SocketAddr, datagram: &[u8]) {
+        self.receive(now, Some(Arrival { from, bytes: datagram.len() }), datagram);
+    }
+
+    /// Writes the next datagram that goes elsewhere than to the peer's address into `out`, which it replaces, and says where to.
+    pub fn poll_excursion(&mut self, now: Instant, out: &mut Vec<u8>) -> Option<SocketAddr> {
+        if self.closed.is_some() {
+            return None;
+        }
+        let Excursion { to, chunk, size } = self.whereabouts.as_mut()?.next(now, self.here)?;
+        let mut plain = Vec::with_capacity(size);
+        chunk.write(&mut plain);
+        plain.resize(plain.len().max(size.saturating_sub(OVERHEAD)), Chunk::FILLING);
+        // Who is elsewhere need not hear from this side; the peer must.
+        let last_sent = self.last_sent;
+        let made = self.seal(now, &plain, None, out);
+        self.last_sent = last_sent;
+        made.then_some(to)
+    }
+
+    /// Takes what a packet says of where the peer is; `newest` when none that was sent later has come before.
+    pub(super) fn locate(&mut self, now: Instant, arrival: Option<Arrival>, newest: bool) {
+        if let (Some(whereabouts), Some(arrival)) = (&mut self.whereabouts, arrival) {
+            whereabouts.on_packet(now, arrival, newest);
+        }
+    }
+
+    /// Takes a chunk that asks where this side is, or answers where the peer is.
+    pub(super) fn take_path_chunk(&mut self, now: Instant, arrival: Option<Arrival>, chunk: &Chunk<'_>) {
+        let (Some(whereabouts), Some(arrival)) = (&mut self.whereabouts, arrival) else { return };
+        match chunk {
+            Chunk::Challenge { cookie } => whereabouts.on_challenge(arrival, *cookie),
+            Chunk::Response { cookie } => {
+                if let Some(moved) = whereabouts.on_response(now, self.here, arrival.from, cookie) {
+                    self.go_on_elsewhere(now, moved);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// What was under way is sent again; another path is begun as the first one was.
+    fn go_on_elsewhere(&mut self, now: Instant, moved: Moved) {
+        let lost = self.recovery.on_moved();
+        self.judge(now, Verdict { lost, ..Verdict::default() });
+        if moved == Moved::Path {
+            self.recovery.on_new_path(self.config.congestion, MIN_DATAGRAM);
+            self.mtu = Mtu::new(now, self.config.max_datagram);
+            self.pacer = Pacer::new(MIN_DATAGRAM);
+        }
+    }
+}
