@@ -48,7 +48,7 @@ pub struct PeerInfo {
     pub identity: Identity,
     /// The link's session id.
     pub session: SessionId,
-    /// Where it is.
+    /// Where it was when the link was made: over datagrams and QUIC it may go elsewhere.
     pub address: PeerAddress,
 }
 

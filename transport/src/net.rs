@@ -113,6 +113,18 @@ impl fmt::Debug for Stream {
     }
 }
 
+/// 32 random bytes, for a secret.
+///
+/// # Errors
+/// When the system has no randomness to give.
+pub(crate) fn random_bytes(net: &dyn Net) -> io::Result<[u8; 32]> {
+    let mut bytes = [0; 32];
+    for word in bytes.as_chunks_mut::<8>().0 {
+        *word = net.random()?.to_le_bytes();
+    }
+    Ok(bytes)
+}
+
 /// Waits until `at`.
 pub async fn sleep_until(net: &dyn Net, at: Instant) {
     let mut timer = net.timer();

@@ -15,7 +15,7 @@ use super::tls::{self, Doorman};
 use crate::connect::{AttemptError, Introduction, each_address};
 use crate::handshake::{HandshakeError, Parley};
 use crate::keys::Security;
-use crate::net::Net;
+use crate::net::{Net, random_bytes};
 use crate::{HostPort, Link};
 
 /// TLS wants a name; peers know each other by fingerprint.
@@ -80,11 +80,7 @@ pub(super) fn endpoint(
     let socket = net.bind_udp(at, options.socket)?;
     let address = socket.local_addr()?;
     let mut config = EndpointConfig::default();
-    let mut seed = [0; 32];
-    for word in seed.as_chunks_mut::<8>().0 {
-        *word = net.random()?.to_le_bytes();
-    }
-    config.rng_seed(Some(seed));
+    config.rng_seed(Some(random_bytes(&**net)?));
     let (socket, runtime) = (Arc::new(NetSocket(socket)), Arc::new(NetRuntime::new(net)));
     Ok((Endpoint::new_with_abstract_socket(config, server, socket, runtime)?, address))
 }

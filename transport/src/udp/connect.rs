@@ -14,7 +14,7 @@ use super::port::Port;
 use super::socket::{Incoming, Outgoing};
 use crate::connect::{AttemptError, Introduction};
 use crate::handshake::HandshakeError;
-use crate::net::{Net, UdpSocket, until};
+use crate::net::{Net, UdpSocket, random_bytes, until};
 use crate::stats::Counters;
 use crate::{Link, UdpEndpoint, UdpMode};
 
@@ -76,6 +76,7 @@ async fn introduce(
     let batching = options.link.batching_between(&identity, &theirs);
     connection.set_batch(batching.size);
     connection.set_coding(batching.coding);
+    connection.follow(to, random_bytes(&**net).map_err(refused)?);
     // The listener believes in this side once it has heard it use its keys.
     connection.ping();
 

@@ -18,7 +18,7 @@ use super::socket::{Incoming, Outgoing};
 use crate::desk::{Desk, Place, lock};
 use crate::handshake::HandshakeError;
 use crate::link::Batching;
-use crate::net::{UdpSocket, until};
+use crate::net::{UdpSocket, random_bytes, until};
 use crate::stats::Counters;
 use crate::{PeerAddress, UdpMode};
 
@@ -26,11 +26,7 @@ use crate::{PeerAddress, UdpMode};
 pub(crate) fn listen(at: SocketAddr, mode: Option<UdpMode>, desk: &Arc<Desk>) -> io::Result<SocketAddr> {
     let options = &desk.options.udp;
     let security = options.trust.listening(desk.options.security.as_ref()).map_err(io::Error::other)?;
-    let mut secret = [0; 32];
-    for word in secret.as_chunks_mut::<8>().0 {
-        *word = desk.net.random()?.to_le_bytes();
-    }
-    let door = Door::new(security, secret).map_err(io::Error::other)?;
+    let door = Door::new(security, random_bytes(&*desk.net)?).map_err(io::Error::other)?;
     let socket = desk.net.bind_udp(at, options.socket)?;
     let address = socket.local_addr()?;
     let board = Board::new(&desk.net);
@@ -156,9 +152,10 @@ impl Hall {
         let Batching { size: batch, coding } =
             desk.options.link.batching_between(&desk.identity, &guest.hello.identity);
         let config = Config { batch, coding, ..self.config };
-        let connection = knock
+        let mut connection = knock
             .take(desk.net.now(), here, &answer, config, reply)
             .ok_or_else(|| io::Error::other("the answer could not be sealed"))?;
+        connection.follow(caller.0, random_bytes(&*desk.net)?);
         lock(&self.answers).insert(caller, reply.clone());
         let port = Port::new(&desk.net, &self.socket, caller.0, connection);
         let (served, answers) = (self.board.serve(here, &port), Arc::clone(&self.answers));

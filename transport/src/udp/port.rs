@@ -17,6 +17,7 @@ use crate::stats::PathSource;
 pub(super) struct Port {
     pub(super) net: Arc<dyn Net>,
     pub(super) socket: Arc<dyn UdpSocket>,
+    /// Where the peer was first.
     remote: SocketAddr,
     state: Mutex<State>,
     /// What the connection had counted when it went.
@@ -112,12 +113,9 @@ impl Port {
         lock(&self.state)
     }
 
-    /// Takes a datagram that came for the connection. [`Port::settle`] follows the last one.
+    /// Takes a datagram that came for the connection, from wherever. [`Port::settle`] follows the last one.
     pub(super) fn handle(&self, from: SocketAddr, datagram: &[u8]) {
-        // Answers go where the handshake came from: connections do not move.
-        if from == self.remote {
-            self.lock().connection.handle(self.net.now(), datagram);
-        }
+        self.lock().connection.handle_from(self.net.now(), from, datagram);
     }
 
     /// Answers what has come, and wakes whoever has something to do now.
@@ -147,6 +145,9 @@ impl State {
 
     fn send_all(&mut self, now: Instant, socket: &dyn UdpSocket) -> bool {
         let Self { connection, outgoing, datagram, waits, .. } = self;
+        if let Some(remote) = connection.remote() {
+            outgoing.aim(remote);
+        }
         while *waits || connection.poll_transmit(now, datagram) {
             *waits = true;
             if !outgoing.takes(datagram.len()) && !outgoing.send(socket) {
@@ -154,6 +155,12 @@ impl State {
             }
             outgoing.push(datagram);
             *waits = false;
+        }
+        while let Some(elsewhere) = connection.poll_excursion(now, datagram) {
+            // What cannot be sent counts as lost.
+            let mut excursion = Outgoing::new(elsewhere, socket);
+            excursion.push(datagram);
+            excursion.send(socket);
         }
         outgoing.send(socket)
     }

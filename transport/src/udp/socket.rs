@@ -69,6 +69,14 @@ impl Outgoing {
         Self { to, bytes: Vec::with_capacity(most * MIN_DATAGRAM), segment: 0, count: 0, most }
     }
 
+    /// The peer is at `to` from now on: what waits to leave opens there as well.
+    pub(super) fn aim(&mut self, to: SocketAddr) {
+        if self.to != to {
+            tracing::info!(from = %self.to, %to, "the peer goes on at another address");
+            self.to = to;
+        }
+    }
+
     pub(super) const fn is_empty(&self) -> bool {
         self.count == 0
     }

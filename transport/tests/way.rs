@@ -1,9 +1,11 @@
-//! Links over QUIC when the way between the peers loses packets, or changes under the connection.
+//! Links over datagrams, QUIC and this project's own, when the way between the peers loses packets, or changes under the connection.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;
 
+use std::cell::Cell;
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use common::{camera, identity, ids, net, receive, soon, start};
 use tokio::net::UdpSocket;
@@ -15,54 +17,66 @@ use trimaran_transport::{Endpoint, Link, Listener, Options, connect, until};
 
 /// Passes datagrams on between a peer and a listener, as a router does that translates addresses.
 struct Router {
+    at: Endpoint,
     outside: UdpSocket,
     listener: SocketAddr,
     /// Rings when the router is to take another address towards the listener, as one does that was restarted.
     restart: Notify,
+    /// Rings when it is to take another one towards the peer.
+    turn: Notify,
 }
 
 impl Router {
-    async fn before(listener: &Endpoint) -> (Self, Endpoint) {
-        let outside = UdpSocket::bind("127.0.0.1:0").await.unwrap();
-        let Endpoint::Quic(at) = listener else { panic!("{listener}") };
-        let endpoint = Endpoint::Quic(outside.local_addr().unwrap().into());
-        let listener = at.to_string().parse().unwrap();
-        (Self { outside, listener, restart: Notify::new() }, endpoint)
+    async fn before(listener: &Endpoint) -> Self {
+        let outside = free().await;
+        let port = outside.local_addr().unwrap();
+        let (listener, at) = match listener {
+            Endpoint::Quic(at) => (at.to_string(), Endpoint::Quic(port.into())),
+            Endpoint::Udp(there) => (there.at.to_string(), Endpoint::Udp(port.into())),
+            other => panic!("{other}"),
+        };
+        let listener = listener.parse().unwrap();
+        Self { at, outside, listener, restart: Notify::new(), turn: Notify::new() }
     }
 
     /// Passes on for ever what `keep` says; counts what it does not.
-    async fn pass(&self, lost: &std::cell::Cell<u32>, mut keep: impl FnMut() -> bool) {
-        let (mut inside, mut peer) = (self.inside().await, None);
+    async fn pass(&self, lost: &Cell<u32>, mut keep: impl FnMut() -> bool) {
+        let (mut inside, mut turned, mut peer) = (self.inside().await, None, None);
         let (mut a, mut b) = (vec![0; 2000], vec![0; 2000]);
         loop {
-            tokio::select! {
-                () = self.restart.notified() => inside = self.inside().await,
-                got = self.outside.recv_from(&mut a) => {
+            let outside = turned.as_ref().unwrap_or(&self.outside);
+            let kept = tokio::select! {
+                () = self.restart.notified() => {
+                    inside = self.inside().await;
+                    true
+                }
+                () = self.turn.notified() => {
+                    turned = Some(free().await);
+                    true
+                }
+                got = outside.recv_from(&mut a) => {
                     let (length, from) = got.unwrap();
                     peer = Some(from);
-                    if keep() {
-                        inside.send(&a[..length]).await.unwrap();
-                    } else {
-                        lost.set(lost.get() + 1);
-                    }
+                    keep() && inside.send(&a[..length]).await.is_ok()
                 }
                 got = inside.recv(&mut b) => {
                     let length = got.unwrap();
-                    if keep() {
-                        self.outside.send_to(&b[..length], peer.unwrap()).await.unwrap();
-                    } else {
-                        lost.set(lost.get() + 1);
-                    }
+                    keep() && outside.send_to(&b[..length], peer.unwrap()).await.is_ok()
                 }
-            }
+            };
+            lost.set(lost.get() + u32::from(!kept));
         }
     }
 
     async fn inside(&self) -> UdpSocket {
-        let inside = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+        let inside = free().await;
         inside.connect(self.listener).await.unwrap();
         inside
     }
+}
+
+async fn free() -> UdpSocket {
+    UdpSocket::bind("127.0.0.1:0").await.unwrap()
 }
 
 /// Options of two peers that know each other.
@@ -78,19 +92,20 @@ fn acquainted(quic: QuicOptions) -> [Options; 2] {
 
 /// Runs `talk` between two peers with a router between them that keeps what `keep` says; gives how many it lost.
 async fn through_a_router(
+    transport: &str,
     quic: QuicOptions,
     keep: impl FnMut() -> bool,
     talk: impl AsyncFn(&mut Link, &mut Link, &Router),
 ) -> u32 {
     let net = net();
     let [ours, theirs] = acquainted(quic);
-    let endpoint = "quic://127.0.0.1:0".parse().unwrap();
+    let endpoint = format!("{transport}://127.0.0.1:0").parse().unwrap();
     let mut listener = Listener::bind(&net, &endpoint, identity(Role::SwitchA), &ours).await.unwrap();
-    let (router, through) = Router::before(listener.local_endpoint()).await;
-    let lost = std::cell::Cell::new(0);
+    let router = Router::before(listener.local_endpoint()).await;
+    let lost = Cell::new(0);
     let session = async {
         let (there, here) = tokio::join!(
-            connect(&net, &through, identity(Role::Display), &theirs, soon(&net)),
+            connect(&net, &router.at, identity(Role::Display), &theirs, soon(&net)),
             listener.accept(soon(&net)),
         );
         let (mut here, mut there) = (here.unwrap(), there.unwrap());
@@ -127,7 +142,8 @@ async fn a_frame_and_cameras(machine: &mut Link, display: &mut Link, frame: u32,
 
 #[tokio::test]
 async fn frames_are_complete_and_the_last_camera_comes_whatever_is_lost() {
-    for congestion in Congestion::ALL {
+    let controls = Congestion::ALL.map(|congestion| ("quic", congestion));
+    for (transport, congestion) in controls.into_iter().chain([("udp", Congestion::default())]) {
         // A fixed pattern without a period: about one packet in twelve is lost, in bursts now and then.
         let mut state = 7_u32;
         let keep = || {
@@ -135,27 +151,48 @@ async fn frames_are_complete_and_the_last_camera_comes_whatever_is_lost() {
             !(state >> 16).is_multiple_of(12)
         };
         let quic = QuicOptions { congestion, ..QuicOptions::default() };
-        let lost = through_a_router(quic, keep, async |machine, display, _| {
+        let lost = through_a_router(transport, quic, keep, async |machine, display, _| {
             for frame in 0..8 {
                 a_frame_and_cameras(machine, display, frame, 4000).await;
             }
         });
-        assert!(lost.await > 5, "{congestion:?}: the way lost next to nothing");
+        assert!(lost.await > 5, "{transport}, {congestion:?}: the way lost next to nothing");
     }
 }
 
-#[tokio::test]
-async fn a_link_outlives_a_router_that_takes_another_address() {
+/// Talks on while the router does something each time.
+async fn a_link_outlives(transport: &str, change: impl AsyncFn(&Router)) {
     let quic = QuicOptions::default();
-    through_a_router(
+    let lost = through_a_router(
+        transport,
         quic,
         || true,
         async |machine, display, router| {
             for frame in 0..4 {
                 a_frame_and_cameras(machine, display, frame, 4000).await;
-                router.restart.notify_one();
+                change(router).await;
             }
         },
-    )
+    );
+    assert_eq!(lost.await, 0);
+}
+
+#[tokio::test]
+async fn a_link_outlives_a_router_that_takes_another_address_towards_the_listener() {
+    for transport in ["quic", "udp"] {
+        a_link_outlives(transport, async |router| router.restart.notify_one()).await;
+    }
+}
+
+/// QUIC's clients stay where the listener was (RFC 9000, section 9).
+#[tokio::test]
+async fn a_link_over_datagrams_outlives_a_router_that_takes_another_address_towards_who_connects() {
+    a_link_outlives("udp", async |router| router.turn.notify_one()).await;
+    a_link_outlives("udp", async |router| {
+        router.turn.notify_one();
+        // Both at once would leave neither side where the other one sends to.
+        tokio::time::sleep(Duration::from_millis(500)).await;
+        router.restart.notify_one();
+    })
     .await;
 }
