@@ -97,7 +97,10 @@ pub fn chunks(bytes: &[u8]) {
         let mut out = Vec::new();
         while let Some(to) = connection.poll_excursion(at, &mut out) {
             assert!(out.len() <= MIN_DATAGRAM && connection.closed().is_none());
-            elsewhere -= if to == ELSEWHERE { out.len() } else { 0 };
+            if to == ELSEWHERE {
+                assert!(out.len() <= elsewhere, "more than thrice what came from there");
+                elsewhere -= out.len();
+            }
         }
         assert!(passed <= bytes.len(), "{passed} bytes of ids out of {}", bytes.len());
         assert!(closed.is_none() || connection.closed() == closed.as_ref(), "over for good");

@@ -111,11 +111,9 @@ impl<'a> Chunk<'a> {
     /// What it asks of who receives it.
     pub(crate) const fn asks(&self) -> Asks {
         match self {
-            Self::Ack { .. }
-            | Self::Close
-            | Self::Pad
-            | Self::Challenge { .. }
-            | Self::Response { .. } => Asks::Nothing,
+            Self::Ack { .. } | Self::Close | Self::Pad | Self::Challenge { .. } | Self::Response { .. } => {
+                Asks::Nothing
+            }
             Self::Ping => Asks::AckNow,
             _ => Asks::Ack,
         }
