@@ -19,6 +19,13 @@ struct Range {
     vertex_count: u32,
 }
 
+/// Where the levels of a mesh went.
+#[derive(Debug, Default)]
+struct MeshRanges {
+    levels: Vec<Range>,
+    part_levels: Vec<Range>,
+}
+
 /// What a node of the scene stands for.
 #[derive(Debug, Clone, Copy)]
 enum Place {
@@ -75,8 +82,8 @@ struct Parts<'a> {
     tree: &'a [TreeNode],
     leaves: &'a [Leaf],
     meshes: &'a [Option<LeveledMesh>],
-    /// Where each level of each mesh went.
-    ranges: Vec<Vec<Range>>,
+    /// Where each mesh's levels went.
+    ranges: Vec<MeshRanges>,
 }
 
 impl<'a> Parts<'a> {
@@ -117,7 +124,7 @@ impl<'a> Parts<'a> {
         let item = self.tree.get(node as usize).and_then(|node| node.item);
         if let Some((leaf, mesh)) = item.and_then(|item| self.leaf(item)) {
             place_leaf(record, leaf, mesh);
-            let ranges = self.ranges.get(leaf.mesh as usize).map_or(&[][..], Vec::as_slice);
+            let ranges = self.ranges.get(leaf.mesh as usize).map_or(&[][..], |ranges| &ranges.levels);
             // Where there are clusters, the finest level is theirs.
             let clustered = usize::from(!mesh.clusters.is_empty());
             for (level, range) in mesh.levels.iter().zip(ranges).skip(clustered) {
@@ -134,7 +141,7 @@ impl<'a> Parts<'a> {
         Ok(())
     }
 
-    /// A part of an object's finest level, in the object's frame.
+    /// A part of an object, in the object's frame: of its finest level, and of a giant's coarser ones.
     fn place_cluster(&self, leaf: u32, node: u32, index: u32, record: &mut Node, arrays: &mut SceneArrays) {
         let Some((leaf, mesh)) = self.leaf(leaf) else { return };
         let Some(cluster) = mesh.clusters.get(node as usize) else { return };
@@ -149,14 +156,18 @@ impl<'a> Parts<'a> {
         let world = leaf.world_box(cluster.min, cluster.max);
         record.world_min = world.min.max(parent_min).to_array();
         record.world_max = world.max.min(parent_max).to_array();
-        let finest = self.ranges.get(leaf.mesh as usize).and_then(|ranges| ranges.first());
-        if let Some(&finest) = finest.filter(|_| cluster.children.is_empty()) {
+        let Some(ranges) = self.ranges.get(leaf.mesh as usize) else { return };
+        if let Some(&finest) = ranges.levels.first().filter(|_| cluster.children.is_empty()) {
             let range = Range {
                 first_index: finest.first_index + cluster.indices.start,
                 index_count: cluster.indices.len() as u32,
                 ..finest
             };
             arrays.drawables.push(drawable(index, 0.0, range));
+        }
+        let levels = mesh.part_levels.iter().zip(&ranges.part_levels);
+        for (level, range) in levels.skip(cluster.levels.start as usize).take(cluster.levels.len()) {
+            arrays.drawables.push(drawable(index, leaf.world_error(level.error), *range));
         }
     }
 }
@@ -209,21 +220,40 @@ fn record_objects(model: &Model, arrays: &mut SceneArrays) -> Result<(), CookErr
 fn add_meshes(
     meshes: &[Option<LeveledMesh>],
     arrays: &mut SceneArrays,
-) -> Result<Vec<Vec<Range>>, CookError> {
+) -> Result<Vec<MeshRanges>, CookError> {
     let present = || meshes.iter().flatten();
     arrays.vertices.reserve(present().map(|mesh| mesh.vertices.len()).sum());
-    arrays.indices.reserve(present().flat_map(|mesh| &mesh.levels).map(|level| level.indices.len()).sum());
+    let levels = present().flat_map(|mesh| mesh.levels.iter().chain(&mesh.part_levels));
+    arrays.indices.reserve(levels.map(|level| level.indices.len()).sum());
     let add = |mesh: &Option<LeveledMesh>| {
-        let Some(mesh) = mesh else { return Ok(Vec::new()) };
+        let Some(mesh) = mesh else { return Ok(MeshRanges::default()) };
         let vertex_offset = number("vertices", arrays.vertices.len())?;
         let mut shading = Shading::new(mesh.vertices.clone());
         let mut add_level =
             |level: &Level| add_triangles(&level.indices, vertex_offset, &mut shading, arrays);
-        let ranges = mesh.levels.iter().map(&mut add_level).collect();
+        let levels = mesh.levels.iter().map(&mut add_level).collect::<Result<_, _>>()?;
+        let part_levels = add_parts(&mesh.part_levels, vertex_offset, &mut shading, arrays)?;
         arrays.vertices.extend(shading.into_vertices());
-        ranges
+        Ok(MeshRanges { levels, part_levels })
     };
     meshes.iter().map(add).collect()
+}
+
+/// Adds the levels of a mesh's parts. All at once: each turn of triangles looks at all of the mesh's vertices.
+fn add_parts(
+    levels: &[Level],
+    vertex_offset: u32,
+    shading: &mut Shading,
+    arrays: &mut SceneArrays,
+) -> Result<Vec<Range>, CookError> {
+    let triangles: Vec<u32> = levels.iter().flat_map(|level| &level.indices).copied().collect();
+    let all = add_triangles(&triangles, vertex_offset, shading, arrays)?;
+    let place = |first_index: &mut u32, level: &Level| {
+        let range = Range { first_index: *first_index, index_count: level.indices.len() as u32, ..all };
+        *first_index += range.index_count;
+        Some(range)
+    };
+    Ok(levels.iter().scan(all.first_index, place).collect())
 }
 
 fn add_merged(level: MergedLevel, arrays: &mut SceneArrays) -> Result<Range, CookError> {

@@ -29,6 +29,8 @@ pub(super) struct ClusterNode {
     pub(super) max: Vec3,
     /// For a cluster its triangles: positions in the finest level's indices.
     pub(super) indices: Range<u32>,
+    /// For a part of a giant mesh its levels but the finest, among those of all parts.
+    pub(super) levels: Range<u32>,
 }
 
 /// Cuts the triangles of `finest` and puts those of a cluster side by side. Returns the tree, empty if the mesh is small.
@@ -60,11 +62,13 @@ pub(super) fn cut(vertices: &[Vertex], finest: &mut Vec<u32>) -> Vec<ClusterNode
             .item
             .and_then(|item| clusters.get(item as usize))
             .map_or(0..0, |(range, _)| range.clone()),
+        levels: 0..0,
     };
     tree::build(&boxes).into_iter().map(node).collect()
 }
 
-fn bounds(vertices: &[Vertex], corners: &[u32; 3]) -> WorldBox {
+/// The box around a triangle.
+pub(super) fn bounds(vertices: &[Vertex], corners: &[u32; 3]) -> WorldBox {
     let corners = corners.iter().filter_map(|&index| vertices.get(index as usize));
     WorldBox::around(corners.map(|vertex| Vec3::from_array(vertex.position).as_dvec3()))
 }

@@ -15,7 +15,7 @@ use super::levels::LeveledMesh;
 use super::linear::WorldBox;
 use super::placed::{Leaf, round_up};
 use super::thin::thin;
-use super::tree::TreeNode;
+use super::tree::{self, TreeNode};
 use super::{CookOptions, Phase, Progress};
 use crate::Vertex;
 
@@ -67,7 +67,7 @@ pub(super) fn merge_all(
     options: &CookOptions,
     progress: &dyn Progress,
 ) -> Vec<Option<Merged>> {
-    let generations = by_height(tree);
+    let generations = tree::by_height(tree);
     progress.begin(Phase::Merging, generations.iter().map(Vec::len).sum());
     let mut merged: Vec<Option<Merged>> = tree.iter().map(|_| None).collect();
     for generation in generations {
@@ -88,26 +88,6 @@ pub(super) fn merge_all(
         }
     }
     merged
-}
-
-/// The interior nodes, grouped by the longest way down to a leaf: a group needs only the groups before it.
-fn by_height(tree: &[TreeNode]) -> Vec<Vec<u32>> {
-    let mut heights = vec![0_usize; tree.len()];
-    let mut groups: Vec<Vec<u32>> = Vec::new();
-    for (index, node) in tree.iter().enumerate().rev() {
-        let tallest = node.children.clone().filter_map(|c| heights.get(c as usize)).max();
-        let Some(height) = tallest.map(|tallest| tallest + 1) else { continue };
-        if let Some(slot) = heights.get_mut(index) {
-            *slot = height;
-        }
-        if groups.len() < height {
-            groups.resize_with(height, Vec::new);
-        }
-        if let Some(group) = groups.get_mut(height - 1) {
-            group.push(index as u32);
-        }
-    }
-    groups
 }
 
 /// Merges the children of a node; `None` for a leaf.

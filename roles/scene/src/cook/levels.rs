@@ -5,6 +5,7 @@ use meshopt::{SimplifyOptions, VertexDataAdapter};
 use rayon::prelude::*;
 
 use super::clusters::{self, ClusterNode};
+use super::giant::{self, Giant};
 use super::hausdorff::{self, Surface};
 use super::{CookOptions, Phase, Progress};
 use crate::{Mesh, Model, Vertex};
@@ -15,7 +16,7 @@ const WORTH: f32 = 0.7;
 /// slats that overlap by a millimetre part by three.
 const SAVED: usize = 20;
 /// Meshes of so few triangles are not simplified further.
-const FEW: usize = 24;
+pub(super) const FEW: usize = 24;
 /// Meshes farther from their origin than this many times their radius are recentred: a matrix that is applied in single
 /// precision would move them.
 const FAR: f32 = 4.0;
@@ -29,13 +30,16 @@ pub(super) struct Level {
     pub(super) error: f32,
 }
 
-/// A mesh with its levels, finest first.
+/// A mesh with its levels.
 #[derive(Debug)]
 pub(super) struct LeveledMesh {
     /// What was subtracted from the model's positions.
     pub(super) centre: Vec3,
     pub(super) vertices: Vec<Vertex>,
+    /// Of the whole mesh, finest first.
     pub(super) levels: Vec<Level>,
+    /// Of the parts of a giant mesh: its clusters' nodes say which are whose.
+    pub(super) part_levels: Vec<Level>,
     /// The tree of the finest level's clusters; empty for a small mesh.
     pub(super) clusters: Vec<ClusterNode>,
     pub(super) min: Vec3,
@@ -74,10 +78,47 @@ impl LeveledMesh {
         let positions: Vec<Vec3> = vertices.iter().map(|v| Vec3::from_array(v.position)).collect();
         let min = positions.iter().fold(Vec3::INFINITY, |m, &p| m.min(p));
         let max = positions.iter().fold(Vec3::NEG_INFINITY, |m, &p| m.max(p));
-        let chain = chain(&positions, finest, coarsest_error * min.distance(max));
-        let (vertices, mut levels) = share_vertices(&vertices, chain);
+        let largest_error = coarsest_error * min.distance(max);
+        let leveled = Self {
+            centre,
+            vertices: Vec::new(),
+            levels: Vec::new(),
+            part_levels: Vec::new(),
+            clusters: Vec::new(),
+            min,
+            max,
+        };
+        Some(if finest.len() / 3 > giant::GIANT {
+            leveled.with_parts(&vertices, Giant::new(&vertices, &positions, &finest, coarsest_error))
+        } else {
+            leveled.whole(&vertices, &positions, finest, largest_error)
+        })
+    }
+
+    /// All levels are of the whole mesh.
+    fn whole(self, vertices: &[Vertex], positions: &[Vec3], finest: Vec<u32>, largest_error: f32) -> Self {
+        let aim = Aim { few: FEW, from_error: 0.0, largest_error };
+        let mut chain = halve(positions, &finest, aim, |former, adapter, target| {
+            let options = SimplifyOptions::Prune | SimplifyOptions::ErrorAbsolute;
+            meshopt::simplify(former, adapter, target, largest_error, options, None)
+        });
+        chain.insert(0, (finest, 0.0));
+        for (indices, _) in &mut chain {
+            meshopt::optimize_vertex_cache_in_place(indices, vertices.len());
+        }
+        let (vertices, mut levels) = share_vertices(vertices, chain);
         let clusters = levels.first_mut().map(|finest| clusters::cut(&vertices, &mut finest.indices));
-        Some(Self { centre, vertices, levels, clusters: clusters.unwrap_or_default(), min, max })
+        Self { vertices, levels, clusters: clusters.unwrap_or_default(), ..self }
+    }
+
+    /// Its parts have levels of their own.
+    fn with_parts(self, vertices: &[Vertex], giant: Giant) -> Self {
+        let Giant { clusters, finest, part_levels, levels: whole } = giant;
+        let parts = part_levels.len();
+        let chain = std::iter::once((finest, 0.0)).chain(part_levels).chain(whole).collect();
+        let (vertices, mut levels) = share_vertices(vertices, chain);
+        let part_levels = levels.drain(1..=parts).collect();
+        Self { vertices, levels, part_levels, clusters, ..self }
     }
 }
 
@@ -115,42 +156,58 @@ fn clean(mesh: &Mesh) -> Option<(Vec3, Vec<Vertex>, Vec<u32>)> {
     (!indices.is_empty()).then_some((centre, vertices, indices))
 }
 
-/// Halves the triangles again and again, each level made from the one before and measured against the finest.
-fn chain(positions: &[Vec3], finest: Vec<u32>, largest_error: f32) -> Vec<(Vec<u32>, f32)> {
+/// Triangles of a level, three indices each, and its error.
+pub(super) type Triangles = (Vec<u32>, f32);
+
+/// Where a chain of levels begins and ends.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Aim {
+    /// So few triangles are not simplified further.
+    pub(super) few: usize,
+    /// How far the triangles that the chain begins with are from the finest ones.
+    pub(super) from_error: f32,
+    /// The chain ends where its error passes this.
+    pub(super) largest_error: f32,
+}
+
+/// Halves the triangles again and again, each level made from the one before and measured against those it began with. Returns the
+/// levels that were made, finest first. `simplify` gets the triangles, their vertices and the number of indices aimed at.
+pub(super) fn halve(
+    positions: &[Vec3],
+    first: &[u32],
+    aim: Aim,
+    simplify: impl Fn(&[u32], &VertexDataAdapter<'_>, usize) -> Vec<u32>,
+) -> Vec<Triangles> {
+    let mut chain: Vec<Triangles> = Vec::new();
     let Ok(adapter) = VertexDataAdapter::new(bytemuck::cast_slice(positions), size_of::<Vec3>(), 0) else {
-        return vec![(finest, 0.0)];
+        return chain;
     };
-    let mut chain: Vec<(Vec<u32>, f32)> = Vec::new();
-    let reference = Surface::new(positions, &finest);
-    let mut former = finest.as_slice();
-    let mut error = 0.0_f32;
-    while former.len() / 3 > FEW {
-        let options = SimplifyOptions::Prune | SimplifyOptions::ErrorAbsolute;
-        let target = former.len() / 6 * 3;
-        let level = meshopt::simplify(former, &adapter, target, largest_error, options, None);
+    let reference = Surface::new(positions, first);
+    let mut former = first;
+    let mut error = aim.from_error;
+    while former.len() / 3 > aim.few {
+        let level = simplify(former, &adapter, former.len() / 6 * 3);
         let saved = (former.len() - level.len().min(former.len())) / 3;
         if level.is_empty() || level.len() as f32 > WORTH * former.len() as f32 || saved < SAVED {
             break;
         }
-        error = error.max(hausdorff::bound(&reference, &Surface::new(positions, &level)));
-        if error > largest_error {
+        // The triangle inequality, where the first triangles are not the finest.
+        error = error.max(aim.from_error + hausdorff::bound(&reference, &Surface::new(positions, &level)));
+        if error > aim.largest_error {
             break;
         }
         chain.push((level, error));
         former = chain.last().map_or(&[], |(level, _)| level);
     }
-    drop(reference);
-    chain.insert(0, (finest, 0.0));
     chain
 }
 
-/// Orders the vertices so that each level uses the first few: the coarsest level's come first.
-fn share_vertices(vertices: &[Vertex], chain: Vec<(Vec<u32>, f32)>) -> (Vec<Vertex>, Vec<Level>) {
+/// Orders the vertices so that each level uses the first few: those of the last level, the coarsest, come first.
+fn share_vertices(vertices: &[Vertex], chain: Vec<Triangles>) -> (Vec<Vertex>, Vec<Level>) {
     let mut order = vec![u32::MAX; vertices.len()];
     let mut shared = Vec::with_capacity(vertices.len());
     let mut levels: Vec<Level> = Vec::with_capacity(chain.len());
     for (mut indices, error) in chain.into_iter().rev() {
-        meshopt::optimize_vertex_cache_in_place(&mut indices, vertices.len());
         for index in &mut indices {
             let (Some(slot), Some(vertex)) = (order.get_mut(*index as usize), vertices.get(*index as usize))
             else {

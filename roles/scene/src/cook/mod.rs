@@ -1,7 +1,8 @@
 //! Cooking: from a model to a scene that can be walked.
 //!
 //! 1. Each distinct mesh gets a chain of levels of detail (`levels`). All objects that place the mesh share them.
-//!    The finest level of a large mesh is cut into clusters (`clusters`) that are culled one by one.
+//!    The finest level of a large mesh is cut into clusters (`clusters`) that are culled one by one, and a giant mesh
+//!    into parts (`giant`) with levels of their own.
 //! 2. A spatial tree is built over the objects (`tree`), each a leaf.
 //! 3. From the leaves up, each interior node gets up to two levels merged from levels below it (`hlod`,
 //!    `thin`).
@@ -16,10 +17,12 @@ mod bvh;
 mod clusters;
 mod facets;
 mod gather;
+mod giant;
 mod hausdorff;
 mod hlod;
 mod levels;
 mod linear;
+mod patch;
 mod placed;
 mod polygon;
 mod thin;

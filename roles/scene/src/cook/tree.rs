@@ -58,6 +58,26 @@ pub(super) fn build(boxes: &[WorldBox]) -> Vec<TreeNode> {
     nodes
 }
 
+/// The interior nodes, grouped by the longest way down to a leaf: a group needs only the groups before it.
+pub(super) fn by_height(tree: &[TreeNode]) -> Vec<Vec<u32>> {
+    let mut heights = vec![0_usize; tree.len()];
+    let mut groups: Vec<Vec<u32>> = Vec::new();
+    for (index, node) in tree.iter().enumerate().rev() {
+        let tallest = node.children.clone().filter_map(|c| heights.get(c as usize)).max();
+        let Some(height) = tallest.map(|tallest| tallest + 1) else { continue };
+        if let Some(slot) = heights.get_mut(index) {
+            *slot = height;
+        }
+        if groups.len() < height {
+            groups.resize_with(height, Vec::new);
+        }
+        if let Some(group) = groups.get_mut(height - 1) {
+            group.push(index as u32);
+        }
+    }
+    groups
+}
+
 /// Cuts the items into groups of at most `most` that lie near each other; items keep their order within a group.
 pub(super) fn groups(boxes: &[WorldBox], most: usize) -> Vec<Vec<u32>> {
     let mut items = items(boxes);

@@ -1,0 +1,179 @@
+//! A part of a giant mesh that is simplified by itself: whatever it shares with what lies beside it stays where it is.
+//!
+//! Its vertices are numbered anew and stand about its own middle, so that what a part costs, and what is as good as no distance
+//! in it, go by the part's size and not by the whole mesh's.
+
+use glam::Vec3;
+use meshopt::{SimplifyOptions, VertexDataAdapter};
+
+use super::levels::{Aim, Triangles, halve};
+
+/// Triangles of a part, and which of their corners must stay.
+#[derive(Debug)]
+pub(super) struct Patch {
+    /// The mesh's number of each vertex, ascending.
+    numbers: Vec<u32>,
+    /// About the patch's middle.
+    positions: Vec<Vec3>,
+    /// Three a triangle, in the patch's numbers.
+    indices: Vec<u32>,
+    held: Vec<bool>,
+    /// Whether a vertex hangs together with one that is held. What does not may vanish as a whole.
+    anchored: Vec<bool>,
+}
+
+impl Patch {
+    /// The triangles `indices` of a mesh. `is_held` says of a vertex whether it must stay.
+    pub(super) fn new(positions: &[Vec3], indices: &[u32], is_held: impl Fn(u32) -> bool) -> Self {
+        let mut numbers = indices.to_vec();
+        numbers.sort_unstable();
+        numbers.dedup();
+        // Each index is among the numbers.
+        let indices = indices.iter().filter_map(|index| Some(numbers.binary_search(index).ok()? as u32));
+        let indices: Vec<u32> = indices.collect();
+        let own = |&number: &u32| positions.get(number as usize).copied().unwrap_or_default();
+        let min = numbers.iter().map(own).fold(Vec3::INFINITY, Vec3::min);
+        let max = numbers.iter().map(own).fold(Vec3::NEG_INFINITY, Vec3::max);
+        let middle = min.midpoint(max);
+        let positions: Vec<Vec3> = numbers.iter().map(|number| own(number) - middle).collect();
+        let held: Vec<bool> = numbers.iter().map(|&number| is_held(number)).collect();
+        let anchored = anchored(&positions, &indices, &held);
+        Self { numbers, positions, indices, held, anchored }
+    }
+
+    /// Levels of the patch, finest first, in the mesh's numbers.
+    pub(super) fn levels(&self, aim: Aim) -> Vec<Triangles> {
+        let simplify = |former: &[u32], adapter: &VertexDataAdapter<'_>, target: usize| {
+            self.simplify(former, adapter, target, aim.largest_error)
+        };
+        let mut levels = halve(&self.positions, &self.indices, aim, simplify);
+        for (indices, _) in &mut levels {
+            meshopt::optimize_vertex_cache_in_place(indices, self.positions.len());
+            for index in indices {
+                *index = self.numbers.get(*index as usize).copied().unwrap_or_default();
+            }
+        }
+        levels
+    }
+
+    /// Each kind of triangles gives up its share. The simplifier drops small components whole, held or not, so those that
+    /// are anchored are simplified without leave to do so.
+    fn simplify(
+        &self,
+        former: &[u32],
+        adapter: &VertexDataAdapter<'_>,
+        target: usize,
+        largest_error: f32,
+    ) -> Vec<u32> {
+        let is_anchored = |&&[corner, ..]: &&[u32; 3]| self.anchored.get(corner as usize) == Some(&true);
+        let (anchored, free): (Vec<[u32; 3]>, Vec<[u32; 3]>) =
+            former.as_chunks().0.iter().partition(is_anchored);
+        let (anchored, free) = (anchored.as_flattened(), free.as_flattened());
+        let share = |some: &[u32]| (target as u64 * some.len() as u64 / former.len() as u64) as usize / 3 * 3;
+        let absolute = SimplifyOptions::ErrorAbsolute;
+        let mut level = Vec::new();
+        if !anchored.is_empty() {
+            let target = share(anchored);
+            level = meshopt::simplify_with_locks(
+                anchored,
+                adapter,
+                &self.held,
+                target,
+                largest_error,
+                absolute,
+                None,
+            );
+        }
+        if !free.is_empty() {
+            let options = absolute | SimplifyOptions::Prune;
+            level.extend(meshopt::simplify(free, adapter, share(free), largest_error, options, None));
+        }
+        level
+    }
+}
+
+/// For each vertex, whether triangles lead from it to one that is held. Vertices at one place are one.
+fn anchored(positions: &[Vec3], indices: &[u32], held: &[bool]) -> Vec<bool> {
+    let (count, places) = meshopt::generate_vertex_remap(positions, None);
+    let place = |vertex: u32| places.get(vertex as usize).copied().unwrap_or_default();
+    let mut groups = Groups((0..count as u32).collect());
+    for &[a, b, c] in indices.as_chunks().0 {
+        groups.join(place(a), place(b));
+        groups.join(place(b), place(c));
+    }
+    let mut anchored = vec![false; count];
+    for (vertex, _) in (0_u32..).zip(held).filter(|&(_, &held)| held) {
+        if let Some(slot) = anchored.get_mut(groups.first(place(vertex)) as usize) {
+            *slot = true;
+        }
+    }
+    (0_u32..)
+        .zip(positions)
+        .map(|(vertex, _)| anchored.get(groups.first(place(vertex)) as usize) == Some(&true))
+        .collect()
+}
+
+/// Disjoint sets of numbers: each number's entry is another one of its set that is nearer to the set's first, or itself.
+struct Groups(Vec<u32>);
+
+impl Groups {
+    /// The number that stands for the set. Halves the way there for those who ask later.
+    fn first(&mut self, mut number: u32) -> u32 {
+        loop {
+            let next = self.0.get(number as usize).copied().unwrap_or(number);
+            let after = self.0.get(next as usize).copied().unwrap_or(next);
+            if next == number {
+                return number;
+            }
+            if let Some(slot) = self.0.get_mut(number as usize) {
+                *slot = after;
+            }
+            number = after;
+        }
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.first(a), self.first(b));
+        if let Some(slot) = self.0.get_mut(a.max(b) as usize) {
+            *slot = a.min(b);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_hangs_together_with_a_held_vertex_is_anchored() {
+        let at = |x: f32| Vec3::new(x, 0.0, 0.0);
+        // Two triangles that meet at a place where each has a vertex of its own, and one by itself.
+        let positions = [0.0, 1.0, 2.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0].map(at);
+        let indices: Vec<u32> = (0..9).collect();
+        let held = |vertex: u32| {
+            anchored(&positions, &indices, &indices.iter().map(|&v| v == vertex).collect::<Vec<_>>())
+        };
+        assert_eq!(held(0), [true, true, true, true, true, true, false, false, false]);
+        assert_eq!(held(5), held(0));
+        assert_eq!(held(8), [false, false, false, false, false, false, true, true, true]);
+        assert_eq!(held(9), [false; 9]);
+    }
+
+    #[test]
+    fn levels_are_in_the_meshs_numbers() {
+        let side = 20;
+        let mut positions: Vec<Vec3> = (0..100).map(|i| Vec3::new(-50.0, i as f32, 0.0)).collect();
+        positions.extend((0..side * side).map(|i| Vec3::new((i % side) as f32, 0.0, (i / side) as f32)));
+        let square = |a: u32| [a, a + 1, a + side + 1, a, a + side + 1, a + side];
+        let corners = (0..side - 1).flat_map(|z| (0..side - 1).map(move |x| 100 + z * side + x));
+        let indices: Vec<u32> = corners.flat_map(square).collect();
+        let held = 100 + 7 * side + 5;
+        let patch = Patch::new(&positions, &indices, |vertex| vertex == held);
+        let levels = patch.levels(Aim { few: 24, from_error: 0.5, largest_error: 1.0 });
+        assert!(levels.len() > 2, "a flat square has {} levels", levels.len());
+        for (level, error) in levels {
+            assert!(level.iter().all(|&index| index >= 100) && level.contains(&held));
+            assert!((0.5..0.51).contains(&error), "{error}: that of the first triangles and next to nothing");
+        }
+    }
+}
