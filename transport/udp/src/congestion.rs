@@ -13,6 +13,8 @@ const C: f64 = 0.4;
 /// The window at the start and the smallest one, in segments (RFC 9002, section 7.2).
 const INITIAL: f64 = 10.0;
 const MINIMUM: f64 = 2.0;
+/// The most bytes that the window has at the start, unless two segments are more (the same section).
+const LARGEST_INITIAL: f64 = 14_720.0;
 
 /// How a connection shares its path with others. There is no way to turn it off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -40,6 +42,8 @@ pub(crate) struct Window {
     law: Congestion,
     segment: f64,
     window: f64,
+    /// Nothing was made known of the path yet.
+    is_initial: bool,
     threshold: f64,
     /// The window before the last reduction.
     peak: f64,
@@ -57,6 +61,7 @@ impl Window {
             law,
             segment: segment as f64,
             window: INITIAL,
+            is_initial: true,
             threshold: f64::INFINITY,
             peak: 0.0,
             reno: 0.0,
@@ -65,8 +70,14 @@ impl Window {
         }
     }
 
-    /// Packets have another size from now on; the window keeps its bytes.
+    /// Packets have another size from now on; the window keeps its bytes, unless it is the initial one: that is so many packets, as
+    /// long as nothing has changed it, but not more bytes than [`LARGEST_INITIAL`].
     pub(crate) fn set_segment(&mut self, segment: usize) {
+        if self.is_initial {
+            self.segment = segment as f64;
+            self.window = INITIAL.min(LARGEST_INITIAL / self.segment).max(MINIMUM);
+            return;
+        }
         let ratio = self.segment / segment as f64;
         for size in [&mut self.window, &mut self.threshold, &mut self.peak, &mut self.reno] {
             *size *= ratio;
@@ -93,6 +104,7 @@ impl Window {
         if recovering || in_flight * 2 < self.window() {
             return;
         }
+        self.is_initial = false;
         let acked = bytes as f64 / self.segment;
         if self.window < self.threshold {
             self.window += acked;
@@ -125,6 +137,7 @@ impl Window {
             return;
         }
         self.recovery = Some(now);
+        self.is_initial = false;
         self.epoch = None;
         // Fast convergence: who lost below the last peak leaves room to others (RFC 9438, section 4.7).
         self.peak = if self.window < self.peak { self.window * (1.0 + BETA) / 2.0 } else { self.window };
@@ -135,6 +148,7 @@ impl Window {
     /// Everything sent over a long time was lost (RFC 9002, section 7.6).
     pub(crate) fn on_persistent_congestion(&mut self) {
         self.threshold = (self.window * self.law.left_by_loss()).max(MINIMUM);
+        self.is_initial = false;
         self.window = MINIMUM;
         self.epoch = None;
         self.recovery = None;
@@ -172,10 +186,23 @@ mod tests {
     #[test]
     fn larger_packets_are_fewer() {
         let mut cubic = cubic(1200);
+        cubic.on_ack(at(10), at(0), 12_000, 12_000, RTT);
         cubic.set_segment(1500);
-        assert_eq!(cubic.window(), 12_000);
+        assert_eq!(cubic.window(), 24_000);
         (0..20).for_each(|round| cubic.on_loss(at(2 * round + 1), at(2 * round + 1)));
         assert_eq!(cubic.window(), 3_000, "two of the new ones");
+    }
+
+    #[test]
+    fn the_initial_window_is_ten_packets_of_the_size_that_is_known() {
+        let mut cubic = cubic(1200);
+        for (segment, window) in [(1452, 14_520), (1840, 14_720), (9000, 18_000), (1200, 12_000)] {
+            cubic.set_segment(segment);
+            assert_eq!(cubic.window(), window);
+        }
+        cubic.on_loss(at(1), at(0));
+        cubic.set_segment(1452);
+        assert_eq!(cubic.window(), 8_400, "it keeps its bytes");
     }
 
     #[test]

@@ -1,16 +1,16 @@
 //! The frames lane as it is sent: units whose bytes are kept until they are acknowledged, or not worth sending any more.
 
 use std::collections::VecDeque;
-use std::ops::Range;
 use std::time::Duration;
 
 use bytes::BytesMut;
-use trimaran_proto::{CodedIds, FrameEnd, FrameMessage, FrameNumber, Goodbye, IdCoding, Instant, Message};
+use trimaran_proto::{CodedIds, FrameEnd, FrameMessage, FrameNumber, Goodbye, IdCoding, Message};
 
-use crate::chunk::{CODED_UNIT, Chunk, Tail};
+use crate::chunk::{CODED_UNIT, Tail};
 use crate::recovery::Content;
 use crate::repair::{Budget, Path};
 
+mod fate;
 mod guard;
 mod unit;
 
@@ -189,24 +189,6 @@ impl Outbox {
         self.allowed_units = self.allowed_units.max(units);
     }
 
-    /// Gives up frames that are not worth sending any more: what leaves at `now` arrives at `arrival`.
-    pub(crate) fn expire(&mut self, now: Instant, arrival: Instant) {
-        let Some(patience) = self.patience else { return };
-        for unit in &mut self.units {
-            unit.due_by(now.after(patience));
-            if unit.is_late(arrival) {
-                self.kept = self.kept.saturating_sub(unit.give_up());
-                self.frames_given_up += 1;
-            }
-        }
-    }
-
-    /// By when the next frame has to arrive.
-    pub(crate) fn deadline(&self) -> Option<Instant> {
-        self.patience?;
-        self.units.iter().filter_map(Unit::deadline).min()
-    }
-
     /// Whether [`Outbox::write_next`] has something, given room.
     pub(crate) fn has_due(&self) -> bool {
         let units = self.allowed_units.saturating_sub(self.first);
@@ -235,106 +217,40 @@ impl Outbox {
         None
     }
 
-    /// A part has arrived; `ended` if it carried the unit's end.
-    pub(crate) fn on_ack(&mut self, number: u64, range: Range<u64>, ended: bool) {
-        self.on_arrival(number, |unit| unit.on_ack(range, ended));
-    }
-
-    /// A repair shard of the block at `offset` has arrived.
-    pub(crate) fn on_repair_ack(&mut self, number: u64, offset: u64, index: u8) {
-        self.on_arrival(number, |unit| unit.on_repair_ack(offset, index));
-    }
-
-    /// Something of a unit has arrived; `note` says how many bytes that freed.
-    fn on_arrival(&mut self, number: u64, note: impl FnOnce(&mut Unit) -> usize) {
-        let Some(unit) = self.unit(number) else { return };
-        let freed = note(unit);
-        let whole = unit.whole_frame();
-        self.confirmed = self.confirmed.max(whole);
-        self.kept = self.kept.saturating_sub(freed);
-        self.forget_arrived();
-    }
-
-    /// A part was lost: it is sent again, unless repair makes up for it.
-    pub(crate) fn on_loss(&mut self, number: u64, range: Range<u64>, ended: bool) {
-        if let Some(unit) = self.unit(number) {
-            unit.on_loss(range, ended);
-        }
-    }
-
-    pub(crate) fn on_repair_loss(&mut self, number: u64, offset: u64, index: u8) {
-        if let Some(unit) = self.unit(number) {
-            unit.on_repair_loss(offset, index);
-        }
-    }
-
-    /// Sends all again that was lost: nothing is heard of the repair that could make up for it.
-    pub(crate) fn stop_waiting(&mut self) {
-        self.units.iter_mut().for_each(Unit::stop_waiting);
-    }
-
-    /// The peer knows that a frame was given up.
-    pub(crate) fn on_give_up_ack(&mut self, number: u64) {
-        if let Some(unit) = self.unit(number) {
-            unit.on_give_up_ack();
-        }
-        self.forget_arrived();
-    }
-
-    pub(crate) fn on_give_up_loss(&mut self, number: u64) {
-        if let Some(unit) = self.unit(number) {
-            unit.on_give_up_loss();
-        }
-    }
-
-    fn forget_arrived(&mut self) {
-        while self.units.front().is_some_and(Unit::has_arrived) {
-            self.units.pop_front();
-            self.first += 1;
-            self.kept = self.kept.saturating_sub(UNIT_COST);
-        }
-    }
-
+    /// The unit with that number, if it is kept.
     fn unit(&mut self, number: u64) -> Option<&mut Unit> {
         let at = usize::try_from(number.checked_sub(self.first)?).ok()?;
         self.units.get_mut(at)
     }
 }
 
-/// Writes `chunk` if it fits.
-fn write_if_fits(chunk: &Chunk<'_>, room: usize, out: &mut Vec<u8>) -> Option<()> {
-    let before = out.len();
-    chunk.write(out);
-    if out.len() - before > room {
-        out.truncate(before);
-        return None;
-    }
-    Some(())
-}
-
 #[cfg(test)]
 mod tests {
-    use trimaran_proto::{Camera, FrameStart};
+    use trimaran_proto::{Camera, FrameStart, Instant};
 
     use super::*;
     use crate::repair::Repair;
 
-    const PATH: Path = Path { shard: 1136, loss: 0.0 };
+    pub(super) const PATH: Path = Path { shard: 1136, loss: 0.0 };
 
     /// Without repair.
-    fn sender(patience: Option<u64>) -> Outbox {
+    pub(super) fn sender(patience: Option<u64>) -> Outbox {
         let patience = patience.map(Duration::from_millis);
         Outbox::new(1 << 20, 1024, patience, Budget::new(Repair::Off, 15), IdCoding::Plain)
     }
 
-    fn frame(outbox: &mut Outbox, number: u32) {
-        let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(number)).unwrap();
-        let frame = FrameNumber(number);
-        outbox.put(FrameMessage::Begin(FrameStart { frame, camera }), PATH);
-        outbox.put(FrameMessage::End(FrameEnd { frame, ids: 0, hash: 0 }), PATH);
+    pub(super) fn frame(outbox: &mut Outbox, number: u32) {
+        begin(outbox, number, PATH);
+        let end = FrameEnd { frame: FrameNumber(number), ids: 0, hash: 0 };
+        outbox.put(FrameMessage::End(end), PATH);
     }
 
-    fn at(ms: u64) -> Instant {
+    pub(super) fn begin(outbox: &mut Outbox, number: u32, path: Path) {
+        let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(number)).unwrap();
+        outbox.put(FrameMessage::Begin(FrameStart { frame: FrameNumber(number), camera }), path);
+    }
+
+    pub(super) fn at(ms: u64) -> Instant {
         Instant::from_nanos(ms * 1_000_000)
     }
 
@@ -347,53 +263,5 @@ mod tests {
             outbox.on_ack(unit, 0..80, true);
         }
         assert_eq!((outbox.kept(), outbox.is_empty()), (0, true));
-    }
-
-    #[test]
-    fn a_frame_is_given_up_when_it_cannot_arrive_in_time_and_not_before() {
-        let mut outbox = sender(Some(50));
-        frame(&mut outbox, 0);
-        outbox.expire(at(0), at(5));
-        let mut out = Vec::new();
-        let part = Content::Part { unit: 0, range: 0..80, ended: true };
-        assert_eq!(outbox.write_next(1172, 1172, &mut out), Some(part));
-        assert_eq!(outbox.deadline(), Some(at(50)));
-        outbox.on_loss(0, 0..80, true);
-        outbox.expire(at(44), at(49));
-        assert_eq!(outbox.frames_given_up, 0);
-        outbox.expire(at(45), at(50));
-        assert_eq!((outbox.frames_given_up, outbox.kept()), (1, UNIT_COST));
-        out.clear();
-        assert_eq!(outbox.write_next(1172, 1172, &mut out), Some(Content::GiveUp { unit: 0 }));
-        assert!(!outbox.has_due());
-        outbox.on_give_up_loss(0);
-        assert!(outbox.has_due());
-        outbox.on_give_up_ack(0);
-        assert!(outbox.is_empty());
-    }
-
-    #[test]
-    fn the_word_of_giving_up_is_said_until_it_arrives_though_the_end_had_arrived() {
-        let mut outbox = sender(Some(50));
-        frame(&mut outbox, 0);
-        outbox.expire(at(0), at(5));
-        outbox.on_ack(0, 40..80, true);
-        outbox.expire(at(50), at(55));
-        let mut out = Vec::new();
-        for _ in 0..3 {
-            assert_eq!(outbox.write_next(1172, 1172, &mut out), Some(Content::GiveUp { unit: 0 }));
-            outbox.on_give_up_loss(0);
-        }
-        assert!(!outbox.is_empty());
-    }
-
-    #[test]
-    fn a_frame_that_arrived_is_not_given_up() {
-        let mut outbox = sender(Some(50));
-        (0..2).for_each(|number| frame(&mut outbox, number));
-        outbox.expire(at(0), at(5));
-        outbox.on_ack(1, 0..80, true);
-        outbox.expire(at(90), at(95));
-        assert_eq!(outbox.frames_given_up, 1, "the first one only");
     }
 }

@@ -1,10 +1,7 @@
 //! What was sent and has not been acknowledged: loss detection and probes (RFC 9002).
 
-use std::collections::VecDeque;
-use std::ops::Range;
 use std::time::Duration;
 
-use smallvec::SmallVec;
 use trimaran_proto::Instant;
 
 use crate::congestion::{Congestion, Window};
@@ -12,7 +9,13 @@ use crate::packet::PacketNumber;
 use crate::ranges::RangeSet;
 use crate::rtt::Rtt;
 
+mod flight;
 mod moved;
+mod share;
+
+use flight::Flight;
+pub(crate) use flight::{Content, Contents, Sent};
+use share::LossShare;
 
 /// A packet is lost when one that many numbers later has arrived (RFC 9002, section 6.1.1).
 pub(crate) const REORDERING: u64 = 3;
@@ -20,64 +23,11 @@ pub(crate) const REORDERING: u64 = 3;
 const PERSISTENT: u32 = 3;
 /// So many packets are sent where nothing was acknowledged in time, in case one is lost as well (section 6.2.4).
 pub(crate) const PROBES: u8 = 2;
-/// How many packets are remembered at most: far more than a window of honest ones. Of those beyond it the oldest count as lost.
-const REMEMBERED: usize = 16 * 1024;
 /// Probes are no further apart: one small packet a second harms no path, and a link that comes back is found at once.
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
-/// The share of losses counts about that many packets: enough that one loss in a hundred is hardly ever taken for two.
-const MEMORY: f64 = 1024.0;
-/// For repair, which costs little when it comes too early, about so many at first, and later so many.
-const FIRST_MEMORY: f64 = 64.0;
-const GUESS_MEMORY: f64 = 512.0;
 /// Up to that share of losses, and while nothing queues, losses are taken for accidents of the path (as BBR does: section 4.5.2 of
 /// draft-ietf-ccwg-bbr).
 const ACCIDENTS: f64 = 0.02;
-
-/// What a packet carried, as far as its loss or arrival matters.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Content {
-    Part {
-        unit: u64,
-        range: Range<u64>,
-        ended: bool,
-    },
-    Camera {
-        number: u64,
-    },
-    LastCamera,
-    Credit,
-    Unread,
-    GiveUp {
-        unit: u64,
-    },
-    /// A repair shard of the block at `offset`: of use while it is fresh, and never sent again.
-    Repair {
-        unit: u64,
-        offset: u64,
-        index: u8,
-    },
-    /// Only to find out whether a datagram of that size arrives.
-    Probe {
-        size: usize,
-    },
-}
-
-/// What packets carry; of most packets it needs no memory of its own.
-pub(crate) type Contents = SmallVec<[Content; 2]>;
-
-/// A packet in flight.
-#[derive(Debug)]
-pub(crate) struct Sent {
-    pub(crate) at: Instant,
-    pub(crate) bytes: usize,
-    pub(crate) contents: Contents,
-}
-
-impl Sent {
-    fn is_probe(&self) -> bool {
-        self.contents.iter().any(|content| matches!(content, Content::Probe { .. }))
-    }
-}
 
 /// What an acknowledgement or a timeout made known.
 #[derive(Debug, Default)]
@@ -93,20 +43,13 @@ pub(crate) struct NeverSent;
 /// The packets of one connection that ask for an acknowledgement; the others are not tracked.
 #[derive(Debug)]
 pub(crate) struct Recovery {
-    next: PacketNumber,
-    /// Packets from number `base` on; `None` where one was acknowledged, lost, or asked for nothing.
-    sent: VecDeque<Option<Sent>>,
-    base: PacketNumber,
+    flight: Flight,
     largest_acked: Option<PacketNumber>,
-    in_flight: usize,
     last_sent: Option<Instant>,
     /// When something was acknowledged, or first waited for an acknowledgement.
     progress: Option<Instant>,
     probes: u32,
-    /// The share of packets that was lost lately; and the same by fewer packets at first, and by how many.
-    loss: f64,
-    guess: f64,
-    memory: f64,
+    loss: LossShare,
     max_ack_delay: Duration,
     pub(crate) rtt: Rtt,
     pub(crate) window: Window,
@@ -118,17 +61,12 @@ pub(crate) struct Recovery {
 impl Recovery {
     pub(crate) fn new(law: Congestion, segment: usize, max_ack_delay: Duration) -> Self {
         Self {
-            next: 0,
-            sent: VecDeque::new(),
-            base: 0,
+            flight: Flight::default(),
             largest_acked: None,
-            in_flight: 0,
             last_sent: None,
             progress: None,
             probes: 0,
-            loss: 0.0,
-            guess: 0.0,
-            memory: FIRST_MEMORY,
+            loss: LossShare::new(),
             max_ack_delay,
             rtt: Rtt::default(),
             window: Window::new(law, segment),
@@ -138,28 +76,23 @@ impl Recovery {
     }
 
     /// The number of the next packet.
-    pub(crate) const fn next_number(&self) -> PacketNumber {
-        self.next
+    pub(crate) fn next_number(&self) -> PacketNumber {
+        self.flight.next_number()
     }
 
     /// Bytes that the window leaves.
     pub(crate) fn room(&self) -> usize {
-        // Signs of life and acknowledgements still find a place among those remembered when data do not.
-        if self.sent.len() >= REMEMBERED / 2 {
-            0
-        } else {
-            self.window.window().saturating_sub(self.in_flight)
-        }
+        if self.flight.is_full() { 0 } else { self.window.window().saturating_sub(self.in_flight()) }
     }
 
     /// The share of packets that is probably lost: from the first loss on, one of so many.
     pub(crate) const fn probable_loss(&self) -> f64 {
-        self.guess
+        self.loss.probable()
     }
 
     /// Bytes that were sent, and neither acknowledged nor found lost.
     pub(crate) const fn in_flight(&self) -> usize {
-        self.in_flight
+        self.flight.bytes()
     }
 
     /// Probes since something was acknowledged.
@@ -169,24 +102,19 @@ impl Recovery {
 
     /// Since when an acknowledgement has been awaited in vain.
     pub(crate) fn unheard_since(&self) -> Option<Instant> {
-        self.progress.filter(|_| self.in_flight > 0)
+        self.progress.filter(|_| self.in_flight() > 0)
     }
 
     /// The packet with the next number was sent; `eliciting` is `None` when it asks for no acknowledgement. Says what is lost
     /// because there is no place to remember it.
     pub(crate) fn on_sent(&mut self, eliciting: Option<Sent>) -> Contents {
-        self.next += 1;
         if let Some(sent) = &eliciting {
-            if self.in_flight == 0 {
+            if self.in_flight() == 0 {
                 self.progress = Some(sent.at);
             }
-            self.in_flight += sent.bytes;
             self.last_sent = Some(sent.at);
         }
-        self.sent.push_back(eliciting);
-        let overflow = if self.sent.len() > REMEMBERED { self.forget(self.base) } else { None };
-        self.trim();
-        overflow.map(|sent| sent.contents).unwrap_or_default()
+        self.flight.push(eliciting).map(|sent| sent.contents).unwrap_or_default()
     }
 
     pub(crate) fn on_ack(
@@ -197,21 +125,21 @@ impl Recovery {
     ) -> Result<Verdict, NeverSent> {
         let mut verdict = Verdict::default();
         let Some(last) = numbers.iter().next_back() else { return Ok(verdict) };
-        if last.end > self.next {
+        if last.end > self.next_number() {
             return Err(NeverSent);
         }
         let largest = last.end - 1;
-        let in_flight = self.in_flight;
+        let in_flight = self.in_flight();
         for range in numbers.iter() {
-            for number in range.start.max(self.base)..range.end {
-                let Some(sent) = self.forget(number) else { continue };
+            for number in range.start.max(self.flight.base())..range.end {
+                let Some(sent) = self.flight.forget(number) else { continue };
                 if number == largest {
                     self.rtt.sample(now.since(sent.at), delay.min(self.max_ack_delay));
                 }
                 self.probes = 0;
                 self.progress = Some(now);
                 if !sent.is_probe() {
-                    self.note(0.0);
+                    self.loss.on_arrived();
                 }
                 self.window.on_ack(now, sent.at, sent.bytes, in_flight, self.rtt.smoothed());
                 verdict.arrived.extend(sent.contents);
@@ -219,7 +147,7 @@ impl Recovery {
         }
         self.largest_acked = self.largest_acked.max(Some(largest));
         self.detect_losses(now, &mut verdict);
-        self.trim();
+        self.flight.trim();
         Ok(verdict)
     }
 
@@ -233,7 +161,7 @@ impl Recovery {
         let mut verdict = Verdict::default();
         if self.loss_time().is_some_and(|at| at <= now) {
             self.detect_losses(now, &mut verdict);
-            self.trim();
+            self.flight.trim();
             return (verdict, false);
         }
         if self.probe_time().is_none_or(|at| at > now) {
@@ -242,21 +170,20 @@ impl Recovery {
         self.probes += 1;
         self.all_probes += 1;
         self.last_sent = Some(now);
-        let oldest = self.sent.iter().flatten().filter(|sent| !sent.contents.is_empty());
+        let oldest = self.flight.iter(None).filter(|sent| !sent.contents.is_empty());
         verdict.lost.extend(oldest.take(PROBES.into()).flat_map(|sent| sent.contents.clone()));
         (verdict, true)
     }
 
     fn probe_time(&self) -> Option<Instant> {
-        let last = self.last_sent.filter(|_| self.in_flight > 0)?;
+        let last = self.last_sent.filter(|_| self.in_flight() > 0)?;
         let once = self.rtt.probe_timeout(self.max_ack_delay);
         Some(last.after((once * 2u32.pow(self.probes.min(10))).min(LONGEST_PAUSE.max(once))))
     }
 
     fn loss_time(&self) -> Option<Instant> {
         let largest = self.largest_acked?;
-        let before = largest.checked_sub(self.base).and_then(|count| usize::try_from(count).ok())?;
-        let oldest = self.sent.iter().take(before).flatten().next()?;
+        let oldest = self.flight.iter(Some(largest)).next()?;
         Some(oldest.at.after(self.rtt.loss_delay()))
     }
 
@@ -264,24 +191,24 @@ impl Recovery {
         let Some(largest) = self.largest_acked else { return };
         let delay = self.rtt.loss_delay();
         let (mut first, mut last) = (None, None);
-        for number in self.base..largest {
+        for number in self.flight.base()..largest {
             let late = largest - number >= REORDERING;
-            let Some(sent) = self.peek(number) else { continue };
+            let Some(sent) = self.flight.get(number) else { continue };
             if !late && now.since(sent.at) < delay {
                 continue;
             }
-            let Some(sent) = self.forget(number) else { continue };
+            let Some(sent) = self.flight.forget(number) else { continue };
             // The loss of a probe says that it was too large, and nothing else (RFC 9000, section 14.4).
             if !sent.is_probe() {
                 self.lost_packets += 1;
-                self.note(1.0);
+                self.loss.on_lost();
                 first = first.or(Some(sent.at));
                 last = Some(sent.at);
             }
             verdict.lost.extend(sent.contents);
         }
         if let (Some(first), Some(last)) = (first, last) {
-            if self.loss > ACCIDENTS || self.rtt.queues() {
+            if self.loss.sure() > ACCIDENTS || self.rtt.queues() {
                 self.window.on_loss(now, last);
             }
             let long = self.rtt.probe_timeout(self.max_ack_delay) * PERSISTENT;
@@ -290,39 +217,12 @@ impl Recovery {
             }
         }
     }
-
-    /// Counts a packet among those that arrived, 0, or were lost, 1.
-    fn note(&mut self, lost: f64) {
-        self.loss += (lost - self.loss) / MEMORY;
-        self.guess += (lost - self.guess) / self.memory;
-        self.memory = (self.memory + 1.0).min(GUESS_MEMORY);
-    }
-
-    fn index(&self, number: PacketNumber) -> Option<usize> {
-        usize::try_from(number.checked_sub(self.base)?).ok()
-    }
-
-    fn peek(&self, number: PacketNumber) -> Option<&Sent> {
-        self.sent.get(self.index(number)?)?.as_ref()
-    }
-
-    fn forget(&mut self, number: PacketNumber) -> Option<Sent> {
-        let at = self.index(number)?;
-        let sent = self.sent.get_mut(at)?.take()?;
-        self.in_flight = self.in_flight.saturating_sub(sent.bytes);
-        Some(sent)
-    }
-
-    fn trim(&mut self) {
-        while self.sent.front().is_some_and(Option::is_none) {
-            self.sent.pop_front();
-            self.base += 1;
-        }
-    }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::ops::Range;
+
     use smallvec::smallvec;
 
     use super::*;
@@ -381,21 +281,23 @@ mod tests {
     }
 
     #[test]
-    fn what_is_never_acknowledged_is_not_remembered_for_ever() {
+    fn what_there_is_no_place_for_is_lost_and_nothing_is_awaited_any_more() {
         let mut recovery = sender();
         let first = send(&mut recovery, 0);
-        for _ in 1..REMEMBERED {
-            assert_eq!(recovery.on_sent(None)[..], []);
+        let mut overflow = Contents::new();
+        while overflow.is_empty() {
+            assert_eq!(recovery.unheard_since(), Some(at(0)));
+            overflow = recovery.on_sent(None);
         }
-        assert_eq!(recovery.on_sent(None)[..], [first], "one more than are remembered");
-        assert_eq!((recovery.sent.len(), recovery.in_flight), (0, 0));
-        assert_eq!(recovery.unheard_since(), None);
-        for ms in 0..REMEMBERED as u64 / 2 {
-            assert!(recovery.room() > 0 || recovery.in_flight >= recovery.window.window());
+        assert_eq!((overflow, recovery.unheard_since()), (smallvec![first], None));
+        for ms in 0.. {
+            recovery.window.on_ack(at(ms), at(ms), 1 << 20, 1 << 30, Duration::from_millis(1));
+            if recovery.room() == 0 {
+                break;
+            }
             send(&mut recovery, ms);
         }
-        recovery.in_flight = 0;
-        assert_eq!(recovery.room(), 0, "no data any more");
+        assert!(recovery.in_flight() < recovery.window.window(), "it is the places that are few");
     }
 
     #[test]
@@ -410,10 +312,10 @@ mod tests {
         };
         lose_one(&mut recovery, 0);
         assert_eq!((recovery.lost_packets, recovery.window.window()), (1, 10_000));
-        assert!((recovery.loss - 1.0 / 1024.0).abs() < 1e-4);
+        assert!((recovery.loss.sure() - 1.0 / 1024.0).abs() < 1e-4);
         assert!((recovery.probable_loss() - 1.0 / 64.0).abs() < 1e-3, "as if one of the first 64 were lost");
         let mut ms = 100;
-        while recovery.loss <= ACCIDENTS {
+        while recovery.loss.sure() <= ACCIDENTS {
             assert_eq!(recovery.window.window(), 10_000);
             lose_one(&mut recovery, ms);
             ms += 100;
@@ -431,7 +333,7 @@ mod tests {
         }
         let verdict = recovery.on_ack(at(50), &numbers(1..4), Duration::ZERO).unwrap();
         assert_eq!((verdict.lost, recovery.lost_packets), (contents, 0));
-        assert_eq!((recovery.loss, recovery.window.window()), (0.0, 10_000));
+        assert_eq!((recovery.loss.sure(), recovery.window.window()), (0.0, 10_000));
     }
 
     #[test]

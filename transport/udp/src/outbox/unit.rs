@@ -1,17 +1,17 @@
 //! One unit of the frames lane as it is sent.
 
 use std::collections::VecDeque;
-use std::ops::Range;
 
-use bytes::{Buf, BufMut, BytesMut};
+use bytes::{BufMut, BytesMut};
 use trimaran_proto::{FrameNumber, Instant};
 
-use super::guard::{Guard, Need};
-use super::write_if_fits;
-use crate::chunk::{Chunk, GivenUp, Tail, part_overhead, unit_head};
+use super::guard::Guard;
+use crate::chunk::{GivenUp, Tail, unit_head};
 use crate::ranges::RangeSet;
-use crate::recovery::Content;
 use crate::repair::{BLOCK, Block, Budget, Path, protect, shard_size};
+
+mod fate;
+mod write;
 
 #[derive(Debug)]
 pub(super) struct Unit {
@@ -185,180 +185,6 @@ impl Unit {
         // From here on it is the word of giving up that has to arrive, whatever became of the end itself.
         self.end_acked = false;
         freed
-    }
-
-    pub(super) fn has_due(&self, credit: u64) -> bool {
-        if let Some(given_up) = &self.given_up {
-            return given_up.due;
-        }
-        let fresh = self.sent < self.written();
-        !self.lost.is_empty()
-            || fresh && credit > 0
-            || !fresh && (self.is_end_due() || !self.repair.is_empty())
-    }
-
-    /// Whether the end has to be said by itself. An end whose bytes may be restored waits for what becomes of them.
-    fn is_end_due(&self) -> bool {
-        let waits = self.waiting.iter().next_back().is_some_and(|range| range.end == self.written());
-        self.end_due && !waits
-    }
-
-    /// Writes the chunk that is due; gives what it carries and how many bytes of it were never sent before.
-    pub(super) fn write(
-        &mut self,
-        number: u64,
-        credit: u64,
-        room: usize,
-        whole: usize,
-        out: &mut Vec<u8>,
-    ) -> Option<(Content, u64)> {
-        if let Some(GivingUp { about, head, due }) = &mut self.given_up {
-            let chunk = Chunk::GiveUp { unit: number, about: *about, head };
-            write_if_fits(&chunk, room, out)?;
-            *due = false;
-            return Some((Content::GiveUp { unit: number }, 0));
-        }
-        let written = self.written();
-        let overhead = part_overhead(number, written);
-        let fresh = (written - self.sent).min(credit);
-        let lost = self.lost.iter().next();
-        let wanted = match lost {
-            Some(range) => range,
-            None if fresh > 0 => self.sent..self.sent + fresh,
-            None if self.is_end_due() => self.sent..self.sent,
-            None => return self.write_repair(number, room, out).map(|content| (content, 0)),
-        };
-        let shard = self.shard as u64;
-        let wanted = wanted.start..wanted.end.min((wanted.start / shard + 1) * shard);
-        let most = room.checked_sub(overhead)? as u64;
-        let size = wanted.end - wanted.start;
-        let fits_alone = size as usize + overhead <= whole;
-        if size > most && (fits_alone || most < 4) {
-            return None;
-        }
-        let range = wanted.start..wanted.end.min(wanted.start + (most & !3));
-        self.lost.remove(&range);
-        let first_time = range.end.saturating_sub(self.sent);
-        self.sent = self.sent.max(range.end);
-        let last = range.end == written;
-        let tail = if last { self.end.unwrap_or(Tail::Pause) } else { Tail::More };
-        let ended = last && self.end.is_some();
-        self.end_due &= !ended;
-        let from = range.start.saturating_sub(self.base) as usize;
-        let to = range.end.saturating_sub(self.base) as usize;
-        let data = self.data.get(from..to).unwrap_or_default();
-        Chunk::Part { unit: number, offset: range.start, tail, data }.write(out);
-        Some((Content::Part { unit: number, range, ended }, first_time))
-    }
-
-    fn write_repair(&mut self, number: u64, room: usize, out: &mut Vec<u8>) -> Option<Content> {
-        let Repair { block, hash, index, data } = self.repair.front()?;
-        let chunk = Chunk::Repair { unit: number, block: *block, hash: *hash, index: *index, data };
-        write_if_fits(&chunk, room, out)?;
-        let content = Content::Repair { unit: number, offset: block.offset, index: *index };
-        self.repair.pop_front();
-        Some(content)
-    }
-
-    /// A part has arrived; says how many bytes that freed.
-    pub(super) fn on_ack(&mut self, range: Range<u64>, ended: bool) -> usize {
-        if self.given_up.is_some() {
-            return 0;
-        }
-        let at = range.start;
-        self.lost.remove(&range);
-        self.waiting.remove(&range);
-        self.acked.insert(range);
-        self.end_acked |= ended;
-        self.settle(at);
-        self.free()
-    }
-
-    pub(super) fn on_loss(&mut self, range: Range<u64>, ended: bool) {
-        if self.given_up.is_some() {
-            return;
-        }
-        self.end_due |= ended && !self.end_acked;
-        let at = range.start;
-        let set = if self.guard(at).is_some() { &mut self.waiting } else { &mut self.lost };
-        for gap in self.acked.gaps(range) {
-            set.insert(gap);
-        }
-        self.settle(at);
-    }
-
-    /// A repair shard of the block at `offset` has arrived; says how many bytes that freed.
-    pub(super) fn on_repair_ack(&mut self, offset: u64, index: u8) -> usize {
-        let Some(guard) = self.guard(offset) else { return 0 };
-        guard.on_arrived(index);
-        let ends = guard.tells_the_end();
-        self.end_acked |= ends;
-        self.end_due &= !ends;
-        self.settle(offset);
-        self.free()
-    }
-
-    pub(super) fn on_repair_loss(&mut self, offset: u64, index: u8) {
-        if let Some(guard) = self.guard(offset) {
-            guard.on_lost(index);
-        }
-        self.settle(offset);
-    }
-
-    /// Sends all again that was lost: nothing is heard of the repair.
-    pub(super) fn stop_waiting(&mut self) {
-        for range in std::mem::take(&mut self.waiting).iter() {
-            self.lost.insert(range);
-        }
-    }
-
-    /// The block that `at` lies in, if it has repair.
-    fn guard(&mut self, at: u64) -> Option<&mut Guard> {
-        self.guards.iter_mut().find(|guard| guard.range().contains(&at))
-    }
-
-    /// Decides what becomes of the lost bytes of the block that `at` lies in.
-    fn settle(&mut self, at: u64) {
-        let Some(guard) = self.guards.iter().find(|guard| guard.range().contains(&at)) else { return };
-        match guard.need(&self.acked, &self.waiting) {
-            Need::Restored => {
-                self.lost.remove(&guard.range());
-                self.waiting.remove(&guard.range());
-                self.acked.insert(guard.range());
-            }
-            Need::Again(shards) => {
-                for shard in shards {
-                    for lost in self.waiting.take(&shard).iter() {
-                        self.lost.insert(lost);
-                    }
-                }
-            }
-        }
-    }
-
-    /// Forgets the bytes that have arrived; says how many. What a block that is not complete yet needs for its repair is kept.
-    fn free(&mut self) -> usize {
-        let done = self.acked.end_of_run(self.base).min(self.protected.max(self.base));
-        let freed = ((done - self.base) as usize).min(self.data.len());
-        self.data.advance(freed);
-        self.base = done;
-        if self.has_arrived() {
-            self.repair.clear();
-        }
-        freed
-    }
-
-    pub(super) fn on_give_up_ack(&mut self) {
-        if let Some(given_up) = &mut self.given_up {
-            given_up.due = false;
-            self.end_acked = true;
-        }
-    }
-
-    pub(super) fn on_give_up_loss(&mut self) {
-        if let Some(given_up) = &mut self.given_up {
-            given_up.due = !self.end_acked;
-        }
     }
 
     pub(super) fn has_arrived(&self) -> bool {

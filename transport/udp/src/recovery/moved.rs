@@ -1,15 +1,14 @@
 //! What a new path leaves of what was known of the old one.
 
 use crate::congestion::{Congestion, Window};
-use crate::recovery::{Contents, FIRST_MEMORY, Recovery};
+use crate::recovery::share::LossShare;
+use crate::recovery::{Contents, Recovery};
 use crate::rtt::Rtt;
 
 impl Recovery {
     /// The peer is elsewhere, and what was in flight went where it was: gives what that carried. It says nothing of congestion.
     pub(crate) fn on_moved(&mut self) -> Contents {
-        let lost = self.sent.drain(..).flatten().flat_map(|sent| sent.contents).collect();
-        self.base = self.next;
-        self.in_flight = 0;
+        let lost = self.flight.forget_all().flat_map(|sent| sent.contents).collect();
         self.progress = None;
         self.probes = 0;
         lost
@@ -19,6 +18,6 @@ impl Recovery {
     pub(crate) fn on_new_path(&mut self, law: Congestion, segment: usize) {
         self.rtt = Rtt::default();
         self.window = Window::new(law, segment);
-        (self.loss, self.guess, self.memory) = (0.0, 0.0, FIRST_MEMORY);
+        self.loss = LossShare::new();
     }
 }

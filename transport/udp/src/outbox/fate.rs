@@ -1,0 +1,222 @@
+//! What became of what was sent: arrived, lost, restored, or not worth sending any more.
+
+use std::ops::Range;
+
+use trimaran_proto::Instant;
+
+use super::{Outbox, UNIT_COST, Unit};
+
+impl Outbox {
+    /// Gives up frames that are not worth sending any more: what leaves at `now` arrives at `arrival`.
+    pub(crate) fn expire(&mut self, now: Instant, arrival: Instant) {
+        let Some(patience) = self.patience else { return };
+        for unit in &mut self.units {
+            unit.due_by(now.after(patience));
+            if unit.is_late(arrival) {
+                self.kept = self.kept.saturating_sub(unit.give_up());
+                self.frames_given_up += 1;
+            }
+        }
+    }
+
+    /// By when the next frame has to arrive.
+    pub(crate) fn deadline(&self) -> Option<Instant> {
+        self.patience?;
+        self.units.iter().filter_map(Unit::deadline).min()
+    }
+
+    /// A part has arrived; `ended` if it carried the unit's end.
+    pub(crate) fn on_ack(&mut self, number: u64, range: Range<u64>, ended: bool) {
+        self.on_arrival(number, |unit| unit.on_ack(range, ended));
+    }
+
+    /// A repair shard of the block at `offset` has arrived.
+    pub(crate) fn on_repair_ack(&mut self, number: u64, offset: u64, index: u8) {
+        self.on_arrival(number, |unit| unit.on_repair_ack(offset, index));
+    }
+
+    /// Something of a unit has arrived; `note` says how many bytes that freed.
+    fn on_arrival(&mut self, number: u64, note: impl FnOnce(&mut Unit) -> usize) {
+        let Some(unit) = self.unit(number) else { return };
+        let freed = note(unit);
+        let whole = unit.whole_frame();
+        self.confirmed = self.confirmed.max(whole);
+        self.kept = self.kept.saturating_sub(freed);
+        self.forget_arrived();
+    }
+
+    /// A part was lost: it is sent again, unless repair makes up for it.
+    pub(crate) fn on_loss(&mut self, number: u64, range: Range<u64>, ended: bool) {
+        if let Some(unit) = self.unit(number) {
+            unit.on_loss(range, ended);
+        }
+    }
+
+    pub(crate) fn on_repair_loss(&mut self, number: u64, offset: u64, index: u8) {
+        if let Some(unit) = self.unit(number) {
+            unit.on_repair_loss(offset, index);
+        }
+    }
+
+    /// Sends all again that was lost: nothing is heard of the repair that could make up for it.
+    pub(crate) fn stop_waiting(&mut self) {
+        self.units.iter_mut().for_each(Unit::stop_waiting);
+    }
+
+    /// The peer knows that a frame was given up.
+    pub(crate) fn on_give_up_ack(&mut self, number: u64) {
+        if let Some(unit) = self.unit(number) {
+            unit.on_give_up_ack();
+        }
+        self.forget_arrived();
+    }
+
+    pub(crate) fn on_give_up_loss(&mut self, number: u64) {
+        if let Some(unit) = self.unit(number) {
+            unit.on_give_up_loss();
+        }
+    }
+
+    fn forget_arrived(&mut self) {
+        while self.units.front().is_some_and(Unit::has_arrived) {
+            self.units.pop_front();
+            self.first += 1;
+            self.kept = self.kept.saturating_sub(UNIT_COST);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use trimaran_proto::{FrameEnd, FrameMessage, FrameNumber, IdBatch};
+
+    use super::*;
+    use crate::outbox::tests::{at, begin, frame, sender};
+    use crate::recovery::Content;
+    use crate::repair::{Budget, Path, Repair};
+
+    #[test]
+    fn a_frame_is_given_up_when_it_cannot_arrive_in_time_and_not_before() {
+        let mut outbox = sender(Some(50));
+        frame(&mut outbox, 0);
+        outbox.expire(at(0), at(5));
+        let mut out = Vec::new();
+        let part = Content::Part { unit: 0, range: 0..80, ended: true };
+        assert_eq!(outbox.write_next(1172, 1172, &mut out), Some(part));
+        assert_eq!(outbox.deadline(), Some(at(50)));
+        outbox.on_loss(0, 0..80, true);
+        outbox.expire(at(44), at(49));
+        assert_eq!(outbox.frames_given_up, 0);
+        outbox.expire(at(45), at(50));
+        assert_eq!((outbox.frames_given_up, outbox.kept()), (1, UNIT_COST));
+        out.clear();
+        assert_eq!(outbox.write_next(1172, 1172, &mut out), Some(Content::GiveUp { unit: 0 }));
+        assert!(!outbox.has_due());
+        outbox.on_give_up_loss(0);
+        assert!(outbox.has_due());
+        outbox.on_give_up_ack(0);
+        assert!(outbox.is_empty());
+    }
+
+    #[test]
+    fn the_word_of_giving_up_is_said_until_it_arrives_though_the_end_had_arrived() {
+        let mut outbox = sender(Some(50));
+        frame(&mut outbox, 0);
+        outbox.expire(at(0), at(5));
+        outbox.on_ack(0, 40..80, true);
+        outbox.expire(at(50), at(55));
+        let mut out = Vec::new();
+        for _ in 0..3 {
+            assert_eq!(outbox.write_next(1172, 1172, &mut out), Some(Content::GiveUp { unit: 0 }));
+            outbox.on_give_up_loss(0);
+        }
+        assert!(!outbox.is_empty());
+    }
+
+    #[test]
+    fn a_frame_that_arrived_is_not_given_up() {
+        let mut outbox = sender(Some(50));
+        (0..2).for_each(|number| frame(&mut outbox, number));
+        outbox.expire(at(0), at(5));
+        outbox.on_ack(1, 0..80, true);
+        outbox.expire(at(90), at(95));
+        assert_eq!(outbox.frames_given_up, 1, "the first one only");
+    }
+
+    /// A frame of so many bytes in parts of a hundred, and two repair shards or more; all of them sent.
+    fn repaired(bytes: usize) -> (Outbox, Vec<Content>) {
+        let mut outbox = Outbox { repair: Budget::new(Repair::On, 100), ..sender(None) };
+        let (path, ids) = (Path { shard: 100, loss: 0.0 }, vec![1; bytes - 80]);
+        begin(&mut outbox, 7, path);
+        outbox.put(FrameMessage::Ids(IdBatch::new(ids.into()).unwrap()), path);
+        let end = FrameEnd { frame: FrameNumber(7), ids: (bytes as u32 - 80) / 4, hash: 5 };
+        outbox.put(FrameMessage::End(end), path);
+        let sent = std::iter::from_fn(|| again(&mut outbox)).collect();
+        (outbox, sent)
+    }
+
+    /// What is sent next.
+    fn again(outbox: &mut Outbox) -> Option<Content> {
+        outbox.write_next(1172, 1172, &mut Vec::new())
+    }
+
+    fn part(range: Range<u64>, ended: bool) -> Content {
+        Content::Part { unit: 0, range, ended }
+    }
+
+    #[test]
+    fn what_repair_restores_is_not_sent_again_and_the_frame_is_confirmed() {
+        let (mut outbox, sent) = repaired(400);
+        let shard = |index| Content::Repair { unit: 0, offset: 0, index };
+        assert_eq!(sent[3..], [part(300..400, true), shard(0), shard(1)]);
+        outbox.on_ack(0, 0..100, false);
+        outbox.on_loss(0, 100..200, false);
+        outbox.on_loss(0, 300..400, true);
+        assert!(!outbox.has_due(), "both repair shards may still come");
+        outbox.on_repair_ack(0, 0, 1);
+        outbox.on_repair_ack(0, 0, 0);
+        assert_eq!((outbox.has_due(), outbox.confirmed), (false, None));
+        outbox.on_ack(0, 200..300, false);
+        assert_eq!((outbox.confirmed, outbox.is_empty(), outbox.kept()), (Some(FrameNumber(7)), true, 0));
+    }
+
+    #[test]
+    fn only_what_repair_cannot_make_up_for_is_sent_again() {
+        let (mut outbox, _) = repaired(400);
+        for at in [0, 100, 300] {
+            outbox.on_loss(0, at..at + 100, at == 300);
+        }
+        assert_eq!(
+            (again(&mut outbox), again(&mut outbox)),
+            (Some(part(0..100, false)), None),
+            "one too many"
+        );
+        outbox.on_repair_loss(0, 0, 0);
+        assert_eq!((again(&mut outbox), again(&mut outbox)), (Some(part(100..200, false)), None));
+        outbox.stop_waiting();
+        assert_eq!(
+            (again(&mut outbox), again(&mut outbox)),
+            (Some(part(300..400, true)), None),
+            "with the end"
+        );
+        assert_eq!(outbox.repeated, 3);
+    }
+
+    #[test]
+    fn the_end_of_a_frame_is_said_again_where_repair_does_not_tell_of_it() {
+        // 64 shards: the block is over before it is known that the frame is.
+        let (mut outbox, sent) = repaired(6400);
+        for content in &sent {
+            match content {
+                Content::Part { range, ended: false, .. } => outbox.on_ack(0, range.clone(), false),
+                Content::Part { range, .. } => outbox.on_loss(0, range.clone(), true),
+                _ => {}
+            }
+        }
+        assert_eq!(again(&mut outbox), None);
+        outbox.on_repair_ack(0, 0, 0);
+        assert_eq!(again(&mut outbox), Some(part(6400..6400, true)));
+        outbox.on_ack(0, 6400..6400, true);
+        assert_eq!(outbox.confirmed, Some(FrameNumber(7)));
+    }
+}

@@ -1,0 +1,111 @@
+//! What became of the parts of a unit, and of its repair.
+
+use std::ops::Range;
+
+use bytes::Buf;
+
+use super::Unit;
+use crate::outbox::guard::{Guard, Need};
+
+impl Unit {
+    /// A part has arrived; says how many bytes that freed.
+    pub(in crate::outbox) fn on_ack(&mut self, range: Range<u64>, ended: bool) -> usize {
+        if self.given_up.is_some() {
+            return 0;
+        }
+        let at = range.start;
+        self.lost.remove(&range);
+        self.waiting.remove(&range);
+        self.acked.insert(range);
+        self.end_acked |= ended;
+        self.settle(at);
+        self.free()
+    }
+
+    pub(in crate::outbox) fn on_loss(&mut self, range: Range<u64>, ended: bool) {
+        if self.given_up.is_some() {
+            return;
+        }
+        self.end_due |= ended && !self.end_acked;
+        let at = range.start;
+        let set = if self.guard(at).is_some() { &mut self.waiting } else { &mut self.lost };
+        for gap in self.acked.gaps(range) {
+            set.insert(gap);
+        }
+        self.settle(at);
+    }
+
+    /// A repair shard of the block at `offset` has arrived; says how many bytes that freed.
+    pub(in crate::outbox) fn on_repair_ack(&mut self, offset: u64, index: u8) -> usize {
+        let Some(guard) = self.guard(offset) else { return 0 };
+        guard.on_arrived(index);
+        let ends = guard.tells_the_end();
+        self.end_acked |= ends;
+        self.end_due &= !ends;
+        self.settle(offset);
+        self.free()
+    }
+
+    pub(in crate::outbox) fn on_repair_loss(&mut self, offset: u64, index: u8) {
+        if let Some(guard) = self.guard(offset) {
+            guard.on_lost(index);
+        }
+        self.settle(offset);
+    }
+
+    /// Sends all again that was lost: nothing is heard of the repair.
+    pub(in crate::outbox) fn stop_waiting(&mut self) {
+        for range in std::mem::take(&mut self.waiting).iter() {
+            self.lost.insert(range);
+        }
+    }
+
+    /// The block that `at` lies in, if it has repair.
+    fn guard(&mut self, at: u64) -> Option<&mut Guard> {
+        self.guards.iter_mut().find(|guard| guard.range().contains(&at))
+    }
+
+    /// Decides what becomes of the lost bytes of the block that `at` lies in.
+    fn settle(&mut self, at: u64) {
+        let Some(guard) = self.guards.iter().find(|guard| guard.range().contains(&at)) else { return };
+        match guard.need(&self.acked, &self.waiting) {
+            Need::Restored => {
+                self.lost.remove(&guard.range());
+                self.waiting.remove(&guard.range());
+                self.acked.insert(guard.range());
+            }
+            Need::Again(shards) => {
+                for shard in shards {
+                    for lost in self.waiting.take(&shard).iter() {
+                        self.lost.insert(lost);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Forgets the bytes that have arrived; says how many. What a block that is not complete yet needs for its repair is kept.
+    fn free(&mut self) -> usize {
+        let done = self.acked.end_of_run(self.base).min(self.protected.max(self.base));
+        let freed = ((done - self.base) as usize).min(self.data.len());
+        self.data.advance(freed);
+        self.base = done;
+        if self.has_arrived() {
+            self.repair.clear();
+        }
+        freed
+    }
+
+    pub(in crate::outbox) fn on_give_up_ack(&mut self) {
+        if let Some(given_up) = &mut self.given_up {
+            given_up.due = false;
+            self.end_acked = true;
+        }
+    }
+
+    pub(in crate::outbox) fn on_give_up_loss(&mut self) {
+        if let Some(given_up) = &mut self.given_up {
+            given_up.due = !self.end_acked;
+        }
+    }
+}

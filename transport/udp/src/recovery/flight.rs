@@ -1,0 +1,177 @@
+//! The packets under way, and what they carry.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+
+use smallvec::SmallVec;
+use trimaran_proto::Instant;
+
+use crate::packet::PacketNumber;
+
+/// How many packets are remembered at most: far more than a window of honest ones. Of those beyond it the oldest count as lost.
+const REMEMBERED: usize = 16 * 1024;
+
+/// What a packet carried, as far as its loss or arrival matters.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Content {
+    Part {
+        unit: u64,
+        range: Range<u64>,
+        ended: bool,
+    },
+    Camera {
+        number: u64,
+    },
+    LastCamera,
+    Credit,
+    Unread,
+    GiveUp {
+        unit: u64,
+    },
+    /// A repair shard of the block at `offset`: of use while it is fresh, and never sent again.
+    Repair {
+        unit: u64,
+        offset: u64,
+        index: u8,
+    },
+    /// Only to find out whether a datagram of that size arrives.
+    Probe {
+        size: usize,
+    },
+}
+
+/// What packets carry; of most packets it needs no memory of its own.
+pub(crate) type Contents = SmallVec<[Content; 2]>;
+
+/// A packet in flight.
+#[derive(Debug)]
+pub(crate) struct Sent {
+    pub(crate) at: Instant,
+    pub(crate) bytes: usize,
+    pub(crate) contents: Contents,
+}
+
+impl Sent {
+    pub(super) fn is_probe(&self) -> bool {
+        self.contents.iter().any(|content| matches!(content, Content::Probe { .. }))
+    }
+}
+
+/// The packets that ask for an acknowledgement and have none; the others are not tracked.
+#[derive(Debug, Default)]
+pub(super) struct Flight {
+    /// Packets from number `base` on; `None` where one was acknowledged, lost, or asked for nothing.
+    packets: VecDeque<Option<Sent>>,
+    base: PacketNumber,
+    bytes: usize,
+}
+
+impl Flight {
+    /// The number of the next packet.
+    pub(super) fn next_number(&self) -> PacketNumber {
+        self.base + self.packets.len() as u64
+    }
+
+    /// The lowest number that may be under way.
+    pub(super) const fn base(&self) -> PacketNumber {
+        self.base
+    }
+
+    /// The bytes under way.
+    pub(super) const fn bytes(&self) -> usize {
+        self.bytes
+    }
+
+    /// Whether data have to wait: signs of life and acknowledgements still find a place when they do not.
+    pub(super) fn is_full(&self) -> bool {
+        self.packets.len() >= REMEMBERED / 2
+    }
+
+    /// The packet with the next number leaves. Gives one that must be forgotten for it.
+    pub(super) fn push(&mut self, eliciting: Option<Sent>) -> Option<Sent> {
+        self.bytes += eliciting.as_ref().map_or(0, |sent| sent.bytes);
+        self.packets.push_back(eliciting);
+        let overflow = if self.packets.len() > REMEMBERED { self.forget(self.base) } else { None };
+        self.trim();
+        overflow
+    }
+
+    /// Those under way in the order of their numbers, below `end` if it is given.
+    pub(super) fn iter(&self, end: Option<PacketNumber>) -> impl Iterator<Item = &Sent> {
+        let count = end.map_or(usize::MAX, |end| self.index(end).unwrap_or(0));
+        self.packets.iter().take(count).flatten()
+    }
+
+    pub(super) fn get(&self, number: PacketNumber) -> Option<&Sent> {
+        self.packets.get(self.index(number)?)?.as_ref()
+    }
+
+    /// Takes a packet that is not under way any more.
+    pub(super) fn forget(&mut self, number: PacketNumber) -> Option<Sent> {
+        let at = self.index(number)?;
+        let sent = self.packets.get_mut(at)?.take()?;
+        self.bytes = self.bytes.saturating_sub(sent.bytes);
+        Some(sent)
+    }
+
+    /// Takes all that are under way.
+    pub(super) fn forget_all(&mut self) -> impl Iterator<Item = Sent> {
+        self.base = self.next_number();
+        self.bytes = 0;
+        std::mem::take(&mut self.packets).into_iter().flatten()
+    }
+
+    /// Frees the places below the first packet under way.
+    pub(super) fn trim(&mut self) {
+        while self.packets.front().is_some_and(Option::is_none) {
+            self.packets.pop_front();
+            self.base += 1;
+        }
+    }
+
+    fn index(&self, number: PacketNumber) -> Option<usize> {
+        usize::try_from(number.checked_sub(self.base)?).ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sent() -> Option<Sent> {
+        Some(Sent { at: Instant::from_nanos(0), bytes: 1000, contents: Contents::new() })
+    }
+
+    #[test]
+    fn what_is_never_acknowledged_is_not_remembered_for_ever() {
+        let mut flight = Flight::default();
+        flight.push(sent());
+        for _ in 1..REMEMBERED {
+            assert!(flight.push(None).is_none());
+        }
+        assert!(flight.push(None).is_some(), "one more than are remembered");
+        assert_eq!((flight.packets.len(), flight.bytes()), (0, 0));
+        assert_eq!(flight.next_number(), REMEMBERED as u64 + 1);
+        for _ in 0..REMEMBERED / 2 {
+            assert!(!flight.is_full());
+            flight.push(sent());
+        }
+        assert!(flight.is_full());
+    }
+
+    #[test]
+    fn places_are_freed_from_the_lowest_on() {
+        let mut flight = Flight::default();
+        (0..4).for_each(|_| assert!(flight.push(sent()).is_none()));
+        for (number, base) in [(1, 0), (0, 2), (0, 2), (9, 2), (3, 2), (2, 4)] {
+            let there = flight.get(number).is_some();
+            assert_eq!(flight.forget(number).is_some(), there, "{number}");
+            flight.trim();
+            assert_eq!(flight.base(), base);
+        }
+        assert_eq!((flight.next_number(), flight.bytes(), flight.iter(None).count()), (4, 0, 0));
+        (0..3).for_each(|_| assert!(flight.push(sent()).is_none()));
+        assert_eq!(flight.forget_all().count(), 3);
+        assert_eq!((flight.next_number(), flight.base(), flight.bytes()), (7, 7, 0));
+    }
+}
