@@ -1,4 +1,5 @@
-//! What frames cost where packets are lost: time and bytes, on the path of the example `lossy_path`.
+//! What frames cost where packets are lost: time and bytes, on the path of the example `lossy_path`, but counted in virtual time. With
+//! `--nocapture` the tests say what they count.
 
 use std::time::Duration;
 
@@ -36,7 +37,18 @@ impl Runs {
             bytes += pair.bytes.iter().sum::<u64>() + pair.sent * BELOW;
         }
         latencies.sort_unstable();
-        Self { latencies, bytes }
+        let runs = Self { latencies, bytes };
+        println!(
+            "{} in 1000 lost, {} bursts, repair {repair:?}: of {} frames {} waited, p99.9 {:?}, slowest {:?}, {} bytes each",
+            network.loss,
+            network.bursts,
+            runs.latencies.len(),
+            runs.waited(),
+            runs.p999(),
+            runs.slowest(),
+            bytes / runs.latencies.len() as u64,
+        );
+        runs
     }
 
     fn waited(&self) -> usize {
