@@ -14,7 +14,7 @@ use crate::recovery::REORDERING;
 /// acknowledgement of each second one (RFC 9000, section 13.2.2) would be a fortieth of its bytes.
 const MANY: u32 = 8;
 /// In how many acknowledgements a number is named: should all of them be lost, its packet is taken for lost.
-const NAMED: usize = 4;
+const NAMED: usize = 8;
 
 /// The numbers received. It is the replay window as well: below its lowest range everything counts as received.
 #[derive(Debug, Default)]
@@ -156,15 +156,15 @@ mod tests {
     }
 
     #[test]
-    fn a_packet_is_named_four_times() {
+    fn a_packet_is_named_eight_times() {
         let mut acks = Acks::default();
         let mut named = Vec::new();
-        for number in (0..20).step_by(2) {
+        for number in (0..30).step_by(2) {
             acks.on_received(Instant::from_nanos(0), number, Asks::Ack, DELAY);
             let Some(Chunk::Ack { numbers, .. }) = acks.take(Instant::from_nanos(0)) else { panic!("none") };
             named.extend(numbers.iter().flatten());
         }
-        for number in (0..14).step_by(2) {
+        for number in (0..16).step_by(2) {
             assert_eq!(named.iter().filter(|other| **other == number).count(), NAMED, "{number}");
         }
         // What comes late is named with all that came since, so that ranges stay few.
