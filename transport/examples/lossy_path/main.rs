@@ -36,10 +36,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for loss in rows.losses {
         for (kind, plain) in rows.kinds.iter().zip(&mut plain) {
             let outcome = session::run(kind, loss, rows.seconds)?;
-            *plain = plain.or(loss.is_none().then_some(outcome.kilobytes()));
             let more = plain.map_or(String::new(), |plain| {
                 format!("{:+.1} %", (outcome.kilobytes() / plain - 1.0) * 100.0)
             });
+            *plain = plain.or(loss.is_none().then_some(outcome.kilobytes()));
             println!(
                 "| {} | {} | {outcome} | {more} | {:.2} % |",
                 loss.name,

@@ -11,8 +11,8 @@ use crate::ranges::RangeSet;
 use crate::recovery::REORDERING;
 
 /// So many packets are acknowledged at once, and fewer when they have waited: a frame comes as a burst of packets, and an
-/// acknowledgement of each second one (RFC 9000, section 13.2.2) would be a fortieth of its bytes.
-const MANY: u32 = 8;
+/// acknowledgement of each second one (RFC 9000, section 13.2.2) would be a fortieth of its bytes. As many as a sender lets leave at once.
+const MANY: u32 = 10;
 /// In how many acknowledgements a number is named: should all of them be lost, its packet is taken for lost.
 const NAMED: usize = 8;
 
@@ -114,28 +114,28 @@ mod tests {
     const DELAY: Duration = Duration::from_millis(1);
 
     #[test]
-    fn every_eighth_packet_and_what_shows_a_loss_are_acknowledged_at_once() {
+    fn every_tenth_packet_and_what_shows_a_loss_are_acknowledged_at_once() {
         let mut acks = Acks::default();
         let now = Instant::from_nanos(0);
-        for number in 0..7 {
+        for number in 0..9 {
             acks.on_received(now, number, Asks::Ack, DELAY);
             assert_eq!(acks.due(), Some(now.after(DELAY)));
         }
-        acks.on_received(now, 7, Asks::Ack, DELAY);
+        acks.on_received(now, 9, Asks::Ack, DELAY);
         assert_eq!(acks.due(), Some(now));
         assert!(acks.take(now).is_some());
         assert!(acks.take(now).is_none());
-        for (number, wait) in [(9, true), (10, true), (11, false), (12, true), (8, false)] {
+        for (number, wait) in [(11, true), (12, true), (13, false), (14, true), (10, false)] {
             acks.on_received(now, number, Asks::Ack, DELAY);
             let due = if wait { now.after(DELAY) } else { now };
-            assert_eq!(acks.due(), Some(due), "number 8 is missing, {number} comes");
+            assert_eq!(acks.due(), Some(due), "number 10 is missing, {number} comes");
             assert!(acks.take(now).is_some());
         }
-        assert!(!acks.is_new(8) && acks.is_new(13));
-        for (number, wait) in [(14, true), (15, true), (17, false), (18, true), (19, false)] {
+        assert!(!acks.is_new(10) && acks.is_new(15));
+        for (number, wait) in [(16, true), (17, true), (19, false), (20, true), (21, false)] {
             acks.on_received(now, number, Asks::Ack, DELAY);
             let due = if wait { now.after(DELAY) } else { now };
-            assert_eq!(acks.due(), Some(due), "13 and 16 are missing, {number} comes");
+            assert_eq!(acks.due(), Some(due), "15 and 18 are missing, {number} comes");
             acks.take(now);
         }
     }

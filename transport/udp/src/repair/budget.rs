@@ -8,7 +8,7 @@ const FAILURES: f64 = 5e-4;
 const CLEAN: f64 = 5e-4;
 /// The share of losses that is taken for granted where repair is always sent.
 const EXPECTED: f64 = 0.01;
-/// What a packet costs beside its bytes of a frame, about: this protocol's fields and tag, the headers of UDP and IPv4, and an eighth of an
+/// What a packet costs beside its bytes of a frame, about: this protocol's fields and tag, the headers of UDP and IPv4, and its share of an
 /// acknowledgement.
 const BESIDE: usize = 76;
 /// A frame of fewer packets is not cut smaller: the packets would cost more than the repair.
