@@ -17,6 +17,7 @@ mod relay;
 mod simulation;
 mod tcp;
 mod text;
+mod timers;
 mod topology;
 mod wire;
 mod world;

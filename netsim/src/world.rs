@@ -5,9 +5,7 @@ use std::fmt;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard};
-use std::task::Waker;
 
-use slab::Slab;
 use trimaran_transport::Instant;
 use xxhash_rust::xxh3::Xxh3;
 
@@ -20,6 +18,7 @@ use crate::net::udp::UdpState;
 use crate::packet::{Body, Packet};
 use crate::random::Random;
 use crate::tcp::Class;
+use crate::timers::{Rung, Timers};
 use crate::topology::{HostId, Topology};
 use crate::wire::WireTally;
 
@@ -36,7 +35,7 @@ pub(crate) struct World {
 pub(crate) struct Core {
     pub(crate) now: Instant,
     pub(crate) random: Random,
-    pub(crate) timers: Slab<TimerState>,
+    pub(crate) timers: Timers,
     pub(crate) sockets: BTreeMap<u32, UdpState>,
     /// Which socket has a UDP port of a host.
     pub(crate) udp_ports: BTreeMap<(HostId, u16), u32>,
@@ -58,6 +57,8 @@ pub(crate) struct Core {
 #[derive(Debug, Clone, Copy)]
 enum Event {
     Timer(usize),
+    /// A machine's runtime wakes by itself.
+    Wake(HostId),
     Tcp(u32),
     Link(LinkEvent),
 }
@@ -66,14 +67,6 @@ impl From<LinkEvent> for Event {
     fn from(event: LinkEvent) -> Self {
         Self::Link(event)
     }
-}
-
-/// A timer. Only the earliest of its events counts; it adds another one where it was set to a later time meanwhile.
-#[derive(Debug, Default)]
-pub(crate) struct TimerState {
-    pub(crate) due: Option<Instant>,
-    pub(crate) waker: Option<Waker>,
-    queued: Option<Instant>,
 }
 
 impl fmt::Debug for Core {
@@ -88,7 +81,7 @@ impl World {
         let core = Core {
             now: start,
             random: Random::stream(seed, 0),
-            timers: Slab::new(),
+            timers: Timers::default(),
             sockets: BTreeMap::new(),
             udp_ports: BTreeMap::new(),
             tcp: BTreeMap::new(),
@@ -133,12 +126,14 @@ impl Core {
 
     /// Sets a timer.
     pub(crate) fn set_timer(&mut self, key: usize, at: Instant) {
-        let Some(timer) = self.timers.get_mut(key) else { return };
-        timer.due = Some(at);
-        if timer.queued.is_none_or(|queued| queued > at) {
-            timer.queued = Some(at);
+        if let Some(at) = self.timers.set(key, at) {
             self.events.add(at.max(self.now), Event::Timer(key));
         }
+    }
+
+    /// A machine's runtime has something to do.
+    pub(crate) fn rouse(&mut self, host: HostId) {
+        self.timers.rouse(self.now, host);
     }
 
     /// Sends a packet. `token` is told when it has left the machine.
@@ -185,6 +180,8 @@ impl Core {
     fn happen(&mut self, event: Event) {
         match event {
             Event::Timer(key) => self.ring(key),
+            Event::Wake(host) if self.timers.sleeps_late(host) => self.rouse(host),
+            Event::Wake(_) => {}
             Event::Tcp(number) => self.tcp_timer(number),
             Event::Link(event) => match self.fabric.happen(self.now, event, &mut self.events) {
                 Outcome::Underway => {}
@@ -198,20 +195,10 @@ impl Core {
     }
 
     fn ring(&mut self, key: usize) {
-        let now = self.now;
-        let Some(timer) = self.timers.get_mut(key) else { return };
-        if timer.queued.is_none_or(|queued| queued > now) {
-            return; // an earlier setting's, or that of a timer that had this key before
-        }
-        timer.queued = None;
-        match timer.due {
-            Some(due) if due > now => self.set_timer(key, due),
-            Some(_) => {
-                if let Some(waker) = timer.waker.take() {
-                    waker.wake();
-                }
-            }
-            None => {}
+        match self.timers.ring(self.now, key) {
+            Rung::Done => {}
+            Rung::Again(at) => self.events.add(at, Event::Timer(key)),
+            Rung::Asleep(host, until) => self.events.add(until, Event::Wake(host)),
         }
     }
 
@@ -220,8 +207,8 @@ impl Core {
         match packet.body {
             Body::Udp(data) => {
                 let socket = self.udp_ports.get(&port).and_then(|number| self.sockets.get_mut(number));
-                if let Some(socket) = socket {
-                    socket.receive(packet.src, packet.dst, packet.ecn, data);
+                if socket.is_some_and(|socket| socket.receive(packet.src, packet.dst, packet.ecn, data)) {
+                    self.rouse(packet.to);
                 }
             }
             Body::Tcp(segment) => self.tcp_segment(packet.to, packet.from, packet.dst, packet.src, &segment),
@@ -230,7 +217,9 @@ impl Core {
 
     fn left(&mut self, token: u32, ip_bytes: u32) {
         if let Some(socket) = self.sockets.get_mut(&token) {
-            socket.left(ip_bytes);
+            if let Some(host) = socket.left(ip_bytes) {
+                self.rouse(host);
+            }
         } else {
             self.tcp_left(token, ip_bytes);
         }

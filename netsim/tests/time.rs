@@ -202,24 +202,38 @@ fn a_socket_takes_no_more_than_its_send_buffer_until_packets_have_left() {
 }
 
 #[test]
-fn timers_with_a_grain_ring_at_the_next_multiple_of_it() {
+fn timers_with_a_grain_ring_when_a_runtime_that_sleeps_whole_ticks_wakes() {
     let topology = Topology::star(
-        &["only"],
+        &["only", "other"],
         &LinkModel::clean(None, Duration::ZERO),
         &LinkModel::clean(None, Duration::ZERO),
     );
     let simulation = Simulation::new(&topology, 1);
-    let exact = simulation.net(topology.find("only").unwrap());
+    let [exact, other] = ["only", "other"].map(|name| simulation.net(topology.find(name).unwrap()));
     let coarse = exact.clone().with_timer_grain(Duration::from_millis(1));
-    let rang = |net: SimNet, at: u64| {
+    let rang = |net: &SimNet, at: u64| {
         let rang = async move {
-            sleep_until(&net, Instant::from_nanos(at)).await;
+            sleep_until(net, Instant::from_nanos(at)).await;
             net.now().as_nanos()
         };
         simulation.run(rang).unwrap()
     };
-    assert_eq!(rang(exact, 1_234_567), 1_234_567);
-    assert_eq!(rang(coarse.clone(), 1_300_000), 2_000_000);
-    assert_eq!(rang(coarse.clone(), 3_000_000), 3_000_000, "a multiple is its own");
-    assert_eq!(rang(coarse, 3_000_001), 4_000_000);
+    assert_eq!(rang(&coarse, 300_000), 1_000_000, "it went to sleep on a tick");
+    assert_eq!(rang(&coarse, 2_000_000), 2_000_000, "a multiple is its own");
+    assert_eq!(rang(&exact, 2_234_567), 2_234_567);
+    assert_eq!(rang(&coarse, 2_300_000), 3_234_567, "a tick after it went to sleep");
+    assert_eq!(rang(&coarse, 4_234_568), 5_234_567, "and two more");
+    assert_eq!(rang(&other, 5_500_000), 5_500_000, "another machine's wake-ups are its own");
+    assert_eq!(rang(&coarse, 5_900_000), 6_234_567);
+    // Whatever else wakes it, it looks at its timers.
+    let (woken, late) = simulation
+        .run(async {
+            tokio::join!(sleep_until(&exact, Instant::from_nanos(7_100_000)), async {
+                sleep_until(&coarse, Instant::from_nanos(6_300_000)).await;
+                coarse.now().as_nanos()
+            })
+        })
+        .unwrap();
+    assert_eq!((woken, late), ((), 7_100_000));
+    assert_eq!(rang(&coarse, 7_200_000), 8_100_000);
 }

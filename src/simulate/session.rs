@@ -15,7 +15,7 @@ use super::bytes::{Account, Sent};
 use super::outcome::Ended;
 use super::{Cast, Outcome, Scenario};
 
-/// Links run on tokio, whose timers ring every millisecond; what roles compute ends at any time.
+/// Links run on tokio, which counts time in milliseconds; what roles compute ends at any time.
 const TIMER_GRAIN: Duration = Duration::from_millis(1);
 
 /// Why a session could not be simulated.

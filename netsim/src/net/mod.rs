@@ -34,8 +34,10 @@ impl fmt::Debug for SimNet {
 }
 
 impl SimNet {
-    /// This machine with timers that ring only at multiples of `grain`, not before their time, as those of many runtimes do: tokio's
-    /// grain is a millisecond. Without this they ring to the nanosecond.
+    /// This machine with timers as a runtime has them that counts time in ticks of `grain`, as tokio does with its milliseconds: they
+    /// ring at a multiple of it, not before their time, and there only if the runtime is awake. It sleeps for whole ticks, so that it
+    /// wakes as long after that multiple as it went to sleep after another one, unless a packet wakes it. Without this timers ring to
+    /// the nanosecond.
     #[must_use]
     pub fn with_timer_grain(self, grain: Duration) -> Self {
         let nanos = u64::try_from(grain.as_nanos()).unwrap_or(u64::MAX);
@@ -54,7 +56,7 @@ impl Net for SimNet {
     }
 
     fn timer(&self) -> Box<dyn Timer> {
-        Box::new(SimTimer::new(&self.world, self.timer_grain))
+        Box::new(SimTimer::new(self))
     }
 
     fn spawn(&self, task: BoxFuture<'static, ()>) {

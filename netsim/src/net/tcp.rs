@@ -129,9 +129,11 @@ impl Core {
             self.send(packet, token);
         }
         let Some(state) = self.tcp.get_mut(&number) else { return };
-        let wake = |waker: &mut Option<Waker>| {
+        let (host, mut roused) = (state.host, false);
+        let mut wake = |waker: &mut Option<Waker>| {
             if let Some(waker) = waker.take() {
                 waker.wake();
+                roused = true;
             }
         };
         let socket = &state.socket;
@@ -157,6 +159,10 @@ impl Core {
                 }
             }
         }
+        if roused {
+            self.rouse(host);
+        }
+        let Some(state) = self.tcp.get_mut(&number) else { return };
         if state.socket.is_over() {
             let key = (state.host, state.local.port(), state.peer);
             self.tcp_ports.remove(&key);

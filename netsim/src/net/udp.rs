@@ -23,6 +23,7 @@ const LARGEST_BUFFER: usize = 212_992;
 /// A bound socket.
 #[derive(Debug)]
 pub(crate) struct UdpState {
+    host: HostId,
     inbox: VecDeque<Datagram>,
     inbox_cost: usize,
     inbox_limit: usize,
@@ -48,11 +49,12 @@ fn cost(bytes: usize) -> usize {
 }
 
 impl UdpState {
-    fn new(options: UdpSocketOptions) -> Self {
+    fn new(host: HostId, options: UdpSocketOptions) -> Self {
         // Linux doubles what is asked for, to pay for its bookkeeping.
         let limit =
             |asked: Option<usize>| asked.map_or(LARGEST_BUFFER, |bytes| 2 * bytes.min(LARGEST_BUFFER));
         Self {
+            host,
             inbox: VecDeque::new(),
             inbox_cost: 0,
             inbox_limit: limit(options.recv_buffer),
@@ -63,25 +65,28 @@ impl UdpState {
         }
     }
 
-    /// A datagram has arrived; without room it is lost.
-    pub(crate) fn receive(&mut self, from: SocketAddr, to: SocketAddr, ecn: Ecn, data: Bytes) {
+    /// A datagram has arrived; without room it is lost. Says whether somebody waited for it.
+    pub(crate) fn receive(&mut self, from: SocketAddr, to: SocketAddr, ecn: Ecn, data: Bytes) -> bool {
         let cost = cost(data.len());
         if self.inbox_cost + cost > self.inbox_limit {
-            return;
+            return false;
         }
         self.inbox_cost += cost;
         self.inbox.push_back(Datagram { from, to, ecn, data });
-        if let Some(reader) = self.reader.take() {
-            reader.wake();
-        }
+        let reader = self.reader.take();
+        let awaited = reader.is_some();
+        reader.into_iter().for_each(Waker::wake);
+        awaited
     }
 
-    /// A packet of so many bytes has left the machine.
-    pub(crate) fn left(&mut self, ip_bytes: u32) {
+    /// A packet of so many bytes has left the machine. Gives the machine if somebody waited for that.
+    pub(crate) fn left(&mut self, ip_bytes: u32) -> Option<HostId> {
         self.outgoing = self.outgoing.saturating_sub(cost(ip_bytes as usize));
+        let awaited = !self.writers.is_empty();
         for writer in self.writers.drain(..) {
             writer.wake();
         }
+        awaited.then_some(self.host)
     }
 }
 
@@ -99,7 +104,7 @@ pub(super) fn bind(
     };
     let number = core.new_socket();
     core.udp_ports.insert((net.host, port), number);
-    core.sockets.insert(number, UdpState::new(options));
+    core.sockets.insert(number, UdpState::new(net.host, options));
     let local = SocketAddr::new(at.ip(), port);
     Ok(Arc::new(SimUdp { net: net.clone(), number, local }))
 }
