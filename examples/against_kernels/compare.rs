@@ -14,7 +14,8 @@ use crate::real::play;
 const NETWORKS: [&str; 3] = ["fast-ethernet", "wifi", "wan-20ms"];
 const LINKS: [Transport; 3] = [Transport::Tcp, Transport::Quic, Transport::Udp];
 const FRAMES: u32 = 500;
-const RUNS: u64 = 2;
+/// Where packets are lost the medians of runs differ by a millisecond (standard deviation): a few runs say little.
+const RUNS: u64 = 6;
 /// The simulator takes so many seeds for each of a real run.
 const SEEDS_A_RUN: u64 = 5;
 /// The first frames are left out: connections begin slowly.
@@ -61,6 +62,8 @@ impl Plan {
 struct Sample {
     /// Milliseconds, rising.
     latencies: Vec<f64>,
+    /// Of each run.
+    medians: Vec<f64>,
     late: usize,
     bytes: f64,
     frames: f64,
@@ -69,7 +72,11 @@ struct Sample {
 impl Sample {
     fn add(&mut self, times: &[FrameTimes], bytes: f64) {
         let times = times.get(WARM_UP..).unwrap_or_default();
-        self.latencies.extend(times.iter().map(|frame| millis(frame.shown.since(frame.published))));
+        let mut run: Vec<f64> =
+            times.iter().map(|frame| millis(frame.shown.since(frame.published))).collect();
+        run.sort_by(f64::total_cmp);
+        self.medians.push(at(&run, 0.5));
+        self.latencies.extend(run);
         self.latencies.sort_by(f64::total_cmp);
         let gaps = times.windows(2).filter_map(|pair| {
             let [before, after] = pair else { return None };
@@ -79,14 +86,23 @@ impl Sample {
         self.bytes += bytes;
     }
 
-    fn at(&self, share: f64) -> f64 {
-        let rank = (share * self.latencies.len() as f64).ceil() as usize;
-        self.latencies.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
+    /// How far the median may be off by chance: the standard error of the runs' medians.
+    fn error(&self) -> f64 {
+        let count = self.medians.len() as f64;
+        let mean = self.medians.iter().sum::<f64>() / count;
+        let squares: f64 = self.medians.iter().map(|median| (median - mean).powi(2)).sum();
+        (squares / (count - 1.0) / count).sqrt()
     }
 
     fn late_percent(&self) -> f64 {
         100.0 * self.late as f64 / self.latencies.len().max(1) as f64
     }
+}
+
+/// The smallest of rising values that so many are not above.
+fn at(rising: &[f64], share: f64) -> f64 {
+    let rank = (share * rising.len() as f64).ceil() as usize;
+    rising.get(rank.saturating_sub(1)).copied().unwrap_or(f64::NAN)
 }
 
 fn millis(time: Duration) -> f64 {
@@ -101,9 +117,9 @@ pub(crate) fn run(words: impl Iterator<Item = String>) -> Result<(), Box<dyn Err
         return Ok(());
     }
     println!(
-        "| network | link | p50 kernel | model | | p99 kernel | model | | bytes a frame kernel | model | | late at 30 kernel | model |"
+        "| network | link | p50 kernel | ± | model | ± | | p99 kernel | model | | bytes a frame kernel | model | | late at 30 kernel | model |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     let mut lateness = (0.0_f64, 0.0_f64);
     for name in &plan.networks {
         let network = Profile::find(name)?;
@@ -132,7 +148,7 @@ pub(crate) fn run(words: impl Iterator<Item = String>) -> Result<(), Box<dyn Err
         }
     }
     println!(
-        "\nmilliseconds; the network's packets were up to {:.0} us late at the 99th percentile of a run, {:.0} at most",
+        "\nmilliseconds, ±: standard error of the runs' medians; the network's packets were up to {:.0} us late at the 99th percentile of a run, {:.0} at most",
         lateness.0, lateness.1
     );
     Ok(())
@@ -149,10 +165,14 @@ fn print_row(network: &str, link: Transport, kernel: &Sample, model: &Sample) {
     let off = |real: f64, model: f64| 100.0 * (model / real - 1.0);
     let bytes = [kernel, model].map(|sample| sample.bytes / sample.frames);
     print!("| {network} | {} ", link.name());
-    for share in [0.5, 0.99] {
-        let [real, modelled] = [kernel, model].map(|sample| sample.at(share));
-        print!("| {real:.2} | {modelled:.2} | {:+.1} % ", off(real, modelled));
-    }
+    let [real, modelled] = [kernel, model].map(|sample| at(&sample.latencies, 0.5));
+    let [chance, modelled_chance] = [kernel, model].map(Sample::error);
+    print!(
+        "| {real:.2} | {chance:.2} | {modelled:.2} | {modelled_chance:.2} | {:+.1} % ",
+        off(real, modelled)
+    );
+    let [real, modelled] = [kernel, model].map(|sample| at(&sample.latencies, 0.99));
+    print!("| {real:.2} | {modelled:.2} | {:+.1} % ", off(real, modelled));
     let [real, modelled] = bytes;
     print!("| {real:.0} | {modelled:.0} | {:+.1} % ", off(real, modelled));
     println!("| {:.1} % | {:.1} % |", kernel.late_percent(), model.late_percent());

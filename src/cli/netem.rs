@@ -15,6 +15,10 @@ pub(crate) struct NetemArgs {
     /// Those that do not exist are made, and removed at the end. Their addresses are 10.0.0.1, .2 and .3, and fd00::1, ::2, ::3.
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', default_value = "first,second,display")]
     namespaces: Vec<String>,
+    /// Rather two Ethernet interfaces that exist, with whole machines behind them or other namespaces: that of the pair's first machine
+    /// and that of the display. What comes in at one goes out at the other; neither may have an address of this machine.
+    #[arg(long, value_name = "INTERFACE,INTERFACE", value_delimiter = ',', conflicts_with = "namespaces")]
+    between: Option<Vec<String>>,
     /// The seed of losses and delays.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -71,7 +75,11 @@ mod linux {
         let runtime = runtime()?;
         // Set before anything is made, so that nothing is left behind.
         let stop = stop_on_signal(&runtime);
-        let emulation = Emulation::start(profile, &args.namespaces, args.seed).map_err(failure)?;
+        let emulation = match &args.between {
+            None => Emulation::start(profile, &args.namespaces, args.seed),
+            Some(interfaces) => Emulation::between(profile, interfaces, args.seed),
+        }
+        .map_err(failure)?;
         if !args.json && io::stdout().is_terminal() {
             for (host, namespace) in emulation.machines() {
                 println!(
@@ -80,6 +88,9 @@ mod linux {
                     host.v4(),
                     host.v6()
                 );
+            }
+            for interface in emulation.interfaces() {
+                println!("joined {}", interface.name());
             }
         }
         let net = TokioNet::new(runtime.handle().clone());

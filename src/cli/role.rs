@@ -143,7 +143,7 @@ fn display(config: &DisplayConfig) -> Result<(), Failure> {
         patience_s: config.patience_s,
         reconnect_s: config.reconnect_s,
         metrics: config.metrics,
-        trace: None,
+        trace: config.record.clone(),
     };
     let report = stage.show(&file, show, &config.out, &runtime, pending())?;
     conclude(&report, &config.out, false)

@@ -26,6 +26,7 @@ const USUAL: Duration = Duration::from_millis(5);
 
 pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
     let scenarios = scenarios(args)?;
+    warn_of_deadlines(&scenarios);
     if let Some(folder) = &args.pcap {
         fs::create_dir_all(folder).map_err(Failure::broken)?;
     }
@@ -98,6 +99,22 @@ fn scenarios(args: &SimArgs) -> Result<Vec<Scenario>, Failure> {
         }
     }
     Ok(scenarios)
+}
+
+/// Says where deadlines are over before anything can have come.
+fn warn_of_deadlines(scenarios: &[Scenario]) {
+    let hopeless = scenarios.iter().filter(|scenario| scenario.gives_up_everything());
+    let mut said: Vec<String> = hopeless
+        .map(|Scenario { network, knobs, .. }| {
+            let [deadline, way] = [knobs.deadline, network.way_to_display()].map(|time| time.as_secs_f64() * 1e3);
+            let name = &network.name;
+            format!("trimaran: by {name} the way to the display takes {way} ms, and a frame may take {deadline}: each will have gaps; take a longer --udp-deadline-ms, or --link udp")
+        })
+        .collect();
+    said.dedup();
+    for line in said {
+        eprintln!("{line}");
+    }
 }
 
 fn workloads(args: &SimArgs) -> Result<Vec<Workload>, Failure> {

@@ -95,6 +95,10 @@ pub struct DisplayConfig {
     /// Where report and frames go.
     #[config(env = "TRIMARAN_OUT", layer_attr(arg(long, value_name = "DIR")))]
     pub out: PathBuf,
+    /// Where to record what each frame asked of the roles, for `trimaran sim --trace`.
+    #[config(env = "TRIMARAN_RECORD", layer_attr(arg(long, value_name = "X.trace")))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub record: Option<PathBuf>,
     /// The Vulkan device, by a part of its name; the best there is if not given.
     #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "NAME")))]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -204,8 +208,8 @@ impl RoleConfig for SwitchConfig {
 impl RoleConfig for DisplayConfig {
     fn paths(layer: &mut Self::Layer) -> impl Iterator<Item = &mut PathBuf> {
         let peers = &mut layer.peers;
-        let paths = [&mut layer.scene, &mut layer.out, &mut layer.keys, &mut peers.first, &mut peers.second];
-        paths.into_iter().flatten()
+        let own = [&mut layer.scene, &mut layer.out, &mut layer.record, &mut layer.keys];
+        own.into_iter().chain([&mut peers.first, &mut peers.second]).flatten()
     }
 
     fn check(&self) -> Result<(), ConfigError> {

@@ -5,20 +5,20 @@ use std::io;
 use std::net::IpAddr;
 use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::thread;
 
 use rustix::thread::{LinkNameSpaceType, move_into_link_name_space};
 use tun_rs::{DeviceBuilder, SyncDevice};
 
 use super::NetemError;
+use super::iproute::ip;
 
 /// Where iproute2 keeps the namespaces that have names.
 const FOLDER: &str = "/run/netns";
 /// What the device of a namespace is called in it.
 const DEVICE: &str = "net0";
 /// How many packets wait in a device for whoever reads it: more than come while a busy machine runs something else.
-const DEVICE_QUEUE: u32 = 10_000;
+pub(super) const DEVICE_QUEUE: u32 = 10_000;
 
 /// A network namespace with a name, as `ip netns` makes them. One that was made is removed when this is dropped; one that was
 /// there before stays.
@@ -30,7 +30,10 @@ pub struct Namespace {
 
 impl Namespace {
     /// The namespace of that name, made if there is none.
-    pub(super) fn find_or_make(name: &str) -> Result<Self, NetemError> {
+    ///
+    /// # Errors
+    /// When there is none and iproute2 cannot make it.
+    pub fn find_or_make(name: &str) -> Result<Self, NetemError> {
         let made = !path(name).exists();
         if made {
             ip(&["netns", "add", name])?;
@@ -92,14 +95,4 @@ impl Drop for Namespace {
 
 fn path(name: &str) -> PathBuf {
     Path::new(FOLDER).join(name)
-}
-
-/// Runs iproute2's `ip`.
-fn ip(words: &[&str]) -> Result<(), NetemError> {
-    let output = Command::new("ip").args(words).output().map_err(|cause| NetemError::NoIp { cause })?;
-    if output.status.success() {
-        return Ok(());
-    }
-    let said = String::from_utf8_lossy(&output.stderr).trim().to_owned();
-    Err(NetemError::Ip { command: words.join(" "), said })
 }

@@ -72,19 +72,36 @@ pub fn tables(outcomes: &[Outcome]) -> String {
     });
     if outcomes.iter().any(|run| run.pixels.is_some()) {
         out += "\nwhat gaps cost the pictures: frames with a wrong pixel, wrong pixels a frame over all frames, the most in one, needless \
-                triangles a frame\n\n";
-        out += &of(outcomes, &["frames wrong", "wrong pixels", "worst", "triangles", "p99 ms"], |run| {
+                triangles a frame; ±: how far sessions with other seeds are apart, as their standard deviation\n\n";
+        let head =
+            ["sessions", "frames wrong", "wrong pixels", "±", "worst", "triangles", "±", "p99 ms", "±"];
+        out += &of(outcomes, &head, |run| {
             let Some(cost) = run.pixels else { return Vec::new() };
+            let [p99, wrong, needless] = deviations(run).map(|apart| apart.map_or_else(String::new, figure));
             vec![
+                run.sessions.len().to_string(),
                 cost.frames_wrong.to_string(),
                 figure(cost.wrong_a_frame()),
+                wrong,
                 cost.worst.to_string(),
                 figure(cost.needless_a_frame()),
+                needless,
                 figure(run.latency_ms.p99),
+                p99,
             ]
         });
     }
     out
+}
+
+/// How far sessions with other seeds are apart in latency at the 99th percentile, wrong pixels a frame and needless triangles a frame.
+fn deviations(run: &Outcome) -> [Option<f64>; 3] {
+    [
+        run.spread(|session| Some(session.latency_ms.p99)),
+        run.spread(|session| Some(session.pixels?.wrong_a_frame())),
+        run.spread(|session| Some(session.pixels?.needless_a_frame())),
+    ]
+    .map(|spread| spread.and_then(|spread| spread.deviation))
 }
 
 fn of(outcomes: &[Outcome], head: &[&str], row: impl Fn(&Outcome) -> Vec<String>) -> String {
@@ -98,13 +115,14 @@ fn names(run: &Outcome) -> [String; 4] {
     [run.network.clone(), run.label(), figure(run.nodes), run.batch.to_string()]
 }
 
-/// A line a run, with the figures of the tables; pixels are empty where nothing was drawn.
+/// A line a run, with the figures of the tables; pixels are empty where nothing was drawn, deviations where there is one session.
 #[must_use]
 pub fn runs_csv(outcomes: &[Outcome]) -> String {
     let mut csv = "network,link,coding,nodes,batch,seed,frames,p50_ms,p95_ms,p99_ms,p999_ms,waiting_ms,network_ms,or_ms,hc_ms,rvg_ms,\
                    frames_per_second,late_at_30,late_at_60,incomplete,bytes,ids,messages,transport,transport_headers,ip_headers,\
                    link_layer,packets,acknowledgements,repetitions,keepalive,handshake,header,paper,corrected,\
-                   corrected_as_measured,frames_wrong,wrong_pixels,worst_pixels,needless_triangles\n"
+                   corrected_as_measured,frames_wrong,wrong_pixels,worst_pixels,needless_triangles,p99_ms_deviation,\
+                   wrong_pixels_deviation,needless_triangles_deviation\n"
         .to_owned();
     for run in outcomes {
         let (latency, bytes) = (run.latency_ms, &run.bytes);
@@ -148,7 +166,9 @@ pub fn runs_csv(outcomes: &[Outcome]) -> String {
                 format!("{},{wrong},{},{needless}", cost.frames_wrong, cost.worst)
             },
         );
-        csv += &format!("{},{},{figures},{pixels}\n", key(run), run.frames);
+        let apart =
+            deviations(run).map(|apart| apart.map_or_else(String::new, |apart| apart.to_string())).join(",");
+        csv += &format!("{},{},{figures},{pixels},{apart}\n", key(run), run.frames);
     }
     csv
 }

@@ -13,7 +13,7 @@ mod workload;
 
 pub use bytes::FrameBytes;
 pub use cast::Cast;
-pub use outcome::{FrameTimes, Outcome, Percentiles, Split, pooled};
+pub use outcome::{FrameTimes, Outcome, Percentiles, Session, Split, Spread, pooled};
 pub use pixels::{Painter, PixelCost, PixelError};
 pub use session::{RoleFailure, SimulateError, simulate, simulate_captured};
 pub use workload::{Load, Times, Workload, WorkloadError};
@@ -41,6 +41,14 @@ pub struct Scenario {
     pub workload: Workload,
     /// What else may be set.
     pub knobs: Knobs,
+}
+
+impl Scenario {
+    /// Whether every frame's deadline is over before anything of it can have come to the display.
+    #[must_use]
+    pub fn gives_up_everything(&self) -> bool {
+        self.link == Transport::UdpDeadline && self.knobs.deadline <= self.network.way_to_display()
+    }
 }
 
 /// What of links may be set in a simulation beside the transport.

@@ -94,6 +94,8 @@ pub struct Outcome {
     pub incomplete: u32,
     /// What the gaps cost the pictures, where they were drawn.
     pub pixels: Option<PixelCost>,
+    /// What each session was by itself, where several were taken together.
+    pub sessions: Vec<Session>,
     /// Bytes a frame, from the first camera to the last picture.
     pub bytes: FrameBytes,
     /// A hash of when, between whom and how large every packet was; of each session.
@@ -106,6 +108,26 @@ pub struct Outcome {
     pub remains: BTreeMap<u32, Vec<DrawableId>>,
     #[serde(skip)]
     account: Account,
+}
+
+/// One session of several that differ in their seeds only: how far they are apart says what is chance.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Session {
+    /// Its seed.
+    pub seed: u64,
+    /// From a camera leaving RVG to its picture shown, milliseconds.
+    pub latency_ms: Percentiles,
+    /// What its gaps cost the pictures, where they were drawn.
+    pub pixels: Option<PixelCost>,
+}
+
+/// What sessions have on average, and how far they are from it: the standard deviation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spread {
+    /// The sum of all, divided by their number.
+    pub mean: f64,
+    /// How far a session is from the mean; none where there is only one.
+    pub deviation: Option<f64>,
 }
 
 /// A distribution.
@@ -159,6 +181,7 @@ impl Outcome {
             late_at_60: 0,
             incomplete: 0,
             pixels: None,
+            sessions: Vec::new(),
             bytes: FrameBytes::of(&account, 0.0, 1),
             trace_hashes: vec![format!("{trace_hash:016x}")],
             times,
@@ -211,6 +234,20 @@ impl Outcome {
         format!("{}{deadline}{repair}", self.link.name())
     }
 
+    /// What the sessions have of something; none where one of them has not.
+    #[must_use]
+    pub fn spread(&self, of: impl Fn(&Session) -> Option<f64>) -> Option<Spread> {
+        Spread::of(&self.sessions.iter().map(of).collect::<Option<Vec<f64>>>()?)
+    }
+
+    /// With itself as its only session, unless it has some.
+    fn by_itself(mut self) -> Self {
+        if let ([seed], true) = (self.seeds.as_slice(), self.sessions.is_empty()) {
+            self.sessions.push(Session { seed: *seed, latency_ms: self.latency_ms, pixels: self.pixels });
+        }
+        self
+    }
+
     /// Whether the two differ in their seeds only.
     fn is_like(&self, other: &Self) -> bool {
         let what = |outcome: &Self| (outcome.network.clone(), outcome.label(), outcome.coding, outcome.batch);
@@ -221,7 +258,8 @@ impl Outcome {
 /// Neighbours that differ in their seeds only, taken together: their frames are one distribution.
 #[must_use]
 pub fn pooled(outcomes: &[Outcome]) -> Vec<Outcome> {
-    outcomes.chunk_by(Outcome::is_like).filter_map(|alike| alike.iter().cloned().reduce(pool)).collect()
+    let alone = |alike: &[Outcome]| alike.iter().cloned().map(Outcome::by_itself).reduce(pool);
+    outcomes.chunk_by(Outcome::is_like).filter_map(alone).collect()
 }
 
 fn pool(mut all: Outcome, more: Outcome) -> Outcome {
@@ -231,6 +269,7 @@ fn pool(mut all: Outcome, more: Outcome) -> Outcome {
     all.trace_hashes.extend(more.trace_hashes);
     all.times.extend(more.times);
     all.remains.extend(more.remains.into_iter().map(|(frame, ids)| (first + frame, ids)));
+    all.sessions.extend(more.sessions);
     all.pixels = all.pixels.zip(more.pixels).map(|(one, other)| one + other);
     all.account = all.account + more.account;
     all.summed_up()
@@ -276,6 +315,18 @@ fn milliseconds(time: Duration) -> f64 {
     time.as_secs_f64() * 1e3
 }
 
+impl Spread {
+    /// Of these values; none if there are none.
+    #[must_use]
+    pub fn of(values: &[f64]) -> Option<Self> {
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+        let deviation = (values.len() > 1).then(|| (squares / (count - 1.0)).sqrt());
+        (!values.is_empty()).then_some(Self { mean, deviation })
+    }
+}
+
 impl Percentiles {
     fn of(mut values: Vec<f64>) -> Self {
         values.sort_by(f64::total_cmp);
@@ -300,6 +351,16 @@ mod tests {
         assert_eq!(Percentiles::of(values), expected);
         assert_eq!(Percentiles::of(vec![7.0]).p999, 7.0);
         assert_eq!(Percentiles::of(Vec::new()).p50, 0.0);
+    }
+
+    #[test]
+    fn values_are_spread_around_their_mean() {
+        assert_eq!(
+            Spread::of(&[2.0, 4.0, 9.0]),
+            Some(Spread { mean: 5.0, deviation: Some(13.0_f64.sqrt()) })
+        );
+        assert_eq!(Spread::of(&[7.0]), Some(Spread { mean: 7.0, deviation: None }));
+        assert_eq!(Spread::of(&[]), None);
     }
 
     fn frame([published, asked, taken, fed, occluded, culled, arrived, shown]: [u64; 8]) -> FrameTimes {

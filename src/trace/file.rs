@@ -152,7 +152,11 @@ impl Trace {
             .map_err(|fault| TraceError { path: path.to_owned(), fault })
     }
 
-    fn to_bytes(&self) -> Result<Vec<u8>, TraceFault> {
+    /// The trace as it stands in a file.
+    ///
+    /// # Errors
+    /// Never but where memory has no room for it.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, TraceFault> {
         let stored = Stored {
             scene: self.scene.0,
             size: self.size,
@@ -172,7 +176,11 @@ impl Trace {
         Ok(bytes)
     }
 
-    fn from_bytes(bytes: &[u8]) -> Result<Self, TraceFault> {
+    /// Reads a trace as it stands in a file, and checks it.
+    ///
+    /// # Errors
+    /// When these bytes are anything but a whole trace.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, TraceFault> {
         let found = bytes.len() as u64;
         if !looks_like_a_trace(bytes) {
             return Err(TraceFault::Foreign);

@@ -6,7 +6,7 @@ use super::figures::card;
 use super::timeline::Timeline;
 use crate::report::format::{figure, grouped};
 use crate::report::schema::{Frame, Role, Seat, Span};
-use crate::simulate::{FrameTimes, Outcome};
+use crate::simulate::{FrameTimes, Outcome, Spread};
 
 /// The colours of runs, in turn.
 const CLASSES: [&str; 6] = ["k0", "k1", "k2", "k3", "k4", "k5"];
@@ -136,11 +136,14 @@ fn split(runs: &[Outcome]) -> String {
     )
 }
 
-/// Latency against what it costs the pictures, where that was drawn.
+/// Latency against what it costs the pictures, where that was drawn: a point a session, so that chance shows.
 fn error_curve(runs: &[Outcome]) -> String {
     let point = |(run, class): (&Outcome, &&'static str)| {
-        let points = vec![(run.latency_ms.p99, run.pixels?.wrong_a_frame())];
-        Some(Series { name: name(runs, run), class, mark: Mark::Points, points })
+        run.pixels?;
+        let points = run.sessions.iter();
+        let points =
+            points.filter_map(|session| Some((session.latency_ms.p99, session.pixels?.wrong_a_frame())));
+        Some(Series { name: name(runs, run), class, mark: Mark::Points, points: points.collect() })
     };
     let series: Vec<Series> = runs.iter().zip(CLASSES.iter().cycle()).filter_map(point).collect();
     if series.is_empty() {
@@ -155,11 +158,32 @@ fn error_curve(runs: &[Outcome]) -> String {
         keys: &[],
     };
     let network = runs.first().map_or("", |run| &run.network);
+    let head = [
+        "mean of sessions, ± standard deviation",
+        "p99, ms",
+        "wrong pixels a frame",
+        "needless triangles a frame",
+        "sessions",
+    ];
+    let rows = runs.iter().filter(|run| run.pixels.is_some()).map(|run| {
+        let spreads = [
+            run.spread(|session| Some(session.latency_ms.p99)),
+            run.spread(|session| Some(session.pixels?.wrong_a_frame())),
+            run.spread(|session| Some(session.pixels?.needless_a_frame())),
+        ];
+        let cells = spreads.map(|spread| spread.map_or_else(String::new, around));
+        std::iter::once(name(runs, run)).chain(cells).chain([run.sessions.len().to_string()]).collect()
+    });
     cards(
         &format!("{network}: what is late in one mode is wrong in the other"),
         &chart.svg(),
-        "Pixels that are not as they would have been with every id, over all frames.",
-    )
+        "Pixels that are not as they would have been with every id, over all frames. Each point is a session with a seed of its own.",
+    ) + &table(&head, rows)
+}
+
+/// A mean with how far single values are from it.
+fn around(Spread { mean, deviation }: Spread) -> String {
+    deviation.map_or_else(|| figure(mean), |apart| format!("{} ± {}", figure(mean), figure(apart)))
 }
 
 /// Bytes a frame over the ids a batch, or over the ids a frame where only that varies, beside both formulas.

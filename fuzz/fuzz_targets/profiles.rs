@@ -1,0 +1,4 @@
+//! Networks written down.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| trimaran_fuzz::files::profiles(bytes));

@@ -1,0 +1,4 @@
+//! Recorded walks.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| trimaran_fuzz::files::traces(bytes));

@@ -1,0 +1,48 @@
+//! What must hold for any files at all. The fuzz targets search for files that break it; an ordinary test of `trimaran` replays the
+//! corpus.
+
+use trimaran::netem::tc_commands;
+use trimaran::trace::Trace;
+use trimaran_netsim::Profile;
+use xxhash_rust::xxh3::xxh3_64;
+
+/// Any bytes, as a trace's contents behind a right head and before a right checksum, are refused or read; and what was read is written
+/// and read again as the same trace. As a whole file they do no harm either.
+pub fn traces(bytes: &[u8]) {
+    let _refused = Trace::from_bytes(bytes);
+    let Ok(trace) = Trace::from_bytes(&sealed(bytes)) else { return };
+    for frame in trace.frames() {
+        assert!(frame.ids.is_sorted_by(|a, b| a < b));
+        let ends = [0, frame.ids.len(), usize::MAX].map(|count| frame.found_at(count));
+        assert!(ends.iter().all(|at| *at <= frame.hc), "{ends:?}");
+    }
+    // Compared as it is written: an epsilon that is not a number equals nothing.
+    let written = trace.to_bytes().ok();
+    let again = written.as_deref().and_then(|bytes| Trace::from_bytes(bytes).ok());
+    assert_eq!(again.and_then(|again| again.to_bytes().ok()), written);
+    assert!(written.is_some());
+}
+
+/// A trace's file with these contents: `docs/report.md` says what it looks like.
+fn sealed(contents: &[u8]) -> Vec<u8> {
+    let mut file = b"trimaran trace\n\x1a".to_vec();
+    file.extend(1_u32.to_le_bytes());
+    file.extend((contents.len() as u64).to_le_bytes());
+    file.extend(contents);
+    file.extend(xxh3_64(&file).to_le_bytes());
+    file
+}
+
+/// Any text is a network or is refused by an error that can be read; and of a network the machines and `tc`'s command lines can be had.
+pub fn profiles(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    match Profile::parse("any", text) {
+        Ok(profile) => {
+            let (topology, machines) = profile.topology();
+            assert_eq!(topology.at(machines.display.v4()), Some(machines.display));
+            assert!(tc_commands(&profile).contains("tc qdisc replace"));
+            assert!(profile.way_to_display() >= profile.up.conditions.delay);
+        }
+        Err(refusal) => assert!(refusal.to_string().contains("any")),
+    }
+}
