@@ -1,98 +1,201 @@
 #!/bin/sh
-# Takes the figures of docs/networks.md and docs/bandwidth.md again and prints their tables as Markdown.
+# Takes the figures of docs/networks.md and docs/bandwidth.md again, and writes them between the marks there.
 #
-#   docs/figures.sh                          those of stated models
-#   docs/figures.sh walk.trace walk.scene    and those of a walk, recorded with `trimaran run walk.scene --record walk.trace`
+#   docs/figures.sh               those of stated models: two minutes on two cores, after the program is built
+#   docs/figures.sh city.scene    and those of a walk through a scene, which is recorded first: five more, and a Vulkan device
 #
-# Nothing in them depends on the machine or on what else it does: the same program gives the same figures. TRIMARAN names the
-# program, ./target/release/trimaran if it is not set.
+# Nothing in the first ones depends on the machine or on what else it does: the same program gives the same figures. A walk's ids
+# are the same on any machine, too; when culling finds them is not. TRIMARAN names the program; without it, it is built.
 set -eu
-cd "$(dirname "$0")/.."
-program=${TRIMARAN:-target/release/trimaran}
+here=$(cd "$(dirname "$0")" && pwd)
+scene=${1:+$(realpath "$1")}
+cd "$here/.."
+if [ -z "${TRIMARAN:-}" ]; then
+    cargo build --release --bin trimaran
+    TRIMARAN=${CARGO_TARGET_DIR:-target}/release/trimaran
+fi
 out=$(mktemp -d)
 trap 'rm -r "$out"' EXIT
 
-# sim ARGS..: a run of the simulator; its figures lie in $out/runs.csv then.
-sim() {
-    echo
-    printf '```sh\ntrimaran sim'; printf ' %s' "$@"; printf '\n```\n'
-    "$program" sim "$@" --out "$out" > /dev/null
+# begin BLOCK: what follows is for the marks of that name.
+begin() {
+    block=$out/$1.block
+    : > "$block"
+    echo "$1" >&2
 }
 
-# table 'COLUMN=TITLE' ..: what the last run found, a row a run. COLUMN is one of runs.csv, or COLUMN/COLUMN, or late%.
+# says COMMAND..: the command of the figures that follow.
+says() {
+    { printf '```sh\n'; printf 'trimaran'; printf ' %s' "$@"; printf '\n```\n'; } >> "$block"
+}
+
+# quietly ARGS..: a run of the simulator; its figures lie in $out/runs.csv then.
+quietly() {
+    "$TRIMARAN" sim "$@" --out "$out" > /dev/null
+}
+
+# sim ARGS..: the same, and the block has its command.
+sim() {
+    says sim "$@"
+    quietly "$@"
+}
+
+# What every awk below needs: figures of three digits, columns by name.
+lib='
+    function cell(text) { return text ~ /^-?[0-9.]+(e-?[0-9]+)?$/ ? figure(text + 0) : text }
+    # Integers with commas, others with three digits that count.
+    function figure(value,   text) {
+        if (value >= 1000) {
+            text = sprintf("%d", value + 0.5)
+            while (match(text, /[0-9][0-9][0-9][0-9](,|$)/)) {
+                text = substr(text, 1, RSTART) "," substr(text, RSTART + 1)
+            }
+            return text
+        }
+        if (value == int(value)) return value ""
+        return sprintf(value >= 100 ? "%.0f" : value >= 10 ? "%.1f" : value >= 1 ? "%.2f" : "%.3f", value)
+    }
+    # COLUMN, COLUMN/COLUMN or late%.
+    function value(name,   parts) {
+        if (name == "late%") return sprintf("%.1f %%", 100 * $at["late_at_30"] / $at["frames"])
+        if (split(name, parts, "/") == 2) return figure($at[parts[1]] / $at[parts[2]])
+        return cell($at[name])
+    }
+    function columns(spec, names, titles,   count, list, place, pair) {
+        count = split(spec, list, " ")
+        for (place = 1; place <= count; place++) {
+            split(list[place], pair, "=")
+            names[place] = pair[1]; titles[place] = pair[2]; gsub(/_/, " ", titles[place])
+        }
+        return count
+    }
+    function add(title) { head = head " " title " |"; rule = rule "---|" }
+    NR == 1 { for (place = 1; place <= NF; place++) at[$place] = place; next }
+'
+
+# table 'COLUMN=TITLE' ..: what the last run found, a row a run.
 table() {
-    awk -F, -v spec="$*" '
-        function cell(text) { return text ~ /^-?[0-9.]+(e-?[0-9]+)?$/ ? figure(text + 0) : text }
-        # Integers with commas, others with three digits that count.
-        function figure(value,   text) {
-            if (value >= 1000) {
-                text = sprintf("%d", value + 0.5)
-                while (match(text, /[0-9][0-9][0-9][0-9](,|$)/)) {
-                    text = substr(text, 1, RSTART) "," substr(text, RSTART + 1)
-                }
-                return text
-            }
-            if (value == int(value)) return value ""
-            return sprintf(value >= 100 ? "%.0f" : value >= 10 ? "%.1f" : value >= 1 ? "%.2f" : "%.3f", value)
-        }
-        function value(name,   parts) {
-            if (name == "late%") return sprintf("%.1f %%", 100 * $at["late_at_30"] / $at["frames"])
-            if (split(name, parts, "/") == 2) return figure($at[parts[1]] / $at[parts[2]])
-            return cell($at[name])
-        }
-        NR == 1 {
-            for (place = 1; place <= NF; place++) at[$place] = place
-            columns = split(spec, column, " ")
+    awk -F, -v spec="$*" "$lib"'
+        NR == 2 {
+            count = columns(spec, name, title)
             head = "|"; rule = "|"
-            for (place = 1; place <= columns; place++) {
-                split(column[place], pair, "=")
-                name[place] = pair[1]; title = pair[2]; gsub(/_/, " ", title)
-                head = head " " title " |"; rule = rule "---|"
-            }
-            print ""; print head; print rule
-            next
+            for (place = 1; place <= count; place++) add(title[place])
+            print head; print rule
         }
         {
             row = "|"
-            for (place = 1; place <= columns; place++) row = row " " value(name[place]) " |"
+            for (place = 1; place <= count; place++) row = row " " value(name[place]) " |"
             print row
         }
-    ' "$out/runs.csv"
+    ' "$out/runs.csv" >> "$block"
+}
+
+# across COLUMN 'KEYS' 'VALUES' 'OTHERS': a row for each value of the keys, and in it a group of values for each value of COLUMN;
+# the others are those of the first one.
+across() {
+    awk -F, -v over="$1" -v keys="$2" -v values="$3" -v others="${4:-}" "$lib"'
+        NR == 2 { count = columns(keys, key, key_title); many = columns(values, name, title); more = columns(others, other, other_title) }
+        {
+            row = "|"
+            for (place = 1; place <= count; place++) row = row " " value(key[place]) " |"
+            group = $at[over]
+            if (!(row in seen)) { seen[row] = 1; rows[++length_of_rows] = row }
+            if (!(group in known)) { known[group] = 1; groups[++length_of_groups] = group }
+            for (place = 1; place <= many; place++) held[row, group, place] = value(name[place])
+            if (group == groups[1]) for (place = 1; place <= more; place++) rest[row, place] = value(other[place])
+        }
+        END {
+            head = "|"; rule = "|"
+            for (place = 1; place <= count; place++) add(key_title[place])
+            for (place = 1; place <= many; place++) for (g = 1; g <= length_of_groups; g++) add(groups[g] title[place])
+            for (place = 1; place <= more; place++) add(other_title[place])
+            print head; print rule
+            for (r = 1; r <= length_of_rows; r++) {
+                row = rows[r]
+                for (place = 1; place <= many; place++) for (g = 1; g <= length_of_groups; g++) row = row " " held[rows[r], groups[g], place] " |"
+                for (place = 1; place <= more; place++) row = row " " rest[rows[r], place] " |"
+                print row
+            }
+        }
+    ' "$out/runs.csv" >> "$block"
+}
+
+# place FILE: its marks get what was taken; a mark of what was not keeps what it has.
+place() {
+    awk -v out="$out" '
+        /^<!-- figures: / {
+            print
+            name = out "/" $3 ".block"
+            taken = (getline line < name) > 0
+            if (taken) { do print line; while ((getline line < name) > 0); close(name) }
+            next
+        }
+        /^<!-- end of figures -->/ { taken = 0 }
+        !taken
+    ' "$1" > "$out/page"
+    cat "$out/page" > "$1"
 }
 
 latency='network=network link=link p50_ms=p50 p95_ms=p95 p99_ms=p99 p999_ms=p99.9 frames_per_second=frames/s late%=late incomplete=gaps bytes=bytes_a_frame'
-bytes='link=link nodes=n batch=b bytes=all ids=ids messages=messages transport=transport transport_headers=tcp/udp ip_headers=ip link_layer=link_layer packets=packets acknowledgements=acks corrected=added corrected_as_measured=added,_h_as_is paper=paper'
+parts='link=link batch=b bytes=all ids=ids messages=messages transport=transport transport_headers=tcp/udp_headers ip_headers=IP link_layer=link_layer packets=packets'
 
-echo "## Which transport for which network"
+begin wired
 sim --network fast-ethernet,gigabit,10g --link tcp,quic,udp --frames 2000
 table $latency
-sim --network wifi,wan-20ms,wan-80ms,lte,satellite --link tcp,quic,udp,udp-deadline --frames 2000 --seed 1,2,3,4,5
+begin lossy
+sim --network wifi,wan-20ms,wan-80ms,lte --link tcp,quic,udp,udp-deadline --frames 2000 --seed 1,2,3,4,5
+table $latency
+begin satellite
+sim --network satellite --link tcp,quic,udp,udp-deadline --udp-deadline-ms 50,400 --frames 2000 --seed 1,2,3,4,5
 table $latency
 
-echo; echo "## Batches"
+begin batches
 sim --network fast-ethernet --link tcp,quic,udp --frames 300 --batch 1,10,30,100,300,1000,4000
-table link=link batch=b network_ms=network waiting_ms=waiting p50_ms=latency_p50 p99_ms=p99 bytes=bytes_a_frame
+across link batch=ids_a_batch 'p50_ms=_p50 bytes=_bytes'
 
-echo; echo "## Bandwidth"
+begin formulas
 sim --network gigabit --link tcp,quic,udp --frames 200 --nodes 100,1000,4000 --batch 1,10,100,1000
-table $bytes
+across link 'nodes=n batch=b' 'bytes=' 'corrected=added,_h_=_50 corrected_as_measured=added,_h_as_is_(tcp) paper=paper'
+begin split
+sim --network gigabit --link tcp,quic,udp --frames 200 --nodes 4000 --batch 10,100,1000
+table $parts acknowledgements=of_all:_acknowledgements
+begin repeated
 sim --network wifi --link tcp,quic,udp --frames 1000 --nodes 4000 --batch 1000 --seed 1,2,3
-table $bytes repetitions=repeated
+table link=link bytes=all ids=ids messages=messages transport=transport transport_headers=tcp/udp_headers ip_headers=IP link_layer=link_layer packets=packets repetitions=repeated
+begin once
 sim --network gigabit --link tcp,quic,udp --frames 200 --nodes 4000 --batch 1000
-table link=link handshake=handshake,_once keepalive=keepalive packets=packets header=h
+table link=link handshake=handshake,_once keepalive=keepalive
 
-[ $# -eq 2 ] || exit 0
-# Of the walk only its ids and when they were found: the machine that recorded it may have no GPU.
-times="--or-ms 5 --hc-ms 5 --rvg-ms 5"
-echo; echo "## A walk"
-sim --trace "$1" $times --network fast-ethernet,wifi --link tcp,quic,udp --batch 10,100,1000 --frames 1000
-table network=network $bytes
-sim --trace "$1" $times --network fast-ethernet --link tcp,quic,udp --coding plain --frames 1000
-table $bytes
-sim --trace "$1" $times --network fast-ethernet --link tcp,quic,udp --coding changes --frames 1000
-table $bytes
+if [ -n "$scene" ]; then
+    trace=$out/city.trace
+    times='--or-ms 5 --hc-ms 5 --rvg-ms 5'
+    seeds=1,2,3,4,5,6,7,8,9,10
+    recording='--frames 120 --batch 16 --size 512x512'
+    "$TRIMARAN" run "$scene" --record "$trace" $recording --audit-every 0 --out "$out/walk" > /dev/null
 
-echo; echo "## Late or wrong"
-sim --trace "$1" --scene "$2" $times --network wifi --link tcp,quic,udp,udp-deadline --udp-deadline-ms 2,5,10 --frames 360
-table link=link p50_ms=p50 p99_ms=p99 p999_ms=p99.9 incomplete=gaps frames_wrong=frames_wrong \
-    wrong_pixels=wrong_pixels_a_frame worst_pixels=worst needless_triangles=needless_triangles_a_frame bytes=bytes_a_frame
+    begin walk
+    says run city.scene --record city.trace $recording
+    says sim --trace city.trace $times --network fast-ethernet --link tcp,quic,udp --batch 10,100,1000 --frames 1000
+    quietly --trace "$trace" $times --network fast-ethernet --link tcp,quic,udp --batch 10,100,1000 --frames 1000
+    table $parts corrected=added paper=paper
+    begin coding
+    says sim --trace city.trace $times --network fast-ethernet --link tcp,quic,udp --coding plain --frames 1000 "# and changes"
+    for coding in plain changes; do
+        quietly --trace "$trace" $times --network fast-ethernet --link tcp,quic,udp --coding $coding --frames 1000
+        mv "$out/runs.csv" "$out/$coding.csv"
+    done
+    { cat "$out/plain.csv"; sed 1d "$out/changes.csv"; } > "$out/runs.csv"
+    across coding link=link 'bytes=:_all ids=:_ids'
+
+    begin wrong
+    wrong="$times --network wifi --link tcp,quic,udp,udp-deadline --udp-deadline-ms 2,5,10,20 --frames 360 --seed $seeds"
+    says sim --trace city.trace --scene city.scene $wrong
+    quietly --trace "$trace" --scene "$scene" $wrong
+    table link=link p50_ms=p50 p99_ms=p99 p99_ms_deviation=± p999_ms=p99.9 incomplete=gaps frames_wrong=frames_wrong \
+        wrong_pixels=wrong_pixels_a_frame wrong_pixels_deviation=± worst_pixels=most_in_one \
+        needless_triangles=needless_triangles_a_frame needless_triangles_deviation=± bytes=bytes_a_frame
+fi
+
+for page in docs/networks.md docs/bandwidth.md; do
+    place "$page"
+done

@@ -110,7 +110,7 @@ fn delay(delay: Duration, jitter: Option<&Jitter>) -> Option<String> {
 fn limit(model: &LinkModel, conditions: &Conditions) -> u64 {
     let rate = conditions.rate.map_or(0, |rate| rate.bits_per_second());
     let on_the_way = conditions.delay.as_secs_f64() * rate as f64 / (8.0 * f64::from(model.mtu));
-    (u64::from(model.queue.packets) + on_the_way.ceil() as u64).min(u32::MAX.into())
+    u64::from(model.queue.packets).saturating_add(on_the_way.ceil() as u64).min(u32::MAX.into())
 }
 
 /// As tc reads it.

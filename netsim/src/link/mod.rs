@@ -3,6 +3,7 @@
 mod jitter;
 mod loss;
 mod model;
+mod parcel;
 mod pipe;
 mod queue;
 mod tally;
@@ -12,6 +13,7 @@ pub use loss::{GilbertElliott, Loss};
 pub use model::{
     Conditions, Framing, LinkModel, Phase, Probability, ProbabilityError, Rate, RateError, Reorder,
 };
-pub use pipe::{Action, Ecn, Parcel, Pipe};
+pub use parcel::{Action, Ecn, Parcel};
+pub use pipe::Pipe;
 pub use queue::{CoDel, Discipline, QueueModel};
 pub use tally::{Count, Drops, LinkTally};

@@ -6,10 +6,16 @@ use bytes::Bytes;
 use trimaran_transport::Instant;
 
 use super::board::{Board, News};
-use super::cubic::{Ack, Cubic};
+use super::cubic::Cubic;
 use super::rtt::{RTO_MIN, Rtt};
-use super::segment::{Class, Range, Segment};
+use super::segment::Class;
 use super::unsent::Unsent;
+
+mod recovery;
+mod window;
+
+use recovery::{Reduction, Undo};
+use window::Usage;
 
 /// Packets at first (RFC 6928).
 const FIRST_WINDOW: u32 = 10;
@@ -66,35 +72,6 @@ enum State {
     Recovery,
     /// Nothing came for a timeout: starts anew.
     Loss,
-}
-
-/// How the window shrinks in a recovery (RFC 6937).
-#[derive(Debug, Default)]
-struct Reduction {
-    before: u32,
-    delivered: u32,
-    sent: u32,
-}
-
-/// What was before a recovery that may prove spurious.
-#[derive(Debug)]
-struct Undo {
-    cwnd: u32,
-    threshold: u32,
-    /// Repetitions that were not reported as duplicates.
-    repetitions: u32,
-}
-
-/// How much of the window is used.
-#[derive(Debug)]
-struct Usage {
-    limited: bool,
-    /// The most packets in flight in this round trip, and where that ends.
-    most: u32,
-    round_end: u64,
-    /// The most used since the window last was the limit, and since when it is not.
-    unlimited_most: u32,
-    since: Instant,
 }
 
 #[derive(Debug, Default)]
@@ -308,62 +285,6 @@ impl Sender {
         Some(out)
     }
 
-    /// About a millisecond of data, and two packets at least, may wait in the machine's own queue (Linux's small queues).
-    fn queue_limit(&self) -> u64 {
-        let two = 2 * u64::from(self.segment + 52);
-        let Some(rtt) = self.rtt.smoothed().filter(|rtt| !rtt.is_zero()) else { return two };
-        let factor = if self.cwnd < self.threshold / 2 { 2.0 } else { 1.2 };
-        let rate = factor * f64::from(self.cwnd) * f64::from(self.segment) / rtt.as_secs_f64();
-        two.max((rate / 1024.0) as u64)
-    }
-
-    fn note_usage(&mut self, now: Instant) {
-        let (packets, remembered, timeout) =
-            (self.board.packets(), self.remembered_threshold(), self.rtt.timeout());
-        let usage = &mut self.usage;
-        if self.acknowledged > usage.round_end {
-            (usage.most, usage.round_end, usage.limited) = (0, self.next, false);
-        }
-        usage.most = usage.most.max(packets);
-        if packets >= self.cwnd {
-            usage.limited = true;
-            (usage.unlimited_most, usage.since) = (0, now);
-            return;
-        }
-        usage.unlimited_most = usage.unlimited_most.max(packets);
-        if now.since(usage.since) >= timeout {
-            // What is not used for so long is given back, half at a time.
-            let used = usage.unlimited_most.max(FIRST_WINDOW);
-            if self.state == State::Open && used < self.cwnd {
-                self.threshold = remembered;
-                self.cwnd = u32::midpoint(self.cwnd, used);
-            }
-            (usage.unlimited_most, usage.since) = (0, now);
-        }
-    }
-
-    /// After a pause of a timeout the window is halved, once for each.
-    fn restart_after_idle(&mut self, now: Instant) {
-        let timeout = self.rtt.timeout();
-        let mut idle = now.since(self.last_sent);
-        if self.last_sent.as_nanos() == 0 || idle <= timeout {
-            return;
-        }
-        self.threshold = self.remembered_threshold();
-        let least = self.cwnd.min(FIRST_WINDOW);
-        while idle > timeout && self.cwnd > least {
-            idle -= timeout;
-            self.cwnd = (self.cwnd / 2).max(least);
-        }
-        self.last_sent = now;
-    }
-
-    /// The threshold after a window was given back that was not used: three quarters of it are known to work.
-    const fn remembered_threshold(&self) -> u32 {
-        let most = self.cwnd - self.cwnd / 4;
-        if self.threshold > most { self.threshold } else { most }
-    }
-
     /// Sets the timer after which a lost tail is probed for, at the retransmission timeout at most: that of the oldest packet,
     /// or a fresh one where an acknowledgement has just come.
     fn set_tail_timer(&mut self, now: Instant, heard: bool) {
@@ -378,155 +299,6 @@ impl Sender {
         let since = if heard { None } else { self.board.oldest().map(|oldest| oldest.at) };
         let last = since.unwrap_or(now).after(self.rtt.timeout());
         self.timers.tail = Some(if last > now { at.min(last) } else { at });
-    }
-
-    /// An acknowledgement came.
-    pub(super) fn acknowledge(&mut self, now: Instant, segment: &Segment, ack: u64) {
-        if ack > self.next || ack < self.acknowledged {
-            return;
-        }
-        let duplicate = duplicate(&segment.sacks, ack);
-        let advanced = ack > self.acknowledged;
-        self.acknowledged = ack;
-        let min_rtt = self.rtt.min();
-        let news = self.board.acknowledge(now, ack, &segment.sacks, min_rtt);
-        if let Some(sample) = news.rtt.or(news.latest_rtt) {
-            self.rtt.measure(now, sample, ack, self.next);
-        }
-        if advanced {
-            self.progress = now;
-            self.rtt.forgive();
-            self.timers.retransmit = (!self.board.is_empty()).then(|| now.after(self.rtt.timeout()));
-        }
-        self.judge_tail_probe(ack, &news, advanced, duplicate);
-        if duplicate && self.tail_probe.is_none() {
-            self.board.be_more_patient();
-        }
-        self.undo_if_spurious(segment, advanced, duplicate);
-        self.look_for_losses(now);
-        if self.state != State::Open && ack >= self.recovery_end {
-            if self.state == State::Recovery {
-                self.cwnd = self.threshold;
-            }
-            self.state = State::Open;
-        }
-        if self.state == State::Open && self.board.has_lost() {
-            self.enter_recovery();
-        }
-        match self.state {
-            State::Recovery => self.reduce(&news, advanced),
-            State::Open | State::Loss => self.grow(now, &news),
-        }
-        self.set_tail_timer(now, true);
-    }
-
-    fn look_for_losses(&mut self, now: Instant) {
-        let recovering = self.state != State::Open;
-        let wait = self.board.find_lost(now, recovering, self.rtt.min(), self.rtt.smoothed());
-        self.timers.reorder = wait.map(|wait| now.after(wait + PROBE_SLACK));
-    }
-
-    /// A probe for a lost tail that was data sent again repaired a loss, unless its acknowledgement says that it came twice.
-    fn judge_tail_probe(&mut self, ack: u64, news: &News, advanced: bool, duplicate: bool) {
-        let Some((end, again)) = self.tail_probe.filter(|(end, _)| ack >= *end) else { return };
-        let repaired = again && !duplicate && ack > end;
-        if repaired && self.state == State::Open {
-            // Congestion: less from now on, though nothing is left to repair.
-            self.threshold = self.cubic.after_loss(self.cwnd);
-            self.cwnd = self.threshold;
-        }
-        // Nothing new at all: the probe came twice, too.
-        if repaired || !again || duplicate || (!advanced && !news.sacked) {
-            self.tail_probe = None;
-        }
-    }
-
-    fn enter_recovery(&mut self) {
-        self.remember_for_undo();
-        self.reduction = Reduction { before: self.cwnd, ..Reduction::default() };
-        self.threshold = self.cubic.after_loss(self.cwnd);
-        self.recovery_end = self.next;
-        self.state = State::Recovery;
-        self.tail_probe = None;
-    }
-
-    fn remember_for_undo(&mut self) {
-        if self.board.repeated() == 0 {
-            self.repeating_since = None;
-        }
-        let repetitions = self.board.repeated();
-        self.undo = Some(Undo { cwnd: self.cwnd, threshold: self.threshold, repetitions });
-    }
-
-    /// Makes the window as large as it was, when everything that was repeated had arrived: the peer says so, or acknowledges what
-    /// was sent before.
-    fn undo_if_spurious(&mut self, segment: &Segment, advanced: bool, duplicate: bool) {
-        let recovering = self.state != State::Open;
-        let Some(undo) = &mut self.undo else { return };
-        if duplicate {
-            undo.repetitions = undo.repetitions.saturating_sub(1);
-        }
-        let since = self.repeating_since;
-        let all_twice = duplicate && since.is_some() && undo.repetitions == 0;
-        let older = recovering && advanced && since.is_some_and(|since| segment.echo < since);
-        if !all_twice && !older {
-            return;
-        }
-        self.cwnd = self.cwnd.max(undo.cwnd);
-        self.threshold = self.threshold.max(undo.threshold);
-        self.undo = None;
-        if recovering {
-            self.board.nothing_is_lost();
-            self.state = State::Open;
-        }
-    }
-
-    /// Proportional rate reduction: sends in proportion to what arrives, so that the window ends at the threshold.
-    fn reduce(&mut self, news: &News, advanced: bool) {
-        let flight = self.board.in_flight();
-        let reduction = &mut self.reduction;
-        reduction.delivered += news.delivered;
-        let allowed = if flight > self.threshold {
-            let share = u64::from(self.threshold) * u64::from(reduction.delivered);
-            let due = share.div_ceil(u64::from(reduction.before.max(1)));
-            u32::try_from(due).unwrap_or(u32::MAX).saturating_sub(reduction.sent)
-        } else {
-            let more = reduction.delivered.saturating_sub(reduction.sent).max(news.delivered);
-            (more + u32::from(advanced)).min(self.threshold - flight)
-        };
-        let least = u32::from(reduction.sent == 0);
-        self.cwnd = flight + allowed.max(least);
-    }
-
-    fn grow(&mut self, now: Instant, news: &News) {
-        if news.acknowledged == 0 {
-            return;
-        }
-        let Some(min_rtt) = self.rtt.min() else { return };
-        let slow_start = self.cwnd < self.threshold;
-        if slow_start
-            && let Some(rtt) = news.latest_rtt
-            && self.cubic.leaves_slow_start(
-                now,
-                Ack { acknowledged: self.acknowledged, next: self.next, rtt, min_rtt },
-                self.cwnd,
-            )
-        {
-            self.threshold = self.cwnd;
-        }
-        let used = if slow_start { self.cwnd < 2 * self.usage.most } else { self.usage.limited };
-        if !used {
-            return;
-        }
-        let mut acked = news.acknowledged;
-        if self.cwnd < self.threshold {
-            let step = acked.min(self.threshold - self.cwnd);
-            self.cwnd += step;
-            acked -= step;
-        }
-        if acked > 0 {
-            self.cwnd = self.cubic.grow(now, self.cwnd, acked, min_rtt);
-        }
     }
 
     /// The time has come that [`Sender::next_timeout`] named.
@@ -554,27 +326,4 @@ impl Sender {
             self.time_out(now);
         }
     }
-
-    fn time_out(&mut self, now: Instant) {
-        if self.state != State::Loss {
-            self.remember_for_undo();
-            self.threshold = self.cubic.after_loss(self.cwnd);
-            self.cubic.reset();
-        }
-        self.state = State::Loss;
-        self.recovery_end = self.next;
-        self.tail_probe = None;
-        self.timers.tail = None;
-        self.board.give_up(now);
-        self.cwnd = self.board.in_flight() + 1;
-        self.rtt.back_off();
-        self.timers.retransmit = Some(now.after(self.rtt.timeout()));
-    }
-}
-
-/// Whether the first range reports something that came twice (RFC 2883, section 4).
-fn duplicate(sacks: &[Range], ack: u64) -> bool {
-    let Some(first) = sacks.first() else { return false };
-    let within = sacks.get(1).is_some_and(|second| second.from <= first.from && first.to <= second.to);
-    first.to <= ack || within
 }

@@ -9,16 +9,10 @@ use super::receiver::Receiver;
 use super::segment::{Class, Segment, full_size};
 use super::sender::Sender;
 
+mod timers;
+
 /// How long the first segment waits for its answer; doubled each time (RFC 6298).
 const FIRST_WAIT: Duration = Duration::from_secs(1);
-/// Linux's `tcp_syn_retries`.
-const FIRST_TRIES: u32 = 6;
-/// Linux's `tcp_keepalive_probes`.
-const PROBES: u32 = 9;
-
-/// Linux's `tcp_fin_timeout`.
-const FIN_TIMEOUT: Duration = Duration::from_secs(60);
-
 /// What a connection is set up with.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Config {
@@ -304,83 +298,5 @@ impl Socket {
 
     fn ip_bytes(&self, segment: &Segment) -> u64 {
         u64::from(self.config.ip_header + segment.header()) + segment.data.len() as u64
-    }
-
-    /// When [`Socket::expire`] is to be called.
-    pub(crate) fn next_timeout(&self) -> Option<Instant> {
-        match self.state {
-            State::Closed => None,
-            State::Opening { due, .. } => Some(due),
-            State::Open => {
-                let Config { options, .. } = self.config;
-                let stale =
-                    options.user_timeout.and_then(|limit| Some(self.sender.waiting_since()?.after(limit)));
-                [
-                    self.sender.next_timeout(),
-                    self.receiver.acks.due(),
-                    self.next_probe(),
-                    self.deserted(),
-                    stale,
-                ]
-                .into_iter()
-                .flatten()
-                .min()
-            }
-        }
-    }
-
-    /// Time has passed.
-    pub(crate) fn expire(&mut self, now: Instant) {
-        match &mut self.state {
-            State::Closed => {}
-            State::Opening { due, tries, send, .. } => {
-                if now < *due {
-                    return;
-                }
-                if *tries > FIRST_TRIES {
-                    self.fail(io::ErrorKind::TimedOut);
-                    return;
-                }
-                *send = true;
-                *due = now.after(FIRST_WAIT * 2_u32.saturating_pow(*tries));
-            }
-            State::Open => self.expire_open(now),
-        }
-    }
-
-    fn expire_open(&mut self, now: Instant) {
-        let Config { options, .. } = self.config;
-        let waiting = self.sender.waiting_since();
-        if options.user_timeout.zip(waiting).is_some_and(|(limit, since)| since.after(limit) <= now) {
-            self.fail(io::ErrorKind::TimedOut);
-            return;
-        }
-        self.sender.expire(now);
-        if self.receiver.acks.due().is_some_and(|due| due <= now) {
-            self.receiver.acks.expired();
-            self.receiver.ack_now = true;
-        }
-        if self.deserted().is_some_and(|at| at <= now) {
-            self.state = State::Closed;
-        } else if self.next_probe().is_some_and(|at| at <= now) {
-            if self.probes >= PROBES {
-                self.fail(io::ErrorKind::TimedOut);
-                return;
-            }
-            self.probes += 1;
-            self.probe = true;
-        }
-    }
-
-    /// When an idle peer is asked whether it is still there.
-    fn next_probe(&self) -> Option<Instant> {
-        let keepalive = self.config.options.keepalive?;
-        let idle = !self.orphan && self.sender.waiting_since().is_none();
-        idle.then(|| self.last_heard.after(keepalive.idle + keepalive.interval * self.probes))
-    }
-
-    /// When a connection ends that the program has left and whose peer does not end it (Linux's `tcp_fin_timeout`).
-    fn deserted(&self) -> Option<Instant> {
-        (self.orphan && self.sender.has_ended()).then(|| self.last_heard.after(FIN_TIMEOUT))
     }
 }

@@ -1,0 +1,194 @@
+//! What programs hold of TCP: connections and listeners.
+
+use std::collections::VecDeque;
+use std::future::poll_fn;
+use std::io;
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll, ready};
+
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use trimaran_transport::{BoxFuture, Instant, Listen, PeerAddress, Stream, TcpOptions};
+
+use super::super::SimNet;
+use super::super::udp::FIRST_FREE_PORT;
+use super::{ListenerState, TcpState};
+use crate::tcp::Socket;
+
+/// Connects.
+pub(in crate::net) async fn connect(net: &SimNet, to: SocketAddr, options: TcpOptions) -> io::Result<Stream> {
+    let here = net.host;
+    let there = here.of(to.ip()).ok_or(io::ErrorKind::NetworkUnreachable)?;
+    let connection = {
+        let mut core = net.world.core();
+        let config = core.tcp_config(here, there, to, options).ok_or(io::ErrorKind::HostUnreachable)?;
+        let port = (FIRST_FREE_PORT..=u16::MAX)
+            .find(|port| {
+                !core.tcp_ports.contains_key(&(here, *port, to))
+                    && !core.listeners.contains_key(&(here, *port))
+            })
+            .ok_or(io::ErrorKind::AddrNotAvailable)?;
+        let source = if here == there { to.ip() } else { here.like(to.ip()) };
+        let socket = Socket::connect(core.now, config);
+        let number = core.add_tcp(socket, here, SocketAddr::new(source, port), there, to);
+        core.pump_tcp(number);
+        Connection { net: net.clone(), number }
+    };
+    poll_fn(|cx| connection.poll_open(cx)).await?;
+    Ok(connection.into_stream(to))
+}
+
+/// Listens.
+pub(in crate::net) fn listen(
+    net: &SimNet,
+    at: SocketAddr,
+    options: TcpOptions,
+) -> io::Result<(Box<dyn Listen>, SocketAddr)> {
+    let mut core = net.world.core();
+    let taken = |port: u16| core.listeners.contains_key(&(net.host, port));
+    let port = match at.port() {
+        0 => (FIRST_FREE_PORT..=u16::MAX).find(|port| !taken(*port)).ok_or(io::ErrorKind::AddrInUse)?,
+        port if taken(port) => return Err(io::ErrorKind::AddrInUse.into()),
+        port => port,
+    };
+    core.listeners.insert((net.host, port), ListenerState { options, made: VecDeque::new(), waker: None });
+    Ok((Box::new(SimListener { net: net.clone(), port }), SocketAddr::new(at.ip(), port)))
+}
+
+struct SimListener {
+    net: SimNet,
+    port: u16,
+}
+
+impl Listen for SimListener {
+    fn accept(&mut self) -> BoxFuture<'_, io::Result<Stream>> {
+        Box::pin(poll_fn(|cx| {
+            let mut core = self.net.world.core();
+            let Some(listener) = core.listeners.get_mut(&(self.net.host, self.port)) else {
+                return Poll::Ready(Err(io::ErrorKind::NotConnected.into()));
+            };
+            let Some(number) = listener.made.pop_front() else {
+                listener.waker = Some(cx.waker().clone());
+                return Poll::Pending;
+            };
+            let peer =
+                core.tcp.get(&number).map(|state| state.peer).ok_or(io::ErrorKind::ConnectionAborted)?;
+            drop(core);
+            Poll::Ready(Ok(Connection { net: self.net.clone(), number }.into_stream(peer)))
+        }))
+    }
+}
+
+impl Drop for SimListener {
+    fn drop(&mut self) {
+        let mut core = self.net.world.core();
+        let Some(listener) = core.listeners.remove(&(self.net.host, self.port)) else { return };
+        for number in listener.made {
+            core.close_tcp(number);
+        }
+    }
+}
+
+/// A program's hold on a connection; closes it when it is dropped.
+#[derive(Debug)]
+struct Connection {
+    net: SimNet,
+    number: u32,
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        self.net.world.core().close_tcp(self.number);
+    }
+}
+
+impl Connection {
+    fn into_stream(self, peer: SocketAddr) -> Stream {
+        let connection = Arc::new(self);
+        Stream {
+            reader: Box::new(Reader(Arc::clone(&connection))),
+            writer: Box::new(Writer(connection)),
+            peer: PeerAddress::Tcp(peer),
+        }
+    }
+
+    /// Does something to the connection, and then what that leads to.
+    fn with<T>(
+        &self,
+        act: impl FnOnce(&mut TcpState, Instant) -> Poll<io::Result<T>>,
+    ) -> Poll<io::Result<T>> {
+        let mut core = self.net.world.core();
+        let now = core.now;
+        let state = core.tcp.get_mut(&self.number).ok_or(io::ErrorKind::NotConnected)?;
+        let outcome = ready!(act(state, now));
+        core.pump_tcp(self.number);
+        Poll::Ready(outcome)
+    }
+
+    fn poll_open(&self, cx: &Context<'_>) -> Poll<io::Result<()>> {
+        self.with(|state, _| match state.socket.failure() {
+            Some(kind) => Poll::Ready(Err(kind.into())),
+            None if state.socket.is_open() => Poll::Ready(Ok(())),
+            None => {
+                state.connector = Some(cx.waker().clone());
+                Poll::Pending
+            }
+        })
+    }
+}
+
+struct Reader(Arc<Connection>);
+
+impl AsyncRead for Reader {
+    fn poll_read(
+        self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        self.0.with(|state, now| {
+            if !state.socket.is_readable() {
+                state.reader = Some(cx.waker().clone());
+                return Poll::Pending;
+            }
+            // No more of the buffer is made ready than will be filled: it may be large.
+            let size = buffer.remaining().min(state.socket.unread());
+            let count = state.socket.read(now, buffer.initialize_unfilled_to(size));
+            Poll::Ready(count.map(|count| buffer.advance(count)))
+        })
+    }
+}
+
+struct Writer(Arc<Connection>);
+
+impl AsyncWrite for Writer {
+    fn poll_write(self: Pin<&mut Self>, cx: &mut Context<'_>, data: &[u8]) -> Poll<io::Result<usize>> {
+        self.0.with(|state, _| match state.socket.write(data) {
+            Ok(0) if !data.is_empty() => {
+                state.writer = Some(cx.waker().clone());
+                Poll::Pending
+            }
+            written => Poll::Ready(written),
+        })
+    }
+
+    fn poll_flush(self: Pin<&mut Self>, _cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Poll::Ready(Ok(()))
+    }
+
+    fn poll_shutdown(self: Pin<&mut Self>, _cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        self.0.with(|state, _| {
+            state.socket.shutdown();
+            Poll::Ready(Ok(()))
+        })
+    }
+}
+
+impl Drop for Writer {
+    fn drop(&mut self) {
+        let _closed = self.0.with(|state, _| {
+            state.socket.shutdown();
+            Poll::Ready(Ok(()))
+        });
+    }
+}
