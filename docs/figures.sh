@@ -1,7 +1,7 @@
 #!/bin/sh
 # Takes the figures of docs/networks.md and docs/bandwidth.md again, and writes them between the marks there.
 #
-#   docs/figures.sh               those of stated models: two minutes on two cores, after the program is built
+#   docs/figures.sh               those of stated models: three minutes of one core, after the program is built
 #   docs/figures.sh city.scene    and those of a walk through a scene, which is recorded first: five more, and a Vulkan device
 #
 # Nothing in the first ones depends on the machine or on what else it does: the same program gives the same figures. A walk's ids
@@ -61,11 +61,11 @@ lib='
         if (split(name, parts, "/") == 2) return figure($at[parts[1]] / $at[parts[2]])
         return cell($at[name])
     }
-    function columns(spec, names, titles,   count, list, place, pair) {
+    function columns(spec, names, titles,   count, list, place) {
         count = split(spec, list, " ")
         for (place = 1; place <= count; place++) {
-            split(list[place], pair, "=")
-            names[place] = pair[1]; titles[place] = pair[2]; gsub(/_/, " ", titles[place])
+            names[place] = titles[place] = list[place]
+            sub(/=.*/, "", names[place]); sub(/^[^=]*=/, "", titles[place]); gsub(/_/, " ", titles[place])
         }
         return count
     }
@@ -160,7 +160,7 @@ begin split
 sim --network gigabit --link tcp,quic,udp --frames 200 --nodes 4000 --batch 10,100,1000
 table $parts acknowledgements=of_all:_acknowledgements
 begin repeated
-sim --network wifi --link tcp,quic,udp --frames 1000 --nodes 4000 --batch 1000 --seed 1,2,3
+sim --network wifi --link tcp,quic,udp --udp-repair 15,0 --frames 1000 --nodes 4000 --batch 1000 --seed 1,2,3
 table link=link bytes=all ids=ids messages=messages transport=transport transport_headers=tcp/udp_headers ip_headers=IP link_layer=link_layer packets=packets repetitions=repeated
 begin once
 sim --network gigabit --link tcp,quic,udp --frames 200 --nodes 4000 --batch 1000
