@@ -3,19 +3,88 @@
 
 mod common;
 
+use std::cell::Cell;
 use std::time::Duration;
 
+use common::router::Router;
 use common::udp::{a_display_gets_in, shared};
-use common::{identity, joined, net, start};
-use trimaran_proto::{Identity, Role, SceneHash};
-use trimaran_transport::{Limits, LinkConfig, Listener, Options, ProtocolError, RecvError, TooMany, connect};
+use common::{identity, joined, last_failure, net, soon, start};
+use trimaran_proto::{Identity, Refusal, Role, SceneHash};
+use trimaran_transport::keys::{Keys, Security};
+use trimaran_transport::{
+    HandshakeError, Limits, LinkConfig, Listener, Options, ProtocolError, RecvError, TooMany, connect, until,
+};
+
+/// Options of peers that know each other over every transport.
+fn trusting() -> Options {
+    let keys = Keys::generate("both".parse().unwrap()).unwrap();
+    let peers = vec![keys.public().clone()];
+    Options { security: Some(Security { keys, peers }), ..shared(1) }
+}
+
+#[tokio::test]
+async fn one_peer_more_than_there_may_be_is_told_that_it_is_busy_until_another_leaves() {
+    for endpoint in ["udp://127.0.0.1:0", "tcp://127.0.0.1:0", "quic://127.0.0.1:0"] {
+        let options = Options { limits: Limits { peers: 1, ..Limits::default() }, ..trusting() };
+        let net = net();
+        let wanted = endpoint.parse().unwrap();
+        let mut listener = Listener::bind(&net, &wanted, identity(Role::SwitchA), &options).await.unwrap();
+        let at = listener.local_endpoint().clone();
+        let enter = async |role, by| connect(&net, &at, identity(role), &options, by).await;
+        let (there, here) = tokio::join!(enter(Role::Display, soon(&net)), listener.accept(soon(&net)));
+        let (there, here) = (there.unwrap(), here.unwrap());
+        let refused = enter(Role::SwitchB, net.now().after(Duration::from_millis(300))).await;
+        assert!(refused.is_err(), "{endpoint}");
+        let busy = last_failure(&mut listener).await;
+        assert!(matches!(busy, HandshakeError::Refused(Refusal::Busy)), "{endpoint}: {busy:?}");
+        drop((there, here));
+        let (there, here) = tokio::join!(enter(Role::SwitchB, soon(&net)), listener.accept(soon(&net)));
+        assert!(there.is_ok() && here.is_ok(), "{endpoint}: {there:?} {here:?}");
+    }
+}
+
+/// Over datagrams nobody takes room before it has shown that it receives where it sends from. Who then stops takes it.
+#[tokio::test]
+async fn who_stops_within_a_handshake_takes_room_and_the_next_one_is_told() {
+    // What the first byte of a listener's question has in common: all else that it says gets lost.
+    for (endpoint, mask, question) in [("udp://127.0.0.1:0", 0x03, 0x02), ("quic://127.0.0.1:0", 0xf0, 0xf0)]
+    {
+        let hour = Duration::from_secs(3600);
+        let link = LinkConfig { lease: hour, ..LinkConfig::default() };
+        let limits = Limits { handshakes: 1, ..Limits::default() };
+        let options = Options { limits, link, handshake: hour, ..trusting() };
+        let net = net();
+        let wanted = endpoint.parse().unwrap();
+        let mut listener = Listener::bind(&net, &wanted, identity(Role::SwitchA), &options).await.unwrap();
+        let at = listener.local_endpoint().clone();
+        let router = Router::before(&at).await;
+        let meets = async {
+            loop {
+                let by = net.now().after(Duration::from_millis(300));
+                match connect(&net, &at, identity(Role::SwitchB), &options, by).await {
+                    Ok(_early) => drop(listener.accept(soon(&net)).await.unwrap()),
+                    Err(_) => break listener.turned_away().no_room,
+                }
+            }
+        };
+        let lost = Cell::new(0);
+        tokio::select! {
+            link = connect(&net, &router.at, identity(Role::Display), &options, soon(&net)) => panic!("{link:?}"),
+            () = router.pass(&lost, |bytes, inwards| inwards || bytes[0] & mask == question) => {}
+            turned_away = until(&*net, net.now().after(Duration::from_secs(20)), meets) => {
+                assert!(turned_away.is_some_and(|count| count > 0), "{endpoint}: {turned_away:?}");
+            }
+        }
+        assert!(lost.get() > 0, "{endpoint}: nothing was held back");
+    }
+}
 
 /// An address that shakes hands too often is not even heard; others are.
 #[tokio::test]
 async fn handshakes_beyond_the_limit_of_a_second_are_turned_away_and_counted() {
-    for endpoint in ["udp://127.0.0.1:0", "tcp://127.0.0.1:0"] {
+    for endpoint in ["udp://127.0.0.1:0", "tcp://127.0.0.1:0", "quic://127.0.0.1:0"] {
         let limits = Limits { handshakes_per_s_per_address: 2, ..Limits::default() };
-        let options = Options { limits, handshake: Duration::from_millis(300), ..shared(1) };
+        let options = Options { limits, handshake: Duration::from_millis(300), ..trusting() };
         let net = net();
         let mut listener =
             Listener::bind(&net, &endpoint.parse().unwrap(), identity(Role::SwitchA), &options)

@@ -5,10 +5,11 @@ mod common;
 
 use std::time::Duration;
 
-use common::udp::{a_display_gets_in, address, listener, shared};
+use common::udp::{a_display_gets_in, address, listener, shared, with};
 use common::{camera, identity, net, soon};
 use tokio::net::UdpSocket;
 use trimaran_proto::Role;
+use trimaran_transport::udp::Trust;
 use trimaran_transport::{
     Endpoint, HandshakeError, Limits, LinkConfig, Loss, Options, RecvError, connect, until,
 };
@@ -100,6 +101,32 @@ async fn replays_make_no_second_link_and_no_second_camera() {
     assert!(matches!(again, Err(RecvError::Deadline { .. })), "{again:?}");
     assert!(listener.accept(net.now().after(Duration::from_millis(100))).await.is_err());
     drop(there);
+}
+
+/// Every packet is as long as it was, and whoever is on the way reads a camera in it, or does not.
+#[tokio::test]
+async fn what_travels_can_be_read_on_the_way_only_in_the_clear() {
+    for (options, readable) in [(shared(1), false), (with(Trust::Plaintext), true)] {
+        let net = net();
+        let (mut listener, at) = listener(&options).await;
+        let (mut relay, through) = Relay::before(&at).await;
+        let talk = async {
+            let (there, here) = tokio::join!(
+                connect(&net, &through, identity(Role::Display), &options, soon(&net)),
+                listener.accept(soon(&net)),
+            );
+            let (mut there, mut here) = (there.unwrap(), here.unwrap());
+            there.latest_tx.publish(camera(1)).unwrap();
+            assert_eq!(here.latest_rx.latest().await.unwrap(), camera(1));
+        };
+        let needle = camera(1).to_bytes();
+        let mut read = false;
+        tokio::select! {
+            () = talk => {}
+            _ = relay.pass(|bytes, _| { read |= bytes.windows(needle.len()).any(|it| it == needle); false }) => {}
+        }
+        assert_eq!(read, readable, "{:?}", options.udp.trust);
+    }
 }
 
 /// Whoever repeats a first packet that was answered, and never uses its keys, holds a place for the time of a handshake at most.

@@ -4,80 +4,13 @@
 mod common;
 
 use std::cell::Cell;
-use std::net::SocketAddr;
-use std::time::Duration;
 
+use common::router::Router;
 use common::{camera, identity, ids, net, receive, soon, start};
-use tokio::net::UdpSocket;
-use tokio::sync::Notify;
 use trimaran_proto::Role;
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::quic::{Congestion, QuicOptions};
-use trimaran_transport::{Endpoint, Link, Listener, Options, connect, until};
-
-/// Passes datagrams on between a peer and a listener, as a router does that translates addresses.
-struct Router {
-    at: Endpoint,
-    outside: UdpSocket,
-    listener: SocketAddr,
-    /// Rings when the router is to take another address towards the listener, as one does that was restarted.
-    restart: Notify,
-    /// Rings when it is to take another one towards the peer.
-    turn: Notify,
-}
-
-impl Router {
-    async fn before(listener: &Endpoint) -> Self {
-        let outside = free().await;
-        let port = outside.local_addr().unwrap();
-        let (listener, at) = match listener {
-            Endpoint::Quic(at) => (at.to_string(), Endpoint::Quic(port.into())),
-            Endpoint::Udp(there) => (there.at.to_string(), Endpoint::Udp(port.into())),
-            other => panic!("{other}"),
-        };
-        let listener = listener.parse().unwrap();
-        Self { at, outside, listener, restart: Notify::new(), turn: Notify::new() }
-    }
-
-    /// Passes on for ever what `keep` says; counts what it does not.
-    async fn pass(&self, lost: &Cell<u32>, mut keep: impl FnMut() -> bool) {
-        let (mut inside, mut turned, mut peer) = (self.inside().await, None, None);
-        let (mut a, mut b) = (vec![0; 2000], vec![0; 2000]);
-        loop {
-            let outside = turned.as_ref().unwrap_or(&self.outside);
-            let kept = tokio::select! {
-                () = self.restart.notified() => {
-                    inside = self.inside().await;
-                    true
-                }
-                () = self.turn.notified() => {
-                    turned = Some(free().await);
-                    true
-                }
-                got = outside.recv_from(&mut a) => {
-                    let (length, from) = got.unwrap();
-                    peer = Some(from);
-                    keep() && inside.send(&a[..length]).await.is_ok()
-                }
-                got = inside.recv(&mut b) => {
-                    let length = got.unwrap();
-                    keep() && outside.send_to(&b[..length], peer.unwrap()).await.is_ok()
-                }
-            };
-            lost.set(lost.get() + u32::from(!kept));
-        }
-    }
-
-    async fn inside(&self) -> UdpSocket {
-        let inside = free().await;
-        inside.connect(self.listener).await.unwrap();
-        inside
-    }
-}
-
-async fn free() -> UdpSocket {
-    UdpSocket::bind("127.0.0.1:0").await.unwrap()
-}
+use trimaran_transport::{Link, Listener, Options, connect, until};
 
 /// Options of two peers that know each other.
 fn acquainted(quic: QuicOptions) -> [Options; 2] {
@@ -94,7 +27,7 @@ fn acquainted(quic: QuicOptions) -> [Options; 2] {
 async fn through_a_router(
     transport: &str,
     quic: QuicOptions,
-    keep: impl FnMut() -> bool,
+    mut keep: impl FnMut() -> bool,
     talk: impl AsyncFn(&mut Link, &mut Link, &Router),
 ) -> u32 {
     let net = net();
@@ -113,7 +46,7 @@ async fn through_a_router(
     };
     tokio::select! {
         ended = until(&*net, soon(&net), session) => assert!(ended.is_some(), "it never came through"),
-        () = router.pass(&lost, keep) => {}
+        () = router.pass(&lost, |_, _| keep()) => {}
     }
     lost.get()
 }
@@ -188,11 +121,11 @@ async fn a_link_outlives_a_router_that_takes_another_address_towards_the_listene
 #[tokio::test]
 async fn a_link_over_datagrams_outlives_a_router_that_takes_another_address_towards_who_connects() {
     a_link_outlives("udp", async |router| router.turn.notify_one()).await;
+    // One after the other: both at once would leave neither side where the other one sends to.
+    let turns = Cell::new(0);
     a_link_outlives("udp", async |router| {
-        router.turn.notify_one();
-        // Both at once would leave neither side where the other one sends to.
-        tokio::time::sleep(Duration::from_millis(500)).await;
-        router.restart.notify_one();
+        turns.set(turns.get() + 1);
+        if turns.get() % 2 == 0 { &router.turn } else { &router.restart }.notify_one();
     })
     .await;
 }

@@ -139,7 +139,68 @@ impl QuicOptions {
 
 #[cfg(test)]
 mod tests {
+    use std::pin::pin;
+    use std::task::{Context, Poll, Waker};
+
+    use quinn::congestion::{Bbr, Cubic, NewReno};
+    use quinn::crypto::rustls::{QuicClientConfig, QuicServerConfig};
+    use quinn::{ClientConfig, Connection, Endpoint, SendStream, ServerConfig};
+
     use super::*;
+    use crate::TokioNet;
+    use crate::keys::Keys;
+    use crate::net::{Net, sleep_until};
+    use crate::quic::connect::endpoint;
+    use crate::quic::tls::{self, Doorman};
+
+    /// A connection between an end with `ours`, which connects, and one with `theirs`; the endpoints keep it going.
+    async fn connected(
+        ours: QuicOptions,
+        theirs: QuicOptions,
+        link: LinkConfig,
+    ) -> [(Connection, Endpoint); 2] {
+        let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
+        let [a, b] = ["a", "b"].map(|name| Keys::generate(name.parse().unwrap()).unwrap());
+        let crypto = tls::server(&b, &Doorman::new(&[a.public().clone()])).unwrap();
+        let mut server = ServerConfig::with_crypto(Arc::new(QuicServerConfig::try_from(crypto).unwrap()));
+        server.transport_config(theirs.transport(&link));
+        let crypto = tls::client(&a, &Doorman::new(&[b.public().clone()])).unwrap();
+        let mut client = ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
+        client.transport_config(ours.transport(&link));
+        let loopback = "127.0.0.1:0".parse().unwrap();
+        let (there, at) = endpoint(&net, loopback, &theirs, Some(server)).unwrap();
+        let (here, _) = endpoint(&net, loopback, &ours, None).unwrap();
+        let (ours, theirs) = tokio::join!(here.connect_with(client, at, "trimaran").unwrap(), async {
+            there.accept().await.unwrap().await
+        });
+        [(ours.unwrap(), here), (theirs.unwrap(), there)]
+    }
+
+    /// What `future` gives without waiting.
+    fn at_once<F: Future>(future: F) -> Option<F::Output> {
+        match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
+            Poll::Ready(output) => Some(output),
+            Poll::Pending => None,
+        }
+    }
+
+    /// How many bytes a stream takes without waiting.
+    fn fill(stream: &mut SendStream) -> usize {
+        std::iter::from_fn(|| at_once(stream.write(&[7; 1000]))).map(Result::unwrap).sum()
+    }
+
+    /// How many bytes streams take in all, though nobody reads them: as many as the peer has allowed, once everything has arrived.
+    async fn fill_all(streams: &mut [SendStream]) -> usize {
+        let net = TokioNet::current().unwrap();
+        let (mut all, mut idle) = (0, 0);
+        while idle < 20 {
+            let more: usize = streams.iter_mut().map(fill).sum();
+            all += more;
+            idle = if more > 0 { 0 } else { idle + 1 };
+            sleep_until(&net, net.now().after(Duration::from_millis(10))).await;
+        }
+        all
+    }
 
     #[test]
     fn a_congestion_control_goes_by_its_name() {
@@ -148,5 +209,86 @@ mod tests {
         }
         let error = "reno".parse::<Congestion>().unwrap_err().to_string();
         assert!(error.contains("new-reno"), "{error}");
+    }
+
+    #[tokio::test]
+    async fn both_ends_have_the_congestion_control_that_was_asked_for() {
+        for congestion in Congestion::ALL {
+            let options = QuicOptions { congestion, ..QuicOptions::default() };
+            for (connection, _) in connected(options, options, LinkConfig::default()).await {
+                let control = connection.congestion_state().into_any();
+                let found = (control.is::<Cubic>(), control.is::<Bbr>(), control.is::<NewReno>());
+                let asked =
+                    [Congestion::Cubic, Congestion::Bbr, Congestion::NewReno].map(|it| it == congestion);
+                assert_eq!(<[bool; 3]>::from(found), asked, "{congestion:?}");
+            }
+        }
+    }
+
+    #[tokio::test]
+    async fn the_window_bounds_a_stream_all_streams_and_what_a_sender_keeps() {
+        const SMALL: u32 = 20_000;
+        const LARGE: u32 = 4 << 20;
+        let with = |window| QuicOptions { window, ..QuicOptions::default() };
+        // More than one stream may have by quinn's own defaults, and less.
+        for (window, streams) in [(SMALL, 1), (SMALL, 2), (LARGE, 1)] {
+            let [(ours, _here), (_theirs, _there)] =
+                connected(with(LARGE), with(window), LinkConfig::default()).await;
+            let mut open = Vec::new();
+            for _ in 0..streams {
+                open.push(ours.open_uni().await.unwrap());
+            }
+            assert_eq!(fill_all(&mut open).await, window as usize, "{streams} streams");
+        }
+        let [(ours, _here), _there] = connected(with(SMALL), with(LARGE), LinkConfig::default()).await;
+        assert_eq!(
+            fill(&mut ours.open_uni().await.unwrap()),
+            SMALL as usize,
+            "before anything was acknowledged"
+        );
+    }
+
+    #[tokio::test]
+    async fn as_many_frames_are_under_way_as_was_set_and_one_stream_in_both_directions() {
+        for frames in [3, 100] {
+            let theirs = QuicOptions { frames, ..QuicOptions::default() };
+            let [(ours, _here), _there] =
+                connected(QuicOptions::default(), theirs, LinkConfig::default()).await;
+            let opened = std::iter::from_fn(|| at_once(ours.open_uni())).take(1000).count();
+            assert_eq!(opened, frames as usize);
+            assert_eq!(std::iter::from_fn(|| at_once(ours.open_bi())).take(1000).count(), 1);
+        }
+    }
+
+    #[tokio::test]
+    async fn silence_is_no_end_while_both_ends_are_there() {
+        let link = LinkConfig { lease: Duration::from_secs(1), ..LinkConfig::default() };
+        let [(ours, _here), (theirs, _there)] =
+            connected(QuicOptions::default(), QuicOptions::default(), link).await;
+        let net = TokioNet::current().unwrap();
+        sleep_until(&net, net.now().after(link.lease * 5 / 2)).await;
+        assert_eq!((ours.close_reason(), theirs.close_reason()), (None, None));
+    }
+
+    /// What cannot be seen from outside is at least what quinn is told.
+    #[test]
+    fn quinn_is_told_of_the_rest() {
+        let options = QuicOptions {
+            initial_rtt: Duration::from_millis(123),
+            segmentation: false,
+            mtu_discovery: false,
+            ..QuicOptions::default()
+        };
+        let told = |options: QuicOptions| format!("{:?}", options.transport(&LinkConfig::default()));
+        for (with, without) in [
+            ("initial_rtt: 123ms", "initial_rtt: 100ms"),
+            ("enable_segmentation_offload: false", "enable_segmentation_offload: true"),
+            ("mtu_discovery_config: None", "mtu_discovery_config: Some"),
+        ] {
+            assert!(told(options).contains(with), "{with}: {}", told(options));
+            assert!(told(QuicOptions::default()).contains(without), "{without}");
+        }
+        assert!(told(options).contains(&format!("datagram_send_buffer_size: {DATAGRAM_ROOM}")));
+        assert!(told(options).contains("max_idle_timeout: Some(20000)"), "{}", told(options));
     }
 }

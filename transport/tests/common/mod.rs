@@ -2,6 +2,7 @@
 #![allow(dead_code, unused_imports, reason = "each test program uses a part")]
 
 pub(crate) mod conformance;
+pub(crate) mod router;
 pub(crate) mod udp;
 
 use std::sync::Arc;

@@ -1,0 +1,73 @@
+//! A router between a peer and a listener.
+
+use std::cell::Cell;
+use std::net::SocketAddr;
+
+use tokio::net::UdpSocket;
+use tokio::sync::Notify;
+use trimaran_transport::Endpoint;
+
+/// Passes datagrams on between a peer and a listener, as a router does that translates addresses.
+pub(crate) struct Router {
+    /// Where it is for the peer.
+    pub(crate) at: Endpoint,
+    outside: UdpSocket,
+    listener: SocketAddr,
+    /// Rings when the router is to take another address towards the listener, as one does that was restarted.
+    pub(crate) restart: Notify,
+    /// Rings when it is to take another one towards the peer.
+    pub(crate) turn: Notify,
+}
+
+impl Router {
+    pub(crate) async fn before(listener: &Endpoint) -> Self {
+        let outside = free().await;
+        let port = outside.local_addr().unwrap();
+        let (listener, at) = match listener {
+            Endpoint::Quic(at) => (at.to_string(), Endpoint::Quic(port.into())),
+            Endpoint::Udp(there) => (there.at.to_string(), Endpoint::Udp(port.into())),
+            other => panic!("{other}"),
+        };
+        let listener = listener.parse().unwrap();
+        Self { at, outside, listener, restart: Notify::new(), turn: Notify::new() }
+    }
+
+    /// Passes on for ever what `keep` says of a datagram and whether it goes to the listener; counts what it does not.
+    pub(crate) async fn pass(&self, lost: &Cell<u32>, mut keep: impl FnMut(&[u8], bool) -> bool) {
+        let (mut inside, mut turned, mut peer) = (self.inside().await, None, None);
+        let (mut a, mut b) = (vec![0; 2000], vec![0; 2000]);
+        loop {
+            let outside = turned.as_ref().unwrap_or(&self.outside);
+            let kept = tokio::select! {
+                () = self.restart.notified() => {
+                    inside = self.inside().await;
+                    true
+                }
+                () = self.turn.notified() => {
+                    turned = Some(free().await);
+                    true
+                }
+                got = outside.recv_from(&mut a) => {
+                    let (length, from) = got.unwrap();
+                    peer = Some(from);
+                    keep(&a[..length], true) && inside.send(&a[..length]).await.is_ok()
+                }
+                got = inside.recv(&mut b) => {
+                    let length = got.unwrap();
+                    keep(&b[..length], false) && outside.send_to(&b[..length], peer.unwrap()).await.is_ok()
+                }
+            };
+            lost.set(lost.get() + u32::from(!kept));
+        }
+    }
+
+    async fn inside(&self) -> UdpSocket {
+        let inside = free().await;
+        inside.connect(self.listener).await.unwrap();
+        inside
+    }
+}
+
+async fn free() -> UdpSocket {
+    UdpSocket::bind("127.0.0.1:0").await.unwrap()
+}
