@@ -2,10 +2,11 @@
 //! arrived, frames without a pause; time, CPU time and heap allocations of both ends together.
 //!
 //! ```sh
-//! cargo run --release --manifest-path transport/benches/peers/Cargo.toml -- [--rounds N] [--json] [NAME..]
+//! cargo run --release --manifest-path transport/benches/peers/Cargo.toml -- [--rounds N] [--as-roles] [--json] [NAME..]
 //! ```
 //!
-//! Both ends are in this process, each a thread on a core of its own with a single-threaded runtime. Rounds go through all subjects
+//! Both ends are in this process, each a thread on a core of its own with a single-threaded runtime; `--as-roles` gives each a runtime with a
+//! thread of its own instead. Rounds go through all subjects
 //! in turn, so that what else the machine does falls on all of them.
 
 mod measure;
@@ -34,6 +35,9 @@ struct Args {
     /// Frames a round, one at a time and again without a pause.
     #[arg(long, default_value_t = 300)]
     frames: u32,
+    /// Each end is a thread beside a worker of its runtime, as in a role, and pinned to no core.
+    #[arg(long)]
+    as_roles: bool,
     /// One JSON object a subject, on a line of its own.
     #[arg(long)]
     json: bool,
@@ -64,7 +68,7 @@ const SUBJECTS: &[Entry] = &[
 
 fn main() -> Result<()> {
     let args = Args::parse();
-    let plan = Plan { cameras: args.cameras, frames: args.frames };
+    let plan = Plan { cameras: args.cameras, frames: args.frames, as_roles: args.as_roles };
     let chosen =
         |name: &str| args.names.is_empty() || args.names.iter().any(|part| name.contains(part.as_str()));
     let mut rows: Vec<(&Entry, Row)> =

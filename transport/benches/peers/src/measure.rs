@@ -26,6 +26,8 @@ const WARM_UP: u32 = 50;
 pub(crate) struct Plan {
     pub(crate) cameras: u32,
     pub(crate) frames: u32,
+    /// Each end is a thread beside a worker of its runtime, as in a role, and goes where it likes.
+    pub(crate) as_roles: bool,
 }
 
 /// A way to send cameras and frames of ids between two threads.
@@ -106,19 +108,20 @@ pub(crate) fn measure<S: Subject>(subject: S, plan: &Plan, row: &mut Row) -> Res
     let subject = Arc::new(subject);
     let arrivals = Arc::new(Arrivals { epoch: Instant::now(), last: AtomicU64::new(0) });
     let (tell, told) = mpsc::channel::<String>();
+    let threads = S::HAS_THREADS || plan.as_roles;
     let server = thread::spawn({
         let (subject, arrivals) = (Arc::clone(&subject), Arc::clone(&arrivals));
         move || {
             let whereabouts = told.recv().context("the near end did not listen")?;
-            pin::<S>(1);
-            runtime::<S>()?.block_on(async { subject.far(&whereabouts).await?.serve(&arrivals).await })
+            pin(1, threads);
+            runtime(threads)?.block_on(async { subject.far(&whereabouts).await?.serve(&arrivals).await })
         }
     });
     let client = thread::scope(|scope| {
         scope
             .spawn(|| {
-                pin::<S>(0);
-                runtime::<S>()?.block_on(async {
+                pin(0, threads);
+                runtime(threads)?.block_on(async {
                     let mut near = subject.near(tell).await?;
                     let round = drive(&mut near, plan, &arrivals, row).await?;
                     near.close().await?;
@@ -196,8 +199,8 @@ async fn until(near: &mut impl Near, number: u32) -> Result<()> {
     Ok(())
 }
 
-fn runtime<S: Subject>() -> Result<Runtime> {
-    let mut builder = if S::HAS_THREADS {
+fn runtime(threads: bool) -> Result<Runtime> {
+    let mut builder = if threads {
         let mut builder = Builder::new_multi_thread();
         builder.worker_threads(1);
         builder
@@ -207,9 +210,9 @@ fn runtime<S: Subject>() -> Result<Runtime> {
     Ok(builder.enable_all().build()?)
 }
 
-/// Keeps this thread on a core.
-fn pin<S: Subject>(core: usize) {
-    if let Some(cores) = core_affinity::get_core_ids().filter(|cores| !S::HAS_THREADS && cores.len() > 1) {
+/// Keeps this thread on a core, unless it has others beside it.
+fn pin(core: usize, threads: bool) {
+    if let Some(cores) = core_affinity::get_core_ids().filter(|cores| !threads && cores.len() > 1) {
         core_affinity::set_for_current(cores[core % cores.len()]);
     }
 }

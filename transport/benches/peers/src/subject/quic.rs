@@ -1,4 +1,8 @@
 //! The floor of links over QUIC: quinn as it is, cameras in datagrams, a stream a frame.
+//!
+//! Both encrypt with the same ciphers (rustls on ring, the first that both sides have), and what else matters to a camera or a frame on a path that loses
+//! nothing is quinn's default in both: congestion control, acknowledgements, pacing, segmentation. A link is quinn over its own sockets, with
+//! larger buffers, numbers its cameras, copies the last one, hashes ids, and waits with an end to its patience: that is what the difference costs.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, mpsc};
