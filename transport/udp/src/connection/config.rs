@@ -28,7 +28,8 @@ pub struct Config {
     pub patience: Option<Duration>,
     /// When frames sent from here get repair. Default while packets are lost.
     pub repair: Repair,
-    /// How many bytes of repair they may have, percent of their own. Default 15; 0 for none.
+    /// How many bytes repair may cost, percent of those without: its packets, and the headers of those that are smaller for it. Default
+    /// 15; 0 for none.
     pub repair_percent: u8,
     /// How the connection shares its path with others. Default CUBIC.
     pub congestion: Congestion,
