@@ -41,6 +41,11 @@ impl Patch {
         Self { numbers, positions, indices, held, anchored }
     }
 
+    /// How many vertices must stay.
+    pub(super) fn held_count(&self) -> usize {
+        self.held.iter().filter(|&&held| held).count()
+    }
+
     /// Levels of the patch, finest first, in the mesh's numbers.
     pub(super) fn levels(&self, aim: Aim) -> Vec<Triangles> {
         let simplify = |former: &[u32], adapter: &VertexDataAdapter<'_>, target: usize| {
