@@ -117,6 +117,7 @@ impl AttemptError {
                     | HandshakeError::UnknownPeer(_)
                     | HandshakeError::NotKnown { .. }
                     | HandshakeError::Alpn
+                    | HandshakeError::Datagram { .. }
                     | HandshakeError::Datagrams { .. },
                 ..
             }

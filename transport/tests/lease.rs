@@ -2,37 +2,20 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;
+#[macro_use]
+#[path = "common/meeting.rs"]
+mod meeting;
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use common::{camera, identity, ids, net, receive, soon, start};
+use meeting::Meeting;
 use tokio::runtime::{Builder, Runtime};
 use trimaran_proto::Role;
-use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::{
-    Endpoint, Link, LinkConfig, Listener, Loss, Net, Options, RecvError, SendError, TokioNet, connect,
+    Endpoint, Link, LinkConfig, Loss, Net, Options, RecvError, SendError, TokioNet, connect,
 };
-
-/// Makes a test of each case for each transport.
-macro_rules! over_every_transport {
-    ($($case:ident),+ $(,)?) => {
-        over_every_transport!(@ tcp "tcp://127.0.0.1:0" $($case)+);
-        over_every_transport!(@ unix "unix:" $($case)+);
-        over_every_transport!(@ quic "quic://127.0.0.1:0" $($case)+);
-        over_every_transport!(@ udp "udp://127.0.0.1:0" $($case)+);
-    };
-    (@ $transport:ident $endpoint:literal $($case:ident)+) => {
-        mod $transport {
-            $(
-                #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-                async fn $case() {
-                    super::$case($endpoint).await;
-                }
-            )+
-        }
-    };
-}
 
 over_every_transport!(
     a_peer_that_hangs_is_lost_by_whoever_listens,
@@ -40,33 +23,9 @@ over_every_transport!(
     a_peer_that_comes_back_goes_on_with_the_next_frame,
 );
 
-/// A listener, where it is, and how a display gets in.
-struct Meeting {
-    listener: Listener,
-    at: Endpoint,
-    display: Options,
-    _folder: tempfile::TempDir,
-}
-
-impl Meeting {
-    async fn at(endpoint: &str, link: LinkConfig) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let endpoint = match endpoint {
-            "unix:" => format!("unix:{}", folder.path().join("socket").display()),
-            other => other.to_owned(),
-        };
-        let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
-        let (a, b) = (keys("a"), keys("b"));
-        let options = |keys: &Keys, peer: &Keys| {
-            let security = Security { keys: keys.clone(), peers: vec![peer.public().clone()] };
-            Options { link, security: Some(security), ..Options::default() }
-        };
-        let (ours, display) = (options(&a, &b), options(&b, &a));
-        let endpoint = endpoint.parse().unwrap();
-        let listener = Listener::bind(&net(), &endpoint, identity(Role::SwitchA), &ours).await.unwrap();
-        let at = listener.local_endpoint().clone();
-        Self { listener, at, display, _folder: folder }
-    }
+#[tokio::test]
+async fn a_peer_of_this_process_comes_back_as_well() {
+    a_peer_that_comes_back_goes_on_with_the_next_frame("inproc:comes-back").await;
 }
 
 /// A display whose process runs until it has read a camera, and then hangs with all that it has.
@@ -89,7 +48,8 @@ async fn joined_to_a_hanging_display(endpoint: &str) -> (Link, Runtime, impl Siz
     let lease = Duration::from_millis(500);
     let patience = Duration::from_secs(3600);
     let link = LinkConfig { patience, lease, ..LinkConfig::default() };
-    let Meeting { mut listener, at, display, _folder } = Meeting::at(endpoint, link).await;
+    let Meeting { mut listener, at, display, _folder } =
+        Meeting::at(endpoint, &Options { link, ..Options::default() }).await;
     let meet = async {
         let mut here = listener.accept(soon(&net())).await.unwrap();
         here.latest_tx.publish(camera(1)).unwrap();
@@ -121,7 +81,7 @@ async fn a_peer_that_hangs_is_lost_by_whoever_listens(endpoint: &str) {
 }
 
 async fn a_peer_that_comes_back_goes_on_with_the_next_frame(endpoint: &str) {
-    let Meeting { mut listener, at, display, _folder } = Meeting::at(endpoint, LinkConfig::default()).await;
+    let Meeting { mut listener, at, display, _folder } = Meeting::at(endpoint, &Options::default()).await;
     let net = net();
     for frame in 0..4 {
         let (there, here) = tokio::join!(

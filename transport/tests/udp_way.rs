@@ -11,7 +11,8 @@ use tokio::net::UdpSocket;
 use trimaran_proto::Role;
 use trimaran_transport::udp::Trust;
 use trimaran_transport::{
-    Endpoint, HandshakeError, Limits, LinkConfig, Loss, Options, RecvError, connect, until,
+    AttemptError, ConnectError, Endpoint, HandshakeError, Limits, LinkConfig, Loss, Options, RecvError,
+    connect, until,
 };
 
 /// Deterministic garbage.
@@ -29,6 +30,45 @@ async fn garbage_disturbs_neither_a_link_nor_a_listener() {
         stranger.send_to(&garbage(i), address(&endpoint)).await.unwrap();
     }
     a_display_gets_in(&mut listener, &endpoint, &options).await;
+}
+
+/// The header of a packet: its form (1 is a first packet, 2 a retry), a version and whose it is.
+fn header(form: u64, version: u64, id: [u8; 4]) -> Vec<u8> {
+    [&(version << 2 | form).to_le_bytes()[..], &id].concat()
+}
+
+#[tokio::test]
+async fn another_version_is_answered_with_ours_and_lets_nobody_in() {
+    let options = shared(1);
+    let (mut listener, endpoint) = listener(&options).await;
+    let stranger = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    let mut first = header(1, 0x107, *b"them");
+    first.resize(1200, 0xff);
+    stranger.send_to(&first, address(&endpoint)).await.unwrap();
+    let mut answer = vec![0; 2000];
+    let length = stranger.recv(&mut answer).await.unwrap();
+    assert_eq!(answer[..12], header(2, 1, *b"them"));
+    assert!(3 * length < 1200, "{length} bytes");
+    a_display_gets_in(&mut listener, &endpoint, &options).await;
+}
+
+#[tokio::test]
+async fn a_listener_of_another_version_is_understood() {
+    let net = net();
+    let other = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    let there = Endpoint::Udp(other.local_addr().unwrap().into());
+    let answer = async {
+        let mut first = vec![0; 2000];
+        let (_, from) = other.recv_from(&mut first).await.unwrap();
+        let retry = [header(2, 7, first[8..12].try_into().unwrap()), vec![0; 64]].concat();
+        other.send_to(&retry, from).await.unwrap();
+    };
+    let (options, soon) = (shared(1), soon(&net));
+    let (error, ()) = tokio::join!(connect(&net, &there, identity(Role::Display), &options, soon), answer);
+    let Err(ConnectError::Failed { cause: AttemptError::Handshake { cause, .. }, .. }) = error else {
+        panic!("{error:?}")
+    };
+    assert!(matches!(cause, HandshakeError::Datagram { theirs: 7, ours: 1 }), "{cause:?}");
 }
 
 /// A socket between a peer and a listener, which sees and may do everything.

@@ -28,6 +28,7 @@ macro_rules! conformance_in_virtual_time {
             dropping_a_wait_loses_nothing,
             goodbye_comes_after_everything,
             death_within_a_frame_is_no_goodbye,
+            death_behind_every_step_of_a_frame_is_a_loss,
             a_dead_receiver_fails_the_sender,
             frames_in_the_wrong_order_are_refused,
             both_directions_at_once,

@@ -8,6 +8,8 @@ mod connect;
 mod control;
 mod frames;
 mod latest;
+#[cfg(test)]
+mod lies;
 mod listen;
 mod options;
 mod runtime;

@@ -15,6 +15,8 @@ mod handshake;
 mod inbox;
 mod keys;
 mod latest;
+#[cfg(test)]
+mod lies;
 mod mtu;
 mod outbox;
 mod pacer;

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use trimaran_proto::{FrameEvent, FrameNumber, Goodbye, Role};
-use trimaran_transport::{Loss, RecvError, SendError, sleep_until};
+use trimaran_proto::{FrameEvent, FrameNumber, FrameStats, Goodbye, Role};
+use trimaran_transport::{Link, Loss, RecvError, SendError, sleep_until};
 
 use super::{Pairs, batches_of, patient};
 use crate::common::{camera, ids, receive, start};
@@ -73,4 +73,58 @@ pub(crate) async fn a_dead_receiver_fails_the_sender(pairs: &impl Pairs) {
         }
     };
     assert!(matches!(error, SendError::Lost { peer: Role::SwitchA, .. }), "{error:?}");
+}
+
+/// One side of a frame at a time: whoever dies behind whichever step, the other gets all that was before it, and then knows.
+pub(crate) async fn death_behind_every_step_of_a_frame_is_a_loss(pairs: &impl Pairs) {
+    const STEPS: usize = 5;
+    for steps in 0..=STEPS {
+        let (mut a, mut display) = pairs.pair(batches_of(10)).await;
+        walk(&mut a, steps).await.unwrap();
+        drop(a);
+        let mut got = 0;
+        let lost = loop {
+            match display.frames_rx.recv().await {
+                Ok(_) => got += 1,
+                Err(error) => break error,
+            }
+        };
+        assert_eq!(got, steps, "a message a step");
+        assert!(matches!(lost, RecvError::Lost { cause: Loss::Closed, .. }), "{steps} steps: {lost:?}");
+        assert!(matches!(display.latest_rx.latest().await, Err(RecvError::Lost { .. })), "{steps} steps");
+    }
+    for steps in 0..=STEPS {
+        let (mut a, mut display) = pairs.pair(batches_of(10)).await;
+        let net = pairs.net();
+        let die = async {
+            for _ in 0..steps {
+                display.frames_rx.recv().await.unwrap();
+            }
+            drop(display);
+        };
+        let send = async {
+            walk(&mut a, STEPS).await?;
+            for frame in 1.. {
+                a.frames_tx.begin(start(frame)).await?;
+                a.frames_tx.finish().await?;
+                sleep_until(&*net, net.now().after(Duration::from_millis(1))).await;
+            }
+            Ok(())
+        };
+        let ((), sent) = tokio::join!(die, send);
+        assert!(matches!(sent, Err(SendError::Lost { .. })), "{steps} steps: {sent:?}");
+    }
+}
+
+/// The first steps of a frame and what belongs to it.
+async fn walk(a: &mut Link, steps: usize) -> Result<(), SendError> {
+    for step in 0..steps {
+        match step {
+            0 => a.frames_tx.begin(start(0)).await?,
+            1 | 2 => a.frames_tx.push(&ids(10)).await?,
+            3 => drop(a.frames_tx.finish().await?),
+            _ => a.frames_tx.stats(&FrameStats { frame: FrameNumber(0), ..FrameStats::default() }).await?,
+        }
+    }
+    Ok(())
 }

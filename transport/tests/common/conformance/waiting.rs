@@ -125,6 +125,35 @@ pub(crate) async fn polling_takes_what_is_there(pairs: &impl Pairs) {
     assert!(matches!(ended, Err(RecvError::Goodbye { .. })), "{ended:?}");
 }
 
+/// Who polls without ever yielding is shown all that comes, however much: the runtime's budget of a task is not for it.
+pub(crate) async fn polling_without_a_pause_sees_everything(pairs: &impl Pairs) {
+    // More reads than a runtime lets a task make in one go, each of a frame that is sent when the one before it was read.
+    const FRAMES: u32 = 300;
+    let (mut a, mut display) = pairs.pair(patient()).await;
+    let (next, wanted) = std::sync::mpsc::channel();
+    let runtime = tokio::runtime::Handle::current();
+    let sender = std::thread::spawn(move || {
+        for frame in wanted {
+            runtime.block_on(async {
+                a.frames_tx.begin(start(frame)).await.unwrap();
+                a.frames_tx.finish().await.unwrap();
+            });
+        }
+        a
+    });
+    let net = pairs.net();
+    let deadline = net.now().after(Duration::from_secs(60));
+    for frame in 0..FRAMES {
+        next.send(frame).unwrap();
+        while !matches!(display.frames_rx.try_recv().unwrap(), Some(FrameEvent::End(_))) {
+            assert!(net.now() < deadline, "frame {frame} is not seen");
+            std::thread::yield_now();
+        }
+    }
+    drop(next);
+    sender.join().unwrap();
+}
+
 pub(crate) async fn dropping_a_wait_loses_nothing(pairs: &impl Pairs) {
     let (mut a, mut display) = pairs.pair(batches_of(100)).await;
     let all = ids(50_000);

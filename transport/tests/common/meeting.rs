@@ -1,0 +1,59 @@
+//! A listener over any transport between processes, and a display that it knows.
+
+use trimaran_proto::Role;
+use trimaran_transport::keys::{Keys, Security};
+use trimaran_transport::{Endpoint, Listener, Options};
+
+use crate::common::{identity, net};
+
+/// Makes a test of each case for each transport.
+#[macro_export]
+macro_rules! over_every_transport {
+    ($($case:ident),+ $(,)?) => {
+        $crate::over_every_transport!(@ tcp "tcp://127.0.0.1:0" $($case)+);
+        $crate::over_every_transport!(@ unix "unix:" $($case)+);
+        $crate::over_every_transport!(@ quic "quic://127.0.0.1:0" $($case)+);
+        $crate::over_every_transport!(@ udp "udp://127.0.0.1:0" $($case)+);
+    };
+    (@ $transport:ident $endpoint:literal $($case:ident)+) => {
+        mod $transport {
+            $(
+                #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+                async fn $case() {
+                    super::$case($endpoint).await;
+                }
+            )+
+        }
+    };
+}
+
+/// A listener, where it is, and how a display gets in.
+pub(crate) struct Meeting {
+    pub(crate) listener: Listener,
+    pub(crate) at: Endpoint,
+    /// The options of a display that the listener knows.
+    pub(crate) display: Options,
+    pub(crate) _folder: tempfile::TempDir,
+}
+
+impl Meeting {
+    /// At `endpoint`, with these options but for the keys.
+    pub(crate) async fn at(endpoint: &str, options: &Options) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let endpoint = match endpoint {
+            "unix:" => format!("unix:{}", folder.path().join("socket").display()),
+            other => other.to_owned(),
+        };
+        let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
+        let (a, b) = (keys("a"), keys("b"));
+        let with = |keys: &Keys, peer: &Keys| {
+            let security = Security { keys: keys.clone(), peers: vec![peer.public().clone()] };
+            Options { security: Some(security), ..options.clone() }
+        };
+        let (ours, display) = (with(&a, &b), with(&b, &a));
+        let endpoint = endpoint.parse().unwrap();
+        let listener = Listener::bind(&net(), &endpoint, identity(Role::SwitchA), &ours).await.unwrap();
+        let at = listener.local_endpoint().clone();
+        Self { listener, at, display, _folder: folder }
+    }
+}

@@ -1,0 +1,132 @@
+//! A peer that lies in every field that says how much, how many or which, under keys that are good.
+
+use trimaran_proto::{Camera, FrameNumber, Instant};
+
+use crate::chunk::{Chunk, GivenUp, Tail};
+use crate::connection::{Closed, Config, Connection};
+use crate::inbox::LaneViolation;
+use crate::keys::Keys;
+use crate::packet::{ConnectionId, data_header};
+use crate::ranges::RangeSet;
+use crate::repair::Block;
+use crate::wire::Malformed;
+
+const HERE: ConnectionId = ConnectionId(10);
+const THERE: ConnectionId = ConnectionId(20);
+/// The most that a field can say.
+const MOST: u64 = u64::MAX;
+
+fn now() -> Instant {
+    Instant::from_nanos(1_000_000_000)
+}
+
+/// How a connection ends that is told `plain`, if it does.
+fn told(plain: &[u8]) -> Option<Closed> {
+    let mut connection = Connection::plaintext(now(), HERE, THERE, Config::default());
+    let mut packet = Vec::from(data_header(HERE, 0));
+    assert!(Keys::Plaintext.seal(HERE, 0, plain, &mut packet));
+    connection.handle(now(), &packet);
+    // Whatever it was told, it goes on answering, keeping its time and being read.
+    let (mut out, mut at) = (Vec::new(), now());
+    for _ in 0..100 {
+        while connection.poll_transmit(at, &mut out) {}
+        while connection.recv().is_some() {}
+        let Some(due) = connection.poll_timeout() else { break };
+        at = at.max(due);
+        connection.handle_timeout(at);
+        if connection.closed().is_some_and(|why| matches!(why, Closed::Silent(_) | Closed::Deaf(_))) {
+            return None;
+        }
+    }
+    connection.closed().cloned()
+}
+
+fn lie(chunk: &Chunk<'_>) -> Option<Closed> {
+    let mut plain = Vec::new();
+    chunk.write(&mut plain);
+    told(&plain)
+}
+
+fn lane(violation: LaneViolation) -> Option<Closed> {
+    Some(Closed::Lane(violation))
+}
+
+#[test]
+fn acknowledgements_of_what_was_never_sent_end_the_connection() {
+    for number in [0, 1, 1 << 40, MOST - 1] {
+        let mut numbers = RangeSet::default();
+        numbers.insert(number..number + 1);
+        for delay_us in [0, MOST] {
+            let ack = Chunk::Ack { delay_us, numbers: numbers.clone() };
+            assert_eq!(lie(&ack), Some(Closed::NeverSent), "{number}");
+        }
+    }
+}
+
+#[test]
+fn places_beyond_what_was_allowed_end_the_connection() {
+    let part = |unit, offset, tail| Chunk::Part { unit, offset, tail, data: b"1234" };
+    for (unit, offset) in [(0, MOST), (0, MOST - 3), (0, 1 << 40), (MOST, 0), (1 << 40, 0), (MOST, MOST)] {
+        for tail in [Tail::More, Tail::Pause, Tail::End, Tail::Frame(MOST)] {
+            let end = lie(&part(unit, offset, tail));
+            assert_eq!(end, lane(LaneViolation::Credit), "unit {unit}, offset {offset}, {tail:?}");
+        }
+    }
+    let whole = Block { offset: 0, length: 44, shard: 44, count: 1 };
+    let repair = |unit, block, hash| {
+        let data = vec![0; usize::from(whole.shard)];
+        let mut plain = Vec::new();
+        Chunk::Repair { unit, block, hash, index: 0, data: &data }.write(&mut plain);
+        told(&plain)
+    };
+    for hash in [None, Some(MOST)] {
+        assert_eq!(repair(MOST, whole, hash), lane(LaneViolation::Credit));
+        assert_eq!(repair(0, Block { offset: 1 << 40, ..whole }, hash), lane(LaneViolation::Credit));
+        let malformed = Some(Closed::Malformed(Malformed::Range { what: "block" }));
+        assert_eq!(repair(0, Block { offset: MOST, ..whole }, hash), malformed);
+        assert_eq!(repair(0, Block { length: u32::MAX, ..whole }, hash), malformed);
+        assert_eq!(repair(0, Block { length: 0, ..whole }, hash), malformed);
+        assert_eq!(repair(0, Block { count: u8::MAX, ..whole }, hash), malformed);
+        assert_eq!(repair(0, Block { shard: 0, ..whole }, hash), malformed);
+    }
+    for coded in [None, Some(MOST)] {
+        for (unit, length, sent) in [(0, MOST, 0), (0, MOST, MOST), (MOST, 88, 84), (0, 1 << 40, 1 << 40)] {
+            let about = GivenUp { length, sent, hash: 0, coded };
+            let end = lie(&Chunk::GiveUp { unit, about, head: &[] });
+            assert!(matches!(end, Some(Closed::Lane(_))), "unit {unit}, length {length}, {coded:?}: {end:?}");
+        }
+    }
+}
+
+#[test]
+fn lengths_beyond_the_packet_end_the_connection() {
+    let lying = |chunk: Chunk<'_>, at: usize, bytes: &[u8]| {
+        let mut plain = Vec::new();
+        chunk.write(&mut plain);
+        plain[at..at + bytes.len()].copy_from_slice(bytes);
+        told(&plain)
+    };
+    let part = Chunk::Part { unit: 0, offset: 0, tail: Tail::More, data: b"1234" };
+    let about = GivenUp { length: 88, sent: 84, hash: 0, coded: None };
+    let give_up = Chunk::GiveUp { unit: 0, about, head: &[] };
+    let last_camera = Chunk::LastCamera { number: 1, goodbye: &[] };
+    for end in [
+        // Behind the code, unit and offset.
+        lying(part, 3, &[0xff; 2]),
+        // Behind the code, unit, length, sent and hash.
+        lying(give_up, 12, &[0xff]),
+        lying(last_camera, 2, &[0xff; 2]),
+    ] {
+        assert!(matches!(end, Some(Closed::Malformed(_))), "{end:?}");
+    }
+}
+
+/// What only the liar itself has harm of.
+#[test]
+fn generous_credit_and_high_numbers_of_cameras_are_taken_as_they_are() {
+    let camera = Camera::at_origin(FrameNumber(0)).to_bytes();
+    assert_eq!(lie(&Chunk::Credit { bytes: MOST, units: MOST }), None);
+    assert_eq!(lie(&Chunk::Camera { number: MOST, camera }), None);
+    assert_eq!(lie(&Chunk::LastCamera { number: MOST, goodbye: &[] }), None);
+    assert_eq!(lie(&Chunk::Camera { number: 1, camera: [0xff; Camera::SIZE] }), Some(Closed::Camera));
+}
