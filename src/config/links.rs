@@ -26,14 +26,45 @@ pub use udp::{FrameMode, RepairMode, UdpConfig, UdpCongestion, UdpTrust};
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
 pub struct LinkConfig {
     /// How long any one wait for a peer may last once it has joined, seconds: longer than its longest pause, loading included.
-    #[config(env = "TRIMARAN_LINK_PATIENCE_S", default = 30.0, validate = seconds, layer_attr(arg(long = "link-patience", id = "link_patience_s", value_name = "S", value_parser = pause, allow_negative_numbers = true)))]
+    #[config(
+        env = "TRIMARAN_LINK_PATIENCE_S",
+        default = 30.0,
+        validate = seconds,
+        layer_attr(arg(
+            long = "link-patience",
+            id = "link_patience_s",
+            value_name = "S",
+            value_parser = pause,
+            allow_negative_numbers = true
+        ))
+    )]
     pub patience_s: f64,
     /// The silence after which a peer counts as lost, seconds: its process shows signs of life while it has nothing to say. The same for
     /// all roles.
-    #[config(env = "TRIMARAN_LINK_LEASE_S", default = 20.0, validate = lease, layer_attr(arg(long = "link-lease", value_name = "S", value_parser = lease_flag, allow_negative_numbers = true)))]
+    #[config(
+        env = "TRIMARAN_LINK_LEASE_S",
+        default = 20.0,
+        validate = lease,
+        layer_attr(arg(
+            long = "link-lease",
+            value_name = "S",
+            value_parser = lease_flag,
+            allow_negative_numbers = true
+        ))
+    )]
     pub lease_s: f64,
     /// How long one handshake may take, seconds.
-    #[config(env = "TRIMARAN_LINK_HANDSHAKE_S", default = 5.0, validate = seconds, layer_attr(arg(long = "link-handshake", value_name = "S", value_parser = pause, allow_negative_numbers = true)))]
+    #[config(
+        env = "TRIMARAN_LINK_HANDSHAKE_S",
+        default = 5.0,
+        validate = seconds,
+        layer_attr(arg(
+            long = "link-handshake",
+            value_name = "S",
+            value_parser = pause,
+            allow_negative_numbers = true
+        ))
+    )]
     pub handshake_s: f64,
     /// How many peers a listener has links with at once; more are told that it is busy.
     #[config(

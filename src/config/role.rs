@@ -42,11 +42,21 @@ pub struct SwitchConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
     /// How long to wait for the other roles at the start, seconds.
-    #[config(env = "TRIMARAN_PATIENCE_S", default = 30.0, validate = seconds, layer_attr(arg(long = "patience", value_name = "S")))]
+    #[config(
+        env = "TRIMARAN_PATIENCE_S",
+        default = 30.0,
+        validate = seconds,
+        layer_attr(arg(long = "patience", value_name = "S"))
+    )]
     pub patience_s: f64,
     /// How long to wait for a peer that was lost to come again, seconds: the session then goes on with the frame that was due. 0 ends
     /// the session with the peer.
-    #[config(env = "TRIMARAN_RECONNECT_S", default = 60.0, validate = seconds, layer_attr(arg(long = "reconnect", value_name = "S")))]
+    #[config(
+        env = "TRIMARAN_RECONNECT_S",
+        default = 60.0,
+        validate = seconds,
+        layer_attr(arg(long = "reconnect", value_name = "S"))
+    )]
     pub reconnect_s: f64,
     /// Show what the links carry on this address while the session runs: `/metrics` for Prometheus, `/links` as JSON.
     #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
@@ -104,11 +114,21 @@ pub struct DisplayConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
     /// How long to wait for the other roles at the start, seconds.
-    #[config(env = "TRIMARAN_PATIENCE_S", default = 30.0, validate = seconds, layer_attr(arg(long = "patience", value_name = "S")))]
+    #[config(
+        env = "TRIMARAN_PATIENCE_S",
+        default = 30.0,
+        validate = seconds,
+        layer_attr(arg(long = "patience", value_name = "S"))
+    )]
     pub patience_s: f64,
     /// How long to wait for a peer that was lost to come again, seconds: the session then goes on with the frame that was due. 0 ends
     /// the session with the peer.
-    #[config(env = "TRIMARAN_RECONNECT_S", default = 60.0, validate = seconds, layer_attr(arg(long = "reconnect", value_name = "S")))]
+    #[config(
+        env = "TRIMARAN_RECONNECT_S",
+        default = 60.0,
+        validate = seconds,
+        layer_attr(arg(long = "reconnect", value_name = "S"))
+    )]
     pub reconnect_s: f64,
     /// Show what the links carry on this address while the session runs: `/metrics` for Prometheus, `/links` as JSON.
     #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
@@ -148,32 +168,84 @@ pub struct DisplayPeers {
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
 pub struct SessionConfig {
     /// Picture width, pixels.
-    #[config(env = "TRIMARAN_SESSION_WIDTH", default = 1024, validate(*width > 0, "a picture has at least one pixel a side"), layer_attr(arg(long, value_name = "PX")))]
+    #[config(
+        env = "TRIMARAN_SESSION_WIDTH",
+        default = 1024,
+        validate(*width > 0, "a picture has at least one pixel a side"),
+        layer_attr(arg(long, value_name = "PX"))
+    )]
     pub width: u32,
     /// Picture height, pixels.
-    #[config(env = "TRIMARAN_SESSION_HEIGHT", default = 1024, validate(*height > 0, "a picture has at least one pixel a side"), layer_attr(arg(long, value_name = "PX")))]
+    #[config(
+        env = "TRIMARAN_SESSION_HEIGHT",
+        default = 1024,
+        validate(*height > 0, "a picture has at least one pixel a side"),
+        layer_attr(arg(long, value_name = "PX"))
+    )]
     pub height: u32,
     /// The largest error on the screen, pixels.
-    #[config(env = "TRIMARAN_SESSION_EPSILON_PX", default = 2.0, validate(epsilon_px.is_finite() && *epsilon_px > 0.0, "give a number of pixels above 0"), layer_attr(arg(long = "epsilon", value_name = "PX", value_parser = positive, allow_negative_numbers = true)))]
+    #[config(
+        env = "TRIMARAN_SESSION_EPSILON_PX",
+        default = 2.0,
+        validate(epsilon_px.is_finite() && *epsilon_px > 0.0, "give a number of pixels above 0"),
+        layer_attr(arg(
+            long = "epsilon",
+            value_name = "PX",
+            value_parser = positive,
+            allow_negative_numbers = true
+        ))
+    )]
     pub epsilon_px: f64,
     /// How many ids travel in one batch, 1 to 16384.
-    #[config(env = "TRIMARAN_SESSION_BATCH", default = 1024, validate((1..=16384).contains(batch), "give 1 to 16384"), layer_attr(arg(long, value_name = "B", value_parser = clap::value_parser!(u16).range(1..=16384))))]
+    #[config(
+        env = "TRIMARAN_SESSION_BATCH",
+        default = 1024,
+        validate((1..=16384).contains(batch), "give 1 to 16384"),
+        layer_attr(arg(long, value_name = "B", value_parser = clap::value_parser!(u16).range(1..=16384)))
+    )]
     pub batch: u16,
     /// How ids travel between processes: `changes` against an earlier frame, or `plain`, 4 bytes each.
-    #[config(env = "TRIMARAN_SESSION_CODING", default = "changes", validate(coding.parse::<IdCoding>().is_ok(), "give changes or plain"), layer_attr(arg(long, value_name = "CODING")))]
+    #[config(
+        env = "TRIMARAN_SESSION_CODING",
+        default = "changes",
+        validate(coding.parse::<IdCoding>().is_ok(), "give changes or plain"),
+        layer_attr(arg(long, value_name = "CODING"))
+    )]
     pub coding: String,
     /// What tests boxes: `query`, `raster` or `hzb`.
-    #[config(env = "TRIMARAN_SESSION_TESTER", default = "hzb", validate(tester.parse::<TesterKind>().is_ok(), "give query, raster or hzb"), layer_attr(arg(long, value_name = "TESTER")))]
+    #[config(
+        env = "TRIMARAN_SESSION_TESTER",
+        default = "hzb",
+        validate(tester.parse::<TesterKind>().is_ok(), "give query, raster or hzb"),
+        layer_attr(arg(long, value_name = "TESTER"))
+    )]
     pub tester: String,
     /// Walk by the clock, so many poses of the path a second; without it every pose is a frame.
-    #[config(env = "TRIMARAN_SESSION_LIVE_HZ", validate(live_hz.is_finite() && *live_hz > 0.0, "give poses a second above 0, or leave it out"), layer_attr(arg(long = "live", value_name = "HZ", value_parser = positive, allow_negative_numbers = true)))]
+    #[config(
+        env = "TRIMARAN_SESSION_LIVE_HZ",
+        validate(live_hz.is_finite() && *live_hz > 0.0, "give poses a second above 0, or leave it out"),
+        layer_attr(arg(
+            long = "live",
+            value_name = "HZ",
+            value_parser = positive,
+            allow_negative_numbers = true
+        ))
+    )]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub live_hz: Option<f64>,
     /// Whether culling stops at what shows at fewer pixels than epsilon (paper, section 4.5.2); not with the tester `hzb`.
-    #[config(env = "TRIMARAN_SESSION_FEW_PIXELS", default = false, layer_attr(arg(long, num_args = 0..=1, default_missing_value = "true", value_name = "BOOL")))]
+    #[config(
+        env = "TRIMARAN_SESSION_FEW_PIXELS",
+        default = false,
+        layer_attr(arg(long, num_args = 0..=1, default_missing_value = "true", value_name = "BOOL"))
+    )]
     pub few_pixels: bool,
     /// How many frames; as many as the path has if not given, 200 for an automatic one.
-    #[config(env = "TRIMARAN_SESSION_FRAMES", validate(*frames > 0, "give at least 1, or leave it out"), layer_attr(arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))))]
+    #[config(
+        env = "TRIMARAN_SESSION_FRAMES",
+        validate(*frames > 0, "give at least 1, or leave it out"),
+        layer_attr(arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..)))
+    )]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<u32>,
     /// `auto`, a path file or a report.json, relative to the working directory.
@@ -190,7 +262,11 @@ pub struct SessionConfig {
     #[config(env = "TRIMARAN_SESSION_AUDIT_EVERY", default = 10, layer_attr(arg(long, value_name = "N")))]
     pub audit_every: u32,
     /// Whether the report names the objects exactly visible at full detail.
-    #[config(env = "TRIMARAN_SESSION_VISIBLE", default = false, layer_attr(arg(long, num_args = 0..=1, default_missing_value = "true", value_name = "BOOL")))]
+    #[config(
+        env = "TRIMARAN_SESSION_VISIBLE",
+        default = false,
+        layer_attr(arg(long, num_args = 0..=1, default_missing_value = "true", value_name = "BOOL"))
+    )]
     pub visible: bool,
 }
 

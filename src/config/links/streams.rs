@@ -14,7 +14,16 @@ use super::{super::seconds, duration, pause};
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
 pub struct TcpConfig {
     /// Whether data leave at once, without Nagle's wait for an acknowledgement.
-    #[config(env = "TRIMARAN_LINK_TCP_NODELAY", default = true, layer_attr(arg(long = "tcp-nodelay", num_args = 0..=1, default_missing_value = "true", value_name = "BOOL")))]
+    #[config(
+        env = "TRIMARAN_LINK_TCP_NODELAY",
+        default = true,
+        layer_attr(arg(
+            long = "tcp-nodelay",
+            num_args = 0..=1,
+            default_missing_value = "true",
+            value_name = "BOOL"
+        ))
+    )]
     pub nodelay: bool,
     /// The send buffer that the system is asked for, bytes; it chooses and adapts one if not given.
     #[config(
@@ -31,14 +40,44 @@ pub struct TcpConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recv_buffer: Option<usize>,
     /// How long a connection is idle before the system asks the peer's system whether it is there, seconds; 0 never asks.
-    #[config(env = "TRIMARAN_LINK_TCP_KEEPALIVE_S", default = 5.0, validate = seconds, layer_attr(arg(long = "tcp-keepalive", value_name = "S", value_parser = pause, allow_negative_numbers = true)))]
+    #[config(
+        env = "TRIMARAN_LINK_TCP_KEEPALIVE_S",
+        default = 5.0,
+        validate = seconds,
+        layer_attr(arg(
+            long = "tcp-keepalive",
+            value_name = "S",
+            value_parser = pause,
+            allow_negative_numbers = true
+        ))
+    )]
     pub keepalive_s: f64,
     /// The time between two such questions, seconds.
-    #[config(env = "TRIMARAN_LINK_TCP_KEEPALIVE_INTERVAL_S", default = 2.0, validate = seconds, layer_attr(arg(long = "tcp-keepalive-interval", value_name = "S", value_parser = pause, allow_negative_numbers = true)))]
+    #[config(
+        env = "TRIMARAN_LINK_TCP_KEEPALIVE_INTERVAL_S",
+        default = 2.0,
+        validate = seconds,
+        layer_attr(arg(
+            long = "tcp-keepalive-interval",
+            value_name = "S",
+            value_parser = pause,
+            allow_negative_numbers = true
+        ))
+    )]
     pub keepalive_interval_s: f64,
     /// How long data may wait for the peer's system, or for room there, before the connection counts as dead, seconds (Linux); 0
     /// leaves it to the system: a quarter of an hour, about.
-    #[config(env = "TRIMARAN_LINK_TCP_USER_TIMEOUT_S", default = 20.0, validate = seconds, layer_attr(arg(long = "tcp-user-timeout", value_name = "S", value_parser = pause, allow_negative_numbers = true)))]
+    #[config(
+        env = "TRIMARAN_LINK_TCP_USER_TIMEOUT_S",
+        default = 20.0,
+        validate = seconds,
+        layer_attr(arg(
+            long = "tcp-user-timeout",
+            value_name = "S",
+            value_parser = pause,
+            allow_negative_numbers = true
+        ))
+    )]
     pub user_timeout_s: f64,
 }
 

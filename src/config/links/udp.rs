@@ -25,7 +25,17 @@ pub struct UdpConfig {
     )]
     pub mode: FrameMode,
     /// How long after its end a frame may arrive where the mode is `deadline`, milliseconds.
-    #[config(env = "TRIMARAN_LINK_UDP_DEADLINE_MS", default = 50.0, validate = deadline, layer_attr(arg(long = "udp-deadline-ms", value_name = "MS", value_parser = positive, allow_negative_numbers = true)))]
+    #[config(
+        env = "TRIMARAN_LINK_UDP_DEADLINE_MS",
+        default = 50.0,
+        validate = deadline,
+        layer_attr(arg(
+            long = "udp-deadline-ms",
+            value_name = "MS",
+            value_parser = positive,
+            allow_negative_numbers = true
+        ))
+    )]
     pub deadline_ms: f64,
     /// When frames sent from here get repair, with which most losses cost no time: `auto` while packets are lost, `on` always, `off` never.
     #[config(
@@ -35,7 +45,16 @@ pub struct UdpConfig {
     )]
     pub repair: RepairMode,
     /// How many bytes of repair may be sent, percent of the frames' own, 1 to 100.
-    #[config(env = "TRIMARAN_LINK_UDP_REPAIR_PERCENT", default = 15, validate((1..=100).contains(repair_percent), "give 1 to 100, or repair = \"off\""), layer_attr(arg(long = "udp-repair-percent", value_name = "N", value_parser = value_parser!(u8).range(1..=100))))]
+    #[config(
+        env = "TRIMARAN_LINK_UDP_REPAIR_PERCENT",
+        default = 15,
+        validate((1..=100).contains(repair_percent), "give 1 to 100, or repair = \"off\""),
+        layer_attr(arg(
+            long = "udp-repair-percent",
+            value_name = "N",
+            value_parser = value_parser!(u8).range(1..=100)
+        ))
+    )]
     pub repair_percent: u8,
     /// What makes the two ends trust each other: their `keys`, or nothing: `plain` hides nothing and checks nobody, and is for
     /// trusted networks. The same at both ends.
@@ -53,7 +72,17 @@ pub struct UdpConfig {
     )]
     pub congestion: UdpCongestion,
     /// Whether datagrams of more than 1,200 bytes are tried, up to what Ethernet carries.
-    #[config(env = "TRIMARAN_LINK_UDP_PMTU", default = true, layer_attr(arg(long = "udp-pmtu", id = "udp_pmtu", num_args = 0..=1, default_missing_value = "true", value_name = "BOOL")))]
+    #[config(
+        env = "TRIMARAN_LINK_UDP_PMTU",
+        default = true,
+        layer_attr(arg(
+            long = "udp-pmtu",
+            id = "udp_pmtu",
+            num_args = 0..=1,
+            default_missing_value = "true",
+            value_name = "BOOL"
+        ))
+    )]
     pub pmtu: bool,
     /// How many bytes of frames may be under way in each direction, sent and not read. The same at both ends.
     #[config(

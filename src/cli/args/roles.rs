@@ -1,0 +1,61 @@
+//! One role of a deployment, its keys, and what the machine can do.
+
+use std::{net::SocketAddr, path::PathBuf};
+
+use clap::{Args, Subcommand, ValueEnum};
+use confique::Config;
+use trimaran::config::{DisplayConfig, SwitchConfig};
+use trimaran_transport::Name;
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum RoleCommand {
+    /// One of the two machines that take turns: draws occluders, culls.
+    Switch(RoleArgs<<SwitchConfig as Config>::Layer>),
+    /// The machine that shows the pictures and holds the camera.
+    Display(RoleArgs<<DisplayConfig as Config>::Layer>),
+}
+
+/// What a role is told: a flag overrides its environment variable, that overrides the file, and that the default.
+#[derive(Debug, Args)]
+pub(crate) struct RoleArgs<L: Args> {
+    /// The role's configuration (TOML); `trimaran config` prints one with every key.
+    #[arg(long, value_name = "F.toml", env = "TRIMARAN_CONFIG")]
+    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) flags: L,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum RoleName {
+    /// A machine of the pair.
+    Switch,
+    /// The machine that shows the pictures.
+    Display,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum KeysCommand {
+    /// Make the keys of a machine: NAME.key, which is private and stays there, and NAME.pub for its peers.
+    New {
+        /// What to call the machine: up to 64 letters, digits, dots, hyphens and underscores.
+        name: Name,
+        /// The folder to write both files into.
+        #[arg(long, value_name = "DIR", default_value = ".")]
+        out: PathBuf,
+    },
+    /// Print who a key file is.
+    Show {
+        /// A private or a public key file.
+        file: PathBuf,
+    },
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DoctorArgs {
+    /// An address whose port is to be tried for listening.
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:0")]
+    pub(crate) listen: SocketAddr,
+    /// Print as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}

@@ -1,0 +1,175 @@
+//! Walking through a scene on this machine.
+
+use std::{net::SocketAddr, path::PathBuf};
+
+use clap::{Args, ValueEnum};
+use confique::Config;
+use trimaran::config::{LinkConfig, positive};
+use trimaran_proto::IdCoding;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LinkKind {
+    /// Three roles as threads of this process.
+    Inproc,
+    /// Three processes of this machine over Unix sockets.
+    Unix,
+    /// Three processes of this machine over TCP on its loopback.
+    Tcp,
+    /// Three processes of this machine over QUIC on its loopback, with keys made for the session.
+    Quic,
+    /// Three processes of this machine over the project's own datagrams on its loopback, with keys made for the session.
+    Udp,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Tester {
+    /// Vulkan occlusion queries, the paper's method.
+    Query,
+    /// One instanced draw that counts pixels with atomics; counts equal the queries'.
+    Raster,
+    /// A pyramid of farthest depths; the fastest, never hides what a query shows.
+    Hzb,
+}
+
+/// How ids travel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Coding {
+    /// As changes against an earlier frame, where that is shorter.
+    Changes,
+    /// 4 bytes an id, as in the paper's bandwidth formula.
+    Plain,
+}
+
+impl From<Coding> for IdCoding {
+    fn from(coding: Coding) -> Self {
+        match coding {
+            Coding::Changes => Self::Changes,
+            Coding::Plain => Self::Plain,
+        }
+    }
+}
+
+/// A picture size, `WIDTHxHEIGHT`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Size {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+}
+
+#[derive(Debug, Clone, Args)]
+pub(crate) struct WalkArgs {
+    /// How many frames [default: as many as the path has, 200 for an automatic one].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) frames: Option<u32>,
+    /// A path file (JSON: eye, forward and up per frame), a report.json to walk again, or `auto`: a seeded walk at eye height
+    /// that avoids solid space.
+    #[arg(long, value_name = "FILE|auto", default_value = "auto")]
+    pub(crate) path: String,
+    /// The seed of an automatic path.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// The picture's size in pixels.
+    #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = size)]
+    pub(crate) size: Size,
+    /// How many ids travel in one batch.
+    #[arg(long, value_name = "B", default_value_t = 1024, value_parser = clap::value_parser!(u16).range(1..=16384))]
+    pub(crate) batch: u16,
+    /// How ids travel between processes.
+    #[arg(long, value_enum, default_value = "changes")]
+    pub(crate) coding: Coding,
+    /// What tests boxes against the occluders.
+    #[arg(long, value_enum, default_value = "hzb")]
+    pub(crate) tester: Tester,
+    /// Do not refine what shows at fewer pixels than epsilon (section 4.5.2 of the paper). The report says what that costs. Needs a
+    /// tester that counts pixels: query or raster.
+    #[arg(long)]
+    pub(crate) few_pixels: bool,
+    /// The Vulkan device, by a part of its name [default: the best there is].
+    #[arg(long, value_name = "NAME")]
+    pub(crate) device: Option<String>,
+    /// Check every N-th frame against the unculled picture and the exactly visible set; 0 checks none.
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    pub(crate) audit_every: u32,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RunArgs {
+    /// The scene.
+    pub(crate) scene: PathBuf,
+    /// How the roles are joined.
+    #[arg(long, value_enum, default_value = "inproc", env = "TRIMARAN_LINK")]
+    pub(crate) link: LinkKind,
+    #[command(flatten)]
+    pub(crate) links: <LinkConfig as Config>::Layer,
+    /// The largest error on the screen, pixels.
+    #[arg(long, value_name = "PX", default_value_t = 2.0, value_parser = positive, allow_negative_numbers = true)]
+    pub(crate) epsilon: f64,
+    #[command(flatten)]
+    pub(crate) walk: WalkArgs,
+    /// Show what this process's links carry on this address while it walks, unless they are within it: `/metrics` for Prometheus, `/links`
+    /// and `/listener` for `trimaran stat`.
+    #[arg(long, value_name = "HOST:PORT")]
+    pub(crate) metrics: Option<SocketAddr>,
+    /// Walk by the clock, so many poses of the path a second, and show in each frame the newest pose. Without it every pose is a frame.
+    #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true)]
+    pub(crate) live: Option<f64>,
+    /// Add to the report, per audited frame, the objects exactly visible at full detail by name and index in their file.
+    #[arg(long)]
+    pub(crate) visible: bool,
+    /// Record what each frame asked of the roles (ids, when they were found, computing times, camera), for `trimaran sim --trace`.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) record: Option<PathBuf>,
+    /// Where to write report.json, report.html and the frames.
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    pub(crate) out: PathBuf,
+    /// Print the report's summary as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SweepArgs {
+    /// The scene.
+    pub(crate) scene: PathBuf,
+    /// The error bounds to walk at, pixels.
+    #[arg(long, value_name = "PX,PX,..", value_delimiter = ',', default_value = "0.5,1,2,5,10,20", value_parser = positive, allow_negative_numbers = true)]
+    pub(crate) epsilons: Vec<f64>,
+    #[command(flatten)]
+    pub(crate) walk: WalkArgs,
+    /// Where to write report.json and report.html.
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    pub(crate) out: PathBuf,
+    /// Print the sweep as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DemoArgs {
+    /// Walk this scene instead of a generated plant.
+    pub(crate) scene: Option<PathBuf>,
+    /// Where to write the scene and the report.
+    #[arg(long, value_name = "DIR", default_value = "out/demo")]
+    pub(crate) out: PathBuf,
+}
+
+fn size(text: &str) -> Result<Size, String> {
+    let sides = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    match sides {
+        Some((width @ 1.., height @ 1..)) => Ok(Size { width, height }),
+        _ => Err("give WIDTHxHEIGHT in pixels, such as 1024x1024".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_size_needs_two_sides_above_zero() {
+        assert_eq!(size("1920x1080"), Ok(Size { width: 1920, height: 1080 }));
+        for bad in ["", "10", "0x10", "10x0", "x", "10x-1", "1e3x5", "99999999999x1"] {
+            assert!(size(bad).is_err(), "{bad:?} was taken");
+        }
+    }
+}
