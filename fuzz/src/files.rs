@@ -13,8 +13,9 @@ pub fn traces(bytes: &[u8]) {
     let Ok(trace) = Trace::from_bytes(&sealed(bytes)) else { return };
     for frame in trace.frames() {
         assert!(frame.ids.is_sorted_by(|a, b| a < b));
-        let ends = [0, frame.ids.len(), usize::MAX].map(|count| frame.found_at(count));
-        assert!(ends.iter().all(|at| *at <= frame.hc), "{ends:?}");
+        let finds: Vec<_> = frame.finds().collect();
+        assert!(finds.is_sorted() && finds.iter().all(|(_, at)| *at <= frame.hc), "{finds:?}");
+        assert_eq!(finds.last().map_or(0, |(count, _)| *count), frame.ids.len());
     }
     // Compared as it is written: an epsilon that is not a number equals nothing.
     let written = trace.to_bytes().ok();
