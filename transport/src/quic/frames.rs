@@ -61,7 +61,10 @@ impl FrameTx {
     }
 
     pub(crate) fn stage(&mut self, message: &Message, shared: &Shared) {
-        self.buffer.reserve(PART);
+        // What is cut off leaves the rest of the memory to what follows; once that is used up, as much is taken anew.
+        if self.buffer.capacity() == 0 {
+            self.buffer.reserve(PART);
+        }
         let before = self.buffer.len();
         message.encode(&mut self.buffer);
         shared.counters.sent.count(message.kind(), self.buffer.len() - before - HEADER_BYTES);
