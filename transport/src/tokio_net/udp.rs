@@ -11,7 +11,7 @@ use quinn_udp::UdpSocketState;
 use socket2::{Domain, Protocol, SockRef, Socket, Type};
 use tokio::io::Interest;
 
-use crate::net::{RecvMeta, Transmit, UdpPoller, UdpSocket, UdpSocketOptions};
+use crate::net::{BATCH_SIZE, RecvMeta, Transmit, UdpPoller, UdpSocket, UdpSocketOptions};
 
 /// Binds a socket; the caller is within a runtime.
 pub(super) fn bind(at: SocketAddr, options: UdpSocketOptions) -> io::Result<Arc<dyn UdpSocket>> {
@@ -53,13 +53,25 @@ impl UdpSocket for TokioUdp {
         buffers: &mut [IoSliceMut<'_>],
         meta: &mut [RecvMeta],
     ) -> Poll<io::Result<usize>> {
+        let room = buffers.len().min(BATCH_SIZE);
         loop {
             ready!(self.io.poll_recv_ready(cx))?;
-            let receive = || self.state.recv((&self.io).into(), buffers, meta);
-            match self.io.try_io(Interest::READABLE, receive) {
+            let mut filled = None;
+            let read = self.io.try_io(Interest::READABLE, || {
+                let count = self.state.recv((&self.io).into(), buffers, meta)?;
+                filled = Some(count);
+                // The system had no more: to ask it again would only be to hear so.
+                if count < room { Err(io::ErrorKind::WouldBlock.into()) } else { Ok(()) }
+            });
+            match (filled, read) {
+                (Some(filled), _) => return Poll::Ready(Ok(filled)),
                 // Some systems report here that an earlier datagram found nobody: news about one peer, not about the socket.
-                Err(e) if matches!(e.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::ConnectionReset) => {}
-                received => return Poll::Ready(received),
+                (None, Err(e))
+                    if !matches!(e.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::ConnectionReset) =>
+                {
+                    return Poll::Ready(Err(e));
+                }
+                (None, _) => {}
             }
         }
     }

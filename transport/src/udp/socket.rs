@@ -27,7 +27,7 @@ impl Incoming {
     pub(super) fn new(socket: &Arc<dyn UdpSocket>) -> Self {
         let room = (socket.max_receive_segments() * DATAGRAM).min(BUFFER);
         // As many bytes whether datagrams come one by one or many in a buffer.
-        let count = (2 * BUFFER / room).clamp(2, BATCH_SIZE);
+        let count = (2 * BUFFER / room).min(BATCH_SIZE);
         Self {
             socket: Arc::clone(socket),
             buffers: vec![vec![0; room]; count],
