@@ -266,12 +266,19 @@ impl FrameReceiver {
 
 /// The kind and payload size of a message of the frames lane where messages have no headers of their own.
 pub(crate) fn weight(message: &Message) -> (Kind, usize) {
-    let bytes = match message {
-        Message::Frame(FrameMessage::Begin(_)) => *Kind::Begin.lengths().end(),
-        Message::Frame(FrameMessage::Ids(batch)) => batch.as_bytes().len(),
-        Message::Coded(batch) => batch.as_bytes().len(),
-        Message::Frame(FrameMessage::End(_)) => *Kind::End.lengths().end(),
-        _ => 0,
-    };
-    (message.kind(), bytes)
+    match message {
+        Message::Frame(message) => frame_weight(message),
+        Message::Coded(batch) => (Kind::Coded, batch.as_bytes().len()),
+        _ => (message.kind(), 0),
+    }
+}
+
+/// The same of a message that is of a frame.
+pub(crate) fn frame_weight(message: &FrameMessage) -> (Kind, usize) {
+    match message {
+        FrameMessage::Begin(_) => (Kind::Begin, *Kind::Begin.lengths().end()),
+        FrameMessage::Ids(batch) => (Kind::Ids, batch.as_bytes().len()),
+        FrameMessage::End(_) => (Kind::End, *Kind::End.lengths().end()),
+        FrameMessage::Stats(_) => (Kind::Stats, 0),
+    }
 }

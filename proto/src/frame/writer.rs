@@ -68,7 +68,8 @@ impl FrameWriter {
         while !ids.is_empty() {
             let free = self.batch.bytes().saturating_sub(self.pending.len()) / crate::ID_BYTES;
             let (now, later) = ids.split_at(free.min(ids.len()));
-            if self.pending.is_empty() {
+            // Less than a batch may be left of the room: enough for the last ids of a frame.
+            if self.pending.is_empty() && self.pending.capacity() < now.len() * crate::ID_BYTES {
                 self.pending.reserve(self.batch.bytes().max(ROOM.min(ids.len() * crate::ID_BYTES)));
             }
             put_ids(&mut self.pending, now);

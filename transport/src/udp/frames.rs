@@ -10,7 +10,7 @@ use trimaran_udp::Received;
 
 use super::port::{Carrier, State, Waiter};
 use crate::error::{LaneError, LaneSendError, Loss};
-use crate::frames::weight;
+use crate::frames::{frame_weight, weight};
 use crate::link::Shared;
 use crate::net::Instant;
 use crate::patience::Patience;
@@ -142,7 +142,7 @@ impl FrameRx {
         let received = patience.wait(by, next).await.map_err(LaneError::Expired)??;
         match received {
             Received::Frame(message) => {
-                let (kind, bytes) = weight(&Message::Frame(message.clone()));
+                let (kind, bytes) = frame_weight(&message);
                 shared.counters.received.count(kind, bytes);
                 Ok(self.ids.plain(message))
             }

@@ -47,17 +47,19 @@ impl Keys {
         sealed: &[u8],
         plain: &mut Vec<u8>,
     ) -> bool {
-        plain.clear();
-        let Some(length) = sealed.len().checked_sub(TAG) else { return false };
+        let Some((body, tag)) = sealed.split_last_chunk::<TAG>() else { return false };
         match self {
             Self::Noise(noise) => {
-                plain.resize(length, 0);
-                noise.read_message(number, sealed, plain).is_ok()
+                // With room for the tag it is opened there; with less it would be opened elsewhere, and moved.
+                plain.resize(sealed.len(), 0);
+                let opened = noise.read_message(number, sealed, plain);
+                plain.truncate(body.len());
+                opened.is_ok()
             }
             Self::Plaintext => {
-                let (body, tag) = sealed.split_at(length);
+                plain.clear();
                 plain.extend_from_slice(body);
-                tag == checksum(to, number, body)
+                *tag == checksum(to, number, body)
             }
         }
     }

@@ -25,6 +25,7 @@ mod ranges;
 mod recovery;
 mod repair;
 mod rtt;
+mod spare;
 mod whereabouts;
 mod wire;
 

@@ -3,12 +3,13 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use bytes::BytesMut;
+use bytes::{BufMut, BytesMut};
 use trimaran_proto::{CodedIds, FrameEnd, FrameMessage, FrameNumber, Goodbye, IdCoding, Message};
 
 use crate::chunk::{CODED_UNIT, Tail};
 use crate::recovery::Content;
 use crate::repair::{Budget, Path};
+use crate::spare::Spare;
 
 mod fate;
 mod guard;
@@ -23,6 +24,8 @@ const UNIT_COST: usize = 256;
 #[derive(Debug)]
 pub(crate) struct Outbox {
     units: VecDeque<Unit>,
+    /// Buffers for units to come.
+    spare: Spare,
     /// The number of the first unit kept.
     first: u64,
     /// What the receiver allows in all.
@@ -57,6 +60,7 @@ impl Outbox {
     ) -> Self {
         Self {
             units: VecDeque::new(),
+            spare: Spare::default(),
             first: 0,
             allowed_bytes,
             allowed_units,
@@ -88,14 +92,15 @@ impl Outbox {
             FrameMessage::Ids(batch) if self.is_coded() => {
                 self.append_message(&Message::Frame(FrameMessage::Ids(batch)), path);
             }
-            FrameMessage::Ids(batch) => self.append(batch.as_bytes(), path),
+            FrameMessage::Ids(batch) => self.append(path, |out| out.put_slice(batch.as_bytes())),
             FrameMessage::End(end) => self.finish(end, path),
             FrameMessage::Begin(start) => {
                 let coded = self.coding == IdCoding::Changes;
                 let shard = self.repair.shard(self.last_length, path);
-                self.add(Unit::frame(start.frame, coded, shard));
+                let unit = Unit::frame(start.frame, coded, shard, self.spare.take());
+                self.add(unit);
                 if coded {
-                    self.append(&[CODED_UNIT], path);
+                    self.append(path, |out| out.put_u8(CODED_UNIT));
                 }
                 self.append_message(&Message::Frame(FrameMessage::Begin(start)), path);
             }
@@ -126,12 +131,13 @@ impl Outbox {
     /// Ends the lane without a goodbye.
     pub(crate) fn gone(&mut self, path: Path) {
         self.cut(path);
-        self.add(Unit::new(path.shard));
+        self.add(Unit::new(path.shard, BytesMut::new()));
         self.end(Tail::End, path);
     }
 
     fn whole(&mut self, message: &Message, path: Path) {
-        self.add(Unit::new(path.shard));
+        let unit = Unit::new(path.shard, self.spare.take());
+        self.add(unit);
         self.append_message(message, path);
         self.end(Tail::End, path);
     }
@@ -150,15 +156,12 @@ impl Outbox {
     }
 
     fn append_message(&mut self, message: &Message, path: Path) {
-        let mut bytes = BytesMut::new();
-        message.encode(&mut bytes);
-        self.append(&bytes, path);
+        self.append(path, |out| message.encode(out));
     }
 
-    fn append(&mut self, bytes: &[u8], path: Path) {
+    fn append(&mut self, path: Path, write: impl FnOnce(&mut BytesMut)) {
         if let Some(unit) = self.units.back_mut() {
-            unit.append(bytes);
-            self.kept += bytes.len();
+            self.kept += unit.append(write);
             unit.protect(&mut self.repair, path);
         }
     }

@@ -32,7 +32,7 @@ const ACCIDENTS: f64 = 0.02;
 /// What an acknowledgement or a timeout made known.
 #[derive(Debug, Default)]
 pub(crate) struct Verdict {
-    pub(crate) arrived: Contents,
+    pub(crate) arrived: Vec<Content>,
     pub(crate) lost: Contents,
 }
 
@@ -51,6 +51,8 @@ pub(crate) struct Recovery {
     probes: u32,
     loss: LossShare,
     max_ack_delay: Duration,
+    /// Room for what the next acknowledgement tells of.
+    spare: Vec<Content>,
     pub(crate) rtt: Rtt,
     pub(crate) window: Window,
     pub(crate) lost_packets: u64,
@@ -68,6 +70,7 @@ impl Recovery {
             probes: 0,
             loss: LossShare::new(),
             max_ack_delay,
+            spare: Vec::new(),
             rtt: Rtt::default(),
             window: Window::new(law, segment),
             lost_packets: 0,
@@ -123,7 +126,7 @@ impl Recovery {
         numbers: &RangeSet,
         delay: Duration,
     ) -> Result<Verdict, NeverSent> {
-        let mut verdict = Verdict::default();
+        let mut verdict = Verdict { arrived: std::mem::take(&mut self.spare), ..Verdict::default() };
         let Some(last) = numbers.iter().next_back() else { return Ok(verdict) };
         if last.end > self.next_number() {
             return Err(NeverSent);
@@ -149,6 +152,14 @@ impl Recovery {
         self.detect_losses(now, &mut verdict);
         self.flight.trim();
         Ok(verdict)
+    }
+
+    /// Takes back the room of a verdict, for another one.
+    pub(crate) fn reuse(&mut self, mut arrived: Vec<Content>) {
+        arrived.clear();
+        if arrived.capacity() > self.spare.capacity() {
+            self.spare = arrived;
+        }
     }
 
     /// When [`Recovery::on_timeout`] is due.
@@ -253,7 +264,7 @@ mod tests {
         let mut recovery = sender();
         let sent: Vec<_> = (0..5).map(|_| send(&mut recovery, 0)).collect();
         let verdict = recovery.on_ack(at(10), &numbers(2..3), Duration::ZERO).unwrap();
-        assert_eq!((verdict.arrived, verdict.lost), (smallvec![sent[2].clone()], Contents::new()));
+        assert_eq!((verdict.arrived, verdict.lost), (vec![sent[2].clone()], Contents::new()));
         let verdict = recovery.on_ack(at(10), &numbers(3..4), Duration::ZERO).unwrap();
         assert_eq!(verdict.lost[..], [sent[0].clone()]);
         assert_eq!(recovery.timeout(), Some(at(0).after(Duration::from_micros(11_250))), "9/8 of 10 ms");

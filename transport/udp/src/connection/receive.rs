@@ -94,7 +94,7 @@ impl Connection {
         Ok(taken.then_some(asks))
     }
 
-    pub(super) fn judge(&mut self, now: Instant, verdict: Verdict) {
+    pub(super) fn judge(&mut self, now: Instant, mut verdict: Verdict) {
         for content in verdict.lost {
             match content {
                 Content::Part { unit, range, ended } => self.outbox.on_loss(unit, range, ended),
@@ -107,7 +107,7 @@ impl Connection {
                 Content::Probe { size } => self.mtu.on_lost(now, size),
             }
         }
-        for content in verdict.arrived {
+        for content in verdict.arrived.drain(..) {
             match content {
                 Content::Part { unit, range, ended } => self.outbox.on_ack(unit, range, ended),
                 Content::Camera { number } => self.cameras_out.on_camera_arrived(number),
@@ -121,5 +121,6 @@ impl Connection {
                 Content::Credit | Content::Unread => {}
             }
         }
+        self.recovery.reuse(verdict.arrived);
     }
 }

@@ -4,9 +4,10 @@ use std::ops::Range;
 
 use bytes::{Buf, BytesMut};
 use trimaran_proto::{
-    BatchSize, Decoder, FrameEnd, FrameMessage, FrameNumber, HEADER_BYTES, ID_BYTES, IdBatch, Kind, Message,
+    BatchSize, FrameEnd, FrameMessage, FrameNumber, HEADER_BYTES, ID_BYTES, IdBatch, Kind, Message,
 };
 
+use super::buffers::Buffers;
 use super::{LaneViolation, Received};
 use crate::chunk::{CODED_UNIT, GivenUp, Tail, unit_head};
 use crate::ranges::RangeSet;
@@ -49,6 +50,16 @@ pub(super) enum Step {
 }
 
 impl Unit {
+    /// A unit that nothing has come of, in a buffer that is empty.
+    pub(super) fn new(data: BytesMut) -> Self {
+        Self { data, ..Self::default() }
+    }
+
+    /// The buffer, for another unit.
+    pub(super) fn into_buffer(self) -> BytesMut {
+        self.data
+    }
+
     /// How many separate pieces it has.
     pub(super) fn pieces(&self) -> usize {
         self.have.len()
@@ -176,26 +187,26 @@ impl Unit {
         }
     }
 
-    pub(super) fn step(&mut self, batch: BatchSize) -> Result<Step, LaneViolation> {
+    pub(super) fn step(&mut self, batch: BatchSize, buffers: &mut Buffers) -> Result<Step, LaneViolation> {
         let ready = self.have.end_of_run(self.base) - self.base;
         let ended = self.end.filter(|(end, _)| *end == self.base + ready).map(|(_, tail)| tail);
         let Some(frame) = self.frame else {
             if self.given_up.is_some_and(|about| ready < unit_head(about.coded.is_some()) as u64) {
                 return Err(LaneViolation::Unit);
             }
-            return self.first_step(ready as usize, ended);
+            return self.first_step(ready as usize, ended, buffers);
         };
         if self.coded {
-            return self.coded_step(frame, ready as usize, ended);
+            return self.coded_step(frame, ready as usize, ended, buffers);
         }
         if let Some(about) = self.given_up {
-            return self.step_over_gaps(frame, about.sent, batch);
+            return self.step_over_gaps(frame, about.sent, batch, buffers);
         }
         let pause = self.pause.saturating_sub(self.base).min(ready);
         let whole = batch.bytes() as u64;
         let now = if ready >= whole { whole } else { pause - pause % ID_BYTES as u64 };
         if now > 0 {
-            return self.ids(now as usize).map(Step::Item);
+            return self.ids(now as usize, buffers).map(Step::Item);
         }
         Ok(match ended {
             None => Step::Wait,
@@ -210,15 +221,14 @@ impl Unit {
         frame: FrameNumber,
         ready: usize,
         ended: Option<Tail>,
+        buffers: &mut Buffers,
     ) -> Result<Step, LaneViolation> {
         if let Some(length) = self.message_length(ready)? {
-            let mut decoder = Decoder::new();
-            decoder.push(&self.split(length));
-            let (ids, batch) = match decoder.next_message()? {
-                Some(Message::Frame(FrameMessage::Ids(batch))) => {
+            let (ids, batch) = match self.take(length, |bytes| buffers.decode(bytes))? {
+                Message::Frame(FrameMessage::Ids(batch)) => {
                     (batch.count(), Received::Frame(FrameMessage::Ids(batch)))
                 }
-                Some(Message::Coded(batch)) => (batch.count()?, Received::Coded(batch)),
+                Message::Coded(batch) => (batch.count()?, Received::Coded(batch)),
                 _ => return Err(LaneViolation::Unit),
             };
             self.ids += ids as u64;
@@ -265,6 +275,7 @@ impl Unit {
         frame: FrameNumber,
         sent: u64,
         batch: BatchSize,
+        buffers: &mut Buffers,
     ) -> Result<Step, LaneViolation> {
         let whole_ids = |range: Range<u64>| {
             let id = ID_BYTES as u64;
@@ -274,7 +285,7 @@ impl Unit {
         if let Some(range) = next {
             self.base = range.start;
             let count = (range.end - range.start).min(batch.bytes() as u64);
-            return self.ids(count as usize).map(Step::Item);
+            return self.ids(count as usize, buffers).map(Step::Item);
         }
         self.base = self.base.max(sent);
         match self.end {
@@ -285,14 +296,19 @@ impl Unit {
         }
     }
 
-    fn ids(&mut self, count: usize) -> Result<Received, LaneViolation> {
-        let bytes = self.split(count).freeze();
+    fn ids(&mut self, count: usize, buffers: &mut Buffers) -> Result<Received, LaneViolation> {
+        let bytes = self.take(count, |bytes| buffers.copy(bytes));
         let batch = IdBatch::new(bytes).map_err(|_| LaneViolation::Unit)?;
         Ok(Received::Frame(FrameMessage::Ids(batch)))
     }
 
     /// What a unit starts with says what it is.
-    fn first_step(&mut self, ready: usize, ended: Option<Tail>) -> Result<Step, LaneViolation> {
+    fn first_step(
+        &mut self,
+        ready: usize,
+        ended: Option<Tail>,
+        buffers: &mut Buffers,
+    ) -> Result<Step, LaneViolation> {
         let coded = self.first_byte() == Some(CODED_UNIT);
         let begins = coded || self.first_byte() == Some(Kind::Begin.code());
         if self.given_up.is_some_and(|about| about.coded.is_some() != coded) {
@@ -305,29 +321,24 @@ impl Unit {
             None => return Ok(Step::Wait),
         };
         if coded && length == unit_head(false) {
-            self.split(1);
+            self.take(1, |_| ());
         }
-        let mut decoder = Decoder::new();
-        decoder.push(&self.split(length));
-        match decoder.next_message()? {
-            Some(Message::Frame(FrameMessage::Begin(start))) if decoder.pending() == 0 => {
+        match self.take(length, |bytes| buffers.decode(bytes))? {
+            Message::Frame(FrameMessage::Begin(start)) => {
                 self.frame = Some(start.frame);
                 self.coded = coded;
                 Ok(Step::Item(Received::Frame(FrameMessage::Begin(start))))
             }
-            Some(Message::Frame(stats @ FrameMessage::Stats(_))) if decoder.pending() == 0 => {
-                Ok(Step::Last(Some(Received::Frame(stats))))
-            }
-            Some(Message::Goodbye(reason)) if decoder.pending() == 0 => {
-                Ok(Step::Last(Some(Received::Goodbye(reason))))
-            }
+            Message::Frame(stats @ FrameMessage::Stats(_)) => Ok(Step::Last(Some(Received::Frame(stats)))),
+            Message::Goodbye(reason) => Ok(Step::Last(Some(Received::Goodbye(reason)))),
             _ => Err(LaneViolation::Unit),
         }
     }
 
-    fn split(&mut self, count: usize) -> BytesMut {
+    /// Gives the next `count` bytes to `pass`; from here on they count as passed on.
+    fn take<T>(&mut self, count: usize, pass: impl FnOnce(&[u8]) -> T) -> T {
         let from = (self.base - self.kept) as usize;
-        let head = BytesMut::from(self.data.get(from..from + count).unwrap_or_default());
+        let passed = pass(self.data.get(from..from + count).unwrap_or_default());
         self.base += count as u64;
         self.have.remove(&(0..self.base));
         // Not each time: moving the beginning costs.
@@ -336,7 +347,7 @@ impl Unit {
             self.data.advance(gone as usize);
             self.kept += gone;
         }
-        head
+        passed
     }
 }
 

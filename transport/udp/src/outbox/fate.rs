@@ -79,7 +79,8 @@ impl Outbox {
 
     fn forget_arrived(&mut self) {
         while self.units.front().is_some_and(Unit::has_arrived) {
-            self.units.pop_front();
+            let arrived = self.units.pop_front();
+            arrived.into_iter().for_each(|unit| self.spare.put(unit.into_buffer()));
             self.first += 1;
             self.kept = self.kept.saturating_sub(UNIT_COST);
         }

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use bytes::{BufMut, BytesMut};
+use bytes::BytesMut;
 use trimaran_proto::{FrameNumber, Instant};
 
 use super::guard::Guard;
@@ -62,9 +62,10 @@ struct GivingUp {
 }
 
 impl Unit {
-    pub(super) fn new(shard: usize) -> Self {
+    /// A unit in a buffer that is empty.
+    pub(super) fn new(shard: usize, data: BytesMut) -> Self {
         Self {
-            data: BytesMut::new(),
+            data,
             base: 0,
             sent: 0,
             acked: RangeSet::default(),
@@ -86,8 +87,13 @@ impl Unit {
     }
 
     /// A unit that will be a frame.
-    pub(super) fn frame(frame: FrameNumber, coded: bool, shard: usize) -> Self {
-        Self { frame: Some(frame), coded, ..Self::new(shard) }
+    pub(super) fn frame(frame: FrameNumber, coded: bool, shard: usize, data: BytesMut) -> Self {
+        Self { frame: Some(frame), coded, ..Self::new(shard, data) }
+    }
+
+    /// The buffer, for another unit.
+    pub(super) fn into_buffer(self) -> BytesMut {
+        self.data
     }
 
     pub(super) const fn is_coded(&self) -> bool {
@@ -103,8 +109,11 @@ impl Unit {
         self.frame.filter(|_| self.has_arrived() && self.given_up.is_none())
     }
 
-    pub(super) fn append(&mut self, bytes: &[u8]) {
-        self.data.put_slice(bytes);
+    /// Adds what `write` appends; says how many bytes.
+    pub(super) fn append(&mut self, write: impl FnOnce(&mut BytesMut)) -> usize {
+        let before = self.data.len();
+        write(&mut self.data);
+        self.data.len() - before
     }
 
     pub(super) fn end(&mut self, tail: Tail) {

@@ -1,0 +1,213 @@
+//! What stands in for bytes of a frame that are lost: repair, or word that they do not come any more.
+
+use super::unit::Unit;
+use super::{Credit, Inbox, LaneViolation};
+use crate::chunk::{GivenUp, Tail};
+use crate::repair::Block;
+
+/// How many repair shards of all units together are kept; more are not taken.
+const REPAIR: usize = 256;
+
+impl Inbox {
+    /// Takes a repair shard; `hash` is that of the frame which the block ends. Says whether there was a place for it: if not, its packet
+    /// must not be acknowledged, for the sender would count on it.
+    pub(crate) fn put_repair(
+        &mut self,
+        number: u64,
+        block: Block,
+        hash: Option<u64>,
+        index: u8,
+        data: &[u8],
+    ) -> Result<bool, LaneViolation> {
+        let kept: usize = self.units.iter().map(Unit::repair_shards).sum();
+        let mut has_place = true;
+        self.with_unit(number, |unit, credit| {
+            if unit.is_given_up() {
+                return Ok(());
+            }
+            let to = block.offset + u64::from(block.length);
+            credit.allows(unit, to)?;
+            if let Some(hash) = hash {
+                unit.note(to, Tail::Frame(hash))?;
+            }
+            has_place = kept < REPAIR || !unit.wants_repair(block);
+            if has_place {
+                unit.keep_repair(block, index, data);
+            }
+            restore(unit, credit)
+        })?;
+        Ok(has_place)
+    }
+
+    /// Takes word that no more comes of a frame.
+    pub(crate) fn give_up(&mut self, number: u64, about: GivenUp, head: &[u8]) -> Result<(), LaneViolation> {
+        self.with_unit(number, |unit, credit| {
+            if !unit.is_given_up() {
+                credit.use_up_to(unit, about.sent)?;
+                unit.give_up(about, head)?;
+                unit.highest = unit.highest.max(about.sent);
+            }
+            Ok(())
+        })
+    }
+}
+
+/// Restores lost bytes from repair, as far as that is possible now.
+pub(super) fn restore(unit: &mut Unit, credit: &mut Credit) -> Result<(), LaneViolation> {
+    for (offset, bytes) in unit.restore() {
+        let to = offset + bytes.len() as u64;
+        credit.use_up_to(unit, to)?;
+        unit.highest = unit.highest.max(to);
+        unit.store(offset, &bytes);
+        unit.repaired = true;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use bytes::BytesMut;
+    use trimaran_proto::{BatchSize, Camera, FrameEnd, FrameMessage, FrameNumber, FrameStart, Message};
+
+    use super::super::Received;
+    use super::*;
+
+    fn camera() -> Camera {
+        Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(3)).unwrap()
+    }
+
+    fn empty() -> Inbox {
+        Inbox::new(BatchSize::default(), 4 << 20)
+    }
+
+    /// A frame of `count` ids as its unit's bytes.
+    fn frame_of(count: u32) -> Vec<u8> {
+        let begin = FrameStart { frame: FrameNumber(0), camera: camera() };
+        let mut bytes = BytesMut::new();
+        Message::Frame(FrameMessage::Begin(begin)).encode(&mut bytes);
+        (0..count).for_each(|id| bytes.extend_from_slice(&id.to_le_bytes()));
+        bytes.to_vec()
+    }
+
+    fn all(inbox: &mut Inbox) -> Vec<Received> {
+        std::iter::from_fn(|| inbox.take().unwrap()).collect()
+    }
+
+    fn ids_of(items: &[Received]) -> Vec<u32> {
+        let mut ids = Vec::new();
+        for item in items {
+            if let Received::Frame(FrameMessage::Ids(batch)) = item {
+                ids.extend(batch.iter().map(|id| id.0));
+            }
+        }
+        ids
+    }
+
+    #[test]
+    fn a_frame_that_is_given_up_passes_on_what_came_and_gives_the_credit_back() {
+        let mut inbox = Inbox::new(BatchSize::default(), 4000);
+        let bytes = frame_of(100);
+        for range in [0..96, 200..246, 403..440] {
+            inbox.put(0, range.start as u64, Tail::More, &bytes[range]).unwrap();
+        }
+        assert_eq!(ids_of(&all(&mut inbox)), [0; 0], "nothing says that more will not come");
+        let about = GivenUp { length: 480, sent: 460, hash: 7, coded: None };
+        inbox.give_up(0, about, &[]).unwrap();
+        inbox.put(0, 96, Tail::More, &bytes[96..100]).unwrap();
+        let items = all(&mut inbox);
+        let expected: Vec<u32> = [0..4, 30..41, 81..90].into_iter().flatten().collect();
+        assert_eq!(ids_of(&items), expected, "whole ids, in order, none that came later");
+        let end = FrameEnd { frame: FrameNumber(0), ids: 100, hash: 7 };
+        assert_eq!(items.last(), Some(&Received::Frame(FrameMessage::End(end))));
+        assert_eq!((inbox.taken, inbox.used, inbox.pieces, inbox.first), (460, 460, 0, 1));
+    }
+
+    #[test]
+    fn a_beginning_that_was_lost_comes_with_the_word_that_no_more_does() {
+        let mut inbox = empty();
+        let bytes = frame_of(10);
+        inbox.put(0, 100, Tail::More, &bytes[100..120]).unwrap();
+        inbox.give_up(0, GivenUp { length: 120, sent: 120, hash: 7, coded: None }, &bytes[..80]).unwrap();
+        let items = all(&mut inbox);
+        assert!(matches!(items[0], Received::Frame(FrameMessage::Begin(_))), "{items:?}");
+        assert_eq!(ids_of(&items), [5, 6, 7, 8, 9]);
+        assert_eq!(inbox.taken, inbox.used);
+
+        let mut inbox = empty();
+        inbox.give_up(0, GivenUp { length: 120, sent: 0, hash: 7, coded: None }, &[]).unwrap();
+        assert_eq!(inbox.take(), Err(LaneViolation::Unit), "no beginning at all");
+    }
+
+    #[test]
+    fn word_that_contradicts_what_came_is_a_violation() {
+        let bytes = frame_of(10);
+        for about in [(119, 119, 7), (120, 119, 7), (60, 60, 7), (120, 120, 8)] {
+            let mut inbox = empty();
+            inbox.put(0, 0, Tail::More, &bytes[..80]).unwrap();
+            inbox.put(0, 100, Tail::Frame(7), &bytes[100..]).unwrap();
+            let (length, sent, hash) = about;
+            assert_eq!(
+                inbox.give_up(0, GivenUp { length, sent, hash, coded: None }, &[]),
+                Err(LaneViolation::End),
+                "{about:?}"
+            );
+        }
+        let mut inbox = Inbox::new(BatchSize::default(), 100);
+        let about = GivenUp { length: 480, sent: 101, hash: 7, coded: None };
+        assert_eq!(inbox.give_up(0, about, &[]), Err(LaneViolation::Credit));
+    }
+
+    #[test]
+    fn a_whole_frame_cannot_be_given_up_any_more() {
+        let mut inbox = empty();
+        inbox.put(0, 0, Tail::More, &frame_of(10)).unwrap();
+        inbox.give_up(0, GivenUp { length: 120, sent: 120, hash: 7, coded: None }, &[]).unwrap();
+        assert_eq!(ids_of(&all(&mut inbox)), (0..10).collect::<Vec<_>>());
+        assert_eq!(inbox.first, 1, "only its end had been lost");
+    }
+
+    #[test]
+    fn repair_stands_in_for_what_is_lost_though_part_of_the_block_was_passed_on() {
+        let bytes = frame_of(1000);
+        let block = Block { offset: 0, length: 4080, shard: 512, count: 2 };
+        let shards = crate::repair::protect(&bytes, 512, 2);
+        let mut inbox = empty();
+        inbox.put(0, 0, Tail::Pause, &bytes[..1024]).unwrap();
+        assert_eq!(ids_of(&all(&mut inbox)).len(), 236);
+        inbox.put(0, 1536, Tail::More, &bytes[1536..3584]).unwrap();
+        inbox.put_repair(0, block, Some(7), 1, &shards[1]).unwrap();
+        assert_eq!((all(&mut inbox).len(), inbox.frames_repaired), (0, 0), "two are lost");
+        inbox.put_repair(0, block, Some(7), 1, &shards[1]).unwrap();
+        assert_eq!(all(&mut inbox).len(), 0, "the same again");
+        inbox.put_repair(0, block, Some(7), 0, &shards[0]).unwrap();
+        let items = all(&mut inbox);
+        assert_eq!(ids_of(&items), (236..1000).collect::<Vec<_>>());
+        let end = FrameEnd { frame: FrameNumber(0), ids: 1000, hash: 7 };
+        assert_eq!(items.last(), Some(&Received::Frame(FrameMessage::End(end))));
+        assert_eq!((inbox.frames_repaired, inbox.taken, inbox.used), (1, 4080, 4080));
+    }
+
+    #[test]
+    fn repair_is_kept_within_limits() {
+        let mut inbox = empty();
+        for unit in 0..100 {
+            let block = Block { offset: 0, length: 4096, shard: 2, count: 32 };
+            let block = Block { length: 128, ..block };
+            for index in 0..32 {
+                let taken = inbox.put_repair(unit, block, None, index, &[0; 2]);
+                assert_eq!(taken, Ok(unit * 32 + u64::from(index) < REPAIR as u64));
+            }
+        }
+        let kept: usize = inbox.units.iter().map(Unit::repair_shards).sum();
+        assert_eq!(kept, REPAIR);
+        inbox.put(99, 0, Tail::More, &[0; 128]).unwrap();
+        let block = Block { offset: 0, length: 128, shard: 2, count: 32 };
+        assert_eq!(
+            inbox.put_repair(99, block, None, 0, &[0; 2]),
+            Ok(true),
+            "of no use, so there is no need of a place"
+        );
+        let beyond = Block { offset: 4 << 20, length: 2, shard: 2, count: 1 };
+        assert_eq!(inbox.put_repair(0, beyond, None, 0, &[0; 2]), Err(LaneViolation::Credit));
+    }
+}
