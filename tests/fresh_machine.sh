@@ -19,13 +19,15 @@ mount_into() {
 }
 clean_up() {
     # What the tests mounted there too: network namespaces are mounts.
-    findmnt --raw --noheadings --output TARGET | { grep "^$machine/" || true; } | tac | while read -r path; do
+    findmnt --raw --noheadings --output TARGET | { grep "^$machine" || true; } | tac | while read -r path; do
         umount "$path" || umount --lazy "$path"
     done
     rm -rf --one-file-system "$machine"
 }
 trap clean_up EXIT
 
+# A root is a mount of its own: `ip` insists on it.
+mount --bind "$machine" "$machine"
 debootstrap --variant=minbase --include=git,ca-certificates bookworm "$machine"
 mount_into /proc proc
 mount_into /dev dev
