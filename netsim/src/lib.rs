@@ -25,7 +25,7 @@ mod world;
 pub use bandwidth::{FrameLoad, bits_per_second};
 pub use capture::CaptureError;
 pub use net::SimNet;
-pub use profile::{Machines, Profile, ProfileError};
+pub use profile::{Machines, Profile, ProfileError, ScheduleFault};
 pub use relay::{Arrival, Parting, Relay, Totals};
 pub use simulation::{Simulation, Stalled};
 pub use tcp::Class;

@@ -8,10 +8,14 @@ use std::time::Duration;
 use serde::Deserialize;
 use thiserror::Error;
 
-use crate::link::{
-    Conditions, Framing, Jitter, LinkModel, Loss, Phase, Probability, QueueModel, Rate, Reorder,
-};
+use crate::link::LinkModel;
 use crate::topology::{HostId, Topology};
+
+mod schedule;
+mod written;
+
+pub use schedule::ScheduleFault;
+use written::WrittenLink;
 
 /// The networks that come with this crate.
 const BUILT_IN: [(&str, &str); 8] = [
@@ -79,6 +83,18 @@ pub enum ProfileError {
         /// What is wrong with it.
         problem: &'static str,
     },
+    /// A file of phases cannot be used.
+    #[error("the network {profile} cannot be used: the key `{key}` names {}, which {fault}", .path.display())]
+    Schedule {
+        /// Which network.
+        profile: String,
+        /// Where.
+        key: String,
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: ScheduleFault,
+    },
 }
 
 /// The roles' machines.
@@ -104,58 +120,6 @@ struct Written {
     wan_back: Option<WrittenLink>,
 }
 
-/// A link as it is written.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct WrittenLink {
-    rate: Option<Rate>,
-    #[serde(default, with = "crate::text::duration")]
-    delay: Duration,
-    jitter: Option<Jitter>,
-    #[serde(default)]
-    loss: Loss,
-    #[serde(default)]
-    corrupt: Probability,
-    #[serde(default)]
-    duplicate: Probability,
-    reorder: Option<Reorder>,
-    #[serde(default)]
-    queue: QueueModel,
-    #[serde(default = "ethernet_mtu")]
-    mtu: u32,
-    #[serde(default)]
-    framing: Framing,
-    #[serde(default)]
-    phases: Vec<WrittenPhase>,
-    repeat: Option<WrittenDuration>,
-}
-
-/// What changes at a time; what is not said stays as the link has it at first.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct WrittenPhase {
-    #[serde(with = "crate::text::duration")]
-    at: Duration,
-    rate: Option<Rate>,
-    delay: Option<WrittenDuration>,
-    jitter: Option<Jitter>,
-    loss: Option<Loss>,
-    corrupt: Option<Probability>,
-    duplicate: Option<Probability>,
-    reorder: Option<Reorder>,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(transparent)]
-struct WrittenDuration(#[serde(with = "crate::text::duration")] Duration);
-
-const fn ethernet_mtu() -> u32 {
-    1500
-}
-
-/// The smallest MTU of IPv4 that a host must be able to receive (RFC 791): room for every header.
-const LEAST_MTU: u32 = 576;
-
 impl Profile {
     /// The names of the networks that come with this crate.
     pub fn names() -> impl Iterator<Item = &'static str> {
@@ -176,23 +140,21 @@ impl Profile {
         }
         let text =
             fs::read_to_string(path).map_err(|cause| ProfileError::Read { path: path.to_owned(), cause })?;
-        Self::parse(name, &text)
+        Self::read(name, &text, Some(path.parent().unwrap_or(Path::new(""))))
     }
 
-    /// Reads what is written in TOML.
+    /// Reads what is written in TOML. Nothing in it may name a file: it lies nowhere.
     ///
     /// # Errors
     /// When it makes no sense; the error names the key.
     pub fn parse(name: &str, text: &str) -> Result<Self, ProfileError> {
+        Self::read(name, text, None)
+    }
+
+    fn read(name: &str, text: &str, folder: Option<&Path>) -> Result<Self, ProfileError> {
         let written: Written = toml::from_str(text)
             .map_err(|cause| ProfileError::Parse { profile: name.to_owned(), cause: Box::new(cause) })?;
-        let link = |key, link: WrittenLink| {
-            link.model().map_err(|(part, problem)| ProfileError::Value {
-                profile: name.to_owned(),
-                key: format!("{key}.{part}"),
-                problem,
-            })
-        };
+        let link = |key, link: WrittenLink| link.read(name, key, folder);
         let alone = written.wan_back.is_some() && written.wan.is_none();
         if alone {
             let (profile, key) = (name.to_owned(), "wan_back".to_owned());
@@ -244,63 +206,10 @@ impl Profile {
     }
 }
 
-impl WrittenLink {
-    /// The link, or the key that is wrong and what is wrong with it.
-    fn model(self) -> Result<LinkModel, (&'static str, &'static str)> {
-        let Self {
-            rate,
-            delay,
-            jitter,
-            loss,
-            corrupt,
-            duplicate,
-            reorder,
-            queue,
-            mtu,
-            framing,
-            phases,
-            repeat,
-        } = self;
-        if mtu < LEAST_MTU {
-            return Err(("mtu", "is below 576 bytes"));
-        }
-        if queue.packets == 0 {
-            return Err(("queue.packets", "is 0: then nothing could ever be sent"));
-        }
-        if queue.bytes < u64::from(mtu) + 64 {
-            return Err(("queue.bytes", "has no room for a packet of the link's mtu"));
-        }
-        if !phases.is_sorted_by(|a, b| a.at < b.at) {
-            return Err(("phases", "are not in the order of their `at`"));
-        }
-        let repeat = repeat.map(|WrittenDuration(repeat)| repeat);
-        if repeat.is_some_and(|repeat| phases.last().is_none_or(|last| last.at >= repeat)) {
-            return Err(("repeat", "is not after the last phase"));
-        }
-        let conditions = Conditions { rate, delay, jitter, loss, corrupt, duplicate, reorder };
-        let phases = phases.into_iter().map(|phase| phase.over(&conditions)).collect();
-        Ok(LinkModel { conditions, phases, repeat, queue, mtu, framing })
-    }
-}
-
-impl WrittenPhase {
-    fn over(self, first: &Conditions) -> Phase {
-        let conditions = Conditions {
-            rate: self.rate.or(first.rate),
-            delay: self.delay.map_or(first.delay, |WrittenDuration(delay)| delay),
-            jitter: self.jitter.or(first.jitter),
-            loss: self.loss.unwrap_or(first.loss),
-            corrupt: self.corrupt.unwrap_or(first.corrupt),
-            duplicate: self.duplicate.unwrap_or(first.duplicate),
-            reorder: self.reorder.or(first.reorder),
-        };
-        Phase { at: self.at, conditions }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::link::{Loss, Probability};
 
     #[test]
     fn every_network_that_comes_along_can_be_used() {
@@ -334,6 +243,7 @@ mod tests {
             ("mtu = 100", "`up.mtu` is below 576 bytes"),
             ("queue = { packets = 0 }", "`up.queue.packets` is 0"),
             ("queue = { bytes = 1000 }", "`up.queue.bytes` has no room"),
+            ("phases_from = \"drive.csv\"", "`up.phases_from` needs a network that is a file itself"),
             ("phases = [{ at = \"2s\" }, { at = \"1s\" }]", "`up.phases` are not in the order"),
             ("phases = [{ at = \"2s\" }]\nrepeat = \"2s\"", "`up.repeat` is not after the last phase"),
         ] {

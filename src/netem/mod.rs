@@ -9,6 +9,8 @@ mod carrier;
 #[cfg(target_os = "linux")]
 mod emulation;
 #[cfg(target_os = "linux")]
+mod error;
+#[cfg(target_os = "linux")]
 mod interface;
 #[cfg(target_os = "linux")]
 mod ip;
@@ -21,7 +23,9 @@ mod tc;
 #[cfg(target_os = "linux")]
 pub use carrier::{Lateness, LinkReport, Report};
 #[cfg(target_os = "linux")]
-pub use emulation::{Emulation, NetemError};
+pub use emulation::Emulation;
+#[cfg(target_os = "linux")]
+pub use error::NetemError;
 #[cfg(target_os = "linux")]
 pub use interface::Interface;
 #[cfg(target_os = "linux")]

@@ -1,0 +1,99 @@
+//! What a link is like over time, from a file of columns: what was measured on a network is played again.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use thiserror::Error;
+use toml::{Table, Value};
+
+use super::written::WrittenPhase;
+
+/// Why a file of phases cannot be used.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ScheduleFault {
+    /// It cannot be read.
+    #[error("cannot be read: {0}")]
+    Read(#[from] io::Error),
+    /// It has no line that says what its columns are.
+    #[error("has no line: begin with the names of the columns, such as `at,rate,delay,loss`")]
+    Empty,
+    /// A line does not say what a phase is.
+    #[error("line {line}: {problem}")]
+    Line {
+        /// Which, from 1.
+        line: usize,
+        /// What is wrong with it.
+        problem: String,
+    },
+}
+
+/// Reads a file of comma-separated values, a line a phase: first the names of the columns, which are those of a phase's keys, then
+/// values as they stand in a profile but without quotes. `loss` is that of each packet by itself. A value that is not there is the link's
+/// own. Lines that begin with `#` say nothing.
+pub(super) fn read(path: &Path) -> Result<Vec<WrittenPhase>, ScheduleFault> {
+    parse(&fs::read_to_string(path)?)
+}
+
+fn parse(text: &str) -> Result<Vec<WrittenPhase>, ScheduleFault> {
+    let lines = text.lines().zip(1..).map(|(text, line)| (line, text.trim()));
+    let mut lines = lines.filter(|(_, text)| !text.is_empty() && !text.starts_with('#'));
+    let (_, head) = lines.next().ok_or(ScheduleFault::Empty)?;
+    let columns: Vec<&str> = head.split(',').map(str::trim).collect();
+    lines
+        .map(|(line, text)| phase(&columns, text).map_err(|problem| ScheduleFault::Line { line, problem }))
+        .collect()
+}
+
+fn phase(columns: &[&str], text: &str) -> Result<WrittenPhase, String> {
+    let cells: Vec<&str> = text.split(',').map(str::trim).collect();
+    if cells.len() != columns.len() {
+        return Err(format!("has {} values for {} columns", cells.len(), columns.len()));
+    }
+    let there = columns.iter().zip(cells).filter(|(_, cell)| !cell.is_empty());
+    let table: Table = there.map(|(column, cell)| ((*column).to_owned(), value(column, cell))).collect();
+    Value::Table(table).try_into().map_err(|e: toml::de::Error| e.message().to_owned())
+}
+
+/// A cell as a profile would have it; what is none is refused where it is read.
+fn value(column: &str, cell: &str) -> Value {
+    let number = cell.parse().map_or_else(|_| Value::String(cell.to_owned()), Value::Float);
+    match column {
+        "corrupt" | "duplicate" => number,
+        "loss" => Value::Table(Table::from_iter([("independent".to_owned(), number)])),
+        _ => Value::String(cell.to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_a_phase_as_a_profile_writes_it() {
+        let read =
+            parse("# measured on a train\nat, rate,delay ,loss\n\n0s,12 Mbit/s,20ms,0.01\n1500ms,,35ms,\n")
+                .unwrap();
+        let written = |text: &str| toml::from_str::<WrittenPhase>(text).unwrap();
+        let first =
+            written("at = \"0s\"\nrate = \"12 Mbit/s\"\ndelay = \"20ms\"\nloss = { independent = 0.01 }\n");
+        assert_eq!(read, [first, written("at = \"1500ms\"\ndelay = \"35ms\"\n")]);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_by_its_line() {
+        for (text, expected) in [
+            ("", "has no line: begin with the names"),
+            ("at,rate\n1s\n", "line 2: has 1 values for 2 columns"),
+            ("at,speed\n\n1s,3\n", "line 3: unknown field `speed`"),
+            ("rate\n1 Mbit/s\n", "line 2: missing field `at`"),
+            ("at,loss\n1s,much\n", "line 2: invalid type: string \"much\""),
+            ("at,loss\n1s,1.5\n", "1.5 is no probability"),
+            ("at\nsoon\n", "line 2: invalid value: string \"soon\""),
+        ] {
+            let fault = parse(text).unwrap_err().to_string();
+            assert!(fault.contains(expected), "{text:?}: {fault}");
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! A link as a profile has it.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde::Deserialize;
+
+use super::ProfileError;
+use super::schedule;
+use crate::link::{
+    Conditions, Framing, Jitter, LinkModel, Loss, Phase, Probability, QueueModel, Rate, Reorder,
+};
+
+/// A link as it is written.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct WrittenLink {
+    rate: Option<Rate>,
+    #[serde(default, with = "crate::text::duration")]
+    delay: Duration,
+    jitter: Option<Jitter>,
+    #[serde(default)]
+    loss: Loss,
+    #[serde(default)]
+    corrupt: Probability,
+    #[serde(default)]
+    duplicate: Probability,
+    reorder: Option<Reorder>,
+    #[serde(default)]
+    queue: QueueModel,
+    #[serde(default = "ethernet_mtu")]
+    mtu: u32,
+    #[serde(default)]
+    framing: Framing,
+    #[serde(default)]
+    phases: Vec<WrittenPhase>,
+    /// A file of them, beside the profile's.
+    phases_from: Option<PathBuf>,
+    repeat: Option<WrittenDuration>,
+}
+
+/// What changes at a time; what is not said stays as the link has it at first.
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(test, derive(PartialEq))]
+#[serde(deny_unknown_fields)]
+pub(super) struct WrittenPhase {
+    #[serde(with = "crate::text::duration")]
+    pub(super) at: Duration,
+    rate: Option<Rate>,
+    delay: Option<WrittenDuration>,
+    jitter: Option<Jitter>,
+    loss: Option<Loss>,
+    corrupt: Option<Probability>,
+    duplicate: Option<Probability>,
+    reorder: Option<Reorder>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(test, derive(PartialEq))]
+#[serde(transparent)]
+struct WrittenDuration(#[serde(with = "crate::text::duration")] Duration);
+
+const fn ethernet_mtu() -> u32 {
+    1500
+}
+
+/// The smallest MTU of IPv4 that a host must be able to receive (RFC 791): room for every header.
+const LEAST_MTU: u32 = 576;
+
+impl WrittenLink {
+    /// The link that is written at `key` in a profile, which lies in `folder` if it lies anywhere.
+    pub(super) fn read(
+        mut self,
+        profile: &str,
+        key: &str,
+        folder: Option<&Path>,
+    ) -> Result<LinkModel, ProfileError> {
+        let wrong = |(part, problem)| ProfileError::Value {
+            profile: profile.to_owned(),
+            key: format!("{key}.{part}"),
+            problem,
+        };
+        if let Some(file) = &self.phases_from {
+            if !self.phases.is_empty() {
+                return Err(wrong(("phases_from", "cannot be beside `phases`")));
+            }
+            let alone =
+                || wrong(("phases_from", "needs a network that is a file itself: it lies beside that"));
+            let path = folder.ok_or_else(alone)?.join(file);
+            self.phases = schedule::read(&path).map_err(|fault| ProfileError::Schedule {
+                profile: profile.to_owned(),
+                key: format!("{key}.phases_from"),
+                path,
+                fault,
+            })?;
+        }
+        self.model().map_err(wrong)
+    }
+
+    /// The link, or the key that is wrong and what is wrong with it.
+    fn model(self) -> Result<LinkModel, (&'static str, &'static str)> {
+        let Self {
+            rate,
+            delay,
+            jitter,
+            loss,
+            corrupt,
+            duplicate,
+            reorder,
+            queue,
+            mtu,
+            framing,
+            phases,
+            phases_from: _,
+            repeat,
+        } = self;
+        if mtu < LEAST_MTU {
+            return Err(("mtu", "is below 576 bytes"));
+        }
+        if queue.packets == 0 {
+            return Err(("queue.packets", "is 0: then nothing could ever be sent"));
+        }
+        if queue.bytes < u64::from(mtu) + 64 {
+            return Err(("queue.bytes", "has no room for a packet of the link's mtu"));
+        }
+        if !phases.is_sorted_by(|a, b| a.at < b.at) {
+            return Err(("phases", "are not in the order of their `at`"));
+        }
+        let repeat = repeat.map(|WrittenDuration(repeat)| repeat);
+        if repeat.is_some_and(|repeat| phases.last().is_none_or(|last| last.at >= repeat)) {
+            return Err(("repeat", "is not after the last phase"));
+        }
+        let conditions = Conditions { rate, delay, jitter, loss, corrupt, duplicate, reorder };
+        let phases = phases.into_iter().map(|phase| phase.over(&conditions)).collect();
+        Ok(LinkModel { conditions, phases, repeat, queue, mtu, framing })
+    }
+}
+
+impl WrittenPhase {
+    fn over(self, first: &Conditions) -> Phase {
+        let conditions = Conditions {
+            rate: self.rate.or(first.rate),
+            delay: self.delay.map_or(first.delay, |WrittenDuration(delay)| delay),
+            jitter: self.jitter.or(first.jitter),
+            loss: self.loss.unwrap_or(first.loss),
+            corrupt: self.corrupt.unwrap_or(first.corrupt),
+            duplicate: self.duplicate.unwrap_or(first.duplicate),
+            reorder: self.reorder.or(first.reorder),
+        };
+        Phase { at: self.at, conditions }
+    }
+}
