@@ -209,7 +209,7 @@ impl Profile {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::link::{Loss, Probability};
+    use crate::link::{Loss, Probability, Rate};
 
     #[test]
     fn every_network_that_comes_along_can_be_used() {

@@ -108,7 +108,7 @@ fn warn_of_deadlines(scenarios: &[Scenario]) {
         .map(|Scenario { network, knobs, .. }| {
             let [deadline, way] = [knobs.deadline, network.way_to_display()].map(|time| time.as_secs_f64() * 1e3);
             let name = &network.name;
-            format!("trimaran: by {name} the way to the display takes {way} ms, and a frame may take {deadline}: hardly any will come whole; take a longer --udp-deadline-ms, or --link udp")
+            format!("trimaran: by {name} the way to the display takes {way:.1} ms, and a frame may take {deadline:.1}: hardly any will come whole; take a longer --udp-deadline-ms, or --link udp")
         })
         .collect();
     said.dedup();
