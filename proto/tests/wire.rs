@@ -1,6 +1,8 @@
 //! The worked examples of WIRE.md are what this crate writes and reads.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
+mod examples;
+
 use std::collections::BTreeMap;
 
 use bytes::{Bytes, BytesMut};
@@ -13,18 +15,8 @@ use trimaran_proto::{
 
 const WIRE: &str = include_str!("../WIRE.md");
 
-/// The examples by name: each is a fenced block `hex NAME` of hexadecimal bytes, with a comment behind a `#` in any line.
 fn examples() -> BTreeMap<&'static str, Vec<u8>> {
-    WIRE.split("\n```hex ")
-        .skip(1)
-        .map(|block| {
-            let (name, rest) = block.split_once('\n').unwrap();
-            let (body, _) = rest.split_once("\n```").unwrap();
-            let digits =
-                body.lines().filter_map(|line| line.split('#').next()).flat_map(str::split_whitespace);
-            (name, digits.map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect())
-        })
-        .collect()
+    examples::examples_of(WIRE)
 }
 
 fn camera() -> Camera {

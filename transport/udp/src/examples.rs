@@ -1,6 +1,9 @@
 //! The worked examples of WIRE.md are what this crate writes and reads.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
+#[path = "../../../proto/tests/examples/mod.rs"]
+mod page;
+
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -29,18 +32,8 @@ const THERE: ConnectionId = ConnectionId(20);
 const SECRET: [u8; 32] = [7; 32];
 const PSK: [u8; 32] = [9; 32];
 
-/// The examples by name: each is a fenced block `hex NAME` of hexadecimal bytes, with a comment behind a `#` in any line.
 fn examples() -> BTreeMap<&'static str, Vec<u8>> {
-    WIRE.split("\n```hex ")
-        .skip(1)
-        .map(|block| {
-            let (name, rest) = block.split_once('\n').unwrap();
-            let (body, _) = rest.split_once("\n```").unwrap();
-            let digits =
-                body.lines().filter_map(|line| line.split('#').next()).flat_map(str::split_whitespace);
-            (name, digits.map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect())
-        })
-        .collect()
+    page::examples_of(WIRE)
 }
 
 #[track_caller]
