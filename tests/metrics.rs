@@ -109,15 +109,15 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
     let there = listener.local_endpoint().clone();
     let Endpoint::Tcp(at) = &there else { panic!("{there}") };
 
+    let options = Options::default();
+    let machine = connect(&net, &there, identity(Role::SwitchA), &options, soon).await;
+    let (mut machine, mut display) = (machine.unwrap(), listener.accept(soon).await.unwrap());
     let silent = [Dial::connect(at.to_string()).await.unwrap(), Dial::connect(at.to_string()).await.unwrap()];
     while listener.turned_away().no_room == 0 {
         let _one_too_many = Dial::connect(at.to_string()).await.unwrap();
         sleep_until(&*net, net.now().after(Duration::from_millis(1))).await;
     }
     drop(silent);
-    let options = Options::default();
-    let machine = connect(&net, &there, identity(Role::SwitchA), &options, soon).await;
-    let (mut machine, mut display) = (machine.unwrap(), listener.accept(soon).await.unwrap());
     while listener.turned_away().no_place == 0 {
         let by = net.now().after(Duration::from_millis(200));
         let second = connect(&net, &there, identity(Role::SwitchB), &options, by).await;
