@@ -2,7 +2,7 @@
 # Takes the figures of docs/networks.md and docs/bandwidth.md again, and writes them between the marks there.
 #
 #   docs/figures.sh               those of stated models: three minutes of one core, after the program is built
-#   docs/figures.sh city.scene    and those of a walk through a scene, which is recorded first: five more, and a Vulkan device
+#   docs/figures.sh city.scene    and those of a walk through a scene, which is recorded first: a quarter of an hour more, and a Vulkan device
 #
 # Nothing in the first ones depends on the machine or on what else it does: the same program gives the same figures. A walk's ids
 # are the same on any machine, too; when culling finds them is not. TRIMARAN names the program; without it, it is built.
