@@ -164,6 +164,15 @@ pub enum Refusal {
     Busy,
 }
 
+impl Refusal {
+    /// Whether the same peer may be let in when it tries again.
+    #[must_use]
+    pub const fn is_passing(&self) -> bool {
+        // One lane of a pair may have found room where the other found none.
+        matches!(self, Self::Busy | Self::Unpaired { .. })
+    }
+}
+
 impl Identity {
     /// The hello of this peer for one lane of one link.
     #[must_use]

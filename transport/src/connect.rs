@@ -153,7 +153,7 @@ pub async fn connect(
         };
         let last = match last {
             AttemptError::Handshake { cause: HandshakeError::Refused(refusal), .. }
-                if refusal != Refusal::Busy =>
+                if !refusal.is_passing() =>
             {
                 return Err(ConnectError::Refused { endpoint: endpoint.clone(), refusal });
             }

@@ -61,6 +61,16 @@ async fn answers(stream: &mut TcpStream) -> Vec<Message> {
     std::iter::from_fn(|| decoder.next_message().unwrap()).collect()
 }
 
+/// The next message that comes, if one does.
+async fn next(stream: &mut TcpStream, decoder: &mut Decoder) -> Option<Message> {
+    loop {
+        if let Some(message) = decoder.next_message().unwrap() {
+            return Some(message);
+        }
+        stream.read_buf(decoder.buffer(1024)).await.ok().filter(|n| *n > 0)?;
+    }
+}
+
 /// A display that is made of bare sockets, and the link that switch A has to it.
 async fn raw_display() -> (Link, TcpStream, TcpStream) {
     let net = net();
@@ -193,6 +203,36 @@ async fn one_lane_alone_is_refused_in_time() {
     half.write_all(&bytes(&[hello(Lane::Frames)])).await.unwrap();
     let answers = until(&*net, soon(&net), answers(&mut half)).await.unwrap();
     assert_eq!(answers, [Message::Refuse(Refusal::Unpaired { session: SESSION })]);
+}
+
+#[tokio::test]
+async fn a_refusal_that_passes_is_tried_again_and_another_ends_it() {
+    let net = net();
+    for passing in [Refusal::Busy, Refusal::Unpaired { session: SESSION }] {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let endpoint = Endpoint::Tcp(listener.local_addr().unwrap().into());
+        let for_good = Refusal::RoleTaken { role: Role::Display };
+        let refuse = async {
+            let mut tries = Vec::new();
+            loop {
+                let (mut stream, _) = listener.accept().await.unwrap();
+                let mut decoder = Decoder::new();
+                let Some(Message::Hello(hello)) = next(&mut stream, &mut decoder).await else { continue };
+                if !tries.contains(&hello.session) {
+                    tries.push(hello.session);
+                }
+                let refusal = if tries.len() == 1 { passing } else { for_good };
+                stream.write_all(&bytes(&[Message::Refuse(refusal)])).await.unwrap();
+            }
+        };
+        let options = Options::default();
+        let ended = tokio::select! {
+            ended = connect(&net, &endpoint, identity(Role::Display), &options, soon(&net)) => ended,
+            never = refuse => never,
+        };
+        let error = ended.unwrap_err();
+        assert!(matches!(&error, ConnectError::Refused { refusal, .. } if *refusal == for_good), "{error:?}");
+    }
 }
 
 #[tokio::test]
