@@ -63,7 +63,9 @@ async fn who_stops_within_a_handshake_takes_room_and_the_next_one_is_told() {
                 let by = net.now().after(Duration::from_millis(300));
                 match connect(&net, &at, identity(Role::SwitchB), &options, by).await {
                     Ok(_early) => drop(listener.accept(soon(&net)).await.unwrap()),
-                    Err(_) => break listener.turned_away().no_room,
+                    // Or it was only slow.
+                    Err(_) if listener.turned_away().no_room == 0 => {}
+                    Err(_) => break,
                 }
             }
         };
@@ -72,7 +74,7 @@ async fn who_stops_within_a_handshake_takes_room_and_the_next_one_is_told() {
             link = connect(&net, &router.at, identity(Role::Display), &options, soon(&net)) => panic!("{link:?}"),
             () = router.pass(&lost, |bytes, inwards| inwards || bytes[0] & mask == question) => {}
             turned_away = until(&*net, net.now().after(Duration::from_secs(20)), meets) => {
-                assert!(turned_away.is_some_and(|count| count > 0), "{endpoint}: {turned_away:?}");
+                assert!(turned_away.is_some(), "{endpoint}: nobody");
             }
         }
         assert!(lost.get() > 0, "{endpoint}: nothing was held back");
