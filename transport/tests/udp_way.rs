@@ -11,8 +11,8 @@ use tokio::net::UdpSocket;
 use trimaran_proto::Role;
 use trimaran_transport::udp::Trust;
 use trimaran_transport::{
-    AttemptError, ConnectError, Endpoint, HandshakeError, Limits, LinkConfig, Loss, Options, RecvError,
-    connect, until,
+    AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Link, LinkConfig, Listener, Loss, Options,
+    RecvError, connect, until,
 };
 
 /// Deterministic garbage.
@@ -112,22 +112,26 @@ impl Relay {
     }
 }
 
+/// A display joins by way of `through`, and its first camera arrives.
+async fn a_camera_goes_over(listener: &mut Listener, through: &Endpoint, options: &Options) -> (Link, Link) {
+    let net = net();
+    let (there, here) = tokio::join!(
+        connect(&net, through, identity(Role::Display), options, soon(&net)),
+        listener.accept(soon(&net)),
+    );
+    let (mut there, mut here) = (there.unwrap(), here.unwrap());
+    there.latest_tx.publish(camera(1)).unwrap();
+    assert_eq!(here.latest_rx.latest().await.unwrap(), camera(1));
+    (there, here)
+}
+
 /// Everything that a peer said is said again ten times, by someone at its address.
 #[tokio::test]
 async fn replays_make_no_second_link_and_no_second_camera() {
     let (net, options) = (net(), shared(1));
     let (mut listener, at) = listener(&options).await;
     let (mut relay, through) = Relay::before(&at).await;
-    let talk = async {
-        let (there, here) = tokio::join!(
-            connect(&net, &through, identity(Role::Display), &options, soon(&net)),
-            listener.accept(soon(&net)),
-        );
-        let (mut there, mut here) = (there.unwrap(), here.unwrap());
-        there.latest_tx.publish(camera(1)).unwrap();
-        assert_eq!(here.latest_rx.latest().await.unwrap(), camera(1));
-        (there, here)
-    };
+    let talk = a_camera_goes_over(&mut listener, &through, &options);
     let mut inwards = Vec::new();
     let (there, mut here) = tokio::select! {
         links = talk => links,
@@ -147,22 +151,12 @@ async fn replays_make_no_second_link_and_no_second_camera() {
 #[tokio::test]
 async fn what_travels_can_be_read_on_the_way_only_in_the_clear() {
     for (options, readable) in [(shared(1), false), (with(Trust::Plaintext), true)] {
-        let net = net();
         let (mut listener, at) = listener(&options).await;
         let (mut relay, through) = Relay::before(&at).await;
-        let talk = async {
-            let (there, here) = tokio::join!(
-                connect(&net, &through, identity(Role::Display), &options, soon(&net)),
-                listener.accept(soon(&net)),
-            );
-            let (mut there, mut here) = (there.unwrap(), here.unwrap());
-            there.latest_tx.publish(camera(1)).unwrap();
-            assert_eq!(here.latest_rx.latest().await.unwrap(), camera(1));
-        };
         let needle = camera(1).to_bytes();
         let mut read = false;
         tokio::select! {
-            () = talk => {}
+            _links = a_camera_goes_over(&mut listener, &through, &options) => {}
             _ = relay.pass(|bytes, _| { read |= bytes.windows(needle.len()).any(|it| it == needle); false }) => {}
         }
         assert_eq!(read, readable, "{:?}", options.udp.trust);
