@@ -114,8 +114,16 @@ pub(crate) trait Parley: Send {
     /// Reads the next message.
     fn recv(&mut self) -> impl Future<Output = Result<Message, HandshakeError>> + Send;
 
-    /// Says no, and that nothing more comes.
-    fn refuse(&mut self, refusal: Refusal) -> impl Future<Output = Result<(), HandshakeError>> + Send;
+    /// Writes why not, and that nothing more comes.
+    fn dismiss(&mut self, refusal: Refusal) -> impl Future<Output = Result<(), HandshakeError>> + Send;
+
+    /// Refuses, and is why the handshake failed, also where the other side is gone before it could be told.
+    fn refuse(&mut self, refusal: Refusal) -> impl Future<Output = HandshakeError> + Send {
+        async move {
+            let _untold = self.dismiss(refusal).await;
+            HandshakeError::Refused(refusal)
+        }
+    }
 
     /// Reads the hello of whoever connected. A peer of another version is refused here: no more of it can be read.
     fn recv_hello(&mut self) -> impl Future<Output = Result<Hello, HandshakeError>> + Send {
@@ -126,8 +134,7 @@ pub(crate) trait Parley: Send {
                 Err(HandshakeError::Decode(e)) => {
                     if let DecodeFault::Version { ours, theirs } = e.fault {
                         let refusal = Refusal::Version { listener: ours, connector: theirs };
-                        self.refuse(refusal).await?;
-                        return Err(HandshakeError::Refused(refusal));
+                        return Err(self.refuse(refusal).await);
                     }
                     Err(HandshakeError::Decode(e))
                 }

@@ -11,9 +11,12 @@ use common::{identity, last_failure, net, soon};
 use tempfile::TempDir;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
-use trimaran_proto::{Accept, DecodeFault, Kind, Lane, Message, Refusal, Role, SessionId};
+use trimaran_proto::{
+    Accept, DecodeFault, Identity, Kind, Lane, Message, Refusal, Role, SceneHash, SessionId,
+};
 use trimaran_transport::{
-    Endpoint, HandshakeError, Limits, Link, Listener, Options, ProtocolError, RecvError, connect,
+    ConnectError, Endpoint, HandshakeError, Limits, Link, Listener, Options, ProtocolError, RecvError,
+    connect,
 };
 
 /// Runs a case over each transport.
@@ -40,6 +43,8 @@ over_tcp_and_unix!(
     a_peer_that_died_may_come_back,
     a_connector_may_die_at_every_byte_of_its_handshake,
     a_listener_may_die_at_every_step_of_the_handshake,
+    a_refusal_is_the_reason_though_nobody_stayed_to_hear_it,
+    who_is_turned_away_at_the_door_learns_why,
 );
 
 fn socket_in(folder: &TempDir) -> String {
@@ -200,6 +205,33 @@ mod cases {
             assert!(matches!(error, RecvError::Lost { peer: Role::Display, .. }), "{error:?}");
         }
         a_display_gets_in(&mut listener, &at).await;
+    }
+
+    pub(super) async fn a_refusal_is_the_reason_though_nobody_stayed_to_hear_it(endpoint: &str) {
+        let (mut listener, at) = listen(endpoint, &Options::default()).await;
+        let strange = Identity { scene: SceneHash(0xdead), ..identity(Role::Display) };
+        for session in 0..20 {
+            let mut frames = dial(&at).await;
+            let hello = Message::Hello(strange.hello(SessionId(session), Lane::Frames));
+            frames.write_all(&bytes(&hello)).await.unwrap();
+            drop(frames);
+            let failure = last_failure(&mut listener).await;
+            assert!(matches!(failure, HandshakeError::Refused(Refusal::Scene { .. })), "{failure:?}");
+        }
+    }
+
+    pub(super) async fn who_is_turned_away_at_the_door_learns_why(endpoint: &str) {
+        let (bare, at) = Bare::bind(endpoint).await;
+        let options = Options::default();
+        let taken = bytes(&Message::Refuse(Refusal::RoleTaken { role: Role::Display }));
+        let door = async {
+            for _ in 0..2 {
+                bare.accept().await.write_all(&taken).await.unwrap();
+            }
+        };
+        let (net, display) = (net(), identity(Role::Display));
+        let (_, link) = tokio::join!(door, connect(&net, &at, display, &options, soon(&net)));
+        assert!(matches!(link, Err(ConnectError::Refused { .. })), "{link:?}");
     }
 
     pub(super) async fn a_connector_may_die_at_every_byte_of_its_handshake(endpoint: &str) {

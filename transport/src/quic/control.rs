@@ -101,8 +101,8 @@ impl Parley for Control {
         }
     }
 
-    /// Says no, and waits until that has arrived.
-    async fn refuse(&mut self, refusal: Refusal) -> Result<(), HandshakeError> {
+    /// Waits until that has arrived.
+    async fn dismiss(&mut self, refusal: Refusal) -> Result<(), HandshakeError> {
         self.send(&Message::Refuse(refusal)).await?;
         // Fails only for a stream that is closed.
         let _ = self.send.finish();

@@ -122,10 +122,7 @@ impl Guest {
                     .await;
                 Ok(())
             }
-            Err(refusal) => {
-                control.refuse(refusal).await?;
-                Err(HandshakeError::Refused(refusal))
-            }
+            Err(refusal) => Err(control.refuse(refusal).await),
         }
     }
 }

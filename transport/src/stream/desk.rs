@@ -108,13 +108,9 @@ impl Reception {
                     return Ok(());
                 };
                 let refusal = Refusal::Unpaired { session: hello.session };
-                waiting.connection.refuse(refusal).await?;
-                Err(HandshakeError::Refused(refusal))
+                Err(waiting.connection.refuse(refusal).await)
             }
-            Entry::Refused(mut connection, refusal) => {
-                connection.refuse(refusal).await?;
-                Err(HandshakeError::Refused(refusal))
-            }
+            Entry::Refused(mut connection, refusal) => Err(connection.refuse(refusal).await),
         }
     }
 
@@ -165,6 +161,6 @@ impl Reception {
 /// Says that there is no room, if that can be said without waiting.
 fn turn_away(stream: Stream) {
     let mut connection = Connection::new(stream, &Counters::framed());
-    let refusal = std::pin::pin!(connection.refuse(Refusal::Busy));
+    let refusal = std::pin::pin!(connection.dismiss(Refusal::Busy));
     let _ignored = refusal.poll(&mut Context::from_waker(Waker::noop()));
 }

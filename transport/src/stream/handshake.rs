@@ -3,7 +3,7 @@
 use std::future::poll_fn;
 use std::sync::Arc;
 
-use trimaran_proto::{Identity, Message, Refusal, SessionId};
+use trimaran_proto::{Hello, Identity, Message, Refusal, SessionId};
 
 use super::frames::{Outlet, frames as both_halves};
 use super::latest::Cell;
@@ -43,6 +43,15 @@ impl Connection {
         self.sink.stage(message, &self.counters.sent);
         poll_fn(|cx| self.sink.poll_drain(cx)).await.map_err(HandshakeError::Io)
     }
+
+    /// Says hello. One who is turned away at the door may be too late for that, but can read why.
+    pub(super) async fn greet(&mut self, hello: Hello) -> Result<(), HandshakeError> {
+        let Err(unsaid) = self.send(&Message::Hello(hello)).await else { return Ok(()) };
+        match self.recv_answer().await {
+            Err(refused @ HandshakeError::Refused(_)) => Err(refused),
+            _ => Err(unsaid),
+        }
+    }
 }
 
 impl Parley for Connection {
@@ -55,7 +64,7 @@ impl Parley for Connection {
         }
     }
 
-    async fn refuse(&mut self, refusal: Refusal) -> Result<(), HandshakeError> {
+    async fn dismiss(&mut self, refusal: Refusal) -> Result<(), HandshakeError> {
         self.send(&Message::Refuse(refusal)).await?;
         poll_fn(|cx| self.sink.poll_shutdown(cx)).await.map_err(HandshakeError::Io)
     }

@@ -4,7 +4,7 @@ use std::fmt;
 use std::io;
 use std::sync::Arc;
 
-use trimaran_proto::{Lane, Message};
+use trimaran_proto::Lane;
 
 use super::handshake::{Connection, Lanes};
 use crate::Link;
@@ -36,10 +36,10 @@ pub(crate) async fn introduce(
     let mut frames = connection().await?;
     let mut latest = connection().await?;
     let theirs = async {
-        frames.send(&Message::Hello(identity.hello(session, Lane::Frames))).await?;
-        latest.send(&Message::Hello(identity.hello(session, Lane::Latest))).await?;
-        let theirs = frames.recv_answer().await?;
-        latest.recv_answer().await?;
+        frames.greet(identity.hello(session, Lane::Frames)).await?;
+        latest.greet(identity.hello(session, Lane::Latest)).await?;
+        // Whichever lane is refused says why at once, and the other one only when it has waited for its twin.
+        let (theirs, _) = tokio::try_join!(frames.recv_answer(), latest.recv_answer())?;
         Ok::<_, HandshakeError>(theirs)
     }
     .await
