@@ -33,42 +33,53 @@ pub(crate) trait Pairs {
     const HANDSHAKE: u64;
 }
 
+/// Hands all cases to the macro `$make`, with `$pairs` in front: those that need nothing but tasks, and those in which threads take part.
+#[macro_export]
+macro_rules! conformance_cases {
+    ($make:ident, $pairs:expr) => {
+        $crate::$make! { $pairs;
+            tasks:
+                frames_of_every_size_arrive_in_order,
+                batches_are_full_but_the_last,
+                flush_sends_a_part_of_a_batch,
+                the_newest_camera_wins,
+                publishing_never_waits,
+                a_camera_is_read_once,
+                a_slow_receiver_holds_the_sender_back,
+                a_receiver_that_catches_up_gets_everything,
+                silence_ends_in_an_error,
+                a_deadline_leaves_the_link_usable,
+                polling_takes_what_is_there,
+                dropping_a_wait_loses_nothing,
+                goodbye_comes_after_everything,
+                death_within_a_frame_is_no_goodbye,
+                death_behind_every_step_of_a_frame_is_a_loss,
+                a_dead_receiver_fails_the_sender,
+                frames_in_the_wrong_order_are_refused,
+                both_directions_at_once,
+                every_byte_is_counted,
+                frames_alike_cost_little_as_changes;
+            threads:
+                a_busy_receiver_is_no_dead_peer,
+                polling_without_a_pause_sees_everything;
+        }
+    };
+}
+
 /// Makes a test of each case, for one transport.
 #[macro_export]
 macro_rules! conformance {
-    ($pairs:expr => $($case:ident),+ $(,)?) => {
+    ($pairs:expr) => { $crate::conformance_cases!(conformance, $pairs); };
+    ($pairs:expr; tasks: $($task:ident),+; threads: $($thread:ident),+;) => {
+        $crate::conformance!(@tests $pairs; $($task),+, $($thread),+);
+    };
+    (@tests $pairs:expr; $($case:ident),+) => {
         $(
             #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
             async fn $case() {
                 $crate::common::conformance::$case(&$pairs).await;
             }
         )+
-    };
-    ($pairs:expr) => {
-        $crate::conformance!($pairs =>
-            frames_of_every_size_arrive_in_order,
-            batches_are_full_but_the_last,
-            flush_sends_a_part_of_a_batch,
-            the_newest_camera_wins,
-            publishing_never_waits,
-            a_camera_is_read_once,
-            a_slow_receiver_holds_the_sender_back,
-            a_receiver_that_catches_up_gets_everything,
-            a_busy_receiver_is_no_dead_peer,
-            silence_ends_in_an_error,
-            a_deadline_leaves_the_link_usable,
-            polling_takes_what_is_there,
-            polling_without_a_pause_sees_everything,
-            dropping_a_wait_loses_nothing,
-            goodbye_comes_after_everything,
-            death_within_a_frame_is_no_goodbye,
-            death_behind_every_step_of_a_frame_is_a_loss,
-            a_dead_receiver_fails_the_sender,
-            frames_in_the_wrong_order_are_refused,
-            both_directions_at_once,
-            every_byte_is_counted,
-            frames_alike_cost_little_as_changes,
-        );
     };
 }
 
