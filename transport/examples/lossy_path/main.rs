@@ -1,14 +1,16 @@
 //! What a frame costs in time where packets are lost: TCP, QUIC and the project's own datagrams, on real kernel sockets.
 //!
 //! ```sh
-//! cargo run --release -p trimaran-transport --example lossy_path -- [SECONDS] [LOSS..] [LINK..]
+//! cargo run --release -p trimaran-transport --example lossy_path -- [SECONDS] [LOSS..] [LINK..] [FILE.svg]
 //! ```
 //!
 //! Two network namespaces, each with a TUN device whose packets this program carries to the other one: 5 ms later, or, where the
 //! path loses them, never. A sender in one sends 60 frames of 4,000 ids a second to a receiver in the other. Prints a table in Markdown:
-//! all rows, or those of the losses and links that are named. A row takes 60 s, or `SECONDS`; of fewer than 1,000 frames the p99.9 is
-//! the slowest. Needs Linux, root and `ip` (iproute2); says what is missing otherwise.
+//! all rows, or those of the losses and links that are named; draws it, where a file is named. A row takes 60 s, or `SECONDS`; of fewer
+//! than 1,000 frames the p99.9 is the slowest. Needs Linux, root and `ip` (iproute2); says what is missing otherwise.
 
+#[cfg(target_os = "linux")]
+mod chart;
 #[cfg(target_os = "linux")]
 mod path;
 #[cfg(target_os = "linux")]
@@ -32,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "| loss | link | p50 ms | p99 | p99.9 | slowest | first | complete | kB | more | packets lost |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|");
-    let mut plain = vec![None; rows.kinds.len()];
+    let (mut plain, mut drawn) = (vec![None; rows.kinds.len()], Vec::new());
     for loss in rows.losses {
         for (kind, plain) in rows.kinds.iter().zip(&mut plain) {
             let outcome = session::run(kind, loss, rows.seconds)?;
@@ -46,7 +48,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 kind.name,
                 outcome.lost_percent()
             );
+            let latencies = [0.5, 0.99, 0.999].map(|share| outcome.milliseconds(share));
+            drawn.push(chart::Row { loss: loss.name, link: kind.name, latencies });
         }
+    }
+    if let Some(file) = rows.chart {
+        std::fs::write(&file, chart::svg(&drawn)?).map_err(|e| format!("{}: {e}", file.display()))?;
     }
     Ok(())
 }

@@ -30,7 +30,8 @@ pub(crate) struct Path {
 }
 
 impl Path {
-    pub(crate) fn lay() -> io::Result<Self> {
+    /// Lays it; TCP at both ends controls congestion as is said, or as the system does.
+    pub(crate) fn lay(congestion: Option<&str>) -> io::Result<Self> {
         let names = ["a", "b"].map(|end| format!("trimaran-{}-{end}", std::process::id()));
         let device = |end: &str| DeviceBuilder::new().name(format!("tri{}", end)).build_sync().map(Arc::new);
         let path = Self { devices: [device("a")?, device("b")?], names };
@@ -41,6 +42,9 @@ impl Path {
             ip(&["link", "set", &device, "netns", name])?;
             ip(&["-n", name, "address", "add", here, "peer", there, "dev", &device])?;
             ip(&["-n", name, "link", "set", &device, "mtu", "1500", "up"])?;
+            if let Some(congestion) = congestion {
+                control(name, congestion)?;
+            }
         }
         Ok(path)
     }
@@ -60,6 +64,12 @@ impl Drop for Path {
             }
         }
     }
+}
+
+/// Sets how TCP of a namespace controls congestion: the file is that of the namespace that one is in.
+fn control(name: &str, congestion: &str) -> io::Result<()> {
+    let set = format!("echo {congestion} > /proc/sys/net/ipv4/tcp_congestion_control");
+    ip(&["netns", "exec", name, "sh", "-c", &set])
 }
 
 fn ip(args: &[&str]) -> io::Result<()> {

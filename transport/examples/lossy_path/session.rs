@@ -31,41 +31,36 @@ pub(crate) struct Kind {
     /// Behind the port.
     query: &'static str,
     repair_percent: u8,
+    /// The congestion control of the kernel's TCP; its own choice where none is named.
+    congestion: Option<&'static str>,
 }
+
+const PLAIN: Kind = Kind { word: "", name: "", endpoint: "", query: "", repair_percent: 0, congestion: None };
 
 /// The ways.
 pub(crate) const KINDS: &[Kind] = &[
-    Kind { word: "tcp", name: "tcp", endpoint: "tcp", query: "", repair_percent: 0 },
-    Kind { word: "quic", name: "quic", endpoint: "quic", query: "", repair_percent: 0 },
-    Kind {
-        word: "reliable",
-        name: "udp reliable",
-        endpoint: "udp",
-        query: "?mode=reliable",
-        repair_percent: 0,
-    },
+    Kind { word: "tcp-cubic", name: "tcp, CUBIC", endpoint: "tcp", congestion: Some("cubic"), ..PLAIN },
+    Kind { word: "tcp-bbr", name: "tcp, BBR", endpoint: "tcp", congestion: Some("bbr"), ..PLAIN },
+    Kind { word: "quic", name: "quic", endpoint: "quic", ..PLAIN },
+    Kind { word: "reliable", name: "udp reliable", query: "?mode=reliable", ..UDP },
     Kind {
         word: "reliable-repair",
         name: "udp reliable, repair",
-        endpoint: "udp",
         query: "?mode=reliable",
         repair_percent: 15,
+        ..UDP
     },
-    Kind {
-        word: "deadline",
-        name: "udp deadline",
-        endpoint: "udp",
-        query: "?mode=deadline",
-        repair_percent: 0,
-    },
+    Kind { word: "deadline", name: "udp deadline", query: "?mode=deadline", ..UDP },
     Kind {
         word: "deadline-repair",
         name: "udp deadline, repair",
-        endpoint: "udp",
         query: "?mode=deadline",
         repair_percent: 15,
+        ..UDP
     },
 ];
+
+const UDP: Kind = Kind { endpoint: "udp", ..PLAIN };
 
 /// What became of the frames.
 pub(crate) struct Outcome {
@@ -91,6 +86,14 @@ impl Outcome {
         self.bytes as f64 / 1e3 / f64::from(self.sent.max(1))
     }
 
+    /// How long this share of the frames took at most, milliseconds.
+    pub(crate) fn milliseconds(&self, share: f64) -> f64 {
+        let latencies = &self.arrived.latencies;
+        let last = latencies.len().saturating_sub(1);
+        let index = (share * last as f64).ceil() as usize;
+        latencies.get(index).map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e3)
+    }
+
     pub(crate) fn lost_percent(&self) -> f64 {
         100.0 * self.lost as f64 / self.packets.max(1) as f64
     }
@@ -98,13 +101,8 @@ impl Outcome {
 
 impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Arrived { latencies, first, complete } = &self.arrived;
-        let at = |share: f64| {
-            let last = latencies.len().saturating_sub(1);
-            let index = (share * last as f64).ceil() as usize;
-            latencies.get(index).map_or(f64::NAN, |latency| latency.as_secs_f64() * 1e3)
-        };
-        let (p50, p99, p999, slowest) = (at(0.5), at(0.99), at(0.999), at(1.0));
+        let Arrived { first, complete, .. } = &self.arrived;
+        let [p50, p99, p999, slowest] = [0.5, 0.99, 0.999, 1.0].map(|share| self.milliseconds(share));
         let first = first.as_secs_f64() * 1e3;
         let complete = 100.0 * f64::from(*complete) / f64::from(self.sent.max(1));
         let kilobytes = self.kilobytes();
@@ -120,7 +118,7 @@ type Begun = Arc<Mutex<Vec<Instant>>>;
 
 /// Runs a link of `kind` for so many seconds.
 pub(crate) fn run(kind: &Kind, loss: Loss, seconds: u32) -> Result<Outcome, Box<dyn Error>> {
-    let path = Arc::new(Path::lay()?);
+    let path = Arc::new(Path::lay(kind.congestion)?);
     let tally = Arc::new(Tally::default());
     let [a, b] = &path.devices;
     carry(Arc::clone(a), Arc::clone(b), loss, 1, Arc::clone(&tally));
