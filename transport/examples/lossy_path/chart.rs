@@ -4,7 +4,7 @@ use std::fmt::{self, Write as _};
 
 /// Sizes, in SVG units.
 const WIDTH: f64 = 840.0;
-const LEFT: f64 = 196.0;
+const LEFT: f64 = 214.0;
 const RIGHT: f64 = WIDTH - 84.0;
 const LINE: f64 = 20.0;
 const TITLE: f64 = 34.0;

@@ -42,8 +42,9 @@ impl Path {
             ip(&["link", "set", &device, "netns", name])?;
             ip(&["-n", name, "address", "add", here, "peer", there, "dev", &device])?;
             ip(&["-n", name, "link", "set", &device, "mtu", "1500", "up"])?;
+            // Linux lets a route say so.
             if let Some(congestion) = congestion {
-                control(name, congestion)?;
+                ip(&["-n", name, "route", "replace", there, "dev", &device, "congctl", congestion])?;
             }
         }
         Ok(path)
@@ -64,12 +65,6 @@ impl Drop for Path {
             }
         }
     }
-}
-
-/// Sets how TCP of a namespace controls congestion: the file is that of the namespace that one is in.
-fn control(name: &str, congestion: &str) -> io::Result<()> {
-    let set = format!("echo {congestion} > /proc/sys/net/ipv4/tcp_congestion_control");
-    ip(&["netns", "exec", name, "sh", "-c", &set])
 }
 
 fn ip(args: &[&str]) -> io::Result<()> {
