@@ -29,14 +29,26 @@ impl Pacer {
         self.segment = segment;
     }
 
-    /// When a packet of full size may leave: not after `now` if at once.
-    pub(crate) fn ready(&mut self, now: Instant, window: usize, rtt: Duration) -> Instant {
+    /// When a packet of full size may leave: not after `now` if at once. One that waits was to leave at `due`.
+    ///
+    /// A machine that is busy rings late. What would have left by then leaves at once, or else a sender that is let run seldom could send
+    /// a burst each time and no more, however wide the path is.
+    pub(crate) fn ready(
+        &mut self,
+        now: Instant,
+        due: Option<Instant>,
+        window: usize,
+        rtt: Duration,
+    ) -> Instant {
         let rate = 1.25 * window as f64 / rtt.as_secs_f64().max(1e-6);
         let waited = self.filled.map_or(Duration::ZERO, |filled| now.since(filled));
+        if !waited.is_zero() {
+            let held_up = due.map_or(Duration::ZERO, |due| now.since(due));
+            let full = (rate * held_up.max(TICK).as_secs_f64())
+                .clamp((BURST * self.segment) as f64, (LARGEST * self.segment) as f64);
+            self.tokens = (self.tokens + rate * waited.as_secs_f64()).min(full);
+        }
         self.filled = Some(now);
-        let full =
-            (rate * TICK.as_secs_f64()).clamp((BURST * self.segment) as f64, (LARGEST * self.segment) as f64);
-        self.tokens = (self.tokens + rate * waited.as_secs_f64()).min(full);
         let missing = self.segment as f64 - self.tokens;
         // Less than a byte is rounding.
         if missing < 1.0 { now } else { now.after(Duration::from_secs_f64((missing / rate).max(1e-9))) }
@@ -56,26 +68,48 @@ mod tests {
         let mut pacer = Pacer::new(1000);
         let (start, rtt) = (Instant::from_nanos(0), Duration::from_millis(10));
         for _ in 0..10 {
-            assert_eq!(pacer.ready(start, 20_000, rtt), start);
+            assert_eq!(pacer.ready(start, None, 20_000, rtt), start);
             pacer.on_sent(1000);
         }
         // 25,000 bytes in 10 ms: 0.4 ms a packet.
-        let next = pacer.ready(start, 20_000, rtt);
+        let next = pacer.ready(start, None, 20_000, rtt);
         assert_eq!(next.since(start).as_micros(), 400);
-        assert_eq!(pacer.ready(next, 20_000, rtt), next);
+        assert_eq!(pacer.ready(next, Some(next), 20_000, rtt), next);
     }
 
     #[test]
     fn what_is_due_within_a_tick_leaves_at_once() {
         let mut pacer = Pacer::new(1000);
         let (start, rtt) = (Instant::from_nanos(0), Duration::from_millis(10));
-        pacer.ready(start, 200_000, rtt);
+        pacer.ready(start, None, 200_000, rtt);
         let later = start.after(Duration::from_secs(1));
         // 25 bytes a microsecond: 50,000 in two milliseconds.
         for _ in 0..50 {
-            assert_eq!(pacer.ready(later, 200_000, rtt), later);
+            assert_eq!(pacer.ready(later, None, 200_000, rtt), later);
             pacer.on_sent(1000);
         }
-        assert!(pacer.ready(later, 200_000, rtt) > later);
+        assert!(pacer.ready(later, None, 200_000, rtt) > later);
+    }
+
+    #[test]
+    fn what_a_late_timer_held_up_leaves_at_once_and_idle_time_earns_nothing() {
+        let leave = |held_up| {
+            let mut pacer = Pacer::new(1000);
+            let (start, rtt) = (Instant::from_nanos(0), Duration::from_millis(10));
+            while pacer.ready(start, None, 20_000, rtt) == start {
+                pacer.on_sent(1000);
+            }
+            let due = pacer.ready(start, None, 20_000, rtt);
+            let late = due.after(Duration::from_millis(10));
+            let mut due = Some(due).filter(|_| held_up);
+            let mut count = 0;
+            while pacer.ready(late, due.take(), 20_000, rtt) == late {
+                pacer.on_sent(1000);
+                count += 1;
+            }
+            count
+        };
+        // 2.5 bytes a microsecond, and the one that was due.
+        assert_eq!((leave(true), leave(false)), (25, 10));
     }
 }

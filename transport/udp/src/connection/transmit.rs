@@ -84,7 +84,7 @@ impl Connection {
 
     /// Whether window and pacer allow a full packet now. A probe always may leave.
     fn may_send(&mut self, now: Instant) -> bool {
-        self.paced_until = None;
+        let due = self.paced_until.take();
         if self.pings > 0 {
             return true;
         }
@@ -92,7 +92,7 @@ impl Connection {
         if !self.has_data() && !probe || self.recovery.room() < self.mtu.known() {
             return false;
         }
-        let ready = self.pacer.ready(now, self.recovery.window.window(), self.recovery.rtt.smoothed());
+        let ready = self.pacer.ready(now, due, self.recovery.window.window(), self.recovery.rtt.smoothed());
         if ready > now {
             self.paced_until = Some(ready);
         }

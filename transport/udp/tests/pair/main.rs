@@ -5,6 +5,7 @@ mod coded;
 mod lossy;
 mod moving;
 mod network;
+mod paused;
 mod talk;
 
 use std::time::Duration;

@@ -3,6 +3,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::net::SocketAddr;
+use std::ops::Range;
 use std::time::Duration;
 
 use trimaran_proto::Instant;
@@ -70,6 +71,8 @@ pub(crate) struct Pair {
     pub(crate) burst_losses: u64,
     /// Nothing that the first end sends arrives.
     pub(crate) deaf: bool,
+    /// The first end does nothing before: its machine does not let it run.
+    pub(crate) asleep_until: Instant,
 }
 
 impl Pair {
@@ -94,6 +97,7 @@ impl Pair {
             in_burst,
             burst_losses: 0,
             deaf: false,
+            asleep_until: now,
         }
     }
 
@@ -103,6 +107,10 @@ impl Pair {
         let lost = self.in_burst[end] && self.chance(750);
         self.burst_losses += u64::from(lost);
         lost
+    }
+
+    fn awake(&self) -> Range<usize> {
+        usize::from(self.now < self.asleep_until)..2
     }
 
     /// Splitmix64: the same network for the same seed.
@@ -116,7 +124,7 @@ impl Pair {
 
     pub(crate) fn transmit(&mut self) {
         let mut out = Vec::new();
-        for end in 0..2 {
+        for end in self.awake() {
             while self.ends[end].poll_transmit(self.now, &mut out) {
                 assert!(out.len() <= Config::default().max_datagram, "{} bytes", out.len());
                 self.bytes[end] += out.len() as u64;
@@ -154,15 +162,23 @@ impl Pair {
     pub(crate) fn step(&mut self, end: Instant) -> bool {
         self.transmit();
         let arrival = self.flying.peek().map(|Reverse((at, ..))| *at);
-        let timers = self.ends.iter().filter_map(Connection::poll_timeout);
-        let Some(next) = timers.chain(arrival).min().filter(|next| *next <= end) else { return false };
+        let timers = self.ends[self.awake()].iter().filter_map(Connection::poll_timeout);
+        let wake = Some(self.asleep_until).filter(|at| *at > self.now);
+        let Some(next) = timers.chain(arrival).chain(wake).min().filter(|next| *next <= end) else {
+            return false;
+        };
         self.now = self.now.max(next);
         while self.flying.peek().is_some_and(|Reverse((at, ..))| *at <= self.now) {
-            if let Some(Reverse((_, _, to, packet))) = self.flying.pop() {
+            if let Some(Reverse((_, order, to, packet))) = self.flying.pop() {
+                if !self.awake().contains(&to) {
+                    self.flying.push(Reverse((self.asleep_until, order, to, packet)));
+                    continue;
+                }
                 self.ends[to].handle(self.now, &packet);
             }
         }
-        for end in &mut self.ends {
+        for end in self.awake() {
+            let end = &mut self.ends[end];
             if end.poll_timeout().is_some_and(|at| at <= self.now) {
                 end.handle_timeout(self.now);
             }
