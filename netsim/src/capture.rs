@@ -234,7 +234,7 @@ mod tests {
             Segment { seq: 1, ack, sacks, ..Segment::default() },
             Segment { seq: 1, ack, rst: true, ..Segment::default() },
         ];
-        let bodies = segments.map(|segment| Body::Tcp(Box::new(segment)));
+        let bodies = segments.map(Body::Tcp);
         for body in bodies.into_iter().chain([Body::Udp(data), Body::Udp(Bytes::new())]) {
             for v6 in [false, true] {
                 let packet = packet(v6, body.clone());

@@ -82,6 +82,11 @@ impl Executor {
         MainWaker(Rouser::new(MAIN, &self.ready))
     }
 
+    /// Whether something has been woken.
+    pub(crate) fn is_ready(&self) -> bool {
+        !lock(&self.ready.0).is_empty()
+    }
+
     /// Runs whatever is ready, and `main` with it, until `main` is done or nothing is ready.
     pub(crate) fn run_until_stalled<F: Future>(
         &self,

@@ -30,7 +30,7 @@ pub(crate) struct Packet {
 #[derive(Debug, Clone)]
 pub(crate) enum Body {
     Udp(Bytes),
-    Tcp(Box<Segment>),
+    Tcp(Segment),
 }
 
 impl Packet {

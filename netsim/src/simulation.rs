@@ -79,7 +79,7 @@ impl Simulation {
             if let Poll::Ready(output) = self.world.executor.run_until_stalled(&mut program, &waker) {
                 return Ok(output);
             }
-            if !self.world.step() {
+            if !self.world.go_on() {
                 return Err(Stalled { at: self.world.now() });
             }
         }

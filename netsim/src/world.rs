@@ -106,14 +106,18 @@ impl World {
         Instant::from_nanos(self.now.load(Ordering::Relaxed))
     }
 
-    /// Goes on to the next event; false if there is none.
-    pub(crate) fn step(&self) -> bool {
+    /// Goes on to the next event after which a task has something to do; false if there is none.
+    pub(crate) fn go_on(&self) -> bool {
         let mut core = self.core();
-        let Some((at, event)) = core.events.next() else { return false };
-        core.now = at;
-        self.now.store(at.as_nanos(), Ordering::Relaxed);
-        core.happen(event);
-        true
+        while let Some((at, event)) = core.events.next() {
+            core.now = at;
+            self.now.store(at.as_nanos(), Ordering::Relaxed);
+            core.happen(event);
+            if self.executor.is_ready() {
+                return true;
+            }
+        }
+        false
     }
 }
 
@@ -137,7 +141,7 @@ impl Core {
     }
 
     /// Sends a packet. `token` is told when it has left the machine.
-    pub(crate) fn send(&mut self, packet: Packet, token: Option<u32>) {
+    pub(crate) fn send(&mut self, packet: Box<Packet>, token: Option<u32>) {
         self.note(0, &packet);
         if let Some(capture) = &mut self.capture {
             let mtu = self.fabric.path_mtu(packet.from, packet.to).unwrap_or_default();
@@ -148,10 +152,9 @@ impl Core {
             if let Some(token) = token {
                 self.left(token, ip_bytes);
             }
-            self.deliver(packet);
+            self.deliver(*packet);
             return;
         }
-        let packet = Box::new(packet);
         *self.wire.entry((packet.from, packet.to, packet.class())).or_default() += WireTally {
             packets: 1,
             payload: packet.payload().into(),

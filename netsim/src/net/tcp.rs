@@ -95,8 +95,7 @@ impl Core {
 
     /// So many bytes of a connection have left the machine.
     pub(crate) fn tcp_left(&mut self, number: u32, ip_bytes: u32) {
-        if let Some(state) = self.tcp.get_mut(&number) {
-            state.socket.left(ip_bytes.into());
+        if self.tcp.get_mut(&number).is_some_and(|state| state.socket.left(ip_bytes.into())) {
             self.pump_tcp(number);
         }
     }
@@ -118,9 +117,9 @@ impl Core {
     /// Sends what a connection has to send, wakes whom it has news for, and sets its timer.
     fn pump_tcp(&mut self, number: u32) {
         let now = self.now;
-        loop {
-            let Some(state) = self.tcp.get_mut(&number) else { return };
-            let Some(segment) = state.socket.transmit(now) else { break };
+        while let Some(state) = self.tcp.get_mut(&number)
+            && let Some(segment) = state.socket.transmit(now)
+        {
             let token = (!segment.data.is_empty() || segment.fin).then_some(number);
             let packet = packet(state.host, state.local, state.peer_host, state.peer, segment);
             self.send(packet, token);
@@ -157,9 +156,8 @@ impl Core {
             }
         }
         if roused {
-            self.rouse(host);
+            self.timers.rouse(now, host);
         }
-        let Some(state) = self.tcp.get_mut(&number) else { return };
         if state.socket.is_over() {
             let key = (state.host, state.local.port(), state.peer);
             self.tcp_ports.remove(&key);
@@ -207,6 +205,6 @@ impl Core {
     }
 }
 
-fn packet(from: HostId, src: SocketAddr, to: HostId, dst: SocketAddr, segment: Segment) -> Packet {
-    Packet { from, to, src, dst, ecn: Ecn::NotCapable, body: Body::Tcp(Box::new(segment)) }
+fn packet(from: HostId, src: SocketAddr, to: HostId, dst: SocketAddr, segment: Segment) -> Box<Packet> {
+    Box::new(Packet { from, to, src, dst, ecn: Ecn::NotCapable, body: Body::Tcp(segment) })
 }

@@ -153,7 +153,7 @@ impl UdpSocket for SimUdp {
             .collect();
         socket.outgoing += packets.iter().map(|packet| cost(packet.ip_bytes() as usize)).sum::<usize>();
         for packet in packets {
-            core.send(packet, Some(self.number));
+            core.send(Box::new(packet), Some(self.number));
         }
         Ok(())
     }

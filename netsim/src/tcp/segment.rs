@@ -2,6 +2,7 @@
 
 use bytes::Bytes;
 use serde::Serialize;
+use trimaran_transport::Instant;
 
 /// A segment. Sequence numbers are counts of bytes since the start of the connection; they do not wrap here.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -84,4 +85,12 @@ impl Segment {
 /// The data of a full segment where IP packets may have so many bytes.
 pub(super) const fn full_size(mtu: u32, ip_header: u32) -> u32 {
     mtu.saturating_sub(ip_header + 20 + 12)
+}
+
+/// The earlier one of two times that may never come.
+pub(super) fn earlier(one: Option<Instant>, other: Option<Instant>) -> Option<Instant> {
+    match (one, other) {
+        (Some(one), Some(other)) => Some(one.min(other)),
+        (one, other) => one.or(other),
+    }
 }

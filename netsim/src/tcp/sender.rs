@@ -8,7 +8,7 @@ use trimaran_transport::Instant;
 use super::board::{Board, News};
 use super::cubic::Cubic;
 use super::rtt::{RTO_MIN, Rtt};
-use super::segment::Class;
+use super::segment::{Class, earlier};
 use super::unsent::Unsent;
 
 mod recovery;
@@ -62,6 +62,8 @@ pub(super) struct Sender {
     progress: Instant,
     /// Bytes of this connection in the machine's own queue.
     outgoing: u64,
+    /// Something waits for those to leave.
+    held_back: bool,
     nodelay: bool,
 }
 
@@ -120,6 +122,7 @@ impl Sender {
             last_sent: start,
             progress: start,
             outgoing: 0,
+            held_back: false,
             nodelay,
         }
     }
@@ -166,9 +169,10 @@ impl Sender {
         }
     }
 
-    /// So many bytes of this connection have left the machine.
-    pub(super) const fn left(&mut self, bytes: u64) {
+    /// So many bytes of this connection have left the machine. Says whether something waited for that.
+    pub(super) const fn left(&mut self, bytes: u64) -> bool {
         self.outgoing = self.outgoing.saturating_sub(bytes);
+        std::mem::replace(&mut self.held_back, false)
     }
 
     pub(super) const fn entered(&mut self, bytes: u64) {
@@ -177,7 +181,7 @@ impl Sender {
 
     pub(super) fn next_timeout(&self) -> Option<Instant> {
         let Timers { retransmit, tail, reorder, persist } = self.timers;
-        [retransmit, tail, reorder, persist].into_iter().flatten().min()
+        earlier(earlier(retransmit, tail), earlier(reorder, persist))
     }
 
     /// The next segment to be sent, if there is one that may.
@@ -245,6 +249,7 @@ impl Sender {
             return None;
         }
         if self.outgoing >= self.queue_limit() {
+            self.held_back = true;
             return None;
         }
         let room = self.window_end.saturating_sub(self.next);
@@ -261,6 +266,7 @@ impl Sender {
         // one is not acknowledged (Nagle).
         let small = wanted < self.segment as usize && !fin_due;
         if small && !probing && !self.board.is_empty() && (self.outgoing > 0 || !self.nodelay) {
+            self.held_back = self.outgoing > 0;
             return None;
         }
         if self.board.in_flight() == 0 {

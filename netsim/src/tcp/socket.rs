@@ -3,11 +3,12 @@
 use std::io;
 use std::time::Duration;
 
+use bytes::Bytes;
 use trimaran_transport::{Instant, TcpOptions};
 
 use super::receiver::Receiver;
 use super::segment::{Class, Segment, full_size};
-use super::sender::Sender;
+use super::sender::{Outgoing, Sender};
 
 mod timers;
 
@@ -247,53 +248,60 @@ impl Socket {
         }
     }
 
-    /// So many bytes of this connection have left the machine.
-    pub(crate) const fn left(&mut self, bytes: u64) {
-        self.sender.left(bytes);
+    /// So many bytes of this connection have left the machine. Says whether something waited for that.
+    pub(crate) const fn left(&mut self, bytes: u64) -> bool {
+        self.sender.left(bytes)
     }
 
     /// The next segment to be sent.
     pub(crate) fn transmit(&mut self, now: Instant) -> Option<Segment> {
-        let mut segment =
-            Segment { timestamp: now.as_nanos() / 1_000_000, echo: self.echo, ..Segment::default() };
+        let timestamp = now.as_nanos() / 1_000_000;
         match &mut self.state {
             State::Closed => {
                 if self.reset != Reset::Due {
                     return None;
                 }
                 self.reset = Reset::Done;
-                (segment.seq, segment.rst, segment.class) = (self.sender.next, true, Class::Handshake);
-                return Some(segment);
+                let (seq, echo, class) = (self.sender.next, self.echo, Class::Handshake);
+                Some(Segment { seq, rst: true, timestamp, echo, class, ..Segment::default() })
             }
             State::Opening { answering, send, tries, .. } => {
                 if !std::mem::take(send) {
                     return None;
                 }
                 *tries += 1;
-                (segment.syn, segment.class) = (true, Class::Handshake);
+                let (echo, class) = (self.echo, Class::Handshake);
+                let mut segment = Segment { syn: true, timestamp, echo, class, ..Segment::default() };
                 self.receiver.acknowledge(&mut segment);
                 segment.ack = segment.ack.filter(|_| *answering);
-                return Some(segment);
+                Some(segment)
             }
-            State::Open => {}
+            State::Open => {
+                let Outgoing { seq, data, fin, class } = self.next_outgoing(now)?;
+                let mut segment =
+                    Segment { seq, data, fin, class, timestamp, echo: self.echo, ..Segment::default() };
+                self.receiver.acknowledge(&mut segment);
+                if !segment.data.is_empty() || segment.fin {
+                    self.sender.entered(self.ip_bytes(&segment));
+                }
+                Some(segment)
+            }
         }
+    }
+
+    /// What an open connection has to send next.
+    fn next_outgoing(&mut self, now: Instant) -> Option<Outgoing> {
+        let empty = |seq, class| Outgoing { seq, data: Bytes::new(), fin: false, class };
         if let Some(out) = self.sender.transmit(now) {
-            (segment.seq, segment.data, segment.fin, segment.class) = (out.seq, out.data, out.fin, out.class);
-            if !segment.data.is_empty() {
+            if !out.data.is_empty() {
                 self.receiver.acks.answered(now);
             }
-            self.receiver.acknowledge(&mut segment);
-            self.sender.entered(self.ip_bytes(&segment));
-        } else if std::mem::take(&mut self.probe) {
-            (segment.seq, segment.class) = (self.sender.acknowledged - 1, Class::Probe);
-            self.receiver.acknowledge(&mut segment);
-        } else if self.receiver.ack_now {
-            (segment.seq, segment.class) = (self.sender.next, Class::Acknowledgement);
-            self.receiver.acknowledge(&mut segment);
-        } else {
-            return None;
+            return Some(out);
         }
-        Some(segment)
+        if std::mem::take(&mut self.probe) {
+            return Some(empty(self.sender.acknowledged - 1, Class::Probe));
+        }
+        self.receiver.ack_now.then(|| empty(self.sender.next, Class::Acknowledgement))
     }
 
     fn ip_bytes(&self, segment: &Segment) -> u64 {

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use trimaran_transport::Instant;
 
+use super::super::segment::earlier;
 use super::{Config, FIRST_WAIT, Socket, State};
 
 /// Linux's `tcp_syn_retries`.
@@ -25,16 +26,8 @@ impl Socket {
                 let Config { options, .. } = self.config;
                 let stale =
                     options.user_timeout.and_then(|limit| Some(self.sender.waiting_since()?.after(limit)));
-                [
-                    self.sender.next_timeout(),
-                    self.receiver.acks.due(),
-                    self.next_probe(),
-                    self.deserted(),
-                    stale,
-                ]
-                .into_iter()
-                .flatten()
-                .min()
+                let own = earlier(earlier(self.next_probe(), self.deserted()), stale);
+                earlier(earlier(self.sender.next_timeout(), self.receiver.acks.due()), own)
             }
         }
     }
