@@ -21,6 +21,7 @@ mod sweep;
 mod three_processes;
 mod walking;
 
+use std::io::Write;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
@@ -84,8 +85,7 @@ fn log_to_stderr(verbose: u8) {
 /// Prints a value as JSON on standard output.
 fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(value).map_err(Failure::broken)?;
-    println!("{text}");
-    Ok(())
+    writeln!(std::io::stdout(), "{text}").map_err(Failure::broken)
 }
 
 /// A count with a comma every three digits.

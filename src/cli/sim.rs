@@ -1,7 +1,8 @@
 //! `trimaran sim`: what three roles see on a network, before it is bought.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 use std::time::Duration;
 
@@ -27,8 +28,9 @@ const USUAL: Duration = Duration::from_millis(5);
 pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
     let scenarios = scenarios(args)?;
     warn_of_deadlines(&scenarios);
+    warn_of_idle_flags(args);
     if let Some(folder) = &args.pcap {
-        fs::create_dir_all(folder).map_err(Failure::broken)?;
+        fs::create_dir_all(folder).map_err(|cause| unwritten(folder, &cause))?;
     }
     let bar = progress::bar("simulating", scenarios.len() as u64);
     // Each run is one thread's, and its outcome its place's: more cores change nothing but the time.
@@ -57,14 +59,18 @@ pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
             .and_then(|()| write("runs.csv", &simulation::runs_csv(&pooled)))
             .and_then(|()| write("frames.csv", &simulation::frames_csv(&runs)))
             .and_then(|()| write("sim.html", &simulation::page(&pooled, &command)))
-            .map_err(Failure::broken)?;
+            .map_err(|cause| unwritten(folder, &cause))?;
     }
     if args.json {
         return print_json(&runs);
     }
-    let mut out = std::io::stdout().lock();
+    let mut out = io::stdout().lock();
     let written = write!(out, "{}", simulation::tables(&pooled));
     written.map_err(Failure::broken)
+}
+
+fn unwritten(place: &Path, cause: &io::Error) -> Failure {
+    Failure::broken(format!("cannot write to {}: {cause}", place.display()))
 }
 
 /// Every network with every transport, every number of ids, every batch and every seed; seeds of the same are neighbours.
@@ -80,12 +86,14 @@ fn scenarios(args: &SimArgs) -> Result<Vec<Scenario>, Failure> {
     }
     let workloads = workloads(args)?;
     let links: Vec<(Transport, Knobs)> = args.link.iter().flat_map(|link| knobs(args, *link)).collect();
+    // A seed given twice would count the same frames twice.
+    let seeds: BTreeSet<u64> = args.seed.iter().copied().collect();
     let mut scenarios = Vec::new();
     for network in &networks {
         for (link, knobs) in &links {
             for workload in &workloads {
                 for batch in &batches {
-                    scenarios.extend(args.seed.iter().map(|seed| Scenario {
+                    scenarios.extend(seeds.iter().map(|seed| Scenario {
                         network: network.clone(),
                         link: *link,
                         batch: *batch,
@@ -114,6 +122,23 @@ fn warn_of_deadlines(scenarios: &[Scenario]) {
     said.dedup();
     for line in said {
         eprintln!("{line}");
+    }
+}
+
+/// Says which flags are for links that are not simulated.
+fn warn_of_idle_flags(args: &SimArgs) {
+    let none_of = |links: &[SimLink]| !args.link.iter().any(|link| links.contains(link));
+    let idle = |flag: &str| eprintln!("trimaran: {flag} changes nothing over the links that --link names");
+    if none_of(&[SimLink::UdpDeadline]) && args.udp_deadline_ms != [50.0] {
+        idle("--udp-deadline-ms");
+    }
+    if none_of(&[SimLink::Udp, SimLink::UdpDeadline]) {
+        if args.udp_repair != [15] {
+            idle("--udp-repair");
+        }
+        if args.udp_in_the_clear {
+            idle("--udp-in-the-clear");
+        }
     }
 }
 
@@ -160,7 +185,7 @@ fn captured(scenario: &Scenario, folder: &Path) -> Result<Outcome, Failure> {
     };
     let (link, nodes, batch) = (link.name(), workload.of(0).nodes, batch.ids());
     let path = folder.join(format!("{network}-{link}{mode}-n{nodes}-b{batch}-s{seed}.pcapng"));
-    let file = File::create(&path).map_err(Failure::broken)?;
+    let file = File::create(&path).map_err(|cause| unwritten(&path, &cause))?;
     simulate_captured(scenario, Box::new(BufWriter::new(file))).map_err(Failure::broken)
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use trimaran_actors::{Place, Seat, await_pair, join_session};
+use trimaran_actors::{JoinError, Place, Seat, await_pair, join_session};
 use trimaran_netsim::Machines;
 use trimaran_proto::{
     DrawableId, EpsilonPx, FrameNumber, Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
@@ -140,11 +140,15 @@ impl Cast {
 
     /// The failure of a role.
     pub(super) fn failed(&self, role: &'static str, cause: RoleFailure) -> SimulateError {
-        SimulateError::Role {
-            role,
-            network: self.network.clone(),
-            link: self.link.name(),
-            cause: Box::new(cause),
+        let (network, link) = (self.network.clone(), self.link.name());
+        // The other role is there, in a simulation.
+        let no_link =
+            matches!(cause, RoleFailure::Join(JoinError::Accept { .. } | JoinError::Connect { .. }));
+        let cause = Box::new(cause);
+        if no_link {
+            SimulateError::NoLink { network, link, cause }
+        } else {
+            SimulateError::Role { role, network, link, cause }
         }
     }
 }

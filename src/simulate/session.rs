@@ -47,6 +47,19 @@ pub enum SimulateError {
         #[source]
         cause: Box<RoleFailure>,
     },
+    /// The machines never got a link over this network.
+    #[error(
+        "nothing gets through {network} over {link}: look at its keys rate, loss, queue and mtu (quic and udp begin with packets of 1228 bytes)"
+    )]
+    NoLink {
+        /// Where.
+        network: String,
+        /// By what.
+        link: &'static str,
+        /// Why.
+        #[source]
+        cause: Box<RoleFailure>,
+    },
     /// The packets cannot be written down.
     #[error(transparent)]
     Capture(#[from] CaptureError),

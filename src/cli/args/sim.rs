@@ -35,17 +35,18 @@ pub(crate) struct SimArgs {
         value_name = "N,..",
         value_delimiter = ',',
         default_value = "4000",
-        conflicts_with = "trace"
+        conflicts_with = "trace",
+        value_parser = clap::value_parser!(u32).range(..=100_000_000)
     )]
     pub(crate) nodes: Vec<u32>,
     /// How long OR draws, milliseconds [default: 5, or what the trace says].
-    #[arg(long, value_name = "MS", value_parser = pause)]
+    #[arg(long, value_name = "MS", value_parser = pause, allow_negative_numbers = true)]
     pub(crate) or_ms: Option<f64>,
     /// How long HC culls, milliseconds [default: 5, or what the trace says].
-    #[arg(long, value_name = "MS", value_parser = pause)]
+    #[arg(long, value_name = "MS", value_parser = pause, allow_negative_numbers = true)]
     pub(crate) hc_ms: Option<f64>,
     /// How long RVG draws, milliseconds [default: 5, or what the trace says].
-    #[arg(long, value_name = "MS", value_parser = pause)]
+    #[arg(long, value_name = "MS", value_parser = pause, allow_negative_numbers = true)]
     pub(crate) rvg_ms: Option<f64>,
     /// A walk recorded with `trimaran run --record`: each frame has its ids, when they were found, its times and its camera. Or a
     /// report.json: counts and times only.
@@ -61,7 +62,7 @@ pub(crate) struct SimArgs {
     #[arg(long, value_enum, default_value = "plain")]
     pub(crate) coding: Coding,
     /// For udp-deadline: how long after its end a frame may arrive, milliseconds.
-    #[arg(long, value_name = "MS,..", value_delimiter = ',', default_value = "50", value_parser = pause)]
+    #[arg(long, value_name = "MS,..", value_delimiter = ',', default_value = "50", value_parser = pause, allow_negative_numbers = true)]
     pub(crate) udp_deadline_ms: Vec<f64>,
     /// For udp and udp-deadline: bytes of repair while packets are lost, percent of the frames' own; 0 for none.
     #[arg(long, value_name = "PERCENT,..", value_delimiter = ',', default_value = "15", value_parser = clap::value_parser!(u8).range(0..=100))]
