@@ -1,0 +1,141 @@
+//! Cameras as they are received, from datagrams and from the control stream.
+
+use std::future::poll_fn;
+use std::pin::{Pin, pin};
+use std::sync::Arc;
+use std::task::{Context, Poll};
+
+use bytes::Bytes;
+use quinn::{Connection, ReadDatagram, RecvStream};
+use trimaran_proto::{
+    Camera, CameraNumber, DecodeError, DecodeFault, Decoder, Goodbye, Kind, Lane, Message, NumberedCamera,
+};
+
+use crate::error::{LaneError, Loss, ProtocolError, misplaced};
+use crate::link::Shared;
+use crate::net::Instant;
+use crate::patience::Patience;
+use crate::quic::carrier::{Carrier, loss};
+use crate::quic::frames::{noop, poll_fill};
+
+#[derive(Debug)]
+pub(crate) struct LatestRx {
+    carrier: Arc<Carrier>,
+    control: RecvStream,
+    decoder: Decoder,
+    /// The newest number that was seen.
+    last: Option<CameraNumber>,
+    /// Came, and is not read.
+    newest: Option<Camera>,
+    farewell: Option<Goodbye>,
+}
+
+impl LatestRx {
+    pub(crate) fn new(carrier: &Arc<Carrier>, control: RecvStream, decoder: Decoder) -> Self {
+        let carrier = Arc::clone(carrier);
+        Self { carrier, control, decoder, last: None, newest: None, farewell: None }
+    }
+
+    pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<Camera>, LaneError> {
+        let connection = self.carrier.connection.clone();
+        match self.poll_latest(&connection, pin!(connection.read_datagram()), shared, &mut noop()) {
+            Poll::Ready(camera) => camera.map(Some),
+            Poll::Pending => Ok(None),
+        }
+    }
+
+    pub(crate) async fn latest(
+        &mut self,
+        by: Option<Instant>,
+        shared: &Shared,
+        patience: &mut Patience,
+    ) -> Result<Camera, LaneError> {
+        let connection = self.carrier.connection.clone();
+        // What rings for a datagram is this future, so it lives as long as the wait.
+        let mut datagram = pin!(connection.read_datagram());
+        let camera = poll_fn(|cx| self.poll_latest(&connection, datagram.as_mut(), shared, cx));
+        patience.wait(by, camera).await.map_err(LaneError::Expired)?
+    }
+
+    /// Takes everything that has arrived, and gives the newest camera; before any end that came behind it.
+    fn poll_latest<'a>(
+        &mut self,
+        connection: &'a Connection,
+        mut datagram: Pin<&mut ReadDatagram<'a>>,
+        shared: &Shared,
+        cx: &mut Context<'_>,
+    ) -> Poll<Result<Camera, LaneError>> {
+        let lost = loop {
+            match datagram.as_mut().poll(cx) {
+                Poll::Ready(Ok(bytes)) => {
+                    datagram.set(connection.read_datagram());
+                    if let Err(e) = self.take(&bytes, shared) {
+                        return Poll::Ready(Err(e));
+                    }
+                }
+                Poll::Ready(Err(e)) => break Some(e),
+                Poll::Pending => break None,
+            }
+        };
+        let end = match self.poll_control(shared, cx) {
+            Poll::Ready(end) => Some(end),
+            Poll::Pending => None,
+        };
+        match (self.newest.take(), end.or(lost.map(|e| LaneError::Lost(loss(e))))) {
+            (Some(camera), _) => Poll::Ready(Ok(camera)),
+            (None, Some(end)) => Poll::Ready(Err(end)),
+            (None, None) => Poll::Pending,
+        }
+    }
+
+    /// Ready when the lane has ended, and then again each time.
+    fn poll_control(&mut self, shared: &Shared, cx: &mut Context<'_>) -> Poll<LaneError> {
+        if let Some(reason) = &self.farewell {
+            return Poll::Ready(LaneError::Goodbye(reason.clone()));
+        }
+        loop {
+            match self.decoder.next_message() {
+                Ok(Some(Message::Numbered(numbered))) => self.see(numbered),
+                Ok(Some(Message::Goodbye(reason))) => {
+                    shared.counters.received.count(Kind::Goodbye, 0);
+                    self.farewell = Some(reason.clone());
+                    return Poll::Ready(LaneError::Goodbye(reason));
+                }
+                Ok(Some(other)) => {
+                    return Poll::Ready(misplaced(other.kind(), Lane::Latest));
+                }
+                Ok(None) => match poll_fill(&mut self.control, &mut self.decoder, cx) {
+                    Poll::Ready(Ok(0)) => return Poll::Ready(LaneError::Lost(Loss::Closed)),
+                    Poll::Ready(Ok(_)) => {}
+                    Poll::Ready(Err(e)) => return Poll::Ready(e),
+                    Poll::Pending => return Poll::Pending,
+                },
+                Err(e) => return Poll::Ready(LaneError::Protocol(ProtocolError::Decode(e))),
+            }
+        }
+    }
+
+    /// A datagram.
+    fn take(&mut self, bytes: &Bytes, shared: &Shared) -> Result<(), LaneError> {
+        let kind = Kind::Numbered;
+        let fault = match <&[u8; NumberedCamera::SIZE]>::try_from(&bytes[..]) {
+            Ok(bytes) => match NumberedCamera::from_bytes(bytes) {
+                Ok(numbered) => {
+                    shared.counters.received.count(Kind::Camera, Camera::SIZE);
+                    self.see(numbered);
+                    return Ok(());
+                }
+                Err(cause) => DecodeFault::Camera { kind, cause },
+            },
+            Err(_) => DecodeFault::Length { kind, length: bytes.len() },
+        };
+        Err(LaneError::Protocol(ProtocolError::Decode(DecodeError { offset: 0, fault })))
+    }
+
+    fn see(&mut self, numbered: NumberedCamera) {
+        if self.last.is_none_or(|last| numbered.number.is_after(last)) {
+            self.last = Some(numbered.number);
+            self.newest = Some(numbered.camera);
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! Cameras as they are sent, and the task that copies the newest one.
+
+use std::future::poll_fn;
+use std::io;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use bytes::{BufMut, BytesMut};
+use quinn::{SendDatagramError, SendStream};
+use tokio::sync::Notify;
+use trimaran_proto::{Camera, CameraNumber, Goodbye, Kind, Message, NumberedCamera};
+
+use crate::desk::lock;
+use crate::error::{LaneSendError, Loss};
+use crate::link::Shared;
+use crate::net::Timer;
+use crate::patience::Patience;
+use crate::quic::carrier::{Carrier, all_arrived, loss, write_loss};
+
+/// The shortest quiet after which the newest camera is copied; where a round trip takes longer, 1.5 of those.
+const QUIET: Duration = Duration::from_millis(5);
+/// Cameras for which room is made at once.
+const CAMERAS: usize = 64;
+
+#[derive(Debug)]
+pub(crate) struct LatestTx {
+    cell: Arc<Cell>,
+    carrier: Arc<Carrier>,
+    next: CameraNumber,
+    buffer: BytesMut,
+}
+
+#[derive(Debug, Default)]
+struct Cell {
+    state: Mutex<State>,
+    /// Rings when there is something to copy or to end.
+    changed: Notify,
+    /// Rings when the goodbye has arrived, or never will.
+    ended: Notify,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    /// The newest camera, until it is copied.
+    newest: Option<NumberedCamera>,
+    farewell: Option<Goodbye>,
+    leaving: bool,
+    ended: bool,
+    failed: Option<io::ErrorKind>,
+}
+
+impl LatestTx {
+    pub(crate) fn new(carrier: &Arc<Carrier>, control: SendStream, shared: Shared) -> Self {
+        let cell = Arc::<Cell>::default();
+        let copier = Copier { cell: Arc::clone(&cell), carrier: Arc::clone(carrier), control, shared };
+        carrier.net.spawn(Box::pin(copier.run()));
+        Self { cell, carrier: Arc::clone(carrier), next: CameraNumber::default(), buffer: BytesMut::new() }
+    }
+
+    pub(crate) fn publish(&mut self, camera: Camera, shared: &Shared) -> Result<(), LaneSendError> {
+        let numbered = NumberedCamera { number: self.next, camera };
+        if self.buffer.capacity() < NumberedCamera::SIZE {
+            self.buffer.reserve(CAMERAS * NumberedCamera::SIZE);
+        }
+        self.buffer.put_slice(&numbered.to_bytes());
+        self.carrier.connection.send_datagram(self.buffer.split().freeze()).map_err(|e| {
+            LaneSendError::Lost(match e {
+                SendDatagramError::ConnectionLost(e) => loss(e),
+                other => Loss::Io(io::Error::other(other)),
+            })
+        })?;
+        shared.counters.sent.count(Kind::Camera, Camera::SIZE);
+        self.next = self.next.next();
+        // The copier looks by itself for newer ones while it has one to copy.
+        if lock(&self.cell.state).newest.replace(numbered).is_none() {
+            self.cell.changed.notify_one();
+        }
+        Ok(())
+    }
+
+    pub(crate) async fn goodbye(
+        &mut self,
+        reason: Goodbye,
+        patience: &mut Patience,
+    ) -> Result<(), LaneSendError> {
+        {
+            let mut state = lock(&self.cell.state);
+            state.farewell = Some(reason);
+            state.leaving = true;
+        }
+        self.cell.changed.notify_one();
+        loop {
+            // Made before the look, so that an end in between is not missed.
+            let ended = self.cell.ended.notified();
+            {
+                let state = lock(&self.cell.state);
+                if let Some(kind) = state.failed {
+                    return Err(LaneSendError::Lost(Loss::Io(kind.into())));
+                }
+                if state.ended {
+                    return Ok(());
+                }
+            }
+            patience.wait(None, ended).await.map_err(|_| LaneSendError::Stalled)?;
+        }
+    }
+}
+
+impl Drop for LatestTx {
+    fn drop(&mut self) {
+        lock(&self.cell.state).leaving = true;
+        self.cell.changed.notify_one();
+    }
+}
+
+/// Writes the control stream.
+struct Copier {
+    cell: Arc<Cell>,
+    /// Kept until the last camera has arrived, though all halves may be gone.
+    carrier: Arc<Carrier>,
+    control: SendStream,
+    shared: Shared,
+}
+
+impl Copier {
+    async fn run(mut self) {
+        let connection = self.carrier.connection.clone();
+        let failed = tokio::select! {
+            biased;
+            e = connection.closed() => Some(io::Error::from(e).kind()),
+            sent = self.copy() => sent.err().map(|e| match write_loss(e) {
+                Loss::Io(e) => e.kind(),
+                _ => io::ErrorKind::ConnectionAborted,
+            }),
+        };
+        {
+            let mut state = lock(&self.cell.state);
+            state.ended = true;
+            state.failed = failed;
+        }
+        self.cell.ended.notify_waiters();
+        self.carrier.outlive([self.control]);
+    }
+
+    async fn copy(&mut self) -> Result<(), quinn::WriteError> {
+        let mut timer = self.carrier.net.timer();
+        loop {
+            self.cell.changed.notified().await;
+            while let Some(newest) = self.quiet(&mut *timer).await {
+                self.write(&Message::Numbered(newest)).await?;
+            }
+            let farewell = {
+                let mut state = lock(&self.cell.state);
+                if !state.leaving {
+                    continue;
+                }
+                state.farewell.take()
+            };
+            if let Some(reason) = farewell {
+                let bytes = self.write(&Message::Goodbye(reason)).await?;
+                self.shared.counters.sent.count(Kind::Goodbye, bytes);
+            }
+            // Fails only for a stream that is closed.
+            let _ = self.control.finish();
+            all_arrived([&self.control]).await;
+            return Ok(());
+        }
+    }
+
+    /// The newest camera, once no newer one has come for a while; none where there is nothing to copy.
+    async fn quiet(&self, timer: &mut dyn Timer) -> Option<NumberedCamera> {
+        loop {
+            let seen = {
+                let mut state = lock(&self.cell.state);
+                if state.leaving {
+                    return state.newest.take();
+                }
+                state.newest?.number
+            };
+            let pause = (self.carrier.connection.rtt() * 3 / 2).max(QUIET);
+            timer.reset(self.carrier.net.now().after(pause));
+            loop {
+                tokio::select! {
+                    biased;
+                    () = poll_fn(|cx| timer.poll(cx)) => break,
+                    () = self.cell.changed.notified() => if lock(&self.cell.state).leaving { break },
+                }
+            }
+            let mut state = lock(&self.cell.state);
+            if state.leaving || state.newest.is_some_and(|newest| newest.number == seen) {
+                return state.newest.take();
+            }
+        }
+    }
+
+    /// Writes a message; says how long its payload is.
+    async fn write(&mut self, message: &Message) -> Result<usize, quinn::WriteError> {
+        let mut bytes = BytesMut::new();
+        message.encode(&mut bytes);
+        let payload = bytes.len() - trimaran_proto::HEADER_BYTES;
+        self.control.write_chunk(bytes.freeze()).await?;
+        Ok(payload)
+    }
+}

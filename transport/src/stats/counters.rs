@@ -1,0 +1,216 @@
+//! The counters of a living link.
+
+use std::fmt;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
+
+use trimaran_proto::{HEADER_BYTES, Kind};
+use trimaran_udp::PathStats;
+
+use super::{LinkStats, Tally, Traffic};
+use crate::rates::Door;
+
+/// Reads the counters of a link at any time, from any thread.
+#[derive(Debug, Clone)]
+pub struct StatsHandle(Arc<Counters>);
+
+impl StatsHandle {
+    /// A snapshot. Counters that change meanwhile may be one message apart from each other.
+    #[must_use]
+    pub fn read(&self) -> LinkStats {
+        let Counters { sent, received, floods, header, path, .. } = &*self.0;
+        LinkStats {
+            sent: sent.read(*header),
+            received: received.read(*header),
+            floods: floods.load(Ordering::Relaxed),
+            path: path.get().map(|source| source.path()),
+        }
+    }
+
+    /// The listener that let the peer in; none at the end that connected.
+    #[must_use]
+    pub fn door(&self) -> Option<Door> {
+        self.0.door.get().cloned()
+    }
+
+    /// Says which listener let the peer in.
+    pub(crate) fn came_through(&self, door: Door) {
+        self.0.door.get_or_init(|| door);
+    }
+}
+
+/// What counts packets.
+pub(crate) trait PathSource: fmt::Debug + Send + Sync {
+    /// The counts, and the last ones once the connection is over.
+    fn path(&self) -> PathStats;
+}
+
+/// The counters that the halves of a link share.
+#[derive(Debug)]
+pub(crate) struct Counters {
+    pub(crate) sent: Direction,
+    pub(crate) received: Direction,
+    floods: AtomicU64,
+    /// The header bytes of a message on this transport.
+    header: u64,
+    /// Who counts packets, where the transport tells.
+    path: OnceLock<Box<dyn PathSource>>,
+    door: OnceLock<Door>,
+}
+
+impl Counters {
+    /// For a transport whose messages travel as bytes.
+    pub(crate) fn framed() -> Arc<Self> {
+        Self::with_header(HEADER_BYTES as u64)
+    }
+
+    /// For a transport whose messages are passed on as they are.
+    pub(crate) fn unframed() -> Arc<Self> {
+        Self::with_header(0)
+    }
+
+    fn with_header(header: u64) -> Arc<Self> {
+        let (sent, received) = (Direction::default(), Direction::default());
+        let (path, door) = (OnceLock::new(), OnceLock::new());
+        Arc::new(Self { sent, received, floods: AtomicU64::new(0), header, path, door })
+    }
+
+    /// Counts that the peer sent more than it may.
+    pub(crate) fn flooded(&self) {
+        self.floods.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Adds what `other` counted.
+    pub(crate) fn absorb(&self, other: &Self) {
+        self.sent.absorb(&other.sent);
+        self.received.absorb(&other.received);
+    }
+
+    /// Has `source` count the packets. The first call counts.
+    pub(crate) fn watch(&self, source: impl PathSource + 'static) {
+        self.path.get_or_init(|| Box::new(source));
+    }
+
+    pub(crate) fn handle(self: &Arc<Self>) -> StatsHandle {
+        StatsHandle(Arc::clone(self))
+    }
+}
+
+/// Counters of one direction. Relaxed: they order nothing, they only add up.
+#[derive(Debug, Default)]
+pub(crate) struct Direction {
+    camera: AtomicTally,
+    begin: AtomicTally,
+    ids: AtomicTally,
+    id_count: AtomicU64,
+    end: AtomicTally,
+    control: AtomicTally,
+}
+
+#[derive(Debug, Default)]
+struct AtomicTally {
+    messages: AtomicU64,
+    bytes: AtomicU64,
+}
+
+impl AtomicTally {
+    fn absorb(&self, other: &Self) {
+        let Tally { messages, bytes } = other.read();
+        self.messages.fetch_add(messages, Ordering::Relaxed);
+        self.bytes.fetch_add(bytes, Ordering::Relaxed);
+    }
+
+    fn read(&self) -> Tally {
+        Tally { messages: self.messages.load(Ordering::Relaxed), bytes: self.bytes.load(Ordering::Relaxed) }
+    }
+}
+
+impl Direction {
+    /// Counts one message of `bytes` bytes of payload.
+    pub(crate) fn count(&self, kind: Kind, bytes: usize) {
+        let tally = match kind {
+            Kind::Camera | Kind::Numbered => &self.camera,
+            Kind::Begin => &self.begin,
+            Kind::Ids | Kind::Coded => &self.ids,
+            Kind::End => &self.end,
+            Kind::Hello | Kind::Accept | Kind::Refuse | Kind::Goodbye | Kind::Alive | Kind::Stats => {
+                &self.control
+            }
+        };
+        tally.messages.fetch_add(1, Ordering::Relaxed);
+        tally.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
+    }
+
+    /// Counts ids, however they travel.
+    pub(crate) fn count_ids(&self, ids: usize) {
+        self.id_count.fetch_add(ids as u64, Ordering::Relaxed);
+    }
+
+    /// The payload bytes of frames: beginnings, ids and ends.
+    pub(crate) fn frame_bytes(&self) -> u64 {
+        [&self.begin, &self.ids, &self.end].into_iter().map(|tally| tally.read().bytes).sum()
+    }
+
+    fn absorb(&self, other: &Self) {
+        let Self { camera, begin, ids, id_count, end, control } = self;
+        id_count.fetch_add(other.id_count.load(Ordering::Relaxed), Ordering::Relaxed);
+        camera.absorb(&other.camera);
+        begin.absorb(&other.begin);
+        ids.absorb(&other.ids);
+        end.absorb(&other.end);
+        control.absorb(&other.control);
+    }
+
+    fn read(&self, header: u64) -> Traffic {
+        let mut traffic = Traffic {
+            camera: self.camera.read(),
+            begin: self.begin.read(),
+            ids: self.ids.read(),
+            id_count: self.id_count.load(Ordering::Relaxed),
+            end: self.end.read(),
+            control: self.control.read(),
+            header_bytes: 0,
+        };
+        let messages = traffic.camera.messages
+            + traffic.begin.messages
+            + traffic.ids.messages
+            + traffic.end.messages
+            + traffic.control.messages;
+        traffic.header_bytes = messages * header;
+        traffic
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_are_told_apart_by_kind_and_direction() {
+        let counters = Counters::framed();
+        counters.sent.count(Kind::Ids, 40);
+        counters.sent.count(Kind::Coded, 8);
+        counters.sent.count_ids(13);
+        counters.received.count(Kind::Camera, 72);
+        counters.received.count(Kind::Goodbye, 1);
+        let early = counters.handle().read();
+        assert_eq!(early.sent.ids, Tally { messages: 2, bytes: 48 });
+        assert_eq!(early.sent.id_count, 13);
+        assert_eq!(early.sent.total_bytes(), 48 + 2 * 4);
+        assert_eq!(early.received.camera, Tally { messages: 1, bytes: 72 });
+        assert_eq!(early.received.control, Tally { messages: 1, bytes: 1 });
+
+        counters.sent.count(Kind::End, 16);
+        let later = counters.handle().read() - early;
+        assert_eq!(later.sent.end, Tally { messages: 1, bytes: 16 });
+        assert_eq!((later.sent.header_bytes, later.sent.total_bytes()), (4, 20));
+        assert_eq!(later.received, Traffic::default());
+    }
+
+    #[test]
+    fn one_process_has_no_headers() {
+        let counters = Counters::unframed();
+        counters.sent.count(Kind::Begin, 76);
+        assert_eq!(counters.handle().read().sent.total_bytes(), 76);
+    }
+}

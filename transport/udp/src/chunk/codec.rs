@@ -1,0 +1,274 @@
+//! Chunks as bytes.
+
+use super::{ACK_RANGES, Chunk, GivenUp, Tail, unit_head};
+use crate::ranges::RangeSet;
+use crate::repair::Block;
+use crate::wire::{Malformed, Reader, put_varint};
+
+const PAD: u8 = 0x00;
+const PING: u8 = 0x01;
+const ACK: u8 = 0x02;
+const CREDIT: u8 = 0x03;
+pub(crate) const CLOSE: u8 = 0x04;
+const UNREAD: u8 = 0x05;
+const CHALLENGE: u8 = 0x06;
+const RESPONSE: u8 = 0x07;
+const CAMERA: u8 = 0x10;
+const LAST_CAMERA: u8 = 0x11;
+const PART: u8 = 0x20;
+const GIVE_UP: u8 = 0x24;
+const GIVE_UP_CODED: u8 = 0x25;
+const REPAIR: u8 = 0x30;
+const LAST_REPAIR: u8 = 0x33;
+
+impl<'a> Chunk<'a> {
+    /// The byte that is the chunk [`Chunk::Pad`].
+    pub(crate) const FILLING: u8 = PAD;
+
+    pub(crate) fn write(&self, out: &mut Vec<u8>) {
+        match self {
+            Self::Pad => out.push(PAD),
+            Self::Ping => out.push(PING),
+            Self::Ack { delay_us, numbers } => {
+                out.push(ACK);
+                put_varint(out, *delay_us);
+                put_varint(out, numbers.len().min(ACK_RANGES) as u64);
+                let mut above = None;
+                for range in numbers.iter().rev().take(ACK_RANGES) {
+                    // The first is named by its last number, each further one by the gap below the one before.
+                    put_varint(out, above.map_or(range.end - 1, |above: u64| above - range.end));
+                    put_varint(out, range.end - range.start);
+                    above = Some(range.start);
+                }
+            }
+            Self::Credit { bytes, units } => {
+                out.push(CREDIT);
+                put_varint(out, *bytes);
+                put_varint(out, *units);
+            }
+            Self::Close => out.push(CLOSE),
+            Self::Unread => out.push(UNREAD),
+            Self::Challenge { cookie } => {
+                out.push(CHALLENGE);
+                out.extend_from_slice(cookie);
+            }
+            Self::Response { cookie } => {
+                out.push(RESPONSE);
+                out.extend_from_slice(cookie);
+            }
+            Self::LastCamera { number, goodbye } => {
+                out.push(LAST_CAMERA);
+                put_varint(out, *number);
+                out.extend_from_slice(&(goodbye.len() as u16).to_le_bytes());
+                out.extend_from_slice(goodbye);
+            }
+            Self::Camera { number, camera } => {
+                out.push(CAMERA);
+                put_varint(out, *number);
+                out.extend_from_slice(camera);
+            }
+            Self::Part { unit, offset, tail, data } => {
+                out.push(
+                    PART | match tail {
+                        Tail::More => 0,
+                        Tail::Pause => 1,
+                        Tail::End => 2,
+                        Tail::Frame(_) => 3,
+                    },
+                );
+                put_varint(out, *unit);
+                put_varint(out, *offset);
+                out.extend_from_slice(&(data.len() as u16).to_le_bytes());
+                if let Tail::Frame(hash) = tail {
+                    out.extend_from_slice(&hash.to_le_bytes());
+                }
+                out.extend_from_slice(data);
+            }
+            Self::GiveUp { unit, about: GivenUp { length, sent, hash, coded }, head } => {
+                out.push(if coded.is_some() { GIVE_UP_CODED } else { GIVE_UP });
+                put_varint(out, *unit);
+                put_varint(out, *length);
+                put_varint(out, *sent);
+                out.extend_from_slice(&hash.to_le_bytes());
+                if let Some(ids) = coded {
+                    put_varint(out, *ids);
+                }
+                out.push(head.len() as u8);
+                out.extend_from_slice(head);
+            }
+            Self::Repair { unit, block, hash, index, data } => {
+                out.push(if hash.is_some() { LAST_REPAIR } else { REPAIR });
+                put_varint(out, *unit);
+                put_varint(out, block.offset);
+                put_varint(out, block.length.into());
+                out.extend_from_slice(&block.shard.to_le_bytes());
+                out.extend_from_slice(&[block.count, *index]);
+                if let Some(hash) = hash {
+                    out.extend_from_slice(&hash.to_le_bytes());
+                }
+                out.extend_from_slice(data);
+            }
+        }
+    }
+
+    /// Reads the next chunk.
+    pub(crate) fn read(reader: &mut Reader<'a>) -> Result<Self, Malformed> {
+        let code = reader.u8("chunk")?;
+        match code {
+            PAD => Ok(Self::Pad),
+            PING => Ok(Self::Ping),
+            ACK => read_ack(reader),
+            CREDIT => Ok(Self::Credit { bytes: reader.varint("credit")?, units: reader.varint("credit")? }),
+            CLOSE => Ok(Self::Close),
+            UNREAD => Ok(Self::Unread),
+            CHALLENGE => Ok(Self::Challenge { cookie: *reader.array("cookie")? }),
+            RESPONSE => Ok(Self::Response { cookie: *reader.array("cookie")? }),
+            CAMERA => {
+                let number = reader.varint("camera number")?;
+                Ok(Self::Camera { number, camera: *reader.array("camera")? })
+            }
+            LAST_CAMERA => {
+                let number = reader.varint("camera number")?;
+                let length = usize::from(reader.u16("goodbye length")?);
+                Ok(Self::LastCamera { number, goodbye: reader.take(length, "goodbye")? })
+            }
+            0x20..=0x23 => {
+                let unit = reader.varint("unit")?;
+                let offset = reader.varint("offset")?;
+                let length = usize::from(reader.u16("part length")?);
+                let tail = match code & 3 {
+                    0 => Tail::More,
+                    1 => Tail::Pause,
+                    2 => Tail::End,
+                    _ => Tail::Frame(reader.u64("hash")?),
+                };
+                Ok(Self::Part { unit, offset, tail, data: reader.take(length, "part")? })
+            }
+            GIVE_UP | GIVE_UP_CODED => {
+                let unit = reader.varint("unit")?;
+                let length = reader.varint("unit length")?;
+                let sent = reader.varint("sent length")?;
+                let hash = reader.u64("hash")?;
+                let coded = if code == GIVE_UP_CODED { Some(reader.varint("ids")?) } else { None };
+                let count = usize::from(reader.u8("beginning length")?);
+                if sent > length || count > unit_head(coded.is_some()) {
+                    return Err(Malformed::Range { what: "unit length" });
+                }
+                let about = GivenUp { length, sent, hash, coded };
+                Ok(Self::GiveUp { unit, about, head: reader.take(count, "beginning")? })
+            }
+            REPAIR | LAST_REPAIR => {
+                let unit = reader.varint("unit")?;
+                let offset = reader.varint("offset")?;
+                let length = reader.varint("block length")?;
+                let length = u32::try_from(length).map_err(|_| Malformed::Range { what: "block length" })?;
+                let shard = reader.u16("shard length")?;
+                let [count, index] = *reader.array("repair shards")?;
+                let hash = if code == LAST_REPAIR { Some(reader.u64("hash")?) } else { None };
+                let block = Block { offset, length, shard, count };
+                if !block.is_sound() || index >= count {
+                    return Err(Malformed::Range { what: "block" });
+                }
+                Ok(Self::Repair {
+                    unit,
+                    block,
+                    hash,
+                    index,
+                    data: reader.take(shard.into(), "repair shard")?,
+                })
+            }
+            _ => Err(Malformed::UnknownChunk { code }),
+        }
+    }
+}
+
+fn read_ack<'a>(reader: &mut Reader<'a>) -> Result<Chunk<'a>, Malformed> {
+    const WHAT: &str = "acknowledged range";
+    let out_of_range = Malformed::Range { what: WHAT };
+    let delay_us = reader.varint("acknowledgement delay")?;
+    let count = reader.varint(WHAT)?;
+    if !(1..=ACK_RANGES as u64).contains(&count) {
+        return Err(out_of_range);
+    }
+    let mut numbers = RangeSet::default();
+    let mut above: Option<u64> = None;
+    for _ in 0..count {
+        let step = reader.varint(WHAT)?;
+        let length = reader.varint(WHAT)?;
+        let end = match above {
+            None => step.checked_add(1),
+            Some(_) if step == 0 => None,
+            Some(above) => above.checked_sub(step),
+        };
+        let end = end.ok_or(out_of_range)?;
+        let start = end.checked_sub(length).filter(|_| length > 0).ok_or(out_of_range)?;
+        numbers.insert(start..end);
+        above = Some(start);
+    }
+    Ok(Chunk::Ack { delay_us, numbers })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use trimaran_proto::Camera;
+
+    use super::*;
+
+    fn back(chunk: &Chunk<'_>) {
+        let mut out = Vec::new();
+        chunk.write(&mut out);
+        let mut reader = Reader::new(&out);
+        assert_eq!(Chunk::read(&mut reader).as_ref(), Ok(chunk));
+        assert!(reader.is_empty());
+        for cut in 0..out.len() {
+            assert!(Chunk::read(&mut Reader::new(&out[..cut])).is_err(), "{cut} of {}", out.len());
+        }
+    }
+
+    #[test]
+    fn chunks_come_back_and_their_parts_do_not() {
+        back(&Chunk::Ping);
+        back(&Chunk::Close);
+        back(&Chunk::Credit { bytes: 1 << 40, units: 7 });
+        back(&Chunk::Unread);
+        back(&Chunk::Pad);
+        for coded in [None, Some(300)] {
+            let about = GivenUp { length: 9000, sent: 8000, hash: 5, coded };
+            back(&Chunk::GiveUp { unit: 7, about, head: &[3; unit_head(false)] });
+        }
+        let block = Block { offset: 1136, length: 5, shard: 6, count: 2 };
+        for hash in [None, Some(9)] {
+            back(&Chunk::Repair { unit: 7, block, hash, index: 1, data: b"repair" });
+        }
+        back(&Chunk::Camera { number: 300, camera: [5; Camera::SIZE] });
+        back(&Chunk::LastCamera { number: 301, goodbye: b"gone" });
+        for tail in [Tail::More, Tail::Pause, Tail::End, Tail::Frame(77)] {
+            back(&Chunk::Part { unit: 1 << 30, offset: 80, tail, data: b"ids" });
+        }
+        let mut numbers = RangeSet::default();
+        for range in [0..1, 3..9, 200..1000] {
+            numbers.insert(range);
+        }
+        back(&Chunk::Ack { delay_us: 900, numbers });
+    }
+
+    #[test]
+    fn ranges_below_zero_empty_or_touching_are_refused() {
+        for ack in [[5, 7, 0, 0], [5, 0, 0, 0], [5, 2, 0, 1], [5, 2, 4, 1], [5, 2, 2, 3]] {
+            let bytes = [&[ACK, 0, 2][..], &ack].concat();
+            let read = Chunk::read(&mut Reader::new(&bytes));
+            assert!(matches!(read, Err(Malformed::Range { .. })), "{ack:?}: {read:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_judged_and_what_is_read_is_written_back(bytes in prop::collection::vec(any::<u8>(), 0..120)) {
+            let mut reader = Reader::new(&bytes);
+            while let Ok(chunk) = Chunk::read(&mut reader) {
+                back(&chunk);
+            }
+        }
+    }
+}

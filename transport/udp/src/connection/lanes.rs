@@ -1,0 +1,130 @@
+//! Both lanes as their owner uses them: what is given to the connection, and what is taken from it.
+
+use trimaran_proto::{Camera, CodedIds, FrameMessage, FrameNumber, Goodbye};
+
+use super::Connection;
+use crate::inbox::Received;
+use crate::keys::OVERHEAD;
+use crate::latest::LatestEnd;
+use crate::repair::Path;
+
+/// What a full packet has beside its part or repair shard at most, bytes: the chunk's own fields, or a short acknowledgement too.
+const BESIDE: usize = 36;
+
+impl Connection {
+    /// Whether [`Connection::send`] may be called: what waits for its acknowledgement leaves room.
+    #[must_use]
+    pub const fn is_writable(&self) -> bool {
+        self.outbox.kept() < self.config.send_buffer
+    }
+
+    /// Whether everything that was sent has arrived.
+    #[must_use]
+    pub fn is_drained(&self) -> bool {
+        self.outbox.is_empty() && self.cameras_out.is_drained()
+    }
+
+    /// Whether everything that was sent on the frames lane has arrived.
+    #[must_use]
+    pub fn is_lane_drained(&self) -> bool {
+        self.outbox.is_empty()
+    }
+
+    /// Whether the newest camera has arrived, and the end of the lane if there was one.
+    #[must_use]
+    pub fn is_latest_drained(&self) -> bool {
+        self.cameras_out.is_drained()
+    }
+
+    /// Whether [`Connection::recv`] would give something.
+    #[must_use]
+    pub fn is_readable(&self) -> bool {
+        self.inbox.is_readable()
+    }
+
+    /// Whether the peer reads the frames lane no more: what is sent on it is thrown away.
+    #[must_use]
+    pub const fn is_unheard(&self) -> bool {
+        self.unheard
+    }
+
+    /// The newest frame sent from here all of which has arrived: what the peer reads later may refer to it.
+    #[must_use]
+    pub const fn confirmed_frame(&self) -> Option<FrameNumber> {
+        self.outbox.confirmed
+    }
+
+    /// Sends a message of the frames lane; a frame writer has put the messages in order.
+    pub fn send(&mut self, message: FrameMessage) {
+        self.outbox.put(message, self.path());
+    }
+
+    /// Sends a batch of the open frame's ids as changes. Frames take such where [`Connection::set_coding`] or [`Config::coding`](super::Config::coding) said so
+    /// before they began.
+    pub fn send_coded(&mut self, batch: CodedIds) {
+        self.outbox.put_coded(batch, self.path());
+    }
+
+    /// Sends a goodbye behind everything else on the frames lane.
+    pub fn goodbye(&mut self, reason: Goodbye) {
+        self.outbox.goodbye(reason, self.path());
+    }
+
+    /// Says behind everything else on the frames lane that nothing more comes.
+    pub fn gone(&mut self) {
+        self.outbox.gone(self.path());
+    }
+
+    const fn path(&self) -> Path {
+        Path { shard: (self.mtu.known() - OVERHEAD - BESIDE) & !15, loss: self.recovery.probable_loss() }
+    }
+
+    /// Says that the frames lane is not read any more: the peer need not send what is left of it.
+    pub fn stop_reading(&mut self) {
+        self.unread_due |= !self.unread;
+        self.unread = true;
+        self.credit_due |= self.inbox.discard();
+    }
+
+    /// Publishes a camera: it replaces the one before. It is sent again until it or a newer one has arrived.
+    pub fn publish(&mut self, camera: Camera) {
+        self.cameras_out.publish(camera);
+    }
+
+    /// Ends the latest lane behind the newest camera, with a goodbye or without. The first call counts.
+    pub fn end_latest(&mut self, reason: Option<Goodbye>) {
+        self.cameras_out.end(reason);
+    }
+
+    /// The newest camera of the peer, if it was not read before.
+    pub const fn latest(&mut self) -> Option<Camera> {
+        self.cameras_in.take()
+    }
+
+    /// How the peer's latest lane ended, once the last camera has come.
+    #[must_use]
+    pub fn latest_end(&self) -> Option<&LatestEnd> {
+        self.cameras_in.end()
+    }
+
+    /// Whether there is a camera or an end of the latest lane to read.
+    #[must_use]
+    pub fn is_latest_readable(&self) -> bool {
+        self.cameras_in.is_readable()
+    }
+
+    /// The next message of the frames lane. What arrived before an end of the connection is still given,
+    /// up to the first unit that breaks the rules of the lane.
+    pub fn recv(&mut self) -> Option<Received> {
+        match self.inbox.take() {
+            Ok(item) => {
+                self.credit_due |= self.inbox.credit_due();
+                item
+            }
+            Err(violation) => {
+                self.end(violation.into());
+                None
+            }
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! When something is due by itself, and what is done then.
+
+use trimaran_proto::Instant;
+
+use super::{Closed, Connection};
+use crate::packet::MIN_DATAGRAM;
+use crate::recovery::PROBES;
+use crate::whereabouts::Whereabouts;
+
+/// After so many probes without an answer a path may have become narrower.
+const BLACK_HOLE: u32 = 3;
+
+impl Connection {
+    /// When [`Connection::handle_timeout`] is due, if nothing happens before.
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<Instant> {
+        if self.closed.is_some() {
+            return None;
+        }
+        let keepalive = self.last_sent.after(self.config.lease / 4);
+        let lease = self.last_received.after(self.config.lease);
+        let way = self.recovery.rtt.one_way().as_nanos() as u64;
+        let deadline =
+            self.outbox.deadline().map(|at| Instant::from_nanos(at.as_nanos().saturating_sub(way)));
+        let unheard = self.recovery.unheard_since().map(|since| since.after(self.config.lease));
+        let probe = self.mtu.due().filter(|_| self.paced_until.is_none() && self.may_probe());
+        let excursion = self.whereabouts.as_ref().and_then(Whereabouts::due);
+        let timers =
+            [self.recovery.timeout(), self.acks.due(), self.paced_until, deadline, unheard, probe, excursion];
+        timers.into_iter().flatten().chain([keepalive, lease]).min()
+    }
+
+    /// Does what is due at `now`.
+    pub fn handle_timeout(&mut self, now: Instant) {
+        if self.closed.is_some() {
+            return;
+        }
+        if now >= self.last_received.after(self.config.lease) {
+            self.end(Closed::Silent(self.config.lease));
+            return;
+        }
+        if self.recovery.unheard_since().is_some_and(|since| now >= since.after(self.config.lease)) {
+            self.end(Closed::Deaf(self.config.lease));
+            return;
+        }
+        if now >= self.last_sent.after(self.config.lease / 4) {
+            self.ping();
+        }
+        if self.recovery.timeout().is_some_and(|at| at <= now) {
+            let (verdict, probe) = self.recovery.on_timeout(now);
+            self.judge(now, verdict);
+            if probe {
+                self.pings = PROBES;
+                self.outbox.stop_waiting();
+            }
+            if self.recovery.probes() >= BLACK_HOLE && self.mtu.known() > MIN_DATAGRAM {
+                self.mtu.on_black_hole(now);
+                self.resize();
+            }
+        }
+    }
+
+    /// Takes over the size of datagrams that is known to arrive.
+    pub(super) fn resize(&mut self) {
+        self.recovery.window.set_segment(self.mtu.known());
+        self.pacer.set_segment(self.mtu.known());
+    }
+}
