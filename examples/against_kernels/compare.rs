@@ -18,6 +18,8 @@ const FRAMES: u32 = 500;
 const RUNS: u64 = 6;
 /// The simulator takes so many seeds for each of a real run.
 const SEEDS_A_RUN: u64 = 5;
+/// How far the simulator may be off, percent: at the median, at the 99th percentile, and in bytes.
+const AIMS: [f64; 3] = [5.0, 15.0, 2.0];
 /// The first frames are left out: connections begin slowly.
 const WARM_UP: usize = 20;
 
@@ -47,6 +49,9 @@ impl Plan {
                 },
             }
         }
+        if plan.runs < 2 {
+            return Err("--runs needs two at least: one says nothing of chance".into());
+        }
         if plan.networks.is_empty() {
             plan.networks = NETWORKS.map(str::to_owned).to_vec();
         }
@@ -62,20 +67,21 @@ impl Plan {
 struct Sample {
     /// Milliseconds, rising.
     latencies: Vec<f64>,
-    /// Of each run.
+    /// Of each run: the median, the 99th percentile, and bytes a frame.
     medians: Vec<f64>,
+    tails: Vec<f64>,
+    bytes: Vec<f64>,
     late: usize,
-    bytes: f64,
-    frames: f64,
 }
 
 impl Sample {
-    fn add(&mut self, times: &[FrameTimes], bytes: f64) {
+    fn add(&mut self, times: &[FrameTimes], bytes_a_frame: f64) {
         let times = times.get(WARM_UP..).unwrap_or_default();
         let mut run: Vec<f64> =
             times.iter().map(|frame| millis(frame.shown.since(frame.published))).collect();
         run.sort_by(f64::total_cmp);
         self.medians.push(at(&run, 0.5));
+        self.tails.push(at(&run, 0.99));
         self.latencies.extend(run);
         self.latencies.sort_by(f64::total_cmp);
         let gaps = times.windows(2).filter_map(|pair| {
@@ -83,20 +89,32 @@ impl Sample {
             Some(millis(after.shown.since(before.shown)))
         });
         self.late += gaps.filter(|gap| *gap > 1e3 / 30.0).count();
-        self.bytes += bytes;
+        self.bytes.push(bytes_a_frame);
     }
 
-    /// How far the median may be off by chance: the standard error of the runs' medians.
-    fn error(&self) -> f64 {
-        let count = self.medians.len() as f64;
-        let mean = self.medians.iter().sum::<f64>() / count;
-        let squares: f64 = self.medians.iter().map(|median| (median - mean).powi(2)).sum();
-        (squares / (count - 1.0) / count).sqrt()
+    /// The median and the 99th percentile of all frames, and the mean bytes of a frame; each with how far it may be off by chance.
+    fn figures(&self) -> [(f64, f64); 3] {
+        [
+            (at(&self.latencies, 0.5), error(&self.medians)),
+            (at(&self.latencies, 0.99), error(&self.tails)),
+            (mean(&self.bytes), error(&self.bytes)),
+        ]
     }
 
     fn late_percent(&self) -> f64 {
         100.0 * self.late as f64 / self.latencies.len().max(1) as f64
     }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// The standard error of the runs' values.
+fn error(values: &[f64]) -> f64 {
+    let (count, mean) = (values.len() as f64, mean(values));
+    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+    (squares / (count - 1.0) / count).sqrt()
 }
 
 /// The smallest of rising values that so many are not above.
@@ -117,9 +135,9 @@ pub(crate) fn run(words: impl Iterator<Item = String>) -> Result<(), Box<dyn Err
         return Ok(());
     }
     println!(
-        "| network | link | p50 kernel | ± | model | ± | | p99 kernel | model | | bytes a frame kernel | model | | late at 30 kernel | model |"
+        "| network | link | p50 kernel | model | | p99 kernel | model | | bytes a frame kernel | model | | late kernel | model |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     let mut lateness = (0.0_f64, 0.0_f64);
     for name in &plan.networks {
         let network = Profile::find(name)?;
@@ -128,7 +146,7 @@ pub(crate) fn run(words: impl Iterator<Item = String>) -> Result<(), Box<dyn Err
             for seed in 1..=plan.runs {
                 let played =
                     play(&scenario(&network, link, plan.frames, seed)?).map_err(|e| e.to_string())?;
-                kernel.add(&played.times, played.bytes as f64);
+                kernel.add(&played.times, played.bytes as f64 / f64::from(plan.frames));
                 lateness.0 = lateness.0.max(played.report.late.p99_us);
                 lateness.1 = lateness.1.max(played.report.late.max_us);
                 if plan.csv {
@@ -137,19 +155,25 @@ pub(crate) fn run(words: impl Iterator<Item = String>) -> Result<(), Box<dyn Err
             }
             for seed in 1..=plan.runs * SEEDS_A_RUN {
                 let outcome = simulate(&scenario(&network, link, plan.frames, seed)?)?;
-                model.add(&outcome.times, outcome.bytes.total * f64::from(plan.frames));
+                model.add(&outcome.times, outcome.bytes.total);
                 if plan.csv {
                     print_times("model", &outcome.times);
                 }
             }
-            kernel.frames = f64::from(plan.frames) * plan.runs as f64;
-            model.frames = kernel.frames * SEEDS_A_RUN as f64;
             print_row(name, link, &kernel, &model);
         }
     }
     println!(
-        "\nmilliseconds, ±: standard error of the runs' medians; the network's packets were up to {:.0} us late at the 99th percentile of a run, {:.0} at most",
-        lateness.0, lateness.1
+        "\n{} runs of {} frames over kernels, {} in the simulator; milliseconds; ±: standard error of the runs' values; bold: more than {} % at p50, {} % at p99 or {} % in \
+         bytes apart; late: more than a 30th of a second after the picture before. The network's packets were up to {:.0} us late at the 99th percentile of a run, {:.0} at most.",
+        plan.runs,
+        plan.frames,
+        plan.runs * SEEDS_A_RUN,
+        AIMS[0],
+        AIMS[1],
+        AIMS[2],
+        lateness.0,
+        lateness.1
     );
     Ok(())
 }
@@ -162,19 +186,16 @@ fn scenario(network: &Profile, link: Transport, frames: u32, seed: u64) -> Resul
 }
 
 fn print_row(network: &str, link: Transport, kernel: &Sample, model: &Sample) {
-    let off = |real: f64, model: f64| 100.0 * (model / real - 1.0);
-    let bytes = [kernel, model].map(|sample| sample.bytes / sample.frames);
     print!("| {network} | {} ", link.name());
-    let [real, modelled] = [kernel, model].map(|sample| at(&sample.latencies, 0.5));
-    let [chance, modelled_chance] = [kernel, model].map(Sample::error);
-    print!(
-        "| {real:.2} | {chance:.2} | {modelled:.2} | {modelled_chance:.2} | {:+.1} % ",
-        off(real, modelled)
-    );
-    let [real, modelled] = [kernel, model].map(|sample| at(&sample.latencies, 0.99));
-    print!("| {real:.2} | {modelled:.2} | {:+.1} % ", off(real, modelled));
-    let [real, modelled] = bytes;
-    print!("| {real:.0} | {modelled:.0} | {:+.1} % ", off(real, modelled));
+    let pairs = kernel.figures().into_iter().zip(model.figures());
+    for (place, (((real, chance), (modelled, modelled_chance)), aim)) in pairs.zip(AIMS).enumerate() {
+        let digits = if place == 2 { 0 } else { 2 };
+        let off = 100.0 * (modelled / real - 1.0);
+        let bold = if off.abs() > aim { "**" } else { "" };
+        print!(
+            "| {real:.digits$} ± {chance:.digits$} | {modelled:.digits$} ± {modelled_chance:.digits$} | {bold}{off:+.1} %{bold} "
+        );
+    }
     println!("| {:.1} % | {:.1} % |", kernel.late_percent(), model.late_percent());
 }
 

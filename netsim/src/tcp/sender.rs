@@ -7,11 +7,12 @@ use trimaran_transport::Instant;
 
 use super::board::{Board, News};
 use super::cubic::Cubic;
-use super::rtt::{RTO_MIN, Rtt};
+use super::rtt::Rtt;
 use super::segment::{Class, earlier};
 use super::unsent::Unsent;
 
 mod recovery;
+mod transmit;
 mod window;
 
 use recovery::{Reduction, Undo};
@@ -182,129 +183,6 @@ impl Sender {
     pub(super) fn next_timeout(&self) -> Option<Instant> {
         let Timers { retransmit, tail, reorder, persist } = self.timers;
         earlier(earlier(retransmit, tail), earlier(reorder, persist))
-    }
-
-    /// The next segment to be sent, if there is one that may.
-    pub(super) fn transmit(&mut self, now: Instant) -> Option<Outgoing> {
-        let alone = self.board.in_flight() == 0;
-        if self.board.in_flight() < self.cwnd
-            && let Some(packet) = self.board.repeat_lost(now)
-        {
-            let out = Outgoing {
-                seq: packet.seq,
-                data: packet.data.clone(),
-                fin: packet.fin,
-                class: Class::Retransmission,
-            };
-            self.reduction.sent += 1;
-            if alone {
-                self.cubic.skip(now.since(self.last_sent));
-            }
-            self.repeating_since.get_or_insert(now.as_nanos() / 1_000_000);
-            if let Some(undo) = &mut self.undo {
-                undo.repetitions += 1;
-            }
-            if self.timers.retransmit.is_none() {
-                self.timers.retransmit = Some(now.after(self.rtt.timeout()));
-            }
-            self.last_sent = now;
-            return Some(out);
-        }
-        if std::mem::take(&mut self.probe_window) {
-            // A byte that the peer has: it can but answer with its window.
-            return Some(Outgoing {
-                seq: self.acknowledged - 1,
-                data: Bytes::new(),
-                fin: false,
-                class: Class::Probe,
-            });
-        }
-        let probing = std::mem::take(&mut self.probe_tail);
-        let fresh = self.transmit_new(now, probing);
-        if !probing {
-            return fresh;
-        }
-        self.tail_probe = Some((self.next, fresh.is_none()));
-        self.timers.retransmit = Some(now.after(self.rtt.timeout()));
-        self.timers.tail = None;
-        fresh.or_else(|| {
-            let packet = self.board.repeat_last(now)?;
-            let class = Class::Retransmission;
-            Some(Outgoing { seq: packet.seq, data: packet.data.clone(), fin: packet.fin, class })
-        })
-    }
-
-    /// New data, as far as windows and the machine's own queue allow; a probe need not heed the congestion window.
-    fn transmit_new(&mut self, now: Instant, probing: bool) -> Option<Outgoing> {
-        let fin_due = self.closing && !self.fin_sent;
-        if self.unsent.is_empty() && !fin_due {
-            return None;
-        }
-        if self.board.is_empty() && self.state == State::Open {
-            self.restart_after_idle(now);
-        }
-        if !probing && self.board.in_flight() >= self.cwnd {
-            self.usage.limited = true;
-            self.usage.most = self.usage.most.max(self.board.packets());
-            return None;
-        }
-        if self.outgoing >= self.queue_limit() {
-            self.held_back = true;
-            return None;
-        }
-        let room = self.window_end.saturating_sub(self.next);
-        let wanted = self.unsent.len().min(self.segment as usize);
-        let size = wanted.min(usize::try_from(room).unwrap_or(usize::MAX));
-        if size < wanted && (size == 0 || !self.board.is_empty()) {
-            if self.board.is_empty() && self.timers.persist.is_none() {
-                self.timers.persist = Some(now.after(self.rtt.timeout()));
-                self.progress = now;
-            }
-            return None;
-        }
-        // A small segment waits while one before it is still in this machine (Linux's autocorking), or, without `nodelay`, while
-        // one is not acknowledged (Nagle).
-        let small = wanted < self.segment as usize && !fin_due;
-        if small && !probing && !self.board.is_empty() && (self.outgoing > 0 || !self.nodelay) {
-            self.held_back = self.outgoing > 0;
-            return None;
-        }
-        if self.board.in_flight() == 0 {
-            self.cubic.skip(now.since(self.last_sent));
-        }
-        let data = self.unsent.take(size);
-        let fin = fin_due && self.unsent.is_empty();
-        if self.board.is_empty() {
-            self.progress = now;
-        }
-        if self.board.is_empty() || self.timers.tail.is_some() {
-            self.timers.retransmit = Some(now.after(self.rtt.timeout()));
-        }
-        let out = Outgoing { seq: self.next, data: data.clone(), fin, class: Class::Data };
-        self.next += data.len() as u64 + u64::from(fin);
-        self.fin_sent |= fin;
-        self.board.push(now, out.seq, data, fin);
-        self.reduction.sent += 1;
-        self.last_sent = now;
-        self.note_usage(now);
-        self.set_tail_timer(now, false);
-        Some(out)
-    }
-
-    /// Sets the timer after which a lost tail is probed for, at the retransmission timeout at most: that of the oldest packet,
-    /// or a fresh one where an acknowledgement has just come.
-    fn set_tail_timer(&mut self, now: Instant, heard: bool) {
-        self.timers.tail = None;
-        if self.state != State::Open || self.board.is_empty() || self.tail_probe.is_some() {
-            return;
-        }
-        let Some(smoothed) = self.rtt.smoothed() else { return };
-        // A single packet's acknowledgement may be delayed.
-        let slack = if self.board.packets() == 1 { RTO_MIN } else { PROBE_SLACK };
-        let at = now.after(2 * smoothed + slack);
-        let since = if heard { None } else { self.board.oldest().map(|oldest| oldest.at) };
-        let last = since.unwrap_or(now).after(self.rtt.timeout());
-        self.timers.tail = Some(if last > now { at.min(last) } else { at });
     }
 
     /// The time has come that [`Sender::next_timeout`] named.

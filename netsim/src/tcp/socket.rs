@@ -3,17 +3,18 @@
 use std::io;
 use std::time::Duration;
 
-use bytes::Bytes;
 use trimaran_transport::{Instant, TcpOptions};
 
 use super::receiver::Receiver;
-use super::segment::{Class, Segment, full_size};
-use super::sender::{Outgoing, Sender};
+use super::segment::{Segment, full_size};
+use super::sender::Sender;
 
 mod timers;
+mod transmit;
 
 /// How long the first segment waits for its answer; doubled each time (RFC 6298).
 const FIRST_WAIT: Duration = Duration::from_secs(1);
+
 /// What a connection is set up with.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Config {
@@ -251,60 +252,5 @@ impl Socket {
     /// So many bytes of this connection have left the machine. Says whether something waited for that.
     pub(crate) const fn left(&mut self, bytes: u64) -> bool {
         self.sender.left(bytes)
-    }
-
-    /// The next segment to be sent.
-    pub(crate) fn transmit(&mut self, now: Instant) -> Option<Segment> {
-        let timestamp = now.as_nanos() / 1_000_000;
-        match &mut self.state {
-            State::Closed => {
-                if self.reset != Reset::Due {
-                    return None;
-                }
-                self.reset = Reset::Done;
-                let (seq, echo, class) = (self.sender.next, self.echo, Class::Handshake);
-                Some(Segment { seq, rst: true, timestamp, echo, class, ..Segment::default() })
-            }
-            State::Opening { answering, send, tries, .. } => {
-                if !std::mem::take(send) {
-                    return None;
-                }
-                *tries += 1;
-                let (echo, class) = (self.echo, Class::Handshake);
-                let mut segment = Segment { syn: true, timestamp, echo, class, ..Segment::default() };
-                self.receiver.acknowledge(&mut segment);
-                segment.ack = segment.ack.filter(|_| *answering);
-                Some(segment)
-            }
-            State::Open => {
-                let Outgoing { seq, data, fin, class } = self.next_outgoing(now)?;
-                let mut segment =
-                    Segment { seq, data, fin, class, timestamp, echo: self.echo, ..Segment::default() };
-                self.receiver.acknowledge(&mut segment);
-                if !segment.data.is_empty() || segment.fin {
-                    self.sender.entered(self.ip_bytes(&segment));
-                }
-                Some(segment)
-            }
-        }
-    }
-
-    /// What an open connection has to send next.
-    fn next_outgoing(&mut self, now: Instant) -> Option<Outgoing> {
-        let empty = |seq, class| Outgoing { seq, data: Bytes::new(), fin: false, class };
-        if let Some(out) = self.sender.transmit(now) {
-            if !out.data.is_empty() {
-                self.receiver.acks.answered(now);
-            }
-            return Some(out);
-        }
-        if std::mem::take(&mut self.probe) {
-            return Some(empty(self.sender.acknowledged - 1, Class::Probe));
-        }
-        self.receiver.ack_now.then(|| empty(self.sender.next, Class::Acknowledgement))
-    }
-
-    fn ip_bytes(&self, segment: &Segment) -> u64 {
-        u64::from(self.config.ip_header + segment.header()) + segment.data.len() as u64
     }
 }
