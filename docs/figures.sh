@@ -2,7 +2,7 @@
 # Takes the figures of docs/networks.md and docs/bandwidth.md again, and writes them between the marks there.
 #
 #   docs/figures.sh               those of stated models: three minutes of one core, after the program is built
-#   docs/figures.sh city.scene    and those of a walk through a scene, which is recorded first: a quarter of an hour more, and a Vulkan device
+#   docs/figures.sh city.scene    and those of a walk through a scene, which is recorded first: half an hour more, and a Vulkan device
 #
 # Nothing in the first ones depends on the machine or on what else it does: the same program gives the same figures. A walk's ids
 # are the same on any machine, too; when culling finds them is not. TRIMARAN names the program; without it, it is built.
@@ -189,6 +189,7 @@ if [ -n "$scene" ]; then
 
     begin wrong
     wrong="$times --network wifi --link tcp,quic,udp,udp-deadline --udp-deadline-ms 2,5,10,20 --frames 360 --seed $seeds"
+    says run city.scene --record city.trace $recording
     says sim --trace city.trace --scene city.scene $wrong
     quietly --trace "$trace" --scene "$scene" $wrong
     table link=link p50_ms=p50 p99_ms=p99 p99_ms_deviation=± p999_ms=p99.9 incomplete=gaps frames_wrong=frames_wrong \
