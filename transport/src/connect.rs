@@ -48,7 +48,7 @@ pub enum ConnectError {
         waited: Duration,
         /// How often.
         attempts: u32,
-        /// What went wrong the last time.
+        /// What went wrong the last time that an attempt came to an end.
         #[source]
         last: AttemptError,
     },
@@ -140,6 +140,7 @@ pub async fn connect(
     let started = net.now();
     let mut pause = FIRST_PAUSE;
     let mut attempts = 0;
+    let mut known = None;
     loop {
         attempts += 1;
         let session = SessionId(net.random().map_err(ConnectError::Random)?);
@@ -149,7 +150,8 @@ pub async fn connect(
         let last = match until(&**net, patience, attempt).await {
             Some(Ok(link)) => return Ok(link),
             Some(Err(e)) => e,
-            None => AttemptError::TimedOut,
+            // An attempt that was cut short by the deadline tells less than the one before it.
+            None => known.filter(|_| patience == deadline).unwrap_or(AttemptError::TimedOut),
         };
         let last = match last {
             AttemptError::Handshake { cause: HandshakeError::Refused(refusal), .. }
@@ -169,6 +171,7 @@ pub async fn connect(
             return Err(ConnectError::Deadline { endpoint: endpoint.clone(), waited, attempts, last });
         }
         sleep_until(&**net, next).await;
+        known = Some(last);
         pause = (pause * 2).min(LAST_PAUSE);
     }
 }

@@ -12,7 +12,8 @@ use tempfile::TempDir;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
 use trimaran_proto::{
-    Accept, DecodeFault, Identity, Kind, Lane, Message, Refusal, Role, SceneHash, SessionId,
+    Accept, DecodeFault, Decoder, Identity, Kind, Lane, Message, ProtocolVersion, Refusal, Role, SceneHash,
+    SessionId,
 };
 use trimaran_transport::{
     ConnectError, Endpoint, HandshakeError, Limits, Link, Listener, Options, ProtocolError, RecvError,
@@ -45,6 +46,8 @@ over_tcp_and_unix!(
     a_listener_may_die_at_every_step_of_the_handshake,
     a_refusal_is_the_reason_though_nobody_stayed_to_hear_it,
     who_is_turned_away_at_the_door_learns_why,
+    another_version_is_refused_in_words_that_it_can_read,
+    a_listener_of_another_version_is_understood,
 );
 
 fn socket_in(folder: &TempDir) -> String {
@@ -232,6 +235,40 @@ mod cases {
         let (net, display) = (net(), identity(Role::Display));
         let (_, link) = tokio::join!(door, connect(&net, &at, display, &options, soon(&net)));
         assert!(matches!(link, Err(ConnectError::Refused { .. })), "{link:?}");
+    }
+
+    pub(super) async fn another_version_is_refused_in_words_that_it_can_read(endpoint: &str) {
+        let (mut listener, at) = listen(endpoint, &Options::default()).await;
+        let mut stranger = dial(&at).await;
+        // A later version: the first six bytes of its hello are as ever, the rest may be anything.
+        let hello = [0x01, 9, 0, 0, b'T', b'R', b'I', b'M', 0x07, 0x01, 0xff, 0xff, 0xff];
+        stranger.write_all(&hello).await.unwrap();
+        let mut answer = Vec::new();
+        stranger.read_to_end(&mut answer).await.unwrap();
+        assert_eq!(answer[0], Kind::Refuse.code());
+        assert_eq!(answer[4..6], [1, 0], "the listener's version comes first");
+        let mut decoder = Decoder::new();
+        decoder.push(&answer);
+        let expected = Refusal::Version { listener: ProtocolVersion(1), connector: ProtocolVersion(0x0107) };
+        assert_eq!(decoder.next_message(), Ok(Some(Message::Refuse(expected))));
+        let failure = last_failure(&mut listener).await;
+        assert!(matches!(failure, HandshakeError::Refused(known) if known == expected), "{failure:?}");
+        a_display_gets_in(&mut listener, &at).await;
+    }
+
+    pub(super) async fn a_listener_of_another_version_is_understood(endpoint: &str) {
+        let (bare, at) = Bare::bind(endpoint).await;
+        let serve = async {
+            let (mut frames, _latest) = (bare.accept().await, bare.accept().await);
+            frames.read_exact(&mut [0; 8]).await.unwrap();
+            frames.write_all(&[0x03, 4, 0, 0, 0x07, 0x00, 0xff, 0xff]).await.unwrap();
+            frames.read_to_end(&mut Vec::new()).await.ok();
+        };
+        let (net, options) = (net(), Options::default());
+        let connecting = connect(&net, &at, identity(Role::Display), &options, soon(&net));
+        let (error, ()) = tokio::join!(connecting, serve);
+        let Err(ConnectError::Refused { refusal, .. }) = error else { panic!("{error:?}") };
+        assert_eq!(refusal, Refusal::Version { listener: ProtocolVersion(7), connector: ProtocolVersion(1) });
     }
 
     pub(super) async fn a_connector_may_die_at_every_byte_of_its_handshake(endpoint: &str) {

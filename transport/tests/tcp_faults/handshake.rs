@@ -1,0 +1,204 @@
+//! Strangers in a handshake, at either end of it.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+use trimaran_proto::{Accept, DecodeFault, Decoder, Lane, Message, Refusal, Role};
+use trimaran_transport::{
+    AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Options, connect, sleep_until, until,
+};
+
+use super::common::{identity, last_failure, net, soon};
+use super::{SESSION, bytes, hello, listener};
+
+fn quick() -> Options {
+    Options { handshake: Duration::from_millis(200), ..Options::default() }
+}
+
+/// A connection to `address` on which `message` was said.
+async fn dial(address: SocketAddr, message: &Message) -> TcpStream {
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    stream.write_all(&bytes(std::slice::from_ref(message))).await.unwrap();
+    stream
+}
+
+/// Everything that comes until the end of the stream.
+async fn answers(stream: &mut TcpStream) -> Vec<Message> {
+    let mut decoder = Decoder::new();
+    // A reset is as good an end as any.
+    while stream.read_buf(decoder.buffer(1024)).await.is_ok_and(|n| n > 0) {}
+    std::iter::from_fn(|| decoder.next_message().unwrap()).collect()
+}
+
+/// The next message that comes, if one does.
+async fn next(stream: &mut TcpStream, decoder: &mut Decoder) -> Option<Message> {
+    loop {
+        if let Some(message) = decoder.next_message().unwrap() {
+            return Some(message);
+        }
+        stream.read_buf(decoder.buffer(1024)).await.ok().filter(|n| *n > 0)?;
+    }
+}
+
+#[tokio::test]
+async fn strangers_hold_up_nobody() {
+    let net = net();
+    let (mut listener, address) = listener(&net, &Options::default()).await;
+    let mut strangers = Vec::new();
+    for greeting in
+        [&b"GET / HTTP/1.1\r\n\r\n"[..], b"\x16\x03\x01\x02\x00", b"\x01\x20\x00\x00SSH-", b"\x01\x05", b""]
+    {
+        let mut stranger = TcpStream::connect(address).await.unwrap();
+        stranger.write_all(greeting).await.unwrap();
+        strangers.push(stranger);
+    }
+    let options = Options::default();
+    let address = Endpoint::Tcp(address.into());
+    let (there, here) = tokio::join!(
+        connect(&net, &address, identity(Role::Display), &options, soon(&net)),
+        listener.accept(soon(&net)),
+    );
+    assert_eq!(
+        (there.unwrap().peer.identity.role, here.unwrap().peer.identity.role),
+        (Role::SwitchA, Role::Display)
+    );
+}
+
+#[tokio::test]
+async fn whoever_stops_in_the_middle_of_the_handshake_is_dropped() {
+    let net = net();
+    let (mut listener, address) = listener(&net, &quick()).await;
+    let mut half = TcpStream::connect(address).await.unwrap();
+    half.write_all(&bytes(&[hello(Lane::Frames)])[..7]).await.unwrap();
+    assert_eq!(until(&*net, soon(&net), answers(&mut half)).await.unwrap(), []);
+    let failure = last_failure(&mut listener).await;
+    assert!(matches!(failure, HandshakeError::TimedOut), "{failure:?}");
+}
+
+#[tokio::test]
+async fn one_lane_alone_is_refused_in_time() {
+    let net = net();
+    let (_listener, address) = listener(&net, &quick()).await;
+    let mut half = TcpStream::connect(address).await.unwrap();
+    half.write_all(&bytes(&[hello(Lane::Frames)])).await.unwrap();
+    let answers = until(&*net, soon(&net), answers(&mut half)).await.unwrap();
+    assert_eq!(answers, [Message::Refuse(Refusal::Unpaired { session: SESSION })]);
+}
+
+#[tokio::test]
+async fn a_refusal_that_passes_is_tried_again_and_another_ends_it() {
+    let net = net();
+    for passing in [Refusal::Busy, Refusal::Unpaired { session: SESSION }] {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let endpoint = Endpoint::Tcp(listener.local_addr().unwrap().into());
+        let for_good = Refusal::RoleTaken { role: Role::Display };
+        let refuse = async {
+            let mut tries = Vec::new();
+            loop {
+                let (mut stream, _) = listener.accept().await.unwrap();
+                let mut decoder = Decoder::new();
+                let Some(Message::Hello(hello)) = next(&mut stream, &mut decoder).await else { continue };
+                if !tries.contains(&hello.session) {
+                    tries.push(hello.session);
+                }
+                let refusal = if tries.len() == 1 { passing } else { for_good };
+                stream.write_all(&bytes(&[Message::Refuse(refusal)])).await.unwrap();
+            }
+        };
+        let options = Options::default();
+        let ended = tokio::select! {
+            ended = connect(&net, &endpoint, identity(Role::Display), &options, soon(&net)) => ended,
+            never = refuse => never,
+        };
+        let error = ended.unwrap_err();
+        assert!(matches!(&error, ConnectError::Refused { refusal, .. } if *refusal == for_good), "{error:?}");
+    }
+}
+
+#[tokio::test]
+async fn the_same_lane_twice_is_refused_and_the_right_one_still_welcome() {
+    let net = net();
+    let (mut listener, address) = listener(&net, &Options::default()).await;
+    let frames = hello(Lane::Frames);
+    let (mut one, mut two) = (dial(address, &frames).await, dial(address, &frames).await);
+    // Whichever is read last is the one too many.
+    let (refused, mut frames) = tokio::select! {
+        refused = answers(&mut one) => (refused, two),
+        refused = answers(&mut two) => (refused, one),
+    };
+    let refusal = |lane| [Message::Refuse(Refusal::Session { session: SESSION, lane })];
+    assert_eq!(refused, refusal(Lane::Frames));
+    let other_role = Message::Hello(identity(Role::SwitchB).hello(SESSION, Lane::Latest));
+    assert_eq!(answers(&mut dial(address, &other_role).await).await, refusal(Lane::Latest));
+    let mut latest = TcpStream::connect(address).await.unwrap();
+    latest.write_all(&bytes(&[hello(Lane::Latest)])).await.unwrap();
+    assert_eq!(listener.accept(soon(&net)).await.unwrap().peer.session, SESSION);
+    let mut accept = vec![0; bytes(&[Message::Accept(Accept { identity: identity(Role::SwitchA) })]).len()];
+    frames.read_exact(&mut accept).await.unwrap();
+    latest.read_exact(&mut accept).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_crowd_is_turned_away_and_peers_get_through_after_it() {
+    let net = net();
+    // Who is inside stays there until it goes.
+    let handshake = Duration::from_secs(3600);
+    let limits = Limits { handshakes: 4, ..Limits::default() };
+    let options = Options { limits, handshake, ..Options::default() };
+    let (mut listener, address) = listener(&net, &options).await;
+    let mut crowd = Vec::new();
+    for _ in 0..4 {
+        crowd.push(TcpStream::connect(address).await.unwrap());
+    }
+    // Connections are accepted in the order in which they came, and each takes its room at once.
+    let mut late = TcpStream::connect(address).await.unwrap();
+    assert_eq!(answers(&mut late).await, [Message::Refuse(Refusal::Busy)]);
+    let address = Endpoint::Tcp(address.into());
+    let (there, here) =
+        tokio::join!(connect(&net, &address, identity(Role::Display), &options, soon(&net)), async {
+            while listener.turned_away().no_room < 2 {
+                sleep_until(&*net, net.now().after(Duration::from_millis(1))).await;
+            }
+            drop(crowd);
+            listener.accept(soon(&net)).await
+        });
+    assert!(there.is_ok() && here.is_ok(), "busy is no reason to give up: {there:?} {here:?}");
+}
+
+/// A server that says what makes no sense once, and then nothing to those who come again.
+async fn no_peer(server: TcpListener) {
+    let mut connections = Vec::new();
+    loop {
+        let (mut connection, _) = server.accept().await.unwrap();
+        if connections.len() < 2 {
+            connection.write_all(b"220 smtp ready\r\n").await.ok();
+        }
+        connections.push(connection);
+    }
+}
+
+#[tokio::test]
+async fn a_server_that_is_no_peer_is_named_as_the_cause_though_the_deadline_cuts_a_later_attempt_short() {
+    let net = net();
+    let options = Options { handshake: Duration::from_secs(3600), ..Options::default() };
+    // The first wait that is long enough here for a second attempt.
+    for wait in (0..).map(|doubled| Duration::from_millis(100) * 2_u32.pow(doubled)) {
+        let server = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = Endpoint::Tcp(server.local_addr().unwrap().into());
+        let error = tokio::select! {
+            error = connect(&net, &address, identity(Role::Display), &options, net.now().after(wait)) => error.unwrap_err(),
+            () = no_peer(server) => unreachable!(),
+        };
+        let ConnectError::Deadline { attempts, last, .. } = error else { panic!("{error:?}") };
+        if attempts == 1 {
+            continue;
+        }
+        let AttemptError::Handshake { cause: HandshakeError::Decode(e), .. } = last else {
+            panic!("{last:?}")
+        };
+        assert_eq!((attempts, e.fault), (2, DecodeFault::UnknownKind { code: b'2' }));
+        break;
+    }
+}

@@ -1,0 +1,37 @@
+//! Strangers, liars and the dead, over real sockets: what they do ends in a typed error at the peer that meets them.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+#[path = "../common/mod.rs"]
+mod common;
+mod handshake;
+mod link;
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+use bytes::BytesMut;
+use common::identity;
+use trimaran_proto::{Lane, Message, Role, SessionId};
+use trimaran_transport::{Endpoint, Listener, Net, Options};
+
+const SESSION: SessionId = SessionId(0x1234);
+
+async fn listener(net: &Arc<dyn Net>, options: &Options) -> (Listener, SocketAddr) {
+    let listener =
+        Listener::bind(net, &"tcp://127.0.0.1:0".parse().unwrap(), identity(Role::SwitchA), options)
+            .await
+            .unwrap();
+    let Endpoint::Tcp(at) = listener.local_endpoint() else { panic!("no TCP") };
+    let address = at.to_string().parse().unwrap();
+    (listener, address)
+}
+
+fn bytes(messages: &[Message]) -> BytesMut {
+    let mut out = BytesMut::new();
+    messages.iter().for_each(|message| message.encode(&mut out));
+    out
+}
+
+fn hello(lane: Lane) -> Message {
+    Message::Hello(identity(Role::Display).hello(SESSION, lane))
+}
