@@ -126,3 +126,54 @@ impl Guest {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use quinn::ClientConfig;
+    use quinn::crypto::rustls::QuicClientConfig;
+    use tokio::sync::mpsc;
+    use tokio::task::JoinSet;
+    use trimaran_proto::{Identity, Role, SceneHash};
+
+    use super::*;
+    use crate::keys::Keys;
+    use crate::net::Net;
+    use crate::{Limits, LinkConfig, Options, TokioNet};
+
+    /// Nobody takes what comes in: as many wait as may shake hands, and one more is told at once.
+    #[tokio::test]
+    async fn one_more_than_may_wait_is_told_that_the_listener_is_busy() {
+        const ROOM: usize = 2;
+        let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
+        let keys = Keys::generate("both".parse().unwrap()).unwrap();
+        let security = Security { peers: vec![keys.public().clone()], keys };
+        let limits = Limits { handshakes: ROOM, ..Limits::default() };
+        let link = LinkConfig { lease: Duration::from_secs(3600), ..LinkConfig::default() };
+        let options = Options { limits, link, ..Options::default() };
+        let identity = Identity { role: Role::SwitchA, scene: SceneHash(1), settings: None };
+        let desk = Desk::new(&net, identity, &options, mpsc::channel(1).0);
+        let (config, _) = server(&desk, &security).unwrap();
+        let loopback = "127.0.0.1:0".parse().unwrap();
+        let (there, at) = endpoint(&net, loopback, &options.quic, Some(config)).unwrap();
+
+        let (here, _) = endpoint(&net, loopback, &options.quic, None).unwrap();
+        let doorman = Doorman::new(&security.peers);
+        let crypto = tls::client(&security.keys, &doorman).unwrap();
+        let mut config = ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
+        config.transport_config(options.quic.transport(&options.link));
+        let mut attempts = JoinSet::new();
+        for _ in 0..=ROOM {
+            attempts.spawn(here.connect_with(config.clone(), at, "trimaran").unwrap().into_future());
+        }
+        let soon = net.now().after(Duration::from_secs(60));
+        let told = until(&*net, soon, attempts.join_next()).await.expect("nobody was told");
+        let told = explain(told.unwrap().unwrap().unwrap_err(), &doorman, security.keys.public().quic);
+        assert!(matches!(told, HandshakeError::Refused(Refusal::Busy)), "{told:?}");
+        for _ in 0..ROOM {
+            assert!(until(&*net, soon, there.accept()).await.is_some(), "who came in time still waits");
+        }
+        assert_eq!(attempts.len(), ROOM);
+    }
+}
