@@ -173,15 +173,18 @@ fn roles_that_hold_different_scenes_refuse_each_other() {
     let bench = Bench::with_plant();
     let made = bench.trimaran(&["generate", "plant", "--objects", "300", "--seed", "2", "-o", "other.scene"]);
     assert!(made.status.success(), "{}", said(&made));
-    let address = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    let address = format!("tcp://{address}");
-    write_display(&bench, &address);
+    write_display(&bench, "tcp://127.0.0.1:0");
+    let mut display = bench.command(&["role", "display", "--config", "display.toml"]);
+    let mut display = display.stderr(Stdio::piped()).spawn().unwrap();
+    let mut stderr = BufReader::new(display.stderr.take().unwrap());
+    let mut line = String::new();
+    stderr.read_line(&mut line).unwrap();
+    let address = line.trim().rsplit_once(' ').unwrap().1;
     fs::write(
         bench.path("first.toml"),
         format!("scene = 'other.scene'\nseat = 'first'\ndisplay = '{address}'\npair = 'tcp://127.0.0.1:1'\n"),
     )
     .unwrap();
-    let mut display = bench.command(&["role", "display", "--config", "display.toml"]).spawn().unwrap();
     let first = bench.trimaran(&["role", "switch", "--config", "first.toml"]);
     display.kill().unwrap();
     display.wait().unwrap();

@@ -301,7 +301,9 @@ fn an_interrupt_ends_it_in_good_order() {
     assert!(output.status.success(), "{output:?}");
     assert!(output.stderr.is_empty(), "quiet where nobody watches: {output:?}");
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(report["totals"]["sent"], report["totals"]["delivered"], "{report}");
+    // The kernel looks for routers and neighbours when it likes.
+    let count = |what: &str| report["totals"][what].as_u64().unwrap();
+    assert_eq!(count("sent"), count("delivered") + count("underway"), "{report}");
     assert_eq!(report["links"].as_array().unwrap().len(), 6);
     assert!(names.iter().all(|name| !Path::new("/run/netns").join(name).exists()));
 }

@@ -1,16 +1,20 @@
 //! A session of three processes that loses one of them: it goes on with the frame that was due once all have joined again.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
+#[path = "../transport/tests/common/ports.rs"]
+mod ports;
+
 use std::{
     fs,
     io::{BufRead, BufReader, Read, Write},
-    net::{TcpListener, TcpStream},
+    net::TcpStream,
     path::PathBuf,
     process::{Child, ChildStderr, Command, Stdio},
     thread,
     time::Duration,
 };
 
+use ports::unused_port;
 use tempfile::TempDir;
 
 /// How many frames the sessions have.
@@ -35,10 +39,7 @@ impl Deployment {
         for name in ["display", "first", "second"] {
             deployment.run(&["keys", "new", name, "--out", "."]);
         }
-        // Free ports of this moment; both kinds, as the transport may be either.
-        let port = || TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
-        let (display, pair) =
-            (format!("{transport}://127.0.0.1:{}", port()), format!("{transport}://127.0.0.1:{}", port()));
+        let [display, pair] = [(); 2].map(|()| format!("{transport}://127.0.0.1:{}", unused_port()));
         let write = |name: &str, text: String| fs::write(deployment.dir.path().join(name), text).unwrap();
         write(
             "display.toml",

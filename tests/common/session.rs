@@ -1,6 +1,6 @@
 //! Whole sessions of three roles, in this process and over TCP on loopback.
 
-use std::{net, sync::Arc, thread, time::Duration};
+use std::{sync::Arc, thread, time::Duration};
 
 use tokio::runtime::{Builder, Runtime};
 use trimaran::walkthrough::{FrameRecord, PathChoice, Plan, Recorder, Stage, Trail, in_process, viewport};
@@ -12,6 +12,8 @@ use trimaran_cull::{CutRule, View, level_cut};
 use trimaran_proto::{Identity, Role};
 use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Listener, Net, Options, TokioNet};
+
+use super::ports::unused_port;
 
 /// A scene on three devices, or `None` where there is no device and none is required.
 pub(crate) fn stage(scene: &Arc<Scene>) -> Option<Stage> {
@@ -74,8 +76,7 @@ pub(crate) fn walk_over_tcp(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<Fr
         .block_on(Listener::bind(&net, &"tcp://127.0.0.1:0".parse().unwrap(), identity, &Options::default()))
         .unwrap();
     let address = listener.local_endpoint().clone();
-    let pair = net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
-    let pair = Endpoint::Tcp(pair.into());
+    let pair: Endpoint = format!("tcp://127.0.0.1:{}", unused_port()).parse().unwrap();
     let mut quiet = |_| {};
     let mut recorder = Recorder::new(1, &mut quiet);
     thread::scope(|scope| {

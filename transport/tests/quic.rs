@@ -7,13 +7,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use common::conformance::Pairs;
-use common::{SCENE, camera, identity, ids, net, receive, soon, start};
+use common::{SCENE, camera, identity, ids, last_failure, net, receive, soon, start};
 use trimaran_proto::{Identity, Refusal, Role, SceneHash};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::quic::{Congestion, QuicOptions};
 use trimaran_transport::{
-    AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Link, LinkConfig, Listener,
-    Net, Options, PeerAddress, connect, until,
+    AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Link, LinkConfig, Listener, Net, Options,
+    PeerAddress, connect, until,
 };
 
 struct Quic;
@@ -65,9 +65,7 @@ async fn failures(ours: &Options, theirs: &Options, who: Identity) -> (ConnectEr
     let net = net();
     let (mut listener, endpoint) = listener(&net, ours).await;
     let error = connect(&net, &endpoint, who, theirs, soon(&net)).await.unwrap_err();
-    let accepted = listener.accept(net.now().after(Duration::from_millis(500))).await;
-    let Err(AcceptError::Deadline { last: Some(known), .. }) = accepted else { panic!("{accepted:?}") };
-    (error, known)
+    (error, last_failure(&mut listener).await)
 }
 
 fn handshake(error: ConnectError) -> HandshakeError {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::task::Poll;
 
 use trimaran_proto::{FrameMessage, FrameNumber, IdDecoder, Kind, Message};
-use trimaran_udp::Received;
+use trimaran_udp::{Hopeless, Received};
 
 use super::port::{Carrier, State, Waiter};
 use crate::error::{LaneError, LaneSendError, Loss};
@@ -21,11 +21,13 @@ pub(crate) struct FrameTx {
     staged: VecDeque<Message>,
     /// The lane has ended with a goodbye.
     ended: bool,
+    /// Somebody was told that frames have less time than the way takes.
+    warned: bool,
 }
 
 impl FrameTx {
     pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
-        Self { carrier: Arc::clone(carrier), staged: VecDeque::new(), ended: false }
+        Self { carrier: Arc::clone(carrier), staged: VecDeque::new(), ended: false, warned: false }
     }
 
     pub(crate) fn stage(&mut self, message: Message, shared: &Shared) {
@@ -42,7 +44,7 @@ impl FrameTx {
     /// Gives what is staged to the connection. Whatever it takes starts the patience anew.
     pub(crate) async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
         while !self.staged.is_empty() {
-            let Self { carrier, staged, .. } = self;
+            let Self { carrier, staged, warned, .. } = self;
             let some = poll_fn(|cx| {
                 let mut state = carrier.lock();
                 if let Some(loss) = gone(&state) {
@@ -64,6 +66,10 @@ impl FrameTx {
                     }
                 }
                 carrier.port().flush(&mut state);
+                if !*warned && let Some(Hopeless { deadline, way }) = state.connection.hopeless() {
+                    *warned = true;
+                    tracing::warn!(peer = %carrier.port().remote(), ?way, ?deadline, "the way to the peer takes longer than a frame may: hardly any will come whole; take a longer deadline, or a link without one");
+                }
                 Poll::Ready(Ok(()))
             });
             patience.wait(None, some).await.map_err(|_| LaneSendError::Stalled)??;

@@ -2,6 +2,7 @@
 #![allow(dead_code, unused_imports, reason = "each test program uses a part")]
 
 pub(crate) mod conformance;
+pub(crate) mod ports;
 pub(crate) mod router;
 pub(crate) mod udp;
 
@@ -13,8 +14,8 @@ use trimaran_proto::{
     IdCoding, Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
 };
 use trimaran_transport::{
-    AcceptError, Endpoint, FrameReceiver, HandshakeError, Instant, Link, Listener, Net, Options, RecvError,
-    TokioNet, connect,
+    AcceptError, Endpoint, FrameReceiver, HandshakeError, Instant, LatestReceiver, Link, Listener, Net,
+    Options, RecvError, TokioNet, connect,
 };
 
 pub(crate) const SCENE: SceneHash = SceneHash(0x5ce7e);
@@ -67,18 +68,38 @@ pub(crate) struct Received {
     pub(crate) end: FrameEnd,
 }
 
-/// Reads one frame that must be complete.
+/// Reads one frame that must be complete, however often the link's patience ends before it is.
 pub(crate) async fn receive(rx: &mut FrameReceiver) -> Result<Received, RecvError> {
-    let FrameEvent::Begin(start) = rx.recv().await? else { panic!("no begin") };
+    let FrameEvent::Begin(start) = next_event(rx).await? else { panic!("no begin") };
     let (mut batches, mut ids) = (Vec::new(), Vec::new());
     loop {
-        match rx.recv().await? {
+        match next_event(rx).await? {
             FrameEvent::Ids(batch) => {
                 batches.push(batch.count());
                 ids.extend(batch.iter());
             }
             FrameEvent::End(FrameOutcome::Complete(end)) => return Ok(Received { start, batches, ids, end }),
             other => panic!("{other:?} within a frame"),
+        }
+    }
+}
+
+/// The next event of a frame, however often the link's patience ends before it comes.
+async fn next_event(rx: &mut FrameReceiver) -> Result<FrameEvent, RecvError> {
+    loop {
+        match rx.recv().await {
+            Err(RecvError::Silent { .. }) => {}
+            event => return event,
+        }
+    }
+}
+
+/// The next camera, however often the link's patience ends before it comes.
+pub(crate) async fn next_camera(rx: &mut LatestReceiver) -> Result<Camera, RecvError> {
+    loop {
+        match rx.latest().await {
+            Err(RecvError::Silent { .. }) => {}
+            camera => return camera,
         }
     }
 }

@@ -27,7 +27,7 @@ mod transmit;
 
 pub use closed::Closed;
 pub use config::Config;
-pub use stats::PathStats;
+pub use stats::{Hopeless, PathStats};
 
 /// One end of a connection: no socket, no clock.
 ///

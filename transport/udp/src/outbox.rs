@@ -35,7 +35,7 @@ pub(crate) struct Outbox {
     offered: u64,
     kept: usize,
     /// How long after its end a frame is worth sending; always, if not given.
-    patience: Option<Duration>,
+    pub(crate) patience: Option<Duration>,
     repair: Budget,
     /// The bytes of the last frame: those of the next one will be about as many.
     last_length: usize,

@@ -86,6 +86,11 @@ impl Rtt {
         self.measured.map_or(Duration::ZERO, |rtt| rtt.smoothed / 2)
     }
 
+    /// How long a packet is on its way at least, once that was measured.
+    pub(crate) fn least_one_way(&self) -> Option<Duration> {
+        self.measured.map(|rtt| rtt.minimum / 2)
+    }
+
     /// Whether packets wait somewhere on the path: all round trips take longer than they must.
     pub(crate) fn queues(&self) -> bool {
         self.measured.is_some_and(|rtt| rtt.lately.shortest() > rtt.minimum + (rtt.minimum / 4).max(SLACK))

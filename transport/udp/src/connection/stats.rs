@@ -58,7 +58,23 @@ impl PathStats {
     }
 }
 
+/// Frames have less time than the way to the peer takes: hardly any can come whole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Hopeless {
+    /// How long a frame may take ([`Config::patience`](crate::Config::patience)).
+    pub deadline: Duration,
+    /// How long a packet is on its way at least: half of the shortest round trip.
+    pub way: Duration,
+}
+
 impl Connection {
+    /// Whether the deadline of the frames sent from here is over before anything can have come; known once the way was measured.
+    #[must_use]
+    pub fn hopeless(&self) -> Option<Hopeless> {
+        let (deadline, way) = (self.outbox.patience?, self.recovery.rtt.least_one_way()?);
+        (way > deadline).then_some(Hopeless { deadline, way })
+    }
+
     /// What became of the packets, and what is known of the path.
     #[must_use]
     pub fn stats(&self) -> PathStats {

@@ -14,7 +14,7 @@ use proptest::prelude::*;
 use trimaran_proto::{BatchSize, Instant};
 use trimaran_udp::{Closed, Config, Connection, MIN_DATAGRAM};
 
-use network::{CLEAN, Network, Pair, SEALED};
+use network::{CLEAN, Network, ONE_WAY, Pair, SEALED};
 use talk::{DEADLINE, RELIABLE, Reader, Sender, camera, converse, deliver, ids, of_sizes, stream};
 
 #[test]
@@ -182,6 +182,19 @@ fn what_cannot_arrive_in_time_is_given_up_and_the_rest_is_passed_on() {
 
     let (_, patient) = stream(Network { loss: 10, ..SEALED }, DEADLINE, 5);
     assert_eq!(patient.gaps, [], "two round trips are enough");
+}
+
+#[test]
+fn a_deadline_before_anything_can_have_come_is_known_once_the_way_was_measured() {
+    let hopeless = |patience: Option<u64>| {
+        let config = Config { patience: patience.map(Duration::from_millis), ..RELIABLE };
+        assert_eq!(Pair::new(SEALED, config).ends[0].hopeless(), None, "nothing was measured");
+        stream(SEALED, config, 2).0.ends[0].hopeless()
+    };
+    let found = hopeless(Some(4)).unwrap();
+    assert_eq!(found.deadline, Duration::from_millis(4));
+    assert!((ONE_WAY..ONE_WAY + Duration::from_millis(1)).contains(&found.way), "{found:?}");
+    assert_eq!((hopeless(Some(6)), hopeless(None)), (None, None));
 }
 
 #[test]
