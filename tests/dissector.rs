@@ -8,6 +8,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 
+use bytes::BytesMut;
 use tempfile::TempDir;
 use trimaran::simulate::{Knobs, Load, Scenario, Transport, Workload, simulate_captured};
 use trimaran::trace::Trace;
@@ -15,7 +16,7 @@ use trimaran::walkthrough::{FrameRecord, Pace, Plan};
 use trimaran_netsim::Profile;
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameEvent, FrameNumber, FrameStart, FrameStats, IdCoding,
-    Identity, PictureSize, Role, SceneHash, SentBytes, TesterKind,
+    Identity, Lane, Message, PictureSize, Role, SceneHash, SentBytes, SessionId, TesterKind,
 };
 use trimaran_transport::{Listener, Net, Options, TokioNet, connect, sleep_until};
 
@@ -229,6 +230,59 @@ fn datagrams_in_the_clear_are_read_and_sealed_ones_called_so() {
     assert!(data.len() as u32 > 2 * FRAMES);
     assert!(data.iter().all(|[sealed, packet]| sealed.len() == 1 && packet.len() == 1), "{data:?}");
     assert!(capture.read("trimaran", ["frame.number"]).is_empty(), "nothing of what is sealed is shown");
+}
+
+/// A capture of datagrams between two ports of this machine, each the other way than the one before it.
+fn back_and_forth(datagrams: &[Vec<u8>]) -> Vec<u8> {
+    // The head of a file of IPv4 packets (link type 228), with times in microseconds.
+    let mut file = [0xa1b2_c3d4_u32, 4 << 16 | 2, 0, 0, 65_535, 228].map(u32::to_le_bytes).concat();
+    for (index, datagram) in datagrams.iter().enumerate() {
+        let ports = if index.is_multiple_of(2) { [7400_u16, 7401] } else { [7401, 7400] };
+        let udp = [ports[0], ports[1], 8 + datagram.len() as u16, 0].map(u16::to_be_bytes).concat();
+        let size = (20 + udp.len() + datagram.len()) as u32;
+        file.extend([index as u32, 0, size, size].map(u32::to_le_bytes).concat());
+        // Version 4, no options, 64 hops, UDP, from 127.0.0.1 to itself; the checksum is the ones' complement of the sum of the rest.
+        let mut ip = [0x4500, size as u16, 0, 0, 0x4011, 0, 0x7f00, 1, 0x7f00, 1];
+        let sum: u32 = ip.iter().map(|word| u32::from(*word)).sum();
+        ip[5] = !((sum & 0xffff) + (sum >> 16)) as u16;
+        file.extend(ip.map(u16::to_be_bytes).concat());
+        file.extend(udp);
+        file.extend(datagram);
+    }
+    file
+}
+
+/// Who goes on at another address is asked there for a cookie, and gives it back.
+#[test]
+fn the_question_for_a_new_address_and_its_answer_are_read() {
+    let Some(capture) = capture() else { return };
+    let mut hello = BytesMut::new();
+    let identity = Identity { role: Role::SwitchA, scene: SCENE, settings: None };
+    Message::Hello(identity.hello(SessionId(7), Lane::Frames)).encode(&mut hello);
+    // A first packet of id 10 in the clear.
+    let mut initial =
+        [5_u64.to_le_bytes().to_vec(), vec![10, 0, 0, 0, 0], vec![hello.len() as u8, 0]].concat();
+    initial.extend(&hello);
+    initial.resize(1200, 0);
+    let data = |to: u8, packet: u64, code: u8, cookie: [u8; 24]| {
+        let head = [(packet << 2).to_le_bytes().to_vec(), vec![to, 0, 0, 0], vec![code]].concat();
+        [head, cookie.to_vec(), vec![0; 100], vec![0xcc; 16]].concat()
+    };
+    let cookie: [u8; 24] = std::array::from_fn(|at| at as u8 * 7);
+    let datagrams = [initial, data(10, 3, 0x06, cookie), data(20, 4, 0x07, cookie)];
+    std::fs::write(capture.path(), back_and_forth(&datagrams)).unwrap();
+    capture.is_sound();
+    let read = |field: &str| {
+        let found = capture.read(field, ["trimaran_udp.packet", field, "trimaran_udp.pad"]);
+        found
+            .into_iter()
+            .map(|values| values.map(|value| value.concat().replace(':', "")))
+            .collect::<Vec<_>>()
+    };
+    let hex: String = cookie.iter().map(|byte| format!("{byte:02x}")).collect();
+    let said = |packet: &str| [packet.to_owned(), hex.clone(), "100".to_owned()];
+    assert_eq!(read("trimaran_udp.challenge"), [said("3")]);
+    assert_eq!(read("trimaran_udp.response"), [said("4")]);
 }
 
 /// Stops with the test.
