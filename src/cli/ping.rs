@@ -40,22 +40,46 @@ pub(crate) struct PingArgs {
     #[arg(long)]
     answer: bool,
     /// How many round trips.
-    #[arg(long, short, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(
+        long,
+        short,
+        value_name = "N",
+        default_value_t = 20,
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
     count: u32,
     /// Seconds from one to the next; 0 sends as soon as the last has come back.
-    #[arg(long, short, value_name = "S", default_value_t = 0.1, value_parser = not_negative, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        short,
+        value_name = "S",
+        default_value_t = 0.1,
+        value_parser = not_negative,
+        allow_negative_numbers = true
+    )]
     interval: f64,
     /// Send a frame of so many ids there and back, not a camera.
     #[arg(long, value_name = "N", default_value_t = 0)]
     ids: u32,
     /// How many ids travel in one batch.
-    #[arg(long, value_name = "B", default_value_t = 1024, value_parser = clap::value_parser!(u16).range(1..=16384))]
+    #[arg(
+        long,
+        value_name = "B",
+        default_value_t = 1024,
+        value_parser = clap::value_parser!(u16).range(1..=16384)
+    )]
     batch: u16,
     /// How this end's ids travel.
     #[arg(long, value_enum, default_value = "plain")]
     coding: Coding,
     /// How long to wait for the other end at the start, and for each camera, seconds.
-    #[arg(long, value_name = "S", default_value_t = 5.0, value_parser = positive, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 5.0,
+        value_parser = positive,
+        allow_negative_numbers = true
+    )]
     timeout: f64,
     /// This machine's private keys, for transports that encrypt (`trimaran keys new`).
     #[arg(long, value_name = "NAME.key")]

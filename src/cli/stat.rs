@@ -22,7 +22,14 @@ pub(crate) struct StatArgs {
     #[arg(value_name = "HOST:PORT")]
     at: String,
     /// Seconds from one reading to the next.
-    #[arg(long, short, value_name = "S", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        short,
+        value_name = "S",
+        default_value_t = 1.0,
+        value_parser = positive,
+        allow_negative_numbers = true
+    )]
     interval: f64,
     /// How many readings [default: until interrupted or the role ends].
     #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]

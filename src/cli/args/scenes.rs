@@ -14,7 +14,13 @@ pub(crate) struct ImportArgs {
     #[arg(short, long, value_name = "X.scene")]
     pub(crate) output: PathBuf,
     /// How far a tessellated curve may lie from the true one, millimetres (RVM).
-    #[arg(long, value_name = "MM", default_value_t = 1.0, value_parser = positive, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "MM",
+        default_value_t = 1.0,
+        value_parser = positive,
+        allow_negative_numbers = true
+    )]
     pub(crate) chord_tolerance: f64,
     /// Which way is up in the files [default: y for glTF and OBJ, z for RVM].
     #[arg(long, value_enum)]

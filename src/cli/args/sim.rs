@@ -27,7 +27,13 @@ pub(crate) struct SimArgs {
     #[arg(long, value_enum, value_delimiter = ',', default_value = "tcp,quic,udp")]
     pub(crate) link: Vec<SimLink>,
     /// How many ids travel in one batch: the paper's b.
-    #[arg(long, value_name = "B,..", value_delimiter = ',', default_value = "1024", value_parser = clap::value_parser!(u16).range(1..=16384))]
+    #[arg(
+        long,
+        value_name = "B,..",
+        value_delimiter = ',',
+        default_value = "1024",
+        value_parser = clap::value_parser!(u16).range(1..=16384)
+    )]
     pub(crate) batch: Vec<u16>,
     /// How many ids each frame has: the paper's n.
     #[arg(
@@ -65,7 +71,13 @@ pub(crate) struct SimArgs {
     #[arg(long, value_name = "MS,..", value_delimiter = ',', default_value = "50", value_parser = pause, allow_negative_numbers = true)]
     pub(crate) udp_deadline_ms: Vec<f64>,
     /// For udp and udp-deadline: bytes of repair while packets are lost, percent of the frames' own; 0 for none.
-    #[arg(long, value_name = "PERCENT,..", value_delimiter = ',', default_value = "15", value_parser = clap::value_parser!(u8).range(0..=100))]
+    #[arg(
+        long,
+        value_name = "PERCENT,..",
+        value_delimiter = ',',
+        default_value = "15",
+        value_parser = clap::value_parser!(u8).range(0..=100)
+    )]
     pub(crate) udp_repair: Vec<u8>,
     /// For udp and udp-deadline: nothing is encrypted.
     #[arg(long)]

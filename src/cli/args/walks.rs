@@ -72,7 +72,12 @@ pub(crate) struct WalkArgs {
     #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = size)]
     pub(crate) size: Size,
     /// How many ids travel in one batch.
-    #[arg(long, value_name = "B", default_value_t = 1024, value_parser = clap::value_parser!(u16).range(1..=16384))]
+    #[arg(
+        long,
+        value_name = "B",
+        default_value_t = 1024,
+        value_parser = clap::value_parser!(u16).range(1..=16384)
+    )]
     pub(crate) batch: u16,
     /// How ids travel between processes.
     #[arg(long, value_enum, default_value = "changes")]
@@ -102,7 +107,13 @@ pub(crate) struct RunArgs {
     #[command(flatten)]
     pub(crate) links: <LinkConfig as Config>::Layer,
     /// The largest error on the screen, pixels.
-    #[arg(long, value_name = "PX", default_value_t = 2.0, value_parser = positive, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "PX",
+        default_value_t = 2.0,
+        value_parser = positive,
+        allow_negative_numbers = true
+    )]
     pub(crate) epsilon: f64,
     #[command(flatten)]
     pub(crate) walk: WalkArgs,
@@ -132,7 +143,14 @@ pub(crate) struct SweepArgs {
     /// The scene.
     pub(crate) scene: PathBuf,
     /// The error bounds to walk at, pixels.
-    #[arg(long, value_name = "PX,PX,..", value_delimiter = ',', default_value = "0.5,1,2,5,10,20", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "PX,PX,..",
+        value_delimiter = ',',
+        default_value = "0.5,1,2,5,10,20",
+        value_parser = positive,
+        allow_negative_numbers = true
+    )]
     pub(crate) epsilons: Vec<f64>,
     #[command(flatten)]
     pub(crate) walk: WalkArgs,
