@@ -15,8 +15,8 @@ use super::{
     Cameras, RoleError,
     cameras::Handed,
     gaps::Gaps,
-    leave,
     pair::sent_bytes,
+    parting::{hear_out, leave},
     rule_of,
     stop::{Stop, Waiting},
     viewport_of, wait,
@@ -100,8 +100,9 @@ impl<D: PictureDevice> DisplayRole<D> {
         let waiting = Waiting { runtime, stop };
         let mut work = Work::new(self, waiting)?;
         let result = work.frames(cameras, observer);
+        let result = hear_out(result, work.links.each_mut(), waiting);
         let counters = work.links.each_ref().map(|link| link.stats.clone());
-        runtime.block_on(leave(work.links, &result));
+        leave(runtime, work.links, &result);
         match result {
             Err(error) if !error.is_clean_end() => Err(error),
             _ => Ok(counters.each_ref().map(StatsHandle::read)),

@@ -9,6 +9,7 @@ mod gaps;
 mod occluders;
 mod outlet;
 mod pair;
+mod parting;
 mod stop;
 
 pub use cameras::Cameras;
@@ -23,7 +24,7 @@ use std::future::Future;
 use thiserror::Error;
 use trimaran_cull::{CullError, CutRule, CutRuleError, OccluderError, Viewport, ViewportError};
 use trimaran_proto::{Goodbye, Settings};
-use trimaran_transport::{Link, RecvError, SendError};
+use trimaran_transport::{RecvError, SendError};
 
 use crate::OrderError;
 use stop::Waiting;
@@ -126,22 +127,6 @@ fn wait<T, E: Into<LinkError>, D: std::error::Error + 'static>(
     match waiting.on(link) {
         Some(result) => result.map_err(|cause| RoleError::Link { doing, cause: cause.into() }),
         None => Err(RoleError::Stopped),
-    }
-}
-
-/// Says goodbye on both links, giving the reason that `result` gives. A peer that is gone already does not hear it, and need
-/// not.
-async fn leave<D: std::error::Error + 'static>(links: [Link; 2], result: &Result<(), RoleError<D>>) {
-    let reason = match result {
-        Ok(()) => Goodbye::Finished,
-        Err(error) if error.is_clean_end() => Goodbye::Interrupted,
-        Err(error) if error.lost_a_peer() => Goodbye::peer_lost(&error.to_string()),
-        Err(error) => Goodbye::failed(&error.to_string()),
-    };
-    for link in links {
-        if let Err(cause) = link.goodbye(reason.clone()).await {
-            tracing::debug!(%cause, "a goodbye was not heard");
-        }
     }
 }
 

@@ -9,11 +9,12 @@ use trimaran_proto::{
     Settings,
 };
 use trimaran_scene::Scene;
-use trimaran_transport::{Link, RecvError, Traffic};
+use trimaran_transport::{Link, Traffic};
 
 use super::{
-    LinkError, OccluderPolicy, RoleError, leave, left_on_purpose, nanoseconds,
+    OccluderPolicy, RoleError, nanoseconds,
     outlet::Outlet,
+    parting::{hear_out, leave},
     rule_of,
     stop::{Stop, Waiting},
     viewport_of, wait,
@@ -51,14 +52,9 @@ impl<D: PairDevice> PairRole<D> {
     /// interrupted on purpose is no error.
     pub fn run(self, runtime: &Handle, stop: &Stop) -> Result<(), RoleError<D::Error>> {
         let mut work = Work::new(self, Waiting { runtime, stop })?;
-        let mut result = work.frames();
-        if matches!(&result, Err(RoleError::Link { cause: LinkError::Send(_), .. })) {
-            // A peer that left on purpose cannot be sent to, but has said goodbye before.
-            result = work.heard_goodbye().map_or(result, |cause| {
-                Err(RoleError::Link { doing: "sending to a peer", cause: LinkError::Receive(cause) })
-            });
-        }
-        runtime.block_on(leave([work.display, work.other], &result));
+        let result = work.frames();
+        let result = hear_out(result, [&mut work.display, &mut work.other], work.waiting);
+        leave(runtime, [work.display, work.other], &result);
         result.or_else(|error| if error.is_clean_end() { Ok(()) } else { Err(error) })
     }
 }
@@ -126,13 +122,6 @@ impl<'r, D: PairDevice> Work<'r, D> {
                 SwitchStep::Done => return Ok(()),
             }
         }
-    }
-
-    /// The goodbye of a peer that has left on purpose.
-    fn heard_goodbye(&mut self) -> Option<RecvError> {
-        let from_display = self.display.latest_rx.try_latest().err();
-        let from_other = || self.other.latest_rx.try_latest().err();
-        from_display.or_else(from_other).filter(left_on_purpose)
     }
 
     /// OR (paper, section 4.2): draws what the other machine finds visible in the frame before, as it comes, from this frame's

@@ -1,0 +1,111 @@
+//! Leaving, and finding out that a peer has left.
+
+use tokio::runtime::Handle;
+use trimaran_proto::Goodbye;
+use trimaran_transport::{Link, RecvError, SendError};
+
+use super::{LinkError, RoleError, stop::Waiting};
+
+/// Says goodbye on both links, giving the reason that `result` gives. A peer that is gone already does not hear it, and need
+/// not.
+pub(super) fn leave<D: std::error::Error + 'static>(
+    runtime: &Handle,
+    links: [Link; 2],
+    result: &Result<(), RoleError<D>>,
+) {
+    let reason = match result {
+        Ok(()) => Goodbye::Finished,
+        Err(error) if error.is_clean_end() => Goodbye::Interrupted,
+        Err(error) if error.lost_a_peer() => Goodbye::peer_lost(&error.to_string()),
+        Err(error) => Goodbye::failed(&error.to_string()),
+    };
+    runtime.block_on(async {
+        for link in links {
+            if let Err(cause) = link.goodbye(reason.clone()).await {
+                tracing::debug!(%cause, "a goodbye was not heard");
+            }
+        }
+    });
+}
+
+/// Puts what a peer said when it left in the place of the failure to send to it afterwards.
+pub(super) fn hear_out<D: std::error::Error + 'static>(
+    result: Result<(), RoleError<D>>,
+    links: [&mut Link; 2],
+    waiting: Waiting<'_>,
+) -> Result<(), RoleError<D>> {
+    match &result {
+        Err(RoleError::Link { doing, cause: LinkError::Send(SendError::Lost { peer, .. }) }) => {
+            let link = links.into_iter().find(|link| link.peer.identity.role == *peer);
+            let heard = link.and_then(|link| waiting.on(last_word(link)));
+            match heard {
+                Some(cause @ RecvError::Goodbye { .. }) => {
+                    Err(RoleError::Link { doing, cause: LinkError::Receive(cause) })
+                }
+                _ => result,
+            }
+        }
+        _ => result,
+    }
+}
+
+/// How a link ended, whose peer is gone: behind cameras that nobody has read, and where its two lanes are two connections
+/// perhaps a little later than the other one.
+async fn last_word(link: &mut Link) -> RecvError {
+    loop {
+        if let Err(end) = link.latest_rx.latest().await {
+            return end;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::convert::Infallible;
+    use std::sync::Arc;
+
+    use trimaran_proto::{Camera, FrameNumber, FrameStart, Identity, Role, SceneHash};
+    use trimaran_transport::{LinkConfig, Net, TokioNet, inproc};
+
+    use super::super::{Stop, wait};
+    use super::*;
+
+    /// What a machine makes of it that it cannot begin a frame any more for a display that handed out a camera, and went.
+    fn begin_after(goodbye: Option<Goodbye>) -> RoleError<Infallible> {
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+        let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+        let identity = |role| Identity { role, scene: SceneHash(1), settings: None };
+        let join = |role| {
+            inproc::pair(&net, identity(role), identity(Role::SwitchB), &LinkConfig::default()).unwrap()
+        };
+        let ((mut display, mut to_display), (_other, mut to_other)) =
+            (join(Role::Display), join(Role::SwitchA));
+        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(0)).unwrap();
+        display.latest_tx.publish(camera).unwrap();
+        match goodbye {
+            Some(reason) => runtime.block_on(display.goodbye(reason)).unwrap(),
+            None => drop(display),
+        }
+        let (_stopper, stop) = Stop::new();
+        let waiting = Waiting { runtime: runtime.handle(), stop: &stop };
+        let start = FrameStart { frame: FrameNumber(0), camera };
+        let begin = to_display.frames_tx.begin(start);
+        let result = wait(waiting, "beginning a frame", begin).map(|_| ());
+        assert!(matches!(result, Err(RoleError::Link { cause: LinkError::Send(_), .. })), "{result:?}");
+        hear_out(result, [&mut to_display, &mut to_other], waiting).unwrap_err()
+    }
+
+    #[test]
+    fn a_display_that_left_is_not_lost_though_its_last_camera_was_not_read() {
+        let finished = begin_after(Some(Goodbye::Finished));
+        assert!(finished.is_clean_end() && !finished.lost_a_peer(), "{finished:?}");
+        let failed = begin_after(Some(Goodbye::failed("no memory")));
+        assert!(!failed.is_clean_end() && !failed.lost_a_peer(), "{failed:?}");
+    }
+
+    #[test]
+    fn a_display_that_went_without_a_word_is_lost() {
+        let gone = begin_after(None);
+        assert!(gone.lost_a_peer() && !gone.is_clean_end(), "{gone:?}");
+    }
+}
