@@ -14,12 +14,12 @@ const FRAME: f64 = 1e3 / 60.0;
 
 /// Colours of light pages and of dark ones.
 const STYLE: &str = "<style>\
-    text{font:13px system-ui,sans-serif;fill:#16202b}.soft{fill:#5a6775;font-size:12px}.head{font-weight:600}\
+    text{font:13px system-ui,sans-serif;fill:#16202b;paint-order:stroke;stroke:#fff;stroke-width:3px}.soft{fill:#5a6775;font-size:12px}.head{font-weight:600}\
     .card{fill:#fff}.grid{stroke:#e3e8ee}.frame{stroke:#b0245c;stroke-dasharray:5 4}.frametext{fill:#b0245c;font-size:12px}\
     .tcp{color:#c2570c}.quic{color:#0b63b0}.udp{color:#0a7f5b}\
     line{stroke:currentColor;stroke-width:2}line.grid,line.frame{stroke-width:1}circle{fill:currentColor}\
     .low{opacity:.45}\
-    @media(prefers-color-scheme:dark){text{fill:#e7edf3}.soft{fill:#9aa8b6}.card{fill:#182029}.grid{stroke:#2b3743}\
+    @media(prefers-color-scheme:dark){text{fill:#e7edf3;stroke:#182029}.soft{fill:#9aa8b6}.card{fill:#182029}.grid{stroke:#2b3743}\
     .frame{stroke:#ff7fae}.frametext{fill:#ff7fae}.tcp{color:#ff9d5c}.quic{color:#64b5ff}.udp{color:#46d0a0}}</style>";
 
 /// How long the frames of a link over a path took.
