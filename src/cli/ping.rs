@@ -1,11 +1,11 @@
 //! `trimaran ping`: round trips over a link of any transport.
 
-use std::{fmt::Write as _, path::PathBuf, sync::Arc, time::Duration};
+mod tally;
+
+use std::{path::PathBuf, sync::Arc, time::Duration};
 
 use clap::Args;
 use confique::Config;
-use hdrhistogram::Histogram;
-use serde::Serialize;
 use trimaran::{
     config::{LinkConfig, positive},
     metrics::PathReading,
@@ -13,7 +13,7 @@ use trimaran::{
 use trimaran_proto::{BatchSize, Goodbye, Identity, Refusal, Role, SceneHash};
 use trimaran_transport::{
     ConnectError, Endpoint, Link, Listener, Net, Options, TokioNet, connect,
-    probe::{Probe, Reply, answer, probe},
+    probe::{Probe, answer, probe},
 };
 
 use super::{
@@ -22,15 +22,13 @@ use super::{
     number, print_json,
     walking::{runtime, stop_on_signal},
 };
+use tally::{Cost, Tally, microseconds};
 
 /// What stands where a session has its scene: peers that ping have none.
 const NO_SCENE: SceneHash = SceneHash(u128::from_be_bytes(*b"trimaran ping  \0"));
 
 /// How long a listener waits for its next guest.
 const FOR_EVER: Duration = Duration::from_secs(u32::MAX as u64);
-
-/// Longer round trips count as this: an hour, nanoseconds.
-const LONGEST_NS: u64 = 3_600_000_000_000;
 
 #[derive(Debug, Args)]
 pub(crate) struct PingArgs {
@@ -94,43 +92,6 @@ pub(crate) struct PingArgs {
     json: bool,
 }
 
-/// What came of it; times are round trips in microseconds.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-struct Summary {
-    endpoint: String,
-    /// The ids there and back in each; 0 for a camera.
-    ids: u32,
-    sent: u32,
-    answered: u32,
-    /// Frames that came back in part.
-    incomplete: u32,
-    lost: u32,
-    /// Over the lost and the incomplete.
-    loss_percent: f64,
-    min_us: f64,
-    mean_us: f64,
-    p50_us: f64,
-    p90_us: f64,
-    p99_us: f64,
-    p999_us: f64,
-    max_us: f64,
-    /// Mean difference between two round trips that follow each other.
-    jitter_us: f64,
-    /// The bytes that a round trip took, both ways, this protocol's headers included and those below it not.
-    bytes: f64,
-    /// Packets and the path, where the transport tells.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    path: Option<PathReading>,
-}
-
-/// What a ping took.
-#[derive(Debug, Clone, Copy, Default)]
-struct Cost {
-    /// The bytes of a round trip.
-    bytes: f64,
-    path: Option<PathReading>,
-}
-
 pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
     let links = LinkConfig::load(args.links.clone()).map_err(Failure::bad_input)?;
     let peer = [("peer", args.peer.as_deref())];
@@ -149,7 +110,7 @@ pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
     let mut tally = Tally::new().map_err(Failure::broken)?;
     let pinging = ping(args, &net, &options, &mut tally);
     let cost = stop.unless_requested(runtime.handle(), pinging).transpose()?;
-    let summary = tally.summary(args, cost.unwrap_or_default());
+    let summary = tally.summary(&args.endpoint, args.ids, cost.unwrap_or_default());
     if args.json {
         return print_json(&summary);
     }
@@ -213,193 +174,9 @@ fn refused(error: &ConnectError) -> Option<Failure> {
     ))
 }
 
-/// Round trips, counted.
-struct Tally {
-    /// Nanoseconds.
-    times: Histogram<u64>,
-    incomplete: u32,
-    lost: u32,
-    last: Option<Duration>,
-    /// Sum of the differences between neighbours, and how many.
-    differences: (Duration, u32),
-}
-
-impl Tally {
-    fn new() -> Result<Self, hdrhistogram::CreationError> {
-        let times = Histogram::new_with_bounds(1, LONGEST_NS, 3)?;
-        Ok(Self { times, incomplete: 0, lost: 0, last: None, differences: (Duration::ZERO, 0) })
-    }
-
-    fn add(&mut self, reply: Reply) {
-        let took = match reply {
-            Reply::Whole(took) => took,
-            Reply::Incomplete(took) => {
-                self.incomplete += 1;
-                took
-            }
-            Reply::Lost => {
-                self.lost += 1;
-                self.last = None;
-                return;
-            }
-        };
-        self.times.saturating_record(u64::try_from(took.as_nanos()).unwrap_or(u64::MAX));
-        if let Some(last) = self.last {
-            self.differences.0 += took.abs_diff(last);
-            self.differences.1 += 1;
-        }
-        self.last = Some(took);
-    }
-
-    fn summary(&self, args: &PingArgs, Cost { bytes, path }: Cost) -> Summary {
-        let answered = u32::try_from(self.times.len()).unwrap_or(u32::MAX);
-        let sent = answered + self.lost;
-        let at = |quantile| self.times.value_at_quantile(quantile) as f64 / 1e3;
-        Summary {
-            endpoint: args.endpoint.to_string(),
-            ids: args.ids,
-            sent,
-            answered,
-            incomplete: self.incomplete,
-            lost: self.lost,
-            loss_percent: 100.0 * f64::from(self.lost + self.incomplete) / f64::from(sent.max(1)),
-            min_us: self.times.min() as f64 / 1e3,
-            mean_us: self.times.mean() / 1e3,
-            p50_us: at(0.5),
-            p90_us: at(0.9),
-            p99_us: at(0.99),
-            p999_us: at(0.999),
-            max_us: self.times.max() as f64 / 1e3,
-            jitter_us: microseconds(self.differences.0) / f64::from(self.differences.1.max(1)),
-            bytes,
-            path,
-        }
-    }
-
-    /// A bar for each doubling of time.
-    fn histogram(&self) -> String {
-        const WIDTH: u64 = 50;
-        let doublings: Vec<(u64, u64)> = self
-            .times
-            .iter_log(1000, 2.0)
-            .map(|step| (step.value_iterated_to() + 1, step.count_since_last_iteration()))
-            .skip_while(|(_, count)| *count == 0)
-            .collect();
-        let most = doublings.iter().map(|(_, count)| *count).max().unwrap_or(0).max(1);
-        let mut text = String::new();
-        for (below, count) in doublings {
-            let bar = "#".repeat((count * WIDTH).div_ceil(most) as usize);
-            let _infallible =
-                writeln!(text, "{:>12} us  {count:>8}  {bar}", format!("< {}", number(below / 1000)));
-        }
-        text
-    }
-}
-
-impl Summary {
-    fn text(&self) -> String {
-        let Self { sent, answered, incomplete, lost, loss_percent, .. } = self;
-        let what =
-            if self.ids == 0 { "a camera".to_owned() } else { format!("{} ids", number(self.ids.into())) };
-        let parts = if *incomplete > 0 { format!(", {incomplete} of them in part") } else { String::new() };
-        let path = self.path.as_ref().map(path_line).unwrap_or_default();
-        format!(
-            "{what} there and back: {sent} sent, {answered} answered{parts}, {lost} lost ({loss_percent:.1} %), {:.0} bytes each\n\
-             min {:.1}  mean {:.1}  p50 {:.1}  p90 {:.1}  p99 {:.1}  p99.9 {:.1}  max {:.1}  jitter {:.1} us\n{path}",
-            self.bytes,
-            self.min_us,
-            self.mean_us,
-            self.p50_us,
-            self.p90_us,
-            self.p99_us,
-            self.p999_us,
-            self.max_us,
-            self.jitter_us
-        )
-    }
-}
-
-/// The path in one line.
-fn path_line(path: &PathReading) -> String {
-    let PathReading { packets_sent, packets_received, packets_lost, parts_repeated, .. } = path;
-    let PathReading { repair_sent, frames_repaired, probes, path_mtu, round_trip_ms, .. } = path;
-    format!(
-        "packets: {packets_sent} sent, {packets_received} received, {packets_lost} lost; {parts_repeated} parts repeated, \
-         {repair_sent} repair sent, {frames_repaired} frames repaired, {probes} probes; path: {path_mtu} bytes a datagram, \
-         {round_trip_ms:.2} ms, window {} bytes\n",
-        number(path.window_bytes)
-    )
-}
-
-fn microseconds(duration: Duration) -> f64 {
-    duration.as_secs_f64() * 1e6
-}
-
 fn not_negative(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if (0.0..1e6).contains(&seconds) => Ok(seconds),
         _ => Err("give seconds, 0 or more".to_owned()),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn tally(replies: &[Reply]) -> Tally {
-        let mut tally = Tally::new().unwrap();
-        replies.iter().for_each(|reply| tally.add(*reply));
-        tally
-    }
-
-    fn args() -> PingArgs {
-        use clap::Parser;
-        #[derive(Parser)]
-        struct Only {
-            #[command(flatten)]
-            ping: PingArgs,
-        }
-        Only::parse_from(["ping", "tcp://host:1"]).ping
-    }
-
-    #[test]
-    fn times_losses_and_jitter_are_told() {
-        let whole = |us| Reply::Whole(Duration::from_micros(us));
-        let replies =
-            [whole(100), whole(300), Reply::Lost, whole(200), Reply::Incomplete(Duration::from_micros(250))];
-        let tally = tally(&replies);
-        let summary = tally.summary(&args(), Cost { bytes: 152.0, path: None });
-        assert_eq!((summary.sent, summary.answered, summary.incomplete, summary.lost), (5, 4, 1, 1));
-        assert_eq!(summary.loss_percent, 40.0);
-        let near = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-3;
-        assert!(near(summary.min_us, 100.0) && near(summary.max_us, 300.0), "{summary:?}");
-        assert!(near(summary.mean_us, 212.5) && near(summary.p50_us, 200.0), "{summary:?}");
-        // 200 between the first two, 50 between the last two; not across the lost one.
-        assert!(near(summary.jitter_us, 125.0), "{summary:?}");
-        let text = summary.text();
-        assert!(
-            text.contains("5 sent, 4 answered, 1 of them in part, 1 lost (40.0 %), 152 bytes each"),
-            "{text}"
-        );
-    }
-
-    #[test]
-    fn a_histogram_has_a_bar_for_each_doubling() {
-        let replies: Vec<Reply> =
-            [3, 3, 3, 3, 30].iter().map(|us| Reply::Whole(Duration::from_micros(*us))).collect();
-        let text = tally(&replies).histogram();
-        let lines: Vec<&str> = text.lines().collect();
-        assert!(
-            lines[0].contains("< 4 us") && lines[0].ends_with(&format!("4  {}", "#".repeat(50))),
-            "{text}"
-        );
-        assert!(lines[3].ends_with(&format!("1  {}", "#".repeat(13))), "{text}");
-        assert_eq!(tally(&[Reply::Lost]).histogram(), "");
-    }
-
-    #[test]
-    fn nothing_answered_is_no_division_by_zero() {
-        let summary = tally(&[Reply::Lost]).summary(&args(), Cost::default());
-        assert_eq!((summary.answered, summary.loss_percent, summary.jitter_us), (0, 100.0, 0.0));
     }
 }
