@@ -141,6 +141,25 @@ fn a_namespace_that_was_there_stays() {
     assert_eq!(left, [true, false]);
 }
 
+#[test]
+fn a_namespace_without_its_name_is_there_as_long_as_somebody_has_it() {
+    if !possible() {
+        return;
+    }
+    let names = names("nameless", 2);
+    let mut emulation = Emulation::start(&profile("", ""), &names, 1).unwrap();
+    emulation.take_names().unwrap();
+    assert!(
+        names.iter().all(|name| !Path::new("/run/netns").join(name).exists()),
+        "killed now, it leaves nothing"
+    );
+    let [here, there] = ends(&emulation, true);
+    here.send_to(b"still here", there.local_addr().unwrap()).unwrap();
+    let mut buffer = [0; 100];
+    assert_eq!(there.recv_from(&mut buffer).unwrap(), (10, here.local_addr().unwrap()));
+    assert_eq!(totals(&emulation.finish().unwrap()), [1, 0, 1, 0]);
+}
+
 /// Two machines, 10.1.0.1 and 10.1.0.2, each with a veth pair whose other end, `end0` and `end1`, is in a third place between them.
 fn veth_pairs(test: &str) -> [Namespace; 3] {
     let names = names(test, 3);

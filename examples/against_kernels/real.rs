@@ -29,13 +29,14 @@ pub(crate) struct Played {
 pub(crate) fn play(scenario: &Scenario) -> Ended<Played> {
     let name = |role: &str| format!("trimaran-{}-{role}", std::process::id());
     let names = ["first", "second", "display"].map(name);
-    let emulation = Emulation::start(&scenario.network, &names, scenario.seed)?;
+    let mut emulation = Emulation::start(&scenario.network, &names, scenario.seed)?;
+    for (_, place) in emulation.machines() {
+        use_cubic(place)?;
+    }
+    emulation.take_names()?;
     let [(_, first), (_, second), (_, display)] = emulation.machines() else {
         return Err("a machine is missing".into());
     };
-    for place in [first, second, display] {
-        use_cubic(place)?;
-    }
     let (cast, start) = (Cast::new(scenario)?, std::time::Instant::now());
     let sent = || -> u64 {
         let report = emulation.report();
@@ -51,7 +52,7 @@ pub(crate) fn play(scenario: &Scenario) -> Ended<Played> {
         };
         let pair = [switch(Seat::First, first), switch(Seat::Second, second)];
         let show = scope.spawn(move || {
-            in_place(display, start, async |net, clock| Ok(cast.display(net, clock, sent).await?))
+            in_place(display, start, async |net, clock| Ok(cast.display(net, clock, sent, || ()).await?))
         });
         for role in pair {
             role.join().map_err(|_| "a machine of the pair panicked")??;

@@ -110,6 +110,15 @@ impl Emulation {
         &self.machines
     }
 
+    /// Takes their names from the namespaces that were made, for a program that plays all machines itself: whatever ends it, nothing
+    /// stays behind.
+    ///
+    /// # Errors
+    /// When iproute2 cannot.
+    pub fn take_names(&mut self) -> Result<(), NetemError> {
+        self.machines.iter_mut().try_for_each(|(_, namespace)| namespace.take_name())
+    }
+
     /// The interfaces that are joined.
     #[must_use]
     pub fn interfaces(&self) -> &[Interface] {

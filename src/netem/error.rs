@@ -100,6 +100,15 @@ pub enum NetemError {
         /// What it said.
         said: String,
     },
+    /// What is called a namespace cannot be opened.
+    #[error("cannot open the network namespace {namespace}")]
+    Namespace {
+        /// Which.
+        namespace: String,
+        /// What the system says.
+        #[source]
+        cause: io::Error,
+    },
     /// A device could not be made.
     #[error("cannot make a TUN device in the namespace {namespace}")]
     Device {

@@ -25,6 +25,8 @@ pub(super) const DEVICE_QUEUE: u32 = 10_000;
 #[derive(Debug)]
 pub struct Namespace {
     name: String,
+    /// The namespace itself: it is there as long as this is open, with or without its name.
+    file: File,
     made: bool,
 }
 
@@ -38,7 +40,22 @@ impl Namespace {
         if made {
             ip(&["netns", "add", name])?;
         }
-        Ok(Self { name: name.to_owned(), made })
+        let file = File::open(path(name))
+            .map_err(|cause| NetemError::Namespace { namespace: name.to_owned(), cause })?;
+        Ok(Self { name: name.to_owned(), file, made })
+    }
+
+    /// Takes its name from it, if it was made here: it ends with this process then, however that ends, and nobody else can enter it
+    /// any more.
+    ///
+    /// # Errors
+    /// When iproute2 cannot.
+    pub fn take_name(&mut self) -> Result<(), NetemError> {
+        if self.made {
+            ip(&["netns", "delete", &self.name])?;
+            self.made = false;
+        }
+        Ok(())
     }
 
     /// What it is called.
@@ -50,10 +67,9 @@ impl Namespace {
     /// Moves the calling thread into the namespace, and with it the sockets that the thread opens from now on.
     ///
     /// # Errors
-    /// When the namespace is gone, or this process may not enter it.
+    /// When this process may not enter it.
     pub fn enter(&self) -> io::Result<()> {
-        let file = File::open(path(&self.name))?;
-        Ok(move_into_link_name_space(file.as_fd(), Some(LinkNameSpaceType::Network))?)
+        Ok(move_into_link_name_space(self.file.as_fd(), Some(LinkNameSpaceType::Network))?)
     }
 
     /// Adds a TUN device with these addresses, each in a network of that many bits.

@@ -23,48 +23,49 @@ pub(crate) fn possible() -> Result<(), String> {
     ip(&["-V"]).map_err(|e| format!("the program `ip` (package iproute2) does not run: {e}"))
 }
 
-/// Two namespaces and the devices in them. Dropping it removes both.
+/// Two namespaces and the devices in them. They have no names, so that they end with this, or with the process, however that ends.
 pub(crate) struct Path {
-    names: [String; 2],
+    places: [File; 2],
     pub(crate) devices: [Arc<SyncDevice>; 2],
 }
 
 impl Path {
     /// Lays it; TCP at both ends controls congestion as is said, or as the system does.
     pub(crate) fn lay(congestion: Option<&str>) -> io::Result<Self> {
-        let names = ["a", "b"].map(|end| format!("trimaran-{}-{end}", std::process::id()));
-        let device = |end: &str| DeviceBuilder::new().name(format!("tri{}", end)).build_sync().map(Arc::new);
-        let path = Self { devices: [device("a")?, device("b")?], names };
-        for (end, name) in path.names.iter().enumerate() {
-            let (here, there) = (ADDRESSES[end], ADDRESSES[1 - end]);
-            let device = path.devices[end].name()?;
-            ip(&["netns", "add", name])?;
-            ip(&["link", "set", &device, "netns", name])?;
-            ip(&["-n", name, "address", "add", here, "peer", there, "dev", &device])?;
-            ip(&["-n", name, "link", "set", &device, "mtu", "1500", "up"])?;
-            // Linux lets a route say so.
-            if let Some(congestion) = congestion {
-                ip(&["-n", name, "route", "replace", there, "dev", &device, "congctl", congestion])?;
-            }
-        }
-        Ok(path)
+        let end = |index: usize| {
+            // iproute2 enters a namespace by its name; what keeps it is that it is open.
+            let name = format!("trimaran-{}-{index}", std::process::id());
+            // A run that was killed may have left one of that number.
+            let _none = ip(&["netns", "delete", &name]);
+            ip(&["netns", "add", &name])?;
+            let device = File::open(format!("/run/netns/{name}"))
+                .and_then(|place| Ok((place, furnish(&name, index, congestion)?)));
+            ip(&["netns", "delete", &name])?;
+            device
+        };
+        let ((here, near), (there, far)) = (end(0)?, end(1)?);
+        Ok(Self { places: [here, there], devices: [near, far] })
     }
 
     /// Moves this thread, and the sockets that it opens, into the namespace of an end.
     pub(crate) fn enter(&self, end: usize) -> io::Result<()> {
-        let file = File::open(format!("/run/netns/{}", self.names[end]))?;
-        Ok(move_into_link_name_space(file.as_fd(), Some(LinkNameSpaceType::Network))?)
+        Ok(move_into_link_name_space(self.places[end].as_fd(), Some(LinkNameSpaceType::Network))?)
     }
 }
 
-impl Drop for Path {
-    fn drop(&mut self) {
-        for name in &self.names {
-            if let Err(e) = ip(&["netns", "delete", name]) {
-                eprintln!("{e}");
-            }
-        }
+/// Makes the device of the namespace that is called `name` for now.
+fn furnish(name: &str, index: usize, congestion: Option<&str>) -> io::Result<Arc<SyncDevice>> {
+    let (here, there) = (ADDRESSES[index], ADDRESSES[1 - index]);
+    let device = DeviceBuilder::new().name(format!("tri{index}")).build_sync()?;
+    let device_name = device.name()?;
+    ip(&["link", "set", &device_name, "netns", name])?;
+    ip(&["-n", name, "address", "add", here, "peer", there, "dev", &device_name])?;
+    ip(&["-n", name, "link", "set", &device_name, "mtu", "1500", "up"])?;
+    // Linux lets a route say so.
+    if let Some(congestion) = congestion {
+        ip(&["-n", name, "route", "replace", there, "dev", &device_name, "congctl", congestion])?;
     }
+    Ok(Arc::new(device))
 }
 
 fn ip(args: &[&str]) -> io::Result<()> {
