@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use bytes::BytesMut;
 use tempfile::TempDir;
-use trimaran::simulate::{Knobs, Load, Scenario, Transport, Workload, simulate_captured};
+use trimaran::simulate::{Knobs, Load, Scenario, Transport, Workload, simulate_watched};
 use trimaran::trace::Trace;
 use trimaran::walkthrough::{FrameRecord, Pace, Plan};
 use trimaran_netsim::Profile;
@@ -146,7 +146,8 @@ fn session(capture: &Capture, link: Transport, workload: &Workload, knobs: Knobs
         workload: workload.clone(),
         knobs,
     };
-    simulate_captured(&scenario, Box::new(File::create(capture.path()).unwrap())).unwrap();
+    let file = File::create(capture.path()).unwrap();
+    simulate_watched(&scenario, Some(Box::new(file)), || ()).unwrap();
 }
 
 /// Every frame to the display, and all but the last to the other machine of the pair.

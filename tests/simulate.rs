@@ -1,11 +1,13 @@
 //! Whole sessions in virtual time, over each transport.
 #![allow(clippy::unwrap_used, reason = "a test ends where what it needs is not there")]
 
+use std::cell::Cell;
 use std::path::Path;
 use std::time::Duration;
 
 use trimaran::simulate::{
     Knobs, Load, Outcome, Scenario, Times, Transport, Workload, WorkloadError, pooled, simulate,
+    simulate_watched,
 };
 use trimaran_netsim::Profile;
 use trimaran_proto::BatchSize;
@@ -125,6 +127,26 @@ fn what_cannot_come_in_time_is_given_up_and_the_session_goes_on() {
     assert_eq!((both.len(), both[0].frames, both[0].incomplete), (1, 400, 2 * hasty.incomplete));
     assert_eq!(both[0].latency_ms.p50, hasty.latency_ms.p50);
     assert_eq!(pooled(&[hasty, patient]).len(), 2, "another deadline is another run");
+}
+
+/// To the display of wifi it is two delays of 1 ms, beside the time of the bits.
+#[test]
+fn a_deadline_no_longer_than_the_way_is_hopeless() {
+    let run = |us: u64, link| {
+        let knobs = Knobs { deadline: Duration::from_micros(us), repair_percent: 0, ..Knobs::default() };
+        let (network, batch) = (Profile::find("wifi").unwrap(), BatchSize::new(1024).unwrap());
+        let workload = Workload::steady(load(4000, 5));
+        let scenario = Scenario { network, link, batch, frames: 20, seed: 1, workload, knobs };
+        let shown = Cell::new(0);
+        let outcome = simulate_watched(&scenario, None, || shown.set(shown.get() + 1)).unwrap();
+        assert_eq!(shown.get(), 20, "each picture is told of");
+        (outcome.hopeless, scenario.gives_up_everything(), outcome.incomplete)
+    };
+    let (told, warned, incomplete) = run(2000, Transport::UdpDeadline);
+    assert!(told && warned && incomplete >= 18, "{told} {warned} {incomplete}");
+    let (told, warned, incomplete) = run(30_000, Transport::UdpDeadline);
+    assert!(!told && !warned && incomplete < 5, "{told} {warned} {incomplete}");
+    assert_eq!(run(2000, Transport::Udp), (false, false, 0), "no deadline holds there");
 }
 
 #[test]

@@ -240,6 +240,7 @@ mod tests {
             ("delay = \"soon\"", "delay = \"soon\""),
             ("loss = { independent = 1.5 }", "1.5 is no probability"),
             ("speed = 3", "unknown field `speed`"),
+            ("phases = [3]", "expected a table of a phase's keys"),
             ("mtu = 100", "`up.mtu` is below 576 bytes"),
             ("queue = { packets = 0 }", "`up.queue.packets` is 0"),
             ("queue = { bytes = 1000 }", "`up.queue.bytes` has no room"),

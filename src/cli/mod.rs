@@ -21,7 +21,7 @@ mod sweep;
 mod three_processes;
 mod walking;
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
@@ -85,7 +85,15 @@ fn log_to_stderr(verbose: u8) {
 /// Prints a value as JSON on standard output.
 fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(value).map_err(Failure::broken)?;
-    writeln!(std::io::stdout(), "{text}").map_err(Failure::broken)
+    printed(writeln!(io::stdout(), "{text}"))
+}
+
+/// What printing came to. Whoever stops reading, as `head` does, has what they wanted.
+fn printed(written: io::Result<()>) -> Result<(), Failure> {
+    match written {
+        Err(e) if e.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        written => written.map_err(Failure::broken),
+    }
 }
 
 /// A count with a comma every three digits.

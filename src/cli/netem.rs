@@ -63,7 +63,7 @@ mod linux {
 
     use super::NetemArgs;
     use crate::cli::{
-        Failure, number, print_json,
+        Failure, number, print_json, printed,
         walking::{runtime, stop_on_signal},
     };
 
@@ -96,7 +96,7 @@ mod linux {
         let net = TokioNet::new(runtime.handle().clone());
         runtime.block_on(watch(&emulation, &net, args.seconds.map(Duration::from_secs_f64), &stop));
         let report = emulation.finish().map_err(failure)?;
-        if args.json { print_json(&report) } else { print(&report).map_err(Failure::broken) }
+        if args.json { print_json(&report) } else { printed(print(&report)) }
     }
 
     /// Shows the counters until it is time to end.

@@ -9,7 +9,7 @@ use std::time::Duration;
 use rayon::prelude::*;
 use trimaran::report::simulation;
 use trimaran::simulate::{
-    Knobs, Load, Outcome, Painter, Scenario, Times, Transport, Workload, pooled, simulate, simulate_captured,
+    Knobs, Load, Outcome, Painter, Scenario, Times, Transport, Workload, pooled, simulate_watched,
 };
 use trimaran_gpu::{Gpu, GpuScene};
 use trimaran_netsim::Profile;
@@ -18,7 +18,7 @@ use trimaran_proto::{BatchSize, IdCoding};
 use super::{
     Failure,
     args::{Coding, SimArgs, SimLink},
-    print_json, progress,
+    print_json, printed, progress,
     walking::{gpu_options, open},
 };
 
@@ -29,20 +29,18 @@ pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
     let scenarios = scenarios(args)?;
     warn_of_deadlines(&scenarios);
     warn_of_idle_flags(args);
-    if let Some(folder) = &args.pcap {
+    // Before anything is simulated: that may take long.
+    for folder in [&args.pcap, &args.out].into_iter().flatten() {
         fs::create_dir_all(folder).map_err(|cause| unwritten(folder, &cause))?;
     }
-    let bar = progress::bar("simulating", scenarios.len() as u64);
+    let frames = scenarios.iter().map(|scenario| u64::from(scenario.frames)).sum();
+    let bar = progress::bar("simulating", frames);
     // Each run is one thread's, and its outcome its place's: more cores change nothing but the time.
     let runs: Result<Vec<Outcome>, _> = scenarios
         .par_iter()
         .map(|scenario| {
-            let outcome = match &args.pcap {
-                None => simulate(scenario).map_err(Failure::broken),
-                Some(folder) => captured(scenario, folder),
-            };
-            bar.inc(1);
-            outcome
+            let capture = args.pcap.as_ref().map(|folder| capture(scenario, folder)).transpose()?;
+            simulate_watched(scenario, capture, || bar.inc(1)).map_err(Failure::broken)
         })
         .collect();
     bar.finish_and_clear();
@@ -54,8 +52,8 @@ pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
     if let Some(folder) = &args.out {
         let write = |name: &str, text: &str| fs::write(folder.join(name), text);
         let command: Vec<String> = std::env::args().collect();
-        fs::create_dir_all(folder)
-            .and_then(|()| write("sim.json", &serde_json::to_string_pretty(&runs)?))
+        let json = serde_json::to_string_pretty(&runs).map_err(Failure::broken)?;
+        write("sim.json", &json)
             .and_then(|()| write("runs.csv", &simulation::runs_csv(&pooled)))
             .and_then(|()| write("frames.csv", &simulation::frames_csv(&runs)))
             .and_then(|()| write("sim.html", &simulation::page(&pooled, &command)))
@@ -64,9 +62,7 @@ pub(super) fn run(args: &SimArgs) -> Result<(), Failure> {
     if args.json {
         return print_json(&runs);
     }
-    let mut out = io::stdout().lock();
-    let written = write!(out, "{}", simulation::tables(&pooled));
-    written.map_err(Failure::broken)
+    printed(write!(io::stdout(), "{}", simulation::tables(&pooled)))
 }
 
 fn unwritten(place: &Path, cause: &io::Error) -> Failure {
@@ -113,10 +109,13 @@ fn scenarios(args: &SimArgs) -> Result<Vec<Scenario>, Failure> {
 fn warn_of_deadlines(scenarios: &[Scenario]) {
     let hopeless = scenarios.iter().filter(|scenario| scenario.gives_up_everything());
     let mut said: Vec<String> = hopeless
-        .map(|Scenario { network, knobs, .. }| {
-            let [deadline, way] = [knobs.deadline, network.way_to_display()].map(|time| time.as_secs_f64() * 1e3);
-            let name = &network.name;
-            format!("trimaran: by {name} the way to the display takes {way:.1} ms, and a frame may take {deadline:.1}: hardly any will come whole; take a longer --udp-deadline-ms, or --link udp")
+        .map(|Scenario { network, link, knobs, .. }| {
+            let (deadline, way) = (knobs.deadline, network.way_to_display());
+            let (name, link) = (&network.name, link.name());
+            format!(
+                "trimaran: a frame over {link} may take {deadline:?}, and by {name} the way to the display alone takes {way:?}: hardly any will come \
+                 whole; take a longer --udp-deadline-ms, or --link udp"
+            )
         })
         .collect();
     said.dedup();
@@ -172,8 +171,8 @@ fn knobs(args: &SimArgs, link: SimLink) -> Vec<(Transport, Knobs)> {
     }
 }
 
-/// Simulates and writes down the packets, under a name that tells the run.
-fn captured(scenario: &Scenario, folder: &Path) -> Result<Outcome, Failure> {
+/// Where the packets of a run are written down: under a name that tells it.
+fn capture(scenario: &Scenario, folder: &Path) -> Result<Box<dyn Write + Send>, Failure> {
     let Scenario { network, link, batch, seed, workload, knobs, .. } = scenario;
     // A file's name can hold neither of what tells folders apart.
     let network = network.name.replace(['/', '\\'], "-");
@@ -186,7 +185,7 @@ fn captured(scenario: &Scenario, folder: &Path) -> Result<Outcome, Failure> {
     let (link, nodes, batch) = (link.name(), workload.of(0).nodes, batch.ids());
     let path = folder.join(format!("{network}-{link}{mode}-n{nodes}-b{batch}-s{seed}.pcapng"));
     let file = File::create(&path).map_err(|cause| unwritten(&path, &cause))?;
-    simulate_captured(scenario, Box::new(BufWriter::new(file))).map_err(Failure::broken)
+    Ok(Box::new(BufWriter::new(file)))
 }
 
 /// Draws what displays showed that got only a part of a frame.

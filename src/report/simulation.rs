@@ -1,9 +1,12 @@
 //! What simulations came to: tables to print, and files for other programs.
 
+mod bytes;
+
 use super::format::figure;
 use super::html;
 use super::text::table;
 use crate::simulate::Outcome;
+pub(super) use bytes::COLUMNS;
 
 /// What simulations came to: latencies, then where the time went, then bytes; a row a run.
 #[must_use]
@@ -32,43 +35,9 @@ pub fn tables(outcomes: &[Outcome]) -> String {
         ];
         times.map(figure).into()
     });
-    out += "\nbytes a frame over all links, by what they are; h: headers around a packet; the paper's formula multiplies ids and headers, the \
-            other adds them\n\n";
-    let parts = [
-        "all",
-        "ids",
-        "messages",
-        "transport",
-        "tcp/udp",
-        "ip",
-        "link layer",
-        "packets",
-        "h",
-        "acks",
-        "repeated",
-        "2(4n+hn/b)+3(72+h)",
-        "h as is",
-        "paper",
-    ];
-    out += &of(outcomes, &parts, |run| {
-        let bytes = &run.bytes;
-        let parts = [
-            bytes.total,
-            bytes.ids,
-            bytes.messages,
-            bytes.transport,
-            bytes.transport_headers,
-            bytes.ip_headers,
-            bytes.link_layer,
-            bytes.packets,
-            bytes.header,
-            bytes.acknowledgements,
-            bytes.repetitions,
-            bytes.corrected,
-            bytes.corrected_as_measured,
-            bytes.paper,
-        ];
-        parts.map(figure).into()
+    out += "\nbytes a frame over all links, by what they are; h: headers around a packet; paper: 8nh/b+3(72+h), added: 2(4n+hn/b)+3(72+h), h = 50\n\n";
+    out += &of(outcomes, &COLUMNS.map(|column| column.title), |run| {
+        COLUMNS.map(|column| figure((column.of)(&run.bytes))).into()
     });
     if outcomes.iter().any(|run| run.pixels.is_some()) {
         out += "\nwhat gaps cost the pictures: frames with a wrong pixel, wrong pixels a frame over all frames, the most in one, needless \
@@ -118,14 +87,14 @@ fn names(run: &Outcome) -> [String; 4] {
 /// A line a run, with the figures of the tables; pixels are empty where nothing was drawn, deviations where there is one session.
 #[must_use]
 pub fn runs_csv(outcomes: &[Outcome]) -> String {
-    let mut csv = "network,link,coding,nodes,batch,seed,frames,p50_ms,p95_ms,p99_ms,p999_ms,waiting_ms,network_ms,or_ms,hc_ms,rvg_ms,\
-                   frames_per_second,late_at_30,late_at_60,incomplete,bytes,ids,messages,transport,transport_headers,ip_headers,\
-                   link_layer,packets,acknowledgements,repetitions,keepalive,handshake,header,paper,corrected,\
-                   corrected_as_measured,frames_wrong,wrong_pixels,worst_pixels,needless_triangles,p99_ms_deviation,\
-                   wrong_pixels_deviation,needless_triangles_deviation\n"
-        .to_owned();
+    let bytes = COLUMNS.map(|column| column.key).join(",");
+    let mut csv = format!(
+        "network,link,coding,nodes,batch,seed,frames,p50_ms,p95_ms,p99_ms,p999_ms,waiting_ms,network_ms,or_ms,hc_ms,rvg_ms,\
+         frames_per_second,late_at_30,late_at_60,incomplete,{bytes},frames_wrong,wrong_pixels,worst_pixels,needless_triangles,\
+         p99_ms_deviation,wrong_pixels_deviation,needless_triangles_deviation\n"
+    );
     for run in outcomes {
-        let (latency, bytes) = (run.latency_ms, &run.bytes);
+        let latency = run.latency_ms;
         let figures = [
             latency.p50,
             latency.p95,
@@ -140,24 +109,10 @@ pub fn runs_csv(outcomes: &[Outcome]) -> String {
             f64::from(run.late_at_30),
             f64::from(run.late_at_60),
             f64::from(run.incomplete),
-            bytes.total,
-            bytes.ids,
-            bytes.messages,
-            bytes.transport,
-            bytes.transport_headers,
-            bytes.ip_headers,
-            bytes.link_layer,
-            bytes.packets,
-            bytes.acknowledgements,
-            bytes.repetitions,
-            bytes.keepalive,
-            bytes.handshake,
-            bytes.header,
-            bytes.paper,
-            bytes.corrected,
-            bytes.corrected_as_measured,
         ];
-        let figures = figures.map(|value| value.to_string()).join(",");
+        let bytes = COLUMNS.map(|column| (column.of)(&run.bytes));
+        let figures: Vec<String> = figures.iter().chain(&bytes).map(f64::to_string).collect();
+        let figures = figures.join(",");
         // Empty where nothing was drawn: not measured.
         let pixels = run.pixels.map_or_else(
             || ",,,".to_owned(),

@@ -94,7 +94,8 @@ impl Cast {
         Ok(())
     }
 
-    /// Plays the display until the last frame. Gives what `count` says before the first camera and after the last picture.
+    /// Plays the display until the last frame, and calls `shown` after each picture. Gives what `count` says before the first camera and
+    /// after the last picture.
     ///
     /// # Errors
     /// When a link fails, or a peer breaks the order of messages.
@@ -103,6 +104,7 @@ impl Cast {
         net: &Arc<dyn Net>,
         clock: &Arc<dyn Net>,
         count: impl Fn() -> C,
+        shown: impl Fn(),
     ) -> Result<(C, C), RoleFailure> {
         let [_, _, options] = &self.options;
         let [door, _] = &self.doors;
@@ -113,7 +115,7 @@ impl Cast {
         sleep_until(&**net, net.now().after(PAUSE)).await;
         self.stage.log(|log| log.stats.extend(handles));
         let before = count();
-        display(clock, &self.stage, &mut links).await?;
+        display(clock, &self.stage, &mut links, shown).await?;
         let after = count();
         leave(links).await;
         Ok((before, after))

@@ -16,7 +16,7 @@ pub use bytes::FrameBytes;
 pub use cast::Cast;
 pub use outcome::{FrameTimes, Outcome, Session, Split, pooled};
 pub use pixels::{Painter, PixelCost, PixelError};
-pub use session::{RoleFailure, SimulateError, simulate, simulate_captured};
+pub use session::{RoleFailure, SimulateError, simulate, simulate_watched};
 pub use statistics::{Percentiles, Spread};
 pub use workload::{Load, Times, Workload, WorkloadError};
 
@@ -49,7 +49,8 @@ impl Scenario {
     /// Whether a frame's deadline is over before its end can have come to the display.
     #[must_use]
     pub fn gives_up_everything(&self) -> bool {
-        self.link == Transport::UdpDeadline && self.knobs.deadline < self.network.way_to_display()
+        // The way is that of a packet without its bits: one exactly as long is over before they have come.
+        self.link == Transport::UdpDeadline && self.knobs.deadline <= self.network.way_to_display()
     }
 }
 

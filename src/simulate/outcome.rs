@@ -61,6 +61,8 @@ pub struct Outcome {
     pub link: Transport,
     /// With deadlines: how long after its end a frame might arrive, milliseconds.
     pub deadline_ms: Option<f64>,
+    /// With deadlines: whether they are over before a frame's end can have come; then hardly any frame comes whole.
+    pub hopeless: bool,
     /// Over `udp`: how many bytes of repair there might be, percent of the frames' own.
     pub repair_percent: Option<u8>,
     /// How ids travelled: `plain` or `changes`.
@@ -141,6 +143,7 @@ impl Outcome {
             network: network.name.clone(),
             link: *link,
             deadline_ms: deadline.map(milliseconds),
+            hopeless: scenario.gives_up_everything(),
             repair_percent: over_udp.then_some(knobs.repair_percent),
             coding: knobs.coding.name(),
             batch: batch.ids(),

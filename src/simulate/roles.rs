@@ -61,6 +61,7 @@ pub(super) async fn display(
     net: &Arc<dyn Net>,
     stage: &Stage,
     links: &mut [Link; 2],
+    shown: impl Fn(),
 ) -> Result<(), RoleFailure> {
     let mut machine = DisplayMachine::new(FrameNumber(0), Some(stage.frames));
     for frame in machine.first_cameras() {
@@ -89,6 +90,7 @@ pub(super) async fn display(
                 }
                 compute(net, stage.workload.of(frame.0).rvg).await;
                 stage.note(frame, |times| (times.arrived, times.shown) = (arrived, net.now()));
+                shown();
             }
         }
     }

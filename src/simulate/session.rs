@@ -100,18 +100,18 @@ pub enum RoleFailure {
 /// # Errors
 /// When a role fails, for instance because a link falls silent for longer than links are patient.
 pub fn simulate(scenario: &Scenario) -> Result<Outcome, SimulateError> {
-    session(scenario, None)
+    simulate_watched(scenario, None, || ())
 }
 
-/// Runs a session and writes all its packets into `out`, as pcapng.
+/// Runs a session, writes all its packets into `capture`, as pcapng, and calls `shown` after each picture.
 ///
 /// # Errors
-/// As [`simulate`], and when `out` does not take them.
-pub fn simulate_captured(scenario: &Scenario, out: Box<dyn Write + Send>) -> Result<Outcome, SimulateError> {
-    session(scenario, Some(out))
-}
-
-fn session(scenario: &Scenario, capture: Option<Box<dyn Write + Send>>) -> Result<Outcome, SimulateError> {
+/// As [`simulate`], and when `capture` does not take them.
+pub fn simulate_watched(
+    scenario: &Scenario,
+    capture: Option<Box<dyn Write + Send>>,
+    shown: impl Fn(),
+) -> Result<Outcome, SimulateError> {
     let (topology, machines) = scenario.network.topology();
     let simulation = Simulation::new(&topology, scenario.seed);
     if let Some(out) = capture {
@@ -127,7 +127,7 @@ fn session(scenario: &Scenario, capture: Option<Box<dyn Write + Send>>) -> Resul
         tokio::join!(
             cast.switch(Seat::First, &nets[0], &clocks[0]),
             cast.switch(Seat::Second, &nets[1], &clocks[1]),
-            cast.display(&nets[2], &clocks[2], count),
+            cast.display(&nets[2], &clocks[2], count, shown),
         )
     })?;
     simulation.end_capture()?;

@@ -13,7 +13,7 @@ use crate::link::{
 
 /// A link as it is written.
 #[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table of a link's keys, such as `rate` and `delay`")]
 pub(super) struct WrittenLink {
     rate: Option<Rate>,
     #[serde(default, with = "crate::text::duration")]
@@ -42,7 +42,7 @@ pub(super) struct WrittenLink {
 /// What changes at a time; what is not said stays as the link has it at first.
 #[derive(Debug, Clone, Deserialize)]
 #[cfg_attr(test, derive(PartialEq))]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table of a phase's keys, such as `at` and `rate`")]
 pub(super) struct WrittenPhase {
     #[serde(with = "crate::text::duration")]
     pub(super) at: Duration,

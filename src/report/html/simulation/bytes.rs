@@ -4,6 +4,7 @@ use super::{curves, name, network, table};
 use crate::report::format::figure;
 use crate::report::html::chart::{Chart, Mark, Series};
 use crate::report::html::figures::card;
+use crate::report::simulation::COLUMNS;
 use crate::simulate::Outcome;
 
 /// Bytes a frame over the ids a batch, or over the ids a frame where only that varies, beside both formulas.
@@ -50,44 +51,10 @@ pub(super) fn chart(runs: &[Outcome]) -> String {
 
 /// The bytes of a network's runs, by what they were.
 pub(super) fn figures(runs: &[Outcome]) -> String {
-    let head = [
-        "",
-        "all",
-        "ids",
-        "messages",
-        "transport",
-        "tcp/udp",
-        "ip",
-        "link layer",
-        "packets",
-        "h",
-        "acks",
-        "repeated",
-        "handshake, once",
-        "added",
-        "added, h as is",
-        "paper",
-    ];
+    let head: Vec<&str> = std::iter::once("").chain(COLUMNS.map(|column| column.title)).collect();
     let rows = runs.iter().map(|run| {
-        let bytes = &run.bytes;
-        let parts = [
-            bytes.total,
-            bytes.ids,
-            bytes.messages,
-            bytes.transport,
-            bytes.transport_headers,
-            bytes.ip_headers,
-            bytes.link_layer,
-            bytes.packets,
-            bytes.header,
-            bytes.acknowledgements,
-            bytes.repetitions,
-            bytes.handshake,
-            bytes.corrected,
-            bytes.corrected_as_measured,
-            bytes.paper,
-        ];
-        std::iter::once(name(runs, run)).chain(parts.map(figure)).collect()
+        let figures = COLUMNS.map(|column| figure((column.of)(&run.bytes)));
+        std::iter::once(name(runs, run)).chain(figures).collect()
     });
     table(&format!("{}, bytes a frame", network(runs)), &head, rows)
 }

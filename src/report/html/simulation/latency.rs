@@ -1,6 +1,6 @@
 //! How long frames take: how many take longer than so many milliseconds, and percentiles.
 
-use super::{curves, name, network, table};
+use super::{curves, escape, name, network, table};
 use crate::report::format::{figure, grouped};
 use crate::report::html::chart::{Chart, Series};
 use crate::report::html::figures::card;
@@ -37,7 +37,14 @@ pub(super) fn figures(runs: &[Outcome]) -> String {
             [run.late_at_30, run.late_at_60, run.incomplete, run.frames].map(|count| grouped(count.into()));
         std::iter::once(name(runs, run)).chain(times).chain(counts).collect()
     });
-    table(&format!("{}, milliseconds", network(runs)), &head, rows)
+    let table = table(&format!("{}, milliseconds", network(runs)), &head, rows);
+    let hopeless = runs.iter().filter(|run| run.hopeless).map(|run| {
+        format!(
+            "<p class=\"hint\">{}: a frame may take no longer than the way to the display alone, so that hardly any comes whole.</p>",
+            escape(&name(runs, run))
+        )
+    });
+    table + &hopeless.collect::<String>()
 }
 
 /// For sorted `times`, the share of them above each of some of them: one half, a fifth, a tenth, down to the last one.

@@ -1,0 +1,197 @@
+//! `trimaran sim` as a user meets it: what it prints and writes, what it refuses, and in which words.
+#![allow(clippy::unwrap_used, reason = "a test ends where what it needs is not there")]
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
+
+use tempfile::TempDir;
+
+/// A folder to be in.
+struct Bench(TempDir);
+
+impl Bench {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// A short simulation over TCP, unless `words` say otherwise.
+    fn command(&self, words: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
+        command.arg("sim").args(words).current_dir(self.0.path());
+        let mut usual = |flag: &str, value: &str| {
+            if !words.contains(&flag) {
+                command.args([flag, value]);
+            }
+        };
+        usual("--frames", "3");
+        usual("--link", "tcp");
+        command
+    }
+
+    fn sim(&self, words: &[&str]) -> Output {
+        self.command(words).output().unwrap()
+    }
+
+    /// Simulates what is to end with `code`; what it says has all of `expected`.
+    fn fails(&self, words: &[&str], code: i32, expected: &[&str]) {
+        let output = self.sim(words);
+        let said = stderr(&output);
+        assert_eq!(output.status.code(), Some(code), "{words:?}: {said}");
+        for part in expected {
+            assert!(said.contains(part), "{words:?}: {part:?} is not in: {said}");
+        }
+        assert!(output.stdout.is_empty() && !said.contains("panicked"), "{words:?}: {said}");
+    }
+
+    /// Writes a network whose links are like that.
+    fn network(&self, link: &str) {
+        let text = format!("about = \"a\"\nsources = []\n[up]\n{link}\n");
+        fs::write(self.path("mine.toml"), text).unwrap();
+    }
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn flags_that_make_no_sense_are_refused_by_name() {
+    let bench = Bench::new();
+    for flag in ["--or-ms", "--hc-ms", "--rvg-ms", "--udp-deadline-ms"] {
+        for value in ["-1", "nan", "60001"] {
+            bench.fails(&[flag, value], 2, &[flag, value, "milliseconds from 0 to 60000"]);
+        }
+    }
+    for (words, expected) in [
+        (&["--network", "token-ring"][..], &["token-ring", "fast-ethernet, gigabit"][..]),
+        (&["--network", "none.toml"], &["cannot read the network none.toml"]),
+        (&["--link", "carrier"], &["--link", "udp-deadline"]),
+        (&["--batch", "0"], &["--batch", "1..=16384"]),
+        (&["--nodes", "100000001"], &["--nodes"]),
+        (&["--frames", "0"], &["--frames"]),
+        (&["--seed", "first"], &["--seed", "first"]),
+        (&["--udp-repair", "101"], &["--udp-repair", "0..=100"]),
+        (&["--trace", "none.trace"], &["cannot read none.trace"]),
+        (&["--trace", "none.trace", "--nodes", "5"], &["--trace", "--nodes"]),
+        (&["--coding", "changes"], &["--coding changes needs --trace"]),
+        (&["--scene", "a.scene"], &["--trace"]),
+        (&["--device", "any"], &["--scene"]),
+    ] {
+        bench.fails(words, 2, expected);
+    }
+}
+
+#[test]
+fn a_network_that_cannot_be_is_refused_by_its_key() {
+    let bench = Bench::new();
+    for (link, expected) in [
+        ("rate = 5", "rate = 5"),
+        ("rate = \"0 bit/s\"", "\"0 bit/s\" is no rate"),
+        ("delay = \"-5ms\"", "delay = \"-5ms\""),
+        (
+            "jitter = { deviation = \"5ms\", distribution = \"cauchy\" }",
+            "one of `uniform`, `normal`, `pareto`",
+        ),
+        ("jitter = { deviation = \"5ms\", correlation = 1.5 }", "1.5 is no probability"),
+        ("loss = { gilbert_elliott = { to_bad = 0.1 } }", "missing field `to_good`"),
+        ("queue = { discipline = \"red\" }", "expected `drop_tail` or `codel`"),
+        ("mtu = 500", "the key `up.mtu` is below 576 bytes"),
+        ("phases_from = \"none.csv\"", "the key `up.phases_from` names none.csv, which cannot be read"),
+        ("wifi = true", "unknown field `wifi`"),
+    ] {
+        bench.network(link);
+        bench.fails(&["--network", "mine.toml"], 2, &["mine.toml", expected]);
+    }
+}
+
+#[test]
+fn a_network_that_nothing_gets_through_is_told_by_the_keys_that_may_be_why() {
+    let bench = Bench::new();
+    bench.network("loss = { independent = 1.0 }");
+    let keys = "nothing gets through mine.toml over tcp: look at its keys rate, loss, queue and mtu";
+    bench.fails(&["--network", "mine.toml"], 1, &[keys]);
+    bench.network("mtu = 600");
+    let keys = "nothing gets through mine.toml over quic: look at its keys rate, loss, queue and mtu";
+    bench.fails(&["--network", "mine.toml", "--link", "quic"], 1, &[keys, "packets of 1228 bytes"]);
+}
+
+#[test]
+fn a_place_that_cannot_be_written_to_is_named_before_anything_is_simulated() {
+    let bench = Bench::new();
+    fs::write(bench.path("file"), "a file").unwrap();
+    for flag in ["--out", "--pcap"] {
+        // So many frames would take a minute.
+        for (place, why) in [("file", "File exists"), ("file/below", "Not a directory")] {
+            let words = [flag, place, "--frames", "1000000"];
+            bench.fails(&words, 1, &[&format!("cannot write to {place}: {why}")]);
+        }
+    }
+    fs::create_dir_all(bench.path("out/runs.csv")).unwrap();
+    bench.fails(&["--out", "out"], 1, &["cannot write to out", "Is a directory"]);
+    assert_eq!(fs::read_to_string(bench.path("file")).unwrap(), "a file");
+}
+
+#[test]
+fn seeds_are_taken_once_each_and_in_order() {
+    let bench = Bench::new();
+    let output = bench.sim(&["--seed", "7,3,7,3", "--json", "--out", "out"]);
+    assert!(output.status.success() && output.stderr.is_empty(), "quiet in a pipe: {output:?}");
+    let runs: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let seeds: Vec<u64> =
+        runs.as_array().unwrap().iter().map(|run| run["seeds"][0].as_u64().unwrap()).collect();
+    assert_eq!(seeds, [3, 7]);
+    let csv = fs::read_to_string(bench.path("out/runs.csv")).unwrap();
+    let lines: Vec<&str> = csv.lines().collect();
+    // Taken together: one row, whose seeds are both and whose frames are twice three.
+    assert!(lines.len() == 2 && lines[1].starts_with("fast-ethernet,tcp,plain,4000,1024,3 7,6,"), "{csv}");
+    assert_eq!(lines[0].split(',').count(), lines[1].split(',').count(), "{csv}");
+    assert_eq!(fs::read_to_string(bench.path("out/frames.csv")).unwrap().lines().count(), 1 + 6);
+    let saved: serde_json::Value =
+        serde_json::from_slice(&fs::read(bench.path("out/sim.json")).unwrap()).unwrap();
+    assert_eq!(saved, runs);
+}
+
+#[test]
+fn whoever_stops_reading_ends_it_without_a_panic() {
+    let bench = Bench::new();
+    for words in [&[][..], &["--json"]] {
+        let mut child = bench.command(words).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        assert_eq!((output.status.code(), stderr(&output).as_str()), (Some(0), ""), "{words:?}");
+    }
+}
+
+#[test]
+fn a_deadline_that_is_over_before_anything_can_have_come_is_warned_of() {
+    let bench = Bench::new();
+    let words =
+        ["--link", "udp-deadline", "--network", "wifi,gigabit", "--udp-deadline-ms", "2", "--out", "out"];
+    let output = bench.sim(&words);
+    assert!(output.status.success(), "{output:?}");
+    let said = stderr(&output);
+    let warnings: Vec<&str> = said.lines().filter(|line| line.starts_with("trimaran: ")).collect();
+    let [warning] = warnings[..] else { unreachable!("one network is that slow: {said}") };
+    assert!(
+        warning
+            .contains("over udp-deadline may take 2ms, and by wifi the way to the display alone takes 2ms")
+            && warning.contains("--udp-deadline-ms"),
+        "{warning}"
+    );
+    let page = fs::read_to_string(bench.path("out/sim.html")).unwrap();
+    assert_eq!(page.matches("hardly any comes whole").count(), 1);
+}
+
+#[test]
+fn flags_for_links_that_are_not_asked_for_are_warned_of() {
+    let output = Bench::new().sim(&["--udp-deadline-ms", "20", "--udp-repair", "5", "--udp-in-the-clear"]);
+    let said = stderr(&output);
+    for flag in ["--udp-deadline-ms", "--udp-repair", "--udp-in-the-clear"] {
+        assert!(said.contains(&format!("{flag} changes nothing")), "{said}");
+    }
+}
