@@ -51,7 +51,7 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         Command::Info(args) => info::run(&args),
         Command::Doctor(args) => doctor::run(&args),
         Command::Completions { shell } => {
-            clap_complete::generate(shell, &mut Cli::command(), "trimaran", &mut std::io::stdout());
+            clap_complete::generate(shell, &mut Cli::command(), "trimaran", &mut io::stdout());
             Ok(())
         }
         Command::Run(args) => run::run(&args),
@@ -79,7 +79,7 @@ fn log_to_stderr(verbose: u8) {
         _ => "trace",
     };
     let filter = EnvFilter::try_from_env("TRIMARAN_LOG").unwrap_or_else(|_| EnvFilter::new(level));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false).init();
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(io::stderr).with_target(false).init();
 }
 
 /// Prints a value as JSON on standard output.
