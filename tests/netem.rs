@@ -8,7 +8,7 @@
 use std::io::{ErrorKind, Read, Write};
 use std::net::{IpAddr, TcpListener, TcpStream, UdpSocket};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -225,6 +225,39 @@ fn a_network_between_interfaces_carries_frames_of_any_kind() {
     assert!(sent > 700 && delivered + report.totals.underway == sent && lost == 0, "{report:?}");
 }
 
+/// What a user would do: the program between two interfaces, and a link over it.
+#[test]
+fn a_link_over_a_network_between_interfaces_takes_the_time_that_the_links_say() {
+    if !possible() {
+        return;
+    }
+    let [here, there, between] = veth_pairs("link");
+    let exec = |place: &Namespace, words: &[&str]| {
+        let mut command = Command::new("ip");
+        command.args(["netns", "exec", place.name(), env!("CARGO_BIN_EXE_trimaran")]).args(words);
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    let network = exec(&between, &["netem", "--profile", "wan-20ms", "--between", "end0,end1", "--json"]);
+    let mut answering = exec(&there, &["ping", "tcp://10.1.0.2:7500", "--answer"]);
+    // It tries again until both are there.
+    let words =
+        ["ping", "tcp://10.1.0.2:7500", "--count", "5", "--interval", "0", "--timeout", "20", "--json"];
+    let pinged = exec(&here, &words).wait_with_output().unwrap();
+    answering.kill().unwrap();
+    answering.wait().unwrap();
+    interrupt(&network);
+    let network = network.wait_with_output().unwrap();
+    let read = |output: Output| -> serde_json::Value {
+        assert!(output.status.success(), "{output:?}");
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let (pinged, network) = (read(pinged), read(network));
+    assert_eq!((&pinged["answered"], &pinged["lost"]), (&5.into(), &0.into()), "{pinged}");
+    assert!(pinged["min_us"].as_f64().unwrap() >= 20_000.0, "{pinged}");
+    let carried = network["totals"]["delivered"].as_u64().unwrap();
+    assert!(carried >= 10, "five cameras there and back: {network}");
+}
+
 #[test]
 fn interfaces_that_will_not_do_are_named() {
     if !possible() {
@@ -252,6 +285,12 @@ fn interfaces_that_will_not_do_are_named() {
         assert!(said.contains("end0 belongs to mine already: free it with"), "{said}");
         assert!(!ip(&["link", "show"]).contains("tmbr"), "nothing is left of what was begun");
     });
+}
+
+fn interrupt(child: &Child) {
+    // The shell's own: the program of that name is not on every machine.
+    let kill = Command::new("sh").args(["-c", &format!("kill -INT {}", child.id())]).status().unwrap();
+    assert!(kill.success());
 }
 
 fn trimaran(words: &[&str]) -> Output {
@@ -313,9 +352,7 @@ fn an_interrupt_ends_it_in_good_order() {
         assert!(child.try_wait().unwrap().is_none(), "it ended by itself");
         thread::sleep(Duration::from_millis(20));
     }
-    // The shell's own: the program of that name is not on every machine.
-    let interrupt = Command::new("sh").args(["-c", &format!("kill -INT {}", child.id())]).status().unwrap();
-    assert!(interrupt.success());
+    interrupt(&child);
     let output = child.wait_with_output().unwrap();
     assert!(output.status.success(), "{output:?}");
     assert!(output.stderr.is_empty(), "quiet where nobody watches: {output:?}");

@@ -8,7 +8,7 @@ use super::Coding;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum SimLink {
-    /// Two TCP connections a link, as in the paper.
+    /// Two TCP connections a link, as in the paper. The TCP is a model of Linux's with CUBIC; with BBR long paths take longer.
     Tcp,
     /// A QUIC connection a link.
     Quic,

@@ -32,7 +32,7 @@ pub(in crate::report) fn page(outcomes: &[Outcome], command: &[String]) -> Strin
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
          <meta name=\"color-scheme\" content=\"light dark\"><title>Trimaran: simulated networks</title>\n<style>\n{style}</style></head>\n\
          <body>\n<header><h1>Simulated networks</h1><p>Nothing here was measured on a network: the links, QUIC and the datagram connection \
-         are the real code in virtual time; the networks, TCP and the roles' computing times are models. To have it again:</p>\
+         are the real code in virtual time; the networks, TCP (Linux\u{2019}s with CUBIC, not BBR) and the roles\u{2019} computing times are models. To have it again:</p>\
          <pre style=\"white-space: pre-wrap\">{command}</pre></header>\n<main>\n\
          <h2 id=\"latency\">Latency</h2><p class=\"hint\">From a camera leaving RVG to its picture. A picture is late that is shown more than a \
          30th or a 60th of a second after the one before; frames with gaps came without some of their ids.</p>\
