@@ -12,11 +12,11 @@ use std::time::Duration;
 
 use common::conformance::Pairs;
 use common::{camera, identity, ids, receive, start};
-use trimaran_netsim::link::{LinkModel, LinkTally, Loss, Probability, Rate};
+use trimaran_netsim::link::{Conditions, LinkModel, LinkTally, Loss, Phase, Probability, Rate};
 use trimaran_netsim::{SimNet, Simulation, Topology};
-use trimaran_proto::Role;
+use trimaran_proto::{Goodbye, Role};
 use trimaran_transport::keys::{Keys, Security};
-use trimaran_transport::{Endpoint, Link, LinkConfig, Listener, Net, Options, connect};
+use trimaran_transport::{Endpoint, Instant, Link, LinkConfig, Listener, Net, Options, connect, sleep_until};
 
 /// Two machines of a simulation.
 struct Quic {
@@ -120,4 +120,35 @@ fn a_handshake_takes_whole_round_trips() {
         // The keys there and back; the hello, and its answer.
         assert_eq!(simulation.now().as_nanos(), 4 * delay.as_nanos() as u64);
     }
+}
+
+#[test]
+fn who_leaves_waits_half_a_second_for_a_peer_that_has_left_and_cannot_tell_what_has_arrived() {
+    let clean = LinkModel::clean(None, Duration::from_millis(5));
+    let nothing = Loss::Independent(Probability::new(1.0).unwrap());
+    let conditions = Conditions { loss: nothing, ..clean.conditions };
+    let cut = LinkModel { phases: vec![Phase { at: Duration::from_secs(1), conditions }], ..clean.clone() };
+    let mut topology = Topology::new();
+    let (here, there) = (topology.host("here"), topology.host("there"));
+    topology.join(topology.node(here), topology.node(there), cut, clean);
+    let simulation = Simulation::new(&topology, 1);
+    let pairs = Quic { here: simulation.net(here), there: simulation.net(there) };
+    let took = simulation.run(async {
+        let (a, display) = pairs.pair(LinkConfig::default()).await;
+        sleep_until(&*pairs.net(), Instant::from_nanos(2_000_000_000)).await;
+        // It hears nothing, and nothing tells it that its own goodbye has arrived.
+        let Link { frames_tx, latest_tx, .. } = display;
+        let left = async {
+            tokio::join!(frames_tx.goodbye(Goodbye::Finished), latest_tx.goodbye(Goodbye::Finished))
+        };
+        tokio::select! {
+            said = a.goodbye(Goodbye::Finished) => said.unwrap(),
+            left = left => panic!("nobody can have answered it: {left:?}"),
+        }
+        pairs.net().now().since(Instant::from_nanos(2_000_000_000))
+    });
+    // Its word is 5 ms on its way; quinn's last packet leaves at once.
+    let (least, most) = (Duration::from_millis(505), Duration::from_millis(510));
+    let took = took.unwrap();
+    assert!((least..most).contains(&took), "{took:?}");
 }

@@ -108,6 +108,13 @@ impl LatestReceiver {
         .map_err(|e| self.error(e))
     }
 
+    /// Tells the peer's machine that this side is gone, where only a machine that lives can: after both have said goodbye.
+    pub(crate) async fn part(self) {
+        if let LatestRx::Quic(lane) = self.lane {
+            lane.part().await;
+        }
+    }
+
     async fn latest_until(&mut self, by: Option<Instant>) -> Result<Camera, RecvError> {
         match &mut self.lane {
             LatestRx::Inproc(lane) => lane.latest(by, &self.shared, &mut self.patience).await,

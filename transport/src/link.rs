@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::net::SocketAddr;
+use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,7 +10,7 @@ use trimaran_proto::{BatchSize, Goodbye, IdCoding, Identity, Role, SessionId};
 
 use crate::frames::{FrameRx, FrameTx};
 use crate::latest::{LatestRx, LatestTx};
-use crate::net::Net;
+use crate::net::{Net, until};
 use crate::patience::Patience;
 use crate::rates::Messages;
 use crate::stats::Counters;
@@ -39,6 +40,7 @@ pub struct Link {
     /// Counts what travels, for reading at any time.
     pub stats: StatsHandle,
     pub(crate) capabilities: Capabilities,
+    net: Arc<dyn Net>,
 }
 
 /// Who is at the other end of a link.
@@ -180,19 +182,33 @@ impl Link {
     }
 
     /// Leaves in good order: says goodbye on both lanes, and waits a moment (half a second at most) for the peer to leave as
-    /// well. What still comes from it is thrown away.
+    /// well, or for what was said to arrive when the peer has left already. What still comes from it is thrown away.
     ///
     /// # Errors
     /// When the peer is gone already, or takes nothing within the link's patience.
     pub async fn goodbye(self, reason: Goodbye) -> Result<(), SendError> {
-        let Self { peer, latest_tx, mut latest_rx, frames_tx, mut frames_rx, .. } = self;
-        let said = frames_tx.goodbye(reason.clone()).await.and(latest_tx.goodbye(reason).await);
-        if peer.address != PeerAddress::InProcess {
-            // A connection that is closed while it holds unread data is reset, and on some systems the reset overtakes the goodbye
-            // on the peer's side. So whatever comes is read until the peer closes.
-            let by = frames_rx.patience.now().after(LINGER);
-            while frames_rx.recv_by(by).await.is_ok() {}
-            while latest_rx.latest_by(by).await.is_ok() {}
+        let Self { peer, latest_tx, mut latest_rx, frames_tx, mut frames_rx, net, .. } = self;
+        let say = async { frames_tx.goodbye(reason.clone()).await.and(latest_tx.goodbye(reason).await) };
+        if peer.address == PeerAddress::InProcess {
+            return say.await;
+        }
+        // A connection that is closed while it holds unread data is reset, and on some systems the reset overtakes the goodbye
+        // on the peer's side. So whatever comes is read until the peer closes.
+        let hear = async {
+            while frames_rx.recv().await.is_ok() {}
+            while latest_rx.latest().await.is_ok() {}
+            latest_rx
+        };
+        let (mut say, mut hear) = (pin!(say), pin!(hear));
+        let soon = || net.now().after(LINGER);
+        let (said, heard) = tokio::select! {
+            biased;
+            said = &mut say => (said, until(&*net, soon(), hear).await),
+            // What has not arrived by then nobody reads: a peer that has left may be unable to tell that all has.
+            heard = &mut hear => (until(&*net, soon(), say).await.unwrap_or(Ok(())), Some(heard)),
+        };
+        if let Some(lane) = heard {
+            lane.part().await;
         }
         said
     }
@@ -218,6 +234,7 @@ impl Parts {
         Link {
             peer,
             capabilities,
+            net: Arc::clone(net),
             stats: shared.counters.handle(),
             latest_tx: LatestSender { lane: latest.0, shared: shared.clone(), patience: patience() },
             latest_rx: LatestReceiver { lane: latest.1, shared: shared.clone(), patience: patience() },

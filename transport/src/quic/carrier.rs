@@ -8,10 +8,14 @@ use quinn::{Connection, ConnectionError, ReadError, SendStream, VarInt, WriteErr
 
 use crate::desk::lock;
 use crate::error::Loss;
-use crate::net::{Net, until};
+use crate::net::{Net, sleep_until, until};
 
 /// How long what was sent may take to arrive after the last half of a link was dropped.
 const LINGER: Duration = Duration::from_secs(2);
+/// How long the packet that tells of the close may take to leave.
+const TELL: Duration = Duration::from_millis(500);
+/// How often to look whether it has left.
+const LOOK: Duration = Duration::from_millis(1);
 /// The code that a connection is closed with: QUIC needs one, this protocol has its goodbye.
 const CLOSED: VarInt = VarInt::from_u32(0);
 
@@ -33,6 +37,22 @@ impl Carrier {
     /// Keeps the connection for the sake of `streams`, whose half is dropped.
     pub(crate) fn outlive(&self, streams: impl IntoIterator<Item = SendStream>) {
         lock(&self.leaving).extend(streams);
+    }
+
+    /// Closes the connection, and waits until the packet that says so has left. It also acknowledges what came last: a process
+    /// that ended without it would leave its peer waiting for that until the end of the lease.
+    pub(crate) async fn part(&self) {
+        if self.connection.close_reason().is_some() {
+            return;
+        }
+        // quinn tells nobody when it has sent its last packet, but counts what it sends: after the close only that one.
+        let sent = || self.connection.stats().udp_tx.datagrams;
+        let before = sent();
+        self.connection.close(CLOSED, b"");
+        let by = self.net.now().after(TELL);
+        while sent() == before && self.net.now() < by {
+            sleep_until(&*self.net, self.net.now().after(LOOK)).await;
+        }
     }
 }
 
@@ -75,5 +95,61 @@ pub(crate) fn write_loss(error: WriteError) -> Loss {
         WriteError::ConnectionLost(e) => loss(e),
         WriteError::Stopped(_) => Loss::Closed,
         other => Loss::Io(io::Error::new(io::ErrorKind::ConnectionReset, other)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+    use std::thread;
+
+    use tokio::runtime::Builder;
+    use trimaran_proto::{Goodbye, Identity, Role, SceneHash};
+
+    use crate::keys::{Keys, Security};
+    use crate::latest::LatestRx;
+    use crate::{Link, Listener, Options, RecvError, TokioNet, connect};
+
+    use super::*;
+
+    const SECONDS: Duration = Duration::from_secs(10);
+
+    /// A process that ends when it has said goodbye: nothing of it sends anything any more.
+    #[test]
+    fn the_close_has_left_when_a_goodbye_is_over() {
+        let [here, there] = ["near", "far"].map(|name| Keys::generate(name.parse().unwrap()).unwrap());
+        let options = |own: &Keys, peer: &Keys| Options {
+            security: Some(Security { keys: own.clone(), peers: vec![peer.public().clone()] }),
+            ..Options::default()
+        };
+        let identity = |role| Identity { role, scene: SceneHash(1), settings: None };
+        let (ours, theirs) = (options(&here, &there), options(&there, &here));
+        let (tell, told) = mpsc::channel();
+        let runtime = || Builder::new_current_thread().enable_all().build().unwrap();
+        let process = thread::spawn(move || {
+            runtime().block_on(async {
+                let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
+                let (endpoint, by) = (told.recv().unwrap(), net.now().after(SECONDS));
+                let mut link = connect(&net, &endpoint, identity(Role::Display), &theirs, by).await.unwrap();
+                let heard = link.frames_rx.recv().await;
+                assert!(matches!(heard, Err(RecvError::Goodbye { .. })), "{heard:?}");
+                link.goodbye(Goodbye::Finished).await.unwrap();
+            });
+        });
+        runtime().block_on(async {
+            let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
+            let loopback = "quic://127.0.0.1:0".parse().unwrap();
+            let mut listener = Listener::bind(&net, &loopback, identity(Role::SwitchA), &ours).await.unwrap();
+            tell.send(listener.local_endpoint().clone()).unwrap();
+            let link = listener.accept(net.now().after(SECONDS)).await.unwrap();
+            let Link { frames_tx, latest_tx, latest_rx, .. } = link;
+            let LatestRx::Quic(lane) = &latest_rx.lane else { unreachable!("a link over QUIC") };
+            frames_tx.goodbye(Goodbye::Finished).await.unwrap();
+            latest_tx.goodbye(Goodbye::Finished).await.unwrap();
+            // Not that it was silent for the length of the lease.
+            let end = lane.connection().closed().await;
+            assert!(matches!(end, ConnectionError::ApplicationClosed(_)), "{end:?}");
+        });
+        process.join().unwrap();
     }
 }

@@ -57,6 +57,16 @@ impl LatestRx {
         patience.wait(by, camera).await.map_err(LaneError::Expired)?
     }
 
+    #[cfg(test)]
+    pub(crate) fn connection(&self) -> Connection {
+        self.carrier.connection.clone()
+    }
+
+    /// Closes the connection, which both sides have said goodbye on.
+    pub(crate) async fn part(self) {
+        self.carrier.part().await;
+    }
+
     /// Takes everything that has arrived, and gives the newest camera; before any end that came behind it.
     fn poll_latest<'a>(
         &mut self,

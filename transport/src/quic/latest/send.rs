@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use bytes::{BufMut, BytesMut};
-use quinn::{SendDatagramError, SendStream};
+use quinn::{SendDatagramError, SendStream, StoppedError, WriteError};
 use tokio::sync::Notify;
 use trimaran_proto::{Camera, CameraNumber, Goodbye, Kind, Message, NumberedCamera};
 
@@ -15,7 +15,7 @@ use crate::error::{LaneSendError, Loss};
 use crate::link::Shared;
 use crate::net::Timer;
 use crate::patience::Patience;
-use crate::quic::carrier::{Carrier, all_arrived, loss, write_loss};
+use crate::quic::carrier::{Carrier, loss, write_loss};
 
 /// The shortest quiet after which the newest camera is copied; where a round trip takes longer, 1.5 of those.
 const QUIET: Duration = Duration::from_millis(5);
@@ -125,13 +125,14 @@ struct Copier {
 impl Copier {
     async fn run(mut self) {
         let connection = self.carrier.connection.clone();
+        // A peer that has left had perhaps everything before.
         let failed = tokio::select! {
             biased;
-            e = connection.closed() => Some(io::Error::from(e).kind()),
             sent = self.copy() => sent.err().map(|e| match write_loss(e) {
                 Loss::Io(e) => e.kind(),
                 _ => io::ErrorKind::ConnectionAborted,
             }),
+            e = connection.closed() => Some(io::Error::from(e).kind()),
         };
         {
             let mut state = lock(&self.cell.state);
@@ -142,7 +143,7 @@ impl Copier {
         self.carrier.outlive([self.control]);
     }
 
-    async fn copy(&mut self) -> Result<(), quinn::WriteError> {
+    async fn copy(&mut self) -> Result<(), WriteError> {
         let mut timer = self.carrier.net.timer();
         loop {
             self.cell.changed.notified().await;
@@ -162,8 +163,11 @@ impl Copier {
             }
             // Fails only for a stream that is closed.
             let _ = self.control.finish();
-            all_arrived([&self.control]).await;
-            return Ok(());
+            return match self.control.stopped().await {
+                Ok(_) => Ok(()),
+                Err(StoppedError::ConnectionLost(e)) => Err(WriteError::ConnectionLost(e)),
+                Err(StoppedError::ZeroRttRejected) => Err(WriteError::ZeroRttRejected),
+            };
         }
     }
 
@@ -194,7 +198,7 @@ impl Copier {
     }
 
     /// Writes a message; says how long its payload is.
-    async fn write(&mut self, message: &Message) -> Result<usize, quinn::WriteError> {
+    async fn write(&mut self, message: &Message) -> Result<usize, WriteError> {
         let mut bytes = BytesMut::new();
         message.encode(&mut bytes);
         let payload = bytes.len() - trimaran_proto::HEADER_BYTES;
