@@ -48,7 +48,9 @@ impl TokioNet {
     fn tokio_instant(&self, at: Instant) -> tokio::time::Instant {
         // tokio cannot wait longer than about two years; a year is as good as for ever here.
         const FAR: Duration = Duration::from_secs(365 * 24 * 3600);
-        let offset = Duration::from_nanos(at.as_nanos()).min(self.origin.elapsed() + FAR);
+        let offset = Duration::from_nanos(at.as_nanos());
+        // Timers are set for each datagram: the clock is asked only where it matters.
+        let offset = if offset > FAR { offset.min(self.origin.elapsed() + FAR) } else { offset };
         self.origin + offset
     }
 }
