@@ -163,8 +163,8 @@ begin repeated
 sim --network wifi --link tcp,quic,udp --udp-repair 15,0 --frames 1000 --nodes 4000 --batch 1000 --seed 1,2,3
 table link=link bytes=all ids=ids messages=messages transport=transport transport_headers=tcp/udp_headers ip_headers=IP link_layer=link_layer packets=packets repetitions=repeated
 begin once
-sim --network gigabit --link tcp,quic,udp --frames 200 --nodes 4000 --batch 1000
-table link=link handshake=handshake,_once keepalive=keepalive
+sim --network gigabit --link tcp,quic,udp --frames 3000 --nodes 4000 --batch 1000
+table link=link handshake=handshake,_once keepalive=keepalive,_a_frame
 
 if [ -n "$scene" ]; then
     trace=$out/city.trace

@@ -184,7 +184,7 @@ fn a_deadline_that_is_over_before_anything_can_have_come_is_warned_of() {
         "{warning}"
     );
     let page = fs::read_to_string(bench.path("out/sim.html")).unwrap();
-    assert_eq!(page.matches("hardly any comes whole").count(), 1);
+    assert_eq!(page.matches("udp-deadline/2ms: a frame may take no longer than the way").count(), 1);
 }
 
 #[test]

@@ -113,8 +113,8 @@ fn warn_of_deadlines(scenarios: &[Scenario]) {
             let (deadline, way) = (knobs.deadline, network.way_to_display());
             let (name, link) = (&network.name, link.name());
             format!(
-                "trimaran: a frame over {link} may take {deadline:?}, and by {name} the way to the display alone takes {way:?}: hardly any will come \
-                 whole; take a longer --udp-deadline-ms, or --link udp"
+                "trimaran: a frame over {link} may take {deadline:?}, and by {name} the way to the display alone takes {way:?}: what is lost, or \
+                 waits at its end, is given up, and many will have gaps; take a longer --udp-deadline-ms, or --link udp"
             )
         })
         .collect();

@@ -61,7 +61,7 @@ pub struct Outcome {
     pub link: Transport,
     /// With deadlines: how long after its end a frame might arrive, milliseconds.
     pub deadline_ms: Option<f64>,
-    /// With deadlines: whether they are over before a frame's end can have come; then hardly any frame comes whole.
+    /// With deadlines: whether they are over before a frame's end can have come; then what is lost, or waits at its end, is given up.
     pub hopeless: bool,
     /// Over `udp`: how many bytes of repair there might be, percent of the frames' own.
     pub repair_percent: Option<u8>,

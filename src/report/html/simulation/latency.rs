@@ -38,13 +38,16 @@ pub(super) fn figures(runs: &[Outcome]) -> String {
         std::iter::once(name(runs, run)).chain(times).chain(counts).collect()
     });
     let table = table(&format!("{}, milliseconds", network(runs)), &head, rows);
-    let hopeless = runs.iter().filter(|run| run.hopeless).map(|run| {
-        format!(
-            "<p class=\"hint\">{}: a frame may take no longer than the way to the display alone, so that hardly any comes whole.</p>",
-            escape(&name(runs, run))
-        )
-    });
-    table + &hopeless.collect::<String>()
+    let mut hopeless: Vec<String> = runs.iter().filter(|run| run.hopeless).map(Outcome::label).collect();
+    hopeless.dedup();
+    if hopeless.is_empty() {
+        return table;
+    }
+    format!(
+        "{table}<p class=\"hint\">{}: a frame may take no longer than the way to the display alone, so that what is lost, or waits at its end, is \
+         given up.</p>",
+        escape(&hopeless.join(", "))
+    )
 }
 
 /// For sorted `times`, the share of them above each of some of them: one half, a fifth, a tenth, down to the last one.
