@@ -3,7 +3,7 @@
 --   wireshark -X lua_script:proto/wireshark/trimaran.lua capture.pcapng
 --
 -- Connections are known by their hello, and by the ports 7400 and 7401. Of encrypted datagrams only their headers can be read; QUIC
--- is Wireshark's own.
+-- is Wireshark's own. What repair made good at the receiver is not rebuilt here, and said to be missing.
 
 local KINDS = {
   [0x01] = "hello", [0x02] = "accept", [0x03] = "refuse", [0x04] = "goodbye", [0x05] = "sign of life",
@@ -111,8 +111,10 @@ local u = {
   repair = ProtoField.uint16("trimaran_udp.repair", "Repair shard"),
   shard = ProtoField.uint16("trimaran_udp.repair.size", "Size of a shard"),
   rest = ProtoField.bytes("trimaran_udp.repair.bytes", "Bytes of the shard"),
+  unseen = ProtoField.uint32("trimaran_udp.repair.unseen", "Bytes of the block that were not seen"),
 }
 local ue = {
+  unseen = ProtoExpert.new("trimaran_udp.not_rebuilt", "Bytes came by repair, which is not rebuilt here", expert.group.UNDECODED, expert.severity.WARN),
   malformed = ProtoExpert.new("trimaran_udp.malformed", "No chunk of version 1", expert.group.MALFORMED, expert.severity.ERROR),
 }
 datagrams.fields, datagrams.experts = u, ue
@@ -309,7 +311,7 @@ local function coded(r, tree, pinfo, key)
       end
     end
   end
-  if not ids then return "coded ids against a frame that was not captured" end
+  if not ids then return "coded ids against a frame that was not captured whole" end
   tree:add(f.count, #ids):set_generated()
   for _, id in ipairs(ids) do tree:add(f.id, id):set_generated() end
   return string.format("%d ids in %d bytes", #ids, whole)
@@ -472,6 +474,8 @@ DissectorTable.get("tcp.port"):add("7400-7401", trimaran)
 
 -- Gathers the parts of a frame's unit. Says whether its batches have headers (a coded frame), and gives all of it to the part that
 -- makes it whole. Only the first look at a packet adds anything; later ones find there what it found.
+--
+-- Whether a frame is coded its first byte says. Where that was lost, it is taken to be as the frames before it: a link codes all or none.
 local function gather(lane, key, unit, offset, range, ends)
   local found = decoded[key .. "/unit"]
   if found then return found end
@@ -479,8 +483,12 @@ local function gather(lane, key, unit, offset, range, ends)
   lane.units[unit] = whole
   if range then
     table.insert(whole.parts, { from = offset, to = offset + range:len(), bytes = range:bytes() })
-    if offset == 0 then whole.coded = range(0, 1):uint() == CODED_FRAME end
+    if offset == 0 then
+      whole.coded = range(0, 1):uint() == CODED_FRAME
+      lane.coded = whole.coded
+    end
   end
+  if whole.coded == nil then whole.coded = lane.coded end
   if ends then whole.size = offset + (range and range:len() or 0) end
   found = { coded = whole.coded }
   decoded[key .. "/unit"] = found
@@ -499,6 +507,29 @@ local function gather(lane, key, unit, offset, range, ends)
   whole.done, whole.parts = true, {}
   found.bytes = bytes
   return found
+end
+
+-- How many bytes of a block had not come before the repair that `key` names: it stands in for them, unless they were only late. Of that,
+-- too, later looks find what the first one found.
+local function unseen(lane, key, unit, from, to)
+  local found = decoded[key .. "/repair"]
+  if found then return found end
+  local whole, seen = lane.units[unit], 0
+  if whole and whole.done then
+    seen = to - from
+  elseif whole then
+    table.sort(whole.parts, function(a, b) return a.from < b.from end)
+    local at = from
+    for _, part in ipairs(whole.parts) do
+      local begins, ends = math.max(part.from, at), math.min(part.to, to)
+      if ends > begins then
+        seen = seen + ends - begins
+        at = ends
+      end
+    end
+  end
+  decoded[key .. "/repair"] = to - from - seen
+  return to - from - seen
 end
 
 -- Remembers a plain frame, which has no messages but its begin.
@@ -537,6 +568,7 @@ local function unit_part(r, tvb, tree, pinfo, unit, offset, count, ends, key)
   end
   local lane = lane_of(pinfo)
   local found = gather(lane, key, unit, offset, range, ends)
+  if found.coded == nil then return "part of a frame whose beginning was not captured" end
   if found.coded then
     if not found.bytes then return "part of a coded frame" end
     return coded_frame(found.bytes, tree, pinfo, key)
@@ -655,8 +687,8 @@ local function chunk(r, tvb, tree, pinfo, key)
   elseif code == 0x30 or code == 0x33 then
     local sub = tree:add("Repair")
     local unit = add_wide(sub, u.unit, r)
-    add_wide(sub, u.offset, r)
-    r.varint()
+    local offset = add_wide(sub, u.offset, r)
+    local length = r.varint()
     local size = r.take(2)
     sub:add_le(u.shard, size)
     r.take(1)
@@ -664,7 +696,12 @@ local function chunk(r, tvb, tree, pinfo, key)
     if code == 0x33 then sub:add_le(u.hash, r.take(8)) end
     sub:add(u.rest, r.take(size:le_uint()))
     sub:set_len(r.at() - start)
-    return "unit " .. unit .. " repair"
+    local lacks = unseen(lane_of(pinfo), key, unit, offset, offset + length)
+    if lacks == 0 then return "unit " .. unit .. " repair" end
+    sub:add(u.unseen, lacks):set_generated()
+    local said = "not rebuilt: " .. lacks .. " bytes of unit " .. unit .. " came by repair, or come later"
+    sub:add_proto_expert_info(ue.unseen, said)
+    return "unit " .. unit .. " repair (" .. said .. ")"
   end
   error(SHORT)
 end
