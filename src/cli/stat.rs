@@ -71,7 +71,7 @@ async fn watch(args: &StatArgs, net: &Arc<dyn Net>) -> Result<(), Failure> {
             println!("{}", serde_json::to_string(&readings).map_err(Failure::broken)?);
         } else if let Some((before, then)) = &before {
             let turned_away = read(&args.at, "/listener").await?;
-            print!("{}{}", table(before, &readings, at.since(*then)), limits(&readings, &turned_away));
+            print!("{}{}", table(before, &readings, at.since(*then)), warnings(&readings, &turned_away));
         }
         before = Some((readings, at));
         // Rates take two readings.
@@ -180,6 +180,19 @@ fn paths(before: &[LinkReading], now: &[LinkReading], elapsed: Duration) -> Stri
     text
 }
 
+/// What somebody should know beside the figures: nothing, mostly.
+fn warnings(links: &[LinkReading], turned_away: &TurnedAwayReading) -> String {
+    let mut text = limits(links, turned_away);
+    for link in links.iter().filter(|link| link.path.is_some_and(|path| path.hopeless)) {
+        let _infallible = writeln!(
+            text,
+            "\nthe way to {} takes as long as a frame may, or longer: hardly any comes whole; take a longer deadline, or a link without one",
+            link.peer
+        );
+    }
+    text
+}
+
 /// A line for what came up against a limit, if anything did.
 fn limits(links: &[LinkReading], turned_away: &TurnedAwayReading) -> String {
     let floods = links.iter().map(|link| link.floods).sum();
@@ -276,6 +289,21 @@ mod tests {
             TurnedAwayReading { handshakes_per_s: 1_200, peers: 2, ..TurnedAwayReading::default() };
         let expected = "\nturned away, by limit: handshakes_per_s 1,200, peers 2, messages_per_s 3\n";
         assert_eq!(limits(&[link(1), link(2)], &turned_away), expected);
+    }
+
+    #[test]
+    fn a_deadline_that_nothing_can_meet_is_told_and_no_other() {
+        let link = |hopeless| LinkReading {
+            peer: "display".to_owned(),
+            sent: Carried::default(),
+            received: Carried::default(),
+            floods: 0,
+            path: Some(PathReading { hopeless, ..PathReading::default() }),
+        };
+        let nobody = TurnedAwayReading::default();
+        assert_eq!(warnings(&[link(false)], &nobody), "");
+        let said = warnings(&[link(false), link(true)], &nobody);
+        assert_eq!(said.matches("the way to display takes as long").count(), 1, "{said}");
     }
 
     #[test]

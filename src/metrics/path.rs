@@ -42,6 +42,8 @@ pub struct PathReading {
     pub window_bytes: u64,
     /// Bytes in flight.
     pub in_flight_bytes: u64,
+    /// Frames sent have no more time than the way to the peer takes: hardly any comes whole.
+    pub hopeless: bool,
 }
 
 impl From<PathStats> for PathReading {
@@ -61,6 +63,7 @@ impl From<PathStats> for PathReading {
             round_trip_ms: path.round_trip.as_secs_f64() * 1e3,
             window_bytes: path.window as u64,
             in_flight_bytes: path.in_flight as u64,
+            hopeless: path.hopeless,
         }
     }
 }
@@ -94,11 +97,12 @@ pub(super) fn encode(links: &[LinkReading], encoder: &mut DescriptorEncoder<'_>)
         }
     }
     type Level = fn(&PathReading) -> f64;
-    let levels: [(&str, &str, Level); 4] = [
+    let levels: [(&str, &str, Level); 5] = [
         ("path_mtu_bytes", "Largest datagram known to arrive", |path| path.path_mtu as f64),
         ("round_trip_seconds", "Smoothed round-trip time", |path| path.round_trip_ms / 1e3),
         ("window_bytes", "Congestion window", |path| path.window_bytes as f64),
         ("in_flight_bytes", "Bytes in flight", |path| path.in_flight_bytes as f64),
+        ("hopeless", "1 where frames sent have no more time than the way takes", |path| path.hopeless.into()),
     ];
     for (name, help, level) in levels {
         let mut family = encoder.encode_descriptor(name, help, None, MetricType::Gauge)?;
@@ -137,8 +141,13 @@ mod tests {
 
     #[test]
     fn packets_are_counters_and_the_path_is_gauges() {
-        let path =
-            PathReading { packets_lost: 7, round_trip_ms: 12.5, path_mtu: 1452, ..PathReading::default() };
+        let path = PathReading {
+            packets_lost: 7,
+            round_trip_ms: 12.5,
+            path_mtu: 1452,
+            hopeless: true,
+            ..PathReading::default()
+        };
         let text = text_of(Some(path));
         for line in [
             "# TYPE trimaran_link_packets_lost counter",
@@ -146,6 +155,7 @@ mod tests {
             "# TYPE trimaran_link_round_trip_seconds gauge",
             "trimaran_link_round_trip_seconds{peer=\"display\"} 0.0125",
             "trimaran_link_path_mtu_bytes{peer=\"display\"} 1452.0",
+            "trimaran_link_hopeless{peer=\"display\"} 1.0",
         ] {
             assert!(text.lines().any(|found| found == line), "no {line} in {text}");
         }

@@ -36,6 +36,8 @@ pub struct PathStats {
     pub window: usize,
     /// How many are.
     pub in_flight: usize,
+    /// Whether frames sent from here have no more time than the way to the peer takes ([`Connection::hopeless`]).
+    pub hopeless: bool,
 }
 
 impl PathStats {
@@ -58,7 +60,7 @@ impl PathStats {
     }
 }
 
-/// Frames have less time than the way to the peer takes: hardly any can come whole.
+/// Frames have no more time than the way to the peer takes: hardly any can come whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Hopeless {
     /// How long a frame may take ([`Config::patience`](crate::Config::patience)).
@@ -72,7 +74,7 @@ impl Connection {
     #[must_use]
     pub fn hopeless(&self) -> Option<Hopeless> {
         let (deadline, way) = (self.outbox.patience?, self.recovery.rtt.least_one_way()?);
-        (way > deadline).then_some(Hopeless { deadline, way })
+        (way >= deadline).then_some(Hopeless { deadline, way })
     }
 
     /// What became of the packets, and what is known of the path.
@@ -94,6 +96,7 @@ impl Connection {
             round_trip: recovery.rtt.smoothed(),
             window: recovery.window.window(),
             in_flight: recovery.in_flight(),
+            hopeless: self.hopeless().is_some(),
         }
     }
 }
