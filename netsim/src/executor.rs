@@ -40,6 +40,7 @@ struct Ready(Mutex<VecDeque<Arc<Rouser>>>);
 #[derive(Debug)]
 struct Rouser {
     key: usize,
+    /// Atomic because [`Wake`] asks for it: a simulation's tasks, and so whoever wakes them, are all on one thread.
     queued: AtomicBool,
     ready: Arc<Ready>,
 }

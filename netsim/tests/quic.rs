@@ -3,6 +3,8 @@
 
 #[path = "../../transport/tests/common/mod.rs"]
 mod common;
+#[path = "virtual_time/priorities.rs"]
+mod priorities;
 #[path = "virtual_time/mod.rs"]
 #[macro_use]
 mod virtual_time;
@@ -76,6 +78,18 @@ fn gigabit() -> LinkModel {
 }
 
 conformance_in_virtual_time!(|| machines(&gigabit(), 1));
+
+#[test]
+fn an_older_frame_is_complete_first() {
+    let (simulation, pairs) = machines(&priorities::narrow(), 1);
+    simulation.run(priorities::an_older_frame_is_complete_first(&pairs)).unwrap();
+}
+
+#[test]
+fn a_camera_goes_before_a_frame() {
+    let (simulation, pairs) = machines(&priorities::narrow(), 1);
+    simulation.run(priorities::a_camera_goes_before_a_frame(&pairs)).unwrap();
+}
 
 /// Sends 50 frames of 4000 ids over a link that loses a hundredth of all packets. Gives the hash of the trace, when it was
 /// done, and how many packets were lost.

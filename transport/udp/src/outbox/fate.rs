@@ -135,6 +135,17 @@ mod tests {
     }
 
     #[test]
+    fn a_frame_that_was_given_up_is_not_confirmed_by_what_still_arrives_of_it() {
+        let mut outbox = sender(Some(50));
+        (0..2).for_each(|number| frame(&mut outbox, number));
+        outbox.expire(at(0), at(5));
+        outbox.expire(at(50), at(55));
+        outbox.on_give_up_ack(1);
+        outbox.on_ack(1, 0..80, true);
+        assert_eq!((outbox.frames_given_up, outbox.confirmed), (2, None));
+    }
+
+    #[test]
     fn a_frame_that_arrived_is_not_given_up() {
         let mut outbox = sender(Some(50));
         (0..2).for_each(|number| frame(&mut outbox, number));

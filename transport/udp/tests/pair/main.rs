@@ -186,15 +186,33 @@ fn what_cannot_arrive_in_time_is_given_up_and_the_rest_is_passed_on() {
 
 #[test]
 fn a_deadline_before_anything_can_have_come_is_known_once_the_way_was_measured() {
-    let hopeless = |patience: Option<u64>| {
-        let config = Config { patience: patience.map(Duration::from_millis), ..RELIABLE };
+    let hopeless = |patience| {
+        let config = Config { patience, ..RELIABLE };
         assert_eq!(Pair::new(SEALED, config).ends[0].hopeless(), None, "nothing was measured");
-        stream(SEALED, config, 2).0.ends[0].hopeless()
+        let end = &stream(SEALED, config, 2).0.ends[0];
+        assert_eq!(end.stats().hopeless, end.hopeless().is_some());
+        end.hopeless()
     };
-    let found = hopeless(Some(4)).unwrap();
+    let found = hopeless(Some(Duration::from_millis(4))).unwrap();
     assert_eq!(found.deadline, Duration::from_millis(4));
     assert!((ONE_WAY..ONE_WAY + Duration::from_millis(1)).contains(&found.way), "{found:?}");
-    assert_eq!((hopeless(Some(6)), hopeless(None)), (None, None));
+    assert!(hopeless(Some(found.way)).is_some(), "nothing leaves before it is to be there");
+    assert_eq!((hopeless(Some(Duration::from_millis(6))), hopeless(None)), (None, None));
+}
+
+/// Nothing is acknowledged, so that the window stays as it was at first.
+#[test]
+fn no_more_is_under_way_than_the_congestion_window_allows() {
+    let mut pair = Pair::new(CLEAN, Config::default());
+    pair.deaf = true;
+    Sender::new(Config::default()).send(&mut pair.ends[0], 0, &ids(100_000));
+    let end = pair.now.after(Duration::from_secs(10));
+    while pair.ends[0].stats().probes == 0 {
+        assert!(pair.step(end), "nothing is found missing");
+        let stats = pair.ends[0].stats();
+        assert!(stats.in_flight <= stats.window, "{stats:?}");
+    }
+    assert!(pair.ends[0].stats().in_flight > 10_000, "{:?}", pair.ends[0].stats());
 }
 
 #[test]
