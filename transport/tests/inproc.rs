@@ -76,7 +76,8 @@ async fn nobody_under_a_name_ends_at_the_deadline() {
     let ConnectError::Deadline { attempts, last: AttemptError::Nobody { name }, .. } = error else {
         panic!("{error:?}")
     };
-    assert!(attempts > 3, "{attempts} attempts");
+    // Pauses double from 20 ms to a second, each cut by up to a half at random: about 85 in a minute. Without chance there would be 65.
+    assert!((70..110).contains(&attempts), "{attempts} attempts");
     assert_eq!(name.as_str(), "nobody");
 }
 

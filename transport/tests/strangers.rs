@@ -16,7 +16,7 @@ use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpStream, UdpSocket, UnixStream};
 use trimaran_proto::{Identity, Refusal, Role, SceneHash};
 use trimaran_transport::{
-    ConnectError, Endpoint, HandshakeError, Instant, Link, Net, Options, connect, sleep_until,
+    ConnectError, Endpoint, HandshakeError, Instant, Link, LinkConfig, Net, Options, connect, sleep_until,
 };
 
 over_every_transport!(
@@ -137,7 +137,9 @@ mod of_datagrams {
 
     /// The display sees a listener that dies, and the listener a display.
     async fn either_side_may_die_behind_every_datagram_of_the_handshake(endpoint: &str) {
-        let options = Options { handshake: Duration::from_secs(1), ..Options::default() };
+        // Only the time of a handshake frees the place of who dies in it.
+        let link = LinkConfig { lease: Duration::from_secs(3600), ..LinkConfig::default() };
+        let options = Options { handshake: Duration::from_secs(1), link, ..Options::default() };
         let Meeting { mut listener, at, display, _folder } = Meeting::at(endpoint, &options).await;
         let net = net();
         let inside = match &at {

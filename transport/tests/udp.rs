@@ -3,22 +3,24 @@
 
 mod common;
 
+use std::cell::Cell;
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use common::conformance::Pairs;
 use common::ports::unused_port;
+use common::router::Router;
 use common::udp::{a_display_gets_in, listener, shared, with};
 use common::{SCENE, camera, identity, ids, joined, last_failure, net, receive, soon, start};
 use trimaran_proto::{
     DrawableId, FrameEvent, FrameNumber, FrameOutcome, IdCoding, Identity, Refusal, Role, SceneHash,
 };
 use trimaran_transport::keys::{Keys, Security};
-use trimaran_transport::udp::{Trust, UdpOptions};
+use trimaran_transport::udp::{Repair, Trust, UdpOptions};
 use trimaran_transport::{
-    AttemptError, ConnectError, HandshakeError, Link, LinkConfig, Listener, Net, Options, PeerAddress,
-    connect, sleep_until, until,
+    AttemptError, ConnectError, Endpoint, HandshakeError, Link, LinkConfig, Listener, Net, Options,
+    PeerAddress, UdpMode, connect, sleep_until, until,
 };
 
 struct Udp;
@@ -66,16 +68,24 @@ async fn without_keys_there_is_no_udp() {
     assert!(Listener::bind(&net, &endpoint, identity(Role::SwitchA), &options).await.is_err());
 }
 
+/// Somebody with these options gets no link in any time; what the listener knows of it.
+async fn a_stranger_knocks(listener: &mut Listener, at: &Endpoint, options: &Options) -> HandshakeError {
+    let net = net();
+    let known = tokio::select! {
+        link = connect(&net, at, identity(Role::Display), options, soon(&net)) => panic!("{link:?}"),
+        known = last_failure(listener) => known,
+    };
+    let shortly = net.now().after(Duration::from_millis(100));
+    let error = connect(&net, at, identity(Role::Display), options, shortly).await.unwrap_err();
+    assert!(matches!(error, ConnectError::Deadline { .. }), "{error:?}");
+    known
+}
+
 #[tokio::test]
 async fn another_key_gets_no_answer_and_the_listener_knows_why() {
-    let net = net();
     let (mut listener, endpoint) = listener(&shared(1)).await;
     for wrong in [shared(2), with(Trust::Plaintext)] {
-        let options = Options { handshake: Duration::from_millis(300), ..wrong };
-        let deadline = net.now().after(Duration::from_millis(400));
-        let error = connect(&net, &endpoint, identity(Role::Display), &options, deadline).await.unwrap_err();
-        assert!(matches!(error, ConnectError::Deadline { .. }), "{error:?}");
-        let known = last_failure(&mut listener).await;
+        let known = a_stranger_knocks(&mut listener, &endpoint, &wrong).await;
         assert!(matches!(known, HandshakeError::Stranger), "{known:?}");
     }
     a_display_gets_in(&mut listener, &endpoint, &shared(1)).await;
@@ -145,19 +155,19 @@ fn knowing(keys: &Keys, peers: &[&Keys]) -> Options {
 #[tokio::test]
 async fn pinned_peers_find_each_other_among_several_and_others_do_not_get_in() {
     let [a, b, c, d] = ["a", "b", "c", "d"].map(|name| Keys::generate(name.parse().unwrap()).unwrap());
-    let net = net();
     let (mut listener, at) = listener(&knowing(&a, &[&b, &c])).await;
     for options in [knowing(&b, &[&a]), knowing(&b, &[&c, &a]), knowing(&c, &[&a, &b, &d])] {
         a_display_gets_in(&mut listener, &at, &options).await;
     }
-    for options in [knowing(&d, &[&a]), knowing(&b, &[&c, &d]), knowing(&b, &[])] {
-        let options = Options { handshake: Duration::from_millis(300), ..options };
-        let deadline = net.now().after(Duration::from_millis(400));
-        let error = connect(&net, &at, identity(Role::Display), &options, deadline).await.unwrap_err();
-        assert!(matches!(error, ConnectError::Deadline { .. }), "{error:?}");
+    // Who asks at doors of other keys is a stranger there, and so is whom nobody here knows.
+    for options in [knowing(&d, &[&a]), knowing(&b, &[&c, &d])] {
+        let known = a_stranger_knocks(&mut listener, &at, &options).await;
+        assert!(matches!(known, HandshakeError::Stranger), "{known:?}");
     }
-    let known = last_failure(&mut listener).await;
-    assert!(matches!(known, HandshakeError::Stranger), "{known:?}");
+    let net = net();
+    let shortly = net.now().after(Duration::from_millis(100));
+    let alone = connect(&net, &at, identity(Role::Display), &knowing(&b, &[]), shortly).await;
+    assert!(matches!(alone, Err(ConnectError::Deadline { .. })), "{alone:?}");
 }
 
 /// With no time at all to arrive, nothing but a frame's beginning and end does.
@@ -256,6 +266,67 @@ async fn with_deadlines_ids_travel_as_changes_once_a_frame_is_confirmed() {
     }
     assert!(least < 60, "{least} bytes for a frame like the one before");
     assert_eq!(a.stats.read().sent.ids, display.stats.read().received.ids);
+}
+
+/// Over a way that loses packets and leaves no time to send them again: whole or with gaps, but never what was not sent.
+#[tokio::test]
+async fn with_deadlines_a_lost_frame_spoils_no_later_one() {
+    let net = net();
+    let link = LinkConfig { coding: IdCoding::Changes, ..LinkConfig::default() };
+    let deadline = Duration::from_millis(20);
+    let udp = UdpOptions { mode: UdpMode::Deadline, deadline, repair: Repair::Off, ..shared(1).udp };
+    let options = Options { link, udp, ..shared(1) };
+    let (mut listener, at) = listener(&options).await;
+    let router = Router::before(&at).await;
+    let visible = |frame: u32| -> Vec<DrawableId> {
+        (0..4000).filter(|id| !(id + 3 * frame).is_multiple_of(100)).map(|id| DrawableId(500 * id)).collect()
+    };
+    let talk = async {
+        let (there, here) = tokio::join!(
+            connect(&net, &router.at, identity(Role::Display), &options, soon(&net)),
+            listener.accept(soon(&net)),
+        );
+        let (mut display, mut a) = (there.unwrap(), here.unwrap());
+        let (mut whole, mut gaps, mut bytes) = (0, 0, u64::MAX);
+        // Until some have come as changes, and some with gaps.
+        for frame in 0.. {
+            let before = a.stats.read();
+            a.frames_tx.begin(start(frame)).await.unwrap();
+            a.frames_tx.push(&visible(frame)).await.unwrap();
+            a.frames_tx.finish().await.unwrap();
+            bytes = bytes.min((a.stats.read() - before).sent.ids.bytes);
+            let (mut ids, sent) = (Vec::new(), visible(frame));
+            loop {
+                match display.frames_rx.recv().await.unwrap() {
+                    FrameEvent::Ids(batch) => ids.extend(batch.iter()),
+                    FrameEvent::End(FrameOutcome::Complete(_)) => {
+                        assert_eq!(ids, sent);
+                        whole += 1;
+                        break;
+                    }
+                    FrameEvent::End(FrameOutcome::Incomplete { .. }) => {
+                        assert!(ids.iter().all(|id| sent.binary_search(id).is_ok()), "frame {frame}");
+                        gaps += 1;
+                        break;
+                    }
+                    FrameEvent::Begin(_) | FrameEvent::Stats(_) => {}
+                }
+            }
+            if whole >= 20 && gaps >= 20 && bytes < 2000 {
+                break;
+            }
+        }
+    };
+    let mut state = 7_u32;
+    let keep = |_: &[u8], _| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        !(state >> 16).is_multiple_of(6)
+    };
+    let lost = Cell::new(0);
+    tokio::select! {
+        ended = until(&*net, soon(&net), talk) => assert!(ended.is_some(), "it never came that far"),
+        () = router.pass(&lost, keep) => {}
+    }
 }
 
 #[tokio::test]

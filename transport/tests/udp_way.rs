@@ -5,15 +5,17 @@ mod common;
 
 use std::time::Duration;
 
+use bytes::{BufMut, BytesMut};
 use common::udp::{a_display_gets_in, address, listener, shared, with};
-use common::{camera, identity, net, soon};
+use common::{camera, identity, last_failure, net, soon};
 use tokio::net::UdpSocket;
-use trimaran_proto::Role;
+use trimaran_proto::{Lane, Message, ProtocolVersion, Refusal, Role, SessionId};
 use trimaran_transport::udp::Trust;
 use trimaran_transport::{
     AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Link, LinkConfig, Listener, Loss, Options,
     RecvError, connect, until,
 };
+use trimaran_udp::{Config, Connecting, ConnectionId, Progress, Security};
 
 /// Deterministic garbage.
 fn garbage(i: u32) -> Vec<u8> {
@@ -69,6 +71,40 @@ async fn a_listener_of_another_version_is_understood() {
         panic!("{error:?}")
     };
     assert!(matches!(cause, HandshakeError::Datagram { theirs: 7, ours: 1 }), "{cause:?}");
+}
+
+/// The datagrams may be of one version and the messages in them of another.
+#[tokio::test]
+async fn a_hello_of_another_version_is_refused_in_words_that_it_can_read() {
+    let options = with(Trust::Plaintext);
+    let (mut listener, endpoint) = listener(&options).await;
+    let mut hello = BytesMut::new();
+    Message::Hello(identity(Role::Display).hello(SessionId(7), Lane::Frames)).encode(&mut hello);
+    // Behind the header and the four letters of every hello; what follows may mean anything there.
+    hello[8..10].copy_from_slice(&9_u16.to_le_bytes());
+    hello[10..].fill(0xff);
+    // All frames will be whole.
+    hello.put_u8(0);
+    let mut connecting = Connecting::new(&Security::Plaintext, ConnectionId(5), &hello).unwrap();
+    let stranger = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    let (mut first, mut answer) = (Vec::new(), vec![0; 2000]);
+    let refusal = loop {
+        connecting.initial(&mut first);
+        stranger.send_to(&first, address(&endpoint)).await.unwrap();
+        let length = stranger.recv(&mut answer).await.unwrap();
+        connecting = match connecting.handle(net().now(), &answer[..length], Config::default()) {
+            Progress::Retry(connecting) => connecting,
+            Progress::Refused(refusal) => break refusal,
+            other => panic!("{other:?}"),
+        };
+    };
+    let expected = Refusal::Version { listener: ProtocolVersion(1), connector: ProtocolVersion(9) };
+    let mut said = BytesMut::new();
+    Message::Refuse(expected).encode(&mut said);
+    assert_eq!(refusal[..said.len()], said);
+    let known = last_failure(&mut listener).await;
+    assert!(matches!(known, HandshakeError::Refused(known) if known == expected), "{known:?}");
+    a_display_gets_in(&mut listener, &endpoint, &options).await;
 }
 
 /// A socket between a peer and a listener, which sees and may do everything.
@@ -167,7 +203,9 @@ async fn what_travels_can_be_read_on_the_way_only_in_the_clear() {
 #[tokio::test]
 async fn a_first_packet_that_somebody_repeats_is_no_link() {
     let net = net();
-    let options = Options { handshake: Duration::from_millis(300), ..shared(1) };
+    // Only the time of the handshake ends it.
+    let link = LinkConfig { lease: Duration::from_secs(3600), ..LinkConfig::default() };
+    let options = Options { handshake: Duration::from_millis(300), link, ..shared(1) };
     let (mut listener, at) = listener(&options).await;
     let (mut relay, through) = Relay::before(&at).await;
     let mut answers = 0;
@@ -187,7 +225,7 @@ async fn a_first_packet_that_somebody_repeats_is_no_link() {
         assert!(buffer[0] & 3 == 3 || buffer[0] & 3 == 0, "an answer or a close");
     }
     assert!(answers <= 100, "{answers} answers");
-    let failure = common::last_failure(&mut listener).await;
+    let failure = last_failure(&mut listener).await;
     assert!(matches!(failure, HandshakeError::TimedOut), "{failure:?}");
     a_display_gets_in(&mut listener, &at, &options).await;
 }
@@ -246,24 +284,27 @@ async fn ten_thousand_half_open_handshakes_shut_nobody_out() {
 
 #[tokio::test]
 async fn a_peer_that_vanishes_is_lost_after_the_lease() {
-    let net = net();
-    let lease = Duration::from_millis(400);
-    let options = Options { link: LinkConfig { lease, ..shared(1).link }, ..shared(1) };
-    let (mut listener, at) = listener(&options).await;
-    let (mut relay, through) = Relay::before(&at).await;
-    let joining = async {
-        tokio::join!(
-            connect(&net, &through, identity(Role::Display), &options, soon(&net)),
-            listener.accept(soon(&net)),
-        )
-    };
-    let (there, here) = tokio::select! {
-        links = joining => links,
-        _ = relay.pass(|_, _| false) => panic!("it never ends"),
-    };
-    let (mut there, mut here) = (there.unwrap(), here.unwrap());
-    // From here on nothing is passed on.
-    for lost in [here.frames_rx.recv().await, there.frames_rx.recv().await] {
-        assert!(matches!(lost, Err(RecvError::Lost { cause: Loss::Silent, .. })), "{lost:?}");
+    // The first lease that is long enough here to get as far as that.
+    for lease in (0..).map(|doubled| Duration::from_millis(200) * 2_u32.pow(doubled)) {
+        let options = Options { link: LinkConfig { lease, ..shared(1).link }, ..shared(1) };
+        let (mut listener, at) = listener(&options).await;
+        let (mut relay, through) = Relay::before(&at).await;
+        let net = net();
+        let joining = async {
+            tokio::join!(
+                connect(&net, &through, identity(Role::Display), &options, soon(&net)),
+                listener.accept(soon(&net)),
+            )
+        };
+        let (there, here) = tokio::select! {
+            links = joining => links,
+            _ = relay.pass(|_, _| false) => panic!("it never ends"),
+        };
+        let (Ok(mut there), Ok(mut here)) = (there, here) else { continue };
+        // From here on nothing is passed on.
+        for lost in [here.frames_rx.recv().await, there.frames_rx.recv().await] {
+            assert!(matches!(lost, Err(RecvError::Lost { cause: Loss::Silent, .. })), "{lost:?}");
+        }
+        break;
     }
 }

@@ -5,15 +5,21 @@
 mod common;
 
 use std::fs;
+use std::io;
+use std::net::SocketAddr;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt};
 use std::os::unix::net::UnixListener;
+use std::path::Path;
+use std::sync::Arc;
 
 use common::conformance::Pairs;
-use common::{identity, joined, net};
+use common::{identity, joined, last_failure, net, soon};
 use tempfile::TempDir;
 use trimaran_proto::Role;
 use trimaran_transport::{
-    Endpoint, Link, LinkConfig, ListenError, Listener, Options, PeerAddress, SocketPath, UnixOptions,
+    AttemptError, BoxFuture, ConnectError, Credentials, Endpoint, ForeignUser, HandshakeError, Instant, Link,
+    LinkConfig, Listen, ListenError, Listener, Net, Options, PeerAddress, SocketPath, Stream, TcpOptions,
+    Timer, UdpSocket, UdpSocketOptions, UnixOptions, connect,
 };
 
 struct Unix;
@@ -36,7 +42,7 @@ fn socket() -> (TempDir, Endpoint) {
     (folder, Endpoint::Unix(path))
 }
 
-fn file_of(endpoint: &Endpoint) -> &std::path::Path {
+fn file_of(endpoint: &Endpoint) -> &Path {
     let Endpoint::Unix(path) = endpoint else { panic!("{endpoint}") };
     path.as_path()
 }
@@ -96,4 +102,116 @@ async fn a_live_listener_and_a_file_that_is_none_are_left_alone() {
     let error = bind(&endpoint, &Options::default()).await.unwrap_err();
     assert!(matches!(error, ListenError::Io { .. }), "{error:?}");
     assert_eq!(fs::read_to_string(file_of(&endpoint)).unwrap(), "precious");
+}
+
+/// The real network on a machine where the other end of every Unix socket is another user's.
+#[derive(Debug)]
+struct Elsewhere {
+    net: Arc<dyn Net>,
+    user: u32,
+}
+
+struct Foreign {
+    listener: Box<dyn Listen>,
+    user: u32,
+}
+
+fn of_user(user: u32, stream: Stream) -> Stream {
+    let PeerAddress::Unix(peer) = stream.peer else { panic!("{stream:?}") };
+    Stream { peer: PeerAddress::Unix(Credentials { uid: user, ..peer }), ..stream }
+}
+
+impl Listen for Foreign {
+    fn accept(&mut self) -> BoxFuture<'_, io::Result<Stream>> {
+        Box::pin(async { Ok(of_user(self.user, self.listener.accept().await?)) })
+    }
+}
+
+impl Net for Elsewhere {
+    fn now(&self) -> Instant {
+        self.net.now()
+    }
+
+    fn timer(&self) -> Box<dyn Timer> {
+        self.net.timer()
+    }
+
+    fn spawn(&self, task: BoxFuture<'static, ()>) {
+        self.net.spawn(task);
+    }
+
+    fn random(&self) -> io::Result<u64> {
+        self.net.random()
+    }
+
+    fn resolve<'a>(&'a self, address: &'a str) -> BoxFuture<'a, io::Result<Vec<SocketAddr>>> {
+        self.net.resolve(address)
+    }
+
+    fn connect_tcp(&self, to: SocketAddr, options: TcpOptions) -> BoxFuture<'_, io::Result<Stream>> {
+        self.net.connect_tcp(to, options)
+    }
+
+    fn listen_tcp(&self, at: SocketAddr, options: TcpOptions) -> io::Result<(Box<dyn Listen>, SocketAddr)> {
+        self.net.listen_tcp(at, options)
+    }
+
+    fn bind_udp(&self, at: SocketAddr, options: UdpSocketOptions) -> io::Result<Arc<dyn UdpSocket>> {
+        self.net.bind_udp(at, options)
+    }
+
+    fn connect_unix<'a>(&'a self, path: &'a Path) -> BoxFuture<'a, io::Result<Stream>> {
+        Box::pin(async { Ok(of_user(self.user, self.net.connect_unix(path).await?)) })
+    }
+
+    fn listen_unix<'a>(
+        &'a self,
+        path: &'a Path,
+        options: &'a UnixOptions,
+    ) -> BoxFuture<'a, io::Result<Box<dyn Listen>>> {
+        Box::pin(async {
+            let listener = self.net.listen_unix(path, options).await?;
+            Ok(Box::new(Foreign { listener, user: self.user }) as Box<dyn Listen>)
+        })
+    }
+}
+
+#[tokio::test]
+async fn another_users_process_gets_no_link_from_either_side_unless_its_user_is_named() {
+    let (_folder, endpoint) = socket();
+    let ours = rustix::process::geteuid().as_raw();
+    let stranger = ForeignUser { ours, theirs: ours + 1 };
+    let elsewhere: Arc<dyn Net> = Arc::new(Elsewhere { net: net(), user: stranger.theirs });
+    let here = net();
+    let options = Options::default();
+
+    // The listener sees another user's process, and says no more to it.
+    let mut listener =
+        Listener::bind(&elsewhere, &endpoint, identity(Role::SwitchA), &options).await.unwrap();
+    let known = tokio::select! {
+        link = connect(&here, &endpoint, identity(Role::Display), &options, soon(&here)) => panic!("{link:?}"),
+        known = last_failure(&mut listener) => known,
+    };
+    assert!(matches!(known, HandshakeError::ForeignUser(who) if who == stranger), "{known:?}");
+    drop(listener);
+
+    // Whoever connects sees another user's listener, and does not try again.
+    let (_folder, endpoint) = socket();
+    let mut listener = bind(&endpoint, &options).await.unwrap();
+    let error =
+        connect(&elsewhere, &endpoint, identity(Role::Display), &options, soon(&here)).await.unwrap_err();
+    let ConnectError::Failed { cause: AttemptError::Handshake { cause, .. }, .. } = error else {
+        panic!("{error:?}")
+    };
+    assert!(matches!(cause, HandshakeError::ForeignUser(who) if who == stranger), "{cause:?}");
+
+    let unix = UnixOptions { allow_uids: vec![stranger.theirs], ..UnixOptions::default() };
+    let open = Options { unix, ..options };
+    let (there, accepted) = tokio::join!(
+        connect(&elsewhere, &endpoint, identity(Role::Display), &open, soon(&here)),
+        listener.accept(soon(&here)),
+    );
+    let PeerAddress::Unix(peer) = there.unwrap().peer.address else { panic!("no Unix socket") };
+    assert_eq!(peer.uid, stranger.theirs);
+    assert!(accepted.is_ok());
 }

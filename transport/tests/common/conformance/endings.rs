@@ -31,6 +31,21 @@ pub(crate) async fn goodbye_comes_after_everything(pairs: &impl Pairs) {
     assert_eq!(said(display.latest_rx.try_latest().unwrap_err()), Goodbye::failed("out of memory"));
 }
 
+/// More than may be under way at once.
+pub(crate) async fn what_was_sent_before_a_link_is_dropped_arrives(pairs: &impl Pairs) {
+    let (mut a, mut display) = pairs.pair(patient()).await;
+    let send = async {
+        a.frames_tx.begin(start(0)).await.unwrap();
+        a.frames_tx.push(&ids(50_000)).await.unwrap();
+        a.frames_tx.finish().await.unwrap();
+        a.latest_tx.publish(camera(1)).unwrap();
+        drop(a);
+    };
+    let ((), got) = tokio::join!(send, receive(&mut display.frames_rx));
+    assert_eq!(got.unwrap().ids, ids(50_000));
+    assert_eq!(display.latest_rx.latest().await.unwrap(), camera(1));
+}
+
 pub(crate) async fn death_within_a_frame_is_no_goodbye(pairs: &impl Pairs) {
     let (mut a, mut display) = pairs.pair(batches_of(10)).await;
     a.frames_tx.begin(start(0)).await.unwrap();

@@ -52,6 +52,7 @@ macro_rules! conformance_cases {
                 polling_takes_what_is_there,
                 dropping_a_wait_loses_nothing,
                 goodbye_comes_after_everything,
+                what_was_sent_before_a_link_is_dropped_arrives,
                 death_within_a_frame_is_no_goodbye,
                 death_behind_every_step_of_a_frame_is_a_loss,
                 a_dead_receiver_fails_the_sender,

@@ -1,0 +1,210 @@
+//! What strangers and peers make this side hold: no more than was configured. Alone in its program, whose allocator counts.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+mod common;
+#[path = "common/meeting.rs"]
+mod meeting;
+
+use std::alloc::System;
+use std::time::Duration;
+
+use common::{camera, identity, ids, net, soon, start};
+use meeting::Meeting;
+use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
+use tokio::io::AsyncWriteExt;
+use tokio::net::{TcpStream, UdpSocket, UnixStream};
+use tokio::sync::Mutex;
+use trimaran_proto::Role;
+use trimaran_transport::keys::{Keys, Security};
+use trimaran_transport::quic::QuicOptions;
+use trimaran_transport::udp::UdpOptions;
+use trimaran_transport::{Endpoint, Limits, Link, LinkConfig, Options, SendError, connect, sleep_until};
+
+#[global_allocator]
+static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
+
+const KIB: usize = 1 << 10;
+const ENDPOINTS: [&str; 4] = ["tcp://127.0.0.1:0", "unix:", "quic://127.0.0.1:0", "udp://127.0.0.1:0"];
+
+/// Only one test at a time counts.
+static ALONE: Mutex<()> = Mutex::const_new(());
+
+/// How many bytes this program holds.
+fn held() -> usize {
+    let stats = ALLOCATOR.stats();
+    stats.bytes_allocated.saturating_sub(stats.bytes_deallocated)
+}
+
+async fn joined(meeting: &mut Meeting) -> (Link, Link) {
+    let net = net();
+    let (there, here) = tokio::join!(
+        connect(&net, &meeting.at, identity(Role::Display), &meeting.display, soon(&net)),
+        meeting.listener.accept(soon(&net)),
+    );
+    (there.unwrap(), here.unwrap())
+}
+
+/// Waits until this program holds about as much as it did: what strangers and peers made it take is given back.
+async fn given_back(at_first: usize) {
+    let net = net();
+    let by = soon(&net);
+    while held() > at_first + 64 * KIB {
+        assert!(net.now() < by, "{} bytes are kept", held() - at_first);
+        a_moment().await;
+    }
+}
+
+/// Time for the other side to take what was said.
+async fn a_moment() {
+    let net = net();
+    sleep_until(&*net, net.now().after(Duration::from_millis(50))).await;
+}
+
+/// Somebody who is no peer.
+enum Stranger {
+    Tcp(TcpStream),
+    Unix(UnixStream),
+    /// With a first packet as genuine as a stranger's can be: its keys are nobody's.
+    Datagrams {
+        socket: UdpSocket,
+        to: String,
+        first: Vec<u8>,
+    },
+}
+
+impl Stranger {
+    async fn at(endpoint: &Endpoint, options: &Options) -> Self {
+        match endpoint {
+            Endpoint::Tcp(at) => Self::Tcp(TcpStream::connect(at.to_string()).await.unwrap()),
+            Endpoint::Unix(path) => Self::Unix(UnixStream::connect(path.as_path()).await.unwrap()),
+            Endpoint::Quic(at) => Self::of_datagrams("quic", at.to_string(), options).await,
+            Endpoint::Udp(at) => Self::of_datagrams("udp", at.at.to_string(), options).await,
+            other => panic!("{other}"),
+        }
+    }
+
+    async fn of_datagrams(transport: &str, to: String, options: &Options) -> Self {
+        let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+        let lure = format!("{transport}://{}", socket.local_addr().unwrap()).parse().unwrap();
+        let (net, mut first) = (net(), vec![0; 2000]);
+        let length = tokio::select! {
+            link = connect(&net, &lure, identity(Role::Display), options, soon(&net)) => panic!("{link:?}"),
+            received = socket.recv(&mut first) => received.unwrap(),
+        };
+        first.truncate(length);
+        Self::Datagrams { socket, to, first }
+    }
+
+    /// Says what makes the listener expect the longest message there is, or begins a handshake.
+    async fn speak(&mut self) {
+        let greedy = [&[0x21, 0x00, 0x00, 0x01][..], &vec![7; 64 * KIB]].concat();
+        // Who was turned away cannot always be said more to.
+        match self {
+            Self::Tcp(stream) => drop(stream.write_all(&greedy[..]).await),
+            Self::Unix(stream) => drop(stream.try_write(&greedy)),
+            Self::Datagrams { socket, to, first } => drop(socket.send_to(first, &*to).await.unwrap()),
+        }
+    }
+
+    /// Begins a handshake, and says no more of it than that.
+    async fn begin(&mut self) {
+        // A hello of 30 bytes begins.
+        let hello = [0x01, 30, 0, 0, b'T', b'R'];
+        match self {
+            Self::Tcp(stream) => drop(stream.try_write(&hello)),
+            Self::Unix(stream) => drop(stream.try_write(&hello)),
+            Self::Datagrams { .. } => self.speak().await,
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn strangers_cost_no_more_than_the_handshakes_that_may_be_under_way() {
+    const ROOM: usize = 8;
+    /// What one handshake may take: of QUIC, its TLS and what waits for it.
+    const EACH: usize = 96 * KIB;
+    let _alone = ALONE.lock().await;
+    let hour = Duration::from_secs(3600);
+    let limits = Limits {
+        handshakes: ROOM,
+        handshakes_per_s: 1 << 20,
+        handshakes_per_s_per_address: 1 << 20,
+        ..Limits::default()
+    };
+    let link = LinkConfig { lease: hour, ..LinkConfig::default() };
+    let options = Options { limits, link, handshake: hour, ..Options::default() };
+    for endpoint in ENDPOINTS {
+        let at_first = held();
+        let mut meeting = Meeting::at(endpoint, &options).await;
+        drop(joined(&mut meeting).await);
+        let keys = Keys::generate("nobody".parse().unwrap()).unwrap();
+        let peers = meeting.display.security.clone().unwrap().peers;
+        let unknown = Options { security: Some(Security { keys, peers }), ..options.clone() };
+        let is_stream = matches!(meeting.at, Endpoint::Tcp(_) | Endpoint::Unix(_));
+        let mut strangers = Vec::new();
+        if !is_stream {
+            for _ in 0..64 {
+                strangers.push(Stranger::at(&meeting.at, &unknown).await);
+            }
+        }
+        a_moment().await;
+        let (before, mut most) = (held(), 0);
+        for round in 0..20 {
+            if is_stream {
+                strangers.clear();
+                for _ in 0..64 {
+                    strangers.push(Stranger::at(&meeting.at, &unknown).await);
+                }
+            }
+            for stranger in &mut strangers {
+                if round % 2 == 0 { stranger.begin().await } else { stranger.speak().await }
+            }
+            a_moment().await;
+            most = most.max(held().saturating_sub(before));
+        }
+        println!("{endpoint}: {most} bytes");
+        assert!(most < ROOM * EACH, "{endpoint}: {most} bytes");
+        drop((strangers, meeting));
+        given_back(at_first).await;
+    }
+}
+
+/// What is sent to somebody who reads nothing lies at the sender and at the receiver, both in this program.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_peer_that_is_not_read_fills_the_windows_and_no_more() {
+    const WINDOW: usize = 1024 * KIB;
+    let _alone = ALONE.lock().await;
+    let patience = Duration::from_millis(300);
+    let options = Options {
+        link: LinkConfig { patience, ..LinkConfig::default() },
+        quic: QuicOptions { window: WINDOW as u32, ..QuicOptions::default() },
+        udp: UdpOptions { window: WINDOW as u32, send_buffer: WINDOW, ..UdpOptions::default() },
+        ..Options::default()
+    };
+    for (endpoint, most) in ENDPOINTS.into_iter().zip([512 * KIB, 512 * KIB, 4 * WINDOW, 4 * WINDOW]) {
+        let at_first = held();
+        let mut meeting = Meeting::at(endpoint, &options).await;
+        let (there, mut here) = joined(&mut meeting).await;
+        let ids = ids(16_384);
+        let before = held();
+        for number in 0..10_000 {
+            here.latest_tx.publish(camera(number)).unwrap();
+        }
+        a_moment().await;
+        let by_cameras = held().saturating_sub(before);
+        here.frames_tx.begin(start(0)).await.unwrap();
+        let stalled = loop {
+            if let Err(e) = here.frames_tx.push(&ids).await {
+                break e;
+            }
+        };
+        assert!(matches!(stalled, SendError::Stalled { .. }), "{endpoint}: {stalled:?}");
+        let by_all = held().saturating_sub(before);
+        println!("{endpoint}: {by_cameras} bytes of cameras, {by_all} of all");
+        assert!(by_cameras < 256 * KIB, "{endpoint}: {by_cameras} bytes of cameras");
+        assert!(by_all < most, "{endpoint}: {by_all} bytes");
+        drop((there, here, meeting));
+        given_back(at_first).await;
+    }
+}
