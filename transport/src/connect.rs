@@ -8,6 +8,7 @@ use std::time::Duration;
 use thiserror::Error;
 use trimaran_proto::{Identity, Refusal, SessionId};
 
+use crate::error::readable;
 use crate::handshake::HandshakeError;
 use crate::net::{Instant, Net, sleep_until, until};
 use crate::{Endpoint, HostPort, Link, Name, Options, inproc, quic, tcp, udp, unix};
@@ -39,7 +40,9 @@ pub enum ConnectError {
     },
     /// The deadline came before a link.
     #[error(
-        "no link to {endpoint} within {waited:?} and {attempts} attempts: is the other role running there?"
+        "no link to {endpoint} within {:?} and {attempts} attempt{}: is the other role running there?",
+        readable(.waited),
+        if *.attempts == 1 { "" } else { "s" }
     )]
     Deadline {
         /// Whom we asked.
@@ -211,5 +214,24 @@ async fn attempt(
         Endpoint::Inproc(name) => inproc::attempt(net, name, introduction).await,
         Endpoint::Quic(at) => quic::attempt(net, at, introduction).await,
         Endpoint::Udp(at) => udp::attempt(net, at, introduction).await,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_waited_reads_how_long_and_how_often() {
+        let deadline = |waited, attempts| ConnectError::Deadline {
+            endpoint: "tcp://there:1".parse().unwrap(),
+            waited: Duration::from_nanos(waited),
+            attempts,
+            last: AttemptError::TimedOut,
+        };
+        let said = deadline(367_610_314, 6).to_string();
+        assert!(said.starts_with("no link to tcp://there:1 within 367ms and 6 attempts:"), "{said}");
+        let said = deadline(60_000_000_001, 1).to_string();
+        assert!(said.contains("within 60s and 1 attempt:"), "{said}");
     }
 }

@@ -167,6 +167,11 @@ impl LaneError {
     }
 }
 
+/// A time that was measured, as people read it: to the millisecond.
+pub(crate) fn readable(measured: &Duration) -> Duration {
+    Duration::from_millis(measured.as_millis().try_into().unwrap_or(u64::MAX))
+}
+
 /// A message came on a lane where it does not belong.
 pub(crate) const fn misplaced(kind: Kind, lane: Lane) -> LaneError {
     LaneError::Protocol(ProtocolError::Misplaced { kind, lane })

@@ -10,6 +10,7 @@ use tokio::sync::mpsc;
 use trimaran_proto::Identity;
 
 use crate::desk::Desk;
+use crate::error::readable;
 use crate::handshake::HandshakeError;
 use crate::net::{Instant, Net, until};
 use crate::rates::TurnedAway;
@@ -53,7 +54,7 @@ pub enum ListenError {
 #[non_exhaustive]
 pub enum AcceptError {
     /// No peer came before the deadline.
-    #[error("no peer connected to {endpoints} in {waited:?}{}", .last.as_ref().map(|e| format!(" (the last that tried: {e})")).unwrap_or_default())]
+    #[error("no peer connected to {endpoints} in {:?}{}", readable(.waited), .last.as_ref().map(|e| format!(" (the last that tried: {e})")).unwrap_or_default())]
     Deadline {
         /// Where we listened.
         endpoints: Endpoints,
