@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use trimaran_proto::Instant;
 
-/// How much may leave at once, in packets: the initial window.
+/// How much may leave at once, in packets: the initial window of RFC 9002.
 const BURST: usize = 10;
-/// What may leave at once where more than that is due between two rings of a timer that is no finer than a millisecond.
+/// And with them what is due before a timer can ring, which is no finer than a millisecond and one late.
 const TICK: Duration = Duration::from_millis(2);
 /// And the most that may, in packets.
 const LARGEST: usize = 128;
@@ -44,8 +44,9 @@ impl Pacer {
         let waited = self.filled.map_or(Duration::ZERO, |filled| now.since(filled));
         if !waited.is_zero() {
             let held_up = due.map_or(Duration::ZERO, |due| now.since(due));
-            let full = (rate * held_up.max(TICK).as_secs_f64())
-                .clamp((BURST * self.segment) as f64, (LARGEST * self.segment) as f64);
+            let full = ((BURST * self.segment) as f64 + rate * TICK.as_secs_f64())
+                .max(rate * held_up.as_secs_f64())
+                .min((LARGEST * self.segment) as f64);
             self.tokens = (self.tokens + rate * waited.as_secs_f64()).min(full);
         }
         self.filled = Some(now);
@@ -63,8 +64,22 @@ impl Pacer {
 mod tests {
     use super::*;
 
+    /// How many packets of 1,000 bytes leave at once, `idle` after the first look.
+    fn burst(idle: Duration, window: usize, rtt: Duration) -> usize {
+        let mut pacer = Pacer::new(1000);
+        let start = Instant::from_nanos(0);
+        pacer.ready(start, None, window, rtt);
+        let now = start.after(idle);
+        let leaves = |pacer: &mut Pacer| {
+            let ready = pacer.ready(now, None, window, rtt) == now;
+            pacer.on_sent(1000);
+            ready
+        };
+        (0..).find(|_| !leaves(&mut pacer)).unwrap()
+    }
+
     #[test]
-    fn ten_packets_leave_at_once_and_then_one_after_the_other() {
+    fn ten_packets_leave_at_once_at_first_and_then_one_after_the_other() {
         let mut pacer = Pacer::new(1000);
         let (start, rtt) = (Instant::from_nanos(0), Duration::from_millis(10));
         for _ in 0..10 {
@@ -78,17 +93,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_due_within_a_tick_leaves_at_once() {
-        let mut pacer = Pacer::new(1000);
-        let (start, rtt) = (Instant::from_nanos(0), Duration::from_millis(10));
-        pacer.ready(start, None, 200_000, rtt);
-        let later = start.after(Duration::from_secs(1));
-        // 25 bytes a microsecond: 50,000 in two milliseconds.
-        for _ in 0..50 {
-            assert_eq!(pacer.ready(later, None, 200_000, rtt), later);
-            pacer.on_sent(1000);
-        }
-        assert!(pacer.ready(later, None, 200_000, rtt) > later);
+    fn what_a_timer_would_make_late_leaves_with_them() {
+        let (idle, ms) = (Duration::from_secs(1), Duration::from_millis(1));
+        // 2.5 bytes a microsecond: five packets in two milliseconds. A slow path has none of them.
+        assert_eq!(burst(idle, 20_000, 10 * ms), 15);
+        assert_eq!(burst(idle, 20_000, 600 * ms), 10);
+        assert_eq!(burst(idle, 200_000, 10 * ms), 60);
+        assert_eq!(burst(idle, 20_000_000, 10 * ms), LARGEST);
     }
 
     #[test]
@@ -109,7 +120,7 @@ mod tests {
             }
             count
         };
-        // 2.5 bytes a microsecond, and the one that was due.
-        assert_eq!((leave(true), leave(false)), (25, 10));
+        // 2.5 bytes a microsecond, and the one that was due; ten and what is due in two milliseconds.
+        assert_eq!((leave(true), leave(false)), (25, 15));
     }
 }

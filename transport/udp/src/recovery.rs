@@ -23,17 +23,24 @@ pub(crate) const REORDERING: u64 = 3;
 const PERSISTENT: u32 = 3;
 /// So many packets are sent where nothing was acknowledged in time, in case one is lost as well (section 6.2.4).
 pub(crate) const PROBES: u8 = 2;
+/// More packets than these are hardly lost in a row: where nothing is heard of so many, their acknowledgement was lost.
+const ROW: usize = 4;
 /// Probes are no further apart: one small packet a second harms no path, and a link that comes back is found at once.
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
-/// Up to that share of losses, and while nothing queues, losses are taken for accidents of the path (as BBR does: section 4.5.2 of
-/// draft-ietf-ccwg-bbr).
-const ACCIDENTS: f64 = 0.02;
-
 /// What an acknowledgement or a timeout made known.
 #[derive(Debug, Default)]
 pub(crate) struct Verdict {
     pub(crate) arrived: Vec<Content>,
     pub(crate) lost: Contents,
+}
+
+/// What to send where nothing was acknowledged in time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Probe {
+    /// Something that asks what has arrived.
+    Ask,
+    /// What may not have arrived.
+    Repeat,
 }
 
 /// An acknowledgement of a packet that was never sent.
@@ -49,6 +56,8 @@ pub(crate) struct Recovery {
     /// When something was acknowledged, or first waited for an acknowledgement.
     progress: Option<Instant>,
     probes: u32,
+    /// More than [`ROW`] packets were under way when the last probes left.
+    unanswered: bool,
     loss: LossShare,
     max_ack_delay: Duration,
     /// Room for what the next acknowledgement tells of.
@@ -68,6 +77,7 @@ impl Recovery {
             last_sent: None,
             progress: None,
             probes: 0,
+            unanswered: false,
             loss: LossShare::new(),
             max_ack_delay,
             spare: Vec::new(),
@@ -101,6 +111,11 @@ impl Recovery {
     /// Probes since something was acknowledged.
     pub(crate) const fn probes(&self) -> u32 {
         self.probes
+    }
+
+    /// Whether it seems that acknowledgements are lost, rather than what they are for.
+    pub(crate) const fn is_unanswered(&self) -> bool {
+        self.unanswered
     }
 
     /// Since when an acknowledgement has been awaited in vain.
@@ -140,6 +155,7 @@ impl Recovery {
                     self.rtt.sample(now.since(sent.at), delay.min(self.max_ack_delay));
                 }
                 self.probes = 0;
+                self.unanswered = false;
                 self.progress = Some(now);
                 if !sent.is_probe() {
                     self.loss.on_arrived();
@@ -167,23 +183,28 @@ impl Recovery {
         self.loss_time().or_else(|| self.probe_time())
     }
 
-    /// Finds packets that are lost by now; or else asks for probes, which repeat what the oldest packets in flight carried.
-    pub(crate) fn on_timeout(&mut self, now: Instant) -> (Verdict, bool) {
+    /// Finds packets that are lost by now; or else asks for probes. They repeat what the oldest packets in flight carried; but where more
+    /// are in flight than are lost in a row, the first ones only ask.
+    pub(crate) fn on_timeout(&mut self, now: Instant) -> (Verdict, Option<Probe>) {
         let mut verdict = Verdict::default();
         if self.loss_time().is_some_and(|at| at <= now) {
             self.detect_losses(now, &mut verdict);
             self.flight.trim();
-            return (verdict, false);
+            return (verdict, None);
         }
         if self.probe_time().is_none_or(|at| at > now) {
-            return (verdict, false);
+            return (verdict, None);
         }
         self.probes += 1;
         self.all_probes += 1;
         self.last_sent = Some(now);
+        self.unanswered = self.flight.iter(None).nth(ROW).is_some();
+        if self.unanswered && self.probes == 1 {
+            return (verdict, Some(Probe::Ask));
+        }
         let oldest = self.flight.iter(None).filter(|sent| !sent.contents.is_empty());
         verdict.lost.extend(oldest.take(PROBES.into()).flat_map(|sent| sent.contents.clone()));
-        (verdict, true)
+        (verdict, Some(Probe::Repeat))
     }
 
     fn probe_time(&self) -> Option<Instant> {
@@ -219,7 +240,7 @@ impl Recovery {
             verdict.lost.extend(sent.contents);
         }
         if let (Some(first), Some(last)) = (first, last) {
-            if self.loss.sure() > ACCIDENTS || self.rtt.queues() {
+            if self.loss.is_congestion() || self.rtt.queues() {
                 self.window.on_loss(now, last);
             }
             let long = self.rtt.probe_timeout(self.max_ack_delay) * PERSISTENT;
@@ -269,7 +290,7 @@ mod tests {
         assert_eq!(verdict.lost[..], [sent[0].clone()]);
         assert_eq!(recovery.timeout(), Some(at(0).after(Duration::from_micros(11_250))), "9/8 of 10 ms");
         let (verdict, probe) = recovery.on_timeout(at(12));
-        assert_eq!((verdict.lost, probe), (smallvec![sent[1].clone()], false));
+        assert_eq!((verdict.lost, probe), (smallvec![sent[1].clone()], None));
     }
 
     #[test]
@@ -279,7 +300,7 @@ mod tests {
         // Nothing is measured: 100 ms, four times 50 ms, and 1 ms.
         assert_eq!(recovery.timeout(), Some(at(301)));
         let (verdict, probe) = recovery.on_timeout(at(301));
-        assert_eq!((verdict.lost, probe), (smallvec![sent], true));
+        assert_eq!((verdict.lost, probe), (smallvec![sent], Some(Probe::Repeat)));
         assert_eq!(recovery.timeout(), Some(at(301 + 602)));
         assert_eq!(recovery.lost_packets, 0, "a probe says nothing of loss");
         let mut now = at(301);
@@ -289,6 +310,25 @@ mod tests {
             now = due;
             recovery.on_timeout(now);
         }
+    }
+
+    #[test]
+    fn of_many_packets_it_is_asked_first_what_has_arrived() {
+        let mut recovery = sender();
+        let sent: Vec<_> = (0..=ROW).map(|_| send(&mut recovery, 0)).collect();
+        let (verdict, probe) = recovery.on_timeout(at(301));
+        assert_eq!((verdict.lost, probe), (Contents::new(), Some(Probe::Ask)));
+        assert!(recovery.is_unanswered());
+        let (verdict, probe) = recovery.on_timeout(at(301 + 602));
+        assert_eq!((&verdict.lost[..], probe), (&sent[..2], Some(Probe::Repeat)), "nothing was answered");
+        recovery.on_ack(at(950), &numbers(0..1), Duration::ZERO).unwrap();
+        assert!(!recovery.is_unanswered());
+        let (_, probe) = recovery.on_timeout(at(9000));
+        assert_eq!(
+            (probe, recovery.is_unanswered()),
+            (Some(Probe::Repeat), false),
+            "four can be lost in a row"
+        );
     }
 
     #[test]
@@ -323,10 +363,9 @@ mod tests {
         };
         lose_one(&mut recovery, 0);
         assert_eq!((recovery.lost_packets, recovery.window.window()), (1, 10_000));
-        assert!((recovery.loss.sure() - 1.0 / 1024.0).abs() < 1e-4);
         assert!((recovery.probable_loss() - 1.0 / 64.0).abs() < 1e-3, "as if one of the first 64 were lost");
         let mut ms = 100;
-        while recovery.loss.sure() <= ACCIDENTS {
+        while !recovery.loss.is_congestion() {
             assert_eq!(recovery.window.window(), 10_000);
             lose_one(&mut recovery, ms);
             ms += 100;
@@ -344,7 +383,7 @@ mod tests {
         }
         let verdict = recovery.on_ack(at(50), &numbers(1..4), Duration::ZERO).unwrap();
         assert_eq!((verdict.lost, recovery.lost_packets), (contents, 0));
-        assert_eq!((recovery.loss.sure(), recovery.window.window()), (0.0, 10_000));
+        assert_eq!((recovery.probable_loss(), recovery.window.window()), (0.0, 10_000));
     }
 
     #[test]

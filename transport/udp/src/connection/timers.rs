@@ -4,7 +4,7 @@ use trimaran_proto::Instant;
 
 use super::{Closed, Connection};
 use crate::packet::MIN_DATAGRAM;
-use crate::recovery::PROBES;
+use crate::recovery::{PROBES, Probe};
 use crate::whereabouts::Whereabouts;
 
 /// After so many probes without an answer a path may have become narrower.
@@ -25,8 +25,17 @@ impl Connection {
         let unheard = self.recovery.unheard_since().map(|since| since.after(self.config.lease));
         let probe = self.mtu.due().filter(|_| self.paced_until.is_none() && self.may_probe());
         let excursion = self.whereabouts.as_ref().and_then(Whereabouts::due);
-        let timers =
-            [self.recovery.timeout(), self.acks.due(), self.paced_until, deadline, unheard, probe, excursion];
+        let question = self.question_due();
+        let timers = [
+            self.recovery.timeout(),
+            self.acks.due(),
+            self.paced_until,
+            deadline,
+            unheard,
+            probe,
+            excursion,
+            question,
+        ];
         timers.into_iter().flatten().chain([keepalive, lease]).min()
     }
 
@@ -49,8 +58,10 @@ impl Connection {
         if self.recovery.timeout().is_some_and(|at| at <= now) {
             let (verdict, probe) = self.recovery.on_timeout(now);
             self.judge(now, verdict);
-            if probe {
+            if probe.is_some() {
                 self.pings = PROBES;
+            }
+            if probe == Some(Probe::Repeat) {
                 self.outbox.stop_waiting();
             }
             if self.recovery.probes() >= BLACK_HOLE && self.mtu.known() > MIN_DATAGRAM {

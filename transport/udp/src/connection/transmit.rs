@@ -7,6 +7,12 @@ use crate::chunk::Chunk;
 use crate::keys::OVERHEAD;
 use crate::packet::{NUMBERS, data_header};
 use crate::recovery::{Content, Contents, Sent, Verdict};
+use crate::rtt::GRANULARITY;
+
+/// The bytes of a packet that is a ping.
+const QUESTION: usize = 1 + OVERHEAD;
+/// How many of them leave in a round trip at most.
+const QUESTIONS: u32 = 4;
 
 impl Connection {
     /// Writes the next datagram into `out`, which it replaces; false when there is none now.
@@ -44,11 +50,18 @@ impl Connection {
             }
         }
         if !allowed {
+            if self.question_due().is_some_and(|due| due <= now) {
+                Chunk::Ping.write(plain);
+                return Some(contents);
+            }
             return (!contents.is_empty()).then_some(contents);
         }
-        let ping = self.pings > 0;
+        // Where acknowledgements are lost, each second packet asks for one (RFC 9000, section 13.2.2): of one or two a frame, losses in
+        // a row may take all.
+        let asks = self.recovery.is_unanswered() && self.recovery.next_number().is_multiple_of(2);
+        let ping = self.pings > 0 || has_data && asks;
         if ping {
-            self.pings -= 1;
+            self.pings = self.pings.saturating_sub(1);
             Chunk::Ping.write(plain);
         }
         if std::mem::take(&mut self.credit_due) {
@@ -97,6 +110,15 @@ impl Connection {
             self.paced_until = Some(ready);
         }
         ready <= now
+    }
+
+    /// When to ask what has arrived, where acknowledgements are lost and what is under way leaves room in the window for a question only.
+    /// It is no probe: those exceed the window, and come ever more rarely.
+    pub(super) fn question_due(&self) -> Option<Instant> {
+        let room = self.recovery.room();
+        let stuck = self.recovery.is_unanswered() && (QUESTION..self.mtu.known()).contains(&room);
+        let pause = self.recovery.rtt.smoothed() / QUESTIONS;
+        (stuck && self.has_data()).then(|| self.last_sent.after(pause.max(GRANULARITY)))
     }
 
     fn has_data(&self) -> bool {

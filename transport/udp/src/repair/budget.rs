@@ -4,6 +4,9 @@ use super::{BLOCK, MOST};
 
 /// How often a block may be lost in spite of its repair, so that it waits for a repetition: half as often as would show at p99.9.
 const FAILURES: f64 = 5e-4;
+/// Where so few blocks are lost with what their own share pays for, it is enough: of a hundredth of the packets, 15 and two of repair, a third
+/// shard would cost twenty times as much for each wait that it spares as the second one does.
+const RARE: f64 = 2e-3;
 /// Below this share of lost packets a path is clean.
 const CLEAN: f64 = 5e-4;
 /// The share of losses that is taken for granted where repair is always sent.
@@ -63,17 +66,22 @@ impl Budget {
         Some(path.loss.max(self.expected)).filter(|loss| *loss >= CLEAN && self.is_open())
     }
 
-    /// How many repair shards a block of `length` bytes gets that is cut into shards of `shard` bytes: as many as it needs and as are
-    /// left of the share, but one at least. So a frame of few packets has more than its share; it is small.
+    /// How many repair shards a block of `length` bytes gets that is cut into shards of `shard` bytes: as many as it needs and as its share
+    /// of bytes pays for, or, where those are far too few, what earlier blocks have saved; but one at least. So a frame of few packets
+    /// has more than its share; it is small.
     pub(crate) fn spend(&mut self, length: usize, shard: usize, path: Path) -> usize {
         if length == 0 || shard == 0 {
             return 0;
         }
         let cut =
             Cut { length, shards: length.div_ceil(shard), fewest: length.div_ceil(path.shard.max(shard)) };
-        self.saved = (self.saved + cut.plain() * self.share).min(SAVINGS);
+        let share = cut.plain() * self.share;
+        self.saved = (self.saved + share).min(SAVINGS);
         let Some(loss) = self.loss(path) else { return 0 };
-        let count = needed(cut.shards, loss).min(cut.affords(self.saved).max(1));
+        let own = cut.affords(share.min(self.saved)).max(1);
+        let is_enough = more_lost_than(own, cut.shards + own, loss) <= RARE;
+        let most = if is_enough { own } else { cut.affords(self.saved).max(1) };
+        let count = needed(cut.shards, loss).min(most);
         self.saved = (self.saved - cut.cost(count)).max(0.0);
         count
     }
@@ -168,6 +176,16 @@ mod tests {
         for none in [Budget::new(Repair::Auto, 0), Budget::new(Repair::Off, 15)] {
             assert!(!none.is_open());
         }
+    }
+
+    #[test]
+    fn what_is_saved_is_for_paths_on_which_the_share_is_far_too_little() {
+        let mut budget = Budget::new(Repair::Auto, 15);
+        let mut most = |loss| {
+            let counts = (0..1000).map(|_| budget.spend(16_080, 1072, path(1376, loss)));
+            counts.max()
+        };
+        assert_eq!((most(0.01), most(0.015), most(0.02)), (Some(2), Some(2), Some(3)));
     }
 
     #[test]

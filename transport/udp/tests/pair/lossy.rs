@@ -19,34 +19,48 @@ const BURSTS: Network = Network { bursts: 3, ..CLEAN };
 /// A frame that takes longer than this waited for a round trip.
 const WAITED: Duration = Duration::from_millis(10);
 
-/// Three runs.
+/// Some runs.
 struct Runs {
     /// Rising.
     latencies: Vec<Duration>,
     /// The headers of the layers below included.
     bytes: u64,
+    /// Frames that did not come whole.
+    gaps: usize,
 }
 
 impl Runs {
+    /// Three, every frame of which arrives.
     fn of(network: Network, repair: Repair) -> Self {
-        let (mut latencies, mut bytes) = (Vec::new(), 0);
-        for seed in 1..4 {
-            let (pair, reader) = run(Network { seed, ..network }, Config { repair, ..RELIABLE });
-            assert_eq!((reader.frames.len(), reader.gaps.len()), (FRAMES as usize, 0));
-            latencies.extend(reader.latencies());
-            bytes += pair.bytes.iter().sum::<u64>() + pair.sent * BELOW;
+        let runs = Self::many(1..4, network, Config { repair, ..RELIABLE });
+        assert_eq!(runs.gaps, 0);
+        runs
+    }
+
+    /// One for each seed.
+    fn many(seeds: impl IntoIterator<Item = u64>, network: Network, config: Config) -> Self {
+        let mut runs = Self { latencies: Vec::new(), bytes: 0, gaps: 0 };
+        for seed in seeds {
+            let (pair, reader) = run(Network { seed, ..network }, config);
+            assert_eq!(reader.frames.len(), FRAMES as usize);
+            runs.latencies.extend(reader.latencies());
+            runs.bytes += pair.bytes.iter().sum::<u64>() + pair.sent * BELOW;
+            runs.gaps += reader.gaps.len();
         }
-        latencies.sort_unstable();
-        let runs = Self { latencies, bytes };
+        runs.latencies.sort_unstable();
         println!(
-            "{} in 1000 lost, {} bursts, repair {repair:?}: of {} frames {} waited, p99.9 {:?}, slowest {:?}, {} bytes each",
+            "{} in 1000 lost, {} bursts, repair {:?}, deadline {:?}: of {} frames {} waited, {} have gaps, p99.9 {:?}, slowest {:?}, \
+             {} bytes each",
             network.loss,
             network.bursts,
+            config.repair,
+            config.patience,
             runs.latencies.len(),
             runs.waited(),
+            runs.gaps,
             runs.p999(),
             runs.slowest(),
-            bytes / runs.latencies.len() as u64,
+            runs.bytes / runs.latencies.len() as u64,
         );
         runs
     }
@@ -101,7 +115,7 @@ fn repair_spares_almost_all_frames_a_wait_for_a_seventh_more_bytes() {
     assert!(plain.bytes * 1000 < clean * 1015, "{} and {clean} bytes", plain.bytes);
     // Beside the first frame of a run and the one that loses its first packet.
     assert!(repaired.waited() <= 6 + 12, "{} of {}", repaired.waited(), 3 * FRAMES);
-    assert!(repaired.slowest() < Duration::from_millis(30), "{:?}", repaired.slowest());
+    assert!(repaired.slowest() < Duration::from_millis(35), "{:?}", repaired.slowest());
     assert!(repaired.bytes * 1000 <= clean * 1150, "{} and {clean} bytes", repaired.bytes);
 }
 
@@ -112,4 +126,17 @@ fn bursts_make_few_frames_wait_and_no_link_stand_still() {
     assert!(repaired.waited() * 5 < plain.waited() * 4, "{} and {}", repaired.waited(), plain.waited());
     assert!(repaired.p999() < Duration::from_millis(60), "{:?}", repaired.p999());
     assert!(repaired.bytes * 1000 <= clean * 1150, "{} and {clean} bytes", repaired.bytes);
+}
+
+/// A burst of losses may take the acknowledgements of several frames, as there are few of them: a sender that hears of none has no room
+/// in its window.
+#[test]
+fn no_frame_is_late_for_lost_acknowledgements() {
+    let deadline = Config { patience: Some(Duration::from_millis(50)), ..RELIABLE };
+    for repair in [Repair::Off, Repair::Auto] {
+        // The last one is a long burst that finds the window full.
+        let runs = Runs::many((1..6).chain([22]), BURSTS, Config { repair, ..deadline });
+        assert_eq!(runs.gaps, 0);
+        assert!(runs.slowest() <= Duration::from_millis(50), "{:?}", runs.slowest());
+    }
 }
