@@ -115,6 +115,7 @@ fn values_outside_their_range_are_refused_by_line_and_key() {
         "link.udp.repair_percent = 0",
         "link.udp.trust = 'nobody'",
         "link.udp.congestion = 'bbr'",
+        "link.udp.initial_window = 1",
         "link.udp.pmtu = 1500",
         "link.peers = -1",
     ] {
@@ -183,7 +184,7 @@ fn what_is_told_of_a_transport_reaches_its_links() {
     let tcp = "[link.tcp]\nnodelay = false\nsend_buffer = 1\nrecv_buffer = 2\nkeepalive_s = 0\nuser_timeout_s = 3.5\n";
     let unix = "[link.unix]\nmode = '0660'\nallow_uids = [7, 8]\n";
     let udp = "[link.udp]\nmode = 'deadline'\ndeadline_ms = 12.5\nrepair = 'on'\nrepair_percent = 20\ntrust = 'plain'\n\
-               congestion = 'new-reno'\npmtu = false\nwindow = 3\nsend_buffer = 4\nsocket_buffer = 5\n";
+               congestion = 'new-reno'\ninitial_window = 10\npmtu = false\nwindow = 3\nsend_buffer = 4\nsocket_buffer = 5\n";
     let config: DisplayConfig = file(&format!("{DISPLAY}{tcp}{unix}{udp}")).unwrap();
     let options = config.link.options(None);
     let tcp = options.tcp;
@@ -201,6 +202,7 @@ fn what_is_told_of_a_transport_reaches_its_links() {
         repair: udp::Repair::On,
         repair_percent: 20,
         congestion: udp::Congestion::NewReno,
+        initial_window: 10,
         max_datagram: 1200,
         window: 3,
         send_buffer: 4,

@@ -27,6 +27,8 @@ pub struct UdpOptions {
     pub repair_percent: u8,
     /// How a connection shares its path with others. Default CUBIC.
     pub congestion: Congestion,
+    /// How many packets may be under way at first, 2 at least: ten leave at once, those behind them over the round trip. Default 20.
+    pub initial_window: u16,
     /// The largest datagram that is tried, bytes: 1,200 are always used, and at most 1,500 are. Default 1,452.
     pub max_datagram: usize,
     /// How many bytes of frames may be under way in each direction, sent and not read. Both sides must have the same. Default
@@ -88,8 +90,16 @@ impl Trust {
 
 impl Default for UdpOptions {
     fn default() -> Self {
-        let Config { window, send_buffer, repair, repair_percent, congestion, max_datagram, .. } =
-            Config::default();
+        let Config {
+            window,
+            send_buffer,
+            repair,
+            repair_percent,
+            congestion,
+            initial_window,
+            max_datagram,
+            ..
+        } = Config::default();
         Self {
             trust: Trust::default(),
             mode: UdpMode::default(),
@@ -97,6 +107,7 @@ impl Default for UdpOptions {
             repair,
             repair_percent,
             congestion,
+            initial_window,
             max_datagram,
             window: u32::try_from(window).unwrap_or(u32::MAX),
             send_buffer,
@@ -117,6 +128,7 @@ impl UdpOptions {
             repair: self.repair,
             repair_percent: self.repair_percent,
             congestion: self.congestion,
+            initial_window: self.initial_window,
             max_datagram: self.max_datagram.min(LARGEST),
             lease: link.lease,
             window: self.window.into(),

@@ -10,11 +10,10 @@ const BETA: f64 = 0.7;
 const HALF: f64 = 0.5;
 /// How fast the window comes back, in segments per second cubed (RFC 9438, section 5).
 const C: f64 = 0.4;
-/// The window at the start and the smallest one, in segments (RFC 9002, section 7.2).
-const INITIAL: f64 = 10.0;
+/// The smallest window, in segments (RFC 9002, section 7.2).
 const MINIMUM: f64 = 2.0;
-/// The most bytes that the window has at the start, unless two segments are more (the same section).
-const LARGEST_INITIAL: f64 = 14_720.0;
+/// The most bytes that a segment counts for in the window at the start (the same section: ten have 14,720), unless two segments are more.
+const LARGEST_INITIAL: f64 = 1_472.0;
 
 /// How a connection shares its path with others. There is no way to turn it off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -42,6 +41,8 @@ pub(crate) struct Window {
     law: Congestion,
     segment: f64,
     window: f64,
+    /// The window at the start.
+    initial: f64,
     /// Nothing was made known of the path yet.
     is_initial: bool,
     threshold: f64,
@@ -56,11 +57,14 @@ pub(crate) struct Window {
 }
 
 impl Window {
-    pub(crate) fn new(law: Congestion, segment: usize) -> Self {
+    /// A window of `initial` segments.
+    pub(crate) fn new(law: Congestion, segment: usize, initial: u16) -> Self {
+        let initial = f64::from(initial).max(MINIMUM);
         Self {
             law,
             segment: segment as f64,
-            window: INITIAL,
+            window: initial,
+            initial,
             is_initial: true,
             threshold: f64::INFINITY,
             peak: 0.0,
@@ -71,11 +75,11 @@ impl Window {
     }
 
     /// Packets have another size from now on; the window keeps its bytes, unless it is the initial one: that is so many packets, as
-    /// long as nothing has changed it, but not more bytes than [`LARGEST_INITIAL`].
+    /// long as nothing has changed it, but not more bytes than [`LARGEST_INITIAL`] allows.
     pub(crate) fn set_segment(&mut self, segment: usize) {
         if self.is_initial {
             self.segment = segment as f64;
-            self.window = INITIAL.min(LARGEST_INITIAL / self.segment).max(MINIMUM);
+            self.window = self.initial.min(self.initial * LARGEST_INITIAL / self.segment).max(MINIMUM);
             return;
         }
         let ratio = self.segment / segment as f64;
@@ -160,7 +164,7 @@ mod tests {
     use super::*;
 
     fn cubic(segment: usize) -> Window {
-        Window::new(Congestion::Cubic, segment)
+        Window::new(Congestion::Cubic, segment, 10)
     }
 
     const RTT: Duration = Duration::from_millis(10);
@@ -234,7 +238,7 @@ mod tests {
 
     #[test]
     fn new_reno_halves_and_comes_back_by_a_segment_a_round_trip() {
-        let mut reno = Window::new(Congestion::NewReno, 1000);
+        let mut reno = Window::new(Congestion::NewReno, 1000, 10);
         reno.on_ack(at(10), at(0), 90_000, 90_000, RTT);
         reno.on_loss(at(20), at(15));
         assert_eq!(reno.window(), 50_000);

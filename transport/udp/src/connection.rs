@@ -1,6 +1,7 @@
 //! One end of a connection, once both sides have keys.
 
 use std::fmt;
+use std::time::Duration;
 
 use trimaran_proto::{BatchSize, IdCoding, Instant};
 
@@ -55,6 +56,8 @@ pub struct Connection {
     unread_due: bool,
     /// The peer does not read the frames lane.
     unheard: bool,
+    /// When the peer was answered, if its first packet shows how long a round trip takes.
+    answered: Option<Instant>,
     /// Something came that only the peer can have sent.
     confirmed: bool,
     /// How many pings are due: probes, or a keepalive. Each may exceed the window by one packet.
@@ -100,7 +103,7 @@ impl Connection {
             here,
             there,
             whereabouts: None,
-            recovery: Recovery::new(config.congestion, MIN_DATAGRAM, config.ack_delay),
+            recovery: Recovery::new(config.congestion, MIN_DATAGRAM, config.initial_window, config.ack_delay),
             pacer: Pacer::new(MIN_DATAGRAM),
             paced_until: None,
             acks: Acks::default(),
@@ -119,6 +122,7 @@ impl Connection {
             unread: false,
             unread_due: false,
             unheard: false,
+            answered: None,
             confirmed: false,
             pings: 0,
             last_received: now,
@@ -130,6 +134,16 @@ impl Connection {
             close_due: false,
             plain: Vec::with_capacity(MIN_DATAGRAM),
         }
+    }
+
+    /// Takes a time that a round trip was not longer than, until one is measured.
+    pub(crate) fn guess_round_trip(&mut self, most: Duration) {
+        self.recovery.rtt.guess(most);
+    }
+
+    /// The peer is answered now, and says nothing under these keys before it has read that.
+    pub(crate) const fn on_answer(&mut self, now: Instant) {
+        self.answered = Some(now);
     }
 
     /// The name that this side gave the connection.

@@ -130,6 +130,8 @@ pub struct Connecting {
     half: Half,
     message: Vec<u8>,
     cookie: Option<CookieBytes>,
+    /// When the cookie came, and was sent back.
+    asked: Option<Instant>,
 }
 
 impl fmt::Debug for Connecting {
@@ -165,7 +167,7 @@ impl Connecting {
         }
         let mut half = Half::new(security, here, true)?;
         let message = half.write(hello).map_err(HandshakeError::Keys)?;
-        Ok(Self { here, half, message, cookie: None })
+        Ok(Self { here, half, message, cookie: None, asked: None })
     }
 
     /// Writes the first packet into `out`, which it replaces.
@@ -183,6 +185,7 @@ impl Connecting {
             }
             Ok(Packet::Retry { to, cookie, .. }) if to == self.here && self.cookie.is_none() => {
                 self.cookie = Some(*cookie);
+                self.asked = Some(now);
                 Progress::Retry(self)
             }
             Ok(Packet::Answer { version: VERSION, to, noise }) if to == self.here => {
@@ -197,7 +200,10 @@ impl Connecting {
                 let here = self.here;
                 match self.half.keys() {
                     Some(keys) => {
-                        let connection = Connection::new(now, here, there, config, keys);
+                        let mut connection = Connection::new(now, here, there, config, keys);
+                        if let Some(asked) = self.asked {
+                            connection.guess_round_trip(now.since(asked));
+                        }
                         Progress::Taken(Box::new(connection), rest.to_vec())
                     }
                     None => Progress::Refused(Vec::new()),
@@ -316,7 +322,9 @@ impl Knock {
         out: &mut Vec<u8>,
     ) -> Option<Connection> {
         self.answer(1, here, answer, out)?;
-        Some(Connection::new(now, here, self.from, config, self.half.keys()?))
+        let mut connection = Connection::new(now, here, self.from, config, self.half.keys()?);
+        connection.on_answer(now);
+        Some(connection)
     }
 
     /// Refuses the peer; `answer` says why. Writes the packet into `out`, which it replaces; nothing is to be remembered.

@@ -211,7 +211,10 @@ impl Outbox {
             let (content, fresh) = unit.write(number, credit, room, whole, out)?;
             self.offered += fresh;
             match &content {
-                Content::Part { range, .. } => self.repeated += u64::from(range.end - range.start > fresh),
+                Content::Part { range, .. } if range.end - range.start > fresh => {
+                    self.repeated += 1;
+                    self.repair.on_repeated((range.end - range.start) as usize);
+                }
                 Content::Repair { .. } => self.repair_sent += 1,
                 _ => {}
             }

@@ -70,7 +70,7 @@ pub(crate) struct Recovery {
 }
 
 impl Recovery {
-    pub(crate) fn new(law: Congestion, segment: usize, max_ack_delay: Duration) -> Self {
+    pub(crate) fn new(law: Congestion, segment: usize, initial: u16, max_ack_delay: Duration) -> Self {
         Self {
             flight: Flight::default(),
             largest_acked: None,
@@ -82,7 +82,7 @@ impl Recovery {
             max_ack_delay,
             spare: Vec::new(),
             rtt: Rtt::default(),
-            window: Window::new(law, segment),
+            window: Window::new(law, segment, initial),
             lost_packets: 0,
             all_probes: 0,
         }
@@ -277,7 +277,7 @@ mod tests {
     }
 
     fn sender() -> Recovery {
-        Recovery::new(Congestion::Cubic, 1000, Duration::from_millis(1))
+        Recovery::new(Congestion::Cubic, 1000, 10, Duration::from_millis(1))
     }
 
     #[test]

@@ -15,9 +15,14 @@ const SLACK: Duration = Duration::from_millis(3);
 /// How many round trips tell a queue from a busy machine.
 const FEW: u32 = 32;
 
+/// A guess is not longer than what RFC 9002 (section 6.2.2) takes a round trip for: a first packet may have been lost.
+const LONGEST_GUESS: Duration = Duration::from_millis(333);
+
 /// A smoothed round-trip time.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct Rtt {
+    /// Until something is measured.
+    guess: Duration,
     measured: Option<Measured>,
 }
 
@@ -58,7 +63,18 @@ impl Lately {
     }
 }
 
+impl Default for Rtt {
+    fn default() -> Self {
+        Self { guess: INITIAL, measured: None }
+    }
+}
+
 impl Rtt {
+    /// The handshake took a round trip, and no longer than this.
+    pub(crate) fn guess(&mut self, most: Duration) {
+        self.guess = most.clamp(GRANULARITY, LONGEST_GUESS);
+    }
+
     /// Takes a sample; the peer held the acknowledgement back for `delay`.
     pub(crate) fn sample(&mut self, latest: Duration, delay: Duration) {
         let Some(rtt) = &mut self.measured else {
@@ -78,7 +94,7 @@ impl Rtt {
     }
 
     pub(crate) fn smoothed(&self) -> Duration {
-        self.measured.map_or(INITIAL, |rtt| rtt.smoothed)
+        self.measured.map_or(self.guess, |rtt| rtt.smoothed)
     }
 
     /// How long a packet is on its way, about; nothing where that was not measured.
@@ -98,13 +114,13 @@ impl Rtt {
 
     /// How long after a later packet's acknowledgement an earlier one counts as lost.
     pub(crate) fn loss_delay(&self) -> Duration {
-        let longest = self.measured.map_or(INITIAL, |rtt| rtt.latest.max(rtt.smoothed));
+        let longest = self.measured.map_or(self.guess, |rtt| rtt.latest.max(rtt.smoothed));
         (longest * 9 / 8).max(GRANULARITY)
     }
 
     /// How long to wait for an acknowledgement before probing, without backoff.
     pub(crate) fn probe_timeout(&self, max_ack_delay: Duration) -> Duration {
-        let variation = self.measured.map_or(INITIAL / 2, |rtt| rtt.variation);
+        let variation = self.measured.map_or(self.guess / 2, |rtt| rtt.variation);
         self.smoothed() + (variation * 4).max(GRANULARITY) + max_ack_delay
     }
 }
@@ -125,6 +141,18 @@ mod tests {
         assert_eq!(rtt.smoothed(), Duration::from_micros(11_000));
         assert_eq!(rtt.probe_timeout(Duration::ZERO), Duration::from_micros(11_000 + 4 * 5_750));
         assert_eq!(rtt.loss_delay(), 20 * MS * 9 / 8);
+    }
+
+    #[test]
+    fn a_guess_holds_until_something_is_measured() {
+        let mut rtt = Rtt::default();
+        rtt.guess(20 * MS);
+        assert_eq!((rtt.smoothed(), rtt.probe_timeout(MS)), (20 * MS, 61 * MS));
+        rtt.guess(Duration::from_secs(9));
+        assert_eq!((rtt.smoothed(), rtt.one_way()), (333 * MS, Duration::ZERO), "something was lost");
+        rtt.sample(10 * MS, Duration::ZERO);
+        rtt.guess(20 * MS);
+        assert_eq!(rtt.smoothed(), 10 * MS);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::net::SocketAddr;
 
 use trimaran_proto::Instant;
 
-use super::Connection;
+use super::{Config, Connection};
 use crate::chunk::Chunk;
 use crate::keys::OVERHEAD;
 use crate::mtu::Mtu;
@@ -73,7 +73,8 @@ impl Connection {
         let lost = self.recovery.on_moved();
         self.judge(now, Verdict { lost, ..Verdict::default() });
         if moved == Moved::Path {
-            self.recovery.on_new_path(self.config.congestion, MIN_DATAGRAM);
+            let Config { congestion, initial_window, .. } = self.config;
+            self.recovery.on_new_path(congestion, MIN_DATAGRAM, initial_window);
             self.mtu = Mtu::new(now, self.config.max_datagram);
             self.pacer = Pacer::new(MIN_DATAGRAM);
         }

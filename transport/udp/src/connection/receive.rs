@@ -28,6 +28,9 @@ impl Connection {
             self.received += 1;
             self.received_bytes += datagram.len() as u64;
             self.confirmed = true;
+            if let Some(answered) = self.answered.take() {
+                self.guess_round_trip(now.since(answered));
+            }
             self.locate(now, arrival, self.acks.is_newest(number));
             if self.closed.is_some() {
                 // The close was lost, unless this one crossed it: two ends that answer each other's would never stop.

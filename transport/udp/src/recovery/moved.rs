@@ -11,13 +11,14 @@ impl Recovery {
         let lost = self.flight.forget_all().flat_map(|sent| sent.contents).collect();
         self.progress = None;
         self.probes = 0;
+        self.unanswered = false;
         lost
     }
 
     /// Begins anew on a path of which nothing is known (RFC 9000, section 9.4).
-    pub(crate) fn on_new_path(&mut self, law: Congestion, segment: usize) {
+    pub(crate) fn on_new_path(&mut self, law: Congestion, segment: usize, initial: u16) {
         self.rtt = Rtt::default();
-        self.window = Window::new(law, segment);
+        self.window = Window::new(law, segment, initial);
         self.loss = LossShare::new();
     }
 }

@@ -61,6 +61,11 @@ impl Budget {
         self.share > 0.0
     }
 
+    /// So many bytes were sent again: losses cost them as well.
+    pub(crate) fn on_repeated(&mut self, bytes: usize) {
+        self.saved = (self.saved - (bytes + BESIDE) as f64).max(0.0);
+    }
+
     /// The share of losses that repair is made for, if there is to be any.
     fn loss(&self, path: Path) -> Option<f64> {
         Some(path.loss.max(self.expected)).filter(|loss| *loss >= CLEAN && self.is_open())
@@ -186,6 +191,17 @@ mod tests {
             counts.max()
         };
         assert_eq!((most(0.01), most(0.015), most(0.02)), (Some(2), Some(2), Some(3)));
+    }
+
+    #[test]
+    fn what_is_sent_again_is_taken_from_the_savings() {
+        let third = |repeated: usize| {
+            let mut budget = Budget::new(Repair::Auto, 15);
+            (0..100).for_each(|_| assert!(budget.spend(16_080, 1072, path(1376, 0.01)) <= 2));
+            (0..repeated).for_each(|_| budget.on_repeated(1072));
+            budget.spend(16_080, 1072, path(1376, 0.05))
+        };
+        assert_eq!((third(0), third(10)), (4, 2));
     }
 
     #[test]

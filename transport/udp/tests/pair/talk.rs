@@ -215,6 +215,7 @@ pub(crate) const RELIABLE: Config = Config {
     repair: Repair::Auto,
     repair_percent: 15,
     congestion: Congestion::Cubic,
+    initial_window: 20,
     max_datagram: 1452,
     batch: BatchSize::MAX,
     coding: IdCoding::Plain,
