@@ -34,7 +34,9 @@ use failure::Failure;
 /// Runs the command line given to this process.
 pub(crate) fn main() -> ExitCode {
     let cli = Cli::parse();
-    log_to_stderr(cli.verbose);
+    // Thousands of simulated links would each warn of what is told once.
+    let usual = if matches!(cli.command, Command::Sim(_)) { "error" } else { "warn" };
+    log_to_stderr(cli.verbose, usual);
     match dispatch(cli.command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
@@ -70,10 +72,10 @@ fn dispatch(command: Command) -> Result<(), Failure> {
     }
 }
 
-/// Sends the log to standard error: warnings, and more for each `-v`; `TRIMARAN_LOG` overrides.
-fn log_to_stderr(verbose: u8) {
+/// Sends the log to standard error: the `usual` level, and more for each `-v`; `TRIMARAN_LOG` overrides.
+fn log_to_stderr(verbose: u8, usual: &str) {
     let level = match verbose {
-        0 => "warn",
+        0 => usual,
         1 => "info",
         2 => "debug",
         _ => "trace",
