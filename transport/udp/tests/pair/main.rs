@@ -25,6 +25,21 @@ fn a_frame_takes_one_trip_and_nothing_is_sent_twice_on_a_clean_path() {
 }
 
 #[test]
+fn the_handshake_shows_both_ends_how_long_a_round_trip_takes() {
+    let mut pair = Pair::new(SEALED, RELIABLE);
+    let round_trips = |pair: &Pair| pair.ends.each_ref().map(|end| end.stats().round_trip);
+    assert_eq!(
+        round_trips(&pair),
+        [2 * ONE_WAY, Duration::from_millis(100)],
+        "the listener has heard nothing"
+    );
+    pair.ends[0].ping();
+    pair.step(Instant::from_nanos(0).after(ONE_WAY));
+    // The answer took no time here.
+    assert_eq!(round_trips(&pair), [2 * ONE_WAY, ONE_WAY]);
+}
+
+#[test]
 fn frames_of_every_size_arrive() {
     for batch in [1, 10, 256, 16_384] {
         let config = Config { batch: BatchSize::new(batch).unwrap(), ..Config::default() };
