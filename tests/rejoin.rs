@@ -18,7 +18,7 @@ use ports::unused_port;
 use tempfile::TempDir;
 
 /// How many frames the sessions have.
-const FRAMES: usize = 200;
+const FRAMES: usize = 1000;
 
 /// A folder with a scene, keys and a configuration a role.
 struct Deployment {
@@ -46,7 +46,7 @@ impl Deployment {
             format!(
                 "scene = 'plant.scene'\nlisten = '{display}'\nout = 'walk'\nkeys = 'display.key'\nmetrics = '127.0.0.1:0'\n\
                  peers.first = 'first.pub'\npeers.second = 'second.pub'\n\
-                 [session]\nframes = {FRAMES}\nwidth = 64\nheight = 64\naudit_every = 40\n"
+                 [session]\nframes = {FRAMES}\nwidth = 64\nheight = 64\naudit_every = 200\n"
             ),
         );
         for (seat, other) in [("first", "second"), ("second", "first")] {
@@ -112,7 +112,7 @@ impl Role {
             if links[0]["received"]["frames"].as_u64().unwrap() >= frames {
                 return;
             }
-            thread::sleep(Duration::from_millis(5));
+            thread::sleep(Duration::from_millis(1));
         }
     }
 
@@ -149,7 +149,7 @@ fn a_machine_that_is_started_again_takes_its_place_and_no_frame_is_missing() {
         assert_eq!(frames.len(), FRAMES, "{transport}, {lost}");
         for (number, frame) in frames.iter().enumerate() {
             assert_eq!(frame["frame"], number, "{transport}, {lost}");
-            if number % 40 == 0 {
+            if number % 200 == 0 {
                 assert_eq!(frame["cut_mismatch_pixels"], 0, "{transport}, {lost}: {frame}");
             }
         }
