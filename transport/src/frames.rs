@@ -225,6 +225,15 @@ impl FrameReceiver {
         }
     }
 
+    /// Throws away what comes until the lane ends, and says how it ended.
+    pub(crate) async fn drain(&mut self) -> RecvError {
+        loop {
+            if let Err(end) = self.recv().await {
+                return end;
+            }
+        }
+    }
+
     /// The frame that has begun and not ended.
     #[must_use]
     pub fn open_frame(&self) -> Option<FrameNumber> {

@@ -108,6 +108,15 @@ impl LatestReceiver {
         .map_err(|e| self.error(e))
     }
 
+    /// Throws away what comes until the lane ends, and says how it ended.
+    pub(crate) async fn drain(&mut self) -> RecvError {
+        loop {
+            if let Err(end) = self.latest().await {
+                return end;
+            }
+        }
+    }
+
     /// Tells the peer's machine that this side is gone, where only a machine that lives can: after both have said goodbye.
     pub(crate) async fn part(self) {
         if let LatestRx::Quic(lane) = self.lane {

@@ -14,7 +14,7 @@ use crate::net::{Net, until};
 use crate::patience::Patience;
 use crate::rates::Messages;
 use crate::stats::Counters;
-use crate::{FrameReceiver, FrameSender, LatestReceiver, LatestSender, SendError, StatsHandle};
+use crate::{FrameReceiver, FrameSender, LatestReceiver, LatestSender, RecvError, SendError, StatsHandle};
 
 /// How long a peer that leaves waits for the other one to leave as well.
 const LINGER: Duration = Duration::from_millis(500);
@@ -185,32 +185,33 @@ impl Link {
     /// well, or for what was said to arrive when the peer has left already. What still comes from it is thrown away.
     ///
     /// # Errors
-    /// When the peer is gone already, or takes nothing within the link's patience.
+    /// When the peer is gone without a goodbye of its own, or takes nothing within the link's patience.
     pub async fn goodbye(self, reason: Goodbye) -> Result<(), SendError> {
         let Self { peer, latest_tx, mut latest_rx, frames_tx, mut frames_rx, net, .. } = self;
         let say = async { frames_tx.goodbye(reason.clone()).await.and(latest_tx.goodbye(reason).await) };
-        if peer.address == PeerAddress::InProcess {
-            return say.await;
-        }
         // A connection that is closed while it holds unread data is reset, and on some systems the reset overtakes the goodbye
         // on the peer's side. So whatever comes is read until the peer closes.
         let hear = async {
-            while frames_rx.recv().await.is_ok() {}
-            while latest_rx.latest().await.is_ok() {}
-            latest_rx
+            let ends = [frames_rx.drain().await, latest_rx.drain().await];
+            (ends.iter().any(|end| matches!(end, RecvError::Goodbye { .. })), latest_rx)
         };
         let (mut say, mut hear) = (pin!(say), pin!(hear));
         let soon = || net.now().after(LINGER);
         let (said, heard) = tokio::select! {
             biased;
-            said = &mut say => (said, until(&*net, soon(), hear).await),
+            said = &mut say => {
+                if said.is_ok() && peer.address == PeerAddress::InProcess {
+                    return Ok(());
+                }
+                (said, until(&*net, soon(), hear).await)
+            }
             // What has not arrived by then nobody reads: a peer that has left may be unable to tell that all has.
             heard = &mut hear => (until(&*net, soon(), say).await.unwrap_or(Ok(())), Some(heard)),
         };
-        if let Some(lane) = heard {
-            lane.part().await;
-        }
-        said
+        let Some((has_left, lane)) = heard else { return said };
+        lane.part().await;
+        // It may leave between the goodbye on one lane and that on the other.
+        if has_left { Ok(()) } else { said }
     }
 }
 

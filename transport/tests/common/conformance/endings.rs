@@ -29,6 +29,8 @@ pub(crate) async fn goodbye_comes_after_everything(pairs: &impl Pairs) {
         assert_eq!(said(display.latest_rx.latest().await.unwrap_err()), Goodbye::failed("out of memory"));
     }
     assert_eq!(said(display.latest_rx.try_latest().unwrap_err()), Goodbye::failed("out of memory"));
+    // Who leaves second finds nobody, and that is no error.
+    display.goodbye(Goodbye::Finished).await.unwrap();
 }
 
 /// More than may be under way at once.
