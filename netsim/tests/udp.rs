@@ -16,14 +16,15 @@ use common::conformance::Pairs;
 use common::{camera, identity, ids, receive, start};
 use trimaran_netsim::link::{LinkModel, LinkTally, Loss, Probability, Rate};
 use trimaran_netsim::{SimNet, Simulation, Topology};
-use trimaran_proto::Role;
-use trimaran_transport::udp::{Trust, UdpOptions};
-use trimaran_transport::{Endpoint, Link, LinkConfig, Listener, Net, Options, connect};
+use trimaran_proto::{DrawableId, FrameEvent, FrameOutcome, IdCoding, Role};
+use trimaran_transport::udp::{Repair, Trust, UdpOptions};
+use trimaran_transport::{Endpoint, Link, LinkConfig, Listener, Net, Options, UdpMode, connect, sleep_until};
 
 /// Two machines of a simulation.
 struct Udp {
     here: SimNet,
     there: SimNet,
+    options: UdpOptions,
 }
 
 impl Pairs for Udp {
@@ -31,8 +32,7 @@ impl Pairs for Udp {
     const HANDSHAKE: u64 = 1;
 
     async fn pair(&self, link: LinkConfig) -> (Link, Link) {
-        let udp = UdpOptions { trust: Trust::SharedKey([9; 32]), ..UdpOptions::default() };
-        let options = Options { link, udp, ..Options::default() };
+        let options = Options { link, udp: self.options.clone(), ..Options::default() };
         let (here, there) = (self.net(), Arc::new(self.there.clone()) as Arc<dyn Net>);
         let endpoint = "udp://0.0.0.0:0".parse().unwrap();
         let mut listener = Listener::bind(&here, &endpoint, identity(Role::SwitchA), &options).await.unwrap();
@@ -56,7 +56,8 @@ fn machines(link: &LinkModel, seed: u64) -> (Simulation, Udp) {
     let (here, there) = (topology.host("here"), topology.host("there"));
     topology.join(topology.node(here), topology.node(there), link.clone(), link.clone());
     let simulation = Simulation::new(&topology, seed);
-    let pairs = Udp { here: simulation.net(here), there: simulation.net(there) };
+    let options = UdpOptions { trust: Trust::SharedKey([9; 32]), ..UdpOptions::default() };
+    let pairs = Udp { here: simulation.net(here), there: simulation.net(there), options };
     (simulation, pairs)
 }
 
@@ -74,6 +75,55 @@ fn an_older_frame_is_complete_first() {
 fn a_camera_goes_before_a_frame() {
     let (simulation, pairs) = machines(&priorities::narrow(), 1);
     simulation.run(priorities::a_camera_goes_before_a_frame(&pairs)).unwrap();
+}
+
+/// Over a way that loses many packets and leaves time to send them again once: whole or with gaps, but never what was not sent.
+#[test]
+fn with_deadlines_a_lost_frame_spoils_no_later_one() {
+    let mut way = LinkModel::clean(Rate::new(100_000_000), Duration::from_millis(3));
+    way.conditions.loss = Loss::Independent(Probability::new(0.15).unwrap());
+    let (simulation, mut pairs) = machines(&way, 1);
+    let deadline = Duration::from_millis(14);
+    pairs.options =
+        UdpOptions { mode: UdpMode::Deadline, deadline, repair: Repair::Off, ..pairs.options.clone() };
+    let visible = |frame: u32| -> Vec<DrawableId> {
+        (0..4000).filter(|id| !(id + 3 * frame).is_multiple_of(100)).map(|id| DrawableId(500 * id)).collect()
+    };
+    let talk = async {
+        let link = LinkConfig { coding: IdCoding::Changes, ..LinkConfig::default() };
+        let (mut a, mut display) = pairs.pair(link).await;
+        let (mut whole, mut gaps, mut bytes) = (0, 0, u64::MAX);
+        for frame in 0..500 {
+            // Until what has arrived of the last frame is known.
+            sleep_until(&*pairs.net(), pairs.net().now().after(deadline)).await;
+            let before = a.stats.read();
+            a.frames_tx.begin(start(frame)).await.unwrap();
+            a.frames_tx.push(&visible(frame)).await.unwrap();
+            a.frames_tx.finish().await.unwrap();
+            bytes = bytes.min((a.stats.read() - before).sent.ids.bytes);
+            let (mut ids, sent) = (Vec::new(), visible(frame));
+            loop {
+                match display.frames_rx.recv().await.unwrap() {
+                    FrameEvent::Ids(batch) => ids.extend(batch.iter()),
+                    FrameEvent::End(FrameOutcome::Complete(_)) => {
+                        assert_eq!(ids, sent);
+                        whole += 1;
+                        break;
+                    }
+                    FrameEvent::End(FrameOutcome::Incomplete { .. }) => {
+                        assert!(ids.iter().all(|id| sent.binary_search(id).is_ok()), "frame {frame}");
+                        gaps += 1;
+                        break;
+                    }
+                    FrameEvent::Begin(_) | FrameEvent::Stats(_) => {}
+                }
+            }
+        }
+        (whole, gaps, bytes)
+    };
+    let (whole, gaps, bytes) = simulation.run(talk).unwrap();
+    // Some came as changes.
+    assert!(whole >= 20 && gaps >= 20 && bytes < 2000, "{whole} whole, {gaps} with gaps, {bytes} bytes");
 }
 
 /// Sends 50 frames of 4000 ids over a link that loses a hundredth of all packets. Gives the hash of the trace, when it was

@@ -3,24 +3,22 @@
 
 mod common;
 
-use std::cell::Cell;
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use common::conformance::Pairs;
 use common::ports::unused_port;
-use common::router::Router;
 use common::udp::{a_display_gets_in, listener, shared, with};
 use common::{SCENE, camera, identity, ids, joined, last_failure, net, receive, soon, start};
 use trimaran_proto::{
     DrawableId, FrameEvent, FrameNumber, FrameOutcome, IdCoding, Identity, Refusal, Role, SceneHash,
 };
 use trimaran_transport::keys::{Keys, Security};
-use trimaran_transport::udp::{Repair, Trust, UdpOptions};
+use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{
     AttemptError, ConnectError, Endpoint, HandshakeError, Link, LinkConfig, Listener, Net, Options,
-    PeerAddress, UdpMode, connect, sleep_until, until,
+    PeerAddress, connect, sleep_until, until,
 };
 
 struct Udp;
@@ -266,67 +264,6 @@ async fn with_deadlines_ids_travel_as_changes_once_a_frame_is_confirmed() {
     }
     assert!(least < 60, "{least} bytes for a frame like the one before");
     assert_eq!(a.stats.read().sent.ids, display.stats.read().received.ids);
-}
-
-/// Over a way that loses packets and leaves no time to send them again: whole or with gaps, but never what was not sent.
-#[tokio::test]
-async fn with_deadlines_a_lost_frame_spoils_no_later_one() {
-    let net = net();
-    let link = LinkConfig { coding: IdCoding::Changes, ..LinkConfig::default() };
-    let deadline = Duration::from_millis(20);
-    let udp = UdpOptions { mode: UdpMode::Deadline, deadline, repair: Repair::Off, ..shared(1).udp };
-    let options = Options { link, udp, ..shared(1) };
-    let (mut listener, at) = listener(&options).await;
-    let router = Router::before(&at).await;
-    let visible = |frame: u32| -> Vec<DrawableId> {
-        (0..4000).filter(|id| !(id + 3 * frame).is_multiple_of(100)).map(|id| DrawableId(500 * id)).collect()
-    };
-    let talk = async {
-        let (there, here) = tokio::join!(
-            connect(&net, &router.at, identity(Role::Display), &options, soon(&net)),
-            listener.accept(soon(&net)),
-        );
-        let (mut display, mut a) = (there.unwrap(), here.unwrap());
-        let (mut whole, mut gaps, mut bytes) = (0, 0, u64::MAX);
-        // Until some have come as changes, and some with gaps.
-        for frame in 0.. {
-            let before = a.stats.read();
-            a.frames_tx.begin(start(frame)).await.unwrap();
-            a.frames_tx.push(&visible(frame)).await.unwrap();
-            a.frames_tx.finish().await.unwrap();
-            bytes = bytes.min((a.stats.read() - before).sent.ids.bytes);
-            let (mut ids, sent) = (Vec::new(), visible(frame));
-            loop {
-                match display.frames_rx.recv().await.unwrap() {
-                    FrameEvent::Ids(batch) => ids.extend(batch.iter()),
-                    FrameEvent::End(FrameOutcome::Complete(_)) => {
-                        assert_eq!(ids, sent);
-                        whole += 1;
-                        break;
-                    }
-                    FrameEvent::End(FrameOutcome::Incomplete { .. }) => {
-                        assert!(ids.iter().all(|id| sent.binary_search(id).is_ok()), "frame {frame}");
-                        gaps += 1;
-                        break;
-                    }
-                    FrameEvent::Begin(_) | FrameEvent::Stats(_) => {}
-                }
-            }
-            if whole >= 20 && gaps >= 20 && bytes < 2000 {
-                break;
-            }
-        }
-    };
-    let mut state = 7_u32;
-    let keep = |_: &[u8], _| {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        !(state >> 16).is_multiple_of(6)
-    };
-    let lost = Cell::new(0);
-    tokio::select! {
-        ended = until(&*net, soon(&net), talk) => assert!(ended.is_some(), "it never came that far"),
-        () = router.pass(&lost, keep) => {}
-    }
 }
 
 #[tokio::test]
