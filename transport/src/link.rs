@@ -205,8 +205,14 @@ impl Link {
                 }
                 (said, until(&*net, soon(), hear).await)
             }
-            // What has not arrived by then nobody reads: a peer that has left may be unable to tell that all has.
-            heard = &mut hear => (until(&*net, soon(), say).await.unwrap_or(Ok(())), Some(heard)),
+            heard = &mut hear => {
+                let said = match heard {
+                    // It may be unable to tell that all has arrived, and what has not by then nobody reads.
+                    (true, _) => until(&*net, soon(), say).await.unwrap_or(Ok(())),
+                    (false, _) => say.await,
+                };
+                (said, Some(heard))
+            }
         };
         let Some((has_left, lane)) = heard else { return said };
         lane.part().await;
