@@ -95,7 +95,8 @@ mod tests {
         assert!(whole.len() > 20, "{} ids", whole.len());
         let mut gaps = Gaps::new(&scene, rule);
         gaps.drawn(&last);
-        let mut ids: Vec<_> = whole.iter().step_by(2).map(|id| DrawableId(*id)).collect();
+        // Ids come in the order in which they were found visible.
+        let mut ids: Vec<_> = whole.iter().rev().step_by(2).map(|id| DrawableId(*id)).collect();
         let came = ids.len();
         let added = gaps.fill(now, &mut ids).unwrap();
         assert_eq!(ids.len(), came + added);
@@ -104,6 +105,13 @@ mod tests {
         assert!(drawn.windows(2).all(|pair| pair[0] < pair[1]), "nothing is drawn twice");
         assert!(drawn.iter().all(|id| whole.binary_search(id).is_ok()), "nothing but the cut");
         assert!(drawn.len() * 10 >= whole.len() * 9, "{} of {} ids", drawn.len(), whole.len());
+
+        gaps.drawn(&ids);
+        let mut ids = Vec::new();
+        gaps.fill(before, &mut ids).unwrap();
+        let cut_before = cut(&scene, &before, rule);
+        assert_ne!(cut_before, whole);
+        assert!(ids.iter().all(|id| cut_before.binary_search(&id.0).is_ok()), "the cut of this frame's view");
 
         gaps.drawn(&[]);
         let mut ids = vec![DrawableId(whole[0])];
