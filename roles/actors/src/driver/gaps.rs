@@ -108,7 +108,7 @@ mod tests {
 
         gaps.drawn(&ids);
         let mut ids = Vec::new();
-        gaps.fill(before, &mut ids).unwrap();
+        assert!(gaps.fill(before, &mut ids).unwrap() > 20, "{} ids", ids.len());
         let cut_before = cut(&scene, &before, rule);
         assert_ne!(cut_before, whole);
         assert!(ids.iter().all(|id| cut_before.binary_search(&id.0).is_ok()), "the cut of this frame's view");

@@ -92,7 +92,7 @@ mod tests {
         let begin = to_display.frames_tx.begin(start);
         let result = wait(waiting, "beginning a frame", begin).map(|_| ());
         assert!(matches!(result, Err(RoleError::Link { cause: LinkError::Send(_), .. })), "{result:?}");
-        hear_out(result, [&mut to_display, &mut to_other], waiting).unwrap_err()
+        hear_out(result, [&mut to_other, &mut to_display], waiting).unwrap_err()
     }
 
     #[test]
