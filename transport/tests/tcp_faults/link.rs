@@ -1,20 +1,29 @@
 //! Peers that have a link, and break the rules or die.
 
+use std::time::Duration;
+
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use trimaran_proto::{
     Accept, DecodeFault, FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOutcome, FrameViolation,
     Goodbye, Kind, Lane, Message, Role,
 };
-use trimaran_transport::{Endpoint, FrameReceiver, Link, Loss, Options, ProtocolError, RecvError, connect};
+use trimaran_transport::{
+    Endpoint, FrameReceiver, Link, LinkConfig, Loss, Options, ProtocolError, RecvError, SendError, connect,
+    until,
+};
 
 use super::common::{camera, identity, ids, net, receive, soon, start};
 use super::{bytes, hello, listener};
 
 /// A display that is made of bare sockets, and the link that switch A has to it.
 async fn raw_display() -> (Link, TcpStream, TcpStream) {
+    raw_display_of(&Options::default()).await
+}
+
+async fn raw_display_of(options: &Options) -> (Link, TcpStream, TcpStream) {
     let net = net();
-    let (mut listener, address) = listener(&net, &Options::default()).await;
+    let (mut listener, address) = listener(&net, options).await;
     let mut frames = TcpStream::connect(address).await.unwrap();
     let mut latest = TcpStream::connect(address).await.unwrap();
     frames.write_all(&bytes(&[hello(Lane::Frames)])).await.unwrap();
@@ -162,4 +171,20 @@ async fn goodbye_survives_unread_data() {
     let error = receive(&mut here.frames_rx).await.unwrap_err();
     let reason = Goodbye::Interrupted;
     assert!(matches!(&error, RecvError::Goodbye { reason: said, .. } if *said == reason), "{error:?}");
+}
+
+#[tokio::test]
+async fn a_display_that_went_without_a_word_and_reads_nothing_has_not_heard_a_goodbye() {
+    let patience = Duration::from_secs(1);
+    let link = LinkConfig { patience, ..LinkConfig::default() };
+    let (mut link, mut frames, mut latest) = raw_display_of(&Options { link, ..Options::default() }).await;
+    let (net, ids) = (net(), ids(16_384));
+    link.frames_tx.begin(start(0)).await.unwrap();
+    // Until the system takes no more: the goodbye is behind it.
+    let moment = || net.now().after(Duration::from_millis(100));
+    while until(&*net, moment(), link.frames_tx.push(&ids)).await.is_some() {}
+    frames.shutdown().await.unwrap();
+    latest.shutdown().await.unwrap();
+    let said = link.goodbye(Goodbye::Finished).await;
+    assert!(matches!(said, Err(SendError::Stalled { peer: Role::Display, .. })), "{said:?}");
 }
