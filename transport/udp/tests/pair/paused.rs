@@ -7,20 +7,18 @@ use trimaran_proto::Instant;
 use crate::network::{Network, ONE_WAY, Pair, SEALED};
 use crate::talk::{RELIABLE, Reader, Sender, ids};
 
-const FRAMES: u32 = 600;
 /// More than a frame's time, and more than a round trip.
 const PAUSE: Duration = Duration::from_millis(20);
 
-/// It has to catch up with a frame and a quarter each time: more packets than may leave at once after a time in which none was due.
-#[test]
-fn a_sender_that_runs_seldom_falls_behind_by_what_it_sleeps_and_no_more() {
-    let mut pair = Pair::new(Network { mtu: 1500, ..SEALED }, RELIABLE);
+/// Rising, how long so many frames took.
+fn latencies(count: u32, network: Network) -> Vec<Duration> {
+    let mut pair = Pair::new(network, RELIABLE);
     let (mut sender, mut reader) = (Sender::new(RELIABLE), Reader::default());
     let ids = ids(4000);
     let due = |frame: u32| Instant::from_nanos(u64::from(frame) * 1_000_000_000 / 60);
-    let mut frames = 0..FRAMES;
-    while reader.frames.len() < FRAMES as usize {
-        assert!(pair.now < due(2 * FRAMES), "{} of {FRAMES} frames have come", reader.frames.len());
+    let mut frames = 0..count;
+    while reader.frames.len() < count as usize {
+        assert!(pair.now < due(2 * count), "{} of {count} frames have come", reader.frames.len());
         while due(frames.start) <= pair.now
             && let Some(frame) = frames.next()
         {
@@ -36,11 +34,32 @@ fn a_sender_that_runs_seldom_falls_behind_by_what_it_sleeps_and_no_more() {
         reader.now = pair.now;
         reader.read(&mut pair.ends[1]);
     }
-    let latencies = reader.latencies();
-    let median = latencies[latencies.len() / 2];
-    assert!(median <= ONE_WAY + PAUSE, "{median:?}");
+    reader.latencies()
+}
 
+fn median(latencies: &[Duration]) -> Duration {
+    latencies[latencies.len() / 2]
+}
+
+fn slowest(latencies: &[Duration]) -> Duration {
+    latencies[latencies.len() - 1]
+}
+
+/// It has to catch up with a frame and a quarter each time: more packets than may leave at once after a time in which none was due.
+#[test]
+fn a_sender_that_runs_seldom_falls_behind_by_what_it_sleeps_and_no_more() {
+    let latencies = latencies(600, Network { mtu: 1500, ..SEALED });
+    let (median, slowest) = (median(&latencies), slowest(&latencies));
+    assert!(median <= ONE_WAY + PAUSE, "{median:?}");
     // The first ones wait for the window to grow.
-    let slowest = latencies[latencies.len() - 1];
     assert!(slowest <= PAUSE * 5, "{slowest:?}");
+}
+
+#[test]
+fn bursts_of_loss_do_not_make_it_fall_behind_either() {
+    for seed in 1..9 {
+        let latencies = latencies(3600, Network { mtu: 1500, bursts: 3, seed, ..SEALED });
+        let (median, slowest) = (median(&latencies), slowest(&latencies));
+        assert!(median <= ONE_WAY + PAUSE && slowest <= PAUSE * 7, "seed {seed}: {median:?}, {slowest:?}");
+    }
 }
