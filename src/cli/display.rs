@@ -23,7 +23,7 @@ use trimaran_transport::{Endpoints, Link, Listener, Net, Options, TokioNet};
 
 use super::{
     Failure, progress,
-    role::{Metrics, again, deadline, upload},
+    role::{Metrics, again, deadline, not_joined, upload},
     run::{notes, record, report_on},
     walking::stop_on_signal,
 };
@@ -151,7 +151,7 @@ impl DisplayStage {
                     biased;
                     pair = await_pair(listener, deadline(&net, wait_s)) => pair.map_err(|e| match lost.take() {
                         Some(lost) => Failure::broken(LostForGood { seconds: wait_s, lost }),
-                        None => Failure::bad_input(e),
+                        None => not_joined(e),
                     }),
                     failure = hopeless.as_mut() => Err(failure),
                 }

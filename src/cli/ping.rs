@@ -144,9 +144,8 @@ async fn ping(
     let timeout = Duration::from_secs_f64(args.timeout);
     let identity = Identity { role: Role::Display, scene: NO_SCENE, settings: None };
     let begun = net.now();
-    let mut link: Link = connect(net, &args.endpoint, identity, options, begun.after(timeout))
-        .await
-        .map_err(|e| refused(&e).unwrap_or_else(|| Failure::bad_input(e)))?;
+    let mut link: Link =
+        connect(net, &args.endpoint, identity, options, begun.after(timeout)).await.map_err(not_linked)?;
     if !args.json {
         let took = microseconds(net.now().since(begun));
         println!("{} at {}: linked in {} us", args.endpoint, link.peer.address, number(took as u64));
@@ -162,16 +161,18 @@ async fn ping(
     Ok(Cost { bytes: bytes as f64 / f64::from(args.count), path: carried.path.map(PathReading::from) })
 }
 
-/// A role of a session answers no stranger: that is worth saying in other words.
-fn refused(error: &ConnectError) -> Option<Failure> {
-    let ConnectError::Refused { refusal: Refusal::Scene { .. } | Refusal::RoleTaken { .. }, .. } = error
-    else {
-        return None;
-    };
-    Some(Failure::bad_input(
-        "the link works, but a role of a session listens there, and it answers its own session only: \
-         run `trimaran ping --answer` on another port",
-    ))
+fn not_linked(error: ConnectError) -> Failure {
+    match &error {
+        // A role of a session answers no stranger: that is worth saying in other words.
+        ConnectError::Refused { refusal: Refusal::Scene { .. } | Refusal::RoleTaken { .. }, .. } => {
+            Failure::bad_input(
+                "the link works, but a role of a session listens there, and it answers its own session only: \
+                 run `trimaran ping --answer` on another port",
+            )
+        }
+        _ if error.is_absence() => Failure::broken(error),
+        _ => Failure::bad_input(error),
+    }
 }
 
 fn not_negative(text: &str) -> Result<f64, String> {

@@ -9,7 +9,7 @@ use trimaran::{
     report::schema::Seat as ReportSeat,
     walkthrough::{PathChoice, Plan, SceneFile, Trail, viewport},
 };
-use trimaran_actors::{Joined, OccluderPolicy, PairRole, Place, Seat, VulkanPair, join_session};
+use trimaran_actors::{JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, VulkanPair, join_session};
 use trimaran_gpu::{Gpu, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize};
 use trimaran_transport::{Endpoint, Instant, Link, Net, TokioNet, sleep_until};
@@ -84,7 +84,7 @@ fn switch(config: &SwitchConfig) -> Result<(), Failure> {
         let Some(joined) = stop.unless_requested(runtime.handle(), joining) else { return Ok(()) };
         let Joined { display, other, settings } = joined.map_err(|e| match lost.take() {
             Some(lost) => Failure::broken(LostForGood { seconds: wait_s, lost }),
-            None => Failure::bad_input(e),
+            None => not_joined(e),
         })?;
         tracing::info!(%settings, "joined the session");
         metrics.watch([&display, &other], &runtime)?;
@@ -100,6 +100,11 @@ fn switch(config: &SwitchConfig) -> Result<(), Failure> {
         eprintln!("trimaran: {said}; joining again for {} s", config.reconnect_s);
         (wait_s, lost) = (config.reconnect_s, Some(said.to_string().into()));
     }
+}
+
+/// A peer that was not there is no fault of the configuration: whoever starts roles again when they fail may do so.
+pub(super) fn not_joined(error: JoinError) -> Failure {
+    if error.is_absence() { Failure::broken(error) } else { Failure::bad_input(error) }
 }
 
 /// What `attempt` gives in the end: it is made again until it works or the deadline has come.

@@ -87,7 +87,7 @@ async fn watch(args: &StatArgs, net: &Arc<dyn Net>) -> Result<(), Failure> {
 /// One page.
 async fn read<T: DeserializeOwned>(at: &str, page: &str) -> Result<T, Failure> {
     let unreachable = |cause: &dyn std::fmt::Display| {
-        Failure::bad_input(format!(
+        Failure::broken(format!(
             "cannot read the metrics at {at}: {cause}: was the role started with --metrics {at}?"
         ))
     };

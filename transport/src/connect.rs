@@ -69,6 +69,14 @@ pub enum ConnectError {
     Random(#[source] io::Error),
 }
 
+impl ConnectError {
+    /// Whether the peer was not there in time, and may be another time. Any other failure is about what one of the sides was given.
+    #[must_use]
+    pub const fn is_absence(&self) -> bool {
+        matches!(self, Self::Deadline { .. })
+    }
+}
+
 /// Why one attempt failed.
 #[derive(Debug, Error)]
 #[non_exhaustive]

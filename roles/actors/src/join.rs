@@ -48,6 +48,18 @@ pub enum JoinError {
     NoSettings,
 }
 
+impl JoinError {
+    /// Whether a peer was not there in time, and may be another time. Any other failure is about what one of the roles was given.
+    #[must_use]
+    pub fn is_absence(&self) -> bool {
+        match self {
+            Self::Accept { .. } => true,
+            Self::Connect { cause, .. } => cause.is_absence(),
+            Self::Listen(_) | Self::Stranger { .. } | Self::NoSettings => false,
+        }
+    }
+}
+
 /// The role on the wire of a machine of the pair.
 #[must_use]
 pub const fn role_of(seat: Seat) -> Role {
