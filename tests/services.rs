@@ -2,8 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 use tempfile::TempDir;
 
@@ -48,25 +49,67 @@ fn a_configuration_that_cannot_be_used_ends_a_service_for_good() {
     }
 }
 
-#[test]
-fn a_service_whose_peers_are_not_there_is_started_again() {
+/// A folder with a scene, and a socket in it.
+fn place() -> (TempDir, String) {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("plant.scene");
     let generate = ["generate", "plant", "--objects", "100", "-o"];
     let made = Command::new(env!("CARGO_BIN_EXE_trimaran")).args(generate).arg(&scene).output().unwrap();
     assert!(made.status.success(), "{made:?}");
     let socket = format!("'unix:{}/show.sock'", folder.path().display());
+    (folder, socket)
+}
+
+/// Serves a role whose waiting is in vain: it is to be started again.
+fn serves_in_vain(role: &str, folder: &TempDir, configuration: &str, why: &str) {
+    let output = serve(role, folder, &format!("scene = 'plant.scene'\n{configuration}"));
+    assert_eq!(output.status.code(), Some(1), "{role}: {output:?}");
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains(why), "{role}: {said}");
+}
+
+#[test]
+fn a_service_whose_peers_are_not_there_is_started_again() {
+    let (folder, socket) = place();
     for (role, kind, configuration) in [
-        ("switch", "always", format!("seat = 'second'\ndisplay = {socket}\npair = {socket}\n")),
-        ("display", "on-failure", format!("listen = {socket}\nout = 'walk'\n")),
+        (
+            "switch",
+            "always",
+            format!("patience_s = 0.2\nseat = 'second'\ndisplay = {socket}\npair = {socket}\n"),
+        ),
+        ("display", "on-failure", format!("patience_s = 0.2\nlisten = {socket}\nout = 'walk'\n")),
     ] {
         assert_eq!(value(&unit(role), "Restart"), kind);
-        let output =
-            serve(role, &folder, &format!("scene = 'plant.scene'\npatience_s = 0.2\n{configuration}"));
-        assert_eq!(output.status.code(), Some(1), "{role}: {output:?}");
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert!(said.contains("show.sock"), "{role}: {said}");
+        serves_in_vain(role, &folder, &configuration, "show.sock");
     }
+}
+
+/// The display looks at neither machine before both are there.
+#[test]
+fn a_machine_whose_place_is_still_held_for_the_process_before_is_started_again() {
+    let (folder, socket) = place();
+    fs::write(
+        folder.path().join("display.toml"),
+        format!("scene = 'plant.scene'\nlisten = {socket}\nout = 'walk'\n"),
+    )
+    .unwrap();
+    let mut display = Command::new(env!("CARGO_BIN_EXE_trimaran"))
+        .args(["role", "display", "--config", "display.toml"])
+        .current_dir(folder.path())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut listens = String::new();
+    BufReader::new(display.stderr.take().unwrap()).read_line(&mut listens).unwrap();
+    assert!(listens.contains("listens on"), "{listens}");
+    // Time to join the display on a machine that is busy.
+    let seat = "patience_s = 3.0\nseat = 'second'";
+    let pair = format!("'unix:{}/pair.sock'", folder.path().display());
+    let second = format!("{seat}\ndisplay = {socket}\npair = {pair}\n");
+    serves_in_vain("switch", &folder, &second, "pair.sock");
+    serves_in_vain("switch", &folder, &second, "the role switch B is taken");
+    display.kill().unwrap();
+    display.wait().unwrap();
 }
 
 #[test]

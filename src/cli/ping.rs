@@ -170,7 +170,7 @@ fn not_linked(error: ConnectError) -> Failure {
                  run `trimaran ping --answer` on another port",
             )
         }
-        _ if error.is_absence() => Failure::broken(error),
+        _ if error.may_pass() => Failure::broken(error),
         _ => Failure::bad_input(error),
     }
 }

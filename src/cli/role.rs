@@ -102,9 +102,9 @@ fn switch(config: &SwitchConfig) -> Result<(), Failure> {
     }
 }
 
-/// A peer that was not there is no fault of the configuration: whoever starts roles again when they fail may do so.
+/// What may pass is no fault of the configuration: whoever starts roles again when they fail may do so.
 pub(super) fn not_joined(error: JoinError) -> Failure {
-    if error.is_absence() { Failure::broken(error) } else { Failure::bad_input(error) }
+    if error.may_pass() { Failure::broken(error) } else { Failure::bad_input(error) }
 }
 
 /// What `attempt` gives in the end: it is made again until it works or the deadline has come.

@@ -70,10 +70,11 @@ pub enum ConnectError {
 }
 
 impl ConnectError {
-    /// Whether the peer was not there in time, and may be another time. Any other failure is about what one of the sides was given.
+    /// Whether it may work another time though nothing is changed: the peer was not there in time, or holds the place of a process
+    /// that is gone for this one's. Any other failure is about what one of the sides was given.
     #[must_use]
-    pub const fn is_absence(&self) -> bool {
-        matches!(self, Self::Deadline { .. })
+    pub const fn may_pass(&self) -> bool {
+        matches!(self, Self::Deadline { .. } | Self::Refused { refusal: Refusal::RoleTaken { .. }, .. })
     }
 }
 
@@ -227,6 +228,8 @@ async fn attempt(
 
 #[cfg(test)]
 mod tests {
+    use trimaran_proto::{Role, SceneHash};
+
     use super::*;
 
     #[test]
@@ -241,5 +244,17 @@ mod tests {
         assert!(said.starts_with("no link to tcp://there:1 within 367ms and 6 attempts:"), "{said}");
         let said = deadline(60_000_000_001, 1).to_string();
         assert!(said.contains("within 60s and 1 attempt:"), "{said}");
+    }
+
+    #[test]
+    fn a_peer_that_is_late_or_keeps_a_place_may_be_tried_again_and_another_scene_not() {
+        let endpoint = || "tcp://there:1".parse().unwrap();
+        let refused = |refusal| ConnectError::Refused { endpoint: endpoint(), refusal };
+        let (listener, connector) = (SceneHash(1), SceneHash(2));
+        assert!(refused(Refusal::RoleTaken { role: Role::SwitchA }).may_pass());
+        assert!(!refused(Refusal::Scene { listener, connector }).may_pass());
+        let last = AttemptError::TimedOut;
+        let waited = Duration::from_secs(1);
+        assert!(ConnectError::Deadline { endpoint: endpoint(), waited, attempts: 1, last }.may_pass());
     }
 }

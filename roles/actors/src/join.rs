@@ -49,12 +49,13 @@ pub enum JoinError {
 }
 
 impl JoinError {
-    /// Whether a peer was not there in time, and may be another time. Any other failure is about what one of the roles was given.
+    /// Whether it may work another time though nothing is changed: a peer was not there in time, or holds the place of a process that is
+    /// gone for this one's. Any other failure is about what one of the roles was given.
     #[must_use]
-    pub fn is_absence(&self) -> bool {
+    pub fn may_pass(&self) -> bool {
         match self {
             Self::Accept { .. } => true,
-            Self::Connect { cause, .. } => cause.is_absence(),
+            Self::Connect { cause, .. } => cause.may_pass(),
             Self::Listen(_) | Self::Stranger { .. } | Self::NoSettings => false,
         }
     }
