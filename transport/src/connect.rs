@@ -196,10 +196,10 @@ fn jittered(pause: Duration, net: &dyn Net) -> io::Result<Duration> {
 }
 
 /// Tries each address of a host once, until one is there: whoever answers has the last word.
-pub(crate) async fn each_address(
+pub(crate) async fn each_address<F: Future<Output = Result<Link, AttemptError>>>(
     net: &Arc<dyn Net>,
     at: &HostPort,
-    introduce: impl AsyncFn(SocketAddr) -> Result<Link, AttemptError>,
+    introduce: impl Fn(SocketAddr) -> F,
 ) -> Result<Link, AttemptError> {
     let mut last = AttemptError::NoAddress;
     for to in net.resolve(&at.to_string()).await.map_err(AttemptError::Resolve)? {

@@ -1,14 +1,19 @@
-//! Three roles find each other, over whatever transports their endpoints name. Start order does not matter: whoever connects tries again until the deadline.
+//! Three roles find each other, over whatever transports their endpoints name. Start order does not matter: whoever connects tries again
+//! until the deadline, and whoever waits for one peer notices when the other one leaves.
 
-use std::sync::Arc;
+use std::{future::pending, sync::Arc, time::Duration};
 
 use thiserror::Error;
 use trimaran_proto::{Identity, Role, SceneHash, Settings};
 use trimaran_transport::{
-    AcceptError, ConnectError, Endpoint, Instant, Link, ListenError, Listener, Net, Options, connect,
+    AcceptError, ConnectError, Endpoint, Instant, Link, ListenError, Listener, Net, Options, RecvError,
+    connect, sleep_until,
 };
 
 use crate::Seat;
+
+/// How long after a display has left comes the first attempt to join the next.
+const AGAIN: Duration = Duration::from_millis(200);
 
 /// Why a role did not find the others.
 #[derive(Debug, Error)]
@@ -70,26 +75,60 @@ pub const fn role_of(seat: Seat) -> Role {
     }
 }
 
-/// The display waits for both machines of the pair on its listener; the links come first machine first.
+/// The display waits for both machines of the pair on its listener; the links come first machine first. One that leaves before the
+/// other has come is waited for again.
 ///
 /// # Errors
 /// When one has not come by the deadline.
 pub async fn await_pair(mut listener: Listener, deadline: Instant) -> Result<[Link; 2], JoinError> {
-    let (mut first, mut second) = (None, None);
+    let mut early: Option<Link> = None;
     loop {
-        let missing = if first.is_none() { Role::SwitchA } else { Role::SwitchB };
-        let link = listener
-            .accept(deadline)
-            .await
-            .map_err(|cause| JoinError::Accept { peer: missing, cause: Box::new(cause) })?;
-        match link.peer.identity.role {
-            Role::SwitchA => first = Some(link),
-            Role::SwitchB => second = Some(link),
-            came @ Role::Display => return Err(JoinError::Stranger { came, due: missing }),
+        let missing = match &early {
+            Some(link) if link.peer.identity.role == Role::SwitchA => Role::SwitchB,
+            _ => Role::SwitchA,
+        };
+        let came = tokio::select! {
+            biased;
+            end = machine_left(early.as_mut()) => {
+                tracing::info!(%end, "a machine left before the other one came");
+                early = None;
+                continue;
+            }
+            came = listener.accept(deadline) => {
+                came.map_err(|cause| JoinError::Accept { peer: missing, cause: Box::new(cause) })?
+            }
+        };
+        let role = came.peer.identity.role;
+        if role == Role::Display {
+            return Err(JoinError::Stranger { came: role, due: missing });
         }
-        match (first.take(), second.take()) {
-            (Some(first), Some(second)) => return Ok([first, second]),
-            (early_first, early_second) => (first, second) = (early_first, early_second),
+        early = Some(match early {
+            None => came,
+            Some(link) if role == Role::SwitchA => return Ok([came, link]),
+            Some(link) => return Ok([link, came]),
+        });
+    }
+}
+
+/// How a machine left that waits for the other one. It sends no cameras, whose lane can be watched until it ends.
+async fn machine_left(link: Option<&mut Link>) -> RecvError {
+    let Some(link) = link else { return pending().await };
+    loop {
+        match link.latest_rx.latest().await {
+            // It has nothing to say before the session begins.
+            Ok(_) | Err(RecvError::Silent { .. }) => {}
+            Err(end) => return end,
+        }
+    }
+}
+
+/// How the display left while this machine waits for the other one. It sends no frames, whose lane can be watched until it ends; its
+/// camera may be there already.
+async fn display_left(link: &mut Link) -> RecvError {
+    loop {
+        match link.frames_rx.recv().await {
+            Ok(_) | Err(RecvError::Silent { .. }) => {}
+            Err(end) => return end,
         }
     }
 }
@@ -115,7 +154,8 @@ pub struct Place {
 }
 
 /// A machine of the pair joins the display at `display` and the other machine: the first listens at `pair`, the second
-/// connects there. The two links may go over different transports.
+/// connects there. The two links may go over different transports. When the display leaves before the other machine has come, it
+/// joins the next one there.
 ///
 /// # Errors
 /// When a peer is not there by the deadline, refuses, or is not who it should be.
@@ -127,29 +167,66 @@ pub async fn join_session(
     pair: &Place,
     deadline: Instant,
 ) -> Result<Joined, JoinError> {
-    let role = role_of(seat);
-    let identity = |settings| Identity { role, scene, settings };
-    let display = connect(net, &display.endpoint, identity(None), &display.options, deadline)
+    let mut left = false;
+    loop {
+        match join_once(net, seat, scene, display, pair, deadline).await {
+            Ok(Some(joined)) => return Ok(joined),
+            Ok(None) => left = true,
+            // Who is left may not have noticed yet, and old sockets may need a moment to be gone.
+            Err(error) if left && net.now() < deadline => tracing::debug!(%error, "not yet"),
+            Err(error) => return Err(error),
+        }
+        sleep_until(&**net, net.now().after(AGAIN)).await;
+    }
+}
+
+/// As [`join_session`]; `None` when the display left before the other machine had come.
+async fn join_once(
+    net: &Arc<dyn Net>,
+    seat: Seat,
+    scene: SceneHash,
+    display: &Place,
+    pair: &Place,
+    deadline: Instant,
+) -> Result<Option<Joined>, JoinError> {
+    let identity = |settings| Identity { role: role_of(seat), scene, settings };
+    let mut display = connect(net, &display.endpoint, identity(None), &display.options, deadline)
         .await
         .map_err(|cause| JoinError::Connect { peer: Role::Display, cause: Box::new(cause) })?;
     expect_role(&display, Role::Display)?;
     let settings = display.peer.identity.settings.ok_or(JoinError::NoSettings)?;
-    let peer = role_of(seat.other());
-    let other = match seat {
-        Seat::First => {
-            let mut listener =
-                Listener::bind(net, &pair.endpoint, identity(Some(settings)), &pair.options).await?;
-            listener
-                .accept(deadline)
-                .await
-                .map_err(|cause| JoinError::Accept { peer, cause: Box::new(cause) })?
+    let other = tokio::select! {
+        biased;
+        end = display_left(&mut display) => {
+            tracing::info!(%end, "the display left before the other machine came");
+            return Ok(None);
         }
-        Seat::Second => connect(net, &pair.endpoint, identity(Some(settings)), &pair.options, deadline)
-            .await
-            .map_err(|cause| JoinError::Connect { peer, cause: Box::new(cause) })?,
+        other = meet(net, seat, identity(Some(settings)), pair, deadline) => other?,
     };
-    expect_role(&other, peer)?;
-    Ok(Joined { display, other, settings })
+    expect_role(&other, role_of(seat.other()))?;
+    Ok(Some(Joined { display, other, settings }))
+}
+
+/// The pair's link between themselves.
+async fn meet(
+    net: &Arc<dyn Net>,
+    seat: Seat,
+    identity: Identity,
+    pair: &Place,
+    deadline: Instant,
+) -> Result<Link, JoinError> {
+    let peer = role_of(seat.other());
+    match seat {
+        Seat::First => {
+            let mut listener = Listener::bind(net, &pair.endpoint, identity, &pair.options).await?;
+            let other = listener.accept(deadline).await;
+            other.map_err(|cause| JoinError::Accept { peer, cause: Box::new(cause) })
+        }
+        Seat::Second => {
+            let other = connect(net, &pair.endpoint, identity, &pair.options, deadline).await;
+            other.map_err(|cause| JoinError::Connect { peer, cause: Box::new(cause) })
+        }
+    }
 }
 
 fn expect_role(link: &Link, due: Role) -> Result<(), JoinError> {

@@ -27,7 +27,7 @@ pub(crate) async fn attempt(
     at: &HostPort,
     introduction: &Introduction<'_>,
 ) -> Result<Link, AttemptError> {
-    each_address(net, at, async |to| introduce(net, to, introduction).await).await
+    each_address(net, at, |to| introduce(net, to, introduction)).await
 }
 
 async fn introduce(

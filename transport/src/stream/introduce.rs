@@ -11,15 +11,15 @@ use crate::Link;
 use crate::connect::{AttemptError, Introduction};
 use crate::handshake::{HandshakeError, Parley};
 use crate::link::Capabilities;
-use crate::net::{Net, Stream};
+use crate::net::{BoxFuture, Net, Stream};
 use crate::stats::Counters;
 use crate::unix;
 
 /// Opens both connections to `to`, says hello on both, and reads both answers.
-pub(crate) async fn introduce(
+pub(crate) async fn introduce<'o>(
     net: &Arc<dyn Net>,
-    to: &dyn fmt::Display,
-    open: impl AsyncFn() -> io::Result<Stream>,
+    to: &(dyn fmt::Display + Sync),
+    open: impl Fn() -> BoxFuture<'o, io::Result<Stream>>,
     introduction: &Introduction<'_>,
     capabilities: Capabilities,
 ) -> Result<Link, AttemptError> {

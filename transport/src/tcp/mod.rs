@@ -24,8 +24,8 @@ pub(crate) async fn attempt(
     at: &HostPort,
     introduction: &Introduction<'_>,
 ) -> Result<Link, AttemptError> {
-    each_address(net, at, async |to| {
-        let open = async || net.connect_tcp(to, introduction.options.tcp).await;
+    each_address(net, at, |to| async move {
+        let open = || net.connect_tcp(to, introduction.options.tcp);
         introduce(net, &to, open, introduction, CAPABILITIES).await
     })
     .await

@@ -40,7 +40,7 @@ pub(crate) async fn attempt(
     path: &SocketPath,
     introduction: &Introduction<'_>,
 ) -> Result<Link, AttemptError> {
-    let open = async || net.connect_unix(path.as_path()).await;
+    let open = || net.connect_unix(path.as_path());
     introduce(net, path, open, introduction, CAPABILITIES).await
 }
 

@@ -1,0 +1,165 @@
+//! Three roles find each other though one of them leaves, and another one comes in its place, before all are there.
+#![allow(clippy::unwrap_used, reason = "a test ends where what it needs is not there")]
+
+use std::{sync::Arc, time::Duration};
+
+use tokio::task::JoinHandle;
+use trimaran_actors::{JoinError, Joined, Place, Seat, await_pair, join_session};
+use trimaran_proto::{
+    BatchSize, EpsilonPx, FrameNumber, Goodbye, IdCoding, Identity, PictureSize, Role, SceneHash, Settings,
+    TesterKind,
+};
+use trimaran_transport::{
+    Endpoint, Instant, Link, LinkConfig, Listener, Net, Options, TokioNet, connect, sleep_until,
+};
+
+const SCENE: SceneHash = SceneHash(7);
+/// How long a link waits for what its peer is to say, far shorter than the roles wait for each other.
+const LINK_PATIENCE: Duration = Duration::from_secs(3);
+const PATIENCE: Duration = Duration::from_secs(600);
+
+/// Where three roles of this process meet, in time that passes while nothing happens.
+struct Meeting {
+    net: Arc<dyn Net>,
+    options: Options,
+    display: Endpoint,
+    pair: Endpoint,
+}
+
+impl Meeting {
+    /// Places of this name, which no other test has.
+    fn at(name: &str) -> Self {
+        let link = LinkConfig { patience: LINK_PATIENCE, ..LinkConfig::default() };
+        Self {
+            net: Arc::new(TokioNet::current().unwrap()),
+            options: Options { link, ..Options::default() },
+            display: format!("inproc:{name}-display").parse().unwrap(),
+            pair: format!("inproc:{name}-pair").parse().unwrap(),
+        }
+    }
+
+    fn deadline(&self) -> Instant {
+        self.net.now().after(PATIENCE)
+    }
+
+    async fn pause(&self, time: Duration) {
+        sleep_until(&*self.net, self.net.now().after(time)).await;
+    }
+
+    /// A display that waits for its pair.
+    async fn display(&self, first: FrameNumber) -> JoinHandle<Result<[Link; 2], JoinError>> {
+        let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(settings(first)) };
+        let listener = Listener::bind(&self.net, &self.display, identity, &self.options).await.unwrap();
+        tokio::spawn(await_pair(listener, self.deadline()))
+    }
+
+    /// A machine that has joined the display and nobody else.
+    async fn early(&self, role: Role) -> Link {
+        let identity = Identity { role, scene: SCENE, settings: None };
+        connect(&self.net, &self.display, identity, &self.options, self.deadline()).await.unwrap()
+    }
+
+    /// A machine that joins the display and the other machine.
+    fn machine(&self, seat: Seat) -> JoinHandle<Result<Joined, JoinError>> {
+        let [display, pair] = [&self.display, &self.pair]
+            .map(|endpoint| Place { endpoint: endpoint.clone(), options: self.options.clone() });
+        let (net, deadline) = (Arc::clone(&self.net), self.deadline());
+        tokio::spawn(async move { join_session(&net, seat, SCENE, &display, &pair, deadline).await })
+    }
+}
+
+fn settings(first: FrameNumber) -> Settings {
+    Settings {
+        size: PictureSize::new(8, 8).unwrap(),
+        epsilon: EpsilonPx::new(2.0).unwrap(),
+        batch: BatchSize::default(),
+        coding: IdCoding::Plain,
+        tester: TesterKind::Raster,
+        lockstep: true,
+        few_pixels: false,
+        first,
+        frames: None,
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_machine_that_leaves_before_the_other_comes_is_waited_for_again() {
+    let pair = [Role::SwitchA, Role::SwitchB];
+    for (index, goodbye) in [None, Some(Goodbye::Interrupted)].into_iter().enumerate() {
+        for [early, late] in [pair, [pair[1], pair[0]]] {
+            let meeting = Meeting::at(&format!("left-{index}-{early}").replace(' ', "-"));
+            let display = meeting.display(FrameNumber(0)).await;
+            for _ in 0..2 {
+                let left = meeting.early(early).await;
+                meeting.pause(Duration::from_millis(1)).await;
+                match goodbye.clone() {
+                    Some(reason) => left.goodbye(reason).await.unwrap(),
+                    None => drop(left),
+                }
+                meeting.pause(Duration::from_millis(1)).await;
+            }
+            let (came, last) = (meeting.early(early).await, meeting.early(late).await);
+            let mut sessions = [came.peer.session, last.peer.session];
+            if early == Role::SwitchB {
+                sessions.reverse();
+            }
+            let links = display.await.unwrap().unwrap();
+            assert_eq!(links.each_ref().map(|link| link.peer.identity.role), pair);
+            assert_eq!(links.each_ref().map(|link| link.peer.session), sessions);
+        }
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_machine_that_says_nothing_while_it_waits_has_not_left() {
+    let meeting = Meeting::at("quiet");
+    let display = meeting.display(FrameNumber(0)).await;
+    let first = meeting.early(Role::SwitchA).await;
+    meeting.pause(LINK_PATIENCE * 10).await;
+    let second = meeting.early(Role::SwitchB).await;
+    let links = display.await.unwrap().unwrap();
+    assert_eq!(links.map(|link| link.peer.session), [first, second].map(|link| link.peer.session));
+}
+
+/// A machine that waits for the other one joins whichever display is there when that one comes.
+#[tokio::test(start_paused = true)]
+async fn a_display_that_leaves_before_the_pair_is_complete_is_looked_for_again() {
+    for waiting in [Seat::First, Seat::Second] {
+        let meeting = Meeting::at(&format!("display-{waiting:?}").to_lowercase());
+        let gone = meeting.display(FrameNumber(0)).await;
+        let early = meeting.machine(waiting);
+        meeting.pause(LINK_PATIENCE * 10).await;
+        gone.abort();
+        meeting.pause(LINK_PATIENCE * 10).await;
+
+        let display = meeting.display(FrameNumber(5)).await;
+        meeting.pause(Duration::from_secs(2)).await;
+        let late = meeting.machine(waiting.other());
+        let links = display.await.unwrap().unwrap();
+        let [early, late] = [early.await.unwrap().unwrap(), late.await.unwrap().unwrap()];
+        assert_eq!([early.settings, late.settings], [settings(FrameNumber(5)); 2]);
+        assert_eq!(early.other.peer.session, late.other.peer.session);
+        let [first, second] = if waiting == Seat::First { [early, late] } else { [late, early] };
+        let joined = [first, second].map(|machine| machine.display.peer.session);
+        assert_eq!(links.map(|link| link.peer.session), joined);
+    }
+}
+
+/// The camera that a display has handed out before the pair is complete is read by the role, not by who waits.
+#[tokio::test(start_paused = true)]
+async fn a_camera_that_comes_before_the_other_machine_is_kept() {
+    let meeting = Meeting::at("camera");
+    let display = meeting.display(FrameNumber(0)).await;
+    let first = meeting.machine(Seat::First);
+    let second = meeting.early(Role::SwitchB).await;
+    let [mut to_first, _to_second] = display.await.unwrap().unwrap();
+    let camera =
+        trimaran_proto::Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, FrameNumber(0)).unwrap();
+    to_first.latest_tx.publish(camera).unwrap();
+    meeting.pause(LINK_PATIENCE * 2).await;
+    let identity = Identity { role: Role::SwitchB, scene: SCENE, settings: second.peer.identity.settings };
+    let _pair =
+        connect(&meeting.net, &meeting.pair, identity, &meeting.options, meeting.deadline()).await.unwrap();
+    let mut joined = first.await.unwrap().unwrap();
+    assert_eq!(joined.display.latest_rx.try_latest().unwrap(), Some(camera));
+}
