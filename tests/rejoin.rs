@@ -1,4 +1,5 @@
-//! A session of three processes that loses one of them: it goes on with the frame that was due once all have joined again.
+//! A session of three processes that loses one of them: it goes on with the frame that was due once all have joined again, or begins
+//! when all are there.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 #[path = "../transport/tests/common/ports.rs"]
@@ -74,6 +75,8 @@ impl Deployment {
     fn start(&self, name: &str, more: &[&str]) -> Role {
         let kind = if name == "display" { "display" } else { "switch" };
         let mut command = self.command(&["role", kind, "--config", &format!("{name}.toml")]);
+        // What is gone without a word is missed soon.
+        command.env("TRIMARAN_LOG", "info").env("TRIMARAN_LINK_LEASE_S", "4");
         let mut child = command.args(more).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let stderr = BufReader::new(child.stderr.take().unwrap());
         Role { child, stderr, said: String::new() }
@@ -158,6 +161,47 @@ fn a_machine_that_is_started_again_takes_its_place_and_no_frame_is_missing() {
             "{}",
             report["run"]
         );
+    }
+}
+
+#[test]
+fn a_machine_that_is_killed_before_the_other_comes_takes_its_place_again() {
+    for (transport, early) in [("tcp", "first"), ("tcp", "second"), ("quic", "first"), ("udp", "second")] {
+        let deployment = Deployment::new(transport);
+        let mut display = deployment.start("display", &["--frames", "10"]);
+        let (late, role) =
+            if early == "first" { ("second", "role=switch A") } else { ("first", "role=switch B") };
+        for _ in 0..2 {
+            let killed = deployment.start(early, &[]);
+            display.says(role);
+            killed.kill();
+            display.says("left before the other one came");
+        }
+        let early = deployment.start(early, &[]);
+        display.says(role);
+        deployment.start(late, &[]).ends(0);
+        early.ends(0);
+        let said = display.ends(0);
+        assert!(!said.contains("join again"), "{transport}: {said}");
+        assert_eq!(deployment.report()["frames"].as_array().unwrap().len(), 10, "{transport}");
+    }
+}
+
+#[test]
+fn a_machine_that_waits_for_the_other_joins_the_display_that_is_there_by_then() {
+    for (transport, waiting) in [("tcp", "first"), ("udp", "second")] {
+        let deployment = Deployment::new(transport);
+        let late = if waiting == "first" { "second" } else { "first" };
+        let mut gone = deployment.start("display", &[]);
+        let mut early = deployment.start(waiting, &[]);
+        gone.says("joined");
+        gone.kill();
+        early.says("the display left before the other machine came");
+        let display = deployment.start("display", &["--frames", "10"]);
+        deployment.start(late, &[]).ends(0);
+        early.ends(0);
+        display.ends(0);
+        assert_eq!(deployment.report()["frames"].as_array().unwrap().len(), 10, "{transport}");
     }
 }
 

@@ -1,11 +1,15 @@
 //! The systemd units of `deploy/systemd`: their commands exist, and end with the codes by which they are started again or not.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
+#[path = "../transport/tests/common/ports.rs"]
+mod ports;
+
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
+use ports::unused_port;
 use tempfile::TempDir;
 
 const UNITS: [&str; 2] = ["switch", "display"];
@@ -84,29 +88,27 @@ fn a_service_whose_peers_are_not_there_is_started_again() {
     }
 }
 
-/// The display looks at neither machine before both are there.
+/// Over datagrams nothing tells that a process was killed, until it is missed.
 #[test]
 fn a_machine_whose_place_is_still_held_for_the_process_before_is_started_again() {
-    let (folder, socket) = place();
-    fs::write(
-        folder.path().join("display.toml"),
-        format!("scene = 'plant.scene'\nlisten = {socket}\nout = 'walk'\n"),
-    )
-    .unwrap();
-    let mut display = Command::new(env!("CARGO_BIN_EXE_trimaran"))
-        .args(["role", "display", "--config", "display.toml"])
-        .current_dir(folder.path())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut listens = String::new();
-    BufReader::new(display.stderr.take().unwrap()).read_line(&mut listens).unwrap();
-    assert!(listens.contains("listens on"), "{listens}");
-    // Time to join the display on a machine that is busy.
-    let seat = "patience_s = 3.0\nseat = 'second'";
-    let pair = format!("'unix:{}/pair.sock'", folder.path().display());
-    let second = format!("{seat}\ndisplay = {socket}\npair = {pair}\n");
-    serves_in_vain("switch", &folder, &second, "pair.sock");
+    let (folder, _) = place();
+    let [show, pair] = [(); 2].map(|()| format!("'udp://127.0.0.1:{}'", unused_port()));
+    let plain = "link.udp.trust = 'plain'\n";
+    let display = format!("{plain}scene = 'plant.scene'\nlisten = {show}\nout = 'walk'\n");
+    fs::write(folder.path().join("display.toml"), display).unwrap();
+    let second = format!("{plain}seat = 'second'\ndisplay = {show}\npair = {pair}\n");
+    fs::write(folder.path().join("second.toml"), format!("scene = 'plant.scene'\n{second}")).unwrap();
+    let start = |role, configuration| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
+        command.args(["role", role, "--config", configuration]).current_dir(folder.path());
+        command.env("TRIMARAN_LOG", "info").stderr(Stdio::piped()).spawn().unwrap()
+    };
+    let mut display = start("display", "display.toml");
+    let mut killed = start("switch", "second.toml");
+    let said = BufReader::new(display.stderr.take().unwrap()).lines();
+    assert!(said.map_while(Result::ok).any(|line| line.contains("role=switch B")), "it never joined");
+    killed.kill().unwrap();
+    killed.wait().unwrap();
     serves_in_vain("switch", &folder, &second, "the role switch B is taken");
     display.kill().unwrap();
     display.wait().unwrap();

@@ -130,7 +130,9 @@ pub enum Refusal {
         connector: SceneHash,
     },
     /// The listening peer has this role itself, or has a peer with it already.
-    #[error("the role {role} is taken: each role exists once in a session")]
+    #[error(
+        "the role {role} is taken: each role exists once in a session, and the place of one that was killed is free when its lease has ended"
+    )]
     RoleTaken {
         /// The role both claim.
         role: Role,

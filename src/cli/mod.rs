@@ -21,7 +21,7 @@ mod sweep;
 mod three_processes;
 mod walking;
 
-use std::io::{self, Write};
+use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
@@ -81,7 +81,8 @@ fn log_to_stderr(verbose: u8, usual: &str) {
         _ => "trace",
     };
     let filter = EnvFilter::try_from_env("TRIMARAN_LOG").unwrap_or_else(|_| EnvFilter::new(level));
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(io::stderr).with_target(false).init();
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_target(false);
+    log.with_ansi(io::stderr().is_terminal()).with_writer(io::stderr).init();
 }
 
 /// Prints a value as JSON on standard output.

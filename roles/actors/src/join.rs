@@ -90,7 +90,7 @@ pub async fn await_pair(mut listener: Listener, deadline: Instant) -> Result<[Li
         let came = tokio::select! {
             biased;
             end = machine_left(early.as_mut()) => {
-                tracing::info!(%end, "a machine left before the other one came");
+                tracing::warn!(%end, "a machine left before the other one came");
                 early = None;
                 continue;
             }
@@ -99,6 +99,7 @@ pub async fn await_pair(mut listener: Listener, deadline: Instant) -> Result<[Li
             }
         };
         let role = came.peer.identity.role;
+        tracing::info!(%role, from = %came.peer.address, "joined");
         if role == Role::Display {
             return Err(JoinError::Stranger { came: role, due: missing });
         }
@@ -198,7 +199,7 @@ async fn join_once(
     let other = tokio::select! {
         biased;
         end = display_left(&mut display) => {
-            tracing::info!(%end, "the display left before the other machine came");
+            tracing::warn!(%end, "the display left before the other machine came");
             return Ok(None);
         }
         other = meet(net, seat, identity(Some(settings)), pair, deadline) => other?,
