@@ -2,6 +2,7 @@
 
 use std::io;
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -86,14 +87,16 @@ async fn introduce(
     net.spawn(Box::pin(board.serve(here, &port)));
     let mut incoming = asking.incoming;
     net.spawn(Box::pin(async move {
+        let mut emptied = pin!(board.emptied());
         loop {
             tokio::select! {
-                () = board.emptied() => break,
+                biased;
+                () = &mut emptied => break,
                 () = board.receive(&mut incoming, |_, _| {}) => {}
             }
         }
     }));
-    port.settle();
+    port.settle(net.now());
     Ok(super::link(net, &port, options, (&identity, theirs), session, counters, reliable, None))
 }
 

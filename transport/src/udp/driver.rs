@@ -74,20 +74,23 @@ impl Board {
     /// Receives once; what is for no connection goes to `stranger`.
     pub(super) async fn receive(&self, incoming: &mut Incoming, mut stranger: impl FnMut(SocketAddr, &[u8])) {
         let mut touched: Option<Arc<Port>> = None;
+        // What came at once came at one time.
+        let mut came = None;
         let received = incoming
             .receive(|from, datagram| {
                 let port = destination(datagram).and_then(|id| lock(&self.ports).get(&id).cloned());
                 let Some(port) = port else { return stranger(from, datagram) };
-                port.handle(from, datagram);
+                let now = *came.get_or_insert_with(|| self.net.now());
+                port.handle(now, from, datagram);
                 if !touched.as_ref().is_some_and(|last| Arc::ptr_eq(last, &port))
                     && let Some(last) = touched.replace(port)
                 {
-                    last.settle();
+                    last.settle(now);
                 }
             })
             .await;
-        if let Some(last) = touched {
-            last.settle();
+        if let (Some(last), Some(now)) = (touched, came) {
+            last.settle(now);
         }
         if let Err(e) = received {
             tracing::debug!(error = &e as &dyn std::error::Error, "nothing could be received");

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::future::poll_fn;
 use std::io;
 use std::net::SocketAddr;
+use std::pin::pin;
 use std::sync::{Arc, Mutex};
 use std::task::Poll;
 
@@ -63,17 +64,20 @@ struct Guest {
 impl Hall {
     async fn serve(self) {
         let mut incoming = Incoming::new(&self.socket);
-        let mut open = true;
-        while open || !self.board.is_empty() {
-            let receive = self.board.receive(&mut incoming, |from, datagram| {
-                if open {
-                    self.take(from, datagram);
-                }
-            });
+        let mut closed = pin!(self.desk.closed());
+        loop {
             tokio::select! {
-                () = self.desk.closed(), if open => open = false,
-                () = self.board.emptied(), if !open => {}
-                () = receive => {}
+                biased;
+                () = &mut closed => break,
+                () = self.board.receive(&mut incoming, |from, datagram| self.take(from, datagram)) => {}
+            }
+        }
+        let mut emptied = pin!(self.board.emptied());
+        loop {
+            tokio::select! {
+                biased;
+                () = &mut emptied => break,
+                () = self.board.receive(&mut incoming, |_, _| {}) => {}
             }
         }
     }
@@ -200,7 +204,7 @@ async fn greet(desk: Arc<Desk>, port: Arc<Port>, guest: Guest) {
     let by = desk.net.now().after(desk.options.handshake);
     if until(&*desk.net, by, confirmed).await != Some(true) {
         port.lock().connection.close();
-        port.settle();
+        port.settle(desk.net.now());
         desk.failed(&port.remote(), HandshakeError::TimedOut);
         return;
     }

@@ -114,14 +114,14 @@ impl Port {
     }
 
     /// Takes a datagram that came for the connection, from wherever. [`Port::settle`] follows the last one.
-    pub(super) fn handle(&self, from: SocketAddr, datagram: &[u8]) {
-        self.lock().connection.handle_from(self.net.now(), from, datagram);
+    pub(super) fn handle(&self, now: Instant, from: SocketAddr, datagram: &[u8]) {
+        self.lock().connection.handle_from(now, from, datagram);
     }
 
-    /// Answers what has come, and wakes whoever has something to do now.
-    pub(super) fn settle(&self) {
+    /// Answers what has come by `now`, and wakes whoever has something to do now.
+    pub(super) fn settle(&self, now: Instant) {
         let mut state = self.lock();
-        self.flush(&mut state);
+        state.flush(now, &*self.socket);
         state.wake_ready();
     }
 

@@ -113,6 +113,9 @@ impl Whereabouts {
 
     /// The next packet that does not go to the peer's address.
     pub(crate) fn next(&mut self, now: Instant, here: ConnectionId) -> Option<Excursion> {
+        if self.response.is_none() && self.candidate.is_none() {
+            return None;
+        }
         if let Some(response) = self.response.take() {
             if let Some(candidate) = self.candidate.as_mut().filter(|candidate| candidate.at == response.to) {
                 candidate.sent += response.size;

@@ -2,12 +2,11 @@
 //! arrived, frames without a pause; time, CPU time and heap allocations of both ends together.
 //!
 //! ```sh
-//! cargo run --release --manifest-path transport/benches/peers/Cargo.toml -- [--rounds N] [--as-roles] [--json] [NAME..]
+//! cargo run --release --manifest-path transport/benches/peers/Cargo.toml -- [--rounds N] [--as-roles | --block-on] [--json] [NAME..]
 //! ```
 //!
-//! Both ends are in this process, each a thread on a core of its own with a single-threaded runtime; `--as-roles` gives each a runtime with a
-//! thread of its own instead. Rounds go through all subjects
-//! in turn, so that what else the machine does falls on all of them.
+//! Both ends are in this process, each a task of a single-threaded runtime on a core of its own; `--as-roles` gives each a runtime with
+//! a thread of its own instead. Rounds go through all subjects in turn, so that what else the machine does falls on all of them.
 
 mod measure;
 mod subject;
@@ -16,7 +15,7 @@ use std::alloc::System;
 
 use anyhow::Result;
 use clap::Parser;
-use measure::{Plan, Row, measure};
+use measure::{Plan, Row, measure, measure_blocking};
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use subject::{channel, iceoryx, link, quic, tcp, threads, udp, zenoh};
 
@@ -38,6 +37,9 @@ struct Args {
     /// Each end is a thread beside a worker of its runtime, as in a role, and pinned to no core.
     #[arg(long)]
     as_roles: bool,
+    /// Each end is given to `block_on`, and no task.
+    #[arg(long, conflicts_with = "as_roles")]
+    block_on: bool,
     /// One JSON object a subject, on a line of its own.
     #[arg(long)]
     json: bool,
@@ -50,12 +52,12 @@ type Entry = (&'static str, fn(&Plan, &mut Row) -> Result<()>);
 
 /// Each floor stands before what it is the floor of.
 const SUBJECTS: &[Entry] = &[
-    ("threads, park and unpark", |plan, row| measure(threads::Parking, plan, row)),
+    ("threads, park and unpark", |plan, row| measure_blocking(threads::Parking, plan, row)),
     ("tokio channels", |plan, row| measure(channel::Channels, plan, row)),
     ("inproc", |plan, row| measure(link::Linked::inproc()?, plan, row)),
     ("inproc, polled", |plan, row| measure(link::Polled::new()?, plan, row)),
-    ("iceoryx2, polled", |plan, row| measure(iceoryx::SharedMemory::polled(), plan, row)),
-    ("iceoryx2, events", |plan, row| measure(iceoryx::SharedMemory::events(), plan, row)),
+    ("iceoryx2, polled", |plan, row| measure_blocking(iceoryx::SharedMemory::polled(), plan, row)),
+    ("iceoryx2, events", |plan, row| measure_blocking(iceoryx::SharedMemory::events(), plan, row)),
     ("unix", |plan, row| measure(link::Linked::unix()?, plan, row)),
     ("bare tokio TCP", |plan, row| measure(tcp::Bare, plan, row)),
     ("tcp", |plan, row| measure(link::Linked::tcp()?, plan, row)),
@@ -68,7 +70,8 @@ const SUBJECTS: &[Entry] = &[
 
 fn main() -> Result<()> {
     let args = Args::parse();
-    let plan = Plan { cameras: args.cameras, frames: args.frames, as_roles: args.as_roles };
+    let Args { cameras, frames, as_roles, block_on, .. } = args;
+    let plan = Plan { cameras, frames, as_roles, block_on };
     let chosen =
         |name: &str| args.names.is_empty() || args.names.iter().any(|part| name.contains(part.as_str()));
     let mut rows: Vec<(&Entry, Row)> =

@@ -23,11 +23,14 @@ const WINDOW: u32 = 4;
 const WARM_UP: u32 = 50;
 
 /// What a round is made of.
+#[derive(Clone, Copy)]
 pub(crate) struct Plan {
     pub(crate) cameras: u32,
     pub(crate) frames: u32,
     /// Each end is a thread beside a worker of its runtime, as in a role, and goes where it likes.
     pub(crate) as_roles: bool,
+    /// Each end is what its runtime was started for, no task.
+    pub(crate) block_on: bool,
 }
 
 /// A way to send cameras and frames of ids between two threads.
@@ -46,20 +49,20 @@ pub(crate) trait Subject: Send + Sync + 'static {
 /// The end that sends.
 pub(crate) trait Near {
     /// Sends 72 bytes that carry `number`.
-    async fn camera(&mut self, number: u32) -> Result<()>;
+    fn camera(&mut self, number: u32) -> impl Future<Output = Result<()>> + Send;
     /// Sends a frame of [`IDS`] ids.
-    async fn frame(&mut self, number: u32) -> Result<()>;
+    fn frame(&mut self, number: u32) -> impl Future<Output = Result<()>> + Send;
     /// Waits for the next answer: the number of the camera or frame. Later ones may replace earlier ones.
-    async fn answer(&mut self) -> Result<u32>;
+    fn answer(&mut self) -> impl Future<Output = Result<u32>> + Send;
     /// Ends the other end's service.
-    async fn close(self) -> Result<()>;
+    fn close(self) -> impl Future<Output = Result<()>> + Send;
 }
 
 /// The end that answers.
 pub(crate) trait Far {
     /// Answers each camera, and each frame once its last id is there, with 72 bytes; frames are told to `arrivals` before. Ends
     /// when the other end has closed.
-    async fn serve(self, arrivals: &Arrivals) -> Result<()>;
+    fn serve(self, arrivals: Arc<Arrivals>) -> impl Future<Output = Result<()>> + Send;
 }
 
 /// When the last frame arrived.
@@ -85,6 +88,13 @@ pub(crate) struct Row {
     rounds: Vec<Round>,
 }
 
+/// What one round measured: each camera and each frame, and the round.
+struct Measured {
+    cameras: Histogram<u64>,
+    frames: Histogram<u64>,
+    round: Round,
+}
+
 /// Of one round: nanoseconds, counts.
 #[derive(Clone, Copy)]
 struct Round {
@@ -103,48 +113,81 @@ impl Default for Row {
     }
 }
 
-/// Measures `subject` once.
-pub(crate) fn measure<S: Subject>(subject: S, plan: &Plan, row: &mut Row) -> Result<()> {
-    let subject = Arc::new(subject);
+/// Measures `subject` once, each end a task of its runtime unless the plan says otherwise.
+///
+/// A library's own tasks are such. What is given to `block_on` instead is polled only after another look at the system's events when such a
+/// task wakes it: a subject without tasks does not pay that.
+pub(crate) fn measure<S>(subject: S, plan: &Plan, row: &mut Row) -> Result<()>
+where
+    S: Subject<Near: Send + 'static, Far: Send + 'static>,
+{
+    if plan.as_roles || plan.block_on {
+        return measure_blocking(subject, plan, row);
+    }
+    on_two_threads(
+        subject,
+        plan,
+        row,
+        |runtime, near, plan, arrivals| runtime.block_on(runtime.spawn(drive(near, plan, arrivals)))?,
+        |runtime, far, arrivals| runtime.block_on(runtime.spawn(far.serve(arrivals)))?,
+    )
+}
+
+/// As [`measure`], of a subject that blocks its thread and may not leave it.
+pub(crate) fn measure_blocking<S: Subject>(subject: S, plan: &Plan, row: &mut Row) -> Result<()> {
+    on_two_threads(
+        subject,
+        plan,
+        row,
+        |runtime, near, plan, arrivals| runtime.block_on(drive(near, plan, arrivals)),
+        |runtime, far, arrivals| runtime.block_on(far.serve(arrivals)),
+    )
+}
+
+fn on_two_threads<S: Subject>(
+    subject: S,
+    plan: &Plan,
+    row: &mut Row,
+    near: impl FnOnce(&Runtime, S::Near, Plan, Arc<Arrivals>) -> Result<Measured> + Send,
+    far: impl FnOnce(&Runtime, S::Far, Arc<Arrivals>) -> Result<()> + Send,
+) -> Result<()> {
     let arrivals = Arc::new(Arrivals { epoch: Instant::now(), last: AtomicU64::new(0) });
     let (tell, told) = mpsc::channel::<String>();
     let threads = S::HAS_THREADS || plan.as_roles;
-    let server = thread::spawn({
-        let (subject, arrivals) = (Arc::clone(&subject), Arc::clone(&arrivals));
-        move || {
+    let (subject, at_near, at_far) = (&subject, Arc::clone(&arrivals), arrivals);
+    let (client, server) = thread::scope(|scope| {
+        let server = scope.spawn(move || {
             let whereabouts = told.recv().context("the near end did not listen")?;
             pin(1, threads);
-            runtime(threads)?.block_on(async { subject.far(&whereabouts).await?.serve(&arrivals).await })
-        }
+            let runtime = runtime(threads)?;
+            let end = runtime.block_on(subject.far(&whereabouts))?;
+            far(&runtime, end, at_far)
+        });
+        let client = scope.spawn(move || {
+            pin(0, threads);
+            let runtime = runtime(threads)?;
+            let end = runtime.block_on(subject.near(tell))?;
+            near(&runtime, end, *plan, at_near)
+        });
+        (client.join(), server.join())
     });
-    let client = thread::scope(|scope| {
-        scope
-            .spawn(|| {
-                pin(0, threads);
-                runtime(threads)?.block_on(async {
-                    let mut near = subject.near(tell).await?;
-                    let round = drive(&mut near, plan, &arrivals, row).await?;
-                    near.close().await?;
-                    anyhow::Ok(round)
-                })
-            })
-            .join()
-    });
-    let round = client.map_err(|_| anyhow::anyhow!("the near end panicked"))?.context("near end")?;
-    server.join().map_err(|_| anyhow::anyhow!("the far end panicked"))?.context("far end")?;
-    row.rounds.push(round);
+    let measured = client.map_err(|_| anyhow::anyhow!("the near end panicked"))?.context("near end")?;
+    server.map_err(|_| anyhow::anyhow!("the far end panicked"))?.context("far end")?;
+    row.there_and_back.add(&measured.cameras)?;
+    row.frame.add(&measured.frames)?;
+    row.rounds.push(measured.round);
     Ok(())
 }
 
-async fn drive(near: &mut impl Near, plan: &Plan, arrivals: &Arrivals, row: &mut Row) -> Result<Round> {
+async fn drive<N: Near>(mut near: N, plan: Plan, arrivals: Arc<Arrivals>) -> Result<Measured> {
     let mut number = 0;
     for _ in 0..WARM_UP {
         number += 1;
         near.camera(number).await?;
-        until(near, number).await?;
+        until(&mut near, number).await?;
         number += 1;
         near.frame(number).await?;
-        until(near, number).await?;
+        until(&mut near, number).await?;
     }
 
     let (mut cameras, mut frames) = (Histogram::<u64>::new(3)?, Histogram::<u64>::new(3)?);
@@ -153,7 +196,7 @@ async fn drive(near: &mut impl Near, plan: &Plan, arrivals: &Arrivals, row: &mut
         number += 1;
         let start = arrivals.now();
         near.camera(number).await?;
-        until(near, number).await?;
+        until(&mut near, number).await?;
         cameras.record(arrivals.now() - start)?;
     }
     let allocations_a_camera = heap.change().allocations as f64 / f64::from(plan.cameras);
@@ -163,7 +206,7 @@ async fn drive(near: &mut impl Near, plan: &Plan, arrivals: &Arrivals, row: &mut
         number += 1;
         let start = arrivals.now();
         near.frame(number).await?;
-        until(near, number).await?;
+        until(&mut near, number).await?;
         frames.record(arrivals.last.load(Ordering::Acquire).saturating_sub(start))?;
     }
     let cpu_a_frame = cpu.elapsed().as_nanos() as f64 / f64::from(plan.frames);
@@ -182,16 +225,17 @@ async fn drive(near: &mut impl Near, plan: &Plan, arrivals: &Arrivals, row: &mut
     }
     let ids_a_second = f64::from(plan.frames * IDS) / start.elapsed().as_secs_f64();
 
-    row.there_and_back.add(&cameras)?;
-    row.frame.add(&frames)?;
-    Ok(Round {
+    near.close().await?;
+
+    let round = Round {
         camera_p50: cameras.value_at_quantile(0.5) as f64,
         frame_p50: frames.value_at_quantile(0.5) as f64,
         cpu_a_frame,
         allocations_a_camera,
         allocations_a_frame,
         ids_a_second,
-    })
+    };
+    Ok(Measured { cameras, frames, round })
 }
 
 async fn until(near: &mut impl Near, number: u32) -> Result<()> {

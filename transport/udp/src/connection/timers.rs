@@ -19,24 +19,25 @@ impl Connection {
         }
         let keepalive = self.last_sent.after(self.config.lease / 4);
         let lease = self.last_received.after(self.config.lease);
-        let way = self.recovery.rtt.one_way().as_nanos() as u64;
-        let deadline =
-            self.outbox.deadline().map(|at| Instant::from_nanos(at.as_nanos().saturating_sub(way)));
-        let unheard = self.recovery.unheard_since().map(|since| since.after(self.config.lease));
-        let probe = self.mtu.due().filter(|_| self.paced_until.is_none() && self.may_probe());
-        let excursion = self.whereabouts.as_ref().and_then(Whereabouts::due);
-        let question = self.question_due();
-        let timers = [
-            self.recovery.timeout(),
-            self.acks.due(),
-            self.paced_until,
-            deadline,
-            unheard,
-            probe,
-            excursion,
-            question,
-        ];
-        timers.into_iter().flatten().chain([keepalive, lease]).min()
+        let mut next = keepalive.min(lease);
+        // Asked with every packet.
+        let mut or_at = |due: Option<Instant>| {
+            if let Some(due) = due {
+                next = next.min(due);
+            }
+        };
+        or_at(self.recovery.timeout());
+        or_at(self.recovery.unheard_since().map(|since| since.after(self.config.lease)));
+        or_at(self.acks.due());
+        or_at(self.paced_until);
+        or_at(self.question_due());
+        or_at(self.outbox.deadline().map(|at| {
+            let way = self.recovery.rtt.one_way().as_nanos() as u64;
+            Instant::from_nanos(at.as_nanos().saturating_sub(way))
+        }));
+        or_at(self.mtu.due().filter(|_| self.paced_until.is_none() && self.may_probe()));
+        or_at(self.whereabouts.as_ref().and_then(Whereabouts::due));
+        Some(next)
     }
 
     /// Does what is due at `now`.

@@ -65,7 +65,7 @@ impl Near for End {
 }
 
 impl Far for End {
-    async fn serve(mut self, arrivals: &Arrivals) -> Result<()> {
+    async fn serve(mut self, arrivals: Arc<Arrivals>) -> Result<()> {
         while let Some(message) = self.from.recv().await {
             let answer = match message {
                 Message::Camera(bytes) => bytes,

@@ -1,6 +1,7 @@
 //! Shared memory through iceoryx2: the reader polls, or waits for an event.
 
-use std::sync::mpsc;
+use std::future::ready;
+use std::sync::{Arc, mpsc};
 
 use anyhow::Result;
 use iceoryx2::port::listener::Listener;
@@ -92,6 +93,22 @@ impl End {
     }
 }
 
+impl End {
+    fn answer_all(&mut self, arrivals: &Arrivals) -> Result<()> {
+        loop {
+            let (number, is_frame) = self.receive(|bytes| (number(bytes), bytes.len() > CAMERA))?;
+            let number = number?;
+            if number == u32::MAX {
+                return Ok(());
+            }
+            if is_frame {
+                arrivals.mark();
+            }
+            self.send(&camera(number))?;
+        }
+    }
+}
+
 impl Subject for SharedMemory {
     type Near = End;
     type Far = End;
@@ -111,37 +128,28 @@ impl Subject for SharedMemory {
     }
 }
 
+/// All of it is done at once, on the thread that asks.
 impl Near for End {
-    async fn camera(&mut self, number: u32) -> Result<()> {
-        self.send(&camera(number))
+    fn camera(&mut self, number: u32) -> impl Future<Output = Result<()>> + Send {
+        ready(self.send(&camera(number)))
     }
 
-    async fn frame(&mut self, number: u32) -> Result<()> {
+    fn frame(&mut self, number: u32) -> impl Future<Output = Result<()>> + Send {
         self.frame[..4].copy_from_slice(&number.to_le_bytes());
-        self.send(&self.frame)
+        ready(self.send(&self.frame))
     }
 
-    async fn answer(&mut self) -> Result<u32> {
-        self.receive(number)?
+    fn answer(&mut self) -> impl Future<Output = Result<u32>> + Send {
+        ready(self.receive(number).flatten())
     }
 
-    async fn close(self) -> Result<()> {
-        self.send(&camera(u32::MAX))
+    fn close(self) -> impl Future<Output = Result<()>> + Send {
+        ready(self.send(&camera(u32::MAX)))
     }
 }
 
 impl Far for End {
-    async fn serve(mut self, arrivals: &Arrivals) -> Result<()> {
-        loop {
-            let (number, is_frame) = self.receive(|bytes| (number(bytes), bytes.len() > CAMERA))?;
-            let number = number?;
-            if number == u32::MAX {
-                return Ok(());
-            }
-            if is_frame {
-                arrivals.mark();
-            }
-            self.send(&camera(number))?;
-        }
+    fn serve(mut self, arrivals: Arc<Arrivals>) -> impl Future<Output = Result<()>> + Send {
+        ready(self.answer_all(&arrivals))
     }
 }

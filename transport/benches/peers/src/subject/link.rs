@@ -134,7 +134,7 @@ fn ended(event: FrameEvent) -> Option<FrameNumber> {
 }
 
 impl Far for End {
-    async fn serve(mut self, arrivals: &Arrivals) -> Result<()> {
+    async fn serve(mut self, arrivals: Arc<Arrivals>) -> Result<()> {
         loop {
             tokio::select! {
                 camera = self.link.latest_rx.latest() => match camera {
@@ -205,7 +205,7 @@ impl Near for PolledEnd {
 }
 
 impl Far for PolledEnd {
-    async fn serve(self, arrivals: &Arrivals) -> Result<()> {
+    async fn serve(self, arrivals: Arc<Arrivals>) -> Result<()> {
         let mut link = self.0.link;
         loop {
             match link.latest_rx.try_latest() {

@@ -90,7 +90,7 @@ impl Near for End {
 }
 
 impl Far for End {
-    async fn serve(self, arrivals: &Arrivals) -> Result<()> {
+    async fn serve(self, arrivals: Arc<Arrivals>) -> Result<()> {
         loop {
             let answer = tokio::select! {
                 camera = self.connection.read_datagram() => match camera {

@@ -1,6 +1,6 @@
 //! The floor of links over TCP: one connection, each message a length and its bytes, written at once.
 
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 
 use anyhow::Result;
 use tokio::io::{AsyncReadExt, AsyncWriteExt, BufReader};
@@ -71,7 +71,7 @@ impl Near for End {
 }
 
 impl Far for End {
-    async fn serve(mut self, arrivals: &Arrivals) -> Result<()> {
+    async fn serve(mut self, arrivals: Arc<Arrivals>) -> Result<()> {
         let mut bytes = Vec::new();
         while let Ok(length) = self.stream.read_u32_le().await {
             bytes.resize(length as usize, 0);

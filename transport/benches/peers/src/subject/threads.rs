@@ -88,7 +88,7 @@ impl Near for End {
 }
 
 impl Far for End {
-    async fn serve(mut self, arrivals: &Arrivals) -> Result<()> {
+    async fn serve(mut self, arrivals: Arc<Arrivals>) -> Result<()> {
         loop {
             match self.take() {
                 u32::MAX => return Ok(()),

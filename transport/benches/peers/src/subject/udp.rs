@@ -1,6 +1,6 @@
 //! The floor of links over UDP: one socket a side, frames in datagrams of 1,200 bytes, nothing acknowledged, nothing repaired.
 
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 
 use anyhow::{Context, Result};
 use tokio::net::UdpSocket;
@@ -92,7 +92,7 @@ impl Near for End {
 }
 
 impl Far for End {
-    async fn serve(mut self, arrivals: &Arrivals) -> Result<()> {
+    async fn serve(mut self, arrivals: Arc<Arrivals>) -> Result<()> {
         loop {
             let (number, part) = self.receive().await?;
             match part {

@@ -1,7 +1,7 @@
 //! Zenoh between two peers over TCP: cameras, frames and answers each a key of their own, nothing held back to be batched.
 
 use std::net::TcpListener;
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 
 use anyhow::{Result, anyhow};
 use zenoh::handlers::FifoChannelHandler;
@@ -121,7 +121,7 @@ impl End {
 }
 
 impl Far for End {
-    async fn serve(self, arrivals: &Arrivals) -> Result<()> {
+    async fn serve(self, arrivals: Arc<Arrivals>) -> Result<()> {
         loop {
             let sample = self.receive().await?;
             let bytes = sample.payload().to_bytes();
