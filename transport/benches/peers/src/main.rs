@@ -9,13 +9,15 @@
 //! a thread of its own instead. Rounds go through all subjects in turn, so that what else the machine does falls on all of them.
 
 mod measure;
+mod row;
 mod subject;
 
 use std::alloc::System;
 
 use anyhow::Result;
 use clap::Parser;
-use measure::{Plan, Row, measure, measure_blocking};
+use measure::{Plan, measure, measure_blocking};
+use row::Row;
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use subject::{channel, iceoryx, link, quic, tcp, threads, udp, zenoh};
 

@@ -9,11 +9,11 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use cpu_time::ProcessTime;
 use hdrhistogram::Histogram;
-use serde_json::{Value, json};
 use stats_alloc::Region;
 use tokio::runtime::{Builder, Runtime};
 
 use crate::ALLOCATOR;
+use crate::row::{Round, Row};
 
 /// How many ids a frame has.
 pub(crate) const IDS: u32 = 4000;
@@ -81,36 +81,11 @@ impl Arrivals {
     }
 }
 
-/// What was measured of a subject, over all rounds.
-pub(crate) struct Row {
-    there_and_back: Histogram<u64>,
-    frame: Histogram<u64>,
-    rounds: Vec<Round>,
-}
-
 /// What one round measured: each camera and each frame, and the round.
 struct Measured {
     cameras: Histogram<u64>,
     frames: Histogram<u64>,
     round: Round,
-}
-
-/// Of one round: nanoseconds, counts.
-#[derive(Clone, Copy)]
-struct Round {
-    camera_p50: f64,
-    frame_p50: f64,
-    cpu_a_frame: f64,
-    allocations_a_camera: f64,
-    allocations_a_frame: f64,
-    ids_a_second: f64,
-}
-
-impl Default for Row {
-    fn default() -> Self {
-        let histogram = || Histogram::new(3).unwrap_or_else(|_| unreachable!("three digits are allowed"));
-        Self { there_and_back: histogram(), frame: histogram(), rounds: Vec::new() }
-    }
 }
 
 /// Measures `subject` once, each end a task of its runtime unless the plan says otherwise.
@@ -259,62 +234,4 @@ fn pin(core: usize, threads: bool) {
     if let Some(cores) = core_affinity::get_core_ids().filter(|cores| !threads && cores.len() > 1) {
         core_affinity::set_for_current(cores[core % cores.len()]);
     }
-}
-
-impl Row {
-    pub(crate) const HEADER: &str = "\
-                          | camera there and back, us                  | frame of 4,000 ids, us             | CPU us  | allocations     | M ids
-                          |    p50 (of rounds)       p99      p99.9     |     p50 (of rounds)         p99    | a frame | camera    frame | a second";
-
-    pub(crate) fn line(&self, name: &str) -> String {
-        let us = |nanoseconds: f64| nanoseconds / 1e3;
-        let (camera, frame) = (self.of(|r| us(r.camera_p50)), self.of(|r| us(r.frame_p50)));
-        let quantile = |h: &Histogram<u64>, q: f64| us(h.value_at_quantile(q) as f64);
-        format!(
-            "{name:<26}| {:>6.2} ({:>6.2}-{:>6.2}) {:>8.1} {:>10.1}   | {:>7.1} ({:>6.1}-{:>6.1}) {:>8.1} | {:>7.1} | {:>6.2} {:>8.2} | {:>6.1}",
-            camera.median,
-            camera.least,
-            camera.most,
-            quantile(&self.there_and_back, 0.99),
-            quantile(&self.there_and_back, 0.999),
-            frame.median,
-            frame.least,
-            frame.most,
-            quantile(&self.frame, 0.99),
-            self.of(|r| us(r.cpu_a_frame)).median,
-            self.of(|r| r.allocations_a_camera).median,
-            self.of(|r| r.allocations_a_frame).median,
-            self.of(|r| r.ids_a_second / 1e6).median,
-        )
-    }
-
-    /// Times in nanoseconds.
-    pub(crate) fn json(&self, name: &str) -> Value {
-        json!({
-            "name": name,
-            "rounds": self.rounds.len(),
-            "camera_p50_ns": self.of(|r| r.camera_p50).median,
-            "camera_p99_ns": self.there_and_back.value_at_quantile(0.99),
-            "camera_p999_ns": self.there_and_back.value_at_quantile(0.999),
-            "frame_p50_ns": self.of(|r| r.frame_p50).median,
-            "frame_p99_ns": self.frame.value_at_quantile(0.99),
-            "cpu_a_frame_ns": self.of(|r| r.cpu_a_frame).median,
-            "allocations_a_camera": self.of(|r| r.allocations_a_camera).median,
-            "allocations_a_frame": self.of(|r| r.allocations_a_frame).median,
-            "ids_a_second": self.of(|r| r.ids_a_second).median,
-        })
-    }
-
-    fn of(&self, what: impl Fn(&Round) -> f64) -> Spread {
-        let mut values: Vec<f64> = self.rounds.iter().map(what).collect();
-        values.sort_by(f64::total_cmp);
-        let at = |i: usize| values.get(i).copied().unwrap_or(f64::NAN);
-        Spread { least: at(0), median: at(values.len() / 2), most: at(values.len().saturating_sub(1)) }
-    }
-}
-
-struct Spread {
-    least: f64,
-    median: f64,
-    most: f64,
 }
