@@ -188,6 +188,21 @@ fn a_machine_that_is_killed_before_the_other_comes_takes_its_place_again() {
 }
 
 #[test]
+fn a_machine_that_gives_up_is_missed_at_once() {
+    // Long before its lease ends: it says so itself, though it has no time left.
+    let lease = ["--link-lease", "100"];
+    for transport in ["tcp", "quic", "udp"] {
+        let deployment = Deployment::new(transport);
+        let mut display = deployment.start("display", &lease);
+        let impatient = deployment.start("first", &[&lease[..], &["--patience", "0.5"]].concat());
+        display.says("role=switch A");
+        impatient.ends(1);
+        display.says("left before the other one came");
+        display.kill();
+    }
+}
+
+#[test]
 fn a_machine_that_waits_for_the_other_joins_the_display_that_is_there_by_then() {
     for (transport, waiting) in [("tcp", "first"), ("udp", "second")] {
         let deployment = Deployment::new(transport);

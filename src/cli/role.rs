@@ -25,11 +25,24 @@ use super::{
 /// How long after a failed attempt comes the next.
 const AGAIN: Duration = Duration::from_millis(200);
 
+/// How long the last links of a process may take to tell that they are gone.
+const LETTING_GO: Duration = Duration::from_millis(50);
+
 pub(super) fn run(command: &RoleCommand) -> Result<(), Failure> {
     match command {
-        RoleCommand::Switch(args) => switch(&load(args)?),
-        RoleCommand::Display(args) => display(&load(args)?),
+        RoleCommand::Switch(args) => on_runtime(|runtime| switch(&load(args)?, runtime)),
+        RoleCommand::Display(args) => on_runtime(|runtime| display(&load(args)?, runtime)),
     }
+}
+
+/// Plays a role. However it ends, a link that is dropped without a goodbye tells its peer once the runtime runs again: over QUIC the peer
+/// would otherwise wait for the end of the lease.
+fn on_runtime(role: impl FnOnce(&Runtime) -> Result<(), Failure>) -> Result<(), Failure> {
+    let runtime = walking::runtime()?;
+    let result = role(&runtime);
+    let net = TokioNet::new(runtime.handle().clone());
+    runtime.block_on(sleep_until(&net, net.now().after(LETTING_GO)));
+    result
 }
 
 fn load<C: RoleConfig>(args: &RoleArgs<C::Layer>) -> Result<C, Failure>
@@ -48,11 +61,10 @@ pub(super) fn template(role: RoleName) -> String {
 }
 
 /// One machine of the pair, from start to goodbye.
-fn switch(config: &SwitchConfig) -> Result<(), Failure> {
+fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
     let file = open(&config.scene)?;
     let drawn = upload(&file, config.device.as_deref())?;
-    let runtime = walking::runtime()?;
-    let stop = stop_on_signal(&runtime);
+    let stop = stop_on_signal(runtime);
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
     let seat = match config.seat {
         PairSeat::First => Seat::First,
@@ -87,7 +99,7 @@ fn switch(config: &SwitchConfig) -> Result<(), Failure> {
             None => not_joined(e),
         })?;
         tracing::info!(%settings, "joined the session");
-        metrics.watch([&display, &other], &runtime)?;
+        metrics.watch([&display, &other], runtime)?;
         let size = viewport(settings.size).map_err(Failure::bad_input)?;
         let device = VulkanPair::new(&drawn, size, settings.tester).map_err(Failure::broken)?;
         let (scene, occluders) = (Arc::clone(&file.scene), OccluderPolicy::default());
@@ -123,20 +135,19 @@ pub(super) async fn again<T, E: std::fmt::Display>(
 }
 
 /// The display of a deployment: waits for the pair, walks the path, writes the report.
-fn display(config: &DisplayConfig) -> Result<(), Failure> {
+fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
     let file = open(&config.scene)?;
     let plan = session_plan(&config.session)?;
     let choice = PathChoice::parse(&config.session.path, config.session.seed);
     let size = viewport(plan.size).map_err(Failure::bad_input)?;
     let trail = Trail::find(&choice, &file.scene, size, config.session.frames).map_err(Failure::bad_input)?;
-    let runtime = walking::runtime()?;
     let peers =
         [("peers.first", config.peers.first.as_deref()), ("peers.second", config.peers.second.as_deref())];
     let guard =
         config.link.security(&config.listen, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
     let options = config.link.options(guard);
     let device = config.device.as_deref();
-    let stage = DisplayStage::set(&file, device, &plan, &trail, &runtime, &config.listen, &options)?;
+    let stage = DisplayStage::set(&file, device, &plan, &trail, runtime, &config.listen, &options)?;
     eprintln!("trimaran: the display listens on {}", stage.listener.local_endpoints());
     let info = stage.info().clone();
     let show = Show {
@@ -150,7 +161,7 @@ fn display(config: &DisplayConfig) -> Result<(), Failure> {
         metrics: config.metrics,
         trace: config.record.clone(),
     };
-    let report = stage.show(&file, show, &config.out, &runtime, pending())?;
+    let report = stage.show(&file, show, &config.out, runtime, pending())?;
     conclude(&report, &config.out, false)
 }
 

@@ -1,4 +1,5 @@
 //! Three roles find each other though one of them leaves, and another one comes in its place, before all are there.
+#![allow(clippy::disallowed_methods, reason = "the roles are tasks here")]
 #![allow(clippy::unwrap_used, reason = "a test ends where what it needs is not there")]
 
 use std::{sync::Arc, time::Duration};
