@@ -16,14 +16,14 @@ use trimaran::{
     report::{Report, schema::Seat as ReportSeat},
     walkthrough::{Plan, Recorder, ReportPlan, SceneFile, Trail, viewport, write_report},
 };
-use trimaran_actors::{DisplayRole, Stop, Stopwatch, VulkanDisplay, await_pair};
+use trimaran_actors::{DisplayRole, Stop, Stopwatch, VulkanDisplay, again, await_pair};
 use trimaran_gpu::{GpuInfo, GpuScene};
 use trimaran_proto::{Identity, Role, Settings};
 use trimaran_transport::{Endpoints, Link, Listener, Net, Options, TokioNet};
 
 use super::{
     Failure, progress,
-    role::{Metrics, again, deadline, not_joined, upload},
+    role::{Metrics, deadline, not_joined, upload},
     run::{notes, record, report_on},
     walking::stop_on_signal,
 };
@@ -188,8 +188,7 @@ impl DisplayStage {
             (wait_s, lost) = (show.reconnect_s, Some(said.to_string().into()));
             // The old sockets may need a moment to be gone.
             let deadline = deadline(&net, wait_s);
-            let listen =
-                async || Listener::bind_all(&net, &endpoints, identity(file, settings), &options).await;
+            let listen = || Listener::bind_all(&net, &endpoints, identity(file, settings), &options);
             listener = runtime.block_on(again(&net, deadline, listen)).map_err(Failure::broken)?;
         }
     }

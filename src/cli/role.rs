@@ -9,7 +9,9 @@ use trimaran::{
     report::schema::Seat as ReportSeat,
     walkthrough::{PathChoice, Plan, SceneFile, Trail, viewport},
 };
-use trimaran_actors::{JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, VulkanPair, join_session};
+use trimaran_actors::{
+    JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, VulkanPair, again, join_session,
+};
 use trimaran_gpu::{Gpu, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize};
 use trimaran_transport::{Endpoint, Instant, Link, Net, TokioNet, sleep_until};
@@ -21,9 +23,6 @@ use super::{
     run::conclude,
     walking::{self, gpu_options, open, stop_on_signal},
 };
-
-/// How long after a failed attempt comes the next.
-const AGAIN: Duration = Duration::from_millis(200);
 
 /// How long the last links of a process may take to tell that they are gone.
 const LETTING_GO: Duration = Duration::from_millis(50);
@@ -85,7 +84,7 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
     let (mut metrics, mut wait_s, mut lost) = (Metrics::new(config.metrics), config.patience_s, None);
     loop {
         let deadline = deadline(&net, wait_s);
-        let join = async || join_session(&net, seat, scene, &display, &pair, deadline).await;
+        let join = || join_session(&net, seat, scene, &display, &pair, deadline);
         let joining = async {
             match &lost {
                 None => join().await,
@@ -117,21 +116,6 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
 /// What may pass is no fault of the configuration: whoever starts roles again when they fail may do so.
 pub(super) fn not_joined(error: JoinError) -> Failure {
     if error.may_pass() { Failure::broken(error) } else { Failure::bad_input(error) }
-}
-
-/// What `attempt` gives in the end: it is made again until it works or the deadline has come.
-pub(super) async fn again<T, E: std::fmt::Display>(
-    net: &Arc<dyn Net>,
-    deadline: Instant,
-    mut attempt: impl AsyncFnMut() -> Result<T, E>,
-) -> Result<T, E> {
-    loop {
-        match attempt().await {
-            Err(error) if net.now() < deadline => tracing::debug!(%error, "not yet"),
-            result => return result,
-        }
-        sleep_until(&**net, net.now().after(AGAIN)).await;
-    }
 }
 
 /// The display of a deployment: waits for the pair, walks the path, writes the report.

@@ -1,10 +1,10 @@
 //! Three roles find each other, over whatever transports their endpoints name. Start order does not matter: whoever connects tries again
 //! until the deadline, and whoever waits for one peer notices when the other one leaves.
 
-use std::{future::pending, sync::Arc, time::Duration};
+use std::{fmt, future::pending, sync::Arc, time::Duration};
 
 use thiserror::Error;
-use trimaran_proto::{Identity, Role, SceneHash, Settings};
+use trimaran_proto::{Goodbye, Identity, Role, SceneHash, Settings};
 use trimaran_transport::{
     AcceptError, ConnectError, Endpoint, Instant, Link, ListenError, Listener, Net, Options, RecvError,
     connect, sleep_until,
@@ -12,7 +12,7 @@ use trimaran_transport::{
 
 use crate::Seat;
 
-/// How long after a display has left comes the first attempt to join the next.
+/// How long after a failed attempt comes the next.
 const AGAIN: Duration = Duration::from_millis(200);
 
 /// Why a role did not find the others.
@@ -48,6 +48,9 @@ pub enum JoinError {
         /// Who was due.
         due: Role,
     },
+    /// The display left before the other machine had come.
+    #[error("the display left before the other machine had come")]
+    Left(#[source] RecvError),
     /// The display's address belongs to something that dictates no session.
     #[error("the peer at the display's address dictates no session")]
     NoSettings,
@@ -59,7 +62,7 @@ impl JoinError {
     #[must_use]
     pub fn may_pass(&self) -> bool {
         match self {
-            Self::Accept { .. } => true,
+            Self::Accept { .. } | Self::Left(_) => true,
             Self::Connect { cause, .. } => cause.may_pass(),
             Self::Listen(_) | Self::Stranger { .. } | Self::NoSettings => false,
         }
@@ -87,9 +90,15 @@ pub async fn await_pair(mut listener: Listener, deadline: Instant) -> Result<[Li
             Some(link) if link.peer.identity.role == Role::SwitchA => Role::SwitchB,
             _ => Role::SwitchA,
         };
+        let early_left = async {
+            match &mut early {
+                Some(link) => left(link).await,
+                None => pending().await,
+            }
+        };
         let came = tokio::select! {
             biased;
-            end = machine_left(early.as_mut()) => {
+            end = early_left => {
                 tracing::warn!(%end, "a machine left before the other one came");
                 early = None;
                 continue;
@@ -111,26 +120,32 @@ pub async fn await_pair(mut listener: Listener, deadline: Instant) -> Result<[Li
     }
 }
 
-/// How a machine left that waits for the other one. It sends no cameras, whose lane can be watched until it ends.
-async fn machine_left(link: Option<&mut Link>) -> RecvError {
-    let Some(link) = link else { return pending().await };
+/// How a peer left before the session has begun. Until then nobody sends frames, whose lane can be watched; the display's first camera
+/// may be there already.
+async fn left(link: &mut Link) -> RecvError {
     loop {
-        match link.latest_rx.latest().await {
-            // It has nothing to say before the session begins.
+        match link.frames_rx.recv().await {
             Ok(_) | Err(RecvError::Silent { .. }) => {}
             Err(end) => return end,
         }
     }
 }
 
-/// How the display left while this machine waits for the other one. It sends no frames, whose lane can be watched until it ends; its
-/// camera may be there already.
-async fn display_left(link: &mut Link) -> RecvError {
+/// What `attempt` gives in the end: it is made again until it works or the deadline has come.
+///
+/// # Errors
+/// That of the last attempt.
+pub async fn again<T, E: fmt::Display, F: Future<Output = Result<T, E>>>(
+    net: &Arc<dyn Net>,
+    deadline: Instant,
+    mut attempt: impl FnMut() -> F,
+) -> Result<T, E> {
     loop {
-        match link.frames_rx.recv().await {
-            Ok(_) | Err(RecvError::Silent { .. }) => {}
-            Err(end) => return end,
+        match attempt().await {
+            Err(error) if net.now() < deadline => tracing::debug!(%error, "not yet"),
+            result => return result,
         }
+        sleep_until(&**net, net.now().after(AGAIN)).await;
     }
 }
 
@@ -168,44 +183,37 @@ pub async fn join_session(
     pair: &Place,
     deadline: Instant,
 ) -> Result<Joined, JoinError> {
-    let mut left = false;
-    loop {
-        match join_once(net, seat, scene, display, pair, deadline).await {
-            Ok(Some(joined)) => return Ok(joined),
-            Ok(None) => left = true,
-            // Who is left may not have noticed yet, and old sockets may need a moment to be gone.
-            Err(error) if left && net.now() < deadline => tracing::debug!(%error, "not yet"),
-            Err(error) => return Err(error),
-        }
-        sleep_until(&**net, net.now().after(AGAIN)).await;
-    }
-}
-
-/// As [`join_session`]; `None` when the display left before the other machine had come.
-async fn join_once(
-    net: &Arc<dyn Net>,
-    seat: Seat,
-    scene: SceneHash,
-    display: &Place,
-    pair: &Place,
-    deadline: Instant,
-) -> Result<Option<Joined>, JoinError> {
     let identity = |settings| Identity { role: role_of(seat), scene, settings };
-    let mut display = connect(net, &display.endpoint, identity(None), &display.options, deadline)
-        .await
-        .map_err(|cause| JoinError::Connect { peer: Role::Display, cause: Box::new(cause) })?;
-    expect_role(&display, Role::Display)?;
-    let settings = display.peer.identity.settings.ok_or(JoinError::NoSettings)?;
-    let other = tokio::select! {
-        biased;
-        end = display_left(&mut display) => {
-            tracing::warn!(%end, "the display left before the other machine came");
-            return Ok(None);
-        }
-        other = meet(net, seat, identity(Some(settings)), pair, deadline) => other?,
+    let once = || async {
+        let mut display =
+            connect(net, &display.endpoint, identity(None), &display.options, deadline)
+                .await
+                .map_err(|cause| JoinError::Connect { peer: Role::Display, cause: Box::new(cause) })?;
+        expect_role(&display, Role::Display)?;
+        let settings = display.peer.identity.settings.ok_or(JoinError::NoSettings)?;
+        let other = tokio::select! {
+            biased;
+            end = left(&mut display) => {
+                tracing::warn!(%end, "the display left before the other machine came");
+                return Err(JoinError::Left(end));
+            }
+            other = meet(net, seat, identity(Some(settings)), pair, deadline) => other,
+        };
+        let other = match other.and_then(|other| expect_role(&other, role_of(seat.other())).map(|()| other)) {
+            Ok(other) => other,
+            Err(error) => {
+                // It need not be heard; over QUIC the display would wait for the lease without it.
+                let _unheard = display.goodbye(Goodbye::peer_lost(&error.to_string())).await;
+                return Err(error);
+            }
+        };
+        Ok(Joined { display, other, settings })
     };
-    expect_role(&other, role_of(seat.other()))?;
-    Ok(Some(Joined { display, other, settings }))
+    match once().await {
+        // Who is left may not have noticed yet, and old sockets may need a moment to be gone.
+        Err(JoinError::Left(_)) => again(net, deadline, once).await,
+        result => result,
+    }
 }
 
 /// The pair's link between themselves.

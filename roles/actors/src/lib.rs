@@ -17,7 +17,7 @@ pub use driver::{
     Cameras, DisplayRole, Gaps, LinkError, Observer, OccluderPolicy, PairRole, PairTraffic, RoleError,
     ShownFrame, Stop, Stopper,
 };
-pub use join::{JoinError, Joined, Place, await_pair, join_session, role_of};
+pub use join::{JoinError, Joined, Place, again, await_pair, join_session, role_of};
 pub use machine::{DisplayMachine, DisplayStep, OrderError, Seat, SwitchMachine, SwitchStep};
 pub use session::{Devices, SessionError, in_process};
 pub use vulkan::{VulkanDisplay, VulkanPair, VulkanPairError};

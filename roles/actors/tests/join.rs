@@ -1,17 +1,17 @@
 //! Three roles find each other though one of them leaves, and another one comes in its place, before all are there.
 #![allow(clippy::disallowed_methods, reason = "the roles are tasks here")]
-#![allow(clippy::unwrap_used, reason = "a test ends where what it needs is not there")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 use std::{sync::Arc, time::Duration};
 
 use tokio::task::JoinHandle;
 use trimaran_actors::{JoinError, Joined, Place, Seat, await_pair, join_session};
 use trimaran_proto::{
-    BatchSize, EpsilonPx, FrameNumber, Goodbye, IdCoding, Identity, PictureSize, Role, SceneHash, Settings,
-    TesterKind,
+    BatchSize, Camera, EpsilonPx, FrameNumber, Goodbye, IdCoding, Identity, PictureSize, Role, SceneHash,
+    Settings, TesterKind,
 };
 use trimaran_transport::{
-    Endpoint, Instant, Link, LinkConfig, Listener, Net, Options, TokioNet, connect, sleep_until,
+    Endpoint, Instant, Link, LinkConfig, Listener, Net, Options, RecvError, TokioNet, connect, sleep_until,
 };
 
 const SCENE: SceneHash = SceneHash(7);
@@ -146,6 +146,27 @@ async fn a_display_that_leaves_before_the_pair_is_complete_is_looked_for_again()
     }
 }
 
+#[tokio::test(start_paused = true)]
+async fn a_machine_whose_pair_does_not_come_tells_the_display_why_it_leaves() {
+    let meeting = Meeting::at("in-vain");
+    let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(settings(FrameNumber(0))) };
+    let mut listener =
+        Listener::bind(&meeting.net, &meeting.display, identity, &meeting.options).await.unwrap();
+    let machine = meeting.machine(Seat::First);
+    let mut link = listener.accept(meeting.deadline()).await.unwrap();
+    let end = loop {
+        match link.frames_rx.recv().await {
+            Err(RecvError::Silent { .. }) => {}
+            end => break end,
+        }
+    };
+    let Err(RecvError::Goodbye { reason: Goodbye::PeerLost(why), .. }) = end else { panic!("{end:?}") };
+    assert!(why.to_string().contains("switch B"), "{why}");
+    drop(link);
+    let error = machine.await.unwrap().unwrap_err();
+    assert!(matches!(error, JoinError::Accept { peer: Role::SwitchB, .. }) && error.may_pass(), "{error:?}");
+}
+
 /// The camera that a display has handed out before the pair is complete is read by the role, not by who waits.
 #[tokio::test(start_paused = true)]
 async fn a_camera_that_comes_before_the_other_machine_is_kept() {
@@ -154,8 +175,7 @@ async fn a_camera_that_comes_before_the_other_machine_is_kept() {
     let first = meeting.machine(Seat::First);
     let second = meeting.early(Role::SwitchB).await;
     let [mut to_first, _to_second] = display.await.unwrap().unwrap();
-    let camera =
-        trimaran_proto::Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, FrameNumber(0)).unwrap();
+    let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, FrameNumber(0)).unwrap();
     to_first.latest_tx.publish(camera).unwrap();
     meeting.pause(LINK_PATIENCE * 2).await;
     let identity = Identity { role: Role::SwitchB, scene: SCENE, settings: second.peer.identity.settings };

@@ -91,9 +91,7 @@ impl End {
             }
         }
     }
-}
 
-impl End {
     fn answer_all(&mut self, arrivals: &Arrivals) -> Result<()> {
         loop {
             let (number, is_frame) = self.receive(|bytes| (number(bytes), bytes.len() > CAMERA))?;
