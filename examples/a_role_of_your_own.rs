@@ -6,7 +6,9 @@
 
 use std::{collections::HashSet, convert::Infallible, error::Error, sync::Arc, time::Duration};
 
-use trimaran_actors::{Cameras, Devices, Observer, PictureDevice, ShownFrame, Stop, VulkanPair, in_process};
+use trimaran_actors::{
+    Cameras, Devices, Observer, ObserverError, PictureDevice, ShownFrame, Stop, VulkanPair, in_process,
+};
 use trimaran_cull::{View, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene, Picture};
 use trimaran_proto::{
@@ -57,8 +59,9 @@ impl Observer for Tally {
         false
     }
 
-    fn shown(&mut self, _: &ShownFrame<'_>) {
+    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), ObserverError> {
         self.frames += 1;
+        Ok(())
     }
 
     fn pair_did(&mut self, stats: &FrameStats) {

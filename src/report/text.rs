@@ -91,6 +91,9 @@ pub fn summary(report: &Report) -> String {
             grouped(b.paper_formula_bytes)
         );
     }
+    if let Some(ended) = summary.ended.sentence(summary.frames) {
+        out += &format!("INCOMPLETE {ended}\n");
+    }
     for note in &report.run.notes {
         out += &format!("note       {note}\n");
     }
@@ -180,6 +183,7 @@ mod tests {
     fn a_summary_says_what_is_a_model_and_names_the_false_culls() {
         let text = summary(&sample::report());
         assert!(text.lines().any(|l| l.starts_with("MODEL") && l.contains("not measured")), "{text}");
+        assert!(text.contains("ended early, after 60 of 120 frames: it was asked to stop <twice>"), "{text}");
         assert!(text.contains("41 pixels changed, 3 visible nodes lost, on 20 audited frames"), "{text}");
         assert!(text.contains("its box covers none of its pixels: 2 nodes, 11 pixels"), "{text}");
         assert!(text.lines().all(|l| l.chars().count() <= 130), "{text}");

@@ -10,10 +10,17 @@ pub(super) fn html(report: &Report) -> String {
         Mode::Lockstep => "lockstep",
         Mode::Live => "live",
     };
+    let ended = report.summary.ended.sentence(report.summary.frames);
+    let ended = ended.map_or_else(String::new, |text| {
+        format!(
+            "<p class=\"verdict bad\"><span aria-hidden=\"true\">!</span> This walk {}.</p>",
+            escape(&text)
+        )
+    });
     let notes: String = run.notes.iter().map(|n| format!("<p class=\"note\">{}</p>", escape(n))).collect();
     format!(
         "<header><div class=\"kicker\">Trimaran {} · walkthrough report</div><h1>{}</h1>\
-         <p class=\"setting\">{} objects, {} triangles · {} × {} pixels · ε {} px · tester {} · {} over {} · {}</p>{notes}{}\
+         <p class=\"setting\">{} objects, {} triangles · {} × {} pixels · ε {} px · tester {} · {} over {} · {}</p>{ended}{notes}{}\
          <div class=\"tiles\">{}</div></header>",
         escape(&run.version),
         escape(file_name(&run.scene.file)),

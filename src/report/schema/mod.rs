@@ -6,6 +6,7 @@
 //! - The top level and the frames hold what a path file holds (`width`, `height`, `vfov_deg`, `near`, and per frame `eye`,
 //!   `forward`, `up`), so that any report can be walked again.
 
+mod ended;
 mod frame;
 mod metric;
 mod run;
@@ -13,6 +14,7 @@ mod stat;
 mod summary;
 mod sweep;
 
+pub use ended::{Ended, HowEnded};
 pub use frame::{
     BytesByKind, CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, PassTime, PictureError,
     Role, Span, VisibleObject,
@@ -72,8 +74,8 @@ pub struct Lens {
 impl Report {
     /// A report of `frames`, summarised. `wall_ms` is the time from the first picture shown to the last, if it was measured.
     #[must_use]
-    pub fn new(run: Run, lens: Lens, frames: Vec<Frame>, wall_ms: Option<f64>) -> Self {
-        let summary = Summary::of(&run, &frames, wall_ms);
+    pub fn new(run: Run, lens: Lens, frames: Vec<Frame>, wall_ms: Option<f64>, ended: Ended) -> Self {
+        let summary = Summary::of(&run, &frames, wall_ms, ended);
         let Lens { width, height, vfov_deg, near } = lens;
         Self {
             schema_version: SCHEMA_VERSION,

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use trimaran_cull::reference::SURFACE_SLACK_PX;
 use trimaran_netsim::FrameLoad;
 
-use super::{BytesByKind, FalseCull, FalseCullCause, Frame, LowStat, METRICS, Run, Stat};
+use super::{BytesByKind, Ended, FalseCull, FalseCullCause, Frame, LowStat, METRICS, Run, Stat};
 
 /// Objects drawn over objects exactly visible in the paper's power plant (its tables 2 and 3).
 pub const PAPER_OBJECT_TIGHTNESS: f64 = 1.83;
@@ -18,6 +18,8 @@ pub const PAPER_TRIANGLE_TIGHTNESS: f64 = 12.2;
 pub struct Summary {
     /// Frames shown.
     pub frames: u32,
+    /// How the walk ended.
+    pub ended: Ended,
     /// Frames compared with the unculled picture of the same level cut.
     pub audited_frames: u32,
     /// Time from the first picture shown to the last, milliseconds.
@@ -120,7 +122,7 @@ impl DeviationVerdict {
 impl Summary {
     /// Condenses `frames`; `wall_ms` is the time from the first picture shown to the last.
     #[must_use]
-    pub fn of(run: &Run, frames: &[Frame], wall_ms: Option<f64>) -> Self {
+    pub fn of(run: &Run, frames: &[Frame], wall_ms: Option<f64>, ended: Ended) -> Self {
         let metrics: BTreeMap<String, Stat> = METRICS
             .iter()
             .filter_map(|m| Some((m.key.to_owned(), Stat::of(frames.iter().filter_map(m.of))?)))
@@ -129,6 +131,7 @@ impl Summary {
         let audited = frames.iter().filter(|f| f.cut_mismatch_pixels.is_some()).count();
         Self {
             frames: u32::try_from(frames.len()).unwrap_or(u32::MAX),
+            ended,
             audited_frames: u32::try_from(audited).unwrap_or(u32::MAX),
             wall_ms,
             measured_fps: measured_fps(frames.len(), wall_ms),
@@ -245,7 +248,8 @@ mod tests {
 
     #[test]
     fn what_was_not_measured_is_not_zero() {
-        let summary = Summary::of(&sample::run(), &[Frame::default(), Frame::default()], None);
+        let summary =
+            Summary::of(&sample::run(), &[Frame::default(), Frame::default()], None, Ended::default());
         assert_eq!(summary.frames, 2);
         assert_eq!(summary.audited_frames, 0);
         assert!(summary.metrics.is_empty());
@@ -269,20 +273,20 @@ mod tests {
                 ..Frame::default()
             })
             .collect();
-        let summary = Summary::of(&sample::run(), &frames, Some(100.0));
+        let summary = Summary::of(&sample::run(), &frames, Some(100.0), Ended::default());
         assert_eq!(summary.measured_fps, Some(10.0), "two pictures 100 ms apart");
         let model = summary.modelled_fps.unwrap();
         assert_eq!((model.fps, model.is_model), (40.0, true), "two frames in 20 + 30 ms");
         // A frame without all three times is in no model.
         let partial = Frame { or_ms: Some(1.0), ..Frame::default() };
-        assert_eq!(Summary::of(&sample::run(), &[partial], Some(0.0)).modelled_fps, None);
+        assert_eq!(Summary::of(&sample::run(), &[partial], Some(0.0), Ended::default()).modelled_fps, None);
     }
 
     #[test]
     fn tightness_is_of_audited_frames_with_something_to_see() {
         let frame = |drawn, exact| Frame { nodes_drawn: Some(drawn), nodes_exact: exact, ..Frame::default() };
         let frames = [frame(30, Some(20)), frame(1000, None), frame(5, Some(0))];
-        let summary = Summary::of(&sample::run(), &frames, None);
+        let summary = Summary::of(&sample::run(), &frames, None, Ended::default());
         assert_eq!(summary.tightness.nodes, Some(1.5));
         assert_eq!(summary.metrics["node_tightness"].frames, 1);
         assert_eq!(summary.metrics["nodes_drawn"].frames, 3);

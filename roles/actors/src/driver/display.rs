@@ -9,14 +9,14 @@ use trimaran_proto::{
     Camera, DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStats, SentBytes, Settings,
 };
 use trimaran_scene::Scene;
-use trimaran_transport::{Link, LinkStats, Net, SendError, StatsHandle, until};
+use trimaran_transport::{Link, LinkStats, Net, RecvError, SendError, StatsHandle, until};
 
 use super::{
-    Cameras, RoleError,
+    Cameras, LinkError, RoleError,
     cameras::Handed,
     gaps::Gaps,
     pair::sent_bytes,
-    parting::{hear_out, leave},
+    parting::{ended, hear_out, leave},
     rule_of,
     stop::{Stop, Waiting},
     viewport_of, wait,
@@ -52,12 +52,18 @@ pub struct ShownFrame<'f> {
     pub arrivals: &'f [(u32, Duration)],
 }
 
+/// Why an observer can note no more, such as a full disk.
+pub type ObserverError = Box<dyn std::error::Error + Send + Sync>;
+
 /// Sees what the display does. Time spent here is the session's: an observer notes and returns.
 pub trait Observer {
     /// Whether this frame's picture is to be read back.
     fn wants_picture(&self, frame: FrameNumber) -> bool;
     /// A frame has been shown.
-    fn shown(&mut self, frame: &ShownFrame<'_>);
+    ///
+    /// # Errors
+    /// When it cannot be noted. The session ends with it, and the peers are told.
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), ObserverError>;
     /// What a machine of the pair did for a frame that it has sent.
     fn pair_did(&mut self, stats: &FrameStats);
 }
@@ -89,7 +95,8 @@ impl<D: PictureDevice> DisplayRole<D> {
     /// links. Returns what the links carried.
     ///
     /// # Errors
-    /// When a peer dies, leaves or breaks the order, or the device fails. The peers are told before it returns.
+    /// When a peer dies, leaves or breaks the order, or the device or the observer fails. The peers are told
+    /// before it returns.
     pub fn run(
         self,
         cameras: &mut dyn Cameras,
@@ -103,10 +110,8 @@ impl<D: PictureDevice> DisplayRole<D> {
         let result = hear_out(result, work.links.each_mut(), waiting);
         let counters = work.links.each_ref().map(|link| link.stats.clone());
         leave(runtime, work.links, &result);
-        match result {
-            Err(error) if !error.is_clean_end() => Err(error),
-            _ => Ok(counters.each_ref().map(StatsHandle::read)),
-        }
+        ended(result, stop)?;
+        Ok(counters.each_ref().map(StatsHandle::read))
     }
 }
 
@@ -285,7 +290,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         if wanted {
             self.device.read(&mut self.picture).map_err(device)?;
         }
-        observer.shown(&ShownFrame {
+        let noted = observer.shown(&ShownFrame {
             camera,
             ids: &self.ids,
             for_loss: u32::try_from(for_loss).unwrap_or(u32::MAX),
@@ -297,7 +302,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             traffic,
             arrivals: &self.arrivals,
         });
-        Ok(())
+        noted.map_err(RoleError::Observer)
     }
 
     /// After the last frame: what the machines still say of their work, up to their goodbyes.
@@ -308,7 +313,9 @@ impl<'r, D: PictureDevice> Work<'r, D> {
                 match wait(self.waiting, "receiving a frame", next) {
                     Ok(FrameEvent::Stats(stats)) => observer.pair_did(&stats),
                     Ok(_) => return Err(out_of_order(seat, "its goodbye")),
-                    Err(error) if error.is_clean_end() => break,
+                    Err(RoleError::Link { cause: LinkError::Receive(RecvError::Goodbye { .. }), .. }) => {
+                        break;
+                    }
                     Err(error) => return Err(error),
                 }
             }

@@ -13,10 +13,11 @@ mod parting;
 mod stop;
 
 pub use cameras::Cameras;
-pub use display::{DisplayRole, Observer, PairTraffic, ShownFrame};
+pub use display::{DisplayRole, Observer, ObserverError, PairTraffic, ShownFrame};
 pub use gaps::Gaps;
 pub use occluders::OccluderPolicy;
 pub use pair::PairRole;
+pub use parting::leave_unable;
 pub use stop::{Stop, Stopper};
 
 use std::future::Future;
@@ -69,6 +70,9 @@ pub enum RoleError<D: std::error::Error + 'static> {
     /// A peer named a drawable that the scene does not have, although both hold the same scene.
     #[error("the peer named a drawable that the scene does not have")]
     Unknown(#[from] OccluderError),
+    /// The observer cannot note any more what is shown.
+    #[error("what is shown cannot be recorded any more")]
+    Observer(#[source] ObserverError),
     /// The session's picture has no pixels.
     #[error("the session's picture size cannot be used")]
     Viewport(#[from] ViewportError),
@@ -78,8 +82,8 @@ pub enum RoleError<D: std::error::Error + 'static> {
 }
 
 impl<D: std::error::Error + 'static> RoleError<D> {
-    /// Whether a peer is gone that may come again: its connection broke, or it has lost another peer itself. The session can go
-    /// on with the frame that was due, once all three have joined again.
+    /// Whether a peer is gone that may come again: its connection broke, it was interrupted, or it has lost
+    /// another peer itself. The session can go on with the frame that was due, once all three have joined again.
     #[must_use]
     pub const fn lost_a_peer(&self) -> bool {
         let Self::Link { cause, .. } = self else { return false };
@@ -88,16 +92,22 @@ impl<D: std::error::Error + 'static> RoleError<D> {
             LinkError::Receive(
                 RecvError::Lost { .. }
                     | RecvError::Silent { .. }
-                    | RecvError::Goodbye { reason: Goodbye::PeerLost(_), .. }
+                    | RecvError::Goodbye { reason: Goodbye::PeerLost(_) | Goodbye::Interrupted, .. }
             ) | LinkError::Send(SendError::Lost { .. } | SendError::Stalled { .. })
         )
     }
 
-    /// Whether the session was ended on purpose: this role was asked to stop, or a peer that was said goodbye.
+    /// Whether this is an end on purpose: this role was asked to stop, or a peer says that the session is over.
     #[must_use]
     pub const fn is_clean_end(&self) -> bool {
-        matches!(self, Self::Stopped)
-            || matches!(self, Self::Link { cause: LinkError::Receive(cause), .. } if left_on_purpose(cause))
+        matches!(
+            self,
+            Self::Stopped
+                | Self::Link {
+                    cause: LinkError::Receive(RecvError::Goodbye { reason: Goodbye::Finished, .. }),
+                    ..
+                }
+        )
     }
 }
 
@@ -111,11 +121,6 @@ pub enum LinkError {
     /// Nothing more goes out.
     #[error(transparent)]
     Send(#[from] SendError),
-}
-
-/// Whether the peer left because its session was over or it was asked to.
-const fn left_on_purpose(cause: &RecvError) -> bool {
-    matches!(cause, RecvError::Goodbye { reason: Goodbye::Finished | Goodbye::Interrupted, .. })
 }
 
 /// Waits for a link, and says what failed while doing what.

@@ -14,7 +14,7 @@ use trimaran_transport::{Link, Traffic};
 use super::{
     OccluderPolicy, RoleError, nanoseconds,
     outlet::Outlet,
-    parting::{hear_out, leave},
+    parting::{ended, hear_out, leave},
     rule_of,
     stop::{Stop, Waiting},
     viewport_of, wait,
@@ -48,14 +48,14 @@ impl<D: PairDevice> PairRole<D> {
     /// links.
     ///
     /// # Errors
-    /// When a peer dies or breaks the order, or the device fails. The peers are told before it returns. A session that was
-    /// interrupted on purpose is no error.
+    /// When a peer dies, is interrupted or breaks the order, or the device fails. The peers are told before it
+    /// returns. That this role itself was asked to stop is no error.
     pub fn run(self, runtime: &Handle, stop: &Stop) -> Result<(), RoleError<D::Error>> {
         let mut work = Work::new(self, Waiting { runtime, stop })?;
         let result = work.frames();
         let result = hear_out(result, [&mut work.display, &mut work.other], work.waiting);
         leave(runtime, [work.display, work.other], &result);
-        result.or_else(|error| if error.is_clean_end() { Ok(()) } else { Err(error) })
+        ended(result, stop)
     }
 }
 
