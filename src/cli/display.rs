@@ -65,7 +65,7 @@ pub(super) struct LostForGood {
 
 impl DisplayStage {
     /// Listens, with the scene on its device.
-    pub(super) fn set(
+    pub(super) async fn set(
         file: &SceneFile,
         drawn: Arc<GpuScene>,
         plan: &Plan,
@@ -77,7 +77,7 @@ impl DisplayStage {
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
         let listening =
             Listener::bind_all(&net, listen, identity(file, plan.settings(trail.frames())), options);
-        let listener = runtime.block_on(listening).map_err(Failure::broken)?;
+        let listener = listening.await.map_err(Failure::broken)?;
         Ok(Self { drawn, listener, net, options: options.clone() })
     }
 

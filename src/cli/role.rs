@@ -1,7 +1,7 @@
 //! `trimaran role`: one role of a deployment on several machines.
 
 use std::{
-    future::{pending, ready},
+    future::pending,
     net::SocketAddr,
     path::{Path, PathBuf},
     sync::Arc,
@@ -85,9 +85,11 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
     let display = place(&config.display, "peers.display", &config.peers.display)?;
     let pair = place(&config.pair, "peers.other", &config.peers.other)?;
     let start = Start::new(runtime, config.patience_s);
-    let Some(file) = start.until(|| scene(&config.scene))? else { return Ok(()) };
-    let Some(drawn) = start.until(|| upload(&file, config.device.as_deref()))? else { return Ok(()) };
-    let Some(mut metrics) = start.until(|| Metrics::show(config.metrics, runtime))? else { return Ok(()) };
+    let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
+    let Some(drawn) = start.until(async || upload(&file, config.device.as_deref()))? else { return Ok(()) };
+    let Some(mut metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else {
+        return Ok(());
+    };
     let Start { net, stop, .. } = start;
     let scene = file.scene.hash();
     let (mut wait_s, mut lost) = (config.patience_s, None);
@@ -139,11 +141,11 @@ fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
     let options = config.link.options(guard);
     check_trace(config.record.as_deref())?;
     let start = Start::new(runtime, config.patience_s);
-    let Some(folder) = start.until(|| open_folder(&config.out))? else { return Ok(()) };
-    let Some(file) = start.until(|| scene(&config.scene))? else { return Ok(()) };
+    let Some(folder) = start.until(async || open_folder(&config.out))? else { return Ok(()) };
+    let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     let trail = Trail::find(&choice, &file.scene, size, config.session.frames).map_err(Failure::bad_input)?;
-    let Some(drawn) = start.until(|| upload(&file, config.device.as_deref()))? else { return Ok(()) };
-    let Some(metrics) = start.until(|| Metrics::show(config.metrics, runtime))? else { return Ok(()) };
+    let Some(drawn) = start.until(async || upload(&file, config.device.as_deref()))? else { return Ok(()) };
+    let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };
     let listen =
         || DisplayStage::set(&file, Arc::clone(&drawn), &plan, &trail, runtime, &config.listen, &options);
     let Some(stage) = start.until(listen)? else { return Ok(()) };
@@ -195,9 +197,9 @@ impl<'r> Start<'r> {
 
     /// What `attempt` gives once it works; `None` if the role is asked to stop before. It is tried again while what
     /// it fails with may pass, for as long as the role waits for others.
-    fn until<T>(&self, attempt: impl Fn() -> Result<T, Failure>) -> Result<Option<T>, Failure> {
+    fn until<T>(&self, attempt: impl AsyncFn() -> Result<T, Failure>) -> Result<Option<T>, Failure> {
         let deadline = deadline(&self.net, self.patience_s);
-        let attempts = again(&self.net, deadline, Failure::may_pass, || ready(attempt()));
+        let attempts = again(&self.net, deadline, Failure::may_pass, || attempt());
         self.stop.unless_requested(self.runtime.handle(), attempts).transpose()
     }
 }

@@ -55,7 +55,9 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
     let keyring = if link.needs_keys(&listen) { Some(Keyring::make(configs.path())?) } else { None };
     let options = link.options(keyring.as_ref().map(|keyring| keyring.security.clone()));
     let drawn = upload(&file, device)?;
-    let stage = DisplayStage::set(&file, drawn, &plan, &trail, &runtime, &listen.into(), &options)?;
+    let listen = listen.into();
+    let stage = DisplayStage::set(&file, drawn, &plan, &trail, &runtime, &listen, &options);
+    let stage = runtime.block_on(stage)?;
 
     let scene = std::path::absolute(&args.scene).map_err(Failure::broken)?;
     let display = stage.listener.local_endpoint().clone();
