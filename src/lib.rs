@@ -5,7 +5,6 @@
 //! themselves: [`trimaran_proto`] the wire, [`trimaran_transport`] the links, [`trimaran_scene`] models and cooking,
 //! [`trimaran_cull`] what is drawn, [`trimaran_gpu`] drawing it, [`trimaran_actors`] the roles.
 
-pub mod causes;
 pub mod config;
 pub mod metrics;
 pub mod netem;

@@ -2,7 +2,7 @@
 
 use std::{error::Error, fmt, process::ExitCode};
 
-use trimaran::causes::causes;
+use trimaran_actors::causes;
 
 /// Why a command ended early, and the exit code that says so to a script.
 #[derive(Debug)]
@@ -50,6 +50,8 @@ impl Failure {
         }
     }
 }
+
+impl Error for Failure {}
 
 impl fmt::Display for Failure {
     /// The error and its causes, each once: many errors name their cause in their own text.

@@ -3,7 +3,6 @@
 use std::{ops::ControlFlow, path::Path, sync::Arc};
 
 use trimaran::{
-    causes::causes,
     report::{
         Report, Writer,
         schema::{Ended, HowEnded},
@@ -14,7 +13,7 @@ use trimaran::{
         FrameRecord, Plan, Recorder, ReportPlan, ReportingError, SceneFile, Trail, Written, write_report,
     },
 };
-use trimaran_actors::Stop;
+use trimaran_actors::{Stop, causes};
 use trimaran_gpu::GpuScene;
 
 use super::{Failure, print_json, progress};

@@ -17,12 +17,12 @@ use super::{
     record::FrameRecord,
     viewport,
 };
-use crate::causes::causes;
 use crate::report::{
     Frame, Lens, Paths, PictureKind, Report, ReportError, Run, Writer,
     metrics::MetricError,
     schema::{Ended, HowEnded, Mode, RoleInfo, SceneInfo, Seat, timestamp},
 };
+use trimaran_actors::causes;
 
 /// A scene and the file it came from.
 #[derive(Debug, Clone)]

@@ -1,7 +1,7 @@
 //! Three roles find each other, over whatever transports their endpoints name. Start order does not matter: whoever connects tries again
 //! until the deadline, and whoever waits for one peer notices when the other one leaves.
 
-use std::{fmt, future::pending, sync::Arc, time::Duration};
+use std::{future::pending, sync::Arc, time::Duration};
 
 use thiserror::Error;
 use trimaran_proto::{Goodbye, Identity, Role, SceneHash, Settings};
@@ -10,7 +10,7 @@ use trimaran_transport::{
     connect, sleep_until,
 };
 
-use crate::Seat;
+use crate::{Seat, causes};
 
 /// How long after the first failed attempt comes the next. The pause doubles up to [`LONGEST_PAUSE`].
 const FIRST_PAUSE: Duration = Duration::from_millis(200);
@@ -145,7 +145,7 @@ async fn left(link: &mut Link) -> RecvError {
 ///
 /// # Errors
 /// That of the last attempt.
-pub async fn again<T, E: fmt::Display, F: Future<Output = Result<T, E>>>(
+pub async fn again<T, E: std::error::Error + 'static, F: Future<Output = Result<T, E>>>(
     net: &Arc<dyn Net>,
     deadline: Instant,
     may_pass: impl Fn(&E) -> bool,
@@ -154,7 +154,7 @@ pub async fn again<T, E: fmt::Display, F: Future<Output = Result<T, E>>>(
     let (mut pause, mut said) = (FIRST_PAUSE, String::new());
     loop {
         let error = match attempt().await {
-            Err(error) if net.now() < deadline && may_pass(&error) => error.to_string(),
+            Err(error) if net.now() < deadline && may_pass(&error) => causes(&error),
             result => return result,
         };
         if error != said {

@@ -3,6 +3,7 @@
 //! [`SwitchMachine`] and [`DisplayMachine`] know what is due and what is out of order; [`PairRole`] and [`DisplayRole`] move
 //! messages between them, a device ([`PairDevice`], [`PictureDevice`]) and links; [`in_process`] joins three of them in one process.
 
+mod causes;
 mod clock;
 mod device;
 mod driver;
@@ -11,6 +12,7 @@ mod machine;
 mod session;
 mod vulkan;
 
+pub use causes::causes;
 pub use clock::Stopwatch;
 pub use device::{PairDevice, PictureDevice};
 pub use driver::{
