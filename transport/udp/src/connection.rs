@@ -28,7 +28,7 @@ mod transmit;
 
 pub use closed::Closed;
 pub use config::Config;
-pub use stats::{Hopeless, PathStats};
+pub use stats::{Hopeless, PathStats, STEPS_PER_BYTE, STEPS_PER_PACKET};
 
 /// One end of a connection: no socket, no clock.
 ///

@@ -67,6 +67,8 @@ pub(crate) struct Recovery {
     pub(crate) lost_packets: u64,
     /// Probes since the beginning.
     pub(crate) all_probes: u64,
+    /// How often an acknowledgement made this side look at a packet.
+    pub(crate) visited: u64,
 }
 
 impl Recovery {
@@ -85,6 +87,7 @@ impl Recovery {
             window: Window::new(law, segment, initial),
             lost_packets: 0,
             all_probes: 0,
+            visited: 0,
         }
     }
 
@@ -150,6 +153,7 @@ impl Recovery {
         let in_flight = self.in_flight();
         for range in numbers.iter() {
             for number in range.start.max(self.flight.base())..range.end {
+                self.visited += 1;
                 let Some(sent) = self.flight.forget(number) else { continue };
                 if number == largest {
                     self.rtt.sample(now.since(sent.at), delay.min(self.max_ack_delay));
@@ -224,6 +228,7 @@ impl Recovery {
         let delay = self.rtt.loss_delay();
         let (mut first, mut last) = (None, None);
         for number in self.flight.base()..largest {
+            self.visited += 1;
             let late = largest - number >= REORDERING;
             let Some(sent) = self.flight.get(number) else { continue };
             if !late && now.since(sent.at) < delay {

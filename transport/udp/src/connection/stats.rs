@@ -69,12 +69,24 @@ pub struct Hopeless {
     pub way: Duration,
 }
 
+/// The most steps that a byte of the peer's packets costs ([`Connection::work`]).
+pub const STEPS_PER_BYTE: u64 = 320;
+/// The most steps that a packet costs beside its bytes: what it carried is looked at when its fate is known.
+pub const STEPS_PER_PACKET: u64 = 64;
+
 impl Connection {
     /// Whether the deadline of the frames sent from here is over before anything can have come; known once the way was measured.
     #[must_use]
     pub fn hopeless(&self) -> Option<Hopeless> {
         let (deadline, way) = (self.outbox.patience?, self.recovery.rtt.least_one_way()?);
         (way >= deadline).then_some(Hopeless { deadline, way })
+    }
+
+    /// What the peer's packets have cost so far, in steps: eight bytes copied, cleared or computed on, or a look at something that is
+    /// kept. No more than [`STEPS_PER_BYTE`] for each byte received and [`STEPS_PER_PACKET`] for each packet sent or received.
+    #[must_use]
+    pub const fn work(&self) -> u64 {
+        self.inbox.work() + self.outbox.visited + self.recovery.visited
     }
 
     /// What became of the packets, and what is known of the path.
