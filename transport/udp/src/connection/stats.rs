@@ -16,6 +16,8 @@ pub struct PathStats {
     pub received: u64,
     /// Their bytes, without the headers of UDP and IP.
     pub received_bytes: u64,
+    /// Packets for this connection that did not open: broken on the way, or forged.
+    pub forged: u64,
     /// Packets that were sent and found lost. Probes for larger datagrams are not counted.
     pub lost: u64,
     /// Parts of frames that were sent again.
@@ -49,6 +51,7 @@ impl PathStats {
             sent_bytes: self.sent_bytes.saturating_sub(earlier.sent_bytes),
             received: self.received.saturating_sub(earlier.received),
             received_bytes: self.received_bytes.saturating_sub(earlier.received_bytes),
+            forged: self.forged.saturating_sub(earlier.forged),
             lost: self.lost.saturating_sub(earlier.lost),
             repeated: self.repeated.saturating_sub(earlier.repeated),
             repair_sent: self.repair_sent.saturating_sub(earlier.repair_sent),
@@ -98,6 +101,7 @@ impl Connection {
             sent_bytes: self.sent_bytes,
             received: self.received,
             received_bytes: self.received_bytes,
+            forged: self.forged,
             lost: recovery.lost_packets,
             repeated: outbox.repeated,
             repair_sent: outbox.repair_sent,

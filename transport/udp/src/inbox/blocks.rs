@@ -58,7 +58,8 @@ impl Blocks {
         if store.has(range.clone()) || range.end <= self.forgotten {
             return Ok(false);
         }
-        let before = self.known.range(..range.end).next_back().map_or(0, |(_, known)| known.block.range().end);
+        let before =
+            self.known.range(..range.end).next_back().map_or(0, |(_, known)| known.block.range().end);
         if range.start < before.max(self.forgotten) { Err(LaneViolation::Block) } else { Ok(true) }
     }
 
@@ -103,7 +104,8 @@ impl Blocks {
 
     /// What lies before `base` was passed on.
     pub(super) fn release(&mut self, base: u64, pool: &mut Pool) {
-        while let Some(first) = self.known.first_entry().filter(|first| first.get().block.range().end <= base) {
+        while let Some(first) = self.known.first_entry().filter(|first| first.get().block.range().end <= base)
+        {
             let over = first.remove();
             pool.work += 8;
             self.kept -= over.repair.len();

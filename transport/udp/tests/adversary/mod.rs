@@ -5,9 +5,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use bytes::BytesMut;
-use trimaran_proto::{
-    Camera, FrameEnd, FrameMessage, FrameNumber, FrameStart, IdBatch, Instant, Message,
-};
+use trimaran_proto::{Camera, FrameEnd, FrameMessage, FrameNumber, FrameStart, IdBatch, Instant, Message};
 use trimaran_udp::{Config, Connection, ConnectionId};
 use xxhash_rust::xxh3::xxh3_128_with_seed;
 

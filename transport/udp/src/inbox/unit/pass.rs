@@ -135,7 +135,8 @@ impl Unit {
         buffers: &mut Buffers,
     ) -> Result<Step, LaneViolation> {
         let id = ID_BYTES as u64;
-        while let Some(piece) = self.store.next_piece(self.base, batch.bytes() as u64 + id, &mut buffers.pool) {
+        while let Some(piece) = self.store.next_piece(self.base, batch.bytes() as u64 + id, &mut buffers.pool)
+        {
             let from = piece.start.next_multiple_of(id);
             let count = (piece.end - piece.end % id).saturating_sub(from).min(batch.bytes() as u64);
             self.base = if count > 0 { from } else { piece.end };
