@@ -6,6 +6,10 @@
 #[path = "../tests/adversary/mod.rs"]
 mod adversary;
 
+#[allow(unreachable_pub, dead_code, reason = "the fuzz targets use it too")]
+#[path = "../../../fuzz/src/wire.rs"]
+mod wire;
+
 use std::time::{Duration, Instant};
 
 use adversary::{Attack, Victim, attacks, frames_behind_one_that_never_arrives, ordinary};

@@ -209,6 +209,6 @@ mod tests {
         assert_eq!((acks.refused.len(), acks.due(), acks.take(now)), (ACK_RANGES, None, None));
         acks.on_received(now, 300, Asks::Ack, DELAY);
         let Some(Chunk::Ack { numbers, .. }) = acks.take(now) else { panic!("none") };
-        assert_eq!(numbers.iter().collect::<Vec<_>>(), [300..301]);
+        assert_eq!((numbers.len(), numbers.iter().next()), (1, Some(300..301)));
     }
 }

@@ -4,6 +4,10 @@
 #[allow(unreachable_pub, dead_code, reason = "a benchmark uses it too")]
 mod adversary;
 
+#[allow(unreachable_pub, dead_code, reason = "the fuzz targets use it too")]
+#[path = "../../../fuzz/src/wire.rs"]
+mod wire;
+
 use std::time::Duration;
 
 use adversary::{Attack, Victim, attacks, frames_behind_one_that_never_arrives, ordinary};

@@ -183,7 +183,7 @@ mod tests {
         let Ok(Packet::Data { sealed, .. }) = Packet::parse(&out) else { panic!("{out:?}") };
         let chunk = Chunk::read(&mut Reader::new(sealed));
         let Ok(Chunk::Ack { numbers, .. }) = chunk else { panic!("{chunk:?}") };
-        assert_eq!(numbers.iter().collect::<Vec<_>>(), [0..256]);
+        assert_eq!((numbers.len(), numbers.iter().next()), (1, Some(0..256)));
     }
 
     #[test]

@@ -7,7 +7,8 @@ use std::time::Duration;
 use bytes::BytesMut;
 use trimaran_proto::{Camera, FrameEnd, FrameMessage, FrameNumber, FrameStart, IdBatch, Instant, Message};
 use trimaran_udp::{Config, Connection, ConnectionId};
-use xxhash_rust::xxh3::xxh3_128_with_seed;
+
+use crate::wire::{Block, acknowledgement, give_up, part, repair, sealed, varint};
 
 pub const HERE: ConnectionId = ConnectionId(10);
 pub const THERE: ConnectionId = ConnectionId(20);
@@ -79,7 +80,7 @@ impl Packets {
 
     fn flush(&mut self) {
         if !self.open.is_empty() {
-            self.done.push(sealed(self.number, &self.open));
+            self.done.push(sealed(HERE.0, self.number, &self.open));
             self.number += 1;
             self.open.clear();
         }
@@ -90,73 +91,6 @@ impl Packets {
         self.flush();
         std::mem::take(&mut self.done)
     }
-}
-
-pub fn sealed(number: u64, chunks: &[u8]) -> Vec<u8> {
-    let seed = number ^ u64::from(HERE.0) << 32;
-    let tag = xxh3_128_with_seed(chunks, seed).to_le_bytes();
-    [&(number << 2).to_le_bytes()[..], &HERE.0.to_le_bytes(), chunks, &tag].concat()
-}
-
-fn varint(out: &mut Vec<u8>, mut value: u64) {
-    while value >= 0x80 {
-        out.push(value as u8 | 0x80);
-        value >>= 7;
-    }
-    out.push(value as u8);
-}
-
-/// A part whose unit goes on behind it.
-fn part(unit: u64, offset: u64, data: &[u8]) -> Vec<u8> {
-    let mut out = vec![0x20];
-    varint(&mut out, unit);
-    varint(&mut out, offset);
-    out.extend_from_slice(&(data.len() as u16).to_le_bytes());
-    out.extend_from_slice(data);
-    out
-}
-
-/// Where a block lies, and what repair it has.
-#[derive(Clone, Copy)]
-struct Block {
-    unit: u64,
-    offset: u64,
-    length: u64,
-    shard: u16,
-    count: u8,
-}
-
-fn repair(Block { unit, offset, length, shard, count }: Block, index: u8) -> Vec<u8> {
-    let mut out = vec![0x30];
-    varint(&mut out, unit);
-    varint(&mut out, offset);
-    varint(&mut out, length);
-    out.extend_from_slice(&shard.to_le_bytes());
-    out.extend_from_slice(&[count, index]);
-    out.resize(out.len() + usize::from(shard), 7);
-    out
-}
-
-fn give_up(unit: u64, sent: u64) -> Vec<u8> {
-    let mut out = vec![0x24];
-    varint(&mut out, unit);
-    varint(&mut out, sent);
-    varint(&mut out, sent);
-    out.extend_from_slice(&[0; 8]);
-    out.push(0);
-    out
-}
-
-pub fn acknowledgement(ranges: &[(u64, u64)]) -> Vec<u8> {
-    let mut out = vec![0x02, 0];
-    varint(&mut out, ranges.len() as u64);
-    let mut above = None;
-    for (from, to) in ranges.iter().rev() {
-        varint(&mut out, above.map_or(*to - 1, |above: u64| above - to));
-        varint(&mut out, to - from);
-        above = Some(*from);
-    }
-    out
 }
 
 /// The beginning of a frame.
@@ -173,7 +107,7 @@ fn parts(packets: &mut Packets, unit: u64, length: u64, missing: &[u64]) {
     for offset in (0..length).step_by(1000) {
         if !missing.contains(&offset) {
             let size = (length - offset).min(1000) as usize;
-            packets.push(&part(unit, offset, &vec![1; size]));
+            packets.push(&part(unit, offset, 0, &vec![1; size]));
         }
     }
 }
@@ -211,7 +145,7 @@ fn repair_for_many_blocks_in_one_place(times: u64) -> Attack {
         packets.push(&repair(block, 0));
     }
     let before = packets.take();
-    (0..times).for_each(|_| packets.push(&part(0, 70_000, &[1])));
+    (0..times).for_each(|_| packets.push(&part(0, 70_000, 0, &[1])));
     Attack { name: "repair for many blocks in one place", before, packets: packets.take() }
 }
 
@@ -222,12 +156,12 @@ fn repair_for_many_blocks_side_by_side(times: u64) -> Attack {
     for at in 0..blocks {
         let offset = at * FULL;
         for shard in (0..FULL).step_by(1000).filter(|shard| !matches!(shard, 1000 | 2000)) {
-            packets.push(&part(0, offset + shard, &[1; 1000]));
+            packets.push(&part(0, offset + shard, 0, &[1; 1000]));
         }
         packets.push(&repair(Block { unit: 0, offset, length: FULL, shard: 1000, count: 32 }, 0));
     }
     let before = packets.take();
-    (0..times).for_each(|at| packets.push(&part(0, at % blocks * FULL, &[1])));
+    (0..times).for_each(|at| packets.push(&part(0, at % blocks * FULL, 0, &[1])));
     Attack { name: "repair for many blocks side by side", before, packets: packets.take() }
 }
 
@@ -236,7 +170,7 @@ fn small_blocks(times: u64) -> Attack {
     let mut packets = Packets::default();
     for at in 0..times {
         let block = Block { unit: 0, offset: at * 4, length: 4, shard: 2, count: 2 };
-        packets.push(&part(0, block.offset, &[1; 2]));
+        packets.push(&part(0, block.offset, 0, &[1; 2]));
         packets.push(&repair(block, 0));
     }
     Attack { name: "small blocks of two repair shards", before: Vec::new(), packets: packets.take() }
@@ -247,7 +181,7 @@ fn small_blocks_of_one_repair_shard(times: u64) -> Attack {
     let mut packets = Packets::default();
     for at in 0..times {
         let block = Block { unit: 0, offset: at * 4, length: 4, shard: 2, count: 1 };
-        packets.push(&part(0, block.offset, &[1; 2]));
+        packets.push(&part(0, block.offset, 0, &[1; 2]));
         packets.push(&repair(block, 0));
     }
     Attack { name: "small blocks of one repair shard", before: Vec::new(), packets: packets.take() }
@@ -258,9 +192,9 @@ fn blocks_that_a_byte_completes(times: u64) -> Attack {
     let mut packets = Packets::default();
     for at in 0..times.min(4000) {
         let block = Block { unit: 0, offset: at * 1024, length: 1024, shard: 512, count: 2 };
-        packets.push(&part(0, block.offset, &[1; 511]));
+        packets.push(&part(0, block.offset, 0, &[1; 511]));
         packets.push(&repair(block, 0));
-        packets.push(&part(0, block.offset + 511, &[1]));
+        packets.push(&part(0, block.offset + 511, 0, &[1]));
     }
     Attack { name: "blocks that a byte completes", before: Vec::new(), packets: packets.take() }
 }
@@ -279,8 +213,8 @@ fn repair_without_an_end(times: u64) -> Attack {
 fn a_byte_at_the_end_of_the_window(times: u64) -> Attack {
     let mut packets = Packets::default();
     for unit in 0..times.min(200) {
-        packets.push(&part(unit, 0, &begin()));
-        packets.push(&part(unit, WINDOW - 1, &[1]));
+        packets.push(&part(unit, 0, 0, &begin()));
+        packets.push(&part(unit, WINDOW - 1, 0, &[1]));
         packets.push(&give_up(unit, WINDOW));
         // Each frame makes room for the next one once it was read.
         packets.flush();
@@ -292,7 +226,7 @@ fn a_byte_at_the_end_of_the_window(times: u64) -> Attack {
 fn bytes_backwards(times: u64) -> Attack {
     let mut packets = Packets::default();
     let count = times.min(4000);
-    (0..count).rev().for_each(|at| packets.push(&part(0, 1 + at * 2, &[1])));
+    (0..count).rev().for_each(|at| packets.push(&part(0, 1 + at * 2, 0, &[1])));
     Attack { name: "bytes with gaps, backwards", before: Vec::new(), packets: packets.take() }
 }
 
@@ -300,8 +234,8 @@ fn bytes_backwards(times: u64) -> Attack {
 fn bytes_with_gaps(times: u64) -> Attack {
     let mut packets = Packets::default();
     for unit in 0..times.div_ceil(4000) {
-        packets.push(&part(unit, 0, &begin()));
-        (0..4000).for_each(|at| packets.push(&part(unit, 88 + at * 8, &[1; 4])));
+        packets.push(&part(unit, 0, 0, &begin()));
+        (0..4000).for_each(|at| packets.push(&part(unit, 88 + at * 8, 0, &[1; 4])));
         packets.push(&give_up(unit, 40_000));
         packets.flush();
     }
@@ -312,13 +246,12 @@ fn bytes_with_gaps(times: u64) -> Attack {
 fn the_last_unit_allowed(times: u64) -> Attack {
     let mut packets = Packets::default();
     for round in 0..times.div_ceil(2000) {
-        packets.push(&part(round * 1024 + 1023, 0, &[]));
+        packets.push(&part(round * 1024 + 1023, 0, 0, &[]));
         packets.flush();
         for unit in 0..1024 {
-            let mut end = part(round * 1024 + unit, 0, &[]);
-            end[0] = 0x22;
-            packets.push(&end);
+            packets.push(&part(round * 1024 + unit, 0, 2, &[]));
         }
+        packets.flush();
     }
     Attack { name: "the last unit allowed", before: Vec::new(), packets: packets.take() }
 }
@@ -327,9 +260,7 @@ fn the_last_unit_allowed(times: u64) -> Attack {
 fn ends_of_units(times: u64) -> Attack {
     let mut packets = Packets::default();
     for unit in 0..times {
-        let mut end = part(unit, 0, &[]);
-        end[0] = 0x22;
-        packets.push(&end);
+        packets.push(&part(unit, 0, 2, &[]));
     }
     Attack { name: "units of nothing", before: Vec::new(), packets: packets.take() }
 }
@@ -411,7 +342,7 @@ pub fn frames_behind_one_that_never_arrives(frames: u32, pings: u64) -> (Victim,
     let mut credit = vec![0x03];
     varint(&mut credit, u64::MAX);
     varint(&mut credit, u64::MAX);
-    victim.take(&sealed(number, &credit));
+    victim.take(&sealed(HERE.0, number, &credit));
     for frame in 0..frames {
         if !victim.connection.is_writable() {
             break;
@@ -433,12 +364,12 @@ pub fn frames_behind_one_that_never_arrives(frames: u32, pings: u64) -> (Victim,
             victim.connection.handle_from(
                 victim.now,
                 at(1),
-                &sealed(number, &acknowledgement(&merged(&arrived[start..]))),
+                &sealed(HERE.0, number, &acknowledgement(&merged(&arrived[start..]))),
             );
             victim.connection.handle_timeout(victim.now);
         }
     }
-    let packets = (0..pings).map(|at| sealed(number + 1 + at, &[0x01])).collect();
+    let packets = (0..pings).map(|at| sealed(HERE.0, number + 1 + at, &[0x01])).collect();
     (victim, packets)
 }
 
