@@ -1,5 +1,8 @@
 //! What the fuzz targets check.
 
 pub mod checks;
+pub mod costs;
 pub mod datagrams;
 pub mod files;
+pub mod handshakes;
+pub mod wire;

@@ -24,6 +24,8 @@ pub(crate) struct Introduction<'o> {
     pub(crate) identity: Identity,
     pub(crate) session: SessionId,
     pub(crate) options: &'o Options,
+    /// When the attempt is cut short.
+    pub(crate) by: Instant,
 }
 
 /// Why no link came about.
@@ -118,6 +120,11 @@ pub enum AttemptError {
 }
 
 impl AttemptError {
+    /// Whether nobody said anything.
+    const fn is_silence(&self) -> bool {
+        matches!(self, Self::Handshake { cause: HandshakeError::Unanswered, .. })
+    }
+
     /// Whether another attempt would end the same.
     const fn is_final(&self) -> bool {
         matches!(
@@ -129,7 +136,6 @@ impl AttemptError {
                     | HandshakeError::UnknownPeer(_)
                     | HandshakeError::NotKnown { .. }
                     | HandshakeError::Alpn
-                    | HandshakeError::Datagram { .. }
                     | HandshakeError::Datagrams { .. },
                 ..
             }
@@ -157,10 +163,11 @@ pub async fn connect(
         attempts += 1;
         let session = SessionId(net.random().map_err(ConnectError::Random)?);
         let patience = net.now().after(options.handshake).min(deadline);
-        let introduction = Introduction { identity, session, options };
+        let introduction = Introduction { identity, session, options, by: patience };
         let attempt = attempt(net, endpoint, &introduction);
         let last = match until(&**net, patience, attempt).await {
             Some(Ok(link)) => return Ok(link),
+            Some(Err(e)) if patience == deadline && e.is_silence() => known.unwrap_or(e),
             Some(Err(e)) => e,
             // An attempt that was cut short by the deadline tells less than the one before it.
             None => known.filter(|_| patience == deadline).unwrap_or(AttemptError::TimedOut),

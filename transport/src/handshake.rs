@@ -47,12 +47,12 @@ pub enum HandshakeError {
     /// Someone came whose keys do not fit.
     #[error("someone came whose keys do not fit")]
     Stranger,
-    /// The other side has another version of the datagrams.
+    /// Nobody answered in this version of the datagrams, but somebody who claims that the other side has another one.
     #[error(
-        "the other side has version {theirs} of the datagrams, this one version {ours}: install the same release on both"
+        "no answer in version {ours} of the datagrams, but a claim that the other side has version {theirs}: if both sides have different releases, install the same on both"
     )]
     Datagram {
-        /// Its version.
+        /// The version that was claimed: anyone on the way can claim one.
         theirs: u64,
         /// Ours.
         ours: u64,

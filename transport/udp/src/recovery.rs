@@ -62,11 +62,15 @@ pub(crate) struct Recovery {
     max_ack_delay: Duration,
     /// Room for what the next acknowledgement tells of.
     spare: Vec<Content>,
+    /// When the round trip of this path was measured first.
+    sampled: Option<Instant>,
     pub(crate) rtt: Rtt,
     pub(crate) window: Window,
     pub(crate) lost_packets: u64,
     /// Probes since the beginning.
     pub(crate) all_probes: u64,
+    /// How often an acknowledgement made this side look at a packet.
+    pub(crate) visited: u64,
 }
 
 impl Recovery {
@@ -81,10 +85,12 @@ impl Recovery {
             loss: LossShare::new(),
             max_ack_delay,
             spare: Vec::new(),
+            sampled: None,
             rtt: Rtt::default(),
             window: Window::new(law, segment, initial),
             lost_packets: 0,
             all_probes: 0,
+            visited: 0,
         }
     }
 
@@ -150,9 +156,11 @@ impl Recovery {
         let in_flight = self.in_flight();
         for range in numbers.iter() {
             for number in range.start.max(self.flight.base())..range.end {
+                self.visited += 1;
                 let Some(sent) = self.flight.forget(number) else { continue };
                 if number == largest {
                     self.rtt.sample(now.since(sent.at), delay.min(self.max_ack_delay));
+                    self.sampled.get_or_insert(now);
                 }
                 self.probes = 0;
                 self.unanswered = false;
@@ -165,7 +173,7 @@ impl Recovery {
             }
         }
         self.largest_acked = self.largest_acked.max(Some(largest));
-        self.detect_losses(now, &mut verdict);
+        self.detect_losses(now, Some(numbers), &mut verdict);
         self.flight.trim();
         Ok(verdict)
     }
@@ -188,7 +196,7 @@ impl Recovery {
     pub(crate) fn on_timeout(&mut self, now: Instant) -> (Verdict, Option<Probe>) {
         let mut verdict = Verdict::default();
         if self.loss_time().is_some_and(|at| at <= now) {
-            self.detect_losses(now, &mut verdict);
+            self.detect_losses(now, None, &mut verdict);
             self.flight.trim();
             return (verdict, None);
         }
@@ -219,14 +227,22 @@ impl Recovery {
         Some(oldest.at.after(self.rtt.loss_delay()))
     }
 
-    fn detect_losses(&mut self, now: Instant, verdict: &mut Verdict) {
+    /// Finds what is lost by now; `acked` are the numbers of the acknowledgement that shows it, if it is one.
+    fn detect_losses(&mut self, now: Instant, acked: Option<&RangeSet>, verdict: &mut Verdict) {
         let Some(largest) = self.largest_acked else { return };
         let delay = self.rtt.loss_delay();
-        let (mut first, mut last) = (None, None);
+        let mut last = None;
+        // Since when nothing arrived, and the longest such time; what was sent before a round trip was measured does not count.
+        let (mut since, mut longest) = (None, Duration::ZERO);
         for number in self.flight.base()..largest {
+            self.visited += 1;
             let late = largest - number >= REORDERING;
-            let Some(sent) = self.flight.get(number) else { continue };
+            let Some(sent) = self.flight.get(number) else {
+                since = since.filter(|_| !acked.is_some_and(|acked| acked.contains(number)));
+                continue;
+            };
             if !late && now.since(sent.at) < delay {
+                since = None;
                 continue;
             }
             let Some(sent) = self.flight.forget(number) else { continue };
@@ -234,19 +250,20 @@ impl Recovery {
             if !sent.is_probe() {
                 self.lost_packets += 1;
                 self.loss.on_lost();
-                first = first.or(Some(sent.at));
                 last = Some(sent.at);
+                if self.sampled.is_some_and(|sampled| sampled <= sent.at) {
+                    longest = longest.max(sent.at.since(*since.get_or_insert(sent.at)));
+                }
             }
             verdict.lost.extend(sent.contents);
         }
-        if let (Some(first), Some(last)) = (first, last) {
-            if self.loss.is_congestion() || self.rtt.queues() {
-                self.window.on_loss(now, last);
-            }
-            let long = self.rtt.probe_timeout(self.max_ack_delay) * PERSISTENT;
-            if verdict.arrived.is_empty() && last.since(first) > long {
-                self.window.on_persistent_congestion();
-            }
+        let Some(last) = last else { return };
+        if self.loss.is_congestion() || self.rtt.queues() {
+            self.window.on_loss(now, last);
+        }
+        if acked.is_some() && longest > self.rtt.probe_timeout(self.max_ack_delay) * PERSISTENT {
+            self.window.on_persistent_congestion();
+            self.rtt.forget_minimum();
         }
     }
 }
@@ -371,6 +388,33 @@ mod tests {
             ms += 100;
         }
         assert_eq!(recovery.window.window(), 7_000, "too many for accidents");
+    }
+
+    /// Sends a packet each 20 ms, all of which are lost but those in `arrive`, and then one that arrives; gives the window.
+    fn after_an_outage(sampled: bool, packets: u64, arrive: Range<u64>) -> usize {
+        let mut recovery = sender();
+        if sampled {
+            send(&mut recovery, 0);
+            recovery.on_ack(at(10), &numbers(0..1), Duration::ZERO).unwrap();
+        }
+        let base = recovery.next_number();
+        for packet in 0..packets {
+            send(&mut recovery, 100 + 20 * packet);
+        }
+        let mut acked = numbers(base + packets..base + packets + 1);
+        acked.insert(base + arrive.start..base + arrive.end);
+        send(&mut recovery, 100 + 20 * packets);
+        recovery.on_ack(at(110 + 20 * packets), &acked, Duration::ZERO).unwrap();
+        recovery.window.window()
+    }
+
+    /// A probe timeout is 26 ms here: three of them are four packets' time.
+    #[test]
+    fn an_outage_of_three_probe_timeouts_leaves_the_smallest_window() {
+        assert_eq!(after_an_outage(true, 9, 0..0), 2_000);
+        assert!(after_an_outage(true, 4, 0..0) > 2_000, "it was too short");
+        assert!(after_an_outage(true, 9, 4..5) > 2_000, "one between them arrived");
+        assert!(after_an_outage(false, 9, 0..0) > 2_000, "nothing was measured before");
     }
 
     #[test]
