@@ -10,7 +10,7 @@ use trimaran::{
     walkthrough::{PathChoice, Plan, SceneFile, Trail, viewport},
 };
 use trimaran_actors::{
-    JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, VulkanPair, again, join_session,
+    JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, VulkanPair, again, join_session, max_frame,
 };
 use trimaran_gpu::{Gpu, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize};
@@ -75,7 +75,8 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
             config.keys.as_deref(),
             &[(name, peer.as_deref())],
         );
-        let options = config.link.options(guard.map_err(Failure::bad_input)?);
+        let mut options = config.link.options(guard.map_err(Failure::bad_input)?);
+        options.link.max_frame = max_frame(&file.scene);
         Ok::<_, Failure>(Place { endpoint: endpoint.clone(), options })
     };
     let display = place(&config.display, "peers.display", &config.peers.display)?;
@@ -129,7 +130,8 @@ fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
         [("peers.first", config.peers.first.as_deref()), ("peers.second", config.peers.second.as_deref())];
     let guard =
         config.link.security(&config.listen, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
-    let options = config.link.options(guard);
+    let mut options = config.link.options(guard);
+    options.link.max_frame = max_frame(&file.scene);
     let device = config.device.as_deref();
     let stage = DisplayStage::set(&file, device, &plan, &trail, runtime, &config.listen, &options)?;
     eprintln!("trimaran: the display listens on {}", stage.listener.local_endpoints());

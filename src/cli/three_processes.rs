@@ -14,6 +14,7 @@ use trimaran::{
     config::{LinkConfig, PairSeat, SwitchConfig, SwitchPeers},
     report::schema::Seat,
 };
+use trimaran_actors::max_frame;
 use trimaran_transport::{
     Endpoint, SocketPath,
     keys::{KeyFiles, Keys, Security},
@@ -49,7 +50,8 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
     let (listen, pair) = meeting_places(transport, configs.path())?;
     let link = LinkConfig::load(args.links.clone()).map_err(Failure::bad_input)?;
     let keyring = if link.needs_keys(&listen) { Some(Keyring::make(configs.path())?) } else { None };
-    let options = link.options(keyring.as_ref().map(|keyring| keyring.security.clone()));
+    let mut options = link.options(keyring.as_ref().map(|keyring| keyring.security.clone()));
+    options.link.max_frame = max_frame(&file.scene);
     let stage = DisplayStage::set(&file, device, &plan, &trail, &runtime, &listen.into(), &options)?;
 
     let scene = std::path::absolute(&args.scene).map_err(Failure::broken)?;

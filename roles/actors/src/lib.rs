@@ -14,8 +14,8 @@ mod vulkan;
 pub use clock::Stopwatch;
 pub use device::{PairDevice, PictureDevice};
 pub use driver::{
-    Cameras, DisplayRole, Gaps, LinkError, Observer, OccluderPolicy, PairRole, PairTraffic, RoleError,
-    ShownFrame, Stop, Stopper,
+    Cameras, DisplayRole, Gaps, IdError, LinkError, Observer, OccluderPolicy, PairRole, PairTraffic,
+    RoleError, ShownFrame, Stop, Stopper, max_frame,
 };
 pub use join::{JoinError, Joined, Place, again, await_pair, join_session, role_of};
 pub use machine::{DisplayMachine, DisplayStep, OrderError, Seat, SwitchMachine, SwitchStep};
