@@ -4,16 +4,17 @@ use std::{future::pending, net::SocketAddr, path::PathBuf, sync::Arc, time::Dura
 
 use tokio::runtime::Runtime;
 use trimaran::{
-    config::{DisplayConfig, PairSeat, RoleConfig, SessionConfig, SwitchConfig},
+    config::{DisplayConfig, PairSeat, PeerFile, RoleConfig, SessionConfig, SwitchConfig},
     metrics::{LinkMetrics, Serving},
     report::schema::Seat as ReportSeat,
     walkthrough::{PathChoice, Plan, SceneFile, Trail, viewport},
 };
 use trimaran_actors::{
     JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, VulkanPair, again, join_session, max_frame,
+    role_of,
 };
 use trimaran_gpu::{Gpu, GpuScene};
-use trimaran_proto::{BatchSize, EpsilonPx, PictureSize};
+use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Role};
 use trimaran_transport::{Endpoint, Instant, Link, Net, TokioNet, sleep_until};
 
 use super::{
@@ -69,18 +70,15 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
         PairSeat::First => Seat::First,
         PairSeat::Second => Seat::Second,
     };
-    let place = |endpoint: &Endpoint, name, peer: &Option<PathBuf>| {
-        let guard = config.link.security(
-            &endpoint.clone().into(),
-            config.keys.as_deref(),
-            &[(name, peer.as_deref())],
-        );
+    let place = |endpoint: &Endpoint, name, role, peer: &Option<PathBuf>| {
+        let peer = PeerFile { name, role: Some(role), path: peer.as_deref() };
+        let guard = config.link.security(&endpoint.clone().into(), config.keys.as_deref(), &[peer]);
         let mut options = config.link.options(guard.map_err(Failure::bad_input)?);
         options.link.max_frame = max_frame(&file.scene);
         Ok::<_, Failure>(Place { endpoint: endpoint.clone(), options })
     };
-    let display = place(&config.display, "peers.display", &config.peers.display)?;
-    let pair = place(&config.pair, "peers.other", &config.peers.other)?;
+    let display = place(&config.display, "peers.display", Role::Display, &config.peers.display)?;
+    let pair = place(&config.pair, "peers.other", role_of(seat.other()), &config.peers.other)?;
     let scene = file.scene.hash();
     let (mut metrics, mut wait_s, mut lost) = (Metrics::new(config.metrics), config.patience_s, None);
     loop {
@@ -126,8 +124,11 @@ fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
     let choice = PathChoice::parse(&config.session.path, config.session.seed);
     let size = viewport(plan.size).map_err(Failure::bad_input)?;
     let trail = Trail::find(&choice, &file.scene, size, config.session.frames).map_err(Failure::bad_input)?;
-    let peers =
-        [("peers.first", config.peers.first.as_deref()), ("peers.second", config.peers.second.as_deref())];
+    let (first, second) = (config.peers.first.as_deref(), config.peers.second.as_deref());
+    let peers = [
+        PeerFile { name: "peers.first", role: Some(role_of(Seat::First)), path: first },
+        PeerFile { name: "peers.second", role: Some(role_of(Seat::Second)), path: second },
+    ];
     let guard =
         config.link.security(&config.listen, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
     let mut options = config.link.options(guard);

@@ -15,9 +15,10 @@ use trimaran::{
     report::schema::Seat,
 };
 use trimaran_actors::max_frame;
+use trimaran_proto::Role;
 use trimaran_transport::{
     Endpoint, SocketPath,
-    keys::{KeyFiles, Keys, Security},
+    keys::{KeyFiles, Keys, KnownPeer, Security},
 };
 
 use super::{
@@ -112,8 +113,9 @@ impl Keyring {
         };
         let ((keys, display), (first, one), (second, two)) =
             (make("display")?, make("first")?, make("second")?);
-        let peers = vec![first.public().clone(), second.public().clone()];
-        Ok(Self { security: Security { keys, peers }, display, pair: [one, two] })
+        let peers = [(first, Role::SwitchA), (second, Role::SwitchB)]
+            .map(|(keys, role)| KnownPeer::in_role(keys.public().clone(), role));
+        Ok(Self { security: Security { keys, peers: peers.into() }, display, pair: [one, two] })
     }
 
     const fn of(&self, seat: PairSeat) -> &KeyFiles {

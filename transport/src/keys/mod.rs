@@ -3,6 +3,7 @@
 //! One pair of files serves every transport that encrypts: `NAME.key` is private and stays on its machine, `NAME.pub` goes to the
 //! peers.
 
+mod claim;
 mod file;
 mod fingerprint;
 mod hex;
@@ -17,8 +18,10 @@ use rustls::crypto::ring::sign::any_supported_type;
 use rustls::pki_types::{CertificateDer, PrivatePkcs8KeyDer};
 use rustls::sign::CertifiedKey;
 use serde::{Deserialize, Serialize};
+use trimaran_proto::Role;
 
 use crate::Name;
+pub use claim::{PeerKey, WrongRole};
 use file::PrivateFile;
 pub use file::{KeyFiles, KeysError};
 pub use fingerprint::{Fingerprint, FingerprintError};
@@ -56,8 +59,18 @@ pub struct PublicKeys {
 pub struct Security {
     /// This peer's own keys.
     pub keys: Keys,
-    /// The peers that it talks to: nobody else is let in, and nobody else is believed.
-    pub peers: Vec<PublicKeys>,
+    /// The peers that it talks to, each in its role: nobody else is let in, and nobody else is believed. A key may be there more than
+    /// once, with a role each.
+    pub peers: Vec<KnownPeer>,
+}
+
+/// A peer that this one knows.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct KnownPeer {
+    /// What it is known by.
+    pub keys: PublicKeys,
+    /// The role that it may have; any if not given.
+    pub role: Option<Role>,
 }
 
 impl Keys {
@@ -112,6 +125,21 @@ impl Keys {
         certified.keys_match()?;
         let public = PublicKeys { name: file.name.clone(), quic, udp: file.udp_key.public() };
         Ok(Self { certified: Arc::new(certified), public, file: Arc::new(file) })
+    }
+}
+
+impl KnownPeer {
+    /// Who has these keys may have this role.
+    #[must_use]
+    pub const fn in_role(keys: PublicKeys, role: Role) -> Self {
+        Self { keys, role: Some(role) }
+    }
+}
+
+/// Who has these keys may have any role.
+impl From<PublicKeys> for KnownPeer {
+    fn from(keys: PublicKeys) -> Self {
+        Self { keys, role: None }
     }
 }
 

@@ -35,6 +35,11 @@ impl NoiseKey {
     pub const fn to_bytes(self) -> [u8; 32] {
         self.0
     }
+
+    /// The key of these bytes, as the Noise handshake gives them.
+    pub(crate) const fn from_bytes(bytes: [u8; 32]) -> Self {
+        Self(bytes)
+    }
 }
 
 impl NoiseSecret {

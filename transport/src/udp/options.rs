@@ -71,7 +71,10 @@ impl Trust {
             Self::Plaintext => Noise::Plaintext,
             Self::Keys => {
                 let Security { keys, peers } = known.ok_or(HandshakeError::NoKeys)?;
-                let peers = peers.iter().map(|peer| peer.udp.to_bytes()).collect();
+                let mut peers: Vec<_> = peers.iter().map(|peer| peer.keys.udp.to_bytes()).collect();
+                // A key may be known for several roles.
+                peers.sort_unstable();
+                peers.dedup();
                 Noise::Pinned { own: keys.noise().to_bytes(), peers }
             }
         })

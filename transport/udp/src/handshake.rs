@@ -232,6 +232,8 @@ pub struct Knock {
     pub from: ConnectionId,
     /// What it says.
     pub hello: Vec<u8>,
+    /// The pinned key that its sender has proved to hold.
+    pub key: Option<[u8; 32]>,
     half: Half,
 }
 
@@ -301,11 +303,14 @@ impl Door {
     fn open(&self, from: ConnectionId, noise: &[u8]) -> Option<Knock> {
         let mut half = Half::new(&self.security, from, false).ok()?;
         let hello = half.read(noise)?;
-        if let (Security::Pinned { peers, .. }, Half::Noise(state)) = (&self.security, &half) {
-            let theirs = state.get_remote_static()?;
-            peers.iter().find(|peer| peer.as_slice() == theirs)?;
-        }
-        Some(Knock { from, hello, half })
+        let key = match (&self.security, &half) {
+            (Security::Pinned { peers, .. }, Half::Noise(state)) => {
+                let theirs = state.get_remote_static()?;
+                Some(*peers.iter().find(|peer| peer.as_slice() == theirs)?)
+            }
+            _ => None,
+        };
+        Some(Knock { from, hello, key, half })
     }
 }
 
