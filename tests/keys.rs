@@ -89,7 +89,8 @@ fn the_second_machines_keys_do_not_get_the_first_machines_place_and_the_session_
         let (code, said) = ended(show);
         assert_eq!(code, Some(0), "{transport}: {said}");
         let key = fingerprint(folder, transport, "second.pub");
-        let claim = format!("key 'second' ({key}) claims to be switch A; this configuration knows it as switch B");
+        let claim =
+            format!("key 'second' ({key}) claims to be switch A; this configuration knows it as switch B");
         assert_eq!(said.matches(&claim).count(), 1, "{transport}: {said}");
     }
 }

@@ -19,6 +19,7 @@ use rustls::pki_types::{CertificateDer, PrivatePkcs8KeyDer};
 use rustls::sign::CertifiedKey;
 use serde::{Deserialize, Serialize};
 use trimaran_proto::Role;
+use zeroize::Zeroize;
 
 use crate::Name;
 pub use claim::{PeerKey, WrongRole};
@@ -79,12 +80,14 @@ impl Keys {
     /// # Errors
     /// When the system gives no randomness.
     pub fn generate(name: Name) -> Result<Self, KeysError> {
-        let key = KeyPair::generate_for(&PKCS_ED25519)?;
+        let mut key = KeyPair::generate_for(&PKCS_ED25519)?;
         let certificate = CertificateParams::new(vec![COMMON_NAME.to_owned()])?.self_signed(&key)?;
+        let quic_key = key.serialize_der().into();
+        key.zeroize();
         Self::assemble(PrivateFile {
             name,
             quic_certificate: certificate.der().to_vec().into(),
-            quic_key: key.serialize_der().into(),
+            quic_key,
             udp_key: NoiseSecret::random().map_err(KeysError::Random)?,
         })
     }

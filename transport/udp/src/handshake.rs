@@ -6,6 +6,7 @@ use std::net::SocketAddr;
 use snow::{Builder, HandshakeState};
 use thiserror::Error;
 use trimaran_proto::Instant;
+use zeroize::Zeroizing;
 
 use crate::connection::{Config, Connection};
 use crate::cookie::Jar;
@@ -15,15 +16,15 @@ use crate::packet::{ConnectionId, CookieBytes, MIN_DATAGRAM, Packet, VERSION};
 /// The most that a hello may have: a first packet has room for it, its cookie and its keys.
 pub const MAX_HELLO: usize = 1024;
 
-/// What makes peers trust each other. Both sides need the same kind.
+/// What makes peers trust each other. Both sides need the same kind. Secrets are wiped from memory when this is dropped.
 #[derive(Clone, PartialEq, Eq)]
 pub enum Security {
     /// Both hold this key (`Noise_NNpsk0`): who has it is a peer.
-    PreShared([u8; 32]),
+    PreShared(Zeroizing<[u8; 32]>),
     /// Each holds a key pair and knows the other's public key (`Noise_IK`, X25519).
     Pinned {
         /// The private key of this side.
-        own: [u8; 32],
+        own: Zeroizing<[u8; 32]>,
         /// The public keys of peers: a listener takes them all, who connects expects the first.
         peers: Vec<[u8; 32]>,
     },
@@ -82,7 +83,7 @@ impl Half {
             Security::Pinned { own, peers } => {
                 let peer = peers.first().ok_or(HandshakeError::NoPeer)?;
                 PINNED.parse().and_then(|params| {
-                    let builder = Builder::new(params).local_private_key(own)?;
+                    let builder = Builder::new(params).local_private_key(&**own)?;
                     build(if initiates { builder.remote_public_key(peer)? } else { builder })
                 })
             }
