@@ -99,7 +99,7 @@ fn camera(frame: u32) -> Result<Camera, trimaran_proto::CameraError> {
 async fn links(net: &Arc<dyn Net>, endpoint: &Endpoint) -> Result<(Link, Link), Box<dyn Error>> {
     let (machine, display) = (Keys::generate("machine".parse()?)?, Keys::generate("display".parse()?)?);
     let options = |own: &Keys, other: &Keys| Options {
-        security: Some(Security { keys: own.clone(), peers: vec![other.public().clone()] }),
+        security: Some(Security { keys: own.clone(), peers: vec![other.public().clone().into()] }),
         ..Options::default()
     };
     let identity = |role| Identity { role, scene: SceneHash(0x1234), settings: None };

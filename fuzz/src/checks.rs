@@ -60,7 +60,7 @@ pub fn frames(bytes: &[u8]) {
     let Some((size, calls)) = bytes.split_first() else { return };
     let batch = BatchSize::new(u32::from(*size)).unwrap_or_default();
     let mut writer = FrameWriter::new(batch);
-    let mut assembler = FrameAssembler::new();
+    let mut assembler = FrameAssembler::new(u32::MAX);
     let (mut pushed, mut got) = (Vec::new(), Vec::new());
     for (at, call) in calls.iter().enumerate() {
         let mut sent = Vec::new();
@@ -114,7 +114,7 @@ pub fn changes(bytes: &[u8]) {
             DrawableId(next)
         })
         .collect();
-    let (mut decoder, mut encoder) = (IdDecoder::new(), IdEncoder::new(Delivery::Ordered));
+    let (mut decoder, mut encoder) = (IdDecoder::new(u32::MAX), IdEncoder::new(Delivery::Ordered));
     let mut writer = FrameWriter::new(BatchSize::MAX);
     let mut first = Vec::new();
     first.extend(begin(&mut writer, 0));

@@ -28,7 +28,7 @@ fn now() -> Instant {
 pub fn strangers(bytes: &[u8]) {
     let mut filled = bytes.to_vec();
     filled.resize(MIN_DATAGRAM.max(bytes.len()), 0);
-    for security in [Security::Plaintext, Security::PreShared([9; 32])] {
+    for security in [Security::Plaintext, Security::PreShared([9; 32].into())] {
         for datagram in [bytes, &filled] {
             knock(&security, datagram);
             answer(&security, datagram);

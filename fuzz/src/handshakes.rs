@@ -24,7 +24,7 @@ const FLOOD: Duration = Duration::from_millis(50);
 pub fn handshakes(bytes: &[u8]) {
     let mut reader = bytes.iter().copied();
     let security = match reader.next().unwrap_or_default() % 2 {
-        0 => Security::PreShared([9; 32]),
+        0 => Security::PreShared([9; 32].into()),
         _ => pinned(),
     };
     let Some(mut street) = Street::new(&security) else { unreachable!("the keys are good") };
@@ -41,7 +41,7 @@ fn pinned() -> Security {
         0x57, 0xdb, 0x4b, 0x35, 0x9f, 0x23, 0xae, 0x5e, 0x14, 0x6e, 0x4e, 0x25, 0x12, 0x05, 0x67, 0x04, 0x72,
         0x25, 0x06, 0x34, 0x8c, 0x15, 0x0c, 0x14, 0x75, 0x3d, 0x0c, 0x93, 0x3d, 0x04, 0xd4, 0x21,
     ];
-    Security::Pinned { own: [9; 32], peers: vec![PUBLIC] }
+    Security::Pinned { own: [9; 32].into(), peers: vec![PUBLIC] }
 }
 
 /// Two peers, and what is between them.

@@ -60,7 +60,7 @@ async fn pair([here, there]: &[Arc<dyn Net>; 2], transport: &str, batch: u32) ->
     let (a, b) = (keys("a"), keys("b"));
     let link = LinkConfig { batch: BatchSize::new(batch).unwrap(), ..LinkConfig::default() };
     let options = |own: &Keys, peer: &Keys| {
-        let security = Some(Security { keys: own.clone(), peers: vec![peer.public().clone()] });
+        let security = Some(Security { keys: own.clone(), peers: vec![peer.public().clone().into()] });
         Options { link, security, ..Options::default() }
     };
     let (ours, theirs) = (options(&a, &b), options(&b, &a));

@@ -58,7 +58,7 @@ fn acquainted(link: LinkConfig) -> (Options, Options) {
     let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
     let (a, b) = (keys("a"), keys("b"));
     let with = |keys: &Keys, peer: &Keys| {
-        let security = Some(Security { keys: keys.clone(), peers: vec![peer.public().clone()] });
+        let security = Some(Security { keys: keys.clone(), peers: vec![peer.public().clone().into()] });
         Options { link, security, ..Options::default() }
     };
     (with(&a, &b), with(&b, &a))

@@ -56,7 +56,7 @@ fn machines(link: &LinkModel, seed: u64) -> (Simulation, Udp) {
     let (here, there) = (topology.host("here"), topology.host("there"));
     topology.join(topology.node(here), topology.node(there), link.clone(), link.clone());
     let simulation = Simulation::new(&topology, seed);
-    let options = UdpOptions { trust: Trust::SharedKey([9; 32]), ..UdpOptions::default() };
+    let options = UdpOptions { trust: Trust::SharedKey([9; 32].into()), ..UdpOptions::default() };
     let pairs = Udp { here: simulation.net(here), there: simulation.net(there), options };
     (simulation, pairs)
 }

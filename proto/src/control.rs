@@ -164,6 +164,16 @@ pub enum Refusal {
     /// The listening peer has too many handshakes under way; trying again later may work.
     #[error("the listener has too many handshakes under way: try again")]
     Busy,
+    /// The listening peer knows the connecting peer's key for another role.
+    #[error(
+        "the connecting peer claims to be {claimed}, and the listener knows its key as that of {known}:          use this role's own keys, or name them for it in the listener's configuration"
+    )]
+    Key {
+        /// The role that the connecting peer claims.
+        claimed: Role,
+        /// The role that its key is known for.
+        known: Role,
+    },
 }
 
 impl Refusal {

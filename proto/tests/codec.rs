@@ -9,8 +9,8 @@ use bytes::BytesMut;
 use proptest::prelude::*;
 use trimaran_proto::{
     BatchSize, Camera, Decoder, Delivery, DrawableId, FrameAssembler, FrameEvent, FrameMessage, FrameNumber,
-    FrameOutcome, FrameStart, FrameViolation, FrameWriter, Goodbye, IdDecoder, IdEncoder, Identity, Lane,
-    Message, Refusal, Role, SceneHash, SessionId,
+    FrameOrderError, FrameOutcome, FrameStart, FrameViolation, FrameWriter, Goodbye, IdDecoder, IdEncoder,
+    Identity, Lane, Message, Refusal, Role, SceneHash, SessionId,
 };
 
 prop_compose! {
@@ -136,7 +136,7 @@ proptest! {
         let sent = frame(3, camera, batch, &pieces);
         let mut out = BytesMut::new();
         sent.iter().for_each(|message| Message::Frame(message.clone()).encode(&mut out));
-        let mut assembler = FrameAssembler::new();
+        let mut assembler = FrameAssembler::new(u32::MAX);
         let (mut ids, mut outcome) = (Vec::new(), None);
         for message in decode(&out, &cuts) {
             let Message::Frame(message) = message else { panic!("{message:?}") };
@@ -162,7 +162,7 @@ proptest! {
         let lost = messages.remove(1 + which.index(messages.len() - 2));
         let FrameMessage::Ids(lost) = lost else { panic!("{lost:?}") };
         let expected = pieces.concat().len() as u32;
-        let mut assembler = FrameAssembler::new();
+        let mut assembler = FrameAssembler::new(u32::MAX);
         let last = messages.into_iter().map(|message| assembler.take(message).unwrap()).last();
         let received = expected - lost.count() as u32;
         let incomplete = FrameOutcome::Incomplete { frame: FrameNumber(0), expected, received };
@@ -174,7 +174,7 @@ proptest! {
         let ids: Vec<u32> = ids.drain().collect();
         let mut messages = frame(0, camera, BatchSize::new(1).unwrap(), &[ids]);
         messages.swap(1, 2);
-        let mut assembler = FrameAssembler::new();
+        let mut assembler = FrameAssembler::new(u32::MAX);
         let last = messages.into_iter().map(|message| assembler.take(message)).last();
         let found_out = matches!(last, Some(Err(FrameViolation::Hash { .. })));
         prop_assert!(found_out, "{:?}", last);
@@ -187,7 +187,7 @@ proptest! {
         lost in prop::collection::vec(any::<prop::sample::Index>(), 0..4),
     ) {
         let delivery = if lossy { Delivery::Lossy } else { Delivery::Ordered };
-        let (mut encoder, mut decoder, mut assembler) = (IdEncoder::new(delivery), IdDecoder::new(), FrameAssembler::new());
+        let (mut encoder, mut decoder, mut assembler) = (IdEncoder::new(delivery), IdDecoder::new(u32::MAX), FrameAssembler::new(u32::MAX));
         let lost: Vec<usize> = lost.iter().map(|index| index.index(frames.len())).collect();
         for (number, (ids, batch)) in frames.into_iter().enumerate() {
             let frame = FrameNumber(number as u32);
@@ -267,4 +267,28 @@ fn the_fuzz_corpus_does_no_harm() {
         }
     }
     assert!(replayed >= 20, "only {replayed} inputs: is the corpus there?");
+}
+
+/// Both ends count, whether the ids come in one batch or in many.
+#[test]
+fn a_frame_of_more_ids_than_it_may_have_is_refused_at_both_ends() {
+    let ids = |range: std::ops::Range<u32>| range.map(DrawableId).collect::<Vec<_>>();
+    let number = FrameNumber(3);
+    let start = FrameStart { frame: number, camera: Camera::at_origin(number) };
+    for batch in [1, 3, 16_384] {
+        let mut writer = FrameWriter::new(BatchSize::new(batch).unwrap()).of_at_most(10);
+        let mut sent = vec![writer.begin(start).unwrap()];
+        writer.push(&ids(0..8), |message| sent.push(message)).unwrap();
+        let one_too_many = writer.push(&ids(8..11), |_| panic!("nothing of it is sent"));
+        assert_eq!(one_too_many, Err(FrameOrderError::TooMany { frame: number, most: 10 }));
+        writer.push(&ids(8..10), |message| sent.push(message)).unwrap();
+        writer.finish(|message| sent.push(message)).unwrap();
+
+        let taken = |most| {
+            let mut assembler = FrameAssembler::new(most);
+            sent.iter().cloned().try_fold(None, |_, message| assembler.take(message).map(Some))
+        };
+        assert!(matches!(taken(10), Ok(Some(FrameEvent::End(FrameOutcome::Complete(_))))), "{batch}");
+        assert_eq!(taken(9), Err(FrameViolation::Beyond { frame: number, most: 9 }), "{batch}");
+    }
 }

@@ -18,6 +18,7 @@ local TESTERS = { [0] = "query", "raster", "hzb" }
 local REASONS = {
   [0] = "versions differ", "scenes differ", "the role is taken", "settings differ", "the lane came twice",
   "the other lane did not come in time", "too many handshakes under way",
+  "the key is known for another role",
 }
 local GOODBYES = { [0] = "the session is over", "interrupted", "failed", "lost a peer" }
 local FORMS = { [0] = "data", "initial", "retry", "answer" }

@@ -7,7 +7,7 @@ use std::{path::PathBuf, sync::Arc, time::Duration};
 use clap::Args;
 use confique::Config;
 use trimaran::{
-    config::{LinkConfig, positive},
+    config::{LinkConfig, PeerFile, positive},
     metrics::PathReading,
 };
 use trimaran_proto::{BatchSize, Goodbye, Identity, Refusal, Role, SceneHash};
@@ -94,7 +94,8 @@ pub(crate) struct PingArgs {
 
 pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
     let links = LinkConfig::load(args.links.clone()).map_err(Failure::bad_input)?;
-    let peer = [("peer", args.peer.as_deref())];
+    // Whoever answers or pings has no role in a session.
+    let peer = [PeerFile { name: "peer", role: None, path: args.peer.as_deref() }];
     let guard = links.security(&args.endpoint.clone().into(), args.keys.as_deref(), &peer);
     let guard = guard.map_err(Failure::bad_input)?;
     let mut options = links.options(guard);

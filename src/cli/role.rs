@@ -10,17 +10,17 @@ use std::{
 
 use tokio::runtime::Runtime;
 use trimaran::{
-    config::{DisplayConfig, PairSeat, RoleConfig, SessionConfig, SwitchConfig},
+    config::{DisplayConfig, PairSeat, PeerFile, RoleConfig, SessionConfig, SwitchConfig},
     metrics::{LinkMetrics, Serving},
     report::schema::Seat as ReportSeat,
     walkthrough::{PathChoice, Plan, SceneFile, Trail, viewport},
 };
 use trimaran_actors::{
     JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, Stop, VulkanPair, again, join_session,
-    leave_unable,
+    leave_unable, max_frame, role_of,
 };
 use trimaran_gpu::{Gpu, GpuScene};
-use trimaran_proto::{BatchSize, EpsilonPx, PictureSize};
+use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Role};
 use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Instant, Link, Net, TokioNet, sleep_until};
 
@@ -73,19 +73,19 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
         PairSeat::First => Seat::First,
         PairSeat::Second => Seat::Second,
     };
-    let place = |endpoint: &Endpoint, name, peer: &Option<PathBuf>| {
-        let guard = config.link.security(
-            &endpoint.clone().into(),
-            config.keys.as_deref(),
-            &[(name, peer.as_deref())],
-        );
+    let place = |endpoint: &Endpoint, name, role, peer: &Option<PathBuf>| {
+        let peer = PeerFile { name, role: Some(role), path: peer.as_deref() };
+        let guard = config.link.security(&endpoint.clone().into(), config.keys.as_deref(), &[peer]);
         let options = config.link.options(guard.map_err(Failure::bad_input)?);
         Ok::<_, Failure>(Place { endpoint: endpoint.clone(), options })
     };
-    let display = place(&config.display, "peers.display", &config.peers.display)?;
-    let pair = place(&config.pair, "peers.other", &config.peers.other)?;
+    let mut display = place(&config.display, "peers.display", Role::Display, &config.peers.display)?;
+    let mut pair = place(&config.pair, "peers.other", role_of(seat.other()), &config.peers.other)?;
     let start = Start::new(runtime, config.patience_s);
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
+    for place in [&mut display, &mut pair] {
+        place.options.link.max_frame = max_frame(&file.scene);
+    }
     let Some(drawn) = start.until(async || upload(&file, config.device.as_deref()))? else { return Ok(()) };
     let Some(mut metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else {
         return Ok(());
@@ -134,15 +134,19 @@ fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
     let plan = session_plan(&config.session)?;
     let choice = PathChoice::parse(&config.session.path, config.session.seed);
     let size = viewport(plan.size).map_err(Failure::bad_input)?;
-    let peers =
-        [("peers.first", config.peers.first.as_deref()), ("peers.second", config.peers.second.as_deref())];
+    let (first, second) = (config.peers.first.as_deref(), config.peers.second.as_deref());
+    let peers = [
+        PeerFile { name: "peers.first", role: Some(role_of(Seat::First)), path: first },
+        PeerFile { name: "peers.second", role: Some(role_of(Seat::Second)), path: second },
+    ];
     let guard =
         config.link.security(&config.listen, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
-    let options = config.link.options(guard);
+    let mut options = config.link.options(guard);
     check_trace(config.record.as_deref())?;
     let start = Start::new(runtime, config.patience_s);
     let Some(folder) = start.until(async || open_folder(&config.out))? else { return Ok(()) };
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
+    options.link.max_frame = max_frame(&file.scene);
     let trail = Trail::find(&choice, &file.scene, size, config.session.frames).map_err(Failure::bad_input)?;
     let Some(drawn) = start.until(async || upload(&file, config.device.as_deref()))? else { return Ok(()) };
     let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };

@@ -14,9 +14,11 @@ use trimaran::{
     config::{LinkConfig, PairSeat, SwitchConfig, SwitchPeers},
     report::schema::Seat,
 };
+use trimaran_actors::max_frame;
+use trimaran_proto::Role;
 use trimaran_transport::{
     Endpoint, SocketPath,
-    keys::{KeyFiles, Keys, Security},
+    keys::{KeyFiles, Keys, KnownPeer, Security},
 };
 
 use super::{
@@ -53,7 +55,8 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
     let (listen, pair) = meeting_places(transport, configs.path())?;
     let link = LinkConfig::load(args.links.clone()).map_err(Failure::bad_input)?;
     let keyring = if link.needs_keys(&listen) { Some(Keyring::make(configs.path())?) } else { None };
-    let options = link.options(keyring.as_ref().map(|keyring| keyring.security.clone()));
+    let mut options = link.options(keyring.as_ref().map(|keyring| keyring.security.clone()));
+    options.link.max_frame = max_frame(&file.scene);
     let drawn = upload(&file, device)?;
     let listen = listen.into();
     let stage = DisplayStage::set(&file, drawn, &plan, &trail, &runtime, &listen, &options);
@@ -120,8 +123,9 @@ impl Keyring {
         };
         let ((keys, display), (first, one), (second, two)) =
             (make("display")?, make("first")?, make("second")?);
-        let peers = vec![first.public().clone(), second.public().clone()];
-        Ok(Self { security: Security { keys, peers }, display, pair: [one, two] })
+        let peers = [(first, Role::SwitchA), (second, Role::SwitchB)]
+            .map(|(keys, role)| KnownPeer::in_role(keys.public().clone(), role));
+        Ok(Self { security: Security { keys, peers: peers.into() }, display, pair: [one, two] })
     }
 
     const fn of(&self, seat: PairSeat) -> &KeyFiles {

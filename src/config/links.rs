@@ -4,9 +4,10 @@ use std::{path::Path, time::Duration};
 
 use confique::{Config, Layer};
 use serde::Serialize;
+use trimaran_proto::Role;
 use trimaran_transport::{
     Endpoint, Endpoints, Limits, Options,
-    keys::{Keys, PublicKeys, Security},
+    keys::{Keys, KnownPeer, PublicKeys, Security},
 };
 
 use super::{ConfigError, seconds};
@@ -97,6 +98,17 @@ pub struct LinkConfig {
     pub udp: UdpConfig,
 }
 
+/// A peer's public keys, as a configuration names them.
+#[derive(Debug, Clone, Copy)]
+pub struct PeerFile<'p> {
+    /// The key of the configuration.
+    pub name: &'static str,
+    /// The role that their holder may have; any if not given.
+    pub role: Option<Role>,
+    /// The file, where one is named.
+    pub path: Option<&'p Path>,
+}
+
 /// A lease that can be kept.
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "as the derived code calls it")]
 fn lease(seconds: &f64) -> Result<(), &'static str> {
@@ -150,8 +162,8 @@ impl LinkConfig {
         }
     }
 
-    /// What guards the links made at `endpoints`: this machine's `keys`, and the public ones of its `peers`, each under the key that
-    /// names it. None where no endpoint needs any.
+    /// What guards the links made at `endpoints`: this machine's `keys`, and the public ones of its `peers`, each for its role. None
+    /// where no endpoint needs any.
     ///
     /// # Errors
     /// When a file that is needed is not named, or cannot be used.
@@ -159,7 +171,7 @@ impl LinkConfig {
         &self,
         endpoints: &Endpoints,
         keys: Option<&Path>,
-        peers: &[(&'static str, Option<&Path>)],
+        peers: &[PeerFile<'_>],
     ) -> Result<Option<Security>, ConfigError> {
         let Some(endpoint) = endpoints.iter().find(|endpoint| self.needs_keys(endpoint)) else {
             return Ok(None);
@@ -168,14 +180,14 @@ impl LinkConfig {
         // A display may have one machine that comes over another transport: so one peer is enough, but it takes one.
         let known = peers
             .iter()
-            .filter_map(|(_, path)| *path)
-            .map(PublicKeys::read)
-            .collect::<Result<Vec<_>, _>>()?;
+            .filter_map(|peer| peer.path.map(|path| (path, peer.role)))
+            .map(|(path, role)| Ok(KnownPeer { keys: PublicKeys::read(path)?, role }))
+            .collect::<Result<Vec<_>, ConfigError>>()?;
         match (keys, peers) {
             (Some(keys), _) if !known.is_empty() => {
                 Ok(Some(Security { keys: Keys::read(keys)?, peers: known }))
             }
-            (_, [(peer, _), ..]) => Err(no_keys(peer)),
+            (_, [peer, ..]) => Err(no_keys(peer.name)),
             (_, []) => Err(no_keys("peers")),
         }
     }

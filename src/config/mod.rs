@@ -18,8 +18,8 @@ use thiserror::Error;
 use trimaran_transport::{Endpoint, keys::KeysError};
 
 pub use links::{
-    FileMode, FileModeError, FrameMode, LimitsConfig, LinkConfig, QuicConfig, RepairMode, TcpConfig,
-    UdpConfig, UdpCongestion, UdpTrust, UnixConfig,
+    FileMode, FileModeError, FrameMode, LimitsConfig, LinkConfig, PeerFile, QuicConfig, RepairMode,
+    TcpConfig, UdpConfig, UdpCongestion, UdpTrust, UnixConfig,
 };
 pub use role::{DisplayConfig, DisplayPeers, PairSeat, SessionConfig, SwitchConfig, SwitchPeers};
 

@@ -1,6 +1,7 @@
 use std::time::Duration;
 
 use confique::meta::{FieldKind, LeafKind, Meta};
+use trimaran_proto::Role;
 
 use super::*;
 
@@ -215,7 +216,7 @@ fn what_is_told_of_a_transport_reaches_its_links() {
 fn datagrams_in_the_clear_need_no_keys() {
     let mut link = LinkConfig::from_layer(Layer::default_values()).unwrap();
     let (udp, quic) = ("udp://a:1".parse().unwrap(), "udp://a:1,quic://a:2".parse().unwrap());
-    let none = [("peers.other", None)];
+    let none = [PeerFile { name: "peers.other", role: None, path: None }];
     assert!(link.security(&udp, None, &none).is_err());
     link.udp.trust = UdpTrust::Plain;
     assert_eq!(link.security(&udp, None, &none).unwrap(), None);
@@ -233,13 +234,15 @@ fn what_encrypts_needs_keys_of_both_sides() {
     let (one, two) = (make("one"), make("two"));
     let tcp = "tcp://a:1".parse().unwrap();
     let both = "tcp://a:1,quic://a:2".parse().unwrap();
-    let peer = ("peers.other", Some(two.public.as_path()));
+    let none = |name| PeerFile { name, role: Some(Role::SwitchB), path: None };
+    let peer = PeerFile { path: Some(two.public.as_path()), ..none("peers.other") };
     let link = LinkConfig::from_layer(Layer::default_values()).unwrap();
-    assert_eq!(link.security(&tcp, None, &[("peers.other", None)]).unwrap(), None);
-    let guard = link.security(&both, Some(&one.private), &[("peers.first", None), peer]).unwrap().unwrap();
+    assert_eq!(link.security(&tcp, None, &[none("peers.other")]).unwrap(), None);
+    let guard = link.security(&both, Some(&one.private), &[none("peers.first"), peer]).unwrap().unwrap();
     assert_eq!(guard.keys.public().name.as_str(), "one");
-    assert_eq!(guard.peers.iter().map(|peer| peer.name.as_str()).collect::<Vec<_>>(), ["two"]);
-    for (keys, peer) in [(None, peer), (Some(one.private.as_path()), ("peers.other", None))] {
+    let known = guard.peers.iter().map(|peer| (peer.keys.name.as_str(), peer.role));
+    assert_eq!(known.collect::<Vec<_>>(), [("two", Some(Role::SwitchB))]);
+    for (keys, peer) in [(None, peer), (Some(one.private.as_path()), none("peers.other"))] {
         let message = link.security(&both, keys, &[peer]).unwrap_err().to_string();
         assert!(message.contains("quic://a:2") && message.contains("peers.other"), "{message}");
     }

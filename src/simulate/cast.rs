@@ -9,7 +9,7 @@ use trimaran_netsim::Machines;
 use trimaran_proto::{
     DrawableId, EpsilonPx, FrameNumber, Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
 };
-use trimaran_transport::keys::{Keys, Security};
+use trimaran_transport::keys::{Keys, KnownPeer, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{Endpoint, Listener, Net, Options, Traffic, sleep_until};
 
@@ -159,7 +159,9 @@ impl Cast {
 fn acquainted(knobs: &Knobs) -> Result<[Options; 3], SimulateError> {
     let keys = |name: &str| -> Result<Keys, SimulateError> { Ok(Keys::generate(name.parse()?)?) };
     let all = [keys("first")?, keys("second")?, keys("display")?];
-    let peers: Vec<_> = all.iter().map(|keys| keys.public().clone()).collect();
+    let roles = [Role::SwitchA, Role::SwitchB, Role::Display];
+    let known = |(keys, role): (&Keys, Role)| KnownPeer::in_role(keys.public().clone(), role);
+    let peers: Vec<_> = all.iter().zip(roles).map(known).collect();
     let udp = UdpOptions {
         trust: if knobs.in_the_clear { Trust::Plaintext } else { Trust::Keys },
         deadline: knobs.deadline,

@@ -70,7 +70,7 @@ fn three_frames(coding: IdCoding, lost: usize) -> (Vec<(usize, Vec<u8>)>, usize)
     let (mut ends, mut captured) = introduced(config);
     let mut writer = FrameWriter::new(BatchSize::new(100).unwrap());
     let mut encoder = (coding == IdCoding::Changes).then(|| IdEncoder::new(Delivery::Ordered));
-    let (mut assembler, mut decoder) = (FrameAssembler::new(), IdDecoder::new());
+    let (mut assembler, mut decoder) = (FrameAssembler::new(u32::MAX), IdDecoder::new(u32::MAX));
     let (mut now, mut whole, mut bytes) = (Instant::from_nanos(0), 0, 0);
     let mut out = Vec::new();
     for frame in 0..3 {

@@ -134,6 +134,7 @@ impl AttemptError {
                     | HandshakeError::NoKeys
                     | HandshakeError::Tls(_)
                     | HandshakeError::UnknownPeer(_)
+                    | HandshakeError::WrongRole(_)
                     | HandshakeError::NotKnown { .. }
                     | HandshakeError::Alpn
                     | HandshakeError::Datagrams { .. },
@@ -216,6 +217,16 @@ pub(crate) async fn each_address<F: Future<Output = Result<Link, AttemptError>>>
         }
     }
     Err(last)
+}
+
+/// The link, if its peer may have the role that it claims; else the peer is told why not.
+pub(crate) async fn believed(link: Link, judged: Result<(), HandshakeError>) -> Result<Link, HandshakeError> {
+    let Err(error) = judged else { return Ok(link) };
+    if let HandshakeError::WrongRole(claim) = &error {
+        // It need not be heard.
+        let _unheard = link.goodbye(claim.goodbye()).await;
+    }
+    Err(error)
 }
 
 /// Tries once. Each transport has its arm here and in [`Listener::bind`](crate::Listener::bind).

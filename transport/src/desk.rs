@@ -7,6 +7,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 use trimaran_proto::{Identity, Refusal, Role};
 
 use crate::handshake::HandshakeError;
+use crate::keys::WrongRole;
 use crate::net::Net;
 use crate::rates::{Door, Handshakes, TurnedAway};
 use crate::{Link, Options, PeerAddress};
@@ -23,6 +24,8 @@ pub(crate) struct Desk {
     handshakes: Arc<Handshakes>,
     done: mpsc::Sender<Link>,
     last_failure: Mutex<Option<HandshakeError>>,
+    /// Which claims of known keys were warned of, each once.
+    wrong_roles: Mutex<Vec<WrongRole>>,
 }
 
 /// A role's place at the listener: freed when the last half of its link is dropped.
@@ -60,6 +63,7 @@ impl Desk {
             handshakes: Arc::new(Handshakes::new(&options.limits)),
             done,
             last_failure: Mutex::default(),
+            wrong_roles: Mutex::default(),
         }
     }
 
@@ -119,8 +123,20 @@ impl Desk {
 
     /// Notes what became of a connection that did not make it to a link.
     pub(crate) fn failed(&self, address: &dyn fmt::Display, error: HandshakeError) {
-        tracing::debug!(%address, error = &error as &dyn std::error::Error, "a handshake failed");
+        match &error {
+            HandshakeError::WrongRole(claim) if self.is_news(claim) => tracing::warn!(%address, "{claim}"),
+            _ => tracing::debug!(%address, error = &error as &dyn std::error::Error, "a handshake failed"),
+        }
         *lock(&self.last_failure) = Some(error);
+    }
+
+    fn is_news(&self, claim: &WrongRole) -> bool {
+        let mut known = lock(&self.wrong_roles);
+        let news = !known.contains(claim);
+        if news {
+            known.push(claim.clone());
+        }
+        news
     }
 
     /// Takes what became of the last connection that did not make it to a link.

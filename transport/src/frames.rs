@@ -5,10 +5,11 @@ use std::task::{Context, Poll, Waker};
 
 use trimaran_proto::{
     Delivery, DrawableId, FrameAssembler, FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOrderError,
-    FrameOutcome, FrameStart, FrameStats, FrameWriter, Goodbye, IdCoding, IdEncoder, Kind, Message,
+    FrameOutcome, FrameStart, FrameStats, FrameWriter, Goodbye, IdCoding, IdDecoder, IdEncoder, Kind, Lane,
+    Message,
 };
 
-use crate::error::{LaneError, LaneSendError, ProtocolError};
+use crate::error::{LaneError, LaneSendError, ProtocolError, misplaced};
 use crate::link::{Batching, Capabilities, Shared};
 use crate::net::Instant;
 use crate::patience::Patience;
@@ -35,6 +36,8 @@ pub struct FrameSender {
 #[derive(Debug)]
 pub struct FrameReceiver {
     pub(crate) assembler: FrameAssembler,
+    /// Where ids need not travel plain.
+    decoder: Option<IdDecoder>,
     pub(crate) lane: FrameRx,
     pub(crate) shared: Shared,
     pub(crate) patience: Patience,
@@ -61,6 +64,7 @@ pub(crate) enum FrameRx {
 impl FrameSender {
     pub(crate) fn new(
         Batching { size, coding }: Batching,
+        max_frame: u32,
         capabilities: Capabilities,
         lane: FrameTx,
         shared: Shared,
@@ -70,7 +74,8 @@ impl FrameSender {
         // Nothing is coded within one process.
         let codes = !matches!(lane, FrameTx::Inproc(_));
         let encoder = (coding == IdCoding::Changes && codes).then(|| IdEncoder::new(delivery));
-        Self { writer: FrameWriter::new(size), encoder, lane, shared, patience, span: FrameSpan::none() }
+        let writer = FrameWriter::new(size).of_at_most(max_frame);
+        Self { writer, encoder, lane, shared, patience, span: FrameSpan::none() }
     }
 
     /// Begins a frame; its camera is on its way when this returns.
@@ -93,7 +98,7 @@ impl FrameSender {
     /// remainder waits for more ids, [`FrameSender::flush`] or [`FrameSender::finish`].
     ///
     /// # Errors
-    /// When the peer is gone or stalls, or no frame is open.
+    /// When the peer is gone or stalls, no frame is open, or the frame would have more ids than it may.
     pub async fn push(&mut self, ids: &[DrawableId]) -> Result<(), SendError> {
         let Self { writer, encoder, lane, shared, .. } = self;
         writer.push(ids, |message| lane.stage(coded(encoder, message), shared)).map_err(|e| self.order(e))?;
@@ -191,8 +196,16 @@ fn coded(encoder: &mut Option<IdEncoder>, message: FrameMessage) -> Message {
 }
 
 impl FrameReceiver {
-    pub(crate) fn new(lane: FrameRx, shared: Shared, patience: Patience, rate: Messages) -> Self {
-        Self { assembler: FrameAssembler::new(), lane, shared, patience, rate, span: FrameSpan::none() }
+    pub(crate) fn new(
+        max_frame: u32,
+        lane: FrameRx,
+        shared: Shared,
+        patience: Patience,
+        rate: Messages,
+    ) -> Self {
+        let decoder = (!matches!(lane, FrameRx::Inproc(_))).then(|| IdDecoder::new(max_frame));
+        let assembler = FrameAssembler::new(max_frame);
+        Self { assembler, decoder, lane, shared, patience, rate, span: FrameSpan::none() }
     }
 
     /// Waits for what comes next. Dropping the future loses nothing.
@@ -253,6 +266,7 @@ impl FrameReceiver {
                     self.shared.counters.flooded();
                     LaneError::Protocol(ProtocolError::TooMany(e))
                 })?;
+                let message = decoded(&mut self.decoder, message)?;
                 self.assembler.take(message).map_err(|e| LaneError::Protocol(ProtocolError::Frame(e)))
             })
             .map_err(|e| e.receiving(self.shared.peer, self.patience.limit()))?;
@@ -270,6 +284,18 @@ impl FrameReceiver {
             FrameEvent::Stats(_) => {}
         }
         Ok(event)
+    }
+}
+
+/// The message of a frame that travelled as `message`.
+fn decoded(decoder: &mut Option<IdDecoder>, message: Message) -> Result<FrameMessage, LaneError> {
+    match (decoder, message) {
+        (None, Message::Frame(message)) => Ok(message),
+        (Some(decoder), Message::Frame(message)) => Ok(decoder.plain(message)),
+        (Some(decoder), Message::Coded(coded)) => {
+            decoder.coded(&coded).map_err(|e| LaneError::Protocol(e.into()))
+        }
+        (_, other) => Err(misplaced(other.kind(), Lane::Frames)),
     }
 }
 

@@ -6,7 +6,7 @@ use thiserror::Error;
 use trimaran_proto::{DecodeError, DecodeFault, Hello, Identity, Kind, Message, Refusal};
 
 use crate::error::{LaneError, Loss, ProtocolError};
-use crate::keys::Fingerprint;
+use crate::keys::{Fingerprint, WrongRole};
 use crate::quic::UnknownPeer;
 use crate::rates::TooMany;
 use crate::unix::ForeignUser;
@@ -63,6 +63,9 @@ pub enum HandshakeError {
     /// The peer's certificate is none that this side knows.
     #[error(transparent)]
     UnknownPeer(#[from] Box<UnknownPeer>),
+    /// The peer's key is known for another role than it claims.
+    #[error(transparent)]
+    WrongRole(#[from] Box<WrongRole>),
     /// The peer does not know this side's certificate.
     #[error(
         "the peer does not expect our certificate {presented}: add it to the peer's list, or use the keys it expects"
@@ -88,6 +91,17 @@ pub enum HandshakeError {
     /// The peer is another user's process.
     #[error(transparent)]
     ForeignUser(#[from] ForeignUser),
+}
+
+impl HandshakeError {
+    /// What the peer is told, where it is refused.
+    pub(crate) fn refusal(&self) -> Option<Refusal> {
+        match self {
+            Self::Refused(refusal) => Some(*refusal),
+            Self::WrongRole(claim) => Some(claim.refusal()),
+            _ => None,
+        }
+    }
 }
 
 impl From<LaneError> for HandshakeError {

@@ -7,12 +7,12 @@ use std::io;
 use std::sync::{Arc, LazyLock, Mutex, Weak};
 
 use tokio::sync::watch;
-use trimaran_proto::{Camera, FrameMessage, Goodbye, Identity, Kind, Lane, Message, Refusal, SessionId};
+use trimaran_proto::{Camera, Goodbye, Identity, Kind, Message, Refusal, SessionId};
 
 use crate::Name;
 use crate::connect::{AttemptError, Introduction};
 use crate::desk::{Desk, Place, lock};
-use crate::error::{LaneError, LaneSendError, Loss, misplaced};
+use crate::error::{LaneError, LaneSendError, Loss};
 use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx, weight};
 use crate::handshake::HandshakeError;
 use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
@@ -26,7 +26,7 @@ use crate::stats::Counters;
 const QUEUE: usize = 256;
 
 const CAPABILITIES: Capabilities =
-    Capabilities { reliable: true, ordered: true, max_frame: u32::MAX, encrypted: false, local: true };
+    Capabilities { reliable: true, ordered: true, encrypted: false, local: true };
 
 /// Who listens in this process, by name.
 static LISTENERS: LazyLock<Mutex<HashMap<Name, Weak<Desk>>>> = LazyLock::new(Mutex::default);
@@ -259,7 +259,7 @@ impl FrameRx {
         by: Option<Instant>,
         shared: &Shared,
         patience: &mut Patience,
-    ) -> Result<FrameMessage, LaneError> {
+    ) -> Result<Message, LaneError> {
         if let Some(reason) = &self.farewell {
             return Err(LaneError::Goodbye(reason.clone()));
         }
@@ -268,12 +268,11 @@ impl FrameRx {
         let (kind, bytes) = weight(&message);
         shared.counters.received.count(kind, bytes);
         match message {
-            Message::Frame(message) => Ok(message),
             Message::Goodbye(reason) => {
                 self.farewell = Some(reason.clone());
                 Err(LaneError::Goodbye(reason))
             }
-            _ => Err(misplaced(kind, Lane::Frames)),
+            message => Ok(message),
         }
     }
 }

@@ -88,8 +88,6 @@ pub struct Capabilities {
     pub reliable: bool,
     /// Frames arrive in the order sent, none before all of the one before.
     pub ordered: bool,
-    /// The most ids that a frame may have.
-    pub max_frame: u32,
     /// Nobody on the way can read or change what travels.
     pub encrypted: bool,
     /// The peer is on this machine.
@@ -135,6 +133,9 @@ pub struct LinkConfig {
     pub batch: BatchSize,
     /// How ids travel, where neither peer's settings say so. Within one process they are not coded.
     pub coding: IdCoding,
+    /// How many ids a frame may have at most, sent or received: a peer that sends more breaks the protocol, and is found out before
+    /// room is made for them. Give what the application can have, for instance how many drawables the scene has. Default 4,194,304.
+    pub max_frame: u32,
     /// How many messages the peer may send on the frames lane in a second, measured over that many: one that sends more is no peer but a
     /// flood, and the lane fails. Of cameras only the newest is read anyway. Not within one process. Default 1,000,000.
     pub messages_per_s: u32,
@@ -154,6 +155,7 @@ impl Default for LinkConfig {
             lease: Duration::from_secs(20),
             batch: BatchSize::default(),
             coding: IdCoding::default(),
+            max_frame: 1 << 22,
             messages_per_s: 1_000_000,
         }
     }
@@ -245,8 +247,21 @@ impl Parts {
             stats: shared.counters.handle(),
             latest_tx: LatestSender { lane: latest.0, shared: shared.clone(), patience: patience() },
             latest_rx: LatestReceiver { lane: latest.1, shared: shared.clone(), patience: patience() },
-            frames_tx: FrameSender::new(batching, capabilities, frames.0, shared.clone(), patience()),
-            frames_rx: FrameReceiver::new(frames.1, shared, patience(), Messages::new(most)),
+            frames_tx: FrameSender::new(
+                batching,
+                config.max_frame,
+                capabilities,
+                frames.0,
+                shared.clone(),
+                patience(),
+            ),
+            frames_rx: FrameReceiver::new(
+                config.max_frame,
+                frames.1,
+                shared,
+                patience(),
+                Messages::new(most),
+            ),
         }
     }
 }

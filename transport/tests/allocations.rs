@@ -66,7 +66,7 @@ fn asked(region: &Region<'_, System>) -> usize {
 #[tokio::test]
 async fn in_steady_state_neither_cameras_nor_frames_allocate() {
     let mut options = Options {
-        udp: UdpOptions { trust: Trust::SharedKey([9; 32]), ..UdpOptions::default() },
+        udp: UdpOptions { trust: Trust::SharedKey([9; 32].into()), ..UdpOptions::default() },
         ..Options::default()
     };
     options.link.coding = IdCoding::Plain;

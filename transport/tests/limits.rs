@@ -23,7 +23,7 @@ use trimaran_transport::{
 /// Options of peers that know each other over every transport.
 fn trusting() -> Options {
     let keys = Keys::generate("both".parse().unwrap()).unwrap();
-    let peers = vec![keys.public().clone()];
+    let peers = vec![keys.public().clone().into()];
     Options { security: Some(Security { keys, peers }), ..shared(1) }
 }
 

@@ -34,7 +34,7 @@ fn acquainted(options: &Options) -> (Options, Options) {
     let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
     let (a, b) = (keys("a"), keys("b"));
     let with = |keys: &Keys, peer: &Keys| {
-        let security = Some(Security { keys: keys.clone(), peers: vec![peer.public().clone()] });
+        let security = Some(Security { keys: keys.clone(), peers: vec![peer.public().clone().into()] });
         Options { security, ..options.clone() }
     };
     (with(&a, &b), with(&b, &a))
@@ -111,7 +111,7 @@ async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints
     let print = |options: &Options| public(options).quic;
 
     // The listener knows the peer, the peer another listener.
-    let security = Some(Security { peers: vec![public(&stranger)], ..of(&theirs) });
+    let security = Some(Security { peers: vec![public(&stranger).into()], ..of(&theirs) });
     let confused = Options { security, ..Options::default() };
     let (error, _) = failures(&ours, &confused, identity(Role::Display)).await;
     let HandshakeError::UnknownPeer(unknown) = handshake(error) else { panic!("the wrong listener") };
@@ -120,7 +120,7 @@ async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints
     assert!(message.contains(&print(&stranger).to_string()) && message.contains(&print(&ours).to_string()));
 
     // The peer knows the listener, the listener another peer.
-    let security = Some(Security { peers: vec![public(&ours)], ..of(&stranger) });
+    let security = Some(Security { peers: vec![public(&ours).into()], ..of(&stranger) });
     let intruder = Options { security, ..Options::default() };
     let (error, known) = failures(&ours, &intruder, identity(Role::Display)).await;
     let HandshakeError::NotKnown { presented } = handshake(error) else { panic!("an intruder") };

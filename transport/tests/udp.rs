@@ -146,7 +146,7 @@ async fn a_large_frame_arrives_in_the_clear_too() {
 
 /// Who has `keys` and knows those.
 fn knowing(keys: &Keys, peers: &[&Keys]) -> Options {
-    let peers = peers.iter().map(|peer| peer.public().clone()).collect();
+    let peers = peers.iter().map(|peer| peer.public().clone().into()).collect();
     Options { security: Some(Security { keys: keys.clone(), peers }), ..Options::default() }
 }
 

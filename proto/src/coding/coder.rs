@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::{CodedIds, CodingFault, References};
+use super::{CodedIds, CodingFault, References, Room};
 use crate::{FrameEnd, FrameMessage, FrameNumber, IdBatch, Message};
 
 /// What the layers below promise of the frames that are sent.
@@ -24,8 +24,9 @@ pub struct IdEncoder {
 }
 
 /// Turns what travels into the messages that a [`FrameAssembler`](crate::FrameAssembler) takes.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct IdDecoder {
+    most: u32,
     open: Option<Open>,
     references: References,
 }
@@ -98,10 +99,11 @@ impl IdEncoder {
 }
 
 impl IdDecoder {
-    /// A decoder for a lane that has received no frame yet.
+    /// A decoder for a lane that has received no frame yet. No frame may have more than `most` ids: a few bytes of changes can stand
+    /// for many.
     #[must_use]
-    pub fn new() -> Self {
-        Self::default()
+    pub fn new(most: u32) -> Self {
+        Self { most, open: None, references: References::default() }
     }
 
     /// Looks at a message that came plain, and passes it on.
@@ -121,11 +123,12 @@ impl IdDecoder {
     /// The batch that came as changes.
     ///
     /// # Errors
-    /// Outside of a frame, or if they cannot be read.
+    /// Outside of a frame, if they cannot be read, or if the frame would have more ids than it may.
     pub fn coded(&mut self, coded: &CodedIds) -> Result<FrameMessage, CodedViolation> {
-        let Open { frame, .. } = self.open.ok_or(CodedViolation::OutsideFrame)?;
+        let Open { frame, ids } = self.open.ok_or(CodedViolation::OutsideFrame)?;
+        let room = Room { ids: u64::from(self.most).saturating_sub(ids), most: self.most };
         let batch = coded
-            .read(frame, &mut self.references)
+            .read(frame, &mut self.references, room)
             .map_err(|cause| CodedViolation::Fault { frame, cause })?;
         self.count(&batch);
         Ok(FrameMessage::Ids(batch))
@@ -165,7 +168,7 @@ mod tests {
             Self {
                 writer: FrameWriter::new(BatchSize::new(100).unwrap()),
                 encoder: IdEncoder::new(delivery),
-                decoder: IdDecoder::new(),
+                decoder: IdDecoder::new(u32::MAX),
             }
         }
 
@@ -247,6 +250,6 @@ mod tests {
     #[test]
     fn changes_outside_of_a_frame_are_refused() {
         let coded = CodedIds::new(bytes::Bytes::from_static(&[0, 1, 7]));
-        assert_eq!(IdDecoder::new().coded(&coded), Err(CodedViolation::OutsideFrame));
+        assert_eq!(IdDecoder::new(1).coded(&coded), Err(CodedViolation::OutsideFrame));
     }
 }

@@ -88,9 +88,22 @@ pub enum CodingFault {
     /// An id is not above the one before it, or above 32 bits.
     #[error("the ids do not rise")]
     NotRising,
+    /// The frame would have more ids than it may.
+    #[error("with them the frame has more than {most} ids, the most that a frame may have here")]
+    TooMany {
+        /// The most that it may have.
+        most: u32,
+    },
     /// No id, or more than a batch may have.
     #[error("{0} ids are not 1 to {max}", max = BatchSize::MAX.ids())]
     Count(usize),
+}
+
+/// How many ids of a frame may still come, of the most that it may have.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Room {
+    ids: u64,
+    most: u32,
 }
 
 /// What follows a run of kept ids: the lower two bits of its first number.
@@ -165,21 +178,22 @@ impl CodedIds {
         if count == 0 { Err(CodingFault::Count(0)) } else { Ok(count) }
     }
 
-    /// The ids, where `references` are the complete frames before `frame`.
+    /// The ids, where `references` are the complete frames before `frame`. What there is no room for is not even written down.
     pub(crate) fn read(
         &self,
         frame: FrameNumber,
         references: &mut References,
+        room: Room,
     ) -> Result<IdBatch, CodingFault> {
         let bytes = &mut self.as_bytes();
         let back = number(bytes)?;
         let mut reader = if back == 0 {
-            Reader::new(&[], 0)
+            Reader::new(&[], 0, room)
         } else {
             let unknown = CodingFault::UnknownReference { back };
             let number_of_reference = frame.0.checked_sub(back).map(FrameNumber).ok_or(unknown)?;
             let held = references.get(number_of_reference).ok_or(unknown)?;
-            Reader::new(held, number(bytes)?)
+            Reader::new(held, number(bytes)?, room)
         };
         while !bytes.is_empty() {
             reader.run(bytes)?;
@@ -250,13 +264,15 @@ struct Reader<'r> {
     /// The least that the next id can be; `None` after the largest.
     next: Option<u32>,
     ids: BytesMut,
+    room: Room,
 }
 
 impl<'r> Reader<'r> {
-    fn new(held: &'r [u32], place: u32) -> Self {
+    fn new(held: &'r [u32], place: u32, room: Room) -> Self {
         let place = place as usize;
         let before = place.checked_sub(1).and_then(|before| held.get(before));
-        Self { held, place, next: before.map_or(Some(0), |id| id.checked_add(1)), ids: BytesMut::new() }
+        let next = before.map_or(Some(0), |id| id.checked_add(1));
+        Self { held, place, next, ids: BytesMut::new(), room }
     }
 
     fn run(&mut self, bytes: &mut &[u8]) -> Result<(), CodingFault> {
@@ -308,10 +324,16 @@ impl<'r> Reader<'r> {
         Ok(())
     }
 
-    /// So that a few bytes cannot name more ids than a batch may have.
+    /// So that a few bytes cannot name more ids than a batch or its frame may have.
     fn room_for(&self, more: usize) -> Result<(), CodingFault> {
         let count = self.ids.len() / crate::ID_BYTES + more;
-        if count > BatchSize::MAX.ids() { Err(CodingFault::Count(count)) } else { Ok(()) }
+        if count > BatchSize::MAX.ids() {
+            Err(CodingFault::Count(count))
+        } else if count as u64 > self.room.ids {
+            Err(CodingFault::TooMany { most: self.room.most })
+        } else {
+            Ok(())
+        }
     }
 }
 
@@ -324,6 +346,7 @@ mod tests {
     use super::*;
 
     const FRAME: FrameNumber = FrameNumber(9);
+    const ANY: Room = Room { ids: u32::MAX as u64, most: u32::MAX };
 
     fn batch(ids: &[u32]) -> IdBatch {
         IdBatch::new(Bytes::from(ids.iter().flat_map(|id| id.to_le_bytes()).collect::<Vec<_>>())).unwrap()
@@ -342,7 +365,7 @@ mod tests {
 
     fn read(bytes: &[u8], held: &[u32]) -> Result<Vec<u32>, CodingFault> {
         let coded = CodedIds::new(Bytes::copy_from_slice(bytes));
-        coded.read(FRAME, &mut holding(held)).map(|batch| batch.iter().map(|id| id.0).collect())
+        coded.read(FRAME, &mut holding(held), ANY).map(|batch| batch.iter().map(|id| id.0).collect())
     }
 
     /// How many bytes `ids` take against `held`, after reading them back; `None` if they travel plain.
@@ -448,7 +471,27 @@ mod tests {
             put_run(&mut bytes, kept, 0, [op::SKIP_ONE, op::SKIP]);
             let coded = CodedIds::new(bytes.freeze());
             assert_eq!(coded.count(), expected);
-            assert_eq!(coded.read(FRAME, &mut references).map(|batch| batch.count()), expected);
+            assert_eq!(coded.read(FRAME, &mut references, ANY).map(|batch| batch.count()), expected);
+        }
+    }
+
+    #[test]
+    fn a_batch_for_which_the_frame_has_no_room_is_refused_at_the_first_id_too_many() {
+        let held = [10, 20, 30, 40];
+        let most = 7;
+        for (bytes, ids) in
+            [(&[2, 0, 4 << 2 | 2, 0][..], 4), (&[2, 0, 1, 0, 3 << 2 | 2, 0], 4), (&[0, 3, 4, 0, 0, 0, 0], 4)]
+        {
+            let coded = CodedIds::new(Bytes::copy_from_slice(bytes));
+            assert_eq!(coded.count(), Ok(ids), "{bytes:?}");
+            let read = |room| {
+                let room = Room { ids: room, most };
+                coded.read(FRAME, &mut holding(&held), room).map(|batch| batch.count())
+            };
+            assert_eq!(read(4), Ok(4), "{bytes:?}");
+            for room in 0..4 {
+                assert_eq!(read(room), Err(CodingFault::TooMany { most }), "{bytes:?}, room for {room}");
+            }
         }
     }
 }

@@ -8,8 +8,8 @@ use super::{Digest, FrameEnd, FrameEvent, FrameMessage, FrameOutcome, FrameStart
 use crate::FrameNumber;
 
 /// Checks what arrives on the frames lane: order, count and hash.
-#[derive(Default)]
 pub struct FrameAssembler {
+    most: u32,
     open: Option<Digest>,
     last: Option<FrameNumber>,
 }
@@ -22,10 +22,10 @@ impl fmt::Debug for FrameAssembler {
 }
 
 impl FrameAssembler {
-    /// An assembler that waits for a first frame.
+    /// An assembler that waits for a first frame. No frame may have more than `most` ids.
     #[must_use]
-    pub fn new() -> Self {
-        Self::default()
+    pub const fn new(most: u32) -> Self {
+        Self { most, open: None, last: None }
     }
 
     /// The frame that has begun and not ended.
@@ -42,6 +42,9 @@ impl FrameAssembler {
         match message {
             FrameMessage::Begin(start) => self.begin(start),
             FrameMessage::Ids(batch) => match &mut self.open {
+                Some(digest) if digest.ids + batch.count() as u64 > u64::from(self.most) => {
+                    Err(FrameViolation::Beyond { frame: digest.frame, most: self.most })
+                }
                 Some(digest) => {
                     digest.add(&batch);
                     Ok(FrameEvent::Ids(batch))
@@ -140,6 +143,14 @@ pub enum FrameViolation {
     StatsInsideFrame {
         /// The frame that is open.
         open: FrameNumber,
+    },
+    /// More ids came than a frame may have, and no end.
+    #[error("{frame} has more than {most} ids, the most that a frame may have here")]
+    Beyond {
+        /// The frame.
+        frame: FrameNumber,
+        /// The most that it may have.
+        most: u32,
     },
     /// More ids came than the end announces.
     #[error("{frame} had {received} ids, its end announces {announced}")]

@@ -14,6 +14,7 @@ use crate::{BatchSize, DrawableId, FrameNumber, FrameStats, IdBatch};
 /// It hands each message to the `emit` of the call that completed it.
 pub struct FrameWriter {
     batch: BatchSize,
+    most: u32,
     pending: BytesMut,
     open: Option<Digest>,
     last: Option<FrameNumber>,
@@ -33,7 +34,14 @@ impl FrameWriter {
     /// A writer of batches of at most `batch` ids.
     #[must_use]
     pub fn new(batch: BatchSize) -> Self {
-        Self { batch, pending: BytesMut::new(), open: None, last: None }
+        Self { batch, most: u32::MAX, pending: BytesMut::new(), open: None, last: None }
+    }
+
+    /// The same for frames of at most `most` ids.
+    #[must_use]
+    pub const fn of_at_most(mut self, most: u32) -> Self {
+        self.most = most;
+        self
     }
 
     /// Begins a frame.
@@ -56,14 +64,16 @@ impl FrameWriter {
     /// Adds ids to the open frame, and emits every batch that is full.
     ///
     /// # Errors
-    /// When no frame is open.
+    /// When no frame is open, or it would have more ids than it may; then none of them is added.
     pub fn push(
         &mut self,
         mut ids: &[DrawableId],
         mut emit: impl FnMut(FrameMessage),
     ) -> Result<(), FrameOrderError> {
-        if self.open.is_none() {
-            return Err(FrameOrderError::NoneOpen);
+        let Digest { frame, ids: emitted, .. } = self.open.as_ref().ok_or(FrameOrderError::NoneOpen)?;
+        let count = emitted + (self.pending.len() / crate::ID_BYTES + ids.len()) as u64;
+        if count > u64::from(self.most) {
+            return Err(FrameOrderError::TooMany { frame: *frame, most: self.most });
         }
         while !ids.is_empty() {
             let free = self.batch.bytes().saturating_sub(self.pending.len()) / crate::ID_BYTES;
@@ -98,12 +108,13 @@ impl FrameWriter {
     /// Ends the open frame: emits what is pending, then the end.
     ///
     /// # Errors
-    /// When no frame is open, or it had more than `u32::MAX` ids.
+    /// When no frame is open.
     pub fn finish(&mut self, mut emit: impl FnMut(FrameMessage)) -> Result<FrameEnd, FrameOrderError> {
         self.flush(&mut emit)?;
         let digest = self.open.take().ok_or(FrameOrderError::NoneOpen)?;
         let frame = digest.frame;
-        let ids = u32::try_from(digest.ids).map_err(|_| FrameOrderError::TooMany { frame })?;
+        // No more were taken than that.
+        let ids = u32::try_from(digest.ids).unwrap_or(self.most);
         let end = FrameEnd { frame, ids, hash: digest.hasher.digest() };
         emit(FrameMessage::End(end));
         Ok(end)
@@ -150,10 +161,12 @@ pub enum FrameOrderError {
         /// The frame that is open.
         open: FrameNumber,
     },
-    /// A frame of more than `u32::MAX` ids.
-    #[error("{frame} has more ids than 32 bits can count")]
+    /// More ids than a frame may have.
+    #[error("{frame} has more than {most} ids, the most that a frame may have here")]
     TooMany {
         /// The frame.
         frame: FrameNumber,
+        /// The most that it may have.
+        most: u32,
     },
 }

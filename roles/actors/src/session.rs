@@ -10,7 +10,7 @@ use trimaran_transport::{Link, LinkConfig, Net, inproc};
 
 use crate::{
     Cameras, DisplayRole, Observer, OccluderPolicy, PairDevice, PairRole, PairTraffic, PictureDevice,
-    RoleError, Seat, Stop, Stopwatch,
+    RoleError, Seat, Stop, Stopwatch, max_frame,
 };
 
 /// The devices of the three roles.
@@ -74,7 +74,8 @@ where
             scene: scene.hash(),
             settings: (role == Role::Display).then_some(settings),
         };
-        inproc::pair(net, identity(ours), identity(theirs), &LinkConfig::default())
+        let config = LinkConfig { max_frame: max_frame(scene), ..LinkConfig::default() };
+        inproc::pair(net, identity(ours), identity(theirs), &config)
     };
     let (display_first, first_display) = join(Role::Display, Role::SwitchA)?;
     let (display_second, second_display) = join(Role::Display, Role::SwitchB)?;

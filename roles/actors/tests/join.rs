@@ -237,3 +237,22 @@ async fn attempts_are_spaced_and_end() {
     assert!(!result.unwrap_err().0);
     assert_eq!(attempts, 3, "what cannot pass ends them");
 }
+
+/// As behind a name that leads to two hosts with a display each.
+#[tokio::test(start_paused = true)]
+async fn displays_that_get_one_machine_each_end_in_time_and_name_the_one_they_miss() {
+    let one = Meeting::at("one-of-two");
+    let other = Meeting { pair: one.pair.clone(), ..Meeting::at("other-of-two") };
+    let displays = [one.display(FrameNumber(0)).await, other.display(FrameNumber(0)).await];
+    let machines = [one.machine(Seat::First), other.machine(Seat::Second)];
+    for (display, missing) in displays.into_iter().zip([Role::SwitchB, Role::SwitchA]) {
+        let error = display.await.unwrap().unwrap_err();
+        assert!(matches!(error, JoinError::Accept { peer, .. } if peer == missing), "{error:?}");
+        assert!(error.may_pass(), "{error:?}");
+    }
+    for machine in machines {
+        let mut joined = machine.await.unwrap().unwrap();
+        let end = joined.display.frames_rx.recv().await;
+        assert!(matches!(end, Err(RecvError::Lost { peer: Role::Display, .. })), "{end:?}");
+    }
+}

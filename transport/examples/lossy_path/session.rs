@@ -166,7 +166,7 @@ fn runtime_in(path: &Path, end: usize) -> std::io::Result<Runtime> {
 fn options(kind: &Kind) -> Result<(Options, Options), Box<dyn Error>> {
     let (a, b) = (Keys::generate("sender".parse()?)?, Keys::generate("receiver".parse()?)?);
     let with = |own: &Keys, peer: &Keys| Options {
-        security: Some(Security { keys: own.clone(), peers: vec![peer.public().clone()] }),
+        security: Some(Security { keys: own.clone(), peers: vec![peer.public().clone().into()] }),
         udp: UdpOptions { trust: Trust::Keys, repair_percent: kind.repair_percent, ..UdpOptions::default() },
         ..Options::default()
     };

@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use thiserror::Error;
+use zeroize::Zeroizing;
 
 use super::{NoiseSecret, PublicKeys};
 use crate::Name;
@@ -16,6 +17,9 @@ const PRIVATE_REMARK: &str =
     "# Private keys of a Trimaran peer. Whoever has this file is that peer: it stays on its machine.\n\n";
 const PUBLIC_REMARK: &str =
     "# Public keys of a Trimaran peer. Copy this file to the peers that are to know it.\n\n";
+
+/// A file of keys has less than a kilobyte. Room for so many bytes is made at once at most.
+const LONGEST: usize = 64 << 10;
 
 /// Where a pair of files lies.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -116,14 +120,14 @@ pub(super) struct PrivateFile {
     pub(super) udp_key: NoiseSecret,
 }
 
-/// Bytes that travel as base64.
-#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
-pub(super) struct Der(Vec<u8>);
+/// Bytes that travel as base64, wiped from memory when they are dropped: they may be a secret.
+#[derive(Clone, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub(super) struct Der(Zeroizing<Vec<u8>>);
 
 impl From<Vec<u8>> for Der {
     fn from(bytes: Vec<u8>) -> Self {
-        Self(bytes)
+        Self(bytes.into())
     }
 }
 
@@ -137,13 +141,21 @@ impl TryFrom<String> for Der {
     type Error = &'static str;
 
     fn try_from(text: String) -> Result<Self, &'static str> {
-        STANDARD.decode(text).map(Self).map_err(|_| "this is not base64")
+        let text = Zeroizing::new(text);
+        STANDARD.decode(&*text).map(Self::from).map_err(|_| "this is not base64")
     }
 }
 
-impl From<Der> for String {
-    fn from(der: Der) -> Self {
-        STANDARD.encode(der.0)
+impl Der {
+    /// The text that travels.
+    fn to_text(&self) -> Zeroizing<String> {
+        STANDARD.encode(&*self.0).into()
+    }
+}
+
+impl Serialize for Der {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.to_text())
     }
 }
 
@@ -166,7 +178,7 @@ fn write_new(path: &Path, remark: &str, content: &impl Serialize, mode: u32) -> 
         io::ErrorKind::AlreadyExists => KeysError::Exists { path: path.to_owned() },
         _ => KeysError::Write { path: path.to_owned(), cause },
     };
-    let text = toml::to_string(content).map_err(|e| failed(io::Error::other(e)))?;
+    let text = Zeroizing::new(toml::to_string(content).map_err(|e| failed(io::Error::other(e)))?);
     let mut options = OpenOptions::new();
     options.write(true).create_new(true);
     #[cfg(unix)]
@@ -174,7 +186,8 @@ fn write_new(path: &Path, remark: &str, content: &impl Serialize, mode: u32) -> 
     #[cfg(not(unix))]
     let _ = mode;
     let mut file = options.open(path).map_err(failed)?;
-    let written = write!(file, "{remark}{text}").and_then(|()| file.sync_all());
+    let written = [remark.as_bytes(), text.as_bytes()].into_iter().try_for_each(|part| file.write_all(part));
+    let written = written.and_then(|()| file.sync_all());
     written.map_err(|e| {
         let _ = fs::remove_file(path);
         failed(e)
@@ -204,11 +217,14 @@ pub(super) fn read_public(path: &Path) -> Result<PublicKeys, KeysError> {
 }
 
 /// The text of a file and its mode, where files have one; both of the same file, whatever becomes of its name meanwhile.
-fn read(path: &Path) -> Result<(String, Option<u32>), KeysError> {
+fn read(path: &Path) -> Result<(Zeroizing<String>, Option<u32>), KeysError> {
     let failed = |cause| KeysError::Read { path: path.to_owned(), cause };
     let mut file = File::open(path).map_err(failed)?;
     let mode = mode(&file).map_err(failed)?;
-    let mut text = String::new();
+    // With room for all of it: text that grows leaves copies behind.
+    let length = file.metadata().map_err(failed)?.len();
+    let room = usize::try_from(length).unwrap_or(0).min(LONGEST);
+    let mut text = Zeroizing::new(String::with_capacity(room + 1));
     file.read_to_string(&mut text).map_err(failed)?;
     Ok((text, mode))
 }
@@ -302,17 +318,17 @@ mod tests {
     fn the_public_file_holds_no_secret() {
         let (_folder, keys, files) = saved("one");
         let public = fs::read_to_string(files.public).unwrap();
-        for secret in [String::from(keys.noise().clone()), String::from(keys.file.quic_key.clone())] {
-            assert!(fs::read_to_string(&files.private).unwrap().contains(&secret));
-            assert!(!public.contains(&secret), "{public}");
+        for secret in [keys.noise().to_text(), keys.file.quic_key.to_text()] {
+            assert!(fs::read_to_string(&files.private).unwrap().contains(&*secret));
+            assert!(!public.contains(&*secret), "{public}");
         }
-        assert!(!format!("{keys:?}").contains(&String::from(keys.noise().clone())));
+        assert!(!format!("{keys:?}").contains(&*keys.noise().to_text()));
     }
 
     #[test]
     fn a_malformed_file_is_named_with_its_line_but_not_repeated() {
         let (_folder, keys, files) = saved("one");
-        let secret = String::from(keys.noise().clone());
+        let secret = keys.noise().to_text();
         let text = fs::read_to_string(&files.private).unwrap();
         let line = text.lines().position(|line| line.starts_with("udp_key")).unwrap() + 1;
         for bad in ["udp_key = \"0", "udp_key = ", "other = \"", "udp_key = [\""] {

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use zeroize::Zeroizing;
+
 /// Writes the digits in lower case.
 pub(super) fn write(bytes: &[u8; 32], f: &mut fmt::Formatter<'_>) -> fmt::Result {
     bytes.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
@@ -9,7 +11,8 @@ pub(super) fn write(bytes: &[u8; 32], f: &mut fmt::Formatter<'_>) -> fmt::Result
 
 /// Reads 64 digits, with or without colons between the bytes.
 pub(super) fn read(text: &str) -> Option<[u8; 32]> {
-    let digits: String = match text.len() {
+    // They may be a secret's.
+    let digits: Zeroizing<String> = Zeroizing::new(match text.len() {
         64 => text.to_owned(),
         95 => text
             .bytes()
@@ -18,7 +21,7 @@ pub(super) fn read(text: &str) -> Option<[u8; 32]> {
             .map(|(_, byte)| char::from(byte))
             .collect(),
         _ => return None,
-    };
+    });
     let mut bytes = [0; 32];
     let (pairs, rest) = digits.as_bytes().as_chunks::<2>();
     if pairs.len() != bytes.len() || !rest.is_empty() {

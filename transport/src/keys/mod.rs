@@ -3,6 +3,7 @@
 //! One pair of files serves every transport that encrypts: `NAME.key` is private and stays on its machine, `NAME.pub` goes to the
 //! peers.
 
+mod claim;
 mod file;
 mod fingerprint;
 mod hex;
@@ -17,8 +18,11 @@ use rustls::crypto::ring::sign::any_supported_type;
 use rustls::pki_types::{CertificateDer, PrivatePkcs8KeyDer};
 use rustls::sign::CertifiedKey;
 use serde::{Deserialize, Serialize};
+use trimaran_proto::Role;
+use zeroize::Zeroize;
 
 use crate::Name;
+pub use claim::{PeerKey, WrongRole};
 use file::PrivateFile;
 pub use file::{KeyFiles, KeysError};
 pub use fingerprint::{Fingerprint, FingerprintError};
@@ -56,8 +60,18 @@ pub struct PublicKeys {
 pub struct Security {
     /// This peer's own keys.
     pub keys: Keys,
-    /// The peers that it talks to: nobody else is let in, and nobody else is believed.
-    pub peers: Vec<PublicKeys>,
+    /// The peers that it talks to, each in its role: nobody else is let in, and nobody else is believed. A key may be there more than
+    /// once, with a role each.
+    pub peers: Vec<KnownPeer>,
+}
+
+/// A peer that this one knows.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct KnownPeer {
+    /// What it is known by.
+    pub keys: PublicKeys,
+    /// The role that it may have; any if not given.
+    pub role: Option<Role>,
 }
 
 impl Keys {
@@ -66,12 +80,14 @@ impl Keys {
     /// # Errors
     /// When the system gives no randomness.
     pub fn generate(name: Name) -> Result<Self, KeysError> {
-        let key = KeyPair::generate_for(&PKCS_ED25519)?;
+        let mut key = KeyPair::generate_for(&PKCS_ED25519)?;
         let certificate = CertificateParams::new(vec![COMMON_NAME.to_owned()])?.self_signed(&key)?;
+        let quic_key = key.serialize_der().into();
+        key.zeroize();
         Self::assemble(PrivateFile {
             name,
             quic_certificate: certificate.der().to_vec().into(),
-            quic_key: key.serialize_der().into(),
+            quic_key,
             udp_key: NoiseSecret::random().map_err(KeysError::Random)?,
         })
     }
@@ -112,6 +128,21 @@ impl Keys {
         certified.keys_match()?;
         let public = PublicKeys { name: file.name.clone(), quic, udp: file.udp_key.public() };
         Ok(Self { certified: Arc::new(certified), public, file: Arc::new(file) })
+    }
+}
+
+impl KnownPeer {
+    /// Who has these keys may have this role.
+    #[must_use]
+    pub const fn in_role(keys: PublicKeys, role: Role) -> Self {
+        Self { keys, role: Some(role) }
+    }
+}
+
+/// Who has these keys may have any role.
+impl From<PublicKeys> for KnownPeer {
+    fn from(keys: PublicKeys) -> Self {
+        Self { keys, role: None }
     }
 }
 

@@ -4,8 +4,9 @@ use std::fmt;
 use std::str::FromStr;
 
 use curve25519_dalek::MontgomeryPoint;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use thiserror::Error;
+use zeroize::Zeroizing;
 
 use super::hex;
 
@@ -19,10 +20,10 @@ pub struct NoiseKey([u8; 32]);
 #[error("{0:?} is no public key: give the 64 hexadecimal digits that `trimaran keys show` prints")]
 pub struct NoiseKeyError(String);
 
-/// A private key. Nothing prints it.
-#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
-pub(crate) struct NoiseSecret([u8; 32]);
+/// A private key. Nothing prints it, and it is wiped from memory when it is dropped.
+#[derive(Clone, PartialEq, Eq, Deserialize)]
+#[serde(try_from = "String")]
+pub(crate) struct NoiseSecret(Zeroizing<[u8; 32]>);
 
 /// A text that is no private key; the text is not repeated here.
 #[derive(Debug, Error)]
@@ -35,24 +36,40 @@ impl NoiseKey {
     pub const fn to_bytes(self) -> [u8; 32] {
         self.0
     }
+
+    /// The key of these bytes, as the Noise handshake gives them.
+    pub(crate) const fn from_bytes(bytes: [u8; 32]) -> Self {
+        Self(bytes)
+    }
 }
 
 impl NoiseSecret {
     /// A new one from the system's randomness.
     pub(super) fn random() -> std::io::Result<Self> {
-        let mut bytes = [0; 32];
-        getrandom::fill(&mut bytes)?;
+        let mut bytes = Zeroizing::new([0; 32]);
+        getrandom::fill(&mut *bytes)?;
         Ok(Self(bytes))
     }
 
     /// The secret's bytes, as the Noise handshake takes them.
-    pub(crate) const fn to_bytes(&self) -> [u8; 32] {
-        self.0
+    pub(crate) fn to_bytes(&self) -> Zeroizing<[u8; 32]> {
+        self.0.clone()
     }
 
     /// The public key that belongs to it.
     pub(super) fn public(&self) -> NoiseKey {
-        NoiseKey(MontgomeryPoint::mul_base_clamped(self.0).to_bytes())
+        NoiseKey(MontgomeryPoint::mul_base_clamped(*self.0).to_bytes())
+    }
+
+    /// Its 64 hexadecimal digits.
+    pub(super) fn to_text(&self) -> Zeroizing<String> {
+        let mut text = Zeroizing::new(String::with_capacity(64));
+        for byte in *self.0 {
+            text.extend(
+                [byte >> 4, byte & 15].map(|digit| char::from_digit(digit.into(), 16).unwrap_or_default()),
+            );
+        }
+        text
     }
 }
 
@@ -100,13 +117,14 @@ impl TryFrom<String> for NoiseSecret {
     type Error = NoiseSecretError;
 
     fn try_from(text: String) -> Result<Self, NoiseSecretError> {
-        hex::read(&text).map(Self).ok_or(NoiseSecretError)
+        let text = Zeroizing::new(text);
+        hex::read(&text).map(|bytes| Self(bytes.into())).ok_or(NoiseSecretError)
     }
 }
 
-impl From<NoiseSecret> for String {
-    fn from(secret: NoiseSecret) -> Self {
-        NoiseKey(secret.0).to_string()
+impl Serialize for NoiseSecret {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.to_text())
     }
 }
 

@@ -119,7 +119,7 @@ mod tests {
     fn the_close_has_left_when_a_goodbye_is_over() {
         let [here, there] = ["near", "far"].map(|name| Keys::generate(name.parse().unwrap()).unwrap());
         let options = |own: &Keys, peer: &Keys| Options {
-            security: Some(Security { keys: own.clone(), peers: vec![peer.public().clone()] }),
+            security: Some(Security { keys: own.clone(), peers: vec![peer.public().clone().into()] }),
             ..Options::default()
         };
         let identity = |role| Identity { role, scene: SceneHash(1), settings: None };

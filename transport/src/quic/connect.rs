@@ -12,7 +12,7 @@ use super::QuicOptions;
 use super::control::{Control, check_datagrams, explain};
 use super::runtime::{NetRuntime, NetSocket};
 use super::tls::{self, Doorman};
-use crate::connect::{AttemptError, Introduction, each_address};
+use crate::connect::{AttemptError, Introduction, believed, each_address};
 use crate::handshake::{HandshakeError, Parley};
 use crate::keys::Security;
 use crate::net::{Net, random_bytes};
@@ -67,7 +67,10 @@ async fn introduce(
         (HandshakeError::Io(_), Some(reason)) => explained(reason),
         (e, _) => failed(e),
     })?;
-    Ok(control.into_link(net, &options.link, &identity, theirs, session, None))
+    let judged = tls::key_of(&connection).ok_or(HandshakeError::Stranger);
+    let judged = judged.and_then(|key| security.judge(key, theirs.role));
+    let link = control.into_link(net, &options.link, &identity, theirs, session, None);
+    believed(link, judged).await.map_err(failed)
 }
 
 /// quinn on a socket of `net`; says where it is bound.

@@ -12,10 +12,10 @@ use std::task::{Context, Poll, Waker, ready};
 use bytes::{Bytes, BytesMut};
 use quinn::{RecvStream, SendStream, VarInt};
 use tokio::io::AsyncReadExt;
-use trimaran_proto::{Decoder, FrameMessage, Goodbye, HEADER_BYTES, IdDecoder, Kind, Lane, Message};
+use trimaran_proto::{Decoder, FrameMessage, Goodbye, HEADER_BYTES, Kind, Message};
 
 use super::carrier::{Carrier, all_arrived, loss, read_loss, write_loss};
-use crate::error::{LaneError, LaneSendError, Loss, ProtocolError, misplaced};
+use crate::error::{LaneError, LaneSendError, Loss, ProtocolError};
 use crate::link::Shared;
 use crate::net::Instant;
 use crate::patience::Patience;
@@ -143,7 +143,6 @@ pub(crate) struct FrameRx {
     carrier: Arc<Carrier>,
     stream: Option<RecvStream>,
     decoder: Decoder,
-    ids: IdDecoder,
     /// Between the beginning and the end of a frame.
     within: bool,
     farewell: Option<Goodbye>,
@@ -152,14 +151,7 @@ pub(crate) struct FrameRx {
 impl FrameRx {
     pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
         let carrier = Arc::clone(carrier);
-        Self {
-            carrier,
-            stream: None,
-            decoder: Decoder::new(),
-            ids: IdDecoder::new(),
-            within: false,
-            farewell: None,
-        }
+        Self { carrier, stream: None, decoder: Decoder::new(), within: false, farewell: None }
     }
 
     pub(crate) async fn next(
@@ -167,30 +159,22 @@ impl FrameRx {
         by: Option<Instant>,
         shared: &Shared,
         patience: &mut Patience,
-    ) -> Result<FrameMessage, LaneError> {
+    ) -> Result<Message, LaneError> {
         if let Some(reason) = &self.farewell {
             return Err(LaneError::Goodbye(reason.clone()));
         }
         loop {
             if let Some(message) = self.buffered(shared)? {
-                match message {
-                    Message::Frame(message) => {
-                        match message {
-                            FrameMessage::Begin(_) => self.within = true,
-                            FrameMessage::End(_) => self.within = false,
-                            _ => {}
-                        }
-                        return Ok(self.ids.plain(message));
-                    }
-                    Message::Coded(coded) => {
-                        return self.ids.coded(&coded).map_err(|e| LaneError::Protocol(e.into()));
-                    }
+                match &message {
+                    Message::Frame(FrameMessage::Begin(_)) => self.within = true,
+                    Message::Frame(FrameMessage::End(_)) => self.within = false,
                     Message::Goodbye(reason) => {
                         self.farewell = Some(reason.clone());
-                        return Err(LaneError::Goodbye(reason));
+                        return Err(LaneError::Goodbye(reason.clone()));
                     }
-                    other => return Err(misplaced(other.kind(), Lane::Frames)),
+                    _ => {}
                 }
+                return Ok(message);
             }
             match &mut self.stream {
                 Some(stream) => {

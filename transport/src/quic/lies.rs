@@ -40,7 +40,7 @@ impl Setting {
     async fn new() -> Self {
         let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
         let [listens, liar] = ["listens", "lies"].map(|name| Keys::generate(name.parse().unwrap()).unwrap());
-        let security = Some(Security { keys: listens.clone(), peers: vec![liar.public().clone()] });
+        let security = Some(Security { keys: listens.clone(), peers: vec![liar.public().clone().into()] });
         let options = Options { security, ..Options::default() };
         let at = Endpoint::Quic(HERE.into());
         let listener = Listener::bind(&net, &at, identity(Role::SwitchA), &options).await.unwrap();
@@ -50,7 +50,7 @@ impl Setting {
 
     async fn dial(&self) -> Connection {
         let Endpoint::Quic(at) = self.listener.local_endpoint() else { panic!("not QUIC") };
-        let crypto = tls::client(&self.liar, &Doorman::new(&[self.listens.public().clone()])).unwrap();
+        let crypto = tls::client(&self.liar, &Doorman::new(&[self.listens.public().clone().into()])).unwrap();
         let config = quinn::ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
         self.quinn.connect_with(config, at.to_string().parse().unwrap(), "trimaran").unwrap().await.unwrap()
     }
@@ -129,7 +129,7 @@ async fn whoever_lied_may_come_back_with_the_truth() {
     let (link, connection, control) = setting.joined(1).await;
     drop((link, connection, control));
     let security =
-        Some(Security { keys: setting.liar.clone(), peers: vec![setting.listens.public().clone()] });
+        Some(Security { keys: setting.liar.clone(), peers: vec![setting.listens.public().clone().into()] });
     let options = Options { security, ..Options::default() };
     let there = setting.listener.local_endpoint().clone();
     let soon = setting.net.now().after(std::time::Duration::from_secs(60));

@@ -106,12 +106,15 @@ impl Guest {
         let connection =
             incoming.accept_with(Arc::new(config)).map_err(explained)?.await.map_err(explained)?;
         check_datagrams(&connection)?;
+        let key = tls::key_of(&connection).ok_or(HandshakeError::Stranger)?;
         let streams = connection.accept_bi().await.map_err(explained)?;
         let mut control = Control::new(connection, streams);
         let Hello { identity: theirs, session, lane } = control.recv_hello().await?;
         let entered = match lane {
-            Lane::Frames => desk.enter(&theirs),
-            Lane::Latest => Err(Refusal::Session { session, lane }),
+            Lane::Frames => security
+                .judge(key, theirs.role)
+                .and_then(|()| desk.enter(&theirs).map_err(HandshakeError::Refused)),
+            Lane::Latest => Err(HandshakeError::Refused(Refusal::Session { session, lane })),
         };
         match entered {
             Ok(place) => {
@@ -122,7 +125,12 @@ impl Guest {
                     .await;
                 Ok(())
             }
-            Err(refusal) => Err(control.refuse(refusal).await),
+            Err(error) => {
+                if let Some(refusal) = error.refusal() {
+                    control.refuse(refusal).await;
+                }
+                Err(error)
+            }
         }
     }
 }
@@ -149,7 +157,7 @@ mod tests {
         const ROOM: usize = 2;
         let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
         let keys = Keys::generate("both".parse().unwrap()).unwrap();
-        let security = Security { peers: vec![keys.public().clone()], keys };
+        let security = Security { peers: vec![keys.public().clone().into()], keys };
         let limits = Limits { handshakes: ROOM, ..Limits::default() };
         let link = LinkConfig { lease: Duration::from_secs(3600), ..LinkConfig::default() };
         let quic = QuicOptions { initial_rtt: Duration::from_millis(10), ..QuicOptions::default() };

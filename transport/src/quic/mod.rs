@@ -25,4 +25,4 @@ pub use tls::UnknownPeer;
 use crate::link::Capabilities;
 
 pub(crate) const CAPABILITIES: Capabilities =
-    Capabilities { reliable: true, ordered: true, max_frame: u32::MAX, encrypted: true, local: false };
+    Capabilities { reliable: true, ordered: true, encrypted: true, local: false };

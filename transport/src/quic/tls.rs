@@ -15,7 +15,7 @@ use rustls::{
 };
 use thiserror::Error;
 
-use crate::keys::{Fingerprint, Keys, PublicKeys};
+use crate::keys::{Fingerprint, Keys, KnownPeer, PeerKey};
 
 /// The protocol's name in the TLS handshake (ALPN, RFC 7301); its number is the version of the wire.
 pub(crate) const ALPN: &[u8] = b"trimaran/1";
@@ -53,10 +53,10 @@ pub(crate) struct Doorman {
 }
 
 impl Doorman {
-    pub(crate) fn new(peers: &[PublicKeys]) -> Arc<Self> {
+    pub(crate) fn new(peers: &[KnownPeer]) -> Arc<Self> {
         let algorithms = ring::default_provider().signature_verification_algorithms;
         Arc::new(Self {
-            expected: peers.iter().map(|peer| peer.quic).collect(),
+            expected: peers.iter().map(|peer| peer.keys.quic).collect(),
             algorithms,
             turned_away: Mutex::default(),
         })
@@ -76,6 +76,12 @@ impl Doorman {
         *self.turned_away.lock().unwrap_or_else(PoisonError::into_inner) = Some(unknown.clone());
         Err(CertificateError::Other(OtherError(Arc::new(unknown))).into())
     }
+}
+
+/// The key that the peer has proved to hold.
+pub(super) fn key_of(connection: &quinn::Connection) -> Option<PeerKey> {
+    let shown = connection.peer_identity()?.downcast::<Vec<CertificateDer<'static>>>().ok()?;
+    shown.first().map(|certificate| PeerKey::Quic(Fingerprint::of(certificate)))
 }
 
 /// What both kinds of verifier do with a proof: TLS 1.3 signatures only, checked by the provider.
@@ -197,8 +203,8 @@ mod tests {
     fn acquainted() -> (Options, Keys, Arc<Doorman>) {
         let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
         let (ours, theirs) = (keys("ours"), keys("theirs"));
-        let doorman = Doorman::new(&[ours.public().clone()]);
-        let security = Some(Security { keys: ours, peers: vec![theirs.public().clone()] });
+        let doorman = Doorman::new(&[ours.public().clone().into()]);
+        let security = Some(Security { keys: ours, peers: vec![theirs.public().clone().into()] });
         (Options { security, ..Options::default() }, theirs, doorman)
     }
 

@@ -5,13 +5,13 @@ use std::mem;
 use std::sync::{Arc, Mutex};
 use std::task::{Context, Waker};
 
-use trimaran_proto::{FrameMessage, Goodbye, IdDecoder, Lane, Message};
+use trimaran_proto::{Goodbye, Message};
 
 use super::inlet::Inlet;
 use super::pulse::Pulse;
 use super::source::{Sink, Source};
 use crate::desk::lock;
-use crate::error::{LaneError, LaneSendError, Loss, misplaced};
+use crate::error::{LaneError, LaneSendError, Loss};
 use crate::link::Shared;
 use crate::net::Instant;
 use crate::patience::{Expired, Patience, Wait};
@@ -134,7 +134,6 @@ impl Pulse for Outlet {
 #[derive(Debug)]
 pub(crate) struct FrameRx {
     inlet: Arc<Inlet>,
-    decoder: IdDecoder,
     farewell: Option<Goodbye>,
 }
 
@@ -142,7 +141,7 @@ pub(crate) struct FrameRx {
 pub(super) fn frames(sink: Sink, source: Source, counters: &Arc<Counters>) -> (FrameTx, FrameRx) {
     let inlet = Arc::new(Inlet::new(source.with_room(ROOM), ROOM));
     let tx = FrameTx::new(sink, counters, &inlet);
-    (tx, FrameRx { inlet, decoder: IdDecoder::new(), farewell: None })
+    (tx, FrameRx { inlet, farewell: None })
 }
 
 impl FrameRx {
@@ -151,23 +150,19 @@ impl FrameRx {
         by: Option<Instant>,
         shared: &Shared,
         patience: &mut Patience,
-    ) -> Result<FrameMessage, LaneError> {
+    ) -> Result<Message, LaneError> {
         if let Some(reason) = &self.farewell {
             return Err(LaneError::Goodbye(reason.clone()));
         }
         let mut wait = Wait::default();
         loop {
             match self.inlet.next_buffered(&shared.counters.received)? {
-                Some(Message::Frame(message)) => return Ok(self.decoder.plain(message)),
-                Some(Message::Coded(coded)) => {
-                    return self.decoder.coded(&coded).map_err(|e| LaneError::Protocol(e.into()));
-                }
                 Some(Message::Goodbye(reason)) => {
                     self.farewell = Some(reason.clone());
                     return Err(LaneError::Goodbye(reason));
                 }
                 Some(Message::Alive) => {}
-                Some(other) => return Err(misplaced(other.kind(), Lane::Frames)),
+                Some(message) => return Ok(message),
                 None => {
                     let attention = self.inlet.attend();
                     patience

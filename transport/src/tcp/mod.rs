@@ -16,7 +16,7 @@ use crate::stream::{introduce, serve};
 use crate::{HostPort, Link};
 
 pub(crate) const CAPABILITIES: Capabilities =
-    Capabilities { reliable: true, ordered: true, max_frame: u32::MAX, encrypted: false, local: false };
+    Capabilities { reliable: true, ordered: true, encrypted: false, local: false };
 
 /// Tries once.
 pub(crate) async fn attempt(

@@ -8,13 +8,14 @@ use std::time::Duration;
 
 use bytes::{BufMut, BytesMut};
 use trimaran_proto::{Decoder, HEADER_BYTES, Identity, Lane, Message};
-use trimaran_udp::{Config, Connecting, Connection, ConnectionId, Progress, VERSION};
+use trimaran_udp::{Config, Connecting, Connection, ConnectionId, Progress, Security, VERSION};
 
 use super::driver::Board;
 use super::port::Port;
 use super::socket::{Incoming, Outgoing, Path};
-use crate::connect::{AttemptError, Introduction};
+use crate::connect::{AttemptError, Introduction, believed};
 use crate::handshake::HandshakeError;
+use crate::keys::{NoiseKey, PeerKey};
 use crate::net::{Instant, Net, UdpSocket, random_bytes, until};
 use crate::stats::Counters;
 use crate::{Link, UdpEndpoint, UdpMode};
@@ -80,10 +81,11 @@ async fn introduce(
     let mut ways = Vec::new();
     for security in candidates {
         let name = ConnectionId(net.random().map_err(refused)? as u32);
-        ways.push(Connecting::new(&security, name, &hello).map_err(|e| failed(e.into()))?);
+        let connecting = Connecting::new(&security, name, &hello).map_err(|e| failed(e.into()))?;
+        ways.push((key_of(&security), connecting));
     }
     let mut asking = Asking { net, socket: &socket, to, incoming: Incoming::new(&socket) };
-    let (mut connection, answer) = asking.ask(ways, config, by).await.map_err(failed)?;
+    let (key, mut connection, answer) = asking.ask(ways, config, by).await.map_err(failed)?;
     let (theirs, reliable) = read_answer(&answer, &counters).map_err(failed)?;
     let reliable = reliable && config.patience.is_none();
     let batching = options.link.batching_between(&identity, &theirs);
@@ -109,7 +111,20 @@ async fn introduce(
         }
     }));
     port.settle(net.now());
-    Ok(super::link(net, &port, options, (&identity, theirs), session, counters, reliable, None))
+    let judged = match (key, &options.security) {
+        (Some(key), Some(security)) => security.judge(key, theirs.role),
+        _ => Ok(()),
+    };
+    let link = super::link(net, &port, options, (&identity, theirs), session, counters, reliable, None);
+    believed(link, judged).await.map_err(failed)
+}
+
+/// The key of the listener that answers to `security`.
+fn key_of(security: &Security) -> Option<PeerKey> {
+    match security {
+        Security::Pinned { peers, .. } => peers.first().map(|peer| PeerKey::Udp(NoiseKey::from_bytes(*peer))),
+        _ => None,
+    }
 }
 
 /// A payload of the handshake: the message, and whether all frames sent from here will be whole. Counted as sent.
@@ -164,14 +179,15 @@ enum Stage {
 }
 
 impl Asking<'_> {
-    /// Sends first packets until one is answered, or until `by`. Gives the connection and what the listener says.
+    /// Sends first packets until one is answered, or until `by`. Gives the listener's key, the connection and what the
+    /// listener says.
     async fn ask(
         &mut self,
-        ways: Vec<Connecting>,
+        ways: Vec<(Option<PeerKey>, Connecting)>,
         config: Config,
         by: Instant,
-    ) -> Result<(Connection, Vec<u8>), HandshakeError> {
-        let mut stages: Vec<Stage> = ways.into_iter().map(Stage::Asking).collect();
+    ) -> Result<(Option<PeerKey>, Connection, Vec<u8>), HandshakeError> {
+        let mut stages: Vec<_> = ways.into_iter().map(|(key, way)| (key, Stage::Asking(way))).collect();
         let (mut again, mut pause) = (self.net.now(), FIRST_PAUSE);
         loop {
             let all = self.net.now() >= again;
@@ -180,14 +196,15 @@ impl Asking<'_> {
                 pause = (pause * 2).min(LAST_PAUSE);
             }
             let mut waiting = Vec::new();
-            for stage in stages {
-                waiting.push(match stage {
+            for (key, stage) in stages {
+                let stage = match stage {
                     Stage::Again(connecting) => self.send(connecting),
                     Stage::Asking(connecting) if all => self.send(connecting),
                     Stage::Asking(connecting) => Stage::Asking(connecting),
-                    Stage::Taken(connection, answer) => return Ok((*connection, answer)),
+                    Stage::Taken(connection, answer) => return Ok((key, *connection, answer)),
                     Stage::Refused(answer) => return Err(refusal(&answer)),
-                });
+                };
+                waiting.push((key, stage));
             }
             stages = waiting;
             if self.net.now() >= by {
@@ -197,7 +214,8 @@ impl Asking<'_> {
             let received = incoming.receive(|path, datagram| {
                 if path.remote == *to {
                     let all = std::mem::take(&mut stages);
-                    stages = all.into_iter().map(|stage| stage.take(&***net, datagram, config)).collect();
+                    let take = |(key, stage): (_, Stage)| (key, stage.take(&***net, datagram, config));
+                    stages = all.into_iter().map(take).collect();
                 }
             });
             if let Some(received) = until(&***net, again.min(by), received).await {
@@ -218,8 +236,8 @@ impl Asking<'_> {
 }
 
 /// Why nobody answered, as far as it is known.
-fn in_vain(stages: &[Stage]) -> HandshakeError {
-    let claimed = stages.iter().find_map(|stage| match stage {
+fn in_vain(stages: &[(Option<PeerKey>, Stage)]) -> HandshakeError {
+    let claimed = stages.iter().find_map(|(_, stage)| match stage {
         Stage::Asking(connecting) | Stage::Again(connecting) => connecting.claimed_version(),
         _ => None,
     });

@@ -5,7 +5,7 @@ use std::future::poll_fn;
 use std::sync::Arc;
 use std::task::Poll;
 
-use trimaran_proto::{FrameMessage, FrameNumber, IdDecoder, Kind, Message};
+use trimaran_proto::{FrameNumber, Kind, Message};
 use trimaran_udp::{Hopeless, Received};
 
 use super::port::{Carrier, State, Waiter};
@@ -113,13 +113,12 @@ impl Drop for FrameTx {
 #[derive(Debug)]
 pub(crate) struct FrameRx {
     carrier: Arc<Carrier>,
-    ids: IdDecoder,
     farewell: Option<Received>,
 }
 
 impl FrameRx {
     pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
-        Self { carrier: Arc::clone(carrier), ids: IdDecoder::new(), farewell: None }
+        Self { carrier: Arc::clone(carrier), farewell: None }
     }
 
     pub(crate) async fn next(
@@ -127,7 +126,7 @@ impl FrameRx {
         by: Option<Instant>,
         shared: &Shared,
         patience: &mut Patience,
-    ) -> Result<FrameMessage, LaneError> {
+    ) -> Result<Message, LaneError> {
         let next = poll_fn(|cx| {
             if let Some(end) = self.farewell.clone() {
                 return Poll::Ready(Ok(end));
@@ -150,11 +149,11 @@ impl FrameRx {
             Received::Frame(message) => {
                 let (kind, bytes) = frame_weight(&message);
                 shared.counters.received.count(kind, bytes);
-                Ok(self.ids.plain(message))
+                Ok(Message::Frame(message))
             }
             Received::Coded(batch) => {
                 shared.counters.received.count(Kind::Coded, batch.as_bytes().len());
-                self.ids.coded(&batch).map_err(|e| LaneError::Protocol(e.into()))
+                Ok(Message::Coded(batch))
             }
             end => {
                 if self.farewell.is_none() {

@@ -18,6 +18,7 @@ use super::port::{Port, Waiter};
 use super::socket::{Incoming, Outgoing, Path};
 use crate::desk::{Desk, lock};
 use crate::handshake::HandshakeError;
+use crate::keys::{NoiseKey, PeerKey};
 use crate::link::Batching;
 use crate::net::{UdpSocket, random_bytes, until};
 use crate::stats::Counters;
@@ -112,9 +113,9 @@ impl Hall {
                 Err(e) => return self.desk.failed(&from, HandshakeError::Io(e)),
             },
             Err(error) => {
-                if let HandshakeError::Refused(refusal) = &error {
+                if let Some(refusal) = error.refusal() {
                     let answer =
-                        introduce_with(&Message::Refuse(*refusal), &self.config, &Counters::unframed());
+                        introduce_with(&Message::Refuse(refusal), &self.config, &Counters::unframed());
                     knock.refuse(&answer, &mut reply);
                 }
                 self.desk.failed(&from, error);
@@ -140,6 +141,9 @@ impl Hall {
         if hello.lane != Lane::Frames {
             let Hello { session, lane, .. } = hello;
             return Err(HandshakeError::Refused(Refusal::Session { session, lane }));
+        }
+        if let (Some(key), Some(security)) = (knock.key, &self.desk.options.security) {
+            security.judge(PeerKey::Udp(NoiseKey::from_bytes(key)), hello.identity.role)?;
         }
         let permit = self.desk.room()?;
         self.desk.admits(&hello.identity).map_err(HandshakeError::Refused)?;

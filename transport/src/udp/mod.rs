@@ -55,7 +55,6 @@ fn link(
         capabilities: Capabilities {
             reliable,
             ordered: true,
-            max_frame: u32::MAX,
             encrypted: options.udp.is_encrypted(),
             local: false,
         },

@@ -4,6 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use trimaran_udp::{Config, Congestion, Repair, Security as Noise};
+use zeroize::Zeroizing;
 
 use crate::handshake::HandshakeError;
 use crate::keys::Security;
@@ -47,8 +48,8 @@ pub enum Trust {
     /// Each has keys and knows the other's public ones: those of [`Options::security`](crate::Options::security).
     #[default]
     Keys,
-    /// Both hold these 32 random bytes: who has them is a peer.
-    SharedKey([u8; 32]),
+    /// Both hold these 32 random bytes: who has them is a peer. Wiped from memory when this is dropped.
+    SharedKey(Zeroizing<[u8; 32]>),
     /// Nothing is hidden and nobody is checked: only for trusted networks.
     Plaintext,
 }
@@ -67,11 +68,14 @@ impl Trust {
     /// What a listener takes.
     pub(super) fn listening(&self, known: Option<&Security>) -> Result<Noise, HandshakeError> {
         Ok(match self {
-            Self::SharedKey(key) => Noise::PreShared(*key),
+            Self::SharedKey(key) => Noise::PreShared(key.clone()),
             Self::Plaintext => Noise::Plaintext,
             Self::Keys => {
                 let Security { keys, peers } = known.ok_or(HandshakeError::NoKeys)?;
-                let peers = peers.iter().map(|peer| peer.udp.to_bytes()).collect();
+                let mut peers: Vec<_> = peers.iter().map(|peer| peer.keys.udp.to_bytes()).collect();
+                // A key may be known for several roles.
+                peers.sort_unstable();
+                peers.dedup();
                 Noise::Pinned { own: keys.noise().to_bytes(), peers }
             }
         })
@@ -81,7 +85,7 @@ impl Trust {
     pub(super) fn connecting(&self, known: Option<&Security>) -> Result<Vec<Noise>, HandshakeError> {
         Ok(match self.listening(known)? {
             Noise::Pinned { own, peers } => {
-                peers.into_iter().map(|peer| Noise::Pinned { own, peers: vec![peer] }).collect()
+                peers.into_iter().map(|peer| Noise::Pinned { own: own.clone(), peers: vec![peer] }).collect()
             }
             other => vec![other],
         })

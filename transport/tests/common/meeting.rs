@@ -47,7 +47,7 @@ impl Meeting {
         let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
         let (a, b) = (keys("a"), keys("b"));
         let with = |keys: &Keys, peer: &Keys| {
-            let security = Security { keys: keys.clone(), peers: vec![peer.public().clone()] };
+            let security = Security { keys: keys.clone(), peers: vec![peer.public().clone().into()] };
             Options { security: Some(security), ..options.clone() }
         };
         let (ours, display) = (with(&a, &b), with(&b, &a));

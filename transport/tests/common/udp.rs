@@ -12,7 +12,7 @@ pub(crate) fn with(trust: Trust) -> Options {
 
 /// Options of peers that share a key.
 pub(crate) fn shared(key: u8) -> Options {
-    with(Trust::SharedKey([key; 32]))
+    with(Trust::SharedKey([key; 32].into()))
 }
 
 pub(crate) async fn listener(options: &Options) -> (Listener, Endpoint) {

@@ -4,6 +4,7 @@ use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
 use trimaran_proto::Instant;
+use zeroize::Zeroizing;
 
 use crate::packet::{ConnectionId, CookieBytes};
 
@@ -11,11 +12,11 @@ use crate::packet::{ConnectionId, CookieBytes};
 const LIFE: Duration = Duration::from_secs(10);
 
 /// The secret of a listener, from which it makes cookies: 32 random bytes, drawn when it starts.
-pub(crate) struct Jar([u8; 32]);
+pub(crate) struct Jar(Zeroizing<[u8; 32]>);
 
 impl Jar {
-    pub(crate) const fn new(secret: [u8; 32]) -> Self {
-        Self(secret)
+    pub(crate) fn new(secret: [u8; 32]) -> Self {
+        Self(Zeroizing::new(secret))
     }
 
     pub(crate) fn bake(&self, now: Instant, address: SocketAddr, id: ConnectionId) -> CookieBytes {

@@ -262,7 +262,7 @@ fn the_handshake_with_a_shared_key_is_the_examples() {
     // The door, which knows nothing of the fixed keys, reads the example.
     let mut example = examples()["initial-shared"].clone();
     example.resize(MIN_DATAGRAM, 0);
-    let door = Door::new(Security::PreShared(PSK), SECRET).unwrap();
+    let door = Door::new(Security::PreShared(PSK.into()), SECRET).unwrap();
     match door.handle(now(), address(), &example, &mut Vec::new()) {
         Reception::Knock(knock) => assert_eq!((knock.from, &knock.hello[..]), (HERE, &b"hello"[..])),
         other => panic!("{other:?}"),

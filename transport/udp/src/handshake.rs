@@ -7,6 +7,7 @@ use std::time::Duration;
 use snow::{Builder, HandshakeState};
 use thiserror::Error;
 use trimaran_proto::Instant;
+use zeroize::Zeroizing;
 
 use crate::connection::{Config, Connection};
 use crate::cookie::Jar;
@@ -21,15 +22,15 @@ pub const MAX_HELLO: usize = 1024;
 const COOKIES: u8 = 4;
 const FLOOD: Duration = Duration::from_millis(50);
 
-/// What makes peers trust each other. Both sides need the same kind.
+/// What makes peers trust each other. Both sides need the same kind. Secrets are wiped from memory when this is dropped.
 #[derive(Clone, PartialEq, Eq)]
 pub enum Security {
     /// Both hold this key (`Noise_NNpsk0`): who has it is a peer.
-    PreShared([u8; 32]),
+    PreShared(Zeroizing<[u8; 32]>),
     /// Each holds a key pair and knows the other's public key (`Noise_IK`, X25519).
     Pinned {
         /// The private key of this side.
-        own: [u8; 32],
+        own: Zeroizing<[u8; 32]>,
         /// The public keys of peers: a listener takes them all, who connects expects the first.
         peers: Vec<[u8; 32]>,
     },
@@ -88,7 +89,7 @@ impl Half {
             Security::Pinned { own, peers } => {
                 let peer = peers.first().ok_or(HandshakeError::NoPeer)?;
                 PINNED.parse().and_then(|params| {
-                    let builder = Builder::new(params).local_private_key(own)?;
+                    let builder = Builder::new(params).local_private_key(&**own)?;
                     build(if initiates { builder.remote_public_key(peer)? } else { builder })
                 })
             }
@@ -260,6 +261,8 @@ pub struct Knock {
     pub from: ConnectionId,
     /// What it says.
     pub hello: Vec<u8>,
+    /// The pinned key that its sender has proved to hold.
+    pub key: Option<[u8; 32]>,
     half: Half,
 }
 
@@ -329,11 +332,14 @@ impl Door {
     fn open(&self, from: ConnectionId, noise: &[u8]) -> Option<Knock> {
         let mut half = Half::new(&self.security, from, false).ok()?;
         let hello = half.read(noise)?;
-        if let (Security::Pinned { peers, .. }, Half::Noise(state)) = (&self.security, &half) {
-            let theirs = state.get_remote_static()?;
-            peers.iter().find(|peer| peer.as_slice() == theirs)?;
-        }
-        Some(Knock { from, hello, half })
+        let key = match (&self.security, &half) {
+            (Security::Pinned { peers, .. }, Half::Noise(state)) => {
+                let theirs = state.get_remote_static()?;
+                Some(*peers.iter().find(|peer| peer.as_slice() == theirs)?)
+            }
+            _ => None,
+        };
+        Some(Knock { from, hello, key, half })
     }
 }
 

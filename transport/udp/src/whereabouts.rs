@@ -66,7 +66,7 @@ struct Candidate {
 
 impl Whereabouts {
     /// A peer at `remote`; 32 random bytes, of which nobody else learns.
-    pub(crate) const fn new(remote: SocketAddr, secret: [u8; 32]) -> Self {
+    pub(crate) fn new(remote: SocketAddr, secret: [u8; 32]) -> Self {
         Self { remote, jar: Jar::new(secret), candidate: None, response: None }
     }
 

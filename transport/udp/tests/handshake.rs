@@ -22,8 +22,8 @@ fn address() -> SocketAddr {
 }
 
 fn pinned(own: &snow::Keypair, peer: &snow::Keypair) -> Security {
-    let key = |bytes: &[u8]| bytes.try_into().unwrap();
-    Security::Pinned { own: key(&own.private), peers: vec![key(&peer.public)] }
+    let key = |bytes: &[u8]| -> [u8; 32] { bytes.try_into().unwrap() };
+    Security::Pinned { own: key(&own.private).into(), peers: vec![key(&peer.public)] }
 }
 
 fn keypair() -> snow::Keypair {
@@ -107,7 +107,7 @@ fn talk((mut here, mut there): (Connection, Connection)) -> Vec<u8> {
 
 #[test]
 fn peers_with_the_same_key_talk_and_forgeries_and_replays_do_nothing() {
-    let key = Security::PreShared([9; 32]);
+    let key = Security::PreShared([9; 32].into());
     let packet = talk(join(&key, key.clone()).unwrap());
     assert!(!packet.windows(8).any(|bytes| bytes == 1.0f64.to_le_bytes()), "the camera is hidden");
     let packet = talk(join(&Security::Plaintext, Security::Plaintext).unwrap());
@@ -124,7 +124,7 @@ fn pinned_peers_talk_and_others_do_not() {
 
 #[test]
 fn another_key_or_none_is_not_let_in() {
-    let key = |byte| Security::PreShared([byte; 32]);
+    let key = |byte| Security::PreShared([byte; 32].into());
     assert!(join(&key(1), key(2)).is_none());
     assert!(join(&Security::Plaintext, key(2)).is_none());
     let (a, b) = (keypair(), keypair());
@@ -133,7 +133,7 @@ fn another_key_or_none_is_not_let_in() {
 
 #[test]
 fn a_refusal_is_read() {
-    let key = Security::PreShared([9; 32]);
+    let key = Security::PreShared([9; 32].into());
     let door = Door::new(key.clone(), [3; 32]).unwrap();
     let (connecting, knock, _) = knock(&door, Connecting::new(&key, HERE, b"hello").unwrap());
     let mut answer = Vec::new();
@@ -144,7 +144,7 @@ fn a_refusal_is_read() {
 
 #[test]
 fn a_cookie_does_not_work_from_elsewhere_or_later() {
-    let key = Security::PreShared([9; 32]);
+    let key = Security::PreShared([9; 32].into());
     let door = Door::new(key.clone(), [3; 32]).unwrap();
     let (_, _, first) = knock(&door, Connecting::new(&key, HERE, b"hello").unwrap());
     let mut out = Vec::new();
@@ -180,7 +180,7 @@ fn go_on(mut connecting: Connecting, door: &Door) -> Connection {
 
 #[test]
 fn a_forged_version_is_a_hint_and_the_handshake_goes_on() {
-    let key = Security::PreShared([9; 32]);
+    let key = Security::PreShared([9; 32].into());
     let door = Door::new(key.clone(), [3; 32]).unwrap();
     let connecting = Connecting::new(&key, HERE, b"hello").unwrap();
     assert_eq!(connecting.claimed_version(), None);
@@ -197,7 +197,7 @@ fn a_forged_version_is_a_hint_and_the_handshake_goes_on() {
 
 #[test]
 fn a_forged_cookie_does_not_lock_the_true_one_out() {
-    let key = Security::PreShared([9; 32]);
+    let key = Security::PreShared([9; 32].into());
     let door = Door::new(key.clone(), [3; 32]).unwrap();
     let (mut first, mut reply) = (Vec::new(), Vec::new());
     let connecting = Connecting::new(&key, HERE, b"hello").unwrap();
@@ -219,7 +219,7 @@ fn a_forged_cookie_does_not_lock_the_true_one_out() {
 
 #[test]
 fn forged_cookies_are_not_sent_back_without_end_and_who_goes_on_comes_in() {
-    let key = Security::PreShared([9; 32]);
+    let key = Security::PreShared([9; 32].into());
     let door = Door::new(key.clone(), [3; 32]).unwrap();
     let mut connecting = Connecting::new(&key, HERE, b"hello").unwrap();
     let (mut sent, mut at) = (0, now());
@@ -249,7 +249,7 @@ proptest! {
         if let Some(first) = bytes.first_mut() {
             *first = 4 | form;
         }
-        let door = Door::new(Security::PreShared([9; 32]), [3; 32]).unwrap();
+        let door = Door::new(Security::PreShared([9; 32].into()), [3; 32]).unwrap();
         let mut out = Vec::new();
         match door.handle(now(), address(), &bytes, &mut out) {
             Reception::Reply => prop_assert!(out.len() * 3 <= bytes.len()),

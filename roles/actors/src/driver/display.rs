@@ -15,6 +15,7 @@ use super::{
     Cameras, LinkError, RoleError,
     cameras::Handed,
     gaps::Gaps,
+    ids::FrameIds,
     pair::sent_bytes,
     parting::{ended, hear_out, leave},
     rule_of,
@@ -129,7 +130,7 @@ struct Work<'r, D> {
     /// What the links had carried when their last frames were shown.
     carried: [LinkStats; 2],
     order: DrawOrder,
-    ids: Vec<DrawableId>,
+    received: FrameIds,
     arrivals: Vec<(u32, Duration)>,
     /// Ids of the frame were lost.
     lossy: bool,
@@ -158,6 +159,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
     fn new(role: DisplayRole<D>, waiting: Waiting<'r>) -> Result<Self, RoleError<D::Error>> {
         let DisplayRole { scene, device, first, second, settings, net, clock } = role;
         let gaps = Gaps::new(&scene, rule_of(&settings)?);
+        let received = FrameIds::of(&scene);
         Ok(Self {
             machine: DisplayMachine::new(settings.first, settings.frames),
             scene,
@@ -171,7 +173,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             clock,
             handed: Handed::new(clock),
             order: DrawOrder::default(),
-            ids: Vec::new(),
+            received,
             arrivals: Vec::new(),
             lossy: false,
             gaps,
@@ -239,7 +241,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         begun: Duration,
         cameras: &mut dyn Cameras,
     ) -> Result<(), RoleError<D::Error>> {
-        self.ids.clear();
+        self.received.begin();
         self.arrivals.clear();
         loop {
             let there = self.try_receive(from)?;
@@ -251,8 +253,9 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             };
             match event {
                 FrameEvent::Ids(batch) => {
-                    self.ids.extend(batch.iter());
-                    let count = u32::try_from(self.ids.len()).unwrap_or(u32::MAX);
+                    let ids = |cause| RoleError::Ids { peer: peer(from), cause };
+                    self.received.take(&batch).map_err(ids)?;
+                    let count = u32::try_from(self.received.ids.len()).unwrap_or(u32::MAX);
                     match self.arrivals.last_mut().filter(|_| at_once) {
                         Some((before, _)) => *before = count,
                         None => self.arrivals.push((count, self.clock.elapsed().saturating_sub(begun))),
@@ -275,11 +278,12 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         let Begun { camera, published, at } = begun;
         let view = View::new(camera, self.viewport);
         let drawing = self.clock.elapsed();
-        let for_loss = if self.lossy { self.gaps.fill(view, &mut self.ids)? } else { 0 };
-        self.order.sort(&self.scene, &view, &mut self.ids);
+        let ids = &mut self.received.ids;
+        let for_loss = if self.lossy { self.gaps.fill(view, ids)? } else { 0 };
+        self.order.sort(&self.scene, &view, ids);
         let device = |cause| RoleError::Device { doing: "drawing a picture", cause };
-        self.device.draw(&view, &self.ids).map_err(device)?;
-        self.gaps.drawn(&self.ids);
+        self.device.draw(&view, ids).map_err(device)?;
+        self.gaps.drawn(ids);
         let shown = self.clock.elapsed();
         let machine = Seat::of(camera.frame()).index();
         let carried = self.links[machine].stats.read();
@@ -292,7 +296,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         }
         let noted = observer.shown(&ShownFrame {
             camera,
-            ids: &self.ids,
+            ids: &self.received.ids,
             for_loss: u32::try_from(for_loss).unwrap_or(u32::MAX),
             picture: wanted.then_some(&self.picture),
             published,

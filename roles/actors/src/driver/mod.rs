@@ -6,6 +6,7 @@
 mod cameras;
 mod display;
 mod gaps;
+mod ids;
 mod occluders;
 mod outlet;
 mod pair;
@@ -15,6 +16,7 @@ mod stop;
 pub use cameras::Cameras;
 pub use display::{DisplayRole, Observer, ObserverError, PairTraffic, ShownFrame};
 pub use gaps::Gaps;
+pub use ids::{IdError, max_frame};
 pub use occluders::OccluderPolicy;
 pub use pair::PairRole;
 pub use parting::leave_unable;
@@ -54,6 +56,15 @@ pub enum RoleError<D: std::error::Error + 'static> {
         /// How.
         #[source]
         cause: OrderError,
+    },
+    /// A peer sent an id that no frame of the scene can have.
+    #[error("the {peer} sent ids that no frame can have")]
+    Ids {
+        /// The peer.
+        peer: &'static str,
+        /// Which, and why.
+        #[source]
+        cause: IdError,
     },
     /// The device failed.
     #[error("the device failed while {doing}")]

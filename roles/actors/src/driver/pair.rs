@@ -12,7 +12,9 @@ use trimaran_scene::Scene;
 use trimaran_transport::{Link, Traffic};
 
 use super::{
-    OccluderPolicy, RoleError, nanoseconds,
+    OccluderPolicy, RoleError,
+    ids::FrameIds,
+    nanoseconds,
     outlet::Outlet,
     parting::{ended, hear_out, leave},
     rule_of,
@@ -78,9 +80,8 @@ struct Work<'r, D> {
     /// Time the host spent on the occluders of this frame.
     host: Duration,
     policy: OccluderPolicy,
-    received: Vec<DrawableId>,
     /// Ids received of the last frame, and occluders they map to: both for the frame whose occluders are drawn.
-    received_count: usize,
+    received: FrameIds,
     due: Vec<DrawableId>,
 }
 
@@ -88,6 +89,7 @@ impl<'r, D: PairDevice> Work<'r, D> {
     fn new(role: PairRole<D>, waiting: Waiting<'r>) -> Result<Self, RoleError<D::Error>> {
         let PairRole { seat, scene, device, display, other, settings, occluders } = role;
         let rule = rule_of(&settings)?;
+        let received = FrameIds::of(&scene);
         Ok(Self {
             machine: SwitchMachine::new(seat, settings.first, settings.frames),
             first: settings.first,
@@ -104,8 +106,7 @@ impl<'r, D: PairDevice> Work<'r, D> {
             stats: FrameStats::default(),
             host: Duration::ZERO,
             policy: occluders,
-            received: Vec::new(),
-            received_count: 0,
+            received,
             due: Vec::new(),
         })
     }
@@ -153,7 +154,7 @@ impl<'r, D: PairDevice> Work<'r, D> {
             None => self.mapper = Some(OccluderMapper::new(Arc::clone(self.culler.scene()), view, self.rule)),
         }
         self.device.begin_occluders(&view).map_err(|cause| device("clearing the depth", cause))?;
-        self.received_count = 0;
+        self.received.begin();
         self.due.clear();
         self.host = self.clock.elapsed().saturating_sub(start);
         Ok(())
@@ -162,12 +163,10 @@ impl<'r, D: PairDevice> Work<'r, D> {
     /// Maps a batch onto this frame's level cut, and draws it if there is nothing to choose.
     fn take_batch(&mut self, batch: &IdBatch) -> Result<(), RoleError<D::Error>> {
         let start = self.clock.elapsed();
-        self.received.clear();
-        self.received.extend(batch.iter());
-        self.received_count += self.received.len();
+        let ids = self.received.take(batch).map_err(|cause| RoleError::Ids { peer: OTHER, cause })?;
         let known = self.due.len();
         if let Some(mapper) = &mut self.mapper {
-            mapper.push(&self.received, &mut self.due)?;
+            mapper.push(ids, &mut self.due)?;
         }
         if self.policy.budget.is_none() {
             self.draw(known)?;
@@ -182,7 +181,7 @@ impl<'r, D: PairDevice> Work<'r, D> {
         let view = View::new(camera, self.viewport);
         let scene = Arc::clone(self.culler.scene());
         let drawn = if self.policy.budget.is_none() { self.due.len() } else { 0 };
-        self.policy.choose(&scene, &view, self.rule, self.received_count, &mut self.due);
+        self.policy.choose(&scene, &view, self.rule, self.received.ids.len(), &mut self.due);
         self.draw(drawn)?;
         self.host += self.clock.elapsed().saturating_sub(start);
         Ok(())

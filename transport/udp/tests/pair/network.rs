@@ -42,7 +42,7 @@ pub(crate) fn introduce(
     there: ConnectionId,
     config: Config,
 ) -> [Connection; 2] {
-    let key = Security::PreShared([9; 32]);
+    let key = Security::PreShared([9; 32].into());
     let door = Door::new(key.clone(), [3; 32]).unwrap();
     let address = SocketAddr::from(([192, 0, 2, 1], 4000));
     let connecting = Connecting::new(&key, here, b"").unwrap();

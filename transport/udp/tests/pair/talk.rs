@@ -74,8 +74,8 @@ pub(crate) struct Reader {
 impl Default for Reader {
     fn default() -> Self {
         Self {
-            assembler: FrameAssembler::new(),
-            decoder: IdDecoder::new(),
+            assembler: FrameAssembler::new(u32::MAX),
+            decoder: IdDecoder::new(u32::MAX),
             coded: 0,
             ids: Vec::new(),
             frames: Vec::new(),

@@ -49,7 +49,7 @@ impl Linked {
         let options = |own: &Keys, other: &Keys| {
             let mut options = Options::default();
             options.link.coding = IdCoding::Plain;
-            options.security = Some(Security { keys: own.clone(), peers: vec![other.public().clone()] });
+            options.security = Some(Security { keys: own.clone(), peers: vec![other.public().clone().into()] });
             options
         };
         Ok(Self { endpoint: endpoint.parse()?, near: options(&near, &far), far: options(&far, &near) })

@@ -1,0 +1,74 @@
+//! The ids of a frame as they come from a peer: each is one of the scene's drawables, and comes once.
+
+use thiserror::Error;
+use trimaran_proto::{DrawableId, IdBatch};
+use trimaran_scene::Scene;
+
+/// The most ids that a frame of `scene` can have, for [`LinkConfig::max_frame`](trimaran_transport::LinkConfig::max_frame): each
+/// drawable once.
+#[must_use]
+pub fn max_frame(scene: &Scene) -> u32 {
+    u32::try_from(scene.drawables().len()).unwrap_or(u32::MAX)
+}
+
+/// An id that no frame of the scene can have there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum IdError {
+    /// It is none of the scene's.
+    #[error("{id} is not in this scene, which has {count} drawables: do all roles hold the same scene?")]
+    Unknown {
+        /// The id.
+        id: DrawableId,
+        /// How many drawables the scene has.
+        count: usize,
+    },
+    /// It has come before in the same frame.
+    #[error("{id} came twice in one frame")]
+    Twice {
+        /// The id.
+        id: DrawableId,
+    },
+}
+
+/// The ids of one frame after the other.
+#[derive(Debug)]
+pub(super) struct FrameIds {
+    /// Those of this frame. Others may be added, and all put in another order.
+    pub(super) ids: Vec<DrawableId>,
+    /// For each drawable of the scene whether it is among them.
+    came: Vec<bool>,
+}
+
+impl FrameIds {
+    /// Of frames that show `scene`.
+    pub(super) fn of(scene: &Scene) -> Self {
+        Self { ids: Vec::new(), came: vec![false; scene.drawables().len()] }
+    }
+
+    /// The next frame begins.
+    pub(super) fn begin(&mut self) {
+        for id in self.ids.drain(..) {
+            if let Some(came) = self.came.get_mut(id.index()) {
+                *came = false;
+            }
+        }
+    }
+
+    /// Adds a batch; gives its ids.
+    ///
+    /// # Errors
+    /// At the first that cannot be; those before it are added.
+    pub(super) fn take(&mut self, batch: &IdBatch) -> Result<&[DrawableId], IdError> {
+        let first = self.ids.len();
+        let count = self.came.len();
+        for id in batch.iter() {
+            let came = self.came.get_mut(id.index()).ok_or(IdError::Unknown { id, count })?;
+            if std::mem::replace(came, true) {
+                return Err(IdError::Twice { id });
+            }
+            self.ids.push(id);
+        }
+        Ok(self.ids.get(first..).unwrap_or_default())
+    }
+}

@@ -1,0 +1,125 @@
+//! Which role a peer may have, by its key.
+
+use std::fmt;
+
+use thiserror::Error;
+use trimaran_proto::{Goodbye, Refusal, Role};
+
+use super::{Fingerprint, KnownPeer, NoiseKey, Security};
+use crate::Name;
+use crate::handshake::HandshakeError;
+
+/// The key that a peer has proved to hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PeerKey {
+    /// That of its certificate, over QUIC.
+    Quic(Fingerprint),
+    /// Its static key, over datagrams.
+    Udp(NoiseKey),
+}
+
+/// A peer that claims a role which its key is not known for.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error(
+    "key '{name}' ({key}) claims to be {claimed}; this configuration knows it as {known}: give each role the keys that its peers know \
+     it by"
+)]
+pub struct WrongRole {
+    /// What people call the key.
+    pub name: Name,
+    /// The key.
+    pub key: PeerKey,
+    /// The role that its holder claims.
+    pub claimed: Role,
+    /// The role that this side knows it for.
+    pub known: Role,
+}
+
+impl Security {
+    /// Whether who holds `key` may be `claimed`.
+    pub(crate) fn judge(&self, key: PeerKey, claimed: Role) -> Result<(), HandshakeError> {
+        let mut wrong = Err(HandshakeError::Stranger);
+        for KnownPeer { keys, role } in self.peers.iter().filter(|peer| peer.has(key)) {
+            match *role {
+                Some(known) if known != claimed => {
+                    let name = keys.name.clone();
+                    wrong = Err(Box::new(WrongRole { name, key, claimed, known }).into());
+                }
+                _ => return Ok(()),
+            }
+        }
+        wrong
+    }
+}
+
+impl KnownPeer {
+    fn has(&self, key: PeerKey) -> bool {
+        match key {
+            PeerKey::Quic(fingerprint) => self.keys.quic == fingerprint,
+            PeerKey::Udp(key) => self.keys.udp == key,
+        }
+    }
+}
+
+impl WrongRole {
+    /// What a listener tells the peer.
+    pub(crate) const fn refusal(&self) -> Refusal {
+        Refusal::Key { claimed: self.claimed, known: self.known }
+    }
+
+    /// What a connecting peer tells the listener.
+    pub(crate) fn goodbye(&self) -> Goodbye {
+        let Self { claimed, known, .. } = self;
+        Goodbye::failed(&format!(
+            "its peer claims to be {claimed}, with a key that is known as that of {known}"
+        ))
+    }
+}
+
+impl fmt::Display for PeerKey {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Quic(fingerprint) => fingerprint.fmt(f),
+            Self::Udp(key) => key.fmt(f),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::keys::Keys;
+
+    #[test]
+    fn a_key_may_have_the_roles_that_it_is_known_for_and_no_other() {
+        let [own, one, two, any, nobody] = ["own", "one", "two", "any", "nobody"]
+            .map(|name| Keys::generate(name.parse().unwrap()).unwrap().public().clone());
+        let security = Security {
+            keys: Keys::generate("own".parse().unwrap()).unwrap(),
+            peers: vec![
+                KnownPeer::in_role(one.clone(), Role::SwitchA),
+                KnownPeer::in_role(two.clone(), Role::SwitchA),
+                KnownPeer::in_role(two.clone(), Role::SwitchB),
+                any.clone().into(),
+            ],
+        };
+        let roles = [Role::SwitchA, Role::SwitchB, Role::Display];
+        for (peer, expected) in [
+            (&one, [true, false, false]),
+            (&two, [true, true, false]),
+            (&any, [true; 3]),
+            (&nobody, [false; 3]),
+        ] {
+            for key in [PeerKey::Quic(peer.quic), PeerKey::Udp(peer.udp)] {
+                assert_eq!(roles.map(|role| security.judge(key, role).is_ok()), expected, "{}", peer.name);
+            }
+        }
+        let key = PeerKey::Udp(one.udp);
+        let error = security.judge(key, Role::SwitchB).unwrap_err().to_string();
+        let begins =
+            format!("key 'one' ({}) claims to be switch B; this configuration knows it as switch A", one.udp);
+        assert!(error.starts_with(&begins), "{error}");
+        let stranger = security.judge(PeerKey::Udp(own.udp), Role::SwitchA).unwrap_err();
+        assert!(matches!(stranger, HandshakeError::Stranger), "{stranger:?}");
+    }
+}

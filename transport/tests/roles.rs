@@ -1,0 +1,184 @@
+//! Keys are known for roles: who has the key of one role gets no other one, and the listener goes on waiting for the right one.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+mod common;
+
+use std::io::{self, Write};
+use std::sync::{Arc, Mutex};
+
+use common::{identity, last_failure, net, soon};
+use trimaran_proto::{Goodbye, Refusal, Role};
+use trimaran_transport::keys::{Keys, KnownPeer, PeerKey, Security, WrongRole};
+use trimaran_transport::{
+    AttemptError, ConnectError, Endpoint, HandshakeError, Link, Listener, Options, RecvError, connect,
+};
+
+const ENDPOINTS: [&str; 2] = ["quic://127.0.0.1:0", "udp://127.0.0.1:0"];
+
+fn keys(name: &str) -> Keys {
+    Keys::generate(name.parse().unwrap()).unwrap()
+}
+
+/// Who has `keys` and knows those, each in its role.
+fn knowing(keys: &Keys, peers: &[(&Keys, Option<Role>)]) -> Options {
+    let known = |(peer, role): &(&Keys, _)| KnownPeer { keys: peer.public().clone(), role: *role };
+    let peers = peers.iter().map(known).collect();
+    Options { security: Some(Security { keys: keys.clone(), peers }), ..Options::default() }
+}
+
+/// A display that knows its two machines, and what each of them needs.
+struct Show {
+    listener: Listener,
+    at: Endpoint,
+    first: Keys,
+    second: Keys,
+    display: Keys,
+}
+
+impl Show {
+    async fn at(endpoint: &str) -> Self {
+        let [first, second, display] = ["first", "second", "display"].map(keys);
+        let options = knowing(&display, &[(&first, Some(Role::SwitchA)), (&second, Some(Role::SwitchB))]);
+        let endpoint = endpoint.parse().unwrap();
+        let listener = Listener::bind(&net(), &endpoint, identity(Role::Display), &options).await.unwrap();
+        let at = listener.local_endpoint().clone();
+        Self { listener, at, first, second, display }
+    }
+
+    async fn claim(&self, keys: &Keys, role: Role) -> Result<Link, ConnectError> {
+        let options = knowing(keys, &[(&self.display, Some(Role::Display))]);
+        connect(&net(), &self.at, identity(role), &options, soon(&net())).await
+    }
+
+    /// Both ends of a link with the machine of these keys.
+    async fn joins(&mut self, keys: &Keys, role: Role) -> (Link, Link) {
+        let options = knowing(keys, &[(&self.display, Some(Role::Display))]);
+        let net = net();
+        let (there, here) = tokio::join!(
+            connect(&net, &self.at, identity(role), &options, soon(&net)),
+            self.listener.accept(soon(&net)),
+        );
+        let (there, here) = (there.unwrap(), here.unwrap());
+        assert_eq!((there.peer.identity.role, here.peer.identity.role), (Role::Display, role));
+        (there, here)
+    }
+}
+
+fn key(endpoint: &Endpoint, keys: &Keys) -> PeerKey {
+    match endpoint {
+        Endpoint::Quic(_) => PeerKey::Quic(keys.public().quic),
+        Endpoint::Udp(_) => PeerKey::Udp(keys.public().udp),
+        other => panic!("{other}"),
+    }
+}
+
+/// What is logged goes to a page.
+#[derive(Clone, Default)]
+struct Page(Arc<Mutex<Vec<u8>>>);
+
+impl Write for Page {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.lock().unwrap().write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+#[tokio::test]
+async fn a_key_that_claims_another_role_is_refused_by_name_and_the_right_one_still_gets_in() {
+    for endpoint in ENDPOINTS {
+        let page = Page::default();
+        let writer = page.clone();
+        let subscriber =
+            tracing_subscriber::fmt().with_ansi(false).with_writer(move || writer.clone()).finish();
+        let logged = tracing::subscriber::set_default(subscriber);
+        let mut show = Show::at(endpoint).await;
+        let (first, second) = (show.first.clone(), show.second.clone());
+
+        // It already has its own place: a key is not good for both.
+        let its_own = show.joins(&second, Role::SwitchB).await;
+        for _ in 0..3 {
+            let refused = show.claim(&second, Role::SwitchA).await;
+            let Err(ConnectError::Refused { refusal, .. }) = refused else {
+                panic!("{endpoint}: {refused:?}")
+            };
+            assert_eq!(refusal, Refusal::Key { claimed: Role::SwitchA, known: Role::SwitchB }, "{endpoint}");
+            let HandshakeError::WrongRole(claim) = last_failure(&mut show.listener).await else {
+                panic!("{endpoint}")
+            };
+            let expected = WrongRole {
+                name: "second".parse().unwrap(),
+                key: key(&show.at, &second),
+                claimed: Role::SwitchA,
+                known: Role::SwitchB,
+            };
+            assert_eq!(*claim, expected, "{endpoint}");
+        }
+        let said = format!(
+            "key 'second' ({}) claims to be switch A; this configuration knows it as switch B",
+            key(&show.at, &second)
+        );
+        let log = String::from_utf8(page.0.lock().unwrap().clone()).unwrap();
+        assert_eq!(log.lines().filter(|line| line.contains(&said)).count(), 1, "{endpoint}, once: {log}");
+        drop(logged);
+
+        let other = show.joins(&first, Role::SwitchA).await;
+        drop((its_own, other));
+    }
+}
+
+/// The listener is one that the connecting side knows, and no display.
+#[tokio::test]
+async fn a_listener_that_claims_another_role_is_not_believed_and_learns_why() {
+    for endpoint in ENDPOINTS {
+        let mut show = Show::at(endpoint).await;
+        let options = knowing(&show.first, &[(&show.display, Some(Role::SwitchB))]);
+        let net = net();
+        let (refused, link) =
+            tokio::join!(connect(&net, &show.at, identity(Role::SwitchA), &options, soon(&net)), async {
+                let mut link = show.listener.accept(soon(&net)).await.unwrap();
+                link.frames_rx.recv().await
+            });
+        let Err(ConnectError::Failed { cause: AttemptError::Handshake { cause, .. }, .. }) = refused else {
+            panic!("{endpoint}: {refused:?}")
+        };
+        let HandshakeError::WrongRole(claim) = cause else { panic!("{endpoint}: {cause:?}") };
+        assert_eq!((claim.claimed, claim.known), (Role::Display, Role::SwitchB), "{endpoint}");
+        assert_eq!(claim.name.as_str(), "display", "{endpoint}");
+        let Err(RecvError::Goodbye { reason: Goodbye::Failed(why), .. }) = link else {
+            panic!("{endpoint}: {link:?}")
+        };
+        let expected = "its peer claims to be display, with a key that is known as that of switch B";
+        assert_eq!(why.to_string(), expected, "{endpoint}");
+        let first = show.first.clone();
+        show.joins(&first, Role::SwitchA).await;
+    }
+}
+
+/// One machine may be known for two roles, and for any.
+#[tokio::test]
+async fn a_key_may_be_known_for_several_roles_or_for_any() {
+    for endpoint in ENDPOINTS {
+        for roles in [&[Some(Role::SwitchA), Some(Role::Display)][..], &[None]] {
+            let [ours, theirs] = ["ours", "theirs"].map(keys);
+            let known: Vec<_> = roles.iter().map(|role| (&theirs, *role)).collect();
+            let options = knowing(&ours, &known);
+            let wanted = endpoint.parse().unwrap();
+            let mut listener =
+                Listener::bind(&net(), &wanted, identity(Role::SwitchB), &options).await.unwrap();
+            let at = listener.local_endpoint().clone();
+            for role in [Role::SwitchA, Role::Display] {
+                let net = net();
+                let theirs = knowing(&theirs, &[(&ours, None)]);
+                let (there, here) = tokio::join!(
+                    connect(&net, &at, identity(role), &theirs, soon(&net)),
+                    listener.accept(soon(&net)),
+                );
+                assert_eq!(there.unwrap().peer.identity.role, Role::SwitchB, "{endpoint}");
+                assert_eq!(here.unwrap().peer.identity.role, role, "{endpoint}");
+            }
+        }
+    }
+}
