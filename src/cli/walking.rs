@@ -58,7 +58,7 @@ pub(super) fn open(path: &Path) -> Result<SceneFile, Failure> {
 /// How to open the device that the flags ask for.
 pub(super) fn gpu_options(device: Option<&str>) -> GpuOptions {
     let device = device.map_or(DeviceChoice::Best, |name| DeviceChoice::Named(name.to_owned()));
-    GpuOptions { validation: false, device }
+    GpuOptions { device, ..GpuOptions::default() }
 }
 
 /// A runtime for links; its threads keep sockets going while roles are busy with their devices.
