@@ -17,7 +17,7 @@ use trimaran::{
     walkthrough::{Plan, Recorder, ReportPlan, SceneFile, Trail, viewport, write_report},
 };
 use trimaran_actors::{DisplayRole, Stop, Stopwatch, VulkanDisplay, again, await_pair};
-use trimaran_gpu::{GpuInfo, GpuScene};
+use trimaran_gpu::{GpuInfo, GpuOptions, GpuScene, ItemPass};
 use trimaran_proto::{Identity, Role, Settings};
 use trimaran_transport::{Endpoints, Link, Listener, Net, Options, TokioNet};
 
@@ -69,14 +69,17 @@ impl DisplayStage {
     /// Opens the device and listens.
     pub(super) fn set(
         file: &SceneFile,
-        device: Option<&str>,
+        gpu: &GpuOptions,
         plan: &Plan,
         trail: &Trail,
         runtime: &Runtime,
         listen: &Endpoints,
         options: &Options,
     ) -> Result<Self, Failure> {
-        let drawn = upload(file, device)?;
+        let drawn = upload(file, gpu)?;
+        if plan.audit_every > 0 {
+            ItemPass::check(&drawn).map_err(Failure::broken)?;
+        }
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
         let listening =
             Listener::bind_all(&net, listen, identity(file, plan.settings(trail.frames())), options);

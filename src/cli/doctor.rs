@@ -3,7 +3,7 @@
 use std::{fmt::Write as _, net::TcpListener, thread};
 
 use serde::Serialize;
-use trimaran_gpu::{DeviceKind, Gpu, GpuInfo, GpuOptions};
+use trimaran_gpu::{DeviceKind, Gpu, GpuInfo, GpuOptions, Optional};
 
 use super::{Failure, args::DoctorArgs, print_json};
 
@@ -14,6 +14,14 @@ struct Finding {
     works: bool,
     /// What was found; what to do where it does not work.
     detail: String,
+    /// What is not there and not needed, and what its absence means.
+    lacks: Vec<String>,
+}
+
+impl Finding {
+    const fn new(what: &'static str, works: bool, detail: String) -> Self {
+        Self { what, works, detail, lacks: Vec::new() }
+    }
 }
 
 pub(super) fn run(args: &DoctorArgs) -> Result<(), Failure> {
@@ -27,6 +35,9 @@ pub(super) fn run(args: &DoctorArgs) -> Result<(), Failure> {
         for finding in &findings {
             let mark = if finding.works { "ok      " } else { "MISSING " };
             println!("{mark}{:8}{}", finding.what, finding.detail);
+            for lack in &finding.lacks {
+                println!("{:16}lacks {lack}", "");
+            }
         }
     }
     if healthy {
@@ -39,19 +50,16 @@ pub(super) fn run(args: &DoctorArgs) -> Result<(), Failure> {
 fn gpus() -> Vec<Finding> {
     let devices = match Gpu::list() {
         Ok(devices) => devices,
-        Err(error) => return vec![Finding { what: "gpu", works: false, detail: error.to_string() }],
+        Err(error) => return vec![Finding::new("gpu", false, error.to_string())],
     };
     let mut findings: Vec<_> = devices.iter().map(listed).collect();
     // Listing tells what a device claims; opening it is the proof.
     let opened = Gpu::open(&GpuOptions::default());
-    findings.push(Finding {
-        what: "vulkan",
-        works: opened.is_ok(),
-        detail: match &opened {
-            Ok(gpu) => format!("opened {}", gpu.info().name),
-            Err(error) => error.to_string(),
-        },
-    });
+    let detail = match &opened {
+        Ok(gpu) => format!("opened {}", gpu.info().name),
+        Err(error) => error.to_string(),
+    };
+    findings.push(Finding::new("vulkan", opened.is_ok(), detail));
     findings
 }
 
@@ -64,7 +72,8 @@ fn listed(info: &GpuInfo) -> Finding {
         let _ = write!(detail, "; cannot be used, lacks {}", info.missing.join(", "));
     }
     // A device that cannot be used is no fault as long as another can.
-    Finding { what: "gpu", works: true, detail }
+    let lack = |lack: &Optional| format!("{}: {}", lack.name(), lack.without());
+    Finding { lacks: info.lacks.iter().map(lack).collect(), ..Finding::new("gpu", true, detail) }
 }
 
 const fn kind(kind: DeviceKind) -> &'static str {
@@ -88,20 +97,17 @@ fn memory() -> Finding {
         None => format!("{cores} cores; this system does not say how much memory is available"),
     };
     let works = available.is_none_or(|kib| kib >= 1 << 20);
-    Finding {
-        what: "memory",
-        works,
-        detail: if works { detail } else { format!("{detail}; cooking a plant needs 1 GiB") },
-    }
+    let detail = if works { detail } else { format!("{detail}; cooking a plant needs 1 GiB") };
+    Finding::new("memory", works, detail)
 }
 
 fn sockets(args: &DoctorArgs) -> Finding {
     match TcpListener::bind(args.listen) {
-        Ok(_) => Finding { what: "sockets", works: true, detail: format!("can listen on {}", args.listen) },
-        Err(error) => Finding {
-            what: "sockets",
-            works: false,
-            detail: format!("cannot listen on {}: {error}; give another address with --listen", args.listen),
-        },
+        Ok(_) => Finding::new("sockets", true, format!("can listen on {}", args.listen)),
+        Err(error) => {
+            let detail =
+                format!("cannot listen on {}: {error}; give another address with --listen", args.listen);
+            Finding::new("sockets", false, detail)
+        }
     }
 }

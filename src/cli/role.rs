@@ -12,7 +12,7 @@ use trimaran::{
 use trimaran_actors::{
     JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, VulkanPair, again, join_session,
 };
-use trimaran_gpu::{Gpu, GpuScene};
+use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize};
 use trimaran_transport::{Endpoint, Instant, Link, Net, TokioNet, sleep_until};
 
@@ -62,7 +62,7 @@ pub(super) fn template(role: RoleName) -> String {
 /// One machine of the pair, from start to goodbye.
 fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
     let file = open(&config.scene)?;
-    let drawn = upload(&file, config.device.as_deref())?;
+    let drawn = upload(&file, &gpu_options(config.device.as_deref(), config.device_timeout_s))?;
     let stop = stop_on_signal(runtime);
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
     let seat = match config.seat {
@@ -130,8 +130,8 @@ fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
     let guard =
         config.link.security(&config.listen, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
     let options = config.link.options(guard);
-    let device = config.device.as_deref();
-    let stage = DisplayStage::set(&file, device, &plan, &trail, runtime, &config.listen, &options)?;
+    let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
+    let stage = DisplayStage::set(&file, &gpu, &plan, &trail, runtime, &config.listen, &options)?;
     eprintln!("trimaran: the display listens on {}", stage.listener.local_endpoints());
     let info = stage.info().clone();
     let show = Show {
@@ -189,9 +189,9 @@ impl Metrics {
     }
 }
 
-/// The scene on the device of this name.
-pub(super) fn upload(file: &SceneFile, device: Option<&str>) -> Result<Arc<GpuScene>, Failure> {
-    let gpu = Gpu::open(&gpu_options(device)).map_err(Failure::broken)?;
+/// The scene on a device.
+pub(super) fn upload(file: &SceneFile, gpu: &GpuOptions) -> Result<Arc<GpuScene>, Failure> {
+    let gpu = Gpu::open(gpu).map_err(Failure::broken)?;
     GpuScene::upload(&gpu, &file.scene).map_err(Failure::broken)
 }
 

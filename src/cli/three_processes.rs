@@ -24,7 +24,7 @@ use super::{
     args::RunArgs,
     display::{DisplayStage, Show},
     run::conclude,
-    walking::{self, open},
+    walking::{self, gpu_options, open},
 };
 
 /// How long the three wait for each other: loading and copying a large scene takes a while.
@@ -44,13 +44,13 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
     let file = open(&args.scene)?;
     let trail = walking::trail(&args.walk, &plan, &file.scene)?;
     let runtime = walking::runtime()?;
-    let device = args.walk.device.as_deref();
+    let gpu = gpu_options(args.walk.device.as_deref(), args.walk.device_timeout);
     let configs = tempfile::tempdir().map_err(Failure::broken)?;
     let (listen, pair) = meeting_places(transport, configs.path())?;
     let link = LinkConfig::load(args.links.clone()).map_err(Failure::bad_input)?;
     let keyring = if link.needs_keys(&listen) { Some(Keyring::make(configs.path())?) } else { None };
     let options = link.options(keyring.as_ref().map(|keyring| keyring.security.clone()));
-    let stage = DisplayStage::set(&file, device, &plan, &trail, &runtime, &listen.into(), &options)?;
+    let stage = DisplayStage::set(&file, &gpu, &plan, &trail, &runtime, &listen.into(), &options)?;
 
     let scene = std::path::absolute(&args.scene).map_err(Failure::broken)?;
     let display = stage.listener.local_endpoint().clone();
@@ -61,6 +61,7 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
             display: display.clone(),
             pair: pair.clone(),
             device: args.walk.device.clone(),
+            device_timeout_s: args.walk.device_timeout,
             patience_s: PATIENCE_S,
             reconnect_s: 0.0,
             metrics: None,

@@ -162,6 +162,9 @@ impl Gpu {
     ) -> Result<Parts, GpuError> {
         let messenger = options.validation.then(|| Messenger::new(entry, instance)).transpose()?;
         let adapter = Adapter::choose(instance, &options.device)?;
+        for lack in &adapter.info.lacks {
+            tracing::info!(device = adapter.info.name, lacks = lack.name(), "{}", lack.without());
+        }
         let device = needs::open(
             instance,
             adapter.physical,

@@ -42,6 +42,11 @@ const TARGET: ColourTarget = ColourTarget {
     background: vk::ClearColorValue { uint32: [ItemImage::BACKGROUND; 4] },
 };
 
+/// Whether the scene's device numbers triangles by itself.
+fn numbers(scene: &GpuScene) -> bool {
+    !scene.gpu().info().lacks.contains(&Optional::GeometryShader)
+}
+
 /// What shows at each pixel, row by row from the top.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct ItemImage {
@@ -70,15 +75,19 @@ impl ItemPass {
     /// A pass for pictures of `size` at first.
     ///
     /// # Errors
-    /// If the device cannot draw that size, or memory does not suffice. On a device without `geometryShader`,
-    /// also if the scene's vertices or indices are larger than a storage buffer can be.
+    /// If the device cannot draw that size, or memory does not suffice; and those of [`check`](Self::check).
     pub fn new(scene: &Arc<GpuScene>, size: Viewport) -> Result<Self, GpuError> {
-        if scene.gpu().info().lacks.contains(&Optional::GeometryShader) {
-            scene.check_pulled()?;
-            Self::of(scene, &PULLED, size)
-        } else {
-            Self::of(scene, &NUMBERED, size)
-        }
+        Self::check(scene)?;
+        Self::of(scene, if numbers(scene) { &NUMBERED } else { &PULLED }, size)
+    }
+
+    /// Whether triangles of this scene can be told apart on its device: for whoever wants to know before a walk.
+    ///
+    /// # Errors
+    /// On a device without `geometryShader`: if the scene's vertices or indices are larger than a storage buffer
+    /// can be.
+    pub fn check(scene: &GpuScene) -> Result<(), GpuError> {
+        if numbers(scene) { Ok(()) } else { scene.check_pulled() }
     }
 
     fn of(scene: &Arc<GpuScene>, kind: &'static PassKind, size: Viewport) -> Result<Self, GpuError> {

@@ -17,7 +17,7 @@ use super::{
     parting::{hear_out, leave},
     rule_of,
     stop::{Stop, Waiting},
-    viewport_of, wait,
+    stopped_or, viewport_of, wait,
 };
 use crate::{PairDevice, Seat, Stopwatch, SwitchMachine, SwitchStep};
 
@@ -52,7 +52,8 @@ impl<D: PairDevice> PairRole<D> {
     /// interrupted on purpose is no error.
     pub fn run(self, runtime: &Handle, stop: &Stop) -> Result<(), RoleError<D::Error>> {
         let mut work = Work::new(self, Waiting { runtime, stop })?;
-        let result = work.frames();
+        work.device.cancel_on(stop);
+        let result = stopped_or(work.frames(), stop);
         let result = hear_out(result, [&mut work.display, &mut work.other], work.waiting);
         leave(runtime, [work.display, work.other], &result);
         result.or_else(|error| if error.is_clean_end() { Ok(()) } else { Err(error) })

@@ -17,7 +17,10 @@ pub(super) fn leave<D: std::error::Error + 'static>(
         Ok(()) => Goodbye::Finished,
         Err(error) if error.is_clean_end() => Goodbye::Interrupted,
         Err(error) if error.lost_a_peer() => Goodbye::peer_lost(&error.to_string()),
-        Err(error) => Goodbye::failed(&error.to_string()),
+        Err(error) => match error.device_failure() {
+            Some(cause) => Goodbye::device_failed(&cause.to_string()),
+            None => Goodbye::failed(&error.to_string()),
+        },
     };
     runtime.block_on(async {
         for link in links {
@@ -101,6 +104,8 @@ mod tests {
         assert!(finished.is_clean_end() && !finished.lost_a_peer(), "{finished:?}");
         let failed = begin_after(Some(Goodbye::failed("no memory")));
         assert!(!failed.is_clean_end() && !failed.lost_a_peer(), "{failed:?}");
+        let broken = begin_after(Some(Goodbye::device_failed("the device was lost")));
+        assert!(!broken.is_clean_end() && broken.lost_a_peer(), "{broken:?}");
     }
 
     #[test]
