@@ -1,11 +1,15 @@
 //! `trimaran doctor`: what works on this machine, what is missing, what to install.
 
-use std::{fmt::Write as _, net::TcpListener, thread};
+use std::{
+    io::{self, Write as _},
+    net::TcpListener,
+    thread,
+};
 
 use serde::Serialize;
 use trimaran_gpu::{DeviceKind, Gpu, GpuInfo, GpuOptions, Optional};
 
-use super::{Failure, args::DoctorArgs, print_json};
+use super::{Failure, args::DoctorArgs, print_json, printed};
 
 /// One thing looked at.
 #[derive(Debug, Serialize)]
@@ -22,6 +26,12 @@ impl Finding {
     const fn new(what: &'static str, works: bool, detail: String) -> Self {
         Self { what, works, detail, lacks: Vec::new() }
     }
+
+    fn lines(&self) -> String {
+        let mark = if self.works { "ok      " } else { "MISSING " };
+        let lacks = self.lacks.iter().map(|lack| format!("{:16}lacks {lack}\n", ""));
+        format!("{mark}{:8}{}\n", self.what, self.detail) + &lacks.collect::<String>()
+    }
 }
 
 pub(super) fn run(args: &DoctorArgs) -> Result<(), Failure> {
@@ -32,13 +42,7 @@ pub(super) fn run(args: &DoctorArgs) -> Result<(), Failure> {
     if args.json {
         print_json(&serde_json::json!({ "works": healthy, "findings": findings }))?;
     } else {
-        for finding in &findings {
-            let mark = if finding.works { "ok      " } else { "MISSING " };
-            println!("{mark}{:8}{}", finding.what, finding.detail);
-            for lack in &finding.lacks {
-                println!("{:16}lacks {lack}", "");
-            }
-        }
+        printed(write!(io::stdout(), "{}", findings.iter().map(Finding::lines).collect::<String>()))?;
     }
     if healthy {
         Ok(())
@@ -68,8 +72,7 @@ fn listed(info: &GpuInfo) -> Finding {
     let mut detail =
         format!("{} ({}), Vulkan {major}.{minor}.{patch}, {}", info.name, kind(info.kind), info.driver);
     if !info.missing.is_empty() {
-        // Writing to a string cannot fail.
-        let _ = write!(detail, "; cannot be used, lacks {}", info.missing.join(", "));
+        detail += &format!("; cannot be used, lacks {}", info.missing.join(", "));
     }
     // A device that cannot be used is no fault as long as another can.
     let lack = |lack: &Optional| format!("{}: {}", lack.name(), lack.without());

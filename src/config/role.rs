@@ -41,8 +41,8 @@ pub struct SwitchConfig {
     #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "NAME")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
-    /// How long the device may make no progress before it counts as hung, seconds. The role then ends with exit
-    /// code 1, and its peers wait for it to come again.
+    /// How long the device may make no progress before it counts as hung, seconds. The role then ends with
+    /// exit code 1, and its peers wait for it to come again.
     #[config(
         env = "TRIMARAN_DEVICE_TIMEOUT_S",
         default = 30.0,
@@ -122,8 +122,8 @@ pub struct DisplayConfig {
     #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "NAME")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
-    /// How long the device may make no progress before it counts as hung, seconds. The role then ends with exit
-    /// code 1, and its peers wait for it to come again.
+    /// How long the device may make no progress before it counts as hung, seconds. The role then ends with
+    /// exit code 1, and its peers wait for it to come again.
     #[config(
         env = "TRIMARAN_DEVICE_TIMEOUT_S",
         default = 30.0,

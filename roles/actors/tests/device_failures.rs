@@ -1,5 +1,5 @@
-//! Devices that fail or hang: the peers learn why, wait for the role as for one that was lost, and the session goes on when it comes
-//! again. Whoever asks a role to stop does not wait for its device.
+//! Devices that fail or hang: the peers learn why, wait for the role as for one that was lost, and the
+//! session goes on when it comes again. Whoever asks a role to stop does not wait for its device.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 use std::{
@@ -281,7 +281,8 @@ impl House {
     }
 }
 
-/// Goes on with the frame that was due, with devices that work, and asserts that no frame is missing and none was shown twice.
+/// Goes on with the frame that was due, with devices that work, and asserts that no frame is missing and none
+/// was shown twice.
 fn assert_goes_on(house: &House, shown: Vec<u32>) {
     let due = shown.len() as u32;
     assert!(due < FRAMES, "it failed within the session");

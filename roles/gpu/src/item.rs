@@ -81,11 +81,12 @@ impl ItemPass {
         Self::of(scene, if numbers(scene) { &NUMBERED } else { &PULLED }, size)
     }
 
-    /// Whether triangles of this scene can be told apart on its device: for whoever wants to know before a walk.
+    /// Whether triangles of this scene can be told apart on its device: for whoever wants to know before a
+    /// walk.
     ///
     /// # Errors
-    /// On a device without `geometryShader`: if the scene's vertices or indices are larger than a storage buffer
-    /// can be.
+    /// On a device without `geometryShader`: if the scene's vertices or indices are larger than a storage
+    /// buffer can be.
     pub fn check(scene: &GpuScene) -> Result<(), GpuError> {
         if numbers(scene) { Ok(()) } else { scene.check_pulled() }
     }

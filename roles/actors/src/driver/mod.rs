@@ -94,8 +94,8 @@ impl<D: std::error::Error + 'static> RoleError<D> {
         )
     }
 
-    /// How this role's own device failed, if that is what happened. The role cannot go on, but its process may
-    /// be started again, for which its peers wait as for one that was lost.
+    /// How this role's own device failed, if that is what happened. The role cannot go on, but its process
+    /// may be started again, for which its peers wait as for one that was lost.
     #[must_use]
     pub const fn device_failure(&self) -> Option<&D> {
         match self {
