@@ -1,6 +1,7 @@
 //! `trimaran demo`: the main job on a model of its own, from nothing to a report.
 
 use confique::Layer;
+use trimaran_gpu::GpuOptions;
 use trimaran_scene::generate::{PlantOptions, plant};
 
 use super::{
@@ -33,6 +34,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         tester: Tester::Hzb,
         few_pixels: false,
         device: None,
+        device_timeout: GpuOptions::TIMEOUT.as_secs_f64(),
         audit_every: 10,
     };
     run::run(&RunArgs {

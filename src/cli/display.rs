@@ -13,7 +13,7 @@ use trimaran::{
     walkthrough::{Plan, Recorder, ReportPlan, SceneFile, Trail, begin, how_ended, viewport},
 };
 use trimaran_actors::{DisplayRole, Stop, Stopwatch, VulkanDisplay, again, await_pair, leave_unable};
-use trimaran_gpu::{GpuInfo, GpuScene};
+use trimaran_gpu::{GpuInfo, GpuScene, ItemPass};
 use trimaran_proto::{Identity, Role, Settings};
 use trimaran_transport::{Endpoints, Link, Listener, Net, Options, TokioNet};
 
@@ -74,6 +74,9 @@ impl DisplayStage {
         listen: &Endpoints,
         options: &Options,
     ) -> Result<Self, Failure> {
+        if plan.audit_every > 0 {
+            ItemPass::check(&drawn).map_err(Failure::broken)?;
+        }
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
         let listening =
             Listener::bind_all(&net, listen, identity(file, plan.settings(trail.frames())), options);

@@ -19,7 +19,7 @@ use trimaran_actors::{
     JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, Stop, VulkanPair, again, join_session,
     leave_unable, max_frame, role_of,
 };
-use trimaran_gpu::{Gpu, GpuScene};
+use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Role};
 use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Instant, Link, Net, TokioNet, sleep_until};
@@ -81,12 +81,13 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
     };
     let mut display = place(&config.display, "peers.display", Role::Display, &config.peers.display)?;
     let mut pair = place(&config.pair, "peers.other", role_of(seat.other()), &config.peers.other)?;
+    let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
     let start = Start::new(runtime, config.patience_s);
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     for place in [&mut display, &mut pair] {
         place.options.link.max_frame = max_frame(&file.scene);
     }
-    let Some(drawn) = start.until(async || upload(&file, config.device.as_deref()))? else { return Ok(()) };
+    let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
     let Some(mut metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else {
         return Ok(());
     };
@@ -143,12 +144,13 @@ fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
         config.link.security(&config.listen, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
     let mut options = config.link.options(guard);
     check_trace(config.record.as_deref())?;
+    let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
     let start = Start::new(runtime, config.patience_s);
     let Some(folder) = start.until(async || open_folder(&config.out))? else { return Ok(()) };
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
     let trail = Trail::find(&choice, &file.scene, size, config.session.frames).map_err(Failure::bad_input)?;
-    let Some(drawn) = start.until(async || upload(&file, config.device.as_deref()))? else { return Ok(()) };
+    let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
     let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };
     let listen =
         || DisplayStage::set(&file, Arc::clone(&drawn), &plan, &trail, runtime, &config.listen, &options);
@@ -238,9 +240,9 @@ impl Metrics {
     }
 }
 
-/// The scene on the device of this name.
-pub(super) fn upload(file: &SceneFile, device: Option<&str>) -> Result<Arc<GpuScene>, Failure> {
-    let gpu = Gpu::open(&gpu_options(device)).map_err(Failure::broken)?;
+/// The scene on a device.
+pub(super) fn upload(file: &SceneFile, gpu: &GpuOptions) -> Result<Arc<GpuScene>, Failure> {
+    let gpu = Gpu::open(gpu).map_err(Failure::broken)?;
     GpuScene::upload(&gpu, &file.scene).map_err(Failure::broken)
 }
 

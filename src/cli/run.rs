@@ -48,7 +48,8 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
 
 /// Opens the devices of three roles in this process.
 pub(super) fn set_stage(file: &SceneFile, walk: &WalkArgs) -> Result<Stage, Failure> {
-    Stage::set(&file.scene, &gpu_options(walk.device.as_deref())).map_err(Failure::broken)
+    Stage::set(&file.scene, &gpu_options(walk.device.as_deref(), walk.device_timeout))
+        .map_err(Failure::broken)
 }
 
 /// Walks in this process, records into `trace` and reports into `folder`.

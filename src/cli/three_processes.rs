@@ -27,7 +27,7 @@ use super::{
     display::{DisplayStage, Show},
     recording::{check_trace, open_folder},
     role::{Metrics, upload},
-    walking::{self, open, stop_on_signal},
+    walking::{self, gpu_options, open, stop_on_signal},
 };
 
 /// How long the three wait for each other: loading and copying a large scene takes a while.
@@ -50,14 +50,14 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
     let folder = open_folder(&args.out)?;
     let runtime = walking::runtime()?;
     let stop = stop_on_signal(&runtime);
-    let device = args.walk.device.as_deref();
+    let gpu = gpu_options(args.walk.device.as_deref(), args.walk.device_timeout);
     let configs = tempfile::tempdir().map_err(Failure::broken)?;
     let (listen, pair) = meeting_places(transport, configs.path())?;
     let link = LinkConfig::load(args.links.clone()).map_err(Failure::bad_input)?;
     let keyring = if link.needs_keys(&listen) { Some(Keyring::make(configs.path())?) } else { None };
     let mut options = link.options(keyring.as_ref().map(|keyring| keyring.security.clone()));
     options.link.max_frame = max_frame(&file.scene);
-    let drawn = upload(&file, device)?;
+    let drawn = upload(&file, &gpu)?;
     let listen = listen.into();
     let stage = DisplayStage::set(&file, drawn, &plan, &trail, &runtime, &listen, &options);
     let stage = runtime.block_on(stage)?;
@@ -71,6 +71,7 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
             display: display.clone(),
             pair: pair.clone(),
             device: args.walk.device.clone(),
+            device_timeout_s: args.walk.device_timeout,
             patience_s: PATIENCE_S,
             reconnect_s: 0.0,
             metrics: None,

@@ -8,7 +8,7 @@ use trimaran_actors::{
     Devices, Observer, SessionError, Stop, VulkanDisplay, VulkanPair, VulkanPairError, in_process as join,
 };
 use trimaran_cull::ViewportError;
-use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene};
+use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, ItemPass};
 use trimaran_scene::Scene;
 use trimaran_transport::{Net, TokioNet};
 
@@ -68,6 +68,9 @@ pub fn in_process(
 ) -> Result<(), StageError> {
     let size = viewport(plan.size)?;
     let [first, second, display] = &stage.drawn;
+    if plan.audit_every > 0 {
+        ItemPass::check(display)?;
+    }
     let pair = |drawn| VulkanPair::new(drawn, size, plan.tester);
     let devices =
         Devices { first: pair(first)?, second: pair(second)?, display: VulkanDisplay::new(display, size)? };

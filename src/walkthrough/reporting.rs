@@ -4,7 +4,7 @@ use std::{ops::ControlFlow, path::PathBuf, sync::Arc, time::SystemTime};
 
 use thiserror::Error;
 use trimaran_actors::{RoleError, VulkanPair};
-use trimaran_cull::{CullError, CutRule, CutRuleError, ViewportError};
+use trimaran_cull::{CutRule, CutRuleError, ViewportError};
 use trimaran_gpu::{GpuError, GpuInfo, GpuScene, Picture};
 use trimaran_scene::Scene;
 
@@ -103,7 +103,7 @@ pub fn begin(
 pub fn how_ended<D: std::error::Error + 'static>(error: &RoleError<D>) -> HowEnded {
     match error {
         RoleError::Stopped => HowEnded::Interrupted,
-        RoleError::Device { .. } | RoleError::Cull(CullError::Tester(_)) => HowEnded::DeviceFailed,
+        error if error.device_failure().is_some() => HowEnded::DeviceFailed,
         RoleError::Observer(_) => HowEnded::NotRecorded,
         error if error.lost_a_peer() => HowEnded::PeerLost,
         _ => HowEnded::Failed,

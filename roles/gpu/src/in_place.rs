@@ -5,6 +5,7 @@
 //! picture.
 
 use std::ffi::c_void;
+use std::mem::ManuallyDrop;
 use std::sync::Arc;
 
 use ash::vk;
@@ -30,7 +31,7 @@ pub(crate) struct SceneMemory {
     gpu: Arc<Gpu>,
     handle: vk::DeviceMemory,
     // Keeps the pages mapped.
-    _scene: Arc<Scene>,
+    scene: ManuallyDrop<Arc<Scene>>,
 }
 
 /// A buffer over an array of a scene. `None` where the device cannot read it in place: it is not mapped from a file, or the
@@ -129,13 +130,18 @@ impl SceneMemory {
         // SAFETY: the pages are mapped for as long as the scene lives, which is kept; address and length are multiples of what the
         // device asks for. They may be read-only: buffers over them are only ever read, as vertices and indices.
         let handle = unsafe { gpu.device().allocate_memory(&info, None) }.during(OPERATION)?;
-        Ok(Self { gpu: Arc::clone(gpu), handle, _scene: Arc::clone(scene) })
+        Ok(Self { gpu: Arc::clone(gpu), handle, scene: ManuallyDrop::new(Arc::clone(scene)) })
     }
 }
 
 impl Drop for SceneMemory {
     fn drop(&mut self) {
-        // SAFETY: ours; the buffer over it is gone, and with it all work that used it.
-        unsafe { self.gpu.device().free_memory(self.handle, None) };
+        let Some(device) = self.gpu.to_destroy() else { return };
+        // SAFETY: ours; the buffer over it is gone, and with it all work that used it. The scene is dropped
+        // once.
+        unsafe {
+            device.free_memory(self.handle, None);
+            ManuallyDrop::drop(&mut self.scene);
+        }
     }
 }

@@ -20,7 +20,7 @@ use super::{
     parting::{ended, hear_out, leave},
     rule_of,
     stop::{Stop, Waiting},
-    viewport_of, wait,
+    stopped_or, viewport_of, wait,
 };
 use crate::{DisplayMachine, DisplayStep, OrderError, PictureDevice, Seat, Stopwatch};
 
@@ -107,7 +107,8 @@ impl<D: PictureDevice> DisplayRole<D> {
     ) -> Result<PairTraffic, RoleError<D::Error>> {
         let waiting = Waiting { runtime, stop };
         let mut work = Work::new(self, waiting)?;
-        let result = work.frames(cameras, observer);
+        work.device.cancel_on(stop);
+        let result = stopped_or(work.frames(cameras, observer), stop);
         let result = hear_out(result, work.links.each_mut(), waiting);
         let counters = work.links.each_ref().map(|link| link.stats.clone());
         leave(runtime, work.links, &result);

@@ -93,8 +93,9 @@ pub enum RoleError<D: std::error::Error + 'static> {
 }
 
 impl<D: std::error::Error + 'static> RoleError<D> {
-    /// Whether a peer is gone that may come again: its connection broke, it was interrupted, or it has lost
-    /// another peer itself. The session can go on with the frame that was due, once all three have joined again.
+    /// Whether a peer is gone that may come again: its connection broke, it was interrupted, its device failed, or
+    /// it has lost another peer itself. The session can go on with the frame that was due, once all three have
+    /// joined again.
     #[must_use]
     pub const fn lost_a_peer(&self) -> bool {
         let Self::Link { cause, .. } = self else { return false };
@@ -103,9 +104,22 @@ impl<D: std::error::Error + 'static> RoleError<D> {
             LinkError::Receive(
                 RecvError::Lost { .. }
                     | RecvError::Silent { .. }
-                    | RecvError::Goodbye { reason: Goodbye::PeerLost(_) | Goodbye::Interrupted, .. }
+                    | RecvError::Goodbye {
+                        reason: Goodbye::PeerLost(_) | Goodbye::Interrupted | Goodbye::DeviceFailed(_),
+                        ..
+                    }
             ) | LinkError::Send(SendError::Lost { .. } | SendError::Stalled { .. })
         )
+    }
+
+    /// How this role's own device failed, if that is what happened. The role cannot go on, but its process
+    /// may be started again, for which its peers wait as for one that was lost.
+    #[must_use]
+    pub const fn device_failure(&self) -> Option<&D> {
+        match self {
+            Self::Device { cause, .. } | Self::Cull(CullError::Tester(cause)) => Some(cause),
+            _ => None,
+        }
     }
 
     /// Whether this is an end on purpose: this role was asked to stop, or a peer says that the session is over.
@@ -132,6 +146,20 @@ pub enum LinkError {
     /// Nothing more goes out.
     #[error(transparent)]
     Send(#[from] SendError),
+}
+
+/// A device that gave up a wait because the role was asked to stop has not failed.
+fn stopped_or<T, D: std::error::Error + 'static>(
+    result: Result<T, RoleError<D>>,
+    stop: &Stop,
+) -> Result<T, RoleError<D>> {
+    match result {
+        Err(error) if error.device_failure().is_some() && stop.requested() => {
+            tracing::debug!(error = &error as &dyn std::error::Error, "the device's work was left");
+            Err(RoleError::Stopped)
+        }
+        result => result,
+    }
 }
 
 /// Waits for a link, and says what failed while doing what.

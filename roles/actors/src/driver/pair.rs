@@ -19,7 +19,7 @@ use super::{
     parting::{ended, hear_out, leave},
     rule_of,
     stop::{Stop, Waiting},
-    viewport_of, wait,
+    stopped_or, viewport_of, wait,
 };
 use crate::{PairDevice, Seat, Stopwatch, SwitchMachine, SwitchStep};
 
@@ -54,7 +54,8 @@ impl<D: PairDevice> PairRole<D> {
     /// returns. That this role itself was asked to stop is no error.
     pub fn run(self, runtime: &Handle, stop: &Stop) -> Result<(), RoleError<D::Error>> {
         let mut work = Work::new(self, Waiting { runtime, stop })?;
-        let result = work.frames();
+        work.device.cancel_on(stop);
+        let result = stopped_or(work.frames(), stop);
         let result = hear_out(result, [&mut work.display, &mut work.other], work.waiting);
         leave(runtime, [work.display, work.other], &result);
         ended(result, stop)

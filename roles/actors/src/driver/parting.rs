@@ -18,7 +18,10 @@ pub(super) fn leave<D: std::error::Error + 'static>(
         Err(RoleError::Stopped) => Goodbye::Interrupted,
         Err(error) if error.is_clean_end() => Goodbye::Finished,
         Err(error) if error.lost_a_peer() => Goodbye::peer_lost(&error.to_string()),
-        Err(error) => Goodbye::failed(&error.to_string()),
+        Err(error) => match error.device_failure() {
+            Some(cause) => Goodbye::device_failed(&cause.to_string()),
+            None => Goodbye::failed(&error.to_string()),
+        },
     };
     part(runtime, links, &reason);
 }
@@ -33,9 +36,9 @@ fn part(runtime: &Handle, links: [Link; 2], reason: &Goodbye) {
     });
 }
 
-/// Leaves both peers before the session has begun, because this role cannot play in it.
+/// Leaves both peers before the session has begun, because this role's device cannot play in it.
 pub fn leave_unable(runtime: &Handle, links: [Link; 2], why: &str) {
-    part(runtime, links, &Goodbye::failed(why));
+    part(runtime, links, &Goodbye::device_failed(why));
 }
 
 /// What a role returns for how its work ended. Whoever was asked to stop does not ask why the others left: they
@@ -123,6 +126,8 @@ mod tests {
         assert!(finished.is_clean_end() && !finished.lost_a_peer(), "{finished:?}");
         let failed = begin_after(Some(Goodbye::failed("no memory")));
         assert!(!failed.is_clean_end() && !failed.lost_a_peer(), "{failed:?}");
+        let broken = begin_after(Some(Goodbye::device_failed("the device was lost")));
+        assert!(!broken.is_clean_end() && broken.lost_a_peer(), "{broken:?}");
     }
 
     #[test]

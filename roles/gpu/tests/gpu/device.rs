@@ -10,6 +10,10 @@ use trimaran_scene::{Scene, Vertex};
 
 use crate::common::{CheckedGpu, NEAR, Part, ids, scene, upload, view};
 
+fn validated() -> GpuOptions {
+    GpuOptions { validation: true, ..GpuOptions::default() }
+}
+
 #[test]
 fn a_device_opens_and_says_what_it_is() {
     let Some(gpu) = CheckedGpu::open() else { return };
@@ -25,14 +29,14 @@ fn a_device_opens_and_says_what_it_is() {
 fn a_device_is_found_by_a_part_of_its_name() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let part: String = gpu.info().name.chars().take(5).collect::<String>().to_uppercase();
-    let named = GpuOptions { device: DeviceChoice::Named(part), validation: true };
+    let named = GpuOptions { device: DeviceChoice::Named(part), ..validated() };
     assert_eq!(Gpu::open(&named).unwrap().info(), gpu.info());
 }
 
 #[test]
 fn a_device_that_is_not_there_is_named_beside_those_that_are() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let absent = GpuOptions { device: DeviceChoice::Named("Voodoo 2".into()), validation: true };
+    let absent = GpuOptions { device: DeviceChoice::Named("Voodoo 2".into()), ..validated() };
     let error = Gpu::open(&absent).unwrap_err();
     assert!(matches!(error, GpuError::NoSuchDevice { .. }), "{error}");
     assert!(error.to_string().contains("Voodoo 2"), "{error}");
@@ -42,7 +46,7 @@ fn a_device_that_is_not_there_is_named_beside_those_that_are() {
 #[test]
 fn the_cpu_can_be_asked_for() {
     let Some(_) = CheckedGpu::open() else { return };
-    match Gpu::open(&GpuOptions { device: DeviceChoice::Cpu, validation: true }) {
+    match Gpu::open(&GpuOptions { device: DeviceChoice::Cpu, ..validated() }) {
         Ok(gpu) => assert_eq!(gpu.info().kind, DeviceKind::Cpu),
         Err(error) => assert!(matches!(error, GpuError::NoSuchDevice { .. }), "{error}"),
     }
