@@ -17,7 +17,7 @@ use thiserror::Error;
 use trimaran_proto::SceneHash;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::stable::{self, Stable, Unread};
+use super::stable::{self, Source, Stable, Unread};
 use super::{Drawable, Node, ObjectRecord, OpenError, Parts, Scene, Storage, Vertex, hash, validate};
 
 /// The first bytes of every cooked scene. The line ends show a copy that changed them, as in PNG.
@@ -133,13 +133,21 @@ impl Scene {
         }
         let file = File::open(path).map_err(io_error)?;
         let before = Stamp::of(&file).map_err(io_error)?;
-        let opened = Self::read(&file, before.length, path);
+        let opened = Self::read(Source::File(&file), before.length, path);
         let changed = || Stamp::of(&file).is_ok_and(|after| after != before);
         opened.map_err(|error| if changed() { error.while_changing(path) } else { error })
     }
 
-    fn read(file: &File, length: u64, path: &Path) -> Result<Self, OpenError> {
-        let mapped = MappedScene::read(file, length, path)?;
+    /// Opens a scene whose file is in memory. `name` is what errors call it.
+    ///
+    /// # Errors
+    /// As [`Scene::open`].
+    pub fn open_bytes(name: &Path, bytes: &[u8]) -> Result<Self, OpenError> {
+        Self::read(Source::Memory(bytes), bytes.len() as u64, name)
+    }
+
+    fn read(source: Source<'_>, length: u64, path: &Path) -> Result<Self, OpenError> {
+        let mapped = MappedScene::read(source, length, path)?;
         validate::check(&mapped.parts())
             .map_err(|source| OpenError::Malformed { path: path.to_owned(), source })?;
         Ok(Self { hash: mapped.fingerprint, storage: Storage::File(mapped) })
@@ -208,10 +216,10 @@ impl Header {
     }
 
     /// Reads and checks the header, and the file's length against it, before any memory is taken.
-    fn read(file: &File, length: u64, path: &Path) -> Result<Self, OpenError> {
+    fn read(source: Source<'_>, length: u64, path: &Path) -> Result<Self, OpenError> {
         let mut bytes = [0; size_of::<Self>()];
         let there = bytes.get_mut(..length.min(size_of::<Self>() as u64) as usize).unwrap_or_default();
-        stable::read_exact_at(file, there, 0).map_err(|source| unread(source, file, length, path))?;
+        source.read_exact_at(there, 0).map_err(|error| unread(error, source, length, path))?;
         let bytes = &*there;
         let path = || path.to_owned();
         if !MAGIC.starts_with(bytes.get(..MAGIC.len()).unwrap_or(bytes)) {
@@ -263,13 +271,13 @@ impl Header {
 }
 
 /// What a failed read of a file that had `expected` bytes means.
-fn unread(source: io::Error, file: &File, expected: u64, path: &Path) -> OpenError {
+fn unread(error: io::Error, source: Source<'_>, expected: u64, path: &Path) -> OpenError {
     let path = path.to_owned();
-    match file.metadata() {
-        Ok(metadata) if source.kind() == io::ErrorKind::UnexpectedEof => {
-            OpenError::Truncated { path, expected, actual: metadata.len() }
+    match source.length() {
+        Ok(actual) if error.kind() == io::ErrorKind::UnexpectedEof => {
+            OpenError::Truncated { path, expected, actual }
         }
-        _ => OpenError::Io { path, source },
+        _ => OpenError::Io { path, source: error },
     }
 }
 
@@ -284,17 +292,17 @@ pub(super) struct MappedScene {
 
 impl MappedScene {
     /// Reads a file of `length` bytes and compares it with its fingerprint.
-    fn read(file: &File, length: u64, path: &Path) -> Result<Self, OpenError> {
+    fn read(source: Source<'_>, length: u64, path: &Path) -> Result<Self, OpenError> {
         let damaged = |what| OpenError::Damaged { path: path.to_owned(), what };
-        let header = Header::read(file, length, path)?;
+        let header = Header::read(source, length, path)?;
         let sections = header
             .ranges()
             .ok_or_else(|| damaged("a section lies outside of it, or is not made of whole records"))?;
         // The header stands within the file's length, and the ranges within the header's.
         let bytes = usize::try_from(length).unwrap_or(usize::MAX);
         let Stable { map, fingerprint } =
-            stable::read(file, bytes, &sections).map_err(|unread_because| match unread_because {
-                Unread::File(source) => unread(source, file, length, path),
+            stable::read(source, bytes, &sections).map_err(|because| match because {
+                Unread::File(error) => unread(error, source, length, path),
                 Unread::Memory(source) => OpenError::Memory { path: path.to_owned(), bytes: length, source },
             })?;
         if fingerprint != header.fingerprint() {
