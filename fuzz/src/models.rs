@@ -78,8 +78,13 @@ fn walk(scene: &Scene) {
             assert!(drawable.node == index && drawable.error >= finest);
             finest = drawable.error;
             let indices = &scene.indices()[drawable.first_index as usize..][..drawable.index_count as usize];
-            let vertices = &scene.vertices()[drawable.vertex_offset as usize..][..drawable.vertex_count as usize];
-            assert!(indices.iter().all(|&corner| vertices[corner as usize].position.iter().all(|x| x.is_finite())));
+            let vertices =
+                &scene.vertices()[drawable.vertex_offset as usize..][..drawable.vertex_count as usize];
+            assert!(
+                indices
+                    .iter()
+                    .all(|&corner| vertices[corner as usize].position.iter().all(|x| x.is_finite()))
+            );
             drawn += 1;
         }
         if node.is_leaf() {
@@ -104,9 +109,8 @@ fn sealed(bytes: &[u8]) -> Vec<u8> {
     let length = file.len() as u64;
     let mut fingerprint = Xxh3Default::new();
     for section in bytes[SECTIONS].as_chunks::<16>().0 {
-        let [offset, length] = [&section[..8], &section[8..]].map(|half| {
-            u64::from_le_bytes(half.try_into().unwrap_or_default()) as usize
-        });
+        let [offset, length] = [&section[..8], &section[8..]]
+            .map(|half| u64::from_le_bytes(half.try_into().unwrap_or_default()) as usize);
         let section = bytes.get(offset..offset.saturating_add(length)).unwrap_or_default();
         fingerprint.update(&(length as u64).to_le_bytes());
         for piece in section.chunks(1 << 20) {

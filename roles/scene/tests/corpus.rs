@@ -21,8 +21,12 @@ fn corpus(target: &str) -> Vec<Vec<u8>> {
 type Check = fn(&[u8]);
 
 /// Each with how many inputs there are at least.
-const TARGETS: [(&str, usize, Check); 4] =
-    [("gltf", 10, models::gltf), ("rvm", 10, models::rvm), ("obj", 8, models::obj), ("scene", 6, models::scene)];
+const TARGETS: [(&str, usize, Check); 4] = [
+    ("gltf", 10, models::gltf),
+    ("rvm", 10, models::rvm),
+    ("obj", 8, models::obj),
+    ("scene", 6, models::scene),
+];
 
 #[test]
 fn the_fuzz_corpus_does_no_harm() {
