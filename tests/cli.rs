@@ -91,6 +91,20 @@ fn files_that_are_not_what_they_should_be_are_refused() {
 }
 
 #[test]
+fn a_model_beyond_the_limits_is_refused_with_the_flag_that_allows_it() {
+    let bench = Bench::empty();
+    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\no plate\nf 1 2 3 4\n";
+    fs::write(bench.path("a.obj"), square).unwrap();
+    let import = |flag: &str, most: &str| bench.trimaran(&["import", "a.obj", "-o", "b.scene", flag, most]);
+    for (flag, most) in [("--max-triangles", "1"), ("--max-vertices", "3"), ("--max-objects", "0")] {
+        expect(&import(flag, most), 2, &["a.obj", "\"plate\"", flag]);
+    }
+    expect(&import("--max-nodes", "1"), 2, &["\"plate\"", "--max-nodes"]);
+    assert_eq!(bench.files(), ["a.obj"], "something was left behind");
+    assert!(import("--max-triangles", "2").status.success());
+}
+
+#[test]
 fn a_scene_cut_short_or_changed_is_refused() {
     let bench = Bench::with_plant();
     let whole = fs::read(bench.path("plant.scene")).unwrap();

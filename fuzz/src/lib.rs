@@ -5,4 +5,5 @@ pub mod costs;
 pub mod datagrams;
 pub mod files;
 pub mod handshakes;
+pub mod models;
 pub mod wire;

@@ -2,6 +2,7 @@
 
 use confique::Layer;
 use trimaran_gpu::GpuOptions;
+use trimaran_scene::cook::CookOptions;
 use trimaran_scene::generate::{PlantOptions, plant};
 
 use super::{
@@ -19,7 +20,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
             })?;
             let output = args.out.join("plant.scene");
             println!("generating a plant of 4 thousand objects and cooking it into {}", output.display());
-            cooking::cook_and_save(&plant(&PlantOptions::small(1)), &output)?;
+            cooking::cook_and_save(&plant(&PlantOptions::small(1)), &CookOptions::default(), &output)?;
             output
         }
     };

@@ -1,5 +1,8 @@
 //! Opening devices.
 
+use std::fs::{self, OpenOptions};
+use std::io::Write;
+use std::path::Path;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -103,21 +106,34 @@ fn a_mapped_scene_is_read_in_place_and_looks_like_its_copy() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let walls = [-2.0, -3.0].map(|z| Part::wall(Vec3::new(z, 0.0, z), 1.5, 1.0));
     let view = view(64, 64, DVec3::ZERO);
-    let picture_of = |scene: Scene| {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("walls.scene");
+    scene(&walls).save(&file).unwrap();
+    let picture_of = |scene: Scene, becomes: fn(&Path)| {
         // The device alone keeps the scene from here on.
         let drawn = GpuScene::upload(&gpu, &Arc::new(scene)).unwrap();
+        becomes(&file);
         let mut pass = PicturePass::new(&drawn, view.viewport()).unwrap();
         pass.begin(&view).unwrap();
         pass.draw(&ids(2)).unwrap();
         pass.finish().unwrap();
         (drawn.copied_bytes(), pass.pixels().unwrap().to_vec())
     };
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("walls.scene");
-    scene(&walls).save(&file).unwrap();
-    let (copied, expected) = picture_of(scene(&walls));
-    let (left_in_place, picture) = picture_of(Scene::open(&file).unwrap());
+    let (copied, expected) = picture_of(scene(&walls), |_| ());
+    // Whatever becomes of the file: nothing, other bytes in the same place, or none.
+    let (left_in_place, picture) = picture_of(Scene::open(&file).unwrap(), |_| ());
     assert_eq!(picture, expected);
+    let overwrite = |file: &Path| {
+        let length = fs::metadata(file).unwrap().len();
+        let mut file = OpenOptions::new().write(true).open(file).unwrap();
+        file.write_all(&vec![0x55; length as usize]).unwrap();
+    };
+    let cut = |file: &Path| OpenOptions::new().write(true).open(file).unwrap().set_len(1).unwrap();
+    for becomes in [overwrite, cut] {
+        scene(&walls).save(&file).unwrap();
+        let (_, picture) = picture_of(Scene::open(&file).unwrap(), becomes);
+        assert_eq!(picture, expected);
+    }
     assert_eq!(copied, (2 * (4 * size_of::<Vertex>() + 6 * size_of::<u32>())) as u64);
     if gpu.info().driver.contains("llvmpipe") {
         assert_eq!(left_in_place, 0);
