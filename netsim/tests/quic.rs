@@ -131,8 +131,8 @@ fn a_handshake_takes_whole_round_trips() {
     for delay in [Duration::from_micros(5), Duration::from_micros(50), Duration::from_millis(20)] {
         let (simulation, pairs) = machines(&LinkModel::clean(None, delay), 1);
         simulation.run(pairs.pair(LinkConfig::default())).unwrap();
-        // The keys there and back; the hello, and its answer.
-        assert_eq!(simulation.now().as_nanos(), 4 * delay.as_nanos() as u64);
+        // The proof of the address there and back; the keys; the hello, and its answer.
+        assert_eq!(simulation.now().as_nanos(), 6 * delay.as_nanos() as u64);
     }
 }
 

@@ -3,12 +3,13 @@
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
+use tokio::sync::mpsc;
 use trimaran_proto::{Identity, Refusal, Role};
 
 use crate::handshake::HandshakeError;
 use crate::net::Net;
-use crate::rates::{Door, Handshakes, TurnedAway};
+use crate::pending::{Pending, Slot};
+use crate::rates::{Door, Handshakes, Origin, TurnedAway};
 use crate::{Link, Options, PeerAddress};
 
 /// Admits peers and hands their links to whoever accepts. A transport's listening task holds it, asks [`Desk::enter`] once a
@@ -19,7 +20,7 @@ pub(crate) struct Desk {
     pub(crate) identity: Identity,
     pub(crate) options: Options,
     taken: Arc<Mutex<Vec<Role>>>,
-    room: Arc<Semaphore>,
+    pending: Pending,
     handshakes: Arc<Handshakes>,
     done: mpsc::Sender<Link>,
     last_failure: Mutex<Option<HandshakeError>>,
@@ -56,7 +57,7 @@ impl Desk {
             identity,
             options: options.clone(),
             taken: Arc::default(),
-            room: Arc::new(Semaphore::new(options.limits.handshakes)),
+            pending: Pending::new(options.limits.handshakes),
             handshakes: Arc::new(Handshakes::new(&options.limits)),
             done,
             last_failure: Mutex::default(),
@@ -68,12 +69,13 @@ impl Desk {
         self.handshakes.begin(self.net.now(), from).map_err(HandshakeError::TooMany)
     }
 
-    /// Room for one more handshake, kept until the permit is dropped.
-    pub(crate) fn room(&self) -> Result<OwnedSemaphorePermit, HandshakeError> {
-        Arc::clone(&self.room).try_acquire_owned().map_err(|_| {
+    /// A slot for one more handshake; one that is under way loses its own where all are taken.
+    pub(crate) fn slot(&self, from: &PeerAddress) -> Slot {
+        let (slot, evicted) = self.pending.take(Origin::of(from));
+        if evicted {
             self.handshakes.no_room();
-            HandshakeError::Refused(Refusal::Busy)
-        })
+        }
+        slot
     }
 
     /// What was turned away.
