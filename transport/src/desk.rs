@@ -9,7 +9,7 @@ use trimaran_proto::{Identity, Refusal, Role};
 use crate::handshake::HandshakeError;
 use crate::net::Net;
 use crate::pending::{Pending, Slot};
-use crate::rates::{Door, Handshakes, Origin, TurnedAway};
+use crate::rates::{Door, Handshakes, Origin, Sparse, TurnedAway};
 use crate::{Link, Options, PeerAddress};
 
 /// Admits peers and hands their links to whoever accepts. A transport's listening task holds it, asks [`Desk::enter`] once a
@@ -24,6 +24,7 @@ pub(crate) struct Desk {
     handshakes: Arc<Handshakes>,
     done: mpsc::Sender<Link>,
     last_failure: Mutex<Option<HandshakeError>>,
+    warnings: Sparse,
 }
 
 /// A role's place at the listener: freed when the last half of its link is dropped.
@@ -61,6 +62,7 @@ impl Desk {
             handshakes: Arc::new(Handshakes::new(&options.limits)),
             done,
             last_failure: Mutex::default(),
+            warnings: Sparse::default(),
         }
     }
 
@@ -119,9 +121,16 @@ impl Desk {
         self.done.closed().await;
     }
 
-    /// Notes what became of a connection that did not make it to a link.
+    /// Notes what became of a connection that did not make it to a link. Who does not go together with this side is worth a
+    /// line in the log, though strangers must not fill it.
     pub(crate) fn failed(&self, address: &dyn fmt::Display, error: HandshakeError) {
-        tracing::debug!(%address, error = &error as &dyn std::error::Error, "a handshake failed");
+        let cause = &error as &dyn std::error::Error;
+        match error.is_mismatch().then(|| self.warnings.take(self.net.now())).flatten() {
+            Some(untold) => {
+                tracing::warn!(%address, error = cause, untold, "turned away; others are waited for");
+            }
+            None => tracing::debug!(%address, error = cause, "a handshake failed"),
+        }
         *lock(&self.last_failure) = Some(error);
     }
 

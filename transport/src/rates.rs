@@ -160,6 +160,25 @@ impl Origin {
     }
 }
 
+/// Lets one event in so long be told in the log, however many there are.
+#[derive(Debug, Default)]
+pub(crate) struct Sparse(Mutex<(Option<Instant>, u64)>);
+
+impl Sparse {
+    const PAUSE: Duration = Duration::from_secs(5);
+
+    /// How many came untold since the last one that was told, if this one may be.
+    pub(crate) fn take(&self, now: Instant) -> Option<u64> {
+        let (told, untold) = &mut *lock(&self.0);
+        if told.is_some_and(|told| now.since(told) < Self::PAUSE) {
+            *untold += 1;
+            return None;
+        }
+        *told = Some(now);
+        Some(std::mem::take(untold))
+    }
+}
+
 /// Counts the messages that a peer sends. The clock is asked once in so many messages as a second may have.
 #[derive(Debug)]
 pub(crate) struct Messages {
@@ -264,6 +283,13 @@ mod tests {
         }
         assert!(lock(&handshakes.counts).origins.len() <= 100);
         assert_eq!(handshakes.turned_away().in_all, 99_900);
+    }
+
+    #[test]
+    fn one_event_in_five_seconds_is_told_with_how_many_were_not() {
+        let sparse = Sparse::default();
+        let told: Vec<_> = [0, 1, 4999, 5000, 5001, 60_000].map(|ms| sparse.take(at(ms))).into();
+        assert_eq!(told, [Some(0), None, None, Some(2), None, Some(1)]);
     }
 
     #[test]

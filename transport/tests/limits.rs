@@ -35,7 +35,7 @@ over_every_transport!(
 async fn one_peer_more_than_there_may_be_is_told_that_it_is_busy_until_another_leaves(endpoint: &str) {
     let limits = Limits { peers: 1, ..Limits::default() };
     let options = Options { limits, ..Options::default() };
-    let Meeting { mut listener, at, display, _folder } = Meeting::at(endpoint, &options).await;
+    let Meeting { mut listener, at, display, _folder, .. } = Meeting::at(endpoint, &options).await;
     let net = net();
     let enter = async |role, by| connect(&net, &at, identity(role), &display, by).await;
     let (there, here) = tokio::join!(enter(Role::Display, soon(&net)), listener.accept(soon(&net)));
@@ -114,7 +114,7 @@ async fn handshakes_beyond_the_limit_of_a_second_are_turned_away_and_counted() {
 
 async fn a_peer_that_floods_the_lane_is_lost_for_it(endpoint: &str) {
     let link = LinkConfig { messages_per_s: 200, ..LinkConfig::default() };
-    let Meeting { mut listener, at, display, _folder } =
+    let Meeting { mut listener, at, display, _folder, .. } =
         Meeting::at(endpoint, &Options { link, ..Options::default() }).await;
     let net = net();
     let (there, here) = tokio::join!(

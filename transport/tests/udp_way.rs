@@ -12,8 +12,7 @@ use tokio::net::UdpSocket;
 use trimaran_proto::{Lane, Message, ProtocolVersion, Refusal, Role, SessionId};
 use trimaran_transport::udp::Trust;
 use trimaran_transport::{
-    AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Link, LinkConfig, Listener, Loss, Options,
-    RecvError, connect, until,
+    Endpoint, HandshakeError, Limits, Link, LinkConfig, Listener, Loss, Options, RecvError, connect, until,
 };
 use trimaran_udp::{Config, Connecting, ConnectionId, Progress, Security};
 
@@ -61,14 +60,16 @@ async fn a_listener_of_another_version_is_understood() {
     let there = Endpoint::Udp(other.local_addr().unwrap().into());
     let answer = async {
         let mut first = vec![0; 2000];
-        let (_, from) = other.recv_from(&mut first).await.unwrap();
-        let retry = [header(2, 7, first[8..12].try_into().unwrap()), vec![0; 64]].concat();
-        other.send_to(&retry, from).await.unwrap();
+        loop {
+            let (_, from) = other.recv_from(&mut first).await.unwrap();
+            let retry = [header(2, 7, first[8..12].try_into().unwrap()), vec![0; 64]].concat();
+            other.send_to(&retry, from).await.unwrap();
+        }
     };
-    let (options, soon) = (shared(1), soon(&net));
-    let (error, ()) = tokio::join!(connect(&net, &there, identity(Role::Display), &options, soon), answer);
-    let Err(ConnectError::Failed { cause: AttemptError::Handshake { cause, .. }, .. }) = error else {
-        panic!("{error:?}")
+    let options = shared(1);
+    let cause = tokio::select! {
+        cause = common::obstacle(&net, &there, identity(Role::Display), &options) => cause,
+        () = answer => unreachable!(),
     };
     assert!(matches!(cause, HandshakeError::Datagram { theirs: 7, ours: 1 }), "{cause:?}");
 }
