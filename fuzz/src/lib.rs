@@ -3,3 +3,4 @@
 pub mod checks;
 pub mod datagrams;
 pub mod files;
+pub mod handshakes;
