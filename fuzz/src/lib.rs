@@ -5,5 +5,6 @@ pub mod costs;
 pub mod datagrams;
 pub mod files;
 pub mod handshakes;
+pub mod hellos;
 pub mod models;
 pub mod wire;

@@ -102,6 +102,16 @@ impl HandshakeError {
             _ => None,
         }
     }
+
+    /// Whether the two sides do not go together, which a person has to mend: their keys, releases, scenes, settings or programs
+    /// differ. Otherwise one of them is not there, or has no room.
+    pub(crate) const fn is_mismatch(&self) -> bool {
+        match self {
+            Self::Refused(refusal) => !refusal.is_passing(),
+            Self::Closed | Self::Io(_) | Self::TimedOut | Self::Unanswered | Self::TooMany(_) => false,
+            _ => true,
+        }
+    }
 }
 
 impl From<LaneError> for HandshakeError {

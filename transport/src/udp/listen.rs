@@ -8,7 +8,6 @@ use std::pin::pin;
 use std::sync::{Arc, Mutex};
 use std::task::Poll;
 
-use tokio::sync::OwnedSemaphorePermit;
 use trimaran_proto::{Accept, DecodeFault, Hello, Lane, Message, Refusal};
 use trimaran_udp::{Config, ConnectionId, Door, Knock, Reception};
 
@@ -21,6 +20,7 @@ use crate::handshake::HandshakeError;
 use crate::keys::{NoiseKey, PeerKey};
 use crate::link::Batching;
 use crate::net::{UdpSocket, random_bytes, until};
+use crate::pending::Slot;
 use crate::stats::Counters;
 use crate::{PeerAddress, UdpMode};
 
@@ -57,7 +57,6 @@ struct Guest {
     hello: Hello,
     /// Whether all frames will be whole, in both directions.
     reliable: bool,
-    permit: OwnedSemaphorePermit,
     counters: Arc<Counters>,
 }
 
@@ -145,10 +144,10 @@ impl Hall {
         if let (Some(key), Some(security)) = (knock.key, &self.desk.options.security) {
             security.judge(PeerKey::Udp(NoiseKey::from_bytes(key)), hello.identity.role)?;
         }
-        let permit = self.desk.room()?;
+        // It takes the role's place only once it has shown that it is there now.
         self.desk.admits(&hello.identity).map_err(HandshakeError::Refused)?;
         let reliable = reliable && self.config.patience.is_none();
-        Ok(Guest { hello, reliable, permit, counters })
+        Ok(Guest { hello, reliable, counters })
     }
 
     /// Makes a connection of the caller, and a link once it has shown that it is there now: its first packet may be a copy of one
@@ -172,7 +171,8 @@ impl Hall {
             served.await;
             lock(&answers).remove(&caller);
         }));
-        desk.net.spawn(Box::pin(greet(Arc::clone(desk), port, guest)));
+        let slot = desk.slot(&PeerAddress::Udp(caller.0));
+        desk.net.spawn(Box::pin(greet(Arc::clone(desk), port, guest, slot)));
         Ok(())
     }
 
@@ -197,7 +197,7 @@ impl Hall {
 }
 
 /// Hands out the link with a guest once it has used its keys, or lets it go.
-async fn greet(desk: Arc<Desk>, port: Arc<Port>, guest: Guest) {
+async fn greet(desk: Arc<Desk>, port: Arc<Port>, guest: Guest, mut slot: Slot) {
     let confirmed = poll_fn(|cx| {
         let mut state = port.lock();
         if state.connection.is_confirmed() || state.connection.closed().is_some() {
@@ -207,22 +207,23 @@ async fn greet(desk: Arc<Desk>, port: Arc<Port>, guest: Guest) {
         Poll::Pending
     });
     let by = desk.net.now().after(desk.options.handshake);
-    if until(&*desk.net, by, confirmed).await != Some(true) {
-        port.lock().connection.close();
-        port.settle(desk.net.now());
-        desk.failed(&port.remote(), HandshakeError::TimedOut);
-        return;
-    }
-    let Guest { hello, reliable, permit, counters } = guest;
-    drop(permit);
+    let confirmed = tokio::select! {
+        biased;
+        confirmed = until(&*desk.net, by, confirmed) => match confirmed {
+            Some(true) => Ok(()),
+            _ => Err(HandshakeError::TimedOut),
+        },
+        () = slot.revoked() => Err(HandshakeError::Refused(Refusal::Busy)),
+    };
+    drop(slot);
+    let Guest { hello, reliable, counters } = guest;
     let Hello { identity: theirs, session, .. } = hello;
-    // Only now: a first packet that somebody repeats must keep nobody out.
-    let place = match desk.enter(&theirs) {
+    let place = match confirmed.and_then(|()| desk.enter(&theirs).map_err(HandshakeError::Refused)) {
         Ok(place) => Some(Arc::new(place) as _),
-        Err(refusal) => {
+        Err(error) => {
             port.lock().connection.close();
             port.settle(desk.net.now());
-            return desk.failed(&port.remote(), HandshakeError::Refused(refusal));
+            return desk.failed(&port.remote(), error);
         }
     };
     let link = super::link(
