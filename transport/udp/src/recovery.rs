@@ -12,10 +12,12 @@ use crate::rtt::Rtt;
 mod flight;
 mod moved;
 mod share;
+mod skipped;
 
 use flight::Flight;
 pub(crate) use flight::{Content, Contents, Sent};
 use share::LossShare;
+use skipped::Skipped;
 
 /// A packet is lost when one that many numbers later has arrived (RFC 9002, section 6.1.1).
 pub(crate) const REORDERING: u64 = 3;
@@ -51,6 +53,7 @@ pub(crate) struct NeverSent;
 #[derive(Debug)]
 pub(crate) struct Recovery {
     flight: Flight,
+    skipped: Skipped,
     largest_acked: Option<PacketNumber>,
     last_sent: Option<Instant>,
     /// When something was acknowledged, or first waited for an acknowledgement.
@@ -77,6 +80,7 @@ impl Recovery {
     pub(crate) fn new(law: Congestion, segment: usize, initial: u16, max_ack_delay: Duration) -> Self {
         Self {
             flight: Flight::default(),
+            skipped: Skipped::default(),
             largest_acked: None,
             last_sent: None,
             progress: None,
@@ -97,6 +101,16 @@ impl Recovery {
     /// The number of the next packet.
     pub(crate) fn next_number(&self) -> PacketNumber {
         self.flight.next_number()
+    }
+
+    /// Leaves numbers out from now on, as these 32 random bytes say.
+    pub(crate) fn leave_numbers_out(&mut self, secret: [u8; 32]) {
+        self.skipped = Skipped::new(secret, self.next_number());
+    }
+
+    /// How many packets were sent.
+    pub(crate) fn sent(&self) -> u64 {
+        self.next_number() - self.skipped.count()
     }
 
     /// Bytes that the window leaves.
@@ -138,7 +152,11 @@ impl Recovery {
             }
             self.last_sent = Some(sent.at);
         }
-        self.flight.push(eliciting).map(|sent| sent.contents).unwrap_or_default()
+        let mut lost = self.flight.push(eliciting).map(|sent| sent.contents).unwrap_or_default();
+        if self.skipped.leaves_out(self.next_number()) {
+            lost.extend(self.flight.push(None).into_iter().flat_map(|sent| sent.contents));
+        }
+        lost
     }
 
     pub(crate) fn on_ack(
@@ -149,7 +167,7 @@ impl Recovery {
     ) -> Result<Verdict, NeverSent> {
         let mut verdict = Verdict { arrived: std::mem::take(&mut self.spare), ..Verdict::default() };
         let Some(last) = numbers.iter().next_back() else { return Ok(verdict) };
-        if last.end > self.next_number() {
+        if last.end > self.next_number() || self.skipped.is_in(numbers) {
             return Err(NeverSent);
         }
         let largest = last.end - 1;
@@ -428,6 +446,25 @@ mod tests {
         let verdict = recovery.on_ack(at(50), &numbers(1..4), Duration::ZERO).unwrap();
         assert_eq!((verdict.lost, recovery.lost_packets), (contents, 0));
         assert_eq!((recovery.probable_loss(), recovery.window.window()), (0.0, 10_000));
+    }
+
+    #[test]
+    fn who_acknowledges_what_it_did_not_receive_is_found_out() {
+        let mut recovery = sender();
+        recovery.leave_numbers_out([7; 32]);
+        let mut received = RangeSet::default();
+        while recovery.skipped.count() < 3 {
+            let number = recovery.next_number();
+            send(&mut recovery, number);
+            received.insert(number..number + 1);
+            assert!(recovery.on_ack(at(number + 1), &received, Duration::ZERO).is_ok(), "{number}");
+        }
+        assert_eq!(received.len(), 3, "two gaps, and one that nobody has seen yet");
+        assert_eq!(recovery.sent() + 3, recovery.next_number());
+        let number = recovery.next_number();
+        send(&mut recovery, number);
+        let all = numbers(0..number + 1);
+        assert_eq!(recovery.on_ack(at(number + 1), &all, Duration::ZERO).err(), Some(NeverSent));
     }
 
     #[test]

@@ -144,6 +144,7 @@ mod tests {
     use crate::connection::Config;
     use crate::keys::Keys;
     use crate::packet::{ConnectionId, data_header};
+    use crate::ranges::RangeSet;
     use crate::repair::Block;
 
     const HERE: ConnectionId = ConnectionId(10);
@@ -184,6 +185,22 @@ mod tests {
         let chunk = Chunk::read(&mut Reader::new(sealed));
         let Ok(Chunk::Ack { numbers, .. }) = chunk else { panic!("{chunk:?}") };
         assert_eq!((numbers.len(), numbers.iter().next()), (1, Some(0..256)));
+    }
+
+    #[test]
+    fn who_acknowledges_everything_without_having_received_it_is_let_go() {
+        let mut connection = connection();
+        connection.follow(([192, 0, 2, 1], 4000).into(), [7; 32]);
+        let mut out = Vec::new();
+        for _ in 0..100 {
+            connection.ping();
+            assert!(connection.poll_transmit(now(), &mut out));
+        }
+        assert!(connection.recovery.next_number() > connection.stats().sent, "no number was left out");
+        let mut numbers = RangeSet::default();
+        numbers.insert(0..connection.recovery.next_number());
+        connection.handle(now(), &sealed(0, &Chunk::Ack { delay_us: 0, numbers }));
+        assert_eq!(connection.closed(), Some(&Closed::NeverSent));
     }
 
     #[test]

@@ -97,7 +97,7 @@ impl Connection {
     pub fn stats(&self) -> PathStats {
         let (recovery, outbox) = (&self.recovery, &self.outbox);
         PathStats {
-            sent: recovery.next_number(),
+            sent: recovery.sent(),
             sent_bytes: self.sent_bytes,
             received: self.received,
             received_bytes: self.received_bytes,
