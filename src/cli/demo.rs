@@ -33,6 +33,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         tester: Tester::Hzb,
         few_pixels: false,
         device: None,
+        alone: false,
         audit_every: 10,
     };
     run::run(&RunArgs {

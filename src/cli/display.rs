@@ -16,7 +16,7 @@ use trimaran::{
     report::{Report, schema::Seat as ReportSeat},
     walkthrough::{Plan, Recorder, ReportPlan, SceneFile, Trail, viewport, write_report},
 };
-use trimaran_actors::{DisplayRole, Stop, Stopwatch, VulkanDisplay, again, await_pair};
+use trimaran_actors::{DisplayRole, Stop, Stopwatch, Turns, VulkanDisplay, again, await_pair};
 use trimaran_gpu::{GpuInfo, GpuScene};
 use trimaran_proto::{Identity, Role, Settings};
 use trimaran_transport::{Endpoints, Link, Listener, Net, Options, TokioNet};
@@ -169,7 +169,8 @@ impl DisplayStage {
             walked.over(&first, &second);
             let device = VulkanDisplay::new(&drawn, size).map_err(Failure::broken)?;
             let (scene, net_of_role) = (Arc::clone(&file.scene), Arc::clone(&net));
-            let role = DisplayRole { scene, device, first, second, settings, net: net_of_role, clock };
+            let turns = Turns::at_once();
+            let role = DisplayRole { scene, device, first, second, settings, net: net_of_role, clock, turns };
             let Err(error) = role.run(&mut *cameras, recorder, runtime.handle(), stop) else {
                 return Ok(walked);
             };

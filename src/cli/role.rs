@@ -10,7 +10,8 @@ use trimaran::{
     walkthrough::{PathChoice, Plan, SceneFile, Trail, viewport},
 };
 use trimaran_actors::{
-    JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, VulkanPair, again, join_session,
+    JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, Stopwatch, Turns, VulkanPair, again,
+    join_session,
 };
 use trimaran_gpu::{Gpu, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize};
@@ -102,7 +103,8 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
         let size = viewport(settings.size).map_err(Failure::bad_input)?;
         let device = VulkanPair::new(&drawn, size, settings.tester).map_err(Failure::broken)?;
         let (scene, occluders) = (Arc::clone(&file.scene), OccluderPolicy::default());
-        let role = PairRole { seat, scene, device, display, other, settings, occluders };
+        let (clock, turns) = (Stopwatch::start(), Turns::at_once());
+        let role = PairRole { seat, scene, device, display, other, settings, occluders, clock, turns };
         let Err(error) = role.run(runtime.handle(), &stop) else { return Ok(()) };
         if config.reconnect_s <= 0.0 || !error.lost_a_peer() || stop.requested() {
             return Err(Failure::broken(error));
@@ -161,6 +163,7 @@ fn session_plan(session: &SessionConfig) -> Result<Plan, Failure> {
         few_pixels: session.few_pixels,
         audit_every: session.audit_every,
         visible: session.visible,
+        alone: false,
     })
 }
 

@@ -15,7 +15,7 @@ pub use clock::Stopwatch;
 pub use device::{PairDevice, PictureDevice};
 pub use driver::{
     Cameras, DisplayRole, Gaps, LinkError, Observer, OccluderPolicy, PairRole, PairTraffic, RoleError,
-    ShownFrame, Stop, Stopper,
+    ShownFrame, Stop, Stopper, Turns,
 };
 pub use join::{JoinError, Joined, Place, again, await_pair, join_session, role_of};
 pub use machine::{DisplayMachine, DisplayStep, OrderError, Seat, SwitchMachine, SwitchStep};

@@ -11,6 +11,7 @@ mod outlet;
 mod pair;
 mod parting;
 mod stop;
+mod turn;
 
 pub use cameras::Cameras;
 pub use display::{DisplayRole, Observer, PairTraffic, ShownFrame};
@@ -18,6 +19,7 @@ pub use gaps::Gaps;
 pub use occluders::OccluderPolicy;
 pub use pair::PairRole;
 pub use stop::{Stop, Stopper};
+pub use turn::Turns;
 
 use std::future::Future;
 
