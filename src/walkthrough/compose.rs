@@ -8,9 +8,9 @@ use trimaran_scene::Scene;
 use super::{objects::ObjectCounts, path::Trail, record::FrameRecord};
 use crate::report::schema::{BytesByKind, CullingCounts, Frame, Role, Seat, Span};
 
-/// The report's record of every frame, without what only an audit can tell.
+/// The report's record of every frame, without what only an audit can tell. `one_clock` says that all roles measured by it.
 #[must_use]
-pub(super) fn frames(scene: &Scene, trail: &Trail, records: &[FrameRecord]) -> Vec<Frame> {
+pub(super) fn frames(scene: &Scene, trail: &Trail, records: &[FrameRecord], one_clock: bool) -> Vec<Frame> {
     let mut previous = None;
     let objects = ObjectCounts::new(scene);
     records
@@ -19,6 +19,7 @@ pub(super) fn frames(scene: &Scene, trail: &Trail, records: &[FrameRecord]) -> V
             let before = previous.replace(record.shown);
             Frame {
                 objects_drawn: Some(objects.of(scene, record.ids.iter().copied())),
+                timeline: timeline(record, one_clock),
                 ..frame(scene, trail, record, before, records)
             }
         })
@@ -55,7 +56,6 @@ fn frame(
         frame_ms: previous.map(|previous| milliseconds(record.shown.saturating_sub(previous))),
         latency_frames: u32::try_from(shown_between).ok(),
         latency_ms: Some(milliseconds(record.shown.saturating_sub(record.published))),
-        timeline: timeline(record),
         nodes_drawn: Some(record.ids.len() as u64),
         triangles_drawn: Some(triangles),
         occluders_drawn: stats.map(|s| u64::from(s.occluders)),
@@ -68,8 +68,9 @@ fn frame(
     }
 }
 
-/// When each role was busy. The machine's clock is laid over the display's where the frame's begin was sent and arrived.
-fn timeline(record: &FrameRecord) -> Vec<Span> {
+/// When each role was busy. Unless they are one, the machine's clock is laid over the display's where the frame's begin was sent
+/// and arrived.
+fn timeline(record: &FrameRecord, one_clock: bool) -> Vec<Span> {
     let number = record.camera.frame();
     let mut spans = vec![Span {
         role: Role::Rvg,
@@ -78,8 +79,9 @@ fn timeline(record: &FrameRecord) -> Vec<Span> {
         end_ms: milliseconds(record.shown),
     }];
     if let Some(stats) = &record.stats {
-        let here =
-            |there_ns: u64| milliseconds(record.begun) + (there_ns as f64 - stats.hc_start_ns as f64) * 1e-6;
+        let begun_ns = record.begun.as_nanos() as f64;
+        let ahead_ns = if one_clock { 0.0 } else { begun_ns - stats.hc_start_ns as f64 };
+        let here = |there_ns: u64| (there_ns as f64 + ahead_ns) * 1e-6;
         let seat = seat_of(number);
         let span = |role, start, end| Span { role, seat, start_ms: here(start), end_ms: here(end) };
         spans.push(span(Role::Or, busy_start(stats), stats.or_end_ns));

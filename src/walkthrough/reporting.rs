@@ -105,7 +105,7 @@ pub fn write_report(
     let mut auditor = Auditor::new(&file.scene, drawn, size, rule)?;
     let mut machine = VulkanPair::new(drawn, size, plan.tester)?;
     let mut writer = Writer::create(out)?;
-    let mut frames = compose::frames(&file.scene, trail, records);
+    let mut frames = compose::frames(&file.scene, trail, records, plan.alone);
     let mut pictures = AuditPictures::default();
     for (index, (frame, record)) in frames.iter_mut().zip(records).enumerate() {
         let number = frame.frame;
@@ -184,6 +184,7 @@ fn run(file: &SceneFile, plan: &Plan, about: &ReportPlan) -> Run {
             Pace::Lockstep => Mode::Lockstep,
             Pace::Live { .. } => Mode::Live,
         },
+        alone: plan.alone,
         path: about.path.clone(),
         seed: about.seed,
         audit_every: (plan.audit_every > 0).then_some(plan.audit_every),
