@@ -68,7 +68,8 @@ fn run() -> Run {
     }
 }
 
-/// Pictures a second of a simulated session whose roles take what the report says, on a network that takes no time.
+/// Pictures a second of a simulated session whose roles take what the report says, on a network that takes no
+/// time.
 fn simulated(report: &Report) -> f64 {
     let folder = tempfile::tempdir().unwrap();
     let [network, walk] = ["ideal.toml", "report.json"].map(|name| folder.path().join(name));

@@ -8,7 +8,8 @@ use trimaran_scene::Scene;
 use super::{objects::ObjectCounts, path::Trail, record::FrameRecord};
 use crate::report::schema::{BytesByKind, CullingCounts, Frame, Role, Seat, Span};
 
-/// The report's record of every frame, without what only an audit can tell. `one_clock` says that all roles measured by it.
+/// The report's record of every frame, without what only an audit can tell. `one_clock` says that all roles
+/// measured by it.
 #[must_use]
 pub(super) fn frames(scene: &Scene, trail: &Trail, records: &[FrameRecord], one_clock: bool) -> Vec<Frame> {
     let mut previous = None;
@@ -68,8 +69,8 @@ fn frame(
     }
 }
 
-/// When each role was busy. Unless they are one, the machine's clock is laid over the display's where the frame's begin was sent
-/// and arrived.
+/// When each role was busy. Unless they are one, the machine's clock is laid over the display's where the
+/// frame's begin was sent and arrived.
 fn timeline(record: &FrameRecord, one_clock: bool) -> Vec<Span> {
     let number = record.camera.frame();
     let mut spans = vec![Span {

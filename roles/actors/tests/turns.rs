@@ -103,7 +103,8 @@ impl PictureDevice for Busy {
     }
 }
 
-/// What a session did: begin and end of each role's work on each frame, on the session's one clock, and the ids shown.
+/// What a session did: begin and end of each role's work on each frame, on the session's one clock, and the
+/// ids shown.
 #[derive(Default)]
 struct Record {
     occluders: Vec<[u64; 2]>,
@@ -209,7 +210,8 @@ fn a_session_shows_the_same_whether_its_roles_take_turns_or_not() {
     assert_eq!(alone.ids, at_once.ids);
 }
 
-/// An id a message: far more of them than a link within a process holds, so that who culls waits for who takes them.
+/// An id a message: far more of them than a link within a process holds, so that who culls waits for who
+/// takes them.
 #[test]
 fn who_has_the_turn_lets_others_go_on_where_it_has_to_wait_for_them() {
     let scene = scene();

@@ -25,7 +25,8 @@ pub(super) struct Timeline<'a> {
 }
 
 impl<'a> Timeline<'a> {
-    /// The window around the frame that the pair or the display took longest for; `None` if nothing was timed.
+    /// The window around the frame that the pair or the display took longest for; `None` if nothing was
+    /// timed.
     pub(super) fn around_slowest(frames: &'a [Frame]) -> Option<Self> {
         let longest = |frame: &Frame| frame.pair_ms().unwrap_or(0.0).max(frame.rvg_ms.unwrap_or(0.0));
         let slowest = (0..frames.len())

@@ -4,18 +4,19 @@ use serde::{Deserialize, Serialize};
 
 use super::Frame;
 
-/// Pictures a second that three machines would show, one for each culler and one for the display. Each is like the one that
-/// the times were taken on, and the network between them takes no time.
+/// Pictures a second that three machines would show, one for each culler and one for the display. Each is
+/// like the one that the times were taken on, and the network between them takes no time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Model {
     /// Pictures a second, from the first to the last.
     pub fps: f64,
     /// The error, as far as it can be measured: `fps` if all of `unaccounted_ms` came on top of each frame.
     pub fps_at_least: f64,
-    /// The walk's time that is in no role's busy time, a frame: taking messages, waking threads, noting what was shown.
+    /// The walk's time that is in no role's busy time, a frame: taking messages, waking threads, noting what
+    /// was shown.
     pub unaccounted_ms: f64,
-    /// What a second culler could bring at most: `fps` if OR drew while HC culls the frame before. One culler that does OR and
-    /// HC of every frame has `fps` as well.
+    /// What a second culler could bring at most: `fps` if OR drew while HC culls the frame before. One culler
+    /// that does OR and HC of every frame has `fps` as well.
     pub fps_overlapped: f64,
 }
 
@@ -37,8 +38,8 @@ enum Schedule {
 }
 
 impl Model {
-    /// Of roles that computed one after another, whose walk took `wall_ms` from the first picture to the last. None where there
-    /// are no two pictures.
+    /// Of roles that computed one after another, whose walk took `wall_ms` from the first picture to the
+    /// last. None where there are no two pictures.
     pub(super) fn of(frames: &[Frame], wall_ms: Option<f64>) -> Option<Self> {
         let times: Vec<Times> = frames.iter().filter_map(Times::of).collect();
         let busy: f64 = times.iter().map(|Times { or, hc, rvg }| or + hc + rvg).sum();
@@ -69,8 +70,8 @@ fn fps(times: &[Times], schedule: Schedule) -> Option<f64> {
 
 /// When each picture is shown, milliseconds after the first camera.
 ///
-/// The display hands out a frame's camera when it takes up the frame two before, and takes that up when it has shown the one
-/// before it. So the pair is at most two frames ahead of the frame that is drawn.
+/// The display hands out a frame's camera when it takes up the frame two before, and takes that up when it
+/// has shown the one before it. So the pair is at most two frames ahead of the frame that is drawn.
 fn shown(times: &[Times], schedule: Schedule) -> Vec<f64> {
     let (mut began, mut culled) = (0.0_f64, 0.0_f64);
     let mut shown: Vec<f64> = Vec::with_capacity(times.len());
@@ -125,8 +126,8 @@ mod tests {
 
     #[test]
     fn times_that_differ_are_evened_out_as_far_as_the_pair_may_be_ahead() {
-        // The pair and the display take 20 ms a frame on average, in turns 10 and 30. Culled at 10, 40, 50 and 80: the display
-        // would be done at 40, 50, 80, 90. It keeps the pair waiting nowhere.
+        // The pair and the display take 20 ms a frame on average, in turns 10 and 30. Culled at 10, 40, 50
+        // and 80: the display would be done at 40, 50, 80, 90. It keeps the pair waiting nowhere.
         let frames = table(&[[5.0, 5.0, 30.0], [20.0, 10.0, 10.0], [5.0, 5.0, 30.0], [20.0, 10.0, 10.0]]);
         let model = Model::of(&frames, Some(120.0)).unwrap();
         assert_eq!(model.fps, 1000.0 * 3.0 / (90.0 - 40.0));

@@ -24,7 +24,8 @@ pub struct Summary {
     pub wall_ms: Option<f64>,
     /// Frames a second as measured on this machine, over `wall_ms`.
     pub measured_fps: Option<f64>,
-    /// What three machines would show: a model, not a measurement. None unless the roles computed one after another.
+    /// What three machines would show: a model, not a measurement. None unless the roles computed one after
+    /// another.
     pub model: Option<Model>,
     /// How much more than the exactly visible was drawn.
     pub tightness: Tightness,

@@ -11,7 +11,8 @@ pub struct SweepPoint {
     pub epsilon_px: f64,
     /// Frames a second as measured.
     pub measured_fps: Option<f64>,
-    /// Frames a second that three machines would show: a model, of runs whose roles computed one after another.
+    /// Frames a second that three machines would show: a model, of runs whose roles computed one after
+    /// another.
     pub modelled_fps: Option<f64>,
     /// OR busy, median, milliseconds.
     pub or_ms: Option<f64>,
@@ -40,8 +41,8 @@ pub struct SweepPoint {
 }
 
 impl SweepPoint {
-    /// Frames a second as modelled, if the roles computed one after another: what was measured then is no walk's speed. Else as
-    /// measured.
+    /// Frames a second as modelled, if the roles computed one after another: what was measured then is no
+    /// walk's speed. Else as measured.
     #[must_use]
     pub fn fps(&self) -> Option<f64> {
         self.modelled_fps.or(self.measured_fps)

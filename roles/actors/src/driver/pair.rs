@@ -198,8 +198,8 @@ impl<'r, D: PairDevice> Work<'r, D> {
         Ok(())
     }
 
-    /// Whether the device draws while further ids are waited for. A role that waits lets others compute, and then its device
-    /// is to be idle.
+    /// Whether the device draws while further ids are waited for. A role that waits lets others compute, and
+    /// then its device is to be idle.
     const fn draws_as_it_comes(&self) -> bool {
         self.policy.budget.is_none() && !self.waiting.turn.is_exclusive()
     }
@@ -224,7 +224,8 @@ impl<'r, D: PairDevice> Work<'r, D> {
         let drawing =
             self.device.finish_occluders().map_err(|cause| device("completing the depth", cause))?;
         let or_end = self.clock.elapsed();
-        // What is drawn as it comes may have been drawn before this; what else completes the depth takes longer than drawing.
+        // What is drawn as it comes may have been drawn before this; what else completes the depth takes
+        // longer than drawing.
         let finishing = drawing.max(or_end.saturating_sub(start));
         self.stats.or_busy_ns = nanoseconds(self.host + finishing);
         self.stats.or_end_ns = nanoseconds(or_end);

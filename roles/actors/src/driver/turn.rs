@@ -8,8 +8,8 @@ use crate::Stopwatch;
 
 /// Whether the roles of a process compute at once, or one after another.
 ///
-/// What a frame shows does not depend on it. Roles that take turns say what each of them takes by itself, which is
-/// what a model of three machines needs; roles that compute at once share the machine's cores.
+/// What a frame shows does not depend on it. Roles that take turns say what each of them takes by itself,
+/// which is what a model of three machines needs; roles that compute at once share the machine's cores.
 #[derive(Debug, Clone, Default)]
 pub struct Turns(Option<Arc<Mutex<()>>>);
 
@@ -32,8 +32,8 @@ impl Turns {
     }
 }
 
-/// A role's turn to compute. It takes it before it begins, gives it back when it is done, and in between while it waits:
-/// whom it waits for may have to compute first.
+/// A role's turn to compute. It takes it before it begins, gives it back when it is done, and in between
+/// while it waits: whom it waits for may have to compute first.
 pub(super) struct Turn {
     /// None where roles compute at once: then taking and giving back do nothing.
     lock: Option<Arc<Mutex<()>>>,
@@ -60,8 +60,8 @@ impl Turn {
         self.held.take();
     }
 
-    /// Calls `wait` with what is to be called when it cannot go on by itself: the turn is given back then, and taken
-    /// again afterwards.
+    /// Calls `wait` with what is to be called when it cannot go on by itself: the turn is given back then,
+    /// and taken again afterwards.
     pub(super) fn while_waiting<T>(&self, wait: impl FnOnce(&dyn Fn()) -> T) -> T {
         let gave_back = Cell::new(None);
         let value = wait(&|| {
@@ -78,7 +78,8 @@ impl Turn {
         value
     }
 
-    /// How long others had the turn while this role waited in the midst of its own, since this was last asked.
+    /// How long others had the turn while this role waited in the midst of its own, since this was last
+    /// asked.
     pub(super) fn away(&self) -> Duration {
         self.away.take()
     }
