@@ -7,7 +7,7 @@
 use std::{collections::HashSet, convert::Infallible, error::Error, sync::Arc, time::Duration};
 
 use trimaran_actors::{
-    Cameras, Devices, Observer, ObserverError, PictureDevice, ShownFrame, Stop, VulkanPair, in_process,
+    Cameras, Devices, Observer, ObserverError, PictureDevice, ShownFrame, Stop, Turns, VulkanPair, in_process,
 };
 use trimaran_cull::{View, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene, Picture};
@@ -105,8 +105,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
     let (_stopper, stop) = Stop::new();
-    let mut tally = Tally::default();
-    in_process(&scene, settings, devices, &mut Stroll, &mut tally, &net, runtime.handle(), &stop)?;
+    let (mut tally, turns) = (Tally::default(), Turns::at_once());
+    in_process(&scene, settings, devices, &mut Stroll, &mut tally, &net, runtime.handle(), &stop, &turns)?;
     println!(
         "{} frames of a scene of {} drawables, culled in {:?}",
         tally.frames,

@@ -565,6 +565,41 @@ fn a_live_walk_ends_with_its_path_and_shows_poses_of_it() {
 }
 
 #[test]
+fn only_roles_that_compute_one_after_another_are_a_model_of_three_machines() {
+    const WALK: [&str; 8] = ["run", "plant.scene", "--frames", "6", "--size", "96x80", "--audit-every", "3"];
+    let bench = Bench::with_plant();
+    let walk = |out: &str, more: &[&str]| {
+        let run = bench.command(&WALK).args(["--out", out]).args(more).output().unwrap();
+        assert!(run.status.success(), "{}", said(&run));
+        let report = fs::read(bench.path(out).join("report.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+        (String::from_utf8(run.stdout).unwrap(), report)
+    };
+    let (text, report) = walk("at-once", &[]);
+    assert!(!text.contains("MODEL") && text.contains("run with --alone"), "{text}");
+    assert!(report["summary"]["model"].is_null() && report["run"]["alone"] == false, "{report}");
+
+    let (text, report) = walk("alone", &["--alone"]);
+    assert!(text.contains("\nMODEL ") && !text.contains("\nmeasured "), "{text}");
+    assert_eq!(report["run"]["alone"], true);
+    let model = |key: &str| report["summary"]["model"][key].as_f64().unwrap();
+    assert!(model("fps_at_least") <= model("fps") && model("fps") <= model("fps_overlapped"));
+    let frames = report["frames"].as_array().unwrap();
+    let spans = frames.iter().flat_map(|frame| frame["timeline"].as_array().unwrap());
+    let mut spans: Vec<_> =
+        spans.map(|s| ["start_ms", "end_ms"].map(|key| s[key].as_f64().unwrap())).collect();
+    assert_eq!(spans.len(), 18);
+    spans.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    for pair in spans.windows(2) {
+        assert!(pair[0][1] <= pair[1][0] + 1e-6, "{:?} overlaps {:?}", pair[0], pair[1]);
+    }
+    assert_eq!(pictures(&bench, "alone", 6), pictures(&bench, "at-once", 6));
+
+    bench.refuses(&["run", "plant.scene", "--alone", "--link", "tcp"], &["--alone", "--link"]);
+    bench.refuses(&["run", "plant.scene", "--alone", "--live", "30"], &["--alone", "--live"]);
+}
+
+#[test]
 fn stopping_at_few_pixels_needs_a_tester_that_counts() {
     let bench = Bench::with_plant();
     let args = ["run", "plant.scene", "--few-pixels", "--frames", "4", "--size", "64x64", "--out", "few"];

@@ -36,6 +36,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         few_pixels: false,
         device: None,
         device_timeout: GpuOptions::TIMEOUT.as_secs_f64(),
+        alone: false,
         audit_every: 10,
     };
     run::run(&RunArgs {

@@ -12,7 +12,7 @@ use trimaran::{
     },
     walkthrough::{Plan, Recorder, ReportPlan, SceneFile, Trail, begin, how_ended, viewport},
 };
-use trimaran_actors::{DisplayRole, Stop, Stopwatch, VulkanDisplay, again, await_pair, leave_unable};
+use trimaran_actors::{DisplayRole, Stop, Stopwatch, Turns, VulkanDisplay, again, await_pair, leave_unable};
 use trimaran_gpu::{GpuInfo, GpuScene, ItemPass};
 use trimaran_proto::{Identity, Role, Settings};
 use trimaran_transport::{Endpoints, Link, Listener, Net, Options, TokioNet};
@@ -175,7 +175,8 @@ impl DisplayStage {
                 }
             };
             let (scene, net_of_role) = (Arc::clone(&file.scene), Arc::clone(&net));
-            let role = DisplayRole { scene, device, first, second, settings, net: net_of_role, clock };
+            let turns = Turns::at_once();
+            let role = DisplayRole { scene, device, first, second, settings, net: net_of_role, clock, turns };
             let Err(error) = role.run(&mut *cameras, recorder, runtime.handle(), stop) else { return Ok(()) };
             if show.reconnect_s <= 0.0 || !error.lost_a_peer() {
                 return Err(Early { how: how_ended(&error), why: Failure::broken(error) });

@@ -16,8 +16,8 @@ use trimaran::{
     walkthrough::{PathChoice, Plan, SceneFile, Trail, viewport},
 };
 use trimaran_actors::{
-    JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, Stop, VulkanPair, again, join_session,
-    leave_unable, max_frame, role_of,
+    JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, Stop, Stopwatch, Turns, VulkanPair, again,
+    join_session, leave_unable, max_frame, role_of,
 };
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Role};
@@ -114,7 +114,8 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
             }
         };
         let (scene, occluders) = (Arc::clone(&file.scene), OccluderPolicy::default());
-        let role = PairRole { seat, scene, device, display, other, settings, occluders };
+        let (clock, turns) = (Stopwatch::start(), Turns::at_once());
+        let role = PairRole { seat, scene, device, display, other, settings, occluders, clock, turns };
         let Err(error) = role.run(runtime.handle(), &stop) else { return Ok(()) };
         if config.reconnect_s <= 0.0 || !error.lost_a_peer() {
             return Err(Failure::broken(error));
@@ -184,6 +185,7 @@ fn session_plan(session: &SessionConfig) -> Result<Plan, Failure> {
         few_pixels: session.few_pixels,
         audit_every: session.audit_every,
         visible: session.visible,
+        alone: false,
     })
 }
 

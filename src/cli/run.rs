@@ -25,6 +25,11 @@ use super::{
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     let plan = walking::plan(&args.walk, args.epsilon, args.visible, walking::pace(args.live))?;
+    if args.walk.alone && (args.link != LinkKind::Inproc || args.live.is_some()) {
+        return Err(Failure::bad_input(
+            "--alone lets the roles of one process take turns: leave --link and --live out",
+        ));
+    }
     match args.link {
         LinkKind::Inproc if args.metrics.is_some() => Err(Failure::bad_input(
             "--metrics shows what links between processes carry: add --link unix, tcp, quic or udp",

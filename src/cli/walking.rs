@@ -34,6 +34,7 @@ pub(super) fn plan(walk: &WalkArgs, epsilon_px: f64, visible: bool, pace: Pace) 
         few_pixels: walk.few_pixels,
         audit_every: walk.audit_every,
         visible,
+        alone: walk.alone,
     })
 }
 

@@ -14,14 +14,16 @@ pub(super) struct Composer {
     scene: Arc<Scene>,
     trail: Trail,
     objects: ObjectCounts,
+    /// Whether all roles measured by one clock.
+    one_clock: bool,
     /// When the frames so far were shown.
     shown: Vec<Duration>,
 }
 
 impl Composer {
-    pub(super) fn new(scene: &Arc<Scene>, trail: &Trail) -> Self {
+    pub(super) fn new(scene: &Arc<Scene>, trail: &Trail, one_clock: bool) -> Self {
         let objects = ObjectCounts::new(scene);
-        Self { scene: Arc::clone(scene), trail: trail.clone(), objects, shown: Vec::new() }
+        Self { scene: Arc::clone(scene), trail: trail.clone(), objects, one_clock, shown: Vec::new() }
     }
 
     /// The next frame, in the order shown.
@@ -31,7 +33,7 @@ impl Composer {
         self.shown.push(record.shown);
         let frame = frame(&self.scene, &self.trail, record, previous, frames_between);
         let objects = self.objects.of(&self.scene, record.ids.iter().copied());
-        Frame { objects_drawn: Some(objects), ..frame }
+        Frame { objects_drawn: Some(objects), timeline: timeline(record, self.one_clock), ..frame }
     }
 }
 
@@ -63,7 +65,6 @@ fn frame(
         frame_ms: previous.map(|previous| milliseconds(record.shown.saturating_sub(previous))),
         latency_frames: u32::try_from(frames_between).ok(),
         latency_ms: Some(milliseconds(record.shown.saturating_sub(record.published))),
-        timeline: timeline(record),
         nodes_drawn: Some(record.ids.len() as u64),
         triangles_drawn: Some(triangles),
         occluders_drawn: stats.map(|s| u64::from(s.occluders)),
@@ -76,8 +77,9 @@ fn frame(
     }
 }
 
-/// When each role was busy. The machine's clock is laid over the display's where the frame's begin was sent and arrived.
-fn timeline(record: &FrameRecord) -> Vec<Span> {
+/// When each role was busy. Unless they are one, the machine's clock is laid over the display's where the
+/// frame's begin was sent and arrived.
+fn timeline(record: &FrameRecord, one_clock: bool) -> Vec<Span> {
     let number = record.camera.frame();
     let mut spans = vec![Span {
         role: Role::Rvg,
@@ -86,8 +88,9 @@ fn timeline(record: &FrameRecord) -> Vec<Span> {
         end_ms: milliseconds(record.shown),
     }];
     if let Some(stats) = &record.stats {
-        let here =
-            |there_ns: u64| milliseconds(record.begun) + (there_ns as f64 - stats.hc_start_ns as f64) * 1e-6;
+        let begun_ns = record.begun.as_nanos() as f64;
+        let ahead_ns = if one_clock { 0.0 } else { begun_ns - stats.hc_start_ns as f64 };
+        let here = |there_ns: u64| (there_ns as f64 + ahead_ns) * 1e-6;
         let seat = seat_of(number);
         let span = |role, start, end| Span { role, seat, start_ms: here(start), end_ms: here(end) };
         spans.push(span(Role::Or, busy_start(stats), stats.or_end_ns));

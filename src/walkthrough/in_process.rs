@@ -5,7 +5,8 @@ use std::{sync::Arc, thread};
 use thiserror::Error;
 use tokio::runtime::Handle;
 use trimaran_actors::{
-    Devices, Observer, SessionError, Stop, VulkanDisplay, VulkanPair, VulkanPairError, in_process as join,
+    Devices, Observer, SessionError, Stop, Turns, VulkanDisplay, VulkanPair, VulkanPairError,
+    in_process as join,
 };
 use trimaran_cull::ViewportError;
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, ItemPass};
@@ -77,6 +78,8 @@ pub fn in_process(
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
     let settings = plan.settings(trail.frames());
     let mut cameras = trail.cameras(plan.pace);
-    join(&stage.scene, settings, devices, &mut *cameras, observer, &net, runtime, stop).map_err(Box::new)?;
+    let turns = if plan.alone { Turns::alone() } else { Turns::at_once() };
+    join(&stage.scene, settings, devices, &mut *cameras, observer, &net, runtime, stop, &turns)
+        .map_err(Box::new)?;
     Ok(())
 }

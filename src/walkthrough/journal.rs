@@ -2,19 +2,13 @@
 
 use std::{
     io,
-    sync::{
-        Arc,
-        mpsc::{Receiver, SyncSender, sync_channel},
-    },
+    sync::mpsc::{Receiver, SyncSender, sync_channel},
     thread::{self, JoinHandle},
 };
 
 use trimaran_gpu::Picture;
-use trimaran_scene::Scene;
 
-use super::{
-    audit::picture_of, compose::Composer, path::Trail, record::FrameRecord, reporting::ReportingError,
-};
+use super::{audit::picture_of, compose::Composer, record::FrameRecord, reporting::ReportingError};
 use crate::report::{PictureKind, Writer};
 
 /// How many frames and pictures may wait to be written. When as many do, the walk waits for the disk.
@@ -44,9 +38,8 @@ impl Journal {
     ///
     /// # Errors
     /// When the system gives no thread.
-    pub fn start(writer: Writer, scene: &Arc<Scene>, trail: &Trail) -> io::Result<Self> {
+    pub(super) fn start(writer: Writer, composer: Composer) -> io::Result<Self> {
         let (entries, coming) = sync_channel(WAITING);
-        let composer = Composer::new(scene, trail);
         let thread = thread::Builder::new()
             .name("journal".to_owned())
             .spawn(move || write(writer, composer, &coming))?;

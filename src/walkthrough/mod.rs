@@ -64,6 +64,9 @@ pub struct Plan {
     pub audit_every: u32,
     /// Whether audited frames name what is exactly visible at full detail.
     pub visible: bool,
+    /// Whether the roles compute one after another, so that no busy time contains another role's work. Only
+    /// roles of one process can: it has no effect on others.
+    pub alone: bool,
 }
 
 impl Plan {

@@ -96,7 +96,7 @@ pub fn begin(
     trail: &Trail,
 ) -> Result<Journal, ReportingError> {
     writer.begin(&report(file, plan, about, trail, &[], Vec::new(), Ended::default()))?;
-    Journal::start(writer, &file.scene, trail).map_err(ReportingError::Thread)
+    Journal::start(writer, Composer::new(&file.scene, trail, plan.alone)).map_err(ReportingError::Thread)
 }
 
 /// How a session ended that a role or the journal ended early.
@@ -140,7 +140,7 @@ pub fn write_report(
     ended: Ended,
     progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
 ) -> Result<Written, ReportError> {
-    let mut composer = Composer::new(&file.scene, trail);
+    let mut composer = Composer::new(&file.scene, trail, plan.alone);
     let mut frames: Vec<Frame> = records.iter().map(|record| composer.frame(record)).collect();
     let mut checked = 0;
     let incomplete = match failure {
@@ -258,6 +258,7 @@ fn run(file: &SceneFile, plan: &Plan, about: &ReportPlan) -> Run {
             Pace::Lockstep => Mode::Lockstep,
             Pace::Live { .. } => Mode::Live,
         },
+        alone: plan.alone,
         path: about.path.clone(),
         seed: about.seed,
         audit_every: (plan.audit_every > 0).then_some(plan.audit_every),

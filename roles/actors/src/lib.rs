@@ -17,7 +17,7 @@ pub use clock::Stopwatch;
 pub use device::{PairDevice, PictureDevice};
 pub use driver::{
     Cameras, DisplayRole, Gaps, IdError, LinkError, Observer, ObserverError, OccluderPolicy, PairRole,
-    PairTraffic, RoleError, ShownFrame, Stop, Stopper, leave_unable, max_frame,
+    PairTraffic, RoleError, ShownFrame, Stop, Stopper, Turns, leave_unable, max_frame,
 };
 pub use join::{JoinError, Joined, Place, again, await_pair, join_session, role_of};
 pub use machine::{DisplayMachine, DisplayStep, OrderError, Seat, SwitchMachine, SwitchStep};

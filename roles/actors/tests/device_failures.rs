@@ -17,7 +17,8 @@ use thiserror::Error;
 use tokio::runtime::{Builder, Handle, Runtime};
 use trimaran_actors::{
     Cameras, DisplayRole, Joined, Observer, ObserverError, OccluderPolicy, PairDevice, PairRole,
-    PictureDevice, Place, RoleError, Seat, ShownFrame, Stop, Stopper, Stopwatch, await_pair, join_session,
+    PictureDevice, Place, RoleError, Seat, ShownFrame, Stop, Stopper, Stopwatch, Turns, await_pair,
+    join_session,
 };
 use trimaran_cull::{
     BoxTester, Culler, CutRule, DepthImage, NoOccluders, TestBox, View, Viewport, reference::cases,
@@ -256,6 +257,7 @@ impl House {
                 settings,
                 net: Arc::clone(&self.net),
                 clock: Stopwatch::start(),
+                turns: Turns::at_once(),
             };
             let mut frames = Frames::default();
             let display = role.run(&mut Still(self.camera), &mut frames, handle, stop).map(|_| ());
@@ -272,7 +274,8 @@ impl House {
         settings: Settings,
     ) -> PairRole<Device> {
         let (scene, occluders) = (Arc::clone(&self.scene), OccluderPolicy::default());
-        PairRole { seat, scene, device, display, other, settings, occluders }
+        let (clock, turns) = (Stopwatch::start(), Turns::at_once());
+        PairRole { seat, scene, device, display, other, settings, occluders, clock, turns }
     }
 
     /// A link of a role to a peer that the test plays.
@@ -390,6 +393,7 @@ fn a_display_that_waits_for_its_device_ends_when_it_is_asked_to() {
         settings: house.settings(0),
         net: Arc::clone(&house.net),
         clock: Stopwatch::start(),
+        turns: Turns::at_once(),
     };
     let mut frames = Frames::default();
     stopped(hangs, stopper, || role.run(&mut Still(house.camera), &mut frames, handle, &stop)).unwrap();

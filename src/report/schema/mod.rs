@@ -9,6 +9,7 @@
 mod ended;
 mod frame;
 mod metric;
+mod model;
 mod run;
 mod stat;
 mod summary;
@@ -20,19 +21,19 @@ pub use frame::{
     Role, Span, VisibleObject,
 };
 pub use metric::{METRICS, Metric};
+pub use model::Model;
 pub use run::{Mode, RoleInfo, Run, SceneInfo, Seat, timestamp};
 use serde::{Deserialize, Serialize};
 pub use stat::{LowStat, Stat};
 pub use summary::{
-    Bandwidth, DeviationVerdict, ModelledFps, PAPER_OBJECT_TIGHTNESS, PAPER_TRIANGLE_TIGHTNESS, Summary,
-    Tightness,
+    Bandwidth, DeviationVerdict, PAPER_OBJECT_TIGHTNESS, PAPER_TRIANGLE_TIGHTNESS, Summary, Tightness,
 };
 pub(super) use summary::{corrected_formula_bytes, paper_formula_bytes};
 pub use sweep::SweepPoint;
 
 /// The version of the schema that this program writes. Keys may be added without a new version; a key that changes its meaning
 /// or goes away brings one.
-pub const SCHEMA_VERSION: u32 = 3;
+pub const SCHEMA_VERSION: u32 = 4;
 
 /// A whole report: `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

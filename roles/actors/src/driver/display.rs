@@ -20,7 +20,9 @@ use super::{
     parting::{ended, hear_out, leave},
     rule_of,
     stop::{Stop, Waiting},
-    stopped_or, viewport_of, wait,
+    stopped_or,
+    turn::Turns,
+    viewport_of, wait,
 };
 use crate::{DisplayMachine, DisplayStep, OrderError, PictureDevice, Seat, Stopwatch};
 
@@ -86,6 +88,8 @@ pub struct DisplayRole<D> {
     pub net: Arc<dyn Net>,
     /// Started with the session; it goes on when the session goes on with another role after a peer was lost.
     pub clock: Stopwatch,
+    /// Whether it draws while other roles of the process compute.
+    pub turns: Turns,
 }
 
 /// What the display's links carried, first and second machine.
@@ -105,10 +109,12 @@ impl<D: PictureDevice> DisplayRole<D> {
         runtime: &Handle,
         stop: &Stop,
     ) -> Result<PairTraffic, RoleError<D::Error>> {
-        let waiting = Waiting { runtime, stop };
+        let turn = self.turns.of_a_role(self.clock);
+        let waiting = Waiting { runtime, stop, turn: &turn };
         let mut work = Work::new(self, waiting)?;
         work.device.cancel_on(stop);
         let result = stopped_or(work.frames(cameras, observer), stop);
+        turn.give_back();
         let result = hear_out(result, work.links.each_mut(), waiting);
         let counters = work.links.each_ref().map(|link| link.stats.clone());
         leave(runtime, work.links, &result);
@@ -158,7 +164,7 @@ const fn peer(seat: Seat) -> &'static str {
 
 impl<'r, D: PictureDevice> Work<'r, D> {
     fn new(role: DisplayRole<D>, waiting: Waiting<'r>) -> Result<Self, RoleError<D::Error>> {
-        let DisplayRole { scene, device, first, second, settings, net, clock } = role;
+        let DisplayRole { scene, device, first, second, settings, net, clock, .. } = role;
         let gaps = Gaps::new(&scene, rule_of(&settings)?);
         let received = FrameIds::of(&scene);
         Ok(Self {
@@ -199,7 +205,10 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             }
             let begun = self.await_begin(from, cameras, observer)?;
             self.gather(from, begun.at, cameras)?;
+            // What it does until now is to take messages: that is no computing to wait for.
+            self.waiting.turn.take();
             self.show(begun, observer)?;
+            self.waiting.turn.give_back();
         }
         self.last_words(observer)
     }

@@ -12,6 +12,7 @@ mod outlet;
 mod pair;
 mod parting;
 mod stop;
+mod turn;
 
 pub use cameras::Cameras;
 pub use display::{DisplayRole, Observer, ObserverError, PairTraffic, ShownFrame};
@@ -21,6 +22,7 @@ pub use occluders::OccluderPolicy;
 pub use pair::PairRole;
 pub use parting::leave_unable;
 pub use stop::{Stop, Stopper};
+pub use turn::Turns;
 
 use std::future::Future;
 

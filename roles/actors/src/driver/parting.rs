@@ -92,8 +92,9 @@ mod tests {
     use trimaran_proto::{Camera, FrameNumber, FrameStart, Identity, Role, SceneHash};
     use trimaran_transport::{LinkConfig, Net, TokioNet, inproc};
 
-    use super::super::wait;
+    use super::super::{Turns, wait};
     use super::*;
+    use crate::Stopwatch;
 
     /// What a machine makes of it that it cannot begin a frame any more for a display that handed out a camera, and went.
     fn begin_after(goodbye: Option<Goodbye>) -> RoleError<Infallible> {
@@ -112,7 +113,8 @@ mod tests {
             None => drop(display),
         }
         let (_stopper, stop) = Stop::new();
-        let waiting = Waiting { runtime: runtime.handle(), stop: &stop };
+        let turn = Turns::at_once().of_a_role(Stopwatch::start());
+        let waiting = Waiting { runtime: runtime.handle(), stop: &stop, turn: &turn };
         let start = FrameStart { frame: FrameNumber(0), camera };
         let begin = to_display.frames_tx.begin(start);
         let result = wait(waiting, "beginning a frame", begin).map(|_| ());
