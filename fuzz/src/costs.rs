@@ -1,5 +1,6 @@
-//! What a peer that knows the key can make a connection do: no more than is stated for its bytes, whatever it sends. The fuzz target
-//! searches for packets that break that; an ordinary test of `trimaran-udp` replays the corpus.
+//! What a peer that knows the key can make a connection do: no more than is stated for its bytes, whatever it
+//! sends. The fuzz target searches for packets that break that; an ordinary test of `trimaran-udp` replays
+//! the corpus.
 
 use std::time::Duration;
 
@@ -17,8 +18,8 @@ const PLACES: [u64; 8] = [0, 80, 1024, 2047, 64_000, 96_000, (4 << 20) - 1, 1 <<
 const SHARDS: [u16; 8] = [2, 8, 100, 256, 512, 1000, 1136, 1500];
 const COUNTS: [u8; 4] = [1, 2, 3, 32];
 
-/// Each few bytes are a chunk whose numbers are near those that decide something; packets are as full as they may be, or end where the
-/// bytes say so. No steps are done beyond those that are allowed for what came.
+/// Each few bytes are a chunk whose numbers are near those that decide something; packets are as full as they
+/// may be, or end where the bytes say so. No steps are done beyond those that are allowed for what came.
 pub fn costs(bytes: &[u8]) {
     let mut now = Instant::from_nanos(1_000_000_000);
     let mut connection = Connection::plaintext(now, HERE, THERE, Config::default());

@@ -1,5 +1,6 @@
-//! What must hold for two peers that shake hands while a stranger without their keys sees, repeats, changes and sends whatever it likes.
-//! The fuzz target searches for packets that break it; an ordinary test of `trimaran-udp` replays the corpus.
+//! What must hold for two peers that shake hands while a stranger without their keys sees, repeats, changes
+//! and sends whatever it likes. The fuzz target searches for packets that break it; an ordinary test of
+//! `trimaran-udp` replays the corpus.
 
 use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -19,8 +20,9 @@ const ELSEWHERE: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::new(192, 0, 2
 const COOKIES: u64 = 4;
 const FLOOD: Duration = Duration::from_millis(50);
 
-/// The first byte chooses the keys; each further few bytes are something that happens: a packet of one of the two is delivered or lost,
-/// time passes, or the stranger sends something. Then the stranger falls silent, and the two must come together.
+/// The first byte chooses the keys; each further few bytes are something that happens: a packet of one of the
+/// two is delivered or lost, time passes, or the stranger sends something. Then the stranger falls silent,
+/// and the two must come together.
 pub fn handshakes(bytes: &[u8]) {
     let mut reader = bytes.iter().copied();
     let security = match reader.next().unwrap_or_default() % 2 {
@@ -125,7 +127,8 @@ impl Street {
         }
     }
 
-    /// The stranger sends a packet: to the side that connects, or to the listener, from where it is or as if from elsewhere.
+    /// The stranger sends a packet: to the side that connects, or to the listener, from where it is or as if
+    /// from elsewhere.
     fn strange(&mut self, what: u8, packet: &[u8]) {
         match what / 12 % 3 {
             0 => self.connector_gets(packet),
@@ -207,7 +210,8 @@ impl Street {
         }
     }
 
-    /// Nobody disturbs any more: within a few tries there is a connection, and the listener hears it use its keys.
+    /// Nobody disturbs any more: within a few tries there is a connection, and the listener hears it use its
+    /// keys.
     fn come_together(&mut self) {
         for _ in 0..4 {
             self.now = self.now.after(2 * FLOOD);

@@ -1,4 +1,5 @@
-//! Packets of a peer that knows the key of a connection in the clear, written by the page `transport/udp/WIRE.md`.
+//! Packets of a peer that knows the key of a connection in the clear, written by the page
+//! `transport/udp/WIRE.md`.
 
 use xxhash_rust::xxh3::xxh3_128_with_seed;
 

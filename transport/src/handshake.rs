@@ -47,7 +47,8 @@ pub enum HandshakeError {
     /// Someone came whose keys do not fit.
     #[error("someone came whose keys do not fit")]
     Stranger,
-    /// Nobody answered in this version of the datagrams, but somebody who claims that the other side has another one.
+    /// Nobody answered in this version of the datagrams, but somebody who claims that the other side has
+    /// another one.
     #[error(
         "no answer in version {ours} of the datagrams, but a claim that the other side has version {theirs}: if both sides have different releases, install the same on both"
     )]

@@ -1,4 +1,5 @@
-//! A listener that has several addresses answers from the one that was asked: its peer takes answers from no other.
+//! A listener that has several addresses answers from the one that was asked: its peer takes answers from no
+//! other.
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
@@ -11,7 +12,8 @@ use common::{camera, identity, ids, net, receive, soon, start};
 use trimaran_proto::Role;
 use trimaran_transport::{Endpoint, Listener, connect};
 
-/// A display asks a listener at `at` for a link by way of `asked`, another of its addresses than the system would answer from; both talk.
+/// A display asks a listener at `at` for a link by way of `asked`, another of its addresses than the system
+/// would answer from; both talk.
 async fn asks(at: &str, asked: &str) {
     let (net, options) = (net(), shared(1));
     let Ok(mut listener) =
@@ -39,7 +41,8 @@ async fn asks(at: &str, asked: &str) {
     }
 }
 
-/// All of 127.0.0.0/8 is on the loopback interface, and answers to 127.0.0.1 leave from there unless they are told otherwise.
+/// All of 127.0.0.0/8 is on the loopback interface, and answers to 127.0.0.1 leave from there unless they are
+/// told otherwise.
 #[tokio::test]
 async fn a_listener_at_every_address_answers_from_the_one_that_was_asked() {
     for asked in ["127.0.0.1", "127.0.0.2", "127.1.2.3"] {

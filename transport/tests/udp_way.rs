@@ -54,7 +54,8 @@ async fn another_version_is_answered_with_ours_and_lets_nobody_in() {
     a_display_gets_in(&mut listener, &endpoint, &options).await;
 }
 
-/// Whoever has another version says so once in plain sight: anyone could, so it is only said why nobody answered in time.
+/// Whoever has another version says so once in plain sight: anyone could, so it is only said why nobody
+/// answered in time.
 #[tokio::test]
 async fn a_claim_of_another_version_is_named_once_nobody_else_has_answered() {
     let net = net();
@@ -83,7 +84,8 @@ async fn a_claim_of_another_version_is_named_once_nobody_else_has_answered() {
     assert!(*attempts > 1 && error.may_pass(), "{error:?}");
 }
 
-/// Somebody on the way answers each first packet before the listener can: with another version, and with cookies that are none.
+/// Somebody on the way answers each first packet before the listener can: with another version, and with
+/// cookies that are none.
 #[tokio::test]
 async fn forged_answers_to_a_first_packet_end_nothing() {
     let options = shared(1);
@@ -274,7 +276,8 @@ async fn a_first_packet_that_somebody_repeats_is_no_link() {
     a_display_gets_in(&mut listener, &at, &options).await;
 }
 
-/// What somebody on the way saw of an earlier link must not keep its peer out, however long a handshake may take.
+/// What somebody on the way saw of an earlier link must not keep its peer out, however long a handshake may
+/// take.
 #[tokio::test]
 async fn a_first_packet_that_somebody_repeats_takes_no_place() {
     let net = net();

@@ -24,7 +24,8 @@ use crate::{Link, UdpEndpoint, UdpMode};
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
 /// The longest pause between two first packets: a listener that has just come up is found within that time.
 const LAST_PAUSE: Duration = Duration::from_millis(400);
-/// An address that is asked in vain leaves that part of its time, so that it is said why before the attempt is cut short.
+/// An address that is asked in vain leaves that part of its time, so that it is said why before the attempt
+/// is cut short.
 const REST: u32 = 50;
 
 /// Tries each address of the host, each for its share of the time that a handshake may take: nobody says that there is nobody.

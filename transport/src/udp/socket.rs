@@ -15,7 +15,8 @@ const DATAGRAM: usize = 2048;
 /// The most that one buffer holds, however many datagrams the system would put into it.
 const BUFFER: usize = 64 << 10;
 
-/// Between which addresses datagrams go. A socket may have several here, and who asked at one of them takes answers from no other.
+/// Between which addresses datagrams go. A socket may have several here, and who asked at one of them takes
+/// answers from no other.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Path {
     pub(super) remote: SocketAddr,

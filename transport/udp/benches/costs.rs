@@ -1,5 +1,6 @@
-//! What a byte of a packet costs who receives it: ordinary frames, and packets of a peer that knows the key and wants them to cost much.
-//! `cargo bench -p trimaran-udp --bench costs`; packets are in the clear, so that sealing is not among the costs.
+//! What a byte of a packet costs who receives it: ordinary frames, and packets of a peer that knows the key
+//! and wants them to cost much. `cargo bench -p trimaran-udp --bench costs`; packets are in the clear, so
+//! that sealing is not among the costs.
 #![allow(clippy::disallowed_methods, reason = "a benchmark keeps the machine's time")]
 
 #[allow(unreachable_pub, dead_code, reason = "a test uses it too")]

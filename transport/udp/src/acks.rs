@@ -20,7 +20,8 @@ const NAMED: usize = 8;
 #[derive(Debug, Default)]
 pub(crate) struct Acks {
     numbers: RangeSet,
-    /// Those that are never acknowledged, for not all of their packets could be taken: they come once as well.
+    /// Those that are never acknowledged, for not all of their packets could be taken: they come once as
+    /// well.
     refused: RangeSet,
     floor: PacketNumber,
     largest_at: Option<Instant>,

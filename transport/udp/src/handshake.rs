@@ -17,8 +17,9 @@ use crate::packet::{ConnectionId, CookieBytes, MIN_DATAGRAM, Packet, VERSION};
 /// The most that a hello may have: a first packet has room for it, its cookie and its keys.
 pub const MAX_HELLO: usize = 1024;
 
-/// So many cookies are sent back at once, within [`FLOOD`]: more than a listener gives for first packets that were sent twice. Of
-/// further ones the newest goes with the next first packet, so that whoever forges them cannot make this side send without end.
+/// So many cookies are sent back at once, within [`FLOOD`]: more than a listener gives for first packets that
+/// were sent twice. Of further ones the newest goes with the next first packet, so that whoever forges them
+/// cannot make this side send without end.
 const COOKIES: u8 = 4;
 const FLOOD: Duration = Duration::from_millis(50);
 
@@ -186,7 +187,8 @@ impl Connecting {
         Packet::Initial { version: VERSION, from: self.here, cookie, noise: &self.message }.write(out);
     }
 
-    /// The version that the listener has, as somebody said where nobody answered in this one. Only a hint: anyone on the way can say so.
+    /// The version that the listener has, as somebody said where nobody answered in this one. Only a hint:
+    /// anyone on the way can say so.
     #[must_use]
     pub fn claimed_version(&self) -> Option<u64> {
         self.claimed.filter(|_| self.cookie.is_none())

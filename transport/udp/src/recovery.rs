@@ -250,7 +250,8 @@ impl Recovery {
         let Some(largest) = self.largest_acked else { return };
         let delay = self.rtt.loss_delay();
         let mut last = None;
-        // Since when nothing arrived, and the longest such time; what was sent before a round trip was measured does not count.
+        // Since when nothing arrived, and the longest such time; what was sent before a round trip was
+        // measured does not count.
         let (mut since, mut longest) = (None, Duration::ZERO);
         for number in self.flight.base()..largest {
             self.visited += 1;
@@ -408,7 +409,8 @@ mod tests {
         assert_eq!(recovery.window.window(), 7_000, "too many for accidents");
     }
 
-    /// Sends a packet each 20 ms, all of which are lost but those in `arrive`, and then one that arrives; gives the window.
+    /// Sends a packet each 20 ms, all of which are lost but those in `arrive`, and then one that arrives;
+    /// gives the window.
     fn after_an_outage(sampled: bool, packets: u64, arrive: Range<u64>) -> usize {
         let mut recovery = sender();
         if sampled {

@@ -16,7 +16,8 @@ pub(crate) const BLOCK: usize = 64;
 pub(crate) const MOST: usize = 32;
 /// The largest shard, bytes: no larger datagram is sent.
 pub(crate) const LARGEST: usize = 1500;
-/// The fewest bytes of a block of several shards that has several repair shards. To restore one costs as much as to restore thousands.
+/// The fewest bytes of a block of several shards that has several repair shards. To restore one costs as much
+/// as to restore thousands.
 const SMALLEST: usize = 512;
 /// What the decoder does for a block of any size (a Walsh transform over GF(2^16)), in steps of eight bytes.
 const DECODER: u64 = 1 << 17;
@@ -91,8 +92,8 @@ impl Block {
         (from / shard) as usize..to.div_ceil(shard) as usize
     }
 
-    /// Restores the shards that did not come, if there are as many `repair` shards, which are named by their index. `came` has a bit for
-    /// each shard that came, and `read` appends the bytes of one of those.
+    /// Restores the shards that did not come, if there are as many `repair` shards, which are named by their
+    /// index. `came` has a bit for each shard that came, and `read` appends the bytes of one of those.
     pub(crate) fn restore(
         self,
         came: u64,
@@ -109,7 +110,8 @@ impl Block {
         });
         let mut restored = match repair {
             [(_, only)] if self.count == 1 && came.count_ones() as usize + 1 == all => {
-                // One repair shard is the sum of all shards; and to add them is a thousandth of what the decoder does in any case.
+                // One repair shard is the sum of all shards; and to add them is a thousandth of what the
+                // decoder does in any case.
                 let mut sum = only.clone();
                 there.for_each(|(_, bytes)| sum.iter_mut().zip(bytes).for_each(|(sum, byte)| *sum ^= byte));
                 (0..all).filter(|index| !has(*index)).map(|index| (index, sum.clone())).collect()

@@ -13,7 +13,8 @@ use std::time::Duration;
 use adversary::{Attack, Victim, attacks, frames_behind_one_that_never_arrives, ordinary};
 use trimaran_udp::{STEPS_PER_BYTE, STEPS_PER_PACKET};
 
-/// Steps for each byte of the packets, those that were allowed for packets as such taken off; and whether the connection is still open.
+/// Steps for each byte of the packets, those that were allowed for packets as such taken off; and whether the
+/// connection is still open.
 fn steps(victim: &mut Victim, packets: &[Vec<u8>]) -> f64 {
     let counts = |victim: &Victim| {
         let stats = victim.connection.stats();

@@ -11,8 +11,8 @@ use crate::recovery::{Content, Verdict};
 use crate::whereabouts::Arrival;
 use crate::wire::Reader;
 
-/// So many packets that do not open end a connection: with more of them somebody could come to forge one (RFC 9001, section 6.6, for
-/// ChaCha20-Poly1305).
+/// So many packets that do not open end a connection: with more of them somebody could come to forge one (RFC
+/// 9001, section 6.6, for ChaCha20-Poly1305).
 const FORGED: u64 = 1 << 36;
 
 impl Connection {

@@ -85,8 +85,9 @@ impl Connection {
         (way >= deadline).then_some(Hopeless { deadline, way })
     }
 
-    /// What the peer's packets have cost so far, in steps: eight bytes copied, cleared or computed on, or a look at something that is
-    /// kept. No more than [`STEPS_PER_BYTE`] for each byte received and [`STEPS_PER_PACKET`] for each packet sent or received.
+    /// What the peer's packets have cost so far, in steps: eight bytes copied, cleared or computed on, or a
+    /// look at something that is kept. No more than [`STEPS_PER_BYTE`] for each byte received and
+    /// [`STEPS_PER_PACKET`] for each packet sent or received.
     #[must_use]
     pub const fn work(&self) -> u64 {
         self.inbox.work() + self.outbox.visited + self.recovery.visited

@@ -1,4 +1,5 @@
-//! The blocks of a unit for which repair came: what is missing of each is counted, so that each is restored once, when it can be.
+//! The blocks of a unit for which repair came: what is missing of each is counted, so that each is restored
+//! once, when it can be.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -77,7 +78,8 @@ impl Blocks {
         }
     }
 
-    /// Bytes of `range` came: gives the blocks among those that it touches that can be restored now. Their repair is not kept any longer.
+    /// Bytes of `range` came: gives the blocks among those that it touches that can be restored now. Their
+    /// repair is not kept any longer.
     pub(super) fn restorable(&mut self, range: Range<u64>, store: &Store, pool: &mut Pool) -> Vec<Guarded> {
         let mut restorable = Vec::new();
         if self.known.is_empty() || range.is_empty() {

@@ -1,4 +1,5 @@
-//! The bytes of a unit, which come in any order: in pages, so that a byte far ahead costs a page and not all that is missing before it.
+//! The bytes of a unit, which come in any order: in pages, so that a byte far ahead costs a page and not all
+//! that is missing before it.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -158,7 +159,8 @@ impl Store {
         Some(start..end)
     }
 
-    /// The first place from `from` on whose byte came, or did not, or `limit` if that is before it. What came ends somewhere.
+    /// The first place from `from` on whose byte came, or did not, or `limit` if that is before it. What came
+    /// ends somewhere.
     fn next(&self, from: u64, came: bool, limit: u64, pool: &mut Pool) -> Option<u64> {
         let mut at = from.max(self.first * PAGE as u64);
         while at < limit {

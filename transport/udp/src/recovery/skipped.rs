@@ -1,11 +1,13 @@
-//! Numbers that no packet has, so that a peer which acknowledges what it did not receive is found out (RFC 9000, section 21.4).
+//! Numbers that no packet has, so that a peer which acknowledges what it did not receive is found out (RFC
+//! 9000, section 21.4).
 
 use std::collections::VecDeque;
 
 use crate::packet::PacketNumber;
 use crate::ranges::RangeSet;
 
-/// The first number is left out among about so many packets; later ones ever more rarely, up to one in 16,384.
+/// The first number is left out among about so many packets; later ones ever more rarely, up to one in
+/// 16,384.
 const FIRST: u64 = 64;
 const DOUBLINGS: u32 = 8;
 /// How many of them are remembered: of older ones nobody speaks any more.

@@ -149,7 +149,8 @@ fn repair_for_many_blocks_in_one_place(times: u64) -> Attack {
     Attack { name: "repair for many blocks in one place", before, packets: packets.take() }
 }
 
-/// As many blocks as the window holds, each with a repair shard and two shards missing; then single bytes in all of them.
+/// As many blocks as the window holds, each with a repair shard and two shards missing; then single bytes in
+/// all of them.
 fn repair_for_many_blocks_side_by_side(times: u64) -> Attack {
     let mut packets = Packets::default();
     let blocks = WINDOW / FULL - 1;
@@ -209,7 +210,8 @@ fn repair_without_an_end(times: u64) -> Attack {
     Attack { name: "more repair than there is place for", before: Vec::new(), packets: packets.take() }
 }
 
-/// A frame of which a single byte comes, at the end of all that may be sent, and then word that no more comes.
+/// A frame of which a single byte comes, at the end of all that may be sent, and then word that no more
+/// comes.
 fn a_byte_at_the_end_of_the_window(times: u64) -> Attack {
     let mut packets = Packets::default();
     for unit in 0..times.min(200) {
@@ -335,7 +337,8 @@ pub fn send_frame(sender: &mut Connection, frame: u32, ids: u32) {
     sender.send(FrameMessage::End(FrameEnd { frame: FrameNumber(frame), ids, hash: 0 }));
 }
 
-/// A sender of small frames, all of which its peer acknowledges but the first: what is kept behind it, and then pings.
+/// A sender of small frames, all of which its peer acknowledges but the first: what is kept behind it, and
+/// then pings.
 pub fn frames_behind_one_that_never_arrives(frames: u32, pings: u64) -> (Victim, Vec<Vec<u8>>) {
     let mut victim = Victim::new();
     let (mut out, mut number) = (Vec::new(), 0);
