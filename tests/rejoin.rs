@@ -194,7 +194,8 @@ fn a_machine_that_gives_up_is_missed_at_once() {
     for transport in ["tcp", "quic", "udp"] {
         let deployment = Deployment::new(transport);
         let mut display = deployment.start("display", &lease);
-        let impatient = deployment.start("first", &[&lease[..], &["--patience", "0.5"]].concat());
+        display.says("listens on");
+        let impatient = deployment.start("first", &[&lease[..], &["--patience", "2"]].concat());
         display.says("role=switch A");
         impatient.ends(1);
         display.says("left before the other one came");
