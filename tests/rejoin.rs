@@ -212,6 +212,7 @@ fn a_machine_that_gives_up_is_missed_at_once() {
     for transport in ["tcp", "quic", "udp"] {
         let deployment = Deployment::new(transport);
         let mut display = deployment.start("display", &lease);
+        display.says("listens on");
         let impatient = deployment.start("first", &[&lease[..], &["--patience", "2"]].concat());
         display.says("role=switch A");
         impatient.ends(1);

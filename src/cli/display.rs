@@ -80,7 +80,9 @@ impl DisplayStage {
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
         let listening =
             Listener::bind_all(&net, listen, identity(file, plan.settings(trail.frames())), options);
-        let listener = listening.await.map_err(Failure::broken)?;
+        let listener = listening.await.map_err(|error| {
+            if error.may_pass() { Failure::broken(error) } else { Failure::bad_input(error) }
+        })?;
         Ok(Self { drawn, listener, net, options: options.clone() })
     }
 

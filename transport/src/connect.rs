@@ -81,10 +81,10 @@ impl ConnectError {
     #[must_use]
     pub const fn refusal(&self) -> Option<Refusal> {
         match self {
-            Self::Deadline { last: AttemptError::Handshake { cause, .. }, .. } => match cause {
-                HandshakeError::Refused(refusal) => Some(*refusal),
-                _ => None,
-            },
+            Self::Deadline {
+                last: AttemptError::Handshake { cause: HandshakeError::Refused(refusal), .. },
+                ..
+            } => Some(*refusal),
             _ => None,
         }
     }
@@ -173,31 +173,31 @@ pub async fn connect(
     let started = net.now();
     let mut pause = FIRST_PAUSE;
     let mut attempts = 0;
-    let mut known: Option<AttemptError> = None;
+    let mut known = None;
+    let mut logged = String::new();
     loop {
         attempts += 1;
         let session = SessionId(net.random().map_err(ConnectError::Random)?);
         let patience = net.now().after(options.handshake).min(deadline);
         let introduction = Introduction { identity, session, options, by: patience };
         let attempt = attempt(net, endpoint, &introduction);
-        let (last, is_new) = match until(&**net, patience, attempt).await {
+        let last = match until(&**net, patience, attempt).await {
             Some(Ok(link)) => return Ok(link),
             Some(Err(e)) if patience == deadline && e.is_silence() => (known.unwrap_or(e), false),
             Some(Err(cause)) if cause.is_final() => {
                 return Err(ConnectError::Failed { endpoint: endpoint.clone(), cause });
             }
-            Some(Err(last)) => {
-                let is_new = known.as_ref().is_none_or(|known| told(known) != told(&last));
-                (last, is_new)
-            }
+            Some(Err(last)) => last,
             // An attempt that was cut short by the deadline tells less than the one before it.
-            None => (known.filter(|_| patience == deadline).unwrap_or(AttemptError::TimedOut), false),
+            None => known.filter(|_| patience == deadline).unwrap_or(AttemptError::TimedOut),
         };
-        match (is_new, last.is_mismatch()) {
-            (true, true) => tracing::warn!(%endpoint, "no link yet, trying again: {}", told(&last)),
-            (true, false) => tracing::info!(%endpoint, "no link yet, trying again: {}", told(&last)),
-            (false, _) => tracing::debug!(%endpoint, attempts, "no link yet"),
+        let obstacle = told(&last);
+        match (obstacle == logged, last.is_mismatch()) {
+            (true, _) => tracing::debug!(%endpoint, attempts, "no link yet"),
+            (false, true) => tracing::warn!(%endpoint, "no link yet, trying again: {obstacle}"),
+            (false, false) => tracing::info!(%endpoint, "no link yet, trying again: {obstacle}"),
         }
+        logged = obstacle;
         let next = net.now().after(jittered(pause, &**net).map_err(ConnectError::Random)?);
         if next >= deadline {
             let waited = net.now().since(started);

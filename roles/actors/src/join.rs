@@ -63,11 +63,8 @@ impl JoinError {
     #[must_use]
     pub fn may_pass(&self) -> bool {
         match self {
-            Self::Listen(_)
-            | Self::Accept { .. }
-            | Self::Stranger { .. }
-            | Self::Left(_)
-            | Self::NoSettings => true,
+            Self::Listen(cause) => cause.may_pass(),
+            Self::Accept { .. } | Self::Stranger { .. } | Self::Left(_) | Self::NoSettings => true,
             Self::Connect { cause, .. } => cause.may_pass(),
         }
     }
