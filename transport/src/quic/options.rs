@@ -161,10 +161,10 @@ mod tests {
     ) -> [(Connection, Endpoint); 2] {
         let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
         let [a, b] = ["a", "b"].map(|name| Keys::generate(name.parse().unwrap()).unwrap());
-        let crypto = tls::server(&b, &Doorman::new(&[a.public().clone()])).unwrap();
+        let crypto = tls::server(&b, &Doorman::new(&[a.public().clone().into()])).unwrap();
         let mut server = ServerConfig::with_crypto(Arc::new(QuicServerConfig::try_from(crypto).unwrap()));
         server.transport_config(theirs.transport(&link));
-        let crypto = tls::client(&a, &Doorman::new(&[b.public().clone()])).unwrap();
+        let crypto = tls::client(&a, &Doorman::new(&[b.public().clone().into()])).unwrap();
         let mut client = ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
         client.transport_config(ours.transport(&link));
         let loopback = "127.0.0.1:0".parse().unwrap();

@@ -22,7 +22,7 @@ fn address() -> SocketAddr {
 }
 
 fn pinned(own: &snow::Keypair, peer: &snow::Keypair) -> Security {
-    let key = |bytes: &[u8]| bytes.try_into().unwrap();
+    let key = |bytes: &[u8]| -> [u8; 32] { bytes.try_into().unwrap() };
     Security::Pinned { own: key(&own.private).into(), peers: vec![key(&peer.public)] }
 }
 
