@@ -6,7 +6,9 @@
 
 use std::{collections::HashSet, convert::Infallible, error::Error, sync::Arc, time::Duration};
 
-use trimaran_actors::{Cameras, Devices, Observer, PictureDevice, ShownFrame, Stop, VulkanPair, in_process};
+use trimaran_actors::{
+    Cameras, Devices, Observer, ObserverError, PictureDevice, ShownFrame, Stop, Turns, VulkanPair, in_process,
+};
 use trimaran_cull::{View, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene, Picture};
 use trimaran_proto::{
@@ -57,8 +59,9 @@ impl Observer for Tally {
         false
     }
 
-    fn shown(&mut self, _: &ShownFrame<'_>) {
+    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), ObserverError> {
         self.frames += 1;
+        Ok(())
     }
 
     fn pair_did(&mut self, stats: &FrameStats) {
@@ -102,8 +105,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
     let (_stopper, stop) = Stop::new();
-    let mut tally = Tally::default();
-    in_process(&scene, settings, devices, &mut Stroll, &mut tally, &net, runtime.handle(), &stop)?;
+    let (mut tally, turns) = (Tally::default(), Turns::at_once());
+    in_process(&scene, settings, devices, &mut Stroll, &mut tally, &net, runtime.handle(), &stop, &turns)?;
     println!(
         "{} frames of a scene of {} drawables, culled in {:?}",
         tally.frames,

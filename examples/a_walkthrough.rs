@@ -28,6 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         few_pixels: false,
         audit_every: 0,
         visible: false,
+        alone: false,
     };
     let trail = Trail::find(&PathChoice::Auto { seed: 1 }, &scene, viewport(plan.size)?, Some(30))?;
     let stage = Stage::set(&scene, &GpuOptions::default())?;

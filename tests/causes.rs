@@ -133,6 +133,7 @@ fn plan() -> Plan {
         few_pixels: false,
         audit_every: 1,
         visible: false,
+        alone: false,
     }
 }
 

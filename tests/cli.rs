@@ -91,6 +91,20 @@ fn files_that_are_not_what_they_should_be_are_refused() {
 }
 
 #[test]
+fn a_model_beyond_the_limits_is_refused_with_the_flag_that_allows_it() {
+    let bench = Bench::empty();
+    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\no plate\nf 1 2 3 4\n";
+    fs::write(bench.path("a.obj"), square).unwrap();
+    let import = |flag: &str, most: &str| bench.trimaran(&["import", "a.obj", "-o", "b.scene", flag, most]);
+    for (flag, most) in [("--max-triangles", "1"), ("--max-vertices", "3"), ("--max-objects", "0")] {
+        expect(&import(flag, most), 2, &["a.obj", "\"plate\"", flag]);
+    }
+    expect(&import("--max-nodes", "1"), 2, &["\"plate\"", "--max-nodes"]);
+    assert_eq!(bench.files(), ["a.obj"], "something was left behind");
+    assert!(import("--max-triangles", "2").status.success());
+}
+
+#[test]
 fn a_scene_cut_short_or_changed_is_refused() {
     let bench = Bench::with_plant();
     let whole = fs::read(bench.path("plant.scene")).unwrap();
@@ -160,12 +174,13 @@ fn keys_are_made_once_and_both_files_say_who_they_are() {
 }
 
 #[test]
-fn a_port_in_use_is_named() {
+fn a_port_that_stays_in_use_is_named() {
     let bench = Bench::with_plant();
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("tcp://{}", taken.local_addr().unwrap());
     write_display(&bench, &address);
-    bench.refuses(&["role", "display", "--config", "display.toml"], &[&address, "in use"]);
+    let display = bench.trimaran(&["role", "display", "--config", "display.toml", "--patience", "0.5"]);
+    expect(&display, 1, &[&address, "in use"]);
 }
 
 #[test]
@@ -185,10 +200,10 @@ fn roles_that_hold_different_scenes_refuse_each_other() {
         format!("scene = 'other.scene'\nseat = 'first'\ndisplay = '{address}'\npair = 'tcp://127.0.0.1:1'\n"),
     )
     .unwrap();
-    let first = bench.trimaran(&["role", "switch", "--config", "first.toml"]);
+    let first = bench.trimaran(&["role", "switch", "--config", "first.toml", "--patience", "0.5"]);
     display.kill().unwrap();
     display.wait().unwrap();
-    expect(&first, 2, &["scene", &hash_of(&bench, "plant.scene"), &hash_of(&bench, "other.scene")]);
+    expect(&first, 1, &["scene", &hash_of(&bench, "plant.scene"), &hash_of(&bench, "other.scene")]);
 }
 
 fn write_display(bench: &Bench, address: &str) {
@@ -306,15 +321,16 @@ fn a_flag_goes_before_the_environment_and_that_before_the_file() {
     let [flag, variable, file] = [flag, variable, file].map(|l| format!("tcp://{}", l.local_addr().unwrap()));
     write_display(&bench, &file);
     let args = ["role", "display", "--config", "display.toml"];
-    bench.refuses(&args, &[&file, "in use"]);
-    expect(
-        &bench.command(&args).env("TRIMARAN_LISTEN", &variable).output().unwrap(),
-        2,
-        &[&variable, "in use"],
-    );
-    let mut all = bench.command(&args);
-    let all = all.env("TRIMARAN_LISTEN", &variable).args(["--listen", &flag]).output().unwrap();
-    expect(&all, 2, &[&flag, "in use"]);
+    let command = || {
+        let mut command = bench.command(&args);
+        command.env("TRIMARAN_PATIENCE_S", "0");
+        command
+    };
+    expect(&command().output().unwrap(), 1, &[&file, "in use"]);
+    let from_variable = command().env("TRIMARAN_LISTEN", &variable).output().unwrap();
+    expect(&from_variable, 1, &[&variable, "in use"]);
+    let all = command().env("TRIMARAN_LISTEN", &variable).args(["--listen", &flag]).output().unwrap();
+    expect(&all, 1, &[&flag, "in use"]);
     // A bad value is told by where it stands.
     let bad = bench.command(&args).env("TRIMARAN_SESSION_BATCH", "0").output().unwrap();
     expect(&bad, 2, &["TRIMARAN_SESSION_BATCH", "1 to 16384"]);
@@ -396,7 +412,7 @@ impl LongSession {
         let mut command = bench.command(&args);
         command.env("TRIMARAN_LINK_LEASE_S", "4");
         command.args(["--audit-every", "0"]).env("TRIMARAN_LOG", "info").stderr(Stdio::piped());
-        let mut display = command.spawn().unwrap();
+        let mut display = command.stdout(Stdio::null()).spawn().unwrap();
         // The pair shares the display's standard error, and each machine says when it has joined.
         let mut stderr = BufReader::new(display.stderr.take().unwrap());
         let mut joined = 0;
@@ -408,6 +424,13 @@ impl LongSession {
         let children = format!("/proc/{0}/task/{0}/children", display.id());
         let pair = fs::read_to_string(children).unwrap().split_whitespace().map(str::to_owned).collect();
         Self { display, pair, stderr }
+    }
+
+    /// Waits until so many frames are on disk.
+    fn has_recorded(&self, bench: &Bench, frames: usize) {
+        while recorded(&bench.path("long/unfinished")) < frames {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
     }
 
     /// Waits for the end of all three; what they said since the pair had joined.
@@ -449,9 +472,27 @@ fn a_pair_that_cannot_start_is_not_waited_for() {
 fn when_a_machine_of_the_pair_is_killed_the_session_ends_and_says_which() {
     let bench = Bench::with_plant();
     let session = LongSession::start(&bench, "tcp");
+    session.has_recorded(&bench, 3);
     signal("-KILL", &session.pair[0]);
-    expect(&session.end(), 1, &["switch", "lost"]);
-    assert!(!bench.path("long/report.json").exists());
+    expect(&session.end(), 3, &["switch", "lost", "ended early"]);
+    let report = long_report(&bench);
+    assert_eq!(report["summary"]["ended"]["how"], "peer_lost");
+    assert!(report["summary"]["ended"]["why"].to_string().contains("switch"), "{}", report["summary"]);
+    assert!(fs::read_to_string(bench.path("long/report.html")).unwrap().contains("This walk ended early"));
+}
+
+/// The report of a [`LongSession`], which is to hold what was walked and no more.
+fn long_report(bench: &Bench) -> serde_json::Value {
+    let report = fs::read(bench.path("long/report.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+    let frames = report["frames"].as_array().unwrap();
+    assert!((1..100_000).contains(&frames.len()));
+    assert_eq!(report["summary"]["frames"], frames.len());
+    assert_eq!(report["summary"]["ended"]["frames_due"], 100_000);
+    let pictures = fs::read_dir(bench.path("long/frames")).unwrap().count();
+    assert_eq!(pictures, frames.len(), "all that was shown is there");
+    assert!(!bench.path("long/unfinished").exists());
+    report
 }
 
 #[test]
@@ -459,9 +500,10 @@ fn a_machine_of_the_pair_that_hangs_is_noticed_within_the_lease() {
     let bench = Bench::with_plant();
     for link in ["unix", "tcp", "quic", "udp"] {
         let session = LongSession::start(&bench, link);
+        session.has_recorded(&bench, 3);
         // Its connections stand, and the system under it answers for it.
         signal("-STOP", &session.pair[1]);
-        expect(&session.end(), 1, &["switch", "lost", "no sign of life"]);
+        expect(&session.end(), 3, &["switch", "lost", "no sign of life"]);
     }
 }
 
@@ -469,17 +511,31 @@ fn a_machine_of_the_pair_that_hangs_is_noticed_within_the_lease() {
 fn an_interrupted_session_reports_what_it_walked() {
     let bench = Bench::with_plant();
     let session = LongSession::start(&bench, "tcp");
+    session.has_recorded(&bench, 3);
     signal("-INT", &session.display.id().to_string());
-    let ended = session.end();
-    if ended.status.success() {
-        assert!(said(&ended).contains("interrupted after"), "{}", said(&ended));
-        let report = fs::read(bench.path("long/report.json")).unwrap();
-        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
-        let frames = report["frames"].as_array().unwrap().len();
-        assert!((1..100_000).contains(&frames));
-    } else {
-        expect(&ended, 1, &["interrupted before the first frame"]);
-    }
+    expect(&session.end(), 3, &["ended early", "it was asked to stop"]);
+    assert_eq!(long_report(&bench)["summary"]["ended"]["how"], "interrupted");
+}
+
+#[test]
+fn a_killed_display_leaves_what_it_recorded() {
+    let bench = Bench::with_plant();
+    let session = LongSession::start(&bench, "tcp");
+    session.has_recorded(&bench, 3);
+    signal("-KILL", &session.display.id().to_string());
+    session.end();
+    assert!(!bench.path("long/report.json").exists());
+    // The next walk moves it aside and says so.
+    let again = bench.trimaran(&["run", "plant.scene", "--out", "long", "--frames", "4", "--size", "64x64"]);
+    expect(&again, 0, &["left no report", "long/unfinished.before"]);
+    assert!(recorded(&bench.path("long/unfinished.before")) >= 3);
+    assert!(bench.path("long/report.json").exists());
+}
+
+/// How many frames are recorded in the folder of a walk that is not finished.
+fn recorded(folder: &Path) -> usize {
+    let journal = fs::read_to_string(folder.join("walk.jsonl")).unwrap_or_default();
+    journal.matches("\n{\"frame\":").count()
 }
 
 #[test]
@@ -506,6 +562,41 @@ fn a_live_walk_ends_with_its_path_and_shows_poses_of_it() {
             }
         }
     }
+}
+
+#[test]
+fn only_roles_that_compute_one_after_another_are_a_model_of_three_machines() {
+    const WALK: [&str; 8] = ["run", "plant.scene", "--frames", "6", "--size", "96x80", "--audit-every", "3"];
+    let bench = Bench::with_plant();
+    let walk = |out: &str, more: &[&str]| {
+        let run = bench.command(&WALK).args(["--out", out]).args(more).output().unwrap();
+        assert!(run.status.success(), "{}", said(&run));
+        let report = fs::read(bench.path(out).join("report.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+        (String::from_utf8(run.stdout).unwrap(), report)
+    };
+    let (text, report) = walk("at-once", &[]);
+    assert!(!text.contains("MODEL") && text.contains("run with --alone"), "{text}");
+    assert!(report["summary"]["model"].is_null() && report["run"]["alone"] == false, "{report}");
+
+    let (text, report) = walk("alone", &["--alone"]);
+    assert!(text.contains("\nMODEL ") && !text.contains("\nmeasured "), "{text}");
+    assert_eq!(report["run"]["alone"], true);
+    let model = |key: &str| report["summary"]["model"][key].as_f64().unwrap();
+    assert!(model("fps_at_least") <= model("fps") && model("fps") <= model("fps_overlapped"));
+    let frames = report["frames"].as_array().unwrap();
+    let spans = frames.iter().flat_map(|frame| frame["timeline"].as_array().unwrap());
+    let mut spans: Vec<_> =
+        spans.map(|s| ["start_ms", "end_ms"].map(|key| s[key].as_f64().unwrap())).collect();
+    assert_eq!(spans.len(), 18);
+    spans.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    for pair in spans.windows(2) {
+        assert!(pair[0][1] <= pair[1][0] + 1e-6, "{:?} overlaps {:?}", pair[0], pair[1]);
+    }
+    assert_eq!(pictures(&bench, "alone", 6), pictures(&bench, "at-once", 6));
+
+    bench.refuses(&["run", "plant.scene", "--alone", "--link", "tcp"], &["--alone", "--link"]);
+    bench.refuses(&["run", "plant.scene", "--alone", "--live", "30"], &["--alone", "--live"]);
 }
 
 #[test]

@@ -31,6 +31,7 @@ fn plan(tester: TesterKind, epsilon_px: f64) -> Plan {
         few_pixels: false,
         audit_every: AUDIT_EVERY,
         visible: false,
+        alone: false,
     }
 }
 

@@ -112,11 +112,17 @@ impl Role {
             stream.read_to_string(&mut answer).unwrap();
             let links: serde_json::Value =
                 serde_json::from_str(answer.split("\r\n\r\n").nth(1).unwrap()).unwrap();
-            if links[0]["received"]["frames"].as_u64().unwrap() >= frames {
+            if links[0]["received"]["frames"].as_u64().is_some_and(|received| received >= frames) {
                 return;
             }
             thread::sleep(Duration::from_millis(1));
         }
+    }
+
+    /// Asks it to stop, as `systemctl restart` does.
+    fn interrupt(&self) {
+        let kill = format!("kill -TERM {}", self.child.id());
+        assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
     }
 
     fn kill(mut self) {
@@ -133,27 +139,39 @@ impl Role {
 
 #[test]
 fn a_machine_that_is_started_again_takes_its_place_and_no_frame_is_missing() {
-    for (transport, lost) in [("tcp", "second"), ("tcp", "first"), ("quic", "second"), ("udp", "first")] {
+    for (transport, lost, killed) in [
+        ("tcp", "second", true),
+        ("tcp", "first", false),
+        ("quic", "second", true),
+        ("quic", "second", false),
+        ("udp", "first", true),
+        ("udp", "second", false),
+    ] {
         let deployment = Deployment::new(transport);
         let mut display = deployment.start("display", &[]);
-        let (kept, killed) = if lost == "first" { ("second", "first") } else { ("first", "second") };
-        let kept = deployment.start(kept, &[]);
-        let role = deployment.start(killed, &[]);
+        let kept = deployment.start(if lost == "first" { "second" } else { "first" }, &[]);
+        let role = deployment.start(lost, &[]);
         display.shows(5);
-        role.kill();
-        let restarted = deployment.start(killed, &[]);
-        assert!(kept.ends(0).contains("joining again"), "{transport}, {lost}");
+        if killed {
+            role.kill();
+        } else {
+            role.interrupt();
+            role.ends(0);
+        }
+        let restarted = deployment.start(lost, &[]);
+        assert!(kept.ends(0).contains("joining again"), "{transport}, {lost}, {killed}");
         restarted.ends(0);
         let said = display.ends(0);
-        assert!(said.contains("waiting 60 s"), "{transport}, {lost}: {said}");
+        assert!(said.contains("waiting 60 s"), "{transport}, {lost}, {killed}: {said}");
 
         let report = deployment.report();
         let frames = report["frames"].as_array().unwrap();
-        assert_eq!(frames.len(), FRAMES, "{transport}, {lost}");
+        assert_eq!(frames.len(), FRAMES, "{transport}, {lost}, {killed}");
+        assert_eq!(report["summary"]["ended"]["how"], "finished");
         for (number, frame) in frames.iter().enumerate() {
-            assert_eq!(frame["frame"], number, "{transport}, {lost}");
+            assert_eq!(frame["frame"], number, "{transport}, {lost}, {killed}");
             if number % 200 == 0 {
-                assert_eq!(frame["cut_mismatch_pixels"], 0, "{transport}, {lost}: {frame}");
+                assert_eq!(frame["cut_mismatch_pixels"], 0, "{transport}, {lost}, {killed}: {frame}");
             }
         }
         assert!(
@@ -194,7 +212,7 @@ fn a_machine_that_gives_up_is_missed_at_once() {
     for transport in ["tcp", "quic", "udp"] {
         let deployment = Deployment::new(transport);
         let mut display = deployment.start("display", &lease);
-        let impatient = deployment.start("first", &[&lease[..], &["--patience", "0.5"]].concat());
+        let impatient = deployment.start("first", &[&lease[..], &["--patience", "2"]].concat());
         display.says("role=switch A");
         impatient.ends(1);
         display.says("left before the other one came");
@@ -242,8 +260,28 @@ fn a_peer_that_stays_away_ends_the_session() {
     let second = deployment.start("second", &[]);
     display.shows(5);
     second.kill();
-    for role in [first, display] {
-        let said = role.ends(1);
+    for (role, code) in [(first, 1), (display, 3)] {
+        let said = role.ends(code);
         assert!(said.contains("could not go on within 1 s") && said.contains("lost"), "{said}");
+    }
+    let ended = &deployment.report()["summary"]["ended"];
+    assert_eq!((&ended["how"], &ended["frames_due"]), (&"peer_lost".into(), &FRAMES.into()));
+}
+
+/// An interrupted walk is no finished one: its machines wait for the display as for a killed one.
+#[test]
+fn a_display_that_is_interrupted_says_so_and_its_pair_waits_for_it() {
+    let deployment = Deployment::new("tcp");
+    let mut display = deployment.start("display", &[]);
+    let pair = ["first", "second"].map(|seat| deployment.start(seat, &[]));
+    display.shows(5);
+    display.interrupt();
+    assert!(display.ends(3).contains("it was asked to stop"));
+    let report = deployment.report();
+    assert_eq!(report["summary"]["ended"]["how"], "interrupted");
+    assert!((5..FRAMES).contains(&report["frames"].as_array().unwrap().len()));
+    deployment.start("display", &["--frames", "10"]).ends(0);
+    for role in pair {
+        assert!(role.ends(0).contains("joining again"));
     }
 }

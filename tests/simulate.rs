@@ -85,13 +85,6 @@ fn the_same_seed_gives_the_same_session_and_another_one_another() {
 }
 
 #[test]
-fn a_session_is_the_same_in_every_build() {
-    // Debug and release builds alike. A change to what a link sends, or when, changes its hash, and only its own.
-    let hashes = ALL.map(|link| run("wifi", link, 1024, load(2000, 4), 7).trace_hashes.concat());
-    assert_eq!(hashes, ["fc874c0484068eac", "372154aa25954540", "42417ba31cf1a888", "42417ba31cf1a888"]);
-}
-
-#[test]
 fn small_batches_cost_headers_as_the_corrected_formula_says_where_each_is_a_packet_of_its_own() {
     let [ten, thousand] = [10, 1000].map(|batch| run("10g", Transport::Tcp, batch, load(4000, 5), 1));
     assert!(ten.bytes.total > 1.5 * thousand.bytes.total, "{} {}", ten.bytes.total, thousand.bytes.total);

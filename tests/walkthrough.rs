@@ -10,7 +10,7 @@ use common::session::{
 };
 use trimaran::{
     report::Frame,
-    walkthrough::{Auditor, Pace, PathChoice, Plan, Stage, Trail, viewport},
+    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, Trail, viewport},
 };
 use trimaran_actors::VulkanPair;
 use trimaran_cull::{
@@ -37,6 +37,7 @@ fn plan(tester: TesterKind) -> Plan {
         few_pixels: false,
         audit_every: 1,
         visible: false,
+        alone: false,
     }
 }
 
@@ -62,6 +63,33 @@ fn a_session_is_the_same_in_process_and_over_tcp() {
     let tcp = walk_over_tcp(&stage, &plan, &trail);
     assert_eq!(essence(&inproc), essence(&tcp), "TCP shows what one process shows");
     assert_no_validation_messages(&stage);
+}
+
+#[test]
+fn roles_that_compute_one_after_another_show_the_same_and_never_overlap() {
+    let Some(stage) = plant_on_stage() else { return };
+    let at_once = plan(TesterKind::Hzb);
+    let alone = Plan { alone: true, ..at_once };
+    let trail = automatic(&stage, &at_once);
+    let records = walk_in_process(&stage, &alone, &trail);
+    assert_eq!(essence(&records), essence(&walk_in_process(&stage, &at_once, &trail)));
+    let mut busy: Vec<[u64; 2]> = records.iter().flat_map(work_on).collect();
+    busy.sort_unstable();
+    assert_eq!(busy.len(), 3 * FRAMES as usize);
+    for pair in busy.windows(2) {
+        assert!(pair[0][1] <= pair[1][0], "{:?} overlaps {:?}", pair[0], pair[1]);
+    }
+    assert_no_validation_messages(&stage);
+}
+
+/// Begin and end of OR, HC and RVG on a frame, nanoseconds on the session's clock.
+fn work_on(record: &FrameRecord) -> [[u64; 2]; 3] {
+    let stats = record.stats.unwrap();
+    [
+        [stats.or_end_ns - stats.or_busy_ns, stats.or_end_ns],
+        [stats.hc_start_ns, stats.hc_end_ns],
+        [record.drawing, record.shown].map(|at| at.as_nanos() as u64),
+    ]
 }
 
 /// The scene with every certified error divided by `by`: levels that claim to be closer than they are.

@@ -9,7 +9,8 @@ use trimaran_udp::{
     Closed, Config, Connecting, Connection, ConnectionId, Door, MIN_DATAGRAM, Progress, Received, Reception,
     Security,
 };
-use xxhash_rust::xxh3::xxh3_128_with_seed;
+
+use crate::wire::sealed;
 
 const HERE: ConnectionId = ConnectionId(10);
 const THERE: ConnectionId = ConnectionId(20);
@@ -82,7 +83,7 @@ pub fn chunks(bytes: &[u8]) {
         let (body, tail) = tail.split_at(tail.len().min(usize::from(length)));
         rest = tail;
         let closed = connection.closed().cloned();
-        let (from, datagram) = (if number & 2 == 0 { ELSEWHERE } else { HOME }, sealed(number, body));
+        let (from, datagram) = (if number & 2 == 0 { ELSEWHERE } else { HOME }, sealed(HERE.0, number, body));
         connection.handle_from(at, from, &datagram);
         elsewhere += if from == ELSEWHERE { 3 * datagram.len() } else { 0 };
         while let Some(item) = connection.recv() {
@@ -121,10 +122,4 @@ fn settle(connection: &mut Connection, at: Instant) {
         assert!(out.len() <= Config::default().max_datagram);
     }
     unreachable!("it never stops to send");
-}
-
-fn sealed(number: u64, chunks: &[u8]) -> Vec<u8> {
-    let seed = number ^ u64::from(HERE.0) << 32;
-    let tag = xxh3_128_with_seed(chunks, seed).to_le_bytes();
-    [&(number << 2).to_le_bytes()[..], &HERE.0.to_le_bytes(), chunks, &tag].concat()
 }

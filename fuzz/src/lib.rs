@@ -1,5 +1,10 @@
 //! What the fuzz targets check.
 
 pub mod checks;
+pub mod costs;
 pub mod datagrams;
 pub mod files;
+pub mod handshakes;
+pub mod hellos;
+pub mod models;
+pub mod wire;

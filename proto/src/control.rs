@@ -224,6 +224,9 @@ pub enum Goodbye {
     Failed(Explanation),
     /// The peer has lost another one: the session stops, and goes on if all join again.
     PeerLost(Explanation),
+    /// The peer's graphics device failed or hangs. It ends, and may be started again: the session goes on as
+    /// after a lost peer.
+    DeviceFailed(Explanation),
 }
 
 impl Goodbye {
@@ -238,6 +241,12 @@ impl Goodbye {
     pub fn peer_lost(how: &str) -> Self {
         Self::PeerLost(Explanation::new(how))
     }
+
+    /// The peer's device failed, and how; at most [`Explanation::MAX_BYTES`] of the text travel.
+    #[must_use]
+    pub fn device_failed(how: &str) -> Self {
+        Self::DeviceFailed(Explanation::new(how))
+    }
 }
 
 impl fmt::Display for Goodbye {
@@ -247,6 +256,7 @@ impl fmt::Display for Goodbye {
             Self::Interrupted => f.write_str("it was interrupted"),
             Self::Failed(why) => write!(f, "it failed: {why}"),
             Self::PeerLost(how) => write!(f, "it has lost a peer: {how}"),
+            Self::DeviceFailed(how) => write!(f, "its device failed: {how}"),
         }
     }
 }

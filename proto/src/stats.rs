@@ -6,17 +6,20 @@ use crate::FrameNumber;
 
 /// What one machine of the pair did for a frame: OR, then HC. It follows the frame's end, for reports; nothing waits for it.
 ///
-/// Times are nanoseconds on the sender's own clock. [`FrameStats::hc_start_ns`] is when it sent the frame's begin: a receiver
-/// that notes when that came can place the others on its own clock, late by the link's one-way delay.
+/// Times are nanoseconds on the sender's own clock. [`FrameStats::hc_start_ns`] is when it sent the frame's
+/// begin: a receiver that notes when that came can place the others on its own clock, late by the link's
+/// one-way delay. Where roles of one process take turns and others computed in the midst of HC, its work
+/// counts as one piece that ends at [`FrameStats::hc_end_ns`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct FrameStats {
     /// The frame.
     pub frame: FrameNumber,
-    /// When OR began: the camera was there.
+    /// When OR began: the camera was there, and the other machine had begun the frame before.
     pub or_start_ns: u64,
     /// When OR was complete.
     pub or_end_ns: u64,
-    /// Of that, the time in which it worked and did not wait for ids.
+    /// Of that, the time in which it worked and did not wait for ids: the depth is drawn, and ready to be
+    /// tested against.
     pub or_busy_ns: u64,
     /// When HC began.
     pub hc_start_ns: u64,

@@ -34,7 +34,8 @@ fn control() -> impl Strategy<Value = Message> {
     let goodbye = prop_oneof![
         Just(Goodbye::Finished),
         Just(Goodbye::Interrupted),
-        any::<String>().prop_map(|why| Goodbye::failed(&why))
+        any::<String>().prop_map(|why| Goodbye::failed(&why)),
+        any::<String>().prop_map(|how| Goodbye::device_failed(&how))
     ];
     let refusal = (any::<u128>(), any::<u128>())
         .prop_map(|(a, b)| Refusal::Scene { listener: SceneHash(a), connector: SceneHash(b) });

@@ -20,7 +20,7 @@ local REASONS = {
   "the other lane did not come in time", "too many handshakes under way",
   "the key is known for another role",
 }
-local GOODBYES = { [0] = "the session is over", "interrupted", "failed", "lost a peer" }
+local GOODBYES = { [0] = "the session is over", "interrupted", "failed", "lost a peer", "device failed" }
 local FORMS = { [0] = "data", "initial", "retry", "answer" }
 local PLAIN_FRAME, CODED_FRAME = 0x20, 0x24
 local FRAMES_KEPT, TAG = 8, 16

@@ -11,9 +11,9 @@ use trimaran_scene::{
 use super::{Failure, progress};
 
 /// Cooks `model` and writes the scene to `output`.
-pub(super) fn cook_and_save(model: &Model, output: &Path) -> Result<Scene, Failure> {
+pub(super) fn cook_and_save(model: &Model, options: &CookOptions, output: &Path) -> Result<Scene, Failure> {
     let shown = Shown(Mutex::new(None));
-    let scene = cook(model, &CookOptions::default(), &shown).map_err(Failure::bad_input)?;
+    let scene = cook(model, options, &shown).map_err(Failure::bad_input)?;
     drop(shown);
     scene.save(output).map_err(Failure::broken)?;
     Ok(scene)

@@ -1,6 +1,8 @@
 //! `trimaran demo`: the main job on a model of its own, from nothing to a report.
 
 use confique::Layer;
+use trimaran_gpu::GpuOptions;
+use trimaran_scene::cook::CookOptions;
 use trimaran_scene::generate::{PlantOptions, plant};
 
 use super::{
@@ -18,7 +20,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
             })?;
             let output = args.out.join("plant.scene");
             println!("generating a plant of 4 thousand objects and cooking it into {}", output.display());
-            cooking::cook_and_save(&plant(&PlantOptions::small(1)), &output)?;
+            cooking::cook_and_save(&plant(&PlantOptions::small(1)), &CookOptions::default(), &output)?;
             output
         }
     };
@@ -33,6 +35,8 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         tester: Tester::Hzb,
         few_pixels: false,
         device: None,
+        device_timeout: GpuOptions::TIMEOUT.as_secs_f64(),
+        alone: false,
         audit_every: 10,
     };
     run::run(&RunArgs {

@@ -1,31 +1,27 @@
 //! A display that waits for its pair, walks and reports, whether the pair is on other machines or in other processes of this one.
 
-use std::{
-    error::Error,
-    net::SocketAddr,
-    path::{Path, PathBuf},
-    pin::pin,
-    sync::Arc,
-    time::SystemTime,
-};
+use std::{error::Error, path::PathBuf, pin::pin, sync::Arc, time::SystemTime};
 
 use indicatif::ProgressBar;
 use thiserror::Error;
 use tokio::runtime::Runtime;
 use trimaran::{
-    report::{Report, schema::Seat as ReportSeat},
-    walkthrough::{Plan, Recorder, ReportPlan, SceneFile, Trail, viewport, write_report},
+    report::{
+        Writer,
+        schema::{HowEnded, Seat as ReportSeat},
+    },
+    walkthrough::{Plan, Recorder, ReportPlan, SceneFile, Trail, begin, how_ended, viewport},
 };
-use trimaran_actors::{DisplayRole, Stop, Stopwatch, VulkanDisplay, again, await_pair};
-use trimaran_gpu::{GpuInfo, GpuScene};
+use trimaran_actors::{DisplayRole, Stop, Stopwatch, Turns, VulkanDisplay, again, await_pair, leave_unable};
+use trimaran_gpu::{GpuInfo, GpuScene, ItemPass};
 use trimaran_proto::{Identity, Role, Settings};
 use trimaran_transport::{Endpoints, Link, Listener, Net, Options, TokioNet};
 
 use super::{
     Failure, progress,
-    role::{Metrics, deadline, not_joined, upload},
-    run::{notes, record, report_on},
-    walking::stop_on_signal,
+    recording::{Early, Outcome, report_on},
+    role::{Metrics, deadline, not_joined},
+    run::notes,
 };
 
 /// A display that listens for its pair, its device ready.
@@ -38,6 +34,8 @@ pub(super) struct DisplayStage {
 
 /// What a display shows.
 pub(super) struct Show {
+    /// Where the report goes.
+    pub(super) folder: Option<Writer>,
     pub(super) plan: Plan,
     pub(super) trail: Trail,
     /// As the user named it.
@@ -49,8 +47,8 @@ pub(super) struct Show {
     pub(super) patience_s: f64,
     /// How long to wait for a machine that was lost, seconds; not at all if 0.
     pub(super) reconnect_s: f64,
-    /// Where to show what the links carry.
-    pub(super) metrics: Option<SocketAddr>,
+    /// Where what the links carry is shown.
+    pub(super) metrics: Metrics,
     /// Where to record what each frame asked of the roles.
     pub(super) trace: Option<PathBuf>,
 }
@@ -66,21 +64,23 @@ pub(super) struct LostForGood {
 }
 
 impl DisplayStage {
-    /// Opens the device and listens.
-    pub(super) fn set(
+    /// Listens, with the scene on its device.
+    pub(super) async fn set(
         file: &SceneFile,
-        device: Option<&str>,
+        drawn: Arc<GpuScene>,
         plan: &Plan,
         trail: &Trail,
         runtime: &Runtime,
         listen: &Endpoints,
         options: &Options,
     ) -> Result<Self, Failure> {
-        let drawn = upload(file, device)?;
+        if plan.audit_every > 0 {
+            ItemPass::check(&drawn).map_err(Failure::broken)?;
+        }
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
         let listening =
             Listener::bind_all(&net, listen, identity(file, plan.settings(trail.frames())), options);
-        let listener = runtime.block_on(listening).map_err(Failure::bad_input)?;
+        let listener = listening.await.map_err(Failure::broken)?;
         Ok(Self { drawn, listener, net, options: options.clone() })
     }
 
@@ -89,130 +89,126 @@ impl DisplayStage {
         self.drawn.gpu().info()
     }
 
-    /// Waits for the pair, walks and writes the report into `out`. When `hopeless` ends, the pair cannot come any more.
+    /// Waits for the pair, walks and reports. When `hopeless` ends, the pair cannot come any more.
     pub(super) fn show(
         self,
         file: &SceneFile,
-        show: Show,
-        out: &Path,
+        mut show: Show,
         runtime: &Runtime,
+        stop: &Stop,
         hopeless: impl Future<Output = Failure>,
-    ) -> Result<Report, Failure> {
-        let started = SystemTime::now();
-        let stop = stop_on_signal(runtime);
+    ) -> Result<Outcome, Failure> {
         let bar = progress::walk(show.plan.pace, &show.trail);
         let mut advance = |_| bar.inc(1);
         let mut recorder = Recorder::new(show.plan.audit_every, &mut advance);
-        let drawn = Arc::clone(&self.drawn);
-        let walked = self.walk(file, &show, &mut recorder, &bar, runtime, &stop, hopeless)?;
-        let records = recorder.into_frames();
-        bar.finish_and_clear();
-        let Show { plan, trail, path, seed, devices, trace, .. } = show;
-        record(trace.as_deref(), file, &plan, &records)?;
-        let about = ReportPlan {
+        let mut about = ReportPlan {
             command_line: std::env::args().collect(),
-            started,
-            link: walked.link,
-            transport: walked.transport,
-            seed: (path == "auto").then_some(seed),
-            path,
-            devices,
-            notes: notes(&trail).into_iter().chain(walked.interruptions).collect(),
+            started: SystemTime::now(),
+            link: String::new(),
+            transport: String::new(),
+            seed: (show.path == "auto").then_some(show.seed),
+            path: show.path.clone(),
+            devices: show.devices.clone(),
+            notes: notes(&show.trail),
         };
-        report_on(&records, &stop, |records, advance| {
-            write_report(out, file, &drawn, &plan, &about, &trail, records, advance)
-        })
+        let drawn = Arc::clone(&self.drawn);
+        let early =
+            self.walk(file, &mut show, &mut about, &mut recorder, &bar, runtime, stop, hopeless).err();
+        bar.finish_and_clear();
+        let Show { folder, plan, trail, trace, .. } = show;
+        report_on(recorder, folder, early, trace.as_deref(), file, &drawn, &plan, about, &trail, stop)
     }
 
-    /// Walks to the end of the session. When a machine of the pair is lost, it waits for both to come again and goes on with the frame
-    /// that was due.
+    /// Walks to the end of the session, or until `stop` asks. When a machine of the pair is lost, it waits for both to come again and
+    /// goes on with the frame that was due.
     #[expect(clippy::too_many_arguments, reason = "what one walk needs, each of its own type")]
     fn walk(
         self,
         file: &SceneFile,
-        show: &Show,
+        show: &mut Show,
+        about: &mut ReportPlan,
         recorder: &mut Recorder<'_>,
         bar: &ProgressBar,
         runtime: &Runtime,
         stop: &Stop,
         hopeless: impl Future<Output = Failure>,
-    ) -> Result<Walked, Failure> {
+    ) -> Result<(), Early> {
+        let failed = |why| Early { how: HowEnded::Failed, why };
         let Self { drawn, mut listener, net, options } = self;
         let endpoints = listener.local_endpoints().clone();
-        let size = viewport(show.plan.size).map_err(Failure::bad_input)?;
+        let size = viewport(show.plan.size).map_err(|error| failed(Failure::bad_input(error)))?;
         let mut settings = show.plan.settings(show.trail.frames());
         let mut cameras = show.trail.cameras(show.plan.pace);
-        let (clock, mut metrics, mut walked) =
-            (Stopwatch::start(), Metrics::new(show.metrics), Walked::default());
+        let clock = Stopwatch::start();
         let (mut hopeless, mut wait_s, mut lost) = (pin!(hopeless), show.patience_s, None);
         loop {
             let coming = async {
                 tokio::select! {
                     biased;
                     pair = await_pair(listener, deadline(&net, wait_s)) => pair.map_err(|e| match lost.take() {
-                        Some(lost) => Failure::broken(LostForGood { seconds: wait_s, lost }),
-                        None => not_joined(e),
+                        Some(lost) => Early {
+                            how: HowEnded::PeerLost,
+                            why: Failure::broken(LostForGood { seconds: wait_s, lost }),
+                        },
+                        None => failed(not_joined(e)),
                     }),
-                    failure = hopeless.as_mut() => Err(failure),
+                    failure = hopeless.as_mut() => Err(failed(failure)),
                 }
             };
-            let Some(pair) = stop.unless_requested(runtime.handle(), coming) else {
-                // What was walked before the loss is worth a report.
-                return if settings.first.0 > 0 {
-                    Ok(walked)
-                } else {
-                    Err(Failure::broken("interrupted before the pair had come"))
-                };
-            };
+            // What was walked before the loss is worth a report.
+            let Some(pair) = stop.unless_requested(runtime.handle(), coming) else { return Ok(()) };
             let [first, second] = pair?;
-            metrics.watch([&first, &second], runtime)?;
-            walked.over(&first, &second);
-            let device = VulkanDisplay::new(&drawn, size).map_err(Failure::broken)?;
-            let (scene, net_of_role) = (Arc::clone(&file.scene), Arc::clone(&net));
-            let role = DisplayRole { scene, device, first, second, settings, net: net_of_role, clock };
-            let Err(error) = role.run(&mut *cameras, recorder, runtime.handle(), stop) else {
-                return Ok(walked);
+            show.metrics.watch([&first, &second]);
+            (about.link, about.transport) = transports(&first, &second);
+            if let Some(folder) = show.folder.take() {
+                let journal = begin(folder, file, &show.plan, about, &show.trail);
+                recorder.write_into(
+                    journal
+                        .map_err(|error| Early { how: HowEnded::NotRecorded, why: Failure::broken(error) })?,
+                );
+            }
+            let device = match VulkanDisplay::new(&drawn, size) {
+                Ok(device) => device,
+                Err(error) => {
+                    leave_unable(runtime.handle(), [first, second], &error.to_string());
+                    return Err(Early { how: HowEnded::DeviceFailed, why: Failure::broken(error) });
+                }
             };
-            if show.reconnect_s <= 0.0 || !error.lost_a_peer() || stop.requested() {
-                return Err(Failure::broken(error));
+            let (scene, net_of_role) = (Arc::clone(&file.scene), Arc::clone(&net));
+            let turns = Turns::at_once();
+            let role = DisplayRole { scene, device, first, second, settings, net: net_of_role, clock, turns };
+            let Err(error) = role.run(&mut *cameras, recorder, runtime.handle(), stop) else { return Ok(()) };
+            if show.reconnect_s <= 0.0 || !error.lost_a_peer() {
+                return Err(Early { how: how_ended(&error), why: Failure::broken(error) });
             }
             settings.first = recorder.next_frame();
             if settings.frames.is_some_and(|frames| settings.first.0 >= frames) {
-                return Ok(walked); // it was lost behind the last frame
+                return Ok(()); // it was lost behind the last frame
             }
             let said = Failure::broken(error);
             bar.suspend(|| {
                 eprintln!("trimaran: {said}; waiting {} s for all to join again", show.reconnect_s);
             });
-            walked.interruptions.push(format!("the session stopped before {}: {said}", settings.first));
+            about.notes.push(format!("the session stopped before {}: {said}", settings.first));
             (wait_s, lost) = (show.reconnect_s, Some(said.to_string().into()));
             // The old sockets may need a moment to be gone.
             let deadline = deadline(&net, wait_s);
             let listen = || Listener::bind_all(&net, &endpoints, identity(file, settings), &options);
-            listener = runtime.block_on(again(&net, deadline, listen)).map_err(Failure::broken)?;
+            let listening = again(&net, deadline, |_| true, listen);
+            let Some(again) = stop.unless_requested(runtime.handle(), listening) else { return Ok(()) };
+            listener = again.map_err(|error| failed(Failure::broken(error)))?;
         }
     }
 }
 
-/// How a session went that has ended well.
-#[derive(Debug, Default)]
-struct Walked {
-    link: String,
-    transport: String,
-    /// Each time that it stopped and went on.
-    interruptions: Vec<String>,
-}
-
-impl Walked {
-    /// Notes what the links go over.
-    fn over(&mut self, first: &Link, second: &Link) {
-        let [a, b] = [first.peer.address, second.peer.address];
-        let (one, other) = (a.transport(), b.transport());
-        (self.link, self.transport) = if one == other {
-            (one.to_owned(), format!("{one}: {a} and {b}"))
-        } else {
-            (format!("{one} and {other}"), format!("{one}: {a}; {other}: {b}"))
-        };
+/// What the links go over: the name of the transport, and in words.
+fn transports(first: &Link, second: &Link) -> (String, String) {
+    let [a, b] = [first.peer.address, second.peer.address];
+    let (one, other) = (a.transport(), b.transport());
+    if one == other {
+        (one.to_owned(), format!("{one}: {a} and {b}"))
+    } else {
+        (format!("{one} and {other}"), format!("{one}: {a}; {other}: {b}"))
     }
 }
 

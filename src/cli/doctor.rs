@@ -1,11 +1,15 @@
 //! `trimaran doctor`: what works on this machine, what is missing, what to install.
 
-use std::{fmt::Write as _, net::TcpListener, thread};
+use std::{
+    io::{self, Write as _},
+    net::TcpListener,
+    thread,
+};
 
 use serde::Serialize;
-use trimaran_gpu::{DeviceKind, Gpu, GpuInfo, GpuOptions};
+use trimaran_gpu::{DeviceKind, Gpu, GpuInfo, GpuOptions, Optional};
 
-use super::{Failure, args::DoctorArgs, print_json};
+use super::{Failure, args::DoctorArgs, print_json, printed};
 
 /// One thing looked at.
 #[derive(Debug, Serialize)]
@@ -14,6 +18,20 @@ struct Finding {
     works: bool,
     /// What was found; what to do where it does not work.
     detail: String,
+    /// What is not there and not needed, and what its absence means.
+    lacks: Vec<String>,
+}
+
+impl Finding {
+    const fn new(what: &'static str, works: bool, detail: String) -> Self {
+        Self { what, works, detail, lacks: Vec::new() }
+    }
+
+    fn lines(&self) -> String {
+        let mark = if self.works { "ok      " } else { "MISSING " };
+        let lacks = self.lacks.iter().map(|lack| format!("{:16}lacks {lack}\n", ""));
+        format!("{mark}{:8}{}\n", self.what, self.detail) + &lacks.collect::<String>()
+    }
 }
 
 pub(super) fn run(args: &DoctorArgs) -> Result<(), Failure> {
@@ -24,10 +42,7 @@ pub(super) fn run(args: &DoctorArgs) -> Result<(), Failure> {
     if args.json {
         print_json(&serde_json::json!({ "works": healthy, "findings": findings }))?;
     } else {
-        for finding in &findings {
-            let mark = if finding.works { "ok      " } else { "MISSING " };
-            println!("{mark}{:8}{}", finding.what, finding.detail);
-        }
+        printed(write!(io::stdout(), "{}", findings.iter().map(Finding::lines).collect::<String>()))?;
     }
     if healthy {
         Ok(())
@@ -39,19 +54,16 @@ pub(super) fn run(args: &DoctorArgs) -> Result<(), Failure> {
 fn gpus() -> Vec<Finding> {
     let devices = match Gpu::list() {
         Ok(devices) => devices,
-        Err(error) => return vec![Finding { what: "gpu", works: false, detail: error.to_string() }],
+        Err(error) => return vec![Finding::new("gpu", false, error.to_string())],
     };
     let mut findings: Vec<_> = devices.iter().map(listed).collect();
     // Listing tells what a device claims; opening it is the proof.
     let opened = Gpu::open(&GpuOptions::default());
-    findings.push(Finding {
-        what: "vulkan",
-        works: opened.is_ok(),
-        detail: match &opened {
-            Ok(gpu) => format!("opened {}", gpu.info().name),
-            Err(error) => error.to_string(),
-        },
-    });
+    let detail = match &opened {
+        Ok(gpu) => format!("opened {}", gpu.info().name),
+        Err(error) => error.to_string(),
+    };
+    findings.push(Finding::new("vulkan", opened.is_ok(), detail));
     findings
 }
 
@@ -60,11 +72,11 @@ fn listed(info: &GpuInfo) -> Finding {
     let mut detail =
         format!("{} ({}), Vulkan {major}.{minor}.{patch}, {}", info.name, kind(info.kind), info.driver);
     if !info.missing.is_empty() {
-        // Writing to a string cannot fail.
-        let _ = write!(detail, "; cannot be used, lacks {}", info.missing.join(", "));
+        detail += &format!("; cannot be used, lacks {}", info.missing.join(", "));
     }
     // A device that cannot be used is no fault as long as another can.
-    Finding { what: "gpu", works: true, detail }
+    let lack = |lack: &Optional| format!("{}: {}", lack.name(), lack.without());
+    Finding { lacks: info.lacks.iter().map(lack).collect(), ..Finding::new("gpu", true, detail) }
 }
 
 const fn kind(kind: DeviceKind) -> &'static str {
@@ -88,20 +100,17 @@ fn memory() -> Finding {
         None => format!("{cores} cores; this system does not say how much memory is available"),
     };
     let works = available.is_none_or(|kib| kib >= 1 << 20);
-    Finding {
-        what: "memory",
-        works,
-        detail: if works { detail } else { format!("{detail}; cooking a plant needs 1 GiB") },
-    }
+    let detail = if works { detail } else { format!("{detail}; cooking a plant needs 1 GiB") };
+    Finding::new("memory", works, detail)
 }
 
 fn sockets(args: &DoctorArgs) -> Finding {
     match TcpListener::bind(args.listen) {
-        Ok(_) => Finding { what: "sockets", works: true, detail: format!("can listen on {}", args.listen) },
-        Err(error) => Finding {
-            what: "sockets",
-            works: false,
-            detail: format!("cannot listen on {}: {error}; give another address with --listen", args.listen),
-        },
+        Ok(_) => Finding::new("sockets", true, format!("can listen on {}", args.listen)),
+        Err(error) => {
+            let detail =
+                format!("cannot listen on {}: {error}; give another address with --listen", args.listen);
+            Finding::new("sockets", false, detail)
+        }
     }
 }

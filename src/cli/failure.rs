@@ -2,6 +2,8 @@
 
 use std::{error::Error, fmt, process::ExitCode};
 
+use trimaran_actors::causes;
+
 /// Why a command ended early, and the exit code that says so to a script.
 #[derive(Debug)]
 pub(crate) struct Failure {
@@ -13,8 +15,10 @@ pub(crate) struct Failure {
 enum Kind {
     /// What the user gave cannot be used: a file, a flag, a configuration. Exit code 2.
     BadInput,
-    /// It should have worked: a device, a peer or a disk failed. Exit code 1.
+    /// It should have worked: a device, a peer or a disk failed. Exit code 1: it may work another time.
     Broken,
+    /// It ended before its end, and what was done is reported. Exit code 3: another time would begin anew.
+    Incomplete,
 }
 
 impl Failure {
@@ -28,56 +32,30 @@ impl Failure {
         Self { kind: Kind::Broken, cause: cause.into() }
     }
 
+    /// It ended before its end, and what was done is reported.
+    pub(crate) fn incomplete(cause: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self { kind: Kind::Incomplete, cause: cause.into() }
+    }
+
+    /// Whether it may work another time though nothing is changed in what the user gave.
+    pub(crate) const fn may_pass(&self) -> bool {
+        matches!(self.kind, Kind::Broken)
+    }
+
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self.kind {
             Kind::BadInput => ExitCode::from(2),
             Kind::Broken => ExitCode::from(1),
+            Kind::Incomplete => ExitCode::from(3),
         }
     }
 }
+
+impl Error for Failure {}
 
 impl fmt::Display for Failure {
     /// The error and its causes, each once: many errors name their cause in their own text.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut text = self.cause.to_string();
-        f.write_str(&text)?;
-        let mut next = self.cause.source();
-        while let Some(cause) = next {
-            let more = cause.to_string();
-            if !text.contains(&more) {
-                write!(f, ": {more}")?;
-            }
-            text = more;
-            next = cause.source();
-        }
-        Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[derive(Debug)]
-    struct Layer(&'static str, Option<Box<Self>>);
-
-    impl fmt::Display for Layer {
-        fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str(self.0)
-        }
-    }
-
-    impl Error for Layer {
-        fn source(&self) -> Option<&(dyn Error + 'static)> {
-            self.1.as_deref().map(|cause| cause as _)
-        }
-    }
-
-    #[test]
-    fn causes_are_told_once() {
-        let deepest = Layer("no space left", None);
-        let middle = Layer("cannot write a.scene: no space left", Some(Box::new(deepest)));
-        let failure = Failure::broken(Layer("the import stopped", Some(Box::new(middle))));
-        assert_eq!(failure.to_string(), "the import stopped: cannot write a.scene: no space left");
+        f.write_str(&causes(&*self.cause))
     }
 }

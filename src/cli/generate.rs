@@ -3,6 +3,7 @@
 use serde_json::json;
 use trimaran_scene::{
     Model,
+    cook::CookOptions,
     generate::{PlantOptions, TankerOptions, plant, tanker},
 };
 
@@ -16,7 +17,9 @@ use super::{
 
 pub(super) fn run(args: &GenerateArgs) -> Result<(), Failure> {
     let model = generate(args);
-    let scene = cooking::cook_and_save(&model, &args.output)?;
+    // As large as was asked for.
+    let options = CookOptions { max_nodes: usize::MAX, ..CookOptions::default() };
+    let scene = cooking::cook_and_save(&model, &options, &args.output)?;
     let summary = SceneSummary::of(&args.output, &scene);
     if args.json {
         return print_json(&json!({ "scene": summary }));

@@ -1,7 +1,8 @@
 //! `trimaran import`: CAD files to a cooked scene.
 
 use serde_json::json;
-use trimaran_scene::import::{ImportOptions, ImportReport, UpAxis, import};
+use trimaran_scene::cook::CookOptions;
+use trimaran_scene::import::{ImportLimits, ImportOptions, ImportReport, UpAxis, import};
 
 use super::{
     Failure,
@@ -19,7 +20,14 @@ pub(super) fn run(args: &ImportArgs) -> Result<(), Failure> {
             Up::Z => UpAxis::Z,
         }),
         unit: args.unit,
+        limits: ImportLimits {
+            triangles: args.limits.max_triangles,
+            vertices: args.limits.max_vertices,
+            objects: args.limits.max_objects,
+            depth: args.limits.max_depth,
+        },
     };
+    let cook_options = CookOptions { max_nodes: args.limits.max_nodes, ..CookOptions::default() };
     let bar = progress::bar("reading", args.files.len() as u64);
     let imported =
         import(&args.files, &options, &mut |progress| bar.set_position(progress.files_done as u64))
@@ -28,7 +36,7 @@ pub(super) fn run(args: &ImportArgs) -> Result<(), Failure> {
     if !args.json {
         print_report(&imported.report);
     }
-    let scene = cooking::cook_and_save(&imported.model, &args.output)?;
+    let scene = cooking::cook_and_save(&imported.model, &cook_options, &args.output)?;
     let summary = SceneSummary::of(&args.output, &scene);
     if args.json {
         return print_json(&json!({ "import": report_json(&imported.report), "scene": summary }));

@@ -13,6 +13,7 @@ mod keys;
 mod netem;
 mod ping;
 mod progress;
+mod recording;
 mod role;
 mod run;
 mod sim;

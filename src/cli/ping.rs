@@ -163,14 +163,12 @@ async fn ping(
 }
 
 fn not_linked(error: ConnectError) -> Failure {
-    match &error {
+    match error.refusal() {
         // A role of a session answers no stranger: that is worth saying in other words.
-        ConnectError::Refused { refusal: Refusal::Scene { .. } | Refusal::RoleTaken { .. }, .. } => {
-            Failure::bad_input(
-                "the link works, but a role of a session listens there, and it answers its own session only: \
+        Some(Refusal::Scene { .. } | Refusal::RoleTaken { .. }) => Failure::bad_input(
+            "the link works, but a role of a session listens there, and it answers its own session only: \
                  run `trimaran ping --answer` on another port",
-            )
-        }
+        ),
         _ if error.may_pass() => Failure::broken(error),
         _ => Failure::bad_input(error),
     }

@@ -1,6 +1,12 @@
 //! `trimaran role`: one role of a deployment on several machines.
 
-use std::{future::pending, net::SocketAddr, path::PathBuf, sync::Arc, time::Duration};
+use std::{
+    future::pending,
+    net::SocketAddr,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Duration,
+};
 
 use tokio::runtime::Runtime;
 use trimaran::{
@@ -10,19 +16,20 @@ use trimaran::{
     walkthrough::{PathChoice, Plan, SceneFile, Trail, viewport},
 };
 use trimaran_actors::{
-    JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, VulkanPair, again, join_session, max_frame,
-    role_of,
+    JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, Stop, Stopwatch, Turns, VulkanPair, again,
+    join_session, leave_unable, max_frame, role_of,
 };
-use trimaran_gpu::{Gpu, GpuScene};
+use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Role};
+use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Instant, Link, Net, TokioNet, sleep_until};
 
 use super::{
     Failure,
     args::{RoleArgs, RoleCommand, RoleName},
     display::{DisplayStage, LostForGood, Show},
-    run::conclude,
-    walking::{self, gpu_options, open, stop_on_signal},
+    recording::{check_trace, open_folder},
+    walking::{self, gpu_options, stop_on_signal},
 };
 
 /// How long the last links of a process may take to tell that they are gone.
@@ -62,10 +69,6 @@ pub(super) fn template(role: RoleName) -> String {
 
 /// One machine of the pair, from start to goodbye.
 fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
-    let file = open(&config.scene)?;
-    let drawn = upload(&file, config.device.as_deref())?;
-    let stop = stop_on_signal(runtime);
-    let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
     let seat = match config.seat {
         PairSeat::First => Seat::First,
         PairSeat::Second => Seat::Second,
@@ -73,37 +76,48 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
     let place = |endpoint: &Endpoint, name, role, peer: &Option<PathBuf>| {
         let peer = PeerFile { name, role: Some(role), path: peer.as_deref() };
         let guard = config.link.security(&endpoint.clone().into(), config.keys.as_deref(), &[peer]);
-        let mut options = config.link.options(guard.map_err(Failure::bad_input)?);
-        options.link.max_frame = max_frame(&file.scene);
+        let options = config.link.options(guard.map_err(Failure::bad_input)?);
         Ok::<_, Failure>(Place { endpoint: endpoint.clone(), options })
     };
-    let display = place(&config.display, "peers.display", Role::Display, &config.peers.display)?;
-    let pair = place(&config.pair, "peers.other", role_of(seat.other()), &config.peers.other)?;
+    let mut display = place(&config.display, "peers.display", Role::Display, &config.peers.display)?;
+    let mut pair = place(&config.pair, "peers.other", role_of(seat.other()), &config.peers.other)?;
+    let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
+    let start = Start::new(runtime, config.patience_s);
+    let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
+    for place in [&mut display, &mut pair] {
+        place.options.link.max_frame = max_frame(&file.scene);
+    }
+    let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
+    let Some(mut metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else {
+        return Ok(());
+    };
+    let Start { net, stop, .. } = start;
     let scene = file.scene.hash();
-    let (mut metrics, mut wait_s, mut lost) = (Metrics::new(config.metrics), config.patience_s, None);
+    let (mut wait_s, mut lost) = (config.patience_s, None);
     loop {
         let deadline = deadline(&net, wait_s);
         let join = || join_session(&net, seat, scene, &display, &pair, deadline);
-        let joining = async {
-            match &lost {
-                None => join().await,
-                // The others may not have noticed yet, and their old sockets may need a moment to be gone.
-                Some(_) => again(&net, deadline, join).await,
-            }
-        };
+        let joining = again(&net, deadline, JoinError::may_pass, join);
         let Some(joined) = stop.unless_requested(runtime.handle(), joining) else { return Ok(()) };
         let Joined { display, other, settings } = joined.map_err(|e| match lost.take() {
             Some(lost) => Failure::broken(LostForGood { seconds: wait_s, lost }),
             None => not_joined(e),
         })?;
         tracing::info!(%settings, "joined the session");
-        metrics.watch([&display, &other], runtime)?;
-        let size = viewport(settings.size).map_err(Failure::bad_input)?;
-        let device = VulkanPair::new(&drawn, size, settings.tester).map_err(Failure::broken)?;
+        metrics.watch([&display, &other]);
+        let size = viewport(settings.size).map_err(Failure::broken)?;
+        let device = match VulkanPair::new(&drawn, size, settings.tester) {
+            Ok(device) => device,
+            Err(error) => {
+                leave_unable(runtime.handle(), [display, other], &error.to_string());
+                return Err(Failure::broken(error));
+            }
+        };
         let (scene, occluders) = (Arc::clone(&file.scene), OccluderPolicy::default());
-        let role = PairRole { seat, scene, device, display, other, settings, occluders };
+        let (clock, turns) = (Stopwatch::start(), Turns::at_once());
+        let role = PairRole { seat, scene, device, display, other, settings, occluders, clock, turns };
         let Err(error) = role.run(runtime.handle(), &stop) else { return Ok(()) };
-        if config.reconnect_s <= 0.0 || !error.lost_a_peer() || stop.requested() {
+        if config.reconnect_s <= 0.0 || !error.lost_a_peer() {
             return Err(Failure::broken(error));
         }
         let said = Failure::broken(error);
@@ -119,11 +133,9 @@ pub(super) fn not_joined(error: JoinError) -> Failure {
 
 /// The display of a deployment: waits for the pair, walks the path, writes the report.
 fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
-    let file = open(&config.scene)?;
     let plan = session_plan(&config.session)?;
     let choice = PathChoice::parse(&config.session.path, config.session.seed);
     let size = viewport(plan.size).map_err(Failure::bad_input)?;
-    let trail = Trail::find(&choice, &file.scene, size, config.session.frames).map_err(Failure::bad_input)?;
     let (first, second) = (config.peers.first.as_deref(), config.peers.second.as_deref());
     let peers = [
         PeerFile { name: "peers.first", role: Some(role_of(Seat::First)), path: first },
@@ -132,12 +144,22 @@ fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
     let guard =
         config.link.security(&config.listen, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
     let mut options = config.link.options(guard);
+    check_trace(config.record.as_deref())?;
+    let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
+    let start = Start::new(runtime, config.patience_s);
+    let Some(folder) = start.until(async || open_folder(&config.out))? else { return Ok(()) };
+    let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
-    let device = config.device.as_deref();
-    let stage = DisplayStage::set(&file, device, &plan, &trail, runtime, &config.listen, &options)?;
+    let trail = Trail::find(&choice, &file.scene, size, config.session.frames).map_err(Failure::bad_input)?;
+    let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
+    let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };
+    let listen =
+        || DisplayStage::set(&file, Arc::clone(&drawn), &plan, &trail, runtime, &config.listen, &options);
+    let Some(stage) = start.until(listen)? else { return Ok(()) };
     eprintln!("trimaran: the display listens on {}", stage.listener.local_endpoints());
     let info = stage.info().clone();
     let show = Show {
+        folder: Some(folder),
         plan,
         trail,
         path: config.session.path.clone(),
@@ -145,11 +167,10 @@ fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
         devices: vec![(ReportSeat::Display, info)],
         patience_s: config.patience_s,
         reconnect_s: config.reconnect_s,
-        metrics: config.metrics,
+        metrics,
         trace: config.record.clone(),
     };
-    let report = stage.show(&file, show, &config.out, runtime, pending())?;
-    conclude(&report, &config.out, false)
+    stage.show(&file, show, runtime, &start.stop, pending())?.conclude(&config.out, false)
 }
 
 /// What the configuration asks for.
@@ -164,37 +185,66 @@ fn session_plan(session: &SessionConfig) -> Result<Plan, Failure> {
         few_pixels: session.few_pixels,
         audit_every: session.audit_every,
         visible: session.visible,
+        alone: false,
     })
 }
 
-/// What the links carry, shown once there are any.
+/// How a role starts: what is not there yet, such as a scene that is being copied or a port in use, is waited for.
+struct Start<'r> {
+    runtime: &'r Runtime,
+    net: Arc<dyn Net>,
+    stop: Stop,
+    patience_s: f64,
+}
+
+impl<'r> Start<'r> {
+    fn new(runtime: &'r Runtime, patience_s: f64) -> Self {
+        let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+        Self { runtime, net, stop: stop_on_signal(runtime), patience_s }
+    }
+
+    /// What `attempt` gives once it works; `None` if the role is asked to stop before. It is tried again while what
+    /// it fails with may pass, for as long as the role waits for others.
+    fn until<T>(&self, attempt: impl AsyncFn() -> Result<T, Failure>) -> Result<Option<T>, Failure> {
+        let deadline = deadline(&self.net, self.patience_s);
+        let attempts = again(&self.net, deadline, Failure::may_pass, || attempt());
+        self.stop.unless_requested(self.runtime.handle(), attempts).transpose()
+    }
+}
+
+/// The scene, which may be being copied.
+fn scene(path: &Path) -> Result<SceneFile, Failure> {
+    let scene = Scene::open(path).map_err(Failure::broken)?;
+    Ok(SceneFile { path: path.to_owned(), scene: Arc::new(scene) })
+}
+
+/// What the links carry, once there are any.
 pub(super) struct Metrics {
-    at: Option<SocketAddr>,
     links: LinkMetrics,
-    shown: Option<Serving>,
+    _shown: Option<Serving>,
 }
 
 impl Metrics {
-    /// To be shown at this address, or nowhere.
-    pub(super) fn new(at: Option<SocketAddr>) -> Self {
-        Self { at, links: LinkMetrics::default(), shown: None }
+    /// Shows them at this address, if there is one, for as long as this lives.
+    pub(super) fn show(at: Option<SocketAddr>, runtime: &Runtime) -> Result<Self, Failure> {
+        let links = LinkMetrics::default();
+        let shown = at.map(|at| links.clone().serve(at, runtime.handle())).transpose();
+        let shown = shown.map_err(Failure::broken)?;
+        if let Some(serving) = &shown {
+            eprintln!("trimaran: metrics on http://{}/metrics", serving.address());
+        }
+        Ok(Self { links, _shown: shown })
     }
 
-    /// Shows what `links` carry, for as long as this lives or until there are others.
-    pub(super) fn watch(&mut self, links: [&Link; 2], runtime: &Runtime) -> Result<(), Failure> {
+    /// Shows what `links` carry from now on.
+    pub(super) fn watch(&mut self, links: [&Link; 2]) {
         self.links.watch(links);
-        if let (Some(at), None) = (self.at, &self.shown) {
-            let serving = self.links.clone().serve(at, runtime.handle()).map_err(Failure::bad_input)?;
-            eprintln!("trimaran: metrics on http://{}/metrics", serving.address());
-            self.shown = Some(serving);
-        }
-        Ok(())
     }
 }
 
-/// The scene on the device of this name.
-pub(super) fn upload(file: &SceneFile, device: Option<&str>) -> Result<Arc<GpuScene>, Failure> {
-    let gpu = Gpu::open(&gpu_options(device)).map_err(Failure::broken)?;
+/// The scene on a device.
+pub(super) fn upload(file: &SceneFile, gpu: &GpuOptions) -> Result<Arc<GpuScene>, Failure> {
+    let gpu = Gpu::open(gpu).map_err(Failure::broken)?;
     GpuScene::upload(&gpu, &file.scene).map_err(Failure::broken)
 }
 

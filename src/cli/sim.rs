@@ -11,7 +11,7 @@ use trimaran::report::simulation;
 use trimaran::simulate::{
     Knobs, Load, Outcome, Painter, Scenario, Times, Transport, Workload, pooled, simulate_watched,
 };
-use trimaran_gpu::{Gpu, GpuScene};
+use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_netsim::Profile;
 use trimaran_proto::{BatchSize, IdCoding};
 
@@ -201,7 +201,7 @@ fn draw_gaps(
         ));
     };
     let file = open(scene)?;
-    let gpu = Gpu::open(&gpu_options(device)).map_err(Failure::broken)?;
+    let gpu = Gpu::open(&gpu_options(device, GpuOptions::TIMEOUT.as_secs_f64())).map_err(Failure::broken)?;
     let drawn = GpuScene::upload(&gpu, &file.scene).map_err(Failure::broken)?;
     let mut painter = Painter::new(&file.scene, &drawn, trace).map_err(Failure::bad_input)?;
     let bar = progress::bar("drawing", runs.len() as u64);

@@ -9,6 +9,7 @@ use super::{
     Failure,
     args::SweepArgs,
     print_json,
+    recording::open_folder,
     run::{set_stage, walk_and_report},
     walking::{self, open},
 };
@@ -21,8 +22,8 @@ pub(super) fn run(args: &SweepArgs) -> Result<(), Failure> {
     for &epsilon in &args.epsilons {
         let plan = walking::plan(&args.walk, epsilon, false, Pace::Lockstep)?;
         let trail = walking::trail(&args.walk, &plan, &file.scene)?;
-        let out = args.out.join(format!("epsilon-{epsilon}"));
-        let report = walk_and_report(&stage, &file, &plan, &trail, &args.walk, None, &out)?;
+        let folder = open_folder(&args.out.join(format!("epsilon-{epsilon}")))?;
+        let report = walk_and_report(&stage, folder, &file, &plan, &trail, &args.walk, None)?.whole()?;
         points.push(SweepPoint::of(&report));
         last = Some(report);
     }

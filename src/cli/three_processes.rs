@@ -25,8 +25,9 @@ use super::{
     Failure,
     args::RunArgs,
     display::{DisplayStage, Show},
-    run::conclude,
-    walking::{self, open},
+    recording::{check_trace, open_folder},
+    role::{Metrics, upload},
+    walking::{self, gpu_options, open, stop_on_signal},
 };
 
 /// How long the three wait for each other: loading and copying a large scene takes a while.
@@ -45,15 +46,21 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
     let plan = walking::plan(&args.walk, args.epsilon, args.visible, walking::pace(args.live))?;
     let file = open(&args.scene)?;
     let trail = walking::trail(&args.walk, &plan, &file.scene)?;
+    check_trace(args.record.as_deref())?;
+    let folder = open_folder(&args.out)?;
     let runtime = walking::runtime()?;
-    let device = args.walk.device.as_deref();
+    let stop = stop_on_signal(&runtime);
+    let gpu = gpu_options(args.walk.device.as_deref(), args.walk.device_timeout);
     let configs = tempfile::tempdir().map_err(Failure::broken)?;
     let (listen, pair) = meeting_places(transport, configs.path())?;
     let link = LinkConfig::load(args.links.clone()).map_err(Failure::bad_input)?;
     let keyring = if link.needs_keys(&listen) { Some(Keyring::make(configs.path())?) } else { None };
     let mut options = link.options(keyring.as_ref().map(|keyring| keyring.security.clone()));
     options.link.max_frame = max_frame(&file.scene);
-    let stage = DisplayStage::set(&file, device, &plan, &trail, &runtime, &listen.into(), &options)?;
+    let drawn = upload(&file, &gpu)?;
+    let listen = listen.into();
+    let stage = DisplayStage::set(&file, drawn, &plan, &trail, &runtime, &listen, &options);
+    let stage = runtime.block_on(stage)?;
 
     let scene = std::path::absolute(&args.scene).map_err(Failure::broken)?;
     let display = stage.listener.local_endpoint().clone();
@@ -64,6 +71,7 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
             display: display.clone(),
             pair: pair.clone(),
             device: args.walk.device.clone(),
+            device_timeout_s: args.walk.device_timeout,
             patience_s: PATIENCE_S,
             reconnect_s: 0.0,
             metrics: None,
@@ -77,6 +85,7 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
 
     let devices = [Seat::SwitchA, Seat::SwitchB, Seat::Display].map(|seat| (seat, stage.info().clone()));
     let show = Show {
+        folder: Some(folder),
         plan,
         trail,
         path: args.walk.path.clone(),
@@ -85,14 +94,16 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
         patience_s: PATIENCE_S,
         // Nobody starts a machine of this session again.
         reconnect_s: 0.0,
-        metrics: args.metrics,
+        metrics: Metrics::show(args.metrics, &runtime)?,
         trace: args.record.clone(),
     };
-    let report = stage.show(&file, show, &args.out, &runtime, ended_early(&mut machines))?;
-    for machine in machines {
-        runtime.block_on(machine.ended_well())?;
+    let outcome = stage.show(&file, show, &runtime, &stop, ended_early(&mut machines))?;
+    if !outcome.report.summary.ended.early() {
+        for machine in machines {
+            runtime.block_on(machine.ended_well())?;
+        }
     }
-    conclude(&report, &args.out, args.json)
+    outcome.conclude(&args.out, args.json)
 }
 
 /// Keys that live as long as the session: each of the three knows the two others.

@@ -1,6 +1,6 @@
 //! What `run`, `sweep` and the roles share: from flags to a plan, and a runtime to run it on.
 
-use std::{path::Path, sync::Arc};
+use std::{path::Path, sync::Arc, time::Duration};
 
 use tokio::runtime::{Builder, Runtime};
 use trimaran::walkthrough::{Pace, PathChoice, Plan, SceneFile, Trail, viewport};
@@ -34,6 +34,7 @@ pub(super) fn plan(walk: &WalkArgs, epsilon_px: f64, visible: bool, pace: Pace) 
         few_pixels: walk.few_pixels,
         audit_every: walk.audit_every,
         visible,
+        alone: walk.alone,
     })
 }
 
@@ -55,10 +56,11 @@ pub(super) fn open(path: &Path) -> Result<SceneFile, Failure> {
     Ok(SceneFile { path: path.to_owned(), scene: Arc::new(scene) })
 }
 
-/// How to open the device that the flags ask for.
-pub(super) fn gpu_options(device: Option<&str>) -> GpuOptions {
+/// How to open the device that the flags ask for, which may make no progress for `timeout_s` seconds.
+pub(super) fn gpu_options(device: Option<&str>, timeout_s: f64) -> GpuOptions {
     let device = device.map_or(DeviceChoice::Best, |name| DeviceChoice::Named(name.to_owned()));
-    GpuOptions { validation: false, device }
+    let timeout = Duration::try_from_secs_f64(timeout_s).unwrap_or(Duration::MAX);
+    GpuOptions { device, timeout, ..GpuOptions::default() }
 }
 
 /// A runtime for links; its threads keep sockets going while roles are busy with their devices.

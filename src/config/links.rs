@@ -74,10 +74,10 @@ pub struct LinkConfig {
         layer_attr(arg(long = "link-peers", id = "link_peers", value_name = "N"))
     )]
     pub peers: usize,
-    /// How many handshakes a listener has under way at once; more are turned away.
+    /// How many handshakes a listener has under way at once; one more takes the slot of the oldest.
     #[config(
         env = "TRIMARAN_LINK_HANDSHAKES",
-        default = 32,
+        default = 64,
         layer_attr(arg(long = "link-handshakes", value_name = "N"))
     )]
     pub handshakes: usize,

@@ -41,6 +41,15 @@ pub struct SwitchConfig {
     #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "NAME")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
+    /// How long the device may make no progress before it counts as hung, seconds. The role then ends with
+    /// exit code 1, and its peers wait for it to come again.
+    #[config(
+        env = "TRIMARAN_DEVICE_TIMEOUT_S",
+        default = 30.0,
+        validate(device_timeout_s.is_finite() && *device_timeout_s > 0.0, "give seconds above 0"),
+        layer_attr(arg(long = "device-timeout", value_name = "S", value_parser = positive))
+    )]
+    pub device_timeout_s: f64,
     /// How long to wait for the other roles at the start, seconds.
     #[config(
         env = "TRIMARAN_PATIENCE_S",
@@ -113,6 +122,15 @@ pub struct DisplayConfig {
     #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "NAME")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
+    /// How long the device may make no progress before it counts as hung, seconds. The role then ends with
+    /// exit code 1, and its peers wait for it to come again.
+    #[config(
+        env = "TRIMARAN_DEVICE_TIMEOUT_S",
+        default = 30.0,
+        validate(device_timeout_s.is_finite() && *device_timeout_s > 0.0, "give seconds above 0"),
+        layer_attr(arg(long = "device-timeout", value_name = "S", value_parser = positive))
+    )]
+    pub device_timeout_s: f64,
     /// How long to wait for the other roles at the start, seconds.
     #[config(
         env = "TRIMARAN_PATIENCE_S",

@@ -55,6 +55,7 @@ fn a_switch_configuration_survives_a_round_trip() {
         display: "quic://show:7400".parse().unwrap(),
         pair: "tcp://one:7401".parse().unwrap(),
         device: None,
+        device_timeout_s: 30.0,
         patience_s: 5.0,
         reconnect_s: 0.0,
         metrics: None,

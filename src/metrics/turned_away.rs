@@ -12,7 +12,7 @@ use trimaran_transport::TurnedAway;
 /// What listeners have turned away since they were made, by which limit.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TurnedAwayReading {
-    /// Handshakes for which there was no room: too many were under way (`handshakes`).
+    /// Handshakes that gave way to newer ones, because too many were under way (`handshakes`).
     pub handshakes: u64,
     /// Handshakes beyond what one address may begin in a second (`handshakes_per_s_per_address`).
     pub handshakes_per_s_per_address: u64,

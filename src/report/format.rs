@@ -61,8 +61,7 @@ pub(super) fn sweep_cells(point: &SweepPoint, none: &str) -> Vec<String> {
     let value = |v: Option<f64>| with_unit(v, "", none);
     vec![
         figure(point.epsilon_px),
-        value(point.measured_fps),
-        value(point.modelled_fps),
+        value(point.fps()),
         value(point.or_ms),
         value(point.hc_ms),
         value(point.rvg_ms),

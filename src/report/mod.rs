@@ -1,7 +1,7 @@
 //! What a run leaves behind: `report.json`, `report.html` and PNG frames, and what is printed; all from one [`Report`].
 //!
-//! A run fills a [`Frame`] per picture, hands pictures to a [`Writer`] as they come, makes a [`Report`] of the frames and lets
-//! the writer put it beside them. [`metrics`] measures how wrong a picture is.
+//! A run hands frames and pictures to a [`Writer`] as they come, makes a [`Report`] of the frames and lets the writer
+//! put it beside them. [`metrics`] measures how wrong a picture is.
 
 mod format;
 mod html;
@@ -12,6 +12,7 @@ mod sample;
 pub mod schema;
 pub mod simulation;
 pub mod text;
+mod unfinished;
 mod write;
 
 pub use schema::{Frame, Lens, Report, Run, Summary, SweepPoint};

@@ -4,8 +4,8 @@ use std::sync::LazyLock;
 
 use super::metrics::{Deviation, Picture, picture_error};
 use super::schema::{
-    BytesByKind, CullingCounts, FalseCull, FalseCullCause, Frame, Lens, Mode, PassTime, Report, Role,
-    RoleInfo, Run, SceneInfo, Seat, Span, SweepPoint, VisibleObject,
+    BytesByKind, CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Lens, Mode, PassTime,
+    Report, Role, RoleInfo, Run, SceneInfo, Seat, Span, SweepPoint, VisibleObject,
 };
 
 pub(super) const SIZE: u32 = 96;
@@ -38,9 +38,10 @@ pub(super) fn run() -> Run {
         tester: "raster".to_owned(),
         batch: 1024,
         coding: Some("plain".to_owned()),
-        link: "tcp".to_owned(),
-        transport: "tcp over loopback, no delay, two connections a pair".to_owned(),
+        link: "inproc".to_owned(),
+        transport: "in one process".to_owned(),
         mode: Mode::Lockstep,
+        alone: true,
         path: "auto".to_owned(),
         seed: Some(7),
         audit_every: Some(AUDIT_EVERY),
@@ -59,8 +60,8 @@ fn frame(frame: u32) -> Frame {
     let turn = std::f64::consts::TAU * f64::from(frame) / f64::from(FRAMES);
     let load = 1.0 + 0.5 * (2.0 * turn).sin() + 0.15 * noise(frame, 1);
     let (or, hc, rvg) = (9.0 * load, 14.0 * load + noise(frame, 2), 11.0 * load);
-    // The pair swaps every 25 ms; the machine that drew a frame's occluders culls it.
-    let start = 25.0 * f64::from(frame);
+    // The roles take turns, 65 ms a frame; the machine that drew a frame's occluders culls it.
+    let start = 65.0 * f64::from(frame);
     let seat = if frame.is_multiple_of(2) { Seat::SwitchA } else { Seat::SwitchB };
     let span = |role, seat, start_ms: f64, ms: f64| Span { role, seat, start_ms, end_ms: start_ms + ms };
 
@@ -85,13 +86,13 @@ fn frame(frame: u32) -> Frame {
         or_ms: Some(or),
         hc_ms: Some(hc),
         rvg_ms: Some(rvg),
-        frame_ms: (frame > 0).then_some(or + hc + 3.0 * noise(frame, 4)),
+        frame_ms: (frame > 0).then_some(or + hc + rvg + 3.0 * noise(frame, 4)),
         latency_frames: Some(1),
         latency_ms: Some(or + hc + rvg),
         timeline: vec![
             span(Role::Or, seat, start, or),
-            span(Role::Hc, seat, start + 25.0, hc),
-            span(Role::Rvg, Seat::Display, start + 27.0, rvg),
+            span(Role::Hc, seat, start + or, hc),
+            span(Role::Rvg, Seat::Display, start + or + hc, rvg),
         ],
         passes: vec![
             PassTime { role: Role::Or, pass: "occluders".to_owned(), ms: or * 0.9 },
@@ -181,8 +182,13 @@ pub(super) fn report() -> Report {
 fn make_report() -> Report {
     let frames: Vec<Frame> = (0..FRAMES).map(frame).collect();
     let lens = Lens { width: SIZE, height: SIZE, vfov_deg: 60.0, near: 0.05 };
+    let ended = Ended {
+        how: HowEnded::Interrupted,
+        why: Some("it was asked to stop <twice>".to_owned()),
+        frames_due: Some(2 * FRAMES),
+    };
     let wall_ms = frames.iter().filter_map(|f| f.frame_ms).sum();
-    let report = Report::new(run(), lens, frames, Some(wall_ms));
+    let report = Report::new(run(), lens, frames, Some(wall_ms), ended);
     let sweep = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0].map(|epsilon: f64| {
         let point = SweepPoint::of(&report);
         let gain = epsilon.sqrt();
@@ -201,5 +207,6 @@ fn make_report() -> Report {
 /// A report of a run in which nothing could be measured.
 pub(super) fn bare() -> Report {
     let lens = Lens { width: 1, height: 1, vfov_deg: 60.0, near: 0.05 };
-    Report::new(run(), lens, vec![Frame::default()], None)
+    let run = Run { alone: false, ..run() };
+    Report::new(run, lens, vec![Frame::default()], None, Ended::finished(Some(1)))
 }

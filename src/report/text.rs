@@ -1,14 +1,14 @@
 //! What is printed at the end of a run.
 
 use super::format::{figure, grouped, plural, sweep_cells, with_unit};
-use super::schema::{METRICS, Report, SweepPoint};
+use super::schema::{METRICS, Report, Run, SweepPoint};
 
 /// The metrics that the printed summary shows; `report.json` has all.
 const PRINTED: [&str; 15] = [
     "or_ms",
     "hc_ms",
     "rvg_ms",
-    "slowest_role_ms",
+    "pair_ms",
     "frame_ms",
     "latency_ms",
     "nodes_drawn",
@@ -57,9 +57,20 @@ pub fn summary(report: &Report) -> String {
 
     let none = "not measured";
     let fps = with_unit(summary.measured_fps, "frames/s", none);
-    out += &format!("measured   {fps} on this machine\n");
-    if let Some(model) = &summary.modelled_fps {
-        out += &format!("MODEL      {} frames/s, not measured: {}\n", figure(model.fps), model.model);
+    if report.run.alone {
+        out += &format!("in turn    {fps} on this machine, one role after another: slower than a walk\n");
+    } else {
+        out += &format!("measured   {fps} on this machine\n");
+        out += &format!("model      none: {}\n", model_hint(&report.run));
+    }
+    if let Some(model) = &summary.model {
+        out += &format!(
+            "MODEL      {} frames/s (at least {}), not measured: three such machines, no network, max(OR + HC, RVG)\n\
+             cullers    the second one brings nothing, since OR waits for HC; if it did not, at most {} frames/s\n",
+            figure(model.fps),
+            figure(model.fps_at_least),
+            figure(model.fps_overlapped)
+        );
     }
     out += &format!("culling    {}\n", culling(report));
     for (what, found) in [("silhouette", summary.silhouette), ("surfaces", summary.surfaces)] {
@@ -91,10 +102,22 @@ pub fn summary(report: &Report) -> String {
             grouped(b.paper_formula_bytes)
         );
     }
+    if let Some(ended) = summary.ended.sentence(summary.frames) {
+        out += &format!("INCOMPLETE {ended}\n");
+    }
     for note in &report.run.notes {
         out += &format!("note       {note}\n");
     }
     out
+}
+
+/// Why a run whose roles computed at once says nothing of three machines, and how to get it.
+pub(super) fn model_hint(run: &Run) -> &'static str {
+    if run.link == "inproc" {
+        "roles that share a machine slow each other down; for three machines, run with --alone"
+    } else {
+        "roles may have slowed each other down; for three machines, run with --link inproc --alone"
+    }
 }
 
 fn culling(report: &Report) -> String {
@@ -124,10 +147,10 @@ fn culling(report: &Report) -> String {
 #[must_use]
 pub fn sweep(points: &[SweepPoint]) -> String {
     let rows: Vec<Vec<String>> = points.iter().map(|point| sweep_cells(point, "-")).collect();
+    let modelled = points.iter().any(|point| point.modelled_fps.is_some());
     let head = [
         "epsilon",
-        "fps",
-        "MODEL fps",
+        if modelled { "MODEL fps" } else { "fps" },
         "OR ms",
         "HC ms",
         "RVG ms",
@@ -137,8 +160,9 @@ pub fn sweep(points: &[SweepPoint]) -> String {
         "FLIP",
         "silhouette px",
     ];
-    table(&head, &rows)
-        + "MODEL: three machines, each frame max(OR, HC, RVG), no network delay. changed px: by culling, must be 0.\n"
+    let model =
+        if modelled { "MODEL: three machines, no network, each frame max(OR + HC, RVG). " } else { "" };
+    table(&head, &rows) + model + "changed px: by culling, must be 0.\n"
 }
 
 /// Aligned columns: the first to the left, the others to the right.
@@ -169,6 +193,7 @@ pub(super) fn table(head: &[&str], rows: &[Vec<String>]) -> String {
 mod tests {
     use super::*;
     use crate::report::sample;
+    use crate::report::schema::{Ended, Lens};
 
     #[test]
     fn columns_are_aligned() {
@@ -180,6 +205,8 @@ mod tests {
     fn a_summary_says_what_is_a_model_and_names_the_false_culls() {
         let text = summary(&sample::report());
         assert!(text.lines().any(|l| l.starts_with("MODEL") && l.contains("not measured")), "{text}");
+        assert!(text.contains("ended early, after 60 of 120 frames: it was asked to stop <twice>"), "{text}");
+        assert!(text.lines().all(|l| !l.starts_with("measured")), "no walk's speed stands beside it: {text}");
         assert!(text.contains("41 pixels changed, 3 visible nodes lost, on 20 audited frames"), "{text}");
         assert!(text.contains("its box covers none of its pixels: 2 nodes, 11 pixels"), "{text}");
         assert!(text.lines().all(|l| l.chars().count() <= 130), "{text}");
@@ -193,9 +220,25 @@ mod tests {
     }
 
     #[test]
+    fn roles_that_shared_a_machine_are_no_model() {
+        for link in ["inproc", "tcp"] {
+            let Report { run, width, height, vfov_deg, near, frames, .. } = sample::report();
+            let run = Run { alone: false, link: link.to_owned(), ..run };
+            let lens = Lens { width, height, vfov_deg, near };
+            let text = summary(&Report::new(run, lens, frames, Some(2000.0), Ended::default()));
+            assert!(!text.contains("MODEL"), "{text}");
+            assert!(text.contains("measured   29.5 frames/s on this machine"), "{text}");
+            assert!(text.contains("--alone") && text.lines().all(|l| l.chars().count() <= 130), "{text}");
+        }
+    }
+
+    #[test]
     fn a_sweep_has_a_line_a_point() {
-        let text = sweep(&sample::report().sweep);
+        let mut points = sample::report().sweep;
+        let text = sweep(&points);
         assert_eq!(text.lines().count(), 8, "{text}");
         assert!(text.contains("MODEL fps"), "{text}");
+        points.iter_mut().for_each(|point| point.modelled_fps = None);
+        assert!(!sweep(&points).contains("MODEL"), "{text}");
     }
 }

@@ -1,17 +1,18 @@
-//! Puts a report on disk: all of it, or nothing.
+//! Puts a report on disk: what is recorded as it comes, and the report itself whole or not at all.
 
 use std::collections::BTreeMap;
+use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use serde::Deserialize;
-use tempfile::TempDir;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::html::{self, Exhibit};
 use super::metrics::Picture;
 use super::png::Rgb;
-use super::schema::{FramePictures, Report};
+use super::schema::{Frame, FramePictures, Report};
+use super::unfinished::Unfinished;
 
 /// Which picture of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -35,7 +36,7 @@ pub struct Paths {
     pub frames: PathBuf,
 }
 
-/// Why a report could not be written. Whatever was there before is still there, whole, unless the error is about `moving`.
+/// Why a report could not be written. An older one is still there, whole, unless the error is about `moving`.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ReportError {
@@ -48,6 +49,15 @@ pub enum ReportError {
         path: PathBuf,
         /// What the system says.
         source: io::Error,
+    },
+    /// Another walk writes into the same folder.
+    #[error(
+        "another process writes a report into {}; wait for its end, or give another folder with --out",
+        path.display()
+    )]
+    Busy {
+        /// The folder.
+        path: PathBuf,
     },
     /// A picture could not be encoded.
     #[error("encoding the picture {} failed", path.display())]
@@ -68,6 +78,21 @@ pub enum ReportError {
     /// The report could not be made JSON.
     #[error("the report could not be written as JSON")]
     Json(#[from] serde_json::Error),
+}
+
+impl ReportError {
+    /// Whether it may work another time though nothing is changed in what was asked for: a full disk, or a folder
+    /// that is in use.
+    #[must_use]
+    pub fn may_pass(&self) -> bool {
+        match self {
+            Self::Busy { .. } => true,
+            Self::Io { source, .. } => {
+                matches!(source.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded)
+            }
+            _ => false,
+        }
+    }
 }
 
 /// What to do about it.
@@ -102,14 +127,17 @@ pub fn write<'a>(
     writer.finish(report)
 }
 
-/// Takes a run's pictures as they come, so that they need not be kept, and puts the report beside them at the end.
+/// Takes a run's frames and pictures as they come, and puts the report beside them at the end.
 ///
-/// All goes to a hidden folder inside of the target first, and is moved into place by [`finish`](Self::finish). Dropping a
-/// writer leaves nothing.
+/// All goes to a folder `unfinished` within the target first, and is moved into place by
+/// [`finish`](Self::finish). A writer that is dropped before leaves what was recorded there: `walk.jsonl`, whose
+/// first line says what was run and whose other lines are frames, and `frames/`. Where nothing was recorded it
+/// leaves nothing. While it takes frames it keeps room for the report, so that a full disk has room for that.
 #[derive(Debug)]
 pub struct Writer {
     out: PathBuf,
-    staging: TempDir,
+    unfinished: Unfinished,
+    journal: Option<File>,
     pictures: BTreeMap<u32, FramePictures>,
 }
 
@@ -117,16 +145,45 @@ impl Writer {
     /// Prepares to write into `dir`, which is created if need be.
     ///
     /// # Errors
-    /// If the folder cannot be created or written to.
+    /// If the folder cannot be created or written to, is full, or another process writes a report there.
     pub fn create(dir: &Path) -> Result<Self, ReportError> {
-        std::fs::create_dir_all(dir).map_err(io_error("creating the folder", dir))?;
-        let staging = tempfile::Builder::new()
-            .prefix(".trimaran-report-")
-            .tempdir_in(dir)
-            .map_err(io_error("writing into the folder", dir))?;
-        let frames = staging.path().join("frames");
-        std::fs::create_dir(&frames).map_err(io_error("creating the folder", &frames))?;
-        Ok(Self { out: dir.to_owned(), staging, pictures: BTreeMap::new() })
+        let unfinished = Unfinished::create(dir)?;
+        Ok(Self { out: dir.to_owned(), unfinished, journal: None, pictures: BTreeMap::new() })
+    }
+
+    /// Begins to record frames: notes what is run, as `report` says, which has no frames yet.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn begin(&mut self, report: &Report) -> Result<(), ReportError> {
+        let path = self.unfinished.path().join("walk.jsonl");
+        self.journal = Some(File::create(&path).map_err(io_error("creating", &path))?);
+        let mut head = serde_json::to_value(report)?;
+        if let Some(head) = head.as_object_mut() {
+            head.retain(|key, _| !matches!(key.as_str(), "summary" | "sweep" | "frames"));
+        }
+        self.line(&head)
+    }
+
+    /// Records a frame.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn frame(&mut self, frame: &Frame) -> Result<(), ReportError> {
+        self.line(frame)?;
+        self.unfinished.recorded();
+        Ok(())
+    }
+
+    /// A line of the journal, and room for what becomes of it: it stands indented in the report and once more in
+    /// the page.
+    fn line(&mut self, value: &impl Serialize) -> Result<(), ReportError> {
+        let Some(journal) = &mut self.journal else { return Ok(()) };
+        let mut line = serde_json::to_vec(value)?;
+        line.push(b'\n');
+        let path = || self.out.join("unfinished/walk.jsonl");
+        self.unfinished.reserve(4 * line.len()).map_err(|cause| io_error("writing", &path())(cause))?;
+        journal.write_all(&line).map_err(|cause| io_error("writing", &path())(cause))
     }
 
     /// Writes a picture of a frame as PNG.
@@ -140,35 +197,56 @@ impl Writer {
         picture: &Picture<'_>,
     ) -> Result<(), ReportError> {
         let name = picture_name(frame, kind);
-        let path = self.staging.path().join(&name);
+        let path = self.unfinished.path().join(&name);
         let file = Rgb::of(picture)
             .encode(png::Compression::Fast)
             .map_err(|source| ReportError::Encode { path: self.out.join(&name), source })?;
-        std::fs::write(&path, file).map_err(io_error("writing", &self.out.join(&name)))?;
+        if let Err(cause) = fs::write(&path, file) {
+            // Half a picture is none, and its room may be needed.
+            let _left = fs::remove_file(&path);
+            return Err(io_error("writing", &self.out.join(&name))(cause));
+        }
         *slot(self.pictures.entry(frame).or_default(), kind) = Some(name);
         Ok(())
     }
 
+    /// Whether this picture has been written.
+    #[must_use]
+    pub fn has(&self, frame: u32, kind: PictureKind) -> bool {
+        self.pictures.get(&frame).is_some_and(|pictures| match kind {
+            PictureKind::Shown => pictures.shown.is_some(),
+            PictureKind::Unculled => pictures.unculled.is_some(),
+            PictureKind::Full => pictures.full.is_some(),
+        })
+    }
+
     /// Writes `report.json` and `report.html`, and moves everything into place. The pictures written are entered into the
-    /// report's frames.
+    /// report's frames. On a full disk the page goes without pictures.
     ///
     /// # Errors
-    /// Says which file could not be written; then nothing of the new report is left.
-    pub fn finish(self, mut report: Report) -> Result<Paths, ReportError> {
+    /// Says which file could not be written; then the older report is still there, and what was recorded is in
+    /// `unfinished`.
+    pub fn finish(mut self, mut report: Report) -> Result<Paths, ReportError> {
+        self.unfinished.release();
         for frame in &mut report.frames {
             if let Some(pictures) = self.pictures.get(&frame.frame) {
                 frame.pictures = pictures.clone();
             }
         }
-        let exhibits = self.exhibits(&report)?;
         self.stage("report.json", &serde_json::to_vec_pretty(&report)?)?;
-        self.stage("report.html", html::page(&report, &exhibits)?.as_bytes())?;
+        let exhibits = self.exhibits(&report)?;
+        match self.stage("report.html", html::page(&report, &exhibits)?.as_bytes()) {
+            Err(full) if full.may_pass() => {
+                self.stage("report.html", html::page(&report, &[])?.as_bytes())?;
+            }
+            staged => staged?,
+        }
         self.publish()
     }
 
     /// Writes a file of the report proper, to the disk and not only to the cache: a full disk may show no earlier.
     fn stage(&self, name: &str, content: &[u8]) -> Result<(), ReportError> {
-        std::fs::File::create(self.staging.path().join(name))
+        File::create(self.unfinished.path().join(name))
             .and_then(|mut file| file.write_all(content).and_then(|()| file.sync_all()))
             .map_err(io_error("writing", &self.out.join(name)))
     }
@@ -177,8 +255,8 @@ impl Writer {
     fn exhibits(&self, report: &Report) -> Result<Vec<Exhibit>, ReportError> {
         let read = |name: &Option<String>| -> Result<Option<Rgb>, ReportError> {
             let Some(name) = name else { return Ok(None) };
-            let path = self.staging.path().join(name);
-            let file = std::fs::read(&path).map_err(io_error("reading", &path))?;
+            let path = self.unfinished.path().join(name);
+            let file = fs::read(&path).map_err(io_error("reading", &path))?;
             Rgb::decode(&file).map(Some).map_err(|source| ReportError::Decode { path, source })
         };
         let mut exhibits = Vec::new();
@@ -195,7 +273,7 @@ impl Writer {
     /// Moves everything into place, `report.json` last, and removes the pictures of the report that was there before and has
     /// no successor.
     fn publish(self) -> Result<Paths, ReportError> {
-        let staged = |name: &str| self.staging.path().join(name);
+        let staged = |name: &str| self.unfinished.path().join(name);
         let paths = Paths {
             json: self.out.join("report.json"),
             html: self.out.join("report.html"),
@@ -203,25 +281,26 @@ impl Writer {
         };
         let before = pictures_of_report(&paths.json);
         let names: Vec<&String> = self.pictures.values().flat_map(names).collect();
-        std::fs::create_dir_all(&paths.frames).map_err(io_error("creating the folder", &paths.frames))?;
+        fs::create_dir_all(&paths.frames).map_err(io_error("creating the folder", &paths.frames))?;
         for name in names.iter().map(|n| n.as_str()).chain(["report.html", "report.json"]) {
             let target = self.out.join(name);
-            std::fs::rename(staged(name), &target).map_err(io_error("moving", &target))?;
+            fs::rename(staged(name), &target).map_err(io_error("moving", &target))?;
         }
         for stale in before.iter().filter(|name| !names.contains(name)) {
             let path = self.out.join(stale);
-            match std::fs::remove_file(&path) {
+            match fs::remove_file(&path) {
                 Err(source) if source.kind() != ErrorKind::NotFound => {
                     return Err(ReportError::Io { doing: "removing the older picture", path, source });
                 }
                 _ => {}
             }
         }
+        self.unfinished.discard();
         Ok(paths)
     }
 }
 
-fn io_error(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> ReportError + use<> {
+pub(super) fn io_error(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> ReportError + use<> {
     let path = path.to_owned();
     move |source| ReportError::Io { doing, path, source }
 }
@@ -257,7 +336,7 @@ fn pictures_of_report(json: &Path) -> Vec<String> {
         frame: u32,
         pictures: FramePictures,
     }
-    let before = std::fs::read(json).ok().and_then(|text| serde_json::from_slice::<Before>(&text).ok());
+    let before = fs::read(json).ok().and_then(|text| serde_json::from_slice::<Before>(&text).ok());
     let kinds = [PictureKind::Shown, PictureKind::Unculled, PictureKind::Full];
     let ours = |frame: &BeforeFrame| {
         let expected = kinds.map(|kind| picture_name(frame.frame, kind));
@@ -298,7 +377,7 @@ mod tests {
     }
 
     fn listing(dir: &Path) -> Vec<String> {
-        let mut names: Vec<_> = std::fs::read_dir(dir)
+        let mut names: Vec<_> = fs::read_dir(dir)
             .unwrap()
             .map(|entry| entry.unwrap().file_name().into_string().unwrap())
             .collect();
@@ -314,15 +393,15 @@ mod tests {
         assert_eq!(listing(&out), ["frames", "report.html", "report.json"]);
         assert_eq!(listing(&paths.frames).len(), 60 + 2 * 20);
 
-        let report: Report = serde_json::from_slice(&std::fs::read(&paths.json).unwrap()).unwrap();
+        let report: Report = serde_json::from_slice(&fs::read(&paths.json).unwrap()).unwrap();
         assert_eq!(report.frames[1].pictures.shown.as_deref(), Some("frames/00001.png"));
         assert_eq!(report.frames[1].pictures.full, None);
         assert_eq!(report.frames[3].pictures.unculled.as_deref(), Some("frames/00003.unculled.png"));
-        let file = std::fs::read(out.join("frames/00003.png")).unwrap();
+        let file = fs::read(out.join("frames/00003.png")).unwrap();
         let expected = sample::picture(3, 1);
         assert_eq!(Rgb::decode(&file).unwrap(), Rgb::of(&Picture::new(SIZE, SIZE, &expected).unwrap()));
 
-        let html = std::fs::read_to_string(&paths.html).unwrap();
+        let html = fs::read_to_string(&paths.html).unwrap();
         assert_eq!(
             html.matches("src=\"data:image/png;base64,").count(),
             3 * 5,
@@ -335,7 +414,7 @@ mod tests {
     fn a_shorter_report_replaces_a_longer_one_and_spares_other_files() {
         let dir = tempfile::tempdir().unwrap();
         write_sample(dir.path(), sample::report()).unwrap();
-        std::fs::write(dir.path().join("frames/00099.png"), "mine").unwrap();
+        fs::write(dir.path().join("frames/00099.png"), "mine").unwrap();
         let mut shorter = sample::report();
         shorter.frames.truncate(2);
         write_sample(dir.path(), shorter).unwrap();
@@ -349,10 +428,10 @@ mod tests {
     fn a_report_that_names_strange_files_removes_none() {
         let dir = tempfile::tempdir().unwrap();
         let victim = dir.path().join("precious.txt");
-        std::fs::write(&victim, "x").unwrap();
+        fs::write(&victim, "x").unwrap();
         let out = dir.path().join("out");
-        std::fs::create_dir(&out).unwrap();
-        std::fs::write(
+        fs::create_dir(&out).unwrap();
+        fs::write(
             out.join("report.json"),
             r#"{"frames": [{"frame": 0, "pictures": {"shown": "../precious.txt", "unculled": null, "full": null}}]}"#,
         )
@@ -367,16 +446,58 @@ mod tests {
         let mut writer = Writer::create(dir.path()).unwrap();
         let rgba = sample::picture(0, 0);
         writer.picture(0, PictureKind::Shown, &Picture::new(SIZE, SIZE, &rgba).unwrap()).unwrap();
-        assert_eq!(listing(dir.path()).len(), 1, "the hidden folder");
+        assert_eq!(listing(dir.path()), ["unfinished"]);
         drop(writer);
-        assert!(listing(dir.path()).is_empty());
+        assert!(listing(dir.path()).is_empty(), "no frame was recorded");
+    }
+
+    #[test]
+    fn what_was_recorded_stays_where_no_report_comes_of_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let lines = |folder: &str| -> Vec<serde_json::Value> {
+            let text = fs::read_to_string(dir.path().join(folder).join("walk.jsonl")).unwrap();
+            text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+        };
+        let report = sample::report();
+        for (killed, frames) in [3, 5].into_iter().enumerate() {
+            let mut writer = Writer::create(dir.path()).unwrap();
+            writer.begin(&report).unwrap();
+            for frame in &report.frames[..frames] {
+                writer.frame(frame).unwrap();
+            }
+            drop(writer);
+            let left = lines("unfinished");
+            assert_eq!(left.len(), 1 + frames);
+            assert_eq!(left[0]["run"]["seed"], 7);
+            assert_eq!(
+                serde_json::from_value::<Frame>(left[frames].clone()).unwrap(),
+                report.frames[frames - 1]
+            );
+            assert_eq!(listing(&dir.path().join("unfinished")), ["frames", "walk.jsonl"], "no reserve");
+            if killed > 0 {
+                assert_eq!(lines("unfinished.before").len(), 4, "that of the walk before");
+            }
+        }
+        write_sample(dir.path(), sample::report()).unwrap();
+        assert_eq!(listing(dir.path()), ["frames", "report.html", "report.json", "unfinished.before"]);
+        assert_eq!(lines("unfinished.before").len(), 6, "the last one, and none older");
+    }
+
+    #[test]
+    fn one_walk_at_a_time_writes_into_a_folder() {
+        let dir = tempfile::tempdir().unwrap();
+        let writer = Writer::create(dir.path()).unwrap();
+        let error = Writer::create(dir.path()).unwrap_err();
+        assert!(matches!(error, ReportError::Busy { .. }) && error.may_pass(), "{error}");
+        drop(writer);
+        assert!(Writer::create(dir.path()).is_ok());
     }
 
     #[test]
     fn a_file_in_the_way_is_named() {
         let dir = tempfile::tempdir().unwrap();
         let file = dir.path().join("taken");
-        std::fs::write(&file, "x").unwrap();
+        fs::write(&file, "x").unwrap();
         let error = write(&file, sample::bare(), []).unwrap_err();
         let text = error.to_string();
         assert!(text.contains("taken") && text.contains("--out"), "{text}");
@@ -387,13 +508,13 @@ mod tests {
     fn a_failed_write_leaves_the_older_report_whole() {
         let dir = tempfile::tempdir().unwrap();
         let paths = write(dir.path(), sample::bare(), []).unwrap();
-        let before = std::fs::read(&paths.json).unwrap();
+        let before = fs::read(&paths.json).unwrap();
         let writer = Writer::create(dir.path()).unwrap();
         // What a full disk would do: the page's file cannot be created.
-        std::fs::create_dir(writer.staging.path().join("report.html")).unwrap();
+        fs::create_dir(writer.unfinished.path().join("report.html")).unwrap();
         let error = writer.finish(sample::report()).unwrap_err();
         assert!(error.to_string().contains("report.html"), "{error}");
-        assert_eq!(std::fs::read(&paths.json).unwrap(), before);
+        assert_eq!(fs::read(&paths.json).unwrap(), before);
         assert_eq!(listing(dir.path()), ["frames", "report.html", "report.json"]);
     }
 

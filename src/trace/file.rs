@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
+use tempfile::NamedTempFile;
 use thiserror::Error;
 use trimaran_proto::{Camera, CameraError, DrawableId, FrameNumber, SceneHash};
 use xxhash_rust::xxh3::xxh3_64;
@@ -119,6 +120,14 @@ struct StoredFrame {
     found: Vec<(u32, u64)>,
 }
 
+/// A file that can take the place of `path` once it is written, in the same folder, which is created if need be.
+fn new_file(path: &Path) -> io::Result<NamedTempFile> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or_else(|| Path::new("."));
+    fs::create_dir_all(folder)?;
+    tempfile::Builder::new().permissions(Permissions::from_mode(0o666)).tempfile_in(folder)
+}
+
 impl Trace {
     /// Writes the trace; an older one there is replaced at once or not at all.
     ///
@@ -127,18 +136,25 @@ impl Trace {
     pub fn write(&self, path: &Path) -> Result<(), TraceError> {
         let at = |fault| TraceError { path: path.to_owned(), fault };
         let bytes = self.to_bytes().map_err(at)?;
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        let folder = folder.unwrap_or_else(|| Path::new("."));
-        fs::create_dir_all(folder)
-            .and_then(|()| {
-                tempfile::Builder::new().permissions(Permissions::from_mode(0o666)).tempfile_in(folder)
-            })
+        new_file(path)
             .and_then(|file| {
                 fs::write(file.path(), bytes)?;
                 file.persist(path).map_err(|failure| failure.error)
             })
             .map(drop)
             .map_err(|cause| at(cause.into()))
+    }
+
+    /// Whether a trace can be written to this path, as far as can be told before; its folder is created.
+    ///
+    /// # Errors
+    /// Says what stands in the way.
+    pub fn check_path(path: &Path) -> Result<(), TraceError> {
+        let at = |cause: io::Error| TraceError { path: path.to_owned(), fault: cause.into() };
+        if path.is_dir() {
+            return Err(at(io::ErrorKind::IsADirectory.into()));
+        }
+        new_file(path).map(drop).map_err(at)
     }
 
     /// Reads a trace, all of it, and checks it.

@@ -69,8 +69,10 @@ pub struct Auditor {
     scene: Arc<Scene>,
     viewport: Viewport,
     rule: CutRule,
+    drawn: Arc<GpuScene>,
     pictures: PicturePass,
-    items: ItemPass,
+    /// Made when the first frame is checked.
+    items: Option<ItemPass>,
     counts: ObjectCounts,
 }
 
@@ -78,7 +80,7 @@ impl Auditor {
     /// An auditor for pictures of `viewport`'s size at `rule`'s levels.
     ///
     /// # Errors
-    /// If the device cannot draw that size or tell triangles apart.
+    /// If the device cannot draw that size.
     pub fn new(
         scene: &Arc<Scene>,
         drawn: &Arc<GpuScene>,
@@ -89,8 +91,9 @@ impl Auditor {
             scene: Arc::clone(scene),
             viewport,
             rule,
+            drawn: Arc::clone(drawn),
             pictures: PicturePass::new(drawn, viewport)?,
-            items: ItemPass::new(drawn, viewport)?,
+            items: None,
             counts: ObjectCounts::new(scene),
         })
     }
@@ -176,10 +179,15 @@ impl Auditor {
 
     fn draw_items(&mut self, view: &View, ids: &[DrawableId]) -> Result<ItemImage, GpuError> {
         let mut image = ItemImage::default();
-        self.items.begin(view)?;
-        self.items.draw(ids)?;
-        self.items.finish()?;
-        self.items.read(&mut image)?;
+        let items = match self.items.take() {
+            Some(items) => items,
+            None => ItemPass::new(&self.drawn, self.viewport)?,
+        };
+        let items = self.items.insert(items);
+        items.begin(view)?;
+        items.draw(ids)?;
+        items.finish()?;
+        items.read(&mut image)?;
         Ok(image)
     }
 

@@ -1,6 +1,6 @@
 //! From what was recorded to the frames of a report.
 
-use std::{collections::BTreeMap, time::Duration};
+use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
 use trimaran_proto::{CullCounts, FrameNumber, FrameStats, SentBytes};
 use trimaran_scene::Scene;
@@ -8,21 +8,33 @@ use trimaran_scene::Scene;
 use super::{objects::ObjectCounts, path::Trail, record::FrameRecord};
 use crate::report::schema::{BytesByKind, CullingCounts, Frame, Role, Seat, Span};
 
-/// The report's record of every frame, without what only an audit can tell.
-#[must_use]
-pub(super) fn frames(scene: &Scene, trail: &Trail, records: &[FrameRecord]) -> Vec<Frame> {
-    let mut previous = None;
-    let objects = ObjectCounts::new(scene);
-    records
-        .iter()
-        .map(|record| {
-            let before = previous.replace(record.shown);
-            Frame {
-                objects_drawn: Some(objects.of(scene, record.ids.iter().copied())),
-                ..frame(scene, trail, record, before, records)
-            }
-        })
-        .collect()
+/// Makes the report's frames of what was recorded, without what only an audit can tell.
+#[derive(Debug)]
+pub(super) struct Composer {
+    scene: Arc<Scene>,
+    trail: Trail,
+    objects: ObjectCounts,
+    /// Whether all roles measured by one clock.
+    one_clock: bool,
+    /// When the frames so far were shown.
+    shown: Vec<Duration>,
+}
+
+impl Composer {
+    pub(super) fn new(scene: &Arc<Scene>, trail: &Trail, one_clock: bool) -> Self {
+        let objects = ObjectCounts::new(scene);
+        Self { scene: Arc::clone(scene), trail: trail.clone(), objects, one_clock, shown: Vec::new() }
+    }
+
+    /// The next frame, in the order shown.
+    pub(super) fn frame(&mut self, record: &FrameRecord) -> Frame {
+        let previous = self.shown.last().copied();
+        let frames_between = self.shown.iter().rev().take_while(|shown| **shown > record.published).count();
+        self.shown.push(record.shown);
+        let frame = frame(&self.scene, &self.trail, record, previous, frames_between);
+        let objects = self.objects.of(&self.scene, record.ids.iter().copied());
+        Frame { objects_drawn: Some(objects), timeline: timeline(record, self.one_clock), ..frame }
+    }
 }
 
 fn frame(
@@ -30,7 +42,7 @@ fn frame(
     trail: &Trail,
     record: &FrameRecord,
     previous: Option<Duration>,
-    records: &[FrameRecord],
+    frames_between: usize,
 ) -> Frame {
     let number = record.camera.frame();
     let pose = trail.pose_of(&record.camera);
@@ -41,8 +53,6 @@ fn frame(
         .map(|drawable| u64::from(drawable.index_count / 3))
         .sum();
     let stats = record.stats.as_ref();
-    let shown_between =
-        records.iter().filter(|r| r.shown > record.published && r.shown < record.shown).count();
     let bytes = all_bytes(record);
     Frame {
         frame: number.0,
@@ -53,9 +63,8 @@ fn frame(
         hc_ms: stats.map(|s| s.hc_end_ns.saturating_sub(s.hc_start_ns) as f64 * 1e-6),
         rvg_ms: Some(milliseconds(record.shown.saturating_sub(record.drawing))),
         frame_ms: previous.map(|previous| milliseconds(record.shown.saturating_sub(previous))),
-        latency_frames: u32::try_from(shown_between).ok(),
+        latency_frames: u32::try_from(frames_between).ok(),
         latency_ms: Some(milliseconds(record.shown.saturating_sub(record.published))),
-        timeline: timeline(record),
         nodes_drawn: Some(record.ids.len() as u64),
         triangles_drawn: Some(triangles),
         occluders_drawn: stats.map(|s| u64::from(s.occluders)),
@@ -68,8 +77,9 @@ fn frame(
     }
 }
 
-/// When each role was busy. The machine's clock is laid over the display's where the frame's begin was sent and arrived.
-fn timeline(record: &FrameRecord) -> Vec<Span> {
+/// When each role was busy. Unless they are one, the machine's clock is laid over the display's where the
+/// frame's begin was sent and arrived.
+fn timeline(record: &FrameRecord, one_clock: bool) -> Vec<Span> {
     let number = record.camera.frame();
     let mut spans = vec![Span {
         role: Role::Rvg,
@@ -78,8 +88,9 @@ fn timeline(record: &FrameRecord) -> Vec<Span> {
         end_ms: milliseconds(record.shown),
     }];
     if let Some(stats) = &record.stats {
-        let here =
-            |there_ns: u64| milliseconds(record.begun) + (there_ns as f64 - stats.hc_start_ns as f64) * 1e-6;
+        let begun_ns = record.begun.as_nanos() as f64;
+        let ahead_ns = if one_clock { 0.0 } else { begun_ns - stats.hc_start_ns as f64 };
+        let here = |there_ns: u64| (there_ns as f64 + ahead_ns) * 1e-6;
         let seat = seat_of(number);
         let span = |role, start, end| Span { role, seat, start_ms: here(start), end_ms: here(end) };
         spans.push(span(Role::Or, busy_start(stats), stats.or_end_ns));

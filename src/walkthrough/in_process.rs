@@ -5,10 +5,11 @@ use std::{sync::Arc, thread};
 use thiserror::Error;
 use tokio::runtime::Handle;
 use trimaran_actors::{
-    Devices, Observer, SessionError, Stop, VulkanDisplay, VulkanPair, VulkanPairError, in_process as join,
+    Devices, Observer, SessionError, Stop, Turns, VulkanDisplay, VulkanPair, VulkanPairError,
+    in_process as join,
 };
 use trimaran_cull::ViewportError;
-use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene};
+use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, ItemPass};
 use trimaran_scene::Scene;
 use trimaran_transport::{Net, TokioNet};
 
@@ -68,12 +69,17 @@ pub fn in_process(
 ) -> Result<(), StageError> {
     let size = viewport(plan.size)?;
     let [first, second, display] = &stage.drawn;
+    if plan.audit_every > 0 {
+        ItemPass::check(display)?;
+    }
     let pair = |drawn| VulkanPair::new(drawn, size, plan.tester);
     let devices =
         Devices { first: pair(first)?, second: pair(second)?, display: VulkanDisplay::new(display, size)? };
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
     let settings = plan.settings(trail.frames());
     let mut cameras = trail.cameras(plan.pace);
-    join(&stage.scene, settings, devices, &mut *cameras, observer, &net, runtime, stop).map_err(Box::new)?;
+    let turns = if plan.alone { Turns::alone() } else { Turns::at_once() };
+    join(&stage.scene, settings, devices, &mut *cameras, observer, &net, runtime, stop, &turns)
+        .map_err(Box::new)?;
     Ok(())
 }

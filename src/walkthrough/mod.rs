@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! Trail::find      which way to walk
-//! in_process       the three roles walk it; a Recorder notes every frame
+//! in_process       the three roles walk it; a Recorder notes every frame, and a Journal writes it down
 //! Auditor          draws frames again, away from the clock: as shown, without culling, at full detail
 //! report           all of it as a report with its pictures
 //! ```
@@ -12,6 +12,7 @@ mod audit;
 mod compose;
 mod deviation;
 mod in_process;
+mod journal;
 mod live;
 mod objects;
 mod path;
@@ -21,9 +22,10 @@ mod reporting;
 pub use attribution::AttributionError;
 pub use audit::{AuditError, AuditPictures, Auditor, picture_of};
 pub use in_process::{Stage, StageError, in_process};
+pub use journal::{Journal, JournalStopped};
 pub use path::{PathChoice, Trail, TrailError};
 pub use record::{FrameRecord, Recorder};
-pub use reporting::{ReportPlan, ReportingError, SceneFile, write_report};
+pub use reporting::{ReportPlan, ReportingError, SceneFile, Written, begin, how_ended, write_report};
 
 use trimaran_cull::Viewport;
 use trimaran_proto::{BatchSize, EpsilonPx, FrameNumber, IdCoding, PictureSize, Settings, TesterKind};
@@ -62,6 +64,9 @@ pub struct Plan {
     pub audit_every: u32,
     /// Whether audited frames name what is exactly visible at full detail.
     pub visible: bool,
+    /// Whether the roles compute one after another, so that no busy time contains another role's work. Only
+    /// roles of one process can: it has no effect on others.
+    pub alone: bool,
 }
 
 impl Plan {

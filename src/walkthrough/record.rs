@@ -2,9 +2,14 @@
 
 use std::time::Duration;
 
-use trimaran_actors::{Observer, ShownFrame};
+use trimaran_actors::{Observer, ObserverError, ShownFrame};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, SentBytes};
 use xxhash_rust::xxh3::xxh3_64;
+
+use super::journal::{Entry, Journal, JournalStopped};
+
+/// How many frames later the pair's figures of a frame are there at the latest. A frame is written without them then.
+const STATS_LAG: usize = 4;
 
 /// A frame as it was shown.
 #[derive(Debug, Clone)]
@@ -33,17 +38,31 @@ pub struct FrameRecord {
     pub stats: Option<FrameStats>,
 }
 
-/// Notes every frame of a session.
+/// Notes every frame of a session, and writes them into a report's folder as they come if it is given one.
 pub struct Recorder<'p> {
     frames: Vec<FrameRecord>,
     picture_every: u32,
     progress: &'p mut dyn FnMut(FrameNumber),
+    journal: Option<Journal>,
+    /// How many frames the journal has.
+    written: usize,
 }
 
 impl<'p> Recorder<'p> {
     /// Reads back every `picture_every`-th picture, none if 0, and calls `progress` after each frame.
     pub fn new(picture_every: u32, progress: &'p mut dyn FnMut(FrameNumber)) -> Self {
-        Self { frames: Vec::new(), picture_every, progress }
+        Self { frames: Vec::new(), picture_every, progress, journal: None, written: 0 }
+    }
+
+    /// Writes what comes from now on into `journal` as well.
+    pub fn write_into(&mut self, journal: Journal) {
+        self.journal = Some(journal);
+    }
+
+    /// Whether what comes is written into a journal.
+    #[must_use]
+    pub const fn writes(&self) -> bool {
+        self.journal.is_some()
     }
 
     /// The frame after the last one shown.
@@ -57,6 +76,30 @@ impl<'p> Recorder<'p> {
     pub fn into_frames(self) -> Vec<FrameRecord> {
         self.frames
     }
+
+    /// The frames, in the order shown, and the journal that has them all, if there was one.
+    #[must_use]
+    pub fn into_parts(mut self) -> (Vec<FrameRecord>, Option<Journal>) {
+        // A journal that takes no more says why when it is finished.
+        let _stopped = self.write(self.frames.len());
+        (self.frames, self.journal)
+    }
+
+    /// Writes the frames before `end`.
+    fn write(&mut self, end: usize) -> Result<(), JournalStopped> {
+        let Some(journal) = &self.journal else { return Ok(()) };
+        for record in self.frames.get(self.written..end).unwrap_or_default() {
+            journal.note(Entry::Frame(Box::new(record.clone())))?;
+            self.written += 1;
+        }
+        Ok(())
+    }
+
+    /// How many frames, from the first on, the pair has nothing more to say of.
+    fn complete(&self) -> usize {
+        let known = self.frames.iter().skip(self.written).take_while(|record| record.stats.is_some()).count();
+        (self.written + known).max(self.frames.len().saturating_sub(STATS_LAG))
+    }
 }
 
 impl Observer for Recorder<'_> {
@@ -64,7 +107,7 @@ impl Observer for Recorder<'_> {
         self.picture_every > 0 && frame.0.is_multiple_of(self.picture_every)
     }
 
-    fn shown(&mut self, frame: &ShownFrame<'_>) {
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), ObserverError> {
         self.frames.push(FrameRecord {
             camera: frame.camera,
             ids: frame.ids.to_vec(),
@@ -79,6 +122,11 @@ impl Observer for Recorder<'_> {
             stats: None,
         });
         (self.progress)(frame.camera.frame());
+        if let (Some(journal), Some(picture)) = (&self.journal, frame.picture) {
+            let number = frame.camera.frame().0;
+            journal.note(Entry::Picture { frame: number, picture: picture.clone() })?;
+        }
+        Ok(self.write(self.complete())?)
     }
 
     fn pair_did(&mut self, stats: &FrameStats) {

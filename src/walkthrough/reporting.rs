@@ -1,14 +1,9 @@
-//! From a finished session to a report on disk.
+//! From a session to a report on disk, however the session ended.
 
-use std::{
-    ops::ControlFlow,
-    path::{Path, PathBuf},
-    sync::Arc,
-    time::SystemTime,
-};
+use std::{ops::ControlFlow, path::PathBuf, sync::Arc, time::SystemTime};
 
 use thiserror::Error;
-use trimaran_actors::VulkanPair;
+use trimaran_actors::{RoleError, VulkanPair};
 use trimaran_cull::{CutRule, CutRuleError, ViewportError};
 use trimaran_gpu::{GpuError, GpuInfo, GpuScene, Picture};
 use trimaran_scene::Scene;
@@ -16,7 +11,8 @@ use trimaran_scene::Scene;
 use super::{
     Pace, Plan,
     audit::{AuditError, AuditPictures, Auditor, picture_of},
-    compose,
+    compose::Composer,
+    journal::Journal,
     path::Trail,
     record::FrameRecord,
     viewport,
@@ -24,8 +20,9 @@ use super::{
 use crate::report::{
     Frame, Lens, Paths, PictureKind, Report, ReportError, Run, Writer,
     metrics::MetricError,
-    schema::{Mode, RoleInfo, SceneInfo, Seat, timestamp},
+    schema::{Ended, HowEnded, Mode, RoleInfo, SceneInfo, Seat, timestamp},
 };
+use trimaran_actors::causes;
 
 /// A scene and the file it came from.
 #[derive(Debug, Clone)]
@@ -57,7 +54,7 @@ pub struct ReportPlan {
     pub notes: Vec<String>,
 }
 
-/// Why there is no report.
+/// Why there is no report, or less than a whole one.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ReportingError {
@@ -68,11 +65,14 @@ pub enum ReportingError {
     #[error(transparent)]
     Audit(#[from] AuditError),
     /// It was broken off.
-    #[error("interrupted: no report was written")]
+    #[error("interrupted again")]
     Interrupted,
     /// Writing failed.
     #[error(transparent)]
     Write(#[from] ReportError),
+    /// The system gave no thread to write on.
+    #[error("cannot start a thread to write on")]
+    Thread(#[source] std::io::Error),
     /// The picture has no pixels.
     #[error(transparent)]
     Viewport(#[from] ViewportError),
@@ -84,28 +84,100 @@ pub enum ReportingError {
     Metric(#[from] MetricError),
 }
 
-/// Audits the session's frames, draws all its pictures and writes the report into `out`. Calls `progress` after each frame, and
-/// stops if it says so.
+/// Begins to record a walk into a report's folder.
 ///
 /// # Errors
-/// When a device fails, the disk does, or `progress` breaks it off; then nothing of the report is left.
-#[expect(clippy::too_many_arguments, reason = "a report joins this many things")]
-pub fn write_report(
-    out: &Path,
+/// When it cannot be written to, or the system gives no thread.
+pub fn begin(
+    mut writer: Writer,
     file: &SceneFile,
-    drawn: &Arc<GpuScene>,
     plan: &Plan,
     about: &ReportPlan,
     trail: &Trail,
+) -> Result<Journal, ReportingError> {
+    writer.begin(&report(file, plan, about, trail, &[], Vec::new(), Ended::default()))?;
+    Journal::start(writer, Composer::new(&file.scene, trail, plan.alone)).map_err(ReportingError::Thread)
+}
+
+/// How a session ended that a role or the journal ended early.
+pub fn how_ended<D: std::error::Error + 'static>(error: &RoleError<D>) -> HowEnded {
+    match error {
+        RoleError::Stopped => HowEnded::Interrupted,
+        error if error.device_failure().is_some() => HowEnded::DeviceFailed,
+        RoleError::Observer(_) => HowEnded::NotRecorded,
+        error if error.lost_a_peer() => HowEnded::PeerLost,
+        _ => HowEnded::Failed,
+    }
+}
+
+/// A report on disk.
+#[derive(Debug)]
+pub struct Written {
+    /// What it says.
+    pub report: Report,
+    /// Where it lies.
+    pub paths: Paths,
+    /// Why it has not all the pictures and checks that were asked for, if so.
+    pub incomplete: Option<ReportingError>,
+}
+
+/// Audits the session's frames, draws the pictures that `writer` has not got yet, and writes the report. Calls `progress`
+/// after each frame, and draws no more if it says so. After `failure`, with which the folder took no more, nothing more is
+/// drawn.
+///
+/// # Errors
+/// When the disk fails. Whatever else does, the report is written with what there is, and says what is missing.
+#[expect(clippy::too_many_arguments, reason = "a report joins this many things")]
+pub fn write_report(
+    mut writer: Writer,
+    failure: Option<ReportingError>,
+    file: &SceneFile,
+    drawn: &Arc<GpuScene>,
+    plan: &Plan,
+    mut about: ReportPlan,
+    trail: &Trail,
     records: &[FrameRecord],
+    ended: Ended,
     progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
-) -> Result<(Report, Paths), ReportingError> {
+) -> Result<Written, ReportError> {
+    let mut composer = Composer::new(&file.scene, trail, plan.alone);
+    let mut frames: Vec<Frame> = records.iter().map(|record| composer.frame(record)).collect();
+    let mut checked = 0;
+    let incomplete = match failure {
+        Some(failure) => Some(failure),
+        None => {
+            let mut count = |frame| {
+                checked += 1;
+                progress(frame)
+            };
+            draw(&mut writer, file, drawn, plan, records, &mut frames, &mut count).err()
+        }
+    };
+    if let Some(why) = &incomplete {
+        let why = causes(why);
+        about
+            .notes
+            .push(format!("pictures and checks end after {checked} of {} frames: {why}", frames.len()));
+    }
+    let report = report(file, plan, &about, trail, records, frames, ended);
+    let paths = writer.finish(report.clone())?;
+    Ok(Written { report, paths, incomplete })
+}
+
+/// Draws the frames' pictures and audits those that are due.
+fn draw(
+    writer: &mut Writer,
+    file: &SceneFile,
+    drawn: &Arc<GpuScene>,
+    plan: &Plan,
+    records: &[FrameRecord],
+    frames: &mut [Frame],
+    progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
+) -> Result<(), ReportingError> {
     let size = viewport(plan.size)?;
     let rule = CutRule::new(plan.epsilon.pixels())?.stopping_at_few_pixels(plan.few_pixels);
     let mut auditor = Auditor::new(&file.scene, drawn, size, rule)?;
     let mut machine = VulkanPair::new(drawn, size, plan.tester)?;
-    let mut writer = Writer::create(out)?;
-    let mut frames = compose::frames(&file.scene, trail, records);
     let mut pictures = AuditPictures::default();
     for (index, (frame, record)) in frames.iter_mut().zip(records).enumerate() {
         let number = frame.frame;
@@ -117,19 +189,20 @@ pub fn write_report(
                 (PictureKind::Unculled, &pictures.unculled),
                 (PictureKind::Full, &pictures.full),
             ] {
-                write_picture(&mut writer, number, kind, picture)?;
+                // The picture as shown was written when it was shown, if it was read back then.
+                if !writer.has(number, kind) {
+                    write_picture(writer, number, kind, picture)?;
+                }
             }
         } else {
             auditor.picture(record, &mut pictures.shown)?;
-            write_picture(&mut writer, number, PictureKind::Shown, &pictures.shown)?;
+            write_picture(writer, number, PictureKind::Shown, &pictures.shown)?;
         }
         if progress(number).is_break() {
             return Err(ReportingError::Interrupted);
         }
     }
-    let report = report(file, plan, about, trail, records, frames);
-    let paths = writer.finish(report.clone())?;
-    Ok((report, paths))
+    Ok(())
 }
 
 fn write_picture(
@@ -148,6 +221,7 @@ fn report(
     trail: &Trail,
     records: &[FrameRecord],
     frames: Vec<Frame>,
+    ended: Ended,
 ) -> Report {
     let lens = Lens {
         width: plan.size.width(),
@@ -159,7 +233,7 @@ fn report(
         [first, .., last] => Some(last.shown.saturating_sub(first.shown).as_secs_f64() * 1e3),
         _ => None,
     };
-    Report::new(run(file, plan, about), lens, frames, wall_ms)
+    Report::new(run(file, plan, about), lens, frames, wall_ms, ended)
 }
 
 fn run(file: &SceneFile, plan: &Plan, about: &ReportPlan) -> Run {
@@ -184,6 +258,7 @@ fn run(file: &SceneFile, plan: &Plan, about: &ReportPlan) -> Run {
             Pace::Lockstep => Mode::Lockstep,
             Pace::Live { .. } => Mode::Live,
         },
+        alone: plan.alone,
         path: about.path.clone(),
         seed: about.seed,
         audit_every: (plan.audit_every > 0).then_some(plan.audit_every),

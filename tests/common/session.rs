@@ -5,7 +5,7 @@ use std::{sync::Arc, thread, time::Duration};
 use tokio::runtime::{Builder, Runtime};
 use trimaran::walkthrough::{FrameRecord, PathChoice, Plan, Recorder, Stage, Trail, in_process, viewport};
 use trimaran_actors::{
-    Devices, DisplayRole, Joined, OccluderPolicy, PairDevice, PairRole, Place, Seat, Stop, Stopwatch,
+    Devices, DisplayRole, Joined, OccluderPolicy, PairDevice, PairRole, Place, Seat, Stop, Stopwatch, Turns,
     VulkanDisplay, VulkanPair, await_pair, join_session,
 };
 use trimaran_cull::{CutRule, View, level_cut};
@@ -57,6 +57,7 @@ pub(crate) fn walk_with<P: PairDevice + Send>(
         &net,
         runtime.handle(),
         &stop,
+        &Turns::at_once(),
     )
     .unwrap();
     recorder.into_frames()
@@ -98,6 +99,8 @@ pub(crate) fn walk_over_tcp(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<Fr
                     other,
                     settings,
                     occluders: OccluderPolicy::default(),
+                    clock: Stopwatch::start(),
+                    turns: Turns::at_once(),
                 };
                 role.run(runtime.handle(), stop).unwrap();
             });
@@ -105,9 +108,8 @@ pub(crate) fn walk_over_tcp(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<Fr
         let [first, second] = runtime.block_on(await_pair(listener, deadline)).unwrap();
         let device = VulkanDisplay::new(display, size).unwrap();
         let net = Arc::clone(&net);
-        let clock = Stopwatch::start();
-        let role =
-            DisplayRole { scene: Arc::clone(&stage.scene), device, first, second, settings, net, clock };
+        let (scene, clock, turns) = (Arc::clone(&stage.scene), Stopwatch::start(), Turns::at_once());
+        let role = DisplayRole { scene, device, first, second, settings, net, clock, turns };
         role.run(&mut trail.clone(), &mut recorder, runtime.handle(), &stop).unwrap();
     });
     recorder.into_frames()

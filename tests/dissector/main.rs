@@ -108,6 +108,7 @@ fn walk() -> Workload {
         few_pixels: false,
         audit_every: 0,
         visible: false,
+        alone: false,
     };
     let ms = Duration::from_millis;
     let record = |frame: u32| {

@@ -1,5 +1,6 @@
 //! Connecting to a listener that may not be there yet, over whatever transport its endpoint names.
 
+use std::error::Error;
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -14,9 +15,9 @@ use crate::net::{Instant, Net, sleep_until, until};
 use crate::{Endpoint, HostPort, Link, Name, Options, inproc, quic, tcp, udp, unix};
 
 /// The pause after the first attempt; it doubles up to [`LAST_PAUSE`].
-const FIRST_PAUSE: Duration = Duration::from_millis(20);
+const FIRST_PAUSE: Duration = Duration::from_millis(100);
 /// The longest pause between two attempts.
-const LAST_PAUSE: Duration = Duration::from_secs(1);
+const LAST_PAUSE: Duration = Duration::from_secs(2);
 
 /// How this side introduces itself in one attempt.
 #[derive(Debug, Clone, Copy)]
@@ -24,25 +25,20 @@ pub(crate) struct Introduction<'o> {
     pub(crate) identity: Identity,
     pub(crate) session: SessionId,
     pub(crate) options: &'o Options,
+    /// When the attempt is cut short.
+    pub(crate) by: Instant,
 }
 
 /// Why no link came about.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ConnectError {
-    /// The listener is there and refuses: trying again would not help.
-    #[error("{endpoint} refuses: {refusal}")]
-    Refused {
-        /// Whom we asked.
-        endpoint: Endpoint,
-        /// Its reason.
-        refusal: Refusal,
-    },
-    /// The deadline came before a link.
+    /// The deadline came before a link. It may pass: what stood in the way is up to time, to the peer or to somebody on the way.
     #[error(
-        "no link to {endpoint} within {:?} and {attempts} attempt{}: is the other role running there?",
+        "no link to {endpoint} within {:?} and {attempts} attempt{}{}",
         readable(.waited),
-        if *.attempts == 1 { "" } else { "s" }
+        if *.attempts == 1 { "" } else { "s" },
+        if .last.is_mismatch() { "" } else { ": is the other role running there?" }
     )]
     Deadline {
         /// Whom we asked.
@@ -55,7 +51,7 @@ pub enum ConnectError {
         #[source]
         last: AttemptError,
     },
-    /// The attempt failed in a way that trying again cannot mend.
+    /// What this side was given cannot be used: its keys, or the kind of endpoint on this system. It does not pass.
     #[error("no link to {endpoint} can be made")]
     Failed {
         /// Whom we asked.
@@ -64,21 +60,40 @@ pub enum ConnectError {
         #[source]
         cause: AttemptError,
     },
-    /// The system has no random numbers for a session id.
+    /// The system has no random numbers for a session id. It may pass: nothing that this side was given is at fault.
     #[error("the system gives no random number for the session id")]
     Random(#[source] io::Error),
 }
 
 impl ConnectError {
-    /// Whether it may work another time though nothing is changed: the peer was not there in time, or holds the place of a process
-    /// that is gone for this one's. Any other failure is about what one of the sides was given.
+    /// Whether the same call may work another time: time, the peer or another machine may mend it. Otherwise what this side was
+    /// given has to change.
     #[must_use]
     pub const fn may_pass(&self) -> bool {
-        matches!(self, Self::Deadline { .. } | Self::Refused { refusal: Refusal::RoleTaken { .. }, .. })
+        match self {
+            Self::Deadline { .. } | Self::Random(_) => true,
+            Self::Failed { .. } => false,
+        }
+    }
+
+    /// What the listener said when it refused the last attempt, if that is how it ended. Over TCP and Unix sockets anybody who
+    /// listens there may have said so.
+    #[must_use]
+    pub const fn refusal(&self) -> Option<Refusal> {
+        match self {
+            Self::Deadline { last: AttemptError::Handshake { cause, .. }, .. } => match cause {
+                HandshakeError::Refused(refusal) => Some(*refusal),
+                _ => None,
+            },
+            _ => None,
+        }
     }
 }
 
 /// Why one attempt failed.
+///
+/// Most of it is a hint only. A name server, a router or whoever has the address for a moment can cause it, and so can forged
+/// packets: [`connect`] tries again.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum AttemptError {
@@ -118,31 +133,36 @@ pub enum AttemptError {
 }
 
 impl AttemptError {
-    /// Whether another attempt would end the same.
-    const fn is_final(&self) -> bool {
-        matches!(
-            self,
-            Self::Handshake {
-                cause: HandshakeError::ForeignUser(_)
-                    | HandshakeError::NoKeys
-                    | HandshakeError::Tls(_)
-                    | HandshakeError::UnknownPeer(_)
-                    | HandshakeError::WrongRole(_)
-                    | HandshakeError::NotKnown { .. }
-                    | HandshakeError::Alpn
-                    | HandshakeError::Datagram { .. }
-                    | HandshakeError::Datagrams { .. },
-                ..
-            }
-        )
+    /// Whether nobody said anything.
+    const fn is_silence(&self) -> bool {
+        matches!(self, Self::Handshake { cause: HandshakeError::Unanswered, .. })
+    }
+
+    /// Whether what this side was given is at fault, so that no other attempt can end differently. What a peer says never is.
+    fn is_final(&self) -> bool {
+        match self {
+            Self::Handshake { cause: HandshakeError::NoKeys | HandshakeError::Tls(_), .. } => true,
+            Self::Connect { cause, .. } => cause.kind() == io::ErrorKind::Unsupported,
+            _ => false,
+        }
+    }
+
+    /// Whether somebody answers who does not go together with this side.
+    const fn is_mismatch(&self) -> bool {
+        matches!(self, Self::Handshake { cause, .. } if cause.is_mismatch())
     }
 }
 
-/// Connects to the listener at `endpoint`, trying again until `deadline`: which of two peers starts first does
-/// not matter.
+/// Connects to the listener at `endpoint`, trying again until `deadline`: which of two peers starts first does not matter.
+///
+/// Between two attempts is a random pause that grows from 0.1 to 2 s at most. Each new obstacle is logged once.
+///
+/// Dropping the future ends the attempt that is under way. The listener may have made a link of it: that link then ends as lost.
 ///
 /// # Errors
-/// When the listener refuses, or no link came about before the deadline; then the last attempt's error is the source.
+/// At once where what this side was given cannot be used. Everything else is tried again, also what a listener says: a stranger may
+/// have its address for a moment, and the peer may be started again with another scene or other keys. So it ends at the deadline,
+/// and the last attempt's error is the source.
 pub async fn connect(
     net: &Arc<dyn Net>,
     endpoint: &Endpoint,
@@ -153,31 +173,31 @@ pub async fn connect(
     let started = net.now();
     let mut pause = FIRST_PAUSE;
     let mut attempts = 0;
-    let mut known = None;
+    let mut known: Option<AttemptError> = None;
     loop {
         attempts += 1;
         let session = SessionId(net.random().map_err(ConnectError::Random)?);
         let patience = net.now().after(options.handshake).min(deadline);
-        let introduction = Introduction { identity, session, options };
+        let introduction = Introduction { identity, session, options, by: patience };
         let attempt = attempt(net, endpoint, &introduction);
-        let last = match until(&**net, patience, attempt).await {
+        let (last, is_new) = match until(&**net, patience, attempt).await {
             Some(Ok(link)) => return Ok(link),
-            Some(Err(e)) => e,
-            // An attempt that was cut short by the deadline tells less than the one before it.
-            None => known.filter(|_| patience == deadline).unwrap_or(AttemptError::TimedOut),
-        };
-        let last = match last {
-            AttemptError::Handshake { cause: HandshakeError::Refused(refusal), .. }
-                if !refusal.is_passing() =>
-            {
-                return Err(ConnectError::Refused { endpoint: endpoint.clone(), refusal });
-            }
-            cause if cause.is_final() => {
+            Some(Err(e)) if patience == deadline && e.is_silence() => (known.unwrap_or(e), false),
+            Some(Err(cause)) if cause.is_final() => {
                 return Err(ConnectError::Failed { endpoint: endpoint.clone(), cause });
             }
-            last => last,
+            Some(Err(last)) => {
+                let is_new = known.as_ref().is_none_or(|known| told(known) != told(&last));
+                (last, is_new)
+            }
+            // An attempt that was cut short by the deadline tells less than the one before it.
+            None => (known.filter(|_| patience == deadline).unwrap_or(AttemptError::TimedOut), false),
         };
-        tracing::debug!(%endpoint, attempts, error = &last as &dyn std::error::Error, "trying again");
+        match (is_new, last.is_mismatch()) {
+            (true, true) => tracing::warn!(%endpoint, "no link yet, trying again: {}", told(&last)),
+            (true, false) => tracing::info!(%endpoint, "no link yet, trying again: {}", told(&last)),
+            (false, _) => tracing::debug!(%endpoint, attempts, "no link yet"),
+        }
         let next = net.now().after(jittered(pause, &**net).map_err(ConnectError::Random)?);
         if next >= deadline {
             let waited = net.now().since(started);
@@ -187,6 +207,17 @@ pub async fn connect(
         known = Some(last);
         pause = (pause * 2).min(LAST_PAUSE);
     }
+}
+
+/// An error with its causes.
+fn told(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        text = format!("{text}: {error}");
+        cause = error.source();
+    }
+    text
 }
 
 /// Between a half and the whole of `pause`, so that peers which lost the same listener do not all come back at once.
@@ -257,15 +288,43 @@ mod tests {
         assert!(said.contains("within 60s and 1 attempt:"), "{said}");
     }
 
+    fn cut_short(last: AttemptError) -> ConnectError {
+        let endpoint = "tcp://there:1".parse().unwrap();
+        ConnectError::Deadline { endpoint, waited: Duration::from_secs(1), attempts: 1, last }
+    }
+
+    fn handshake(cause: HandshakeError) -> AttemptError {
+        AttemptError::Handshake { address: "there:1".to_owned(), cause }
+    }
+
     #[test]
-    fn a_peer_that_is_late_or_keeps_a_place_may_be_tried_again_and_another_scene_not() {
-        let endpoint = || "tcp://there:1".parse().unwrap();
-        let refused = |refusal| ConnectError::Refused { endpoint: endpoint(), refusal };
-        let (listener, connector) = (SceneHash(1), SceneHash(2));
-        assert!(refused(Refusal::RoleTaken { role: Role::SwitchA }).may_pass());
-        assert!(!refused(Refusal::Scene { listener, connector }).may_pass());
-        let last = AttemptError::TimedOut;
-        let waited = Duration::from_secs(1);
-        assert!(ConnectError::Deadline { endpoint: endpoint(), waited, attempts: 1, last }.may_pass());
+    fn whatever_a_peer_or_time_may_mend_may_pass_and_what_this_side_was_given_not() {
+        let another_scene = Refusal::Scene { listener: SceneHash(1), connector: SceneHash(2) };
+        for passing in
+            [HandshakeError::Refused(another_scene), HandshakeError::Alpn, HandshakeError::Stranger]
+        {
+            let attempt = handshake(passing);
+            assert!(!attempt.is_final() && cut_short(attempt).may_pass());
+        }
+        assert!(ConnectError::Random(io::ErrorKind::Other.into()).may_pass());
+        for at_fault in [
+            handshake(HandshakeError::NoKeys),
+            handshake(HandshakeError::Tls(rustls::Error::General(String::new()))),
+            AttemptError::Connect { address: String::new(), cause: io::ErrorKind::Unsupported.into() },
+        ] {
+            assert!(at_fault.is_final(), "{at_fault:?}");
+            let endpoint = "tcp://there:1".parse().unwrap();
+            assert!(!ConnectError::Failed { endpoint, cause: at_fault }.may_pass());
+        }
+    }
+
+    #[test]
+    fn a_refusal_can_be_asked_for_and_is_no_sign_that_nobody_is_there() {
+        let taken = Refusal::RoleTaken { role: Role::SwitchA };
+        let refused = cut_short(handshake(HandshakeError::Refused(taken)));
+        assert_eq!((refused.refusal(), cut_short(AttemptError::TimedOut).refusal()), (Some(taken), None));
+        assert!(!refused.to_string().contains("running there"), "{refused}");
+        let busy = cut_short(handshake(HandshakeError::Refused(Refusal::Busy)));
+        assert!(busy.to_string().contains("running there"), "{busy}");
     }
 }

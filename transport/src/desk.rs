@@ -3,13 +3,13 @@
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
+use tokio::sync::mpsc;
 use trimaran_proto::{Identity, Refusal, Role};
 
 use crate::handshake::HandshakeError;
-use crate::keys::WrongRole;
 use crate::net::Net;
-use crate::rates::{Door, Handshakes, TurnedAway};
+use crate::pending::{Pending, Slot};
+use crate::rates::{Door, Handshakes, Origin, Sparse, TurnedAway};
 use crate::{Link, Options, PeerAddress};
 
 /// Admits peers and hands their links to whoever accepts. A transport's listening task holds it, asks [`Desk::enter`] once a
@@ -20,12 +20,11 @@ pub(crate) struct Desk {
     pub(crate) identity: Identity,
     pub(crate) options: Options,
     taken: Arc<Mutex<Vec<Role>>>,
-    room: Arc<Semaphore>,
+    pending: Pending,
     handshakes: Arc<Handshakes>,
     done: mpsc::Sender<Link>,
     last_failure: Mutex<Option<HandshakeError>>,
-    /// Which claims of known keys were warned of, each once.
-    wrong_roles: Mutex<Vec<WrongRole>>,
+    warnings: Sparse,
 }
 
 /// A role's place at the listener: freed when the last half of its link is dropped.
@@ -59,11 +58,11 @@ impl Desk {
             identity,
             options: options.clone(),
             taken: Arc::default(),
-            room: Arc::new(Semaphore::new(options.limits.handshakes)),
+            pending: Pending::new(options.limits.handshakes),
             handshakes: Arc::new(Handshakes::new(&options.limits)),
             done,
             last_failure: Mutex::default(),
-            wrong_roles: Mutex::default(),
+            warnings: Sparse::default(),
         }
     }
 
@@ -72,12 +71,13 @@ impl Desk {
         self.handshakes.begin(self.net.now(), from).map_err(HandshakeError::TooMany)
     }
 
-    /// Room for one more handshake, kept until the permit is dropped.
-    pub(crate) fn room(&self) -> Result<OwnedSemaphorePermit, HandshakeError> {
-        Arc::clone(&self.room).try_acquire_owned().map_err(|_| {
+    /// A slot for one more handshake; one that is under way loses its own where all are taken.
+    pub(crate) fn slot(&self, from: &PeerAddress) -> Slot {
+        let (slot, evicted) = self.pending.take(Origin::of(from));
+        if evicted {
             self.handshakes.no_room();
-            HandshakeError::Refused(Refusal::Busy)
-        })
+        }
+        slot
     }
 
     /// What was turned away.
@@ -121,22 +121,17 @@ impl Desk {
         self.done.closed().await;
     }
 
-    /// Notes what became of a connection that did not make it to a link.
+    /// Notes what became of a connection that did not make it to a link. Who does not go together with this side is worth a
+    /// line in the log, though strangers must not fill it.
     pub(crate) fn failed(&self, address: &dyn fmt::Display, error: HandshakeError) {
-        match &error {
-            HandshakeError::WrongRole(claim) if self.is_news(claim) => tracing::warn!(%address, "{claim}"),
-            _ => tracing::debug!(%address, error = &error as &dyn std::error::Error, "a handshake failed"),
+        let cause = &error as &dyn std::error::Error;
+        match error.is_mismatch().then(|| self.warnings.take(self.net.now())).flatten() {
+            Some(untold) => {
+                tracing::warn!(%address, error = cause, untold, "turned away; others are waited for");
+            }
+            None => tracing::debug!(%address, error = cause, "a handshake failed"),
         }
         *lock(&self.last_failure) = Some(error);
-    }
-
-    fn is_news(&self, claim: &WrongRole) -> bool {
-        let mut known = lock(&self.wrong_roles);
-        let news = !known.contains(claim);
-        if news {
-            known.push(claim.clone());
-        }
-        news
     }
 
     /// Takes what became of the last connection that did not make it to a link.

@@ -47,12 +47,12 @@ pub enum HandshakeError {
     /// Someone came whose keys do not fit.
     #[error("someone came whose keys do not fit")]
     Stranger,
-    /// The other side has another version of the datagrams.
+    /// Nobody answered in this version of the datagrams, but somebody who claims that the other side has another one.
     #[error(
-        "the other side has version {theirs} of the datagrams, this one version {ours}: install the same release on both"
+        "no answer in version {ours} of the datagrams, but a claim that the other side has version {theirs}: if both sides have different releases, install the same on both"
     )]
     Datagram {
-        /// Its version.
+        /// The version that was claimed: anyone on the way can claim one.
         theirs: u64,
         /// Ours.
         ours: u64,
@@ -100,6 +100,16 @@ impl HandshakeError {
             Self::Refused(refusal) => Some(*refusal),
             Self::WrongRole(claim) => Some(claim.refusal()),
             _ => None,
+        }
+    }
+
+    /// Whether the two sides do not go together, which a person has to mend: their keys, releases, scenes, settings or programs
+    /// differ. Otherwise one of them is not there, or has no room.
+    pub(crate) const fn is_mismatch(&self) -> bool {
+        match self {
+            Self::Refused(refusal) => !refusal.is_passing(),
+            Self::Closed | Self::Io(_) | Self::TimedOut | Self::Unanswered | Self::TooMany(_) => false,
+            _ => true,
         }
     }
 }

@@ -59,7 +59,7 @@ pub(crate) async fn attempt(
 ) -> Result<Link, AttemptError> {
     let found = lock(&LISTENERS).get(name).and_then(Weak::upgrade);
     let desk = found.ok_or_else(|| AttemptError::Nobody { name: name.clone() })?;
-    let Introduction { identity: ours, session, options } = *introduction;
+    let Introduction { identity: ours, session, options, .. } = *introduction;
     let theirs = desk.identity;
     let place = desk.enter(&ours).map_err(|refusal| AttemptError::Handshake {
         address: name.to_string(),

@@ -21,6 +21,7 @@ mod listen;
 mod net;
 mod options;
 mod patience;
+mod pending;
 pub mod probe;
 pub mod quic;
 mod rates;

@@ -186,6 +186,9 @@ impl Link {
     /// Leaves in good order: says goodbye on both lanes, and waits a moment (half a second at most) for the peer to leave as
     /// well, or for what was said to arrive when the peer has left already. What still comes from it is thrown away.
     ///
+    /// Dropping the future drops the link: the peer may have heard the goodbye on one lane only or not at all, and then takes this
+    /// side for lost.
+    ///
     /// # Errors
     /// When the peer is gone without a goodbye of its own, or takes nothing within the link's patience.
     pub async fn goodbye(self, reason: Goodbye) -> Result<(), SendError> {

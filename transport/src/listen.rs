@@ -23,8 +23,8 @@ const QUEUE: usize = 8;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ListenError {
-    /// The host has no address.
-    #[error("cannot listen on {endpoint}: its host is no address of this machine")]
+    /// The host name has no address. It may pass: the name server may not be there yet.
+    #[error("cannot listen on {endpoint}: its host has no address; check the name, or give an address")]
     Address {
         /// Where.
         endpoint: Endpoint,
@@ -32,13 +32,33 @@ pub enum ListenError {
         #[source]
         cause: io::Error,
     },
-    /// Someone else listens there.
+    /// The address is none of this machine's. It may pass: a network may not be there yet.
+    #[error(
+        "cannot listen on {endpoint}: this machine has no such address; check it, and that its network is up"
+    )]
+    NotHere {
+        /// Where.
+        endpoint: Endpoint,
+        /// What the system says.
+        #[source]
+        cause: io::Error,
+    },
+    /// Someone else listens there. It may pass: that program may end.
     #[error("cannot listen on {endpoint}: it is in use; choose another one, or stop the program that has it")]
     InUse {
         /// Where.
         endpoint: Endpoint,
     },
-    /// Any other failure.
+    /// This side lacks keys, or they cannot be used; or the system never allows what was asked for. It does not pass.
+    #[error("cannot listen on {endpoint}")]
+    Given {
+        /// Where.
+        endpoint: Endpoint,
+        /// Why not.
+        #[source]
+        cause: io::Error,
+    },
+    /// Any other failure, such as want of descriptors or a folder that is not there yet. It may pass.
     #[error("cannot listen on {endpoint}")]
     Io {
         /// Where.
@@ -47,6 +67,31 @@ pub enum ListenError {
         #[source]
         cause: io::Error,
     },
+}
+
+impl ListenError {
+    /// Whether the same call may work another time: time or another program may mend it. Otherwise what this side was given has
+    /// to change.
+    #[must_use]
+    pub const fn may_pass(&self) -> bool {
+        !matches!(self, Self::Given { .. })
+    }
+
+    fn new(endpoint: &Endpoint, cause: io::Error) -> Self {
+        let endpoint = endpoint.clone();
+        match cause.kind() {
+            io::ErrorKind::AddrInUse => Self::InUse { endpoint },
+            io::ErrorKind::AddrNotAvailable => Self::NotHere { endpoint, cause },
+            io::ErrorKind::PermissionDenied
+            | io::ErrorKind::AlreadyExists
+            | io::ErrorKind::NotADirectory
+            | io::ErrorKind::InvalidInput
+            | io::ErrorKind::Unsupported
+            // What this crate says of keys.
+            | io::ErrorKind::Other => Self::Given { endpoint, cause },
+            _ => Self::Io { endpoint, cause },
+        }
+    }
 }
 
 /// Why no peer was accepted.
@@ -90,7 +135,7 @@ impl Listener {
     /// Listens on `endpoint` as the peer `identity`; port 0 takes a free port.
     ///
     /// # Errors
-    /// When the endpoint cannot be listened on.
+    /// When the endpoint cannot be listened on; [`ListenError::may_pass`] says whether another time may do.
     pub async fn bind(
         net: &Arc<dyn Net>,
         endpoint: &Endpoint,
@@ -144,10 +189,12 @@ impl Listener {
         self.desk.turned_away()
     }
 
-    /// Waits for the next peer, until `deadline` at most.
+    /// Waits for the next peer, until `deadline` at most. Who does not fit is turned away, and the wait goes on.
+    ///
+    /// Dropping the future loses no peer: the next call gives it.
     ///
     /// # Errors
-    /// When none came; then the error says what became of the last one that tried.
+    /// When none came; then the error says what became of the last one that tried. Or when the runtime is shut down.
     pub async fn accept(&mut self, deadline: Instant) -> Result<Link, AcceptError> {
         let started = self.net.now();
         let endpoints = self.endpoints.clone();
@@ -169,10 +216,7 @@ async fn listen(
     endpoint: &Endpoint,
     names: &mut Vec<inproc::Registered>,
 ) -> Result<Endpoint, ListenError> {
-    let failed = |cause: io::Error| match cause.kind() {
-        io::ErrorKind::AddrInUse => ListenError::InUse { endpoint: endpoint.clone() },
-        _ => ListenError::Io { endpoint: endpoint.clone(), cause },
-    };
+    let failed = |cause| ListenError::new(endpoint, cause);
     let address = async |at| {
         let resolved = resolve(&desk.net, at).await;
         resolved.map_err(|cause| ListenError::Address { endpoint: endpoint.clone(), cause })

@@ -33,11 +33,14 @@ pub struct Options {
 pub struct Limits {
     /// How many peers a listener has links with at once; more are told that it is busy. Default 16.
     pub peers: usize,
-    /// How many handshakes a listener has under way at once; more are turned away. Default 32.
+    /// How many handshakes a listener has under way at once. One more takes the slot of the oldest: of the address that
+    /// holds most, where one holds more than a link takes. Default 64.
     pub handshakes: usize,
-    /// How many handshakes may begin at a listener in a second, by all together; more are turned away. Default 1,000.
+    /// How many handshakes may begin at a listener in a second, by all together. More are turned away, except that each
+    /// address may begin its even share. Default 1,000.
     pub handshakes_per_s: u32,
-    /// And by one address, or of IPv6 one network of 64 bits; a link over TCP takes two. Default 500.
+    /// And by one address, of IPv6 one network of 64 bits, or over Unix sockets one user. A link over byte streams takes two.
+    /// Default 500.
     pub handshakes_per_s_per_address: u32,
 }
 
@@ -58,6 +61,6 @@ impl Default for Options {
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { peers: 16, handshakes: 32, handshakes_per_s: 1000, handshakes_per_s_per_address: 500 }
+        Self { peers: 16, handshakes: 64, handshakes_per_s: 1000, handshakes_per_s_per_address: 500 }
     }
 }

@@ -17,7 +17,7 @@ const SECOND: Duration = Duration::from_secs(1);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum TooMany {
-    /// Handshakes from one address, or, of IPv6, from one network of 64 bits.
+    /// Handshakes from one address, of IPv6 from one network of 64 bits, or over Unix sockets from one user.
     #[error("more than {0} handshakes a second from this address")]
     FromAddress(u32),
     /// Handshakes at one listener.
@@ -31,11 +31,11 @@ pub enum TooMany {
 /// What a listener has turned away since it was made.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct TurnedAway {
-    /// Handshakes for which there was no room: too many were under way.
+    /// Handshakes that were under way and gave way to newer ones, because there were too many.
     pub no_room: u64,
-    /// Handshakes beyond what one address may begin in a second.
+    /// Handshakes beyond what one address, or one user of this machine, may begin in a second.
     pub from_address: u64,
-    /// Handshakes beyond what all together may begin in a second.
+    /// Handshakes beyond what all together may begin in a second, and beyond their address's even share of that.
     pub in_all: u64,
     /// Connections of peers for which there was no place: as many peers as may come were there.
     pub no_place: u64,
@@ -68,12 +68,12 @@ pub(crate) struct Handshakes {
     counts: Mutex<Counts>,
 }
 
-/// Of the second under way. There are no more addresses than handshakes, so that strangers cannot make it grow.
+/// Of the second under way. There are no more origins than handshakes for all, so that strangers cannot make it grow.
 #[derive(Debug, Default)]
 struct Counts {
     begun: Option<Instant>,
     all: u32,
-    addresses: HashMap<IpAddr, u32>,
+    origins: HashMap<Origin, u32>,
     turned_away: TurnedAway,
 }
 
@@ -86,31 +86,34 @@ impl Handshakes {
         }
     }
 
-    /// Counts a handshake that begins.
+    /// Counts a handshake that begins. An origin has its even share even where others have begun too many: so twice as many as
+    /// all together may begin get through at most.
     pub(crate) fn begin(&self, now: Instant, from: &PeerAddress) -> Result<(), TooMany> {
         let mut counts = lock(&self.counts);
         if counts.begun.is_none_or(|begun| now.since(begun) >= SECOND) {
             counts.begun = Some(now);
             counts.all = 0;
-            counts.addresses.clear();
+            counts.origins.clear();
         }
-        if counts.all >= self.in_all {
+        let origin = Origin::of(from);
+        let known = counts.origins.get(&origin).copied();
+        let count = known.unwrap_or(0);
+        if count >= self.from_address {
+            counts.turned_away.from_address += 1;
+            return Err(TooMany::FromAddress(self.from_address));
+        }
+        let origins = counts.origins.len() + usize::from(known.is_none());
+        let share = self.in_all / u32::try_from(origins).unwrap_or(u32::MAX).max(1);
+        if counts.all >= self.in_all && count >= share {
             counts.turned_away.in_all += 1;
             return Err(TooMany::InAll(self.in_all));
         }
-        if let Some(address) = network_of(from) {
-            let count = counts.addresses.entry(address).or_default();
-            if *count >= self.from_address {
-                counts.turned_away.from_address += 1;
-                return Err(TooMany::FromAddress(self.from_address));
-            }
-            *count += 1;
-        }
+        counts.origins.insert(origin, count + 1);
         counts.all += 1;
         Ok(())
     }
 
-    /// Counts a handshake for which there was no room.
+    /// Counts a handshake that gave way to another.
     pub(crate) fn no_room(&self) {
         lock(&self.counts).turned_away.no_room += 1;
     }
@@ -125,20 +128,54 @@ impl Handshakes {
     }
 }
 
-/// What counts as one address: who has one of IPv6 has 2^64. Peers of this machine have none.
-fn network_of(from: &PeerAddress) -> Option<IpAddr> {
-    match from {
-        PeerAddress::Tcp(at) | PeerAddress::Udp(at) | PeerAddress::Quic(at) => Some(match at.ip() {
-            IpAddr::V4(v4) => v4.into(),
-            IpAddr::V6(v6) => v6.to_ipv4_mapped().map_or_else(
-                || {
-                    let [a, b, c, d, ..] = v6.segments();
-                    IpAddr::from([a, b, c, d, 0, 0, 0, 0])
-                },
-                IpAddr::from,
-            ),
-        }),
-        PeerAddress::InProcess | PeerAddress::Unix(_) => None,
+/// Whom handshakes count for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) enum Origin {
+    /// An address, or the first 64 bits of one of IPv6: who has one of these has 2^64.
+    Network(IpAddr),
+    /// A user of this machine.
+    User(u32),
+    /// This process.
+    Process,
+}
+
+impl Origin {
+    pub(crate) fn of(from: &PeerAddress) -> Self {
+        match from {
+            PeerAddress::Tcp(at) | PeerAddress::Udp(at) | PeerAddress::Quic(at) => {
+                Self::Network(match at.ip() {
+                    IpAddr::V4(v4) => v4.into(),
+                    IpAddr::V6(v6) => v6.to_ipv4_mapped().map_or_else(
+                        || {
+                            let [a, b, c, d, ..] = v6.segments();
+                            IpAddr::from([a, b, c, d, 0, 0, 0, 0])
+                        },
+                        IpAddr::from,
+                    ),
+                })
+            }
+            PeerAddress::Unix(peer) => Self::User(peer.uid),
+            PeerAddress::InProcess => Self::Process,
+        }
+    }
+}
+
+/// Lets one event in so long be told in the log, however many there are.
+#[derive(Debug, Default)]
+pub(crate) struct Sparse(Mutex<(Option<Instant>, u64)>);
+
+impl Sparse {
+    const PAUSE: Duration = Duration::from_secs(5);
+
+    /// How many came untold since the last one that was told, if this one may be.
+    pub(crate) fn take(&self, now: Instant) -> Option<u64> {
+        let (told, untold) = &mut *lock(&self.0);
+        if told.is_some_and(|told| now.since(told) < Self::PAUSE) {
+            *untold += 1;
+            return None;
+        }
+        *told = Some(now);
+        Some(std::mem::take(untold))
     }
 }
 
@@ -199,12 +236,34 @@ mod tests {
             (begin(10, "10.0.0.2"), begin(10, "10.0.0.2"), begin(10, "10.0.0.3")),
             (Ok(()), Ok(()), Ok(()))
         );
-        assert_eq!(begin(999, "10.0.0.4"), Err(TooMany::InAll(5)));
+        assert_eq!(begin(998, "10.0.0.2"), Err(TooMany::FromAddress(2)));
+        assert_eq!(begin(999, "10.0.0.3"), Err(TooMany::InAll(5)), "its share among three is one");
         assert_eq!(begin(1000, "10.0.0.1"), Ok(()), "another second");
         assert_eq!(
             handshakes.turned_away(),
-            TurnedAway { from_address: 1, in_all: 1, ..TurnedAway::default() }
+            TurnedAway { from_address: 2, in_all: 1, ..TurnedAway::default() }
         );
+    }
+
+    #[test]
+    fn an_address_has_its_even_share_though_others_have_begun_too_many() {
+        let handshakes = handshakes(6, 3);
+        let begin = |ip| handshakes.begin(at(0), &from(ip));
+        for _ in 0..3 {
+            assert_eq!((begin("10.0.0.1"), begin("10.0.0.2")), (Ok(()), Ok(())));
+        }
+        assert_eq!((begin("10.0.0.3"), begin("10.0.0.3")), (Ok(()), Ok(())), "a third of six");
+        assert_eq!(begin("10.0.0.3"), Err(TooMany::InAll(6)));
+        assert_eq!((begin("10.0.0.4"), begin("10.0.0.5"), begin("10.0.0.6")), (Ok(()), Ok(()), Ok(())));
+        assert_eq!(begin("10.0.0.7"), Err(TooMany::InAll(6)), "a seventh of six is none");
+    }
+
+    #[test]
+    fn a_user_of_this_machine_counts_as_one_address_does() {
+        let handshakes = handshakes(10, 1);
+        let user = |uid| PeerAddress::Unix(crate::Credentials { uid, gid: 0, pid: None });
+        let begin = |uid| handshakes.begin(at(0), &user(uid)).is_ok();
+        assert!(begin(1) && !begin(1) && begin(2));
     }
 
     #[test]
@@ -222,8 +281,15 @@ mod tests {
             let ip = IpAddr::from(n.to_be_bytes()).to_string();
             let _turned_away = handshakes.begin(at(u64::from(n) / 1000), &from(&ip));
         }
-        assert!(lock(&handshakes.counts).addresses.len() <= 100);
+        assert!(lock(&handshakes.counts).origins.len() <= 100);
         assert_eq!(handshakes.turned_away().in_all, 99_900);
+    }
+
+    #[test]
+    fn one_event_in_five_seconds_is_told_with_how_many_were_not() {
+        let sparse = Sparse::default();
+        let told: Vec<_> = [0, 1, 4999, 5000, 5001, 60_000].map(|ms| sparse.take(at(ms))).into();
+        assert_eq!(told, [Some(0), None, None, Some(2), None, Some(1)]);
     }
 
     #[test]

@@ -50,7 +50,7 @@ async fn joined_to_a_hanging_display(endpoint: &str) -> (Link, Runtime, impl Siz
     // The first lease that is long enough here.
     for lease in (0..).map(|doubled| Duration::from_millis(200) * 2_u32.pow(doubled)) {
         let link = LinkConfig { patience, lease, ..LinkConfig::default() };
-        let Meeting { mut listener, at, display, _folder } =
+        let Meeting { mut listener, at, display, _folder, .. } =
             Meeting::at(endpoint, &Options { link, ..Options::default() }).await;
         let meet = async {
             let mut here = listener.accept(soon(&net())).await.unwrap();
@@ -86,7 +86,7 @@ async fn a_peer_that_hangs_is_lost_by_whoever_listens(endpoint: &str) {
 }
 
 async fn a_peer_that_comes_back_goes_on_with_the_next_frame(endpoint: &str) {
-    let Meeting { mut listener, at, display, _folder } = Meeting::at(endpoint, &Options::default()).await;
+    let Meeting { mut listener, at, display, _folder, .. } = Meeting::at(endpoint, &Options::default()).await;
     let net = net();
     for frame in 0..4 {
         let (there, here) = tokio::join!(

@@ -7,13 +7,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use common::conformance::Pairs;
-use common::{SCENE, camera, identity, ids, last_failure, net, receive, soon, start};
+use common::{SCENE, camera, identity, ids, last_failure, net, obstacle, receive, soon, start};
 use trimaran_proto::{Identity, Refusal, Role, SceneHash};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::quic::{Congestion, QuicOptions};
 use trimaran_transport::{
-    AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Link, LinkConfig, Listener, Net, Options,
-    PeerAddress, connect, until,
+    AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Link, LinkConfig, ListenError, Listener,
+    Net, Options, PeerAddress, connect, until,
 };
 
 struct Quic;
@@ -61,18 +61,10 @@ async fn listener(net: &Arc<dyn Net>, options: &Options) -> (Listener, Endpoint)
 }
 
 /// How a connection fails, at the connecting and at the listening side.
-async fn failures(ours: &Options, theirs: &Options, who: Identity) -> (ConnectError, HandshakeError) {
+async fn failures(ours: &Options, theirs: &Options, who: Identity) -> (HandshakeError, HandshakeError) {
     let net = net();
     let (mut listener, endpoint) = listener(&net, ours).await;
-    let error = connect(&net, &endpoint, who, theirs, soon(&net)).await.unwrap_err();
-    (error, last_failure(&mut listener).await)
-}
-
-fn handshake(error: ConnectError) -> HandshakeError {
-    match error {
-        ConnectError::Failed { cause: AttemptError::Handshake { cause, .. }, .. } => cause,
-        other => panic!("{other:?}"),
-    }
+    (obstacle(&net, &endpoint, who, theirs).await, last_failure(&mut listener).await)
 }
 
 #[tokio::test]
@@ -114,7 +106,7 @@ async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints
     let security = Some(Security { peers: vec![public(&stranger).into()], ..of(&theirs) });
     let confused = Options { security, ..Options::default() };
     let (error, _) = failures(&ours, &confused, identity(Role::Display)).await;
-    let HandshakeError::UnknownPeer(unknown) = handshake(error) else { panic!("the wrong listener") };
+    let HandshakeError::UnknownPeer(unknown) = error else { panic!("{error:?}") };
     assert_eq!((&unknown.expected[..], unknown.presented), (&[print(&stranger)][..], print(&ours)));
     let message = unknown.to_string();
     assert!(message.contains(&print(&stranger).to_string()) && message.contains(&print(&ours).to_string()));
@@ -123,7 +115,7 @@ async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints
     let security = Some(Security { peers: vec![public(&ours).into()], ..of(&stranger) });
     let intruder = Options { security, ..Options::default() };
     let (error, known) = failures(&ours, &intruder, identity(Role::Display)).await;
-    let HandshakeError::NotKnown { presented } = handshake(error) else { panic!("an intruder") };
+    let HandshakeError::NotKnown { presented } = error else { panic!("{error:?}") };
     assert_eq!(presented, print(&stranger));
     let HandshakeError::UnknownPeer(unknown) = known else { panic!("{known:?}") };
     assert_eq!((&unknown.expected[..], unknown.presented), (&[print(&theirs)][..], print(&stranger)));
@@ -135,7 +127,7 @@ async fn another_scene_is_refused_and_both_sides_know_both_scenes() {
     let other = Identity { scene: SceneHash(0xdead), ..identity(Role::Display) };
     let (error, known) = failures(&ours, &theirs, other).await;
     let expected = Refusal::Scene { listener: SCENE, connector: SceneHash(0xdead) };
-    assert!(matches!(error, ConnectError::Refused { refusal, .. } if refusal == expected), "{error:?}");
+    assert!(matches!(error, HandshakeError::Refused(refusal) if refusal == expected), "{error:?}");
     assert!(matches!(known, HandshakeError::Refused(refusal) if refusal == expected), "{known:?}");
 }
 
@@ -144,8 +136,13 @@ async fn without_keys_there_is_no_quic() {
     let (net, options) = (net(), Options::default());
     let endpoint = "quic://127.0.0.1:1".parse().unwrap();
     let error = connect(&net, &endpoint, identity(Role::Display), &options, soon(&net)).await.unwrap_err();
-    assert!(matches!(handshake(error), HandshakeError::NoKeys));
-    assert!(Listener::bind(&net, &endpoint, identity(Role::SwitchA), &options).await.is_err());
+    assert!(!error.may_pass(), "{error:?}");
+    let ConnectError::Failed { cause: AttemptError::Handshake { cause, .. }, .. } = error else {
+        panic!("{error:?}")
+    };
+    assert!(matches!(cause, HandshakeError::NoKeys), "{cause:?}");
+    let error = Listener::bind(&net, &endpoint, identity(Role::SwitchA), &options).await.unwrap_err();
+    assert!(matches!(error, ListenError::Given { .. }) && !error.may_pass(), "{error:?}");
 }
 
 #[tokio::test]

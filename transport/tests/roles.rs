@@ -6,12 +6,10 @@ mod common;
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex};
 
-use common::{identity, last_failure, net, soon};
+use common::{identity, last_failure, net, obstacle, refusal, soon};
 use trimaran_proto::{Goodbye, Refusal, Role};
 use trimaran_transport::keys::{Keys, KnownPeer, PeerKey, Security, WrongRole};
-use trimaran_transport::{
-    AttemptError, ConnectError, Endpoint, HandshakeError, Link, Listener, Options, RecvError, connect,
-};
+use trimaran_transport::{Endpoint, HandshakeError, Link, Listener, Options, RecvError, connect};
 
 const ENDPOINTS: [&str; 2] = ["quic://127.0.0.1:0", "udp://127.0.0.1:0"];
 
@@ -45,9 +43,10 @@ impl Show {
         Self { listener, at, first, second, display }
     }
 
-    async fn claim(&self, keys: &Keys, role: Role) -> Result<Link, ConnectError> {
+    /// What the listener says to who has these keys and claims this role.
+    async fn claim(&self, keys: &Keys, role: Role) -> Refusal {
         let options = knowing(keys, &[(&self.display, Some(Role::Display))]);
-        connect(&net(), &self.at, identity(role), &options, soon(&net())).await
+        refusal(&net(), &self.at, identity(role), &options).await
     }
 
     /// Both ends of a link with the machine of these keys.
@@ -101,10 +100,7 @@ async fn a_key_that_claims_another_role_is_refused_by_name_and_the_right_one_sti
         let its_own = show.joins(&second, Role::SwitchB).await;
         for _ in 0..3 {
             let refused = show.claim(&second, Role::SwitchA).await;
-            let Err(ConnectError::Refused { refusal, .. }) = refused else {
-                panic!("{endpoint}: {refused:?}")
-            };
-            assert_eq!(refusal, Refusal::Key { claimed: Role::SwitchA, known: Role::SwitchB }, "{endpoint}");
+            assert_eq!(refused, Refusal::Key { claimed: Role::SwitchA, known: Role::SwitchB }, "{endpoint}");
             let HandshakeError::WrongRole(claim) = last_failure(&mut show.listener).await else {
                 panic!("{endpoint}")
             };
@@ -136,14 +132,11 @@ async fn a_listener_that_claims_another_role_is_not_believed_and_learns_why() {
         let mut show = Show::at(endpoint).await;
         let options = knowing(&show.first, &[(&show.display, Some(Role::SwitchB))]);
         let net = net();
-        let (refused, link) =
-            tokio::join!(connect(&net, &show.at, identity(Role::SwitchA), &options, soon(&net)), async {
+        let (cause, link) =
+            tokio::join!(obstacle(&net, &show.at, identity(Role::SwitchA), &options), async {
                 let mut link = show.listener.accept(soon(&net)).await.unwrap();
                 link.frames_rx.recv().await
             });
-        let Err(ConnectError::Failed { cause: AttemptError::Handshake { cause, .. }, .. }) = refused else {
-            panic!("{endpoint}: {refused:?}")
-        };
         let HandshakeError::WrongRole(claim) = cause else { panic!("{endpoint}: {cause:?}") };
         assert_eq!((claim.claimed, claim.known), (Role::Display, Role::SwitchB), "{endpoint}");
         assert_eq!(claim.name.as_str(), "display", "{endpoint}");

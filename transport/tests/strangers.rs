@@ -7,17 +7,14 @@ mod common;
 #[path = "common/meeting.rs"]
 mod meeting;
 
-use std::sync::Arc;
 use std::time::Duration;
 
-use common::{SCENE, camera, identity, last_failure, net, soon};
+use common::{SCENE, camera, identity, last_failure, net, refusal, soon};
 use meeting::Meeting;
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpStream, UdpSocket, UnixStream};
 use trimaran_proto::{Identity, Refusal, Role, SceneHash};
-use trimaran_transport::{
-    ConnectError, Endpoint, HandshakeError, Instant, Link, LinkConfig, Net, Options, connect, sleep_until,
-};
+use trimaran_transport::{ConnectError, Endpoint, HandshakeError, Instant, LinkConfig, Options, connect};
 
 over_every_transport!(
     another_scene_is_refused_and_both_sides_know_both_scenes,
@@ -43,9 +40,8 @@ async fn another_scene_is_refused_and_both_sides_know_both_scenes(endpoint: &str
     let mut meeting = Meeting::at(endpoint, &Options::default()).await;
     let net = net();
     let other = Identity { scene: SceneHash(0xdead), ..identity(Role::Display) };
-    let error = connect(&net, &meeting.at, other, &meeting.display, soon(&net)).await.unwrap_err();
     let expected = Refusal::Scene { listener: SCENE, connector: SceneHash(0xdead) };
-    assert!(matches!(error, ConnectError::Refused { refusal, .. } if refusal == expected), "{error:?}");
+    assert_eq!(refusal(&net, &meeting.at, other, &meeting.display).await, expected);
     let known = last_failure(&mut meeting.listener).await;
     assert!(matches!(known, HandshakeError::Refused(refusal) if refusal == expected), "{known:?}");
     a_display_gets_in(&mut meeting).await;
@@ -88,9 +84,8 @@ async fn a_taken_role_is_refused_and_free_again_when_its_peer_is_gone(endpoint: 
         connect(&net, &meeting.at, identity(Role::Display), &meeting.display, soon(&net)),
         meeting.listener.accept(soon(&net)),
     );
-    let second = connect(&net, &meeting.at, identity(Role::Display), &meeting.display, soon(&net)).await;
-    let Err(ConnectError::Refused { refusal, .. }) = second else { panic!("{second:?}") };
-    assert_eq!(refusal, Refusal::RoleTaken { role: Role::Display });
+    let known = refusal(&net, &meeting.at, identity(Role::Display), &meeting.display).await;
+    assert_eq!(known, Refusal::RoleTaken { role: Role::Display });
     drop((first.unwrap(), here.unwrap()));
     a_display_gets_in(&mut meeting).await;
 }
@@ -118,29 +113,12 @@ async fn cut(behind: usize, inside: &str, outside: &UdpSocket) {
 mod of_datagrams {
     use super::*;
 
-    /// Connects once the place is free: a display that died may hold it for the time of a handshake, and no longer.
-    async fn connect_when_free(
-        net: &Arc<dyn Net>,
-        at: &Endpoint,
-        display: &Options,
-        by: Instant,
-    ) -> Result<Link, ConnectError> {
-        loop {
-            match connect(net, at, identity(Role::Display), display, by).await {
-                Err(ConnectError::Refused { refusal: Refusal::RoleTaken { .. }, .. }) if net.now() < by => {
-                    sleep_until(&**net, net.now().after(Duration::from_millis(20))).await;
-                }
-                link => return link,
-            }
-        }
-    }
-
     /// The display sees a listener that dies, and the listener a display.
     async fn either_side_may_die_behind_every_datagram_of_the_handshake(endpoint: &str) {
         // Only the time of a handshake frees the place of who dies in it.
         let link = LinkConfig { lease: Duration::from_secs(3600), ..LinkConfig::default() };
         let options = Options { handshake: Duration::from_secs(1), link, ..Options::default() };
-        let Meeting { mut listener, at, display, _folder } = Meeting::at(endpoint, &options).await;
+        let Meeting { mut listener, at, display, _folder, .. } = Meeting::at(endpoint, &options).await;
         let net = net();
         let inside = match &at {
             Endpoint::Quic(at) => at.to_string(),
@@ -156,16 +134,16 @@ mod of_datagrams {
             let through = format!("{}://{}", at.transport(), outside.local_addr().unwrap()).parse().unwrap();
             let by = net.now().after(Duration::from_millis(300));
             let link = tokio::select! {
-                link = connect_when_free(&net, &through, &display, by) => link,
+                link = connect(&net, &through, identity(Role::Display), &display, by) => link,
                 () = cut(behind, &inside, &outside) => panic!("it never ends"),
             };
             match link {
                 // Enough for the display; the listener may or may not know.
                 Ok(link) => drop(link),
-                Err(ConnectError::Deadline { .. } | ConnectError::Refused { .. }) => cut_short += 1,
+                Err(ConnectError::Deadline { .. }) => cut_short += 1,
                 Err(error) => panic!("{behind} datagrams: {error:?}"),
             }
-            let link = connect_when_free(&net, &at, &display, soon(&net)).await;
+            let link = connect(&net, &at, identity(Role::Display), &display, soon(&net)).await;
             assert!(link.is_ok(), "{behind} datagrams: {link:?}");
         }
         assert!(cut_short >= 2, "{cut_short} handshakes were cut short");

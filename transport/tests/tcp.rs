@@ -48,8 +48,7 @@ async fn listener(net: &Arc<dyn Net>, identity: Identity, options: &Options) -> 
 async fn refusal(listening: Identity, connecting: Identity) -> (Refusal, Refusal) {
     let (net, options) = (net(), Options::default());
     let (mut listener, address) = listener(&net, listening, &options).await;
-    let error = connect(&net, &address, connecting, &options, soon(&net)).await.unwrap_err();
-    let ConnectError::Refused { refusal, .. } = error else { panic!("{error:?}") };
+    let refusal = common::refusal(&net, &address, connecting, &options).await;
     match last_failure(&mut listener).await {
         HandshakeError::Refused(known) => (refusal, known),
         other => panic!("{other:?}"),
@@ -135,8 +134,7 @@ async fn a_role_is_taken_until_the_last_half_of_its_link_is_dropped() {
     let (mut listener, address) = listener(&net, identity(Role::SwitchA), &options).await;
     let first = connect(&net, &address, identity(Role::Display), &options, soon(&net)).await.unwrap();
     let Link { latest_rx, .. } = listener.accept(soon(&net)).await.unwrap();
-    let second = connect(&net, &address, identity(Role::Display), &options, soon(&net)).await;
-    let Err(ConnectError::Refused { refusal, .. }) = second else { panic!("{second:?}") };
+    let refusal = common::refusal(&net, &address, identity(Role::Display), &options).await;
     assert_eq!(refusal, Refusal::RoleTaken { role: Role::Display });
     drop((first, latest_rx));
     connect(&net, &address, identity(Role::Display), &options, soon(&net)).await.unwrap();
@@ -176,6 +174,6 @@ async fn a_port_in_use_says_so() {
     let (net, options) = (net(), Options::default());
     let (_holder, address) = listener(&net, identity(Role::SwitchA), &options).await;
     let error = Listener::bind(&net, &address, identity(Role::SwitchA), &options).await.unwrap_err();
-    assert!(matches!(error, ListenError::InUse { .. }), "{error:?}");
+    assert!(matches!(error, ListenError::InUse { .. }) && error.may_pass(), "{error:?}");
     assert!(error.to_string().contains(&address.to_string()), "{error}");
 }

@@ -2,15 +2,17 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;
+#[path = "common/page.rs"]
+mod page;
 
-use std::io::{self, Write};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Duration;
 
 use common::conformance::Pairs;
 use common::ports::unused_port;
 use common::udp::{a_display_gets_in, listener, shared, with};
 use common::{SCENE, camera, identity, ids, joined, last_failure, net, receive, soon, start};
+use page::Page;
 use trimaran_proto::{
     DrawableId, FrameEvent, FrameNumber, FrameOutcome, IdCoding, Identity, Refusal, Role, SceneHash,
 };
@@ -94,9 +96,8 @@ async fn another_scene_is_refused_and_both_sides_know_both_scenes() {
     let net = net();
     let (mut listener, endpoint) = listener(&shared(1)).await;
     let other = Identity { scene: SceneHash(0xdead), ..identity(Role::Display) };
-    let error = connect(&net, &endpoint, other, &shared(1), soon(&net)).await.unwrap_err();
     let expected = Refusal::Scene { listener: SCENE, connector: SceneHash(0xdead) };
-    assert!(matches!(error, ConnectError::Refused { refusal, .. } if refusal == expected), "{error:?}");
+    assert_eq!(common::refusal(&net, &endpoint, other, &shared(1)).await, expected);
     let known = last_failure(&mut listener).await;
     assert!(matches!(known, HandshakeError::Refused(refusal) if refusal == expected), "{known:?}");
 }
@@ -125,8 +126,7 @@ async fn a_role_is_taken_until_the_last_half_of_its_link_is_dropped() {
     let (mut listener, at) = listener(&options).await;
     let first = connect(&net, &at, identity(Role::Display), &options, soon(&net)).await.unwrap();
     let Link { latest_rx, .. } = listener.accept(soon(&net)).await.unwrap();
-    let second = connect(&net, &at, identity(Role::Display), &options, soon(&net)).await;
-    let Err(ConnectError::Refused { refusal, .. }) = second else { panic!("{second:?}") };
+    let refusal = common::refusal(&net, &at, identity(Role::Display), &options).await;
     assert_eq!(refusal, Refusal::RoleTaken { role: Role::Display });
     drop((first, latest_rx));
     connect(&net, &at, identity(Role::Display), &options, soon(&net)).await.unwrap();
@@ -193,31 +193,11 @@ async fn a_frame_that_is_given_up_says_how_many_ids_are_missing() {
     }
 }
 
-/// What is logged goes to a page.
-#[derive(Clone, Default)]
-struct Page(Arc<Mutex<Vec<u8>>>);
-
-impl Write for Page {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.lock().unwrap().write(bytes)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
 /// No way takes no time at all.
 #[tokio::test]
 async fn a_deadline_shorter_than_the_way_is_warned_of_once_a_link() {
-    let page = Page::default();
-    let writer = page.clone();
-    let subscriber = tracing_subscriber::fmt().with_ansi(false).with_writer(move || writer.clone()).finish();
-    let _logged = tracing::subscriber::set_default(subscriber);
-    let warnings = || {
-        let page = String::from_utf8(page.0.lock().unwrap().clone()).unwrap();
-        page.lines().filter(|line| line.contains("WARN") && line.contains("deadline=0ns")).count()
-    };
+    let (page, _logged) = Page::log();
+    let warnings = || page.lines(&["WARN", "deadline=0ns"]);
     let udp = UdpOptions { deadline: Duration::ZERO, ..shared(1).udp };
     let options = Options { udp, ..shared(1) };
     for links in 1..=2 {

@@ -54,23 +54,67 @@ async fn another_version_is_answered_with_ours_and_lets_nobody_in() {
     a_display_gets_in(&mut listener, &endpoint, &options).await;
 }
 
+/// Whoever has another version says so once in plain sight: anyone could, so it is only said why nobody answered in time.
 #[tokio::test]
-async fn a_listener_of_another_version_is_understood() {
+async fn a_claim_of_another_version_is_named_once_nobody_else_has_answered() {
     let net = net();
     let other = UdpSocket::bind("127.0.0.1:0").await.unwrap();
     let there = Endpoint::Udp(other.local_addr().unwrap().into());
-    let answer = async {
+    let answers = async {
         let mut first = vec![0; 2000];
-        let (_, from) = other.recv_from(&mut first).await.unwrap();
-        let retry = [header(2, 7, first[8..12].try_into().unwrap()), vec![0; 64]].concat();
-        other.send_to(&retry, from).await.unwrap();
+        loop {
+            let (_, from) = other.recv_from(&mut first).await.unwrap();
+            let retry = [header(2, 7, first[8..12].try_into().unwrap()), vec![0; 64]].concat();
+            other.send_to(&retry, from).await.unwrap();
+        }
     };
-    let (options, soon) = (shared(1), soon(&net));
-    let (error, ()) = tokio::join!(connect(&net, &there, identity(Role::Display), &options, soon), answer);
-    let Err(ConnectError::Failed { cause: AttemptError::Handshake { cause, .. }, .. }) = error else {
+    let options = Options { handshake: Duration::from_millis(300), ..shared(1) };
+    let begun = net.now();
+    let by = begun.after(Duration::from_secs(2));
+    let error = tokio::select! {
+        error = connect(&net, &there, identity(Role::Display), &options, by) => error.unwrap_err(),
+        () = answers => panic!("it never ends"),
+    };
+    assert!(net.now().since(begun) >= Duration::from_secs(1), "it was given up early");
+    let ConnectError::Deadline { attempts, last: AttemptError::Handshake { cause, .. }, .. } = &error else {
         panic!("{error:?}")
     };
     assert!(matches!(cause, HandshakeError::Datagram { theirs: 7, ours: 1 }), "{cause:?}");
+    assert!(*attempts > 1 && error.may_pass(), "{error:?}");
+}
+
+/// Somebody on the way answers each first packet before the listener can: with another version, and with cookies that are none.
+#[tokio::test]
+async fn forged_answers_to_a_first_packet_end_nothing() {
+    let options = shared(1);
+    let (mut listener, at) = listener(&options).await;
+    let (mut relay, through) = Relay::before(&at).await;
+    let forge = async {
+        let (mut a, mut b) = (vec![0; 2000], vec![0; 2000]);
+        loop {
+            tokio::select! {
+                got = relay.outside.recv_from(&mut a) => {
+                    let (length, from) = got.unwrap();
+                    relay.peer = Some(from);
+                    if a[0] & 3 == 1 {
+                        let id = a[8..12].try_into().unwrap();
+                        for (form, version, rest) in [(2, 7, 24), (2, 1, 24), (3, 1, 80), (3, 7, 80), (2, 1, 3)] {
+                            let forged = [header(form, version, id), vec![rest; rest.into()]].concat();
+                            relay.outside.send_to(&forged, from).await.unwrap();
+                        }
+                    }
+                    relay.inside.send(&a[..length]).await.unwrap();
+                }
+                got = relay.inside.recv(&mut b) => {
+                    relay.outside.send_to(&b[..got.unwrap()], relay.peer.unwrap()).await.unwrap();
+                }
+            }
+        }
+    };
+    tokio::select! {
+        _links = a_camera_goes_over(&mut listener, &through, &options) => {}
+        () = forge => panic!("it never ends"),
+    }
 }
 
 /// The datagrams may be of one version and the messages in them of another.
@@ -227,6 +271,21 @@ async fn a_first_packet_that_somebody_repeats_is_no_link() {
     assert!(answers <= 100, "{answers} answers");
     let failure = last_failure(&mut listener).await;
     assert!(matches!(failure, HandshakeError::TimedOut), "{failure:?}");
+    a_display_gets_in(&mut listener, &at, &options).await;
+}
+
+/// What somebody on the way saw of an earlier link must not keep its peer out, however long a handshake may take.
+#[tokio::test]
+async fn a_first_packet_that_somebody_repeats_takes_no_place() {
+    let net = net();
+    let options = Options { handshake: Duration::from_secs(3600), ..shared(1) };
+    let (mut listener, at) = listener(&options).await;
+    let (mut relay, through) = Relay::before(&at).await;
+    let first = tokio::select! {
+        _ = connect(&net, &through, identity(Role::Display), &options, soon(&net)) => panic!("through a relay that keeps the answer"),
+        first = relay.keep_the_answer() => first,
+    };
+    relay.inside.send(&first).await.unwrap();
     a_display_gets_in(&mut listener, &at, &options).await;
 }
 

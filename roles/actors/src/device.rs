@@ -6,9 +6,17 @@ use trimaran_cull::{BoxTester, DepthImage, View};
 use trimaran_gpu::Picture;
 use trimaran_proto::DrawableId;
 
+use crate::Stop;
+
 /// The device of one machine of the pair: it draws occluders and culls against their depth, which stays on it (paper, section
 /// 3.2). As a [`BoxTester`] it tests against the occluders finished last.
 pub trait PairDevice: BoxTester {
+    /// Told before the role begins: once `stop` is requested, what waits for the device ends soon, with an
+    /// error. A device that never waits long need not look at it.
+    fn cancel_on(&mut self, stop: &Stop) {
+        let _ = stop;
+    }
+
     /// Starts the occluders of a frame: clears the depth and sets the camera.
     ///
     /// # Errors
@@ -38,6 +46,11 @@ pub trait PairDevice: BoxTester {
 pub trait PictureDevice {
     /// Why the device failed.
     type Error: std::error::Error + Send + Sync + 'static;
+
+    /// As [`PairDevice::cancel_on`].
+    fn cancel_on(&mut self, stop: &Stop) {
+        let _ = stop;
+    }
 
     /// Draws the drawables in the order given, to the end.
     ///

@@ -1,7 +1,7 @@
 //! Three roles find each other, over whatever transports their endpoints name. Start order does not matter: whoever connects tries again
 //! until the deadline, and whoever waits for one peer notices when the other one leaves.
 
-use std::{fmt, future::pending, sync::Arc, time::Duration};
+use std::{future::pending, sync::Arc, time::Duration};
 
 use thiserror::Error;
 use trimaran_proto::{Goodbye, Identity, Role, SceneHash, Settings};
@@ -10,10 +10,11 @@ use trimaran_transport::{
     connect, sleep_until,
 };
 
-use crate::Seat;
+use crate::{Seat, causes};
 
-/// How long after a failed attempt comes the next.
-const AGAIN: Duration = Duration::from_millis(200);
+/// How long after the first failed attempt comes the next. The pause doubles up to [`LONGEST_PAUSE`].
+const FIRST_PAUSE: Duration = Duration::from_millis(200);
+const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
 /// Why a role did not find the others.
 #[derive(Debug, Error)]
@@ -40,12 +41,12 @@ pub enum JoinError {
         #[source]
         cause: Box<ConnectError>,
     },
-    /// A peer came that has no place here.
-    #[error("{came} came where {due} was due; check the roles and addresses in the configurations")]
+    /// Another role is at the address of a peer.
+    #[error("{came} is where {due} was due; check the roles and addresses in the configurations")]
     Stranger {
-        /// Who came.
+        /// Who is there.
         came: Role,
-        /// Who was due.
+        /// Who should be.
         due: Role,
     },
     /// The display left before the other machine had come.
@@ -57,14 +58,17 @@ pub enum JoinError {
 }
 
 impl JoinError {
-    /// Whether it may work another time though nothing is changed: a peer was not there in time, or holds the place of a process that is
-    /// gone for this one's. Any other failure is about what one of the roles was given.
+    /// Whether it may work another time though nothing is changed here: time or another machine may mend it. Any
+    /// other failure is about what this role was given.
     #[must_use]
     pub fn may_pass(&self) -> bool {
         match self {
-            Self::Accept { .. } | Self::Left(_) => true,
+            Self::Listen(_)
+            | Self::Accept { .. }
+            | Self::Stranger { .. }
+            | Self::Left(_)
+            | Self::NoSettings => true,
             Self::Connect { cause, .. } => cause.may_pass(),
-            Self::Listen(_) | Self::Stranger { .. } | Self::NoSettings => false,
         }
     }
 }
@@ -79,7 +83,7 @@ pub const fn role_of(seat: Seat) -> Role {
 }
 
 /// The display waits for both machines of the pair on its listener; the links come first machine first. One that leaves before the
-/// other has come is waited for again.
+/// other has come is waited for again. A display that comes is turned away.
 ///
 /// # Errors
 /// When one has not come by the deadline.
@@ -110,7 +114,10 @@ pub async fn await_pair(mut listener: Listener, deadline: Instant) -> Result<[Li
         let role = came.peer.identity.role;
         tracing::info!(%role, from = %came.peer.address, "joined");
         if role == Role::Display {
-            return Err(JoinError::Stranger { came: role, due: missing });
+            tracing::warn!(from = %came.peer.address, "turned another display away: it is to listen, not to join");
+            let why = "a display has no place at another display";
+            let _unheard = came.goodbye(Goodbye::failed(why)).await;
+            continue;
         }
         early = Some(match early {
             None => came,
@@ -131,21 +138,31 @@ async fn left(link: &mut Link) -> RecvError {
     }
 }
 
-/// What `attempt` gives in the end: it is made again until it works or the deadline has come.
+/// What `attempt` gives in the end: it is made again, after a growing pause, until it works, the deadline has come,
+/// or it fails with what cannot pass. A line in the log says why, whenever the reason is a new one.
+///
+/// Cancel safe if `attempt` is.
 ///
 /// # Errors
 /// That of the last attempt.
-pub async fn again<T, E: fmt::Display, F: Future<Output = Result<T, E>>>(
+pub async fn again<T, E: std::error::Error + 'static, F: Future<Output = Result<T, E>>>(
     net: &Arc<dyn Net>,
     deadline: Instant,
+    may_pass: impl Fn(&E) -> bool,
     mut attempt: impl FnMut() -> F,
 ) -> Result<T, E> {
+    let (mut pause, mut said) = (FIRST_PAUSE, String::new());
     loop {
-        match attempt().await {
-            Err(error) if net.now() < deadline => tracing::debug!(%error, "not yet"),
+        let error = match attempt().await {
+            Err(error) if net.now() < deadline && may_pass(&error) => causes(&error),
             result => return result,
+        };
+        if error != said {
+            tracing::warn!("{error}; trying again");
+            said = error;
         }
-        sleep_until(&**net, net.now().after(AGAIN)).await;
+        sleep_until(&**net, net.now().after(pause).min(deadline)).await;
+        pause = (2 * pause).min(LONGEST_PAUSE);
     }
 }
 
@@ -211,7 +228,7 @@ pub async fn join_session(
     };
     match once().await {
         // Who is left may not have noticed yet, and old sockets may need a moment to be gone.
-        Err(JoinError::Left(_)) => again(net, deadline, once).await,
+        Err(JoinError::Left(_)) => again(net, deadline, JoinError::may_pass, once).await,
         result => result,
     }
 }

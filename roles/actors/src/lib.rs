@@ -3,6 +3,7 @@
 //! [`SwitchMachine`] and [`DisplayMachine`] know what is due and what is out of order; [`PairRole`] and [`DisplayRole`] move
 //! messages between them, a device ([`PairDevice`], [`PictureDevice`]) and links; [`in_process`] joins three of them in one process.
 
+mod causes;
 mod clock;
 mod device;
 mod driver;
@@ -11,11 +12,12 @@ mod machine;
 mod session;
 mod vulkan;
 
+pub use causes::causes;
 pub use clock::Stopwatch;
 pub use device::{PairDevice, PictureDevice};
 pub use driver::{
-    Cameras, DisplayRole, Gaps, IdError, LinkError, Observer, OccluderPolicy, PairRole, PairTraffic,
-    RoleError, ShownFrame, Stop, Stopper, max_frame,
+    Cameras, DisplayRole, Gaps, IdError, LinkError, Observer, ObserverError, OccluderPolicy, PairRole,
+    PairTraffic, RoleError, ShownFrame, Stop, Stopper, Turns, leave_unable, max_frame,
 };
 pub use join::{JoinError, Joined, Place, again, await_pair, join_session, role_of};
 pub use machine::{DisplayMachine, DisplayStep, OrderError, Seat, SwitchMachine, SwitchStep};

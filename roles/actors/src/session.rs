@@ -10,7 +10,7 @@ use trimaran_transport::{Link, LinkConfig, Net, inproc};
 
 use crate::{
     Cameras, DisplayRole, Observer, OccluderPolicy, PairDevice, PairRole, PairTraffic, PictureDevice,
-    RoleError, Seat, Stop, Stopwatch, max_frame,
+    RoleError, Seat, Stop, Stopwatch, Turns, max_frame,
 };
 
 /// The devices of the three roles.
@@ -49,7 +49,7 @@ pub enum SessionError<P: std::error::Error + 'static, D: std::error::Error + 'st
 }
 
 /// Runs a whole session in this process: the pair on two threads of its own, the display on this one. Returns what the
-/// display's links carried.
+/// display's links carried. All three measure by one clock.
 ///
 /// # Errors
 /// The first role to fail; the others are told and end as well.
@@ -63,6 +63,7 @@ pub fn in_process<P, D>(
     net: &Arc<dyn Net>,
     runtime: &Handle,
     stop: &Stop,
+    turns: &Turns,
 ) -> Result<PairTraffic, SessionError<P::Error, D::Error>>
 where
     P: PairDevice + Send,
@@ -80,6 +81,7 @@ where
     let (display_first, first_display) = join(Role::Display, Role::SwitchA)?;
     let (display_second, second_display) = join(Role::Display, Role::SwitchB)?;
     let (first_second, second_first) = join(Role::SwitchA, Role::SwitchB)?;
+    let clock = Stopwatch::start();
     let machine = |seat, device, display, other| PairRole {
         seat,
         scene: Arc::clone(scene),
@@ -88,6 +90,8 @@ where
         other,
         settings,
         occluders: OccluderPolicy::default(),
+        clock,
+        turns: turns.clone(),
     };
     let first = machine(Seat::First, devices.first, first_display, first_second);
     let second = machine(Seat::Second, devices.second, second_display, second_first);
@@ -98,7 +102,8 @@ where
         second: display_second,
         settings,
         net: Arc::clone(net),
-        clock: Stopwatch::start(),
+        clock,
+        turns: turns.clone(),
     };
 
     thread::scope(|scope| {

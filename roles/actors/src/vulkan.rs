@@ -9,7 +9,7 @@ use trimaran_cull::{
 use trimaran_gpu::{GpuError, GpuScene, OccluderPass, PassTiming, Picture, PicturePass};
 use trimaran_proto::{DrawableId, TesterKind};
 
-use crate::{PairDevice, PictureDevice};
+use crate::{PairDevice, PictureDevice, Stop};
 
 /// Why a machine of the pair cannot draw or test.
 #[derive(Debug, Error)]
@@ -41,6 +41,11 @@ impl VulkanPair {
 }
 
 impl PairDevice for VulkanPair {
+    fn cancel_on(&mut self, stop: &Stop) {
+        let stop = stop.clone();
+        self.pass.cancel_when(move || stop.requested());
+    }
+
     fn begin_occluders(&mut self, view: &View) -> Result<(), VulkanPairError> {
         Ok(self.pass.begin(view)?)
     }
@@ -114,6 +119,11 @@ impl VulkanDisplay {
 
 impl PictureDevice for VulkanDisplay {
     type Error = GpuError;
+
+    fn cancel_on(&mut self, stop: &Stop) {
+        let stop = stop.clone();
+        self.pass.cancel_when(move || stop.requested());
+    }
 
     fn draw(&mut self, view: &View, ids: &[DrawableId]) -> Result<(), GpuError> {
         self.pass.begin(view)?;

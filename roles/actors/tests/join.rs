@@ -5,7 +5,7 @@
 use std::{sync::Arc, time::Duration};
 
 use tokio::task::JoinHandle;
-use trimaran_actors::{JoinError, Joined, Place, Seat, await_pair, join_session};
+use trimaran_actors::{JoinError, Joined, Place, Seat, again, await_pair, join_session};
 use trimaran_proto::{
     BatchSize, Camera, EpsilonPx, FrameNumber, Goodbye, IdCoding, Identity, PictureSize, Role, SceneHash,
     Settings, TesterKind,
@@ -183,6 +183,59 @@ async fn a_camera_that_comes_before_the_other_machine_is_kept() {
         connect(&meeting.net, &meeting.pair, identity, &meeting.options, meeting.deadline()).await.unwrap();
     let mut joined = first.await.unwrap().unwrap();
     assert_eq!(joined.display.latest_rx.try_latest().unwrap(), Some(camera));
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_display_that_comes_to_a_display_is_turned_away_and_the_pair_waited_for() {
+    let meeting = Meeting::at("another-display");
+    let display = meeting.display(FrameNumber(0)).await;
+    let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(settings(FrameNumber(0))) };
+    let stranger =
+        connect(&meeting.net, &meeting.display, identity, &meeting.options, meeting.deadline()).await;
+    if let Ok(mut stranger) = stranger {
+        let end = stranger.frames_rx.recv().await.unwrap_err();
+        assert!(matches!(end, RecvError::Goodbye { reason: Goodbye::Failed(_), .. }), "{end:?}");
+    }
+    let pair = [meeting.early(Role::SwitchA).await, meeting.early(Role::SwitchB).await];
+    let links = display.await.unwrap().unwrap();
+    assert_eq!(links.map(|link| link.peer.session), pair.map(|link| link.peer.session));
+}
+
+/// One line a reason, a pause that grows, and no attempt after what cannot pass or after the deadline.
+#[tokio::test(start_paused = true)]
+async fn attempts_are_spaced_and_end() {
+    #[derive(Debug, thiserror::Error)]
+    #[error("{}", if self.0 { "not yet" } else { "never" })]
+    struct Fails(bool);
+    let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
+    let start = net.now();
+    let mut at = Vec::new();
+    let deadline = start.after(Duration::from_secs(20));
+    let result: Result<(), Fails> = again(
+        &net,
+        deadline,
+        |error: &Fails| error.0,
+        || {
+            at.push((net.now().since(start).as_secs_f64() * 10.0).round());
+            std::future::ready(Err(Fails(true)))
+        },
+    )
+    .await;
+    assert!(result.is_err());
+    assert_eq!(at, [0.0, 2.0, 6.0, 14.0, 30.0, 62.0, 112.0, 162.0, 200.0], "tenths of a second");
+    let mut attempts = 0;
+    let result: Result<(), Fails> = again(
+        &net,
+        deadline.after(Duration::from_secs(9)),
+        |error: &Fails| error.0,
+        || {
+            attempts += 1;
+            std::future::ready(Err(Fails(attempts < 3)))
+        },
+    )
+    .await;
+    assert!(!result.unwrap_err().0);
+    assert_eq!(attempts, 3, "what cannot pass ends them");
 }
 
 /// As behind a name that leads to two hosts with a display each.

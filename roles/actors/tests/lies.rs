@@ -6,8 +6,8 @@ use std::{convert::Infallible, sync::Arc, thread, time::Duration};
 
 use tokio::runtime::Runtime;
 use trimaran_actors::{
-    Cameras, DisplayRole, IdError, Observer, OccluderPolicy, PairDevice, PairRole, PictureDevice, RoleError,
-    Seat, ShownFrame, Stop, Stopwatch, max_frame, role_of,
+    Cameras, DisplayRole, IdError, Observer, ObserverError, OccluderPolicy, PairDevice, PairRole,
+    PictureDevice, RoleError, Seat, ShownFrame, Stop, Stopwatch, Turns, max_frame, role_of,
 };
 use trimaran_cull::{BoxTester, DepthImage, TestBox, View};
 use trimaran_gpu::Picture;
@@ -78,7 +78,9 @@ impl Observer for Nobody {
         false
     }
 
-    fn shown(&mut self, _: &ShownFrame<'_>) {}
+    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), ObserverError> {
+        Ok(())
+    }
 
     fn pair_did(&mut self, _: &FrameStats) {}
 }
@@ -129,7 +131,8 @@ impl Setting {
             (self.link(Role::Display, Role::SwitchA), self.link(Role::Display, Role::SwitchB));
         let scene = Arc::clone(&self.scene);
         let (settings, net, clock) = (settings(), Arc::clone(&self.net), Stopwatch::start());
-        let role = DisplayRole { scene, device: Idle, first, second, settings, net, clock };
+        let role =
+            DisplayRole { scene, device: Idle, first, second, settings, net, clock, turns: Turns::at_once() };
         let runtime = self.runtime.handle();
         let (_stopper, stop) = Stop::new();
         thread::scope(|scope| {
@@ -145,7 +148,17 @@ impl Setting {
             (self.link(Role::SwitchB, Role::Display), self.link(Role::SwitchB, Role::SwitchA));
         show.latest_tx.publish(Still.camera(FrameNumber(1))).unwrap();
         let (scene, settings, occluders) = (Arc::clone(&self.scene), settings(), OccluderPolicy::default());
-        let role = PairRole { seat: Seat::Second, scene, device: Idle, display, other, settings, occluders };
+        let role = PairRole {
+            seat: Seat::Second,
+            scene,
+            device: Idle,
+            display,
+            other,
+            settings,
+            occluders,
+            clock: Stopwatch::start(),
+            turns: Turns::at_once(),
+        };
         assert_eq!(role_of(role.seat), Role::SwitchB);
         let runtime = self.runtime.handle();
         let (_stopper, stop) = Stop::new();

@@ -114,3 +114,39 @@ fn vs_item(@location(0) local: vec3<f32>, draw: Draw, @location(5) id: u32) -> I
 fn fs_item(in: ItemVertex, @builtin(primitive_index) triangle: u32) -> @location(0) vec2<u32> {
     return vec2<u32>(in.id, triangle);
 }
+
+// The same without primitive ids, which not every device has in fragment shaders: indices and vertices are
+// fetched from storage buffers, three a triangle. The number of a vertex is its place in the scene's index
+// buffer.
+@group(0) @binding(0) var<storage, read> scene_vertices: array<u32>;
+@group(0) @binding(1) var<storage, read> scene_indices: array<u32>;
+
+// `Vertex` of the scene in words; its position comes first.
+const VERTEX_WORDS = 5u;
+
+struct PulledVertex {
+    @invariant @builtin(position) position: vec4<f32>,
+    @location(0) @interpolate(flat) item: vec2<u32>,
+}
+
+@vertex
+fn vs_item_pulled(
+    @builtin(vertex_index) place: u32,
+    draw: Draw,
+    @location(5) id: u32,
+    // The drawable's first index and its first vertex.
+    @location(7) first: vec2<u32>,
+) -> PulledVertex {
+    let word = VERTEX_WORDS * (first.y + scene_indices[place]);
+    let local = vec3<f32>(
+        bitcast<f32>(scene_vertices[word]),
+        bitcast<f32>(scene_vertices[word + 1u]),
+        bitcast<f32>(scene_vertices[word + 2u]),
+    );
+    return PulledVertex(clip_position(local, draw), vec2<u32>(id, (place - first.x) / 3u));
+}
+
+@fragment
+fn fs_item_pulled(in: PulledVertex) -> @location(0) vec2<u32> {
+    return in.item;
+}

@@ -4,8 +4,9 @@ use std::ffi::CStr;
 
 use ash::vk;
 
-use crate::GpuError;
 use crate::error::During as _;
+use crate::needs::{self, Answer};
+use crate::{GpuError, Optional};
 
 /// Which device to open.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -55,8 +56,8 @@ pub struct GpuInfo {
     pub memory: u64,
     /// What it lacks of what this crate needs, by Vulkan's own names. Such a device cannot be opened.
     pub missing: Vec<&'static str>,
-    /// Whether the item pass can run on it (Vulkan's `geometryShader`, which brings primitive ids to fragment shaders).
-    pub item_pass: bool,
+    /// What it lacks that this crate can do without.
+    pub lacks: Vec<Optional>,
 }
 
 /// A device found, and what is needed to open it.
@@ -72,6 +73,8 @@ pub(crate) struct Adapter {
 pub(crate) struct Limits {
     pub(crate) max_allocation: u64,
     pub(crate) max_side: u32,
+    /// The largest range of a storage buffer.
+    pub(crate) max_storage_range: u64,
     /// Nanoseconds a tick of the timestamp counter; 0 if the queue has no timestamps.
     pub(crate) timestamp_period_ns: f64,
     /// For a driver that draws on the CPU and can read the host's memory where it is: what addresses and sizes of such memory are
@@ -134,15 +137,12 @@ impl Adapter {
         let limits = properties.limits;
         let kind = DeviceKind::from_vk(properties.device_type);
         let version = properties.api_version;
-        let (features, item_pass) = missing_features(instance, physical, version);
-        let mut missing = features;
-
-        let family = families.iter().position(|family| family.queue_flags.contains(vk::QueueFlags::GRAPHICS));
-        if family.is_none() {
-            missing.push("a graphics queue");
-        }
-        let queue_family = family.unwrap_or(0);
-        let timestamps = families.get(queue_family).is_some_and(|family| family.timestamp_valid_bits > 0);
+        let queue_family =
+            families.iter().position(|family| family.queue_flags.contains(vk::QueueFlags::GRAPHICS));
+        let family = queue_family.and_then(|family| families.get(family));
+        let Answer { missing, lacks, host_memory_alignment } =
+            needs::ask(instance, physical, &properties, kind, family);
+        let timestamps = !lacks.contains(&Optional::Timestamps);
         let max_side = limits
             .max_framebuffer_width
             .min(limits.max_framebuffer_height)
@@ -155,14 +155,13 @@ impl Adapter {
             .filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
         Self {
             physical,
-            queue_family: queue_family as u32,
+            queue_family: queue_family.unwrap_or(0) as u32,
             limits: Limits {
                 max_allocation: maintenance.max_memory_allocation_size,
                 max_side,
+                max_storage_range: u64::from(limits.max_storage_buffer_range),
                 timestamp_period_ns: if timestamps { f64::from(limits.timestamp_period) } else { 0.0 },
-                host_memory_alignment: (kind == DeviceKind::Cpu)
-                    .then(|| host_memory_alignment(instance, physical))
-                    .flatten(),
+                host_memory_alignment,
             },
             info: GpuInfo {
                 name: text(properties.device_name_as_c_str()),
@@ -181,62 +180,10 @@ impl Adapter {
                 max_allocation: maintenance.max_memory_allocation_size,
                 memory: local_heaps.map(|heap| heap.size).max().unwrap_or(0),
                 missing,
-                item_pass,
+                lacks,
             },
         }
     }
-}
-
-/// What memory of the host has to be aligned to for a device to read it in place; `None` if it cannot.
-fn host_memory_alignment(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<u64> {
-    // SAFETY: `physical` was enumerated from this instance.
-    let extensions = unsafe { instance.enumerate_device_extension_properties(physical) }.ok()?;
-    let wanted = Ok(ash::ext::external_memory_host::NAME);
-    extensions.iter().find(|extension| extension.extension_name_as_c_str() == wanted)?;
-    let mut host = vk::PhysicalDeviceExternalMemoryHostPropertiesEXT::default();
-    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut host);
-    // SAFETY: as above, and the device has the extension that the structure belongs to.
-    unsafe { instance.get_physical_device_properties2(physical, &mut properties) };
-    Some(host.min_imported_host_pointer_alignment)
-}
-
-/// The features to turn on, in one place with [`missing_features`]: the same list, asked and answered.
-pub(crate) fn required_features(item_pass: bool) -> vk::PhysicalDeviceFeatures {
-    vk::PhysicalDeviceFeatures::default()
-        // Every device has it; an index that points past the vertices then reads something harmless.
-        .robust_buffer_access(true)
-        .occlusion_query_precise(true)
-        .multi_draw_indirect(true)
-        .draw_indirect_first_instance(true)
-        .fragment_stores_and_atomics(true)
-        .geometry_shader(item_pass)
-}
-
-fn missing_features(
-    instance: &ash::Instance,
-    physical: vk::PhysicalDevice,
-    version: u32,
-) -> (Vec<&'static str>, bool) {
-    if version < vk::API_VERSION_1_3 {
-        return (vec!["Vulkan 1.3"], false);
-    }
-    let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
-    let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
-    let mut all = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
-    // SAFETY: the device speaks Vulkan 1.3, so both structures of the chain are its own.
-    unsafe { instance.get_physical_device_features2(physical, &mut all) };
-    let core = all.features;
-    let missing = [
-        (core.occlusion_query_precise, "occlusionQueryPrecise"),
-        (core.multi_draw_indirect, "multiDrawIndirect"),
-        (core.draw_indirect_first_instance, "drawIndirectFirstInstance"),
-        (core.fragment_stores_and_atomics, "fragmentStoresAndAtomics"),
-        (v12.timeline_semaphore, "timelineSemaphore"),
-        (v13.synchronization2, "synchronization2"),
-        (v13.dynamic_rendering, "dynamicRendering"),
-    ];
-    let missing = missing.into_iter().filter(|(has, _)| *has == vk::FALSE).map(|(_, name)| name).collect();
-    (missing, core.geometry_shader == vk::TRUE)
 }
 
 impl DeviceChoice {

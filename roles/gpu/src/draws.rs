@@ -2,6 +2,7 @@
 //!
 //! A record is an instance's vertex attributes. Each draw is one instance, whose number (its first instance) picks the record.
 
+use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -9,16 +10,31 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use trimaran_cull::View;
 use trimaran_proto::DrawableId;
+use trimaran_scene::Drawable;
 
 use crate::memory::HostBuffer;
 use crate::recorder::Recorder;
 use crate::scene::in_view;
 use crate::{Gpu, GpuError, GpuScene};
 
+/// How the vertices of a draw are fetched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Fetch {
+    /// By the pipeline, by way of the index buffer.
+    Fixed,
+    /// By the vertex shader, from storage buffers: it then knows which triangle it works on.
+    Pulled,
+}
+
 /// The draws of one frame, in the order given. Those already submitted stay as they are until [`clear`](Self::clear).
 pub(crate) struct Draws {
     gpu: Arc<Gpu>,
+    fetch: Fetch,
     chunks: Vec<Chunk>,
+    /// Where a submission ends, although there are more draws: it has enough to do.
+    ends: VecDeque<usize>,
+    /// Indices since the last of these ends.
+    indices: u64,
     /// Draws since the frame began, and how many of them were recorded.
     added: usize,
     recorded: usize,
@@ -27,12 +43,16 @@ pub(crate) struct Draws {
 /// Draws that share an indirect call: far below the 65 thousand commands that every device takes in one.
 const CHUNK: usize = 16_384;
 
+/// What a submission draws before the next one begins, in indices: 8 million triangles. So the time that a
+/// device may take for one submission does not grow with the scene.
+const SUBMISSION: u64 = 3 << 23;
+
 struct Chunk {
     records: HostBuffer<DrawRecord>,
     commands: HostBuffer<DrawCommand>,
 }
 
-/// What the shaders know of a draw: `Draw` of scene.wgsl and the id.
+/// What the shaders know of a draw: `Draw` of scene.wgsl, and what the item pass reads beside it.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub(crate) struct DrawRecord {
@@ -40,28 +60,38 @@ pub(crate) struct DrawRecord {
     pub(crate) to_view: [[f32; 4]; 3],
     /// The drawable.
     pub(crate) id: u32,
+    /// Its first index and its first vertex.
+    pub(crate) first: [u32; 2],
 }
 
-/// `VkDrawIndexedIndirectCommand`.
+/// `VkDrawIndexedIndirectCommand`, or a `VkDrawIndirectCommand` with a word behind it that is not read.
 #[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
-struct DrawCommand {
-    index_count: u32,
-    instance_count: u32,
-    first_index: u32,
-    vertex_offset: i32,
-    first_instance: u32,
+pub(crate) struct DrawCommand([u32; 5]);
+
+impl DrawCommand {
+    /// One instance, that of the number `instance`, of a drawable.
+    const fn new(fetch: Fetch, drawable: &Drawable, instance: u32) -> Self {
+        let Drawable { index_count, first_index, vertex_offset, .. } = *drawable;
+        Self(match fetch {
+            // The offset is signed; `GpuScene::upload` has seen that it fits.
+            Fetch::Fixed => [index_count, 1, first_index, vertex_offset, instance],
+            // The number of a vertex is its place among the indices.
+            Fetch::Pulled => [index_count, 1, first_index, instance, 0],
+        })
+    }
 }
 
 impl Draws {
     /// No draws yet.
-    pub(crate) const fn new(gpu: Arc<Gpu>) -> Self {
-        Self { gpu, chunks: Vec::new(), added: 0, recorded: 0 }
+    pub(crate) const fn new(gpu: Arc<Gpu>, fetch: Fetch) -> Self {
+        Self { gpu, fetch, chunks: Vec::new(), ends: VecDeque::new(), indices: 0, added: 0, recorded: 0 }
     }
 
     /// Forgets all draws. The caller has waited for the device to finish them.
-    pub(crate) const fn clear(&mut self) {
-        (self.added, self.recorded) = (0, 0);
+    pub(crate) fn clear(&mut self) {
+        (self.added, self.recorded, self.indices) = (0, 0, 0);
+        self.ends.clear();
     }
 
     /// Whether there are draws that were not recorded.
@@ -74,42 +104,48 @@ impl Draws {
     pub(crate) fn add(&mut self, scene: &GpuScene, view: &View, ids: &[DrawableId]) -> Result<(), GpuError> {
         let mut rest = ids;
         while !rest.is_empty() {
-            let slot = self.added % CHUNK;
+            let (fetch, added, slot) = (self.fetch, self.added, self.added % CHUNK);
             let (now, later) = rest.split_at(rest.len().min(CHUNK - slot));
-            let chunk = self.chunk(self.added / CHUNK)?;
+            let (mut indices, mut ends) = (self.indices, Vec::new());
+            let chunk = self.chunk(added / CHUNK)?;
             let (Some(records), Some(commands)) =
                 (chunk.records.elements_mut().get_mut(slot..), chunk.commands.elements_mut().get_mut(slot..))
             else {
                 return Ok(()); // a chunk has CHUNK of both
             };
-            for (first_instance, ((record, command), &id)) in
-                (slot as u32..).zip(records.iter_mut().zip(commands).zip(now))
-            {
+            for (index, ((record, command), &id)) in (0..).zip(records.iter_mut().zip(commands).zip(now)) {
                 let (drawable, node) = scene.find(id)?;
-                *record = DrawRecord { to_view: in_view(node, view), id: id.0 };
-                *command = DrawCommand {
-                    index_count: drawable.index_count,
-                    instance_count: 1,
-                    first_index: drawable.first_index,
-                    vertex_offset: drawable.vertex_offset as i32, // `GpuScene::upload` has seen that it fits
-                    first_instance,
+                *record = DrawRecord {
+                    to_view: in_view(node, view),
+                    id: id.0,
+                    first: [drawable.first_index, drawable.vertex_offset],
                 };
+                *command = DrawCommand::new(fetch, drawable, (slot + index) as u32);
+                indices += u64::from(drawable.index_count);
+                if indices >= SUBMISSION {
+                    ends.push(added + index + 1);
+                    indices = 0;
+                }
             }
             self.added += now.len();
+            self.indices = indices;
+            self.ends.extend(ends);
             rest = later;
         }
         Ok(())
     }
 
-    /// Records the draws added since the last time: one indirect call a chunk.
+    /// Records the draws added since the last time, or as many as one submission is to have: one indirect
+    /// call a chunk.
     pub(crate) fn record(&mut self, commands: &Recorder<'_>) {
-        for (chunk, part) in parts(self.recorded..self.added) {
+        let end = self.ends.pop_front().unwrap_or(self.added);
+        for (chunk, part) in parts(self.recorded..end) {
             if let Some(chunk) = self.chunks.get(chunk) {
                 commands.bind_instances(chunk.records.buffer());
-                commands.draw_indexed_indirect(chunk.commands.buffer(), part.start, part.len());
+                commands.draw_indirect(self.fetch, chunk.commands.buffer(), part);
             }
         }
-        self.recorded = self.added;
+        self.recorded = end;
     }
 
     /// The chunk of this index, which exists or is the next one to make.

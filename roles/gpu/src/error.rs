@@ -1,5 +1,7 @@
 //! What can go wrong between this process and a graphics device.
 
+use std::time::Duration;
+
 use ash::vk;
 use gpu_allocator::AllocationError;
 use thiserror::Error;
@@ -40,19 +42,28 @@ pub enum GpuError {
         /// What it lacks, by Vulkan's own names.
         missing: String,
     },
-    /// A pass needs an optional feature that this device lacks.
-    #[error("{pass} needs the device feature {feature}, which {device} lacks")]
-    MissingFeature {
-        /// The pass.
-        pass: &'static str,
-        /// The feature, by Vulkan's own name.
-        feature: &'static str,
-        /// The device's name.
-        device: String,
-    },
     /// The device was lost: the driver crashed, was reset, or was taken away. Open it anew.
     #[error("the graphics device was lost while {operation}; open it again")]
     DeviceLost {
+        /// What was being done.
+        operation: &'static str,
+    },
+    /// The device has finished nothing for the timeout of [`GpuOptions`](crate::GpuOptions). It does nothing
+    /// more for this process.
+    #[error(
+        "the graphics device hangs: no progress within {timeout:?} while {operation}; look at the driver's \
+         messages (dmesg), start again, or wait longer if the device is only slow (--device-timeout)"
+    )]
+    DeviceHung {
+        /// What was being done.
+        operation: &'static str,
+        /// How long nothing was finished.
+        timeout: Duration,
+    },
+    /// Whoever runs the pass asked to end the wait. The pass cannot go on; another one on the same device
+    /// can.
+    #[error("asked to stop while {operation}")]
+    Cancelled {
         /// What was being done.
         operation: &'static str,
     },

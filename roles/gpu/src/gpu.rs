@@ -1,27 +1,49 @@
 //! An open device.
 
 use std::mem::ManuallyDrop;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use ash::vk;
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
 
-use crate::adapter::{Adapter, Limits, required_features};
-use crate::error::During as _;
+use crate::adapter::{Adapter, Limits};
+use crate::needs;
 use crate::validation::{self, Messenger};
 use crate::{DeviceChoice, GpuError, GpuInfo};
 
 /// How to open a device.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GpuOptions {
     /// Whether the Khronos validation layer checks every call, synchronization included. Slow; for tests.
     pub validation: bool,
     /// Which device.
     pub device: DeviceChoice,
+    /// How long the device may work on one submission of a pass before it counts as hung: see
+    /// [`GpuError::DeviceHung`].
+    pub timeout: Duration,
+}
+
+impl GpuOptions {
+    /// The timeout unless told otherwise. A submission is at most some millions of triangles: seconds for a
+    /// slow driver on the CPU.
+    pub const TIMEOUT: Duration = Duration::from_secs(30);
+}
+
+impl Default for GpuOptions {
+    fn default() -> Self {
+        Self { validation: false, device: DeviceChoice::Best, timeout: Self::TIMEOUT }
+    }
 }
 
 /// An open Vulkan device without a window. Passes and scenes share it through an [`Arc`]; threads may too.
+///
+/// A device that hangs is never destroyed, and neither is anything made from it: Vulkan forbids to destroy
+/// what the device may still use, and a driver waits for ever in the attempt. What was made is then leaked on
+/// purpose until the process ends, the scene's memory included. A process that outlives a hung device, by
+/// opening another, pays with this memory.
 pub struct Gpu {
     // Dropped by hand, in this order: the allocator's memory, the device, the messenger, the instance, the loader.
     allocator: ManuallyDrop<Mutex<Allocator>>,
@@ -34,7 +56,12 @@ pub struct Gpu {
     host_memory: Option<ash::ext::external_memory_host::Device>,
     info: GpuInfo,
     limits: Limits,
-    _entry: ash::Entry,
+    timeout: Duration,
+    /// The device has not finished a submission in time.
+    hung: AtomicBool,
+    /// Work may be running that nobody waits for any more.
+    abandoned: AtomicBool,
+    entry: ManuallyDrop<ash::Entry>,
 }
 
 impl Gpu {
@@ -47,7 +74,7 @@ impl Gpu {
         // From here on a failure has to destroy what exists.
         let opened = Self::open_on(&entry, &instance, options);
         match opened {
-            Ok(parts) => Ok(Arc::new(parts.into_gpu(entry, instance))),
+            Ok(parts) => Ok(Arc::new(parts.into_gpu(entry, instance, options.timeout))),
             Err(error) => {
                 // SAFETY: all that was made from the instance is gone: `open_on` leaves nothing behind when it fails.
                 unsafe { instance.destroy_instance(None) };
@@ -88,6 +115,29 @@ impl Gpu {
         &self.limits
     }
 
+    /// How long the device may work on one submission.
+    pub(crate) const fn timeout(&self) -> Duration {
+        self.timeout
+    }
+
+    /// Whether the device has hung before.
+    pub(crate) fn is_hung(&self) -> bool {
+        self.hung.load(Ordering::Relaxed)
+    }
+
+    /// Nobody waits any more for work that may still run: nothing made from the device is destroyed from here
+    /// on.
+    pub(crate) fn abandon(&self, hung: bool) {
+        self.abandoned.store(true, Ordering::Relaxed);
+        self.hung.fetch_or(hung, Ordering::Relaxed);
+    }
+
+    /// The device, to destroy something made from it that work used. `None` if that work may still run: then
+    /// it is to be leaked.
+    pub(crate) fn to_destroy(&self) -> Option<&ash::Device> {
+        (!self.abandoned.load(Ordering::Relaxed)).then_some(&self.device)
+    }
+
     pub(crate) const fn host_memory(&self) -> Option<&ash::ext::external_memory_host::Device> {
         self.host_memory.as_ref()
     }
@@ -112,7 +162,16 @@ impl Gpu {
     ) -> Result<Parts, GpuError> {
         let messenger = options.validation.then(|| Messenger::new(entry, instance)).transpose()?;
         let adapter = Adapter::choose(instance, &options.device)?;
-        let device = logical_device(instance, &adapter)?;
+        for lack in &adapter.info.lacks {
+            tracing::info!(device = adapter.info.name, lacks = lack.name(), "{}", lack.without());
+        }
+        let device = needs::open(
+            instance,
+            adapter.physical,
+            adapter.queue_family,
+            &adapter.info.lacks,
+            adapter.limits.host_memory_alignment.is_some(),
+        )?;
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.clone(),
             device: device.clone(),
@@ -144,7 +203,7 @@ struct Parts {
 }
 
 impl Parts {
-    fn into_gpu(self, entry: ash::Entry, instance: ash::Instance) -> Gpu {
+    fn into_gpu(self, entry: ash::Entry, instance: ash::Instance, timeout: Duration) -> Gpu {
         let queue_family = self.adapter.queue_family;
         // SAFETY: the device was made with one queue of this family.
         let queue = unsafe { self.device.get_device_queue(queue_family, 0) };
@@ -161,20 +220,28 @@ impl Parts {
             host_memory,
             info: self.adapter.info,
             limits: self.adapter.limits,
-            _entry: entry,
+            timeout,
+            hung: AtomicBool::new(false),
+            abandoned: AtomicBool::new(false),
+            entry: ManuallyDrop::new(entry),
         }
     }
 }
 
 impl Drop for Gpu {
     fn drop(&mut self) {
+        if self.to_destroy().is_none() {
+            return; // leaked, the loaded driver included: see the type
+        }
         // SAFETY: every object made from the device holds an `Arc` of this `Gpu` and is gone by now, so nothing runs on the device and
-        // nothing uses it; allocator, device, messenger and instance go in the order of their dependence, each once.
+        // nothing uses it; allocator, device, messenger, instance and loader go in the order of their
+        // dependence, each once.
         unsafe {
             ManuallyDrop::drop(&mut self.allocator);
             self.device.destroy_device(None);
             ManuallyDrop::drop(&mut self.messenger);
             self.instance.destroy_instance(None);
+            ManuallyDrop::drop(&mut self.entry);
         }
     }
 }
@@ -209,27 +276,4 @@ fn instance(validation: bool) -> Result<(ash::Entry, ash::Instance), GpuError> {
         Err(vk::Result::ERROR_INCOMPATIBLE_DRIVER) => Err(GpuError::NoDevice),
         Err(code) => Err(GpuError::from_vk("starting Vulkan", code)),
     }
-}
-
-fn logical_device(instance: &ash::Instance, adapter: &Adapter) -> Result<ash::Device, GpuError> {
-    let priorities = [1.0];
-    let queues = [vk::DeviceQueueCreateInfo::default()
-        .queue_family_index(adapter.queue_family)
-        .queue_priorities(&priorities)];
-    let features = required_features(adapter.info.item_pass);
-    let mut v12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
-    let mut v13 =
-        vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).dynamic_rendering(true);
-    let host_memory = adapter.limits.host_memory_alignment;
-    let extensions: Vec<_> =
-        host_memory.iter().map(|_| ash::ext::external_memory_host::NAME.as_ptr()).collect();
-    let info = vk::DeviceCreateInfo::default()
-        .queue_create_infos(&queues)
-        .enabled_extension_names(&extensions)
-        .enabled_features(&features)
-        .push_next(&mut v12)
-        .push_next(&mut v13);
-    // SAFETY: the adapter is of this instance and has the queue family, each of these features (`Adapter::choose`) and the
-    // extension.
-    unsafe { instance.create_device(adapter.physical, &info, None) }.during("opening the device")
 }

@@ -1,10 +1,11 @@
-//! Arrays of a mapped scene that the device reads where they are.
+//! Arrays of a scene from a file that the device reads where they are.
 //!
 //! A driver that draws on the CPU reads the same memory as everyone else. A copy of the scene for each device would only cost: for a
 //! scene of half a gigabyte and the three devices of a session in one process, most of the time from the start to the first
 //! picture.
 
 use std::ffi::c_void;
+use std::mem::ManuallyDrop;
 use std::sync::Arc;
 
 use ash::vk;
@@ -14,7 +15,7 @@ use crate::error::During as _;
 use crate::memory::{Backing, Buffer};
 use crate::{Gpu, GpuError};
 
-/// Every mapping of a file is made of whole pages, and these are at least as large.
+/// Scenes from files lie in whole pages, and these are at least as large.
 const PAGE: u64 = 4096;
 
 /// An array of a scene.
@@ -30,11 +31,11 @@ pub(crate) struct SceneMemory {
     gpu: Arc<Gpu>,
     handle: vk::DeviceMemory,
     // Keeps the pages mapped.
-    _scene: Arc<Scene>,
+    scene: ManuallyDrop<Arc<Scene>>,
 }
 
-/// A buffer over an array of a scene. `None` where the device cannot read it in place: it is not mapped from a file, or the
-/// device has memory of its own.
+/// A buffer over an array of a scene. `None` where the device cannot read it in place: it is not from a file, or the device has
+/// memory of its own.
 pub(crate) fn buffer(gpu: &Arc<Gpu>, scene: &Arc<Scene>, array: SceneArray) -> Option<Buffer> {
     let alignment = gpu.limits().host_memory_alignment.filter(|&alignment| alignment <= PAGE)?;
     let bytes = (array.bytes)(scene);
@@ -126,16 +127,22 @@ impl SceneMemory {
             .allocation_size(pages.length)
             .memory_type_index(usable.trailing_zeros())
             .push_next(&mut import);
-        // SAFETY: the pages are mapped for as long as the scene lives, which is kept; address and length are multiples of what the
-        // device asks for. They may be read-only: buffers over them are only ever read, as vertices and indices.
+        // SAFETY: the pages are mapped for as long as the scene lives, which is kept, and nobody can change or cut them meanwhile
+        // (`Scene::is_mapped`); address and length are multiples of what the device asks for. They may be read-only: buffers
+        // over them are only ever read, as vertices and indices.
         let handle = unsafe { gpu.device().allocate_memory(&info, None) }.during(OPERATION)?;
-        Ok(Self { gpu: Arc::clone(gpu), handle, _scene: Arc::clone(scene) })
+        Ok(Self { gpu: Arc::clone(gpu), handle, scene: ManuallyDrop::new(Arc::clone(scene)) })
     }
 }
 
 impl Drop for SceneMemory {
     fn drop(&mut self) {
-        // SAFETY: ours; the buffer over it is gone, and with it all work that used it.
-        unsafe { self.gpu.device().free_memory(self.handle, None) };
+        let Some(device) = self.gpu.to_destroy() else { return };
+        // SAFETY: ours; the buffer over it is gone, and with it all work that used it. The scene is dropped
+        // once.
+        unsafe {
+            device.free_memory(self.handle, None);
+            ManuallyDrop::drop(&mut self.scene);
+        }
     }
 }

@@ -1,26 +1,51 @@
 //! The item pass: which triangle shows at each pixel, the ground truth of visibility.
 
+use std::mem::offset_of;
 use std::sync::Arc;
 
 use ash::vk;
 use trimaran_cull::{View, Viewport};
 use trimaran_proto::DrawableId;
+use trimaran_scene::Vertex;
 
+use crate::draws::Fetch;
 use crate::memory::HostBuffer;
 use crate::pass::{ColourTarget, PassKind, ScenePass};
 use crate::pipeline::{VertexInput, shader};
-use crate::{GpuError, GpuScene, PassTiming};
+use crate::{GpuError, GpuScene, Optional, PassTiming};
 
-static KIND: PassKind = PassKind {
+/// With Vulkan's own number of the triangle, which fragment shaders have where there are geometry shaders.
+static NUMBERED: PassKind = PassKind {
     name: "drawing the item buffer",
     vertex: shader!("vs_item"),
     fragment: Some(shader!("fs_item")),
     input: VertexInput::Id,
-    colour: Some(ColourTarget {
-        format: vk::Format::R32G32_UINT,
-        background: vk::ClearColorValue { uint32: [ItemImage::BACKGROUND; 4] },
-    }),
+    colour: Some(TARGET),
+    fetch: Fetch::Fixed,
 };
+
+/// With a number that the vertex shader works out, on any device. It fetches each triangle's three vertices
+/// for itself.
+static PULLED: PassKind = PassKind {
+    vertex: shader!("vs_item_pulled"),
+    fragment: Some(shader!("fs_item_pulled")),
+    input: VertexInput::PulledId,
+    fetch: Fetch::Pulled,
+    ..NUMBERED
+};
+
+// What `vs_item_pulled` takes a vertex for.
+const _: () = assert!(size_of::<Vertex>() == 20 && offset_of!(Vertex, position) == 0);
+
+const TARGET: ColourTarget = ColourTarget {
+    format: vk::Format::R32G32_UINT,
+    background: vk::ClearColorValue { uint32: [ItemImage::BACKGROUND; 4] },
+};
+
+/// Whether the scene's device numbers triangles by itself.
+fn numbers(scene: &GpuScene) -> bool {
+    !scene.gpu().info().lacks.contains(&Optional::GeometryShader)
+}
 
 /// What shows at each pixel, row by row from the top.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -50,17 +75,24 @@ impl ItemPass {
     /// A pass for pictures of `size` at first.
     ///
     /// # Errors
-    /// If the device cannot tell triangles apart or draw that size, or memory does not suffice.
+    /// If the device cannot draw that size, or memory does not suffice; and those of [`check`](Self::check).
     pub fn new(scene: &Arc<GpuScene>, size: Viewport) -> Result<Self, GpuError> {
-        let info = scene.gpu().info();
-        if !info.item_pass {
-            return Err(GpuError::MissingFeature {
-                pass: KIND.name,
-                feature: "geometryShader (for the primitive id)",
-                device: info.name.clone(),
-            });
-        }
-        Ok(Self { pass: ScenePass::new(scene, &KIND, size)?, items: None })
+        Self::check(scene)?;
+        Self::of(scene, if numbers(scene) { &NUMBERED } else { &PULLED }, size)
+    }
+
+    /// Whether triangles of this scene can be told apart on its device: for whoever wants to know before a
+    /// walk.
+    ///
+    /// # Errors
+    /// On a device without `geometryShader`: if the scene's vertices or indices are larger than a storage
+    /// buffer can be.
+    pub fn check(scene: &GpuScene) -> Result<(), GpuError> {
+        if numbers(scene) { Ok(()) } else { scene.check_pulled() }
+    }
+
+    fn of(scene: &Arc<GpuScene>, kind: &'static PassKind, size: Viewport) -> Result<Self, GpuError> {
+        Ok(Self { pass: ScenePass::new(scene, kind, size)?, items: None })
     }
 
     /// Starts a frame of the view's size.
@@ -117,5 +149,78 @@ impl ItemPass {
         image.drawable.extend(items.iter().map(|[drawable, _]| drawable));
         image.triangle.extend(items.iter().map(|[_, triangle]| triangle));
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use trimaran_cull::reference::cases::{plant, plant_views};
+    use trimaran_cull::{CutRule, draw_order, level_cut};
+
+    use super::*;
+    use crate::common::{CheckedGpu, Part, ids, upload, view};
+
+    fn items(mut pass: ItemPass, views: &[(View, Vec<DrawableId>)]) -> Vec<ItemImage> {
+        let draw = |(view, ids): &(View, Vec<DrawableId>)| {
+            let mut image = ItemImage::default();
+            pass.begin(view).unwrap();
+            pass.draw(ids).unwrap();
+            pass.read(&mut image).unwrap();
+            image
+        };
+        views.iter().map(draw).collect()
+    }
+
+    /// Asserts that both ways tell the same triangles apart, and gives how many show in all views.
+    fn assert_same(scene: &Arc<GpuScene>, views: &[(View, Vec<DrawableId>)]) -> usize {
+        let size = views[0].0.viewport();
+        let [numbered, pulled] =
+            [&NUMBERED, &PULLED].map(|kind| items(ItemPass::of(scene, kind, size).unwrap(), views));
+        assert!(numbered == pulled);
+        let show = |image: &ItemImage| {
+            let mut seen: Vec<_> = image.drawable.iter().zip(&image.triangle).collect();
+            seen.sort();
+            seen.dedup();
+            seen.len()
+        };
+        numbered.iter().map(show).sum()
+    }
+
+    /// A level sheet of `n` by `n` squares, whose triangles share the corners that carry their normal.
+    fn sheet(n: u32) -> Part {
+        let corner =
+            |i: u32| [(i % (n + 1)) as f32 / n as f32 - 0.5, (i / (n + 1)) as f32 / n as f32 - 0.5, -1.0];
+        let square = |i: u32| {
+            let at = i / n * (n + 1) + i % n;
+            [at, at + 1, at + n + 1, at + n + 1, at + 1, at + n + 2]
+        };
+        let corners: Vec<_> = (0..(n + 1) * (n + 1)).map(corner).collect();
+        Part { indices: (0..n * n).flat_map(square).collect(), ..Part::triangles(&corners) }
+    }
+
+    #[test]
+    fn fetching_vertices_tells_the_same_triangles_apart_as_the_devices_own_numbers() {
+        let Some(gpu) = CheckedGpu::open() else { return };
+        if gpu.info().lacks.contains(&Optional::GeometryShader) {
+            println!("skipped: the device has no numbers of its own");
+            return;
+        }
+        let sheets =
+            [sheet(50), sheet(1).at(DVec3::new(0.6, 0.0, 0.1)), sheet(3).at(DVec3::new(0.0, 0.0, -0.2))];
+        let scene = upload(&gpu, &sheets);
+        let shown = assert_same(&scene, &[(view(300, 300, DVec3::ZERO), ids(3))]);
+        assert!(shown > 3_000, "{shown} triangles show");
+
+        let scene = plant(7, 800, DVec3::new(1e6, 2e6, 0.0)).unwrap();
+        let size = Viewport::new(320, 200).unwrap();
+        let views = plant_views(7, 800, DVec3::new(1e6, 2e6, 0.0), size, 30).unwrap();
+        let cut = |view: &View| {
+            let mut cut = level_cut(&scene, view, CutRule::new(1.0).unwrap());
+            draw_order(&scene, view, &mut cut);
+            (*view, cut)
+        };
+        let views: Vec<_> = views.iter().step_by(6).map(cut).collect();
+        assert_same(&GpuScene::upload(&gpu, &scene).unwrap(), &views);
     }
 }

@@ -103,9 +103,10 @@ impl Buffer {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
+        let Some(device) = self.gpu.to_destroy() else { return };
         // SAFETY: work that uses the buffer is done (see the type); the handle is ours, and the backing is taken once.
         let backing = unsafe {
-            self.gpu.device().destroy_buffer(self.handle, None);
+            device.destroy_buffer(self.handle, None);
             ManuallyDrop::take(&mut self.backing)
         };
         match backing {
@@ -233,7 +234,8 @@ impl Image {
             .array_layers(1)
             .samples(vk::SampleCountFlags::TYPE_1)
             .usage(usage | vk::ImageUsageFlags::TRANSFER_SRC);
-        // SAFETY: the sides are within the device's limits, and the formats used are ones Vulkan requires for these usages.
+        // SAFETY: the sides are within the device's limits, and the formats used are ones Vulkan requires for
+        // these usages, or that `needs` has asked for.
         let handle = unsafe { gpu.device().create_image(&info, None) }.during("making a picture")?;
         match Self::back(gpu, what, format, handle, aspect) {
             Ok((allocation, view)) => Ok(Self {
@@ -300,10 +302,11 @@ impl Image {
 
 impl Drop for Image {
     fn drop(&mut self) {
+        let Some(device) = self.gpu.to_destroy() else { return };
         // SAFETY: the stream that used the image is done; view and image are ours; the allocation is taken once.
         let allocation = unsafe {
-            self.gpu.device().destroy_image_view(self.view, None);
-            self.gpu.device().destroy_image(self.handle, None);
+            device.destroy_image_view(self.view, None);
+            device.destroy_image(self.handle, None);
             ManuallyDrop::take(&mut self.allocation)
         };
         free(&self.gpu, allocation);

@@ -5,11 +5,13 @@ use std::sync::Arc;
 use trimaran_cull::{DepthImage, View, Viewport};
 use trimaran_proto::DrawableId;
 
+use crate::draws::Fetch;
 use crate::memory::HostBuffer;
 use crate::pass::{PassKind, ScenePass};
 use crate::pipeline::{VertexInput, shader};
 use crate::query::QueryBoxes;
 use crate::raster::RasterBoxes;
+use crate::wait::Cancel;
 use crate::{GpuError, GpuScene, PassTiming, QueryTester, RasterTester};
 
 static KIND: PassKind = PassKind {
@@ -18,6 +20,7 @@ static KIND: PassKind = PassKind {
     fragment: None,
     input: VertexInput::Position,
     colour: None,
+    fetch: Fetch::Fixed,
 };
 
 /// Draws occluders into a depth buffer that stays on the device, for the box testers that run against it.
@@ -46,6 +49,12 @@ impl OccluderPass {
             depth: None,
             depth_is_current: false,
         })
+    }
+
+    /// Ends waits for the device when `cancel` says so, with [`GpuError::Cancelled`]. The pass cannot go on
+    /// then.
+    pub fn cancel_when(&mut self, cancel: impl Fn() -> bool + Send + Sync + 'static) {
+        self.pass.cancel_when(&(Arc::new(cancel) as Cancel));
     }
 
     /// Starts a frame: an empty depth buffer of the view's size.

@@ -8,12 +8,13 @@ use trimaran_cull::{View, Viewport};
 use trimaran_proto::DrawableId;
 
 use crate::camera::CameraConstants;
-use crate::draws::Draws;
-use crate::memory::{HostBuffer, Image};
-use crate::pipeline::{DepthUse, Layout, Pipeline, PipelineDesc, Shader, VertexInput};
+use crate::draws::{Draws, Fetch};
+use crate::memory::{Buffer, HostBuffer, Image};
+use crate::pipeline::{BindingSet, DepthUse, Layout, Pipeline, PipelineDesc, Shader, VertexInput};
 use crate::recorder::Targets;
 use crate::stream::Stream;
 use crate::timing::{PassTiming, Stopwatch};
+use crate::wait::Cancel;
 use crate::{Gpu, GpuError, GpuScene};
 
 /// What sets one scene pass apart from another.
@@ -24,6 +25,7 @@ pub(crate) struct PassKind {
     pub(crate) fragment: Option<Shader>,
     pub(crate) input: VertexInput,
     pub(crate) colour: Option<ColourTarget>,
+    pub(crate) fetch: Fetch,
 }
 
 /// A pass's colour attachment.
@@ -40,6 +42,8 @@ pub(crate) struct ScenePass {
     scene: Arc<GpuScene>,
     kind: &'static PassKind,
     pipeline: Pipeline,
+    /// The scene, where the shader fetches from it.
+    pulled: Option<BindingSet>,
     draws: Draws,
     attachments: Attachments,
     view: Option<View>,
@@ -75,7 +79,12 @@ impl ScenePass {
         size: Viewport,
     ) -> Result<Self, GpuError> {
         let gpu = scene.gpu();
-        let layout = Layout::new::<CameraConstants>(gpu, 0)?;
+        let buffers: &[&Buffer] = match kind.fetch {
+            Fetch::Fixed => &[],
+            Fetch::Pulled => &[scene.vertices(), scene.indices()],
+        };
+        let layout = Layout::new::<CameraConstants>(gpu, buffers.len() as u32)?;
+        let pulled = if buffers.is_empty() { None } else { Some(BindingSet::new(&layout, buffers)?) };
         let pipeline = Pipeline::new(
             &layout,
             &PipelineDesc {
@@ -91,7 +100,8 @@ impl ScenePass {
             scene: Arc::clone(scene),
             kind,
             pipeline,
-            draws: Draws::new(Arc::clone(gpu)),
+            pulled,
+            draws: Draws::new(Arc::clone(gpu), kind.fetch),
             attachments: Attachments::new(gpu, kind, size)?,
             view: None,
             fresh: true,
@@ -101,6 +111,11 @@ impl ScenePass {
 
     pub(crate) fn gpu(&self) -> &Arc<Gpu> {
         self.scene.gpu()
+    }
+
+    /// Waits for the device end early when `cancel` says so.
+    pub(crate) fn cancel_when(&mut self, cancel: &Cancel) {
+        self.stream.cancel_when(cancel);
     }
 
     /// The picture's size: that of the last view.
@@ -131,22 +146,25 @@ impl ScenePass {
     /// Hands the draws so far to the device, which starts on them at once. The first piece of a frame clears.
     pub(crate) fn flush(&mut self) -> Result<(), GpuError> {
         let view = self.view.as_ref().ok_or(GpuError::NotBegun(self.kind.name))?;
-        if !self.fresh && !self.draws.has_news() {
-            return Ok(());
-        }
-        let Self { stream, scene, kind, pipeline, draws, attachments, recording, .. } = self;
-        let clear = self.fresh;
-        self.fresh = false;
         let constants = CameraConstants::new(view);
-        recording.measure(|| {
-            stream.submit(kind.name, |commands| {
-                commands.render(attachments.targets(kind, clear), || {
-                    commands.bind(pipeline, &constants);
-                    commands.bind_mesh(scene.vertices(), scene.indices());
-                    draws.record(commands);
-                });
-            })
-        })
+        while self.fresh || self.draws.has_news() {
+            let Self { stream, scene, kind, pipeline, pulled, draws, attachments, recording, fresh, .. } =
+                self;
+            let clear = std::mem::replace(fresh, false);
+            recording.measure(|| {
+                stream.submit(kind.name, |commands| {
+                    commands.render(attachments.targets(kind, clear), || {
+                        commands.bind(pipeline, &constants);
+                        match pulled {
+                            Some(set) => commands.bind_set(pipeline, set),
+                            None => commands.bind_mesh(scene.vertices(), scene.indices()),
+                        }
+                        draws.record(commands);
+                    });
+                })
+            })?;
+        }
+        Ok(())
     }
 
     /// Flushes, waits for the device, and says what the frame took since `begin`.
@@ -158,6 +176,7 @@ impl ScenePass {
 
     /// What a box tester needs to draw over the pass's depth. What was added so far is drawn first.
     pub(crate) fn over_depth(&mut self) -> Result<OverDepth<'_>, GpuError> {
+        self.stream.check(self.kind.name)?;
         self.flush()?;
         let Attachments { size, depth, .. } = &mut self.attachments;
         Ok(OverDepth { stream: &mut self.stream, size: *size, depth })
@@ -216,5 +235,44 @@ impl Attachments {
     fn targets(&mut self, kind: &PassKind, clear: bool) -> Targets<'_> {
         let colour = self.colour.as_mut().zip(kind.colour.map(|target| target.background));
         Targets { size: self.size, colour, depth: &mut self.depth, clear }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use crate::common::{CheckedGpu, Part, ids, upload, view};
+    use crate::{OccluderPass, PassTiming};
+
+    #[test]
+    fn a_frame_of_many_triangles_is_submitted_in_parts() {
+        let Some(gpu) = CheckedGpu::open() else { return };
+        // A million triangles behind the eye, and one before it.
+        let crowd = Part {
+            indices: [0, 1, 2].repeat(1 << 20),
+            ..Part::triangles(&[[0.0, 0.0, 9.0], [1.0, 0.0, 9.0], [0.0, 1.0, 9.0]])
+        };
+        let shown = Part::triangles(&[[-9.0, -9.0, -2.0], [9.0, -9.0, -2.0], [0.0, 9.0, -2.0]]);
+        let scene = upload(&gpu, &[crowd, shown]);
+        let view = view(16, 16, DVec3::ZERO);
+        let mut pass = OccluderPass::new(&scene, view.viewport()).unwrap();
+        let [crowd, shown] = [ids(1)[0], ids(2)[1]];
+        let mut depth_and_submissions = |ids: &[_]| {
+            let before = pass.pass.stream.submissions();
+            pass.begin(&view).unwrap();
+            pass.draw(ids).unwrap();
+            let timing: PassTiming = pass.finish().unwrap();
+            let submissions = pass.pass.stream.submissions() - before;
+            (pass.read_depth().unwrap().depth().to_vec(), submissions, timing)
+        };
+        let (expected, submissions, _) = depth_and_submissions(&[shown]);
+        assert_eq!(submissions, 1);
+        assert!(expected.iter().any(|&depth| depth > 0.0));
+        // The one that shows stands in the first part: the second must not clear it.
+        let (depth, submissions, _) = depth_and_submissions(&[&[shown][..], &[crowd; 17]].concat());
+        assert_eq!((depth == expected, submissions), (true, 3));
+        let (depth, submissions, _) = depth_and_submissions(&[crowd; 8]);
+        assert_eq!((depth.iter().all(|&depth| depth == 0.0), submissions), (true, 1));
     }
 }

@@ -6,9 +6,11 @@ use ash::vk;
 use trimaran_cull::{DepthImage, View, Viewport};
 use trimaran_proto::DrawableId;
 
+use crate::draws::Fetch;
 use crate::memory::HostBuffer;
 use crate::pass::{ColourTarget, PassKind, ScenePass};
 use crate::pipeline::{VertexInput, shader};
+use crate::wait::Cancel;
 use crate::{GpuError, GpuScene, PassTiming};
 
 /// What shows where nothing is drawn: a light grey sky, as sRGB.
@@ -24,6 +26,7 @@ static KIND: PassKind = PassKind {
         format: vk::Format::R8G8B8A8_UNORM,
         background: vk::ClearColorValue { float32: [219.0 / 255.0, 226.0 / 255.0, 232.0 / 255.0, 1.0] },
     }),
+    fetch: Fetch::Fixed,
 };
 
 /// A picture: sRGB-encoded red, green, blue and alpha (255), 8 bits each, row by row from the top.
@@ -61,6 +64,15 @@ impl PicturePass {
     pub fn new(scene: &Arc<GpuScene>, size: Viewport) -> Result<Self, GpuError> {
         let frame = || Ok(Frame { pass: ScenePass::new(scene, &KIND, size)?, colour: None, depth: None });
         Ok(Self { frames: [frame()?, frame()?], current: 0, readable: 0 })
+    }
+
+    /// Ends waits for the device when `cancel` says so, with [`GpuError::Cancelled`]. The pass cannot go on
+    /// then.
+    pub fn cancel_when(&mut self, cancel: impl Fn() -> bool + Send + Sync + 'static) {
+        let cancel: Cancel = Arc::new(cancel);
+        for frame in &mut self.frames {
+            frame.pass.cancel_when(&cancel);
+        }
     }
 
     /// Starts a picture of the view's size, on the set of attachments that was not used last; waits for what is still drawn

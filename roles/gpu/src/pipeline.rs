@@ -80,10 +80,11 @@ impl Layout {
 
 impl Drop for Layout {
     fn drop(&mut self) {
+        let Some(device) = self.gpu.to_destroy() else { return };
         // SAFETY: both are ours (the second may be null); pipelines hold the layout, so none is in use.
         unsafe {
-            self.gpu.device().destroy_pipeline_layout(self.handle, None);
-            self.gpu.device().destroy_descriptor_set_layout(self.set, None);
+            device.destroy_pipeline_layout(self.handle, None);
+            device.destroy_descriptor_set_layout(self.set, None);
         }
     }
 }
@@ -140,8 +141,9 @@ impl BindingSet {
 
 impl Drop for BindingSet {
     fn drop(&mut self) {
+        let Some(device) = self.layout.gpu.to_destroy() else { return };
         // SAFETY: work that uses the set is done, as for the buffers it binds; the set goes with its pool.
-        unsafe { self.layout.gpu.device().destroy_descriptor_pool(self.pool, None) };
+        unsafe { device.destroy_descriptor_pool(self.pool, None) };
     }
 }
 
@@ -154,8 +156,10 @@ pub(crate) enum VertexInput {
     Position,
     /// These, and the vertex's colour and normal.
     Facet,
-    /// These (but no colour and no normal) and the draw's id.
+    /// The position, the draw's matrix and id.
     Id,
+    /// No vertices, which the shader fetches by the draw's first index and vertex, but its matrix and id.
+    PulledId,
 }
 
 /// What a pipeline does with the depth buffer.
@@ -258,8 +262,9 @@ impl Pipeline {
 
 impl Drop for Pipeline {
     fn drop(&mut self) {
+        let Some(device) = self.layout.gpu.to_destroy() else { return };
         // SAFETY: the stream that used it is done: owners declare their stream first.
-        unsafe { self.layout.gpu.device().destroy_pipeline(self.handle, None) };
+        unsafe { device.destroy_pipeline(self.handle, None) };
     }
 }
 
@@ -284,16 +289,21 @@ fn vertex_input(input: VertexInput) -> (Bindings, Attributes) {
         attribute(2 + index as u32, INSTANCES, vk::Format::R32G32B32A32_SFLOAT, offset)
     };
     let position = attribute(0, VERTICES, vk::Format::R32G32B32_SFLOAT, offset_of!(Vertex, position));
-    let mut attributes = vec![position, row(0), row(1), row(2)];
+    let id = attribute(5, INSTANCES, vk::Format::R32_UINT, offset_of!(DrawRecord, id));
+    let mut attributes = vec![row(0), row(1), row(2)];
+    if input == VertexInput::PulledId {
+        attributes.push(id);
+        attributes.push(attribute(7, INSTANCES, vk::Format::R32G32_UINT, offset_of!(DrawRecord, first)));
+        return (vec![instances::<DrawRecord>()], attributes);
+    }
+    attributes.push(position);
     match input {
-        VertexInput::Box | VertexInput::Position => {}
+        VertexInput::Box | VertexInput::Position | VertexInput::PulledId => {}
         VertexInput::Facet => {
             attributes.push(attribute(1, VERTICES, vk::Format::R8G8B8A8_UNORM, offset_of!(Vertex, colour)));
             attributes.push(attribute(6, VERTICES, vk::Format::R16G16_SNORM, offset_of!(Vertex, normal)));
         }
-        VertexInput::Id => {
-            attributes.push(attribute(5, INSTANCES, vk::Format::R32_UINT, offset_of!(DrawRecord, id)));
-        }
+        VertexInput::Id => attributes.push(id),
     }
     (vec![vertices, instances::<DrawRecord>()], attributes)
 }

@@ -70,8 +70,8 @@ impl BoxTester for RasterTester<'_> {
         let host = (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ);
         for (records, owners) in boxes::batches(records, owners) {
             let room = Room::fit(room, pass.gpu(), layout, records.len())?;
-            room.records.elements_mut()[..records.len()].copy_from_slice(records);
             let OverDepth { stream, size, depth } = pass.over_depth()?;
+            room.records.elements_mut()[..records.len()].copy_from_slice(records);
             stream.submit(OPERATION, |commands| {
                 commands.zero(&room.counts);
                 commands.barrier(zeroed, count);

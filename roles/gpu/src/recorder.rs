@@ -3,9 +3,12 @@
 //! Every method here records into a command buffer that [`Stream::submit`](crate::stream::Stream::submit) has begun. What makes each call
 //! sound is the same: handles come from living wrappers, and the stream's owner keeps these alive until the stream is done.
 
+use std::ops::Range;
+
 use ash::vk;
 use trimaran_cull::Viewport;
 
+use crate::draws::{DrawCommand, Fetch};
 use crate::memory::{Buffer, Image, ImageUse, whole};
 use crate::pipeline::{BindingSet, INSTANCES, Pipeline, VERTICES};
 
@@ -125,24 +128,30 @@ impl<'a> Recorder<'a> {
         unsafe { self.device.cmd_bind_vertex_buffers(self.commands, INSTANCES, &[instances.handle()], &[0]) };
     }
 
-    /// Draws `count` commands of `commands`, from `first` on, in one call.
-    pub(crate) fn draw_indexed_indirect(&self, commands: &Buffer, first: usize, count: usize) {
-        let stride = size_of::<vk::DrawIndexedIndirectCommand>();
+    /// Draws these commands of `commands` in one call.
+    pub(crate) fn draw_indirect(&self, fetch: Fetch, commands: &Buffer, which: Range<usize>) {
+        let stride = size_of::<DrawCommand>();
+        let (offset, count, stride) = ((which.start * stride) as u64, which.len() as u32, stride as u32);
         // SAFETY: the module's rule; callers pass ranges inside the buffer, and no more than a chunk, which is below every device's
         // maxDrawIndirectCount (65535 at least with multiDrawIndirect).
         unsafe {
-            self.device.cmd_draw_indexed_indirect(
-                self.commands,
-                commands.handle(),
-                (first * stride) as u64,
-                count as u32,
-                stride as u32,
-            );
+            match fetch {
+                Fetch::Fixed => self.device.cmd_draw_indexed_indirect(
+                    self.commands,
+                    commands.handle(),
+                    offset,
+                    count,
+                    stride,
+                ),
+                Fetch::Pulled => {
+                    self.device.cmd_draw_indirect(self.commands, commands.handle(), offset, count, stride);
+                }
+            }
         }
     }
 
     /// Draws `vertices` vertices for each of `instances`, without a mesh.
-    pub(crate) fn draw(&self, vertices: u32, instances: std::ops::Range<u32>) {
+    pub(crate) fn draw(&self, vertices: u32, instances: Range<u32>) {
         // SAFETY: the module's rule; the pipeline bound takes instance attributes alone, and callers bind as many instances.
         unsafe {
             self.device.cmd_draw(

@@ -33,6 +33,13 @@ const INDICES: SceneArray = SceneArray {
     bytes: |scene| bytemuck::cast_slice(scene.indices()),
 };
 
+impl SceneArray {
+    /// Whether it fits a storage buffer of the device.
+    fn can_be_pulled(self, gpu: &Gpu, scene: &Scene) -> bool {
+        (self.bytes)(scene).len() as u64 <= gpu.limits().max_storage_range
+    }
+}
+
 impl GpuScene {
     /// Gives a scene's triangles to the device: a copy, or where it draws on the CPU and the scene is mapped from a file, the file's own
     /// pages.
@@ -46,12 +53,29 @@ impl GpuScene {
             let (bytes, limit) = (u64::from(offset) * size, i32::MAX as u64 * size);
             return Err(GpuError::SceneTooLarge { what: VERTICES.name, bytes, limit });
         }
-        let on_device = |array| match in_place::buffer(gpu, scene, array) {
-            Some(buffer) => Ok(buffer),
-            None => upload(gpu, array.name, array.usage, (array.bytes)(scene)),
+        let on_device = |mut array: SceneArray| {
+            if array.can_be_pulled(gpu, scene) {
+                array.usage |= vk::BufferUsageFlags::STORAGE_BUFFER;
+            }
+            match in_place::buffer(gpu, scene, array) {
+                Some(buffer) => Ok(buffer),
+                None => upload(gpu, array.name, array.usage, (array.bytes)(scene)),
+            }
         };
         let (vertices, indices) = (on_device(VERTICES)?, on_device(INDICES)?);
         Ok(Arc::new(Self { gpu: Arc::clone(gpu), vertices, indices, scene: Arc::clone(scene) }))
+    }
+
+    /// Whether shaders may fetch vertices from it; an error that names what is too large if not.
+    pub(crate) fn check_pulled(&self) -> Result<(), GpuError> {
+        for array in [VERTICES, INDICES] {
+            if !array.can_be_pulled(&self.gpu, &self.scene) {
+                let bytes = (array.bytes)(&self.scene).len() as u64;
+                let limit = self.gpu.limits().max_storage_range;
+                return Err(GpuError::SceneTooLarge { what: array.name, bytes, limit });
+            }
+        }
+        Ok(())
     }
 
     /// The device that holds it.

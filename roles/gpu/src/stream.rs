@@ -6,12 +6,17 @@ use ash::vk;
 
 use crate::error::During as _;
 use crate::recorder::Recorder;
+use crate::wait::{Cancel, End, SLICE, Wait};
 use crate::{Gpu, GpuError};
 
 /// Submissions of one pass, in order. Dropping it waits for the device, so an owner that declares its stream before the buffers and
-/// images that the stream's work uses is sound: fields drop in order of declaration.
+/// images that the stream's work uses is sound: fields drop in order of declaration. Where it gives up
+/// waiting, it abandons the device, so that none of them is destroyed.
 pub(crate) struct Stream {
     gpu: Arc<Gpu>,
+    cancel: Option<Cancel>,
+    /// A wait ended before the work was done: what it uses is not to be touched any more.
+    broken: bool,
     pool: vk::CommandPool,
     buffers: Vec<vk::CommandBuffer>,
     /// Two timestamps a piece: before and after it.
@@ -33,6 +38,8 @@ impl Stream {
         // The stream first, with null handles (which Vulkan's destroy functions ignore), so that a failure half-way cleans up.
         let mut stream = Self {
             gpu: Arc::clone(gpu),
+            cancel: None,
+            broken: false,
             pool: vk::CommandPool::null(),
             buffers: Vec::new(),
             timestamps: vk::QueryPool::null(),
@@ -64,12 +71,29 @@ impl Stream {
         Ok(stream)
     }
 
+    /// Waits end early when `cancel` says so.
+    pub(crate) fn cancel_when(&mut self, cancel: &Cancel) {
+        self.cancel = Some(Arc::clone(cancel));
+    }
+
+    /// Whether the stream's work can go on: not on a device that hangs, nor after a wait that ended early.
+    pub(crate) fn check(&self, operation: &'static str) -> Result<(), GpuError> {
+        if self.gpu.is_hung() {
+            Err(GpuError::DeviceHung { operation, timeout: self.gpu.timeout() })
+        } else if self.broken {
+            Err(GpuError::Cancelled { operation })
+        } else {
+            Ok(())
+        }
+    }
+
     /// Records one piece of work and submits it. `operation` names it in errors.
     pub(crate) fn submit(
         &mut self,
         operation: &'static str,
         record: impl FnOnce(&Recorder<'_>),
     ) -> Result<(), GpuError> {
+        self.check(operation)?;
         if self.pieces == MAX_PIECES {
             self.wait(operation)?;
         }
@@ -128,17 +152,45 @@ impl Stream {
             .during(operation)
     }
 
+    /// All pieces submitted so far.
+    #[cfg(test)]
+    pub(crate) const fn submissions(&self) -> u64 {
+        self.submitted
+    }
+
     /// Device milliseconds of all pieces waited for since this was last asked.
     pub(crate) const fn take_busy_ms(&mut self) -> f64 {
         std::mem::replace(&mut self.busy_ms, 0.0)
     }
 
-    fn block(&self, operation: &'static str) -> Result<(), GpuError> {
+    /// Waits until the device is done or [`Wait`] ends it.
+    fn block(&mut self, operation: &'static str) -> Result<(), GpuError> {
+        self.check(operation)?;
+        let device = self.gpu.device();
         let semaphores = [self.timeline];
         let values = [self.submitted];
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        // SAFETY: the semaphore is a timeline and a submission that signals the value is in the queue.
-        unsafe { self.gpu.device().wait_semaphores(&info, u64::MAX) }.during(operation)
+        let (mut done, mut wait) = (0, Wait::new(self.gpu.timeout()));
+        let end = loop {
+            // SAFETY: the semaphore is a timeline and a submission that signals the value is in the queue.
+            match unsafe { device.wait_semaphores(&info, SLICE.as_nanos() as u64) } {
+                Err(vk::Result::TIMEOUT) => {}
+                result => return result.during(operation),
+            }
+            // SAFETY: the semaphore is a timeline.
+            let now = unsafe { device.get_semaphore_counter_value(self.timeline) }.during(operation)?;
+            let progress = now > std::mem::replace(&mut done, now);
+            let cancel = self.cancel.as_ref().is_some_and(|cancel| cancel());
+            if let Some(end) = wait.slice(progress, cancel) {
+                break end;
+            }
+        };
+        self.broken = true;
+        self.gpu.abandon(end == End::Hung);
+        Err(match end {
+            End::Hung => GpuError::DeviceHung { operation, timeout: self.gpu.timeout() },
+            End::Cancelled => GpuError::Cancelled { operation },
+        })
     }
 
     fn measure(&self, operation: &'static str) -> Result<f64, GpuError> {
@@ -165,17 +217,151 @@ impl Stream {
 impl Drop for Stream {
     fn drop(&mut self) {
         if self.pieces > 0
+            && self.gpu.to_destroy().is_some()
             && let Err(error) = self.block("finishing")
         {
             // A lost device runs nothing any more, so freeing is sound all the same.
             tracing::warn!(%error, "a command stream was dropped in trouble");
         }
-        let device = self.gpu.device();
+        let Some(device) = self.gpu.to_destroy() else { return };
         // SAFETY: the device is done with all of them (or lost); each is ours, or null.
         unsafe {
             device.destroy_semaphore(self.timeline, None);
             device.destroy_query_pool(self.timestamps, None);
             device.destroy_command_pool(self.pool, None);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use glam::{DVec3, Vec3};
+    use trimaran_cull::{BoxTester as _, TestBox};
+
+    use super::*;
+    use crate::common::{CheckedGpu, NEAR, Part, ids, upload, view};
+    use crate::{GpuOptions, GpuScene, OccluderPass};
+
+    /// A submission that waits for a semaphore which only the host signals: what is submitted after it never
+    /// begins.
+    struct Jam {
+        gpu: Arc<Gpu>,
+        semaphore: vk::Semaphore,
+    }
+
+    impl Jam {
+        fn new(gpu: &Arc<Gpu>) -> Self {
+            let mut timeline =
+                vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+            let info = vk::SemaphoreCreateInfo::default().push_next(&mut timeline);
+            // SAFETY: timeline semaphores are enabled.
+            let semaphore = unsafe { gpu.device().create_semaphore(&info, None) }.unwrap();
+            let waits = [vk::SemaphoreSubmitInfo::default()
+                .semaphore(semaphore)
+                .value(1)
+                .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
+            let submits = [vk::SubmitInfo2::default().wait_semaphore_infos(&waits)];
+            let queue = gpu.queue();
+            // SAFETY: the queue is locked, and the semaphore lives until the queue is idle.
+            unsafe { gpu.device().queue_submit2(*queue, &submits, vk::Fence::null()) }.unwrap();
+            drop(queue);
+            Self { gpu: Arc::clone(gpu), semaphore }
+        }
+
+        /// Lets the device go on, and waits until it has done all.
+        fn clear(self) {
+            let signal = vk::SemaphoreSignalInfo::default().semaphore(self.semaphore).value(1);
+            let device = self.gpu.device();
+            let queue = self.gpu.queue();
+            // SAFETY: the value only grows; the queue is locked, and idle when the semaphore goes.
+            unsafe {
+                device.signal_semaphore(&signal).unwrap();
+                device.queue_wait_idle(*queue).unwrap();
+                device.destroy_semaphore(self.semaphore, None);
+            }
+        }
+    }
+
+    /// A wall 2 m away, and what its pass has drawn when it is given up.
+    fn wall(gpu: &Arc<Gpu>) -> (Arc<GpuScene>, OccluderPass) {
+        let scene = upload(gpu, &[Part::wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0)]);
+        let pass = OccluderPass::new(&scene, view(8, 8, DVec3::ZERO).viewport()).unwrap();
+        (scene, pass)
+    }
+
+    fn draw(pass: &mut OccluderPass) -> Result<Vec<f32>, GpuError> {
+        pass.begin(&view(8, 8, DVec3::ZERO))?;
+        pass.draw(&ids(1))?;
+        pass.finish()?;
+        Ok(pass.read_depth()?.depth().to_vec())
+    }
+
+    fn open(timeout: Duration) -> Option<CheckedGpu> {
+        CheckedGpu::with(GpuOptions { timeout, ..GpuOptions::default() })
+    }
+
+    #[test]
+    fn a_device_that_hangs_is_given_up_after_the_timeout_and_nothing_of_it_is_destroyed() {
+        let timeout = Duration::from_millis(200);
+        let Some(gpu) = open(timeout) else { return };
+        let (scene, mut pass) = wall(&gpu);
+        let jam = Jam::new(&gpu);
+        let error = draw(&mut pass).unwrap_err();
+        let hung = |error: &GpuError| {
+            matches!(error, GpuError::DeviceHung { operation: "drawing the occluders", timeout: waited }
+                if *waited == timeout)
+        };
+        assert!(hung(&error), "{error}");
+        assert!(
+            error.to_string().contains("no progress within 200ms while drawing the occluders"),
+            "{error}"
+        );
+        // Whoever goes on hears it at once: with the same pass, with a test of boxes, with another pass.
+        assert!(hung(&draw(&mut pass).unwrap_err()));
+        let shape = TestBox { centre: Vec3::new(0.0, 0.0, -4.0), axes: [Vec3::X, Vec3::Y, Vec3::Z] };
+        let view_8 = view(8, 8, DVec3::ZERO);
+        let mut answers = Vec::new();
+        let mut tester = pass.query_tester().unwrap();
+        assert!(hung(&tester.test(&view_8, &[shape], &mut answers).unwrap_err()));
+        let mut tester = pass.raster_tester().unwrap();
+        assert!(hung(&tester.test(&view_8, &[shape], &mut answers).unwrap_err()));
+        let mut other = OccluderPass::new(&scene, view(8, 8, DVec3::ZERO).viewport()).unwrap();
+        assert!(hung(&draw(&mut other).unwrap_err()));
+        // What the device still uses is neither waited for nor destroyed, of which the validation layer would
+        // complain.
+        drop((pass, other, scene));
+        jam.clear();
+    }
+
+    #[test]
+    fn a_wait_ends_when_it_is_cancelled_and_another_pass_can_use_the_device() {
+        let Some(gpu) = open(Duration::from_secs(3600)) else { return };
+        let (scene, mut pass) = wall(&gpu);
+        assert_eq!(draw(&mut pass).unwrap(), [NEAR / 2.0; 64]);
+        pass.cancel_when(|| true);
+        let jam = Jam::new(&gpu);
+        for _ in 0..2 {
+            let error = draw(&mut pass).unwrap_err();
+            assert!(matches!(error, GpuError::Cancelled { operation: "drawing the occluders" }), "{error}");
+        }
+        drop(pass);
+        jam.clear();
+        let mut other = OccluderPass::new(&scene, view(8, 8, DVec3::ZERO).viewport()).unwrap();
+        assert_eq!(draw(&mut other).unwrap(), [NEAR / 2.0; 64]);
+    }
+
+    #[test]
+    fn a_pass_that_is_dropped_while_the_device_hangs_waits_no_longer_than_the_timeout() {
+        let Some(gpu) = open(Duration::from_millis(200)) else { return };
+        let (scene, mut pass) = wall(&gpu);
+        // It is never cleared: this process ends all the same.
+        let _jam = Jam::new(&gpu);
+        pass.begin(&view(8, 8, DVec3::ZERO)).unwrap();
+        pass.draw(&ids(1)).unwrap();
+        pass.flush().unwrap();
+        drop((pass, scene));
+        assert!(gpu.is_hung());
     }
 }

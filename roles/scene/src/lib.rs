@@ -1,5 +1,5 @@
 //! From CAD files to a cooked scene: importers, the spatial tree, levels of detail with a certified error, generators, and
-//! the memory-mapped file that the roles share.
+//! the file that the roles share.
 
 pub mod cook;
 pub mod generate;

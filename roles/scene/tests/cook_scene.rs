@@ -100,6 +100,29 @@ fn each_object_is_one_subtree_whose_leaves_have_all_its_triangles() {
     assert!(scene.nodes().iter().all(|node| node.child_count <= 8));
 }
 
+/// A mesh of some clusters, placed a thousand times: no node is made where too many would be.
+#[test]
+fn more_nodes_than_allowed_are_refused_with_the_object_that_takes_most() {
+    let mut model = rack();
+    let nodes = cooked(&model).nodes().len();
+    let within = |model: &Model, max_nodes| {
+        let options = CookOptions { max_nodes, ..CookOptions::default() };
+        cook(model, &options, &()).map(|scene| scene.nodes().len())
+    };
+    assert_eq!(within(&model, 2 * nodes).unwrap(), nodes);
+    assert!(matches!(within(&model, nodes / 2), Err(CookError::TooManyNodes { .. })));
+    // Mesh 0 is small, and this one in clusters.
+    model.meshes.push(pipe(48, 100));
+    let fine = model.meshes.len() as u32 - 1;
+    model.objects.extend((0..1000).map(|index| object(fine, DAffine3::IDENTITY, 5000 + index)));
+    let error = within(&model, 2 * nodes).unwrap_err();
+    let CookError::TooManyNodes { object: 150, ref name, nodes, own, .. } = error else {
+        unreachable!("{error}")
+    };
+    assert!(name == "pipe 5000" && own > 100 && nodes > 1000 * own, "{error}");
+    assert!(error.to_string().contains("--max-nodes"), "{error}");
+}
+
 #[test]
 fn boxes_hold_every_level_of_the_node_and_of_all_below() {
     let scene = cooked(&rack());

@@ -62,12 +62,16 @@ fn unit_axis_and_tolerance_are_the_callers() {
     let coarse = run(ImportOptions::default());
     // 500 mm at 1 mm: a half angle of acos(1 - 1/500), so 50 chords.
     assert_eq!(coarse.report.triangles, 50 * 4 - 4);
-    let metres = ImportOptions { unit: Some(1.0), up: Some(UpAxis::Y), chord_tolerance: 1.0 };
+    let metres =
+        ImportOptions { unit: Some(1.0), up: Some(UpAxis::Y), chord_tolerance: 1.0, ..Default::default() };
     let scaled = run(metres);
     assert_eq!(scaled.report.triangles, 50 * 4 - 4);
     assert_eq!(scaled.model.objects[0].to_world.translation, DVec3::new(0.0, 0.0, 1000.0));
-    let fine = run(ImportOptions { chord_tolerance: 1e-5, ..Default::default() });
-    assert!(fine.report.triangles > 400 * 4, "{}", fine.report.triangles);
+    let triangles_at =
+        |chord_tolerance| run(ImportOptions { chord_tolerance, ..Default::default() }).report.triangles;
+    assert_eq!(triangles_at(1e-4), 158 * 4 - 4);
+    // Finer than a ten-thousandth of the radius is no curve cut.
+    assert_eq!([triangles_at(1e-5), triangles_at(1e-9)], [223 * 4 - 4; 2]);
 }
 
 #[test]

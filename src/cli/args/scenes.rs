@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use trimaran::config::positive;
+use trimaran_scene::{cook::CookOptions, import::ImportLimits};
 
 #[derive(Debug, Args)]
 pub(crate) struct ImportArgs {
@@ -13,7 +14,8 @@ pub(crate) struct ImportArgs {
     /// Where to write the scene.
     #[arg(short, long, value_name = "X.scene")]
     pub(crate) output: PathBuf,
-    /// How far a tessellated curve may lie from the true one, millimetres (RVM).
+    /// How far a tessellated curve may lie from the true one, millimetres (RVM). No curve is cut finer than a
+    /// ten-thousandth of its radius.
     #[arg(
         long,
         value_name = "MM",
@@ -28,9 +30,32 @@ pub(crate) struct ImportArgs {
     /// Metres a unit of the files' coordinates [default: 1 for glTF and OBJ, 0.001 for RVM].
     #[arg(long, value_name = "METRES", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) unit: Option<f64>,
+    #[command(flatten)]
+    pub(crate) limits: LimitArgs,
     /// Print what was read and made as JSON.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// How much files may ask for. A small file that is damaged or hostile can ask for more than any memory holds.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Limits (raise them for a model that says so)")]
+pub(crate) struct LimitArgs {
+    /// The most triangles of all meshes together; instances share theirs.
+    #[arg(long, value_name = "N", default_value_t = ImportLimits::default().triangles)]
+    pub(crate) max_triangles: u64,
+    /// The most vertices of all meshes together.
+    #[arg(long, value_name = "N", default_value_t = ImportLimits::default().vertices)]
+    pub(crate) max_vertices: u64,
+    /// The most objects; each instance is one.
+    #[arg(long, value_name = "N", default_value_t = ImportLimits::default().objects)]
+    pub(crate) max_objects: u64,
+    /// How deep nodes or groups may be nested.
+    #[arg(long, value_name = "N", default_value_t = ImportLimits::default().depth)]
+    pub(crate) max_depth: u32,
+    /// The most nodes of the scene's tree: a small object is one, a large one some for each hundred triangles.
+    #[arg(long, value_name = "N", default_value_t = CookOptions::default().max_nodes)]
+    pub(crate) max_nodes: usize,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

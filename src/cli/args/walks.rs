@@ -92,6 +92,13 @@ pub(crate) struct WalkArgs {
     /// The Vulkan device, by a part of its name [default: the best there is].
     #[arg(long, value_name = "NAME")]
     pub(crate) device: Option<String>,
+    /// How long the device may make no progress before it counts as hung, seconds.
+    #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = positive)]
+    pub(crate) device_timeout: f64,
+    /// Let the roles compute one after another, so that no busy time contains another role's work: slower,
+    /// and what a model of three machines is made of. The frames are the same. Within one process only.
+    #[arg(long)]
+    pub(crate) alone: bool,
     /// Check every N-th frame against the unculled picture and the exactly visible set; 0 checks none.
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub(crate) audit_every: u32,

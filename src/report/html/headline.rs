@@ -3,6 +3,7 @@
 use super::{escape, file_name};
 use crate::report::format::{figure, grouped, plural, with_unit};
 use crate::report::schema::{Mode, Report, Summary};
+use crate::report::text::model_hint;
 
 pub(super) fn html(report: &Report) -> String {
     let run = &report.run;
@@ -10,10 +11,17 @@ pub(super) fn html(report: &Report) -> String {
         Mode::Lockstep => "lockstep",
         Mode::Live => "live",
     };
+    let ended = report.summary.ended.sentence(report.summary.frames);
+    let ended = ended.map_or_else(String::new, |text| {
+        format!(
+            "<p class=\"verdict bad\"><span aria-hidden=\"true\">!</span> This walk {}.</p>",
+            escape(&text)
+        )
+    });
     let notes: String = run.notes.iter().map(|n| format!("<p class=\"note\">{}</p>", escape(n))).collect();
     format!(
         "<header><div class=\"kicker\">Trimaran {} · walkthrough report</div><h1>{}</h1>\
-         <p class=\"setting\">{} objects, {} triangles · {} × {} pixels · ε {} px · tester {} · {} over {} · {}</p>{notes}{}\
+         <p class=\"setting\">{} objects, {} triangles · {} × {} pixels · ε {} px · tester {} · {} over {} · {}</p>{ended}{notes}{}\
          <div class=\"tiles\">{}</div></header>",
         escape(&run.version),
         escape(file_name(&run.scene.file)),
@@ -72,7 +80,24 @@ fn tiles(report: &Report) -> [String; 6] {
         || "frame times not measured".to_owned(),
         |s| format!("p95 {} ms, worst {} ms", figure(s.p95), figure(s.max)),
     );
-    let modelled = summary.modelled_fps.as_ref();
+    let (measured, and_so) = if report.run.alone {
+        ("one role after another", "slower than a walk: the roles took turns")
+    } else {
+        ("measured, this machine", "")
+    };
+    let (modelled, by) = match &summary.model {
+        Some(model) => (
+            format!("{} frames/s", figure(model.fps)),
+            [
+                format!("at least {}; no network, each frame max(OR + HC, RVG)", figure(model.fps_at_least)),
+                format!(
+                    "the second culler brings nothing, since OR waits for HC; if it did not: at most {}",
+                    figure(model.fps_overlapped)
+                ),
+            ],
+        ),
+        None => ("no figure".to_owned(), [model_hint(&report.run).to_owned(), String::new()]),
+    };
     let silhouette = summary.silhouette.map_or_else(
         || "silhouette not measured".to_owned(),
         |s| {
@@ -92,17 +117,12 @@ fn tiles(report: &Report) -> [String; 6] {
     let tightness = &summary.tightness;
     let bandwidth = summary.bandwidth;
     [
-        tile(
-            "measured, this machine",
-            "",
-            &with_unit(summary.measured_fps, "frames/s", none),
-            &[&error, &slowest],
-        ),
+        tile(measured, "", &with_unit(summary.measured_fps, "frames/s", none), &[&error, &slowest, and_so]),
         tile(
             "modelled, three machines",
-            "model",
-            &with_unit(modelled.map(|m| m.fps), "frames/s", none),
-            &[&error, modelled.map_or("no role times", |m| m.model.as_str())],
+            if summary.model.is_some() { "model" } else { "" },
+            &modelled,
+            &by.each_ref().map(String::as_str),
         ),
         tile(
             "objects drawn / exactly visible",

@@ -121,6 +121,14 @@ mod tests {
     fn a_model_is_called_one() {
         let html = page(&sample::report(), &[]).unwrap();
         assert!(html.contains("<span class=\"badge\">model</span>"));
+        assert!(!html.contains("measured, this machine"), "no walk's speed stands beside it");
+    }
+
+    #[test]
+    fn a_run_whose_roles_computed_at_once_is_no_model_and_says_how_to_get_one() {
+        let html = page(&sample::bare(), &[]).unwrap();
+        assert!(!html.contains("<span class=\"badge\">model</span>"));
+        assert!(html.contains("no figure") && html.contains("run with --alone"));
     }
 
     #[test]

@@ -168,10 +168,10 @@ fn passes(report: &Report) -> String {
 
 fn sweep(report: &Report) -> String {
     let rows: Vec<_> = report.sweep.iter().map(|point| sweep_cells(point, "–")).collect();
+    let modelled = report.sweep.iter().any(|point| point.modelled_fps.is_some());
     let head = [
         "ε (px)",
-        "frames/s",
-        "modelled",
+        if modelled { "frames/s, modelled" } else { "frames/s" },
         "OR ms",
         "HC ms",
         "RVG ms",
@@ -195,6 +195,7 @@ fn settings(report: &Report) -> String {
         Mode::Lockstep => "lockstep: every camera of the path is a frame",
         Mode::Live => "live: the newest camera wins",
     };
+    let roles = if run.alone { "computed one after another" } else { "computed at once" };
     let optional = |v: Option<String>| v.unwrap_or_else(|| "–".to_owned());
     pairs(
         "Run",
@@ -203,6 +204,7 @@ fn settings(report: &Report) -> String {
             ("started", run.started.clone()),
             ("version", run.version.clone()),
             ("mode", mode.to_owned()),
+            ("roles", roles.to_owned()),
             ("link", run.link.clone()),
             ("transport", run.transport.clone()),
             ("tester", run.tester.clone()),

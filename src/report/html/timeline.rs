@@ -25,14 +25,13 @@ pub(super) struct Timeline<'a> {
 }
 
 impl<'a> Timeline<'a> {
-    /// The window around the frame that the busiest role took longest for; `None` if nothing was timed.
+    /// The window around the frame that the pair or the display took longest for; `None` if nothing was
+    /// timed.
     pub(super) fn around_slowest(frames: &'a [Frame]) -> Option<Self> {
-        let slowest = (0..frames.len()).filter(|&i| !frames[i].timeline.is_empty()).max_by(|&a, &b| {
-            frames[a]
-                .slowest_role_ms()
-                .partial_cmp(&frames[b].slowest_role_ms())
-                .unwrap_or(std::cmp::Ordering::Equal)
-        })?;
+        let longest = |frame: &Frame| frame.pair_ms().unwrap_or(0.0).max(frame.rvg_ms.unwrap_or(0.0));
+        let slowest = (0..frames.len())
+            .filter(|&i| !frames[i].timeline.is_empty())
+            .max_by(|&a, &b| longest(&frames[a]).total_cmp(&longest(&frames[b])))?;
         Self::around(frames, slowest)
     }
 

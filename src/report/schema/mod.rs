@@ -6,31 +6,34 @@
 //! - The top level and the frames hold what a path file holds (`width`, `height`, `vfov_deg`, `near`, and per frame `eye`,
 //!   `forward`, `up`), so that any report can be walked again.
 
+mod ended;
 mod frame;
 mod metric;
+mod model;
 mod run;
 mod stat;
 mod summary;
 mod sweep;
 
+pub use ended::{Ended, HowEnded};
 pub use frame::{
     BytesByKind, CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, PassTime, PictureError,
     Role, Span, VisibleObject,
 };
 pub use metric::{METRICS, Metric};
+pub use model::Model;
 pub use run::{Mode, RoleInfo, Run, SceneInfo, Seat, timestamp};
 use serde::{Deserialize, Serialize};
 pub use stat::{LowStat, Stat};
 pub use summary::{
-    Bandwidth, DeviationVerdict, ModelledFps, PAPER_OBJECT_TIGHTNESS, PAPER_TRIANGLE_TIGHTNESS, Summary,
-    Tightness,
+    Bandwidth, DeviationVerdict, PAPER_OBJECT_TIGHTNESS, PAPER_TRIANGLE_TIGHTNESS, Summary, Tightness,
 };
 pub(super) use summary::{corrected_formula_bytes, paper_formula_bytes};
 pub use sweep::SweepPoint;
 
 /// The version of the schema that this program writes. Keys may be added without a new version; a key that changes its meaning
 /// or goes away brings one.
-pub const SCHEMA_VERSION: u32 = 3;
+pub const SCHEMA_VERSION: u32 = 4;
 
 /// A whole report: `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -72,8 +75,8 @@ pub struct Lens {
 impl Report {
     /// A report of `frames`, summarised. `wall_ms` is the time from the first picture shown to the last, if it was measured.
     #[must_use]
-    pub fn new(run: Run, lens: Lens, frames: Vec<Frame>, wall_ms: Option<f64>) -> Self {
-        let summary = Summary::of(&run, &frames, wall_ms);
+    pub fn new(run: Run, lens: Lens, frames: Vec<Frame>, wall_ms: Option<f64>, ended: Ended) -> Self {
+        let summary = Summary::of(&run, &frames, wall_ms, ended);
         let Lens { width, height, vfov_deg, near } = lens;
         Self {
             schema_version: SCHEMA_VERSION,

@@ -32,6 +32,10 @@ pub struct Run {
     pub transport: String,
     /// Whether every camera of the path became a frame, or the newest camera won.
     pub mode: Mode,
+    /// Whether the roles computed one after another. Then no busy time contains another role's work, and the
+    /// frames came slower than in a walk.
+    #[serde(default)]
+    pub alone: bool,
     /// Where the cameras came from: `auto`, or the path file.
     pub path: String,
     /// The seed of an `auto` path and of whatever else is drawn by lot.

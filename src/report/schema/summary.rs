@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use trimaran_cull::reference::SURFACE_SLACK_PX;
 use trimaran_netsim::FrameLoad;
 
-use super::{BytesByKind, FalseCull, FalseCullCause, Frame, LowStat, METRICS, Run, Stat};
+use super::{BytesByKind, Ended, FalseCull, FalseCullCause, Frame, LowStat, METRICS, Model, Run, Stat};
 
 /// Objects drawn over objects exactly visible in the paper's power plant (its tables 2 and 3).
 pub const PAPER_OBJECT_TIGHTNESS: f64 = 1.83;
@@ -18,14 +18,17 @@ pub const PAPER_TRIANGLE_TIGHTNESS: f64 = 12.2;
 pub struct Summary {
     /// Frames shown.
     pub frames: u32,
+    /// How the walk ended.
+    pub ended: Ended,
     /// Frames compared with the unculled picture of the same level cut.
     pub audited_frames: u32,
     /// Time from the first picture shown to the last, milliseconds.
     pub wall_ms: Option<f64>,
     /// Frames a second as measured on this machine, over `wall_ms`.
     pub measured_fps: Option<f64>,
-    /// Frames a second that three machines would show: a model, not a measurement.
-    pub modelled_fps: Option<ModelledFps>,
+    /// What three machines would show: a model, not a measurement. None unless the roles computed one after
+    /// another.
+    pub model: Option<Model>,
     /// How much more than the exactly visible was drawn.
     pub tightness: Tightness,
     /// Drawables falsely culled, summed over the audited frames; `null` if none was audited.
@@ -50,17 +53,6 @@ pub struct Summary {
     pub bandwidth: Option<Bandwidth>,
     /// Median, 95th percentile and maximum of every figure of [`METRICS`] that was measured.
     pub metrics: BTreeMap<String, Stat>,
-}
-
-/// Frames a second that three machines would show.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ModelledFps {
-    /// Frames a second: 1000 times the frames over the sum of max(or_ms, hc_ms, rvg_ms).
-    pub fps: f64,
-    /// Always true: the roles' busy times were measured where they share a machine, and a network's time is not in them.
-    pub is_model: bool,
-    /// The model in words.
-    pub model: String,
 }
 
 /// How much more than the exactly visible was drawn: medians over the audited frames, beside the paper's.
@@ -120,7 +112,7 @@ impl DeviationVerdict {
 impl Summary {
     /// Condenses `frames`; `wall_ms` is the time from the first picture shown to the last.
     #[must_use]
-    pub fn of(run: &Run, frames: &[Frame], wall_ms: Option<f64>) -> Self {
+    pub fn of(run: &Run, frames: &[Frame], wall_ms: Option<f64>, ended: Ended) -> Self {
         let metrics: BTreeMap<String, Stat> = METRICS
             .iter()
             .filter_map(|m| Some((m.key.to_owned(), Stat::of(frames.iter().filter_map(m.of))?)))
@@ -129,10 +121,11 @@ impl Summary {
         let audited = frames.iter().filter(|f| f.cut_mismatch_pixels.is_some()).count();
         Self {
             frames: u32::try_from(frames.len()).unwrap_or(u32::MAX),
+            ended,
             audited_frames: u32::try_from(audited).unwrap_or(u32::MAX),
             wall_ms,
             measured_fps: measured_fps(frames.len(), wall_ms),
-            modelled_fps: ModelledFps::of(frames),
+            model: run.alone.then(|| Model::of(frames, wall_ms)).flatten(),
             tightness: Tightness {
                 nodes: median("node_tightness"),
                 objects: median("object_tightness"),
@@ -152,18 +145,6 @@ impl Summary {
             bandwidth: Bandwidth::of(run, frames),
             metrics,
         }
-    }
-}
-
-impl ModelledFps {
-    fn of(frames: &[Frame]) -> Option<Self> {
-        let times: Vec<f64> = frames.iter().filter_map(Frame::slowest_role_ms).collect();
-        let total: f64 = times.iter().sum();
-        (total > 0.0).then(|| Self {
-            fps: 1000.0 * times.len() as f64 / total,
-            is_model: true,
-            model: "three machines, no network delay: each frame takes max(or_ms, hc_ms, rvg_ms)".to_owned(),
-        })
     }
 }
 
@@ -245,20 +226,21 @@ mod tests {
 
     #[test]
     fn what_was_not_measured_is_not_zero() {
-        let summary = Summary::of(&sample::run(), &[Frame::default(), Frame::default()], None);
+        let summary =
+            Summary::of(&sample::run(), &[Frame::default(), Frame::default()], None, Ended::default());
         assert_eq!(summary.frames, 2);
         assert_eq!(summary.audited_frames, 0);
         assert!(summary.metrics.is_empty());
         assert_eq!(summary.false_culled_pixels_total, None);
         assert_eq!(summary.measured_fps, None);
-        assert_eq!(summary.modelled_fps, None);
+        assert_eq!(summary.model, None);
         assert_eq!(summary.bandwidth, None);
         assert_eq!((summary.silhouette, summary.surfaces), (None, None));
         assert_eq!(summary.psnr_db, None);
     }
 
     #[test]
-    fn frames_a_second() {
+    fn only_times_taken_alone_make_a_model() {
         let times = [(10.0, 20.0, 5.0), (30.0, 10.0, 5.0)];
         let frames: Vec<Frame> = times
             .iter()
@@ -266,23 +248,22 @@ mod tests {
                 or_ms: Some(or),
                 hc_ms: Some(hc),
                 rvg_ms: Some(rvg),
+                latency_ms: Some(or + hc + rvg),
                 ..Frame::default()
             })
             .collect();
-        let summary = Summary::of(&sample::run(), &frames, Some(100.0));
-        assert_eq!(summary.measured_fps, Some(10.0), "two pictures 100 ms apart");
-        let model = summary.modelled_fps.unwrap();
-        assert_eq!((model.fps, model.is_model), (40.0, true), "two frames in 20 + 30 ms");
-        // A frame without all three times is in no model.
-        let partial = Frame { or_ms: Some(1.0), ..Frame::default() };
-        assert_eq!(Summary::of(&sample::run(), &[partial], Some(0.0)).modelled_fps, None);
+        let summary =
+            |alone| Summary::of(&Run { alone, ..sample::run() }, &frames, Some(100.0), Ended::default());
+        assert_eq!(summary(false).measured_fps, Some(10.0), "two pictures 100 ms apart");
+        assert_eq!(summary(false).model, None, "they hold other roles' work");
+        assert_eq!(summary(true).model.unwrap().fps, 25.0, "the second picture 30 + 10 ms after the first");
     }
 
     #[test]
     fn tightness_is_of_audited_frames_with_something_to_see() {
         let frame = |drawn, exact| Frame { nodes_drawn: Some(drawn), nodes_exact: exact, ..Frame::default() };
         let frames = [frame(30, Some(20)), frame(1000, None), frame(5, Some(0))];
-        let summary = Summary::of(&sample::run(), &frames, None);
+        let summary = Summary::of(&sample::run(), &frames, None, Ended::default());
         assert_eq!(summary.tightness.nodes, Some(1.5));
         assert_eq!(summary.metrics["node_tightness"].frames, 1);
         assert_eq!(summary.metrics["nodes_drawn"].frames, 3);

@@ -11,7 +11,8 @@ pub struct SweepPoint {
     pub epsilon_px: f64,
     /// Frames a second as measured.
     pub measured_fps: Option<f64>,
-    /// Frames a second that three machines would show: a model.
+    /// Frames a second that three machines would show: a model, of runs whose roles computed one after
+    /// another.
     pub modelled_fps: Option<f64>,
     /// OR busy, median, milliseconds.
     pub or_ms: Option<f64>,
@@ -40,6 +41,13 @@ pub struct SweepPoint {
 }
 
 impl SweepPoint {
+    /// Frames a second as modelled, if the roles computed one after another: what was measured then is no
+    /// walk's speed. Else as measured.
+    #[must_use]
+    pub fn fps(&self) -> Option<f64> {
+        self.modelled_fps.or(self.measured_fps)
+    }
+
     /// What `report`'s run adds to a sweep.
     #[must_use]
     pub fn of(report: &Report) -> Self {
@@ -48,7 +56,7 @@ impl SweepPoint {
         Self {
             epsilon_px: report.run.epsilon_px,
             measured_fps: summary.measured_fps,
-            modelled_fps: summary.modelled_fps.as_ref().map(|m| m.fps),
+            modelled_fps: summary.model.map(|model| model.fps),
             or_ms: median("or_ms"),
             hc_ms: median("hc_ms"),
             rvg_ms: median("rvg_ms"),

@@ -35,7 +35,7 @@ async fn introduce(
     to: SocketAddr,
     introduction: &Introduction<'_>,
 ) -> Result<Link, AttemptError> {
-    let Introduction { identity, session, options } = *introduction;
+    let Introduction { identity, session, options, .. } = *introduction;
     let failed = |cause| AttemptError::Handshake { address: to.to_string(), cause };
     let refused = |cause| AttemptError::Connect { address: to.to_string(), cause };
     let security = options.security.as_ref().ok_or(HandshakeError::NoKeys).map_err(failed)?;

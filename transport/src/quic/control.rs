@@ -135,6 +135,8 @@ pub(super) fn explain(error: ConnectionError, doorman: &Doorman, ours: Fingerpri
         code if code == TransportErrorCode::CONNECTION_REFUSED => {
             Some(HandshakeError::Refused(Refusal::Busy))
         }
+        // Its handshake gave way to another, or its listener is gone.
+        code if code == TransportErrorCode::APPLICATION_ERROR => Some(HandshakeError::Closed),
         _ => None,
     };
     let known = match &error {

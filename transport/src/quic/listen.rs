@@ -6,7 +6,6 @@ use std::sync::Arc;
 
 use quinn::crypto::rustls::QuicServerConfig;
 use quinn::{Endpoint, Incoming, ServerConfig};
-use tokio::sync::OwnedSemaphorePermit;
 use trimaran_proto::{Accept, Hello, Lane, Message, Refusal};
 
 use super::connect::endpoint;
@@ -17,6 +16,7 @@ use crate::desk::Desk;
 use crate::handshake::{HandshakeError, Parley};
 use crate::keys::Security;
 use crate::net::until;
+use crate::pending::Slot;
 
 /// How many bytes an attempt may have waiting before it is looked at.
 const WAITING: u64 = 16 * 1024;
@@ -47,7 +47,6 @@ fn server(desk: &Desk, security: &Security) -> Result<(ServerConfig, Arc<Doorman
 }
 
 async fn serve(desk: Arc<Desk>, security: Security, endpoint: Endpoint) {
-    let under_way = Arc::new(());
     loop {
         let incoming = tokio::select! {
             biased;
@@ -55,25 +54,20 @@ async fn serve(desk: Arc<Desk>, security: Security, endpoint: Endpoint) {
             incoming = endpoint.accept() => incoming,
         };
         let Some(incoming) = incoming else { break };
-        // Once half of the room is taken, an address must prove that it is one, with nothing kept for it here (RFC 9000,
-        // section 8.1.2): senders of forged packets get no further.
-        let busy = (Arc::strong_count(&under_way) - 1) * 2 >= desk.options.limits.handshakes;
-        if busy && !incoming.remote_address_validated() {
-            if let Err(e) = incoming.retry() {
-                e.into_incoming().refuse();
-            }
+        // An address must prove that it is one, with nothing kept for it here (RFC 9000, section 8.1.2): so nobody takes slots
+        // in the name of another, and forged packets cost a token each. It costs a peer one round trip of its handshake.
+        if !incoming.remote_address_validated() {
+            let _always_possible_then = incoming.retry();
             continue;
         }
         let from = PeerAddress::Quic(incoming.remote_address());
-        let permit = match desk.begin(&from).and_then(|()| desk.room()) {
-            Ok(permit) => permit,
-            Err(e) => {
-                desk.failed(&from, e);
-                incoming.refuse();
-                continue;
-            }
-        };
-        let guest = Guest { desk: Arc::clone(&desk), _permit: permit, _counted: Arc::clone(&under_way) };
+        if let Err(e) = desk.begin(&from) {
+            desk.failed(&from, e);
+            // Its first packet comes again: by then it may be its turn.
+            incoming.ignore();
+            continue;
+        }
+        let guest = Guest { slot: desk.slot(&from), desk: Arc::clone(&desk) };
         let security = security.clone();
         desk.net.spawn(Box::pin(async move { guest.receive(incoming, &security).await }));
     }
@@ -83,54 +77,54 @@ async fn serve(desk: Arc<Desk>, security: Security, endpoint: Endpoint) {
 /// One handshake.
 struct Guest {
     desk: Arc<Desk>,
-    _permit: OwnedSemaphorePermit,
-    _counted: Arc<()>,
+    slot: Slot,
 }
 
 impl Guest {
-    async fn receive(self, incoming: Incoming, security: &Security) {
+    async fn receive(mut self, incoming: Incoming, security: &Security) {
         let address = incoming.remote_address();
         let desk = &self.desk;
         let deadline = desk.net.now().after(desk.options.handshake);
-        let handshake = self.shake_hands(incoming, security);
-        let outcome = until(&*desk.net, deadline, handshake).await.unwrap_or(Err(HandshakeError::TimedOut));
+        let handshake = shake_hands(desk, incoming, security);
+        let outcome = tokio::select! {
+            biased;
+            outcome = until(&*desk.net, deadline, handshake) => outcome.unwrap_or(Err(HandshakeError::TimedOut)),
+            () = self.slot.revoked() => Err(HandshakeError::Refused(Refusal::Busy)),
+        };
         if let Err(e) = outcome {
             desk.failed(&address, e);
         }
     }
+}
 
-    async fn shake_hands(&self, incoming: Incoming, security: &Security) -> Result<(), HandshakeError> {
-        let desk = &self.desk;
-        let (config, doorman) = server(desk, security)?;
-        let explained = |e| explain(e, &doorman, security.keys.public().quic);
-        let connection =
-            incoming.accept_with(Arc::new(config)).map_err(explained)?.await.map_err(explained)?;
-        check_datagrams(&connection)?;
-        let key = tls::key_of(&connection).ok_or(HandshakeError::Stranger)?;
-        let streams = connection.accept_bi().await.map_err(explained)?;
-        let mut control = Control::new(connection, streams);
-        let Hello { identity: theirs, session, lane } = control.recv_hello().await?;
-        let entered = match lane {
-            Lane::Frames => security
-                .judge(key, theirs.role)
-                .and_then(|()| desk.enter(&theirs).map_err(HandshakeError::Refused)),
-            Lane::Latest => Err(HandshakeError::Refused(Refusal::Session { session, lane })),
-        };
-        match entered {
-            Ok(place) => {
-                control.send(&Message::Accept(Accept { identity: desk.identity })).await?;
-                let config = &desk.options.link;
-                let place = Some(Arc::new(place) as _);
-                desk.hand_out(control.into_link(&desk.net, config, &desk.identity, theirs, session, place))
-                    .await;
-                Ok(())
+async fn shake_hands(desk: &Desk, incoming: Incoming, security: &Security) -> Result<(), HandshakeError> {
+    let (config, doorman) = server(desk, security)?;
+    let explained = |e| explain(e, &doorman, security.keys.public().quic);
+    let connection = incoming.accept_with(Arc::new(config)).map_err(explained)?.await.map_err(explained)?;
+    check_datagrams(&connection)?;
+    let key = tls::key_of(&connection).ok_or(HandshakeError::Stranger)?;
+    let streams = connection.accept_bi().await.map_err(explained)?;
+    let mut control = Control::new(connection, streams);
+    let Hello { identity: theirs, session, lane } = control.recv_hello().await?;
+    let entered = match lane {
+        Lane::Frames => security
+            .judge(key, theirs.role)
+            .and_then(|()| desk.enter(&theirs).map_err(HandshakeError::Refused)),
+        Lane::Latest => Err(HandshakeError::Refused(Refusal::Session { session, lane })),
+    };
+    match entered {
+        Ok(place) => {
+            control.send(&Message::Accept(Accept { identity: desk.identity })).await?;
+            let config = &desk.options.link;
+            let place = Some(Arc::new(place) as _);
+            desk.hand_out(control.into_link(&desk.net, config, &desk.identity, theirs, session, place)).await;
+            Ok(())
+        }
+        Err(error) => {
+            if let Some(refusal) = error.refusal() {
+                control.refuse(refusal).await;
             }
-            Err(error) => {
-                if let Some(refusal) = error.refusal() {
-                    control.refuse(refusal).await;
-                }
-                Err(error)
-            }
+            Err(error)
         }
     }
 }

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use std::task::{Context, Waker};
 use std::time::Duration;
 
-use tokio::sync::{OwnedSemaphorePermit, oneshot};
+use tokio::sync::oneshot;
 use trimaran_proto::{Accept, Hello, Lane, Message, Refusal, SessionId};
 
 use super::handshake::{Connection, Lanes};
@@ -13,8 +13,9 @@ use crate::desk::{Desk, Place, lock};
 use crate::handshake::{HandshakeError, Parley};
 use crate::link::Capabilities;
 use crate::net::{Instant, Listen, Stream, sleep_until, until};
+use crate::pending::Slot;
 use crate::stats::Counters;
-use crate::unix;
+use crate::{PeerAddress, unix};
 
 /// The pause after the system could not accept, for instance for want of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
@@ -61,16 +62,16 @@ impl Reception {
                 accepted = socket.accept() => accepted,
             };
             match accepted {
-                Ok(stream) => {
-                    let reception = Arc::clone(&self);
-                    match self.desk.begin(&stream.peer).and_then(|()| self.desk.room()) {
-                        Ok(permit) => self.desk.net.spawn(Box::pin(reception.receive(stream, permit))),
-                        Err(e) => {
-                            self.desk.failed(&stream.peer, e);
-                            turn_away(stream);
-                        }
+                Ok(stream) => match self.admit(&stream.peer) {
+                    Ok(slot) => {
+                        let reception = Arc::clone(&self);
+                        self.desk.net.spawn(Box::pin(reception.receive(stream, slot)));
                     }
-                }
+                    Err(e) => {
+                        self.desk.failed(&stream.peer, e);
+                        turn_away(&mut Connection::new(stream, &Counters::framed()));
+                    }
+                },
                 Err(e) => {
                     tracing::warn!(error = &e as &dyn std::error::Error, "could not accept a connection");
                     sleep_until(&*self.desk.net, self.desk.net.now().after(ACCEPT_PAUSE)).await;
@@ -79,34 +80,57 @@ impl Reception {
         }
     }
 
+    /// Whether a connection may shake hands: nobody who must not take part gets a slot.
+    fn admit(&self, peer: &PeerAddress) -> Result<Slot, HandshakeError> {
+        unix::check(peer, &self.desk.options.unix)?;
+        self.desk.begin(peer)?;
+        Ok(self.desk.slot(peer))
+    }
+
     /// One connection, from its first byte to a link or a failure.
-    async fn receive(self: Arc<Self>, stream: Stream, _permit: OwnedSemaphorePermit) {
+    async fn receive(self: Arc<Self>, stream: Stream, mut slot: Slot) {
         let address = stream.peer;
         let deadline = self.desk.net.now().after(self.desk.options.handshake);
         // A lane that waits for the other one watches the deadline itself, in order to refuse politely; the limit is for a peer
         // that does not even read the refusal.
         let limit = deadline.after(self.desk.options.handshake);
-        let handshake = self.shake_hands(stream, deadline);
+        let handshake = self.shake_hands(stream, deadline, &mut slot);
         let outcome = until(&*self.desk.net, limit, handshake).await.unwrap_or(Err(HandshakeError::TimedOut));
         if let Err(e) = outcome {
             self.desk.failed(&address, e);
         }
     }
 
-    async fn shake_hands(&self, stream: Stream, deadline: Instant) -> Result<(), HandshakeError> {
+    async fn shake_hands(
+        &self,
+        stream: Stream,
+        deadline: Instant,
+        slot: &mut Slot,
+    ) -> Result<(), HandshakeError> {
         let net = &*self.desk.net;
-        unix::check(&stream.peer, &self.desk.options.unix)?;
         let mut connection = Connection::new(stream, &Counters::framed());
-        let hello = until(net, deadline, connection.recv_hello()).await.ok_or(HandshakeError::TimedOut)??;
+        let hello = tokio::select! {
+            biased;
+            hello = until(net, deadline, connection.recv_hello()) => hello.ok_or(HandshakeError::TimedOut)??,
+            () = slot.revoked() => return Err(turn_away(&mut connection)),
+        };
         match self.enter(hello, connection) {
             Entry::Complete(lanes, place) => self.welcome(hello, lanes, place).await,
             Entry::Wait(paired) => {
-                if until(net, deadline, paired).await.is_some() {
-                    return Ok(());
-                }
+                let revoked = tokio::select! {
+                    biased;
+                    paired = until(net, deadline, paired) => match paired {
+                        Some(_) => return Ok(()),
+                        None => false,
+                    },
+                    () = slot.revoked() => true,
+                };
                 let Some(mut waiting) = lock(&self.waiting).remove(&hello.session) else {
                     return Ok(());
                 };
+                if revoked {
+                    return Err(turn_away(&mut waiting.connection));
+                }
                 let refusal = Refusal::Unpaired { session: hello.session };
                 Err(waiting.connection.refuse(refusal).await)
             }
@@ -158,9 +182,9 @@ impl Reception {
     }
 }
 
-/// Says that there is no room, if that can be said without waiting.
-fn turn_away(stream: Stream) {
-    let mut connection = Connection::new(stream, &Counters::framed());
+/// Says that there is no room, if that can be said without waiting, and is why the handshake failed.
+fn turn_away(connection: &mut Connection) -> HandshakeError {
     let refusal = std::pin::pin!(connection.dismiss(Refusal::Busy));
     let _ignored = refusal.poll(&mut Context::from_waker(Waker::noop()));
+    HandshakeError::Refused(Refusal::Busy)
 }

@@ -23,7 +23,7 @@ pub(crate) async fn introduce<'o>(
     introduction: &Introduction<'_>,
     capabilities: Capabilities,
 ) -> Result<Link, AttemptError> {
-    let Introduction { identity, session, options } = *introduction;
+    let Introduction { identity, session, options, .. } = *introduction;
     let counters = Counters::framed();
     let failed = |cause| AttemptError::Handshake { address: to.to_string(), cause };
     let connection = async || match open().await {

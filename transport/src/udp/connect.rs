@@ -12,11 +12,11 @@ use trimaran_udp::{Config, Connecting, Connection, ConnectionId, Progress, Secur
 
 use super::driver::Board;
 use super::port::Port;
-use super::socket::{Incoming, Outgoing};
+use super::socket::{Incoming, Outgoing, Path};
 use crate::connect::{AttemptError, Introduction, believed};
 use crate::handshake::HandshakeError;
 use crate::keys::{NoiseKey, PeerKey};
-use crate::net::{Net, UdpSocket, random_bytes, until};
+use crate::net::{Instant, Net, UdpSocket, random_bytes, until};
 use crate::stats::Counters;
 use crate::{Link, UdpEndpoint, UdpMode};
 
@@ -24,6 +24,8 @@ use crate::{Link, UdpEndpoint, UdpMode};
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
 /// The longest pause between two first packets: a listener that has just come up is found within that time.
 const LAST_PAUSE: Duration = Duration::from_millis(400);
+/// An address that is asked in vain leaves that part of its time, so that it is said why before the attempt is cut short.
+const REST: u32 = 50;
 
 /// Tries each address of the host, each for its share of the time that a handshake may take: nobody says that there is nobody.
 pub(crate) async fn attempt(
@@ -32,20 +34,29 @@ pub(crate) async fn attempt(
     introduction: &Introduction<'_>,
 ) -> Result<Link, AttemptError> {
     let addresses = net.resolve(&endpoint.at.to_string()).await.map_err(AttemptError::Resolve)?;
-    let share = introduction.options.handshake / u32::try_from(addresses.len()).unwrap_or(u32::MAX).max(1);
+    let count = u32::try_from(addresses.len()).unwrap_or(u32::MAX);
     let mut last = AttemptError::NoAddress;
-    for to in addresses {
-        let by = net.now().after(share);
-        match until(&**net, by, introduce(net, to, endpoint.mode, introduction)).await {
-            Some(Ok(link)) => return Ok(link),
-            Some(Err(e @ AttemptError::Connect { .. })) => last = e,
-            Some(Err(e)) => return Err(e),
-            None => {
-                last = AttemptError::Handshake { address: to.to_string(), cause: HandshakeError::Unanswered };
-            }
+    for (to, others) in addresses.into_iter().zip((0..count).rev()) {
+        let share = introduction.by.since(net.now()) / (others + 1);
+        let by = net.now().after(share - share / REST);
+        match introduce(net, to, endpoint.mode, introduction, by).await {
+            Ok(link) => return Ok(link),
+            Err(e) if e.is_about_one_address() => last = e,
+            Err(e) => return Err(e),
         }
     }
     Err(last)
+}
+
+impl AttemptError {
+    /// Whether another address of the host may be better.
+    const fn is_about_one_address(&self) -> bool {
+        matches!(
+            self,
+            Self::Connect { .. }
+                | Self::Handshake { cause: HandshakeError::Unanswered | HandshakeError::Datagram { .. }, .. }
+        )
+    }
 }
 
 async fn introduce(
@@ -53,8 +64,9 @@ async fn introduce(
     to: SocketAddr,
     mode: Option<UdpMode>,
     introduction: &Introduction<'_>,
+    by: Instant,
 ) -> Result<Link, AttemptError> {
-    let Introduction { identity, session, options } = *introduction;
+    let Introduction { identity, session, options, .. } = *introduction;
     let failed = |cause| AttemptError::Handshake { address: to.to_string(), cause };
     let candidates = options.udp.trust.connecting(options.security.as_ref()).map_err(failed)?;
     let here: SocketAddr = match to {
@@ -73,7 +85,7 @@ async fn introduce(
         ways.push((key_of(&security), connecting));
     }
     let mut asking = Asking { net, socket: &socket, to, incoming: Incoming::new(&socket) };
-    let (key, mut connection, answer) = asking.ask(ways, config).await.map_err(failed)?;
+    let (key, mut connection, answer) = asking.ask(ways, config, by).await.map_err(failed)?;
     let (theirs, reliable) = read_answer(&answer, &counters).map_err(failed)?;
     let reliable = reliable && config.patience.is_none();
     let batching = options.link.batching_between(&identity, &theirs);
@@ -85,7 +97,7 @@ async fn introduce(
 
     let board = Board::new(net);
     let here = connection.id();
-    let port = Port::new(net, &socket, to, connection);
+    let port = Port::new(net, &socket, Path::to(to), connection);
     net.spawn(Box::pin(board.serve(here, &port)));
     let mut incoming = asking.incoming;
     net.spawn(Box::pin(async move {
@@ -164,15 +176,16 @@ enum Stage {
     Again(Connecting),
     Taken(Box<Connection>, Vec<u8>),
     Refused(Vec<u8>),
-    Version(u64),
 }
 
 impl Asking<'_> {
-    /// Sends first packets until one is answered. Gives the listener's key, the connection and what the listener says.
+    /// Sends first packets until one is answered, or until `by`. Gives the listener's key, the connection and what the
+    /// listener says.
     async fn ask(
         &mut self,
         ways: Vec<(Option<PeerKey>, Connecting)>,
         config: Config,
+        by: Instant,
     ) -> Result<(Option<PeerKey>, Connection, Vec<u8>), HandshakeError> {
         let mut stages: Vec<_> = ways.into_iter().map(|(key, way)| (key, Stage::Asking(way))).collect();
         let (mut again, mut pause) = (self.net.now(), FIRST_PAUSE);
@@ -190,20 +203,22 @@ impl Asking<'_> {
                     Stage::Asking(connecting) => Stage::Asking(connecting),
                     Stage::Taken(connection, answer) => return Ok((key, *connection, answer)),
                     Stage::Refused(answer) => return Err(refusal(&answer)),
-                    Stage::Version(theirs) => return Err(HandshakeError::Datagram { theirs, ours: VERSION }),
                 };
                 waiting.push((key, stage));
             }
             stages = waiting;
+            if self.net.now() >= by {
+                return Err(in_vain(&stages));
+            }
             let Self { net, to, incoming, .. } = self;
-            let received = incoming.receive(|from, datagram| {
-                if from == *to {
+            let received = incoming.receive(|path, datagram| {
+                if path.remote == *to {
                     let all = std::mem::take(&mut stages);
                     let take = |(key, stage): (_, Stage)| (key, stage.take(&***net, datagram, config));
                     stages = all.into_iter().map(take).collect();
                 }
             });
-            if let Some(received) = until(&***net, again, received).await {
+            if let Some(received) = until(&***net, again.min(by), received).await {
                 received.map_err(HandshakeError::Io)?;
             }
         }
@@ -213,10 +228,22 @@ impl Asking<'_> {
     fn send(&self, connecting: Connecting) -> Stage {
         let mut datagram = Vec::new();
         connecting.initial(&mut datagram);
-        let mut outgoing = Outgoing::new(self.to, &**self.socket);
+        let mut outgoing = Outgoing::new(Path::to(self.to), &**self.socket);
         outgoing.push(&datagram);
         outgoing.send(&**self.socket);
         Stage::Asking(connecting)
+    }
+}
+
+/// Why nobody answered, as far as it is known.
+fn in_vain(stages: &[(Option<PeerKey>, Stage)]) -> HandshakeError {
+    let claimed = stages.iter().find_map(|(_, stage)| match stage {
+        Stage::Asking(connecting) | Stage::Again(connecting) => connecting.claimed_version(),
+        _ => None,
+    });
+    match claimed {
+        Some(theirs) => HandshakeError::Datagram { theirs, ours: VERSION },
+        None => HandshakeError::Unanswered,
     }
 }
 
@@ -233,7 +260,6 @@ impl Stage {
                 Progress::Retry(connecting) => Self::Again(connecting),
                 Progress::Taken(connection, answer) => Self::Taken(connection, answer),
                 Progress::Refused(answer) => Self::Refused(answer),
-                Progress::Version(theirs) => Self::Version(theirs),
                 Progress::None(connecting) => Self::Asking(connecting),
                 _ => Self::Refused(Vec::new()),
             },

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::future::poll_fn;
-use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::{Arc, Mutex};
 use std::task::{Poll, ready};
@@ -12,7 +11,7 @@ use tokio::sync::Notify;
 use trimaran_udp::{Closed, ConnectionId, destination};
 
 use super::port::{Port, State, Waiter};
-use super::socket::Incoming;
+use super::socket::{Incoming, Path};
 use crate::desk::lock;
 use crate::net::{Instant, Net, UdpPoller, sleep_until};
 
@@ -72,16 +71,16 @@ impl Board {
     }
 
     /// Receives once; what is for no connection goes to `stranger`.
-    pub(super) async fn receive(&self, incoming: &mut Incoming, mut stranger: impl FnMut(SocketAddr, &[u8])) {
+    pub(super) async fn receive(&self, incoming: &mut Incoming, mut stranger: impl FnMut(Path, &[u8])) {
         let mut touched: Option<Arc<Port>> = None;
         // What came at once came at one time.
         let mut came = None;
         let received = incoming
-            .receive(|from, datagram| {
+            .receive(|path, datagram| {
                 let port = destination(datagram).and_then(|id| lock(&self.ports).get(&id).cloned());
-                let Some(port) = port else { return stranger(from, datagram) };
+                let Some(port) = port else { return stranger(path, datagram) };
                 let now = *came.get_or_insert_with(|| self.net.now());
-                port.handle(now, from, datagram);
+                port.handle(now, path.remote, datagram);
                 if !touched.as_ref().is_some_and(|last| Arc::ptr_eq(last, &port))
                     && let Some(last) = touched.replace(port)
                 {

@@ -8,19 +8,19 @@ use std::pin::pin;
 use std::sync::{Arc, Mutex};
 use std::task::Poll;
 
-use tokio::sync::OwnedSemaphorePermit;
 use trimaran_proto::{Accept, DecodeFault, Hello, Lane, Message, Refusal};
 use trimaran_udp::{Config, ConnectionId, Door, Knock, Reception};
 
 use super::connect::{introduce_with, read_introduction};
 use super::driver::Board;
 use super::port::{Port, Waiter};
-use super::socket::{Incoming, Outgoing};
-use crate::desk::{Desk, Place, lock};
+use super::socket::{Incoming, Outgoing, Path};
+use crate::desk::{Desk, lock};
 use crate::handshake::HandshakeError;
 use crate::keys::{NoiseKey, PeerKey};
 use crate::link::Batching;
 use crate::net::{UdpSocket, random_bytes, until};
+use crate::pending::Slot;
 use crate::stats::Counters;
 use crate::{PeerAddress, UdpMode};
 
@@ -57,8 +57,6 @@ struct Guest {
     hello: Hello,
     /// Whether all frames will be whole, in both directions.
     reliable: bool,
-    place: Place,
-    permit: OwnedSemaphorePermit,
     counters: Arc<Counters>,
 }
 
@@ -70,7 +68,7 @@ impl Hall {
             tokio::select! {
                 biased;
                 () = &mut closed => break,
-                () = self.board.receive(&mut incoming, |from, datagram| self.take(from, datagram)) => {}
+                () = self.board.receive(&mut incoming, |path, datagram| self.take(path, datagram)) => {}
             }
         }
         let mut emptied = pin!(self.board.emptied());
@@ -84,7 +82,8 @@ impl Hall {
     }
 
     /// A datagram for no connection.
-    fn take(&self, from: SocketAddr, datagram: &[u8]) {
+    fn take(&self, path: Path, datagram: &[u8]) {
+        let from = path.remote;
         // Whoever sends from an address of its own makes work from here on.
         if self.door.would_open(self.desk.net.now(), from, datagram)
             && let Err(e) = self.desk.begin(&PeerAddress::Udp(from))
@@ -93,21 +92,22 @@ impl Hall {
         }
         let mut reply = Vec::new();
         match self.door.handle(self.desk.net.now(), from, datagram, &mut reply) {
-            Reception::Reply => self.send(from, &reply),
-            Reception::Knock(knock) => self.answer(from, *knock),
+            Reception::Reply => self.send(path, &reply),
+            Reception::Knock(knock) => self.answer(path, *knock),
             Reception::Stranger => self.desk.failed(&from, HandshakeError::Stranger),
             _ => {}
         }
     }
 
-    fn answer(&self, from: SocketAddr, knock: Knock) {
+    fn answer(&self, path: Path, knock: Knock) {
+        let from = path.remote;
         let caller = (from, knock.from);
         if let Some(answer) = lock(&self.answers).get(&caller) {
-            return self.send(from, answer);
+            return self.send(path, answer);
         }
         let mut reply = Vec::new();
         match self.judge(&knock) {
-            Ok(guest) => match self.let_in(caller, knock, guest, &mut reply) {
+            Ok(guest) => match self.let_in(path, knock, guest, &mut reply) {
                 Ok(()) => {}
                 Err(e) => return self.desk.failed(&from, HandshakeError::Io(e)),
             },
@@ -120,7 +120,7 @@ impl Hall {
                 self.desk.failed(&from, error);
             }
         }
-        self.send(from, &reply);
+        self.send(path, &reply);
     }
 
     /// Whether the caller may come in.
@@ -144,16 +144,16 @@ impl Hall {
         if let (Some(key), Some(security)) = (knock.key, &self.desk.options.security) {
             security.judge(PeerKey::Udp(NoiseKey::from_bytes(key)), hello.identity.role)?;
         }
-        let permit = self.desk.room()?;
-        let place = self.desk.enter(&hello.identity).map_err(HandshakeError::Refused)?;
+        // It takes the role's place only once it has shown that it is there now.
+        self.desk.admits(&hello.identity).map_err(HandshakeError::Refused)?;
         let reliable = reliable && self.config.patience.is_none();
-        Ok(Guest { hello, reliable, place, permit, counters })
+        Ok(Guest { hello, reliable, counters })
     }
 
     /// Makes a connection of the caller, and a link once it has shown that it is there now: its first packet may be a copy of one
     /// that somebody else sent.
-    fn let_in(&self, caller: Caller, knock: Knock, guest: Guest, reply: &mut Vec<u8>) -> io::Result<()> {
-        let desk = &self.desk;
+    fn let_in(&self, path: Path, knock: Knock, guest: Guest, reply: &mut Vec<u8>) -> io::Result<()> {
+        let (desk, caller) = (&self.desk, (path.remote, knock.from));
         let here = self.free_name()?;
         let accept = Message::Accept(Accept { identity: desk.identity });
         let answer = introduce_with(&accept, &self.config, &guest.counters);
@@ -165,13 +165,14 @@ impl Hall {
             .ok_or_else(|| io::Error::other("the answer could not be sealed"))?;
         connection.follow(caller.0, random_bytes(&*desk.net)?);
         lock(&self.answers).insert(caller, reply.clone());
-        let port = Port::new(&desk.net, &self.socket, caller.0, connection);
+        let port = Port::new(&desk.net, &self.socket, path, connection);
         let (served, answers) = (self.board.serve(here, &port), Arc::clone(&self.answers));
         desk.net.spawn(Box::pin(async move {
             served.await;
             lock(&answers).remove(&caller);
         }));
-        desk.net.spawn(Box::pin(greet(Arc::clone(desk), port, guest)));
+        let slot = desk.slot(&PeerAddress::Udp(caller.0));
+        desk.net.spawn(Box::pin(greet(Arc::clone(desk), port, guest, slot)));
         Ok(())
     }
 
@@ -186,9 +187,9 @@ impl Hall {
     }
 
     /// What cannot be sent counts as lost: the caller asks again.
-    fn send(&self, to: SocketAddr, datagram: &[u8]) {
+    fn send(&self, path: Path, datagram: &[u8]) {
         if !datagram.is_empty() {
-            let mut outgoing = Outgoing::new(to, &*self.socket);
+            let mut outgoing = Outgoing::new(path, &*self.socket);
             outgoing.push(datagram);
             outgoing.send(&*self.socket);
         }
@@ -196,7 +197,7 @@ impl Hall {
 }
 
 /// Hands out the link with a guest once it has used its keys, or lets it go.
-async fn greet(desk: Arc<Desk>, port: Arc<Port>, guest: Guest) {
+async fn greet(desk: Arc<Desk>, port: Arc<Port>, guest: Guest, mut slot: Slot) {
     let confirmed = poll_fn(|cx| {
         let mut state = port.lock();
         if state.connection.is_confirmed() || state.connection.closed().is_some() {
@@ -206,16 +207,25 @@ async fn greet(desk: Arc<Desk>, port: Arc<Port>, guest: Guest) {
         Poll::Pending
     });
     let by = desk.net.now().after(desk.options.handshake);
-    if until(&*desk.net, by, confirmed).await != Some(true) {
-        port.lock().connection.close();
-        port.settle(desk.net.now());
-        desk.failed(&port.remote(), HandshakeError::TimedOut);
-        return;
-    }
-    let Guest { hello, reliable, place, permit, counters } = guest;
-    drop(permit);
+    let confirmed = tokio::select! {
+        biased;
+        confirmed = until(&*desk.net, by, confirmed) => match confirmed {
+            Some(true) => Ok(()),
+            _ => Err(HandshakeError::TimedOut),
+        },
+        () = slot.revoked() => Err(HandshakeError::Refused(Refusal::Busy)),
+    };
+    drop(slot);
+    let Guest { hello, reliable, counters } = guest;
     let Hello { identity: theirs, session, .. } = hello;
-    let place = Some(Arc::new(place) as _);
+    let place = match confirmed.and_then(|()| desk.enter(&theirs).map_err(HandshakeError::Refused)) {
+        Ok(place) => Some(Arc::new(place) as _),
+        Err(error) => {
+            port.lock().connection.close();
+            port.settle(desk.net.now());
+            return desk.failed(&port.remote(), error);
+        }
+    };
     let link = super::link(
         &desk.net,
         &port,

@@ -7,7 +7,7 @@ use std::task::{Context, Waker};
 
 use trimaran_udp::{Closed, Connection, PathStats};
 
-use super::socket::Outgoing;
+use super::socket::{Outgoing, Path};
 use crate::desk::lock;
 use crate::error::{LaneError, Loss, ProtocolError};
 use crate::net::{Instant, Net, UdpSocket};
@@ -79,12 +79,12 @@ impl Port {
     pub(super) fn new(
         net: &Arc<dyn Net>,
         socket: &Arc<dyn UdpSocket>,
-        remote: SocketAddr,
+        path: Path,
         connection: Connection,
     ) -> Arc<Self> {
         let state = State {
             connection,
-            outgoing: Outgoing::new(remote, &**socket),
+            outgoing: Outgoing::new(path, &**socket),
             datagram: Vec::new(),
             waits: false,
             armed: None,
@@ -94,7 +94,7 @@ impl Port {
         Arc::new(Self {
             net: Arc::clone(net),
             socket: Arc::clone(socket),
-            remote,
+            remote: path.remote,
             state: Mutex::new(state),
             last: Arc::default(),
         })
@@ -158,7 +158,7 @@ impl State {
         }
         while let Some(elsewhere) = connection.poll_excursion(now, datagram) {
             // What cannot be sent counts as lost.
-            let mut excursion = Outgoing::new(elsewhere, socket);
+            let mut excursion = outgoing.elsewhere(elsewhere, socket);
             excursion.push(datagram);
             excursion.send(socket);
         }
@@ -219,7 +219,7 @@ impl State {
     /// How the connection ended for a reader, if it did: a peer that broke the protocol is told from one that was lost.
     pub(super) fn end(&self) -> Option<LaneError> {
         match self.connection.closed()? {
-            Closed::Here | Closed::Peer | Closed::Silent(_) | Closed::Exhausted => {
+            Closed::Here | Closed::Peer | Closed::Silent(_) | Closed::Forged | Closed::Exhausted => {
                 self.loss().map(LaneError::Lost)
             }
             broken => Some(LaneError::Protocol(ProtocolError::Datagrams(Box::new(broken.clone())))),

@@ -2,7 +2,7 @@
 
 use std::future::poll_fn;
 use std::io::{self, IoSliceMut};
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 
 use smallvec::SmallVec;
@@ -14,6 +14,31 @@ use crate::net::{BATCH_SIZE, RecvMeta, Transmit, UdpSocket};
 const DATAGRAM: usize = 2048;
 /// The most that one buffer holds, however many datagrams the system would put into it.
 const BUFFER: usize = 64 << 10;
+
+/// Between which addresses datagrams go. A socket may have several here, and who asked at one of them takes answers from no other.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Path {
+    pub(super) remote: SocketAddr,
+    /// The address here, if it is known; else the system chooses.
+    local: Option<IpAddr>,
+}
+
+impl Path {
+    /// A path to `remote` from whichever address the system chooses.
+    pub(super) const fn to(remote: SocketAddr) -> Self {
+        Self { remote, local: None }
+    }
+
+    /// The path that an answer takes to what came so.
+    fn back(meta: &RecvMeta) -> Self {
+        // What was sent to many is not answered from an address that all of them have.
+        let local = meta.dst_ip.filter(|ip| match ip {
+            IpAddr::V4(ip) => !ip.is_multicast() && !ip.is_broadcast(),
+            IpAddr::V6(ip) => !ip.is_multicast(),
+        });
+        Self { remote: meta.addr, local }
+    }
+}
 
 /// Receives from a socket.
 #[derive(Debug)]
@@ -35,8 +60,8 @@ impl Incoming {
         }
     }
 
-    /// Waits for datagrams and hands each to `take`, with where it comes from.
-    pub(super) async fn receive(&mut self, mut take: impl FnMut(SocketAddr, &[u8])) -> io::Result<()> {
+    /// Waits for datagrams and hands each to `take`, with the path back to where it comes from.
+    pub(super) async fn receive(&mut self, mut take: impl FnMut(Path, &[u8])) -> io::Result<()> {
         let Self { socket, buffers, meta } = self;
         let filled = {
             let mut slices: SmallVec<[_; BATCH_SIZE]> =
@@ -45,7 +70,7 @@ impl Incoming {
         };
         for (meta, buffer) in meta.iter().zip(buffers).take(filled) {
             let bytes = buffer.get(..meta.len).unwrap_or_default();
-            bytes.chunks(meta.stride.max(1)).for_each(|datagram| take(meta.addr, datagram));
+            bytes.chunks(meta.stride.max(1)).for_each(|datagram| take(Path::back(meta), datagram));
         }
         Ok(())
     }
@@ -54,7 +79,7 @@ impl Incoming {
 /// Datagrams to one address on their way into the system, several of one size at once where it takes them so.
 #[derive(Debug)]
 pub(super) struct Outgoing {
-    to: SocketAddr,
+    path: Path,
     bytes: Vec<u8>,
     /// The size of all of them but the last, which may be shorter.
     segment: usize,
@@ -64,17 +89,22 @@ pub(super) struct Outgoing {
 }
 
 impl Outgoing {
-    pub(super) fn new(to: SocketAddr, socket: &dyn UdpSocket) -> Self {
+    pub(super) fn new(path: Path, socket: &dyn UdpSocket) -> Self {
         let most = socket.max_transmit_segments().min(BUFFER / DATAGRAM);
-        Self { to, bytes: Vec::with_capacity(most * MIN_DATAGRAM), segment: 0, count: 0, most }
+        Self { path, bytes: Vec::with_capacity(most * MIN_DATAGRAM), segment: 0, count: 0, most }
     }
 
     /// The peer is at `to` from now on: what waits to leave opens there as well.
     pub(super) fn aim(&mut self, to: SocketAddr) {
-        if self.to != to {
-            tracing::info!(from = %self.to, %to, "the peer goes on at another address");
-            self.to = to;
+        if self.path.remote != to {
+            tracing::info!(from = %self.path.remote, %to, "the peer goes on at another address");
+            self.path.remote = to;
         }
+    }
+
+    /// Datagrams to another address, from the same one here.
+    pub(super) fn elsewhere(&self, to: SocketAddr, socket: &dyn UdpSocket) -> Self {
+        Self::new(Path { remote: to, ..self.path }, socket)
     }
 
     pub(super) const fn is_empty(&self) -> bool {
@@ -101,12 +131,12 @@ impl Outgoing {
             return true;
         }
         let segment_size = (self.count > 1).then_some(self.segment);
-        let transmit =
-            Transmit { destination: self.to, ecn: None, contents: &self.bytes, segment_size, src_ip: None };
+        let Path { remote: destination, local: src_ip } = self.path;
+        let transmit = Transmit { destination, ecn: None, contents: &self.bytes, segment_size, src_ip };
         match socket.try_send(&transmit) {
             Err(e) if e.kind() == io::ErrorKind::WouldBlock => return false,
             Err(e) => {
-                tracing::debug!(to = %self.to, error = &e as &dyn std::error::Error, "a datagram could not be sent");
+                tracing::debug!(to = %destination, error = &e as &dyn std::error::Error, "a datagram could not be sent");
             }
             Ok(()) => {}
         }

@@ -33,6 +33,9 @@ pub(crate) struct Meeting {
     pub(crate) at: Endpoint,
     /// The options of a display that the listener knows.
     pub(crate) display: Options,
+    /// Those of the listener.
+    #[allow(dead_code, reason = "not every test program listens again")]
+    pub(crate) ours: Options,
     pub(crate) _folder: tempfile::TempDir,
 }
 
@@ -54,6 +57,6 @@ impl Meeting {
         let endpoint = endpoint.parse().unwrap();
         let listener = Listener::bind(&net(), &endpoint, identity(Role::SwitchA), &ours).await.unwrap();
         let at = listener.local_endpoint().clone();
-        Self { listener, at, display, _folder: folder }
+        Self { listener, at, display, ours, _folder: folder }
     }
 }

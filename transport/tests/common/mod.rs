@@ -11,11 +11,11 @@ use std::time::Duration;
 
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameEnd, FrameEvent, FrameNumber, FrameOutcome, FrameStart,
-    IdCoding, Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
+    IdCoding, Identity, PictureSize, Refusal, Role, SceneHash, Settings, TesterKind,
 };
 use trimaran_transport::{
-    AcceptError, Endpoint, FrameReceiver, HandshakeError, Instant, LatestReceiver, Link, Listener, Net,
-    Options, RecvError, TokioNet, connect,
+    AcceptError, AttemptError, ConnectError, Endpoint, FrameReceiver, HandshakeError, Instant,
+    LatestReceiver, Link, Listener, Net, Options, RecvError, TokioNet, connect,
 };
 
 pub(crate) const SCENE: SceneHash = SceneHash(0x5ce7e);
@@ -115,6 +115,40 @@ pub(crate) async fn joined(endpoint: &str, options: &Options) -> (Link, Link) {
         listener.accept(soon(&net)),
     );
     (here.unwrap(), there.unwrap())
+}
+
+/// What stands in the way of a link of `who` to `at`, as the connecting side learns it: how its attempts end once the other side has
+/// had the time to answer one.
+pub(crate) async fn obstacle(
+    net: &Arc<dyn Net>,
+    at: &Endpoint,
+    who: Identity,
+    options: &Options,
+) -> HandshakeError {
+    let soon = soon(net);
+    // The first wait that is long enough here.
+    for wait in (0..).map(|doubled| Duration::from_millis(50) * 2_u32.pow(doubled)) {
+        assert!(net.now() < soon, "no answer from {at}");
+        let error = connect(net, at, who, options, net.now().after(wait)).await.unwrap_err();
+        assert!(error.may_pass(), "{error:?}");
+        match error {
+            ConnectError::Deadline { last: AttemptError::Handshake { cause, .. }, .. } => match cause {
+                HandshakeError::Closed | HandshakeError::Io(_) | HandshakeError::Unanswered => {}
+                known => return known,
+            },
+            ConnectError::Deadline { last: AttemptError::TimedOut, .. } => {}
+            other => panic!("{other:?}"),
+        }
+    }
+    unreachable!()
+}
+
+/// With which words `at` refuses `who`.
+pub(crate) async fn refusal(net: &Arc<dyn Net>, at: &Endpoint, who: Identity, options: &Options) -> Refusal {
+    match obstacle(net, at, who, options).await {
+        HandshakeError::Refused(refusal) => refusal,
+        other => panic!("{other:?}"),
+    }
 }
 
 /// What became of the last connection to `listener` that did not make it to a link, once there is such a one.

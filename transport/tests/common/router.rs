@@ -61,6 +61,35 @@ impl Router {
         }
     }
 
+    /// Passes on for ever what `forge` has no answer for. What it has one for is answered with that in the listener's name,
+    /// and does not go on. Counts that.
+    pub(crate) async fn pass_and_forge(
+        &self,
+        forged: &Cell<u32>,
+        mut forge: impl FnMut(&[u8]) -> Option<Vec<u8>>,
+    ) {
+        let (inside, mut peer) = (self.inside().await, None);
+        let (mut a, mut b) = (vec![0; 2000], vec![0; 2000]);
+        loop {
+            tokio::select! {
+                got = self.outside.recv_from(&mut a) => {
+                    let (length, from) = got.unwrap();
+                    peer = Some(from);
+                    match forge(&a[..length]) {
+                        Some(answer) => {
+                            self.outside.send_to(&answer, from).await.unwrap();
+                            forged.set(forged.get() + 1);
+                        }
+                        None => drop(inside.send(&a[..length]).await.unwrap()),
+                    }
+                }
+                got = inside.recv(&mut b) => {
+                    self.outside.send_to(&b[..got.unwrap()], peer.unwrap()).await.unwrap();
+                }
+            }
+        }
+    }
+
     async fn inside(&self) -> UdpSocket {
         let inside = free().await;
         inside.connect(self.listener).await.unwrap();

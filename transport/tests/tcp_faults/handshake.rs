@@ -5,12 +5,14 @@ use std::time::Duration;
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
-use trimaran_proto::{Accept, DecodeFault, Decoder, Lane, Message, Refusal, Role};
+use trimaran_proto::{
+    Accept, DecodeFault, Decoder, Lane, Message, ProtocolVersion, Refusal, Role, SceneHash,
+};
 use trimaran_transport::{
-    AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Options, connect, sleep_until, until,
+    AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Listener, Options, connect, until,
 };
 
-use super::common::{identity, last_failure, net, soon};
+use super::common::{SCENE, identity, last_failure, net, soon};
 use super::{SESSION, bytes, hello, listener};
 
 fn quick() -> Options {
@@ -30,16 +32,6 @@ async fn answers(stream: &mut TcpStream) -> Vec<Message> {
     // A reset is as good an end as any.
     while stream.read_buf(decoder.buffer(1024)).await.is_ok_and(|n| n > 0) {}
     std::iter::from_fn(|| decoder.next_message().unwrap()).collect()
-}
-
-/// The next message that comes, if one does.
-async fn next(stream: &mut TcpStream, decoder: &mut Decoder) -> Option<Message> {
-    loop {
-        if let Some(message) = decoder.next_message().unwrap() {
-            return Some(message);
-        }
-        stream.read_buf(decoder.buffer(1024)).await.ok().filter(|n| *n > 0)?;
-    }
 }
 
 #[tokio::test]
@@ -87,33 +79,37 @@ async fn one_lane_alone_is_refused_in_time() {
     assert_eq!(answers, [Message::Refuse(Refusal::Unpaired { session: SESSION })]);
 }
 
+/// Another machine, or the same one after a moment, may have another scene, release or room: so no refusal is the last word.
 #[tokio::test]
-async fn a_refusal_that_passes_is_tried_again_and_another_ends_it() {
+async fn whatever_a_listener_refuses_for_is_tried_again() {
     let net = net();
-    for passing in [Refusal::Busy, Refusal::Unpaired { session: SESSION }] {
-        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-        let endpoint = Endpoint::Tcp(listener.local_addr().unwrap().into());
-        let for_good = Refusal::RoleTaken { role: Role::Display };
-        let refuse = async {
-            let mut tries = Vec::new();
-            loop {
-                let (mut stream, _) = listener.accept().await.unwrap();
-                let mut decoder = Decoder::new();
-                let Some(Message::Hello(hello)) = next(&mut stream, &mut decoder).await else { continue };
-                if !tries.contains(&hello.session) {
-                    tries.push(hello.session);
-                }
-                let refusal = if tries.len() == 1 { passing } else { for_good };
-                stream.write_all(&bytes(&[Message::Refuse(refusal)])).await.unwrap();
-            }
-        };
+    let versions = (ProtocolVersion(7), ProtocolVersion(1));
+    for refusal in [
+        Refusal::Busy,
+        Refusal::Unpaired { session: SESSION },
+        Refusal::RoleTaken { role: Role::Display },
+        Refusal::Scene { listener: SceneHash(1), connector: SCENE },
+        Refusal::Version { listener: versions.0, connector: versions.1 },
+        Refusal::Session { session: SESSION, lane: Lane::Frames },
+    ] {
+        let stranger = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = stranger.local_addr().unwrap();
+        let endpoint = Endpoint::Tcp(address.into());
         let options = Options::default();
-        let ended = tokio::select! {
-            ended = connect(&net, &endpoint, identity(Role::Display), &options, soon(&net)) => ended,
-            never = refuse => never,
+        let refuse = async {
+            // Both connections of the first attempt.
+            for _ in 0..2 {
+                let (mut stream, _) = stranger.accept().await.unwrap();
+                stream.write_all(&bytes(&[Message::Refuse(refusal)])).await.ok();
+            }
+            drop(stranger);
+            let mut listener =
+                Listener::bind(&net, &endpoint, identity(Role::SwitchA), &options).await.unwrap();
+            listener.accept(soon(&net)).await
         };
-        let error = ended.unwrap_err();
-        assert!(matches!(&error, ConnectError::Refused { refusal, .. } if *refusal == for_good), "{error:?}");
+        let (there, here) =
+            tokio::join!(connect(&net, &endpoint, identity(Role::Display), &options, soon(&net)), refuse);
+        assert!(there.is_ok() && here.is_ok(), "{refusal:?}: {there:?} {here:?}");
     }
 }
 
@@ -141,9 +137,9 @@ async fn the_same_lane_twice_is_refused_and_the_right_one_still_welcome() {
 }
 
 #[tokio::test]
-async fn a_crowd_is_turned_away_and_peers_get_through_after_it() {
+async fn a_crowd_makes_room_for_who_comes_later_and_is_told_so() {
     let net = net();
-    // Who is inside stays there until it goes.
+    // Who is inside stays there until it is sent away.
     let handshake = Duration::from_secs(3600);
     let limits = Limits { handshakes: 4, ..Limits::default() };
     let options = Options { limits, handshake, ..Options::default() };
@@ -152,19 +148,17 @@ async fn a_crowd_is_turned_away_and_peers_get_through_after_it() {
     for _ in 0..4 {
         crowd.push(TcpStream::connect(address).await.unwrap());
     }
-    // Connections are accepted in the order in which they came, and each takes its room at once.
-    let mut late = TcpStream::connect(address).await.unwrap();
-    assert_eq!(answers(&mut late).await, [Message::Refuse(Refusal::Busy)]);
-    let address = Endpoint::Tcp(address.into());
-    let (there, here) =
-        tokio::join!(connect(&net, &address, identity(Role::Display), &options, soon(&net)), async {
-            while listener.turned_away().no_room < 2 {
-                sleep_until(&*net, net.now().after(Duration::from_millis(1))).await;
-            }
-            drop(crowd);
-            listener.accept(soon(&net)).await
-        });
-    assert!(there.is_ok() && here.is_ok(), "busy is no reason to give up: {there:?} {here:?}");
+    // Connections are accepted in the order in which they came, and each takes its slot at once.
+    let endpoint = Endpoint::Tcp(address.into());
+    let (there, here) = tokio::join!(
+        connect(&net, &endpoint, identity(Role::Display), &options, soon(&net)),
+        listener.accept(soon(&net))
+    );
+    assert!(there.is_ok() && here.is_ok(), "{there:?} {here:?}");
+    for oldest in &mut crowd[..2] {
+        assert_eq!(answers(oldest).await, [Message::Refuse(Refusal::Busy)]);
+    }
+    assert_eq!(listener.turned_away().no_room, 2);
 }
 
 /// A server that says what makes no sense once, and then nothing to those who come again.

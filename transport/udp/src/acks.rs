@@ -20,6 +20,8 @@ const NAMED: usize = 8;
 #[derive(Debug, Default)]
 pub(crate) struct Acks {
     numbers: RangeSet,
+    /// Those that are never acknowledged, for not all of their packets could be taken: they come once as well.
+    refused: RangeSet,
     floor: PacketNumber,
     largest_at: Option<Instant>,
     /// Packets that ask for an acknowledgement and have not been given one.
@@ -34,7 +36,7 @@ pub(crate) struct Acks {
 
 impl Acks {
     pub(crate) fn is_new(&self, number: PacketNumber) -> bool {
-        number >= self.floor && !self.numbers.contains(number)
+        number >= self.floor && !self.numbers.contains(number) && !self.refused.contains(number)
     }
 
     /// Whether no later packet has been received.
@@ -45,6 +47,16 @@ impl Acks {
     /// One past the highest number received.
     fn end(&self) -> PacketNumber {
         self.numbers.iter().next_back().map_or(0, |range| range.end)
+    }
+
+    /// A packet was received, and not all of it could be taken: its sender must take it for lost.
+    pub(crate) fn on_refused(&mut self, number: PacketNumber) {
+        self.refused.insert(number..number + 1);
+        while self.refused.len() > ACK_RANGES {
+            if let Some(oldest) = self.refused.pop_front(u64::MAX) {
+                self.floor = self.floor.max(oldest.end);
+            }
+        }
     }
 
     /// A packet was received, and all of it taken.
@@ -63,7 +75,8 @@ impl Acks {
         self.lowest = Some(self.lowest.map_or(number, |lowest| lowest.min(number)));
         while self.numbers.len() > ACK_RANGES {
             if let Some(oldest) = self.numbers.pop_front(u64::MAX) {
-                self.floor = oldest.end;
+                self.floor = self.floor.max(oldest.end);
+                self.refused.remove(&(0..self.floor));
             }
         }
         if asks > Asks::Nothing {
@@ -182,5 +195,20 @@ mod tests {
         assert!(!acks.is_new(1), "too old to tell");
         assert!(acks.is_new(399));
         assert_eq!(acks.numbers.len(), ACK_RANGES);
+    }
+
+    #[test]
+    fn what_was_refused_is_not_acknowledged_and_comes_once() {
+        let mut acks = Acks::default();
+        let now = Instant::from_nanos(0);
+        for number in 0..100 {
+            assert!(acks.is_new(2 * number));
+            acks.on_refused(2 * number);
+            assert!(!acks.is_new(2 * number));
+        }
+        assert_eq!((acks.refused.len(), acks.due(), acks.take(now)), (ACK_RANGES, None, None));
+        acks.on_received(now, 300, Asks::Ack, DELAY);
+        let Some(Chunk::Ack { numbers, .. }) = acks.take(now) else { panic!("none") };
+        assert_eq!((numbers.len(), numbers.iter().next()), (1, Some(300..301)));
     }
 }

@@ -28,7 +28,7 @@ mod transmit;
 
 pub use closed::Closed;
 pub use config::Config;
-pub use stats::{Hopeless, PathStats};
+pub use stats::{Hopeless, PathStats, STEPS_PER_BYTE, STEPS_PER_PACKET};
 
 /// One end of a connection: no socket, no clock.
 ///
@@ -68,6 +68,8 @@ pub struct Connection {
     sent_bytes: u64,
     received: u64,
     received_bytes: u64,
+    /// Packets that did not open.
+    forged: u64,
     closed: Option<Closed>,
     close_due: bool,
     plain: Vec<u8>,
@@ -130,6 +132,7 @@ impl Connection {
             sent_bytes: 0,
             received: 0,
             received_bytes: 0,
+            forged: 0,
             closed: None,
             close_due: false,
             plain: Vec::with_capacity(MIN_DATAGRAM),

@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::net::SocketAddr;
+use std::time::Duration;
 
 use snow::{Builder, HandshakeState};
 use thiserror::Error;
@@ -15,6 +16,11 @@ use crate::packet::{ConnectionId, CookieBytes, MIN_DATAGRAM, Packet, VERSION};
 
 /// The most that a hello may have: a first packet has room for it, its cookie and its keys.
 pub const MAX_HELLO: usize = 1024;
+
+/// So many cookies are sent back at once, within [`FLOOD`]: more than a listener gives for first packets that were sent twice. Of
+/// further ones the newest goes with the next first packet, so that whoever forges them cannot make this side send without end.
+const COOKIES: u8 = 4;
+const FLOOD: Duration = Duration::from_millis(50);
 
 /// What makes peers trust each other. Both sides need the same kind. Secrets are wiped from memory when this is dropped.
 #[derive(Clone, PartialEq, Eq)]
@@ -130,9 +136,13 @@ pub struct Connecting {
     here: ConnectionId,
     half: Half,
     message: Vec<u8>,
+    /// The newest cookie: anyone on the way can forge one, so that no earlier one keeps out the listener's.
     cookie: Option<CookieBytes>,
-    /// When the cookie came, and was sent back.
+    /// When the first cookie came, and was sent back.
     asked: Option<Instant>,
+    /// Since when cookies are counted, and how many of those came since were sent back at once.
+    flood: (Instant, u8),
+    claimed: Option<u64>,
 }
 
 impl fmt::Debug for Connecting {
@@ -149,8 +159,6 @@ pub enum Progress {
     None(Connecting),
     /// Send [`Connecting::initial`] again, now: it holds a cookie.
     Retry(Connecting),
-    /// The listener speaks this other version.
-    Version(u64),
     /// The listener took the hello, and this is its answer.
     Taken(Box<Connection>, Vec<u8>),
     /// The listener refused, and this is its answer.
@@ -168,7 +176,8 @@ impl Connecting {
         }
         let mut half = Half::new(security, here, true)?;
         let message = half.write(hello).map_err(HandshakeError::Keys)?;
-        Ok(Self { here, half, message, cookie: None, asked: None })
+        let flood = (Instant::from_nanos(0), 0);
+        Ok(Self { here, half, message, cookie: None, asked: None, flood, claimed: None })
     }
 
     /// Writes the first packet into `out`, which it replaces.
@@ -177,17 +186,36 @@ impl Connecting {
         Packet::Initial { version: VERSION, from: self.here, cookie, noise: &self.message }.write(out);
     }
 
-    /// Takes a datagram from the listener.
+    /// The version that the listener has, as somebody said where nobody answered in this one. Only a hint: anyone on the way can say so.
+    #[must_use]
+    pub fn claimed_version(&self) -> Option<u64> {
+        self.claimed.filter(|_| self.cookie.is_none())
+    }
+
+    /// Whether another cookie may be sent back at once.
+    fn may_answer(&mut self, now: Instant) -> bool {
+        let (since, count) = &mut self.flood;
+        if now.since(*since) >= FLOOD {
+            (*since, *count) = (now, 0);
+        }
+        *count = count.saturating_add(1);
+        *count <= COOKIES
+    }
+
+    /// Takes a datagram from the listener, or from somebody who claims to be it.
     #[must_use]
     pub fn handle(mut self, now: Instant, datagram: &[u8], config: Config) -> Progress {
         match Packet::parse(datagram) {
             Ok(Packet::Retry { version, to, .. }) if to == self.here && version != VERSION => {
-                Progress::Version(version)
+                self.claimed = Some(version);
+                Progress::None(self)
             }
-            Ok(Packet::Retry { to, cookie, .. }) if to == self.here && self.cookie.is_none() => {
+            Ok(Packet::Retry { to, cookie, .. })
+                if to == self.here && self.cookie.as_ref() != Some(cookie) =>
+            {
                 self.cookie = Some(*cookie);
-                self.asked = Some(now);
-                Progress::Retry(self)
+                self.asked.get_or_insert(now);
+                if self.may_answer(now) { Progress::Retry(self) } else { Progress::None(self) }
             }
             Ok(Packet::Answer { version: VERSION, to, noise }) if to == self.here => {
                 let Some(payload) = self.half.read(noise) else { return Progress::None(self) };

@@ -1,24 +1,24 @@
 //! The frames lane as it is received: units put together in any order, passed on in theirs.
 
-use std::collections::VecDeque;
+use std::collections::BTreeMap;
 
 use thiserror::Error;
 use trimaran_proto::{BatchSize, CodedIds, CodingFault, DecodeError, FrameMessage, Goodbye};
 
 use crate::chunk::Tail;
 
+mod blocks;
 mod buffers;
 mod gaps;
+mod store;
 mod unit;
 
 use buffers::Buffers;
+use store::Pool;
 use unit::{Step, Unit};
 
 /// How many units may be under way.
 const UNITS: u64 = 1024;
-/// How many separate pieces of all units together are kept: an honest peer sends a window of 4 MiB in 3,700 full packets, so that it
-/// stays below even if every second one is lost.
-const PIECES: usize = 4096;
 
 /// What comes out of the lane.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,9 +44,9 @@ pub enum LaneViolation {
     /// It ended a unit in two places, or sent bytes behind the end.
     #[error("a unit ends in two places")]
     End,
-    /// It sent with too many gaps.
-    #[error("units came in more than {PIECES} separate pieces")]
-    Pieces,
+    /// Repair blocks of a unit overlap.
+    #[error("repair blocks of a unit overlap")]
+    Block,
     /// A unit is no message.
     #[error("a unit holds no message of the lane")]
     Unit,
@@ -61,7 +61,8 @@ pub enum LaneViolation {
 /// Units in order of their numbers.
 #[derive(Debug)]
 pub(crate) struct Inbox {
-    units: VecDeque<Unit>,
+    /// Those of which anything came.
+    units: BTreeMap<u64, Unit>,
     buffers: Buffers,
     /// The number of the unit that is passed on now.
     first: u64,
@@ -70,8 +71,8 @@ pub(crate) struct Inbox {
     /// Bytes passed on, and bytes that the peer has used of what it may send.
     taken: u64,
     used: u64,
-    /// The pieces of all units.
-    pieces: usize,
+    /// The repair shards that all units keep.
+    repair: usize,
     /// The credit that the peer was told of.
     told: (u64, u64),
     pub(crate) frames_repaired: u64,
@@ -80,14 +81,14 @@ pub(crate) struct Inbox {
 impl Inbox {
     pub(crate) fn new(batch: BatchSize, window: u64) -> Self {
         Self {
-            units: VecDeque::new(),
+            units: BTreeMap::new(),
             buffers: Buffers::default(),
             first: 0,
             batch,
             window,
             taken: 0,
             used: 0,
-            pieces: 0,
+            repair: 0,
             told: (window, UNITS),
             frames_repaired: 0,
         }
@@ -105,14 +106,14 @@ impl Inbox {
     /// Throws away what has arrived, for nobody reads it. Says whether the peer should hear of the credit that this gives.
     pub(crate) fn discard(&mut self) -> bool {
         self.units.clear();
-        self.pieces = 0;
+        self.repair = 0;
         self.taken = self.taken.max(self.used);
         self.credit_due()
     }
 
     /// Whether [`Inbox::take`] would give a message or find a fault.
     pub(crate) fn is_readable(&self) -> bool {
-        self.units.front().is_some_and(|unit| unit.is_readable(self.batch))
+        self.units.get(&self.first).is_some_and(|unit| unit.is_readable(self.batch))
     }
 
     /// Whether a good part of the credit was used up since the peer was told.
@@ -136,13 +137,13 @@ impl Inbox {
         data: &[u8],
     ) -> Result<(), LaneViolation> {
         let to = offset.checked_add(data.len() as u64).ok_or(LaneViolation::Credit)?;
-        self.with_unit(number, |unit, credit| {
+        self.with_unit(number, |unit, credit, pool| {
             if !unit.is_given_up() {
                 credit.use_up_to(unit, to)?;
                 unit.note(to, tail)?;
                 unit.highest = unit.highest.max(to);
-                unit.store(offset, data);
-                gaps::restore(unit, credit)?;
+                let found = unit.put(offset, data, pool);
+                gaps::restore(unit, credit, pool, found)?;
             }
             Ok(())
         })
@@ -152,25 +153,22 @@ impl Inbox {
     fn with_unit(
         &mut self,
         number: u64,
-        work: impl FnOnce(&mut Unit, &mut Credit) -> Result<(), LaneViolation>,
+        work: impl FnOnce(&mut Unit, &mut Credit, &mut Pool) -> Result<(), LaneViolation>,
     ) -> Result<(), LaneViolation> {
         let Some(at) = number.checked_sub(self.first) else { return Ok(()) };
         if at >= UNITS {
             return Err(LaneViolation::Credit);
         }
-        while self.units.len() as u64 <= at {
-            self.units.push_back(Unit::new(self.buffers.spare.take()));
-        }
-        let Some(unit) = usize::try_from(at).ok().and_then(|at| self.units.get_mut(at)) else {
-            return Ok(());
-        };
-        let before = (unit.pieces(), unit.repaired);
+        let pool = &mut self.buffers.pool;
+        pool.work += 16;
+        let unit = self.units.entry(number).or_insert_with(|| Unit::new(pool.store()));
+        let before = (unit.repair_shards(), unit.repaired);
         let mut credit = Credit { used: self.used, allowed: self.taken + self.window };
-        work(unit, &mut credit)?;
+        work(unit, &mut credit, pool)?;
         self.used = credit.used;
-        self.pieces = self.pieces + unit.pieces() - before.0;
+        self.repair = self.repair + unit.repair_shards() - before.0;
         self.frames_repaired += u64::from(unit.repaired && !before.1);
-        if self.pieces > PIECES { Err(LaneViolation::Pieces) } else { Ok(()) }
+        Ok(())
     }
 
     /// The next message, if it has arrived. After a violation there is none: what follows it means nothing.
@@ -184,30 +182,31 @@ impl Inbox {
 
     fn take_next(&mut self) -> Result<Option<Received>, LaneViolation> {
         loop {
-            let Some(unit) = self.units.front_mut() else { return Ok(None) };
-            let (base, pieces) = (unit.base, unit.pieces());
+            let Some(unit) = self.units.get_mut(&self.first) else { return Ok(None) };
+            let (base, repair) = (unit.base, unit.repair_shards());
             let step = unit.step(self.batch, &mut self.buffers)?;
             self.taken += unit.base - base;
-            self.pieces -= pieces;
+            self.repair = self.repair + unit.repair_shards() - repair;
             match step {
                 Step::Last(item) => {
-                    let over = self.units.pop_front();
-                    over.into_iter().for_each(|unit| self.buffers.spare.put(unit.into_buffer()));
+                    if let Some(over) = self.units.remove(&self.first) {
+                        self.repair -= over.repair_shards();
+                        self.buffers.pool.take_back(over.into_store());
+                    }
                     self.first += 1;
                     if let Some(item) = item {
                         return Ok(Some(item));
                     }
                 }
-                Step::Wait => {
-                    self.pieces += unit.pieces();
-                    return Ok(None);
-                }
-                Step::Item(item) => {
-                    self.pieces += unit.pieces();
-                    return Ok(Some(item));
-                }
+                Step::Wait => return Ok(None),
+                Step::Item(item) => return Ok(Some(item)),
             }
         }
+    }
+
+    /// What was done for what came, in steps of eight bytes or one look-up each.
+    pub(crate) const fn work(&self) -> u64 {
+        self.buffers.pool.work
     }
 }
 
@@ -245,18 +244,15 @@ mod tests {
         Inbox::new(BatchSize::default(), 4 << 20)
     }
 
-    /// Sends `count` lone bytes with gaps between, `each` of them to a unit.
-    fn scatter(inbox: &mut Inbox, count: u64, each: u64) -> Result<(), LaneViolation> {
-        (0..count).try_for_each(|at| inbox.put(at / each, 1 + at % each * 2, Tail::More, &[0]))
-    }
-
     #[test]
-    fn pieces_are_counted_over_all_units() {
-        for each in [4, 7, 4096] {
+    fn lone_bytes_take_a_page_each_at_most_and_are_passed_on_once_no_more_comes() {
+        for (each, pages) in [(64, 1024), (4096, 16)] {
             let mut inbox = empty();
-            assert_eq!(scatter(&mut inbox, 4096, each), Ok(()), "{each} a unit");
-            assert_eq!(scatter(&mut inbox, 4096, each), Ok(()), "the same again changes nothing");
-            assert_eq!(inbox.put(1023, 9, Tail::More, &[0]), Err(LaneViolation::Pieces), "{each} a unit");
+            for at in 0..4096 * 16 {
+                inbox.put(at / each, 1 + at % each * 2, Tail::More, &[0]).unwrap();
+            }
+            let kept: usize = inbox.units.values().map(Unit::pages).sum();
+            assert_eq!((inbox.take(), kept), (Ok(None), pages * (2 * each as usize).div_ceil(store::PAGE)));
         }
     }
 
@@ -291,22 +287,7 @@ mod tests {
         for unit in 0..10 {
             inbox.put(unit, 0, Tail::More, &[0; 900]).unwrap();
             assert!(inbox.discard(), "the peer should hear of new room");
-            assert_eq!((inbox.take(), inbox.pieces), (Ok(None), 0));
+            assert_eq!((inbox.take(), inbox.units.len()), (Ok(None), 0));
         }
-    }
-
-    #[test]
-    fn gaps_that_close_and_units_that_pass_make_room_for_pieces() {
-        let mut inbox = empty();
-        scatter(&mut inbox, 4096, 1024).unwrap();
-        inbox.put(3, 0, Tail::More, &[0; 2048]).unwrap();
-        assert_eq!(inbox.pieces, 3 * 1024 + 1);
-
-        let mut inbox = empty();
-        let mut goodbye = BytesMut::new();
-        Message::Goodbye(Goodbye::Finished).encode(&mut goodbye);
-        inbox.put(0, 0, Tail::End, &goodbye).unwrap();
-        assert_eq!((inbox.pieces, inbox.take()), (1, Ok(Some(Received::Goodbye(Goodbye::Finished)))));
-        assert_eq!(inbox.pieces, 0, "what was passed on is no piece any more");
     }
 }

@@ -30,7 +30,7 @@ mod whereabouts;
 mod wire;
 
 pub use congestion::Congestion;
-pub use connection::{Closed, Config, Connection, Hopeless, PathStats};
+pub use connection::{Closed, Config, Connection, Hopeless, PathStats, STEPS_PER_BYTE, STEPS_PER_PACKET};
 pub use handshake::{Connecting, Door, HandshakeError, Knock, MAX_HELLO, Progress, Reception, Security};
 pub use inbox::{LaneViolation, Received};
 pub use latest::LatestEnd;

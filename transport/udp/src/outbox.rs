@@ -1,6 +1,6 @@
 //! The frames lane as it is sent: units whose bytes are kept until they are acknowledged, or not worth sending any more.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use bytes::{BufMut, BytesMut};
@@ -28,6 +28,13 @@ pub(crate) struct Outbox {
     spare: Spare,
     /// The number of the first unit kept.
     first: u64,
+    /// The units of which something is to be said that needs no credit.
+    due: BTreeSet<u64>,
+    /// The first unit that has, or may get, bytes that were never sent.
+    fresh: u64,
+    /// The first unit that may have no deadline yet, and the first that may come to be late: deadlines rise.
+    undated: u64,
+    in_time: u64,
     /// What the receiver allows in all.
     allowed_bytes: u64,
     allowed_units: u64,
@@ -48,6 +55,8 @@ pub(crate) struct Outbox {
     pub(crate) repeated: u64,
     /// Repair shards that were sent.
     pub(crate) repair_sent: u64,
+    /// How often a unit was looked at.
+    pub(crate) visited: u64,
 }
 
 impl Outbox {
@@ -62,6 +71,10 @@ impl Outbox {
             units: VecDeque::new(),
             spare: Spare::default(),
             first: 0,
+            due: BTreeSet::new(),
+            fresh: 0,
+            undated: 0,
+            in_time: 0,
             allowed_bytes,
             allowed_units,
             offered: 0,
@@ -74,6 +87,7 @@ impl Outbox {
             frames_given_up: 0,
             repeated: 0,
             repair_sent: 0,
+            visited: 0,
         }
     }
 
@@ -164,12 +178,32 @@ impl Outbox {
             self.kept += unit.append(write);
             unit.protect(&mut self.repair, path);
         }
+        self.look_at_last();
     }
 
     fn end(&mut self, tail: Tail, path: Path) {
         if let Some(unit) = self.units.back_mut() {
             unit.end(tail);
             unit.protect(&mut self.repair, path);
+        }
+        self.look_at_last();
+    }
+
+    fn look_at_last(&mut self) {
+        self.look(self.first + (self.units.len() as u64).saturating_sub(1));
+    }
+
+    /// Finds out what is due of a unit with which something was done.
+    fn look(&mut self, number: u64) {
+        if self.unit(number).is_some_and(|unit| unit.is_due()) {
+            self.due.insert(number);
+        } else {
+            self.due.remove(&number);
+        }
+        self.fresh = self.fresh.max(self.first);
+        while self.unit(self.fresh).is_some_and(|unit| unit.is_all_sent()) {
+            self.fresh += 1;
+            self.visited += 1;
         }
     }
 
@@ -184,6 +218,7 @@ impl Outbox {
     pub(crate) fn drop_all(&mut self) {
         self.first += self.units.len() as u64;
         self.units.clear();
+        self.due.clear();
         self.kept = 0;
     }
 
@@ -194,33 +229,35 @@ impl Outbox {
 
     /// Whether [`Outbox::write_next`] has something, given room.
     pub(crate) fn has_due(&self) -> bool {
-        let units = self.allowed_units.saturating_sub(self.first);
-        let credit = self.allowed_bytes.saturating_sub(self.offered);
-        self.units.iter().zip(0..units).any(|(unit, _)| unit.has_due(credit))
+        self.next_due().is_some()
+    }
+
+    /// The first unit of which something can be sent now.
+    fn next_due(&self) -> Option<u64> {
+        let due = self.due.first().copied();
+        let at = usize::try_from(self.fresh.saturating_sub(self.first)).ok()?;
+        let fresh = self.units.get(at).filter(|unit| unit.has_fresh() && self.allowed_bytes > self.offered);
+        let next = due.into_iter().chain(fresh.map(|_| self.fresh)).min();
+        next.filter(|number| *number < self.allowed_units)
     }
 
     /// Writes the next chunk that is due into `out`, at most `room` bytes; older units and lost parts first. A part that would fit
     /// alone, `whole`, is not cut up.
     pub(crate) fn write_next(&mut self, room: usize, whole: usize, out: &mut Vec<u8>) -> Option<Content> {
-        let units = self.allowed_units.saturating_sub(self.first);
-        for (unit, number) in self.units.iter_mut().zip(self.first..self.first + units) {
-            let credit = self.allowed_bytes.saturating_sub(self.offered);
-            if !unit.has_due(credit) {
-                continue;
+        let number = self.next_due()?;
+        let credit = self.allowed_bytes.saturating_sub(self.offered);
+        let (content, fresh) = self.unit(number)?.write(number, credit, room, whole, out)?;
+        self.look(number);
+        self.offered += fresh;
+        match &content {
+            Content::Part { range, .. } if range.end - range.start > fresh => {
+                self.repeated += 1;
+                self.repair.on_repeated((range.end - range.start) as usize);
             }
-            let (content, fresh) = unit.write(number, credit, room, whole, out)?;
-            self.offered += fresh;
-            match &content {
-                Content::Part { range, .. } if range.end - range.start > fresh => {
-                    self.repeated += 1;
-                    self.repair.on_repeated((range.end - range.start) as usize);
-                }
-                Content::Repair { .. } => self.repair_sent += 1,
-                _ => {}
-            }
-            return Some(content);
+            Content::Repair { .. } => self.repair_sent += 1,
+            _ => {}
         }
-        None
+        Some(content)
     }
 
     /// The unit with that number, if it is kept.

@@ -10,6 +10,11 @@ use smallvec::SmallVec;
 pub(crate) struct RangeSet(SmallVec<[Range<u64>; 2]>);
 
 impl RangeSet {
+    /// Those ranges, none of which is empty or touches another, in rising order.
+    pub(crate) const fn from_rising(ranges: SmallVec<[Range<u64>; 2]>) -> Self {
+        Self(ranges)
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }

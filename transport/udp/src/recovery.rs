@@ -12,10 +12,12 @@ use crate::rtt::Rtt;
 mod flight;
 mod moved;
 mod share;
+mod skipped;
 
 use flight::Flight;
 pub(crate) use flight::{Content, Contents, Sent};
 use share::LossShare;
+use skipped::Skipped;
 
 /// A packet is lost when one that many numbers later has arrived (RFC 9002, section 6.1.1).
 pub(crate) const REORDERING: u64 = 3;
@@ -51,6 +53,7 @@ pub(crate) struct NeverSent;
 #[derive(Debug)]
 pub(crate) struct Recovery {
     flight: Flight,
+    skipped: Skipped,
     largest_acked: Option<PacketNumber>,
     last_sent: Option<Instant>,
     /// When something was acknowledged, or first waited for an acknowledgement.
@@ -62,17 +65,22 @@ pub(crate) struct Recovery {
     max_ack_delay: Duration,
     /// Room for what the next acknowledgement tells of.
     spare: Vec<Content>,
+    /// When the round trip of this path was measured first.
+    sampled: Option<Instant>,
     pub(crate) rtt: Rtt,
     pub(crate) window: Window,
     pub(crate) lost_packets: u64,
     /// Probes since the beginning.
     pub(crate) all_probes: u64,
+    /// How often an acknowledgement made this side look at a packet.
+    pub(crate) visited: u64,
 }
 
 impl Recovery {
     pub(crate) fn new(law: Congestion, segment: usize, initial: u16, max_ack_delay: Duration) -> Self {
         Self {
             flight: Flight::default(),
+            skipped: Skipped::default(),
             largest_acked: None,
             last_sent: None,
             progress: None,
@@ -81,16 +89,28 @@ impl Recovery {
             loss: LossShare::new(),
             max_ack_delay,
             spare: Vec::new(),
+            sampled: None,
             rtt: Rtt::default(),
             window: Window::new(law, segment, initial),
             lost_packets: 0,
             all_probes: 0,
+            visited: 0,
         }
     }
 
     /// The number of the next packet.
     pub(crate) fn next_number(&self) -> PacketNumber {
         self.flight.next_number()
+    }
+
+    /// Leaves numbers out from now on, as these 32 random bytes say.
+    pub(crate) fn leave_numbers_out(&mut self, secret: [u8; 32]) {
+        self.skipped = Skipped::new(secret, self.next_number());
+    }
+
+    /// How many packets were sent.
+    pub(crate) fn sent(&self) -> u64 {
+        self.next_number() - self.skipped.count()
     }
 
     /// Bytes that the window leaves.
@@ -132,7 +152,11 @@ impl Recovery {
             }
             self.last_sent = Some(sent.at);
         }
-        self.flight.push(eliciting).map(|sent| sent.contents).unwrap_or_default()
+        let mut lost = self.flight.push(eliciting).map(|sent| sent.contents).unwrap_or_default();
+        if self.skipped.leaves_out(self.next_number()) {
+            lost.extend(self.flight.push(None).into_iter().flat_map(|sent| sent.contents));
+        }
+        lost
     }
 
     pub(crate) fn on_ack(
@@ -143,16 +167,18 @@ impl Recovery {
     ) -> Result<Verdict, NeverSent> {
         let mut verdict = Verdict { arrived: std::mem::take(&mut self.spare), ..Verdict::default() };
         let Some(last) = numbers.iter().next_back() else { return Ok(verdict) };
-        if last.end > self.next_number() {
+        if last.end > self.next_number() || self.skipped.is_in(numbers) {
             return Err(NeverSent);
         }
         let largest = last.end - 1;
         let in_flight = self.in_flight();
         for range in numbers.iter() {
             for number in range.start.max(self.flight.base())..range.end {
+                self.visited += 1;
                 let Some(sent) = self.flight.forget(number) else { continue };
                 if number == largest {
                     self.rtt.sample(now.since(sent.at), delay.min(self.max_ack_delay));
+                    self.sampled.get_or_insert(now);
                 }
                 self.probes = 0;
                 self.unanswered = false;
@@ -165,7 +191,7 @@ impl Recovery {
             }
         }
         self.largest_acked = self.largest_acked.max(Some(largest));
-        self.detect_losses(now, &mut verdict);
+        self.detect_losses(now, Some(numbers), &mut verdict);
         self.flight.trim();
         Ok(verdict)
     }
@@ -188,7 +214,7 @@ impl Recovery {
     pub(crate) fn on_timeout(&mut self, now: Instant) -> (Verdict, Option<Probe>) {
         let mut verdict = Verdict::default();
         if self.loss_time().is_some_and(|at| at <= now) {
-            self.detect_losses(now, &mut verdict);
+            self.detect_losses(now, None, &mut verdict);
             self.flight.trim();
             return (verdict, None);
         }
@@ -219,14 +245,22 @@ impl Recovery {
         Some(oldest.at.after(self.rtt.loss_delay()))
     }
 
-    fn detect_losses(&mut self, now: Instant, verdict: &mut Verdict) {
+    /// Finds what is lost by now; `acked` are the numbers of the acknowledgement that shows it, if it is one.
+    fn detect_losses(&mut self, now: Instant, acked: Option<&RangeSet>, verdict: &mut Verdict) {
         let Some(largest) = self.largest_acked else { return };
         let delay = self.rtt.loss_delay();
-        let (mut first, mut last) = (None, None);
+        let mut last = None;
+        // Since when nothing arrived, and the longest such time; what was sent before a round trip was measured does not count.
+        let (mut since, mut longest) = (None, Duration::ZERO);
         for number in self.flight.base()..largest {
+            self.visited += 1;
             let late = largest - number >= REORDERING;
-            let Some(sent) = self.flight.get(number) else { continue };
+            let Some(sent) = self.flight.get(number) else {
+                since = since.filter(|_| !acked.is_some_and(|acked| acked.contains(number)));
+                continue;
+            };
             if !late && now.since(sent.at) < delay {
+                since = None;
                 continue;
             }
             let Some(sent) = self.flight.forget(number) else { continue };
@@ -234,19 +268,20 @@ impl Recovery {
             if !sent.is_probe() {
                 self.lost_packets += 1;
                 self.loss.on_lost();
-                first = first.or(Some(sent.at));
                 last = Some(sent.at);
+                if self.sampled.is_some_and(|sampled| sampled <= sent.at) {
+                    longest = longest.max(sent.at.since(*since.get_or_insert(sent.at)));
+                }
             }
             verdict.lost.extend(sent.contents);
         }
-        if let (Some(first), Some(last)) = (first, last) {
-            if self.loss.is_congestion() || self.rtt.queues() {
-                self.window.on_loss(now, last);
-            }
-            let long = self.rtt.probe_timeout(self.max_ack_delay) * PERSISTENT;
-            if verdict.arrived.is_empty() && last.since(first) > long {
-                self.window.on_persistent_congestion();
-            }
+        let Some(last) = last else { return };
+        if self.loss.is_congestion() || self.rtt.queues() {
+            self.window.on_loss(now, last);
+        }
+        if acked.is_some() && longest > self.rtt.probe_timeout(self.max_ack_delay) * PERSISTENT {
+            self.window.on_persistent_congestion();
+            self.rtt.forget_minimum();
         }
     }
 }
@@ -373,6 +408,33 @@ mod tests {
         assert_eq!(recovery.window.window(), 7_000, "too many for accidents");
     }
 
+    /// Sends a packet each 20 ms, all of which are lost but those in `arrive`, and then one that arrives; gives the window.
+    fn after_an_outage(sampled: bool, packets: u64, arrive: Range<u64>) -> usize {
+        let mut recovery = sender();
+        if sampled {
+            send(&mut recovery, 0);
+            recovery.on_ack(at(10), &numbers(0..1), Duration::ZERO).unwrap();
+        }
+        let base = recovery.next_number();
+        for packet in 0..packets {
+            send(&mut recovery, 100 + 20 * packet);
+        }
+        let mut acked = numbers(base + packets..base + packets + 1);
+        acked.insert(base + arrive.start..base + arrive.end);
+        send(&mut recovery, 100 + 20 * packets);
+        recovery.on_ack(at(110 + 20 * packets), &acked, Duration::ZERO).unwrap();
+        recovery.window.window()
+    }
+
+    /// A probe timeout is 26 ms here: three of them are four packets' time.
+    #[test]
+    fn an_outage_of_three_probe_timeouts_leaves_the_smallest_window() {
+        assert_eq!(after_an_outage(true, 9, 0..0), 2_000);
+        assert!(after_an_outage(true, 4, 0..0) > 2_000, "it was too short");
+        assert!(after_an_outage(true, 9, 4..5) > 2_000, "one between them arrived");
+        assert!(after_an_outage(false, 9, 0..0) > 2_000, "nothing was measured before");
+    }
+
     #[test]
     fn a_lost_probe_is_no_sign_of_congestion() {
         let mut recovery = sender();
@@ -384,6 +446,25 @@ mod tests {
         let verdict = recovery.on_ack(at(50), &numbers(1..4), Duration::ZERO).unwrap();
         assert_eq!((verdict.lost, recovery.lost_packets), (contents, 0));
         assert_eq!((recovery.probable_loss(), recovery.window.window()), (0.0, 10_000));
+    }
+
+    #[test]
+    fn who_acknowledges_what_it_did_not_receive_is_found_out() {
+        let mut recovery = sender();
+        recovery.leave_numbers_out([7; 32]);
+        let mut received = RangeSet::default();
+        while recovery.skipped.count() < 3 {
+            let number = recovery.next_number();
+            send(&mut recovery, number);
+            received.insert(number..number + 1);
+            assert!(recovery.on_ack(at(number + 1), &received, Duration::ZERO).is_ok(), "{number}");
+        }
+        assert_eq!(received.len(), 3, "two gaps, and one that nobody has seen yet");
+        assert_eq!(recovery.sent() + 3, recovery.next_number());
+        let number = recovery.next_number();
+        send(&mut recovery, number);
+        let all = numbers(0..number + 1);
+        assert_eq!(recovery.on_ack(at(number + 1), &all, Duration::ZERO).err(), Some(NeverSent));
     }
 
     #[test]

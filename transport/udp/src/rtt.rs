@@ -93,6 +93,13 @@ impl Rtt {
         rtt.smoothed = (rtt.smoothed * 7 + sample) / 8;
     }
 
+    /// After persistent congestion the path may be another one (RFC 9002, section 5.2).
+    pub(crate) fn forget_minimum(&mut self) {
+        if let Some(rtt) = &mut self.measured {
+            rtt.minimum = rtt.latest;
+        }
+    }
+
     pub(crate) fn smoothed(&self) -> Duration {
         self.measured.map_or(self.guess, |rtt| rtt.smoothed)
     }

@@ -4,8 +4,28 @@
 use proptest::prelude::*;
 
 #[allow(unreachable_pub, reason = "the fuzz targets use it too")]
+#[path = "../../../fuzz/src/costs.rs"]
+mod costs;
+#[allow(unreachable_pub, reason = "the fuzz targets use it too")]
 #[path = "../../../fuzz/src/datagrams.rs"]
 mod datagrams;
+#[allow(unreachable_pub, reason = "the fuzz targets use it too")]
+#[path = "../../../fuzz/src/handshakes.rs"]
+mod handshakes;
+#[allow(unreachable_pub, dead_code, reason = "the fuzz targets use it too")]
+#[path = "../../../fuzz/src/wire.rs"]
+mod wire;
+
+/// What holds for any bytes.
+type Check = fn(&[u8]);
+
+/// Each check by the name of its target, and how many inputs there are at least.
+const TARGETS: [(&str, Check, usize); 4] = [
+    ("strangers", datagrams::strangers, 18),
+    ("chunks", datagrams::chunks, 61),
+    ("costs", costs::costs, 10),
+    ("handshakes", handshakes::handshakes, 10),
+];
 
 /// The corpus of a target.
 fn corpus(target: &str) -> Vec<Vec<u8>> {
@@ -15,9 +35,7 @@ fn corpus(target: &str) -> Vec<Vec<u8>> {
 
 #[test]
 fn the_fuzz_corpus_does_no_harm() {
-    for (target, check, least) in
-        [("strangers", datagrams::strangers as fn(&[u8]), 18), ("chunks", datagrams::chunks, 61)]
-    {
+    for (target, check, least) in TARGETS {
         let inputs = corpus(target);
         inputs.iter().for_each(|input| check(input));
         assert!(inputs.len() >= least, "only {} inputs of {target}: is the corpus there?", inputs.len());
@@ -33,7 +51,7 @@ proptest! {
         first in any::<prop::sample::Index>(), second in any::<prop::sample::Index>(),
         broken in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..4),
     ) {
-        for (target, check) in [("strangers", datagrams::strangers as fn(&[u8])), ("chunks", datagrams::chunks)] {
+        for (target, check, _) in TARGETS {
             let inputs = corpus(target);
             let mut input = [first.get(&inputs).clone(), second.get(&inputs).clone()].concat();
             for (at, byte) in &broken {

@@ -155,6 +155,94 @@ fn a_cookie_does_not_work_from_elsewhere_or_later() {
     assert!(matches!(door.handle(now(), address(), &first[..1199], &mut out), Reception::Ignore));
 }
 
+/// What anyone on the way can say to who connects as id 10: a retry of some version, with some cookie.
+fn retry(version: u64, cookie: u8) -> Vec<u8> {
+    let word = version << 2 | 2;
+    [&word.to_le_bytes()[..], &10_u32.to_le_bytes(), &[cookie; 24]].concat()
+}
+
+/// Goes on to a connection, from a listener that answers what it always does.
+fn go_on(mut connecting: Connecting, door: &Door) -> Connection {
+    let (mut first, mut reply) = (Vec::new(), Vec::new());
+    for _ in 0..3 {
+        connecting.initial(&mut first);
+        if let Reception::Knock(knock) = door.handle(now(), address(), &first, &mut reply) {
+            let _there = knock.take(now(), THERE, b"welcome", Config::default(), &mut reply).unwrap();
+        }
+        connecting = match connecting.handle(now(), &reply, Config::default()) {
+            Progress::Retry(connecting) => connecting,
+            Progress::Taken(connection, _) => return *connection,
+            other => panic!("{other:?}"),
+        };
+    }
+    panic!("no connection")
+}
+
+#[test]
+fn a_forged_version_is_a_hint_and_the_handshake_goes_on() {
+    let key = Security::PreShared([9; 32].into());
+    let door = Door::new(key.clone(), [3; 32]).unwrap();
+    let connecting = Connecting::new(&key, HERE, b"hello").unwrap();
+    assert_eq!(connecting.claimed_version(), None);
+    let Progress::None(connecting) = connecting.handle(now(), &retry(7, 0), Config::default()) else {
+        panic!("it ended the handshake")
+    };
+    assert_eq!(connecting.claimed_version(), Some(7));
+    let Progress::Retry(connecting) = connecting.handle(now(), &retry(1, 5), Config::default()) else {
+        panic!("no retry")
+    };
+    assert_eq!(connecting.claimed_version(), None, "somebody answers in this version");
+    assert_eq!(go_on(connecting, &door).closed(), None);
+}
+
+#[test]
+fn a_forged_cookie_does_not_lock_the_true_one_out() {
+    let key = Security::PreShared([9; 32].into());
+    let door = Door::new(key.clone(), [3; 32]).unwrap();
+    let (mut first, mut reply) = (Vec::new(), Vec::new());
+    let connecting = Connecting::new(&key, HERE, b"hello").unwrap();
+    connecting.initial(&mut first);
+    let Progress::Retry(connecting) = connecting.handle(now(), &retry(1, 5), Config::default()) else {
+        panic!("no retry")
+    };
+    // The listener's own comes behind it.
+    assert!(matches!(door.handle(now(), address(), &first, &mut reply), Reception::Reply));
+    let Progress::Retry(connecting) = connecting.handle(now(), &reply, Config::default()) else {
+        panic!("the first cookie keeps it out")
+    };
+    connecting.initial(&mut first);
+    assert!(matches!(door.handle(now(), address(), &first, &mut reply), Reception::Knock(_)));
+    // A cookie that was sent back is not sent back again.
+    let progress = connecting.handle(now(), &first[..0], Config::default());
+    assert!(matches!(progress, Progress::None(_)), "{progress:?}");
+}
+
+#[test]
+fn forged_cookies_are_not_sent_back_without_end_and_who_goes_on_comes_in() {
+    let key = Security::PreShared([9; 32].into());
+    let door = Door::new(key.clone(), [3; 32]).unwrap();
+    let mut connecting = Connecting::new(&key, HERE, b"hello").unwrap();
+    let (mut sent, mut at) = (0, now());
+    for cookie in 0..100 {
+        at = at.after(Duration::from_millis(1));
+        connecting = match connecting.handle(at, &retry(1, cookie), Config::default()) {
+            Progress::Retry(connecting) => {
+                sent += 1;
+                connecting
+            }
+            Progress::None(connecting) => connecting,
+            other => panic!("{other:?}"),
+        };
+    }
+    assert!((2..=12).contains(&sent), "{sent} first packets in a tenth of a second");
+    // A first packet with a cookie that is none is answered with one.
+    let (mut first, mut reply) = (Vec::new(), Vec::new());
+    connecting.initial(&mut first);
+    assert!(matches!(door.handle(now(), address(), &first, &mut reply), Reception::Reply));
+    let later = at.after(Duration::from_millis(60));
+    assert!(matches!(connecting.handle(later, &reply, Config::default()), Progress::Retry(_)));
+}
+
 proptest! {
     #[test]
     fn no_stranger_gets_back_more_than_a_third(mut bytes in prop::collection::vec(any::<u8>(), 0..1500), form in 0u8..4) {

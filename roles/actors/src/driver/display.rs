@@ -9,17 +9,19 @@ use trimaran_proto::{
     Camera, DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStats, SentBytes, Settings,
 };
 use trimaran_scene::Scene;
-use trimaran_transport::{Link, LinkStats, Net, SendError, StatsHandle, until};
+use trimaran_transport::{Link, LinkStats, Net, RecvError, SendError, StatsHandle, until};
 
 use super::{
-    Cameras, RoleError,
+    Cameras, LinkError, RoleError,
     cameras::Handed,
     gaps::Gaps,
     ids::FrameIds,
     pair::sent_bytes,
-    parting::{hear_out, leave},
+    parting::{ended, hear_out, leave},
     rule_of,
     stop::{Stop, Waiting},
+    stopped_or,
+    turn::Turns,
     viewport_of, wait,
 };
 use crate::{DisplayMachine, DisplayStep, OrderError, PictureDevice, Seat, Stopwatch};
@@ -53,12 +55,18 @@ pub struct ShownFrame<'f> {
     pub arrivals: &'f [(u32, Duration)],
 }
 
+/// Why an observer can note no more, such as a full disk.
+pub type ObserverError = Box<dyn std::error::Error + Send + Sync>;
+
 /// Sees what the display does. Time spent here is the session's: an observer notes and returns.
 pub trait Observer {
     /// Whether this frame's picture is to be read back.
     fn wants_picture(&self, frame: FrameNumber) -> bool;
     /// A frame has been shown.
-    fn shown(&mut self, frame: &ShownFrame<'_>);
+    ///
+    /// # Errors
+    /// When it cannot be noted. The session ends with it, and the peers are told.
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), ObserverError>;
     /// What a machine of the pair did for a frame that it has sent.
     fn pair_did(&mut self, stats: &FrameStats);
 }
@@ -80,6 +88,8 @@ pub struct DisplayRole<D> {
     pub net: Arc<dyn Net>,
     /// Started with the session; it goes on when the session goes on with another role after a peer was lost.
     pub clock: Stopwatch,
+    /// Whether it draws while other roles of the process compute.
+    pub turns: Turns,
 }
 
 /// What the display's links carried, first and second machine.
@@ -90,7 +100,8 @@ impl<D: PictureDevice> DisplayRole<D> {
     /// links. Returns what the links carried.
     ///
     /// # Errors
-    /// When a peer dies, leaves or breaks the order, or the device fails. The peers are told before it returns.
+    /// When a peer dies, leaves or breaks the order, or the device or the observer fails. The peers are told
+    /// before it returns.
     pub fn run(
         self,
         cameras: &mut dyn Cameras,
@@ -98,16 +109,17 @@ impl<D: PictureDevice> DisplayRole<D> {
         runtime: &Handle,
         stop: &Stop,
     ) -> Result<PairTraffic, RoleError<D::Error>> {
-        let waiting = Waiting { runtime, stop };
+        let turn = self.turns.of_a_role(self.clock);
+        let waiting = Waiting { runtime, stop, turn: &turn };
         let mut work = Work::new(self, waiting)?;
-        let result = work.frames(cameras, observer);
+        work.device.cancel_on(stop);
+        let result = stopped_or(work.frames(cameras, observer), stop);
+        turn.give_back();
         let result = hear_out(result, work.links.each_mut(), waiting);
         let counters = work.links.each_ref().map(|link| link.stats.clone());
         leave(runtime, work.links, &result);
-        match result {
-            Err(error) if !error.is_clean_end() => Err(error),
-            _ => Ok(counters.each_ref().map(StatsHandle::read)),
-        }
+        ended(result, stop)?;
+        Ok(counters.each_ref().map(StatsHandle::read))
     }
 }
 
@@ -152,7 +164,7 @@ const fn peer(seat: Seat) -> &'static str {
 
 impl<'r, D: PictureDevice> Work<'r, D> {
     fn new(role: DisplayRole<D>, waiting: Waiting<'r>) -> Result<Self, RoleError<D::Error>> {
-        let DisplayRole { scene, device, first, second, settings, net, clock } = role;
+        let DisplayRole { scene, device, first, second, settings, net, clock, .. } = role;
         let gaps = Gaps::new(&scene, rule_of(&settings)?);
         let received = FrameIds::of(&scene);
         Ok(Self {
@@ -193,7 +205,10 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             }
             let begun = self.await_begin(from, cameras, observer)?;
             self.gather(from, begun.at, cameras)?;
+            // What it does until now is to take messages: that is no computing to wait for.
+            self.waiting.turn.take();
             self.show(begun, observer)?;
+            self.waiting.turn.give_back();
         }
         self.last_words(observer)
     }
@@ -289,7 +304,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         if wanted {
             self.device.read(&mut self.picture).map_err(device)?;
         }
-        observer.shown(&ShownFrame {
+        let noted = observer.shown(&ShownFrame {
             camera,
             ids: &self.received.ids,
             for_loss: u32::try_from(for_loss).unwrap_or(u32::MAX),
@@ -301,7 +316,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             traffic,
             arrivals: &self.arrivals,
         });
-        Ok(())
+        noted.map_err(RoleError::Observer)
     }
 
     /// After the last frame: what the machines still say of their work, up to their goodbyes.
@@ -312,7 +327,9 @@ impl<'r, D: PictureDevice> Work<'r, D> {
                 match wait(self.waiting, "receiving a frame", next) {
                     Ok(FrameEvent::Stats(stats)) => observer.pair_did(&stats),
                     Ok(_) => return Err(out_of_order(seat, "its goodbye")),
-                    Err(error) if error.is_clean_end() => break,
+                    Err(RoleError::Link { cause: LinkError::Receive(RecvError::Goodbye { .. }), .. }) => {
+                        break;
+                    }
                     Err(error) => return Err(error),
                 }
             }

@@ -12,14 +12,17 @@ mod outlet;
 mod pair;
 mod parting;
 mod stop;
+mod turn;
 
 pub use cameras::Cameras;
-pub use display::{DisplayRole, Observer, PairTraffic, ShownFrame};
+pub use display::{DisplayRole, Observer, ObserverError, PairTraffic, ShownFrame};
 pub use gaps::Gaps;
 pub use ids::{IdError, max_frame};
 pub use occluders::OccluderPolicy;
 pub use pair::PairRole;
+pub use parting::leave_unable;
 pub use stop::{Stop, Stopper};
+pub use turn::Turns;
 
 use std::future::Future;
 
@@ -80,6 +83,9 @@ pub enum RoleError<D: std::error::Error + 'static> {
     /// A peer named a drawable that the scene does not have, although both hold the same scene.
     #[error("the peer named a drawable that the scene does not have")]
     Unknown(#[from] OccluderError),
+    /// The observer cannot note any more what is shown.
+    #[error("what is shown cannot be recorded any more")]
+    Observer(#[source] ObserverError),
     /// The session's picture has no pixels.
     #[error("the session's picture size cannot be used")]
     Viewport(#[from] ViewportError),
@@ -89,8 +95,9 @@ pub enum RoleError<D: std::error::Error + 'static> {
 }
 
 impl<D: std::error::Error + 'static> RoleError<D> {
-    /// Whether a peer is gone that may come again: its connection broke, or it has lost another peer itself. The session can go
-    /// on with the frame that was due, once all three have joined again.
+    /// Whether a peer is gone that may come again: its connection broke, it was interrupted, its device failed, or
+    /// it has lost another peer itself. The session can go on with the frame that was due, once all three have
+    /// joined again.
     #[must_use]
     pub const fn lost_a_peer(&self) -> bool {
         let Self::Link { cause, .. } = self else { return false };
@@ -99,16 +106,35 @@ impl<D: std::error::Error + 'static> RoleError<D> {
             LinkError::Receive(
                 RecvError::Lost { .. }
                     | RecvError::Silent { .. }
-                    | RecvError::Goodbye { reason: Goodbye::PeerLost(_), .. }
+                    | RecvError::Goodbye {
+                        reason: Goodbye::PeerLost(_) | Goodbye::Interrupted | Goodbye::DeviceFailed(_),
+                        ..
+                    }
             ) | LinkError::Send(SendError::Lost { .. } | SendError::Stalled { .. })
         )
     }
 
-    /// Whether the session was ended on purpose: this role was asked to stop, or a peer that was said goodbye.
+    /// How this role's own device failed, if that is what happened. The role cannot go on, but its process
+    /// may be started again, for which its peers wait as for one that was lost.
+    #[must_use]
+    pub const fn device_failure(&self) -> Option<&D> {
+        match self {
+            Self::Device { cause, .. } | Self::Cull(CullError::Tester(cause)) => Some(cause),
+            _ => None,
+        }
+    }
+
+    /// Whether this is an end on purpose: this role was asked to stop, or a peer says that the session is over.
     #[must_use]
     pub const fn is_clean_end(&self) -> bool {
-        matches!(self, Self::Stopped)
-            || matches!(self, Self::Link { cause: LinkError::Receive(cause), .. } if left_on_purpose(cause))
+        matches!(
+            self,
+            Self::Stopped
+                | Self::Link {
+                    cause: LinkError::Receive(RecvError::Goodbye { reason: Goodbye::Finished, .. }),
+                    ..
+                }
+        )
     }
 }
 
@@ -124,9 +150,18 @@ pub enum LinkError {
     Send(#[from] SendError),
 }
 
-/// Whether the peer left because its session was over or it was asked to.
-const fn left_on_purpose(cause: &RecvError) -> bool {
-    matches!(cause, RecvError::Goodbye { reason: Goodbye::Finished | Goodbye::Interrupted, .. })
+/// A device that gave up a wait because the role was asked to stop has not failed.
+fn stopped_or<T, D: std::error::Error + 'static>(
+    result: Result<T, RoleError<D>>,
+    stop: &Stop,
+) -> Result<T, RoleError<D>> {
+    match result {
+        Err(error) if error.device_failure().is_some() && stop.requested() => {
+            tracing::debug!(error = &error as &dyn std::error::Error, "the device's work was left");
+            Err(RoleError::Stopped)
+        }
+        result => result,
+    }
 }
 
 /// Waits for a link, and says what failed while doing what.

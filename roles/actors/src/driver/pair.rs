@@ -12,14 +12,14 @@ use trimaran_scene::Scene;
 use trimaran_transport::{Link, Traffic};
 
 use super::{
-    OccluderPolicy, RoleError,
+    OccluderPolicy, RoleError, Turns,
     ids::FrameIds,
     nanoseconds,
     outlet::Outlet,
-    parting::{hear_out, leave},
+    parting::{ended, hear_out, leave},
     rule_of,
     stop::{Stop, Waiting},
-    viewport_of, wait,
+    stopped_or, viewport_of, wait,
 };
 use crate::{PairDevice, Seat, Stopwatch, SwitchMachine, SwitchStep};
 
@@ -43,6 +43,10 @@ pub struct PairRole<D> {
     pub settings: Settings,
     /// Which occluders it draws.
     pub occluders: OccluderPolicy,
+    /// What it measures its work by. Roles of one process may share it: then their times can be compared.
+    pub clock: Stopwatch,
+    /// Whether it computes while other roles of the process do.
+    pub turns: Turns,
 }
 
 impl<D: PairDevice> PairRole<D> {
@@ -50,14 +54,17 @@ impl<D: PairDevice> PairRole<D> {
     /// links.
     ///
     /// # Errors
-    /// When a peer dies or breaks the order, or the device fails. The peers are told before it returns. A session that was
-    /// interrupted on purpose is no error.
+    /// When a peer dies, is interrupted or breaks the order, or the device fails. The peers are told before it
+    /// returns. That this role itself was asked to stop is no error.
     pub fn run(self, runtime: &Handle, stop: &Stop) -> Result<(), RoleError<D::Error>> {
-        let mut work = Work::new(self, Waiting { runtime, stop })?;
-        let result = work.frames();
+        let turn = self.turns.of_a_role(self.clock);
+        let mut work = Work::new(self, Waiting { runtime, stop, turn: &turn })?;
+        work.device.cancel_on(stop);
+        let result = stopped_or(work.frames(), stop);
+        turn.give_back();
         let result = hear_out(result, [&mut work.display, &mut work.other], work.waiting);
         leave(runtime, [work.display, work.other], &result);
-        result.or_else(|error| if error.is_clean_end() { Ok(()) } else { Err(error) })
+        ended(result, stop)
     }
 }
 
@@ -87,7 +94,7 @@ struct Work<'r, D> {
 
 impl<'r, D: PairDevice> Work<'r, D> {
     fn new(role: PairRole<D>, waiting: Waiting<'r>) -> Result<Self, RoleError<D::Error>> {
-        let PairRole { seat, scene, device, display, other, settings, occluders } = role;
+        let PairRole { seat, scene, device, display, other, settings, occluders, clock, .. } = role;
         let rule = rule_of(&settings)?;
         let received = FrameIds::of(&scene);
         Ok(Self {
@@ -102,7 +109,7 @@ impl<'r, D: PairDevice> Work<'r, D> {
             viewport: viewport_of(&settings)?,
             rule,
             waiting,
-            clock: Stopwatch::start(),
+            clock,
             stats: FrameStats::default(),
             host: Duration::ZERO,
             policy: occluders,
@@ -128,12 +135,14 @@ impl<'r, D: PairDevice> Work<'r, D> {
     /// OR (paper, section 4.2): draws what the other machine finds visible in the frame before, as it comes, from this frame's
     /// camera and at the levels due there.
     fn draw_occluders(&mut self, camera: Camera) -> Result<(), RoleError<D::Error>> {
-        self.begin_occluders(camera)?;
         loop {
             let event = wait(self.waiting, "receiving occluders", self.other.frames_rx.recv())?;
             let order = |cause| RoleError::Order { peer: OTHER, cause };
             match event {
-                FrameEvent::Begin(start) => self.machine.occluders_began(start.frame).map_err(order)?,
+                FrameEvent::Begin(start) => {
+                    self.machine.occluders_began(start.frame).map_err(order)?;
+                    self.begin_occluders(camera)?;
+                }
                 FrameEvent::Ids(batch) => self.take_batch(&batch)?,
                 FrameEvent::Stats(_) => {}
                 FrameEvent::End(_) => {
@@ -144,7 +153,9 @@ impl<'r, D: PairDevice> Work<'r, D> {
         }
     }
 
+    /// Begins the turn that ends with the frame's culling.
     fn begin_occluders(&mut self, camera: Camera) -> Result<(), RoleError<D::Error>> {
+        self.waiting.turn.take();
         let view = View::new(camera, self.viewport);
         let start = self.clock.elapsed();
         self.stats =
@@ -168,7 +179,7 @@ impl<'r, D: PairDevice> Work<'r, D> {
         if let Some(mapper) = &mut self.mapper {
             mapper.push(ids, &mut self.due)?;
         }
-        if self.policy.budget.is_none() {
+        if self.draws_as_it_comes() {
             self.draw(known)?;
         }
         self.host += self.clock.elapsed().saturating_sub(start);
@@ -180,11 +191,17 @@ impl<'r, D: PairDevice> Work<'r, D> {
         let start = self.clock.elapsed();
         let view = View::new(camera, self.viewport);
         let scene = Arc::clone(self.culler.scene());
-        let drawn = if self.policy.budget.is_none() { self.due.len() } else { 0 };
+        let drawn = if self.draws_as_it_comes() { self.due.len() } else { 0 };
         self.policy.choose(&scene, &view, self.rule, self.received.ids.len(), &mut self.due);
         self.draw(drawn)?;
         self.host += self.clock.elapsed().saturating_sub(start);
         Ok(())
+    }
+
+    /// Whether the device draws while further ids are waited for. A role that waits lets others compute, and
+    /// then its device is to be idle.
+    const fn draws_as_it_comes(&self) -> bool {
+        self.policy.budget.is_none() && !self.waiting.turn.is_exclusive()
     }
 
     /// Draws the due occluders from this one on.
@@ -203,11 +220,16 @@ impl<'r, D: PairDevice> Work<'r, D> {
             self.begin_occluders(camera)?;
             self.complete_occluders(camera)?;
         }
+        let start = self.clock.elapsed();
         let drawing =
             self.device.finish_occluders().map_err(|cause| device("completing the depth", cause))?;
-        self.stats.or_busy_ns = nanoseconds(self.host + drawing);
-        self.stats.or_end_ns = nanoseconds(self.clock.elapsed());
-        self.stats.hc_start_ns = self.stats.or_end_ns;
+        let or_end = self.clock.elapsed();
+        // What is drawn as it comes may have been drawn before this; what else completes the depth takes
+        // longer than drawing.
+        let finishing = drawing.max(or_end.saturating_sub(start));
+        self.stats.or_busy_ns = nanoseconds(self.host + finishing);
+        self.stats.or_end_ns = nanoseconds(or_end);
+        self.waiting.turn.away();
 
         let view = View::new(camera, self.viewport);
         let other = feeds_other.then_some(&mut self.other.frames_tx);
@@ -219,10 +241,13 @@ impl<'r, D: PairDevice> Work<'r, D> {
         sent?;
         self.stats.culling = counts(&walk);
         self.stats.hc_end_ns = nanoseconds(self.clock.elapsed());
+        // Work that was interrupted counts as done in one piece, at its end.
+        self.stats.hc_start_ns = nanoseconds(or_end + self.waiting.turn.away());
         let sent = self.other.stats.read().sent;
         self.stats.to_other = sent_bytes(sent - std::mem::replace(&mut self.sent_to_other, sent));
         let stats = self.display.frames_tx.stats(&self.stats);
         wait(self.waiting, "sending statistics", stats)?;
+        self.waiting.turn.give_back();
         self.machine.culled().map_err(|cause| RoleError::Order { peer: OTHER, cause })
     }
 }

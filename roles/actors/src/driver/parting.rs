@@ -4,7 +4,7 @@ use tokio::runtime::Handle;
 use trimaran_proto::Goodbye;
 use trimaran_transport::{Link, RecvError, SendError};
 
-use super::{LinkError, RoleError, stop::Waiting};
+use super::{LinkError, RoleError, Stop, stop::Waiting};
 
 /// Says goodbye on both links, giving the reason that `result` gives. A peer that is gone already does not hear it, and need
 /// not.
@@ -15,10 +15,18 @@ pub(super) fn leave<D: std::error::Error + 'static>(
 ) {
     let reason = match result {
         Ok(()) => Goodbye::Finished,
-        Err(error) if error.is_clean_end() => Goodbye::Interrupted,
+        Err(RoleError::Stopped) => Goodbye::Interrupted,
+        Err(error) if error.is_clean_end() => Goodbye::Finished,
         Err(error) if error.lost_a_peer() => Goodbye::peer_lost(&error.to_string()),
-        Err(error) => Goodbye::failed(&error.to_string()),
+        Err(error) => match error.device_failure() {
+            Some(cause) => Goodbye::device_failed(&cause.to_string()),
+            None => Goodbye::failed(&error.to_string()),
+        },
     };
+    part(runtime, links, &reason);
+}
+
+fn part(runtime: &Handle, links: [Link; 2], reason: &Goodbye) {
     runtime.block_on(async {
         for link in links {
             if let Err(cause) = link.goodbye(reason.clone()).await {
@@ -26,6 +34,23 @@ pub(super) fn leave<D: std::error::Error + 'static>(
             }
         }
     });
+}
+
+/// Leaves both peers before the session has begun, because this role's device cannot play in it.
+pub fn leave_unable(runtime: &Handle, links: [Link; 2], why: &str) {
+    part(runtime, links, &Goodbye::device_failed(why));
+}
+
+/// What a role returns for how its work ended. Whoever was asked to stop does not ask why the others left: they
+/// may have been asked as well.
+pub(super) fn ended<D: std::error::Error + 'static>(
+    result: Result<(), RoleError<D>>,
+    stop: &Stop,
+) -> Result<(), RoleError<D>> {
+    match result {
+        Err(error) if error.is_clean_end() || stop.requested() && error.lost_a_peer() => Ok(()),
+        result => result,
+    }
 }
 
 /// Puts what a peer said when it left in the place of the failure to send to it afterwards.
@@ -67,8 +92,9 @@ mod tests {
     use trimaran_proto::{Camera, FrameNumber, FrameStart, Identity, Role, SceneHash};
     use trimaran_transport::{LinkConfig, Net, TokioNet, inproc};
 
-    use super::super::{Stop, wait};
+    use super::super::{Turns, wait};
     use super::*;
+    use crate::Stopwatch;
 
     /// What a machine makes of it that it cannot begin a frame any more for a display that handed out a camera, and went.
     fn begin_after(goodbye: Option<Goodbye>) -> RoleError<Infallible> {
@@ -87,7 +113,8 @@ mod tests {
             None => drop(display),
         }
         let (_stopper, stop) = Stop::new();
-        let waiting = Waiting { runtime: runtime.handle(), stop: &stop };
+        let turn = Turns::at_once().of_a_role(Stopwatch::start());
+        let waiting = Waiting { runtime: runtime.handle(), stop: &stop, turn: &turn };
         let start = FrameStart { frame: FrameNumber(0), camera };
         let begin = to_display.frames_tx.begin(start);
         let result = wait(waiting, "beginning a frame", begin).map(|_| ());
@@ -101,6 +128,21 @@ mod tests {
         assert!(finished.is_clean_end() && !finished.lost_a_peer(), "{finished:?}");
         let failed = begin_after(Some(Goodbye::failed("no memory")));
         assert!(!failed.is_clean_end() && !failed.lost_a_peer(), "{failed:?}");
+        let broken = begin_after(Some(Goodbye::device_failed("the device was lost")));
+        assert!(!broken.is_clean_end() && broken.lost_a_peer(), "{broken:?}");
+    }
+
+    #[test]
+    fn a_display_that_was_interrupted_has_not_finished_and_may_come_again() {
+        let interrupted = begin_after(Some(Goodbye::Interrupted));
+        assert!(interrupted.lost_a_peer() && !interrupted.is_clean_end(), "{interrupted:?}");
+        let (stopper, stop) = Stop::new();
+        let lost = |error: &RoleError<Infallible>| error.lost_a_peer();
+        assert!(ended(Err(interrupted), &stop).is_err_and(|error| lost(&error)));
+        stopper.stop();
+        assert!(ended(Err(begin_after(Some(Goodbye::Interrupted))), &stop).is_ok(), "it was asked itself");
+        let failed = begin_after(Some(Goodbye::failed("no memory")));
+        assert!(ended(Err(failed), &stop).is_err(), "a failure is told all the same");
     }
 
     #[test]

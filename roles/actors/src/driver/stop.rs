@@ -1,8 +1,13 @@
 //! Asking a role to stop.
 
-use std::future::Future;
+use std::{
+    future::{Future, poll_fn},
+    pin::pin,
+};
 
 use tokio::{runtime::Handle, sync::watch};
+
+use super::turn::Turn;
 
 /// Asks every role that holds its [`Stop`] to end: on Ctrl-C, or when another role of the process has failed.
 #[derive(Debug, Clone)]
@@ -58,16 +63,27 @@ impl Stopper {
     }
 }
 
-/// How a role waits: on the runtime, and not beyond a request to stop.
-#[derive(Debug, Clone, Copy)]
+/// How a role waits: on the runtime, not beyond a request to stop, and without its turn to compute.
+#[derive(Clone, Copy)]
 pub(super) struct Waiting<'r> {
     pub(super) runtime: &'r Handle,
     pub(super) stop: &'r Stop,
+    pub(super) turn: &'r Turn,
 }
 
 impl Waiting<'_> {
     /// Waits for `future`; `None` if the role was asked to stop first.
     pub(super) fn on<T>(&self, future: impl Future<Output = T>) -> Option<T> {
-        self.stop.unless_requested(self.runtime, future)
+        let mut future = pin!(future);
+        self.turn.while_waiting(|stuck| {
+            let future = poll_fn(|context| {
+                let polled = future.as_mut().poll(context);
+                if polled.is_pending() {
+                    stuck();
+                }
+                polled
+            });
+            self.stop.unless_requested(self.runtime, future)
+        })
     }
 }

@@ -15,7 +15,12 @@ pub(crate) struct CheckedGpu(Arc<Gpu>);
 impl CheckedGpu {
     /// A device, or `None` where there is no Vulkan at all and the test may be skipped.
     pub(crate) fn open() -> Option<Self> {
-        match Gpu::open(&GpuOptions { validation: true, ..GpuOptions::default() }) {
+        Self::with(GpuOptions::default())
+    }
+
+    /// The same, opened in this way, and validated.
+    pub(crate) fn with(options: GpuOptions) -> Option<Self> {
+        match Gpu::open(&GpuOptions { validation: true, ..options }) {
             Ok(gpu) => Some(Self(gpu)),
             Err(error @ GpuError::NoLoader(_)) if !gpu_is_required() => {
                 println!("skipped: {error}");

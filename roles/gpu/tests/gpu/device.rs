@@ -1,5 +1,8 @@
 //! Opening devices.
 
+use std::fs::{self, OpenOptions};
+use std::io::Write;
+use std::path::Path;
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
@@ -9,6 +12,10 @@ use trimaran_gpu::{
 use trimaran_scene::{Scene, Vertex};
 
 use crate::common::{CheckedGpu, NEAR, Part, ids, scene, upload, view};
+
+fn validated() -> GpuOptions {
+    GpuOptions { validation: true, ..GpuOptions::default() }
+}
 
 #[test]
 fn a_device_opens_and_says_what_it_is() {
@@ -25,14 +32,14 @@ fn a_device_opens_and_says_what_it_is() {
 fn a_device_is_found_by_a_part_of_its_name() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let part: String = gpu.info().name.chars().take(5).collect::<String>().to_uppercase();
-    let named = GpuOptions { device: DeviceChoice::Named(part), validation: true };
+    let named = GpuOptions { device: DeviceChoice::Named(part), ..validated() };
     assert_eq!(Gpu::open(&named).unwrap().info(), gpu.info());
 }
 
 #[test]
 fn a_device_that_is_not_there_is_named_beside_those_that_are() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let absent = GpuOptions { device: DeviceChoice::Named("Voodoo 2".into()), validation: true };
+    let absent = GpuOptions { device: DeviceChoice::Named("Voodoo 2".into()), ..validated() };
     let error = Gpu::open(&absent).unwrap_err();
     assert!(matches!(error, GpuError::NoSuchDevice { .. }), "{error}");
     assert!(error.to_string().contains("Voodoo 2"), "{error}");
@@ -42,7 +49,7 @@ fn a_device_that_is_not_there_is_named_beside_those_that_are() {
 #[test]
 fn the_cpu_can_be_asked_for() {
     let Some(_) = CheckedGpu::open() else { return };
-    match Gpu::open(&GpuOptions { device: DeviceChoice::Cpu, validation: true }) {
+    match Gpu::open(&GpuOptions { device: DeviceChoice::Cpu, ..validated() }) {
         Ok(gpu) => assert_eq!(gpu.info().kind, DeviceKind::Cpu),
         Err(error) => assert!(matches!(error, GpuError::NoSuchDevice { .. }), "{error}"),
     }
@@ -99,21 +106,34 @@ fn a_mapped_scene_is_read_in_place_and_looks_like_its_copy() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let walls = [-2.0, -3.0].map(|z| Part::wall(Vec3::new(z, 0.0, z), 1.5, 1.0));
     let view = view(64, 64, DVec3::ZERO);
-    let picture_of = |scene: Scene| {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("walls.scene");
+    scene(&walls).save(&file).unwrap();
+    let picture_of = |scene: Scene, becomes: fn(&Path)| {
         // The device alone keeps the scene from here on.
         let drawn = GpuScene::upload(&gpu, &Arc::new(scene)).unwrap();
+        becomes(&file);
         let mut pass = PicturePass::new(&drawn, view.viewport()).unwrap();
         pass.begin(&view).unwrap();
         pass.draw(&ids(2)).unwrap();
         pass.finish().unwrap();
         (drawn.copied_bytes(), pass.pixels().unwrap().to_vec())
     };
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("walls.scene");
-    scene(&walls).save(&file).unwrap();
-    let (copied, expected) = picture_of(scene(&walls));
-    let (left_in_place, picture) = picture_of(Scene::open(&file).unwrap());
+    let (copied, expected) = picture_of(scene(&walls), |_| ());
+    // Whatever becomes of the file: nothing, other bytes in the same place, or none.
+    let (left_in_place, picture) = picture_of(Scene::open(&file).unwrap(), |_| ());
     assert_eq!(picture, expected);
+    let overwrite = |file: &Path| {
+        let length = fs::metadata(file).unwrap().len();
+        let mut file = OpenOptions::new().write(true).open(file).unwrap();
+        file.write_all(&vec![0x55; length as usize]).unwrap();
+    };
+    let cut = |file: &Path| OpenOptions::new().write(true).open(file).unwrap().set_len(1).unwrap();
+    for becomes in [overwrite, cut] {
+        scene(&walls).save(&file).unwrap();
+        let (_, picture) = picture_of(Scene::open(&file).unwrap(), becomes);
+        assert_eq!(picture, expected);
+    }
     assert_eq!(copied, (2 * (4 * size_of::<Vertex>() + 6 * size_of::<u32>())) as u64);
     if gpu.info().driver.contains("llvmpipe") {
         assert_eq!(left_in_place, 0);

@@ -41,11 +41,14 @@ pub struct CookOptions {
     pub merged_triangles: usize,
     /// Levels of one mesh end where their certified error passes this part of the mesh's diagonal.
     pub coarsest_error: f32,
+    /// The most nodes of the scene. Each object is one, and a large mesh some for each hundred triangles, in each of its
+    /// instances: of a few numbers in a file may come more nodes than any memory holds. A node takes about 200 bytes.
+    pub max_nodes: usize,
 }
 
 impl Default for CookOptions {
     fn default() -> Self {
-        Self { merged_triangles: 1024, coarsest_error: 0.1 }
+        Self { merged_triangles: 1024, coarsest_error: 0.1, max_nodes: 100_000_000 }
     }
 }
 
@@ -96,6 +99,23 @@ pub enum CookError {
         /// Its name.
         name: String,
     },
+    /// It would have more nodes than are allowed.
+    #[error(
+        "the scene would have {nodes} nodes, {limit} are allowed; most are of objects like {object} ({name:?}), with {own} \
+         each; if the model is as large as that, allow more with --max-nodes, or import it as several scenes"
+    )]
+    TooManyNodes {
+        /// How many nodes it would have, about.
+        nodes: usize,
+        /// How many are allowed.
+        limit: usize,
+        /// An object of the mesh whose objects take the most.
+        object: usize,
+        /// Its name.
+        name: String,
+        /// How many nodes it takes.
+        own: usize,
+    },
     /// The scene would not be one: too many records, in practice.
     #[error("the cooked scene would be malformed")]
     Scene(#[from] SceneError),
@@ -112,6 +132,7 @@ pub fn cook(model: &Model, options: &CookOptions, progress: &dyn Progress) -> Re
     if leaves.is_empty() {
         return Err(CookError::Empty { objects: model.objects.len() });
     }
+    placed::check_nodes(model, &meshes, &leaves, options.max_nodes)?;
     progress.begin(Phase::Tree, 1);
     let boxes: Vec<_> = leaves.iter().map(|leaf| leaf.world).collect();
     let tree = tree::build(&boxes);

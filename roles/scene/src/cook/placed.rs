@@ -39,6 +39,36 @@ pub(super) fn place_objects(model: &Model, meshes: &[Option<LeveledMesh>]) -> Re
         .collect()
 }
 
+/// Refuses what would have more than `limit` nodes, before any are made. Nodes above the objects are at most as many.
+pub(super) fn check_nodes(
+    model: &Model,
+    meshes: &[Option<LeveledMesh>],
+    leaves: &[Leaf],
+    limit: usize,
+) -> Result<(), CookError> {
+    // How many objects place each mesh, and the first that does.
+    let mut placed = vec![(0_usize, 0_u32); meshes.len()];
+    for leaf in leaves {
+        if let Some((count, first)) = placed.get_mut(leaf.mesh as usize) {
+            if *count == 0 {
+                *first = leaf.object;
+            }
+            *count += 1;
+        }
+    }
+    let each = |mesh: &Option<LeveledMesh>| mesh.as_ref().map_or(0, |mesh| mesh.clusters.len().max(1));
+    let all = || meshes.iter().map(each).zip(&placed);
+    let below = all().fold(0_usize, |sum, (own, (count, _))| sum.saturating_add(own.saturating_mul(*count)));
+    let nodes = below.saturating_add(leaves.len());
+    if nodes <= limit {
+        return Ok(());
+    }
+    let most = all().max_by_key(|(own, (count, _))| own.saturating_mul(*count));
+    let (own, object) = most.map_or((0, 0), |(own, &(_, first))| (own, first as usize));
+    let name = model.objects.get(object).map(|object| object.name.clone()).unwrap_or_default();
+    Err(CookError::TooManyNodes { nodes, limit, object, name, own })
+}
+
 impl Leaf {
     fn new(index: u32, object: &Object, mesh: &LeveledMesh) -> Option<Self> {
         let linear = object.to_world.matrix3.as_mat3();

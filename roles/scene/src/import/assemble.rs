@@ -1,10 +1,11 @@
 //! What all importers share at the end: welding a mesh, placing it, and joining the files' parts into one model.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3, Vec3};
 
+use super::budget::{Budget, OverBudget};
 use super::report::{ImportReport, Warning};
 use super::{ImportError, Imported, Part};
 use crate::{Mesh, Model, Object, Rgba8, Source};
@@ -56,11 +57,20 @@ pub(super) fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
 }
 
 /// Places `mesh` in the part, flattening the mesh itself where the matrix is singular: an object must keep an invertible
-/// matrix, and a flattened one can still be seen.
-pub(super) fn place(part: &mut Part, mesh: u32, to_world: DAffine3, name: String, source_index: u32) {
+/// matrix, and a flattened one can still be seen. Each of those is a mesh of its own, which the budget must have room for.
+pub(super) fn place(
+    part: &mut Part,
+    budget: &Budget,
+    mesh: u32,
+    to_world: DAffine3,
+    name: String,
+    source_index: u32,
+) -> Result<(), OverBudget> {
     let (mut mesh, mut to_world) = (mesh, to_world);
-    let Some(shape) = part.model.meshes.get(mesh as usize) else { return };
+    let Some(shape) = part.model.meshes.get(mesh as usize) else { return Ok(()) };
     if to_world.is_finite() && to_world.matrix3.determinant() == 0.0 {
+        let (triangles, vertices) = (shape.triangle_count() as u64, shape.positions.len() as u64);
+        budget.mesh(triangles, vertices, || format!("object {name:?}, which its matrix flattens,"))?;
         let positions = shape.positions.iter().map(|p| (to_world.matrix3 * p.as_dvec3()).as_vec3()).collect();
         let flat = Mesh { positions, ..shape.clone() };
         mesh = part.model.meshes.len() as u32;
@@ -69,20 +79,20 @@ pub(super) fn place(part: &mut Part, mesh: u32, to_world: DAffine3, name: String
         part.report.warn(Warning::FlattenedObject, 1);
     }
     part.model.objects.push(Object { mesh, to_world, name, source: 0, source_index });
+    Ok(())
 }
 
 /// Joins the files' parts, in order, into one checked model.
-pub(super) fn merge(
-    paths: &[PathBuf],
-    parts: Vec<Result<Part, ImportError>>,
+pub(super) fn merge<'a>(
+    parts: impl IntoIterator<Item = (&'a Path, Result<Part, ImportError>)>,
 ) -> Result<Imported, ImportError> {
     let mut model = Model::default();
     let mut report = ImportReport::default();
-    for (path, part) in paths.iter().zip(parts) {
+    for (path, part) in parts {
         let mut part = part?;
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         part.model.sources = vec![Source { name }];
-        part.model.check().map_err(|source| ImportError::Model { path: path.clone(), source })?;
+        part.model.check().map_err(|source| ImportError::Model { path: path.to_owned(), source })?;
         count(&mut part);
         report.absorb(&part.report);
         append(&mut model, part.model)?;
@@ -128,6 +138,7 @@ mod tests {
     use glam::DMat3;
 
     use super::*;
+    use crate::import::ImportLimits;
 
     const RED: Rgba8 = Rgba8([255, 0, 0, 255]);
     const BLUE: Rgba8 = Rgba8([0, 0, 255, 255]);
@@ -173,7 +184,11 @@ mod tests {
             DMat3::from_diagonal(DVec3::new(2.0, 0.0, 1.0)),
             DVec3::new(5.0, 6.0, 7.0),
         );
-        place(&mut part, 0, squash, String::from("flat"), 9);
+        let limits = ImportLimits { triangles: 2, ..Default::default() };
+        let budget = Budget::new(limits);
+        place(&mut part, &budget, 0, squash, String::from("flat"), 9).unwrap();
+        let error = place(&mut part, &budget, 0, squash, String::from("again"), 9).unwrap_err();
+        assert!(error.to_string().contains("\"again\""), "{error}");
         let object = &part.model.objects[0];
         assert_eq!((object.mesh, object.source_index), (1, 9));
         assert_eq!(object.to_world, DAffine3::from_translation(DVec3::new(5.0, 6.0, 7.0)));

@@ -1,6 +1,6 @@
 //! Which format a file is in: its name says, its first bytes confirm.
 
-use std::path::{Component, Path, PathBuf};
+use std::path::Path;
 use std::{fs, io};
 
 use super::ImportError;
@@ -55,14 +55,6 @@ pub(super) fn read(path: &Path) -> io::Result<Vec<u8>> {
     } else {
         Err(io::Error::other("it is not a regular file"))
     }
-}
-
-/// Where the file is that `document` refers to as `name`; none unless it is in the document's folder or below. A model from
-/// a stranger must not name any other file of this machine.
-pub(super) fn beside(document: &Path, name: &Path) -> Option<PathBuf> {
-    let inside = |part| matches!(part, Component::Normal(_) | Component::CurDir);
-    let is_plain = !name.to_string_lossy().contains(':') && name.components().all(inside);
-    is_plain.then(|| document.parent().unwrap_or(Path::new("")).join(name))
 }
 
 #[cfg(test)]

@@ -5,13 +5,16 @@
 //! right-handed, y up, in metres, whatever the files' own frames are.
 //!
 //! Files come from strangers. No importer panics on bad bytes or allocates what a length field claims; each ends in an
-//! [`ImportError`] that names the file, the place in it and the cause. What can be left out without a hole in the model
+//! [`ImportError`] that names the file, the place in it and the cause. [`ImportLimits`] bound what files may ask for, and so
+//! the memory and the time that an import takes. What can be left out without a hole in the model
 //! (points, lines, textures) is left out and counted in [`ImportReport::warnings`].
 
 mod assemble;
+mod budget;
 mod error;
 mod format;
 mod gltf;
+mod neighbours;
 mod obj;
 mod polygon;
 mod report;
@@ -23,6 +26,7 @@ use std::sync::Mutex;
 use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
 
+pub use budget::{ImportLimits, NAME_UNIT, OverBudget, Resource};
 pub use error::ImportError;
 pub use format::Format;
 pub use gltf::GltfError;
@@ -30,6 +34,7 @@ pub use obj::ObjError;
 pub use report::{ImportReport, PrimitiveCounts, Warning};
 pub use rvm::RvmError;
 
+use self::budget::Budget;
 use crate::Model;
 
 /// The axis that points to the sky in a file.
@@ -44,18 +49,21 @@ pub enum UpAxis {
 /// How to read files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImportOptions {
-    /// The farthest a tessellated surface may be from the true one, metres. Only RVM has curved surfaces.
+    /// The farthest a tessellated surface may be from the true one, metres. No curve is cut finer than a ten-thousandth of its
+    /// size. Only RVM has curved surfaces.
     pub chord_tolerance: f64,
     /// The axis that points up; `None` is each format's own: y for glTF and OBJ, z for RVM.
     pub up: Option<UpAxis>,
     /// Metres a unit of length, for OBJ and RVM; `None` is each format's own: 1 for OBJ, 0.001 for RVM. glTF is in
     /// metres by its specification and ignores it.
     pub unit: Option<f64>,
+    /// The most that may be made.
+    pub limits: ImportLimits,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        Self { chord_tolerance: 1e-3, up: None, unit: None }
+        Self { chord_tolerance: 1e-3, up: None, unit: None, limits: ImportLimits::default() }
     }
 }
 
@@ -95,11 +103,12 @@ pub fn import(
         return Err(ImportError::NoFiles);
     }
     options.check()?;
+    let budget = Budget::new(options.limits);
     let progress = Mutex::new((0, progress));
     let parts: Vec<_> = paths
         .par_iter()
         .map(|path| {
-            let part = import_file(path, options);
+            let part = import_file(path, options, &budget);
             // A callback that panicked has poisoned the lock; its panic is on its way up already.
             if let Ok(mut guard) = progress.lock() {
                 guard.0 += 1;
@@ -109,7 +118,17 @@ pub fn import(
             part
         })
         .collect();
-    assemble::merge(paths, parts)
+    assemble::merge(paths.iter().map(PathBuf::as_path).zip(parts))
+}
+
+/// Reads one file that is in memory. `name` tells the format; files that it refers to are not read.
+///
+/// # Errors
+/// If the file cannot be used, as with [`import`]; or options that make no sense.
+pub fn import_bytes(name: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Imported, ImportError> {
+    options.check()?;
+    let part = read(name, None, bytes, options, &Budget::new(options.limits));
+    assemble::merge([(name, part)])
 }
 
 /// One file's part of the model, its objects in the world frame, and what reading it met.
@@ -118,16 +137,26 @@ struct Part {
     report: ImportReport,
 }
 
-fn import_file(path: &Path, options: &ImportOptions) -> Result<Part, ImportError> {
+fn import_file(path: &Path, options: &ImportOptions, budget: &Budget) -> Result<Part, ImportError> {
     let bytes = format::read(path).map_err(|source| ImportError::Read { path: path.to_owned(), source })?;
-    match Format::of(path, &bytes)? {
-        Format::Gltf => gltf::import(path, &bytes, options)
-            .map_err(|source| ImportError::Gltf { path: path.to_owned(), source: Box::new(source) }),
-        Format::Obj => obj::import(path, &bytes, options)
-            .map_err(|source| ImportError::Obj { path: path.to_owned(), source }),
-        Format::Rvm => {
-            rvm::import(&bytes, options).map_err(|source| ImportError::Rvm { path: path.to_owned(), source })
-        }
+    read(path, Some(path), &bytes, options, budget)
+}
+
+/// Reads a file called `name`, which lies at `path` if anywhere.
+fn read(
+    name: &Path,
+    path: Option<&Path>,
+    bytes: &[u8],
+    options: &ImportOptions,
+    budget: &Budget,
+) -> Result<Part, ImportError> {
+    match Format::of(name, bytes)? {
+        Format::Gltf => gltf::import(path, bytes, options, budget)
+            .map_err(|source| ImportError::Gltf { path: name.to_owned(), source: Box::new(source) }),
+        Format::Obj => obj::import(path, bytes, options, budget)
+            .map_err(|source| ImportError::Obj { path: name.to_owned(), source }),
+        Format::Rvm => rvm::import(bytes, options, budget)
+            .map_err(|source| ImportError::Rvm { path: name.to_owned(), source }),
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Each run of faces under one `o` or `g` name becomes an object.
 
-use std::io;
+use std::cell::RefCell;
 use std::path::Path;
 
 use glam::{DAffine3, DVec3};
@@ -10,10 +10,11 @@ use thiserror::Error;
 use tobj::{LoadError, LoadOptions, Material};
 
 use super::assemble::centred;
-use super::format::{beside, read};
+use super::budget::Budget;
+use super::neighbours::Neighbours;
 use super::polygon::Triangulator;
 use super::report::{ImportReport, Warning};
-use super::{ImportOptions, Part, UpAxis};
+use super::{ImportOptions, OverBudget, Part, UpAxis};
 use crate::{Model, Object, Rgba8};
 
 /// What is wrong with an OBJ file, and where.
@@ -36,23 +37,33 @@ pub enum ObjError {
         /// The object's name.
         object: String,
     },
+    /// It asks for more than is allowed.
+    #[error(transparent)]
+    Budget(#[from] OverBudget),
 }
 
 /// What a face without a material is drawn in.
 const GREY: [f64; 3] = [0.6; 3];
 
 /// Reads an OBJ file. `source_index` of its objects is their running number in the file, from 0 on.
-pub(super) fn import(path: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Part, ObjError> {
+pub(super) fn import(
+    path: Option<&Path>,
+    bytes: &[u8],
+    options: &ImportOptions,
+    budget: &Budget,
+) -> Result<Part, ObjError> {
     let mut part = Part { model: Model::default(), report: ImportReport::default() };
     let (text, lines_left_out) = essence(&String::from_utf8_lossy(bytes));
     part.report.warn(Warning::PointsOrLines, lines_left_out);
 
     let mut rest = text.as_bytes();
     let load_options = LoadOptions::default();
-    let library = |name: &Path| {
-        let path = beside(path, name).ok_or(LoadError::OpenFileFailed)?;
-        let bytes = read(&path).map_err(|_: io::Error| LoadError::OpenFileFailed)?;
-        tobj::load_mtl_buf(&mut String::from_utf8_lossy(&bytes).as_bytes())
+    let neighbours = RefCell::new(Neighbours::of(path));
+    let library = |name: &Path| match neighbours.borrow_mut().read(name) {
+        Ok((bytes, false)) => tobj::load_mtl_buf(&mut String::from_utf8_lossy(&bytes).as_bytes()),
+        // Its materials are known by now.
+        Ok((_, true)) => Ok((Vec::new(), Default::default())),
+        Err(_) => Err(LoadError::OpenFileFailed),
     };
     let loaded = tobj::load_obj_buf(&mut rest, &load_options, library);
     let read = text.len() - rest.len();
@@ -71,11 +82,15 @@ pub(super) fn import(path: &Path, bytes: &[u8], options: &ImportOptions) -> Resu
     // A change of material splits an object in the reader; here it is one again.
     for (index, run) in (0..).zip(models.chunk_by(|a, b| a.name == b.name)) {
         let mut shape = Shape::default();
+        let name = run.first().map(|model| model.name.clone()).unwrap_or_default();
+        let user = || format!("object {name:?}");
+        budget.objects(1, name.len(), user)?;
         for model in run {
+            let mesh = &model.mesh;
+            budget.mesh(most_triangles(mesh), (mesh.positions.len() / 3) as u64, user)?;
             let material = model.mesh.material_id.and_then(|material| materials.get(material));
             shape.append(&model.mesh, material, &file_to_world, &mut triangulator);
         }
-        let name = run.first().map(|model| model.name.clone()).unwrap_or_default();
         if shape.indices.is_empty() {
             part.report.warn(Warning::EmptyObject, 1);
             continue;
@@ -93,7 +108,14 @@ pub(super) fn import(path: &Path, bytes: &[u8], options: &ImportOptions) -> Resu
         });
         part.model.meshes.push(mesh);
     }
+    part.report.warn(Warning::LargePolygon, triangulator.large_polygons());
     Ok(part)
+}
+
+/// The most triangles that a mesh's faces make.
+fn most_triangles(mesh: &tobj::Mesh) -> u64 {
+    let faces = if mesh.face_arities.is_empty() { mesh.indices.len() / 3 } else { mesh.face_arities.len() };
+    (mesh.indices.len() as u64).saturating_sub(2 * faces as u64)
 }
 
 /// The lines that make surfaces, the others empty so that numbers of lines stay; and the number of elements of points or
@@ -115,6 +137,8 @@ fn essence(text: &str) -> (String, u64) {
                 });
                 kept.extend(place.flat_map(|word| [word, " "]));
             }
+            // A face of two corners is a line by another name.
+            Some("f") if line.split_whitespace().nth(3).is_none() => left_out += 1,
             Some("v" | "f" | "o" | "g" | "usemtl" | "mtllib") => kept.push_str(line),
             Some("l" | "p") => left_out += 1,
             _ => {}
@@ -187,7 +211,16 @@ mod tests {
     use super::*;
 
     fn parse(text: &str) -> Result<Part, ObjError> {
-        import(Path::new("no-such-folder/a.obj"), text.as_bytes(), &ImportOptions::default())
+        import_with(text, &ImportOptions::default())
+    }
+
+    fn import_with(text: &str, options: &ImportOptions) -> Result<Part, ObjError> {
+        import(
+            Some(Path::new("no-such-folder/a.obj")),
+            text.as_bytes(),
+            options,
+            &Budget::new(options.limits),
+        )
     }
 
     const SQUARE: &str = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\n";
@@ -225,7 +258,7 @@ mod tests {
     fn units_axes_and_large_coordinates() {
         let text = "v 500000000 1000 7000\nv 500001000 1000 7000\nv 500000000 2000 7000\nf 1 2 3\n";
         let options = ImportOptions { unit: Some(0.001), up: Some(UpAxis::Z), ..Default::default() };
-        let Part { model, .. } = import(Path::new("a.obj"), text.as_bytes(), &options).unwrap();
+        let Part { model, .. } = import_with(text, &options).unwrap();
         assert_eq!(model.objects[0].to_world.translation, DVec3::new(500_000.5, 7.0, -1.5));
         assert_eq!(model.meshes[0].positions[1] - model.meshes[0].positions[0], glam::Vec3::X);
     }

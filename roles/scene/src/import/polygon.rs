@@ -6,9 +6,14 @@
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
+/// Polygons of more corners than this are not cut well. To find what lies in what takes time by the square of the contours,
+/// and cutting by the square of the corners where they cross: a second for so many, a day for a million.
+const MOST_CORNERS: usize = 8_192;
+
 /// Cuts polygons into triangles; keeps its memory from one to the next.
 pub(super) struct Triangulator {
     earcut: Earcut<f64>,
+    large_polygons: u64,
 }
 
 /// A contour laid flat.
@@ -26,7 +31,12 @@ struct Contour {
 
 impl Triangulator {
     pub(super) fn new() -> Self {
-        Self { earcut: Earcut::new() }
+        Self { earcut: Earcut::new(), large_polygons: 0 }
+    }
+
+    /// How many polygons had too many corners to be cut well.
+    pub(super) const fn large_polygons(&self) -> u64 {
+        self.large_polygons
     }
 
     /// The triangles of a polygon, facing as its largest contour winds. Corners are numbered through all contours, in
@@ -49,9 +59,17 @@ impl Triangulator {
             }
             first += corners.len() as u32;
         }
+        let mut triangles = Vec::new();
+        if contours.iter().map(|contour| contour.points.len()).sum::<usize>() > MOST_CORNERS {
+            // Better too much than a hole where a wall should be.
+            self.large_polygons += 1;
+            for contour in &contours {
+                self.fill(contour, &[], &mut triangles);
+            }
+            return triangles;
+        }
         contours.sort_by(|a, b| b.area.abs().total_cmp(&a.area.abs()));
         nest(&mut contours);
-        let mut triangles = Vec::new();
         for (index, outer) in contours.iter().enumerate().filter(|(_, contour)| contour.depth % 2 == 0) {
             let is_hole = |contour: &&Contour| contour.parent == Some(index) && contour.depth % 2 == 1;
             let holes: Vec<&Contour> = contours.iter().filter(is_hole).collect();
@@ -73,7 +91,9 @@ impl Triangulator {
             .take(holes.len())
             .collect();
         let mut corners: Vec<u32> = Vec::new();
-        self.earcut.earcut(points.iter().map(|point| point.to_array()), &starts, &mut corners);
+        if points.len() <= MOST_CORNERS {
+            self.earcut.earcut(points.iter().map(|point| point.to_array()), &starts, &mut corners);
+        }
 
         let twice = |&[a, b, c]: &[u32; 3]| match [a, b, c].map(|corner| points.get(corner as usize)) {
             [Some(a), Some(b), Some(c)] => (b - a).perp_dot(c - a),
@@ -212,6 +232,44 @@ mod tests {
         let bow =
             vec![square(1.0)[0], square(1.0)[2], square(1.0)[1], square(1.0)[3], DVec3::new(7.0, -3.0, 0.0)];
         assert!(areas(vec![bow]).1 > 1.0);
+    }
+
+    /// Squares within squares, a hundred thousand of them: by the square of their number this would take hours.
+    #[test]
+    fn very_many_contours_are_filled_and_counted() {
+        let polygon: Vec<_> = (1..=100_000).map(|half| square(f64::from(half))).collect();
+        let mut triangulator = Triangulator::new();
+        let triangles = triangulator.triangulate(&polygon);
+        assert_eq!((triangles.len(), triangulator.large_polygons()), (200_000, 1));
+        let largest = [399_996, 399_997, 399_998, 399_999];
+        let covering =
+            triangles.iter().filter(|triangle| triangle.iter().all(|corner| largest.contains(corner)));
+        assert_eq!(covering.count(), 2);
+    }
+
+    /// Each corner is across the middle from the last one, so that all sides cross: cutting this well would take days.
+    #[test]
+    fn a_contour_of_very_many_corners_that_cross_is_a_fan() {
+        let corners = 1_000_000;
+        let star = (0..corners).map(|i| {
+            let (sin, cos) = (f64::from(i) * 2.399_963).sin_cos();
+            DVec3::new(7.0, cos, sin)
+        });
+        let mut triangulator = Triangulator::new();
+        let triangles = triangulator.triangulate(&[star.collect()]);
+        assert_eq!(triangles.len(), corners as usize - 2);
+        assert_eq!(triangulator.large_polygons(), 1);
+    }
+
+    #[test]
+    fn a_polygon_of_very_few_corners_less_is_cut_well() {
+        let holes = (MOST_CORNERS - 4) / 4;
+        let hole = |number: usize| {
+            let aside = DVec3::new(0.0, (number % 64) as f64 - 31.5, (number / 64) as f64 - 31.5);
+            square(0.25).into_iter().map(|corner| corner + aside + DVec3::X * 0.0).collect()
+        };
+        let polygon: Vec<_> = std::iter::once(square(40.0)).chain((0..holes).map(hole)).collect();
+        assert_area(polygon, 80.0 * 80.0 - holes as f64 * 0.25);
     }
 
     #[test]

@@ -43,6 +43,9 @@ pub enum Warning {
     FlattenedObject,
     /// Objects without a single triangle: left out.
     EmptyObject,
+    /// Polygons of so many corners that cutting them well could take for ever: their holes are filled, and a contour that is as
+    /// large by itself is drawn as a fan.
+    LargePolygon,
 }
 
 /// RVM primitives by kind.
@@ -109,6 +112,7 @@ impl fmt::Display for Warning {
             Self::VolumeLeftOut => "insulation and obstruction volumes left out",
             Self::FlattenedObject => "objects that their matrix flattens",
             Self::EmptyObject => "objects without a triangle left out",
+            Self::LargePolygon => "polygons of more than 8,192 corners drawn without their holes",
         })
     }
 }

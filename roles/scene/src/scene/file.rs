@@ -1,13 +1,15 @@
-//! The cooked file: written whole or not at all, mapped, and trusted only after it has been checked.
+//! The cooked file: written whole or not at all, read into memory that nobody else can change, and trusted only after it has
+//! been checked.
 //!
 //! Layout, little-endian: a [`Header`], then the sections, each starting at a multiple of 64 bytes, gaps filled with zeros.
 //! Order of the sections: nodes, drawables, vertices, indices, objects, names, sources.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::mem::size_of;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use bytemuck::{AnyBitPattern, NoUninit, Pod, Zeroable};
 use memmap2::Mmap;
@@ -15,7 +17,8 @@ use thiserror::Error;
 use trimaran_proto::SceneHash;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::{Drawable, Node, ObjectRecord, Parts, Scene, SceneError, Storage, Vertex, hash, validate};
+use super::stable::{self, Source, Stable, Unread};
+use super::{Drawable, Node, ObjectRecord, OpenError, Parts, Scene, Storage, Vertex, hash, validate};
 
 /// The first bytes of every cooked scene. The line ends show a copy that changed them, as in PNG.
 const MAGIC: [u8; 8] = *b"TRIMRN\r\n";
@@ -37,7 +40,7 @@ const RECORD_SIZES: [u64; SECTIONS] = [
 ];
 
 const _: () =
-    assert!(cfg!(target_endian = "little"), "cooked scenes are mapped as they stand: little-endian only");
+    assert!(cfg!(target_endian = "little"), "cooked scenes are read as they stand: little-endian only");
 
 /// The start of a file.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -82,72 +85,6 @@ pub enum SaveError {
     },
 }
 
-/// Why a file is not opened as a scene.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum OpenError {
-    /// The file cannot be read.
-    #[error("cannot read the scene {path:?}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-    /// The file is something else.
-    #[error("{path:?} is not a cooked scene; make one with `trimaran import`")]
-    Foreign {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The file has another version of the format.
-    #[error("the scene {path:?} has format {found}, this build reads format {known}; {}", other_version_advice(*found, *known))]
-    Version {
-        /// The file.
-        path: PathBuf,
-        /// Its format.
-        found: u32,
-        /// The format this build reads.
-        known: u32,
-    },
-    /// The file ends early.
-    #[error("the scene {path:?} is cut short: {actual} of {expected} bytes; copy it again, or import again")]
-    Truncated {
-        /// The file.
-        path: PathBuf,
-        /// The length it should have.
-        expected: u64,
-        /// The length it has.
-        actual: u64,
-    },
-    /// The file's bytes are not those that were written.
-    #[error("the scene {path:?} is damaged ({what}); copy it again, or import again")]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// Which check failed.
-        what: &'static str,
-    },
-    /// The bytes are as they were written, but are no scene.
-    #[error(
-        "the scene {path:?} breaks the rules of its format; import again, and report this if it happens again"
-    )]
-    Malformed {
-        /// The file.
-        path: PathBuf,
-        /// The rule.
-        source: SceneError,
-    },
-}
-
-fn other_version_advice(found: u32, known: u32) -> &'static str {
-    if found > known {
-        "use a newer build, or import again with this one"
-    } else {
-        "import again with this build"
-    }
-}
-
 impl Scene {
     /// Writes the scene to `path`: to a temporary name in the same folder, flushed to the disk and then renamed, so that a
     /// reader sees the old file or the whole new one. The same scene always makes the same bytes.
@@ -177,24 +114,57 @@ impl Scene {
         })
     }
 
-    /// Maps a scene that [`Scene::save`] wrote, and checks all of it: every byte against the fingerprint, every record
+    /// Opens a scene that [`Scene::save`] wrote, and checks all of it: every byte against the fingerprint, every record
     /// against the rules.
     ///
+    /// **What was opened stays as it was**, whatever becomes of the file: overwritten, cut short, replaced or deleted. The
+    /// file is copied into memory while it is checked, so a scene takes its size in memory, once for each opening. A file
+    /// that nobody can write to any more is mapped in place of that, and all processes that open it share it: one with
+    /// fs-verity (`fsverity enable FILE`), or a sealed memfd. Such a file takes no memory that the system cannot take back.
+    ///
     /// # Errors
-    /// Says what is wrong with the file and what to do about it.
+    /// Says what is wrong with the file and what to do about it. [`OpenError::may_pass`] tells a file that is not there yet
+    /// or is being written from one that stays unusable.
     pub fn open(path: &Path) -> Result<Self, OpenError> {
         let io_error = |source| OpenError::Io { path: path.to_owned(), source };
-        let file = File::open(path).map_err(io_error)?;
-        let actual = file.metadata().map_err(io_error)?.len();
-        if actual == 0 {
-            return Err(OpenError::Foreign { path: path.to_owned() });
+        // Opening a pipe would wait for whoever writes to it.
+        if !fs::metadata(path).map_err(io_error)?.is_file() {
+            return Err(io_error(io::Error::other("it is not a regular file")));
         }
-        let map = map_file(&file).map_err(io_error)?;
-        let header = Header::read(&map, path)?;
-        let mapped = MappedScene::new(map, &header, path)?;
-        let parts = mapped.parts();
-        validate::check(&parts).map_err(|source| OpenError::Malformed { path: path.to_owned(), source })?;
-        Ok(Self { hash: header.fingerprint(), storage: Storage::File(mapped) })
+        let file = File::open(path).map_err(io_error)?;
+        let before = Stamp::of(&file).map_err(io_error)?;
+        let opened = Self::read(Source::File(&file), before.length, path);
+        let changed = || Stamp::of(&file).is_ok_and(|after| after != before);
+        opened.map_err(|error| if changed() { error.while_changing(path) } else { error })
+    }
+
+    /// Opens a scene whose file is in memory. `name` is what errors call it.
+    ///
+    /// # Errors
+    /// As [`Scene::open`].
+    pub fn open_bytes(name: &Path, bytes: &[u8]) -> Result<Self, OpenError> {
+        Self::read(Source::Memory(bytes), bytes.len() as u64, name)
+    }
+
+    fn read(source: Source<'_>, length: u64, path: &Path) -> Result<Self, OpenError> {
+        let mapped = MappedScene::read(source, length, path)?;
+        validate::check(&mapped.parts())
+            .map_err(|source| OpenError::Malformed { path: path.to_owned(), source })?;
+        Ok(Self { hash: mapped.fingerprint, storage: Storage::File(mapped) })
+    }
+}
+
+/// What tells that a file was written to.
+#[derive(Debug, PartialEq, Eq)]
+struct Stamp {
+    length: u64,
+    modified: Option<SystemTime>,
+}
+
+impl Stamp {
+    fn of(file: &File) -> io::Result<Self> {
+        let metadata = file.metadata()?;
+        Ok(Self { length: metadata.len(), modified: metadata.modified().ok() })
     }
 }
 
@@ -224,14 +194,6 @@ pub(super) fn write_atomically(
     Ok(())
 }
 
-#[expect(unsafe_code, reason = "mapping a file is the one thing here that the compiler cannot check")]
-fn map_file(file: &File) -> io::Result<Mmap> {
-    // SAFETY: `Mmap::map` asks that the file does not change while it is mapped. Scenes are never written in place:
-    // `Scene::save` makes a new file and renames it, which leaves the mapped one as it is. Someone who overwrites or cuts
-    // the file by other means breaks that promise, as with any mapped program or library.
-    unsafe { Mmap::map(file) }
-}
-
 impl Header {
     fn new(sections: &[&[u8]; SECTIONS], fingerprint: SceneHash) -> Self {
         let mut end = size_of::<Self>() as u64;
@@ -253,38 +215,49 @@ impl Header {
         header
     }
 
-    /// Reads and checks the header, and the file's length against it.
-    fn read(bytes: &[u8], path: &Path) -> Result<Self, OpenError> {
+    /// Reads and checks the header, and the file's length against it, before any memory is taken.
+    fn read(source: Source<'_>, length: u64, path: &Path) -> Result<Self, OpenError> {
+        let mut bytes = [0; size_of::<Self>()];
+        let there = bytes.get_mut(..length.min(size_of::<Self>() as u64) as usize).unwrap_or_default();
+        source.read_exact_at(there, 0).map_err(|error| unread(error, source, length, path))?;
+        let bytes = &*there;
         let path = || path.to_owned();
-        let magic = bytes.get(..MAGIC.len()).unwrap_or(bytes);
-        if magic.is_empty() || !MAGIC.starts_with(magic) {
+        if !MAGIC.starts_with(bytes.get(..MAGIC.len()).unwrap_or(bytes)) {
             return Err(OpenError::Foreign { path: path() });
         }
-        let cut_short = OpenError::Truncated {
-            path: path(),
-            expected: size_of::<Self>() as u64,
-            actual: bytes.len() as u64,
-        };
+        let cut_short =
+            OpenError::Truncated { path: path(), expected: size_of::<Self>() as u64, actual: length };
         let version = bytes.get(8..12).and_then(|v| v.try_into().ok()).map(u32::from_le_bytes);
         match version {
             None => return Err(cut_short),
             Some(VERSION) => {}
             Some(found) => return Err(OpenError::Version { path: path(), found, known: VERSION }),
         }
-        let Some(bytes_of_header) = bytes.get(..size_of::<Self>()) else {
+        let Ok(header) = bytemuck::try_pod_read_unaligned::<Self>(bytes) else {
             return Err(cut_short);
         };
-        let header: Self = bytemuck::pod_read_unaligned(bytes_of_header);
-        let actual = bytes.len() as u64;
         if header.check != header.checksum() {
             Err(OpenError::Damaged { path: path(), what: "the header's checksum does not match" })
-        } else if actual < header.file_length {
-            Err(OpenError::Truncated { path: path(), expected: header.file_length, actual })
-        } else if actual > header.file_length {
+        } else if length < header.file_length {
+            Err(OpenError::Truncated { path: path(), expected: header.file_length, actual: length })
+        } else if length > header.file_length {
             Err(OpenError::Damaged { path: path(), what: "it is longer than it was when written" })
         } else {
             Ok(header)
         }
+    }
+
+    /// Where the sections lie: one behind the other within the file, aligned, and of whole records.
+    fn ranges(&self) -> Option<[Range<usize>; SECTIONS]> {
+        let mut end = size_of::<Self>() as u64;
+        let mut ranges = [const { 0..0 }; SECTIONS];
+        for ((section, size), range) in self.sections.iter().zip(RECORD_SIZES).zip(&mut ranges) {
+            let Section { offset, length } = *section;
+            let sound = offset >= end && offset.is_multiple_of(ALIGNMENT) && length.is_multiple_of(size);
+            end = offset.checked_add(length).filter(|&end| sound && end <= self.file_length)?;
+            *range = usize::try_from(offset).ok()?..usize::try_from(end).ok()?;
+        }
+        Some(ranges)
     }
 
     fn checksum(&self) -> u64 {
@@ -297,40 +270,51 @@ impl Header {
     }
 }
 
+/// What a failed read of a file that had `expected` bytes means.
+fn unread(error: io::Error, source: Source<'_>, expected: u64, path: &Path) -> OpenError {
+    let path = path.to_owned();
+    match source.length() {
+        Ok(actual) if error.kind() == io::ErrorKind::UnexpectedEof => {
+            OpenError::Truncated { path, expected, actual }
+        }
+        _ => OpenError::Io { path, source: error },
+    }
+}
+
 /// A file in memory, and where its sections lie: each range within the map, aligned and of whole records.
 #[derive(Debug)]
 pub(super) struct MappedScene {
     map: Mmap,
     sections: [Range<usize>; SECTIONS],
     sources: Vec<String>,
+    fingerprint: SceneHash,
 }
 
 impl MappedScene {
-    fn new(map: Mmap, header: &Header, path: &Path) -> Result<Self, OpenError> {
+    /// Reads a file of `length` bytes and compares it with its fingerprint.
+    fn read(source: Source<'_>, length: u64, path: &Path) -> Result<Self, OpenError> {
         let damaged = |what| OpenError::Damaged { path: path.to_owned(), what };
-        let mut sections = [const { 0..0 }; SECTIONS];
-        for ((section, size), range) in header.sections.iter().zip(RECORD_SIZES).zip(&mut sections) {
-            let end = section.offset.checked_add(section.length).filter(|&end| end <= map.len() as u64);
-            match end {
-                Some(end)
-                    if section.offset.is_multiple_of(ALIGNMENT) && section.length.is_multiple_of(size) =>
-                {
-                    *range = section.offset as usize..end as usize;
-                }
-                _ => return Err(damaged("a section lies outside of it, or is not made of whole records")),
-            }
-        }
-        let bytes = sections.clone().map(|range| map.get(range).unwrap_or_default());
-        if hash::fingerprint_sections(&bytes) != header.fingerprint() {
+        let header = Header::read(source, length, path)?;
+        let sections = header
+            .ranges()
+            .ok_or_else(|| damaged("a section lies outside of it, or is not made of whole records"))?;
+        // The header stands within the file's length, and the ranges within the header's.
+        let bytes = usize::try_from(length).unwrap_or(usize::MAX);
+        let Stable { map, fingerprint } =
+            stable::read(source, bytes, &sections).map_err(|because| match because {
+                Unread::File(error) => unread(error, source, length, path),
+                Unread::Memory(source) => OpenError::Memory { path: path.to_owned(), bytes: length, source },
+            })?;
+        if fingerprint != header.fingerprint() {
             return Err(damaged("its checksum does not match"));
         }
-        let [.., names, sources] = bytes;
+        let [.., names, sources] = sections.clone().map(|range| map.get(range).unwrap_or_default());
         if std::str::from_utf8(names).is_err() {
             return Err(damaged("its names are not UTF-8"));
         }
         let sources =
             hash::decode_sources(sources).ok_or_else(|| damaged("its list of sources is broken"))?;
-        Ok(Self { map, sections, sources })
+        Ok(Self { map, sections, sources, fingerprint })
     }
 
     pub(super) fn parts(&self) -> Parts<'_> {
@@ -365,7 +349,7 @@ impl MappedScene {
         self.records(4)
     }
 
-    /// A section as records. `new` has checked its range and alignment, so the empty slice stands for nothing that happens.
+    /// A section as records. `read` has checked its range and alignment, so the empty slice stands for nothing that happens.
     fn records<T: AnyBitPattern + NoUninit>(&self, section: usize) -> &[T] {
         let bytes = self.sections.get(section).and_then(|range| self.map.get(range.clone()));
         bytes.and_then(|bytes| bytemuck::try_cast_slice(bytes).ok()).unwrap_or_default()

@@ -7,7 +7,7 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_128};
 use super::Parts;
 
 /// Bytes hashed as one piece. Pieces are hashed in parallel, so this is part of the definition of the fingerprint.
-const PIECE: usize = 1 << 20;
+pub(super) const PIECE: usize = 1 << 20;
 
 /// XXH3-128 over, for each section in file order, its length in bytes (u64, little-endian) and the XXH3-128 (little-endian)
 /// of each of its pieces of 1 MiB.
@@ -30,15 +30,38 @@ pub(super) fn section_bytes<'a>(parts: &Parts<'a>, sources: &'a [u8]) -> [&'a [u
 
 /// As [`fingerprint`], over the bytes of the sections.
 pub(super) fn fingerprint_sections(sections: &[&[u8]]) -> SceneHash {
-    let mut hasher = Xxh3Default::new();
+    let mut fingerprint = Fingerprint::new();
     for section in sections {
-        hasher.update(&(section.len() as u64).to_le_bytes());
-        let pieces: Vec<u128> = section.par_chunks(PIECE).map(xxh3_128).collect();
+        let pieces: Vec<u128> = section.par_chunks(PIECE).map(piece).collect();
+        fingerprint.section(section.len(), &pieces);
+    }
+    fingerprint.finish()
+}
+
+/// The hash of one piece.
+pub(super) fn piece(bytes: &[u8]) -> u128 {
+    xxh3_128(bytes)
+}
+
+/// A fingerprint in the making, section by section in file order.
+pub(super) struct Fingerprint(Xxh3Default);
+
+impl Fingerprint {
+    pub(super) fn new() -> Self {
+        Self(Xxh3Default::new())
+    }
+
+    /// Adds a section by its length and its pieces' hashes.
+    pub(super) fn section(&mut self, length: usize, pieces: &[u128]) {
+        self.0.update(&(length as u64).to_le_bytes());
         for piece in pieces {
-            hasher.update(&piece.to_le_bytes());
+            self.0.update(&piece.to_le_bytes());
         }
     }
-    SceneHash(hasher.digest128())
+
+    pub(super) fn finish(&self) -> SceneHash {
+        SceneHash(self.0.digest128())
+    }
 }
 
 /// The sources' names as bytes: each a length (u32, little-endian) and that many bytes of UTF-8.

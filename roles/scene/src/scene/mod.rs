@@ -1,16 +1,19 @@
-//! The cooked scene: plain arrays that all roles share, in memory or mapped from one file.
+//! The cooked scene: plain arrays that all roles share, made by cooking or read from a file.
 
 mod file;
 mod hash;
+mod open_error;
 mod records;
 mod shading;
+mod stable;
 mod validate;
 
 use rayon::prelude::*;
 use trimaran_proto::SceneHash;
 
 use file::MappedScene;
-pub use file::{OpenError, SaveError};
+pub use file::SaveError;
+pub use open_error::OpenError;
 pub use records::{Drawable, Node, NodeId, ObjectRecord, SceneArrays, Vertex};
 pub use shading::{Normal, Shading};
 pub use validate::SceneError;
@@ -125,7 +128,8 @@ impl Scene {
         finest.map(|drawable| u64::from(drawable.index_count / 3)).sum()
     }
 
-    /// Whether the arrays are pages of a mapped file, all of them readable for as long as the scene lives.
+    /// Whether the arrays lie in whole pages laid out as in the file ([`Scene::open`]): all of them readable, and none of
+    /// them changing, for as long as the scene lives.
     #[must_use]
     pub const fn is_mapped(&self) -> bool {
         matches!(self.storage, Storage::File(_))

@@ -111,20 +111,19 @@ fn sweep(points: &[SweepPoint]) -> String {
         );
     }
     let by = |error: fn(&SweepPoint) -> Option<f64>, y: &'static str, finding: &str| {
-        let of = |name: &str, class, fps: fn(&SweepPoint) -> Option<f64>| Series {
-            name: name.to_owned(),
-            class,
-            mark: Mark::Points,
-            points: points.iter().filter_map(|p| Some((fps(p)?, error(p)?))).collect(),
+        let modelled = points.iter().any(|point| point.modelled_fps.is_some());
+        let (name, class) = if modelled {
+            ("modelled, three machines".to_owned(), "model")
+        } else {
+            ("measured, this machine".to_owned(), "drawn")
         };
-        let measured = of("measured, this machine", "drawn", |p| p.measured_fps);
-        let modelled = of("modelled, three machines", "model", |p| p.modelled_fps);
+        let places = points.iter().filter_map(|p| Some((p.fps()?, error(p)?))).collect();
+        let speeds = Series { name, class, mark: Mark::Points, points: places };
         let labels = points
             .iter()
-            .filter_map(|p| Some((p.measured_fps?, error(p)?, format!("ε {}", figure(p.epsilon_px)))))
+            .filter_map(|p| Some((p.fps()?, error(p)?, format!("ε {}", figure(p.epsilon_px)))))
             .collect();
-        let chart =
-            Chart { x: "frames/s", y, series: vec![measured, modelled], bound: None, labels, keys: &[] };
+        let chart = Chart { x: "frames/s", y, series: vec![speeds], bound: None, labels, keys: &[] };
         card(finding, &chart.svg(), "Each point is a run; right and down is better.")
     };
     let gain = |of: fn(&SweepPoint) -> Option<f64>| {
@@ -134,7 +133,7 @@ fn sweep(points: &[SweepPoint]) -> String {
     };
     let title = format!(
         "A coarser ε buys up to {} times the frame rate, and this much visible error",
-        gain(|p| p.measured_fps)
+        gain(SweepPoint::fps)
     );
     by(|p| p.flip_mean, "mean FLIP against full detail", &title)
         + &by(

@@ -20,7 +20,11 @@ pub(super) fn html(report: &Report) -> String {
     let roles = card(
         &role_finding(frames),
         &role_times(frames).svg(),
-        "Busy time: waiting for another role is not counted.",
+        if report.run.alone {
+            "Busy time, of roles that computed one after another: it holds no other role's work."
+        } else {
+            "Busy time: waiting for another role is not counted. Where roles share a machine, it holds what others took of its cores."
+        },
     );
     let latency = card(
         &latency_finding(report),

@@ -1,5 +1,9 @@
 //! Chunks as bytes.
 
+use std::ops::Range;
+
+use smallvec::SmallVec;
+
 use super::{ACK_RANGES, Chunk, GivenUp, Tail, unit_head};
 use crate::ranges::RangeSet;
 use crate::repair::Block;
@@ -190,7 +194,7 @@ fn read_ack<'a>(reader: &mut Reader<'a>) -> Result<Chunk<'a>, Malformed> {
     if !(1..=ACK_RANGES as u64).contains(&count) {
         return Err(out_of_range);
     }
-    let mut numbers = RangeSet::default();
+    let mut ranges: SmallVec<[Range<u64>; 2]> = SmallVec::new();
     let mut above: Option<u64> = None;
     for _ in 0..count {
         let step = reader.varint(WHAT)?;
@@ -202,10 +206,11 @@ fn read_ack<'a>(reader: &mut Reader<'a>) -> Result<Chunk<'a>, Malformed> {
         };
         let end = end.ok_or(out_of_range)?;
         let start = end.checked_sub(length).filter(|_| length > 0).ok_or(out_of_range)?;
-        numbers.insert(start..end);
+        ranges.push(start..end);
         above = Some(start);
     }
-    Ok(Chunk::Ack { delay_us, numbers })
+    ranges.reverse();
+    Ok(Chunk::Ack { delay_us, numbers: RangeSet::from_rising(ranges) })
 }
 
 #[cfg(test)]

@@ -35,6 +35,9 @@ pub enum Closed {
     /// The peer sent a camera that is none.
     #[error("the peer sent a camera that is none")]
     Camera,
+    /// So many packets did not open that one could be forged by chance.
+    #[error("too many packets did not open: somebody tries to forge them")]
+    Forged,
     /// All packet numbers are used, or a packet could not be sealed.
     #[error("no further packet can be sealed")]
     Exhausted,

@@ -6,7 +6,7 @@ use super::Connection;
 use crate::inbox::Received;
 use crate::keys::OVERHEAD;
 use crate::latest::LatestEnd;
-use crate::repair::Path;
+use crate::repair::{LARGEST, Path};
 
 /// What a full packet has beside its part or repair shard at most, bytes: the chunk's own fields, or a short acknowledgement too.
 const BESIDE: usize = 36;
@@ -76,7 +76,9 @@ impl Connection {
     }
 
     const fn path(&self) -> Path {
-        Path { shard: (self.mtu.known() - OVERHEAD - BESIDE) & !15, loss: self.recovery.probable_loss() }
+        let full = self.mtu.known() - OVERHEAD - BESIDE;
+        let most = if full < LARGEST { full } else { LARGEST };
+        Path { shard: most & !15, loss: self.recovery.probable_loss() }
     }
 
     /// Says that the frames lane is not read any more: the peer need not send what is left of it.

@@ -14,9 +14,11 @@ use crate::recovery::Verdict;
 use crate::whereabouts::{Arrival, Excursion, Moved, Whereabouts};
 
 impl Connection {
-    /// Follows the peer from `remote` on, wherever it goes: `secret` are 32 random bytes, for this connection alone. Hand what arrives to
+    /// Follows the peer from `remote` on, wherever it goes: `secret` are 32 random bytes, for this connection alone. They also choose the
+    /// packet numbers that are left out, so that a peer which acknowledges what it did not receive is found out. Hand what arrives to
     /// [`Connection::handle_from`], and send what [`Connection::poll_excursion`] gives as well.
     pub fn follow(&mut self, remote: SocketAddr, secret: [u8; 32]) {
+        self.recovery.leave_numbers_out(blake3::derive_key("trimaran/udp packet numbers", &secret));
         self.whereabouts = Some(Whereabouts::new(remote, secret));
     }
 

@@ -11,6 +11,10 @@ use crate::recovery::{Content, Verdict};
 use crate::whereabouts::Arrival;
 use crate::wire::Reader;
 
+/// So many packets that do not open end a connection: with more of them somebody could come to forge one (RFC 9001, section 6.6, for
+/// ChaCha20-Poly1305).
+const FORGED: u64 = 1 << 36;
+
 impl Connection {
     /// Takes a datagram for this connection. What does not open, came before, or belongs elsewhere is ignored.
     pub fn handle(&mut self, now: Instant, datagram: &[u8]) {
@@ -19,7 +23,8 @@ impl Connection {
 
     pub(super) fn receive(&mut self, now: Instant, arrival: Option<Arrival>, datagram: &[u8]) {
         let Ok(Packet::Data { to, number, sealed }) = Packet::parse(datagram) else { return };
-        if to != self.here || self.closed == Some(Closed::Peer) || !self.acks.is_new(number) {
+        let over = matches!(self.closed, Some(Closed::Peer | Closed::Forged));
+        if to != self.here || over || !self.acks.is_new(number) {
             return;
         }
         let mut plain = std::mem::take(&mut self.plain);
@@ -41,8 +46,13 @@ impl Connection {
             }
             match self.take_chunks(now, arrival, &plain) {
                 Ok(Some(asks)) => self.acks.on_received(now, number, asks, self.config.ack_delay),
-                Ok(None) => {}
+                Ok(None) => self.acks.on_refused(number),
                 Err(why) => self.end(why),
+            }
+        } else {
+            self.forged += 1;
+            if self.forged >= FORGED {
+                self.end(Closed::Forged);
             }
         }
         self.plain = plain;
@@ -125,5 +135,90 @@ impl Connection {
             }
         }
         self.recovery.reuse(verdict.arrived);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::connection::Config;
+    use crate::keys::Keys;
+    use crate::packet::{ConnectionId, data_header};
+    use crate::ranges::RangeSet;
+    use crate::repair::Block;
+
+    const HERE: ConnectionId = ConnectionId(10);
+
+    fn now() -> Instant {
+        Instant::from_nanos(1_000_000_000)
+    }
+
+    fn connection() -> Connection {
+        Connection::plaintext(now(), HERE, ConnectionId(20), Config::default())
+    }
+
+    fn sealed(number: u64, chunk: &Chunk<'_>) -> Vec<u8> {
+        let (mut plain, mut packet) = (Vec::new(), Vec::from(data_header(HERE, number)));
+        chunk.write(&mut plain);
+        assert!(Keys::Plaintext.seal(HERE, number, &plain, &mut packet));
+        packet
+    }
+
+    #[test]
+    fn a_packet_that_there_was_no_place_for_is_taken_once_and_not_acknowledged() {
+        let mut connection = connection();
+        let data = [7; 100];
+        for number in 0..257 {
+            let block = Block { offset: number * 6400, length: 6400, shard: 100, count: 2 };
+            let chunk = Chunk::Repair { unit: 0, block, hash: None, index: 0, data: &data };
+            connection.handle(now(), &sealed(number, &chunk));
+        }
+        let block = Block { offset: 0, length: 6400, shard: 100, count: 2 };
+        let refused = sealed(257, &Chunk::Repair { unit: 0, block, hash: None, index: 1, data: &data });
+        connection.handle(now(), &refused);
+        assert_eq!((connection.stats().received, connection.acks.is_new(257)), (258, false));
+        connection.handle(now().after(Duration::from_secs(1)), &refused);
+        assert_eq!((connection.stats().received, connection.last_received), (258, now()), "a replay");
+        let mut out = Vec::new();
+        assert!(connection.poll_transmit(now().after(Duration::from_secs(1)), &mut out));
+        let Ok(Packet::Data { sealed, .. }) = Packet::parse(&out) else { panic!("{out:?}") };
+        let chunk = Chunk::read(&mut Reader::new(sealed));
+        let Ok(Chunk::Ack { numbers, .. }) = chunk else { panic!("{chunk:?}") };
+        assert_eq!((numbers.len(), numbers.iter().next()), (1, Some(0..256)));
+    }
+
+    #[test]
+    fn who_acknowledges_everything_without_having_received_it_is_let_go() {
+        let mut connection = connection();
+        connection.follow(([192, 0, 2, 1], 4000).into(), [7; 32]);
+        let mut out = Vec::new();
+        for _ in 0..100 {
+            connection.ping();
+            assert!(connection.poll_transmit(now(), &mut out));
+        }
+        assert!(connection.recovery.next_number() > connection.stats().sent, "no number was left out");
+        let mut numbers = RangeSet::default();
+        numbers.insert(0..connection.recovery.next_number());
+        connection.handle(now(), &sealed(0, &Chunk::Ack { delay_us: 0, numbers }));
+        assert_eq!(connection.closed(), Some(&Closed::NeverSent));
+    }
+
+    #[test]
+    fn too_many_packets_that_do_not_open_end_the_connection() {
+        let mut connection = connection();
+        connection.forged = FORGED - 2;
+        let mut forged = sealed(0, &Chunk::Ping);
+        forged[12] ^= 1;
+        connection.handle(now(), &forged);
+        assert_eq!((connection.closed(), connection.stats().forged), (None, FORGED - 1));
+        connection.handle(now(), &sealed(0, &Chunk::Ping));
+        assert_eq!(connection.stats().received, 1, "forgeries end nothing before");
+        connection.handle(now(), &sealed(0, &Chunk::Ping));
+        assert_eq!(connection.stats().forged, FORGED - 1, "a replay is no forgery");
+        forged[0] = 4;
+        connection.handle(now(), &forged);
+        assert_eq!(connection.closed(), Some(&Closed::Forged));
+        connection.handle(now(), &sealed(2, &Chunk::Ping));
+        assert_eq!(connection.stats().received, 1, "nothing is opened any more");
     }
 }

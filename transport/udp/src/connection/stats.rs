@@ -16,6 +16,8 @@ pub struct PathStats {
     pub received: u64,
     /// Their bytes, without the headers of UDP and IP.
     pub received_bytes: u64,
+    /// Packets for this connection that did not open: broken on the way, or forged.
+    pub forged: u64,
     /// Packets that were sent and found lost. Probes for larger datagrams are not counted.
     pub lost: u64,
     /// Parts of frames that were sent again.
@@ -49,6 +51,7 @@ impl PathStats {
             sent_bytes: self.sent_bytes.saturating_sub(earlier.sent_bytes),
             received: self.received.saturating_sub(earlier.received),
             received_bytes: self.received_bytes.saturating_sub(earlier.received_bytes),
+            forged: self.forged.saturating_sub(earlier.forged),
             lost: self.lost.saturating_sub(earlier.lost),
             repeated: self.repeated.saturating_sub(earlier.repeated),
             repair_sent: self.repair_sent.saturating_sub(earlier.repair_sent),
@@ -69,6 +72,11 @@ pub struct Hopeless {
     pub way: Duration,
 }
 
+/// The most steps that a byte of the peer's packets costs ([`Connection::work`]).
+pub const STEPS_PER_BYTE: u64 = 320;
+/// The most steps that a packet costs beside its bytes: what it carried is looked at when its fate is known.
+pub const STEPS_PER_PACKET: u64 = 64;
+
 impl Connection {
     /// Whether the deadline of the frames sent from here is over before anything can have come; known once the way was measured.
     #[must_use]
@@ -77,15 +85,23 @@ impl Connection {
         (way >= deadline).then_some(Hopeless { deadline, way })
     }
 
+    /// What the peer's packets have cost so far, in steps: eight bytes copied, cleared or computed on, or a look at something that is
+    /// kept. No more than [`STEPS_PER_BYTE`] for each byte received and [`STEPS_PER_PACKET`] for each packet sent or received.
+    #[must_use]
+    pub const fn work(&self) -> u64 {
+        self.inbox.work() + self.outbox.visited + self.recovery.visited
+    }
+
     /// What became of the packets, and what is known of the path.
     #[must_use]
     pub fn stats(&self) -> PathStats {
         let (recovery, outbox) = (&self.recovery, &self.outbox);
         PathStats {
-            sent: recovery.next_number(),
+            sent: recovery.sent(),
             sent_bytes: self.sent_bytes,
             received: self.received,
             received_bytes: self.received_bytes,
+            forged: self.forged,
             lost: recovery.lost_packets,
             repeated: outbox.repeated,
             repair_sent: outbox.repair_sent,

@@ -1,5 +1,7 @@
 //! What stands in for bytes of a frame that are lost: repair, or word that they do not come any more.
 
+use super::blocks::Guarded;
+use super::store::Pool;
 use super::unit::Unit;
 use super::{Credit, Inbox, LaneViolation};
 use crate::chunk::{GivenUp, Tail};
@@ -19,32 +21,40 @@ impl Inbox {
         index: u8,
         data: &[u8],
     ) -> Result<bool, LaneViolation> {
-        let kept: usize = self.units.iter().map(Unit::repair_shards).sum();
+        let room = self.repair < REPAIR;
         let mut has_place = true;
-        self.with_unit(number, |unit, credit| {
+        self.with_unit(number, |unit, credit, pool| {
             if unit.is_given_up() {
                 return Ok(());
             }
-            let to = block.offset + u64::from(block.length);
+            let to = block.range().end;
             credit.allows(unit, to)?;
             if let Some(hash) = hash {
                 unit.note(to, Tail::Frame(hash))?;
             }
-            has_place = kept < REPAIR || !unit.wants_repair(block);
-            if has_place {
-                unit.keep_repair(block, index, data);
+            if !unit.wants_repair(block, pool)? {
+                return Ok(());
             }
-            restore(unit, credit)
+            let found = match (block.shard_count(), room) {
+                // It is the one shard.
+                (1, _) => return put_restored(unit, credit, pool, vec![(block.offset, cut(data, block))]),
+                (_, true) => unit.keep_repair(block, index, data, pool),
+                (_, false) => {
+                    has_place = false;
+                    return Ok(());
+                }
+            };
+            restore(unit, credit, pool, found)
         })?;
         Ok(has_place)
     }
 
     /// Takes word that no more comes of a frame.
     pub(crate) fn give_up(&mut self, number: u64, about: GivenUp, head: &[u8]) -> Result<(), LaneViolation> {
-        self.with_unit(number, |unit, credit| {
+        self.with_unit(number, |unit, credit, pool| {
             if !unit.is_given_up() {
                 credit.use_up_to(unit, about.sent)?;
-                unit.give_up(about, head)?;
+                unit.give_up(about, head, pool)?;
                 unit.highest = unit.highest.max(about.sent);
             }
             Ok(())
@@ -52,13 +62,37 @@ impl Inbox {
     }
 }
 
-/// Restores lost bytes from repair, as far as that is possible now.
-pub(super) fn restore(unit: &mut Unit, credit: &mut Credit) -> Result<(), LaneViolation> {
-    for (offset, bytes) in unit.restore() {
+/// The bytes of a block of one shard.
+fn cut(data: &[u8], block: Block) -> Vec<u8> {
+    data.get(..block.length as usize).unwrap_or(data).to_vec()
+}
+
+/// Restores lost bytes of the blocks that were found.
+pub(super) fn restore(
+    unit: &mut Unit,
+    credit: &mut Credit,
+    pool: &mut Pool,
+    found: Vec<Guarded>,
+) -> Result<(), LaneViolation> {
+    for block in found {
+        let pieces = unit.restore(&block, pool);
+        put_restored(unit, credit, pool, pieces)?;
+    }
+    Ok(())
+}
+
+fn put_restored(
+    unit: &mut Unit,
+    credit: &mut Credit,
+    pool: &mut Pool,
+    pieces: Vec<(u64, Vec<u8>)>,
+) -> Result<(), LaneViolation> {
+    for (offset, bytes) in pieces {
         let to = offset + bytes.len() as u64;
         credit.use_up_to(unit, to)?;
         unit.highest = unit.highest.max(to);
-        unit.store(offset, &bytes);
+        // No further block comes of it: blocks do not overlap.
+        unit.put(offset, &bytes, pool);
         unit.repaired = true;
     }
     Ok(())
@@ -119,7 +153,7 @@ mod tests {
         assert_eq!(ids_of(&items), expected, "whole ids, in order, none that came later");
         let end = FrameEnd { frame: FrameNumber(0), ids: 100, hash: 7 };
         assert_eq!(items.last(), Some(&Received::Frame(FrameMessage::End(end))));
-        assert_eq!((inbox.taken, inbox.used, inbox.pieces, inbox.first), (460, 460, 0, 1));
+        assert_eq!((inbox.taken, inbox.used, inbox.units.len(), inbox.first), (460, 460, 0, 1));
     }
 
     #[test]
@@ -198,8 +232,8 @@ mod tests {
                 assert_eq!(taken, Ok(unit * 32 + u64::from(index) < REPAIR as u64));
             }
         }
-        let kept: usize = inbox.units.iter().map(Unit::repair_shards).sum();
-        assert_eq!(kept, REPAIR);
+        let kept: usize = inbox.units.values().map(Unit::repair_shards).sum();
+        assert_eq!((kept, inbox.repair), (REPAIR, REPAIR));
         inbox.put(99, 0, Tail::More, &[0; 128]).unwrap();
         let block = Block { offset: 0, length: 128, shard: 2, count: 32 };
         assert_eq!(
@@ -209,5 +243,84 @@ mod tests {
         );
         let beyond = Block { offset: 4 << 20, length: 2, shard: 2, count: 1 };
         assert_eq!(inbox.put_repair(0, beyond, None, 0, &[0; 2]), Err(LaneViolation::Credit));
+    }
+
+    /// A block of 64 shards of 100 bytes in unit 0, of which two are missing.
+    fn damaged() -> (Inbox, Block) {
+        let mut inbox = empty();
+        for at in (0..64).filter(|at| !matches!(at, 3 | 40)) {
+            inbox.put(0, at * 100, Tail::More, &[1; 100]).unwrap();
+        }
+        (inbox, Block { offset: 0, length: 6400, shard: 100, count: 32 })
+    }
+
+    #[test]
+    fn a_part_costs_as_much_however_much_repair_waits() {
+        let work = |repair: u8| {
+            let (mut inbox, block) = damaged();
+            for index in 0..repair {
+                inbox.put_repair(0, block, None, index, &[7; 100]).unwrap();
+            }
+            let before = inbox.work();
+            for _ in 0..1000 {
+                inbox.put(0, 300, Tail::More, &[1]).unwrap();
+            }
+            inbox.work() - before
+        };
+        assert!(work(1) < 2 * work(0), "{} and {} steps", work(1), work(0));
+    }
+
+    #[test]
+    fn a_block_is_restored_once() {
+        let (mut inbox, block) = damaged();
+        let shards = crate::repair::protect(&[1; 6400], 100, 32);
+        let mut costs = Vec::new();
+        for (index, data) in (0..).zip(&shards) {
+            let before = inbox.work();
+            inbox.put_repair(0, block, None, index, data).unwrap();
+            costs.push(inbox.work() - before >= block.cost());
+        }
+        assert_eq!(costs.iter().position(|decoded| *decoded), Some(1), "by the second repair shard");
+        assert_eq!(costs.iter().filter(|decoded| **decoded).count(), 1);
+        assert_eq!((inbox.repair, inbox.frames_repaired), (0, 1));
+    }
+
+    #[test]
+    fn blocks_that_overlap_are_a_violation_also_where_one_was_passed_on() {
+        let (mut inbox, block) = damaged();
+        assert_eq!(inbox.put_repair(0, block, None, 0, &[7; 100]), Ok(true));
+        for other in [
+            Block { length: 6300, ..block },
+            Block { count: 31, ..block },
+            Block { shard: 102, ..block },
+            Block { offset: 100, ..block },
+            Block { offset: 6300, ..block },
+        ] {
+            let data = vec![7; other.shard.into()];
+            assert_eq!(inbox.put_repair(0, other, None, 1, &data), Err(LaneViolation::Block), "{other:?}");
+        }
+        assert_eq!(inbox.put_repair(0, Block { offset: 6400, ..block }, None, 0, &[7; 100]), Ok(true));
+
+        let bytes = frame_of(4000);
+        let mut inbox = empty();
+        let block = Block { offset: 0, length: 6400, shard: 100, count: 2 };
+        inbox.put_repair(0, block, None, 0, &[7; 100]).unwrap();
+        inbox.put(0, 0, Tail::Pause, &bytes[..8000]).unwrap();
+        all(&mut inbox);
+        assert_eq!(inbox.repair, 0, "it is whole");
+        let late = Block { offset: 100, length: 8400, shard: 200, count: 2 };
+        assert_eq!(inbox.put_repair(0, late, None, 0, &[7; 200]), Err(LaneViolation::Block));
+        assert_eq!(inbox.put_repair(0, block, None, 1, &[7; 100]), Ok(true), "late, and of no use");
+    }
+
+    #[test]
+    fn repair_of_one_shard_is_the_shard() {
+        let bytes = frame_of(4);
+        let mut inbox = empty();
+        let block = Block { offset: 0, length: 96, shard: 96, count: 2 };
+        let shards = crate::repair::protect(&bytes, 96, 2);
+        inbox.put_repair(0, block, Some(9), 1, &shards[1]).unwrap();
+        assert_eq!(ids_of(&all(&mut inbox)), [0, 1, 2, 3]);
+        assert_eq!((inbox.frames_repaired, inbox.first), (1, 1));
     }
 }

@@ -10,19 +10,32 @@ impl Outbox {
     /// Gives up frames that are not worth sending any more: what leaves at `now` arrives at `arrival`.
     pub(crate) fn expire(&mut self, now: Instant, arrival: Instant) {
         let Some(patience) = self.patience else { return };
-        for unit in &mut self.units {
+        self.undated = self.undated.max(self.first);
+        while let Some(unit) = self.unit(self.undated).filter(|unit| unit.is_ended()) {
             unit.due_by(now.after(patience));
+            self.undated += 1;
+        }
+        self.in_time = self.in_time.max(self.first);
+        while self.in_time < self.undated {
+            self.visited += 1;
+            let Some(unit) = self.unit(self.in_time) else { return };
             if unit.is_late(arrival) {
-                self.kept = self.kept.saturating_sub(unit.give_up());
+                let freed = unit.give_up();
+                self.kept = self.kept.saturating_sub(freed);
                 self.frames_given_up += 1;
+                self.look(self.in_time);
+            } else if unit.deadline().is_some() {
+                return;
             }
+            self.in_time += 1;
         }
     }
 
     /// By when the next frame has to arrive.
     pub(crate) fn deadline(&self) -> Option<Instant> {
         self.patience?;
-        self.units.iter().filter_map(Unit::deadline).min()
+        let over = usize::try_from(self.in_time.saturating_sub(self.first)).ok()?;
+        self.units.range(over.min(self.units.len())..).find_map(Unit::deadline)
     }
 
     /// A part has arrived; `ended` if it carried the unit's end.
@@ -42,6 +55,7 @@ impl Outbox {
         let whole = unit.whole_frame();
         self.confirmed = self.confirmed.max(whole);
         self.kept = self.kept.saturating_sub(freed);
+        self.look(number);
         self.forget_arrived();
     }
 
@@ -49,24 +63,31 @@ impl Outbox {
     pub(crate) fn on_loss(&mut self, number: u64, range: Range<u64>, ended: bool) {
         if let Some(unit) = self.unit(number) {
             unit.on_loss(range, ended);
+            self.look(number);
         }
     }
 
     pub(crate) fn on_repair_loss(&mut self, number: u64, offset: u64, index: u8) {
         if let Some(unit) = self.unit(number) {
             unit.on_repair_loss(offset, index);
+            self.look(number);
         }
     }
 
     /// Sends all again that was lost: nothing is heard of the repair that could make up for it.
     pub(crate) fn stop_waiting(&mut self) {
-        self.units.iter_mut().for_each(Unit::stop_waiting);
+        let waited: Vec<u64> = (self.first..)
+            .zip(&mut self.units)
+            .filter_map(|(number, unit)| unit.stop_waiting().then_some(number))
+            .collect();
+        waited.into_iter().for_each(|number| self.look(number));
     }
 
     /// The peer knows that a frame was given up.
     pub(crate) fn on_give_up_ack(&mut self, number: u64) {
         if let Some(unit) = self.unit(number) {
             unit.on_give_up_ack();
+            self.look(number);
         }
         self.forget_arrived();
     }
@@ -74,12 +95,14 @@ impl Outbox {
     pub(crate) fn on_give_up_loss(&mut self, number: u64) {
         if let Some(unit) = self.unit(number) {
             unit.on_give_up_loss();
+            self.look(number);
         }
     }
 
     fn forget_arrived(&mut self) {
         while self.units.front().is_some_and(Unit::has_arrived) {
             let arrived = self.units.pop_front();
+            self.due.remove(&self.first);
             arrived.into_iter().for_each(|unit| self.spare.put(unit.into_buffer()));
             self.first += 1;
             self.kept = self.kept.saturating_sub(UNIT_COST);

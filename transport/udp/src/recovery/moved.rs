@@ -18,6 +18,7 @@ impl Recovery {
     /// Begins anew on a path of which nothing is known (RFC 9000, section 9.4).
     pub(crate) fn on_new_path(&mut self, law: Congestion, segment: usize, initial: u16) {
         self.rtt = Rtt::default();
+        self.sampled = None;
         self.window = Window::new(law, segment, initial);
         self.loss = LossShare::new();
     }

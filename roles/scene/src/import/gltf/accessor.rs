@@ -1,14 +1,13 @@
 //! Typed arrays out of buffers: dense, strided, sparse and quantized accessors.
 
-use std::borrow::Cow;
-
+use super::buffers::Bytes;
 use super::json::{Accessor, BufferView, Document};
 
 /// Reads accessors of one document. Errors are texts that the caller completes with who needed the accessor.
 pub(super) struct Accessors<'a> {
     accessors: &'a [Accessor],
     views: &'a [BufferView],
-    buffers: &'a [Cow<'a, [u8]>],
+    buffers: &'a [Bytes<'a>],
     /// Bytes in all buffers: bounds what an accessor without bytes of its own may claim.
     total: u64,
 }
@@ -27,12 +26,12 @@ enum Component {
 type Result<T> = std::result::Result<T, &'static str>;
 
 impl<'a> Accessors<'a> {
-    pub(super) fn new(document: &'a Document, buffers: &'a [Cow<'a, [u8]>]) -> Self {
+    pub(super) fn new(document: &'a Document, buffers: &'a [Bytes<'a>]) -> Self {
         Self {
             accessors: &document.accessors,
             views: &document.buffer_views,
             buffers,
-            total: buffers.iter().map(|buffer| buffer.len() as u64).sum(),
+            total: buffers.iter().map(|buffer| buffer.as_slice().len() as u64).sum(),
         }
     }
 
@@ -47,8 +46,27 @@ impl<'a> Accessors<'a> {
         }
     }
 
+    /// How many elements the accessor says it has, before any is read. Reading it may find that there are not as many.
+    pub(super) fn count(&self, index: u32) -> Result<u64> {
+        Ok(self.accessor(index)?.count)
+    }
+
+    /// Whether each element stands in the buffer, so that some can be read without the others.
+    pub(super) fn is_dense(&self, index: u32) -> bool {
+        self.accessor(index).is_ok_and(|accessor| accessor.sparse.is_none() && accessor.buffer_view.is_some())
+    }
+
     /// Vectors of `N` floats; integers are converted, and scaled to 0..1 or -1..1 if the accessor is normalized.
     pub(super) fn vectors<const N: usize>(&self, index: u32) -> Result<Vec<[f32; N]>> {
+        self.vectors_at(index, None)
+    }
+
+    /// As [`Accessors::vectors`]; with `picks` only those elements, of an accessor that [is dense](Accessors::is_dense).
+    pub(super) fn vectors_at<const N: usize>(
+        &self,
+        index: u32,
+        picks: Option<&[u32]>,
+    ) -> Result<Vec<[f32; N]>> {
         let accessor = self.accessor(index)?;
         if self.lanes(index)? != N {
             return Err("its type has another number of components than its use demands");
@@ -61,7 +79,13 @@ impl<'a> Accessors<'a> {
             }
             vector
         };
-        self.elements(accessor, component.size() * N, [0.0; N], decode)
+        let size = component.size() * N;
+        let Some(picks) = picks else { return self.elements(accessor, size, [0.0; N], decode) };
+        let view = accessor.buffer_view.ok_or("its buffer view does not exist")?;
+        let elements = self.strided(view, accessor.byte_offset, accessor.count, size)?;
+        let pick =
+            |&pick: &u32| elements.get(pick as usize).map(decode).ok_or("an index points past its end");
+        picks.iter().map(pick).collect()
     }
 
     /// Vertex indices: unsigned whole numbers.
@@ -120,6 +144,12 @@ impl<'a> Accessors<'a> {
         size: usize,
         decode: impl Fn(&[u8]) -> T,
     ) -> Result<Vec<T>> {
+        let elements = self.strided(view, offset, count, size)?;
+        Ok((0..elements.count).filter_map(|index| elements.get(index)).map(decode).collect())
+    }
+
+    /// Where `count` elements of `size` bytes lie; all of them are there.
+    fn strided(&self, view: u32, offset: u64, count: u64, size: usize) -> Result<Strided<'a>> {
         let view = self.views.get(view as usize).ok_or("its buffer view does not exist")?;
         let stride = match view.byte_stride {
             None => size,
@@ -135,15 +165,30 @@ impl<'a> Accessors<'a> {
         let room = if bytes.len() < size { 0 } else { (bytes.len() - size) / stride + 1 };
         let count = usize::try_from(count).ok().filter(|&count| count <= room);
         let count = count.ok_or("it reaches past the end of its buffer view")?;
-        Ok(bytes.chunks(stride).take(count).filter_map(|chunk| chunk.get(..size)).map(decode).collect())
+        Ok(Strided { bytes, stride, size, count })
     }
 
     fn view(&self, view: &BufferView) -> Result<&'a [u8]> {
-        let buffer = self.buffers.get(view.buffer as usize).ok_or("its buffer does not exist")?;
+        let buffer = self.buffers.get(view.buffer as usize).ok_or("its buffer does not exist")?.as_slice();
         let range = usize::try_from(view.byte_offset).ok().zip(usize::try_from(view.byte_length).ok());
         range
             .and_then(|(start, length)| buffer.get(start..start.checked_add(length)?))
             .ok_or("its buffer view reaches past the end of the buffer")
+    }
+}
+
+/// Elements at equal steps through bytes.
+struct Strided<'a> {
+    bytes: &'a [u8],
+    stride: usize,
+    size: usize,
+    count: usize,
+}
+
+impl<'a> Strided<'a> {
+    fn get(&self, index: usize) -> Option<&'a [u8]> {
+        let start = (index < self.count).then_some(index)?.checked_mul(self.stride)?;
+        self.bytes.get(start..start.checked_add(self.size)?)
     }
 }
 
@@ -205,7 +250,7 @@ mod tests {
 
     fn read<const N: usize>(accessor: &str, views: &str, bytes: &[u8]) -> Result<Vec<[f32; N]>> {
         let document = document(accessor, views);
-        let buffers = [Cow::Borrowed(bytes)];
+        let buffers = [Bytes::Within(bytes)];
         Accessors::new(&document, &buffers).vectors(0)
     }
 
@@ -252,5 +297,19 @@ mod tests {
         assert!(read::<3>(accessor, huge, &[0; 8]).is_err());
         let still = r#"{"buffer":0,"byteLength":8,"byteStride":0}"#;
         assert_eq!(read::<3>(accessor, still, &[0; 8]), Err("its stride is less than an element"));
+    }
+
+    #[test]
+    fn picked_elements_are_those_of_the_whole() {
+        let bytes = [9, 1, 2, 0, 3, 4];
+        let view = r#"{"buffer":0,"byteOffset":1,"byteLength":5,"byteStride":3}"#;
+        let dense = r#"{"bufferView":0,"componentType":5121,"count":2,"type":"VEC2"}"#;
+        let document = document(dense, view);
+        let buffers = [Bytes::Within(&bytes)];
+        let accessors = Accessors::new(&document, &buffers);
+        assert!(accessors.is_dense(0) && accessors.count(0) == Ok(2));
+        let picked = accessors.vectors_at(0, Some(&[1, 0, 1]));
+        assert_eq!(picked, Ok(vec![[3.0, 4.0], [1.0, 2.0], [3.0, 4.0]]));
+        assert_eq!(accessors.vectors_at::<2>(0, Some(&[2])), Err("an index points past its end"));
     }
 }

@@ -1,7 +1,7 @@
 //! The bytes that a glTF document refers to: in the container, in data URIs, or in files beside it.
 
-use std::borrow::Cow;
 use std::path::Path;
+use std::sync::Arc;
 
 use base64::Engine;
 use base64::engine::DecodePaddingMode;
@@ -10,7 +10,7 @@ use percent_encoding::percent_decode_str;
 
 use super::GltfError;
 use super::json::Buffer;
-use crate::import::format::{beside, read};
+use crate::import::neighbours::{Neighbours, NotThere};
 
 /// Exporters differ on padding.
 const BASE64: GeneralPurpose = GeneralPurpose::new(
@@ -18,49 +18,65 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// Loads all buffers of a document; each is exactly as long as the document says.
-pub(super) fn load<'a>(
-    document: &Path,
-    buffers: &[Buffer],
-    bin: Option<&'a [u8]>,
-) -> Result<Vec<Cow<'a, [u8]>>, GltfError> {
-    buffers
-        .iter()
-        .enumerate()
-        .map(|(index, buffer)| {
-            let malformed = |what| GltfError::Buffer { buffer: index, what };
-            let bytes = match (&buffer.uri, bin) {
-                (Some(uri), _) => Cow::Owned(fetch(document, index, uri)?),
-                (None, Some(bin)) if index == 0 => Cow::Borrowed(bin),
-                (None, _) => return Err(malformed("it has no address, and the file no bytes for it")),
-            };
-            let length = usize::try_from(buffer.byte_length).ok().filter(|&length| length <= bytes.len());
-            let length = length.ok_or(malformed("it has fewer bytes than the document says"))?;
-            Ok(match bytes {
-                Cow::Borrowed(slice) => Cow::Borrowed(slice.get(..length).unwrap_or_default()),
-                Cow::Owned(mut vec) => {
-                    vec.truncate(length);
-                    Cow::Owned(vec)
-                }
-            })
-        })
-        .collect()
+/// The bytes of a buffer.
+#[derive(Debug)]
+pub(super) enum Bytes<'a> {
+    /// In the container.
+    Within(&'a [u8]),
+    /// From elsewhere: a file may be the bytes of several buffers.
+    Shared { bytes: Arc<Vec<u8>>, length: usize },
 }
 
-fn fetch(document: &Path, buffer: usize, uri: &str) -> Result<Vec<u8>, GltfError> {
+impl Bytes<'_> {
+    pub(super) fn as_slice(&self) -> &[u8] {
+        match self {
+            Self::Within(bytes) => bytes,
+            Self::Shared { bytes, length } => bytes.get(..*length).unwrap_or_default(),
+        }
+    }
+}
+
+/// Loads all buffers of a document; each is exactly as long as the document says.
+pub(super) fn load<'a>(
+    document: Option<&Path>,
+    buffers: &[Buffer],
+    bin: Option<&'a [u8]>,
+) -> Result<Vec<Bytes<'a>>, GltfError> {
+    let mut neighbours = Neighbours::of(document);
+    let load = |(index, buffer): (usize, &Buffer)| {
+        let malformed = |what| GltfError::Buffer { buffer: index, what };
+        let too_short = malformed("it has fewer bytes than the document says");
+        let Ok(length) = usize::try_from(buffer.byte_length) else { return Err(too_short) };
+        match (&buffer.uri, bin) {
+            (Some(uri), _) => {
+                let bytes = fetch(&mut neighbours, index, uri)?;
+                if length <= bytes.len() { Ok(Bytes::Shared { bytes, length }) } else { Err(too_short) }
+            }
+            (None, Some(bin)) if index == 0 => bin.get(..length).map(Bytes::Within).ok_or(too_short),
+            (None, _) => Err(malformed("it has no address, and the file no bytes for it")),
+        }
+    };
+    buffers.iter().enumerate().map(load).collect()
+}
+
+fn fetch(neighbours: &mut Neighbours, buffer: usize, uri: &str) -> Result<Arc<Vec<u8>>, GltfError> {
     let malformed = |what| GltfError::Buffer { buffer, what };
     if let Some(data) = uri.strip_prefix("data:") {
         let (kind, data) = data.split_once(',').ok_or(malformed("its data URI has no comma"))?;
-        return if kind.ends_with(";base64") {
-            BASE64.decode(data).map_err(|_| malformed("its data URI is not base64"))
+        return Ok(Arc::new(if kind.ends_with(";base64") {
+            BASE64.decode(data).map_err(|_| malformed("its data URI is not base64"))?
         } else {
-            Ok(percent_decode_str(data).collect())
-        };
+            percent_decode_str(data).collect()
+        }));
     }
     let name = percent_decode_str(uri).decode_utf8().map_err(|_| malformed("its address is not UTF-8"))?;
-    let path = beside(document, Path::new(name.as_ref()))
-        .ok_or(malformed("its address leads out of the document's folder; put the buffer beside it"))?;
-    read(&path).map_err(|source| GltfError::BufferFile { buffer, path, source })
+    match neighbours.read(Path::new(name.as_ref())) {
+        Ok((bytes, _)) => Ok(bytes),
+        Err(NotThere::Elsewhere) => {
+            Err(malformed("its address leads out of the document's folder; put the buffer beside it"))
+        }
+        Err(NotThere::Unread(path, source)) => Err(GltfError::BufferFile { buffer, path, source }),
+    }
 }
 
 #[cfg(test)]
@@ -69,8 +85,8 @@ mod tests {
 
     fn load_one(uri: Option<&str>, byte_length: u64) -> Result<Vec<u8>, GltfError> {
         let buffer = Buffer { uri: uri.map(str::to_owned), byte_length };
-        let loaded = load(Path::new("no-such-folder/a.gltf"), &[buffer], Some(b"abc"))?;
-        Ok(loaded[0].to_vec())
+        let loaded = load(Some(Path::new("no-such-folder/a.gltf")), &[buffer], Some(b"abc"))?;
+        Ok(loaded[0].as_slice().to_vec())
     }
 
     #[test]
@@ -104,5 +120,19 @@ mod tests {
         {
             assert!(matches!(load_one(Some(uri), 1), Err(GltfError::Buffer { .. })), "{uri}");
         }
+    }
+
+    #[test]
+    fn a_file_that_many_buffers_name_is_read_once() {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("a.bin"), b"abcd").unwrap();
+        let buffer = |uri: &str, byte_length| Buffer { uri: Some(uri.to_owned()), byte_length };
+        let buffers = [buffer("a.bin", 4), buffer("./a.bin", 2), buffer("a.bin", 5)];
+        let load = |buffers| load(Some(&folder.path().join("a.gltf")), buffers, None);
+        let loaded = load(&buffers[..2]).unwrap();
+        assert_eq!(loaded.iter().map(Bytes::as_slice).collect::<Vec<_>>(), [&b"abcd"[..], b"ab"]);
+        assert!(matches!(loaded.as_slice(), [Bytes::Shared { bytes: a, .. }, Bytes::Shared { bytes: b, .. }]
+            if Arc::ptr_eq(a, b)));
+        assert!(matches!(load(&buffers), Err(GltfError::Buffer { buffer: 2, .. })));
     }
 }

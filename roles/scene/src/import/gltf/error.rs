@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use crate::import::OverBudget;
+
 /// What is wrong with a glTF file, where in it, and what to do.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -78,6 +80,9 @@ pub enum GltfError {
         /// What is wrong with it.
         what: &'static str,
     },
+    /// It asks for more than is allowed.
+    #[error(transparent)]
+    Budget(#[from] OverBudget),
     /// The scene to show is not there, or names a node that is not.
     #[error("scene {scene} is malformed: {what}")]
     Scene {

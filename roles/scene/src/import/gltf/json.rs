@@ -21,6 +21,15 @@ pub(super) struct Document {
     pub buffers: Vec<Buffer>,
 }
 
+impl Document {
+    /// What an object is called that places `mesh` by `node`: as the node, or else as the mesh.
+    pub(super) fn object_name(&self, node: u32, mesh: u32) -> &str {
+        let node = self.nodes.get(node as usize).and_then(|node| node.name.as_deref());
+        let mesh = || self.meshes.get(mesh as usize).and_then(|mesh| mesh.name.as_deref());
+        node.or_else(mesh).unwrap_or_default()
+    }
+}
+
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
 pub(super) struct Asset {
@@ -41,12 +50,12 @@ pub(super) struct Node {
     pub children: Vec<u32>,
     pub mesh: Option<u32>,
     pub skin: Option<u32>,
-    /// Column-major, to the parent's frame.
-    pub matrix: Option<[f64; 16]>,
-    pub translation: Option<[f64; 3]>,
+    /// Column-major, to the parent's frame. Boxed, as all that few nodes have: an empty node takes two bytes of a file.
+    pub matrix: Option<Box<[f64; 16]>>,
+    pub translation: Option<Box<[f64; 3]>>,
     /// A quaternion: x, y, z, w.
-    pub rotation: Option<[f64; 4]>,
-    pub scale: Option<[f64; 3]>,
+    pub rotation: Option<Box<[f64; 4]>>,
+    pub scale: Option<Box<[f64; 3]>>,
     pub extensions: Option<Box<NodeExtensions>>,
 }
 
@@ -64,7 +73,7 @@ pub(super) struct Instancing {
 }
 
 /// Accessors of one placement an instance.
-#[derive(Debug, Default, Deserialize)]
+#[derive(Debug, Default, Clone, Copy, Deserialize)]
 #[serde(rename_all = "UPPERCASE", default)]
 pub(super) struct InstanceAttributes {
     pub translation: Option<u32>,

@@ -6,6 +6,7 @@ use super::GltfError;
 use super::accessor::Accessors;
 use super::json::{AlphaMode, Document, Material, Primitive};
 use crate::import::assemble::weld;
+use crate::import::budget::Budget;
 use crate::{Mesh, Rgba8};
 
 /// A mesh, and how many of its primitives were left out because they are points or lines.
@@ -26,6 +27,7 @@ enum Mode {
 pub(super) fn import(
     document: &Document,
     accessors: &Accessors<'_>,
+    budget: &Budget,
     index: usize,
 ) -> Result<Imported, GltfError> {
     let mut imported = Imported { mesh: Mesh::default(), without_surface: 0 };
@@ -47,68 +49,120 @@ pub(super) fn import(
                 return Err(GltfError::Mesh { mesh: place(), what: format!("its mode {mode} is unknown") });
             }
         };
-        append(&mut imported.mesh, document, accessors, primitive, mode, &place)?;
+        let reader = Reader { document, accessors, budget, primitive, place: &place };
+        reader.append(&mut imported.mesh, mode)?;
     }
     imported.mesh = weld(&imported.mesh);
     Ok(imported)
 }
 
-fn append(
-    mesh: &mut Mesh,
-    document: &Document,
-    accessors: &Accessors<'_>,
-    primitive: &Primitive,
-    mode: Mode,
-    place: &dyn Fn() -> String,
-) -> Result<(), GltfError> {
-    let malformed = |what: String| GltfError::Mesh { mesh: place(), what };
-    let accessor = |accessor| move |what| GltfError::Accessor { accessor, user: place(), what };
+/// Reads one primitive.
+struct Reader<'a> {
+    document: &'a Document,
+    accessors: &'a Accessors<'a>,
+    budget: &'a Budget,
+    primitive: &'a Primitive,
+    /// Says which primitive it is.
+    place: &'a dyn Fn() -> String,
+}
 
-    let position = primitive.attributes.position.ok_or_else(|| malformed("it has no positions".into()))?;
-    let positions = accessors.vectors::<3>(position).map_err(accessor(position))?;
-    let count = positions.len() as u32;
-    if let Some((vertex, bad)) =
-        positions.iter().enumerate().find(|(_, p)| !p.iter().all(|value| value.is_finite()))
-    {
-        return Err(malformed(format!("vertex {vertex} is at {bad:?}; repair the model where it was made")));
-    }
-    let corners = match primitive.indices {
-        Some(index) => accessors.indices(index).map_err(accessor(index))?,
-        None => (0..count).collect(),
-    };
-    if let Some(bad) = corners.iter().find(|&&corner| corner >= count) {
-        return Err(malformed(format!("an index is {bad}, but it has {count} vertices")));
-    }
-    let first = u32::try_from(mesh.positions.len())
-        .ok()
-        .filter(|first| first.checked_add(count).is_some())
-        .ok_or_else(|| {
-        malformed("the mesh has more than 4 thousand million vertices: split it".into())
-    })?;
+/// The corners of a primitive's triangles.
+struct Corners {
+    /// Each as the number of a vertex; `None` if they are the vertices in order.
+    numbers: Option<Vec<u32>>,
+    /// Which elements of the primitive's arrays are its vertices; `None` if all are.
+    picks: Option<Vec<u32>>,
+}
 
-    let material = match primitive.material {
-        None => &Material::default(),
-        Some(index) => document
-            .materials
-            .get(index as usize)
-            .ok_or_else(|| malformed(format!("its material {index} does not exist")))?,
-    };
-    match primitive.attributes.colour {
-        None => mesh.colours.extend(std::iter::repeat_n(colour(material, [1.0; 4]), positions.len())),
-        Some(index) => {
-            let colours = vertex_colours(accessors, index).map_err(accessor(index))?;
-            if colours.len() != positions.len() {
-                return Err(accessor(index)("it has not one colour a vertex"));
-            }
-            mesh.colours.extend(colours.into_iter().map(|vertex| colour(material, vertex)));
+impl Reader<'_> {
+    fn malformed(&self, what: String) -> GltfError {
+        GltfError::Mesh { mesh: (self.place)(), what }
+    }
+
+    fn broken(&self, accessor: u32) -> impl Fn(&'static str) -> GltfError {
+        move |what| GltfError::Accessor { accessor, user: (self.place)(), what }
+    }
+
+    fn append(&self, mesh: &mut Mesh, mode: Mode) -> Result<(), GltfError> {
+        let attributes = &self.primitive.attributes;
+        let position = attributes.position.ok_or_else(|| self.malformed("it has no positions".into()))?;
+        let Corners { numbers, picks } = self.corners(position, mode)?;
+        let positions =
+            self.accessors.vectors_at::<3>(position, picks.as_deref()).map_err(self.broken(position))?;
+        let corners = numbers.unwrap_or_else(|| (0..positions.len() as u32).collect());
+        let bad = positions.iter().enumerate().find(|(_, p)| !p.iter().all(|value| value.is_finite()));
+        if let Some((vertex, bad)) = bad {
+            let vertex =
+                picks.as_ref().and_then(|picks| picks.get(vertex)).map_or(vertex, |&pick| pick as usize);
+            return Err(
+                self.malformed(format!("vertex {vertex} is at {bad:?}; repair the model where it was made"))
+            );
         }
+        let material = match self.primitive.material {
+            None => &Material::default(),
+            Some(index) => self
+                .document
+                .materials
+                .get(index as usize)
+                .ok_or_else(|| self.malformed(format!("its material {index} does not exist")))?,
+        };
+        match attributes.colour {
+            None => mesh.colours.extend(std::iter::repeat_n(colour(material, [1.0; 4]), positions.len())),
+            Some(index) => {
+                let count = self.accessors.count(index).map_err(self.broken(index))?;
+                if Ok(count) != self.accessors.count(position) {
+                    return Err(self.broken(index)("it has not one colour a vertex"));
+                }
+                let colours = vertex_colours(self.accessors, index, picks.as_deref());
+                let colours = colours.map_err(self.broken(index))?;
+                mesh.colours.extend(colours.into_iter().map(|vertex| colour(material, vertex)));
+            }
+        }
+        // The budget allows no more vertices than can be numbered.
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend(positions.into_iter().map(Vec3::from_array));
+        mode.triangles(&corners, |triangle| mesh.indices.extend(triangle.map(|corner| corner + first)));
+        Ok(())
     }
-    mesh.positions.extend(positions.into_iter().map(Vec3::from_array));
-    mode.triangles(&corners, |triangle| mesh.indices.extend(triangle.map(|corner| corner + first)));
-    Ok(())
+
+    /// Reads the primitive's corners, and asks for what they come to before anything is read. A thousand primitives may share
+    /// one array of positions, so each takes those that it uses.
+    fn corners(&self, position: u32, mode: Mode) -> Result<Corners, GltfError> {
+        let vertices = self.accessors.count(position).map_err(self.broken(position))?;
+        let Some(index) = self.primitive.indices else {
+            self.budget.mesh(mode.most_triangles(vertices), vertices, self.place)?;
+            return Ok(Corners { numbers: None, picks: None });
+        };
+        let count = self.accessors.count(index).map_err(self.broken(index))?;
+        let mut arrays = std::iter::once(position).chain(self.primitive.attributes.colour);
+        let picked = count < vertices && arrays.all(|array| self.accessors.is_dense(array));
+        self.budget.mesh(mode.most_triangles(count), if picked { count } else { vertices }, self.place)?;
+        let mut corners = self.accessors.indices(index).map_err(self.broken(index))?;
+        if let Some(bad) = corners.iter().find(|&&corner| u64::from(corner) >= vertices) {
+            return Err(self.malformed(format!("an index is {bad}, but it has {vertices} vertices")));
+        }
+        if !picked {
+            return Ok(Corners { numbers: Some(corners), picks: None });
+        }
+        let mut picks = corners.clone();
+        picks.sort_unstable();
+        picks.dedup();
+        for corner in &mut corners {
+            *corner = picks.partition_point(|pick| pick < corner) as u32;
+        }
+        Ok(Corners { numbers: Some(corners), picks: Some(picks) })
+    }
 }
 
 impl Mode {
+    /// The most triangles that so many corners make.
+    const fn most_triangles(self, corners: u64) -> u64 {
+        match self {
+            Self::Triangles => corners / 3,
+            Self::Strip | Self::Fan => corners.saturating_sub(2),
+        }
+    }
+
     /// Calls `emit` for each triangle, all wound as the specification says (section 3.7.2.1). Corners that do not fill a
     /// triangle are dropped, and so are the triangles without area that only link two pieces of a strip.
     fn triangles(self, corners: &[u32], mut emit: impl FnMut([u32; 3])) {
@@ -138,12 +192,16 @@ impl Mode {
     }
 }
 
-fn vertex_colours(accessors: &Accessors<'_>, index: u32) -> Result<Vec<[f32; 4]>, &'static str> {
+fn vertex_colours(
+    accessors: &Accessors<'_>,
+    index: u32,
+    picks: Option<&[u32]>,
+) -> Result<Vec<[f32; 4]>, &'static str> {
     if accessors.lanes(index)? == 3 {
         let opaque = |[r, g, b]: [f32; 3]| [r, g, b, 1.0];
-        Ok(accessors.vectors::<3>(index)?.into_iter().map(opaque).collect())
+        Ok(accessors.vectors_at::<3>(index, picks)?.into_iter().map(opaque).collect())
     } else {
-        accessors.vectors::<4>(index)
+        accessors.vectors_at::<4>(index, picks)
     }
 }
 

@@ -21,6 +21,7 @@ use self::accessor::Accessors;
 use self::container::Container;
 use self::json::Document;
 use super::assemble::place;
+use super::budget::Budget;
 use super::report::{ImportReport, Warning};
 use super::{ImportOptions, Part, UpAxis};
 use crate::Model;
@@ -30,14 +31,19 @@ use crate::Model;
 const SUPPORTED: [&str; 3] = ["EXT_mesh_gpu_instancing", "KHR_mesh_quantization", "KHR_lights_punctual"];
 const IGNORED_PREFIXES: [&str; 4] = ["KHR_materials_", "EXT_texture_", "KHR_texture_", "MSFT_texture_"];
 
-/// Reads a .glb or .gltf file. `source_index` of its objects is the node's index in the document.
-pub(super) fn import(path: &Path, file: &[u8], options: &ImportOptions) -> Result<Part, GltfError> {
+/// Reads a .glb or .gltf file; with no path, from memory alone. `source_index` of its objects is the node's index in the document.
+pub(super) fn import(
+    path: Option<&Path>,
+    file: &[u8],
+    options: &ImportOptions,
+    budget: &Budget,
+) -> Result<Part, GltfError> {
     let container = Container::parse(file)?;
     let document: Document = serde_json::from_slice(container.json)?;
     check(&document)?;
     let buffers = buffers::load(path, &document.buffers, container.bin)?;
     let accessors = Accessors::new(&document, &buffers);
-    let placements = nodes::place(&document, &accessors, options.file_to_world(UpAxis::Y))?;
+    let placements = nodes::place(&document, &accessors, budget, options.file_to_world(UpAxis::Y))?;
 
     let mut part = Part { model: Model::default(), report: ImportReport::default() };
     let mut used = vec![false; document.meshes.len()];
@@ -49,7 +55,7 @@ pub(super) fn import(path: &Path, file: &[u8], options: &ImportOptions) -> Resul
     let meshes: Vec<_> = used
         .par_iter()
         .enumerate()
-        .map(|(index, used)| used.then(|| mesh::import(&document, &accessors, index)).transpose())
+        .map(|(index, used)| used.then(|| mesh::import(&document, &accessors, budget, index)).transpose())
         .collect::<Result<_, _>>()?;
 
     // Index of each document's mesh among the model's; none for those without a triangle.
@@ -63,11 +69,9 @@ pub(super) fn import(path: &Path, file: &[u8], options: &ImportOptions) -> Resul
         }
     }
     for placement in placements {
-        let node = document.nodes.get(placement.node as usize);
-        let mesh_name = document.meshes.get(placement.mesh as usize).and_then(|mesh| mesh.name.as_deref());
-        let name = node.and_then(|node| node.name.as_deref()).or(mesh_name).unwrap_or_default().to_owned();
+        let name = document.object_name(placement.node, placement.mesh).to_owned();
         match model_index.get(placement.mesh as usize).copied().flatten() {
-            Some(mesh) => place(&mut part, mesh, placement.to_world, name, placement.node),
+            Some(mesh) => place(&mut part, budget, mesh, placement.to_world, name, placement.node)?,
             None => part.report.warn(Warning::EmptyObject, 1),
         }
     }

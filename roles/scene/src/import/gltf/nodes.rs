@@ -1,10 +1,13 @@
 //! Walks the node tree of a document and places every mesh it meets.
 
+use std::borrow::Cow;
+
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 
 use super::GltfError;
 use super::accessor::Accessors;
-use super::json::{Document, Instancing, Node};
+use super::json::{Document, InstanceAttributes, Instancing, Node};
+use crate::import::budget::Budget;
 
 /// A mesh placed by a node.
 pub(super) struct Placement {
@@ -22,19 +25,56 @@ const NONE: u32 = u32::MAX;
 pub(super) fn place(
     document: &Document,
     accessors: &Accessors<'_>,
+    budget: &Budget,
     file_to_world: DAffine3,
 ) -> Result<Vec<Placement>, GltfError> {
-    let walk = Walk { document, accessors };
-    // A node's parent once it was met; a root's is itself. Nodes have one parent at most, so a second visit is an error,
-    // which also ends cycles.
-    let mut parents = vec![NONE; document.nodes.len()];
-    let mut placements = Vec::new();
-    let mut stack: Vec<(u32, u32, DAffine3)> =
-        walk.roots()?.into_iter().rev().map(|root| (root, root, file_to_world)).collect();
-    while let Some((index, parent, parent_to_world)) = stack.pop() {
-        let malformed = |what| GltfError::Node { node: path(document, &parents, index, parent), what };
-        let (Some(node), Some(met)) =
-            (document.nodes.get(index as usize), parents.get(index as usize).copied())
+    let parents = vec![NONE; document.nodes.len()];
+    let mut walk = Walk { document, accessors, budget, parents, placements: Vec::new() };
+    for &root in walk.roots()?.iter() {
+        walk.place_tree(root, file_to_world)?;
+    }
+    Ok(walk.placements)
+}
+
+struct Walk<'a> {
+    document: &'a Document,
+    accessors: &'a Accessors<'a>,
+    budget: &'a Budget,
+    /// A node's parent once it was met; a root's is itself. Nodes have one parent at most, so a second visit is an error,
+    /// which also ends cycles.
+    parents: Vec<u32>,
+    placements: Vec<Placement>,
+}
+
+/// A node whose children are being walked.
+struct Open<'a> {
+    node: u32,
+    to_world: DAffine3,
+    children: std::slice::Iter<'a, u32>,
+}
+
+impl<'a> Walk<'a> {
+    /// Places a root and all below it.
+    fn place_tree(&mut self, root: u32, file_to_world: DAffine3) -> Result<(), GltfError> {
+        let mut open = vec![self.visit(root, root, file_to_world)?];
+        while let Some(last) = open.last_mut() {
+            let (parent, to_world) = (last.node, last.to_world);
+            let Some(&child) = last.children.next() else {
+                open.pop();
+                continue;
+            };
+            self.budget.depth(open.len() + 1, || path(self.document, &self.parents, child, parent))?;
+            open.push(self.visit(child, parent, to_world)?);
+        }
+        Ok(())
+    }
+
+    /// Places the mesh of a node, if it has one.
+    fn visit(&mut self, index: u32, parent: u32, parent_to_world: DAffine3) -> Result<Open<'a>, GltfError> {
+        let (document, accessors, budget) = (self.document, self.accessors, self.budget);
+        let place = || path(document, &self.parents, index, parent);
+        let malformed = |what| GltfError::Node { node: place(), what };
+        let (Some(node), Some(&met)) = (document.nodes.get(index as usize), self.parents.get(index as usize))
         else {
             return Err(malformed("it does not exist"));
         };
@@ -45,46 +85,39 @@ pub(super) fn place(
         if !to_world.is_finite() || !to_world.matrix3.determinant().is_finite() {
             return Err(malformed("its matrix overflows; repair the model where it was made"));
         }
-        if let Some(slot) = parents.get_mut(index as usize) {
-            *slot = parent;
-        }
         if let Some(mesh) = node.mesh {
             if mesh as usize >= document.meshes.len() {
-                return Err(GltfError::Node {
-                    node: path(document, &parents, index, parent),
-                    what: "its mesh does not exist",
-                });
+                return Err(malformed("its mesh does not exist"));
             }
+            let name_length = document.object_name(index, mesh).len();
             match node.extensions.as_ref().and_then(|extensions| extensions.instancing.as_ref()) {
-                None => placements.push(Placement { node: index, mesh, to_world }),
+                None => {
+                    budget.objects(1, name_length, place)?;
+                    self.placements.push(Placement { node: index, mesh, to_world });
+                }
                 Some(instancing) => {
-                    for instance in walk.instances(index, instancing)? {
-                        let to_world = to_world * instance;
-                        placements.push(Placement { node: index, mesh, to_world });
-                    }
+                    budget.objects(instance_count(accessors, index, instancing)?, name_length, place)?;
+                    let instances = instances(accessors, index, instancing)?.into_iter();
+                    let placed = instances.map(|instance| to_world * instance);
+                    self.placements.extend(placed.map(|to_world| Placement { node: index, mesh, to_world }));
                 }
             }
         }
-        stack.extend(node.children.iter().rev().map(|&child| (child, index, to_world)));
+        if let Some(slot) = self.parents.get_mut(index as usize) {
+            *slot = parent;
+        }
+        Ok(Open { node: index, to_world, children: node.children.iter() })
     }
-    Ok(placements)
-}
 
-struct Walk<'a> {
-    document: &'a Document,
-    accessors: &'a Accessors<'a>,
-}
-
-impl Walk<'_> {
     /// The roots of the scene to show: the default one, else the first, else every node that is nobody's child.
-    fn roots(&self) -> Result<Vec<u32>, GltfError> {
+    fn roots(&self) -> Result<Cow<'a, [u32]>, GltfError> {
         let Document { scene, scenes, nodes, .. } = self.document;
         match (scene, scenes.first()) {
             (Some(index), _) => scenes
                 .get(*index as usize)
-                .map(|scene| scene.nodes.clone())
+                .map(|scene| Cow::Borrowed(scene.nodes.as_slice()))
                 .ok_or(GltfError::Scene { scene: *index, what: "it does not exist" }),
-            (None, Some(first)) => Ok(first.nodes.clone()),
+            (None, Some(first)) => Ok(Cow::Borrowed(&first.nodes)),
             (None, None) => {
                 let mut is_child = vec![false; nodes.len()];
                 for &child in nodes.iter().flat_map(|node| &node.children) {
@@ -96,58 +129,63 @@ impl Walk<'_> {
             }
         }
     }
-
-    /// The placements of EXT_mesh_gpu_instancing, relative to the node: translation, rotation and scale an instance.
-    fn instances(&self, node: u32, instancing: &Instancing) -> Result<Vec<DAffine3>, GltfError> {
-        let user = || format!("the instances of node {node}");
-        let failed = |accessor| move |what| GltfError::Accessor { accessor, user: user(), what };
-        let attributes = &instancing.attributes;
-        let translations = attributes.translation.map(|index| (index, self.accessors.vectors::<3>(index)));
-        let rotations = attributes.rotation.map(|index| (index, self.accessors.vectors::<4>(index)));
-        let scales = attributes.scale.map(|index| (index, self.accessors.vectors::<3>(index)));
-        let mut all = Vec::new();
-        if let Some((accessor, values)) = translations {
-            let values = values.map_err(failed(accessor))?;
-            spread(&mut all, values, |trs, v| trs.translation = DVec3::from_array(v.map(f64::from)))
-                .map_err(failed(accessor))?;
-        }
-        if let Some((accessor, values)) = rotations {
-            let values = values.map_err(failed(accessor))?;
-            spread(&mut all, values, |trs, v| trs.rotation = DQuat::from_array(v.map(f64::from)))
-                .map_err(failed(accessor))?;
-        }
-        if let Some((accessor, values)) = scales {
-            let values = values.map_err(failed(accessor))?;
-            spread(&mut all, values, |trs, v| trs.scale = DVec3::from_array(v.map(f64::from)))
-                .map_err(failed(accessor))?;
-        }
-        all.iter()
-            .map(|trs| {
-                trs.matrix().filter(DAffine3::is_finite).ok_or_else(|| GltfError::Node {
-                    node: user(),
-                    what: "an instance's rotation or place is not finite",
-                })
-            })
-            .collect()
-    }
 }
 
-/// Sets one property of every instance; the first property to be set makes the instances.
-fn spread<const N: usize>(
-    all: &mut Vec<Trs>,
-    values: Vec<[f32; N]>,
-    set: impl Fn(&mut Trs, [f32; N]),
-) -> Result<(), &'static str> {
-    if all.is_empty() {
-        all.resize(values.len(), Trs::default());
+/// How many instances a node has: as many as each of its instance attributes has elements. Nothing is read yet.
+fn instance_count(accessors: &Accessors<'_>, node: u32, instancing: &Instancing) -> Result<u64, GltfError> {
+    let InstanceAttributes { translation, rotation, scale } = instancing.attributes;
+    let mut first = None;
+    for accessor in [translation, rotation, scale].into_iter().flatten() {
+        let count = accessors.count(accessor).map_err(broken(node, accessor))?;
+        if *first.get_or_insert(count) != count {
+            return Err(broken(node, accessor)("its count is not that of the other instance attributes"));
+        }
     }
-    if all.len() != values.len() {
-        return Err("its count is not that of the other instance attributes");
+    Ok(first.unwrap_or(0))
+}
+
+/// The placements of EXT_mesh_gpu_instancing, relative to the node: translation, rotation and scale an instance. All
+/// attributes have equal counts.
+fn instances(
+    accessors: &Accessors<'_>,
+    node: u32,
+    instancing: &Instancing,
+) -> Result<Vec<DAffine3>, GltfError> {
+    let attributes = &instancing.attributes;
+    let mut all = Vec::new();
+    if let Some(index) = attributes.translation {
+        let values = accessors.vectors::<3>(index).map_err(broken(node, index))?;
+        spread(&mut all, values, |trs, v| trs.translation = DVec3::from_array(v.map(f64::from)));
     }
-    for (trs, value) in all.iter_mut().zip(values) {
-        set(trs, value);
+    if let Some(index) = attributes.rotation {
+        let values = accessors.vectors::<4>(index).map_err(broken(node, index))?;
+        spread(&mut all, values, |trs, v| trs.rotation = DQuat::from_array(v.map(f64::from)));
     }
-    Ok(())
+    if let Some(index) = attributes.scale {
+        let values = accessors.vectors::<3>(index).map_err(broken(node, index))?;
+        spread(&mut all, values, |trs, v| trs.scale = DVec3::from_array(v.map(f64::from)));
+    }
+    let finite = |trs: &Trs| {
+        trs.matrix().filter(DAffine3::is_finite).ok_or_else(|| GltfError::Node {
+            node: user(node),
+            what: "an instance's rotation or place is not finite",
+        })
+    };
+    all.iter().map(finite).collect()
+}
+
+fn user(node: u32) -> String {
+    format!("the instances of node {node}")
+}
+
+fn broken(node: u32, accessor: u32) -> impl Fn(&'static str) -> GltfError {
+    move |what| GltfError::Accessor { accessor, user: user(node), what }
+}
+
+/// Sets one property of every instance.
+fn spread<const N: usize>(all: &mut Vec<Trs>, values: Vec<[f32; N]>, set: impl Fn(&mut Trs, [f32; N])) {
+    all.resize(values.len(), Trs::default());
+    all.iter_mut().zip(values).for_each(|(trs, value)| set(trs, value));
 }
 
 #[derive(Clone, Copy)]
@@ -184,9 +222,9 @@ fn local(node: &Node) -> Result<DAffine3, &'static str> {
         };
     }
     let trs = Trs {
-        translation: DVec3::from_array(node.translation.unwrap_or_default()),
-        rotation: node.rotation.map_or(DQuat::IDENTITY, DQuat::from_array),
-        scale: node.scale.map_or(DVec3::ONE, DVec3::from_array),
+        translation: node.translation.as_deref().map_or(DVec3::ZERO, |&v| DVec3::from_array(v)),
+        rotation: node.rotation.as_deref().map_or(DQuat::IDENTITY, |&v| DQuat::from_array(v)),
+        scale: node.scale.as_deref().map_or(DVec3::ONE, |&v| DVec3::from_array(v)),
     };
     trs.matrix().ok_or("its rotation is not a quaternion")
 }

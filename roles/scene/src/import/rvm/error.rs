@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::import::OverBudget;
+
 /// What is wrong with an RVM file, at which byte, and in which group.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
@@ -58,10 +60,7 @@ pub enum RvmError {
         /// What is wrong with it.
         what: &'static str,
     },
-    /// The chord tolerance asks for more triangles than can be kept.
-    #[error("at this chord tolerance it has more than {limit} million triangles; choose a larger one")]
-    TooFine {
-        /// The limit, millions.
-        limit: u64,
-    },
+    /// It asks for more than is allowed. A larger chord tolerance makes fewer triangles.
+    #[error(transparent)]
+    Budget(#[from] OverBudget),
 }

@@ -14,8 +14,6 @@ mod shape;
 mod solid;
 mod tessellate;
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
@@ -26,6 +24,7 @@ use self::shape::Shape;
 use self::solid::{Chord, Solid};
 use self::tessellate::tessellate;
 use super::assemble::{bounds, centred};
+use super::budget::Budget;
 use super::report::{ImportReport, Warning};
 use super::{ImportOptions, Part, UpAxis};
 use crate::{Mesh, Model, Object, Rgba8};
@@ -33,23 +32,20 @@ use crate::{Mesh, Model, Object, Rgba8};
 /// Metres a unit of length that writers have in mind: a file's matrices take millimetres to metres.
 const USUAL_UNIT: f64 = 1e-3;
 
-/// No file may make more triangles than this, or a few numbers in it could fill all memory.
-const MOST_TRIANGLES: u64 = 100_000_000;
-
 /// Reads an RVM file. `source_index` of its objects is the running number of the group among all groups of the file, in
 /// the order in which they open; groups without primitives count too.
-pub(super) fn import(bytes: &[u8], options: &ImportOptions) -> Result<Part, RvmError> {
-    let file = File::parse(bytes)?;
+pub(super) fn import(bytes: &[u8], options: &ImportOptions, budget: &Budget) -> Result<Part, RvmError> {
+    let file = File::parse(bytes, budget)?;
     let scale = options.unit.unwrap_or(USUAL_UNIT) / USUAL_UNIT;
     let frame = Frame {
         file_to_world: options.file_to_world(UpAxis::Z) * DAffine3::from_scale(DVec3::splat(scale)),
         chord_tolerance: options.chord_tolerance,
+        budget,
     };
-    let triangles = AtomicU64::new(0);
     let objects: Vec<Option<Placed>> = file
         .groups
         .par_iter()
-        .map(|group| frame.place(group, colour::of(group.material, &file.colours), &triangles))
+        .map(|group| frame.place(group, colour::of(group.material, &file.colours)))
         .collect::<Result<_, _>>()?;
 
     let mut part = Part { model: Model::default(), report: ImportReport::default() };
@@ -58,11 +54,12 @@ pub(super) fn import(bytes: &[u8], options: &ImportOptions) -> Result<Part, RvmE
         for primitive in &group.primitives {
             primitive.shape.count(&mut part.report.primitives);
         }
-        let Some(Placed { mesh, origin, box_mismatches }) = placed else {
+        let Some(Placed { mesh, origin, box_mismatches, large_polygons }) = placed else {
             part.report.warn(Warning::EmptyObject, 1);
             continue;
         };
         part.report.box_mismatches += box_mismatches;
+        part.report.warn(Warning::LargePolygon, large_polygons);
         part.model.objects.push(Object {
             mesh: part.model.meshes.len() as u32,
             to_world: DAffine3::from_translation(origin),
@@ -80,30 +77,34 @@ struct Placed {
     mesh: Mesh,
     origin: DVec3,
     box_mismatches: u64,
+    large_polygons: u64,
 }
 
 /// What all groups of a file are placed and cut by.
-struct Frame {
+struct Frame<'a> {
     file_to_world: DAffine3,
     /// Metres.
     chord_tolerance: f64,
+    budget: &'a Budget,
 }
 
-impl Frame {
+impl Frame<'_> {
     /// The group's primitives as one mesh; none if they have no surface.
-    fn place(&self, group: &Group, colour: Rgba8, total: &AtomicU64) -> Result<Option<Placed>, RvmError> {
+    fn place(&self, group: &Group, colour: Rgba8) -> Result<Option<Placed>, RvmError> {
         let mut positions: Vec<DVec3> = Vec::new();
         let mut indices: Vec<u32> = Vec::new();
-        let mut box_mismatches = 0;
+        let (mut box_mismatches, mut large_polygons) = (0, 0);
         for primitive in &group.primitives {
             let to_world = self.file_to_world * primitive.matrix;
             let scale = largest_scale(&to_world);
             let tolerance = if scale > 0.0 { self.chord_tolerance / scale } else { f64::MAX };
             let solid = tessellate(&primitive.shape, Chord { tolerance });
-            let triangles = (solid.indices.len() / 3) as u64;
-            if total.fetch_add(triangles, Ordering::Relaxed) + triangles > MOST_TRIANGLES {
-                return Err(RvmError::TooFine { limit: MOST_TRIANGLES / 1_000_000 });
-            }
+            // One primitive is small: a curve has a most number of chords, and facets stand in the file.
+            let (triangles, vertices) = (solid.indices.len() / 3, solid.positions.len());
+            self.budget.mesh(triangles as u64, vertices as u64, || {
+                format!("the primitive at byte {} in group {:?}", primitive.offset, group.name)
+            })?;
+            large_polygons += solid.large_polygons;
             box_mismatches += u64::from(!fits_stored_box(primitive, &solid, tolerance));
 
             let first = positions.len() as u32;
@@ -126,7 +127,7 @@ impl Frame {
         }
         let colours = vec![colour; positions.len()];
         let (mesh, origin) = centred(&positions, colours, indices);
-        Ok(Some(Placed { mesh, origin, box_mismatches }))
+        Ok(Some(Placed { mesh, origin, box_mismatches, large_polygons }))
     }
 }
 
@@ -153,6 +154,7 @@ fn fits_stored_box(primitive: &Primitive, solid: &Solid, tolerance: f64) -> bool
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::import::{ImportLimits, Resource};
 
     fn tube(radius: f64, matrix: DAffine3) -> Group {
         let shape = Shape::Cylinder { radius, height: 100.0 };
@@ -161,9 +163,14 @@ mod tests {
         Group { index: 0, name: "/TUBE".into(), material: 1, primitives }
     }
 
-    fn place(group: &Group, already: u64) -> Result<Option<Placed>, RvmError> {
-        let frame = Frame { file_to_world: DAffine3::IDENTITY, chord_tolerance: 1e-3 };
-        frame.place(group, Rgba8([0; 4]), &AtomicU64::new(already))
+    fn place(group: &Group) -> Result<Option<Placed>, RvmError> {
+        place_within(group, ImportLimits::default())
+    }
+
+    fn place_within(group: &Group, limits: ImportLimits) -> Result<Option<Placed>, RvmError> {
+        let budget = Budget::new(limits);
+        let frame = Frame { file_to_world: DAffine3::IDENTITY, chord_tolerance: 1e-3, budget: &budget };
+        frame.place(group, Rgba8([0; 4]))
     }
 
     fn volume(mesh: &Mesh) -> f32 {
@@ -172,23 +179,58 @@ mod tests {
     }
 
     #[test]
-    fn too_many_triangles_are_an_error_and_not_a_full_memory() {
+    fn too_many_triangles_are_an_error_that_names_the_primitive() {
         let group = tube(50.0, DAffine3::from_scale(DVec3::splat(1e-3)));
-        assert!(place(&group, 0).is_ok());
-        assert_eq!(place(&group, MOST_TRIANGLES).err(), Some(RvmError::TooFine { limit: 100 }));
+        let limits = ImportLimits { triangles: 50, ..Default::default() };
+        let Err(RvmError::Budget(error)) = place_within(&group, limits) else {
+            unreachable!("50 are enough")
+        };
+        assert_eq!((error.resource, error.limit), (Resource::Triangles, 50));
+        assert!(error.user.contains("byte 77") && error.user.contains("/TUBE"), "{error}");
+    }
+
+    /// One number in a file, made huge.
+    #[test]
+    fn an_absurd_size_does_not_make_millions_of_triangles() {
+        let huge = 1e30;
+        let shapes = [
+            Shape::Sphere { diameter: huge },
+            Shape::Cylinder { radius: huge, height: 1.0 },
+            Shape::CircularTorus { offset: huge, radius: 1.0, angle: 7.0 },
+            Shape::CircularTorus { offset: huge, radius: huge, angle: 7.0 },
+            Shape::CircularTorus { offset: 1.0, radius: huge, angle: 1.0 },
+            Shape::RectangularTorus { inner: 1.0, outer: huge, height: 1.0, angle: 7.0 },
+            Shape::EllipticalDish { radius: huge, height: 1.0 },
+            Shape::EllipticalDish { radius: 1.0, height: huge },
+            Shape::SphericalDish { radius: huge, height: 1.0 },
+            Shape::SphericalDish { radius: huge, height: huge },
+            Shape::Snout {
+                bottom: huge,
+                top: 1.0,
+                height: 1.0,
+                offset: [0.0; 2],
+                bottom_shear: [1.5; 2],
+                top_shear: [0.0; 2],
+            },
+        ];
+        for shape in shapes {
+            let solid = tessellate(&shape, Chord { tolerance: 1.0 });
+            let triangles = solid.indices.len() / 3;
+            assert!((12..=200_000).contains(&triangles), "{shape:?}: {triangles} triangles");
+        }
     }
 
     #[test]
     fn a_place_beyond_single_precision_is_an_error() {
         let group = tube(50.0, DAffine3::from_translation(DVec3::X * 1e39));
-        assert!(matches!(place(&group, 0), Err(RvmError::Unusable { offset: 77, .. })));
+        assert!(matches!(place(&group), Err(RvmError::Unusable { offset: 77, .. })));
     }
 
     #[test]
     fn a_mirroring_matrix_keeps_faces_outward() {
         for side in [1e-3, -1e-3] {
             let group = tube(50.0, DAffine3::from_scale(DVec3::new(side, 1e-3, 1e-3)));
-            let placed = place(&group, 0).unwrap().unwrap();
+            let placed = place(&group).unwrap().unwrap();
             assert!(volume(&placed.mesh) > 7e-4, "{side}");
             assert_eq!(placed.box_mismatches, 0);
         }
@@ -196,9 +238,9 @@ mod tests {
 
     #[test]
     fn the_tolerance_is_that_of_the_world() {
-        let small = place(&tube(50.0, DAffine3::from_scale(DVec3::splat(1e-3))), 0).unwrap().unwrap();
+        let small = place(&tube(50.0, DAffine3::from_scale(DVec3::splat(1e-3)))).unwrap().unwrap();
         let stretched = DAffine3::from_scale(DVec3::new(1e-3, 0.1, 1e-3));
-        let large = place(&tube(50.0, stretched), 0).unwrap().unwrap();
+        let large = place(&tube(50.0, stretched)).unwrap().unwrap();
         assert!(large.mesh.triangle_count() > 9 * small.mesh.triangle_count());
     }
 }

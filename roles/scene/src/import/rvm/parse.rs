@@ -11,6 +11,7 @@ use glam::{DAffine3, DVec3};
 use super::RvmError;
 use super::reader::Reader;
 use super::shape::{Shape, ShapeError};
+use crate::import::budget::Budget;
 
 /// A file's groups that hold primitives themselves, and the colours it redefines.
 #[derive(Debug, Default)]
@@ -44,10 +45,10 @@ pub(super) struct Primitive {
 }
 
 impl File {
-    pub(super) fn parse(bytes: &[u8]) -> Result<Self, RvmError> {
+    pub(super) fn parse(bytes: &[u8], budget: &Budget) -> Result<Self, RvmError> {
         let mut reader = Reader::new(bytes);
         let mut file = Self::default();
-        let mut open = Vec::new();
+        let mut open: Vec<Group> = Vec::new();
         let mut next_index = 0;
         expect(&mut reader, "HEAD")?;
         expect(&mut reader, "MODL")?;
@@ -56,13 +57,16 @@ impl File {
             let (id, mut body) = chunk(&mut reader)?;
             match &id {
                 b"CNTB" => {
-                    open.push(group(&mut body, next_index)?);
+                    let group = group(&mut body, next_index)?;
+                    budget.depth(open.len() + 1, || format!("group {:?} at byte {offset}", group.name))?;
+                    open.push(group);
                     next_index += 1;
                 }
                 b"CNTE" => {
                     let what = "a group ends that never began";
                     let group = open.pop().ok_or(RvmError::Malformed { offset, what })?;
                     if !group.primitives.is_empty() {
+                        budget.objects(1, group.name.len(), || format!("group {:?}", group.name))?;
                         file.groups.push(group);
                     }
                 }

@@ -10,6 +10,8 @@ use glam::DVec3;
 pub(super) struct Solid {
     pub positions: Vec<DVec3>,
     pub indices: Vec<u32>,
+    /// Polygons with too many corners to be cut well.
+    pub large_polygons: u64,
 }
 
 /// Vertices in a row that close to a ring, counter-clockwise seen from where the solid goes on to.
@@ -131,9 +133,13 @@ pub(super) struct Chord {
     pub tolerance: f64,
 }
 
-/// No curve is cut into more chords than this. At 1 mm it is enough for a radius of 200 m; beyond, the tolerance gives
-/// way, or one number in a file could fill all memory.
+/// No curve is cut into more chords than this.
 pub(super) const MOST_CHORDS: usize = 1024;
+
+/// No tolerance is finer than this part of a curve's size: its radius, or its length if it is less than a radius long. So a
+/// circle has at most 223 chords. At 1 mm this begins at a radius of 10 m; beyond, the tolerance gives way, or one number in
+/// a file could make millions of triangles.
+const FINEST: f64 = 1e-4;
 
 impl Chord {
     /// The fewest equal chords along `angle` of a circle that stay within the tolerance of it: a chord over the angle a
@@ -141,7 +147,8 @@ impl Chord {
     /// pipe.
     pub(super) fn count(self, radius: f64, angle: f64) -> usize {
         let angle = angle.abs().min(TAU);
-        let half = libm::acos((1.0 - self.tolerance / radius.abs()).clamp(-1.0, 1.0));
+        let relative = (self.tolerance / radius.abs()).max(FINEST * angle.min(1.0));
+        let half = libm::acos((1.0 - relative).clamp(-1.0, 1.0));
         let step = (2.0 * half).min(PI / 3.0);
         // A zero step divides to infinity, which the clamp takes care of; NaN casts to 0.
         ((angle / step).ceil().clamp(1.0, MOST_CHORDS as f64) as usize).max(1)
@@ -178,8 +185,9 @@ mod tests {
         assert_eq!(chord.count(0.0, TAU), 6);
         assert_eq!(chord.count(0.5, TAU), 6);
         assert_eq!(chord.count(10.0, 0.0), 1);
-        assert_eq!(chord.count(1e30, TAU), 1024);
-        assert_eq!(chord.count(f64::INFINITY, TAU), 1024);
+        assert_eq!(chord.count(1e30, TAU), 223);
+        assert_eq!(chord.count(f64::INFINITY, TAU), 223);
+        assert_eq!(chord.count(1e30, 1e-6), 1);
         assert_eq!(chord.count(0.5, 1e30), 6);
     }
 

@@ -1,7 +1,8 @@
 //! Primitives as triangles.
 //!
 //! Every solid comes out closed, its vertices shared, its faces outward; ends that touch another primitive are capped
-//! all the same. No point of the true surface is farther from the triangles than the chord tolerance.
+//! all the same. No point of the true surface is farther from the triangles than the chord tolerance, or if it is large, than
+//! a ten-thousandth of its size.
 
 use std::f64::consts::TAU;
 
@@ -157,6 +158,7 @@ fn facets(solid: &mut Solid, polygons: &[Polygon]) {
             solid.triangle(triangle.map(|corner| first + corner));
         }
     }
+    solid.large_polygons += triangulator.large_polygons();
     solid.collapse();
 }
 

@@ -1,8 +1,5 @@
 //! What of a unit is passed on: messages, in their order.
 
-use std::ops::Range;
-
-use bytes::Buf;
 use trimaran_proto::{
     BatchSize, FrameEnd, FrameMessage, FrameNumber, HEADER_BYTES, ID_BYTES, IdBatch, Kind, Message,
 };
@@ -11,16 +8,15 @@ use super::{Step, Unit};
 use crate::chunk::{CODED_UNIT, GivenUp, Tail, unit_head};
 use crate::inbox::buffers::Buffers;
 use crate::inbox::{LaneViolation, Received};
-use crate::repair::BLOCK;
+use crate::repair::{BLOCK, LARGEST};
 
-/// How much of what was passed on is kept: a block that is not whole yet may need it for its repair. No larger datagram than this
-/// allows for is sent.
-const RETAINED: u64 = BLOCK as u64 * 1500;
+/// How much of what was passed on is kept: a block that is not whole yet may need it for its repair.
+const RETAINED: u64 = (BLOCK * LARGEST) as u64;
 
 impl Unit {
     /// Whether [`Unit::step`] would not wait.
     pub(in crate::inbox) fn is_readable(&self, batch: BatchSize) -> bool {
-        let ready = self.have.end_of_run(self.base) - self.base;
+        let ready = self.ready();
         if self.given_up.is_some() || self.end.is_some_and(|(end, _)| end == self.base + ready) {
             return true;
         }
@@ -39,7 +35,7 @@ impl Unit {
         batch: BatchSize,
         buffers: &mut Buffers,
     ) -> Result<Step, LaneViolation> {
-        let ready = self.have.end_of_run(self.base) - self.base;
+        let ready = self.ready();
         let ended = self.end.filter(|(end, _)| *end == self.base + ready).map(|(_, tail)| tail);
         let Some(frame) = self.frame else {
             if self.given_up.is_some_and(|about| ready < unit_head(about.coded.is_some()) as u64) {
@@ -75,7 +71,9 @@ impl Unit {
         buffers: &mut Buffers,
     ) -> Result<Step, LaneViolation> {
         if let Some(length) = self.message_length(ready)? {
-            let (ids, batch) = match self.take(length, |bytes| buffers.decode(bytes))? {
+            let message = buffers.decode(self.ahead(length))?;
+            self.passed(length, buffers);
+            let (ids, batch) = match message {
                 Message::Frame(FrameMessage::Ids(batch)) => {
                     (batch.count(), Received::Frame(FrameMessage::Ids(batch)))
                 }
@@ -102,12 +100,15 @@ impl Unit {
 
     /// How long the batch is that comes next, if all of it is there.
     fn message_length(&self, ready: usize) -> Result<Option<usize>, LaneViolation> {
-        let from = (self.base - self.kept) as usize;
-        let ahead = self.data.get(from..).and_then(|ahead| ahead.get(..ready)).unwrap_or_default();
-        let Some([kind, length @ ..]) = ahead.first_chunk::<HEADER_BYTES>() else { return Ok(None) };
-        let [low, middle, high] = *length;
+        if ready < HEADER_BYTES {
+            return Ok(None);
+        }
+        let mut header = [0; HEADER_BYTES];
+        let came = self.store.read(self.base..self.base + HEADER_BYTES as u64).flatten();
+        header.iter_mut().zip(came).for_each(|(place, byte)| *place = *byte);
+        let [kind, low, middle, high] = header;
         let length = u32::from_le_bytes([low, middle, high, 0]) as usize;
-        let sound = Kind::from_code(*kind)
+        let sound = Kind::from_code(kind)
             .filter(|kind| matches!(kind, Kind::Ids | Kind::Coded))
             .is_some_and(|kind| kind.lengths().contains(&length));
         if !sound {
@@ -117,7 +118,12 @@ impl Unit {
     }
 
     fn first_byte(&self) -> Option<u8> {
-        self.data.first().copied()
+        self.store.read(0..self.ready().min(1)).flatten().next().copied()
+    }
+
+    /// How many bytes from `base` on have come without a gap.
+    fn ready(&self) -> u64 {
+        self.store.ready().saturating_sub(self.base)
     }
 
     /// Passes on the ids that have come, wherever they are, and then the end that says how many there were.
@@ -128,15 +134,15 @@ impl Unit {
         batch: BatchSize,
         buffers: &mut Buffers,
     ) -> Result<Step, LaneViolation> {
-        let whole_ids = |range: Range<u64>| {
-            let id = ID_BYTES as u64;
-            range.start.max(self.base).next_multiple_of(id)..range.end - range.end % id
-        };
-        let next = self.have.iter().map(whole_ids).find(|range| range.start < range.end);
-        if let Some(range) = next {
-            self.base = range.start;
-            let count = (range.end - range.start).min(batch.bytes() as u64);
-            return self.ids(count as usize, buffers).map(Step::Item);
+        let id = ID_BYTES as u64;
+        while let Some(piece) = self.store.next_piece(self.base, batch.bytes() as u64 + id, &mut buffers.pool)
+        {
+            let from = piece.start.next_multiple_of(id);
+            let count = (piece.end - piece.end % id).saturating_sub(from).min(batch.bytes() as u64);
+            self.base = if count > 0 { from } else { piece.end };
+            if count > 0 {
+                return self.ids(count as usize, buffers).map(Step::Item);
+            }
         }
         self.base = self.base.max(sent);
         match self.end {
@@ -148,7 +154,8 @@ impl Unit {
     }
 
     fn ids(&mut self, count: usize, buffers: &mut Buffers) -> Result<Received, LaneViolation> {
-        let bytes = self.take(count, |bytes| buffers.copy(bytes));
+        let bytes = buffers.copy(count, self.ahead(count));
+        self.passed(count, buffers);
         let batch = IdBatch::new(bytes).map_err(|_| LaneViolation::Unit)?;
         Ok(Received::Frame(FrameMessage::Ids(batch)))
     }
@@ -172,9 +179,11 @@ impl Unit {
             None => return Ok(Step::Wait),
         };
         if coded && length == unit_head(false) {
-            self.take(1, |_| ());
+            self.passed(1, buffers);
         }
-        match self.take(length, |bytes| buffers.decode(bytes))? {
+        let message = buffers.decode(self.ahead(length))?;
+        self.passed(length, buffers);
+        match message {
             Message::Frame(FrameMessage::Begin(start)) => {
                 self.frame = Some(start.frame);
                 self.coded = coded;
@@ -186,19 +195,17 @@ impl Unit {
         }
     }
 
-    /// Gives the next `count` bytes to `pass`; from here on they count as passed on.
-    fn take<T>(&mut self, count: usize, pass: impl FnOnce(&[u8]) -> T) -> T {
-        let from = (self.base - self.kept) as usize;
-        let passed = pass(self.data.get(from..from + count).unwrap_or_default());
+    /// The next `count` bytes.
+    fn ahead(&self, count: usize) -> impl Iterator<Item = &[u8]> {
+        self.store.read(self.base..self.base + count as u64)
+    }
+
+    /// The next `count` bytes count as passed on.
+    fn passed(&mut self, count: usize, buffers: &mut Buffers) {
+        buffers.pool.work += 4 + count as u64 / 8;
         self.base += count as u64;
-        self.have.remove(&(0..self.base));
-        // Not each time: moving the beginning costs.
-        if self.base - self.kept > 2 * RETAINED {
-            let gone = self.base - RETAINED - self.kept;
-            self.data.advance(gone as usize);
-            self.kept += gone;
-        }
-        passed
+        self.store.release(self.base, self.base.saturating_sub(RETAINED), &mut buffers.pool);
+        self.blocks.release(self.base, &mut buffers.pool);
     }
 }
 

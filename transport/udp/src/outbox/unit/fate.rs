@@ -53,11 +53,11 @@ impl Unit {
         self.settle(offset);
     }
 
-    /// Sends all again that was lost: nothing is heard of the repair.
-    pub(in crate::outbox) fn stop_waiting(&mut self) {
-        for range in std::mem::take(&mut self.waiting).iter() {
-            self.lost.insert(range);
-        }
+    /// Sends all again that was lost: nothing is heard of the repair. Says whether there was any.
+    pub(in crate::outbox) fn stop_waiting(&mut self) -> bool {
+        let waiting = std::mem::take(&mut self.waiting);
+        waiting.iter().for_each(|range| self.lost.insert(range));
+        !waiting.is_empty()
     }
 
     /// The block that `at` lies in, if it has repair.

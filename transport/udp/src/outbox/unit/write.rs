@@ -5,14 +5,23 @@ use crate::chunk::{Chunk, Tail, part_overhead};
 use crate::recovery::Content;
 
 impl Unit {
-    pub(in crate::outbox) fn has_due(&self, credit: u64) -> bool {
+    /// Whether something is to be said of it that needs no credit.
+    pub(in crate::outbox) fn is_due(&self) -> bool {
         if let Some(given_up) = &self.given_up {
             return given_up.due;
         }
-        let fresh = self.sent < self.written();
-        !self.lost.is_empty()
-            || fresh && credit > 0
-            || !fresh && (self.is_end_due() || !self.repair.is_empty())
+        let all_sent = !self.has_fresh();
+        !self.lost.is_empty() || all_sent && (self.is_end_due() || !self.repair.is_empty())
+    }
+
+    /// Whether it has bytes that were never sent.
+    pub(in crate::outbox) fn has_fresh(&self) -> bool {
+        self.given_up.is_none() && self.sent < self.written()
+    }
+
+    /// Whether it never gets such again.
+    pub(in crate::outbox) fn is_all_sent(&self) -> bool {
+        !self.has_fresh() && self.is_ended()
     }
 
     /// Whether the end has to be said by itself. An end whose bytes may be restored waits for what becomes of them.

@@ -1,0 +1,4 @@
+//! Wavefront OBJ.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| trimaran_fuzz::models::obj(bytes));

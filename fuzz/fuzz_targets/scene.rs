@@ -1,0 +1,4 @@
+//! Cooked scenes.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| trimaran_fuzz::models::scene(bytes));

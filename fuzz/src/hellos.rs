@@ -1,0 +1,121 @@
+//! What must hold for any bytes in place of a handshake over byte streams. The fuzz targets search for bytes that break it; an
+//! ordinary test of `trimaran-netsim` replays the corpus.
+//!
+//! An input is what is said on the first connection, behind a byte of its length, and then what is said on the second.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use trimaran_netsim::link::LinkModel;
+use trimaran_netsim::{Simulation, Topology};
+use trimaran_proto::{Decoder, Identity, Message, Role, SceneHash};
+use trimaran_transport::{Endpoint, Listener, Net, Options, Stream, TcpOptions, connect, until};
+
+const MINUTE: Duration = Duration::from_secs(60);
+
+fn said(bytes: &[u8]) -> [&[u8]; 2] {
+    let Some((&length, rest)) = bytes.split_first() else { return [&[]; 2] };
+    let (first, second) = rest.split_at(rest.len().min(usize::from(length)));
+    [first, second]
+}
+
+fn identity(role: Role) -> Identity {
+    Identity { role, scene: SceneHash(1), settings: None }
+}
+
+/// A simulation and two machines in it.
+fn machines() -> (Simulation, [Arc<dyn Net>; 2]) {
+    let line = LinkModel::clean(None, Duration::from_micros(100));
+    let topology = Topology::star(&["here", "there"], &line, &line);
+    let simulation = Simulation::new(&topology, 1);
+    let nets: Vec<Arc<dyn Net>> =
+        topology.machines().map(|host| Arc::new(simulation.net(host)) as Arc<dyn Net>).collect();
+    let Ok(nets) = nets.try_into() else { unreachable!("there are two") };
+    (simulation, nets)
+}
+
+/// A stranger says anything to a listener and waits: it hears whole messages of a handshake, or nothing, and then the end. A
+/// peer gets in afterwards.
+pub fn hellos(bytes: &[u8]) {
+    let (simulation, [here, there]) = machines();
+    let options = Options::default();
+    let Ok(everywhere) = "tcp://0.0.0.0:4000".parse() else { unreachable!("an endpoint") };
+    let Ok(at) = "tcp://here:4000".parse::<Endpoint>() else { unreachable!("an endpoint") };
+    let program = async {
+        let listener = Listener::bind(&here, &everywhere, identity(Role::SwitchA), &options).await;
+        let Ok(mut listener) = listener else { unreachable!("the port is free") };
+        let stranger = async {
+            let mut streams = Vec::new();
+            for said in said(bytes) {
+                let Ok(to) = there.resolve("here:4000").await else { unreachable!("it has a name") };
+                let opened = there.connect_tcp(to[0], TcpOptions::default()).await;
+                let Ok(mut stream) = opened else { unreachable!("it listens") };
+                // Who is refused on one connection may find the other closed.
+                let _said = stream.writer.write_all(said).await;
+                streams.push(stream);
+            }
+            for stream in streams {
+                hear(&*there, stream).await;
+            }
+        };
+        // Whoever gets in is left at once.
+        let accepts = async { while listener.accept(here.now().after(MINUTE * 60)).await.is_ok() {} };
+        tokio::select! {
+            biased;
+            () = async {
+                stranger.await;
+                let by = there.now().after(MINUTE);
+                let peer = connect(&there, &at, identity(Role::Display), &options, by).await;
+                assert!(peer.is_ok(), "a peer is kept out: {peer:?}");
+            } => {}
+            () = accepts => unreachable!("an hour is longer"),
+        }
+    };
+    assert_eq!(simulation.run(program), Ok(()));
+}
+
+/// Hears what a listener says until it ends the connection. It has ten seconds for a handshake, and a link ends with its peer.
+async fn hear(net: &dyn Net, mut stream: Stream) {
+    let mut heard = Vec::new();
+    let end = until(net, net.now().after(MINUTE), stream.reader.read_to_end(&mut heard)).await;
+    assert!(end.is_some(), "the connection of a stranger stays open");
+    let mut decoder = Decoder::new();
+    decoder.push(&heard);
+    if let Some(first) = decoder.next_message().unwrap_or_default() {
+        assert!(matches!(first, Message::Accept(_) | Message::Refuse(_)), "{first:?}");
+    }
+}
+
+/// Whoever has a listener's address says anything to a peer that connects, each time that it does: the peer gets a link, or has
+/// tried again until its deadline.
+pub fn answers(bytes: &[u8]) {
+    let (simulation, [here, there]) = machines();
+    let Ok(at) = "tcp://here:4000".parse::<Endpoint>() else { unreachable!("an endpoint") };
+    let program = async {
+        let bound = here.listen_tcp(([0, 0, 0, 0], 4000).into(), TcpOptions::default());
+        let Ok((mut listener, _)) = bound else { unreachable!("the port is free") };
+        let answering = async {
+            let mut streams = Vec::new();
+            for said in said(bytes).into_iter().cycle() {
+                let Ok(mut stream) = listener.accept().await else { unreachable!("it listens") };
+                // It may be gone after what it was told on the other connection.
+                let _said = stream.writer.write_all(said).await;
+                streams.push(stream);
+            }
+        };
+        let options = Options { handshake: Duration::from_millis(200), ..Options::default() };
+        let by = there.now().after(Duration::from_secs(1));
+        tokio::select! {
+            biased;
+            link = connect(&there, &at, identity(Role::Display), &options, by) => {
+                if let Err(error) = link {
+                    assert!(error.may_pass(), "what a stranger says ends the attempts: {error:?}");
+                    assert!(there.now().after(Duration::from_secs(1)) > by, "it has not tried until then");
+                }
+            }
+            () = answering => unreachable!("it goes on for ever"),
+        }
+    };
+    assert_eq!(simulation.run(program), Ok(()));
+}

@@ -1,0 +1,75 @@
+//! Packets of a peer that knows the key of a connection in the clear, written by the page `transport/udp/WIRE.md`.
+
+use xxhash_rust::xxh3::xxh3_128_with_seed;
+
+/// A packet with these chunks, sealed for the connection with that id.
+pub fn sealed(id: u32, number: u64, chunks: &[u8]) -> Vec<u8> {
+    let seed = number ^ u64::from(id) << 32;
+    let tag = xxh3_128_with_seed(chunks, seed).to_le_bytes();
+    [&(number << 2).to_le_bytes()[..], &id.to_le_bytes(), chunks, &tag].concat()
+}
+
+pub fn varint(out: &mut Vec<u8>, mut value: u64) {
+    while value >= 0x80 {
+        out.push(value as u8 | 0x80);
+        value >>= 7;
+    }
+    out.push(value as u8);
+}
+
+/// A part: `tail` 0 has more behind it, 1 is all for now, 2 ends a unit that is no frame.
+pub fn part(unit: u64, offset: u64, tail: u8, data: &[u8]) -> Vec<u8> {
+    let mut out = vec![0x20 | tail & 3];
+    varint(&mut out, unit);
+    varint(&mut out, offset);
+    out.extend_from_slice(&(data.len() as u16).to_le_bytes());
+    if tail & 3 == 3 {
+        out.extend_from_slice(&[0; 8]);
+    }
+    out.extend_from_slice(data);
+    out
+}
+
+/// Where a block lies, and what repair it has.
+#[derive(Debug, Clone, Copy)]
+pub struct Block {
+    pub unit: u64,
+    pub offset: u64,
+    pub length: u64,
+    pub shard: u16,
+    pub count: u8,
+}
+
+pub fn repair(Block { unit, offset, length, shard, count }: Block, index: u8) -> Vec<u8> {
+    let mut out = vec![0x30];
+    varint(&mut out, unit);
+    varint(&mut out, offset);
+    varint(&mut out, length);
+    out.extend_from_slice(&shard.to_le_bytes());
+    out.extend_from_slice(&[count, index]);
+    out.resize(out.len() + usize::from(shard), 7);
+    out
+}
+
+/// Word that nothing more comes of a frame of `sent` bytes, whose beginning has arrived.
+pub fn give_up(unit: u64, sent: u64) -> Vec<u8> {
+    let mut out = vec![0x24];
+    varint(&mut out, unit);
+    varint(&mut out, sent);
+    varint(&mut out, sent);
+    out.extend_from_slice(&[0; 9]);
+    out
+}
+
+/// An acknowledgement of ranges in rising order, each with its end.
+pub fn acknowledgement(ranges: &[(u64, u64)]) -> Vec<u8> {
+    let mut out = vec![0x02, 0];
+    varint(&mut out, ranges.len() as u64);
+    let mut above = None;
+    for (from, to) in ranges.iter().rev() {
+        varint(&mut out, above.map_or(*to - 1, |above: u64| above - to));
+        varint(&mut out, to - from);
+        above = Some(*from);
+    }
+    out
+}

@@ -1,0 +1,404 @@
+//! Devices that fail or hang: the peers learn why, wait for the role as for one that was lost, and the
+//! session goes on when it comes again. Whoever asks a role to stop does not wait for its device.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
+
+use std::{
+    future::pending,
+    sync::{
+        Arc,
+        mpsc::{Receiver, Sender, channel},
+    },
+    thread,
+    time::Duration,
+};
+
+use glam::DVec3;
+use thiserror::Error;
+use tokio::runtime::{Builder, Handle, Runtime};
+use trimaran_actors::{
+    Cameras, DisplayRole, Joined, Observer, ObserverError, OccluderPolicy, PairDevice, PairRole,
+    PictureDevice, Place, RoleError, Seat, ShownFrame, Stop, Stopper, Stopwatch, Turns, await_pair,
+    join_session,
+};
+use trimaran_cull::{
+    BoxTester, Culler, CutRule, DepthImage, NoOccluders, TestBox, View, Viewport, reference::cases,
+};
+use trimaran_gpu::Picture;
+use trimaran_proto::{
+    BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStart, FrameStats, Goodbye, IdCoding,
+    Identity, PictureSize, Role, Settings, TesterKind,
+};
+use trimaran_scene::Scene;
+use trimaran_transport::{Instant, Link, LinkConfig, Listener, Net, Options, RecvError, TokioNet, inproc};
+
+/// How many frames a session has.
+const FRAMES: u32 = 12;
+
+/// The session's picture, in which something is so near that its parts are looked at.
+const SIDE: u32 = 64;
+const EPSILON_PX: f64 = 0.5;
+
+/// What a device does with the piece of work that it is to fail at.
+#[derive(Debug, Clone)]
+enum Fault {
+    /// It says so.
+    Fails(Broken),
+    /// It never ends, unless the role is asked to stop. Says that it has begun.
+    Hangs(Sender<()>, Handle),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+enum Broken {
+    #[error("the graphics device was lost while drawing")]
+    Lost,
+    #[error("the graphics device hangs: no progress within 30s")]
+    Hung,
+    #[error("asked to stop")]
+    Cancelled,
+}
+
+/// What a device is asked to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Task {
+    Begin,
+    Draw,
+    Finish,
+    Test,
+}
+
+/// A device that finds all visible, until it fails at a task of this kind.
+#[derive(Debug, Default)]
+struct Device {
+    fault: Option<(Task, Fault)>,
+    /// How many tasks of that kind go well.
+    good: u32,
+    stop: Option<Stop>,
+}
+
+impl Device {
+    fn failing(at: Task, good: u32, fault: Fault) -> Self {
+        Self { fault: Some((at, fault)), good, stop: None }
+    }
+
+    fn work(&mut self, task: Task) -> Result<(), Broken> {
+        let Some((at, fault)) = &self.fault else { return Ok(()) };
+        if *at != task {
+            return Ok(());
+        }
+        if self.good > 0 {
+            self.good -= 1;
+            return Ok(());
+        }
+        match fault {
+            Fault::Fails(broken) => Err(*broken),
+            Fault::Hangs(begun, runtime) => {
+                begun.send(()).unwrap();
+                let stop = self.stop.as_ref().unwrap();
+                assert_eq!(stop.unless_requested(runtime, pending::<()>()), None);
+                Err(Broken::Cancelled)
+            }
+        }
+    }
+}
+
+impl PairDevice for Device {
+    fn cancel_on(&mut self, stop: &Stop) {
+        self.stop = Some(stop.clone());
+    }
+
+    fn begin_occluders(&mut self, _: &View) -> Result<(), Broken> {
+        self.work(Task::Begin)
+    }
+
+    fn draw_occluders(&mut self, _: &[DrawableId]) -> Result<(), Broken> {
+        self.work(Task::Draw)
+    }
+
+    fn finish_occluders(&mut self) -> Result<Duration, Broken> {
+        self.work(Task::Finish).map(|()| Duration::ZERO)
+    }
+
+    fn read_depth(&mut self) -> Result<DepthImage<'_>, Broken> {
+        panic!("nobody looks at the depth here")
+    }
+}
+
+impl BoxTester for Device {
+    type Error = Broken;
+
+    fn test(&mut self, _: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Broken> {
+        visible.clear();
+        visible.resize(boxes.len(), 1);
+        self.work(Task::Test)
+    }
+}
+
+impl PictureDevice for Device {
+    type Error = Broken;
+
+    fn cancel_on(&mut self, stop: &Stop) {
+        self.stop = Some(stop.clone());
+    }
+
+    fn draw(&mut self, _: &View, _: &[DrawableId]) -> Result<(), Broken> {
+        self.work(Task::Draw)
+    }
+
+    fn read(&mut self, _: &mut Picture) -> Result<(), Broken> {
+        panic!("nobody wants a picture here")
+    }
+}
+
+/// A camera that stands still and a note of each frame shown.
+#[derive(Debug, Default)]
+struct Frames(Vec<u32>);
+
+impl Observer for Frames {
+    fn wants_picture(&self, _: FrameNumber) -> bool {
+        false
+    }
+
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), ObserverError> {
+        self.0.push(frame.camera.frame().0);
+        Ok(())
+    }
+
+    fn pair_did(&mut self, _: &FrameStats) {}
+}
+
+struct Still(Camera);
+
+impl Cameras for Still {
+    fn camera(&mut self, frame: FrameNumber) -> Camera {
+        self.0.for_frame(frame)
+    }
+}
+
+/// A scene, a camera in it, and a place to meet that no other test has.
+struct House {
+    runtime: Runtime,
+    net: Arc<dyn Net>,
+    scene: Arc<Scene>,
+    camera: Camera,
+    name: String,
+}
+
+/// How the three roles of a session ended, and the frames shown.
+struct Ends {
+    pair: [Result<(), RoleError<Broken>>; 2],
+    display: Result<(), RoleError<Broken>>,
+    shown: Vec<u32>,
+}
+
+impl House {
+    fn new(name: &str) -> Self {
+        let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+        let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+        let scene = cases::plant(7, 60, DVec3::ZERO).unwrap();
+        let size = Viewport::new(SIDE, SIDE).unwrap();
+        let views = cases::plant_views(7, 60, DVec3::ZERO, size, 30).unwrap();
+        let (mut culler, rule) = (Culler::new(Arc::clone(&scene)), CutRule::new(EPSILON_PX).unwrap());
+        let mut tested = |view: &View| culler.cull(view, rule, &mut NoOccluders, |_| {}).unwrap().tested;
+        let camera = *views.iter().find(|view| tested(view) > 0).unwrap().camera();
+        Self { runtime, net, scene, camera, name: name.to_owned() }
+    }
+
+    fn settings(&self, first: u32) -> Settings {
+        Settings {
+            size: PictureSize::new(SIDE, SIDE).unwrap(),
+            epsilon: EpsilonPx::new(EPSILON_PX).unwrap(),
+            batch: BatchSize::default(),
+            coding: IdCoding::Plain,
+            tester: TesterKind::Raster,
+            lockstep: true,
+            few_pixels: false,
+            first: FrameNumber(first),
+            frames: Some(FRAMES),
+        }
+    }
+
+    fn place(&self, what: &str) -> Place {
+        Place {
+            endpoint: format!("inproc:{}-{what}", self.name).parse().unwrap(),
+            options: Options::default(),
+        }
+    }
+
+    fn deadline(&self) -> Instant {
+        self.net.now().after(Duration::from_secs(600))
+    }
+
+    /// The three roles with these devices join, and play from the frame `first` on until all have ended.
+    fn session(&self, first: u32, pair: [Device; 2], display: Device) -> Ends {
+        let ((_stopper, stop), settings) = (Stop::new(), self.settings(first));
+        let identity = Identity { role: Role::Display, scene: self.scene.hash(), settings: Some(settings) };
+        let Place { endpoint, options } = self.place("display");
+        let handle = self.runtime.handle();
+        let listener = handle.block_on(Listener::bind(&self.net, &endpoint, identity, &options)).unwrap();
+        thread::scope(|scope| {
+            let stop = &stop;
+            let machine = |seat, device| {
+                scope.spawn(move || {
+                    let (display, pair) = (self.place("display"), self.place("pair"));
+                    let joining =
+                        join_session(&self.net, seat, self.scene.hash(), &display, &pair, self.deadline());
+                    let Joined { display, other, settings } = handle.block_on(joining).unwrap();
+                    self.machine(seat, device, display, other, settings).run(handle, stop)
+                })
+            };
+            let [one, two] = pair;
+            let pair = [machine(Seat::First, one), machine(Seat::Second, two)];
+            let [first, second] = handle.block_on(await_pair(listener, self.deadline())).unwrap();
+            let role = DisplayRole {
+                scene: Arc::clone(&self.scene),
+                device: display,
+                first,
+                second,
+                settings,
+                net: Arc::clone(&self.net),
+                clock: Stopwatch::start(),
+                turns: Turns::at_once(),
+            };
+            let mut frames = Frames::default();
+            let display = role.run(&mut Still(self.camera), &mut frames, handle, stop).map(|_| ());
+            Ends { pair: pair.map(|role| role.join().unwrap()), display, shown: frames.0 }
+        })
+    }
+
+    fn machine(
+        &self,
+        seat: Seat,
+        device: Device,
+        display: Link,
+        other: Link,
+        settings: Settings,
+    ) -> PairRole<Device> {
+        let (scene, occluders) = (Arc::clone(&self.scene), OccluderPolicy::default());
+        let (clock, turns) = (Stopwatch::start(), Turns::at_once());
+        PairRole { seat, scene, device, display, other, settings, occluders, clock, turns }
+    }
+
+    /// A link of a role to a peer that the test plays.
+    fn link(&self, ours: Role, theirs: Role) -> (Link, Link) {
+        let identity = |role| Identity { role, scene: self.scene.hash(), settings: None };
+        inproc::pair(&self.net, identity(ours), identity(theirs), &LinkConfig::default()).unwrap()
+    }
+}
+
+/// Goes on with the frame that was due, with devices that work, and asserts that no frame is missing and none
+/// was shown twice.
+fn assert_goes_on(house: &House, shown: Vec<u32>) {
+    let due = shown.len() as u32;
+    assert!(due < FRAMES, "it failed within the session");
+    let ends = house.session(due, Default::default(), Device::default());
+    assert!(ends.pair.iter().all(Result::is_ok) && ends.display.is_ok());
+    assert_eq!([shown, ends.shown].concat(), (0..FRAMES).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_session_goes_on_when_the_machine_whose_device_failed_comes_again() {
+    let faults = [(Task::Finish, Broken::Lost), (Task::Test, Broken::Hung), (Task::Begin, Broken::Hung)];
+    for (index, (task, broken)) in faults.into_iter().enumerate() {
+        for failing in [0, 1] {
+            let house = House::new(&format!("machine-{index}-{failing}"));
+            let mut devices = [Device::default(), Device::default()];
+            devices[failing] = Device::failing(task, 2, Fault::Fails(broken));
+            let Ends { pair, display, shown } = house.session(0, devices, Device::default());
+            let (failed, other) =
+                (pair[failing].as_ref().unwrap_err(), pair[1 - failing].as_ref().unwrap_err());
+            assert_eq!(failed.device_failure(), Some(&broken), "{failed:?}");
+            assert!(!failed.lost_a_peer() && !failed.is_clean_end(), "its process ends: {failed:?}");
+            // Either hears it from the machine itself, or that the other has lost it.
+            for peer in [other, display.as_ref().unwrap_err()] {
+                assert!(peer.lost_a_peer(), "{task:?} {broken}: {peer:?}");
+                let said = format!("{peer:?}");
+                assert!(said.contains(&broken.to_string()) || said.contains("PeerLost"), "{said}");
+            }
+            assert_goes_on(&house, shown);
+        }
+    }
+}
+
+#[test]
+fn a_session_goes_on_when_the_display_whose_device_failed_comes_again() {
+    let house = House::new("display");
+    let broken = Device::failing(Task::Draw, 4, Fault::Fails(Broken::Hung));
+    let Ends { pair, display, shown } = house.session(0, Default::default(), broken);
+    assert_eq!(display.unwrap_err().device_failure(), Some(&Broken::Hung));
+    for peer in pair {
+        assert!(peer.as_ref().unwrap_err().lost_a_peer(), "{peer:?}");
+    }
+    assert_eq!(shown, [0, 1, 2, 3]);
+    assert_goes_on(&house, shown);
+}
+
+/// Plays `role` on a thread until its device hangs, asks it to stop, and gives how it ended.
+fn stopped<T: Send>(hangs: Receiver<()>, stopper: Stopper, role: impl FnOnce() -> T + Send) -> T {
+    thread::scope(|scope| {
+        let role = scope.spawn(role);
+        hangs.recv().unwrap();
+        stopper.stop();
+        role.join().unwrap()
+    })
+}
+
+fn goodbye(handle: &Handle, link: &mut Link) -> Goodbye {
+    loop {
+        match handle.block_on(link.frames_rx.recv()) {
+            Ok(_) => {}
+            Err(RecvError::Goodbye { reason, .. }) => return reason,
+            Err(end) => panic!("{end:?}"),
+        }
+    }
+}
+
+#[test]
+fn a_machine_that_waits_for_its_device_ends_when_it_is_asked_to() {
+    for task in [Task::Begin, Task::Finish, Task::Test] {
+        let house = House::new("unused");
+        let (begun, hangs) = channel();
+        let handle = house.runtime.handle();
+        let device = Device::failing(task, 0, Fault::Hangs(begun, handle.clone()));
+        let (display, mut to_display) = house.link(Role::SwitchA, Role::Display);
+        let (other, mut to_other) = house.link(Role::SwitchA, Role::SwitchB);
+        to_display.latest_tx.publish(house.camera.for_frame(FrameNumber(0))).unwrap();
+        let (stopper, stop) = Stop::new();
+        let role = house.machine(Seat::First, device, display, other, house.settings(0));
+        stopped(hangs, stopper, || role.run(handle, &stop)).unwrap();
+        for link in [&mut to_display, &mut to_other] {
+            assert_eq!(goodbye(handle, link), Goodbye::Interrupted, "{task:?}");
+        }
+    }
+}
+
+#[test]
+fn a_display_that_waits_for_its_device_ends_when_it_is_asked_to() {
+    let house = House::new("unused");
+    let (begun, hangs) = channel();
+    let handle = house.runtime.handle();
+    let device = Device::failing(Task::Draw, 0, Fault::Hangs(begun, handle.clone()));
+    let (first, mut to_first) = house.link(Role::Display, Role::SwitchA);
+    let (second, mut to_second) = house.link(Role::Display, Role::SwitchB);
+    let camera = house.camera.for_frame(FrameNumber(0));
+    handle.block_on(async {
+        to_first.frames_tx.begin(FrameStart { frame: FrameNumber(0), camera }).await.unwrap();
+        to_first.frames_tx.finish().await.unwrap();
+    });
+    let (stopper, stop) = Stop::new();
+    let role = DisplayRole {
+        scene: Arc::clone(&house.scene),
+        device,
+        first,
+        second,
+        settings: house.settings(0),
+        net: Arc::clone(&house.net),
+        clock: Stopwatch::start(),
+        turns: Turns::at_once(),
+    };
+    let mut frames = Frames::default();
+    stopped(hangs, stopper, || role.run(&mut Still(house.camera), &mut frames, handle, &stop)).unwrap();
+    assert_eq!(frames.0, [0_u32; 0]);
+    for link in [&mut to_first, &mut to_second] {
+        assert_eq!(goodbye(handle, link), Goodbye::Interrupted);
+    }
+}

@@ -1,0 +1,168 @@
+//! What is asked of a device: all features, extensions and formats that this crate uses, and what it does
+//! without the optional ones.
+//!
+//! The limits that it looks at are [`Limits`](crate::adapter::Limits); all others it keeps far below what
+//! Vulkan promises of every device (128 bytes of push constants, 16 vertex attributes, 65,535 draws in an
+//! indirect call, 128 MiB in a storage buffer that tests count in).
+
+use ash::vk;
+
+use crate::error::During as _;
+use crate::{DeviceKind, GpuError};
+
+/// Something that a device may lack and still be used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Optional {
+    /// The feature that brings primitive ids to fragment shaders.
+    GeometryShader,
+    /// The clock of the graphics queue.
+    Timestamps,
+    /// For a driver that draws on the CPU: reading the host's memory where it is.
+    HostMemory,
+}
+
+impl Optional {
+    /// Its name, Vulkan's own.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::GeometryShader => "geometryShader",
+            Self::Timestamps => "timestampValidBits",
+            Self::HostMemory => "VK_EXT_external_memory_host",
+        }
+    }
+
+    /// What its absence means.
+    #[must_use]
+    pub const fn without(self) -> &'static str {
+        match self {
+            Self::GeometryShader => {
+                "audits fetch vertices from storage buffers, which is slower; walks are as fast as with it"
+            }
+            Self::Timestamps => "device times of passes are 0 in reports",
+            Self::HostMemory => "each role copies the scene instead of reading the mapped file",
+        }
+    }
+}
+
+/// What a device has of what is asked.
+pub(crate) struct Answer {
+    /// What is required and not there, by Vulkan's own names.
+    pub(crate) missing: Vec<&'static str>,
+    /// What would be of use and is not there.
+    pub(crate) lacks: Vec<Optional>,
+    /// What addresses and sizes of the host's memory are multiples of, where a driver that draws on the CPU
+    /// can read it in place.
+    pub(crate) host_memory_alignment: Option<u64>,
+}
+
+/// Asks a device for all of it. `family` is its graphics queue's, if it has one.
+pub(crate) fn ask(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    properties: &vk::PhysicalDeviceProperties,
+    kind: DeviceKind,
+    family: Option<&vk::QueueFamilyProperties>,
+) -> Answer {
+    let (mut missing, geometry_shader) = features(instance, physical, properties.api_version);
+    if family.is_none() {
+        missing.push("a graphics queue");
+    }
+    if !draws_depth(instance, physical) {
+        missing.push("D32_SFLOAT as depth attachment");
+    }
+    let host_memory_alignment =
+        (kind == DeviceKind::Cpu).then(|| host_memory_alignment(instance, physical)).flatten();
+    let lacks = [
+        (geometry_shader, Optional::GeometryShader),
+        (family.is_none_or(|family| family.timestamp_valid_bits > 0), Optional::Timestamps),
+        (kind != DeviceKind::Cpu || host_memory_alignment.is_some(), Optional::HostMemory),
+    ];
+    let lacks = lacks.into_iter().filter(|(has, _)| !has).map(|(_, optional)| optional).collect();
+    Answer { missing, lacks, host_memory_alignment }
+}
+
+/// A logical device with one graphics queue and all that is asked for: the list of [`features`], turned on.
+pub(crate) fn open(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    queue_family: u32,
+    lacks: &[Optional],
+    host_memory: bool,
+) -> Result<ash::Device, GpuError> {
+    let priorities = [1.0];
+    let queues =
+        [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&priorities)];
+    let features = vk::PhysicalDeviceFeatures::default()
+        // Every device has it; an index that points past the vertices then reads something harmless.
+        .robust_buffer_access(true)
+        .occlusion_query_precise(true)
+        .multi_draw_indirect(true)
+        .draw_indirect_first_instance(true)
+        .fragment_stores_and_atomics(true)
+        .geometry_shader(!lacks.contains(&Optional::GeometryShader));
+    let mut v12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
+    let mut v13 =
+        vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).dynamic_rendering(true);
+    let extensions: &[_] = if host_memory { &[ash::ext::external_memory_host::NAME.as_ptr()] } else { &[] };
+    let info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_extension_names(extensions)
+        .enabled_features(&features)
+        .push_next(&mut v12)
+        .push_next(&mut v13);
+    // SAFETY: the device is of this instance and has the queue family, each of these features and the
+    // extension: the caller has asked (`ask`) and nothing required was missing.
+    unsafe { instance.create_device(physical, &info, None) }.during("opening the device")
+}
+
+/// The required features that are missing, and whether the device has geometry shaders.
+fn features(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    version: u32,
+) -> (Vec<&'static str>, bool) {
+    if version < vk::API_VERSION_1_3 {
+        return (vec!["Vulkan 1.3"], false);
+    }
+    let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
+    let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
+    let mut all = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
+    // SAFETY: the device speaks Vulkan 1.3, so both structures of the chain are its own.
+    unsafe { instance.get_physical_device_features2(physical, &mut all) };
+    let core = all.features;
+    let required = [
+        (core.occlusion_query_precise, "occlusionQueryPrecise"),
+        (core.multi_draw_indirect, "multiDrawIndirect"),
+        (core.draw_indirect_first_instance, "drawIndirectFirstInstance"),
+        (core.fragment_stores_and_atomics, "fragmentStoresAndAtomics"),
+        (v12.timeline_semaphore, "timelineSemaphore"),
+        (v13.synchronization2, "synchronization2"),
+        (v13.dynamic_rendering, "dynamicRendering"),
+    ];
+    let missing = required.into_iter().filter(|(has, _)| *has == vk::FALSE).map(|(_, name)| name).collect();
+    (missing, core.geometry_shader == vk::TRUE)
+}
+
+/// Whether the depth format can be drawn to: of the formats used, the one that Vulkan leaves to the device.
+fn draws_depth(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bool {
+    // SAFETY: `physical` was enumerated from this instance.
+    let depth = unsafe { instance.get_physical_device_format_properties(physical, vk::Format::D32_SFLOAT) };
+    depth
+        .optimal_tiling_features
+        .contains(vk::FormatFeatureFlags::DEPTH_STENCIL_ATTACHMENT | vk::FormatFeatureFlags::TRANSFER_SRC)
+}
+
+/// What memory of the host has to be aligned to for a device to read it in place; `None` if it cannot.
+fn host_memory_alignment(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<u64> {
+    // SAFETY: `physical` was enumerated from this instance.
+    let extensions = unsafe { instance.enumerate_device_extension_properties(physical) }.ok()?;
+    let wanted = Ok(ash::ext::external_memory_host::NAME);
+    extensions.iter().find(|extension| extension.extension_name_as_c_str() == wanted)?;
+    let mut host = vk::PhysicalDeviceExternalMemoryHostPropertiesEXT::default();
+    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut host);
+    // SAFETY: as above, and the device has the extension that the structure belongs to.
+    unsafe { instance.get_physical_device_properties2(physical, &mut properties) };
+    Some(host.min_imported_host_pointer_alignment)
+}

@@ -1,0 +1,213 @@
+//! How much an import may make. What a file asks for is counted before memory is taken for it.
+
+use std::fmt;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use thiserror::Error;
+
+/// The most that an import may make of all its files together.
+///
+/// A small file can ask for a great deal: a thousand meshes may share one array of positions, and a thousand nodes one list
+/// of instances. Memory while importing stays below 64 times the size of the files (those that they refer to included), plus
+/// 64 bytes a triangle, 128 a vertex and 512 an object of what is allowed here, plus 64 MiB.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ImportLimits {
+    /// Triangles as stored: each mesh once. At most [`ImportLimits::MOST_TRIANGLES`] counts.
+    pub triangles: u64,
+    /// Vertices as stored, before equal ones are joined. At most [`ImportLimits::MOST_RECORDS`] counts.
+    pub vertices: u64,
+    /// Objects; instances count each. One with a long name counts as several: one more for each [`NAME_UNIT`] bytes. At most
+    /// [`ImportLimits::MOST_RECORDS`] counts.
+    pub objects: u64,
+    /// How deep nodes or groups may be nested.
+    pub depth: u32,
+}
+
+/// What memory an object may take for its name without counting as another one, bytes.
+pub const NAME_UNIT: u64 = 256;
+
+impl ImportLimits {
+    /// More triangles than this cannot be numbered by their corners.
+    pub const MOST_TRIANGLES: u64 = Self::MOST_RECORDS / 3;
+    /// More vertices or objects than this cannot be numbered.
+    pub const MOST_RECORDS: u64 = u32::MAX as u64 - 1;
+}
+
+impl Default for ImportLimits {
+    /// Far beyond any plant known: the largest models that this was made for store a few million triangles.
+    fn default() -> Self {
+        Self { triangles: 200_000_000, vertices: 200_000_000, objects: 20_000_000, depth: 1_000 }
+    }
+}
+
+/// What is counted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Resource {
+    /// [`ImportLimits::triangles`].
+    Triangles,
+    /// [`ImportLimits::vertices`].
+    Vertices,
+    /// [`ImportLimits::objects`].
+    Objects,
+    /// [`ImportLimits::depth`].
+    Depth,
+}
+
+impl Resource {
+    /// The flag of `trimaran import` that allows more.
+    #[must_use]
+    pub const fn flag(self) -> &'static str {
+        match self {
+            Self::Triangles => "--max-triangles",
+            Self::Vertices => "--max-vertices",
+            Self::Objects => "--max-objects",
+            Self::Depth => "--max-depth",
+        }
+    }
+}
+
+impl fmt::Display for Resource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Triangles => "triangles",
+            Self::Vertices => "vertices",
+            Self::Objects => "objects",
+            Self::Depth => "levels of nesting",
+        })
+    }
+}
+
+/// A file asks for more than is allowed.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error(
+    "with {user} the import has more than {limit} {resource}; if the model is as large as that, allow more with {}, \
+     or import it as several scenes",
+    resource.flag()
+)]
+pub struct OverBudget {
+    /// What there is too much of.
+    pub resource: Resource,
+    /// How much is allowed.
+    pub limit: u64,
+    /// What asked for it: a mesh, a node, a group, an object.
+    pub user: String,
+}
+
+/// What the files of one import have asked for so far.
+#[derive(Debug)]
+pub(super) struct Budget {
+    limits: ImportLimits,
+    triangles: AtomicU64,
+    vertices: AtomicU64,
+    objects: AtomicU64,
+}
+
+impl Budget {
+    pub(super) fn new(limits: ImportLimits) -> Self {
+        Self {
+            limits: ImportLimits {
+                triangles: limits.triangles.min(ImportLimits::MOST_TRIANGLES),
+                vertices: limits.vertices.min(ImportLimits::MOST_RECORDS),
+                objects: limits.objects.min(ImportLimits::MOST_RECORDS),
+                ..limits
+            },
+            triangles: AtomicU64::new(0),
+            vertices: AtomicU64::new(0),
+            objects: AtomicU64::new(0),
+        }
+    }
+
+    /// Asks for a mesh's triangles and vertices; `user` is named if they are too many.
+    pub(super) fn mesh(
+        &self,
+        triangles: u64,
+        vertices: u64,
+        user: impl Fn() -> String,
+    ) -> Result<(), OverBudget> {
+        take(&self.triangles, triangles, Resource::Triangles, self.limits.triangles, &user)?;
+        take(&self.vertices, vertices, Resource::Vertices, self.limits.vertices, &user)
+    }
+
+    /// Asks for `count` objects, each with a name of `name_length` bytes.
+    pub(super) fn objects(
+        &self,
+        count: u64,
+        name_length: usize,
+        user: impl Fn() -> String,
+    ) -> Result<(), OverBudget> {
+        let each = 1 + name_length as u64 / NAME_UNIT;
+        take(&self.objects, count.saturating_mul(each), Resource::Objects, self.limits.objects, &user)
+    }
+
+    /// Asks to go `depth` deep.
+    pub(super) fn depth(&self, depth: usize, user: impl Fn() -> String) -> Result<(), OverBudget> {
+        if depth as u64 <= u64::from(self.limits.depth) {
+            return Ok(());
+        }
+        Err(OverBudget { resource: Resource::Depth, limit: self.limits.depth.into(), user: user() })
+    }
+}
+
+/// Adds to a count unless it would pass the limit. It says nothing about other memory, so that the order is of no
+/// consequence.
+fn take(
+    used: &AtomicU64,
+    more: u64,
+    resource: Resource,
+    limit: u64,
+    user: &dyn Fn() -> String,
+) -> Result<(), OverBudget> {
+    let add = |used: u64| used.checked_add(more).filter(|&sum| sum <= limit);
+    match used.fetch_update(Ordering::Relaxed, Ordering::Relaxed, add) {
+        Ok(_) => Ok(()),
+        Err(_) => Err(OverBudget { resource, limit, user: user() }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn budget() -> Budget {
+        Budget::new(ImportLimits { triangles: 10, vertices: 20, objects: 5, depth: 3 })
+    }
+
+    #[test]
+    fn what_is_refused_is_not_counted_and_names_its_user_and_flag() {
+        let budget = budget();
+        let user = || "the pump".to_owned();
+        assert_eq!(budget.mesh(10, 5, user), Ok(()));
+        let error = budget.mesh(1, 0, user).unwrap_err();
+        assert_eq!((error.resource, error.limit), (Resource::Triangles, 10));
+        let said = error.to_string();
+        assert!(said.contains("the pump") && said.contains("--max-triangles"), "{said}");
+        assert_eq!(budget.mesh(0, 15, user), Ok(()));
+        assert_eq!(budget.mesh(0, u64::MAX, user).unwrap_err().resource, Resource::Vertices);
+        assert_eq!(budget.mesh(0, 1, user).unwrap_err().resource, Resource::Vertices);
+    }
+
+    #[test]
+    fn a_long_name_counts_as_objects() {
+        let budget = budget();
+        assert_eq!(budget.objects(2, 255, String::new), Ok(()));
+        assert_eq!(budget.objects(1, 3 * 256, String::new).unwrap_err().resource, Resource::Objects);
+        assert_eq!(budget.objects(1, 2 * 256, String::new), Ok(()));
+        assert_eq!(budget.objects(u64::MAX, 512, String::new).unwrap_err().limit, 5);
+    }
+
+    #[test]
+    fn nesting_has_an_end() {
+        assert_eq!(budget().depth(3, String::new), Ok(()));
+        assert_eq!(budget().depth(4, String::new).unwrap_err().resource, Resource::Depth);
+    }
+
+    #[test]
+    fn no_limit_is_beyond_what_indices_can_number() {
+        let all = ImportLimits { triangles: u64::MAX, vertices: u64::MAX, objects: u64::MAX, depth: 9 };
+        let budget = Budget::new(all);
+        assert!(budget.mesh(1 << 31, 0, String::new).is_err());
+        assert!(budget.mesh(0, 1 << 32, String::new).is_err());
+        assert!(budget.objects(1 << 32, 0, String::new).is_err());
+    }
+}

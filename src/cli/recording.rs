@@ -1,0 +1,150 @@
+//! What a walk leaves behind: its folder is opened before the walk, filled while it goes on, and finished however it ends.
+
+use std::{ops::ControlFlow, path::Path, sync::Arc};
+
+use trimaran::{
+    report::{
+        Report, Writer,
+        schema::{Ended, HowEnded},
+        text,
+    },
+    trace::Trace,
+    walkthrough::{
+        FrameRecord, Plan, Recorder, ReportPlan, ReportingError, SceneFile, Trail, Written, write_report,
+    },
+};
+use trimaran_actors::{Stop, causes};
+use trimaran_gpu::GpuScene;
+
+use super::{Failure, print_json, progress};
+
+/// Why a walk ended before its end.
+#[derive(Debug)]
+pub(super) struct Early {
+    pub(super) how: HowEnded,
+    pub(super) why: Failure,
+}
+
+/// A walk that is over and reported.
+#[derive(Debug)]
+pub(super) struct Outcome {
+    pub(super) report: Report,
+    /// What the report lacks.
+    missing: Option<Failure>,
+}
+
+/// Opens the folder of a report, before anything is done that it is to hold.
+pub(super) fn open_folder(out: &Path) -> Result<Writer, Failure> {
+    Writer::create(out)
+        .map_err(|error| if error.may_pass() { Failure::broken(error) } else { Failure::bad_input(error) })
+}
+
+/// Whether a trace can be written to this path.
+pub(super) fn check_trace(path: Option<&Path>) -> Result<(), Failure> {
+    let Some(path) = path else { return Ok(()) };
+    Trace::check_path(path).map_err(Failure::bad_input)
+}
+
+/// Reports what `recorder` noted, with progress. `unused` is the folder, if the walk did not begin to fill it.
+#[expect(clippy::too_many_arguments, reason = "a report joins this many things")]
+pub(super) fn report_on(
+    recorder: Recorder<'_>,
+    unused: Option<Writer>,
+    early: Option<Early>,
+    trace: Option<&Path>,
+    file: &SceneFile,
+    drawn: &Arc<GpuScene>,
+    plan: &Plan,
+    about: ReportPlan,
+    trail: &Trail,
+    stop: &Stop,
+) -> Result<Outcome, Failure> {
+    let (records, journal) = recorder.into_parts();
+    let (writer, full) = match journal.map(trimaran::walkthrough::Journal::finish) {
+        Some((writer, full)) => (Some(writer), full),
+        None => (unused, None),
+    };
+    let due = plan.settings(trail.frames()).frames;
+    let ended = ended(early.as_ref(), full.as_ref(), stop, records.len(), due);
+    let (Some(writer), false) = (writer, records.is_empty()) else {
+        let nothing = || Failure::broken("interrupted before the first frame: there is nothing to report");
+        return Err(early.map_or_else(nothing, |early| early.why));
+    };
+    let frames = u32::try_from(records.len()).unwrap_or(u32::MAX);
+    if let Some(said) = ended.sentence(frames) {
+        eprintln!("trimaran: the walk {said}; reporting it (interrupt again to leave its pictures out)");
+    }
+    let bar = progress::bar("reporting", records.len() as u64);
+    let mut advance = |_| {
+        bar.inc(1);
+        if stop.insisted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    let written = write_report(writer, full, file, drawn, plan, about, trail, &records, ended, &mut advance);
+    bar.finish_and_clear();
+    let Written { report, incomplete, .. } = written.map_err(Failure::broken)?;
+    let missing = match (report.summary.ended.sentence(frames), incomplete) {
+        (Some(said), _) => Some(Failure::incomplete(format!("the walk {said}"))),
+        (None, Some(why)) => {
+            Some(Failure::incomplete(format!("the report lacks pictures and checks: {}", causes(&why))))
+        }
+        (None, None) => None,
+    };
+    let recorded = record(trace, file, plan, &records);
+    Ok(Outcome { report, missing: missing.or(recorded.err()) })
+}
+
+/// How a walk of `frames` frames ended, whose path asks for `due`.
+fn ended(
+    early: Option<&Early>,
+    full: Option<&ReportingError>,
+    stop: &Stop,
+    frames: usize,
+    due: Option<u32>,
+) -> Ended {
+    let missing = due.is_some_and(|due| frames < due as usize);
+    let (how, why) = match (full, early) {
+        (Some(full), _) => (HowEnded::NotRecorded, causes(full)),
+        (None, Some(Early { how, why })) => (*how, why.to_string()),
+        (None, None) if stop.requested() && (missing || due.is_none()) => {
+            (HowEnded::Interrupted, "it was asked to stop".to_owned())
+        }
+        (None, None) if missing => {
+            (HowEnded::PeerLost, "a machine of the pair said that the session was over".to_owned())
+        }
+        (None, None) => return Ended::finished(due),
+    };
+    Ended { how, why: Some(why), frames_due: due }
+}
+
+/// Writes what each frame asked of the roles, if that is wanted.
+fn record(
+    trace: Option<&Path>,
+    file: &SceneFile,
+    plan: &Plan,
+    records: &[FrameRecord],
+) -> Result<(), Failure> {
+    let Some(path) = trace else { return Ok(()) };
+    let trace = Trace::of(file.scene.hash(), plan, records).map_err(Failure::incomplete)?;
+    trace.write(path).map_err(Failure::incomplete)
+}
+
+impl Outcome {
+    /// The report, if it lacks nothing.
+    pub(super) fn whole(self) -> Result<Report, Failure> {
+        match self.missing {
+            Some(missing) => Err(missing),
+            None => Ok(self.report),
+        }
+    }
+
+    /// Prints what came of it and where it lies; fails if something is missing.
+    pub(super) fn conclude(self, out: &Path, json: bool) -> Result<(), Failure> {
+        if json {
+            print_json(&self.report.summary)?;
+        } else {
+            print!("{}", text::summary(&self.report));
+            println!("report: {}", out.join("report.html").display());
+        }
+        self.missing.map_or(Ok(()), Err)
+    }
+}

@@ -1,0 +1,81 @@
+//! Writes what is recorded of a walk while it goes on, on a thread of its own.
+
+use std::{
+    io,
+    sync::mpsc::{Receiver, SyncSender, sync_channel},
+    thread::{self, JoinHandle},
+};
+
+use trimaran_gpu::Picture;
+
+use super::{audit::picture_of, compose::Composer, record::FrameRecord, reporting::ReportingError};
+use crate::report::{PictureKind, Writer};
+
+/// How many frames and pictures may wait to be written. When as many do, the walk waits for the disk.
+const WAITING: usize = 16;
+
+/// Writes frames and pictures into a report's folder as they come.
+#[derive(Debug)]
+pub struct Journal {
+    entries: SyncSender<Entry>,
+    thread: JoinHandle<(Writer, Result<(), ReportingError>)>,
+}
+
+/// What comes of a walk.
+#[derive(Debug)]
+pub(super) enum Entry {
+    Frame(Box<FrameRecord>),
+    Picture { frame: u32, picture: Picture },
+}
+
+/// Nothing more can be written; [`Journal::finish`] says why.
+#[derive(Debug, Clone, Copy, thiserror::Error)]
+#[error("the report's folder takes no more")]
+pub struct JournalStopped;
+
+impl Journal {
+    /// Begins to write into a folder in which the walk's head is noted already.
+    ///
+    /// # Errors
+    /// When the system gives no thread.
+    pub(super) fn start(writer: Writer, composer: Composer) -> io::Result<Self> {
+        let (entries, coming) = sync_channel(WAITING);
+        let thread = thread::Builder::new()
+            .name("journal".to_owned())
+            .spawn(move || write(writer, composer, &coming))?;
+        Ok(Self { entries, thread })
+    }
+
+    /// Takes an entry, and waits if as many as may wait do.
+    pub(super) fn note(&self, entry: Entry) -> Result<(), JournalStopped> {
+        self.entries.send(entry).map_err(|_| JournalStopped)
+    }
+
+    /// Waits until all is written. Returns the folder, and why nothing more could be written if so.
+    #[must_use]
+    pub fn finish(self) -> (Writer, Option<ReportingError>) {
+        drop(self.entries);
+        match self.thread.join() {
+            Ok((writer, result)) => (writer, result.err()),
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
+    }
+}
+
+fn write(
+    mut writer: Writer,
+    mut composer: Composer,
+    coming: &Receiver<Entry>,
+) -> (Writer, Result<(), ReportingError>) {
+    let mut one = |entry: Entry| -> Result<(), ReportingError> {
+        match entry {
+            Entry::Frame(record) => writer.frame(&composer.frame(&record))?,
+            Entry::Picture { frame, picture } => {
+                writer.picture(frame, PictureKind::Shown, &picture_of(&picture)?)?;
+            }
+        }
+        Ok(())
+    };
+    let result = coming.iter().try_for_each(&mut one);
+    (writer, result)
+}

@@ -1,0 +1,119 @@
+//! The report's model of three machines against the roles' own state machines and links in virtual time.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
+
+use std::fs;
+
+use trimaran::{
+    report::{
+        Frame, Lens, Report, Run,
+        schema::{Ended, Mode, SceneInfo},
+    },
+    simulate::{Knobs, Scenario, Transport, Workload, simulate},
+};
+use trimaran_netsim::Profile;
+use trimaran_proto::BatchSize;
+
+const FRAMES: u32 = 120;
+
+/// A report of frames whose roles computed one after another, and took these milliseconds: OR, HC, RVG.
+fn report(times: impl Fn(u32) -> [f64; 3]) -> Report {
+    let frame = |number| {
+        let [or, hc, rvg] = times(number);
+        Frame {
+            frame: number,
+            or_ms: Some(or),
+            hc_ms: Some(hc),
+            rvg_ms: Some(rvg),
+            latency_ms: Some(or + hc + rvg),
+            nodes_drawn: Some(u64::from(50 + number % 70)),
+            ..Frame::default()
+        }
+    };
+    let frames: Vec<Frame> = (0..FRAMES).map(frame).collect();
+    let whole: f64 = (1..FRAMES).map(|number| times(number).iter().sum::<f64>()).sum();
+    let lens = Lens { width: 8, height: 8, vfov_deg: 60.0, near: 0.1 };
+    Report::new(run(), lens, frames, Some(whole), Ended::finished(Some(FRAMES)))
+}
+
+fn run() -> Run {
+    let scene = SceneInfo {
+        file: String::new(),
+        hash: String::new(),
+        file_bytes: None,
+        objects: 0,
+        nodes: 0,
+        drawables: 0,
+        triangles: 0,
+        triangles_unique: None,
+        sources: Vec::new(),
+    };
+    Run {
+        version: String::new(),
+        command_line: Vec::new(),
+        started: String::new(),
+        roles: Vec::new(),
+        scene,
+        epsilon_px: 2.0,
+        tester: String::new(),
+        batch: 1024,
+        coding: None,
+        link: "inproc".to_owned(),
+        transport: String::new(),
+        mode: Mode::Lockstep,
+        alone: true,
+        path: String::new(),
+        seed: None,
+        audit_every: None,
+        notes: Vec::new(),
+    }
+}
+
+/// Pictures a second of a simulated session whose roles take what the report says, on a network that takes no
+/// time.
+fn simulated(report: &Report) -> f64 {
+    let folder = tempfile::tempdir().unwrap();
+    let [network, walk] = ["ideal.toml", "report.json"].map(|name| folder.path().join(name));
+    fs::write(&network, "about = \"takes no time\"\nsources = []\n[up]\n").unwrap();
+    fs::write(&walk, serde_json::to_vec(report).unwrap()).unwrap();
+    let scenario = Scenario {
+        network: Profile::find(network.to_str().unwrap()).unwrap(),
+        link: Transport::Tcp,
+        batch: BatchSize::new(1024).unwrap(),
+        frames: FRAMES,
+        seed: 1,
+        workload: Workload::recorded(&walk).unwrap(),
+        knobs: Knobs::default(),
+    };
+    simulate(&scenario).unwrap().frames_per_second
+}
+
+/// A number from 0 to 1 that depends on the frame and `salt` alone.
+fn noise(frame: u32, salt: u32) -> f64 {
+    let mixed = (frame.wrapping_mul(0x9e37_79b9) ^ salt.wrapping_mul(0x85eb_ca6b)).wrapping_mul(0xc2b2_ae35);
+    f64::from(mixed >> 8) / f64::from(1 << 24)
+}
+
+#[test]
+fn the_model_is_what_the_simulator_gives_on_a_network_that_takes_no_time() {
+    let (low, wide) = (|frame, salt| 1.0 + noise(frame, salt), |frame, salt| 30.0 * noise(frame, salt));
+    let jump = |frame: u32| if frame.is_multiple_of(17) { 200.0 } else { 4.0 };
+    type Times<'t> = &'t dyn Fn(u32) -> [f64; 3];
+    let walks: [(&str, Times<'_>); 6] = [
+        ("steady, bound by the pair", &|_| [12.0, 3.0, 9.0]),
+        ("steady, bound by the display", &|_| [5.0, 3.0, 14.0]),
+        ("uneven, bound by now one and now the other", &|f| {
+            [wide(f, 1), wide(f, 2), wide(f, 3) + wide(f, 4)]
+        }),
+        ("HC is short, as on real models", &|f| [10.0 * low(f, 1), 0.3 * low(f, 2), 11.0 * low(f, 3)]),
+        ("now and then a frame takes long", &|f| [low(f, 1), jump(f), jump(f + 5)]),
+        ("the display falls far behind and catches up", &|f| [8.0, 2.0, if f % 20 < 4 { 60.0 } else { 1.0 }]),
+    ];
+    for (name, times) in walks {
+        let report = report(times);
+        let model = report.summary.model.unwrap();
+        let simulated = simulated(&report);
+        assert!((model.fps / simulated - 1.0).abs() < 1e-6, "{name}: {} and {simulated}", model.fps);
+        assert!(model.fps <= model.fps_overlapped, "{name}: {model:?}");
+        assert!((model.fps_at_least / model.fps - 1.0).abs() < 1e-6, "{name}: all time is accounted for");
+    }
+}

@@ -1,0 +1,114 @@
+//! Who sees packets, forges packets or has a listener's address for a moment: a peer goes on trying, and gets in afterwards.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+mod common;
+#[macro_use]
+#[path = "common/meeting.rs"]
+mod meeting;
+#[path = "common/forged.rs"]
+mod forged;
+
+use std::cell::Cell;
+use std::time::Duration;
+
+use common::router::Router;
+use common::{identity, last_failure, net, soon};
+use forged::{Forgery, Initial};
+use meeting::Meeting;
+use trimaran_proto::{Identity, Refusal, Role, SceneHash};
+use trimaran_transport::keys::{Keys, Security};
+use trimaran_transport::{Endpoint, HandshakeError, Link, Listener, Options, connect};
+
+over_every_transport!(a_listener_of_another_scene_is_waited_out);
+
+/// Listens at `at` as `who` once whoever is there has gone.
+async fn bind_when_free(at: &Endpoint, who: Identity, options: &Options) -> Listener {
+    loop {
+        match Listener::bind(&net(), at, who, options).await {
+            Err(error) if error.may_pass() => tokio::task::yield_now().await,
+            listener => return listener.unwrap(),
+        }
+    }
+}
+
+async fn a_listener_of_another_scene_is_waited_out(endpoint: &str) {
+    let Meeting { listener, at, display, ours, _folder } = Meeting::at(endpoint, &Options::default()).await;
+    drop(listener);
+    let net = net();
+    let other = Identity { scene: SceneHash(0xdead), ..identity(Role::SwitchA) };
+    let mut stranger = bind_when_free(&at, other, &ours).await;
+    let waits = async {
+        let known = last_failure(&mut stranger).await;
+        assert!(matches!(known, HandshakeError::Refused(Refusal::Scene { .. })), "{known:?}");
+        drop(stranger);
+        bind_when_free(&at, identity(Role::SwitchA), &ours).await.accept(soon(&net)).await
+    };
+    let (there, here) =
+        tokio::join!(connect(&net, &at, identity(Role::Display), &display, soon(&net)), waits);
+    assert!(there.is_ok() && here.is_ok(), "{there:?} {here:?}");
+}
+
+/// The stranger has keys that the display does not know, or does not know those of the display.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_listener_whose_keys_do_not_fit_is_waited_out() {
+    for knows_us in [true, false] {
+        let Meeting { listener, at, display, ours, _folder } =
+            Meeting::at("quic://127.0.0.1:0", &Options::default()).await;
+        drop(listener);
+        let keys = Keys::generate("stranger".parse().unwrap()).unwrap();
+        let security = ours.security.clone().unwrap();
+        let security = match knows_us {
+            true => Security { keys, ..security },
+            false => Security { peers: vec![keys.public().clone().into()], ..security },
+        };
+        let strange = Options { security: Some(security), ..ours.clone() };
+        let mut stranger = bind_when_free(&at, identity(Role::SwitchA), &strange).await;
+        let net = net();
+        let waits = async {
+            last_failure(&mut stranger).await;
+            drop(stranger);
+            bind_when_free(&at, identity(Role::SwitchA), &ours).await.accept(soon(&net)).await
+        };
+        let (there, here) =
+            tokio::join!(connect(&net, &at, identity(Role::Display), &display, soon(&net)), waits);
+        assert!(there.is_ok() && here.is_ok(), "{knows_us}: {there:?} {here:?}");
+    }
+}
+
+/// Somebody on the way sees the first packets of a handshake and forges an answer before the listener's arrives.
+async fn gets_in_in_spite_of(forgery: Forgery) -> (Link, Link) {
+    // An attempt that a forgery has led astray ends with this.
+    let options = Options { handshake: Duration::from_millis(500), ..Options::default() };
+    let Meeting { mut listener, at, display, .. } = Meeting::at("quic://127.0.0.1:0", &options).await;
+    let router = Router::before(&at).await;
+    let (forged, mut attempts) = (Cell::new(0), Vec::new());
+    let observed = router.pass_and_forge(&forged, |datagram| {
+        let initial = Initial::parse(datagram)?;
+        let known = attempts.contains(&initial.source);
+        if !known {
+            attempts.push(initial.source.clone());
+        }
+        (attempts.len() <= 2 && !known).then(|| initial.forge(forgery))
+    });
+    let net = net();
+    let links = tokio::select! {
+        links = async {
+            tokio::join!(
+                connect(&net, &router.at, identity(Role::Display), &display, soon(&net)),
+                listener.accept(soon(&net)),
+            )
+        } => (links.0.unwrap(), links.1.unwrap()),
+        () = observed => unreachable!(),
+    };
+    assert!(forged.get() > 0, "{forgery:?}: nothing was forged");
+    links
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn forged_packets_end_no_attempt_to_connect_over_quic() {
+    for forgery in Forgery::ALL {
+        let (there, here) = gets_in_in_spite_of(forgery).await;
+        assert_eq!(there.peer.session, here.peer.session, "{forgery:?}");
+    }
+}

@@ -1,0 +1,60 @@
+//! A listener that has several addresses answers from the one that was asked: its peer takes answers from no other.
+#![cfg(target_os = "linux")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
+
+mod common;
+
+use std::net::SocketAddr;
+
+use common::udp::shared;
+use common::{camera, identity, ids, net, receive, soon, start};
+use trimaran_proto::Role;
+use trimaran_transport::{Endpoint, Listener, connect};
+
+/// A display asks a listener at `at` for a link by way of `asked`, another of its addresses than the system would answer from; both talk.
+async fn asks(at: &str, asked: &str) {
+    let (net, options) = (net(), shared(1));
+    let Ok(mut listener) =
+        Listener::bind(&net, &format!("udp://{at}").parse().unwrap(), identity(Role::SwitchA), &options)
+            .await
+    else {
+        println!("skipped: no such address here: {at}");
+        return;
+    };
+    let Endpoint::Udp(bound) = listener.local_endpoint() else { panic!("{:?}", listener.local_endpoint()) };
+    let port = bound.at.to_string().parse::<SocketAddr>().unwrap().port();
+    let there = format!("udp://{asked}:{port}").parse().unwrap();
+    let (display, machine) = tokio::join!(
+        connect(&net, &there, identity(Role::Display), &options, soon(&net)),
+        listener.accept(soon(&net)),
+    );
+    let (mut display, mut machine) = (display.unwrap(), machine.unwrap());
+    for number in 0..3 {
+        display.latest_tx.publish(camera(number)).unwrap();
+        assert_eq!(machine.latest_rx.latest().await.unwrap(), camera(number));
+        machine.frames_tx.begin(start(number)).await.unwrap();
+        machine.frames_tx.push(&ids(5000)).await.unwrap();
+        machine.frames_tx.finish().await.unwrap();
+        assert_eq!(receive(&mut display.frames_rx).await.unwrap().ids, ids(5000));
+    }
+}
+
+/// All of 127.0.0.0/8 is on the loopback interface, and answers to 127.0.0.1 leave from there unless they are told otherwise.
+#[tokio::test]
+async fn a_listener_at_every_address_answers_from_the_one_that_was_asked() {
+    for asked in ["127.0.0.1", "127.0.0.2", "127.1.2.3"] {
+        asks("0.0.0.0:0", asked).await;
+    }
+}
+
+#[tokio::test]
+async fn a_listener_for_both_families_answers_from_the_address_that_was_asked() {
+    for asked in ["127.0.0.2", "[::1]"] {
+        asks("[::]:0", asked).await;
+    }
+}
+
+#[tokio::test]
+async fn a_listener_at_one_address_answers_from_there() {
+    asks("127.0.0.3:0", "127.0.0.3").await;
+}

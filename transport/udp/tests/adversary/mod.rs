@@ -1,0 +1,386 @@
+//! Packets of a peer that knows the key and wants each of their bytes to cost as much as it can.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test or a benchmark that cannot go on has failed")]
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use bytes::BytesMut;
+use trimaran_proto::{Camera, FrameEnd, FrameMessage, FrameNumber, FrameStart, IdBatch, Instant, Message};
+use trimaran_udp::{Config, Connection, ConnectionId};
+
+use crate::wire::{Block, acknowledgement, give_up, part, repair, sealed, varint};
+
+pub const HERE: ConnectionId = ConnectionId(10);
+pub const THERE: ConnectionId = ConnectionId(20);
+/// Chunks of a packet of 1,200 bytes.
+const ROOM: usize = 1172;
+/// The credit that a connection gives at first, bytes.
+const WINDOW: u64 = 4 << 20;
+
+pub fn start() -> Instant {
+    Instant::from_nanos(1_000_000_000)
+}
+
+/// One way to spend this side's time.
+pub struct Attack {
+    pub name: &'static str,
+    /// Packets that only bring the connection into the state that is attacked.
+    pub before: Vec<Vec<u8>>,
+    pub packets: Vec<Vec<u8>>,
+}
+
+/// A connection under attack: each packet is taken, what came is read, and what is to be said is said.
+pub struct Victim {
+    pub connection: Connection,
+    pub now: Instant,
+    out: Vec<u8>,
+}
+
+impl Victim {
+    pub fn new() -> Self {
+        let mut connection = Connection::plaintext(start(), HERE, THERE, Config::default());
+        connection.follow(at(1), [7; 32]);
+        Self { connection, now: start(), out: Vec::new() }
+    }
+
+    pub fn take(&mut self, packet: &[u8]) {
+        self.now = self.now.after(Duration::from_micros(10));
+        self.connection.handle_from(self.now, at(1), packet);
+        while self.connection.recv().is_some() {}
+        self.answer();
+    }
+
+    pub fn answer(&mut self) {
+        if self.connection.poll_timeout().is_some_and(|due| due <= self.now) {
+            self.connection.handle_timeout(self.now);
+        }
+        while self.connection.poll_transmit(self.now, &mut self.out) {}
+    }
+}
+
+fn at(host: u8) -> SocketAddr {
+    ([10, 0, 0, host], 1).into()
+}
+
+/// Collects chunks into packets as full as they may be.
+#[derive(Default)]
+struct Packets {
+    number: u64,
+    open: Vec<u8>,
+    done: Vec<Vec<u8>>,
+}
+
+impl Packets {
+    fn push(&mut self, chunk: &[u8]) {
+        if self.open.len() + chunk.len() > ROOM {
+            self.flush();
+        }
+        self.open.extend_from_slice(chunk);
+    }
+
+    fn flush(&mut self) {
+        if !self.open.is_empty() {
+            self.done.push(sealed(HERE.0, self.number, &self.open));
+            self.number += 1;
+            self.open.clear();
+        }
+    }
+
+    /// What was collected since the last time.
+    fn take(&mut self) -> Vec<Vec<u8>> {
+        self.flush();
+        std::mem::take(&mut self.done)
+    }
+}
+
+/// The beginning of a frame.
+fn begin() -> Vec<u8> {
+    let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(0)).unwrap();
+    let mut bytes = BytesMut::new();
+    let frame = FrameStart { frame: FrameNumber(0), camera };
+    Message::Frame(FrameMessage::Begin(frame)).encode(&mut bytes);
+    bytes.to_vec()
+}
+
+/// Bytes of a unit in parts of a thousand, but for those in `missing`.
+fn parts(packets: &mut Packets, unit: u64, length: u64, missing: &[u64]) {
+    for offset in (0..length).step_by(1000) {
+        if !missing.contains(&offset) {
+            let size = (length - offset).min(1000) as usize;
+            packets.push(&part(unit, offset, 0, &vec![1; size]));
+        }
+    }
+}
+
+/// Shards of a thousand bytes, 64 of them in a block, two of them missing.
+const FULL: u64 = 64_000;
+
+/// Everything that is tried. `times` is how often the dearest step is taken.
+pub fn attacks(times: u64) -> Vec<Attack> {
+    vec![
+        repair_for_many_blocks_in_one_place(times),
+        repair_for_many_blocks_side_by_side(times),
+        small_blocks(times),
+        small_blocks_of_one_repair_shard(times),
+        blocks_that_a_byte_completes(times),
+        repair_without_an_end(times),
+        a_byte_at_the_end_of_the_window(times),
+        bytes_backwards(times),
+        bytes_with_gaps(times),
+        the_last_unit_allowed(times),
+        ends_of_units(times),
+        acknowledgements(times),
+        answers_to_no_question(times),
+        endings_of_the_cameras(times),
+        pings_in_packets_of_their_own(times),
+    ]
+}
+
+/// 256 blocks over the same bytes, each with a repair shard and two shards missing; then single bytes.
+fn repair_for_many_blocks_in_one_place(times: u64) -> Attack {
+    let mut packets = Packets::default();
+    parts(&mut packets, 0, FULL, &[1000, 2000]);
+    for other in 0..256 {
+        let block = Block { unit: 0, offset: 0, length: FULL - other, shard: 1000, count: 32 };
+        packets.push(&repair(block, 0));
+    }
+    let before = packets.take();
+    (0..times).for_each(|_| packets.push(&part(0, 70_000, 0, &[1])));
+    Attack { name: "repair for many blocks in one place", before, packets: packets.take() }
+}
+
+/// As many blocks as the window holds, each with a repair shard and two shards missing; then single bytes in all of them.
+fn repair_for_many_blocks_side_by_side(times: u64) -> Attack {
+    let mut packets = Packets::default();
+    let blocks = WINDOW / FULL - 1;
+    for at in 0..blocks {
+        let offset = at * FULL;
+        for shard in (0..FULL).step_by(1000).filter(|shard| !matches!(shard, 1000 | 2000)) {
+            packets.push(&part(0, offset + shard, 0, &[1; 1000]));
+        }
+        packets.push(&repair(Block { unit: 0, offset, length: FULL, shard: 1000, count: 32 }, 0));
+    }
+    let before = packets.take();
+    (0..times).for_each(|at| packets.push(&part(0, at % blocks * FULL, 0, &[1])));
+    Attack { name: "repair for many blocks side by side", before, packets: packets.take() }
+}
+
+/// Blocks of two shards and two of repair, as small as may be, each restored.
+fn small_blocks(times: u64) -> Attack {
+    let mut packets = Packets::default();
+    for at in 0..times {
+        let block = Block { unit: 0, offset: at * 4, length: 4, shard: 2, count: 2 };
+        packets.push(&part(0, block.offset, 0, &[1; 2]));
+        packets.push(&repair(block, 0));
+    }
+    Attack { name: "small blocks of two repair shards", before: Vec::new(), packets: packets.take() }
+}
+
+/// Blocks of two shards and one of repair, as small as may be, each restored.
+fn small_blocks_of_one_repair_shard(times: u64) -> Attack {
+    let mut packets = Packets::default();
+    for at in 0..times {
+        let block = Block { unit: 0, offset: at * 4, length: 4, shard: 2, count: 1 };
+        packets.push(&part(0, block.offset, 0, &[1; 2]));
+        packets.push(&repair(block, 0));
+    }
+    Attack { name: "small blocks of one repair shard", before: Vec::new(), packets: packets.take() }
+}
+
+/// Blocks of two shards of 512 bytes and two of repair: what comes last of each is a byte.
+fn blocks_that_a_byte_completes(times: u64) -> Attack {
+    let mut packets = Packets::default();
+    for at in 0..times.min(4000) {
+        let block = Block { unit: 0, offset: at * 1024, length: 1024, shard: 512, count: 2 };
+        packets.push(&part(0, block.offset, 0, &[1; 511]));
+        packets.push(&repair(block, 0));
+        packets.push(&part(0, block.offset + 511, 0, &[1]));
+    }
+    Attack { name: "blocks that a byte completes", before: Vec::new(), packets: packets.take() }
+}
+
+/// More repair than there is place for.
+fn repair_without_an_end(times: u64) -> Attack {
+    let mut packets = Packets::default();
+    for at in 0..times {
+        let block = Block { unit: at % 1000, offset: 0, length: 1024, shard: 512, count: 32 };
+        packets.push(&repair(block, (at / 1000 % 32) as u8));
+    }
+    Attack { name: "more repair than there is place for", before: Vec::new(), packets: packets.take() }
+}
+
+/// A frame of which a single byte comes, at the end of all that may be sent, and then word that no more comes.
+fn a_byte_at_the_end_of_the_window(times: u64) -> Attack {
+    let mut packets = Packets::default();
+    for unit in 0..times.min(200) {
+        packets.push(&part(unit, 0, 0, &begin()));
+        packets.push(&part(unit, WINDOW - 1, 0, &[1]));
+        packets.push(&give_up(unit, WINDOW));
+        // Each frame makes room for the next one once it was read.
+        packets.flush();
+    }
+    Attack { name: "a byte at the end of the window", before: Vec::new(), packets: packets.take() }
+}
+
+/// Single bytes with gaps between them, the last one first.
+fn bytes_backwards(times: u64) -> Attack {
+    let mut packets = Packets::default();
+    let count = times.min(4000);
+    (0..count).rev().for_each(|at| packets.push(&part(0, 1 + at * 2, 0, &[1])));
+    Attack { name: "bytes with gaps, backwards", before: Vec::new(), packets: packets.take() }
+}
+
+/// Ids with gaps between them, passed on once the frame is given up.
+fn bytes_with_gaps(times: u64) -> Attack {
+    let mut packets = Packets::default();
+    for unit in 0..times.div_ceil(4000) {
+        packets.push(&part(unit, 0, 0, &begin()));
+        (0..4000).for_each(|at| packets.push(&part(unit, 88 + at * 8, 0, &[1; 4])));
+        packets.push(&give_up(unit, 40_000));
+        packets.flush();
+    }
+    Attack { name: "ids with gaps, given up", before: Vec::new(), packets: packets.take() }
+}
+
+/// The last unit that may be sent, in packets of their own; and all units before it end.
+fn the_last_unit_allowed(times: u64) -> Attack {
+    let mut packets = Packets::default();
+    for round in 0..times.div_ceil(2000) {
+        packets.push(&part(round * 1024 + 1023, 0, 0, &[]));
+        packets.flush();
+        for unit in 0..1024 {
+            packets.push(&part(round * 1024 + unit, 0, 2, &[]));
+        }
+        packets.flush();
+    }
+    Attack { name: "the last unit allowed", before: Vec::new(), packets: packets.take() }
+}
+
+/// Units that are nothing but their end.
+fn ends_of_units(times: u64) -> Attack {
+    let mut packets = Packets::default();
+    for unit in 0..times {
+        packets.push(&part(unit, 0, 2, &[]));
+    }
+    Attack { name: "units of nothing", before: Vec::new(), packets: packets.take() }
+}
+
+/// Acknowledgements of the same packets, with as many ranges as may be.
+fn acknowledgements(times: u64) -> Attack {
+    let mut packets = Packets::default();
+    (0..100).for_each(|_| {
+        packets.push(&[0x01]);
+        packets.flush();
+    });
+    let before = packets.take();
+    let ranges: Vec<_> = (0..32).map(|at| (at * 2, at * 2 + 1)).collect();
+    (0..times).for_each(|_| packets.push(&acknowledgement(&ranges)));
+    Attack { name: "acknowledgements again", before, packets: packets.take() }
+}
+
+fn answers_to_no_question(times: u64) -> Attack {
+    let mut packets = Packets::default();
+    for code in [6, 7] {
+        (0..times).for_each(|_| packets.push(&[&[code][..], &[9; 24]].concat()));
+    }
+    Attack { name: "challenges and responses", before: Vec::new(), packets: packets.take() }
+}
+
+fn endings_of_the_cameras(times: u64) -> Attack {
+    let mut packets = Packets::default();
+    (0..times).for_each(|_| packets.push(&[0x11, 9, 5, 0, 4, 1, 0, 0, 0]));
+    Attack { name: "last cameras", before: Vec::new(), packets: packets.take() }
+}
+
+fn pings_in_packets_of_their_own(times: u64) -> Attack {
+    let mut packets = Packets::default();
+    (0..times.min(20_000)).for_each(|_| {
+        packets.push(&[0x01]);
+        packets.flush();
+    });
+    Attack { name: "pings", before: Vec::new(), packets: packets.take() }
+}
+
+/// Frames as an honest peer sends them.
+pub fn ordinary(frames: u32, ids: u32) -> Attack {
+    let mut sender = Connection::plaintext(start(), THERE, HERE, Config::default());
+    let mut receiver = Connection::plaintext(start(), HERE, THERE, Config::default());
+    let (mut now, mut out, mut packets) = (start(), Vec::new(), Vec::new());
+    for frame in 0..frames {
+        send_frame(&mut sender, frame, ids);
+        while !sender.is_drained() {
+            now = now.after(Duration::from_millis(1));
+            while sender.poll_transmit(now, &mut out) {
+                receiver.handle(now, &out);
+                packets.push(out.clone());
+            }
+            while receiver.recv().is_some() {}
+            now = now.after(Duration::from_millis(1));
+            while receiver.poll_transmit(now, &mut out) {
+                sender.handle(now, &out);
+            }
+            sender.handle_timeout(now);
+        }
+    }
+    Attack { name: "ordinary frames", before: Vec::new(), packets }
+}
+
+pub fn send_frame(sender: &mut Connection, frame: u32, ids: u32) {
+    let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(frame)).unwrap();
+    sender.send(FrameMessage::Begin(FrameStart { frame: FrameNumber(frame), camera }));
+    for first in (0..ids).step_by(256) {
+        let bytes: Vec<u8> = (first..ids.min(first + 256)).flat_map(u32::to_le_bytes).collect();
+        sender.send(FrameMessage::Ids(IdBatch::new(bytes.into()).unwrap()));
+    }
+    sender.send(FrameMessage::End(FrameEnd { frame: FrameNumber(frame), ids, hash: 0 }));
+}
+
+/// A sender of small frames, all of which its peer acknowledges but the first: what is kept behind it, and then pings.
+pub fn frames_behind_one_that_never_arrives(frames: u32, pings: u64) -> (Victim, Vec<Vec<u8>>) {
+    let mut victim = Victim::new();
+    let (mut out, mut number) = (Vec::new(), 0);
+    let mut credit = vec![0x03];
+    varint(&mut credit, u64::MAX);
+    varint(&mut credit, u64::MAX);
+    victim.take(&sealed(HERE.0, number, &credit));
+    for frame in 0..frames {
+        if !victim.connection.is_writable() {
+            break;
+        }
+        send_frame(&mut victim.connection, frame, 0);
+        victim.now = victim.now.after(Duration::from_millis(1));
+        let mut arrived = Vec::new();
+        while victim.connection.poll_transmit(victim.now, &mut out) {
+            let word = u64::from_le_bytes(out[..8].try_into().unwrap());
+            // The oldest unit is written first: a part of unit 0, from its beginning on.
+            if !out.windows(3).take(60).any(|bytes| bytes == [0x23, 0, 0]) {
+                arrived.push((word >> 2, (word >> 2) + 1));
+            }
+        }
+        if !arrived.is_empty() {
+            number += 1;
+            let start = arrived.len().saturating_sub(32);
+            victim.now = victim.now.after(Duration::from_millis(1));
+            victim.connection.handle_from(
+                victim.now,
+                at(1),
+                &sealed(HERE.0, number, &acknowledgement(&merged(&arrived[start..]))),
+            );
+            victim.connection.handle_timeout(victim.now);
+        }
+    }
+    let packets = (0..pings).map(|at| sealed(HERE.0, number + 1 + at, &[0x01])).collect();
+    (victim, packets)
+}
+
+/// Ranges that touch become one.
+fn merged(ranges: &[(u64, u64)]) -> Vec<(u64, u64)> {
+    let mut merged: Vec<(u64, u64)> = Vec::new();
+    for (from, to) in ranges {
+        match merged.last_mut() {
+            Some(last) if last.1 == *from => last.1 = *to,
+            _ => merged.push((*from, *to)),
+        }
+    }
+    merged
+}
