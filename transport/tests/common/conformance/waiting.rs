@@ -26,7 +26,7 @@ pub(crate) async fn a_slow_receiver_holds_the_sender_back(pairs: &impl Pairs) {
 }
 
 pub(crate) async fn a_receiver_that_catches_up_gets_everything(pairs: &impl Pairs) {
-    let (mut a, mut display) = pairs.pair(batches_of(16_384)).await;
+    let (mut a, mut display) = pairs.pair(LinkConfig { max_frame: 16 << 20, ..batches_of(16_384) }).await;
     let all = ids(16 << 20);
     let writer = async {
         a.frames_tx.begin(start(0)).await.unwrap();
