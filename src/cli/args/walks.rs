@@ -92,8 +92,8 @@ pub(crate) struct WalkArgs {
     /// The Vulkan device, by a part of its name [default: the best there is].
     #[arg(long, value_name = "NAME")]
     pub(crate) device: Option<String>,
-    /// Let the roles compute one after another, so that no busy time contains another role's work: slower,
-    /// and what a model of three machines is made of. The frames are the same. Within one process only.
+    /// Let the roles compute one after another, so that no busy time contains another role's work: a model of three
+    /// machines is made of such times. The frames are the same. Within one process only.
     #[arg(long)]
     pub(crate) alone: bool,
     /// Check every N-th frame against the unculled picture and the exactly visible set; 0 checks none.
