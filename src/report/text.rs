@@ -58,7 +58,7 @@ pub fn summary(report: &Report) -> String {
     let none = "not measured";
     let fps = with_unit(summary.measured_fps, "frames/s", none);
     if report.run.alone {
-        out += &format!("in turn    {fps} on this machine, one role after another: slower than a walk\n");
+        out += &format!("in turn    {fps} on this machine, one role after another: not a walk's speed\n");
     } else {
         out += &format!("measured   {fps} on this machine\n");
         out += &format!("model      none: {}\n", model_hint(&report.run));

@@ -95,8 +95,8 @@ pub(crate) struct WalkArgs {
     /// How long the device may make no progress before it counts as hung, seconds.
     #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = positive)]
     pub(crate) device_timeout: f64,
-    /// Let the roles compute one after another, so that no busy time contains another role's work: slower,
-    /// and what a model of three machines is made of. The frames are the same. Within one process only.
+    /// Let the roles compute one after another, so that no busy time contains another role's work: a model of three
+    /// machines is made of such times. The frames are the same. Within one process only.
     #[arg(long)]
     pub(crate) alone: bool,
     /// Check every N-th frame against the unculled picture and the exactly visible set; 0 checks none.

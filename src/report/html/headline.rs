@@ -81,7 +81,7 @@ fn tiles(report: &Report) -> [String; 6] {
         |s| format!("p95 {} ms, worst {} ms", figure(s.p95), figure(s.max)),
     );
     let (measured, and_so) = if report.run.alone {
-        ("one role after another", "slower than a walk: the roles took turns")
+        ("one role after another", "not a walk's speed: the roles took turns")
     } else {
         ("measured, this machine", "")
     };

@@ -33,7 +33,7 @@ pub struct Run {
     /// Whether every camera of the path became a frame, or the newest camera won.
     pub mode: Mode,
     /// Whether the roles computed one after another. Then no busy time contains another role's work, and the
-    /// frames came slower than in a walk.
+    /// frames' rate is not that of a walk.
     #[serde(default)]
     pub alone: bool,
     /// Where the cameras came from: `auto`, or the path file.
