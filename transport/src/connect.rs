@@ -183,7 +183,7 @@ pub async fn connect(
         let attempt = attempt(net, endpoint, &introduction);
         let last = match until(&**net, patience, attempt).await {
             Some(Ok(link)) => return Ok(link),
-            Some(Err(e)) if patience == deadline && e.is_silence() => (known.unwrap_or(e), false),
+            Some(Err(e)) if patience == deadline && e.is_silence() => known.unwrap_or(e),
             Some(Err(cause)) if cause.is_final() => {
                 return Err(ConnectError::Failed { endpoint: endpoint.clone(), cause });
             }
