@@ -4,22 +4,31 @@
 #[path = "../transport/tests/common/ports.rs"]
 mod ports;
 
-use std::fs;
+use std::env;
+use std::ffi::OsStr;
+use std::fs::{self, Permissions};
 use std::io::{BufRead, BufReader};
-use std::path::Path;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
 use ports::unused_port;
 use tempfile::TempDir;
 
-const UNITS: [&str; 2] = ["switch", "display"];
+/// The kinds of roles, each with its unit and the name of the configuration that the unit reads.
+const UNITS: [(&str, &str, &str); 2] =
+    [("switch", "trimaran-switch@.service", "%i"), ("display", "trimaran-display.service", "display")];
 const INSTALLED: &str = "/usr/bin/trimaran";
 /// The exit code for what waiting does not mend.
 const UNUSABLE: i32 = 2;
 
+fn path(unit: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/systemd").join(unit)
+}
+
 fn unit(role: &str) -> String {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/systemd");
-    fs::read_to_string(folder.join(format!("trimaran-{role}.service"))).unwrap()
+    let (_, unit, _) = UNITS.into_iter().find(|(name, ..)| *name == role).unwrap();
+    fs::read_to_string(path(unit)).unwrap()
 }
 
 /// What a unit says for a key that it has once.
@@ -35,7 +44,8 @@ fn serve(role: &str, folder: &TempDir, configuration: &str) -> Output {
     let unit = unit(role);
     let words: Vec<&str> = value(&unit, "ExecStart").split(' ').collect();
     let [program, arguments @ .., installed] = &words[..] else { panic!("{words:?}") };
-    assert_eq!((*program, *installed), (INSTALLED, &*format!("/etc/trimaran/{role}.toml")));
+    let (.., name) = UNITS.into_iter().find(|(name, ..)| *name == role).unwrap();
+    assert_eq!((*program, *installed), (INSTALLED, &*format!("/etc/trimaran/{name}.toml")));
     let path = folder.path().join("role.toml");
     fs::write(&path, configuration).unwrap();
     Command::new(env!("CARGO_BIN_EXE_trimaran")).args(arguments).arg(path).output().unwrap()
@@ -44,8 +54,10 @@ fn serve(role: &str, folder: &TempDir, configuration: &str) -> Output {
 #[test]
 fn a_configuration_that_cannot_be_used_ends_a_service_for_good() {
     let folder = tempfile::tempdir().unwrap();
-    for role in UNITS {
-        assert_eq!(value(&unit(role), "RestartPreventExitStatus"), UNUSABLE.to_string());
+    for (role, ..) in UNITS {
+        // A walk that ended early is reported with 3, and a new one would replace the report.
+        let down = if role == "display" { format!("{UNUSABLE} 3") } else { UNUSABLE.to_string() };
+        assert_eq!(value(&unit(role), "RestartPreventExitStatus"), down);
         let output = serve(role, &folder, "scene = 'none.scene'\nsaet = 'first'\n");
         assert_eq!(output.status.code(), Some(UNUSABLE), "{role}: {output:?}");
         let said = String::from_utf8(output.stderr).unwrap();
@@ -118,22 +130,73 @@ fn a_machine_whose_place_is_still_held_for_the_process_before_waits_for_it() {
     }
 }
 
+/// What `systemd-analyze` says, or `None` where there is none and none is required.
+fn systemd_analyze(arguments: &[&OsStr]) -> Option<Output> {
+    match Command::new("systemd-analyze").args(arguments).output() {
+        Ok(output) => Some(output),
+        Err(error) => {
+            assert_ne!(env::var("TRIMARAN_REQUIRE_SYSTEMD").as_deref(), Ok("1"), "systemd-analyze: {error}");
+            println!("skipped: no systemd-analyze ({error}); ./x setup installs it");
+            None
+        }
+    }
+}
+
 #[test]
 fn systemd_takes_the_units() {
     let folder = tempfile::tempdir().unwrap();
-    let paths = UNITS.map(|role| {
-        let path = folder.path().join(format!("trimaran-{role}.service"));
+    for (role, name, _) in UNITS {
+        let path = folder.path().join(name);
         fs::write(&path, unit(role).replace(INSTALLED, env!("CARGO_BIN_EXE_trimaran"))).unwrap();
-        path
-    });
-    let Ok(verified) = Command::new("systemd-analyze").args(["verify", "--man=no"]).args(paths).output()
-    else {
-        return println!("skipped: there is no systemd-analyze");
-    };
-    // It ends well though it ignores keys that it does not know, and not where other units of the machine have faults.
-    let said = String::from_utf8(verified.stderr).unwrap();
-    assert!(!said.contains("trimaran-"), "{said}");
-    if !verified.status.success() {
-        println!("skipped: systemd-analyze cannot judge here: {said}");
+        let Some(verified) = systemd_analyze(&["verify".as_ref(), "--man=no".as_ref(), path.as_ref()]) else {
+            return;
+        };
+        // It ends well though it ignores keys that it does not know, and not where other units of the machine have faults.
+        let said = String::from_utf8(verified.stderr).unwrap();
+        let newer = |line: &&str| line.contains("Unknown key 'Restart") && !line.contains("RestartSec'");
+        let faults: Vec<&str> =
+            said.lines().filter(|line| line.contains("trimaran-")).filter(|line| !newer(line)).collect();
+        assert!(faults.is_empty(), "{faults:?}");
+        if !verified.status.success() {
+            println!("skipped: systemd-analyze cannot judge here: {said}");
+        }
+    }
+}
+
+#[test]
+fn the_units_leave_little_exposed() {
+    for (_, name, _) in UNITS {
+        let arguments = ["security", "--no-pager", "--offline=true", "--threshold=20"].map(OsStr::new);
+        let path = path(name);
+        let Some(judged) = systemd_analyze(&[&arguments[..], &[path.as_ref()]].concat()) else { return };
+        assert!(judged.status.success(), "{}", String::from_utf8_lossy(&judged.stdout));
+    }
+}
+
+#[test]
+fn keys_that_systemd_hands_over_may_be_readable_by_their_group() {
+    let (folder, socket) = place();
+    let at = |name: &str| folder.path().join(name);
+    let made = Command::new(env!("CARGO_BIN_EXE_trimaran"))
+        .args(["keys", "new", "first", "--out"])
+        .arg(folder.path())
+        .output()
+        .unwrap();
+    assert!(made.status.success(), "{made:?}");
+    let configuration = format!(
+        "scene = 'plant.scene'\nseat = 'first'\npatience_s = 0.2\ndisplay = {socket}\npair = 'quic://127.0.0.1:0'\n\
+         keys = 'first.key'\npeers.other = 'first.pub'\n"
+    );
+    fs::write(at("role.toml"), configuration).unwrap();
+    for (mode, credentials, refused) in
+        [(0o440, folder.path(), false), (0o440, &*at("another"), true), (0o444, folder.path(), true)]
+    {
+        fs::set_permissions(at("first.key"), Permissions::from_mode(mode)).unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
+        command.args(["role", "switch", "--config"]).arg(at("role.toml"));
+        let output = command.env("CREDENTIALS_DIRECTORY", credentials).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(said.contains("others may read"), refused, "{mode:o}: {said}");
+        assert_eq!(output.status.code(), Some(if refused { UNUSABLE } else { 1 }), "{mode:o}: {said}");
     }
 }

@@ -1,0 +1,198 @@
+//! The services of `deploy/systemd` under a real systemd: as docs/guide.md installs them, started in any order,
+//! killed and restarted.
+//!
+//! Needs Linux, root and systemd. Elsewhere the tests say that they are skipped, and fail if
+//! `TRIMARAN_REQUIRE_SYSTEMD` is 1.
+#![cfg(target_os = "linux")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
+#![allow(clippy::disallowed_methods, reason = "services keep the system's time")]
+
+mod deployment;
+mod machine;
+
+use std::env;
+use std::io::{BufRead, BufReader};
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::{fs, panic};
+
+use deployment::{DISPLAY, FIRST, Over, SECOND, Walk};
+use machine::Machine;
+use rustix::process::{Pid, Signal, kill_process_group};
+
+/// The three services in every order.
+const ORDERS: [[(&str, u16); 3]; 6] = [
+    [DISPLAY, FIRST, SECOND],
+    [DISPLAY, SECOND, FIRST],
+    [FIRST, DISPLAY, SECOND],
+    [SECOND, DISPLAY, FIRST],
+    [FIRST, SECOND, DISPLAY],
+    [SECOND, FIRST, DISPLAY],
+];
+
+#[test]
+fn services_start_in_any_order_and_show_what_one_process_shows() {
+    for over in [Over::Quic, Over::Unix] {
+        let Some(machine) = Machine::boot("order") else { return };
+        let walk = Walk::in_one_process(20);
+        walk.install(&machine, over);
+        walk.is_shown(&machine); // as the guide started them
+        for order in ORDERS {
+            machine.run("systemctl stop 'trimaran-*'");
+            for (service, _) in order {
+                machine.run(&format!("systemctl start {service}"));
+            }
+            walk.is_shown(&machine);
+        }
+    }
+}
+
+/// Waits until the process that now runs a service takes part in a walk.
+fn walks(machine: &Machine, (service, port): (&str, u16)) {
+    machine.wait_for(&format!("{service} in a walk"), || {
+        let links: serde_json::Value = serde_json::from_str(&machine.get(port, "/links")?).ok()?;
+        let frames = |direction: &str| links[0][direction]["frames"].as_u64();
+        (frames("received")? + frames("sent")? >= 5).then_some(())
+    });
+}
+
+/// Does something to each service in turn in a walk. Each is then another process that takes its place, and no
+/// frame is missing.
+fn in_walks(name: &str, act: impl Fn(&Machine, &str)) {
+    let walk = Walk::in_one_process(200);
+    for over in [Over::Quic, Over::Unix] {
+        let Some(machine) = Machine::boot(name) else { return };
+        walk.install(&machine, over);
+        for turns in [&[FIRST, SECOND][..], &[DISPLAY]] {
+            // For the first walk the guide has started it already.
+            machine.run("systemctl start trimaran-display");
+            for turn in turns {
+                let process = || machine.run(&format!("systemctl show -P MainPID {}", turn.0));
+                // Another one holds the walk, however fast it is, until this one is another process.
+                let hold = machine.freezer(if *turn == DISPLAY { FIRST.0 } else { DISPLAY.0 });
+                walks(&machine, *turn);
+                fs::write(&hold, "1").unwrap();
+                let before = process();
+                act(&machine, turn.0);
+                machine
+                    .wait_for("the next process", || (!["0", &before].contains(&&*process())).then_some(()));
+                fs::write(&hold, "0").unwrap();
+                walks(&machine, *turn);
+            }
+            let report = walk.is_shown(&machine);
+            // A display that is started again begins anew, without a note.
+            let stops = if turns == [DISPLAY] { 0 } else { turns.len() };
+            let notes = report["run"]["notes"].to_string();
+            assert!(notes.matches("the session stopped before").count() >= stops, "{over:?}: {notes}");
+        }
+    }
+}
+
+#[test]
+fn a_service_that_is_killed_in_a_walk_takes_its_place_again_and_no_frame_is_missing() {
+    in_walks("killed", |machine, service| {
+        machine.run(&format!("systemctl kill --signal=KILL {service}"));
+    });
+}
+
+#[test]
+fn a_service_that_is_restarted_in_a_walk_takes_its_place_again_and_no_frame_is_missing() {
+    in_walks("restarted", |machine, service| {
+        machine.run(&format!("systemctl restart {service}"));
+    });
+}
+
+/// What a service tries that is not its work, and at last what is.
+const TRIES: &str = r#"
+try() { if eval "$1" >/dev/null 2>&1; then echo "could: $1"; fi; }
+try 'ls /home'
+try 'ls /proc/1'
+try 'cat /run/credentials/trimaran-switch@second.service/keys'
+try 'unshare --user true'
+try 'perl -e "socket(S, 16, 3, 0) or exit 1"'
+try 'taskset --cpu-list --pid 0 $$'
+try 'touch /tmp/a && chmod u+s /tmp/a'
+try 'ls /tmp/of-others'
+try 'dd if=/run/trimaran/device count=0'
+try '[ "$(ulimit -H -c)" != 0 ]'
+try 'touch /etc/trimaran/a'
+try 'touch /run/trimaran/a /var/lib/trimaran/a /var/cache/trimaran/a'
+"#;
+
+#[test]
+fn a_service_can_do_little_beside_its_work() {
+    let Some(machine) = Machine::boot("exposed") else { return };
+    Walk::in_one_process(2).install(&machine, Over::Quic);
+    // What anybody may use but for the service's own limits.
+    machine.run(
+        "mknod -m 666 /run/trimaran/device c 10 200; mkdir -m 777 /tmp/of-others; chmod 777 /etc/trimaran",
+    );
+    fs::write(machine.path("/run/tries"), TRIES).unwrap();
+    let could = |unit: &str, section: &str| {
+        let section =
+            format!("[Service]\n{section}\nType=oneshot\nRestart=no\nExecStart=\nExecStart=sh /run/tries\n");
+        fs::write(machine.path(&format!("/etc/systemd/system/{unit}")), section).unwrap();
+        let service = unit.split(".service").next().unwrap();
+        machine.run(&format!("systemctl daemon-reload; systemctl start {service}"));
+        let said = machine.run(&format!("journalctl --no-pager --output cat --unit {service}"));
+        let lines = said.lines().filter_map(|line| line.strip_prefix("could: ")).map(str::to_owned);
+        lines.collect::<Vec<_>>()
+    };
+    let tries: Vec<&str> =
+        TRIES.lines().filter_map(|line| line.strip_prefix("try '")?.strip_suffix('\'')).collect();
+    let work = &tries[tries.len() - 1..];
+    for service in ["trimaran-switch@tries", "trimaran-display"] {
+        machine.run(&format!("mkdir /etc/systemd/system/{service}.service.d; systemctl stop {service}"));
+        assert_eq!(could(&format!("{service}.service.d/tries.conf"), ""), work, "{service}");
+    }
+    assert_eq!(could("unlimited.service", "User=trimaran"), tries);
+}
+
+/// Whether nothing is left of a machine. A cgroup can only be removed once no process is in it, and mounts end
+/// with their namespace.
+fn is_gone(group: &Path) -> bool {
+    assert!(
+        !fs::read_to_string("/proc/self/mounts").unwrap().contains("/run/layers/"),
+        "a mount has got out"
+    );
+    !group.exists()
+}
+
+#[test]
+fn a_machine_leaves_nothing_behind_when_a_test_panics() {
+    let Some(machine) = Machine::boot("panic") else { return };
+    let group = machine.group().to_owned();
+    assert!(!is_gone(&group));
+    let panicked = panic::catch_unwind(panic::AssertUnwindSafe(move || {
+        let _machine = machine;
+        panic!("on purpose");
+    }));
+    assert!(panicked.is_err() && is_gone(&group));
+}
+
+#[test]
+fn a_machine_leaves_nothing_behind_when_its_test_is_interrupted() {
+    const HOLD: &str = "TRIMARAN_TEST_HOLD";
+    let name = "a_machine_leaves_nothing_behind_when_its_test_is_interrupted";
+    if env::var_os(HOLD).is_some() {
+        // The process that is interrupted.
+        let machine = Machine::boot("interrupted").unwrap();
+        println!("\nboots {}", machine.group().display());
+        loop {
+            std::thread::park();
+        }
+    }
+    let Some(watching) = Machine::boot("watching") else { return };
+    for signal in [Signal::INT, Signal::KILL] {
+        let mut command = Command::new(env::current_exe().unwrap());
+        command.args(["--exact", name, "--nocapture"]).env(HOLD, "1").process_group(0);
+        let mut held = command.stdout(Stdio::piped()).spawn().unwrap();
+        let mut lines = BufReader::new(held.stdout.take().unwrap()).lines().map_while(Result::ok);
+        let group = lines.find_map(|line| Some(line.strip_prefix("boots ")?.to_owned())).unwrap();
+        assert!(!is_gone(group.as_ref()));
+        kill_process_group(Pid::from_child(&held), signal).unwrap();
+        held.wait().unwrap();
+        watching.wait_for("the end of the machine", || is_gone(group.as_ref()).then_some(()));
+    }
+}
