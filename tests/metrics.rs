@@ -65,6 +65,8 @@ fn a_running_session_shows_what_its_links_carry() {
     };
     let received =
         |text: &str| value(text, "trimaran_link_frames_total{peer=\"switch A\",direction=\"received\"}");
+    // The page is there before the links are.
+    while !get(&address, "/metrics").contains("trimaran_link_frames_total{") {}
     while received(&get(&address, "/metrics")) == 0 {}
     let stat =
         trimaran(folder.path(), &["stat", &address, "--interval", "0.3", "--count", "2"]).output().unwrap();

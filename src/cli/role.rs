@@ -97,7 +97,7 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
     loop {
         let deadline = deadline(&net, wait_s);
         let join = || join_session(&net, seat, scene, &display, &pair, deadline);
-        let joining = again(&net, deadline, JoinError::may_pass, join);
+        let joining = again(&net, deadline, JoinError::is_early, join);
         let Some(joined) = stop.unless_requested(runtime.handle(), joining) else { return Ok(()) };
         let Joined { display, other, settings } = joined.map_err(|e| match lost.take() {
             Some(lost) => Failure::broken(LostForGood { seconds: wait_s, lost }),

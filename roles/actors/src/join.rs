@@ -68,6 +68,17 @@ impl JoinError {
             Self::Connect { cause, .. } => cause.may_pass(),
         }
     }
+
+    /// Whether another attempt before the deadline may work: what may pass, unless the deadline itself ended this one.
+    #[must_use]
+    pub fn is_early(&self) -> bool {
+        let over = match self {
+            Self::Accept { cause, .. } => matches!(**cause, AcceptError::Deadline { .. }),
+            Self::Connect { cause, .. } => matches!(**cause, ConnectError::Deadline { .. }),
+            _ => false,
+        };
+        self.may_pass() && !over
+    }
 }
 
 /// The role on the wire of a machine of the pair.
@@ -225,7 +236,7 @@ pub async fn join_session(
     };
     match once().await {
         // Who is left may not have noticed yet, and old sockets may need a moment to be gone.
-        Err(JoinError::Left(_)) => again(net, deadline, JoinError::may_pass, once).await,
+        Err(JoinError::Left(_)) => again(net, deadline, JoinError::is_early, once).await,
         result => result,
     }
 }

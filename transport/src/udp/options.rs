@@ -72,11 +72,14 @@ impl Trust {
             Self::Plaintext => Noise::Plaintext,
             Self::Keys => {
                 let Security { keys, peers } = known.ok_or(HandshakeError::NoKeys)?;
-                let mut peers: Vec<_> = peers.iter().map(|peer| peer.keys.udp.to_bytes()).collect();
-                // A key may be known for several roles.
-                peers.sort_unstable();
-                peers.dedup();
-                Noise::Pinned { own: keys.noise().to_bytes(), peers }
+                // A key may be known for several roles. They are tried in the order in which they are named.
+                let mut known = Vec::with_capacity(peers.len());
+                for key in peers.iter().map(|peer| peer.keys.udp.to_bytes()) {
+                    if !known.contains(&key) {
+                        known.push(key);
+                    }
+                }
+                Noise::Pinned { own: keys.noise().to_bytes(), peers: known }
             }
         })
     }
