@@ -184,7 +184,8 @@ fn a_machine_leaves_nothing_behind_when_its_test_is_interrupted() {
         }
     }
     let Some(watching) = Machine::boot("watching") else { return };
-    for signal in [Signal::INT, Signal::KILL] {
+    // Not SIGINT: whoever is started in the background may ignore it.
+    for signal in [Signal::TERM, Signal::KILL] {
         let mut command = Command::new(env::current_exe().unwrap());
         command.args(["--exact", name, "--nocapture"]).env(HOLD, "1").process_group(0);
         let mut held = command.stdout(Stdio::piped()).spawn().unwrap();
