@@ -7,6 +7,7 @@ use tokio::sync::mpsc;
 use trimaran_proto::{Identity, Refusal, Role};
 
 use crate::handshake::HandshakeError;
+use crate::keys::WrongRole;
 use crate::net::Net;
 use crate::pending::{Pending, Slot};
 use crate::rates::{Door, Handshakes, Origin, Sparse, TurnedAway};
@@ -25,6 +26,8 @@ pub(crate) struct Desk {
     done: mpsc::Sender<Link>,
     last_failure: Mutex<Option<HandshakeError>>,
     warnings: Sparse,
+    /// What known keys have claimed without right: each is worth a line, once.
+    wrong_roles: Mutex<Vec<WrongRole>>,
 }
 
 /// A role's place at the listener: freed when the last half of its link is dropped.
@@ -63,6 +66,7 @@ impl Desk {
             done,
             last_failure: Mutex::default(),
             warnings: Sparse::default(),
+            wrong_roles: Mutex::default(),
         }
     }
 
@@ -122,16 +126,29 @@ impl Desk {
     }
 
     /// Notes what became of a connection that did not make it to a link. Who does not go together with this side is worth a
-    /// line in the log, though strangers must not fill it.
+    /// line in the log, though strangers must not fill it. What a known key claims they can neither fill nor hide.
     pub(crate) fn failed(&self, address: &dyn fmt::Display, error: HandshakeError) {
         let cause = &error as &dyn std::error::Error;
-        match error.is_mismatch().then(|| self.warnings.take(self.net.now())).flatten() {
+        let told = match &error {
+            HandshakeError::WrongRole(claim) => self.is_news(claim).then_some(0),
+            _ => error.is_mismatch().then(|| self.warnings.take(self.net.now())).flatten(),
+        };
+        match told {
             Some(untold) => {
                 tracing::warn!(%address, error = cause, untold, "turned away; others are waited for");
             }
             None => tracing::debug!(%address, error = cause, "a handshake failed"),
         }
         *lock(&self.last_failure) = Some(error);
+    }
+
+    fn is_news(&self, claim: &WrongRole) -> bool {
+        let mut known = lock(&self.wrong_roles);
+        let news = !known.contains(claim);
+        if news {
+            known.push(claim.clone());
+        }
+        news
     }
 
     /// Takes what became of the last connection that did not make it to a link.
