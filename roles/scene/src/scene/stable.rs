@@ -80,9 +80,7 @@ fn map_if_sealed(source: Source<'_>, length: usize) -> Option<Mmap> {
 /// A copy in anonymous memory. Each piece is hashed while it is still in the processor's cache.
 fn copy(source: Source<'_>, length: usize, sections: &[Range<usize>]) -> Result<Stable, Unread> {
     let mut map = MmapMut::map_anon(length).map_err(Unread::Memory)?;
-    // Large pages make fewer faults, here and when the scene is drawn. Without them it is only slower.
-    #[cfg(target_os = "linux")]
-    let _slower = map.advise(memmap2::Advice::HugePage);
+    // No huge pages are asked for: with memory full of other files' pages, making them took three times as long as copying.
     let mut fingerprint = Fingerprint::new();
     for range in sections {
         let section = map.get_mut(range.clone()).unwrap_or_default();
