@@ -229,6 +229,7 @@ impl<'r, D: PairDevice> Work<'r, D> {
         let finishing = drawing.max(or_end.saturating_sub(start));
         self.stats.or_busy_ns = nanoseconds(self.host + finishing);
         self.stats.or_end_ns = nanoseconds(or_end);
+        // Only what passes from here on is missing from HC.
         self.waiting.turn.away();
 
         let view = View::new(camera, self.viewport);
