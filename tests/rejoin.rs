@@ -145,6 +145,7 @@ fn a_machine_that_is_started_again_takes_its_place_and_no_frame_is_missing() {
         ("quic", "second", true),
         ("quic", "second", false),
         ("udp", "first", true),
+        ("udp", "second", false),
     ] {
         let deployment = Deployment::new(transport);
         let mut display = deployment.start("display", &[]);

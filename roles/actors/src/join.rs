@@ -235,7 +235,7 @@ pub async fn join_session(
         Ok(Joined { display, other, settings })
     };
     match once().await {
-        // Who is left may not have noticed yet, and old sockets may need a moment to be gone.
+        // Who is left may not have noticed yet.
         Err(JoinError::Left(_)) => again(net, deadline, JoinError::is_early, once).await,
         result => result,
     }
@@ -252,7 +252,9 @@ async fn meet(
     let peer = role_of(seat.other());
     match seat {
         Seat::First => {
-            let mut listener = Listener::bind(net, &pair.endpoint, identity, &pair.options).await?;
+            // The sockets of a session that is over may need a moment to be gone. The display is kept meanwhile.
+            let bind = || Listener::bind(net, &pair.endpoint, identity, &pair.options);
+            let mut listener = again(net, deadline, ListenError::may_pass, bind).await?;
             let other = listener.accept(deadline).await;
             other.map_err(|cause| JoinError::Accept { peer, cause: Box::new(cause) })
         }

@@ -402,3 +402,44 @@ fn a_display_that_waits_for_its_device_ends_when_it_is_asked_to() {
         assert_eq!(goodbye(handle, link), Goodbye::Interrupted);
     }
 }
+
+/// How a display ends whose first machine is due and silent, when the second one leaves with these words or none.
+fn left_by_the_other(lockstep: bool, words: Option<Goodbye>) -> RoleError<Broken> {
+    let house = House::new("unused");
+    let handle = house.runtime.handle();
+    let (first, _silent) = house.link(Role::Display, Role::SwitchA);
+    let (second, mut leaving) = house.link(Role::Display, Role::SwitchB);
+    let role = DisplayRole {
+        scene: Arc::clone(&house.scene),
+        device: Device::default(),
+        first,
+        second,
+        settings: Settings { lockstep, frames: lockstep.then_some(FRAMES), ..house.settings(0) },
+        net: Arc::clone(&house.net),
+        clock: Stopwatch::start(),
+        turns: Turns::at_once(),
+    };
+    let (_stopper, stop) = Stop::new();
+    thread::scope(|scope| {
+        let (mut still, mut frames) = (Still(house.camera), Frames::default());
+        let ended = scope.spawn(move || role.run(&mut still, &mut frames, handle, &stop).unwrap_err());
+        handle.block_on(async {
+            leaving.latest_rx.latest().await.unwrap();
+            match words {
+                Some(words) => leaving.goodbye(words).await.unwrap(),
+                None => drop(leaving),
+            }
+        });
+        ended.join().unwrap()
+    })
+}
+
+#[test]
+fn a_display_does_not_wait_for_one_machine_when_the_other_has_left() {
+    for lockstep in [true, false] {
+        for words in [None, Some(Goodbye::peer_lost("it was away")), Some(Goodbye::Interrupted)] {
+            let end = left_by_the_other(lockstep, words);
+            assert!(end.lost_a_peer() && format!("{end:?}").contains("SwitchB"), "{end:?}");
+        }
+    }
+}

@@ -17,7 +17,7 @@ use super::{
     gaps::Gaps,
     ids::FrameIds,
     pair::sent_bytes,
-    parting::{ended, hear_out, leave},
+    parting::{ended, hear_out, leave, left_early},
     rule_of,
     stop::{Stop, Waiting},
     stopped_or,
@@ -344,7 +344,8 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         link.frames_rx.try_recv().map_err(|cause| RoleError::Link { doing, cause: cause.into() })
     }
 
-    /// Waits for the next message of a machine. In a live session newer poses go out meanwhile, for frames that have not begun.
+    /// Waits for the next message of a machine, while none of the two leaves: the one that is due may itself wait for the
+    /// one that left. In a live session newer poses go out meanwhile, for frames that have not begun.
     fn receive(&mut self, from: Seat, cameras: &mut dyn Cameras) -> Result<FrameEvent, RoleError<D::Error>> {
         let doing = "receiving a frame";
         let [first, second] = &mut self.links;
@@ -352,7 +353,15 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             Seat::First => &mut first.frames_rx,
             Seat::Second => &mut second.frames_rx,
         };
-        let mut next = pin!(lane.recv());
+        let [of_first, of_second] = [&mut first.latest_rx, &mut second.latest_rx];
+        let mut next = pin!(async {
+            tokio::select! {
+                biased;
+                event = lane.recv() => event,
+                end = left_early(of_first) => Err(end),
+                end = left_early(of_second) => Err(end),
+            }
+        });
         let cells = [&mut first.latest_tx, &mut second.latest_tx];
         if self.lockstep {
             return wait(self.waiting, doing, next);

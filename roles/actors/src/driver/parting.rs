@@ -1,8 +1,10 @@
 //! Leaving, and finding out that a peer has left.
 
+use std::future::pending;
+
 use tokio::runtime::Handle;
 use trimaran_proto::Goodbye;
-use trimaran_transport::{Link, RecvError, SendError};
+use trimaran_transport::{LatestReceiver, Link, RecvError, SendError};
 
 use super::{LinkError, RoleError, Stop, stop::Waiting};
 
@@ -71,6 +73,18 @@ pub(super) fn hear_out<D: std::error::Error + 'static>(
             }
         }
         _ => result,
+    }
+}
+
+/// How a peer left that sends nothing on this lane. Never ends where it has finished: what it sent before that may
+/// still be to be read on the other lane.
+pub(super) async fn left_early(lane: &mut LatestReceiver) -> RecvError {
+    loop {
+        match lane.latest().await {
+            Ok(_) | Err(RecvError::Silent { .. }) => {}
+            Err(RecvError::Goodbye { reason: Goodbye::Finished, .. }) => return pending().await,
+            Err(end) => return end,
+        }
     }
 }
 
