@@ -110,15 +110,19 @@ fn what_stays_away_ends_a_role_that_is_to_be_started_again() {
     assert!(!folder.path().join("walk/unfinished").exists(), "nothing was recorded");
 }
 
-/// What waits for a scene ends at once when it is asked to.
+/// What waits for a scene, or for its pair, ends at once when it is asked to.
 #[test]
 fn a_role_that_waits_obeys() {
     let folder = folder();
-    let mut display = Display::start(&folder, ANYWHERE, &[]);
-    display.says(&["plant.scene", "trying again"]);
-    let kill = format!("kill -TERM {}", display.child.id());
-    assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
-    assert_eq!(display.child.wait().unwrap().code(), Some(0));
+    for (scene, waits) in [("whole.scene", "trying again"), ("plant.scene", "the display listens on")] {
+        let mut display = Display::start(&folder, ANYWHERE, &[]);
+        display.says(&[waits]);
+        let kill = format!("kill -TERM {}", display.child.id());
+        assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+        assert_eq!(display.child.wait().unwrap().code(), Some(0), "{waits}");
+        fs::rename(folder.path().join(scene), folder.path().join("plant.scene")).unwrap();
+    }
+    assert!(!folder.path().join("walk/unfinished").exists(), "nothing was recorded");
 }
 
 /// A folder on a file system of its own, of so many bytes, for as long as the command runs.

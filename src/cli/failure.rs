@@ -19,6 +19,8 @@ enum Kind {
     Broken,
     /// It ended before its end, and what was done is reported. Exit code 3: another time would begin anew.
     Incomplete,
+    /// It was asked to stop before it had done anything. Exit code 1.
+    Stopped,
 }
 
 impl Failure {
@@ -37,6 +39,16 @@ impl Failure {
         Self { kind: Kind::Incomplete, cause: cause.into() }
     }
 
+    /// It was asked to stop before it had done anything.
+    pub(crate) fn stopped(cause: &'static str) -> Self {
+        Self { kind: Kind::Stopped, cause: cause.into() }
+    }
+
+    /// Whether it was only asked to stop.
+    pub(crate) const fn is_stop(&self) -> bool {
+        matches!(self.kind, Kind::Stopped)
+    }
+
     /// Whether it may work another time though nothing is changed in what the user gave.
     pub(crate) const fn may_pass(&self) -> bool {
         matches!(self.kind, Kind::Broken)
@@ -45,7 +57,7 @@ impl Failure {
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self.kind {
             Kind::BadInput => ExitCode::from(2),
-            Kind::Broken => ExitCode::from(1),
+            Kind::Broken | Kind::Stopped => ExitCode::from(1),
             Kind::Incomplete => ExitCode::from(3),
         }
     }

@@ -67,7 +67,7 @@ pub(super) fn report_on(
     let due = plan.settings(trail.frames()).frames;
     let ended = ended(early.as_ref(), full.as_ref(), stop, records.len(), due);
     let (Some(writer), false) = (writer, records.is_empty()) else {
-        let nothing = || Failure::broken("interrupted before the first frame: there is nothing to report");
+        let nothing = || Failure::stopped("interrupted before the first frame: there is nothing to report");
         return Err(early.map_or_else(nothing, |early| early.why));
     };
     let frames = u32::try_from(records.len()).unwrap_or(u32::MAX);

@@ -170,7 +170,11 @@ fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
         metrics,
         trace: config.record.clone(),
     };
-    stage.show(&file, show, runtime, &start.stop, pending())?.conclude(&config.out, false)
+    match stage.show(&file, show, runtime, &start.stop, pending()) {
+        // A service that waits is stopped as any other.
+        Err(failure) if failure.is_stop() => Ok(()),
+        shown => shown?.conclude(&config.out, false),
+    }
 }
 
 /// What the configuration asks for.
