@@ -2,6 +2,9 @@
 //! 9000, section 21.4).
 
 use std::collections::VecDeque;
+use std::fmt;
+
+use zeroize::Zeroizing;
 
 use crate::packet::PacketNumber;
 use crate::ranges::RangeSet;
@@ -14,18 +17,27 @@ const DOUBLINGS: u32 = 8;
 const REMEMBERED: usize = 8;
 
 /// Chooses the numbers; without a secret, none.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(super) struct Skipped {
-    secret: Option<[u8; 32]>,
+    secret: Option<Zeroizing<[u8; 32]>>,
     next: PacketNumber,
     count: u32,
     last: VecDeque<PacketNumber>,
 }
 
+impl fmt::Debug for Skipped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Skipped")
+            .field("next", &self.next)
+            .field("count", &self.count)
+            .finish_non_exhaustive()
+    }
+}
+
 impl Skipped {
     /// Chooses by 32 random bytes, of which the peer knows nothing; `from` on.
     pub(super) fn new(secret: [u8; 32], from: PacketNumber) -> Self {
-        let mut skipped = Self { secret: Some(secret), ..Self::default() };
+        let mut skipped = Self { secret: Some(secret.into()), ..Self::default() };
         skipped.choose(from);
         skipped
     }
