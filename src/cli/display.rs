@@ -1,6 +1,6 @@
 //! A display that waits for its pair, walks and reports, whether the pair is on other machines or in other processes of this one.
 
-use std::{error::Error, path::PathBuf, pin::pin, sync::Arc, time::SystemTime};
+use std::{error::Error, path::PathBuf, pin::pin, sync::Arc};
 
 use indicatif::ProgressBar;
 use thiserror::Error;
@@ -22,6 +22,7 @@ use super::{
     recording::{Early, Outcome, report_on},
     role::{Metrics, deadline, not_joined},
     run::notes,
+    walking,
 };
 
 /// A display that listens for its pair, its device ready.
@@ -105,7 +106,7 @@ impl DisplayStage {
         let mut recorder = Recorder::new(show.plan.audit_every, &mut advance);
         let mut about = ReportPlan {
             command_line: std::env::args().collect(),
-            started: SystemTime::now(),
+            started: walking::date(),
             link: String::new(),
             transport: String::new(),
             seed: (show.path == "auto").then_some(show.seed),

@@ -1,6 +1,6 @@
 //! `trimaran run`: walks a camera through a scene with the three roles and writes the report.
 
-use std::{path::Path, time::SystemTime};
+use std::path::Path;
 
 use trimaran::{
     report::{
@@ -72,7 +72,7 @@ pub(super) fn walk_and_report(
         .map(|(seat, drawn)| (seat, drawn.gpu().info().clone()));
     let about = ReportPlan {
         command_line: std::env::args().collect(),
-        started: SystemTime::now(),
+        started: walking::date(),
         link: "inproc".to_owned(),
         transport: "in one process: shared memory, nothing is encoded".to_owned(),
         path: walk.path.clone(),

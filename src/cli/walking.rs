@@ -1,6 +1,10 @@
 //! What `run`, `sweep` and the roles share: from flags to a plan, and a runtime to run it on.
 
-use std::{path::Path, sync::Arc, time::Duration};
+use std::{
+    path::Path,
+    sync::Arc,
+    time::{Duration, SystemTime},
+};
 
 use tokio::runtime::{Builder, Runtime};
 use trimaran::walkthrough::{Pace, PathChoice, Plan, SceneFile, Trail, viewport};
@@ -61,6 +65,12 @@ pub(super) fn gpu_options(device: Option<&str>, timeout_s: f64) -> GpuOptions {
     let device = device.map_or(DeviceChoice::Best, |name| DeviceChoice::Named(name.to_owned()));
     let timeout = Duration::try_from_secs_f64(timeout_s).unwrap_or(Duration::MAX);
     GpuOptions { device, timeout, ..GpuOptions::default() }
+}
+
+/// When it is, for a person: by a clock that may be set at any time.
+#[expect(clippy::disallowed_methods, reason = "a report has a date")]
+pub(super) fn date() -> SystemTime {
+    SystemTime::now()
 }
 
 /// A runtime for links; its threads keep sockets going while roles are busy with their devices.
