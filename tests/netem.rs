@@ -6,7 +6,7 @@
 #![allow(clippy::disallowed_methods, reason = "packets of the kernel keep the kernel's time")]
 
 use std::io::{ErrorKind, Read, Write};
-use std::net::{IpAddr, TcpListener, TcpStream, UdpSocket};
+use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::thread;
@@ -40,6 +40,16 @@ fn inside<T: Send>(namespace: &Namespace, act: impl FnOnce() -> T + Send) -> T {
         act()
     };
     thread::scope(|scope| scope.spawn(act).join().unwrap())
+}
+
+/// Waits for a datagram. What suspends the whole machine for a moment interrupts the wait.
+fn receive(socket: &UdpSocket, buffer: &mut [u8]) -> (usize, SocketAddr) {
+    loop {
+        match socket.recv_from(buffer) {
+            Err(e) if e.kind() == ErrorKind::Interrupted => {}
+            received => return received.unwrap(),
+        }
+    }
 }
 
 fn socket(namespace: &Namespace, at: IpAddr) -> UdpSocket {
@@ -79,11 +89,11 @@ fn packets_take_the_time_that_the_links_say_and_all_are_accounted_for() {
             let (message, mut buffer) = (vec![7; size], vec![0; 2000]);
             let start = Instant::now();
             here.send_to(&message, there.local_addr().unwrap()).unwrap();
-            let (length, from) = there.recv_from(&mut buffer).unwrap();
+            let (length, from) = receive(&there, &mut buffer);
             assert!(start.elapsed() >= Duration::from_millis(50), "{:?}", start.elapsed());
             assert_eq!((&buffer[..length], from), (&message[..], here.local_addr().unwrap()));
             there.send_to(&buffer[..length], from).unwrap();
-            assert_eq!(here.recv_from(&mut buffer).unwrap().0, size);
+            assert_eq!(receive(&here, &mut buffer).0, size);
             assert!(start.elapsed() >= Duration::from_millis(100), "{:?}", start.elapsed());
         }
     }
@@ -107,7 +117,7 @@ fn what_a_link_loses_does_not_arrive_and_what_it_doubles_arrives_twice() {
     here.send_to(b"twice", there.local_addr().unwrap()).unwrap();
     let mut buffer = [0; 100];
     for _ in 0..2 {
-        assert_eq!(there.recv_from(&mut buffer).unwrap().0, 5);
+        assert_eq!(receive(&there, &mut buffer).0, 5);
     }
     assert_eq!(totals(&emulation.finish().unwrap()), [1, 1, 2, 0]);
 
@@ -156,7 +166,7 @@ fn a_namespace_without_its_name_is_there_as_long_as_somebody_has_it() {
     let [here, there] = ends(&emulation, true);
     here.send_to(b"still here", there.local_addr().unwrap()).unwrap();
     let mut buffer = [0; 100];
-    assert_eq!(there.recv_from(&mut buffer).unwrap(), (10, here.local_addr().unwrap()));
+    assert_eq!(receive(&there, &mut buffer), (10, here.local_addr().unwrap()));
     assert_eq!(totals(&emulation.finish().unwrap()), [1, 0, 1, 0]);
 }
 
@@ -195,7 +205,7 @@ fn a_network_between_interfaces_carries_frames_of_any_kind() {
         for size in [0, 1, 1400] {
             let start = Instant::now();
             one.send_to(&vec![7; size], other.local_addr().unwrap()).unwrap();
-            assert_eq!(other.recv_from(&mut buffer).unwrap(), (size, one.local_addr().unwrap()));
+            assert_eq!(receive(&other, &mut buffer), (size, one.local_addr().unwrap()));
             assert!(start.elapsed() >= Duration::from_millis(25), "{:?}", start.elapsed());
         }
         // A stream, of which the kernel makes packets larger than any frame, whose checksums it leaves to the card.

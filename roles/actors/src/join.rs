@@ -228,7 +228,7 @@ pub async fn join_session(
             Ok(other) => other,
             Err(error) => {
                 // It need not be heard; over QUIC the display would wait for the lease without it.
-                let _unheard = display.goodbye(Goodbye::peer_lost(&error.to_string())).await;
+                let _unheard = display.goodbye(Goodbye::peer_lost(&causes(&error))).await;
                 return Err(error);
             }
         };

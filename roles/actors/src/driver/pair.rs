@@ -224,9 +224,10 @@ impl<'r, D: PairDevice> Work<'r, D> {
         let drawing =
             self.device.finish_occluders().map_err(|cause| device("completing the depth", cause))?;
         let or_end = self.clock.elapsed();
-        // What is drawn as it comes may have been drawn before this; what else completes the depth takes
-        // longer than drawing.
-        let finishing = drawing.max(or_end.saturating_sub(start));
+        let waited = or_end.saturating_sub(start);
+        // What is drawn as it comes may have been drawn before this. What is drawn at once was drawn while the host
+        // still worked at it, and that time is counted already.
+        let finishing = if self.draws_as_it_comes() { drawing.max(waited) } else { waited };
         self.stats.or_busy_ns = nanoseconds(self.host + finishing);
         self.stats.or_end_ns = nanoseconds(or_end);
         // Only what passes from here on is missing from HC.

@@ -6,6 +6,8 @@ use tokio::runtime::Handle;
 use trimaran_proto::Goodbye;
 use trimaran_transport::{LatestReceiver, Link, RecvError, SendError};
 
+use crate::causes;
+
 use super::{LinkError, RoleError, Stop, stop::Waiting};
 
 /// Says goodbye on both links, giving the reason that `result` gives. A peer that is gone already does not hear it, and need
@@ -19,10 +21,10 @@ pub(super) fn leave<D: std::error::Error + 'static>(
         Ok(()) => Goodbye::Finished,
         Err(RoleError::Stopped) => Goodbye::Interrupted,
         Err(error) if error.is_clean_end() => Goodbye::Finished,
-        Err(error) if error.lost_a_peer() => Goodbye::peer_lost(&error.to_string()),
+        Err(error) if error.lost_a_peer() => Goodbye::peer_lost(&causes(error)),
         Err(error) => match error.device_failure() {
-            Some(cause) => Goodbye::device_failed(&cause.to_string()),
-            None => Goodbye::failed(&error.to_string()),
+            Some(cause) => Goodbye::device_failed(&causes(cause)),
+            None => Goodbye::failed(&causes(error)),
         },
     };
     part(runtime, links, &reason);
