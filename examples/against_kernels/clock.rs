@@ -12,9 +12,8 @@ use std::thread;
 use std::time::Duration;
 
 use rustix::thread::set_current_timer_slack;
-use trimaran_transport::{
-    BoxFuture, Instant, Listen, Net, Stream, TcpOptions, Timer, TokioNet, UdpSocket, UdpSocketOptions,
-};
+use trimaran_net::{BoxFuture, Listen, Stream, Timer, UdpSocket};
+use trimaran_transport::{Instant, Net, TcpOptions, TokioNet, UdpSocketOptions};
 
 /// At least so often an alarm looks whether anybody needs it.
 const GLANCE: Duration = Duration::from_millis(100);

@@ -4,7 +4,8 @@
 
 use std::time::Duration;
 
-use trimaran_proto::{Camera, FrameEnd, FrameMessage, FrameNumber, FrameStart, Instant};
+use trimaran_net::Instant;
+use trimaran_proto::{Camera, FrameEnd, FrameMessage, FrameNumber, FrameStart};
 use trimaran_udp::{Config, Connection, ConnectionId, STEPS_PER_BYTE, STEPS_PER_PACKET};
 
 use crate::wire::{Block, acknowledgement, give_up, part, repair, sealed};

@@ -4,7 +4,8 @@
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
-use trimaran_proto::{Camera, FrameMessage, FrameNumber, Goodbye, Instant};
+use trimaran_net::Instant;
+use trimaran_proto::{Camera, FrameMessage, FrameNumber, Goodbye};
 use trimaran_udp::{
     Closed, Config, Connecting, Connection, ConnectionId, Door, MIN_DATAGRAM, Progress, Received, Reception,
     Security,

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 use trimaran_udp::{
     Config, Connecting, Connection, ConnectionId, Door, MIN_DATAGRAM, Progress, Reception, Security,
     destination,

@@ -7,10 +7,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use trimaran_net::Stream;
 use trimaran_netsim::link::LinkModel;
 use trimaran_netsim::{Simulation, Topology};
 use trimaran_proto::{Decoder, Identity, Message, Role, SceneHash};
-use trimaran_transport::{Endpoint, Listener, Net, Options, Stream, TcpOptions, connect, until};
+use trimaran_transport::{Endpoint, Listener, Net, Options, TcpOptions, connect, until};
 
 const MINUTE: Duration = Duration::from_secs(60);
 

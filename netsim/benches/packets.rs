@@ -13,9 +13,10 @@ use std::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use trimaran_net::{RecvMeta, Transmit};
 use trimaran_netsim::link::{LinkModel, Rate};
 use trimaran_netsim::{SimNet, Simulation, Topology};
-use trimaran_transport::{Net, RecvMeta, TcpOptions, Transmit, UdpSocketOptions, sleep_until};
+use trimaran_transport::{Net, TcpOptions, UdpSocketOptions, sleep_until};
 
 /// Packets a run.
 const PACKETS: u64 = 20_000;

@@ -12,8 +12,8 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
+use trimaran_net::{Net, RecvMeta, Transmit, UdpSocket, UdpSocketOptions, until};
 use trimaran_netsim::{Profile, Simulation};
-use trimaran_transport::{Net, RecvMeta, Transmit, UdpSocket, UdpSocketOptions, until};
 
 /// How long to wait for an answer before asking again.
 const PATIENCE: Duration = Duration::from_millis(20);

@@ -17,7 +17,7 @@ use pcap_file::pcapng::blocks::section_header::SectionHeaderBlock;
 use pcap_file::pcapng::{PcapNgBlock, PcapNgWriter};
 use pcap_file::{DataLink, Endianness, PcapError};
 use thiserror::Error;
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 use crate::link::Ecn;
 use crate::packet::{Body, Packet};

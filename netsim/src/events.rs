@@ -3,7 +3,7 @@
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 /// Events in the order of their times; those of one nanosecond in the order in which they were added.
 #[derive(Debug)]

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Wake, Waker};
 
 use slab::Slab;
-use trimaran_transport::BoxFuture;
+use trimaran_net::BoxFuture;
 
 /// The key of the future that [`Executor::run_until_stalled`] was given; no task has it.
 const MAIN: usize = usize::MAX;

@@ -1,7 +1,7 @@
 //! All links of a topology, and packets on their way from link to link.
 
 use slab::Slab;
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 use crate::events::Events;
 use crate::link::{Action, Ecn, LinkTally, Parcel, Pipe};

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use serde::Serialize;
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 use crate::events::Events;
 use crate::fabric::{Fabric, LinkEvent, Outcome, Routed};

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::task::Poll;
 
 use thiserror::Error;
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 use crate::capture::{Capture, CaptureError};
 use crate::link::LinkTally;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::task::{Context, Poll, Waker};
 
 use slab::Slab;
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 use crate::topology::HostId;
 

@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard};
 
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::capture::Capture;

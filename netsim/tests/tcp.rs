@@ -15,11 +15,12 @@ use std::time::Duration;
 use common::conformance::Pairs;
 use common::identity;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use trimaran_net::Stream;
 use trimaran_netsim::link::{Conditions, LinkModel, LinkTally, Loss, Phase, Probability, QueueModel, Rate};
 use trimaran_netsim::{Class, HostId, SimNet, Simulation, Topology};
 use trimaran_proto::Role;
 use trimaran_transport::{
-    Endpoint, Link, LinkConfig, Listener, Net, Options, Stream, TcpOptions, connect, sleep_until,
+    Endpoint, Link, LinkConfig, Listener, Net, Options, TcpOptions, connect, sleep_until,
 };
 
 /// Two machines of a simulation.

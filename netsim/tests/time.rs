@@ -7,11 +7,12 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use trimaran_net::{RecvMeta, Transmit, UdpSocket};
 use trimaran_netsim::link::{
     Distribution, GilbertElliott, Jitter, LinkModel, LinkTally, Loss, Probability, Rate,
 };
 use trimaran_netsim::{HostId, SimNet, Simulation, Stalled, Topology};
-use trimaran_transport::{Instant, Net, RecvMeta, Transmit, UdpSocket, UdpSocketOptions, sleep_until, until};
+use trimaran_transport::{Instant, Net, UdpSocketOptions, sleep_until, until};
 
 fn pair(link: &LinkModel, seed: u64) -> (Simulation, [HostId; 2]) {
     let mut topology = Topology::new();

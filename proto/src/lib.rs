@@ -17,7 +17,6 @@ mod message;
 mod numbered;
 mod settings;
 mod stats;
-mod time;
 
 pub use batch::{BatchSize, BatchSizeError, ID_BYTES, IdBatch, IdBatchError};
 pub use camera::{Camera, CameraError};
@@ -37,4 +36,3 @@ pub use message::Message;
 pub use numbered::{CameraNumber, NumberedCamera};
 pub use settings::{EpsilonPx, PictureSize, Settings, SettingsError, TesterKind};
 pub use stats::{CullCounts, FrameStats, SentBytes};
-pub use time::Instant;

@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use bytes::{BufMut, BytesMut};
+use trimaran_net::Instant;
 use trimaran_proto::{
     BatchSize, Camera, Delivery, DrawableId, FrameAssembler, FrameEvent, FrameNumber, FrameOutcome,
-    FrameStart, FrameWriter, IdCoding, IdDecoder, IdEncoder, Identity, Instant, Lane, Message, Role,
-    SessionId,
+    FrameStart, FrameWriter, IdCoding, IdDecoder, IdEncoder, Identity, Lane, Message, Role, SessionId,
 };
 use trimaran_udp::{
     Config, Connecting, Connection, ConnectionId, Door, Progress, Received, Reception, Repair, Security,

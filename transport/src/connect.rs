@@ -11,8 +11,8 @@ use trimaran_proto::{Identity, Refusal, SessionId};
 
 use crate::error::readable;
 use crate::handshake::HandshakeError;
-use crate::net::{Instant, Net, sleep_until, until};
 use crate::{Endpoint, HostPort, Link, Name, Options, inproc, quic, tcp, udp, unix};
+use trimaran_net::{Instant, Net, sleep_until, until};
 
 /// The pause after the first attempt; it doubles up to [`LAST_PAUSE`].
 const FIRST_PAUSE: Duration = Duration::from_millis(100);

@@ -8,10 +8,10 @@ use trimaran_proto::{Identity, Refusal, Role};
 
 use crate::handshake::HandshakeError;
 use crate::keys::WrongRole;
-use crate::net::Net;
 use crate::pending::{Pending, Slot};
 use crate::rates::{Door, Handshakes, Origin, Sparse, TurnedAway};
 use crate::{Link, Options, PeerAddress};
+use trimaran_net::Net;
 
 /// Admits peers and hands their links to whoever accepts. A transport's listening task holds it, asks [`Desk::enter`] once a
 /// peer has introduced itself, and ends when [`Desk::closed`] does.

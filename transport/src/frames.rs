@@ -11,11 +11,11 @@ use trimaran_proto::{
 
 use crate::error::{LaneError, LaneSendError, ProtocolError, misplaced};
 use crate::link::{Batching, Capabilities, Shared};
-use crate::net::Instant;
 use crate::patience::Patience;
 use crate::rates::Messages;
 use crate::trace::{FrameSpan, Way};
 use crate::{RecvError, SendError, inproc, quic, stream, udp};
+use trimaran_net::Instant;
 
 /// Sends frames: `begin`, any number of `push`, `finish`.
 ///

@@ -17,9 +17,9 @@ use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx, weight};
 use crate::handshake::HandshakeError;
 use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
 use crate::link::{Batching, Capabilities, Link, LinkConfig, Parts, PeerAddress, PeerInfo, Shared};
-use crate::net::{Instant, Net};
 use crate::patience::Patience;
 use crate::stats::Counters;
+use trimaran_net::{Instant, Net};
 
 /// The most messages of the frames lane that may wait for their reader, and that it may have taken at once: 32 MiB of ids in all at
 /// the largest batch size.

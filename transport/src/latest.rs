@@ -4,9 +4,9 @@ use trimaran_proto::{Camera, Goodbye};
 
 use crate::error::{LaneError, LaneSendError};
 use crate::link::Shared;
-use crate::net::Instant;
 use crate::patience::Patience;
 use crate::{RecvError, SendError, inproc, quic, stream, udp};
+use trimaran_net::Instant;
 
 /// Publishes cameras: each replaces the one before, whether that has been read or not.
 #[derive(Debug)]

@@ -4,7 +4,7 @@
 //! carries begin, ids, end. [`connect`] and [`Listener`] make them over the transport that an [`Endpoint`] names; using them is
 //! the same. [`inproc::pair`] makes two joined links in one process without either.
 //!
-//! All time, tasks and sockets come through one trait, [`Net`]: [`TokioNet`] is the real one.
+//! All time, tasks and sockets come through one trait, [`Net`] of `trimaran-net`: [`TokioNet`] is the real one.
 
 mod connect;
 mod desk;
@@ -18,7 +18,6 @@ pub mod keys;
 mod latest;
 mod link;
 mod listen;
-mod net;
 mod options;
 mod patience;
 mod pending;
@@ -28,7 +27,6 @@ mod rates;
 mod stats;
 mod stream;
 mod tcp;
-mod tokio_net;
 mod trace;
 pub mod udp;
 mod unix;
@@ -42,17 +40,15 @@ pub use error::{Loss, ProtocolError, RecvError, SendError};
 pub use frames::{FrameReceiver, FrameSender};
 pub use handshake::HandshakeError;
 pub use latest::{LatestReceiver, LatestSender};
-pub use link::{Capabilities, Credentials, Link, LinkConfig, PeerAddress, PeerInfo};
+pub use link::{Capabilities, Link, LinkConfig, PeerAddress, PeerInfo};
 pub use listen::{AcceptError, ListenError, Listener};
-pub use net::{
-    BATCH_SIZE, BoxFuture, BoxReader, BoxWriter, EcnCodepoint, Instant, Listen, Net, RecvMeta, Stream, Timer,
-    Transmit, UdpPoller, UdpSocket, UdpSocketOptions, sleep_until, until,
-};
 pub use options::{Limits, Options};
 pub use rates::{Door, TooMany, TurnedAway};
 pub use stats::{LinkStats, StatsHandle, Tally, Traffic};
-pub use tcp::{Keepalive, TcpOptions};
-pub use tokio_net::TokioNet;
+pub use trimaran_net::{
+    Credentials, Instant, Keepalive, Net, TcpOptions, TokioNet, UdpSocketOptions, UnixSocketOptions,
+    sleep_until, until,
+};
 pub use trimaran_udp::PathStats;
 pub use unix::{ForeignUser, UnixOptions};
 

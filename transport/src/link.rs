@@ -10,11 +10,11 @@ use trimaran_proto::{BatchSize, Goodbye, IdCoding, Identity, Role, SessionId};
 
 use crate::frames::{FrameRx, FrameTx};
 use crate::latest::{LatestRx, LatestTx};
-use crate::net::{Net, until};
 use crate::patience::Patience;
 use crate::rates::Messages;
 use crate::stats::Counters;
 use crate::{FrameReceiver, FrameSender, LatestReceiver, LatestSender, RecvError, SendError, StatsHandle};
+use trimaran_net::{Credentials, Net, StreamPeer, until};
 
 /// How long a peer that leaves waits for the other one to leave as well.
 const LINGER: Duration = Duration::from_millis(500);
@@ -70,17 +70,6 @@ pub enum PeerAddress {
     Quic(SocketAddr),
 }
 
-/// Whose process holds the other end of a Unix socket, as the kernel says.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Credentials {
-    /// The process's effective user id.
-    pub uid: u32,
-    /// Its effective group id.
-    pub gid: u32,
-    /// The process, where the system tells.
-    pub pid: Option<i32>,
-}
-
 /// What a link's transport promises.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Capabilities {
@@ -92,6 +81,15 @@ pub struct Capabilities {
     pub encrypted: bool,
     /// The peer is on this machine.
     pub local: bool,
+}
+
+impl From<StreamPeer> for PeerAddress {
+    fn from(peer: StreamPeer) -> Self {
+        match peer {
+            StreamPeer::Tcp(at) => Self::Tcp(at),
+            StreamPeer::Unix(process) => Self::Unix(process),
+        }
+    }
 }
 
 impl PeerAddress {

@@ -12,9 +12,9 @@ use trimaran_proto::Identity;
 use crate::desk::Desk;
 use crate::error::readable;
 use crate::handshake::HandshakeError;
-use crate::net::{Instant, Net, until};
 use crate::rates::TurnedAway;
 use crate::{Endpoint, Endpoints, HostPort, Link, Options, UdpEndpoint, inproc, quic, tcp, udp, unix};
+use trimaran_net::{Instant, Net, until};
 
 /// How many links may wait for [`Listener::accept`].
 const QUEUE: usize = 8;

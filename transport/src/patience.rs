@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
-use crate::net::{Instant, Net, Timer};
+use trimaran_net::{Instant, Net, Timer};
 
 /// How often a sender looks for signs of life in a lease: as often as there are some.
 const LOOKS: u32 = 4;
@@ -196,7 +196,7 @@ impl Patience {
 mod tests {
     use super::*;
     use crate::TokioNet;
-    use crate::net::sleep_until;
+    use trimaran_net::sleep_until;
 
     const LEASE: Duration = Duration::from_secs(20);
 

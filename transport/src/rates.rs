@@ -8,8 +8,8 @@ use std::time::Duration;
 use thiserror::Error;
 
 use crate::desk::lock;
-use crate::net::Instant;
 use crate::{Limits, PeerAddress};
+use trimaran_net::Instant;
 
 const SECOND: Duration = Duration::from_secs(1);
 

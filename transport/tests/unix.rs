@@ -15,11 +15,11 @@ use std::sync::Arc;
 use common::conformance::Pairs;
 use common::{identity, joined, last_failure, net, soon};
 use tempfile::TempDir;
+use trimaran_net::{BoxFuture, Listen, Stream, StreamPeer, Timer, UdpSocket, UnixSocketOptions};
 use trimaran_proto::Role;
 use trimaran_transport::{
-    BoxFuture, Credentials, Endpoint, ForeignUser, HandshakeError, Instant, Link, LinkConfig, Listen,
-    ListenError, Listener, Net, Options, PeerAddress, SocketPath, Stream, TcpOptions, Timer, UdpSocket,
-    UdpSocketOptions, UnixOptions, connect,
+    Credentials, Endpoint, ForeignUser, HandshakeError, Instant, Link, LinkConfig, ListenError, Listener,
+    Net, Options, PeerAddress, SocketPath, TcpOptions, UdpSocketOptions, UnixOptions, connect,
 };
 
 struct Unix;
@@ -117,8 +117,8 @@ struct Foreign {
 }
 
 fn of_user(user: u32, stream: Stream) -> Stream {
-    let PeerAddress::Unix(peer) = stream.peer else { panic!("{stream:?}") };
-    Stream { peer: PeerAddress::Unix(Credentials { uid: user, ..peer }), ..stream }
+    let StreamPeer::Unix(peer) = stream.peer else { panic!("{stream:?}") };
+    Stream { peer: StreamPeer::Unix(Credentials { uid: user, ..peer }), ..stream }
 }
 
 impl Listen for Foreign {
@@ -167,7 +167,7 @@ impl Net for Elsewhere {
     fn listen_unix<'a>(
         &'a self,
         path: &'a Path,
-        options: &'a UnixOptions,
+        options: &'a UnixSocketOptions,
     ) -> BoxFuture<'a, io::Result<Box<dyn Listen>>> {
         Box::pin(async {
             let listener = self.net.listen_unix(path, options).await?;

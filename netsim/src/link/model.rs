@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 use super::{Jitter, Loss, QueueModel};
 

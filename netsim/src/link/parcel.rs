@@ -1,6 +1,6 @@
 //! What goes into a link, and what a link asks for.
 
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 /// A packet as a link sees it.
 #[derive(Debug, Clone, PartialEq, Eq)]

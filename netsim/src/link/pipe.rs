@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 use super::jitter::Variation;
 use super::loss::Fate;

@@ -10,9 +10,7 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
 
-use trimaran_transport::{
-    BoxFuture, Instant, Listen, Net, Stream, TcpOptions, Timer, UdpSocket, UdpSocketOptions,
-};
+use trimaran_net::{BoxFuture, Instant, Listen, Net, Stream, TcpOptions, Timer, UdpSocket, UdpSocketOptions};
 
 use crate::topology::HostId;
 use crate::world::World;

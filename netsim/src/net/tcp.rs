@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::task::Waker;
 
-use trimaran_transport::{Instant, TcpOptions};
+use trimaran_net::{Instant, TcpOptions};
 
 use crate::link::Ecn;
 use crate::packet::{Body, Packet};

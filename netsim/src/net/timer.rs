@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::task::{Context, Poll};
 
-use trimaran_transport::{Instant, Timer};
+use trimaran_net::{Instant, Timer};
 
 use super::SimNet;
 use crate::world::World;

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use bytes::Bytes;
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 use super::segment::Range;
 

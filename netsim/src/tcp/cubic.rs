@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 /// What the window is multiplied with after a loss, and the steepness of the cubic, in packets and seconds.
 const BETA: f64 = 717.0 / 1024.0;

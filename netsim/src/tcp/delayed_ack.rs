@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 /// Linux's `TCP_DELACK_MIN` and `TCP_ATO_MIN`, and the most that an acknowledgement is delayed.
 const DELAY_MIN: Duration = Duration::from_millis(40);

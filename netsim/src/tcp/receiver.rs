@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use bytes::{Buf, Bytes};
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 use super::delayed_ack::DelayedAck;
 use super::segment::{MOST_SACKS, Range, Segment};

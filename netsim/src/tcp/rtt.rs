@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 /// Linux's `TCP_RTO_MIN`. It bounds the variance rather than the sum: the timeout is the round trip and at least this.
 pub(super) const RTO_MIN: Duration = Duration::from_millis(200);

@@ -2,7 +2,7 @@
 
 use bytes::Bytes;
 use serde::Serialize;
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 /// A segment. Sequence numbers are counts of bytes since the start of the connection; they do not wrap here.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use bytes::Bytes;
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 use super::board::{Board, News};
 use super::cubic::Cubic;

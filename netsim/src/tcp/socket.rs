@@ -3,7 +3,7 @@
 use std::io;
 use std::time::Duration;
 
-use trimaran_transport::{Instant, TcpOptions};
+use trimaran_net::{Instant, TcpOptions};
 
 use super::receiver::Receiver;
 use super::segment::{Segment, full_size};

@@ -7,11 +7,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::{Context, Poll, ready};
 
+use trimaran_net::{BoxFuture, Listen, RecvMeta, Stream, Timer, Transmit, UdpPoller, UdpSocket};
 use trimaran_netsim::SimNet;
-use trimaran_transport::{
-    BoxFuture, Instant, Listen, Net, RecvMeta, Stream, TcpOptions, Timer, Transmit, UdpPoller, UdpSocket,
-    UdpSocketOptions,
-};
+use trimaran_transport::{Instant, Net, TcpOptions, UdpSocketOptions};
 
 /// A machine whose datagram sockets hear nothing but a Retry: what it begins stays begun.
 #[derive(Debug)]

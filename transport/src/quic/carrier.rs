@@ -8,7 +8,7 @@ use quinn::{Connection, ConnectionError, ReadError, SendStream, VarInt, WriteErr
 
 use crate::desk::lock;
 use crate::error::Loss;
-use crate::net::{Net, sleep_until, until};
+use trimaran_net::{Net, sleep_until, until};
 
 /// How long what was sent may take to arrive after the last half of a link was dropped.
 const LINGER: Duration = Duration::from_secs(2);

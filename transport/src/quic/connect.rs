@@ -15,8 +15,8 @@ use super::tls::{self, Doorman};
 use crate::connect::{AttemptError, Introduction, believed, each_address};
 use crate::handshake::{HandshakeError, Parley};
 use crate::keys::Security;
-use crate::net::{Net, random_bytes};
 use crate::{HostPort, Link};
+use trimaran_net::{Net, random_bytes};
 
 /// TLS wants a name; peers know each other by fingerprint.
 const SERVER_NAME: &str = "trimaran";

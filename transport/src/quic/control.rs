@@ -20,8 +20,8 @@ use crate::handshake::{HandshakeError, Parley};
 use crate::keys::Fingerprint;
 use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
 use crate::link::{LinkConfig, Parts, PeerAddress, PeerInfo, Shared};
-use crate::net::Net;
 use crate::stats::Counters;
+use trimaran_net::Net;
 
 /// The connection's end says this when cameras do not fit.
 const NO_DATAGRAMS: VarInt = VarInt::from_u32(1);

@@ -17,8 +17,8 @@ use trimaran_proto::{Decoder, FrameMessage, Goodbye, HEADER_BYTES, Kind, Message
 use super::carrier::{Carrier, all_arrived, loss, read_loss, write_loss};
 use crate::error::{LaneError, LaneSendError, Loss, ProtocolError};
 use crate::link::Shared;
-use crate::net::Instant;
 use crate::patience::Patience;
+use trimaran_net::Instant;
 
 /// How much is read at once: whole frames, mostly.
 const ROOM: usize = 64 * 1024;

@@ -15,8 +15,8 @@ use crate::PeerAddress;
 use crate::desk::Desk;
 use crate::handshake::{HandshakeError, Parley};
 use crate::keys::Security;
-use crate::net::until;
 use crate::pending::Slot;
+use trimaran_net::until;
 
 /// How many bytes an attempt may have waiting before it is looked at.
 const WAITING: u64 = 16 * 1024;
@@ -142,8 +142,8 @@ mod tests {
     use super::super::QuicOptions;
     use super::*;
     use crate::keys::Keys;
-    use crate::net::Net;
     use crate::{Limits, LinkConfig, Options, TokioNet};
+    use trimaran_net::Net;
 
     /// Nobody takes what comes in: as many wait as may shake hands, and one more gets in once another has gone.
     #[tokio::test]

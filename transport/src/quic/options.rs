@@ -149,9 +149,9 @@ mod tests {
     use super::*;
     use crate::TokioNet;
     use crate::keys::Keys;
-    use crate::net::{Net, sleep_until};
     use crate::quic::connect::endpoint;
     use crate::quic::tls::{self, Doorman};
+    use trimaran_net::{Net, sleep_until};
 
     /// A connection between an end with `ours`, which connects, and one with `theirs`; the endpoints keep it going.
     async fn connected(

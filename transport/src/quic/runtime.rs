@@ -5,13 +5,13 @@ use std::io::{self, IoSliceMut};
 use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::Arc;
-use std::task::{Context, Poll};
+use std::task::{Context, Poll, ready};
 use std::time::{Duration, Instant as StdInstant};
 
-use quinn::udp::{RecvMeta, Transmit};
+use quinn::udp as quinn_udp;
 use quinn::{AsyncTimer, AsyncUdpSocket, Runtime, UdpPoller as QuinnPoller};
 
-use crate::net::{Instant, Net, Timer, UdpPoller, UdpSocket};
+use trimaran_net::{BATCH_SIZE, EcnCodepoint, Instant, Net, RecvMeta, Timer, Transmit, UdpPoller, UdpSocket};
 
 /// A [`Net`] as quinn wants it.
 #[derive(Debug, Clone)]
@@ -83,8 +83,14 @@ impl AsyncUdpSocket for NetSocket {
         Box::pin(NetPoller(Arc::clone(&self.0).poller()))
     }
 
-    fn try_send(&self, transmit: &Transmit<'_>) -> io::Result<()> {
-        match self.0.try_send(transmit) {
+    fn try_send(&self, transmit: &quinn_udp::Transmit<'_>) -> io::Result<()> {
+        let quinn_udp::Transmit { destination, ecn, contents, segment_size, src_ip } = *transmit;
+        let ecn = ecn.map(|mark| match mark {
+            quinn_udp::EcnCodepoint::Ect0 => EcnCodepoint::Ect0,
+            quinn_udp::EcnCodepoint::Ect1 => EcnCodepoint::Ect1,
+            quinn_udp::EcnCodepoint::Ce => EcnCodepoint::Ce,
+        });
+        match self.0.try_send(&Transmit { destination, ecn, contents, segment_size, src_ip }) {
             Err(e) if e.kind() != io::ErrorKind::WouldBlock => {
                 // About this datagram only, and QUIC takes care of what is lost; quinn would give the connection up.
                 tracing::debug!(error = &e as &dyn std::error::Error, "a datagram could not be sent");
@@ -98,9 +104,16 @@ impl AsyncUdpSocket for NetSocket {
         &self,
         cx: &mut Context<'_>,
         buffers: &mut [IoSliceMut<'_>],
-        meta: &mut [RecvMeta],
+        meta: &mut [quinn_udp::RecvMeta],
     ) -> Poll<io::Result<usize>> {
-        self.0.poll_recv(cx, buffers, meta)
+        let mut received = [RecvMeta::default(); BATCH_SIZE];
+        let room = buffers.len().min(meta.len()).min(BATCH_SIZE);
+        let (buffers, known) = (buffers.get_mut(..room).unwrap_or_default(), &mut received);
+        let filled = ready!(self.0.poll_recv(cx, buffers, known))?;
+        for (meta, received) in meta.iter_mut().zip(&received).take(filled) {
+            *meta = told(received);
+        }
+        Poll::Ready(Ok(filled))
     }
 
     fn local_addr(&self) -> io::Result<SocketAddr> {
@@ -118,6 +131,18 @@ impl AsyncUdpSocket for NetSocket {
     fn may_fragment(&self) -> bool {
         self.0.may_fragment()
     }
+}
+
+fn told(received: &RecvMeta) -> quinn_udp::RecvMeta {
+    let mut meta = quinn_udp::RecvMeta::default();
+    (meta.addr, meta.len, meta.stride, meta.dst_ip) =
+        (received.addr, received.len, received.stride, received.dst_ip);
+    meta.ecn = received.ecn.map(|mark| match mark {
+        EcnCodepoint::Ect0 => quinn_udp::EcnCodepoint::Ect0,
+        EcnCodepoint::Ect1 => quinn_udp::EcnCodepoint::Ect1,
+        EcnCodepoint::Ce => quinn_udp::EcnCodepoint::Ce,
+    });
+    meta
 }
 
 #[derive(Debug)]

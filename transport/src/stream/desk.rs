@@ -12,10 +12,10 @@ use super::handshake::{Connection, Lanes};
 use crate::desk::{Desk, Place, lock};
 use crate::handshake::{HandshakeError, Parley};
 use crate::link::Capabilities;
-use crate::net::{Instant, Listen, Stream, sleep_until, until};
 use crate::pending::Slot;
 use crate::stats::Counters;
 use crate::{PeerAddress, unix};
+use trimaran_net::{Instant, Listen, Stream, StreamPeer, sleep_until, until};
 
 /// The pause after the system could not accept, for instance for want of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
@@ -62,13 +62,13 @@ impl Reception {
                 accepted = socket.accept() => accepted,
             };
             match accepted {
-                Ok(stream) => match self.admit(&stream.peer) {
+                Ok(stream) => match self.admit(stream.peer) {
                     Ok(slot) => {
                         let reception = Arc::clone(&self);
                         self.desk.net.spawn(Box::pin(reception.receive(stream, slot)));
                     }
                     Err(e) => {
-                        self.desk.failed(&stream.peer, e);
+                        self.desk.failed(&PeerAddress::from(stream.peer), e);
                         turn_away(&mut Connection::new(stream, &Counters::framed()));
                     }
                 },
@@ -81,15 +81,16 @@ impl Reception {
     }
 
     /// Whether a connection may shake hands: nobody who must not take part gets a slot.
-    fn admit(&self, peer: &PeerAddress) -> Result<Slot, HandshakeError> {
+    fn admit(&self, peer: StreamPeer) -> Result<Slot, HandshakeError> {
         unix::check(peer, &self.desk.options.unix)?;
-        self.desk.begin(peer)?;
-        Ok(self.desk.slot(peer))
+        let address = PeerAddress::from(peer);
+        self.desk.begin(&address)?;
+        Ok(self.desk.slot(&address))
     }
 
     /// One connection, from its first byte to a link or a failure.
     async fn receive(self: Arc<Self>, stream: Stream, mut slot: Slot) {
-        let address = stream.peer;
+        let address = PeerAddress::from(stream.peer);
         let deadline = self.desk.net.now().after(self.desk.options.handshake);
         // A lane that waits for the other one watches the deadline itself, in order to refuse politely; the limit is for a peer
         // that does not even read the refusal.

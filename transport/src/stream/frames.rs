@@ -13,9 +13,9 @@ use super::source::{Sink, Source};
 use crate::desk::lock;
 use crate::error::{LaneError, LaneSendError, Loss};
 use crate::link::Shared;
-use crate::net::Instant;
 use crate::patience::{Expired, Patience, Wait};
 use crate::stats::Counters;
+use trimaran_net::Instant;
 
 /// How much is read at once: whole frames, mostly.
 const ROOM: usize = 64 * 1024;

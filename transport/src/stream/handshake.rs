@@ -14,8 +14,8 @@ use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx};
 use crate::handshake::{HandshakeError, Parley};
 use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
 use crate::link::{Capabilities, Link, LinkConfig, Parts, PeerAddress, PeerInfo, Shared};
-use crate::net::{Net, Stream};
 use crate::stats::Counters;
+use trimaran_net::{Net, Stream};
 
 /// How much is read at once from someone who is not a peer yet.
 const ROOM: usize = 512;
@@ -34,7 +34,7 @@ impl Connection {
         Self {
             source: Source::new(stream.reader, ROOM),
             sink: Sink::new(stream.writer),
-            address: stream.peer,
+            address: stream.peer.into(),
             counters: Arc::clone(counters),
         }
     }

@@ -11,9 +11,9 @@ use crate::Link;
 use crate::connect::{AttemptError, Introduction};
 use crate::handshake::{HandshakeError, Parley};
 use crate::link::Capabilities;
-use crate::net::{BoxFuture, Net, Stream};
 use crate::stats::Counters;
 use crate::unix;
+use trimaran_net::{BoxFuture, Net, Stream};
 
 /// Opens both connections to `to`, says hello on both, and reads both answers.
 pub(crate) async fn introduce<'o>(
@@ -28,7 +28,7 @@ pub(crate) async fn introduce<'o>(
     let failed = |cause| AttemptError::Handshake { address: to.to_string(), cause };
     let connection = async || match open().await {
         Ok(stream) => {
-            unix::check(&stream.peer, &options.unix).map_err(|e| failed(e.into()))?;
+            unix::check(stream.peer, &options.unix).map_err(|e| failed(e.into()))?;
             Ok(Connection::new(stream, &counters))
         }
         Err(cause) => Err(AttemptError::Connect { address: to.to_string(), cause }),

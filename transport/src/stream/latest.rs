@@ -13,8 +13,8 @@ use super::pulse::Pulse;
 use super::source::{Sink, Source};
 use crate::error::{LaneError, LaneSendError, Loss, misplaced};
 use crate::link::Shared;
-use crate::net::{Instant, Net};
 use crate::patience::{Patience, Wait};
+use trimaran_net::{Instant, Net};
 
 /// How much is read at once: some fifty cameras.
 const ROOM: usize = 4 * 1024;

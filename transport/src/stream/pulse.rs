@@ -3,7 +3,7 @@
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
-use crate::net::{Net, sleep_until};
+use trimaran_net::{Net, sleep_until};
 
 /// A lane that can show a sign of life.
 pub(super) trait Pulse: Send + Sync {
@@ -34,13 +34,15 @@ mod tests {
     };
 
     use super::super::handshake::{Connection, Lanes};
-    use crate::net::{Net, Stream, sleep_until};
     use crate::stats::Counters;
-    use crate::{Link, LinkConfig, Loss, PeerAddress, RecvError, SendError, TokioNet};
+    use crate::{Link, LinkConfig, Loss, RecvError, SendError, TokioNet};
+    use std::net::{IpAddr, Ipv4Addr, SocketAddr};
     use std::sync::Arc;
     use std::time::Duration;
+    use trimaran_net::{Net, Stream, StreamPeer, sleep_until};
 
     const LEASE: Duration = Duration::from_secs(20);
+    const PEER: StreamPeer = StreamPeer::Tcp(SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 1));
 
     fn net() -> Arc<dyn Net> {
         Arc::new(TokioNet::current().unwrap())
@@ -50,8 +52,7 @@ mod tests {
         let counters = Counters::framed();
         let connection = |stream| {
             let (reader, writer) = split(stream);
-            let stream =
-                Stream { reader: Box::new(reader), writer: Box::new(writer), peer: PeerAddress::InProcess };
+            let stream = Stream { reader: Box::new(reader), writer: Box::new(writer), peer: PEER };
             Connection::new(stream, &counters)
         };
         let config = LinkConfig { patience, lease: LEASE, ..LinkConfig::default() };

@@ -10,8 +10,8 @@ use tokio::io::{AsyncReadExt, AsyncWrite};
 use trimaran_proto::{Decoder, HEADER_BYTES, Message};
 
 use crate::error::{LaneError, Loss, ProtocolError};
-use crate::net::{BoxReader, BoxWriter};
 use crate::stats::Direction;
+use trimaran_net::{BoxReader, BoxWriter};
 
 /// Reads messages.
 pub(crate) struct Source {

@@ -16,9 +16,9 @@ use super::socket::{Incoming, Outgoing, Path};
 use crate::connect::{AttemptError, Introduction, believed};
 use crate::handshake::HandshakeError;
 use crate::keys::{NoiseKey, PeerKey};
-use crate::net::{Instant, Net, UdpSocket, random_bytes, until};
 use crate::stats::Counters;
 use crate::{Link, UdpEndpoint, UdpMode};
+use trimaran_net::{Instant, Net, UdpSocket, random_bytes, until};
 
 /// The pause before the first packet is sent again; it doubles up to [`LAST_PAUSE`].
 const FIRST_PAUSE: Duration = Duration::from_millis(50);

@@ -13,7 +13,7 @@ use trimaran_udp::{Closed, ConnectionId, destination};
 use super::port::{Port, State, Waiter};
 use super::socket::{Incoming, Path};
 use crate::desk::lock;
-use crate::net::{Instant, Net, UdpPoller, sleep_until};
+use trimaran_net::{Instant, Net, UdpPoller, sleep_until};
 
 /// How long what was sent may take to arrive after the last half of a link was dropped.
 const LINGER: Duration = Duration::from_secs(2);

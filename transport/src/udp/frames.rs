@@ -12,8 +12,8 @@ use super::port::{Carrier, State, Waiter};
 use crate::error::{LaneError, LaneSendError, Loss};
 use crate::frames::{frame_weight, weight};
 use crate::link::Shared;
-use crate::net::Instant;
 use crate::patience::Patience;
+use trimaran_net::Instant;
 
 #[derive(Debug)]
 pub(crate) struct FrameTx {

@@ -10,8 +10,8 @@ use trimaran_udp::LatestEnd;
 use super::port::{Carrier, State, Waiter};
 use crate::error::{LaneError, LaneSendError, Loss};
 use crate::link::Shared;
-use crate::net::Instant;
 use crate::patience::Patience;
+use trimaran_net::Instant;
 
 #[derive(Debug)]
 pub(crate) struct LatestTx {

@@ -19,10 +19,10 @@ use crate::desk::{Desk, lock};
 use crate::handshake::HandshakeError;
 use crate::keys::{NoiseKey, PeerKey};
 use crate::link::Batching;
-use crate::net::{UdpSocket, random_bytes, until};
 use crate::pending::Slot;
 use crate::stats::Counters;
 use crate::{PeerAddress, UdpMode};
+use trimaran_net::{UdpSocket, random_bytes, until};
 
 /// Listens, and receives peers until nobody accepts them any more. Says where.
 pub(crate) fn listen(at: SocketAddr, mode: Option<UdpMode>, desk: &Arc<Desk>) -> io::Result<SocketAddr> {

@@ -29,9 +29,9 @@ use crate::Link;
 use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx};
 use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
 use crate::link::{Capabilities, LinkConfig, Parts, PeerAddress, PeerInfo, Shared};
-use crate::net::Net;
 use crate::stats::Counters;
 use port::{Carrier, Port};
+use trimaran_net::Net;
 
 /// Makes a link of a connection.
 #[expect(clippy::too_many_arguments, reason = "a link has this many parts, each of its own type")]

@@ -10,8 +10,8 @@ use trimaran_udp::{Closed, Connection, PathStats};
 use super::socket::{Outgoing, Path};
 use crate::desk::lock;
 use crate::error::{LaneError, Loss, ProtocolError};
-use crate::net::{Instant, Net, UdpSocket};
 use crate::stats::PathSource;
+use trimaran_net::{Instant, Net, UdpSocket};
 
 /// A connection and what its tasks wait for.
 pub(super) struct Port {

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use smallvec::SmallVec;
 use trimaran_udp::MIN_DATAGRAM;
 
-use crate::net::{BATCH_SIZE, RecvMeta, Transmit, UdpSocket};
+use trimaran_net::{BATCH_SIZE, RecvMeta, Transmit, UdpSocket};
 
 /// How much one buffer holds where the system gives one datagram at a time: more than the protocol ever sends.
 const DATAGRAM: usize = 2048;

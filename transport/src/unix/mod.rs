@@ -15,10 +15,10 @@ pub use options::UnixOptions;
 
 use crate::connect::{AttemptError, Introduction};
 use crate::desk::Desk;
-use crate::link::{Capabilities, PeerAddress};
-use crate::net::Net;
+use crate::link::Capabilities;
 use crate::stream::{introduce, serve};
 use crate::{Link, SocketPath};
+use trimaran_net::{Net, StreamPeer};
 
 const CAPABILITIES: Capabilities = Capabilities { local: true, ..crate::tcp::CAPABILITIES };
 
@@ -46,21 +46,23 @@ pub(crate) async fn attempt(
 
 /// Listens, and receives peers until nobody accepts them any more.
 pub(crate) async fn listen(path: &Path, desk: &Arc<Desk>) -> io::Result<()> {
-    let socket = desk.net.listen_unix(path, &desk.options.unix).await?;
+    let socket = desk.net.listen_unix(path, &desk.options.unix.socket()).await?;
     desk.net.spawn(Box::pin(serve(Arc::clone(desk), socket, CAPABILITIES)));
     Ok(())
 }
 
 /// Checks whose process the other end is.
-pub(crate) fn check(peer: &PeerAddress, options: &UnixOptions) -> Result<(), ForeignUser> {
+pub(crate) fn check(peer: StreamPeer, options: &UnixOptions) -> Result<(), ForeignUser> {
     match peer {
         #[cfg(unix)]
-        PeerAddress::Unix(peer) => {
+        StreamPeer::Unix(peer) => {
             let ours = rustix::process::geteuid().as_raw();
             let welcome = peer.uid == ours || options.allow_uids.contains(&peer.uid);
             if welcome { Ok(()) } else { Err(ForeignUser { ours, theirs: peer.uid }) }
         }
-        _ => Ok(()),
+        #[cfg(not(unix))]
+        StreamPeer::Unix(_) => Ok(()),
+        StreamPeer::Tcp(_) => Ok(()),
     }
 }
 
@@ -72,13 +74,13 @@ mod tests {
     #[test]
     fn only_the_own_user_and_named_ones_are_let_in() {
         let ours = rustix::process::geteuid().as_raw();
-        let peer = |uid| PeerAddress::Unix(Credentials { uid, gid: 0, pid: None });
+        let peer = |uid| StreamPeer::Unix(Credentials { uid, gid: 0, pid: None });
         let strict = UnixOptions::default();
         let theirs = ours + 1;
-        assert_eq!(check(&peer(ours), &strict), Ok(()));
-        assert_eq!(check(&peer(theirs), &strict), Err(ForeignUser { ours, theirs }));
+        assert_eq!(check(peer(ours), &strict), Ok(()));
+        assert_eq!(check(peer(theirs), &strict), Err(ForeignUser { ours, theirs }));
         let open = UnixOptions { allow_uids: vec![theirs], ..strict };
-        assert_eq!(check(&peer(theirs), &open), Ok(()));
+        assert_eq!(check(peer(theirs), &open), Ok(()));
         let message = ForeignUser { ours: 7, theirs: 9 }.to_string();
         assert!(message.contains("user 9") && message.contains("user 7"), "{message}");
     }

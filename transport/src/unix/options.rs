@@ -1,5 +1,7 @@
 //! How Unix sockets are set up.
 
+use trimaran_net::UnixSocketOptions;
+
 /// Options of Unix sockets.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct UnixOptions {
@@ -13,6 +15,13 @@ pub struct UnixOptions {
 
 impl Default for UnixOptions {
     fn default() -> Self {
-        Self { mode: 0o600, allow_uids: Vec::new(), backlog: 128 }
+        let UnixSocketOptions { mode, backlog } = UnixSocketOptions::default();
+        Self { mode, allow_uids: Vec::new(), backlog }
+    }
+}
+
+impl UnixOptions {
+    pub(super) const fn socket(&self) -> UnixSocketOptions {
+        UnixSocketOptions { mode: self.mode, backlog: self.backlog }
     }
 }

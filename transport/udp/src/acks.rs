@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 
 use crate::chunk::{ACK_RANGES, Asks, Chunk};
 use crate::packet::PacketNumber;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 
 /// What a loss leaves of the window (RFC 9438, section 4.6).
 const BETA: f64 = 0.7;

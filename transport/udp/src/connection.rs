@@ -3,7 +3,8 @@
 use std::fmt;
 use std::time::Duration;
 
-use trimaran_proto::{BatchSize, IdCoding, Instant};
+use trimaran_net::Instant;
+use trimaran_proto::{BatchSize, IdCoding};
 
 use crate::acks::Acks;
 use crate::inbox::Inbox;

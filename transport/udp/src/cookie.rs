@@ -3,7 +3,7 @@
 use std::net::{IpAddr, SocketAddr};
 use std::time::Duration;
 
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 use zeroize::Zeroizing;
 
 use crate::packet::{ConnectionId, CookieBytes};

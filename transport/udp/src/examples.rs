@@ -9,9 +9,10 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use bytes::BytesMut;
+use trimaran_net::Instant;
 use trimaran_proto::{
     BatchSize, Camera, Delivery, DrawableId, FrameMessage, FrameNumber, FrameStart, FrameWriter, IdEncoder,
-    Instant, Kind, Message,
+    Kind, Message,
 };
 use xxhash_rust::xxh3::xxh3_64;
 

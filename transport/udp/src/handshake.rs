@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use snow::{Builder, HandshakeState};
 use thiserror::Error;
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 use zeroize::Zeroizing;
 
 use crate::connection::{Config, Connection};

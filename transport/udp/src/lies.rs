@@ -1,6 +1,7 @@
 //! A peer that lies in every field that says how much, how many or which, under keys that are good.
 
-use trimaran_proto::{Camera, FrameNumber, Instant};
+use trimaran_net::Instant;
+use trimaran_proto::{Camera, FrameNumber};
 
 use crate::chunk::{Chunk, GivenUp, Tail};
 use crate::connection::{Closed, Config, Connection};

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 
 use crate::packet::MIN_DATAGRAM;
 

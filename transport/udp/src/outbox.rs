@@ -269,7 +269,8 @@ impl Outbox {
 
 #[cfg(test)]
 mod tests {
-    use trimaran_proto::{Camera, FrameStart, Instant};
+    use trimaran_net::Instant;
+    use trimaran_proto::{Camera, FrameStart};
 
     use super::*;
     use crate::repair::Repair;

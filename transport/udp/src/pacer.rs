@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 
 /// How much may leave at once, in packets: the initial window of RFC 9002.
 const BURST: usize = 10;

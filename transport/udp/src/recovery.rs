@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 
 use crate::congestion::{Congestion, Window};
 use crate::packet::PacketNumber;

@@ -5,7 +5,8 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use proptest::prelude::*;
-use trimaran_proto::{Camera, FrameNumber, Instant};
+use trimaran_net::Instant;
+use trimaran_proto::{Camera, FrameNumber};
 use trimaran_udp::{
     Config, Connecting, Connection, ConnectionId, Door, Knock, Progress, Reception, Security,
 };

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
-use trimaran_transport::{BoxFuture, Instant, Listen, PeerAddress, Stream, TcpOptions};
+use trimaran_net::{BoxFuture, Instant, Listen, Stream, StreamPeer, TcpOptions};
 
 use super::super::SimNet;
 use super::super::udp::FIRST_FREE_PORT;
@@ -109,7 +109,7 @@ impl Connection {
         Stream {
             reader: Box::new(Reader(Arc::clone(&connection))),
             writer: Box::new(Writer(connection)),
-            peer: PeerAddress::Tcp(peer),
+            peer: StreamPeer::Tcp(peer),
         }
     }
 

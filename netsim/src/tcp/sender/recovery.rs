@@ -1,6 +1,6 @@
 //! What acknowledgements tell: what is lost, and how the window shrinks for it and comes back.
 
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 use super::super::board::News;
 use super::super::segment::{Range, Segment};

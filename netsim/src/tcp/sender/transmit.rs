@@ -1,7 +1,7 @@
 //! What is sent next, and what may not be sent yet.
 
 use bytes::Bytes;
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 use super::super::rtt::RTO_MIN;
 use super::super::segment::Class;

@@ -1,6 +1,6 @@
 //! How large the window is while nothing is lost: it grows where it is used, and is given back where it is not.
 
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 use super::super::board::News;
 use super::super::cubic::Ack;

@@ -3,7 +3,7 @@
 use std::io;
 use std::time::Duration;
 
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 use super::super::segment::earlier;
 use super::{Config, FIRST_WAIT, Socket, State};

@@ -1,7 +1,7 @@
 //! What a connection sends.
 
 use bytes::Bytes;
-use trimaran_transport::Instant;
+use trimaran_net::Instant;
 
 use super::super::segment::{Class, Segment};
 use super::super::sender::Outgoing;

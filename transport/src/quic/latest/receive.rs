@@ -13,10 +13,10 @@ use trimaran_proto::{
 
 use crate::error::{LaneError, Loss, ProtocolError, misplaced};
 use crate::link::Shared;
-use crate::net::Instant;
 use crate::patience::Patience;
 use crate::quic::carrier::{Carrier, loss};
 use crate::quic::frames::{noop, poll_fill};
+use trimaran_net::Instant;
 
 #[derive(Debug)]
 pub(crate) struct LatestRx {

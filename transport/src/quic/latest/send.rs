@@ -13,9 +13,9 @@ use trimaran_proto::{Camera, CameraNumber, Goodbye, Kind, Message, NumberedCamer
 use crate::desk::lock;
 use crate::error::{LaneSendError, Loss};
 use crate::link::Shared;
-use crate::net::Timer;
 use crate::patience::Patience;
 use crate::quic::carrier::{Carrier, loss, write_loss};
+use trimaran_net::Timer;
 
 /// The shortest quiet after which the newest camera is copied; where a round trip takes longer, 1.5 of those.
 const QUIET: Duration = Duration::from_millis(5);

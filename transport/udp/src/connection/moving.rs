@@ -2,7 +2,7 @@
 
 use std::net::SocketAddr;
 
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 
 use super::{Config, Connection};
 use crate::chunk::Chunk;

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use trimaran_proto::{Camera, Instant};
+use trimaran_net::Instant;
+use trimaran_proto::Camera;
 
 use super::{Closed, Connection};
 use crate::chunk::{Asks, CLOSE, Chunk};

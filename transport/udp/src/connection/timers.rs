@@ -1,6 +1,6 @@
 //! When something is due by itself, and what is done then.
 
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 
 use super::{Closed, Connection};
 use crate::packet::MIN_DATAGRAM;

@@ -1,6 +1,6 @@
 //! What leaves: packets, filled with what is due.
 
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 
 use super::{Closed, Connection};
 use crate::chunk::Chunk;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 
 use super::{Outbox, UNIT_COST, Unit};
 

@@ -3,7 +3,8 @@
 use std::collections::VecDeque;
 
 use bytes::BytesMut;
-use trimaran_proto::{FrameNumber, Instant};
+use trimaran_net::Instant;
+use trimaran_proto::FrameNumber;
 
 use super::guard::Guard;
 use crate::chunk::{GivenUp, Tail, unit_head};

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use smallvec::SmallVec;
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 
 use crate::packet::PacketNumber;
 

@@ -5,7 +5,8 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use bytes::BytesMut;
-use trimaran_proto::{Camera, FrameEnd, FrameMessage, FrameNumber, FrameStart, IdBatch, Instant, Message};
+use trimaran_net::Instant;
+use trimaran_proto::{Camera, FrameEnd, FrameMessage, FrameNumber, FrameStart, IdBatch, Message};
 use trimaran_udp::{Config, Connection, ConnectionId};
 
 use crate::wire::{Block, acknowledgement, give_up, part, repair, sealed, varint};

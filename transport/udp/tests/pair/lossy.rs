@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 use trimaran_udp::{Config, Repair};
 
 use crate::network::{Network, ONE_WAY, Pair, SEALED};

@@ -11,7 +11,8 @@ mod talk;
 use std::time::Duration;
 
 use proptest::prelude::*;
-use trimaran_proto::{BatchSize, Instant};
+use trimaran_net::Instant;
+use trimaran_proto::BatchSize;
 use trimaran_udp::{Closed, Config, Connection, MIN_DATAGRAM};
 
 use network::{CLEAN, Network, ONE_WAY, Pair, SEALED};

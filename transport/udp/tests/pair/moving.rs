@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use proptest::prelude::*;
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 use trimaran_udp::{Connection, ConnectionId};
 
 use crate::network::{ONE_WAY, introduce};

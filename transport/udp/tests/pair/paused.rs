@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use trimaran_proto::Instant;
+use trimaran_net::Instant;
 
 use crate::network::{Network, ONE_WAY, Pair, SEALED};
 use crate::talk::{RELIABLE, Reader, Sender, ids};

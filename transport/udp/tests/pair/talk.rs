@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
+use trimaran_net::Instant;
 use trimaran_proto::{
     BatchSize, Camera, Delivery, DrawableId, FrameAssembler, FrameEvent, FrameNumber, FrameOutcome,
-    FrameStart, FrameWriter, Goodbye, IdCoding, IdDecoder, IdEncoder, Instant, Message,
+    FrameStart, FrameWriter, Goodbye, IdCoding, IdDecoder, IdEncoder, Message,
 };
 use trimaran_udp::{Config, Congestion, Connection, Received, Repair};
 

@@ -2,12 +2,62 @@
 
 use std::fmt;
 use std::io::{self, IoSliceMut};
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
 
-pub use quinn_udp::{BATCH_SIZE, EcnCodepoint, RecvMeta, Transmit};
+/// The most buffers that one [`UdpSocket::poll_recv`] need fill.
+pub const BATCH_SIZE: usize = 32;
+
+/// One datagram to send, or several of one size to one place.
+#[derive(Debug, Clone, Copy)]
+pub struct Transmit<'a> {
+    /// Where it goes.
+    pub destination: SocketAddr,
+    /// How routers may mark it, if at all (RFC 3168).
+    pub ecn: Option<EcnCodepoint>,
+    /// What is in it, or in all of them one after the other.
+    pub contents: &'a [u8],
+    /// How many bytes each of several has; the last one may have fewer. `None` where there is only one.
+    pub segment_size: Option<usize>,
+    /// The address here that it leaves from, where there are several; else the system chooses.
+    pub src_ip: Option<IpAddr>,
+}
+
+/// What is known of what came into one buffer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RecvMeta {
+    /// Where it comes from.
+    pub addr: SocketAddr,
+    /// How many bytes of the buffer are filled.
+    pub len: usize,
+    /// How many bytes each datagram in the buffer has; the last one may have fewer.
+    pub stride: usize,
+    /// How it was marked on the way (RFC 3168).
+    pub ecn: Option<EcnCodepoint>,
+    /// The address here that it was sent to, where the system tells.
+    pub dst_ip: Option<IpAddr>,
+}
+
+impl Default for RecvMeta {
+    /// Of an empty buffer.
+    fn default() -> Self {
+        let addr = SocketAddr::new(Ipv6Addr::UNSPECIFIED.into(), 0);
+        Self { addr, len: 0, stride: 0, ecn: None, dst_ip: None }
+    }
+}
+
+/// The two bits of explicit congestion notification (RFC 3168, section 5), where they are not zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EcnCodepoint {
+    /// ECT(0): its sender slows down when it is marked.
+    Ect0,
+    /// ECT(1): the same (RFC 9331 gives it a meaning of its own).
+    Ect1,
+    /// CE: it met congestion.
+    Ce,
+}
 
 /// Options of a UDP socket.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

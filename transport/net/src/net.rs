@@ -11,13 +11,7 @@ use std::task::{Context, Poll};
 
 use tokio::io::{AsyncRead, AsyncWrite};
 
-pub use trimaran_proto::Instant;
-
-use crate::{PeerAddress, TcpOptions, UnixOptions};
-
-mod udp;
-
-pub use udp::{BATCH_SIZE, EcnCodepoint, RecvMeta, Transmit, UdpPoller, UdpSocket, UdpSocketOptions};
+use crate::{Credentials, Instant, TcpOptions, UdpSocket, UdpSocketOptions, UnixSocketOptions};
 
 /// A future on the heap. The seam uses it where connections are made, never per message.
 pub type BoxFuture<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
@@ -28,8 +22,8 @@ pub type BoxReader = Box<dyn AsyncRead + Send + Unpin>;
 /// The end of a stream that is written to. A write end that is dropped is closed: the peer reads the end of the stream.
 pub type BoxWriter = Box<dyn AsyncWrite + Send + Unpin>;
 
-/// Time, tasks and sockets. [`TokioNet`](crate::TokioNet) is the real one; a simulator implements the same trait over
-/// virtual time, so that the very same transports run on it.
+/// Time, tasks and sockets. `TokioNet` is the real one; a simulator implements the same trait over virtual time, so
+/// that the very same code runs on it.
 ///
 /// Object-safe on purpose: whatever uses a link does not depend on what is below it.
 pub trait Net: fmt::Debug + Send + Sync + 'static {
@@ -51,7 +45,7 @@ pub trait Net: fmt::Debug + Send + Sync + 'static {
     /// The addresses of `host:port`; host is a name, an IPv4 address or an IPv6 address in brackets.
     fn resolve<'a>(&'a self, address: &'a str) -> BoxFuture<'a, io::Result<Vec<SocketAddr>>>;
 
-    /// Connects to a TCP listener.
+    /// Connects to a TCP listener. Dropping the future ends the attempt.
     fn connect_tcp(&self, to: SocketAddr, options: TcpOptions) -> BoxFuture<'_, io::Result<Stream>>;
 
     /// Listens for TCP connections, and says where; port 0 takes a free one.
@@ -76,7 +70,7 @@ pub trait Net: fmt::Debug + Send + Sync + 'static {
     fn listen_unix<'a>(
         &'a self,
         _path: &'a Path,
-        _options: &'a UnixOptions,
+        _options: &'a UnixSocketOptions,
     ) -> BoxFuture<'a, io::Result<Box<dyn Listen>>> {
         Box::pin(std::future::ready(Err(io::ErrorKind::Unsupported.into())))
     }
@@ -104,7 +98,16 @@ pub struct Stream {
     /// What is sent to the peer.
     pub writer: BoxWriter,
     /// Who is at the other end, as far as the system knows.
-    pub peer: PeerAddress,
+    pub peer: StreamPeer,
+}
+
+/// Who is at the other end of a byte stream.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StreamPeer {
+    /// Whoever has this address and port.
+    Tcp(SocketAddr),
+    /// A process of this machine.
+    Unix(Credentials),
 }
 
 impl fmt::Debug for Stream {
@@ -117,7 +120,7 @@ impl fmt::Debug for Stream {
 ///
 /// # Errors
 /// When the system has no randomness to give.
-pub(crate) fn random_bytes(net: &dyn Net) -> io::Result<[u8; 32]> {
+pub fn random_bytes(net: &dyn Net) -> io::Result<[u8; 32]> {
     let mut bytes = [0; 32];
     for word in bytes.as_chunks_mut::<8>().0 {
         *word = net.random()?.to_le_bytes();
@@ -126,13 +129,17 @@ pub(crate) fn random_bytes(net: &dyn Net) -> io::Result<[u8; 32]> {
 }
 
 /// Waits until `at`.
+///
+/// Dropping the future ends the wait.
 pub async fn sleep_until(net: &dyn Net, at: Instant) {
     let mut timer = net.timer();
     timer.reset(at);
     poll_fn(|cx| timer.poll(cx)).await;
 }
 
-/// What `future` gives, or `None` when `at` comes first.
+/// What `future` gives, or `None` when `at` comes first: `future` is dropped then.
+///
+/// Dropping the future drops `future`.
 pub async fn until<F: Future>(net: &dyn Net, at: Instant, future: F) -> Option<F::Output> {
     let mut future = std::pin::pin!(future);
     let mut timer = net.timer();

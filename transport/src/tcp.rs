@@ -1,19 +1,15 @@
 //! Links over TCP: per pair of peers a connection for cameras and one for node ids, as in the paper (section 5).
 
-mod options;
-
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-pub use options::{Keepalive, TcpOptions};
-
 use crate::connect::{AttemptError, Introduction, each_address};
 use crate::desk::Desk;
 use crate::link::Capabilities;
-use crate::net::Net;
 use crate::stream::{introduce, serve};
 use crate::{HostPort, Link};
+use trimaran_net::Net;
 
 pub(crate) const CAPABILITIES: Capabilities =
     Capabilities { reliable: true, ordered: true, encrypted: false, local: false };

@@ -11,7 +11,7 @@ use quinn_udp::UdpSocketState;
 use socket2::{Domain, Protocol, SockRef, Socket, Type};
 use tokio::io::Interest;
 
-use crate::net::{BATCH_SIZE, RecvMeta, Transmit, UdpPoller, UdpSocket, UdpSocketOptions};
+use crate::{EcnCodepoint, RecvMeta, Transmit, UdpPoller, UdpSocket, UdpSocketOptions};
 
 /// Binds a socket; the caller is within a runtime.
 pub(super) fn bind(at: SocketAddr, options: UdpSocketOptions) -> io::Result<Arc<dyn UdpSocket>> {
@@ -40,7 +40,10 @@ struct TokioUdp {
 
 impl UdpSocket for TokioUdp {
     fn try_send(&self, transmit: &Transmit<'_>) -> io::Result<()> {
-        self.io.try_io(Interest::WRITABLE, || self.state.try_send((&self.io).into(), transmit))
+        let Transmit { destination, ecn, contents, segment_size, src_ip } = *transmit;
+        let ecn = ecn.map(marked);
+        let transmit = quinn_udp::Transmit { destination, ecn, contents, segment_size, src_ip };
+        self.io.try_io(Interest::WRITABLE, || self.state.try_send((&self.io).into(), &transmit))
     }
 
     fn poller(self: Arc<Self>) -> Pin<Box<dyn UdpPoller>> {
@@ -53,18 +56,22 @@ impl UdpSocket for TokioUdp {
         buffers: &mut [IoSliceMut<'_>],
         meta: &mut [RecvMeta],
     ) -> Poll<io::Result<usize>> {
-        let room = buffers.len().min(BATCH_SIZE);
+        let mut known = [quinn_udp::RecvMeta::default(); quinn_udp::BATCH_SIZE];
+        let room = buffers.len().min(meta.len()).min(quinn_udp::BATCH_SIZE);
         loop {
             ready!(self.io.poll_recv_ready(cx))?;
             let mut filled = None;
             let read = self.io.try_io(Interest::READABLE, || {
-                let count = self.state.recv((&self.io).into(), buffers, meta)?;
+                let count = self.state.recv((&self.io).into(), buffers, &mut known)?;
                 filled = Some(count);
                 // The system had no more: to ask it again would only be to hear so.
                 if count < room { Err(io::ErrorKind::WouldBlock.into()) } else { Ok(()) }
             });
             match (filled, read) {
-                (Some(filled), _) => return Poll::Ready(Ok(filled)),
+                (Some(filled), _) => {
+                    meta.iter_mut().zip(&known).take(filled).for_each(|(meta, known)| *meta = told(known));
+                    return Poll::Ready(Ok(filled));
+                }
                 // Some systems report here that an earlier datagram found nobody: news about one peer, not about the socket.
                 (None, Err(e))
                     if !matches!(e.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::ConnectionReset) =>
@@ -90,6 +97,24 @@ impl UdpSocket for TokioUdp {
 
     fn may_fragment(&self) -> bool {
         self.state.may_fragment()
+    }
+}
+
+fn told(known: &quinn_udp::RecvMeta) -> RecvMeta {
+    let quinn_udp::RecvMeta { addr, len, stride, ecn, dst_ip, .. } = *known;
+    let ecn = ecn.map(|mark| match mark {
+        quinn_udp::EcnCodepoint::Ect0 => EcnCodepoint::Ect0,
+        quinn_udp::EcnCodepoint::Ect1 => EcnCodepoint::Ect1,
+        quinn_udp::EcnCodepoint::Ce => EcnCodepoint::Ce,
+    });
+    RecvMeta { addr, len, stride, ecn, dst_ip }
+}
+
+const fn marked(mark: EcnCodepoint) -> quinn_udp::EcnCodepoint {
+    match mark {
+        EcnCodepoint::Ect0 => quinn_udp::EcnCodepoint::Ect0,
+        EcnCodepoint::Ect1 => quinn_udp::EcnCodepoint::Ect1,
+        EcnCodepoint::Ce => quinn_udp::EcnCodepoint::Ce,
     }
 }
 
@@ -147,7 +172,7 @@ mod tests {
         let (a, b) = (net.bind_udp(at, options).unwrap(), net.bind_udp(at, options).unwrap());
         let transmit = Transmit {
             destination: b.local_addr().unwrap(),
-            ecn: Some(crate::net::EcnCodepoint::Ect0),
+            ecn: Some(EcnCodepoint::Ect0),
             contents: &[7; 1200],
             segment_size: None,
             src_ip: None,

@@ -13,8 +13,9 @@ use tokio::net::{TcpListener, TcpSocket, TcpStream};
 use tokio::runtime::Handle;
 use tokio::time::{Sleep, sleep_until};
 
-use crate::net::{BoxFuture, Instant, Listen, Net, Stream, Timer, UdpSocket, UdpSocketOptions};
-use crate::{PeerAddress, TcpOptions};
+use crate::{
+    BoxFuture, Instant, Listen, Net, Stream, StreamPeer, TcpOptions, Timer, UdpSocket, UdpSocketOptions,
+};
 
 mod udp;
 #[cfg(unix)]
@@ -22,8 +23,8 @@ mod unix;
 
 /// Sockets, time and tasks of a tokio runtime.
 ///
-/// The runtime needs IO and time enabled. Links may be used from any thread, also through `Handle::block_on`; a
-/// multi-threaded runtime keeps its sockets going while those threads are busy elsewhere.
+/// The runtime needs IO and time enabled. Its sockets may be used from any thread, also through `Handle::block_on`; a
+/// multi-threaded runtime keeps them going while those threads are busy elsewhere.
 #[derive(Debug, Clone)]
 pub struct TokioNet {
     runtime: Handle,
@@ -114,7 +115,7 @@ impl Net for TokioNet {
     fn listen_unix<'a>(
         &'a self,
         path: &'a std::path::Path,
-        options: &'a crate::UnixOptions,
+        options: &'a crate::UnixSocketOptions,
     ) -> BoxFuture<'a, io::Result<Box<dyn Listen>>> {
         Box::pin(unix::listen(path, options))
     }
@@ -140,7 +141,7 @@ fn apply(socket: &SockRef<'_>, options: &TcpOptions) -> io::Result<()> {
 
 fn stream(tcp: TcpStream, peer: SocketAddr) -> io::Result<Stream> {
     let (reader, writer) = tcp.into_split();
-    Ok(Stream { reader: Box::new(reader), writer: Box::new(writer), peer: PeerAddress::Tcp(peer) })
+    Ok(Stream { reader: Box::new(reader), writer: Box::new(writer), peer: StreamPeer::Tcp(peer) })
 }
 
 struct TokioTimer {

@@ -9,8 +9,7 @@ use std::time::Duration;
 use socket2::{Domain, SockAddr, Socket, Type};
 use tokio::net::{UnixListener, UnixStream};
 
-use crate::net::{BoxFuture, Listen, Stream};
-use crate::{Credentials, PeerAddress, UnixOptions};
+use crate::{BoxFuture, Credentials, Listen, Stream, StreamPeer, UnixSocketOptions};
 
 /// How often, and with which pause, a listener tries to get the folder of its socket for itself.
 const TURNS: u32 = 200;
@@ -22,7 +21,7 @@ pub(super) async fn connect(path: &Path) -> io::Result<Stream> {
 }
 
 /// Listens at `path`. The file of a listener that is dead is replaced, any other left alone.
-pub(super) async fn listen(path: &Path, options: &UnixOptions) -> io::Result<Box<dyn Listen>> {
+pub(super) async fn listen(path: &Path, options: &UnixSocketOptions) -> io::Result<Box<dyn Listen>> {
     let folder = lock_folder(path).await?;
     remove_stale(path)?;
     let socket = Socket::new(Domain::UNIX, Type::STREAM, None)?;
@@ -113,5 +112,5 @@ fn stream(socket: UnixStream) -> io::Result<Stream> {
     let peer = socket.peer_cred()?;
     let peer = Credentials { uid: peer.uid(), gid: peer.gid(), pid: peer.pid() };
     let (reader, writer) = socket.into_split();
-    Ok(Stream { reader: Box::new(reader), writer: Box::new(writer), peer: PeerAddress::Unix(peer) })
+    Ok(Stream { reader: Box::new(reader), writer: Box::new(writer), peer: StreamPeer::Unix(peer) })
 }

@@ -1,0 +1,48 @@
+//! Time, tasks and sockets behind one trait, [`Net`].
+//!
+//! Code that asks a [`Net`] for the time, for a timer, a task or a socket runs on any network. [`TokioNet`] is the
+//! real one. A simulator implements the same trait in virtual time, so that what runs in it is the very same code.
+//!
+//! ```
+//! use std::sync::Arc;
+//! use std::time::Duration;
+//! use trimaran_net::{Net, TokioNet, sleep_until, until};
+//!
+//! /// Says whether `work` was done within a second, on whatever network.
+//! async fn within_a_second(net: &Arc<dyn Net>, work: impl Future<Output = ()>) -> bool {
+//!     until(&**net, net.now().after(Duration::from_secs(1)), work).await.is_some()
+//! }
+//!
+//! # #[tokio::main]
+//! # async fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
+//! let soon = net.now().after(Duration::from_millis(1));
+//! assert!(within_a_second(&net, sleep_until(&*net, soon)).await);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! | module | what is in it |
+//! |---|---|
+//! | `time` | [`Instant`], a point in the time of one network |
+//! | `net` | [`Net`], timers, byte streams, and how to wait |
+//! | `tcp`, `unix`, `udp` | what is told to sockets and what they tell, and datagrams in batches |
+//! | `tokio_net` | [`TokioNet`], behind the feature `tokio` |
+
+mod net;
+mod tcp;
+mod time;
+#[cfg(feature = "tokio")]
+mod tokio_net;
+mod udp;
+mod unix;
+
+pub use net::{
+    BoxFuture, BoxReader, BoxWriter, Listen, Net, Stream, StreamPeer, Timer, random_bytes, sleep_until, until,
+};
+pub use tcp::{Keepalive, TcpOptions};
+pub use time::Instant;
+#[cfg(feature = "tokio")]
+pub use tokio_net::TokioNet;
+pub use udp::{BATCH_SIZE, EcnCodepoint, RecvMeta, Transmit, UdpPoller, UdpSocket, UdpSocketOptions};
+pub use unix::{Credentials, UnixSocketOptions};

@@ -1,0 +1,27 @@
+//! How Unix sockets are set up, and who is at their other end.
+
+/// Options of a listening Unix socket.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct UnixSocketOptions {
+    /// The permissions of the socket's file. Default `0o600`: only the own user may connect.
+    pub mode: u32,
+    /// How many connections may wait to be accepted. Default 128.
+    pub backlog: i32,
+}
+
+impl Default for UnixSocketOptions {
+    fn default() -> Self {
+        Self { mode: 0o600, backlog: 128 }
+    }
+}
+
+/// Whose process holds the other end of a Unix socket, as the kernel says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Credentials {
+    /// The process's effective user id.
+    pub uid: u32,
+    /// Its effective group id.
+    pub gid: u32,
+    /// The process, where the system tells.
+    pub pid: Option<i32>,
+}
