@@ -9,15 +9,15 @@ use std::{collections::HashSet, convert::Infallible, error::Error, sync::Arc, ti
 use trimaran_actors::{
     Cameras, Devices, Observer, ObserverError, PictureDevice, ShownFrame, Stop, Turns, VulkanPair, in_process,
 };
+use trimaran_cook::{
+    CookOptions, cook,
+    generate::{PlantOptions, plant},
+};
 use trimaran_cull::{View, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene, Picture};
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, PictureSize, Settings,
     TesterKind,
-};
-use trimaran_scene::{
-    cook::{CookOptions, cook},
-    generate::{PlantOptions, plant},
 };
 use trimaran_transport::{Net, TokioNet};
 

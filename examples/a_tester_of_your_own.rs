@@ -6,12 +6,12 @@
 
 use std::{convert::Infallible, error::Error, sync::Arc};
 
-use trimaran_cull::{BoxTester, CullStats, Culler, CutRule, NoOccluders, TestBox, View, Viewport};
-use trimaran_proto::{Camera, FrameNumber};
-use trimaran_scene::{
-    cook::{CookOptions, cook},
+use trimaran_cook::{
+    CookOptions, cook,
     generate::{PlantOptions, plant},
 };
+use trimaran_cull::{BoxTester, CullStats, Culler, CutRule, NoOccluders, TestBox, View, Viewport};
+use trimaran_proto::{Camera, FrameNumber};
 
 /// Hides boxes with no corner nearer than so many metres.
 struct Fog {

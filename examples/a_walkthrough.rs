@@ -6,12 +6,12 @@ use std::{error::Error, sync::Arc};
 
 use trimaran::walkthrough::{Pace, PathChoice, Plan, Recorder, Stage, Trail, in_process, viewport};
 use trimaran_actors::Stop;
-use trimaran_gpu::GpuOptions;
-use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
-use trimaran_scene::{
-    cook::{CookOptions, cook},
+use trimaran_cook::{
+    CookOptions, cook,
     generate::{PlantOptions, plant},
 };
+use trimaran_gpu::GpuOptions;
+use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let model = plant(&PlantOptions { seed: 1, objects: 1_000, triangles: 100_000 });

@@ -14,15 +14,15 @@ use trimaran::{
     walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, viewport},
 };
 use trimaran_actors::{PairDevice, VulkanPair, VulkanPairError};
+use trimaran_cook::{
+    CookOptions, cook,
+    generate::{PlantOptions, plant},
+};
 use trimaran_cull::{
     Answer, BoxTester, CutRule, DepthImage, Outline, TestBox, View, reference::cases::with_halved_boxes,
 };
 use trimaran_proto::{BatchSize, Camera, DrawableId, EpsilonPx, IdCoding, PictureSize, TesterKind};
-use trimaran_scene::{
-    Scene,
-    cook::{CookOptions, cook},
-    generate::{PlantOptions, plant},
-};
+use trimaran_scene::Scene;
 
 /// What is wrong with a machine of the pair.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -24,10 +24,11 @@ use common::data::{Data, cooked, imported};
 use glam::DVec3;
 use serde::Deserialize;
 use trimaran::walkthrough::Auditor;
+use trimaran_cook::Model;
 use trimaran_cull::{CutRule, Viewport};
 use trimaran_gpu::{GpuScene, ItemImage};
 use trimaran_proto::{Camera, FrameNumber};
-use trimaran_scene::{Model, Scene, walk::WalkFrame};
+use trimaran_scene::{Scene, walk::WalkFrame};
 
 /// An object that shows at no more pixels than this, here or there, may be missing from the other.
 const EDGE_PIXELS: u32 = 2;

@@ -13,16 +13,16 @@ use trimaran::{
     walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, Trail, viewport},
 };
 use trimaran_actors::VulkanPair;
+use trimaran_cook::{
+    CookOptions, cook,
+    generate::{PlantOptions, plant},
+};
 use trimaran_cull::{
     CutRule,
     reference::{SURFACE_SLACK_PX, cases::with_records},
 };
 use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
-use trimaran_scene::{
-    Scene,
-    cook::{CookOptions, cook},
-    generate::{PlantOptions, plant},
-};
+use trimaran_scene::Scene;
 
 const FRAMES: u32 = 12;
 

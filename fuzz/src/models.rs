@@ -1,11 +1,11 @@
 //! What must hold for any model and any scene file at all. The fuzz targets search for files that break it; an ordinary test of
-//! `trimaran-scene` replays the corpus.
+//! `trimaran-cook` replays the corpus.
 
 use std::path::Path;
 
+use trimaran_cook::import::{ImportLimits, ImportOptions, import_bytes};
+use trimaran_cook::{CookOptions, cook};
 use trimaran_scene::Scene;
-use trimaran_scene::cook::{CookOptions, cook};
-use trimaran_scene::import::{ImportLimits, ImportOptions, import_bytes};
 use xxhash_rust::xxh3::{Xxh3Default, xxh3_64, xxh3_128};
 
 /// Small, so that a run is fast.

@@ -3,10 +3,8 @@
 use std::{path::Path, sync::Mutex};
 
 use indicatif::ProgressBar;
-use trimaran_scene::{
-    Model, Scene,
-    cook::{CookOptions, Phase, Progress, cook},
-};
+use trimaran_cook::{CookOptions, Model, Phase, Progress, cook};
+use trimaran_scene::Scene;
 
 use super::{Failure, progress};
 

@@ -1,9 +1,9 @@
 //! `trimaran demo`: the main job on a model of its own, from nothing to a report.
 
 use confique::Layer;
+use trimaran_cook::CookOptions;
+use trimaran_cook::generate::{PlantOptions, plant};
 use trimaran_gpu::GpuOptions;
-use trimaran_scene::cook::CookOptions;
-use trimaran_scene::generate::{PlantOptions, plant};
 
 use super::{
     Failure,

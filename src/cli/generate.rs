@@ -1,9 +1,8 @@
 //! `trimaran generate`: models of any size for machines without data.
 
 use serde_json::json;
-use trimaran_scene::{
-    Model,
-    cook::CookOptions,
+use trimaran_cook::{
+    CookOptions, Model,
     generate::{PlantOptions, TankerOptions, plant, tanker},
 };
 

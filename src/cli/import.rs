@@ -1,8 +1,8 @@
 //! `trimaran import`: CAD files to a cooked scene.
 
 use serde_json::json;
-use trimaran_scene::cook::CookOptions;
-use trimaran_scene::import::{ImportLimits, ImportOptions, ImportReport, UpAxis, import};
+use trimaran_cook::CookOptions;
+use trimaran_cook::import::{ImportLimits, ImportOptions, ImportReport, UpAxis, import};
 
 use super::{
     Failure,

@@ -46,11 +46,11 @@ impl<C: Fn() -> Duration> Cameras for LiveTrail<C> {
 mod tests {
     use std::cell::Cell;
 
-    use trimaran_cull::Viewport;
-    use trimaran_scene::{
-        cook::{CookOptions, cook},
+    use trimaran_cook::{
+        CookOptions, cook,
         generate::{PlantOptions, plant},
     };
+    use trimaran_cull::Viewport;
 
     use super::*;
     use crate::walkthrough::PathChoice;

@@ -49,11 +49,11 @@ impl ObjectCounts {
 mod tests {
     use std::collections::BTreeSet;
 
-    use trimaran_scene::{
-        NodeId,
-        cook::{CookOptions, cook},
+    use trimaran_cook::{
+        CookOptions, cook,
         generate::{PlantOptions, plant},
     };
+    use trimaran_scene::NodeId;
 
     use super::*;
     use crate::walkthrough::deviation::finest_below;

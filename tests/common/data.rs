@@ -7,11 +7,11 @@ use std::{
     sync::Arc,
 };
 
-use trimaran_scene::{
-    Model, Scene,
-    cook::{CookOptions, cook},
+use trimaran_cook::{
+    CookOptions, Model, cook,
     import::{ImportOptions, import},
 };
+use trimaran_scene::Scene;
 
 /// The folder of real models.
 pub(crate) struct Data {

@@ -9,6 +9,8 @@ use trimaran_actors::{
     Cameras, DisplayRole, IdError, Observer, ObserverError, OccluderPolicy, PairDevice, PairRole,
     PictureDevice, RoleError, Seat, ShownFrame, Stop, Stopwatch, Turns, max_frame, role_of,
 };
+use trimaran_cook::generate::{PlantOptions, plant};
+use trimaran_cook::{CookOptions, cook};
 use trimaran_cull::{BoxTester, DepthImage, TestBox, View};
 use trimaran_gpu::Picture;
 use trimaran_proto::{
@@ -16,8 +18,6 @@ use trimaran_proto::{
     Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
 };
 use trimaran_scene::Scene;
-use trimaran_scene::cook::{CookOptions, cook};
-use trimaran_scene::generate::{PlantOptions, plant};
 use trimaran_transport::{Link, LinkConfig, Net, RecvError, TokioNet, inproc};
 
 /// A device that has nothing to do.

@@ -14,17 +14,17 @@ use trimaran_actors::{
     Cameras, Devices, Observer, ObserverError, PairDevice, PictureDevice, ShownFrame, Stop, Stopwatch, Turns,
     in_process,
 };
+use trimaran_cook::{
+    CookOptions, cook,
+    generate::{PlantOptions, plant},
+};
 use trimaran_cull::{BoxTester, DepthImage, NoOccluders, TestBox, View, Viewport};
 use trimaran_gpu::Picture;
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, PictureSize, Settings,
     TesterKind,
 };
-use trimaran_scene::{
-    Scene,
-    cook::{CookOptions, cook},
-    generate::{PlantOptions, plant},
-};
+use trimaran_scene::Scene;
 use trimaran_transport::{Net, TokioNet};
 
 const FRAMES: u32 = 30;

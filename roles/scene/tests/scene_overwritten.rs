@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use tempfile::TempDir;
-use trimaran_scene::cook::{CookOptions, cook};
-use trimaran_scene::generate::{PlantOptions, plant};
+use trimaran_cook::generate::{PlantOptions, plant};
+use trimaran_cook::{CookOptions, cook};
 use trimaran_scene::{OpenError, Rgba8, Scene};
 
 /// A folder with a scene of some pages in it, and the scene's bytes.

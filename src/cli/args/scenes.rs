@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use trimaran::config::positive;
-use trimaran_scene::{cook::CookOptions, import::ImportLimits};
+use trimaran_cook::{CookOptions, import::ImportLimits};
 
 #[derive(Debug, Args)]
 pub(crate) struct ImportArgs {

@@ -56,10 +56,10 @@ impl Gaps {
 
 #[cfg(test)]
 mod tests {
+    use trimaran_cook::generate::{PlantOptions, plant};
+    use trimaran_cook::{CookOptions, cook};
     use trimaran_cull::{Viewport, level_cut};
     use trimaran_proto::{Camera, FrameNumber};
-    use trimaran_scene::cook::{CookOptions, cook};
-    use trimaran_scene::generate::{PlantOptions, plant};
 
     use super::*;
 

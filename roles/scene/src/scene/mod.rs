@@ -14,7 +14,7 @@ use trimaran_proto::SceneHash;
 use file::MappedScene;
 pub use file::SaveError;
 pub use open_error::OpenError;
-pub use records::{Drawable, Node, NodeId, ObjectRecord, SceneArrays, Vertex};
+pub use records::{Drawable, Node, NodeId, ObjectRecord, Rgba8, SceneArrays, Vertex};
 pub use shading::{Normal, Shading};
 pub use validate::SceneError;
 

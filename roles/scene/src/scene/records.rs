@@ -6,7 +6,11 @@ use glam::{DVec3, Mat3, Vec3};
 use trimaran_proto::DrawableId;
 
 use super::Normal;
-use crate::Rgba8;
+
+/// An sRGB colour with straight alpha, 8 bits a channel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct Rgba8(pub [u8; 4]);
 
 /// A node of the scene tree: an index into [`Scene::nodes`](crate::Scene::nodes). The root is node 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -16,7 +16,7 @@ use super::{
     route::{Pace, line, walk},
     space::Space,
 };
-use crate::{Node, Scene, generate::random::Random};
+use crate::{Node, Scene, random::Random};
 
 /// What walk to make.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -246,11 +246,9 @@ fn orbit(scene: &Scene, options: &AutoWalkOptions, eye_height: f64) -> Result<Au
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        Model,
-        generate::{PlantOptions, plant},
-        walk::testing::{boxes, uncooked},
-    };
+    use crate::walk::testing::{boxes, uncooked};
+    use trimaran_cook::Model;
+    use trimaran_cook::generate::{PlantOptions, plant};
 
     /// Asserts what every walk promises: its frames, their clearance all along the way, one teleport.
     fn check(scene: &Scene, made: &AutoWalk, options: &AutoWalkOptions) {

@@ -8,7 +8,7 @@ use super::{
     gaze::wrapped,
     space::Space,
 };
-use crate::generate::random::Random;
+use crate::random::Random;
 
 /// Paces at which the walker moves.
 #[derive(Debug, Clone, Copy)]

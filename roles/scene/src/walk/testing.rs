@@ -2,7 +2,9 @@
 
 use glam::{DAffine3, DVec3, Vec3};
 
-use crate::{Drawable, Mesh, Model, Node, Object, ObjectRecord, Rgba8, Scene, SceneArrays, Source, Vertex};
+use trimaran_cook::{Mesh, Model, Object, Rgba8, Source};
+
+use crate::{Drawable, Node, ObjectRecord, Scene, SceneArrays, Vertex};
 
 /// A scene with every object of the model at its finest level only.
 pub(super) fn uncooked(model: &Model) -> Scene {
@@ -14,7 +16,9 @@ pub(super) fn uncooked(model: &Model) -> Scene {
             let range = (arrays.indices.len() as u32, arrays.vertices.len() as u32);
             arrays.indices.extend(&mesh.indices);
             let vertices = mesh.positions.iter().zip(&mesh.colours);
-            arrays.vertices.extend(vertices.map(|(p, &colour)| Vertex::new(p.to_array(), colour)));
+            arrays
+                .vertices
+                .extend(vertices.map(|(p, &colour)| Vertex::new(p.to_array(), crate::Rgba8(colour.0))));
             range
         })
         .collect();

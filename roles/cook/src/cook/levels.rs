@@ -1,0 +1,227 @@
+//! Levels of detail of one mesh, shared by all objects that place it.
+
+use glam::Vec3;
+use meshopt::{SimplifyOptions, VertexDataAdapter};
+use rayon::prelude::*;
+
+use super::clusters::{self, ClusterNode};
+use super::giant::{self, Giant};
+use super::hausdorff::{self, Surface};
+use super::{CookOptions, Phase, Progress};
+use crate::{Mesh, Model};
+use trimaran_scene::Vertex;
+
+/// A level is kept if it has at most this part of the triangles of the one before.
+const WORTH: f32 = 0.7;
+/// ... and if it saves at least so many. To draw a part costs as much as a few dozen triangles, and simplifying a small part shows:
+/// slats that overlap by a millimetre part by three.
+const SAVED: usize = 20;
+/// Meshes of so few triangles are not simplified further.
+pub(super) const FEW: usize = 24;
+/// Meshes farther from their origin than this many times their radius are recentred: a matrix that is applied in single
+/// precision would move them.
+const FAR: f32 = 4.0;
+
+/// One level: indices into the mesh's vertices, and its certified error in the mesh's frame.
+#[derive(Debug)]
+pub(super) struct Level {
+    pub(super) indices: Vec<u32>,
+    /// The indices stay below this: coarser levels use fewer of the first vertices.
+    pub(super) vertex_count: u32,
+    pub(super) error: f32,
+}
+
+/// A mesh with its levels.
+#[derive(Debug)]
+pub(super) struct LeveledMesh {
+    /// What was subtracted from the model's positions.
+    pub(super) centre: Vec3,
+    pub(super) vertices: Vec<Vertex>,
+    /// Of the whole mesh, finest first.
+    pub(super) levels: Vec<Level>,
+    /// Of the parts of a giant mesh: its clusters' nodes say which are whose.
+    pub(super) part_levels: Vec<Level>,
+    /// The tree of the finest level's clusters; empty for a small mesh.
+    pub(super) clusters: Vec<ClusterNode>,
+    pub(super) min: Vec3,
+    pub(super) max: Vec3,
+}
+
+/// Simplifies each mesh that an object places. `None` for the others, and for those without a proper triangle.
+pub(super) fn simplify_meshes(
+    model: &Model,
+    options: &CookOptions,
+    progress: &dyn Progress,
+) -> Vec<Option<LeveledMesh>> {
+    let mut placed = vec![false; model.meshes.len()];
+    for object in &model.objects {
+        if let Some(slot) = placed.get_mut(object.mesh as usize) {
+            *slot = true;
+        }
+    }
+    progress.begin(Phase::Levels, model.meshes.len());
+    model
+        .meshes
+        .par_iter()
+        .zip(placed)
+        .with_max_len(16) // a few meshes hold most of the triangles
+        .map(|(mesh, placed)| {
+            let leveled = if placed { LeveledMesh::new(mesh, options.coarsest_error) } else { None };
+            progress.advance(1);
+            leveled
+        })
+        .collect()
+}
+
+impl LeveledMesh {
+    fn new(mesh: &Mesh, coarsest_error: f32) -> Option<Self> {
+        let (centre, vertices, finest) = clean(mesh)?;
+        let positions: Vec<Vec3> = vertices.iter().map(|v| Vec3::from_array(v.position)).collect();
+        let min = positions.iter().fold(Vec3::INFINITY, |m, &p| m.min(p));
+        let max = positions.iter().fold(Vec3::NEG_INFINITY, |m, &p| m.max(p));
+        let largest_error = coarsest_error * min.distance(max);
+        let leveled = Self {
+            centre,
+            vertices: Vec::new(),
+            levels: Vec::new(),
+            part_levels: Vec::new(),
+            clusters: Vec::new(),
+            min,
+            max,
+        };
+        Some(if finest.len() / 3 > giant::GIANT {
+            leveled.with_parts(&vertices, Giant::new(&vertices, &positions, &finest, coarsest_error))
+        } else {
+            leveled.whole(&vertices, &positions, finest, largest_error)
+        })
+    }
+
+    /// All levels are of the whole mesh.
+    fn whole(self, vertices: &[Vertex], positions: &[Vec3], finest: Vec<u32>, largest_error: f32) -> Self {
+        let aim = Aim { few: FEW, from_error: 0.0, largest_error };
+        let mut chain = halve(positions, &finest, aim, |former, adapter, target| {
+            let options = SimplifyOptions::Prune | SimplifyOptions::ErrorAbsolute;
+            meshopt::simplify(former, adapter, target, largest_error, options, None)
+        });
+        chain.insert(0, (finest, 0.0));
+        for (indices, _) in &mut chain {
+            meshopt::optimize_vertex_cache_in_place(indices, vertices.len());
+        }
+        let (vertices, mut levels) = share_vertices(vertices, chain);
+        let clusters = levels.first_mut().map(|finest| clusters::cut(&vertices, &mut finest.indices));
+        Self { vertices, levels, clusters: clusters.unwrap_or_default(), ..self }
+    }
+
+    /// Its parts have levels of their own.
+    fn with_parts(self, vertices: &[Vertex], giant: Giant) -> Self {
+        let Giant { clusters, finest, part_levels, levels: whole } = giant;
+        let parts = part_levels.len();
+        let chain = std::iter::once((finest, 0.0)).chain(part_levels).chain(whole).collect();
+        let (vertices, mut levels) = share_vertices(vertices, chain);
+        let part_levels = levels.drain(1..=parts).collect();
+        Self { vertices, levels, part_levels, clusters, ..self }
+    }
+}
+
+/// Recentres a mesh that is far from its origin, welds equal vertices, drops triangles that have two equal corners.
+fn clean(mesh: &Mesh) -> Option<(Vec3, Vec<Vertex>, Vec<u32>)> {
+    let used = || mesh.indices.iter().filter_map(|&i| mesh.positions.get(i as usize).copied());
+    let min = used().fold(Vec3::INFINITY, Vec3::min);
+    let max = used().fold(Vec3::NEG_INFINITY, Vec3::max);
+    let middle = min.midpoint(max);
+    let centre = if middle.length() > FAR * 0.5 * min.distance(max) { middle } else { Vec3::ZERO };
+    let corners: Vec<Vertex> = mesh
+        .positions
+        .iter()
+        .zip(&mesh.colours)
+        // Adding zero turns -0 into 0, so that equal positions have equal bits.
+        .map(|(&p, &colour)| Vertex::new((p - centre + Vec3::ZERO).to_array(), colour))
+        .collect();
+    let (count, remap) = meshopt::generate_vertex_remap(&corners, Some(&mesh.indices));
+    let at = |i: u32| corners.get(i as usize).map(|v| v.position);
+    let indices: Vec<u32> = mesh
+        .indices
+        .as_chunks::<3>()
+        .0
+        .iter()
+        .filter(|&&[a, b, c]| at(a) != at(b) && at(b) != at(c) && at(c) != at(a))
+        .flatten()
+        .filter_map(|&i| remap.get(i as usize).copied())
+        .collect();
+    let mut vertices = vec![Vertex::new([0.0; 3], trimaran_scene::Rgba8([0; 4])); count];
+    for (vertex, &slot) in corners.iter().zip(&remap) {
+        if let Some(slot) = vertices.get_mut(slot as usize) {
+            *slot = *vertex;
+        }
+    }
+    (!indices.is_empty()).then_some((centre, vertices, indices))
+}
+
+/// Triangles of a level, three indices each, and its error.
+pub(super) type Triangles = (Vec<u32>, f32);
+
+/// Where a chain of levels begins and ends.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Aim {
+    /// So few triangles are not simplified further.
+    pub(super) few: usize,
+    /// How far the triangles that the chain begins with are from the finest ones.
+    pub(super) from_error: f32,
+    /// The chain ends where its error passes this.
+    pub(super) largest_error: f32,
+}
+
+/// Halves the triangles again and again, each level made from the one before and measured against those it began with. Returns the
+/// levels that were made, finest first. `simplify` gets the triangles, their vertices and the number of indices aimed at.
+pub(super) fn halve(
+    positions: &[Vec3],
+    first: &[u32],
+    aim: Aim,
+    simplify: impl Fn(&[u32], &VertexDataAdapter<'_>, usize) -> Vec<u32>,
+) -> Vec<Triangles> {
+    let mut chain: Vec<Triangles> = Vec::new();
+    let Ok(adapter) = VertexDataAdapter::new(bytemuck::cast_slice(positions), size_of::<Vec3>(), 0) else {
+        return chain;
+    };
+    let reference = Surface::new(positions, first);
+    let mut former = first;
+    let mut error = aim.from_error;
+    while former.len() / 3 > aim.few {
+        let level = simplify(former, &adapter, former.len() / 6 * 3);
+        let saved = (former.len() - level.len().min(former.len())) / 3;
+        if level.is_empty() || level.len() as f32 > WORTH * former.len() as f32 || saved < SAVED {
+            break;
+        }
+        // The triangle inequality, where the first triangles are not the finest.
+        error = error.max(aim.from_error + hausdorff::bound(&reference, &Surface::new(positions, &level)));
+        if error > aim.largest_error {
+            break;
+        }
+        chain.push((level, error));
+        former = chain.last().map_or(&[], |(level, _)| level);
+    }
+    chain
+}
+
+/// Orders the vertices so that each level uses the first few: those of the last level, the coarsest, come first.
+fn share_vertices(vertices: &[Vertex], chain: Vec<Triangles>) -> (Vec<Vertex>, Vec<Level>) {
+    let mut order = vec![u32::MAX; vertices.len()];
+    let mut shared = Vec::with_capacity(vertices.len());
+    let mut levels: Vec<Level> = Vec::with_capacity(chain.len());
+    for (mut indices, error) in chain.into_iter().rev() {
+        for index in &mut indices {
+            let (Some(slot), Some(vertex)) = (order.get_mut(*index as usize), vertices.get(*index as usize))
+            else {
+                continue;
+            };
+            if *slot == u32::MAX {
+                *slot = shared.len() as u32;
+                shared.push(*vertex);
+            }
+            *index = *slot;
+        }
+        levels.push(Level { indices, vertex_count: shared.len() as u32, error });
+    }
+    levels.reverse();
+    (shared, levels)
+}

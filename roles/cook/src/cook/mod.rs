@@ -1,0 +1,147 @@
+//! Cooking: from a model to a scene that can be walked.
+//!
+//! 1. Each distinct mesh gets a chain of levels of detail (`levels`). All objects that place the mesh share them.
+//!    The finest level of a large mesh is cut into clusters (`clusters`) that are culled one by one, and a giant mesh
+//!    into parts (`giant`) with levels of their own.
+//! 2. A spatial tree is built over the objects (`tree`), each a leaf.
+//! 3. From the leaves up, each interior node gets up to two levels merged from levels below it (`hlod`,
+//!    `thin`).
+//! 4. All of it is laid out as the arrays of a [`Scene`] (`assemble`).
+//!
+//! Each level's error is certified: an upper bound of the two-sided Hausdorff distance to the finest geometry
+//! (`hausdorff`, `thin`), never the simplifier's own estimate, which is up to seven times too small where whole parts vanish.
+//! The same model and options make the same bytes, on any number of threads.
+
+mod assemble;
+mod bvh;
+mod clusters;
+mod facets;
+mod gather;
+mod giant;
+mod hausdorff;
+mod hlod;
+mod levels;
+mod linear;
+mod patch;
+mod placed;
+mod polygon;
+mod thin;
+mod tree;
+
+use thiserror::Error;
+
+use crate::{Model, ModelError};
+use trimaran_scene::{Scene, SceneError};
+
+pub use hausdorff::hausdorff_bound;
+
+/// How to cook.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CookOptions {
+    /// The most triangles of a merged level of an interior node; most have fewer.
+    pub merged_triangles: usize,
+    /// Levels of one mesh end where their certified error passes this part of the mesh's diagonal.
+    pub coarsest_error: f32,
+    /// The most nodes of the scene. Each object is one, and a large mesh some for each hundred triangles, in each of its
+    /// instances: of a few numbers in a file may come more nodes than any memory holds. A node takes about 200 bytes.
+    pub max_nodes: usize,
+}
+
+impl Default for CookOptions {
+    fn default() -> Self {
+        Self { merged_triangles: 1024, coarsest_error: 0.1, max_nodes: 100_000_000 }
+    }
+}
+
+/// The stages of cooking, in order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Phase {
+    /// Simplifying each distinct mesh; a step is a mesh.
+    Levels,
+    /// Building the tree; one step.
+    Tree,
+    /// Merging levels for interior nodes; a step is a node.
+    Merging,
+    /// Laying out and checking the scene; one step.
+    Assembling,
+}
+
+/// Told how far cooking is, from any thread. `()` ignores it.
+pub trait Progress: Sync {
+    /// A stage of `steps` steps begins; the one before it has ended.
+    fn begin(&self, phase: Phase, steps: usize);
+    /// So many more steps of the stage are done.
+    fn advance(&self, steps: usize);
+}
+
+impl Progress for () {
+    fn begin(&self, _: Phase, _: usize) {}
+    fn advance(&self, _: usize) {}
+}
+
+/// Why a model cannot be cooked.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CookError {
+    /// The model breaks a rule.
+    #[error("the model cannot be cooked")]
+    Model(#[from] ModelError),
+    /// No object has a triangle.
+    #[error("the model has nothing to draw: {objects} objects, none with a triangle of its own extent")]
+    Empty {
+        /// The number of objects.
+        objects: usize,
+    },
+    /// A placement that single precision cannot hold.
+    #[error("object {object} ({name:?}) is too large or too far away: its placement overflows")]
+    Placement {
+        /// Index of the object.
+        object: usize,
+        /// Its name.
+        name: String,
+    },
+    /// It would have more nodes than are allowed.
+    #[error(
+        "the scene would have {nodes} nodes, {limit} are allowed; most are of objects like {object} ({name:?}), with {own} \
+         each; if the model is as large as that, allow more with --max-nodes, or import it as several scenes"
+    )]
+    TooManyNodes {
+        /// How many nodes it would have, about.
+        nodes: usize,
+        /// How many are allowed.
+        limit: usize,
+        /// An object of the mesh whose objects take the most.
+        object: usize,
+        /// Its name.
+        name: String,
+        /// How many nodes it takes.
+        own: usize,
+    },
+    /// The scene would not be one: too many records, in practice.
+    #[error("the cooked scene would be malformed")]
+    Scene(#[from] SceneError),
+}
+
+/// Cooks a model. The scene's objects are the model's, in order; those without triangles have no leaf.
+///
+/// # Errors
+/// If the model breaks a rule of [`Model::check`], has nothing to draw, or outgrows the format.
+pub fn cook(model: &Model, options: &CookOptions, progress: &dyn Progress) -> Result<Scene, CookError> {
+    model.check()?;
+    let meshes = levels::simplify_meshes(model, options, progress);
+    let leaves = placed::place_objects(model, &meshes)?;
+    if leaves.is_empty() {
+        return Err(CookError::Empty { objects: model.objects.len() });
+    }
+    placed::check_nodes(model, &meshes, &leaves, options.max_nodes)?;
+    progress.begin(Phase::Tree, 1);
+    let boxes: Vec<_> = leaves.iter().map(|leaf| leaf.world).collect();
+    let tree = tree::build(&boxes);
+    progress.advance(1);
+    let merged = hlod::merge_all(&tree, &leaves, &meshes, options, progress);
+    progress.begin(Phase::Assembling, 1);
+    let arrays = assemble::assemble(model, &meshes, &leaves, &tree, merged)?;
+    let scene = Scene::from_arrays(arrays)?;
+    progress.advance(1);
+    Ok(scene)
+}

@@ -1,0 +1,199 @@
+//! What all importers share at the end: welding a mesh, placing it, and joining the files' parts into one model.
+
+use std::path::Path;
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DAffine3, DVec3, Vec3};
+
+use super::budget::{Budget, OverBudget};
+use super::report::{ImportReport, Warning};
+use super::{ImportError, Imported, Part};
+use crate::{Mesh, Model, Object, Source};
+use trimaran_scene::Rgba8;
+
+/// Position and colour as one run of bytes: what two corners must share to be one vertex.
+#[derive(Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+struct Key {
+    position: [f32; 3],
+    colour: [u8; 4],
+}
+
+/// Joins vertices of equal position and colour, and drops vertices that no triangle uses. Files split vertices for the
+/// sake of normals and textures; the model has neither. Triangles stay as they are, flat ones too.
+pub(super) fn weld(mesh: &Mesh) -> Mesh {
+    let keys: Vec<Key> = mesh
+        .positions
+        .iter()
+        .zip(&mesh.colours)
+        // Adding zero makes -0 into 0, which is the same place in other bytes.
+        .map(|(&position, &Rgba8(colour))| Key { position: (position + Vec3::ZERO).to_array(), colour })
+        .collect();
+    if keys.is_empty() || mesh.indices.is_empty() {
+        return Mesh::default();
+    }
+    let (count, remap) = meshopt::generate_vertex_remap(&keys, Some(&mesh.indices));
+    let vertices = meshopt::remap_vertex_buffer(&keys, count, &remap);
+    let indices = meshopt::remap_index_buffer(Some(&mesh.indices), mesh.indices.len(), &remap);
+    Mesh {
+        positions: vertices.iter().map(|key| Vec3::from_array(key.position)).collect(),
+        colours: vertices.iter().map(|key| Rgba8(key.colour)).collect(),
+        indices,
+    }
+}
+
+/// A mesh about the middle of its box, and where that is: single precision then holds what it can.
+pub(super) fn centred(positions: &[DVec3], colours: Vec<Rgba8>, indices: Vec<u32>) -> (Mesh, DVec3) {
+    let (low, high) = bounds(positions);
+    // Half first: the sum could overflow.
+    let origin = if positions.is_empty() { DVec3::ZERO } else { low / 2.0 + high / 2.0 };
+    let positions = positions.iter().map(|p| (p - origin).as_vec3()).collect();
+    (weld(&Mesh { positions, colours, indices }), origin)
+}
+
+/// The lower and the upper corner of the box around all positions; infinite and inverted if there are none.
+pub(super) fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
+    let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    positions.iter().fold(empty, |(low, high), &p| (low.min(p), high.max(p)))
+}
+
+/// Places `mesh` in the part, flattening the mesh itself where the matrix is singular: an object must keep an invertible
+/// matrix, and a flattened one can still be seen. Each of those is a mesh of its own, which the budget must have room for.
+pub(super) fn place(
+    part: &mut Part,
+    budget: &Budget,
+    mesh: u32,
+    to_world: DAffine3,
+    name: String,
+    source_index: u32,
+) -> Result<(), OverBudget> {
+    let (mut mesh, mut to_world) = (mesh, to_world);
+    let Some(shape) = part.model.meshes.get(mesh as usize) else { return Ok(()) };
+    if to_world.is_finite() && to_world.matrix3.determinant() == 0.0 {
+        let (triangles, vertices) = (shape.triangle_count() as u64, shape.positions.len() as u64);
+        budget.mesh(triangles, vertices, || format!("object {name:?}, which its matrix flattens,"))?;
+        let positions = shape.positions.iter().map(|p| (to_world.matrix3 * p.as_dvec3()).as_vec3()).collect();
+        let flat = Mesh { positions, ..shape.clone() };
+        mesh = part.model.meshes.len() as u32;
+        to_world = DAffine3::from_translation(to_world.translation);
+        part.model.meshes.push(flat);
+        part.report.warn(Warning::FlattenedObject, 1);
+    }
+    part.model.objects.push(Object { mesh, to_world, name, source: 0, source_index });
+    Ok(())
+}
+
+/// Joins the files' parts, in order, into one checked model.
+pub(super) fn merge<'a>(
+    parts: impl IntoIterator<Item = (&'a Path, Result<Part, ImportError>)>,
+) -> Result<Imported, ImportError> {
+    let mut model = Model::default();
+    let mut report = ImportReport::default();
+    for (path, part) in parts {
+        let mut part = part?;
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        part.model.sources = vec![Source { name }];
+        part.model.check().map_err(|source| ImportError::Model { path: path.to_owned(), source })?;
+        count(&mut part);
+        report.absorb(&part.report);
+        append(&mut model, part.model)?;
+    }
+    Ok(Imported { model, report })
+}
+
+fn count(part: &mut Part) {
+    let triangles = |mesh: &Mesh| mesh.triangle_count() as u64;
+    let Part { model, report } = part;
+    report.files = 1;
+    report.objects = model.objects.len() as u64;
+    report.meshes = model.meshes.len() as u64;
+    report.unique_triangles = model.meshes.iter().map(triangles).sum();
+    report.triangles =
+        model.objects.iter().filter_map(|object| model.meshes.get(object.mesh as usize)).map(triangles).sum();
+}
+
+fn append(model: &mut Model, part: Model) -> Result<(), ImportError> {
+    let first_mesh = index(model.meshes.len(), part.meshes.len(), "meshes")?;
+    let first_source = index(model.sources.len(), part.sources.len(), "files")?;
+    index(model.objects.len(), part.objects.len(), "objects")?;
+    model.meshes.extend(part.meshes);
+    model.sources.extend(part.sources);
+    model.objects.extend(part.objects.into_iter().map(|object| Object {
+        mesh: object.mesh + first_mesh,
+        source: object.source + first_source,
+        ..object
+    }));
+    Ok(())
+}
+
+/// The index that the first of `more` items gets behind `present` ones, if all of them can have a 32-bit index.
+fn index(present: usize, more: usize, what: &'static str) -> Result<u32, ImportError> {
+    match (u32::try_from(present), u32::try_from(present.saturating_add(more))) {
+        (Ok(first), Ok(_)) => Ok(first),
+        _ => Err(ImportError::TooLarge { what }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+    use crate::import::ImportLimits;
+
+    const RED: Rgba8 = Rgba8([255, 0, 0, 255]);
+    const BLUE: Rgba8 = Rgba8([0, 0, 255, 255]);
+
+    fn triangle_soup() -> Mesh {
+        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0], [-0.0, 1.0]];
+        Mesh {
+            positions: corners.iter().map(|&[x, y]| Vec3::new(x, y, 0.0)).collect(),
+            colours: vec![RED; 6],
+            indices: (0..6).collect(),
+        }
+    }
+
+    #[test]
+    fn welding_joins_equal_vertices_and_zeros_of_either_sign() {
+        let mesh = weld(&triangle_soup());
+        assert_eq!(mesh.positions.len(), 4);
+        assert_eq!(mesh.indices.len(), 6);
+    }
+
+    #[test]
+    fn welding_keeps_colours_apart() {
+        let mut soup = triangle_soup();
+        soup.colours[3..].fill(BLUE);
+        assert_eq!(weld(&soup).positions.len(), 6);
+    }
+
+    #[test]
+    fn welding_drops_vertices_without_a_triangle() {
+        let mut soup = triangle_soup();
+        soup.indices.truncate(3);
+        let mesh = weld(&soup);
+        assert_eq!((mesh.positions.len(), mesh.indices), (3, vec![0, 1, 2]));
+        soup.indices.clear();
+        assert!(weld(&soup).positions.is_empty());
+    }
+
+    #[test]
+    fn a_singular_matrix_flattens_the_mesh_and_not_the_object() {
+        let mut part = Part { model: Model::default(), report: ImportReport::default() };
+        part.model.meshes.push(triangle_soup());
+        let squash = DAffine3::from_mat3_translation(
+            DMat3::from_diagonal(DVec3::new(2.0, 0.0, 1.0)),
+            DVec3::new(5.0, 6.0, 7.0),
+        );
+        let limits = ImportLimits { triangles: 2, ..Default::default() };
+        let budget = Budget::new(limits);
+        place(&mut part, &budget, 0, squash, String::from("flat"), 9).unwrap();
+        let error = place(&mut part, &budget, 0, squash, String::from("again"), 9).unwrap_err();
+        assert!(error.to_string().contains("\"again\""), "{error}");
+        let object = &part.model.objects[0];
+        assert_eq!((object.mesh, object.source_index), (1, 9));
+        assert_eq!(object.to_world, DAffine3::from_translation(DVec3::new(5.0, 6.0, 7.0)));
+        assert_eq!(part.model.meshes[1].positions[4], Vec3::new(2.0, 0.0, 0.0));
+        assert_eq!(part.report.warnings, [(Warning::FlattenedObject, 1)]);
+    }
+}

@@ -1,0 +1,88 @@
+//! Imports real scenes and compares counts with what is known of them. Needs the data folder: see `Data`.
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests: a failure is a test's failure")]
+
+use std::collections::HashSet;
+use std::path::PathBuf;
+
+use data::Data;
+use glam::DVec3;
+use trimaran_cook::import::{ImportOptions, Imported, PrimitiveCounts, import};
+
+/// What the whole program's tests on real models use as well.
+#[path = "../../../tests/common/data.rs"]
+#[allow(dead_code, unreachable_pub, reason = "each test file uses its part of this")]
+mod data;
+
+fn import_files(files: &[PathBuf]) -> Imported {
+    import(files, &ImportOptions::default(), &mut |_| {}).unwrap()
+}
+
+#[test]
+fn platform_in_14_copies() {
+    let Some(data) = Data::find() else { return };
+    let Imported { model, report } = import_files(&[data.unpacked("huldra_x14_13Mtri.glb")]);
+    assert_eq!((report.objects, report.meshes), (135_830, 3_951));
+    assert_eq!((report.triangles, report.unique_triangles), (12_804_256, 658_592));
+    assert_eq!(report.warnings, []);
+    assert_eq!(model.sources[0].name, "huldra_x14_13Mtri.glb");
+}
+
+#[test]
+fn town_hall_with_sheared_nodes() {
+    let Some(data) = Data::find() else { return };
+    let Imported { model, report } = import_files(&[data.unpacked("ldraw_town_hall_1.3Mtri.glb")]);
+    assert_eq!((report.objects, report.meshes), (2_799, 345));
+    assert_eq!((report.triangles, report.unique_triangles), (1_307_423, 309_303));
+
+    // Axes more than 0.1 milliradian off a right angle.
+    let sheared = model.objects.iter().filter(|object| {
+        let m = object.to_world.matrix3;
+        let cosine = |a: DVec3, b: DVec3| a.dot(b).abs() / (a.length() * b.length());
+        [cosine(m.x_axis, m.y_axis), cosine(m.y_axis, m.z_axis), cosine(m.z_axis, m.x_axis)]
+            .iter()
+            .any(|&cosine| cosine > 1e-4)
+    });
+    assert_eq!(sheared.count(), 22);
+    let nodes: HashSet<u32> = model.objects.iter().map(|object| object.source_index).collect();
+    assert_eq!(nodes.len(), 2_799);
+    // The parts are placed y down, and the root turns y and z around: the hall stands on its floor.
+    let heights = model.objects.iter().map(|object| object.to_world.translation.y);
+    let (low, high) = heights.fold((f64::MAX, f64::MIN), |(low, high), y| (low.min(y), high.max(y)));
+    assert!(low == 0.0 && (0.49..0.50).contains(&high), "from {low} to {high}");
+}
+
+#[test]
+fn city_at_full_size() {
+    let Some(data) = Data::find() else { return };
+    let Imported { report, .. } = import_files(&[data.unpacked("ldraw_city_88Mtri.glb")]);
+    assert_eq!((report.objects, report.meshes), (128_635, 1_791));
+    assert_eq!((report.triangles, report.unique_triangles), (87_606_788, 2_582_126));
+}
+
+#[test]
+fn platform_from_its_review_files() {
+    let Some(data) = Data::find() else { return };
+    let Imported { model, report } = import_files(&data.platform());
+    assert_eq!((report.files, report.objects, report.meshes), (8, 9_720, 9_720));
+    let kinds = PrimitiveCounts {
+        pyramids: 679,
+        boxes: 4_181,
+        rectangular_tori: 299,
+        circular_tori: 318,
+        elliptical_dishes: 147,
+        spherical_dishes: 62,
+        snouts: 1_141,
+        cylinders: 6_824,
+        spheres: 0,
+        lines: 129,
+        facet_groups: 1_475,
+    };
+    assert_eq!(report.primitives, kinds);
+    assert_eq!(model.sources[3].name, "HA-MECH.RVM");
+    // A tessellator that lets both directions of a torus use up the whole tolerance, evenly all around, makes 0.92 million; halving the
+    // tolerance between them makes 1.03 million. No curve here is large enough for its tolerance to depend on its size.
+    assert_eq!(report.triangles, 950_820);
+    // Sheared snouts and eccentric pyramids, whose stored boxes are loose; an independent reader finds 232.
+    assert!(report.box_mismatches <= 232, "{}", report.box_mismatches);
+}
