@@ -6,15 +6,16 @@
 
 use std::{collections::HashSet, convert::Infallible, error::Error, sync::Arc, time::Duration};
 
+use trimaran::vulkan::VulkanPair;
 use trimaran_actors::{
-    Cameras, Devices, Observer, ObserverError, PictureDevice, ShownFrame, Stop, Turns, VulkanPair, in_process,
+    Cameras, Devices, Observer, ObserverError, PictureDevice, ShownFrame, Stop, Turns, in_process,
 };
 use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
 };
-use trimaran_cull::{View, Viewport};
-use trimaran_gpu::{Gpu, GpuOptions, GpuScene, Picture};
+use trimaran_cull::{Picture, View, Viewport};
+use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, PictureSize, Settings,
     TesterKind,

@@ -11,4 +11,5 @@ pub mod netem;
 pub mod report;
 pub mod simulate;
 pub mod trace;
+pub mod vulkan;
 pub mod walkthrough;

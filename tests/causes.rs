@@ -9,11 +9,12 @@ use common::{
     data::{Data, cooked, imported},
     session::{stage, trail, walk_in_process, walk_with},
 };
+use trimaran::vulkan::{VulkanPair, VulkanPairError};
 use trimaran::{
     report::{Frame, schema::FalseCullCause},
     walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, viewport},
 };
-use trimaran_actors::{PairDevice, VulkanPair, VulkanPairError};
+use trimaran_actors::PairDevice;
 use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},

@@ -9,11 +9,11 @@ use common::{
     data::{Data, cooked, imported},
     session::{assert_no_validation_messages, essence, stage, trail, walk_in_process, walk_over_tcp},
 };
+use trimaran::vulkan::VulkanPair;
 use trimaran::{
     report::Frame,
     walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, viewport},
 };
-use trimaran_actors::VulkanPair;
 use trimaran_cull::{CutRule, reference::SURFACE_SLACK_PX};
 use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
 

@@ -8,11 +8,11 @@ use std::{error::Error, sync::Arc};
 use common::session::{
     assert_no_validation_messages, essence, stage, trail, uncut_count, walk_in_process, walk_over_tcp,
 };
+use trimaran::vulkan::VulkanPair;
 use trimaran::{
     report::Frame,
     walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, Trail, viewport},
 };
-use trimaran_actors::VulkanPair;
 use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},

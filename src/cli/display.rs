@@ -5,6 +5,7 @@ use std::{error::Error, path::PathBuf, pin::pin, sync::Arc};
 use indicatif::ProgressBar;
 use thiserror::Error;
 use tokio::runtime::Runtime;
+use trimaran::vulkan::VulkanDisplay;
 use trimaran::{
     report::{
         Writer,
@@ -12,7 +13,7 @@ use trimaran::{
     },
     walkthrough::{Plan, Recorder, ReportPlan, SceneFile, Trail, begin, how_ended, viewport},
 };
-use trimaran_actors::{DisplayRole, Stop, Stopwatch, Turns, VulkanDisplay, again, await_pair, leave_unable};
+use trimaran_actors::{DisplayRole, Stop, Stopwatch, Turns, again, await_pair, leave_unable};
 use trimaran_gpu::{GpuInfo, GpuScene, ItemPass};
 use trimaran_proto::{Identity, Role, Settings};
 use trimaran_transport::{Endpoints, Link, Listener, Net, Options, TokioNet};

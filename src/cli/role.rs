@@ -9,6 +9,7 @@ use std::{
 };
 
 use tokio::runtime::Runtime;
+use trimaran::vulkan::VulkanPair;
 use trimaran::{
     config::{DisplayConfig, PairSeat, PeerFile, RoleConfig, SessionConfig, SwitchConfig},
     metrics::{LinkMetrics, Serving},
@@ -16,8 +17,8 @@ use trimaran::{
     walkthrough::{PathChoice, Plan, SceneFile, Trail, viewport},
 };
 use trimaran_actors::{
-    JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, Stop, Stopwatch, Turns, VulkanPair, again,
-    join_session, leave_unable, max_frame, role_of,
+    JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, Stop, Stopwatch, Turns, again, join_session,
+    leave_unable, max_frame, role_of,
 };
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Role};

@@ -6,8 +6,10 @@ use std::sync::Arc;
 use serde::Serialize;
 use thiserror::Error;
 use trimaran_actors::Gaps;
-use trimaran_cull::{CutRule, CutRuleError, OccluderError, View, Viewport, ViewportError, draw_order};
-use trimaran_gpu::{GpuError, GpuScene, Picture, PicturePass};
+use trimaran_cull::{
+    CutRule, CutRuleError, OccluderError, Picture, View, Viewport, ViewportError, draw_order,
+};
+use trimaran_gpu::{GpuError, GpuScene, PicturePass};
 use trimaran_proto::{DrawableId, FrameNumber, SceneHash};
 use trimaran_scene::Scene;
 

@@ -4,8 +4,8 @@ use std::{collections::BTreeSet, sync::Arc};
 
 use thiserror::Error;
 use trimaran_actors::PairDevice;
-use trimaran_cull::{CutRule, LevelCut, View, Viewport, draw_order, level_cut, reference::Missing};
-use trimaran_gpu::{GpuError, GpuScene, ItemImage, ItemPass, Picture, PicturePass};
+use trimaran_cull::{CutRule, LevelCut, Picture, View, Viewport, draw_order, level_cut, reference::Missing};
+use trimaran_gpu::{GpuError, GpuScene, ItemImage, ItemPass, PicturePass};
 use trimaran_proto::{Camera, DrawableId};
 use trimaran_scene::Scene;
 use xxhash_rust::xxh3::xxh3_64;

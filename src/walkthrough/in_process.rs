@@ -2,12 +2,10 @@
 
 use std::{sync::Arc, thread};
 
+use crate::vulkan::{VulkanDisplay, VulkanPair, VulkanPairError};
 use thiserror::Error;
 use tokio::runtime::Handle;
-use trimaran_actors::{
-    Devices, Observer, SessionError, Stop, Turns, VulkanDisplay, VulkanPair, VulkanPairError,
-    in_process as join,
-};
+use trimaran_actors::{Devices, Observer, SessionError, Stop, Turns, in_process as join};
 use trimaran_cull::ViewportError;
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, ItemPass};
 use trimaran_scene::Scene;

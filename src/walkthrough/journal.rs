@@ -6,7 +6,7 @@ use std::{
     thread::{self, JoinHandle},
 };
 
-use trimaran_gpu::Picture;
+use trimaran_cull::Picture;
 
 use super::{audit::picture_of, compose::Composer, record::FrameRecord, reporting::ReportingError};
 use crate::report::{PictureKind, Writer};

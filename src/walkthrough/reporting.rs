@@ -2,10 +2,11 @@
 
 use std::{ops::ControlFlow, path::PathBuf, sync::Arc, time::SystemTime};
 
+use crate::vulkan::VulkanPair;
 use thiserror::Error;
-use trimaran_actors::{RoleError, VulkanPair};
-use trimaran_cull::{CutRule, CutRuleError, ViewportError};
-use trimaran_gpu::{GpuError, GpuInfo, GpuScene, Picture};
+use trimaran_actors::RoleError;
+use trimaran_cull::{CutRule, CutRuleError, Picture, ViewportError};
+use trimaran_gpu::{GpuError, GpuInfo, GpuScene};
 use trimaran_scene::Scene;
 
 use super::{

@@ -3,10 +3,11 @@
 use std::{sync::Arc, thread, time::Duration};
 
 use tokio::runtime::{Builder, Runtime};
+use trimaran::vulkan::{VulkanDisplay, VulkanPair};
 use trimaran::walkthrough::{FrameRecord, PathChoice, Plan, Recorder, Stage, Trail, in_process, viewport};
 use trimaran_actors::{
     Devices, DisplayRole, Joined, OccluderPolicy, PairDevice, PairRole, Place, Seat, Stop, Stopwatch, Turns,
-    VulkanDisplay, VulkanPair, await_pair, join_session,
+    await_pair, join_session,
 };
 use trimaran_cull::{CutRule, View, level_cut};
 use trimaran_proto::{Identity, Role};

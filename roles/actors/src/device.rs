@@ -2,8 +2,7 @@
 
 use std::time::Duration;
 
-use trimaran_cull::{BoxTester, DepthImage, View};
-use trimaran_gpu::Picture;
+use trimaran_cull::{BoxTester, DepthImage, Picture, View};
 use trimaran_proto::DrawableId;
 
 use crate::Stop;

@@ -10,7 +10,6 @@ mod driver;
 mod join;
 mod machine;
 mod session;
-mod vulkan;
 
 pub use causes::causes;
 pub use clock::Stopwatch;
@@ -22,4 +21,3 @@ pub use driver::{
 pub use join::{JoinError, Joined, Place, again, await_pair, join_session, role_of};
 pub use machine::{DisplayMachine, DisplayStep, OrderError, Seat, SwitchMachine, SwitchStep};
 pub use session::{Devices, SessionError, in_process};
-pub use vulkan::{VulkanDisplay, VulkanPair, VulkanPairError};

@@ -21,9 +21,8 @@ use trimaran_actors::{
     join_session,
 };
 use trimaran_cull::{
-    BoxTester, Culler, CutRule, DepthImage, NoOccluders, TestBox, View, Viewport, reference::cases,
+    BoxTester, Culler, CutRule, DepthImage, NoOccluders, Picture, TestBox, View, Viewport, reference::cases,
 };
-use trimaran_gpu::Picture;
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStart, FrameStats, Goodbye, IdCoding,
     Identity, PictureSize, Role, Settings, TesterKind,

@@ -11,8 +11,7 @@ use trimaran_actors::{
 };
 use trimaran_cook::generate::{PlantOptions, plant};
 use trimaran_cook::{CookOptions, cook};
-use trimaran_cull::{BoxTester, DepthImage, TestBox, View};
-use trimaran_gpu::Picture;
+use trimaran_cull::{BoxTester, DepthImage, Picture, TestBox, View};
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStart, FrameStats, Goodbye, IdCoding,
     Identity, PictureSize, Role, SceneHash, Settings, TesterKind,

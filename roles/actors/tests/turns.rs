@@ -18,8 +18,7 @@ use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
 };
-use trimaran_cull::{BoxTester, DepthImage, NoOccluders, TestBox, View, Viewport};
-use trimaran_gpu::Picture;
+use trimaran_cull::{BoxTester, DepthImage, NoOccluders, Picture, TestBox, View, Viewport};
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, PictureSize, Settings,
     TesterKind,

@@ -54,7 +54,7 @@ pub use gpu::{Gpu, GpuOptions};
 pub use item::{ItemImage, ItemPass};
 pub use needs::Optional;
 pub use occluder::OccluderPass;
-pub use picture::{BACKGROUND, Picture, PicturePass};
+pub use picture::{BACKGROUND, PicturePass};
 pub use query::QueryTester;
 pub use raster::RasterTester;
 pub use scene::GpuScene;

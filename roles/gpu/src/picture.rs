@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ash::vk;
-use trimaran_cull::{DepthImage, View, Viewport};
+use trimaran_cull::{DepthImage, Picture, View, Viewport};
 use trimaran_proto::DrawableId;
 
 use crate::draws::Fetch;
@@ -28,17 +28,6 @@ static KIND: PassKind = PassKind {
     }),
     fetch: Fetch::Fixed,
 };
-
-/// A picture: sRGB-encoded red, green, blue and alpha (255), 8 bits each, row by row from the top.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Picture {
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Four bytes a pixel.
-    pub rgba: Vec<u8>,
-}
 
 /// Draws shaded pictures. Frames alternate between two sets of attachments, so that the next can be prepared and submitted
 /// while the device still draws this one.

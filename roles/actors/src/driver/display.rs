@@ -3,8 +3,7 @@
 use std::{pin::pin, sync::Arc, time::Duration};
 
 use tokio::runtime::Handle;
-use trimaran_cull::{DrawOrder, View, Viewport};
-use trimaran_gpu::Picture;
+use trimaran_cull::{DrawOrder, Picture, View, Viewport};
 use trimaran_proto::{
     Camera, DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStats, SentBytes, Settings,
 };

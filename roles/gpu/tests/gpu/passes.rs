@@ -1,8 +1,8 @@
 //! What the passes draw, pixel by pixel.
 
 use glam::{DVec3, Mat3, Vec3};
-use trimaran_cull::Viewport;
-use trimaran_gpu::{BACKGROUND, GpuError, ItemImage, ItemPass, OccluderPass, Picture, PicturePass};
+use trimaran_cull::{Picture, Viewport};
+use trimaran_gpu::{BACKGROUND, GpuError, ItemImage, ItemPass, OccluderPass, PicturePass};
 use trimaran_proto::DrawableId;
 
 use crate::common::{CheckedGpu, NEAR, Part, ids, upload, view};

@@ -4,12 +4,13 @@ use std::{sync::Arc, time::Duration};
 
 use thiserror::Error;
 use trimaran_cull::{
-    Answer, BoxTester, DepthImage, DepthPyramid, HzbError, HzbTester, Outline, TestBox, View, Viewport,
+    Answer, BoxTester, DepthImage, DepthPyramid, HzbError, HzbTester, Outline, Picture, TestBox, View,
+    Viewport,
 };
-use trimaran_gpu::{GpuError, GpuScene, OccluderPass, PassTiming, Picture, PicturePass};
+use trimaran_gpu::{GpuError, GpuScene, OccluderPass, PassTiming, PicturePass};
 use trimaran_proto::{DrawableId, TesterKind};
 
-use crate::{PairDevice, PictureDevice, Stop};
+use trimaran_actors::{PairDevice, PictureDevice, Stop};
 
 /// Why a machine of the pair cannot draw or test.
 #[derive(Debug, Error)]
