@@ -1,4 +1,5 @@
-//! Two peers, one link: a camera goes one way, a frame of ids the other. The transport is an argument; the rest is the same.
+//! Two peers, one link: a camera goes one way, a frame of ids the other. The transport is an argument; the
+//! rest is the same.
 //!
 //!     cargo run --example a_link -- inproc:display
 //!     cargo run --example a_link -- unix:/tmp/display.sock

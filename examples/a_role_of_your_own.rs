@@ -1,6 +1,7 @@
-//! A display of your own: two real machines cull and draw occluders, and the third role, which would draw what is visible, does
-//! something else with it. This one plans what a renderer that streams its geometry would have to load, frame by frame; it needs no
-//! device of its own. Any program that takes frames of visible nodes fits in the same place.
+//! A display of your own: two real machines cull and draw occluders, and the third role, which would draw
+//! what is visible, does something else with it. This one plans what a renderer that streams its geometry
+//! would have to load, frame by frame; it needs no device of its own. Any program that takes frames of
+//! visible nodes fits in the same place.
 //!
 //!     cargo run --release --example a_role_of_your_own
 

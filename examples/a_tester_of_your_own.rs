@@ -1,6 +1,6 @@
-//! Culling with a box tester of your own. This one hides whatever lies wholly beyond a distance, as fog does: not exact, but a
-//! few lines. Whatever can answer "does this box show?" fits in the same place: a GPU, a pyramid of depths, a potentially
-//! visible set computed beforehand.
+//! Culling with a box tester of your own. This one hides whatever lies wholly beyond a distance, as fog does:
+//! not exact, but a few lines. Whatever can answer "does this box show?" fits in the same place: a GPU, a
+//! pyramid of depths, a potentially visible set computed beforehand.
 //!
 //!     cargo run --release --example a_tester_of_your_own
 

@@ -1,4 +1,5 @@
-//! What a frame costs on the network, by the paper's formula and as it is sent, over the ids a frame and the ids a batch.
+//! What a frame costs on the network, by the paper's formula and as it is sent, over the ids a frame and the
+//! ids a batch.
 //!
 //!     cargo run --example bandwidth
 

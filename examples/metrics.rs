@@ -18,7 +18,8 @@ async fn main() -> Result<(), Box<dyn Error>> {
     let config = LinkConfig::default();
     let (machine, display) = inproc::pair(&net, identity(Role::SwitchA), identity(Role::Display), &config)?;
 
-    // Counting costs nothing that can be felt; whoever holds the metrics may read them at any time, links alive or not.
+    // Counting costs nothing that can be felt; whoever holds the metrics may read them at any time, links
+    // alive or not.
     let metrics = LinkMetrics::of([&machine]);
     let any = SocketAddr::from(([127, 0, 0, 1], 0));
     let serving = metrics.clone().serve(address.unwrap_or(any), &tokio::runtime::Handle::current())?;

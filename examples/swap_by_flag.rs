@@ -1,4 +1,5 @@
-//! The same frames over every transport: the value of one flag is all that changes. What differs is the time, and what each promises.
+//! The same frames over every transport: the value of one flag is all that changes. What differs is the time,
+//! and what each promises.
 //!
 //!     cargo run --release --example swap_by_flag                 # all of them, one after another
 //!     cargo run --release --example swap_by_flag -- --link udp   # one of inproc, unix, tcp, quic, udp
@@ -94,8 +95,8 @@ fn camera(frame: u32) -> Result<Camera, trimaran_proto::CameraError> {
     Camera::new([0.0, 1.7, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(frame))
 }
 
-/// Both ends of a link: the machine's, then the display's. Each knows the other by its public keys, which QUIC and UDP need; in
-/// real life `trimaran keys new` makes them and they are read from files.
+/// Both ends of a link: the machine's, then the display's. Each knows the other by its public keys, which
+/// QUIC and UDP need; in real life `trimaran keys new` makes them and they are read from files.
 async fn links(net: &Arc<dyn Net>, endpoint: &Endpoint) -> Result<(Link, Link), Box<dyn Error>> {
     let (machine, display) = (Keys::generate("machine".parse()?)?, Keys::generate("display".parse()?)?);
     let options = |own: &Keys, other: &Keys| Options {

@@ -1,6 +1,8 @@
-//! A udp listener with several addresses, on a network of two machines: it answers from the one that was asked.
+//! A udp listener with several addresses, on a network of two machines: it answers from the one that was
+//! asked.
 //!
-//! Needs Linux and root; elsewhere the test says that it is skipped, and fails if `TRIMARAN_REQUIRE_NETNS` is 1.
+//! Needs Linux and root; elsewhere the test says that it is skipped, and fails if `TRIMARAN_REQUIRE_NETNS` is
+//! 1.
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 

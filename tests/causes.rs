@@ -143,7 +143,8 @@ fn walk_with_fault(stage: &Stage, plan: &Plan, path: &PathChoice, fault: Fault) 
     walk_with(stage, plan, &trail(stage, plan, path, 8), pair)
 }
 
-/// Audits every frame of a session with machines of this fault: pixels by cause, which together are all that were lost.
+/// Audits every frame of a session with machines of this fault: pixels by cause, which together are all that
+/// were lost.
 fn lost(stage: &Stage, plan: &Plan, fault: Fault, walk: &[FrameRecord]) -> BTreeMap<FalseCullCause, u64> {
     let rule = CutRule::new(plan.epsilon.pixels()).unwrap().stopping_at_few_pixels(plan.few_pixels);
     let mut auditor =
@@ -165,9 +166,9 @@ fn lost(stage: &Stage, plan: &Plan, fault: Fault, walk: &[FrameRecord]) -> BTree
     lost
 }
 
-/// That something was lost, and most of it by this cause: 9 pixels in 10, but for a tester that is wrong. A flat box that is
-/// level with the depth cannot tell losing a tie from being lied about, nor one tested farther away, which stood clear of
-/// what is behind it by less than that.
+/// That something was lost, and most of it by this cause: 9 pixels in 10, but for a tester that is wrong. A
+/// flat box that is level with the depth cannot tell losing a tie from being lied about, nor one tested
+/// farther away, which stood clear of what is behind it by less than that.
 fn assert_cause(lost: &BTreeMap<FalseCullCause, u64>, cause: FalseCullCause) {
     let all: u64 = lost.values().sum();
     let named = lost.get(&cause).copied().unwrap_or_default();

@@ -1,4 +1,5 @@
-//! The program as a user meets it when something is wrong: what it says, its exit code, and what it leaves behind.
+//! The program as a user meets it when something is wrong: what it says, its exit code, and what it leaves
+//! behind.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 use std::{
@@ -277,7 +278,8 @@ fn pictures(bench: &Bench, out: &str, count: u32) -> Vec<Vec<u8>> {
     (0..count).map(|n| fs::read(bench.path(out).join(format!("frames/{n:05}.png"))).unwrap()).collect()
 }
 
-/// The display listens for one machine over TCP and for the other over QUIC, and those two meet over a Unix socket.
+/// The display listens for one machine over TCP and for the other over QUIC, and those two meet over a Unix
+/// socket.
 #[test]
 fn every_pair_of_roles_may_have_another_transport() {
     const WALK: [&str; 6] = ["--frames", "4", "--size", "96x80", "--audit-every", "0"];
@@ -464,7 +466,8 @@ fn a_pair_that_cannot_start_is_not_waited_for() {
     };
     let bench = Bench::with_plant();
     for link in ["tcp", "unix", "quic", "udp"] {
-        // Started by the loader, the program takes the loader for itself: the machines that it starts end at once.
+        // Started by the loader, the program takes the loader for itself: the machines that it starts end at
+        // once.
         let args = [env!("CARGO_BIN_EXE_trimaran"), "run", "plant.scene", "--link", link, "--frames", "4"];
         let run = Command::new(&loader).args(args).current_dir(bench.dir.path()).output().unwrap();
         expect(&run, 1, &["machine of the pair", "exit status: 127", "before it had joined"]);

@@ -1,6 +1,7 @@
 //! A clock of the machine that is set while roles walk: nothing waits or measures by it.
 //!
-//! Needs libfaketime; without it the test says that it is skipped, and fails if `TRIMARAN_REQUIRE_FAKETIME` is 1.
+//! Needs libfaketime; without it the test says that it is skipped, and fails if `TRIMARAN_REQUIRE_FAKETIME`
+//! is 1.
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 

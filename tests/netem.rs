@@ -1,6 +1,7 @@
 //! Real packets between network namespaces, over the simulator's links.
 //!
-//! Needs Linux and root; elsewhere the tests say that they are skipped, and fail if `TRIMARAN_REQUIRE_NETNS` is 1.
+//! Needs Linux and root; elsewhere the tests say that they are skipped, and fail if `TRIMARAN_REQUIRE_NETNS`
+//! is 1.
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, reason = "a test ends where what it needs is not there")]
 #![allow(clippy::disallowed_methods, reason = "packets of the kernel keep the kernel's time")]
@@ -100,7 +101,8 @@ fn packets_take_the_time_that_the_links_say_and_all_are_accounted_for() {
     let report = emulation.finish().unwrap();
     assert_eq!(totals(&report), [12, 0, 12, 0]);
     let link = report.links.iter().find(|link| link.name == "first to switch").unwrap();
-    // Three with 20 + 8 bytes of headers and three with 40 + 8, in Ethernet frames of 18 more and 64 at least.
+    // Three with 20 + 8 bytes of headers and three with 40 + 8, in Ethernet frames of 18 more and 64 at
+    // least.
     let bytes = 64 + (100 + 28 + 18) + (1400 + 28 + 18) + (48 + 18) + (100 + 48 + 18) + (1400 + 48 + 18);
     assert_eq!((link.tally.offered.packets, link.tally.offered.bytes), (6, bytes));
     assert!(report.late.p50_us <= report.late.p99_us && report.late.p99_us <= report.late.max_us);
@@ -170,7 +172,8 @@ fn a_namespace_without_its_name_is_there_as_long_as_somebody_has_it() {
     assert_eq!(totals(&emulation.finish().unwrap()), [1, 0, 1, 0]);
 }
 
-/// Two machines, 10.1.0.1 and 10.1.0.2, each with a veth pair whose other end, `end0` and `end1`, is in a third place between them.
+/// Two machines, 10.1.0.1 and 10.1.0.2, each with a veth pair whose other end, `end0` and `end1`, is in a
+/// third place between them.
 fn veth_pairs(test: &str) -> [Namespace; 3] {
     let names = names(test, 3);
     let places: Vec<_> = names.iter().map(|name| Namespace::find_or_make(name).unwrap()).collect();
@@ -208,7 +211,8 @@ fn a_network_between_interfaces_carries_frames_of_any_kind() {
             assert_eq!(receive(&other, &mut buffer), (size, one.local_addr().unwrap()));
             assert!(start.elapsed() >= Duration::from_millis(25), "{:?}", start.elapsed());
         }
-        // A stream, of which the kernel makes packets larger than any frame, whose checksums it leaves to the card.
+        // A stream, of which the kernel makes packets larger than any frame, whose checksums it leaves to the
+        // card.
         let listener = inside(&there, || TcpListener::bind("10.1.0.2:0").unwrap());
         let mut stream = inside(&here, || TcpStream::connect(listener.local_addr().unwrap()).unwrap());
         let (mut peer, _) = listener.accept().unwrap();

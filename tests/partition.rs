@@ -1,6 +1,8 @@
-//! A network that is cut while three machines walk: for a moment, and for longer than they wait for each other.
+//! A network that is cut while three machines walk: for a moment, and for longer than they wait for each
+//! other.
 //!
-//! Needs Linux and root; elsewhere the tests say that they are skipped, and fail if `TRIMARAN_REQUIRE_NETNS` is 1.
+//! Needs Linux and root; elsewhere the tests say that they are skipped, and fail if `TRIMARAN_REQUIRE_NETNS`
+//! is 1.
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 

@@ -1,4 +1,5 @@
-//! Whole sessions through real models: no false cull, the unculled picture, and no outline farther off than was promised.
+//! Whole sessions through real models: no false cull, the unculled picture, and no outline farther off than
+//! was promised.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 mod common;

@@ -1,5 +1,5 @@
-//! A session of three processes that loses one of them: it goes on with the frame that was due once all have joined again, or begins
-//! when all are there.
+//! A session of three processes that loses one of them: it goes on with the frame that was due once all have
+//! joined again, or begins when all are there.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 #[path = "common/deployment.rs"]

@@ -1,4 +1,5 @@
-//! The systemd units of `deploy/systemd`: their commands exist, and end with the codes by which they are started again or not.
+//! The systemd units of `deploy/systemd`: their commands exist, and end with the codes by which they are
+//! started again or not.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 #[path = "../transport/tests/common/ports.rs"]
@@ -100,7 +101,8 @@ fn a_service_whose_peers_are_not_there_is_started_again() {
     }
 }
 
-/// Over datagrams nothing tells that a process was killed, until it is missed. Its successor waits for its place.
+/// Over datagrams nothing tells that a process was killed, until it is missed. Its successor waits for its
+/// place.
 #[test]
 fn a_machine_whose_place_is_still_held_for_the_process_before_waits_for_it() {
     let (folder, _) = place();
@@ -151,7 +153,8 @@ fn systemd_takes_the_units() {
         let Some(verified) = systemd_analyze(&["verify".as_ref(), "--man=no".as_ref(), path.as_ref()]) else {
             return;
         };
-        // It ends well though it ignores keys that it does not know, and not where other units of the machine have faults.
+        // It ends well though it ignores keys that it does not know, and not where other units of the machine
+        // have faults.
         let said = String::from_utf8(verified.stderr).unwrap();
         let newer = |line: &&str| line.contains("Unknown key 'Restart") && !line.contains("RestartSec'");
         let faults: Vec<&str> =

@@ -71,7 +71,8 @@ fn an_idle_network_costs_the_time_of_the_bits() {
     let outcome = run("fast-ethernet", Transport::Tcp, 100, load(100, 5), 1);
     let times = outcome.times[30];
     let us = times.arrived.since(times.culled).as_secs_f64() * 1e6;
-    // One segment of 404 bytes of ids, or with the end in another: 2 x (66 + 404 + 24) x 0.08 us and 10 us of delay at least.
+    // One segment of 404 bytes of ids, or with the end in another: 2 x (66 + 404 + 24) x 0.08 us and 10 us of
+    // delay at least.
     assert!(us > 2.0 * 494.0 * 0.08 + 10.0 && us < 150.0, "{us} us");
 }
 
@@ -88,7 +89,8 @@ fn the_same_seed_gives_the_same_session_and_another_one_another() {
 fn small_batches_cost_headers_as_the_corrected_formula_says_where_each_is_a_packet_of_its_own() {
     let [ten, thousand] = [10, 1000].map(|batch| run("10g", Transport::Tcp, batch, load(4000, 5), 1));
     assert!(ten.bytes.total > 1.5 * thousand.bytes.total, "{} {}", ten.bytes.total, thousand.bytes.total);
-    // With its own headers (TCP 32, IP 20, Ethernet 18, a message's 4) rather than the paper's 50, and acknowledgements.
+    // With its own headers (TCP 32, IP 20, Ethernet 18, a message's 4) rather than the paper's 50, and
+    // acknowledgements.
     assert!(ten.bytes.total > ten.bytes.corrected && ten.bytes.total < 3.0 * ten.bytes.corrected);
     assert!(ten.bytes.paper > 2.0 * ten.bytes.corrected);
 }

@@ -157,7 +157,8 @@ fn every_tester_shows_the_unculled_cut() -> Result<(), Box<dyn Error>> {
         pictures.push(records.iter().map(|record| record.picture).collect::<Vec<_>>());
         let drawn: usize = records.iter().map(|record| record.ids.len()).sum();
         let cut: usize = records.iter().map(|r| uncut_count(&stage, &plan, r)).sum();
-        // The walk looks where there is most to see: of 2544 drawables 1550 own a pixel, and culling leaves 300 of the others.
+        // The walk looks where there is most to see: of 2544 drawables 1550 own a pixel, and culling leaves
+        // 300 of the others.
         let (hidden, culled) = (cut - seen, cut - drawn);
         assert!(culled * 5 > hidden * 3, "{tester} culled {culled} of {hidden} that are hidden");
     }

@@ -1,4 +1,5 @@
-//! Time to the microsecond: tokio's timers have a grain of a millisecond, and what the roles compute has none.
+//! Time to the microsecond: tokio's timers have a grain of a millisecond, and what the roles compute has
+//! none.
 #![allow(clippy::disallowed_methods, reason = "real packets keep real time")]
 
 use std::collections::BTreeMap;

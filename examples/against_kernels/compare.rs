@@ -14,7 +14,8 @@ use crate::real::play;
 const NETWORKS: [&str; 3] = ["fast-ethernet", "wifi", "wan-20ms"];
 const LINKS: [Transport; 3] = [Transport::Tcp, Transport::Quic, Transport::Udp];
 const FRAMES: u32 = 500;
-/// Where packets are lost the medians of runs differ by a millisecond (standard deviation): a few runs say little.
+/// Where packets are lost the medians of runs differ by a millisecond (standard deviation): a few runs say
+/// little.
 const RUNS: u64 = 6;
 /// The simulator takes so many seeds for each of a real run.
 const SEEDS_A_RUN: u64 = 5;
@@ -92,7 +93,8 @@ impl Sample {
         self.bytes.push(bytes_a_frame);
     }
 
-    /// The median and the 99th percentile of all frames, and the mean bytes of a frame; each with how far it may be off by chance.
+    /// The median and the 99th percentile of all frames, and the mean bytes of a frame; each with how far it
+    /// may be off by chance.
     fn figures(&self) -> [(f64, f64); 3] {
         [
             (at(&self.latencies, 0.5), error(&self.medians)),

@@ -4,9 +4,10 @@
 //! cargo run --release --example against_kernels -- [NETWORK..] [tcp|quic|udp..] [--frames N] [--runs N] [--csv]
 //! ```
 //!
-//! Three roles in three network namespaces, whose packets `trimaran::netem` carries by the link models of the simulator, and the
-//! same roles in the simulator. Of both, each run with a seed of its own: latency from a camera leaving RVG to its picture, and
-//! bytes a frame. Needs Linux, root and `ip` (iproute2); says what is missing otherwise.
+//! Three roles in three network namespaces, whose packets `trimaran::netem` carries by the link models of the
+//! simulator, and the same roles in the simulator. Of both, each run with a seed of its own: latency from a
+//! camera leaving RVG to its picture, and bytes a frame. Needs Linux, root and `ip` (iproute2); says what is
+//! missing otherwise.
 
 #[cfg(target_os = "linux")]
 mod clock;

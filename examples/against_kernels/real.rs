@@ -62,7 +62,8 @@ pub(crate) fn play(scenario: &Scenario) -> Ended<Played> {
     Ok(Played { times: cast.times(), bytes: after - before, report: emulation.finish()? })
 }
 
-/// The simulator's TCP is one with CUBIC; a system may have another one for its default, and Linux lets a route say which.
+/// The simulator's TCP is one with CUBIC; a system may have another one for its default, and Linux lets a
+/// route say which.
 fn use_cubic(place: &Namespace) -> io::Result<()> {
     let words = ["-n", place.name(), "route", "replace", "10.0.0.0/24", "dev", "net0", "congctl", "cubic"];
     let status = Command::new("ip").args(words).status()?;

@@ -1,5 +1,5 @@
-//! What must hold for any bytes at all. The fuzz targets search for bytes that break it; an ordinary test of `proto` replays the
-//! corpus.
+//! What must hold for any bytes at all. The fuzz targets search for bytes that break it; an ordinary test of
+//! `proto` replays the corpus.
 
 use bytes::BytesMut;
 use trimaran_proto::{
@@ -7,8 +7,9 @@ use trimaran_proto::{
     FrameOutcome, FrameStart, FrameWriter, IdDecoder, IdEncoder, Message,
 };
 
-/// Any bytes, whole or byte by byte, give the same messages and the same end; and each message that was read is written again
-/// as it stood, unless it is a control message, whose varints may have been longer than needed.
+/// Any bytes, whole or byte by byte, give the same messages and the same end; and each message that was read
+/// is written again as it stood, unless it is a control message, whose varints may have been longer than
+/// needed.
 pub fn decode(bytes: &[u8]) {
     let mut whole = Decoder::new();
     whole.push(bytes);
@@ -55,7 +56,8 @@ fn rewrite(message: &Message, read: &[u8]) {
     }
 }
 
-/// Any bytes, taken as calls to a writer, give frames that an assembler takes; and whatever the writer refuses changes nothing.
+/// Any bytes, taken as calls to a writer, give frames that an assembler takes; and whatever the writer
+/// refuses changes nothing.
 pub fn frames(bytes: &[u8]) {
     let Some((size, calls)) = bytes.split_first() else { return };
     let batch = BatchSize::new(u32::from(*size)).unwrap_or_default();
@@ -101,8 +103,8 @@ pub fn frames(bytes: &[u8]) {
     }
 }
 
-/// Any bytes, taken as what is sent over a lane: first a frame of the ids that the front names, then changes against it. Whatever
-/// is read rises, fits a batch, and is written and read again as the same ids.
+/// Any bytes, taken as what is sent over a lane: first a frame of the ids that the front names, then changes
+/// against it. Whatever is read rises, fits a batch, and is written and read again as the same ids.
 pub fn changes(bytes: &[u8]) {
     let Some((count, rest)) = bytes.split_first() else { return };
     let (gaps, payload) = rest.split_at(usize::from(*count).min(rest.len()));

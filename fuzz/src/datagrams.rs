@@ -1,5 +1,5 @@
-//! What must hold for any datagram at all. The fuzz targets search for one that breaks it; an ordinary test of `trimaran-udp` replays
-//! the corpus.
+//! What must hold for any datagram at all. The fuzz targets search for one that breaks it; an ordinary test
+//! of `trimaran-udp` replays the corpus.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::time::Duration;
@@ -24,8 +24,8 @@ fn now() -> Instant {
     Instant::from_nanos(1_000_000_000)
 }
 
-/// Any datagram from a stranger, as it is and filled up to a first packet's length, is answered with a third of it at most; and
-/// any answer leaves who connects waiting or gives a sound connection.
+/// Any datagram from a stranger, as it is and filled up to a first packet's length, is answered with a third
+/// of it at most; and any answer leaves who connects waiting or gives a sound connection.
 pub fn strangers(bytes: &[u8]) {
     let mut filled = bytes.to_vec();
     filled.resize(MIN_DATAGRAM.max(bytes.len()), 0);
@@ -68,8 +68,9 @@ fn answer(security: &Security, datagram: &[u8]) {
     }
 }
 
-/// Any chunks, each packet of them a byte of length and so many bytes, sealed as a peer would, and two of four from elsewhere: the
-/// connection passes on no more than came, asks there with thrice as much at most, sends packets that fit until it has no more, and is over for good when it is over.
+/// Any chunks, each packet of them a byte of length and so many bytes, sealed as a peer would, and two of
+/// four from elsewhere: the connection passes on no more than came, asks there with thrice as much at most,
+/// sends packets that fit until it has no more, and is over for good when it is over.
 pub fn chunks(bytes: &[u8]) {
     let mut connection = Connection::plaintext(now(), HERE, THERE, Config::default());
     if let Ok(camera) = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0, 1.0, 0.1, FrameNumber(0)) {

@@ -1,13 +1,13 @@
-//! What must hold for any files at all. The fuzz targets search for files that break it; an ordinary test of `trimaran` replays the
-//! corpus.
+//! What must hold for any files at all. The fuzz targets search for files that break it; an ordinary test of
+//! `trimaran` replays the corpus.
 
 use trimaran::netem::tc_commands;
 use trimaran::trace::Trace;
 use trimaran_netsim::Profile;
 use xxhash_rust::xxh3::xxh3_64;
 
-/// Any bytes, as a trace's contents behind a right head and before a right checksum, are refused or read; and what was read is written
-/// and read again as the same trace. As a whole file they do no harm either.
+/// Any bytes, as a trace's contents behind a right head and before a right checksum, are refused or read; and
+/// what was read is written and read again as the same trace. As a whole file they do no harm either.
 pub fn traces(bytes: &[u8]) {
     let _refused = Trace::from_bytes(bytes);
     let Ok(trace) = Trace::from_bytes(&sealed(bytes)) else { return };
@@ -34,7 +34,8 @@ fn sealed(contents: &[u8]) -> Vec<u8> {
     file
 }
 
-/// Any text is a network or is refused by an error that can be read; and of a network the machines and `tc`'s command lines can be had.
+/// Any text is a network or is refused by an error that can be read; and of a network the machines and `tc`'s
+/// command lines can be had.
 pub fn profiles(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     match Profile::parse("any", text) {

@@ -1,7 +1,8 @@
-//! What must hold for any bytes in place of a handshake over byte streams. The fuzz targets search for bytes that break it; an
-//! ordinary test of `trimaran-netsim` replays the corpus.
+//! What must hold for any bytes in place of a handshake over byte streams. The fuzz targets search for bytes
+//! that break it; an ordinary test of `trimaran-netsim` replays the corpus.
 //!
-//! An input is what is said on the first connection, behind a byte of its length, and then what is said on the second.
+//! An input is what is said on the first connection, behind a byte of its length, and then what is said on
+//! the second.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -36,8 +37,8 @@ fn machines() -> (Simulation, [Arc<dyn Net>; 2]) {
     (simulation, nets)
 }
 
-/// A stranger says anything to a listener and waits: it hears whole messages of a handshake, or nothing, and then the end. A
-/// peer gets in afterwards.
+/// A stranger says anything to a listener and waits: it hears whole messages of a handshake, or nothing, and
+/// then the end. A peer gets in afterwards.
 pub fn hellos(bytes: &[u8]) {
     let (simulation, [here, there]) = machines();
     let options = Options::default();
@@ -76,7 +77,8 @@ pub fn hellos(bytes: &[u8]) {
     assert_eq!(simulation.run(program), Ok(()));
 }
 
-/// Hears what a listener says until it ends the connection. It has ten seconds for a handshake, and a link ends with its peer.
+/// Hears what a listener says until it ends the connection. It has ten seconds for a handshake, and a link
+/// ends with its peer.
 async fn hear(net: &dyn Net, mut stream: Stream) {
     let mut heard = Vec::new();
     let end = until(net, net.now().after(MINUTE), stream.reader.read_to_end(&mut heard)).await;
@@ -88,8 +90,8 @@ async fn hear(net: &dyn Net, mut stream: Stream) {
     }
 }
 
-/// Whoever has a listener's address says anything to a peer that connects, each time that it does: the peer gets a link, or has
-/// tried again until its deadline.
+/// Whoever has a listener's address says anything to a peer that connects, each time that it does: the peer
+/// gets a link, or has tried again until its deadline.
 pub fn answers(bytes: &[u8]) {
     let (simulation, [here, there]) = machines();
     let Ok(at) = "tcp://here:4000".parse::<Endpoint>() else { unreachable!("an endpoint") };

@@ -1,5 +1,5 @@
-//! What must hold for any model and any scene file at all. The fuzz targets search for files that break it; an ordinary test of
-//! `trimaran-cook` replays the corpus.
+//! What must hold for any model and any scene file at all. The fuzz targets search for files that break it;
+//! an ordinary test of `trimaran-cook` replays the corpus.
 
 use std::path::Path;
 
@@ -49,8 +49,8 @@ fn import(name: &str, bytes: &[u8]) {
     }
 }
 
-/// Any bytes as a scene file, as they are and with its checksums put right: an error, or a scene all of whose records can be
-/// followed.
+/// Any bytes as a scene file, as they are and with its checksums put right: an error, or a scene all of whose
+/// records can be followed.
 pub fn scene(bytes: &[u8]) {
     for file in [bytes, &sealed(bytes)] {
         match Scene::open_bytes(Path::new("a.scene"), file) {
@@ -98,8 +98,8 @@ fn walk(scene: &Scene) {
     assert!(scene.full_detail_triangles() > 0);
 }
 
-/// A scene file whose head says what its length is, and whose checksums are right: `roles/scene/src/scene/file.rs` says what it
-/// looks like.
+/// A scene file whose head says what its length is, and whose checksums are right:
+/// `roles/scene/src/scene/file.rs` says what it looks like.
 fn sealed(bytes: &[u8]) -> Vec<u8> {
     const SECTIONS: std::ops::Range<usize> = 40..152;
     let mut file = bytes.to_vec();

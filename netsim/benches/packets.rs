@@ -1,5 +1,5 @@
-//! How many packets a second of computing: datagrams and a TCP transfer over two links, beside the least that any simulator does
-//! for a packet, which is to put its events into a queue and to take them out again.
+//! How many packets a second of computing: datagrams and a TCP transfer over two links, beside the least that
+//! any simulator does for a packet, which is to put its events into a queue and to take them out again.
 #![allow(clippy::unwrap_used, reason = "a benchmark that cannot go on has failed")]
 #![allow(missing_docs, reason = "criterion's macros")]
 
@@ -34,7 +34,8 @@ fn network() -> (Simulation, Arc<SimNet>, Arc<SimNet>) {
     (simulation, here, there)
 }
 
-/// Two links, and on each a line that is free again and a packet that arrives: four events a packet, ten packets under way.
+/// Two links, and on each a line that is free again and a packet that arrives: four events a packet, ten
+/// packets under way.
 fn events() {
     let mut heap = BinaryHeap::new();
     for packet in 0..PACKETS {

@@ -1,5 +1,5 @@
-//! Another protocol over `Net`: questions and answers in datagrams, asked again where packets are lost. Neither the client nor the
-//! server knows whether its network is simulated.
+//! Another protocol over `Net`: questions and answers in datagrams, asked again where packets are lost.
+//! Neither the client nor the server knows whether its network is simulated.
 //!
 //! ```sh
 //! cargo run -p trimaran-netsim --example a_protocol_of_your_own
@@ -119,10 +119,12 @@ mod tests {
         let wifi = summary("wifi", 1).unwrap();
         // Four hops of a millisecond on average; the heavy tail pulls the mean above the median.
         assert!((3.0..4.2).contains(&millis(wifi.median)), "{:?}", wifi.median);
-        // Each of the four loses a hundredth: 3.94 % of 2000 are 79, with a deviation of 9; slow answers are asked for again too.
+        // Each of the four loses a hundredth: 3.94 % of 2000 are 79, with a deviation of 9; slow answers are
+        // asked for again too.
         assert!((50..150).contains(&wifi.repeated), "{}", wifi.repeated);
         assert!(wifi.p99 >= PATIENCE, "{:?}", wifi.p99);
-        // Nothing but the way there and back, to the nanosecond: 46 bytes padded to 64, and 20 more, four times, and 4 x 5 us.
+        // Nothing but the way there and back, to the nanosecond: 46 bytes padded to 64, and 20 more, four
+        // times, and 4 x 5 us.
         let wired = summary("fast-ethernet", 1).unwrap();
         assert_eq!(
             (wired.median, wired.p99, wired.repeated),

@@ -23,17 +23,19 @@ const RECEIVERS: f64 = 2.0;
 impl FrameLoad {
     /// Bytes a frame by the paper's formula, `8 (nh/b) + 3 (72 + h)` (section 3.3).
     ///
-    /// Its first term multiplies the bytes of the ids, `2 * 4n`, by those of the headers, `h/b` an id; the two should be added, as
-    /// in [`FrameLoad::sent_bytes`]. Given for comparison with the paper's figures only.
+    /// Its first term multiplies the bytes of the ids, `2 * 4n`, by those of the headers, `h/b` an id; the
+    /// two should be added, as in [`FrameLoad::sent_bytes`]. Given for comparison with the paper's
+    /// figures only.
     #[must_use]
     pub fn paper_bytes(&self) -> f64 {
         RECEIVERS * ID * (self.ids * self.header / self.batch) + self.camera_bytes()
     }
 
-    /// Bytes a frame as sent, `2 (4n + hn/b) + 3 (72 + h)`: each id, a header for each packet of ids, and the cameras.
+    /// Bytes a frame as sent, `2 (4n + hn/b) + 3 (72 + h)`: each id, a header for each packet of ids, and the
+    /// cameras.
     ///
-    /// It takes every packet for full: a frame whose ids do not fill the last one sends up to one more header a receiver, and the
-    /// ends of frames come on top.
+    /// It takes every packet for full: a frame whose ids do not fill the last one sends up to one more header
+    /// a receiver, and the ends of frames come on top.
     #[must_use]
     pub fn sent_bytes(&self) -> f64 {
         RECEIVERS * (ID * self.ids + self.header * self.ids / self.batch) + self.camera_bytes()

@@ -46,7 +46,8 @@ pub enum CaptureError {
     Block(#[source] PcapError),
 }
 
-/// Writes packets down, in the order and at the times in which machines send them; what links lose of them is there as well.
+/// Writes packets down, in the order and at the times in which machines send them; what links lose of them is
+/// there as well.
 pub(crate) struct Capture {
     file: PcapNgWriter<Box<dyn Write + Send>>,
     failure: Option<CaptureError>,

@@ -13,8 +13,8 @@ use trimaran_net::BoxFuture;
 /// The key of the future that [`Executor::run_until_stalled`] was given; no task has it.
 const MAIN: usize = usize::MAX;
 
-/// Runs tasks in the order in which they were woken. Whatever wakes them, wakes them in an order of its own making: there are
-/// no threads and no clock.
+/// Runs tasks in the order in which they were woken. Whatever wakes them, wakes them in an order of its own
+/// making: there are no threads and no clock.
 #[derive(Default)]
 pub(crate) struct Executor {
     tasks: Mutex<Slab<Task>>,
@@ -40,7 +40,8 @@ struct Ready(Mutex<VecDeque<Arc<Rouser>>>);
 #[derive(Debug)]
 struct Rouser {
     key: usize,
-    /// Atomic because [`Wake`] asks for it: a simulation's tasks, and so whoever wakes them, are all on one thread.
+    /// Atomic because [`Wake`] asks for it: a simulation's tasks, and so whoever wakes them, are all on one
+    /// thread.
     queued: AtomicBool,
     ready: Arc<Ready>,
 }

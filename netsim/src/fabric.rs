@@ -100,7 +100,8 @@ impl<P: Routed> Fabric<P> {
         first.map_or(0, |pipe| pipe.model().framing.frame_bytes(ip_bytes) - ip_bytes)
     }
 
-    /// Sends a packet on its way. `token` is told when it has left the machine; a packet that has no way is gone at once.
+    /// Sends a packet on its way. `token` is told when it has left the machine; a packet that has no way is
+    /// gone at once.
     pub(crate) fn send<E: From<LinkEvent>>(
         &mut self,
         now: Instant,

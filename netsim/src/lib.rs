@@ -1,7 +1,8 @@
 //! Networks in virtual time, and the bandwidth formulas of the three-role system.
 //!
-//! A [`Topology`] of machines and [`link`]s becomes a [`Simulation`]; each machine's [`SimNet`] is the transports' `Net`, so
-//! that programs written for that run here unchanged, in no time, and the same way each time.
+//! A [`Topology`] of machines and [`link`]s becomes a [`Simulation`]; each machine's [`SimNet`] is the
+//! transports' `Net`, so that programs written for that run here unchanged, in no time, and the same way each
+//! time.
 
 mod bandwidth;
 mod capture;

@@ -177,8 +177,8 @@ impl Profile {
         Ok(Self { name: name.to_owned(), about: written.about, sources: written.sources, up, down, wan })
     }
 
-    /// How long a packet is on its way from a machine of the pair to the display at least: without the time of its bits, queues and
-    /// jitter, and before any phase begins.
+    /// How long a packet is on its way from a machine of the pair to the display at least: without the time
+    /// of its bits, queues and jitter, and before any phase begins.
     #[must_use]
     pub fn way_to_display(&self) -> Duration {
         let wan = self.wan.as_ref().map_or(Duration::ZERO, |(out, _)| out.conditions.delay);

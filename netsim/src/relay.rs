@@ -11,11 +11,12 @@ use crate::link::{Ecn, LinkTally};
 use crate::random::Random;
 use crate::topology::{HostId, Topology};
 
-/// The links of a topology without machines: packets go in where they leave a machine, and come out where and when they arrive
-/// at another. The links are those of a [`Simulation`](crate::Simulation), and the same seed gives them the same fortunes.
+/// The links of a topology without machines: packets go in where they leave a machine, and come out where and
+/// when they arrive at another. The links are those of a [`Simulation`](crate::Simulation), and the same seed
+/// gives them the same fortunes.
 ///
-/// Sans-IO: whoever owns it keeps the time. Events that are due are made up for at their own time, however late the owner comes,
-/// so that lateness does not add up.
+/// Sans-IO: whoever owns it keeps the time. Events that are due are made up for at their own time, however
+/// late the owner comes, so that lateness does not add up.
 #[derive(Debug)]
 pub struct Relay<P> {
     fabric: Fabric<Passing<P>>,

@@ -19,8 +19,8 @@ use crate::world::World;
 
 /// A network in virtual time: time passes only where every task waits, and then at once.
 ///
-/// Everything in it happens on the caller's thread and in an order that depends on the topology, the seed and the programs
-/// alone.
+/// Everything in it happens on the caller's thread and in an order that depends on the topology, the seed and
+/// the programs alone.
 #[derive(Debug)]
 pub struct Simulation {
     world: Arc<World>,
@@ -41,7 +41,8 @@ impl Simulation {
         Self { world: Arc::new(World::new(topology, seed)) }
     }
 
-    /// Writes down every packet that a machine sends from now on, as pcapng: an interface a machine, times since the start.
+    /// Writes down every packet that a machine sends from now on, as pcapng: an interface a machine, times
+    /// since the start.
     ///
     /// # Errors
     /// When `out` takes nothing.
@@ -67,7 +68,8 @@ impl Simulation {
         SimNet { world: Arc::clone(&self.world), host, timer_grain: 1 }
     }
 
-    /// Runs `program` and the tasks that it spawns until it is done. The tasks that are left go on when another one is run.
+    /// Runs `program` and the tasks that it spawns until it is done. The tasks that are left go on when
+    /// another one is run.
     ///
     /// # Errors
     /// When it waits for something that never comes.
@@ -91,13 +93,15 @@ impl Simulation {
         self.world.now()
     }
 
-    /// A hash of the trace so far: of every packet sent and every packet arrived, when, between whom, and how large.
+    /// A hash of the trace so far: of every packet sent and every packet arrived, when, between whom, and how
+    /// large.
     #[must_use]
     pub fn trace_hash(&self) -> u64 {
         self.world.core().trace_hash()
     }
 
-    /// What became of the packets of each direction of each link, in the order in which the links were joined.
+    /// What became of the packets of each direction of each link, in the order in which the links were
+    /// joined.
     #[must_use]
     pub fn links(&self) -> Vec<LinkTally> {
         self.world.core().fabric.tallies()

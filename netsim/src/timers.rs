@@ -15,7 +15,8 @@ pub(crate) struct Timers {
     runtimes: BTreeMap<HostId, Runtime>,
 }
 
-/// A timer. Only the earliest of its events counts; it adds another one where it was set to a later time meanwhile.
+/// A timer. Only the earliest of its events counts; it adds another one where it was set to a later time
+/// meanwhile.
 #[derive(Debug)]
 struct TimerState {
     host: HostId,
@@ -26,8 +27,9 @@ struct TimerState {
     queued: Option<Instant>,
 }
 
-/// What runs a machine's tasks. Where timers have a grain it counts time in ticks, and sleeps for a whole number of them from whenever
-/// it went to sleep: it wakes not on the tick but as long after it as it went to sleep after one.
+/// What runs a machine's tasks. Where timers have a grain it counts time in ticks, and sleeps for a whole
+/// number of them from whenever it went to sleep: it wakes not on the tick but as long after it as it went to
+/// sleep after one.
 #[derive(Debug)]
 struct Runtime {
     awake: Instant,

@@ -13,8 +13,8 @@ pub struct HostId(pub(crate) usize);
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NodeId(pub(crate) usize);
 
-/// Machines and links. Packets take the way with the fewest links, of several the one joined first; a switch stores each and
-/// forwards it.
+/// Machines and links. Packets take the way with the fewest links, of several the one joined first; a switch
+/// stores each and forwards it.
 #[derive(Debug, Clone, Default)]
 pub struct Topology {
     pub(crate) hosts: Vec<Host>,
@@ -45,7 +45,8 @@ impl Topology {
         Self::default()
     }
 
-    /// Machines of these names at one switch, each with a link of its own; the machines' ids are in the order of the names.
+    /// Machines of these names at one switch, each with a link of its own; the machines' ids are in the order
+    /// of the names.
     #[must_use]
     pub fn star(hosts: &[&str], up: &LinkModel, down: &LinkModel) -> Self {
         let mut topology = Self::new();
@@ -57,7 +58,8 @@ impl Topology {
         topology
     }
 
-    /// Adds a machine. Its addresses are `10.0.0.1` and `fd00::1` for the first, and so on; its name resolves to them.
+    /// Adds a machine. Its addresses are `10.0.0.1` and `fd00::1` for the first, and so on; its name resolves
+    /// to them.
     pub fn host(&mut self, name: &str) -> HostId {
         let (node, host) = (NodeId(self.nodes.len()), HostId(self.hosts.len()));
         self.nodes.push(Some(host));
@@ -89,12 +91,14 @@ impl Topology {
         self.hosts.iter().position(|host| host.name == name).map(HostId)
     }
 
-    /// What each direction of each link joins, such as `first to switch`, in the order in which the links were joined.
+    /// What each direction of each link joins, such as `first to switch`, in the order in which the links
+    /// were joined.
     pub fn link_names(&self) -> impl Iterator<Item = String> {
         self.pipes.iter().map(|way| format!("{} to {}", self.node_name(way.from), self.node_name(way.to)))
     }
 
-    /// A machine's name; a switch is called `switch` and, where there are several, has its number among them behind that.
+    /// A machine's name; a switch is called `switch` and, where there are several, has its number among them
+    /// behind that.
     fn node_name(&self, node: NodeId) -> String {
         let host = self.nodes.get(node.0).copied().flatten().and_then(|host| self.hosts.get(host.0));
         if let Some(host) = host {
@@ -160,7 +164,8 @@ impl HostId {
         Ipv6Addr::from_bits((0xfd00_u128 << 112) + 1 + self.0 as u128).into()
     }
 
-    /// The machine that `address` belongs to, seen from this one: its own for loopback and unspecified addresses.
+    /// The machine that `address` belongs to, seen from this one: its own for loopback and unspecified
+    /// addresses.
     pub(crate) fn of(self, address: IpAddr) -> Option<Self> {
         if address.is_loopback() || address.is_unspecified() {
             return Some(self);

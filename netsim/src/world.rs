@@ -228,8 +228,8 @@ impl Core {
         }
     }
 
-    /// Adds a packet to the trace: when, where from and to, what and how large. Not its contents, which differ where they are
-    /// encrypted.
+    /// Adds a packet to the trace: when, where from and to, what and how large. Not its contents, which
+    /// differ where they are encrypted.
     fn note(&mut self, what: u8, packet: &Packet) {
         let mut record = [0; 24];
         let mut rest = record.as_mut_slice();

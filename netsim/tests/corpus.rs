@@ -1,4 +1,5 @@
-//! What the fuzz targets of hellos and answers look for, on what they have found so far, and a little further.
+//! What the fuzz targets of hellos and answers look for, on what they have found so far, and a little
+//! further.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use proptest::prelude::*;

@@ -1,4 +1,5 @@
-//! Handshakes that strangers begin by the thousand, over each transport in virtual time: a peer gets in all the same.
+//! Handshakes that strangers begin by the thousand, over each transport in virtual time: a peer gets in all
+//! the same.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 #[path = "../../transport/tests/common/mod.rs"]
@@ -70,7 +71,8 @@ async fn flood(clock: Arc<dyn Net>, nets: Vec<SimNet>, at: Endpoint, options: Op
     }
 }
 
-/// How long a peer takes to get in that comes half a second after the flood has begun, and what was turned away.
+/// How long a peer takes to get in that comes half a second after the flood has begun, and what was turned
+/// away.
 fn joins_during(flooded: Flood, scheme: &str) -> (Duration, TurnedAway) {
     let strangers: Vec<String> = (0..40).map(|number| format!("stranger {number}")).collect();
     let mut names = vec!["here", "there"];

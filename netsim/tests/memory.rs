@@ -1,4 +1,5 @@
-//! What a simulation holds is bounded by what is under way: an hour takes no more than a minute. Alone in its program, whose allocator counts.
+//! What a simulation holds is bounded by what is under way: an hour takes no more than a minute. Alone in its
+//! program, whose allocator counts.
 #![allow(clippy::unwrap_used, reason = "a test ends where what it needs is not there")]
 
 use std::alloc::System;

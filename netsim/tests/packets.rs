@@ -17,8 +17,8 @@ use trimaran_transport::{Endpoint, Link, LinkConfig, Listener, Net, Options, con
 /// As many as in the paper's model of bandwidth.
 const IDS: u32 = 4000;
 
-/// What one frame of [`IDS`] ids took over `transport` in batches of `batch`, each packet of either direction counted: where all ids
-/// are found at once, or, if not, where each batch is alone.
+/// What one frame of [`IDS`] ids took over `transport` in batches of `batch`, each packet of either direction
+/// counted: where all ids are found at once, or, if not, where each batch is alone.
 fn packets(transport: &str, batch: u32, at_once: bool) -> u64 {
     let mut topology = Topology::new();
     let (here, there) = (topology.host("here"), topology.host("there"));
@@ -85,7 +85,8 @@ async fn pause(net: &Arc<dyn Net>) {
     sleep_until(&**net, net.now().after(Duration::from_millis(100))).await;
 }
 
-/// Batches that are found at once share packets: there are about as many as the bytes need, and what acknowledges them.
+/// Batches that are found at once share packets: there are about as many as the bytes need, and what
+/// acknowledges them.
 #[test]
 fn batches_that_are_found_at_once_share_packets() {
     for (transport, most) in [("tcp", 30), ("quic", 30), ("udp", 30)] {

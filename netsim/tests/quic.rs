@@ -1,4 +1,5 @@
-//! QUIC, the very one that real links use, in virtual time: the conformance suite, exact times, and the same run each time.
+//! QUIC, the very one that real links use, in virtual time: the conformance suite, exact times, and the same
+//! run each time.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 #[path = "../../transport/tests/common/mod.rs"]
@@ -91,8 +92,8 @@ fn a_camera_goes_before_a_frame() {
     simulation.run(priorities::a_camera_goes_before_a_frame(&pairs)).unwrap();
 }
 
-/// Sends 50 frames of 4000 ids over a link that loses a hundredth of all packets. Gives the hash of the trace, when it was
-/// done, and how many packets were lost.
+/// Sends 50 frames of 4000 ids over a link that loses a hundredth of all packets. Gives the hash of the
+/// trace, when it was done, and how many packets were lost.
 fn lossy_session(seed: u64) -> (u64, u64, u64) {
     let mut link = LinkModel::clean(Rate::new(100_000_000), Duration::from_millis(2));
     link.conditions.loss = Loss::Independent(Probability::new(0.01).unwrap());

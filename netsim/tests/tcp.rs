@@ -101,8 +101,8 @@ fn plain() -> TcpOptions {
 
 const FULL: usize = 1448;
 
-/// Sends `first` bytes, and after a second, when all is quiet, `second`, beginning at one second exactly. Gives when the last
-/// of it was read, counted from then.
+/// Sends `first` bytes, and after a second, when all is quiet, `second`, beginning at one second exactly.
+/// Gives when the last of it was read, counted from then.
 fn delivery(
     there: &LinkModel,
     back: &LinkModel,
@@ -183,8 +183,8 @@ fn ten_packets(lost: std::ops::Range<u64>) -> (Duration, u64) {
 fn a_loss_within_a_burst_is_repeated_as_soon_as_three_later_packets_are_acknowledged() {
     assert_eq!(ten_packets(0..0), (ms(6), 0));
     let (took, again) = ten_packets(3..4);
-    // The seventh packet's acknowledgement leaves at 0.7 + 5 ms and is there 5 ms and a short packet later; the repetition comes
-    // 5.1 ms after that.
+    // The seventh packet's acknowledgement leaves at 0.7 + 5 ms and is there 5 ms and a short packet later;
+    // the repetition comes 5.1 ms after that.
     let expected = 700 + 5000 + 5000 + 100 + 5000;
     assert_eq!(again, 1);
     assert!((took.as_micros() as i64 - expected).abs() < 50, "{took:?} {expected}");
@@ -194,8 +194,8 @@ fn a_loss_within_a_burst_is_repeated_as_soon_as_three_later_packets_are_acknowle
 fn a_lost_end_of_a_burst_is_probed_for_after_two_round_trips_and_a_last_packet_later() {
     let (took, again) = ten_packets(8..10);
     assert_eq!(again, 2);
-    // The eighth packet's acknowledgement comes after 10.9 ms; the round trips before took a little more than 10. The probe
-    // brings a packet, and its acknowledgement the other one.
+    // The eighth packet's acknowledgement comes after 10.9 ms; the round trips before took a little more than
+    // 10. The probe brings a packet, and its acknowledgement the other one.
     let expected = 10.9 + 2.0 * 10.5 + 2.0 + 15.0 + 0.2;
     assert!((took.as_secs_f64() * 1e3 - expected).abs() < 1.0, "{took:?} {expected}");
     // The acknowledgement of one packet may be delayed: the probe waits for that as well.
@@ -220,9 +220,10 @@ fn a_way_that_is_dead_for_seconds_is_tried_at_doubling_times() {
     assert_eq!(took, ms(3360 + 5));
 }
 
-/// What Linux 6.18 took in these cases, over a way of 26 ms (its own measure of the round trip was 52 to 55 ms), in
-/// milliseconds: medians of runs of `linux_tcp.py`, which is beside this test. The kernel's timers wait for its clock tick, and
-/// for eight of them beyond 256 ms: that is what it is late by where a timer ends the wait.
+/// What Linux 6.18 took in these cases, over a way of 26 ms (its own measure of the round trip was 52 to 55
+/// ms), in milliseconds: medians of runs of `linux_tcp.py`, which is beside this test. The kernel's timers
+/// wait for its clock tick, and for eight of them beyond 256 ms: that is what it is late by where a timer
+/// ends the wait.
 #[test]
 fn the_same_losses_cost_what_they_cost_in_linux() {
     let tenth = |tenths: u64| ms(10_000) + Duration::from_micros(100 * tenths);
@@ -300,8 +301,8 @@ fn a_receive_buffer_that_is_fixed_limits_to_its_size_a_round_trip() {
 
 #[test]
 fn random_loss_slows_it_down_as_the_response_function_of_reno_says() {
-    // 1 % at 20 ms: at such small windows CUBIC is at least what Reno would be (RFC 9438, section 4.3), that is
-    // sqrt(3/2)/sqrt(p) packets a round trip.
+    // 1 % at 20 ms: at such small windows CUBIC is at least what Reno would be (RFC 9438, section 4.3), that
+    // is sqrt(3/2)/sqrt(p) packets a round trip.
     let mut link = LinkModel::clean(Rate::new(1_000_000_000), ms(10));
     link.conditions.loss = Loss::Independent(Probability::new(0.01).unwrap());
     let (speed, simulation, hosts) = throughput(&link, 20_000_000);

@@ -1,4 +1,5 @@
-//! The project's own connection over datagrams in virtual time: the conformance suite, and the same run each time.
+//! The project's own connection over datagrams in virtual time: the conformance suite, and the same run each
+//! time.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 #[path = "../../transport/tests/common/mod.rs"]
@@ -77,7 +78,8 @@ fn a_camera_goes_before_a_frame() {
     simulation.run(priorities::a_camera_goes_before_a_frame(&pairs)).unwrap();
 }
 
-/// Over a way that loses many packets and leaves time to send them again once: whole or with gaps, but never what was not sent.
+/// Over a way that loses many packets and leaves time to send them again once: whole or with gaps, but never
+/// what was not sent.
 #[test]
 fn with_deadlines_a_lost_frame_spoils_no_later_one() {
     let mut way = LinkModel::clean(Rate::new(100_000_000), Duration::from_millis(3));
@@ -126,8 +128,8 @@ fn with_deadlines_a_lost_frame_spoils_no_later_one() {
     assert!(whole >= 20 && gaps >= 20 && bytes < 2000, "{whole} whole, {gaps} with gaps, {bytes} bytes");
 }
 
-/// Sends 50 frames of 4000 ids over a link that loses a hundredth of all packets. Gives the hash of the trace, when it was
-/// done, and how many packets were lost.
+/// Sends 50 frames of 4000 ids over a link that loses a hundredth of all packets. Gives the hash of the
+/// trace, when it was done, and how many packets were lost.
 fn lossy_session(seed: u64) -> (u64, u64, u64) {
     let mut link = LinkModel::clean(Rate::new(100_000_000), Duration::from_millis(2));
     link.conditions.loss = Loss::Independent(Probability::new(0.01).unwrap());

@@ -6,13 +6,14 @@ use thiserror::Error;
 
 use crate::DrawableId;
 
-/// The bytes of one id on the wire: a `u32`, little-endian, never a varint, so that the bandwidth formula counts what travels.
+/// The bytes of one id on the wire: a `u32`, little-endian, never a varint, so that the bandwidth formula
+/// counts what travels.
 pub const ID_BYTES: usize = 4;
 
 /// How many ids travel in one batch at most: `b` in the paper's bandwidth formula (section 3.3), 1 to 16,384.
 ///
-/// Small batches arrive sooner, large ones cost fewer headers. The default, 256, costs 0.4 % in headers and fits one
-/// Ethernet frame.
+/// Small batches arrive sooner, large ones cost fewer headers. The default, 256, costs 0.4 % in headers and
+/// fits one Ethernet frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(try_from = "u32", into = "u32")]
 pub struct BatchSize(u16);

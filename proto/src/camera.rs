@@ -6,11 +6,11 @@ use crate::FrameNumber;
 
 /// A perspective camera and the frame it is meant for.
 ///
-/// World space is right-handed, in metres. Camera space is right-handed: x right, y up, looking down -z. The projection is
-/// reversed-z with an infinite far plane; `near` is in metres.
+/// World space is right-handed, in metres. Camera space is right-handed: x right, y up, looking down -z. The
+/// projection is reversed-z with an infinite far plane; `near` is in metres.
 ///
-/// A `Camera` is always valid: its only constructors check. Eye and orientation are `f64` because plants sit at survey
-/// coordinates of 10^6 metres and more.
+/// A `Camera` is always valid: its only constructors check. Eye and orientation are `f64` because plants sit
+/// at survey coordinates of 10^6 metres and more.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     eye: [f64; 3],
@@ -31,7 +31,8 @@ pub enum CameraError {
     /// The orientation is not a unit quaternion (length within 1e-6 of 1).
     #[error("the camera's orientation is not a unit quaternion")]
     Orientation,
-    /// The tangent of half the vertical field of view lies outside 1e-5 ..= 1e5 (0.00115 to 179.99885 degrees).
+    /// The tangent of half the vertical field of view lies outside 1e-5 ..= 1e5 (0.00115 to 179.99885
+    /// degrees).
     #[error("the camera's vertical field of view is outside 0.00115 to 179.99885 degrees")]
     FieldOfView,
     /// The aspect ratio (width over height) lies outside 1e-5 ..= 1e5.
@@ -46,8 +47,9 @@ impl Camera {
     /// The size of a camera on the wire, in bytes.
     pub const SIZE: usize = 72;
 
-    /// A camera at `eye` (metres, world), turned by the unit quaternion `orientation` (x, y, z, w; camera to world), with the
-    /// tangent of half its vertical field of view, its width over height, and its near distance in metres.
+    /// A camera at `eye` (metres, world), turned by the unit quaternion `orientation` (x, y, z, w; camera to
+    /// world), with the tangent of half its vertical field of view, its width over height, and its near
+    /// distance in metres.
     ///
     /// # Errors
     /// Says which of the values is not a camera's.
@@ -127,8 +129,8 @@ impl Camera {
         Self { frame, ..self }
     }
 
-    /// The 72 bytes that travel, little-endian: eye 3 x f64, orientation 4 x f64, tan half fov f32, aspect f32, near f32,
-    /// frame u32.
+    /// The 72 bytes that travel, little-endian: eye 3 x f64, orientation 4 x f64, tan half fov f32, aspect
+    /// f32, near f32, frame u32.
     #[must_use]
     pub fn to_bytes(&self) -> [u8; Self::SIZE] {
         let mut bytes = [0; Self::SIZE];

@@ -73,8 +73,8 @@ impl fmt::Display for SessionId {
 
 /// The first message of whoever connects.
 ///
-/// On the wire it starts with a magic number and the version, in a layout that no version changes: so a peer of any other
-/// version can be told so.
+/// On the wire it starts with a magic number and the version, in a layout that no version changes: so a peer
+/// of any other version can be told so.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Hello {
     /// What the connecting peer is.

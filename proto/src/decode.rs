@@ -88,12 +88,12 @@ pub enum DecodeFault {
 
 /// Finds the messages in a stream of bytes.
 ///
-/// Feed it through [`Decoder::buffer`] or [`Decoder::push`], then call [`Decoder::next_message`] until it gives `None`. Ids are
-/// not copied: a batch shares the buffer's memory.
+/// Feed it through [`Decoder::buffer`] or [`Decoder::push`], then call [`Decoder::next_message`] until it
+/// gives `None`. Ids are not copied: a batch shares the buffer's memory.
 ///
-/// Memory: it holds what was fed and not yet taken. A header is judged as soon as its four bytes are there, so nothing waits
-/// for a length that no message has; a caller who takes all messages before reading on therefore never holds more than one
-/// message of 65,540 bytes and one read.
+/// Memory: it holds what was fed and not yet taken. A header is judged as soon as its four bytes are there,
+/// so nothing waits for a length that no message has; a caller who takes all messages before reading on
+/// therefore never holds more than one message of 65,540 bytes and one read.
 ///
 /// After an error the stream is lost, and each further call gives the same error.
 #[derive(Debug, Default)]

@@ -69,8 +69,8 @@ impl Kind {
         self as u8
     }
 
-    /// The payload lengths this kind allows, in bytes. Whatever a peer claims beyond them is refused before anything is
-    /// stored.
+    /// The payload lengths this kind allows, in bytes. Whatever a peer claims beyond them is refused before
+    /// anything is stored.
     #[must_use]
     pub const fn lengths(self) -> RangeInclusive<usize> {
         match self {

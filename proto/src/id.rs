@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 
 /// A scene node at one of its levels of detail: what a role draws.
 ///
-/// It indexes the drawables of the scene that all three roles hold (their [`SceneHash`]es agree), so a `u32` says
-/// everything. The paper (section 3.3) sends node ids and lets each receiver choose a level; naming the level makes HC and
-/// RVG agree bit for bit.
+/// It indexes the drawables of the scene that all three roles hold (their [`SceneHash`]es agree), so a `u32`
+/// says everything. The paper (section 3.3) sends node ids and lets each receiver choose a level; naming the
+/// level makes HC and RVG agree bit for bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[repr(transparent)]
 pub struct DrawableId(pub u32);
@@ -49,7 +49,8 @@ impl fmt::Display for FrameNumber {
     }
 }
 
-/// The fingerprint of a cooked scene (XXH3-128 of its content): peers that hold different scenes refuse each other.
+/// The fingerprint of a cooked scene (XXH3-128 of its content): peers that hold different scenes refuse each
+/// other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[repr(transparent)]
 pub struct SceneHash(pub u128);

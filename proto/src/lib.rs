@@ -1,9 +1,11 @@
 //! The wire of Trimaran: what the three roles say to each other, byte for byte.
 //!
-//! Sans-IO: nothing here touches a socket, a clock or a GPU. `WIRE.md` beside this crate specifies every byte.
+//! Sans-IO: nothing here touches a socket, a clock or a GPU. `WIRE.md` beside this crate specifies every
+//! byte.
 //!
-//! Sending: a [`FrameWriter`] turns pushed ids into [`FrameMessage`]s, [`Message::encode`] into bytes. Receiving: a [`Decoder`]
-//! turns bytes into messages, a [`FrameAssembler`] checks them and judges each frame.
+//! Sending: a [`FrameWriter`] turns pushed ids into [`FrameMessage`]s, [`Message::encode`] into bytes.
+//! Receiving: a [`Decoder`] turns bytes into messages, a [`FrameAssembler`] checks them and judges each
+//! frame.
 
 mod batch;
 mod camera;

@@ -16,8 +16,8 @@ pub struct NumberedCamera {
 }
 
 impl CameraNumber {
-    /// Whether this camera was published after `other`, in the order of serial numbers (RFC 1982): right as long as the two are
-    /// fewer than 2^31 apart.
+    /// Whether this camera was published after `other`, in the order of serial numbers (RFC 1982): right as
+    /// long as the two are fewer than 2^31 apart.
     #[must_use]
     pub const fn is_after(self, other: Self) -> bool {
         (self.0.wrapping_sub(other.0) as i32) > 0

@@ -8,7 +8,8 @@ use thiserror::Error;
 
 use crate::{BatchSize, FrameNumber, IdCoding};
 
-/// What the display decides for all three roles. It travels in the handshake; each field is valid by its type.
+/// What the display decides for all three roles. It travels in the handshake; each field is valid by its
+/// type.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// The size of the picture and of the culling depth buffer.
@@ -21,10 +22,12 @@ pub struct Settings {
     pub coding: IdCoding,
     /// How the switch tests boxes for visibility.
     pub tester: TesterKind,
-    /// Whether every camera is exactly one frame (deterministic), rather than the latest camera whenever a frame starts.
+    /// Whether every camera is exactly one frame (deterministic), rather than the latest camera whenever a
+    /// frame starts.
     pub lockstep: bool,
-    /// Whether culling stops at nodes that show at fewer pixels than the error bound (paper, section 4.5.2). What is drawn then depends on
-    /// what is visible, so pictures may differ from those without culling. Needs a tester that counts pixels.
+    /// Whether culling stops at nodes that show at fewer pixels than the error bound (paper, section 4.5.2).
+    /// What is drawn then depends on what is visible, so pictures may differ from those without culling.
+    /// Needs a tester that counts pixels.
     pub few_pixels: bool,
     /// The frame that comes first: above 0 where a session goes on after a peer was lost.
     pub first: FrameNumber,
@@ -130,7 +133,8 @@ impl fmt::Display for PictureSize {
     }
 }
 
-/// How far on the screen a level of detail may lie from the finest geometry, in pixels: finite and not negative.
+/// How far on the screen a level of detail may lie from the finest geometry, in pixels: finite and not
+/// negative.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Serialize, Deserialize)]
 #[serde(try_from = "f64", into = "f64")]
 pub struct EpsilonPx(f64);

@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::FrameNumber;
 
-/// What one machine of the pair did for a frame: OR, then HC. It follows the frame's end, for reports; nothing waits for it.
+/// What one machine of the pair did for a frame: OR, then HC. It follows the frame's end, for reports;
+/// nothing waits for it.
 ///
 /// Times are nanoseconds on the sender's own clock. [`FrameStats::hc_start_ns`] is when it sent the frame's
 /// begin: a receiver that notes when that came can place the others on its own clock, late by the link's
@@ -31,7 +32,8 @@ pub struct FrameStats {
     pub occluder_triangles: u64,
     /// What HC did.
     pub culling: CullCounts,
-    /// What it sent to the other machine of the pair for the frame; what the display got, the display counts itself.
+    /// What it sent to the other machine of the pair for the frame; what the display got, the display counts
+    /// itself.
     pub to_other: SentBytes,
 }
 
@@ -54,7 +56,8 @@ pub struct SentBytes {
     pub messages: u64,
 }
 
-/// What HC's walk down the tree did. Each node it came to is counted once among `outside`, `hidden`, `emitted` and `refined`.
+/// What HC's walk down the tree did. Each node it came to is counted once among `outside`, `hidden`,
+/// `emitted` and `refined`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct CullCounts {
     /// Nodes it came to.
@@ -71,7 +74,8 @@ pub struct CullCounts {
     pub eye_inside: u32,
     /// Visible untested: a coordinate is not a finite f32.
     pub not_finite: u32,
-    /// Drawn too coarsely because they show at few pixels ([`Settings::few_pixels`](crate::Settings::few_pixels)).
+    /// Drawn too coarsely because they show at few pixels
+    /// ([`Settings::few_pixels`](crate::Settings::few_pixels)).
     pub few_pixels: u32,
     /// Drawables sent.
     pub emitted: u32,

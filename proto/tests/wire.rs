@@ -42,7 +42,8 @@ fn switch() -> Identity {
     Identity { role: Role::SwitchA, scene: SceneHash(0x1234), settings: None }
 }
 
-/// The second frame of a lane of changes: 100 to 149 were visible, and 110, 120 to 122 no longer are; 200 and 1000 are new.
+/// The second frame of a lane of changes: 100 to 149 were visible, and 110, 120 to 122 no longer are; 200 and
+/// 1000 are new.
 fn coded() -> Message {
     let (mut writer, mut encoder) =
         (FrameWriter::new(BatchSize::default()), IdEncoder::new(Delivery::Ordered));

@@ -1,4 +1,5 @@
-//! Compiles `shaders/*.wgsl` to SPIR-V, one module per entry point: a module then asks only for what its one stage needs.
+//! Compiles `shaders/*.wgsl` to SPIR-V, one module per entry point: a module then asks only for what its one
+//! stage needs.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,5 @@
-//! What the command line accepts. The help texts are the manual: each says what a thing is, its unit and its default.
+//! What the command line accepts. The help texts are the manual: each says what a thing is, its unit and its
+//! default.
 
 mod roles;
 mod scenes;
@@ -17,8 +18,8 @@ use super::{netem::NetemArgs, ping::PingArgs, stat::StatArgs};
 
 /// Walk through 3D models too large for one GPU.
 ///
-/// Two machines take turns, one culling a frame with occlusion queries while the other draws the occluders of the next; a
-/// third shows what is visible. A typical first hour:
+/// Two machines take turns, one culling a frame with occlusion queries while the other draws the occluders of
+/// the next; a third shows what is visible. A typical first hour:
 ///
 ///   trimaran doctor                               what this machine can do
 ///   trimaran demo                                 a walk through a generated plant
@@ -35,7 +36,8 @@ use super::{netem::NetemArgs, ping::PingArgs, stat::StatArgs};
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
-    /// Log more: -v what is done, -vv each frame, -vvv each message. `TRIMARAN_LOG` takes a tracing filter instead.
+    /// Log more: -v what is done, -vv each frame, -vvv each message. `TRIMARAN_LOG` takes a tracing filter
+    /// instead.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     pub(crate) verbose: u8,
 }
@@ -52,14 +54,17 @@ pub(crate) enum Command {
     Run(RunArgs),
     /// Walk the same path at several error bounds: speed against error.
     Sweep(SweepArgs),
-    /// Simulate the three roles on a network: frame latency and bandwidth by transport, before a cable is bought.
+    /// Simulate the three roles on a network: frame latency and bandwidth by transport, before a cable is
+    /// bought.
     Sim(SimArgs),
-    /// Put a network of the simulator between real programs: network namespaces whose packets are late, lost or queued.
+    /// Put a network of the simulator between real programs: network namespaces whose packets are late, lost
+    /// or queued.
     Netem(NetemArgs),
     /// Run one role of a deployment on several machines.
     #[command(subcommand)]
     Role(Box<RoleCommand>),
-    /// Print a role's configuration file with every key, its flag, its environment variable, its default and what it means.
+    /// Print a role's configuration file with every key, its flag, its environment variable, its default and
+    /// what it means.
     Config {
         /// The role.
         role: RoleName,

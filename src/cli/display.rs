@@ -1,4 +1,5 @@
-//! A display that waits for its pair, walks and reports, whether the pair is on other machines or in other processes of this one.
+//! A display that waits for its pair, walks and reports, whether the pair is on other machines or in other
+//! processes of this one.
 
 use std::{error::Error, path::PathBuf, pin::pin, sync::Arc};
 
@@ -123,8 +124,8 @@ impl DisplayStage {
         report_on(recorder, folder, early, trace.as_deref(), file, &drawn, &plan, about, &trail, stop)
     }
 
-    /// Walks to the end of the session, or until `stop` asks. When a machine of the pair is lost, it waits for both to come again and
-    /// goes on with the frame that was due.
+    /// Walks to the end of the session, or until `stop` asks. When a machine of the pair is lost, it waits
+    /// for both to come again and goes on with the frame that was due.
     #[expect(clippy::too_many_arguments, reason = "what one walk needs, each of its own type")]
     fn walk(
         self,

@@ -21,7 +21,8 @@ pub(super) struct SceneSummary {
     sources: Vec<String>,
     /// Objects of the model.
     objects: usize,
-    /// Nodes of the tree, of which `interior` stand for several objects; the others are objects and their clusters.
+    /// Nodes of the tree, of which `interior` stand for several objects; the others are objects and their
+    /// clusters.
     nodes: usize,
     interior: usize,
     /// Interior nodes that have merged levels of their own.

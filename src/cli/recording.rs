@@ -1,4 +1,5 @@
-//! What a walk leaves behind: its folder is opened before the walk, filled while it goes on, and finished however it ends.
+//! What a walk leaves behind: its folder is opened before the walk, filled while it goes on, and finished
+//! however it ends.
 
 use std::{ops::ControlFlow, path::Path, sync::Arc};
 
@@ -45,7 +46,8 @@ pub(super) fn check_trace(path: Option<&Path>) -> Result<(), Failure> {
     Trace::check_path(path).map_err(Failure::bad_input)
 }
 
-/// Reports what `recorder` noted, with progress. `unused` is the folder, if the walk did not begin to fill it.
+/// Reports what `recorder` noted, with progress. `unused` is the folder, if the walk did not begin to fill
+/// it.
 #[expect(clippy::too_many_arguments, reason = "a report joins this many things")]
 pub(super) fn report_on(
     recorder: Recorder<'_>,

@@ -43,8 +43,8 @@ pub(super) fn run(command: &RoleCommand) -> Result<(), Failure> {
     }
 }
 
-/// Plays a role. However it ends, a link that is dropped without a goodbye tells its peer once the runtime runs again: over QUIC the peer
-/// would otherwise wait for the end of the lease.
+/// Plays a role. However it ends, a link that is dropped without a goodbye tells its peer once the runtime
+/// runs again: over QUIC the peer would otherwise wait for the end of the lease.
 fn on_runtime(role: impl FnOnce(&Runtime) -> Result<(), Failure>) -> Result<(), Failure> {
     let runtime = walking::runtime()?;
     let result = role(&runtime);
@@ -194,7 +194,8 @@ fn session_plan(session: &SessionConfig) -> Result<Plan, Failure> {
     })
 }
 
-/// How a role starts: what is not there yet, such as a scene that is being copied or a port in use, is waited for.
+/// How a role starts: what is not there yet, such as a scene that is being copied or a port in use, is waited
+/// for.
 struct Start<'r> {
     runtime: &'r Runtime,
     net: Arc<dyn Net>,
@@ -208,8 +209,8 @@ impl<'r> Start<'r> {
         Self { runtime, net, stop: stop_on_signal(runtime), patience_s }
     }
 
-    /// What `attempt` gives once it works; `None` if the role is asked to stop before. It is tried again while what
-    /// it fails with may pass, for as long as the role waits for others.
+    /// What `attempt` gives once it works; `None` if the role is asked to stop before. It is tried again
+    /// while what it fails with may pass, for as long as the role waits for others.
     fn until<T>(&self, attempt: impl AsyncFn() -> Result<T, Failure>) -> Result<Option<T>, Failure> {
         let deadline = deadline(&self.net, self.patience_s);
         let attempts = again(&self.net, deadline, Failure::may_pass, || attempt());

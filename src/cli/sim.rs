@@ -69,7 +69,8 @@ fn unwritten(place: &Path, cause: &io::Error) -> Failure {
     Failure::broken(format!("cannot write to {}: {cause}", place.display()))
 }
 
-/// Every network with every transport, every number of ids, every batch and every seed; seeds of the same are neighbours.
+/// Every network with every transport, every number of ids, every batch and every seed; seeds of the same are
+/// neighbours.
 fn scenarios(args: &SimArgs) -> Result<Vec<Scenario>, Failure> {
     let networks: Vec<Profile> = (args.network.iter())
         .map(|name| Profile::find(name).map_err(Failure::bad_input))

@@ -1,5 +1,5 @@
-//! `trimaran run --link` over anything but `inproc`: the three roles as three processes of this machine. This process is the
-//! display; the pair are two of `trimaran role switch`.
+//! `trimaran run --link` over anything but `inproc`: the three roles as three processes of this machine. This
+//! process is the display; the pair are two of `trimaran role switch`.
 
 use std::{
     net::{SocketAddr, TcpListener, UdpSocket},
@@ -147,7 +147,8 @@ impl Keyring {
     }
 }
 
-/// Where the display listens, and where the pair meets: for the latter, a port of loopback that nobody listens on now.
+/// Where the display listens, and where the pair meets: for the latter, a port of loopback that nobody
+/// listens on now.
 fn meeting_places(transport: Transport, folder: &Path) -> Result<(Endpoint, Endpoint), Failure> {
     let display = SocketAddr::from(([127, 0, 0, 1], 0));
     match transport {

@@ -26,7 +26,8 @@ pub use udp::{FrameMode, RepairMode, UdpConfig, UdpCongestion, UdpTrust};
 #[derive(Debug, Clone, PartialEq, Serialize, Config)]
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
 pub struct LinkConfig {
-    /// How long any one wait for a peer may last once it has joined, seconds: longer than its longest pause, loading included.
+    /// How long any one wait for a peer may last once it has joined, seconds: longer than its longest pause,
+    /// loading included.
     #[config(
         env = "TRIMARAN_LINK_PATIENCE_S",
         default = 30.0,
@@ -40,8 +41,8 @@ pub struct LinkConfig {
         ))
     )]
     pub patience_s: f64,
-    /// The silence after which a peer counts as lost, seconds: its process shows signs of life while it has nothing to say. The same for
-    /// all roles.
+    /// The silence after which a peer counts as lost, seconds: its process shows signs of life while it has
+    /// nothing to say. The same for all roles.
     #[config(
         env = "TRIMARAN_LINK_LEASE_S",
         default = 20.0,
@@ -162,8 +163,8 @@ impl LinkConfig {
         }
     }
 
-    /// What guards the links made at `endpoints`: this machine's `keys`, and the public ones of its `peers`, each for its role. None
-    /// where no endpoint needs any.
+    /// What guards the links made at `endpoints`: this machine's `keys`, and the public ones of its `peers`,
+    /// each for its role. None where no endpoint needs any.
     ///
     /// # Errors
     /// When a file that is needed is not named, or cannot be used.
@@ -177,7 +178,8 @@ impl LinkConfig {
             return Ok(None);
         };
         let no_keys = |peer| ConfigError::NoKeys { endpoint: endpoint.clone(), peer };
-        // A display may have one machine that comes over another transport: so one peer is enough, but it takes one.
+        // A display may have one machine that comes over another transport: so one peer is enough, but it
+        // takes one.
         let known = peers
             .iter()
             .filter_map(|peer| peer.path.map(|path| (path, peer.role)))

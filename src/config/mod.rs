@@ -1,7 +1,7 @@
 //! The configuration of a role in a deployment: flags, environment, file and defaults in layers, checked.
 //!
-//! Each key is told once, by a field of the structures here: its name in a file, its flag, its environment variable, its default
-//! and its description.
+//! Each key is told once, by a field of the structures here: its name in a file, its flag, its environment
+//! variable, its default and its description.
 
 #![allow(unused_qualifications, clippy::ptr_arg, reason = "as `Config` derives its layers and checks")]
 

@@ -26,15 +26,15 @@ pub struct SwitchConfig {
     /// The cooked scene; all three roles hold the same one. Paths in a file start at the file's folder.
     #[config(env = "TRIMARAN_SCENE", layer_attr(arg(long, value_name = "X.scene")))]
     pub scene: PathBuf,
-    /// Which of the two machines this is: `first` culls even frames and listens for the second, `second` culls odd frames and
-    /// connects to the first.
+    /// Which of the two machines this is: `first` culls even frames and listens for the second, `second`
+    /// culls odd frames and connects to the first.
     #[config(env = "TRIMARAN_SEAT", layer_attr(arg(long, value_enum)))]
     pub seat: PairSeat,
     /// Where the display listens, such as `tcp://show:7400`.
     #[config(env = "TRIMARAN_DISPLAY", layer_attr(arg(long, value_name = "ENDPOINT")))]
     pub display: Endpoint,
-    /// Where the machines of the pair meet: the first listens there, the second connects to it. It need not be the transport
-    /// that leads to the display.
+    /// Where the machines of the pair meet: the first listens there, the second connects to it. It need not
+    /// be the transport that leads to the display.
     #[config(env = "TRIMARAN_PAIR", layer_attr(arg(long, value_name = "ENDPOINT")))]
     pub pair: Endpoint,
     /// The Vulkan device, by a part of its name; the best there is if not given.
@@ -58,8 +58,8 @@ pub struct SwitchConfig {
         layer_attr(arg(long = "patience", value_name = "S"))
     )]
     pub patience_s: f64,
-    /// How long to wait for a peer that was lost to come again, seconds: the session then goes on with the frame that was due. 0 ends
-    /// the session with the peer.
+    /// How long to wait for a peer that was lost to come again, seconds: the session then goes on with the
+    /// frame that was due. 0 ends the session with the peer.
     #[config(
         env = "TRIMARAN_RECONNECT_S",
         default = 60.0,
@@ -67,7 +67,8 @@ pub struct SwitchConfig {
         layer_attr(arg(long = "reconnect", value_name = "S"))
     )]
     pub reconnect_s: f64,
-    /// Show what the links carry on this address while the session runs: `/metrics` for Prometheus, `/links` as JSON.
+    /// Show what the links carry on this address while the session runs: `/metrics` for Prometheus, `/links`
+    /// as JSON.
     #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metrics: Option<SocketAddr>,
@@ -107,8 +108,8 @@ pub struct DisplayConfig {
     /// The cooked scene. Paths in a file start at the file's folder.
     #[config(env = "TRIMARAN_SCENE", layer_attr(arg(long, value_name = "X.scene")))]
     pub scene: PathBuf,
-    /// Where to listen, such as `tcp://0.0.0.0:7400` or `unix:/run/trimaran/display.sock`; a list where the machines of the pair
-    /// come over different transports.
+    /// Where to listen, such as `tcp://0.0.0.0:7400` or `unix:/run/trimaran/display.sock`; a list where the
+    /// machines of the pair come over different transports.
     #[config(env = "TRIMARAN_LISTEN", layer_attr(arg(long, value_name = "ENDPOINT,..")))]
     pub listen: Endpoints,
     /// Where report and frames go.
@@ -139,8 +140,8 @@ pub struct DisplayConfig {
         layer_attr(arg(long = "patience", value_name = "S"))
     )]
     pub patience_s: f64,
-    /// How long to wait for a peer that was lost to come again, seconds: the session then goes on with the frame that was due. 0 ends
-    /// the session with the peer.
+    /// How long to wait for a peer that was lost to come again, seconds: the session then goes on with the
+    /// frame that was due. 0 ends the session with the peer.
     #[config(
         env = "TRIMARAN_RECONNECT_S",
         default = 60.0,
@@ -148,7 +149,8 @@ pub struct DisplayConfig {
         layer_attr(arg(long = "reconnect", value_name = "S"))
     )]
     pub reconnect_s: f64,
-    /// Show what the links carry on this address while the session runs: `/metrics` for Prometheus, `/links` as JSON.
+    /// Show what the links carry on this address while the session runs: `/metrics` for Prometheus, `/links`
+    /// as JSON.
     #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub metrics: Option<SocketAddr>,
@@ -251,7 +253,8 @@ pub struct SessionConfig {
     )]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub live_hz: Option<f64>,
-    /// Whether culling stops at what shows at fewer pixels than epsilon (paper, section 4.5.2); not with the tester `hzb`.
+    /// Whether culling stops at what shows at fewer pixels than epsilon (paper, section 4.5.2); not with the
+    /// tester `hzb`.
     #[config(
         env = "TRIMARAN_SESSION_FEW_PIXELS",
         default = false,

@@ -1,5 +1,6 @@
-//! What links carry, for a monitoring system to read while a session runs: `/metrics` in the OpenMetrics text format that
-//! Prometheus scrapes, `/links` the same as JSON, `/listener` what the process's listener has turned away.
+//! What links carry, for a monitoring system to read while a session runs: `/metrics` in the OpenMetrics text
+//! format that Prometheus scrapes, `/links` the same as JSON, `/listener` what the process's listener has
+//! turned away.
 
 mod path;
 mod server;
@@ -91,8 +92,8 @@ impl LinkMetrics {
         metrics
     }
 
-    /// Watches these links from now on, and no longer those before: a session has new ones after a peer was lost. What they carry
-    /// counts from zero, as a scraper expects of a program that was started again.
+    /// Watches these links from now on, and no longer those before: a session has new ones after a peer was
+    /// lost. What they carry counts from zero, as a scraper expects of a program that was started again.
     pub fn watch<'l>(&self, links: impl IntoIterator<Item = &'l Link>) {
         let mut watched = Watched::default();
         for link in links {

@@ -25,8 +25,8 @@ use super::LinkMetrics;
 /// The type that Prometheus asks for.
 const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
-/// How many readers are served at once. One more takes the place of whoever came first: it has had time to ask, and who asks in earnest
-/// is not kept out by those who say nothing.
+/// How many readers are served at once. One more takes the place of whoever came first: it has had time to
+/// ask, and who asks in earnest is not kept out by those who say nothing.
 const READERS: usize = 64;
 
 /// How long a reader may take to ask and to take the answer. There is one answer to a connection.

@@ -19,8 +19,8 @@ use tun_rs::SyncDevice;
 
 use super::ip::{ETHERNET_HEADER, Header, in_frame, mark_congested};
 
-/// The system is asked to wake the carrier so long before a packet's time, and the rest is waited for busily: what it takes to
-/// wake a sleeping thread.
+/// The system is asked to wake the carrier so long before a packet's time, and the rest is waited for busily:
+/// what it takes to wake a sleeping thread.
 const WATCHFUL: Duration = Duration::from_micros(60);
 /// At least so often the carrier looks whether it is to stop.
 const GLANCE: Duration = Duration::from_millis(50);

@@ -16,8 +16,8 @@ use super::{Interface, Namespace, NetemError, Report};
 /// How many bits of an address name the network: all machines are neighbours.
 const NETWORK_BITS: (u8, u8) = (24, 64);
 
-/// A network between namespaces or interfaces, as long as this lives. Dropping it removes the devices, bridges and namespaces that it
-/// made.
+/// A network between namespaces or interfaces, as long as this lives. Dropping it removes the devices,
+/// bridges and namespaces that it made.
 #[derive(Debug)]
 pub struct Emulation {
     machines: Vec<(HostId, Namespace)>,
@@ -36,9 +36,9 @@ impl Emulation {
         granted(&[(CapabilitySet::NET_ADMIN, "CAP_NET_ADMIN"), (CapabilitySet::SYS_ADMIN, "CAP_SYS_ADMIN")])
     }
 
-    /// Puts a network between namespaces of these names: those of the pair's first machine, its second and the display, or, if
-    /// there are only two, of the first and the display. They are made where they do not exist; their addresses are
-    /// [`HostId::v4`] and [`HostId::v6`].
+    /// Puts a network between namespaces of these names: those of the pair's first machine, its second and
+    /// the display, or, if there are only two, of the first and the display. They are made where they do
+    /// not exist; their addresses are [`HostId::v4`] and [`HostId::v6`].
     ///
     /// # Errors
     /// When this process may not do that, or a name or the number of names will not do.
@@ -65,8 +65,9 @@ impl Emulation {
         Ok(Self::carrying(cargo, devices, machines, Vec::new()))
     }
 
-    /// Puts a network between two Ethernet interfaces, those of the pair's first machine and of the display: cards with machines behind
-    /// them, ends of veth pairs, TAP devices. Whatever comes in at one goes out at the other, of whatever protocol.
+    /// Puts a network between two Ethernet interfaces, those of the pair's first machine and of the display:
+    /// cards with machines behind them, ends of veth pairs, TAP devices. Whatever comes in at one goes
+    /// out at the other, of whatever protocol.
     ///
     /// # Errors
     /// When this process may not do that, or an interface will not do.
@@ -110,8 +111,8 @@ impl Emulation {
         &self.machines
     }
 
-    /// Takes their names from the namespaces that were made, for a program that plays all machines itself: whatever ends it, nothing
-    /// stays behind.
+    /// Takes their names from the namespaces that were made, for a program that plays all machines itself:
+    /// whatever ends it, nothing stays behind.
     ///
     /// # Errors
     /// When iproute2 cannot.

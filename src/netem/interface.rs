@@ -9,9 +9,10 @@ use super::NetemError;
 use super::iproute::ip;
 use super::namespace::DEVICE_QUEUE;
 
-/// Joins an interface by a bridge of the kernel to a TAP device, so that every frame that comes in at the interface can be read there,
-/// and what is written there goes out. A packet socket would see frames as the kernel keeps them inside, merged and without their
-/// checksums; at a TAP device it finishes them first. Dropping this removes both and leaves the interface as it was.
+/// Joins an interface by a bridge of the kernel to a TAP device, so that every frame that comes in at the
+/// interface can be read there, and what is written there goes out. A packet socket would see frames as the
+/// kernel keeps them inside, merged and without their checksums; at a TAP device it finishes them first.
+/// Dropping this removes both and leaves the interface as it was.
 #[derive(Debug)]
 pub struct Interface {
     name: String,

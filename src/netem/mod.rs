@@ -1,8 +1,8 @@
 //! The simulator's links for real packets, in real time: `trimaran netem`.
 //!
-//! Machines are network namespaces with a TUN device each, or whatever is behind two Ethernet interfaces; what comes from there takes
-//! its way through a [`Relay`](trimaran_netsim::Relay), the very link models of the simulator, and comes out at another machine when
-//! they say so.
+//! Machines are network namespaces with a TUN device each, or whatever is behind two Ethernet interfaces;
+//! what comes from there takes its way through a [`Relay`](trimaran_netsim::Relay), the very link models of
+//! the simulator, and comes out at another machine when they say so.
 
 #[cfg(target_os = "linux")]
 mod carrier;

@@ -17,11 +17,12 @@ use super::iproute::ip;
 const FOLDER: &str = "/run/netns";
 /// What the device of a namespace is called in it.
 const DEVICE: &str = "net0";
-/// How many packets wait in a device for whoever reads it: more than come while a busy machine runs something else.
+/// How many packets wait in a device for whoever reads it: more than come while a busy machine runs something
+/// else.
 pub(super) const DEVICE_QUEUE: u32 = 10_000;
 
-/// A network namespace with a name, as `ip netns` makes them. One that was made is removed when this is dropped; one that was
-/// there before stays.
+/// A network namespace with a name, as `ip netns` makes them. One that was made is removed when this is
+/// dropped; one that was there before stays.
 #[derive(Debug)]
 pub struct Namespace {
     name: String,
@@ -45,8 +46,8 @@ impl Namespace {
         Ok(Self { name: name.to_owned(), file, made })
     }
 
-    /// Takes its name from it, if it was made here: it ends with this process then, however that ends, and nobody else can enter it
-    /// any more.
+    /// Takes its name from it, if it was made here: it ends with this process then, however that ends, and
+    /// nobody else can enter it any more.
     ///
     /// # Errors
     /// When iproute2 cannot.
@@ -64,7 +65,8 @@ impl Namespace {
         &self.name
     }
 
-    /// Moves the calling thread into the namespace, and with it the sockets that the thread opens from now on.
+    /// Moves the calling thread into the namespace, and with it the sockets that the thread opens from now
+    /// on.
     ///
     /// # Errors
     /// When this process may not enter it.
@@ -76,7 +78,8 @@ impl Namespace {
     pub(super) fn add_device(&self, mtu: u32, addresses: &[(IpAddr, u8)]) -> Result<SyncDevice, NetemError> {
         let name = &self.name;
         let failed = |cause| NetemError::Device { namespace: name.clone(), cause };
-        // A device belongs to the namespace of the thread that makes it; the file that carries its packets to any thread.
+        // A device belongs to the namespace of the thread that makes it; the file that carries its packets to
+        // any thread.
         let build = || {
             self.enter()?;
             DeviceBuilder::new().name(DEVICE).tx_queue_len(DEVICE_QUEUE).enable(false).build_sync()

@@ -7,10 +7,12 @@ use trimaran_netsim::link::{
     Conditions, Discipline, Distribution, Framing, Jitter, LinkModel, Loss, Probability,
 };
 
-/// What `tc` counts of Ethernet's framing by itself: the header, but not the check sequence, the preamble and the gap.
+/// What `tc` counts of Ethernet's framing by itself: the header, but not the check sequence, the preamble and
+/// the gap.
 const COUNTED_BY_TC: i64 = 14;
 
-/// The command lines of `tc` for a network, a shell script with `DEV` for the network card; what `tc` cannot say is a comment.
+/// The command lines of `tc` for a network, a shell script with `DEV` for the network card; what `tc` cannot
+/// say is a comment.
 #[must_use]
 pub fn tc_commands(profile: &Profile) -> String {
     let mut script = format!("# {}: {}\n", profile.name, profile.about);

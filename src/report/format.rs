@@ -2,7 +2,8 @@
 
 use super::schema::SweepPoint;
 
-/// A figure with about three significant digits, thousands grouped by narrow spaces: `0`, `0.0123`, `4.56`, `78.9`, `1 234`.
+/// A figure with about three significant digits, thousands grouped by narrow spaces: `0`, `0.0123`, `4.56`,
+/// `78.9`, `1 234`.
 pub(super) fn figure(value: f64) -> String {
     let size = value.abs();
     if !value.is_finite() {

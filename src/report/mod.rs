@@ -1,7 +1,8 @@
-//! What a run leaves behind: `report.json`, `report.html` and PNG frames, and what is printed; all from one [`Report`].
+//! What a run leaves behind: `report.json`, `report.html` and PNG frames, and what is printed; all from one
+//! [`Report`].
 //!
-//! A run hands frames and pictures to a [`Writer`] as they come, makes a [`Report`] of the frames and lets the writer
-//! put it beside them. [`metrics`] measures how wrong a picture is.
+//! A run hands frames and pictures to a [`Writer`] as they come, makes a [`Report`] of the frames and lets
+//! the writer put it beside them. [`metrics`] measures how wrong a picture is.
 
 mod format;
 mod html;

@@ -63,7 +63,8 @@ pub fn tables(outcomes: &[Outcome]) -> String {
     out
 }
 
-/// How far sessions with other seeds are apart in latency at the 99th percentile, wrong pixels a frame and needless triangles a frame.
+/// How far sessions with other seeds are apart in latency at the 99th percentile, wrong pixels a frame and
+/// needless triangles a frame.
 fn deviations(run: &Outcome) -> [Option<f64>; 3] {
     [
         run.spread(|session| Some(session.latency_ms.p99)),
@@ -84,7 +85,8 @@ fn names(run: &Outcome) -> [String; 4] {
     [run.network.clone(), run.label(), figure(run.nodes), run.batch.to_string()]
 }
 
-/// A line a run, with the figures of the tables; pixels are empty where nothing was drawn, deviations where there is one session.
+/// A line a run, with the figures of the tables; pixels are empty where nothing was drawn, deviations where
+/// there is one session.
 #[must_use]
 pub fn runs_csv(outcomes: &[Outcome]) -> String {
     let bytes = COLUMNS.map(|column| column.key).join(",");

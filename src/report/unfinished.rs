@@ -1,7 +1,8 @@
 //! The folder in which a report comes to be: `unfinished`, within the folder that will hold the report.
 //!
-//! It is there before anything is recorded, so that a folder that cannot be written to is known at once. What is
-//! recorded goes into it as it comes. A process that is killed leaves it behind; the next one moves it aside.
+//! It is there before anything is recorded, so that a folder that cannot be written to is known at once. What
+//! is recorded goes into it as it comes. A process that is killed leaves it behind; the next one moves it
+//! aside.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{self, ErrorKind, Write};

@@ -81,8 +81,8 @@ pub enum ReportError {
 }
 
 impl ReportError {
-    /// Whether it may work another time though nothing is changed in what was asked for: a full disk, or a folder
-    /// that is in use.
+    /// Whether it may work another time though nothing is changed in what was asked for: a full disk, or a
+    /// folder that is in use.
     #[must_use]
     pub fn may_pass(&self) -> bool {
         match self {
@@ -111,7 +111,8 @@ fn advice(source: &io::Error) -> &'static str {
     }
 }
 
-/// Writes a report, its page and its pictures into `dir`, which is created if need be. A report that was there is replaced.
+/// Writes a report, its page and its pictures into `dir`, which is created if need be. A report that was
+/// there is replaced.
 ///
 /// # Errors
 /// Says which file could not be written; then nothing of the new report is left.
@@ -130,9 +131,10 @@ pub fn write<'a>(
 /// Takes a run's frames and pictures as they come, and puts the report beside them at the end.
 ///
 /// All goes to a folder `unfinished` within the target first, and is moved into place by
-/// [`finish`](Self::finish). A writer that is dropped before leaves what was recorded there: `walk.jsonl`, whose
-/// first line says what was run and whose other lines are frames, and `frames/`. Where nothing was recorded it
-/// leaves nothing. While it takes frames it keeps room for the report, so that a full disk has room for that.
+/// [`finish`](Self::finish). A writer that is dropped before leaves what was recorded there: `walk.jsonl`,
+/// whose first line says what was run and whose other lines are frames, and `frames/`. Where nothing was
+/// recorded it leaves nothing. While it takes frames it keeps room for the report, so that a full disk has
+/// room for that.
 #[derive(Debug)]
 pub struct Writer {
     out: PathBuf,
@@ -175,8 +177,8 @@ impl Writer {
         Ok(())
     }
 
-    /// A line of the journal, and room for what becomes of it: it stands indented in the report and once more in
-    /// the page.
+    /// A line of the journal, and room for what becomes of it: it stands indented in the report and once more
+    /// in the page.
     fn line(&mut self, value: &impl Serialize) -> Result<(), ReportError> {
         let Some(journal) = &mut self.journal else { return Ok(()) };
         let mut line = serde_json::to_vec(value)?;
@@ -220,12 +222,12 @@ impl Writer {
         })
     }
 
-    /// Writes `report.json` and `report.html`, and moves everything into place. The pictures written are entered into the
-    /// report's frames. On a full disk the page goes without pictures.
+    /// Writes `report.json` and `report.html`, and moves everything into place. The pictures written are
+    /// entered into the report's frames. On a full disk the page goes without pictures.
     ///
     /// # Errors
-    /// Says which file could not be written; then the older report is still there, and what was recorded is in
-    /// `unfinished`.
+    /// Says which file could not be written; then the older report is still there, and what was recorded is
+    /// in `unfinished`.
     pub fn finish(mut self, mut report: Report) -> Result<Paths, ReportError> {
         self.unfinished.release();
         for frame in &mut report.frames {
@@ -244,7 +246,8 @@ impl Writer {
         self.publish()
     }
 
-    /// Writes a file of the report proper, to the disk and not only to the cache: a full disk may show no earlier.
+    /// Writes a file of the report proper, to the disk and not only to the cache: a full disk may show no
+    /// earlier.
     fn stage(&self, name: &str, content: &[u8]) -> Result<(), ReportError> {
         File::create(self.unfinished.path().join(name))
             .and_then(|mut file| file.write_all(content).and_then(|()| file.sync_all()))
@@ -270,8 +273,8 @@ impl Writer {
         Ok(exhibits)
     }
 
-    /// Moves everything into place, `report.json` last, and removes the pictures of the report that was there before and has
-    /// no successor.
+    /// Moves everything into place, `report.json` last, and removes the pictures of the report that was there
+    /// before and has no successor.
     fn publish(self) -> Result<Paths, ReportError> {
         let staged = |name: &str| self.unfinished.path().join(name);
         let paths = Paths {
@@ -325,7 +328,8 @@ fn names(pictures: &FramePictures) -> impl Iterator<Item = &String> {
     [&pictures.shown, &pictures.unculled, &pictures.full].into_iter().flatten()
 }
 
-/// The pictures of the report that lies at `json`, if one does. Only names that a writer gives are believed: they are removed.
+/// The pictures of the report that lies at `json`, if one does. Only names that a writer gives are believed:
+/// they are removed.
 fn pictures_of_report(json: &Path) -> Vec<String> {
     #[derive(Deserialize)]
     struct Before {

@@ -19,8 +19,8 @@ pub struct FrameBytes {
     pub ids: f64,
     /// The other messages, and the headers of all of them.
     pub messages: f64,
-    /// What the transport carries beside messages: in datagrams its own headers, acknowledgements, repetitions and seals; in TCP
-    /// repetitions.
+    /// What the transport carries beside messages: in datagrams its own headers, acknowledgements,
+    /// repetitions and seals; in TCP repetitions.
     pub transport: f64,
     /// The headers of TCP or UDP.
     pub transport_headers: f64,
@@ -32,8 +32,8 @@ pub struct FrameBytes {
     pub packets: f64,
     /// Headers of TCP or UDP, IP and the link layer around each packet: what the formulas call `h`.
     pub header: f64,
-    /// Of all bytes, those in packets that only acknowledge: of TCP, or datagrams of at most 64 bytes, which a few
-    /// ids fill as well.
+    /// Of all bytes, those in packets that only acknowledge: of TCP, or datagrams of at most 64 bytes, which
+    /// a few ids fill as well.
     pub acknowledgements: f64,
     /// Of all bytes, those in packets of TCP that repeat data.
     pub repetitions: f64,

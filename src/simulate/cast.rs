@@ -18,16 +18,18 @@ use super::{FrameTimes, Knobs, RoleFailure, Scenario, SimulateError, Transport};
 
 /// How long the roles may take to find each other.
 const PATIENCE: Duration = Duration::from_secs(60);
-/// After the handshakes everything is quiet for so long before the first camera, so that they are not counted.
+/// After the handshakes everything is quiet for so long before the first camera, so that they are not
+/// counted.
 const PAUSE: Duration = Duration::from_secs(1);
 /// All roles hold the same scene; which one does not matter here.
 const SCENE: SceneHash = SceneHash(0);
 
 /// The roles of a scenario. Each is played on a network of its own machine, which has the address that
-/// [`Profile::topology`](trimaran_netsim::Profile::topology) gives it; whether that network is simulated or real is the same to them.
+/// [`Profile::topology`](trimaran_netsim::Profile::topology) gives it; whether that network is simulated or
+/// real is the same to them.
 ///
-/// Each role takes two of them: `net` for its links, and `clock` for what is not the network's: computing, and when things
-/// happen. All clocks must begin at the same time.
+/// Each role takes two of them: `net` for its links, and `clock` for what is not the network's: computing,
+/// and when things happen. All clocks must begin at the same time.
 #[derive(Debug)]
 pub struct Cast {
     stage: Stage,
@@ -94,8 +96,8 @@ impl Cast {
         Ok(())
     }
 
-    /// Plays the display until the last frame, and calls `shown` after each picture. Gives what `count` says before the first camera and
-    /// after the last picture.
+    /// Plays the display until the last frame, and calls `shown` after each picture. Gives what `count` says
+    /// before the first camera and after the last picture.
     ///
     /// # Errors
     /// When a link fails, or a peer breaks the order of messages.

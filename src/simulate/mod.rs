@@ -1,5 +1,6 @@
-//! A session of the three roles on a simulated network: the roles' state machines, the links and the transports are the real
-//! ones; their computing takes as long as a recorded walk or a stated model says, and the network is a [`Profile`].
+//! A session of the three roles on a simulated network: the roles' state machines, the links and the
+//! transports are the real ones; their computing takes as long as a recorded walk or a stated model says, and
+//! the network is a [`Profile`].
 //!
 //! Ten thousand frames take seconds, and the same seed gives the same frames.
 
@@ -61,7 +62,8 @@ pub struct Knobs {
     pub coding: IdCoding,
     /// For `udp` with deadlines: how long after its end a frame may arrive. Default 50 ms.
     pub deadline: Duration,
-    /// For `udp`: how many bytes of repair may be sent while packets are lost, percent of the frames' own. Default 15.
+    /// For `udp`: how many bytes of repair may be sent while packets are lost, percent of the frames' own.
+    /// Default 15.
     pub repair_percent: u8,
     /// For `udp`: nothing is encrypted, so that a capture shows what is said. Default no.
     pub in_the_clear: bool,

@@ -61,7 +61,8 @@ pub struct Outcome {
     pub link: Transport,
     /// With deadlines: how long after its end a frame might arrive, milliseconds.
     pub deadline_ms: Option<f64>,
-    /// With deadlines: whether they are over before a frame's end can have come; then what is lost, or waits at its end, is given up.
+    /// With deadlines: whether they are over before a frame's end can have come; then what is lost, or waits
+    /// at its end, is given up.
     pub hopeless: bool,
     /// Over `udp`: how many bytes of repair there might be, percent of the frames' own.
     pub repair_percent: Option<u8>,
@@ -318,8 +319,8 @@ mod tests {
     #[test]
     fn a_free_machine_waits_for_the_network_and_a_busy_one_is_waited_for() {
         let before = frame([0, 0, 10, 10, 20, 100, 110, 150]);
-        // Its machine is free 30 late, has the camera 5 later; the frame before is culled at 100 and its ids come at 107;
-        // the display is free at 150 and has the end at 153.
+        // Its machine is free 30 late, has the camera 5 later; the frame before is culled at 100 and its ids
+        // come at 107; the display is free at 150 and has the end at 153.
         let after = frame([20, 50, 55, 107, 117, 140, 153, 160]);
         let ns = Duration::from_nanos;
         let split = after.split(Some(&before));

@@ -1,4 +1,5 @@
-//! What lost ids cost the pictures: frames that came with gaps, drawn as the display draws them and as they would have been.
+//! What lost ids cost the pictures: frames that came with gaps, drawn as the display draws them and as they
+//! would have been.
 
 use std::ops::Add;
 use std::sync::Arc;
@@ -29,7 +30,8 @@ pub struct PixelCost {
     pub wrong_pixels: u64,
     /// The most in a frame.
     pub worst: u64,
-    /// Triangles drawn that would not have been, because the frame before had them and what was lost is not known; all together.
+    /// Triangles drawn that would not have been, because the frame before had them and what was lost is not
+    /// known; all together.
     pub needless_triangles: u64,
 }
 
@@ -100,7 +102,8 @@ impl Painter {
 
     /// What the gaps of a session cost that walked `workload`.
     ///
-    /// HC is taken to find what it found when it was recorded: occluders that lack some ids hide less, never more.
+    /// HC is taken to find what it found when it was recorded: occluders that lack some ids hide less, never
+    /// more.
     ///
     /// # Errors
     /// When the device fails.

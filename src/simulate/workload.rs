@@ -109,8 +109,8 @@ impl Workload {
         Self { times, ..self }
     }
 
-    /// What a recorded walk took: a trace of `trimaran run --record`, or the counts and times of a `report.json`, whose frames that do
-    /// not say are left out.
+    /// What a recorded walk took: a trace of `trimaran run --record`, or the counts and times of a
+    /// `report.json`, whose frames that do not say are left out.
     ///
     /// # Errors
     /// When the file cannot be read, is neither, or says nothing of this.
@@ -189,8 +189,8 @@ impl Workload {
         }
     }
 
-    /// How many ids HC of that frame has found how long after it began, ascending. Of a recorded walk, as they were found; else
-    /// evenly, `batch` after `batch`.
+    /// How many ids HC of that frame has found how long after it began, ascending. Of a recorded walk, as
+    /// they were found; else evenly, `batch` after `batch`.
     #[must_use]
     pub fn finds(&self, frame: u32, batch: BatchSize) -> Vec<(usize, Duration)> {
         let Load { nodes, hc, .. } = self.of(frame);

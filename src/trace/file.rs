@@ -120,7 +120,8 @@ struct StoredFrame {
     found: Vec<(u32, u64)>,
 }
 
-/// A file that can take the place of `path` once it is written, in the same folder, which is created if need be.
+/// A file that can take the place of `path` once it is written, in the same folder, which is created if need
+/// be.
 fn new_file(path: &Path) -> io::Result<NamedTempFile> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = folder.unwrap_or_else(|| Path::new("."));

@@ -1,4 +1,5 @@
-//! A recorded walk: what each frame asked of the three roles, for simulations that need neither its scene nor a GPU.
+//! A recorded walk: what each frame asked of the three roles, for simulations that need neither its scene nor
+//! a GPU.
 //!
 //! ```text
 //! trimaran run X.scene --record walk.trace     Trace::of, Trace::write
@@ -69,7 +70,8 @@ pub enum RecordError {
 }
 
 impl Trace {
-    /// What was recorded of a walk through `scene` by `plan`, up to the first frame of which the pair did not say what it did.
+    /// What was recorded of a walk through `scene` by `plan`, up to the first frame of which the pair did not
+    /// say what it did.
     ///
     /// # Errors
     /// When there is no such frame, or one lost ids.
@@ -118,8 +120,8 @@ impl Trace {
 }
 
 impl TraceFrame {
-    /// How many of its ids HC has found how long after it began: it decides a level of the tree at once. No later than HC ends: the
-    /// way to the display, where it was seen, is not HC's.
+    /// How many of its ids HC has found how long after it began: it decides a level of the tree at once. No
+    /// later than HC ends: the way to the display, where it was seen, is not HC's.
     pub fn finds(&self) -> impl Iterator<Item = (usize, Duration)> {
         self.found.iter().map(|&(count, at)| (count as usize, at.min(self.hc)))
     }

@@ -1,5 +1,5 @@
-//! Why something visible was not drawn, in a session that has ended: its machine's work done again, and held against the
-//! reference.
+//! Why something visible was not drawn, in a session that has ended: its machine's work done again, and held
+//! against the reference.
 
 use std::{collections::BTreeMap, sync::Arc};
 
@@ -27,8 +27,9 @@ pub enum AttributionError {
     Device(#[source] Box<dyn std::error::Error + Send + Sync>),
 }
 
-/// The false culls of the last frame of `walk`, by cause. A session is deterministic: from the frames before and the frame's
-/// camera, `machine` draws the same occluders and tests the same boxes as the machine of the session did.
+/// The false culls of the last frame of `walk`, by cause. A session is deterministic: from the frames before
+/// and the frame's camera, `machine` draws the same occluders and tests the same boxes as the machine of the
+/// session did.
 ///
 /// # Errors
 /// If the machine fails, or the frames are not of this scene.

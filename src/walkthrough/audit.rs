@@ -63,8 +63,8 @@ pub struct AuditPictures {
     pub full: Picture,
 }
 
-/// Checks frames of a finished session, away from its clock: draws each again from its record, as it was, without culling and
-/// at full detail.
+/// Checks frames of a finished session, away from its clock: draws each again from its record, as it was,
+/// without culling and at full detail.
 pub struct Auditor {
     scene: Arc<Scene>,
     viewport: Viewport,
@@ -113,9 +113,10 @@ impl Auditor {
         }
     }
 
-    /// Checks the last frame of `walk`, which holds all frames up to it: enters what it finds into `frame`, with the names of
-    /// the visible objects if `names`, and leaves the pictures in `pictures`. If something visible is missing, `machine` does
-    /// again what the frame's machine did, to find the cause.
+    /// Checks the last frame of `walk`, which holds all frames up to it: enters what it finds into `frame`,
+    /// with the names of the visible objects if `names`, and leaves the pictures in `pictures`. If
+    /// something visible is missing, `machine` does again what the frame's machine did, to find the
+    /// cause.
     ///
     /// # Errors
     /// If a device fails.

@@ -99,7 +99,8 @@ fn timeline(record: &FrameRecord, one_clock: bool) -> Vec<Span> {
     spans
 }
 
-/// OR waits for ids before and between its work; the work ends where OR ends, so it is shown there as one piece.
+/// OR waits for ids before and between its work; the work ends where OR ends, so it is shown there as one
+/// piece.
 const fn busy_start(stats: &FrameStats) -> u64 {
     stats.or_end_ns.saturating_sub(stats.or_busy_ns)
 }

@@ -1,12 +1,14 @@
 //! How far what is drawn lies from full detail, on the screen.
 //!
-//! Both measures are distances from a pixel's centre to projected surfaces, not to other pixels: parts thinner than a pixel,
-//! and partners outside of the picture or hidden, cannot mislead them. The cut rule bounds both by epsilon.
+//! Both measures are distances from a pixel's centre to projected surfaces, not to other pixels: parts
+//! thinner than a pixel, and partners outside of the picture or hidden, cannot mislead them. The cut rule
+//! bounds both by epsilon.
 //!
-//! - [`silhouette`]: pixels that only the shown picture covers, to the nearest surface of anything at full detail; pixels that
-//!   only full detail covers, to the nearest surface that was drawn. It says nothing where no background shows.
-//! - [`surfaces`]: every covered pixel to the surface of the same thing: from a drawable to the leaves that it stands for, and
-//!   from a leaf to the drawable that stands for it in the level cut.
+//! - [`silhouette`]: pixels that only the shown picture covers, to the nearest surface of anything at full
+//!   detail; pixels that only full detail covers, to the nearest surface that was drawn. It says nothing
+//!   where no background shows.
+//! - [`surfaces`]: every covered pixel to the surface of the same thing: from a drawable to the leaves that
+//!   it stands for, and from a leaf to the drawable that stands for it in the level cut.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -16,7 +18,8 @@ use trimaran_scene::{Node, NodeId, Scene};
 
 use crate::report::metrics::{self, Deviation, ItemImage, MetricError};
 
-/// How far the border to the background moved: `shown` is the item image of `drawn`, `full` that of full detail.
+/// How far the border to the background moved: `shown` is the item image of `drawn`, `full` that of full
+/// detail.
 ///
 /// # Errors
 /// If the images differ in size.
@@ -37,7 +40,8 @@ pub(super) fn silhouette(
     )
 }
 
-/// How far surfaces moved: `shown` is the item image of some of the level cut `cut`, `full` that of full detail.
+/// How far surfaces moved: `shown` is the item image of some of the level cut `cut`, `full` that of full
+/// detail.
 pub(super) fn surfaces(
     scene: &Scene,
     view: &View,
@@ -77,7 +81,8 @@ impl<'s> StandIns<'s> {
         Self { scene, drawn: cut.iter().filter_map(|&id| Some((node_of(scene, id)?, id))).collect() }
     }
 
-    /// What stands for a drawable's leaf: the one of the cut on its way to the root. `None` if the leaf is outside of the cut.
+    /// What stands for a drawable's leaf: the one of the cut on its way to the root. `None` if the leaf is
+    /// outside of the cut.
     fn of_leaf(&self, leaf: DrawableId) -> Option<DrawableId> {
         let parent = |&node: &NodeId| {
             let parent = self.scene.nodes().get(node.0 as usize)?.parent;

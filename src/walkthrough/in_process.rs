@@ -13,7 +13,8 @@ use trimaran_transport::{Net, TokioNet};
 
 use super::{Plan, path::Trail, viewport};
 
-/// A scene on the devices of three roles: a Vulkan device each, so that one role's work does not queue behind another's.
+/// A scene on the devices of three roles: a Vulkan device each, so that one role's work does not queue behind
+/// another's.
 pub struct Stage {
     /// The scene.
     pub scene: Arc<Scene>,

@@ -35,7 +35,8 @@ use trimaran_proto::{BatchSize, EpsilonPx, FrameNumber, IdCoding, PictureSize, S
 pub enum Pace {
     /// Every pose is one frame: the same frames each time.
     Lockstep,
-    /// The path is walked by the clock, and a frame shows the newest pose there is when its machine begins it.
+    /// The path is walked by the clock, and a frame shows the newest pose there is when its machine begins
+    /// it.
     Live {
         /// Poses of the path a second, above 0.
         hz: f64,
@@ -57,8 +58,8 @@ pub struct Plan {
     pub tester: TesterKind,
     /// How poses become frames.
     pub pace: Pace,
-    /// Whether culling stops at nodes that show at fewer pixels than epsilon (paper, section 4.5.2). Needs a tester that counts
-    /// pixels.
+    /// Whether culling stops at nodes that show at fewer pixels than epsilon (paper, section 4.5.2). Needs a
+    /// tester that counts pixels.
     pub few_pixels: bool,
     /// Every how many frames one is checked against the truth; 0 for none.
     pub audit_every: u32,
@@ -70,7 +71,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// What the display dictates to the pair for a walk of `frames` poses. A live session has as many frames as there is time for.
+    /// What the display dictates to the pair for a walk of `frames` poses. A live session has as many frames
+    /// as there is time for.
     #[must_use]
     pub const fn settings(&self, frames: u32) -> Settings {
         Settings {

@@ -5,7 +5,8 @@ use std::collections::HashSet;
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, Scene};
 
-/// Counts the objects that drawables show: what is merged of several shows all of them, and the parts of one are one.
+/// Counts the objects that drawables show: what is merged of several shows all of them, and the parts of one
+/// are one.
 #[derive(Debug)]
 pub(super) struct ObjectCounts {
     /// The objects at and below each node.

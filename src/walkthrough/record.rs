@@ -8,7 +8,8 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use super::journal::{Entry, Journal, JournalStopped};
 
-/// How many frames later the pair's figures of a frame are there at the latest. A frame is written without them then.
+/// How many frames later the pair's figures of a frame are there at the latest. A frame is written without
+/// them then.
 const STATS_LAG: usize = 4;
 
 /// A frame as it was shown.

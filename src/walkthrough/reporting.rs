@@ -122,12 +122,13 @@ pub struct Written {
     pub incomplete: Option<ReportingError>,
 }
 
-/// Audits the session's frames, draws the pictures that `writer` has not got yet, and writes the report. Calls `progress`
-/// after each frame, and draws no more if it says so. After `failure`, with which the folder took no more, nothing more is
-/// drawn.
+/// Audits the session's frames, draws the pictures that `writer` has not got yet, and writes the report.
+/// Calls `progress` after each frame, and draws no more if it says so. After `failure`, with which the folder
+/// took no more, nothing more is drawn.
 ///
 /// # Errors
-/// When the disk fails. Whatever else does, the report is written with what there is, and says what is missing.
+/// When the disk fails. Whatever else does, the report is written with what there is, and says what is
+/// missing.
 #[expect(clippy::too_many_arguments, reason = "a report joins this many things")]
 pub fn write_report(
     mut writer: Writer,

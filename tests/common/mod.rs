@@ -1,4 +1,5 @@
-//! What the tests of whole walkthroughs share: real data, a device, sessions, and a way to say that a test was skipped.
+//! What the tests of whole walkthroughs share: real data, a device, sessions, and a way to say that a test
+//! was skipped.
 #![allow(dead_code, reason = "each test file uses its part of this")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
@@ -11,8 +12,8 @@ use std::{env, fmt::Display, sync::Arc};
 
 use trimaran_gpu::{Gpu, GpuOptions};
 
-/// The best device, with validation where its layer is installed; `None`, which skips the test, where there is none and
-/// `TRIMARAN_REQUIRE_GPU` is not set.
+/// The best device, with validation where its layer is installed; `None`, which skips the test, where there
+/// is none and `TRIMARAN_REQUIRE_GPU` is not set.
 pub(crate) fn device() -> Option<Arc<Gpu>> {
     unless_required(Gpu::open(&options()))
 }

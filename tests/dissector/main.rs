@@ -1,4 +1,5 @@
-//! What Wireshark's command line reads out of captured sessions with the dissector of this repository, held against what was sent.
+//! What Wireshark's command line reads out of captured sessions with the dissector of this repository, held
+//! against what was sent.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 mod repaired;
@@ -30,7 +31,8 @@ struct Capture {
     folder: TempDir,
 }
 
-/// A capture file; `None`, which skips the test, where tshark is missing and `TRIMARAN_REQUIRE_TSHARK` is not set.
+/// A capture file; `None`, which skips the test, where tshark is missing and `TRIMARAN_REQUIRE_TSHARK` is not
+/// set.
 fn capture() -> Option<Capture> {
     match Command::new("tshark").arg("--version").stdout(Stdio::null()).status() {
         Ok(_) => Some(Capture { folder: tempfile::tempdir().unwrap() }),
@@ -53,7 +55,8 @@ impl Capture {
         let mut tshark = Command::new("tshark");
         tshark.arg("-r").arg(self.path()).arg("-X").arg(format!("lua_script:{}", script.display()));
         tshark.args(["-o", "ip.check_checksum:TRUE", "-o", "tcp.check_checksum:TRUE"]);
-        // Captured where they leave, lost packets are there, too; without this Wireshark takes their repetitions for faults.
+        // Captured where they leave, lost packets are there, too; without this Wireshark takes their
+        // repetitions for faults.
         tshark.args(["-o", "tcp.reassemble_out_of_order:TRUE"]);
         tshark.args(["-o", "udp.check_checksum:TRUE", "-Y", filter, "-T", "fields"]);
         tshark.args(["-E", "separator=|", "-E", "aggregator=,"]);
@@ -77,7 +80,8 @@ impl Capture {
         assert!(bad.is_empty(), "{bad:?}");
     }
 
-    /// The ids of each frame by the address that they went to, as a receiver of the messages would gather them.
+    /// The ids of each frame by the address that they went to, as a receiver of the messages would gather
+    /// them.
     fn frames(&self) -> BTreeMap<(String, u32), Vec<u32>> {
         let mut open: BTreeMap<String, u32> = BTreeMap::new();
         let mut frames: BTreeMap<(String, u32), Vec<u32>> = BTreeMap::new();
@@ -268,7 +272,8 @@ fn between_two(datagrams: &[(usize, Vec<u8>)]) -> Vec<u8> {
         let udp = [ports[0], ports[1], 8 + datagram.len() as u16, 0].map(u16::to_be_bytes).concat();
         let size = (20 + udp.len() + datagram.len()) as u32;
         file.extend([index as u32, 0, size, size].map(u32::to_le_bytes).concat());
-        // Version 4, no options, 64 hops, UDP, from 127.0.0.1 to itself; the checksum is the ones' complement of the sum of the rest.
+        // Version 4, no options, 64 hops, UDP, from 127.0.0.1 to itself; the checksum is the ones' complement
+        // of the sum of the rest.
         let mut ip = [0x4500, size as u16, 0, 0, 0x4011, 0, 0x7f00, 1, 0x7f00, 1];
         let sum: u32 = ip.iter().map(|word| u32::from(*word)).sum();
         ip[5] = !((sum & 0xffff) + (sum >> 16)) as u16;

@@ -1,4 +1,5 @@
-//! Frames that lost packets on their way and that repair made whole: the dissector rebuilds nothing, and says so.
+//! Frames that lost packets on their way and that repair made whole: the dissector rebuilds nothing, and says
+//! so.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -63,8 +64,8 @@ fn send(end: &mut Connection, writer: &mut FrameWriter, encoder: &mut Option<IdE
     writer.finish(&mut send).unwrap();
 }
 
-/// Three frames with repair, of the second of which the packet number `lost` gets lost. What was captured behind the loss, and how
-/// many bytes got lost; the receiver has all three.
+/// Three frames with repair, of the second of which the packet number `lost` gets lost. What was captured
+/// behind the loss, and how many bytes got lost; the receiver has all three.
 fn three_frames(coding: IdCoding, lost: usize) -> (Vec<(usize, Vec<u8>)>, usize) {
     let config = Config { repair: Repair::On, repair_percent: 100, coding, ..Config::default() };
     let (mut ends, mut captured) = introduced(config);

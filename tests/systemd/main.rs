@@ -1,5 +1,5 @@
-//! The services of `deploy/systemd` under a real systemd: as docs/guide.md installs them, started in any order,
-//! killed and restarted.
+//! The services of `deploy/systemd` under a real systemd: as docs/guide.md installs them, started in any
+//! order, killed and restarted.
 //!
 //! Needs Linux, root and systemd. Elsewhere the tests say that they are skipped, and fail if
 //! `TRIMARAN_REQUIRE_SYSTEMD` is 1.
@@ -57,8 +57,8 @@ fn walks(machine: &Machine, (service, port): (&str, u16)) {
     });
 }
 
-/// Does something to each service in turn in a walk. Each is then another process that takes its place, and no
-/// frame is missing.
+/// Does something to each service in turn in a walk. Each is then another process that takes its place, and
+/// no frame is missing.
 fn in_walks(name: &str, act: impl Fn(&Machine, &str)) {
     let walk = Walk::in_one_process(200);
     for over in [Over::Quic, Over::Unix] {
@@ -149,8 +149,8 @@ fn a_service_can_do_little_beside_its_work() {
     assert_eq!(could("unlimited.service", "User=trimaran"), tries);
 }
 
-/// Whether nothing is left of a machine. A cgroup can only be removed once no process is in it, and mounts end
-/// with their namespace.
+/// Whether nothing is left of a machine. A cgroup can only be removed once no process is in it, and mounts
+/// end with their namespace.
 fn is_gone(group: &Path) -> bool {
     assert!(
         !fs::read_to_string("/proc/self/mounts").unwrap().contains("/run/layers/"),

@@ -33,7 +33,8 @@ pub(crate) struct Introduction<'o> {
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ConnectError {
-    /// The deadline came before a link. It may pass: what stood in the way is up to time, to the peer or to somebody on the way.
+    /// The deadline came before a link. It may pass: what stood in the way is up to time, to the peer or to
+    /// somebody on the way.
     #[error(
         "no link to {endpoint} within {:?} and {attempts} attempt{}{}",
         readable(.waited),
@@ -51,7 +52,8 @@ pub enum ConnectError {
         #[source]
         last: AttemptError,
     },
-    /// What this side was given cannot be used: its keys, or the kind of endpoint on this system. It does not pass.
+    /// What this side was given cannot be used: its keys, or the kind of endpoint on this system. It does not
+    /// pass.
     #[error("no link to {endpoint} can be made")]
     Failed {
         /// Whom we asked.
@@ -60,14 +62,15 @@ pub enum ConnectError {
         #[source]
         cause: AttemptError,
     },
-    /// The system has no random numbers for a session id. It may pass: nothing that this side was given is at fault.
+    /// The system has no random numbers for a session id. It may pass: nothing that this side was given is at
+    /// fault.
     #[error("the system gives no random number for the session id")]
     Random(#[source] io::Error),
 }
 
 impl ConnectError {
-    /// Whether the same call may work another time: time, the peer or another machine may mend it. Otherwise what this side was
-    /// given has to change.
+    /// Whether the same call may work another time: time, the peer or another machine may mend it. Otherwise
+    /// what this side was given has to change.
     #[must_use]
     pub const fn may_pass(&self) -> bool {
         match self {
@@ -76,8 +79,8 @@ impl ConnectError {
         }
     }
 
-    /// What the listener said when it refused the last attempt, if that is how it ended. Over TCP and Unix sockets anybody who
-    /// listens there may have said so.
+    /// What the listener said when it refused the last attempt, if that is how it ended. Over TCP and Unix
+    /// sockets anybody who listens there may have said so.
     #[must_use]
     pub const fn refusal(&self) -> Option<Refusal> {
         match self {
@@ -92,8 +95,8 @@ impl ConnectError {
 
 /// Why one attempt failed.
 ///
-/// Most of it is a hint only. A name server, a router or whoever has the address for a moment can cause it, and so can forged
-/// packets: [`connect`] tries again.
+/// Most of it is a hint only. A name server, a router or whoever has the address for a moment can cause it,
+/// and so can forged packets: [`connect`] tries again.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum AttemptError {
@@ -138,7 +141,8 @@ impl AttemptError {
         matches!(self, Self::Handshake { cause: HandshakeError::Unanswered, .. })
     }
 
-    /// Whether what this side was given is at fault, so that no other attempt can end differently. What a peer says never is.
+    /// Whether what this side was given is at fault, so that no other attempt can end differently. What a
+    /// peer says never is.
     fn is_final(&self) -> bool {
         match self {
             Self::Handshake { cause: HandshakeError::NoKeys | HandshakeError::Tls(_), .. } => true,
@@ -153,16 +157,19 @@ impl AttemptError {
     }
 }
 
-/// Connects to the listener at `endpoint`, trying again until `deadline`: which of two peers starts first does not matter.
+/// Connects to the listener at `endpoint`, trying again until `deadline`: which of two peers starts first
+/// does not matter.
 ///
-/// Between two attempts is a random pause that grows from 0.1 to 2 s at most. Each new obstacle is logged once.
+/// Between two attempts is a random pause that grows from 0.1 to 2 s at most. Each new obstacle is logged
+/// once.
 ///
-/// Dropping the future ends the attempt that is under way. The listener may have made a link of it: that link then ends as lost.
+/// Dropping the future ends the attempt that is under way. The listener may have made a link of it: that link
+/// then ends as lost.
 ///
 /// # Errors
-/// At once where what this side was given cannot be used. Everything else is tried again, also what a listener says: a stranger may
-/// have its address for a moment, and the peer may be started again with another scene or other keys. So it ends at the deadline,
-/// and the last attempt's error is the source.
+/// At once where what this side was given cannot be used. Everything else is tried again, also what a
+/// listener says: a stranger may have its address for a moment, and the peer may be started again with
+/// another scene or other keys. So it ends at the deadline, and the last attempt's error is the source.
 pub async fn connect(
     net: &Arc<dyn Net>,
     endpoint: &Endpoint,
@@ -220,7 +227,8 @@ fn told(error: &dyn Error) -> String {
     text
 }
 
-/// Between a half and the whole of `pause`, so that peers which lost the same listener do not all come back at once.
+/// Between a half and the whole of `pause`, so that peers which lost the same listener do not all come back
+/// at once.
 fn jittered(pause: Duration, net: &dyn Net) -> io::Result<Duration> {
     let part = net.random()? >> 32;
     let half = pause / 2;

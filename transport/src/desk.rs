@@ -13,8 +13,8 @@ use crate::rates::{Door, Handshakes, Origin, Sparse, TurnedAway};
 use crate::{Link, Options, PeerAddress};
 use trimaran_net::Net;
 
-/// Admits peers and hands their links to whoever accepts. A transport's listening task holds it, asks [`Desk::enter`] once a
-/// peer has introduced itself, and ends when [`Desk::closed`] does.
+/// Admits peers and hands their links to whoever accepts. A transport's listening task holds it, asks
+/// [`Desk::enter`] once a peer has introduced itself, and ends when [`Desk::closed`] does.
 #[derive(Debug)]
 pub(crate) struct Desk {
     pub(crate) net: Arc<dyn Net>,
@@ -125,8 +125,9 @@ impl Desk {
         self.done.closed().await;
     }
 
-    /// Notes what became of a connection that did not make it to a link. Who does not go together with this side is worth a
-    /// line in the log, though strangers must not fill it. What a known key claims they can neither fill nor hide.
+    /// Notes what became of a connection that did not make it to a link. Who does not go together with this
+    /// side is worth a line in the log, though strangers must not fill it. What a known key claims they
+    /// can neither fill nor hide.
     pub(crate) fn failed(&self, address: &dyn fmt::Display, error: HandshakeError) {
         let cause = &error as &dyn std::error::Error;
         let told = match &error {

@@ -15,11 +15,11 @@ use local::{LONGEST_NAME, LONGEST_PATH};
 pub use local::{Name, SocketPath};
 pub use udp::{UdpEndpoint, UdpMode};
 
-/// A transport and an address: `tcp://host:port`, `udp://host:port`, `quic://host:port`, `unix:/path` or `inproc:name`. Behind
-/// the port of `udp` may follow `?mode=reliable` or `?mode=deadline`.
+/// A transport and an address: `tcp://host:port`, `udp://host:port`, `quic://host:port`, `unix:/path` or
+/// `inproc:name`. Behind the port of `udp` may follow `?mode=reliable` or `?mode=deadline`.
 ///
-/// A host is a name, an IPv4 address, or an IPv6 address in brackets. Port 0 takes a free port when listening.
-/// [`fmt::Display`] gives back what parses to the same value.
+/// A host is a name, an IPv4 address, or an IPv6 address in brackets. Port 0 takes a free port when
+/// listening. [`fmt::Display`] gives back what parses to the same value.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 #[non_exhaustive]

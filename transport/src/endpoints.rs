@@ -10,7 +10,8 @@ use crate::{Endpoint, EndpointError};
 
 /// One endpoint or several, at which one peer listens.
 ///
-/// As text, commas part them; a file may also give a list. Several make sense where the peers come over different transports.
+/// As text, commas part them; a file may also give a list. Several make sense where the peers come over
+/// different transports.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Endpoints {
     first: Endpoint,

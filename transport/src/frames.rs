@@ -19,8 +19,8 @@ use trimaran_net::Instant;
 
 /// Sends frames: `begin`, any number of `push`, `finish`.
 ///
-/// Each call waits until the peer's side has room (backpressure), within the link's patience. What a call was given counts as
-/// taken even when its future is dropped: the next call sends it.
+/// Each call waits until the peer's side has room (backpressure), within the link's patience. What a call was
+/// given counts as taken even when its future is dropped: the next call sends it.
 #[derive(Debug)]
 pub struct FrameSender {
     pub(crate) writer: FrameWriter,
@@ -94,8 +94,8 @@ impl FrameSender {
         self.send_staged().await
     }
 
-    /// Adds ids to the open frame. All batches that this fills leave together, in one write where there is room; a
-    /// remainder waits for more ids, [`FrameSender::flush`] or [`FrameSender::finish`].
+    /// Adds ids to the open frame. All batches that this fills leave together, in one write where there is
+    /// room; a remainder waits for more ids, [`FrameSender::flush`] or [`FrameSender::finish`].
     ///
     /// # Errors
     /// When the peer is gone or stalls, no frame is open, or the frame would have more ids than it may.
@@ -224,13 +224,14 @@ impl FrameReceiver {
         self.recv_until(Some(deadline)).await
     }
 
-    /// What has arrived, if anything has, without waiting: for whoever polls rather than pay for being woken. A peer that hangs is
-    /// not noticed this way.
+    /// What has arrived, if anything has, without waiting: for whoever polls rather than pay for being woken.
+    /// A peer that hangs is not noticed this way.
     ///
     /// # Errors
     /// When the peer said goodbye, is lost, or broke the protocol.
     pub fn try_recv(&mut self) -> Result<Option<FrameEvent>, RecvError> {
-        // Not bound by the runtime's budget of a task, which would show a full queue as an empty one to a loop that never yields.
+        // Not bound by the runtime's budget of a task, which would show a full queue as an empty one to a
+        // loop that never yields.
         let next = pin!(tokio::task::unconstrained(self.recv_until(None)));
         match next.poll(&mut Context::from_waker(Waker::noop())) {
             Poll::Ready(event) => event.map(Some),

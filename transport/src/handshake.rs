@@ -104,8 +104,8 @@ impl HandshakeError {
         }
     }
 
-    /// Whether the two sides do not go together, which a person has to mend: their keys, releases, scenes, settings or programs
-    /// differ. Otherwise one of them is not there, or has no room.
+    /// Whether the two sides do not go together, which a person has to mend: their keys, releases, scenes,
+    /// settings or programs differ. Otherwise one of them is not there, or has no room.
     pub(crate) const fn is_mismatch(&self) -> bool {
         match self {
             Self::Refused(refusal) => !refusal.is_passing(),
@@ -150,7 +150,8 @@ pub(crate) trait Parley: Send {
         }
     }
 
-    /// Reads the hello of whoever connected. A peer of another version is refused here: no more of it can be read.
+    /// Reads the hello of whoever connected. A peer of another version is refused here: no more of it can be
+    /// read.
     fn recv_hello(&mut self) -> impl Future<Output = Result<Hello, HandshakeError>> + Send {
         async {
             match self.recv().await {

@@ -21,8 +21,8 @@ use crate::patience::Patience;
 use crate::stats::Counters;
 use trimaran_net::{Instant, Net};
 
-/// The most messages of the frames lane that may wait for their reader, and that it may have taken at once: 32 MiB of ids in all at
-/// the largest batch size.
+/// The most messages of the frames lane that may wait for their reader, and that it may have taken at once:
+/// 32 MiB of ids in all at the largest batch size.
 const QUEUE: usize = 256;
 
 const CAPABILITIES: Capabilities =

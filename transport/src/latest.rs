@@ -80,8 +80,8 @@ impl LatestReceiver {
     /// Dropping the future loses no camera.
     ///
     /// # Errors
-    /// When the peer said goodbye, is lost, broke the protocol, or published nothing within the link's patience. A camera
-    /// that came before such an end is given first.
+    /// When the peer said goodbye, is lost, broke the protocol, or published nothing within the link's
+    /// patience. A camera that came before such an end is given first.
     pub async fn latest(&mut self) -> Result<Camera, RecvError> {
         self.latest_until(None).await
     }
@@ -117,7 +117,8 @@ impl LatestReceiver {
         }
     }
 
-    /// Tells the peer's machine that this side is gone, where only a machine that lives can: after both have said goodbye.
+    /// Tells the peer's machine that this side is gone, where only a machine that lives can: after both have
+    /// said goodbye.
     pub(crate) async fn part(self) {
         if let LatestRx::Quic(lane) = self.lane {
             lane.part().await;

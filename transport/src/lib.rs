@@ -1,10 +1,12 @@
 //! Links for frame-synchronous data over pluggable transports.
 //!
-//! A [`Link`] joins two peers by two lanes: the *latest* lane is a cell of size one for the newest camera, the *frames* lane
-//! carries begin, ids, end. [`connect`] and [`Listener`] make them over the transport that an [`Endpoint`] names; using them is
-//! the same. [`inproc::pair`] makes two joined links in one process without either.
+//! A [`Link`] joins two peers by two lanes: the *latest* lane is a cell of size one for the newest camera,
+//! the *frames* lane carries begin, ids, end. [`connect`] and [`Listener`] make them over the transport that
+//! an [`Endpoint`] names; using them is the same. [`inproc::pair`] makes two joined links in one process
+//! without either.
 //!
-//! All time, tasks and sockets come through one trait, [`Net`] of `trimaran-net`: [`TokioNet`] is the real one.
+//! All time, tasks and sockets come through one trait, [`Net`] of `trimaran-net`: [`TokioNet`] is the real
+//! one.
 
 mod connect;
 mod desk;

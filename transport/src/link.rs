@@ -21,8 +21,8 @@ const LINGER: Duration = Duration::from_millis(500);
 
 /// A link to a peer: a lane for the latest camera and a lane for frames of ids, both in both directions.
 ///
-/// The halves are independent: take the struct apart and use each where it is needed, from any thread. Waiting calls work
-/// inside a runtime as well as under `Handle::block_on` on a thread of the caller's.
+/// The halves are independent: take the struct apart and use each where it is needed, from any thread.
+/// Waiting calls work inside a runtime as well as under `Handle::block_on` on a thread of the caller's.
 ///
 /// A link that is dropped without [`Link::goodbye`] looks to the peer like a crash.
 #[derive(Debug)]
@@ -120,22 +120,24 @@ impl fmt::Display for PeerAddress {
 /// What holds for a link whatever its transport.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LinkConfig {
-    /// How long any one wait for the peer may last: longer than the peer's longest pause between two messages, loading and
-    /// first frame included. Default 30 s.
+    /// How long any one wait for the peer may last: longer than the peer's longest pause between two
+    /// messages, loading and first frame included. Default 30 s.
     pub patience: Duration,
-    /// The silence after which the peer counts as lost, whatever the transport: it shows signs of life while it has nothing to say, as
-    /// long as its process runs. Time in which nobody waits for the peer does not count. Both sides should have the same, or
-    /// 20 s and more. Default 20 s.
+    /// The silence after which the peer counts as lost, whatever the transport: it shows signs of life while
+    /// it has nothing to say, as long as its process runs. Time in which nobody waits for the peer does
+    /// not count. Both sides should have the same, or 20 s and more. Default 20 s.
     pub lease: Duration,
     /// How many ids travel in a batch at most, where neither peer's settings say so.
     pub batch: BatchSize,
     /// How ids travel, where neither peer's settings say so. Within one process they are not coded.
     pub coding: IdCoding,
-    /// How many ids a frame may have at most, sent or received: a peer that sends more breaks the protocol, and is found out before
-    /// room is made for them. Give what the application can have, for instance how many drawables the scene has. Default 4,194,304.
+    /// How many ids a frame may have at most, sent or received: a peer that sends more breaks the protocol,
+    /// and is found out before room is made for them. Give what the application can have, for instance
+    /// how many drawables the scene has. Default 4,194,304.
     pub max_frame: u32,
-    /// How many messages the peer may send on the frames lane in a second, measured over that many: one that sends more is no peer but a
-    /// flood, and the lane fails. Of cameras only the newest is read anyway. Not within one process. Default 1,000,000.
+    /// How many messages the peer may send on the frames lane in a second, measured over that many: one that
+    /// sends more is no peer but a flood, and the lane fails. Of cameras only the newest is read anyway.
+    /// Not within one process. Default 1,000,000.
     pub messages_per_s: u32,
 }
 
@@ -160,7 +162,8 @@ impl Default for LinkConfig {
 }
 
 impl LinkConfig {
-    /// The pause after which a lane that has nothing to say shows a sign of life: often enough for a peer of the default lease.
+    /// The pause after which a lane that has nothing to say shows a sign of life: often enough for a peer of
+    /// the default lease.
     pub(crate) fn keepalive(&self) -> Duration {
         (self.lease / 4).min(Duration::from_secs(5))
     }
@@ -181,19 +184,20 @@ impl Link {
         self.capabilities
     }
 
-    /// Leaves in good order: says goodbye on both lanes, and waits a moment (half a second at most) for the peer to leave as
-    /// well, or for what was said to arrive when the peer has left already. What still comes from it is thrown away.
+    /// Leaves in good order: says goodbye on both lanes, and waits a moment (half a second at most) for the
+    /// peer to leave as well, or for what was said to arrive when the peer has left already. What still
+    /// comes from it is thrown away.
     ///
-    /// Dropping the future drops the link: the peer may have heard the goodbye on one lane only or not at all, and then takes this
-    /// side for lost.
+    /// Dropping the future drops the link: the peer may have heard the goodbye on one lane only or not at
+    /// all, and then takes this side for lost.
     ///
     /// # Errors
     /// When the peer is gone without a goodbye of its own, or takes nothing within the link's patience.
     pub async fn goodbye(self, reason: Goodbye) -> Result<(), SendError> {
         let Self { peer, latest_tx, mut latest_rx, frames_tx, mut frames_rx, net, .. } = self;
         let say = async { frames_tx.goodbye(reason.clone()).await.and(latest_tx.goodbye(reason).await) };
-        // A connection that is closed while it holds unread data is reset, and on some systems the reset overtakes the goodbye
-        // on the peer's side. So whatever comes is read until the peer closes.
+        // A connection that is closed while it holds unread data is reset, and on some systems the reset
+        // overtakes the goodbye on the peer's side. So whatever comes is read until the peer closes.
         let hear = async {
             let ends = [frames_rx.drain().await, latest_rx.drain().await];
             (ends.iter().any(|end| matches!(end, RecvError::Goodbye { .. })), latest_rx)

@@ -49,7 +49,8 @@ pub enum ListenError {
         /// Where.
         endpoint: Endpoint,
     },
-    /// This side lacks keys, or they cannot be used; or the system never allows what was asked for. It does not pass.
+    /// This side lacks keys, or they cannot be used; or the system never allows what was asked for. It does
+    /// not pass.
     #[error("cannot listen on {endpoint}")]
     Given {
         /// Where.
@@ -70,8 +71,8 @@ pub enum ListenError {
 }
 
 impl ListenError {
-    /// Whether the same call may work another time: time or another program may mend it. Otherwise what this side was given has
-    /// to change.
+    /// Whether the same call may work another time: time or another program may mend it. Otherwise what this
+    /// side was given has to change.
     #[must_use]
     pub const fn may_pass(&self) -> bool {
         !matches!(self, Self::Given { .. })
@@ -119,8 +120,8 @@ pub enum AcceptError {
 
 /// Takes peers that connect, over one transport or several.
 ///
-/// Handshakes go on beside the caller: a stranger, or a peer that stops in the middle, holds up nobody. Each has a limit in
-/// time and they have one in number.
+/// Handshakes go on beside the caller: a stranger, or a peer that stops in the middle, holds up nobody. Each
+/// has a limit in time and they have one in number.
 #[derive(Debug)]
 pub struct Listener {
     links: mpsc::Receiver<Link>,
@@ -145,8 +146,8 @@ impl Listener {
         Self::bind_all(net, &endpoint.clone().into(), identity, options).await
     }
 
-    /// As [`Listener::bind`], at each of `endpoints` at once: a role has one place whichever way it comes, and the limits hold for
-    /// all together.
+    /// As [`Listener::bind`], at each of `endpoints` at once: a role has one place whichever way it comes,
+    /// and the limits hold for all together.
     ///
     /// # Errors
     /// When one of the endpoints cannot be listened on.
@@ -189,12 +190,14 @@ impl Listener {
         self.desk.turned_away()
     }
 
-    /// Waits for the next peer, until `deadline` at most. Who does not fit is turned away, and the wait goes on.
+    /// Waits for the next peer, until `deadline` at most. Who does not fit is turned away, and the wait goes
+    /// on.
     ///
     /// Dropping the future loses no peer: the next call gives it.
     ///
     /// # Errors
-    /// When none came; then the error says what became of the last one that tried. Or when the runtime is shut down.
+    /// When none came; then the error says what became of the last one that tried. Or when the runtime is
+    /// shut down.
     pub async fn accept(&mut self, deadline: Instant) -> Result<Link, AcceptError> {
         let started = self.net.now();
         let endpoints = self.endpoints.clone();

@@ -16,7 +16,8 @@ pub struct Options {
     pub handshake: Duration,
     /// What others may make this side spend.
     pub limits: Limits,
-    /// This peer's keys and the peers that it knows. What encrypts needs them: QUIC has no plaintext mode. Default none.
+    /// This peer's keys and the peers that it knows. What encrypts needs them: QUIC has no plaintext mode.
+    /// Default none.
     pub security: Option<Security>,
     /// What holds for TCP connections.
     pub tcp: TcpOptions,
@@ -33,14 +34,14 @@ pub struct Options {
 pub struct Limits {
     /// How many peers a listener has links with at once; more are told that it is busy. Default 16.
     pub peers: usize,
-    /// How many handshakes a listener has under way at once. One more takes the slot of the oldest: of the address that
-    /// holds most, where one holds more than a link takes. Default 64.
+    /// How many handshakes a listener has under way at once. One more takes the slot of the oldest: of the
+    /// address that holds most, where one holds more than a link takes. Default 64.
     pub handshakes: usize,
-    /// How many handshakes may begin at a listener in a second, by all together. More are turned away, except that each
-    /// address may begin its even share. Default 1,000.
+    /// How many handshakes may begin at a listener in a second, by all together. More are turned away,
+    /// except that each address may begin its even share. Default 1,000.
     pub handshakes_per_s: u32,
-    /// And by one address, of IPv6 one network of 64 bits, or over Unix sockets one user. A link over byte streams takes two.
-    /// Default 500.
+    /// And by one address, of IPv6 one network of 64 bits, or over Unix sockets one user. A link over byte
+    /// streams takes two. Default 500.
     pub handshakes_per_s_per_address: u32,
 }
 

@@ -14,8 +14,8 @@ const LOOKS: u32 = 4;
 
 /// Bounds every wait of one half of a link.
 ///
-/// The time counts from where a wait begins, not from the last byte: while the caller is busy elsewhere, what the peer sent
-/// lies in the system's buffers, and nobody is to blame.
+/// The time counts from where a wait begins, not from the last byte: while the caller is busy elsewhere, what
+/// the peer sent lies in the system's buffers, and nobody is to blame.
 pub(crate) struct Patience {
     net: Arc<dyn Net>,
     limit: Duration,
@@ -23,8 +23,8 @@ pub(crate) struct Patience {
     /// How long this half has listened since it last heard anything.
     quiet: Duration,
     timer: Box<dyn Timer>,
-    /// When the timer rings. It may ring early for a later wait, which then sets it again: so the timer is set about once
-    /// per `limit`, not once per message.
+    /// When the timer rings. It may ring early for a later wait, which then sets it again: so the timer is
+    /// set about once per `limit`, not once per message.
     armed: Option<Instant>,
 }
 
@@ -92,10 +92,11 @@ impl Patience {
         .await
     }
 
-    /// What `future` hears of the peer: as [`Patience::wait`] for all that `wait` is made of, and only as long as the lease lasts.
+    /// What `future` hears of the peer: as [`Patience::wait`] for all that `wait` is made of, and only as
+    /// long as the lease lasts.
     ///
-    /// The lease counts the time in which this half listens, over several waits if need be: while its owner does something else,
-    /// signs of life lie unread and are no less there.
+    /// The lease counts the time in which this half listens, over several waits if need be: while its owner
+    /// does something else, signs of life lie unread and are no less there.
     pub(crate) async fn hear<F: Future>(
         &mut self,
         wait: &mut Wait,
@@ -122,8 +123,8 @@ impl Patience {
         heard
     }
 
-    /// What `future` gives, unless the patience ends first, or the lease: `heard` is asked four times in each whether anything came
-    /// from the peer since it was asked last.
+    /// What `future` gives, unless the patience ends first, or the lease: `heard` is asked four times in each
+    /// whether anything came from the peer since it was asked last.
     pub(crate) async fn wait_while_alive<F: Future>(
         &mut self,
         mut heard: impl FnMut() -> bool,

@@ -11,10 +11,12 @@ use crate::rates::Origin;
 /// How many slots one link takes: over byte streams each of its two connections shakes hands.
 const SLOTS_PER_LINK: usize = 2;
 
-/// Has a slot for each handshake under way. None of their peers is authenticated yet, so a new handshake always gets a slot.
+/// Has a slot for each handshake under way. None of their peers is authenticated yet, so a new handshake
+/// always gets a slot.
 ///
-/// Where all are taken, an origin that holds more of them than a link takes gives way first, and among equals the oldest
-/// handshake. So a flood displaces itself, and who shares its address has as long as the flood takes to fill all slots.
+/// Where all are taken, an origin that holds more of them than a link takes gives way first, and among equals
+/// the oldest handshake. So a flood displaces itself, and who shares its address has as long as the flood
+/// takes to fill all slots.
 #[derive(Debug)]
 pub(crate) struct Pending {
     most: usize,
@@ -107,7 +109,8 @@ mod tests {
         pin!(slot.revoked()).poll(&mut Context::from_waker(Waker::noop())).is_ready()
     }
 
-    /// Takes a slot for each of `origins`; gives those that still have one in the end, by their place in that row.
+    /// Takes a slot for each of `origins`; gives those that still have one in the end, by their place in that
+    /// row.
     fn survivors(most: usize, origins: &[u8]) -> Vec<usize> {
         let pending = Pending::new(most);
         let mut slots: Vec<Slot> = origins.iter().map(|last| pending.take(origin(*last)).0).collect();

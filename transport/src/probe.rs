@@ -1,6 +1,7 @@
 //! Round trips over a link: one side sends, the other [answers](answer).
 //!
-//! What goes there and back is what a session sends: a camera on the latest lane, or a whole frame of ids on the frames lane.
+//! What goes there and back is what a session sends: a camera on the latest lane, or a whole frame of ids on
+//! the frames lane.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -19,7 +20,8 @@ pub struct Probe {
     pub interval: Duration,
     /// How many ids there and back as a frame; 0 sends a camera.
     pub ids: u32,
-    /// After how long an answer that has not come is taken as lost. A frame is waited for as long as the link's patience lasts.
+    /// After how long an answer that has not come is taken as lost. A frame is waited for as long as the
+    /// link's patience lasts.
     pub timeout: Duration,
 }
 

@@ -35,13 +35,15 @@ pub struct TurnedAway {
     pub no_room: u64,
     /// Handshakes beyond what one address, or one user of this machine, may begin in a second.
     pub from_address: u64,
-    /// Handshakes beyond what all together may begin in a second, and beyond their address's even share of that.
+    /// Handshakes beyond what all together may begin in a second, and beyond their address's even share of
+    /// that.
     pub in_all: u64,
     /// Connections of peers for which there was no place: as many peers as may come were there.
     pub no_place: u64,
 }
 
-/// A listener as those who came through it know it: reads what it turns away, though the listener itself is gone.
+/// A listener as those who came through it know it: reads what it turns away, though the listener itself is
+/// gone.
 #[derive(Debug, Clone)]
 pub struct Door(pub(crate) Arc<Handshakes>);
 
@@ -68,7 +70,8 @@ pub(crate) struct Handshakes {
     counts: Mutex<Counts>,
 }
 
-/// Of the second under way. There are no more origins than handshakes for all, so that strangers cannot make it grow.
+/// Of the second under way. There are no more origins than handshakes for all, so that strangers cannot make
+/// it grow.
 #[derive(Debug, Default)]
 struct Counts {
     begun: Option<Instant>,
@@ -86,8 +89,8 @@ impl Handshakes {
         }
     }
 
-    /// Counts a handshake that begins. An origin has its even share even where others have begun too many: so twice as many as
-    /// all together may begin get through at most.
+    /// Counts a handshake that begins. An origin has its even share even where others have begun too many: so
+    /// twice as many as all together may begin get through at most.
     pub(crate) fn begin(&self, now: Instant, from: &PeerAddress) -> Result<(), TooMany> {
         let mut counts = lock(&self.counts);
         if counts.begun.is_none_or(|begun| now.since(begun) >= SECOND) {

@@ -16,9 +16,11 @@ pub struct LinkStats {
     pub sent: Traffic,
     /// What this side received.
     pub received: Traffic,
-    /// How often the peer sent more messages in a second than it [may](crate::LinkConfig::messages_per_s): each time its frames lane failed.
+    /// How often the peer sent more messages in a second than it [may](crate::LinkConfig::messages_per_s):
+    /// each time its frames lane failed.
     pub floods: u64,
-    /// Packets and the path they take, over datagrams of this crate's own protocol. Other transports do not tell.
+    /// Packets and the path they take, over datagrams of this crate's own protocol. Other transports do not
+    /// tell.
     pub path: Option<PathStats>,
 }
 
@@ -37,8 +39,9 @@ pub struct Traffic {
     pub end: Tally,
     /// Handshake, goodbye, signs of life and statistics; within one process these have no size.
     pub control: Tally,
-    /// The bytes of this protocol's own headers; those of TCP, IP and Ethernet are not seen from here. 0 where messages have no
-    /// headers of their own: in one process, and over datagrams, whose packets [`LinkStats::path`] counts.
+    /// The bytes of this protocol's own headers; those of TCP, IP and Ethernet are not seen from here. 0
+    /// where messages have no headers of their own: in one process, and over datagrams, whose packets
+    /// [`LinkStats::path`] counts.
     pub header_bytes: u64,
 }
 

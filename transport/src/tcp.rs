@@ -1,4 +1,5 @@
-//! Links over TCP: per pair of peers a connection for cameras and one for node ids, as in the paper (section 5).
+//! Links over TCP: per pair of peers a connection for cameras and one for node ids, as in the paper (section
+//! 5).
 
 use std::io;
 use std::net::SocketAddr;

@@ -1,4 +1,5 @@
-//! What links allocate in steady state: nothing for a packet, a camera or a batch. Alone in its program, whose allocator counts.
+//! What links allocate in steady state: nothing for a packet, a camera or a batch. Alone in its program,
+//! whose allocator counts.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

@@ -1,5 +1,5 @@
-//! What a peer whose frame does not end makes its reader hold: no more than the frame may have, whatever the bytes on the way stand
-//! for. Alone in its program, whose allocator counts.
+//! What a peer whose frame does not end makes its reader hold: no more than the frame may have, whatever the
+//! bytes on the way stand for. Alone in its program, whose allocator counts.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
@@ -57,8 +57,8 @@ fn options(coding: IdCoding, max_frame: u32) -> Options {
     }
 }
 
-/// A link whose near end takes so many ids a frame, and whose far end thinks that it may send any number. The near end listens, or
-/// else connects.
+/// A link whose near end takes so many ids a frame, and whose far end thinks that it may send any number. The
+/// near end listens, or else connects.
 async fn joined(endpoint: &str, coding: IdCoding, listens: bool) -> (Link, Link, Meeting) {
     let (near, far) = (options(coding, MOST), options(coding, u32::MAX));
     let (at_listener, at_connector) = if listens { (near, far) } else { (far, near) };
@@ -146,7 +146,8 @@ async fn a_frame_without_an_end_ends_the_link_at_the_first_id_too_many() {
                     gathered, MOST as usize,
                     "{endpoint}: the batch too many was not given to the reader"
                 );
-                // The ids of the frame and of the one before it, to which changes refer, and the reader's own buffers.
+                // The ids of the frame and of the one before it, to which changes refer, and the reader's own
+                // buffers.
                 assert!(most < 8 * FRAME, "{endpoint} {coding}: {most} bytes");
             }
         }

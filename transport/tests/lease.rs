@@ -28,8 +28,8 @@ async fn a_peer_of_this_process_comes_back_as_well() {
     a_peer_that_comes_back_goes_on_with_the_next_frame("inproc:comes-back").await;
 }
 
-/// A display whose process runs until it has read a camera, and then hangs with all that it has. None where the lease is over before
-/// that, because the machine has other things to do.
+/// A display whose process runs until it has read a camera, and then hangs with all that it has. None where
+/// the lease is over before that, because the machine has other things to do.
 async fn hanging_display(at: Endpoint, options: Options) -> Option<(Runtime, Link)> {
     let life = move || {
         let runtime = Builder::new_current_thread().enable_all().build().unwrap();

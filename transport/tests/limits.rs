@@ -51,8 +51,8 @@ async fn one_peer_more_than_there_may_be_is_told_that_it_is_busy_until_another_l
     assert!(there.is_ok() && here.is_ok(), "{there:?} {here:?}");
 }
 
-/// Over datagrams nobody takes a slot before it has shown that it receives where it sends from. Who then stops takes one, and no
-/// more: neither the role that it claims nor the slot of who comes next.
+/// Over datagrams nobody takes a slot before it has shown that it receives where it sends from. Who then
+/// stops takes one, and no more: neither the role that it claims nor the slot of who comes next.
 #[tokio::test]
 async fn who_stops_within_a_handshake_makes_room_for_the_next_and_holds_no_role() {
     // What the first byte of a listener's question has in common: all else that it says gets lost.

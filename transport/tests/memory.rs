@@ -1,4 +1,5 @@
-//! What strangers and peers make this side hold: no more than was configured. Alone in its program, whose allocator counts.
+//! What strangers and peers make this side hold: no more than was configured. Alone in its program, whose
+//! allocator counts.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
@@ -25,7 +26,8 @@ use trimaran_transport::{Endpoint, Limits, Link, LinkConfig, Options, SendError,
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 const KIB: usize = 1 << 10;
-/// QUIC last: its connections are remembered for a while, and what is given back meanwhile would hide what another takes.
+/// QUIC last: its connections are remembered for a while, and what is given back meanwhile would hide what
+/// another takes.
 const ENDPOINTS: [&str; 4] = ["tcp://127.0.0.1:0", "unix:", "udp://127.0.0.1:0", "quic://127.0.0.1:0"];
 
 /// Only one test at a time counts.

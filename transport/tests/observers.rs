@@ -1,4 +1,5 @@
-//! Who sees packets, forges packets or has a listener's address for a moment: a peer goes on trying, and gets in afterwards.
+//! Who sees packets, forges packets or has a listener's address for a moment: a peer goes on trying, and gets
+//! in afterwards.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
@@ -76,7 +77,8 @@ async fn a_listener_whose_keys_do_not_fit_is_waited_out() {
     }
 }
 
-/// Somebody on the way sees the first packets of a handshake and forges an answer before the listener's arrives.
+/// Somebody on the way sees the first packets of a handshake and forges an answer before the listener's
+/// arrives.
 async fn gets_in_in_spite_of(forgery: Forgery) -> (Link, Link) {
     // An attempt that a forgery has led astray ends with this.
     let options = Options { handshake: Duration::from_millis(500), ..Options::default() };

@@ -166,7 +166,8 @@ async fn random_datagrams_disturb_neither_a_link_nor_a_listener() {
     assert_eq!(here.latest_rx.latest().await.unwrap(), camera(1));
 }
 
-/// Genuine first packets, sent again and again by someone who goes no further with them. Each of them is a handshake.
+/// Genuine first packets, sent again and again by someone who goes no further with them. Each of them is a
+/// handshake.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn ten_thousand_first_packets_of_twenty_handshakes_keep_no_peer_out() {
     let net = net();

@@ -1,4 +1,5 @@
-//! Keys are known for roles: who has the key of one role gets no other one, and the listener goes on waiting for the right one.
+//! Keys are known for roles: who has the key of one role gets no other one, and the listener goes on waiting
+//! for the right one.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

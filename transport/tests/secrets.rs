@@ -1,4 +1,5 @@
-//! What is left of private keys in this process's memory once they are dropped. Alone in its program, which reads its own memory.
+//! What is left of private keys in this process's memory once they are dropped. Alone in its program, which
+//! reads its own memory.
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
@@ -78,7 +79,8 @@ fn found(secrets: &[Secret]) -> Vec<usize> {
     counts
 }
 
-/// Overwrites what earlier calls have left on the stack: a value that is moved leaves a copy there, until another call needs the place.
+/// Overwrites what earlier calls have left on the stack: a value that is moved leaves a copy there, until
+/// another call needs the place.
 #[inline(never)]
 fn scribble() {
     black_box(&mut [0x55_u8; 512 << 10]);

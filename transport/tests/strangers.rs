@@ -90,7 +90,8 @@ async fn a_taken_role_is_refused_and_free_again_when_its_peer_is_gone(endpoint: 
     a_display_gets_in(&mut meeting).await;
 }
 
-/// Between a display and the listener, where the handshake is made of datagrams: passes so many on, and then none.
+/// Between a display and the listener, where the handshake is made of datagrams: passes so many on, and then
+/// none.
 async fn cut(behind: usize, inside: &str, outside: &UdpSocket) {
     let there = UdpSocket::bind("127.0.0.1:0").await.unwrap();
     there.connect(inside).await.unwrap();

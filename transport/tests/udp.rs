@@ -1,4 +1,5 @@
-//! Links over datagrams on the loopback interface: the conformance suite, who gets a link, and what it carries.
+//! Links over datagrams on the loopback interface: the conformance suite, who gets a link, and what it
+//! carries.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

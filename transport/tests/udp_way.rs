@@ -1,4 +1,5 @@
-//! Links over datagrams when somebody is on the way, or nobody: garbage, replays, half-open handshakes, silence.
+//! Links over datagrams when somebody is on the way, or nobody: garbage, replays, half-open handshakes,
+//! silence.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;
@@ -245,7 +246,8 @@ async fn what_travels_can_be_read_on_the_way_only_in_the_clear() {
     }
 }
 
-/// Whoever repeats a first packet that was answered, and never uses its keys, holds a place for the time of a handshake at most.
+/// Whoever repeats a first packet that was answered, and never uses its keys, holds a place for the time of a
+/// handshake at most.
 #[tokio::test]
 async fn a_first_packet_that_somebody_repeats_is_no_link() {
     let net = net();

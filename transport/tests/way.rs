@@ -1,4 +1,5 @@
-//! Links over datagrams, QUIC and this project's own, when the way between the peers loses packets, or changes under the connection.
+//! Links over datagrams, QUIC and this project's own, when the way between the peers loses packets, or
+//! changes under the connection.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;
@@ -23,7 +24,8 @@ fn acquainted(quic: QuicOptions) -> [Options; 2] {
     })
 }
 
-/// Runs `talk` between two peers with a router between them that keeps what `keep` says; gives how many it lost.
+/// Runs `talk` between two peers with a router between them that keeps what `keep` says; gives how many it
+/// lost.
 async fn through_a_router(
     transport: &str,
     quic: QuicOptions,

@@ -17,10 +17,12 @@ pub struct Jitter {
     /// The shape.
     #[serde(default)]
     pub distribution: Distribution,
-    /// How much a packet's delay is like that of the packet before it: the correlation of the normal variable behind it.
+    /// How much a packet's delay is like that of the packet before it: the correlation of the normal
+    /// variable behind it.
     #[serde(default)]
     pub correlation: Probability,
-    /// Whether a packet may overtake another. Most link layers deliver in order: then a packet waits for the one before it.
+    /// Whether a packet may overtake another. Most link layers deliver in order: then a packet waits for the
+    /// one before it.
     #[serde(default)]
     pub reorders: bool,
 }

@@ -18,10 +18,11 @@ pub enum Loss {
     GilbertElliott(GilbertElliott),
 }
 
-/// Two states, one of which loses (much) more than the other (Gilbert 1960, Elliott 1963); the state changes per packet.
+/// Two states, one of which loses (much) more than the other (Gilbert 1960, Elliott 1963); the state changes
+/// per packet.
 ///
-/// It changes per packet and not with time, as in `tc netem`: where packets are rare a bad spell is long, and repetitions that
-/// come one at a time are lost one after another.
+/// It changes per packet and not with time, as in `tc netem`: where packets are rare a bad spell is long, and
+/// repetitions that come one at a time are lost one after another.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GilbertElliott {
@@ -49,7 +50,8 @@ impl GilbertElliott {
     }
 }
 
-/// Decides packet by packet. Its random numbers are its own, so that other knobs do not change which packets are lost.
+/// Decides packet by packet. Its random numbers are its own, so that other knobs do not change which packets
+/// are lost.
 #[derive(Debug)]
 pub(super) struct Fate {
     random: Random,

@@ -70,8 +70,8 @@ pub struct Reorder {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Framing {
-    /// Ethernet (IEEE 802.3): a header of 14 bytes and a check sequence of 4, at least 64 in all; on the line 8 more before
-    /// and a gap of 12 after each frame, which take time and are not counted as bytes sent.
+    /// Ethernet (IEEE 802.3): a header of 14 bytes and a check sequence of 4, at least 64 in all; on the line
+    /// 8 more before and a gap of 12 after each frame, which take time and are not counted as bytes sent.
     #[default]
     Ethernet,
     /// A fixed number of bytes a packet.

@@ -12,11 +12,12 @@ use super::queue::{Queue, Verdict};
 use super::{Conditions, LinkModel, LinkTally, Rate};
 use crate::random::Random;
 
-/// One direction of a link. Sans-IO: whoever owns it keeps the time, calls it when it asks to be, and does what
-/// [`Pipe::next_action`] says.
+/// One direction of a link. Sans-IO: whoever owns it keeps the time, calls it when it asks to be, and does
+/// what [`Pipe::next_action`] says.
 ///
-/// A packet waits in the queue, is sent at the link's rate, and is then on its way. What befalls it there (loss, damage, a
-/// copy, a detour) befalls it after it has been sent, so that a lost packet has taken its time on the line.
+/// A packet waits in the queue, is sent at the link's rate, and is then on its way. What befalls it there
+/// (loss, damage, a copy, a detour) befalls it after it has been sent, so that a lost packet has taken its
+/// time on the line.
 #[derive(Debug)]
 pub struct Pipe<P> {
     model: LinkModel,
@@ -26,7 +27,8 @@ pub struct Pipe<P> {
     /// A wake-up was asked for, at the time when the line is free.
     waking: bool,
     busy_until: Instant,
-    /// What the sending times since the line was last idle lack to be exact: bits times 10^9, less than the rate.
+    /// What the sending times since the line was last idle lack to be exact: bits times 10^9, less than the
+    /// rate.
     residue: u64,
     /// When the latest packet arrives: none overtakes it unless it may.
     last_arrival: Instant,
@@ -180,8 +182,9 @@ impl<P: Clone> Pipe<P> {
         self.actions.push_back(Action::Arrive(arrival, parcel));
     }
 
-    /// How long so many bytes take. Each time is rounded up to a nanosecond, and what that is too long is taken off the next
-    /// one as long as the line stays busy: so many packets in a row take exactly as long as their bits.
+    /// How long so many bytes take. Each time is rounded up to a nanosecond, and what that is too long is
+    /// taken off the next one as long as the line stays busy: so many packets in a row take exactly as
+    /// long as their bits.
     fn sending_time(&mut self, now: Instant, rate: Rate, line_bytes: u32) -> Duration {
         if now > self.busy_until {
             self.residue = 0;
@@ -373,7 +376,8 @@ mod tests {
         let longest = |discipline| {
             let mut model = megabits(10, 0);
             model.queue.discipline = discipline;
-            // A seventh more than the link takes, for 22 seconds: controlled delay needs some to find the pace.
+            // A seventh more than the link takes, for 22 seconds: controlled delay needs some to find the
+            // pace.
             let out = run(model, 9, (0..20_000_u64).map(|n| (n * 1_076_600, 1500)), FOREVER);
             let waits: Vec<u64> = out.arrived.iter().map(|(at, n)| at - *n as u64 * 1_076_600).collect();
             (waits[waits.len() / 2..].iter().sum::<u64>() / (waits.len() / 2) as u64, *out.pipe.tally())

@@ -30,8 +30,8 @@ pub enum Discipline {
     CoDel(CoDel),
 }
 
-/// Controlled delay (RFC 8289): when packets have waited longer than `target` for an `interval`, some are dropped, the more
-/// the longer it goes on.
+/// Controlled delay (RFC 8289): when packets have waited longer than `target` for an `interval`, some are
+/// dropped, the more the longer it goes on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CoDel {

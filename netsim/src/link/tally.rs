@@ -4,7 +4,8 @@ use std::ops::{Add, AddAssign, SubAssign};
 
 use serde::Serialize;
 
-/// Packets and the bytes of their frames: headers of all layers and the frame check sequence, without preamble and gap.
+/// Packets and the bytes of their frames: headers of all layers and the frame check sequence, without
+/// preamble and gap.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Count {
     /// How many packets.

@@ -32,9 +32,10 @@ impl fmt::Debug for SimNet {
 }
 
 impl SimNet {
-    /// This machine with timers as a runtime has them that counts time in ticks of `grain`, as tokio does with its milliseconds: they
-    /// ring at a multiple of it, not before their time, and there only if the runtime is awake. It sleeps for whole ticks, so that it
-    /// wakes as long after that multiple as it went to sleep after another one, unless a packet wakes it. Without this timers ring to
+    /// This machine with timers as a runtime has them that counts time in ticks of `grain`, as tokio does
+    /// with its milliseconds: they ring at a multiple of it, not before their time, and there only if the
+    /// runtime is awake. It sleeps for whole ticks, so that it wakes as long after that multiple as it
+    /// went to sleep after another one, unless a packet wakes it. Without this timers ring to
     /// the nanosecond.
     #[must_use]
     pub fn with_timer_grain(self, grain: Duration) -> Self {

@@ -17,7 +17,8 @@ use crate::topology::HostId;
 
 /// The first port that the system hands out itself (RFC 6335, section 6).
 pub(super) const FIRST_FREE_PORT: u16 = 49_152;
-/// The most that a program may ask for as a buffer, and what it has without asking: Linux's `net.core.rmem_max` and `wmem_max`.
+/// The most that a program may ask for as a buffer, and what it has without asking: Linux's
+/// `net.core.rmem_max` and `wmem_max`.
 const LARGEST_BUFFER: usize = 212_992;
 
 /// A bound socket.
@@ -42,8 +43,8 @@ struct Datagram {
     data: Bytes,
 }
 
-/// The memory that Linux charges a socket for a packet (`truesize`): a page fragment of a power of two with 320 bytes of
-/// bookkeeping at its end, and 256 bytes of `sk_buff`.
+/// The memory that Linux charges a socket for a packet (`truesize`): a page fragment of a power of two with
+/// 320 bytes of bookkeeping at its end, and 256 bytes of `sk_buff`.
 fn cost(bytes: usize) -> usize {
     (bytes + 320).next_power_of_two() + 256
 }

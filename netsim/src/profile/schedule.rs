@@ -29,9 +29,9 @@ pub enum ScheduleFault {
     },
 }
 
-/// Reads a file of comma-separated values, a line a phase: first the names of the columns, which are those of a phase's keys, then
-/// values as they stand in a profile but without quotes. `loss` is that of each packet by itself. A value that is not there is the link's
-/// own. Lines that begin with `#` say nothing.
+/// Reads a file of comma-separated values, a line a phase: first the names of the columns, which are those of
+/// a phase's keys, then values as they stand in a profile but without quotes. `loss` is that of each packet
+/// by itself. A value that is not there is the link's own. Lines that begin with `#` say nothing.
 pub(super) fn read(path: &Path) -> Result<Vec<WrittenPhase>, ScheduleFault> {
     parse(&fs::read_to_string(path)?)
 }

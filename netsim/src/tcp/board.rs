@@ -205,8 +205,8 @@ impl Board {
         self.reorders = true;
     }
 
-    /// Marks as lost what was sent long enough before something that has arrived. Says how long it takes until more is lost, if
-    /// nothing else comes.
+    /// Marks as lost what was sent long enough before something that has arrived. Says how long it takes
+    /// until more is lost, if nothing else comes.
     pub(super) fn find_lost(
         &mut self,
         now: Instant,

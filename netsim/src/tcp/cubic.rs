@@ -7,7 +7,8 @@ use trimaran_net::Instant;
 /// What the window is multiplied with after a loss, and the steepness of the cubic, in packets and seconds.
 const BETA: f64 = 717.0 / 1024.0;
 const STEEPNESS: f64 = 410.0 / 1024.0;
-/// HyStart: from so many packets on; acknowledgements closer than this are a train; so many samples make a round's delay.
+/// HyStart: from so many packets on; acknowledgements closer than this are a train; so many samples make a
+/// round's delay.
 const LOW_WINDOW: u32 = 16;
 const TRAIN_GAP: Duration = Duration::from_millis(2);
 const SAMPLES: u32 = 8;
@@ -76,7 +77,8 @@ impl Cubic {
         self.credit = 0.0;
     }
 
-    /// Nothing was on its way for so long: that time does not count, so that a program that pauses finds the window no larger.
+    /// Nothing was on its way for so long: that time does not count, so that a program that pauses finds the
+    /// window no larger.
     pub(super) fn skip(&mut self, idle: Duration) {
         self.epoch = self.epoch.map(|epoch| epoch.after(idle));
     }
@@ -93,7 +95,8 @@ impl Cubic {
         let mut leaves = false;
         if now.since(round.last_ack) <= TRAIN_GAP {
             round.last_ack = now;
-            // Half the round trip, since Linux does not pace here: what comes as a train fills the way once and back.
+            // Half the round trip, since Linux does not pace here: what comes as a train fills the way once
+            // and back.
             leaves |= now.since(round.start) > ack.min_rtt / 2;
         }
         if round.samples < SAMPLES {

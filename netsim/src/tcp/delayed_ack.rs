@@ -60,7 +60,8 @@ impl DelayedAck {
             }
             Some(pace) if gap <= DELAY_MIN / 2 => self.pace = Some(pace / 2 + DELAY_MIN / 2),
             Some(pace) if gap < pace => self.pace = Some((pace / 2 + gap).min(rto)),
-            Some(_) if gap > rto => self.be_quick(window), // the sender starts anew and needs acknowledgements
+            // The sender starts anew and needs acknowledgements.
+            Some(_) if gap > rto => self.be_quick(window),
             Some(_) => {}
         }
         self.last_data = now;

@@ -212,7 +212,8 @@ impl Receiver {
         filled
     }
 
-    /// Lets the buffer grow to twice what the program reads in a round trip, so that the window never is what limits a sender.
+    /// Lets the buffer grow to twice what the program reads in a round trip, so that the window never is what
+    /// limits a sender.
     fn adjust(&mut self, now: Instant, bytes: u64, rtt: Option<Duration>) {
         self.measure.read += bytes;
         let Some(rtt) = rtt.filter(|rtt| now.since(self.measure.since) >= *rtt) else { return };

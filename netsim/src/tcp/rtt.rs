@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use trimaran_net::Instant;
 
-/// Linux's `TCP_RTO_MIN`. It bounds the variance rather than the sum: the timeout is the round trip and at least this.
+/// Linux's `TCP_RTO_MIN`. It bounds the variance rather than the sum: the timeout is the round trip and at
+/// least this.
 pub(super) const RTO_MIN: Duration = Duration::from_millis(200);
 /// Linux's `TCP_RTO_MAX`.
 pub(super) const RTO_MAX: Duration = Duration::from_secs(120);
@@ -60,7 +61,8 @@ impl Rtt {
         if error < quarter {
             self.deviation -= quarter - error;
         } else if sample < smoothed {
-            // A shorter round trip is no reason to wait longer: it counts an eighth of what a longer one does.
+            // A shorter round trip is no reason to wait longer: it counts an eighth of what a longer one
+            // does.
             self.deviation += (error - quarter) / 8;
         } else {
             self.deviation += error - quarter;

@@ -37,8 +37,8 @@ pub(crate) struct Range {
 pub enum Class {
     /// A datagram of UDP.
     Datagram,
-    /// A datagram of at most 64 bytes: in protocols whose headers and seal are half of that, as QUIC's and this project's, an
-    /// acknowledgement, a sign of life, or very little else.
+    /// A datagram of at most 64 bytes: in protocols whose headers and seal are half of that, as QUIC's and
+    /// this project's, an acknowledgement, a sign of life, or very little else.
     SmallDatagram,
     /// Data sent for the first time.
     #[default]
@@ -59,7 +59,8 @@ pub(super) const MOST_SACKS: usize = 3;
 impl Segment {
     /// The TCP header: 20 bytes and its options, padded to whole words.
     pub(crate) fn header(&self) -> u32 {
-        // Maximum segment size 4, selective acknowledgements permitted 2, timestamp 10, window scale 3, and one of padding.
+        // Maximum segment size 4, selective acknowledgements permitted 2, timestamp 10, window scale 3, and
+        // one of padding.
         const SYN_OPTIONS: u32 = 20;
         const TIMESTAMP: u32 = 12;
         if self.rst {

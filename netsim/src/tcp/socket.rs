@@ -44,7 +44,8 @@ pub(crate) struct Socket {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
-    /// The first segment, or the answer to one, is out; since when, how often, and whether it is to be sent now.
+    /// The first segment, or the answer to one, is out; since when, how often, and whether it is to be sent
+    /// now.
     Opening {
         answering: bool,
         due: Instant,

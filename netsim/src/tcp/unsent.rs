@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 
 use bytes::{Bytes, BytesMut};
 
-/// Bytes in order, in the pieces in which they were written: what is taken is not copied unless it spans several of them.
+/// Bytes in order, in the pieces in which they were written: what is taken is not copied unless it spans
+/// several of them.
 #[derive(Debug, Default)]
 pub(super) struct Unsent {
     /// None is empty.

@@ -10,11 +10,13 @@ use crate::{FrameEnd, FrameMessage, FrameNumber, IdBatch, Message};
 pub enum Delivery {
     /// They arrive in order, none before all of the one before it. Changes refer to the last frame.
     Ordered,
-    /// They may be lost or late. Changes refer to the newest frame that was [confirmed](IdEncoder::confirm), if any.
+    /// They may be lost or late. Changes refer to the newest frame that was [confirmed](IdEncoder::confirm),
+    /// if any.
     Lossy,
 }
 
-/// Turns the messages of a [`FrameWriter`](crate::FrameWriter) into what travels: batches of ids become changes where these are shorter.
+/// Turns the messages of a [`FrameWriter`](crate::FrameWriter) into what travels: batches of ids become
+/// changes where these are shorter.
 #[derive(Debug)]
 pub struct IdEncoder {
     delivery: Delivery,
@@ -99,8 +101,8 @@ impl IdEncoder {
 }
 
 impl IdDecoder {
-    /// A decoder for a lane that has received no frame yet. No frame may have more than `most` ids: a few bytes of changes can stand
-    /// for many.
+    /// A decoder for a lane that has received no frame yet. No frame may have more than `most` ids: a few
+    /// bytes of changes can stand for many.
     #[must_use]
     pub fn new(most: u32) -> Self {
         Self { most, open: None, references: References::default() }
@@ -141,7 +143,8 @@ impl IdDecoder {
         }
     }
 
-    /// A frame that lacks ids is no reference. Whether they are the right ones, the frame's hash says to who assembles it.
+    /// A frame that lacks ids is no reference. Whether they are the right ones, the frame's hash says to who
+    /// assembles it.
     fn end(&mut self, end: &FrameEnd) {
         if let Some(open) = self.open.take()
             && open.ids == u64::from(end.ids)
@@ -172,7 +175,8 @@ mod tests {
             }
         }
 
-        /// Sends a frame, but for the messages at `lost`; what arrives must be what was sent. Gives the bytes of its ids.
+        /// Sends a frame, but for the messages at `lost`; what arrives must be what was sent. Gives the bytes
+        /// of its ids.
         fn send(&mut self, frame: u32, ids: &[u32], lost: &[usize]) -> Result<usize, CodedViolation> {
             let frame = FrameNumber(frame);
             let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0, 1.0, 0.1, frame).unwrap();

@@ -1,8 +1,9 @@
 //! Ids written as what changed against an earlier frame.
 //!
-//! What is visible in a frame is mostly what was visible in the frame before. A batch of rising ids is written as runs over a *reference*, the
-//! ids of a frame that the receiver has complete: keep so many, skip so many, put these in between. Each such batch names its
-//! reference and its place in it, so that it reads without the batches before it.
+//! What is visible in a frame is mostly what was visible in the frame before. A batch of rising ids is
+//! written as runs over a *reference*, the ids of a frame that the receiver has complete: keep so many, skip
+//! so many, put these in between. Each such batch names its reference and its place in it, so that it reads
+//! without the batches before it.
 
 mod coder;
 mod reference;
@@ -27,7 +28,8 @@ pub enum IdCoding {
     /// 4 bytes an id, as the paper's bandwidth formula counts them.
     #[default]
     Plain,
-    /// As changes against an earlier frame, in order and as soon as they are known; batches that would be no smaller travel plain.
+    /// As changes against an earlier frame, in order and as soon as they are known; batches that would be no
+    /// smaller travel plain.
     Changes,
 }
 
@@ -127,8 +129,8 @@ impl CodedIds {
         &self.0
     }
 
-    /// The shortest way to write `batch` that is shorter than plain; `None` where there is none or the ids do not rise.
-    /// `reference` is a frame `back` before this one, with its ids, rising.
+    /// The shortest way to write `batch` that is shorter than plain; `None` where there is none or the ids do
+    /// not rise. `reference` is a frame `back` before this one, with its ids, rising.
     pub(crate) fn shortest(batch: &IdBatch, reference: Option<(u32, &[u32])>) -> Option<Self> {
         let ids: Vec<u32> = batch.iter().map(|id| id.0).collect();
         if !ids.is_sorted_by(|a, b| a < b) {
@@ -145,8 +147,8 @@ impl CodedIds {
         (shorter.len() < batch.as_bytes().len()).then(|| Self(shorter.freeze()))
     }
 
-    /// How many ids they stand for, as they say themselves: read without the reference, so that only an [`IdDecoder`] knows whether it
-    /// is true.
+    /// How many ids they stand for, as they say themselves: read without the reference, so that only an
+    /// [`IdDecoder`] knows whether it is true.
     ///
     /// # Errors
     /// When they cannot be read, or stand for no id or for more than a batch may have.
@@ -178,7 +180,8 @@ impl CodedIds {
         if count == 0 { Err(CodingFault::Count(0)) } else { Ok(count) }
     }
 
-    /// The ids, where `references` are the complete frames before `frame`. What there is no room for is not even written down.
+    /// The ids, where `references` are the complete frames before `frame`. What there is no room for is not
+    /// even written down.
     pub(crate) fn read(
         &self,
         frame: FrameNumber,
@@ -243,7 +246,8 @@ fn write(ids: &[u32], back: u32, held: &[u32]) -> BytesMut {
     out
 }
 
-/// The least that the id after `id` can be. After the largest id none can come, so what it wraps to is not looked at.
+/// The least that the id after `id` can be. After the largest id none can come, so what it wraps to is not
+/// looked at.
 const fn above(id: u32) -> u32 {
     id.wrapping_add(1)
 }

@@ -1,4 +1,5 @@
-//! Numbers of 7 bits a byte, low bits first, the top bit set on all but the last: as in postcard, but shortest form or not is not judged.
+//! Numbers of 7 bits a byte, low bits first, the top bit set on all but the last: as in postcard, but
+//! shortest form or not is not judged.
 
 use bytes::BufMut;
 

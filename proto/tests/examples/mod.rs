@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-/// The examples of `page` by name: each is a fenced block `hex NAME` of hexadecimal bytes, with a comment behind a `#` in any line.
+/// The examples of `page` by name: each is a fenced block `hex NAME` of hexadecimal bytes, with a comment
+/// behind a `#` in any line.
 pub(crate) fn examples_of(page: &'static str) -> BTreeMap<&'static str, Vec<u8>> {
     page.split("\n```hex ")
         .skip(1)

@@ -7,8 +7,8 @@ use trimaran_proto::DrawableId;
 
 use crate::Stop;
 
-/// The device of one machine of the pair: it draws occluders and culls against their depth, which stays on it (paper, section
-/// 3.2). As a [`BoxTester`] it tests against the occluders finished last.
+/// The device of one machine of the pair: it draws occluders and culls against their depth, which stays on it
+/// (paper, section 3.2). As a [`BoxTester`] it tests against the occluders finished last.
 pub trait PairDevice: BoxTester {
     /// Told before the role begins: once `stop` is requested, what waits for the device ends soon, with an
     /// error. A device that never waits long need not look at it.

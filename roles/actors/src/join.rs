@@ -1,5 +1,6 @@
-//! Three roles find each other, over whatever transports their endpoints name. Start order does not matter: whoever connects tries again
-//! until the deadline, and whoever waits for one peer notices when the other one leaves.
+//! Three roles find each other, over whatever transports their endpoints name. Start order does not matter:
+//! whoever connects tries again until the deadline, and whoever waits for one peer notices when the other one
+//! leaves.
 
 use std::{future::pending, sync::Arc, time::Duration};
 
@@ -58,8 +59,8 @@ pub enum JoinError {
 }
 
 impl JoinError {
-    /// Whether it may work another time though nothing is changed here: time or another machine may mend it. Any
-    /// other failure is about what this role was given.
+    /// Whether it may work another time though nothing is changed here: time or another machine may mend it.
+    /// Any other failure is about what this role was given.
     #[must_use]
     pub fn may_pass(&self) -> bool {
         match self {
@@ -69,7 +70,8 @@ impl JoinError {
         }
     }
 
-    /// Whether another attempt before the deadline may work: what may pass, unless the deadline itself ended this one.
+    /// Whether another attempt before the deadline may work: what may pass, unless the deadline itself ended
+    /// this one.
     #[must_use]
     pub fn is_early(&self) -> bool {
         let over = match self {
@@ -90,8 +92,8 @@ pub const fn role_of(seat: Seat) -> Role {
     }
 }
 
-/// The display waits for both machines of the pair on its listener; the links come first machine first. One that leaves before the
-/// other has come is waited for again. A display that comes is turned away.
+/// The display waits for both machines of the pair on its listener; the links come first machine first. One
+/// that leaves before the other has come is waited for again. A display that comes is turned away.
 ///
 /// # Errors
 /// When one has not come by the deadline.
@@ -135,8 +137,8 @@ pub async fn await_pair(mut listener: Listener, deadline: Instant) -> Result<[Li
     }
 }
 
-/// How a peer left before the session has begun. Until then nobody sends frames, whose lane can be watched; the display's first camera
-/// may be there already.
+/// How a peer left before the session has begun. Until then nobody sends frames, whose lane can be watched;
+/// the display's first camera may be there already.
 async fn left(link: &mut Link) -> RecvError {
     loop {
         match link.frames_rx.recv().await {
@@ -146,8 +148,8 @@ async fn left(link: &mut Link) -> RecvError {
     }
 }
 
-/// What `attempt` gives in the end: it is made again, after a growing pause, until it works, the deadline has come,
-/// or it fails with what cannot pass. A line in the log says why, whenever the reason is a new one.
+/// What `attempt` gives in the end: it is made again, after a growing pause, until it works, the deadline has
+/// come, or it fails with what cannot pass. A line in the log says why, whenever the reason is a new one.
 ///
 /// Cancel safe if `attempt` is.
 ///
@@ -194,9 +196,9 @@ pub struct Place {
     pub options: Options,
 }
 
-/// A machine of the pair joins the display at `display` and the other machine: the first listens at `pair`, the second
-/// connects there. The two links may go over different transports. When the display leaves before the other machine has come, it
-/// joins the next one there.
+/// A machine of the pair joins the display at `display` and the other machine: the first listens at `pair`,
+/// the second connects there. The two links may go over different transports. When the display leaves before
+/// the other machine has come, it joins the next one there.
 ///
 /// # Errors
 /// When a peer is not there by the deadline, refuses, or is not who it should be.
@@ -252,7 +254,8 @@ async fn meet(
     let peer = role_of(seat.other());
     match seat {
         Seat::First => {
-            // The sockets of a session that is over may need a moment to be gone. The display is kept meanwhile.
+            // The sockets of a session that is over may need a moment to be gone. The display is kept
+            // meanwhile.
             let bind = || Listener::bind(net, &pair.endpoint, identity, &pair.options);
             let mut listener = again(net, deadline, ListenError::may_pass, bind).await?;
             let other = listener.accept(deadline).await;

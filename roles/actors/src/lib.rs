@@ -1,7 +1,8 @@
 //! The three roles as state machines, their drivers, and the session that joins them.
 //!
-//! [`SwitchMachine`] and [`DisplayMachine`] know what is due and what is out of order; [`PairRole`] and [`DisplayRole`] move
-//! messages between them, a device ([`PairDevice`], [`PictureDevice`]) and links; [`in_process`] joins three of them in one process.
+//! [`SwitchMachine`] and [`DisplayMachine`] know what is due and what is out of order; [`PairRole`] and
+//! [`DisplayRole`] move messages between them, a device ([`PairDevice`], [`PictureDevice`]) and links;
+//! [`in_process`] joins three of them in one process.
 
 mod causes;
 mod clock;

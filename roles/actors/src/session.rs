@@ -48,8 +48,8 @@ pub enum SessionError<P: std::error::Error + 'static, D: std::error::Error + 'st
     Display(#[source] RoleError<D>),
 }
 
-/// Runs a whole session in this process: the pair on two threads of its own, the display on this one. Returns what the
-/// display's links carried. All three measure by one clock.
+/// Runs a whole session in this process: the pair on two threads of its own, the display on this one. Returns
+/// what the display's links carried. All three measure by one clock.
 ///
 /// # Errors
 /// The first role to fail; the others are told and end as well.

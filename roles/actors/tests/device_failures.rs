@@ -402,7 +402,8 @@ fn a_display_that_waits_for_its_device_ends_when_it_is_asked_to() {
     }
 }
 
-/// How a display ends whose first machine is due and silent, when the second one leaves with these words or none.
+/// How a display ends whose first machine is due and silent, when the second one leaves with these words or
+/// none.
 fn left_by_the_other(lockstep: bool, words: Option<Goodbye>) -> RoleError<Broken> {
     let house = House::new("unused");
     let handle = house.runtime.handle();

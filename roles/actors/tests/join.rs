@@ -1,4 +1,5 @@
-//! Three roles find each other though one of them leaves, and another one comes in its place, before all are there.
+//! Three roles find each other though one of them leaves, and another one comes in its place, before all are
+//! there.
 #![allow(clippy::disallowed_methods, reason = "the roles are tasks here")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
@@ -167,7 +168,8 @@ async fn a_machine_whose_pair_does_not_come_tells_the_display_why_it_leaves() {
     assert!(matches!(error, JoinError::Accept { peer: Role::SwitchB, .. }) && error.may_pass(), "{error:?}");
 }
 
-/// The camera that a display has handed out before the pair is complete is read by the role, not by who waits.
+/// The camera that a display has handed out before the pair is complete is read by the role, not by who
+/// waits.
 #[tokio::test(start_paused = true)]
 async fn a_camera_that_comes_before_the_other_machine_is_kept() {
     let meeting = Meeting::at("camera");

@@ -1,5 +1,5 @@
-//! A peer that sends ids which no frame of the scene can have: unknown ones, one twice, more than there are. Whoever receives them,
-//! the display or the other machine, leaves, says who did what, and is not misled.
+//! A peer that sends ids which no frame of the scene can have: unknown ones, one twice, more than there are.
+//! Whoever receives them, the display or the other machine, leaves, says who did what, and is not misled.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 use std::{convert::Infallible, sync::Arc, thread, time::Duration};

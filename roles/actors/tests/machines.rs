@@ -1,5 +1,5 @@
-//! The three machines together, in random interleavings: whoever may move moves next, and the session still ends with every
-//! frame shown once, in order, from the camera handed out for it.
+//! The three machines together, in random interleavings: whoever may move moves next, and the session still
+//! ends with every frame shown once, in order, from the camera handed out for it.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 use std::collections::VecDeque;

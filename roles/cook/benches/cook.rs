@@ -1,8 +1,9 @@
-//! How long cooking takes, stage by stage, beside a bare chain of meshoptimizer halvings: the floor that any cook with levels
-//! stands on. It makes no tree, no merged levels and certifies nothing; the ratio says what those cost.
+//! How long cooking takes, stage by stage, beside a bare chain of meshoptimizer halvings: the floor that any
+//! cook with levels stands on. It makes no tree, no merged levels and certifies nothing; the ratio says what
+//! those cost.
 //!
-//! `cargo bench -p trimaran-cook --bench cook` cooks a generated plant. With `TRIMARAN_DATA` naming a folder, each `.glb`,
-//! `.obj` and `.rvm` file in it is cooked too; those of a subfolder are cooked as one model.
+//! `cargo bench -p trimaran-cook --bench cook` cooks a generated plant. With `TRIMARAN_DATA` naming a folder,
+//! each `.glb`, `.obj` and `.rvm` file in it is cooked too; those of a subfolder are cooked as one model.
 
 #![expect(
     clippy::disallowed_methods,

@@ -1,5 +1,5 @@
-//! From CAD files to a cooked scene: importers and generators make a [`Model`], [`cook`] makes a [`Scene`] of it, with
-//! levels of detail whose error is certified.
+//! From CAD files to a cooked scene: importers and generators make a [`Model`], [`cook`] makes a [`Scene`] of
+//! it, with levels of detail whose error is certified.
 //!
 //! A program that only opens a scene needs none of this: it needs `trimaran-scene`.
 //!

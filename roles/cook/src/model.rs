@@ -20,7 +20,8 @@ pub struct Mesh {
 pub struct Object {
     /// Index into [`Model::meshes`].
     pub mesh: u32,
-    /// Mesh frame to world frame (right-handed, y up, metres). Any invertible affine map: sheared and mirrored ones too.
+    /// Mesh frame to world frame (right-handed, y up, metres). Any invertible affine map: sheared and
+    /// mirrored ones too.
     pub to_world: DAffine3,
     /// The part's name in its file; empty if it has none.
     pub name: String,
@@ -52,7 +53,8 @@ pub struct Model {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ModelError {
-    /// A mesh's arrays do not fit together: an index past its vertices, a colour list of another length, a stray corner.
+    /// A mesh's arrays do not fit together: an index past its vertices, a colour list of another length, a
+    /// stray corner.
     #[error("mesh {mesh} is malformed: {what}")]
     Mesh {
         /// Index of the mesh.
@@ -75,7 +77,8 @@ pub enum ModelError {
 }
 
 impl Model {
-    /// Checks all that cooking relies on: indices in range, finite positions, finite and invertible placements.
+    /// Checks all that cooking relies on: indices in range, finite positions, finite and invertible
+    /// placements.
     ///
     /// # Errors
     /// Names the first mesh or object that breaks a rule.

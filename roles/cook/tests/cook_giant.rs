@@ -1,4 +1,5 @@
-//! Giant meshes: their parts have levels of their own, which meet without cracks and are as near as they claim.
+//! Giant meshes: their parts have levels of their own, which meet without cracks and are as near as they
+//! claim.
 
 #![expect(clippy::unwrap_used, reason = "a test whose scene cannot be cooked has failed")]
 
@@ -99,7 +100,8 @@ fn cooked(mut mesh: Mesh, places: &[DVec3]) -> Scene {
     cook(&model, &CookOptions::default(), &()).unwrap()
 }
 
-/// A cut through the tree: `choose` says at which level to draw a node, or to ask its children. Leaves are drawn at some level.
+/// A cut through the tree: `choose` says at which level to draw a node, or to ask its children. Leaves are
+/// drawn at some level.
 fn cut(scene: &Scene, mut choose: impl FnMut(&Node, &[Drawable]) -> Option<usize>) -> Vec<Drawable> {
     let mut drawn = Vec::new();
     let mut open = vec![0];

@@ -25,8 +25,8 @@ fn samples(mesh: &Triangles, n: usize) -> Vec<Vec3> {
     mesh.iter().flat_map(grid).collect()
 }
 
-/// The farthest that a sample of `a` is from the samples of `b`: below the true distance by the spacing of `a`, above it by
-/// that of `b`.
+/// The farthest that a sample of `a` is from the samples of `b`: below the true distance by the spacing of
+/// `a`, above it by that of `b`.
 fn one_sided(a: &Triangles, b: &Triangles, n: usize) -> f32 {
     let to = samples(b, n);
     let nearest = |p: Vec3| to.iter().map(|q| p.distance_squared(*q)).fold(f32::INFINITY, f32::min).sqrt();

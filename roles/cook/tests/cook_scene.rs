@@ -171,7 +171,8 @@ fn a_merged_level_is_as_near_as_it_claims() {
     let root = scene.nodes()[0];
     let inner = scene.nodes().iter().filter(|n| n.object == Node::NONE && n.drawable_count > 0).count();
     assert!(inner > 0, "144 objects below {} children should be merged somewhere", root.child_count);
-    // Coarse vertices are some of the fine ones, so each has one within the error; dense sampling is in cook_hausdorff.
+    // Coarse vertices are some of the fine ones, so each has one within the error; dense sampling is in
+    // cook_hausdorff.
     for (id, node, point) in world_vertices(&scene) {
         if scene.nodes()[node as usize].object != Node::NONE {
             continue;
@@ -225,7 +226,8 @@ fn no_point_of_the_finest_geometry_is_farther_from_a_merged_level_than_its_error
                 for point in [a, (a + b) / 2.0, (a + b + c) / 3.0] {
                     let squared =
                         coarse.iter().map(|&t| squared_distance_to(point, t)).fold(f64::INFINITY, f64::min);
-                    // The grid on the coarse triangles finds distances that are too large by at most its spacing.
+                    // The grid on the coarse triangles finds distances that are too large by at most its
+                    // spacing.
                     let most = f64::from(level.error) + longest / 24.0;
                     assert!(squared.sqrt() <= most, "drawable {id}: {} of {most}", squared.sqrt());
                     checked += 1;
@@ -308,7 +310,8 @@ fn a_placement_beyond_single_precision_is_refused_by_name() {
     assert!(message.contains("pipe 3"), "{message}");
 }
 
-/// Slats of 32 triangles: half of them would be saved, but that is less than a draw costs, and the slats would part.
+/// Slats of 32 triangles: half of them would be saved, but that is less than a draw costs, and the slats
+/// would part.
 #[test]
 fn a_small_part_is_drawn_as_it_is() {
     let mut model = rack();

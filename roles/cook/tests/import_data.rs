@@ -80,8 +80,9 @@ fn platform_from_its_review_files() {
     };
     assert_eq!(report.primitives, kinds);
     assert_eq!(model.sources[3].name, "HA-MECH.RVM");
-    // A tessellator that lets both directions of a torus use up the whole tolerance, evenly all around, makes 0.92 million; halving the
-    // tolerance between them makes 1.03 million. No curve here is large enough for its tolerance to depend on its size.
+    // A tessellator that lets both directions of a torus use up the whole tolerance, evenly all around, makes
+    // 0.92 million; halving the tolerance between them makes 1.03 million. No curve here is large enough
+    // for its tolerance to depend on its size.
     assert_eq!(report.triangles, 950_820);
     // Sheared snouts and eccentric pyramids, whose stored boxes are loose; an independent reader finds 232.
     assert!(report.box_mismatches <= 232, "{}", report.box_mismatches);

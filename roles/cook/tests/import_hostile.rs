@@ -1,4 +1,5 @@
-//! Files cut off and with bytes changed at random: every importer returns, and what it returns is a model or an error.
+//! Files cut off and with bytes changed at random: every importer returns, and what it returns is a model or
+//! an error.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests: a failure is a test's failure")]
 #![allow(dead_code, reason = "each test file uses its part of the helpers")]

@@ -1,5 +1,5 @@
-//! Small files that ask for a great deal: each ends in an error that names the file, what asked, and the remedy; and takes no
-//! more memory than [`ImportLimits`] promises.
+//! Small files that ask for a great deal: each ends in an error that names the file, what asked, and the
+//! remedy; and takes no more memory than [`ImportLimits`] promises.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests: a failure is a test's failure")]
 #![allow(dead_code, reason = "each test file uses its part of the helpers")]
@@ -34,8 +34,9 @@ fn promised(file: usize) -> u64 {
     64 * file as u64 + 64 * LIMITS.triangles + 128 * LIMITS.vertices + 512 * LIMITS.objects + (64 << 20)
 }
 
-/// A document with the given nodes and primitives. Its accessors: 0 are `vertices` positions, 1 as many indices; 2 and 3 are as
-/// many positions and indices that are all zero and stand nowhere; 4 and 5 are three positions and three indices.
+/// A document with the given nodes and primitives. Its accessors: 0 are `vertices` positions, 1 as many
+/// indices; 2 and 3 are as many positions and indices that are all zero and stand nowhere; 4 and 5 are three
+/// positions and three indices.
 fn document(nodes: &str, primitives: &str, vertices: usize) -> Vec<u8> {
     let json = format!(
         r#"{{"asset":{{"version":"2.0"}},"nodes":[{nodes}],"meshes":[{{"name":"pump","primitives":[{primitives}]}}],

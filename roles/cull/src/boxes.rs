@@ -1,14 +1,17 @@
 //! From a node to the box that is tested in its place.
 //!
-//! A box must show wherever anything in it shows. Four things could make it fail, and each has its allowance here:
-//! - *rounding*: vertices are placed by f32 arithmetic about the eye, so they lie up to some ulp of their distance outside the
-//!   exact box ([`POSITION_ULPS`]);
-//! - *depth ties*: the rasterizer interpolates depth in f32, with an error of some ulp of a triangle's *greatest* depth value,
-//!   which in metres grows with the square of the distance; a surface on the box's own face must still pass
-//!   ([`DEPTH_ULPS`]). A constant bias of the depth value would be too little near the eye and far too much away from it;
-//! - *samples*: a box smaller than a pixel may lie between the pixel centres, and the rasterizer moves corners by its sub-pixel
-//!   step ([`OUTLINE_PX`]);
-//! - *flatness*: a box without thickness has no front. Growing it by the allowances above gives it one in every direction.
+//! A box must show wherever anything in it shows. Four things could make it fail, and each has its allowance
+//! here:
+//! - *rounding*: vertices are placed by f32 arithmetic about the eye, so they lie up to some ulp of their
+//!   distance outside the exact box ([`POSITION_ULPS`]);
+//! - *depth ties*: the rasterizer interpolates depth in f32, with an error of some ulp of a triangle's
+//!   *greatest* depth value, which in metres grows with the square of the distance; a surface on the box's
+//!   own face must still pass ([`DEPTH_ULPS`]). A constant bias of the depth value would be too little near
+//!   the eye and far too much away from it;
+//! - *samples*: a box smaller than a pixel may lie between the pixel centres, and the rasterizer moves
+//!   corners by its sub-pixel step ([`OUTLINE_PX`]);
+//! - *flatness*: a box without thickness has no front. Growing it by the allowances above gives it one in
+//!   every direction.
 //!
 //! All are allowances in view space, in metres.
 
@@ -18,12 +21,13 @@ use trimaran_scene::Node;
 use crate::frustum::Frustum;
 use crate::{Outline, TestBox, View};
 
-/// How far a box's outline is grown on the screen, in pixels to each side: half a pixel, so that it holds a pixel centre
-/// however small it is, and the sub-pixel step of 1/256.
+/// How far a box's outline is grown on the screen, in pixels to each side: half a pixel, so that it holds a
+/// pixel centre however small it is, and the sub-pixel step of 1/256.
 pub const OUTLINE_PX: f64 = 0.5 + 1.0 / 256.0;
 
-/// The allowance for rounding, in ulp (2^-24) of the farthest number that goes into a vertex's place. The vertex stage rounds a
-/// translation, nine matrix entries, three products and three sums; the box's own corners are made alike.
+/// The allowance for rounding, in ulp (2^-24) of the farthest number that goes into a vertex's place. The
+/// vertex stage rounds a translation, nine matrix entries, three products and three sums; the box's own
+/// corners are made alike.
 pub const POSITION_ULPS: f64 = 16.0;
 
 /// The allowance for depth interpolation, in ulp (2^-24) of the greatest depth value in the box.
@@ -84,8 +88,8 @@ impl BoxMaker {
         }
     }
 
-    /// The box of `node`, whose vertices and those of all nodes below it are at most `reach` metres from the origins of their
-    /// frames (see [`reaches`]).
+    /// The box of `node`, whose vertices and those of all nodes below it are at most `reach` metres from the
+    /// origins of their frames (see [`reaches`]).
     #[must_use]
     pub fn prepare(&self, node: &Node, reach: f64) -> Prepared {
         let exact = OrientedBox::new(node, self.eye, self.to_view);
@@ -125,8 +129,9 @@ impl BoxMaker {
     }
 }
 
-/// Per node, how far from the origin of its frame a vertex of it or of a node below it may be, world metres (measured along
-/// the frame's linear part). Rounding of vertices grows with it where a mesh lies far from its own origin.
+/// Per node, how far from the origin of its frame a vertex of it or of a node below it may be, world metres
+/// (measured along the frame's linear part). Rounding of vertices grows with it where a mesh lies far from
+/// its own origin.
 #[must_use]
 pub fn reaches(nodes: &[Node]) -> Vec<f32> {
     let mut reach: Vec<f32> = nodes
@@ -163,8 +168,9 @@ struct OrientedBox {
 }
 
 impl OrientedBox {
-    /// The box around the node's local box. A sheared local box is a skewed one in the world: the result is the smallest around
-    /// it whose first direction is its longest edge and whose second lies in the plane of the two longest.
+    /// The box around the node's local box. A sheared local box is a skewed one in the world: the result is
+    /// the smallest around it whose first direction is its longest edge and whose second lies in the
+    /// plane of the two longest.
     fn new(node: &Node, eye: DVec3, to_view: DMat3) -> Self {
         let (min, max) = node.local_box();
         let (min, max) = (min.as_dvec3(), max.as_dvec3());
@@ -188,7 +194,8 @@ impl OrientedBox {
         (-self.centre.z - thickness, -self.centre.z + thickness)
     }
 
-    /// The box around this one moved by up to `slack` in any direction, and by up to `growth` times `depth` right and up.
+    /// The box around this one moved by up to `slack` in any direction, and by up to `growth` times `depth`
+    /// right and up.
     fn grown(self, slack: f64, growth: (f64, f64), depth: f64) -> Self {
         let right = growth.0 * depth.max(0.0);
         let up = growth.1 * depth.max(0.0);
@@ -208,8 +215,8 @@ impl OrientedBox {
     }
 }
 
-/// Three unit vectors at right angles, the first along the longest of `edges`, the second as near as can be to the next longest
-/// one that is not parallel to it. Any frame will do for a point.
+/// Three unit vectors at right angles, the first along the longest of `edges`, the second as near as can be
+/// to the next longest one that is not parallel to it. Any frame will do for a point.
 fn frame_of(edges: [DVec3; 3]) -> [DVec3; 3] {
     let mut order = [0, 1, 2];
     let length_squared = edges.map(|edge| edge.length_squared());
@@ -298,8 +305,8 @@ mod tests {
         assert_eq!(maker.prepare(&node, 1.0), visible, "too large for f32");
     }
 
-    /// Cubes, flats, lines and points from far below a pixel to several, anywhere in the picture: before an empty background
-    /// both testers show every one of them.
+    /// Cubes, flats, lines and points from far below a pixel to several, anywhere in the picture: before an
+    /// empty background both testers show every one of them.
     #[test]
     fn boxes_of_any_size_and_shape_show_when_nothing_is_before_them() {
         let view = view();
@@ -333,7 +340,8 @@ mod tests {
         }
     }
 
-    /// Whatever f32 arithmetic makes of a vertex, the box holds it; sheared, mirrored, scaled and far from its origin.
+    /// Whatever f32 arithmetic makes of a vertex, the box holds it; sheared, mirrored, scaled and far from
+    /// its origin.
     #[test]
     fn boxes_hold_their_vertices_as_a_gpu_places_them() {
         let mut dice = Dice::new(2);

@@ -1,31 +1,34 @@
 //! The level-of-detail cut: which level of which nodes shows the scene within a given error on the screen.
 //!
-//! Going down from the root, a node is drawn at its coarsest level whose error, projected to the screen, is within the rule's
-//! bound; where no level is good enough its children are asked instead (the paper, section 4.1). What is drawn is a cut
-//! through the tree: each leaf has exactly one node of the cut on its path to the root.
+//! Going down from the root, a node is drawn at its coarsest level whose error, projected to the screen, is
+//! within the rule's bound; where no level is good enough its children are asked instead (the paper, section
+//! 4.1). What is drawn is a cut through the tree: each leaf has exactly one node of the cut on its path to
+//! the root.
 //!
 //! # The projected error
-//! Let `p` and `q` be points in view space, one of the finest geometry and one of a level, no further apart than the level's
-//! certified error `e`. Both lie in the node's box, which bounds every level below it. With depths `zp`, `zq` and focal length
-//! `f` in pixels, their distance on the screen is
+//! Let `p` and `q` be points in view space, one of the finest geometry and one of a level, no further apart
+//! than the level's certified error `e`. Both lie in the node's box, which bounds every level below it. With
+//! depths `zp`, `zq` and focal length `f` in pixels, their distance on the screen is
 //!
 //! ```text
 //! f / (zp zq) * |(zq px - zp qx, zq py - zp qy)|
 //! ```
 //!
-//! and the vector is two components of `p x q = p x (q - p)`, so its length is at most `|p| e`: the distance is at most
-//! `f e (|p| / zp) / zq`, and just as well `f e (|q| / zq) / zp`. One of the two points is inside the frustum (else the
-//! difference is not seen); call it `p`. Then `|p| / zp` is at most `sqrt(1 + tan_x^2 + tan_y^2)`, and at most the greatest
-//! such ratio over the box; `zp` is at least the box's smallest depth, and at least the eye's distance from the box over that
-//! ratio; `zq` is at least the box's smallest depth, and at least `zp - e`. This holds at any angle off the axis, where a rule
-//! by distance alone comes out up to `1 / cos^2` too small.
+//! and the vector is two components of `p x q = p x (q - p)`, so its length is at most `|p| e`: the distance
+//! is at most `f e (|p| / zp) / zq`, and just as well `f e (|q| / zq) / zp`. One of the two points is inside
+//! the frustum (else the difference is not seen); call it `p`. Then `|p| / zp` is at most `sqrt(1 + tan_x^2 +
+//! tan_y^2)`, and at most the greatest such ratio over the box; `zp` is at least the box's smallest depth,
+//! and at least the eye's distance from the box over that ratio; `zq` is at least the box's smallest depth,
+//! and at least `zp - e`. This holds at any angle off the axis, where a rule by distance alone comes out up
+//! to `1 / cos^2` too small.
 //!
-//! Where `zq` may reach the near plane (the eye is in the box, say) the bound is infinite and the node is refined.
+//! Where `zq` may reach the near plane (the eye is in the box, say) the bound is infinite and the node is
+//! refined.
 //!
 //! # The same bits everywhere
-//! OR, HC and RVG may run on different machines and must choose alike. All of this is f64 addition, subtraction,
-//! multiplication, division, square root, minimum and maximum in a fixed order, each of which IEEE 754 defines to the last bit
-//! and none of which Rust fuses.
+//! OR, HC and RVG may run on different machines and must choose alike. All of this is f64 addition,
+//! subtraction, multiplication, division, square root, minimum and maximum in a fixed order, each of which
+//! IEEE 754 defines to the last bit and none of which Rust fuses.
 
 use glam::{DMat3, DVec3};
 use thiserror::Error;
@@ -60,9 +63,10 @@ impl CutRule {
         }
     }
 
-    /// The same rule with the paper's section 4.5.2 on or off: a node whose box shows at fewer pixels than the error bound is
-    /// drawn as it is and not refined. That compares a count with a length, and it makes what is drawn depend on what is
-    /// visible: the exactness of culling does not hold under it. Off unless asked for.
+    /// The same rule with the paper's section 4.5.2 on or off: a node whose box shows at fewer pixels than
+    /// the error bound is drawn as it is and not refined. That compares a count with a length, and it
+    /// makes what is drawn depend on what is visible: the exactness of culling does not hold under it.
+    /// Off unless asked for.
     #[must_use]
     pub const fn stopping_at_few_pixels(self, on: bool) -> Self {
         Self { few_pixels: on, ..self }
@@ -90,8 +94,8 @@ pub enum Choice {
     Refine,
 }
 
-/// The cut of one scene for one view: chooses levels and says what is outside the frustum. It borrows the scene and holds what
-/// the choice needs of the view.
+/// The cut of one scene for one view: chooses levels and says what is outside the frustum. It borrows the
+/// scene and holds what the choice needs of the view.
 #[derive(Debug, Clone, Copy)]
 pub struct LevelCut<'s> {
     scene: &'s Scene,
@@ -121,8 +125,8 @@ impl<'s> LevelCut<'s> {
         }
     }
 
-    /// What this cut does with a node, given that it comes to it: the coarsest level that is good enough; without one, refine;
-    /// for a leaf without one, its finest level (Algorithm 4.1 would drop it).
+    /// What this cut does with a node, given that it comes to it: the coarsest level that is good enough;
+    /// without one, refine; for a leaf without one, its finest level (Algorithm 4.1 would drop it).
     #[must_use]
     pub fn choose(&self, node: &Node) -> Choice {
         let magnification = self.magnification(node);
@@ -139,15 +143,16 @@ impl<'s> LevelCut<'s> {
         }
     }
 
-    /// An upper bound of the distance on the screen, in pixels, between points of the node that are `error` metres apart and
-    /// of which one is in the frustum. 0 for an error of 0; infinite where the box reaches the near plane.
+    /// An upper bound of the distance on the screen, in pixels, between points of the node that are `error`
+    /// metres apart and of which one is in the frustum. 0 for an error of 0; infinite where the box
+    /// reaches the near plane.
     #[must_use]
     pub fn error_on_screen(&self, node: &Node, error: f64) -> f64 {
         self.magnification(node).error_on_screen(error)
     }
 
-    /// All drawables of the cut that are not outside the frustum, in the order of a breadth-first walk: what is drawn without
-    /// culling.
+    /// All drawables of the cut that are not outside the frustum, in the order of a breadth-first walk: what
+    /// is drawn without culling.
     #[must_use]
     pub fn drawables(&self) -> Vec<DrawableId> {
         let mut drawn = Vec::new();
@@ -201,7 +206,8 @@ impl<'s> LevelCut<'s> {
                 near: self.near,
             };
         }
-        // How far off the axis the box goes: a bound of |p| / zp over the box where all of it is before the eye.
+        // How far off the axis the box goes: a bound of |p| / zp over the box where all of it is before the
+        // eye.
         let spread = if nearest > 0.0 {
             let (x, y) = (centre.x.abs() + reach.x, centre.y.abs() + reach.y);
             self.spread.min((1.0 + (x * x + y * y) / (nearest * nearest)).sqrt())
@@ -293,7 +299,8 @@ mod tests {
 
     #[test]
     fn the_coarsest_level_within_the_bound_is_chosen() {
-        // Focal length 50 px, nearest depth 99 m: 1 m is seen as 0.505 px on the axis, a little more with the box's width.
+        // Focal length 50 px, nearest depth 99 m: 1 m is seen as 0.505 px on the axis, a little more with the
+        // box's width.
         let scene = crate_scene(1.0, DVec3::new(0.0, 100.0, 0.0));
         let choice = |epsilon| choose(&scene, NodeId(0), &view(), CutRule::new(epsilon).unwrap());
         assert_eq!(choice(0.506), Choice::Draw(DrawableId(1)));

@@ -1,16 +1,17 @@
 //! A depth buffer and its pyramid of farthest depths (hierarchical z-buffer; Greene, Kass and Miller, 1993).
 //!
-//! Depth is reversed: near / distance, 0 for the background, so the farthest of several is their minimum. Level 0 is the depth
-//! buffer itself; a texel of level k holds the farthest depth of the pixels `x << k .. (x + 1) << k`, as far as the picture
-//! goes, and likewise in y. Each level is half the size of the one before it *rounded up*: at odd sizes the last column and row
-//! stand for themselves, and no border pixel is lost.
+//! Depth is reversed: near / distance, 0 for the background, so the farthest of several is their minimum.
+//! Level 0 is the depth buffer itself; a texel of level k holds the farthest depth of the pixels `x << k ..
+//! (x + 1) << k`, as far as the picture goes, and likewise in y. Each level is half the size of the one
+//! before it *rounded up*: at odd sizes the last column and row stand for themselves, and no border pixel is
+//! lost.
 
 use thiserror::Error;
 
 use crate::Viewport;
 
-/// A picture's depth values: reversed z (near / distance), 0 for the background, row 0 at the top, none of them NaN. Sampled at
-/// pixel centres, so the sample of column x is at x + 0.5 pixels.
+/// A picture's depth values: reversed z (near / distance), 0 for the background, row 0 at the top, none of
+/// them NaN. Sampled at pixel centres, so the sample of column x is at x + 0.5 pixels.
 #[derive(Debug, Clone, Copy)]
 pub struct DepthImage<'d> {
     viewport: Viewport,
@@ -158,7 +159,8 @@ impl Level {
     }
 }
 
-/// The smaller of two depths: a plain comparison becomes one instruction, where `f32::min` also looks after NaN.
+/// The smaller of two depths: a plain comparison becomes one instruction, where `f32::min` also looks after
+/// NaN.
 #[inline]
 fn farther(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
@@ -169,7 +171,8 @@ mod tests {
     use super::*;
     use crate::reference::cases::Dice;
 
-    /// Every texel of every level is the farthest of exactly its pixels, at sizes that are and are not powers of two.
+    /// Every texel of every level is the farthest of exactly its pixels, at sizes that are and are not powers
+    /// of two.
     #[test]
     fn each_texel_is_the_farthest_of_its_pixels() {
         let mut dice = Dice::new(4);

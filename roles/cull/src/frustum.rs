@@ -31,7 +31,8 @@ impl Frustum {
 
     /// Whether a node's world box is certainly outside. Whatever compares as NaN is not.
     ///
-    /// Tested against planes one by one, so a large box near a corner of the frustum may pass though it is outside.
+    /// Tested against planes one by one, so a large box near a corner of the frustum may pass though it is
+    /// outside.
     pub(crate) fn excludes_world_box(&self, node: &Node) -> bool {
         let (min, max) = node.world_box();
         let half = (max - min) * 0.5;
@@ -43,9 +44,11 @@ impl Frustum {
         self.excludes(centre, &axes, slack)
     }
 
-    /// Whether the box of view-space `centre` and half-edges `axes`, grown by `slack` metres, is certainly outside.
+    /// Whether the box of view-space `centre` and half-edges `axes`, grown by `slack` metres, is certainly
+    /// outside.
     pub(crate) fn excludes(&self, centre: DVec3, axes: &[DVec3; 3], slack: f64) -> bool {
-        // A side plane through the eye: t z' - s x >= 0 inside, with z' = -z the depth; `sum` is that form's reach over the box.
+        // A side plane through the eye: t z' - s x >= 0 inside, with z' = -z the depth; `sum` is that form's
+        // reach over the box.
         let beyond_side = |tan: f64, across: f64, along: f64, reach: [f64; 3], depth_reach: [f64; 3]| {
             let (mut right, mut left) = (0.0, 0.0);
             for (a, d) in reach.iter().zip(depth_reach) {

@@ -1,11 +1,13 @@
 //! Testing boxes on the CPU against a depth pyramid.
 //!
-//! First the box's rectangle on the screen with its nearest depth is tested against a level at which it covers a few texels.
-//! Most hidden boxes end there. Where that does not hide the box, its true outline and the depth of its front faces are tested
-//! down to single pixels, as far as a budget of texels goes; when that is spent, the box counts as visible.
+//! First the box's rectangle on the screen with its nearest depth is tested against a level at which it
+//! covers a few texels. Most hidden boxes end there. Where that does not hide the box, its true outline and
+//! the depth of its front faces are tested down to single pixels, as far as a budget of texels goes; when
+//! that is spent, the box counts as visible.
 //!
-//! The promise: a box is hidden only if at every pixel whose centre lies in its outline (grown as [`Outline`] says) its front is
-//! behind the depth there. So nothing that a rasterized test of the same box shows is hidden; a little more may show.
+//! The promise: a box is hidden only if at every pixel whose centre lies in its outline (grown as [`Outline`]
+//! says) its front is behind the depth there. So nothing that a rasterized test of the same box shows is
+//! hidden; a little more may show.
 
 use thiserror::Error;
 
@@ -65,8 +67,8 @@ impl<'p> HzbTester<'p> {
         Ok(Self { image, pyramid, outline: Outline::OnScreen, stack: Vec::new() })
     }
 
-    /// The same tester with outlines grown as `outline` says: with [`Outline::InBox`] it takes boxes as a tester that
-    /// rasterizes them does, so that the two can be compared.
+    /// The same tester with outlines grown as `outline` says: with [`Outline::InBox`] it takes boxes as a
+    /// tester that rasterizes them does, so that the two can be compared.
     #[must_use]
     pub fn with_outline(self, outline: Outline) -> Self {
         Self { outline, ..self }
@@ -162,8 +164,8 @@ mod tests {
         TestBox { centre: centre.as_vec3(), axes }
     }
 
-    /// Against random triangles at sizes from one pixel up: a box that a rasterized test shows is never hidden, and most of
-    /// those that it hides are.
+    /// Against random triangles at sizes from one pixel up: a box that a rasterized test shows is never
+    /// hidden, and most of those that it hides are.
     #[test]
     fn nothing_that_a_rasterized_test_shows_is_hidden() {
         let mut dice = Dice::new(9);
@@ -226,8 +228,9 @@ mod tests {
         assert_eq!(answers, [0, 1, 1, 1]);
     }
 
-    /// A plate of a real platform, seen almost along its side, whose corner falls on pixel centres. The rasterizer moved the side
-    /// outwards by a 540th of a pixel; there its depth is 0.5 mm nearer than any corner.
+    /// A plate of a real platform, seen almost along its side, whose corner falls on pixel centres. The
+    /// rasterizer moved the side outwards by a 540th of a pixel; there its depth is 0.5 mm nearer than
+    /// any corner.
     #[test]
     fn a_side_that_the_rasterizer_moves_past_its_corner_does_not_hide_its_box() {
         let viewport = Viewport::new(384, 384).unwrap();

@@ -1,8 +1,9 @@
 //! What is drawn: the level-of-detail cut and occlusion culling, as pure functions over a [`BoxTester`].
 //!
-//! [`Culler::cull`] walks the scene and keeps what shows, [`level_cut`] is what would be drawn without it, [`OccluderMapper`]
-//! turns the last frame's visible set into the next one's occluders, and [`draw_order`] puts either into the one order in
-//! which everyone draws. Boxes are tested by whatever holds the occluders' depth: a GPU, or [`HzbTester`] on the CPU.
+//! [`Culler::cull`] walks the scene and keeps what shows, [`level_cut`] is what would be drawn without it,
+//! [`OccluderMapper`] turns the last frame's visible set into the next one's occluders, and [`draw_order`]
+//! puts either into the one order in which everyone draws. Boxes are tested by whatever holds the occluders'
+//! depth: a GPU, or [`HzbTester`] on the CPU.
 
 mod boxes;
 mod cut;

@@ -1,9 +1,10 @@
 //! From the last frame's visible set to the next frame's occluders.
 //!
-//! HC emits drawables of the cut for *its* camera; OR draws for the next one, where another cut is due. An id is mapped to what
-//! the new cut has in its place: the same node at another level, an ancestor, or descendants. So every occluder is part of the
-//! picture that will be drawn, and nothing hidden behind it can show: this is what makes culling exact. Any subset of the cut
-//! is a valid set of occluders, so fewer may be drawn ([`worthiest_within`](crate::worthiest_within)) for looser culling.
+//! HC emits drawables of the cut for *its* camera; OR draws for the next one, where another cut is due. An id
+//! is mapped to what the new cut has in its place: the same node at another level, an ancestor, or
+//! descendants. So every occluder is part of the picture that will be drawn, and nothing hidden behind it can
+//! show: this is what makes culling exact. Any subset of the cut is a valid set of occluders, so fewer may be
+//! drawn ([`worthiest_within`](crate::worthiest_within)) for looser culling.
 
 use std::sync::Arc;
 
@@ -24,7 +25,8 @@ pub struct OccluderError {
     pub count: usize,
 }
 
-/// What is known of a node in this frame. Stored with the frame's stamp in one word, so that a new frame costs nothing.
+/// What is known of a node in this frame. Stored with the frame's stamp in one word, so that a new frame
+/// costs nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 enum State {
@@ -34,11 +36,13 @@ enum State {
     Above,
     /// As `Above`, and all that the cut has below it has been handed out.
     AllBelowDue,
-    /// The cut is at this node (handed out) or above it, or the node is outside the frustum: nothing is left to hand out.
+    /// The cut is at this node (handed out) or above it, or the node is outside the frustum: nothing is left
+    /// to hand out.
     Settled,
 }
 
-/// Maps batches of ids as they come, each due drawable once a frame. The cost is proportional to the ids and what they map to.
+/// Maps batches of ids as they come, each due drawable once a frame. The cost is proportional to the ids and
+/// what they map to.
 #[derive(Debug)]
 pub struct OccluderMapper {
     scene: Arc<Scene>,
@@ -60,7 +64,8 @@ impl OccluderMapper {
         Self { scene, marks, stamp: 1, view, rule, path: Vec::new() }
     }
 
-    /// Starts the next frame: forgets what was handed out and maps to the cut from `view` under `rule` from now on.
+    /// Starts the next frame: forgets what was handed out and maps to the cut from `view` under `rule` from
+    /// now on.
     pub fn begin(&mut self, view: View, rule: CutRule) {
         (self.view, self.rule) = (view, rule);
         if self.stamp == Self::LAST_STAMP {
@@ -169,7 +174,8 @@ impl OccluderMapper {
     }
 }
 
-/// What the cut from `view` under `rule` has in place of `ids`, each once: see [`OccluderMapper`], which takes batches.
+/// What the cut from `view` under `rule` has in place of `ids`, each once: see [`OccluderMapper`], which
+/// takes batches.
 ///
 /// # Errors
 /// If the scene does not have one of them.

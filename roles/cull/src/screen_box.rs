@@ -1,9 +1,10 @@
 //! A box as the screen sees it: its rectangle, its outline and the depth of its front.
 //!
 //! The reciprocal depth of a plane is linear on the screen. A ray enters the box at the farthest of its
-//! front planes and leaves it at the nearest of its back planes, so at a pixel the entry is the *minimum* of a few linear
-//! functions (depth is reversed), the exit the *maximum* of others, and the outline is where no entry function is below an exit
-//! function. The extremes of a linear function over a rectangle of pixels are exact and cheap.
+//! front planes and leaves it at the nearest of its back planes, so at a pixel the entry is the *minimum* of
+//! a few linear functions (depth is reversed), the exit the *maximum* of others, and the outline is where no
+//! entry function is below an exit function. The extremes of a linear function over a rectangle of pixels are
+//! exact and cheap.
 
 use glam::{DVec3, Vec3};
 
@@ -77,10 +78,11 @@ pub(crate) struct Footprint {
 impl Lens {
     /// The lens of `view`, for boxes whose outlines are grown as `outline` says.
     ///
-    /// The rasterizer moves a surface sideways by up to half a sub-pixel step, and the steeper the surface, the more that moves
-    /// its depth at a pixel: at the edge of a face seen at a grazing angle it may come out nearer than any part of the box.
-    /// A box that is grown by half a pixel to all sides comes as much nearer, which covers any slope up to 256 metres of depth
-    /// a metre across. Where outlines are grown on the screen only, depths get the same allowance here.
+    /// The rasterizer moves a surface sideways by up to half a sub-pixel step, and the steeper the surface,
+    /// the more that moves its depth at a pixel: at the edge of a face seen at a grazing angle it may
+    /// come out nearer than any part of the box. A box that is grown by half a pixel to all sides comes
+    /// as much nearer, which covers any slope up to 256 metres of depth a metre across. Where outlines
+    /// are grown on the screen only, depths get the same allowance here.
     pub(crate) fn new(view: &View, outline: Outline) -> Self {
         let steepness = match outline {
             Outline::OnScreen => OUTLINE_PX / view.focal_x().min(view.focal_y()),
@@ -96,8 +98,8 @@ impl Lens {
         }
     }
 
-    /// The footprint of a box whose rectangle is grown by `grown` pixels; `None` where it reaches the eye's plane or is not
-    /// finite.
+    /// The footprint of a box whose rectangle is grown by `grown` pixels; `None` where it reaches the eye's
+    /// plane or is not finite.
     pub(crate) fn footprint(&self, test_box: &TestBox, grown: f64) -> Option<Footprint> {
         let centre = test_box.centre.as_dvec3();
         let [a, b, c] = test_box.axes.map(Vec3::as_dvec3);
@@ -225,7 +227,8 @@ impl ScreenShape {
                     dx: axis.x * scale / lens.focal.0,
                     dy: -axis.y * scale / lens.focal.1,
                 };
-                // A plane through the eye is seen edge on and bounds nothing: leaving it out makes the shape larger.
+                // A plane through the eye is seen edge on and bounds nothing: leaving it out makes the shape
+                // larger.
                 if !scale.is_finite() {
                 } else if outside {
                     fronts.push(plane);

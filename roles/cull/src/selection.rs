@@ -1,5 +1,5 @@
-//! Which occluders are worth drawing. Any subset of the cut is a valid set of occluders, so this trades the time to draw them
-//! for looser culling, and never a hole.
+//! Which occluders are worth drawing. Any subset of the cut is a valid set of occluders, so this trades the
+//! time to draw them for looser culling, and never a hole.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -14,8 +14,9 @@ use crate::{Choice, CutRule, LevelCut, View};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TriangleBudget(pub u64);
 
-/// Keeps the drawables that hide most for their triangles, as long as they fit the budget: by the square of how large they look
-/// (the box's diagonal over its distance), a triangle. What the scene does not have is dropped.
+/// Keeps the drawables that hide most for their triangles, as long as they fit the budget: by the square of
+/// how large they look (the box's diagonal over its distance), a triangle. What the scene does not have is
+/// dropped.
 pub fn worthiest_within(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>, budget: TriangleBudget) {
     let eye = view.eye();
     let mut ranked: Vec<(f32, DrawableId, u64)> = ids
@@ -42,9 +43,11 @@ pub fn worthiest_within(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>, b
     }
 }
 
-/// Appends the drawables of the cut that are nearest to the eye, nearest first, until the next one would pass the budget.
+/// Appends the drawables of the cut that are nearest to the eye, nearest first, until the next one would pass
+/// the budget.
 ///
-/// These are the occluders of a frame that has no frame before it to take them from: the first one, or one after a jump.
+/// These are the occluders of a frame that has no frame before it to take them from: the first one, or one
+/// after a jump.
 pub fn nearest_within(
     scene: &Scene,
     view: &View,

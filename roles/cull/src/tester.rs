@@ -6,12 +6,14 @@ use glam::Vec3;
 
 use crate::View;
 
-/// A box to test against the occluders, in view space: right-handed, x right, y up, looking down -z, metres about the eye.
+/// A box to test against the occluders, in view space: right-handed, x right, y up, looking down -z, metres
+/// about the eye.
 ///
-/// It holds all points `centre + a * axes[0] + b * axes[1] + c * axes[2]` with a, b and c from -1 to 1. The axes are at right
-/// angles to each other and none is zero. The traversal has already inflated it against rounding and depth ties, dilated it
-/// (unless the tester's [`Outline`] says that the tester does that) and given it a minimum thickness, and it lies wholly beyond
-/// the near plane: a tester rasterizes it as it stands.
+/// It holds all points `centre + a * axes[0] + b * axes[1] + c * axes[2]` with a, b and c from -1 to 1. The
+/// axes are at right angles to each other and none is zero. The traversal has already inflated it against
+/// rounding and depth ties, dilated it (unless the tester's [`Outline`] says that the tester does that) and
+/// given it a minimum thickness, and it lies wholly beyond the near plane: a tester rasterizes it as it
+/// stands.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct TestBox {
@@ -21,12 +23,12 @@ pub struct TestBox {
     pub axes: [Vec3; 3],
 }
 
-/// Who grows a box's outline by half a pixel and the sub-pixel step, so that a box smaller than a pixel is not lost between
-/// the samples.
+/// Who grows a box's outline by half a pixel and the sub-pixel step, so that a box smaller than a pixel is
+/// not lost between the samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Outline {
-    /// The traversal grows the box itself, in view space: right for a tester that draws boxes. Growing moves the faces towards
-    /// the eye as well, so a box behind a thin wall may show through it.
+    /// The traversal grows the box itself, in view space: right for a tester that draws boxes. Growing moves
+    /// the faces towards the eye as well, so a box behind a thin wall may show through it.
     #[default]
     InBox,
     /// The tester grows the outline on the screen and leaves the faces where they are: tighter.
@@ -48,9 +50,9 @@ pub trait BoxTester {
     /// Why a batch could not be tested: a lost device, say.
     type Error: std::error::Error + Send + Sync + 'static;
 
-    /// Tests a batch against the occluders as seen from `view`. Clears `visible` and fills it with one entry a box, in order:
-    /// 0 if the box shows at no pixel, else a number above 0. A tester that counts gives the number of pixels at which the box's
-    /// front shows; one that does not gives 1.
+    /// Tests a batch against the occluders as seen from `view`. Clears `visible` and fills it with one entry
+    /// a box, in order: 0 if the box shows at no pixel, else a number above 0. A tester that counts gives
+    /// the number of pixels at which the box's front shows; one that does not gives 1.
     ///
     /// # Errors
     /// As the tester says. The traversal stops; nothing is assumed about the boxes.

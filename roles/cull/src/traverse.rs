@@ -1,4 +1,5 @@
-//! Hardware culling: the walk down the tree that keeps what shows (the paper, Algorithm 4.1 and section 4.5.1).
+//! Hardware culling: the walk down the tree that keeps what shows (the paper, Algorithm 4.1 and section
+//! 4.5.1).
 
 use std::sync::Arc;
 
@@ -10,8 +11,8 @@ use crate::boxes::{BoxMaker, Prepared, Untestable, reaches};
 use crate::cut::{Choice, CutRule, LevelCut};
 use crate::{Answer, BoxTester, TestBox, View};
 
-/// What one walk did. Each node it came to is counted once among `frustum_culled`, `hidden`, `emitted` and `refined`, or is an
-/// interior node without children to go to.
+/// What one walk did. Each node it came to is counted once among `frustum_culled`, `hidden`, `emitted` and
+/// `refined`, or is an interior node without children to go to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct CullStats {
     /// Nodes the walk came to.
@@ -32,7 +33,8 @@ pub struct CullStats {
     pub emitted: u32,
     /// Visible nodes that were too coarse, so that their children were visited.
     pub refined: u32,
-    /// Nodes drawn too coarsely because they show at few pixels (section 4.5.2 of the paper, if the rule asks for it).
+    /// Nodes drawn too coarsely because they show at few pixels (section 4.5.2 of the paper, if the rule
+    /// asks for it).
     pub stopped_at_few_pixels: u32,
     /// Batches of box tests: levels of the tree at which there was something to test.
     pub batches: u32,
@@ -105,8 +107,9 @@ impl Culler {
         &self.scene
     }
 
-    /// Walks the tree breadth first, a level at a time, and gives `sink` the drawables of `rule`'s cut whose nodes show in
-    /// front of the tester's occluders: those of a level at once, as soon as that level is decided, and none for a level without.
+    /// Walks the tree breadth first, a level at a time, and gives `sink` the drawables of `rule`'s cut whose
+    /// nodes show in front of the tester's occluders: those of a level at once, as soon as that level is
+    /// decided, and none for a level without.
     ///
     /// # Errors
     /// If the tester fails, or does not fit the rule.
@@ -147,7 +150,8 @@ impl Culler {
         Ok(stats)
     }
 
-    /// Sorts the level's nodes into those outside the frustum, those to test and those visible without a test.
+    /// Sorts the level's nodes into those outside the frustum, those to test and those visible without a
+    /// test.
     fn prepare_level(&mut self, cut: &LevelCut<'_>, maker: &BoxMaker, stats: &mut CullStats) {
         self.candidates.clear();
         self.boxes.clear();

@@ -54,8 +54,8 @@ impl Viewport {
     }
 }
 
-/// A camera looking into a picture of a given size: the one definition of every transform from world to pixel. All roles use
-/// it, so that OR, HC and RVG compute the same positions.
+/// A camera looking into a picture of a given size: the one definition of every transform from world to
+/// pixel. All roles use it, so that OR, HC and RVG compute the same positions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     camera: Camera,
@@ -64,11 +64,12 @@ pub struct View {
 }
 
 impl View {
-    /// `camera` as seen in a picture of `viewport`'s size. The camera's own aspect ratio rules; a picture of another ratio is
-    /// stretched.
+    /// `camera` as seen in a picture of `viewport`'s size. The camera's own aspect ratio rules; a picture of
+    /// another ratio is stretched.
     #[must_use]
     pub fn new(camera: Camera, viewport: Viewport) -> Self {
-        // A camera's quaternion is of unit length to 1e-6; normalized, lengths in view space are lengths in the world to 1e-15.
+        // A camera's quaternion is of unit length to 1e-6; normalized, lengths in view space are lengths in
+        // the world to 1e-15.
         let orientation = DQuat::from_array(camera.orientation()).normalize();
         let to_view = DMat3::from_quat(orientation).transpose();
         Self { camera, viewport, to_view }
@@ -128,8 +129,8 @@ impl View {
         f64::from(self.camera.tan_half_fov_y()) * f64::from(self.camera.aspect())
     }
 
-    /// View space to Vulkan clip space: reversed z, infinite far plane (depth = near / distance), y down, pixel (0, 0) at the
-    /// top left.
+    /// View space to Vulkan clip space: reversed z, infinite far plane (depth = near / distance), y down,
+    /// pixel (0, 0) at the top left.
     #[must_use]
     pub fn projection(&self) -> Mat4 {
         let tan_y = self.camera.tan_half_fov_y();

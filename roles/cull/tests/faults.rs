@@ -1,5 +1,5 @@
-//! Each condition of exact culling, broken on purpose: the checks that find nothing on a sound loop must find that,
-//! and name which it was.
+//! Each condition of exact culling, broken on purpose: the checks that find nothing on a sound loop must find
+//! that, and name which it was.
 
 #![allow(clippy::unwrap_used, reason = "a test or benchmark that cannot be set up fails")]
 
@@ -12,9 +12,10 @@ use trimaran_cull::reference::cases::{Mesh, Object, build, looking, plant, plant
 use trimaran_cull::reference::{FalseCullCause, Fault, FrameReport, Placement, ReferenceWalk, Testing};
 use trimaran_cull::{CutRule, DEPTH_ULPS, OUTLINE_PX, POSITION_ULPS, Viewport};
 
-/// Faults of depth in the plant, as a fraction of the distance. Boxes are taken to be nearer by half a pixel over the focal
-/// length (see `Lens` in `screen_box.rs`; a box that is grown in space comes as much nearer), which is 0.6 % at this small size:
-/// a fault below that is none. Of 0.3 % the pyramid loses nothing, of 1 % some 1800 pixels.
+/// Faults of depth in the plant, as a fraction of the distance. Boxes are taken to be nearer by half a pixel
+/// over the focal length (see `Lens` in `screen_box.rs`; a box that is grown in space comes as much nearer),
+/// which is 0.6 % at this small size: a fault below that is none. Of 0.3 % the pyramid loses nothing, of 1 %
+/// some 1800 pixels.
 const PLANT_FRACTION: f64 = 0.01;
 
 /// What a walk through the plant came to under a fault.
@@ -71,7 +72,8 @@ fn a_sound_walk_has_no_errors() {
     }
 }
 
-/// From afar a barrel is drawn as its box; nearby it is round, and something shows past its edge. OR must not draw the box.
+/// From afar a barrel is drawn as its box; nearby it is round, and something shows past its edge. OR must not
+/// draw the box.
 #[test]
 fn occluders_at_other_levels_are_found_out() {
     let barrel =
@@ -117,7 +119,8 @@ fn a_stale_depth_is_found_out() {
     }
 }
 
-/// A tester that makes boxes smaller loses what is level with their faces, and some of what sticks out in front.
+/// A tester that makes boxes smaller loses what is level with their faces, and some of what sticks out in
+/// front.
 #[test]
 fn a_tester_of_smaller_boxes_is_found_out() {
     let errors = walk_plant(Fault::SmallBoxes(0.9), Testing::Rasterized, Placement::Exact);
@@ -162,8 +165,9 @@ fn occluders_placed_otherwise_are_found_out() {
     }
 }
 
-/// A wall of 8 x 8 panels, faced squarely, so that nothing but the allowance for ties saves a panel from its own surface and its
-/// neighbours'. Three times the allowance hides all panels but those at the wall's border; half of it changes nothing.
+/// A wall of 8 x 8 panels, faced squarely, so that nothing but the allowance for ties saves a panel from its
+/// own surface and its neighbours'. Three times the allowance hides all panels but those at the wall's
+/// border; half of it changes nothing.
 #[test]
 fn faults_of_depth_are_found_out_from_the_size_of_the_allowance_on() {
     let panels: Vec<Object> = (0..64)
@@ -202,7 +206,8 @@ fn faults_of_depth_are_found_out_from_the_size_of_the_allowance_on() {
     }
 }
 
-/// Without their half pixel, boxes smaller than a pixel are lost between the samples though nothing is before them.
+/// Without their half pixel, boxes smaller than a pixel are lost between the samples though nothing is before
+/// them.
 #[test]
 fn boxes_without_an_outline_are_found_out() {
     let crates: Vec<Object> = (0..100)

@@ -10,8 +10,8 @@ fn case(name: &str) -> Case {
     hard_cases().unwrap().into_iter().find(|case| case.name == name).unwrap()
 }
 
-/// Walks a case with both testers and both ways to place vertices, asserts that culling is exact in every frame, and gives the
-/// frames of the walk with rasterized boxes.
+/// Walks a case with both testers and both ways to place vertices, asserts that culling is exact in every
+/// frame, and gives the frames of the walk with rasterized boxes.
 fn assert_exact(name: &str) -> Vec<FrameReport> {
     let case = case(name);
     let walk = |testing, placement, epsilon| {

@@ -1,8 +1,10 @@
-//! What passes and box testers take, against triangles, draws and boxes: medians in milliseconds, as one table. `cpu` sums all threads
-//! of the process (Linux): on a driver that draws on the CPU it is the figure to plan with, for other programs disturb it least.
+//! What passes and box testers take, against triangles, draws and boxes: medians in milliseconds, as one
+//! table. `cpu` sums all threads of the process (Linux): on a driver that draws on the CPU it is the figure
+//! to plan with, for other programs disturb it least.
 //!
-//! The scene is a cloud of spheres that share one mesh a size, all in view and of some 3 pictures' area together (overdraw 3),
-//! drawn from near to far. `cargo bench -p trimaran-gpu` runs all; a word after `--` runs the lines that contain it.
+//! The scene is a cloud of spheres that share one mesh a size, all in view and of some 3 pictures' area
+//! together (overdraw 3), drawn from near to far. `cargo bench -p trimaran-gpu` runs all; a word after `--`
+//! runs the lines that contain it.
 
 #![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
 

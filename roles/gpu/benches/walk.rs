@@ -1,9 +1,10 @@
-//! What a walk through a cooked scene costs: the start, and each role's part of a frame, as CPU time of all threads of the process (Linux),
-//! which other programs disturb least. One after the other, so that no role's time is another's.
+//! What a walk through a cooked scene costs: the start, and each role's part of a frame, as CPU time of all
+//! threads of the process (Linux), which other programs disturb least. One after the other, so that no role's
+//! time is another's.
 //!
-//! Beside it stands a floor had in the same run: the display draws only what is exactly visible, as if culling were perfect, and an empty
-//! frame. `cargo bench -p trimaran-gpu --bench walk -- X.scene WALK.json [SIDE [OCCLUDERS]]`, where
-//! OCCLUDERS is the budget of triangles for them.
+//! Beside it stands a floor had in the same run: the display draws only what is exactly visible, as if
+//! culling were perfect, and an empty frame. `cargo bench -p trimaran-gpu --bench walk -- X.scene WALK.json
+//! [SIDE [OCCLUDERS]]`, where OCCLUDERS is the budget of triangles for them.
 
 #![allow(clippy::disallowed_methods, reason = "a measurement reads the clock")]
 

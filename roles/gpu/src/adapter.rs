@@ -77,8 +77,8 @@ pub(crate) struct Limits {
     pub(crate) max_storage_range: u64,
     /// Nanoseconds a tick of the timestamp counter; 0 if the queue has no timestamps.
     pub(crate) timestamp_period_ns: f64,
-    /// For a driver that draws on the CPU and can read the host's memory where it is: what addresses and sizes of such memory are
-    /// multiples of.
+    /// For a driver that draws on the CPU and can read the host's memory where it is: what addresses and
+    /// sizes of such memory are multiples of.
     pub(crate) host_memory_alignment: Option<u64>,
 }
 
@@ -124,8 +124,8 @@ impl Adapter {
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
         let mut properties =
             vk::PhysicalDeviceProperties2::default().push_next(&mut maintenance).push_next(&mut driver);
-        // SAFETY: `physical` was enumerated from this instance; the chain holds structures of Vulkan 1.1 and 1.2 that older
-        // devices leave untouched.
+        // SAFETY: `physical` was enumerated from this instance; the chain holds structures of Vulkan 1.1 and
+        // 1.2 that older devices leave untouched.
         let (families, memory) = unsafe {
             instance.get_physical_device_properties2(physical, &mut properties);
             (

@@ -17,12 +17,14 @@ pub(crate) struct BoxRecord {
 pub(crate) const VERTICES: u32 = 18;
 
 impl BoxRecord {
-    /// A box, its axes turned so that faces that show lie on positive ends. `None` if no test can tell: a coordinate is not finite, a
-    /// corner is not beyond the near plane, or no face shows, as from inside. Such a box counts as visible.
+    /// A box, its axes turned so that faces that show lie on positive ends. `None` if no test can tell: a
+    /// coordinate is not finite, a corner is not beyond the near plane, or no face shows, as from inside.
+    /// Such a box counts as visible.
     ///
-    /// Of two opposite faces at most one shows: the eye's coordinate along the axis, in half-edges, is beyond 1 or below -1, or
-    /// else neither shows. Drawing these faces alone covers each pixel of the box once, with its front, whatever the axes' handedness: the
-    /// count needs no culling by winding, which a thin box's rounding could turn over.
+    /// Of two opposite faces at most one shows: the eye's coordinate along the axis, in half-edges, is beyond
+    /// 1 or below -1, or else neither shows. Drawing these faces alone covers each pixel of the box once,
+    /// with its front, whatever the axes' handedness: the count needs no culling by winding, which a thin
+    /// box's rounding could turn over.
     pub(crate) fn new(shape: &TestBox, near: f64) -> Option<Self> {
         let centre = shape.centre.as_dvec3();
         let axes = shape.axes.map(Vec3::as_dvec3);
@@ -46,14 +48,14 @@ impl BoxRecord {
     }
 }
 
-/// The eye's coordinate along `axis`, in half-edges from the centre; the eye is the origin. `normal` is at right angles to the
-/// other two axes.
+/// The eye's coordinate along `axis`, in half-edges from the centre; the eye is the origin. `normal` is at
+/// right angles to the other two axes.
 fn eye_along(axis: DVec3, normal: DVec3, centre: DVec3) -> f64 {
     -normal.dot(centre) / normal.dot(axis)
 }
 
-/// Readies a batch: a record for each box that needs testing, with its index; all others are set visible in `visible`, which is
-/// filled with one entry a box.
+/// Readies a batch: a record for each box that needs testing, with its index; all others are set visible in
+/// `visible`, which is filled with one entry a box.
 pub(crate) fn prepare(
     view: &View,
     boxes: &[TestBox],

@@ -1,6 +1,7 @@
 //! The draws of a frame: one record and one indirect command each, in buffers that the device reads in place.
 //!
-//! A record is an instance's vertex attributes. Each draw is one instance, whose number (its first instance) picks the record.
+//! A record is an instance's vertex attributes. Each draw is one instance, whose number (its first instance)
+//! picks the record.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -26,7 +27,8 @@ pub(crate) enum Fetch {
     Pulled,
 }
 
-/// The draws of one frame, in the order given. Those already submitted stay as they are until [`clear`](Self::clear).
+/// The draws of one frame, in the order given. Those already submitted stay as they are until
+/// [`clear`](Self::clear).
 pub(crate) struct Draws {
     gpu: Arc<Gpu>,
     fetch: Fetch,
@@ -99,8 +101,8 @@ impl Draws {
         self.recorded < self.added
     }
 
-    /// Adds one draw an id, as seen from `view`. An id that the scene does not have is an error, and none of the ids after it
-    /// is added.
+    /// Adds one draw an id, as seen from `view`. An id that the scene does not have is an error, and none of
+    /// the ids after it is added.
     pub(crate) fn add(&mut self, scene: &GpuScene, view: &View, ids: &[DrawableId]) -> Result<(), GpuError> {
         let mut rest = ids;
         while !rest.is_empty() {

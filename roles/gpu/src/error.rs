@@ -7,7 +7,8 @@ use gpu_allocator::AllocationError;
 use thiserror::Error;
 use trimaran_proto::DrawableId;
 
-/// Why a graphics operation failed. Each message says what was being done, and what to do where something can be done.
+/// Why a graphics operation failed. Each message says what was being done, and what to do where something can
+/// be done.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum GpuError {

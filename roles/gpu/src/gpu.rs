@@ -45,7 +45,8 @@ impl Default for GpuOptions {
 /// purpose until the process ends, the scene's memory included. A process that outlives a hung device, by
 /// opening another, pays with this memory.
 pub struct Gpu {
-    // Dropped by hand, in this order: the allocator's memory, the device, the messenger, the instance, the loader.
+    // Dropped by hand, in this order: the allocator's memory, the device, the messenger, the instance, the
+    // loader.
     allocator: ManuallyDrop<Mutex<Allocator>>,
     device: ash::Device,
     messenger: ManuallyDrop<Option<Messenger>>,
@@ -76,7 +77,8 @@ impl Gpu {
         match opened {
             Ok(parts) => Ok(Arc::new(parts.into_gpu(entry, instance, options.timeout))),
             Err(error) => {
-                // SAFETY: all that was made from the instance is gone: `open_on` leaves nothing behind when it fails.
+                // SAFETY: all that was made from the instance is gone: `open_on` leaves nothing behind when
+                // it fails.
                 unsafe { instance.destroy_instance(None) };
                 Err(error)
             }
@@ -233,9 +235,9 @@ impl Drop for Gpu {
         if self.to_destroy().is_none() {
             return; // leaked, the loaded driver included: see the type
         }
-        // SAFETY: every object made from the device holds an `Arc` of this `Gpu` and is gone by now, so nothing runs on the device and
-        // nothing uses it; allocator, device, messenger, instance and loader go in the order of their
-        // dependence, each once.
+        // SAFETY: every object made from the device holds an `Arc` of this `Gpu` and is gone by now, so
+        // nothing runs on the device and nothing uses it; allocator, device, messenger, instance and
+        // loader go in the order of their dependence, each once.
         unsafe {
             ManuallyDrop::drop(&mut self.allocator);
             self.device.destroy_device(None);
@@ -253,7 +255,8 @@ impl std::fmt::Debug for Gpu {
 }
 
 fn instance(validation: bool) -> Result<(ash::Entry, ash::Instance), GpuError> {
-    // SAFETY: loads the system's Vulkan loader, whose initialisers are sound to run; the entry outlives all made from it.
+    // SAFETY: loads the system's Vulkan loader, whose initialisers are sound to run; the entry outlives all
+    // made from it.
     let entry = unsafe { ash::Entry::load() }.map_err(GpuError::NoLoader)?;
     let application =
         vk::ApplicationInfo::default().application_name(c"trimaran").api_version(vk::API_VERSION_1_3);

@@ -1,8 +1,8 @@
 //! Arrays of a scene from a file that the device reads where they are.
 //!
-//! A driver that draws on the CPU reads the same memory as everyone else. A copy of the scene for each device would only cost: for a
-//! scene of half a gigabyte and the three devices of a session in one process, most of the time from the start to the first
-//! picture.
+//! A driver that draws on the CPU reads the same memory as everyone else. A copy of the scene for each device
+//! would only cost: for a scene of half a gigabyte and the three devices of a session in one process, most of
+//! the time from the start to the first picture.
 
 use std::ffi::c_void;
 use std::mem::ManuallyDrop;
@@ -34,8 +34,8 @@ pub(crate) struct SceneMemory {
     scene: ManuallyDrop<Arc<Scene>>,
 }
 
-/// A buffer over an array of a scene. `None` where the device cannot read it in place: it is not from a file, or the device has
-/// memory of its own.
+/// A buffer over an array of a scene. `None` where the device cannot read it in place: it is not from a file,
+/// or the device has memory of its own.
 pub(crate) fn buffer(gpu: &Arc<Gpu>, scene: &Arc<Scene>, array: SceneArray) -> Option<Buffer> {
     let alignment = gpu.limits().host_memory_alignment.filter(|&alignment| alignment <= PAGE)?;
     let bytes = (array.bytes)(scene);
@@ -84,7 +84,8 @@ fn over_pages(
         if !within.is_multiple_of(requirements.alignment) || within + requirements.size > pages.length {
             return Err(GpuError::from_vk(OPERATION, vk::Result::ERROR_INVALID_EXTERNAL_HANDLE));
         }
-        // SAFETY: the memory is of this device and of a type the buffer takes, and the buffer's range lies in it, aligned.
+        // SAFETY: the memory is of this device and of a type the buffer takes, and the buffer's range lies in
+        // it, aligned.
         unsafe { gpu.device().bind_buffer_memory(handle, memory.handle, within) }.during(OPERATION)?;
         Ok(memory)
     });
@@ -106,7 +107,8 @@ impl SceneMemory {
         let Some(extension) = gpu.host_memory() else { return Err(unknown) };
         let host = vk::ExternalMemoryHandleTypeFlags::HOST_ALLOCATION_EXT;
         let mut properties = vk::MemoryHostPointerPropertiesEXT::default();
-        // SAFETY: the device has the extension, and the pages are mapped: the first and the last hold bytes of the scene.
+        // SAFETY: the device has the extension, and the pages are mapped: the first and the last hold bytes
+        // of the scene.
         unsafe {
             (extension.fp().get_memory_host_pointer_properties_ext)(
                 gpu.device().handle(),
@@ -127,9 +129,10 @@ impl SceneMemory {
             .allocation_size(pages.length)
             .memory_type_index(usable.trailing_zeros())
             .push_next(&mut import);
-        // SAFETY: the pages are mapped for as long as the scene lives, which is kept, and nobody can change or cut them meanwhile
-        // (`Scene::is_mapped`); address and length are multiples of what the device asks for. They may be read-only: buffers
-        // over them are only ever read, as vertices and indices.
+        // SAFETY: the pages are mapped for as long as the scene lives, which is kept, and nobody can change
+        // or cut them meanwhile (`Scene::is_mapped`); address and length are multiples of what the
+        // device asks for. They may be read-only: buffers over them are only ever read, as vertices
+        // and indices.
         let handle = unsafe { gpu.device().allocate_memory(&info, None) }.during(OPERATION)?;
         Ok(Self { gpu: Arc::clone(gpu), handle, scene: ManuallyDrop::new(Arc::clone(scene)) })
     }

@@ -106,7 +106,8 @@ impl ItemPass {
     /// Adds draws, in this order: of equal depths the first one shows.
     ///
     /// # Errors
-    /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), or without memory.
+    /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), or
+    /// without memory.
     pub fn draw(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
         self.pass.draw(ids)
     }

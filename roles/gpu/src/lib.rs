@@ -1,16 +1,17 @@
 //! The Vulkan passes of the three roles. The only crate with `unsafe` graphics code.
 //!
-//! [`Gpu`] is an open device, [`GpuScene`] a scene on it. Three passes draw lists of drawables: [`OccluderPass`] depth alone,
-//! [`PicturePass`] shaded colour, [`ItemPass`] which triangle shows where. All place vertices by the same arithmetic, so that a
-//! triangle has the same depth at the same pixels in each. [`QueryTester`] and [`RasterTester`] test boxes against an occluder pass's
-//! depth.
+//! [`Gpu`] is an open device, [`GpuScene`] a scene on it. Three passes draw lists of drawables:
+//! [`OccluderPass`] depth alone, [`PicturePass`] shaded colour, [`ItemPass`] which triangle shows where. All
+//! place vertices by the same arithmetic, so that a triangle has the same depth at the same pixels in each.
+//! [`QueryTester`] and [`RasterTester`] test boxes against an occluder pass's depth.
 //!
 //! # Soundness
 //! The `unsafe` calls sit in small wrappers (`adapter`, `needs`, `gpu`, `memory`, `in_place`, `stream`,
 //! `recorder`, `pipeline`, `query`); the passes above them are safe code. Three rules carry them. An object
 //! holds an [`Arc`](std::sync::Arc) of the device it was made from. And whatever owns a stream of
-//! commands declares it before the things its commands use: fields drop in order of declaration, and a stream that is dropped waits
-//! for the device. Where a stream gives up waiting, nothing of the device is destroyed any more ([`Gpu`]).
+//! commands declares it before the things its commands use: fields drop in order of declaration, and a stream
+//! that is dropped waits for the device. Where a stream gives up waiting, nothing of the device is destroyed
+//! any more ([`Gpu`]).
 #![allow(
     unsafe_code,
     reason = "Vulkan is called here and nowhere else; each block names the rule that makes it sound"

@@ -13,7 +13,8 @@ use crate::error::During as _;
 use crate::in_place::SceneMemory;
 use crate::{Gpu, GpuError};
 
-/// A buffer in whatever memory was asked for. Whoever submits work that uses it keeps it alive until that work is done.
+/// A buffer in whatever memory was asked for. Whoever submits work that uses it keeps it alive until that
+/// work is done.
 pub(crate) struct Buffer {
     gpu: Arc<Gpu>,
     handle: vk::Buffer,
@@ -44,7 +45,8 @@ impl Buffer {
         // SAFETY: the buffer was just made from this device.
         let requirements = unsafe { gpu.device().get_buffer_memory_requirements(handle) };
         let allocation = allocate(gpu, what, requirements, location, true).and_then(|allocation| {
-            // SAFETY: the memory is of this device, meets the buffer's requirements, and nothing else is bound to its range.
+            // SAFETY: the memory is of this device, meets the buffer's requirements, and nothing else is
+            // bound to its range.
             let bound =
                 unsafe { gpu.device().bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
             match bound.during("binding a buffer's memory") {
@@ -82,8 +84,8 @@ impl Buffer {
         }
     }
 
-    /// The buffer's memory if the host sees it and writes to it without flushing, even where the location did not ask for that:
-    /// on a CPU driver all memory is such.
+    /// The buffer's memory if the host sees it and writes to it without flushing, even where the location did
+    /// not ask for that: on a CPU driver all memory is such.
     pub(crate) fn mapped_mut(&mut self) -> Option<&mut [u8]> {
         let Backing::Own(allocation) = &mut *self.backing else { return None };
         let coherent = allocation
@@ -104,7 +106,8 @@ impl Buffer {
 impl Drop for Buffer {
     fn drop(&mut self) {
         let Some(device) = self.gpu.to_destroy() else { return };
-        // SAFETY: work that uses the buffer is done (see the type); the handle is ours, and the backing is taken once.
+        // SAFETY: work that uses the buffer is done (see the type); the handle is ours, and the backing is
+        // taken once.
         let backing = unsafe {
             device.destroy_buffer(self.handle, None);
             ManuallyDrop::take(&mut self.backing)
@@ -197,8 +200,8 @@ impl ImageUse {
     }
 }
 
-/// An attachment of a pass: a 2D image that is drawn to and copied from. It knows its last use, so that the next can be ordered
-/// after it; all uses go through one stream.
+/// An attachment of a pass: a 2D image that is drawn to and copied from. It knows its last use, so that the
+/// next can be ordered after it; all uses go through one stream.
 pub(crate) struct Image {
     gpu: Arc<Gpu>,
     handle: vk::Image,
@@ -264,7 +267,8 @@ impl Image {
         // SAFETY: the image was just made from this device.
         let requirements = unsafe { gpu.device().get_image_memory_requirements(handle) };
         let allocation = allocate(gpu, what, requirements, MemoryLocation::GpuOnly, false)?;
-        // SAFETY: the memory is of this device, meets the image's requirements, and nothing else is bound to its range.
+        // SAFETY: the memory is of this device, meets the image's requirements, and nothing else is bound to
+        // its range.
         let bound =
             unsafe { gpu.device().bind_image_memory(handle, allocation.memory(), allocation.offset()) };
         let info = vk::ImageViewCreateInfo::default()
@@ -303,7 +307,8 @@ impl Image {
 impl Drop for Image {
     fn drop(&mut self) {
         let Some(device) = self.gpu.to_destroy() else { return };
-        // SAFETY: the stream that used the image is done; view and image are ours; the allocation is taken once.
+        // SAFETY: the stream that used the image is done; view and image are ours; the allocation is taken
+        // once.
         let allocation = unsafe {
             device.destroy_image_view(self.view, None);
             device.destroy_image(self.handle, None);

@@ -69,14 +69,15 @@ impl OccluderPass {
     /// Adds occluders. The device starts on them at the next [`flush`](Self::flush).
     ///
     /// # Errors
-    /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), or without memory.
+    /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), or
+    /// without memory.
     pub fn draw(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
         self.depth_is_current = false;
         self.pass.draw(ids)
     }
 
-    /// Hands what was added to the device, which draws it while the host goes on. Each flush costs a submission (tens of
-    /// microseconds): worth it for hundreds of draws.
+    /// Hands what was added to the device, which draws it while the host goes on. Each flush costs a
+    /// submission (tens of microseconds): worth it for hundreds of draws.
     ///
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).

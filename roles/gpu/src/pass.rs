@@ -1,4 +1,5 @@
-//! What the three scene passes share: draws that come in batches go to the device in pieces, over one set of attachments.
+//! What the three scene passes share: draws that come in batches go to the device in pieces, over one set of
+//! attachments.
 
 use std::sync::Arc;
 

@@ -29,8 +29,8 @@ static KIND: PassKind = PassKind {
     fetch: Fetch::Fixed,
 };
 
-/// Draws shaded pictures. Frames alternate between two sets of attachments, so that the next can be prepared and submitted
-/// while the device still draws this one.
+/// Draws shaded pictures. Frames alternate between two sets of attachments, so that the next can be prepared
+/// and submitted while the device still draws this one.
 pub struct PicturePass {
     frames: [Frame; 2],
     /// The frame that draws go to.
@@ -64,8 +64,8 @@ impl PicturePass {
         }
     }
 
-    /// Starts a picture of the view's size, on the set of attachments that was not used last; waits for what is still drawn
-    /// there.
+    /// Starts a picture of the view's size, on the set of attachments that was not used last; waits for what
+    /// is still drawn there.
     ///
     /// # Errors
     /// If the device fails, or cannot draw the view's size.
@@ -77,13 +77,14 @@ impl PicturePass {
     /// Adds draws, in this order: of equal depths the first one shows.
     ///
     /// # Errors
-    /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), or without memory.
+    /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), or
+    /// without memory.
     pub fn draw(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
         self.current().pass.draw(ids)
     }
 
-    /// Hands what was added to the device, which draws it while the host goes on. At the end of a frame this lets the next one
-    /// [`begin`](Self::begin) before this one is [`finish`](Self::finish)ed.
+    /// Hands what was added to the device, which draws it while the host goes on. At the end of a frame this
+    /// lets the next one [`begin`](Self::begin) before this one is [`finish`](Self::finish)ed.
     ///
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).
@@ -100,8 +101,9 @@ impl PicturePass {
         self.current().pass.finish()
     }
 
-    /// Waits until the picture *before* the one begun last is drawn, and makes it the one that is read: for a caller that
-    /// prepares a frame while the last one is drawn. Before the second frame there is none and the error says so.
+    /// Waits until the picture *before* the one begun last is drawn, and makes it the one that is read: for a
+    /// caller that prepares a frame while the last one is drawn. Before the second frame there is none
+    /// and the error says so.
     ///
     /// # Errors
     /// If the device fails, or there is no such picture.
@@ -110,7 +112,8 @@ impl PicturePass {
         self.readable().pass.finish()
     }
 
-    /// The pixels of the picture finished last: sRGB-encoded red, green, blue and alpha, row by row from the top.
+    /// The pixels of the picture finished last: sRGB-encoded red, green, blue and alpha, row by row from the
+    /// top.
     ///
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).

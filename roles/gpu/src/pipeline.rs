@@ -68,7 +68,8 @@ impl Layout {
         let sets = [set];
         let info =
             vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&constants);
-        // SAFETY: the set layout is ours; all push constants used here are within the 128 bytes every device has.
+        // SAFETY: the set layout is ours; all push constants used here are within the 128 bytes every device
+        // has.
         layout.handle = unsafe { gpu.device().create_pipeline_layout(&info, None) }.during(OPERATION)?;
         Ok(Arc::new(layout))
     }
@@ -171,7 +172,8 @@ pub(crate) enum DepthUse {
     Test,
 }
 
-/// What sets the pipelines apart; all else they share: triangles, both sides, reversed-z depth test, no blending.
+/// What sets the pipelines apart; all else they share: triangles, both sides, reversed-z depth test, no
+/// blending.
 pub(crate) struct PipelineDesc {
     pub(crate) vertex: Shader,
     pub(crate) fragment: Option<Shader>,
@@ -206,7 +208,8 @@ impl Pipeline {
             .line_width(1.0);
         let samples = vk::PipelineMultisampleStateCreateInfo::default()
             .rasterization_samples(vk::SampleCountFlags::TYPE_1);
-        // Of equal surfaces the one drawn first stays, in every pass alike; but a box that is level with a surface shows.
+        // Of equal surfaces the one drawn first stays, in every pass alike; but a box that is level with a
+        // surface shows.
         let (depth_write, compare) = match desc.depth {
             DepthUse::Draw => (true, vk::CompareOp::GREATER),
             DepthUse::Test => (false, vk::CompareOp::GREATER_OR_EQUAL),
@@ -241,8 +244,8 @@ impl Pipeline {
             .dynamic_state(&dynamic)
             .layout(layout.handle)
             .push_next(&mut rendering);
-        // SAFETY: all that `info` points to lives through the call; the shaders were validated when they were compiled and use no more than
-        // the layout and the enabled features give.
+        // SAFETY: all that `info` points to lives through the call; the shaders were validated when they were
+        // compiled and use no more than the layout and the enabled features give.
         let made = unsafe {
             layout.gpu.device().create_graphics_pipelines(vk::PipelineCache::null(), &[info], None)
         };

@@ -14,13 +14,15 @@ use crate::pass::{OverDepth, ScenePass};
 use crate::pipeline::{DepthUse, Layout, Pipeline, PipelineDesc, VertexInput, shader};
 use crate::{Gpu, GpuError, OccluderPass};
 
-/// Tests boxes by precise occlusion queries, one a box, all of a batch before the first is read. Counts pixels.
+/// Tests boxes by precise occlusion queries, one a box, all of a batch before the first is read. Counts
+/// pixels.
 pub struct QueryTester<'a> {
     pass: &'a mut ScenePass,
     boxes: &'a mut QueryBoxes,
 }
 
-/// The queries a render pass may hold: Mesa 25.0 miscounts one query in some 3,990 where a pass holds more than that.
+/// The queries a render pass may hold: Mesa 25.0 miscounts one query in some 3,990 where a pass holds more
+/// than that.
 const QUERIES_PER_PASS: usize = 1000;
 
 const OPERATION: &str = "testing boxes by occlusion queries";
@@ -139,7 +141,8 @@ impl Room {
         results.resize(count, 0);
         // Without WAIT, which no timeout ends: the stream has waited.
         let flags = vk::QueryResultFlags::empty();
-        // SAFETY: these queries lie in the pool and have ended; the slice has one element for each, of the type asked for.
+        // SAFETY: these queries lie in the pool and have ended; the slice has one element for each, of the
+        // type asked for.
         unsafe { self.gpu.device().get_query_pool_results(self.pool, 0, results, flags) }.during(OPERATION)
     }
 }

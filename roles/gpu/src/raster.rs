@@ -13,8 +13,9 @@ use crate::pass::{OverDepth, ScenePass};
 use crate::pipeline::{BindingSet, DepthUse, Layout, Pipeline, PipelineDesc, VertexInput, shader};
 use crate::{Gpu, GpuError, OccluderPass};
 
-/// Tests boxes by one instanced draw of a whole batch: a fragment that passes the early depth test adds one to its box's
-/// count. The counts are those of [`QueryTester`](crate::QueryTester), at a fraction of the cost while boxes are small.
+/// Tests boxes by one instanced draw of a whole batch: a fragment that passes the early depth test adds one
+/// to its box's count. The counts are those of [`QueryTester`](crate::QueryTester), at a fraction of the cost
+/// while boxes are small.
 pub struct RasterTester<'a> {
     pass: &'a mut ScenePass,
     boxes: &'a mut RasterBoxes,

@@ -1,7 +1,8 @@
 //! Recording commands: the few that the passes use, typed.
 //!
-//! Every method here records into a command buffer that [`Stream::submit`](crate::stream::Stream::submit) has begun. What makes each call
-//! sound is the same: handles come from living wrappers, and the stream's owner keeps these alive until the stream is done.
+//! Every method here records into a command buffer that [`Stream::submit`](crate::stream::Stream::submit) has
+//! begun. What makes each call sound is the same: handles come from living wrappers, and the stream's owner
+//! keeps these alive until the stream is done.
 
 use std::ops::Range;
 
@@ -132,8 +133,8 @@ impl<'a> Recorder<'a> {
     pub(crate) fn draw_indirect(&self, fetch: Fetch, commands: &Buffer, which: Range<usize>) {
         let stride = size_of::<DrawCommand>();
         let (offset, count, stride) = ((which.start * stride) as u64, which.len() as u32, stride as u32);
-        // SAFETY: the module's rule; callers pass ranges inside the buffer, and no more than a chunk, which is below every device's
-        // maxDrawIndirectCount (65535 at least with multiDrawIndirect).
+        // SAFETY: the module's rule; callers pass ranges inside the buffer, and no more than a chunk, which
+        // is below every device's maxDrawIndirectCount (65535 at least with multiDrawIndirect).
         unsafe {
             match fetch {
                 Fetch::Fixed => self.device.cmd_draw_indexed_indirect(
@@ -152,7 +153,8 @@ impl<'a> Recorder<'a> {
 
     /// Draws `vertices` vertices for each of `instances`, without a mesh.
     pub(crate) fn draw(&self, vertices: u32, instances: Range<u32>) {
-        // SAFETY: the module's rule; the pipeline bound takes instance attributes alone, and callers bind as many instances.
+        // SAFETY: the module's rule; the pipeline bound takes instance attributes alone, and callers bind as
+        // many instances.
         unsafe {
             self.device.cmd_draw(
                 self.commands,
@@ -172,8 +174,8 @@ impl<'a> Recorder<'a> {
 
     /// Counts precisely the samples that `draw` passes.
     pub(crate) fn query(&self, pool: vk::QueryPool, index: u32, draw: impl FnOnce()) {
-        // SAFETY: the module's rule; the query lies in the pool and was reset, occlusionQueryPrecise is enabled, and begin and end lie in
-        // one render pass.
+        // SAFETY: the module's rule; the query lies in the pool and was reset, occlusionQueryPrecise is
+        // enabled, and begin and end lie in one render pass.
         unsafe {
             self.device.cmd_begin_query(self.commands, pool, index, vk::QueryControlFlags::PRECISE);
             draw();
@@ -181,8 +183,8 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Copies a whole image into a host-visible buffer that holds it tightly packed, top row first, and makes it visible to
-    /// the host.
+    /// Copies a whole image into a host-visible buffer that holds it tightly packed, top row first, and makes
+    /// it visible to the host.
     pub(crate) fn copy_to_host(&self, image: &mut Image, size: Viewport, buffer: &Buffer) {
         self.hand_over(image, ImageUse::CopySource, false);
         let region = vk::BufferImageCopy::default()
@@ -211,7 +213,8 @@ impl<'a> Recorder<'a> {
 
     /// Sets a buffer to zero, before shaders count in it.
     pub(crate) fn zero(&self, buffer: &Buffer) {
-        // SAFETY: the module's rule; the buffer was made to be written by transfers, and its size is a multiple of 4.
+        // SAFETY: the module's rule; the buffer was made to be written by transfers, and its size is a
+        // multiple of 4.
         unsafe { self.device.cmd_fill_buffer(self.commands, buffer.handle(), 0, vk::WHOLE_SIZE, 0) };
     }
 
@@ -238,7 +241,8 @@ impl<'a> Recorder<'a> {
         unsafe { self.device.cmd_pipeline_barrier2(self.commands, &info) };
     }
 
-    /// Orders an image's next use after its last, and puts it into the layout of the next. With `discard` its content may go.
+    /// Orders an image's next use after its last, and puts it into the layout of the next. With `discard` its
+    /// content may go.
     fn hand_over(&self, image: &mut Image, next: ImageUse, discard: bool) {
         let (stage, access) = next.scope();
         let (from_stage, from_access) =
@@ -259,7 +263,8 @@ impl<'a> Recorder<'a> {
             .image(image.handle())
             .subresource_range(whole(image.aspect()))];
         let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
-        // SAFETY: the module's rule; the old layout is the one the image was left in, or UNDEFINED; no render pass is open.
+        // SAFETY: the module's rule; the old layout is the one the image was left in, or UNDEFINED; no render
+        // pass is open.
         unsafe { self.device.cmd_pipeline_barrier2(self.commands, &info) };
         image.last_use = Some(next);
     }

@@ -13,7 +13,8 @@ use crate::memory::{Buffer, HostBuffer};
 use crate::stream::Stream;
 use crate::{Gpu, GpuError};
 
-/// The triangles of a scene on a device, and the scene itself for what of its tree drawing needs. Passes share it through an [`Arc`].
+/// The triangles of a scene on a device, and the scene itself for what of its tree drawing needs. Passes
+/// share it through an [`Arc`].
 pub struct GpuScene {
     gpu: Arc<Gpu>,
     vertices: Buffer,
@@ -41,8 +42,8 @@ impl SceneArray {
 }
 
 impl GpuScene {
-    /// Gives a scene's triangles to the device: a copy, or where it draws on the CPU and the scene is mapped from a file, the file's own
-    /// pages.
+    /// Gives a scene's triangles to the device: a copy, or where it draws on the CPU and the scene is mapped
+    /// from a file, the file's own pages.
     ///
     /// # Errors
     /// If the scene is larger than the device can address or has memory for.
@@ -84,7 +85,8 @@ impl GpuScene {
         &self.gpu
     }
 
-    /// Bytes that were copied for the device: those of vertices and indices, or none where it reads the scene's own.
+    /// Bytes that were copied for the device: those of vertices and indices, or none where it reads the
+    /// scene's own.
     #[must_use]
     pub fn copied_bytes(&self) -> u64 {
         [&self.vertices, &self.indices].map(Buffer::own_bytes).iter().sum()
@@ -114,11 +116,12 @@ impl std::fmt::Debug for GpuScene {
     }
 }
 
-/// The map from a node's local frame to view space, as the rows of a 3x4 matrix: the one definition of where a vertex lies, used
-/// by every pass.
+/// The map from a node's local frame to view space, as the rows of a 3x4 matrix: the one definition of where
+/// a vertex lies, used by every pass.
 ///
-/// World coordinates of plants are too large for f32, so the eye is subtracted and the rotation applied in f64, and each entry is
-/// rounded once, to f32, at the end: what is left of the error is about half an ulp of the *view-space* distance.
+/// World coordinates of plants are too large for f32, so the eye is subtracted and the rotation applied in
+/// f64, and each entry is rounded once, to f32, at the end: what is left of the error is about half an ulp of
+/// the *view-space* distance.
 pub(crate) fn in_view(node: &Node, view: &View) -> [[f32; 4]; 3] {
     let rotation = view.to_view().to_cols_array();
     let eye = view.eye().to_array();

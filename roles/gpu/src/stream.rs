@@ -9,9 +9,9 @@ use crate::recorder::Recorder;
 use crate::wait::{Cancel, End, SLICE, Wait};
 use crate::{Gpu, GpuError};
 
-/// Submissions of one pass, in order. Dropping it waits for the device, so an owner that declares its stream before the buffers and
-/// images that the stream's work uses is sound: fields drop in order of declaration. Where it gives up
-/// waiting, it abandons the device, so that none of them is destroyed.
+/// Submissions of one pass, in order. Dropping it waits for the device, so an owner that declares its stream
+/// before the buffers and images that the stream's work uses is sound: fields drop in order of declaration.
+/// Where it gives up waiting, it abandons the device, so that none of them is destroyed.
 pub(crate) struct Stream {
     gpu: Arc<Gpu>,
     cancel: Option<Cancel>,
@@ -35,7 +35,8 @@ const MAX_PIECES: usize = 64;
 impl Stream {
     pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self, GpuError> {
         const OPERATION: &str = "making a command stream";
-        // The stream first, with null handles (which Vulkan's destroy functions ignore), so that a failure half-way cleans up.
+        // The stream first, with null handles (which Vulkan's destroy functions ignore), so that a failure
+        // half-way cleans up.
         let mut stream = Self {
             gpu: Arc::clone(gpu),
             cancel: None,
@@ -104,8 +105,9 @@ impl Stream {
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         let timed = self.gpu.limits().timestamp_period_ns > 0.0;
         let first = 2 * self.pieces as u32;
-        // SAFETY: the buffer is ours, in its initial state (its pool was reset after the device was done with it), and is recorded by this
-        // thread alone; the timestamps lie in the pool and are reset before they are written.
+        // SAFETY: the buffer is ours, in its initial state (its pool was reset after the device was done with
+        // it), and is recorded by this thread alone; the timestamps lie in the pool and are reset
+        // before they are written.
         unsafe {
             device.begin_command_buffer(buffer, &begin).during(operation)?;
             if timed {
@@ -131,7 +133,8 @@ impl Stream {
         let submits =
             [vk::SubmitInfo2::default().command_buffer_infos(&buffers).signal_semaphore_infos(&signals)];
         let queue = self.gpu.queue();
-        // SAFETY: the queue is locked; the command buffer is complete; the timeline only ever grows, by one a submission.
+        // SAFETY: the queue is locked; the command buffer is complete; the timeline only ever grows, by one a
+        // submission.
         unsafe { device.queue_submit2(*queue, &submits, vk::Fence::null()) }.during(operation)?;
         drop(queue);
         self.submitted += 1;

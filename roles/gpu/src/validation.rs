@@ -37,8 +37,8 @@ impl Messenger {
             )
             .pfn_user_callback(Some(collect))
             .user_data(user_data.cast_mut().cast());
-        // SAFETY: the instance is alive and has the extension; the user data is a `Messages` at a stable address that outlives
-        // the messenger, which `Drop` destroys first.
+        // SAFETY: the instance is alive and has the extension; the user data is a `Messages` at a stable
+        // address that outlives the messenger, which `Drop` destroys first.
         let handle = unsafe { loader.create_debug_utils_messenger(&info, None) }
             .during("listening to the validation layer")?;
         Ok(Self { loader, handle, messages })
@@ -52,7 +52,8 @@ impl Messenger {
 
 impl Drop for Messenger {
     fn drop(&mut self) {
-        // SAFETY: the handle is ours and destroyed once; the instance is alive, for `Gpu` drops its messenger before it.
+        // SAFETY: the handle is ours and destroyed once; the instance is alive, for `Gpu` drops its messenger
+        // before it.
         unsafe { self.loader.destroy_debug_utils_messenger(self.handle, None) };
     }
 }
@@ -64,12 +65,15 @@ unsafe extern "system" fn collect(
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     user_data: *mut c_void,
 ) -> vk::Bool32 {
-    // SAFETY: Vulkan passes either null or a pointer that is valid for the call (VUID-PFN_vkDebugUtilsMessengerCallbackEXT).
+    // SAFETY: Vulkan passes either null or a pointer that is valid for the call
+    // (VUID-PFN_vkDebugUtilsMessengerCallbackEXT).
     let text = unsafe { data.as_ref() }
-        // SAFETY: the message is null-terminated UTF-8 and lives through the call; `message_as_c_str` checks for null.
+        // SAFETY: the message is null-terminated UTF-8 and lives through the call; `message_as_c_str` checks
+        // for null.
         .and_then(|data| unsafe { data.message_as_c_str() })
         .map_or_else(|| "a message without text".to_owned(), |text| text.to_string_lossy().into_owned());
-    // SAFETY: the user data is the `Messages` that `Messenger::new` registered, alive until after the messenger is destroyed.
+    // SAFETY: the user data is the `Messages` that `Messenger::new` registered, alive until after the
+    // messenger is destroyed.
     if let Some(messages) = unsafe { user_data.cast::<Messages>().as_ref() } {
         messages.lock().unwrap_or_else(PoisonError::into_inner).push(text);
     }

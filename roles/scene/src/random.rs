@@ -1,7 +1,9 @@
-//! Random numbers that are the same on every platform and in every release: those of walks and of generated models.
+//! Random numbers that are the same on every platform and in every release: those of walks and of generated
+//! models.
 
-/// SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014). A dozen lines of integer
-/// arithmetic rather than a crate, because a seed must give the same model for ever, whatever a crate's next version does.
+/// SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014). A dozen lines
+/// of integer arithmetic rather than a crate, because a seed must give the same model for ever, whatever a
+/// crate's next version does.
 #[derive(Debug, Clone)]
 pub struct Random(u64);
 

@@ -89,7 +89,8 @@ impl Drop for Stop<'_> {
     }
 }
 
-/// Somebody writes one scene over another of the same length without a pause. Whatever is opened is one of them.
+/// Somebody writes one scene over another of the same length without a pause. Whatever is opened is one of
+/// them.
 #[test]
 fn a_scene_that_is_being_overwritten_opens_whole_or_not_at_all() {
     let saved = Saved::new();

@@ -15,7 +15,8 @@ pub(crate) enum RoleCommand {
     Display(RoleArgs<<DisplayConfig as Config>::Layer>),
 }
 
-/// What a role is told: a flag overrides its environment variable, that overrides the file, and that the default.
+/// What a role is told: a flag overrides its environment variable, that overrides the file, and that the
+/// default.
 #[derive(Debug, Args)]
 pub(crate) struct RoleArgs<L: Args> {
     /// The role's configuration (TOML); `trimaran config` prints one with every key.

@@ -14,8 +14,8 @@ pub(crate) struct ImportArgs {
     /// Where to write the scene.
     #[arg(short, long, value_name = "X.scene")]
     pub(crate) output: PathBuf,
-    /// How far a tessellated curve may lie from the true one, millimetres (RVM). No curve is cut finer than a
-    /// ten-thousandth of its radius.
+    /// How far a tessellated curve may lie from the true one, millimetres (RVM). No curve is cut finer than
+    /// a ten-thousandth of its radius.
     #[arg(
         long,
         value_name = "MM",
@@ -37,7 +37,8 @@ pub(crate) struct ImportArgs {
     pub(crate) json: bool,
 }
 
-/// How much files may ask for. A small file that is damaged or hostile can ask for more than any memory holds.
+/// How much files may ask for. A small file that is damaged or hostile can ask for more than any memory
+/// holds.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Limits (raise them for a model that says so)")]
 pub(crate) struct LimitArgs {
@@ -53,7 +54,8 @@ pub(crate) struct LimitArgs {
     /// How deep nodes or groups may be nested.
     #[arg(long, value_name = "N", default_value_t = ImportLimits::default().depth)]
     pub(crate) max_depth: u32,
-    /// The most nodes of the scene's tree: a small object is one, a large one some for each hundred triangles.
+    /// The most nodes of the scene's tree: a small object is one, a large one some for each hundred
+    /// triangles.
     #[arg(long, value_name = "N", default_value_t = CookOptions::default().max_nodes)]
     pub(crate) max_nodes: usize,
 }
@@ -89,7 +91,8 @@ pub(crate) struct GenerateArgs {
     /// The same seed gives the same model, byte for byte.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
-    /// The size the paper measured: a plant of 13 million triangles in 1,200 objects, a tanker of 82 million in 127 thousand.
+    /// The size the paper measured: a plant of 13 million triangles in 1,200 objects, a tanker of 82 million
+    /// in 127 thousand.
     #[arg(long, conflicts_with_all = ["triangles", "objects"])]
     pub(crate) paper: bool,
     /// Print what was made as JSON.

@@ -8,7 +8,8 @@ use super::Coding;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum SimLink {
-    /// Two TCP connections a link, as in the paper. The TCP is a model of Linux's with CUBIC; with BBR long paths take longer.
+    /// Two TCP connections a link, as in the paper. The TCP is a model of Linux's with CUBIC; with BBR long
+    /// paths take longer.
     Tcp,
     /// A QUIC connection a link.
     Quic,
@@ -20,7 +21,8 @@ pub(crate) enum SimLink {
 
 #[derive(Debug, Args)]
 pub(crate) struct SimArgs {
-    /// The networks: fast-ethernet, gigabit, 10g, wifi, lte, wan-20ms, wan-80ms, satellite, or files ending in .toml.
+    /// The networks: fast-ethernet, gigabit, 10g, wifi, lte, wan-20ms, wan-80ms, satellite, or files ending
+    /// in .toml.
     #[arg(long, value_name = "PROFILE,..", value_delimiter = ',', default_value = "fast-ethernet")]
     pub(crate) network: Vec<String>,
     /// What joins the roles.
@@ -54,14 +56,15 @@ pub(crate) struct SimArgs {
     /// How long RVG draws, milliseconds [default: 5, or what the trace says].
     #[arg(long, value_name = "MS", value_parser = pause, allow_negative_numbers = true)]
     pub(crate) rvg_ms: Option<f64>,
-    /// A walk recorded with `trimaran run --record`: each frame has its ids, when they were found, its times and its camera. Or a
-    /// report.json: counts and times only.
+    /// A walk recorded with `trimaran run --record`: each frame has its ids, when they were found, its times
+    /// and its camera. Or a report.json: counts and times only.
     #[arg(long, value_name = "TRACE")]
     pub(crate) trace: Option<PathBuf>,
     /// How many frames to show.
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) frames: u32,
-    /// The seeds of losses and delays: the same one gives the same run. The tables take the frames of all seeds together.
+    /// The seeds of losses and delays: the same one gives the same run. The tables take the frames of all
+    /// seeds together.
     #[arg(long, value_name = "SEED,..", value_delimiter = ',', default_value = "1")]
     pub(crate) seed: Vec<u64>,
     /// How ids travel; changes need a trace.
@@ -70,7 +73,8 @@ pub(crate) struct SimArgs {
     /// For udp-deadline: how long after its end a frame may arrive, milliseconds.
     #[arg(long, value_name = "MS,..", value_delimiter = ',', default_value = "50", value_parser = pause, allow_negative_numbers = true)]
     pub(crate) udp_deadline_ms: Vec<f64>,
-    /// For udp and udp-deadline: bytes of repair while packets are lost, percent of the frames' own; 0 for none.
+    /// For udp and udp-deadline: bytes of repair while packets are lost, percent of the frames' own; 0 for
+    /// none.
     #[arg(
         long,
         value_name = "PERCENT,..",
@@ -91,7 +95,8 @@ pub(crate) struct SimArgs {
     /// Where to write a run's packets for Wireshark, a pcapng file a run.
     #[arg(long, value_name = "DIR")]
     pub(crate) pcap: Option<PathBuf>,
-    /// Where to write sim.json, with all figures, runs.csv and frames.csv, with the times of every frame, and sim.html, a page with charts.
+    /// Where to write sim.json, with all figures, runs.csv and frames.csv, with the times of every frame,
+    /// and sim.html, a page with charts.
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Print all figures as JSON.

@@ -17,7 +17,8 @@ pub(crate) enum LinkKind {
     Tcp,
     /// Three processes of this machine over QUIC on its loopback, with keys made for the session.
     Quic,
-    /// Three processes of this machine over the project's own datagrams on its loopback, with keys made for the session.
+    /// Three processes of this machine over the project's own datagrams on its loopback, with keys made for
+    /// the session.
     Udp,
 }
 
@@ -61,8 +62,8 @@ pub(crate) struct WalkArgs {
     /// How many frames [default: as many as the path has, 200 for an automatic one].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) frames: Option<u32>,
-    /// A path file (JSON: eye, forward and up per frame), a report.json to walk again, or `auto`: a seeded walk at eye height
-    /// that avoids solid space.
+    /// A path file (JSON: eye, forward and up per frame), a report.json to walk again, or `auto`: a seeded
+    /// walk at eye height that avoids solid space.
     #[arg(long, value_name = "FILE|auto", default_value = "auto")]
     pub(crate) path: String,
     /// The seed of an automatic path.
@@ -85,8 +86,8 @@ pub(crate) struct WalkArgs {
     /// What tests boxes against the occluders.
     #[arg(long, value_enum, default_value = "hzb")]
     pub(crate) tester: Tester,
-    /// Do not refine what shows at fewer pixels than epsilon (section 4.5.2 of the paper). The report says what that costs. Needs a
-    /// tester that counts pixels: query or raster.
+    /// Do not refine what shows at fewer pixels than epsilon (section 4.5.2 of the paper). The report says
+    /// what that costs. Needs a tester that counts pixels: query or raster.
     #[arg(long)]
     pub(crate) few_pixels: bool,
     /// The Vulkan device, by a part of its name [default: the best there is].
@@ -95,8 +96,8 @@ pub(crate) struct WalkArgs {
     /// How long the device may make no progress before it counts as hung, seconds.
     #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = positive)]
     pub(crate) device_timeout: f64,
-    /// Let the roles compute one after another, so that no busy time contains another role's work: a model of three
-    /// machines is made of such times. The frames are the same. Within one process only.
+    /// Let the roles compute one after another, so that no busy time contains another role's work: a model
+    /// of three machines is made of such times. The frames are the same. Within one process only.
     #[arg(long)]
     pub(crate) alone: bool,
     /// Check every N-th frame against the unculled picture and the exactly visible set; 0 checks none.
@@ -124,17 +125,20 @@ pub(crate) struct RunArgs {
     pub(crate) epsilon: f64,
     #[command(flatten)]
     pub(crate) walk: WalkArgs,
-    /// Show what this process's links carry on this address while it walks, unless they are within it: `/metrics` for Prometheus, `/links`
-    /// and `/listener` for `trimaran stat`.
+    /// Show what this process's links carry on this address while it walks, unless they are within it:
+    /// `/metrics` for Prometheus, `/links` and `/listener` for `trimaran stat`.
     #[arg(long, value_name = "HOST:PORT")]
     pub(crate) metrics: Option<SocketAddr>,
-    /// Walk by the clock, so many poses of the path a second, and show in each frame the newest pose. Without it every pose is a frame.
+    /// Walk by the clock, so many poses of the path a second, and show in each frame the newest pose.
+    /// Without it every pose is a frame.
     #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) live: Option<f64>,
-    /// Add to the report, per audited frame, the objects exactly visible at full detail by name and index in their file.
+    /// Add to the report, per audited frame, the objects exactly visible at full detail by name and index in
+    /// their file.
     #[arg(long)]
     pub(crate) visible: bool,
-    /// Record what each frame asked of the roles (ids, when they were found, computing times, camera), for `trimaran sim --trace`.
+    /// Record what each frame asked of the roles (ids, when they were found, computing times, camera), for
+    /// `trimaran sim --trace`.
     #[arg(long, value_name = "FILE")]
     pub(crate) record: Option<PathBuf>,
     /// Where to write report.json, report.html and the frames.

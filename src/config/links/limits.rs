@@ -4,7 +4,8 @@ use clap::value_parser;
 use confique::Config;
 use serde::Serialize;
 
-/// What others may ask for in a second: far more than a session needs, so that a flood is noticed and nobody else.
+/// What others may ask for in a second: far more than a session needs, so that a flood is noticed and nobody
+/// else.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Config)]
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
 pub struct LimitsConfig {
@@ -32,7 +33,8 @@ pub struct LimitsConfig {
         ))
     )]
     pub handshakes_per_s_per_address: u32,
-    /// How many messages a peer may send on the frames lane in a second; the link with one that sends more ends.
+    /// How many messages a peer may send on the frames lane in a second; the link with one that sends more
+    /// ends.
     #[config(
         env = "TRIMARAN_LINK_LIMITS_MESSAGES_PER_S",
         default = 1_000_000,

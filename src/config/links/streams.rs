@@ -39,7 +39,8 @@ pub struct TcpConfig {
     )]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub recv_buffer: Option<usize>,
-    /// How long a connection is idle before the system asks the peer's system whether it is there, seconds; 0 never asks.
+    /// How long a connection is idle before the system asks the peer's system whether it is there, seconds;
+    /// 0 never asks.
     #[config(
         env = "TRIMARAN_LINK_TCP_KEEPALIVE_S",
         default = 5.0,
@@ -65,8 +66,8 @@ pub struct TcpConfig {
         ))
     )]
     pub keepalive_interval_s: f64,
-    /// How long data may wait for the peer's system, or for room there, before the connection counts as dead, seconds (Linux); 0
-    /// leaves it to the system: a quarter of an hour, about.
+    /// How long data may wait for the peer's system, or for room there, before the connection counts as
+    /// dead, seconds (Linux); 0 leaves it to the system: a quarter of an hour, about.
     #[config(
         env = "TRIMARAN_LINK_TCP_USER_TIMEOUT_S",
         default = 20.0,

@@ -16,8 +16,9 @@ use super::super::positive;
 #[derive(Debug, Clone, PartialEq, Serialize, Config)]
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
 pub struct UdpConfig {
-    /// What becomes of frames sent from here that do not arrive in time: `reliable` sends them again until they do, `deadline` gives them
-    /// up. An endpoint may say it too, and then counts: `udp://host:port?mode=deadline`.
+    /// What becomes of frames sent from here that do not arrive in time: `reliable` sends them again until
+    /// they do, `deadline` gives them up. An endpoint may say it too, and then counts:
+    /// `udp://host:port?mode=deadline`.
     #[config(
         env = "TRIMARAN_LINK_UDP_MODE",
         default = "reliable",
@@ -37,7 +38,8 @@ pub struct UdpConfig {
         ))
     )]
     pub deadline_ms: f64,
-    /// When frames sent from here get repair, with which most losses cost no time: `auto` while packets are lost, `on` always, `off` never.
+    /// When frames sent from here get repair, with which most losses cost no time: `auto` while packets are
+    /// lost, `on` always, `off` never.
     #[config(
         env = "TRIMARAN_LINK_UDP_REPAIR",
         default = "auto",
@@ -56,8 +58,8 @@ pub struct UdpConfig {
         ))
     )]
     pub repair_percent: u8,
-    /// What makes the two ends trust each other: their `keys`, or nothing: `plain` hides nothing and checks nobody, and is for
-    /// trusted networks. The same at both ends.
+    /// What makes the two ends trust each other: their `keys`, or nothing: `plain` hides nothing and checks
+    /// nobody, and is for trusted networks. The same at both ends.
     #[config(
         env = "TRIMARAN_LINK_UDP_TRUST",
         default = "keys",
@@ -71,8 +73,8 @@ pub struct UdpConfig {
         layer_attr(arg(long = "udp-congestion", id = "udp_congestion", value_enum))
     )]
     pub congestion: UdpCongestion,
-    /// How many packets may be under way at first, 2 to 100. Ten leave at once, those behind them over the round trip. A frame of 4,000 ids and its
-    /// repair are 17 packets; RFC 9002 recommends 10.
+    /// How many packets may be under way at first, 2 to 100. Ten leave at once, those behind them over the
+    /// round trip. A frame of 4,000 ids and its repair are 17 packets; RFC 9002 recommends 10.
     #[config(
         env = "TRIMARAN_LINK_UDP_INITIAL_WINDOW",
         default = 20,
@@ -97,7 +99,8 @@ pub struct UdpConfig {
         ))
     )]
     pub pmtu: bool,
-    /// How many bytes of frames may be under way in each direction, sent and not read. The same at both ends.
+    /// How many bytes of frames may be under way in each direction, sent and not read. The same at both
+    /// ends.
     #[config(
         env = "TRIMARAN_LINK_UDP_WINDOW",
         default = 4_194_304,

@@ -1,4 +1,5 @@
-//! Line charts, stacked areas and scatters as inline SVG. Colours come from classes, so that light and dark pages share them.
+//! Line charts, stacked areas and scatters as inline SVG. Colours come from classes, so that light and dark
+//! pages share them.
 
 mod axis;
 

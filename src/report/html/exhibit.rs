@@ -29,8 +29,8 @@ pub(in crate::report) struct Exhibit {
     pub(in crate::report) full: Option<Rgb>,
 }
 
-/// The frames worth a look, and why, among those that have pictures: the worst by culling error, the worst by level-of-detail
-/// error, and a typical one.
+/// The frames worth a look, and why, among those that have pictures: the worst by culling error, the worst by
+/// level-of-detail error, and a typical one.
 pub(in crate::report) fn choose(report: &Report) -> Vec<(u32, String)> {
     let shown: Vec<&Frame> = report.frames.iter().filter(|f| f.pictures.shown.is_some()).collect();
     let compared: Vec<&Frame> = shown

@@ -1,5 +1,5 @@
-//! `report.html`: one page that opens offline. It embeds the report's data, its pictures, its style and a little script, and
-//! refers to nothing outside.
+//! `report.html`: one page that opens offline. It embeds the report's data, its pictures, its style and a
+//! little script, and refers to nothing outside.
 
 mod chart;
 mod exhibit;
@@ -44,8 +44,8 @@ pub(super) fn page(report: &Report, exhibits: &[Exhibit]) -> Result<String, serd
     ))
 }
 
-/// The report as JSON for a script element. The lists of visible objects stay in `report.json`: they can be a hundred times
-/// the rest.
+/// The report as JSON for a script element. The lists of visible objects stay in `report.json`: they can be a
+/// hundred times the rest.
 fn embedded(report: &Report) -> Result<String, serde_json::Error> {
     let frames = report.frames.iter().map(|f| Frame { visible: None, ..f.clone() }).collect();
     let slim = Report { frames, ..report.clone() };

@@ -1,4 +1,5 @@
-//! The page of a simulation: latencies, where the time goes, bytes against the formulas, and when what was done.
+//! The page of a simulation: latencies, where the time goes, bytes against the formulas, and when what was
+//! done.
 
 mod bytes;
 mod latency;

@@ -42,8 +42,8 @@ pub fn mismatching_pixels(a: &Picture<'_>, b: &Picture<'_>) -> Result<u64, Metri
     Ok(a.pixels().iter().zip(b.pixels()).filter(differs).count() as u64)
 }
 
-/// The peak signal-to-noise ratio over red, green and blue in decibels: 10 log10(255^2 / mean squared difference). `None` if
-/// the pictures are equal, where it is infinite.
+/// The peak signal-to-noise ratio over red, green and blue in decibels: 10 log10(255^2 / mean squared
+/// difference). `None` if the pictures are equal, where it is infinite.
 ///
 /// # Errors
 /// If the pictures differ in size.
@@ -60,8 +60,8 @@ pub fn psnr_db(a: &Picture<'_>, b: &Picture<'_>) -> Result<Option<f64>, MetricEr
     Ok((squares > 0).then(|| 10.0 * (255.0_f64.powi(2) / mean).log10()))
 }
 
-/// The FLIP error map of `picture` against `reference` (Andersson et al., "FLIP: a difference evaluator for alternating
-/// images", 2020), at the authors' default of 67 pixels a degree of the viewer's field.
+/// The FLIP error map of `picture` against `reference` (Andersson et al., "FLIP: a difference evaluator for
+/// alternating images", 2020), at the authors' default of 67 pixels a degree of the viewer's field.
 ///
 /// # Errors
 /// If the pictures differ in size.

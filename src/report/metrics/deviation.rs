@@ -1,8 +1,9 @@
 //! How far pixels lie from where they should, condensed to two figures.
 //!
-//! What a distance is, and to what, is the caller's business; here is which pixels count. For the *silhouette* those are the
-//! pixels that one picture covers and the other does not. The 95th percentile is taken over the outline pixels of both as well:
-//! covered pixels with an uncovered one above, below, left or right, whose distance is 0 where both pictures cover them.
+//! What a distance is, and to what, is the caller's business; here is which pixels count. For the
+//! *silhouette* those are the pixels that one picture covers and the other does not. The 95th percentile is
+//! taken over the outline pixels of both as well: covered pixels with an uncovered one above, below, left or
+//! right, whose distance is 0 where both pictures cover them.
 
 use super::image::same_size;
 use super::{Mask, MetricError};
@@ -27,9 +28,9 @@ impl Deviation {
     }
 }
 
-/// How far the border between what is covered and the background moved from `a` to `b`. `from_a` measures pixels (indices, row by
-/// row) that only `a` covers, `from_b` those that only `b` covers: their distances in the same order, `None` for one that has
-/// nowhere to belong. That counts as the pictures' diagonal.
+/// How far the border between what is covered and the background moved from `a` to `b`. `from_a` measures
+/// pixels (indices, row by row) that only `a` covers, `from_b` those that only `b` covers: their distances in
+/// the same order, `None` for one that has nowhere to belong. That counts as the pictures' diagonal.
 ///
 /// # Errors
 /// If the masks differ in size.
@@ -55,7 +56,8 @@ fn without(mask: &Mask, other: &Mask) -> Vec<usize> {
     pairs.filter(|(_, (here, there))| **here && !**there).map(|(pixel, _)| pixel).collect()
 }
 
-/// The covered pixels with an uncovered one above, below, left or right. The picture's own edge is no outline.
+/// The covered pixels with an uncovered one above, below, left or right. The picture's own edge is no
+/// outline.
 fn outline(mask: &Mask) -> impl Iterator<Item = usize> + '_ {
     let (width, height, covered) = (mask.width(), mask.height(), mask.covered());
     (0..covered.len()).filter(move |&p| {
@@ -94,7 +96,8 @@ mod tests {
 
     #[test]
     fn outline_pixels_that_both_cover_count_as_zero() {
-        // 40 pixels in a row, of which one picture lacks the first: all outline, and one of them 3 pixels off.
+        // 40 pixels in a row, of which one picture lacks the first: all outline, and one of them 3 pixels
+        // off.
         let row = |covered: &str| mask(40, &(covered.to_owned() + &".".repeat(40)));
         let (a, b) = (row(&"#".repeat(40)), row(&(".".to_owned() + &"#".repeat(39))));
         let found = silhouette(&a, &b, |pixels| vec![Some(3.0); pixels.len()], |_| Vec::new()).unwrap();

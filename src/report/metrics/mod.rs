@@ -1,8 +1,9 @@
 //! How wrong a picture is: pure functions over pictures and item images.
 //!
-//! Two sources of error are kept apart. *Culling error* is the picture against the unculled picture of the same level cut:
-//! [`false_culls`], [`mismatching_pixels`]; it must be zero. *Level-of-detail error* is the picture against full detail:
-//! [`picture_error`] by colour, and [`Deviation`] by distance, which epsilon bounds.
+//! Two sources of error are kept apart. *Culling error* is the picture against the unculled picture of the
+//! same level cut: [`false_culls`], [`mismatching_pixels`]; it must be zero. *Level-of-detail error* is the
+//! picture against full detail: [`picture_error`] by colour, and [`Deviation`] by distance, which epsilon
+//! bounds.
 //!
 //! Pictures are row-major from the top left, 8-bit sRGB red, green, blue, alpha. Alpha is ignored.
 

@@ -14,8 +14,8 @@ pub struct FalseCulls {
     pub pixels: u64,
     /// The largest 8-connected blob of those pixels.
     pub largest_blob: u64,
-    /// Pixels whose owner in the culled image is another, although the unculled one was drawn: wrong without a false cull, as
-    /// when two passes compute different positions.
+    /// Pixels whose owner in the culled image is another, although the unculled one was drawn: wrong without
+    /// a false cull, as when two passes compute different positions.
     pub other_owner_pixels: u64,
 }
 
@@ -25,8 +25,8 @@ pub fn exactly_visible(image: &ItemImage<'_>) -> Vec<u32> {
     sorted_distinct(image.owners().flatten().collect())
 }
 
-/// The number of triangles that own a pixel. `primitives` holds each pixel's triangle within its owner; `None` if it is of
-/// another size than the image.
+/// The number of triangles that own a pixel. `primitives` holds each pixel's triangle within its owner;
+/// `None` if it is of another size than the image.
 #[must_use]
 pub fn exactly_visible_triangles(image: &ItemImage<'_>, primitives: &[u32]) -> Option<u64> {
     let owners = image.owners();
@@ -37,8 +37,8 @@ pub fn exactly_visible_triangles(image: &ItemImage<'_>, primitives: &[u32]) -> O
     Some(sorted_distinct(pairs).len() as u64)
 }
 
-/// What culling lost: `unculled` and `culled` are the item images of the same level cut, `drawn` the ids that were drawn, in
-/// any order.
+/// What culling lost: `unculled` and `culled` are the item images of the same level cut, `drawn` the ids that
+/// were drawn, in any order.
 ///
 /// # Errors
 /// If the images differ in size.

@@ -45,7 +45,8 @@ impl Ended {
         self.how != HowEnded::Finished
     }
 
-    /// One sentence without a full stop for a walk of `frames` frames that ended early; `None` for one that was finished.
+    /// One sentence without a full stop for a walk of `frames` frames that ended early; `None` for one that
+    /// was finished.
     #[must_use]
     pub fn sentence(&self, frames: u32) -> Option<String> {
         if !self.early() {

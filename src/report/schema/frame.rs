@@ -28,7 +28,8 @@ pub struct Frame {
     pub rvg_ms: Option<f64>,
     /// Time from the previous picture shown to this one, milliseconds.
     pub frame_ms: Option<f64>,
-    /// Frames shown between the camera's publication and its own picture; 0 if its picture was the very next.
+    /// Frames shown between the camera's publication and its own picture; 0 if its picture was the very
+    /// next.
     pub latency_frames: Option<u32>,
     /// Time from the camera's publication to its picture, milliseconds.
     pub latency_ms: Option<f64>,
@@ -161,7 +162,8 @@ pub struct FalseCull {
 /// One picture against another.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PictureError {
-    /// Peak signal-to-noise ratio over red, green and blue, decibels; `null` if the pictures are equal (infinite).
+    /// Peak signal-to-noise ratio over red, green and blue, decibels; `null` if the pictures are equal
+    /// (infinite).
     pub psnr_db: Option<f64>,
     /// Mean of the FLIP error map, 0 (equal) to 1.
     pub flip_mean: Option<f64>,
@@ -169,12 +171,13 @@ pub struct PictureError {
     pub flip_p99: Option<f64>,
     /// Pixels whose colour differs.
     pub mismatching_pixels: u64,
-    /// Largest distance of a pixel that only one of the pictures covers to the nearest surface of the other, pixels; the
-    /// picture's diagonal if there is none.
+    /// Largest distance of a pixel that only one of the pictures covers to the nearest surface of the other,
+    /// pixels; the picture's diagonal if there is none.
     pub silhouette_max_px: Option<f64>,
     /// 95th percentile of that distance, over the outline pixels of both as well (0 where both cover them).
     pub silhouette_p95_px: Option<f64>,
-    /// Largest distance of a covered pixel, of either picture, to the same thing's surface in the other, pixels.
+    /// Largest distance of a covered pixel, of either picture, to the same thing's surface in the other,
+    /// pixels.
     #[serde(default)]
     pub surface_max_px: Option<f64>,
     /// 95th percentile of that distance over the covered pixels of both.

@@ -15,8 +15,8 @@ pub struct Metric {
     pub of: fn(&Frame) -> Option<f64>,
 }
 
-/// Every figure that is summarised, in the order of tables. PSNR is not among them: it is worst where it is lowest, and has
-/// [`Summary::psnr_db`](super::Summary::psnr_db).
+/// Every figure that is summarised, in the order of tables. PSNR is not among them: it is worst where it is
+/// lowest, and has [`Summary::psnr_db`](super::Summary::psnr_db).
 pub const METRICS: &[Metric] = &[
     metric("or_ms", "ms", "OR busy", |f| f.or_ms),
     metric("hc_ms", "ms", "HC busy", |f| f.hc_ms),

@@ -3,8 +3,8 @@
 //! Three rules hold throughout:
 //! - A figure that was not measured is `null`, never 0: an audit may look at every tenth frame only.
 //! - Units are in the key (`_ms`, `_px`, `_deg`, `_db`); lengths without one are metres, counts have none.
-//! - The top level and the frames hold what a path file holds (`width`, `height`, `vfov_deg`, `near`, and per frame `eye`,
-//!   `forward`, `up`), so that any report can be walked again.
+//! - The top level and the frames hold what a path file holds (`width`, `height`, `vfov_deg`, `near`, and per
+//!   frame `eye`, `forward`, `up`), so that any report can be walked again.
 
 mod ended;
 mod frame;
@@ -31,8 +31,8 @@ pub use summary::{
 pub(super) use summary::{corrected_formula_bytes, paper_formula_bytes};
 pub use sweep::SweepPoint;
 
-/// The version of the schema that this program writes. Keys may be added without a new version; a key that changes its meaning
-/// or goes away brings one.
+/// The version of the schema that this program writes. Keys may be added without a new version; a key that
+/// changes its meaning or goes away brings one.
 pub const SCHEMA_VERSION: u32 = 4;
 
 /// A whole report: `report.json`.
@@ -73,7 +73,8 @@ pub struct Lens {
 }
 
 impl Report {
-    /// A report of `frames`, summarised. `wall_ms` is the time from the first picture shown to the last, if it was measured.
+    /// A report of `frames`, summarised. `wall_ms` is the time from the first picture shown to the last, if
+    /// it was measured.
     #[must_use]
     pub fn new(run: Run, lens: Lens, frames: Vec<Frame>, wall_ms: Option<f64>, ended: Ended) -> Self {
         let summary = Summary::of(&run, &frames, wall_ms, ended);

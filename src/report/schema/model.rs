@@ -15,8 +15,8 @@ pub struct Model {
     /// The walk's time that is in no role's busy time, a frame: taking messages, waking threads, noting what
     /// was shown.
     pub unaccounted_ms: f64,
-    /// What a second culler could bring at most: `fps` if OR drew while HC culls the frame before. One culler
-    /// that does OR and HC of every frame has `fps` as well.
+    /// What a second culler could bring at most: `fps` if OR drew while HC culls the frame before. One
+    /// culler that does OR and HC of every frame has `fps` as well.
     pub fps_overlapped: f64,
 }
 

@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Frame;
 
-/// How a figure spreads over the frames on which it was measured. Percentiles are nearest-rank: the smallest measured value
-/// that at least that share of the values does not exceed, so every figure here occurred.
+/// How a figure spreads over the frames on which it was measured. Percentiles are nearest-rank: the smallest
+/// measured value that at least that share of the values does not exceed, so every figure here occurred.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Stat {
     /// Frames on which it was measured.

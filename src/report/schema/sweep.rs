@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Report;
 
-/// One run of a sweep: what it cost and how wrong its pictures were. Times and counts are medians over the run's frames.
+/// One run of a sweep: what it cost and how wrong its pictures were. Times and counts are medians over the
+/// run's frames.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SweepPoint {
     /// The bound on the level-of-detail error, pixels.

@@ -1,4 +1,5 @@
-//! What the bytes of a frame are told by, wherever that is: the printed table, the page, and the file of figures.
+//! What the bytes of a frame are told by, wherever that is: the printed table, the page, and the file of
+//! figures.
 
 use crate::simulate::FrameBytes;
 

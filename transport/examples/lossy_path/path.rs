@@ -23,7 +23,8 @@ pub(crate) fn possible() -> Result<(), String> {
     ip(&["-V"]).map_err(|e| format!("the program `ip` (package iproute2) does not run: {e}"))
 }
 
-/// Two namespaces and the devices in them. They have no names, so that they end with this, or with the process, however that ends.
+/// Two namespaces and the devices in them. They have no names, so that they end with this, or with the
+/// process, however that ends.
 pub(crate) struct Path {
     places: [File; 2],
     pub(crate) devices: [Arc<SyncDevice>; 2],

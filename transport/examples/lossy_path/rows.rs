@@ -19,8 +19,8 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// Reads how long a row takes, words that name losses and links, of which all are meant where none is named, and the file of a
-    /// chart.
+    /// Reads how long a row takes, words that name losses and links, of which all are meant where none is
+    /// named, and the file of a chart.
     pub(crate) fn parse(args: impl Iterator<Item = String>) -> Result<Self, Box<dyn Error>> {
         let (mut seconds, mut names, mut chart) = (SECONDS, Vec::new(), None);
         for arg in args {

@@ -231,7 +231,8 @@ async fn receive(
     Ok(Arrived { latencies, first, complete })
 }
 
-/// Says goodbye, and stays a moment: the runtime goes with this thread, and a lost goodbye may have to be said again.
+/// Says goodbye, and stays a moment: the runtime goes with this thread, and a lost goodbye may have to be
+/// said again.
 async fn leave(link: Link, net: &dyn Net) {
     let _gone = link.goodbye(Goodbye::Finished).await;
     sleep_until(net, net.now().after(Duration::from_millis(500))).await;

@@ -1,7 +1,8 @@
 //! Time, tasks and sockets behind one trait, [`Net`].
 //!
-//! Code that asks a [`Net`] for the time, for a timer, a task or a socket runs on any network. [`TokioNet`] is the
-//! real one. A simulator implements the same trait in virtual time, so that what runs in it is the very same code.
+//! Code that asks a [`Net`] for the time, for a timer, a task or a socket runs on any network. [`TokioNet`]
+//! is the real one. A simulator implements the same trait in virtual time, so that what runs in it is the
+//! very same code.
 //!
 //! ```
 //! use std::sync::Arc;

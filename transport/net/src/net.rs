@@ -19,11 +19,12 @@ pub type BoxFuture<'a, T> = Pin<Box<dyn Future<Output = T> + Send + 'a>>;
 /// The end of a stream that is read from. A read end that is dropped is closed.
 pub type BoxReader = Box<dyn AsyncRead + Send + Unpin>;
 
-/// The end of a stream that is written to. A write end that is dropped is closed: the peer reads the end of the stream.
+/// The end of a stream that is written to. A write end that is dropped is closed: the peer reads the end of
+/// the stream.
 pub type BoxWriter = Box<dyn AsyncWrite + Send + Unpin>;
 
-/// Time, tasks and sockets. `TokioNet` is the real one; a simulator implements the same trait over virtual time, so
-/// that the very same code runs on it.
+/// Time, tasks and sockets. `TokioNet` is the real one; a simulator implements the same trait over virtual
+/// time, so that the very same code runs on it.
 ///
 /// Object-safe on purpose: whatever uses a link does not depend on what is below it.
 pub trait Net: fmt::Debug + Send + Sync + 'static {
@@ -65,8 +66,8 @@ pub trait Net: fmt::Debug + Send + Sync + 'static {
         Box::pin(std::future::ready(Err(io::ErrorKind::Unsupported.into())))
     }
 
-    /// Listens on a Unix socket. The file of a listener that is dead is replaced, a live one's not. A network without Unix
-    /// sockets says [`io::ErrorKind::Unsupported`].
+    /// Listens on a Unix socket. The file of a listener that is dead is replaced, a live one's not. A network
+    /// without Unix sockets says [`io::ErrorKind::Unsupported`].
     fn listen_unix<'a>(
         &'a self,
         _path: &'a Path,

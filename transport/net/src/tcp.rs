@@ -11,10 +11,12 @@ pub struct TcpOptions {
     pub send_buffer: Option<usize>,
     /// The system's receive buffer, bytes; `None` leaves it to the system, which adapts it.
     pub recv_buffer: Option<usize>,
-    /// Probes of an idle connection, answered by the peer's system even while the peer is busy. Default after 5 s.
+    /// Probes of an idle connection, answered by the peer's system even while the peer is busy. Default
+    /// after 5 s.
     pub keepalive: Option<Keepalive>,
-    /// How long data may wait for the peer's system, or for room on its side, before the connection counts as dead
-    /// (`TCP_USER_TIMEOUT`; Linux only). Default 20 s. `None` leaves it to the system: about 15 minutes.
+    /// How long data may wait for the peer's system, or for room on its side, before the connection counts
+    /// as dead (`TCP_USER_TIMEOUT`; Linux only). Default 20 s. `None` leaves it to the system: about 15
+    /// minutes.
     pub user_timeout: Option<Duration>,
     /// How many connections may wait to be accepted.
     pub backlog: i32,

@@ -23,8 +23,8 @@ mod unix;
 
 /// Sockets, time and tasks of a tokio runtime.
 ///
-/// The runtime needs IO and time enabled. Its sockets may be used from any thread, also through `Handle::block_on`; a
-/// multi-threaded runtime keeps them going while those threads are busy elsewhere.
+/// The runtime needs IO and time enabled. Its sockets may be used from any thread, also through
+/// `Handle::block_on`; a multi-threaded runtime keeps them going while those threads are busy elsewhere.
 #[derive(Debug, Clone)]
 pub struct TokioNet {
     runtime: Handle,
@@ -89,8 +89,8 @@ impl Net for TokioNet {
         let _guard = self.runtime.enter();
         let socket = Socket::new(Domain::for_address(at), Type::STREAM, Some(Protocol::TCP))?;
         socket.set_nonblocking(true)?;
-        // A restarted role takes its port again at once, though old connections still linger. On Windows the option would
-        // let two listeners share the port.
+        // A restarted role takes its port again at once, though old connections still linger. On Windows the
+        // option would let two listeners share the port.
         #[cfg(unix)]
         socket.set_reuse_address(true)?;
         apply(&SockRef::from(&socket), &options)?;
@@ -121,7 +121,8 @@ impl Net for TokioNet {
     }
 }
 
-/// Buffers must be set before the handshake, because it fixes the window scale; a listener passes them on to what it accepts.
+/// Buffers must be set before the handshake, because it fixes the window scale; a listener passes them on to
+/// what it accepts.
 fn apply(socket: &SockRef<'_>, options: &TcpOptions) -> io::Result<()> {
     socket.set_tcp_nodelay(options.nodelay)?;
     if let Some(bytes) = options.send_buffer {

@@ -64,8 +64,8 @@ pub enum EcnCodepoint {
 pub struct UdpSocketOptions {
     /// The system's send buffer, bytes; the system may grant less. `None` leaves it as it is. Default 4 MiB.
     pub send_buffer: Option<usize>,
-    /// The system's receive buffer, bytes; the system may grant less. `None` leaves it as it is. Default 4 MiB: a frame of
-    /// 200,000 ids may arrive while the runtime does something else.
+    /// The system's receive buffer, bytes; the system may grant less. `None` leaves it as it is. Default 4
+    /// MiB: a frame of 200,000 ids may arrive while the runtime does something else.
     pub recv_buffer: Option<usize>,
 }
 
@@ -81,16 +81,17 @@ pub trait UdpSocket: fmt::Debug + Send + Sync + 'static {
     /// [`UdpSocket::max_transmit_segments`] of them are in it. Never waits.
     ///
     /// # Errors
-    /// [`io::ErrorKind::WouldBlock`] when there is no room now: wait with a [`UdpSocket::poller`]. Any other error is about
-    /// this datagram or its destination; a sender may take the datagram for lost.
+    /// [`io::ErrorKind::WouldBlock`] when there is no room now: wait with a [`UdpSocket::poller`]. Any other
+    /// error is about this datagram or its destination; a sender may take the datagram for lost.
     fn try_send(&self, transmit: &Transmit<'_>) -> io::Result<()>;
 
-    /// Tells one waiter when there may be room to send. Each waiter has its own, so that none takes another's wake-up.
+    /// Tells one waiter when there may be room to send. Each waiter has its own, so that none takes another's
+    /// wake-up.
     fn poller(self: Arc<Self>) -> Pin<Box<dyn UdpPoller>>;
 
-    /// Receives into as many buffers as there are both datagrams and buffers, and says how many it filled. A buffer may
-    /// get several datagrams of [`RecvMeta::stride`] bytes each, at most [`UdpSocket::max_receive_segments`]; what does not
-    /// fit is lost.
+    /// Receives into as many buffers as there are both datagrams and buffers, and says how many it filled. A
+    /// buffer may get several datagrams of [`RecvMeta::stride`] bytes each, at most
+    /// [`UdpSocket::max_receive_segments`]; what does not fit is lost.
     fn poll_recv(
         &self,
         cx: &mut Context<'_>,

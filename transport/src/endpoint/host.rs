@@ -30,7 +30,8 @@ pub enum Host {
     V6(Ipv6Addr),
 }
 
-/// A host name: letters, digits, dots, hyphens and underscores, 1 to 253 of them, neither first nor last a hyphen or a dot.
+/// A host name: letters, digits, dots, hyphens and underscores, 1 to 253 of them, neither first nor last a
+/// hyphen or a dot.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct HostName(String);
 

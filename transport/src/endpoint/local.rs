@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{EndpointFault, is_plain};
 
-/// The longest path of a Unix socket, bytes: what fits into a `sockaddr_un` of Linux (108 with the closing zero). Systems with
-/// less room say so when the socket is made.
+/// The longest path of a Unix socket, bytes: what fits into a `sockaddr_un` of Linux (108 with the closing
+/// zero). Systems with less room say so when the socket is made.
 pub(super) const LONGEST_PATH: usize = 107;
 
 /// The longest name of a listener within a process, bytes.
@@ -19,7 +19,8 @@ pub(super) const LONGEST_NAME: usize = 64;
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct SocketPath(String);
 
-/// The name of a listener within a process, or of a peer: 1 to 64 letters, digits, dots, hyphens and underscores.
+/// The name of a listener within a process, or of a peer: 1 to 64 letters, digits, dots, hyphens and
+/// underscores.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Name(String);

@@ -9,18 +9,21 @@ use super::{EndpointFault, HostPort, authority};
 pub struct UdpEndpoint {
     /// Where.
     pub at: HostPort,
-    /// What becomes of frames that do not arrive in time; as the [options](crate::udp::UdpOptions) say, if not given.
+    /// What becomes of frames that do not arrive in time; as the [options](crate::udp::UdpOptions) say, if
+    /// not given.
     pub mode: Option<UdpMode>,
 }
 
-/// What becomes of frames that this side sends over datagrams when packets are lost. Each side has its own mode.
+/// What becomes of frames that this side sends over datagrams when packets are lost. Each side has its own
+/// mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[non_exhaustive]
 pub enum UdpMode {
     /// Every frame arrives complete, or the link ends.
     #[default]
     Reliable,
-    /// What cannot arrive within the options' deadline is given up: the receiver gets the frame with gaps, and knows it.
+    /// What cannot arrive within the options' deadline is given up: the receiver gets the frame with gaps,
+    /// and knows it.
     Deadline,
 }
 

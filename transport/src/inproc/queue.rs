@@ -1,4 +1,5 @@
-//! The frames lane's queue. Messages move in bundles: whoever waits is woken once for all of a bundle, and waking is what costs.
+//! The frames lane's queue. Messages move in bundles: whoever waits is woken once for all of a bundle, and
+//! waking is what costs.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex};
@@ -43,8 +44,8 @@ pub(super) struct Sender<T>(Arc<Shared<T>>);
 pub(super) struct Gone;
 
 impl<T> Sender<T> {
-    /// Sends as many `items` as there is room for, and waits where there is none at all. Dropping the future leaves in `items` what
-    /// was not sent.
+    /// Sends as many `items` as there is room for, and waits where there is none at all. Dropping the future
+    /// leaves in `items` what was not sent.
     pub(super) async fn send(&self, items: &mut VecDeque<T>) -> Result<(), Gone> {
         while !items.is_empty() && !self.send_some(items)? {
             self.0.taken.notified().await;

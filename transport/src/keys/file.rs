@@ -208,8 +208,8 @@ pub(super) fn read_private(path: &Path) -> Result<PrivateFile, KeysError> {
     parsed.map_err(|e| malformed(path, &text, &e))
 }
 
-/// Whether systemd hands this file to this service. Since version 254 root owns such a file, and an access control list lets
-/// the service alone read it. The list's mask shows as a mode for the group.
+/// Whether systemd hands this file to this service. Since version 254 root owns such a file, and an access
+/// control list lets the service alone read it. The list's mask shows as a mode for the group.
 fn is_credential(path: &Path) -> bool {
     let folder = std::env::var_os("CREDENTIALS_DIRECTORY").map(PathBuf::from);
     folder.is_some_and(|folder| folder.is_absolute() && path.starts_with(folder))
@@ -224,7 +224,8 @@ pub(super) fn read_public(path: &Path) -> Result<PublicKeys, KeysError> {
     })
 }
 
-/// The text of a file and its mode, where files have one; both of the same file, whatever becomes of its name meanwhile.
+/// The text of a file and its mode, where files have one; both of the same file, whatever becomes of its name
+/// meanwhile.
 fn read(path: &Path) -> Result<(Zeroizing<String>, Option<u32>), KeysError> {
     let failed = |cause| KeysError::Read { path: path.to_owned(), cause };
     let mut file = File::open(path).map_err(failed)?;

@@ -1,7 +1,7 @@
 //! What a peer proves itself with: made, kept in files, handed to others.
 //!
-//! One pair of files serves every transport that encrypts: `NAME.key` is private and stays on its machine, `NAME.pub` goes to the
-//! peers.
+//! One pair of files serves every transport that encrypts: `NAME.key` is private and stays on its machine,
+//! `NAME.pub` goes to the peers.
 
 mod claim;
 mod file;
@@ -32,10 +32,11 @@ pub use noise::{NoiseKey, NoiseKeyError};
 /// The name in a certificate. Nobody relies on it: peers know each other by fingerprint.
 const COMMON_NAME: &str = "trimaran";
 
-/// The private keys of a peer, and the public ones that go with them: a self-signed certificate for QUIC, a static Noise key for
-/// UDP.
+/// The private keys of a peer, and the public ones that go with them: a self-signed certificate for QUIC, a
+/// static Noise key for UDP.
 ///
-/// The certificate is Ed25519: its signatures have one length, so that a simulated handshake has the same packets every time.
+/// The certificate is Ed25519: its signatures have one length, so that a simulated handshake has the same
+/// packets every time.
 #[derive(Clone)]
 pub struct Keys {
     pub(crate) certified: Arc<CertifiedKey>,
@@ -60,8 +61,8 @@ pub struct PublicKeys {
 pub struct Security {
     /// This peer's own keys.
     pub keys: Keys,
-    /// The peers that it talks to, each in its role: nobody else is let in, and nobody else is believed. A key may be there more than
-    /// once, with a role each.
+    /// The peers that it talks to, each in its role: nobody else is let in, and nobody else is believed. A
+    /// key may be there more than once, with a role each.
     pub peers: Vec<KnownPeer>,
 }
 
@@ -92,7 +93,8 @@ impl Keys {
         })
     }
 
-    /// Writes `NAME.key`, for its owner's eyes only, and `NAME.pub` into `folder`, which is created where it is missing.
+    /// Writes `NAME.key`, for its owner's eyes only, and `NAME.pub` into `folder`, which is created where it
+    /// is missing.
     ///
     /// # Errors
     /// When one of the two is there already, or cannot be written; then neither is left behind.

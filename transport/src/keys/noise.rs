@@ -1,4 +1,5 @@
-//! What UDP peers know each other by, and the secret behind it: static keys of the Noise handshake, X25519 (RFC 7748).
+//! What UDP peers know each other by, and the secret behind it: static keys of the Noise handshake, X25519
+//! (RFC 7748).
 
 use std::fmt;
 use std::str::FromStr;

@@ -19,8 +19,8 @@ const LOOK: Duration = Duration::from_millis(1);
 /// The code that a connection is closed with: QUIC needs one, this protocol has its goodbye.
 const CLOSED: VarInt = VarInt::from_u32(0);
 
-/// A connection that the halves of a link share. Dropping the last half closes it, once what was sent has arrived: closing at
-/// once would take back what QUIC has not delivered.
+/// A connection that the halves of a link share. Dropping the last half closes it, once what was sent has
+/// arrived: closing at once would take back what QUIC has not delivered.
 #[derive(Debug)]
 pub(crate) struct Carrier {
     pub(crate) net: Arc<dyn Net>,
@@ -39,13 +39,15 @@ impl Carrier {
         lock(&self.leaving).extend(streams);
     }
 
-    /// Closes the connection, and waits until the packet that says so has left. It also acknowledges what came last: a process
-    /// that ended without it would leave its peer waiting for that until the end of the lease.
+    /// Closes the connection, and waits until the packet that says so has left. It also acknowledges what
+    /// came last: a process that ended without it would leave its peer waiting for that until the end of
+    /// the lease.
     pub(crate) async fn part(&self) {
         if self.connection.close_reason().is_some() {
             return;
         }
-        // quinn tells nobody when it has sent its last packet, but counts what it sends: after the close only that one.
+        // quinn tells nobody when it has sent its last packet, but counts what it sends: after the close only
+        // that one.
         let sent = || self.connection.stats().udp_tx.datagrams;
         let before = sent();
         self.connection.close(CLOSED, b"");

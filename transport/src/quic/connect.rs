@@ -62,7 +62,8 @@ async fn introduce(
         let theirs = control.recv_answer().await?;
         Ok::<_, HandshakeError>((control, theirs))
     };
-    // The listener judges our certificate after we have judged its own: a refusal comes on what seemed a connection.
+    // The listener judges our certificate after we have judged its own: a refusal comes on what seemed a
+    // connection.
     let (control, theirs) = shake.await.map_err(|e| match (e, connection.close_reason()) {
         (HandshakeError::Io(_), Some(reason)) => explained(reason),
         (e, _) => failed(e),

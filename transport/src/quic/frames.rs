@@ -1,7 +1,9 @@
-//! The frames lane over QUIC: a stream for each frame, so that what is lost of one holds up only that one on the way.
+//! The frames lane over QUIC: a stream for each frame, so that what is lost of one holds up only that one on
+//! the way.
 //!
-//! The lane is what its streams hold, one after the other in the order in which they were opened. Each holds one frame, or the
-//! statistics between two, or the goodbye. Older streams go first where the connection cannot take all.
+//! The lane is what its streams hold, one after the other in the order in which they were opened. Each holds
+//! one frame, or the statistics between two, or the goodbye. Older streams go first where the connection
+//! cannot take all.
 
 use std::collections::VecDeque;
 use std::future::poll_fn;
@@ -61,7 +63,8 @@ impl FrameTx {
     }
 
     pub(crate) fn stage(&mut self, message: &Message, shared: &Shared) {
-        // What is cut off leaves the rest of the memory to what follows; once that is used up, as much is taken anew.
+        // What is cut off leaves the rest of the memory to what follows; once that is used up, as much is
+        // taken anew.
         if self.buffer.capacity() == 0 {
             self.buffer.reserve(PART);
         }
@@ -244,7 +247,8 @@ pub(super) fn poll_fill(
     decoder: &mut Decoder,
     cx: &mut Context<'_>,
 ) -> Poll<Result<usize, LaneError>> {
-    // The future of `read_buf` holds no state of its own, so that a fresh one per poll goes on where the last one was.
+    // The future of `read_buf` holds no state of its own, so that a fresh one per poll goes on where the last
+    // one was.
     let read = ready!(pin!(stream.read_buf(decoder.buffer(ROOM))).poll(cx));
     Poll::Ready(read.map_err(|e| LaneError::Lost(e.downcast().map_or_else(Loss::Io, read_loss))))
 }

@@ -54,8 +54,9 @@ async fn serve(desk: Arc<Desk>, security: Security, endpoint: Endpoint) {
             incoming = endpoint.accept() => incoming,
         };
         let Some(incoming) = incoming else { break };
-        // An address must prove that it is one, with nothing kept for it here (RFC 9000, section 8.1.2): so nobody takes slots
-        // in the name of another, and forged packets cost a token each. It costs a peer one round trip of its handshake.
+        // An address must prove that it is one, with nothing kept for it here (RFC 9000, section 8.1.2): so
+        // nobody takes slots in the name of another, and forged packets cost a token each. It costs a
+        // peer one round trip of its handshake.
         if !incoming.remote_address_validated() {
             let _always_possible_then = incoming.retry();
             continue;
@@ -145,7 +146,8 @@ mod tests {
     use crate::{Limits, LinkConfig, Options, TokioNet};
     use trimaran_net::Net;
 
-    /// Nobody takes what comes in: as many wait as may shake hands, and one more gets in once another has gone.
+    /// Nobody takes what comes in: as many wait as may shake hands, and one more gets in once another has
+    /// gone.
     #[tokio::test]
     async fn no_more_wait_than_may_shake_hands() {
         const ROOM: usize = 2;

@@ -12,7 +12,8 @@ use trimaran_proto::NumberedCamera;
 
 use crate::{LinkConfig, UdpSocketOptions};
 
-/// Room for the one camera that waits to be sent: the next one takes its place. quinn counts 32 bytes of its own a datagram.
+/// Room for the one camera that waits to be sent: the next one takes its place. quinn counts 32 bytes of its
+/// own a datagram.
 const DATAGRAM_ROOM: usize = NumberedCamera::SIZE + size_of::<bytes::Bytes>();
 /// How many cameras may wait for their reader; the oldest go first.
 const CAMERAS: usize = 16;
@@ -22,14 +23,15 @@ const CAMERAS: usize = 16;
 pub struct QuicOptions {
     /// How the connection shares the way with others. Default cubic.
     pub congestion: Congestion,
-    /// What the first packets take the round trip to be, before it is measured: a third of the pause after which they are
-    /// sent again. Default 100 ms.
+    /// What the first packets take the round trip to be, before it is measured: a third of the pause after
+    /// which they are sent again. Default 100 ms.
     pub initial_rtt: Duration,
     /// How many bytes may be under way in each direction, sent and not read. Default 8 MiB.
     pub window: u32,
     /// How many frames may be under way in each direction. Default 64.
     pub frames: u32,
-    /// Hands the system several packets at once (GSO) where it can cut them up. A loss may then take several. Default true.
+    /// Hands the system several packets at once (GSO) where it can cut them up. A loss may then take
+    /// several. Default true.
     pub segmentation: bool,
     /// Probes for the largest packets that the way takes. Default true.
     pub mtu_discovery: bool,
@@ -153,7 +155,8 @@ mod tests {
     use crate::quic::tls::{self, Doorman};
     use trimaran_net::{Net, sleep_until};
 
-    /// A connection between an end with `ours`, which connects, and one with `theirs`; the endpoints keep it going.
+    /// A connection between an end with `ours`, which connects, and one with `theirs`; the endpoints keep it
+    /// going.
     async fn connected(
         ours: QuicOptions,
         theirs: QuicOptions,
@@ -189,7 +192,8 @@ mod tests {
         std::iter::from_fn(|| at_once(stream.write(&[7; 1000]))).map(Result::unwrap).sum()
     }
 
-    /// How many bytes streams take in all, though nobody reads them: as many as the peer has allowed, once everything has arrived.
+    /// How many bytes streams take in all, though nobody reads them: as many as the peer has allowed, once
+    /// everything has arrived.
     async fn fill_all(streams: &mut [SendStream]) -> usize {
         let net = TokioNet::current().unwrap();
         let (mut all, mut idle) = (0, 0);

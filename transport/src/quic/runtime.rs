@@ -1,4 +1,5 @@
-//! quinn over [`Net`]: its clock, timers, tasks and sockets, so that a simulated network runs the very same QUIC.
+//! quinn over [`Net`]: its clock, timers, tasks and sockets, so that a simulated network runs the very same
+//! QUIC.
 
 use std::fmt;
 use std::io::{self, IoSliceMut};
@@ -92,7 +93,8 @@ impl AsyncUdpSocket for NetSocket {
         });
         match self.0.try_send(&Transmit { destination, ecn, contents, segment_size, src_ip }) {
             Err(e) if e.kind() != io::ErrorKind::WouldBlock => {
-                // About this datagram only, and QUIC takes care of what is lost; quinn would give the connection up.
+                // About this datagram only, and QUIC takes care of what is lost; quinn would give the
+                // connection up.
                 tracing::debug!(error = &e as &dyn std::error::Error, "a datagram could not be sent");
                 Ok(())
             }

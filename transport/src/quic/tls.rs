@@ -1,4 +1,5 @@
-//! TLS 1.3 between peers that know each other by fingerprint: both show a certificate, and there is no plaintext mode.
+//! TLS 1.3 between peers that know each other by fingerprint: both show a certificate, and there is no
+//! plaintext mode.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -43,8 +44,8 @@ fn expectation(expected: &[Fingerprint]) -> String {
 
 /// Lets in whoever shows one of these certificates and proves to hold its key; one for each handshake.
 ///
-/// Names, issuers and dates in a certificate are not looked at: the fingerprint says more than all of them. The proof, the
-/// signature over the handshake, is checked by the provider, as for any certificate.
+/// Names, issuers and dates in a certificate are not looked at: the fingerprint says more than all of them.
+/// The proof, the signature over the handshake, is checked by the provider, as for any certificate.
 #[derive(Debug)]
 pub(crate) struct Doorman {
     expected: Vec<Fingerprint>,
@@ -147,7 +148,8 @@ fn provider() -> Arc<CryptoProvider> {
     Arc::new(ring::default_provider())
 }
 
-/// How the peer that connects does its TLS. No session is resumed: each handshake shows and checks both certificates.
+/// How the peer that connects does its TLS. No session is resumed: each handshake shows and checks both
+/// certificates.
 pub(crate) fn client(keys: &Keys, doorman: &Arc<Doorman>) -> Result<ClientConfig, Error> {
     let mut config = ClientConfig::builder_with_provider(provider())
         .with_protocol_versions(&[&TLS13])?

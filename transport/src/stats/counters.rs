@@ -45,8 +45,8 @@ pub(crate) trait PathSource: fmt::Debug + Send + Sync {
     fn path(&self) -> PathStats;
 }
 
-/// The counters that the halves of a link share. All of its atomics only add up, each by itself: nothing is decided by one, and nothing
-/// else is published with it, so that no order of memory could be wrong.
+/// The counters that the halves of a link share. All of its atomics only add up, each by itself: nothing is
+/// decided by one, and nothing else is published with it, so that no order of memory could be wrong.
 #[derive(Debug)]
 pub(crate) struct Counters {
     pub(crate) sent: Direction,

@@ -92,8 +92,8 @@ impl Reception {
     async fn receive(self: Arc<Self>, stream: Stream, mut slot: Slot) {
         let address = PeerAddress::from(stream.peer);
         let deadline = self.desk.net.now().after(self.desk.options.handshake);
-        // A lane that waits for the other one watches the deadline itself, in order to refuse politely; the limit is for a peer
-        // that does not even read the refusal.
+        // A lane that waits for the other one watches the deadline itself, in order to refuse politely; the
+        // limit is for a peer that does not even read the refusal.
         let limit = deadline.after(self.desk.options.handshake);
         let handshake = self.shake_hands(stream, deadline, &mut slot);
         let outcome = until(&*self.desk.net, limit, handshake).await.unwrap_or(Err(HandshakeError::TimedOut));

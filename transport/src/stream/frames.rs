@@ -59,7 +59,8 @@ impl FrameTx {
         lock(&self.outlet.state).sink.stage(message, &shared.counters.sent);
     }
 
-    /// Writes what is staged. Whatever the peer takes starts the patience anew, and a peer that hangs is not waited for that long.
+    /// Writes what is staged. Whatever the peer takes starts the patience anew, and a peer that hangs is not
+    /// waited for that long.
     pub(crate) async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
         let turn = Turn::take(&self.outlet);
         while !lock(&turn.state).sink.is_drained() {

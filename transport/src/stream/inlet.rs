@@ -1,4 +1,5 @@
-//! What comes in on a lane: read by the lane's owner, and looked at for signs of life by a sender that waits for room.
+//! What comes in on a lane: read by the lane's owner, and looked at for signs of life by a sender that waits
+//! for room.
 
 use std::sync::Mutex;
 use std::task::{Context, Poll, Waker, ready};
@@ -46,8 +47,8 @@ impl Inlet {
         Attention(self)
     }
 
-    /// Whether anything came since the last time this was asked. Where more has come than is taken in for an owner who does not read,
-    /// nobody knows, and the peer has the benefit of the doubt.
+    /// Whether anything came since the last time this was asked. Where more has come than is taken in for an
+    /// owner who does not read, nobody knows, and the peer has the benefit of the doubt.
     pub(super) fn heard(&self) -> bool {
         let mut state = lock(&self.state);
         if !state.attended && state.ended.is_none() {

@@ -19,11 +19,12 @@ use trimaran_net::{Instant, Net};
 /// How much is read at once: some fifty cameras.
 const ROOM: usize = 4 * 1024;
 
-/// How many reads are drained in search of the newest camera before it is handed out, so that a flood cannot hold the reader.
+/// How many reads are drained in search of the newest camera before it is handed out, so that a flood cannot
+/// hold the reader.
 const READS: usize = 64;
 
-/// Writes each camera straight from the publishing thread. Only when the stream takes no more does a task take over, and the
-/// cell of size one fills.
+/// Writes each camera straight from the publishing thread. Only when the stream takes no more does a task
+/// take over, and the cell of size one fills.
 #[derive(Debug)]
 pub(crate) struct LatestTx {
     net: Arc<dyn Net>,

@@ -7,7 +7,8 @@ use trimaran_net::{Net, sleep_until};
 
 /// A lane that can show a sign of life.
 pub(super) trait Pulse: Send + Sync {
-    /// Shows one, unless something was said since the last call or waits to be written. False once the lane is over.
+    /// Shows one, unless something was said since the last call or waits to be written. False once the lane
+    /// is over.
     fn beat(&self) -> bool;
 }
 

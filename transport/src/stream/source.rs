@@ -58,7 +58,8 @@ impl Source {
     /// Reads what there is, at least one byte.
     pub(crate) fn poll_fill(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), LaneError>> {
         let buffer = self.decoder.buffer(self.room);
-        // The future of `read_buf` holds no state of its own, so that a fresh one per poll goes on where the last one was.
+        // The future of `read_buf` holds no state of its own, so that a fresh one per poll goes on where the
+        // last one was.
         let read = ready!(pin!(self.reader.read_buf(buffer)).poll(cx));
         Poll::Ready(match read {
             Ok(0) => Err(LaneError::Lost(match self.decoder.pending() {

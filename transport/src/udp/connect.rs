@@ -28,7 +28,8 @@ const LAST_PAUSE: Duration = Duration::from_millis(400);
 /// is cut short.
 const REST: u32 = 50;
 
-/// Tries each address of the host, each for its share of the time that a handshake may take: nobody says that there is nobody.
+/// Tries each address of the host, each for its share of the time that a handshake may take: nobody says that
+/// there is nobody.
 pub(crate) async fn attempt(
     net: &Arc<dyn Net>,
     endpoint: &UdpEndpoint,
@@ -128,7 +129,8 @@ fn key_of(security: &Security) -> Option<PeerKey> {
     }
 }
 
-/// A payload of the handshake: the message, and whether all frames sent from here will be whole. Counted as sent.
+/// A payload of the handshake: the message, and whether all frames sent from here will be whole. Counted as
+/// sent.
 pub(super) fn introduce_with(message: &Message, config: &Config, counters: &Counters) -> BytesMut {
     let mut bytes = BytesMut::new();
     message.encode(&mut bytes);
@@ -180,8 +182,8 @@ enum Stage {
 }
 
 impl Asking<'_> {
-    /// Sends first packets until one is answered, or until `by`. Gives the listener's key, the connection and what the
-    /// listener says.
+    /// Sends first packets until one is answered, or until `by`. Gives the listener's key, the connection and
+    /// what the listener says.
     async fn ask(
         &mut self,
         ways: Vec<(Option<PeerKey>, Connecting)>,

@@ -1,4 +1,5 @@
-//! The tasks behind connections: one a socket that takes what arrives, one a connection that keeps its timers.
+//! The tasks behind connections: one a socket that takes what arrives, one a connection that keeps its
+//! timers.
 
 use std::collections::BTreeMap;
 use std::future::poll_fn;
@@ -98,10 +99,12 @@ impl Board {
     }
 }
 
-/// Keeps the timers of a connection, sends what its socket had no room for, and ends it once its link is gone.
+/// Keeps the timers of a connection, sends what its socket had no room for, and ends it once its link is
+/// gone.
 async fn drive(port: &Port) {
     let mut timer = port.net.timer();
-    // When the timer rings. It may ring too early, as deadlines move on with every acknowledgement: setting it costs more than a look.
+    // When the timer rings. It may ring too early, as deadlines move on with every acknowledgement: setting
+    // it costs more than a look.
     let mut armed: Option<Instant> = None;
     let mut poller: Option<Pin<Box<dyn UdpPoller>>> = None;
     let mut departure = Departure::default();

@@ -150,8 +150,8 @@ impl Hall {
         Ok(Guest { hello, reliable, counters })
     }
 
-    /// Makes a connection of the caller, and a link once it has shown that it is there now: its first packet may be a copy of one
-    /// that somebody else sent.
+    /// Makes a connection of the caller, and a link once it has shown that it is there now: its first packet
+    /// may be a copy of one that somebody else sent.
     fn let_in(&self, path: Path, knock: Knock, guest: Guest, reply: &mut Vec<u8>) -> io::Result<()> {
         let (desk, caller) = (&self.desk, (path.remote, knock.from));
         let here = self.free_name()?;

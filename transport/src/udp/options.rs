@@ -18,22 +18,26 @@ const LARGEST: usize = 1500;
 pub struct UdpOptions {
     /// What makes peers trust each other. Default their keys.
     pub trust: Trust,
-    /// What becomes of frames that are sent from here and do not arrive in time, where the endpoint does not say. Default reliable.
+    /// What becomes of frames that are sent from here and do not arrive in time, where the endpoint does not
+    /// say. Default reliable.
     pub mode: UdpMode,
     /// How long after its end a frame sent from here may arrive, in the mode with deadlines. Default 50 ms.
     pub deadline: Duration,
-    /// When frames sent from here get repair, with which most losses cost no time. Default while packets are lost.
+    /// When frames sent from here get repair, with which most losses cost no time. Default while packets are
+    /// lost.
     pub repair: Repair,
     /// How many bytes of repair may be sent, percent of the frames' own. 0 for none. Default 15.
     pub repair_percent: u8,
     /// How a connection shares its path with others. Default CUBIC.
     pub congestion: Congestion,
-    /// How many packets may be under way at first, 2 at least: ten leave at once, those behind them over the round trip. Default 20.
+    /// How many packets may be under way at first, 2 at least: ten leave at once, those behind them over the
+    /// round trip. Default 20.
     pub initial_window: u16,
-    /// The largest datagram that is tried, bytes: 1,200 are always used, and at most 1,500 are. Default 1,452.
+    /// The largest datagram that is tried, bytes: 1,200 are always used, and at most 1,500 are. Default
+    /// 1,452.
     pub max_datagram: usize,
-    /// How many bytes of frames may be under way in each direction, sent and not read. Both sides must have the same. Default
-    /// 4 MiB.
+    /// How many bytes of frames may be under way in each direction, sent and not read. Both sides must have
+    /// the same. Default 4 MiB.
     pub window: u32,
     /// How many bytes of frames this side keeps until they are acknowledged. Default 4 MiB.
     pub send_buffer: usize,
@@ -45,7 +49,8 @@ pub struct UdpOptions {
 #[derive(Clone, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Trust {
-    /// Each has keys and knows the other's public ones: those of [`Options::security`](crate::Options::security).
+    /// Each has keys and knows the other's public ones: those of
+    /// [`Options::security`](crate::Options::security).
     #[default]
     Keys,
     /// Both hold these 32 random bytes: who has them is a peer. Wiped from memory when this is dropped.
@@ -84,7 +89,8 @@ impl Trust {
         })
     }
 
-    /// What to try with a listener, which may be any of the peers: the first message is sealed for one of them.
+    /// What to try with a listener, which may be any of the peers: the first message is sealed for one of
+    /// them.
     pub(super) fn connecting(&self, known: Option<&Security>) -> Result<Vec<Noise>, HandshakeError> {
         Ok(match self.listening(known)? {
             Noise::Pinned { own, peers } => {

@@ -202,7 +202,8 @@ impl State {
         }
     }
 
-    /// Whether the peer has closed the connection in good order: a goodbye that crosses its leaving need not arrive.
+    /// Whether the peer has closed the connection in good order: a goodbye that crosses its leaving need not
+    /// arrive.
     pub(super) fn peer_has_left(&self) -> bool {
         matches!(self.connection.closed(), Some(Closed::Peer))
     }
@@ -216,7 +217,8 @@ impl State {
         })
     }
 
-    /// How the connection ended for a reader, if it did: a peer that broke the protocol is told from one that was lost.
+    /// How the connection ended for a reader, if it did: a peer that broke the protocol is told from one that
+    /// was lost.
     pub(super) fn end(&self) -> Option<LaneError> {
         match self.connection.closed()? {
             Closed::Here | Closed::Peer | Closed::Silent(_) | Closed::Forged | Closed::Exhausted => {
@@ -239,7 +241,8 @@ impl State {
     }
 }
 
-/// A port as the halves of a link hold it. Dropping the last one lets the connection end once what was sent has arrived.
+/// A port as the halves of a link hold it. Dropping the last one lets the connection end once what was sent
+/// has arrived.
 #[derive(Debug)]
 pub(crate) struct Carrier(Arc<Port>);
 

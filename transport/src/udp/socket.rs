@@ -10,7 +10,8 @@ use trimaran_udp::MIN_DATAGRAM;
 
 use trimaran_net::{BATCH_SIZE, RecvMeta, Transmit, UdpSocket};
 
-/// How much one buffer holds where the system gives one datagram at a time: more than the protocol ever sends.
+/// How much one buffer holds where the system gives one datagram at a time: more than the protocol ever
+/// sends.
 const DATAGRAM: usize = 2048;
 /// The most that one buffer holds, however many datagrams the system would put into it.
 const BUFFER: usize = 64 << 10;
@@ -126,7 +127,8 @@ impl Outgoing {
         self.count += 1;
     }
 
-    /// Hands everything to the system; false when it has no room now. What it refuses for another reason counts as lost.
+    /// Hands everything to the system; false when it has no room now. What it refuses for another reason
+    /// counts as lost.
     pub(super) fn send(&mut self, socket: &dyn UdpSocket) -> bool {
         if self.is_empty() {
             return true;

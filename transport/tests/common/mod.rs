@@ -104,7 +104,8 @@ pub(crate) async fn next_camera(rx: &mut LatestReceiver) -> Result<Camera, RecvE
     }
 }
 
-/// A link over the transport that `endpoint` names, by a listener and a connector: switch A's end first, then the display's.
+/// A link over the transport that `endpoint` names, by a listener and a connector: switch A's end first, then
+/// the display's.
 pub(crate) async fn joined(endpoint: &str, options: &Options) -> (Link, Link) {
     let net = net();
     let endpoint: Endpoint = endpoint.parse().unwrap();
@@ -117,8 +118,8 @@ pub(crate) async fn joined(endpoint: &str, options: &Options) -> (Link, Link) {
     (here.unwrap(), there.unwrap())
 }
 
-/// What stands in the way of a link of `who` to `at`, as the connecting side learns it: how its attempts end once the other side has
-/// had the time to answer one.
+/// What stands in the way of a link of `who` to `at`, as the connecting side learns it: how its attempts end
+/// once the other side has had the time to answer one.
 pub(crate) async fn obstacle(
     net: &Arc<dyn Net>,
     at: &Endpoint,

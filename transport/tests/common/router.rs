@@ -13,7 +13,8 @@ pub(crate) struct Router {
     pub(crate) at: Endpoint,
     outside: UdpSocket,
     listener: SocketAddr,
-    /// Rings when the router is to take another address towards the listener, as one does that was restarted.
+    /// Rings when the router is to take another address towards the listener, as one does that was
+    /// restarted.
     pub(crate) restart: Notify,
     /// Rings when it is to take another one towards the peer.
     pub(crate) turn: Notify,
@@ -32,7 +33,8 @@ impl Router {
         Self { at, outside, listener, restart: Notify::new(), turn: Notify::new() }
     }
 
-    /// Passes on for ever what `keep` says of a datagram and whether it goes to the listener; counts what it does not.
+    /// Passes on for ever what `keep` says of a datagram and whether it goes to the listener; counts what it
+    /// does not.
     pub(crate) async fn pass(&self, lost: &Cell<u32>, mut keep: impl FnMut(&[u8], bool) -> bool) {
         let (mut inside, mut turned, mut peer) = (self.inside().await, None, None);
         let (mut a, mut b) = (vec![0; 2000], vec![0; 2000]);
@@ -61,8 +63,8 @@ impl Router {
         }
     }
 
-    /// Passes on for ever what `forge` has no answer for. What it has one for is answered with that in the listener's name,
-    /// and does not go on. Counts that.
+    /// Passes on for ever what `forge` has no answer for. What it has one for is answered with that in the
+    /// listener's name, and does not go on. Counts that.
     pub(crate) async fn pass_and_forge(
         &self,
         forged: &Cell<u32>,

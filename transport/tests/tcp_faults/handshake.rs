@@ -79,7 +79,8 @@ async fn one_lane_alone_is_refused_in_time() {
     assert_eq!(answers, [Message::Refuse(Refusal::Unpaired { session: SESSION })]);
 }
 
-/// Another machine, or the same one after a moment, may have another scene, release or room: so no refusal is the last word.
+/// Another machine, or the same one after a moment, may have another scene, release or room: so no refusal is
+/// the last word.
 #[tokio::test]
 async fn whatever_a_listener_refuses_for_is_tried_again() {
     let net = net();

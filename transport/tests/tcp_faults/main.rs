@@ -1,4 +1,5 @@
-//! Strangers, liars and the dead, over real sockets: what they do ends in a typed error at the peer that meets them.
+//! Strangers, liars and the dead, over real sockets: what they do ends in a typed error at the peer that
+//! meets them.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 #[path = "../common/mod.rs"]

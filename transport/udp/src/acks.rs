@@ -10,13 +10,15 @@ use crate::packet::PacketNumber;
 use crate::ranges::RangeSet;
 use crate::recovery::REORDERING;
 
-/// So many packets are acknowledged at once, and fewer when they have waited: a frame comes as a burst of packets, and an
-/// acknowledgement of each second one (RFC 9000, section 13.2.2) would be a fortieth of its bytes. As many as a sender lets leave at once.
+/// So many packets are acknowledged at once, and fewer when they have waited: a frame comes as a burst of
+/// packets, and an acknowledgement of each second one (RFC 9000, section 13.2.2) would be a fortieth of its
+/// bytes. As many as a sender lets leave at once.
 const MANY: u32 = 10;
 /// In how many acknowledgements a number is named: should all of them be lost, its packet is taken for lost.
 const NAMED: usize = 8;
 
-/// The numbers received. It is the replay window as well: below its lowest range everything counts as received.
+/// The numbers received. It is the replay window as well: below its lowest range everything counts as
+/// received.
 #[derive(Debug, Default)]
 pub(crate) struct Acks {
     numbers: RangeSet,
@@ -91,8 +93,9 @@ impl Acks {
         }
     }
 
-    /// Whether the sender finds out by this packet, the numbers below `highest` having been the ones before, that one is lost: only from
-    /// the third behind a gap on can it (the reordering threshold of draft-ietf-quic-ack-frequency, section 6.2).
+    /// Whether the sender finds out by this packet, the numbers below `highest` having been the ones before,
+    /// that one is lost: only from the third behind a gap on can it (the reordering threshold of
+    /// draft-ietf-quic-ack-frequency, section 6.2).
     fn shows_a_loss(&self, highest: PacketNumber, number: PacketNumber) -> bool {
         let (from, to) = (highest.saturating_sub(REORDERING), (number + 1).saturating_sub(REORDERING));
         self.numbers.end_of_run(from) < to

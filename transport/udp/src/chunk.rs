@@ -11,7 +11,8 @@ mod codec;
 
 pub(crate) use codec::CLOSE;
 
-/// The ranges of packet numbers that an acknowledgement names at most; older ones have been named often enough.
+/// The ranges of packet numbers that an acknowledgement names at most; older ones have been named often
+/// enough.
 pub(crate) const ACK_RANGES: usize = 32;
 
 /// How a part of a unit relates to what follows it.
@@ -51,7 +52,8 @@ pub(crate) enum Chunk<'a> {
     Close,
     /// A camera, the `number`th that was published.
     Camera { number: u64, camera: [u8; Camera::SIZE] },
-    /// The latest lane ends behind camera `number`, 0 if there was none, with the encoded goodbye, or with none.
+    /// The latest lane ends behind camera `number`, 0 if there was none, with the encoded goodbye, or with
+    /// none.
     LastCamera { number: u64, goodbye: &'a [u8] },
     /// The sender reads no more of the frames lane.
     Unread,
@@ -79,10 +81,12 @@ pub(crate) struct GivenUp {
     pub(crate) coded: Option<u64>,
 }
 
-/// The first byte of a frame's unit whose batches are messages, so that they can be changes. Any other begins with the message begin.
+/// The first byte of a frame's unit whose batches are messages, so that they can be changes. Any other begins
+/// with the message begin.
 pub(crate) const CODED_UNIT: u8 = Kind::Coded.code();
 
-/// What a frame's unit starts with: the header and payload of begin, and a byte before them where its batches are messages.
+/// What a frame's unit starts with: the header and payload of begin, and a byte before them where its batches
+/// are messages.
 pub(crate) const fn unit_head(coded: bool) -> usize {
     HEADER_BYTES + *Kind::Begin.lengths().end() + coded as usize
 }

@@ -1,4 +1,5 @@
-//! How much may be in flight: CUBIC (RFC 9438) or New Reno (RFC 9002, section 7), with the validation of RFC 7661.
+//! How much may be in flight: CUBIC (RFC 9438) or New Reno (RFC 9002, section 7), with the validation of RFC
+//! 7661.
 
 use std::time::Duration;
 
@@ -12,7 +13,8 @@ const HALF: f64 = 0.5;
 const C: f64 = 0.4;
 /// The smallest window, in segments (RFC 9002, section 7.2).
 const MINIMUM: f64 = 2.0;
-/// The most bytes that a segment counts for in the window at the start (the same section: ten have 14,720), unless two segments are more.
+/// The most bytes that a segment counts for in the window at the start (the same section: ten have 14,720),
+/// unless two segments are more.
 const LARGEST_INITIAL: f64 = 1_472.0;
 
 /// How a connection shares its path with others. There is no way to turn it off.
@@ -74,8 +76,9 @@ impl Window {
         }
     }
 
-    /// Packets have another size from now on; the window keeps its bytes, unless it is the initial one: that is so many packets, as
-    /// long as nothing has changed it, but not more bytes than [`LARGEST_INITIAL`] allows.
+    /// Packets have another size from now on; the window keeps its bytes, unless it is the initial one: that
+    /// is so many packets, as long as nothing has changed it, but not more bytes than [`LARGEST_INITIAL`]
+    /// allows.
     pub(crate) fn set_segment(&mut self, segment: usize) {
         if self.is_initial {
             self.segment = segment as f64;
@@ -104,7 +107,8 @@ impl Window {
         rtt: Duration,
     ) {
         let recovering = self.recovery.is_some_and(|start| sent <= start);
-        // A window of which less than half is used says nothing about the path, and must not grow (RFC 7661, section 4.3).
+        // A window of which less than half is used says nothing about the path, and must not grow (RFC 7661,
+        // section 4.3).
         if recovering || in_flight * 2 < self.window() {
             return;
         }

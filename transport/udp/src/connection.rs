@@ -34,7 +34,8 @@ pub use stats::{Hopeless, PathStats, STEPS_PER_BYTE, STEPS_PER_PACKET};
 /// One end of a connection: no socket, no clock.
 ///
 /// Hand it what arrives ([`Connection::handle`]) and the time when it is due ([`Connection::poll_timeout`],
-/// [`Connection::handle_timeout`]); after each call send what [`Connection::poll_transmit`] gives, until it gives nothing.
+/// [`Connection::handle_timeout`]); after each call send what [`Connection::poll_transmit`] gives, until it
+/// gives nothing.
 pub struct Connection {
     config: Config,
     keys: Keys,
@@ -156,8 +157,8 @@ impl Connection {
         self.here
     }
 
-    /// Whether something has come that only a peer with these keys can have sent, and only now: a listener may have answered a
-    /// repeated first packet.
+    /// Whether something has come that only a peer with these keys can have sent, and only now: a listener
+    /// may have answered a repeated first packet.
     #[must_use]
     pub const fn is_confirmed(&self) -> bool {
         self.confirmed

@@ -23,7 +23,8 @@ pub const MAX_HELLO: usize = 1024;
 const COOKIES: u8 = 4;
 const FLOOD: Duration = Duration::from_millis(50);
 
-/// What makes peers trust each other. Both sides need the same kind. Secrets are wiped from memory when this is dropped.
+/// What makes peers trust each other. Both sides need the same kind. Secrets are wiped from memory when this
+/// is dropped.
 #[derive(Clone, PartialEq, Eq)]
 pub enum Security {
     /// Both hold this key (`Noise_NNpsk0`): who has it is a peer.
@@ -35,7 +36,8 @@ pub enum Security {
         /// The public keys of peers: a listener takes them all, who connects expects the first.
         peers: Vec<[u8; 32]>,
     },
-    /// Nothing is hidden and nobody is checked: only for trusted networks, and only when asked for by this name.
+    /// Nothing is hidden and nobody is checked: only for trusted networks, and only when asked for by this
+    /// name.
     Plaintext,
 }
 
@@ -132,7 +134,8 @@ impl Half {
     }
 }
 
-/// The connecting side until there is a connection. Send [`Connecting::initial`], and again whenever an answer is overdue.
+/// The connecting side until there is a connection. Send [`Connecting::initial`], and again whenever an
+/// answer is overdue.
 pub struct Connecting {
     here: ConnectionId,
     half: Half,
@@ -320,7 +323,8 @@ impl Door {
         }
     }
 
-    /// Whether `datagram` is a first packet with a good cookie: [`Door::handle`] answers others for nearly nothing, and opens this one.
+    /// Whether `datagram` is a first packet with a good cookie: [`Door::handle`] answers others for nearly
+    /// nothing, and opens this one.
     #[must_use]
     pub fn would_open(&self, now: Instant, address: SocketAddr, datagram: &[u8]) -> bool {
         let Ok(Packet::Initial { version: VERSION, from, cookie: Some(cookie), .. }) =
@@ -346,8 +350,9 @@ impl Door {
 }
 
 impl Knock {
-    /// Takes the peer: `here` is free and drawn at random, `answer` is what the peer shall read. Writes the packet into `out`, which
-    /// it replaces; keep it, and send it again whenever the same first packet comes again.
+    /// Takes the peer: `here` is free and drawn at random, `answer` is what the peer shall read. Writes the
+    /// packet into `out`, which it replaces; keep it, and send it again whenever the same first packet
+    /// comes again.
     #[must_use]
     pub fn take(
         mut self,
@@ -363,7 +368,8 @@ impl Knock {
         Some(connection)
     }
 
-    /// Refuses the peer; `answer` says why. Writes the packet into `out`, which it replaces; nothing is to be remembered.
+    /// Refuses the peer; `answer` says why. Writes the packet into `out`, which it replaces; nothing is to be
+    /// remembered.
     pub fn refuse(mut self, answer: &[u8], out: &mut Vec<u8>) {
         let _unsaid = self.answer(0, ConnectionId(0), answer, out);
     }

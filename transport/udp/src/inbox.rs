@@ -103,7 +103,8 @@ impl Inbox {
         self.batch = batch;
     }
 
-    /// Throws away what has arrived, for nobody reads it. Says whether the peer should hear of the credit that this gives.
+    /// Throws away what has arrived, for nobody reads it. Says whether the peer should hear of the credit
+    /// that this gives.
     pub(crate) fn discard(&mut self) -> bool {
         self.units.clear();
         self.repair = 0;

@@ -7,8 +7,8 @@ use crate::packet::{ConnectionId, HEADER, PacketNumber, TAG};
 
 /// What protects the packets of a connection.
 ///
-/// The number of a packet is the nonce, and the key is chosen by the connection id: a packet whose header was changed does not
-/// open, although the header is not among the authenticated data of the Noise transport.
+/// The number of a packet is the nonce, and the key is chosen by the connection id: a packet whose header was
+/// changed does not open, although the header is not among the authenticated data of the Noise transport.
 pub(crate) enum Keys {
     /// Encrypted and authenticated.
     Noise(Box<StatelessTransportState>),
@@ -50,7 +50,8 @@ impl Keys {
         let Some((body, tag)) = sealed.split_last_chunk::<TAG>() else { return false };
         match self {
             Self::Noise(noise) => {
-                // With room for the tag it is opened there; with less it would be opened elsewhere, and moved.
+                // With room for the tag it is opened there; with less it would be opened elsewhere, and
+                // moved.
                 plain.resize(sealed.len(), 0);
                 let opened = noise.read_message(number, sealed, plain);
                 plain.truncate(body.len());

@@ -84,8 +84,8 @@ impl LatestOut {
         }
     }
 
-    /// Writes a copy of the newest camera into a packet that leaves anyway, if one is wanted: who waits for it need not wait for
-    /// its loss to be noticed.
+    /// Writes a copy of the newest camera into a packet that leaves anyway, if one is wanted: who waits for
+    /// it need not wait for its loss to be noticed.
     pub(crate) fn write_copy(&mut self, room: usize, out: &mut Vec<u8>, contents: &mut Contents) {
         let Some((number, camera)) = self.newest.filter(|_| self.copies > 0 && !self.due && !self.arrived)
         else {

@@ -1,4 +1,5 @@
-//! The frames lane as it is sent: units whose bytes are kept until they are acknowledged, or not worth sending any more.
+//! The frames lane as it is sent: units whose bytes are kept until they are acknowledged, or not worth
+//! sending any more.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
@@ -20,7 +21,8 @@ use unit::Unit;
 /// What a unit costs beside its bytes, so that many small ones are not for nothing.
 const UNIT_COST: usize = 256;
 
-/// Units in order of their numbers. A unit is a frame, statistics, a goodbye, or, empty, the end of the lane without one.
+/// Units in order of their numbers. A unit is a frame, statistics, a goodbye, or, empty, the end of the lane
+/// without one.
 #[derive(Debug)]
 pub(crate) struct Outbox {
     units: VecDeque<Unit>,
@@ -241,8 +243,8 @@ impl Outbox {
         next.filter(|number| *number < self.allowed_units)
     }
 
-    /// Writes the next chunk that is due into `out`, at most `room` bytes; older units and lost parts first. A part that would fit
-    /// alone, `whole`, is not cut up.
+    /// Writes the next chunk that is due into `out`, at most `room` bytes; older units and lost parts first.
+    /// A part that would fit alone, `whole`, is not cut up.
     pub(crate) fn write_next(&mut self, room: usize, whole: usize, out: &mut Vec<u8>) -> Option<Content> {
         let number = self.next_due()?;
         let credit = self.allowed_bytes.saturating_sub(self.offered);

@@ -29,10 +29,11 @@ impl Pacer {
         self.segment = segment;
     }
 
-    /// When a packet of full size may leave: not after `now` if at once. One that waits was to leave at `due`.
+    /// When a packet of full size may leave: not after `now` if at once. One that waits was to leave at
+    /// `due`.
     ///
-    /// A machine that is busy rings late. What would have left by then leaves at once, or else a sender that is let run seldom could send
-    /// a burst each time and no more, however wide the path is.
+    /// A machine that is busy rings late. What would have left by then leaves at once, or else a sender that
+    /// is let run seldom could send a burst each time and no more, however wide the path is.
     pub(crate) fn ready(
         &mut self,
         now: Instant,

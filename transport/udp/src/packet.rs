@@ -5,8 +5,8 @@ use crate::wire::{Malformed, Reader};
 /// The version of the datagrams' layout.
 pub const VERSION: u64 = 1;
 
-/// The smallest path that is used: every path of IPv6 carries that much, and the first packet of a connection is as long, so that
-/// a path that does not carry it is found at once (RFC 9000, section 14).
+/// The smallest path that is used: every path of IPv6 carries that much, and the first packet of a connection
+/// is as long, so that a path that does not carry it is found at once (RFC 9000, section 14).
 pub const MIN_DATAGRAM: usize = 1200;
 
 /// Bytes that authenticate a packet.
@@ -17,18 +17,21 @@ pub(crate) const HEADER: usize = 12;
 
 /// The number of a data packet: 0 to 2^62 - 1, rising, never used twice under one key, whatever it carries.
 ///
-/// It travels in full. Truncated as in QUIC it would save four of 1,200 bytes, and cost a state (the largest number so far) for
-/// reading a header; as it is, the number is the nonce and the header can be read by itself.
+/// It travels in full. Truncated as in QUIC it would save four of 1,200 bytes, and cost a state (the largest
+/// number so far) for reading a header; as it is, the number is the nonce and the header can be read by
+/// itself.
 pub(crate) type PacketNumber = u64;
 
-/// One past the last number. A connection that sends a million packets a second gets there after 146,000 years.
+/// One past the last number. A connection that sends a million packets a second gets there after 146,000
+/// years.
 pub(crate) const NUMBERS: PacketNumber = 1 << 62;
 
 /// Names a connection to the side that receives the datagram, which chose the name at random.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ConnectionId(pub u32);
 
-/// What a listener gives a stranger to bring back: the time and a keyed hash of it and of the stranger's address.
+/// What a listener gives a stranger to bring back: the time and a keyed hash of it and of the stranger's
+/// address.
 pub(crate) type CookieBytes = [u8; 24];
 
 /// A datagram, its inside not yet opened.

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use smallvec::SmallVec;
 
-/// Disjoint, non-empty, non-adjacent half-open ranges in rising order. There are few of them, and mostly one: that needs no memory of its
-/// own.
+/// Disjoint, non-empty, non-adjacent half-open ranges in rising order. There are few of them, and mostly one:
+/// that needs no memory of its own.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct RangeSet(SmallVec<[Range<u64>; 2]>);
 

@@ -23,11 +23,14 @@ use skipped::Skipped;
 pub(crate) const REORDERING: u64 = 3;
 /// Losses over that many probe timeouts are persistent congestion (section 7.6.1).
 const PERSISTENT: u32 = 3;
-/// So many packets are sent where nothing was acknowledged in time, in case one is lost as well (section 6.2.4).
+/// So many packets are sent where nothing was acknowledged in time, in case one is lost as well (section
+/// 6.2.4).
 pub(crate) const PROBES: u8 = 2;
-/// More packets than these are hardly lost in a row: where nothing is heard of so many, their acknowledgement was lost.
+/// More packets than these are hardly lost in a row: where nothing is heard of so many, their acknowledgement
+/// was lost.
 const ROW: usize = 4;
-/// Probes are no further apart: one small packet a second harms no path, and a link that comes back is found at once.
+/// Probes are no further apart: one small packet a second harms no path, and a link that comes back is found
+/// at once.
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 /// What an acknowledgement or a timeout made known.
 #[derive(Debug, Default)]
@@ -143,8 +146,8 @@ impl Recovery {
         self.progress.filter(|_| self.in_flight() > 0)
     }
 
-    /// The packet with the next number was sent; `eliciting` is `None` when it asks for no acknowledgement. Says what is lost
-    /// because there is no place to remember it.
+    /// The packet with the next number was sent; `eliciting` is `None` when it asks for no acknowledgement.
+    /// Says what is lost because there is no place to remember it.
     pub(crate) fn on_sent(&mut self, eliciting: Option<Sent>) -> Contents {
         if let Some(sent) = &eliciting {
             if self.in_flight() == 0 {
@@ -209,8 +212,8 @@ impl Recovery {
         self.loss_time().or_else(|| self.probe_time())
     }
 
-    /// Finds packets that are lost by now; or else asks for probes. They repeat what the oldest packets in flight carried; but where more
-    /// are in flight than are lost in a row, the first ones only ask.
+    /// Finds packets that are lost by now; or else asks for probes. They repeat what the oldest packets in
+    /// flight carried; but where more are in flight than are lost in a row, the first ones only ask.
     pub(crate) fn on_timeout(&mut self, now: Instant) -> (Verdict, Option<Probe>) {
         let mut verdict = Verdict::default();
         if self.loss_time().is_some_and(|at| at <= now) {

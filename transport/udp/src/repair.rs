@@ -1,5 +1,5 @@
-//! Forward error correction: from the bytes of a block of a frame, repair shards that stand in for any of them that are lost
-//! (Reed-Solomon, by `reed-solomon-simd`).
+//! Forward error correction: from the bytes of a block of a frame, repair shards that stand in for any of
+//! them that are lost (Reed-Solomon, by `reed-solomon-simd`).
 
 use std::ops::Range;
 
@@ -10,7 +10,8 @@ mod budget;
 pub use budget::Repair;
 pub(crate) use budget::{Budget, Path};
 
-/// How many shards a block has at most. Longer frames have several blocks, so that their beginnings need not wait for their ends.
+/// How many shards a block has at most. Longer frames have several blocks, so that their beginnings need not
+/// wait for their ends.
 pub(crate) const BLOCK: usize = 64;
 /// How many repair shards a block has at most.
 pub(crate) const MOST: usize = 32;
@@ -27,7 +28,8 @@ pub(crate) fn shard_size(length: usize, shard: usize) -> usize {
     shard.min(length.next_multiple_of(2))
 }
 
-/// Repair shards of a block, cut into shards of `shard` bytes, an even number; the last one is filled up with zeros.
+/// Repair shards of a block, cut into shards of `shard` bytes, an even number; the last one is filled up with
+/// zeros.
 pub(crate) fn protect(block: &[u8], shard: usize, count: usize) -> Vec<Vec<u8>> {
     let shards = block.chunks(shard).map(|part| {
         let mut part = part.to_vec();

@@ -5,8 +5,8 @@ use std::time::Duration;
 /// Timers are no finer than this (RFC 9002, section 6.1.2).
 pub(crate) const GRANULARITY: Duration = Duration::from_millis(1);
 
-/// What the round trip is taken for before it was measured: local networks are faster, and RFC 9002's 333 ms would make a lost first
-/// packet cost a second.
+/// What the round trip is taken for before it was measured: local networks are faster, and RFC 9002's 333 ms
+/// would make a lost first packet cost a second.
 const INITIAL: Duration = Duration::from_millis(100);
 
 /// What timers and late acknowledgements add to a round trip without any queue.
@@ -15,7 +15,8 @@ const SLACK: Duration = Duration::from_millis(3);
 /// How many round trips tell a queue from a busy machine.
 const FEW: u32 = 32;
 
-/// A guess is not longer than what RFC 9002 (section 6.2.2) takes a round trip for: a first packet may have been lost.
+/// A guess is not longer than what RFC 9002 (section 6.2.2) takes a round trip for: a first packet may have
+/// been lost.
 const LONGEST_GUESS: Duration = Duration::from_millis(333);
 
 /// A smoothed round-trip time.
@@ -35,7 +36,8 @@ struct Measured {
     lately: Lately,
 }
 
-/// The shortest round trip of the last few: a queue that stands makes all of them longer, a machine that is busy only some.
+/// The shortest round trip of the last few: a queue that stands makes all of them longer, a machine that is
+/// busy only some.
 #[derive(Debug, Clone, Copy)]
 struct Lately {
     /// Of those before the newest few, and of the newest few.

@@ -1,7 +1,8 @@
 //! Where the peer is, and whether it has gone elsewhere (RFC 9000, sections 8.2 and 9).
 //!
-//! Unlike QUIC, which sends on to a new address at once and sparingly until the peer has answered from there, a connection goes on where
-//! it is until then: a frame is more than that address could be sent, and nobody who repeats packets from elsewhere leads it astray.
+//! Unlike QUIC, which sends on to a new address at once and sparingly until the peer has answered from there,
+//! a connection goes on where it is until then: a frame is more than that address could be sent, and nobody
+//! who repeats packets from elsewhere leads it astray.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -13,7 +14,8 @@ use crate::cookie::Jar;
 use crate::keys::OVERHEAD;
 use crate::packet::{ConnectionId, CookieBytes, MIN_DATAGRAM};
 
-/// How many bytes may be sent, for each that came from there, to an address that has not answered (RFC 9000, section 8).
+/// How many bytes may be sent, for each that came from there, to an address that has not answered (RFC 9000,
+/// section 8).
 const AMPLIFICATION: usize = 3;
 /// How often an address is asked.
 const TRIES: u32 = 3;
@@ -86,7 +88,8 @@ impl Whereabouts {
         }
     }
 
-    /// The peer asks whether this side receives where the packet came from. The answer goes there, and is as long.
+    /// The peer asks whether this side receives where the packet came from. The answer goes there, and is as
+    /// long.
     pub(crate) fn on_challenge(&mut self, Arrival { from, bytes }: Arrival, cookie: CookieBytes) {
         self.response =
             Some(Excursion { to: from, chunk: Chunk::Response { cookie }, size: bytes.min(MIN_DATAGRAM) });

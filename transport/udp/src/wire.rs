@@ -92,7 +92,8 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Appends `value`, seven bits a byte, low bits first, the top bit set on all but the last: postcard's varints.
+/// Appends `value`, seven bits a byte, low bits first, the top bit set on all but the last: postcard's
+/// varints.
 pub(crate) fn put_varint(out: &mut Vec<u8>, mut value: u64) {
     while value >= 0x80 {
         out.push(value as u8 | 0x80);

@@ -70,7 +70,8 @@ impl Sender {
         self.timers.reorder = wait.map(|wait| now.after(wait + PROBE_SLACK));
     }
 
-    /// A probe for a lost tail that was data sent again repaired a loss, unless its acknowledgement says that it came twice.
+    /// A probe for a lost tail that was data sent again repaired a loss, unless its acknowledgement says that
+    /// it came twice.
     fn judge_tail_probe(&mut self, ack: u64, news: &News, advanced: bool, duplicate: bool) {
         let Some((end, again)) = self.tail_probe.filter(|(end, _)| ack >= *end) else { return };
         let repaired = again && !duplicate && ack > end;
@@ -102,8 +103,8 @@ impl Sender {
         self.undo = Some(Undo { cwnd: self.cwnd, threshold: self.threshold, repetitions });
     }
 
-    /// Makes the window as large as it was, when everything that was repeated had arrived: the peer says so, or acknowledges what
-    /// was sent before.
+    /// Makes the window as large as it was, when everything that was repeated had arrived: the peer says so,
+    /// or acknowledges what was sent before.
     fn undo_if_spurious(&mut self, segment: &Segment, advanced: bool, duplicate: bool) {
         let recovering = self.state != State::Open;
         let Some(undo) = &mut self.undo else { return };
@@ -125,7 +126,8 @@ impl Sender {
         }
     }
 
-    /// Proportional rate reduction: sends in proportion to what arrives, so that the window ends at the threshold.
+    /// Proportional rate reduction: sends in proportion to what arrives, so that the window ends at the
+    /// threshold.
     pub(super) fn reduce(&mut self, news: &News, advanced: bool) {
         let flight = self.board.in_flight();
         let reduction = &mut self.reduction;

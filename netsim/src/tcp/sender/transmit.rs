@@ -58,7 +58,8 @@ impl Sender {
         })
     }
 
-    /// New data, as far as windows and the machine's own queue allow; a probe need not heed the congestion window.
+    /// New data, as far as windows and the machine's own queue allow; a probe need not heed the congestion
+    /// window.
     fn transmit_new(&mut self, now: Instant, probing: bool) -> Option<Outgoing> {
         let fin_due = self.closing && !self.fin_sent;
         if self.unsent.is_empty() && !fin_due {
@@ -86,8 +87,8 @@ impl Sender {
             }
             return None;
         }
-        // A small segment waits while one before it is still in this machine (Linux's autocorking), or, without `nodelay`, while
-        // one is not acknowledged (Nagle).
+        // A small segment waits while one before it is still in this machine (Linux's autocorking), or,
+        // without `nodelay`, while one is not acknowledged (Nagle).
         let small = wanted < self.segment as usize && !fin_due;
         if small && !probing && !self.board.is_empty() && (self.outgoing > 0 || !self.nodelay) {
             self.held_back = self.outgoing > 0;
@@ -115,8 +116,8 @@ impl Sender {
         Some(out)
     }
 
-    /// Sets the timer after which a lost tail is probed for, at the retransmission timeout at most: that of the oldest packet,
-    /// or a fresh one where an acknowledgement has just come.
+    /// Sets the timer after which a lost tail is probed for, at the retransmission timeout at most: that of
+    /// the oldest packet, or a fresh one where an acknowledgement has just come.
     pub(super) fn set_tail_timer(&mut self, now: Instant, heard: bool) {
         self.timers.tail = None;
         if self.state != State::Open || self.board.is_empty() || self.tail_probe.is_some() {

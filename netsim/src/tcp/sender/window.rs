@@ -1,4 +1,5 @@
-//! How large the window is while nothing is lost: it grows where it is used, and is given back where it is not.
+//! How large the window is while nothing is lost: it grows where it is used, and is given back where it is
+//! not.
 
 use trimaran_net::Instant;
 
@@ -19,7 +20,8 @@ pub(super) struct Usage {
 }
 
 impl Sender {
-    /// About a millisecond of data, and two packets at least, may wait in the machine's own queue (Linux's small queues).
+    /// About a millisecond of data, and two packets at least, may wait in the machine's own queue (Linux's
+    /// small queues).
     pub(super) fn queue_limit(&self) -> u64 {
         let two = 2 * u64::from(self.segment + 52);
         let Some(rtt) = self.rtt.smoothed().filter(|rtt| !rtt.is_zero()) else { return two };

@@ -82,7 +82,8 @@ impl Socket {
         idle.then(|| self.last_heard.after(keepalive.idle + keepalive.interval * self.probes))
     }
 
-    /// When a connection ends that the program has left and whose peer does not end it (Linux's `tcp_fin_timeout`).
+    /// When a connection ends that the program has left and whose peer does not end it (Linux's
+    /// `tcp_fin_timeout`).
     fn deserted(&self) -> Option<Instant> {
         (self.orphan && self.sender.has_ended()).then(|| self.last_heard.after(FIN_TIMEOUT))
     }

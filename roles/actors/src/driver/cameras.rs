@@ -9,10 +9,12 @@ use crate::{Seat, Stopwatch};
 
 /// Where cameras come from.
 pub trait Cameras {
-    /// The pose for this frame. In a lockstep session it depends on the frame alone; in a live one it is the newest there is.
+    /// The pose for this frame. In a lockstep session it depends on the frame alone; in a live one it is the
+    /// newest there is.
     fn camera(&mut self, frame: FrameNumber) -> Camera;
 
-    /// Whether the walk is over. A live session ends then; one in lockstep has as many frames as its settings say.
+    /// Whether the walk is over. A live session ends then; one in lockstep has as many frames as its settings
+    /// say.
     fn is_over(&self) -> bool {
         false
     }
@@ -42,18 +44,21 @@ impl Handed {
         Some(cameras.camera(last.frame())).filter(|camera| *camera != last)
     }
 
-    /// A machine began its frame from `camera`: says when that was handed out. The machine's next frame starts anew.
+    /// A machine began its frame from `camera`: says when that was handed out. The machine's next frame
+    /// starts anew.
     pub(super) fn taken(&mut self, camera: &Camera) -> Duration {
         self.machines[Seat::of(camera.frame()).index()].take(camera)
     }
 }
 
-/// The cameras handed out for one frame, oldest first, and when: which of them its machine took, the frame says.
+/// The cameras handed out for one frame, oldest first, and when: which of them its machine took, the frame
+/// says.
 #[derive(Debug, Default)]
 struct Pending(VecDeque<(Camera, Duration)>);
 
 impl Pending {
-    /// About a second of them. Beyond, the oldest are forgotten, and a frame from one of those counts as from the oldest kept.
+    /// About a second of them. Beyond, the oldest are forgotten, and a frame from one of those counts as from
+    /// the oldest kept.
     const KEPT: usize = 256;
 
     fn note(&mut self, camera: Camera, at: Duration) {

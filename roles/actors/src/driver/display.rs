@@ -47,10 +47,11 @@ pub struct ShownFrame<'f> {
     pub drawing: Duration,
     /// When the device was done with it. RVG was busy from `drawing` to here.
     pub shown: Duration,
-    /// What travelled between the display and the frame's machine, both ways, since that machine's last frame was shown: the
-    /// frame, statistics of an earlier one, and a camera.
+    /// What travelled between the display and the frame's machine, both ways, since that machine's last
+    /// frame was shown: the frame, statistics of an earlier one, and a camera.
     pub traffic: SentBytes,
-    /// How many ids had come, and when, since the frame's begin: one entry for all batches that came at once.
+    /// How many ids had come, and when, since the frame's begin: one entry for all batches that came at
+    /// once.
     pub arrivals: &'f [(u32, Duration)],
 }
 
@@ -85,7 +86,8 @@ pub struct DisplayRole<D> {
     pub settings: Settings,
     /// The time it waits by.
     pub net: Arc<dyn Net>,
-    /// Started with the session; it goes on when the session goes on with another role after a peer was lost.
+    /// Started with the session; it goes on when the session goes on with another role after a peer was
+    /// lost.
     pub clock: Stopwatch,
     /// Whether it draws while other roles of the process compute.
     pub turns: Turns,
@@ -95,8 +97,8 @@ pub struct DisplayRole<D> {
 pub type PairTraffic = [LinkStats; 2];
 
 impl<D: PictureDevice> DisplayRole<D> {
-    /// Plays the role until the session's last frame is shown, or `stop` asks. It occupies this thread; `runtime` drives the
-    /// links. Returns what the links carried.
+    /// Plays the role until the session's last frame is shown, or `stop` asks. It occupies this thread;
+    /// `runtime` drives the links. Returns what the links carried.
     ///
     /// # Errors
     /// When a peer dies, leaves or breaks the order, or the device or the observer fails. The peers are told
@@ -343,8 +345,9 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         link.frames_rx.try_recv().map_err(|cause| RoleError::Link { doing, cause: cause.into() })
     }
 
-    /// Waits for the next message of a machine, while none of the two leaves: the one that is due may itself wait for the
-    /// one that left. In a live session newer poses go out meanwhile, for frames that have not begun.
+    /// Waits for the next message of a machine, while none of the two leaves: the one that is due may itself
+    /// wait for the one that left. In a live session newer poses go out meanwhile, for frames that have
+    /// not begun.
     fn receive(&mut self, from: Seat, cameras: &mut dyn Cameras) -> Result<FrameEvent, RoleError<D::Error>> {
         let doing = "receiving a frame";
         let [first, second] = &mut self.links;

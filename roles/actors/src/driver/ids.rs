@@ -4,8 +4,8 @@ use thiserror::Error;
 use trimaran_proto::{DrawableId, IdBatch};
 use trimaran_scene::Scene;
 
-/// The most ids that a frame of `scene` can have, for [`LinkConfig::max_frame`](trimaran_transport::LinkConfig::max_frame): each
-/// drawable once.
+/// The most ids that a frame of `scene` can have, for
+/// [`LinkConfig::max_frame`](trimaran_transport::LinkConfig::max_frame): each drawable once.
 #[must_use]
 pub fn max_frame(scene: &Scene) -> u32 {
     u32::try_from(scene.drawables().len()).unwrap_or(u32::MAX)

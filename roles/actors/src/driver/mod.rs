@@ -1,7 +1,7 @@
 //! The drivers: thin loops that move messages between links, state machines and devices.
 //!
-//! A role occupies one thread, since its device blocks. The links are async: each wait hands the thread to the runtime for just
-//! that long, and gives up when the role is asked to stop.
+//! A role occupies one thread, since its device blocks. The links are async: each wait hands the thread to
+//! the runtime for just that long, and gives up when the role is asked to stop.
 
 mod cameras;
 mod display;
@@ -95,9 +95,9 @@ pub enum RoleError<D: std::error::Error + 'static> {
 }
 
 impl<D: std::error::Error + 'static> RoleError<D> {
-    /// Whether a peer is gone that may come again: its connection broke, it was interrupted, its device failed, or
-    /// it has lost another peer itself. The session can go on with the frame that was due, once all three have
-    /// joined again.
+    /// Whether a peer is gone that may come again: its connection broke, it was interrupted, its device
+    /// failed, or it has lost another peer itself. The session can go on with the frame that was due,
+    /// once all three have joined again.
     #[must_use]
     pub const fn lost_a_peer(&self) -> bool {
         let Self::Link { cause, .. } = self else { return false };
@@ -124,7 +124,8 @@ impl<D: std::error::Error + 'static> RoleError<D> {
         }
     }
 
-    /// Whether this is an end on purpose: this role was asked to stop, or a peer says that the session is over.
+    /// Whether this is an end on purpose: this role was asked to stop, or a peer says that the session is
+    /// over.
     #[must_use]
     pub const fn is_clean_end(&self) -> bool {
         matches!(

@@ -8,15 +8,15 @@ use trimaran_cull::{
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
-/// Which occluders a machine draws. Any subset of the level cut is a valid set: fewer are drawn sooner and hide less, and
-/// never too much.
+/// Which occluders a machine draws. Any subset of the level cut is a valid set: fewer are drawn sooner and
+/// hide less, and never too much.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OccluderPolicy {
-    /// Draw the worthiest of the last frame's visible set within this budget, once all its ids are there. `None` draws all of
-    /// them, each batch as it comes.
+    /// Draw the worthiest of the last frame's visible set within this budget, once all its ids are there.
+    /// `None` draws all of them, each batch as it comes.
     pub budget: Option<TriangleBudget>,
-    /// Where the last frame's set says little of this one (the first frame, or one after a jump), draw the nearest drawables
-    /// within this budget as well.
+    /// Where the last frame's set says little of this one (the first frame, or one after a jump), draw the
+    /// nearest drawables within this budget as well.
     pub after_a_jump: TriangleBudget,
 }
 
@@ -27,8 +27,8 @@ impl Default for OccluderPolicy {
 }
 
 impl OccluderPolicy {
-    /// What is drawn for a frame seen from `view`, where `last` was found visible in the frame before: the same set as a session
-    /// draws, in whatever order `last` comes.
+    /// What is drawn for a frame seen from `view`, where `last` was found visible in the frame before: the
+    /// same set as a session draws, in whatever order `last` comes.
     ///
     /// # Errors
     /// If an id is not of this scene.
@@ -44,8 +44,8 @@ impl OccluderPolicy {
         Ok(due)
     }
 
-    /// Chooses among all that is `due` for the `received` ids of the last frame, and makes up for those that a jump has made
-    /// useless.
+    /// Chooses among all that is `due` for the `received` ids of the last frame, and makes up for those that
+    /// a jump has made useless.
     pub(super) fn choose(
         self,
         scene: &Scene,

@@ -1,14 +1,16 @@
-//! Where a culling machine's ids leave: to the display and to the other machine of the pair, in batches, while culling goes on.
+//! Where a culling machine's ids leave: to the display and to the other machine of the pair, in batches,
+//! while culling goes on.
 
 use trimaran_proto::{DrawableId, FrameStart};
 use trimaran_transport::{FrameSender, SendError};
 
 use super::{RoleError, stop::Waiting, wait};
 
-/// Sends what is found visible to all receivers. What is found at once leaves at once: the batches that it fills share writes and
-/// packets, and none waits for what is not found yet.
+/// Sends what is found visible to all receivers. What is found at once leaves at once: the batches that it
+/// fills share writes and packets, and none waits for what is not found yet.
 ///
-/// The tree walk that feeds it cannot stop half-way, so a failure is kept and told at the end; nothing is sent after it.
+/// The tree walk that feeds it cannot stop half-way, so a failure is kept and told at the end; nothing is
+/// sent after it.
 pub(super) struct Outlet<'l, D: std::error::Error + 'static> {
     waiting: Waiting<'l>,
     receivers: [Option<&'l mut FrameSender>; 2],

@@ -50,12 +50,12 @@ pub struct PairRole<D> {
 }
 
 impl<D: PairDevice> PairRole<D> {
-    /// Plays the role until the session ends, a peer leaves, or `stop` asks. It occupies this thread; `runtime` drives the
-    /// links.
+    /// Plays the role until the session ends, a peer leaves, or `stop` asks. It occupies this thread;
+    /// `runtime` drives the links.
     ///
     /// # Errors
-    /// When a peer dies, is interrupted or breaks the order, or the device fails. The peers are told before it
-    /// returns. That this role itself was asked to stop is no error.
+    /// When a peer dies, is interrupted or breaks the order, or the device fails. The peers are told before
+    /// it returns. That this role itself was asked to stop is no error.
     pub fn run(self, runtime: &Handle, stop: &Stop) -> Result<(), RoleError<D::Error>> {
         let turn = self.turns.of_a_role(self.clock);
         let mut work = Work::new(self, Waiting { runtime, stop, turn: &turn })?;
@@ -87,7 +87,8 @@ struct Work<'r, D> {
     /// Time the host spent on the occluders of this frame.
     host: Duration,
     policy: OccluderPolicy,
-    /// Ids received of the last frame, and occluders they map to: both for the frame whose occluders are drawn.
+    /// Ids received of the last frame, and occluders they map to: both for the frame whose occluders are
+    /// drawn.
     received: FrameIds,
     due: Vec<DrawableId>,
 }
@@ -132,8 +133,8 @@ impl<'r, D: PairDevice> Work<'r, D> {
         }
     }
 
-    /// OR (paper, section 4.2): draws what the other machine finds visible in the frame before, as it comes, from this frame's
-    /// camera and at the levels due there.
+    /// OR (paper, section 4.2): draws what the other machine finds visible in the frame before, as it comes,
+    /// from this frame's camera and at the levels due there.
     fn draw_occluders(&mut self, camera: Camera) -> Result<(), RoleError<D::Error>> {
         loop {
             let event = wait(self.waiting, "receiving occluders", self.other.frames_rx.recv())?;
@@ -225,8 +226,8 @@ impl<'r, D: PairDevice> Work<'r, D> {
             self.device.finish_occluders().map_err(|cause| device("completing the depth", cause))?;
         let or_end = self.clock.elapsed();
         let waited = or_end.saturating_sub(start);
-        // What is drawn as it comes may have been drawn before this. What is drawn at once was drawn while the host
-        // still worked at it, and that time is counted already.
+        // What is drawn as it comes may have been drawn before this. What is drawn at once was drawn while
+        // the host still worked at it, and that time is counted already.
         let finishing = if self.draws_as_it_comes() { drawing.max(waited) } else { waited };
         self.stats.or_busy_ns = nanoseconds(self.host + finishing);
         self.stats.or_end_ns = nanoseconds(or_end);

@@ -10,8 +10,8 @@ use crate::causes;
 
 use super::{LinkError, RoleError, Stop, stop::Waiting};
 
-/// Says goodbye on both links, giving the reason that `result` gives. A peer that is gone already does not hear it, and need
-/// not.
+/// Says goodbye on both links, giving the reason that `result` gives. A peer that is gone already does not
+/// hear it, and need not.
 pub(super) fn leave<D: std::error::Error + 'static>(
     runtime: &Handle,
     links: [Link; 2],
@@ -45,8 +45,8 @@ pub fn leave_unable(runtime: &Handle, links: [Link; 2], why: &str) {
     part(runtime, links, &Goodbye::device_failed(why));
 }
 
-/// What a role returns for how its work ended. Whoever was asked to stop does not ask why the others left: they
-/// may have been asked as well.
+/// What a role returns for how its work ended. Whoever was asked to stop does not ask why the others left:
+/// they may have been asked as well.
 pub(super) fn ended<D: std::error::Error + 'static>(
     result: Result<(), RoleError<D>>,
     stop: &Stop,
@@ -78,8 +78,8 @@ pub(super) fn hear_out<D: std::error::Error + 'static>(
     }
 }
 
-/// How a peer left that sends nothing on this lane. Never ends where it has finished: what it sent before that may
-/// still be to be read on the other lane.
+/// How a peer left that sends nothing on this lane. Never ends where it has finished: what it sent before
+/// that may still be to be read on the other lane.
 pub(super) async fn left_early(lane: &mut LatestReceiver) -> RecvError {
     loop {
         match lane.latest().await {
@@ -90,8 +90,8 @@ pub(super) async fn left_early(lane: &mut LatestReceiver) -> RecvError {
     }
 }
 
-/// How a link ended, whose peer is gone: behind cameras that nobody has read, and where its two lanes are two connections
-/// perhaps a little later than the other one.
+/// How a link ended, whose peer is gone: behind cameras that nobody has read, and where its two lanes are two
+/// connections perhaps a little later than the other one.
 async fn last_word(link: &mut Link) -> RecvError {
     loop {
         if let Err(end) = link.latest_rx.latest().await {
@@ -112,7 +112,8 @@ mod tests {
     use super::*;
     use crate::Stopwatch;
 
-    /// What a machine makes of it that it cannot begin a frame any more for a display that handed out a camera, and went.
+    /// What a machine makes of it that it cannot begin a frame any more for a display that handed out a
+    /// camera, and went.
     fn begin_after(goodbye: Option<Goodbye>) -> RoleError<Infallible> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));

@@ -1,4 +1,5 @@
-//! The display: shows each frame from the machine that culled it, and hands out cameras (paper, algorithm 4.3).
+//! The display: shows each frame from the machine that culled it, and hands out cameras (paper, algorithm
+//! 4.3).
 
 use trimaran_proto::{Camera, FrameNumber};
 
@@ -31,14 +32,16 @@ pub struct DisplayMachine {
 }
 
 impl DisplayMachine {
-    /// A display for a session that begins with the frame `first` and ends before the frame `frames`, or never.
+    /// A display for a session that begins with the frame `first` and ends before the frame `frames`, or
+    /// never.
     #[must_use]
     pub fn new(first: FrameNumber, frames: Option<u32>) -> Self {
         let due = in_session(first, frames).then_some(first);
         Self { first, frames, due, began: false, handed: [None; 2] }
     }
 
-    /// The frames whose cameras are handed out before anything else, each to its machine: see [`DisplayMachine::hand_out`].
+    /// The frames whose cameras are handed out before anything else, each to its machine: see
+    /// [`DisplayMachine::hand_out`].
     pub fn first_cameras(&self) -> impl Iterator<Item = FrameNumber> + use<> {
         let frames = self.frames;
         [Some(self.first), self.first.next()]
@@ -47,8 +50,8 @@ impl DisplayMachine {
             .filter(move |frame| in_session(*frame, frames))
     }
 
-    /// Notes that `camera` goes to the machine that culls its frame. A camera handed out again for the same frame (the user has
-    /// moved on) replaces the earlier one.
+    /// Notes that `camera` goes to the machine that culls its frame. A camera handed out again for the same
+    /// frame (the user has moved on) replaces the earlier one.
     pub fn hand_out(&mut self, camera: Camera) {
         self.handed[usize::from(camera.frame().0 % 2 == 1)] = Some(camera);
     }
@@ -62,11 +65,13 @@ impl DisplayMachine {
         }
     }
 
-    /// A machine began to send a frame, culled from `camera`. Says which frame's camera that machine is to get now.
+    /// A machine began to send a frame, culled from `camera`. Says which frame's camera that machine is to
+    /// get now.
     ///
     /// # Errors
-    /// If the frame is not the one due, has begun already, or was culled from a camera that was not handed out for it. With
-    /// `lockstep` the camera must be the newest one handed out; else the pose may be an earlier one.
+    /// If the frame is not the one due, has begun already, or was culled from a camera that was not handed
+    /// out for it. With `lockstep` the camera must be the newest one handed out; else the pose may be an
+    /// earlier one.
     pub fn began(&mut self, camera: Camera, lockstep: bool) -> Result<Option<FrameNumber>, OrderError> {
         let due = self.due.ok_or(OrderError::Unexpected { what: "a frame", state: "nothing more" })?;
         if self.began {

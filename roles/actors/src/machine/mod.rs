@@ -1,8 +1,9 @@
 //! The roles as state machines: no sockets, no clock, no GPU.
 //!
-//! Frames alternate: the pair's first machine culls the even frames, its second the odd ones. While one culls frame i (HC),
-//! the other draws the occluders of frame i + 1 (OR) from the ids as they come; then they swap, and the depth buffer never
-//! travels (paper, section 3.2). The display shows each frame (RVG) and hands out the cameras.
+//! Frames alternate: the pair's first machine culls the even frames, its second the odd ones. While one culls
+//! frame i (HC), the other draws the occluders of frame i + 1 (OR) from the ids as they come; then they swap,
+//! and the depth buffer never travels (paper, section 3.2). The display shows each frame (RVG) and hands out
+//! the cameras.
 //!
 //! ```text
 //! frame          0      1      2      3
@@ -11,8 +12,9 @@
 //! display            RVG    RVG    RVG
 //! ```
 //!
-//! Cameras are handed out ahead: the camera of frame i + 2 goes to the machine that has just begun to cull frame i, so its
-//! one-camera cell is free. That bounds how far the pair can run ahead of the display, with no message of its own for it.
+//! Cameras are handed out ahead: the camera of frame i + 2 goes to the machine that has just begun to cull
+//! frame i, so its one-camera cell is free. That bounds how far the pair can run ahead of the display, with
+//! no message of its own for it.
 
 mod display;
 mod switch;
@@ -56,7 +58,8 @@ impl Seat {
         }
     }
 
-    /// The first frame this machine culls in a session that begins with `first`; `None` after the last number there is.
+    /// The first frame this machine culls in a session that begins with `first`; `None` after the last number
+    /// there is.
     fn first_frame(self, first: FrameNumber) -> Option<FrameNumber> {
         if Self::of(first) == self { Some(first) } else { first.next() }
     }

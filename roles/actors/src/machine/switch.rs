@@ -12,8 +12,9 @@ pub enum SwitchStep {
         /// The frame.
         frame: FrameNumber,
     },
-    /// The camera is set: clear the depth and draw what the other machine sends of the frame before, from this camera. Report
-    /// each message with [`SwitchMachine::occluders_began`] and [`SwitchMachine::occluders_ended`].
+    /// The camera is set: clear the depth and draw what the other machine sends of the frame before, from
+    /// this camera. Report each message with [`SwitchMachine::occluders_began`] and
+    /// [`SwitchMachine::occluders_ended`].
     Occlude {
         /// The frame whose occluders are drawn.
         camera: Camera,
@@ -46,7 +47,8 @@ pub struct SwitchMachine {
 }
 
 impl SwitchMachine {
-    /// The machine in `seat`, for a session that begins with the frame `first` and ends before the frame `frames`, or never.
+    /// The machine in `seat`, for a session that begins with the frame `first` and ends before the frame
+    /// `frames`, or never.
     #[must_use]
     pub fn new(seat: Seat, first: FrameNumber, frames: Option<u32>) -> Self {
         let due = seat.first_frame(first).filter(|frame| in_session(*frame, frames));
@@ -103,8 +105,8 @@ impl SwitchMachine {
         }
     }
 
-    /// The other machine sent the end of its frame. Whether all its ids arrived does not matter here: any subset of them is a
-    /// valid set of occluders, and fewer only loosen the culling.
+    /// The other machine sent the end of its frame. Whether all its ids arrived does not matter here: any
+    /// subset of them is a valid set of occluders, and fewer only loosen the culling.
     ///
     /// # Errors
     /// If no frame had begun.

@@ -240,7 +240,8 @@ fn add_meshes(
     meshes.iter().map(add).collect()
 }
 
-/// Adds the levels of a mesh's parts. All at once: each turn of triangles looks at all of the mesh's vertices.
+/// Adds the levels of a mesh's parts. All at once: each turn of triangles looks at all of the mesh's
+/// vertices.
 fn add_parts(
     levels: &[Level],
     vertex_offset: u32,
@@ -265,7 +266,8 @@ fn add_merged(level: MergedLevel, arrays: &mut SceneArrays) -> Result<Range, Coo
     range
 }
 
-/// Adds triangles, ready for flat shading. Their vertices go to `vertex_offset` when all that share them are there.
+/// Adds triangles, ready for flat shading. Their vertices go to `vertex_offset` when all that share them are
+/// there.
 fn add_triangles(
     triangles: &[u32],
     vertex_offset: u32,
@@ -284,8 +286,8 @@ fn add_triangles(
     })
 }
 
-/// Makes errors monotone: no level of a node may have a smaller error than one of a node below it. Merging adds to the
-/// errors of what it merges, so this changes nothing but what rounding left.
+/// Makes errors monotone: no level of a node may have a smaller error than one of a node below it. Merging
+/// adds to the errors of what it merges, so this changes nothing but what rounding left.
 fn raise_errors(arrays: &mut SceneArrays) {
     let mut coarsest = vec![0.0_f32; arrays.nodes.len()];
     for (index, node) in arrays.nodes.iter().enumerate().rev() {

@@ -1,8 +1,8 @@
 //! The nearest point of a triangle mesh: a binary hierarchy of boxes over its triangles.
 //!
-//! Distances are computed in single precision to points that lie on a triangle by construction (clamped barycentric
-//! coordinates), so what comes out is, up to the rounding of a few operations, never below the true distance: a bound stays
-//! a bound even for slivers and degenerate triangles.
+//! Distances are computed in single precision to points that lie on a triangle by construction (clamped
+//! barycentric coordinates), so what comes out is, up to the rounding of a few operations, never below the
+//! true distance: a bound stays a bound even for slivers and degenerate triangles.
 
 use glam::Vec3;
 
@@ -14,7 +14,8 @@ const LEAF: usize = 4;
 #[derive(Debug, Clone, Copy)]
 struct BoxNode {
     min: Vec3,
-    /// For an inner node the index of the second child (the first follows its parent); for a leaf the first triangle.
+    /// For an inner node the index of the second child (the first follows its parent); for a leaf the first
+    /// triangle.
     link: u32,
     max: Vec3,
     /// 0 for an inner node, else the number of triangles.
@@ -71,8 +72,8 @@ impl Bvh {
         self.places.iter().map(|&place| place.min(self.partner(place)))
     }
 
-    /// Walls on a facet's outline, upright on it: a point on each and the direction inwards, of length one. None for a facet
-    /// without area.
+    /// Walls on a facet's outline, upright on it: a point on each and the direction inwards, of length one.
+    /// None for a facet without area.
     pub(super) fn walls(&self, facet: u32) -> [Option<(Vec3, Vec3)>; 4] {
         let Some(&[a, b, c]) = self.triangles.get(facet as usize) else { return [None; 4] };
         let partner = self.partner(facet);
@@ -97,7 +98,8 @@ impl Bvh {
         (max - min).max_element()
     }
 
-    /// The triangle nearest to `point`; `None` if there are none. `hint` is a triangle that may be near: it only saves time.
+    /// The triangle nearest to `point`; `None` if there are none. `hint` is a triangle that may be near: it
+    /// only saves time.
     pub(super) fn nearest(&self, point: Vec3, hint: u32) -> Option<Nearest> {
         let first = if (hint as usize) < self.triangles.len() { hint } else { 0 };
         let mut best = squared_distance(point, self.triangles.get(first as usize)?);
@@ -198,8 +200,8 @@ fn build(nodes: &mut Vec<BoxNode>, triangles: &mut [Sorted], first: u32) {
     }
 }
 
-/// The squared distance from `p` to a point of the triangle nearest to it (C. Ericson, "Real-Time Collision Detection", 5.1.5:
-/// the regions of the corners, the edges, the inside).
+/// The squared distance from `p` to a point of the triangle nearest to it (C. Ericson, "Real-Time Collision
+/// Detection", 5.1.5: the regions of the corners, the edges, the inside).
 fn squared_distance(p: Vec3, &[a, b, c]: &[Vec3; 3]) -> f32 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));

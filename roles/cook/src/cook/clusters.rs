@@ -1,9 +1,9 @@
 //! Cuts the finest level of a large mesh into clusters: pieces near each other that are culled one by one.
 //!
-//! An object is the unit that a person names, not the unit that is seen: of a brick with a thousand triangles the camera
-//! sees the studs and never the tubes inside. So a mesh of many triangles has below it a small tree of its own, whose
-//! leaves draw a few dozen triangles each. All triangles stay as they are, each in exactly one cluster, in the mesh's own
-//! frame; the object's coarser levels stay whole.
+//! An object is the unit that a person names, not the unit that is seen: of a brick with a thousand triangles
+//! the camera sees the studs and never the tubes inside. So a mesh of many triangles has below it a small
+//! tree of its own, whose leaves draw a few dozen triangles each. All triangles stay as they are, each in
+//! exactly one cluster, in the mesh's own frame; the object's coarser levels stay whole.
 
 use std::ops::Range;
 
@@ -33,7 +33,8 @@ pub(super) struct ClusterNode {
     pub(super) levels: Range<u32>,
 }
 
-/// Cuts the triangles of `finest` and puts those of a cluster side by side. Returns the tree, empty if the mesh is small.
+/// Cuts the triangles of `finest` and puts those of a cluster side by side. Returns the tree, empty if the
+/// mesh is small.
 pub(super) fn cut(vertices: &[Vertex], finest: &mut Vec<u32>) -> Vec<ClusterNode> {
     let triangles = finest.as_chunks::<3>().0;
     if triangles.len() <= LARGE {

@@ -37,8 +37,9 @@ enum Chosen<'a> {
 }
 
 impl<'a> Below<'a> {
-    /// Gathers the levels below a node, in a frame about `origin`: of each object or merged node the coarsest whose error is
-    /// at most `error`, or the finest there is. `None` if that makes more than `most` triangles.
+    /// Gathers the levels below a node, in a frame about `origin`: of each object or merged node the coarsest
+    /// whose error is at most `error`, or the finest there is. `None` if that makes more than `most`
+    /// triangles.
     pub(super) fn gather(&self, node: &TreeNode, origin: DVec3, error: f64, most: usize) -> Option<Soup> {
         let mut chosen = Vec::new();
         let mut triangles = 0;

@@ -1,15 +1,17 @@
 //! Giant meshes: a terrain, a scanned hull. They are cut into parts that have levels of their own.
 //!
-//! A mesh whose levels are all of the whole is drawn finely everywhere if the eye is near any of it. So the triangles of a giant
-//! are cut into parts near each other, with a small tree over the parts below the object. A part's levels are made of its own
-//! triangles; the levels of a node over parts of the coarsest levels of the nodes below, and the object's own levels of all.
-//! So what is simplified and measured shrinks from height to height, and the work is a few times that for one level of the mesh.
+//! A mesh whose levels are all of the whole is drawn finely everywhere if the eye is near any of it. So the
+//! triangles of a giant are cut into parts near each other, with a small tree over the parts below the
+//! object. A part's levels are made of its own triangles; the levels of a node over parts of the coarsest
+//! levels of the nodes below, and the object's own levels of all. So what is simplified and measured shrinks
+//! from height to height, and the work is a few times that for one level of the mesh.
 //!
-//! No cracks: a vertex that nodes share stays in all levels of either, and only the levels of a node that is above both may be
-//! without it. So the border of two nodes is the same line of edges whichever levels they are drawn at.
+//! No cracks: a vertex that nodes share stays in all levels of either, and only the levels of a node that is
+//! above both may be without it. So the border of two nodes is the same line of edges whichever levels they
+//! are drawn at.
 //!
-//! A part's levels are measured against its finest triangles. Above, the triangle inequality bounds the error: the largest of
-//! the levels that a node's were made of, plus the distance from those.
+//! A part's levels are measured against its finest triangles. Above, the triangle inequality bounds the
+//! error: the largest of the levels that a node's were made of, plus the distance from those.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -23,19 +25,22 @@ use trimaran_scene::Vertex;
 
 /// Meshes of more triangles than this are cut into parts.
 pub(super) const GIANT: usize = 1 << 16;
-/// The most triangles of a part. A level is drawn whole where any of its part is seen: of parts of 16,384 triangles, 1.6 times as
-/// many were drawn on a walk over uneven ground.
+/// The most triangles of a part. A level is drawn whole where any of its part is seen: of parts of 16,384
+/// triangles, 1.6 times as many were drawn on a walk over uneven ground.
 const PART: usize = 1 << 11;
-/// Levels of a part, and of a node over parts, end at so many triangles: eight of them are no more than a part.
+/// Levels of a part, and of a node over parts, end at so many triangles: eight of them are no more than a
+/// part.
 const COARSE: usize = PART / 8;
-/// ... or at this many times the vertices that must stay. With hardly any others to choose from, a level is far from what it
-/// stands for, and so are all above it: at a quarter of a million triangles over a bumpy ball, fourteen times as far.
+/// ... or at this many times the vertices that must stay. With hardly any others to choose from, a level is
+/// far from what it stands for, and so are all above it: at a quarter of a million triangles over a bumpy
+/// ball, fourteen times as far.
 const FREE: usize = 5;
 
 /// A mesh in parts.
 #[derive(Debug)]
 pub(super) struct Giant {
-    /// The tree over the parts, and below each the tree of its clusters. The first stands for the whole mesh.
+    /// The tree over the parts, and below each the tree of its clusters. The first stands for the whole
+    /// mesh.
     pub(super) clusters: Vec<ClusterNode>,
     /// The finest triangles, those of a cluster side by side.
     pub(super) finest: Vec<u32>,
@@ -46,8 +51,8 @@ pub(super) struct Giant {
 }
 
 impl Giant {
-    /// Cuts a mesh of more than [`GIANT`] triangles. Levels end where their error passes `coarsest_error` as part of their node's
-    /// diagonal.
+    /// Cuts a mesh of more than [`GIANT`] triangles. Levels end where their error passes `coarsest_error` as
+    /// part of their node's diagonal.
     pub(super) fn new(vertices: &[Vertex], positions: &[Vec3], finest: &[u32], coarsest_error: f32) -> Self {
         let parts = Parts::new(vertices, positions, finest);
         let mut chains = parts.all_levels(positions, coarsest_error);
@@ -206,7 +211,8 @@ impl Parts {
         patch.levels(aim)
     }
 
-    /// Adds what a node's levels are made of: the coarsest levels of the nodes below it, or the finest triangles of a part.
+    /// Adds what a node's levels are made of: the coarsest levels of the nodes below it, or the finest
+    /// triangles of a part.
     fn gather(&self, node: u32, chains: &[Vec<Triangles>], all: &mut Triangles) {
         let Some(record) = self.tree.get(node as usize) else { return };
         if let Some(part) = record.item.and_then(|item| self.triangles.get(item as usize)) {
@@ -242,7 +248,8 @@ mod tests {
         (positions.iter().map(vertex).collect(), positions, indices)
     }
 
-    /// What is measured, and how often, is a few times the mesh: each level of a node against what its first one was made of.
+    /// What is measured, and how often, is a few times the mesh: each level of a node against what its first
+    /// one was made of.
     #[test]
     fn the_work_is_a_few_times_that_for_one_level() {
         let (vertices, positions, finest) = field(256);

@@ -1,14 +1,15 @@
 //! The certificate: an upper bound of the two-sided Hausdorff distance between two triangle meshes.
 //!
-//! Branch and bound. The distance to a surface changes by at most the way one walks (it is 1-Lipschitz), and the distance to
-//! *one* triangle is a convex function, so over a piece of the other mesh it is greatest at a corner. Both bound the distance
-//! over a whole triangle from its corners alone; most triangles are settled by that. The rest are cut, worst first, until the
-//! worst bound is within 5 % of the largest distance seen: along the outline of the facet below, where two facets are equally
-//! far, or in halves. The same holds for two triangles that together are flat and convex (see `facets`), which is what "facet"
-//! means below.
+//! Branch and bound. The distance to a surface changes by at most the way one walks (it is 1-Lipschitz), and
+//! the distance to *one* triangle is a convex function, so over a piece of the other mesh it is greatest at a
+//! corner. Both bound the distance over a whole triangle from its corners alone; most triangles are settled
+//! by that. The rest are cut, worst first, until the worst bound is within 5 % of the largest distance seen:
+//! along the outline of the facet below, where two facets are equally far, or in halves. The same holds for
+//! two triangles that together are flat and convex (see `facets`), which is what "facet" means below.
 //!
-//! Measured on the levels of a real plant and of a building of bricks, 12,562 pairs of meshes: the work allowed ran out for 5,
-//! and the bound was within 5 % of the largest distance seen for all but 47, most of those below the floor.
+//! Measured on the levels of a real plant and of a building of bricks, 12,562 pairs of meshes: the work
+//! allowed ran out for 5, and the bound was within 5 % of the largest distance seen for all but 47, most of
+//! those below the floor.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -21,15 +22,17 @@ use super::polygon::{Cut, Polygon};
 
 /// How far the bound may be above the largest distance seen: 5 %.
 const GAP: f32 = 1.05;
-/// Distances below this part of the meshes' extent are as good as none (0.1 pixels where the mesh fills 1,000).
+/// Distances below this part of the meshes' extent are as good as none (0.1 pixels where the mesh fills
+/// 1,000).
 const FLOOR: f32 = 2e-4;
-/// Rounding of coordinates and distances, and facets that are not quite flat, as part of the largest coordinate.
+/// Rounding of coordinates and distances, and facets that are not quite flat, as part of the largest
+/// coordinate.
 pub(super) const ROUNDING: f32 = 2e-6 + 2.0 * FLATNESS;
-/// Searches for the nearest facet allowed for each triangle of the two meshes; where they run out, the bound is what has been
-/// shown until then.
+/// Searches for the nearest facet allowed for each triangle of the two meshes; where they run out, the bound
+/// is what has been shown until then.
 const SEARCHES: usize = 4;
-/// How far beyond a facet's outline a piece may reach, as part of the largest distance seen. Half the gap is left even where
-/// two walls meet at a right angle: the square root of 1 + 2 * 0.15^2 is 1.022.
+/// How far beyond a facet's outline a piece may reach, as part of the largest distance seen. Half the gap is
+/// left even where two walls meet at a right angle: the square root of 1 + 2 * 0.15^2 is 1.022.
 const SLACK: f32 = 0.15;
 /// A part that is not settled must have less than this part of the area it was cut from.
 const ENOUGH: f32 = 0.75;
@@ -52,12 +55,14 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// An upper bound of the two-sided Hausdorff distance between two meshes, given as positions and corner indices in one frame:
-/// no point of either is farther than this from the other. Within 5 % of the distance, unless that is below 2e-4 of the
-/// meshes' extent, or the work allowed for the two meshes' size runs out: the
-/// bound holds then too, but is looser. Two meshes without triangles are 0 apart; one without is infinitely far from one with.
+/// An upper bound of the two-sided Hausdorff distance between two meshes, given as positions and corner
+/// indices in one frame: no point of either is farther than this from the other. Within 5 % of the distance,
+/// unless that is below 2e-4 of the meshes' extent, or the work allowed for the two meshes' size runs out:
+/// the bound holds then too, but is looser. Two meshes without triangles are 0 apart; one without is
+/// infinitely far from one with.
 ///
-/// Indices past the positions count as the origin. Not-finite positions give a meaningless result, never a panic.
+/// Indices past the positions count as the origin. Not-finite positions give a meaningless result, never a
+/// panic.
 #[must_use]
 pub fn hausdorff_bound(a: (&[Vec3], &[u32]), b: (&[Vec3], &[u32])) -> f32 {
     bound(&Surface::new(a.0, a.1), &Surface::new(b.0, b.1))
@@ -193,7 +198,8 @@ impl Search {
             let mut piece =
                 Piece { bound: f32::INFINITY, to_first, facet: a.facet, polygon: Polygon::triangle(points) };
             let [p, q, r] = points;
-            // No point of a triangle is farther from its nearest corner than the longest edge over the square root of three.
+            // No point of a triangle is farther from its nearest corner than the longest edge over the square
+            // root of three.
             let longest = p.distance(q).max(q.distance(r)).max(r.distance(p));
             let farthest = a.distance.max(b.distance).max(c.distance);
             piece.bound = farthest + longest * 0.577_350_3;
@@ -272,7 +278,8 @@ impl Search {
         true
     }
 
-    /// Cuts where the piece's facet and the one nearest to its farthest corner are equally far. False if there is no such line.
+    /// Cuts where the piece's facet and the one nearest to its farthest corner are equally far. False if
+    /// there is no such line.
     fn cut_between_facets(&mut self, piece: &Piece, to: &Bvh) -> bool {
         let far = piece.polygon.corners().iter().map(|&p| (to.distance_to(piece.facet, p), p));
         let Some((_, farthest)) = far.reduce(|m, next| if next.0 > m.0 { next } else { m }) else {
@@ -296,7 +303,8 @@ impl Search {
         helps
     }
 
-    /// Whether a part is a step on: settled, or clearly smaller than the whole. Cuts that only chip at a piece never end.
+    /// Whether a part is a step on: settled, or clearly smaller than the whole. Cuts that only chip at a
+    /// piece never end.
     fn helps(&self, whole: &Piece, part: &Piece) -> bool {
         part.bound <= self.goal() || part.polygon.area() < ENOUGH * whole.polygon.area()
     }

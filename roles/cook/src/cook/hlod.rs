@@ -1,11 +1,12 @@
 //! Merged levels for interior nodes: what stands below, drawn as one small mesh.
 //!
-//! A node's merged levels are made from levels below it that are finer than they are to be, gathered in the node's frame. Many
-//! small parts that do not touch are what a simplifier of surfaces cannot thin but by dropping parts, and what it drops is far
-//! from what it leaves. So they are thinned by clustering their corners (`thin`), which also says how far the result is.
+//! A node's merged levels are made from levels below it that are finer than they are to be, gathered in the
+//! node's frame. Many small parts that do not touch are what a simplifier of surfaces cannot thin but by
+//! dropping parts, and what it drops is far from what it leaves. So they are thinned by clustering their
+//! corners (`thin`), which also says how far the result is.
 //!
-//! A level's error is bounded by the triangle inequality: the largest error of what was gathered, plus the distance from that
-//! to the result.
+//! A level's error is bounded by the triangle inequality: the largest error of what was gathered, plus the
+//! distance from that to the result.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -23,21 +24,23 @@ use trimaran_scene::Vertex;
 const WORTH: f64 = 0.7;
 /// Nodes over fewer triangles than this, all of objects, are not merged.
 const FEW: usize = 512;
-/// How far the finest merged level is to be from what was gathered for it, as part of the node's diagonal. Triangles grow with
-/// the square of its inverse.
+/// How far the finest merged level is to be from what was gathered for it, as part of the node's diagonal.
+/// Triangles grow with the square of its inverse.
 const NEAR: f64 = 0.035;
-/// A level is to be this many times as far as the finer one, and so is what is tried where a level would save too little.
+/// A level is to be this many times as far as the finer one, and so is what is tried where a level would save
+/// too little.
 const STEP: f64 = 1.5;
 /// ... and so many distances are tried.
 const TRIES: i32 = 4;
-/// The most levels of a node. With one level each, what is drawn is up to a whole height of the tree finer than it need be: in
-/// the mean twice the triangles.
+/// The most levels of a node. With one level each, what is drawn is up to a whole height of the tree finer
+/// than it need be: in the mean twice the triangles.
 const LEVELS: usize = 2;
 /// The error of what is gathered, as part of the finest level's distance. It adds to the levels' own.
 const FINE: f64 = 0.3;
 /// The most triangles gathered, as a multiple of those aimed at: beyond, coarser levels are gathered.
 const GATHERED: usize = 16;
-/// Rounding of positions to single precision about the node's origin, as part of the node's diagonal: 2^-24 for each axis.
+/// Rounding of positions to single precision about the node's origin, as part of the node's diagonal: 2^-24
+/// for each axis.
 const ROUNDING: f64 = 1.1e-7;
 
 /// An interior node's frame, bounds and levels.
@@ -106,7 +109,8 @@ fn merge(below: Below<'_>, index: u32, most: usize) -> Option<Merged> {
     Some(Merged { origin, bounds: bounds.padded(), levels })
 }
 
-/// Levels of at most `most` triangles for a node of this diagonal, finest first; none if they would save too little.
+/// Levels of at most `most` triangles for a node of this diagonal, finest first; none if they would save too
+/// little.
 fn merge_levels(below: Below<'_>, node: &TreeNode, diagonal: f64, most: usize) -> Vec<MergedLevel> {
     let fewest = below.fewest(node);
     let has_levels = |child: u32| matches!(below.merged.get(child as usize), Some(Some(merged)) if !merged.levels.is_empty());

@@ -13,13 +13,13 @@ use trimaran_scene::Vertex;
 
 /// A level is kept if it has at most this part of the triangles of the one before.
 const WORTH: f32 = 0.7;
-/// ... and if it saves at least so many. To draw a part costs as much as a few dozen triangles, and simplifying a small part shows:
-/// slats that overlap by a millimetre part by three.
+/// ... and if it saves at least so many. To draw a part costs as much as a few dozen triangles, and
+/// simplifying a small part shows: slats that overlap by a millimetre part by three.
 const SAVED: usize = 20;
 /// Meshes of so few triangles are not simplified further.
 pub(super) const FEW: usize = 24;
-/// Meshes farther from their origin than this many times their radius are recentred: a matrix that is applied in single
-/// precision would move them.
+/// Meshes farther from their origin than this many times their radius are recentred: a matrix that is applied
+/// in single precision would move them.
 const FAR: f32 = 4.0;
 
 /// One level: indices into the mesh's vertices, and its certified error in the mesh's frame.
@@ -47,7 +47,8 @@ pub(super) struct LeveledMesh {
     pub(super) max: Vec3,
 }
 
-/// Simplifies each mesh that an object places. `None` for the others, and for those without a proper triangle.
+/// Simplifies each mesh that an object places. `None` for the others, and for those without a proper
+/// triangle.
 pub(super) fn simplify_meshes(
     model: &Model,
     options: &CookOptions,
@@ -123,7 +124,8 @@ impl LeveledMesh {
     }
 }
 
-/// Recentres a mesh that is far from its origin, welds equal vertices, drops triangles that have two equal corners.
+/// Recentres a mesh that is far from its origin, welds equal vertices, drops triangles that have two equal
+/// corners.
 fn clean(mesh: &Mesh) -> Option<(Vec3, Vec<Vertex>, Vec<u32>)> {
     let used = || mesh.indices.iter().filter_map(|&i| mesh.positions.get(i as usize).copied());
     let min = used().fold(Vec3::INFINITY, Vec3::min);
@@ -171,8 +173,9 @@ pub(super) struct Aim {
     pub(super) largest_error: f32,
 }
 
-/// Halves the triangles again and again, each level made from the one before and measured against those it began with. Returns the
-/// levels that were made, finest first. `simplify` gets the triangles, their vertices and the number of indices aimed at.
+/// Halves the triangles again and again, each level made from the one before and measured against those it
+/// began with. Returns the levels that were made, finest first. `simplify` gets the triangles, their vertices
+/// and the number of indices aimed at.
 pub(super) fn halve(
     positions: &[Vec3],
     first: &[u32],
@@ -203,7 +206,8 @@ pub(super) fn halve(
     chain
 }
 
-/// Orders the vertices so that each level uses the first few: those of the last level, the coarsest, come first.
+/// Orders the vertices so that each level uses the first few: those of the last level, the coarsest, come
+/// first.
 fn share_vertices(vertices: &[Vertex], chain: Vec<Triangles>) -> (Vec<Vertex>, Vec<Level>) {
     let mut order = vec![u32::MAX; vertices.len()];
     let mut shared = Vec::with_capacity(vertices.len());

@@ -40,10 +40,11 @@ impl WorldBox {
     }
 }
 
-/// An upper bound, tight to rounding, of the largest singular value of `a`: how much it stretches the longest distance.
+/// An upper bound, tight to rounding, of the largest singular value of `a`: how much it stretches the longest
+/// distance.
 ///
-/// The square root of the largest eigenvalue of `aᵀa`, by the trigonometric formula for symmetric 3x3 matrices
-/// (O. K. Smith, "Eigenvalues of a symmetric 3 x 3 matrix", 1961).
+/// The square root of the largest eigenvalue of `aᵀa`, by the trigonometric formula for symmetric 3x3
+/// matrices (O. K. Smith, "Eigenvalues of a symmetric 3 x 3 matrix", 1961).
 pub(super) fn largest_stretch(a: DMat3) -> f64 {
     let scale = a.to_cols_array().into_iter().fold(0.0, |m: f64, c| m.max(c.abs()));
     if scale == 0.0 {

@@ -1,16 +1,16 @@
 //! Cooking: from a model to a scene that can be walked.
 //!
-//! 1. Each distinct mesh gets a chain of levels of detail (`levels`). All objects that place the mesh share them.
-//!    The finest level of a large mesh is cut into clusters (`clusters`) that are culled one by one, and a giant mesh
-//!    into parts (`giant`) with levels of their own.
+//! 1. Each distinct mesh gets a chain of levels of detail (`levels`). All objects that place the mesh share
+//!    them. The finest level of a large mesh is cut into clusters (`clusters`) that are culled one by one,
+//!    and a giant mesh into parts (`giant`) with levels of their own.
 //! 2. A spatial tree is built over the objects (`tree`), each a leaf.
 //! 3. From the leaves up, each interior node gets up to two levels merged from levels below it (`hlod`,
 //!    `thin`).
 //! 4. All of it is laid out as the arrays of a [`Scene`] (`assemble`).
 //!
 //! Each level's error is certified: an upper bound of the two-sided Hausdorff distance to the finest geometry
-//! (`hausdorff`, `thin`), never the simplifier's own estimate, which is up to seven times too small where whole parts vanish.
-//! The same model and options make the same bytes, on any number of threads.
+//! (`hausdorff`, `thin`), never the simplifier's own estimate, which is up to seven times too small where
+//! whole parts vanish. The same model and options make the same bytes, on any number of threads.
 
 mod assemble;
 mod bvh;
@@ -42,8 +42,9 @@ pub struct CookOptions {
     pub merged_triangles: usize,
     /// Levels of one mesh end where their certified error passes this part of the mesh's diagonal.
     pub coarsest_error: f32,
-    /// The most nodes of the scene. Each object is one, and a large mesh some for each hundred triangles, in each of its
-    /// instances: of a few numbers in a file may come more nodes than any memory holds. A node takes about 200 bytes.
+    /// The most nodes of the scene. Each object is one, and a large mesh some for each hundred triangles, in
+    /// each of its instances: of a few numbers in a file may come more nodes than any memory holds. A
+    /// node takes about 200 bytes.
     pub max_nodes: usize,
 }
 

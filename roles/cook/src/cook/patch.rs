@@ -1,7 +1,8 @@
-//! A part of a giant mesh that is simplified by itself: whatever it shares with what lies beside it stays where it is.
+//! A part of a giant mesh that is simplified by itself: whatever it shares with what lies beside it stays
+//! where it is.
 //!
-//! Its vertices are numbered anew and stand about its own middle, so that what a part costs, and what is as good as no distance
-//! in it, go by the part's size and not by the whole mesh's.
+//! Its vertices are numbered anew and stand about its own middle, so that what a part costs, and what is as
+//! good as no distance in it, go by the part's size and not by the whole mesh's.
 
 use glam::Vec3;
 use meshopt::{SimplifyOptions, VertexDataAdapter};
@@ -61,8 +62,8 @@ impl Patch {
         levels
     }
 
-    /// Each kind of triangles gives up its share. The simplifier drops small components whole, held or not, so those that
-    /// are anchored are simplified without leave to do so.
+    /// Each kind of triangles gives up its share. The simplifier drops small components whole, held or not,
+    /// so those that are anchored are simplified without leave to do so.
     fn simplify(
         &self,
         former: &[u32],
@@ -118,7 +119,8 @@ fn anchored(positions: &[Vec3], indices: &[u32], held: &[bool]) -> Vec<bool> {
         .collect()
 }
 
-/// Disjoint sets of numbers: each number's entry is another one of its set that is nearer to the set's first, or itself.
+/// Disjoint sets of numbers: each number's entry is another one of its set that is nearer to the set's first,
+/// or itself.
 struct Groups(Vec<u32>);
 
 impl Groups {

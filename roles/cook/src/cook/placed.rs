@@ -40,7 +40,8 @@ pub(super) fn place_objects(model: &Model, meshes: &[Option<LeveledMesh>]) -> Re
         .collect()
 }
 
-/// Refuses what would have more than `limit` nodes, before any are made. Nodes above the objects are at most as many.
+/// Refuses what would have more than `limit` nodes, before any are made. Nodes above the objects are at most
+/// as many.
 pub(super) fn check_nodes(
     model: &Model,
     meshes: &[Option<LeveledMesh>],

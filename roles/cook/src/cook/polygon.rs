@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 
-/// The most corners of a polygon: cuts add corners, and what has more is not cut by a line but left to [`Polygon::halves`].
+/// The most corners of a polygon: cuts add corners, and what has more is not cut by a line but left to
+/// [`Polygon::halves`].
 const MOST: usize = 8;
 
 /// A convex polygon, flat up to rounding.
@@ -63,8 +64,9 @@ impl Polygon {
         self
     }
 
-    /// Cuts where `value` is zero, as if it were linear along each edge. `None` where that makes no two convex parts: a value
-    /// that changes its sign more than twice around the polygon or is no number, or too many corners.
+    /// Cuts where `value` is zero, as if it were linear along each edge. `None` where that makes no two
+    /// convex parts: a value that changes its sign more than twice around the polygon or is no number, or
+    /// too many corners.
     pub(super) fn cut(&self, value: impl Fn(Vec3) -> f32) -> Option<Cut> {
         let mut values = [0.0; MOST];
         for (slot, &corner) in values.iter_mut().zip(self.corners()) {
@@ -101,8 +103,8 @@ impl Polygon {
         (changes == 2).then_some(Cut::Both(positive, negative))
     }
 
-    /// Two parts of about half its length: by a line across its longest edge's direction, or between two of its corners where
-    /// there are many.
+    /// Two parts of about half its length: by a line across its longest edge's direction, or between two of
+    /// its corners where there are many.
     pub(super) fn halves(&self) -> [Self; 2] {
         if self.count == MOST {
             let (low, high) = self.corners.split_at(MOST / 2);

@@ -1,12 +1,14 @@
 //! Thins triangles by clustering their corners, and says how far the result is.
 //!
-//! Space is cut into cells. All corners in a cell become one, at the middle of the box around them, so none moves by more than
-//! half a cell's diagonal, and no point of a triangle by more than its corners. That alone bounds the distance, both ways, for
-//! each triangle whose corners are in three cells: nothing need be measured.
+//! Space is cut into cells. All corners in a cell become one, at the middle of the box around them, so none
+//! moves by more than half a cell's diagonal, and no point of a triangle by more than its corners. That alone
+//! bounds the distance, both ways, for each triangle whose corners are in three cells: nothing need be
+//! measured.
 //!
-//! The others collapse to a segment or a point. Where that is an edge or a corner of what is left, they are near it. Where
-//! a facet of what is left is near all their corners, they are dropped too, and how far that is counts. For the rest one triangle
-//! stays that holds the segment or point, with a corner where it was: so nothing vanishes that is far from all that is left.
+//! The others collapse to a segment or a point. Where that is an edge or a corner of what is left, they are
+//! near it. Where a facet of what is left is near all their corners, they are dropped too, and how far that
+//! is counts. For the rest one triangle stays that holds the segment or point, with a corner where it was: so
+//! nothing vanishes that is far from all that is left.
 
 use std::cmp::Ordering;
 
@@ -17,7 +19,8 @@ use super::gather::Soup;
 use super::hausdorff::ROUNDING;
 use trimaran_scene::{Rgba8, Vertex};
 
-/// The side of a cell, as part of the reach. Half of its diagonal is a little more than the reach, but hardly a cell is full.
+/// The side of a cell, as part of the reach. Half of its diagonal is a little more than the reach, but hardly
+/// a cell is full.
 const SIDE: f32 = 1.3;
 
 /// Fewer triangles in place of others.
@@ -28,8 +31,8 @@ pub(super) struct Thinned {
     pub(super) error: f32,
 }
 
-/// Thins triangles so that none of their points is much farther than `reach` from what is left, nor the other way round. `None` if
-/// there is nothing to thin, or a reach for which there are no cells.
+/// Thins triangles so that none of their points is much farther than `reach` from what is left, nor the other
+/// way round. `None` if there is nothing to thin, or a reach for which there are no cells.
 pub(super) fn thin(soup: &Soup, reach: f32) -> Option<Thinned> {
     let cells = Cells::new(soup, SIDE * reach)?;
     let image = |(index, corners): (u32, &[u32; 3])| Image::new(index, *corners, soup, &cells);
@@ -224,8 +227,8 @@ impl<'a> Left<'a> {
         }
     }
 
-    /// How far the triangles of a group are at most from what is left: from one facet of it. The distance to a facet is greatest at
-    /// a corner, because it is convex.
+    /// How far the triangles of a group are at most from what is left: from one facet of it. The distance to
+    /// a facet is greatest at a corner, because it is convex.
     fn farthest(&self, bvh: &Bvh, first: &Image, group: &[Image]) -> Option<f32> {
         let [x, y, _] = first.cells;
         let nearest = bvh.nearest(self.cells.middle(x).midpoint(self.cells.middle(y)), 0)?;
@@ -243,8 +246,8 @@ impl<'a> Left<'a> {
         }
     }
 
-    /// Triangles that hold a segment or point that a triangle collapsed to, and have all other points of that triangle: of a
-    /// segment, one of the two corners that met; of a point, two of three.
+    /// Triangles that hold a segment or point that a triangle collapsed to, and have all other points of that
+    /// triangle: of a segment, one of the two corners that met; of a point, two of three.
     fn holders(&self, image: &Image) -> impl Iterator<Item = [Vec3; 3]> + use<> {
         let corners = self.soup.triangle(image.index);
         let cells = corners.map(|corner| self.cells.cell(corner));

@@ -1,9 +1,10 @@
 //! A spatial tree over boxes: binned surface heuristic, collapsed to eight children.
 //!
-//! A box's size is measured by the square of the sum of its edges: like its surface, but not zero for flat and line-like
-//! boxes. Where the boxes' centres coincide, or the tree grows too deep (centres that lie ever closer together), the items
-//! are halved in their order, so any input gives a tree of bounded depth. Outliers end up in subtrees of their own near the
-//! root, and a huge box beside tiny ones becomes a child of the node they share.
+//! A box's size is measured by the square of the sum of its edges: like its surface, but not zero for flat
+//! and line-like boxes. Where the boxes' centres coincide, or the tree grows too deep (centres that lie ever
+//! closer together), the items are halved in their order, so any input gives a tree of bounded depth.
+//! Outliers end up in subtrees of their own near the root, and a huge box beside tiny ones becomes a child of
+//! the node they share.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -78,7 +79,8 @@ pub(super) fn by_height(tree: &[TreeNode]) -> Vec<Vec<u32>> {
     groups
 }
 
-/// Cuts the items into groups of at most `most` that lie near each other; items keep their order within a group.
+/// Cuts the items into groups of at most `most` that lie near each other; items keep their order within a
+/// group.
 pub(super) fn groups(boxes: &[WorldBox], most: usize) -> Vec<Vec<u32>> {
     let mut items = items(boxes);
     let mut groups = Vec::new();
@@ -139,8 +141,8 @@ impl Binary {
     }
 }
 
-/// The children of a collapsed node: the largest inner ones are opened until there are eight. One that holds no more items
-/// than there is room for is opened whole.
+/// The children of a collapsed node: the largest inner ones are opened until there are eight. One that holds
+/// no more items than there is room for is opened whole.
 fn collapse(subtree: &Binary) -> Vec<&Binary> {
     let Binary::Inner { halves, .. } = subtree else { return Vec::new() };
     let mut children: Vec<&Binary> = halves.iter().collect();
@@ -189,7 +191,8 @@ fn halve(items: &mut [Item], depth: usize) -> (&mut [Item], &mut [Item]) {
     items.split_at_mut(middle)
 }
 
-/// Moves the items that are `wanted` to the front, keeping the order within both parts; returns how many they are.
+/// Moves the items that are `wanted` to the front, keeping the order within both parts; returns how many they
+/// are.
 fn partition(items: &mut [Item], wanted: impl Fn(&Item) -> bool) -> usize {
     let (front, back): (Vec<Item>, Vec<Item>) = items.iter().partition(|item| wanted(item));
     for (slot, item) in items.iter_mut().zip(front.iter().chain(&back)) {

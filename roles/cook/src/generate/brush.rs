@@ -88,8 +88,8 @@ impl<'a> Brush<'a> {
         }
     }
 
-    /// A surface of revolution about y through `profile`, points (radius, height) from bottom to top, closed by flat caps
-    /// where it ends off the axis.
+    /// A surface of revolution about y through `profile`, points (radius, height) from bottom to top, closed
+    /// by flat caps where it ends off the axis.
     pub(super) fn lathe(&mut self, profile: &[(f64, f64)]) {
         let widest = profile.iter().fold(0.0, |widest, &(radius, _)| f64::max(widest, radius));
         self.lathe_of(self.tolerance.chords(widest), profile);
@@ -125,7 +125,8 @@ impl<'a> Brush<'a> {
         }
     }
 
-    /// A quarter of a torus: a pipe of radius `pipe` that starts at the origin along +y and ends along +x at (bend, bend, 0).
+    /// A quarter of a torus: a pipe of radius `pipe` that starts at the origin along +y and ends along +x at
+    /// (bend, bend, 0).
     pub(super) fn elbow(&mut self, pipe: f64, bend: f64) {
         let sides = self.tolerance.chords(pipe);
         let steps = self.tolerance.chords(bend + pipe).div_ceil(4).max(3);
@@ -149,8 +150,8 @@ impl<'a> Brush<'a> {
         }
     }
 
-    /// A prism: `outline` (x, z), counter-clockwise seen from above and star-shaped about its first point, from y = 0 to
-    /// `height`.
+    /// A prism: `outline` (x, z), counter-clockwise seen from above and star-shaped about its first point,
+    /// from y = 0 to `height`.
     pub(super) fn prism(&mut self, outline: &[(f64, f64)], height: f64) {
         let n = outline.len();
         self.triangles += 4 * n - 4;

@@ -79,7 +79,8 @@ fn pumps(module: &mut Module, random: &mut Random, tags: &mut Tags, pad: Pad) {
     }
 }
 
-/// A pipe from a nozzle up to the rack: flange, valve, gauge and bend. `at` is x, y, z of the nozzle and the rack's height.
+/// A pipe from a nozzle up to the rack: flange, valve, gauge and bend. `at` is x, y, z of the nozzle and the
+/// rack's height.
 fn riser(module: &mut Module, service: Paint, pipe: u32, [x, y, z, rack]: [f64; 4], tag: &str) {
     let radius = f64::from(pipe) / 1000.0;
     let bend = 3 * pipe;

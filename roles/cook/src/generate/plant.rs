@@ -16,12 +16,13 @@ use crate::Model;
 pub struct PlantOptions {
     /// Equal seeds make equal plants.
     pub seed: u64,
-    /// Objects wanted. Met exactly with one object a part (see `triangles`), to the last room otherwise; never fewer than
-    /// one room has, about 250.
+    /// Objects wanted. Met exactly with one object a part (see `triangles`), to the last room otherwise;
+    /// never fewer than one room has, about 250.
     pub objects: usize,
-    /// Triangles wanted in total, instances counted each time. Met within a few percent by how finely round parts are
-    /// divided, down to eight sides. Up to 2,000 an object on average, each part is an object of its own; above that, an
-    /// object is all that one trade has in a room, as in models exported by discipline.
+    /// Triangles wanted in total, instances counted each time. Met within a few percent by how finely round
+    /// parts are divided, down to eight sides. Up to 2,000 an object on average, each part is an object
+    /// of its own; above that, an object is all that one trade has in a room, as in models exported by
+    /// discipline.
     pub triangles: usize,
 }
 
@@ -169,7 +170,8 @@ impl Grid {
         // Doors keep to one end of the aisle or the other, so that few rooms see through many.
         let ends = [AISLE[0] + 0.05, AISLE[1] - DOOR[0] - 0.05];
         let [door_x, door_z] = [random.pick(ends), random.pick(ends)];
-        // Along x every wall has its door, and along z those of the first column: so every room can be reached.
+        // Along x every wall has its door, and along z those of the first column: so every room can be
+        // reached.
         let west = if column == 0 { Wall::Blind } else { Wall::Door(door_x) };
         let north = match (row, column) {
             (0, 0) if storey == 0 => Wall::Door(door_z),

@@ -1,4 +1,5 @@
-//! One room: floor, walls with doors, stairs, pipe rack, trays, ducts and equipment around a cross of two clear aisles.
+//! One room: floor, walls with doors, stairs, pipe rack, trays, ducts and equipment around a cross of two
+//! clear aisles.
 
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -53,7 +54,8 @@ pub(super) struct Surroundings {
     pub(super) roof: bool,
 }
 
-/// Seeds of a room: `lines` is shared by all rooms, so that pipes run on from one to the next; `content` is the room's own.
+/// Seeds of a room: `lines` is shared by all rooms, so that pipes run on from one to the next; `content` is
+/// the room's own.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Seeds {
     pub(super) lines: u64,
@@ -99,8 +101,8 @@ pub(super) fn build(module: &mut Module, around: &Surroundings, seeds: Seeds, ta
     }
 }
 
-/// Adds the `index`th of the small parts that rooms are full of: conduits, brackets, boxes, gauges, bolts. All hang above the
-/// doors or keep to the walls between the aisles.
+/// Adds the `index`th of the small parts that rooms are full of: conduits, brackets, boxes, gauges, bolts.
+/// All hang above the doors or keep to the walls between the aisles.
 pub(super) fn add_small_part(module: &mut Module, random: &mut Random, index: usize) {
     // Along one of the walls at x = 0 or z = 0, beside the aisle, or under the ceiling.
     let along = if random.chance(0.5) { random.between(0.4, 2.6) } else { random.between(5.4, 7.6) };
@@ -210,7 +212,8 @@ fn build_wall(module: &mut Module, side: usize, wall: Wall) {
 fn door(module: &mut Module, side: usize, start: f64) {
     let [width, height] = DOOR.map(|m| (m * 1000.0) as u32);
     let plane = if side < 2 { 0.0 } else { SIDE };
-    // x along the wall; the leaf stands open at a right angle, on the side of the opening that is nearer the equipment.
+    // x along the wall; the leaf stands open at a right angle, on the side of the opening that is nearer the
+    // equipment.
     let hinge_at_start = start < (AISLE[0] + AISLE[1] - DOOR[0]) / 2.0;
     let (turn, at): (DMat3, fn(f64, f64) -> DVec3) = if side.is_multiple_of(2) {
         (DMat3::from_cols(DVec3::Z, DVec3::Y, DVec3::NEG_X), |along, plane| DVec3::new(plane, 0.0, along))

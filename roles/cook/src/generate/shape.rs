@@ -1,4 +1,5 @@
-//! The catalogue of parts: each shape is a few solids. Lengths are whole millimetres, so that equal parts share a mesh.
+//! The catalogue of parts: each shape is a few solids. Lengths are whole millimetres, so that equal parts
+//! share a mesh.
 
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -57,7 +58,8 @@ pub(super) enum Shape {
     Bolt,
     /// A plate with a man-sized hole in its middle, in the plane z = 0, from the origin over +x and +y.
     Manhole { width: u32, height: u32 },
-    /// A wedge or trapezium plate: from x = 0 to `width` at the foot, to `top` at the head, extruded 1 m along +y.
+    /// A wedge or trapezium plate: from x = 0 to `width` at the foot, to `top` at the head, extruded 1 m
+    /// along +y.
     Trapeze { width: u32, depth: u32, top: u32 },
 }
 

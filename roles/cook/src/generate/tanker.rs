@@ -1,6 +1,8 @@
-//! A tanker: a double hull with cargo tanks, stiffened everywhere, deck piping, and a superstructure of rooms aft.
+//! A tanker: a double hull with cargo tanks, stiffened everywhere, deck piping, and a superstructure of rooms
+//! aft.
 //!
-//! Frames: x forward from the aft end of the superstructure, y up from the keel, z to starboard from the port side.
+//! Frames: x forward from the aft end of the superstructure, y up from the keel, z to starboard from the port
+//! side.
 
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -77,7 +79,8 @@ pub fn tanker(options: &TankerOptions) -> Model {
     assemble(&[rooms, hull].concat(), Grain::Part, options.triangles, "tanker")
 }
 
-/// A ship with so many rooms aft, from the keel (engine room and stores) up to the bridge, and as many tanks as go with them.
+/// A ship with so many rooms aft, from the keel (engine room and stores) up to the bridge, and as many tanks
+/// as go with them.
 fn ship(rooms: usize, seed: u64) -> Vec<Module> {
     let grid = Grid::stack(rooms, (BEAM / SIDE) as usize, (DECK / STOREY) as usize + 4);
     let mut modules = rooms_of(&grid, seed, |index| index);

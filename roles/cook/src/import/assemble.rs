@@ -1,4 +1,5 @@
-//! What all importers share at the end: welding a mesh, placing it, and joining the files' parts into one model.
+//! What all importers share at the end: welding a mesh, placing it, and joining the files' parts into one
+//! model.
 
 use std::path::Path;
 
@@ -19,8 +20,9 @@ struct Key {
     colour: [u8; 4],
 }
 
-/// Joins vertices of equal position and colour, and drops vertices that no triangle uses. Files split vertices for the
-/// sake of normals and textures; the model has neither. Triangles stay as they are, flat ones too.
+/// Joins vertices of equal position and colour, and drops vertices that no triangle uses. Files split
+/// vertices for the sake of normals and textures; the model has neither. Triangles stay as they are, flat
+/// ones too.
 pub(super) fn weld(mesh: &Mesh) -> Mesh {
     let keys: Vec<Key> = mesh
         .positions
@@ -57,8 +59,9 @@ pub(super) fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
     positions.iter().fold(empty, |(low, high), &p| (low.min(p), high.max(p)))
 }
 
-/// Places `mesh` in the part, flattening the mesh itself where the matrix is singular: an object must keep an invertible
-/// matrix, and a flattened one can still be seen. Each of those is a mesh of its own, which the budget must have room for.
+/// Places `mesh` in the part, flattening the mesh itself where the matrix is singular: an object must keep an
+/// invertible matrix, and a flattened one can still be seen. Each of those is a mesh of its own, which the
+/// budget must have room for.
 pub(super) fn place(
     part: &mut Part,
     budget: &Budget,
@@ -126,7 +129,8 @@ fn append(model: &mut Model, part: Model) -> Result<(), ImportError> {
     Ok(())
 }
 
-/// The index that the first of `more` items gets behind `present` ones, if all of them can have a 32-bit index.
+/// The index that the first of `more` items gets behind `present` ones, if all of them can have a 32-bit
+/// index.
 fn index(present: usize, more: usize, what: &'static str) -> Result<u32, ImportError> {
     match (u32::try_from(present), u32::try_from(present.saturating_add(more))) {
         (Ok(first), Ok(_)) => Ok(first),

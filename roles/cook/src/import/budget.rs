@@ -7,17 +7,18 @@ use thiserror::Error;
 
 /// The most that an import may make of all its files together.
 ///
-/// A small file can ask for a great deal: a thousand meshes may share one array of positions, and a thousand nodes one list
-/// of instances. Memory while importing stays below 64 times the size of the files (those that they refer to included), plus
-/// 64 bytes a triangle, 128 a vertex and 512 an object of what is allowed here, plus 64 MiB.
+/// A small file can ask for a great deal: a thousand meshes may share one array of positions, and a thousand
+/// nodes one list of instances. Memory while importing stays below 64 times the size of the files (those that
+/// they refer to included), plus 64 bytes a triangle, 128 a vertex and 512 an object of what is allowed here,
+/// plus 64 MiB.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ImportLimits {
     /// Triangles as stored: each mesh once. At most [`ImportLimits::MOST_TRIANGLES`] counts.
     pub triangles: u64,
     /// Vertices as stored, before equal ones are joined. At most [`ImportLimits::MOST_RECORDS`] counts.
     pub vertices: u64,
-    /// Objects; instances count each. One with a long name counts as several: one more for each [`NAME_UNIT`] bytes. At most
-    /// [`ImportLimits::MOST_RECORDS`] counts.
+    /// Objects; instances count each. One with a long name counts as several: one more for each
+    /// [`NAME_UNIT`] bytes. At most [`ImportLimits::MOST_RECORDS`] counts.
     pub objects: u64,
     /// How deep nodes or groups may be nested.
     pub depth: u32,
@@ -149,8 +150,8 @@ impl Budget {
     }
 }
 
-/// Adds to a count unless it would pass the limit. It says nothing about other memory, so that the order is of no
-/// consequence.
+/// Adds to a count unless it would pass the limit. It says nothing about other memory, so that the order is
+/// of no consequence.
 fn take(
     used: &AtomicU64,
     more: u64,

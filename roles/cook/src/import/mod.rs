@@ -1,13 +1,13 @@
 //! From files to a [`Model`]: glTF 2.0, AVEVA review files (RVM) and Wavefront OBJ.
 //!
-//! [`import`] takes any number of files and makes one model of them. What a walk needs is kept (shape, place, base
-//! colour, name); textures, animation and materials beyond the base colour are not. The world of the result is
-//! right-handed, y up, in metres, whatever the files' own frames are.
+//! [`import`] takes any number of files and makes one model of them. What a walk needs is kept (shape, place,
+//! base colour, name); textures, animation and materials beyond the base colour are not. The world of the
+//! result is right-handed, y up, in metres, whatever the files' own frames are.
 //!
-//! Files come from strangers. No importer panics on bad bytes or allocates what a length field claims; each ends in an
-//! [`ImportError`] that names the file, the place in it and the cause. [`ImportLimits`] bound what files may ask for, and so
-//! the memory and the time that an import takes. What can be left out without a hole in the model
-//! (points, lines, textures) is left out and counted in [`ImportReport::warnings`].
+//! Files come from strangers. No importer panics on bad bytes or allocates what a length field claims; each
+//! ends in an [`ImportError`] that names the file, the place in it and the cause. [`ImportLimits`] bound what
+//! files may ask for, and so the memory and the time that an import takes. What can be left out without a
+//! hole in the model (points, lines, textures) is left out and counted in [`ImportReport::warnings`].
 
 mod assemble;
 mod budget;
@@ -49,13 +49,13 @@ pub enum UpAxis {
 /// How to read files.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImportOptions {
-    /// The farthest a tessellated surface may be from the true one, metres. No curve is cut finer than a ten-thousandth of its
-    /// size. Only RVM has curved surfaces.
+    /// The farthest a tessellated surface may be from the true one, metres. No curve is cut finer than a
+    /// ten-thousandth of its size. Only RVM has curved surfaces.
     pub chord_tolerance: f64,
     /// The axis that points up; `None` is each format's own: y for glTF and OBJ, z for RVM.
     pub up: Option<UpAxis>,
-    /// Metres a unit of length, for OBJ and RVM; `None` is each format's own: 1 for OBJ, 0.001 for RVM. glTF is in
-    /// metres by its specification and ignores it.
+    /// Metres a unit of length, for OBJ and RVM; `None` is each format's own: 1 for OBJ, 0.001 for RVM. glTF
+    /// is in metres by its specification and ignores it.
     pub unit: Option<f64>,
     /// The most that may be made.
     pub limits: ImportLimits,
@@ -89,8 +89,9 @@ pub struct Progress<'a> {
 
 /// Reads `paths` into one model: the files' objects one after the other, in the order given.
 ///
-/// The format is told by the file's name and confirmed by its first bytes. Files are read in parallel, and `progress` is
-/// called after each, in the order in which they finish. The result does not depend on that order.
+/// The format is told by the file's name and confirmed by its first bytes. Files are read in parallel, and
+/// `progress` is called after each, in the order in which they finish. The result does not depend on that
+/// order.
 ///
 /// # Errors
 /// The first file, in the order given, that cannot be read; or options that make no sense.

@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use super::format::read;
 
-/// Files beside a document, and those that were read already: naming one a thousand times costs no more than once.
+/// Files beside a document, and those that were read already: naming one a thousand times costs no more than
+/// once.
 pub(super) struct Neighbours {
     /// None if the document itself is no file.
     folder: Option<PathBuf>,
@@ -30,8 +31,8 @@ impl Neighbours {
         Self { folder, read: HashMap::new() }
     }
 
-    /// The bytes of the file called `name`, which must be in the document's folder or below. A model from a stranger must not
-    /// name any other file of this machine. Also whether they were asked for before.
+    /// The bytes of the file called `name`, which must be in the document's folder or below. A model from a
+    /// stranger must not name any other file of this machine. Also whether they were asked for before.
     pub(super) fn read(&mut self, name: &Path) -> Result<(Arc<Vec<u8>>, bool), NotThere> {
         let path = self.path(name).ok_or(NotThere::Elsewhere)?;
         // By its true name: `a.bin` and `./a.bin` are one file.

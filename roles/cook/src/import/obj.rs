@@ -119,9 +119,9 @@ fn most_triangles(mesh: &tobj::Mesh) -> u64 {
     (mesh.indices.len() as u64).saturating_sub(2 * faces as u64)
 }
 
-/// The lines that make surfaces, the others empty so that numbers of lines stay; and the number of elements of points or
-/// lines. The reader would take a line of three points for a triangle, and a hostile number of a normal can overflow in
-/// it: it gets neither to see.
+/// The lines that make surfaces, the others empty so that numbers of lines stay; and the number of elements
+/// of points or lines. The reader would take a line of three points for a triangle, and a hostile number of a
+/// normal can overflow in it: it gets neither to see.
 fn essence(text: &str) -> (String, u64) {
     let mut left_out = 0;
     let mut kept = String::with_capacity(text.len());

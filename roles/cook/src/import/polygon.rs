@@ -1,13 +1,14 @@
 //! Plane polygons with holes as triangles.
 //!
-//! A polygon's contours come in any order and direction. Which are holes follows from what lies in what: a contour
-//! within an odd number of others is a hole, so an island in a hole is drawn.
+//! A polygon's contours come in any order and direction. Which are holes follows from what lies in what: a
+//! contour within an odd number of others is a hole, so an island in a hole is drawn.
 
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
-/// Polygons of more corners than this are not cut well. To find what lies in what takes time by the square of the contours,
-/// and cutting by the square of the corners where they cross: a second for so many, a day for a million.
+/// Polygons of more corners than this are not cut well. To find what lies in what takes time by the square of
+/// the contours, and cutting by the square of the corners where they cross: a second for so many, a day for a
+/// million.
 const MOST_CORNERS: usize = 8_192;
 
 /// Cuts polygons into triangles; keeps its memory from one to the next.
@@ -39,8 +40,8 @@ impl Triangulator {
         self.large_polygons
     }
 
-    /// The triangles of a polygon, facing as its largest contour winds. Corners are numbered through all contours, in
-    /// the order given. Corners must be finite.
+    /// The triangles of a polygon, facing as its largest contour winds. Corners are numbered through all
+    /// contours, in the order given. Corners must be finite.
     pub(super) fn triangulate(&mut self, polygon: &[Vec<DVec3>]) -> Vec<[u32; 3]> {
         if let [contour] = polygon
             && contour.len() == 3
@@ -102,8 +103,8 @@ impl Triangulator {
         let wanted = outer.area.abs() - holes.iter().map(|hole| hole.area.abs()).sum::<f64>();
         let covered: f64 = corners.as_chunks::<3>().0.iter().map(|triangle| twice(triangle).abs()).sum();
         if covered < 0.999 * wanted {
-            // A contour that crosses itself or a hole. A fan covers all that the outer contour surrounds, holes too:
-            // better too much than a hole where a wall should be.
+            // A contour that crosses itself or a hole. A fan covers all that the outer contour surrounds,
+            // holes too: better too much than a hole where a wall should be.
             let count = outer.points.len() as u32;
             corners = (2..count).flat_map(|corner| [0, corner - 1, corner]).collect();
         }
@@ -234,7 +235,8 @@ mod tests {
         assert!(areas(vec![bow]).1 > 1.0);
     }
 
-    /// Squares within squares, a hundred thousand of them: by the square of their number this would take hours.
+    /// Squares within squares, a hundred thousand of them: by the square of their number this would take
+    /// hours.
     #[test]
     fn very_many_contours_are_filled_and_counted() {
         let polygon: Vec<_> = (1..=100_000).map(|half| square(f64::from(half))).collect();
@@ -247,7 +249,8 @@ mod tests {
         assert_eq!(covering.count(), 2);
     }
 
-    /// Each corner is across the middle from the last one, so that all sides cross: cutting this well would take days.
+    /// Each corner is across the middle from the last one, so that all sides cross: cutting this well would
+    /// take days.
     #[test]
     fn a_contour_of_very_many_corners_that_cross_is_a_fan() {
         let corners = 1_000_000;

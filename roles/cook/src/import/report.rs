@@ -18,8 +18,8 @@ pub struct ImportReport {
     pub unique_triangles: u64,
     /// RVM primitives by kind.
     pub primitives: PrimitiveCounts,
-    /// RVM primitives whose tessellation differs by more than 5 % from the box that the file stores with them.
-    /// A few are right: writers store loose boxes for sheared snouts and eccentric pyramids.
+    /// RVM primitives whose tessellation differs by more than 5 % from the box that the file stores with
+    /// them. A few are right: writers store loose boxes for sheared snouts and eccentric pyramids.
     pub box_mismatches: u64,
     /// What was left out or repaired, each kind once, with how often.
     pub warnings: Vec<(Warning, u64)>,
@@ -37,14 +37,15 @@ pub enum Warning {
     MaterialsMissing,
     /// glTF nodes with a skin: drawn as modelled, without it.
     SkinnedNode,
-    /// RVM insulation and obstruction volumes: they are room kept free, not things, and would hide what is in them.
+    /// RVM insulation and obstruction volumes: they are room kept free, not things, and would hide what is in
+    /// them.
     VolumeLeftOut,
     /// Objects whose matrix flattens them: their mesh was flattened instead.
     FlattenedObject,
     /// Objects without a single triangle: left out.
     EmptyObject,
-    /// Polygons of so many corners that cutting them well could take for ever: their holes are filled, and a contour that is as
-    /// large by itself is drawn as a fan.
+    /// Polygons of so many corners that cutting them well could take for ever: their holes are filled, and a
+    /// contour that is as large by itself is drawn as a fan.
     LargePolygon,
 }
 

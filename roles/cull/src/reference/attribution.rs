@@ -1,10 +1,10 @@
-//! Why something visible was not drawn: the walk from the root down to it, step by step, each step held against the surface
-//! that the picture shows.
+//! Why something visible was not drawn: the walk from the root down to it, step by step, each step held
+//! against the surface that the picture shows.
 //!
-//! The tester and its depth are those of the machine that culled the frame (or of one that did its work again), and so is what
-//! comes before the tester: the level cut, the frustum test, the boxes. What they are judged by is independent of them: where
-//! the f64 rasterizer puts the surface that is missing. The walk to a drawable may go wrong at any node above it, and the first
-//! such step is the cause.
+//! The tester and its depth are those of the machine that culled the frame (or of one that did its work
+//! again), and so is what comes before the tester: the level cut, the frustum test, the boxes. What they are
+//! judged by is independent of them: where the f64 rasterizer puts the surface that is missing. The walk to a
+//! drawable may go wrong at any node above it, and the first such step is the cause.
 
 use std::collections::{BTreeMap, HashMap};
 use std::iter::successors;
@@ -20,7 +20,8 @@ use super::tester::triangles_of;
 use crate::boxes::{BoxMaker, Prepared, reaches};
 use crate::{BoxTester, CutRule, LevelCut, Outline, TestBox, View};
 
-/// A pixel's centre may be covered by a surface that ends so far beside it: corners move by the sub-pixel step.
+/// A pixel's centre may be covered by a surface that ends so far beside it: corners move by the sub-pixel
+/// step.
 const SNAP_PX: f64 = 1.0 / 256.0;
 
 /// Depths that differ by less than this fraction are of the same surface.
@@ -43,7 +44,8 @@ pub struct CulledFrame<'f> {
     pub sent: Option<u64>,
     /// What RVG drew.
     pub drawn: &'f [DrawableId],
-    /// Frames before it whose cameras OR may have drawn from by mistake: their views and what was drawn of them.
+    /// Frames before it whose cameras OR may have drawn from by mistake: their views and what was drawn of
+    /// them.
     pub before: &'f [(View, &'f [DrawableId])],
 }
 
@@ -56,7 +58,8 @@ pub struct Missing {
     pub pixels: Vec<usize>,
 }
 
-/// The cause for each of `missing`, in order. `tester` is that of the machine, and tests against `frame.depth`.
+/// The cause for each of `missing`, in order. `tester` is that of the machine, and tests against
+/// `frame.depth`.
 ///
 /// # Errors
 /// If the tester fails.
@@ -159,7 +162,8 @@ struct Judge<'f, S> {
     drawn: Vec<u32>,
     /// The occluders as the reference draws them; drawn when first asked for.
     occluders: Option<Picture>,
-    /// This frame's occluders from the cameras of the frames before, and what was drawn of those frames; likewise.
+    /// This frame's occluders from the cameras of the frames before, and what was drawn of those frames;
+    /// likewise.
     stale: Option<Vec<Picture>>,
 }
 
@@ -200,7 +204,8 @@ impl<'f, S: Steps> Judge<'f, S> {
         Ok(if lost { Cause::LostIds } else { Cause::Unattributed })
     }
 
-    /// Whether something else was drawn for the node: another of its levels, a node above it or nodes below it.
+    /// Whether something else was drawn for the node: another of its levels, a node above it or nodes below
+    /// it.
     fn replaced(&self, target: NodeId) -> Option<Cause> {
         let scene = self.frame.scene;
         let was_drawn = |node: NodeId| self.drawn.binary_search(&node.0).is_ok();
@@ -212,7 +217,8 @@ impl<'f, S: Steps> Judge<'f, S> {
         self.drawn.iter().any(below).then_some(Cause::LevelMismatch)
     }
 
-    /// Where the f64 rasterizer puts the missing surface at its pixels. Pixels on its very edge may not be among them.
+    /// Where the f64 rasterizer puts the missing surface at its pixels. Pixels on its very edge may not be
+    /// among them.
     fn surface(&self, missing: &Missing, target: NodeId) -> Vec<SurfacePoint> {
         let (scene, view) = (self.frame.scene, self.frame.view);
         let Some(drawable) = scene.drawables().get(missing.id.index()) else { return Vec::new() };
@@ -226,7 +232,8 @@ impl<'f, S: Steps> Judge<'f, S> {
                 let Some(found) = nearest.get_mut(&hit.pixel) else { return };
                 if found.is_none_or(|found| hit.depth > found.depth) {
                     let place = unproject(view, hit.pixel, hit.depth);
-                    // Each of two passes may be off by the slack, and by a step of the sub-pixel grid where the surface is steep.
+                    // Each of two passes may be off by the slack, and by a step of the sub-pixel grid where
+                    // the surface is steep.
                     let tolerance = 2.0 * slack / -place.z + snap / hit.depth;
                     *found = Some(SurfacePoint { pixel: hit.pixel, place, depth: hit.depth, tolerance });
                 }
@@ -304,8 +311,8 @@ impl<'f, S: Steps> Judge<'f, S> {
             });
             moved.flat_map(|(view, drawn)| [draw(view, drawn), draw(view, frame.occluders)]).collect()
         });
-        // At most points: along edges a device may round to another surface. The depth of a large triangle is interpolated less
-        // exactly than the missing surface's own tolerance says.
+        // At most points: along edges a device may round to another surface. The depth of a large triangle is
+        // interpolated less exactly than the missing surface's own tolerance says.
         let same = |picture: &Picture| {
             let equal = |point: &&SurfacePoint| {
                 let tested = frame.depth.get(point.pixel).copied().map(f64::from);
@@ -400,7 +407,8 @@ fn unproject(view: &View, pixel: usize, depth: f64) -> DVec3 {
     )
 }
 
-/// By how much the reversed depth of a triangle changes over a step of the sub-pixel grid, right and down together.
+/// By how much the reversed depth of a triangle changes over a step of the sub-pixel grid, right and down
+/// together.
 fn depth_of_a_snap(view: &View, [a, b, c]: &[DVec3; 3]) -> f64 {
     let normal = (*b - *a).cross(*c - *a);
     // Reversed depth is near / distance, which on the plane `normal . p = offset` is linear on the screen.
@@ -492,8 +500,8 @@ mod tests {
             Prepared::Test(TestBox { centre: Vec3::NEG_Z * 4.0, axes })
         }
 
-        /// The cause, if the tester says what `shows` says and the depth tested against is `nearer` times that of the plate
-        /// at the plate's pixels.
+        /// The cause, if the tester says what `shows` says and the depth tested against is `nearer` times
+        /// that of the plate at the plate's pixels.
         fn cause(&self, outside: bool, prepared: Prepared, shows: bool, nearer: f64) -> Cause {
             let depth: Vec<f32> = self.truth.depth().iter().map(|d| (d * nearer) as f32).collect();
             self.cause_of(Told { outside, prepared, shows }, &depth, Some(0), &self.missing)

@@ -2,12 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Why a visible drawable was not drawn: the first step on its way from the root of the tree to the picture that went wrong.
+/// Why a visible drawable was not drawn: the first step on its way from the root of the tree to the picture
+/// that went wrong.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FalseCullCause {
-    /// Another level was drawn in its place, or it is hidden by an occluder that is not of the frame's level cut: the roles did
-    /// not choose alike.
+    /// Another level was drawn in its place, or it is hidden by an occluder that is not of the frame's level
+    /// cut: the roles did not choose alike.
     LevelMismatch,
     /// The rule of the paper's section 4.5.2 was on, and a node above it was drawn in its place.
     PixelCountRule,
@@ -19,7 +20,8 @@ pub enum FalseCullCause {
     NearPlane,
     /// The depth tested against was drawn from the camera of an earlier frame.
     StaleCamera,
-    /// The depth tested against lies in front of the surface that shows: two passes or two devices placed it differently.
+    /// The depth tested against lies in front of the surface that shows: two passes or two devices placed it
+    /// differently.
     OccluderTooNear,
     /// The box given to the tester covers none of the pixels at which the surface shows.
     MissedSamples,

@@ -46,7 +46,8 @@ impl Grid {
     /// The points, as indices, of the cells that touch a rectangle, a row of cells at a time.
     pub(super) fn cells(&self, low: DVec2, high: DVec2) -> impl Iterator<Item = &[usize]> {
         let (low, high) = ((low - self.corner) / self.cell, (high - self.corner) / self.cell);
-        // From float to integer saturates: what is left of the first cell becomes the first cell, unless all of it is.
+        // From float to integer saturates: what is left of the first cell becomes the first cell, unless all
+        // of it is.
         let end = |high: f64, count: usize| {
             if high < 0.0 { 0 } else { (high as usize).saturating_add(1).min(count) }
         };

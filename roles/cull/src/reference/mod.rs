@@ -1,5 +1,6 @@
-//! The oracle: a rasterizer in f64 that follows Vulkan's rules, and what is built on it. Slow, simple, and independent of the
-//! code it checks and of any GPU. Everything here is for tests and for reports; nothing of it runs while walking.
+//! The oracle: a rasterizer in f64 that follows Vulkan's rules, and what is built on it. Slow, simple, and
+//! independent of the code it checks and of any GPU. Everything here is for tests and for reports; nothing of
+//! it runs while walking.
 
 mod attribution;
 pub mod cases;

@@ -1,9 +1,10 @@
 //! How far pixels are, on the screen, from where surfaces lie.
 //!
-//! Two pictures of the same thing can be compared pixel by pixel only where both hit it: a part thinner than a pixel may hit a
-//! pixel's centre in one and none in the other, and what one shows at its border may lie outside of the other. So the
-//! distance is not taken to the other picture's pixels but to its *surfaces*, projected in f64: whether they hit a sample,
-//! are hidden, or lie outside of the picture makes no difference.
+//! Two pictures of the same thing can be compared pixel by pixel only where both hit it: a part thinner than
+//! a pixel may hit a pixel's centre in one and none in the other, and what one shows at its border may lie
+//! outside of the other. So the distance is not taken to the other picture's pixels but to its *surfaces*,
+//! projected in f64: whether they hit a sample, are hidden, or lie outside of the picture makes no
+//! difference.
 
 use glam::{DVec2, DVec3};
 use trimaran_proto::DrawableId;
@@ -14,17 +15,18 @@ use super::picture::{Placement, triangles};
 use super::raster::clip;
 use crate::View;
 
-/// How far from a pixel's centre the surface that covers it may lie, in pixels, as it is known here: the rasterizer moves
-/// corners by its sub-pixel step of 1/256, and a GPU places vertices in f32.
+/// How far from a pixel's centre the surface that covers it may lie, in pixels, as it is known here: the
+/// rasterizer moves corners by its sub-pixel step of 1/256, and a GPU places vertices in f32.
 pub const SURFACE_SLACK_PX: f64 = 1.0 / 64.0;
 
-/// How far is searched first. Most pixels find what they look for, and those that do not are few: for them the search goes
-/// on, four times as far each time.
+/// How far is searched first. Most pixels find what they look for, and those that do not are few: for them
+/// the search goes on, four times as far each time.
 const FIRST_REACH_PX: f64 = 1.0;
 
-/// For each of `pixels` (indices into `view`'s picture, row by row from the top left) the distance on the screen, in pixels,
-/// from its centre to the nearest surface of `ids`: 0 where a surface covers it. A surface counts wherever it lies beyond the
-/// near plane, inside the picture or outside, hidden or not. `None` if there is none within the picture's diagonal.
+/// For each of `pixels` (indices into `view`'s picture, row by row from the top left) the distance on the
+/// screen, in pixels, from its centre to the nearest surface of `ids`: 0 where a surface covers it. A surface
+/// counts wherever it lies beyond the near plane, inside the picture or outside, hidden or not. `None` if
+/// there is none within the picture's diagonal.
 #[must_use]
 pub fn distances_to_surfaces(
     scene: &Scene,
@@ -143,8 +145,8 @@ impl Search {
     }
 }
 
-/// The squared distance from a point to a convex polygon within the given bounds; 0 inside. The polygon may be flat: then no
-/// point is inside.
+/// The squared distance from a point to a convex polygon within the given bounds; 0 inside. The polygon may
+/// be flat: then no point is inside.
 fn squared_distance(point: DVec2, polygon: &[DVec2], (low, high): (DVec2, DVec2)) -> f64 {
     let within = point.cmpge(low).all() && point.cmple(high).all();
     let (mut left, mut right) = (within, within);

@@ -22,7 +22,8 @@ pub enum Placement {
     /// In f64 all the way.
     #[default]
     Exact,
-    /// As a GPU does: matrix and translation about the eye composed in f64, rounded to f32, and applied in f32.
+    /// As a GPU does: matrix and translation about the eye composed in f64, rounded to f32, and applied in
+    /// f32.
     Single,
 }
 
@@ -82,7 +83,8 @@ impl Picture {
         unpaired + self.items.iter().zip(&other.items).filter(|(a, b)| a != b).count()
     }
 
-    /// Keeps the nearer of what is drawn and a pixel of a triangle that belongs to no drawable: an occluder by hand.
+    /// Keeps the nearer of what is drawn and a pixel of a triangle that belongs to no drawable: an occluder
+    /// by hand.
     pub fn cover(&mut self, hit: Coverage) {
         if let Some(depth) = self.depth.get_mut(hit.pixel) {
             *depth = depth.max(hit.depth);

@@ -1,7 +1,8 @@
 //! One triangle to pixels, by the rules of the Vulkan specification (chapter "Rasterization").
 //!
-//! Corners snap to a grid of 1/256 pixel; a pixel is covered if its centre is inside by exact integer edge functions, or on a
-//! top or left edge; both windings are drawn. Depth is near / distance, which is linear on the screen, interpolated in f64.
+//! Corners snap to a grid of 1/256 pixel; a pixel is covered if its centre is inside by exact integer edge
+//! functions, or on a top or left edge; both windings are drawn. Depth is near / distance, which is linear on
+//! the screen, interpolated in f64.
 
 use glam::{DVec2, DVec3};
 
@@ -10,7 +11,8 @@ use crate::View;
 /// Sub-pixel positions a pixel, in each direction (8 bits).
 const SUBPIXELS: f64 = 256.0;
 
-/// Triangles are clipped this far outside of the picture, in pixels from its middle, to keep the integers small.
+/// Triangles are clipped this far outside of the picture, in pixels from its middle, to keep the integers
+/// small.
 const GUARD_PX: f64 = 65536.0;
 
 /// A pixel that a triangle covers.
@@ -22,8 +24,8 @@ pub struct Coverage {
     pub depth: f64,
 }
 
-/// Calls `cover` for each pixel that the triangle of view-space `corners` covers in `view`'s picture, in rows from the top.
-/// Corners that are not finite cover nothing.
+/// Calls `cover` for each pixel that the triangle of view-space `corners` covers in `view`'s picture, in rows
+/// from the top. Corners that are not finite cover nothing.
 pub fn rasterize_triangle(view: &View, corners: [DVec3; 3], mut cover: impl FnMut(Coverage)) {
     if !corners.iter().all(|corner| corner.is_finite()) {
         return;
@@ -81,8 +83,8 @@ pub(super) fn clip(polygon: &mut Vec<DVec3>, side: impl Fn(DVec3) -> f64) {
     *polygon = kept;
 }
 
-/// Twice the signed area of a, b, p; positive on the inner side of the edges of a triangle that winds clockwise on the screen
-/// (y points down).
+/// Twice the signed area of a, b, p; positive on the inner side of the edges of a triangle that winds
+/// clockwise on the screen (y points down).
 fn edge(a: Corner, b: Corner, x: i64, y: i64) -> i64 {
     (b.x - a.x) * (y - a.y) - (b.y - a.y) * (x - a.x)
 }
@@ -103,7 +105,8 @@ fn fill(view: &View, [a, mut b, mut c]: [Corner; 3], cover: &mut impl FnMut(Cove
     };
     let columns = pixel_range(a.x.min(b.x).min(c.x), a.x.max(b.x).max(c.x), width);
     let rows = pixel_range(a.y.min(b.y).min(c.y), a.y.max(b.y).max(c.y), height);
-    // A centre on an edge belongs to the triangle only if the edge is a top or a left one: the others must be cleared by 1.
+    // A centre on an edge belongs to the triangle only if the edge is a top or a left one: the others must be
+    // cleared by 1.
     let owes = |from: Corner, to: Corner| {
         let top = from.y == to.y && to.x > from.x;
         let left = to.y < from.y;
@@ -141,8 +144,8 @@ mod tests {
 
     #[test]
     fn a_triangle_covers_the_pixels_whose_centres_it_holds() {
-        // At depth 16 a metre is a pixel. The upper left half of the picture's middle 4 x 4 pixels: centres on the diagonal
-        // are on its right edge, which is not its own.
+        // At depth 16 a metre is a pixel. The upper left half of the picture's middle 4 x 4 pixels: centres
+        // on the diagonal are on its right edge, which is not its own.
         let corners =
             [DVec3::new(-2.0, 2.0, -16.0), DVec3::new(2.0, 2.0, -16.0), DVec3::new(-2.0, -2.0, -16.0)];
         let [first, second, third] = [14, 15, 16].map(|row| row * 32 + 14);

@@ -8,8 +8,8 @@ use super::picture::Picture;
 use super::raster::rasterize_triangle;
 use crate::{Answer, BoxTester, Outline, TestBox, View};
 
-/// Rasterizes boxes against a picture's depth and counts the pixels at which a box is in front of it or level with it: what
-/// precise occlusion queries with `GREATER_OR_EQUAL` and back faces culled count.
+/// Rasterizes boxes against a picture's depth and counts the pixels at which a box is in front of it or level
+/// with it: what precise occlusion queries with `GREATER_OR_EQUAL` and back faces culled count.
 #[derive(Debug)]
 pub struct ReferenceTester<'p> {
     occluders: &'p Picture,
@@ -27,8 +27,9 @@ impl<'p> ReferenceTester<'p> {
         Self { occluders, outline: Outline::InBox, counted, boxes: 0 }
     }
 
-    /// The same tester with boxes prepared as `outline` says. It grows nothing by itself, so with [`Outline::OnScreen`] boxes
-    /// come without their half pixel: only for tests that need to see what that does.
+    /// The same tester with boxes prepared as `outline` says. It grows nothing by itself, so with
+    /// [`Outline::OnScreen`] boxes come without their half pixel: only for tests that need to see what
+    /// that does.
     #[must_use]
     pub fn with_outline(self, outline: Outline) -> Self {
         Self { outline, ..self }

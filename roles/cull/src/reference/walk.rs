@@ -1,6 +1,7 @@
 //! The whole loop on the CPU: OR, HC and RVG as one machine, frame by frame, beside the truth.
 //!
-//! Why culling is exact rests on five conditions. [`Fault`] breaks each on purpose, to see that a check of the pictures notices.
+//! Why culling is exact rests on five conditions. [`Fault`] breaks each on purpose, to see that a check of
+//! the pictures notices.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -185,7 +186,8 @@ impl ReferenceWalk {
         Ok(FrameReport { stats, occluders, emitted, exact, false_culled, differing_pixels, picture })
     }
 
-    /// OR: the last frame's ids, mapped to this view's cut and drawn from it; nothing before there is a last frame.
+    /// OR: the last frame's ids, mapped to this view's cut and drawn from it; nothing before there is a last
+    /// frame.
     fn draw_occluders(&self, scene: &Arc<Scene>, view: &View) -> Result<Occluders, WalkError> {
         let mut ids = Vec::new();
         match &self.last {

@@ -15,7 +15,8 @@ fn known_triangle() -> Part {
     Part::triangles(&[at(1.0, 1.0), at(7.0, 1.0), at(1.0, 7.0)])
 }
 
-/// Whether it covers a pixel: the centre is inside, or on the top or left edge; a centre on the slanted edge is outside.
+/// Whether it covers a pixel: the centre is inside, or on the top or left edge; a centre on the slanted edge
+/// is outside.
 fn known_coverage(x: u32, y: u32) -> bool {
     x >= 1 && y >= 1 && x + y < 7
 }
@@ -109,7 +110,8 @@ fn items_name_drawables_and_their_triangles_from_zero() {
         for x in 0..64_u32 {
             let pixel = (y * 64 + x) as usize;
             assert_eq!(items.drawable[pixel], x / 8, "at {x}, {y}");
-            // The lower left half is triangle 0: left of the diagonal from the top left to the lower right corner.
+            // The lower left half is triangle 0: left of the diagonal from the top left to the lower right
+            // corner.
             let (across, down) = ((x % 8) as f32 + 0.5, (y as f32 + 0.5) / 8.0);
             let expected = u32::from(across > down);
             if (across - down).abs() > 0.01 {

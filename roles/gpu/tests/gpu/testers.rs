@@ -80,8 +80,8 @@ fn queries_and_counting_agree_with_the_reference_on_random_boxes() {
         assert_eq!(query, raster);
         let hidden = reference.iter().filter(|&&count| count == 0).count();
         assert!((250..2000).contains(&hidden), "{hidden} hidden: the test tests little");
-        // The device places corners in f32, so one in a few hundred rounds to another sub-pixel step than in f64, and a pixel
-        // on an edge changes sides.
+        // The device places corners in f32, so one in a few hundred rounds to another sub-pixel step than in
+        // f64, and a pixel on an edge changes sides.
         let differing: Vec<_> = (0..boxes.len()).filter(|&i| reference[i] != query[i]).collect();
         assert!(differing.len() * 50 < boxes.len(), "{} of {} differ", differing.len(), boxes.len());
         for i in differing {
@@ -95,7 +95,8 @@ fn queries_and_counting_agree_with_the_reference_on_random_boxes() {
 fn a_box_in_the_open_counts_its_silhouette_once() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let scene = Arc::new(scene(&[Part::wall(Vec3::new(0.0, 0.0, -50.0), 1.0, 1.0)]));
-    // 64 pixels to 2 m at 1 m: the front face of half-width 1/4 at 1 m covers 16 x 16 pixels, the back face fewer.
+    // 64 pixels to 2 m at 1 m: the front face of half-width 1/4 at 1 m covers 16 x 16 pixels, the back face
+    // fewer.
     let front = upright(Vec3::new(0.0, 0.0, -1.5), Vec3::new(0.25, 0.25, 0.5));
     let mirrored = TestBox { axes: [-front.axes[0], front.axes[1], front.axes[2]], ..front };
     let swapped = TestBox { axes: [front.axes[2], front.axes[0], front.axes[1]], ..front };

@@ -1,4 +1,5 @@
-//! Whole walks on the device: occluders, culling and item buffer, on the hard cases that the CPU reference walks too.
+//! Whole walks on the device: occluders, culling and item buffer, on the hard cases that the CPU reference
+//! walks too.
 
 use std::sync::Arc;
 

@@ -1,8 +1,8 @@
-//! The cooked file: written whole or not at all, read into memory that nobody else can change, and trusted only after it has
-//! been checked.
+//! The cooked file: written whole or not at all, read into memory that nobody else can change, and trusted
+//! only after it has been checked.
 //!
-//! Layout, little-endian: a [`Header`], then the sections, each starting at a multiple of 64 bytes, gaps filled with zeros.
-//! Order of the sections: nodes, drawables, vertices, indices, objects, names, sources.
+//! Layout, little-endian: a [`Header`], then the sections, each starting at a multiple of 64 bytes, gaps
+//! filled with zeros. Order of the sections: nodes, drawables, vertices, indices, objects, names, sources.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -67,7 +67,8 @@ struct Section {
     length: u64,
 }
 
-/// Why a scene could not be saved. Nothing is left behind under the name asked for, and an older file of that name stays.
+/// Why a scene could not be saved. Nothing is left behind under the name asked for, and an older file of that
+/// name stays.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SaveError {
@@ -86,8 +87,9 @@ pub enum SaveError {
 }
 
 impl Scene {
-    /// Writes the scene to `path`: to a temporary name in the same folder, flushed to the disk and then renamed, so that a
-    /// reader sees the old file or the whole new one. The same scene always makes the same bytes.
+    /// Writes the scene to `path`: to a temporary name in the same folder, flushed to the disk and then
+    /// renamed, so that a reader sees the old file or the whole new one. The same scene always makes the
+    /// same bytes.
     ///
     /// # Errors
     /// If the system refuses; nothing is left behind then.
@@ -114,17 +116,18 @@ impl Scene {
         })
     }
 
-    /// Opens a scene that [`Scene::save`] wrote, and checks all of it: every byte against the fingerprint, every record
-    /// against the rules.
+    /// Opens a scene that [`Scene::save`] wrote, and checks all of it: every byte against the fingerprint,
+    /// every record against the rules.
     ///
-    /// **What was opened stays as it was**, whatever becomes of the file: overwritten, cut short, replaced or deleted. The
-    /// file is copied into memory while it is checked, so a scene takes its size in memory, once for each opening. A file
-    /// that nobody can write to any more is mapped in place of that, and all processes that open it share it: one with
-    /// fs-verity (`fsverity enable FILE`), or a sealed memfd. Such a file takes no memory that the system cannot take back.
+    /// **What was opened stays as it was**, whatever becomes of the file: overwritten, cut short, replaced or
+    /// deleted. The file is copied into memory while it is checked, so a scene takes its size in memory,
+    /// once for each opening. A file that nobody can write to any more is mapped in place of that, and
+    /// all processes that open it share it: one with fs-verity (`fsverity enable FILE`), or a sealed
+    /// memfd. Such a file takes no memory that the system cannot take back.
     ///
     /// # Errors
-    /// Says what is wrong with the file and what to do about it. [`OpenError::may_pass`] tells a file that is not there yet
-    /// or is being written from one that stays unusable.
+    /// Says what is wrong with the file and what to do about it. [`OpenError::may_pass`] tells a file that is
+    /// not there yet or is being written from one that stays unusable.
     pub fn open(path: &Path) -> Result<Self, OpenError> {
         let io_error = |source| OpenError::Io { path: path.to_owned(), source };
         // Opening a pipe would wait for whoever writes to it.
@@ -349,7 +352,8 @@ impl MappedScene {
         self.records(4)
     }
 
-    /// A section as records. `read` has checked its range and alignment, so the empty slice stands for nothing that happens.
+    /// A section as records. `read` has checked its range and alignment, so the empty slice stands for
+    /// nothing that happens.
     fn records<T: AnyBitPattern + NoUninit>(&self, section: usize) -> &[T] {
         let bytes = self.sections.get(section).and_then(|range| self.map.get(range.clone()));
         bytes.and_then(|bytes| bytemuck::try_cast_slice(bytes).ok()).unwrap_or_default()

@@ -6,11 +6,12 @@ use xxhash_rust::xxh3::{Xxh3Default, xxh3_128};
 
 use super::Parts;
 
-/// Bytes hashed as one piece. Pieces are hashed in parallel, so this is part of the definition of the fingerprint.
+/// Bytes hashed as one piece. Pieces are hashed in parallel, so this is part of the definition of the
+/// fingerprint.
 pub(super) const PIECE: usize = 1 << 20;
 
-/// XXH3-128 over, for each section in file order, its length in bytes (u64, little-endian) and the XXH3-128 (little-endian)
-/// of each of its pieces of 1 MiB.
+/// XXH3-128 over, for each section in file order, its length in bytes (u64, little-endian) and the XXH3-128
+/// (little-endian) of each of its pieces of 1 MiB.
 pub(super) fn fingerprint(parts: &Parts<'_>) -> SceneHash {
     fingerprint_sections(&section_bytes(parts, &encode_sources(parts.sources)))
 }

@@ -101,7 +101,8 @@ impl Scene {
         }
     }
 
-    /// The name of an object (index into [`Scene::objects`]); `None` past their end, empty if the object has no name.
+    /// The name of an object (index into [`Scene::objects`]); `None` past their end, empty if the object has
+    /// no name.
     #[must_use]
     pub fn object_name(&self, object: u32) -> Option<&str> {
         let parts = self.parts();
@@ -128,8 +129,8 @@ impl Scene {
         finest.map(|drawable| u64::from(drawable.index_count / 3)).sum()
     }
 
-    /// Whether the arrays lie in whole pages laid out as in the file ([`Scene::open`]): all of them readable, and none of
-    /// them changing, for as long as the scene lives.
+    /// Whether the arrays lie in whole pages laid out as in the file ([`Scene::open`]): all of them readable,
+    /// and none of them changing, for as long as the scene lives.
     #[must_use]
     pub const fn is_mapped(&self) -> bool {
         matches!(self.storage, Storage::File(_))

@@ -92,8 +92,9 @@ pub enum OpenError {
 }
 
 impl OpenError {
-    /// Whether the same file may open a little later with nobody mending anything: it is not there yet, is still being
-    /// copied (cut short), or changed while it was read. Everything else stays as it is until somebody acts.
+    /// Whether the same file may open a little later with nobody mending anything: it is not there yet, is
+    /// still being copied (cut short), or changed while it was read. Everything else stays as it is until
+    /// somebody acts.
     #[must_use]
     pub fn may_pass(&self) -> bool {
         match self {

@@ -16,7 +16,8 @@ pub struct Rgba8(pub [u8; 4]);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct NodeId(pub u32);
 
-/// A node of the scene tree. Nodes stand in breadth-first order, so that children are contiguous and follow their parent.
+/// A node of the scene tree. Nodes stand in breadth-first order, so that children are contiguous and follow
+/// their parent.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Node {
@@ -26,9 +27,11 @@ pub struct Node {
     pub world_max: [f64; 3],
     /// The origin of the node's local frame in the world, metres.
     pub origin: [f64; 3],
-    /// Local frame to world, without the translation; column-major. The identity for nodes of several objects.
+    /// Local frame to world, without the translation; column-major. The identity for nodes of several
+    /// objects.
     pub linear: [f32; 9],
-    /// Local box, lower corner: bounds every level of this node and of all below it, in the node's own frame.
+    /// Local box, lower corner: bounds every level of this node and of all below it, in the node's own
+    /// frame.
     pub local_min: [f32; 3],
     /// Local box, upper corner.
     pub local_max: [f32; 3],
@@ -40,21 +43,25 @@ pub struct Node {
     pub child_count: u32,
     /// The node's finest level; levels are contiguous, finest first.
     pub first_drawable: u32,
-    /// The number of levels. A leaf has at least one; an interior node may have none and is then always refined.
+    /// The number of levels. A leaf has at least one; an interior node may have none and is then always
+    /// refined.
     pub drawable_count: u32,
-    /// The object that the node is, or is a part of: an index into the scene's objects. [`Node::NONE`] for nodes of several.
+    /// The object that the node is, or is a part of: an index into the scene's objects. [`Node::NONE`] for
+    /// nodes of several.
     pub object: u32,
     /// Zero.
     pub reserved: u32,
 }
 
-/// A node at one level of detail: an index range of triangles, and how far it may be from the finest geometry.
+/// A node at one level of detail: an index range of triangles, and how far it may be from the finest
+/// geometry.
 #[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Drawable {
-    /// Certified upper bound of the two-sided Hausdorff distance to the finest geometry of this node, world metres (the
-    /// local bound times the largest singular value of the node's matrix, rounded up). 0 for the finest level of a leaf.
-    /// Never falls from a level to the next coarser one, nor from a node to its parent.
+    /// Certified upper bound of the two-sided Hausdorff distance to the finest geometry of this node, world
+    /// metres (the local bound times the largest singular value of the node's matrix, rounded up). 0 for
+    /// the finest level of a leaf. Never falls from a level to the next coarser one, nor from a node to
+    /// its parent.
     pub error: f32,
     /// The node.
     pub node: u32,
@@ -157,7 +164,8 @@ pub struct SceneArrays {
     pub drawables: Vec<Drawable>,
     /// All vertices. Several drawables may share a range: instances.
     pub vertices: Vec<Vertex>,
-    /// All indices, three a triangle. The first of the three is the vertex that carries its colour and normal.
+    /// All indices, three a triangle. The first of the three is the vertex that carries its colour and
+    /// normal.
     pub indices: Vec<u32>,
     /// The objects, in the model's order.
     pub objects: Vec<ObjectRecord>,

@@ -1,25 +1,29 @@
 //! What flat shading needs of a triangle, carried by its first corner.
 //!
-//! A flat attribute of a triangle is that of its first corner (Vulkan's provoking vertex). So a triangle's corners are turned until the
-//! first is one that no triangle of another normal or colour begins with, and where there is none, a corner is doubled. Then light
-//! is worked out once a vertex and not once a pixel. Triangles keep their order, their winding and their corners' positions.
+//! A flat attribute of a triangle is that of its first corner (Vulkan's provoking vertex). So a triangle's
+//! corners are turned until the first is one that no triangle of another normal or colour begins with, and
+//! where there is none, a corner is doubled. Then light is worked out once a vertex and not once a pixel.
+//! Triangles keep their order, their winding and their corners' positions.
 
 use glam::{DVec3, Vec3};
 
 use super::Vertex;
 use crate::Rgba8;
 
-/// A unit vector along the axes of a node's local frame, folded: the vector is scaled so that the sizes of its coordinates add up to 1;
-/// if z is negative, (x, y) is replaced by the mirror image in the nearest of the four lines |x| + |y| = 1, and z is left out. 32767 is 1.
+/// A unit vector along the axes of a node's local frame, folded: the vector is scaled so that the sizes of
+/// its coordinates add up to 1; if z is negative, (x, y) is replaced by the mirror image in the nearest of
+/// the four lines |x| + |y| = 1, and z is left out. 32767 is 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Normal(pub [i16; 2]);
 
 impl Normal {
-    /// Stands for "no triangle begins here": -1 has two codes, and this is the one that directions do not use.
+    /// Stands for "no triangle begins here": -1 has two codes, and this is the one that directions do not
+    /// use.
     pub const NONE: Self = Self([i16::MIN; 2]);
 
-    /// The direction at right angles to a triangle, on the side from which its corners run counter-clockwise. Any for a triangle without area.
+    /// The direction at right angles to a triangle, on the side from which its corners run counter-clockwise.
+    /// Any for a triangle without area.
     #[must_use]
     pub fn of(corners: [[f32; 3]; 3]) -> Self {
         let [a, b, c] = corners.map(|corner| Vec3::from_array(corner).as_dvec3());
@@ -62,8 +66,9 @@ impl Shading {
         Self { vertices, given }
     }
 
-    /// Turns triangles: three indices each, of the vertices given. Afterwards each triangle's first corner carries its colour and normal.
-    /// Another array of triangles over the same vertices may follow. Indices past the vertices are left for the scene's check to refuse.
+    /// Turns triangles: three indices each, of the vertices given. Afterwards each triangle's first corner
+    /// carries its colour and normal. Another array of triangles over the same vertices may follow.
+    /// Indices past the vertices are left for the scene's check to refuse.
     pub fn turn(&mut self, indices: &mut [u32]) {
         let Some(last) = indices.iter().max().copied().filter(|&last| (last as usize) < self.given.len())
         else {
@@ -85,7 +90,8 @@ impl Shading {
                     .map(|&other| other as usize)
                     .filter(|&t| !turned[t] && facets[t] == facet)
             };
-            // A corner that carries the facet already, or a free one, or one to double: in each case one that serves many triangles.
+            // A corner that carries the facet already, or a free one, or one to double: in each case one that
+            // serves many triangles.
             let rank = |&corner: &u32| (self.readiness(corner, facet), alike(corner).count());
             let Some(shared) = triangles[start].into_iter().max_by_key(rank) else { continue };
             let served: Vec<usize> = alike(shared).collect();
@@ -102,7 +108,8 @@ impl Shading {
         }
     }
 
-    /// The vertices: those given, the colour of each that of the triangles that begin there, and after them the doubled ones.
+    /// The vertices: those given, the colour of each that of the triangles that begin there, and after them
+    /// the doubled ones.
     #[must_use]
     pub fn into_vertices(self) -> Vec<Vertex> {
         self.vertices
@@ -113,7 +120,8 @@ impl Shading {
         Facet { normal: Normal::of(positions), colour: self.given[corners[0] as usize] }
     }
 
-    /// How little it costs to begin a facet at a vertex: 2 if it carries the facet, 1 if it is free, 0 if it has to be doubled.
+    /// How little it costs to begin a facet at a vertex: 2 if it carries the facet, 1 if it is free, 0 if it
+    /// has to be doubled.
     fn readiness(&self, vertex: u32, Facet { normal, colour }: Facet) -> u8 {
         match self.vertices[vertex as usize] {
             vertex if vertex.normal == normal && vertex.colour == colour => 2,
@@ -200,7 +208,8 @@ mod tests {
         7, 5,
     ];
 
-    /// Turns the triangles and checks that each is the one given, turned at most, and begins with its colour and normal.
+    /// Turns the triangles and checks that each is the one given, turned at most, and begins with its colour
+    /// and normal.
     fn turned(vertices: &[Vertex], levels: &[&[u32]]) -> (Vec<Vertex>, Vec<Vec<u32>>) {
         let mut shading = Shading::new(vertices.to_vec());
         let mut after = Vec::new();
@@ -244,7 +253,8 @@ mod tests {
     #[test]
     fn triangles_alike_share_a_corner() {
         let (shaded, indices) = turned(&cube_corners(|_| RED), &[&[0, 2, 1, 3, 0, 2]]);
-        // The second is no half of a face, but level with the first, and begins with the corner that carries their normal.
+        // The second is no half of a face, but level with the first, and begins with the corner that carries
+        // their normal.
         assert_eq!(indices, [[2, 1, 0, 2, 3, 0]]);
         assert_eq!(shaded.len(), 8);
         assert_eq!(shaded.iter().filter(|vertex| vertex.normal != Normal::NONE).count(), 1);

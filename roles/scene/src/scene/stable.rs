@@ -1,8 +1,9 @@
 //! The bytes of a file, in memory that nobody else can change.
 //!
-//! A mapped file changes under its reader when somebody overwrites it (`scp` and `cp` do), and a file cut short kills the
-//! reader by SIGBUS. A check at opening would be worth nothing then. So a file is mapped only where the kernel promises that
-//! nobody can write to it; any other file is copied, and hashed piece by piece while it is copied.
+//! A mapped file changes under its reader when somebody overwrites it (`scp` and `cp` do), and a file cut
+//! short kills the reader by SIGBUS. A check at opening would be worth nothing then. So a file is mapped only
+//! where the kernel promises that nobody can write to it; any other file is copied, and hashed piece by piece
+//! while it is copied.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -56,8 +57,8 @@ impl Source<'_> {
     }
 }
 
-/// Maps or copies the first `length` bytes. `sections` are what is hashed and copied: they are within `length`, in order and
-/// apart from each other; bytes between them come out as zeros or as they are.
+/// Maps or copies the first `length` bytes. `sections` are what is hashed and copied: they are within
+/// `length`, in order and apart from each other; bytes between them come out as zeros or as they are.
 pub(super) fn read(source: Source<'_>, length: usize, sections: &[Range<usize>]) -> Result<Stable, Unread> {
     match map_if_sealed(source, length) {
         Some(map) => {
@@ -70,8 +71,8 @@ pub(super) fn read(source: Source<'_>, length: usize, sections: &[Range<usize>])
     }
 }
 
-/// A map of a file that nobody can write to any more, not even its owner: one with fs-verity, or a sealed memfd. Processes
-/// that map it share its pages.
+/// A map of a file that nobody can write to any more, not even its owner: one with fs-verity, or a sealed
+/// memfd. Processes that map it share its pages.
 fn map_if_sealed(source: Source<'_>, length: usize) -> Option<Mmap> {
     let Source::File(file) = source else { return None };
     MmapOptions::new().len(length).map_if_safe(file).ok()
@@ -80,7 +81,8 @@ fn map_if_sealed(source: Source<'_>, length: usize) -> Option<Mmap> {
 /// A copy in anonymous memory. Each piece is hashed while it is still in the processor's cache.
 fn copy(source: Source<'_>, length: usize, sections: &[Range<usize>]) -> Result<Stable, Unread> {
     let mut map = MmapMut::map_anon(length).map_err(Unread::Memory)?;
-    // No huge pages are asked for: with memory full of other files' pages, making them took three times as long as copying.
+    // No huge pages are asked for: with memory full of other files' pages, making them took three times as
+    // long as copying.
     let mut fingerprint = Fingerprint::new();
     for range in sections {
         let section = map.get_mut(range.clone()).unwrap_or_default();

@@ -133,7 +133,8 @@ fn a_leaf_below_each_of(count: u32) -> SceneArrays {
     arrays
 }
 
-/// The checks run over thousands of nodes at a time; what they pass from one run to the next is looked at here.
+/// The checks run over thousands of nodes at a time; what they pass from one run to the next is looked at
+/// here.
 #[test]
 fn rules_between_far_nodes_are_checked() {
     let run = 4096;

@@ -1,7 +1,8 @@
 //! What makes arrays a scene. Everything later code relies on without looking is checked here, once.
 //!
-//! A scene is checked whenever it is opened and may have millions of records, so each array is read once, in runs that the
-//! threads share. What a run cannot decide alone is left to one short pass over all runs in order.
+//! A scene is checked whenever it is opened and may have millions of records, so each array is read once, in
+//! runs that the threads share. What a run cannot decide alone is left to one short pass over all runs in
+//! order.
 
 mod geometry;
 mod nodes;

@@ -1,9 +1,10 @@
 //! Seeded walks through a scene.
 //!
-//! Places to start are drawn near objects, each object as likely as another, so that walks begin where the detail is; of them
-//! the one with the best view in the densest crowd is taken. From there the walker's reach is explored cell by cell, with
-//! stairs and doors, and a line through it is walked, looking to the side where there is most to see. A scene without floors is hovered through in the same way; one without any room to move in is
-//! circled from outside.
+//! Places to start are drawn near objects, each object as likely as another, so that walks begin where the
+//! detail is; of them the one with the best view in the densest crowd is taken. From there the walker's reach
+//! is explored cell by cell, with stairs and doors, and a line through it is walked, looking to the side
+//! where there is most to see. A scene without floors is hovered through in the same way; one without any
+//! room to move in is circled from outside.
 
 use glam::DVec3;
 use thiserror::Error;
@@ -25,8 +26,8 @@ pub struct AutoWalkOptions {
     pub seed: u64,
     /// The number of frames; at least 1.
     pub frames: u32,
-    /// Height of the eye above the floor, metres. By default 1.7 m, or less in a scene too small for people: see
-    /// [`AutoWalk::eye_height`].
+    /// Height of the eye above the floor, metres. By default 1.7 m, or less in a scene too small for people:
+    /// see [`AutoWalk::eye_height`].
     pub eye_height: Option<f64>,
     /// Vertical field of view, degrees.
     pub vfov_deg: f64,
@@ -54,13 +55,14 @@ pub enum WalkKind {
 /// A walk and how it was made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AutoWalk {
-    /// The walk, with a near plane at half the clearance: whatever the walker keeps clear of is not cut open, up to a field of
-    /// view of 100 degrees either way.
+    /// The walk, with a near plane at half the clearance: whatever the walker keeps clear of is not cut
+    /// open, up to a field of view of 100 degrees either way.
     pub walk: Walk,
     /// How the camera moves.
     pub kind: WalkKind,
-    /// Height of the eye above floors, metres. 1.7 m in a scene of 25 m diagonal or more. A smaller one is a part or a toy:
-    /// a fifteenth of its diagonal, or four times the diagonal of its median object, whichever is less.
+    /// Height of the eye above floors, metres. 1.7 m in a scene of 25 m diagonal or more. A smaller one is a
+    /// part or a toy: a fifteenth of its diagonal, or four times the diagonal of its median object,
+    /// whichever is less.
     pub eye_height: f64,
     /// No surface comes nearer to an eye than this, metres: 0.15 eye heights.
     pub clearance: f64,
@@ -201,15 +203,16 @@ impl Explorer<'_> {
             Footing::Air => Some(at),
             Footing::Floor => {
                 let floor = self.space.ray(at, DVec3::NEG_Y, 4.0 * height)?.distance;
-                // From inside a solid the ray finds its underside: stand anew on what is really below the eye.
+                // From inside a solid the ray finds its underside: stand anew on what is really below the
+                // eye.
                 self.body.stand(self.space, at + DVec3::Y * (height - floor))
             }
         }
     }
 
-    /// How much there is to see and to be hidden by: what the best view is worth, times the logarithm of the number of objects
-    /// near. Inside a closed tank it is low, in a full room high. `None` in the air where there is next to nothing: such a place
-    /// is better seen from outside.
+    /// How much there is to see and to be hidden by: what the best view is worth, times the logarithm of the
+    /// number of objects near. Inside a closed tank it is low, in a full room high. `None` in the air
+    /// where there is next to nothing: such a place is better seen from outside.
     fn interest(&self, eye: DVec3) -> Option<f64> {
         let crowd = self.space.crowd(eye, 4.0 * self.body.eye_height, 1000);
         let desert = self.body.footing == Footing::Air && crowd < 4;

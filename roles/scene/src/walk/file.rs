@@ -101,8 +101,9 @@ impl Walk {
         Ok(Self { size: Some((width, height)), ..self })
     }
 
-    /// Reads a path: `{"vfov_deg": .., "frames": [{"eye": [x, y, z], "forward": [..], "up": [..]}, ..]}`, with `width`,
-    /// `height` (pixels, only together) and `near` (metres) if it likes. Other keys are ignored.
+    /// Reads a path: `{"vfov_deg": .., "frames": [{"eye": [x, y, z], "forward": [..], "up": [..]}, ..]}`,
+    /// with `width`, `height` (pixels, only together) and `near` (metres) if it likes. Other keys are
+    /// ignored.
     ///
     /// # Errors
     /// Says what is wrong and names the frame and the vector.

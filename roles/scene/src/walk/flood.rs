@@ -35,7 +35,8 @@ impl Body {
         self.stride() * 0.95
     }
 
-    /// The eye above or below `at`, at its height over the floor there; `None` without a floor within one rise.
+    /// The eye above or below `at`, at its height over the floor there; `None` without a floor within one
+    /// rise.
     pub(super) fn stand(&self, space: &Space<'_>, at: DVec3) -> Option<DVec3> {
         match self.footing {
             Footing::Air => Some(at),
@@ -46,8 +47,9 @@ impl Body {
         }
     }
 
-    /// Whether the walker can move its eye straight from one point to another: nothing comes within the clearance of the
-    /// eye's path, nor (nearer in) of the waist's and the shins'. A walker in the air has only its eye.
+    /// Whether the walker can move its eye straight from one point to another: nothing comes within the
+    /// clearance of the eye's path, nor (nearer in) of the waist's and the shins'. A walker in the air
+    /// has only its eye.
     pub(super) fn passes(&self, space: &Space<'_>, from: DVec3, to: DVec3) -> bool {
         let free = |down: f64, clearance: f64| {
             let down = DVec3::Y * (down * self.eye_height);

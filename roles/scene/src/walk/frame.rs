@@ -4,9 +4,9 @@ use glam::{DMat3, DQuat, DVec3};
 use thiserror::Error;
 use trimaran_proto::{Camera, CameraError, FrameNumber};
 
-/// A pose: eye and directions in world space. Always turns into a proper camera frame: everything is finite and up is not
-/// parallel to forward. Forward and up need not be unit vectors, nor perpendicular; they are kept as given, so that a file
-/// written again is the file that was read.
+/// A pose: eye and directions in world space. Always turns into a proper camera frame: everything is finite
+/// and up is not parallel to forward. Forward and up need not be unit vectors, nor perpendicular; they are
+/// kept as given, so that a file written again is the file that was read.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WalkFrame {
     eye: DVec3,
@@ -80,8 +80,8 @@ impl WalkFrame {
         DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back)).normalize()
     }
 
-    /// The camera at this pose: `vfov_deg` is the vertical field of view in degrees, `aspect` width over height, `near` the
-    /// distance of the near plane in metres.
+    /// The camera at this pose: `vfov_deg` is the vertical field of view in degrees, `aspect` width over
+    /// height, `near` the distance of the near plane in metres.
     ///
     /// # Errors
     /// If field of view, aspect or near is out of a camera's range.

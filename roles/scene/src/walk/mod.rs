@@ -1,7 +1,7 @@
 //! Camera paths: reading and writing them as JSON, and making seeded walks through a scene ([`auto`]).
 //!
-//! A walk is a list of frames, each an eye, a forward direction and an up direction in world space (right-handed, metres),
-//! and one vertical field of view for all of them.
+//! A walk is a list of frames, each an eye, a forward direction and an up direction in world space
+//! (right-handed, metres), and one vertical field of view for all of them.
 
 mod auto;
 mod file;

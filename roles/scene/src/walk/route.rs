@@ -19,8 +19,8 @@ pub(super) struct Pace {
     pub(super) turn: f64,
 }
 
-/// A line of eyes through a flood, at least `length` metres long if the ground allows: to the farthest cell, then on to
-/// random ones. Corners that need not be are cut.
+/// A line of eyes through a flood, at least `length` metres long if the ground allows: to the farthest cell,
+/// then on to random ones. Corners that need not be are cut.
 pub(super) fn line(
     space: &Space<'_>,
     body: &Body,
@@ -44,7 +44,8 @@ pub(super) fn line(
     line
 }
 
-/// The same way with fewer corners: from each point straight to the farthest of the next ones that can be walked to.
+/// The same way with fewer corners: from each point straight to the farthest of the next ones that can be
+/// walked to.
 fn shortcut(space: &Space<'_>, body: &Body, way: &[DVec3]) -> Vec<DVec3> {
     const AHEAD: usize = 24;
     let mut line: Vec<DVec3> = way.first().copied().into_iter().collect();
@@ -64,9 +65,9 @@ fn shortcut(space: &Space<'_>, body: &Body, way: &[DVec3]) -> Vec<DVec3> {
     line
 }
 
-/// Walks a line in `frames` frames. The gaze turns to where `look` says, given the eye, the angle of the way ahead and the
-/// gaze's own; it swings a little from side to side, and the walker waits while the way lies behind. At the end of the line it
-/// stands and looks around.
+/// Walks a line in `frames` frames. The gaze turns to where `look` says, given the eye, the angle of the way
+/// ahead and the gaze's own; it swings a little from side to side, and the walker waits while the way lies
+/// behind. At the end of the line it stands and looks around.
 pub(super) fn walk(
     line: &[DVec3],
     frames: usize,

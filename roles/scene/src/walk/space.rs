@@ -11,11 +11,12 @@ use glam::{DMat3, DVec3};
 use super::triangles::{Triangles, ray_box, ray_triangle, segment_triangle};
 use crate::{Node, NodeId, Scene};
 
-/// Answers what a walker asks of a scene: what is along a ray, how near is the nearest surface. Distances are in metres, in the
-/// world frame, against the finest level of every leaf.
+/// Answers what a walker asks of a scene: what is along a ray, how near is the nearest surface. Distances are
+/// in metres, in the world frame, against the finest level of every leaf.
 ///
-/// The scene's own tree leads to the leaves; a mesh gets a tree of its triangles when a query first comes near it, once for
-/// all its instances. A leaf whose matrix cannot be inverted counts as solid throughout its box.
+/// The scene's own tree leads to the leaves; a mesh gets a tree of its triangles when a query first comes
+/// near it, once for all its instances. A leaf whose matrix cannot be inverted counts as solid throughout its
+/// box.
 #[derive(Debug)]
 pub struct Space<'a> {
     scene: &'a Scene,
@@ -47,8 +48,8 @@ impl<'a> Space<'a> {
         self.scene
     }
 
-    /// The nearest surface from `origin` along `direction` (any length), at most `limit` metres away. Both sides of a triangle
-    /// count.
+    /// The nearest surface from `origin` along `direction` (any length), at most `limit` metres away. Both
+    /// sides of a triangle count.
     #[must_use]
     pub fn ray(&self, origin: DVec3, direction: DVec3, limit: f64) -> Option<Hit> {
         let direction = direction.try_normalize()?;
@@ -76,8 +77,8 @@ impl<'a> Space<'a> {
         nearest
     }
 
-    /// The distance from the segment `from`..`to` to the nearest surface, or `limit` if none is as near. A segment that goes
-    /// through a surface is 0 away from it.
+    /// The distance from the segment `from`..`to` to the nearest surface, or `limit` if none is as near. A
+    /// segment that goes through a surface is 0 away from it.
     #[must_use]
     pub fn clearance(&self, from: DVec3, to: DVec3, limit: f64) -> f64 {
         let mut least = limit;
@@ -143,8 +144,8 @@ impl<'a> Space<'a> {
         let linear = node.linear().as_dmat3();
         let Some(inverse) = inverse(linear) else { return 0.0 };
         let (from, to) = (from - node.origin(), to - node.origin());
-        // The box, in the local frame, of all that is within `limit` of the segment: a ball there is an ellipsoid, whose
-        // extent along an axis is the length of the inverse's row.
+        // The box, in the local frame, of all that is within `limit` of the segment: a ball there is an
+        // ellipsoid, whose extent along an axis is the length of the inverse's row.
         let (a, b) = (inverse * from, inverse * to);
         let rows = inverse.transpose();
         let reach = DVec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length()) * limit;

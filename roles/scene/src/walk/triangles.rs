@@ -83,10 +83,12 @@ fn centre(triangle: &Triangle, axis: usize) -> f32 {
     triangle.iter().map(|corner| corner[axis]).sum()
 }
 
-/// Where the line `origin + t direction` passes a box, as a range of t; empty (low above high) if it does not.
+/// Where the line `origin + t direction` passes a box, as a range of t; empty (low above high) if it does
+/// not.
 pub(super) fn ray_box(origin: DVec3, inverse: DVec3, min: DVec3, max: DVec3) -> (f64, f64) {
     let (a, b) = ((min - origin) * inverse, (max - origin) * inverse);
-    // Where the line lies in a face, zero times infinity is not a number: that axis then does not limit the line at all.
+    // Where the line lies in a face, zero times infinity is not a number: that axis then does not limit the
+    // line at all.
     let undecided = (a + b).is_nan_mask();
     let near = DVec3::select(undecided, DVec3::NEG_INFINITY, a.min(b));
     let far = DVec3::select(undecided, DVec3::INFINITY, a.max(b));
@@ -136,7 +138,8 @@ fn point_segment(point: DVec3, a: DVec3, b: DVec3) -> f64 {
     point.distance(a + along * t)
 }
 
-/// The distance between two segments: either they come closest between their ends, or at an end of one of them.
+/// The distance between two segments: either they come closest between their ends, or at an end of one of
+/// them.
 fn segment_segment(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> f64 {
     let (u, v, w) = (b - a, d - c, a - c);
     let (uu, uv, vv, uw, vw) = (u.dot(u), u.dot(v), v.dot(v), u.dot(w), v.dot(w));

@@ -50,7 +50,8 @@ pub(super) fn figures(runs: &[Outcome]) -> String {
     )
 }
 
-/// For sorted `times`, the share of them above each of some of them: one half, a fifth, a tenth, down to the last one.
+/// For sorted `times`, the share of them above each of some of them: one half, a fifth, a tenth, down to the
+/// last one.
 fn exceedance(times: &[f64]) -> Vec<(f64, f64)> {
     let count = times.len() as f64;
     let mut points = Vec::new();

@@ -1,4 +1,5 @@
-//! UDP sockets of tokio, with what `quinn-udp` gets out of the kernel: batches, segmentation, ECN, destination addresses.
+//! UDP sockets of tokio, with what `quinn-udp` gets out of the kernel: batches, segmentation, ECN,
+//! destination addresses.
 
 use std::fmt;
 use std::io::{self, IoSliceMut};
@@ -72,7 +73,8 @@ impl UdpSocket for TokioUdp {
                     meta.iter_mut().zip(&known).take(filled).for_each(|(meta, known)| *meta = told(known));
                     return Poll::Ready(Ok(filled));
                 }
-                // Some systems report here that an earlier datagram found nobody: news about one peer, not about the socket.
+                // Some systems report here that an earlier datagram found nobody: news about one peer, not
+                // about the socket.
                 (None, Err(e))
                     if !matches!(e.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::ConnectionReset) =>
                 {

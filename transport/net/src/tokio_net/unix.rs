@@ -36,8 +36,8 @@ pub(super) async fn listen(path: &Path, options: &UnixSocketOptions) -> io::Resu
     Ok(Box::new(TokioUnixListener { listener, _file: file }))
 }
 
-/// Two listeners that start at once must not take each other's new file for a dead one's: whoever looks for a stale file
-/// has the folder for itself meanwhile.
+/// Two listeners that start at once must not take each other's new file for a dead one's: whoever looks for a
+/// stale file has the folder for itself meanwhile.
 async fn lock_folder(path: &Path) -> io::Result<File> {
     let folder = File::open(path.parent().unwrap_or(Path::new("/")))?;
     for _ in 0..TURNS {

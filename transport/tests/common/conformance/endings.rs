@@ -92,7 +92,8 @@ pub(crate) async fn a_dead_receiver_fails_the_sender(pairs: &impl Pairs) {
     assert!(matches!(error, SendError::Lost { peer: Role::SwitchA, .. }), "{error:?}");
 }
 
-/// One side of a frame at a time: whoever dies behind whichever step, the other gets all that was before it, and then knows.
+/// One side of a frame at a time: whoever dies behind whichever step, the other gets all that was before it,
+/// and then knows.
 pub(crate) async fn death_behind_every_step_of_a_frame_is_a_loss(pairs: &impl Pairs) {
     const STEPS: usize = 5;
     for steps in 0..=STEPS {

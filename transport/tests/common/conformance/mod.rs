@@ -33,7 +33,8 @@ pub(crate) trait Pairs {
     const HANDSHAKE: u64;
 }
 
-/// Hands all cases to the macro `$make`, with `$pairs` in front: those that need nothing but tasks, and those in which threads take part.
+/// Hands all cases to the macro `$make`, with `$pairs` in front: those that need nothing but tasks, and those
+/// in which threads take part.
 #[macro_export]
 macro_rules! conformance_cases {
     ($make:ident, $pairs:expr) => {

@@ -120,9 +120,11 @@ pub(crate) async fn polling_takes_what_is_there(pairs: &impl Pairs) {
     assert!(matches!(ended, Err(RecvError::Goodbye { .. })), "{ended:?}");
 }
 
-/// Who polls without ever yielding is shown all that comes, however much: the runtime's budget of a task is not for it.
+/// Who polls without ever yielding is shown all that comes, however much: the runtime's budget of a task is
+/// not for it.
 pub(crate) async fn polling_without_a_pause_sees_everything(pairs: &impl Pairs) {
-    // More reads than a runtime lets a task make in one go, each of a frame that is sent when the one before it was read.
+    // More reads than a runtime lets a task make in one go, each of a frame that is sent when the one before
+    // it was read.
     const FRAMES: u32 = 300;
     let (mut a, mut display) = pairs.pair(patient()).await;
     let (next, wanted) = std::sync::mpsc::channel();

@@ -39,7 +39,8 @@ impl<'a> Chunk<'a> {
                 put_varint(out, numbers.len().min(ACK_RANGES) as u64);
                 let mut above = None;
                 for range in numbers.iter().rev().take(ACK_RANGES) {
-                    // The first is named by its last number, each further one by the gap below the one before.
+                    // The first is named by its last number, each further one by the gap below the one
+                    // before.
                     put_varint(out, above.map_or(range.end - 1, |above: u64| above - range.end));
                     put_varint(out, range.end - range.start);
                     above = Some(range.start);

@@ -20,24 +20,25 @@ pub struct Config {
     pub send_buffer: usize,
     /// How long an acknowledgement may wait for company. Default 1 ms.
     pub ack_delay: Duration,
-    /// How long nothing may arrive, or nothing that was sent be acknowledged, before the peer counts as dead. Default 20 s; a
-    /// quarter of it without traffic sends a ping.
+    /// How long nothing may arrive, or nothing that was sent be acknowledged, before the peer counts as
+    /// dead. Default 20 s; a quarter of it without traffic sends a ping.
     pub lease: Duration,
-    /// How long after its end a frame sent from here is worth sending: whatever cannot arrive in time is given up, and the peer
-    /// gets the frame with gaps. `None`, the default, for always.
+    /// How long after its end a frame sent from here is worth sending: whatever cannot arrive in time is
+    /// given up, and the peer gets the frame with gaps. `None`, the default, for always.
     pub patience: Option<Duration>,
     /// When frames sent from here get repair. Default while packets are lost.
     pub repair: Repair,
-    /// How many bytes repair may cost, percent of those without: its packets, and the headers of those that are smaller for it. Default
-    /// 15; 0 for none.
+    /// How many bytes repair may cost, percent of those without: its packets, and the headers of those that
+    /// are smaller for it. Default 15; 0 for none.
     pub repair_percent: u8,
     /// How the connection shares its path with others. Default CUBIC.
     pub congestion: Congestion,
-    /// How many packets may be under way at first, 2 at least; ten leave at once, those behind them over the round trip. Default 20: a
-    /// frame of 4,000 ids and its repair are 17. RFC 9002 (section 7.2) recommends 10.
+    /// How many packets may be under way at first, 2 at least; ten leave at once, those behind them over the
+    /// round trip. Default 20: a frame of 4,000 ids and its repair are 17. RFC 9002 (section 7.2)
+    /// recommends 10.
     pub initial_window: u16,
-    /// The largest datagram that is tried, bytes; 1,200 are always used. Default 1,452: Ethernet's 1,500 less the headers of IPv6
-    /// and UDP.
+    /// The largest datagram that is tried, bytes; 1,200 are always used. Default 1,452: Ethernet's 1,500
+    /// less the headers of IPv6 and UDP.
     pub max_datagram: usize,
 }
 

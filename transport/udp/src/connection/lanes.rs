@@ -8,7 +8,8 @@ use crate::keys::OVERHEAD;
 use crate::latest::LatestEnd;
 use crate::repair::{LARGEST, Path};
 
-/// What a full packet has beside its part or repair shard at most, bytes: the chunk's own fields, or a short acknowledgement too.
+/// What a full packet has beside its part or repair shard at most, bytes: the chunk's own fields, or a short
+/// acknowledgement too.
 const BESIDE: usize = 36;
 
 impl Connection {
@@ -59,8 +60,8 @@ impl Connection {
         self.outbox.put(message, self.path());
     }
 
-    /// Sends a batch of the open frame's ids as changes. Frames take such where [`Connection::set_coding`] or [`Config::coding`](super::Config::coding) said so
-    /// before they began.
+    /// Sends a batch of the open frame's ids as changes. Frames take such where [`Connection::set_coding`] or
+    /// [`Config::coding`](super::Config::coding) said so before they began.
     pub fn send_coded(&mut self, batch: CodedIds) {
         self.outbox.put_coded(batch, self.path());
     }

@@ -34,7 +34,8 @@ impl Connection {
         self.receive(now, Some(Arrival { from, bytes: datagram.len() }), datagram);
     }
 
-    /// Writes the next datagram that goes elsewhere than to the peer's address into `out`, which it replaces, and says where to.
+    /// Writes the next datagram that goes elsewhere than to the peer's address into `out`, which it replaces,
+    /// and says where to.
     pub fn poll_excursion(&mut self, now: Instant, out: &mut Vec<u8>) -> Option<SocketAddr> {
         if self.closed.is_some() {
             return None;

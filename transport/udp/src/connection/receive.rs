@@ -17,7 +17,8 @@ use crate::wire::Reader;
 const FORGED: u64 = 1 << 36;
 
 impl Connection {
-    /// Takes a datagram for this connection. What does not open, came before, or belongs elsewhere is ignored.
+    /// Takes a datagram for this connection. What does not open, came before, or belongs elsewhere is
+    /// ignored.
     pub fn handle(&mut self, now: Instant, datagram: &[u8]) {
         self.receive(now, None, datagram);
     }
@@ -39,7 +40,8 @@ impl Connection {
             }
             self.locate(now, arrival, self.acks.is_newest(number));
             if self.closed.is_some() {
-                // The close was lost, unless this one crossed it: two ends that answer each other's would never stop.
+                // The close was lost, unless this one crossed it: two ends that answer each other's would
+                // never stop.
                 self.close_due = plain != [CLOSE];
                 self.acks.on_received(now, number, Asks::Nothing, self.config.ack_delay);
                 self.plain = plain;
@@ -59,7 +61,8 @@ impl Connection {
         self.plain = plain;
     }
 
-    /// Says what acknowledgement the packet asks for; nothing if it must not get one, for not all of it could be taken.
+    /// Says what acknowledgement the packet asks for; nothing if it must not get one, for not all of it could
+    /// be taken.
     fn take_chunks(
         &mut self,
         now: Instant,

@@ -38,7 +38,8 @@ pub struct PathStats {
     pub window: usize,
     /// How many are.
     pub in_flight: usize,
-    /// Whether frames sent from here have no more time than the way to the peer takes ([`Connection::hopeless`]).
+    /// Whether frames sent from here have no more time than the way to the peer takes
+    /// ([`Connection::hopeless`]).
     pub hopeless: bool,
 }
 
@@ -78,7 +79,8 @@ pub const STEPS_PER_BYTE: u64 = 320;
 pub const STEPS_PER_PACKET: u64 = 64;
 
 impl Connection {
-    /// Whether the deadline of the frames sent from here is over before anything can have come; known once the way was measured.
+    /// Whether the deadline of the frames sent from here is over before anything can have come; known once
+    /// the way was measured.
     #[must_use]
     pub fn hopeless(&self) -> Option<Hopeless> {
         let (deadline, way) = (self.outbox.patience?, self.recovery.rtt.least_one_way()?);

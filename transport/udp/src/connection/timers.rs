@@ -20,7 +20,8 @@ impl Connection {
         let keepalive = self.last_sent.after(self.config.lease / 4);
         let lease = self.last_received.after(self.config.lease);
         let mut next = keepalive.min(lease);
-        // One after the other, as it is asked with every packet: a chain of iterators takes twice the instructions.
+        // One after the other, as it is asked with every packet: a chain of iterators takes twice the
+        // instructions.
         let mut or_at = |due: Option<Instant>| {
             if let Some(due) = due {
                 next = next.min(due);

@@ -56,8 +56,8 @@ impl Connection {
             }
             return (!contents.is_empty()).then_some(contents);
         }
-        // Where acknowledgements are lost, each second packet asks for one (RFC 9000, section 13.2.2): of one or two a frame, losses in
-        // a row may take all.
+        // Where acknowledgements are lost, each second packet asks for one (RFC 9000, section 13.2.2): of one
+        // or two a frame, losses in a row may take all.
         let asks = self.recovery.is_unanswered() && self.recovery.next_number().is_multiple_of(2);
         let ping = self.pings > 0 || has_data && asks;
         if ping {
@@ -112,8 +112,8 @@ impl Connection {
         ready <= now
     }
 
-    /// When to ask what has arrived, where acknowledgements are lost and what is under way leaves room in the window for a question only.
-    /// It is no probe: those exceed the window, and come ever more rarely.
+    /// When to ask what has arrived, where acknowledgements are lost and what is under way leaves room in the
+    /// window for a question only. It is no probe: those exceed the window, and come ever more rarely.
     pub(super) fn question_due(&self) -> Option<Instant> {
         let room = self.recovery.room();
         let stuck = self.recovery.is_unanswered() && (QUESTION..self.mtu.known()).contains(&room);

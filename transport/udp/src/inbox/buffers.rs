@@ -1,5 +1,5 @@
-//! What the lane's bytes lie in on their way to the reader: buffers that are used again and again, so that in steady state nothing is
-//! allocated for what arrives.
+//! What the lane's bytes lie in on their way to the reader: buffers that are used again and again, so that in
+//! steady state nothing is allocated for what arrives.
 
 use bytes::{Bytes, BytesMut};
 use trimaran_proto::{Decoder, Message};

@@ -11,8 +11,8 @@ use crate::repair::Block;
 const REPAIR: usize = 256;
 
 impl Inbox {
-    /// Takes a repair shard; `hash` is that of the frame which the block ends. Says whether there was a place for it: if not, its packet
-    /// must not be acknowledged, for the sender would count on it.
+    /// Takes a repair shard; `hash` is that of the frame which the block ends. Says whether there was a place
+    /// for it: if not, its packet must not be acknowledged, for the sender would count on it.
     pub(crate) fn put_repair(
         &mut self,
         number: u64,

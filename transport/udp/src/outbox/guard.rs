@@ -11,7 +11,8 @@ pub(super) struct Guard {
     block: Block,
     /// Whether its repair shards say as well that the frame ends there.
     ends: bool,
-    /// Repair shards by index, as bits: those that arrived, and those that were found lost. Probes may take one for lost that arrives.
+    /// Repair shards by index, as bits: those that arrived, and those that were found lost. Probes may take
+    /// one for lost that arrives.
     arrived: u32,
     lost: u32,
 }
@@ -46,8 +47,8 @@ impl Guard {
         self.lost |= 1 << index;
     }
 
-    /// What is needed where the bytes `acked` have arrived and those `waiting` were lost. Only as many shards are sent again as the
-    /// repair cannot make up for that has arrived or still may.
+    /// What is needed where the bytes `acked` have arrived and those `waiting` were lost. Only as many shards
+    /// are sent again as the repair cannot make up for that has arrived or still may.
     pub(super) fn need(&self, acked: &RangeSet, waiting: &RangeSet) -> Need {
         let (mut missing, mut lost) = (0, Vec::new());
         for shard in self.block.shards() {

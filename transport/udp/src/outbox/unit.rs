@@ -131,7 +131,8 @@ impl Unit {
         self.base + self.data.len() as u64
     }
 
-    /// Makes repair for the blocks that are complete, or, of a frame that is over, for all. What is no whole frame gets none.
+    /// Makes repair for the blocks that are complete, or, of a frame that is over, for all. What is no whole
+    /// frame gets none.
     pub(super) fn protect(&mut self, budget: &mut Budget, path: Path) {
         let over = self.is_ended();
         if !budget.is_open() || self.end == Some(Tail::End) {

@@ -8,7 +8,8 @@ use trimaran_net::Instant;
 
 use crate::packet::PacketNumber;
 
-/// How many packets are remembered at most: far more than a window of honest ones. Of those beyond it the oldest count as lost.
+/// How many packets are remembered at most: far more than a window of honest ones. Of those beyond it the
+/// oldest count as lost.
 const REMEMBERED: usize = 16 * 1024;
 
 /// What a packet carried, as far as its loss or arrival matters.

@@ -6,7 +6,8 @@ use crate::recovery::{Contents, Recovery};
 use crate::rtt::Rtt;
 
 impl Recovery {
-    /// The peer is elsewhere, and what was in flight went where it was: gives what that carried. It says nothing of congestion.
+    /// The peer is elsewhere, and what was in flight went where it was: gives what that carried. It says
+    /// nothing of congestion.
     pub(crate) fn on_moved(&mut self) -> Contents {
         let lost = self.flight.forget_all().flat_map(|sent| sent.contents).collect();
         self.progress = None;

@@ -1,12 +1,13 @@
 //! The share of packets that is lost.
 
-/// Up to that share of losses, and while nothing queues, losses are taken for accidents of the path (as BBR does: section 4.5.2 of
-/// draft-ietf-ccwg-bbr).
+/// Up to that share of losses, and while nothing queues, losses are taken for accidents of the path (as BBR
+/// does: section 4.5.2 of draft-ietf-ccwg-bbr).
 const ACCIDENTS: f64 = 0.02;
-/// It is counted over about that many packets: enough that losses in bursts, of one packet in a hundred, are hardly ever taken for
-/// two.
+/// It is counted over about that many packets: enough that losses in bursts, of one packet in a hundred, are
+/// hardly ever taken for two.
 const MEMORY: f64 = 4096.0;
-/// So large a share of about so many packets is no accident, however few were lost before: the window has grown beyond the path.
+/// So large a share of about so many packets is no accident, however few were lost before: the window has
+/// grown beyond the path.
 const SUDDEN: f64 = 0.1;
 const SUDDEN_MEMORY: f64 = 256.0;
 /// For repair, which costs little when it comes too early, about so many at first, and later so many.
@@ -58,7 +59,8 @@ impl LossShare {
 mod tests {
     use super::*;
 
-    /// How many packets pass before losses count as congestion, of which the first `lost` of each `of` are lost; none of 50,000 if never.
+    /// How many packets pass before losses count as congestion, of which the first `lost` of each `of` are
+    /// lost; none of 50,000 if never.
     fn until_congestion(lost: u32, of: u32) -> Option<u32> {
         let mut share = LossShare::new();
         (0..50_000).find(|packet| {

@@ -2,17 +2,19 @@
 
 use super::{BLOCK, MOST};
 
-/// How often a block may be lost in spite of its repair, so that it waits for a repetition: half as often as would show at p99.9.
+/// How often a block may be lost in spite of its repair, so that it waits for a repetition: half as often as
+/// would show at p99.9.
 const FAILURES: f64 = 5e-4;
-/// Where so few blocks are lost with what their own share pays for, it is enough: of a hundredth of the packets, 15 and two of repair, a third
-/// shard would cost twenty times as much for each wait that it spares as the second one does.
+/// Where so few blocks are lost with what their own share pays for, it is enough: of a hundredth of the
+/// packets, 15 and two of repair, a third shard would cost twenty times as much for each wait that it spares
+/// as the second one does.
 const RARE: f64 = 2e-3;
 /// Below this share of lost packets a path is clean.
 const CLEAN: f64 = 5e-4;
 /// The share of losses that is taken for granted where repair is always sent.
 const EXPECTED: f64 = 0.01;
-/// What a packet costs beside its bytes of a frame, about: this protocol's fields and tag, the headers of UDP and IPv4, and its share of an
-/// acknowledgement.
+/// What a packet costs beside its bytes of a frame, about: this protocol's fields and tag, the headers of UDP
+/// and IPv4, and its share of an acknowledgement.
 const BESIDE: usize = 76;
 /// A frame of fewer packets is not cut smaller: the packets would cost more than the repair.
 const FEW: usize = 7;
@@ -28,7 +30,8 @@ pub enum Repair {
     /// While packets are lost, as much as the share that is lost asks for.
     #[default]
     Auto,
-    /// Always, on a clean path as if a hundredth of the packets were lost: so that the first loss costs no time either.
+    /// Always, on a clean path as if a hundredth of the packets were lost: so that the first loss costs no
+    /// time either.
     On,
 }
 
@@ -71,9 +74,10 @@ impl Budget {
         Some(path.loss.max(self.expected)).filter(|loss| *loss >= CLEAN && self.is_open())
     }
 
-    /// How many repair shards a block of `length` bytes gets that is cut into shards of `shard` bytes: as many as it needs and as its share
-    /// of bytes pays for, or, where those are far too few, what earlier blocks have saved; but one at least. So a frame of few packets
-    /// has more than its share; it is small.
+    /// How many repair shards a block of `length` bytes gets that is cut into shards of `shard` bytes: as
+    /// many as it needs and as its share of bytes pays for, or, where those are far too few, what earlier
+    /// blocks have saved; but one at least. So a frame of few packets has more than its share; it is
+    /// small.
     pub(crate) fn spend(&mut self, length: usize, shard: usize, path: Path) -> usize {
         if length == 0 || shard == 0 {
             return 0;
@@ -91,8 +95,9 @@ impl Budget {
         count
     }
 
-    /// The size of the shards of a frame that will have about `length` bytes: smaller than a packet allows where that makes the repair
-    /// cheaper that is needed, or allows more where not all of it can be had. Two of 15 shards and their packets are less than two of 12.
+    /// The size of the shards of a frame that will have about `length` bytes: smaller than a packet allows
+    /// where that makes the repair cheaper that is needed, or allows more where not all of it can be had.
+    /// Two of 15 shards and their packets are less than two of 12.
     pub(crate) fn shard(&self, length: usize, path: Path) -> usize {
         let fewest = length.div_ceil(path.shard.max(1));
         let Some(loss) = self.loss(path).filter(|_| (FEW..=BLOCK / 2).contains(&fewest)) else {
@@ -140,7 +145,8 @@ impl Cut {
     }
 }
 
-/// The fewest repair shards with which a block of so many shards is whole but for one time in 2,000, if losses are independent.
+/// The fewest repair shards with which a block of so many shards is whole but for one time in 2,000, if
+/// losses are independent.
 fn needed(shards: usize, loss: f64) -> usize {
     (1..MOST).find(|repair| more_lost_than(*repair, shards + repair, loss) <= FAILURES).unwrap_or(MOST)
 }

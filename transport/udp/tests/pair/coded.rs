@@ -16,7 +16,8 @@ const fn as_changes(config: Config) -> Config {
     Config { coding: IdCoding::Changes, ..config }
 }
 
-/// A walk: each frame has lost some ids of the one before and won some others; once in a while everything is new.
+/// A walk: each frame has lost some ids of the one before and won some others; once in a while everything is
+/// new.
 fn walk(frames: usize, size: u32, changed: u32, seed: u64) -> Vec<Vec<DrawableId>> {
     let mut state = seed;
     let mut next = |below: u32| {

@@ -1,5 +1,5 @@
-//! What frames cost where packets are lost: time and bytes, on the path of the example `lossy_path`, but counted in virtual time. With
-//! `--nocapture` the tests say what they count.
+//! What frames cost where packets are lost: time and bytes, on the path of the example `lossy_path`, but
+//! counted in virtual time. With `--nocapture` the tests say what they count.
 
 use std::time::Duration;
 
@@ -99,7 +99,8 @@ fn run(network: Network, config: Config) -> (Pair, Reader) {
     (pair, reader)
 }
 
-/// The first one is more than leaves at once: the rest of it is spread over the round trip that the handshake took.
+/// The first one is more than leaves at once: the rest of it is spread over the round trip that the handshake
+/// took.
 #[test]
 fn without_loss_every_frame_takes_the_way_and_the_first_one_no_round_trip_more() {
     let clean = Runs::of(CLEAN, Repair::Auto);
@@ -132,8 +133,8 @@ fn bursts_make_few_frames_wait_and_no_link_stand_still() {
     assert!(repaired.bytes * 1000 <= clean * 1150, "{} and {clean} bytes", repaired.bytes);
 }
 
-/// A burst of losses may take the acknowledgements of several frames, as there are few of them: a sender that hears of none has no room
-/// in its window.
+/// A burst of losses may take the acknowledgements of several frames, as there are few of them: a sender that
+/// hears of none has no room in its window.
 #[test]
 fn no_frame_is_late_for_lost_acknowledgements() {
     let deadline = Config { patience: Some(Duration::from_millis(50)), ..RELIABLE };

@@ -18,7 +18,8 @@ pub(crate) struct Network {
     pub(crate) twice: u64,
     pub(crate) late: u64,
     pub(crate) broken: u64,
-    /// How often a packet begins a burst (Gilbert and Elliott): one in four ends it, and within it three of four are lost.
+    /// How often a packet begins a burst (Gilbert and Elliott): one in four ends it, and within it three of
+    /// four are lost.
     pub(crate) bursts: u64,
     /// Longer packets are lost.
     pub(crate) mtu: usize,

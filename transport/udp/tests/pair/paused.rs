@@ -45,7 +45,8 @@ fn slowest(latencies: &[Duration]) -> Duration {
     latencies[latencies.len() - 1]
 }
 
-/// It has to catch up with a frame and a quarter each time: more packets than may leave at once after a time in which none was due.
+/// It has to catch up with a frame and a quarter each time: more packets than may leave at once after a time
+/// in which none was due.
 #[test]
 fn a_sender_that_runs_seldom_falls_behind_by_what_it_sleeps_and_no_more() {
     let latencies = latencies(600, Network { mtu: 1500, ..SEALED });

@@ -142,8 +142,8 @@ pub(crate) fn of_sizes(sizes: &[u32]) -> Vec<Vec<DrawableId>> {
     sizes.iter().map(|size| ids(*size)).collect()
 }
 
-/// Sends frames, one after each `pause`, and a goodbye. The end must arrive, and of each frame its ids in order, with
-/// gaps where the configuration allows them.
+/// Sends frames, one after each `pause`, and a goodbye. The end must arrive, and of each frame its ids in
+/// order, with gaps where the configuration allows them.
 pub(crate) fn converse(
     network: Network,
     config: Config,

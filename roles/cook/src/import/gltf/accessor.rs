@@ -46,7 +46,8 @@ impl<'a> Accessors<'a> {
         }
     }
 
-    /// How many elements the accessor says it has, before any is read. Reading it may find that there are not as many.
+    /// How many elements the accessor says it has, before any is read. Reading it may find that there are not
+    /// as many.
     pub(super) fn count(&self, index: u32) -> Result<u64> {
         Ok(self.accessor(index)?.count)
     }
@@ -56,12 +57,14 @@ impl<'a> Accessors<'a> {
         self.accessor(index).is_ok_and(|accessor| accessor.sparse.is_none() && accessor.buffer_view.is_some())
     }
 
-    /// Vectors of `N` floats; integers are converted, and scaled to 0..1 or -1..1 if the accessor is normalized.
+    /// Vectors of `N` floats; integers are converted, and scaled to 0..1 or -1..1 if the accessor is
+    /// normalized.
     pub(super) fn vectors<const N: usize>(&self, index: u32) -> Result<Vec<[f32; N]>> {
         self.vectors_at(index, None)
     }
 
-    /// As [`Accessors::vectors`]; with `picks` only those elements, of an accessor that [is dense](Accessors::is_dense).
+    /// As [`Accessors::vectors`]; with `picks` only those elements, of an accessor that [is
+    /// dense](Accessors::is_dense).
     pub(super) fn vectors_at<const N: usize>(
         &self,
         index: u32,
@@ -226,7 +229,8 @@ impl Component {
         }
     }
 
-    /// The number as a float; signed normalized numbers clamp at -1 (glTF 2.0 specification, section 3.6.2.2).
+    /// The number as a float; signed normalized numbers clamp at -1 (glTF 2.0 specification, section
+    /// 3.6.2.2).
     fn float(self, bytes: &[u8], normalized: bool) -> f32 {
         let (value, largest) = match (self, bytes) {
             (Self::F32, &[a, b, c, d]) => return f32::from_le_bytes([a, b, c, d]),

@@ -13,7 +13,8 @@ const JSON: &[u8] = b"JSON";
 const BIN: &[u8] = b"BIN\0";
 
 impl<'a> Container<'a> {
-    /// Takes a file apart (glTF 2.0 specification, section 4). Chunks of other kinds are skipped, as it demands.
+    /// Takes a file apart (glTF 2.0 specification, section 4). Chunks of other kinds are skipped, as it
+    /// demands.
     pub(super) fn parse(file: &'a [u8]) -> Result<Self, GltfError> {
         if !file.starts_with(b"glTF") {
             return Ok(Self { json: file.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(file), bin: None });

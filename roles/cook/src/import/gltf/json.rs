@@ -1,8 +1,8 @@
 //! The parts of a glTF document that a model needs, as they stand in the JSON.
 //!
-//! Nothing here is checked beyond its type: an index is checked where it is followed. The `gltf` crate is not used for
-//! this: it keeps matrices as f32, which at the coordinates of a plant (1e6 m) is 6 cm, and both its check of a
-//! document and its reader of containers can panic on hostile input.
+//! Nothing here is checked beyond its type: an index is checked where it is followed. The `gltf` crate is not
+//! used for this: it keeps matrices as f32, which at the coordinates of a plant (1e6 m) is 6 cm, and both its
+//! check of a document and its reader of containers can panic on hostile input.
 
 use serde::Deserialize;
 
@@ -50,7 +50,8 @@ pub(super) struct Node {
     pub children: Vec<u32>,
     pub mesh: Option<u32>,
     pub skin: Option<u32>,
-    /// Column-major, to the parent's frame. Boxed, as all that few nodes have: an empty node takes two bytes of a file.
+    /// Column-major, to the parent's frame. Boxed, as all that few nodes have: an empty node takes two bytes
+    /// of a file.
     pub matrix: Option<Box<[f64; 16]>>,
     pub translation: Option<Box<[f64; 3]>>,
     /// A quaternion: x, y, z, w.

@@ -126,8 +126,8 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Reads the primitive's corners, and asks for what they come to before anything is read. A thousand primitives may share
-    /// one array of positions, so each takes those that it uses.
+    /// Reads the primitive's corners, and asks for what they come to before anything is read. A thousand
+    /// primitives may share one array of positions, so each takes those that it uses.
     fn corners(&self, position: u32, mode: Mode) -> Result<Corners, GltfError> {
         let vertices = self.accessors.count(position).map_err(self.broken(position))?;
         let Some(index) = self.primitive.indices else {
@@ -164,8 +164,9 @@ impl Mode {
         }
     }
 
-    /// Calls `emit` for each triangle, all wound as the specification says (section 3.7.2.1). Corners that do not fill a
-    /// triangle are dropped, and so are the triangles without area that only link two pieces of a strip.
+    /// Calls `emit` for each triangle, all wound as the specification says (section 3.7.2.1). Corners that do
+    /// not fill a triangle are dropped, and so are the triangles without area that only link two pieces
+    /// of a strip.
     fn triangles(self, corners: &[u32], mut emit: impl FnMut([u32; 3])) {
         match self {
             Self::Triangles => corners.as_chunks::<3>().0.iter().for_each(|&triangle| emit(triangle)),
@@ -206,7 +207,8 @@ fn vertex_colours(
     }
 }
 
-/// The material's base colour times the vertex's, from linear to sRGB. An opaque material's alpha means nothing.
+/// The material's base colour times the vertex's, from linear to sRGB. An opaque material's alpha means
+/// nothing.
 fn colour(material: &Material, vertex: [f32; 4]) -> Rgba8 {
     let [r, g, b, a] = material.pbr_metallic_roughness.base_color_factor;
     let [vr, vg, vb, va] = vertex;

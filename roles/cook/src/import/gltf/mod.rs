@@ -1,7 +1,7 @@
 //! glTF 2.0: .glb, and .gltf with its buffers beside it or in data URIs.
 //!
-//! Instances stay instances: each mesh of the document becomes one mesh of the model, each node with a mesh one object
-//! (with EXT_mesh_gpu_instancing one an instance). Matrices are taken as they stand, in f64.
+//! Instances stay instances: each mesh of the document becomes one mesh of the model, each node with a mesh
+//! one object (with EXT_mesh_gpu_instancing one an instance). Matrices are taken as they stand, in f64.
 
 mod accessor;
 mod buffers;
@@ -26,12 +26,13 @@ use super::report::{ImportReport, Warning};
 use super::{ImportOptions, Part, UpAxis};
 use crate::Model;
 
-/// Extensions that may be required: the first is implemented; quantized numbers are ordinary accessors here; the
-/// others change materials, textures and lights only, which a model does not keep.
+/// Extensions that may be required: the first is implemented; quantized numbers are ordinary accessors here;
+/// the others change materials, textures and lights only, which a model does not keep.
 const SUPPORTED: [&str; 3] = ["EXT_mesh_gpu_instancing", "KHR_mesh_quantization", "KHR_lights_punctual"];
 const IGNORED_PREFIXES: [&str; 4] = ["KHR_materials_", "EXT_texture_", "KHR_texture_", "MSFT_texture_"];
 
-/// Reads a .glb or .gltf file; with no path, from memory alone. `source_index` of its objects is the node's index in the document.
+/// Reads a .glb or .gltf file; with no path, from memory alone. `source_index` of its objects is the node's
+/// index in the document.
 pub(super) fn import(
     path: Option<&Path>,
     file: &[u8],

@@ -40,8 +40,8 @@ struct Walk<'a> {
     document: &'a Document,
     accessors: &'a Accessors<'a>,
     budget: &'a Budget,
-    /// A node's parent once it was met; a root's is itself. Nodes have one parent at most, so a second visit is an error,
-    /// which also ends cycles.
+    /// A node's parent once it was met; a root's is itself. Nodes have one parent at most, so a second visit
+    /// is an error, which also ends cycles.
     parents: Vec<u32>,
     placements: Vec<Placement>,
 }
@@ -109,7 +109,8 @@ impl<'a> Walk<'a> {
         Ok(Open { node: index, to_world, children: node.children.iter() })
     }
 
-    /// The roots of the scene to show: the default one, else the first, else every node that is nobody's child.
+    /// The roots of the scene to show: the default one, else the first, else every node that is nobody's
+    /// child.
     fn roots(&self) -> Result<Cow<'a, [u32]>, GltfError> {
         let Document { scene, scenes, nodes, .. } = self.document;
         match (scene, scenes.first()) {
@@ -131,7 +132,8 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// How many instances a node has: as many as each of its instance attributes has elements. Nothing is read yet.
+/// How many instances a node has: as many as each of its instance attributes has elements. Nothing is read
+/// yet.
 fn instance_count(accessors: &Accessors<'_>, node: u32, instancing: &Instancing) -> Result<u64, GltfError> {
     let InstanceAttributes { translation, rotation, scale } = instancing.attributes;
     let mut first = None;
@@ -144,8 +146,8 @@ fn instance_count(accessors: &Accessors<'_>, node: u32, instancing: &Instancing)
     Ok(first.unwrap_or(0))
 }
 
-/// The placements of EXT_mesh_gpu_instancing, relative to the node: translation, rotation and scale an instance. All
-/// attributes have equal counts.
+/// The placements of EXT_mesh_gpu_instancing, relative to the node: translation, rotation and scale an
+/// instance. All attributes have equal counts.
 fn instances(
     accessors: &Accessors<'_>,
     node: u32,
@@ -202,7 +204,8 @@ impl Default for Trs {
 }
 
 impl Trs {
-    /// The map, or nothing if the rotation has no direction. Files keep rotations as rounded numbers: normalize.
+    /// The map, or nothing if the rotation has no direction. Files keep rotations as rounded numbers:
+    /// normalize.
     fn matrix(&self) -> Option<DAffine3> {
         let length = self.rotation.length();
         (length.is_normal()).then(|| {

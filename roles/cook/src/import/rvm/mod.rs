@@ -1,9 +1,10 @@
-//! RVM: the review format of AVEVA's plant design programs (PDMS, E3D), in which process plants are exchanged.
+//! RVM: the review format of AVEVA's plant design programs (PDMS, E3D), in which process plants are
+//! exchanged.
 //!
-//! A file is a tree of named groups that hold primitives: cylinders, boxes, tori, and so on, eleven kinds. Each group
-//! with primitives of its own becomes one object, its primitives tessellated into one mesh about the middle of the
-//! group. There is no public specification; the facts here are those that readers of the format agree on, checked
-//! against the box that every primitive stores.
+//! A file is a tree of named groups that hold primitives: cylinders, boxes, tori, and so on, eleven kinds.
+//! Each group with primitives of its own becomes one object, its primitives tessellated into one mesh about
+//! the middle of the group. There is no public specification; the facts here are those that readers of the
+//! format agree on, checked against the box that every primitive stores.
 
 mod colour;
 mod error;
@@ -33,8 +34,8 @@ use trimaran_scene::Rgba8;
 /// Metres a unit of length that writers have in mind: a file's matrices take millimetres to metres.
 const USUAL_UNIT: f64 = 1e-3;
 
-/// Reads an RVM file. `source_index` of its objects is the running number of the group among all groups of the file, in
-/// the order in which they open; groups without primitives count too.
+/// Reads an RVM file. `source_index` of its objects is the running number of the group among all groups of
+/// the file, in the order in which they open; groups without primitives count too.
 pub(super) fn import(bytes: &[u8], options: &ImportOptions, budget: &Budget) -> Result<Part, RvmError> {
     let file = File::parse(bytes, budget)?;
     let scale = options.unit.unwrap_or(USUAL_UNIT) / USUAL_UNIT;
@@ -132,16 +133,17 @@ impl Frame<'_> {
     }
 }
 
-/// An upper bound of how much the map lengthens anything, exact if its axes stay at right angles (Gershgorin's circles
-/// about the squares of the singular values).
+/// An upper bound of how much the map lengthens anything, exact if its axes stay at right angles
+/// (Gershgorin's circles about the squares of the singular values).
 fn largest_scale(map: &DAffine3) -> f64 {
     let m = map.matrix3;
     let row = |a: DVec3| a.dot(m.x_axis).abs() + a.dot(m.y_axis).abs() + a.dot(m.z_axis).abs();
     row(m.x_axis).max(row(m.y_axis)).max(row(m.z_axis)).sqrt()
 }
 
-/// Whether the tessellation fills the box that the file stores with the primitive: no side is off by more than 5 % of the
-/// box's diagonal, plus what cutting curves to chords may take away. Lines have no surface and fit any box.
+/// Whether the tessellation fills the box that the file stores with the primitive: no side is off by more
+/// than 5 % of the box's diagonal, plus what cutting curves to chords may take away. Lines have no surface
+/// and fit any box.
 fn fits_stored_box(primitive: &Primitive, solid: &Solid, tolerance: f64) -> bool {
     if matches!(primitive.shape, Shape::Line) {
         return true;

@@ -1,8 +1,9 @@
 //! The chunks of an RVM file as groups with primitives.
 //!
-//! A chunk is four letters (each in four bytes), the byte at which the next chunk begins, a word of unknown use, and a
-//! body that opens with a version. HEAD and MODL come first, END: last; between them CNTB opens a group and CNTE closes
-//! it, PRIM is a primitive of the open group and COLR redefines a colour. What follows END: is padding.
+//! A chunk is four letters (each in four bytes), the byte at which the next chunk begins, a word of unknown
+//! use, and a body that opens with a version. HEAD and MODL come first, END: last; between them CNTB opens a
+//! group and CNTE closes it, PRIM is a primitive of the open group and COLR redefines a colour. What follows
+//! END: is padding.
 
 use std::collections::HashMap;
 

@@ -61,8 +61,8 @@ impl<'a> Reader<'a> {
         Ok(values)
     }
 
-    /// A string: its length in words of four bytes, then the bytes, padded with zeros. UTF-8, or else Latin-1, which
-    /// older writers use without saying so.
+    /// A string: its length in words of four bytes, then the bytes, padded with zeros. UTF-8, or else
+    /// Latin-1, which older writers use without saying so.
     pub(super) fn string(&mut self, what: &'static str) -> Result<String, RvmError> {
         let words = self.u32(what)? as usize;
         let bytes = self.take(words.saturating_mul(4), what)?;

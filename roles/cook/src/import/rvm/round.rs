@@ -1,11 +1,12 @@
 //! Surfaces that are curved two ways: tori and ellipsoids.
 //!
-//! The tolerance is for both ways together, and what one of them leaves the other may use. All of these surfaces are rings
-//! about z, with facets between two rings. From the true surface to a facet one goes in two steps: from the arc between the
-//! rings to its chord, along the surface's normal; then from the circles to their chords, towards the axis. Of the second
-//! step only the part along the normal leads to the facet, the rest slides along it. So the error is the first sagitta plus
-//! the second times the cosine between the normal and the way out from the axis. Where a surface faces its axis that cosine
-//! is negative: the two steps lead to opposite sides, and the error is the larger of them.
+//! The tolerance is for both ways together, and what one of them leaves the other may use. All of these
+//! surfaces are rings about z, with facets between two rings. From the true surface to a facet one goes in
+//! two steps: from the arc between the rings to its chord, along the surface's normal; then from the circles
+//! to their chords, towards the axis. Of the second step only the part along the normal leads to the facet,
+//! the rest slides along it. So the error is the first sagitta plus the second times the cosine between the
+//! normal and the way out from the axis. Where a surface faces its axis that cosine is negative: the two
+//! steps lead to opposite sides, and the error is the larger of them.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -28,7 +29,8 @@ pub(super) fn torus(solid: &mut Solid, offset: f64, radius: f64, angle: f64, cho
         .min_by_key(|&(chords, count, _)| chords * count);
     let (chords, angles) = match best {
         Some((chords, count, section)) => (chords, section.angles(count, chord.tolerance)),
-        None => (fewest, even(chord.count(radius, TAU)).collect()), // too large for the tolerance: as fine as may be
+        // Too large for the tolerance: as fine as may be.
+        None => (fewest, even(chord.count(radius, TAU)).collect()),
     };
     // Angles count from where the circle is farthest from the axis.
     let radius = radius.abs().copysign(offset);
@@ -46,7 +48,8 @@ fn even(count: usize) -> impl Iterator<Item = f64> {
     (0..count).map(move |step| TAU * step as f64 / count as f64)
 }
 
-/// The circle of a torus, cut into chords that are shorter where the torus faces away from its axis. Angles count from there.
+/// The circle of a torus, cut into chords that are shorter where the torus faces away from its axis. Angles
+/// count from there.
 #[derive(Debug, Clone, Copy)]
 struct Section {
     offset: f64,
@@ -65,15 +68,16 @@ impl Section {
         (2.0 * half).min(PI / 3.0)
     }
 
-    /// The angles of the corners from the outermost point to the innermost, and the length of the chord that would be next.
+    /// The angles of the corners from the outermost point to the innermost, and the length of the chord that
+    /// would be next.
     fn half(&self, tolerance: f64) -> impl Iterator<Item = (f64, f64)> {
         let corner = move |at: f64| (at, self.step(at, tolerance));
         std::iter::successors(Some(corner(0.0)), move |&(at, step)| Some(corner(at + step)))
             .take(MOST_CHORDS / 2)
     }
 
-    /// The fewest chords of the whole circle; `None` if that is more than may be. If the number is odd, one chord lies across
-    /// the innermost point.
+    /// The fewest chords of the whole circle; `None` if that is more than may be. If the number is odd, one
+    /// chord lies across the innermost point.
     fn count(&self, tolerance: f64) -> Option<usize> {
         (0..).zip(self.half(tolerance)).find_map(|(pairs, (at, step))| {
             let across = || (at + step / 2.0 >= PI).then_some(2 * pairs + 1);
@@ -81,7 +85,8 @@ impl Section {
         })
     }
 
-    /// The corners' angles for so many chords, which are enough: with the smallest tolerance for which they are.
+    /// The corners' angles for so many chords, which are enough: with the smallest tolerance for which they
+    /// are.
     fn angles(&self, count: usize, tolerance: f64) -> Vec<f64> {
         let (mut low, mut high) = (0.0, tolerance);
         for _ in 0..40 {
@@ -120,8 +125,8 @@ pub(super) fn spherical_dish(solid: &mut Solid, radius: f64, height: f64, chord:
     }
 }
 
-/// An ellipsoid of revolution about z with these half axes: a sphere of radius 1, stretched. Rings are told by the angle from
-/// the top on that sphere.
+/// An ellipsoid of revolution about z with these half axes: a sphere of radius 1, stretched. Rings are told
+/// by the angle from the top on that sphere.
 #[derive(Debug, Clone, Copy)]
 struct Ellipsoid {
     radius: f64,
@@ -192,8 +197,8 @@ impl Ellipsoid {
         (1..=rows).map(ring).collect()
     }
 
-    /// How far the plane that touches the surface at an angle from the top is from the centre: what a sagitta on the sphere
-    /// of radius 1 becomes here, along the normal.
+    /// How far the plane that touches the surface at an angle from the top is from the centre: what a sagitta
+    /// on the sphere of radius 1 becomes here, along the normal.
     fn reach(&self, angle: f64) -> f64 {
         let (cos, sin) = direction(angle);
         let [across, along] = [self.height * sin, self.radius * cos];
@@ -266,8 +271,8 @@ mod tests {
         DVec3::new(radius * u.cos() * v.sin(), radius * u.sin() * v.sin(), height * v.cos())
     }
 
-    /// With half the tolerance for each way, an elbow would have 594 triangles. With all of it for each, 284, but they would
-    /// be up to twice the tolerance off.
+    /// With half the tolerance for each way, an elbow would have 594 triangles. With all of it for each, 284,
+    /// but they would be up to twice the tolerance off.
     #[test]
     fn what_one_way_leaves_the_other_uses() {
         let elbow = torus_of(150.0, 50.0, FRAC_PI_2);

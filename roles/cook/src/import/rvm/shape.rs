@@ -1,7 +1,7 @@
 //! The eleven kinds of primitive, as they stand in a PRIM chunk.
 //!
-//! Each stands in a frame of its own, in millimetres, about the z axis; a 3x4 matrix takes it to the world. Angles are
-//! in radians.
+//! Each stands in a frame of its own, in millimetres, about the z axis; a 3x4 matrix takes it to the world.
+//! Angles are in radians.
 
 use glam::DVec3;
 
@@ -12,8 +12,8 @@ use crate::import::report::PrimitiveCounts;
 /// A primitive's shape. Every number is finite.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Shape {
-    /// Two rectangles, one above the other: full lengths along x and y, the top's offset from the bottom, the height
-    /// between them. The origin is half way between their centres.
+    /// Two rectangles, one above the other: full lengths along x and y, the top's offset from the bottom, the
+    /// height between them. The origin is half way between their centres.
     Pyramid { bottom: [f64; 2], top: [f64; 2], offset: [f64; 2], height: f64 },
     /// A box about the origin: full lengths.
     Box { size: [f64; 3] },
@@ -25,8 +25,8 @@ pub(super) enum Shape {
     EllipticalDish { radius: f64, height: f64 },
     /// A cut-off part of a sphere on the xy plane.
     SphericalDish { radius: f64, height: f64 },
-    /// A cone's frustum about the origin: the top's centre is `offset` from the bottom's, and each end may be cut at an
-    /// angle (about y and about x).
+    /// A cone's frustum about the origin: the top's centre is `offset` from the bottom's, and each end may be
+    /// cut at an angle (about y and about x).
     Snout {
         bottom: f64,
         top: f64,

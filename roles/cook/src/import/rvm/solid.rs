@@ -34,7 +34,8 @@ impl Solid {
         self.indices.extend(corners);
     }
 
-    /// The wall between two rings, which may have different numbers of vertices; `lower` comes first along the solid.
+    /// The wall between two rings, which may have different numbers of vertices; `lower` comes first along
+    /// the solid.
     pub(super) fn wall(&mut self, lower: &Ring, upper: &Ring) {
         let (n, m) = (lower.count(), upper.count());
         let (mut i, mut j) = (0, 0);
@@ -136,15 +137,15 @@ pub(super) struct Chord {
 /// No curve is cut into more chords than this.
 pub(super) const MOST_CHORDS: usize = 1024;
 
-/// No tolerance is finer than this part of a curve's size: its radius, or its length if it is less than a radius long. So a
-/// circle has at most 223 chords. At 1 mm this begins at a radius of 10 m; beyond, the tolerance gives way, or one number in
-/// a file could make millions of triangles.
+/// No tolerance is finer than this part of a curve's size: its radius, or its length if it is less than a
+/// radius long. So a circle has at most 223 chords. At 1 mm this begins at a radius of 10 m; beyond, the
+/// tolerance gives way, or one number in a file could make millions of triangles.
 const FINEST: f64 = 1e-4;
 
 impl Chord {
-    /// The fewest equal chords along `angle` of a circle that stay within the tolerance of it: a chord over the angle a
-    /// is r (1 - cos a/2) off. No chord spans more than a sixth of a turn, so that the thinnest pipe is still a
-    /// pipe.
+    /// The fewest equal chords along `angle` of a circle that stay within the tolerance of it: a chord over
+    /// the angle a is r (1 - cos a/2) off. No chord spans more than a sixth of a turn, so that the
+    /// thinnest pipe is still a pipe.
     pub(super) fn count(self, radius: f64, angle: f64) -> usize {
         let angle = angle.abs().min(TAU);
         let relative = (self.tolerance / radius.abs()).max(FINEST * angle.min(1.0));

@@ -1,8 +1,8 @@
 //! Primitives as triangles.
 //!
-//! Every solid comes out closed, its vertices shared, its faces outward; ends that touch another primitive are capped
-//! all the same. No point of the true surface is farther from the triangles than the chord tolerance, or if it is large, than
-//! a ten-thousandth of its size.
+//! Every solid comes out closed, its vertices shared, its faces outward; ends that touch another primitive
+//! are capped all the same. No point of the true surface is farther from the triangles than the chord
+//! tolerance, or if it is large, than a ten-thousandth of its size.
 
 use std::f64::consts::TAU;
 
@@ -177,7 +177,8 @@ pub(super) mod tests {
         triangles.map(|&[a, b, c]| at(a).dot(at(b).cross(at(c))) / 6.0).sum()
     }
 
-    /// Every edge is walked once in each direction: the surface is closed, shares its vertices, and winds one way.
+    /// Every edge is walked once in each direction: the surface is closed, shares its vertices, and winds one
+    /// way.
     pub(in super::super) fn assert_closed(solid: &Solid) {
         let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
         for &[a, b, c] in solid.indices.as_chunks::<3>().0 {

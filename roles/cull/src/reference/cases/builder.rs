@@ -17,7 +17,8 @@ pub struct Mesh {
 pub struct Object {
     /// The finest level.
     pub mesh: Mesh,
-    /// Coarser levels, finer first, each with a bound of its distance to the finest in the local frame, metres.
+    /// Coarser levels, finer first, each with a bound of its distance to the finest in the local frame,
+    /// metres.
     pub coarser: Vec<(f32, Mesh)>,
     /// Where the local frame's origin is, metres.
     pub origin: DVec3,
@@ -107,8 +108,8 @@ impl Object {
         Self { linear, ..self }
     }
 
-    /// The same object with its bounding box as its coarsest level. No point of the box is farther from a surface inside than
-    /// the box's diagonal, nor the other way round.
+    /// The same object with its bounding box as its coarsest level. No point of the box is farther from a
+    /// surface inside than the box's diagonal, nor the other way round.
     #[must_use]
     pub fn with_box_level(mut self) -> Self {
         let (min, max) = self.mesh.bounds();
@@ -135,8 +136,8 @@ struct Draft<'o> {
     children: Vec<Self>,
 }
 
-/// A scene of `objects` under a tree that halves them by place, four children a node. With `merged` each interior node has one
-/// level, its own box, whose error is the box's diagonal.
+/// A scene of `objects` under a tree that halves them by place, four children a node. With `merged` each
+/// interior node has one level, its own box, whose error is the box's diagonal.
 ///
 /// # Errors
 /// If the scene's own rules do not hold: with no objects, say.
@@ -279,7 +280,8 @@ fn add_level(arrays: &mut SceneArrays, node: u32, error: f32, mesh: &Mesh) {
     arrays.indices.extend(&mesh.indices);
 }
 
-/// At least the largest singular value: the geometric mean of the greatest column sum and the greatest row sum.
+/// At least the largest singular value: the geometric mean of the greatest column sum and the greatest row
+/// sum.
 fn stretch(linear: Mat3) -> f32 {
     let sum = |v: Vec3| v.abs().as_dvec3().element_sum();
     let greatest = |m: Mat3| sum(m.x_axis).max(sum(m.y_axis)).max(sum(m.z_axis));

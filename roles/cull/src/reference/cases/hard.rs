@@ -11,8 +11,8 @@ use super::builder::{Mesh, Object, build};
 use super::plant::{Dice, plant, plant_views};
 use crate::{View, Viewport, ViewportError};
 
-/// A scene and a walk of views through it. Along the walk nothing visible may be culled, and pictures with and without
-/// culling are equal.
+/// A scene and a walk of views through it. Along the walk nothing visible may be culled, and pictures with
+/// and without culling are equal.
 #[derive(Debug, Clone)]
 pub struct Case {
     /// What is hard about it.
@@ -138,7 +138,8 @@ fn across_the_near_plane() -> Result<Case, CaseError> {
 }
 
 fn eye_inside_a_box() -> Result<Case, CaseError> {
-    // A big crate around the eye with a wall close in front of it, and things inside and outside of the crate.
+    // A big crate around the eye with a wall close in front of it, and things inside and outside of the
+    // crate.
     let big = Object::new(Mesh::cuboid(Vec3::splat(-4.0), Vec3::splat(4.0), 2));
     let objects =
         [big, wall(0.3, 0.2), crate_at(2.0, 2.0, 0.0), crate_at(0.0, 8.0, 0.0), crate_at(0.0, 1.5, 0.0)];
@@ -175,7 +176,8 @@ fn flat_line_and_point() -> Result<Case, CaseError> {
 }
 
 fn still_wall() -> Result<Case, CaseError> {
-    // A flat wall is its own box: it is tested against its own surface. Far from the origin of its frame, to make it harder.
+    // A flat wall is its own box: it is tested against its own surface. Far from the origin of its frame, to
+    // make it harder.
     let flat = Mesh::rectangle(Vec3::new(300.0, 0.0, 0.0), Vec3::X * 3.0, Vec3::Z * 3.0, 3);
     let turn = Mat3::from_rotation_z(0.3);
     let place = DVec3::new(0.0, 5.0, 0.0) - turn.as_dmat3() * DVec3::new(300.0, 0.0, 0.0);

@@ -56,8 +56,8 @@ impl Dice {
     }
 }
 
-/// Rooms side by side with walls, decks, pipes, vessels and crates in them: about `objects` objects about `origin`, z up, four
-/// metres a storey. Walls and decks hide most of it from anywhere inside.
+/// Rooms side by side with walls, decks, pipes, vessels and crates in them: about `objects` objects about
+/// `origin`, z up, four metres a storey. Walls and decks hide most of it from anywhere inside.
 ///
 /// # Errors
 /// None for at least one object.
@@ -127,7 +127,8 @@ fn fixture(dice: &mut Dice, corner: DVec3) -> Object {
     }
 }
 
-/// A walk of `count` views through a [`plant`] of so many objects: small steps and turns, and a teleport every 13 views.
+/// A walk of `count` views through a [`plant`] of so many objects: small steps and turns, and a teleport
+/// every 13 views.
 ///
 /// # Errors
 /// None: the cameras are in range.

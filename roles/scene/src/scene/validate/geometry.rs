@@ -27,7 +27,8 @@ pub(super) fn check(parts: &Parts<'_>) -> Result<(), SceneError> {
 fn check_vertices(vertices: &[Vertex]) -> Result<(), SceneError> {
     let finite = |vertex: &Vertex| vertex.position.iter().all(|c| c.is_finite());
     let broken = vertices.par_chunks(VERTICES).enumerate().find_map_first(|(run, vertices)| {
-        // Without an early end the compiler checks several at once; which one it was is asked only if there is one.
+        // Without an early end the compiler checks several at once; which one it was is asked only if there
+        // is one.
         let sound = vertices.iter().fold(true, |sound, vertex| {
             let [x, y, z] = vertex.position.map(f32::is_finite);
             sound & x & y & z
@@ -38,13 +39,14 @@ fn check_vertices(vertices: &[Vertex]) -> Result<(), SceneError> {
     broken.map_or(Ok(()), |index| Err(malformed("vertex", index)("its position is not finite")))
 }
 
-/// The first drawable with an index past its vertices. Instances share ranges, so those checked lately are remembered:
-/// to forget one costs time, and nothing else.
+/// The first drawable with an index past its vertices. Instances share ranges, so those checked lately are
+/// remembered: to forget one costs time, and nothing else.
 fn first_stray(indices: &[u32], drawables: &[Drawable]) -> Option<usize> {
     let mut known = vec![(0, 0, 0); 1 << KNOWN_BITS];
     drawables.iter().position(|drawable| {
         let range = (drawable.first_index, drawable.index_count, drawable.vertex_count);
-        // Fibonacci hashing: ranges start at multiples of a cluster's size, so their low bits alone would all be the same.
+        // Fibonacci hashing: ranges start at multiples of a cluster's size, so their low bits alone would all
+        // be the same.
         let slot = drawable.first_index.wrapping_mul(0x9e37_79b1) >> (u32::BITS - KNOWN_BITS);
         let Some(slot) = known.get_mut(slot as usize) else { return true };
         if *slot == range {

@@ -29,8 +29,9 @@ struct Errors {
     range: Option<(f32, f32)>,
 }
 
-/// Breadth-first order: the children of node 0, then those of node 1, and so on, without a gap; each knows its parent.
-/// Each drawable belongs to exactly one node; leaves have a level and an object. Errors never fall towards the root.
+/// Breadth-first order: the children of node 0, then those of node 1, and so on, without a gap; each knows
+/// its parent. Each drawable belongs to exactly one node; leaves have a level and an object. Errors never
+/// fall towards the root.
 pub(super) fn check(parts: &Parts<'_>) -> Result<(), SceneError> {
     let runs: Vec<Result<Run, SceneError>> = parts
         .nodes
@@ -190,8 +191,9 @@ fn check_coarser(coarser: f32, finer: f32) -> Check {
     if coarser < finer { Err(why) } else { Ok(()) }
 }
 
-/// Errors never fall from a node to those above it. Parents come before their children, so `limits` has, for each node
-/// above, the error that nothing below it may exceed: its finest level's, or if it has none, that of the node above it.
+/// Errors never fall from a node to those above it. Parents come before their children, so `limits` has, for
+/// each node above, the error that nothing below it may exceed: its finest level's, or if it has none, that
+/// of the node above it.
 fn check_errors(parts: &Parts<'_>, errors: &[Errors], limits: &mut [f32]) -> Result<(), SceneError> {
     for &Errors { node, parent, range } in errors {
         let above = limits.get(parent).copied().unwrap_or(f32::INFINITY); // the root has no parent

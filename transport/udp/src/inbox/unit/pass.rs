@@ -62,7 +62,8 @@ impl Unit {
         })
     }
 
-    /// Passes on the next batch of a frame whose batches are messages. Behind a gap nobody knows where the next one begins.
+    /// Passes on the next batch of a frame whose batches are messages. Behind a gap nobody knows where the
+    /// next one begins.
     fn coded_step(
         &mut self,
         frame: FrameNumber,

@@ -84,7 +84,8 @@ impl Unit {
         }
     }
 
-    /// Forgets the bytes that have arrived; says how many. What a block that is not complete yet needs for its repair is kept.
+    /// Forgets the bytes that have arrived; says how many. What a block that is not complete yet needs for
+    /// its repair is kept.
     fn free(&mut self) -> usize {
         let done = self.acked.end_of_run(self.base).min(self.protected.max(self.base));
         let freed = ((done - self.base) as usize).min(self.data.len());

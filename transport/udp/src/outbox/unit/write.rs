@@ -24,7 +24,8 @@ impl Unit {
         !self.has_fresh() && self.is_ended()
     }
 
-    /// Whether the end has to be said by itself. An end whose bytes may be restored waits for what becomes of them.
+    /// Whether the end has to be said by itself. An end whose bytes may be restored waits for what becomes of
+    /// them.
     fn is_end_due(&self) -> bool {
         let waits = self.waiting.iter().next_back().is_some_and(|range| range.end == self.written());
         self.end_due && !waits
