@@ -15,11 +15,13 @@ use std::time::Duration;
 
 use common::conformance::Pairs;
 use common::{camera, identity, ids, receive, start};
-use trimaran_netsim::link::{LinkModel, LinkTally, Loss, Probability, Rate};
+use trimaran_netsim::link::{Conditions, LinkModel, LinkTally, Loss, Phase, Probability, Rate};
 use trimaran_netsim::{SimNet, Simulation, Topology};
 use trimaran_proto::{DrawableId, FrameEvent, FrameOutcome, IdCoding, Role};
 use trimaran_transport::udp::{Repair, Trust, UdpOptions};
-use trimaran_transport::{Endpoint, Link, LinkConfig, Listener, Net, Options, UdpMode, connect, sleep_until};
+use trimaran_transport::{
+    Endpoint, Link, LinkConfig, Listener, Net, Options, RecvError, UdpMode, connect, sleep_until,
+};
 
 /// Two machines of a simulation.
 struct Udp {
@@ -126,6 +128,43 @@ fn with_deadlines_a_lost_frame_spoils_no_later_one() {
     let (whole, gaps, bytes) = simulation.run(talk).unwrap();
     // Some came as changes.
     assert!(whole >= 20 && gaps >= 20 && bytes < 2000, "{whole} whole, {gaps} with gaps, {bytes} bytes");
+}
+
+/// A network that is cut one way only is no fault of the peer: it may come again.
+#[test]
+fn a_peer_that_hears_nothing_any_more_is_lost_though_it_can_be_heard() {
+    let way = LinkModel::clean(None, Duration::from_millis(1));
+    let (mut topology, cut) = (Topology::new(), Duration::from_secs(1));
+    let conditions = Conditions { loss: Loss::Independent(Probability::one()), ..way.conditions };
+    let until_then = LinkModel { phases: vec![Phase { at: cut, conditions }], ..way.clone() };
+    let (here, there) = (topology.host("here"), topology.host("there"));
+    topology.join(topology.node(here), topology.node(there), until_then, way);
+    let simulation = Simulation::new(&topology, 1);
+    let options = UdpOptions { trust: Trust::SharedKey([9; 32].into()), ..UdpOptions::default() };
+    let pairs = Udp { here: simulation.net(here), there: simulation.net(there), options };
+    let talk = async {
+        let net = pairs.net();
+        let (mut here, mut there) = pairs.pair(LinkConfig::default()).await;
+        sleep_until(&*net, net.now().after(cut)).await;
+        here.latest_tx.publish(camera(0)).unwrap();
+        let mut frame = 0;
+        let goes_on = async {
+            loop {
+                frame += 1;
+                if there.latest_tx.publish(camera(frame)).is_err() {
+                    std::future::pending::<()>().await;
+                }
+                sleep_until(&*net, net.now().after(Duration::from_millis(100))).await;
+            }
+        };
+        tokio::select! {
+            end = here.frames_rx.recv() => end.unwrap_err(),
+            () = goes_on => unreachable!("it never ends"),
+        }
+    };
+    let end = simulation.run(talk).unwrap();
+    assert!(matches!(end, RecvError::Lost { .. }), "{end:?}");
+    assert!(format!("{end:?}").contains("Deaf"), "{end:?}");
 }
 
 /// Sends 50 frames of 4000 ids over a link that loses a hundredth of all packets. Gives the hash of the

@@ -213,6 +213,8 @@ impl State {
         self.connection.closed().map(|why| match why {
             Closed::Peer | Closed::Here => Loss::Closed,
             Closed::Silent(_) => Loss::Silent,
+            // The way there is cut, and the way back is not.
+            Closed::Deaf(_) => Loss::Io(std::io::Error::new(std::io::ErrorKind::TimedOut, why.clone())),
             other => Loss::Io(std::io::Error::new(std::io::ErrorKind::InvalidData, other.clone())),
         })
     }
@@ -221,9 +223,12 @@ impl State {
     /// was lost.
     pub(super) fn end(&self) -> Option<LaneError> {
         match self.connection.closed()? {
-            Closed::Here | Closed::Peer | Closed::Silent(_) | Closed::Forged | Closed::Exhausted => {
-                self.loss().map(LaneError::Lost)
-            }
+            Closed::Here
+            | Closed::Peer
+            | Closed::Silent(_)
+            | Closed::Deaf(_)
+            | Closed::Forged
+            | Closed::Exhausted => self.loss().map(LaneError::Lost),
             broken => Some(LaneError::Protocol(ProtocolError::Datagrams(Box::new(broken.clone())))),
         }
     }
