@@ -33,7 +33,7 @@ pub(super) async fn listen(path: &Path, options: &UnixSocketOptions) -> io::Resu
     socket.listen(options.backlog)?;
     drop(folder);
     let listener = UnixListener::from_std(std::os::fd::OwnedFd::from(socket).into())?;
-    Ok(Box::new(TokioUnixListener { listener, _file: file }))
+    Ok(Box::new(TokioUnixListener { _file: file, listener }))
 }
 
 /// Two listeners that start at once must not take each other's new file for a dead one's: whoever looks for a
@@ -98,8 +98,10 @@ impl Drop for SocketFile {
 
 #[derive(Debug)]
 struct TokioUnixListener {
-    listener: UnixListener,
+    // Before the socket, and so dropped before it: once nobody listens, another may replace the file, and the new
+    // one may have the same number.
     _file: SocketFile,
+    listener: UnixListener,
 }
 
 impl Listen for TokioUnixListener {
@@ -113,4 +115,37 @@ fn stream(socket: UnixStream) -> io::Result<Stream> {
     let peer = Credentials { uid: peer.uid(), gid: peer.gid(), pid: peer.pid() };
     let (reader, writer) = socket.into_split();
     Ok(Stream { reader: Box::new(reader), writer: Box::new(writer), peer: StreamPeer::Unix(peer) })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::thread;
+
+    use super::*;
+    use crate::{Net, TokioNet};
+
+    /// The file of the next listener may have the number that the last one's had.
+    #[tokio::test]
+    async fn who_listens_next_keeps_its_file() {
+        let path = std::env::temp_dir().join(format!("trimaran-net-{}.sock", std::process::id()));
+        let (net, options) = (TokioNet::current().unwrap(), UnixSocketOptions::default());
+        let mut last = net.listen_unix(&path, &options).await.unwrap();
+        for turn in 0..400 {
+            let leaves = thread::spawn({
+                let runtime = tokio::runtime::Handle::current();
+                move || {
+                    let _within = runtime.enter();
+                    drop(last);
+                }
+            });
+            last = loop {
+                match net.listen_unix(&path, &options).await {
+                    Ok(next) => break next,
+                    Err(e) => assert_eq!(e.kind(), io::ErrorKind::AddrInUse, "{e}"),
+                }
+            };
+            leaves.join().unwrap();
+            assert!(path.exists(), "turn {turn}: the file of the next listener was removed");
+        }
+    }
 }
