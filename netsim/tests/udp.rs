@@ -35,22 +35,29 @@ impl Pairs for Udp {
     const HANDSHAKE: u64 = 1;
 
     async fn pair(&self, link: LinkConfig) -> (Link, Link) {
-        let options = Options { link, udp: self.options.clone(), ..Options::default() };
-        let (here, there) = (self.net(), Arc::new(self.there.clone()) as Arc<dyn Net>);
-        let endpoint = "udp://0.0.0.0:0".parse().unwrap();
-        let mut listener = Listener::bind(&here, &endpoint, identity(Role::SwitchA), &options).await.unwrap();
-        let Endpoint::Udp(at) = listener.local_endpoint() else { panic!("not UDP") };
-        let endpoint = format!("udp://here:{}", at.at.port).parse().unwrap();
-        let soon = here.now().after(Duration::from_secs(60));
-        let (there, here) = tokio::join!(
-            connect(&there, &endpoint, identity(Role::Display), &options, soon),
-            listener.accept(soon),
-        );
-        (here.unwrap(), there.unwrap())
+        self.join(link, link).await
     }
 
     fn net(&self) -> Arc<dyn Net> {
         Arc::new(self.here.clone())
+    }
+}
+
+impl Udp {
+    async fn join(&self, ours: LinkConfig, theirs: LinkConfig) -> (Link, Link) {
+        let options = |link| Options { link, udp: self.options.clone(), ..Options::default() };
+        let (ours, theirs) = (options(ours), options(theirs));
+        let (here, there) = (self.net(), Arc::new(self.there.clone()) as Arc<dyn Net>);
+        let endpoint = "udp://0.0.0.0:0".parse().unwrap();
+        let mut listener = Listener::bind(&here, &endpoint, identity(Role::SwitchA), &ours).await.unwrap();
+        let Endpoint::Udp(at) = listener.local_endpoint() else { panic!("not UDP") };
+        let endpoint = format!("udp://here:{}", at.at.port).parse().unwrap();
+        let soon = here.now().after(Duration::from_secs(60));
+        let (there, here) = tokio::join!(
+            connect(&there, &endpoint, identity(Role::Display), &theirs, soon),
+            listener.accept(soon),
+        );
+        (here.unwrap(), there.unwrap())
     }
 }
 
@@ -144,7 +151,9 @@ fn a_peer_that_hears_nothing_any_more_is_lost_though_it_can_be_heard() {
     let pairs = Udp { here: simulation.net(here), there: simulation.net(there), options };
     let talk = async {
         let net = pairs.net();
-        let (mut here, mut there) = pairs.pair(LinkConfig::default()).await;
+        // The other side is more patient, and does not close the connection first.
+        let patient = LinkConfig { lease: Duration::from_secs(100), ..LinkConfig::default() };
+        let (mut here, mut there) = pairs.join(LinkConfig::default(), patient).await;
         sleep_until(&*net, net.now().after(cut)).await;
         here.latest_tx.publish(camera(0)).unwrap();
         let mut frame = 0;
