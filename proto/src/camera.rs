@@ -1,6 +1,7 @@
 //! The camera message: 72 bytes, as in the paper (section 3.3).
 
 use thiserror::Error;
+use trimaran_wire::Fixed;
 
 use crate::FrameNumber;
 
@@ -175,5 +176,19 @@ impl Camera {
             f32::from_le_bytes(near),
             FrameNumber(u32::from_le_bytes(frame)),
         )
+    }
+}
+impl Fixed for Camera {
+    const SIZE: usize = Self::SIZE;
+    type Error = CameraError;
+
+    fn write(&self, out: &mut [u8]) {
+        if let Some(out) = out.first_chunk_mut() {
+            *out = self.to_bytes();
+        }
+    }
+
+    fn read(bytes: &[u8]) -> Result<Self, CameraError> {
+        bytes.first_chunk().map_or(Err(CameraError::Eye), Self::from_bytes)
     }
 }

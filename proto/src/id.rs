@@ -3,6 +3,7 @@
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
+use trimaran_wire::{Batch, Item};
 
 /// A scene node at one of its levels of detail: what a role draws.
 ///
@@ -27,27 +28,24 @@ impl fmt::Display for DrawableId {
     }
 }
 
-/// The number of a frame, counted from 0 and agreed on by the three roles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
-#[repr(transparent)]
-pub struct FrameNumber(pub u32);
+impl Item for DrawableId {
+    const SIZE: usize = 4;
 
-impl FrameNumber {
-    /// The frame after this one; `None` after frame `u32::MAX` (828 days at 60 frames a second).
-    #[must_use]
-    pub const fn next(self) -> Option<Self> {
-        match self.0.checked_add(1) {
-            Some(n) => Some(Self(n)),
-            None => None,
-        }
+    fn write(self, out: &mut [u8]) {
+        self.0.write(out);
+    }
+
+    fn read(bytes: &[u8]) -> Self {
+        Self(u32::read(bytes))
     }
 }
 
-impl fmt::Display for FrameNumber {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "frame {}", self.0)
-    }
-}
+/// The bytes of one id on the wire: a `u32`, little-endian, never a varint, so that the bandwidth formula
+/// counts what travels.
+pub const ID_BYTES: usize = <DrawableId as Item>::SIZE;
+
+/// A batch of ids.
+pub type IdBatch = Batch<DrawableId>;
 
 /// The fingerprint of a cooked scene (XXH3-128 of its content): peers that hold different scenes refuse each
 /// other.

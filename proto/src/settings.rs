@@ -42,7 +42,7 @@ impl fmt::Display for Settings {
         write!(
             f,
             "{size} at {epsilon} px, {} ids a batch, coding {coding}, tester {tester}, {pace}",
-            batch.ids()
+            batch.items()
         )?;
         if *few_pixels {
             f.write_str(", stopping at few pixels")?;

@@ -1,22 +1,14 @@
 //! Both ends of a lane whose ids travel as changes.
 
+use bytes::Bytes;
 use thiserror::Error;
+use trimaran_wire::{BatchDecoder, BatchEncoder, CodingError, Delivery, FrameEnd};
 
-use super::{CodedIds, CodingFault, References, Room};
-use crate::{FrameEnd, FrameMessage, FrameNumber, IdBatch, Message};
+use super::{CodingFault, References, Room, read, shortest};
+use crate::{DrawableId, FrameNumber, IdBatch};
 
-/// What the layers below promise of the frames that are sent.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Delivery {
-    /// They arrive in order, none before all of the one before it. Changes refer to the last frame.
-    Ordered,
-    /// They may be lost or late. Changes refer to the newest frame that was [confirmed](IdEncoder::confirm),
-    /// if any.
-    Lossy,
-}
-
-/// Turns the messages of a [`FrameWriter`](crate::FrameWriter) into what travels: batches of ids become
-/// changes where these are shorter.
+/// Writes batches of ids as changes where these are shorter: against the last frame where frames arrive in
+/// order, else against the newest that was confirmed, if any.
 #[derive(Debug)]
 pub struct IdEncoder {
     delivery: Delivery,
@@ -25,7 +17,7 @@ pub struct IdEncoder {
     references: References,
 }
 
-/// Turns what travels into the messages that a [`FrameAssembler`](crate::FrameAssembler) takes.
+/// Reads what an [`IdEncoder`] wrote.
 #[derive(Debug)]
 pub struct IdDecoder {
     most: u32,
@@ -65,38 +57,14 @@ impl IdEncoder {
         Self { delivery, confirmed: None, frame: FrameNumber(0), references: References::default() }
     }
 
-    /// The receiver has all of `frame`: later frames may refer to it.
-    pub fn confirm(&mut self, frame: FrameNumber) {
-        self.confirmed = self.confirmed.max(Some(frame));
-    }
-
-    /// What travels for the lane's next message.
-    pub fn encode(&mut self, message: FrameMessage) -> Message {
-        match &message {
-            FrameMessage::Begin(start) => {
-                self.frame = start.frame;
-                self.references.begin();
-            }
-            FrameMessage::Ids(batch) => {
-                self.references.add(batch);
-                if let Some(coded) = self.changes(batch) {
-                    return Message::Coded(coded);
-                }
-            }
-            FrameMessage::End(end) => self.references.complete(end.frame),
-            FrameMessage::Stats(_) => {}
-        }
-        Message::Frame(message)
-    }
-
-    fn changes(&mut self, batch: &IdBatch) -> Option<CodedIds> {
+    fn changes(&mut self, batch: &IdBatch) -> Option<Bytes> {
         let reference = match self.delivery {
             Delivery::Ordered => self.references.newest(),
             Delivery::Lossy => self.confirmed,
         };
         let back = reference.and_then(|reference| self.frame.0.checked_sub(reference.0));
         let held = reference.and_then(|reference| self.references.get(reference));
-        CodedIds::shortest(batch, back.zip(held))
+        shortest(batch, back.zip(held))
     }
 }
 
@@ -108,32 +76,17 @@ impl IdDecoder {
         Self { most, open: None, references: References::default() }
     }
 
-    /// Looks at a message that came plain, and passes it on.
-    pub fn plain(&mut self, message: FrameMessage) -> FrameMessage {
-        match &message {
-            FrameMessage::Begin(start) => {
-                self.open = Some(Open { frame: start.frame, ids: 0 });
-                self.references.begin();
-            }
-            FrameMessage::Ids(batch) => self.count(batch),
-            FrameMessage::End(end) => self.end(end),
-            FrameMessage::Stats(_) => {}
-        }
-        message
-    }
-
     /// The batch that came as changes.
     ///
     /// # Errors
     /// Outside of a frame, if they cannot be read, or if the frame would have more ids than it may.
-    pub fn coded(&mut self, coded: &CodedIds) -> Result<FrameMessage, CodedViolation> {
+    pub fn read(&mut self, bytes: &[u8]) -> Result<IdBatch, CodedViolation> {
         let Open { frame, ids } = self.open.ok_or(CodedViolation::OutsideFrame)?;
         let room = Room { ids: u64::from(self.most).saturating_sub(ids), most: self.most };
-        let batch = coded
-            .read(frame, &mut self.references, room)
+        let batch = read(bytes, frame, &mut self.references, room)
             .map_err(|cause| CodedViolation::Fault { frame, cause })?;
         self.count(&batch);
-        Ok(FrameMessage::Ids(batch))
+        Ok(batch)
     }
 
     fn count(&mut self, batch: &IdBatch) {
@@ -142,12 +95,47 @@ impl IdDecoder {
             self.references.add(batch);
         }
     }
+}
+
+impl BatchEncoder<DrawableId> for IdEncoder {
+    fn begin(&mut self, frame: FrameNumber) {
+        self.frame = frame;
+        self.references.begin();
+    }
+
+    fn encode(&mut self, batch: &IdBatch) -> Option<Bytes> {
+        self.references.add(batch);
+        self.changes(batch)
+    }
+
+    fn end(&mut self, end: &FrameEnd) {
+        self.references.complete(end.frame);
+    }
+
+    fn confirmed(&mut self, frame: FrameNumber) {
+        self.confirmed = self.confirmed.max(Some(frame));
+    }
+}
+
+impl BatchDecoder<DrawableId> for IdDecoder {
+    fn begin(&mut self, frame: FrameNumber) {
+        self.open = Some(Open { frame, ids: 0 });
+        self.references.begin();
+    }
+
+    fn plain(&mut self, batch: &IdBatch) {
+        self.count(batch);
+    }
+
+    fn decode(&mut self, bytes: &[u8]) -> Result<IdBatch, CodingError> {
+        self.read(bytes).map_err(|e| CodingError(e.into()))
+    }
 
     /// A frame that lacks ids is no reference. Whether they are the right ones, the frame's hash says to who
     /// assembles it.
     fn end(&mut self, end: &FrameEnd) {
         if let Some(open) = self.open.take()
-            && open.ids == u64::from(end.ids)
+            && open.ids == u64::from(end.items)
         {
             self.references.complete(end.frame);
         }
@@ -157,11 +145,11 @@ impl IdDecoder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BatchSize, Camera, DrawableId, FrameStart, FrameWriter};
+    use trimaran_wire::{BatchSize, FrameMessage, FrameWriter};
 
     /// Both ends of a lane.
     struct Lane {
-        writer: FrameWriter,
+        writer: FrameWriter<DrawableId>,
         encoder: IdEncoder,
         decoder: IdDecoder,
     }
@@ -179,26 +167,36 @@ mod tests {
         /// of its ids.
         fn send(&mut self, frame: u32, ids: &[u32], lost: &[usize]) -> Result<usize, CodedViolation> {
             let frame = FrameNumber(frame);
-            let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0, 1.0, 0.1, frame).unwrap();
-            let mut sent = vec![self.writer.begin(FrameStart { frame, camera }).unwrap()];
+            let mut sent = Vec::new();
+            self.writer.begin(frame).unwrap();
             let ids: Vec<DrawableId> = ids.iter().copied().map(DrawableId).collect();
             self.writer.push(&ids, |message| sent.push(message)).unwrap();
             self.writer.finish(|message| sent.push(message)).unwrap();
+            self.encoder.begin(frame);
+            if !lost.contains(&0) {
+                self.decoder.begin(frame);
+            }
             let mut bytes = 0;
-            for (at, plain) in sent.into_iter().enumerate() {
-                let message = self.encoder.encode(plain.clone());
-                bytes += match &message {
-                    Message::Frame(FrameMessage::Ids(batch)) => batch.as_bytes().len(),
-                    Message::Coded(coded) => coded.as_bytes().len(),
-                    _ => 0,
-                };
-                if !lost.contains(&at) {
-                    let read = match message {
-                        Message::Coded(coded) => self.decoder.coded(&coded)?,
-                        Message::Frame(message) => self.decoder.plain(message),
-                        other => unreachable!("{other:?}"),
-                    };
-                    assert_eq!(read, plain);
+            for (at, message) in (1..).zip(sent) {
+                match message {
+                    FrameMessage::Batch(plain) => {
+                        let plain = IdBatch::new(plain).unwrap();
+                        let coded = self.encoder.encode(&plain);
+                        bytes += coded.as_ref().map_or(plain.as_bytes().len(), Bytes::len);
+                        if !lost.contains(&at) {
+                            match coded {
+                                Some(coded) => assert_eq!(self.decoder.read(&coded)?, plain),
+                                None => self.decoder.plain(&plain),
+                            }
+                        }
+                    }
+                    FrameMessage::End(end) => {
+                        self.encoder.end(&end);
+                        if !lost.contains(&at) {
+                            self.decoder.end(&end);
+                        }
+                    }
+                    other => unreachable!("{other:?}"),
                 }
             }
             Ok(bytes)
@@ -229,11 +227,11 @@ mod tests {
         let mut lane = Lane::new(Delivery::Lossy);
         let alone = lane.send(0, &ids(), &[]).unwrap();
         assert_eq!(lane.send(2, &ids(), &[3]), Ok(alone), "nothing is confirmed");
-        lane.encoder.confirm(FrameNumber(0));
+        lane.encoder.confirmed(FrameNumber(0));
         for frame in [4, 6, 8] {
             assert!(lane.send(frame, &ids(), &[2, 5]).unwrap() <= 60);
         }
-        lane.encoder.confirm(FrameNumber(2));
+        lane.encoder.confirmed(FrameNumber(2));
         let held_by_nobody = lane.send(10, &ids(), &[]).unwrap_err();
         let cause = CodingFault::UnknownReference { back: 8 };
         assert_eq!(held_by_nobody, CodedViolation::Fault { frame: FrameNumber(10), cause });
@@ -243,7 +241,7 @@ mod tests {
     fn a_confirmed_frame_that_is_long_gone_is_not_referred_to() {
         let mut lane = Lane::new(Delivery::Lossy);
         let alone = lane.send(0, &ids(), &[]).unwrap();
-        lane.encoder.confirm(FrameNumber(0));
+        lane.encoder.confirmed(FrameNumber(0));
         for frame in 1..8 {
             assert!(lane.send(frame, &ids(), &[]).unwrap() <= 60);
         }
@@ -253,7 +251,6 @@ mod tests {
 
     #[test]
     fn changes_outside_of_a_frame_are_refused() {
-        let coded = CodedIds::new(bytes::Bytes::from_static(&[0, 1, 7]));
-        assert_eq!(IdDecoder::new(1).coded(&coded), Err(CodedViolation::OutsideFrame));
+        assert_eq!(IdDecoder::new(1).read(&[0, 1, 7]), Err(CodedViolation::OutsideFrame));
     }
 }

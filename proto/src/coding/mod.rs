@@ -16,11 +16,11 @@ use bytes::{BufMut, Bytes, BytesMut};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use coder::{CodedViolation, Delivery, IdDecoder, IdEncoder};
+pub use coder::{CodedViolation, IdDecoder, IdEncoder};
 use reference::References;
 use varint::{get_varint, put_varint};
 
-use crate::{BatchSize, FrameNumber, IdBatch, SettingsError};
+use crate::{BatchSize, FrameNumber, ID_BYTES, IdBatch, SettingsError};
 
 /// How the ids of a frame travel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
@@ -64,10 +64,6 @@ impl FromStr for IdCoding {
     }
 }
 
-/// A batch of ids as changes: see `WIRE.md`. Only its size has been judged; an [`IdDecoder`] reads it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct CodedIds(Bytes);
-
 /// Bytes that are no batch of changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
@@ -97,7 +93,7 @@ pub enum CodingFault {
         most: u32,
     },
     /// No id, or more than a batch may have.
-    #[error("{0} ids are not 1 to {max}", max = BatchSize::MAX.ids())]
+    #[error("{0} ids are not 1 to {max}", max = BatchSize::MAX.items())]
     Count(usize),
 }
 
@@ -117,93 +113,80 @@ mod op {
     pub(super) const BITS: u32 = 2;
 }
 
-impl CodedIds {
-    /// Takes bytes of a size that is allowed on the wire.
-    pub(crate) const fn new(bytes: Bytes) -> Self {
-        Self(bytes)
+/// The shortest way to write `batch` that is shorter than plain; `None` where there is none or the ids do
+/// not rise. `reference` is a frame `back` before this one, with its ids, rising.
+pub(crate) fn shortest(batch: &IdBatch, reference: Option<(u32, &[u32])>) -> Option<Bytes> {
+    let ids: Vec<u32> = batch.iter().map(|id| id.0).collect();
+    if !ids.is_sorted_by(|a, b| a < b) {
+        return None;
     }
-
-    /// The bytes that travel.
-    #[must_use]
-    pub fn as_bytes(&self) -> &[u8] {
-        &self.0
-    }
-
-    /// The shortest way to write `batch` that is shorter than plain; `None` where there is none or the ids do
-    /// not rise. `reference` is a frame `back` before this one, with its ids, rising.
-    pub(crate) fn shortest(batch: &IdBatch, reference: Option<(u32, &[u32])>) -> Option<Self> {
-        let ids: Vec<u32> = batch.iter().map(|id| id.0).collect();
-        if !ids.is_sorted_by(|a, b| a < b) {
-            return None;
+    let by_itself = write(&ids, 0, &[]);
+    let shorter = match reference {
+        Some((back, held)) => {
+            let changes = write(&ids, back, held);
+            if changes.len() < by_itself.len() { changes } else { by_itself }
         }
-        let by_itself = write(&ids, 0, &[]);
-        let shorter = match reference {
-            Some((back, held)) => {
-                let changes = write(&ids, back, held);
-                if changes.len() < by_itself.len() { changes } else { by_itself }
+        None => by_itself,
+    };
+    (shorter.len() < batch.as_bytes().len()).then(|| shorter.freeze())
+}
+
+/// How many ids they stand for, as they say themselves: read without the reference, so that only an
+/// [`IdDecoder`] knows whether it is true.
+///
+/// # Errors
+/// When they cannot be read, or stand for no id or for more than a batch may have.
+pub(crate) fn count(mut bytes: &[u8]) -> Result<usize, CodingFault> {
+    let bytes = &mut bytes;
+    if number(bytes)? != 0 {
+        number(bytes)?;
+    }
+    let mut count = 0;
+    while !bytes.is_empty() {
+        let run = number(bytes)?;
+        count += (run >> op::BITS) as usize;
+        let put = match run & ((1 << op::BITS) - 1) {
+            op::SKIP_ONE => 0,
+            op::SKIP => {
+                number(bytes)?;
+                0
             }
-            None => by_itself,
+            op::PUT_ONE => 1,
+            _ => number(bytes)?,
         };
-        (shorter.len() < batch.as_bytes().len()).then(|| Self(shorter.freeze()))
+        // Each takes a byte at least, so that a large count is soon at the end of the bytes.
+        (0..put).try_for_each(|_| number(bytes).map(drop))?;
+        count += put as usize;
+        if count > BatchSize::MAX.items() {
+            return Err(CodingFault::Count(count));
+        }
     }
+    if count == 0 { Err(CodingFault::Count(0)) } else { Ok(count) }
+}
 
-    /// How many ids they stand for, as they say themselves: read without the reference, so that only an
-    /// [`IdDecoder`] knows whether it is true.
-    ///
-    /// # Errors
-    /// When they cannot be read, or stand for no id or for more than a batch may have.
-    pub fn count(&self) -> Result<usize, CodingFault> {
-        let bytes = &mut self.as_bytes();
-        if number(bytes)? != 0 {
-            number(bytes)?;
-        }
-        let mut count = 0;
-        while !bytes.is_empty() {
-            let run = number(bytes)?;
-            count += (run >> op::BITS) as usize;
-            let put = match run & ((1 << op::BITS) - 1) {
-                op::SKIP_ONE => 0,
-                op::SKIP => {
-                    number(bytes)?;
-                    0
-                }
-                op::PUT_ONE => 1,
-                _ => number(bytes)?,
-            };
-            // Each takes a byte at least, so that a large count is soon at the end of the bytes.
-            (0..put).try_for_each(|_| number(bytes).map(drop))?;
-            count += put as usize;
-            if count > BatchSize::MAX.ids() {
-                return Err(CodingFault::Count(count));
-            }
-        }
-        if count == 0 { Err(CodingFault::Count(0)) } else { Ok(count) }
+/// The ids, where `references` are the complete frames before `frame`. What there is no room for is not
+/// even written down.
+pub(crate) fn read(
+    mut bytes: &[u8],
+    frame: FrameNumber,
+    references: &mut References,
+    room: Room,
+) -> Result<IdBatch, CodingFault> {
+    let bytes = &mut bytes;
+    let back = number(bytes)?;
+    let mut reader = if back == 0 {
+        Reader::new(&[], 0, room)
+    } else {
+        let unknown = CodingFault::UnknownReference { back };
+        let number_of_reference = frame.0.checked_sub(back).map(FrameNumber).ok_or(unknown)?;
+        let held = references.get(number_of_reference).ok_or(unknown)?;
+        Reader::new(held, number(bytes)?, room)
+    };
+    while !bytes.is_empty() {
+        reader.run(bytes)?;
     }
-
-    /// The ids, where `references` are the complete frames before `frame`. What there is no room for is not
-    /// even written down.
-    pub(crate) fn read(
-        &self,
-        frame: FrameNumber,
-        references: &mut References,
-        room: Room,
-    ) -> Result<IdBatch, CodingFault> {
-        let bytes = &mut self.as_bytes();
-        let back = number(bytes)?;
-        let mut reader = if back == 0 {
-            Reader::new(&[], 0, room)
-        } else {
-            let unknown = CodingFault::UnknownReference { back };
-            let number_of_reference = frame.0.checked_sub(back).map(FrameNumber).ok_or(unknown)?;
-            let held = references.get(number_of_reference).ok_or(unknown)?;
-            Reader::new(held, number(bytes)?, room)
-        };
-        while !bytes.is_empty() {
-            reader.run(bytes)?;
-        }
-        let count = reader.ids.len() / crate::ID_BYTES;
-        IdBatch::new(reader.ids.freeze()).map_err(|_| CodingFault::Count(count))
-    }
+    let count = reader.ids.len() / ID_BYTES;
+    IdBatch::new(reader.ids.freeze()).map_err(|_| CodingFault::Count(count))
 }
 
 /// The rising `ids` as runs over `held`; over nothing, `back` is 0.
@@ -330,8 +313,8 @@ impl<'r> Reader<'r> {
 
     /// So that a few bytes cannot name more ids than a batch or its frame may have.
     fn room_for(&self, more: usize) -> Result<(), CodingFault> {
-        let count = self.ids.len() / crate::ID_BYTES + more;
-        if count > BatchSize::MAX.ids() {
+        let count = self.ids.len() / ID_BYTES + more;
+        if count > BatchSize::MAX.items() {
             Err(CodingFault::Count(count))
         } else if count as u64 > self.room.ids {
             Err(CodingFault::TooMany { most: self.room.most })
@@ -368,16 +351,15 @@ mod tests {
     }
 
     fn read(bytes: &[u8], held: &[u32]) -> Result<Vec<u32>, CodingFault> {
-        let coded = CodedIds::new(Bytes::copy_from_slice(bytes));
-        coded.read(FRAME, &mut holding(held), ANY).map(|batch| batch.iter().map(|id| id.0).collect())
+        super::read(bytes, FRAME, &mut holding(held), ANY).map(|batch| batch.iter().map(|id| id.0).collect())
     }
 
     /// How many bytes `ids` take against `held`, after reading them back; `None` if they travel plain.
     fn size(ids: &[u32], held: &[u32]) -> Option<usize> {
-        let coded = CodedIds::shortest(&batch(ids), Some((2, held)))?;
-        assert_eq!(read(coded.as_bytes(), held).as_deref(), Ok(ids));
-        assert_eq!(coded.count(), Ok(ids.len()));
-        Some(coded.as_bytes().len())
+        let coded = shortest(&batch(ids), Some((2, held)))?;
+        assert_eq!(read(&coded, held).as_deref(), Ok(ids));
+        assert_eq!(count(&coded), Ok(ids.len()));
+        Some(coded.len())
     }
 
     #[test]
@@ -459,7 +441,7 @@ mod tests {
             (&[0, 1], CodingFault::Number),
             (&[0, 3, 0xff, 0xff, 0xff, 0xff, 0x0f], CodingFault::Number),
         ] {
-            assert_eq!(CodedIds::new(Bytes::copy_from_slice(bytes)).count(), Err(fault), "{bytes:?}");
+            assert_eq!(count(bytes), Err(fault), "{bytes:?}");
         }
     }
 
@@ -473,9 +455,8 @@ mod tests {
         for (kept, expected) in [(16_384, Ok(16_384)), (16_385, Err(CodingFault::Count(16_385)))] {
             let mut bytes = BytesMut::from(&[2, 0][..]);
             put_run(&mut bytes, kept, 0, [op::SKIP_ONE, op::SKIP]);
-            let coded = CodedIds::new(bytes.freeze());
-            assert_eq!(coded.count(), expected);
-            assert_eq!(coded.read(FRAME, &mut references, ANY).map(|batch| batch.count()), expected);
+            assert_eq!(count(&bytes), expected);
+            assert_eq!(super::read(&bytes, FRAME, &mut references, ANY).map(|batch| batch.count()), expected);
         }
     }
 
@@ -486,11 +467,10 @@ mod tests {
         for (bytes, ids) in
             [(&[2, 0, 4 << 2 | 2, 0][..], 4), (&[2, 0, 1, 0, 3 << 2 | 2, 0], 4), (&[0, 3, 4, 0, 0, 0, 0], 4)]
         {
-            let coded = CodedIds::new(Bytes::copy_from_slice(bytes));
-            assert_eq!(coded.count(), Ok(ids), "{bytes:?}");
+            assert_eq!(count(bytes), Ok(ids), "{bytes:?}");
             let read = |room| {
                 let room = Room { ids: room, most };
-                coded.read(FRAME, &mut holding(&held), room).map(|batch| batch.count())
+                super::read(bytes, FRAME, &mut holding(&held), room).map(|batch| batch.count())
             };
             assert_eq!(read(4), Ok(4), "{bytes:?}");
             for room in 0..4 {

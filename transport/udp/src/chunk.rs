@@ -1,6 +1,6 @@
 //! The inside of a packet: a sequence of chunks.
 
-use trimaran_proto::{Camera, HEADER_BYTES, Kind};
+use trimaran_wire::{Format, HEADER_BYTES, Kind};
 
 use crate::packet::CookieBytes;
 use crate::ranges::RangeSet;
@@ -24,7 +24,7 @@ pub(crate) enum Tail {
     Pause,
     /// The unit ends here, and is no whole frame.
     End,
-    /// The frame ends here; the hash of its ids.
+    /// The frame ends here; the hash of its items.
     Frame(u64),
 }
 
@@ -50,11 +50,11 @@ pub(crate) enum Chunk<'a> {
     Credit { bytes: u64, units: u64 },
     /// The sender is gone.
     Close,
-    /// A camera, the `number`th that was published.
-    Camera { number: u64, camera: [u8; Camera::SIZE] },
-    /// The latest lane ends behind camera `number`, 0 if there was none, with the encoded goodbye, or with
+    /// A value of the latest lane, the `number`th that was published.
+    Latest { number: u64, value: &'a [u8] },
+    /// The latest lane ends behind value `number`, 0 if there was none, with the encoded goodbye, or with
     /// none.
-    LastCamera { number: u64, goodbye: &'a [u8] },
+    LastLatest { number: u64, goodbye: &'a [u8] },
     /// The sender reads no more of the frames lane.
     Unread,
     /// Who receives at the address that this is sent to shall bring the cookie back from there.
@@ -77,7 +77,7 @@ pub(crate) struct GivenUp {
     /// How many of them were sent, from the first on.
     pub(crate) sent: u64,
     pub(crate) hash: u64,
-    /// How many ids it has, where that does not follow from its length: its batches are messages.
+    /// How many items it has, where that does not follow from its length: its batches are messages.
     pub(crate) coded: Option<u64>,
 }
 
@@ -87,8 +87,8 @@ pub(crate) const CODED_UNIT: u8 = Kind::Coded.code();
 
 /// What a frame's unit starts with: the header and payload of begin, and a byte before them where its batches
 /// are messages.
-pub(crate) const fn unit_head(coded: bool) -> usize {
-    HEADER_BYTES + *Kind::Begin.lengths().end() + coded as usize
+pub(crate) const fn unit_head(format: &Format, coded: bool) -> usize {
+    HEADER_BYTES + format.begin() + coded as usize
 }
 
 /// The most bytes that a part has beside its data.

@@ -4,7 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use trimaran_net::Instant;
-use trimaran_proto::{BatchSize, IdCoding};
+use trimaran_wire::BatchSize;
 
 use crate::acks::Acks;
 use crate::inbox::Inbox;
@@ -50,8 +50,8 @@ pub struct Connection {
     acks: Acks,
     outbox: Outbox,
     inbox: Inbox,
-    cameras_out: LatestOut,
-    cameras_in: LatestIn,
+    latest_out: LatestOut,
+    latest_in: LatestIn,
     credit_due: bool,
     /// The peer's frames lane is not read here, and it must be told so.
     unread: bool,
@@ -113,15 +113,16 @@ impl Connection {
             acks: Acks::default(),
             mtu: Mtu::new(now, config.max_datagram),
             outbox: Outbox::new(
+                config.format,
                 config.window,
                 Inbox::initial_units(),
                 config.patience,
                 Budget::new(config.repair, config.repair_percent),
-                config.coding,
+                config.coded,
             ),
-            inbox: Inbox::new(config.batch, config.window),
-            cameras_out: LatestOut::default(),
-            cameras_in: LatestIn::default(),
+            inbox: Inbox::new(config.format, config.batch, config.window),
+            latest_out: LatestOut::default(),
+            latest_in: LatestIn::new(config.format),
             credit_due: false,
             unread: false,
             unread_due: false,
@@ -164,14 +165,14 @@ impl Connection {
         self.confirmed
     }
 
-    /// Passes on ids in batches of at most `batch`, from now on.
+    /// Passes on items in batches of at most `batch`, from now on.
     pub const fn set_batch(&mut self, batch: BatchSize) {
         self.inbox.set_batch(batch);
     }
 
-    /// Sends the ids of frames that begin from now on so.
-    pub const fn set_coding(&mut self, coding: IdCoding) {
-        self.outbox.set_coding(coding);
+    /// Whether batches of frames that begin from now on may be coded.
+    pub const fn set_coded(&mut self, coded: bool) {
+        self.outbox.set_coded(coded);
     }
 
     /// Sends something, so that the peer knows this side is there.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use thiserror::Error;
-use trimaran_proto::{BatchSize, CodedIds, CodingFault, DecodeError, FrameMessage, Goodbye};
+use trimaran_wire::{BatchSize, CloseReason, DecodeError, Format, FrameMessage};
 
 use crate::chunk::Tail;
 
@@ -26,10 +26,8 @@ const UNITS: u64 = 1024;
 pub enum Received {
     /// A message of the lane.
     Frame(FrameMessage),
-    /// A batch of ids as changes against a frame that the reader has complete.
-    Coded(CodedIds),
     /// The peer leaves.
-    Goodbye(Goodbye),
+    Goodbye(CloseReason),
     /// The peer is gone without a goodbye.
     Gone,
 }
@@ -53,9 +51,9 @@ pub enum LaneViolation {
     /// A unit does not decode.
     #[error(transparent)]
     Decode(#[from] DecodeError),
-    /// Changes cannot be counted.
-    #[error("ids came as changes that cannot be read")]
-    Coding(#[from] CodingFault),
+    /// A coded batch does not say how many items it has.
+    #[error("a coded batch does not say how many items it has")]
+    Coded,
 }
 
 /// Units in order of their numbers.
@@ -79,10 +77,10 @@ pub(crate) struct Inbox {
 }
 
 impl Inbox {
-    pub(crate) fn new(batch: BatchSize, window: u64) -> Self {
+    pub(crate) fn new(format: Format, batch: BatchSize, window: u64) -> Self {
         Self {
             units: BTreeMap::new(),
-            buffers: Buffers::default(),
+            buffers: Buffers::new(format),
             first: 0,
             batch,
             window,
@@ -114,7 +112,7 @@ impl Inbox {
 
     /// Whether [`Inbox::take`] would give a message or find a fault.
     pub(crate) fn is_readable(&self) -> bool {
-        self.units.get(&self.first).is_some_and(|unit| unit.is_readable(self.batch))
+        self.units.get(&self.first).is_some_and(|unit| unit.is_readable(self.batch, &self.buffers.format))
     }
 
     /// Whether a good part of the credit was used up since the peer was told.

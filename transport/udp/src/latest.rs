@@ -1,14 +1,14 @@
-//! The latest lane, both ways: the newest camera, and how the lane ends.
+//! The latest lane, both ways: the newest value, and how the lane ends.
 
 use bytes::BytesMut;
-use trimaran_proto::{Camera, Decoder, Goodbye, Message};
+use trimaran_wire::{CloseReason, Decoder, FixedBytes, Format, Message};
 
 use crate::chunk::Chunk;
 use crate::recovery::{Content, Contents};
 
-/// In how many packets a camera rides along after its own.
+/// In how many packets a value rides along after its own.
 const COPIES: u32 = 2;
-/// The most that a camera or an end has beside its bytes.
+/// The most that a value or an end has beside its bytes.
 const OVERHEAD: usize = 16;
 
 /// How the peer's latest lane ended.
@@ -16,16 +16,16 @@ const OVERHEAD: usize = 16;
 #[non_exhaustive]
 pub enum LatestEnd {
     /// It said goodbye.
-    Goodbye(Goodbye),
+    Goodbye(CloseReason),
     /// It ended without.
     Gone,
 }
 
-/// Cameras as they are sent: only the newest counts.
+/// Values as they are sent: only the newest counts.
 #[derive(Debug, Default)]
 pub(crate) struct LatestOut {
-    /// The number of the newest camera, from 1, and whether it must be sent; whether it has arrived.
-    newest: Option<(u64, Camera)>,
+    /// The number of the newest value, from 1, and whether it must be sent; whether it has arrived.
+    newest: Option<(u64, FixedBytes)>,
     due: bool,
     arrived: bool,
     /// In how many more packets it rides along, in case that the first one is lost.
@@ -41,16 +41,16 @@ struct End {
 }
 
 impl LatestOut {
-    /// Replaces the camera before.
-    pub(crate) fn publish(&mut self, camera: Camera) {
-        self.newest = Some((self.number() + 1, camera));
+    /// Replaces the value before.
+    pub(crate) fn publish(&mut self, value: FixedBytes) {
+        self.newest = Some((self.number() + 1, value));
         self.due = true;
         self.arrived = false;
         self.copies = COPIES;
     }
 
-    /// Ends the lane behind the newest camera. The first call counts.
-    pub(crate) fn end(&mut self, reason: Option<Goodbye>) {
+    /// Ends the lane behind the newest value. The first call counts.
+    pub(crate) fn end(&mut self, reason: Option<CloseReason>) {
         let mut goodbye = BytesMut::new();
         if let Some(reason) = reason {
             Message::Goodbye(reason).encode(&mut goodbye);
@@ -69,40 +69,44 @@ impl LatestOut {
 
     /// Writes what is due.
     pub(crate) fn write(&mut self, room: usize, out: &mut Vec<u8>, contents: &mut Contents) {
-        if let Some((number, camera)) = self.newest.filter(|_| self.due && room >= Camera::SIZE + OVERHEAD) {
+        let size = self.newest.as_ref().map_or(0, |(_, value)| value.len());
+        if self.due && room >= size + OVERHEAD && self.write_newest(out, contents) {
             self.due = false;
-            Chunk::Camera { number, camera: camera.to_bytes() }.write(out);
-            contents.push(Content::Camera { number });
         }
         let number = self.number();
         if let Some(end) =
-            self.end.as_mut().filter(|end| end.due && room >= end.goodbye.len() + Camera::SIZE + 2 * OVERHEAD)
+            self.end.as_mut().filter(|end| end.due && room >= end.goodbye.len() + size + 2 * OVERHEAD)
         {
             end.due = false;
-            Chunk::LastCamera { number, goodbye: &end.goodbye }.write(out);
-            contents.push(Content::LastCamera);
+            Chunk::LastLatest { number, goodbye: &end.goodbye }.write(out);
+            contents.push(Content::LastLatest);
         }
     }
 
-    /// Writes a copy of the newest camera into a packet that leaves anyway, if one is wanted: who waits for
+    /// Writes a copy of the newest value into a packet that leaves anyway, if one is wanted: who waits for
     /// it need not wait for its loss to be noticed.
     pub(crate) fn write_copy(&mut self, room: usize, out: &mut Vec<u8>, contents: &mut Contents) {
-        let Some((number, camera)) = self.newest.filter(|_| self.copies > 0 && !self.due && !self.arrived)
-        else {
-            return;
-        };
-        if room >= Camera::SIZE + OVERHEAD && !contents.contains(&Content::Camera { number }) {
+        let Some((number, value)) = &self.newest else { return };
+        let wanted = self.copies > 0 && !self.due && !self.arrived;
+        let fits = room >= value.len() + OVERHEAD;
+        if wanted && fits && !contents.contains(&Content::Latest { number: *number }) {
             self.copies -= 1;
-            Chunk::Camera { number, camera: camera.to_bytes() }.write(out);
-            contents.push(Content::Camera { number });
+            self.write_newest(out, contents);
         }
     }
 
-    pub(crate) fn on_camera_lost(&mut self, number: u64) {
+    fn write_newest(&self, out: &mut Vec<u8>, contents: &mut Contents) -> bool {
+        let Some((number, value)) = &self.newest else { return false };
+        Chunk::Latest { number: *number, value }.write(out);
+        contents.push(Content::Latest { number: *number });
+        true
+    }
+
+    pub(crate) fn on_value_lost(&mut self, number: u64) {
         self.due |= number == self.number() && !self.arrived;
     }
 
-    pub(crate) fn on_camera_arrived(&mut self, number: u64) {
+    pub(crate) fn on_value_arrived(&mut self, number: u64) {
         if number == self.number() {
             self.arrived = true;
             self.due = false;
@@ -123,17 +127,18 @@ impl LatestOut {
     }
 
     fn number(&self) -> u64 {
-        self.newest.map_or(0, |(number, _)| number)
+        self.newest.as_ref().map_or(0, |(number, _)| *number)
     }
 }
 
-/// Cameras as they are received.
-#[derive(Debug, Default)]
+/// Values as they are received.
+#[derive(Debug)]
 pub(crate) struct LatestIn {
-    /// The newest number seen, and its camera until it is read.
+    format: Format,
+    /// The newest number seen, and its value until it is read.
     seen: u64,
-    unread: Option<Camera>,
-    /// How the lane ends, and behind which camera.
+    unread: Option<FixedBytes>,
+    /// How the lane ends, and behind which value.
     end: Option<(u64, LatestEnd)>,
 }
 
@@ -142,10 +147,14 @@ pub(crate) struct LatestIn {
 pub(crate) struct NoGoodbye;
 
 impl LatestIn {
-    pub(crate) const fn put(&mut self, number: u64, camera: Camera) {
+    pub(crate) const fn new(format: Format) -> Self {
+        Self { format, seen: 0, unread: None, end: None }
+    }
+
+    pub(crate) fn put(&mut self, number: u64, value: &[u8]) {
         if number > self.seen {
             self.seen = number;
-            self.unread = Some(camera);
+            self.unread = Some(value.into());
         }
     }
 
@@ -153,7 +162,7 @@ impl LatestIn {
         let end = if goodbye.is_empty() {
             LatestEnd::Gone
         } else {
-            let mut decoder = Decoder::new();
+            let mut decoder = Decoder::new(self.format);
             decoder.push(goodbye);
             match decoder.next_message() {
                 Ok(Some(Message::Goodbye(reason))) if decoder.pending() == 0 => LatestEnd::Goodbye(reason),
@@ -164,11 +173,11 @@ impl LatestIn {
         Ok(())
     }
 
-    pub(crate) const fn take(&mut self) -> Option<Camera> {
+    pub(crate) fn take(&mut self) -> Option<FixedBytes> {
         self.unread.take()
     }
 
-    /// The end, once the camera before it has come.
+    /// The end, once the value before it has come.
     pub(crate) fn end(&self) -> Option<&LatestEnd> {
         self.end.as_ref().filter(|(number, _)| self.seen >= *number).map(|(_, end)| end)
     }

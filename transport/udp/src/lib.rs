@@ -1,6 +1,6 @@
 //! Frames over datagrams: the state machine of a connection, without sockets or a clock.
 //!
-//! A [`Connection`] carries the two lanes of a link in packets that fit the path: the newest camera, sent
+//! A [`Connection`] carries the lanes of a link in packets that fit the path: the newest value, sent
 //! again until it or a newer one has arrived, and the frames lane, whose frames are put together each by
 //! itself, so that the loss of a packet holds up no other frame on the wire; they are passed on in order.
 

@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use bytes::{BufMut, BytesMut};
-use trimaran_proto::{CodedIds, FrameEnd, FrameMessage, FrameNumber, Goodbye, IdCoding, Message};
+use trimaran_wire::{CloseReason, Format, FrameEnd, FrameMessage, FrameNumber, Message};
 
 use crate::chunk::{CODED_UNIT, Tail};
 use crate::recovery::Content;
@@ -21,10 +21,11 @@ use unit::Unit;
 /// What a unit costs beside its bytes, so that many small ones are not for nothing.
 const UNIT_COST: usize = 256;
 
-/// Units in order of their numbers. A unit is a frame, statistics, a goodbye, or, empty, the end of the lane
+/// Units in order of their numbers. A unit is a frame, a note, a goodbye, or, empty, the end of the lane
 /// without one.
 #[derive(Debug)]
 pub(crate) struct Outbox {
+    format: Format,
     units: VecDeque<Unit>,
     /// Buffers for units to come.
     spare: Spare,
@@ -48,8 +49,8 @@ pub(crate) struct Outbox {
     repair: Budget,
     /// The bytes of the last frame: those of the next one will be about as many.
     last_length: usize,
-    /// How the ids of frames to come travel.
-    coding: IdCoding,
+    /// Whether the batches of frames to come are messages.
+    coded: bool,
     /// The newest frame all of which has arrived.
     pub(crate) confirmed: Option<FrameNumber>,
     pub(crate) frames_given_up: u64,
@@ -63,13 +64,15 @@ pub(crate) struct Outbox {
 
 impl Outbox {
     pub(crate) fn new(
+        format: Format,
         allowed_bytes: u64,
         allowed_units: u64,
         patience: Option<Duration>,
         repair: Budget,
-        coding: IdCoding,
+        coded: bool,
     ) -> Self {
         Self {
+            format,
             units: VecDeque::new(),
             spare: Spare::default(),
             first: 0,
@@ -84,7 +87,7 @@ impl Outbox {
             patience,
             repair,
             last_length: 0,
-            coding,
+            coded,
             confirmed: None,
             frames_given_up: 0,
             repeated: 0,
@@ -102,59 +105,53 @@ impl Outbox {
         self.units.is_empty()
     }
 
-    /// Takes the next message of the lane, which a frame writer has put in order.
-    pub(crate) fn put(&mut self, message: FrameMessage, path: Path) {
+    /// Takes the next message of the lane, which a frame writer has put in order. A coded batch is ignored in
+    /// a frame that was not begun for such.
+    pub(crate) fn put(&mut self, message: &FrameMessage, path: Path) {
         match message {
-            FrameMessage::Ids(batch) if self.is_coded() => {
-                self.append_message(&Message::Frame(FrameMessage::Ids(batch)), path);
+            FrameMessage::Batch(_) | FrameMessage::Coded(_) if self.is_coded() => {
+                self.append(path, |out| message.encode(out));
             }
-            FrameMessage::Ids(batch) => self.append(path, |out| out.put_slice(batch.as_bytes())),
+            FrameMessage::Batch(bytes) => self.append(path, |out| out.put_slice(bytes)),
+            FrameMessage::Coded(_) => {}
             FrameMessage::End(end) => self.finish(end, path),
-            FrameMessage::Begin(start) => {
-                let coded = self.coding == IdCoding::Changes;
+            FrameMessage::Begin { frame, .. } => {
                 let shard = self.repair.shard(self.last_length, path);
-                let unit = Unit::frame(start.frame, coded, shard, self.spare.take());
+                let unit = Unit::frame(*frame, &self.format, self.coded, shard, self.spare.take());
                 self.add(unit);
-                if coded {
+                if self.coded {
                     self.append(path, |out| out.put_u8(CODED_UNIT));
                 }
-                self.append_message(&Message::Frame(FrameMessage::Begin(start)), path);
+                self.append(path, |out| message.encode(out));
             }
-            stats @ FrameMessage::Stats(_) => self.whole(&Message::Frame(stats), path),
+            FrameMessage::Note(_) => self.whole(|out| message.encode(out), path),
         }
     }
 
-    /// Takes a batch of ids as changes; ignored in a frame that was not begun for such.
-    pub(crate) fn put_coded(&mut self, batch: CodedIds, path: Path) {
-        if self.is_coded() {
-            self.append_message(&Message::Coded(batch), path);
-        }
-    }
-
-    pub(crate) const fn set_coding(&mut self, coding: IdCoding) {
-        self.coding = coding;
+    pub(crate) const fn set_coded(&mut self, coded: bool) {
+        self.coded = coded;
     }
 
     fn is_coded(&self) -> bool {
         self.units.back().is_some_and(Unit::is_coded)
     }
 
-    pub(crate) fn goodbye(&mut self, reason: Goodbye, path: Path) {
+    pub(crate) fn goodbye(&mut self, reason: CloseReason, path: Path) {
         self.cut(path);
-        self.whole(&Message::Goodbye(reason), path);
+        self.whole(|out| Message::Goodbye(reason).encode(out), path);
     }
 
     /// Ends the lane without a goodbye.
     pub(crate) fn gone(&mut self, path: Path) {
         self.cut(path);
-        self.add(Unit::new(path.shard, BytesMut::new()));
+        self.add(Unit::new(&self.format, path.shard, BytesMut::new()));
         self.end(Tail::End, path);
     }
 
-    fn whole(&mut self, message: &Message, path: Path) {
-        let unit = Unit::new(path.shard, self.spare.take());
+    fn whole(&mut self, write: impl FnOnce(&mut BytesMut), path: Path) {
+        let unit = Unit::new(&self.format, path.shard, self.spare.take());
         self.add(unit);
-        self.append_message(message, path);
+        self.append(path, write);
         self.end(Tail::End, path);
     }
 
@@ -163,16 +160,12 @@ impl Outbox {
         self.kept += UNIT_COST;
     }
 
-    fn finish(&mut self, end: FrameEnd, path: Path) {
+    fn finish(&mut self, end: &FrameEnd, path: Path) {
         if let Some(unit) = self.units.back_mut() {
-            unit.set_ids(end.ids);
+            unit.set_items(end.items);
             self.last_length = usize::try_from(unit.written()).unwrap_or(usize::MAX);
         }
         self.end(Tail::Frame(end.hash), path);
-    }
-
-    fn append_message(&mut self, message: &Message, path: Path) {
-        self.append(path, |out| message.encode(out));
     }
 
     fn append(&mut self, path: Path, write: impl FnOnce(&mut BytesMut)) {

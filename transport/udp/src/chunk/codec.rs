@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use smallvec::SmallVec;
+use trimaran_wire::Format;
 
 use super::{ACK_RANGES, Chunk, GivenUp, Tail, unit_head};
 use crate::ranges::RangeSet;
@@ -17,8 +18,8 @@ pub(crate) const CLOSE: u8 = 0x04;
 const UNREAD: u8 = 0x05;
 const CHALLENGE: u8 = 0x06;
 const RESPONSE: u8 = 0x07;
-const CAMERA: u8 = 0x10;
-const LAST_CAMERA: u8 = 0x11;
+const LATEST: u8 = 0x10;
+const LAST_LATEST: u8 = 0x11;
 const PART: u8 = 0x20;
 const GIVE_UP: u8 = 0x24;
 const GIVE_UP_CODED: u8 = 0x25;
@@ -61,16 +62,16 @@ impl<'a> Chunk<'a> {
                 out.push(RESPONSE);
                 out.extend_from_slice(cookie);
             }
-            Self::LastCamera { number, goodbye } => {
-                out.push(LAST_CAMERA);
+            Self::LastLatest { number, goodbye } => {
+                out.push(LAST_LATEST);
                 put_varint(out, *number);
                 out.extend_from_slice(&(goodbye.len() as u16).to_le_bytes());
                 out.extend_from_slice(goodbye);
             }
-            Self::Camera { number, camera } => {
-                out.push(CAMERA);
+            Self::Latest { number, value } => {
+                out.push(LATEST);
                 put_varint(out, *number);
-                out.extend_from_slice(camera);
+                out.extend_from_slice(value);
             }
             Self::Part { unit, offset, tail, data } => {
                 out.push(
@@ -95,10 +96,10 @@ impl<'a> Chunk<'a> {
                 put_varint(out, *length);
                 put_varint(out, *sent);
                 out.extend_from_slice(&hash.to_le_bytes());
-                if let Some(ids) = coded {
-                    put_varint(out, *ids);
+                if let Some(items) = coded {
+                    put_varint(out, *items);
                 }
-                out.push(head.len() as u8);
+                put_varint(out, head.len() as u64);
                 out.extend_from_slice(head);
             }
             Self::Repair { unit, block, hash, index, data } => {
@@ -117,7 +118,7 @@ impl<'a> Chunk<'a> {
     }
 
     /// Reads the next chunk.
-    pub(crate) fn read(reader: &mut Reader<'a>) -> Result<Self, Malformed> {
+    pub(crate) fn read(reader: &mut Reader<'a>, format: &Format) -> Result<Self, Malformed> {
         let code = reader.u8("chunk")?;
         match code {
             PAD => Ok(Self::Pad),
@@ -128,14 +129,14 @@ impl<'a> Chunk<'a> {
             UNREAD => Ok(Self::Unread),
             CHALLENGE => Ok(Self::Challenge { cookie: *reader.array("cookie")? }),
             RESPONSE => Ok(Self::Response { cookie: *reader.array("cookie")? }),
-            CAMERA => {
-                let number = reader.varint("camera number")?;
-                Ok(Self::Camera { number, camera: *reader.array("camera")? })
+            LATEST => {
+                let number = reader.varint("value number")?;
+                Ok(Self::Latest { number, value: reader.take(format.latest, "value")? })
             }
-            LAST_CAMERA => {
-                let number = reader.varint("camera number")?;
+            LAST_LATEST => {
+                let number = reader.varint("value number")?;
                 let length = usize::from(reader.u16("goodbye length")?);
-                Ok(Self::LastCamera { number, goodbye: reader.take(length, "goodbye")? })
+                Ok(Self::LastLatest { number, goodbye: reader.take(length, "goodbye")? })
             }
             0x20..=0x23 => {
                 let unit = reader.varint("unit")?;
@@ -154,13 +155,13 @@ impl<'a> Chunk<'a> {
                 let length = reader.varint("unit length")?;
                 let sent = reader.varint("sent length")?;
                 let hash = reader.u64("hash")?;
-                let coded = if code == GIVE_UP_CODED { Some(reader.varint("ids")?) } else { None };
-                let count = usize::from(reader.u8("beginning length")?);
-                if sent > length || count > unit_head(coded.is_some()) {
+                let coded = if code == GIVE_UP_CODED { Some(reader.varint("items")?) } else { None };
+                let count = reader.varint("beginning length")?;
+                if sent > length || count > unit_head(format, coded.is_some()) as u64 {
                     return Err(Malformed::Range { what: "unit length" });
                 }
                 let about = GivenUp { length, sent, hash, coded };
-                Ok(Self::GiveUp { unit, about, head: reader.take(count, "beginning")? })
+                Ok(Self::GiveUp { unit, about, head: reader.take(count as usize, "beginning")? })
             }
             REPAIR | LAST_REPAIR => {
                 let unit = reader.varint("unit")?;
@@ -217,18 +218,18 @@ fn read_ack<'a>(reader: &mut Reader<'a>) -> Result<Chunk<'a>, Malformed> {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
-    use trimaran_proto::Camera;
 
     use super::*;
+    use crate::examples::FORMAT;
 
     fn back(chunk: &Chunk<'_>) {
         let mut out = Vec::new();
         chunk.write(&mut out);
         let mut reader = Reader::new(&out);
-        assert_eq!(Chunk::read(&mut reader).as_ref(), Ok(chunk));
+        assert_eq!(Chunk::read(&mut reader, &FORMAT).as_ref(), Ok(chunk));
         assert!(reader.is_empty());
         for cut in 0..out.len() {
-            assert!(Chunk::read(&mut Reader::new(&out[..cut])).is_err(), "{cut} of {}", out.len());
+            assert!(Chunk::read(&mut Reader::new(&out[..cut]), &FORMAT).is_err(), "{cut} of {}", out.len());
         }
     }
 
@@ -241,14 +242,14 @@ mod tests {
         back(&Chunk::Pad);
         for coded in [None, Some(300)] {
             let about = GivenUp { length: 9000, sent: 8000, hash: 5, coded };
-            back(&Chunk::GiveUp { unit: 7, about, head: &[3; unit_head(false)] });
+            back(&Chunk::GiveUp { unit: 7, about, head: &[3; unit_head(&FORMAT, false)] });
         }
         let block = Block { offset: 1136, length: 5, shard: 6, count: 2 };
         for hash in [None, Some(9)] {
             back(&Chunk::Repair { unit: 7, block, hash, index: 1, data: b"repair" });
         }
-        back(&Chunk::Camera { number: 300, camera: [5; Camera::SIZE] });
-        back(&Chunk::LastCamera { number: 301, goodbye: b"gone" });
+        back(&Chunk::Latest { number: 300, value: &[5; FORMAT.latest] });
+        back(&Chunk::LastLatest { number: 301, goodbye: b"gone" });
         for tail in [Tail::More, Tail::Pause, Tail::End, Tail::Frame(77)] {
             back(&Chunk::Part { unit: 1 << 30, offset: 80, tail, data: b"ids" });
         }
@@ -263,7 +264,7 @@ mod tests {
     fn ranges_below_zero_empty_or_touching_are_refused() {
         for ack in [[5, 7, 0, 0], [5, 0, 0, 0], [5, 2, 0, 1], [5, 2, 4, 1], [5, 2, 2, 3]] {
             let bytes = [&[ACK, 0, 2][..], &ack].concat();
-            let read = Chunk::read(&mut Reader::new(&bytes));
+            let read = Chunk::read(&mut Reader::new(&bytes), &FORMAT);
             assert!(matches!(read, Err(Malformed::Range { .. })), "{ack:?}: {read:?}");
         }
     }
@@ -272,7 +273,7 @@ mod tests {
         #[test]
         fn any_bytes_are_judged_and_what_is_read_is_written_back(bytes in prop::collection::vec(any::<u8>(), 0..120)) {
             let mut reader = Reader::new(&bytes);
-            while let Ok(chunk) = Chunk::read(&mut reader) {
+            while let Ok(chunk) = Chunk::read(&mut reader, &FORMAT) {
                 back(&chunk);
             }
         }

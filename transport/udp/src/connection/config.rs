@@ -2,18 +2,20 @@
 
 use std::time::Duration;
 
-use trimaran_proto::{BatchSize, IdCoding};
+use trimaran_wire::{BatchSize, Format};
 
 use crate::congestion::Congestion;
 use crate::repair::Repair;
 
 /// What holds for a connection. Both ends must agree on the window.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Config {
-    /// How many ids are passed on at once at most.
+    /// The sizes of what travels. Both ends must agree on them.
+    pub format: Format,
+    /// How many items are passed on at once at most. Default 256.
     pub batch: BatchSize,
-    /// How the ids of frames sent from here travel. Default plain.
-    pub coding: IdCoding,
+    /// Whether batches of frames sent from here may travel coded. Default not.
+    pub coded: bool,
     /// Bytes of the frames lane that the receiver keeps for a reader who does not read. Default 4 MiB.
     pub window: u64,
     /// Bytes that the sender keeps until they are acknowledged. Default 4 MiB.
@@ -34,7 +36,7 @@ pub struct Config {
     /// How the connection shares its path with others. Default CUBIC.
     pub congestion: Congestion,
     /// How many packets may be under way at first, 2 at least; ten leave at once, those behind them over the
-    /// round trip. Default 20: a frame of 4,000 ids and its repair are 17. RFC 9002 (section 7.2)
+    /// round trip. Default 20: a frame of 16 kB and its repair are 17. RFC 9002 (section 7.2)
     /// recommends 10.
     pub initial_window: u16,
     /// The largest datagram that is tried, bytes; 1,200 are always used. Default 1,452: Ethernet's 1,500
@@ -42,11 +44,14 @@ pub struct Config {
     pub max_datagram: usize,
 }
 
-impl Default for Config {
-    fn default() -> Self {
+impl Config {
+    /// The defaults for values of these sizes.
+    #[must_use]
+    pub fn new(format: Format) -> Self {
         Self {
+            format,
             batch: BatchSize::default(),
-            coding: IdCoding::default(),
+            coded: false,
             window: 4 << 20,
             send_buffer: 4 << 20,
             ack_delay: Duration::from_millis(1),

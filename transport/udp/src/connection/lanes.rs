@@ -1,6 +1,6 @@
 //! Both lanes as their owner uses them: what is given to the connection, and what is taken from it.
 
-use trimaran_proto::{Camera, CodedIds, FrameMessage, FrameNumber, Goodbye};
+use trimaran_wire::{CloseReason, FixedBytes, FrameMessage, FrameNumber};
 
 use super::Connection;
 use crate::inbox::Received;
@@ -22,7 +22,7 @@ impl Connection {
     /// Whether everything that was sent has arrived.
     #[must_use]
     pub fn is_drained(&self) -> bool {
-        self.outbox.is_empty() && self.cameras_out.is_drained()
+        self.outbox.is_empty() && self.latest_out.is_drained()
     }
 
     /// Whether everything that was sent on the frames lane has arrived.
@@ -31,10 +31,10 @@ impl Connection {
         self.outbox.is_empty()
     }
 
-    /// Whether the newest camera has arrived, and the end of the lane if there was one.
+    /// Whether the newest value has arrived, and the end of the lane if there was one.
     #[must_use]
     pub fn is_latest_drained(&self) -> bool {
-        self.cameras_out.is_drained()
+        self.latest_out.is_drained()
     }
 
     /// Whether [`Connection::recv`] would give something.
@@ -55,19 +55,15 @@ impl Connection {
         self.outbox.confirmed
     }
 
-    /// Sends a message of the frames lane; a frame writer has put the messages in order.
-    pub fn send(&mut self, message: FrameMessage) {
+    /// Sends a message of the frames lane; a frame writer has put the messages in order. Frames take coded
+    /// batches where [`Connection::set_coded`] or [`Config::coded`](super::Config::coded) said so before they
+    /// began.
+    pub fn send(&mut self, message: &FrameMessage) {
         self.outbox.put(message, self.path());
     }
 
-    /// Sends a batch of the open frame's ids as changes. Frames take such where [`Connection::set_coding`] or
-    /// [`Config::coding`](super::Config::coding) said so before they began.
-    pub fn send_coded(&mut self, batch: CodedIds) {
-        self.outbox.put_coded(batch, self.path());
-    }
-
     /// Sends a goodbye behind everything else on the frames lane.
-    pub fn goodbye(&mut self, reason: Goodbye) {
+    pub fn goodbye(&mut self, reason: CloseReason) {
         self.outbox.goodbye(reason, self.path());
     }
 
@@ -89,31 +85,31 @@ impl Connection {
         self.credit_due |= self.inbox.discard();
     }
 
-    /// Publishes a camera: it replaces the one before. It is sent again until it or a newer one has arrived.
-    pub fn publish(&mut self, camera: Camera) {
-        self.cameras_out.publish(camera);
+    /// Publishes a value: it replaces the one before. It is sent again until it or a newer one has arrived.
+    pub fn publish(&mut self, value: FixedBytes) {
+        self.latest_out.publish(value);
     }
 
-    /// Ends the latest lane behind the newest camera, with a goodbye or without. The first call counts.
-    pub fn end_latest(&mut self, reason: Option<Goodbye>) {
-        self.cameras_out.end(reason);
+    /// Ends the latest lane behind the newest value, with a goodbye or without. The first call counts.
+    pub fn end_latest(&mut self, reason: Option<CloseReason>) {
+        self.latest_out.end(reason);
     }
 
-    /// The newest camera of the peer, if it was not read before.
-    pub const fn latest(&mut self) -> Option<Camera> {
-        self.cameras_in.take()
+    /// The newest value of the peer, if it was not read before.
+    pub fn latest(&mut self) -> Option<FixedBytes> {
+        self.latest_in.take()
     }
 
-    /// How the peer's latest lane ended, once the last camera has come.
+    /// How the peer's latest lane ended, once the last value has come.
     #[must_use]
     pub fn latest_end(&self) -> Option<&LatestEnd> {
-        self.cameras_in.end()
+        self.latest_in.end()
     }
 
     /// Whether there is a camera or an end of the latest lane to read.
     #[must_use]
     pub fn is_latest_readable(&self) -> bool {
-        self.cameras_in.is_readable()
+        self.latest_in.is_readable()
     }
 
     /// The next message of the frames lane. What arrived before an end of the connection is still given,

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use trimaran_net::Instant;
-use trimaran_proto::Camera;
 
 use super::{Closed, Connection};
 use crate::chunk::{Asks, CLOSE, Chunk};
@@ -72,7 +71,7 @@ impl Connection {
         let mut reader = Reader::new(plain);
         let (mut asks, mut taken) = (Asks::Nothing, true);
         while !reader.is_empty() {
-            let chunk = Chunk::read(&mut reader)?;
+            let chunk = Chunk::read(&mut reader, &self.config.format)?;
             asks = asks.max(chunk.asks());
             match chunk {
                 Chunk::Pad | Chunk::Ping => {}
@@ -87,12 +86,9 @@ impl Connection {
                 }
                 Chunk::Credit { bytes, units } => self.outbox.allow(bytes, units),
                 Chunk::Close => return Err(Closed::Peer),
-                Chunk::Camera { number, camera } => {
-                    let camera = Camera::from_bytes(&camera).map_err(|_| Closed::Camera)?;
-                    self.cameras_in.put(number, camera);
-                }
-                Chunk::LastCamera { number, goodbye } => {
-                    self.cameras_in.put_end(number, goodbye).map_err(|_| Closed::Camera)?;
+                Chunk::Latest { number, value } => self.latest_in.put(number, value),
+                Chunk::LastLatest { number, goodbye } => {
+                    self.latest_in.put_end(number, goodbye).map_err(|_| Closed::Goodbye)?;
                 }
                 Chunk::Unread => {
                     self.unheard = true;
@@ -115,8 +111,8 @@ impl Connection {
         for content in verdict.lost {
             match content {
                 Content::Part { unit, range, ended } => self.outbox.on_loss(unit, range, ended),
-                Content::Camera { number } => self.cameras_out.on_camera_lost(number),
-                Content::LastCamera => self.cameras_out.on_end_lost(),
+                Content::Latest { number } => self.latest_out.on_value_lost(number),
+                Content::LastLatest => self.latest_out.on_end_lost(),
                 Content::Credit => self.credit_due = true,
                 Content::Unread => self.unread_due = true,
                 Content::GiveUp { unit } => self.outbox.on_give_up_loss(unit),
@@ -127,8 +123,8 @@ impl Connection {
         for content in verdict.arrived.drain(..) {
             match content {
                 Content::Part { unit, range, ended } => self.outbox.on_ack(unit, range, ended),
-                Content::Camera { number } => self.cameras_out.on_camera_arrived(number),
-                Content::LastCamera => self.cameras_out.on_end_arrived(),
+                Content::Latest { number } => self.latest_out.on_value_arrived(number),
+                Content::LastLatest => self.latest_out.on_end_arrived(),
                 Content::GiveUp { unit } => self.outbox.on_give_up_ack(unit),
                 Content::Probe { size } => {
                     self.mtu.on_arrived(now, size);
@@ -158,7 +154,7 @@ mod tests {
     }
 
     fn connection() -> Connection {
-        Connection::plaintext(now(), HERE, ConnectionId(20), Config::default())
+        Connection::plaintext(now(), HERE, ConnectionId(20), crate::examples::config())
     }
 
     fn sealed(number: u64, chunk: &Chunk<'_>) -> Vec<u8> {
@@ -186,7 +182,7 @@ mod tests {
         let mut out = Vec::new();
         assert!(connection.poll_transmit(now().after(Duration::from_secs(1)), &mut out));
         let Ok(Packet::Data { sealed, .. }) = Packet::parse(&out) else { panic!("{out:?}") };
-        let chunk = Chunk::read(&mut Reader::new(sealed));
+        let chunk = Chunk::read(&mut Reader::new(sealed), &crate::examples::FORMAT);
         let Ok(Chunk::Ack { numbers, .. }) = chunk else { panic!("{chunk:?}") };
         assert_eq!((numbers.len(), numbers.iter().next()), (1, Some(0..256)));
     }

@@ -44,7 +44,7 @@ impl Connection {
         {
             ack.write(plain);
             // A packet that leaves anyway.
-            self.cameras_out.write_copy(all.saturating_sub(plain.len()), plain, &mut contents);
+            self.latest_out.write_copy(all.saturating_sub(plain.len()), plain, &mut contents);
             if !contents.is_empty() {
                 return Some(contents);
             }
@@ -73,7 +73,7 @@ impl Connection {
             Chunk::Unread.write(plain);
             contents.push(Content::Unread);
         }
-        self.cameras_out.write(all.saturating_sub(plain.len()), plain, &mut contents);
+        self.latest_out.write(all.saturating_sub(plain.len()), plain, &mut contents);
         while let Some(content) = self.outbox.write_next(all.saturating_sub(plain.len()), all, plain) {
             contents.push(content);
         }
@@ -122,7 +122,7 @@ impl Connection {
     }
 
     fn has_data(&self) -> bool {
-        self.credit_due || self.unread_due || self.cameras_out.is_due() || self.outbox.has_due()
+        self.credit_due || self.unread_due || self.latest_out.is_due() || self.outbox.has_due()
     }
 
     pub(super) fn seal(

@@ -2,25 +2,31 @@
 //! steady state nothing is allocated for what arrives.
 
 use bytes::{Bytes, BytesMut};
-use trimaran_proto::{Decoder, Message};
+use trimaran_wire::{Decoder, Format, Message};
 
 use super::LaneViolation;
 use super::store::Pool;
 
-/// Room for ids that is made at once. A reader that keeps a batch keeps all that shares its room.
+/// Room for items that is made at once. A reader that keeps a batch keeps all that shares its room.
 const PAGE: usize = 16 * 1024;
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Buffers {
+    pub(super) format: Format,
     /// For units.
     pub(super) pool: Pool,
-    /// For batches of ids: used again from its beginning once the reader has dropped all that lie in it.
+    /// For batches: used again from its beginning once the reader has dropped all that lie in it.
     page: BytesMut,
     /// For messages, in the same way.
     decoder: Decoder,
 }
 
 impl Buffers {
+    pub(super) fn new(format: Format) -> Self {
+        let (pool, page) = (Pool::default(), BytesMut::new());
+        Self { format, pool, page, decoder: Decoder::new(format) }
+    }
+
     /// A copy of `length` bytes, which come in pieces, for the reader to keep.
     pub(super) fn copy<'a>(&mut self, length: usize, pieces: impl Iterator<Item = &'a [u8]>) -> Bytes {
         if self.page.capacity() < length {
@@ -47,7 +53,7 @@ mod tests {
 
     #[test]
     fn a_page_is_used_again_once_nobody_holds_a_part_of_it_and_not_before() {
-        let mut buffers = Buffers::default();
+        let mut buffers = Buffers::new(crate::examples::FORMAT);
         let mut copy = |bytes: &[u8]| buffers.copy(bytes.len(), bytes.chunks(1000));
         let first = copy(&[1; PAGE / 2]);
         let at = first.as_ptr();

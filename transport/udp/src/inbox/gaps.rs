@@ -51,10 +51,11 @@ impl Inbox {
 
     /// Takes word that no more comes of a frame.
     pub(crate) fn give_up(&mut self, number: u64, about: GivenUp, head: &[u8]) -> Result<(), LaneViolation> {
+        let format = self.buffers.format;
         self.with_unit(number, |unit, credit, pool| {
             if !unit.is_given_up() {
                 credit.use_up_to(unit, about.sent)?;
-                unit.give_up(about, head, pool)?;
+                unit.give_up(about, head, &format, pool)?;
                 unit.highest = unit.highest.max(about.sent);
             }
             Ok(())

@@ -1,6 +1,6 @@
 //! One unit of the frames lane as it is received.
 
-use trimaran_proto::FrameNumber;
+use trimaran_wire::{Format, FrameNumber};
 
 use super::blocks::{Blocks, Guarded};
 use super::store::{Pool, Store};
@@ -20,9 +20,9 @@ pub(super) struct Unit {
     pause: u64,
     end: Option<(u64, Tail)>,
     frame: Option<FrameNumber>,
-    /// Whether its batches are messages, and how many ids those passed on had.
+    /// Whether its batches are messages, and how many items those passed on had.
     coded: bool,
-    ids: u64,
+    items: u64,
     /// No more comes, and there are gaps.
     given_up: Option<GivenUp>,
     blocks: Blocks,
@@ -119,10 +119,11 @@ impl Unit {
         &mut self,
         about: GivenUp,
         head: &[u8],
+        format: &Format,
         pool: &mut Pool,
     ) -> Result<(), LaneViolation> {
         let GivenUp { length, sent, hash, coded } = about;
-        let begins = unit_head(coded.is_some());
+        let begins = unit_head(format, coded.is_some());
         if length < begins as u64 || sent < self.highest {
             return Err(LaneViolation::End);
         }

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use bytes::BytesMut;
 use trimaran_net::Instant;
-use trimaran_proto::FrameNumber;
+use trimaran_wire::{Format, FrameNumber};
 
 use super::guard::Guard;
 use crate::chunk::{GivenUp, Tail, unit_head};
@@ -41,8 +41,11 @@ pub(super) struct Unit {
     frame: Option<FrameNumber>,
     /// Whether its batches are messages.
     coded: bool,
-    /// How many ids it has, once it is over.
-    ids: u32,
+    /// How many items it has, once it is over.
+    items: u32,
+    /// The bytes of its beginning, and of an item.
+    head: usize,
+    item: usize,
 }
 
 /// A repair shard that waits to be sent.
@@ -64,7 +67,7 @@ struct GivingUp {
 
 impl Unit {
     /// A unit in a buffer that is empty.
-    pub(super) fn new(shard: usize, data: BytesMut) -> Self {
+    pub(super) fn new(format: &Format, shard: usize, data: BytesMut) -> Self {
         Self {
             data,
             base: 0,
@@ -76,20 +79,29 @@ impl Unit {
             end: None,
             end_due: false,
             end_acked: false,
-            shard: shard.max(4),
+            shard: shard.max(format.item),
             protected: 0,
             repair: VecDeque::new(),
             deadline: None,
             given_up: None,
             frame: None,
             coded: false,
-            ids: 0,
+            items: 0,
+            head: unit_head(format, false),
+            item: format.item,
         }
     }
 
     /// A unit that will be a frame.
-    pub(super) fn frame(frame: FrameNumber, coded: bool, shard: usize, data: BytesMut) -> Self {
-        Self { frame: Some(frame), coded, ..Self::new(shard, data) }
+    pub(super) fn frame(
+        frame: FrameNumber,
+        format: &Format,
+        coded: bool,
+        shard: usize,
+        data: BytesMut,
+    ) -> Self {
+        let head = unit_head(format, coded);
+        Self { frame: Some(frame), coded, head, ..Self::new(format, shard, data) }
     }
 
     /// The buffer, for another unit.
@@ -101,8 +113,8 @@ impl Unit {
         self.coded
     }
 
-    pub(super) const fn set_ids(&mut self, ids: u32) {
-        self.ids = ids;
+    pub(super) const fn set_items(&mut self, items: u32) {
+        self.items = items;
     }
 
     /// The frame, if all of it has arrived.
@@ -180,11 +192,11 @@ impl Unit {
     pub(super) fn give_up(&mut self) -> usize {
         let Some(Tail::Frame(hash)) = self.end else { return 0 };
         let length = self.written();
-        let unsure = (unit_head(self.coded) as u64).saturating_sub(self.base) as usize;
+        let unsure = (self.head as u64).saturating_sub(self.base) as usize;
         let freed = self.data.len();
         let mut head = std::mem::take(&mut self.data);
         head.truncate(unsure);
-        let coded = self.coded.then_some(self.ids.into());
+        let coded = self.coded.then_some(self.items.into());
         let about = GivenUp { length, sent: self.sent, hash, coded };
         self.given_up = Some(GivingUp { about, head, due: true });
         self.base = length;

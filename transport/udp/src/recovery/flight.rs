@@ -20,10 +20,10 @@ pub(crate) enum Content {
         range: Range<u64>,
         ended: bool,
     },
-    Camera {
+    Latest {
         number: u64,
     },
-    LastCamera,
+    LastLatest,
     Credit,
     Unread,
     GiveUp {

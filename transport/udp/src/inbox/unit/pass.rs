@@ -1,8 +1,6 @@
 //! What of a unit is passed on: messages, in their order.
 
-use trimaran_proto::{
-    BatchSize, FrameEnd, FrameMessage, FrameNumber, HEADER_BYTES, ID_BYTES, IdBatch, Kind, Message,
-};
+use trimaran_wire::{BatchSize, Format, FrameEnd, FrameMessage, FrameNumber, HEADER_BYTES, Kind, Message};
 
 use super::{Step, Unit};
 use crate::chunk::{CODED_UNIT, GivenUp, Tail, unit_head};
@@ -15,17 +13,17 @@ const RETAINED: u64 = (BLOCK * LARGEST) as u64;
 
 impl Unit {
     /// Whether [`Unit::step`] would not wait.
-    pub(in crate::inbox) fn is_readable(&self, batch: BatchSize) -> bool {
+    pub(in crate::inbox) fn is_readable(&self, batch: BatchSize, format: &Format) -> bool {
         let ready = self.ready();
         if self.given_up.is_some() || self.end.is_some_and(|(end, _)| end == self.base + ready) {
             return true;
         }
         match self.frame {
-            None => ready >= unit_head(self.first_byte() == Some(CODED_UNIT)) as u64,
-            Some(_) if self.coded => !matches!(self.message_length(ready as usize), Ok(None)),
+            None => ready >= unit_head(format, self.first_byte() == Some(CODED_UNIT)) as u64,
+            Some(_) if self.coded => !matches!(self.message_length(ready as usize, format), Ok(None)),
             Some(_) => {
                 let pause = self.pause.saturating_sub(self.base).min(ready);
-                ready >= batch.bytes() as u64 || pause >= ID_BYTES as u64
+                ready >= format.batch(batch) as u64 || pause >= format.item as u64
             }
         }
     }
@@ -35,10 +33,11 @@ impl Unit {
         batch: BatchSize,
         buffers: &mut Buffers,
     ) -> Result<Step, LaneViolation> {
+        let format = buffers.format;
         let ready = self.ready();
         let ended = self.end.filter(|(end, _)| *end == self.base + ready).map(|(_, tail)| tail);
         let Some(frame) = self.frame else {
-            if self.given_up.is_some_and(|about| ready < unit_head(about.coded.is_some()) as u64) {
+            if self.given_up.is_some_and(|about| ready < unit_head(&format, about.coded.is_some()) as u64) {
                 return Err(LaneViolation::Unit);
             }
             return self.first_step(ready as usize, ended, buffers);
@@ -50,14 +49,16 @@ impl Unit {
             return self.step_over_gaps(frame, about.sent, batch, buffers);
         }
         let pause = self.pause.saturating_sub(self.base).min(ready);
-        let whole = batch.bytes() as u64;
-        let now = if ready >= whole { whole } else { pause - pause % ID_BYTES as u64 };
+        let whole = format.batch(batch) as u64;
+        let now = if ready >= whole { whole } else { pause - pause % format.item as u64 };
         if now > 0 {
-            return self.ids(now as usize, buffers).map(Step::Item);
+            return self.items(now as usize, buffers).map(Step::Item);
         }
         Ok(match ended {
             None => Step::Wait,
-            Some(Tail::Frame(hash)) => Step::Last(Some(end_of(frame, plain_ids(self.base), hash)?)),
+            Some(Tail::Frame(hash)) => {
+                Step::Last(Some(end_of(frame, plain_items(&format, self.base), hash)?))
+            }
             Some(_) => Step::Last(None),
         })
     }
@@ -71,26 +72,30 @@ impl Unit {
         ended: Option<Tail>,
         buffers: &mut Buffers,
     ) -> Result<Step, LaneViolation> {
-        if let Some(length) = self.message_length(ready)? {
+        if let Some(length) = self.message_length(ready, &buffers.format)? {
             let message = buffers.decode(self.ahead(length))?;
             self.passed(length, buffers);
-            let (ids, batch) = match message {
-                Message::Frame(FrameMessage::Ids(batch)) => {
-                    (batch.count(), Received::Frame(FrameMessage::Ids(batch)))
+            let format = &buffers.format;
+            let (items, batch) = match message {
+                Message::Frame(FrameMessage::Batch(bytes)) => {
+                    (bytes.len() / format.item, FrameMessage::Batch(bytes))
                 }
-                Message::Coded(batch) => (batch.count()?, Received::Coded(batch)),
+                Message::Frame(FrameMessage::Coded(bytes)) => {
+                    let count = (format.count_coded)(&bytes).ok_or(LaneViolation::Coded)?;
+                    (count, FrameMessage::Coded(bytes))
+                }
                 _ => return Err(LaneViolation::Unit),
             };
-            self.ids += ids as u64;
-            return Ok(Step::Item(batch));
+            self.items += items as u64;
+            return Ok(Step::Item(Received::Frame(batch)));
         }
         match (self.given_up, self.end, ended) {
-            (Some(GivenUp { sent, hash, coded: Some(ids), .. }), ..) => {
+            (Some(GivenUp { sent, hash, coded: Some(items), .. }), ..) => {
                 self.base = self.base.max(sent);
-                Ok(Step::Last(Some(end_of(frame, ids, hash)?)))
+                Ok(Step::Last(Some(end_of(frame, items, hash)?)))
             }
             (None, Some((end, Tail::Frame(hash))), Some(_)) if end == self.base => {
-                Ok(Step::Last(Some(end_of(frame, self.ids, hash)?)))
+                Ok(Step::Last(Some(end_of(frame, self.items, hash)?)))
             }
             // Left by a sender that was dropped.
             (None, _, Some(Tail::End)) => Ok(Step::Last(None)),
@@ -100,7 +105,7 @@ impl Unit {
     }
 
     /// How long the batch is that comes next, if all of it is there.
-    fn message_length(&self, ready: usize) -> Result<Option<usize>, LaneViolation> {
+    fn message_length(&self, ready: usize, format: &Format) -> Result<Option<usize>, LaneViolation> {
         if ready < HEADER_BYTES {
             return Ok(None);
         }
@@ -110,8 +115,8 @@ impl Unit {
         let [kind, low, middle, high] = header;
         let length = u32::from_le_bytes([low, middle, high, 0]) as usize;
         let sound = Kind::from_code(kind)
-            .filter(|kind| matches!(kind, Kind::Ids | Kind::Coded))
-            .is_some_and(|kind| kind.lengths().contains(&length));
+            .filter(|kind| matches!(kind, Kind::Batch | Kind::Coded))
+            .is_some_and(|kind| kind.lengths(format).contains(&length));
         if !sound {
             return Err(LaneViolation::Unit);
         }
@@ -127,7 +132,7 @@ impl Unit {
         self.store.ready().saturating_sub(self.base)
     }
 
-    /// Passes on the ids that have come, wherever they are, and then the end that says how many there were.
+    /// Passes on the items that have come, wherever they are, and then the end that says how many there were.
     fn step_over_gaps(
         &mut self,
         frame: FrameNumber,
@@ -135,30 +140,33 @@ impl Unit {
         batch: BatchSize,
         buffers: &mut Buffers,
     ) -> Result<Step, LaneViolation> {
-        let id = ID_BYTES as u64;
-        while let Some(piece) = self.store.next_piece(self.base, batch.bytes() as u64 + id, &mut buffers.pool)
-        {
-            let from = piece.start.next_multiple_of(id);
-            let count = (piece.end - piece.end % id).saturating_sub(from).min(batch.bytes() as u64);
+        let format = buffers.format;
+        let (head, item, most) =
+            (unit_head(&format, false) as u64, format.item as u64, format.batch(batch) as u64);
+        while let Some(piece) = self.store.next_piece(self.base, most + item, &mut buffers.pool) {
+            // Items lie one after the other behind the head.
+            let whole = |at: u64| at.saturating_sub(head).next_multiple_of(item) + head;
+            let from = whole(piece.start);
+            let to = whole((piece.end + 1).saturating_sub(item));
+            let count = to.saturating_sub(from).min(most);
             self.base = if count > 0 { from } else { piece.end };
             if count > 0 {
-                return self.ids(count as usize, buffers).map(Step::Item);
+                return self.items(count as usize, buffers).map(Step::Item);
             }
         }
         self.base = self.base.max(sent);
         match self.end {
             Some((length, Tail::Frame(hash))) => {
-                Ok(Step::Last(Some(end_of(frame, plain_ids(length), hash)?)))
+                Ok(Step::Last(Some(end_of(frame, plain_items(&format, length), hash)?)))
             }
             _ => Err(LaneViolation::Unit),
         }
     }
 
-    fn ids(&mut self, count: usize, buffers: &mut Buffers) -> Result<Received, LaneViolation> {
-        let bytes = buffers.copy(count, self.ahead(count));
-        self.passed(count, buffers);
-        let batch = IdBatch::new(bytes).map_err(|_| LaneViolation::Unit)?;
-        Ok(Received::Frame(FrameMessage::Ids(batch)))
+    fn items(&mut self, bytes: usize, buffers: &mut Buffers) -> Result<Received, LaneViolation> {
+        let batch = buffers.copy(bytes, self.ahead(bytes));
+        self.passed(bytes, buffers);
+        Ok(Received::Frame(FrameMessage::Batch(batch)))
     }
 
     /// What a unit starts with says what it is.
@@ -169,28 +177,29 @@ impl Unit {
         buffers: &mut Buffers,
     ) -> Result<Step, LaneViolation> {
         let coded = self.first_byte() == Some(CODED_UNIT);
+        let format = buffers.format;
         let begins = coded || self.first_byte() == Some(Kind::Begin.code());
         if self.given_up.is_some_and(|about| about.coded.is_some() != coded) {
             return Err(LaneViolation::Unit);
         }
         let length = match ended {
             Some(_) if ready == 0 => return Ok(Step::Last(Some(Received::Gone))),
-            _ if begins && ready >= unit_head(coded) => unit_head(false),
+            _ if begins && ready >= unit_head(&format, coded) => unit_head(&format, false),
             Some(_) => ready,
             None => return Ok(Step::Wait),
         };
-        if coded && length == unit_head(false) {
+        if coded && length == unit_head(&format, false) {
             self.passed(1, buffers);
         }
         let message = buffers.decode(self.ahead(length))?;
         self.passed(length, buffers);
         match message {
-            Message::Frame(FrameMessage::Begin(start)) => {
-                self.frame = Some(start.frame);
+            Message::Frame(FrameMessage::Begin { frame, header }) => {
+                self.frame = Some(frame);
                 self.coded = coded;
-                Ok(Step::Item(Received::Frame(FrameMessage::Begin(start))))
+                Ok(Step::Item(Received::Frame(FrameMessage::Begin { frame, header })))
             }
-            Message::Frame(stats @ FrameMessage::Stats(_)) => Ok(Step::Last(Some(Received::Frame(stats)))),
+            Message::Frame(note @ FrameMessage::Note(_)) => Ok(Step::Last(Some(Received::Frame(note)))),
             Message::Goodbye(reason) => Ok(Step::Last(Some(Received::Goodbye(reason)))),
             _ => Err(LaneViolation::Unit),
         }
@@ -210,12 +219,12 @@ impl Unit {
     }
 }
 
-/// How many ids a frame of so many bytes has whose ids travel plain.
-const fn plain_ids(length: u64) -> u64 {
-    length.saturating_sub(unit_head(false) as u64) / ID_BYTES as u64
+/// How many items a frame of so many bytes has whose items travel plain.
+const fn plain_items(format: &Format, length: u64) -> u64 {
+    length.saturating_sub(unit_head(format, false) as u64) / format.item as u64
 }
 
-fn end_of(frame: FrameNumber, ids: u64, hash: u64) -> Result<Received, LaneViolation> {
-    let ids = u32::try_from(ids).map_err(|_| LaneViolation::Unit)?;
-    Ok(Received::Frame(FrameMessage::End(FrameEnd { frame, ids, hash })))
+fn end_of(frame: FrameNumber, items: u64, hash: u64) -> Result<Received, LaneViolation> {
+    let items = u32::try_from(items).map_err(|_| LaneViolation::Unit)?;
+    Ok(Received::Frame(FrameMessage::End(FrameEnd { frame, items, hash })))
 }

@@ -61,10 +61,10 @@ impl Unit {
         let most = room.checked_sub(overhead)? as u64;
         let size = wanted.end - wanted.start;
         let fits_alone = size as usize + overhead <= whole;
-        if size > most && (fits_alone || most < 4) {
+        if size > most && (fits_alone || most < self.item as u64) {
             return None;
         }
-        let range = wanted.start..wanted.end.min(wanted.start + (most & !3));
+        let range = wanted.start..wanted.end.min(wanted.start + (most - most % self.item as u64));
         self.lost.remove(&range);
         let first_time = range.end.saturating_sub(self.sent);
         self.sent = self.sent.max(range.end);

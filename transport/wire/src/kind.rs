@@ -3,10 +3,13 @@
 use std::fmt;
 use std::ops::RangeInclusive;
 
-use crate::{BatchSize, Camera, NumberedCamera};
+use crate::{BatchSize, Format, MAX_HELLO, Numbered};
 
-/// The bytes of a frame header: the kind, then the payload's length as 24 bits, little-endian.
+/// The bytes of a message's header: the kind, then the payload's length as 24 bits, little-endian.
 pub const HEADER_BYTES: usize = 4;
+
+/// The most bytes of a note.
+pub const MAX_NOTE: usize = 256;
 
 /// What a message is: the first byte of its header.
 ///
@@ -24,19 +27,19 @@ pub enum Kind {
     Goodbye = 0x04,
     /// The sender has nothing to say, and lives.
     Alive = 0x05,
-    /// A camera on the latest lane.
-    Camera = 0x10,
-    /// A camera and its number, where the latest lane has no order of its own.
+    /// A value of the latest lane.
+    Latest = 0x10,
+    /// A value and its number, where the latest lane has no order of its own.
     Numbered = 0x11,
-    /// A frame begins: its number and the camera it was culled for.
+    /// A frame begins: its number and its header.
     Begin = 0x20,
-    /// A batch of ids of the frame that has begun.
-    Ids = 0x21,
-    /// The frame ends: its number, how many ids it had, and their hash.
+    /// A batch of items of the frame that has begun.
+    Batch = 0x21,
+    /// The frame ends: its number, how many items it had, and their hash.
     End = 0x22,
-    /// What the sender did for a frame that has ended.
-    Stats = 0x23,
-    /// A batch of ids of the frame that has begun, as changes against an earlier frame.
+    /// What the sender says between two frames.
+    Note = 0x23,
+    /// A batch of items of the frame that has begun, in the application's own shorter form.
     Coded = 0x24,
 }
 
@@ -48,12 +51,12 @@ impl Kind {
         Self::Refuse,
         Self::Goodbye,
         Self::Alive,
-        Self::Camera,
+        Self::Latest,
         Self::Numbered,
         Self::Begin,
-        Self::Ids,
+        Self::Batch,
         Self::End,
-        Self::Stats,
+        Self::Note,
         Self::Coded,
     ];
 
@@ -72,26 +75,29 @@ impl Kind {
     /// The payload lengths this kind allows, in bytes. Whatever a peer claims beyond them is refused before
     /// anything is stored.
     #[must_use]
-    pub const fn lengths(self) -> RangeInclusive<usize> {
+    pub const fn lengths(self, format: &Format) -> RangeInclusive<usize> {
         match self {
-            Self::Hello | Self::Accept => 2..=256,
+            Self::Hello => 2..=MAX_HELLO + 56,
+            Self::Accept => 0..=MAX_HELLO,
             Self::Refuse => 2..=512,
             Self::Goodbye => 1..=256,
             Self::Alive => 0..=0,
-            Self::Camera => Camera::SIZE..=Camera::SIZE,
-            Self::Numbered => NumberedCamera::SIZE..=NumberedCamera::SIZE,
-            Self::Begin => 4 + Camera::SIZE..=4 + Camera::SIZE,
-            Self::Ids => 4..=BatchSize::MAX.bytes(),
+            Self::Latest => format.latest..=format.latest,
+            Self::Numbered => {
+                let bytes = Numbered::NUMBER_BYTES + format.latest;
+                bytes..=bytes
+            }
+            Self::Begin => format.begin()..=format.begin(),
+            Self::Batch => format.item..=format.batch(BatchSize::MAX),
             Self::End => 16..=16,
-            Self::Stats => 1..=256,
-            // Shorter than the same ids plain.
-            Self::Coded => 3..=BatchSize::MAX.bytes(),
+            Self::Note => 0..=MAX_NOTE,
+            // Shorter than the same items plain.
+            Self::Coded => 1..=format.batch(BatchSize::MAX),
         }
     }
 
-    /// The header of a message of this kind. `length` is within [`Kind::lengths`], so that 24 bits hold it.
+    /// The header of a message of this kind. 24 bits hold the length of whatever [`Kind::lengths`] allows.
     pub(crate) fn header(self, length: usize) -> [u8; HEADER_BYTES] {
-        debug_assert!(self.lengths().contains(&length), "{self} of {length} bytes");
         (u32::from(self.code()) | (length as u32) << 8).to_le_bytes()
     }
 }
@@ -104,13 +110,13 @@ impl fmt::Display for Kind {
             Self::Refuse => "refuse",
             Self::Goodbye => "goodbye",
             Self::Alive => "sign of life",
-            Self::Camera => "camera",
-            Self::Numbered => "numbered camera",
+            Self::Latest => "latest value",
+            Self::Numbered => "numbered value",
             Self::Begin => "begin",
-            Self::Ids => "ids",
-            Self::Coded => "coded ids",
+            Self::Batch => "batch",
+            Self::Coded => "coded batch",
             Self::End => "end",
-            Self::Stats => "stats",
+            Self::Note => "note",
         })
     }
 }
@@ -137,8 +143,9 @@ mod tests {
 
     #[test]
     fn every_length_fits_24_bits_and_survives() {
+        let format = Format { latest: 72, header: 1024, item: 256, count_coded: |_| None };
         for kind in Kind::ALL {
-            for length in [*kind.lengths().start(), *kind.lengths().end()] {
+            for length in [*kind.lengths(&format).start(), *kind.lengths(&format).end()] {
                 assert_eq!(parse_header(kind.header(length)), (kind.code(), length));
             }
         }

@@ -3,8 +3,8 @@
 use bytes::BytesMut;
 use thiserror::Error;
 
-use crate::header::{HEADER_BYTES, Kind, parse_header};
-use crate::{CameraError, IdBatchError, Message, ProtocolVersion};
+use crate::kind::{HEADER_BYTES, Kind, parse_header};
+use crate::{BatchError, Format, Message, WireVersion};
 
 /// Bytes that are not the wire's.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -28,12 +28,16 @@ pub enum DecodeFault {
         code: u8,
     },
     /// The header claims a length that the kind does not allow.
-    #[error("a message of kind {kind} cannot have {length} bytes, only {min} to {max}", min = kind.lengths().start(), max = kind.lengths().end())]
+    #[error("a message of kind {kind} cannot have {length} bytes, only {least} to {most}")]
     Length {
         /// The kind.
         kind: Kind,
         /// The length claimed.
         length: usize,
+        /// The least that is allowed.
+        least: usize,
+        /// The most that is allowed.
+        most: usize,
     },
     /// A hello without the magic number.
     #[error("the hello does not start with the magic number: this is not a Trimaran peer")]
@@ -44,23 +48,15 @@ pub enum DecodeFault {
     )]
     Version {
         /// The version of this side.
-        ours: ProtocolVersion,
+        ours: WireVersion,
         /// The version of the other.
-        theirs: ProtocolVersion,
+        theirs: WireVersion,
     },
-    /// A batch that is no whole number of ids.
+    /// A batch that is no whole number of items.
     #[error("the batch is bad: {cause}")]
-    Ids {
+    Batch {
         /// How so.
-        cause: IdBatchError,
-    },
-    /// A camera that is none.
-    #[error("the {kind} message holds no camera: {cause}")]
-    Camera {
-        /// Camera or begin.
-        kind: Kind,
-        /// How so.
-        cause: CameraError,
+        cause: BatchError,
     },
     /// A control message that postcard cannot read.
     #[error("the {kind} message is malformed: {cause}")]
@@ -93,21 +89,22 @@ pub enum DecodeFault {
 ///
 /// Memory: it holds what was fed and not yet taken. A header is judged as soon as its four bytes are there,
 /// so nothing waits for a length that no message has; a caller who takes all messages before reading on
-/// therefore never holds more than one message of 65,540 bytes and one read.
+/// therefore never holds more than one largest batch and one read.
 ///
 /// After an error the stream is lost, and each further call gives the same error.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Decoder {
+    format: Format,
     buffer: BytesMut,
     offset: u64,
     failed: Option<DecodeError>,
 }
 
 impl Decoder {
-    /// A decoder at the start of a stream.
+    /// A decoder at the start of a stream of values of these sizes.
     #[must_use]
-    pub fn new() -> Self {
-        Self::default()
+    pub fn new(format: Format) -> Self {
+        Self { format, buffer: BytesMut::new(), offset: 0, failed: None }
     }
 
     /// The buffer to read into, with room for at least `room` more bytes. Only append to it.
@@ -152,14 +149,16 @@ impl Decoder {
         let Some(header) = self.buffer.first_chunk::<HEADER_BYTES>() else { return Ok(None) };
         let (code, length) = parse_header(*header);
         let kind = Kind::from_code(code).ok_or(DecodeFault::UnknownKind { code })?;
-        if !kind.lengths().contains(&length) {
-            return Err(DecodeFault::Length { kind, length });
+        let lengths = kind.lengths(&self.format);
+        if !lengths.contains(&length) {
+            let (least, most) = lengths.into_inner();
+            return Err(DecodeFault::Length { kind, length, least, most });
         }
         if self.buffer.len() < HEADER_BYTES + length {
             return Ok(None);
         }
         let mut whole = self.buffer.split_to(HEADER_BYTES + length);
-        let message = Message::parse(kind, whole.split_off(HEADER_BYTES).freeze())?;
+        let message = Message::parse(kind, whole.split_off(HEADER_BYTES).freeze(), &self.format)?;
         self.offset += (HEADER_BYTES + length) as u64;
         Ok(Some(message))
     }

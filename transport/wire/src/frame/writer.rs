@@ -1,45 +1,48 @@
-//! A frame of ids, turned into messages.
+//! A frame of items, turned into messages.
 
 use std::fmt;
+use std::marker::PhantomData;
 
 use bytes::BytesMut;
 use thiserror::Error;
 
-use super::{Digest, FrameEnd, FrameMessage, FrameStart};
-use crate::batch::put_ids;
-use crate::{BatchSize, DrawableId, FrameNumber, FrameStats, IdBatch};
+use super::{Digest, FrameEnd, FrameMessage};
+use crate::batch::put_items;
+use crate::{BatchSize, FrameNumber, Item};
 
-/// Turns begin, pushed ids and finish into messages: ids are gathered into batches of `b`.
+/// Turns begin, pushed items and finish into messages: items are gathered into batches of `b`.
 ///
 /// It hands each message to the `emit` of the call that completed it.
-pub struct FrameWriter {
+pub struct FrameWriter<I> {
     batch: BatchSize,
     most: u32,
     pending: BytesMut,
     open: Option<Digest>,
     last: Option<FrameNumber>,
+    items: PhantomData<fn(I)>,
 }
 
-/// Ids for which room is made at once; small batches are carved from it, so that few of them allocate.
+/// Bytes for which room is made at once; small batches are carved from it, so that few of them allocate.
 const ROOM: usize = 16 * 1024;
 
-impl fmt::Debug for FrameWriter {
+impl<I> fmt::Debug for FrameWriter<I> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let open = self.open.as_ref().map(|digest| digest.frame);
         f.debug_struct("FrameWriter").field("batch", &self.batch).field("open", &open).finish_non_exhaustive()
     }
 }
 
-impl FrameWriter {
-    /// A writer of batches of at most `batch` ids.
+impl<I: Item> FrameWriter<I> {
+    /// A writer of batches of at most `batch` items.
     #[must_use]
     pub fn new(batch: BatchSize) -> Self {
-        Self { batch, most: u32::MAX, pending: BytesMut::new(), open: None, last: None }
+        let pending = BytesMut::new();
+        Self { batch, most: u32::MAX, pending, open: None, last: None, items: PhantomData }
     }
 
-    /// The same for frames of at most `most` ids.
+    /// The same for frames of at most `most` items.
     #[must_use]
-    pub const fn of_at_most(mut self, most: u32) -> Self {
+    pub fn of_at_most(mut self, most: u32) -> Self {
         self.most = most;
         self
     }
@@ -47,9 +50,9 @@ impl FrameWriter {
     /// Begins a frame.
     ///
     /// # Errors
-    /// When one is open, or `start.frame` is not above the frame before.
-    pub fn begin(&mut self, start: FrameStart) -> Result<FrameMessage, FrameOrderError> {
-        let wanted = start.frame;
+    /// When one is open, or `frame` is not above the frame before.
+    pub fn begin(&mut self, frame: FrameNumber) -> Result<(), FrameOrderError> {
+        let wanted = frame;
         if let Some(digest) = &self.open {
             return Err(FrameOrderError::StillOpen { open: digest.frame, wanted });
         }
@@ -58,33 +61,34 @@ impl FrameWriter {
         }
         self.last = Some(wanted);
         self.open = Some(Digest::new(wanted));
-        Ok(FrameMessage::Begin(start))
+        Ok(())
     }
 
-    /// Adds ids to the open frame, and emits every batch that is full.
+    /// Adds items to the open frame, and emits every batch that is full.
     ///
     /// # Errors
-    /// When no frame is open, or it would have more ids than it may; then none of them is added.
+    /// When no frame is open, or it would have more items than it may; then none of them is added.
     pub fn push(
         &mut self,
-        mut ids: &[DrawableId],
+        mut items: &[I],
         mut emit: impl FnMut(FrameMessage),
     ) -> Result<(), FrameOrderError> {
-        let Digest { frame, ids: emitted, .. } = self.open.as_ref().ok_or(FrameOrderError::NoneOpen)?;
-        let count = emitted + (self.pending.len() / crate::ID_BYTES + ids.len()) as u64;
+        let Digest { frame, items: emitted, .. } = self.open.as_ref().ok_or(FrameOrderError::NoneOpen)?;
+        let count = emitted + (self.pending.len() / I::SIZE + items.len()) as u64;
         if count > u64::from(self.most) {
             return Err(FrameOrderError::TooMany { frame: *frame, most: self.most });
         }
-        while !ids.is_empty() {
-            let free = self.batch.bytes().saturating_sub(self.pending.len()) / crate::ID_BYTES;
-            let (now, later) = ids.split_at(free.min(ids.len()));
-            // Less than a batch may be left of the room: enough for the last ids of a frame.
-            if self.pending.is_empty() && self.pending.capacity() < now.len() * crate::ID_BYTES {
-                self.pending.reserve(self.batch.bytes().max(ROOM.min(ids.len() * crate::ID_BYTES)));
+        let full = self.batch.items() * I::SIZE;
+        while !items.is_empty() {
+            let free = full.saturating_sub(self.pending.len()) / I::SIZE;
+            let (now, later) = items.split_at(free.min(items.len()));
+            // Less than a batch may be left of the room: enough for the last items of a frame.
+            if self.pending.is_empty() && self.pending.capacity() < now.len() * I::SIZE {
+                self.pending.reserve(full.max(ROOM.min(items.len() * I::SIZE)));
             }
-            put_ids(&mut self.pending, now);
-            ids = later;
-            if self.pending.len() == self.batch.bytes() {
+            put_items(&mut self.pending, now);
+            items = later;
+            if self.pending.len() == full {
                 self.flush(&mut emit)?;
             }
         }
@@ -97,10 +101,10 @@ impl FrameWriter {
     /// When no frame is open.
     pub fn flush(&mut self, mut emit: impl FnMut(FrameMessage)) -> Result<(), FrameOrderError> {
         let digest = self.open.as_mut().ok_or(FrameOrderError::NoneOpen)?;
-        // Pending ids are whole and never more than a batch: only an empty batch is refused here.
-        if let Ok(batch) = IdBatch::new(self.pending.split().freeze()) {
-            digest.add(&batch);
-            emit(FrameMessage::Ids(batch));
+        if !self.pending.is_empty() {
+            let batch = self.pending.split().freeze();
+            digest.add(batch.len() / I::SIZE, &batch);
+            emit(FrameMessage::Batch(batch));
         }
         Ok(())
     }
@@ -114,20 +118,20 @@ impl FrameWriter {
         let digest = self.open.take().ok_or(FrameOrderError::NoneOpen)?;
         let frame = digest.frame;
         // No more were taken than that.
-        let ids = u32::try_from(digest.ids).unwrap_or(self.most);
-        let end = FrameEnd { frame, ids, hash: digest.hasher.digest() };
+        let items = u32::try_from(digest.items).unwrap_or(self.most);
+        let end = FrameEnd { frame, items, hash: digest.hasher.digest() };
         emit(FrameMessage::End(end));
         Ok(end)
     }
 
-    /// Says what the sender did for a frame that is over.
+    /// Whether a note may be sent now.
     ///
     /// # Errors
     /// When a frame is open.
-    pub fn stats(&self, stats: FrameStats) -> Result<FrameMessage, FrameOrderError> {
+    pub fn between_frames(&self) -> Result<(), FrameOrderError> {
         match &self.open {
-            Some(digest) => Err(FrameOrderError::StatsInsideFrame { open: digest.frame }),
-            None => Ok(FrameMessage::Stats(stats)),
+            Some(digest) => Err(FrameOrderError::NoteInsideFrame { open: digest.frame }),
+            None => Ok(()),
         }
     }
 }
@@ -155,14 +159,14 @@ pub enum FrameOrderError {
     /// `push` or `finish` before `begin`.
     #[error("no frame is open: begin one first")]
     NoneOpen,
-    /// Statistics before `finish`.
-    #[error("statistics cannot be sent before {open} is finished")]
-    StatsInsideFrame {
+    /// A note before `finish`.
+    #[error("a note cannot be sent before {open} is finished")]
+    NoteInsideFrame {
         /// The frame that is open.
         open: FrameNumber,
     },
-    /// More ids than a frame may have.
-    #[error("{frame} has more than {most} ids, the most that a frame may have here")]
+    /// More items than a frame may have.
+    #[error("{frame} has more than {most} items, the most that a frame may have here")]
     TooMany {
         /// The frame.
         frame: FrameNumber,

@@ -4,8 +4,26 @@ use std::fmt;
 
 use thiserror::Error;
 
-use super::{Digest, FrameEnd, FrameEvent, FrameMessage, FrameOutcome, FrameStart};
+use super::{Digest, FrameEnd, FrameOutcome};
 use crate::FrameNumber;
+
+/// What came on the frames lane.
+#[derive(Debug, Clone, Copy)]
+pub enum FrameStep<'b> {
+    /// A frame begins.
+    Begin(FrameNumber),
+    /// Items of the frame that has begun.
+    Batch {
+        /// How many.
+        items: usize,
+        /// As they travel plain.
+        bytes: &'b [u8],
+    },
+    /// The frame ends.
+    End(FrameEnd),
+    /// Something between two frames.
+    Note,
+}
 
 /// Checks what arrives on the frames lane: order, count and hash.
 pub struct FrameAssembler {
@@ -16,13 +34,13 @@ pub struct FrameAssembler {
 
 impl fmt::Debug for FrameAssembler {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let open = self.open.as_ref().map(|digest| (digest.frame, digest.ids));
+        let open = self.open.as_ref().map(|digest| (digest.frame, digest.items));
         f.debug_struct("FrameAssembler").field("open", &open).field("last", &self.last).finish()
     }
 }
 
 impl FrameAssembler {
-    /// An assembler that waits for a first frame. No frame may have more than `most` ids.
+    /// An assembler that waits for a first frame. No frame may have more than `most` items.
     #[must_use]
     pub const fn new(most: u32) -> Self {
         Self { most, open: None, last: None }
@@ -34,33 +52,23 @@ impl FrameAssembler {
         self.open.as_ref().map(|digest| digest.frame)
     }
 
-    /// Takes the next message.
+    /// Takes the next step.
     ///
     /// # Errors
     /// When it cannot come now or contradicts what came before. The peer cannot be trusted after that.
-    pub fn take(&mut self, message: FrameMessage) -> Result<FrameEvent, FrameViolation> {
-        match message {
-            FrameMessage::Begin(start) => self.begin(start),
-            FrameMessage::Ids(batch) => match &mut self.open {
-                Some(digest) if digest.ids + batch.count() as u64 > u64::from(self.most) => {
-                    Err(FrameViolation::Beyond { frame: digest.frame, most: self.most })
-                }
-                Some(digest) => {
-                    digest.add(&batch);
-                    Ok(FrameEvent::Ids(batch))
-                }
-                None => Err(FrameViolation::IdsOutsideFrame { count: batch.count() }),
-            },
-            FrameMessage::End(end) => self.end(end),
-            FrameMessage::Stats(stats) => match &self.open {
-                None => Ok(FrameEvent::Stats(stats)),
-                Some(digest) => Err(FrameViolation::StatsInsideFrame { open: digest.frame }),
+    pub fn take(&mut self, step: FrameStep<'_>) -> Result<Option<FrameOutcome>, FrameViolation> {
+        match step {
+            FrameStep::Begin(frame) => self.begin(frame).map(|()| None),
+            FrameStep::Batch { items, bytes } => self.batch(items, bytes).map(|()| None),
+            FrameStep::End(end) => self.end(end).map(Some),
+            FrameStep::Note => match &self.open {
+                None => Ok(None),
+                Some(digest) => Err(FrameViolation::NoteInsideFrame { open: digest.frame }),
             },
         }
     }
 
-    fn begin(&mut self, start: FrameStart) -> Result<FrameEvent, FrameViolation> {
-        let begun = start.frame;
+    fn begin(&mut self, begun: FrameNumber) -> Result<(), FrameViolation> {
         if let Some(digest) = &self.open {
             return Err(FrameViolation::BeginInsideFrame { open: digest.frame, begun });
         }
@@ -69,10 +77,23 @@ impl FrameAssembler {
         }
         self.last = Some(begun);
         self.open = Some(Digest::new(begun));
-        Ok(FrameEvent::Begin(start))
+        Ok(())
     }
 
-    fn end(&mut self, end: FrameEnd) -> Result<FrameEvent, FrameViolation> {
+    fn batch(&mut self, items: usize, bytes: &[u8]) -> Result<(), FrameViolation> {
+        match &mut self.open {
+            Some(digest) if digest.items + items as u64 > u64::from(self.most) => {
+                Err(FrameViolation::Beyond { frame: digest.frame, most: self.most })
+            }
+            Some(digest) => {
+                digest.add(items, bytes);
+                Ok(())
+            }
+            None => Err(FrameViolation::ItemsOutsideFrame { count: items }),
+        }
+    }
+
+    fn end(&mut self, end: FrameEnd) -> Result<FrameOutcome, FrameViolation> {
         let Some(digest) = self.open.take() else {
             return Err(FrameViolation::EndOutsideFrame { ended: end.frame });
         };
@@ -80,25 +101,25 @@ impl FrameAssembler {
         if frame != end.frame {
             return Err(FrameViolation::EndOfOtherFrame { open: frame, ended: end.frame });
         }
-        let announced = end.ids;
-        match u32::try_from(digest.ids) {
+        let announced = end.items;
+        match u32::try_from(digest.items) {
             Ok(received) if received < announced => {
-                Ok(FrameEvent::End(FrameOutcome::Incomplete { frame, expected: announced, received }))
+                Ok(FrameOutcome::Incomplete { frame, expected: announced, received })
             }
             Ok(received) if received == announced => {
                 let received = digest.hasher.digest();
                 if received == end.hash {
-                    Ok(FrameEvent::End(FrameOutcome::Complete(end)))
+                    Ok(FrameOutcome::Complete(end))
                 } else {
                     Err(FrameViolation::Hash { frame, announced: end.hash, received })
                 }
             }
-            _ => Err(FrameViolation::TooMany { frame, announced, received: digest.ids }),
+            _ => Err(FrameViolation::TooMany { frame, announced, received: digest.items }),
         }
     }
 }
 
-/// A peer that breaks the order of the frames lane, or whose ids are not those that it announced.
+/// A peer that breaks the order of the frames lane, or whose items are not those that it announced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum FrameViolation {
@@ -118,9 +139,9 @@ pub enum FrameViolation {
         /// The frame that began.
         begun: FrameNumber,
     },
-    /// Ids came outside of a frame.
-    #[error("{count} ids came outside of a frame")]
-    IdsOutsideFrame {
+    /// Items came outside of a frame.
+    #[error("{count} items came outside of a frame")]
+    ItemsOutsideFrame {
         /// How many.
         count: usize,
     },
@@ -138,22 +159,22 @@ pub enum FrameViolation {
         /// The frame that ended.
         ended: FrameNumber,
     },
-    /// Statistics came inside of a frame.
-    #[error("statistics came before {open} ended")]
-    StatsInsideFrame {
+    /// A note came inside of a frame.
+    #[error("a note came before {open} ended")]
+    NoteInsideFrame {
         /// The frame that is open.
         open: FrameNumber,
     },
-    /// More ids came than a frame may have, and no end.
-    #[error("{frame} has more than {most} ids, the most that a frame may have here")]
+    /// More items came than a frame may have, and no end.
+    #[error("{frame} has more than {most} items, the most that a frame may have here")]
     Beyond {
         /// The frame.
         frame: FrameNumber,
         /// The most that it may have.
         most: u32,
     },
-    /// More ids came than the end announces.
-    #[error("{frame} had {received} ids, its end announces {announced}")]
+    /// More items came than the end announces.
+    #[error("{frame} had {received} items, its end announces {announced}")]
     TooMany {
         /// The frame.
         frame: FrameNumber,
@@ -162,8 +183,8 @@ pub enum FrameViolation {
         /// What came.
         received: u64,
     },
-    /// As many ids came as announced, but not the same ones.
-    #[error("the ids of {frame} hash to {received:016x}, its end announces {announced:016x}")]
+    /// As many items came as announced, but not the same ones.
+    #[error("the items of {frame} hash to {received:016x}, its end announces {announced:016x}")]
     Hash {
         /// The frame.
         frame: FrameNumber,

@@ -1,0 +1,46 @@
+//! How large the values of an application are.
+
+use crate::{BatchSize, Fixed, Item, MAX_FIXED, Protocol};
+
+/// The sizes of what an application sends, for the layers that know only bytes.
+#[derive(Debug, Clone, Copy)]
+pub struct Format {
+    /// Bytes of a value of the latest lane.
+    pub latest: usize,
+    /// Bytes of what a frame begins with, beside its number.
+    pub header: usize,
+    /// Bytes of one item of a frame.
+    pub item: usize,
+    /// How many items a coded batch stands for, as it says itself.
+    pub count_coded: fn(&[u8]) -> Option<usize>,
+}
+
+impl Format {
+    /// The sizes of `P`'s types.
+    #[must_use]
+    pub const fn of<P: Protocol>() -> Self {
+        const {
+            assert!(P::Latest::SIZE <= MAX_FIXED, "a value of the latest lane has at most 1024 bytes");
+            assert!(P::Header::SIZE <= MAX_FIXED, "the header of a frame has at most 1024 bytes");
+            assert!(P::Item::SIZE > 0 && P::Item::SIZE <= 256, "an item has 1 to 256 bytes");
+        }
+        Self {
+            latest: P::Latest::SIZE,
+            header: P::Header::SIZE,
+            item: P::Item::SIZE,
+            count_coded: P::count_coded,
+        }
+    }
+
+    /// Bytes of a full batch of `size` items.
+    #[must_use]
+    pub const fn batch(&self, size: BatchSize) -> usize {
+        size.items() * self.item
+    }
+
+    /// Bytes of the message that begins a frame, without the header of messages.
+    #[must_use]
+    pub const fn begin(&self) -> usize {
+        4 + self.header
+    }
+}

@@ -1,0 +1,61 @@
+//! What links of any application have in common on the wire, byte for byte.
+//!
+//! Sans-IO: nothing here touches a socket or a clock. An application describes itself by [`Protocol`]: the
+//! types of its lanes, and how a peer introduces itself. `WIRE.md` beside this crate specifies every byte.
+//!
+//! Sending: a [`FrameWriter`] turns pushed items into [`FrameMessage`]s, [`Message::encode`] turns these into
+//! bytes. Receiving: a [`Decoder`] turns bytes into messages, a [`FrameAssembler`] checks them and judges each
+//! frame.
+//!
+//! ```
+//! use bytes::BytesMut;
+//! use trimaran_wire::{BatchSize, FrameMessage, FrameNumber, FrameWriter, Message};
+//!
+//! let mut writer = FrameWriter::<u32>::new(BatchSize::new(2)?);
+//! let mut out = BytesMut::new();
+//! writer.begin(FrameNumber(0)).unwrap();
+//! writer.push(&[7, 8, 9], |batch| Message::Frame(batch).encode(&mut out)).unwrap();
+//! writer.finish(|message| Message::Frame(message).encode(&mut out)).unwrap();
+//! // Two batches with a header each, of two items and of one, and the end.
+//! assert_eq!(out.len(), (4 + 8) + (4 + 4) + (4 + 16));
+//! # Ok::<(), trimaran_wire::BatchSizeError>(())
+//! ```
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | `protocol` | what an application says over its links: the one trait it implements |
+//! | `fixed`, `batch` | values and items as bytes |
+//! | `frame` | a frame: written, checked, judged |
+//! | `control` | hello, accept, refusal, close |
+//! | `kind`, `message`, `decode` | messages with their headers, and how they are found in a stream |
+//! | `serial` | numbers for lanes without an order of their own |
+
+mod batch;
+mod control;
+mod decode;
+mod fixed;
+mod format;
+mod frame;
+mod kind;
+mod message;
+mod protocol;
+mod serial;
+
+pub use batch::{Batch, BatchError, BatchSize, BatchSizeError, Item};
+pub use control::{
+    Accept, CloseReason, Explanation, ExplanationError, Hello, Lane, ProtocolName, Refusal, SessionId,
+    WireVersion,
+};
+pub use decode::{DecodeError, DecodeFault, Decoder};
+pub use fixed::{Fixed, FixedBytes, MAX_FIXED, to_bytes};
+pub use format::Format;
+pub use frame::{
+    FrameAssembler, FrameEnd, FrameMessage, FrameNumber, FrameOrderError, FrameOutcome, FrameStep,
+    FrameViolation, FrameWriter,
+};
+pub use kind::{HEADER_BYTES, Kind, MAX_NOTE};
+pub use message::Message;
+pub use protocol::{
+    BatchDecoder, BatchEncoder, Batching, CodingError, Delivery, MAX_HELLO, Protocol, Rejection,
+};
+pub use serial::{Numbered, Serial};

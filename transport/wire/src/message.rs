@@ -1,0 +1,200 @@
+//! Every message, and how it is written.
+
+use bytes::{Buf, BufMut, Bytes, BytesMut};
+use serde::{Deserialize, Serialize};
+
+use crate::decode::DecodeFault;
+use crate::kind::Kind;
+use crate::{
+    Accept, CloseReason, FixedBytes, Format, FrameEnd, FrameMessage, FrameNumber, Hello, Lane, Numbered,
+    ProtocolName, Refusal, SessionId, WireVersion, batch,
+};
+
+/// The bytes that every hello starts with, in every version: they tell a peer from a stranger.
+pub(crate) const MAGIC: [u8; 4] = *b"TRIM";
+
+/// Anything that travels.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Message {
+    /// Who connects.
+    Hello(Hello),
+    /// The hello was taken.
+    Accept(Accept),
+    /// The hello was not taken.
+    Refuse(Refusal),
+    /// The peer leaves.
+    Goodbye(CloseReason),
+    /// The peer has nothing to say, and lives.
+    Alive,
+    /// A value of the latest lane.
+    Latest(FixedBytes),
+    /// A value of a latest lane that has no order of its own.
+    Numbered(Numbered),
+    /// A message of the frames lane.
+    Frame(FrameMessage),
+}
+
+/// What follows magic number and version in a hello; behind it stands what the application says.
+#[derive(Serialize, Deserialize)]
+struct HelloBody {
+    protocol: ProtocolName,
+    session: SessionId,
+    lane: Lane,
+}
+
+impl Message {
+    /// What the message is.
+    #[must_use]
+    pub const fn kind(&self) -> Kind {
+        match self {
+            Self::Hello(_) => Kind::Hello,
+            Self::Accept(_) => Kind::Accept,
+            Self::Refuse(_) => Kind::Refuse,
+            Self::Goodbye(_) => Kind::Goodbye,
+            Self::Alive => Kind::Alive,
+            Self::Latest(_) => Kind::Latest,
+            Self::Numbered(_) => Kind::Numbered,
+            Self::Frame(message) => message.kind(),
+        }
+    }
+
+    /// Appends the message with its header to `out`.
+    pub fn encode(&self, out: &mut BytesMut) {
+        match self {
+            Self::Hello(Hello { protocol, session, lane, application }) => {
+                with_header(out, Kind::Hello, |out| {
+                    out.put_slice(&MAGIC);
+                    out.put_u16_le(WireVersion::CURRENT.0);
+                    put_control(
+                        out,
+                        &HelloBody { protocol: protocol.clone(), session: *session, lane: *lane },
+                    );
+                    out.put_slice(application);
+                })
+            }
+            Self::Accept(accept) => with_header(out, Kind::Accept, |out| out.put_slice(&accept.application)),
+            Self::Refuse(refusal) => with_header(out, Kind::Refuse, |out| {
+                out.put_u16_le(WireVersion::CURRENT.0);
+                put_control(out, refusal);
+            }),
+            Self::Goodbye(reason) => with_header(out, Kind::Goodbye, |out| put_control(out, reason)),
+            Self::Alive => out.put_slice(&Kind::Alive.header(0)),
+            Self::Latest(value) => {
+                out.put_slice(&Kind::Latest.header(value.len()));
+                out.put_slice(value);
+            }
+            Self::Numbered(numbered) => {
+                out.put_slice(&Kind::Numbered.header(Numbered::NUMBER_BYTES + numbered.value.len()));
+                numbered.write(out);
+            }
+            Self::Frame(message) => message.encode(out),
+        }
+    }
+
+    /// Reads the payload of a message of this kind; its length is one that the kind allows.
+    pub(crate) fn parse(kind: Kind, payload: Bytes, format: &Format) -> Result<Self, DecodeFault> {
+        let short = DecodeFault::Short { kind };
+        match kind {
+            Kind::Hello => parse_hello(payload),
+            Kind::Accept => Ok(Self::Accept(Accept { application: payload })),
+            Kind::Refuse => parse_refusal(&payload),
+            Kind::Goodbye => parse_control(kind, &payload).map(Self::Goodbye),
+            Kind::Alive => Ok(Self::Alive),
+            Kind::Latest => Ok(Self::Latest(payload.as_ref().into())),
+            Kind::Numbered => Numbered::read(&payload, format.latest).map(Self::Numbered).ok_or(short),
+            Kind::Begin => {
+                let (frame, header) = payload.split_first_chunk().ok_or(short)?;
+                let frame = FrameNumber(u32::from_le_bytes(*frame));
+                Ok(Self::Frame(FrameMessage::Begin { frame, header: header.into() }))
+            }
+            Kind::Batch => {
+                batch::check(payload.len(), format.item).map_err(|cause| DecodeFault::Batch { cause })?;
+                Ok(Self::Frame(FrameMessage::Batch(payload)))
+            }
+            Kind::Coded => Ok(Self::Frame(FrameMessage::Coded(payload))),
+            Kind::Note => Ok(Self::Frame(FrameMessage::Note(payload))),
+            Kind::End => {
+                let words: &[u8; 16] = payload.first_chunk().ok_or(short)?;
+                let word = u128::from_le_bytes(*words);
+                let end = FrameEnd {
+                    frame: FrameNumber(word as u32),
+                    items: (word >> 32) as u32,
+                    hash: (word >> 64) as u64,
+                };
+                Ok(Self::Frame(FrameMessage::End(end)))
+            }
+        }
+    }
+}
+
+impl FrameMessage {
+    /// Appends the message with its header to `out`.
+    pub fn encode(&self, out: &mut BytesMut) {
+        match self {
+            Self::Begin { frame, header } => {
+                out.put_slice(&Kind::Begin.header(4 + header.len()));
+                out.put_u32_le(frame.0);
+                out.put_slice(header);
+            }
+            Self::Batch(bytes) | Self::Coded(bytes) | Self::Note(bytes) => {
+                out.put_slice(&self.kind().header(bytes.len()));
+                out.put_slice(bytes);
+            }
+            Self::End(end) => {
+                out.put_slice(&Kind::End.header(16));
+                out.put_u32_le(end.frame.0);
+                out.put_u32_le(end.items);
+                out.put_u64_le(end.hash);
+            }
+        }
+    }
+}
+
+/// Appends what `write` does, with the header before it.
+fn with_header(out: &mut BytesMut, kind: Kind, write: impl FnOnce(&mut BytesMut)) {
+    let start = out.len();
+    out.put_slice(&[0; crate::HEADER_BYTES]);
+    write(out);
+    let length = out.len() - start - crate::HEADER_BYTES;
+    out[start..start + crate::HEADER_BYTES].copy_from_slice(&kind.header(length));
+}
+
+/// Appends `body` as postcard.
+fn put_control(out: &mut BytesMut, body: &impl Serialize) {
+    // Control types hold integers, options and short strings only: writing them to memory cannot fail.
+    if let Ok(body) = postcard::to_stdvec(body) {
+        out.put_slice(&body);
+    }
+}
+
+/// Reads a whole payload as postcard.
+fn parse_control<T: serde::de::DeserializeOwned>(kind: Kind, payload: &[u8]) -> Result<T, DecodeFault> {
+    let (value, rest) =
+        postcard::take_from_bytes(payload).map_err(|cause| DecodeFault::Control { kind, cause })?;
+    if rest.is_empty() { Ok(value) } else { Err(DecodeFault::Trailing { kind, bytes: rest.len() }) }
+}
+
+fn parse_hello(mut payload: Bytes) -> Result<Message, DecodeFault> {
+    let kind = Kind::Hello;
+    let rest = payload.strip_prefix(&MAGIC).ok_or(DecodeFault::NotTrimaran)?;
+    let (version, body) = rest.split_first_chunk().ok_or(DecodeFault::Short { kind })?;
+    let theirs = WireVersion(u16::from_le_bytes(*version));
+    if theirs != WireVersion::CURRENT {
+        return Err(DecodeFault::Version { ours: WireVersion::CURRENT, theirs });
+    }
+    let (HelloBody { protocol, session, lane }, rest) =
+        postcard::take_from_bytes(body).map_err(|cause| DecodeFault::Control { kind, cause })?;
+    payload.advance(payload.len() - rest.len());
+    Ok(Message::Hello(Hello { protocol, session, lane, application: payload }))
+}
+
+/// A refusal is for the connecting peer, so the version in it is the listener's.
+fn parse_refusal(payload: &[u8]) -> Result<Message, DecodeFault> {
+    let (version, body) = payload.split_first_chunk().ok_or(DecodeFault::Short { kind: Kind::Refuse })?;
+    let listener = WireVersion(u16::from_le_bytes(*version));
+    let connector = WireVersion::CURRENT;
+    if listener != connector {
+        return Ok(Message::Refuse(Refusal::Version { listener, connector }));
+    }
+    parse_control(Kind::Refuse, body).map(Message::Refuse)
+}

@@ -1,0 +1,150 @@
+//! What an application says over its links.
+
+use std::fmt;
+
+use bytes::Bytes;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use thiserror::Error;
+
+use crate::{Batch, BatchSize, Explanation, Fixed, FrameEnd, FrameNumber, Item};
+
+/// What an application says over its links, in which types.
+///
+/// A link has lanes of these kinds, each in both directions: the *latest* lane is a cell of size one, the
+/// *frames* lane carries frames of items. An application that does not use a lane gives it the type `()`.
+pub trait Protocol: Sized + Send + Sync + 'static {
+    /// The protocol's name with its version, as ALPN (RFC 7301) has it: `robot/1`, say. Peers of different
+    /// names refuse each other. At most 32 bytes.
+    const NAME: &'static str;
+
+    /// How a peer introduces itself. At most [`MAX_HELLO`] bytes as postcard writes it.
+    type Hello: Serialize + DeserializeOwned + Clone + PartialEq + fmt::Debug + Send + Sync;
+
+    /// What the latest lane holds.
+    type Latest: Fixed + Clone + fmt::Debug;
+
+    /// What a frame begins with, beside its number.
+    type Header: Fixed + Clone + fmt::Debug;
+
+    /// What a frame is made of.
+    type Item: Item;
+
+    /// What is said between two frames, for instance of the one before. At most 252 bytes as postcard writes
+    /// it.
+    type Note: Serialize + DeserializeOwned + Clone + fmt::Debug + Send + Sync;
+
+    /// What the peer behind `hello` is called in messages and logs.
+    fn name(hello: &Self::Hello) -> String;
+
+    /// Whether the listener behind `ours` takes the peer behind `theirs`. It is asked of the listener.
+    ///
+    /// # Errors
+    /// When the two do not go together, and why: the peer is told.
+    fn admit(_ours: &Self::Hello, _theirs: &Self::Hello) -> Result<(), Rejection> {
+        Ok(())
+    }
+
+    /// The role that a peer claims, where there is one of each at a listener, and where keys can be bound to
+    /// a role. A peer without a role comes as often as it likes.
+    fn role(_hello: &Self::Hello) -> Option<String> {
+        None
+    }
+
+    /// How items travel between these two, where their hellos decide it: for both directions.
+    fn batching(_ours: &Self::Hello, _theirs: &Self::Hello) -> Option<Batching> {
+        None
+    }
+
+    /// How batches sent may travel shorter than plain. None means always plain.
+    fn encoder(_delivery: Delivery) -> Option<Box<dyn BatchEncoder<Self::Item>>> {
+        None
+    }
+
+    /// The other end of [`Protocol::encoder`]. No frame may have more than `max_items`.
+    fn decoder(_max_items: u32) -> Option<Box<dyn BatchDecoder<Self::Item>>> {
+        None
+    }
+
+    /// How many items a coded batch stands for, as it says itself; none where it cannot be read.
+    fn count_coded(_bytes: &[u8]) -> Option<usize> {
+        None
+    }
+}
+
+/// The most bytes of an application's hello.
+pub const MAX_HELLO: usize = 200;
+
+/// How items travel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Batching {
+    /// How many items travel in a batch at most.
+    pub size: BatchSize,
+    /// Whether batches go through the application's [encoder](Protocol::encoder).
+    pub coded: bool,
+}
+
+/// What the layers below promise of the frames that are sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Delivery {
+    /// They arrive in order, none before all of the one before it.
+    Ordered,
+    /// They may be lost or late. [`BatchEncoder::confirmed`] tells which have arrived.
+    Lossy,
+}
+
+/// Writes batches shorter than plain, for instance as changes against what the receiver has already.
+pub trait BatchEncoder<I: Item>: fmt::Debug + Send {
+    /// A frame begins.
+    fn begin(&mut self, frame: FrameNumber);
+
+    /// The shorter form of the frame's next batch; none where it travels plain.
+    fn encode(&mut self, batch: &Batch<I>) -> Option<Bytes>;
+
+    /// The frame ends.
+    fn end(&mut self, end: &FrameEnd);
+
+    /// The receiver has all of `frame`. Told for [`Delivery::Lossy`] only.
+    fn confirmed(&mut self, frame: FrameNumber);
+}
+
+/// Reads what a [`BatchEncoder`] wrote.
+pub trait BatchDecoder<I: Item>: fmt::Debug + Send {
+    /// A frame begins.
+    fn begin(&mut self, frame: FrameNumber);
+
+    /// A batch of the frame came plain.
+    fn plain(&mut self, batch: &Batch<I>);
+
+    /// The batch that came as `bytes`.
+    ///
+    /// # Errors
+    /// When they are no such batch. The peer then counts as one that breaks the protocol.
+    fn decode(&mut self, bytes: &[u8]) -> Result<Batch<I>, CodingError>;
+
+    /// The frame ends.
+    fn end(&mut self, end: &FrameEnd);
+}
+
+/// What is wrong with a coded batch: the application's own error.
+#[derive(Debug, Error)]
+#[error(transparent)]
+pub struct CodingError(#[from] pub Box<dyn std::error::Error + Send + Sync>);
+
+/// Why a listener does not take a peer: a number for programs and a text for people.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, serde::Deserialize, Error)]
+#[error("{why}")]
+pub struct Rejection {
+    /// The application's own number.
+    pub code: u16,
+    /// What a person should know.
+    pub why: Explanation,
+}
+
+impl Rejection {
+    /// A rejection with the application's own number; at most [`Explanation::MAX_BYTES`] of the text travel.
+    #[must_use]
+    pub fn new(code: u16, why: &str) -> Self {
+        Self { code, why: Explanation::new(why) }
+    }
+}
