@@ -7,10 +7,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use thiserror::Error;
-use trimaran_proto::{Identity, Refusal, SessionId};
+use trimaran_wire::{Protocol, Refusal, SessionId};
 
+use crate::application::{Application, Side};
 use crate::error::readable;
 use crate::handshake::HandshakeError;
+use crate::link::Parts;
 use crate::{Endpoint, HostPort, Link, Name, Options, inproc, quic, tcp, udp, unix};
 use trimaran_net::{Instant, Net, sleep_until, until};
 
@@ -22,7 +24,7 @@ const LAST_PAUSE: Duration = Duration::from_secs(2);
 /// How this side introduces itself in one attempt.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Introduction<'o> {
-    pub(crate) identity: Identity,
+    pub(crate) application: &'o dyn Application,
     pub(crate) session: SessionId,
     pub(crate) options: &'o Options,
     /// When the attempt is cut short.
@@ -82,12 +84,12 @@ impl ConnectError {
     /// What the listener said when it refused the last attempt, if that is how it ended. Over TCP and Unix
     /// sockets anybody who listens there may have said so.
     #[must_use]
-    pub const fn refusal(&self) -> Option<Refusal> {
+    pub const fn refusal(&self) -> Option<&Refusal> {
         match self {
             Self::Deadline {
                 last: AttemptError::Handshake { cause: HandshakeError::Refused(refusal), .. },
                 ..
-            } => Some(*refusal),
+            } => Some(refusal),
             _ => None,
         }
     }
@@ -145,7 +147,10 @@ impl AttemptError {
     /// peer says never is.
     fn is_final(&self) -> bool {
         match self {
-            Self::Handshake { cause: HandshakeError::NoKeys | HandshakeError::Tls(_), .. } => true,
+            Self::Handshake {
+                cause: HandshakeError::NoKeys | HandshakeError::Tls(_) | HandshakeError::HelloTooLong(_),
+                ..
+            } => true,
             Self::Connect { cause, .. } => cause.kind() == io::ErrorKind::Unsupported,
             _ => false,
         }
@@ -170,13 +175,17 @@ impl AttemptError {
 /// At once where what this side was given cannot be used. Everything else is tried again, also what a
 /// listener says: a stranger may have its address for a moment, and the peer may be started again with
 /// another scene or other keys. So it ends at the deadline, and the last attempt's error is the source.
-pub async fn connect(
+pub async fn connect<P: Protocol>(
     net: &Arc<dyn Net>,
     endpoint: &Endpoint,
-    identity: Identity,
+    hello: P::Hello,
     options: &Options,
     deadline: Instant,
-) -> Result<Link, ConnectError> {
+) -> Result<Link<P>, ConnectError> {
+    let application = Side::<P>::new(hello).map_err(|e| ConnectError::Failed {
+        endpoint: endpoint.clone(),
+        cause: AttemptError::Handshake { address: endpoint.to_string(), cause: e.into() },
+    })?;
     let started = net.now();
     let mut pause = FIRST_PAUSE;
     let mut attempts = 0;
@@ -186,8 +195,9 @@ pub async fn connect(
         attempts += 1;
         let session = SessionId(net.random().map_err(ConnectError::Random)?);
         let patience = net.now().after(options.handshake).min(deadline);
-        let introduction = Introduction { identity, session, options, by: patience };
-        let attempt = attempt(net, endpoint, &introduction);
+        let introduction = Introduction { application: &*application, session, options, by: patience };
+        let attempt =
+            async { believed::<P>(net, options, attempt(net, endpoint, &introduction).await?).await };
         let last = match until(&**net, patience, attempt).await {
             Some(Ok(link)) => return Ok(link),
             Some(Err(e)) if patience == deadline && e.is_silence() => known.unwrap_or(e),
@@ -236,11 +246,11 @@ fn jittered(pause: Duration, net: &dyn Net) -> io::Result<Duration> {
 }
 
 /// Tries each address of a host once, until one is there: whoever answers has the last word.
-pub(crate) async fn each_address<F: Future<Output = Result<Link, AttemptError>>>(
+pub(crate) async fn each_address<F: Future<Output = Result<Parts, AttemptError>>>(
     net: &Arc<dyn Net>,
     at: &HostPort,
     introduce: impl Fn(SocketAddr) -> F,
-) -> Result<Link, AttemptError> {
+) -> Result<Parts, AttemptError> {
     let mut last = AttemptError::NoAddress;
     for to in net.resolve(&at.to_string()).await.map_err(AttemptError::Resolve)? {
         match introduce(to).await {
@@ -252,13 +262,25 @@ pub(crate) async fn each_address<F: Future<Output = Result<Link, AttemptError>>>
 }
 
 /// The link, if its peer may have the role that it claims; else the peer is told why not.
-pub(crate) async fn believed(link: Link, judged: Result<(), HandshakeError>) -> Result<Link, HandshakeError> {
-    let Err(error) = judged else { return Ok(link) };
-    if let HandshakeError::WrongRole(claim) = &error {
-        // It need not be heard.
-        let _unheard = link.goodbye(claim.goodbye()).await;
+async fn believed<P: Protocol>(
+    net: &Arc<dyn Net>,
+    options: &Options,
+    mut parts: Parts,
+) -> Result<Link<P>, AttemptError> {
+    let (address, doubt) = (parts.address.to_string(), parts.doubt.take());
+    let failed = |cause| AttemptError::Handshake { address, cause };
+    let link = parts.into_link::<P>(net, &options.link);
+    match (link, doubt) {
+        (Some(link), None) => Ok(link),
+        (Some(link), Some(error)) => {
+            if let HandshakeError::WrongRole(claim) = &error {
+                // It need not be heard.
+                let _unheard = link.goodbye(claim.goodbye()).await;
+            }
+            Err(failed(error))
+        }
+        (None, _) => Err(failed(HandshakeError::Closed)),
     }
-    Err(error)
 }
 
 /// Tries once. Each transport has its arm here and in [`Listener::bind`](crate::Listener::bind).
@@ -266,11 +288,11 @@ async fn attempt(
     net: &Arc<dyn Net>,
     endpoint: &Endpoint,
     introduction: &Introduction<'_>,
-) -> Result<Link, AttemptError> {
+) -> Result<Parts, AttemptError> {
     match endpoint {
         Endpoint::Tcp(at) => tcp::attempt(net, at, introduction).await,
         Endpoint::Unix(path) => unix::attempt(net, path, introduction).await,
-        Endpoint::Inproc(name) => inproc::attempt(net, name, introduction).await,
+        Endpoint::Inproc(name) => inproc::attempt(name, introduction).await,
         Endpoint::Quic(at) => quic::attempt(net, at, introduction).await,
         Endpoint::Udp(at) => udp::attempt(net, at, introduction).await,
     }

@@ -3,14 +3,17 @@
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use bytes::Bytes;
 use tokio::sync::mpsc;
-use trimaran_proto::{Identity, Refusal, Role};
+use trimaran_wire::{Explanation, Hello, Refusal};
 
+use crate::application::{Application, Peer};
 use crate::handshake::HandshakeError;
 use crate::keys::WrongRole;
+use crate::link::Parts;
 use crate::pending::{Pending, Slot};
 use crate::rates::{Door, Handshakes, Origin, Sparse, TurnedAway};
-use crate::{Link, Options, PeerAddress};
+use crate::{Options, PeerAddress};
 use trimaran_net::Net;
 
 /// Admits peers and hands their links to whoever accepts. A transport's listening task holds it, asks
@@ -18,28 +21,37 @@ use trimaran_net::Net;
 #[derive(Debug)]
 pub(crate) struct Desk {
     pub(crate) net: Arc<dyn Net>,
-    pub(crate) identity: Identity,
+    pub(crate) application: Arc<dyn Application>,
     pub(crate) options: Options,
-    taken: Arc<Mutex<Vec<Role>>>,
+    taken: Arc<Mutex<Taken>>,
     pending: Pending,
     handshakes: Arc<Handshakes>,
-    done: mpsc::Sender<Link>,
+    done: mpsc::Sender<Parts>,
     last_failure: Mutex<Option<HandshakeError>>,
     warnings: Sparse,
     /// What known keys have claimed without right: each is worth a line, once.
     wrong_roles: Mutex<Vec<WrongRole>>,
 }
 
-/// A role's place at the listener: freed when the last half of its link is dropped.
+/// The places of a listener that are taken.
+#[derive(Debug, Default)]
+struct Taken {
+    peers: usize,
+    roles: Vec<String>,
+}
+
+/// A peer's place at the listener: freed when the last half of its link is dropped.
 #[derive(Debug)]
 pub(crate) struct Place {
-    role: Role,
-    taken: Arc<Mutex<Vec<Role>>>,
+    role: Option<String>,
+    taken: Arc<Mutex<Taken>>,
 }
 
 impl Drop for Place {
     fn drop(&mut self) {
-        lock(&self.taken).retain(|role| *role != self.role);
+        let mut taken = lock(&self.taken);
+        taken.peers -= 1;
+        taken.roles.retain(|role| Some(role) != self.role.as_ref());
     }
 }
 
@@ -49,16 +61,16 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Desk {
-    /// A desk that receives peers of `identity` and hands their links to `done`.
+    /// A desk that receives peers of `application` and hands their links to `done`.
     pub(crate) fn new(
         net: &Arc<dyn Net>,
-        identity: Identity,
+        application: Arc<dyn Application>,
         options: &Options,
-        done: mpsc::Sender<Link>,
+        done: mpsc::Sender<Parts>,
     ) -> Self {
         Self {
             net: Arc::clone(net),
-            identity,
+            application,
             options: options.clone(),
             taken: Arc::default(),
             pending: Pending::new(options.limits.handshakes),
@@ -89,35 +101,49 @@ impl Desk {
         self.handshakes.turned_away()
     }
 
-    /// Whether `theirs` may come in, without taking the place.
-    pub(crate) fn admits(&self, theirs: &Identity) -> Result<(), Refusal> {
-        self.vacant(theirs, &lock(&self.taken))
+    /// Who says `hello`, whether it may come in or not.
+    pub(crate) fn identify(&self, hello: &Hello) -> Result<Peer, HandshakeError> {
+        self.same_protocol(hello).map_err(HandshakeError::Refused)?;
+        self.application.recognize(&hello.application)
     }
 
-    /// Takes the place of `theirs`.
-    pub(crate) fn enter(&self, theirs: &Identity) -> Result<Place, Refusal> {
+    /// Whether who says `hello` may come in; it takes no place yet.
+    pub(crate) fn admits(&self, hello: &Hello) -> Result<(), Refusal> {
+        self.same_protocol(hello)?;
+        self.vacant(&hello.application, &lock(&self.taken)).map(|_| ())
+    }
+
+    fn same_protocol(&self, hello: &Hello) -> Result<(), Refusal> {
+        let (listener, connector) = (self.application.protocol(), hello.protocol.clone());
+        if listener == connector { Ok(()) } else { Err(Refusal::Protocol { listener, connector }) }
+    }
+
+    /// Takes the place of the peer that introduces itself so.
+    pub(crate) fn enter(&self, theirs: &Bytes) -> Result<(Peer, Place), Refusal> {
         let mut taken = lock(&self.taken);
-        self.vacant(theirs, &taken)?;
-        taken.push(theirs.role);
-        Ok(Place { role: theirs.role, taken: Arc::clone(&self.taken) })
+        let peer = self.vacant(theirs, &taken)?;
+        taken.peers += 1;
+        taken.roles.extend(peer.role.clone());
+        let place = Place { role: peer.role.clone(), taken: Arc::clone(&self.taken) };
+        Ok((peer, place))
     }
 
-    fn vacant(&self, theirs: &Identity, taken: &[Role]) -> Result<(), Refusal> {
-        self.identity.admits(theirs)?;
-        if taken.contains(&theirs.role) {
-            return Err(Refusal::RoleTaken { role: theirs.role });
+    fn vacant(&self, theirs: &Bytes, taken: &Taken) -> Result<Peer, Refusal> {
+        let peer = self.application.admit(theirs)?;
+        if let Some(role) = peer.role.as_ref().filter(|role| taken.roles.contains(role)) {
+            return Err(Refusal::RoleTaken { role: Explanation::new(role) });
         }
-        if taken.len() >= self.options.limits.peers {
+        if taken.peers >= self.options.limits.peers {
             self.handshakes.no_place();
             return Err(Refusal::Busy);
         }
-        Ok(())
+        Ok(peer)
     }
 
     /// Hands out a link. Where nobody takes it, dropping it tells the peer.
-    pub(crate) async fn hand_out(&self, link: Link) {
-        link.stats.came_through(Door(Arc::clone(&self.handshakes)));
-        let _unwanted = self.done.send(link).await;
+    pub(crate) async fn hand_out(&self, parts: Parts) {
+        parts.shared.counters.handle().came_through(Door(Arc::clone(&self.handshakes)));
+        let _unwanted = self.done.send(parts).await;
     }
 
     /// Ends when nobody accepts any more.

@@ -4,10 +4,11 @@ use std::io;
 use std::time::Duration;
 
 use thiserror::Error;
-use trimaran_proto::{
-    CodedViolation, DecodeError, FrameOrderError, FrameViolation, Goodbye, Kind, Lane, Role,
+use trimaran_wire::{
+    BatchError, CloseReason, CodingError, DecodeError, FrameOrderError, FrameViolation, Kind, Lane, MAX_NOTE,
 };
 
+use crate::application::PeerName;
 use crate::patience::Expired;
 use crate::rates::TooMany;
 
@@ -19,15 +20,15 @@ pub enum RecvError {
     #[error("{peer} said goodbye: {reason}")]
     Goodbye {
         /// The peer.
-        peer: Role,
+        peer: PeerName,
         /// Its reason.
-        reason: Goodbye,
+        reason: CloseReason,
     },
     /// The connection ended without a goodbye: the peer crashed, was killed, or cannot be reached.
     #[error("the connection to {peer} was lost")]
     Lost {
         /// The peer.
-        peer: Role,
+        peer: PeerName,
         /// How it ended.
         #[source]
         cause: Loss,
@@ -38,7 +39,7 @@ pub enum RecvError {
     )]
     Silent {
         /// The peer.
-        peer: Role,
+        peer: PeerName,
         /// The link's patience.
         waited: Duration,
     },
@@ -46,13 +47,13 @@ pub enum RecvError {
     #[error("nothing came from {peer} before the deadline")]
     Deadline {
         /// The peer.
-        peer: Role,
+        peer: PeerName,
     },
     /// The peer sent what the protocol does not allow. The link cannot be used any more.
     #[error("{peer} broke the protocol")]
     Protocol {
         /// The peer.
-        peer: Role,
+        peer: PeerName,
         /// How.
         #[source]
         cause: ProtocolError,
@@ -67,7 +68,7 @@ pub enum SendError {
     #[error("the connection to {peer} was lost")]
     Lost {
         /// The peer.
-        peer: Role,
+        peer: PeerName,
         /// How it ended.
         #[source]
         cause: Loss,
@@ -78,15 +79,21 @@ pub enum SendError {
     )]
     Stalled {
         /// The peer.
-        peer: Role,
+        peer: PeerName,
         /// The link's patience.
         waited: Duration,
+    },
+    /// A note is longer than it may be.
+    #[error("a note for {peer} is longer than {MAX_NOTE} bytes")]
+    Note {
+        /// The peer.
+        peer: PeerName,
     },
     /// This side called begin, push and finish in an order that makes no frame.
     #[error("a frame for {peer} was put together in the wrong order")]
     Order {
         /// The peer.
-        peer: Role,
+        peer: PeerName,
         /// How.
         #[source]
         cause: FrameOrderError,
@@ -123,15 +130,27 @@ pub enum ProtocolError {
     /// It sent bytes that are no message.
     #[error(transparent)]
     Decode(#[from] DecodeError),
-    /// It broke the order of a frame, or its ids are not those it announced.
+    /// It broke the order of a frame, or its items are not those it announced.
     #[error(transparent)]
     Frame(#[from] FrameViolation),
     /// It broke the rules of the datagrams.
     #[error(transparent)]
     Datagrams(Box<trimaran_udp::Closed>),
-    /// It sent ids as changes that make no sense.
+    /// It sent a coded batch that the application cannot read.
     #[error(transparent)]
-    Coded(#[from] CodedViolation),
+    Coded(CodingError),
+    /// It sent a coded batch, and the application has no such.
+    #[error("a coded batch came, and this protocol has none")]
+    NotCoded,
+    /// It sent a batch that is no whole number of items.
+    #[error(transparent)]
+    Batch(BatchError),
+    /// It sent a value that is none.
+    #[error("it sent a value that is none")]
+    Value(#[source] Box<dyn std::error::Error + Send + Sync>),
+    /// It sent a note that is none.
+    #[error("it sent a note that is none")]
+    Note(#[source] postcard::Error),
     /// It sent more than it may.
     #[error(transparent)]
     TooMany(#[from] TooMany),
@@ -148,14 +167,15 @@ pub enum ProtocolError {
 /// How a lane fails, before it is known for which peer.
 #[derive(Debug)]
 pub(crate) enum LaneError {
-    Goodbye(Goodbye),
+    Goodbye(CloseReason),
     Lost(Loss),
     Expired(Expired),
     Protocol(ProtocolError),
 }
 
 impl LaneError {
-    pub(crate) fn receiving(self, peer: Role, patience: Duration) -> RecvError {
+    pub(crate) fn receiving(self, peer: &PeerName, patience: Duration) -> RecvError {
+        let peer = peer.clone();
         match self {
             Self::Goodbye(reason) => RecvError::Goodbye { peer, reason },
             Self::Lost(cause) => RecvError::Lost { peer, cause },
@@ -185,7 +205,8 @@ pub(crate) enum LaneSendError {
 }
 
 impl LaneSendError {
-    pub(crate) fn sending(self, peer: Role, patience: Duration) -> SendError {
+    pub(crate) fn sending(self, peer: &PeerName, patience: Duration) -> SendError {
+        let peer = peer.clone();
         match self {
             Self::Lost(cause) => SendError::Lost { peer, cause },
             Self::Stalled => SendError::Stalled { peer, waited: patience },

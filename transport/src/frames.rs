@@ -1,108 +1,157 @@
-//! The frames lane: begin, ids, end.
+//! The frames lane: begin, batches, end.
 
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
-use trimaran_proto::{
-    Delivery, DrawableId, FrameAssembler, FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOrderError,
-    FrameOutcome, FrameStart, FrameStats, FrameWriter, Goodbye, IdCoding, IdDecoder, IdEncoder, Kind, Lane,
-    Message,
+use bytes::Bytes;
+use trimaran_wire::{
+    Batch, BatchDecoder, BatchEncoder, Batching, CloseReason, Delivery, Fixed, FrameAssembler, FrameEnd,
+    FrameMessage, FrameNumber, FrameOrderError, FrameOutcome, FrameStep, FrameWriter, Item, MAX_NOTE,
+    Protocol, to_bytes,
 };
 
-use crate::error::{LaneError, LaneSendError, ProtocolError, misplaced};
-use crate::link::{Batching, Capabilities, Shared};
+use crate::error::{LaneError, LaneSendError, ProtocolError};
+use crate::link::{Capabilities, Shared};
 use crate::patience::Patience;
 use crate::rates::Messages;
 use crate::trace::{FrameSpan, Way};
 use crate::{RecvError, SendError, inproc, quic, stream, udp};
 use trimaran_net::Instant;
 
+/// How a frame begins.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameStart<H> {
+    /// The frame's number: it rises from frame to frame.
+    pub frame: FrameNumber,
+    /// What the application says with it.
+    pub header: H,
+}
+
+/// What a receiver of frames learns.
+#[derive(Debug, Clone, PartialEq)]
+pub enum FrameEvent<P: Protocol> {
+    /// A frame begins.
+    Begin(FrameStart<P::Header>),
+    /// Items of the frame that has begun, in the order in which they were pushed.
+    Batch(Batch<P::Item>),
+    /// The frame is over.
+    End(FrameOutcome),
+    /// What the sender says between two frames.
+    Note(P::Note),
+}
+
 /// Sends frames: `begin`, any number of `push`, `finish`.
 ///
 /// Each call waits until the peer's side has room (backpressure), within the link's patience. What a call was
 /// given counts as taken even when its future is dropped: the next call sends it.
 #[derive(Debug)]
-pub struct FrameSender {
-    pub(crate) writer: FrameWriter,
-    /// Where ids do not travel plain.
-    pub(crate) encoder: Option<IdEncoder>,
-    pub(crate) lane: FrameTx,
-    pub(crate) shared: Shared,
-    pub(crate) patience: Patience,
+pub struct FrameSender<P: Protocol> {
+    writer: FrameWriter<P::Item>,
+    /// Where items do not travel plain.
+    encoder: Option<Box<dyn BatchEncoder<P::Item>>>,
+    lane: FrameTx<P>,
+    shared: Shared,
+    patience: Patience,
     span: FrameSpan,
 }
 
 /// Receives frames.
 #[derive(Debug)]
-pub struct FrameReceiver {
-    pub(crate) assembler: FrameAssembler,
-    /// Where ids need not travel plain.
-    decoder: Option<IdDecoder>,
-    pub(crate) lane: FrameRx,
-    pub(crate) shared: Shared,
-    pub(crate) patience: Patience,
+pub struct FrameReceiver<P: Protocol> {
+    assembler: FrameAssembler,
+    /// Where items need not travel plain.
+    decoder: Option<Box<dyn BatchDecoder<P::Item>>>,
+    lane: FrameRx<P>,
+    shared: Shared,
+    patience: Patience,
     rate: Messages,
     span: FrameSpan,
 }
 
 #[derive(Debug)]
-pub(crate) enum FrameTx {
-    Inproc(inproc::FrameTx),
+pub(crate) enum FrameTx<P: Protocol> {
+    Local(inproc::FrameTx<P>),
+    Wire(WireFrameTx),
+}
+
+#[derive(Debug)]
+pub(crate) enum FrameRx<P: Protocol> {
+    Local(inproc::FrameRx<P>),
+    Wire(WireFrameRx),
+}
+
+/// The sending half where frames travel as bytes.
+#[derive(Debug)]
+pub(crate) enum WireFrameTx {
     Stream(stream::FrameTx),
     Quic(quic::FrameTx),
     Udp(udp::FrameTx),
 }
 
+/// The receiving half where frames travel as bytes.
 #[derive(Debug)]
-pub(crate) enum FrameRx {
-    Inproc(inproc::FrameRx),
+pub(crate) enum WireFrameRx {
     Stream(stream::FrameRx),
     Quic(quic::FrameRx),
     Udp(udp::FrameRx),
 }
 
-impl FrameSender {
+impl<P: Protocol> FrameSender<P> {
     pub(crate) fn new(
-        Batching { size, coding }: Batching,
+        Batching { size, coded }: Batching,
         max_frame: u32,
         capabilities: Capabilities,
-        lane: FrameTx,
+        lane: FrameTx<P>,
         shared: Shared,
         patience: Patience,
     ) -> Self {
         let delivery = if capabilities.reliable { Delivery::Ordered } else { Delivery::Lossy };
         // Nothing is coded within one process.
-        let codes = !matches!(lane, FrameTx::Inproc(_));
-        let encoder = (coding == IdCoding::Changes && codes).then(|| IdEncoder::new(delivery));
+        let encoder = match lane {
+            FrameTx::Wire(_) if coded => P::encoder(delivery),
+            _ => None,
+        };
         let writer = FrameWriter::new(size).of_at_most(max_frame);
         Self { writer, encoder, lane, shared, patience, span: FrameSpan::none() }
     }
 
-    /// Begins a frame; its camera is on its way when this returns.
+    /// Begins a frame; its header is on its way when this returns.
     ///
     /// # Errors
     /// When the peer is gone or stalls, a frame is open, or the frame's number is not above the last one's.
-    pub async fn begin(&mut self, start: FrameStart) -> Result<(), SendError> {
-        let message = self.writer.begin(start).map_err(|e| self.order(e))?;
-        self.span = FrameSpan::open(Way::Sent, start.frame, &self.shared);
-        if let (Some(encoder), FrameTx::Udp(lane)) = (&mut self.encoder, &self.lane)
-            && let Some(confirmed) = lane.confirmed()
-        {
-            encoder.confirm(confirmed);
+    pub async fn begin(&mut self, start: FrameStart<P::Header>) -> Result<(), SendError> {
+        let frame = start.frame;
+        self.writer.begin(frame).map_err(|e| self.order(e))?;
+        self.span = FrameSpan::open(Way::Sent, frame, &self.shared);
+        if let Some(encoder) = &mut self.encoder {
+            if let FrameTx::Wire(WireFrameTx::Udp(lane)) = &self.lane
+                && let Some(confirmed) = lane.confirmed()
+            {
+                encoder.confirmed(confirmed);
+            }
+            encoder.begin(frame);
         }
-        self.lane.stage(coded(&mut self.encoder, message), &self.shared);
+        match &mut self.lane {
+            FrameTx::Local(lane) => lane.stage(FrameEvent::Begin(start), &self.shared),
+            FrameTx::Wire(lane) => {
+                let header = to_bytes(&start.header);
+                lane.stage(FrameMessage::Begin { frame, header }, &self.shared);
+            }
+        }
         self.send_staged().await
     }
 
-    /// Adds ids to the open frame. All batches that this fills leave together, in one write where there is
-    /// room; a remainder waits for more ids, [`FrameSender::flush`] or [`FrameSender::finish`].
+    /// Adds items to the open frame. All batches that this fills leave together, in one write where there is
+    /// room; a remainder waits for more items, [`FrameSender::flush`] or [`FrameSender::finish`].
     ///
     /// # Errors
-    /// When the peer is gone or stalls, no frame is open, or the frame would have more ids than it may.
-    pub async fn push(&mut self, ids: &[DrawableId]) -> Result<(), SendError> {
+    /// When the peer is gone or stalls, no frame is open, or the frame would have more items than it may.
+    pub async fn push(&mut self, items: &[P::Item]) -> Result<(), SendError> {
         let Self { writer, encoder, lane, shared, .. } = self;
-        writer.push(ids, |message| lane.stage(coded(encoder, message), shared)).map_err(|e| self.order(e))?;
-        self.shared.counters.sent.count_ids(ids.len());
+        writer
+            .push(items, |message| stage(encoder.as_deref_mut(), lane, message, shared))
+            .map_err(|e| self.order(e))?;
+        self.shared.counters.sent.count_items(items.len());
         self.send_staged().await
     }
 
@@ -112,7 +161,9 @@ impl FrameSender {
     /// As [`FrameSender::push`].
     pub async fn flush(&mut self) -> Result<(), SendError> {
         let Self { writer, encoder, lane, shared, .. } = self;
-        writer.flush(|message| lane.stage(coded(encoder, message), shared)).map_err(|e| self.order(e))?;
+        writer
+            .flush(|message| stage(encoder.as_deref_mut(), lane, message, shared))
+            .map_err(|e| self.order(e))?;
         self.send_staged().await
     }
 
@@ -123,87 +174,156 @@ impl FrameSender {
     pub async fn finish(&mut self) -> Result<FrameEnd, SendError> {
         let Self { writer, encoder, lane, shared, .. } = self;
         let end = writer
-            .finish(|message| lane.stage(coded(encoder, message), shared))
+            .finish(|message| stage(encoder.as_deref_mut(), lane, message, shared))
             .map_err(|e| self.order(e))?;
         self.send_staged().await?;
-        self.span.close(Way::Sent, end.ids, true, &self.shared);
+        self.span.close(Way::Sent, end.items, true, &self.shared);
         Ok(end)
     }
 
-    /// Sends what this side did for a frame that is over.
+    /// Says something between two frames.
     ///
     /// # Errors
-    /// When the peer is gone or stalls, or a frame is open.
-    pub async fn stats(&mut self, stats: &FrameStats) -> Result<(), SendError> {
-        let message = self.writer.stats(*stats).map_err(|e| self.order(e))?;
-        self.lane.stage(coded(&mut self.encoder, message), &self.shared);
+    /// When the peer is gone or stalls, a frame is open, or the note has more than [`MAX_NOTE`] bytes.
+    pub async fn note(&mut self, note: &P::Note) -> Result<(), SendError> {
+        self.writer.between_frames().map_err(|e| self.order(e))?;
+        match &mut self.lane {
+            FrameTx::Local(lane) => lane.stage(FrameEvent::Note(note.clone()), &self.shared),
+            FrameTx::Wire(lane) => {
+                let bytes = postcard::to_stdvec(note).ok().filter(|bytes| bytes.len() <= MAX_NOTE);
+                let peer = || self.shared.peer.clone();
+                let bytes = bytes.ok_or_else(|| SendError::Note { peer: peer() })?;
+                lane.stage(FrameMessage::Note(bytes.into()), &self.shared);
+            }
+        }
         self.send_staged().await
     }
 
     /// Says goodbye on this lane. A frame that is open stays unfinished.
     ///
+    /// Dropping the future may leave the goodbye unsaid.
+    ///
     /// # Errors
     /// When the peer is gone already, or takes nothing within the link's patience.
-    pub async fn goodbye(mut self, reason: Goodbye) -> Result<(), SendError> {
-        self.lane.stage(Message::Goodbye(reason), &self.shared);
+    pub async fn goodbye(mut self, reason: CloseReason) -> Result<(), SendError> {
+        match &mut self.lane {
+            FrameTx::Local(lane) => lane.stage_goodbye(reason, &self.shared),
+            FrameTx::Wire(lane) => lane.stage_goodbye(reason, &self.shared),
+        }
         self.send_staged().await?;
         match &mut self.lane {
-            FrameTx::Inproc(_) => Ok(()),
-            FrameTx::Stream(lane) => lane.close(&mut self.patience).await,
-            FrameTx::Quic(lane) => lane.close(&mut self.patience).await,
-            FrameTx::Udp(lane) => lane.close(&mut self.patience).await,
+            FrameTx::Local(_) => Ok(()),
+            FrameTx::Wire(lane) => lane.close(&mut self.patience).await,
         }
         .map_err(|e| self.error(e))
     }
 
     async fn send_staged(&mut self) -> Result<(), SendError> {
         match &mut self.lane {
-            FrameTx::Inproc(lane) => lane.send_staged(&mut self.patience).await,
-            FrameTx::Stream(lane) => lane.send_staged(&mut self.patience).await,
-            FrameTx::Quic(lane) => lane.send_staged(&mut self.patience).await,
-            FrameTx::Udp(lane) => lane.send_staged(&mut self.patience).await,
+            FrameTx::Local(lane) => lane.send_staged(&mut self.patience).await,
+            FrameTx::Wire(lane) => lane.send_staged(&mut self.patience).await,
         }
         .map_err(|e| self.error(e))
     }
 
     fn error(&self, error: LaneSendError) -> SendError {
-        error.sending(self.shared.peer, self.patience.limit())
+        error.sending(&self.shared.peer, self.patience.limit())
     }
 
-    const fn order(&self, cause: FrameOrderError) -> SendError {
-        SendError::Order { peer: self.shared.peer, cause }
+    fn order(&self, cause: FrameOrderError) -> SendError {
+        SendError::Order { peer: self.shared.peer.clone(), cause }
     }
 }
 
-impl FrameTx {
-    /// Puts a message in the queue of this side.
-    fn stage(&mut self, message: Message, shared: &Shared) {
-        match self {
-            Self::Inproc(lane) => lane.stage(message, shared),
-            Self::Stream(lane) => lane.stage(&message, shared),
-            Self::Quic(lane) => lane.stage(&message, shared),
-            Self::Udp(lane) => lane.stage(message, shared),
-        }
+/// Puts what a frame writer gives into the queue of this side.
+fn stage<P: Protocol>(
+    encoder: Option<&mut (dyn BatchEncoder<P::Item> + 'static)>,
+    lane: &mut FrameTx<P>,
+    message: FrameMessage,
+    shared: &Shared,
+) {
+    match lane {
+        FrameTx::Local(lane) => match message {
+            FrameMessage::Batch(bytes) => {
+                // A writer's batches are sound.
+                if let Ok(batch) = Batch::new(bytes) {
+                    lane.stage(FrameEvent::Batch(batch), shared);
+                }
+            }
+            FrameMessage::End(end) => lane.stage(FrameEvent::End(FrameOutcome::Complete(end)), shared),
+            _ => {}
+        },
+        FrameTx::Wire(lane) => lane.stage(coded(encoder, message), shared),
     }
 }
 
 /// What travels for a message of a frame.
-fn coded(encoder: &mut Option<IdEncoder>, message: FrameMessage) -> Message {
-    match encoder {
-        Some(encoder) => encoder.encode(message),
-        None => Message::Frame(message),
+fn coded<I: Item>(
+    encoder: Option<&mut (dyn BatchEncoder<I> + 'static)>,
+    message: FrameMessage,
+) -> FrameMessage {
+    let Some(encoder) = encoder else { return message };
+    match message {
+        FrameMessage::Batch(bytes) => {
+            let batch = Batch::new(bytes.clone()).ok();
+            let shorter = batch.and_then(|batch| encoder.encode(&batch));
+            shorter.map_or(FrameMessage::Batch(bytes), FrameMessage::Coded)
+        }
+        FrameMessage::End(end) => {
+            encoder.end(&end);
+            FrameMessage::End(end)
+        }
+        other => other,
     }
 }
 
-impl FrameReceiver {
+impl WireFrameTx {
+    /// Puts a message in the queue of this side.
+    fn stage(&mut self, message: FrameMessage, shared: &Shared) {
+        match self {
+            Self::Stream(lane) => lane.stage(&message.into(), shared),
+            Self::Quic(lane) => lane.stage(&message.into(), shared),
+            Self::Udp(lane) => lane.stage(message, shared),
+        }
+    }
+
+    fn stage_goodbye(&mut self, reason: CloseReason, shared: &Shared) {
+        match self {
+            Self::Stream(lane) => lane.stage(&reason.into(), shared),
+            Self::Quic(lane) => lane.stage(&reason.into(), shared),
+            Self::Udp(lane) => lane.stage_goodbye(reason, shared),
+        }
+    }
+
+    async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
+        match self {
+            Self::Stream(lane) => lane.send_staged(patience).await,
+            Self::Quic(lane) => lane.send_staged(patience).await,
+            Self::Udp(lane) => lane.send_staged(patience).await,
+        }
+    }
+
+    async fn close(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
+        match self {
+            Self::Stream(lane) => lane.close(patience).await,
+            Self::Quic(lane) => lane.close(patience).await,
+            Self::Udp(lane) => lane.close(patience).await,
+        }
+    }
+}
+
+impl<P: Protocol> FrameReceiver<P> {
     pub(crate) fn new(
         max_frame: u32,
-        lane: FrameRx,
+        lane: FrameRx<P>,
         shared: Shared,
         patience: Patience,
         rate: Messages,
     ) -> Self {
-        let decoder = (!matches!(lane, FrameRx::Inproc(_))).then(|| IdDecoder::new(max_frame));
+        let decoder = match lane {
+            FrameRx::Wire(_) => P::decoder(max_frame),
+            FrameRx::Local(_) => None,
+        };
         let assembler = FrameAssembler::new(max_frame);
         Self { assembler, decoder, lane, shared, patience, rate, span: FrameSpan::none() }
     }
@@ -212,7 +332,7 @@ impl FrameReceiver {
     ///
     /// # Errors
     /// When the peer said goodbye, is lost, broke the protocol, or sent nothing within the link's patience.
-    pub async fn recv(&mut self) -> Result<FrameEvent, RecvError> {
+    pub async fn recv(&mut self) -> Result<FrameEvent<P>, RecvError> {
         self.recv_until(None).await
     }
 
@@ -220,7 +340,7 @@ impl FrameReceiver {
     ///
     /// # Errors
     /// As there, and [`RecvError::Deadline`].
-    pub async fn recv_by(&mut self, deadline: Instant) -> Result<FrameEvent, RecvError> {
+    pub async fn recv_by(&mut self, deadline: Instant) -> Result<FrameEvent<P>, RecvError> {
         self.recv_until(Some(deadline)).await
     }
 
@@ -229,7 +349,7 @@ impl FrameReceiver {
     ///
     /// # Errors
     /// When the peer said goodbye, is lost, or broke the protocol.
-    pub fn try_recv(&mut self) -> Result<Option<FrameEvent>, RecvError> {
+    pub fn try_recv(&mut self) -> Result<Option<FrameEvent<P>>, RecvError> {
         // Not bound by the runtime's budget of a task, which would show a full queue as an empty one to a
         // loop that never yields.
         let next = pin!(tokio::task::unconstrained(self.recv_until(None)));
@@ -254,67 +374,109 @@ impl FrameReceiver {
         self.assembler.open_frame()
     }
 
-    async fn recv_until(&mut self, by: Option<Instant>) -> Result<FrameEvent, RecvError> {
-        let message = match &mut self.lane {
-            FrameRx::Inproc(lane) => lane.next(by, &self.shared, &mut self.patience).await,
-            FrameRx::Stream(lane) => lane.next(by, &self.shared, &mut self.patience).await,
-            FrameRx::Quic(lane) => lane.next(by, &self.shared, &mut self.patience).await,
-            FrameRx::Udp(lane) => lane.next(by, &self.shared, &mut self.patience).await,
+    async fn recv_until(&mut self, by: Option<Instant>) -> Result<FrameEvent<P>, RecvError> {
+        let event = match &mut self.lane {
+            FrameRx::Local(lane) => lane.next(by, &self.shared, &mut self.patience).await,
+            FrameRx::Wire(lane) => {
+                let message = lane.next(by, &self.shared, &mut self.patience).await;
+                let rate = &mut self.rate;
+                message.and_then(|message| {
+                    rate.count(|| self.patience.now()).map_err(|e| {
+                        self.shared.counters.flooded();
+                        LaneError::Protocol(ProtocolError::TooMany(e))
+                    })?;
+                    decoded::<P>(self.decoder.as_deref_mut(), message)
+                })
+            }
         };
-        let event = message
-            .and_then(|message| {
-                self.rate.count(|| self.patience.now()).map_err(|e| {
-                    self.shared.counters.flooded();
-                    LaneError::Protocol(ProtocolError::TooMany(e))
-                })?;
-                let message = decoded(&mut self.decoder, message)?;
-                self.assembler.take(message).map_err(|e| LaneError::Protocol(ProtocolError::Frame(e)))
-            })
-            .map_err(|e| e.receiving(self.shared.peer, self.patience.limit()))?;
+        let event = event
+            .and_then(|event| self.judged(event))
+            .map_err(|e| e.receiving(&self.shared.peer, self.patience.limit()))?;
         match &event {
             FrameEvent::Begin(start) => {
                 self.span = FrameSpan::open(Way::Received, start.frame, &self.shared);
             }
-            FrameEvent::Ids(batch) => self.shared.counters.received.count_ids(batch.count()),
+            FrameEvent::Batch(batch) => self.shared.counters.received.count_items(batch.count()),
             FrameEvent::End(FrameOutcome::Complete(end)) => {
-                self.span.close(Way::Received, end.ids, true, &self.shared);
+                self.span.close(Way::Received, end.items, true, &self.shared);
             }
             FrameEvent::End(FrameOutcome::Incomplete { received, .. }) => {
                 self.span.close(Way::Received, *received, false, &self.shared);
             }
-            FrameEvent::Stats(_) => {}
+            FrameEvent::Note(_) => {}
         }
         Ok(event)
     }
+
+    /// The event, if it may come now. What became of a frame is found out here.
+    fn judged(&mut self, event: FrameEvent<P>) -> Result<FrameEvent<P>, LaneError> {
+        let step = match &event {
+            FrameEvent::Begin(start) => FrameStep::Begin(start.frame),
+            FrameEvent::Batch(batch) => FrameStep::Batch { items: batch.count(), bytes: batch.as_bytes() },
+            FrameEvent::End(FrameOutcome::Complete(end)) => FrameStep::End(*end),
+            FrameEvent::End(_) | FrameEvent::Note(_) => FrameStep::Note,
+        };
+        let outcome = self.assembler.take(step).map_err(|e| LaneError::Protocol(ProtocolError::Frame(e)))?;
+        Ok(outcome.map_or(event, FrameEvent::End))
+    }
 }
 
-/// The message of a frame that travelled as `message`.
-fn decoded(decoder: &mut Option<IdDecoder>, message: Message) -> Result<FrameMessage, LaneError> {
-    match (decoder, message) {
-        (None, Message::Frame(message)) => Ok(message),
-        (Some(decoder), Message::Frame(message)) => Ok(decoder.plain(message)),
-        (Some(decoder), Message::Coded(coded)) => {
-            decoder.coded(&coded).map_err(|e| LaneError::Protocol(e.into()))
+impl WireFrameRx {
+    async fn next(
+        &mut self,
+        by: Option<Instant>,
+        shared: &Shared,
+        patience: &mut Patience,
+    ) -> Result<FrameMessage, LaneError> {
+        match self {
+            Self::Stream(lane) => lane.next(by, shared, patience).await,
+            Self::Quic(lane) => lane.next(by, shared, patience).await,
+            Self::Udp(lane) => lane.next(by, shared, patience).await,
         }
-        (_, other) => Err(misplaced(other.kind(), Lane::Frames)),
     }
 }
 
-/// The kind and payload size of a message of the frames lane where messages have no headers of their own.
-pub(crate) fn weight(message: &Message) -> (Kind, usize) {
-    match message {
-        Message::Frame(message) => frame_weight(message),
-        Message::Coded(batch) => (Kind::Coded, batch.as_bytes().len()),
-        _ => (message.kind(), 0),
-    }
+/// The event that travelled as `message`. An end is taken for that of a complete frame until it is judged.
+fn decoded<P: Protocol>(
+    decoder: Option<&mut (dyn BatchDecoder<P::Item> + 'static)>,
+    message: FrameMessage,
+) -> Result<FrameEvent<P>, LaneError> {
+    let broken = |e| LaneError::Protocol(e);
+    Ok(match message {
+        FrameMessage::Begin { frame, header } => {
+            let header = P::Header::read(&header).map_err(|e| broken(ProtocolError::Value(Box::new(e))))?;
+            if let Some(decoder) = decoder {
+                decoder.begin(frame);
+            }
+            FrameEvent::Begin(FrameStart { frame, header })
+        }
+        FrameMessage::Batch(bytes) => {
+            let batch = batch(bytes)?;
+            if let Some(decoder) = decoder {
+                decoder.plain(&batch);
+            }
+            FrameEvent::Batch(batch)
+        }
+        FrameMessage::Coded(bytes) => match decoder {
+            Some(decoder) => {
+                FrameEvent::Batch(decoder.decode(&bytes).map_err(|e| broken(ProtocolError::Coded(e)))?)
+            }
+            None => return Err(broken(ProtocolError::NotCoded)),
+        },
+        FrameMessage::End(end) => {
+            if let Some(decoder) = decoder {
+                decoder.end(&end);
+            }
+            FrameEvent::End(FrameOutcome::Complete(end))
+        }
+        FrameMessage::Note(bytes) => {
+            let note = postcard::from_bytes(&bytes).map_err(|e| broken(ProtocolError::Note(e)))?;
+            FrameEvent::Note(note)
+        }
+    })
 }
 
-/// The same of a message that is of a frame.
-pub(crate) fn frame_weight(message: &FrameMessage) -> (Kind, usize) {
-    match message {
-        FrameMessage::Begin(_) => (Kind::Begin, *Kind::Begin.lengths().end()),
-        FrameMessage::Ids(batch) => (Kind::Ids, batch.as_bytes().len()),
-        FrameMessage::End(_) => (Kind::End, *Kind::End.lengths().end()),
-        FrameMessage::Stats(_) => (Kind::Stats, 0),
-    }
+/// Bytes that came as a batch: whole items by the time that they are here.
+fn batch<I: Item>(bytes: Bytes) -> Result<Batch<I>, LaneError> {
+    Batch::new(bytes).map_err(|e| LaneError::Protocol(ProtocolError::Batch(e)))
 }

@@ -2,9 +2,11 @@
 
 use std::io;
 
+use bytes::Bytes;
 use thiserror::Error;
-use trimaran_proto::{DecodeError, DecodeFault, Hello, Identity, Kind, Message, Refusal};
+use trimaran_wire::{DecodeError, DecodeFault, Hello, Kind, Message, ProtocolName, Refusal};
 
+use crate::application::HelloTooLong;
 use crate::error::{LaneError, Loss, ProtocolError};
 use crate::keys::{Fingerprint, WrongRole};
 use crate::quic::UnknownPeer;
@@ -76,12 +78,18 @@ pub enum HandshakeError {
         presented: Fingerprint,
     },
     /// The other side speaks QUIC, but no protocol or version of ours.
-    #[error("the other side does not speak trimaran/1: install the same release on both")]
-    Alpn,
-    /// Cameras do not fit into the datagrams of the connection.
-    #[error("cameras need datagrams of {needed} bytes, and the connection allows {}", .allowed.map_or("none".to_owned(), |n| n.to_string()))]
+    #[error("the other side speaks QUIC, but not {0}: install the same release on both")]
+    Alpn(ProtocolName),
+    /// This side's hello is too long.
+    #[error(transparent)]
+    HelloTooLong(#[from] HelloTooLong),
+    /// The other side's hello cannot be read.
+    #[error("the other side's hello cannot be read: install the same release on both")]
+    Hello(#[source] postcard::Error),
+    /// Values of the latest lane do not fit into the datagrams of the connection.
+    #[error("values of the latest lane need datagrams of {needed} bytes, and the connection allows {}", .allowed.map_or("none".to_owned(), |n| n.to_string()))]
     Datagrams {
-        /// What a camera needs, bytes.
+        /// What a value needs, bytes.
         needed: usize,
         /// What the peer and the way allow, bytes.
         allowed: Option<usize>,
@@ -98,7 +106,7 @@ impl HandshakeError {
     /// What the peer is told, where it is refused.
     pub(crate) fn refusal(&self) -> Option<Refusal> {
         match self {
-            Self::Refused(refusal) => Some(*refusal),
+            Self::Refused(refusal) => Some(refusal.clone()),
             Self::WrongRole(claim) => Some(claim.refusal()),
             _ => None,
         }
@@ -124,10 +132,8 @@ impl From<LaneError> for HandshakeError {
             LaneError::Protocol(ProtocolError::Decode(e)) => Self::Decode(e),
             LaneError::Protocol(ProtocolError::Misplaced { kind, .. }) => Self::Unexpected { kind },
             LaneError::Protocol(ProtocolError::TooMany(e)) => Self::TooMany(e),
-            LaneError::Protocol(ProtocolError::Frame(_) | ProtocolError::Datagrams(_)) => {
-                Self::Unexpected { kind: Kind::Ids }
-            }
-            LaneError::Protocol(ProtocolError::Coded(_)) => Self::Unexpected { kind: Kind::Coded },
+            // What belongs on a lane.
+            LaneError::Protocol(_) => Self::Unexpected { kind: Kind::Batch },
             LaneError::Goodbye(_) => Self::Unexpected { kind: Kind::Goodbye },
             LaneError::Expired(_) => Self::TimedOut,
         }
@@ -145,7 +151,7 @@ pub(crate) trait Parley: Send {
     /// Refuses, and is why the handshake failed, also where the other side is gone before it could be told.
     fn refuse(&mut self, refusal: Refusal) -> impl Future<Output = HandshakeError> + Send {
         async move {
-            let _untold = self.dismiss(refusal).await;
+            let _untold = self.dismiss(refusal.clone()).await;
             HandshakeError::Refused(refusal)
         }
     }
@@ -170,10 +176,10 @@ pub(crate) trait Parley: Send {
     }
 
     /// Reads the answer to a hello.
-    fn recv_answer(&mut self) -> impl Future<Output = Result<Identity, HandshakeError>> + Send {
+    fn recv_answer(&mut self) -> impl Future<Output = Result<Bytes, HandshakeError>> + Send {
         async {
             match self.recv().await? {
-                Message::Accept(accept) => Ok(accept.identity),
+                Message::Accept(accept) => Ok(accept.application),
                 Message::Refuse(refusal) => Err(HandshakeError::Refused(refusal)),
                 other => Err(HandshakeError::Unexpected { kind: other.kind() }),
             }

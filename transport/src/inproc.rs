@@ -1,28 +1,29 @@
-//! Links within one process: nothing is encoded, ids are shared.
+//! Links within one process: values travel as they are, nothing is encoded.
 
 mod queue;
 
+use std::any::Any;
 use std::collections::{HashMap, VecDeque};
 use std::io;
 use std::sync::{Arc, LazyLock, Mutex, Weak};
 
 use tokio::sync::watch;
-use trimaran_proto::{Camera, Goodbye, Identity, Kind, Message, Refusal, SessionId};
+use trimaran_wire::{CloseReason, Fixed, Kind, Protocol, Refusal, SessionId};
 
 use crate::Name;
+use crate::application::{Application, Peer, Side};
 use crate::connect::{AttemptError, Introduction};
 use crate::desk::{Desk, Place, lock};
 use crate::error::{LaneError, LaneSendError, Loss};
-use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx, weight};
+use crate::frames::FrameEvent;
 use crate::handshake::HandshakeError;
-use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
-use crate::link::{Batching, Capabilities, Link, LinkConfig, Parts, PeerAddress, PeerInfo, Shared};
+use crate::link::{Capabilities, Lanes as AnyLanes, Link, LinkConfig, Parts, PeerAddress, Shared};
 use crate::patience::Patience;
 use crate::stats::Counters;
 use trimaran_net::{Instant, Net};
 
 /// The most messages of the frames lane that may wait for their reader, and that it may have taken at once:
-/// 32 MiB of ids in all at the largest batch size.
+/// of items of 4 bytes 32 MiB in all at the largest batch size.
 const QUEUE: usize = 256;
 
 const CAPABILITIES: Capabilities =
@@ -52,72 +53,87 @@ pub(crate) fn listen(name: &Name, desk: &Arc<Desk>) -> io::Result<Registered> {
 }
 
 /// Makes a link with whoever listens as `name`.
-pub(crate) async fn attempt(
-    net: &Arc<dyn Net>,
-    name: &Name,
-    introduction: &Introduction<'_>,
-) -> Result<Link, AttemptError> {
+pub(crate) async fn attempt(name: &Name, introduction: &Introduction<'_>) -> Result<Parts, AttemptError> {
     let found = lock(&LISTENERS).get(name).and_then(Weak::upgrade);
     let desk = found.ok_or_else(|| AttemptError::Nobody { name: name.clone() })?;
-    let Introduction { identity: ours, session, options, .. } = *introduction;
-    let theirs = desk.identity;
-    let place = desk.enter(&ours).map_err(|refusal| AttemptError::Handshake {
-        address: name.to_string(),
-        cause: HandshakeError::Refused(refusal),
-    })?;
-    let there = &desk.options.link;
-    let (sent, taken) = Lanes::pair();
-    let here = assemble(
-        net,
-        theirs,
-        session,
-        options.link.batching_between(&ours, &theirs),
-        &options.link,
-        sent,
-        None,
-    );
-    let batching = there.batching_between(&theirs, &ours);
-    desk.hand_out(assemble(&desk.net, ours, session, batching, there, taken, Some(place))).await;
-    Ok(here)
+    let Introduction { application, session, .. } = *introduction;
+    let failed = |cause| AttemptError::Handshake { address: name.to_string(), cause };
+    let refused = |refusal| failed(HandshakeError::Refused(refusal));
+    if desk.application.type_of() != application.type_of() {
+        let (listener, connector) = (desk.application.protocol(), application.protocol());
+        return Err(refused(Refusal::Protocol { listener, connector }));
+    }
+    let (ours, place) = desk.enter(application.hello()).map_err(refused)?;
+    let theirs = application.recognize(desk.application.hello()).map_err(failed)?;
+    let [here, there] = application.local_lanes();
+    desk.hand_out(assemble(&*desk.application, ours, session, there, Some(place))).await;
+    Ok(assemble(application, theirs, session, here, None))
 }
 
 /// Two links, each the other's peer: the first is `ours`, and has `theirs` at its other end.
 ///
 /// # Errors
 /// As a handshake would: when the two do not go together.
-pub fn pair(
+pub fn pair<P: Protocol>(
     net: &Arc<dyn Net>,
-    ours: Identity,
-    theirs: Identity,
+    ours: P::Hello,
+    theirs: P::Hello,
     config: &LinkConfig,
-) -> Result<(Link, Link), Refusal> {
-    ours.admits(&theirs)?;
-    let batching = config.batching_between(&ours, &theirs);
-    let (here, there) = Lanes::pair();
-    let make = |peer, lanes| assemble(net, peer, SessionId(0), batching, config, lanes, None);
-    Ok((make(theirs, here), make(ours, there)))
+) -> Result<(Link<P>, Link<P>), HandshakeError> {
+    let (here, there) = (Side::<P>::new(ours)?, Side::<P>::new(theirs)?);
+    let guest = here.admit(there.hello()).map_err(HandshakeError::Refused)?;
+    let host = there.recognize(here.hello())?;
+    let [near, far] = here.local_lanes();
+    let near = assemble(&*here, guest, SessionId(0), near, None).into_link(net, config);
+    let far = assemble(&*there, host, SessionId(0), far, None).into_link(net, config);
+    near.zip(far).ok_or(HandshakeError::Closed)
+}
+
+fn assemble(
+    application: &dyn Application,
+    peer: Peer,
+    session: SessionId,
+    lanes: Box<dyn Any + Send>,
+    place: Option<Place>,
+) -> Parts {
+    Parts {
+        lanes: AnyLanes::Local(lanes),
+        session,
+        address: PeerAddress::InProcess,
+        capabilities: CAPABILITIES,
+        shared: Shared {
+            peer: peer.name.clone(),
+            format: application.format(),
+            counters: Counters::unframed(),
+            place: place.map(|place| Arc::new(place) as _),
+        },
+        peer,
+        doubt: None,
+    }
 }
 
 /// One end of both lanes.
-struct Lanes {
-    latest: (LatestTx, LatestRx),
-    frames: (FrameTx, FrameRx),
+#[derive(Debug)]
+pub(crate) struct Lanes<P: Protocol> {
+    pub(crate) latest: (LatestTx<P>, LatestRx<P>),
+    pub(crate) frames: (FrameTx<P>, FrameRx<P>),
 }
 
-impl Lanes {
+impl<P: Protocol> Lanes<P> {
     /// Both ends.
-    fn pair() -> (Self, Self) {
+    pub(crate) fn pair() -> [Self; 2] {
         let ((latest_a, frames_a), (latest_b, frames_b)) = (direction(), direction());
-        (
+        [
             Self { latest: (latest_a.0, latest_b.1), frames: (frames_a.0, frames_b.1) },
             Self { latest: (latest_b.0, latest_a.1), frames: (frames_b.0, frames_a.1) },
-        )
+        ]
     }
 }
 
 /// Both lanes in one direction.
-fn direction() -> ((LatestTx, LatestRx), (FrameTx, FrameRx)) {
-    let (cell, view) = watch::channel(Cell::default());
+#[expect(clippy::type_complexity, reason = "both halves of both lanes")]
+fn direction<P: Protocol>() -> ((LatestTx<P>, LatestRx<P>), (FrameTx<P>, FrameRx<P>)) {
+    let (cell, view) = watch::channel(Cell { value: None, number: 0, farewell: None });
     let (queue, messages) = queue::queue(QUEUE);
     (
         (LatestTx { cell }, LatestRx { view, seen: 0 }),
@@ -125,58 +141,34 @@ fn direction() -> ((LatestTx, LatestRx), (FrameTx, FrameRx)) {
     )
 }
 
-fn assemble(
-    net: &Arc<dyn Net>,
-    peer: Identity,
-    session: SessionId,
-    batching: Batching,
-    config: &LinkConfig,
-    Lanes { latest, frames }: Lanes,
-    place: Option<Place>,
-) -> Link {
-    Parts {
-        latest: (AnyLatestTx::Inproc(latest.0), AnyLatestRx::Inproc(latest.1)),
-        frames: (AnyFrameTx::Inproc(frames.0), AnyFrameRx::Inproc(frames.1)),
-        peer: PeerInfo { identity: peer, session, address: PeerAddress::InProcess },
-        capabilities: CAPABILITIES,
-        shared: Shared {
-            peer: peer.role,
-            counters: Counters::unframed(),
-            _place: place.map(|place| Arc::new(place) as _),
-        },
-        batching,
-    }
-    .into_link(net, config)
-}
-
 /// What the latest lane holds.
-#[derive(Debug, Default)]
-struct Cell {
-    camera: Option<Camera>,
-    /// How many cameras were published: tells the reader whether it has seen this one.
+#[derive(Debug)]
+struct Cell<P: Protocol> {
+    value: Option<P::Latest>,
+    /// How many values were published: tells the reader whether it has seen this one.
     number: u64,
-    farewell: Option<Goodbye>,
+    farewell: Option<CloseReason>,
 }
 
 #[derive(Debug)]
-pub(crate) struct LatestTx {
-    cell: watch::Sender<Cell>,
+pub(crate) struct LatestTx<P: Protocol> {
+    cell: watch::Sender<Cell<P>>,
 }
 
-impl LatestTx {
-    pub(crate) fn publish(&mut self, camera: Camera, shared: &Shared) -> Result<(), LaneSendError> {
+impl<P: Protocol> LatestTx<P> {
+    pub(crate) fn publish(&mut self, value: P::Latest, shared: &Shared) -> Result<(), LaneSendError> {
         if self.cell.is_closed() {
             return Err(LaneSendError::Lost(Loss::Closed));
         }
-        shared.counters.sent.count(Kind::Camera, Camera::SIZE);
+        shared.counters.sent.count(Kind::Latest, P::Latest::SIZE);
         self.cell.send_modify(|cell| {
-            cell.camera = Some(camera);
+            cell.value = Some(value);
             cell.number += 1;
         });
         Ok(())
     }
 
-    pub(crate) fn goodbye(&mut self, reason: Goodbye, shared: &Shared) -> Result<(), LaneSendError> {
+    pub(crate) fn goodbye(&mut self, reason: CloseReason, shared: &Shared) -> Result<(), LaneSendError> {
         if self.cell.is_closed() {
             return Err(LaneSendError::Lost(Loss::Closed));
         }
@@ -187,20 +179,20 @@ impl LatestTx {
 }
 
 #[derive(Debug)]
-pub(crate) struct LatestRx {
-    view: watch::Receiver<Cell>,
+pub(crate) struct LatestRx<P: Protocol> {
+    view: watch::Receiver<Cell<P>>,
     seen: u64,
 }
 
-impl LatestRx {
-    pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<Camera>, LaneError> {
+impl<P: Protocol> LatestRx<P> {
+    pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<P::Latest>, LaneError> {
         // Asked before the look into the cell: what was published before the end must not be missed.
         let ended = self.view.has_changed().is_err();
         let cell = self.view.borrow_and_update();
         if cell.number != self.seen {
             self.seen = cell.number;
-            shared.counters.received.count(Kind::Camera, Camera::SIZE);
-            return Ok(cell.camera);
+            shared.counters.received.count(Kind::Latest, P::Latest::SIZE);
+            return Ok(cell.value.clone());
         }
         match &cell.farewell {
             Some(reason) => Err(LaneError::Goodbye(reason.clone())),
@@ -214,10 +206,10 @@ impl LatestRx {
         by: Option<Instant>,
         shared: &Shared,
         patience: &mut Patience,
-    ) -> Result<Camera, LaneError> {
+    ) -> Result<P::Latest, LaneError> {
         loop {
-            if let Some(camera) = self.try_latest(shared)? {
-                return Ok(camera);
+            if let Some(value) = self.try_latest(shared)? {
+                return Ok(value);
             }
             // An end is found out by the next look.
             let _changed = patience.wait(by, self.view.changed()).await.map_err(LaneError::Expired)?;
@@ -225,17 +217,29 @@ impl LatestRx {
     }
 }
 
+/// What travels on the frames lane.
 #[derive(Debug)]
-pub(crate) struct FrameTx {
-    queue: queue::Sender<Message>,
-    staged: VecDeque<Message>,
+enum Message<P: Protocol> {
+    Event(FrameEvent<P>),
+    Goodbye(CloseReason),
 }
 
-impl FrameTx {
-    pub(crate) fn stage(&mut self, message: Message, shared: &Shared) {
-        let (kind, bytes) = weight(&message);
+#[derive(Debug)]
+pub(crate) struct FrameTx<P: Protocol> {
+    queue: queue::Sender<Message<P>>,
+    staged: VecDeque<Message<P>>,
+}
+
+impl<P: Protocol> FrameTx<P> {
+    pub(crate) fn stage(&mut self, event: FrameEvent<P>, shared: &Shared) {
+        let (kind, bytes) = weight(&event, shared);
         shared.counters.sent.count(kind, bytes);
-        self.staged.push_back(message);
+        self.staged.push_back(Message::Event(event));
+    }
+
+    pub(crate) fn stage_goodbye(&mut self, reason: CloseReason, shared: &Shared) {
+        shared.counters.sent.count(Kind::Goodbye, 0);
+        self.staged.push_back(Message::Goodbye(reason));
     }
 
     pub(crate) async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
@@ -248,31 +252,43 @@ impl FrameTx {
 }
 
 #[derive(Debug)]
-pub(crate) struct FrameRx {
-    messages: queue::Receiver<Message>,
-    farewell: Option<Goodbye>,
+pub(crate) struct FrameRx<P: Protocol> {
+    messages: queue::Receiver<Message<P>>,
+    farewell: Option<CloseReason>,
 }
 
-impl FrameRx {
+impl<P: Protocol> FrameRx<P> {
     pub(crate) async fn next(
         &mut self,
         by: Option<Instant>,
         shared: &Shared,
         patience: &mut Patience,
-    ) -> Result<Message, LaneError> {
+    ) -> Result<FrameEvent<P>, LaneError> {
         if let Some(reason) = &self.farewell {
             return Err(LaneError::Goodbye(reason.clone()));
         }
         let message = patience.wait(by, self.messages.recv()).await.map_err(LaneError::Expired)?;
-        let message = message.ok_or(LaneError::Lost(Loss::Closed))?;
-        let (kind, bytes) = weight(&message);
-        shared.counters.received.count(kind, bytes);
-        match message {
+        match message.ok_or(LaneError::Lost(Loss::Closed))? {
             Message::Goodbye(reason) => {
+                shared.counters.received.count(Kind::Goodbye, 0);
                 self.farewell = Some(reason.clone());
                 Err(LaneError::Goodbye(reason))
             }
-            message => Ok(message),
+            Message::Event(event) => {
+                let (kind, bytes) = weight(&event, shared);
+                shared.counters.received.count(kind, bytes);
+                Ok(event)
+            }
         }
+    }
+}
+
+/// The kind and payload size that an event would have as bytes. A note is not encoded: it counts for none.
+fn weight<P: Protocol>(event: &FrameEvent<P>, shared: &Shared) -> (Kind, usize) {
+    match event {
+        FrameEvent::Begin(_) => (Kind::Begin, shared.format.begin()),
+        FrameEvent::Batch(batch) => (Kind::Batch, batch.as_bytes().len()),
+        FrameEvent::End(_) => (Kind::End, 16),
+        FrameEvent::Note(_) => (Kind::Note, 0),
     }
 }

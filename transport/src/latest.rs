@@ -1,88 +1,116 @@
-//! The latest lane: a cell of size one that holds a camera.
+//! The latest lane: a cell of size one.
 
-use trimaran_proto::{Camera, Goodbye};
+use trimaran_wire::{CloseReason, Fixed, FixedBytes, Protocol, to_bytes};
 
-use crate::error::{LaneError, LaneSendError};
+use crate::error::{LaneError, LaneSendError, ProtocolError};
 use crate::link::Shared;
 use crate::patience::Patience;
 use crate::{RecvError, SendError, inproc, quic, stream, udp};
 use trimaran_net::Instant;
 
-/// Publishes cameras: each replaces the one before, whether that has been read or not.
+/// Publishes values: each replaces the one before, whether that has been read or not.
 #[derive(Debug)]
-pub struct LatestSender {
-    pub(crate) lane: LatestTx,
+pub struct LatestSender<P: Protocol> {
+    pub(crate) lane: LatestTx<P>,
     pub(crate) shared: Shared,
     pub(crate) patience: Patience,
 }
 
-/// Reads the newest camera.
+/// Reads the newest value.
 #[derive(Debug)]
-pub struct LatestReceiver {
-    pub(crate) lane: LatestRx,
+pub struct LatestReceiver<P: Protocol> {
+    pub(crate) lane: LatestRx<P>,
     pub(crate) shared: Shared,
     pub(crate) patience: Patience,
 }
 
 #[derive(Debug)]
-pub(crate) enum LatestTx {
-    Inproc(inproc::LatestTx),
+pub(crate) enum LatestTx<P: Protocol> {
+    Local(inproc::LatestTx<P>),
+    Wire(WireLatestTx),
+}
+
+#[derive(Debug)]
+pub(crate) enum LatestRx<P: Protocol> {
+    Local(inproc::LatestRx<P>),
+    Wire(WireLatestRx),
+}
+
+/// The sending half where values travel as bytes.
+#[derive(Debug)]
+pub(crate) enum WireLatestTx {
     Stream(stream::LatestTx),
     Quic(quic::LatestTx),
     Udp(udp::LatestTx),
 }
 
+/// The receiving half where values travel as bytes.
 #[derive(Debug)]
-pub(crate) enum LatestRx {
-    Inproc(inproc::LatestRx),
+pub(crate) enum WireLatestRx {
     Stream(stream::LatestRx),
     Quic(quic::LatestRx),
     Udp(udp::LatestRx),
 }
 
-impl LatestSender {
-    /// Publishes `camera`. Never waits: when the peer is slow, only the newest camera waits for it.
+impl<P: Protocol> LatestSender<P> {
+    /// Publishes `value`. Never waits: when the peer is slow, only the newest value waits for it.
     ///
     /// # Errors
     /// When the peer is gone.
-    pub fn publish(&mut self, camera: Camera) -> Result<(), SendError> {
+    pub fn publish(&mut self, value: P::Latest) -> Result<(), SendError> {
         match &mut self.lane {
-            LatestTx::Inproc(lane) => lane.publish(camera, &self.shared),
-            LatestTx::Stream(lane) => lane.publish(camera),
-            LatestTx::Quic(lane) => lane.publish(camera, &self.shared),
-            LatestTx::Udp(lane) => lane.publish(camera, &self.shared),
+            LatestTx::Local(lane) => lane.publish(value, &self.shared),
+            LatestTx::Wire(lane) => lane.publish(to_bytes(&value), &self.shared),
         }
         .map_err(|e| self.error(e))
     }
 
-    /// Says goodbye on this lane, after the camera that was published last.
+    /// Says goodbye on this lane, after the value that was published last.
+    ///
+    /// Dropping the future may leave the goodbye unsaid.
     ///
     /// # Errors
     /// When the peer is gone already, or takes nothing within the link's patience.
-    pub async fn goodbye(mut self, reason: Goodbye) -> Result<(), SendError> {
+    pub async fn goodbye(mut self, reason: CloseReason) -> Result<(), SendError> {
         match &mut self.lane {
-            LatestTx::Inproc(lane) => lane.goodbye(reason, &self.shared),
-            LatestTx::Stream(lane) => lane.goodbye(reason, &mut self.patience).await,
-            LatestTx::Quic(lane) => lane.goodbye(reason, &mut self.patience).await,
-            LatestTx::Udp(lane) => lane.goodbye(reason, &mut self.patience).await,
+            LatestTx::Local(lane) => lane.goodbye(reason, &self.shared),
+            LatestTx::Wire(lane) => lane.goodbye(reason, &mut self.patience).await,
         }
         .map_err(|e| self.error(e))
     }
 
     fn error(&self, error: LaneSendError) -> SendError {
-        error.sending(self.shared.peer, self.patience.limit())
+        error.sending(&self.shared.peer, self.patience.limit())
     }
 }
 
-impl LatestReceiver {
-    /// Waits for a camera that was not read before, and gives the newest.
+impl WireLatestTx {
+    fn publish(&mut self, value: FixedBytes, shared: &Shared) -> Result<(), LaneSendError> {
+        match self {
+            Self::Stream(lane) => lane.publish(value),
+            Self::Quic(lane) => lane.publish(value, shared),
+            Self::Udp(lane) => lane.publish(value, shared),
+        }
+    }
+
+    async fn goodbye(&mut self, reason: CloseReason, patience: &mut Patience) -> Result<(), LaneSendError> {
+        match self {
+            Self::Stream(lane) => lane.goodbye(reason, patience).await,
+            Self::Quic(lane) => lane.goodbye(reason, patience).await,
+            Self::Udp(lane) => lane.goodbye(reason, patience).await,
+        }
+    }
+}
+
+impl<P: Protocol> LatestReceiver<P> {
+    /// Waits for a value that was not read before, and gives the newest.
     ///
-    /// Dropping the future loses no camera.
+    /// Dropping the future loses no value.
     ///
     /// # Errors
     /// When the peer said goodbye, is lost, broke the protocol, or published nothing within the link's
-    /// patience. A camera that came before such an end is given first.
-    pub async fn latest(&mut self) -> Result<Camera, RecvError> {
+    /// patience. A value that came before such an end is given first.
+    pub async fn latest(&mut self) -> Result<P::Latest, RecvError> {
         self.latest_until(None).await
     }
 
@@ -90,20 +118,20 @@ impl LatestReceiver {
     ///
     /// # Errors
     /// As there, and [`RecvError::Deadline`].
-    pub async fn latest_by(&mut self, deadline: Instant) -> Result<Camera, RecvError> {
+    pub async fn latest_by(&mut self, deadline: Instant) -> Result<P::Latest, RecvError> {
         self.latest_until(Some(deadline)).await
     }
 
-    /// The newest camera that was not read before, or `None` when there is none now. Never waits.
+    /// The newest value that was not read before, or `None` when there is none now. Never waits.
     ///
     /// # Errors
     /// When the peer said goodbye, is lost, or broke the protocol.
-    pub fn try_latest(&mut self) -> Result<Option<Camera>, RecvError> {
+    pub fn try_latest(&mut self) -> Result<Option<P::Latest>, RecvError> {
         match &mut self.lane {
-            LatestRx::Inproc(lane) => lane.try_latest(&self.shared),
-            LatestRx::Stream(lane) => lane.try_latest(&self.shared),
-            LatestRx::Quic(lane) => lane.try_latest(&self.shared),
-            LatestRx::Udp(lane) => lane.try_latest(&self.shared),
+            LatestRx::Local(lane) => lane.try_latest(&self.shared),
+            LatestRx::Wire(lane) => {
+                lane.try_latest(&self.shared).and_then(|bytes| bytes.as_deref().map(read::<P>).transpose())
+            }
         }
         .map_err(|e| self.error(e))
     }
@@ -120,22 +148,51 @@ impl LatestReceiver {
     /// Tells the peer's machine that this side is gone, where only a machine that lives can: after both have
     /// said goodbye.
     pub(crate) async fn part(self) {
-        if let LatestRx::Quic(lane) = self.lane {
+        if let LatestRx::Wire(WireLatestRx::Quic(lane)) = self.lane {
             lane.part().await;
         }
     }
 
-    async fn latest_until(&mut self, by: Option<Instant>) -> Result<Camera, RecvError> {
+    async fn latest_until(&mut self, by: Option<Instant>) -> Result<P::Latest, RecvError> {
         match &mut self.lane {
-            LatestRx::Inproc(lane) => lane.latest(by, &self.shared, &mut self.patience).await,
-            LatestRx::Stream(lane) => lane.latest(by, &self.shared, &mut self.patience).await,
-            LatestRx::Quic(lane) => lane.latest(by, &self.shared, &mut self.patience).await,
-            LatestRx::Udp(lane) => lane.latest(by, &self.shared, &mut self.patience).await,
+            LatestRx::Local(lane) => lane.latest(by, &self.shared, &mut self.patience).await,
+            LatestRx::Wire(lane) => {
+                let bytes = lane.latest(by, &self.shared, &mut self.patience).await;
+                bytes.and_then(|bytes| read::<P>(&bytes))
+            }
         }
         .map_err(|e| self.error(e))
     }
 
     fn error(&self, error: LaneError) -> RecvError {
-        error.receiving(self.shared.peer, self.patience.limit())
+        error.receiving(&self.shared.peer, self.patience.limit())
     }
+}
+
+impl WireLatestRx {
+    fn try_latest(&mut self, shared: &Shared) -> Result<Option<FixedBytes>, LaneError> {
+        match self {
+            Self::Stream(lane) => lane.try_latest(shared),
+            Self::Quic(lane) => lane.try_latest(shared),
+            Self::Udp(lane) => lane.try_latest(shared),
+        }
+    }
+
+    async fn latest(
+        &mut self,
+        by: Option<Instant>,
+        shared: &Shared,
+        patience: &mut Patience,
+    ) -> Result<FixedBytes, LaneError> {
+        match self {
+            Self::Stream(lane) => lane.latest(by, shared, patience).await,
+            Self::Quic(lane) => lane.latest(by, shared, patience).await,
+            Self::Udp(lane) => lane.latest(by, shared, patience).await,
+        }
+    }
+}
+
+/// The value that came as `bytes`, whose length is that of the value.
+fn read<P: Protocol>(bytes: &[u8]) -> Result<P::Latest, LaneError> {
+    P::Latest::read(bytes).map_err(|e| LaneError::Protocol(ProtocolError::Value(Box::new(e))))
 }

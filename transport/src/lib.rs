@@ -1,13 +1,14 @@
 //! Links for frame-synchronous data over pluggable transports.
 //!
-//! A [`Link`] joins two peers by two lanes: the *latest* lane is a cell of size one for the newest camera,
-//! the *frames* lane carries begin, ids, end. [`connect`] and [`Listener`] make them over the transport that
+//! A [`Link`] joins two peers by two lanes: the *latest* lane is a cell of size one, the *frames* lane
+//! carries begin, batches of items, end. An application says what they hold by a [`Protocol`]. [`connect`] and [`Listener`] make them over the transport that
 //! an [`Endpoint`] names; using them is the same. [`inproc::pair`] makes two joined links in one process
 //! without either.
 //!
 //! All time, tasks and sockets come through one trait, [`Net`] of `trimaran-net`: [`TokioNet`] is the real
 //! one.
 
+mod application;
 mod connect;
 mod desk;
 mod endpoint;
@@ -23,7 +24,6 @@ mod listen;
 mod options;
 mod patience;
 mod pending;
-pub mod probe;
 pub mod quic;
 mod rates;
 mod stats;
@@ -33,13 +33,14 @@ mod trace;
 pub mod udp;
 mod unix;
 
+pub use application::{HelloTooLong, PeerName};
 pub use connect::{AttemptError, ConnectError, connect};
 pub use endpoint::{
     Endpoint, EndpointError, EndpointFault, Host, HostName, HostPort, Name, SocketPath, UdpEndpoint, UdpMode,
 };
 pub use endpoints::Endpoints;
 pub use error::{Loss, ProtocolError, RecvError, SendError};
-pub use frames::{FrameReceiver, FrameSender};
+pub use frames::{FrameEvent, FrameReceiver, FrameSender, FrameStart};
 pub use handshake::HandshakeError;
 pub use latest::{LatestReceiver, LatestSender};
 pub use link::{Capabilities, Link, LinkConfig, PeerAddress, PeerInfo};
@@ -52,6 +53,12 @@ pub use trimaran_net::{
     sleep_until, until,
 };
 pub use trimaran_udp::PathStats;
+pub use trimaran_wire::{
+    Batch, BatchDecoder, BatchEncoder, BatchError, BatchSize, BatchSizeError, Batching, CloseReason,
+    CodingError, DecodeError, DecodeFault, Delivery, Explanation, Fixed, FrameEnd, FrameNumber,
+    FrameOrderError, FrameOutcome, FrameViolation, Item, Kind, Lane, Protocol, ProtocolName, Refusal,
+    Rejection, SessionId, WireVersion,
+};
 pub use unix::{ForeignUser, UnixOptions};
 
 #[cfg(doctest)]

@@ -1,15 +1,19 @@
 //! What two peers share after the handshake.
 
+use std::any::Any;
 use std::fmt;
 use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
-use trimaran_proto::{BatchSize, Goodbye, IdCoding, Identity, Role, SessionId};
+use trimaran_wire::{BatchSize, Batching, CloseReason, Format, Protocol, SessionId};
 
-use crate::frames::{FrameRx, FrameTx};
-use crate::latest::{LatestRx, LatestTx};
+use crate::application::{Peer, PeerName};
+use crate::frames::{FrameRx, FrameTx, WireFrameRx, WireFrameTx};
+use crate::handshake::HandshakeError;
+use crate::inproc;
+use crate::latest::{LatestRx, LatestTx, WireLatestRx, WireLatestTx};
 use crate::patience::Patience;
 use crate::rates::Messages;
 use crate::stats::Counters;
@@ -19,24 +23,24 @@ use trimaran_net::{Credentials, Net, StreamPeer, until};
 /// How long a peer that leaves waits for the other one to leave as well.
 const LINGER: Duration = Duration::from_millis(500);
 
-/// A link to a peer: a lane for the latest camera and a lane for frames of ids, both in both directions.
+/// A link to a peer: a lane for the latest value and a lane for frames of items, both in both directions.
 ///
 /// The halves are independent: take the struct apart and use each where it is needed, from any thread.
 /// Waiting calls work inside a runtime as well as under `Handle::block_on` on a thread of the caller's.
 ///
 /// A link that is dropped without [`Link::goodbye`] looks to the peer like a crash.
 #[derive(Debug)]
-pub struct Link {
+pub struct Link<P: Protocol> {
     /// Who is at the other end.
-    pub peer: PeerInfo,
-    /// Publishes cameras.
-    pub latest_tx: LatestSender,
-    /// Reads the newest camera.
-    pub latest_rx: LatestReceiver,
-    /// Sends frames of ids.
-    pub frames_tx: FrameSender,
-    /// Receives frames of ids.
-    pub frames_rx: FrameReceiver,
+    pub peer: PeerInfo<P>,
+    /// Publishes the latest value.
+    pub latest_tx: LatestSender<P>,
+    /// Reads the newest value.
+    pub latest_rx: LatestReceiver<P>,
+    /// Sends frames of items.
+    pub frames_tx: FrameSender<P>,
+    /// Receives frames of items.
+    pub frames_rx: FrameReceiver<P>,
     /// Counts what travels, for reading at any time.
     pub stats: StatsHandle,
     pub(crate) capabilities: Capabilities,
@@ -44,10 +48,10 @@ pub struct Link {
 }
 
 /// Who is at the other end of a link.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PeerInfo {
-    /// Its role, scene and settings.
-    pub identity: Identity,
+#[derive(Debug, Clone, PartialEq)]
+pub struct PeerInfo<P: Protocol> {
+    /// How it introduced itself.
+    pub hello: P::Hello,
     /// The link's session id.
     pub session: SessionId,
     /// Where it was when the link was made: over datagrams and QUIC it may go elsewhere.
@@ -127,25 +131,16 @@ pub struct LinkConfig {
     /// it has nothing to say, as long as its process runs. Time in which nobody waits for the peer does
     /// not count. Both sides should have the same, or 20 s and more. Default 20 s.
     pub lease: Duration,
-    /// How many ids travel in a batch at most, where neither peer's settings say so.
-    pub batch: BatchSize,
-    /// How ids travel, where neither peer's settings say so. Within one process they are not coded.
-    pub coding: IdCoding,
-    /// How many ids a frame may have at most, sent or received: a peer that sends more breaks the protocol,
-    /// and is found out before room is made for them. Give what the application can have, for instance
-    /// how many drawables the scene has. Default 4,194,304.
+    /// How items travel, where the peers' hellos do not say so. Within one process they are not coded.
+    /// Default batches of 256, plain.
+    pub batching: Batching,
+    /// How many items a frame may have at most, sent or received: a peer that sends more breaks the protocol,
+    /// and is found out before room is made for them. Give what the application can have. Default 4,194,304.
     pub max_frame: u32,
     /// How many messages the peer may send on the frames lane in a second, measured over that many: one that
-    /// sends more is no peer but a flood, and the lane fails. Of cameras only the newest is read anyway.
+    /// sends more is no peer but a flood, and the lane fails. Of latest values only the newest is read anyway.
     /// Not within one process. Default 1,000,000.
     pub messages_per_s: u32,
-}
-
-/// How a link's ids travel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Batching {
-    pub(crate) size: BatchSize,
-    pub(crate) coding: IdCoding,
 }
 
 impl Default for LinkConfig {
@@ -153,8 +148,7 @@ impl Default for LinkConfig {
         Self {
             patience: Duration::from_secs(30),
             lease: Duration::from_secs(20),
-            batch: BatchSize::default(),
-            coding: IdCoding::default(),
+            batching: Batching { size: BatchSize::default(), coded: false },
             max_frame: 1 << 22,
             messages_per_s: 1_000_000,
         }
@@ -167,17 +161,9 @@ impl LinkConfig {
     pub(crate) fn keepalive(&self) -> Duration {
         (self.lease / 4).min(Duration::from_secs(5))
     }
-
-    /// How ids travel between these two: the display's settings decide.
-    pub(crate) fn batching_between(&self, ours: &Identity, theirs: &Identity) -> Batching {
-        let own = Batching { size: self.batch, coding: self.coding };
-        ours.settings
-            .or(theirs.settings)
-            .map_or(own, |settings| Batching { size: settings.batch, coding: settings.coding })
-    }
 }
 
-impl Link {
+impl<P: Protocol> Link<P> {
     /// What the link's transport promises.
     #[must_use]
     pub const fn capabilities(&self) -> Capabilities {
@@ -193,7 +179,7 @@ impl Link {
     ///
     /// # Errors
     /// When the peer is gone without a goodbye of its own, or takes nothing within the link's patience.
-    pub async fn goodbye(self, reason: Goodbye) -> Result<(), SendError> {
+    pub async fn goodbye(self, reason: CloseReason) -> Result<(), SendError> {
         let Self { peer, latest_tx, mut latest_rx, frames_tx, mut frames_rx, net, .. } = self;
         let say = async { frames_tx.goodbye(reason.clone()).await.and(latest_tx.goodbye(reason).await) };
         // A connection that is closed while it holds unread data is reset, and on some systems the reset
@@ -228,25 +214,53 @@ impl Link {
     }
 }
 
-/// What a transport has when its handshake is done: a link but for its dress.
+/// What a transport has when its handshake is done: a link but for its types.
 #[derive(Debug)]
 pub(crate) struct Parts {
-    pub(crate) latest: (LatestTx, LatestRx),
-    pub(crate) frames: (FrameTx, FrameRx),
-    pub(crate) peer: PeerInfo,
+    pub(crate) lanes: Lanes,
+    pub(crate) peer: Peer,
+    pub(crate) session: SessionId,
+    pub(crate) address: PeerAddress,
     pub(crate) capabilities: Capabilities,
     pub(crate) shared: Shared,
-    pub(crate) batching: Batching,
+    /// Why this side does not take the peer after all: it is told so.
+    pub(crate) doubt: Option<HandshakeError>,
+}
+
+/// Both lanes.
+#[derive(Debug)]
+pub(crate) enum Lanes {
+    /// Of bytes.
+    Wire { latest: (WireLatestTx, WireLatestRx), frames: (WireFrameTx, WireFrameRx) },
+    /// Of values: [`inproc::Lanes`] of the application's protocol.
+    Local(Box<dyn Any + Send>),
 }
 
 impl Parts {
-    pub(crate) fn into_link(self, net: &Arc<dyn Net>, config: &LinkConfig) -> Link {
-        let Self { latest, frames, peer, capabilities, shared, batching } = self;
-        let local = peer.address == PeerAddress::InProcess;
+    /// The link, if its peer speaks `P`: the handshake has seen to that.
+    pub(crate) fn into_link<P: Protocol>(self, net: &Arc<dyn Net>, config: &LinkConfig) -> Option<Link<P>> {
+        let Self { lanes, peer, session, address, capabilities, shared, .. } = self;
+        let hello = postcard::from_bytes(&peer.hello).ok()?;
+        let local = address == PeerAddress::InProcess;
         let most = if local { u32::MAX } else { config.messages_per_s };
         let patience = || Patience::new(net, config.patience, config.lease);
-        Link {
-            peer,
+        let batching = peer.batching.unwrap_or(config.batching);
+        let (latest, frames) = match lanes {
+            Lanes::Wire { latest: (latest_tx, latest_rx), frames: (frame_tx, frame_rx) } => (
+                (LatestTx::Wire(latest_tx), LatestRx::Wire(latest_rx)),
+                (FrameTx::Wire(frame_tx), FrameRx::Wire(frame_rx)),
+            ),
+            Lanes::Local(lanes) => {
+                let inproc::Lanes { latest, frames } = *lanes.downcast::<inproc::Lanes<P>>().ok()?;
+                (
+                    (LatestTx::Local(latest.0), LatestRx::Local(latest.1)),
+                    (FrameTx::Local(frames.0), FrameRx::Local(frames.1)),
+                )
+            }
+        };
+        let (max_frame, rate) = (config.max_frame, Messages::new(most));
+        Some(Link {
+            peer: PeerInfo { hello, session, address },
             capabilities,
             net: Arc::clone(net),
             stats: shared.counters.handle(),
@@ -254,28 +268,23 @@ impl Parts {
             latest_rx: LatestReceiver { lane: latest.1, shared: shared.clone(), patience: patience() },
             frames_tx: FrameSender::new(
                 batching,
-                config.max_frame,
+                max_frame,
                 capabilities,
                 frames.0,
                 shared.clone(),
                 patience(),
             ),
-            frames_rx: FrameReceiver::new(
-                config.max_frame,
-                frames.1,
-                shared,
-                patience(),
-                Messages::new(most),
-            ),
-        }
+            frames_rx: FrameReceiver::new(max_frame, frames.1, shared, patience(), rate),
+        })
     }
 }
 
 /// What the halves of a link have in common.
 #[derive(Debug, Clone)]
 pub(crate) struct Shared {
-    pub(crate) peer: Role,
+    pub(crate) peer: PeerName,
+    pub(crate) format: Format,
     pub(crate) counters: Arc<Counters>,
     /// Dropped with the last half.
-    pub(crate) _place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
+    pub(crate) place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
 }

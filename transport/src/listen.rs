@@ -1,17 +1,20 @@
 //! Listening for peers.
 
 use std::io;
+use std::marker::PhantomData;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
 use thiserror::Error;
 use tokio::sync::mpsc;
-use trimaran_proto::Identity;
+use trimaran_wire::Protocol;
 
+use crate::application::Side;
 use crate::desk::Desk;
 use crate::error::readable;
 use crate::handshake::HandshakeError;
+use crate::link::Parts;
 use crate::rates::TurnedAway;
 use crate::{Endpoint, Endpoints, HostPort, Link, Options, UdpEndpoint, inproc, quic, tcp, udp, unix};
 use trimaran_net::{Instant, Net, until};
@@ -123,8 +126,9 @@ pub enum AcceptError {
 /// Handshakes go on beside the caller: a stranger, or a peer that stops in the middle, holds up nobody. Each
 /// has a limit in time and they have one in number.
 #[derive(Debug)]
-pub struct Listener {
-    links: mpsc::Receiver<Link>,
+pub struct Listener<P: Protocol> {
+    links: mpsc::Receiver<Parts>,
+    protocol: PhantomData<fn() -> P>,
     endpoints: Endpoints,
     net: Arc<dyn Net>,
     desk: Arc<Desk>,
@@ -132,18 +136,18 @@ pub struct Listener {
     _names: Vec<inproc::Registered>,
 }
 
-impl Listener {
-    /// Listens on `endpoint` as the peer `identity`; port 0 takes a free port.
+impl<P: Protocol> Listener<P> {
+    /// Listens on `endpoint` as the peer that says `hello`; port 0 takes a free port.
     ///
     /// # Errors
     /// When the endpoint cannot be listened on; [`ListenError::may_pass`] says whether another time may do.
     pub async fn bind(
         net: &Arc<dyn Net>,
         endpoint: &Endpoint,
-        identity: Identity,
+        hello: P::Hello,
         options: &Options,
     ) -> Result<Self, ListenError> {
-        Self::bind_all(net, &endpoint.clone().into(), identity, options).await
+        Self::bind_all(net, &endpoint.clone().into(), hello, options).await
     }
 
     /// As [`Listener::bind`], at each of `endpoints` at once: a role has one place whichever way it comes,
@@ -154,11 +158,15 @@ impl Listener {
     pub async fn bind_all(
         net: &Arc<dyn Net>,
         endpoints: &Endpoints,
-        identity: Identity,
+        hello: P::Hello,
         options: &Options,
     ) -> Result<Self, ListenError> {
+        let application = Side::<P>::new(hello).map_err(|e| ListenError::Given {
+            endpoint: endpoints.first().clone(),
+            cause: io::Error::other(e),
+        })?;
         let (done, links) = mpsc::channel(QUEUE);
-        let desk = Arc::new(Desk::new(net, identity, options, done));
+        let desk = Arc::new(Desk::new(net, application, options, done));
         let mut names = Vec::new();
         let mut bound: Option<Endpoints> = None;
         for endpoint in endpoints.iter() {
@@ -169,7 +177,7 @@ impl Listener {
             }
         }
         let endpoints = bound.unwrap_or_else(|| endpoints.clone());
-        Ok(Self { links, endpoints, net: Arc::clone(net), desk, _names: names })
+        Ok(Self { links, protocol: PhantomData, endpoints, net: Arc::clone(net), desk, _names: names })
     }
 
     /// Where it listens, first of all: with the port that the system chose, where it was to.
@@ -198,16 +206,23 @@ impl Listener {
     /// # Errors
     /// When none came; then the error says what became of the last one that tried. Or when the runtime is
     /// shut down.
-    pub async fn accept(&mut self, deadline: Instant) -> Result<Link, AcceptError> {
+    pub async fn accept(&mut self, deadline: Instant) -> Result<Link<P>, AcceptError> {
         let started = self.net.now();
         let endpoints = self.endpoints.clone();
-        match until(&*self.net, deadline, self.links.recv()).await {
-            Some(Some(link)) => Ok(link),
-            Some(None) => Err(AcceptError::ShutDown { endpoints }),
-            None => {
-                let waited = self.net.now().since(started);
-                let last = self.desk.last_failure();
-                Err(AcceptError::Deadline { endpoints, waited, last })
+        loop {
+            match until(&*self.net, deadline, self.links.recv()).await {
+                Some(Some(parts)) => {
+                    // Whose hello was admitted can be read.
+                    if let Some(link) = parts.into_link(&self.net, &self.desk.options.link) {
+                        return Ok(link);
+                    }
+                }
+                Some(None) => return Err(AcceptError::ShutDown { endpoints }),
+                None => {
+                    let waited = self.net.now().since(started);
+                    let last = self.desk.last_failure();
+                    return Err(AcceptError::Deadline { endpoints, waited, last });
+                }
             }
         }
     }

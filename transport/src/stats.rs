@@ -27,17 +27,17 @@ pub struct LinkStats {
 /// Messages and payload bytes by kind, in one direction.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Traffic {
-    /// Cameras on the latest lane.
-    pub camera: Tally,
-    /// Beginnings of frames: each carries a camera.
+    /// Values of the latest lane.
+    pub latest: Tally,
+    /// Beginnings of frames, with their headers.
     pub begin: Tally,
-    /// Batches of ids, plain or as changes.
-    pub ids: Tally,
-    /// How many ids. Plain they would have been 4 bytes each.
-    pub id_count: u64,
+    /// Batches of items, plain or coded.
+    pub batches: Tally,
+    /// How many items.
+    pub items: u64,
     /// Ends of frames (EOF).
     pub end: Tally,
-    /// Handshake, goodbye, signs of life and statistics; within one process these have no size.
+    /// Handshake, goodbye, signs of life and notes; within one process these have no size.
     pub control: Tally,
     /// The bytes of this protocol's own headers; those of TCP, IP and Ethernet are not seen from here. 0
     /// where messages have no headers of their own: in one process, and over datagrams, whose packets
@@ -58,9 +58,9 @@ impl Traffic {
     /// All bytes: payloads and headers.
     #[must_use]
     pub const fn total_bytes(&self) -> u64 {
-        self.camera.bytes
+        self.latest.bytes
             + self.begin.bytes
-            + self.ids.bytes
+            + self.batches.bytes
             + self.end.bytes
             + self.control.bytes
             + self.header_bytes
@@ -87,10 +87,10 @@ impl Add for Traffic {
     /// Both together: both directions of a link, say.
     fn add(self, other: Self) -> Self {
         Self {
-            camera: self.camera + other.camera,
+            latest: self.latest + other.latest,
             begin: self.begin + other.begin,
-            ids: self.ids + other.ids,
-            id_count: self.id_count + other.id_count,
+            batches: self.batches + other.batches,
+            items: self.items + other.items,
             end: self.end + other.end,
             control: self.control + other.control,
             header_bytes: self.header_bytes + other.header_bytes,
@@ -103,10 +103,10 @@ impl Sub for Traffic {
 
     fn sub(self, earlier: Self) -> Self {
         Self {
-            camera: self.camera - earlier.camera,
+            latest: self.latest - earlier.latest,
             begin: self.begin - earlier.begin,
-            ids: self.ids - earlier.ids,
-            id_count: self.id_count.saturating_sub(earlier.id_count),
+            batches: self.batches - earlier.batches,
+            items: self.items.saturating_sub(earlier.items),
             end: self.end - earlier.end,
             control: self.control - earlier.control,
             header_bytes: self.header_bytes.saturating_sub(earlier.header_bytes),

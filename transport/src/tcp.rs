@@ -1,15 +1,14 @@
-//! Links over TCP: per pair of peers a connection for cameras and one for node ids, as in the paper (section
-//! 5).
+//! Links over TCP: per pair of peers a connection for each lane, as in the paper (section 5).
 
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
+use crate::HostPort;
 use crate::connect::{AttemptError, Introduction, each_address};
 use crate::desk::Desk;
-use crate::link::Capabilities;
+use crate::link::{Capabilities, Parts};
 use crate::stream::{introduce, serve};
-use crate::{HostPort, Link};
 use trimaran_net::Net;
 
 pub(crate) const CAPABILITIES: Capabilities =
@@ -20,7 +19,7 @@ pub(crate) async fn attempt(
     net: &Arc<dyn Net>,
     at: &HostPort,
     introduction: &Introduction<'_>,
-) -> Result<Link, AttemptError> {
+) -> Result<Parts, AttemptError> {
     each_address(net, at, |to| async move {
         let open = || net.connect_tcp(to, introduction.options.tcp);
         introduce(net, &to, open, introduction, CAPABILITIES).await

@@ -1,8 +1,8 @@
-//! A span for each frame that is sent or received, at the level debug: what it took, in time, ids and bytes.
+//! A span for each frame that is sent or received, at the level debug: what it took, in time, items and bytes.
 
 use tracing::field::Empty;
 use tracing::{Span, debug, debug_span};
-use trimaran_proto::{FrameNumber, Kind};
+use trimaran_wire::FrameNumber;
 
 use crate::link::Shared;
 use crate::stats::Direction;
@@ -42,7 +42,7 @@ impl FrameSpan {
             Way::Sent => "sent",
             Way::Received => "received",
         };
-        let span = debug_span!("frame", number = frame.0, peer = %shared.peer, direction, ids = Empty, bytes = Empty);
+        let span = debug_span!("frame", number = frame.0, peer = %shared.peer, direction, items = Empty, bytes = Empty);
         if span.is_disabled() {
             return Self::none();
         }
@@ -50,18 +50,18 @@ impl FrameSpan {
         // What has arrived of a frame that begins here is its beginning, and that was counted.
         let before = match way {
             Way::Sent => counted,
-            Way::Received => counted.saturating_sub(*Kind::Begin.lengths().end() as u64),
+            Way::Received => counted.saturating_sub(shared.format.begin() as u64),
         };
         Self { span, before }
     }
 
-    /// The frame is over: it had so many ids, perhaps not all that it should have.
-    pub(crate) fn close(&mut self, way: Way, ids: u32, whole: bool, shared: &Shared) {
+    /// The frame is over: it had so many items, perhaps not all that it should have.
+    pub(crate) fn close(&mut self, way: Way, items: u32, whole: bool, shared: &Shared) {
         let Self { span, before } = std::mem::replace(self, Self::none());
         if span.is_disabled() {
             return;
         }
-        span.record("ids", ids);
+        span.record("items", items);
         span.record("bytes", way.counts(shared).frame_bytes().saturating_sub(before));
         if whole {
             debug!(parent: &span, "whole");

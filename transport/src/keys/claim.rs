@@ -3,7 +3,7 @@
 use std::fmt;
 
 use thiserror::Error;
-use trimaran_proto::{Goodbye, Refusal, Role};
+use trimaran_wire::{CloseReason, Explanation, Refusal};
 
 use super::{Fingerprint, KnownPeer, NoiseKey, Security};
 use crate::Name;
@@ -30,19 +30,20 @@ pub struct WrongRole {
     /// The key.
     pub key: PeerKey,
     /// The role that its holder claims.
-    pub claimed: Role,
+    pub claimed: String,
     /// The role that this side knows it for.
-    pub known: Role,
+    pub known: String,
 }
 
 impl Security {
     /// Whether who holds `key` may be `claimed`.
-    pub(crate) fn judge(&self, key: PeerKey, claimed: Role) -> Result<(), HandshakeError> {
+    pub(crate) fn judge(&self, key: PeerKey, claimed: Option<&str>) -> Result<(), HandshakeError> {
+        let claimed = claimed.unwrap_or("a peer without a role");
         let mut wrong = Err(HandshakeError::Stranger);
         for KnownPeer { keys, role } in self.peers.iter().filter(|peer| peer.has(key)) {
-            match *role {
+            match role {
                 Some(known) if known != claimed => {
-                    let name = keys.name.clone();
+                    let (name, claimed, known) = (keys.name.clone(), claimed.to_owned(), known.clone());
                     wrong = Err(Box::new(WrongRole { name, key, claimed, known }).into());
                 }
                 _ => return Ok(()),
@@ -63,16 +64,15 @@ impl KnownPeer {
 
 impl WrongRole {
     /// What a listener tells the peer.
-    pub(crate) const fn refusal(&self) -> Refusal {
-        Refusal::Key { claimed: self.claimed, known: self.known }
+    pub(crate) fn refusal(&self) -> Refusal {
+        Refusal::Key { claimed: Explanation::new(&self.claimed), known: Explanation::new(&self.known) }
     }
 
     /// What a connecting peer tells the listener.
-    pub(crate) fn goodbye(&self) -> Goodbye {
+    pub(crate) fn goodbye(&self) -> CloseReason {
         let Self { claimed, known, .. } = self;
-        Goodbye::failed(&format!(
-            "its peer claims to be {claimed}, with a key that is known as that of {known}"
-        ))
+        let why = format!("its peer claims to be {claimed}, with a key that is known as that of {known}");
+        CloseReason::new(CloseReason::REFUSED, &why)
     }
 }
 

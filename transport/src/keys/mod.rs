@@ -18,7 +18,6 @@ use rustls::crypto::ring::sign::any_supported_type;
 use rustls::pki_types::{CertificateDer, PrivatePkcs8KeyDer};
 use rustls::sign::CertifiedKey;
 use serde::{Deserialize, Serialize};
-use trimaran_proto::Role;
 use zeroize::Zeroize;
 
 use crate::Name;
@@ -72,7 +71,7 @@ pub struct KnownPeer {
     /// What it is known by.
     pub keys: PublicKeys,
     /// The role that it may have; any if not given.
-    pub role: Option<Role>,
+    pub role: Option<String>,
 }
 
 impl Keys {
@@ -136,8 +135,8 @@ impl Keys {
 impl KnownPeer {
     /// Who has these keys may have this role.
     #[must_use]
-    pub const fn in_role(keys: PublicKeys, role: Role) -> Self {
-        Self { keys, role: Some(role) }
+    pub fn in_role(keys: PublicKeys, role: impl Into<String>) -> Self {
+        Self { keys, role: Some(role.into()) }
     }
 }
 

@@ -6,16 +6,17 @@ use std::sync::Arc;
 
 use quinn::crypto::rustls::QuicClientConfig;
 use quinn::{ClientConfig, Endpoint, EndpointConfig, ServerConfig};
-use trimaran_proto::{Lane, Message};
+use trimaran_wire::{Lane, Message};
 
 use super::QuicOptions;
 use super::control::{Control, check_datagrams, explain};
 use super::runtime::{NetRuntime, NetSocket};
 use super::tls::{self, Doorman};
-use crate::connect::{AttemptError, Introduction, believed, each_address};
+use crate::HostPort;
+use crate::connect::{AttemptError, Introduction, each_address};
 use crate::handshake::{HandshakeError, Parley};
 use crate::keys::Security;
-use crate::{HostPort, Link};
+use crate::link::Parts;
 use trimaran_net::{Net, random_bytes};
 
 /// TLS wants a name; peers know each other by fingerprint.
@@ -26,7 +27,7 @@ pub(crate) async fn attempt(
     net: &Arc<dyn Net>,
     at: &HostPort,
     introduction: &Introduction<'_>,
-) -> Result<Link, AttemptError> {
+) -> Result<Parts, AttemptError> {
     each_address(net, at, |to| introduce(net, to, introduction)).await
 }
 
@@ -34,17 +35,17 @@ async fn introduce(
     net: &Arc<dyn Net>,
     to: SocketAddr,
     introduction: &Introduction<'_>,
-) -> Result<Link, AttemptError> {
-    let Introduction { identity, session, options, .. } = *introduction;
+) -> Result<Parts, AttemptError> {
+    let Introduction { application, session, options, .. } = *introduction;
     let failed = |cause| AttemptError::Handshake { address: to.to_string(), cause };
     let refused = |cause| AttemptError::Connect { address: to.to_string(), cause };
     let security = options.security.as_ref().ok_or(HandshakeError::NoKeys).map_err(failed)?;
     let Security { keys, peers } = security;
     let doorman = Doorman::new(peers);
-    let crypto = tls::client(keys, &doorman).map_err(|e| failed(e.into()))?;
+    let crypto = tls::client(keys, &doorman, &application.protocol()).map_err(|e| failed(e.into()))?;
     let crypto = QuicClientConfig::try_from(crypto).map_err(|e| refused(io::Error::other(e)))?;
     let mut config = ClientConfig::new(Arc::new(crypto));
-    config.transport_config(options.quic.transport(&options.link));
+    config.transport_config(options.quic.transport(&options.link, &application.format()));
     let here: SocketAddr = match to {
         SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
         SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
@@ -52,14 +53,14 @@ async fn introduce(
     let (endpoint, _) = endpoint(net, here, &options.quic, None).map_err(refused)?;
     let connecting =
         endpoint.connect_with(config, to, SERVER_NAME).map_err(|e| refused(io::Error::other(e)))?;
-    let explained = |e| failed(explain(e, &doorman, keys.public().quic));
+    let explained = |e| failed(explain(e, &doorman, keys.public().quic, application.protocol()));
     let connection = connecting.await.map_err(explained)?;
     let shake = async {
-        check_datagrams(&connection)?;
+        check_datagrams(&connection, &application.format())?;
         let streams = connection.open_bi().await.map_err(|e| HandshakeError::Io(e.into()))?;
-        let mut control = Control::new(connection.clone(), streams);
-        control.send(&Message::Hello(identity.hello(session, Lane::Frames))).await?;
-        let theirs = control.recv_answer().await?;
+        let mut control = Control::new(connection.clone(), streams, application.format());
+        control.send(&Message::Hello(application.introduce(session, Lane::Frames))).await?;
+        let theirs = application.recognize(&control.recv_answer().await?)?;
         Ok::<_, HandshakeError>((control, theirs))
     };
     // The listener judges our certificate after we have judged its own: a refusal comes on what seemed a
@@ -69,9 +70,9 @@ async fn introduce(
         (e, _) => failed(e),
     })?;
     let judged = tls::key_of(&connection).ok_or(HandshakeError::Stranger);
-    let judged = judged.and_then(|key| security.judge(key, theirs.role));
-    let link = control.into_link(net, &options.link, &identity, theirs, session, None);
-    believed(link, judged).await.map_err(failed)
+    let judged = judged.and_then(|key| security.judge(key, theirs.role.as_deref()));
+    let parts = control.into_parts(net, theirs, session, None);
+    Ok(Parts { doubt: judged.err(), ..parts })
 }
 
 /// quinn on a socket of `net`; says where it is bound.

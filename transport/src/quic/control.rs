@@ -6,24 +6,24 @@ use std::sync::Arc;
 
 use bytes::BytesMut;
 use quinn::{Connection, ConnectionError, RecvStream, SendStream, TransportErrorCode, VarInt, WriteError};
-use trimaran_proto::{Decoder, HEADER_BYTES, Identity, Message, NumberedCamera, Refusal, SessionId};
+use trimaran_wire::{Decoder, Format, HEADER_BYTES, Message, Numbered, ProtocolName, Refusal, SessionId};
 
 use super::CAPABILITIES;
 use super::carrier::Carrier;
 use super::frames::{FrameRx, FrameTx, poll_fill};
 use super::latest::{LatestRx, LatestTx};
 use super::tls::Doorman;
-use crate::Link;
+use crate::application::Peer;
 use crate::error::{LaneError, Loss};
-use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx};
+use crate::frames::{WireFrameRx, WireFrameTx};
 use crate::handshake::{HandshakeError, Parley};
 use crate::keys::Fingerprint;
-use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
-use crate::link::{LinkConfig, Parts, PeerAddress, PeerInfo, Shared};
+use crate::latest::{WireLatestRx, WireLatestTx};
+use crate::link::{Lanes, Parts, PeerAddress, Shared};
 use crate::stats::Counters;
 use trimaran_net::Net;
 
-/// The connection's end says this when cameras do not fit.
+/// The connection's end says this when values of the latest lane do not fit.
 const NO_DATAGRAMS: VarInt = VarInt::from_u32(1);
 /// TLS alerts (RFC 8446, section 6.2).
 const CERTIFICATE_UNKNOWN: u8 = 46;
@@ -35,15 +35,20 @@ pub(super) struct Control {
     connection: Connection,
     send: SendStream,
     recv: RecvStream,
+    format: Format,
     decoder: Decoder,
     counters: Arc<Counters>,
 }
 
 impl Control {
-    pub(super) fn new(connection: Connection, (send, recv): (SendStream, RecvStream)) -> Self {
+    pub(super) fn new(
+        connection: Connection,
+        (send, recv): (SendStream, RecvStream),
+        format: Format,
+    ) -> Self {
         // Fails only for a stream that is closed.
         let _ = send.set_priority(i32::MAX);
-        Self { connection, send, recv, decoder: Decoder::new(), counters: Counters::framed() }
+        Self { connection, send, recv, format, decoder: Decoder::new(format), counters: Counters::framed() }
     }
 
     pub(super) async fn send(&mut self, message: &Message) -> Result<(), HandshakeError> {
@@ -56,33 +61,30 @@ impl Control {
         })
     }
 
-    pub(super) fn into_link(
+    pub(super) fn into_parts(
         self,
         net: &Arc<dyn Net>,
-        config: &LinkConfig,
-        ours: &Identity,
-        theirs: Identity,
+        peer: Peer,
         session: SessionId,
         place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
-    ) -> Link {
-        let Self { connection, send, recv, decoder, counters } = self;
+    ) -> Parts {
+        let Self { connection, send, recv, format, decoder, counters } = self;
         let address = PeerAddress::Quic(connection.remote_address());
-        let shared = Shared { peer: theirs.role, counters, _place: place };
+        let shared = Shared { peer: peer.name.clone(), format, counters, place };
         let carrier = Carrier::new(net, connection);
         // The lane that lives on in its task must not keep the peer's place.
-        let copier = Shared { _place: None, ..shared.clone() };
-        Parts {
+        let copier = Shared { place: None, ..shared.clone() };
+        let lanes = Lanes::Wire {
             latest: (
-                AnyLatestTx::Quic(LatestTx::new(&carrier, send, copier)),
-                AnyLatestRx::Quic(LatestRx::new(&carrier, recv, decoder)),
+                WireLatestTx::Quic(LatestTx::new(&carrier, send, copier)),
+                WireLatestRx::Quic(LatestRx::new(&carrier, recv, decoder)),
             ),
-            frames: (AnyFrameTx::Quic(FrameTx::new(&carrier)), AnyFrameRx::Quic(FrameRx::new(&carrier))),
-            peer: PeerInfo { identity: theirs, session, address },
-            capabilities: CAPABILITIES,
-            batching: config.batching_between(ours, &theirs),
-            shared,
-        }
-        .into_link(net, config)
+            frames: (
+                WireFrameTx::Quic(FrameTx::new(&carrier)),
+                WireFrameRx::Quic(FrameRx::new(&carrier, format)),
+            ),
+        };
+        Parts { lanes, peer, session, address, capabilities: CAPABILITIES, shared, doubt: None }
     }
 }
 
@@ -111,19 +113,24 @@ impl Parley for Control {
     }
 }
 
-/// Checks that cameras fit into datagrams; where they do not, the peer is told why.
-pub(super) fn check_datagrams(connection: &Connection) -> Result<(), HandshakeError> {
-    let allowed = connection.max_datagram_size();
-    if allowed.is_some_and(|bytes| bytes >= NumberedCamera::SIZE) {
+/// Checks that values of the latest lane fit into datagrams; where they do not, the peer is told why.
+pub(super) fn check_datagrams(connection: &Connection, format: &Format) -> Result<(), HandshakeError> {
+    let (needed, allowed) = (Numbered::NUMBER_BYTES + format.latest, connection.max_datagram_size());
+    if allowed.is_some_and(|bytes| bytes >= needed) {
         return Ok(());
     }
-    let error = HandshakeError::Datagrams { needed: NumberedCamera::SIZE, allowed };
+    let error = HandshakeError::Datagrams { needed, allowed };
     connection.close(NO_DATAGRAMS, error.to_string().as_bytes());
     Err(error)
 }
 
-/// What a failed connection means; `ours` is what this side showed.
-pub(super) fn explain(error: ConnectionError, doorman: &Doorman, ours: Fingerprint) -> HandshakeError {
+/// What a failed connection means; `ours` is what this side showed, `protocol` what it speaks.
+pub(super) fn explain(
+    error: ConnectionError,
+    doorman: &Doorman,
+    ours: Fingerprint,
+    protocol: ProtocolName,
+) -> HandshakeError {
     if let Some(unknown) = doorman.turned_away() {
         return Box::new(unknown).into();
     }
@@ -131,7 +138,9 @@ pub(super) fn explain(error: ConnectionError, doorman: &Doorman, ours: Fingerpri
         code if code == TransportErrorCode::crypto(CERTIFICATE_UNKNOWN) => {
             Some(HandshakeError::NotKnown { presented: ours })
         }
-        code if code == TransportErrorCode::crypto(NO_APPLICATION_PROTOCOL) => Some(HandshakeError::Alpn),
+        code if code == TransportErrorCode::crypto(NO_APPLICATION_PROTOCOL) => {
+            Some(HandshakeError::Alpn(protocol.clone()))
+        }
         code if code == TransportErrorCode::CONNECTION_REFUSED => {
             Some(HandshakeError::Refused(Refusal::Busy))
         }

@@ -2,7 +2,7 @@
 //! the way.
 //!
 //! The lane is what its streams hold, one after the other in the order in which they were opened. Each holds
-//! one frame, or the statistics between two, or the goodbye. Older streams go first where the connection
+//! one frame, or a note between two, or the goodbye. Older streams go first where the connection
 //! cannot take all.
 
 use std::collections::VecDeque;
@@ -14,10 +14,10 @@ use std::task::{Context, Poll, Waker, ready};
 use bytes::{Bytes, BytesMut};
 use quinn::{RecvStream, SendStream, VarInt};
 use tokio::io::AsyncReadExt;
-use trimaran_proto::{Decoder, FrameMessage, Goodbye, HEADER_BYTES, Kind, Message};
+use trimaran_wire::{CloseReason, Decoder, Format, FrameMessage, HEADER_BYTES, Kind, Lane, Message};
 
 use super::carrier::{Carrier, all_arrived, loss, read_loss, write_loss};
-use crate::error::{LaneError, LaneSendError, Loss, ProtocolError};
+use crate::error::{LaneError, LaneSendError, Loss, ProtocolError, misplaced};
 use crate::link::Shared;
 use crate::patience::Patience;
 use trimaran_net::Instant;
@@ -71,7 +71,7 @@ impl FrameTx {
         let before = self.buffer.len();
         message.encode(&mut self.buffer);
         shared.counters.sent.count(message.kind(), self.buffer.len() - before - HEADER_BYTES);
-        let last = matches!(message.kind(), Kind::End | Kind::Stats | Kind::Goodbye);
+        let last = matches!(message.kind(), Kind::End | Kind::Note | Kind::Goodbye);
         if last || self.buffer.len() >= PART {
             self.cut(last);
         }
@@ -148,13 +148,13 @@ pub(crate) struct FrameRx {
     decoder: Decoder,
     /// Between the beginning and the end of a frame.
     within: bool,
-    farewell: Option<Goodbye>,
+    farewell: Option<CloseReason>,
 }
 
 impl FrameRx {
-    pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
+    pub(crate) fn new(carrier: &Arc<Carrier>, format: Format) -> Self {
         let carrier = Arc::clone(carrier);
-        Self { carrier, stream: None, decoder: Decoder::new(), within: false, farewell: None }
+        Self { carrier, stream: None, decoder: Decoder::new(format), within: false, farewell: None }
     }
 
     pub(crate) async fn next(
@@ -162,19 +162,23 @@ impl FrameRx {
         by: Option<Instant>,
         shared: &Shared,
         patience: &mut Patience,
-    ) -> Result<Message, LaneError> {
+    ) -> Result<FrameMessage, LaneError> {
         if let Some(reason) = &self.farewell {
             return Err(LaneError::Goodbye(reason.clone()));
         }
         loop {
             if let Some(message) = self.buffered(shared)? {
-                match &message {
-                    Message::Frame(FrameMessage::Begin(_)) => self.within = true,
-                    Message::Frame(FrameMessage::End(_)) => self.within = false,
+                let message = match message {
+                    Message::Frame(message) => message,
                     Message::Goodbye(reason) => {
                         self.farewell = Some(reason.clone());
-                        return Err(LaneError::Goodbye(reason.clone()));
+                        return Err(LaneError::Goodbye(reason));
                     }
+                    other => return Err(misplaced(other.kind(), Lane::Frames)),
+                };
+                match &message {
+                    FrameMessage::Begin { .. } => self.within = true,
+                    FrameMessage::End(_) => self.within = false,
                     _ => {}
                 }
                 return Ok(message);

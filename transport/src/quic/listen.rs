@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use quinn::crypto::rustls::QuicServerConfig;
 use quinn::{Endpoint, Incoming, ServerConfig};
-use trimaran_proto::{Accept, Hello, Lane, Message, Refusal};
+use trimaran_wire::{Accept, Hello, Lane, Message, Refusal};
 
 use super::connect::endpoint;
 use super::control::{Control, check_datagrams, explain};
@@ -34,12 +34,12 @@ pub(crate) fn listen(at: SocketAddr, desk: &Arc<Desk>) -> io::Result<SocketAddr>
 /// How one handshake is done, and who judges the certificate in it.
 fn server(desk: &Desk, security: &Security) -> Result<(ServerConfig, Arc<Doorman>), HandshakeError> {
     let doorman = Doorman::new(&security.peers);
-    let crypto = tls::server(&security.keys, &doorman)?;
+    let crypto = tls::server(&security.keys, &doorman, &desk.application.protocol())?;
     let crypto = QuicServerConfig::try_from(crypto).map_err(|e| HandshakeError::Io(io::Error::other(e)))?;
     let mut config = ServerConfig::with_crypto(Arc::new(crypto));
     let handshakes = desk.options.limits.handshakes;
     config
-        .transport_config(desk.options.quic.transport(&desk.options.link))
+        .transport_config(desk.options.quic.transport(&desk.options.link, &desk.application.format()))
         .max_incoming(handshakes)
         .incoming_buffer_size(WAITING)
         .incoming_buffer_size_total(WAITING * handshakes as u64);
@@ -100,25 +100,27 @@ impl Guest {
 
 async fn shake_hands(desk: &Desk, incoming: Incoming, security: &Security) -> Result<(), HandshakeError> {
     let (config, doorman) = server(desk, security)?;
-    let explained = |e| explain(e, &doorman, security.keys.public().quic);
+    let Desk { net, application, .. } = desk;
+    let explained = |e| explain(e, &doorman, security.keys.public().quic, application.protocol());
     let connection = incoming.accept_with(Arc::new(config)).map_err(explained)?.await.map_err(explained)?;
-    check_datagrams(&connection)?;
+    check_datagrams(&connection, &application.format())?;
     let key = tls::key_of(&connection).ok_or(HandshakeError::Stranger)?;
     let streams = connection.accept_bi().await.map_err(explained)?;
-    let mut control = Control::new(connection, streams);
-    let Hello { identity: theirs, session, lane } = control.recv_hello().await?;
+    let mut control = Control::new(connection, streams, application.format());
+    let hello = control.recv_hello().await?;
+    let Hello { session, lane, .. } = hello;
     let entered = match lane {
-        Lane::Frames => security
-            .judge(key, theirs.role)
-            .and_then(|()| desk.enter(&theirs).map_err(HandshakeError::Refused)),
+        Lane::Frames => desk.identify(&hello).and_then(|theirs| {
+            security.judge(key, theirs.role.as_deref())?;
+            desk.enter(&hello.application).map_err(HandshakeError::Refused)
+        }),
         Lane::Latest => Err(HandshakeError::Refused(Refusal::Session { session, lane })),
     };
     match entered {
-        Ok(place) => {
-            control.send(&Message::Accept(Accept { identity: desk.identity })).await?;
-            let config = &desk.options.link;
+        Ok((peer, place)) => {
+            control.send(&Message::Accept(Accept { application: application.hello().clone() })).await?;
             let place = Some(Arc::new(place) as _);
-            desk.hand_out(control.into_link(&desk.net, config, &desk.identity, theirs, session, place)).await;
+            desk.hand_out(control.into_parts(net, peer, session, place)).await;
             Ok(())
         }
         Err(error) => {

@@ -8,15 +8,12 @@ use quinn::congestion::{BbrConfig, CubicConfig, NewRenoConfig};
 use quinn::{IdleTimeout, MtuDiscoveryConfig, TransportConfig, VarInt};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-use trimaran_proto::NumberedCamera;
+use trimaran_wire::{Format, Numbered};
 
 use crate::{LinkConfig, UdpSocketOptions};
 
-/// Room for the one camera that waits to be sent: the next one takes its place. quinn counts 32 bytes of its
-/// own a datagram.
-const DATAGRAM_ROOM: usize = NumberedCamera::SIZE + size_of::<bytes::Bytes>();
-/// How many cameras may wait for their reader; the oldest go first.
-const CAMERAS: usize = 16;
+/// How many values of the latest lane may wait for their reader; the oldest go first.
+const VALUES: usize = 16;
 
 /// Options of QUIC connections.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -113,7 +110,10 @@ impl Default for QuicOptions {
 }
 
 impl QuicOptions {
-    pub(crate) fn transport(&self, link: &LinkConfig) -> Arc<TransportConfig> {
+    pub(crate) fn transport(&self, link: &LinkConfig, format: &Format) -> Arc<TransportConfig> {
+        // Room for the one value that waits to be sent: the next one takes its place. quinn counts 32 bytes of
+        // its own a datagram.
+        let datagram = Numbered::NUMBER_BYTES + format.latest + size_of::<bytes::Bytes>();
         let mut config = TransportConfig::default();
         // A hundred years of silence are as good as for ever.
         let idle = IdleTimeout::try_from(link.lease).ok();
@@ -126,8 +126,8 @@ impl QuicOptions {
             .send_window(self.window.into())
             .max_concurrent_bidi_streams(VarInt::from_u32(1))
             .max_concurrent_uni_streams(VarInt::from_u32(self.frames))
-            .datagram_send_buffer_size(DATAGRAM_ROOM)
-            .datagram_receive_buffer_size(Some(DATAGRAM_ROOM * CAMERAS))
+            .datagram_send_buffer_size(datagram)
+            .datagram_receive_buffer_size(Some(datagram * VALUES))
             .enable_segmentation_offload(self.segmentation)
             .mtu_discovery_config(self.mtu_discovery.then(MtuDiscoveryConfig::default));
         match self.congestion {

@@ -15,11 +15,9 @@ use rustls::{
     PeerIncompatible, ServerConfig, SignatureScheme, version::TLS13,
 };
 use thiserror::Error;
+use trimaran_wire::ProtocolName;
 
 use crate::keys::{Fingerprint, Keys, KnownPeer, PeerKey};
-
-/// The protocol's name in the TLS handshake (ALPN, RFC 7301); its number is the version of the wire.
-pub(crate) const ALPN: &[u8] = b"trimaran/1";
 
 /// A peer whose certificate is none of those that this side knows.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -148,26 +146,34 @@ fn provider() -> Arc<CryptoProvider> {
     Arc::new(ring::default_provider())
 }
 
-/// How the peer that connects does its TLS. No session is resumed: each handshake shows and checks both
+/// How the peer that connects does its TLS. The application's protocol is its ALPN name (RFC 7301). No session is resumed: each handshake shows and checks both
 /// certificates.
-pub(crate) fn client(keys: &Keys, doorman: &Arc<Doorman>) -> Result<ClientConfig, Error> {
+pub(crate) fn client(
+    keys: &Keys,
+    doorman: &Arc<Doorman>,
+    protocol: &ProtocolName,
+) -> Result<ClientConfig, Error> {
     let mut config = ClientConfig::builder_with_provider(provider())
         .with_protocol_versions(&[&TLS13])?
         .dangerous() // rustls' word for a verifier of one's own
         .with_custom_certificate_verifier(Arc::<Doorman>::clone(doorman))
         .with_client_cert_resolver(Arc::new(SingleCertAndKey::from(Arc::clone(&keys.certified))));
-    config.alpn_protocols = vec![ALPN.to_vec()];
+    config.alpn_protocols = vec![protocol.to_string().into_bytes()];
     config.resumption = Resumption::disabled();
     Ok(config)
 }
 
 /// How the peer that listens does its TLS.
-pub(crate) fn server(keys: &Keys, doorman: &Arc<Doorman>) -> Result<ServerConfig, Error> {
+pub(crate) fn server(
+    keys: &Keys,
+    doorman: &Arc<Doorman>,
+    protocol: &ProtocolName,
+) -> Result<ServerConfig, Error> {
     let mut config = ServerConfig::builder_with_provider(provider())
         .with_protocol_versions(&[&TLS13])?
         .with_client_cert_verifier(Arc::<Doorman>::clone(doorman))
         .with_cert_resolver(Arc::new(SingleCertAndKey::from(Arc::clone(&keys.certified))));
-    config.alpn_protocols = vec![ALPN.to_vec()];
+    config.alpn_protocols = vec![protocol.to_string().into_bytes()];
     config.session_storage = Arc::new(NoServerSessionStorage {});
     config.send_tls13_tickets = 0;
     Ok(config)

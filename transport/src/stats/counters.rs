@@ -4,8 +4,8 @@ use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
-use trimaran_proto::{HEADER_BYTES, Kind};
 use trimaran_udp::PathStats;
+use trimaran_wire::{HEADER_BYTES, Kind};
 
 use super::{LinkStats, Tally, Traffic};
 use crate::rates::Door;
@@ -100,10 +100,10 @@ impl Counters {
 /// Counters of one direction. Relaxed: they order nothing, they only add up.
 #[derive(Debug, Default)]
 pub(crate) struct Direction {
-    camera: AtomicTally,
+    latest: AtomicTally,
     begin: AtomicTally,
-    ids: AtomicTally,
-    id_count: AtomicU64,
+    batches: AtomicTally,
+    items: AtomicU64,
     end: AtomicTally,
     control: AtomicTally,
 }
@@ -130,11 +130,11 @@ impl Direction {
     /// Counts one message of `bytes` bytes of payload.
     pub(crate) fn count(&self, kind: Kind, bytes: usize) {
         let tally = match kind {
-            Kind::Camera | Kind::Numbered => &self.camera,
+            Kind::Latest | Kind::Numbered => &self.latest,
             Kind::Begin => &self.begin,
-            Kind::Ids | Kind::Coded => &self.ids,
+            Kind::Batch | Kind::Coded => &self.batches,
             Kind::End => &self.end,
-            Kind::Hello | Kind::Accept | Kind::Refuse | Kind::Goodbye | Kind::Alive | Kind::Stats => {
+            Kind::Hello | Kind::Accept | Kind::Refuse | Kind::Goodbye | Kind::Alive | Kind::Note => {
                 &self.control
             }
         };
@@ -142,39 +142,39 @@ impl Direction {
         tally.bytes.fetch_add(bytes as u64, Ordering::Relaxed);
     }
 
-    /// Counts ids, however they travel.
-    pub(crate) fn count_ids(&self, ids: usize) {
-        self.id_count.fetch_add(ids as u64, Ordering::Relaxed);
+    /// Counts items, however they travel.
+    pub(crate) fn count_items(&self, items: usize) {
+        self.items.fetch_add(items as u64, Ordering::Relaxed);
     }
 
-    /// The payload bytes of frames: beginnings, ids and ends.
+    /// The payload bytes of frames: beginnings, batches and ends.
     pub(crate) fn frame_bytes(&self) -> u64 {
-        [&self.begin, &self.ids, &self.end].into_iter().map(|tally| tally.read().bytes).sum()
+        [&self.begin, &self.batches, &self.end].into_iter().map(|tally| tally.read().bytes).sum()
     }
 
     fn absorb(&self, other: &Self) {
-        let Self { camera, begin, ids, id_count, end, control } = self;
-        id_count.fetch_add(other.id_count.load(Ordering::Relaxed), Ordering::Relaxed);
-        camera.absorb(&other.camera);
+        let Self { latest, begin, batches, items, end, control } = self;
+        items.fetch_add(other.items.load(Ordering::Relaxed), Ordering::Relaxed);
+        latest.absorb(&other.latest);
         begin.absorb(&other.begin);
-        ids.absorb(&other.ids);
+        batches.absorb(&other.batches);
         end.absorb(&other.end);
         control.absorb(&other.control);
     }
 
     fn read(&self, header: u64) -> Traffic {
         let mut traffic = Traffic {
-            camera: self.camera.read(),
+            latest: self.latest.read(),
             begin: self.begin.read(),
-            ids: self.ids.read(),
-            id_count: self.id_count.load(Ordering::Relaxed),
+            batches: self.batches.read(),
+            items: self.items.load(Ordering::Relaxed),
             end: self.end.read(),
             control: self.control.read(),
             header_bytes: 0,
         };
-        let messages = traffic.camera.messages
+        let messages = traffic.latest.messages
             + traffic.begin.messages
-            + traffic.ids.messages
+            + traffic.batches.messages
             + traffic.end.messages
             + traffic.control.messages;
         traffic.header_bytes = messages * header;
@@ -189,16 +189,16 @@ mod tests {
     #[test]
     fn bytes_are_told_apart_by_kind_and_direction() {
         let counters = Counters::framed();
-        counters.sent.count(Kind::Ids, 40);
+        counters.sent.count(Kind::Batch, 40);
         counters.sent.count(Kind::Coded, 8);
-        counters.sent.count_ids(13);
-        counters.received.count(Kind::Camera, 72);
+        counters.sent.count_items(13);
+        counters.received.count(Kind::Latest, 72);
         counters.received.count(Kind::Goodbye, 1);
         let early = counters.handle().read();
-        assert_eq!(early.sent.ids, Tally { messages: 2, bytes: 48 });
-        assert_eq!(early.sent.id_count, 13);
+        assert_eq!(early.sent.batches, Tally { messages: 2, bytes: 48 });
+        assert_eq!(early.sent.items, 13);
         assert_eq!(early.sent.total_bytes(), 48 + 2 * 4);
-        assert_eq!(early.received.camera, Tally { messages: 1, bytes: 72 });
+        assert_eq!(early.received.latest, Tally { messages: 1, bytes: 72 });
         assert_eq!(early.received.control, Tally { messages: 1, bytes: 1 });
 
         counters.sent.count(Kind::End, 16);

@@ -6,9 +6,10 @@ use std::task::{Context, Waker};
 use std::time::Duration;
 
 use tokio::sync::oneshot;
-use trimaran_proto::{Accept, Hello, Lane, Message, Refusal, SessionId};
+use trimaran_wire::{Accept, Hello, Lane, Message, Refusal, SessionId};
 
 use super::handshake::{Connection, Lanes};
+use crate::application::Peer;
 use crate::desk::{Desk, Place, lock};
 use crate::handshake::{HandshakeError, Parley};
 use crate::link::Capabilities;
@@ -46,7 +47,7 @@ struct Waiting {
 /// What becomes of a hello.
 enum Entry {
     /// Both lanes are there, and the role is this link's.
-    Complete(Lanes, Place),
+    Complete(Lanes, Peer, Place),
     /// The other lane has to come.
     Wait(oneshot::Receiver<()>),
     /// No.
@@ -69,7 +70,11 @@ impl Reception {
                     }
                     Err(e) => {
                         self.desk.failed(&PeerAddress::from(stream.peer), e);
-                        turn_away(&mut Connection::new(stream, &Counters::framed()));
+                        turn_away(&mut Connection::new(
+                            stream,
+                            self.desk.application.format(),
+                            &Counters::framed(),
+                        ));
                     }
                 },
                 Err(e) => {
@@ -109,14 +114,15 @@ impl Reception {
         slot: &mut Slot,
     ) -> Result<(), HandshakeError> {
         let net = &*self.desk.net;
-        let mut connection = Connection::new(stream, &Counters::framed());
+        let mut connection = Connection::new(stream, self.desk.application.format(), &Counters::framed());
         let hello = tokio::select! {
             biased;
             hello = until(net, deadline, connection.recv_hello()) => hello.ok_or(HandshakeError::TimedOut)??,
             () = slot.revoked() => return Err(turn_away(&mut connection)),
         };
+        let session = hello.session;
         match self.enter(hello, connection) {
-            Entry::Complete(lanes, place) => self.welcome(hello, lanes, place).await,
+            Entry::Complete(lanes, peer, place) => self.welcome(session, lanes, peer, place).await,
             Entry::Wait(paired) => {
                 let revoked = tokio::select! {
                     biased;
@@ -126,13 +132,13 @@ impl Reception {
                     },
                     () = slot.revoked() => true,
                 };
-                let Some(mut waiting) = lock(&self.waiting).remove(&hello.session) else {
+                let Some(mut waiting) = lock(&self.waiting).remove(&session) else {
                     return Ok(());
                 };
                 if revoked {
                     return Err(turn_away(&mut waiting.connection));
                 }
-                let refusal = Refusal::Unpaired { session: hello.session };
+                let refusal = Refusal::Unpaired { session };
                 Err(waiting.connection.refuse(refusal).await)
             }
             Entry::Refused(mut connection, refusal) => Err(connection.refuse(refusal).await),
@@ -141,8 +147,8 @@ impl Reception {
 
     /// Pairs a hello with that of the other lane, if it is there.
     fn enter(&self, hello: Hello, connection: Connection) -> Entry {
-        let Hello { identity, session, lane } = hello;
-        if let Err(refusal) = self.desk.admits(&identity) {
+        let Hello { session, lane, .. } = hello;
+        if let Err(refusal) = self.desk.admits(&hello) {
             return Entry::Refused(connection, refusal);
         }
         let mut waiting = lock(&self.waiting);
@@ -151,12 +157,12 @@ impl Reception {
             waiting.insert(session, Waiting { hello, connection, _paired });
             return Entry::Wait(watch);
         };
-        if other.hello.lane == lane || other.hello.identity != identity {
+        if other.hello.lane == lane || other.hello.application != hello.application {
             waiting.insert(session, other);
             return Entry::Refused(connection, Refusal::Session { session, lane });
         }
-        let place = match self.desk.enter(&identity) {
-            Ok(place) => place,
+        let (peer, place) = match self.desk.enter(&hello.application) {
+            Ok(entered) => entered,
             Err(refusal) => {
                 waiting.insert(session, other);
                 return Entry::Refused(connection, refusal);
@@ -167,18 +173,23 @@ impl Reception {
             Lane::Latest => Lanes { latest: connection, frames: other.connection, capabilities },
             Lane::Frames => Lanes { latest: other.connection, frames: connection, capabilities },
         };
-        Entry::Complete(lanes, place)
+        Entry::Complete(lanes, peer, place)
     }
 
     /// Answers on both lanes, and hands out the link.
-    async fn welcome(&self, hello: Hello, mut lanes: Lanes, place: Place) -> Result<(), HandshakeError> {
-        let accept = Message::Accept(Accept { identity: self.desk.identity });
+    async fn welcome(
+        &self,
+        session: SessionId,
+        mut lanes: Lanes,
+        peer: Peer,
+        place: Place,
+    ) -> Result<(), HandshakeError> {
+        let Desk { net, application, options, .. } = &*self.desk;
+        let accept = Message::Accept(Accept { application: application.hello().clone() });
         lanes.latest.send(&accept).await?;
         lanes.frames.send(&accept).await?;
-        let Hello { identity: theirs, session, .. } = hello;
-        let config = &self.desk.options.link;
-        let link = lanes.into_link(&self.desk.net, config, &self.desk.identity, theirs, session, Some(place));
-        self.desk.hand_out(link).await;
+        let parts = lanes.into_parts(net, &options.link, application.format(), peer, session, Some(place));
+        self.desk.hand_out(parts).await;
         Ok(())
     }
 }

@@ -5,13 +5,13 @@ use std::mem;
 use std::sync::{Arc, Mutex};
 use std::task::{Context, Waker};
 
-use trimaran_proto::{Goodbye, Message};
+use trimaran_wire::{CloseReason, FrameMessage, Lane, Message};
 
 use super::inlet::Inlet;
 use super::pulse::Pulse;
 use super::source::{Sink, Source};
 use crate::desk::lock;
-use crate::error::{LaneError, LaneSendError, Loss};
+use crate::error::{LaneError, LaneSendError, Loss, misplaced};
 use crate::link::Shared;
 use crate::patience::{Expired, Patience, Wait};
 use crate::stats::Counters;
@@ -135,7 +135,7 @@ impl Pulse for Outlet {
 #[derive(Debug)]
 pub(crate) struct FrameRx {
     inlet: Arc<Inlet>,
-    farewell: Option<Goodbye>,
+    farewell: Option<CloseReason>,
 }
 
 /// Both halves of the lane.
@@ -151,7 +151,7 @@ impl FrameRx {
         by: Option<Instant>,
         shared: &Shared,
         patience: &mut Patience,
-    ) -> Result<Message, LaneError> {
+    ) -> Result<FrameMessage, LaneError> {
         if let Some(reason) = &self.farewell {
             return Err(LaneError::Goodbye(reason.clone()));
         }
@@ -163,7 +163,8 @@ impl FrameRx {
                     return Err(LaneError::Goodbye(reason));
                 }
                 Some(Message::Alive) => {}
-                Some(message) => return Ok(message),
+                Some(Message::Frame(message)) => return Ok(message),
+                Some(other) => return Err(misplaced(other.kind(), Lane::Frames)),
                 None => {
                     let attention = self.inlet.attend();
                     patience

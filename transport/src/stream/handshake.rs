@@ -3,17 +3,18 @@
 use std::future::poll_fn;
 use std::sync::Arc;
 
-use trimaran_proto::{Hello, Identity, Message, Refusal, SessionId};
+use trimaran_wire::{Format, Hello, Message, Refusal, SessionId};
 
 use super::frames::{Outlet, frames as both_halves};
 use super::latest::Cell;
 use super::pulse::{Pulse, keep_alive};
 use super::{LatestRx, LatestTx, Sink, Source};
+use crate::application::Peer;
 use crate::desk::Place;
-use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx};
+use crate::frames::{WireFrameRx, WireFrameTx};
 use crate::handshake::{HandshakeError, Parley};
-use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
-use crate::link::{Capabilities, Link, LinkConfig, Parts, PeerAddress, PeerInfo, Shared};
+use crate::latest::{WireLatestRx, WireLatestTx};
+use crate::link::{Capabilities, Lanes as AnyLanes, LinkConfig, Parts, PeerAddress, Shared};
 use crate::stats::Counters;
 use trimaran_net::{Net, Stream};
 
@@ -30,9 +31,9 @@ pub(super) struct Connection {
 }
 
 impl Connection {
-    pub(super) fn new(stream: Stream, counters: &Arc<Counters>) -> Self {
+    pub(super) fn new(stream: Stream, format: Format, counters: &Arc<Counters>) -> Self {
         Self {
-            source: Source::new(stream.reader, ROOM),
+            source: Source::new(stream.reader, ROOM, format),
             sink: Sink::new(stream.writer),
             address: stream.peer.into(),
             counters: Arc::clone(counters),
@@ -79,35 +80,32 @@ pub(super) struct Lanes {
 }
 
 impl Lanes {
-    pub(super) fn into_link(
+    pub(super) fn into_parts(
         self,
         net: &Arc<dyn Net>,
         config: &LinkConfig,
-        ours: &Identity,
-        theirs: Identity,
+        format: Format,
+        peer: Peer,
         session: SessionId,
         place: Option<Place>,
-    ) -> Link {
+    ) -> Parts {
         let Self { latest, frames, capabilities } = self;
-        let counters = frames.counters;
+        let (counters, address) = (frames.counters, frames.address);
         if !Arc::ptr_eq(&counters, &latest.counters) {
             counters.absorb(&latest.counters);
         }
-        let shared = Shared { peer: theirs.role, counters, _place: place.map(|place| Arc::new(place) as _) };
+        let place = place.map(|place| Arc::new(place) as _);
+        let shared = Shared { peer: peer.name.clone(), format, counters, place };
         let latest_tx = LatestTx::new(net, latest.sink, shared.clone());
         let (frames_tx, frames_rx) = both_halves(frames.sink, frames.source, &shared.counters);
         let latest_pulse: Arc<dyn Pulse> = Arc::<Cell>::clone(latest_tx.cell());
         let frames_pulse: Arc<dyn Pulse> = Arc::<Outlet>::clone(frames_tx.outlet());
         let lanes = [Arc::downgrade(&latest_pulse), Arc::downgrade(&frames_pulse)];
         keep_alive(net, config.keepalive(), lanes);
-        Parts {
-            latest: (AnyLatestTx::Stream(latest_tx), AnyLatestRx::Stream(LatestRx::new(latest.source))),
-            frames: (AnyFrameTx::Stream(frames_tx), AnyFrameRx::Stream(frames_rx)),
-            peer: PeerInfo { identity: theirs, session, address: frames.address },
-            capabilities,
-            shared,
-            batching: config.batching_between(ours, &theirs),
-        }
-        .into_link(net, config)
+        let lanes = AnyLanes::Wire {
+            latest: (WireLatestTx::Stream(latest_tx), WireLatestRx::Stream(LatestRx::new(latest.source))),
+            frames: (WireFrameTx::Stream(frames_tx), WireFrameRx::Stream(frames_rx)),
+        };
+        Parts { lanes, peer, session, address, capabilities, shared, doubt: None }
     }
 }

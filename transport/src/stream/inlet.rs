@@ -4,7 +4,7 @@
 use std::sync::Mutex;
 use std::task::{Context, Poll, Waker, ready};
 
-use trimaran_proto::Message;
+use trimaran_wire::Message;
 
 use super::source::Source;
 use crate::desk::lock;

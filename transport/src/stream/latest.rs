@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Waker, ready};
 
 use tokio::sync::Notify;
-use trimaran_proto::{Camera, Goodbye, Lane, Message};
+use trimaran_wire::{CloseReason, FixedBytes, Lane, Message};
 
 use super::pulse::Pulse;
 use super::source::{Sink, Source};
@@ -16,14 +16,14 @@ use crate::link::Shared;
 use crate::patience::{Patience, Wait};
 use trimaran_net::{Instant, Net};
 
-/// How much is read at once: some fifty cameras.
+/// How much is read at once: many values.
 const ROOM: usize = 4 * 1024;
 
-/// How many reads are drained in search of the newest camera before it is handed out, so that a flood cannot
+/// How many reads are drained in search of the newest value before it is handed out, so that a flood cannot
 /// hold the reader.
 const READS: usize = 64;
 
-/// Writes each camera straight from the publishing thread. Only when the stream takes no more does a task
+/// Writes each value straight from the publishing thread. Only when the stream takes no more does a task
 /// take over, and the cell of size one fills.
 #[derive(Debug)]
 pub(crate) struct LatestTx {
@@ -42,9 +42,9 @@ pub(super) struct Cell {
 #[derive(Debug)]
 struct Outgoing {
     sink: Sink,
-    /// The newest camera, while older bytes are still being written.
-    newest: Option<Camera>,
-    farewell: Option<Goodbye>,
+    /// The newest value, while older bytes are still being written.
+    newest: Option<FixedBytes>,
+    farewell: Option<CloseReason>,
     /// A sign of life is due.
     alive: bool,
     /// Something was said since the last beat.
@@ -76,13 +76,13 @@ impl LatestTx {
         &self.cell
     }
 
-    pub(crate) fn publish(&mut self, camera: Camera) -> Result<(), LaneSendError> {
-        self.send(|outgoing| outgoing.newest = Some(camera))
+    pub(crate) fn publish(&mut self, value: FixedBytes) -> Result<(), LaneSendError> {
+        self.send(|outgoing| outgoing.newest = Some(value))
     }
 
     pub(crate) async fn goodbye(
         &mut self,
-        reason: Goodbye,
+        reason: CloseReason,
         patience: &mut Patience,
     ) -> Result<(), LaneSendError> {
         self.send(|outgoing| {
@@ -147,8 +147,8 @@ impl Cell {
                 return Poll::Ready(());
             }
             let counts = &self.shared.counters.sent;
-            if let Some(camera) = outgoing.newest.take() {
-                outgoing.sink.stage(&Message::Camera(camera), counts);
+            if let Some(value) = outgoing.newest.take() {
+                outgoing.sink.stage(&Message::Latest(value), counts);
             } else if mem::take(&mut outgoing.alive) {
                 outgoing.sink.stage(&Message::Alive, counts);
             } else if let Some(reason) = outgoing.farewell.take() {
@@ -187,8 +187,8 @@ impl Outgoing {
 #[derive(Debug)]
 pub(crate) struct LatestRx {
     source: Source,
-    farewell: Option<Goodbye>,
-    /// What ended the lane behind a camera that was given first.
+    farewell: Option<CloseReason>,
+    /// What ended the lane behind a value that was given first.
     ended: Option<LaneError>,
 }
 
@@ -197,7 +197,7 @@ impl LatestRx {
         Self { source: source.with_room(ROOM), farewell: None, ended: None }
     }
 
-    pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<Camera>, LaneError> {
+    pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<FixedBytes>, LaneError> {
         if let Some(end) = self.ended.take() {
             return Err(end);
         }
@@ -217,11 +217,11 @@ impl LatestRx {
         by: Option<Instant>,
         shared: &Shared,
         patience: &mut Patience,
-    ) -> Result<Camera, LaneError> {
+    ) -> Result<FixedBytes, LaneError> {
         let mut wait = Wait::default();
         loop {
-            if let Some(camera) = self.try_latest(shared)? {
-                return Ok(camera);
+            if let Some(value) = self.try_latest(shared)? {
+                return Ok(value);
             }
             patience
                 .hear(&mut wait, by, poll_fn(|cx| self.source.poll_fill(cx)))
@@ -231,14 +231,14 @@ impl LatestRx {
     }
 
     /// Takes everything that has arrived.
-    fn drain(&mut self, shared: &Shared, newest: &mut Option<Camera>) -> Result<(), LaneError> {
+    fn drain(&mut self, shared: &Shared, newest: &mut Option<FixedBytes>) -> Result<(), LaneError> {
         if let Some(reason) = &self.farewell {
             return Err(LaneError::Goodbye(reason.clone()));
         }
         for _ in 0..READS {
             while let Some(message) = self.source.next_buffered(&shared.counters.received)? {
                 match message {
-                    Message::Camera(camera) => *newest = Some(camera),
+                    Message::Latest(value) => *newest = Some(value),
                     Message::Alive => {}
                     Message::Goodbye(reason) => {
                         self.farewell = Some(reason.clone());

@@ -7,7 +7,7 @@ use std::task::{Context, Poll, ready};
 
 use bytes::{Buf, BytesMut};
 use tokio::io::{AsyncReadExt, AsyncWrite};
-use trimaran_proto::{Decoder, HEADER_BYTES, Message};
+use trimaran_wire::{Decoder, Format, HEADER_BYTES, Message};
 
 use crate::error::{LaneError, Loss, ProtocolError};
 use crate::stats::Direction;
@@ -29,8 +29,8 @@ impl fmt::Debug for Source {
 
 impl Source {
     /// Reads `room` bytes or more at once.
-    pub(crate) fn new(reader: BoxReader, room: usize) -> Self {
-        Self { reader, decoder: Decoder::new(), room }
+    pub(crate) fn new(reader: BoxReader, room: usize, format: Format) -> Self {
+        Self { reader, decoder: Decoder::new(format), room }
     }
 
     /// Goes on with another appetite, for instance once a stranger has become a peer.

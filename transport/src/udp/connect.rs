@@ -6,18 +6,19 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
-use bytes::{BufMut, BytesMut};
-use trimaran_proto::{Decoder, HEADER_BYTES, Identity, Lane, Message};
+use bytes::{BufMut, Bytes, BytesMut};
 use trimaran_udp::{Config, Connecting, Connection, ConnectionId, Progress, Security, VERSION};
+use trimaran_wire::{Decoder, Format, HEADER_BYTES, Lane, Message};
 
 use super::driver::Board;
 use super::port::Port;
 use super::socket::{Incoming, Outgoing, Path};
-use crate::connect::{AttemptError, Introduction, believed};
+use crate::connect::{AttemptError, Introduction};
 use crate::handshake::HandshakeError;
 use crate::keys::{NoiseKey, PeerKey};
+use crate::link::Parts;
 use crate::stats::Counters;
-use crate::{Link, UdpEndpoint, UdpMode};
+use crate::{UdpEndpoint, UdpMode};
 use trimaran_net::{Instant, Net, UdpSocket, random_bytes, until};
 
 /// The pause before the first packet is sent again; it doubles up to [`LAST_PAUSE`].
@@ -34,7 +35,7 @@ pub(crate) async fn attempt(
     net: &Arc<dyn Net>,
     endpoint: &UdpEndpoint,
     introduction: &Introduction<'_>,
-) -> Result<Link, AttemptError> {
+) -> Result<Parts, AttemptError> {
     let addresses = net.resolve(&endpoint.at.to_string()).await.map_err(AttemptError::Resolve)?;
     let count = u32::try_from(addresses.len()).unwrap_or(u32::MAX);
     let mut last = AttemptError::NoAddress;
@@ -42,7 +43,7 @@ pub(crate) async fn attempt(
         let share = introduction.by.since(net.now()) / (others + 1);
         let by = net.now().after(share - share / REST);
         match introduce(net, to, endpoint.mode, introduction, by).await {
-            Ok(link) => return Ok(link),
+            Ok(parts) => return Ok(parts),
             Err(e) if e.is_about_one_address() => last = e,
             Err(e) => return Err(e),
         }
@@ -67,8 +68,8 @@ async fn introduce(
     mode: Option<UdpMode>,
     introduction: &Introduction<'_>,
     by: Instant,
-) -> Result<Link, AttemptError> {
-    let Introduction { identity, session, options, .. } = *introduction;
+) -> Result<Parts, AttemptError> {
+    let Introduction { application, session, options, .. } = *introduction;
     let failed = |cause| AttemptError::Handshake { address: to.to_string(), cause };
     let candidates = options.udp.trust.connecting(options.security.as_ref()).map_err(failed)?;
     let here: SocketAddr = match to {
@@ -78,8 +79,10 @@ async fn introduce(
     let refused = |cause| AttemptError::Connect { address: to.to_string(), cause };
     let socket = net.bind_udp(here, options.udp.socket).map_err(refused)?;
     let counters = Counters::unframed();
-    let config = options.udp.config(mode, &options.link);
-    let hello = introduce_with(&Message::Hello(identity.hello(session, Lane::Frames)), &config, &counters);
+    let format = application.format();
+    let config = options.udp.config(mode, &options.link, format);
+    let hello =
+        introduce_with(&Message::Hello(application.introduce(session, Lane::Frames)), &config, &counters);
     let mut ways = Vec::new();
     for security in candidates {
         let name = ConnectionId(net.random().map_err(refused)? as u32);
@@ -88,11 +91,12 @@ async fn introduce(
     }
     let mut asking = Asking { net, socket: &socket, to, incoming: Incoming::new(&socket) };
     let (key, mut connection, answer) = asking.ask(ways, config, by).await.map_err(failed)?;
-    let (theirs, reliable) = read_answer(&answer, &counters).map_err(failed)?;
+    let (theirs, reliable) = read_answer(&answer, format, &counters).map_err(failed)?;
+    let theirs = application.recognize(&theirs).map_err(failed)?;
     let reliable = reliable && config.patience.is_none();
-    let batching = options.link.batching_between(&identity, &theirs);
+    let batching = theirs.batching.unwrap_or(options.link.batching);
     connection.set_batch(batching.size);
-    connection.set_coding(batching.coding);
+    connection.set_coded(batching.coded);
     connection.follow(to, random_bytes(&**net).map_err(refused)?);
     // The listener believes in this side once it has heard it use its keys.
     connection.ping();
@@ -114,11 +118,11 @@ async fn introduce(
     }));
     port.settle(net.now());
     let judged = match (key, &options.security) {
-        (Some(key), Some(security)) => security.judge(key, theirs.role),
+        (Some(key), Some(security)) => security.judge(key, theirs.role.as_deref()),
         _ => Ok(()),
     };
-    let link = super::link(net, &port, options, (&identity, theirs), session, counters, reliable, None);
-    believed(link, judged).await.map_err(failed)
+    let parts = super::parts(&port, &options.udp, format, theirs, (session, reliable), counters, None);
+    Ok(Parts { doubt: judged.err(), ..parts })
 }
 
 /// The key of the listener that answers to `security`.
@@ -142,13 +146,14 @@ pub(super) fn introduce_with(message: &Message, config: &Config, counters: &Coun
 /// What a payload of the handshake says. Counted as received.
 pub(super) fn read_introduction(
     bytes: &[u8],
+    format: Format,
     counters: &Counters,
 ) -> Result<(Message, bool), HandshakeError> {
     let (message, reliable) = match bytes.split_last() {
         Some((mode, message)) => (message, *mode == 0),
         None => return Err(HandshakeError::Closed),
     };
-    let mut decoder = Decoder::new();
+    let mut decoder = Decoder::new(format);
     decoder.push(message);
     let length = message.len().saturating_sub(HEADER_BYTES);
     let message = decoder.next_message()?.ok_or(HandshakeError::Closed)?;
@@ -156,9 +161,9 @@ pub(super) fn read_introduction(
     Ok((message, reliable))
 }
 
-fn read_answer(bytes: &[u8], counters: &Counters) -> Result<(Identity, bool), HandshakeError> {
-    match read_introduction(bytes, counters)? {
-        (Message::Accept(accept), reliable) => Ok((accept.identity, reliable)),
+fn read_answer(bytes: &[u8], format: Format, counters: &Counters) -> Result<(Bytes, bool), HandshakeError> {
+    match read_introduction(bytes, format, counters)? {
+        (Message::Accept(accept), reliable) => Ok((accept.application, reliable)),
         (Message::Refuse(refusal), _) => Err(HandshakeError::Refused(refusal)),
         (other, _) => Err(HandshakeError::Unexpected { kind: other.kind() }),
     }
@@ -205,7 +210,7 @@ impl Asking<'_> {
                     Stage::Asking(connecting) if all => self.send(connecting),
                     Stage::Asking(connecting) => Stage::Asking(connecting),
                     Stage::Taken(connection, answer) => return Ok((key, *connection, answer)),
-                    Stage::Refused(answer) => return Err(refusal(&answer)),
+                    Stage::Refused(answer) => return Err(refusal(&answer, config.format)),
                 };
                 waiting.push((key, stage));
             }
@@ -251,8 +256,8 @@ fn in_vain(stages: &[(Option<PeerKey>, Stage)]) -> HandshakeError {
 }
 
 /// What a listener that refuses says.
-fn refusal(answer: &[u8]) -> HandshakeError {
-    read_answer(answer, &Counters::unframed()).err().unwrap_or(HandshakeError::Closed)
+fn refusal(answer: &[u8], format: Format) -> HandshakeError {
+    read_answer(answer, format, &Counters::unframed()).err().unwrap_or(HandshakeError::Closed)
 }
 
 impl Stage {

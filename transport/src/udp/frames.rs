@@ -5,12 +5,11 @@ use std::future::poll_fn;
 use std::sync::Arc;
 use std::task::Poll;
 
-use trimaran_proto::{FrameNumber, Kind, Message};
 use trimaran_udp::{Hopeless, Received};
+use trimaran_wire::{CloseReason, FrameMessage, FrameNumber, Kind};
 
 use super::port::{Carrier, State, Waiter};
 use crate::error::{LaneError, LaneSendError, Loss};
-use crate::frames::{frame_weight, weight};
 use crate::link::Shared;
 use crate::patience::Patience;
 use trimaran_net::Instant;
@@ -18,11 +17,18 @@ use trimaran_net::Instant;
 #[derive(Debug)]
 pub(crate) struct FrameTx {
     carrier: Arc<Carrier>,
-    staged: VecDeque<Message>,
+    staged: VecDeque<Staged>,
     /// The lane has ended with a goodbye.
     ended: bool,
     /// Somebody was told that frames have less time than the way takes.
     warned: bool,
+}
+
+/// What waits to be given to the connection.
+#[derive(Debug)]
+enum Staged {
+    Frame(FrameMessage),
+    Goodbye(CloseReason),
 }
 
 impl FrameTx {
@@ -30,10 +36,14 @@ impl FrameTx {
         Self { carrier: Arc::clone(carrier), staged: VecDeque::new(), ended: false, warned: false }
     }
 
-    pub(crate) fn stage(&mut self, message: Message, shared: &Shared) {
-        let (kind, bytes) = weight(&message);
-        shared.counters.sent.count(kind, bytes);
-        self.staged.push_back(message);
+    pub(crate) fn stage(&mut self, message: FrameMessage, shared: &Shared) {
+        shared.counters.sent.count(message.kind(), message.payload());
+        self.staged.push_back(Staged::Frame(message));
+    }
+
+    pub(crate) fn stage_goodbye(&mut self, reason: CloseReason, shared: &Shared) {
+        shared.counters.sent.count(Kind::Goodbye, 0);
+        self.staged.push_back(Staged::Goodbye(reason));
     }
 
     /// The newest frame that the peer has all of.
@@ -58,11 +68,8 @@ impl FrameTx {
                     && let Some(message) = staged.pop_front()
                 {
                     match message {
-                        Message::Frame(message) => state.connection.send(message),
-                        Message::Coded(batch) => state.connection.send_coded(batch),
-                        Message::Goodbye(reason) => state.connection.goodbye(reason),
-                        // No other message is staged on this lane.
-                        _ => {}
+                        Staged::Frame(message) => state.connection.send(&message),
+                        Staged::Goodbye(reason) => state.connection.goodbye(reason),
                     }
                 }
                 carrier.port().flush(&mut state);
@@ -126,7 +133,7 @@ impl FrameRx {
         by: Option<Instant>,
         shared: &Shared,
         patience: &mut Patience,
-    ) -> Result<Message, LaneError> {
+    ) -> Result<FrameMessage, LaneError> {
         let next = poll_fn(|cx| {
             if let Some(end) = self.farewell.clone() {
                 return Poll::Ready(Ok(end));
@@ -147,13 +154,8 @@ impl FrameRx {
         let received = patience.wait(by, next).await.map_err(LaneError::Expired)??;
         match received {
             Received::Frame(message) => {
-                let (kind, bytes) = frame_weight(&message);
-                shared.counters.received.count(kind, bytes);
-                Ok(Message::Frame(message))
-            }
-            Received::Coded(batch) => {
-                shared.counters.received.count(Kind::Coded, batch.as_bytes().len());
-                Ok(Message::Coded(batch))
+                shared.counters.received.count(message.kind(), message.payload());
+                Ok(message)
             }
             end => {
                 if self.farewell.is_none() {

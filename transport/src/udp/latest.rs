@@ -4,8 +4,8 @@ use std::future::poll_fn;
 use std::sync::Arc;
 use std::task::Poll;
 
-use trimaran_proto::{Camera, Goodbye, Kind};
 use trimaran_udp::LatestEnd;
+use trimaran_wire::{CloseReason, FixedBytes, Kind};
 
 use super::port::{Carrier, State, Waiter};
 use crate::error::{LaneError, LaneSendError, Loss};
@@ -23,20 +23,20 @@ impl LatestTx {
         Self { carrier: Arc::clone(carrier) }
     }
 
-    pub(crate) fn publish(&mut self, camera: Camera, shared: &Shared) -> Result<(), LaneSendError> {
+    pub(crate) fn publish(&mut self, value: FixedBytes, shared: &Shared) -> Result<(), LaneSendError> {
         let mut state = self.carrier.lock();
         if let Some(loss) = state.loss() {
             return Err(LaneSendError::Lost(loss));
         }
-        shared.counters.sent.count(Kind::Camera, Camera::SIZE);
-        state.connection.publish(camera);
+        shared.counters.sent.count(Kind::Latest, shared.format.latest);
+        state.connection.publish(value);
         self.carrier.port().flush(&mut state);
         Ok(())
     }
 
     pub(crate) async fn goodbye(
         &mut self,
-        reason: Goodbye,
+        reason: CloseReason,
         patience: &mut Patience,
     ) -> Result<(), LaneSendError> {
         self.end(Some(reason));
@@ -54,7 +54,7 @@ impl LatestTx {
         patience.wait(None, arrived).await.map_err(|_| LaneSendError::Stalled)?
     }
 
-    fn end(&self, reason: Option<Goodbye>) {
+    fn end(&self, reason: Option<CloseReason>) {
         let mut state = self.carrier.lock();
         state.connection.end_latest(reason);
         self.carrier.port().flush(&mut state);
@@ -77,7 +77,7 @@ impl LatestRx {
         Self { carrier: Arc::clone(carrier) }
     }
 
-    pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<Camera>, LaneError> {
+    pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<FixedBytes>, LaneError> {
         next(&mut self.carrier.lock(), shared).transpose()
     }
 
@@ -86,8 +86,8 @@ impl LatestRx {
         by: Option<Instant>,
         shared: &Shared,
         patience: &mut Patience,
-    ) -> Result<Camera, LaneError> {
-        let camera = poll_fn(|cx| {
+    ) -> Result<FixedBytes, LaneError> {
+        let value = poll_fn(|cx| {
             let mut state = self.carrier.lock();
             match next(&mut state, shared) {
                 Some(next) => Poll::Ready(next),
@@ -97,15 +97,15 @@ impl LatestRx {
                 }
             }
         });
-        patience.wait(by, camera).await.map_err(LaneError::Expired)?
+        patience.wait(by, value).await.map_err(LaneError::Expired)?
     }
 }
 
-/// The camera that was not read, or how the lane ended; none where a camera may still come.
-fn next(state: &mut State, shared: &Shared) -> Option<Result<Camera, LaneError>> {
-    if let Some(camera) = state.connection.latest() {
-        shared.counters.received.count(Kind::Camera, Camera::SIZE);
-        return Some(Ok(camera));
+/// The value that was not read, or how the lane ended; none where a value may still come.
+fn next(state: &mut State, shared: &Shared) -> Option<Result<FixedBytes, LaneError>> {
+    if let Some(value) = state.connection.latest() {
+        shared.counters.received.count(Kind::Latest, shared.format.latest);
+        return Some(Ok(value));
     }
     let ended = state.connection.latest_end().map(|end| match end {
         LatestEnd::Goodbye(reason) => LaneError::Goodbye(reason.clone()),

@@ -8,8 +8,8 @@ use std::pin::pin;
 use std::sync::{Arc, Mutex};
 use std::task::Poll;
 
-use trimaran_proto::{Accept, DecodeFault, Hello, Lane, Message, Refusal};
 use trimaran_udp::{Config, ConnectionId, Door, Knock, Reception};
+use trimaran_wire::{Accept, Batching, DecodeFault, Hello, Lane, Message, Refusal};
 
 use super::connect::{introduce_with, read_introduction};
 use super::driver::Board;
@@ -18,7 +18,6 @@ use super::socket::{Incoming, Outgoing, Path};
 use crate::desk::{Desk, lock};
 use crate::handshake::HandshakeError;
 use crate::keys::{NoiseKey, PeerKey};
-use crate::link::Batching;
 use crate::pending::Slot;
 use crate::stats::Counters;
 use crate::{PeerAddress, UdpMode};
@@ -32,7 +31,7 @@ pub(crate) fn listen(at: SocketAddr, mode: Option<UdpMode>, desk: &Arc<Desk>) ->
     let socket = desk.net.bind_udp(at, options.socket)?;
     let address = socket.local_addr()?;
     let board = Board::new(&desk.net);
-    let config = options.config(mode, &desk.options.link);
+    let config = options.config(mode, &desk.options.link, desk.application.format());
     let hall = Hall { desk: Arc::clone(desk), config, door, socket, board, answers: Arc::default() };
     desk.net.spawn(Box::pin(hall.serve()));
     Ok(address)
@@ -55,6 +54,8 @@ struct Hall {
 /// A caller whose keys fit.
 struct Guest {
     hello: Hello,
+    /// How items travel.
+    batching: Batching,
     /// Whether all frames will be whole, in both directions.
     reliable: bool,
     counters: Arc<Counters>,
@@ -126,7 +127,7 @@ impl Hall {
     /// Whether the caller may come in.
     fn judge(&self, knock: &Knock) -> Result<Guest, HandshakeError> {
         let counters = Counters::unframed();
-        let (hello, reliable) = match read_introduction(&knock.hello, &counters) {
+        let (hello, reliable) = match read_introduction(&knock.hello, self.config.format, &counters) {
             Ok((Message::Hello(hello), reliable)) => Ok((hello, reliable)),
             Ok((other, _)) => Err(HandshakeError::Unexpected { kind: other.kind() }),
             Err(HandshakeError::Decode(e)) => Err(match e.fault {
@@ -141,13 +142,15 @@ impl Hall {
             let Hello { session, lane, .. } = hello;
             return Err(HandshakeError::Refused(Refusal::Session { session, lane }));
         }
+        let peer = self.desk.identify(&hello)?;
         if let (Some(key), Some(security)) = (knock.key, &self.desk.options.security) {
-            security.judge(PeerKey::Udp(NoiseKey::from_bytes(key)), hello.identity.role)?;
+            security.judge(PeerKey::Udp(NoiseKey::from_bytes(key)), peer.role.as_deref())?;
         }
         // It takes the role's place only once it has shown that it is there now.
-        self.desk.admits(&hello.identity).map_err(HandshakeError::Refused)?;
+        self.desk.admits(&hello).map_err(HandshakeError::Refused)?;
         let reliable = reliable && self.config.patience.is_none();
-        Ok(Guest { hello, reliable, counters })
+        let batching = peer.batching.unwrap_or(self.desk.options.link.batching);
+        Ok(Guest { hello, batching, reliable, counters })
     }
 
     /// Makes a connection of the caller, and a link once it has shown that it is there now: its first packet
@@ -155,11 +158,10 @@ impl Hall {
     fn let_in(&self, path: Path, knock: Knock, guest: Guest, reply: &mut Vec<u8>) -> io::Result<()> {
         let (desk, caller) = (&self.desk, (path.remote, knock.from));
         let here = self.free_name()?;
-        let accept = Message::Accept(Accept { identity: desk.identity });
+        let accept = Message::Accept(Accept { application: desk.application.hello().clone() });
         let answer = introduce_with(&accept, &self.config, &guest.counters);
-        let Batching { size: batch, coding } =
-            desk.options.link.batching_between(&desk.identity, &guest.hello.identity);
-        let config = Config { batch, coding, ..self.config };
+        let Batching { size: batch, coded } = guest.batching;
+        let config = Config { batch, coded, ..self.config };
         let mut connection = knock
             .take(desk.net.now(), here, &answer, config, reply)
             .ok_or_else(|| io::Error::other("the answer could not be sealed"))?;
@@ -216,25 +218,17 @@ async fn greet(desk: Arc<Desk>, port: Arc<Port>, guest: Guest, mut slot: Slot) {
         () = slot.revoked() => Err(HandshakeError::Refused(Refusal::Busy)),
     };
     drop(slot);
-    let Guest { hello, reliable, counters } = guest;
-    let Hello { identity: theirs, session, .. } = hello;
-    let place = match confirmed.and_then(|()| desk.enter(&theirs).map_err(HandshakeError::Refused)) {
-        Ok(place) => Some(Arc::new(place) as _),
+    let Guest { hello, reliable, counters, .. } = guest;
+    let entered = confirmed.and_then(|()| desk.enter(&hello.application).map_err(HandshakeError::Refused));
+    let (peer, place) = match entered {
+        Ok((peer, place)) => (peer, Some(Arc::new(place) as _)),
         Err(error) => {
             port.lock().connection.close();
             port.settle(desk.net.now());
             return desk.failed(&port.remote(), error);
         }
     };
-    let link = super::link(
-        &desk.net,
-        &port,
-        &desk.options,
-        (&desk.identity, theirs),
-        session,
-        counters,
-        reliable,
-        place,
-    );
-    desk.hand_out(link).await;
+    let format = desk.application.format();
+    let link = (hello.session, reliable);
+    desk.hand_out(super::parts(&port, &desk.options.udp, format, peer, link, counters, place)).await;
 }

@@ -24,43 +24,43 @@ pub use trimaran_udp::{Closed, Congestion, LaneViolation, MIN_DATAGRAM, Repair};
 use std::fmt;
 use std::sync::Arc;
 
-use trimaran_proto::{Identity, SessionId};
+use trimaran_wire::{Format, SessionId};
 
-use crate::Link;
-use crate::frames::{FrameRx as AnyFrameRx, FrameTx as AnyFrameTx};
-use crate::latest::{LatestRx as AnyLatestRx, LatestTx as AnyLatestTx};
-use crate::link::{Capabilities, LinkConfig, Parts, PeerAddress, PeerInfo, Shared};
+use crate::application::Peer;
+use crate::frames::{WireFrameRx, WireFrameTx};
+use crate::latest::{WireLatestRx, WireLatestTx};
+use crate::link::{Capabilities, Lanes, Parts, PeerAddress, Shared};
 use crate::stats::Counters;
 use port::{Carrier, Port};
-use trimaran_net::Net;
 
-/// Makes a link of a connection.
-#[expect(clippy::too_many_arguments, reason = "a link has this many parts, each of its own type")]
-fn link(
-    net: &Arc<dyn Net>,
+/// What a link is made of, from a connection.
+fn parts(
     port: &Arc<Port>,
-    options: &crate::Options,
-    (ours, theirs): (&Identity, Identity),
-    session: SessionId,
+    options: &UdpOptions,
+    format: Format,
+    peer: Peer,
+    (session, reliable): (SessionId, bool),
     counters: Arc<Counters>,
-    reliable: bool,
     place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
-) -> Link {
-    let config: &LinkConfig = &options.link;
+) -> Parts {
     let carrier = Carrier::new(port);
     counters.watch(port.watch());
+    let lanes = Lanes::Wire {
+        latest: (WireLatestTx::Udp(LatestTx::new(&carrier)), WireLatestRx::Udp(LatestRx::new(&carrier))),
+        frames: (WireFrameTx::Udp(FrameTx::new(&carrier)), WireFrameRx::Udp(FrameRx::new(&carrier))),
+    };
     Parts {
-        latest: (AnyLatestTx::Udp(LatestTx::new(&carrier)), AnyLatestRx::Udp(LatestRx::new(&carrier))),
-        frames: (AnyFrameTx::Udp(FrameTx::new(&carrier)), AnyFrameRx::Udp(FrameRx::new(&carrier))),
-        peer: PeerInfo { identity: theirs, session, address: PeerAddress::Udp(port.remote()) },
+        lanes,
+        session,
+        address: PeerAddress::Udp(port.remote()),
         capabilities: Capabilities {
             reliable,
             ordered: true,
-            encrypted: options.udp.is_encrypted(),
+            encrypted: options.is_encrypted(),
             local: false,
         },
-        batching: config.batching_between(ours, &theirs),
-        shared: Shared { peer: theirs.role, counters, _place: place },
+        shared: Shared { peer: peer.name.clone(), format, counters, place },
+        peer,
+        doubt: None,
     }
-    .into_link(net, config)
 }

@@ -4,6 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use trimaran_udp::{Config, Congestion, Repair, Security as Noise};
+use trimaran_wire::Format;
 use zeroize::Zeroizing;
 
 use crate::handshake::HandshakeError;
@@ -112,7 +113,7 @@ impl Default for UdpOptions {
             initial_window,
             max_datagram,
             ..
-        } = Config::default();
+        } = Config::new(Format::default());
         Self {
             trust: Trust::default(),
             mode: UdpMode::default(),
@@ -131,7 +132,7 @@ impl Default for UdpOptions {
 
 impl UdpOptions {
     /// What holds for a connection whose endpoint asks for `mode`.
-    pub(super) fn config(&self, mode: Option<UdpMode>, link: &LinkConfig) -> Config {
+    pub(super) fn config(&self, mode: Option<UdpMode>, link: &LinkConfig, format: Format) -> Config {
         let patience = match mode.unwrap_or(self.mode) {
             UdpMode::Reliable => None,
             UdpMode::Deadline => Some(self.deadline),
@@ -146,7 +147,7 @@ impl UdpOptions {
             lease: link.lease,
             window: self.window.into(),
             send_buffer: self.send_buffer,
-            ..Config::default()
+            ..Config::new(format)
         }
     }
 

@@ -13,11 +13,11 @@ use thiserror::Error;
 
 pub use options::UnixOptions;
 
+use crate::SocketPath;
 use crate::connect::{AttemptError, Introduction};
 use crate::desk::Desk;
-use crate::link::Capabilities;
+use crate::link::{Capabilities, Parts};
 use crate::stream::{introduce, serve};
-use crate::{Link, SocketPath};
 use trimaran_net::{Net, StreamPeer};
 
 const CAPABILITIES: Capabilities = Capabilities { local: true, ..crate::tcp::CAPABILITIES };
@@ -39,7 +39,7 @@ pub(crate) async fn attempt(
     net: &Arc<dyn Net>,
     path: &SocketPath,
     introduction: &Introduction<'_>,
-) -> Result<Link, AttemptError> {
+) -> Result<Parts, AttemptError> {
     let open = || net.connect_unix(path.as_path());
     introduce(net, path, open, introduction, CAPABILITIES).await
 }

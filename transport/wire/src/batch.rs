@@ -1,5 +1,6 @@
 //! Items in batches: what a frame mostly consists of.
 
+use std::fmt;
 use std::marker::PhantomData;
 
 use bytes::{Bytes, BytesMut};
@@ -7,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// What a frame is made of: a value of fixed size for which every pattern of bytes is sound.
-pub trait Item: Copy + Send + Sync + 'static {
+pub trait Item: Copy + PartialEq + fmt::Debug + Send + Sync + 'static {
     /// How many bytes, 1 to 256.
     const SIZE: usize;
 

@@ -15,6 +15,13 @@ pub struct Format {
     pub count_coded: fn(&[u8]) -> Option<usize>,
 }
 
+impl Default for Format {
+    /// The sizes of a protocol whose values have none.
+    fn default() -> Self {
+        Self { latest: 0, header: 0, item: 1, count_coded: |_| None }
+    }
+}
+
 impl Format {
     /// The sizes of `P`'s types.
     #[must_use]

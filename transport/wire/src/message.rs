@@ -34,6 +34,18 @@ pub enum Message {
     Frame(FrameMessage),
 }
 
+impl From<FrameMessage> for Message {
+    fn from(message: FrameMessage) -> Self {
+        Self::Frame(message)
+    }
+}
+
+impl From<CloseReason> for Message {
+    fn from(reason: CloseReason) -> Self {
+        Self::Goodbye(reason)
+    }
+}
+
 /// What follows magic number and version in a hello; behind it stands what the application says.
 #[derive(Serialize, Deserialize)]
 struct HelloBody {

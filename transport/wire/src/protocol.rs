@@ -13,7 +13,7 @@ use crate::{Batch, BatchSize, Explanation, Fixed, FrameEnd, FrameNumber, Item};
 ///
 /// A link has lanes of these kinds, each in both directions: the *latest* lane is a cell of size one, the
 /// *frames* lane carries frames of items. An application that does not use a lane gives it the type `()`.
-pub trait Protocol: Sized + Send + Sync + 'static {
+pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
     /// The protocol's name with its version, as ALPN (RFC 7301) has it: `robot/1`, say. Peers of different
     /// names refuse each other. At most 32 bytes.
     const NAME: &'static str;
@@ -22,17 +22,17 @@ pub trait Protocol: Sized + Send + Sync + 'static {
     type Hello: Serialize + DeserializeOwned + Clone + PartialEq + fmt::Debug + Send + Sync;
 
     /// What the latest lane holds.
-    type Latest: Fixed + Clone + fmt::Debug;
+    type Latest: Fixed + Clone + PartialEq + fmt::Debug;
 
     /// What a frame begins with, beside its number.
-    type Header: Fixed + Clone + fmt::Debug;
+    type Header: Fixed + Clone + PartialEq + fmt::Debug;
 
     /// What a frame is made of.
     type Item: Item;
 
     /// What is said between two frames, for instance of the one before. At most 252 bytes as postcard writes
     /// it.
-    type Note: Serialize + DeserializeOwned + Clone + fmt::Debug + Send + Sync;
+    type Note: Serialize + DeserializeOwned + Clone + PartialEq + fmt::Debug + Send + Sync;
 
     /// What the peer behind `hello` is called in messages and logs.
     fn name(hello: &Self::Hello) -> String;

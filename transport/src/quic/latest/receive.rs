@@ -1,4 +1,4 @@
-//! Cameras as they are received, from datagrams and from the control stream.
+//! Values as they are received, from datagrams and from the control stream.
 
 use std::future::poll_fn;
 use std::pin::{Pin, pin};
@@ -7,8 +7,8 @@ use std::task::{Context, Poll};
 
 use bytes::Bytes;
 use quinn::{Connection, ReadDatagram, RecvStream};
-use trimaran_proto::{
-    Camera, CameraNumber, DecodeError, DecodeFault, Decoder, Goodbye, Kind, Lane, Message, NumberedCamera,
+use trimaran_wire::{
+    CloseReason, DecodeError, DecodeFault, Decoder, FixedBytes, Kind, Lane, Message, Numbered, Serial,
 };
 
 use crate::error::{LaneError, Loss, ProtocolError, misplaced};
@@ -24,10 +24,10 @@ pub(crate) struct LatestRx {
     control: RecvStream,
     decoder: Decoder,
     /// The newest number that was seen.
-    last: Option<CameraNumber>,
+    last: Option<Serial>,
     /// Came, and is not read.
-    newest: Option<Camera>,
-    farewell: Option<Goodbye>,
+    newest: Option<FixedBytes>,
+    farewell: Option<CloseReason>,
 }
 
 impl LatestRx {
@@ -36,7 +36,7 @@ impl LatestRx {
         Self { carrier, control, decoder, last: None, newest: None, farewell: None }
     }
 
-    pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<Camera>, LaneError> {
+    pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<FixedBytes>, LaneError> {
         let connection = self.carrier.connection.clone();
         match self.poll_latest(&connection, pin!(connection.read_datagram()), shared, &mut noop()) {
             Poll::Ready(camera) => camera.map(Some),
@@ -49,7 +49,7 @@ impl LatestRx {
         by: Option<Instant>,
         shared: &Shared,
         patience: &mut Patience,
-    ) -> Result<Camera, LaneError> {
+    ) -> Result<FixedBytes, LaneError> {
         let connection = self.carrier.connection.clone();
         // What rings for a datagram is this future, so it lives as long as the wait.
         let mut datagram = pin!(connection.read_datagram());
@@ -67,14 +67,14 @@ impl LatestRx {
         self.carrier.part().await;
     }
 
-    /// Takes everything that has arrived, and gives the newest camera; before any end that came behind it.
+    /// Takes everything that has arrived, and gives the newest value; before any end that came behind it.
     fn poll_latest<'a>(
         &mut self,
         connection: &'a Connection,
         mut datagram: Pin<&mut ReadDatagram<'a>>,
         shared: &Shared,
         cx: &mut Context<'_>,
-    ) -> Poll<Result<Camera, LaneError>> {
+    ) -> Poll<Result<FixedBytes, LaneError>> {
         let lost = loop {
             match datagram.as_mut().poll(cx) {
                 Poll::Ready(Ok(bytes)) => {
@@ -127,25 +127,21 @@ impl LatestRx {
 
     /// A datagram.
     fn take(&mut self, bytes: &Bytes, shared: &Shared) -> Result<(), LaneError> {
+        if let Some(numbered) = Numbered::read(bytes, shared.format.latest) {
+            shared.counters.received.count(Kind::Latest, shared.format.latest);
+            self.see(numbered);
+            return Ok(());
+        }
         let kind = Kind::Numbered;
-        let fault = match <&[u8; NumberedCamera::SIZE]>::try_from(&bytes[..]) {
-            Ok(bytes) => match NumberedCamera::from_bytes(bytes) {
-                Ok(numbered) => {
-                    shared.counters.received.count(Kind::Camera, Camera::SIZE);
-                    self.see(numbered);
-                    return Ok(());
-                }
-                Err(cause) => DecodeFault::Camera { kind, cause },
-            },
-            Err(_) => DecodeFault::Length { kind, length: bytes.len() },
-        };
+        let (least, most) = kind.lengths(&shared.format).into_inner();
+        let fault = DecodeFault::Length { kind, length: bytes.len(), least, most };
         Err(LaneError::Protocol(ProtocolError::Decode(DecodeError { offset: 0, fault })))
     }
 
-    fn see(&mut self, numbered: NumberedCamera) {
+    fn see(&mut self, numbered: Numbered) {
         if self.last.is_none_or(|last| numbered.number.is_after(last)) {
             self.last = Some(numbered.number);
-            self.newest = Some(numbered.camera);
+            self.newest = Some(numbered.value);
         }
     }
 }

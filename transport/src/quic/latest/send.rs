@@ -1,14 +1,14 @@
-//! Cameras as they are sent, and the task that copies the newest one.
+//! Values as they are sent, and the task that copies the newest one.
 
 use std::future::poll_fn;
 use std::io;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use bytes::{BufMut, BytesMut};
+use bytes::BytesMut;
 use quinn::{SendDatagramError, SendStream, StoppedError, WriteError};
 use tokio::sync::Notify;
-use trimaran_proto::{Camera, CameraNumber, Goodbye, Kind, Message, NumberedCamera};
+use trimaran_wire::{CloseReason, FixedBytes, Kind, Message, Numbered, Serial};
 
 use crate::desk::lock;
 use crate::error::{LaneSendError, Loss};
@@ -17,16 +17,16 @@ use crate::patience::Patience;
 use crate::quic::carrier::{Carrier, loss, write_loss};
 use trimaran_net::Timer;
 
-/// The shortest quiet after which the newest camera is copied; where a round trip takes longer, 1.5 of those.
+/// The shortest quiet after which the newest value is copied; where a round trip takes longer, 1.5 of those.
 const QUIET: Duration = Duration::from_millis(5);
-/// Cameras for which room is made at once.
-const CAMERAS: usize = 64;
+/// Values for which room is made at once.
+const VALUES: usize = 64;
 
 #[derive(Debug)]
 pub(crate) struct LatestTx {
     cell: Arc<Cell>,
     carrier: Arc<Carrier>,
-    next: CameraNumber,
+    next: Serial,
     buffer: BytesMut,
 }
 
@@ -41,9 +41,9 @@ struct Cell {
 
 #[derive(Debug, Default)]
 struct State {
-    /// The newest camera, until it is copied.
-    newest: Option<NumberedCamera>,
-    farewell: Option<Goodbye>,
+    /// The newest value, until it is copied.
+    newest: Option<Numbered>,
+    farewell: Option<CloseReason>,
     leaving: bool,
     ended: bool,
     failed: Option<io::ErrorKind>,
@@ -54,22 +54,23 @@ impl LatestTx {
         let cell = Arc::<Cell>::default();
         let copier = Copier { cell: Arc::clone(&cell), carrier: Arc::clone(carrier), control, shared };
         carrier.net.spawn(Box::pin(copier.run()));
-        Self { cell, carrier: Arc::clone(carrier), next: CameraNumber::default(), buffer: BytesMut::new() }
+        Self { cell, carrier: Arc::clone(carrier), next: Serial::default(), buffer: BytesMut::new() }
     }
 
-    pub(crate) fn publish(&mut self, camera: Camera, shared: &Shared) -> Result<(), LaneSendError> {
-        let numbered = NumberedCamera { number: self.next, camera };
-        if self.buffer.capacity() < NumberedCamera::SIZE {
-            self.buffer.reserve(CAMERAS * NumberedCamera::SIZE);
+    pub(crate) fn publish(&mut self, value: FixedBytes, shared: &Shared) -> Result<(), LaneSendError> {
+        let numbered = Numbered { number: self.next, value };
+        let size = Numbered::NUMBER_BYTES + numbered.value.len();
+        if self.buffer.capacity() < size {
+            self.buffer.reserve(VALUES * size);
         }
-        self.buffer.put_slice(&numbered.to_bytes());
+        numbered.write(&mut self.buffer);
         self.carrier.connection.send_datagram(self.buffer.split().freeze()).map_err(|e| {
             LaneSendError::Lost(match e {
                 SendDatagramError::ConnectionLost(e) => loss(e),
                 other => Loss::Io(io::Error::other(other)),
             })
         })?;
-        shared.counters.sent.count(Kind::Camera, Camera::SIZE);
+        shared.counters.sent.count(Kind::Latest, shared.format.latest);
         self.next = self.next.next();
         // The copier looks by itself for newer ones while it has one to copy.
         if lock(&self.cell.state).newest.replace(numbered).is_none() {
@@ -80,7 +81,7 @@ impl LatestTx {
 
     pub(crate) async fn goodbye(
         &mut self,
-        reason: Goodbye,
+        reason: CloseReason,
         patience: &mut Patience,
     ) -> Result<(), LaneSendError> {
         {
@@ -116,7 +117,7 @@ impl Drop for LatestTx {
 /// Writes the control stream.
 struct Copier {
     cell: Arc<Cell>,
-    /// Kept until the last camera has arrived, though all halves may be gone.
+    /// Kept until the last value has arrived, though all halves may be gone.
     carrier: Arc<Carrier>,
     control: SendStream,
     shared: Shared,
@@ -171,15 +172,15 @@ impl Copier {
         }
     }
 
-    /// The newest camera, once no newer one has come for a while; none where there is nothing to copy.
-    async fn quiet(&self, timer: &mut dyn Timer) -> Option<NumberedCamera> {
+    /// The newest value, once no newer one has come for a while; none where there is nothing to copy.
+    async fn quiet(&self, timer: &mut dyn Timer) -> Option<Numbered> {
         loop {
             let seen = {
                 let mut state = lock(&self.cell.state);
                 if state.leaving {
                     return state.newest.take();
                 }
-                state.newest?.number
+                state.newest.as_ref()?.number
             };
             let pause = (self.carrier.connection.rtt() * 3 / 2).max(QUIET);
             timer.reset(self.carrier.net.now().after(pause));
@@ -191,7 +192,7 @@ impl Copier {
                 }
             }
             let mut state = lock(&self.cell.state);
-            if state.leaving || state.newest.is_some_and(|newest| newest.number == seen) {
+            if state.leaving || state.newest.as_ref().is_some_and(|newest| newest.number == seen) {
                 return state.newest.take();
             }
         }
@@ -201,7 +202,7 @@ impl Copier {
     async fn write(&mut self, message: &Message) -> Result<usize, WriteError> {
         let mut bytes = BytesMut::new();
         message.encode(&mut bytes);
-        let payload = bytes.len() - trimaran_proto::HEADER_BYTES;
+        let payload = bytes.len() - trimaran_wire::HEADER_BYTES;
         self.control.write_chunk(bytes.freeze()).await?;
         Ok(payload)
     }

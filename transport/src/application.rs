@@ -1,0 +1,143 @@
+//! The application's part of a handshake, for the layers that know only bytes.
+
+use std::any::{Any, TypeId};
+use std::fmt;
+use std::sync::Arc;
+
+use bytes::Bytes;
+use trimaran_wire::{
+    Batching, Format, Hello, Lane, MAX_HELLO, Protocol, ProtocolName, Refusal, Rejection, SessionId,
+};
+
+use crate::handshake::HandshakeError;
+use crate::inproc;
+
+/// What a peer is called in messages and logs, as its application has it.
+#[derive(Clone, PartialEq, Eq)]
+pub struct PeerName(Arc<str>);
+
+impl fmt::Display for PeerName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl fmt::Debug for PeerName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+/// A peer as it introduced itself.
+#[derive(Debug, Clone)]
+pub(crate) struct Peer {
+    pub(crate) hello: Bytes,
+    pub(crate) name: PeerName,
+    pub(crate) role: Option<String>,
+    /// How items travel, where the hellos of both sides decide it.
+    pub(crate) batching: Option<Batching>,
+}
+
+/// One side of a protocol.
+pub(crate) trait Application: fmt::Debug + Send + Sync {
+    /// What the protocol is called.
+    fn protocol(&self) -> ProtocolName;
+
+    /// The sizes of its types.
+    fn format(&self) -> Format;
+
+    /// How this side introduces itself.
+    fn hello(&self) -> &Bytes;
+
+    /// What a listener learns of the bytes of a hello.
+    fn admit(&self, theirs: &Bytes) -> Result<Peer, Refusal>;
+
+    /// What a connecting peer learns of the bytes of an answer.
+    fn recognize(&self, theirs: &Bytes) -> Result<Peer, HandshakeError>;
+
+    /// Both ends of lanes within this process: boxed [`inproc::Lanes`] of this protocol.
+    fn local_lanes(&self) -> [Box<dyn Any + Send>; 2];
+
+    /// Tells protocols apart.
+    fn type_of(&self) -> TypeId;
+}
+
+impl dyn Application + '_ {
+    /// The hello for one lane of one link.
+    pub(crate) fn introduce(&self, session: SessionId, lane: Lane) -> Hello {
+        Hello { protocol: self.protocol(), session, lane, application: self.hello().clone() }
+    }
+}
+
+/// A peer of the protocol `P`.
+pub(crate) struct Side<P: Protocol> {
+    ours: P::Hello,
+    bytes: Bytes,
+}
+
+impl<P: Protocol> fmt::Debug for Side<P> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Side").field(&self.ours).finish()
+    }
+}
+
+/// A hello of more than [`MAX_HELLO`] bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("a hello of {0} bytes is longer than {MAX_HELLO}")]
+pub struct HelloTooLong(usize);
+
+impl<P: Protocol> Side<P> {
+    pub(crate) fn new(ours: P::Hello) -> Result<Arc<dyn Application>, HelloTooLong> {
+        // Writing to memory fails for types only that serde cannot describe beforehand: such a hello is empty,
+        // and refused by the peer.
+        let bytes = postcard::to_stdvec(&ours).unwrap_or_default();
+        if bytes.len() > MAX_HELLO {
+            return Err(HelloTooLong(bytes.len()));
+        }
+        Ok(Arc::new(Self { ours, bytes: bytes.into() }))
+    }
+
+    fn peer(&self, bytes: &Bytes, theirs: &P::Hello) -> Peer {
+        Peer {
+            hello: bytes.clone(),
+            name: PeerName(P::name(theirs).into()),
+            role: P::role(theirs),
+            batching: P::batching(&self.ours, theirs),
+        }
+    }
+}
+
+impl<P: Protocol> Application for Side<P> {
+    fn protocol(&self) -> ProtocolName {
+        ProtocolName::new(P::NAME)
+    }
+
+    fn format(&self) -> Format {
+        Format::of::<P>()
+    }
+
+    fn hello(&self) -> &Bytes {
+        &self.bytes
+    }
+
+    fn admit(&self, theirs: &Bytes) -> Result<Peer, Refusal> {
+        let malformed =
+            |_| Refusal::Rejected(Rejection::new(u16::MAX, "the application's hello is malformed"));
+        let hello: P::Hello = postcard::from_bytes(theirs).map_err(malformed)?;
+        P::admit(&self.ours, &hello).map_err(Refusal::Rejected)?;
+        Ok(self.peer(theirs, &hello))
+    }
+
+    fn recognize(&self, theirs: &Bytes) -> Result<Peer, HandshakeError> {
+        let hello: P::Hello = postcard::from_bytes(theirs).map_err(HandshakeError::Hello)?;
+        Ok(self.peer(theirs, &hello))
+    }
+
+    fn local_lanes(&self) -> [Box<dyn Any + Send>; 2] {
+        inproc::Lanes::<P>::pair().map(|lanes| Box::new(lanes) as _)
+    }
+
+    fn type_of(&self) -> TypeId {
+        TypeId::of::<P>()
+    }
+}
