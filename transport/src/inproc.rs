@@ -105,7 +105,7 @@ fn assemble(
             peer: peer.name.clone(),
             format: application.format(),
             counters: Counters::unframed(),
-            place: place.map(|place| Arc::new(place) as _),
+            _place: place.map(|place| Arc::new(place) as _),
         },
         peer,
         doubt: None,

@@ -286,5 +286,5 @@ pub(crate) struct Shared {
     pub(crate) format: Format,
     pub(crate) counters: Arc<Counters>,
     /// Dropped with the last half.
-    pub(crate) place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
+    pub(crate) _place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
 }

@@ -70,10 +70,10 @@ impl Control {
     ) -> Parts {
         let Self { connection, send, recv, format, decoder, counters } = self;
         let address = PeerAddress::Quic(connection.remote_address());
-        let shared = Shared { peer: peer.name.clone(), format, counters, place };
+        let shared = Shared { peer: peer.name.clone(), format, counters, _place: place };
         let carrier = Carrier::new(net, connection);
         // The lane that lives on in its task must not keep the peer's place.
-        let copier = Shared { place: None, ..shared.clone() };
+        let copier = Shared { _place: None, ..shared.clone() };
         let lanes = Lanes::Wire {
             latest: (
                 WireLatestTx::Quic(LatestTx::new(&carrier, send, copier)),

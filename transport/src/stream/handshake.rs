@@ -95,7 +95,7 @@ impl Lanes {
             counters.absorb(&latest.counters);
         }
         let place = place.map(|place| Arc::new(place) as _);
-        let shared = Shared { peer: peer.name.clone(), format, counters, place };
+        let shared = Shared { peer: peer.name.clone(), format, counters, _place: place };
         let latest_tx = LatestTx::new(net, latest.sink, shared.clone());
         let (frames_tx, frames_rx) = both_halves(frames.sink, frames.source, &shared.counters);
         let latest_pulse: Arc<dyn Pulse> = Arc::<Cell>::clone(latest_tx.cell());

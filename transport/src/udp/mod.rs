@@ -59,7 +59,7 @@ fn parts(
             encrypted: options.is_encrypted(),
             local: false,
         },
-        shared: Shared { peer: peer.name.clone(), format, counters, place },
+        shared: Shared { peer: peer.name.clone(), format, counters, _place: place },
         peer,
         doubt: None,
     }
