@@ -7,8 +7,10 @@
 
 use std::{error::Error, sync::Arc, time::Duration};
 
-use trimaran_proto::{Camera, DrawableId, FrameEvent, FrameNumber, FrameStart, Identity, Role, SceneHash};
-use trimaran_transport::{Endpoint, Link, Listener, Net, Options, TokioNet, connect};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash};
+use trimaran_actors::{FrameEvent, FrameStart};
+use trimaran_transport::{Endpoint, Net, Options, TokioNet, connect};
+use trimaran_actors::{Link, Listener};
 
 #[tokio::main]
 async fn main() -> Result<(), Box<dyn Error>> {
@@ -23,12 +25,12 @@ async fn main() -> Result<(), Box<dyn Error>> {
     println!("the machine sees from {:?}", camera.eye());
 
     // The frames lane: begin, any number of ids, finish. The reader learns whether it has all.
-    machine.frames_tx.begin(FrameStart { frame: FrameNumber(0), camera }).await?;
+    machine.frames_tx.begin(FrameStart { frame: FrameNumber(0), header: camera }).await?;
     machine.frames_tx.push(&[3, 14, 15].map(DrawableId)).await?;
     machine.frames_tx.finish().await?;
     loop {
         match display.frames_rx.recv().await? {
-            FrameEvent::Ids(ids) => println!("the display draws {:?}", ids.iter().collect::<Vec<_>>()),
+            FrameEvent::Batch(ids) => println!("the display draws {:?}", ids.iter().collect::<Vec<_>>()),
             FrameEvent::End(outcome) => break println!("the frame ends: {outcome:?}"),
             _ => {}
         }
@@ -43,7 +45,7 @@ async fn links(net: &Arc<dyn Net>, endpoint: &Endpoint) -> Result<(Link, Link), 
     let mut listener = Listener::bind(net, endpoint, identity(Role::Display), &options).await?;
     let there = listener.local_endpoint().clone();
     let (machines, displays) = tokio::join!(
-        connect(net, &there, identity(Role::SwitchA), &options, deadline), // tries again until the deadline
+        connect::<Walkthrough>(net, &there, identity(Role::SwitchA), &options, deadline), // tries again until the deadline
         listener.accept(deadline)
     );
     Ok((machines?, displays?))

@@ -7,8 +7,10 @@ use std::{error::Error, net::SocketAddr, sync::Arc, time::Duration};
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use trimaran::metrics::LinkMetrics;
-use trimaran_proto::{Camera, DrawableId, FrameEvent, FrameNumber, FrameStart, Identity, Role, SceneHash};
-use trimaran_transport::{Link, LinkConfig, Net, TokioNet, inproc, sleep_until};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash};
+use trimaran_actors::{FrameEvent, FrameStart};
+use trimaran_actors::Link;
+use trimaran_transport::{LinkConfig, Net, TokioNet, inproc, sleep_until};
 
 #[tokio::main]
 async fn main() -> Result<(), Box<dyn Error>> {
@@ -16,7 +18,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
     let identity = |role| Identity { role, scene: SceneHash(0x1234), settings: None };
     let config = LinkConfig::default();
-    let (machine, display) = inproc::pair(&net, identity(Role::SwitchA), identity(Role::Display), &config)?;
+    let (machine, display) = inproc::pair::<Walkthrough>(&net, identity(Role::SwitchA), identity(Role::Display), &config)?;
 
     // Counting costs nothing that can be felt; whoever holds the metrics may read them at any time, links
     // alive or not.
@@ -42,7 +44,7 @@ async fn send(net: &dyn Net, mut link: Link, frames: u32) -> Result<(), Box<dyn 
     let ids: Vec<DrawableId> = (0..500).map(DrawableId).collect();
     for frame in 0..frames {
         let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(frame))?;
-        link.frames_tx.begin(FrameStart { frame: FrameNumber(frame), camera }).await?;
+        link.frames_tx.begin(FrameStart { frame: FrameNumber(frame), header: camera }).await?;
         link.frames_tx.push(&ids).await?;
         link.frames_tx.finish().await?;
         sleep_until(net, net.now().after(Duration::from_millis(33))).await;

@@ -7,11 +7,11 @@
 use std::{error::Error, sync::Arc, time::Duration};
 
 use clap::{Parser, ValueEnum};
-use trimaran_proto::{
-    Camera, DrawableId, FrameEvent, FrameNumber, FrameStart, Goodbye, Identity, Role, SceneHash,
-};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, Goodbye, Identity, Role, SceneHash};
+use trimaran_actors::{FrameEvent, FrameStart};
 use trimaran_transport::keys::{Keys, Security};
-use trimaran_transport::{Endpoint, Link, Listener, Net, Options, TokioNet, connect};
+use trimaran_transport::{Endpoint, Net, Options, TokioNet, connect};
+use trimaran_actors::{Link, Listener};
 
 #[derive(Debug, Parser)]
 struct Args {
@@ -72,7 +72,7 @@ async fn show(transport: Transport) -> Result<(), Box<dyn Error>> {
     let ids: Vec<DrawableId> = (0..4000).map(DrawableId).collect();
     let sends = async {
         for frame in 0..FRAMES {
-            machine.frames_tx.begin(FrameStart { frame: FrameNumber(frame), camera: camera(frame)? }).await?;
+            machine.frames_tx.begin(FrameStart { frame: FrameNumber(frame), header: camera(frame)? }).await?;
             machine.frames_tx.push(&ids).await?;
             machine.frames_tx.finish().await?;
             machine.latest_rx.latest().await?;
@@ -87,7 +87,7 @@ async fn show(transport: Transport) -> Result<(), Box<dyn Error>> {
         "{transport:?}: {micros} us a frame and its answer, {} bytes a frame, encrypted: {encrypted}, local: {local}",
         sent.read().sent.total_bytes() / u64::from(FRAMES)
     );
-    let (_, _) = tokio::join!(machine.goodbye(Goodbye::Finished), display.goodbye(Goodbye::Finished));
+    let (_, _) = tokio::join!(machine.goodbye(Goodbye::Finished.reason()), display.goodbye(Goodbye::Finished.reason()));
     Ok(())
 }
 
@@ -109,7 +109,7 @@ async fn links(net: &Arc<dyn Net>, endpoint: &Endpoint) -> Result<(Link, Link), 
     let mut listener = Listener::bind(net, endpoint, identity(Role::Display), &here).await?;
     let place = listener.local_endpoint().clone();
     let (machines, displays) = tokio::join!(
-        connect(net, &place, identity(Role::SwitchA), &there, deadline),
+        connect::<Walkthrough>(net, &place, identity(Role::SwitchA), &there, deadline),
         listener.accept(deadline)
     );
     Ok((machines?, displays?))

@@ -10,10 +10,10 @@ use std::time::Duration;
 
 use tokio::net::TcpStream as Dial;
 use trimaran::metrics::LinkMetrics;
-use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStart, Identity, Role, SceneHash};
-use trimaran_transport::{
-    Endpoint, Limits, LinkConfig, Listener, Net, Options, TokioNet, connect, sleep_until,
-};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash};
+use trimaran_actors::FrameStart;
+use trimaran_transport::{Endpoint, Limits, LinkConfig, Net, Options, TokioNet, connect, sleep_until};
+use trimaran_actors::Listener;
 
 fn trimaran(folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
@@ -127,7 +127,7 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
     let Endpoint::Tcp(at) = &there else { panic!("{there}") };
 
     let options = Options::default();
-    let machine = connect(&net, &there, identity(Role::SwitchA), &options, soon).await;
+    let machine = connect::<Walkthrough>(&net, &there, identity(Role::SwitchA), &options, soon).await;
     let (mut machine, mut display) = (machine.unwrap(), listener.accept(soon).await.unwrap());
     let silent = [Dial::connect(at.to_string()).await.unwrap(), Dial::connect(at.to_string()).await.unwrap()];
     while listener.turned_away().no_room == 0 {
@@ -137,14 +137,14 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
     drop(silent);
     while listener.turned_away().no_place == 0 {
         let by = net.now().after(Duration::from_millis(200));
-        let second = connect(&net, &there, identity(Role::SwitchB), &options, by).await;
+        let second = connect::<Walkthrough>(&net, &there, identity(Role::SwitchB), &options, by).await;
         assert!(second.is_err(), "{second:?}");
     }
     let before = listener.turned_away();
     drop(listener);
 
     let camera = Camera::at_origin(FrameNumber(0));
-    machine.frames_tx.begin(FrameStart { frame: FrameNumber(0), camera }).await.unwrap();
+    machine.frames_tx.begin(FrameStart { frame: FrameNumber(0), header: camera }).await.unwrap();
     for id in 0..1000 {
         machine.frames_tx.push(&[DrawableId(id)]).await.unwrap();
         machine.frames_tx.flush().await.unwrap();

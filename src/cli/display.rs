@@ -17,7 +17,8 @@ use trimaran::{
 use trimaran_actors::{DisplayRole, Stop, Stopwatch, Turns, again, await_pair, leave_unable};
 use trimaran_gpu::{GpuInfo, GpuScene, ItemPass};
 use trimaran_proto::{Identity, Role, Settings};
-use trimaran_transport::{Endpoints, Link, Listener, Net, Options, TokioNet};
+use trimaran_transport::{Endpoints, Net, Options, TokioNet};
+use trimaran_actors::{Link, Listener};
 
 use super::{
     Failure, progress,

@@ -2,10 +2,7 @@
 
 use std::path::Path;
 
-use trimaran_transport::{
-    Name,
-    keys::{Keys, KeysError, PublicKeys},
-};
+use trimaran_transport::{Name, keys::{Keys, KeysError, PublicKeys}};
 
 use super::{Failure, args::KeysCommand};
 

@@ -10,11 +10,10 @@ use trimaran::{
     config::{LinkConfig, PeerFile, positive},
     metrics::PathReading,
 };
-use trimaran_proto::{BatchSize, Goodbye, Identity, Refusal, Role, SceneHash};
-use trimaran_transport::{
-    ConnectError, Endpoint, Link, Listener, Net, Options, TokioNet, connect,
-    probe::{Probe, answer, probe},
-};
+use trimaran_proto::{BatchSize, Goodbye, Identity, Role, SceneHash};
+use trimaran_transport::Refusal;
+use trimaran_transport::{ConnectError, Endpoint, Net, Options, TokioNet, connect, probe::{Probe, answer, probe}};
+use trimaran_actors::{Link, Listener};
 
 use super::{
     Failure,
@@ -146,7 +145,7 @@ async fn ping(
     let identity = Identity { role: Role::Display, scene: NO_SCENE, settings: None };
     let begun = net.now();
     let mut link: Link =
-        connect(net, &args.endpoint, identity, options, begun.after(timeout)).await.map_err(not_linked)?;
+        connect::<Walkthrough>(net, &args.endpoint, identity, options, begun.after(timeout)).await.map_err(not_linked)?;
     if !args.json {
         let took = microseconds(net.now().since(begun));
         println!("{} at {}: linked in {} us", args.endpoint, link.peer.address, number(took as u64));
@@ -158,7 +157,7 @@ async fn ping(
     let carried = link.stats.read() - before;
     let bytes = carried.sent.total_bytes() + carried.received.total_bytes();
     // What the other end makes of the end of the ping is its own business.
-    let _left = link.goodbye(Goodbye::Finished).await;
+    let _left = link.goodbye(Goodbye::Finished.reason()).await;
     Ok(Cost { bytes: bytes as f64 / f64::from(args.count), path: carried.path.map(PathReading::from) })
 }
 

@@ -23,7 +23,8 @@ use trimaran_actors::{
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Role};
 use trimaran_scene::Scene;
-use trimaran_transport::{Endpoint, Instant, Link, Net, TokioNet, sleep_until};
+use trimaran_transport::{Endpoint, Instant, Net, TokioNet, sleep_until};
+use trimaran_actors::Link;
 
 use super::{
     Failure,

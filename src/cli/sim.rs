@@ -183,7 +183,7 @@ fn capture(scenario: &Scenario, folder: &Path) -> Result<Box<dyn Write + Send>, 
         Transport::Udp => format!("-r{repair}"),
         Transport::UdpDeadline => format!("-{}ms-r{repair}", knobs.deadline.as_secs_f64() * 1e3),
     };
-    let (link, nodes, batch) = (link.name(), workload.of(0).nodes, batch.ids());
+    let (link, nodes, batch) = (link.name(), workload.of(0).nodes, batch.items());
     let path = folder.join(format!("{network}-{link}{mode}-n{nodes}-b{batch}-s{seed}.pcapng"));
     let file = File::create(&path).map_err(|cause| unwritten(&path, &cause))?;
     Ok(Box::new(BufWriter::new(file)))

@@ -5,10 +5,7 @@ use std::{path::Path, time::Duration};
 use confique::{Config, Layer};
 use serde::Serialize;
 use trimaran_proto::Role;
-use trimaran_transport::{
-    Endpoint, Endpoints, Limits, Options,
-    keys::{Keys, KnownPeer, PublicKeys, Security},
-};
+use trimaran_transport::{Endpoint, Endpoints, Limits, Options, keys::{Keys, KnownPeer, PublicKeys, Security}};
 
 use super::{ConfigError, seconds};
 

@@ -18,7 +18,8 @@ use prometheus_client::{
     registry::Registry,
 };
 use serde::{Deserialize, Serialize};
-use trimaran_transport::{Door, Link, LinkStats, StatsHandle, Tally, Traffic};
+use trimaran_transport::{Door, LinkStats, StatsHandle, Tally, Traffic};
+use trimaran_actors::Link;
 
 pub use path::PathReading;
 pub use server::{MetricsError, Serving};
@@ -97,7 +98,7 @@ impl LinkMetrics {
     pub fn watch<'l>(&self, links: impl IntoIterator<Item = &'l Link>) {
         let mut watched = Watched::default();
         for link in links {
-            let (peer, stats) = (link.peer.identity.role.to_string(), link.stats.clone());
+            let (peer, stats) = (link.peer.hello.role.to_string(), link.stats.clone());
             watched.doors.extend(stats.door().filter(|door| !watched.doors.contains(door)));
             watched.links.push(WatchedLink { peer, stats });
         }

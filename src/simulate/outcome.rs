@@ -147,7 +147,7 @@ impl Outcome {
             hopeless: scenario.gives_up_everything(),
             repair_percent: over_udp.then_some(knobs.repair_percent),
             coding: knobs.coding.name(),
-            batch: batch.ids(),
+            batch: batch.items(),
             frames: *frames,
             seeds: vec![*seed],
             nodes: workload.mean_nodes(*frames),

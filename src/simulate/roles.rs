@@ -5,8 +5,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use trimaran_actors::{DisplayMachine, DisplayStep, Joined, Seat, SwitchMachine, SwitchStep};
-use trimaran_proto::{DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStart, FrameStats, Goodbye};
-use trimaran_transport::{Instant, Link, Net, StatsHandle, sleep_until};
+use trimaran_proto::{DrawableId, FrameNumber, FrameStats, Goodbye};
+use trimaran_actors::{FrameEvent, FrameStart};
+use trimaran_transport::FrameOutcome;
+use trimaran_transport::{Instant, Net, StatsHandle, sleep_until};
+use trimaran_actors::Link;
 
 use super::session::RoleFailure;
 use super::{FrameTimes, Workload};
@@ -71,12 +74,12 @@ pub(super) async fn display(
     while let DisplayStep::Await { from, frame } = machine.step() {
         match of(links, from).frames_rx.recv().await? {
             FrameEvent::Begin(start) => {
-                if let Some(next) = machine.began(start.camera, true)? {
+                if let Some(next) = machine.began(start.header, true)? {
                     hand_out(net, stage, &mut machine, links, next)?;
                 }
             }
-            FrameEvent::Ids(batch) if stage.gaps => ids.extend(batch.iter()),
-            FrameEvent::Ids(_) | FrameEvent::Stats(_) => {}
+            FrameEvent::Batch(batch) if stage.gaps => ids.extend(batch.iter()),
+            FrameEvent::Batch(_) | FrameEvent::Note(_) => {}
             FrameEvent::End(outcome) => {
                 machine.ended()?;
                 let arrived = net.now();
@@ -137,7 +140,7 @@ pub(super) async fn switch(
             }
             SwitchStep::Occlude { .. } => match other.frames_rx.recv().await? {
                 FrameEvent::Begin(start) => machine.occluders_began(start.frame)?,
-                FrameEvent::Ids(_) | FrameEvent::Stats(_) => {}
+                FrameEvent::Batch(_) | FrameEvent::Note(_) => {}
                 FrameEvent::End(_) => machine.occluders_ended()?,
             },
             SwitchStep::Cull { camera, feeds_other } => {
@@ -146,7 +149,7 @@ pub(super) async fn switch(
                 stage.note(frame, |times| times.fed = net.now());
                 compute(net, load.or).await;
                 stage.note(frame, |times| times.occluded = net.now());
-                let start = FrameStart { frame, camera };
+                let start = FrameStart { frame, header: camera };
                 let mut receivers: Vec<_> =
                     [feeds_other.then_some(&mut other.frames_tx), Some(&mut display.frames_tx)]
                         .into_iter()
@@ -183,7 +186,7 @@ pub(super) async fn switch(
 pub(super) async fn leave(links: [Link; 2]) {
     for link in links {
         // A peer that is gone already does not hear it, and need not.
-        let _heard = link.goodbye(Goodbye::Finished).await;
+        let _heard = link.goodbye(Goodbye::Finished.reason()).await;
     }
 }
 

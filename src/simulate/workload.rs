@@ -197,7 +197,7 @@ impl Workload {
         match &self.source {
             Source::Loads(_) => {
                 let nodes = nodes as usize;
-                let ends = (1..=nodes.div_ceil(batch.ids())).map(|end| (end * batch.ids()).min(nodes));
+                let ends = (1..=nodes.div_ceil(batch.items())).map(|end| (end * batch.items()).min(nodes));
                 ends.map(|count| (count, hc.mul_f64(count as f64 / nodes as f64))).collect()
             }
             Source::Trace(trace) => trace.frame(frame).map_or_else(Vec::new, |frame| {

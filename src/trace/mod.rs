@@ -101,7 +101,7 @@ impl Trace {
             size: [plan.size.width(), plan.size.height()],
             epsilon_px: plan.epsilon.pixels(),
             few_pixels: plan.few_pixels,
-            batch: u32::try_from(plan.batch.ids()).unwrap_or(u32::MAX),
+            batch: u32::try_from(plan.batch.items()).unwrap_or(u32::MAX),
             frames,
         })
     }

@@ -252,7 +252,7 @@ fn run(file: &SceneFile, plan: &Plan, about: &ReportPlan) -> Run {
         scene: scene_info(file),
         epsilon_px: plan.epsilon.pixels(),
         tester: plan.tester.name().to_owned(),
-        batch: u32::try_from(plan.batch.ids()).unwrap_or(u32::MAX),
+        batch: u32::try_from(plan.batch.items()).unwrap_or(u32::MAX),
         coding: Some(plan.coding.name().to_owned()),
         link: about.link.clone(),
         transport: about.transport.clone(),

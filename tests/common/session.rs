@@ -12,7 +12,8 @@ use trimaran_actors::{
 use trimaran_cull::{CutRule, View, level_cut};
 use trimaran_proto::{Identity, Role};
 use trimaran_scene::Scene;
-use trimaran_transport::{Endpoint, Listener, Net, Options, TokioNet};
+use trimaran_transport::{Endpoint, Net, Options, TokioNet};
+use trimaran_actors::Listener;
 
 use super::ports::unused_port;
 

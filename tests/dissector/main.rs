@@ -17,11 +17,12 @@ use trimaran::simulate::{Knobs, Load, Scenario, Transport, Workload, simulate_wa
 use trimaran::trace::Trace;
 use trimaran::walkthrough::{FrameRecord, Pace, Plan};
 use trimaran_netsim::Profile;
-use trimaran_proto::{
-    BatchSize, Camera, DrawableId, EpsilonPx, FrameEvent, FrameNumber, FrameStart, FrameStats, IdCoding,
-    Identity, Lane, Message, PictureSize, Role, SceneHash, SentBytes, SessionId, TesterKind,
-};
-use trimaran_transport::{Listener, Net, Options, TokioNet, connect, sleep_until};
+use trimaran_proto::{BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, Identity, PictureSize, Role, SceneHash, SentBytes, TesterKind};
+use trimaran_actors::{FrameEvent, FrameStart};
+use trimaran_transport::{Lane, SessionId};
+use trimaran_wire::Message;
+use trimaran_actors::Listener;
+use trimaran_transport::{Net, Options, TokioNet, connect, sleep_until};
 
 const FRAMES: u32 = 12;
 const SCENE: SceneHash = SceneHash(0x0123_4567_89ab_cdef_0011_2233_4455_6677);
@@ -349,13 +350,13 @@ async fn a_real_link_over_loopback_is_read_the_same() {
 
     let deadline = net.now().after(Duration::from_secs(30));
     let (joined, accepted) = tokio::join!(
-        connect(&net, &endpoint, identity(Role::SwitchA), &options, deadline),
+        connect::<Walkthrough>(&net, &endpoint, identity(Role::SwitchA), &options, deadline),
         listener.accept(deadline)
     );
     let (mut machine, mut display) = (joined.unwrap(), accepted.unwrap());
     let ids: Vec<DrawableId> = (0..5000).map(|id| DrawableId(id * id)).collect();
     let camera = Camera::at_origin(FrameNumber(7));
-    machine.frames_tx.begin(FrameStart { frame: FrameNumber(7), camera }).await.unwrap();
+    machine.frames_tx.begin(FrameStart { frame: FrameNumber(7), header: camera }).await.unwrap();
     machine.frames_tx.push(&ids).await.unwrap();
     machine.frames_tx.finish().await.unwrap();
     while !matches!(display.frames_rx.recv().await.unwrap(), FrameEvent::End(_)) {}

@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use bytes::{BufMut, BytesMut};
 use trimaran_net::Instant;
-use trimaran_proto::{
-    BatchSize, Camera, Delivery, DrawableId, FrameAssembler, FrameEvent, FrameNumber, FrameOutcome,
-    FrameStart, FrameWriter, IdCoding, IdDecoder, IdEncoder, Identity, Lane, Message, Role, SessionId,
-};
+use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, IdCoding, IdDecoder, IdEncoder, Identity, Role};
+use trimaran_transport::{Delivery, FrameOutcome, Lane, SessionId};
+use trimaran_wire::{FrameAssembler, FrameWriter, Message};
+use trimaran_actors::{FrameEvent, FrameStart};
 use trimaran_udp::{
     Config, Connecting, Connection, ConnectionId, Door, Progress, Received, Reception, Repair, Security,
 };
@@ -59,7 +59,7 @@ fn send(end: &mut Connection, writer: &mut FrameWriter, encoder: &mut Option<IdE
         }
     };
     let camera = Camera::at_origin(FrameNumber(frame));
-    send(writer.begin(FrameStart { frame: FrameNumber(frame), camera }).unwrap());
+    send(writer.begin(FrameStart { frame: FrameNumber(frame), header: camera }).unwrap());
     writer.push(&ids(frame).collect::<Vec<_>>(), &mut send).unwrap();
     writer.finish(&mut send).unwrap();
 }

@@ -50,6 +50,8 @@ pub struct Link<P: Protocol> {
 /// Who is at the other end of a link.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PeerInfo<P: Protocol> {
+    /// What messages and logs call it.
+    pub name: PeerName,
     /// How it introduced itself.
     pub hello: P::Hello,
     /// The link's session id.
@@ -260,7 +262,7 @@ impl Parts {
         };
         let (max_frame, rate) = (config.max_frame, Messages::new(most));
         Some(Link {
-            peer: PeerInfo { hello, session, address },
+            peer: PeerInfo { name: peer.name, hello, session, address },
             capabilities,
             net: Arc::clone(net),
             stats: shared.counters.handle(),

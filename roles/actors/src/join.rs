@@ -4,11 +4,11 @@
 
 use std::{future::pending, sync::Arc, time::Duration};
 
+use crate::{Link, Listener};
 use thiserror::Error;
-use trimaran_proto::{Goodbye, Identity, Role, SceneHash, Settings};
+use trimaran_proto::{Goodbye, Identity, Role, SceneHash, Settings, Walkthrough};
 use trimaran_transport::{
-    AcceptError, ConnectError, Endpoint, Instant, Link, ListenError, Listener, Net, Options, RecvError,
-    connect, sleep_until,
+    AcceptError, ConnectError, Endpoint, Instant, ListenError, Net, Options, RecvError, connect, sleep_until,
 };
 
 use crate::{Seat, causes};
@@ -101,7 +101,7 @@ pub async fn await_pair(mut listener: Listener, deadline: Instant) -> Result<[Li
     let mut early: Option<Link> = None;
     loop {
         let missing = match &early {
-            Some(link) if link.peer.identity.role == Role::SwitchA => Role::SwitchB,
+            Some(link) if link.peer.hello.role == Role::SwitchA => Role::SwitchB,
             _ => Role::SwitchA,
         };
         let early_left = async {
@@ -121,12 +121,12 @@ pub async fn await_pair(mut listener: Listener, deadline: Instant) -> Result<[Li
                 came.map_err(|cause| JoinError::Accept { peer: missing, cause: Box::new(cause) })?
             }
         };
-        let role = came.peer.identity.role;
+        let role = came.peer.hello.role;
         tracing::info!(%role, from = %came.peer.address, "joined");
         if role == Role::Display {
             tracing::warn!(from = %came.peer.address, "turned another display away: it is to listen, not to join");
             let why = "a display has no place at another display";
-            let _unheard = came.goodbye(Goodbye::failed(why)).await;
+            let _unheard = came.goodbye(Goodbye::Failed.because(why)).await;
             continue;
         }
         early = Some(match early {
@@ -213,11 +213,11 @@ pub async fn join_session(
     let identity = |settings| Identity { role: role_of(seat), scene, settings };
     let once = || async {
         let mut display =
-            connect(net, &display.endpoint, identity(None), &display.options, deadline)
+            connect::<Walkthrough>(net, &display.endpoint, identity(None), &display.options, deadline)
                 .await
                 .map_err(|cause| JoinError::Connect { peer: Role::Display, cause: Box::new(cause) })?;
         expect_role(&display, Role::Display)?;
-        let settings = display.peer.identity.settings.ok_or(JoinError::NoSettings)?;
+        let settings = display.peer.hello.settings.ok_or(JoinError::NoSettings)?;
         let other = tokio::select! {
             biased;
             end = left(&mut display) => {
@@ -230,7 +230,7 @@ pub async fn join_session(
             Ok(other) => other,
             Err(error) => {
                 // It need not be heard; over QUIC the display would wait for the lease without it.
-                let _unheard = display.goodbye(Goodbye::peer_lost(&causes(&error))).await;
+                let _unheard = display.goodbye(Goodbye::PeerLost.because(&causes(&error))).await;
                 return Err(error);
             }
         };
@@ -262,13 +262,13 @@ async fn meet(
             other.map_err(|cause| JoinError::Accept { peer, cause: Box::new(cause) })
         }
         Seat::Second => {
-            let other = connect(net, &pair.endpoint, identity, &pair.options, deadline).await;
+            let other = connect::<Walkthrough>(net, &pair.endpoint, identity, &pair.options, deadline).await;
             other.map_err(|cause| JoinError::Connect { peer, cause: Box::new(cause) })
         }
     }
 }
 
 fn expect_role(link: &Link, due: Role) -> Result<(), JoinError> {
-    let came = link.peer.identity.role;
+    let came = link.peer.hello.role;
     if came == due { Ok(()) } else { Err(JoinError::Stranger { came, due }) }
 }

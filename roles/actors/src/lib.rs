@@ -9,6 +9,7 @@ mod clock;
 mod device;
 mod driver;
 mod join;
+mod links;
 mod machine;
 mod session;
 
@@ -20,5 +21,8 @@ pub use driver::{
     PairTraffic, RoleError, ShownFrame, Stop, Stopper, Turns, leave_unable, max_frame,
 };
 pub use join::{JoinError, Joined, Place, again, await_pair, join_session, role_of};
+pub use links::{
+    FrameEvent, FrameReceiver, FrameSender, FrameStart, LatestReceiver, LatestSender, Link, Listener,
+};
 pub use machine::{DisplayMachine, DisplayStep, OrderError, Seat, SwitchMachine, SwitchStep};
 pub use session::{Devices, SessionError, in_process};

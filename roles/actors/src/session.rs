@@ -2,11 +2,12 @@
 
 use std::{sync::Arc, thread};
 
+use crate::Link;
 use thiserror::Error;
 use tokio::runtime::Handle;
-use trimaran_proto::{Identity, Refusal, Role, Settings};
+use trimaran_proto::{Identity, Role, Settings, Walkthrough};
 use trimaran_scene::Scene;
-use trimaran_transport::{Link, LinkConfig, Net, inproc};
+use trimaran_transport::{HandshakeError, LinkConfig, Net, inproc};
 
 use crate::{
     Cameras, DisplayRole, Observer, OccluderPolicy, PairDevice, PairRole, PairTraffic, PictureDevice,
@@ -30,7 +31,7 @@ pub struct Devices<P, D> {
 pub enum SessionError<P: std::error::Error + 'static, D: std::error::Error + 'static> {
     /// The roles do not go together.
     #[error("the roles cannot be joined")]
-    Refused(#[from] Refusal),
+    Refused(#[from] HandshakeError),
     /// The system gave no thread.
     #[error("cannot start a thread for a role")]
     Thread(#[source] std::io::Error),
@@ -69,14 +70,14 @@ where
     P: PairDevice + Send,
     D: PictureDevice,
 {
-    let join = |ours: Role, theirs: Role| -> Result<(Link, Link), Refusal> {
+    let join = |ours: Role, theirs: Role| -> Result<(Link, Link), HandshakeError> {
         let identity = |role| Identity {
             role,
             scene: scene.hash(),
             settings: (role == Role::Display).then_some(settings),
         };
         let config = LinkConfig { max_frame: max_frame(scene), ..LinkConfig::default() };
-        inproc::pair(net, identity(ours), identity(theirs), &config)
+        inproc::pair::<Walkthrough>(net, identity(ours), identity(theirs), &config)
     };
     let (display_first, first_display) = join(Role::Display, Role::SwitchA)?;
     let (display_second, second_display) = join(Role::Display, Role::SwitchB)?;

@@ -15,20 +15,22 @@ use std::{
 use glam::DVec3;
 use thiserror::Error;
 use tokio::runtime::{Builder, Handle, Runtime};
+use trimaran_actors::FrameStart;
 use trimaran_actors::{
     Cameras, DisplayRole, Joined, Observer, ObserverError, OccluderPolicy, PairDevice, PairRole,
     PictureDevice, Place, RoleError, Seat, ShownFrame, Stop, Stopper, Stopwatch, Turns, await_pair,
     join_session,
 };
+use trimaran_actors::{Link, Listener};
 use trimaran_cull::{
     BoxTester, Culler, CutRule, DepthImage, NoOccluders, Picture, TestBox, View, Viewport, reference::cases,
 };
 use trimaran_proto::{
-    BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStart, FrameStats, Goodbye, IdCoding,
-    Identity, PictureSize, Role, Settings, TesterKind,
+    BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, Goodbye, IdCoding, Identity,
+    PictureSize, Role, Settings, TesterKind, Walkthrough,
 };
 use trimaran_scene::Scene;
-use trimaran_transport::{Instant, Link, LinkConfig, Listener, Net, Options, RecvError, TokioNet, inproc};
+use trimaran_transport::{CloseReason, Instant, LinkConfig, Net, Options, RecvError, TokioNet, inproc};
 
 /// How many frames a session has.
 const FRAMES: u32 = 12;
@@ -280,7 +282,8 @@ impl House {
     /// A link of a role to a peer that the test plays.
     fn link(&self, ours: Role, theirs: Role) -> (Link, Link) {
         let identity = |role| Identity { role, scene: self.scene.hash(), settings: None };
-        inproc::pair(&self.net, identity(ours), identity(theirs), &LinkConfig::default()).unwrap()
+        inproc::pair::<Walkthrough>(&self.net, identity(ours), identity(theirs), &LinkConfig::default())
+            .unwrap()
     }
 }
 
@@ -341,7 +344,7 @@ fn stopped<T: Send>(hangs: Receiver<()>, stopper: Stopper, role: impl FnOnce() -
     })
 }
 
-fn goodbye(handle: &Handle, link: &mut Link) -> Goodbye {
+fn goodbye(handle: &Handle, link: &mut Link) -> CloseReason {
     loop {
         match handle.block_on(link.frames_rx.recv()) {
             Ok(_) => {}
@@ -365,7 +368,7 @@ fn a_machine_that_waits_for_its_device_ends_when_it_is_asked_to() {
         let role = house.machine(Seat::First, device, display, other, house.settings(0));
         stopped(hangs, stopper, || role.run(handle, &stop)).unwrap();
         for link in [&mut to_display, &mut to_other] {
-            assert_eq!(goodbye(handle, link), Goodbye::Interrupted, "{task:?}");
+            assert_eq!(goodbye(handle, link), Goodbye::Interrupted.reason(), "{task:?}");
         }
     }
 }
@@ -380,7 +383,7 @@ fn a_display_that_waits_for_its_device_ends_when_it_is_asked_to() {
     let (second, mut to_second) = house.link(Role::Display, Role::SwitchB);
     let camera = house.camera.for_frame(FrameNumber(0));
     handle.block_on(async {
-        to_first.frames_tx.begin(FrameStart { frame: FrameNumber(0), camera }).await.unwrap();
+        to_first.frames_tx.begin(FrameStart { frame: FrameNumber(0), header: camera }).await.unwrap();
         to_first.frames_tx.finish().await.unwrap();
     });
     let (stopper, stop) = Stop::new();
@@ -398,13 +401,13 @@ fn a_display_that_waits_for_its_device_ends_when_it_is_asked_to() {
     stopped(hangs, stopper, || role.run(&mut Still(house.camera), &mut frames, handle, &stop)).unwrap();
     assert_eq!(frames.0, [0_u32; 0]);
     for link in [&mut to_first, &mut to_second] {
-        assert_eq!(goodbye(handle, link), Goodbye::Interrupted);
+        assert_eq!(goodbye(handle, link), Goodbye::Interrupted.reason());
     }
 }
 
 /// How a display ends whose first machine is due and silent, when the second one leaves with these words or
 /// none.
-fn left_by_the_other(lockstep: bool, words: Option<Goodbye>) -> RoleError<Broken> {
+fn left_by_the_other(lockstep: bool, words: Option<CloseReason>) -> RoleError<Broken> {
     let house = House::new("unused");
     let handle = house.runtime.handle();
     let (first, _silent) = house.link(Role::Display, Role::SwitchA);
@@ -437,7 +440,9 @@ fn left_by_the_other(lockstep: bool, words: Option<Goodbye>) -> RoleError<Broken
 #[test]
 fn a_display_does_not_wait_for_one_machine_when_the_other_has_left() {
     for lockstep in [true, false] {
-        for words in [None, Some(Goodbye::peer_lost("it was away")), Some(Goodbye::Interrupted)] {
+        for words in
+            [None, Some(Goodbye::PeerLost.because("it was away")), Some(Goodbye::Interrupted.reason())]
+        {
             let end = left_by_the_other(lockstep, words);
             assert!(end.lost_a_peer() && format!("{end:?}").contains("SwitchB"), "{end:?}");
         }

@@ -7,12 +7,13 @@ use std::{sync::Arc, time::Duration};
 
 use tokio::task::JoinHandle;
 use trimaran_actors::{JoinError, Joined, Place, Seat, again, await_pair, join_session};
+use trimaran_actors::{Link, Listener};
 use trimaran_proto::{
     BatchSize, Camera, EpsilonPx, FrameNumber, Goodbye, IdCoding, Identity, PictureSize, Role, SceneHash,
-    Settings, TesterKind,
+    Settings, TesterKind, Walkthrough,
 };
 use trimaran_transport::{
-    Endpoint, Instant, Link, LinkConfig, Listener, Net, Options, RecvError, TokioNet, connect, sleep_until,
+    Endpoint, Instant, LinkConfig, Net, Options, RecvError, TokioNet, connect, sleep_until,
 };
 
 const SCENE: SceneHash = SceneHash(7);
@@ -87,7 +88,7 @@ fn settings(first: FrameNumber) -> Settings {
 #[tokio::test(start_paused = true)]
 async fn a_machine_that_leaves_before_the_other_comes_is_waited_for_again() {
     let pair = [Role::SwitchA, Role::SwitchB];
-    for (index, goodbye) in [None, Some(Goodbye::Interrupted)].into_iter().enumerate() {
+    for (index, goodbye) in [None, Some(Goodbye::Interrupted.reason())].into_iter().enumerate() {
         for [early, late] in [pair, [pair[1], pair[0]]] {
             let meeting = Meeting::at(&format!("left-{index}-{early}").replace(' ', "-"));
             let display = meeting.display(FrameNumber(0)).await;
@@ -106,7 +107,7 @@ async fn a_machine_that_leaves_before_the_other_comes_is_waited_for_again() {
                 sessions.reverse();
             }
             let links = display.await.unwrap().unwrap();
-            assert_eq!(links.each_ref().map(|link| link.peer.identity.role), pair);
+            assert_eq!(links.each_ref().map(|link| link.peer.hello.role), pair);
             assert_eq!(links.each_ref().map(|link| link.peer.session), sessions);
         }
     }
@@ -161,7 +162,9 @@ async fn a_machine_whose_pair_does_not_come_tells_the_display_why_it_leaves() {
             end => break end,
         }
     };
-    let Err(RecvError::Goodbye { reason: Goodbye::PeerLost(why), .. }) = end else { panic!("{end:?}") };
+    let Err(RecvError::Goodbye { reason, .. }) = end else { panic!("{end:?}") };
+    assert_eq!(Goodbye::of(&reason), Some(Goodbye::PeerLost));
+    let why = reason;
     assert!(why.to_string().contains("switch B"), "{why}");
     drop(link);
     let error = machine.await.unwrap().unwrap_err();
@@ -180,9 +183,11 @@ async fn a_camera_that_comes_before_the_other_machine_is_kept() {
     let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, FrameNumber(0)).unwrap();
     to_first.latest_tx.publish(camera).unwrap();
     meeting.pause(LINK_PATIENCE * 2).await;
-    let identity = Identity { role: Role::SwitchB, scene: SCENE, settings: second.peer.identity.settings };
+    let identity = Identity { role: Role::SwitchB, scene: SCENE, settings: second.peer.hello.settings };
     let _pair =
-        connect(&meeting.net, &meeting.pair, identity, &meeting.options, meeting.deadline()).await.unwrap();
+        connect::<Walkthrough>(&meeting.net, &meeting.pair, identity, &meeting.options, meeting.deadline())
+            .await
+            .unwrap();
     let mut joined = first.await.unwrap().unwrap();
     assert_eq!(joined.display.latest_rx.try_latest().unwrap(), Some(camera));
 }
@@ -192,11 +197,18 @@ async fn a_display_that_comes_to_a_display_is_turned_away_and_the_pair_waited_fo
     let meeting = Meeting::at("another-display");
     let display = meeting.display(FrameNumber(0)).await;
     let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(settings(FrameNumber(0))) };
-    let stranger =
-        connect(&meeting.net, &meeting.display, identity, &meeting.options, meeting.deadline()).await;
+    let stranger = connect::<Walkthrough>(
+        &meeting.net,
+        &meeting.display,
+        identity,
+        &meeting.options,
+        meeting.deadline(),
+    )
+    .await;
     if let Ok(mut stranger) = stranger {
         let end = stranger.frames_rx.recv().await.unwrap_err();
-        assert!(matches!(end, RecvError::Goodbye { reason: Goodbye::Failed(_), .. }), "{end:?}");
+        let RecvError::Goodbye { reason, .. } = &end else { panic!("{end:?}") };
+        assert_eq!(Goodbye::of(reason), Some(Goodbye::Failed), "{reason}");
     }
     let pair = [meeting.early(Role::SwitchA).await, meeting.early(Role::SwitchB).await];
     let links = display.await.unwrap().unwrap();
@@ -255,6 +267,7 @@ async fn displays_that_get_one_machine_each_end_in_time_and_name_the_one_they_mi
     for machine in machines {
         let mut joined = machine.await.unwrap().unwrap();
         let end = joined.display.frames_rx.recv().await;
-        assert!(matches!(end, Err(RecvError::Lost { peer: Role::Display, .. })), "{end:?}");
+        let Err(RecvError::Lost { peer, .. }) = end else { panic!("{end:?}") };
+        assert_eq!(peer.to_string(), "display");
     }
 }

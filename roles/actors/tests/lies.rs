@@ -5,6 +5,8 @@
 use std::{convert::Infallible, sync::Arc, thread, time::Duration};
 
 use tokio::runtime::Runtime;
+use trimaran_actors::FrameStart;
+use trimaran_actors::Link;
 use trimaran_actors::{
     Cameras, DisplayRole, IdError, Observer, ObserverError, OccluderPolicy, PairDevice, PairRole,
     PictureDevice, RoleError, Seat, ShownFrame, Stop, Stopwatch, Turns, max_frame, role_of,
@@ -13,11 +15,11 @@ use trimaran_cook::generate::{PlantOptions, plant};
 use trimaran_cook::{CookOptions, cook};
 use trimaran_cull::{BoxTester, DepthImage, Picture, TestBox, View};
 use trimaran_proto::{
-    BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStart, FrameStats, Goodbye, IdCoding,
-    Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
+    BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, Goodbye, IdCoding, Identity,
+    PictureSize, Role, SceneHash, Settings, TesterKind, Walkthrough,
 };
 use trimaran_scene::Scene;
-use trimaran_transport::{Link, LinkConfig, Net, RecvError, TokioNet, inproc};
+use trimaran_transport::{CloseReason, LinkConfig, Net, RecvError, TokioNet, inproc};
 
 /// A device that has nothing to do.
 struct Idle;
@@ -121,11 +123,11 @@ impl Setting {
     fn link(&self, ours: Role, theirs: Role) -> (Link, Link) {
         let identity = |role| Identity { role, scene: SceneHash(1), settings: None };
         let config = LinkConfig { max_frame: self.count(), ..LinkConfig::default() };
-        inproc::pair(&self.net, identity(ours), identity(theirs), &config).unwrap()
+        inproc::pair::<Walkthrough>(&self.net, identity(ours), identity(theirs), &config).unwrap()
     }
 
     /// How a display ends whose first machine sends these ids, and what that machine is told.
-    fn display_gets(&self, ids: &[u32]) -> (RoleError<Infallible>, Goodbye) {
+    fn display_gets(&self, ids: &[u32]) -> (RoleError<Infallible>, CloseReason) {
         let ((first, liar), (second, _idle)) =
             (self.link(Role::Display, Role::SwitchA), self.link(Role::Display, Role::SwitchB));
         let scene = Arc::clone(&self.scene);
@@ -142,7 +144,7 @@ impl Setting {
     }
 
     /// How the second machine ends whose other machine sends these ids, and what that one is told.
-    fn machine_gets(&self, ids: &[u32]) -> (RoleError<Infallible>, Goodbye) {
+    fn machine_gets(&self, ids: &[u32]) -> (RoleError<Infallible>, CloseReason) {
         let ((display, mut show), (other, liar)) =
             (self.link(Role::SwitchB, Role::Display), self.link(Role::SwitchB, Role::SwitchA));
         show.latest_tx.publish(Still.camera(FrameNumber(1))).unwrap();
@@ -169,7 +171,7 @@ impl Setting {
     }
 
     /// How either of them ends, with what a peer is called there.
-    fn both_get(&self, ids: &[u32]) -> [(&'static str, RoleError<Infallible>, Goodbye); 2] {
+    fn both_get(&self, ids: &[u32]) -> [(&'static str, RoleError<Infallible>, CloseReason); 2] {
         let ((at_display, told), (at_machine, other_told)) = (self.display_gets(ids), self.machine_gets(ids));
         [
             ("first machine of the pair", at_display, told),
@@ -179,10 +181,10 @@ impl Setting {
 }
 
 /// Sends a frame of these ids, as far as it is taken; gives what the peer says then.
-async fn lie(mut link: Link, ids: &[u32]) -> Goodbye {
+async fn lie(mut link: Link, ids: &[u32]) -> CloseReason {
     let frame = FrameNumber(0);
     let ids: Vec<_> = ids.iter().copied().map(DrawableId).collect();
-    link.frames_tx.begin(FrameStart { frame, camera: Still.camera(frame) }).await.unwrap();
+    link.frames_tx.begin(FrameStart { frame, header: Still.camera(frame) }).await.unwrap();
     for batch in ids.chunks(100) {
         if link.frames_tx.push(batch).await.is_err() {
             break;
@@ -204,7 +206,7 @@ fn an_id_that_the_scene_does_not_have_ends_the_session_and_names_its_sender() {
             let RoleError::Ids { peer, cause } = error else { panic!("{error:?}") };
             assert_eq!(peer, sender);
             assert_eq!(cause, IdError::Unknown { id: DrawableId(id), count: count as usize });
-            assert!(matches!(told, Goodbye::Failed(_)), "{told}");
+            assert_eq!(Goodbye::of(&told), Some(Goodbye::Failed), "{told}");
         }
     }
 }
@@ -215,6 +217,6 @@ fn an_id_that_comes_twice_in_a_frame_ends_the_session_and_names_its_sender() {
     for (sender, error, told) in setting.both_get(&[4, 5, 4]) {
         let RoleError::Ids { peer, cause } = error else { panic!("{error:?}") };
         assert_eq!((peer, cause), (sender, IdError::Twice { id: DrawableId(4) }));
-        assert!(matches!(told, Goodbye::Failed(_)), "{told}");
+        assert_eq!(Goodbye::of(&told), Some(Goodbye::Failed), "{told}");
     }
 }

@@ -7,7 +7,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use thiserror::Error;
-use trimaran_proto::{Camera, DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStart, Goodbye};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, Goodbye};
+use trimaran_actors::{FrameEvent, FrameStart};
+use trimaran_transport::FrameOutcome;
 
 use crate::{FrameReceiver, FrameSender, Instant, Link, Net, RecvError, SendError};
 
@@ -106,14 +108,14 @@ pub async fn answer(link: Link) -> Result<Goodbye, ProbeError> {
         loop {
             match frames_rx.recv().await {
                 Ok(FrameEvent::Begin(start)) => frames_tx.begin(start).await?,
-                Ok(FrameEvent::Ids(batch)) => {
+                Ok(FrameEvent::Batch(batch)) => {
                     let ids: Vec<DrawableId> = batch.iter().collect();
                     frames_tx.push(&ids).await?;
                 }
                 Ok(FrameEvent::End(_)) => {
                     frames_tx.finish().await?;
                 }
-                Ok(FrameEvent::Stats(_)) => {}
+                Ok(FrameEvent::Note(_)) => {}
                 Err(RecvError::Goodbye { reason, .. }) => return Ok(reason),
                 Err(RecvError::Silent { .. }) => {}
                 Err(e) => return Err(e.into()),
@@ -146,7 +148,7 @@ async fn camera_back(
 }
 
 async fn send(frames: &mut FrameSender, camera: Camera, ids: &[DrawableId]) -> Result<(), SendError> {
-    frames.begin(FrameStart { frame: camera.frame(), camera }).await?;
+    frames.begin(FrameStart { frame: camera.frame(), header: camera }).await?;
     frames.push(ids).await?;
     frames.finish().await.map(|_| ())
 }
@@ -156,8 +158,8 @@ async fn whole_frame(frames: &mut FrameReceiver, ids: &[DrawableId]) -> Result<b
     let mut got = 0;
     loop {
         match frames.recv().await? {
-            FrameEvent::Begin(_) | FrameEvent::Stats(_) => {}
-            FrameEvent::Ids(batch) => got += batch.count(),
+            FrameEvent::Begin(_) | FrameEvent::Note(_) => {}
+            FrameEvent::Batch(batch) => got += batch.count(),
             FrameEvent::End(FrameOutcome::Complete(_)) if got == ids.len() => return Ok(true),
             FrameEvent::End(FrameOutcome::Complete(_)) => return Err(ProbeError::NoEcho),
             FrameEvent::End(FrameOutcome::Incomplete { .. }) => return Ok(false),
@@ -180,7 +182,7 @@ mod tests {
         let identity = |role| Identity { role, scene: SceneHash(0), settings: None };
         let config = LinkConfig::default();
         let (here, there) =
-            inproc::pair(&net, identity(Role::Display), identity(Role::SwitchA), &config).unwrap();
+            inproc::pair::<Walkthrough>(&net, identity(Role::Display), identity(Role::SwitchA), &config).unwrap();
         (net, here, there)
     }
 
@@ -192,13 +194,13 @@ mod tests {
                 let mut replies = Vec::new();
                 probe(&mut here, &net, Probe { ids, ..PROBE }, |reply| replies.push(reply)).await.unwrap();
                 assert_eq!(here.stats.read().received.id_count, u64::from(5 * ids));
-                here.goodbye(Goodbye::Finished).await.unwrap();
+                here.goodbye(Goodbye::Finished.reason()).await.unwrap();
                 replies
             };
             let (replies, answered) = tokio::join!(probing, answer(there));
             assert_eq!(replies.len(), 5);
             assert!(replies.iter().all(|reply| matches!(reply, Reply::Whole(_))), "{replies:?}");
-            assert_eq!(answered.unwrap(), Goodbye::Finished);
+            assert_eq!(answered.unwrap(), Goodbye::Finished.reason());
         }
     }
 

@@ -2,8 +2,9 @@
 
 use std::{collections::VecDeque, time::Duration};
 
+use crate::LatestSender;
 use trimaran_proto::{Camera, FrameNumber};
-use trimaran_transport::{LatestSender, SendError};
+use trimaran_transport::SendError;
 
 use crate::{Seat, Stopwatch};
 

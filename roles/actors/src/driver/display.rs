@@ -2,13 +2,14 @@
 
 use std::{pin::pin, sync::Arc, time::Duration};
 
+use crate::FrameEvent;
+use crate::Link;
 use tokio::runtime::Handle;
 use trimaran_cull::{DrawOrder, Picture, View, Viewport};
-use trimaran_proto::{
-    Camera, DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStats, SentBytes, Settings,
-};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, SentBytes, Settings};
 use trimaran_scene::Scene;
-use trimaran_transport::{Link, LinkStats, Net, RecvError, SendError, StatsHandle, until};
+use trimaran_transport::FrameOutcome;
+use trimaran_transport::{LinkStats, Net, RecvError, SendError, StatsHandle, until};
 
 use super::{
     Cameras, LinkError, RoleError,
@@ -230,17 +231,17 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         loop {
             match self.receive(from, cameras)? {
                 FrameEvent::Begin(start) => {
-                    let published = self.handed.taken(&start.camera);
-                    let begun = Begun { camera: start.camera, published, at: self.clock.elapsed() };
+                    let published = self.handed.taken(&start.header);
+                    let begun = Begun { camera: start.header, published, at: self.clock.elapsed() };
                     let order = |cause| RoleError::Order { peer: peer(from), cause };
-                    let next = self.machine.began(start.camera, self.lockstep).map_err(order)?;
+                    let next = self.machine.began(start.header, self.lockstep).map_err(order)?;
                     if let Some(frame) = next {
                         self.hand_out(cameras.camera(frame))?;
                     }
                     return Ok(begun);
                 }
-                FrameEvent::Stats(stats) => observer.pair_did(&stats),
-                FrameEvent::Ids(_) | FrameEvent::End(_) => return Err(out_of_order(from, "its begin")),
+                FrameEvent::Note(stats) => observer.pair_did(&stats),
+                FrameEvent::Batch(_) | FrameEvent::End(_) => return Err(out_of_order(from, "its begin")),
             }
         }
     }
@@ -263,7 +264,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
                 None => self.receive(from, cameras)?,
             };
             match event {
-                FrameEvent::Ids(batch) => {
+                FrameEvent::Batch(batch) => {
                     let ids = |cause| RoleError::Ids { peer: peer(from), cause };
                     self.received.take(&batch).map_err(ids)?;
                     let count = u32::try_from(self.received.ids.len()).unwrap_or(u32::MAX);
@@ -279,7 +280,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
                         .ended()
                         .map_err(|cause| RoleError::Order { peer: peer(from), cause });
                 }
-                FrameEvent::Begin(_) | FrameEvent::Stats(_) => return Err(out_of_order(from, "its end")),
+                FrameEvent::Begin(_) | FrameEvent::Note(_) => return Err(out_of_order(from, "its end")),
             }
         }
     }
@@ -326,7 +327,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             loop {
                 let next = self.links[seat.index()].frames_rx.recv();
                 match wait(self.waiting, "receiving a frame", next) {
-                    Ok(FrameEvent::Stats(stats)) => observer.pair_did(&stats),
+                    Ok(FrameEvent::Note(stats)) => observer.pair_did(&stats),
                     Ok(_) => return Err(out_of_order(seat, "its goodbye")),
                     Err(RoleError::Link { cause: LinkError::Receive(RecvError::Goodbye { .. }), .. }) => {
                         break;

@@ -99,19 +99,28 @@ impl<D: std::error::Error + 'static> RoleError<D> {
     /// failed, or it has lost another peer itself. The session can go on with the frame that was due,
     /// once all three have joined again.
     #[must_use]
-    pub const fn lost_a_peer(&self) -> bool {
-        let Self::Link { cause, .. } = self else { return false };
-        matches!(
-            cause,
-            LinkError::Receive(
-                RecvError::Lost { .. }
-                    | RecvError::Silent { .. }
-                    | RecvError::Goodbye {
-                        reason: Goodbye::PeerLost(_) | Goodbye::Interrupted | Goodbye::DeviceFailed(_),
-                        ..
-                    }
-            ) | LinkError::Send(SendError::Lost { .. } | SendError::Stalled { .. })
-        )
+    pub fn lost_a_peer(&self) -> bool {
+        let passing = [Goodbye::PeerLost, Goodbye::Interrupted, Goodbye::DeviceFailed];
+        match self {
+            Self::Link {
+                cause: LinkError::Receive(RecvError::Lost { .. } | RecvError::Silent { .. }),
+                ..
+            }
+            | Self::Link {
+                cause: LinkError::Send(SendError::Lost { .. } | SendError::Stalled { .. }), ..
+            } => true,
+            _ => self.goodbye().is_some_and(|goodbye| passing.contains(&goodbye)),
+        }
+    }
+
+    /// Why a peer left that said so, if that is what ended this role.
+    fn goodbye(&self) -> Option<Goodbye> {
+        match self {
+            Self::Link { cause: LinkError::Receive(RecvError::Goodbye { reason, .. }), .. } => {
+                Goodbye::of(reason)
+            }
+            _ => None,
+        }
     }
 
     /// How this role's own device failed, if that is what happened. The role cannot go on, but its process
@@ -127,15 +136,8 @@ impl<D: std::error::Error + 'static> RoleError<D> {
     /// Whether this is an end on purpose: this role was asked to stop, or a peer says that the session is
     /// over.
     #[must_use]
-    pub const fn is_clean_end(&self) -> bool {
-        matches!(
-            self,
-            Self::Stopped
-                | Self::Link {
-                    cause: LinkError::Receive(RecvError::Goodbye { reason: Goodbye::Finished, .. }),
-                    ..
-                }
-        )
+    pub fn is_clean_end(&self) -> bool {
+        matches!(self, Self::Stopped) || self.goodbye() == Some(Goodbye::Finished)
     }
 }
 

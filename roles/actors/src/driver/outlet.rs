@@ -1,8 +1,10 @@
 //! Where a culling machine's ids leave: to the display and to the other machine of the pair, in batches,
 //! while culling goes on.
 
-use trimaran_proto::{DrawableId, FrameStart};
-use trimaran_transport::{FrameSender, SendError};
+use crate::FrameSender;
+use crate::FrameStart;
+use trimaran_proto::DrawableId;
+use trimaran_transport::SendError;
 
 use super::{RoleError, stop::Waiting, wait};
 

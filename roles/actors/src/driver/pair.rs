@@ -2,14 +2,13 @@
 
 use std::{sync::Arc, time::Duration};
 
+use crate::Link;
+use crate::{FrameEvent, FrameStart};
 use tokio::runtime::Handle;
 use trimaran_cull::{CullStats, Culler, CutRule, OccluderMapper, View, Viewport};
-use trimaran_proto::{
-    Camera, CullCounts, DrawableId, FrameEvent, FrameNumber, FrameStart, FrameStats, IdBatch, SentBytes,
-    Settings,
-};
+use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, FrameStats, IdBatch, SentBytes, Settings};
 use trimaran_scene::Scene;
-use trimaran_transport::{Link, Traffic};
+use trimaran_transport::Traffic;
 
 use super::{
     OccluderPolicy, RoleError, Turns,
@@ -144,8 +143,8 @@ impl<'r, D: PairDevice> Work<'r, D> {
                     self.machine.occluders_began(start.frame).map_err(order)?;
                     self.begin_occluders(camera)?;
                 }
-                FrameEvent::Ids(batch) => self.take_batch(&batch)?,
-                FrameEvent::Stats(_) => {}
+                FrameEvent::Batch(batch) => self.take_batch(&batch)?,
+                FrameEvent::Note(_) => {}
                 FrameEvent::End(_) => {
                     self.machine.occluders_ended().map_err(order)?;
                     return self.complete_occluders(camera);
@@ -237,7 +236,7 @@ impl<'r, D: PairDevice> Work<'r, D> {
         let view = View::new(camera, self.viewport);
         let other = feeds_other.then_some(&mut self.other.frames_tx);
         let mut outlet = Outlet::new(self.waiting, &mut self.display.frames_tx, other);
-        outlet.begin(FrameStart { frame: camera.frame(), camera });
+        outlet.begin(FrameStart { frame: camera.frame(), header: camera });
         let culled = self.culler.cull(&view, self.rule, &mut self.device, |ids| outlet.push(ids));
         let sent = outlet.finish();
         let walk = culled?;
@@ -248,7 +247,7 @@ impl<'r, D: PairDevice> Work<'r, D> {
         self.stats.hc_start_ns = nanoseconds(or_end + self.waiting.turn.away());
         let sent = self.other.stats.read().sent;
         self.stats.to_other = sent_bytes(sent - std::mem::replace(&mut self.sent_to_other, sent));
-        let stats = self.display.frames_tx.stats(&self.stats);
+        let stats = self.display.frames_tx.note(&self.stats);
         wait(self.waiting, "sending statistics", stats)?;
         self.waiting.turn.give_back();
         self.machine.culled().map_err(|cause| RoleError::Order { peer: OTHER, cause })
@@ -268,15 +267,15 @@ fn triangles(scene: &Scene, ids: &[DrawableId]) -> u64 {
 
 pub(super) const fn sent_bytes(traffic: Traffic) -> SentBytes {
     SentBytes {
-        camera: traffic.camera.bytes,
+        camera: traffic.latest.bytes,
         begin: traffic.begin.bytes,
-        ids: traffic.ids.bytes,
+        ids: traffic.batches.bytes,
         end: traffic.end.bytes,
         control: traffic.control.bytes,
         headers: traffic.header_bytes,
-        messages: traffic.camera.messages
+        messages: traffic.latest.messages
             + traffic.begin.messages
-            + traffic.ids.messages
+            + traffic.batches.messages
             + traffic.end.messages
             + traffic.control.messages,
     }

@@ -2,9 +2,10 @@
 
 use std::future::pending;
 
+use crate::{LatestReceiver, Link};
 use tokio::runtime::Handle;
 use trimaran_proto::Goodbye;
-use trimaran_transport::{LatestReceiver, Link, RecvError, SendError};
+use trimaran_transport::{CloseReason, RecvError, SendError};
 
 use crate::causes;
 
@@ -18,19 +19,19 @@ pub(super) fn leave<D: std::error::Error + 'static>(
     result: &Result<(), RoleError<D>>,
 ) {
     let reason = match result {
-        Ok(()) => Goodbye::Finished,
-        Err(RoleError::Stopped) => Goodbye::Interrupted,
-        Err(error) if error.is_clean_end() => Goodbye::Finished,
-        Err(error) if error.lost_a_peer() => Goodbye::peer_lost(&causes(error)),
+        Ok(()) => Goodbye::Finished.reason(),
+        Err(RoleError::Stopped) => Goodbye::Interrupted.reason(),
+        Err(error) if error.is_clean_end() => Goodbye::Finished.reason(),
+        Err(error) if error.lost_a_peer() => Goodbye::PeerLost.because(&causes(error)),
         Err(error) => match error.device_failure() {
-            Some(cause) => Goodbye::device_failed(&causes(cause)),
-            None => Goodbye::failed(&causes(error)),
+            Some(cause) => Goodbye::DeviceFailed.because(&causes(cause)),
+            None => Goodbye::Failed.because(&causes(error)),
         },
     };
     part(runtime, links, &reason);
 }
 
-fn part(runtime: &Handle, links: [Link; 2], reason: &Goodbye) {
+fn part(runtime: &Handle, links: [Link; 2], reason: &CloseReason) {
     runtime.block_on(async {
         for link in links {
             if let Err(cause) = link.goodbye(reason.clone()).await {
@@ -42,7 +43,7 @@ fn part(runtime: &Handle, links: [Link; 2], reason: &Goodbye) {
 
 /// Leaves both peers before the session has begun, because this role's device cannot play in it.
 pub fn leave_unable(runtime: &Handle, links: [Link; 2], why: &str) {
-    part(runtime, links, &Goodbye::device_failed(why));
+    part(runtime, links, &Goodbye::DeviceFailed.because(why));
 }
 
 /// What a role returns for how its work ended. Whoever was asked to stop does not ask why the others left:
@@ -65,7 +66,7 @@ pub(super) fn hear_out<D: std::error::Error + 'static>(
 ) -> Result<(), RoleError<D>> {
     match &result {
         Err(RoleError::Link { doing, cause: LinkError::Send(SendError::Lost { peer, .. }) }) => {
-            let link = links.into_iter().find(|link| link.peer.identity.role == *peer);
+            let link = links.into_iter().find(|link| link.peer.name == *peer);
             let heard = link.and_then(|link| waiting.on(last_word(link)));
             match heard {
                 Some(cause @ RecvError::Goodbye { .. }) => {
@@ -84,7 +85,9 @@ pub(super) async fn left_early(lane: &mut LatestReceiver) -> RecvError {
     loop {
         match lane.latest().await {
             Ok(_) | Err(RecvError::Silent { .. }) => {}
-            Err(RecvError::Goodbye { reason: Goodbye::Finished, .. }) => return pending().await,
+            Err(RecvError::Goodbye { reason, .. }) if Goodbye::of(&reason) == Some(Goodbye::Finished) => {
+                return pending().await;
+            }
             Err(end) => return end,
         }
     }
@@ -105,7 +108,8 @@ mod tests {
     use std::convert::Infallible;
     use std::sync::Arc;
 
-    use trimaran_proto::{Camera, FrameNumber, FrameStart, Identity, Role, SceneHash};
+    use crate::FrameStart;
+    use trimaran_proto::{Camera, FrameNumber, Identity, Role, SceneHash, Walkthrough};
     use trimaran_transport::{LinkConfig, Net, TokioNet, inproc};
 
     use super::super::{Turns, wait};
@@ -114,12 +118,13 @@ mod tests {
 
     /// What a machine makes of it that it cannot begin a frame any more for a display that handed out a
     /// camera, and went.
-    fn begin_after(goodbye: Option<Goodbye>) -> RoleError<Infallible> {
+    fn begin_after(goodbye: Option<CloseReason>) -> RoleError<Infallible> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
         let identity = |role| Identity { role, scene: SceneHash(1), settings: None };
         let join = |role| {
-            inproc::pair(&net, identity(role), identity(Role::SwitchB), &LinkConfig::default()).unwrap()
+            inproc::pair::<Walkthrough>(&net, identity(role), identity(Role::SwitchB), &LinkConfig::default())
+                .unwrap()
         };
         let ((mut display, mut to_display), (_other, mut to_other)) =
             (join(Role::Display), join(Role::SwitchA));
@@ -132,7 +137,7 @@ mod tests {
         let (_stopper, stop) = Stop::new();
         let turn = Turns::at_once().of_a_role(Stopwatch::start());
         let waiting = Waiting { runtime: runtime.handle(), stop: &stop, turn: &turn };
-        let start = FrameStart { frame: FrameNumber(0), camera };
+        let start = FrameStart { frame: FrameNumber(0), header: camera };
         let begin = to_display.frames_tx.begin(start);
         let result = wait(waiting, "beginning a frame", begin).map(|_| ());
         assert!(matches!(result, Err(RoleError::Link { cause: LinkError::Send(_), .. })), "{result:?}");
@@ -141,24 +146,27 @@ mod tests {
 
     #[test]
     fn a_display_that_left_is_not_lost_though_its_last_camera_was_not_read() {
-        let finished = begin_after(Some(Goodbye::Finished));
+        let finished = begin_after(Some(Goodbye::Finished.reason()));
         assert!(finished.is_clean_end() && !finished.lost_a_peer(), "{finished:?}");
-        let failed = begin_after(Some(Goodbye::failed("no memory")));
+        let failed = begin_after(Some(Goodbye::Failed.because("no memory")));
         assert!(!failed.is_clean_end() && !failed.lost_a_peer(), "{failed:?}");
-        let broken = begin_after(Some(Goodbye::device_failed("the device was lost")));
+        let broken = begin_after(Some(Goodbye::DeviceFailed.because("the device was lost")));
         assert!(!broken.is_clean_end() && broken.lost_a_peer(), "{broken:?}");
     }
 
     #[test]
     fn a_display_that_was_interrupted_has_not_finished_and_may_come_again() {
-        let interrupted = begin_after(Some(Goodbye::Interrupted));
+        let interrupted = begin_after(Some(Goodbye::Interrupted.reason()));
         assert!(interrupted.lost_a_peer() && !interrupted.is_clean_end(), "{interrupted:?}");
         let (stopper, stop) = Stop::new();
         let lost = |error: &RoleError<Infallible>| error.lost_a_peer();
         assert!(ended(Err(interrupted), &stop).is_err_and(|error| lost(&error)));
         stopper.stop();
-        assert!(ended(Err(begin_after(Some(Goodbye::Interrupted))), &stop).is_ok(), "it was asked itself");
-        let failed = begin_after(Some(Goodbye::failed("no memory")));
+        assert!(
+            ended(Err(begin_after(Some(Goodbye::Interrupted.reason()))), &stop).is_ok(),
+            "it was asked itself"
+        );
+        let failed = begin_after(Some(Goodbye::Failed.because("no memory")));
         assert!(ended(Err(failed), &stop).is_err(), "a failure is told all the same");
     }
 

@@ -1,0 +1,21 @@
+//! Links that carry what Trimaran says: those of `trimaran-transport` over [`Walkthrough`].
+
+use trimaran_proto::{Camera, Walkthrough};
+use trimaran_transport as transport;
+
+/// A link between two roles.
+pub type Link = transport::Link<Walkthrough>;
+/// Takes roles that connect.
+pub type Listener = transport::Listener<Walkthrough>;
+/// Publishes cameras.
+pub type LatestSender = transport::LatestSender<Walkthrough>;
+/// Reads the newest camera.
+pub type LatestReceiver = transport::LatestReceiver<Walkthrough>;
+/// Sends frames of ids.
+pub type FrameSender = transport::FrameSender<Walkthrough>;
+/// Receives frames of ids.
+pub type FrameReceiver = transport::FrameReceiver<Walkthrough>;
+/// What a receiver of frames learns.
+pub type FrameEvent = transport::FrameEvent<Walkthrough>;
+/// How a frame begins: its number, and the camera that its ids were culled for.
+pub type FrameStart = transport::FrameStart<Camera>;
