@@ -7,10 +7,10 @@
 
 use std::{error::Error, sync::Arc, time::Duration};
 
-use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash};
 use trimaran_actors::{FrameEvent, FrameStart};
-use trimaran_transport::{Endpoint, Net, Options, TokioNet, connect};
 use trimaran_actors::{Link, Listener};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash};
+use trimaran_transport::{Endpoint, Net, Options, TokioNet, connect};
 
 #[tokio::main]
 async fn main() -> Result<(), Box<dyn Error>> {

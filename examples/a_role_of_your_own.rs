@@ -17,7 +17,10 @@ use trimaran_cook::{
 };
 use trimaran_cull::{Picture, View, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
-use trimaran_proto::{BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, PictureSize, Settings, TesterKind};
+use trimaran_proto::{
+    BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, PictureSize, Settings,
+    TesterKind,
+};
 use trimaran_transport::{Net, TokioNet};
 
 /// Holds what was ever visible, as a cache of geometry would that throws nothing away.

@@ -7,9 +7,9 @@ use std::{error::Error, net::SocketAddr, sync::Arc, time::Duration};
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use trimaran::metrics::LinkMetrics;
-use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash};
-use trimaran_actors::{FrameEvent, FrameStart};
 use trimaran_actors::Link;
+use trimaran_actors::{FrameEvent, FrameStart};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash};
 use trimaran_transport::{LinkConfig, Net, TokioNet, inproc, sleep_until};
 
 #[tokio::main]
@@ -18,7 +18,8 @@ async fn main() -> Result<(), Box<dyn Error>> {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
     let identity = |role| Identity { role, scene: SceneHash(0x1234), settings: None };
     let config = LinkConfig::default();
-    let (machine, display) = inproc::pair::<Walkthrough>(&net, identity(Role::SwitchA), identity(Role::Display), &config)?;
+    let (machine, display) =
+        inproc::pair::<Walkthrough>(&net, identity(Role::SwitchA), identity(Role::Display), &config)?;
 
     // Counting costs nothing that can be felt; whoever holds the metrics may read them at any time, links
     // alive or not.

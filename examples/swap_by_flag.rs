@@ -7,11 +7,11 @@
 use std::{error::Error, sync::Arc, time::Duration};
 
 use clap::{Parser, ValueEnum};
-use trimaran_proto::{Camera, DrawableId, FrameNumber, Goodbye, Identity, Role, SceneHash};
 use trimaran_actors::{FrameEvent, FrameStart};
+use trimaran_actors::{Link, Listener};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, Goodbye, Identity, Role, SceneHash};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::{Endpoint, Net, Options, TokioNet, connect};
-use trimaran_actors::{Link, Listener};
 
 #[derive(Debug, Parser)]
 struct Args {
@@ -87,7 +87,10 @@ async fn show(transport: Transport) -> Result<(), Box<dyn Error>> {
         "{transport:?}: {micros} us a frame and its answer, {} bytes a frame, encrypted: {encrypted}, local: {local}",
         sent.read().sent.total_bytes() / u64::from(FRAMES)
     );
-    let (_, _) = tokio::join!(machine.goodbye(Goodbye::Finished.reason()), display.goodbye(Goodbye::Finished.reason()));
+    let (_, _) = tokio::join!(
+        machine.goodbye(Goodbye::Finished.reason()),
+        display.goodbye(Goodbye::Finished.reason())
+    );
     Ok(())
 }
 

@@ -10,8 +10,8 @@ use std::{process::Command, sync::Arc, thread, time::Duration};
 
 use tokio::{runtime::Builder, sync::oneshot};
 use trimaran::netem::{Emulation, Namespace};
-use trimaran_proto::{Identity, Role, SceneHash};
 use trimaran_actors::{Link, Listener};
+use trimaran_proto::{Identity, Role, SceneHash};
 use trimaran_transport::{Net, Options, TokioNet, connect, udp::Trust};
 
 const SOON: Duration = Duration::from_secs(20);
@@ -90,7 +90,8 @@ fn a_listener_with_several_addresses_answers_from_the_one_that_was_asked() {
                     let asked = if asked.contains(':') { format!("[{asked}]") } else { asked.to_owned() };
                     let asked = format!("udp://{asked}:4000").parse().unwrap();
                     let by = net.now().after(SOON);
-                    let link = connect::<Walkthrough>(&net, &asked, identity(Role::Display), options, by).await;
+                    let link =
+                        connect::<Walkthrough>(&net, &asked, identity(Role::Display), options, by).await;
                     done.notify_one();
                     link.map(|link| link.peer.hello.role)
                 });

@@ -10,10 +10,10 @@ use std::time::Duration;
 
 use tokio::net::TcpStream as Dial;
 use trimaran::metrics::LinkMetrics;
-use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash};
 use trimaran_actors::FrameStart;
-use trimaran_transport::{Endpoint, Limits, LinkConfig, Net, Options, TokioNet, connect, sleep_until};
 use trimaran_actors::Listener;
+use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash};
+use trimaran_transport::{Endpoint, Limits, LinkConfig, Net, Options, TokioNet, connect, sleep_until};
 
 fn trimaran(folder: &Path, args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));

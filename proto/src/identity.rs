@@ -28,6 +28,13 @@ impl fmt::Display for Role {
     }
 }
 
+/// What links and keys know the role by.
+impl From<Role> for String {
+    fn from(role: Role) -> Self {
+        role.to_string()
+    }
+}
+
 /// What a peer is, and what it holds: the same for each of its links.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Identity {

@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
-use trimaran_transport::{Name, keys::{Keys, KeysError, PublicKeys}};
+use trimaran_transport::{
+    Name,
+    keys::{Keys, KeysError, PublicKeys},
+};
 
 use super::{Failure, args::KeysCommand};
 

@@ -1,5 +1,6 @@
 //! `trimaran ping`: round trips over a link of any transport.
 
+mod probe;
 mod tally;
 
 use std::{path::PathBuf, sync::Arc, time::Duration};
@@ -10,10 +11,10 @@ use trimaran::{
     config::{LinkConfig, PeerFile, positive},
     metrics::PathReading,
 };
-use trimaran_proto::{BatchSize, Goodbye, Identity, Role, SceneHash};
-use trimaran_transport::Refusal;
-use trimaran_transport::{ConnectError, Endpoint, Net, Options, TokioNet, connect, probe::{Probe, answer, probe}};
 use trimaran_actors::{Link, Listener};
+use trimaran_proto::{BatchSize, Goodbye, IdCoding, Identity, RejectionCode, Role, SceneHash, Walkthrough};
+use trimaran_transport::Refusal;
+use trimaran_transport::{Batching, ConnectError, Endpoint, Net, Options, TokioNet, connect};
 
 use super::{
     Failure,
@@ -21,6 +22,7 @@ use super::{
     number, print_json,
     walking::{runtime, stop_on_signal},
 };
+use probe::{Probe, answer, probe};
 use tally::{Cost, Tally, microseconds};
 
 /// What stands where a session has its scene: peers that ping have none.
@@ -98,8 +100,10 @@ pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
     let guard = links.security(&args.endpoint.clone().into(), args.keys.as_deref(), &peer);
     let guard = guard.map_err(Failure::bad_input)?;
     let mut options = links.options(guard);
-    options.link.batch = BatchSize::new(args.batch.into()).map_err(Failure::bad_input)?;
-    options.link.coding = args.coding.into();
+    options.link.batching = Batching {
+        size: BatchSize::new(args.batch.into()).map_err(Failure::bad_input)?,
+        coded: IdCoding::from(args.coding) == IdCoding::Changes,
+    };
     let runtime = runtime()?;
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
     let stop = stop_on_signal(&runtime);
@@ -144,8 +148,9 @@ async fn ping(
     let timeout = Duration::from_secs_f64(args.timeout);
     let identity = Identity { role: Role::Display, scene: NO_SCENE, settings: None };
     let begun = net.now();
-    let mut link: Link =
-        connect::<Walkthrough>(net, &args.endpoint, identity, options, begun.after(timeout)).await.map_err(not_linked)?;
+    let mut link: Link = connect::<Walkthrough>(net, &args.endpoint, identity, options, begun.after(timeout))
+        .await
+        .map_err(not_linked)?;
     if !args.json {
         let took = microseconds(net.now().since(begun));
         println!("{} at {}: linked in {} us", args.endpoint, link.peer.address, number(took as u64));
@@ -164,12 +169,21 @@ async fn ping(
 fn not_linked(error: ConnectError) -> Failure {
     match error.refusal() {
         // A role of a session answers no stranger: that is worth saying in other words.
-        Some(Refusal::Scene { .. } | Refusal::RoleTaken { .. }) => Failure::bad_input(
+        Some(refusal) if is_of_a_session(refusal) => Failure::bad_input(
             "the link works, but a role of a session listens there, and it answers its own session only: \
                  run `trimaran ping --answer` on another port",
         ),
         _ if error.may_pass() => Failure::broken(error),
         _ => Failure::bad_input(error),
+    }
+}
+
+/// Whether a role of a session refuses so.
+fn is_of_a_session(refusal: &Refusal) -> bool {
+    match refusal {
+        Refusal::RoleTaken { .. } => true,
+        Refusal::Rejected(why) => RejectionCode::Scene.is_of(why) || RejectionCode::Role.is_of(why),
+        _ => false,
     }
 }
 

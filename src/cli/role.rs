@@ -16,6 +16,7 @@ use trimaran::{
     report::schema::Seat as ReportSeat,
     walkthrough::{PathChoice, Plan, SceneFile, Trail, viewport},
 };
+use trimaran_actors::Link;
 use trimaran_actors::{
     JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, Stop, Stopwatch, Turns, again, join_session,
     leave_unable, max_frame, role_of,
@@ -24,7 +25,6 @@ use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Role};
 use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Instant, Net, TokioNet, sleep_until};
-use trimaran_actors::Link;
 
 use super::{
     Failure,

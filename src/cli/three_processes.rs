@@ -16,7 +16,10 @@ use trimaran::{
 };
 use trimaran_actors::max_frame;
 use trimaran_proto::Role;
-use trimaran_transport::{Endpoint, SocketPath, keys::{KeyFiles, Keys, KnownPeer, Security}};
+use trimaran_transport::{
+    Endpoint, SocketPath,
+    keys::{KeyFiles, Keys, KnownPeer, Security},
+};
 
 use super::{
     Failure,

@@ -5,7 +5,10 @@ use std::{path::Path, time::Duration};
 use confique::{Config, Layer};
 use serde::Serialize;
 use trimaran_proto::Role;
-use trimaran_transport::{Endpoint, Endpoints, Limits, Options, keys::{Keys, KnownPeer, PublicKeys, Security}};
+use trimaran_transport::{
+    Endpoint, Endpoints, Limits, Options,
+    keys::{Keys, KnownPeer, PublicKeys, Security},
+};
 
 use super::{ConfigError, seconds};
 
@@ -180,7 +183,7 @@ impl LinkConfig {
         let known = peers
             .iter()
             .filter_map(|peer| peer.path.map(|path| (path, peer.role)))
-            .map(|(path, role)| Ok(KnownPeer { keys: PublicKeys::read(path)?, role }))
+            .map(|(path, role)| Ok(KnownPeer { keys: PublicKeys::read(path)?, role: role.map(Into::into) }))
             .collect::<Result<Vec<_>, ConfigError>>()?;
         match (keys, peers) {
             (Some(keys), _) if !known.is_empty() => {

@@ -18,8 +18,8 @@ use prometheus_client::{
     registry::Registry,
 };
 use serde::{Deserialize, Serialize};
-use trimaran_transport::{Door, LinkStats, StatsHandle, Tally, Traffic};
 use trimaran_actors::Link;
+use trimaran_transport::{Door, LinkStats, StatsHandle, Tally, Traffic};
 
 pub use path::PathReading;
 pub use server::{MetricsError, Serving};
@@ -162,15 +162,16 @@ impl Carried {
 
 impl From<Traffic> for Carried {
     fn from(traffic: Traffic) -> Self {
-        let Traffic { camera, begin, ids, id_count, end, control, header_bytes } = traffic;
-        let messages = [camera, begin, ids, end, control].iter().map(|tally: &Tally| tally.messages).sum();
+        let Traffic { latest, begin, batches, items, end, control, header_bytes } = traffic;
+        let messages =
+            [latest, begin, batches, end, control].iter().map(|tally: &Tally| tally.messages).sum();
         Self {
             frames: end.messages,
-            ids: id_count,
+            ids: items,
             messages,
-            camera_bytes: camera.bytes,
+            camera_bytes: latest.bytes,
             begin_bytes: begin.bytes,
-            id_bytes: ids.bytes,
+            id_bytes: batches.bytes,
             end_bytes: end.bytes,
             control_bytes: control.bytes,
             header_bytes,

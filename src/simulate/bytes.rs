@@ -124,7 +124,7 @@ impl FrameBytes {
         let all = sent.wire.values().fold(WireTally::default(), |all, tally| all + *tally);
         let of = |class| sent.wire.get(&class).map_or(0, WireTally::bytes);
         let each = |bytes: u64| bytes as f64 / f64::from((*frames).max(1));
-        let ids = sent.messages.ids.bytes;
+        let ids = sent.messages.batches.bytes;
         let header = all.headers() as f64 / all.packets.max(1) as f64;
         let load = FrameLoad { ids: nodes, batch: batch as f64, header: PAPER_HEADER };
         Self {

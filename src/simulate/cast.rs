@@ -4,13 +4,15 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
+use trimaran_actors::Listener;
 use trimaran_actors::{JoinError, Place, Seat, await_pair, join_session};
 use trimaran_netsim::Machines;
-use trimaran_proto::{DrawableId, EpsilonPx, FrameNumber, Identity, PictureSize, Role, SceneHash, Settings, TesterKind};
+use trimaran_proto::{
+    DrawableId, EpsilonPx, FrameNumber, Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
+};
 use trimaran_transport::keys::{Keys, KnownPeer, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{Endpoint, Net, Options, Traffic, sleep_until};
-use trimaran_actors::Listener;
 
 use super::roles::{Stage, display, leave, switch};
 use super::{FrameTimes, Knobs, RoleFailure, Scenario, SimulateError, Transport};

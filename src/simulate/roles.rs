@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use trimaran_actors::Link;
 use trimaran_actors::{DisplayMachine, DisplayStep, Joined, Seat, SwitchMachine, SwitchStep};
-use trimaran_proto::{DrawableId, FrameNumber, FrameStats, Goodbye};
 use trimaran_actors::{FrameEvent, FrameStart};
+use trimaran_proto::{DrawableId, FrameNumber, FrameStats, Goodbye};
 use trimaran_transport::FrameOutcome;
 use trimaran_transport::{Instant, Net, StatsHandle, sleep_until};
-use trimaran_actors::Link;
 
 use super::session::RoleFailure;
 use super::{FrameTimes, Workload};
@@ -174,7 +174,7 @@ pub(super) async fn switch(
                 for sender in &mut receivers {
                     sender.finish().await?;
                 }
-                display.frames_tx.stats(&FrameStats { frame, ..FrameStats::default() }).await?;
+                display.frames_tx.note(&FrameStats { frame, ..FrameStats::default() }).await?;
                 machine.culled()?;
             }
             SwitchStep::Done => return Ok(()),

@@ -5,6 +5,7 @@ use std::{sync::Arc, thread, time::Duration};
 use tokio::runtime::{Builder, Runtime};
 use trimaran::vulkan::{VulkanDisplay, VulkanPair};
 use trimaran::walkthrough::{FrameRecord, PathChoice, Plan, Recorder, Stage, Trail, in_process, viewport};
+use trimaran_actors::Listener;
 use trimaran_actors::{
     Devices, DisplayRole, Joined, OccluderPolicy, PairDevice, PairRole, Place, Seat, Stop, Stopwatch, Turns,
     await_pair, join_session,
@@ -13,7 +14,6 @@ use trimaran_cull::{CutRule, View, level_cut};
 use trimaran_proto::{Identity, Role};
 use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Net, Options, TokioNet};
-use trimaran_actors::Listener;
 
 use super::ports::unused_port;
 

@@ -16,13 +16,16 @@ use tempfile::TempDir;
 use trimaran::simulate::{Knobs, Load, Scenario, Transport, Workload, simulate_watched};
 use trimaran::trace::Trace;
 use trimaran::walkthrough::{FrameRecord, Pace, Plan};
-use trimaran_netsim::Profile;
-use trimaran_proto::{BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, Identity, PictureSize, Role, SceneHash, SentBytes, TesterKind};
-use trimaran_actors::{FrameEvent, FrameStart};
-use trimaran_transport::{Lane, SessionId};
-use trimaran_wire::Message;
 use trimaran_actors::Listener;
+use trimaran_actors::{FrameEvent, FrameStart};
+use trimaran_netsim::Profile;
+use trimaran_proto::{
+    BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, Identity, PictureSize, Role,
+    SceneHash, SentBytes, TesterKind,
+};
+use trimaran_transport::{Lane, SessionId};
 use trimaran_transport::{Net, Options, TokioNet, connect, sleep_until};
+use trimaran_wire::Message;
 
 const FRAMES: u32 = 12;
 const SCENE: SceneHash = SceneHash(0x0123_4567_89ab_cdef_0011_2233_4455_6677);

@@ -5,14 +5,16 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use bytes::{BufMut, BytesMut};
-use trimaran_net::Instant;
-use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, IdCoding, IdDecoder, IdEncoder, Identity, Role};
-use trimaran_transport::{Delivery, FrameOutcome, Lane, SessionId};
-use trimaran_wire::{FrameAssembler, FrameWriter, Message};
 use trimaran_actors::{FrameEvent, FrameStart};
+use trimaran_net::Instant;
+use trimaran_proto::{
+    BatchSize, Camera, DrawableId, FrameNumber, IdCoding, IdDecoder, IdEncoder, Identity, Role,
+};
+use trimaran_transport::{Delivery, FrameOutcome, Lane, SessionId};
 use trimaran_udp::{
     Config, Connecting, Connection, ConnectionId, Door, Progress, Received, Reception, Repair, Security,
 };
+use trimaran_wire::{FrameAssembler, FrameWriter, Message};
 
 use super::{SCENE, between_two, capture};
 

@@ -7,29 +7,27 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use thiserror::Error;
-use trimaran_proto::{Camera, DrawableId, FrameNumber, Goodbye};
-use trimaran_actors::{FrameEvent, FrameStart};
-use trimaran_transport::FrameOutcome;
-
-use crate::{FrameReceiver, FrameSender, Instant, Link, Net, RecvError, SendError};
+use trimaran_actors::{FrameEvent, FrameReceiver, FrameSender, FrameStart, Link};
+use trimaran_proto::{Camera, DrawableId, FrameNumber};
+use trimaran_transport::{CloseReason, FrameOutcome, Instant, Net, RecvError, SendError, sleep_until};
 
 /// What to send, and how long to wait.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Probe {
+pub(super) struct Probe {
     /// How many round trips.
-    pub count: u32,
+    pub(super) count: u32,
     /// From one sending to the next; a round trip that takes longer delays the next one.
-    pub interval: Duration,
+    pub(super) interval: Duration,
     /// How many ids there and back as a frame; 0 sends a camera.
-    pub ids: u32,
+    pub(super) ids: u32,
     /// After how long an answer that has not come is taken as lost. A frame is waited for as long as the
     /// link's patience lasts.
-    pub timeout: Duration,
+    pub(super) timeout: Duration,
 }
 
 /// What became of one round trip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Reply {
+pub(super) enum Reply {
     /// All of it came back, so long after it was sent.
     Whole(Duration),
     /// A frame came back in part.
@@ -40,8 +38,7 @@ pub enum Reply {
 
 /// Why probing ended early.
 #[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum ProbeError {
+pub(super) enum ProbeError {
     /// Sending failed.
     #[error(transparent)]
     Send(#[from] SendError),
@@ -57,7 +54,7 @@ pub enum ProbeError {
 ///
 /// # Errors
 /// When the link fails, or its peer does not answer.
-pub async fn probe(
+pub(super) async fn probe(
     link: &mut Link,
     net: &Arc<dyn Net>,
     probe: Probe,
@@ -67,7 +64,7 @@ pub async fn probe(
     let ids: Vec<DrawableId> = (0..probe.ids).map(|i| DrawableId(3 * i)).collect();
     let mut due = net.now();
     for number in 0..probe.count {
-        crate::sleep_until(&**net, due).await;
+        sleep_until(&**net, due).await;
         let sent = net.now();
         let camera = Camera::at_origin(FrameNumber(number));
         let reply = if ids.is_empty() {
@@ -91,7 +88,7 @@ pub async fn probe(
 ///
 /// # Errors
 /// When the link fails before that.
-pub async fn answer(link: Link) -> Result<Goodbye, ProbeError> {
+pub(super) async fn answer(link: Link) -> Result<CloseReason, ProbeError> {
     let Link { mut latest_tx, mut latest_rx, mut frames_tx, mut frames_rx, .. } = link;
     let cameras = async {
         loop {
@@ -169,10 +166,10 @@ async fn whole_frame(frames: &mut FrameReceiver, ids: &[DrawableId]) -> Result<b
 
 #[cfg(test)]
 mod tests {
-    use trimaran_proto::{Identity, Role, SceneHash};
+    use trimaran_proto::{Goodbye, Identity, Role, SceneHash, Walkthrough};
 
     use super::*;
-    use crate::{LinkConfig, TokioNet, inproc};
+    use trimaran_transport::{LinkConfig, TokioNet, inproc};
 
     const PROBE: Probe =
         Probe { count: 5, interval: Duration::ZERO, ids: 0, timeout: Duration::from_secs(60) };
@@ -182,7 +179,8 @@ mod tests {
         let identity = |role| Identity { role, scene: SceneHash(0), settings: None };
         let config = LinkConfig::default();
         let (here, there) =
-            inproc::pair::<Walkthrough>(&net, identity(Role::Display), identity(Role::SwitchA), &config).unwrap();
+            inproc::pair::<Walkthrough>(&net, identity(Role::Display), identity(Role::SwitchA), &config)
+                .unwrap();
         (net, here, there)
     }
 
@@ -193,7 +191,7 @@ mod tests {
             let probing = async {
                 let mut replies = Vec::new();
                 probe(&mut here, &net, Probe { ids, ..PROBE }, |reply| replies.push(reply)).await.unwrap();
-                assert_eq!(here.stats.read().received.id_count, u64::from(5 * ids));
+                assert_eq!(here.stats.read().received.items, u64::from(5 * ids));
                 here.goodbye(Goodbye::Finished.reason()).await.unwrap();
                 replies
             };

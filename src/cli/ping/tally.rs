@@ -5,7 +5,9 @@ use std::{fmt::Write as _, time::Duration};
 use hdrhistogram::Histogram;
 use serde::Serialize;
 use trimaran::metrics::PathReading;
-use trimaran_transport::{Endpoint, probe::Reply};
+use trimaran_transport::Endpoint;
+
+use super::probe::Reply;
 
 use crate::cli::number;
 

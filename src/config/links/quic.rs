@@ -2,7 +2,10 @@
 
 use confique::Config;
 use serde::Serialize;
-use trimaran_transport::{UdpSocketOptions, quic::{Congestion, QuicOptions}};
+use trimaran_transport::{
+    UdpSocketOptions,
+    quic::{Congestion, QuicOptions},
+};
 
 /// How QUIC connections are set up.
 #[derive(Debug, Clone, PartialEq, Serialize, Config)]

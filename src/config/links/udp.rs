@@ -5,7 +5,10 @@ use std::time::Duration;
 use clap::{ValueEnum, value_parser};
 use confique::Config;
 use serde::{Deserialize, Serialize};
-use trimaran_transport::{UdpMode, UdpSocketOptions, udp::{Congestion, MIN_DATAGRAM, Repair, Trust, UdpOptions}};
+use trimaran_transport::{
+    UdpMode, UdpSocketOptions,
+    udp::{Congestion, MIN_DATAGRAM, Repair, Trust, UdpOptions},
+};
 
 use super::super::positive;
 
