@@ -9,7 +9,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use trimaran::metrics::LinkMetrics;
 use trimaran_actors::Link;
 use trimaran_actors::{FrameEvent, FrameStart};
-use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash, Walkthrough};
 use trimaran_transport::{LinkConfig, Net, TokioNet, inproc, sleep_until};
 
 #[tokio::main]

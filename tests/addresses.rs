@@ -11,7 +11,7 @@ use std::{process::Command, sync::Arc, thread, time::Duration};
 use tokio::{runtime::Builder, sync::oneshot};
 use trimaran::netem::{Emulation, Namespace};
 use trimaran_actors::{Link, Listener};
-use trimaran_proto::{Identity, Role, SceneHash};
+use trimaran_proto::{Identity, Role, SceneHash, Walkthrough};
 use trimaran_transport::{Net, Options, TokioNet, connect, udp::Trust};
 
 const SOON: Duration = Duration::from_secs(20);

@@ -12,7 +12,7 @@ use tokio::net::TcpStream as Dial;
 use trimaran::metrics::LinkMetrics;
 use trimaran_actors::FrameStart;
 use trimaran_actors::Listener;
-use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash, Walkthrough};
 use trimaran_transport::{Endpoint, Limits, LinkConfig, Net, Options, TokioNet, connect, sleep_until};
 
 fn trimaran(folder: &Path, args: &[&str]) -> Command {

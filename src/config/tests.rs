@@ -241,8 +241,8 @@ fn what_encrypts_needs_keys_of_both_sides() {
     assert_eq!(link.security(&tcp, None, &[none("peers.other")]).unwrap(), None);
     let guard = link.security(&both, Some(&one.private), &[none("peers.first"), peer]).unwrap().unwrap();
     assert_eq!(guard.keys.public().name.as_str(), "one");
-    let known = guard.peers.iter().map(|peer| (peer.keys.name.as_str(), peer.role));
-    assert_eq!(known.collect::<Vec<_>>(), [("two", Some(Role::SwitchB))]);
+    let known = guard.peers.iter().map(|peer| (peer.keys.name.as_str(), peer.role.clone()));
+    assert_eq!(known.collect::<Vec<_>>(), [("two", Some(String::from(Role::SwitchB)))]);
     for (keys, peer) in [(None, peer), (Some(one.private.as_path()), none("peers.other"))] {
         let message = link.security(&both, keys, &[peer]).unwrap_err().to_string();
         assert!(message.contains("quic://a:2") && message.contains("peers.other"), "{message}");

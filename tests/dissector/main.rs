@@ -21,11 +21,11 @@ use trimaran_actors::{FrameEvent, FrameStart};
 use trimaran_netsim::Profile;
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, Identity, PictureSize, Role,
-    SceneHash, SentBytes, TesterKind,
+    SceneHash, SentBytes, TesterKind, Walkthrough,
 };
 use trimaran_transport::{Lane, SessionId};
 use trimaran_transport::{Net, Options, TokioNet, connect, sleep_until};
-use trimaran_wire::Message;
+use trimaran_wire::{Hello, Message, Protocol, ProtocolName};
 
 const FRAMES: u32 = 12;
 const SCENE: SceneHash = SceneHash(0x0123_4567_89ab_cdef_0011_2233_4455_6677);
@@ -288,13 +288,25 @@ fn between_two(datagrams: &[(usize, Vec<u8>)]) -> Vec<u8> {
     file
 }
 
+/// The hello of a machine, as bytes.
+fn hello() -> BytesMut {
+    let identity = Identity { role: Role::SwitchA, scene: SCENE, settings: None };
+    let hello = Hello {
+        protocol: ProtocolName::new(Walkthrough::NAME),
+        session: SessionId(7),
+        lane: Lane::Frames,
+        application: postcard::to_stdvec(&identity).unwrap().into(),
+    };
+    let mut bytes = BytesMut::new();
+    Message::Hello(hello).encode(&mut bytes);
+    bytes
+}
+
 /// Who goes on at another address is asked there for a cookie, and gives it back.
 #[test]
 fn the_question_for_a_new_address_and_its_answer_are_read() {
     let Some(capture) = capture() else { return };
-    let mut hello = BytesMut::new();
-    let identity = Identity { role: Role::SwitchA, scene: SCENE, settings: None };
-    Message::Hello(identity.hello(SessionId(7), Lane::Frames)).encode(&mut hello);
+    let hello = hello();
     // A first packet of id 10 in the clear.
     let mut initial =
         [5_u64.to_le_bytes().to_vec(), vec![10, 0, 0, 0, 0], vec![hello.len() as u8, 0]].concat();

@@ -4,19 +4,18 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use bytes::{BufMut, BytesMut};
-use trimaran_actors::{FrameEvent, FrameStart};
+use bytes::BufMut;
 use trimaran_net::Instant;
-use trimaran_proto::{
-    BatchSize, Camera, DrawableId, FrameNumber, IdCoding, IdDecoder, IdEncoder, Identity, Role,
-};
-use trimaran_transport::{Delivery, FrameOutcome, Lane, SessionId};
+use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, IdBatch, IdCoding, IdEncoder, Walkthrough};
 use trimaran_udp::{
     Config, Connecting, Connection, ConnectionId, Door, Progress, Received, Reception, Repair, Security,
 };
-use trimaran_wire::{FrameAssembler, FrameWriter, Message};
+use trimaran_wire::{
+    BatchDecoder, BatchEncoder, Delivery, Format, FrameAssembler, FrameMessage, FrameOutcome, FrameStep,
+    FrameWriter, Protocol, to_bytes,
+};
 
-use super::{SCENE, between_two, capture};
+use super::{between_two, capture, hello};
 
 /// Of each frame so many ids, all of them new: it takes several packets, whichever way it is coded.
 const IDS: u32 = 1500;
@@ -28,9 +27,7 @@ fn ids(frame: u32) -> impl Iterator<Item = DrawableId> {
 /// Two ends in the clear, and what they said until they knew each other.
 fn introduced(config: Config) -> ([Connection; 2], Vec<(usize, Vec<u8>)>) {
     let now = Instant::from_nanos(0);
-    let mut hello = BytesMut::new();
-    let identity = Identity { role: Role::SwitchA, scene: SCENE, settings: None };
-    Message::Hello(identity.hello(SessionId(7), Lane::Frames)).encode(&mut hello);
+    let mut hello = hello();
     hello.put_u8(0);
     let door = Door::new(Security::Plaintext, [3; 32]).unwrap();
     let address = "127.0.0.1:7400".parse().unwrap();
@@ -48,36 +45,81 @@ fn introduced(config: Config) -> ([Connection; 2], Vec<(usize, Vec<u8>)>) {
     ([*here, there], said)
 }
 
-fn send(end: &mut Connection, writer: &mut FrameWriter, encoder: &mut Option<IdEncoder>, frame: u32) {
+fn send(
+    end: &mut Connection,
+    writer: &mut FrameWriter<DrawableId>,
+    encoder: &mut Option<IdEncoder>,
+    frame: FrameNumber,
+) {
     let mut send = |message| {
-        let message = match encoder {
-            Some(encoder) => encoder.encode(message),
-            None => Message::Frame(message),
-        };
-        match message {
-            Message::Coded(batch) => end.send_coded(batch),
-            Message::Frame(message) => end.send(message),
-            other => panic!("{other:?}"),
-        }
+        end.send(&match (message, encoder.as_mut()) {
+            (FrameMessage::Batch(bytes), Some(encoder)) => {
+                let shorter = encoder.encode(&IdBatch::new(bytes.clone()).unwrap());
+                shorter.map_or(FrameMessage::Batch(bytes), FrameMessage::Coded)
+            }
+            (FrameMessage::Begin { frame, header }, Some(encoder)) => {
+                encoder.begin(frame);
+                FrameMessage::Begin { frame, header }
+            }
+            (FrameMessage::End(end), Some(encoder)) => {
+                encoder.end(&end);
+                FrameMessage::End(end)
+            }
+            (message, _) => message,
+        });
     };
-    let camera = Camera::at_origin(FrameNumber(frame));
-    send(writer.begin(FrameStart { frame: FrameNumber(frame), header: camera }).unwrap());
-    writer.push(&ids(frame).collect::<Vec<_>>(), &mut send).unwrap();
+    writer.begin(frame).unwrap();
+    send(FrameMessage::Begin { frame, header: to_bytes(&Camera::at_origin(frame)) });
+    writer.push(&ids(frame.0).collect::<Vec<_>>(), &mut send).unwrap();
     writer.finish(&mut send).unwrap();
+}
+
+/// What became of the frame, if it is over.
+fn receive(
+    message: FrameMessage,
+    decoder: &mut dyn BatchDecoder<DrawableId>,
+    assembler: &mut FrameAssembler,
+) -> Option<FrameOutcome> {
+    let batch = match &message {
+        FrameMessage::Batch(bytes) => IdBatch::new(bytes.clone()).ok(),
+        FrameMessage::Coded(bytes) => Some(decoder.decode(bytes).unwrap()),
+        _ => None,
+    };
+    let step = match (&message, &batch) {
+        (FrameMessage::Begin { frame, .. }, _) => {
+            decoder.begin(*frame);
+            FrameStep::Begin(*frame)
+        }
+        (FrameMessage::End(end), _) => {
+            decoder.end(end);
+            FrameStep::End(*end)
+        }
+        (plain, Some(batch)) => {
+            if matches!(plain, FrameMessage::Batch(_)) {
+                decoder.plain(batch);
+            }
+            FrameStep::Batch { items: batch.count(), bytes: batch.as_bytes() }
+        }
+        other => panic!("{other:?}"),
+    };
+    assembler.take(step).unwrap()
 }
 
 /// Three frames with repair, of the second of which the packet number `lost` gets lost. What was captured
 /// behind the loss, and how many bytes got lost; the receiver has all three.
 fn three_frames(coding: IdCoding, lost: usize) -> (Vec<(usize, Vec<u8>)>, usize) {
-    let config = Config { repair: Repair::On, repair_percent: 100, coding, ..Config::default() };
+    let coded = coding == IdCoding::Changes;
+    let format = Format::of::<Walkthrough>();
+    let config = Config { repair: Repair::On, repair_percent: 100, coded, ..Config::new(format) };
     let (mut ends, mut captured) = introduced(config);
     let mut writer = FrameWriter::new(BatchSize::new(100).unwrap());
-    let mut encoder = (coding == IdCoding::Changes).then(|| IdEncoder::new(Delivery::Ordered));
-    let (mut assembler, mut decoder) = (FrameAssembler::new(u32::MAX), IdDecoder::new(u32::MAX));
+    let mut encoder = coded.then(|| IdEncoder::new(Delivery::Ordered));
+    let (mut assembler, mut decoder) =
+        (FrameAssembler::new(u32::MAX), Walkthrough::decoder(u32::MAX).unwrap());
     let (mut now, mut whole, mut bytes) = (Instant::from_nanos(0), 0, 0);
     let mut out = Vec::new();
     for frame in 0..3 {
-        send(&mut ends[0], &mut writer, &mut encoder, frame);
+        send(&mut ends[0], &mut writer, &mut encoder, FrameNumber(frame));
         let mut number = 0;
         for _ in 0..50 {
             now = now.after(Duration::from_millis(1));
@@ -97,13 +139,9 @@ fn three_frames(coding: IdCoding, lost: usize) -> (Vec<(usize, Vec<u8>)>, usize)
             }
         }
         while let Some(received) = ends[1].recv() {
-            let message = match received {
-                Received::Frame(message) => decoder.plain(message),
-                Received::Coded(batch) => decoder.coded(&batch).unwrap(),
-                other => panic!("{other:?}"),
-            };
-            let event = assembler.take(message).unwrap();
-            whole += usize::from(matches!(event, FrameEvent::End(FrameOutcome::Complete(_))));
+            let Received::Frame(message) = received else { panic!("{received:?}") };
+            let outcome = receive(message, &mut *decoder, &mut assembler);
+            whole += usize::from(matches!(outcome, Some(FrameOutcome::Complete(_))));
         }
     }
     assert_eq!((whole, ends[1].stats().frames_repaired, ends[0].stats().repeated), (3, 1, 0));
