@@ -444,7 +444,7 @@ fn a_display_does_not_wait_for_one_machine_when_the_other_has_left() {
             [None, Some(Goodbye::PeerLost.because("it was away")), Some(Goodbye::Interrupted.reason())]
         {
             let end = left_by_the_other(lockstep, words);
-            assert!(end.lost_a_peer() && format!("{end:?}").contains("SwitchB"), "{end:?}");
+            assert!(end.lost_a_peer() && format!("{end:?}").contains("switch B"), "{end:?}");
         }
     }
 }
