@@ -140,6 +140,28 @@ impl Message {
 }
 
 impl FrameMessage {
+    /// What the message is.
+    #[must_use]
+    pub const fn kind(&self) -> Kind {
+        match self {
+            Self::Begin { .. } => Kind::Begin,
+            Self::Batch(_) => Kind::Batch,
+            Self::Coded(_) => Kind::Coded,
+            Self::End(_) => Kind::End,
+            Self::Note(_) => Kind::Note,
+        }
+    }
+
+    /// How many bytes its payload has.
+    #[must_use]
+    pub fn payload(&self) -> usize {
+        match self {
+            Self::Begin { header, .. } => 4 + header.len(),
+            Self::Batch(bytes) | Self::Coded(bytes) | Self::Note(bytes) => bytes.len(),
+            Self::End(_) => 16,
+        }
+    }
+
     /// Appends the message with its header to `out`.
     pub fn encode(&self, out: &mut BytesMut) {
         match self {
