@@ -6,7 +6,7 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::{Explanation, ProtocolName};
+use crate::{Explanation, ProtocolName, Text};
 
 /// The version of the wire of links. Peers of different versions refuse each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -83,15 +83,15 @@ pub struct Accept {
 pub struct Rejection {
     /// The application's own number.
     pub code: u16,
-    /// What a person should know.
-    pub why: Explanation,
+    /// What a person should know. It has room for what both sides hold.
+    pub why: Text<400>,
 }
 
 impl Rejection {
-    /// A rejection with the application's own number; at most [`Explanation::MAX_BYTES`] of the text travel.
+    /// A rejection with the application's own number; at most 400 bytes of the text travel.
     #[must_use]
     pub fn new(code: u16, why: &str) -> Self {
-        Self { code, why: Explanation::new(why) }
+        Self { code, why: Text::new(why) }
     }
 }
 

@@ -51,7 +51,7 @@ fn refusal() -> impl Strategy<Value = Refusal> {
     let name = any::<String>().prop_map(|name| ProtocolName::new(&name));
     prop_oneof![
         (name.clone(), name).prop_map(|(listener, connector)| Refusal::Protocol { listener, connector }),
-        (any::<u16>(), text()).prop_map(|(code, why)| Refusal::Rejected(Rejection { code, why })),
+        (any::<u16>(), any::<String>()).prop_map(|(code, why)| Refusal::Rejected(Rejection::new(code, &why))),
         text().prop_map(|role| Refusal::RoleTaken { role }),
         (session.clone(), lane()).prop_map(|(session, lane)| Refusal::Session { session, lane }),
         session.prop_map(|session| Refusal::Unpaired { session }),
@@ -261,7 +261,7 @@ fn the_longest_control_messages_are_taken() {
     let refusals = [
         Refusal::Version { listener: version, connector: version },
         Refusal::Protocol { listener: name.clone(), connector: name.clone() },
-        Refusal::Rejected(Rejection { code: u16::MAX, why: text.clone() }),
+        Refusal::Rejected(Rejection::new(u16::MAX, &"x".repeat(1000))),
         Refusal::RoleTaken { role: text.clone() },
         Refusal::Session { session, lane },
         Refusal::Unpaired { session },

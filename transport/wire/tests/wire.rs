@@ -143,6 +143,7 @@ fn the_limits_are_the_crates() {
         format!("| {MAX_FIXED} |"),
         format!("at most {} bytes, the application's hello {MAX_HELLO}", ProtocolName::MAX_BYTES),
         format!("a note {MAX_NOTE}, each text for people {} bytes", Explanation::MAX_BYTES),
+        format!("refuses a peer {}.", Rejection::new(0, &"x".repeat(1000)).why.as_str().len()),
         format!("1 to {} items of I bytes", BatchSize::MAX.items()),
         format!("goodbye with code {}", CloseReason::REFUSED),
         format!("version {}\n", WireVersion::CURRENT),

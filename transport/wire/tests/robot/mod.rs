@@ -4,7 +4,7 @@
 use thiserror::Error;
 use trimaran_wire::{Fixed, Protocol};
 
-#[derive(Debug)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Robot;
 
 /// Metres, and radians.
