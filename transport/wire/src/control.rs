@@ -151,8 +151,8 @@ pub enum Refusal {
     Busy,
     /// The listening peer knows the connecting peer's key for another role.
     #[error(
-        "the connecting peer claims to be {claimed}, and the listener knows its key as that of {known}: use this \
-         role's own keys, or name them for it in the listener's configuration"
+        "the connecting peer claims to be {claimed}, and the listener knows its key as that of {known}: use \
+         this role's own keys, or name them for it in the listener's configuration"
     )]
     Key {
         /// The role that the connecting peer claims.

@@ -44,7 +44,8 @@ pub enum DecodeFault {
     NotTrimaran,
     /// A hello of another version.
     #[error(
-        "the peer speaks version {theirs} of the protocol, this one version {ours}: install the same release on both"
+        "the peer speaks version {theirs} of the protocol, this one version {ours}: install the same \
+         release on both"
     )]
     Version {
         /// The version of this side.

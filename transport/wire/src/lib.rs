@@ -23,7 +23,7 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | `protocol`, `format` | what an application says over its links: the one trait it implements; its sizes |
+//! | `protocol`, `format` | what an application says over its links: the one trait it implements |
 //! | `fixed`, `batch` | values and items as bytes |
 //! | `frame` | a frame: written, checked, judged |
 //! | `control`, `text` | hello, accept, refusal, close, and the texts in them |

@@ -181,8 +181,8 @@ proptest! {
             outcome = take(&mut assembler, &message).unwrap();
         }
         prop_assert_eq!(&items, &pieces.concat());
-        let complete = matches!(outcome, Some(FrameOutcome::Complete(end)) if end.items as usize == items.len());
-        prop_assert!(complete, "{:?}", outcome);
+        let Some(FrameOutcome::Complete(end)) = outcome else { panic!("{outcome:?}") };
+        prop_assert_eq!(end.items as usize, items.len());
     }
 
     #[test]
