@@ -1,4 +1,4 @@
 //! Ids as changes, from a peer.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| trimaran_fuzz::checks::changes(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| trimaran_fuzz::walkthrough::changes(bytes));

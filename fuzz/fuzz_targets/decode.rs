@@ -1,4 +1,4 @@
 //! Bytes from a stranger.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| trimaran_fuzz::checks::decode(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| trimaran_fuzz::walkthrough::decode(bytes));

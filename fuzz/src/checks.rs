@@ -1,20 +1,20 @@
-//! What must hold for any bytes at all. The fuzz targets search for bytes that break it; an ordinary test of
-//! `proto` replays the corpus.
+//! What must hold for any bytes at all on a link of any application. The fuzz targets search for bytes that
+//! break it; an ordinary test of `transport/wire` replays the corpus.
 
 use bytes::BytesMut;
-use trimaran_proto::{
-    BatchSize, Camera, Decoder, Delivery, DrawableId, FrameAssembler, FrameEvent, FrameMessage, FrameNumber,
-    FrameOutcome, FrameStart, FrameWriter, IdDecoder, IdEncoder, Message,
+use trimaran_wire::{
+    Batch, BatchSize, Decoder, Format, FrameAssembler, FrameMessage, FrameNumber, FrameOutcome, FrameStep,
+    FrameWriter, Message,
 };
 
 /// Any bytes, whole or byte by byte, give the same messages and the same end; and each message that was read
-/// is written again as it stood, unless it is a control message, whose varints may have been longer than
-/// needed.
-pub fn decode(bytes: &[u8]) {
-    let mut whole = Decoder::new();
+/// is written again as it stood, unless it has varints, which may have been longer than needed. Gives the
+/// messages.
+pub fn decode(bytes: &[u8], format: &Format) -> Vec<Message> {
+    let mut whole = Decoder::new(*format);
     whole.push(bytes);
-    let mut slow = Decoder::new();
-    let mut rest = bytes.iter();
+    let mut slow = Decoder::new(*format);
+    let (mut rest, mut messages) = (bytes.iter(), Vec::new());
     loop {
         let before = whole.position() as usize;
         let message = whole.next_message();
@@ -29,30 +29,30 @@ pub fn decode(bytes: &[u8]) {
         };
         assert_eq!(message, same);
         match message {
-            Ok(Some(message)) => rewrite(&message, &bytes[before..whole.position() as usize]),
-            Ok(None) => return,
+            Ok(Some(message)) => {
+                rewrite(&message, &bytes[before..whole.position() as usize], format);
+                messages.push(message);
+            }
+            Ok(None) => return messages,
             Err(error) => {
+                assert_eq!(error.offset as usize, before);
                 assert_eq!(whole.next_message(), Err(error), "an error is for ever");
-                return;
+                return messages;
             }
         }
     }
 }
 
-fn rewrite(message: &Message, read: &[u8]) {
+fn rewrite(message: &Message, read: &[u8], format: &Format) {
     let mut written = BytesMut::new();
     message.encode(&mut written);
     match message {
-        Message::Camera(_) => assert_eq!(written, read),
-        Message::Frame(FrameMessage::Begin(_) | FrameMessage::Ids(_) | FrameMessage::End(_))
-        | Message::Coded(_) => {
-            assert_eq!(written, read);
-        }
-        _ => {
-            let mut decoder = Decoder::new();
+        Message::Hello(_) | Message::Refuse(_) | Message::Goodbye(_) => {
+            let mut decoder = Decoder::new(*format);
             decoder.push(&written);
             assert_eq!(decoder.next_message().as_ref(), Ok(&Some(message.clone())));
         }
+        _ => assert_eq!(written, read),
     }
 }
 
@@ -69,17 +69,14 @@ pub fn frames(bytes: &[u8]) {
         match call % 4 {
             0 => {
                 let frame = FrameNumber(u32::from(call / 4));
-                if let Some(camera) = camera(frame)
-                    && let Ok(message) = writer.begin(FrameStart { frame, camera })
-                {
-                    sent.push(message);
+                if writer.begin(frame).is_ok() {
+                    assert_eq!(assembler.take(FrameStep::Begin(frame)), Ok(None));
                 }
             }
             1 => {
-                let ids: Vec<DrawableId> =
-                    (0..u32::from(call / 4)).map(|i| DrawableId(i << 8 | at as u32)).collect();
-                if writer.push(&ids, |message| sent.push(message)).is_ok() {
-                    pushed.extend(ids);
+                let items: Vec<u32> = (0..u32::from(call / 4)).map(|i| i << 8 | at as u32).collect();
+                if writer.push(&items, |message| sent.push(message)).is_ok() {
+                    pushed.extend(items);
                 }
             }
             2 => {
@@ -90,60 +87,22 @@ pub fn frames(bytes: &[u8]) {
             }
         }
         for message in sent {
-            match assembler.take(message) {
-                Ok(FrameEvent::Ids(ids)) => got.extend(ids.iter()),
-                Ok(FrameEvent::End(outcome)) => {
-                    assert!(matches!(outcome, FrameOutcome::Complete(_)), "{outcome:?}");
-                    assert_eq!(got, pushed);
+            let outcome = match message {
+                FrameMessage::Batch(bytes) => {
+                    let Ok(items) = Batch::<u32>::new(bytes) else { unreachable!("no batch was written") };
+                    assert!(items.count() <= batch.items());
+                    got.extend(items.iter());
+                    assembler.take(FrameStep::Batch { items: items.count(), bytes: items.as_bytes() })
                 }
-                Ok(FrameEvent::Begin(_) | FrameEvent::Stats(_)) => {}
-                Err(violation) => unreachable!("{violation}"),
+                FrameMessage::End(end) => assembler.take(FrameStep::End(end)),
+                other => unreachable!("{other:?}"),
+            };
+            match outcome {
+                Ok(None) => {}
+                Ok(Some(FrameOutcome::Complete(_))) => assert_eq!(got, pushed),
+                other => unreachable!("{other:?}"),
             }
         }
+        assert_eq!(writer.between_frames().is_ok(), assembler.open_frame().is_none());
     }
-}
-
-/// Any bytes, taken as what is sent over a lane: first a frame of the ids that the front names, then changes
-/// against it. Whatever is read rises, fits a batch, and is written and read again as the same ids.
-pub fn changes(bytes: &[u8]) {
-    let Some((count, rest)) = bytes.split_first() else { return };
-    let (gaps, payload) = rest.split_at(usize::from(*count).min(rest.len()));
-    let mut next = 0_u32;
-    let held: Vec<DrawableId> = gaps
-        .iter()
-        .map(|gap| {
-            next += u32::from(*gap) + 1;
-            DrawableId(next)
-        })
-        .collect();
-    let (mut decoder, mut encoder) = (IdDecoder::new(u32::MAX), IdEncoder::new(Delivery::Ordered));
-    let mut writer = FrameWriter::new(BatchSize::MAX);
-    let mut first = Vec::new();
-    first.extend(begin(&mut writer, 0));
-    let _ = writer.push(&held, |message| first.push(message));
-    let _ = writer.finish(|message| first.push(message));
-    first.extend(begin(&mut writer, 1));
-    for message in first {
-        encoder.encode(decoder.plain(message));
-    }
-    let mut wire = Decoder::new();
-    wire.push(&(0x24 | (payload.len() as u32) << 8).to_le_bytes());
-    wire.push(payload);
-    let Ok(Some(Message::Coded(coded))) = wire.next_message() else { return };
-    let Ok(FrameMessage::Ids(batch)) = decoder.coded(&coded) else { return };
-    let ids: Vec<DrawableId> = batch.iter().collect();
-    assert!(ids.is_sorted_by(|a, b| a < b) && ids.len() <= BatchSize::MAX.ids());
-    if let Message::Coded(again) = encoder.encode(FrameMessage::Ids(batch.clone())) {
-        assert!(again.as_bytes().len() < batch.as_bytes().len());
-        assert_eq!(decoder.coded(&again), Ok(FrameMessage::Ids(batch)));
-    }
-}
-
-fn begin(writer: &mut FrameWriter, frame: u32) -> Option<FrameMessage> {
-    let frame = FrameNumber(frame);
-    writer.begin(FrameStart { frame, camera: camera(frame)? }).ok()
-}
-
-fn camera(frame: FrameNumber) -> Option<Camera> {
-    Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0, 1.0, 0.1, frame).ok()
 }

@@ -7,4 +7,5 @@ pub mod files;
 pub mod handshakes;
 pub mod hellos;
 pub mod models;
+pub mod walkthrough;
 pub mod wire;

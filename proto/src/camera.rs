@@ -178,6 +178,7 @@ impl Camera {
         )
     }
 }
+
 impl Fixed for Camera {
     const SIZE: usize = Self::SIZE;
     type Error = CameraError;

@@ -1,16 +1,19 @@
 //! The worked examples of WIRE.md are what this crate writes and reads.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
+#[path = "../../transport/wire/tests/examples/mod.rs"]
 mod examples;
 
 use std::collections::BTreeMap;
 
 use bytes::{Bytes, BytesMut};
 use trimaran_proto::{
-    Accept, BatchSize, Camera, CameraNumber, CullCounts, Decoder, Delivery, DrawableId, EpsilonPx, FrameEnd,
-    FrameMessage, FrameNumber, FrameStart, FrameStats, FrameWriter, Goodbye, HEADER_BYTES, Hello, IdBatch,
-    IdCoding, IdEncoder, Identity, Kind, Lane, Message, NumberedCamera, PictureSize, Refusal, Role,
-    SceneHash, SessionId, Settings, TesterKind,
+    BatchSize, Camera, CullCounts, DrawableId, EpsilonPx, FrameNumber, FrameStats, Goodbye, IdBatch,
+    IdCoding, Identity, PictureSize, RejectionCode, Role, SceneHash, Settings, TesterKind, Walkthrough,
+};
+use trimaran_wire::{
+    Accept, Decoder, Delivery, Fixed, Format, FrameEnd, FrameMessage, Hello, Item, Kind, Lane, Message,
+    Protocol, ProtocolName, Refusal, SessionId, to_bytes,
 };
 
 const WIRE: &str = include_str!("../WIRE.md");
@@ -42,55 +45,67 @@ fn switch() -> Identity {
     Identity { role: Role::SwitchA, scene: SceneHash(0x1234), settings: None }
 }
 
-/// The second frame of a lane of changes: 100 to 149 were visible, and 110, 120 to 122 no longer are; 200 and
-/// 1000 are new.
-fn coded() -> Message {
-    let (mut writer, mut encoder) =
-        (FrameWriter::new(BatchSize::default()), IdEncoder::new(Delivery::Ordered));
-    let before: Vec<u32> = (100..150).collect();
-    let now: Vec<u32> = (100..110).chain(111..120).chain(123..150).chain([200, 1000]).collect();
-    let mut sent = Vec::new();
-    for (frame, ids) in [(7, before), (9, now)] {
-        let begin = writer.begin(FrameStart { frame: FrameNumber(frame), camera: camera() }).unwrap();
-        sent = vec![encoder.encode(begin)];
-        let ids: Vec<DrawableId> = ids.into_iter().map(DrawableId).collect();
-        writer.push(&ids, |message| sent.push(encoder.encode(message))).unwrap();
-        writer.finish(|message| sent.push(encoder.encode(message))).unwrap();
-    }
-    sent.swap_remove(1)
-}
-
-/// The messages that the examples spell out.
-fn messages() -> Vec<(&'static str, Message)> {
-    let ids = [1u32, 258].map(u32::to_le_bytes).concat();
-    let frame = FrameNumber(9);
-    let stats = FrameStats {
-        frame,
+fn stats() -> FrameStats {
+    FrameStats {
+        frame: FrameNumber(9),
         or_start_ns: 1,
         or_end_ns: 300,
         culling: CullCounts { visited: 5, emitted: 2, ..CullCounts::default() },
         ..FrameStats::default()
+    }
+}
+
+fn ids(ids: impl IntoIterator<Item = u32>) -> Bytes {
+    ids.into_iter().flat_map(u32::to_le_bytes).collect()
+}
+
+fn postcard(value: &impl serde::Serialize) -> Bytes {
+    postcard::to_stdvec(value).unwrap().into()
+}
+
+/// 100 to 149 without 110 and 120 to 122, and with 200 and 1000: what frame 9 has where frame 7 had 100 to
+/// 149.
+fn now() -> Bytes {
+    ids((100..110).chain(111..120).chain(123..150).chain([200, 1000]))
+}
+
+fn frame_7() -> (IdBatch, FrameEnd) {
+    (IdBatch::new(ids(100..150)).unwrap(), FrameEnd { frame: FrameNumber(7), items: 50, hash: 0 })
+}
+
+fn coded() -> Bytes {
+    let mut encoder = Walkthrough::encoder(Delivery::Ordered).unwrap();
+    let (before, end) = frame_7();
+    encoder.begin(FrameNumber(7));
+    encoder.encode(&before);
+    encoder.end(&end);
+    encoder.begin(FrameNumber(9));
+    encoder.encode(&IdBatch::new(now()).unwrap()).unwrap()
+}
+
+/// The messages that the examples spell out.
+fn messages() -> Vec<(&'static str, Message)> {
+    let hello = Hello {
+        protocol: ProtocolName::new(Walkthrough::NAME),
+        session: SessionId(5),
+        lane: Lane::Latest,
+        application: postcard(&display()),
     };
-    let hello = Hello { identity: display(), session: SessionId(5), lane: Lane::Latest };
-    let refusal = Refusal::Scene { listener: SceneHash(0x1234), connector: SceneHash(0x81) };
-    let end = FrameEnd { frame, ids: 2, hash: xxhash_rust::xxh3::xxh3_64(&ids) };
+    let header = to_bytes(&camera());
     let frames = [
-        ("begin", FrameMessage::Begin(FrameStart { frame, camera: camera() })),
-        ("ids", FrameMessage::Ids(IdBatch::new(Bytes::from(ids)).unwrap())),
-        ("end", FrameMessage::End(end)),
-        ("stats", FrameMessage::Stats(stats)),
+        ("begin", FrameMessage::Begin { frame: FrameNumber(9), header: header.clone() }),
+        ("ids", FrameMessage::Batch(ids([1, 258]))),
+        ("stats", FrameMessage::Note(postcard(&stats()))),
+        ("coded-ids", FrameMessage::Coded(coded())),
     ];
     let mut messages = vec![
         ("hello", Message::Hello(hello)),
-        ("accept", Message::Accept(Accept { identity: switch() })),
-        ("refuse", Message::Refuse(refusal)),
-        ("goodbye", Message::Goodbye(Goodbye::failed("no GPU"))),
-        ("sign-of-life", Message::Alive),
-        ("camera", Message::Camera(camera())),
-        ("numbered-camera", Message::Numbered(NumberedCamera { number: CameraNumber(5), camera: camera() })),
+        ("accept", Message::Accept(Accept { application: postcard(&switch()) })),
+        ("refuse", Message::Refuse(Refusal::Rejected(Walkthrough::admit(&switch(), &switch()).unwrap_err()))),
+        ("goodbye", Message::Goodbye(Goodbye::Failed.because("no GPU"))),
+        ("camera", Message::Latest(header)),
     ];
     messages.extend(frames.map(|(name, message)| (name, Message::Frame(message))));
-    messages.push(("coded-ids", coded()));
     messages
 }
 
@@ -98,57 +113,83 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x} ")).collect()
 }
 
+fn read(name: &str) -> Message {
+    let mut decoder = Decoder::new(Format::of::<Walkthrough>());
+    decoder.push(&examples()[name]);
+    let message = decoder.next_message().unwrap().unwrap();
+    assert_eq!(decoder.pending(), 0, "the example {name}");
+    message
+}
+
 #[test]
-fn every_kind_of_message_has_an_example() {
-    let kinds: Vec<Kind> = messages().iter().map(|(_, message)| message.kind()).collect();
-    assert_eq!(kinds, Kind::ALL);
+fn the_examples_are_what_is_written() {
     let written = examples();
     for (name, message) in messages() {
         let mut out = BytesMut::new();
         message.encode(&mut out);
         assert_eq!(hex(&out), hex(written.get(name).map_or(&[], Vec::as_slice)), "the example {name}");
     }
-    assert_eq!(written.len(), messages().len() + 2, "and the empty frame, and another version's hello");
+    assert_eq!(written.len(), messages().len());
 }
 
 #[test]
-fn every_example_reads_back() {
-    let written = examples();
+fn the_examples_read_back_as_messages() {
     for (name, message) in messages() {
-        let mut decoder = Decoder::new();
-        decoder.push(&written[name]);
-        assert_eq!(decoder.next_message(), Ok(Some(message)), "the example {name}");
-        assert_eq!(decoder.pending(), 0);
+        assert_eq!(read(name), message, "the example {name}");
     }
 }
 
 #[test]
-fn the_empty_frame_is_begin_and_end() {
-    let mut writer = FrameWriter::new(BatchSize::default());
-    let mut out = BytesMut::new();
-    Message::Frame(writer.begin(FrameStart { frame: FrameNumber(9), camera: camera() }).unwrap())
-        .encode(&mut out);
-    out.clear();
-    writer.push(&[] as &[DrawableId], |_| panic!("no batch")).unwrap();
-    writer.finish(|message| Message::Frame(message).encode(&mut out)).unwrap();
-    assert_eq!(hex(&out), hex(&examples()["empty-end"]));
+fn the_examples_read_back_as_what_they_stand_for() {
+    let Message::Hello(hello) = read("hello") else { panic!("no hello") };
+    assert_eq!(postcard::from_bytes(&hello.application), Ok(display()));
+    let Message::Accept(accept) = read("accept") else { panic!("no accept") };
+    assert_eq!(postcard::from_bytes(&accept.application), Ok(switch()));
+    let Message::Refuse(Refusal::Rejected(rejection)) = read("refuse") else { panic!("not refused") };
+    assert!(RejectionCode::Role.is_of(&rejection));
+    let Message::Goodbye(reason) = read("goodbye") else { panic!("no goodbye") };
+    assert_eq!(Goodbye::of(&reason), Some(Goodbye::Failed));
+    let Message::Latest(value) = read("camera") else { panic!("no camera") };
+    assert_eq!(Camera::read(&value), Ok(camera()));
+    let Message::Frame(FrameMessage::Begin { header, .. }) = read("begin") else { panic!("no begin") };
+    assert_eq!(Camera::read(&header), Ok(camera()));
+    let Message::Frame(FrameMessage::Batch(bytes)) = read("ids") else { panic!("no ids") };
+    assert_eq!(IdBatch::new(bytes).unwrap().iter().collect::<Vec<_>>(), [1, 258].map(DrawableId));
+    let Message::Frame(FrameMessage::Note(note)) = read("stats") else { panic!("no stats") };
+    assert_eq!(postcard::from_bytes(&note), Ok(stats()));
+
+    let Message::Frame(FrameMessage::Coded(coded)) = read("coded-ids") else { panic!("no changes") };
+    assert_eq!(Walkthrough::count_coded(&coded), Some(48));
+    let mut decoder = Walkthrough::decoder(1000).unwrap();
+    let (before, end) = frame_7();
+    decoder.begin(FrameNumber(7));
+    decoder.plain(&before);
+    decoder.end(&end);
+    decoder.begin(FrameNumber(9));
+    assert_eq!(decoder.decode(&coded).unwrap().as_bytes(), &now());
 }
 
 #[test]
-fn another_versions_hello_says_which() {
-    let mut decoder = Decoder::new();
-    decoder.push(&examples()["hello-2"]);
-    let error = decoder.next_message().unwrap_err().to_string();
-    assert!(error.contains("the peer speaks version 2 of the protocol, this one version 1"), "{error}");
-}
-
-#[test]
-fn the_tables_of_codes_and_lengths_are_the_crates() {
-    for kind in Kind::ALL {
-        let (min, max) = kind.lengths().into_inner();
+fn the_tables_of_lengths_and_codes_are_the_crates() {
+    let format = Format::of::<Walkthrough>();
+    assert_eq!((format.latest, format.header, format.item), (Camera::SIZE, Camera::SIZE, DrawableId::SIZE));
+    for kind in Kind::ALL.into_iter().filter(|kind| !matches!(kind, Kind::Alive | Kind::End)) {
+        let (min, max) = kind.lengths(&format).into_inner();
         let lengths = if min == max { format!("{min}") } else { format!("{min} to {max}") };
         let row = format!("| `{:#04x}` | {kind} | {lengths} |", kind.code());
         assert!(WIRE.contains(&row), "no row {row:?}");
     }
-    assert!(WIRE.contains(&format!("{HEADER_BYTES}-byte header")));
+    for (code, name) in [
+        (Goodbye::Finished as u16, "finished"),
+        (Goodbye::Interrupted as u16, "interrupted"),
+        (Goodbye::Failed as u16, "failed"),
+        (Goodbye::PeerLost as u16, "peer lost"),
+        (Goodbye::DeviceFailed as u16, "device failed"),
+        (RejectionCode::Scene as u16, "scene"),
+        (RejectionCode::Settings as u16, "settings"),
+        (RejectionCode::Role as u16, "role"),
+    ] {
+        assert!(WIRE.contains(&format!("| {code} | {name} |")), "no row of {name}");
+    }
+    assert!(WIRE.contains(&format!("The protocol `{}`", Walkthrough::NAME)));
 }

@@ -1,26 +1,31 @@
--- Trimaran's messages in Wireshark and tshark: proto/WIRE.md over TCP, transport/udp/WIRE.md over UDP.
+-- Trimaran's messages in Wireshark and tshark: transport/wire/WIRE.md over TCP, transport/udp/WIRE.md over UDP; what is in them has
+-- proto/WIRE.md.
 --
 --   wireshark -X lua_script:proto/wireshark/trimaran.lua capture.pcapng
 --
 -- Connections are known by their hello, and by the ports 7400 and 7401. Of encrypted datagrams only their headers can be read; QUIC
--- is Wireshark's own. What repair made good at the receiver is not rebuilt here, and said to be missing.
+-- is Wireshark's own. What repair made good at the receiver is not rebuilt here, and said to be missing. Of links of other applications
+-- only the hello and the kinds of messages are shown.
 
 local KINDS = {
   [0x01] = "hello", [0x02] = "accept", [0x03] = "refuse", [0x04] = "goodbye", [0x05] = "sign of life",
-  [0x10] = "camera", [0x11] = "numbered camera",
-  [0x20] = "begin", [0x21] = "ids", [0x22] = "end", [0x23] = "stats", [0x24] = "coded ids",
+  [0x10] = "latest value", [0x11] = "numbered value",
+  [0x20] = "begin", [0x21] = "batch", [0x22] = "end", [0x23] = "note", [0x24] = "coded batch",
 }
-local HEADER, MAGIC, CAMERA, BEGIN_UNIT = 4, "TRIM", 72, 80
+local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/1", 72, 80
 local ROLES = { [0] = "switch A", "switch B", "display" }
 local LANES = { [0] = "latest", "frames" }
 local CODINGS = { [0] = "plain", "changes" }
 local TESTERS = { [0] = "query", "raster", "hzb" }
 local REASONS = {
-  [0] = "versions differ", "scenes differ", "the role is taken", "settings differ", "the lane came twice",
-  "the other lane did not come in time", "too many handshakes under way",
+  [0] = "versions differ", "the applications differ", "the application does not take the peer", "the role is taken",
+  "the lane came twice", "the other lane did not come in time", "too many handshakes under way",
   "the key is known for another role",
 }
-local GOODBYES = { [0] = "the session is over", "interrupted", "failed", "lost a peer", "device failed" }
+local REJECTIONS = { "scenes differ", "settings differ", "both have the same role" }
+local GOODBYES = {
+  [0] = "the session is over", "interrupted", "failed", "lost a peer", "device failed", [65535] = "the listener is not taken",
+}
 local FORMS = { [0] = "data", "initial", "retry", "answer" }
 local PLAIN_FRAME, CODED_FRAME = 0x20, 0x24
 local FRAMES_KEPT, TAG = 8, 16
@@ -32,6 +37,8 @@ local f = {
   kind = ProtoField.uint8("trimaran.kind", "Kind", base.HEX, KINDS),
   length = ProtoField.uint24("trimaran.length", "Length"),
   version = ProtoField.uint16("trimaran.version", "Version"),
+  protocol = ProtoField.string("trimaran.protocol", "Protocol"),
+  application = ProtoField.bytes("trimaran.application", "Another application's"),
   role = ProtoField.uint8("trimaran.role", "Role", base.DEC, ROLES),
   scene = ProtoField.string("trimaran.scene", "Scene"),
   width = ProtoField.uint32("trimaran.settings.width", "Width"),
@@ -47,8 +54,9 @@ local f = {
   session = ProtoField.uint64("trimaran.session", "Session", base.HEX),
   lane = ProtoField.uint8("trimaran.lane", "Lane", base.DEC, LANES),
   reason = ProtoField.uint8("trimaran.reason", "Reason", base.DEC, REASONS),
-  goodbye = ProtoField.uint8("trimaran.goodbye", "Goodbye", base.DEC, GOODBYES),
-  text = ProtoField.string("trimaran.goodbye.text", "Says"),
+  rejection = ProtoField.uint16("trimaran.rejection", "Rejection", base.DEC, REJECTIONS),
+  goodbye = ProtoField.uint16("trimaran.goodbye", "Goodbye", base.DEC, GOODBYES),
+  text = ProtoField.string("trimaran.text", "Says"),
   number = ProtoField.uint32("trimaran.camera.number", "Number of the camera"),
   eye = ProtoField.double("trimaran.camera.eye", "Eye (m)"),
   orientation = ProtoField.double("trimaran.camera.orientation", "Orientation"),
@@ -184,6 +192,15 @@ local function add_wide(tree, field, r)
   return value
 end
 
+-- Adds a text, and gives it.
+local function add_text(tree, field, r)
+  local length = r.varint()
+  if length == 0 then return "" end
+  local range = r.take(length)
+  tree:add(field, range)
+  return range:string()
+end
+
 -- Messages.
 
 local function camera(r, tree)
@@ -223,7 +240,16 @@ end
 -- ones find there what the first one made of each message.
 local lanes, decoded = {}, {}
 
-function trimaran.init() lanes, decoded = {}, {} end
+-- The application of each connection whose hello names another one than Trimaran.
+local others = {}
+
+function trimaran.init() lanes, decoded, others = {}, {}, {} end
+
+local function pair_of(pinfo)
+  local here = tostring(pinfo.src) .. ":" .. pinfo.src_port
+  local there = tostring(pinfo.dst) .. ":" .. pinfo.dst_port
+  return here < there and here .. "|" .. there or there .. "|" .. here
+end
 
 local function lane_of(pinfo)
   local key = tostring(pinfo.src) .. ":" .. pinfo.src_port .. ">" .. tostring(pinfo.dst) .. ":" .. pinfo.dst_port
@@ -312,7 +338,7 @@ local function coded(r, tree, pinfo, key)
       end
     end
   end
-  if not ids then return "coded ids against a frame that was not captured whole" end
+  if not ids then return "ids as changes against a frame that was not captured whole" end
   tree:add(f.count, #ids):set_generated()
   for _, id in ipairs(ids) do tree:add(f.id, id):set_generated() end
   return string.format("%d ids in %d bytes", #ids, whole)
@@ -347,6 +373,35 @@ local function stats(r, tree)
   return "stats of frame " .. frame
 end
 
+local function refusal(r, tree)
+  local version = r.take(2)
+  tree:add_le(f.version, version)
+  if version:le_uint() ~= 1 then return "refuse by version " .. version:le_uint() end
+  local reason = add_varint(tree, f.reason, r)
+  local said = "refuse: " .. (REASONS[reason] or "?")
+  if reason == 0 then
+    add_varint(tree, f.version, r)
+    add_varint(tree, f.version, r)
+  elseif reason == 1 then
+    add_text(tree, f.protocol, r)
+    add_text(tree, f.protocol, r)
+  elseif reason == 2 then
+    said = said .. ": " .. (REJECTIONS[add_varint(tree, f.rejection, r)] or "?")
+    add_text(tree, f.text, r)
+  elseif reason == 3 or reason == 7 then
+    while r.left() > 0 do add_text(tree, f.text, r) end
+  elseif reason == 4 or reason == 5 then
+    add_varint(tree, f.session, r)
+    if reason == 4 then add_varint(tree, f.lane, r) end
+  end
+  return said
+end
+
+local function foreign(r, tree, said)
+  if r.left() > 0 then tree:add(f.application, r.take(r.left())) end
+  return said
+end
+
 -- One message, header included. Says what it is. `key` tells it from all others in the capture.
 local function message(tvb, from, to, pinfo, tree, key)
   local r = reader(tvb, from, to)
@@ -363,21 +418,23 @@ local function message(tvb, from, to, pinfo, tree, key)
     local version = r.take(2)
     sub:add_le(f.version, version)
     if version:le_uint() ~= 1 then return "hello of version " .. version:le_uint() end
-    local role = identity(r, sub)
+    local protocol = add_text(sub, f.protocol, r)
     add_varint(sub, f.session, r)
-    local which = add_varint(sub, f.lane, r)
-    return "hello from " .. role .. ", " .. (LANES[which] or "?")
+    local which = LANES[add_varint(sub, f.lane, r)] or "?"
+    others[pair_of(pinfo)] = protocol ~= APPLICATION and protocol or nil
+    if protocol ~= APPLICATION then return foreign(r, sub, "hello of " .. protocol .. ", " .. which) end
+    return "hello from " .. identity(r, sub) .. ", " .. which
+  elseif kind == 0x05 then
+    return name
+  elseif others[pair_of(pinfo)] then
+    return foreign(r, sub, name .. " of " .. others[pair_of(pinfo)])
   elseif kind == 0x02 then
     return "accept from " .. identity(r, sub)
   elseif kind == 0x03 then
-    sub:add_le(f.version, r.take(2))
-    return "refuse: " .. (REASONS[add_varint(sub, f.reason, r)] or "?")
+    return refusal(r, sub)
   elseif kind == 0x04 then
     local why = add_varint(sub, f.goodbye, r)
-    if why >= 2 then
-      local length = r.varint()
-      sub:add(f.text, r.take(length))
-    end
+    add_text(sub, f.text, r)
     return "goodbye: " .. (GOODBYES[why] or "?")
   elseif kind == 0x10 then
     return "camera of frame " .. camera(r, sub)
@@ -410,8 +467,6 @@ local function message(tvb, from, to, pinfo, tree, key)
     return stats(r, sub)
   elseif kind == 0x24 then
     return coded(r, sub, pinfo, key)
-  elseif kind == 0x05 then
-    return name
   end
   sub:add_proto_expert_info(e.malformed)
   return "unknown kind"
@@ -682,7 +737,7 @@ local function chunk(r, tvb, tree, pinfo, key)
     add_wide(sub, u.sent, r)
     sub:add_le(u.hash, r.take(8))
     if code == 0x25 then add_wide(sub, u.ids, r) end
-    r.take(r.take(1):uint())
+    r.take((r.varint()))
     sub:set_len(r.at() - start)
     return "unit " .. unit .. " given up"
   elseif code == 0x30 or code == 0x33 then
@@ -722,12 +777,6 @@ local clear = {}
 
 function datagrams.init() clear = {} end
 
-local function pair_of(pinfo)
-  local here = tostring(pinfo.src) .. ":" .. pinfo.src_port
-  local there = tostring(pinfo.dst) .. ":" .. pinfo.dst_port
-  return here < there and here .. "|" .. there or there .. "|" .. here
-end
-
 local function handshake(tvb, from, to, pinfo, tree, form)
   if to <= from then return "empty" end
   local at = from
@@ -758,6 +807,7 @@ local function packet(tvb, pinfo, tree)
     if size < 12 + TAG then error(SHORT) end
     if clear[pair_of(pinfo)] then
       sub:add(u.checksum, tvb(size - TAG, TAG))
+      if others[pair_of(pinfo)] then return "chunks of " .. others[pair_of(pinfo)] end
       return guarded(sub, ue.malformed, chunks, tvb, 12, size - TAG, pinfo, sub)
     end
     sub:add(u.sealed, tvb(12, size - 12))

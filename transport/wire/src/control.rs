@@ -6,7 +6,7 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::Rejection;
+use crate::{Explanation, ProtocolName, Text};
 
 /// The version of the wire of links. Peers of different versions refuse each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -51,27 +51,8 @@ impl fmt::Display for SessionId {
     }
 }
 
-/// The name of an application's protocol with its version, such as `robot/1`: at most 32 bytes.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(transparent)]
-pub struct ProtocolName(String);
-
-impl ProtocolName {
-    /// The longest name, in bytes of UTF-8.
-    pub const MAX_BYTES: usize = 32;
-
-    /// The name, cut after the last whole character within [`ProtocolName::MAX_BYTES`].
-    #[must_use]
-    pub fn new(name: &str) -> Self {
-        Self(cut(name, Self::MAX_BYTES))
-    }
-}
-
-impl fmt::Display for ProtocolName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.0.escape_debug())
-    }
-}
+/// The most bytes of an application's hello.
+pub const MAX_HELLO: usize = 200;
 
 /// The first message of whoever connects.
 ///
@@ -85,7 +66,7 @@ pub struct Hello {
     pub session: SessionId,
     /// The lane that this connection shall carry.
     pub lane: Lane,
-    /// How the application's peer introduces itself.
+    /// How the application's peer introduces itself: at most [`MAX_HELLO`] bytes.
     pub application: Bytes,
 }
 
@@ -94,6 +75,24 @@ pub struct Hello {
 pub struct Accept {
     /// As in [`Hello::application`].
     pub application: Bytes,
+}
+
+/// Why a listener does not take a peer: a number for programs and a text for people.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, Error)]
+#[error("{why}")]
+pub struct Rejection {
+    /// The application's own number.
+    pub code: u16,
+    /// What a person should know. It has room for what both sides hold.
+    pub why: Text<400>,
+}
+
+impl Rejection {
+    /// A rejection with the application's own number; at most 400 bytes of the text travel.
+    #[must_use]
+    pub fn new(code: u16, why: &str) -> Self {
+        Self { code, why: Text::new(why) }
+    }
 }
 
 /// Why a hello was refused, with both sides' values.
@@ -152,8 +151,8 @@ pub enum Refusal {
     Busy,
     /// The listening peer knows the connecting peer's key for another role.
     #[error(
-        "the connecting peer claims to be {claimed}, and the listener knows its key as that of {known}: use this \
-         role's own keys, or name them for it in the listener's configuration"
+        "the connecting peer claims to be {claimed}, and the listener knows its key as that of {known}: use \
+         this role's own keys, or name them for it in the listener's configuration"
     )]
     Key {
         /// The role that the connecting peer claims.
@@ -198,70 +197,39 @@ impl fmt::Display for CloseReason {
     }
 }
 
-/// A short text from a peer, for a person to read. Control characters are shown escaped.
-#[derive(Debug, Clone, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
-pub struct Explanation(String);
-
-/// A text longer than [`Explanation::MAX_BYTES`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("an explanation of {0} bytes is longer than {max}", max = Explanation::MAX_BYTES)]
-pub struct ExplanationError(usize);
-
-impl Explanation {
-    /// The longest text, in bytes of UTF-8.
-    pub const MAX_BYTES: usize = 200;
-
-    /// The text, cut after the last whole character within [`Explanation::MAX_BYTES`].
-    #[must_use]
-    pub fn new(text: &str) -> Self {
-        Self(cut(text, Self::MAX_BYTES))
-    }
-
-    /// The text as it came: it may hold control characters.
-    #[must_use]
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-}
-
-/// As much of `text` as has whole characters within `bytes`.
-fn cut(text: &str, bytes: usize) -> String {
-    text[..text.floor_char_boundary(bytes)].to_owned()
-}
-
-impl TryFrom<String> for Explanation {
-    type Error = ExplanationError;
-
-    fn try_from(text: String) -> Result<Self, ExplanationError> {
-        if text.len() > Self::MAX_BYTES { Err(ExplanationError(text.len())) } else { Ok(Self(text)) }
-    }
-}
-
-impl From<Explanation> for String {
-    fn from(explanation: Explanation) -> Self {
-        explanation.0
-    }
-}
-
-impl fmt::Display for Explanation {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.0.escape_debug())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn explanations_are_cut_at_a_character_and_escaped() {
-        let long = "é".repeat(150);
-        let cut = Explanation::new(&long);
-        assert_eq!(String::from(cut), "é".repeat(100));
-        let odd = Explanation::new(&format!("x{long}"));
-        assert_eq!(String::from(odd).len(), 199, "a half character does not travel");
-        assert_eq!(Explanation::new("a\u{1b}[31mb").to_string(), "a\\u{1b}[31mb");
-        assert_eq!(Explanation::try_from("x".repeat(201)), Err(ExplanationError(201)));
+    fn only_what_passes_is_worth_another_try() {
+        let session = SessionId(1);
+        let role = Explanation::new("arm");
+        let name = ProtocolName::new("robot/1");
+        let version = WireVersion::CURRENT;
+        for (refusal, passing) in [
+            (Refusal::Busy, true),
+            (Refusal::Unpaired { session }, true),
+            (Refusal::Version { listener: version, connector: version }, false),
+            (Refusal::Protocol { listener: name.clone(), connector: name }, false),
+            (Refusal::Rejected(Rejection::new(1, "")), false),
+            (Refusal::RoleTaken { role: role.clone() }, false),
+            (Refusal::Session { session, lane: Lane::Frames }, false),
+            (Refusal::Key { claimed: role.clone(), known: role }, false),
+        ] {
+            assert_eq!(refusal.is_passing(), passing, "{refusal}");
+        }
+    }
+
+    #[test]
+    fn what_a_peer_says_is_shown_escaped() {
+        let odd = "a\u{1b}b";
+        let shown = "a\\u{1b}b";
+        assert_eq!(CloseReason::new(7, odd).to_string(), shown);
+        assert_eq!(Rejection::new(7, odd).to_string(), shown);
+        assert_eq!(Refusal::Rejected(Rejection::new(7, odd)).to_string(), shown);
+        let role = Explanation::new(odd);
+        assert!(Refusal::RoleTaken { role }.to_string().contains(&format!("the role {shown} is taken")));
+        assert_eq!(SessionId(0xbeef).to_string(), "000000000000beef");
     }
 }

@@ -44,7 +44,8 @@ pub enum DecodeFault {
     NotTrimaran,
     /// A hello of another version.
     #[error(
-        "the peer speaks version {theirs} of the protocol, this one version {ours}: install the same release on both"
+        "the peer speaks version {theirs} of the protocol, this one version {ours}: install the same \
+         release on both"
     )]
     Version {
         /// The version of this side.
@@ -85,7 +86,7 @@ pub enum DecodeFault {
 /// Finds the messages in a stream of bytes.
 ///
 /// Feed it through [`Decoder::buffer`] or [`Decoder::push`], then call [`Decoder::next_message`] until it
-/// gives `None`. Ids are not copied: a batch shares the buffer's memory.
+/// gives `None`. Items are not copied: a batch shares the buffer's memory.
 ///
 /// Memory: it holds what was fed and not yet taken. A header is judged as soon as its four bytes are there,
 /// so nothing waits for a length that no message has; a caller who takes all messages before reading on

@@ -1,6 +1,6 @@
 //! How large the values of an application are.
 
-use crate::{BatchSize, Fixed, Item, MAX_FIXED, Protocol};
+use crate::{BatchSize, Fixed, Item, MAX_FIXED, Protocol, ProtocolName};
 
 /// The sizes of what an application sends, for the layers that know only bytes.
 #[derive(Debug, Clone, Copy)]
@@ -23,10 +23,11 @@ impl Default for Format {
 }
 
 impl Format {
-    /// The sizes of `P`'s types.
+    /// The sizes of `P`'s types. Where they are not what their traits allow, this does not compile.
     #[must_use]
     pub const fn of<P: Protocol>() -> Self {
         const {
+            assert!(P::NAME.len() <= ProtocolName::MAX_BYTES, "the name of a protocol has at most 32 bytes");
             assert!(P::Latest::SIZE <= MAX_FIXED, "a value of the latest lane has at most 1024 bytes");
             assert!(P::Header::SIZE <= MAX_FIXED, "the header of a frame has at most 1024 bytes");
             assert!(P::Item::SIZE > 0 && P::Item::SIZE <= 256, "an item has 1 to 256 bytes");

@@ -23,10 +23,10 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | `protocol` | what an application says over its links: the one trait it implements |
+//! | `protocol`, `format` | what an application says over its links: the one trait it implements |
 //! | `fixed`, `batch` | values and items as bytes |
 //! | `frame` | a frame: written, checked, judged |
-//! | `control` | hello, accept, refusal, close |
+//! | `control`, `text` | hello, accept, refusal, close, and the texts in them |
 //! | `kind`, `message`, `decode` | messages with their headers, and how they are found in a stream |
 //! | `serial` | numbers for lanes without an order of their own |
 
@@ -40,12 +40,10 @@ mod kind;
 mod message;
 mod protocol;
 mod serial;
+mod text;
 
 pub use batch::{Batch, BatchError, BatchSize, BatchSizeError, Item};
-pub use control::{
-    Accept, CloseReason, Explanation, ExplanationError, Hello, Lane, ProtocolName, Refusal, SessionId,
-    WireVersion,
-};
+pub use control::{Accept, CloseReason, Hello, Lane, MAX_HELLO, Refusal, Rejection, SessionId, WireVersion};
 pub use decode::{DecodeError, DecodeFault, Decoder};
 pub use fixed::{Fixed, FixedBytes, MAX_FIXED, to_bytes};
 pub use format::Format;
@@ -55,7 +53,6 @@ pub use frame::{
 };
 pub use kind::{HEADER_BYTES, Kind, MAX_NOTE};
 pub use message::Message;
-pub use protocol::{
-    BatchDecoder, BatchEncoder, Batching, CodingError, Delivery, MAX_HELLO, Protocol, Rejection,
-};
+pub use protocol::{BatchDecoder, BatchEncoder, Batching, CodingError, Delivery, Protocol};
 pub use serial::{Numbered, Serial};
+pub use text::{Explanation, ProtocolName, Text, TextError};

@@ -1,13 +1,13 @@
 //! Every message, and how it is written.
 
 use bytes::{Buf, BufMut, Bytes, BytesMut};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::decode::DecodeFault;
 use crate::kind::Kind;
 use crate::{
-    Accept, CloseReason, FixedBytes, Format, FrameEnd, FrameMessage, FrameNumber, Hello, Lane, Numbered,
-    ProtocolName, Refusal, SessionId, WireVersion, batch,
+    Accept, CloseReason, FixedBytes, Format, FrameEnd, FrameMessage, FrameNumber, Hello, Numbered, Refusal,
+    WireVersion, batch,
 };
 
 /// The bytes that every hello starts with, in every version: they tell a peer from a stranger.
@@ -46,14 +46,6 @@ impl From<CloseReason> for Message {
     }
 }
 
-/// What follows magic number and version in a hello; behind it stands what the application says.
-#[derive(Serialize, Deserialize)]
-struct HelloBody {
-    protocol: ProtocolName,
-    session: SessionId,
-    lane: Lane,
-}
-
 impl Message {
     /// What the message is.
     #[must_use]
@@ -77,12 +69,9 @@ impl Message {
                 with_header(out, Kind::Hello, |out| {
                     out.put_slice(&MAGIC);
                     out.put_u16_le(WireVersion::CURRENT.0);
-                    put_control(
-                        out,
-                        &HelloBody { protocol: protocol.clone(), session: *session, lane: *lane },
-                    );
+                    put_control(out, &(protocol, session, lane));
                     out.put_slice(application);
-                })
+                });
             }
             Self::Accept(accept) => with_header(out, Kind::Accept, |out| out.put_slice(&accept.application)),
             Self::Refuse(refusal) => with_header(out, Kind::Refuse, |out| {
@@ -140,6 +129,28 @@ impl Message {
 }
 
 impl FrameMessage {
+    /// What the message is.
+    #[must_use]
+    pub const fn kind(&self) -> Kind {
+        match self {
+            Self::Begin { .. } => Kind::Begin,
+            Self::Batch(_) => Kind::Batch,
+            Self::Coded(_) => Kind::Coded,
+            Self::End(_) => Kind::End,
+            Self::Note(_) => Kind::Note,
+        }
+    }
+
+    /// How many bytes its payload has.
+    #[must_use]
+    pub fn payload(&self) -> usize {
+        match self {
+            Self::Begin { header, .. } => 4 + header.len(),
+            Self::Batch(bytes) | Self::Coded(bytes) | Self::Note(bytes) => bytes.len(),
+            Self::End(_) => 16,
+        }
+    }
+
     /// Appends the message with its header to `out`.
     pub fn encode(&self, out: &mut BytesMut) {
         match self {
@@ -194,7 +205,7 @@ fn parse_hello(mut payload: Bytes) -> Result<Message, DecodeFault> {
     if theirs != WireVersion::CURRENT {
         return Err(DecodeFault::Version { ours: WireVersion::CURRENT, theirs });
     }
-    let (HelloBody { protocol, session, lane }, rest) =
+    let ((protocol, session, lane), rest) =
         postcard::take_from_bytes(body).map_err(|cause| DecodeFault::Control { kind, cause })?;
     payload.advance(payload.len() - rest.len());
     Ok(Message::Hello(Hello { protocol, session, lane, application: payload }))

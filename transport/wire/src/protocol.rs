@@ -7,18 +7,61 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
-use crate::{Batch, BatchSize, Explanation, Fixed, FrameEnd, FrameNumber, Item};
+use crate::{Batch, BatchSize, Fixed, FrameEnd, FrameNumber, Item, Rejection};
 
 /// What an application says over its links, in which types.
 ///
 /// A link has lanes of these kinds, each in both directions: the *latest* lane is a cell of size one, the
-/// *frames* lane carries frames of items. An application that does not use a lane gives it the type `()`.
+/// *frames* lane carries frames of items. For what it does not use an application takes `()`, and `u32` for
+/// the items.
+///
+/// ```
+/// use std::convert::Infallible;
+///
+/// use trimaran_wire::{Fixed, Format, Protocol};
+///
+/// /// Where a robot looks, in degrees.
+/// #[derive(Debug, Clone, PartialEq)]
+/// struct Heading(f32);
+///
+/// impl Fixed for Heading {
+///     const SIZE: usize = 4;
+///     type Error = Infallible;
+///
+///     fn write(&self, out: &mut [u8]) {
+///         out.copy_from_slice(&self.0.to_le_bytes());
+///     }
+///
+///     fn read(bytes: &[u8]) -> Result<Self, Infallible> {
+///         Ok(Self(bytes.first_chunk().map_or(0.0, |bytes| f32::from_le_bytes(*bytes))))
+///     }
+/// }
+///
+/// /// A robot says where it looks, and sends frames of the map's cells that it found taken.
+/// #[derive(Debug, Clone, PartialEq)]
+/// struct Robot;
+///
+/// impl Protocol for Robot {
+///     const NAME: &'static str = "robot/1";
+///     type Hello = String;
+///     type Latest = Heading;
+///     type Header = ();
+///     type Item = u32;
+///     type Note = ();
+///
+///     fn name(hello: &String) -> String {
+///         hello.clone()
+///     }
+/// }
+///
+/// assert_eq!((Format::of::<Robot>().latest, Format::of::<Robot>().begin()), (4, 4));
+/// ```
 pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
     /// The protocol's name with its version, as ALPN (RFC 7301) has it: `robot/1`, say. Peers of different
-    /// names refuse each other. At most 32 bytes.
+    /// names refuse each other. At most [`ProtocolName::MAX_BYTES`](crate::ProtocolName::MAX_BYTES).
     const NAME: &'static str;
 
-    /// How a peer introduces itself. At most [`MAX_HELLO`] bytes as postcard writes it.
+    /// How a peer introduces itself. At most [`MAX_HELLO`](crate::MAX_HELLO) bytes as postcard writes it.
     type Hello: Serialize + DeserializeOwned + Clone + PartialEq + fmt::Debug + Send + Sync;
 
     /// What the latest lane holds.
@@ -30,8 +73,8 @@ pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
     /// What a frame is made of.
     type Item: Item;
 
-    /// What is said between two frames, for instance of the one before. At most 252 bytes as postcard writes
-    /// it.
+    /// What is said between two frames, for instance of the one before. At most
+    /// [`MAX_NOTE`](crate::MAX_NOTE) bytes as postcard writes it.
     type Note: Serialize + DeserializeOwned + Clone + PartialEq + fmt::Debug + Send + Sync;
 
     /// What the peer behind `hello` is called in messages and logs.
@@ -71,9 +114,6 @@ pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
         None
     }
 }
-
-/// The most bytes of an application's hello.
-pub const MAX_HELLO: usize = 200;
 
 /// How items travel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -130,21 +170,3 @@ pub trait BatchDecoder<I: Item>: fmt::Debug + Send {
 #[derive(Debug, Error)]
 #[error(transparent)]
 pub struct CodingError(#[from] pub Box<dyn std::error::Error + Send + Sync>);
-
-/// Why a listener does not take a peer: a number for programs and a text for people.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, serde::Deserialize, Error)]
-#[error("{why}")]
-pub struct Rejection {
-    /// The application's own number.
-    pub code: u16,
-    /// What a person should know.
-    pub why: Explanation,
-}
-
-impl Rejection {
-    /// A rejection with the application's own number; at most [`Explanation::MAX_BYTES`] of the text travel.
-    #[must_use]
-    pub fn new(code: u16, why: &str) -> Self {
-        Self { code, why: Explanation::new(why) }
-    }
-}

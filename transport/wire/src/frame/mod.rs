@@ -12,7 +12,7 @@ use xxhash_rust::xxh3::Xxh3;
 pub use assembler::{FrameAssembler, FrameStep, FrameViolation};
 pub use writer::{FrameOrderError, FrameWriter};
 
-use crate::{FixedBytes, Kind};
+use crate::FixedBytes;
 
 /// The number of a frame, counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
@@ -65,30 +65,6 @@ pub enum FrameMessage {
     End(FrameEnd),
     /// What the sender says between two frames.
     Note(Bytes),
-}
-
-impl FrameMessage {
-    /// What the message is.
-    #[must_use]
-    pub const fn kind(&self) -> Kind {
-        match self {
-            Self::Begin { .. } => Kind::Begin,
-            Self::Batch(_) => Kind::Batch,
-            Self::Coded(_) => Kind::Coded,
-            Self::End(_) => Kind::End,
-            Self::Note(_) => Kind::Note,
-        }
-    }
-
-    /// How many bytes its payload has.
-    #[must_use]
-    pub fn payload(&self) -> usize {
-        match self {
-            Self::Begin { header, .. } => 4 + header.len(),
-            Self::Batch(bytes) | Self::Coded(bytes) | Self::Note(bytes) => bytes.len(),
-            Self::End(_) => 16,
-        }
-    }
 }
 
 /// What became of a frame.

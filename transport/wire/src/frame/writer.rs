@@ -36,6 +36,7 @@ impl<I: Item> FrameWriter<I> {
     /// A writer of batches of at most `batch` items.
     #[must_use]
     pub fn new(batch: BatchSize) -> Self {
+        const { assert!(I::SIZE > 0, "an item has at least one byte") }
         let pending = BytesMut::new();
         Self { batch, most: u32::MAX, pending, open: None, last: None, items: PhantomData }
     }

@@ -1,0 +1,195 @@
+//! What Wireshark's command line reads out of the examples of WIRE.md and out of each refusal, with the
+//! dissector beside this crate. Sessions are read in the tests of the program.
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
+
+#[path = "../../transport/wire/tests/examples/mod.rs"]
+mod examples;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use bytes::{Bytes, BytesMut};
+use trimaran_proto::FrameNumber;
+use trimaran_wire::{
+    CloseReason, Explanation, FrameEnd, FrameMessage, Lane, Message, ProtocolName, Refusal, Rejection,
+    SessionId, WireVersion,
+};
+
+fn examples() -> BTreeMap<&'static str, Vec<u8>> {
+    examples::examples_of(include_str!("../WIRE.md"))
+}
+
+fn encoded(message: Message) -> Vec<u8> {
+    let mut out = BytesMut::new();
+    message.encode(&mut out);
+    out.to_vec()
+}
+
+/// A capture of a TCP connection over IPv4, without checksums: each packet with the end that it is from.
+fn capture(packets: &[(usize, Vec<u8>)]) -> Vec<u8> {
+    // The head of a file of IPv4 packets (link type 228), with times in microseconds.
+    let mut file = [0xa1b2_c3d4_u32, 4 << 16 | 2, 0, 0, 65_535, 228].map(u32::to_le_bytes).concat();
+    let mut sent = [1_u32; 2];
+    for (index, (from, payload)) in packets.iter().enumerate() {
+        let ports = if *from == 0 { [40_000_u16, 7400] } else { [7400, 40_000] };
+        let size = 40 + payload.len() as u32;
+        file.extend([index as u32, 0, size, size].map(u32::to_le_bytes).concat());
+        file.extend(
+            [0x4500, size as u16, 0, 0, 0x4006, 0, 0x7f00, 1, 0x7f00, 1].map(u16::to_be_bytes).concat(),
+        );
+        file.extend(ports.map(u16::to_be_bytes).concat());
+        file.extend([sent[*from], sent[1 - from]].map(u32::to_be_bytes).concat());
+        // Twenty bytes of header, push and acknowledge, the largest window.
+        file.extend([0x5018_u16, 65_535, 0, 0].map(u16::to_be_bytes).concat());
+        file.extend(payload);
+        sent[*from] += payload.len() as u32;
+    }
+    file
+}
+
+/// What tshark shows of each packet: these fields, separated by `|`. `None`, which skips the test, where
+/// tshark is missing and `TRIMARAN_REQUIRE_TSHARK` is not set.
+fn read(packets: &[(usize, Vec<u8>)], fields: &[&str]) -> Option<Vec<String>> {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("examples.pcap");
+    std::fs::write(&file, capture(packets)).unwrap();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("wireshark/trimaran.lua");
+    let mut tshark = Command::new("tshark");
+    tshark.arg("-r").arg(file).arg("-X").arg(format!("lua_script:{}", script.display()));
+    tshark.args(["-T", "fields", "-E", "separator=|", "-E", "aggregator=;", "-e", "trimaran.malformed"]);
+    tshark.args(fields.iter().flat_map(|field| ["-e", field]));
+    let output = match tshark.stderr(Stdio::piped()).output() {
+        Ok(output) => output,
+        Err(error) if std::env::var_os("TRIMARAN_REQUIRE_TSHARK").is_none() => {
+            println!("skipped: no tshark ({error}); ./x setup installs it");
+            return None;
+        }
+        Err(error) => panic!("no tshark: {error}"),
+    };
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && !said.contains("Lua"), "{said}");
+    let shown = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(shown.lines().count(), packets.len(), "{shown}");
+    let sound = |line: &str| match line.strip_prefix('|') {
+        Some(fields) => fields.to_owned(),
+        None => panic!("malformed: {line}"),
+    };
+    Some(shown.lines().map(sound).collect())
+}
+
+#[test]
+fn the_examples_are_read_field_by_field() {
+    let examples = examples();
+    for (name, fields, expected) in [
+        (
+            "hello",
+            &[
+                "trimaran.protocol",
+                "trimaran.session",
+                "trimaran.lane",
+                "trimaran.role",
+                "trimaran.settings.batch",
+            ][..],
+            "trimaran/1|0x0000000000000005|0|2|256",
+        ),
+        ("hello", &["trimaran.scene", "trimaran.settings.frames"], "00000000000000000000000000001234|200"),
+        ("accept", &["trimaran.role", "trimaran.settings.width"], "0|"),
+        (
+            "refuse",
+            &["trimaran.version", "trimaran.reason", "trimaran.rejection", "trimaran.text"],
+            "1|2|3|the listener is switch A itself: each role exists once in a session",
+        ),
+        ("goodbye", &["trimaran.goodbye", "trimaran.text"], "2|it failed: no GPU"),
+        (
+            "camera",
+            &["trimaran.camera.eye", "trimaran.camera.near", "trimaran.camera.frame"],
+            "1;2;-3|0.25|7",
+        ),
+        ("begin", &["trimaran.begin", "trimaran.camera.aspect"], "9|1.5"),
+        ("ids", &["trimaran.ids", "trimaran.id"], "2|1;258"),
+        ("stats", &["trimaran.stats"], "9"),
+        ("coded-ids", &["trimaran.coded.back", "trimaran.coded.kept"], "2|10;9;27"),
+    ] {
+        let Some(shown) = read(&[(0, examples[name].clone())], fields) else { return };
+        assert_eq!(shown, [expected], "{name}");
+    }
+}
+
+#[test]
+fn changes_are_decoded_against_the_frame_before() {
+    let examples = examples();
+    let mut begin = examples["begin"].clone();
+    begin[4] = 7;
+    let batch: Bytes = (100..150_u32).flat_map(u32::to_le_bytes).collect();
+    let end = FrameEnd { frame: FrameNumber(7), items: 50, hash: 0 };
+    let first = [
+        begin,
+        encoded(Message::Frame(FrameMessage::Batch(batch))),
+        encoded(Message::Frame(FrameMessage::End(end))),
+    ];
+    let second = [examples["begin"].clone(), examples["coded-ids"].clone()];
+    let packets = [(0, first.concat()), (0, second.concat())];
+    let Some(shown) = read(&packets, &["trimaran.end", "trimaran.id"]) else { return };
+    let list = |ids: Vec<u32>| ids.iter().map(u32::to_string).collect::<Vec<_>>().join(";");
+    let now = (100..110).chain(111..120).chain(123..150).chain([200, 1000]).collect();
+    assert_eq!(shown, [format!("7|{}", list((100..150).collect())), format!("|{}", list(now))]);
+}
+
+#[test]
+fn each_refusal_is_read_with_its_values() {
+    let version = WireVersion::CURRENT;
+    let (session, lane) = (SessionId(5), Lane::Frames);
+    let text = Explanation::new;
+    let refusals = [
+        (Refusal::Version { listener: version, connector: version }, "0||||"),
+        (
+            Refusal::Protocol {
+                listener: ProtocolName::new("trimaran/1"),
+                connector: ProtocolName::new("robot/1"),
+            },
+            "1|trimaran/1;robot/1|||",
+        ),
+        (Refusal::Rejected(Rejection::new(1, "other scene")), "2||other scene||"),
+        (Refusal::RoleTaken { role: text("display") }, "3||display||"),
+        (Refusal::Session { session, lane }, "4|||0x0000000000000005|1"),
+        (Refusal::Unpaired { session }, "5|||0x0000000000000005|"),
+        (Refusal::Busy, "6||||"),
+        (Refusal::Key { claimed: text("switch A"), known: text("display") }, "7||switch A;display||"),
+    ];
+    let packets = refusals.iter().map(|(refusal, _)| (1, encoded(Message::Refuse(refusal.clone()))));
+    let fields =
+        ["trimaran.reason", "trimaran.protocol", "trimaran.text", "trimaran.session", "trimaran.lane"];
+    let Some(shown) = read(&packets.collect::<Vec<_>>(), &fields) else { return };
+    assert_eq!(shown, refusals.map(|(_, expected)| expected));
+
+    let close = |code| (0, encoded(Message::Goodbye(CloseReason::new(code, ""))));
+    let fields = ["trimaran.goodbye", "trimaran.text", "_ws.col.Info"];
+    let Some(shown) = read(&[close(CloseReason::REFUSED)], &fields) else { return };
+    assert_eq!(shown, ["65535||Trimaran: goodbye: the listener is not taken"]);
+}
+
+/// Its values have other sizes: they are shown as bytes, and nothing is made of them.
+#[test]
+fn of_another_application_only_kinds_are_read() {
+    let robot = examples::examples_of(include_str!("../../transport/wire/WIRE.md"));
+    let say = |name: &str| robot[name].clone();
+    let packets = [
+        (0, say("hello")),
+        (1, say("accept")),
+        (0, say("latest-value")),
+        (0, [say("begin"), say("batch"), say("end"), say("note")].concat()),
+        (0, say("goodbye")),
+    ];
+    let fields =
+        ["trimaran.kind", "trimaran.protocol", "trimaran.camera.eye", "trimaran.id", "trimaran.application"];
+    let Some(shown) = read(&packets, &fields) else { return };
+    assert_eq!(shown[0], "0x01|robot/1|||0361726d");
+    assert_eq!(shown[1], "0x02||||036d6170");
+    assert_eq!(shown[2], "0x10||||0000803f00000040000040c0");
+    assert_eq!(
+        shown[3],
+        "0x20;0x21;0x22;0x23||||09000000e803000000000000;0100000002010000;09000000020000000df1431b580e4f7a;57"
+    );
+    assert!(shown[4].starts_with("0x04||||03"), "{}", shown[4]);
+}

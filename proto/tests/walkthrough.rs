@@ -1,0 +1,266 @@
+//! Trimaran's protocol as links see it: through the trait, and its coding through the trait's objects.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use bytes::Bytes;
+use trimaran_proto::{
+    BatchSize, CodedViolation, CodingFault, CullCounts, EpsilonPx, FrameNumber, FrameStats, Goodbye, IdBatch,
+    IdCoding, Identity, PictureSize, RejectionCode, Role, SceneHash, SentBytes, Settings, TesterKind,
+    Walkthrough,
+};
+use trimaran_wire::{
+    BatchDecoder, BatchEncoder, Batching, CloseReason, CodingError, Delivery, Explanation, FrameEnd,
+    MAX_HELLO, MAX_NOTE, Protocol, ProtocolName, Rejection,
+};
+
+type Encoder = Box<dyn BatchEncoder<trimaran_proto::DrawableId>>;
+type Decoder = Box<dyn BatchDecoder<trimaran_proto::DrawableId>>;
+
+fn settings() -> Settings {
+    Settings {
+        size: PictureSize::new(65_536, 65_536).unwrap(),
+        epsilon: EpsilonPx::new(2.0).unwrap(),
+        batch: BatchSize::MAX,
+        coding: IdCoding::Changes,
+        tester: TesterKind::Hzb,
+        lockstep: true,
+        few_pixels: true,
+        first: FrameNumber(u32::MAX),
+        frames: Some(u32::MAX),
+    }
+}
+
+fn identity(role: Role, settings: Option<Settings>) -> Identity {
+    Identity { role, scene: SceneHash(u128::MAX), settings }
+}
+
+fn batch(ids: impl IntoIterator<Item = u32>) -> IdBatch {
+    IdBatch::new(ids.into_iter().flat_map(u32::to_le_bytes).collect()).unwrap()
+}
+
+fn end(frame: u32, items: usize) -> FrameEnd {
+    FrameEnd { frame: FrameNumber(frame), items: items as u32, hash: 0 }
+}
+
+fn ends(delivery: Delivery, max_items: u32) -> (Encoder, Decoder) {
+    (Walkthrough::encoder(delivery).unwrap(), Walkthrough::decoder(max_items).unwrap())
+}
+
+/// Sends a frame of one batch, all of which arrives; says how many bytes it took.
+fn send((encoder, decoder): &mut (Encoder, Decoder), frame: u32, ids: &IdBatch) -> usize {
+    let number = FrameNumber(frame);
+    encoder.begin(number);
+    decoder.begin(number);
+    let coded = encoder.encode(ids);
+    let bytes = coded.as_ref().map_or(ids.as_bytes().len(), Bytes::len);
+    match coded {
+        Some(coded) => {
+            assert_eq!(Walkthrough::count_coded(&coded), Some(ids.count()));
+            assert_eq!(&decoder.decode(&coded).unwrap(), ids);
+        }
+        None => decoder.plain(ids),
+    }
+    encoder.end(&end(frame, ids.count()));
+    decoder.end(&end(frame, ids.count()));
+    bytes
+}
+
+fn violation(refused: Result<IdBatch, CodingError>) -> CodedViolation {
+    *refused.unwrap_err().0.downcast_ref().unwrap()
+}
+
+#[test]
+fn in_order_each_frame_refers_to_the_one_before() {
+    let mut ends = ends(Delivery::Ordered, u32::MAX);
+    let ids = batch((0..1000).map(|id| 1000 * id));
+    assert!(send(&mut ends, 0, &ids) > 1000);
+    assert!(send(&mut ends, 1, &ids) < 10);
+    assert_eq!(send(&mut ends, 2, &batch([9, 8])), 8, "ids that do not rise travel plain");
+    assert!(send(&mut ends, 3, &ids) > 1000);
+}
+
+#[test]
+fn where_frames_get_lost_only_a_confirmed_one_is_referred_to() {
+    let mut ends = ends(Delivery::Lossy, u32::MAX);
+    let (ids, others) = (batch((0..1000).map(|id| 1000 * id)), batch((0..1000).map(|id| 1000 * id + 500)));
+    send(&mut ends, 0, &ids);
+    send(&mut ends, 1, &others);
+    assert!(send(&mut ends, 2, &others) > 1000, "nothing is confirmed");
+    ends.0.confirmed(FrameNumber(1));
+    ends.0.confirmed(FrameNumber(0));
+    assert!(send(&mut ends, 3, &others) < 10, "a confirmation that comes late takes nothing back");
+    assert!(send(&mut ends, 4, &ids) > 1000);
+}
+
+#[test]
+fn a_frame_that_lacks_ids_is_no_reference() {
+    let (mut encoder, mut decoder) = ends(Delivery::Ordered, u32::MAX);
+    let (first, second) = (batch(0..500), batch(500..1000));
+    encoder.begin(FrameNumber(4));
+    decoder.begin(FrameNumber(4));
+    for batch in [&first, &second] {
+        encoder.encode(batch);
+    }
+    decoder.plain(&first);
+    encoder.end(&end(4, 1000));
+    decoder.end(&end(4, 1000));
+    encoder.begin(FrameNumber(5));
+    decoder.begin(FrameNumber(5));
+    let coded = encoder.encode(&first).unwrap();
+    let cause = CodingFault::UnknownReference { back: 1 };
+    assert_eq!(violation(decoder.decode(&coded)), CodedViolation::Fault { frame: FrameNumber(5), cause });
+}
+
+/// The ids of all batches count, plain or coded, and those of other frames do not.
+#[test]
+fn no_frame_gets_more_ids_than_it_may_have() {
+    let (mut encoder, mut decoder) = ends(Delivery::Ordered, 6);
+    let three = batch([10, 20, 30]);
+    for frame in 0..3 {
+        encoder.begin(FrameNumber(frame));
+        decoder.begin(FrameNumber(frame));
+        let coded = encoder.encode(&three).unwrap();
+        decoder.plain(&three);
+        assert_eq!(decoder.decode(&coded).unwrap(), three);
+        let cause = CodingFault::TooMany { most: 6 };
+        let refused = violation(decoder.decode(&coded));
+        assert_eq!(refused, CodedViolation::Fault { frame: FrameNumber(frame), cause });
+        encoder.end(&end(frame, 6));
+        decoder.end(&end(frame, 6));
+    }
+    let coded = encoder.encode(&three).unwrap();
+    assert_eq!(violation(decoder.decode(&coded)), CodedViolation::OutsideFrame);
+}
+
+#[test]
+fn what_cannot_be_read_stands_for_no_number_of_ids() {
+    assert_eq!(Walkthrough::count_coded(&[]), None);
+    assert_eq!(Walkthrough::count_coded(&[0, 1, 7]), Some(1));
+    assert_eq!(Walkthrough::count_coded(&[0, 1]), None);
+}
+
+#[test]
+fn the_displays_settings_decide_how_ids_travel() {
+    let (switch, display) = (identity(Role::SwitchA, None), identity(Role::Display, Some(settings())));
+    let coded = Batching { size: BatchSize::MAX, coded: true };
+    assert_eq!(Walkthrough::batching(&switch, &display), Some(coded));
+    assert_eq!(Walkthrough::batching(&display, &switch), Some(coded));
+    assert_eq!(Walkthrough::batching(&switch, &identity(Role::SwitchB, None)), None);
+    let batch = BatchSize::new(10).unwrap();
+    let plain = Settings { coding: IdCoding::Plain, batch, ..settings() };
+    let display = identity(Role::Display, Some(plain));
+    assert_eq!(Walkthrough::batching(&switch, &display), Some(Batching { size: batch, coded: false }));
+}
+
+#[test]
+fn a_peer_is_called_by_its_role_of_which_there_is_one() {
+    for (role, name) in [(Role::SwitchA, "switch A"), (Role::SwitchB, "switch B"), (Role::Display, "display")]
+    {
+        let hello = identity(role, None);
+        assert_eq!(Walkthrough::name(&hello), name);
+        assert_eq!(Walkthrough::role(&hello).as_deref(), Some(name));
+    }
+    assert_eq!(ProtocolName::new(Walkthrough::NAME).as_str(), "trimaran/1");
+}
+
+#[test]
+fn a_peer_is_told_the_first_thing_that_does_not_fit() {
+    let ours = identity(Role::Display, Some(settings()));
+    let first = Settings { first: FrameNumber(0), ..settings() };
+    let other = Identity { scene: SceneHash(1), settings: Some(first), ..ours };
+    let code = |theirs: &Identity| Walkthrough::admit(&ours, theirs).map_err(|rejection| rejection.code);
+    assert_eq!(code(&other), Err(RejectionCode::Scene as u16));
+    assert_eq!(code(&Identity { scene: ours.scene, ..other }), Err(RejectionCode::Role as u16));
+    let switch = Identity { role: Role::SwitchA, scene: ours.scene, ..other };
+    assert_eq!(code(&switch), Err(RejectionCode::Settings as u16));
+    assert_eq!(code(&Identity { settings: None, ..switch }), Ok(()));
+}
+
+#[test]
+fn a_code_is_of_its_own_rejections() {
+    let codes = [RejectionCode::Scene, RejectionCode::Settings, RejectionCode::Role];
+    for code in codes {
+        let rejection = Rejection::new(code as u16, "");
+        let of: Vec<RejectionCode> = codes.into_iter().filter(|code| code.is_of(&rejection)).collect();
+        assert_eq!(of, [code]);
+    }
+}
+
+#[test]
+fn a_peer_that_leaves_says_why_to_programs_and_people() {
+    for (goodbye, code, what) in [
+        (Goodbye::Finished, 0, "the session is over"),
+        (Goodbye::Interrupted, 1, "it was interrupted"),
+        (Goodbye::Failed, 2, "it failed"),
+        (Goodbye::PeerLost, 3, "it has lost a peer"),
+        (Goodbye::DeviceFailed, 4, "its device failed"),
+    ] {
+        let reason = goodbye.reason();
+        assert_eq!((reason.code, reason.why.as_str()), (code, what));
+        assert_eq!(Goodbye::of(&reason), Some(goodbye));
+        let because = goodbye.because("no power");
+        assert_eq!(because.why.as_str(), format!("{what}: no power"));
+        assert_eq!(Goodbye::of(&because), Some(goodbye));
+    }
+    for code in [5, CloseReason::REFUSED] {
+        assert_eq!(Goodbye::of(&CloseReason::new(code, "it failed")), None);
+    }
+    assert_eq!(Goodbye::Failed.because(&"x".repeat(1000)).why.as_str().len(), Explanation::MAX_BYTES);
+}
+
+/// The longest that there is of each fits what a link carries.
+#[test]
+fn identities_and_stats_fit_their_messages() {
+    let longest = identity(Role::Display, Some(settings()));
+    assert!(postcard::to_stdvec(&longest).unwrap().len() <= MAX_HELLO);
+    let (words, longs) = (u32::MAX, u64::MAX);
+    let culling = CullCounts {
+        visited: words,
+        outside: words,
+        tested: words,
+        hidden: words,
+        near_visible: words,
+        eye_inside: words,
+        not_finite: words,
+        few_pixels: words,
+        emitted: words,
+        refined: words,
+        batches: words,
+    };
+    let to_other = SentBytes {
+        camera: longs,
+        begin: longs,
+        ids: longs,
+        end: longs,
+        control: longs,
+        headers: longs,
+        messages: longs,
+    };
+    let stats = FrameStats {
+        frame: FrameNumber(words),
+        or_start_ns: longs,
+        or_end_ns: longs,
+        or_busy_ns: longs,
+        hc_start_ns: longs,
+        hc_end_ns: longs,
+        occluders: words,
+        occluder_triangles: longs,
+        culling,
+        to_other,
+    };
+    assert!(postcard::to_stdvec(&stats).unwrap().len() <= MAX_NOTE);
+}
+
+/// What goes wrong between peers that do not go together is told in full.
+#[test]
+fn the_longest_rejection_is_not_cut() {
+    let (ours, theirs) = (settings(), Settings { first: FrameNumber(1), ..settings() });
+    let why =
+        Walkthrough::admit(&identity(Role::Display, Some(ours)), &identity(Role::SwitchA, Some(theirs)))
+            .unwrap_err();
+    assert!(why.to_string().ends_with("only the display decides"), "{why}");
+    let why = Walkthrough::admit(
+        &identity(Role::Display, None),
+        &Identity { scene: SceneHash(0), ..identity(Role::SwitchA, None) },
+    );
+    assert!(why.unwrap_err().to_string().ends_with("give both the same cooked file"));
+}
