@@ -241,7 +241,7 @@ impl Credit {
 pub(crate) mod tests {
     use bytes::{Bytes, BytesMut};
     use proptest::prelude::*;
-    use trimaran_wire::{FrameNumber, Message};
+    use trimaran_wire::FrameNumber;
 
     use super::*;
     use crate::examples::{FORMAT, FORMAT_OF_12, value};
