@@ -18,8 +18,8 @@ fn item(number: u32, size: usize) -> impl Iterator<Item = u8> {
     number.wrapping_mul(2_654_435_761).to_be_bytes().into_iter().cycle().take(size)
 }
 
-/// Sends frames of so many items, one every 5 ms; gives how many items of each came. Those that come are whole
-/// and in order, and each frame has the header and the end that it was sent with.
+/// Sends frames of so many items, one every 5 ms; gives how many items of each came. Those that come are
+/// whole and in order, and each frame has the header and the end that it was sent with.
 fn came(network: Network, config: Config, counts: &[u32]) -> Vec<u32> {
     let size = config.format.item;
     let mut pair = Pair::new(network, config);
@@ -52,7 +52,8 @@ fn came(network: Network, config: Config, counts: &[u32]) -> Vec<u32> {
                         for bytes in bytes.chunks(size) {
                             let found =
                                 (next..MOST).find(|number| item(*number, size).eq(bytes.iter().copied()));
-                            next = found.expect("an item that was not sent, or out of order") + 1;
+                            assert_ne!(found, None, "an item that was not sent, or out of order");
+                            next = found.unwrap() + 1;
                             *came.last_mut().unwrap() += 1;
                         }
                     }
