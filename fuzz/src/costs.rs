@@ -5,10 +5,10 @@
 use std::time::Duration;
 
 use trimaran_net::Instant;
-use trimaran_proto::{Camera, FrameEnd, FrameMessage, FrameNumber, FrameStart};
-use trimaran_udp::{Config, Connection, ConnectionId, STEPS_PER_BYTE, STEPS_PER_PACKET};
+use trimaran_udp::{Connection, ConnectionId, STEPS_PER_BYTE, STEPS_PER_PACKET};
+use trimaran_wire::{FrameEnd, FrameMessage, FrameNumber};
 
-use crate::wire::{Block, acknowledgement, give_up, part, repair, sealed};
+use crate::wire::{Block, acknowledgement, begin, config, give_up, part, repair, sealed};
 
 const HERE: ConnectionId = ConnectionId(10);
 const THERE: ConnectionId = ConnectionId(20);
@@ -23,7 +23,7 @@ const COUNTS: [u8; 4] = [1, 2, 3, 32];
 /// may be, or end where the bytes say so. No steps are done beyond those that are allowed for what came.
 pub fn costs(bytes: &[u8]) {
     let mut now = Instant::from_nanos(1_000_000_000);
-    let mut connection = Connection::plaintext(now, HERE, THERE, Config::default());
+    let mut connection = Connection::plaintext(now, HERE, THERE, config());
     let (mut reader, mut chunks, mut number, mut frame) = (bytes.iter().copied(), Vec::new(), 0, 0);
     loop {
         let chunk = chunk(&mut reader, connection.stats().sent);
@@ -94,11 +94,8 @@ fn place(next: &mut impl FnMut() -> u8) -> u64 {
 }
 
 fn send_frame(connection: &mut Connection, number: u32) {
-    let frame = FrameNumber(number);
-    if let Ok(camera) = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0, 1.0, 0.1, frame) {
-        connection.send(FrameMessage::Begin(FrameStart { frame, camera }));
-        connection.send(FrameMessage::End(FrameEnd { frame, ids: 0, hash: 0 }));
-    }
+    connection.send(&begin(number));
+    connection.send(&FrameMessage::End(FrameEnd { frame: FrameNumber(number), items: 0, hash: 0 }));
 }
 
 /// Reads and sends what there is, and looks at what that has cost.

@@ -5,13 +5,12 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
 use trimaran_net::Instant;
-use trimaran_proto::{Camera, FrameMessage, FrameNumber, Goodbye};
 use trimaran_udp::{
-    Closed, Config, Connecting, Connection, ConnectionId, Door, MIN_DATAGRAM, Progress, Received, Reception,
-    Security,
+    Closed, Connecting, Connection, ConnectionId, Door, MIN_DATAGRAM, Progress, Received, Reception, Security,
 };
+use trimaran_wire::{CloseReason, FrameMessage};
 
-use crate::wire::sealed;
+use crate::wire::{config, sealed, value};
 
 const HERE: ConnectionId = ConnectionId(10);
 const THERE: ConnectionId = ConnectionId(20);
@@ -44,7 +43,7 @@ fn knock(security: &Security, datagram: &[u8]) {
         Reception::Reply => assert!(out.len() * 3 <= datagram.len(), "{} for {}", out.len(), datagram.len()),
         Reception::Knock(knock) => {
             assert!(datagram.len() >= MIN_DATAGRAM);
-            let connection = knock.take(now(), THERE, b"welcome", Config::default(), &mut out);
+            let connection = knock.take(now(), THERE, b"welcome", config(), &mut out);
             assert!(connection.is_some(), "who knocks rightly is let in");
             assert!(out.len() <= MIN_DATAGRAM);
         }
@@ -54,7 +53,7 @@ fn knock(security: &Security, datagram: &[u8]) {
 
 fn answer(security: &Security, datagram: &[u8]) {
     let Ok(connecting) = Connecting::new(security, HERE, b"hello") else { unreachable!("the keys are good") };
-    match connecting.handle(now(), datagram, Config::default()) {
+    match connecting.handle(now(), datagram, config()) {
         Progress::Retry(connecting) | Progress::None(connecting) => {
             let mut out = Vec::new();
             connecting.initial(&mut out);
@@ -72,11 +71,9 @@ fn answer(security: &Security, datagram: &[u8]) {
 /// four from elsewhere: the connection passes on no more than came, asks there with thrice as much at most,
 /// sends packets that fit until it has no more, and is over for good when it is over.
 pub fn chunks(bytes: &[u8]) {
-    let mut connection = Connection::plaintext(now(), HERE, THERE, Config::default());
-    if let Ok(camera) = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0, 1.0, 0.1, FrameNumber(0)) {
-        connection.publish(camera);
-    }
-    connection.goodbye(Goodbye::Finished);
+    let mut connection = Connection::plaintext(now(), HERE, THERE, config());
+    connection.publish(value());
+    connection.goodbye(CloseReason::new(0, "over"));
     connection.follow(HOME, SECRET);
     settle(&mut connection, now());
     let (mut rest, mut at, mut passed, mut elsewhere) = (bytes, now(), 0, 0);
@@ -90,10 +87,8 @@ pub fn chunks(bytes: &[u8]) {
         elsewhere += if from == ELSEWHERE { 3 * datagram.len() } else { 0 };
         while let Some(item) = connection.recv() {
             assert_eq!(closed, None, "nothing comes after the end");
-            match item {
-                Received::Frame(FrameMessage::Ids(ids)) => passed += ids.as_bytes().len(),
-                Received::Coded(ids) => passed += ids.as_bytes().len(),
-                _ => {}
+            if let Received::Frame(FrameMessage::Batch(items) | FrameMessage::Coded(items)) = item {
+                passed += items.len();
             }
         }
         settle(&mut connection, at);
@@ -105,7 +100,7 @@ pub fn chunks(bytes: &[u8]) {
                 elsewhere -= out.len();
             }
         }
-        assert!(passed <= bytes.len(), "{passed} bytes of ids out of {}", bytes.len());
+        assert!(passed <= bytes.len(), "{passed} bytes of items out of {}", bytes.len());
         assert!(closed.is_none() || connection.closed() == closed.as_ref(), "over for good");
         at = connection.poll_timeout().unwrap_or(at).max(at.after(Duration::from_micros(1)));
         connection.handle_timeout(at);
@@ -121,7 +116,7 @@ fn settle(connection: &mut Connection, at: Instant) {
             assert_eq!(connection.poll_timeout().is_none(), connection.closed().is_some());
             return;
         }
-        assert!(out.len() <= Config::default().max_datagram);
+        assert!(out.len() <= config().max_datagram);
     }
     unreachable!("it never stops to send");
 }

@@ -8,9 +8,10 @@ use std::time::Duration;
 
 use trimaran_net::Instant;
 use trimaran_udp::{
-    Config, Connecting, Connection, ConnectionId, Door, MIN_DATAGRAM, Progress, Reception, Security,
-    destination,
+    Connecting, Connection, ConnectionId, Door, MIN_DATAGRAM, Progress, Reception, Security, destination,
 };
+
+use crate::wire::config;
 
 const HERE: ConnectionId = ConnectionId(10);
 /// Where the side that connects is, and where the stranger is.
@@ -161,7 +162,7 @@ impl Street {
                     reply.clone_from(answer);
                 } else {
                     let name = ConnectionId(20 + self.guests.len() as u32);
-                    let guest = knock.take(self.now, name, b"welcome", Config::default(), &mut reply);
+                    let guest = knock.take(self.now, name, b"welcome", config(), &mut reply);
                     let Some(guest) = guest else { unreachable!("who knocks rightly is let in") };
                     self.guests.insert(caller, (reply.clone(), guest));
                 }
@@ -193,7 +194,7 @@ impl Street {
             return;
         }
         let Some(connecting) = self.connecting.take() else { return };
-        match connecting.handle(self.now, packet, Config::default()) {
+        match connecting.handle(self.now, packet, config()) {
             Progress::None(connecting) => self.connecting = Some(connecting),
             Progress::Retry(connecting) => {
                 self.connecting = Some(connecting);

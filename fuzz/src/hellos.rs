@@ -11,8 +11,9 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use trimaran_net::Stream;
 use trimaran_netsim::link::LinkModel;
 use trimaran_netsim::{Simulation, Topology};
-use trimaran_proto::{Decoder, Identity, Message, Role, SceneHash};
+use trimaran_proto::{Identity, Role, SceneHash, Walkthrough};
 use trimaran_transport::{Endpoint, Listener, Net, Options, TcpOptions, connect, until};
+use trimaran_wire::{Decoder, Format, Message};
 
 const MINUTE: Duration = Duration::from_secs(60);
 
@@ -45,7 +46,8 @@ pub fn hellos(bytes: &[u8]) {
     let Ok(everywhere) = "tcp://0.0.0.0:4000".parse() else { unreachable!("an endpoint") };
     let Ok(at) = "tcp://here:4000".parse::<Endpoint>() else { unreachable!("an endpoint") };
     let program = async {
-        let listener = Listener::bind(&here, &everywhere, identity(Role::SwitchA), &options).await;
+        let ours = identity(Role::SwitchA);
+        let listener = Listener::<Walkthrough>::bind(&here, &everywhere, ours, &options).await;
         let Ok(mut listener) = listener else { unreachable!("the port is free") };
         let stranger = async {
             let mut streams = Vec::new();
@@ -68,7 +70,8 @@ pub fn hellos(bytes: &[u8]) {
             () = async {
                 stranger.await;
                 let by = there.now().after(MINUTE);
-                let peer = connect(&there, &at, identity(Role::Display), &options, by).await;
+                let theirs = identity(Role::Display);
+                let peer = connect::<Walkthrough>(&there, &at, theirs, &options, by).await;
                 assert!(peer.is_ok(), "a peer is kept out: {peer:?}");
             } => {}
             () = accepts => unreachable!("an hour is longer"),
@@ -83,7 +86,7 @@ async fn hear(net: &dyn Net, mut stream: Stream) {
     let mut heard = Vec::new();
     let end = until(net, net.now().after(MINUTE), stream.reader.read_to_end(&mut heard)).await;
     assert!(end.is_some(), "the connection of a stranger stays open");
-    let mut decoder = Decoder::new();
+    let mut decoder = Decoder::new(Format::of::<Walkthrough>());
     decoder.push(&heard);
     if let Some(first) = decoder.next_message().unwrap_or_default() {
         assert!(matches!(first, Message::Accept(_) | Message::Refuse(_)), "{first:?}");
@@ -111,7 +114,7 @@ pub fn answers(bytes: &[u8]) {
         let by = there.now().after(Duration::from_secs(1));
         tokio::select! {
             biased;
-            link = connect(&there, &at, identity(Role::Display), &options, by) => {
+            link = connect::<Walkthrough>(&there, &at, identity(Role::Display), &options, by) => {
                 if let Err(error) = link {
                     assert!(error.may_pass(), "what a stranger says ends the attempts: {error:?}");
                     assert!(there.now().after(Duration::from_secs(1)) > by, "it has not tried until then");

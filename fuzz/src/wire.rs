@@ -1,7 +1,26 @@
 //! Packets of a peer that knows the key of a connection in the clear, written by the page
 //! `transport/udp/WIRE.md`.
 
+use trimaran_udp::Config;
+use trimaran_wire::{FixedBytes, Format, FrameMessage, FrameNumber};
 use xxhash_rust::xxh3::xxh3_128_with_seed;
+
+/// A connection whose values and headers have 72 bytes, and its items 4. A coded batch says first how many
+/// items it has.
+pub fn config() -> Config {
+    let count_coded = |bytes: &[u8]| bytes.first().map(|count| usize::from(*count));
+    Config::new(Format { latest: 72, header: 72, item: 4, count_coded })
+}
+
+/// A value of such a connection.
+pub fn value() -> FixedBytes {
+    FixedBytes::from_elem(1, 72)
+}
+
+/// The beginning of a frame of such a connection.
+pub fn begin(number: u32) -> FrameMessage {
+    FrameMessage::Begin { frame: FrameNumber(number), header: value() }
+}
 
 /// A packet with these chunks, sealed for the connection with that id.
 pub fn sealed(id: u32, number: u64, chunks: &[u8]) -> Vec<u8> {

@@ -1,7 +1,7 @@
 //! The worked examples of WIRE.md are what this crate writes and reads.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
-#[path = "../../../proto/tests/examples/mod.rs"]
+#[path = "../../wire/tests/examples/mod.rs"]
 mod page;
 
 use std::collections::BTreeMap;
@@ -10,10 +10,7 @@ use std::time::Duration;
 
 use bytes::BytesMut;
 use trimaran_net::Instant;
-use trimaran_proto::{
-    BatchSize, Camera, Delivery, DrawableId, FrameMessage, FrameNumber, FrameStart, FrameWriter, IdEncoder,
-    Kind, Message,
-};
+use trimaran_wire::{CloseReason, FixedBytes, Format, FrameMessage, FrameNumber, Message};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::chunk::{Chunk, GivenUp, Tail};
@@ -43,6 +40,10 @@ fn assert_example(name: &str, bytes: &[u8]) {
     assert_eq!(hex(bytes), hex(examples().get(name).map_or(&[], Vec::as_slice)), "the example {name}");
 }
 
+fn inbox() -> Inbox {
+    Inbox::new(FORMAT, config().batch, config().window)
+}
+
 fn now() -> Instant {
     Instant::from_nanos(1_000_000_000)
 }
@@ -58,19 +59,43 @@ fn numbers() -> RangeSet {
     numbers
 }
 
-/// A frame of two ids.
-fn unit() -> Vec<u8> {
-    let begin = FrameStart { frame: FrameNumber(7), camera: camera() };
+/// The sizes of what the examples and the tests send. A coded batch says first how many items it has.
+pub(crate) const FORMAT: Format = Format {
+    latest: 72,
+    header: 72,
+    item: 4,
+    count_coded: |bytes| bytes.first().map(|count| usize::from(*count)),
+};
+/// Sizes of which none divides the others.
+pub(crate) const FORMAT_OF_12: Format = Format { latest: 5, header: 8, item: 12, ..FORMAT };
+
+pub(crate) fn config() -> Config {
+    Config::new(FORMAT)
+}
+
+/// A value or a header that begins with `first`.
+pub(crate) fn value(first: u32) -> FixedBytes {
+    first.to_le_bytes().into_iter().chain(4..72).collect()
+}
+
+/// A frame of two items, up to its end, in messages.
+fn messages(batch: FrameMessage) -> Vec<u8> {
     let mut bytes = BytesMut::new();
-    Message::Frame(FrameMessage::Begin(begin)).encode(&mut bytes);
-    [&bytes[..], &1u32.to_le_bytes(), &258u32.to_le_bytes()].concat()
+    FrameMessage::Begin { frame: FrameNumber(7), header: value(7) }.encode(&mut bytes);
+    batch.encode(&mut bytes);
+    bytes.to_vec()
 }
 
-fn camera() -> Camera {
-    Camera::new([1.0, 2.0, -3.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.25, FrameNumber(7)).unwrap()
+/// A frame of two items.
+fn unit() -> Vec<u8> {
+    let items = [1u32.to_le_bytes(), 258u32.to_le_bytes()].concat();
+    let mut unit = messages(FrameMessage::Batch(items.into()));
+    // Its batches have no headers.
+    unit.drain(80..84);
+    unit
 }
 
-/// The frame of two ids, given up before the last one was sent.
+/// The frame of two items, given up before the last one was sent.
 fn given_up(hash: u64) -> GivenUp {
     GivenUp { length: 88, sent: 84, hash, coded: None }
 }
@@ -80,32 +105,21 @@ fn coded_given_up(hash: u64) -> GivenUp {
     GivenUp { length: 90, sent: 90, hash, coded: Some(2) }
 }
 
-/// The same frame as changes against frame 5, which had the ids 1 and 300.
+/// The same frame with a coded batch.
 fn coded_unit() -> Vec<u8> {
-    let mut encoder = IdEncoder::new(Delivery::Lossy);
-    let mut writer = FrameWriter::new(BatchSize::default());
-    let mut bytes = BytesMut::from(&[0x24][..]);
-    for (frame, ids) in [(5, [1, 300]), (7, [1, 258])] {
-        bytes.truncate(1);
-        let mut put = |message| {
-            let message = encoder.encode(message);
-            if message.kind() != Kind::End {
-                message.encode(&mut bytes);
-            }
-        };
-        put(writer.begin(FrameStart { frame: FrameNumber(frame), camera: camera() }).unwrap());
-        writer.push(&ids.map(DrawableId), &mut put).unwrap();
-        writer.finish(&mut put).unwrap();
-        encoder.confirm(FrameNumber(frame));
-    }
-    bytes.to_vec()
+    [&[0x24][..], &messages(FrameMessage::Coded(CODED.into()))].concat()
 }
+
+/// Two items in some application's shorter form.
+const CODED: &[u8] = &[2, 1, 0, 2, 1];
 
 #[test]
 fn every_chunk_has_an_example() {
     let unit = unit();
     let coded = coded_unit();
     let hash = xxh3_64(&unit[80..]);
+    let (value, mut goodbye) = (value(7), BytesMut::new());
+    Message::Goodbye(CloseReason::new(0, "over")).encode(&mut goodbye);
     let part = |unit, offset, tail, data| Chunk::Part { unit, offset, tail, data };
     let chunks = [
         ("ping", Chunk::Ping),
@@ -115,12 +129,12 @@ fn every_chunk_has_an_example() {
         ("unread", Chunk::Unread),
         ("challenge", Chunk::Challenge { cookie: Jar::new(SECRET).bake(now(), address(), HERE) }),
         ("response", Chunk::Response { cookie: Jar::new(SECRET).bake(now(), address(), HERE) }),
-        ("last-camera", Chunk::LastCamera { number: 1, goodbye: &[4, 1, 0, 0, 0] }),
-        ("camera", Chunk::Camera { number: 1, camera: camera().to_bytes() }),
+        ("last-value", Chunk::LastLatest { number: 1, goodbye: &goodbye }),
+        ("value", Chunk::Latest { number: 1, value: &value }),
         ("part", part(0, 0, Tail::More, &unit[..80])),
         ("part-pause", part(0, 80, Tail::Pause, &unit[80..84])),
         ("part-frame", part(0, 84, Tail::Frame(hash), &unit[84..])),
-        ("part-goodbye", part(1, 0, Tail::End, &[4, 1, 0, 0, 0])),
+        ("part-goodbye", part(1, 0, Tail::End, &goodbye)),
         ("part-gone", part(2, 0, Tail::End, &[])),
     ];
     let block = Block { offset: 0, length: 88, shard: 44, count: 1 };
@@ -136,34 +150,32 @@ fn every_chunk_has_an_example() {
         ],
     ]
     .concat();
-    let mut inbox = Inbox::new(Config::default().batch, Config::default().window);
+    let mut inbox = inbox();
     for (name, chunk) in &chunks {
         let mut out = Vec::new();
         chunk.write(&mut out);
         assert_example(name, &out);
         let written = &examples()[name];
         let mut reader = Reader::new(written);
-        assert_eq!(Chunk::read(&mut reader).as_ref(), Ok(chunk), "the example {name}");
+        assert_eq!(Chunk::read(&mut reader, &FORMAT).as_ref(), Ok(chunk), "the example {name}");
         assert!(reader.is_empty());
         if let Chunk::Part { unit, offset, tail, data } = *chunk {
             inbox.put(unit, offset, tail, data).unwrap();
         }
     }
     let received: Vec<_> = std::iter::from_fn(|| inbox.take().unwrap()).collect();
-    let [_, _, end, Received::Goodbye(_), Received::Gone, begin, Received::Coded(batch), coded_end] =
-        &received[..]
-    else {
+    let [begin, _, end, Received::Goodbye(_), Received::Gone, coded @ ..] = &received[..] else {
         panic!("{received:?}")
     };
-    assert!(matches!(begin, Received::Frame(FrameMessage::Begin(_))), "{begin:?}");
-    assert_eq!((batch.count(), coded_end), (Ok(2), end), "the same frame");
+    let batch = Received::Frame(FrameMessage::Coded(CODED.into()));
+    assert_eq!(coded, [begin.clone(), batch, end.clone()], "the same frame");
 }
 
 #[test]
 fn the_examples_of_repair_and_of_giving_up_do_what_the_page_says() {
     let unit = unit();
-    let window = Config::default().window;
-    let read = |name: &str, inbox: &mut Inbox| match Chunk::read(&mut Reader::new(&examples()[name])).unwrap()
+    let read = |name: &str, inbox: &mut Inbox| match Chunk::read(&mut Reader::new(&examples()[name]), &FORMAT)
+        .unwrap()
     {
         Chunk::Repair { unit, block, hash, index, data } => {
             inbox.put_repair(unit, block, hash, index, data).map(|taken| assert!(taken))
@@ -171,33 +183,33 @@ fn the_examples_of_repair_and_of_giving_up_do_what_the_page_says() {
         Chunk::GiveUp { unit, about, head } => inbox.give_up(unit, about, head),
         other => panic!("{other:?}"),
     };
-    for (lost, name, ids) in [(0..44, "repair", 2), (44..88, "repair", 2), (84..88, "give-up", 1)] {
-        let mut inbox = Inbox::new(Config::default().batch, window);
+    for (lost, name, items) in [(0..44, "repair", 2), (44..88, "repair", 2), (84..88, "give-up", 1)] {
+        let mut inbox = inbox();
         inbox.put(0, 0, Tail::More, &unit[..lost.start]).unwrap();
         if lost.end < unit.len() {
             inbox.put(0, lost.end as u64, Tail::More, &unit[lost.end..]).unwrap();
         }
         read(name, &mut inbox).unwrap();
         let received: Vec<_> = std::iter::from_fn(|| inbox.take().unwrap()).collect();
-        let [_, Received::Frame(FrameMessage::Ids(batch)), Received::Frame(FrameMessage::End(end))] =
+        let [_, Received::Frame(FrameMessage::Batch(batch)), Received::Frame(FrameMessage::End(end))] =
             &received[..]
         else {
             panic!("{received:?}")
         };
-        assert_eq!((batch.count(), end.ids, end.hash), (ids, 2, xxh3_64(&unit[80..])), "{name}");
+        assert_eq!((batch.len() / 4, end.items, end.hash), (items, 2, xxh3_64(&unit[80..])), "{name}");
     }
 }
 
 #[test]
 fn a_packet_in_the_clear_is_the_example() {
-    let mut sender = Connection::plaintext(now(), HERE, THERE, Config::default());
-    sender.publish(camera());
+    let mut sender = Connection::plaintext(now(), HERE, THERE, config());
+    sender.publish(value(7));
     let mut out = Vec::new();
     assert!(sender.poll_transmit(now(), &mut out));
     assert_example("data", &out);
-    let mut reader = Connection::plaintext(now(), THERE, HERE, Config::default());
+    let mut reader = Connection::plaintext(now(), THERE, HERE, config());
     reader.handle(now(), &examples()["data"]);
-    assert_eq!(reader.latest(), Some(camera()));
+    assert_eq!(reader.latest(), Some(value(7)));
 }
 
 /// Everything before the zeros that fill an initial packet.
@@ -217,16 +229,14 @@ fn the_handshake_in_the_clear_is_the_examples() {
     assert!(matches!(door.handle(now(), address(), &out, &mut reply), Reception::Reply));
     assert_example("retry", &reply);
     assert!(Jar::new(SECRET).accepts(now(), address(), HERE, reply[12..].try_into().unwrap()));
-    let Progress::Retry(connecting) = connecting.handle(now(), &reply, Config::default()) else {
-        panic!("no retry")
-    };
+    let Progress::Retry(connecting) = connecting.handle(now(), &reply, config()) else { panic!("no retry") };
     connecting.initial(&mut out);
     assert_example("initial-with-cookie", unfilled(&out, 44));
     let knock = || match door.handle(now(), address(), &out, &mut Vec::new()) {
         Reception::Knock(knock) => *knock,
         other => panic!("{other:?}"),
     };
-    knock().take(now(), THERE, b"welcome", Config::default(), &mut reply).unwrap();
+    knock().take(now(), THERE, b"welcome", config(), &mut reply).unwrap();
     assert_example("answer", &reply);
     knock().refuse(b"no", &mut reply);
     assert_example("answer-no", &reply);
@@ -282,7 +292,7 @@ fn the_handshake_with_a_shared_key_is_the_examples() {
     assert!(keys(here).seal(THERE, 0, &[1], &mut ping));
     assert_example("data-shared", &ping);
     let later = now().after(Duration::from_millis(1));
-    let mut listener = Connection::new(now(), THERE, HERE, Config::default(), keys(there));
+    let mut listener = Connection::new(now(), THERE, HERE, config(), keys(there));
     listener.handle(now(), &examples()["data-shared"]);
     assert!(listener.poll_transmit(later, &mut out), "the ping of the example is acknowledged");
 }
@@ -297,7 +307,11 @@ fn the_page_says_what_the_constants_are() {
         format!("the first {} units", Inbox::initial_units()),
         format!("at most {} *shards*", crate::repair::BLOCK),
         format!("1 to {}", crate::repair::MOST),
-        format!("at most {}, or {}", crate::chunk::unit_head(false), crate::chunk::unit_head(true)),
+        format!(
+            "{} or {} bytes",
+            crate::chunk::unit_head(&FORMAT, false),
+            crate::chunk::unit_head(&FORMAT, true)
+        ),
     ] {
         assert!(page.contains(&fact), "{fact:?}");
     }

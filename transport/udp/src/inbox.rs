@@ -64,7 +64,8 @@ pub(crate) struct Inbox {
     buffers: Buffers,
     /// The number of the unit that is passed on now.
     first: u64,
-    batch: BatchSize,
+    /// Bytes of a full batch as it is passed on.
+    batch: usize,
     window: u64,
     /// Bytes passed on, and bytes that the peer has used of what it may send.
     taken: u64,
@@ -82,7 +83,7 @@ impl Inbox {
             units: BTreeMap::new(),
             buffers: Buffers::new(format),
             first: 0,
-            batch,
+            batch: full_batch(&format, batch, window),
             window,
             taken: 0,
             used: 0,
@@ -98,7 +99,7 @@ impl Inbox {
     }
 
     pub(crate) const fn set_batch(&mut self, batch: BatchSize) {
-        self.batch = batch;
+        self.batch = full_batch(&self.buffers.format, batch, self.window);
     }
 
     /// Throws away what has arrived, for nobody reads it. Says whether the peer should hear of the credit
@@ -209,6 +210,14 @@ impl Inbox {
     }
 }
 
+/// The bytes of a full batch. It takes a part of the window at most: the peer has no credit to fill a larger
+/// one while nothing is passed on.
+const fn full_batch(format: &Format, batch: BatchSize, window: u64) -> usize {
+    let room = (window / 4) as usize / format.item;
+    let items = if batch.items() < room { batch.items() } else { room };
+    if items == 0 { format.item } else { items * format.item }
+}
+
 /// What the peer has used of what it may send.
 struct Credit {
     used: u64,
@@ -229,18 +238,36 @@ impl Credit {
 }
 
 #[cfg(test)]
-mod tests {
-    use bytes::BytesMut;
-    use trimaran_proto::{Camera, FrameNumber, FrameStart, Message};
+pub(crate) mod tests {
+    use bytes::{Bytes, BytesMut};
+    use proptest::prelude::*;
+    use trimaran_wire::FrameNumber;
 
     use super::*;
+    use crate::examples::{FORMAT, FORMAT_OF_12, value};
 
-    fn camera() -> Camera {
-        Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(3)).unwrap()
+    pub(super) fn empty() -> Inbox {
+        Inbox::new(FORMAT, BatchSize::default(), 4 << 20)
     }
 
-    fn empty() -> Inbox {
-        Inbox::new(BatchSize::default(), 4 << 20)
+    /// A frame of these bytes of items as its unit's bytes, its header as large as `format` says.
+    pub(super) fn unit_of(format: &Format, items: &[u8]) -> Vec<u8> {
+        let header = value(3).iter().copied().cycle().take(format.header).collect();
+        let mut bytes = BytesMut::new();
+        FrameMessage::Begin { frame: FrameNumber(0), header }.encode(&mut bytes);
+        [&bytes[..], items].concat()
+    }
+
+    pub(super) fn all(inbox: &mut Inbox) -> Vec<Received> {
+        std::iter::from_fn(|| inbox.take().unwrap()).collect()
+    }
+
+    /// The batches among what was received.
+    pub(super) fn batches(items: &[Received]) -> impl Iterator<Item = &Bytes> {
+        items.iter().filter_map(|item| match item {
+            Received::Frame(FrameMessage::Batch(bytes)) => Some(bytes),
+            _ => None,
+        })
     }
 
     #[test]
@@ -259,10 +286,7 @@ mod tests {
     fn what_is_readable_is_what_can_be_taken() {
         let mut inbox = empty();
         assert!(!inbox.is_readable());
-        let begin = FrameStart { frame: FrameNumber(0), camera: camera() };
-        let mut bytes = BytesMut::new();
-        Message::Frame(FrameMessage::Begin(begin)).encode(&mut bytes);
-        bytes.extend_from_slice(&[7; 8]);
+        let bytes = unit_of(&FORMAT, &[7; 8]);
         for (range, tail, messages) in [
             (84..88, Tail::More, 0),
             (0..79, Tail::More, 0),
@@ -281,12 +305,74 @@ mod tests {
     }
 
     #[test]
+    fn a_note_longer_than_the_beginning_of_a_frame_is_readable_once_it_is_whole() {
+        let (mut inbox, mut bytes) =
+            (Inbox::new(FORMAT_OF_12, BatchSize::default(), 4 << 20), BytesMut::new());
+        let note = FrameMessage::Note(vec![7; 100].into());
+        note.encode(&mut bytes);
+        inbox.put(0, 0, Tail::More, &bytes[..90]).unwrap();
+        assert_eq!((inbox.is_readable(), inbox.take()), (false, Ok(None)));
+        inbox.put(0, 90, Tail::End, &bytes[90..]).unwrap();
+        assert_eq!((inbox.is_readable(), inbox.take()), (true, Ok(Some(Received::Frame(note)))));
+    }
+
+    #[test]
     fn what_nobody_reads_is_thrown_away_and_makes_room() {
-        let mut inbox = Inbox::new(BatchSize::default(), 1000);
+        let mut inbox = Inbox::new(FORMAT, BatchSize::default(), 1000);
         for unit in 0..10 {
             inbox.put(unit, 0, Tail::More, &[0; 900]).unwrap();
             assert!(inbox.discard(), "the peer should hear of new room");
             assert_eq!((inbox.take(), inbox.units.len()), (Ok(None), 0));
+        }
+    }
+
+    #[test]
+    fn a_batch_that_the_window_cannot_hold_is_passed_on_in_smaller_ones() {
+        let format = Format { item: 256, ..FORMAT };
+        let mut inbox = Inbox::new(format, BatchSize::MAX, 10_000);
+        let bytes = unit_of(&format, &[9; 256 * 100]);
+        let (mut sent, mut items) = (0, Vec::new());
+        while sent < bytes.len() {
+            let (allowed, _) = inbox.tell_credit();
+            let to = bytes.len().min(allowed as usize);
+            assert!(to > sent, "no more credit after {sent} bytes");
+            inbox.put(0, sent as u64, Tail::More, &bytes[sent..to]).unwrap();
+            sent = to;
+            items.extend(all(&mut inbox));
+        }
+        inbox.put(0, sent as u64, Tail::Frame(7), &[]).unwrap();
+        items.extend(all(&mut inbox));
+        assert!(batches(&items).all(|batch| batch.len().is_multiple_of(256)));
+        assert_eq!(batches(&items).map(Bytes::len).sum::<usize>(), 256 * 100);
+    }
+
+    proptest! {
+        #[test]
+        fn a_frame_comes_whole_in_any_order_of_its_parts(
+            count in 0u32..300, cuts in prop::collection::vec(any::<prop::sample::Index>(), 0..20),
+            order in any::<u64>(), batch in 1u32..300, twice: bool,
+        ) {
+            let sent: Vec<u8> = (0..count * 12).map(|at| (at * 31 / 7) as u8).collect();
+            let bytes = unit_of(&FORMAT_OF_12, &sent);
+            let mut cuts: Vec<_> = cuts.iter().map(|at| at.index(bytes.len())).collect();
+            cuts.extend([0, bytes.len()]);
+            cuts.sort_unstable();
+            let mut parts: Vec<_> = cuts.windows(2).map(|cut| cut[0]..cut[1]).collect();
+            parts.sort_by_key(|part| (part.start as u64 + 1).wrapping_mul(order | 1).rotate_left(17));
+            if twice {
+                parts.extend_from_within(..);
+            }
+            let mut inbox = Inbox::new(FORMAT_OF_12, BatchSize::new(batch).unwrap(), 4 << 20);
+            let mut items = Vec::new();
+            for part in parts {
+                let tail = if part.end == bytes.len() { Tail::Frame(7) } else { Tail::More };
+                inbox.put(0, part.start as u64, tail, &bytes[part.clone()]).unwrap();
+                items.extend(all(&mut inbox));
+            }
+            prop_assert_eq!(batches(&items).flatten().copied().collect::<Vec<_>>(), sent);
+            prop_assert!(batches(&items).all(|bytes| bytes.len() % 12 == 0 && bytes.len() <= batch as usize * 12));
+            let is_end = matches!(items.last(), Some(Received::Frame(FrameMessage::End(end))) if end.items == count);
+            prop_assert!(is_end, "{:?}", items.last());
         }
     }
 }

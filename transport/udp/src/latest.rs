@@ -69,14 +69,13 @@ impl LatestOut {
 
     /// Writes what is due.
     pub(crate) fn write(&mut self, room: usize, out: &mut Vec<u8>, contents: &mut Contents) {
+        let before = out.len();
         let size = self.newest.as_ref().map_or(0, |(_, value)| value.len());
         if self.due && room >= size + OVERHEAD && self.write_newest(out, contents) {
             self.due = false;
         }
-        let number = self.number();
-        if let Some(end) =
-            self.end.as_mut().filter(|end| end.due && room >= end.goodbye.len() + size + 2 * OVERHEAD)
-        {
+        let (number, room) = (self.number(), room.saturating_sub(out.len() - before));
+        if let Some(end) = self.end.as_mut().filter(|end| end.due && room >= end.goodbye.len() + OVERHEAD) {
             end.due = false;
             Chunk::LastLatest { number, goodbye: &end.goodbye }.write(out);
             contents.push(Content::LastLatest);
@@ -190,36 +189,33 @@ impl LatestIn {
 
 #[cfg(test)]
 mod tests {
-    use trimaran_proto::FrameNumber;
+    use trimaran_wire::MAX_FIXED;
 
     use super::*;
-
-    fn camera(frame: u32) -> Camera {
-        Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(frame)).unwrap()
-    }
+    use crate::examples::{FORMAT, value};
 
     #[test]
-    fn only_the_newest_camera_is_sent_again() {
+    fn only_the_newest_value_is_sent_again() {
         let (mut lane, mut out, mut contents) = (LatestOut::default(), Vec::new(), Contents::new());
-        lane.publish(camera(0));
+        lane.publish(value(0));
         lane.write(1000, &mut out, &mut contents);
-        lane.publish(camera(1));
+        lane.publish(value(1));
         lane.write(1000, &mut out, &mut contents);
-        assert_eq!(contents[..], [Content::Camera { number: 1 }, Content::Camera { number: 2 }]);
-        lane.on_camera_lost(1);
+        assert_eq!(contents[..], [Content::Latest { number: 1 }, Content::Latest { number: 2 }]);
+        lane.on_value_lost(1);
         assert!(!lane.is_due());
-        lane.on_camera_lost(2);
+        lane.on_value_lost(2);
         assert!(lane.is_due());
-        lane.on_camera_arrived(1);
+        lane.on_value_arrived(1);
         assert!(!lane.is_drained(), "the first one is not the newest");
-        lane.on_camera_arrived(2);
+        lane.on_value_arrived(2);
         assert!(lane.is_drained() && !lane.is_due());
-        lane.on_camera_lost(2);
+        lane.on_value_lost(2);
         assert!(!lane.is_due(), "a copy of it has arrived");
     }
 
     #[test]
-    fn a_camera_rides_along_twice_until_it_has_arrived() {
+    fn a_value_rides_along_twice_until_it_has_arrived() {
         let (mut lane, mut out) = (LatestOut::default(), Vec::new());
         let mut packet = |lane: &mut LatestOut| {
             let mut contents = Contents::new();
@@ -227,28 +223,40 @@ mod tests {
             lane.write_copy(1000, &mut out, &mut contents);
             contents
         };
-        lane.publish(camera(0));
+        lane.publish(value(0));
         let carried: Vec<_> = (0..4).map(|_| packet(&mut lane).len()).collect();
         assert_eq!(carried, [1, 1, 1, 0]);
-        lane.publish(camera(1));
-        assert_eq!(packet(&mut lane)[..], [Content::Camera { number: 2 }]);
-        lane.on_camera_arrived(2);
+        lane.publish(value(1));
+        assert_eq!(packet(&mut lane)[..], [Content::Latest { number: 2 }]);
+        lane.on_value_arrived(2);
         assert_eq!(packet(&mut lane)[..], []);
     }
 
     #[test]
-    fn the_end_waits_for_the_camera_before_it() {
-        let (mut lane, mut goodbye) = (LatestIn::default(), BytesMut::new());
-        Message::Goodbye(Goodbye::Finished).encode(&mut goodbye);
+    fn the_end_waits_for_the_value_before_it() {
+        let (mut lane, mut goodbye) = (LatestIn::new(FORMAT), BytesMut::new());
+        let reason = CloseReason::new(0, "over");
+        Message::Goodbye(reason.clone()).encode(&mut goodbye);
         lane.put_end(2, &goodbye).unwrap();
-        lane.put(1, camera(0));
-        assert_eq!((lane.take(), lane.end()), (Some(camera(0)), None));
-        lane.put(2, camera(1));
-        assert_eq!(
-            (lane.take(), lane.end()),
-            (Some(camera(1)), Some(&LatestEnd::Goodbye(Goodbye::Finished)))
-        );
+        lane.put(1, &value(0));
+        assert_eq!((lane.take(), lane.end()), (Some(value(0)), None));
+        lane.put(2, &value(1));
+        assert_eq!((lane.take(), lane.end()), (Some(value(1)), Some(&LatestEnd::Goodbye(reason))));
         assert!(lane.put_end(2, &goodbye[..3]).is_err());
         assert!(lane.put_end(2, &[0, 0, 0, 0]).is_err());
+    }
+
+    #[test]
+    fn the_largest_value_and_the_longest_goodbye_leave_one_after_the_other() {
+        let (mut lane, mut packets) = (LatestOut::default(), Vec::new());
+        lane.publish(FixedBytes::from_elem(7, MAX_FIXED));
+        lane.end(Some(CloseReason::new(1, &"x".repeat(200))));
+        for _ in 0..3 {
+            let (mut out, mut contents) = (Vec::new(), Contents::new());
+            lane.write(1172, &mut out, &mut contents);
+            assert!(out.len() <= 1172, "{} bytes", out.len());
+            packets.extend(contents);
+        }
+        assert_eq!(packets, [Content::Latest { number: 1 }, Content::LastLatest]);
     }
 }

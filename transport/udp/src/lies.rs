@@ -1,10 +1,10 @@
 //! A peer that lies in every field that says how much, how many or which, under keys that are good.
 
 use trimaran_net::Instant;
-use trimaran_proto::{Camera, FrameNumber};
 
 use crate::chunk::{Chunk, GivenUp, Tail};
-use crate::connection::{Closed, Config, Connection};
+use crate::connection::{Closed, Connection};
+use crate::examples::{config, value};
 use crate::inbox::LaneViolation;
 use crate::keys::Keys;
 use crate::packet::{ConnectionId, data_header};
@@ -23,7 +23,7 @@ fn now() -> Instant {
 
 /// How a connection ends that is told `plain`, if it does.
 fn told(plain: &[u8]) -> Option<Closed> {
-    let mut connection = Connection::plaintext(now(), HERE, THERE, Config::default());
+    let mut connection = Connection::plaintext(now(), HERE, THERE, config());
     let mut packet = Vec::from(data_header(HERE, 0));
     assert!(Keys::Plaintext.seal(HERE, 0, plain, &mut packet));
     connection.handle(now(), &packet);
@@ -110,13 +110,13 @@ fn lengths_beyond_the_packet_end_the_connection() {
     let part = Chunk::Part { unit: 0, offset: 0, tail: Tail::More, data: b"1234" };
     let about = GivenUp { length: 88, sent: 84, hash: 0, coded: None };
     let give_up = Chunk::GiveUp { unit: 0, about, head: &[] };
-    let last_camera = Chunk::LastCamera { number: 1, goodbye: &[] };
+    let last_value = Chunk::LastLatest { number: 1, goodbye: &[] };
     for end in [
         // Behind the code, unit and offset.
         lying(part, 3, &[0xff; 2]),
         // Behind the code, unit, length, sent and hash.
-        lying(give_up, 12, &[0xff]),
-        lying(last_camera, 2, &[0xff; 2]),
+        lying(give_up, 12, &[0x7f]),
+        lying(last_value, 2, &[0xff; 2]),
     ] {
         assert!(matches!(end, Some(Closed::Malformed(_))), "{end:?}");
     }
@@ -124,10 +124,9 @@ fn lengths_beyond_the_packet_end_the_connection() {
 
 /// What only the liar itself has harm of.
 #[test]
-fn generous_credit_and_high_numbers_of_cameras_are_taken_as_they_are() {
-    let camera = Camera::at_origin(FrameNumber(0)).to_bytes();
+fn generous_credit_and_high_numbers_of_values_are_taken_as_they_are() {
     assert_eq!(lie(&Chunk::Credit { bytes: MOST, units: MOST }), None);
-    assert_eq!(lie(&Chunk::Camera { number: MOST, camera }), None);
-    assert_eq!(lie(&Chunk::LastCamera { number: MOST, goodbye: &[] }), None);
-    assert_eq!(lie(&Chunk::Camera { number: 1, camera: [0xff; Camera::SIZE] }), Some(Closed::Camera));
+    assert_eq!(lie(&Chunk::Latest { number: MOST, value: &value(0) }), None);
+    assert_eq!(lie(&Chunk::LastLatest { number: MOST, goodbye: &[] }), None);
+    assert_eq!(lie(&Chunk::LastLatest { number: MOST, goodbye: &[0xff; 9] }), Some(Closed::Goodbye));
 }

@@ -265,9 +265,9 @@ impl Outbox {
 #[cfg(test)]
 mod tests {
     use trimaran_net::Instant;
-    use trimaran_proto::{Camera, FrameStart};
 
     use super::*;
+    use crate::examples::{FORMAT, value};
     use crate::repair::Repair;
 
     pub(super) const PATH: Path = Path { shard: 1136, loss: 0.0 };
@@ -275,18 +275,18 @@ mod tests {
     /// Without repair.
     pub(super) fn sender(patience: Option<u64>) -> Outbox {
         let patience = patience.map(Duration::from_millis);
-        Outbox::new(1 << 20, 1024, patience, Budget::new(Repair::Off, 15), IdCoding::Plain)
+        Outbox::new(FORMAT, 1 << 20, 1024, patience, Budget::new(Repair::Off, 15), false)
     }
 
     pub(super) fn frame(outbox: &mut Outbox, number: u32) {
         begin(outbox, number, PATH);
-        let end = FrameEnd { frame: FrameNumber(number), ids: 0, hash: 0 };
-        outbox.put(FrameMessage::End(end), PATH);
+        let end = FrameEnd { frame: FrameNumber(number), items: 0, hash: 0 };
+        outbox.put(&FrameMessage::End(end), PATH);
     }
 
     pub(super) fn begin(outbox: &mut Outbox, number: u32, path: Path) {
-        let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(number)).unwrap();
-        outbox.put(FrameMessage::Begin(FrameStart { frame: FrameNumber(number), camera }), path);
+        let begin = FrameMessage::Begin { frame: FrameNumber(number), header: value(number) };
+        outbox.put(&begin, path);
     }
 
     pub(super) fn at(ms: u64) -> Instant {
@@ -302,5 +302,18 @@ mod tests {
             outbox.on_ack(unit, 0..80, true);
         }
         assert_eq!((outbox.kept(), outbox.is_empty()), (0, true));
+    }
+    #[test]
+    fn a_part_is_cut_only_where_it_does_not_fit() {
+        let mut outbox = Outbox { format: Format { item: 250, ..FORMAT }, ..sender(None) };
+        begin(&mut outbox, 0, PATH);
+        outbox.put(&FrameMessage::Batch(vec![1; 250 * 9].into()), PATH);
+        // A full packet takes all up to the next shard, though these are no whole items, and so does the rest
+        // of a packet where the rest of the frame fits.
+        for (room, expected) in [(1172, 0..1136), (1172, 1136..2272), (20, 0..0), (80, 2272..2330)] {
+            let part = Content::Part { unit: 0, range: expected.clone(), ended: false };
+            let expected = Some(part).filter(|_| !expected.is_empty());
+            assert_eq!(outbox.write_next(room, 1172, &mut Vec::new()), expected, "{room} bytes");
+        }
     }
 }

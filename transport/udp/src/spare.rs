@@ -4,7 +4,7 @@ use bytes::BytesMut;
 
 /// How many are kept: frames that are under way at once are few.
 const KEPT: usize = 4;
-/// How large each of them may be: a frame of 60,000 ids. A larger one is given back to the system.
+/// How large each of them may be. A larger one is given back to the system.
 const LARGEST: usize = 256 * 1024;
 
 /// A few empty buffers that have room already.

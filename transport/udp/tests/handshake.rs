@@ -6,13 +6,19 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 use trimaran_net::Instant;
-use trimaran_proto::{Camera, FrameNumber};
 use trimaran_udp::{
     Config, Connecting, Connection, ConnectionId, Door, Knock, Progress, Reception, Security,
 };
+use trimaran_wire::{FixedBytes, Format};
 
 const HERE: ConnectionId = ConnectionId(10);
 const THERE: ConnectionId = ConnectionId(20);
+/// A value of the latest lane.
+const VALUE: &[u8] = b"something to be hidden";
+
+fn config() -> Config {
+    Config::new(Format { latest: VALUE.len(), header: 0, item: 4, count_coded: |_| None })
+}
 
 fn now() -> Instant {
     Instant::from_nanos(1_000_000_000)
@@ -38,9 +44,7 @@ fn knock(door: &Door, connecting: Connecting) -> (Connecting, Option<Knock>, Vec
     let reception = door.handle(now(), address(), &first, &mut reply);
     assert!(matches!(reception, Reception::Reply), "{reception:?}");
     assert!(reply.len() <= first.len() / 3, "{} bytes for {}", reply.len(), first.len());
-    let Progress::Retry(connecting) = connecting.handle(now(), &reply, Config::default()) else {
-        panic!("no retry")
-    };
+    let Progress::Retry(connecting) = connecting.handle(now(), &reply, config()) else { panic!("no retry") };
     connecting.initial(&mut first);
     match door.handle(now(), address(), &first, &mut reply) {
         Reception::Knock(knock) => (connecting, Some(*knock), first),
@@ -54,19 +58,19 @@ fn join(ours: &Security, theirs: Security) -> Option<(Connection, Connection)> {
     let knock = knock?;
     assert_eq!((knock.from, &knock.hello[..]), (HERE, &b"hello"[..]));
     let mut answer = Vec::new();
-    let there = knock.take(now(), THERE, b"welcome", Config::default(), &mut answer).unwrap();
+    let there = knock.take(now(), THERE, b"welcome", config(), &mut answer).unwrap();
     let mut connecting = connecting;
     if !matches!(ours, Security::Plaintext) {
         for at in [0, 9, 12, 44, answer.len() - 1] {
             let mut forged = answer.clone();
             forged[at] ^= 4;
-            let Progress::None(same) = connecting.handle(now(), &forged, Config::default()) else {
+            let Progress::None(same) = connecting.handle(now(), &forged, config()) else {
                 panic!("byte {at} of the answer was changed")
             };
             connecting = same;
         }
     }
-    match connecting.handle(now(), &answer, Config::default()) {
+    match connecting.handle(now(), &answer, config()) {
         Progress::Taken(here, said) => {
             assert_eq!(said, b"welcome");
             Some((*here, there))
@@ -76,10 +80,10 @@ fn join(ours: &Security, theirs: Security) -> Option<(Connection, Connection)> {
 }
 
 fn talk((mut here, mut there): (Connection, Connection)) -> Vec<u8> {
-    let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(7)).unwrap();
+    let value = FixedBytes::from_slice(VALUE);
     let mut packet = Vec::new();
     for (from, to) in [(&mut here, &mut there)] {
-        from.publish(camera);
+        from.publish(value.clone());
         assert!(from.poll_transmit(now(), &mut packet));
         for at in 0..packet.len() {
             let mut forged = packet.clone();
@@ -88,7 +92,7 @@ fn talk((mut here, mut there): (Connection, Connection)) -> Vec<u8> {
             assert_eq!((to.latest(), to.closed()), (None, None), "byte {at}");
         }
         to.handle(now(), &packet);
-        assert_eq!(to.latest(), Some(camera));
+        assert_eq!(to.latest(), Some(value.clone()));
         let (later, mut ack) = (now().after(Duration::from_millis(1)), Vec::new());
         assert!(to.poll_transmit(later, &mut ack), "an acknowledgement is owed");
         to.handle(later, &packet);
@@ -98,11 +102,11 @@ fn talk((mut here, mut there): (Connection, Connection)) -> Vec<u8> {
             "a replay is not acknowledged"
         );
     }
-    there.publish(camera);
+    there.publish(value.clone());
     let mut back = Vec::new();
     assert!(there.poll_transmit(now(), &mut back));
     here.handle(now(), &back);
-    assert_eq!(here.latest(), Some(camera));
+    assert_eq!(here.latest(), Some(value));
     packet
 }
 
@@ -110,9 +114,9 @@ fn talk((mut here, mut there): (Connection, Connection)) -> Vec<u8> {
 fn peers_with_the_same_key_talk_and_forgeries_and_replays_do_nothing() {
     let key = Security::PreShared([9; 32].into());
     let packet = talk(join(&key, key.clone()).unwrap());
-    assert!(!packet.windows(8).any(|bytes| bytes == 1.0f64.to_le_bytes()), "the camera is hidden");
+    assert!(!packet.windows(VALUE.len()).any(|bytes| bytes == VALUE), "the value is hidden");
     let packet = talk(join(&Security::Plaintext, Security::Plaintext).unwrap());
-    assert!(packet.windows(8).any(|bytes| bytes == 1.0f64.to_le_bytes()), "the camera is in the clear");
+    assert!(packet.windows(VALUE.len()).any(|bytes| bytes == VALUE), "the value is in the clear");
 }
 
 #[test]
@@ -139,7 +143,7 @@ fn a_refusal_is_read() {
     let (connecting, knock, _) = knock(&door, Connecting::new(&key, HERE, b"hello").unwrap());
     let mut answer = Vec::new();
     knock.unwrap().refuse(b"no", &mut answer);
-    let progress = connecting.handle(now(), &answer, Config::default());
+    let progress = connecting.handle(now(), &answer, config());
     assert!(matches!(&progress, Progress::Refused(said) if said == b"no"), "{progress:?}");
 }
 
@@ -168,9 +172,9 @@ fn go_on(mut connecting: Connecting, door: &Door) -> Connection {
     for _ in 0..3 {
         connecting.initial(&mut first);
         if let Reception::Knock(knock) = door.handle(now(), address(), &first, &mut reply) {
-            let _there = knock.take(now(), THERE, b"welcome", Config::default(), &mut reply).unwrap();
+            let _there = knock.take(now(), THERE, b"welcome", config(), &mut reply).unwrap();
         }
-        connecting = match connecting.handle(now(), &reply, Config::default()) {
+        connecting = match connecting.handle(now(), &reply, config()) {
             Progress::Retry(connecting) => connecting,
             Progress::Taken(connection, _) => return *connection,
             other => panic!("{other:?}"),
@@ -185,11 +189,11 @@ fn a_forged_version_is_a_hint_and_the_handshake_goes_on() {
     let door = Door::new(key.clone(), [3; 32]).unwrap();
     let connecting = Connecting::new(&key, HERE, b"hello").unwrap();
     assert_eq!(connecting.claimed_version(), None);
-    let Progress::None(connecting) = connecting.handle(now(), &retry(7, 0), Config::default()) else {
+    let Progress::None(connecting) = connecting.handle(now(), &retry(7, 0), config()) else {
         panic!("it ended the handshake")
     };
     assert_eq!(connecting.claimed_version(), Some(7));
-    let Progress::Retry(connecting) = connecting.handle(now(), &retry(1, 5), Config::default()) else {
+    let Progress::Retry(connecting) = connecting.handle(now(), &retry(1, 5), config()) else {
         panic!("no retry")
     };
     assert_eq!(connecting.claimed_version(), None, "somebody answers in this version");
@@ -203,18 +207,18 @@ fn a_forged_cookie_does_not_lock_the_true_one_out() {
     let (mut first, mut reply) = (Vec::new(), Vec::new());
     let connecting = Connecting::new(&key, HERE, b"hello").unwrap();
     connecting.initial(&mut first);
-    let Progress::Retry(connecting) = connecting.handle(now(), &retry(1, 5), Config::default()) else {
+    let Progress::Retry(connecting) = connecting.handle(now(), &retry(1, 5), config()) else {
         panic!("no retry")
     };
     // The listener's own comes behind it.
     assert!(matches!(door.handle(now(), address(), &first, &mut reply), Reception::Reply));
-    let Progress::Retry(connecting) = connecting.handle(now(), &reply, Config::default()) else {
+    let Progress::Retry(connecting) = connecting.handle(now(), &reply, config()) else {
         panic!("the first cookie keeps it out")
     };
     connecting.initial(&mut first);
     assert!(matches!(door.handle(now(), address(), &first, &mut reply), Reception::Knock(_)));
     // A cookie that was sent back is not sent back again.
-    let progress = connecting.handle(now(), &first[..0], Config::default());
+    let progress = connecting.handle(now(), &first[..0], config());
     assert!(matches!(progress, Progress::None(_)), "{progress:?}");
 }
 
@@ -226,7 +230,7 @@ fn forged_cookies_are_not_sent_back_without_end_and_who_goes_on_comes_in() {
     let (mut sent, mut at) = (0, now());
     for cookie in 0..100 {
         at = at.after(Duration::from_millis(1));
-        connecting = match connecting.handle(at, &retry(1, cookie), Config::default()) {
+        connecting = match connecting.handle(at, &retry(1, cookie), config()) {
             Progress::Retry(connecting) => {
                 sent += 1;
                 connecting
@@ -241,7 +245,7 @@ fn forged_cookies_are_not_sent_back_without_end_and_who_goes_on_comes_in() {
     connecting.initial(&mut first);
     assert!(matches!(door.handle(now(), address(), &first, &mut reply), Reception::Reply));
     let later = at.after(Duration::from_millis(60));
-    assert!(matches!(connecting.handle(later, &reply, Config::default()), Progress::Retry(_)));
+    assert!(matches!(connecting.handle(later, &reply, config()), Progress::Retry(_)));
 }
 
 proptest! {

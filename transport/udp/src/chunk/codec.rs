@@ -251,7 +251,7 @@ mod tests {
         back(&Chunk::Latest { number: 300, value: &[5; FORMAT.latest] });
         back(&Chunk::LastLatest { number: 301, goodbye: b"gone" });
         for tail in [Tail::More, Tail::Pause, Tail::End, Tail::Frame(77)] {
-            back(&Chunk::Part { unit: 1 << 30, offset: 80, tail, data: b"ids" });
+            back(&Chunk::Part { unit: 1 << 30, offset: 80, tail, data: b"items" });
         }
         let mut numbers = RangeSet::default();
         for range in [0..1, 3..9, 200..1000] {

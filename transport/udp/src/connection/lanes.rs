@@ -106,7 +106,7 @@ impl Connection {
         self.latest_in.end()
     }
 
-    /// Whether there is a camera or an end of the latest lane to read.
+    /// Whether there is a value or an end of the latest lane to read.
     #[must_use]
     pub fn is_latest_readable(&self) -> bool {
         self.latest_in.is_readable()

@@ -141,7 +141,6 @@ impl Connection {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::connection::Config;
     use crate::keys::Keys;
     use crate::packet::{ConnectionId, data_header};
     use crate::ranges::RangeSet;

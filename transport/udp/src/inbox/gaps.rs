@@ -101,58 +101,40 @@ fn put_restored(
 
 #[cfg(test)]
 mod tests {
-    use bytes::BytesMut;
-    use trimaran_proto::{BatchSize, Camera, FrameEnd, FrameMessage, FrameNumber, FrameStart, Message};
+    use proptest::prelude::*;
+    use trimaran_wire::{BatchSize, Format, FrameEnd, FrameMessage, FrameNumber};
 
     use super::super::Received;
+    use super::super::tests::{all, batches, empty, unit_of};
     use super::*;
+    use crate::examples::{FORMAT, FORMAT_OF_12};
 
-    fn camera() -> Camera {
-        Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(3)).unwrap()
-    }
-
-    fn empty() -> Inbox {
-        Inbox::new(BatchSize::default(), 4 << 20)
-    }
-
-    /// A frame of `count` ids as its unit's bytes.
+    /// A frame of the items 0, 1, .. as its unit's bytes.
     fn frame_of(count: u32) -> Vec<u8> {
-        let begin = FrameStart { frame: FrameNumber(0), camera: camera() };
-        let mut bytes = BytesMut::new();
-        Message::Frame(FrameMessage::Begin(begin)).encode(&mut bytes);
-        (0..count).for_each(|id| bytes.extend_from_slice(&id.to_le_bytes()));
-        bytes.to_vec()
+        unit_of(&FORMAT, &(0..count).flat_map(u32::to_le_bytes).collect::<Vec<_>>())
     }
 
-    fn all(inbox: &mut Inbox) -> Vec<Received> {
-        std::iter::from_fn(|| inbox.take().unwrap()).collect()
-    }
-
-    fn ids_of(items: &[Received]) -> Vec<u32> {
-        let mut ids = Vec::new();
-        for item in items {
-            if let Received::Frame(FrameMessage::Ids(batch)) = item {
-                ids.extend(batch.iter().map(|id| id.0));
-            }
-        }
-        ids
+    /// The items of 4 bytes that were received.
+    fn items_of(received: &[Received]) -> Vec<u32> {
+        let bytes: Vec<u8> = batches(received).flatten().copied().collect();
+        bytes.chunks(4).map(|item| u32::from_le_bytes(item.try_into().unwrap())).collect()
     }
 
     #[test]
     fn a_frame_that_is_given_up_passes_on_what_came_and_gives_the_credit_back() {
-        let mut inbox = Inbox::new(BatchSize::default(), 4000);
+        let mut inbox = Inbox::new(FORMAT, BatchSize::default(), 4000);
         let bytes = frame_of(100);
         for range in [0..96, 200..246, 403..440] {
             inbox.put(0, range.start as u64, Tail::More, &bytes[range]).unwrap();
         }
-        assert_eq!(ids_of(&all(&mut inbox)), [0; 0], "nothing says that more will not come");
+        assert_eq!(items_of(&all(&mut inbox)), [0; 0], "nothing says that more will not come");
         let about = GivenUp { length: 480, sent: 460, hash: 7, coded: None };
         inbox.give_up(0, about, &[]).unwrap();
         inbox.put(0, 96, Tail::More, &bytes[96..100]).unwrap();
         let items = all(&mut inbox);
         let expected: Vec<u32> = [0..4, 30..41, 81..90].into_iter().flatten().collect();
-        assert_eq!(ids_of(&items), expected, "whole ids, in order, none that came later");
-        let end = FrameEnd { frame: FrameNumber(0), ids: 100, hash: 7 };
+        assert_eq!(items_of(&items), expected, "whole items, in order, none that came later");
+        let end = FrameEnd { frame: FrameNumber(0), items: 100, hash: 7 };
         assert_eq!(items.last(), Some(&Received::Frame(FrameMessage::End(end))));
         assert_eq!((inbox.taken, inbox.used, inbox.units.len(), inbox.first), (460, 460, 0, 1));
     }
@@ -164,13 +146,38 @@ mod tests {
         inbox.put(0, 100, Tail::More, &bytes[100..120]).unwrap();
         inbox.give_up(0, GivenUp { length: 120, sent: 120, hash: 7, coded: None }, &bytes[..80]).unwrap();
         let items = all(&mut inbox);
-        assert!(matches!(items[0], Received::Frame(FrameMessage::Begin(_))), "{items:?}");
-        assert_eq!(ids_of(&items), [5, 6, 7, 8, 9]);
+        assert!(matches!(items[0], Received::Frame(FrameMessage::Begin { .. })), "{items:?}");
+        assert_eq!(items_of(&items), [5, 6, 7, 8, 9]);
         assert_eq!(inbox.taken, inbox.used);
 
         let mut inbox = empty();
         inbox.give_up(0, GivenUp { length: 120, sent: 0, hash: 7, coded: None }, &[]).unwrap();
         assert_eq!(inbox.take(), Err(LaneViolation::Unit), "no beginning at all");
+    }
+
+    #[test]
+    fn a_long_header_comes_with_the_word_that_no_more_does() {
+        let format = Format { header: 1000, ..FORMAT_OF_12 };
+        let bytes = unit_of(&format, &[5; 24]);
+        let mut inbox = Inbox::new(format, BatchSize::default(), 4 << 20);
+        inbox.put(0, 0, Tail::More, &bytes[..3]).unwrap();
+        inbox.put(0, 1015, Tail::More, &bytes[1015..1032]).unwrap();
+        let about = GivenUp { length: 1032, sent: 1032, hash: 7, coded: None };
+        inbox.give_up(0, about, &bytes[3..1008]).unwrap();
+        let received = all(&mut inbox);
+        let [Received::Frame(FrameMessage::Begin { header, .. }), _, _] = &received[..] else {
+            panic!("{received:?}")
+        };
+        assert_eq!(&header[..], &bytes[8..1008]);
+        assert_eq!(batches(&received).map(|batch| batch.len()).collect::<Vec<_>>(), [12]);
+    }
+
+    #[test]
+    fn what_is_no_frame_cannot_be_given_up() {
+        let mut inbox = empty();
+        inbox.put(0, 0, Tail::More, &[0x23; 100]).unwrap();
+        inbox.give_up(0, GivenUp { length: 120, sent: 120, hash: 7, coded: None }, &[]).unwrap();
+        assert_eq!(inbox.take(), Err(LaneViolation::Unit));
     }
 
     #[test]
@@ -187,7 +194,7 @@ mod tests {
                 "{about:?}"
             );
         }
-        let mut inbox = Inbox::new(BatchSize::default(), 100);
+        let mut inbox = Inbox::new(FORMAT, BatchSize::default(), 100);
         let about = GivenUp { length: 480, sent: 101, hash: 7, coded: None };
         assert_eq!(inbox.give_up(0, about, &[]), Err(LaneViolation::Credit));
     }
@@ -197,7 +204,7 @@ mod tests {
         let mut inbox = empty();
         inbox.put(0, 0, Tail::More, &frame_of(10)).unwrap();
         inbox.give_up(0, GivenUp { length: 120, sent: 120, hash: 7, coded: None }, &[]).unwrap();
-        assert_eq!(ids_of(&all(&mut inbox)), (0..10).collect::<Vec<_>>());
+        assert_eq!(items_of(&all(&mut inbox)), (0..10).collect::<Vec<_>>());
         assert_eq!(inbox.first, 1, "only its end had been lost");
     }
 
@@ -208,7 +215,7 @@ mod tests {
         let shards = crate::repair::protect(&bytes, 512, 2);
         let mut inbox = empty();
         inbox.put(0, 0, Tail::Pause, &bytes[..1024]).unwrap();
-        assert_eq!(ids_of(&all(&mut inbox)).len(), 236);
+        assert_eq!(items_of(&all(&mut inbox)).len(), 236);
         inbox.put(0, 1536, Tail::More, &bytes[1536..3584]).unwrap();
         inbox.put_repair(0, block, Some(7), 1, &shards[1]).unwrap();
         assert_eq!((all(&mut inbox).len(), inbox.frames_repaired), (0, 0), "two are lost");
@@ -216,8 +223,8 @@ mod tests {
         assert_eq!(all(&mut inbox).len(), 0, "the same again");
         inbox.put_repair(0, block, Some(7), 0, &shards[0]).unwrap();
         let items = all(&mut inbox);
-        assert_eq!(ids_of(&items), (236..1000).collect::<Vec<_>>());
-        let end = FrameEnd { frame: FrameNumber(0), ids: 1000, hash: 7 };
+        assert_eq!(items_of(&items), (236..1000).collect::<Vec<_>>());
+        let end = FrameEnd { frame: FrameNumber(0), items: 1000, hash: 7 };
         assert_eq!(items.last(), Some(&Received::Frame(FrameMessage::End(end))));
         assert_eq!((inbox.frames_repaired, inbox.taken, inbox.used), (1, 4080, 4080));
     }
@@ -321,7 +328,33 @@ mod tests {
         let block = Block { offset: 0, length: 96, shard: 96, count: 2 };
         let shards = crate::repair::protect(&bytes, 96, 2);
         inbox.put_repair(0, block, Some(9), 1, &shards[1]).unwrap();
-        assert_eq!(ids_of(&all(&mut inbox)), [0, 1, 2, 3]);
+        assert_eq!(items_of(&all(&mut inbox)), [0, 1, 2, 3]);
         assert_eq!((inbox.frames_repaired, inbox.first), (1, 1));
+    }
+    proptest! {
+        /// Of each item of 12 bytes all or nothing is passed on, and all of those that came whole.
+        #[test]
+        fn a_frame_with_gaps_passes_on_whole_items_wherever_parts_were_cut(
+            count in 1u64..300, lost in prop::collection::vec((0u64..3600, 1u64..100), 0..12), batch in 1u32..40,
+        ) {
+            let sent: Vec<u8> = (0..count).flat_map(|item| [item as u8; 12]).collect();
+            let bytes = unit_of(&FORMAT_OF_12, &sent);
+            let came = |at: usize| at < 16 || lost.iter().all(|(from, length)| !(*from..from + length).contains(&(at as u64)));
+            let mut inbox = Inbox::new(FORMAT_OF_12, BatchSize::new(batch).unwrap(), 4 << 20);
+            for (at, byte) in (0..).zip(&bytes).filter(|(at, _)| came(*at)) {
+                inbox.put(0, at as u64, Tail::More, &[*byte]).unwrap();
+            }
+            let length = bytes.len() as u64;
+            inbox.give_up(0, GivenUp { length, sent: length, hash: 7, coded: None }, &[]).unwrap();
+            let received = all(&mut inbox);
+            let expected: Vec<u8> = (0..count as usize)
+                .filter(|item| (16 + item * 12..28 + item * 12).all(came))
+                .flat_map(|item| [item as u8; 12])
+                .collect();
+            prop_assert_eq!(batches(&received).flatten().copied().collect::<Vec<_>>(), expected);
+            prop_assert!(batches(&received).all(|bytes| bytes.len() % 12 == 0 && bytes.len() <= batch as usize * 12));
+            let end = FrameEnd { frame: FrameNumber(0), items: count as u32, hash: 7 };
+            prop_assert_eq!(received.last(), Some(&Received::Frame(FrameMessage::End(end))));
+        }
     }
 }

@@ -8,7 +8,7 @@ use std::ops::Range;
 pub(super) const PAGE: usize = 2048;
 /// The bits of a page's bytes, in words.
 const WORDS: usize = PAGE / 64;
-/// How many pages are kept for units to come: as many as a frame of 60,000 ids takes.
+/// How many pages are kept for units to come: 256 KiB.
 const FREE: usize = 128;
 /// How many empty lists of pages are kept: frames that are under way at once are few.
 const LISTS: usize = 4;

@@ -112,12 +112,15 @@ impl Outbox {
 
 #[cfg(test)]
 mod tests {
-    use trimaran_proto::{FrameEnd, FrameMessage, FrameNumber, IdBatch};
+    use trimaran_wire::{FixedBytes, Format, FrameEnd, FrameMessage, FrameNumber};
 
     use super::*;
-    use crate::outbox::tests::{at, begin, frame, sender};
+    use crate::chunk::Chunk;
+    use crate::examples::FORMAT;
+    use crate::outbox::tests::{PATH, at, begin, frame, sender};
     use crate::recovery::Content;
     use crate::repair::{Budget, Path, Repair};
+    use crate::wire::Reader;
 
     #[test]
     fn a_frame_is_given_up_when_it_cannot_arrive_in_time_and_not_before() {
@@ -158,6 +161,28 @@ mod tests {
     }
 
     #[test]
+    fn a_long_header_that_was_lost_goes_with_the_word_of_giving_up() {
+        let format = Format { header: 1000, ..FORMAT };
+        let mut outbox = Outbox { format, ..sender(Some(50)) };
+        let header = FixedBytes::from_elem(9, 1000);
+        outbox.put(&FrameMessage::Begin { frame: FrameNumber(0), header }, PATH);
+        outbox.put(&FrameMessage::Batch(vec![1; 400].into()), PATH);
+        let end = FrameEnd { frame: FrameNumber(0), items: 100, hash: 5 };
+        outbox.put(&FrameMessage::End(end), PATH);
+        outbox.expire(at(0), at(5));
+        while again(&mut outbox).is_some() {}
+        outbox.on_ack(0, 0..3, false);
+        outbox.expire(at(50), at(55));
+        let mut out = Vec::new();
+        assert_eq!(outbox.write_next(1172, 1172, &mut out), Some(Content::GiveUp { unit: 0 }));
+        let Ok(Chunk::GiveUp { about, head, .. }) = Chunk::read(&mut Reader::new(&out), &format) else {
+            panic!("{out:?}")
+        };
+        assert_eq!((about.length, about.sent, head.len()), (1408, 1408, 1005));
+        assert!(head[5..].iter().all(|byte| *byte == 9), "{head:?}");
+    }
+
+    #[test]
     fn a_frame_that_was_given_up_is_not_confirmed_by_what_still_arrives_of_it() {
         let mut outbox = sender(Some(50));
         (0..2).for_each(|number| frame(&mut outbox, number));
@@ -181,11 +206,11 @@ mod tests {
     /// A frame of so many bytes in parts of a hundred, and two repair shards or more; all of them sent.
     fn repaired(bytes: usize) -> (Outbox, Vec<Content>) {
         let mut outbox = Outbox { repair: Budget::new(Repair::On, 100), ..sender(None) };
-        let (path, ids) = (Path { shard: 100, loss: 0.0 }, vec![1; bytes - 80]);
+        let (path, items) = (Path { shard: 100, loss: 0.0 }, vec![1; bytes - 80]);
         begin(&mut outbox, 7, path);
-        outbox.put(FrameMessage::Ids(IdBatch::new(ids.into()).unwrap()), path);
-        let end = FrameEnd { frame: FrameNumber(7), ids: (bytes as u32 - 80) / 4, hash: 5 };
-        outbox.put(FrameMessage::End(end), path);
+        outbox.put(&FrameMessage::Batch(items.into()), path);
+        let end = FrameEnd { frame: FrameNumber(7), items: (bytes as u32 - 80) / 4, hash: 5 };
+        outbox.put(&FrameMessage::End(end), path);
         let sent = std::iter::from_fn(|| again(&mut outbox)).collect();
         (outbox, sent)
     }

@@ -223,7 +223,7 @@ mod tests {
     #[test]
     fn shards_are_as_small_as_makes_their_repair_affordable() {
         let budget = Budget::new(Repair::Auto, 15);
-        // 4,000 ids: 12 packets at the usual size, of which two of repair would be a sixth.
+        // 16 kB: 12 packets at the usual size, of which two of repair would be a sixth.
         assert_eq!(budget.shard(16_080, path(1376, 0.01)), 1072, "15 and two");
         assert_eq!(budget.shard(16_080, path(1136, 0.01)), 1072, "15 alike and two");
         assert_eq!(budget.shard(16_080, path(1376, 0.0021)), 1152, "14 and one, rather than 12 and two");

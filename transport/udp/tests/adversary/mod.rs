@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use bytes::BytesMut;
 use trimaran_net::Instant;
-use trimaran_proto::{Camera, FrameEnd, FrameMessage, FrameNumber, FrameStart, IdBatch, Message};
-use trimaran_udp::{Config, Connection, ConnectionId};
+use trimaran_udp::{Connection, ConnectionId};
+use trimaran_wire::{FrameEnd, FrameMessage, FrameNumber};
 
-use crate::wire::{Block, acknowledgement, give_up, part, repair, sealed, varint};
+use crate::wire::{Block, acknowledgement, begin, config, give_up, part, repair, sealed, varint};
 
 pub const HERE: ConnectionId = ConnectionId(10);
 pub const THERE: ConnectionId = ConnectionId(20);
@@ -39,7 +39,7 @@ pub struct Victim {
 
 impl Victim {
     pub fn new() -> Self {
-        let mut connection = Connection::plaintext(start(), HERE, THERE, Config::default());
+        let mut connection = Connection::plaintext(start(), HERE, THERE, config());
         connection.follow(at(1), [7; 32]);
         Self { connection, now: start(), out: Vec::new() }
     }
@@ -94,12 +94,10 @@ impl Packets {
     }
 }
 
-/// The beginning of a frame.
-fn begin() -> Vec<u8> {
-    let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(0)).unwrap();
+/// The beginning of a frame, as its unit begins.
+fn beginning() -> Vec<u8> {
     let mut bytes = BytesMut::new();
-    let frame = FrameStart { frame: FrameNumber(0), camera };
-    Message::Frame(FrameMessage::Begin(frame)).encode(&mut bytes);
+    begin(0).encode(&mut bytes);
     bytes.to_vec()
 }
 
@@ -132,7 +130,7 @@ pub fn attacks(times: u64) -> Vec<Attack> {
         ends_of_units(times),
         acknowledgements(times),
         answers_to_no_question(times),
-        endings_of_the_cameras(times),
+        endings_of_the_latest_lane(times),
         pings_in_packets_of_their_own(times),
     ]
 }
@@ -216,7 +214,7 @@ fn repair_without_an_end(times: u64) -> Attack {
 fn a_byte_at_the_end_of_the_window(times: u64) -> Attack {
     let mut packets = Packets::default();
     for unit in 0..times.min(200) {
-        packets.push(&part(unit, 0, 0, &begin()));
+        packets.push(&part(unit, 0, 0, &beginning()));
         packets.push(&part(unit, WINDOW - 1, 0, &[1]));
         packets.push(&give_up(unit, WINDOW));
         // Each frame makes room for the next one once it was read.
@@ -233,16 +231,16 @@ fn bytes_backwards(times: u64) -> Attack {
     Attack { name: "bytes with gaps, backwards", before: Vec::new(), packets: packets.take() }
 }
 
-/// Ids with gaps between them, passed on once the frame is given up.
+/// Items with gaps between them, passed on once the frame is given up.
 fn bytes_with_gaps(times: u64) -> Attack {
     let mut packets = Packets::default();
     for unit in 0..times.div_ceil(4000) {
-        packets.push(&part(unit, 0, 0, &begin()));
+        packets.push(&part(unit, 0, 0, &beginning()));
         (0..4000).for_each(|at| packets.push(&part(unit, 88 + at * 8, 0, &[1; 4])));
         packets.push(&give_up(unit, 40_000));
         packets.flush();
     }
-    Attack { name: "ids with gaps, given up", before: Vec::new(), packets: packets.take() }
+    Attack { name: "items with gaps, given up", before: Vec::new(), packets: packets.take() }
 }
 
 /// The last unit that may be sent, in packets of their own; and all units before it end.
@@ -289,10 +287,10 @@ fn answers_to_no_question(times: u64) -> Attack {
     Attack { name: "challenges and responses", before: Vec::new(), packets: packets.take() }
 }
 
-fn endings_of_the_cameras(times: u64) -> Attack {
+fn endings_of_the_latest_lane(times: u64) -> Attack {
     let mut packets = Packets::default();
-    (0..times).for_each(|_| packets.push(&[0x11, 9, 5, 0, 4, 1, 0, 0, 0]));
-    Attack { name: "last cameras", before: Vec::new(), packets: packets.take() }
+    (0..times).for_each(|_| packets.push(&[0x11, 9, 6, 0, 4, 2, 0, 0, 0, 0]));
+    Attack { name: "last values", before: Vec::new(), packets: packets.take() }
 }
 
 fn pings_in_packets_of_their_own(times: u64) -> Attack {
@@ -305,12 +303,12 @@ fn pings_in_packets_of_their_own(times: u64) -> Attack {
 }
 
 /// Frames as an honest peer sends them.
-pub fn ordinary(frames: u32, ids: u32) -> Attack {
-    let mut sender = Connection::plaintext(start(), THERE, HERE, Config::default());
-    let mut receiver = Connection::plaintext(start(), HERE, THERE, Config::default());
+pub fn ordinary(frames: u32, items: u32) -> Attack {
+    let mut sender = Connection::plaintext(start(), THERE, HERE, config());
+    let mut receiver = Connection::plaintext(start(), HERE, THERE, config());
     let (mut now, mut out, mut packets) = (start(), Vec::new(), Vec::new());
     for frame in 0..frames {
-        send_frame(&mut sender, frame, ids);
+        send_frame(&mut sender, frame, items);
         while !sender.is_drained() {
             now = now.after(Duration::from_millis(1));
             while sender.poll_transmit(now, &mut out) {
@@ -328,14 +326,13 @@ pub fn ordinary(frames: u32, ids: u32) -> Attack {
     Attack { name: "ordinary frames", before: Vec::new(), packets }
 }
 
-pub fn send_frame(sender: &mut Connection, frame: u32, ids: u32) {
-    let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(frame)).unwrap();
-    sender.send(FrameMessage::Begin(FrameStart { frame: FrameNumber(frame), camera }));
-    for first in (0..ids).step_by(256) {
-        let bytes: Vec<u8> = (first..ids.min(first + 256)).flat_map(u32::to_le_bytes).collect();
-        sender.send(FrameMessage::Ids(IdBatch::new(bytes.into()).unwrap()));
+pub fn send_frame(sender: &mut Connection, frame: u32, items: u32) {
+    sender.send(&begin(frame));
+    for first in (0..items).step_by(256) {
+        let bytes: Vec<u8> = (first..items.min(first + 256)).flat_map(u32::to_le_bytes).collect();
+        sender.send(&FrameMessage::Batch(bytes.into()));
     }
-    sender.send(FrameMessage::End(FrameEnd { frame: FrameNumber(frame), ids, hash: 0 }));
+    sender.send(&FrameMessage::End(FrameEnd { frame: FrameNumber(frame), items, hash: 0 }));
 }
 
 /// A sender of small frames, all of which its peer acknowledges but the first: what is kept behind it, and

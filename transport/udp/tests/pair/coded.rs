@@ -1,10 +1,10 @@
-//! Ids as changes: fewer bytes, and no frame that another one's loss could spoil.
+//! Batches as changes: fewer bytes, and no frame that another one's loss could spoil.
 
 use std::time::Duration;
 
 use proptest::prelude::*;
-use trimaran_proto::{BatchSize, DrawableId, FrameNumber, IdCoding};
 use trimaran_udp::{Config, Connection};
+use trimaran_wire::{BatchSize, FrameNumber};
 
 use crate::network::{CLEAN, Network, Pair, SEALED};
 use crate::talk::{DEADLINE, RELIABLE, Reader, Sender, converse};
@@ -13,41 +13,41 @@ use crate::talk::{DEADLINE, RELIABLE, Reader, Sender, converse};
 const PAUSE: Duration = Duration::from_micros(16_667);
 
 const fn as_changes(config: Config) -> Config {
-    Config { coding: IdCoding::Changes, ..config }
+    Config { coded: true, ..config }
 }
 
-/// A walk: each frame has lost some ids of the one before and won some others; once in a while everything is
-/// new.
-fn walk(frames: usize, size: u32, changed: u32, seed: u64) -> Vec<Vec<DrawableId>> {
+/// A walk: each frame has lost some items of the one before and won some others; once in a while everything
+/// is new.
+fn walk(frames: usize, size: u32, changed: u32, seed: u64) -> Vec<Vec<u32>> {
     let mut state = seed;
     let mut next = |below: u32| {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         ((state >> 33) as u32) % below.max(1)
     };
-    let mut ids = std::collections::BTreeSet::new();
+    let mut items = std::collections::BTreeSet::new();
     (0..frames)
         .map(|frame| {
             if frame % 50 == 0 {
-                ids = (0..size).map(|id| id * 40 + next(40)).collect();
+                items = (0..size).map(|item| item * 40 + next(40)).collect();
             }
             for _ in 0..changed {
-                let lost = ids.iter().nth(next(size) as usize).copied();
-                lost.map(|id| ids.remove(&id));
-                ids.insert(next(size * 40));
+                let lost = items.iter().nth(next(size) as usize).copied();
+                lost.map(|item| items.remove(&item));
+                items.insert(next(size * 40));
             }
-            ids.iter().copied().map(DrawableId).collect()
+            items.iter().copied().collect()
         })
         .collect()
 }
 
 #[test]
-fn a_walk_takes_a_tenth_of_the_bytes_and_repeats_every_id() {
+fn a_walk_takes_a_tenth_of_the_bytes_and_repeats_every_item() {
     let frames = walk(100, 4000, 20, 1);
     for config in [RELIABLE, DEADLINE] {
         let bytes = [config, as_changes(config)].map(|config| {
             let (pair, reader) = converse(SEALED, config, &frames, PAUSE);
             assert_eq!(reader.gaps, []);
-            assert_eq!(reader.coded > 0, config.coding == IdCoding::Changes);
+            assert_eq!(reader.coded > 0, config.coded);
             pair.bytes[0]
         });
         assert!(bytes[1] * 10 <= bytes[0], "{bytes:?}");
@@ -56,9 +56,9 @@ fn a_walk_takes_a_tenth_of_the_bytes_and_repeats_every_id() {
 
 #[test]
 fn with_deadlines_changes_refer_to_what_was_confirmed_whatever_else_was_lost() {
-    let frames = walk(300, 2000, 30, 2);
+    let frames = walk(300, 500, 10, 2);
     let config =
-        Config { repair_percent: 0, patience: Some(Duration::from_millis(9)), ..as_changes(RELIABLE) };
+        Config { repair_percent: 0, patience: Some(Duration::from_millis(17)), ..as_changes(RELIABLE) };
     let (pair, reader) = converse(Network { loss: 200, ..SEALED }, config, &frames, PAUSE);
     assert!(reader.gaps.len() > 40, "{} frames with gaps", reader.gaps.len());
     assert!(reader.coded > 40, "{} batches as changes", reader.coded);
@@ -71,8 +71,8 @@ fn a_frame_is_confirmed_once_all_of_it_was_acknowledged() {
     let config = as_changes(DEADLINE);
     let mut pair = Pair::new(CLEAN, config);
     let (mut sender, mut reader) = (Sender::new(config), Reader::default());
-    let ids: Vec<DrawableId> = (0..4000).map(|id| DrawableId(id * 1000)).collect();
-    sender.send(&mut pair.ends[0], 7, &ids);
+    let items: Vec<u32> = (0..4000).map(|item| item * 1000).collect();
+    sender.send(&mut pair.ends[0], 7, &items);
     assert_eq!(pair.ends[0].confirmed_frame(), None);
     while !pair.ends[0].is_drained() {
         assert_eq!(pair.ends[0].confirmed_frame(), None, "only a part has arrived");
@@ -80,13 +80,13 @@ fn a_frame_is_confirmed_once_all_of_it_was_acknowledged() {
     }
     assert_eq!(pair.ends[0].confirmed_frame(), Some(FrameNumber(7)));
     let before = pair.bytes[0];
-    sender.send(&mut pair.ends[0], 8, &ids);
+    sender.send(&mut pair.ends[0], 8, &items);
     while !pair.ends[0].is_drained() {
         assert!(pair.step(pair.now.after(Duration::from_secs(1))));
     }
     assert!(pair.bytes[0] - before < 300, "{} bytes for a frame without a change", pair.bytes[0] - before);
     reader.read(&mut pair.ends[1]);
-    assert_eq!(reader.frames, [ids.clone(), ids]);
+    assert_eq!(reader.frames, [items.clone(), items]);
 }
 
 #[test]
@@ -94,7 +94,7 @@ fn a_frame_that_was_given_up_is_never_confirmed() {
     let config = Config { patience: Some(Duration::from_millis(8)), ..as_changes(RELIABLE) };
     let mut pair = Pair::new(Network { loss: 1000, ..CLEAN }, config);
     let mut sender = Sender::new(config);
-    sender.send(&mut pair.ends[0], 0, &[DrawableId(1)]);
+    sender.send(&mut pair.ends[0], 0, &[1]);
     let until = pair.now.after(Duration::from_millis(50));
     while pair.step(until) {}
     pair.network.loss = 0;

@@ -7,7 +7,7 @@ use trimaran_net::Instant;
 use trimaran_udp::{Config, Repair};
 
 use crate::network::{Network, ONE_WAY, Pair, SEALED};
-use crate::talk::{RELIABLE, Reader, Sender, ids};
+use crate::talk::{RELIABLE, Reader, Sender, items};
 
 /// What UDP and IPv4 add to a packet, bytes.
 const BELOW: u64 = 28;
@@ -79,11 +79,11 @@ impl Runs {
     }
 }
 
-/// Sixty frames of 4,000 ids a second, and nothing else.
+/// Sixty frames of 4,000 items a second, and nothing else.
 fn run(network: Network, config: Config) -> (Pair, Reader) {
     let mut pair = Pair::new(network, config);
     let (mut sender, mut reader) = (Sender::new(config), Reader::default());
-    let ids = ids(4000);
+    let items = items(4000);
     for frame in 0..=FRAMES {
         let due = Instant::from_nanos(u64::from(frame) * 1_000_000_000 / 60);
         let wake = if frame < FRAMES { due } else { due.after(Duration::from_secs(2)) };
@@ -93,7 +93,7 @@ fn run(network: Network, config: Config) -> (Pair, Reader) {
         }
         if frame < FRAMES {
             reader.begun.push(pair.now);
-            sender.send(&mut pair.ends[0], frame, &ids);
+            sender.send(&mut pair.ends[0], frame, &items);
         }
     }
     (pair, reader)

@@ -1,26 +1,28 @@
 //! Two ends in virtual time, over a network that loses, doubles, delays and breaks.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
+mod changes;
 mod coded;
 mod lossy;
 mod moving;
 mod network;
 mod paused;
+mod sizes;
 mod talk;
 
 use std::time::Duration;
 
 use proptest::prelude::*;
 use trimaran_net::Instant;
-use trimaran_proto::BatchSize;
 use trimaran_udp::{Closed, Config, Connection, MIN_DATAGRAM};
+use trimaran_wire::BatchSize;
 
 use network::{CLEAN, Network, ONE_WAY, Pair, SEALED};
-use talk::{DEADLINE, RELIABLE, Reader, Sender, camera, converse, deliver, ids, of_sizes, stream};
+use talk::{DEADLINE, RELIABLE, Reader, Sender, config, converse, deliver, items, of_sizes, stream, value};
 
 #[test]
 fn a_frame_takes_one_trip_and_nothing_is_sent_twice_on_a_clean_path() {
-    let pair = deliver(CLEAN, Config::default(), &[2000]);
+    let pair = deliver(CLEAN, config(), &[2000]);
     assert_eq!(pair.ends[0].stats().lost, 0);
     assert!(pair.sent <= 14, "{} packets for 8 kB", pair.sent);
 }
@@ -43,38 +45,38 @@ fn the_handshake_shows_both_ends_how_long_a_round_trip_takes() {
 #[test]
 fn frames_of_every_size_arrive() {
     for batch in [1, 10, 256, 16_384] {
-        let config = Config { batch: BatchSize::new(batch).unwrap(), ..Config::default() };
+        let config = Config { batch: BatchSize::new(batch).unwrap(), ..config() };
         deliver(CLEAN, config, &[0, 1, batch - 1, batch, batch + 1, 4000, 200_000]);
     }
 }
 
 #[test]
 fn more_than_the_window_passes() {
-    let config = Config { window: 64 << 10, send_buffer: 32 << 10, ..Config::default() };
+    let config = Config { window: 64 << 10, send_buffer: 32 << 10, ..config() };
     deliver(Network { loss: 20, ..CLEAN }, config, &[100_000, 0, 50_000]);
 }
 
 #[test]
 fn more_units_than_may_be_under_way_pass() {
-    deliver(Network { loss: 20, ..CLEAN }, Config::default(), &[0; 3000]);
+    deliver(Network { loss: 20, ..CLEAN }, config(), &[0; 3000]);
 }
 
 #[test]
-fn the_last_camera_arrives_although_nothing_follows() {
-    let mut pair = Pair::new(Network { loss: 500, ..CLEAN }, Config::default());
-    pair.ends[0].publish(camera(7));
+fn the_last_value_arrives_although_nothing_follows() {
+    let mut pair = Pair::new(Network { loss: 500, ..CLEAN }, config());
+    pair.ends[0].publish(value(7));
     let end = Instant::from_nanos(0).after(Duration::from_secs(19));
     let mut read = None;
     while read.is_none() && pair.step(end) {
         read = pair.ends[1].latest();
     }
-    assert_eq!(read, Some(camera(7)));
+    assert_eq!(read, Some(value(7)));
 }
 
 #[test]
 fn a_dead_path_ends_after_the_lease_and_a_live_one_does_not() {
     let lease = Duration::from_secs(2);
-    let config = Config { lease, ..Config::default() };
+    let config = Config { lease, ..config() };
     let end = Instant::from_nanos(0).after(Duration::from_secs(60));
     let mut pair = Pair::new(CLEAN, config);
     while pair.step(end) {}
@@ -86,7 +88,7 @@ fn a_dead_path_ends_after_the_lease_and_a_live_one_does_not() {
 
 #[test]
 fn a_close_is_told_and_ends_the_other_side() {
-    let mut pair = Pair::new(CLEAN, Config::default());
+    let mut pair = Pair::new(CLEAN, config());
     pair.ends[0].close();
     while pair.step(Instant::from_nanos(0).after(Duration::from_secs(1))) {}
     assert_eq!(pair.ends[0].closed(), Some(&Closed::Here));
@@ -95,19 +97,19 @@ fn a_close_is_told_and_ends_the_other_side() {
 
 #[test]
 fn sealed_frames_arrive_although_losses_come_in_bursts() {
-    let pair = deliver(Network { bursts: 10, ..SEALED }, Config::default(), &[0, 200_000, 1, 100_000]);
+    let pair = deliver(Network { bursts: 10, ..SEALED }, config(), &[0, 200_000, 1, 100_000]);
     assert!(pair.burst_losses >= 10, "{} lost", pair.burst_losses);
     assert!(pair.ends[0].stats().lost > 0);
 }
 
 #[test]
 fn sealed_packets_fill_the_narrowest_path_and_no_more() {
-    let config = Config { max_datagram: MIN_DATAGRAM, ..Config::default() };
+    let config = Config { max_datagram: MIN_DATAGRAM, ..config() };
     let pair = deliver(SEALED, config, &[20_000]);
     assert!((MIN_DATAGRAM - 36..=MIN_DATAGRAM).contains(&pair.longest), "{} bytes", pair.longest);
     let mut narrow = Pair::new(Network { mtu: pair.longest - 1, ..SEALED }, config);
     let mut reader = Reader::default();
-    Sender::new(config).send(&mut narrow.ends[0], 0, &ids(20_000));
+    Sender::new(config).send(&mut narrow.ends[0], 0, &items(20_000));
     let end = Instant::from_nanos(0).after(Duration::from_secs(60));
     while narrow.step(end) {
         reader.read(&mut narrow.ends[1]);
@@ -118,23 +120,23 @@ fn sealed_packets_fill_the_narrowest_path_and_no_more() {
 #[test]
 fn a_lost_close_is_told_again_to_who_goes_on() {
     for network in [CLEAN, SEALED] {
-        let mut pair = Pair::new(Network { loss: 1000, ..network }, Config::default());
+        let mut pair = Pair::new(Network { loss: 1000, ..network }, config());
         pair.ends[0].close();
         pair.ends[0].close();
         pair.transmit();
         assert_eq!(pair.sent, 1, "two calls, one packet");
         pair.network.loss = 0;
-        pair.ends[1].publish(camera(1));
+        pair.ends[1].publish(value(1));
         while pair.step(Instant::from_nanos(0).after(Duration::from_secs(1))) {}
         assert_eq!(pair.ends[1].closed(), Some(&Closed::Peer));
-        assert_eq!(pair.sent, 3, "the camera and one more close");
+        assert_eq!(pair.sent, 3, "the value and one more close");
         assert_eq!(pair.ends[0].closed(), Some(&Closed::Here));
     }
 }
 
 #[test]
 fn closes_that_cross_are_not_answered() {
-    let mut pair = Pair::new(SEALED, Config::default());
+    let mut pair = Pair::new(SEALED, config());
     pair.ends.iter_mut().for_each(Connection::close);
     while pair.step(Instant::from_nanos(0).after(Duration::from_secs(1))) {}
     assert_eq!((pair.sent, pair.flying.len()), (2, 0));
@@ -192,7 +194,7 @@ fn what_cannot_arrive_in_time_is_given_up_and_the_rest_is_passed_on() {
         reader.gaps.iter().map(|(at, expected)| *expected as usize - reader.frames[*at].len()).sum();
     assert!(
         missing < reader.gaps.len() * 900,
-        "{missing} ids in {} frames: packets of them",
+        "{missing} items in {} frames: packets of them",
         reader.gaps.len()
     );
 
@@ -219,9 +221,9 @@ fn a_deadline_before_anything_can_have_come_is_known_once_the_way_was_measured()
 /// Nothing is acknowledged, so that the window stays as it was at first.
 #[test]
 fn no_more_is_under_way_than_the_congestion_window_allows() {
-    let mut pair = Pair::new(CLEAN, Config::default());
+    let mut pair = Pair::new(CLEAN, config());
     pair.deaf = true;
-    Sender::new(Config::default()).send(&mut pair.ends[0], 0, &ids(100_000));
+    Sender::new(config()).send(&mut pair.ends[0], 0, &items(100_000));
     let end = pair.now.after(Duration::from_secs(10));
     while pair.ends[0].stats().probes == 0 {
         assert!(pair.step(end), "nothing is found missing");
@@ -243,7 +245,7 @@ fn a_wider_path_is_found_and_a_narrower_one_too() {
     );
     assert_eq!(pair.ends[0].stats().lost, 0, "lost probes are no losses");
     pair.network.mtu = 1200;
-    Sender::new(RELIABLE).send(&mut pair.ends[0], 10_000, &ids(4000));
+    Sender::new(RELIABLE).send(&mut pair.ends[0], 10_000, &items(4000));
     let end = pair.now.after(Duration::from_secs(19));
     while !pair.ends[0].is_drained() {
         assert!(pair.step(end), "{:?}", pair.ends);
@@ -254,17 +256,17 @@ fn a_wider_path_is_found_and_a_narrower_one_too() {
 #[test]
 fn a_peer_that_acknowledges_nothing_is_given_up_and_costs_no_more() {
     let lease = Duration::from_secs(5);
-    let config = Config { lease, ..Config::default() };
+    let config = Config { lease, ..config() };
     let mut pair = Pair::new(CLEAN, config);
     pair.deaf = true;
-    pair.ends[0].publish(camera(0));
+    pair.ends[0].publish(value(0));
     // It goes on to send, so it is not silent.
     let mut frame = 0;
     while pair.ends[0].closed().is_none()
         && pair.step_until(pair.now.after(Duration::from_millis(100)), Instant::from_nanos(u64::MAX))
     {
         frame += 1;
-        pair.ends[1].publish(camera(frame));
+        pair.ends[1].publish(value(frame));
         assert!(pair.now < Instant::from_nanos(0).after(lease * 2));
     }
     assert_eq!(pair.ends[0].closed(), Some(&Closed::Deaf(lease)));
@@ -279,7 +281,7 @@ proptest! {
         bursts in prop::sample::select(vec![0u64, 10]), sealed: bool, seed: u64, repair_percent in 0u8..60,
         sizes in prop::collection::vec(0u32..6000, 1..12),
     ) {
-        let config = Config { repair_percent, ..Config::default() };
+        let config = Config { repair_percent, ..config() };
         deliver(Network { loss, twice, late, broken, bursts, sealed, seed, ..CLEAN }, config, &sizes);
     }
 
@@ -301,7 +303,7 @@ proptest! {
 
     #[test]
     fn a_strangers_bytes_change_nothing(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
-        let mut pair = Pair::new(CLEAN, Config::default());
+        let mut pair = Pair::new(CLEAN, config());
         pair.ends[0].handle(pair.now, &bytes);
         let mut out = Vec::new();
         prop_assert!(!pair.ends[0].poll_transmit(pair.now, &mut out));

@@ -10,7 +10,7 @@ use trimaran_net::Instant;
 use trimaran_udp::{Connection, ConnectionId};
 
 use crate::network::{ONE_WAY, introduce};
-use crate::talk::{RELIABLE, Reader, Sender, camera, ids};
+use crate::talk::{RELIABLE, Reader, Sender, items, value};
 
 const FRAME: Duration = Duration::from_micros(16_667);
 const MACHINE: usize = 0;
@@ -23,7 +23,7 @@ fn address(host: u8, port: u16) -> SocketAddr {
 /// A packet on its way: when it arrives, the order of those that arrive together, where from, where to, what.
 type Flight = (Instant, u64, SocketAddr, SocketAddr, Vec<u8>);
 
-/// A machine that sends sixty frames a second and a display that sends as many cameras, 5 ms from each other.
+/// A machine that sends sixty frames a second and a display that sends as many values, 5 ms from each other.
 struct Travel {
     now: Instant,
     ends: [Connection; 2],
@@ -111,15 +111,15 @@ impl Travel {
         }
     }
 
-    /// Goes on for so long; new frames and cameras come if they `talk`.
+    /// Goes on for so long; new frames and values come if they `talk`.
     fn go_on(&mut self, span: Duration, talk: bool) {
         let end = self.now.after(span);
         while self.now < end {
             if talk && self.now >= self.next {
                 self.next = self.now.after(FRAME);
-                self.ends[DISPLAY].publish(camera(self.frame));
+                self.ends[DISPLAY].publish(value(self.frame));
                 self.reader.begun.push(self.now);
-                self.sender.send(&mut self.ends[MACHINE], self.frame, &ids(4000));
+                self.sender.send(&mut self.ends[MACHINE], self.frame, &items(4000));
                 self.frame += 1;
             }
             self.transmit();
@@ -151,8 +151,8 @@ impl Travel {
             self.go_on(Duration::from_millis(10), false);
         }
         assert_eq!(self.reader.frames.len(), self.frame as usize);
-        assert!(self.reader.frames.iter().all(|frame| *frame == ids(4000)));
-        assert_eq!(self.ends[MACHINE].latest(), Some(camera(self.frame - 1)));
+        assert!(self.reader.frames.iter().all(|frame| *frame == items(4000)));
+        assert_eq!(self.ends[MACHINE].latest(), Some(value(self.frame - 1)));
         *self.reader.latencies().last().unwrap()
     }
 }
@@ -245,13 +245,13 @@ fn an_old_packet_from_elsewhere_leads_nowhere() {
     travel.talk();
     // A copy of a packet that has come, and a packet that has not but is not the newest.
     let mut late = Vec::new();
-    travel.ends[DISPLAY].publish(camera(1000));
+    travel.ends[DISPLAY].publish(value(1000));
     assert!(travel.ends[DISPLAY].poll_transmit(travel.now, &mut late));
     travel.ends[DISPLAY].ping();
     travel.go_on(Duration::from_millis(20), false);
     travel.launch(elsewhere, travel.at[MACHINE], ONE_WAY, &late);
     travel.go_on(Duration::from_millis(20), false);
-    assert_eq!(travel.ends[MACHINE].latest(), Some(camera(1000)), "it counts, wherever it came from");
+    assert_eq!(travel.ends[MACHINE].latest(), Some(value(1000)), "it counts, wherever it came from");
     travel.launch(elsewhere, travel.at[MACHINE], ONE_WAY, &late);
     travel.go_on(Duration::from_secs(3), false);
     assert_eq!(travel.ends[MACHINE].remote(), Some(travel.at[DISPLAY]));

@@ -5,7 +5,7 @@ use std::time::Duration;
 use trimaran_net::Instant;
 
 use crate::network::{Network, ONE_WAY, Pair, SEALED};
-use crate::talk::{RELIABLE, Reader, Sender, ids};
+use crate::talk::{RELIABLE, Reader, Sender, items};
 
 /// More than a frame's time, and more than a round trip.
 const PAUSE: Duration = Duration::from_millis(20);
@@ -14,7 +14,7 @@ const PAUSE: Duration = Duration::from_millis(20);
 fn latencies(count: u32, network: Network) -> Vec<Duration> {
     let mut pair = Pair::new(network, RELIABLE);
     let (mut sender, mut reader) = (Sender::new(RELIABLE), Reader::default());
-    let ids = ids(4000);
+    let items = items(4000);
     let due = |frame: u32| Instant::from_nanos(u64::from(frame) * 1_000_000_000 / 60);
     let mut frames = 0..count;
     while reader.frames.len() < count as usize {
@@ -23,7 +23,7 @@ fn latencies(count: u32, network: Network) -> Vec<Duration> {
             && let Some(frame) = frames.next()
         {
             reader.begun.push(pair.now);
-            sender.send(&mut pair.ends[0], frame, &ids);
+            sender.send(&mut pair.ends[0], frame, &items);
         }
         pair.transmit();
         pair.asleep_until = pair.now.after(PAUSE);

@@ -2,69 +2,72 @@
 
 use std::time::Duration;
 
+use bytes::Bytes;
 use trimaran_net::Instant;
-use trimaran_proto::{
-    BatchSize, Camera, Delivery, DrawableId, FrameAssembler, FrameEvent, FrameNumber, FrameOutcome,
-    FrameStart, FrameWriter, Goodbye, IdCoding, IdDecoder, IdEncoder, Message,
-};
 use trimaran_udp::{Config, Congestion, Connection, Received, Repair};
+use trimaran_wire::{
+    Batch, BatchSize, CloseReason, FixedBytes, Format, FrameAssembler, FrameMessage, FrameNumber,
+    FrameOutcome, FrameStep, FrameWriter,
+};
 
+use crate::changes::{Changes, count};
 use crate::network::{Network, Pair};
 
-pub(crate) fn camera(frame: u32) -> Camera {
-    Camera::new([f64::from(frame), 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(frame))
-        .unwrap()
+/// A value of the latest lane, or the header of a frame.
+pub(crate) fn value(frame: u32) -> FixedBytes {
+    frame.to_le_bytes().into_iter().cycle().take(72).collect()
 }
 
-pub(crate) fn ids(count: u32) -> Vec<DrawableId> {
-    (0..count).map(|i| DrawableId(i.wrapping_mul(2_654_435_761))).collect()
+pub(crate) fn items(count: u32) -> Vec<u32> {
+    (0..count).map(|i| i.wrapping_mul(2_654_435_761)).collect()
 }
 
 /// A sender of frames.
 pub(crate) struct Sender {
-    writer: FrameWriter,
-    encoder: Option<IdEncoder>,
+    writer: FrameWriter<u32>,
+    /// The frames that batches may refer to, where they are coded.
+    changes: Option<Changes>,
+    /// Whether every frame arrives.
+    reliable: bool,
 }
 
 impl Sender {
     pub(crate) fn new(config: Config) -> Self {
-        let delivery = if config.patience.is_none() { Delivery::Ordered } else { Delivery::Lossy };
-        let encoder = (config.coding == IdCoding::Changes).then(|| IdEncoder::new(delivery));
-        Self { writer: FrameWriter::new(config.batch), encoder }
+        let changes = config.coded.then(Changes::default);
+        Self { writer: FrameWriter::new(config.batch), changes, reliable: config.patience.is_none() }
     }
 
-    pub(crate) fn send(&mut self, end: &mut Connection, frame: u32, ids: &[DrawableId]) {
-        if let (Some(encoder), Some(confirmed)) = (&mut self.encoder, end.confirmed_frame()) {
-            encoder.confirm(confirmed);
-        }
-        let Self { writer, encoder } = self;
+    pub(crate) fn send(&mut self, end: &mut Connection, frame: u32, items: &[u32]) {
+        let Self { writer, changes, reliable } = self;
+        let newest = changes.as_ref().and_then(Changes::newest);
+        let reference = if *reliable { newest } else { end.confirmed_frame() };
         let mut send = |message| {
-            let message = match encoder {
-                Some(encoder) => encoder.encode(message),
-                None => Message::Frame(message),
+            let coded = match (&changes, &message) {
+                (Some(changes), FrameMessage::Batch(bytes)) => changes.encode(reference, bytes),
+                _ => None,
             };
-            match message {
-                Message::Coded(batch) => end.send_coded(batch),
-                Message::Frame(message) => end.send(message),
-                other => panic!("{other:?}"),
-            }
+            end.send(&coded.map_or(message, FrameMessage::Coded));
         };
-        let start = FrameStart { frame: FrameNumber(frame), camera: camera(frame) };
-        send(writer.begin(start).unwrap());
-        writer.push(ids, &mut send).unwrap();
+        writer.begin(FrameNumber(frame)).unwrap();
+        send(FrameMessage::Begin { frame: FrameNumber(frame), header: value(frame) });
+        writer.push(items, &mut send).unwrap();
         writer.finish(&mut send).unwrap();
+        if let Some(changes) = changes {
+            changes.remember(FrameNumber(frame), items);
+        }
     }
 }
 
-/// Reads what is there; gives the complete frames' ids.
+/// Reads what is there; gives the complete frames' items.
 pub(crate) struct Reader {
     assembler: FrameAssembler,
-    decoder: IdDecoder,
+    /// The frames that batches may refer to.
+    changes: Changes,
     /// How many batches came as changes.
     pub(crate) coded: usize,
-    ids: Vec<DrawableId>,
-    pub(crate) frames: Vec<Vec<DrawableId>>,
-    /// Which frames had gaps, and how many ids they should have had.
+    items: Vec<u32>,
+    pub(crate) frames: Vec<Vec<u32>>,
+    /// Which frames had gaps, and how many items they should have had.
     pub(crate) gaps: Vec<(usize, u32)>,
     pub(crate) ended: Option<Received>,
     pub(crate) now: Instant,
@@ -76,9 +79,9 @@ impl Default for Reader {
     fn default() -> Self {
         Self {
             assembler: FrameAssembler::new(u32::MAX),
-            decoder: IdDecoder::new(u32::MAX),
+            changes: Changes::default(),
             coded: 0,
-            ids: Vec::new(),
+            items: Vec::new(),
             frames: Vec::new(),
             gaps: Vec::new(),
             ended: None,
@@ -101,32 +104,40 @@ impl Reader {
     pub(crate) fn read(&mut self, end: &mut Connection) {
         while let Some(item) = end.recv() {
             assert_eq!(self.ended, None, "nothing comes after the end");
-            let message = match item {
-                Received::Frame(message) => self.decoder.plain(message),
-                Received::Coded(batch) => {
+            match item {
+                Received::Frame(FrameMessage::Begin { frame, header }) => {
+                    assert_eq!(header, value(frame.0));
+                    self.assembler.take(FrameStep::Begin(frame)).unwrap();
+                }
+                Received::Frame(FrameMessage::Batch(bytes)) => self.take(bytes),
+                Received::Frame(FrameMessage::Coded(bytes)) => {
                     self.coded += 1;
-                    self.decoder.coded(&batch).unwrap()
+                    let plain = self.changes.decode(&bytes);
+                    assert_eq!(count(&bytes), Some(plain.len() / 4));
+                    self.take(plain);
                 }
-                end => {
-                    self.ended = Some(end);
-                    continue;
-                }
-            };
-            match self.assembler.take(message).unwrap() {
-                FrameEvent::Ids(batch) => self.ids.extend(batch.iter()),
-                FrameEvent::End(FrameOutcome::Complete(_)) => {
+                Received::Frame(FrameMessage::End(end)) => {
+                    let outcome = self.assembler.take(FrameStep::End(end)).unwrap();
+                    match outcome.unwrap() {
+                        FrameOutcome::Complete(_) => self.changes.remember(end.frame, &self.items),
+                        FrameOutcome::Incomplete { expected, received, .. } => {
+                            assert_eq!(received as usize, self.items.len());
+                            self.gaps.push((self.frames.len(), expected));
+                        }
+                    }
                     self.over.push(self.now);
-                    self.frames.push(std::mem::take(&mut self.ids));
+                    self.frames.push(std::mem::take(&mut self.items));
                 }
-                FrameEvent::End(FrameOutcome::Incomplete { expected, received, .. }) => {
-                    assert_eq!(received as usize, self.ids.len());
-                    self.over.push(self.now);
-                    self.gaps.push((self.frames.len(), expected));
-                    self.frames.push(std::mem::take(&mut self.ids));
-                }
-                FrameEvent::Begin(_) | FrameEvent::Stats(_) => {}
+                end => self.ended = Some(end),
             }
         }
+    }
+
+    fn take(&mut self, bytes: Bytes) {
+        let batch = Batch::<u32>::new(bytes).unwrap();
+        let step = FrameStep::Batch { items: batch.count(), bytes: batch.as_bytes() };
+        self.assembler.take(step).unwrap();
+        self.items.extend(batch.iter());
     }
 }
 
@@ -138,16 +149,16 @@ pub(crate) fn deliver(network: Network, config: Config, sizes: &[u32]) -> Pair {
 }
 
 /// Frames of these sizes.
-pub(crate) fn of_sizes(sizes: &[u32]) -> Vec<Vec<DrawableId>> {
-    sizes.iter().map(|size| ids(*size)).collect()
+pub(crate) fn of_sizes(sizes: &[u32]) -> Vec<Vec<u32>> {
+    sizes.iter().map(|size| items(*size)).collect()
 }
 
-/// Sends frames, one after each `pause`, and a goodbye. The end must arrive, and of each frame its ids in
+/// Sends frames, one after each `pause`, and a goodbye. The end must arrive, and of each frame its items in
 /// order, with gaps where the configuration allows them.
 pub(crate) fn converse(
     network: Network,
     config: Config,
-    frames: &[Vec<DrawableId>],
+    frames: &[Vec<u32>],
     pause: Duration,
 ) -> (Pair, Reader) {
     let mut pair = Pair::new(network, config);
@@ -160,12 +171,12 @@ pub(crate) fn converse(
         if pair.ends[0].is_writable() && pair.now >= next {
             next = pair.now.after(pause);
             match waiting.next() {
-                Some((frame, ids)) => {
-                    pair.ends[0].publish(camera(frame));
+                Some((frame, items)) => {
+                    pair.ends[0].publish(value(frame));
                     reader.begun.push(pair.now);
-                    sender.send(&mut pair.ends[0], frame, ids);
+                    sender.send(&mut pair.ends[0], frame, items);
                     if frame as usize + 1 == frames.len() {
-                        pair.ends[0].goodbye(Goodbye::Finished);
+                        pair.ends[0].goodbye(CloseReason::new(0, "over"));
                     }
                 }
                 None if reader.ended.is_some() && pair.ends[0].is_drained() => break,
@@ -183,13 +194,16 @@ pub(crate) fn converse(
         assert_eq!((pair.ends[0].closed(), pair.ends[1].closed()), (None, None));
         reader.now = pair.now;
         reader.read(&mut pair.ends[1]);
-        newest = pair.ends[1].latest().map(|camera| camera.frame()).or(newest);
+        newest = pair.ends[1].latest().or(newest);
     }
-    assert_eq!(reader.ended, Some(Received::Goodbye(Goodbye::Finished)));
+    assert_eq!(reader.ended, Some(Received::Goodbye(CloseReason::new(0, "over"))));
     assert_eq!(reader.frames.len(), frames.len());
     for (got, sent) in reader.frames.iter().zip(frames) {
         let mut all = sent.iter();
-        assert!(got.iter().all(|id| all.any(|sent| sent == id)), "ids that were not sent, or out of order");
+        assert!(
+            got.iter().all(|item| all.any(|sent| sent == item)),
+            "items that were not sent, or out of order"
+        );
     }
     let whole = reader.frames.iter().zip(frames).filter(|(got, sent)| got == sent).count();
     assert_eq!(whole + reader.gaps.len(), frames.len(), "a frame is whole or known to have gaps");
@@ -197,13 +211,18 @@ pub(crate) fn converse(
         assert!(config.patience.is_some() && *expected as usize == frames[*frame].len(), "{frame}");
         assert!(reader.frames[*frame].len() < *expected as usize);
     }
-    assert_eq!(newest, frames.len().checked_sub(1).map(|last| FrameNumber(last as u32)));
+    assert_eq!(newest, frames.len().checked_sub(1).map(|last| value(last as u32)));
     (pair, reader)
 }
 
-/// Frames of 4,000 ids, sixty a second, for `seconds`.
+/// Frames of 4,000 items, sixty a second, for `seconds`.
 pub(crate) fn stream(network: Network, config: Config, seconds: usize) -> (Pair, Reader) {
     converse(network, config, &of_sizes(&vec![4000; 60 * seconds]), Duration::from_micros(16_667))
+}
+
+/// The defaults.
+pub(crate) fn config() -> Config {
+    Config::new(RELIABLE.format)
 }
 
 pub(crate) const DEADLINE: Config = Config { patience: Some(Duration::from_millis(40)), ..RELIABLE };
@@ -219,5 +238,6 @@ pub(crate) const RELIABLE: Config = Config {
     initial_window: 20,
     max_datagram: 1452,
     batch: BatchSize::MAX,
-    coding: IdCoding::Plain,
+    coded: false,
+    format: Format { latest: 72, header: 72, item: 4, count_coded: count },
 };

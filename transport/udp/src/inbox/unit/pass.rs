@@ -1,6 +1,6 @@
 //! What of a unit is passed on: messages, in their order.
 
-use trimaran_wire::{BatchSize, Format, FrameEnd, FrameMessage, FrameNumber, HEADER_BYTES, Kind, Message};
+use trimaran_wire::{Format, FrameEnd, FrameMessage, FrameNumber, HEADER_BYTES, Kind, Message};
 
 use super::{Step, Unit};
 use crate::chunk::{CODED_UNIT, GivenUp, Tail, unit_head};
@@ -12,32 +12,33 @@ use crate::repair::{BLOCK, LARGEST};
 const RETAINED: u64 = (BLOCK * LARGEST) as u64;
 
 impl Unit {
-    /// Whether [`Unit::step`] would not wait.
-    pub(in crate::inbox) fn is_readable(&self, batch: BatchSize, format: &Format) -> bool {
+    /// Whether [`Unit::step`] would not wait. A full batch has `batch` bytes.
+    pub(in crate::inbox) fn is_readable(&self, batch: usize, format: &Format) -> bool {
         let ready = self.ready();
         if self.given_up.is_some() || self.end.is_some_and(|(end, _)| end == self.base + ready) {
             return true;
         }
         match self.frame {
-            None => ready >= unit_head(format, self.first_byte() == Some(CODED_UNIT)) as u64,
+            None => self.frame_head(format).is_some_and(|head| ready >= head as u64),
             Some(_) if self.coded => !matches!(self.message_length(ready as usize, format), Ok(None)),
             Some(_) => {
                 let pause = self.pause.saturating_sub(self.base).min(ready);
-                ready >= format.batch(batch) as u64 || pause >= format.item as u64
+                ready >= batch as u64 || pause >= format.item as u64
             }
         }
     }
 
     pub(in crate::inbox) fn step(
         &mut self,
-        batch: BatchSize,
+        batch: usize,
         buffers: &mut Buffers,
     ) -> Result<Step, LaneViolation> {
         let format = buffers.format;
         let ready = self.ready();
         let ended = self.end.filter(|(end, _)| *end == self.base + ready).map(|(_, tail)| tail);
         let Some(frame) = self.frame else {
-            if self.given_up.is_some_and(|about| ready < unit_head(&format, about.coded.is_some()) as u64) {
+            let begins = self.frame_head(&format).is_some_and(|head| ready >= head as u64);
+            if self.given_up.is_some() && !begins {
                 return Err(LaneViolation::Unit);
             }
             return self.first_step(ready as usize, ended, buffers);
@@ -49,7 +50,7 @@ impl Unit {
             return self.step_over_gaps(frame, about.sent, batch, buffers);
         }
         let pause = self.pause.saturating_sub(self.base).min(ready);
-        let whole = format.batch(batch) as u64;
+        let whole = batch as u64;
         let now = if ready >= whole { whole } else { pause - pause % format.item as u64 };
         if now > 0 {
             return self.items(now as usize, buffers).map(Step::Item);
@@ -123,6 +124,13 @@ impl Unit {
         Ok(Some(HEADER_BYTES + length).filter(|all| *all <= ready))
     }
 
+    /// How many bytes the beginning of the frame has that the unit is, if it is one.
+    fn frame_head(&self, format: &Format) -> Option<usize> {
+        let first = self.first_byte()?;
+        let coded = first == CODED_UNIT;
+        (coded || first == Kind::Begin.code()).then(|| unit_head(format, coded))
+    }
+
     fn first_byte(&self) -> Option<u8> {
         self.store.read(0..self.ready().min(1)).flatten().next().copied()
     }
@@ -137,12 +145,11 @@ impl Unit {
         &mut self,
         frame: FrameNumber,
         sent: u64,
-        batch: BatchSize,
+        batch: usize,
         buffers: &mut Buffers,
     ) -> Result<Step, LaneViolation> {
         let format = buffers.format;
-        let (head, item, most) =
-            (unit_head(&format, false) as u64, format.item as u64, format.batch(batch) as u64);
+        let (head, item, most) = (unit_head(&format, false) as u64, format.item as u64, batch as u64);
         while let Some(piece) = self.store.next_piece(self.base, most + item, &mut buffers.pool) {
             // Items lie one after the other behind the head.
             let whole = |at: u64| at.saturating_sub(head).next_multiple_of(item) + head;
@@ -178,13 +185,12 @@ impl Unit {
     ) -> Result<Step, LaneViolation> {
         let coded = self.first_byte() == Some(CODED_UNIT);
         let format = buffers.format;
-        let begins = coded || self.first_byte() == Some(Kind::Begin.code());
         if self.given_up.is_some_and(|about| about.coded.is_some() != coded) {
             return Err(LaneViolation::Unit);
         }
         let length = match ended {
             Some(_) if ready == 0 => return Ok(Step::Last(Some(Received::Gone))),
-            _ if begins && ready >= unit_head(&format, coded) => unit_head(&format, false),
+            _ if self.frame_head(&format).is_some_and(|head| ready >= head) => unit_head(&format, false),
             Some(_) => ready,
             None => return Ok(Step::Wait),
         };

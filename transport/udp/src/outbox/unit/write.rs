@@ -64,7 +64,8 @@ impl Unit {
         if size > most && (fits_alone || most < self.item as u64) {
             return None;
         }
-        let range = wanted.start..wanted.end.min(wanted.start + (most - most % self.item as u64));
+        let now = if size > most { most - most % self.item as u64 } else { size };
+        let range = wanted.start..wanted.start + now;
         self.lost.remove(&range);
         let first_time = range.end.saturating_sub(self.sent);
         self.sent = self.sent.max(range.end);
