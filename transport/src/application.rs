@@ -55,7 +55,7 @@ pub(crate) trait Application: fmt::Debug + Send + Sync {
     /// What a connecting peer learns of the bytes of an answer.
     fn recognize(&self, theirs: &Bytes) -> Result<Peer, HandshakeError>;
 
-    /// Both ends of lanes within this process: boxed [`inproc::Lanes`] of this protocol.
+    /// Both ends of lanes within this process: boxed `inproc::Lanes` of this protocol.
     fn local_lanes(&self) -> [Box<dyn Any + Send>; 2];
 
     /// Tells protocols apart.
@@ -87,7 +87,7 @@ impl<P: Protocol> fmt::Debug for Side<P> {
 pub struct HelloTooLong(usize);
 
 impl<P: Protocol> Side<P> {
-    pub(crate) fn new(ours: P::Hello) -> Result<Arc<dyn Application>, HelloTooLong> {
+    pub(crate) fn of(ours: P::Hello) -> Result<Arc<dyn Application>, HelloTooLong> {
         // Writing to memory fails for types only that serde cannot describe beforehand: such a hello is empty,
         // and refused by the peer.
         let bytes = postcard::to_stdvec(&ours).unwrap_or_default();

@@ -2,7 +2,6 @@
 
 use std::error::Error;
 use std::io;
-use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -13,7 +12,8 @@ use crate::application::{Application, Side};
 use crate::error::readable;
 use crate::handshake::HandshakeError;
 use crate::link::Parts;
-use crate::{Endpoint, HostPort, Link, Name, Options, inproc, quic, tcp, udp, unix};
+use crate::scheme::scheme_of;
+use crate::{Endpoint, Link, Name, Options};
 use trimaran_net::{Instant, Net, sleep_until, until};
 
 /// The pause after the first attempt; it doubles up to [`LAST_PAUSE`].
@@ -28,6 +28,7 @@ pub(crate) struct Introduction<'o> {
     pub(crate) session: SessionId,
     pub(crate) options: &'o Options,
     /// When the attempt is cut short.
+    #[cfg(feature = "udp")]
     pub(crate) by: Instant,
 }
 
@@ -147,10 +148,7 @@ impl AttemptError {
     /// peer says never is.
     fn is_final(&self) -> bool {
         match self {
-            Self::Handshake {
-                cause: HandshakeError::NoKeys | HandshakeError::Tls(_) | HandshakeError::HelloTooLong(_),
-                ..
-            } => true,
+            Self::Handshake { cause, .. } => cause.is_final(),
             Self::Connect { cause, .. } => cause.kind() == io::ErrorKind::Unsupported,
             _ => false,
         }
@@ -182,10 +180,11 @@ pub async fn connect<P: Protocol>(
     options: &Options,
     deadline: Instant,
 ) -> Result<Link<P>, ConnectError> {
-    let application = Side::<P>::new(hello).map_err(|e| ConnectError::Failed {
+    let application = Side::<P>::of(hello).map_err(|e| ConnectError::Failed {
         endpoint: endpoint.clone(),
         cause: AttemptError::Handshake { address: endpoint.to_string(), cause: e.into() },
     })?;
+    let unsupported = |cause| AttemptError::Connect { address: endpoint.to_string(), cause };
     let started = net.now();
     let mut pause = FIRST_PAUSE;
     let mut attempts = 0;
@@ -195,9 +194,17 @@ pub async fn connect<P: Protocol>(
         attempts += 1;
         let session = SessionId(net.random().map_err(ConnectError::Random)?);
         let patience = net.now().after(options.handshake).min(deadline);
-        let introduction = Introduction { application: &*application, session, options, by: patience };
-        let attempt =
-            async { believed::<P>(net, options, attempt(net, endpoint, &introduction).await?).await };
+        let introduction = Introduction {
+            application: &*application,
+            session,
+            options,
+            #[cfg(feature = "udp")]
+            by: patience,
+        };
+        let attempt = async {
+            let scheme = scheme_of(endpoint, options).map_err(unsupported)?;
+            believed::<P>(net, options, scheme.attempt(net, &introduction).await?).await
+        };
         let last = match until(&**net, patience, attempt).await {
             Some(Ok(link)) => return Ok(link),
             Some(Err(e)) if patience == deadline && e.is_silence() => known.unwrap_or(e),
@@ -245,22 +252,6 @@ fn jittered(pause: Duration, net: &dyn Net) -> io::Result<Duration> {
     Ok(half + Duration::from_nanos((half.as_nanos() as u64).saturating_mul(part) >> 32))
 }
 
-/// Tries each address of a host once, until one is there: whoever answers has the last word.
-pub(crate) async fn each_address<F: Future<Output = Result<Parts, AttemptError>>>(
-    net: &Arc<dyn Net>,
-    at: &HostPort,
-    introduce: impl Fn(SocketAddr) -> F,
-) -> Result<Parts, AttemptError> {
-    let mut last = AttemptError::NoAddress;
-    for to in net.resolve(&at.to_string()).await.map_err(AttemptError::Resolve)? {
-        match introduce(to).await {
-            Err(e @ AttemptError::Connect { .. }) => last = e,
-            done => return done,
-        }
-    }
-    Err(last)
-}
-
 /// The link, if its peer may have the role that it claims; else the peer is told why not.
 async fn believed<P: Protocol>(
     net: &Arc<dyn Net>,
@@ -272,29 +263,14 @@ async fn believed<P: Protocol>(
     let link = parts.into_link::<P>(net, &options.link);
     match (link, doubt) {
         (Some(link), None) => Ok(link),
-        (Some(link), Some(error)) => {
-            if let HandshakeError::WrongRole(claim) = &error {
-                // It need not be heard.
-                let _unheard = link.goodbye(claim.goodbye()).await;
-            }
-            Err(failed(error))
+        #[cfg(feature = "keys")]
+        (Some(link), Some(HandshakeError::WrongRole(claim))) => {
+            // It need not be heard.
+            let _unheard = link.goodbye(claim.goodbye()).await;
+            Err(failed(claim.into()))
         }
+        (Some(_), Some(error)) => Err(failed(error)),
         (None, _) => Err(failed(HandshakeError::Closed)),
-    }
-}
-
-/// Tries once. Each transport has its arm here and in [`Listener::bind`](crate::Listener::bind).
-async fn attempt(
-    net: &Arc<dyn Net>,
-    endpoint: &Endpoint,
-    introduction: &Introduction<'_>,
-) -> Result<Parts, AttemptError> {
-    match endpoint {
-        Endpoint::Tcp(at) => tcp::attempt(net, at, introduction).await,
-        Endpoint::Unix(path) => unix::attempt(net, path, introduction).await,
-        Endpoint::Inproc(name) => inproc::attempt(name, introduction).await,
-        Endpoint::Quic(at) => quic::attempt(net, at, introduction).await,
-        Endpoint::Udp(at) => udp::attempt(net, at, introduction).await,
     }
 }
 

@@ -9,6 +9,7 @@ use trimaran_wire::{Explanation, Hello, Refusal};
 
 use crate::application::{Application, Peer};
 use crate::handshake::HandshakeError;
+#[cfg(feature = "keys")]
 use crate::keys::WrongRole;
 use crate::link::Parts;
 use crate::pending::{Pending, Slot};
@@ -30,6 +31,7 @@ pub(crate) struct Desk {
     last_failure: Mutex<Option<HandshakeError>>,
     warnings: Sparse,
     /// What known keys have claimed without right: each is worth a line, once.
+    #[cfg(feature = "keys")]
     wrong_roles: Mutex<Vec<WrongRole>>,
 }
 
@@ -78,6 +80,7 @@ impl Desk {
             done,
             last_failure: Mutex::default(),
             warnings: Sparse::default(),
+            #[cfg(feature = "keys")]
             wrong_roles: Mutex::default(),
         }
     }
@@ -102,6 +105,7 @@ impl Desk {
     }
 
     /// Who says `hello`, whether it may come in or not.
+    #[cfg(feature = "keys")]
     pub(crate) fn identify(&self, hello: &Hello) -> Result<Peer, HandshakeError> {
         self.same_protocol(hello).map_err(HandshakeError::Refused)?;
         self.application.recognize(&hello.application)
@@ -157,6 +161,7 @@ impl Desk {
     pub(crate) fn failed(&self, address: &dyn fmt::Display, error: HandshakeError) {
         let cause = &error as &dyn std::error::Error;
         let told = match &error {
+            #[cfg(feature = "keys")]
             HandshakeError::WrongRole(claim) => self.is_news(claim).then_some(0),
             _ => error.is_mismatch().then(|| self.warnings.take(self.net.now())).flatten(),
         };
@@ -169,6 +174,7 @@ impl Desk {
         *lock(&self.last_failure) = Some(error);
     }
 
+    #[cfg(feature = "keys")]
     fn is_news(&self, claim: &WrongRole) -> bool {
         let mut known = lock(&self.wrong_roles);
         let news = !known.contains(claim);

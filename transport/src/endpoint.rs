@@ -34,6 +34,15 @@ pub enum Endpoint {
     Unix(SocketPath),
     /// Peers in this process.
     Inproc(Name),
+    /// A [transport](crate::Transport) from outside this crate.
+    Other(OtherEndpoint),
+}
+
+/// An endpoint of a [transport](crate::Transport) from outside this crate.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct OtherEndpoint {
+    scheme: String,
+    address: String,
 }
 
 /// Why a text is no endpoint.
@@ -77,15 +86,47 @@ pub enum EndpointFault {
 }
 
 impl Endpoint {
-    /// The transport's name, which is the endpoint's scheme: `tcp`, `udp`, `quic`, `unix` or `inproc`.
+    /// The endpoint of a transport from outside this crate, written `scheme://address`. A text is read as such
+    /// an endpoint by nobody but this function.
     #[must_use]
-    pub const fn transport(&self) -> &'static str {
+    pub fn other(scheme: &str, address: &str) -> Self {
+        Self::Other(OtherEndpoint { scheme: scheme.to_owned(), address: address.to_owned() })
+    }
+
+    /// The transport's name, which is the endpoint's scheme: `tcp`, `udp`, `quic`, `unix`, `inproc`, or that
+    /// of another transport.
+    #[must_use]
+    pub fn transport(&self) -> &str {
         match self {
             Self::Tcp(_) => "tcp",
             Self::Udp(_) => "udp",
             Self::Quic(_) => "quic",
             Self::Unix(_) => "unix",
             Self::Inproc(_) => "inproc",
+            Self::Other(other) => &other.scheme,
+        }
+    }
+
+    /// What stands behind the scheme, where transports of byte streams find each other.
+    pub(crate) fn address(&self) -> String {
+        match self {
+            Self::Tcp(at) | Self::Quic(at) => at.to_string(),
+            Self::Udp(at) => at.to_string(),
+            Self::Unix(path) => path.to_string(),
+            Self::Inproc(name) => name.to_string(),
+            Self::Other(other) => other.address.clone(),
+        }
+    }
+
+    /// The endpoint of the same transport at another address.
+    pub(crate) fn at(&self, address: &str) -> Result<Self, EndpointFault> {
+        match self {
+            Self::Tcp(_) => address.parse().map(Self::Tcp),
+            Self::Quic(_) => address.parse().map(Self::Quic),
+            Self::Udp(at) => address.parse().map(|to| Self::Udp(UdpEndpoint { at: to, mode: at.mode })),
+            Self::Unix(_) => address.parse().map(Self::Unix),
+            Self::Inproc(_) => address.parse().map(Self::Inproc),
+            Self::Other(other) => Ok(Self::other(&other.scheme, address)),
         }
     }
 
@@ -125,6 +166,7 @@ impl fmt::Display for Endpoint {
             Self::Udp(at) => write!(f, "{transport}://{at}"),
             Self::Unix(path) => write!(f, "{transport}:{path}"),
             Self::Inproc(name) => write!(f, "{transport}:{name}"),
+            Self::Other(OtherEndpoint { address, .. }) => write!(f, "{transport}://{address}"),
         }
     }
 }

@@ -134,6 +134,7 @@ pub enum ProtocolError {
     #[error(transparent)]
     Frame(#[from] FrameViolation),
     /// It broke the rules of the datagrams.
+    #[cfg(feature = "udp")]
     #[error(transparent)]
     Datagrams(Box<trimaran_udp::Closed>),
     /// It sent a coded batch that the application cannot read.

@@ -11,11 +11,16 @@ use trimaran_wire::{
 };
 
 use crate::error::{LaneError, LaneSendError, ProtocolError};
+use crate::inproc;
 use crate::link::{Capabilities, Shared};
 use crate::patience::Patience;
+#[cfg(feature = "quic")]
+use crate::quic;
 use crate::rates::Messages;
 use crate::trace::{FrameSpan, Way};
-use crate::{RecvError, SendError, inproc, quic, stream, udp};
+#[cfg(feature = "udp")]
+use crate::udp;
+use crate::{RecvError, SendError, stream};
 use trimaran_net::Instant;
 
 /// How a frame begins.
@@ -84,7 +89,9 @@ pub(crate) enum FrameRx<P: Protocol> {
 #[derive(Debug)]
 pub(crate) enum WireFrameTx {
     Stream(stream::FrameTx),
+    #[cfg(feature = "quic")]
     Quic(quic::FrameTx),
+    #[cfg(feature = "udp")]
     Udp(udp::FrameTx),
 }
 
@@ -92,7 +99,9 @@ pub(crate) enum WireFrameTx {
 #[derive(Debug)]
 pub(crate) enum WireFrameRx {
     Stream(stream::FrameRx),
+    #[cfg(feature = "quic")]
     Quic(quic::FrameRx),
+    #[cfg(feature = "udp")]
     Udp(udp::FrameRx),
 }
 
@@ -124,6 +133,7 @@ impl<P: Protocol> FrameSender<P> {
         self.writer.begin(frame).map_err(|e| self.order(e))?;
         self.span = FrameSpan::open(Way::Sent, frame, &self.shared);
         if let Some(encoder) = &mut self.encoder {
+            #[cfg(feature = "udp")]
             if let FrameTx::Wire(WireFrameTx::Udp(lane)) = &self.lane
                 && let Some(confirmed) = lane.confirmed()
             {
@@ -282,7 +292,9 @@ impl WireFrameTx {
     fn stage(&mut self, message: FrameMessage, shared: &Shared) {
         match self {
             Self::Stream(lane) => lane.stage(&message.into(), shared),
+            #[cfg(feature = "quic")]
             Self::Quic(lane) => lane.stage(&message.into(), shared),
+            #[cfg(feature = "udp")]
             Self::Udp(lane) => lane.stage(message, shared),
         }
     }
@@ -290,7 +302,9 @@ impl WireFrameTx {
     fn stage_goodbye(&mut self, reason: CloseReason, shared: &Shared) {
         match self {
             Self::Stream(lane) => lane.stage(&reason.into(), shared),
+            #[cfg(feature = "quic")]
             Self::Quic(lane) => lane.stage(&reason.into(), shared),
+            #[cfg(feature = "udp")]
             Self::Udp(lane) => lane.stage_goodbye(reason, shared),
         }
     }
@@ -298,7 +312,9 @@ impl WireFrameTx {
     async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
         match self {
             Self::Stream(lane) => lane.send_staged(patience).await,
+            #[cfg(feature = "quic")]
             Self::Quic(lane) => lane.send_staged(patience).await,
+            #[cfg(feature = "udp")]
             Self::Udp(lane) => lane.send_staged(patience).await,
         }
     }
@@ -306,7 +322,9 @@ impl WireFrameTx {
     async fn close(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
         match self {
             Self::Stream(lane) => lane.close(patience).await,
+            #[cfg(feature = "quic")]
             Self::Quic(lane) => lane.close(patience).await,
+            #[cfg(feature = "udp")]
             Self::Udp(lane) => lane.close(patience).await,
         }
     }
@@ -430,7 +448,9 @@ impl WireFrameRx {
     ) -> Result<FrameMessage, LaneError> {
         match self {
             Self::Stream(lane) => lane.next(by, shared, patience).await,
+            #[cfg(feature = "quic")]
             Self::Quic(lane) => lane.next(by, shared, patience).await,
+            #[cfg(feature = "udp")]
             Self::Udp(lane) => lane.next(by, shared, patience).await,
         }
     }

@@ -4,14 +4,19 @@ use std::io;
 
 use bytes::Bytes;
 use thiserror::Error;
-use trimaran_wire::{DecodeError, DecodeFault, Hello, Kind, Message, ProtocolName, Refusal};
+#[cfg(feature = "quic")]
+use trimaran_wire::ProtocolName;
+use trimaran_wire::{DecodeError, DecodeFault, Hello, Kind, Message, Refusal};
 
 use crate::application::HelloTooLong;
 use crate::error::{LaneError, Loss, ProtocolError};
-use crate::keys::{Fingerprint, WrongRole};
+#[cfg(feature = "quic")]
+use crate::keys::Fingerprint;
+#[cfg(feature = "keys")]
+use crate::keys::WrongRole;
+#[cfg(feature = "quic")]
 use crate::quic::UnknownPeer;
 use crate::rates::TooMany;
-use crate::unix::ForeignUser;
 
 /// Why a handshake failed.
 #[derive(Debug, Error)]
@@ -39,6 +44,7 @@ pub enum HandshakeError {
     #[error("the handshake took too long")]
     TimedOut,
     /// This side has no keys.
+    #[cfg(feature = "keys")]
     #[error(
         "this transport needs keys: make them with `trimaran keys new NAME`, and name them and the peers' public files"
     )]
@@ -47,10 +53,12 @@ pub enum HandshakeError {
     #[error("no answer: nobody listens there, or not to these keys")]
     Unanswered,
     /// Someone came whose keys do not fit.
+    #[cfg(feature = "keys")]
     #[error("someone came whose keys do not fit")]
     Stranger,
     /// Nobody answered in this version of the datagrams, but somebody who claims that the other side has
     /// another one.
+    #[cfg(feature = "udp")]
     #[error(
         "no answer in version {ours} of the datagrams, but a claim that the other side has version {theirs}: if both sides have different releases, install the same on both"
     )]
@@ -61,15 +69,19 @@ pub enum HandshakeError {
         ours: u64,
     },
     /// TLS cannot be set up.
+    #[cfg(feature = "quic")]
     #[error("TLS cannot be set up")]
     Tls(#[from] rustls::Error),
     /// The peer's certificate is none that this side knows.
+    #[cfg(feature = "quic")]
     #[error(transparent)]
     UnknownPeer(#[from] Box<UnknownPeer>),
     /// The peer's key is known for another role than it claims.
+    #[cfg(feature = "keys")]
     #[error(transparent)]
     WrongRole(#[from] Box<WrongRole>),
     /// The peer does not know this side's certificate.
+    #[cfg(feature = "quic")]
     #[error(
         "the peer does not expect our certificate {presented}: add it to the peer's list, or use the keys it expects"
     )]
@@ -78,6 +90,7 @@ pub enum HandshakeError {
         presented: Fingerprint,
     },
     /// The other side speaks QUIC, but no protocol or version of ours.
+    #[cfg(feature = "quic")]
     #[error("the other side speaks QUIC, but not {0}: install the same release on both")]
     Alpn(ProtocolName),
     /// This side's hello is too long.
@@ -87,6 +100,7 @@ pub enum HandshakeError {
     #[error("the other side's hello cannot be read: install the same release on both")]
     Hello(#[source] postcard::Error),
     /// Values of the latest lane do not fit into the datagrams of the connection.
+    #[cfg(feature = "quic")]
     #[error("values of the latest lane need datagrams of {needed} bytes, and the connection allows {}", .allowed.map_or("none".to_owned(), |n| n.to_string()))]
     Datagrams {
         /// What a value needs, bytes.
@@ -97,18 +111,32 @@ pub enum HandshakeError {
     /// Too many handshakes begin.
     #[error(transparent)]
     TooMany(#[from] TooMany),
-    /// The peer is another user's process.
-    #[error(transparent)]
-    ForeignUser(#[from] ForeignUser),
+    /// The transport does not let the peer in, for instance because it is another user's process.
+    #[error("the peer is not let in")]
+    NotLetIn(#[source] io::Error),
 }
 
 impl HandshakeError {
     /// What the peer is told, where it is refused.
+    #[cfg(feature = "keys")]
     pub(crate) fn refusal(&self) -> Option<Refusal> {
         match self {
             Self::Refused(refusal) => Some(refusal.clone()),
+            #[cfg(feature = "keys")]
             Self::WrongRole(claim) => Some(claim.refusal()),
             _ => None,
+        }
+    }
+
+    /// Whether what this side was given is at fault.
+    pub(crate) const fn is_final(&self) -> bool {
+        match self {
+            Self::HelloTooLong(_) => true,
+            #[cfg(feature = "keys")]
+            Self::NoKeys => true,
+            #[cfg(feature = "quic")]
+            Self::Tls(_) => true,
+            _ => false,
         }
     }
 

@@ -10,7 +10,6 @@ use std::sync::{Arc, LazyLock, Mutex, Weak};
 use tokio::sync::watch;
 use trimaran_wire::{CloseReason, Fixed, Kind, Protocol, Refusal, SessionId};
 
-use crate::Name;
 use crate::application::{Application, Peer, Side};
 use crate::connect::{AttemptError, Introduction};
 use crate::desk::{Desk, Place, lock};
@@ -19,8 +18,11 @@ use crate::frames::FrameEvent;
 use crate::handshake::HandshakeError;
 use crate::link::{Capabilities, Lanes as AnyLanes, Link, LinkConfig, Parts, PeerAddress, Shared};
 use crate::patience::Patience;
+use crate::scheme::{Listened, Scheme};
 use crate::stats::Counters;
-use trimaran_net::{Instant, Net};
+use crate::transport::ListenFault;
+use crate::{Endpoint, Name};
+use trimaran_net::{BoxFuture, Instant, Net};
 
 /// The most messages of the frames lane that may wait for their reader, and that it may have taken at once:
 /// of items of 4 bytes 32 MiB in all at the largest batch size.
@@ -34,7 +36,7 @@ static LISTENERS: LazyLock<Mutex<HashMap<Name, Weak<Desk>>>> = LazyLock::new(Mut
 
 /// A listener's name; free again when this is dropped.
 #[derive(Debug)]
-pub(crate) struct Registered(Name);
+struct Registered(Name);
 
 impl Drop for Registered {
     fn drop(&mut self) {
@@ -42,8 +44,28 @@ impl Drop for Registered {
     }
 }
 
+/// A name within this process.
+pub(crate) struct Inproc(pub(crate) Name);
+
+impl Scheme for Inproc {
+    fn attempt<'a>(
+        &'a self,
+        _net: &'a Arc<dyn Net>,
+        introduction: &'a Introduction<'_>,
+    ) -> BoxFuture<'a, Result<Parts, AttemptError>> {
+        Box::pin(attempt(&self.0, introduction))
+    }
+
+    fn listen<'a>(&'a self, desk: &'a Arc<Desk>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
+        Box::pin(async move {
+            let registered = listen(&self.0, desk)?;
+            Ok(Listened { at: Endpoint::Inproc(self.0.clone()), guard: Some(Box::new(registered)) })
+        })
+    }
+}
+
 /// Takes `name` for the listener at `desk`.
-pub(crate) fn listen(name: &Name, desk: &Arc<Desk>) -> io::Result<Registered> {
+fn listen(name: &Name, desk: &Arc<Desk>) -> io::Result<Registered> {
     let mut listeners = lock(&LISTENERS);
     if listeners.contains_key(name) {
         return Err(io::ErrorKind::AddrInUse.into());
@@ -53,7 +75,7 @@ pub(crate) fn listen(name: &Name, desk: &Arc<Desk>) -> io::Result<Registered> {
 }
 
 /// Makes a link with whoever listens as `name`.
-pub(crate) async fn attempt(name: &Name, introduction: &Introduction<'_>) -> Result<Parts, AttemptError> {
+async fn attempt(name: &Name, introduction: &Introduction<'_>) -> Result<Parts, AttemptError> {
     let found = lock(&LISTENERS).get(name).and_then(Weak::upgrade);
     let desk = found.ok_or_else(|| AttemptError::Nobody { name: name.clone() })?;
     let Introduction { application, session, .. } = *introduction;
@@ -80,7 +102,7 @@ pub fn pair<P: Protocol>(
     theirs: P::Hello,
     config: &LinkConfig,
 ) -> Result<(Link<P>, Link<P>), HandshakeError> {
-    let (here, there) = (Side::<P>::new(ours)?, Side::<P>::new(theirs)?);
+    let (here, there) = (Side::<P>::of(ours)?, Side::<P>::of(theirs)?);
     let guest = here.admit(there.hello()).map_err(HandshakeError::Refused)?;
     let host = there.recognize(here.hello())?;
     let [near, far] = here.local_lanes();

@@ -3,9 +3,14 @@
 use trimaran_wire::{CloseReason, Fixed, FixedBytes, Protocol, to_bytes};
 
 use crate::error::{LaneError, LaneSendError, ProtocolError};
+use crate::inproc;
 use crate::link::Shared;
 use crate::patience::Patience;
-use crate::{RecvError, SendError, inproc, quic, stream, udp};
+#[cfg(feature = "quic")]
+use crate::quic;
+#[cfg(feature = "udp")]
+use crate::udp;
+use crate::{RecvError, SendError, stream};
 use trimaran_net::Instant;
 
 /// Publishes values: each replaces the one before, whether that has been read or not.
@@ -33,14 +38,16 @@ pub(crate) enum LatestTx<P: Protocol> {
 #[derive(Debug)]
 pub(crate) enum LatestRx<P: Protocol> {
     Local(inproc::LatestRx<P>),
-    Wire(WireLatestRx),
+    Wire(Box<WireLatestRx>),
 }
 
 /// The sending half where values travel as bytes.
 #[derive(Debug)]
 pub(crate) enum WireLatestTx {
     Stream(stream::LatestTx),
+    #[cfg(feature = "quic")]
     Quic(quic::LatestTx),
+    #[cfg(feature = "udp")]
     Udp(udp::LatestTx),
 }
 
@@ -48,7 +55,9 @@ pub(crate) enum WireLatestTx {
 #[derive(Debug)]
 pub(crate) enum WireLatestRx {
     Stream(stream::LatestRx),
+    #[cfg(feature = "quic")]
     Quic(quic::LatestRx),
+    #[cfg(feature = "udp")]
     Udp(udp::LatestRx),
 }
 
@@ -87,8 +96,10 @@ impl<P: Protocol> LatestSender<P> {
 impl WireLatestTx {
     fn publish(&mut self, value: FixedBytes, shared: &Shared) -> Result<(), LaneSendError> {
         match self {
-            Self::Stream(lane) => lane.publish(value),
+            Self::Stream(lane) => lane.publish(value, shared),
+            #[cfg(feature = "quic")]
             Self::Quic(lane) => lane.publish(value, shared),
+            #[cfg(feature = "udp")]
             Self::Udp(lane) => lane.publish(value, shared),
         }
     }
@@ -96,7 +107,9 @@ impl WireLatestTx {
     async fn goodbye(&mut self, reason: CloseReason, patience: &mut Patience) -> Result<(), LaneSendError> {
         match self {
             Self::Stream(lane) => lane.goodbye(reason, patience).await,
+            #[cfg(feature = "quic")]
             Self::Quic(lane) => lane.goodbye(reason, patience).await,
+            #[cfg(feature = "udp")]
             Self::Udp(lane) => lane.goodbye(reason, patience).await,
         }
     }
@@ -148,7 +161,10 @@ impl<P: Protocol> LatestReceiver<P> {
     /// Tells the peer's machine that this side is gone, where only a machine that lives can: after both have
     /// said goodbye.
     pub(crate) async fn part(self) {
-        if let LatestRx::Wire(WireLatestRx::Quic(lane)) = self.lane {
+        #[cfg(feature = "quic")]
+        if let LatestRx::Wire(lane) = self.lane
+            && let WireLatestRx::Quic(lane) = *lane
+        {
             lane.part().await;
         }
     }
@@ -173,7 +189,9 @@ impl WireLatestRx {
     fn try_latest(&mut self, shared: &Shared) -> Result<Option<FixedBytes>, LaneError> {
         match self {
             Self::Stream(lane) => lane.try_latest(shared),
+            #[cfg(feature = "quic")]
             Self::Quic(lane) => lane.try_latest(shared),
+            #[cfg(feature = "udp")]
             Self::Udp(lane) => lane.try_latest(shared),
         }
     }
@@ -186,7 +204,9 @@ impl WireLatestRx {
     ) -> Result<FixedBytes, LaneError> {
         match self {
             Self::Stream(lane) => lane.latest(by, shared, patience).await,
+            #[cfg(feature = "quic")]
             Self::Quic(lane) => lane.latest(by, shared, patience).await,
+            #[cfg(feature = "udp")]
             Self::Udp(lane) => lane.latest(by, shared, patience).await,
         }
     }

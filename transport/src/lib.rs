@@ -16,7 +16,12 @@ mod endpoints;
 mod error;
 mod frames;
 mod handshake;
+#[cfg(feature = "inproc")]
 pub mod inproc;
+#[cfg(not(feature = "inproc"))]
+#[expect(dead_code, unreachable_pub, reason = "a build without it leads nobody to its lanes")]
+mod inproc;
+#[cfg(feature = "keys")]
 pub mod keys;
 mod latest;
 mod link;
@@ -24,19 +29,26 @@ mod listen;
 mod options;
 mod patience;
 mod pending;
+#[cfg(feature = "quic")]
 pub mod quic;
 mod rates;
+mod scheme;
 mod stats;
 mod stream;
+#[cfg(feature = "tcp")]
 mod tcp;
 mod trace;
+mod transport;
+#[cfg(feature = "udp")]
 pub mod udp;
+#[cfg(feature = "unix")]
 mod unix;
 
 pub use application::{HelloTooLong, PeerName};
 pub use connect::{AttemptError, ConnectError, connect};
 pub use endpoint::{
-    Endpoint, EndpointError, EndpointFault, Host, HostName, HostPort, Name, SocketPath, UdpEndpoint, UdpMode,
+    Endpoint, EndpointError, EndpointFault, Host, HostName, HostPort, Name, OtherEndpoint, SocketPath,
+    UdpEndpoint, UdpMode,
 };
 pub use endpoints::Endpoints;
 pub use error::{Loss, ProtocolError, RecvError, SendError};
@@ -48,10 +60,12 @@ pub use listen::{AcceptError, ListenError, Listener};
 pub use options::{Limits, Options};
 pub use rates::{Door, TooMany, TurnedAway};
 pub use stats::{LinkStats, StatsHandle, Tally, Traffic};
+pub use transport::{ListenFault, Listening, Transport};
 pub use trimaran_net::{
     Credentials, Instant, Keepalive, Net, TcpOptions, TokioNet, UdpSocketOptions, UnixSocketOptions,
     sleep_until, until,
 };
+#[cfg(feature = "udp")]
 pub use trimaran_udp::PathStats;
 pub use trimaran_wire::{
     Batch, BatchDecoder, BatchEncoder, BatchError, BatchSize, BatchSizeError, Batching, CloseReason,
@@ -59,6 +73,7 @@ pub use trimaran_wire::{
     FrameOrderError, FrameOutcome, FrameViolation, Item, Kind, Lane, Protocol, ProtocolName, Refusal,
     Rejection, SessionId, WireVersion,
 };
+#[cfg(feature = "unix")]
 pub use unix::{ForeignUser, UnixOptions};
 
 #[cfg(doctest)]

@@ -17,6 +17,7 @@ use crate::latest::{LatestRx, LatestTx, WireLatestRx, WireLatestTx};
 use crate::patience::Patience;
 use crate::rates::Messages;
 use crate::stats::Counters;
+use crate::transport::Transport;
 use crate::{FrameReceiver, FrameSender, LatestReceiver, LatestSender, RecvError, SendError, StatsHandle};
 use trimaran_net::{Credentials, Net, StreamPeer, until};
 
@@ -74,6 +75,13 @@ pub enum PeerAddress {
     Udp(SocketAddr),
     /// At the other end of a QUIC connection.
     Quic(SocketAddr),
+    /// At the other end of byte streams of a [`Transport`] from outside this crate.
+    Other {
+        /// The transport's scheme.
+        scheme: &'static str,
+        /// Where, as the transport says.
+        at: StreamPeer,
+    },
 }
 
 /// What a link's transport promises.
@@ -89,16 +97,16 @@ pub struct Capabilities {
     pub local: bool,
 }
 
-impl From<StreamPeer> for PeerAddress {
-    fn from(peer: StreamPeer) -> Self {
-        match peer {
-            StreamPeer::Tcp(at) => Self::Tcp(at),
-            StreamPeer::Unix(process) => Self::Unix(process),
+impl PeerAddress {
+    /// The peer of a byte stream of `transport`.
+    pub(crate) fn over(transport: &dyn Transport, peer: StreamPeer) -> Self {
+        match (transport.scheme(), peer) {
+            ("tcp", StreamPeer::Tcp(at)) => Self::Tcp(at),
+            ("unix", StreamPeer::Unix(process)) => Self::Unix(process),
+            (scheme, at) => Self::Other { scheme, at },
         }
     }
-}
 
-impl PeerAddress {
     /// The transport that leads there, as [`Endpoint::transport`](crate::Endpoint::transport) names it.
     #[must_use]
     pub const fn transport(&self) -> &'static str {
@@ -108,6 +116,7 @@ impl PeerAddress {
             Self::Unix(_) => "unix",
             Self::Udp(_) => "udp",
             Self::Quic(_) => "quic",
+            Self::Other { scheme, .. } => scheme,
         }
     }
 }
@@ -116,9 +125,14 @@ impl fmt::Display for PeerAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::InProcess => f.write_str("this process"),
-            Self::Tcp(address) | Self::Udp(address) | Self::Quic(address) => address.fmt(f),
-            Self::Unix(Credentials { uid, pid: Some(pid), .. }) => write!(f, "process {pid} of user {uid}"),
-            Self::Unix(Credentials { uid, pid: None, .. }) => write!(f, "a process of user {uid}"),
+            Self::Tcp(address)
+            | Self::Udp(address)
+            | Self::Quic(address)
+            | Self::Other { at: StreamPeer::Tcp(address), .. } => address.fmt(f),
+            Self::Unix(process) | Self::Other { at: StreamPeer::Unix(process), .. } => match process {
+                Credentials { uid, pid: Some(pid), .. } => write!(f, "process {pid} of user {uid}"),
+                Credentials { uid, pid: None, .. } => write!(f, "a process of user {uid}"),
+            },
         }
     }
 }
@@ -229,12 +243,19 @@ pub(crate) struct Parts {
     pub(crate) doubt: Option<HandshakeError>,
 }
 
+/// Both lanes where values travel as bytes.
+#[derive(Debug)]
+pub(crate) struct Wire {
+    pub(crate) latest: (WireLatestTx, WireLatestRx),
+    pub(crate) frames: (WireFrameTx, WireFrameRx),
+}
+
 /// Both lanes.
 #[derive(Debug)]
 pub(crate) enum Lanes {
     /// Of bytes.
-    Wire { latest: (WireLatestTx, WireLatestRx), frames: (WireFrameTx, WireFrameRx) },
-    /// Of values: [`inproc::Lanes`] of the application's protocol.
+    Wire(Box<Wire>),
+    /// Of values: `inproc::Lanes` of the application's protocol.
     Local(Box<dyn Any + Send>),
 }
 
@@ -248,9 +269,9 @@ impl Parts {
         let patience = || Patience::new(net, config.patience, config.lease);
         let batching = peer.batching.unwrap_or(config.batching);
         let (latest, frames) = match lanes {
-            Lanes::Wire { latest: (latest_tx, latest_rx), frames: (frame_tx, frame_rx) } => (
-                (LatestTx::Wire(latest_tx), LatestRx::Wire(latest_rx)),
-                (FrameTx::Wire(frame_tx), FrameRx::Wire(frame_rx)),
+            Lanes::Wire(wire) => (
+                (LatestTx::Wire(wire.latest.0), LatestRx::Wire(Box::new(wire.latest.1))),
+                (FrameTx::Wire(wire.frames.0), FrameRx::Wire(wire.frames.1)),
             ),
             Lanes::Local(lanes) => {
                 let inproc::Lanes { latest, frames } = *lanes.downcast::<inproc::Lanes<P>>().ok()?;

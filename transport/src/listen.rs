@@ -1,8 +1,8 @@
 //! Listening for peers.
 
+use std::fmt;
 use std::io;
 use std::marker::PhantomData;
-use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -16,7 +16,9 @@ use crate::error::readable;
 use crate::handshake::HandshakeError;
 use crate::link::Parts;
 use crate::rates::TurnedAway;
-use crate::{Endpoint, Endpoints, HostPort, Link, Options, UdpEndpoint, inproc, quic, tcp, udp, unix};
+use crate::scheme::{Listened, scheme_of};
+use crate::transport::ListenFault;
+use crate::{Endpoint, Endpoints, Link, Options};
 use trimaran_net::{Instant, Net, until};
 
 /// How many links may wait for [`Listener::accept`].
@@ -81,8 +83,12 @@ impl ListenError {
         !matches!(self, Self::Given { .. })
     }
 
-    fn new(endpoint: &Endpoint, cause: io::Error) -> Self {
+    fn new(endpoint: &Endpoint, fault: ListenFault) -> Self {
         let endpoint = endpoint.clone();
+        let cause = match fault {
+            ListenFault::Address(cause) => return Self::Address { endpoint, cause },
+            ListenFault::Io(cause) => cause,
+        };
         match cause.kind() {
             io::ErrorKind::AddrInUse => Self::InUse { endpoint },
             io::ErrorKind::AddrNotAvailable => Self::NotHere { endpoint, cause },
@@ -125,15 +131,20 @@ pub enum AcceptError {
 ///
 /// Handshakes go on beside the caller: a stranger, or a peer that stops in the middle, holds up nobody. Each
 /// has a limit in time and they have one in number.
-#[derive(Debug)]
 pub struct Listener<P: Protocol> {
     links: mpsc::Receiver<Parts>,
     protocol: PhantomData<fn() -> P>,
     endpoints: Endpoints,
     net: Arc<dyn Net>,
     desk: Arc<Desk>,
-    /// Take the names of a listener within this process away when they are dropped.
-    _names: Vec<inproc::Registered>,
+    /// What goes with the listener, such as its names within this process.
+    _guards: Vec<Box<dyn Send + Sync>>,
+}
+
+impl<P: Protocol> fmt::Debug for Listener<P> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Listener").field("endpoints", &self.endpoints).finish_non_exhaustive()
+    }
 }
 
 impl<P: Protocol> Listener<P> {
@@ -161,23 +172,26 @@ impl<P: Protocol> Listener<P> {
         hello: P::Hello,
         options: &Options,
     ) -> Result<Self, ListenError> {
-        let application = Side::<P>::new(hello).map_err(|e| ListenError::Given {
+        let application = Side::<P>::of(hello).map_err(|e| ListenError::Given {
             endpoint: endpoints.first().clone(),
             cause: io::Error::other(e),
         })?;
         let (done, links) = mpsc::channel(QUEUE);
         let desk = Arc::new(Desk::new(net, application, options, done));
-        let mut names = Vec::new();
+        let mut guards = Vec::new();
         let mut bound: Option<Endpoints> = None;
         for endpoint in endpoints.iter() {
-            let local = listen(&desk, endpoint, &mut names).await?;
+            let failed = |fault| ListenError::new(endpoint, fault);
+            let scheme = scheme_of(endpoint, options).map_err(|e| failed(e.into()))?;
+            let Listened { at: local, guard } = scheme.listen(&desk).await.map_err(failed)?;
+            guards.extend(guard);
             match &mut bound {
                 Some(bound) => bound.push(local),
                 None => bound = Some(local.into()),
             }
         }
         let endpoints = bound.unwrap_or_else(|| endpoints.clone());
-        Ok(Self { links, protocol: PhantomData, endpoints, net: Arc::clone(net), desk, _names: names })
+        Ok(Self { links, protocol: PhantomData, endpoints, net: Arc::clone(net), desk, _guards: guards })
     }
 
     /// Where it listens, first of all: with the port that the system chose, where it was to.
@@ -226,39 +240,4 @@ impl<P: Protocol> Listener<P> {
             }
         }
     }
-}
-
-/// Listens at `endpoint`, and says where that is. Each transport has its arm here and in `connect`.
-async fn listen(
-    desk: &Arc<Desk>,
-    endpoint: &Endpoint,
-    names: &mut Vec<inproc::Registered>,
-) -> Result<Endpoint, ListenError> {
-    let failed = |cause| ListenError::new(endpoint, cause);
-    let address = async |at| {
-        let resolved = resolve(&desk.net, at).await;
-        resolved.map_err(|cause| ListenError::Address { endpoint: endpoint.clone(), cause })
-    };
-    Ok(match endpoint {
-        Endpoint::Tcp(at) => Endpoint::Tcp(tcp::listen(address(at).await?, desk).map_err(failed)?.into()),
-        Endpoint::Unix(path) => {
-            unix::listen(path.as_path(), desk).await.map_err(failed)?;
-            endpoint.clone()
-        }
-        Endpoint::Inproc(wanted) => {
-            names.push(inproc::listen(wanted, desk).map_err(failed)?);
-            endpoint.clone()
-        }
-        Endpoint::Quic(at) => Endpoint::Quic(quic::listen(address(at).await?, desk).map_err(failed)?.into()),
-        Endpoint::Udp(UdpEndpoint { at, mode }) => {
-            let at = udp::listen(address(at).await?, *mode, desk).map_err(failed)?.into();
-            Endpoint::Udp(UdpEndpoint { at, mode: *mode })
-        }
-    })
-}
-
-/// The first address of a host and port.
-async fn resolve(net: &Arc<dyn Net>, at: &HostPort) -> io::Result<SocketAddr> {
-    let addresses = net.resolve(&at.to_string()).await?;
-    addresses.first().copied().ok_or_else(|| io::ErrorKind::NotFound.into())
 }

@@ -1,11 +1,17 @@
 //! How links are made and what they may cost: what all transports have in common, and each one's own.
 
+use std::sync::Arc;
 use std::time::Duration;
 
+#[cfg(feature = "unix")]
+use crate::UnixOptions;
+#[cfg(feature = "keys")]
 use crate::keys::Security;
+#[cfg(feature = "quic")]
 use crate::quic::QuicOptions;
+#[cfg(feature = "udp")]
 use crate::udp::UdpOptions;
-use crate::{LinkConfig, TcpOptions, UnixOptions};
+use crate::{LinkConfig, TcpOptions, Transport};
 
 /// Options of links, whatever their transport.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,15 +24,21 @@ pub struct Options {
     pub limits: Limits,
     /// This peer's keys and the peers that it knows. What encrypts needs them: QUIC has no plaintext mode.
     /// Default none.
+    #[cfg(feature = "keys")]
     pub security: Option<Security>,
     /// What holds for TCP connections.
     pub tcp: TcpOptions,
     /// What holds for Unix sockets.
+    #[cfg(feature = "unix")]
     pub unix: UnixOptions,
     /// What holds for QUIC connections.
+    #[cfg(feature = "quic")]
     pub quic: QuicOptions,
     /// What holds for connections over datagrams.
+    #[cfg(feature = "udp")]
     pub udp: UdpOptions,
+    /// Transports beside those of this crate, for endpoints of their schemes. Default none.
+    pub transports: Vec<Arc<dyn Transport>>,
 }
 
 /// What others may make this side spend.
@@ -51,11 +63,16 @@ impl Default for Options {
             link: LinkConfig::default(),
             handshake: Duration::from_secs(5),
             limits: Limits::default(),
+            #[cfg(feature = "keys")]
             security: None,
             tcp: TcpOptions::default(),
+            #[cfg(feature = "unix")]
             unix: UnixOptions::default(),
+            #[cfg(feature = "quic")]
             quic: QuicOptions::default(),
+            #[cfg(feature = "udp")]
             udp: UdpOptions::default(),
+            transports: Vec::new(),
         }
     }
 }

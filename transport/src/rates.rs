@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use crate::desk::lock;
 use crate::{Limits, PeerAddress};
-use trimaran_net::Instant;
+use trimaran_net::{Instant, StreamPeer};
 
 const SECOND: Duration = Duration::from_secs(1);
 
@@ -145,19 +145,22 @@ pub(crate) enum Origin {
 impl Origin {
     pub(crate) fn of(from: &PeerAddress) -> Self {
         match from {
-            PeerAddress::Tcp(at) | PeerAddress::Udp(at) | PeerAddress::Quic(at) => {
-                Self::Network(match at.ip() {
-                    IpAddr::V4(v4) => v4.into(),
-                    IpAddr::V6(v6) => v6.to_ipv4_mapped().map_or_else(
-                        || {
-                            let [a, b, c, d, ..] = v6.segments();
-                            IpAddr::from([a, b, c, d, 0, 0, 0, 0])
-                        },
-                        IpAddr::from,
-                    ),
-                })
+            PeerAddress::Tcp(at)
+            | PeerAddress::Udp(at)
+            | PeerAddress::Quic(at)
+            | PeerAddress::Other { at: StreamPeer::Tcp(at), .. } => Self::Network(match at.ip() {
+                IpAddr::V4(v4) => v4.into(),
+                IpAddr::V6(v6) => v6.to_ipv4_mapped().map_or_else(
+                    || {
+                        let [a, b, c, d, ..] = v6.segments();
+                        IpAddr::from([a, b, c, d, 0, 0, 0, 0])
+                    },
+                    IpAddr::from,
+                ),
+            }),
+            PeerAddress::Unix(peer) | PeerAddress::Other { at: StreamPeer::Unix(peer), .. } => {
+                Self::User(peer.uid)
             }
-            PeerAddress::Unix(peer) => Self::User(peer.uid),
             PeerAddress::InProcess => Self::Process,
         }
     }

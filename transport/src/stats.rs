@@ -2,12 +2,15 @@
 
 use std::ops::{Add, Sub};
 
+#[cfg(feature = "udp")]
 use trimaran_udp::PathStats;
 
 mod counters;
 
+#[cfg(feature = "udp")]
+pub(crate) use counters::PathSource;
 pub use counters::StatsHandle;
-pub(crate) use counters::{Counters, Direction, PathSource};
+pub(crate) use counters::{Counters, Direction};
 
 /// What travelled over a link since it was made, handshake included.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -21,6 +24,7 @@ pub struct LinkStats {
     pub floods: u64,
     /// Packets and the path they take, over datagrams of this crate's own protocol. Other transports do not
     /// tell.
+    #[cfg(feature = "udp")]
     pub path: Option<PathStats>,
 }
 
@@ -76,6 +80,7 @@ impl Sub for LinkStats {
             sent: self.sent - earlier.sent,
             received: self.received - earlier.received,
             floods: self.floods.saturating_sub(earlier.floods),
+            #[cfg(feature = "udp")]
             path: self.path.map(|path| path.since(&earlier.path.unwrap_or_default())),
         }
     }

@@ -1,4 +1,4 @@
-//! Both lanes over byte streams: TCP, and whatever else carries bytes in order.
+//! Both lanes over byte streams: TCP, Unix sockets, and whatever else carries bytes in order.
 
 mod desk;
 mod frames;
@@ -7,10 +7,12 @@ mod inlet;
 mod introduce;
 mod latest;
 mod pulse;
+mod scheme;
 mod source;
 
-pub(crate) use desk::serve;
+use desk::serve;
 pub(crate) use frames::{FrameRx, FrameTx};
-pub(crate) use introduce::introduce;
+use introduce::introduce;
 pub(crate) use latest::{LatestRx, LatestTx};
+pub(crate) use scheme::Streams;
 pub(crate) use source::{Sink, Source};

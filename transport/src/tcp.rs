@@ -1,35 +1,53 @@
-//! Links over TCP: per pair of peers a connection for each lane, as in the paper (section 5).
+//! TCP: per pair of peers a connection for each lane, as in the paper (section 5).
 
-use std::io;
-use std::net::SocketAddr;
 use std::sync::Arc;
 
-use crate::HostPort;
-use crate::connect::{AttemptError, Introduction, each_address};
-use crate::desk::Desk;
-use crate::link::{Capabilities, Parts};
-use crate::stream::{introduce, serve};
-use trimaran_net::Net;
+use crate::connect::AttemptError;
+use crate::scheme::first_address;
+use crate::transport::{ListenFault, Listening, Transport};
+use trimaran_net::{BoxFuture, Net, Stream, StreamPeer, TcpOptions};
 
-pub(crate) const CAPABILITIES: Capabilities =
-    Capabilities { reliable: true, ordered: true, encrypted: false, local: false };
+/// TCP connections.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tcp(pub(crate) TcpOptions);
 
-/// Tries once.
-pub(crate) async fn attempt(
-    net: &Arc<dyn Net>,
-    at: &HostPort,
-    introduction: &Introduction<'_>,
-) -> Result<Parts, AttemptError> {
-    each_address(net, at, |to| async move {
-        let open = || net.connect_tcp(to, introduction.options.tcp);
-        introduce(net, &to, open, introduction, CAPABILITIES).await
-    })
-    .await
-}
+impl Transport for Tcp {
+    fn scheme(&self) -> &'static str {
+        "tcp"
+    }
 
-/// Listens, and receives peers until nobody accepts them any more. Says where.
-pub(crate) fn listen(at: SocketAddr, desk: &Arc<Desk>) -> io::Result<SocketAddr> {
-    let (socket, address) = desk.net.listen_tcp(at, desk.options.tcp)?;
-    desk.net.spawn(Box::pin(serve(Arc::clone(desk), socket, CAPABILITIES)));
-    Ok(address)
+    /// Tries each address of a host until one answers.
+    fn connect<'a>(
+        &'a self,
+        net: &'a Arc<dyn Net>,
+        address: &'a str,
+        beside: Option<StreamPeer>,
+    ) -> BoxFuture<'a, Result<Stream, AttemptError>> {
+        Box::pin(async move {
+            let addresses = match beside {
+                Some(StreamPeer::Tcp(at)) => vec![at],
+                _ => net.resolve(address).await.map_err(AttemptError::Resolve)?,
+            };
+            let mut last = AttemptError::NoAddress;
+            for to in addresses {
+                match net.connect_tcp(to, self.0).await {
+                    Ok(stream) => return Ok(stream),
+                    Err(cause) => last = AttemptError::Connect { address: to.to_string(), cause },
+                }
+            }
+            Err(last)
+        })
+    }
+
+    fn listen<'a>(
+        &'a self,
+        net: &'a Arc<dyn Net>,
+        address: &'a str,
+    ) -> BoxFuture<'a, Result<Listening, ListenFault>> {
+        Box::pin(async move {
+            let at = first_address(net, address).await?;
+            let (socket, address) = net.listen_tcp(at, self.0)?;
+            Ok(Listening { socket, address: address.to_string() })
+        })
+    }
 }

@@ -38,6 +38,7 @@ const COMMON_NAME: &str = "trimaran";
 /// packets every time.
 #[derive(Clone)]
 pub struct Keys {
+    #[cfg_attr(not(feature = "quic"), expect(dead_code, reason = "whoever reads it needs TLS"))]
     pub(crate) certified: Arc<CertifiedKey>,
     public: PublicKeys,
     file: Arc<PrivateFile>,
@@ -117,6 +118,7 @@ impl Keys {
     }
 
     /// The secret behind [`PublicKeys::udp`].
+    #[cfg(feature = "udp")]
     pub(crate) fn noise(&self) -> &NoiseSecret {
         &self.file.udp_key
     }

@@ -39,6 +39,7 @@ impl NoiseKey {
     }
 
     /// The key of these bytes, as the Noise handshake gives them.
+    #[cfg(feature = "udp")]
     pub(crate) const fn from_bytes(bytes: [u8; 32]) -> Self {
         Self(bytes)
     }
@@ -53,6 +54,7 @@ impl NoiseSecret {
     }
 
     /// The secret's bytes, as the Noise handshake takes them.
+    #[cfg(feature = "udp")]
     pub(crate) fn to_bytes(&self) -> Zeroizing<[u8; 32]> {
         self.0.clone()
     }

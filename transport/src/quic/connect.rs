@@ -13,7 +13,7 @@ use super::control::{Control, check_datagrams, explain};
 use super::runtime::{NetRuntime, NetSocket};
 use super::tls::{self, Doorman};
 use crate::HostPort;
-use crate::connect::{AttemptError, Introduction, each_address};
+use crate::connect::{AttemptError, Introduction};
 use crate::handshake::{HandshakeError, Parley};
 use crate::keys::Security;
 use crate::link::Parts;
@@ -23,12 +23,28 @@ use trimaran_net::{Net, random_bytes};
 const SERVER_NAME: &str = "trimaran";
 
 /// Tries once.
-pub(crate) async fn attempt(
+pub(super) async fn attempt(
     net: &Arc<dyn Net>,
     at: &HostPort,
     introduction: &Introduction<'_>,
 ) -> Result<Parts, AttemptError> {
     each_address(net, at, |to| introduce(net, to, introduction)).await
+}
+
+/// Tries each address of a host once, until one is there: whoever answers has the last word.
+async fn each_address<F: Future<Output = Result<Parts, AttemptError>>>(
+    net: &Arc<dyn Net>,
+    at: &HostPort,
+    introduce: impl Fn(SocketAddr) -> F,
+) -> Result<Parts, AttemptError> {
+    let mut last = AttemptError::NoAddress;
+    for to in net.resolve(&at.to_string()).await.map_err(AttemptError::Resolve)? {
+        match introduce(to).await {
+            Err(e @ AttemptError::Connect { .. }) => last = e,
+            done => return done,
+        }
+    }
+    Err(last)
 }
 
 async fn introduce(

@@ -19,7 +19,7 @@ use crate::frames::{WireFrameRx, WireFrameTx};
 use crate::handshake::{HandshakeError, Parley};
 use crate::keys::Fingerprint;
 use crate::latest::{WireLatestRx, WireLatestTx};
-use crate::link::{Lanes, Parts, PeerAddress, Shared};
+use crate::link::{Lanes, Parts, PeerAddress, Shared, Wire};
 use crate::stats::Counters;
 use trimaran_net::Net;
 
@@ -74,7 +74,7 @@ impl Control {
         let carrier = Carrier::new(net, connection);
         // The lane that lives on in its task must not keep the peer's place.
         let copier = Shared { _place: None, ..shared.clone() };
-        let lanes = Lanes::Wire {
+        let lanes = Lanes::Wire(Box::new(Wire {
             latest: (
                 WireLatestTx::Quic(LatestTx::new(&carrier, send, copier)),
                 WireLatestRx::Quic(LatestRx::new(&carrier, recv, decoder)),
@@ -83,7 +83,7 @@ impl Control {
                 WireFrameTx::Quic(FrameTx::new(&carrier)),
                 WireFrameRx::Quic(FrameRx::new(&carrier, format)),
             ),
-        };
+        }));
         Parts { lanes, peer, session, address, capabilities: CAPABILITIES, shared, doubt: None }
     }
 }

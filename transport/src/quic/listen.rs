@@ -22,7 +22,7 @@ use trimaran_net::until;
 const WAITING: u64 = 16 * 1024;
 
 /// Listens, and receives peers until nobody accepts them any more. Says where.
-pub(crate) fn listen(at: SocketAddr, desk: &Arc<Desk>) -> io::Result<SocketAddr> {
+pub(super) fn listen(at: SocketAddr, desk: &Arc<Desk>) -> io::Result<SocketAddr> {
     let options = &desk.options;
     let security = options.security.clone().ok_or_else(|| io::Error::other(HandshakeError::NoKeys))?;
     let (config, _) = server(desk, &security).map_err(io::Error::other)?;

@@ -1,9 +1,9 @@
-//! Links over QUIC (RFC 9000): cameras as datagrams, a stream for each frame, TLS 1.3 with both sides'
+//! Links over QUIC (RFC 9000): latest values as datagrams, a stream for each frame, TLS 1.3 with both sides'
 //! certificates pinned.
 //!
 //! The peer that connects opens one stream in both directions, the control stream: hello and its answer, then
-//! copies of cameras that no newer one has followed, then the goodbye of the latest lane. See
-//! `proto/WIRE.md`.
+//! copies of values that no newer one has followed, then the goodbye of the latest lane. See
+//! `transport/wire/WIRE.md`.
 
 mod carrier;
 mod connect;
@@ -17,14 +17,40 @@ mod options;
 mod runtime;
 mod tls;
 
-pub(crate) use connect::attempt;
 pub(crate) use frames::{FrameRx, FrameTx};
 pub(crate) use latest::{LatestRx, LatestTx};
-pub(crate) use listen::listen;
 pub use options::{Congestion, CongestionError, QuicOptions};
 pub use tls::UnknownPeer;
 
-use crate::link::Capabilities;
+use std::sync::Arc;
 
-pub(crate) const CAPABILITIES: Capabilities =
+use crate::connect::{AttemptError, Introduction};
+use crate::desk::Desk;
+use crate::link::{Capabilities, Parts};
+use crate::scheme::{Listened, Scheme, first_address};
+use crate::transport::ListenFault;
+use crate::{Endpoint, HostPort};
+use trimaran_net::{BoxFuture, Net};
+
+/// A socket for QUIC.
+pub(crate) struct Quic(pub(crate) HostPort);
+
+impl Scheme for Quic {
+    fn attempt<'a>(
+        &'a self,
+        net: &'a Arc<dyn Net>,
+        introduction: &'a Introduction<'_>,
+    ) -> BoxFuture<'a, Result<Parts, AttemptError>> {
+        Box::pin(connect::attempt(net, &self.0, introduction))
+    }
+
+    fn listen<'a>(&'a self, desk: &'a Arc<Desk>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
+        Box::pin(async move {
+            let to = first_address(&desk.net, &self.0.to_string()).await?;
+            Ok(Endpoint::Quic(listen::listen(to, desk)?.into()).into())
+        })
+    }
+}
+
+const CAPABILITIES: Capabilities =
     Capabilities { reliable: true, ordered: true, encrypted: true, local: false };

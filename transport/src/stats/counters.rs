@@ -1,9 +1,11 @@
 //! The counters of a living link.
 
+#[cfg(feature = "udp")]
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
+#[cfg(feature = "udp")]
 use trimaran_udp::PathStats;
 use trimaran_wire::{HEADER_BYTES, Kind};
 
@@ -18,12 +20,13 @@ impl StatsHandle {
     /// A snapshot. Counters that change meanwhile may be one message apart from each other.
     #[must_use]
     pub fn read(&self) -> LinkStats {
-        let Counters { sent, received, floods, header, path, .. } = &*self.0;
+        let Counters { sent, received, floods, header, .. } = &*self.0;
         LinkStats {
             sent: sent.read(*header),
             received: received.read(*header),
             floods: floods.load(Ordering::Relaxed),
-            path: path.get().map(|source| source.path()),
+            #[cfg(feature = "udp")]
+            path: self.0.path.get().map(|source| source.path()),
         }
     }
 
@@ -40,6 +43,7 @@ impl StatsHandle {
 }
 
 /// What counts packets.
+#[cfg(feature = "udp")]
 pub(crate) trait PathSource: fmt::Debug + Send + Sync {
     /// The counts, and the last ones once the connection is over.
     fn path(&self) -> PathStats;
@@ -55,6 +59,7 @@ pub(crate) struct Counters {
     /// The header bytes of a message on this transport.
     header: u64,
     /// Who counts packets, where the transport tells.
+    #[cfg(feature = "udp")]
     path: OnceLock<Box<dyn PathSource>>,
     door: OnceLock<Door>,
 }
@@ -72,8 +77,15 @@ impl Counters {
 
     fn with_header(header: u64) -> Arc<Self> {
         let (sent, received) = (Direction::default(), Direction::default());
-        let (path, door) = (OnceLock::new(), OnceLock::new());
-        Arc::new(Self { sent, received, floods: AtomicU64::new(0), header, path, door })
+        Arc::new(Self {
+            sent,
+            received,
+            floods: AtomicU64::new(0),
+            header,
+            #[cfg(feature = "udp")]
+            path: OnceLock::new(),
+            door: OnceLock::new(),
+        })
     }
 
     /// Counts that the peer sent more than it may.
@@ -88,6 +100,7 @@ impl Counters {
     }
 
     /// Has `source` count the packets. The first call counts.
+    #[cfg(feature = "udp")]
     pub(crate) fn watch(&self, source: impl PathSource + 'static) {
         self.path.get_or_init(|| Box::new(source));
     }

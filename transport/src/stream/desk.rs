@@ -8,29 +8,29 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 use trimaran_wire::{Accept, Hello, Lane, Message, Refusal, SessionId};
 
+use super::Streams;
 use super::handshake::{Connection, Lanes};
+use crate::PeerAddress;
 use crate::application::Peer;
 use crate::desk::{Desk, Place, lock};
 use crate::handshake::{HandshakeError, Parley};
-use crate::link::Capabilities;
 use crate::pending::Slot;
 use crate::stats::Counters;
-use crate::{PeerAddress, unix};
 use trimaran_net::{Instant, Listen, Stream, StreamPeer, sleep_until, until};
 
 /// The pause after the system could not accept, for instance for want of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
 /// Accepts until nobody takes the links any more.
-pub(crate) async fn serve(desk: Arc<Desk>, socket: Box<dyn Listen>, capabilities: Capabilities) {
-    Arc::new(Reception { desk, capabilities, waiting: Mutex::default() }).serve(socket).await;
+pub(crate) async fn serve(desk: Arc<Desk>, socket: Box<dyn Listen>, streams: Streams) {
+    Arc::new(Reception { desk, streams, waiting: Mutex::default() }).serve(socket).await;
 }
 
 /// Receives connections, checks who they are, and pairs them.
 #[derive(Debug)]
 struct Reception {
     desk: Arc<Desk>,
-    capabilities: Capabilities,
+    streams: Streams,
     /// Which sessions have one connection.
     waiting: Mutex<HashMap<SessionId, Waiting>>,
 }
@@ -45,6 +45,7 @@ struct Waiting {
 }
 
 /// What becomes of a hello.
+#[expect(clippy::large_enum_variant, reason = "none is kept")]
 enum Entry {
     /// Both lanes are there, and the role is this link's.
     Complete(Lanes, Peer, Place),
@@ -69,9 +70,10 @@ impl Reception {
                         self.desk.net.spawn(Box::pin(reception.receive(stream, slot)));
                     }
                     Err(e) => {
-                        self.desk.failed(&PeerAddress::from(stream.peer), e);
+                        self.desk.failed(&self.address(stream.peer), e);
                         turn_away(&mut Connection::new(
                             stream,
+                            &*self.streams.transport,
                             self.desk.application.format(),
                             &Counters::framed(),
                         ));
@@ -85,17 +87,21 @@ impl Reception {
         }
     }
 
+    fn address(&self, peer: StreamPeer) -> PeerAddress {
+        PeerAddress::over(&*self.streams.transport, peer)
+    }
+
     /// Whether a connection may shake hands: nobody who must not take part gets a slot.
     fn admit(&self, peer: StreamPeer) -> Result<Slot, HandshakeError> {
-        unix::check(peer, &self.desk.options.unix)?;
-        let address = PeerAddress::from(peer);
+        self.streams.transport.admit(peer).map_err(HandshakeError::NotLetIn)?;
+        let address = self.address(peer);
         self.desk.begin(&address)?;
         Ok(self.desk.slot(&address))
     }
 
     /// One connection, from its first byte to a link or a failure.
     async fn receive(self: Arc<Self>, stream: Stream, mut slot: Slot) {
-        let address = PeerAddress::from(stream.peer);
+        let address = self.address(stream.peer);
         let deadline = self.desk.net.now().after(self.desk.options.handshake);
         // A lane that waits for the other one watches the deadline itself, in order to refuse politely; the
         // limit is for a peer that does not even read the refusal.
@@ -114,7 +120,12 @@ impl Reception {
         slot: &mut Slot,
     ) -> Result<(), HandshakeError> {
         let net = &*self.desk.net;
-        let mut connection = Connection::new(stream, self.desk.application.format(), &Counters::framed());
+        let mut connection = Connection::new(
+            stream,
+            &*self.streams.transport,
+            self.desk.application.format(),
+            &Counters::framed(),
+        );
         let hello = tokio::select! {
             biased;
             hello = until(net, deadline, connection.recv_hello()) => hello.ok_or(HandshakeError::TimedOut)??,
@@ -168,7 +179,7 @@ impl Reception {
                 return Entry::Refused(connection, refusal);
             }
         };
-        let capabilities = self.capabilities;
+        let capabilities = self.streams.capabilities();
         let lanes = match lane {
             Lane::Latest => Lanes { latest: connection, frames: other.connection, capabilities },
             Lane::Frames => Lanes { latest: other.connection, frames: connection, capabilities },

@@ -14,8 +14,9 @@ use crate::desk::Place;
 use crate::frames::{WireFrameRx, WireFrameTx};
 use crate::handshake::{HandshakeError, Parley};
 use crate::latest::{WireLatestRx, WireLatestTx};
-use crate::link::{Capabilities, Lanes as AnyLanes, LinkConfig, Parts, PeerAddress, Shared};
+use crate::link::{Capabilities, Lanes as AnyLanes, LinkConfig, Parts, PeerAddress, Shared, Wire};
 use crate::stats::Counters;
+use crate::transport::Transport;
 use trimaran_net::{Net, Stream};
 
 /// How much is read at once from someone who is not a peer yet.
@@ -31,11 +32,16 @@ pub(super) struct Connection {
 }
 
 impl Connection {
-    pub(super) fn new(stream: Stream, format: Format, counters: &Arc<Counters>) -> Self {
+    pub(super) fn new(
+        stream: Stream,
+        transport: &dyn Transport,
+        format: Format,
+        counters: &Arc<Counters>,
+    ) -> Self {
         Self {
             source: Source::new(stream.reader, ROOM, format),
             sink: Sink::new(stream.writer),
-            address: stream.peer.into(),
+            address: PeerAddress::over(transport, stream.peer),
             counters: Arc::clone(counters),
         }
     }
@@ -102,10 +108,10 @@ impl Lanes {
         let frames_pulse: Arc<dyn Pulse> = Arc::<Outlet>::clone(frames_tx.outlet());
         let lanes = [Arc::downgrade(&latest_pulse), Arc::downgrade(&frames_pulse)];
         keep_alive(net, config.keepalive(), lanes);
-        let lanes = AnyLanes::Wire {
+        let lanes = AnyLanes::Wire(Box::new(Wire {
             latest: (WireLatestTx::Stream(latest_tx), WireLatestRx::Stream(LatestRx::new(latest.source))),
             frames: (WireFrameTx::Stream(frames_tx), WireFrameRx::Stream(frames_rx)),
-        };
+        }));
         Parts { lanes, peer, session, address, capabilities, shared, doubt: None }
     }
 }

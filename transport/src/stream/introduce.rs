@@ -1,39 +1,42 @@
 //! Making a link over byte streams: two connections, a hello on each, an answer on each.
 
-use std::fmt;
-use std::io;
 use std::sync::Arc;
 
 use trimaran_wire::Lane;
 
+use super::Streams;
 use super::handshake::{Connection, Lanes};
 use crate::connect::{AttemptError, Introduction};
-use crate::handshake::Parley;
-use crate::link::{Capabilities, Parts};
+use crate::handshake::{HandshakeError, Parley};
+use crate::link::Parts;
 use crate::stats::Counters;
-use crate::unix;
-use trimaran_net::{BoxFuture, Net, Stream};
+use trimaran_net::{Net, StreamPeer};
 
-/// Opens both connections to `to`, says hello on both, and reads both answers.
-pub(crate) async fn introduce<'o>(
+/// Opens both connections to whoever listens there, says hello on both, and reads both answers.
+pub(crate) async fn introduce(
     net: &Arc<dyn Net>,
-    to: &(dyn fmt::Display + Sync),
-    open: impl Fn() -> BoxFuture<'o, io::Result<Stream>>,
+    streams: &Streams,
     introduction: &Introduction<'_>,
-    capabilities: Capabilities,
 ) -> Result<Parts, AttemptError> {
     let Introduction { application, session, options, .. } = *introduction;
+    let (to, transport) = (streams.endpoint.address(), &*streams.transport);
+    let capabilities = streams.capabilities();
     let (format, counters) = (application.format(), Counters::framed());
-    let failed = |cause| AttemptError::Handshake { address: to.to_string(), cause };
-    let connection = async || match open().await {
-        Ok(stream) => {
-            unix::check(stream.peer, &options.unix).map_err(|e| failed(e.into()))?;
-            Ok(Connection::new(stream, format, &counters))
-        }
-        Err(cause) => Err(AttemptError::Connect { address: to.to_string(), cause }),
+    let connection = async |beside: Option<StreamPeer>| {
+        let stream = transport.connect(net, &to, beside).await?;
+        let peer = stream.peer;
+        let connection = Connection::new(stream, transport, format, &counters);
+        let failed = |e| AttemptError::Handshake {
+            address: connection.address.to_string(),
+            cause: HandshakeError::NotLetIn(e),
+        };
+        transport.admit(peer).map_err(failed)?;
+        Ok::<_, AttemptError>((connection, peer))
     };
-    let mut frames = connection().await?;
-    let mut latest = connection().await?;
+    let (mut frames, peer) = connection(None).await?;
+    let (mut latest, _) = connection(Some(peer)).await?;
+    let address = frames.address.to_string();
+    let failed = |cause| AttemptError::Handshake { address, cause };
     let theirs = async {
         frames.greet(application.introduce(session, Lane::Frames)).await?;
         latest.greet(application.introduce(session, Lane::Latest)).await?;

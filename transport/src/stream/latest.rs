@@ -76,7 +76,7 @@ impl LatestTx {
         &self.cell
     }
 
-    pub(crate) fn publish(&mut self, value: FixedBytes) -> Result<(), LaneSendError> {
+    pub(crate) fn publish(&mut self, value: FixedBytes, _: &Shared) -> Result<(), LaneSendError> {
         self.send(|outgoing| outgoing.newest = Some(value))
     }
 

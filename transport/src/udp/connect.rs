@@ -31,7 +31,7 @@ const REST: u32 = 50;
 
 /// Tries each address of the host, each for its share of the time that a handshake may take: nobody says that
 /// there is nobody.
-pub(crate) async fn attempt(
+pub(super) async fn attempt(
     net: &Arc<dyn Net>,
     endpoint: &UdpEndpoint,
     introduction: &Introduction<'_>,

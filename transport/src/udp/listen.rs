@@ -24,7 +24,7 @@ use crate::{PeerAddress, UdpMode};
 use trimaran_net::{UdpSocket, random_bytes, until};
 
 /// Listens, and receives peers until nobody accepts them any more. Says where.
-pub(crate) fn listen(at: SocketAddr, mode: Option<UdpMode>, desk: &Arc<Desk>) -> io::Result<SocketAddr> {
+pub(super) fn listen(at: SocketAddr, mode: Option<UdpMode>, desk: &Arc<Desk>) -> io::Result<SocketAddr> {
     let options = &desk.options.udp;
     let security = options.trust.listening(desk.options.security.as_ref()).map_err(io::Error::other)?;
     let door = Door::new(security, random_bytes(&*desk.net)?).map_err(io::Error::other)?;

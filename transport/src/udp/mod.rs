@@ -14,10 +14,8 @@ mod options;
 mod port;
 mod socket;
 
-pub(crate) use connect::attempt;
 pub(crate) use frames::{FrameRx, FrameTx};
 pub(crate) use latest::{LatestRx, LatestTx};
-pub(crate) use listen::listen;
 pub use options::{Trust, UdpOptions};
 pub use trimaran_udp::{Closed, Congestion, LaneViolation, MIN_DATAGRAM, Repair};
 
@@ -27,11 +25,39 @@ use std::sync::Arc;
 use trimaran_wire::{Format, SessionId};
 
 use crate::application::Peer;
+use crate::connect::{AttemptError, Introduction};
+use crate::desk::Desk;
 use crate::frames::{WireFrameRx, WireFrameTx};
 use crate::latest::{WireLatestRx, WireLatestTx};
-use crate::link::{Capabilities, Lanes, Parts, PeerAddress, Shared};
+use crate::link::{Capabilities, Lanes, Parts, PeerAddress, Shared, Wire};
+use crate::scheme::{Listened, Scheme, first_address};
 use crate::stats::Counters;
+use crate::transport::ListenFault;
+use crate::{Endpoint, UdpEndpoint};
 use port::{Carrier, Port};
+use trimaran_net::{BoxFuture, Net};
+
+/// A socket for datagrams.
+pub(crate) struct Udp(pub(crate) UdpEndpoint);
+
+impl Scheme for Udp {
+    fn attempt<'a>(
+        &'a self,
+        net: &'a Arc<dyn Net>,
+        introduction: &'a Introduction<'_>,
+    ) -> BoxFuture<'a, Result<Parts, AttemptError>> {
+        Box::pin(connect::attempt(net, &self.0, introduction))
+    }
+
+    fn listen<'a>(&'a self, desk: &'a Arc<Desk>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
+        Box::pin(async move {
+            let UdpEndpoint { at, mode } = &self.0;
+            let to = first_address(&desk.net, &at.to_string()).await?;
+            let at = listen::listen(to, *mode, desk)?.into();
+            Ok(Endpoint::Udp(UdpEndpoint { at, mode: *mode }).into())
+        })
+    }
+}
 
 /// What a link is made of, from a connection.
 fn parts(
@@ -45,10 +71,10 @@ fn parts(
 ) -> Parts {
     let carrier = Carrier::new(port);
     counters.watch(port.watch());
-    let lanes = Lanes::Wire {
+    let lanes = Lanes::Wire(Box::new(Wire {
         latest: (WireLatestTx::Udp(LatestTx::new(&carrier)), WireLatestRx::Udp(LatestRx::new(&carrier))),
         frames: (WireFrameTx::Udp(FrameTx::new(&carrier)), WireFrameRx::Udp(FrameRx::new(&carrier))),
-    };
+    }));
     Parts {
         lanes,
         session,

@@ -13,14 +13,13 @@ use thiserror::Error;
 
 pub use options::UnixOptions;
 
-use crate::SocketPath;
-use crate::connect::{AttemptError, Introduction};
-use crate::desk::Desk;
-use crate::link::{Capabilities, Parts};
-use crate::stream::{introduce, serve};
-use trimaran_net::{Net, StreamPeer};
+use crate::connect::AttemptError;
+use crate::transport::{ListenFault, Listening, Transport};
+use trimaran_net::{BoxFuture, Net, Stream, StreamPeer};
 
-const CAPABILITIES: Capabilities = Capabilities { local: true, ..crate::tcp::CAPABILITIES };
+/// Unix stream sockets.
+#[derive(Debug, Clone)]
+pub(crate) struct Unix(pub(crate) UnixOptions);
 
 /// The process at the other end of a Unix socket belongs to a user who is not let in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
@@ -34,25 +33,45 @@ pub struct ForeignUser {
     pub theirs: u32,
 }
 
-/// Tries once.
-pub(crate) async fn attempt(
-    net: &Arc<dyn Net>,
-    path: &SocketPath,
-    introduction: &Introduction<'_>,
-) -> Result<Parts, AttemptError> {
-    let open = || net.connect_unix(path.as_path());
-    introduce(net, path, open, introduction, CAPABILITIES).await
-}
+impl Transport for Unix {
+    fn scheme(&self) -> &'static str {
+        "unix"
+    }
 
-/// Listens, and receives peers until nobody accepts them any more.
-pub(crate) async fn listen(path: &Path, desk: &Arc<Desk>) -> io::Result<()> {
-    let socket = desk.net.listen_unix(path, &desk.options.unix.socket()).await?;
-    desk.net.spawn(Box::pin(serve(Arc::clone(desk), socket, CAPABILITIES)));
-    Ok(())
+    fn is_local(&self) -> bool {
+        true
+    }
+
+    fn connect<'a>(
+        &'a self,
+        net: &'a Arc<dyn Net>,
+        address: &'a str,
+        _beside: Option<StreamPeer>,
+    ) -> BoxFuture<'a, Result<Stream, AttemptError>> {
+        Box::pin(async move {
+            let failed = |cause| AttemptError::Connect { address: address.to_owned(), cause };
+            net.connect_unix(Path::new(address)).await.map_err(failed)
+        })
+    }
+
+    fn listen<'a>(
+        &'a self,
+        net: &'a Arc<dyn Net>,
+        address: &'a str,
+    ) -> BoxFuture<'a, Result<Listening, ListenFault>> {
+        Box::pin(async move {
+            let socket = net.listen_unix(Path::new(address), &self.0.socket()).await?;
+            Ok(Listening { socket, address: address.to_owned() })
+        })
+    }
+
+    fn admit(&self, peer: StreamPeer) -> io::Result<()> {
+        check(peer, &self.0).map_err(|e| io::Error::new(io::ErrorKind::PermissionDenied, e))
+    }
 }
 
 /// Checks whose process the other end is.
-pub(crate) fn check(peer: StreamPeer, options: &UnixOptions) -> Result<(), ForeignUser> {
+fn check(peer: StreamPeer, options: &UnixOptions) -> Result<(), ForeignUser> {
     match peer {
         #[cfg(unix)]
         StreamPeer::Unix(peer) => {
