@@ -151,6 +151,7 @@ impl LinkConfig {
             unix: self.unix.options(),
             quic: self.quic.options(),
             udp: self.udp.options(),
+            transports: Vec::new(),
         }
     }
 
