@@ -16,6 +16,14 @@ use crate::inproc;
 #[derive(Clone, PartialEq, Eq)]
 pub struct PeerName(Arc<str>);
 
+impl PeerName {
+    /// The name.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
 impl fmt::Display for PeerName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.0)
