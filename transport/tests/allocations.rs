@@ -8,10 +8,9 @@ use std::alloc::System;
 
 use common::{Link, joined};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
-use trimaran_transport::conformance::{points, pose, start};
-use trimaran_transport::conformance::{points, pose, start};
+use trimaran_transport::conformance::{Robot, points, pose, start};
 use trimaran_transport::udp::{Trust, UdpOptions};
-use trimaran_transport::{Batch, FrameEvent, FrameOutcome, FrameReceiver, Options};
+use trimaran_transport::{FrameEvent, FrameOutcome, FrameReceiver, Options};
 
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
@@ -47,7 +46,7 @@ async fn frames(near: &mut Link, far: &mut Link, numbers: std::ops::Range<u32>, 
 }
 
 /// How many points the next frame has.
-async fn read(frames: &mut FrameReceiver) -> usize {
+async fn read(frames: &mut FrameReceiver<Robot>) -> usize {
     let mut count = 0;
     loop {
         match frames.recv().await.unwrap() {
@@ -67,11 +66,10 @@ fn asked(region: &Region<'_, System>) -> usize {
 
 #[tokio::test]
 async fn in_steady_state_neither_poses_nor_frames_allocate() {
-    let mut options = Options {
+    let options = Options {
         udp: UdpOptions { trust: Trust::SharedKey([9; 32].into()), ..UdpOptions::default() },
         ..Options::default()
     };
-    options.link.coding = false;
     let points = points(POINTS);
     for endpoint in ["tcp://127.0.0.1:0", "udp://127.0.0.1:0"] {
         let (mut near, mut far) = joined(endpoint, &options).await;

@@ -15,12 +15,11 @@ use meeting::Meeting;
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use tokio::sync::Mutex;
 use trimaran_transport::conformance::{PANEL, greeting, receive, start};
-use trimaran_transport::conformance::{PANEL, greeting, start};
 use trimaran_transport::quic::QuicOptions;
 use trimaran_transport::udp::UdpOptions;
 use trimaran_transport::{
-    Batch, BatchSize, Batching, FrameEvent, FrameNumber, FrameOrderError, FrameViolation, LinkConfig,
-    Options, ProtocolError, RecvError, SendError, TooMany,
+    BatchSize, Batching, FrameEvent, FrameNumber, FrameOrderError, FrameViolation, LinkConfig,
+    Options, ProtocolError, RecvError, SendError,
 };
 
 #[global_allocator]

@@ -9,17 +9,18 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use bytes::BytesMut;
-use common::{Link, Listener, connect, last_failure, net, refusal, role_taken, soon};
+use common::{
+    Link, Listener, connect, format, hello_bytes, introduce, last_failure, net, refusal, role_taken, soon,
+};
 use tempfile::TempDir;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
-use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};
 use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};
 use trimaran_transport::{
     DecodeFault, Endpoint, HandshakeError, Kind, Lane, Limits, Options, ProtocolError, RecvError, Refusal,
     SessionId, WireVersion, until,
 };
-use trimaran_wire::{Accept, Decoder, Hello, Message};
+use trimaran_wire::{Accept, Decoder, Message};
 
 /// Runs a case over each transport.
 macro_rules! over_tcp_and_unix {
@@ -110,11 +111,11 @@ fn bytes(message: &Message) -> BytesMut {
 }
 
 fn hello(session: u64, lane: Lane) -> BytesMut {
-    bytes(&Message::Hello(greeting(PANEL).hello(SessionId(session), lane)))
+    bytes(&introduce(&greeting(PANEL), SessionId(session), lane))
 }
 
 fn accept() -> BytesMut {
-    bytes(&Message::Accept(Accept { identity: greeting(ARM) }))
+    bytes(&Message::Accept(Accept { application: hello_bytes(&greeting(ARM)) }))
 }
 
 /// A panel of bare streams, and the listener's link with it.
@@ -134,14 +135,14 @@ async fn a_panel_gets_in(listener: &mut Listener, at: &Endpoint) {
     let (net, options) = (net(), Options::default());
     let (there, here) =
         tokio::join!(connect(&net, at, greeting(PANEL), &options, soon(&net)), listener.accept(soon(&net)),);
-    assert_eq!(there.unwrap().peer.hello.role.as_deref(), ARM);
-    assert_eq!(here.unwrap().peer.hello.role.as_deref(), PANEL);
+    assert_eq!(there.unwrap().peer.hello, greeting(ARM));
+    assert_eq!(here.unwrap().peer.hello, greeting(PANEL));
 }
 
 fn length_of(error: &RecvError) -> Option<(Kind, usize)> {
     match error {
         RecvError::Protocol { cause: ProtocolError::Decode(e), .. } => match e.fault {
-            DecodeFault::Length { kind, length } => Some((kind, length)),
+            DecodeFault::Length { kind, length, .. } => Some((kind, length)),
             _ => None,
         },
         _ => None,
@@ -220,7 +221,7 @@ mod cases {
         let strange = Greeting { map: 0xdead, ..greeting(PANEL) };
         for session in 0..20 {
             let mut frames = dial(&at).await;
-            let hello = Message::Hello(strange.hello(SessionId(session), Lane::Frames));
+            let hello = introduce(&strange, SessionId(session), Lane::Frames);
             frames.write_all(&bytes(&hello)).await.unwrap();
             drop(frames);
             let failure = last_failure(&mut listener).await;
@@ -256,12 +257,12 @@ mod cases {
         stranger.read_to_end(&mut answer).await.unwrap();
         assert_eq!(answer[0], Kind::Refuse.code());
         assert_eq!(answer[4..6], [1, 0], "the listener's version comes first");
-        let mut decoder = Decoder::new();
+        let mut decoder = Decoder::new(format());
         decoder.push(&answer);
         let expected = Refusal::Version { listener: WireVersion(1), connector: WireVersion(0x0107) };
-        assert_eq!(decoder.next_message(), Ok(Some(Message::Refuse(expected))));
+        assert_eq!(decoder.next_message(), Ok(Some(Message::Refuse(expected.clone()))));
         let failure = last_failure(&mut listener).await;
-        assert!(matches!(failure, HandshakeError::Refused(known) if known == expected), "{failure:?}");
+        assert!(matches!(&failure, HandshakeError::Refused(known) if *known == expected), "{failure:?}");
         a_panel_gets_in(&mut listener, &at).await;
     }
 
@@ -340,6 +341,6 @@ mod cases {
         let (net, options) = (net(), Options::default());
         let connecting = connect(&net, &at, greeting(PANEL), &options, soon(&net));
         let (link, ()) = tokio::join!(connecting, serve);
-        assert_eq!(link.unwrap().peer.hello.role.as_deref(), ARM);
+        assert_eq!(link.unwrap().peer.hello, greeting(ARM));
     }
 }

@@ -5,10 +5,8 @@ mod common;
 
 use common::{Link, Listener, connect, joined, net, other_map, soon};
 use trimaran_transport::conformance::{
-    ARM, Greeting, MAP, Overhead, PANEL, Pairs, greeting, points, pose, receive, start,
+    ARM, Greeting, MAP, Overhead, PANEL, Pairs, Robot, greeting, points, pose, receive, start,
 };
-use trimaran_transport::conformance::{ARM, Greeting, MAP, PANEL, Pairs, greeting};
-use trimaran_transport::inproc;
 use trimaran_transport::inproc;
 use trimaran_transport::{
     AttemptError, BatchSize, ConnectError, Endpoint, HandshakeError, LinkConfig, ListenError, Options,
@@ -32,7 +30,7 @@ trimaran_transport::conformance!(Inproc);
 #[tokio::test]
 async fn peers_that_do_not_go_together_get_no_link() {
     let other = Greeting { map: 1, ..greeting(PANEL) };
-    let refused = inproc::pair(&net(), greeting(ARM), other, &LinkConfig::default());
+    let refused = inproc::pair::<Robot>(&net(), greeting(ARM), other, &LinkConfig::default());
     let expected = other_map(MAP, 1);
     assert!(matches!(&refused, Err(HandshakeError::Refused(known)) if *known == expected), "{refused:?}");
 }
@@ -56,10 +54,7 @@ async fn a_listener_is_found_by_name_and_its_name_is_free_when_it_is_gone() {
     let options = Options::default();
     for _ in 0..2 {
         let (mut arm, mut panel) = joined("inproc:found-by-name", &options).await;
-        assert_eq!(
-            (arm.peer.hello.role.as_deref(), panel.peer.hello.role.as_deref()),
-            (Some(PANEL), Some(ARM))
-        );
+        assert_eq!((&arm.peer.hello, &panel.peer.hello), (&greeting(PANEL), &greeting(ARM)));
         assert_eq!(arm.peer.session, panel.peer.session);
         assert!(arm.capabilities().local && arm.capabilities().ordered);
         panel.latest_tx.publish(pose(3)).unwrap();

@@ -13,7 +13,6 @@ use common::{Link, connect, net, soon};
 use meeting::Meeting;
 use tokio::runtime::{Builder, Runtime};
 use trimaran_transport::conformance::{PANEL, greeting, points, pose, receive, start};
-use trimaran_transport::conformance::{PANEL, greeting, points, pose, receive, start};
 use trimaran_transport::{Endpoint, LinkConfig, Loss, Net, Options, RecvError, SendError, TokioNet};
 
 over_every_transport!(

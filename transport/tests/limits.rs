@@ -14,7 +14,6 @@ use common::udp::{a_panel_gets_in, shared};
 use common::{Listener, connect, last_failure, net, soon};
 use meeting::Meeting;
 use trimaran_transport::conformance::{ARM, GRIPPER, Greeting, PANEL, greeting, start};
-use trimaran_transport::conformance::{ARM, GRIPPER, Greeting, PANEL, greeting, start};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::{
     HandshakeError, Limits, LinkConfig, Options, ProtocolError, RecvError, Refusal, TooMany, sleep_until,
@@ -103,7 +102,7 @@ async fn handshakes_beyond_the_limit_of_a_second_are_turned_away_and_counted() {
             assert!(net.now() < soon, "{endpoint}: {:?}", listener.turned_away());
             let by = net.now().after(Duration::from_millis(500));
             // At once, so that they begin within a second however slow the machine is.
-            let refused = || connect(&net, &at, other, &options, by);
+            let refused = || connect(&net, &at, other.clone(), &options, by);
             let _refused = tokio::join!(refused(), refused(), refused(), refused());
         }
         a_panel_gets_in(&mut listener, &at, &options).await;
@@ -118,7 +117,7 @@ async fn a_peer_that_floods_the_lane_is_lost_for_it(endpoint: &str) {
     let net = net();
     let (there, here) =
         tokio::join!(connect(&net, &at, greeting(PANEL), &panel, soon(&net)), listener.accept(soon(&net)),);
-    let (mut panel, mut a) = (there.unwrap(), here.unwrap());
+    let (mut panel, mut arm) = (there.unwrap(), here.unwrap());
     let flood = async {
         for frame in 0.. {
             let sent = async {

@@ -13,7 +13,6 @@ use page::Page;
 use tokio::io::AsyncWriteExt;
 use tokio::net::TcpStream;
 use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};
-use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};
 use trimaran_transport::{Lane, Options, SessionId, sleep_until};
 
 #[tokio::test(start_paused = true)]

@@ -17,7 +17,6 @@ use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpStream, UdpSocket, UnixStream};
 use tokio::sync::Mutex;
 use trimaran_transport::conformance::{PANEL, greeting, points, pose, start};
-use trimaran_transport::conformance::{PANEL, greeting, points, pose, start};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::quic::QuicOptions;
 use trimaran_transport::udp::UdpOptions;

@@ -18,7 +18,6 @@ use common::{Link, Listener, connect, last_failure, net, soon};
 use forged::{Forgery, Initial};
 use meeting::Meeting;
 use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};
-use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::{Endpoint, HandshakeError, Options, Refusal};
 
@@ -27,7 +26,7 @@ over_every_transport!(a_listener_of_another_map_is_waited_out);
 /// Listens at `at` as `who` once whoever is there has gone.
 async fn bind_when_free(at: &Endpoint, who: Greeting, options: &Options) -> Listener {
     loop {
-        match Listener::bind(&net(), at, who, options).await {
+        match Listener::bind(&net(), at, who.clone(), options).await {
             Err(error) if error.may_pass() => tokio::task::yield_now().await,
             listener => return listener.unwrap(),
         }

@@ -10,9 +10,6 @@ use common::{Link, Listener, connect, last_failure, net, obstacle, other_map, so
 use trimaran_transport::conformance::{
     ARM, Greeting, MAP, Overhead, PANEL, Pairs, greeting, points, pose, receive, start,
 };
-use trimaran_transport::conformance::{
-    ARM, Greeting, MAP, PANEL, Pairs, greeting, points, pose, receive, start,
-};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::quic::{Congestion, QuicOptions};
 use trimaran_transport::{
@@ -132,8 +129,8 @@ async fn another_map_is_refused_and_both_sides_know_both_maps() {
     let other = Greeting { map: 0xdead, ..greeting(PANEL) };
     let (error, known) = failures(&ours, &theirs, other).await;
     let expected = other_map(MAP, 0xdead);
-    assert!(matches!(error, HandshakeError::Refused(refusal) if refusal == expected), "{error:?}");
-    assert!(matches!(known, HandshakeError::Refused(refusal) if refusal == expected), "{known:?}");
+    assert!(matches!(&error, HandshakeError::Refused(refusal) if *refusal == expected), "{error:?}");
+    assert!(matches!(&known, HandshakeError::Refused(refusal) if *refusal == expected), "{known:?}");
 }
 
 #[tokio::test]

@@ -9,9 +9,8 @@ use std::sync::{Arc, Mutex};
 
 use common::{Link, Listener, connect, last_failure, net, obstacle, refusal, soon};
 use trimaran_transport::conformance::{ARM, GRIPPER, PANEL, greeting};
-use trimaran_transport::conformance::{ARM, GRIPPER, PANEL, greeting};
 use trimaran_transport::keys::{Keys, KnownPeer, PeerKey, Security, WrongRole};
-use trimaran_transport::{Endpoint, HandshakeError, Options, RecvError, Refusal};
+use trimaran_transport::{CloseReason, Endpoint, Explanation, HandshakeError, Options, RecvError, Refusal};
 
 const ENDPOINTS: [&str; 2] = ["quic://127.0.0.1:0", "udp://127.0.0.1:0"];
 
@@ -20,8 +19,11 @@ fn keys(name: &str) -> Keys {
 }
 
 /// Who has `keys` and knows those, each in its role.
-fn knowing(keys: &Keys, peers: &[(&Keys, Option<Role>)]) -> Options {
-    let known = |(peer, role): &(&Keys, _)| KnownPeer { keys: peer.public().clone(), role: *role };
+fn knowing(keys: &Keys, peers: &[(&Keys, Option<&str>)]) -> Options {
+    let known = |(peer, role): &(&Keys, Option<&str>)| KnownPeer {
+        keys: peer.public().clone(),
+        role: role.map(str::to_owned),
+    };
     let peers = peers.iter().map(known).collect();
     Options { security: Some(Security { keys: keys.clone(), peers }), ..Options::default() }
 }
@@ -46,13 +48,13 @@ impl Show {
     }
 
     /// What the listener says to who has these keys and claims this role.
-    async fn claim(&self, keys: &Keys, role: Role) -> Refusal {
+    async fn claim(&self, keys: &Keys, role: &str) -> Refusal {
         let options = knowing(keys, &[(&self.panel, Some(PANEL))]);
         refusal(&net(), &self.at, greeting(role), &options).await
     }
 
     /// Both ends of a link with the machine of these keys.
-    async fn joins(&mut self, keys: &Keys, role: Role) -> (Link, Link) {
+    async fn joins(&mut self, keys: &Keys, role: &str) -> (Link, Link) {
         let options = knowing(keys, &[(&self.panel, Some(PANEL))]);
         let net = net();
         let (there, here) = tokio::join!(
@@ -60,7 +62,7 @@ impl Show {
             self.listener.accept(soon(&net)),
         );
         let (there, here) = (there.unwrap(), here.unwrap());
-        assert_eq!((there.peer.hello.role.as_deref(), here.peer.hello.role.as_deref()), (PANEL, role));
+        assert_eq!((&there.peer.hello, &here.peer.hello), (&greeting(PANEL), &greeting(role)));
         (there, here)
     }
 }
@@ -102,20 +104,24 @@ async fn a_key_that_claims_another_role_is_refused_by_name_and_the_right_one_sti
         let its_own = show.joins(&second, GRIPPER).await;
         for _ in 0..3 {
             let refused = show.claim(&second, ARM).await;
-            assert_eq!(refused, Refusal::Key { claimed: ARM, known: GRIPPER }, "{endpoint}");
+            assert_eq!(
+                refused,
+                Refusal::Key { claimed: Explanation::new(ARM), known: Explanation::new(GRIPPER) },
+                "{endpoint}"
+            );
             let HandshakeError::WrongRole(claim) = last_failure(&mut show.listener).await else {
                 panic!("{endpoint}")
             };
             let expected = WrongRole {
                 name: "second".parse().unwrap(),
                 key: key(&show.at, &second),
-                claimed: ARM,
-                known: GRIPPER,
+                claimed: ARM.to_owned(),
+                known: GRIPPER.to_owned(),
             };
             assert_eq!(*claim, expected, "{endpoint}");
         }
         let said = format!(
-            "key 'second' ({}) claims to be switch A; this configuration knows it as switch B",
+            "key 'second' ({}) claims to be arm; this configuration knows it as gripper",
             key(&show.at, &second)
         );
         let log = String::from_utf8(page.0.lock().unwrap().clone()).unwrap();
@@ -139,13 +145,15 @@ async fn a_listener_that_claims_another_role_is_not_believed_and_learns_why() {
             link.frames_rx.recv().await
         });
         let HandshakeError::WrongRole(claim) = cause else { panic!("{endpoint}: {cause:?}") };
-        assert_eq!((claim.claimed, claim.known), (PANEL, GRIPPER), "{endpoint}");
+        assert_eq!((claim.claimed.as_str(), claim.known.as_str()), (PANEL, GRIPPER), "{endpoint}");
         assert_eq!(claim.name.as_str(), "panel", "{endpoint}");
-        let Err(RecvError::Goodbye { reason: Goodbye::Failed(why), .. }) = link else {
-            panic!("{endpoint}: {link:?}")
-        };
-        let expected = "its peer claims to be panel, with a key that is known as that of switch B";
-        assert_eq!(why.to_string(), expected, "{endpoint}");
+        let Err(RecvError::Goodbye { reason, .. }) = link else { panic!("{endpoint}: {link:?}") };
+        let expected = "its peer claims to be panel, with a key that is known as that of gripper";
+        assert_eq!(
+            (reason.code, reason.to_string()),
+            (CloseReason::REFUSED, expected.to_owned()),
+            "{endpoint}"
+        );
         let first = show.first.clone();
         show.joins(&first, ARM).await;
     }
@@ -169,8 +177,8 @@ async fn a_key_may_be_known_for_several_roles_or_for_any() {
                     connect(&net, &at, greeting(role), &theirs, soon(&net)),
                     listener.accept(soon(&net)),
                 );
-                assert_eq!(there.unwrap().peer.hello.role.as_deref(), GRIPPER, "{endpoint}");
-                assert_eq!(here.unwrap().peer.hello.role.as_deref(), role, "{endpoint}");
+                assert_eq!(there.unwrap().peer.hello, greeting(GRIPPER), "{endpoint}");
+                assert_eq!(here.unwrap().peer.hello, greeting(role), "{endpoint}");
             }
         }
     }

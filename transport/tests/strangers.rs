@@ -14,7 +14,6 @@ use meeting::Meeting;
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpStream, UdpSocket, UnixStream};
 use trimaran_transport::conformance::{Greeting, MAP, PANEL, greeting, pose};
-use trimaran_transport::conformance::{Greeting, MAP, PANEL, greeting, pose};
 use trimaran_transport::{ConnectError, Endpoint, HandshakeError, Instant, LinkConfig, Options};
 
 over_every_transport!(
@@ -44,7 +43,7 @@ async fn another_map_is_refused_and_both_sides_know_both_maps(endpoint: &str) {
     let expected = other_map(MAP, 0xdead);
     assert_eq!(refusal(&net, &meeting.at, other, &meeting.panel).await, expected);
     let known = last_failure(&mut meeting.listener).await;
-    assert!(matches!(known, HandshakeError::Refused(refusal) if refusal == expected), "{known:?}");
+    assert!(matches!(&known, HandshakeError::Refused(refusal) if *refusal == expected), "{known:?}");
     a_panel_gets_in(&mut meeting).await;
 }
 

@@ -12,9 +12,6 @@ use tokio::spawn;
 use trimaran_transport::conformance::{
     ARM, PANEL, finished, greeting, next_pose, points, pose, receive, start,
 };
-use trimaran_transport::conformance::{
-    ARM, PANEL, finished, greeting, next_pose, points, pose, receive, start,
-};
 use trimaran_transport::{Options, RecvError};
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -14,12 +14,9 @@ use tokio::net::TcpSocket;
 use trimaran_transport::conformance::{
     ARM, GRIPPER, Greeting, MAP, Overhead, PANEL, Pairs, greeting, points, pose, receive, start,
 };
-use trimaran_transport::conformance::{
-    ARM, GRIPPER, Greeting, MAP, PANEL, Pairs, greeting, points, pose, receive, start,
-};
 use trimaran_transport::{
     AcceptError, AttemptError, BatchSize, ConnectError, Endpoint, HandshakeError, LinkConfig, ListenError,
-    Net, Options, PeerAddress, Refusal, TcpOptions, sleep_until,
+    Net, Options, PeerAddress, Refusal, Rejection, TcpOptions, sleep_until,
 };
 
 struct Tcp;
@@ -52,7 +49,7 @@ async fn listener(net: &Arc<dyn Net>, identity: Greeting, options: &Options) -> 
 /// Tries to connect to a listener that must refuse; gives what both sides learn.
 async fn refusal(listening: Greeting, connecting: Greeting) -> (Refusal, Refusal) {
     let (net, options) = (net(), Options::default());
-    let (mut listener, address) = listener(&net, listening, &options).await;
+    let (mut listener, address) = listener(&net, listening.clone(), &options).await;
     let refusal = common::refusal(&net, &address, connecting, &options).await;
     match last_failure(&mut listener).await {
         HandshakeError::Refused(known) => (refusal, known),
@@ -86,17 +83,17 @@ async fn the_connecting_side_may_start_first() {
     };
     let early = connect(&net, &address, greeting(ARM), &options, soon(&net));
     let (early, late) = tokio::join!(early, late);
-    assert_eq!(early.unwrap().peer.hello.role.as_deref(), GRIPPER);
-    assert_eq!(late.peer.hello.role.as_deref(), ARM);
+    assert_eq!(early.unwrap().peer.hello, greeting(GRIPPER));
+    assert_eq!(late.peer.hello, greeting(ARM));
 }
 
 #[tokio::test]
-async fn settings_travel_in_the_hello_and_in_the_answer() {
+async fn what_the_peers_want_travels_in_the_hello_and_in_the_answer() {
     let panel = Greeting { batch: BatchSize::new(3).ok(), ..greeting(PANEL) };
-    for (listening, connecting) in [(panel, greeting(ARM)), (greeting(ARM), panel)] {
+    for (listening, connecting) in [(panel.clone(), greeting(ARM)), (greeting(ARM), panel)] {
         let (net, options) = (net(), Options::default());
-        let (mut listener, address) = listener(&net, listening, &options).await;
-        let mut there = connect(&net, &address, connecting, &options, soon(&net)).await.unwrap();
+        let (mut listener, address) = listener(&net, listening.clone(), &options).await;
+        let mut there = connect(&net, &address, connecting.clone(), &options, soon(&net)).await.unwrap();
         let mut here = listener.accept(soon(&net)).await.unwrap();
         assert_eq!((there.peer.hello, here.peer.hello), (listening, connecting));
         there.frames_tx.begin(start(0)).await.unwrap();
@@ -108,25 +105,25 @@ async fn settings_travel_in_the_hello_and_in_the_answer() {
 
 #[tokio::test]
 async fn another_map_is_refused_and_both_sides_know_both_maps() {
-    let other = SceneHash(0xdead);
+    let other = 0xdead;
     let connecting = Greeting { map: other, ..greeting(PANEL) };
     let expected = other_map(MAP, other);
-    assert_eq!(refusal(greeting(ARM), connecting).await, (expected, expected));
+    assert_eq!(refusal(greeting(ARM), connecting).await, (expected.clone(), expected));
 }
 
 #[tokio::test]
-async fn other_settings_are_refused() {
-    let (x, y) = (settings(10), settings(11));
-    let listening = Greeting { settings: Some(x), ..greeting(ARM) };
-    let connecting = Greeting { settings: Some(y), ..greeting(PANEL) };
-    let expected = Refusal::Settings { listener: x, connector: y };
-    assert_eq!(refusal(listening, connecting).await, (expected, expected));
+async fn what_the_application_rejects_is_refused_and_both_sides_know_why() {
+    let wanting = |role, points| Greeting { batch: BatchSize::new(points).ok(), ..greeting(role) };
+    let rejection = Rejection::new(3, "the listener wants batches of 10, the connecting peer of 11");
+    let expected = Refusal::Rejected(rejection);
+    let known = refusal(wanting(ARM, 10), wanting(PANEL, 11)).await;
+    assert_eq!(known, (expected.clone(), expected));
 }
 
 #[tokio::test]
 async fn the_listeners_own_role_is_refused() {
-    let expected = role_taken(PANEL);
-    assert_eq!(refusal(greeting(PANEL), greeting(PANEL)).await, (expected, expected));
+    let expected = Refusal::Rejected(Rejection::new(2, "the listener is panel itself"));
+    assert_eq!(refusal(greeting(PANEL), greeting(PANEL)).await, (expected.clone(), expected));
 }
 
 #[tokio::test]

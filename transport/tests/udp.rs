@@ -16,14 +16,11 @@ use page::Page;
 use trimaran_transport::conformance::{
     ARM, Greeting, MAP, Overhead, PANEL, Pairs, greeting, points, pose, receive, start,
 };
-use trimaran_transport::conformance::{
-    ARM, Greeting, MAP, PANEL, Pairs, greeting, points, pose, receive, start,
-};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{
-    AttemptError, Batch, ConnectError, Endpoint, FrameEvent, FrameNumber, FrameOutcome, HandshakeError,
-    LinkConfig, Net, Options, PeerAddress, sleep_until, until,
+    AttemptError, BatchSize, Batching, ConnectError, Endpoint, FrameEvent, FrameNumber, FrameOutcome,
+    HandshakeError, LinkConfig, Net, Options, PeerAddress, sleep_until, until,
 };
 
 struct Udp;
@@ -103,7 +100,7 @@ async fn another_map_is_refused_and_both_sides_know_both_maps() {
     let expected = other_map(MAP, 0xdead);
     assert_eq!(common::refusal(&net, &endpoint, other, &shared(1)).await, expected);
     let known = last_failure(&mut listener).await;
-    assert!(matches!(known, HandshakeError::Refused(refusal) if refusal == expected), "{known:?}");
+    assert!(matches!(&known, HandshakeError::Refused(refusal) if *refusal == expected), "{known:?}");
 }
 
 #[tokio::test]
@@ -223,11 +220,14 @@ async fn a_deadline_shorter_than_the_way_is_warned_of_once_a_link() {
 #[tokio::test]
 async fn with_deadlines_points_travel_as_changes_once_a_frame_is_confirmed() {
     let net = net();
-    let link = LinkConfig { coding: true, ..LinkConfig::default() };
+    let link = LinkConfig {
+        batching: Batching { size: BatchSize::default(), coded: true },
+        ..LinkConfig::default()
+    };
     let udp = UdpOptions { deadline: Duration::from_secs(10), ..shared(1).udp };
     let options = Options { link, udp, ..shared(1) };
     let (mut arm, mut panel) = joined("udp://127.0.0.1:0?mode=deadline", &options).await;
-    let visible: Vec<u32> = (0..2000).map(|id| 1000 * id).collect();
+    let visible: Vec<u32> = (0..2000).map(|n| 1000 * n).collect();
     let mut least = u64::MAX;
     for frame in 0..500 {
         let before = arm.stats.read();
@@ -245,7 +245,7 @@ async fn with_deadlines_points_travel_as_changes_once_a_frame_is_confirmed() {
         sleep_until(&*net, net.now().after(Duration::from_millis(5))).await;
     }
     assert!(least < 60, "{least} bytes for a frame like the one before");
-    assert_eq!(arm.stats.read().sent.points, panel.stats.read().received.points);
+    assert_eq!(arm.stats.read().sent.batches, panel.stats.read().received.batches);
 }
 
 #[tokio::test]

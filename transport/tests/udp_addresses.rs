@@ -11,7 +11,6 @@ use common::udp::shared;
 use common::{Listener, connect, net, soon};
 use trimaran_transport::Endpoint;
 use trimaran_transport::conformance::{ARM, PANEL, greeting, points, pose, receive, start};
-use trimaran_transport::conformance::{ARM, PANEL, greeting, points, pose, receive, start};
 
 /// A panel asks a listener at `at` for a link by way of `asked`, another of its addresses than the system
 /// would answer from; both talk.

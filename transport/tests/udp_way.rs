@@ -8,9 +8,8 @@ use std::time::Duration;
 
 use bytes::{BufMut, BytesMut};
 use common::udp::{a_panel_gets_in, address, listener, shared, with};
-use common::{Link, Listener, connect, last_failure, net, soon};
+use common::{Link, Listener, connect, format, introduce, last_failure, net, soon};
 use tokio::net::UdpSocket;
-use trimaran_transport::conformance::{PANEL, greeting, pose};
 use trimaran_transport::conformance::{PANEL, greeting, pose};
 use trimaran_transport::udp::Trust;
 use trimaran_transport::{
@@ -18,7 +17,7 @@ use trimaran_transport::{
     Refusal, SessionId, WireVersion, until,
 };
 use trimaran_udp::{Config, Connecting, ConnectionId, Progress, Security};
-use trimaran_wire::{Hello, Message};
+use trimaran_wire::{Message, to_bytes};
 
 /// Deterministic garbage.
 fn garbage(i: u32) -> Vec<u8> {
@@ -128,7 +127,7 @@ async fn a_hello_of_another_version_is_refused_in_words_that_it_can_read() {
     let options = with(Trust::Plaintext);
     let (mut listener, endpoint) = listener(&options).await;
     let mut hello = BytesMut::new();
-    Message::Hello(greeting(PANEL).hello(SessionId(7), Lane::Frames)).encode(&mut hello);
+    introduce(&greeting(PANEL), SessionId(7), Lane::Frames).encode(&mut hello);
     // Behind the header and the four letters of every hello; what follows may mean anything there.
     hello[8..10].copy_from_slice(&9_u16.to_le_bytes());
     hello[10..].fill(0xff);
@@ -141,7 +140,7 @@ async fn a_hello_of_another_version_is_refused_in_words_that_it_can_read() {
         connecting.initial(&mut first);
         stranger.send_to(&first, address(&endpoint)).await.unwrap();
         let length = stranger.recv(&mut answer).await.unwrap();
-        connecting = match connecting.handle(net().now(), &answer[..length], Config::default()) {
+        connecting = match connecting.handle(net().now(), &answer[..length], Config::new(format())) {
             Progress::Retry(connecting) => connecting,
             Progress::Refused(refusal) => break refusal,
             other => panic!("{other:?}"),
@@ -149,10 +148,10 @@ async fn a_hello_of_another_version_is_refused_in_words_that_it_can_read() {
     };
     let expected = Refusal::Version { listener: WireVersion(1), connector: WireVersion(9) };
     let mut said = BytesMut::new();
-    Message::Refuse(expected).encode(&mut said);
+    Message::Refuse(expected.clone()).encode(&mut said);
     assert_eq!(refusal[..said.len()], said);
     let known = last_failure(&mut listener).await;
-    assert!(matches!(known, HandshakeError::Refused(known) if known == expected), "{known:?}");
+    assert!(matches!(&known, HandshakeError::Refused(known) if *known == expected), "{known:?}");
     a_panel_gets_in(&mut listener, &endpoint, &options).await;
 }
 
@@ -238,7 +237,7 @@ async fn what_travels_can_be_read_on_the_way_only_in_the_clear() {
     for (options, readable) in [(shared(1), false), (with(Trust::Plaintext), true)] {
         let (mut listener, at) = listener(&options).await;
         let (mut relay, through) = Relay::before(&at).await;
-        let needle = pose(1).to_bytes();
+        let needle = to_bytes(&pose(1)).to_vec();
         let mut read = false;
         tokio::select! {
             _links = a_pose_goes_over(&mut listener, &through, &options) => {}

@@ -16,7 +16,6 @@ use common::{Link, Listener, connect, joined, last_failure, net, soon};
 use tempfile::TempDir;
 use trimaran_net::{BoxFuture, Listen, Stream, StreamPeer, Timer, UdpSocket, UnixSocketOptions};
 use trimaran_transport::conformance::{ARM, Overhead, PANEL, Pairs, greeting};
-use trimaran_transport::conformance::{ARM, PANEL, Pairs, greeting};
 use trimaran_transport::{
     Credentials, Endpoint, ForeignUser, HandshakeError, Instant, LinkConfig, ListenError, Net, Options,
     PeerAddress, SocketPath, TcpOptions, UdpSocketOptions, UnixOptions,

@@ -9,7 +9,6 @@ use std::cell::Cell;
 use common::router::Router;
 use common::{Link, Listener, connect, net, soon};
 use trimaran_transport::conformance::{ARM, PANEL, greeting, points, pose, receive, start};
-use trimaran_transport::conformance::{ARM, PANEL, greeting, points, pose, receive, start};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::quic::{Congestion, QuicOptions};
 use trimaran_transport::{Options, until};

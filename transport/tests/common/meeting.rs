@@ -2,7 +2,6 @@
 
 use crate::common::{Listener, net};
 use trimaran_transport::conformance::{ARM, greeting};
-use trimaran_transport::conformance::{ARM, greeting};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::{Endpoint, Options};
 

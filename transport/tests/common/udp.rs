@@ -2,7 +2,6 @@
 
 use super::{Listener, connect, net, soon};
 use trimaran_transport::conformance::{ARM, PANEL, greeting, pose};
-use trimaran_transport::conformance::{ARM, PANEL, greeting, pose};
 use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{Endpoint, Options};
 

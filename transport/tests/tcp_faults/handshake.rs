@@ -3,17 +3,18 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use super::common::{Listener, connect, last_failure, net, other_map, refusal, role_taken, soon};
+use super::common::{
+    Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, role_taken, soon,
+};
 use super::{SESSION, bytes, hello, listener};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
-use trimaran_transport::conformance::{ARM, GRIPPER, MAP, PANEL, greeting};
 use trimaran_transport::conformance::{ARM, GRIPPER, MAP, PANEL, greeting};
 use trimaran_transport::{
     AttemptError, ConnectError, DecodeFault, Endpoint, HandshakeError, Lane, Limits, Options, Refusal,
     WireVersion, until,
 };
-use trimaran_wire::{Accept, Decoder, Hello, Message};
+use trimaran_wire::{Accept, Decoder, Message};
 
 fn quick() -> Options {
     Options { handshake: Duration::from_millis(200), ..Options::default() }
@@ -28,7 +29,7 @@ async fn dial(address: SocketAddr, message: &Message) -> TcpStream {
 
 /// Everything that comes until the end of the stream.
 async fn answers(stream: &mut TcpStream) -> Vec<Message> {
-    let mut decoder = Decoder::new();
+    let mut decoder = Decoder::new(format());
     // A reset is as good an end as any.
     while stream.read_buf(decoder.buffer(1024)).await.is_ok_and(|n| n > 0) {}
     std::iter::from_fn(|| decoder.next_message().unwrap()).collect()
@@ -52,10 +53,7 @@ async fn strangers_hold_up_nobody() {
         connect(&net, &address, greeting(PANEL), &options, soon(&net)),
         listener.accept(soon(&net)),
     );
-    assert_eq!(
-        (there.unwrap().peer.hello.role.as_deref(), here.unwrap().peer.hello.role.as_deref()),
-        (ARM, PANEL)
-    );
+    assert_eq!((there.unwrap().peer.hello, here.unwrap().peer.hello), (greeting(ARM), greeting(PANEL)));
 }
 
 #[tokio::test]
@@ -101,7 +99,7 @@ async fn whatever_a_listener_refuses_for_is_tried_again() {
             // Both connections of the first attempt.
             for _ in 0..2 {
                 let (mut stream, _) = stranger.accept().await.unwrap();
-                stream.write_all(&bytes(&[Message::Refuse(refusal)])).await.ok();
+                stream.write_all(&bytes(&[Message::Refuse(refusal.clone())])).await.ok();
             }
             drop(stranger);
             let mut listener = Listener::bind(&net, &endpoint, greeting(ARM), &options).await.unwrap();
@@ -126,12 +124,13 @@ async fn the_same_lane_twice_is_refused_and_the_right_one_still_welcome() {
     };
     let refusal = |lane| [Message::Refuse(Refusal::Session { session: SESSION, lane })];
     assert_eq!(refused, refusal(Lane::Frames));
-    let other_role = Message::Hello(greeting(GRIPPER).hello(SESSION, Lane::Latest));
+    let other_role = introduce(&greeting(GRIPPER), SESSION, Lane::Latest);
     assert_eq!(answers(&mut dial(address, &other_role).await).await, refusal(Lane::Latest));
     let mut latest = TcpStream::connect(address).await.unwrap();
     latest.write_all(&bytes(&[hello(Lane::Latest)])).await.unwrap();
     assert_eq!(listener.accept(soon(&net)).await.unwrap().peer.session, SESSION);
-    let mut accept = vec![0; bytes(&[Message::Accept(Accept { identity: greeting(ARM) })]).len()];
+    let mut accept =
+        vec![0; bytes(&[Message::Accept(Accept { application: hello_bytes(&greeting(ARM)) })]).len()];
     frames.read_exact(&mut accept).await.unwrap();
     latest.read_exact(&mut accept).await.unwrap();
 }

@@ -11,11 +11,10 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 use bytes::BytesMut;
-use common::Listener;
-use trimaran_transport::conformance::{ARM, PANEL, greeting};
+use common::{Listener, introduce};
 use trimaran_transport::conformance::{ARM, PANEL, greeting};
 use trimaran_transport::{Endpoint, Lane, Net, Options, SessionId};
-use trimaran_wire::{Hello, Message};
+use trimaran_wire::Message;
 
 const SESSION: SessionId = SessionId(0x1234);
 
@@ -34,5 +33,5 @@ fn bytes(messages: &[Message]) -> BytesMut {
 }
 
 fn hello(lane: Lane) -> Message {
-    Message::Hello(greeting(PANEL).hello(SESSION, lane))
+    introduce(&greeting(PANEL), SESSION, lane)
 }
