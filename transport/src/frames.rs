@@ -117,6 +117,8 @@ impl<P: Protocol> FrameSender<P> {
 
     /// Begins a frame; its header is on its way when this returns.
     ///
+    /// Dropping the future takes nothing back: the next call sends it.
+    ///
     /// # Errors
     /// When the peer is gone or stalls, a frame is open, or the frame's number is not above the last one's.
     pub async fn begin(&mut self, start: FrameStart<P::Header>) -> Result<(), SendError> {
@@ -144,6 +146,8 @@ impl<P: Protocol> FrameSender<P> {
     /// Adds items to the open frame. All batches that this fills leave together, in one write where there is
     /// room; a remainder waits for more items, [`FrameSender::flush`] or [`FrameSender::finish`].
     ///
+    /// Dropping the future takes nothing back: the next call sends it.
+    ///
     /// # Errors
     /// When the peer is gone or stalls, no frame is open, or the frame would have more items than it may.
     pub async fn push(&mut self, items: &[P::Item]) -> Result<(), SendError> {
@@ -157,6 +161,8 @@ impl<P: Protocol> FrameSender<P> {
 
     /// Sends what waits, without waiting for a full batch.
     ///
+    /// Dropping the future takes nothing back: the next call sends it.
+    ///
     /// # Errors
     /// As [`FrameSender::push`].
     pub async fn flush(&mut self) -> Result<(), SendError> {
@@ -168,6 +174,8 @@ impl<P: Protocol> FrameSender<P> {
     }
 
     /// Ends the open frame: sends what waits and the end (EOF). Says what the frame had.
+    ///
+    /// Dropping the future takes nothing back: the frame has ended, and the next call sends what is left of it.
     ///
     /// # Errors
     /// As [`FrameSender::push`].
@@ -182,6 +190,8 @@ impl<P: Protocol> FrameSender<P> {
     }
 
     /// Says something between two frames.
+    ///
+    /// Dropping the future takes nothing back: the next call sends it.
     ///
     /// # Errors
     /// When the peer is gone or stalls, a frame is open, or the note has more than [`MAX_NOTE`] bytes.
@@ -336,7 +346,7 @@ impl<P: Protocol> FrameReceiver<P> {
         self.recv_until(None).await
     }
 
-    /// As [`FrameReceiver::recv`], until `deadline` at most.
+    /// As [`FrameReceiver::recv`], until `deadline` at most. Dropping the future loses nothing.
     ///
     /// # Errors
     /// As there, and [`RecvError::Deadline`].

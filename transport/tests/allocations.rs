@@ -32,7 +32,7 @@ async fn poses(near: &mut Link, far: &mut Link, count: u32) {
     }
 }
 
-/// Sends frames, each until its last id is there.
+/// Sends frames, each until its last point is there.
 async fn frames(near: &mut Link, far: &mut Link, numbers: std::ops::Range<u32>, points: &[u32]) {
     for number in numbers {
         let send = async {

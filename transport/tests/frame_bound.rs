@@ -58,8 +58,8 @@ fn options(coded: bool, max_frame: u32) -> Options {
     }
 }
 
-/// A link whose near end takes so many points a frame, and whose far end thinks that it may send any number. The
-/// near end listens, or else connects.
+/// A link whose near end takes so many points a frame, and whose far end thinks that it may send any number.
+/// The near end listens, or else connects.
 async fn joined(endpoint: &str, coded: bool, listens: bool) -> (Link, Link, Meeting) {
     let (near, far) = (options(coded, MOST), options(coded, u32::MAX));
     let (at_listener, at_connector) = if listens { (near, far) } else { (far, near) };
@@ -143,8 +143,8 @@ async fn a_frame_without_an_end_ends_the_link_at_the_first_id_too_many() {
                     gathered, MOST as usize,
                     "{endpoint}: the batch too many was not given to the reader"
                 );
-                // The points of the frame and of the one before it, to which changes refer, and the reader's own
-                // buffers.
+                // The points of the frame and of the one before it, to which changes refer, and the reader's
+                // own buffers.
                 assert!(most < 8 * FRAME, "{endpoint} coded {coded}: {most} bytes");
             }
         }

@@ -54,7 +54,7 @@ async fn through_a_router(
 }
 
 /// The machine sends a frame of points and the panel poses; both get them.
-async fn a_frame_and_cameras(machine: &mut Link, panel: &mut Link, frame: u32, count: u32) {
+async fn a_frame_and_poses(machine: &mut Link, panel: &mut Link, frame: u32, count: u32) {
     let send = async {
         machine.frames_tx.begin(start(frame)).await.unwrap();
         machine.frames_tx.push(&points(count)).await.unwrap();
@@ -88,7 +88,7 @@ async fn frames_are_complete_and_the_last_pose_comes_whatever_is_lost() {
         let quic = QuicOptions { congestion, ..QuicOptions::default() };
         let lost = through_a_router(transport, quic, keep, async |machine, panel, _| {
             for frame in 0..8 {
-                a_frame_and_cameras(machine, panel, frame, 4000).await;
+                a_frame_and_poses(machine, panel, frame, 4000).await;
             }
         });
         assert!(lost.await > 5, "{transport}, {congestion:?}: the way lost next to nothing");
@@ -104,7 +104,7 @@ async fn a_link_outlives(transport: &str, change: impl AsyncFn(&Router)) {
         || true,
         async |machine, panel, router| {
             for frame in 0..4 {
-                a_frame_and_cameras(machine, panel, frame, 4000).await;
+                a_frame_and_poses(machine, panel, frame, 4000).await;
                 change(router).await;
             }
         },

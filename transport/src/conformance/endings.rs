@@ -6,7 +6,8 @@ use super::talk::{batches_of, patient};
 use super::{ARM, Battery, Pairs, Robot, finished, points, pose, receive, start};
 use crate::{CloseReason, FrameEvent, FrameNumber, Link, Loss, RecvError, SendError, sleep_until};
 
-/// What was sent before a goodbye arrives before it, and the goodbye on both lanes, as often as it is asked for.
+/// What was sent before a goodbye arrives before it, and the goodbye on both lanes, as often as it is asked
+/// for.
 pub async fn goodbye_comes_after_everything(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(patient()).await;
     arm.latest_tx.publish(pose(1)).unwrap();

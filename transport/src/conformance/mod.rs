@@ -4,7 +4,6 @@
 //! [`Joined`] does that, and one line makes all the tests:
 //!
 //! ```
-//! # #[cfg(test)]
 //! mod tests {
 //!     use trimaran_transport::Options;
 //!     use trimaran_transport::conformance::{Joined, Overhead};
@@ -39,8 +38,8 @@
 //! block_on(conformance::a_value_is_read_once(&InProcess));
 //! ```
 //!
-//! A case that fails panics, and says what it found. Whose tests run in another way, in virtual time say, gives
-//! [`conformance_cases!`](crate::conformance_cases) a macro of its own.
+//! A case that fails panics, and says what it found. Whose tests run in another way, in virtual time say,
+//! gives [`conformance_cases!`](crate::conformance_cases) a macro of its own.
 //!
 //! | module | what it holds |
 //! |---|---|

@@ -69,7 +69,10 @@ pub async fn silence_ends_in_an_error(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(LinkConfig { patience, ..LinkConfig::default() }).await;
     let frames = arm.frames_rx.recv().await;
     let latest = arm.latest_rx.latest().await;
-    let silent = |e: &RecvError| matches!(e, RecvError::Silent { peer, waited } if peer.as_str() == PANEL && *waited == patience);
+    let silent = |e: &RecvError| match e {
+        RecvError::Silent { peer, waited } => peer.as_str() == PANEL && *waited == patience,
+        _ => false,
+    };
     assert!(frames.as_ref().is_err_and(silent), "{frames:?}");
     assert!(latest.as_ref().is_err_and(silent), "{latest:?}");
     panel.latest_tx.publish(pose(3)).unwrap();
@@ -125,8 +128,8 @@ pub async fn polling_takes_what_is_there(pairs: &impl Pairs) {
     assert!(matches!(ended, Err(RecvError::Goodbye { .. })), "{ended:?}");
 }
 
-/// Who polls without ever yielding is shown all that comes, however much: the runtime's budget of a task is not for
-/// it.
+/// Who polls without ever yielding is shown all that comes, however much: the runtime's budget of a task is
+/// not for it.
 pub async fn polling_without_a_pause_sees_everything(pairs: &impl Pairs) {
     // More reads than a runtime lets a task make in one go, each of a frame that is sent when the one before
     // it was read.

@@ -1,5 +1,5 @@
-//! Links over QUIC (RFC 9000): values of the latest lane as datagrams, a stream for each frame, TLS 1.3 with both sides'
-//! certificates pinned.
+//! Links over QUIC (RFC 9000): values of the latest lane as datagrams, a stream for each frame, TLS 1.3 with
+//! both sides' certificates pinned.
 //!
 //! The peer that connects opens one stream in both directions, the control stream: hello and its answer, then
 //! copies of values that no newer one has followed, then the goodbye of the latest lane. See

@@ -1,4 +1,4 @@
-//! What somebody who sees a client's first packet of QUIC can forge: it knows the connection points, and with
+//! What somebody who sees a client's first packet of QUIC can forge: it knows the connection ids, and with
 //! them the keys of first packets (RFC 9001, section 5.2).
 
 use ring::aead::{AES_128_GCM, Aad, LessSafeKey, Nonce, UnboundKey};
