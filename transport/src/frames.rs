@@ -10,6 +10,7 @@ use trimaran_wire::{
     Protocol, to_bytes,
 };
 
+use crate::application::whole;
 use crate::error::{LaneError, LaneSendError, ProtocolError};
 use crate::link::{Capabilities, Shared};
 use crate::patience::Patience;
@@ -480,7 +481,7 @@ fn decoded<P: Protocol>(
             FrameEvent::End(FrameOutcome::Complete(end))
         }
         FrameMessage::Note(bytes) => {
-            let note = postcard::from_bytes(&bytes).map_err(|e| broken(ProtocolError::Note(e)))?;
+            let note = whole(&bytes).map_err(|e| broken(ProtocolError::Note(e)))?;
             FrameEvent::Note(note)
         }
     })

@@ -18,8 +18,8 @@ use trimaran_transport::conformance::{PANEL, greeting, receive, start};
 use trimaran_transport::quic::QuicOptions;
 use trimaran_transport::udp::UdpOptions;
 use trimaran_transport::{
-    BatchSize, Batching, FrameEvent, FrameNumber, FrameOrderError, FrameViolation, LinkConfig,
-    Options, ProtocolError, RecvError, SendError,
+    BatchSize, Batching, FrameEvent, FrameNumber, FrameOrderError, FrameViolation, LinkConfig, Options,
+    ProtocolError, RecvError, SendError,
 };
 
 #[global_allocator]

@@ -178,3 +178,83 @@ impl BatchDecoder<u32> for Decoder {
         self.frames.end(end);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const MOST: u32 = 100_000;
+
+    fn batch(points: &[u32]) -> Batch<u32> {
+        Batch::new(points.iter().flat_map(|point| point.to_le_bytes()).collect::<Vec<_>>().into()).unwrap()
+    }
+
+    /// Codes frames of one batch each, and reads what arrives; `confirm` says which are confirmed.
+    fn there_and_back(delivery: Delivery, frames: &[Vec<u32>], arrives: impl Fn(usize) -> bool) -> Vec<bool> {
+        let (mut encoder, mut decoder) = (Encoder::new(delivery), Decoder::new(MOST));
+        let mut coded = Vec::new();
+        for (number, points) in frames.iter().enumerate() {
+            let frame = FrameNumber(number as u32);
+            let end = FrameEnd { frame, items: points.len() as u32, hash: 0 };
+            encoder.begin(frame);
+            let sent = encoder.encode(&batch(points));
+            encoder.end(&end);
+            coded.push(sent.is_some());
+            if !arrives(number) {
+                continue;
+            }
+            decoder.begin(frame);
+            match sent {
+                Some(bytes) => {
+                    assert_eq!(count(&bytes), Some(points.len()));
+                    assert_eq!(decoder.decode(&bytes).unwrap(), batch(points));
+                }
+                None => decoder.plain(&batch(points)),
+            }
+            decoder.end(&end);
+            encoder.confirmed(frame);
+        }
+        coded
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_is_coded_is_read_though_frames_are_lost(
+            frames in prop::collection::vec(prop::collection::vec(0_u32..9, 1..50), 1..30),
+            lost in prop::collection::vec(any::<bool>(), 30),
+        ) {
+            there_and_back(Delivery::Lossy, &frames, |number| !lost[number]);
+            there_and_back(Delivery::Ordered, &frames, |_| true);
+        }
+
+        #[test]
+        fn no_bytes_make_a_frame_larger_than_it_may_be(bytes: Vec<u8>) {
+            let mut decoder = Decoder::new(10);
+            if let Ok(batch) = decoder.decode(&bytes) {
+                prop_assert!(batch.count() <= 10);
+            }
+        }
+    }
+
+    #[test]
+    fn points_in_no_order_travel_coded_only_when_they_come_again() {
+        let points: Vec<u32> = (0..100_u32).map(|n| n.wrapping_mul(n).wrapping_mul(2_654_435_761)).collect();
+        let frames = [points.clone(), points.clone(), points];
+        assert_eq!(there_and_back(Delivery::Ordered, &frames, |_| true), [false, true, true]);
+        assert_eq!(there_and_back(Delivery::Lossy, &frames, |number| number > 0), [false, false, true]);
+    }
+
+    #[test]
+    fn few_bytes_stand_for_no_more_points_than_a_frame_may_have() {
+        let all = Coded { against: None, at: 0, runs: vec![(1, u32::MAX), (0, u32::MAX)] };
+        let bytes = postcard::to_stdvec(&all).unwrap();
+        let error = Decoder::new(MOST).decode(&bytes).unwrap_err();
+        assert_eq!(error.to_string(), format!("the frame has more than {MOST} points"));
+        let unknown = Coded { against: Some(FrameNumber(3)), at: 0, runs: vec![(1, 1)] };
+        let bytes = postcard::to_stdvec(&unknown).unwrap();
+        let error = Decoder::new(MOST).decode(&bytes).unwrap_err();
+        assert_eq!(error.to_string(), "it refers to frame 3, which is not known");
+    }
+}

@@ -87,11 +87,23 @@ pub(crate) async fn obstacle(
     who: Greeting,
     options: &Options,
 ) -> HandshakeError {
+    obstacle_of::<Robot>(net, at, who, options).await
+}
+
+/// The same, for any protocol.
+pub(crate) async fn obstacle_of<P: Protocol>(
+    net: &Arc<dyn Net>,
+    at: &Endpoint,
+    who: P::Hello,
+    options: &Options,
+) -> HandshakeError {
     let soon = soon(net);
     // The first wait that is long enough here.
     for wait in (0..).map(|doubled| Duration::from_millis(50) * 2_u32.pow(doubled)) {
         assert!(net.now() < soon, "no answer from {at}");
-        let error = connect(net, at, who.clone(), options, net.now().after(wait)).await.unwrap_err();
+        let error = trimaran_transport::connect::<P>(net, at, who.clone(), options, net.now().after(wait))
+            .await
+            .unwrap_err();
         assert!(error.may_pass(), "{error:?}");
         match error {
             ConnectError::Deadline { last: AttemptError::Handshake { cause, .. }, .. } => match cause {

@@ -132,6 +132,17 @@ async fn frames_that_break_the_rules_are_errors() {
 }
 
 #[tokio::test]
+async fn a_note_that_is_none_or_more_than_one_is_an_error() {
+    for note in [&[][..], &[90, 0]] {
+        let (mut link, mut frames, _latest) = raw_panel().await;
+        let note = FrameMessage::Note(note.to_vec().into());
+        frames.write_all(&bytes(&[Message::Frame(note)])).await.unwrap();
+        let error = error(&mut link.frames_rx).await;
+        assert!(matches!(error, RecvError::Protocol { cause: ProtocolError::Note(_), .. }), "{error:?}");
+    }
+}
+
+#[tokio::test]
 async fn a_frame_with_missing_points_says_how_many() {
     let (mut link, mut frames, _latest) = raw_panel().await;
     let end = FrameEnd { frame: FrameNumber(0), items: 9, hash: 1 };
