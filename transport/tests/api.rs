@@ -22,10 +22,12 @@ macro_rules! all {
     ($which:ident: $($type:ty),+ $(,)?) => { const _: () = { $($which::<$type>();)+ }; };
 }
 
-all!(sent: Link<Robot>, FrameSender<Robot>, FrameReceiver<Robot>);
+all!(sent:
+    Link<Robot>, LatestSender<Robot>, LatestReceiver<Robot>, FrameSender<Robot>, FrameReceiver<Robot>,
+);
 
 all!(shared:
-    Listener<Robot>, LatestSender<Robot>, LatestReceiver<Robot>, FrameEvent<Robot>, PeerInfo<Robot>,
+    Listener<Robot>, FrameEvent<Robot>, PeerInfo<Robot>,
     Batch<u32>, FrameStart<()>, FrameOutcome, StatsHandle, LinkStats, LinkConfig, Options, Capabilities,
     QuicOptions, UdpOptions, Trust, Endpoint, Endpoints, PeerName, CloseReason, Keys, KeyFiles, PublicKeys,
     Security, TokioNet, Box<dyn Net>,
