@@ -5,6 +5,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use bytes::Bytes;
+use serde::de::DeserializeOwned;
 use trimaran_wire::{
     Batching, Format, Hello, Lane, MAX_HELLO, Protocol, ProtocolName, Refusal, Rejection, SessionId,
 };
@@ -15,6 +16,14 @@ use crate::inproc;
 /// What a peer is called in messages and logs, as its application has it.
 #[derive(Clone, PartialEq, Eq)]
 pub struct PeerName(Arc<str>);
+
+impl PeerName {
+    /// The name.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
 
 impl fmt::Display for PeerName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -81,6 +90,14 @@ impl<P: Protocol> fmt::Debug for Side<P> {
     }
 }
 
+/// The value that `bytes` are, and nothing behind it.
+pub(crate) fn whole<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, postcard::Error> {
+    match postcard::take_from_bytes(bytes)? {
+        (value, []) => Ok(value),
+        _ => Err(postcard::Error::DeserializeBadEncoding),
+    }
+}
+
 /// A hello of more than [`MAX_HELLO`] bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("a hello of {0} bytes is longer than {MAX_HELLO}")]
@@ -123,13 +140,13 @@ impl<P: Protocol> Application for Side<P> {
     fn admit(&self, theirs: &Bytes) -> Result<Peer, Refusal> {
         let malformed =
             |_| Refusal::Rejected(Rejection::new(u16::MAX, "the application's hello is malformed"));
-        let hello: P::Hello = postcard::from_bytes(theirs).map_err(malformed)?;
+        let hello: P::Hello = whole(theirs).map_err(malformed)?;
         P::admit(&self.ours, &hello).map_err(Refusal::Rejected)?;
         Ok(self.peer(theirs, &hello))
     }
 
     fn recognize(&self, theirs: &Bytes) -> Result<Peer, HandshakeError> {
-        let hello: P::Hello = postcard::from_bytes(theirs).map_err(HandshakeError::Hello)?;
+        let hello: P::Hello = whole(theirs).map_err(HandshakeError::Hello)?;
         Ok(self.peer(theirs, &hello))
     }
 

@@ -172,7 +172,7 @@ impl AttemptError {
 /// # Errors
 /// At once where what this side was given cannot be used. Everything else is tried again, also what a
 /// listener says: a stranger may have its address for a moment, and the peer may be started again with
-/// another scene or other keys. So it ends at the deadline, and the last attempt's error is the source.
+/// other data or other keys. So it ends at the deadline, and the last attempt's error is the source.
 pub async fn connect<P: Protocol>(
     net: &Arc<dyn Net>,
     endpoint: &Endpoint,
@@ -276,7 +276,7 @@ async fn believed<P: Protocol>(
 
 #[cfg(test)]
 mod tests {
-    use trimaran_proto::{Role, SceneHash};
+    use trimaran_wire::{Explanation, ProtocolName, Rejection};
 
     use super::*;
 
@@ -305,10 +305,9 @@ mod tests {
 
     #[test]
     fn whatever_a_peer_or_time_may_mend_may_pass_and_what_this_side_was_given_not() {
-        let another_scene = Refusal::Scene { listener: SceneHash(1), connector: SceneHash(2) };
-        for passing in
-            [HandshakeError::Refused(another_scene), HandshakeError::Alpn, HandshakeError::Stranger]
-        {
+        let another_map = Refusal::Rejected(Rejection::new(1, "the maps differ"));
+        let another_protocol = HandshakeError::Alpn(ProtocolName::new("robot/1"));
+        for passing in [HandshakeError::Refused(another_map), another_protocol, HandshakeError::Stranger] {
             let attempt = handshake(passing);
             assert!(!attempt.is_final() && cut_short(attempt).may_pass());
         }
@@ -326,9 +325,9 @@ mod tests {
 
     #[test]
     fn a_refusal_can_be_asked_for_and_is_no_sign_that_nobody_is_there() {
-        let taken = Refusal::RoleTaken { role: Role::SwitchA };
-        let refused = cut_short(handshake(HandshakeError::Refused(taken)));
-        assert_eq!((refused.refusal(), cut_short(AttemptError::TimedOut).refusal()), (Some(taken), None));
+        let taken = Refusal::RoleTaken { role: Explanation::new("arm") };
+        let refused = cut_short(handshake(HandshakeError::Refused(taken.clone())));
+        assert_eq!((refused.refusal(), cut_short(AttemptError::TimedOut).refusal()), (Some(&taken), None));
         assert!(!refused.to_string().contains("running there"), "{refused}");
         let busy = cut_short(handshake(HandshakeError::Refused(Refusal::Busy)));
         assert!(busy.to_string().contains("running there"), "{busy}");

@@ -10,6 +10,7 @@ use trimaran_wire::{
     Protocol, to_bytes,
 };
 
+use crate::application::whole;
 use crate::error::{LaneError, LaneSendError, ProtocolError};
 use crate::inproc;
 use crate::link::{Capabilities, Shared};
@@ -126,6 +127,8 @@ impl<P: Protocol> FrameSender<P> {
 
     /// Begins a frame; its header is on its way when this returns.
     ///
+    /// Dropping the future takes nothing back: the next call sends it.
+    ///
     /// # Errors
     /// When the peer is gone or stalls, a frame is open, or the frame's number is not above the last one's.
     pub async fn begin(&mut self, start: FrameStart<P::Header>) -> Result<(), SendError> {
@@ -154,6 +157,8 @@ impl<P: Protocol> FrameSender<P> {
     /// Adds items to the open frame. All batches that this fills leave together, in one write where there is
     /// room; a remainder waits for more items, [`FrameSender::flush`] or [`FrameSender::finish`].
     ///
+    /// Dropping the future takes nothing back: the next call sends it.
+    ///
     /// # Errors
     /// When the peer is gone or stalls, no frame is open, or the frame would have more items than it may.
     pub async fn push(&mut self, items: &[P::Item]) -> Result<(), SendError> {
@@ -167,6 +172,8 @@ impl<P: Protocol> FrameSender<P> {
 
     /// Sends what waits, without waiting for a full batch.
     ///
+    /// Dropping the future takes nothing back: the next call sends it.
+    ///
     /// # Errors
     /// As [`FrameSender::push`].
     pub async fn flush(&mut self) -> Result<(), SendError> {
@@ -178,6 +185,8 @@ impl<P: Protocol> FrameSender<P> {
     }
 
     /// Ends the open frame: sends what waits and the end (EOF). Says what the frame had.
+    ///
+    /// Dropping the future takes nothing back: the frame has ended, and the next call sends what is left of it.
     ///
     /// # Errors
     /// As [`FrameSender::push`].
@@ -192,6 +201,8 @@ impl<P: Protocol> FrameSender<P> {
     }
 
     /// Says something between two frames.
+    ///
+    /// Dropping the future takes nothing back: the next call sends it.
     ///
     /// # Errors
     /// When the peer is gone or stalls, a frame is open, or the note has more than [`MAX_NOTE`] bytes.
@@ -354,7 +365,7 @@ impl<P: Protocol> FrameReceiver<P> {
         self.recv_until(None).await
     }
 
-    /// As [`FrameReceiver::recv`], until `deadline` at most.
+    /// As [`FrameReceiver::recv`], until `deadline` at most. Dropping the future loses nothing.
     ///
     /// # Errors
     /// As there, and [`RecvError::Deadline`].
@@ -490,7 +501,7 @@ fn decoded<P: Protocol>(
             FrameEvent::End(FrameOutcome::Complete(end))
         }
         FrameMessage::Note(bytes) => {
-            let note = postcard::from_bytes(&bytes).map_err(|e| broken(ProtocolError::Note(e)))?;
+            let note = whole(&bytes).map_err(|e| broken(ProtocolError::Note(e)))?;
             FrameEvent::Note(note)
         }
     })

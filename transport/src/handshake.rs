@@ -140,7 +140,7 @@ impl HandshakeError {
         }
     }
 
-    /// Whether the two sides do not go together, which a person has to mend: their keys, releases, scenes,
+    /// Whether the two sides do not go together, which a person has to mend: their keys, releases, data,
     /// settings or programs differ. Otherwise one of them is not there, or has no room.
     pub(crate) const fn is_mismatch(&self) -> bool {
         match self {

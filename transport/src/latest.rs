@@ -127,7 +127,7 @@ impl<P: Protocol> LatestReceiver<P> {
         self.latest_until(None).await
     }
 
-    /// As [`LatestReceiver::latest`], until `deadline` at most.
+    /// As [`LatestReceiver::latest`], until `deadline` at most. Dropping the future loses no value.
     ///
     /// # Errors
     /// As there, and [`RecvError::Deadline`].

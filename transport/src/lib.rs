@@ -9,6 +9,8 @@
 //! one.
 
 mod application;
+#[cfg(feature = "conformance")]
+pub mod conformance;
 mod connect;
 mod desk;
 mod endpoint;

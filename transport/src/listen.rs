@@ -150,6 +150,8 @@ impl<P: Protocol> fmt::Debug for Listener<P> {
 impl<P: Protocol> Listener<P> {
     /// Listens on `endpoint` as the peer that says `hello`; port 0 takes a free port.
     ///
+    /// Dropping the future frees what it has taken so far.
+    ///
     /// # Errors
     /// When the endpoint cannot be listened on; [`ListenError::may_pass`] says whether another time may do.
     pub async fn bind(
@@ -163,6 +165,8 @@ impl<P: Protocol> Listener<P> {
 
     /// As [`Listener::bind`], at each of `endpoints` at once: a role has one place whichever way it comes,
     /// and the limits hold for all together.
+    ///
+    /// Dropping the future frees what it has taken so far.
     ///
     /// # Errors
     /// When one of the endpoints cannot be listened on.

@@ -77,9 +77,9 @@ mod tests {
     use std::sync::{Arc, Mutex};
 
     use tracing_subscriber::filter::LevelFilter;
-    use trimaran_proto::{Camera, DrawableId, FrameEvent, FrameStart, Identity, Role, SceneHash};
+    use trimaran_wire::Fixed;
 
-    use super::*;
+    use crate::conformance::{ARM, PANEL, Pose, Robot, greeting, receive, start};
     use crate::desk::lock;
     use crate::{LinkConfig, Net, TokioNet, inproc};
 
@@ -96,7 +96,7 @@ mod tests {
         }
     }
 
-    /// What is logged of one frame of three ids over a link.
+    /// What is logged of one frame of three items over a link.
     fn logged(level: LevelFilter) -> String {
         let page = Page::default();
         let writer = page.clone();
@@ -114,24 +114,22 @@ mod tests {
 
     async fn one_frame() {
         let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
-        let identity = |role| Identity { role, scene: SceneHash(1), settings: None };
-        let ends = [Role::SwitchA, Role::Display].map(identity);
-        let (mut a, mut display) = inproc::pair(&net, ends[0], ends[1], &LinkConfig::default()).unwrap();
-        let frame = FrameNumber(7);
-        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, frame).unwrap();
-        a.frames_tx.begin(FrameStart { frame, camera }).await.unwrap();
-        a.frames_tx.push(&[1, 2, 3].map(DrawableId)).await.unwrap();
-        a.frames_tx.finish().await.unwrap();
-        while !matches!(display.frames_rx.recv().await.unwrap(), FrameEvent::End(_)) {}
+        let (near, far) = (greeting(ARM), greeting(PANEL));
+        let (mut arm, mut panel) = inproc::pair::<Robot>(&net, near, far, &LinkConfig::default()).unwrap();
+        arm.frames_tx.begin(start(7)).await.unwrap();
+        arm.frames_tx.push(&[1, 2, 3]).await.unwrap();
+        arm.frames_tx.finish().await.unwrap();
+        receive(&mut panel.frames_rx).await.unwrap();
     }
 
     #[test]
     fn a_frame_has_a_span_at_each_end_with_what_it_took() {
         let page = logged(LevelFilter::DEBUG);
-        // Begin, three ids, end.
-        let bytes = 76 + 12 + 16;
-        for (peer, direction) in [("display", "sent"), ("switch A", "received")] {
-            let span = format!("frame{{number=7 peer={peer} direction=\"{direction}\" ids=3 bytes={bytes}}}");
+        // Begin, three items, end.
+        let bytes = 4 + Pose::SIZE + 12 + 16;
+        for (peer, direction) in [(PANEL, "sent"), (ARM, "received")] {
+            let span =
+                format!("frame{{number=7 peer={peer} direction=\"{direction}\" items=3 bytes={bytes}}}");
             let lines: Vec<_> = page.lines().filter(|line| line.contains(&span)).collect();
             assert!(lines.len() == 1 && lines[0].ends_with("whole"), "{span} is not once in: {page}");
         }

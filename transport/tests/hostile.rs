@@ -9,17 +9,18 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use bytes::BytesMut;
-use common::{identity, last_failure, net, refusal, soon};
+use common::{
+    Link, Listener, connect, format, hello_bytes, introduce, last_failure, net, refusal, role_taken, soon,
+};
 use tempfile::TempDir;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
-use trimaran_proto::{
-    Accept, DecodeFault, Decoder, Identity, Kind, Lane, Message, ProtocolVersion, Refusal, Role, SceneHash,
-    SessionId,
-};
+use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};
 use trimaran_transport::{
-    Endpoint, HandshakeError, Limits, Link, Listener, Options, ProtocolError, RecvError, connect, until,
+    DecodeFault, Endpoint, HandshakeError, Kind, Lane, Limits, Options, ProtocolError, RecvError, Refusal,
+    SessionId, WireVersion, until,
 };
+use trimaran_wire::{Accept, Decoder, Message};
 
 /// Runs a case over each transport.
 macro_rules! over_tcp_and_unix {
@@ -98,7 +99,7 @@ impl Bare {
 
 async fn listen(endpoint: &str, options: &Options) -> (Listener, Endpoint) {
     let endpoint = endpoint.parse().unwrap();
-    let listener = Listener::bind(&net(), &endpoint, identity(Role::SwitchA), options).await.unwrap();
+    let listener = Listener::bind(&net(), &endpoint, greeting(ARM), options).await.unwrap();
     let endpoint = listener.local_endpoint().clone();
     (listener, endpoint)
 }
@@ -110,15 +111,15 @@ fn bytes(message: &Message) -> BytesMut {
 }
 
 fn hello(session: u64, lane: Lane) -> BytesMut {
-    bytes(&Message::Hello(identity(Role::Display).hello(SessionId(session), lane)))
+    bytes(&introduce(&greeting(PANEL), SessionId(session), lane))
 }
 
 fn accept() -> BytesMut {
-    bytes(&Message::Accept(Accept { identity: identity(Role::SwitchA) }))
+    bytes(&Message::Accept(Accept { application: hello_bytes(&greeting(ARM)) }))
 }
 
-/// A display of bare streams, and the listener's link with it.
-async fn raw_display(
+/// A panel of bare streams, and the listener's link with it.
+async fn raw_panel(
     listener: &mut Listener,
     at: &Endpoint,
     session: u64,
@@ -129,21 +130,19 @@ async fn raw_display(
     (listener.accept(soon(&net())).await.unwrap(), frames, latest)
 }
 
-/// A display comes, is let in, and leaves.
-async fn a_display_gets_in(listener: &mut Listener, at: &Endpoint) {
+/// A panel comes, is let in, and leaves.
+async fn a_panel_gets_in(listener: &mut Listener, at: &Endpoint) {
     let (net, options) = (net(), Options::default());
-    let (there, here) = tokio::join!(
-        connect(&net, at, identity(Role::Display), &options, soon(&net)),
-        listener.accept(soon(&net)),
-    );
-    assert_eq!(there.unwrap().peer.identity.role, Role::SwitchA);
-    assert_eq!(here.unwrap().peer.identity.role, Role::Display);
+    let (there, here) =
+        tokio::join!(connect(&net, at, greeting(PANEL), &options, soon(&net)), listener.accept(soon(&net)),);
+    assert_eq!(there.unwrap().peer.hello, greeting(ARM));
+    assert_eq!(here.unwrap().peer.hello, greeting(PANEL));
 }
 
 fn length_of(error: &RecvError) -> Option<(Kind, usize)> {
     match error {
         RecvError::Protocol { cause: ProtocolError::Decode(e), .. } => match e.fault {
-            DecodeFault::Length { kind, length } => Some((kind, length)),
+            DecodeFault::Length { kind, length, .. } => Some((kind, length)),
             _ => None,
         },
         _ => None,
@@ -160,7 +159,7 @@ mod cases {
         assert!(kinds.len() > 8, "{kinds:?}");
         for (session, kind) in (1..).zip(kinds) {
             let header = [kind.code(), 0xff, 0xff, 0xff];
-            let (mut link, mut frames, mut latest) = raw_display(&mut listener, &at, session).await;
+            let (mut link, mut frames, mut latest) = raw_panel(&mut listener, &at, session).await;
             frames.write_all(&header).await.unwrap();
             latest.write_all(&header).await.unwrap();
             let on_frames = link.frames_rx.recv().await.unwrap_err();
@@ -175,7 +174,7 @@ mod cases {
             let HandshakeError::Decode(e) = failure else { panic!("{kind:?}: {failure:?}") };
             assert!(matches!(e.fault, DecodeFault::Length { kind: said, .. } if said == kind), "{e:?}");
         }
-        a_display_gets_in(&mut listener, &at).await;
+        a_panel_gets_in(&mut listener, &at).await;
     }
 
     pub(super) async fn ten_thousand_half_open_handshakes_shut_nobody_out(endpoint: &str) {
@@ -200,7 +199,7 @@ mod cases {
                 assert!(answer.is_empty() || answer == busy, "{answer:?}");
             }
         }
-        a_display_gets_in(&mut listener, &at).await;
+        a_panel_gets_in(&mut listener, &at).await;
         assert_eq!(listener.turned_away().from_address + listener.turned_away().in_all, 0);
         drop(inside);
     }
@@ -208,32 +207,32 @@ mod cases {
     pub(super) async fn a_peer_that_died_may_come_back(endpoint: &str) {
         let (mut listener, at) = listen(endpoint, &Options::default()).await;
         for session in 1..4 {
-            let (mut link, frames, latest) = raw_display(&mut listener, &at, session).await;
+            let (mut link, frames, latest) = raw_panel(&mut listener, &at, session).await;
             // The answers to its hellos lie unread: over TCP the end is a reset.
             drop((frames, latest));
             let error = link.frames_rx.recv().await.unwrap_err();
-            assert!(matches!(error, RecvError::Lost { peer: Role::Display, .. }), "{error:?}");
+            assert!(matches!(error, RecvError::Lost { .. }), "{error:?}");
         }
-        a_display_gets_in(&mut listener, &at).await;
+        a_panel_gets_in(&mut listener, &at).await;
     }
 
     pub(super) async fn a_refusal_is_the_reason_though_nobody_stayed_to_hear_it(endpoint: &str) {
         let (mut listener, at) = listen(endpoint, &Options::default()).await;
-        let strange = Identity { scene: SceneHash(0xdead), ..identity(Role::Display) };
+        let strange = Greeting { map: 0xdead, ..greeting(PANEL) };
         for session in 0..20 {
             let mut frames = dial(&at).await;
-            let hello = Message::Hello(strange.hello(SessionId(session), Lane::Frames));
+            let hello = introduce(&strange, SessionId(session), Lane::Frames);
             frames.write_all(&bytes(&hello)).await.unwrap();
             drop(frames);
             let failure = last_failure(&mut listener).await;
-            assert!(matches!(failure, HandshakeError::Refused(Refusal::Scene { .. })), "{failure:?}");
+            assert!(matches!(failure, HandshakeError::Refused(Refusal::Rejected(_))), "{failure:?}");
         }
     }
 
     pub(super) async fn who_is_turned_away_at_the_door_learns_why(endpoint: &str) {
         let (bare, at) = Bare::bind(endpoint).await;
         let options = Options::default();
-        let taken = bytes(&Message::Refuse(Refusal::RoleTaken { role: Role::Display }));
+        let taken = bytes(&Message::Refuse(role_taken(PANEL)));
         let door = async {
             loop {
                 // Who is told so on one connection may have closed the other.
@@ -242,10 +241,10 @@ mod cases {
         };
         let net = net();
         let known = tokio::select! {
-            known = refusal(&net, &at, identity(Role::Display), &options) => known,
+            known = refusal(&net, &at, greeting(PANEL), &options) => known,
             () = door => unreachable!(),
         };
-        assert_eq!(known, Refusal::RoleTaken { role: Role::Display });
+        assert_eq!(known, role_taken(PANEL));
     }
 
     pub(super) async fn another_version_is_refused_in_words_that_it_can_read(endpoint: &str) {
@@ -258,13 +257,13 @@ mod cases {
         stranger.read_to_end(&mut answer).await.unwrap();
         assert_eq!(answer[0], Kind::Refuse.code());
         assert_eq!(answer[4..6], [1, 0], "the listener's version comes first");
-        let mut decoder = Decoder::new();
+        let mut decoder = Decoder::new(format());
         decoder.push(&answer);
-        let expected = Refusal::Version { listener: ProtocolVersion(1), connector: ProtocolVersion(0x0107) };
-        assert_eq!(decoder.next_message(), Ok(Some(Message::Refuse(expected))));
+        let expected = Refusal::Version { listener: WireVersion(1), connector: WireVersion(0x0107) };
+        assert_eq!(decoder.next_message(), Ok(Some(Message::Refuse(expected.clone()))));
         let failure = last_failure(&mut listener).await;
-        assert!(matches!(failure, HandshakeError::Refused(known) if known == expected), "{failure:?}");
-        a_display_gets_in(&mut listener, &at).await;
+        assert!(matches!(&failure, HandshakeError::Refused(known) if *known == expected), "{failure:?}");
+        a_panel_gets_in(&mut listener, &at).await;
     }
 
     pub(super) async fn a_listener_of_another_version_is_understood(endpoint: &str) {
@@ -281,10 +280,10 @@ mod cases {
         };
         let (net, options) = (net(), Options::default());
         let known = tokio::select! {
-            known = refusal(&net, &at, identity(Role::Display), &options) => known,
+            known = refusal(&net, &at, greeting(PANEL), &options) => known,
             () = serve => unreachable!(),
         };
-        assert_eq!(known, Refusal::Version { listener: ProtocolVersion(7), connector: ProtocolVersion(1) });
+        assert_eq!(known, Refusal::Version { listener: WireVersion(7), connector: WireVersion(1) });
     }
 
     pub(super) async fn a_connector_may_die_at_every_byte_of_its_handshake(endpoint: &str) {
@@ -312,7 +311,7 @@ mod cases {
                 "{step} bytes of the second: {failure:?}"
             );
         }
-        a_display_gets_in(&mut listener, &at).await;
+        a_panel_gets_in(&mut listener, &at).await;
     }
 
     pub(super) async fn a_listener_may_die_at_every_step_of_the_handshake(endpoint: &str) {
@@ -340,8 +339,8 @@ mod cases {
             }
         };
         let (net, options) = (net(), Options::default());
-        let connecting = connect(&net, &at, identity(Role::Display), &options, soon(&net));
+        let connecting = connect(&net, &at, greeting(PANEL), &options, soon(&net));
         let (link, ()) = tokio::join!(connecting, serve);
-        assert_eq!(link.unwrap().peer.identity.role, Role::SwitchA);
+        assert_eq!(link.unwrap().peer.hello, greeting(ARM));
     }
 }

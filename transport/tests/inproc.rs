@@ -3,59 +3,62 @@
 
 mod common;
 
-use common::conformance::Pairs;
-use common::{SCENE, identity, joined, net, settings, soon};
-use trimaran_proto::{Identity, Refusal, Role, SceneHash};
+use common::{Link, Listener, connect, joined, net, other_map, soon};
+use trimaran_transport::conformance::{
+    ARM, Greeting, MAP, Overhead, PANEL, Pairs, Robot, greeting, points, pose, receive, start,
+};
+use trimaran_transport::inproc;
 use trimaran_transport::{
-    AttemptError, ConnectError, Endpoint, Link, LinkConfig, ListenError, Listener, Options, PeerAddress,
-    connect, inproc,
+    AttemptError, BatchSize, ConnectError, Endpoint, HandshakeError, LinkConfig, ListenError, Options,
+    PeerAddress,
 };
 
 struct Inproc;
 
 impl Pairs for Inproc {
-    const HEADER: u64 = 0;
-    const CODES: bool = false;
-    const HANDSHAKE: u64 = 0;
+    fn overhead(&self) -> Overhead {
+        Overhead { header_bytes: 0, handshake: 0, coded: false }
+    }
 
     async fn pair(&self, config: LinkConfig) -> (Link, Link) {
-        inproc::pair(&net(), identity(Role::SwitchA), identity(Role::Display), &config).unwrap()
+        inproc::pair(&net(), greeting(ARM), greeting(PANEL), &config).unwrap()
     }
 }
 
-conformance!(Inproc);
+trimaran_transport::conformance!(Inproc);
 
 #[tokio::test]
 async fn peers_that_do_not_go_together_get_no_link() {
-    let other = Identity { scene: SceneHash(1), ..identity(Role::Display) };
-    let refused = inproc::pair(&net(), identity(Role::SwitchA), other, &LinkConfig::default());
-    assert_eq!(refused.unwrap_err(), Refusal::Scene { listener: SCENE, connector: SceneHash(1) });
+    let other = Greeting { map: 1, ..greeting(PANEL) };
+    let refused = inproc::pair::<Robot>(&net(), greeting(ARM), other, &LinkConfig::default());
+    let expected = other_map(MAP, 1);
+    assert!(matches!(&refused, Err(HandshakeError::Refused(known)) if *known == expected), "{refused:?}");
 }
 
 #[tokio::test]
-async fn each_end_knows_the_other_and_the_displays_batch_size() {
-    let display = Identity { settings: Some(settings(3)), ..identity(Role::Display) };
-    let (mut a, mut d) =
-        inproc::pair(&net(), identity(Role::SwitchA), display, &LinkConfig::default()).unwrap();
-    assert_eq!(a.peer.identity, display);
-    assert_eq!(d.peer.identity, identity(Role::SwitchA));
-    assert_eq!(a.peer.address, PeerAddress::InProcess);
-    a.frames_tx.begin(common::start(0)).await.unwrap();
-    a.frames_tx.push(&common::ids(7)).await.unwrap();
-    a.frames_tx.finish().await.unwrap();
-    assert_eq!(common::receive(&mut d.frames_rx).await.unwrap().batches, [3, 3, 1]);
+async fn each_end_knows_the_other_and_the_panels_batch_size() {
+    let wants = Greeting { batch: BatchSize::new(3).ok(), ..greeting(PANEL) };
+    let (mut arm, mut panel) =
+        inproc::pair(&net(), greeting(ARM), wants.clone(), &LinkConfig::default()).unwrap();
+    assert_eq!(arm.peer.hello, wants);
+    assert_eq!(panel.peer.hello, greeting(ARM));
+    assert_eq!(arm.peer.address, PeerAddress::InProcess);
+    arm.frames_tx.begin(start(0)).await.unwrap();
+    arm.frames_tx.push(&points(7)).await.unwrap();
+    arm.frames_tx.finish().await.unwrap();
+    assert_eq!(receive(&mut panel.frames_rx).await.unwrap().batches, [3, 3, 1]);
 }
 
 #[tokio::test]
 async fn a_listener_is_found_by_name_and_its_name_is_free_when_it_is_gone() {
     let options = Options::default();
     for _ in 0..2 {
-        let (mut a, mut display) = joined("inproc:found-by-name", &options).await;
-        assert_eq!((a.peer.identity.role, display.peer.identity.role), (Role::Display, Role::SwitchA));
-        assert_eq!(a.peer.session, display.peer.session);
-        assert!(a.capabilities().local && a.capabilities().ordered);
-        display.latest_tx.publish(common::camera(3)).unwrap();
-        assert_eq!(a.latest_rx.latest().await.unwrap(), common::camera(3));
+        let (mut arm, mut panel) = joined("inproc:found-by-name", &options).await;
+        assert_eq!((&arm.peer.hello, &panel.peer.hello), (&greeting(PANEL), &greeting(ARM)));
+        assert_eq!(arm.peer.session, panel.peer.session);
+        assert!(arm.capabilities().local && arm.capabilities().ordered);
+        panel.latest_tx.publish(pose(3)).unwrap();
+        assert_eq!(arm.latest_rx.latest().await.unwrap(), pose(3));
     }
 }
 
@@ -63,8 +66,8 @@ async fn a_listener_is_found_by_name_and_its_name_is_free_when_it_is_gone() {
 async fn a_name_belongs_to_one_listener() {
     let (net, options) = (net(), Options::default());
     let endpoint: Endpoint = "inproc:taken".parse().unwrap();
-    let _holder = Listener::bind(&net, &endpoint, identity(Role::SwitchA), &options).await.unwrap();
-    let error = Listener::bind(&net, &endpoint, identity(Role::SwitchA), &options).await.unwrap_err();
+    let _holder = Listener::bind(&net, &endpoint, greeting(ARM), &options).await.unwrap();
+    let error = Listener::bind(&net, &endpoint, greeting(ARM), &options).await.unwrap_err();
     assert!(matches!(&error, ListenError::InUse { endpoint: named } if *named == endpoint), "{error:?}");
 }
 
@@ -72,7 +75,7 @@ async fn a_name_belongs_to_one_listener() {
 async fn nobody_under_a_name_ends_at_the_deadline() {
     let (net, options) = (net(), Options::default());
     let endpoint: Endpoint = "inproc:nobody".parse().unwrap();
-    let error = connect(&net, &endpoint, identity(Role::Display), &options, soon(&net)).await.unwrap_err();
+    let error = connect(&net, &endpoint, greeting(PANEL), &options, soon(&net)).await.unwrap_err();
     let ConnectError::Deadline { attempts, last: AttemptError::Nobody { name }, .. } = error else {
         panic!("{error:?}")
     };
@@ -86,8 +89,8 @@ async fn nobody_under_a_name_ends_at_the_deadline() {
 async fn a_listener_within_the_process_refuses_as_any_other() {
     let (net, options) = (net(), Options::default());
     let endpoint: Endpoint = "inproc:picky".parse().unwrap();
-    let _listener = Listener::bind(&net, &endpoint, identity(Role::SwitchA), &options).await.unwrap();
-    let other = Identity { scene: SceneHash(1), ..identity(Role::Display) };
-    let expected = Refusal::Scene { listener: SCENE, connector: SceneHash(1) };
+    let _listener = Listener::bind(&net, &endpoint, greeting(ARM), &options).await.unwrap();
+    let other = Greeting { map: 1, ..greeting(PANEL) };
+    let expected = other_map(MAP, 1);
     assert_eq!(common::refusal(&net, &endpoint, other, &options).await, expected);
 }

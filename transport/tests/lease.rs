@@ -9,13 +9,11 @@ mod meeting;
 use std::sync::Arc;
 use std::time::Duration;
 
-use common::{camera, identity, ids, net, receive, soon, start};
+use common::{Link, connect, net, soon};
 use meeting::Meeting;
 use tokio::runtime::{Builder, Runtime};
-use trimaran_proto::Role;
-use trimaran_transport::{
-    Endpoint, Link, LinkConfig, Loss, Net, Options, RecvError, SendError, TokioNet, connect,
-};
+use trimaran_transport::conformance::{PANEL, greeting, points, pose, receive, start};
+use trimaran_transport::{Endpoint, LinkConfig, Loss, Net, Options, RecvError, SendError, TokioNet};
 
 over_every_transport!(
     a_peer_that_hangs_is_lost_by_whoever_listens,
@@ -28,15 +26,15 @@ async fn a_peer_of_this_process_comes_back_as_well() {
     a_peer_that_comes_back_goes_on_with_the_next_frame("inproc:comes-back").await;
 }
 
-/// A display whose process runs until it has read a camera, and then hangs with all that it has. None where
+/// A panel whose process runs until it has read a pose, and then hangs with all that it has. None where
 /// the lease is over before that, because the machine has other things to do.
-async fn hanging_display(at: Endpoint, options: Options) -> Option<(Runtime, Link)> {
+async fn hanging_panel(at: Endpoint, options: Options) -> Option<(Runtime, Link)> {
     let life = move || {
         let runtime = Builder::new_current_thread().enable_all().build().unwrap();
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
         let link = runtime.block_on(async {
-            let mut link = connect(&net, &at, identity(Role::Display), &options, soon(&net)).await.ok()?;
-            assert_eq!(link.latest_rx.latest().await.ok()?, camera(1));
+            let mut link = connect(&net, &at, greeting(PANEL), &options, soon(&net)).await.ok()?;
+            assert_eq!(link.latest_rx.latest().await.ok()?, pose(1));
             Some(link)
         });
         link.map(|link| (runtime, link))
@@ -44,19 +42,19 @@ async fn hanging_display(at: Endpoint, options: Options) -> Option<(Runtime, Lin
     tokio::task::spawn_blocking(life).await.unwrap()
 }
 
-/// A link to a display that hangs, and what keeps that display there.
-async fn joined_to_a_hanging_display(endpoint: &str) -> (Link, Runtime, impl Sized) {
+/// A link to a panel that hangs, and what keeps that panel there.
+async fn joined_to_a_hanging_panel(endpoint: &str) -> (Link, Runtime, impl Sized) {
     let patience = Duration::from_secs(3600);
     // The first lease that is long enough here.
     for lease in (0..).map(|doubled| Duration::from_millis(200) * 2_u32.pow(doubled)) {
         let link = LinkConfig { patience, lease, ..LinkConfig::default() };
-        let Meeting { mut listener, at, display, _folder, .. } =
+        let Meeting { mut listener, at, panel, _folder, .. } =
             Meeting::at(endpoint, &Options { link, ..Options::default() }).await;
         let meet = async {
             let mut here = listener.accept(soon(&net())).await.unwrap();
-            here.latest_tx.publish(camera(1)).map(|()| here)
+            here.latest_tx.publish(pose(1)).map(|()| here)
         };
-        if let (Ok(here), Some((runtime, hangs))) = tokio::join!(meet, hanging_display(at, display)) {
+        if let (Ok(here), Some((runtime, hangs))) = tokio::join!(meet, hanging_panel(at, panel)) {
             return (here, runtime, (hangs, listener, _folder));
         }
     }
@@ -64,11 +62,11 @@ async fn joined_to_a_hanging_display(endpoint: &str) -> (Link, Runtime, impl Siz
 }
 
 async fn a_peer_that_hangs_is_lost_by_whoever_waits_for_room(endpoint: &str) {
-    let (mut here, runtime, _hangs) = joined_to_a_hanging_display(endpoint).await;
+    let (mut here, runtime, _hangs) = joined_to_a_hanging_panel(endpoint).await;
     let send = async {
         here.frames_tx.begin(start(0)).await?;
         loop {
-            here.frames_tx.push(&ids(100_000)).await?;
+            here.frames_tx.push(&points(100_000)).await?;
         }
     };
     let Err::<(), _>(lost) = send.await else { unreachable!("it never ends well") };
@@ -77,7 +75,7 @@ async fn a_peer_that_hangs_is_lost_by_whoever_waits_for_room(endpoint: &str) {
 }
 
 async fn a_peer_that_hangs_is_lost_by_whoever_listens(endpoint: &str) {
-    let (mut here, runtime, _hangs) = joined_to_a_hanging_display(endpoint).await;
+    let (mut here, runtime, _hangs) = joined_to_a_hanging_panel(endpoint).await;
     let lost = here.frames_rx.recv().await.unwrap_err();
     assert!(matches!(lost, RecvError::Lost { cause: Loss::Silent, .. }), "{lost:?}");
     let lost = here.latest_rx.latest().await.unwrap_err();
@@ -86,22 +84,22 @@ async fn a_peer_that_hangs_is_lost_by_whoever_listens(endpoint: &str) {
 }
 
 async fn a_peer_that_comes_back_goes_on_with_the_next_frame(endpoint: &str) {
-    let Meeting { mut listener, at, display, _folder, .. } = Meeting::at(endpoint, &Options::default()).await;
+    let Meeting { mut listener, at, panel, _folder, .. } = Meeting::at(endpoint, &Options::default()).await;
     let net = net();
     for frame in 0..4 {
         let (there, here) = tokio::join!(
-            connect(&net, &at, identity(Role::Display), &display, soon(&net)),
+            connect(&net, &at, greeting(PANEL), &panel, soon(&net)),
             listener.accept(soon(&net)),
         );
         let (mut there, mut here) = (there.unwrap(), here.unwrap());
         let send = async {
             here.frames_tx.begin(start(frame)).await.unwrap();
-            here.frames_tx.push(&ids(frame * 1000)).await.unwrap();
+            here.frames_tx.push(&points(frame * 1000)).await.unwrap();
             here.frames_tx.finish().await.unwrap();
         };
         let ((), got) = tokio::join!(send, receive(&mut there.frames_rx));
         let got = got.unwrap();
-        assert_eq!((got.start, got.ids), (start(frame), ids(frame * 1000)));
+        assert_eq!((got.start, got.points), (start(frame), points(frame * 1000)));
         // It crashes, and whoever waits for it knows.
         drop(there);
         let lost = here.frames_rx.recv().await.unwrap_err();

@@ -10,14 +10,14 @@ use std::cell::Cell;
 use std::time::Duration;
 
 use common::router::Router;
-use common::udp::{a_display_gets_in, shared};
-use common::{identity, last_failure, net, soon, start};
+use common::udp::{a_panel_gets_in, shared};
+use common::{Listener, connect, last_failure, net, soon};
 use meeting::Meeting;
-use trimaran_proto::{Identity, Refusal, Role, SceneHash};
+use trimaran_transport::conformance::{ARM, GRIPPER, Greeting, PANEL, greeting, start};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::{
-    HandshakeError, Limits, LinkConfig, Listener, Options, ProtocolError, RecvError, TooMany, connect,
-    sleep_until, until,
+    HandshakeError, Limits, LinkConfig, Options, ProtocolError, RecvError, Refusal, TooMany, sleep_until,
+    until,
 };
 
 /// Options of peers that know each other over every transport.
@@ -35,19 +35,19 @@ over_every_transport!(
 async fn one_peer_more_than_there_may_be_is_told_that_it_is_busy_until_another_leaves(endpoint: &str) {
     let limits = Limits { peers: 1, ..Limits::default() };
     let options = Options { limits, ..Options::default() };
-    let Meeting { mut listener, at, display, _folder, .. } = Meeting::at(endpoint, &options).await;
+    let Meeting { mut listener, at, panel, _folder, .. } = Meeting::at(endpoint, &options).await;
     let net = net();
-    let enter = async |role, by| connect(&net, &at, identity(role), &display, by).await;
-    let (there, here) = tokio::join!(enter(Role::Display, soon(&net)), listener.accept(soon(&net)));
+    let enter = async |role, by| connect(&net, &at, greeting(role), &panel, by).await;
+    let (there, here) = tokio::join!(enter(PANEL, soon(&net)), listener.accept(soon(&net)));
     let (there, here) = (there.unwrap(), here.unwrap());
     let busy = tokio::select! {
-        link = enter(Role::SwitchB, soon(&net)) => panic!("{link:?}"),
+        link = enter(GRIPPER, soon(&net)) => panic!("{link:?}"),
         busy = last_failure(&mut listener) => busy,
     };
     assert!(matches!(busy, HandshakeError::Refused(Refusal::Busy)), "{busy:?}");
     assert!(listener.turned_away().no_place > 0, "{:?}", listener.turned_away());
     drop((there, here));
-    let (there, here) = tokio::join!(enter(Role::SwitchB, soon(&net)), listener.accept(soon(&net)));
+    let (there, here) = tokio::join!(enter(GRIPPER, soon(&net)), listener.accept(soon(&net)));
     assert!(there.is_ok() && here.is_ok(), "{there:?} {here:?}");
 }
 
@@ -64,7 +64,7 @@ async fn who_stops_within_a_handshake_makes_room_for_the_next_and_holds_no_role(
         let options = Options { limits, link, handshake: hour, ..trusting() };
         let net = net();
         let wanted = endpoint.parse().unwrap();
-        let mut listener = Listener::bind(&net, &wanted, identity(Role::SwitchA), &options).await.unwrap();
+        let mut listener = Listener::bind(&net, &wanted, greeting(ARM), &options).await.unwrap();
         let at = listener.local_endpoint().clone();
         let router = Router::before(&at).await;
         let lost = Cell::new(0);
@@ -73,10 +73,10 @@ async fn who_stops_within_a_handshake_makes_room_for_the_next_and_holds_no_role(
             while lost.get() == 0 {
                 sleep_until(&*net, net.now().after(Duration::from_millis(1))).await;
             }
-            a_display_gets_in(&mut listener, &at, &options).await;
+            a_panel_gets_in(&mut listener, &at, &options).await;
         };
         let met = tokio::select! {
-            link = connect(&net, &router.at, identity(Role::Display), &options, soon(&net)) => panic!("{link:?}"),
+            link = connect(&net, &router.at, greeting(PANEL), &options, soon(&net)) => panic!("{link:?}"),
             () = router.pass(&lost, |bytes, inwards| inwards || bytes[0] & mask == question) => unreachable!(),
             met = until(&*net, soon(&net), meets) => met,
         };
@@ -93,40 +93,36 @@ async fn handshakes_beyond_the_limit_of_a_second_are_turned_away_and_counted() {
         let options = Options { limits, handshake: Duration::from_millis(300), ..trusting() };
         let net = net();
         let mut listener =
-            Listener::bind(&net, &endpoint.parse().unwrap(), identity(Role::SwitchA), &options)
-                .await
-                .unwrap();
+            Listener::bind(&net, &endpoint.parse().unwrap(), greeting(ARM), &options).await.unwrap();
         let at = listener.local_endpoint().clone();
-        // Refused for their scene, so that each connection is one handshake of the second.
-        let other = Identity { scene: SceneHash(7), ..identity(Role::Display) };
+        // Refused for their map, so that each connection is one handshake of the second.
+        let other = Greeting { map: 7, ..greeting(PANEL) };
         let soon = soon(&net);
         while listener.turned_away().from_address == 0 {
             assert!(net.now() < soon, "{endpoint}: {:?}", listener.turned_away());
             let by = net.now().after(Duration::from_millis(500));
             // At once, so that they begin within a second however slow the machine is.
-            let refused = || connect(&net, &at, other, &options, by);
+            let refused = || connect(&net, &at, other.clone(), &options, by);
             let _refused = tokio::join!(refused(), refused(), refused(), refused());
         }
-        a_display_gets_in(&mut listener, &at, &options).await;
+        a_panel_gets_in(&mut listener, &at, &options).await;
         assert_eq!(listener.turned_away().in_all, 0, "{endpoint}");
     }
 }
 
 async fn a_peer_that_floods_the_lane_is_lost_for_it(endpoint: &str) {
     let link = LinkConfig { messages_per_s: 200, ..LinkConfig::default() };
-    let Meeting { mut listener, at, display, _folder, .. } =
+    let Meeting { mut listener, at, panel, _folder, .. } =
         Meeting::at(endpoint, &Options { link, ..Options::default() }).await;
     let net = net();
-    let (there, here) = tokio::join!(
-        connect(&net, &at, identity(Role::Display), &display, soon(&net)),
-        listener.accept(soon(&net)),
-    );
-    let (mut display, mut a) = (there.unwrap(), here.unwrap());
+    let (there, here) =
+        tokio::join!(connect(&net, &at, greeting(PANEL), &panel, soon(&net)), listener.accept(soon(&net)),);
+    let (mut panel, mut arm) = (there.unwrap(), here.unwrap());
     let flood = async {
         for frame in 0.. {
             let sent = async {
-                a.frames_tx.begin(start(frame)).await?;
-                a.frames_tx.finish().await
+                arm.frames_tx.begin(start(frame)).await?;
+                arm.frames_tx.finish().await
             };
             if sent.await.is_err() {
                 break;
@@ -135,7 +131,7 @@ async fn a_peer_that_floods_the_lane_is_lost_for_it(endpoint: &str) {
     };
     let read = async {
         loop {
-            if let Err(e) = display.frames_rx.recv().await {
+            if let Err(e) = panel.frames_rx.recv().await {
                 break e;
             }
         }
@@ -148,5 +144,5 @@ async fn a_peer_that_floods_the_lane_is_lost_for_it(endpoint: &str) {
     let RecvError::Protocol { cause: ProtocolError::TooMany(TooMany::Messages(200)), .. } = error else {
         panic!("{error:?}")
     };
-    assert_eq!((display.stats.read().floods, a.stats.read().floods), (1, 0));
+    assert_eq!((panel.stats.read().floods, arm.stats.read().floods), (1, 0));
 }

@@ -10,17 +10,17 @@ mod meeting;
 use std::alloc::System;
 use std::time::Duration;
 
-use common::{camera, identity, ids, net, soon, start};
+use common::{Link, connect, net, soon};
 use meeting::Meeting;
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpStream, UdpSocket, UnixStream};
 use tokio::sync::Mutex;
-use trimaran_proto::Role;
+use trimaran_transport::conformance::{PANEL, greeting, points, pose, start};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::quic::QuicOptions;
 use trimaran_transport::udp::UdpOptions;
-use trimaran_transport::{Endpoint, Limits, Link, LinkConfig, Options, SendError, connect, sleep_until};
+use trimaran_transport::{Endpoint, Limits, LinkConfig, Options, SendError, sleep_until};
 
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
@@ -42,7 +42,7 @@ fn held() -> usize {
 async fn joined(meeting: &mut Meeting) -> (Link, Link) {
     let net = net();
     let (there, here) = tokio::join!(
-        connect(&net, &meeting.at, identity(Role::Display), &meeting.display, soon(&net)),
+        connect(&net, &meeting.at, greeting(PANEL), &meeting.panel, soon(&net)),
         meeting.listener.accept(soon(&net)),
     );
     (there.unwrap(), here.unwrap())
@@ -82,7 +82,7 @@ impl Stranger {
         let lure = format!("{transport}://{}", socket.local_addr().unwrap()).parse().unwrap();
         let (net, mut first) = (net(), vec![0; 2000]);
         let length = tokio::select! {
-            link = connect(&net, &lure, identity(Role::Display), options, soon(&net)) => panic!("{link:?}"),
+            link = connect(&net, &lure, greeting(PANEL), options, soon(&net)) => panic!("{link:?}"),
             received = socket.recv(&mut first) => received.unwrap(),
         };
         first.truncate(length);
@@ -131,7 +131,7 @@ async fn strangers_cost_no_more_than_the_handshakes_that_may_be_under_way() {
         let mut meeting = Meeting::at(endpoint, &options).await;
         drop(joined(&mut meeting).await);
         let keys = Keys::generate("nobody".parse().unwrap()).unwrap();
-        let peers = meeting.display.security.clone().unwrap().peers;
+        let peers = meeting.panel.security.clone().unwrap().peers;
         let unknown = Options { security: Some(Security { keys, peers }), ..options.clone() };
         let is_stream = matches!(meeting.at, Endpoint::Tcp(_) | Endpoint::Unix(_));
         let mut strangers = Vec::new();
@@ -175,23 +175,23 @@ async fn a_peer_that_is_not_read_fills_the_windows_and_no_more() {
     for (endpoint, most) in ENDPOINTS.into_iter().zip([512 * KIB, 512 * KIB, 4 * WINDOW, 4 * WINDOW]) {
         let mut meeting = Meeting::at(endpoint, &options).await;
         let (there, mut here) = joined(&mut meeting).await;
-        let ids = ids(16_384);
+        let points = points(16_384);
         let before = held();
         for number in 0..10_000 {
-            here.latest_tx.publish(camera(number)).unwrap();
+            here.latest_tx.publish(pose(number)).unwrap();
         }
         a_moment().await;
-        let by_cameras = held().saturating_sub(before);
+        let by_poses = held().saturating_sub(before);
         here.frames_tx.begin(start(0)).await.unwrap();
         let stalled = loop {
-            if let Err(e) = here.frames_tx.push(&ids).await {
+            if let Err(e) = here.frames_tx.push(&points).await {
                 break e;
             }
         };
         assert!(matches!(stalled, SendError::Stalled { .. }), "{endpoint}: {stalled:?}");
         let by_all = held().saturating_sub(before);
-        println!("{endpoint}: {by_cameras} bytes of cameras, {by_all} of all");
-        assert!(by_cameras < 256 * KIB, "{endpoint}: {by_cameras} bytes of cameras");
+        println!("{endpoint}: {by_poses} bytes of poses, {by_all} of all");
+        assert!(by_poses < 256 * KIB, "{endpoint}: {by_poses} bytes of poses");
         assert!(by_all < most, "{endpoint}: {by_all} bytes");
         drop(there);
     }

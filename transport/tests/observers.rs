@@ -14,47 +14,46 @@ use std::cell::Cell;
 use std::time::Duration;
 
 use common::router::Router;
-use common::{identity, last_failure, net, soon};
+use common::{Link, Listener, connect, last_failure, net, soon};
 use forged::{Forgery, Initial};
 use meeting::Meeting;
-use trimaran_proto::{Identity, Refusal, Role, SceneHash};
+use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};
 use trimaran_transport::keys::{Keys, Security};
-use trimaran_transport::{Endpoint, HandshakeError, Link, Listener, Options, connect};
+use trimaran_transport::{Endpoint, HandshakeError, Options, Refusal};
 
-over_every_transport!(a_listener_of_another_scene_is_waited_out);
+over_every_transport!(a_listener_of_another_map_is_waited_out);
 
 /// Listens at `at` as `who` once whoever is there has gone.
-async fn bind_when_free(at: &Endpoint, who: Identity, options: &Options) -> Listener {
+async fn bind_when_free(at: &Endpoint, who: Greeting, options: &Options) -> Listener {
     loop {
-        match Listener::bind(&net(), at, who, options).await {
+        match Listener::bind(&net(), at, who.clone(), options).await {
             Err(error) if error.may_pass() => tokio::task::yield_now().await,
             listener => return listener.unwrap(),
         }
     }
 }
 
-async fn a_listener_of_another_scene_is_waited_out(endpoint: &str) {
-    let Meeting { listener, at, display, ours, _folder } = Meeting::at(endpoint, &Options::default()).await;
+async fn a_listener_of_another_map_is_waited_out(endpoint: &str) {
+    let Meeting { listener, at, panel, ours, _folder } = Meeting::at(endpoint, &Options::default()).await;
     drop(listener);
     let net = net();
-    let other = Identity { scene: SceneHash(0xdead), ..identity(Role::SwitchA) };
+    let other = Greeting { map: 0xdead, ..greeting(ARM) };
     let mut stranger = bind_when_free(&at, other, &ours).await;
     let waits = async {
         let known = last_failure(&mut stranger).await;
-        assert!(matches!(known, HandshakeError::Refused(Refusal::Scene { .. })), "{known:?}");
+        assert!(matches!(known, HandshakeError::Refused(Refusal::Rejected(_))), "{known:?}");
         drop(stranger);
-        bind_when_free(&at, identity(Role::SwitchA), &ours).await.accept(soon(&net)).await
+        bind_when_free(&at, greeting(ARM), &ours).await.accept(soon(&net)).await
     };
-    let (there, here) =
-        tokio::join!(connect(&net, &at, identity(Role::Display), &display, soon(&net)), waits);
+    let (there, here) = tokio::join!(connect(&net, &at, greeting(PANEL), &panel, soon(&net)), waits);
     assert!(there.is_ok() && here.is_ok(), "{there:?} {here:?}");
 }
 
-/// The stranger has keys that the display does not know, or does not know those of the display.
+/// The stranger has keys that the panel does not know, or does not know those of the panel.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_listener_whose_keys_do_not_fit_is_waited_out() {
     for knows_us in [true, false] {
-        let Meeting { listener, at, display, ours, _folder } =
+        let Meeting { listener, at, panel, ours, _folder } =
             Meeting::at("quic://127.0.0.1:0", &Options::default()).await;
         drop(listener);
         let keys = Keys::generate("stranger".parse().unwrap()).unwrap();
@@ -64,15 +63,14 @@ async fn a_listener_whose_keys_do_not_fit_is_waited_out() {
             false => Security { peers: vec![keys.public().clone().into()], ..security },
         };
         let strange = Options { security: Some(security), ..ours.clone() };
-        let mut stranger = bind_when_free(&at, identity(Role::SwitchA), &strange).await;
+        let mut stranger = bind_when_free(&at, greeting(ARM), &strange).await;
         let net = net();
         let waits = async {
             last_failure(&mut stranger).await;
             drop(stranger);
-            bind_when_free(&at, identity(Role::SwitchA), &ours).await.accept(soon(&net)).await
+            bind_when_free(&at, greeting(ARM), &ours).await.accept(soon(&net)).await
         };
-        let (there, here) =
-            tokio::join!(connect(&net, &at, identity(Role::Display), &display, soon(&net)), waits);
+        let (there, here) = tokio::join!(connect(&net, &at, greeting(PANEL), &panel, soon(&net)), waits);
         assert!(there.is_ok() && here.is_ok(), "{knows_us}: {there:?} {here:?}");
     }
 }
@@ -82,7 +80,7 @@ async fn a_listener_whose_keys_do_not_fit_is_waited_out() {
 async fn gets_in_in_spite_of(forgery: Forgery) -> (Link, Link) {
     // An attempt that a forgery has led astray ends with this.
     let options = Options { handshake: Duration::from_millis(500), ..Options::default() };
-    let Meeting { mut listener, at, display, .. } = Meeting::at("quic://127.0.0.1:0", &options).await;
+    let Meeting { mut listener, at, panel, .. } = Meeting::at("quic://127.0.0.1:0", &options).await;
     let router = Router::before(&at).await;
     let (forged, mut attempts) = (Cell::new(0), Vec::new());
     let observed = router.pass_and_forge(&forged, |datagram| {
@@ -97,7 +95,7 @@ async fn gets_in_in_spite_of(forgery: Forgery) -> (Link, Link) {
     let links = tokio::select! {
         links = async {
             tokio::join!(
-                connect(&net, &router.at, identity(Role::Display), &display, soon(&net)),
+                connect(&net, &router.at, greeting(PANEL), &panel, soon(&net)),
                 listener.accept(soon(&net)),
             )
         } => (links.0.unwrap(), links.1.unwrap()),

@@ -6,28 +6,30 @@ mod common;
 use std::sync::Arc;
 use std::time::Duration;
 
-use common::conformance::Pairs;
-use common::{SCENE, camera, identity, ids, last_failure, net, obstacle, receive, soon, start};
-use trimaran_proto::{Identity, Refusal, Role, SceneHash};
+use common::{Link, Listener, connect, last_failure, net, obstacle, other_map, soon};
+use trimaran_transport::conformance::{
+    ARM, Greeting, MAP, Overhead, PANEL, Pairs, greeting, points, pose, receive, start,
+};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::quic::{Congestion, QuicOptions};
 use trimaran_transport::{
-    AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Link, LinkConfig, ListenError, Listener,
-    Net, Options, PeerAddress, connect, until,
+    AttemptError, ConnectError, Endpoint, HandshakeError, Limits, LinkConfig, ListenError, Net, Options,
+    PeerAddress, until,
 };
 
 struct Quic;
 
 impl Pairs for Quic {
-    const HEADER: u64 = 4;
-    const HANDSHAKE: u64 = 1;
+    fn overhead(&self) -> Overhead {
+        Overhead { header_bytes: 4, handshake: 1, coded: true }
+    }
 
     async fn pair(&self, link: LinkConfig) -> (Link, Link) {
         pair("127.0.0.1", &Options { link, ..Options::default() }).await
     }
 }
 
-conformance!(Quic);
+trimaran_transport::conformance!(Quic);
 
 /// Options of two peers that know each other.
 fn acquainted(options: &Options) -> (Options, Options) {
@@ -44,10 +46,10 @@ async fn pair(host: &str, options: &Options) -> (Link, Link) {
     let net = net();
     let (ours, theirs) = acquainted(options);
     let endpoint: Endpoint = format!("quic://{host}:0").parse().unwrap();
-    let mut listener = Listener::bind(&net, &endpoint, identity(Role::SwitchA), &ours).await.unwrap();
+    let mut listener = Listener::bind(&net, &endpoint, greeting(ARM), &ours).await.unwrap();
     let endpoint = listener.local_endpoint().clone();
     let (there, here) = tokio::join!(
-        connect(&net, &endpoint, identity(Role::Display), &theirs, soon(&net)),
+        connect(&net, &endpoint, greeting(PANEL), &theirs, soon(&net)),
         listener.accept(soon(&net)),
     );
     (here.unwrap(), there.unwrap())
@@ -55,13 +57,13 @@ async fn pair(host: &str, options: &Options) -> (Link, Link) {
 
 async fn listener(net: &Arc<dyn Net>, options: &Options) -> (Listener, Endpoint) {
     let endpoint = "quic://127.0.0.1:0".parse().unwrap();
-    let listener = Listener::bind(net, &endpoint, identity(Role::SwitchA), options).await.unwrap();
+    let listener = Listener::bind(net, &endpoint, greeting(ARM), options).await.unwrap();
     let endpoint = listener.local_endpoint().clone();
     (listener, endpoint)
 }
 
 /// How a connection fails, at the connecting and at the listening side.
-async fn failures(ours: &Options, theirs: &Options, who: Identity) -> (HandshakeError, HandshakeError) {
+async fn failures(ours: &Options, theirs: &Options, who: Greeting) -> (HandshakeError, HandshakeError) {
     let net = net();
     let (mut listener, endpoint) = listener(&net, ours).await;
     (obstacle(&net, &endpoint, who, theirs).await, last_failure(&mut listener).await)
@@ -70,12 +72,12 @@ async fn failures(ours: &Options, theirs: &Options, who: Identity) -> (Handshake
 #[tokio::test]
 async fn both_address_families_work_and_the_link_is_encrypted() {
     for host in ["127.0.0.1", "[::1]", "localhost"] {
-        let (mut a, mut display) = pair(host, &Options::default()).await;
-        assert!(a.capabilities().encrypted && display.capabilities().encrypted);
-        assert!(matches!(a.peer.address, PeerAddress::Quic(at) if at.ip().is_loopback()));
-        assert_eq!(a.peer.session, display.peer.session);
-        display.latest_tx.publish(camera(4)).unwrap();
-        assert_eq!(a.latest_rx.latest().await.unwrap(), camera(4));
+        let (mut arm, mut panel) = pair(host, &Options::default()).await;
+        assert!(arm.capabilities().encrypted && panel.capabilities().encrypted);
+        assert!(matches!(arm.peer.address, PeerAddress::Quic(at) if at.ip().is_loopback()));
+        assert_eq!(arm.peer.session, panel.peer.session);
+        panel.latest_tx.publish(pose(4)).unwrap();
+        assert_eq!(arm.latest_rx.latest().await.unwrap(), pose(4));
     }
 }
 
@@ -83,14 +85,14 @@ async fn both_address_families_work_and_the_link_is_encrypted() {
 async fn every_congestion_control_carries_a_large_frame() {
     for congestion in [Congestion::Cubic, Congestion::Bbr, Congestion::NewReno] {
         let quic = QuicOptions { congestion, ..QuicOptions::default() };
-        let (mut a, mut display) = pair("127.0.0.1", &Options { quic, ..Options::default() }).await;
+        let (mut arm, mut panel) = pair("127.0.0.1", &Options { quic, ..Options::default() }).await;
         let send = async {
-            a.frames_tx.begin(start(0)).await.unwrap();
-            a.frames_tx.push(&ids(200_000)).await.unwrap();
-            a.frames_tx.finish().await.unwrap();
+            arm.frames_tx.begin(start(0)).await.unwrap();
+            arm.frames_tx.push(&points(200_000)).await.unwrap();
+            arm.frames_tx.finish().await.unwrap();
         };
-        let ((), got) = tokio::join!(send, receive(&mut display.frames_rx));
-        assert!(got.unwrap().ids == ids(200_000), "{congestion:?}");
+        let ((), got) = tokio::join!(send, receive(&mut panel.frames_rx));
+        assert!(got.unwrap().points == points(200_000), "{congestion:?}");
     }
 }
 
@@ -105,7 +107,7 @@ async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints
     // The listener knows the peer, the peer another listener.
     let security = Some(Security { peers: vec![public(&stranger).into()], ..of(&theirs) });
     let confused = Options { security, ..Options::default() };
-    let (error, _) = failures(&ours, &confused, identity(Role::Display)).await;
+    let (error, _) = failures(&ours, &confused, greeting(PANEL)).await;
     let HandshakeError::UnknownPeer(unknown) = error else { panic!("{error:?}") };
     assert_eq!((&unknown.expected[..], unknown.presented), (&[print(&stranger)][..], print(&ours)));
     let message = unknown.to_string();
@@ -114,7 +116,7 @@ async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints
     // The peer knows the listener, the listener another peer.
     let security = Some(Security { peers: vec![public(&ours).into()], ..of(&stranger) });
     let intruder = Options { security, ..Options::default() };
-    let (error, known) = failures(&ours, &intruder, identity(Role::Display)).await;
+    let (error, known) = failures(&ours, &intruder, greeting(PANEL)).await;
     let HandshakeError::NotKnown { presented } = error else { panic!("{error:?}") };
     assert_eq!(presented, print(&stranger));
     let HandshakeError::UnknownPeer(unknown) = known else { panic!("{known:?}") };
@@ -122,26 +124,26 @@ async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints
 }
 
 #[tokio::test]
-async fn another_scene_is_refused_and_both_sides_know_both_scenes() {
+async fn another_map_is_refused_and_both_sides_know_both_maps() {
     let (ours, theirs) = acquainted(&Options::default());
-    let other = Identity { scene: SceneHash(0xdead), ..identity(Role::Display) };
+    let other = Greeting { map: 0xdead, ..greeting(PANEL) };
     let (error, known) = failures(&ours, &theirs, other).await;
-    let expected = Refusal::Scene { listener: SCENE, connector: SceneHash(0xdead) };
-    assert!(matches!(error, HandshakeError::Refused(refusal) if refusal == expected), "{error:?}");
-    assert!(matches!(known, HandshakeError::Refused(refusal) if refusal == expected), "{known:?}");
+    let expected = other_map(MAP, 0xdead);
+    assert!(matches!(&error, HandshakeError::Refused(refusal) if *refusal == expected), "{error:?}");
+    assert!(matches!(&known, HandshakeError::Refused(refusal) if *refusal == expected), "{known:?}");
 }
 
 #[tokio::test]
 async fn without_keys_there_is_no_quic() {
     let (net, options) = (net(), Options::default());
     let endpoint = "quic://127.0.0.1:1".parse().unwrap();
-    let error = connect(&net, &endpoint, identity(Role::Display), &options, soon(&net)).await.unwrap_err();
+    let error = connect(&net, &endpoint, greeting(PANEL), &options, soon(&net)).await.unwrap_err();
     assert!(!error.may_pass(), "{error:?}");
     let ConnectError::Failed { cause: AttemptError::Handshake { cause, .. }, .. } = error else {
         panic!("{error:?}")
     };
     assert!(matches!(cause, HandshakeError::NoKeys), "{cause:?}");
-    let error = Listener::bind(&net, &endpoint, identity(Role::SwitchA), &options).await.unwrap_err();
+    let error = Listener::bind(&net, &endpoint, greeting(ARM), &options).await.unwrap_err();
     assert!(matches!(error, ListenError::Given { .. }) && !error.may_pass(), "{error:?}");
 }
 
@@ -158,12 +160,12 @@ async fn random_datagrams_disturb_neither_a_link_nor_a_listener() {
         stranger.send_to(&bytes, at.to_string()).await.unwrap();
     }
     let (there, here) = tokio::join!(
-        connect(&net, &endpoint, identity(Role::Display), &theirs, soon(&net)),
+        connect(&net, &endpoint, greeting(PANEL), &theirs, soon(&net)),
         listener.accept(soon(&net)),
     );
     let (mut there, mut here) = (there.unwrap(), here.unwrap());
-    there.latest_tx.publish(camera(1)).unwrap();
-    assert_eq!(here.latest_rx.latest().await.unwrap(), camera(1));
+    there.latest_tx.publish(pose(1)).unwrap();
+    assert_eq!(here.latest_rx.latest().await.unwrap(), pose(1));
 }
 
 /// Genuine first packets, sent again and again by someone who goes no further with them. Each of them is a
@@ -185,7 +187,7 @@ async fn ten_thousand_first_packets_of_twenty_handshakes_keep_no_peer_out() {
         let lure: Endpoint = format!("quic://{}", relay.local_addr().unwrap()).parse().unwrap();
         let mut first = vec![0; 2000];
         let length = tokio::select! {
-            _ = connect(&net, &lure, identity(Role::Display), &theirs, soon(&net)) => panic!("a link to a relay"),
+            _ = connect(&net, &lure, greeting(PANEL), &theirs, soon(&net)) => panic!("a link to a relay"),
             received = relay.recv(&mut first) => received.unwrap(),
         };
         first.truncate(length);
@@ -197,20 +199,20 @@ async fn ten_thousand_first_packets_of_twenty_handshakes_keep_no_peer_out() {
     }
     let by = soon(&net);
     let (there, here) =
-        tokio::join!(connect(&net, &endpoint, identity(Role::Display), &theirs, by), listener.accept(by));
+        tokio::join!(connect(&net, &endpoint, greeting(PANEL), &theirs, by), listener.accept(by));
     assert!(there.is_ok() && here.is_ok(), "{there:?} {here:?}");
 }
 
 #[tokio::test]
-async fn the_last_camera_arrives_though_nothing_follows_it() {
+async fn the_last_pose_arrives_though_nothing_follows_it() {
     let net = net();
-    let (mut a, mut display) = pair("127.0.0.1", &Options::default()).await;
+    let (mut arm, mut panel) = pair("127.0.0.1", &Options::default()).await;
     for frame in 0..50 {
-        display.latest_tx.publish(camera(frame)).unwrap();
+        panel.latest_tx.publish(pose(frame)).unwrap();
     }
-    let all = async { while a.latest_rx.latest().await.unwrap() != camera(49) {} };
+    let all = async { while arm.latest_rx.latest().await.unwrap() != pose(49) {} };
     assert_eq!(until(&*net, soon(&net), all).await, Some(()));
-    // Its copy on the control stream is the same camera, and not read again.
-    let again = a.latest_rx.latest_by(net.now().after(Duration::from_millis(100))).await;
+    // Its copy on the control stream is the same pose, and not read again.
+    let again = arm.latest_rx.latest_by(net.now().after(Duration::from_millis(100))).await;
     assert!(again.is_err(), "{again:?}");
 }

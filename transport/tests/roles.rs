@@ -7,10 +7,10 @@ mod common;
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex};
 
-use common::{identity, last_failure, net, obstacle, refusal, soon};
-use trimaran_proto::{Goodbye, Refusal, Role};
+use common::{Link, Listener, connect, last_failure, net, obstacle, refusal, soon};
+use trimaran_transport::conformance::{ARM, GRIPPER, PANEL, greeting};
 use trimaran_transport::keys::{Keys, KnownPeer, PeerKey, Security, WrongRole};
-use trimaran_transport::{Endpoint, HandshakeError, Link, Listener, Options, RecvError, connect};
+use trimaran_transport::{CloseReason, Endpoint, Explanation, HandshakeError, Options, RecvError, Refusal};
 
 const ENDPOINTS: [&str; 2] = ["quic://127.0.0.1:0", "udp://127.0.0.1:0"];
 
@@ -19,47 +19,50 @@ fn keys(name: &str) -> Keys {
 }
 
 /// Who has `keys` and knows those, each in its role.
-fn knowing(keys: &Keys, peers: &[(&Keys, Option<Role>)]) -> Options {
-    let known = |(peer, role): &(&Keys, _)| KnownPeer { keys: peer.public().clone(), role: *role };
+fn knowing(keys: &Keys, peers: &[(&Keys, Option<&str>)]) -> Options {
+    let known = |(peer, role): &(&Keys, Option<&str>)| KnownPeer {
+        keys: peer.public().clone(),
+        role: role.map(str::to_owned),
+    };
     let peers = peers.iter().map(known).collect();
     Options { security: Some(Security { keys: keys.clone(), peers }), ..Options::default() }
 }
 
-/// A display that knows its two machines, and what each of them needs.
+/// A panel that knows its two machines, and what each of them needs.
 struct Show {
     listener: Listener,
     at: Endpoint,
     first: Keys,
     second: Keys,
-    display: Keys,
+    panel: Keys,
 }
 
 impl Show {
     async fn at(endpoint: &str) -> Self {
-        let [first, second, display] = ["first", "second", "display"].map(keys);
-        let options = knowing(&display, &[(&first, Some(Role::SwitchA)), (&second, Some(Role::SwitchB))]);
+        let [first, second, panel] = ["first", "second", "panel"].map(keys);
+        let options = knowing(&panel, &[(&first, Some(ARM)), (&second, Some(GRIPPER))]);
         let endpoint = endpoint.parse().unwrap();
-        let listener = Listener::bind(&net(), &endpoint, identity(Role::Display), &options).await.unwrap();
+        let listener = Listener::bind(&net(), &endpoint, greeting(PANEL), &options).await.unwrap();
         let at = listener.local_endpoint().clone();
-        Self { listener, at, first, second, display }
+        Self { listener, at, first, second, panel }
     }
 
     /// What the listener says to who has these keys and claims this role.
-    async fn claim(&self, keys: &Keys, role: Role) -> Refusal {
-        let options = knowing(keys, &[(&self.display, Some(Role::Display))]);
-        refusal(&net(), &self.at, identity(role), &options).await
+    async fn claim(&self, keys: &Keys, role: &str) -> Refusal {
+        let options = knowing(keys, &[(&self.panel, Some(PANEL))]);
+        refusal(&net(), &self.at, greeting(role), &options).await
     }
 
     /// Both ends of a link with the machine of these keys.
-    async fn joins(&mut self, keys: &Keys, role: Role) -> (Link, Link) {
-        let options = knowing(keys, &[(&self.display, Some(Role::Display))]);
+    async fn joins(&mut self, keys: &Keys, role: &str) -> (Link, Link) {
+        let options = knowing(keys, &[(&self.panel, Some(PANEL))]);
         let net = net();
         let (there, here) = tokio::join!(
-            connect(&net, &self.at, identity(role), &options, soon(&net)),
+            connect(&net, &self.at, greeting(role), &options, soon(&net)),
             self.listener.accept(soon(&net)),
         );
         let (there, here) = (there.unwrap(), here.unwrap());
-        assert_eq!((there.peer.identity.role, here.peer.identity.role), (Role::Display, role));
+        assert_eq!((&there.peer.hello, &here.peer.hello), (&greeting(PANEL), &greeting(role)));
         (there, here)
     }
 }
@@ -98,56 +101,61 @@ async fn a_key_that_claims_another_role_is_refused_by_name_and_the_right_one_sti
         let (first, second) = (show.first.clone(), show.second.clone());
 
         // It already has its own place: a key is not good for both.
-        let its_own = show.joins(&second, Role::SwitchB).await;
+        let its_own = show.joins(&second, GRIPPER).await;
         for _ in 0..3 {
-            let refused = show.claim(&second, Role::SwitchA).await;
-            assert_eq!(refused, Refusal::Key { claimed: Role::SwitchA, known: Role::SwitchB }, "{endpoint}");
+            let refused = show.claim(&second, ARM).await;
+            assert_eq!(
+                refused,
+                Refusal::Key { claimed: Explanation::new(ARM), known: Explanation::new(GRIPPER) },
+                "{endpoint}"
+            );
             let HandshakeError::WrongRole(claim) = last_failure(&mut show.listener).await else {
                 panic!("{endpoint}")
             };
             let expected = WrongRole {
                 name: "second".parse().unwrap(),
                 key: key(&show.at, &second),
-                claimed: Role::SwitchA,
-                known: Role::SwitchB,
+                claimed: ARM.to_owned(),
+                known: GRIPPER.to_owned(),
             };
             assert_eq!(*claim, expected, "{endpoint}");
         }
         let said = format!(
-            "key 'second' ({}) claims to be switch A; this configuration knows it as switch B",
+            "key 'second' ({}) claims to be arm; this configuration knows it as gripper",
             key(&show.at, &second)
         );
         let log = String::from_utf8(page.0.lock().unwrap().clone()).unwrap();
         assert_eq!(log.lines().filter(|line| line.contains(&said)).count(), 1, "{endpoint}, once: {log}");
         drop(logged);
 
-        let other = show.joins(&first, Role::SwitchA).await;
+        let other = show.joins(&first, ARM).await;
         drop((its_own, other));
     }
 }
 
-/// The listener is one that the connecting side knows, and no display.
+/// The listener is one that the connecting side knows, and no panel.
 #[tokio::test]
 async fn a_listener_that_claims_another_role_is_not_believed_and_learns_why() {
     for endpoint in ENDPOINTS {
         let mut show = Show::at(endpoint).await;
-        let options = knowing(&show.first, &[(&show.display, Some(Role::SwitchB))]);
+        let options = knowing(&show.first, &[(&show.panel, Some(GRIPPER))]);
         let net = net();
-        let (cause, link) =
-            tokio::join!(obstacle(&net, &show.at, identity(Role::SwitchA), &options), async {
-                let mut link = show.listener.accept(soon(&net)).await.unwrap();
-                link.frames_rx.recv().await
-            });
+        let (cause, link) = tokio::join!(obstacle(&net, &show.at, greeting(ARM), &options), async {
+            let mut link = show.listener.accept(soon(&net)).await.unwrap();
+            link.frames_rx.recv().await
+        });
         let HandshakeError::WrongRole(claim) = cause else { panic!("{endpoint}: {cause:?}") };
-        assert_eq!((claim.claimed, claim.known), (Role::Display, Role::SwitchB), "{endpoint}");
-        assert_eq!(claim.name.as_str(), "display", "{endpoint}");
-        let Err(RecvError::Goodbye { reason: Goodbye::Failed(why), .. }) = link else {
-            panic!("{endpoint}: {link:?}")
-        };
-        let expected = "its peer claims to be display, with a key that is known as that of switch B";
-        assert_eq!(why.to_string(), expected, "{endpoint}");
+        assert_eq!((claim.claimed.as_str(), claim.known.as_str()), (PANEL, GRIPPER), "{endpoint}");
+        assert_eq!(claim.name.as_str(), "panel", "{endpoint}");
+        let Err(RecvError::Goodbye { reason, .. }) = link else { panic!("{endpoint}: {link:?}") };
+        let expected = "its peer claims to be panel, with a key that is known as that of gripper";
+        assert_eq!(
+            (reason.code, reason.to_string()),
+            (CloseReason::REFUSED, expected.to_owned()),
+            "{endpoint}"
+        );
         let first = show.first.clone();
-        show.joins(&first, Role::SwitchA).await;
+        show.joins(&first, ARM).await;
     }
 }
 
@@ -155,23 +163,22 @@ async fn a_listener_that_claims_another_role_is_not_believed_and_learns_why() {
 #[tokio::test]
 async fn a_key_may_be_known_for_several_roles_or_for_any() {
     for endpoint in ENDPOINTS {
-        for roles in [&[Some(Role::SwitchA), Some(Role::Display)][..], &[None]] {
+        for roles in [&[Some(ARM), Some(PANEL)][..], &[None]] {
             let [ours, theirs] = ["ours", "theirs"].map(keys);
             let known: Vec<_> = roles.iter().map(|role| (&theirs, *role)).collect();
             let options = knowing(&ours, &known);
             let wanted = endpoint.parse().unwrap();
-            let mut listener =
-                Listener::bind(&net(), &wanted, identity(Role::SwitchB), &options).await.unwrap();
+            let mut listener = Listener::bind(&net(), &wanted, greeting(GRIPPER), &options).await.unwrap();
             let at = listener.local_endpoint().clone();
-            for role in [Role::SwitchA, Role::Display] {
+            for role in [ARM, PANEL] {
                 let net = net();
                 let theirs = knowing(&theirs, &[(&ours, None)]);
                 let (there, here) = tokio::join!(
-                    connect(&net, &at, identity(role), &theirs, soon(&net)),
+                    connect(&net, &at, greeting(role), &theirs, soon(&net)),
                     listener.accept(soon(&net)),
                 );
-                assert_eq!(there.unwrap().peer.identity.role, Role::SwitchB, "{endpoint}");
-                assert_eq!(here.unwrap().peer.identity.role, role, "{endpoint}");
+                assert_eq!(there.unwrap().peer.hello, greeting(GRIPPER), "{endpoint}");
+                assert_eq!(here.unwrap().peer.hello, greeting(role), "{endpoint}");
             }
         }
     }

@@ -9,42 +9,42 @@ mod meeting;
 
 use std::time::Duration;
 
-use common::{SCENE, camera, identity, last_failure, net, refusal, soon};
+use common::{connect, last_failure, net, other_map, refusal, role_taken, soon};
 use meeting::Meeting;
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpStream, UdpSocket, UnixStream};
-use trimaran_proto::{Identity, Refusal, Role, SceneHash};
-use trimaran_transport::{ConnectError, Endpoint, HandshakeError, Instant, LinkConfig, Options, connect};
+use trimaran_transport::conformance::{Greeting, MAP, PANEL, greeting, pose};
+use trimaran_transport::{ConnectError, Endpoint, HandshakeError, Instant, LinkConfig, Options};
 
 over_every_transport!(
-    another_scene_is_refused_and_both_sides_know_both_scenes,
+    another_map_is_refused_and_both_sides_know_both_maps,
     garbage_from_a_stranger_disturbs_nobody,
     a_taken_role_is_refused_and_free_again_when_its_peer_is_gone,
 );
 
-/// A display comes, is let in, and both ends talk.
-async fn a_display_gets_in(meeting: &mut Meeting) {
+/// A panel comes, is let in, and both ends talk.
+async fn a_panel_gets_in(meeting: &mut Meeting) {
     let net = net();
     let (there, here) = tokio::join!(
-        connect(&net, &meeting.at, identity(Role::Display), &meeting.display, soon(&net)),
+        connect(&net, &meeting.at, greeting(PANEL), &meeting.panel, soon(&net)),
         meeting.listener.accept(soon(&net)),
     );
     let (mut there, mut here) = (there.unwrap(), here.unwrap());
-    there.latest_tx.publish(camera(1)).unwrap();
-    assert_eq!(here.latest_rx.latest().await.unwrap(), camera(1));
-    here.latest_tx.publish(camera(2)).unwrap();
-    assert_eq!(there.latest_rx.latest().await.unwrap(), camera(2));
+    there.latest_tx.publish(pose(1)).unwrap();
+    assert_eq!(here.latest_rx.latest().await.unwrap(), pose(1));
+    here.latest_tx.publish(pose(2)).unwrap();
+    assert_eq!(there.latest_rx.latest().await.unwrap(), pose(2));
 }
 
-async fn another_scene_is_refused_and_both_sides_know_both_scenes(endpoint: &str) {
+async fn another_map_is_refused_and_both_sides_know_both_maps(endpoint: &str) {
     let mut meeting = Meeting::at(endpoint, &Options::default()).await;
     let net = net();
-    let other = Identity { scene: SceneHash(0xdead), ..identity(Role::Display) };
-    let expected = Refusal::Scene { listener: SCENE, connector: SceneHash(0xdead) };
-    assert_eq!(refusal(&net, &meeting.at, other, &meeting.display).await, expected);
+    let other = Greeting { map: 0xdead, ..greeting(PANEL) };
+    let expected = other_map(MAP, 0xdead);
+    assert_eq!(refusal(&net, &meeting.at, other, &meeting.panel).await, expected);
     let known = last_failure(&mut meeting.listener).await;
-    assert!(matches!(known, HandshakeError::Refused(refusal) if refusal == expected), "{known:?}");
-    a_display_gets_in(&mut meeting).await;
+    assert!(matches!(&known, HandshakeError::Refused(refusal) if *refusal == expected), "{known:?}");
+    a_panel_gets_in(&mut meeting).await;
 }
 
 /// Deterministic garbage.
@@ -74,37 +74,37 @@ async fn garbage_from_a_stranger_disturbs_nobody(endpoint: &str) {
     for i in 0..200 {
         say(&meeting.at, &garbage(i)).await;
     }
-    a_display_gets_in(&mut meeting).await;
+    a_panel_gets_in(&mut meeting).await;
 }
 
 async fn a_taken_role_is_refused_and_free_again_when_its_peer_is_gone(endpoint: &str) {
     let mut meeting = Meeting::at(endpoint, &Options::default()).await;
     let net = net();
     let (first, here) = tokio::join!(
-        connect(&net, &meeting.at, identity(Role::Display), &meeting.display, soon(&net)),
+        connect(&net, &meeting.at, greeting(PANEL), &meeting.panel, soon(&net)),
         meeting.listener.accept(soon(&net)),
     );
-    let known = refusal(&net, &meeting.at, identity(Role::Display), &meeting.display).await;
-    assert_eq!(known, Refusal::RoleTaken { role: Role::Display });
+    let known = refusal(&net, &meeting.at, greeting(PANEL), &meeting.panel).await;
+    assert_eq!(known, role_taken(PANEL));
     drop((first.unwrap(), here.unwrap()));
-    a_display_gets_in(&mut meeting).await;
+    a_panel_gets_in(&mut meeting).await;
 }
 
-/// Between a display and the listener, where the handshake is made of datagrams: passes so many on, and then
+/// Between a panel and the listener, where the handshake is made of datagrams: passes so many on, and then
 /// none.
 async fn cut(behind: usize, inside: &str, outside: &UdpSocket) {
     let there = UdpSocket::bind("127.0.0.1:0").await.unwrap();
     there.connect(inside).await.unwrap();
-    let (mut a, mut b, mut display) = (vec![0; 2000], vec![0; 2000], None);
+    let (mut a, mut b, mut panel) = (vec![0; 2000], vec![0; 2000], None);
     for _ in 0..behind {
         tokio::select! {
             got = outside.recv_from(&mut a) => {
                 let (length, from) = got.unwrap();
-                display = Some(from);
+                panel = Some(from);
                 there.send(&a[..length]).await.unwrap();
             }
             got = there.recv(&mut b) => {
-                outside.send_to(&b[..got.unwrap()], display.unwrap()).await.unwrap();
+                outside.send_to(&b[..got.unwrap()], panel.unwrap()).await.unwrap();
             }
         }
     }
@@ -114,12 +114,12 @@ async fn cut(behind: usize, inside: &str, outside: &UdpSocket) {
 mod of_datagrams {
     use super::*;
 
-    /// The display sees a listener that dies, and the listener a display.
+    /// The panel sees a listener that dies, and the listener a panel.
     async fn either_side_may_die_behind_every_datagram_of_the_handshake(endpoint: &str) {
         // Only the time of a handshake frees the place of who dies in it.
         let link = LinkConfig { lease: Duration::from_secs(3600), ..LinkConfig::default() };
         let options = Options { handshake: Duration::from_secs(1), link, ..Options::default() };
-        let Meeting { mut listener, at, display, _folder, .. } = Meeting::at(endpoint, &options).await;
+        let Meeting { mut listener, at, panel, _folder, .. } = Meeting::at(endpoint, &options).await;
         let net = net();
         let inside = match &at {
             Endpoint::Quic(at) => at.to_string(),
@@ -135,16 +135,16 @@ mod of_datagrams {
             let through = format!("{}://{}", at.transport(), outside.local_addr().unwrap()).parse().unwrap();
             let by = net.now().after(Duration::from_millis(300));
             let link = tokio::select! {
-                link = connect(&net, &through, identity(Role::Display), &display, by) => link,
+                link = connect(&net, &through, greeting(PANEL), &panel, by) => link,
                 () = cut(behind, &inside, &outside) => panic!("it never ends"),
             };
             match link {
-                // Enough for the display; the listener may or may not know.
+                // Enough for the panel; the listener may or may not know.
                 Ok(link) => drop(link),
                 Err(ConnectError::Deadline { .. }) => cut_short += 1,
                 Err(error) => panic!("{behind} datagrams: {error:?}"),
             }
-            let link = connect(&net, &at, identity(Role::Display), &display, soon(&net)).await;
+            let link = connect(&net, &at, greeting(PANEL), &panel, soon(&net)).await;
             assert!(link.is_ok(), "{behind} datagrams: {link:?}");
         }
         assert!(cut_short >= 2, "{cut_short} handshakes were cut short");

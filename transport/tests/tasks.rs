@@ -7,10 +7,12 @@ mod common;
 
 use std::sync::Arc;
 
-use common::{camera, identity, ids, net, next_camera, receive, soon, start};
+use common::{Listener, connect, net, soon};
 use tokio::spawn;
-use trimaran_proto::{Goodbye, Role};
-use trimaran_transport::{Listener, Options, RecvError, connect};
+use trimaran_transport::conformance::{
+    ARM, PANEL, finished, greeting, next_pose, points, pose, receive, start,
+};
+use trimaran_transport::{Options, RecvError};
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn tasks_make_links_and_use_their_halves_and_leave() {
@@ -18,30 +20,29 @@ async fn tasks_make_links_and_use_their_halves_and_leave() {
         let (net, options) = (net(), Options::default());
         let (here, keep) = (Arc::clone(&net), options.clone());
         let endpoint = endpoint.parse().unwrap();
-        let bound =
-            spawn(async move { Listener::bind(&here, &endpoint, identity(Role::SwitchA), &keep).await });
+        let bound = spawn(async move { Listener::bind(&here, &endpoint, greeting(ARM), &keep).await });
         let mut listener = bound.await.unwrap().unwrap();
         let (there, to) = (Arc::clone(&net), listener.local_endpoint().clone());
         let by = soon(&net);
-        let display = spawn(async move { connect(&there, &to, identity(Role::Display), &options, by).await });
-        let mut switch = spawn(async move { listener.accept(by).await }).await.unwrap().unwrap();
-        let mut display = display.await.unwrap().unwrap();
+        let panel = spawn(async move { connect(&there, &to, greeting(PANEL), &options, by).await });
+        let mut arm = spawn(async move { listener.accept(by).await }).await.unwrap().unwrap();
+        let mut panel = panel.await.unwrap().unwrap();
 
-        let switch = spawn(async move {
-            assert_eq!(next_camera(&mut switch.latest_rx).await.unwrap(), camera(1));
-            switch.frames_tx.begin(start(1)).await.unwrap();
-            switch.frames_tx.push(&ids(5000)).await.unwrap();
-            switch.frames_tx.finish().await.unwrap();
-            switch.goodbye(Goodbye::Finished).await
+        let arm = spawn(async move {
+            assert_eq!(next_pose(&mut arm.latest_rx).await.unwrap(), pose(1));
+            arm.frames_tx.begin(start(1)).await.unwrap();
+            arm.frames_tx.push(&points(5000)).await.unwrap();
+            arm.frames_tx.finish().await.unwrap();
+            arm.goodbye(finished()).await
         });
-        let display = spawn(async move {
-            display.latest_tx.publish(camera(1)).unwrap();
-            assert_eq!(receive(&mut display.frames_rx).await.unwrap().ids, ids(5000));
-            let end = display.frames_rx.recv().await;
-            assert!(matches!(end, Err(RecvError::Goodbye { reason: Goodbye::Finished, .. })), "{end:?}");
-            display.goodbye(Goodbye::Finished).await
+        let panel = spawn(async move {
+            panel.latest_tx.publish(pose(1)).unwrap();
+            assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, points(5000));
+            let end = panel.frames_rx.recv().await.unwrap_err();
+            assert!(matches!(&end, RecvError::Goodbye { reason, .. } if *reason == finished()), "{end:?}");
+            panel.goodbye(finished()).await
         });
-        for side in [switch, display] {
+        for side in [arm, panel] {
             side.await.unwrap().unwrap();
         }
     }

@@ -8,21 +8,23 @@ use std::io::ErrorKind;
 use std::sync::Arc;
 use std::time::Duration;
 
-use common::conformance::Pairs;
 use common::ports::unused_port;
-use common::{SCENE, camera, identity, ids, joined, last_failure, net, receive, settings, soon, start};
+use common::{Link, Listener, connect, joined, last_failure, net, other_map, role_taken, soon};
 use tokio::net::TcpSocket;
-use trimaran_proto::{Identity, Refusal, Role, SceneHash};
+use trimaran_transport::conformance::{
+    ARM, GRIPPER, Greeting, MAP, Overhead, PANEL, Pairs, greeting, points, pose, receive, start,
+};
 use trimaran_transport::{
-    AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Link, LinkConfig, ListenError,
-    Listener, Net, Options, PeerAddress, TcpOptions, connect, sleep_until,
+    AcceptError, AttemptError, BatchSize, ConnectError, Endpoint, HandshakeError, LinkConfig, ListenError,
+    Net, Options, PeerAddress, Refusal, Rejection, TcpOptions, sleep_until,
 };
 
 struct Tcp;
 
 impl Pairs for Tcp {
-    const HEADER: u64 = 4;
-    const HANDSHAKE: u64 = 2;
+    fn overhead(&self) -> Overhead {
+        Overhead { header_bytes: 4, handshake: 2, coded: true }
+    }
 
     async fn pair(&self, link: LinkConfig) -> (Link, Link) {
         // Buffers that the tests' amounts exceed.
@@ -35,9 +37,9 @@ impl Pairs for Tcp {
     }
 }
 
-conformance!(Tcp);
+trimaran_transport::conformance!(Tcp);
 
-async fn listener(net: &Arc<dyn Net>, identity: Identity, options: &Options) -> (Listener, Endpoint) {
+async fn listener(net: &Arc<dyn Net>, identity: Greeting, options: &Options) -> (Listener, Endpoint) {
     let listener =
         Listener::bind(net, &"tcp://127.0.0.1:0".parse().unwrap(), identity, options).await.unwrap();
     let address = listener.local_endpoint().clone();
@@ -45,9 +47,9 @@ async fn listener(net: &Arc<dyn Net>, identity: Identity, options: &Options) -> 
 }
 
 /// Tries to connect to a listener that must refuse; gives what both sides learn.
-async fn refusal(listening: Identity, connecting: Identity) -> (Refusal, Refusal) {
+async fn refusal(listening: Greeting, connecting: Greeting) -> (Refusal, Refusal) {
     let (net, options) = (net(), Options::default());
-    let (mut listener, address) = listener(&net, listening, &options).await;
+    let (mut listener, address) = listener(&net, listening.clone(), &options).await;
     let refusal = common::refusal(&net, &address, connecting, &options).await;
     match last_failure(&mut listener).await {
         HandshakeError::Refused(known) => (refusal, known),
@@ -58,15 +60,15 @@ async fn refusal(listening: Identity, connecting: Identity) -> (Refusal, Refusal
 #[tokio::test]
 async fn host_names_and_both_address_families_work() {
     for host in ["localhost", "127.0.0.1", "[::1]"] {
-        let (mut a, display) = joined(&format!("tcp://{host}:0"), &Options::default()).await;
-        assert_eq!(a.peer.identity, identity(Role::Display));
-        assert_eq!(display.peer.identity, identity(Role::SwitchA));
-        assert_eq!(a.peer.session, display.peer.session);
-        let PeerAddress::Tcp(address) = a.peer.address else { panic!("{:?}", a.peer) };
+        let (mut arm, panel) = joined(&format!("tcp://{host}:0"), &Options::default()).await;
+        assert_eq!(arm.peer.hello, greeting(PANEL));
+        assert_eq!(panel.peer.hello, greeting(ARM));
+        assert_eq!(arm.peer.session, panel.peer.session);
+        let PeerAddress::Tcp(address) = arm.peer.address else { panic!("{:?}", arm.peer) };
         assert!(address.ip().is_loopback());
-        let mut display = display;
-        display.latest_tx.publish(camera(4)).unwrap();
-        assert_eq!(a.latest_rx.latest().await.unwrap(), camera(4));
+        let mut panel = panel;
+        panel.latest_tx.publish(pose(4)).unwrap();
+        assert_eq!(arm.latest_rx.latest().await.unwrap(), pose(4));
     }
 }
 
@@ -76,68 +78,64 @@ async fn the_connecting_side_may_start_first() {
     let address = format!("tcp://127.0.0.1:{}", unused_port()).parse().unwrap();
     let late = async {
         sleep_until(&*net, net.now().after(Duration::from_millis(300))).await;
-        let mut listener = Listener::bind(&net, &address, identity(Role::SwitchB), &options).await.unwrap();
+        let mut listener = Listener::bind(&net, &address, greeting(GRIPPER), &options).await.unwrap();
         listener.accept(soon(&net)).await.unwrap()
     };
-    let early = connect(&net, &address, identity(Role::SwitchA), &options, soon(&net));
+    let early = connect(&net, &address, greeting(ARM), &options, soon(&net));
     let (early, late) = tokio::join!(early, late);
-    assert_eq!(early.unwrap().peer.identity.role, Role::SwitchB);
-    assert_eq!(late.peer.identity.role, Role::SwitchA);
+    assert_eq!(early.unwrap().peer.hello, greeting(GRIPPER));
+    assert_eq!(late.peer.hello, greeting(ARM));
 }
 
 #[tokio::test]
-async fn settings_travel_in_the_hello_and_in_the_answer() {
-    let display = Identity { settings: Some(settings(3)), ..identity(Role::Display) };
-    for (listening, connecting) in [(display, identity(Role::SwitchA)), (identity(Role::SwitchA), display)] {
+async fn what_the_peers_want_travels_in_the_hello_and_in_the_answer() {
+    let panel = Greeting { batch: BatchSize::new(3).ok(), ..greeting(PANEL) };
+    for (listening, connecting) in [(panel.clone(), greeting(ARM)), (greeting(ARM), panel)] {
         let (net, options) = (net(), Options::default());
-        let (mut listener, address) = listener(&net, listening, &options).await;
-        let mut there = connect(&net, &address, connecting, &options, soon(&net)).await.unwrap();
+        let (mut listener, address) = listener(&net, listening.clone(), &options).await;
+        let mut there = connect(&net, &address, connecting.clone(), &options, soon(&net)).await.unwrap();
         let mut here = listener.accept(soon(&net)).await.unwrap();
-        assert_eq!((there.peer.identity, here.peer.identity), (listening, connecting));
+        assert_eq!((there.peer.hello, here.peer.hello), (listening, connecting));
         there.frames_tx.begin(start(0)).await.unwrap();
-        there.frames_tx.push(&ids(7)).await.unwrap();
+        there.frames_tx.push(&points(7)).await.unwrap();
         there.frames_tx.finish().await.unwrap();
-        assert_eq!(
-            receive(&mut here.frames_rx).await.unwrap().batches,
-            [3, 3, 1],
-            "the display's batch size"
-        );
+        assert_eq!(receive(&mut here.frames_rx).await.unwrap().batches, [3, 3, 1], "the panel's batch size");
     }
 }
 
 #[tokio::test]
-async fn another_scene_is_refused_and_both_sides_know_both_scenes() {
-    let other = SceneHash(0xdead);
-    let connecting = Identity { scene: other, ..identity(Role::Display) };
-    let expected = Refusal::Scene { listener: SCENE, connector: other };
-    assert_eq!(refusal(identity(Role::SwitchA), connecting).await, (expected, expected));
+async fn another_map_is_refused_and_both_sides_know_both_maps() {
+    let other = 0xdead;
+    let connecting = Greeting { map: other, ..greeting(PANEL) };
+    let expected = other_map(MAP, other);
+    assert_eq!(refusal(greeting(ARM), connecting).await, (expected.clone(), expected));
 }
 
 #[tokio::test]
-async fn other_settings_are_refused() {
-    let (x, y) = (settings(10), settings(11));
-    let listening = Identity { settings: Some(x), ..identity(Role::SwitchA) };
-    let connecting = Identity { settings: Some(y), ..identity(Role::Display) };
-    let expected = Refusal::Settings { listener: x, connector: y };
-    assert_eq!(refusal(listening, connecting).await, (expected, expected));
+async fn what_the_application_rejects_is_refused_and_both_sides_know_why() {
+    let wanting = |role, points| Greeting { batch: BatchSize::new(points).ok(), ..greeting(role) };
+    let rejection = Rejection::new(3, "the listener wants batches of 10, the connecting peer of 11");
+    let expected = Refusal::Rejected(rejection);
+    let known = refusal(wanting(ARM, 10), wanting(PANEL, 11)).await;
+    assert_eq!(known, (expected.clone(), expected));
 }
 
 #[tokio::test]
 async fn the_listeners_own_role_is_refused() {
-    let expected = Refusal::RoleTaken { role: Role::Display };
-    assert_eq!(refusal(identity(Role::Display), identity(Role::Display)).await, (expected, expected));
+    let expected = Refusal::Rejected(Rejection::new(2, "the listener is panel itself"));
+    assert_eq!(refusal(greeting(PANEL), greeting(PANEL)).await, (expected.clone(), expected));
 }
 
 #[tokio::test]
 async fn a_role_is_taken_until_the_last_half_of_its_link_is_dropped() {
     let (net, options) = (net(), Options::default());
-    let (mut listener, address) = listener(&net, identity(Role::SwitchA), &options).await;
-    let first = connect(&net, &address, identity(Role::Display), &options, soon(&net)).await.unwrap();
+    let (mut listener, address) = listener(&net, greeting(ARM), &options).await;
+    let first = connect(&net, &address, greeting(PANEL), &options, soon(&net)).await.unwrap();
     let Link { latest_rx, .. } = listener.accept(soon(&net)).await.unwrap();
-    let refusal = common::refusal(&net, &address, identity(Role::Display), &options).await;
-    assert_eq!(refusal, Refusal::RoleTaken { role: Role::Display });
+    let refusal = common::refusal(&net, &address, greeting(PANEL), &options).await;
+    assert_eq!(refusal, role_taken(PANEL));
     drop((first, latest_rx));
-    connect(&net, &address, identity(Role::Display), &options, soon(&net)).await.unwrap();
+    connect(&net, &address, greeting(PANEL), &options, soon(&net)).await.unwrap();
 }
 
 #[tokio::test]
@@ -150,7 +148,7 @@ async fn nobody_there_ends_at_the_deadline_with_the_last_cause() {
     // The first wait that is long enough here for more than one attempt.
     for wait in (0..).map(|doubled| Duration::from_millis(100) * 2_u32.pow(doubled)) {
         let deadline = net.now().after(wait);
-        let error = connect(&net, &address, identity(Role::Display), &options, deadline).await.unwrap_err();
+        let error = connect(&net, &address, greeting(PANEL), &options, deadline).await.unwrap_err();
         assert!(error.source().is_some());
         let ConnectError::Deadline { attempts, last, .. } = error else { panic!("{error:?}") };
         if attempts > 1 {
@@ -164,7 +162,7 @@ async fn nobody_there_ends_at_the_deadline_with_the_last_cause() {
 #[tokio::test]
 async fn nobody_comes_ends_at_the_deadline() {
     let (net, options) = (net(), Options::default());
-    let (mut listener, _) = listener(&net, identity(Role::SwitchA), &options).await;
+    let (mut listener, _) = listener(&net, greeting(ARM), &options).await;
     let accepted = listener.accept(net.now().after(Duration::from_millis(20))).await;
     assert!(matches!(accepted, Err(AcceptError::Deadline { last: None, .. })), "{accepted:?}");
 }
@@ -172,8 +170,8 @@ async fn nobody_comes_ends_at_the_deadline() {
 #[tokio::test]
 async fn a_port_in_use_says_so() {
     let (net, options) = (net(), Options::default());
-    let (_holder, address) = listener(&net, identity(Role::SwitchA), &options).await;
-    let error = Listener::bind(&net, &address, identity(Role::SwitchA), &options).await.unwrap_err();
+    let (_holder, address) = listener(&net, greeting(ARM), &options).await;
+    let error = Listener::bind(&net, &address, greeting(ARM), &options).await.unwrap_err();
     assert!(matches!(error, ListenError::InUse { .. }) && error.may_pass(), "{error:?}");
     assert!(error.to_string().contains(&address.to_string()), "{error}");
 }

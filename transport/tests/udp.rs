@@ -9,40 +9,40 @@ mod page;
 use std::sync::Arc;
 use std::time::Duration;
 
-use common::conformance::Pairs;
 use common::ports::unused_port;
-use common::udp::{a_display_gets_in, listener, shared, with};
-use common::{SCENE, camera, identity, ids, joined, last_failure, net, receive, soon, start};
+use common::udp::{a_panel_gets_in, listener, shared, with};
+use common::{Link, Listener, connect, joined, last_failure, net, other_map, role_taken, soon};
 use page::Page;
-use trimaran_proto::{
-    DrawableId, FrameEvent, FrameNumber, FrameOutcome, IdCoding, Identity, Refusal, Role, SceneHash,
+use trimaran_transport::conformance::{
+    ARM, Greeting, MAP, Overhead, PANEL, Pairs, greeting, points, pose, receive, start,
 };
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{
-    AttemptError, ConnectError, Endpoint, HandshakeError, Link, LinkConfig, Listener, Net, Options,
-    PeerAddress, connect, sleep_until, until,
+    AttemptError, BatchSize, Batching, ConnectError, Endpoint, FrameEvent, FrameNumber, FrameOutcome,
+    HandshakeError, LinkConfig, Net, Options, PeerAddress, sleep_until, until,
 };
 
 struct Udp;
 
 impl Pairs for Udp {
-    const HEADER: u64 = 0;
-    const HANDSHAKE: u64 = 1;
+    fn overhead(&self) -> Overhead {
+        Overhead { header_bytes: 0, handshake: 1, coded: true }
+    }
 
     async fn pair(&self, link: LinkConfig) -> (Link, Link) {
         joined("udp://127.0.0.1:0", &Options { link, ..shared(9) }).await
     }
 }
 
-conformance!(Udp);
+trimaran_transport::conformance!(Udp);
 
 #[tokio::test]
 async fn both_address_families_work_and_a_link_knows_whether_it_is_encrypted() {
     for host in ["127.0.0.1", "[::1]", "localhost"] {
         for (options, encrypted) in [(shared(1), true), (with(Trust::Plaintext), false)] {
-            let (mut a, mut display) = joined(&format!("udp://{host}:0"), &options).await;
-            for link in [&a, &display] {
+            let (mut arm, mut panel) = joined(&format!("udp://{host}:0"), &options).await;
+            for link in [&arm, &panel] {
                 let says = link.capabilities();
                 assert_eq!(
                     (says.encrypted, says.reliable, says.ordered, says.local),
@@ -50,9 +50,9 @@ async fn both_address_families_work_and_a_link_knows_whether_it_is_encrypted() {
                 );
                 assert!(matches!(link.peer.address, PeerAddress::Udp(at) if at.ip().is_loopback()));
             }
-            assert_eq!(a.peer.session, display.peer.session);
-            display.latest_tx.publish(camera(4)).unwrap();
-            assert_eq!(a.latest_rx.latest().await.unwrap(), camera(4));
+            assert_eq!(arm.peer.session, panel.peer.session);
+            panel.latest_tx.publish(pose(4)).unwrap();
+            assert_eq!(arm.latest_rx.latest().await.unwrap(), pose(4));
         }
     }
 }
@@ -61,23 +61,23 @@ async fn both_address_families_work_and_a_link_knows_whether_it_is_encrypted() {
 async fn without_keys_there_is_no_udp() {
     let (net, options) = (net(), Options::default());
     let endpoint = "udp://127.0.0.1:1".parse().unwrap();
-    let error = connect(&net, &endpoint, identity(Role::Display), &options, soon(&net)).await.unwrap_err();
+    let error = connect(&net, &endpoint, greeting(PANEL), &options, soon(&net)).await.unwrap_err();
     let ConnectError::Failed { cause: AttemptError::Handshake { cause, .. }, .. } = error else {
         panic!("{error:?}")
     };
     assert!(matches!(cause, HandshakeError::NoKeys), "{cause:?}");
-    assert!(Listener::bind(&net, &endpoint, identity(Role::SwitchA), &options).await.is_err());
+    assert!(Listener::bind(&net, &endpoint, greeting(ARM), &options).await.is_err());
 }
 
 /// Somebody with these options gets no link in any time; what the listener knows of it.
 async fn a_stranger_knocks(listener: &mut Listener, at: &Endpoint, options: &Options) -> HandshakeError {
     let net = net();
     let known = tokio::select! {
-        link = connect(&net, at, identity(Role::Display), options, soon(&net)) => panic!("{link:?}"),
+        link = connect(&net, at, greeting(PANEL), options, soon(&net)) => panic!("{link:?}"),
         known = last_failure(listener) => known,
     };
     let shortly = net.now().after(Duration::from_millis(100));
-    let error = connect(&net, at, identity(Role::Display), options, shortly).await.unwrap_err();
+    let error = connect(&net, at, greeting(PANEL), options, shortly).await.unwrap_err();
     assert!(matches!(error, ConnectError::Deadline { .. }), "{error:?}");
     known
 }
@@ -89,18 +89,18 @@ async fn another_key_gets_no_answer_and_the_listener_knows_why() {
         let known = a_stranger_knocks(&mut listener, &endpoint, &wrong).await;
         assert!(matches!(known, HandshakeError::Stranger), "{known:?}");
     }
-    a_display_gets_in(&mut listener, &endpoint, &shared(1)).await;
+    a_panel_gets_in(&mut listener, &endpoint, &shared(1)).await;
 }
 
 #[tokio::test]
-async fn another_scene_is_refused_and_both_sides_know_both_scenes() {
+async fn another_map_is_refused_and_both_sides_know_both_maps() {
     let net = net();
     let (mut listener, endpoint) = listener(&shared(1)).await;
-    let other = Identity { scene: SceneHash(0xdead), ..identity(Role::Display) };
-    let expected = Refusal::Scene { listener: SCENE, connector: SceneHash(0xdead) };
+    let other = Greeting { map: 0xdead, ..greeting(PANEL) };
+    let expected = other_map(MAP, 0xdead);
     assert_eq!(common::refusal(&net, &endpoint, other, &shared(1)).await, expected);
     let known = last_failure(&mut listener).await;
-    assert!(matches!(known, HandshakeError::Refused(refusal) if refusal == expected), "{known:?}");
+    assert!(matches!(&known, HandshakeError::Refused(refusal) if *refusal == expected), "{known:?}");
 }
 
 #[tokio::test]
@@ -111,13 +111,11 @@ async fn whoever_starts_first_does_not_matter() {
         let early =
             until(&*net, net.now().after(Duration::from_millis(300)), std::future::pending::<()>()).await;
         assert_eq!(early, None);
-        let mut listener =
-            Listener::bind(&net, &endpoint, identity(Role::SwitchA), &shared(1)).await.unwrap();
+        let mut listener = Listener::bind(&net, &endpoint, greeting(ARM), &shared(1)).await.unwrap();
         listener.accept(soon(&net)).await.unwrap()
     };
     let options = shared(1);
-    let (there, here) =
-        tokio::join!(connect(&net, &endpoint, identity(Role::Display), &options, soon(&net)), late);
+    let (there, here) = tokio::join!(connect(&net, &endpoint, greeting(PANEL), &options, soon(&net)), late);
     assert_eq!(there.unwrap().peer.session, here.peer.session);
 }
 
@@ -125,24 +123,24 @@ async fn whoever_starts_first_does_not_matter() {
 async fn a_role_is_taken_until_the_last_half_of_its_link_is_dropped() {
     let (net, options) = (net(), shared(1));
     let (mut listener, at) = listener(&options).await;
-    let first = connect(&net, &at, identity(Role::Display), &options, soon(&net)).await.unwrap();
+    let first = connect(&net, &at, greeting(PANEL), &options, soon(&net)).await.unwrap();
     let Link { latest_rx, .. } = listener.accept(soon(&net)).await.unwrap();
-    let refusal = common::refusal(&net, &at, identity(Role::Display), &options).await;
-    assert_eq!(refusal, Refusal::RoleTaken { role: Role::Display });
+    let refusal = common::refusal(&net, &at, greeting(PANEL), &options).await;
+    assert_eq!(refusal, role_taken(PANEL));
     drop((first, latest_rx));
-    connect(&net, &at, identity(Role::Display), &options, soon(&net)).await.unwrap();
+    connect(&net, &at, greeting(PANEL), &options, soon(&net)).await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_large_frame_arrives_in_the_clear_too() {
-    let (mut a, mut display) = joined("udp://127.0.0.1:0", &with(Trust::Plaintext)).await;
+    let (mut arm, mut panel) = joined("udp://127.0.0.1:0", &with(Trust::Plaintext)).await;
     let send = async {
-        a.frames_tx.begin(start(0)).await.unwrap();
-        a.frames_tx.push(&ids(200_000)).await.unwrap();
-        a.frames_tx.finish().await.unwrap();
+        arm.frames_tx.begin(start(0)).await.unwrap();
+        arm.frames_tx.push(&points(200_000)).await.unwrap();
+        arm.frames_tx.finish().await.unwrap();
     };
-    let ((), got) = tokio::join!(send, receive(&mut display.frames_rx));
-    assert!(got.unwrap().ids == ids(200_000));
+    let ((), got) = tokio::join!(send, receive(&mut panel.frames_rx));
+    assert!(got.unwrap().points == points(200_000));
 }
 
 /// Who has `keys` and knows those.
@@ -156,7 +154,7 @@ async fn pinned_peers_find_each_other_among_several_and_others_do_not_get_in() {
     let [a, b, c, d] = ["a", "b", "c", "d"].map(|name| Keys::generate(name.parse().unwrap()).unwrap());
     let (mut listener, at) = listener(&knowing(&a, &[&b, &c])).await;
     for options in [knowing(&b, &[&a]), knowing(&b, &[&c, &a]), knowing(&c, &[&a, &b, &d])] {
-        a_display_gets_in(&mut listener, &at, &options).await;
+        a_panel_gets_in(&mut listener, &at, &options).await;
     }
     // Who asks at doors of other keys is a stranger there, and so is whom nobody here knows.
     for options in [knowing(&d, &[&a]), knowing(&b, &[&c, &d])] {
@@ -165,26 +163,26 @@ async fn pinned_peers_find_each_other_among_several_and_others_do_not_get_in() {
     }
     let net = net();
     let shortly = net.now().after(Duration::from_millis(100));
-    let alone = connect(&net, &at, identity(Role::Display), &knowing(&b, &[]), shortly).await;
+    let alone = connect(&net, &at, greeting(PANEL), &knowing(&b, &[]), shortly).await;
     assert!(matches!(alone, Err(ConnectError::Deadline { .. })), "{alone:?}");
 }
 
 /// With no time at all to arrive, nothing but a frame's beginning and end does.
 #[tokio::test]
-async fn a_frame_that_is_given_up_says_how_many_ids_are_missing() {
+async fn a_frame_that_is_given_up_says_how_many_points_are_missing() {
     let udp = UdpOptions { deadline: Duration::ZERO, ..shared(1).udp };
     let options = Options { udp, ..shared(1) };
-    let (mut a, mut display) = joined("udp://127.0.0.1:0?mode=deadline", &options).await;
-    assert!(!a.capabilities().reliable && !display.capabilities().reliable, "both sides know");
+    let (mut arm, mut panel) = joined("udp://127.0.0.1:0?mode=deadline", &options).await;
+    assert!(!arm.capabilities().reliable && !panel.capabilities().reliable, "both sides know");
     for frame in 0..3 {
-        a.frames_tx.begin(start(frame)).await.unwrap();
-        a.frames_tx.push(&ids(4000)).await.unwrap();
-        a.frames_tx.finish().await.unwrap();
-        assert_eq!(display.frames_rx.recv().await.unwrap(), FrameEvent::Begin(start(frame)));
+        arm.frames_tx.begin(start(frame)).await.unwrap();
+        arm.frames_tx.push(&points(4000)).await.unwrap();
+        arm.frames_tx.finish().await.unwrap();
+        assert_eq!(panel.frames_rx.recv().await.unwrap(), FrameEvent::Begin(start(frame)));
         let mut came = 0;
         let outcome = loop {
-            match display.frames_rx.recv().await.unwrap() {
-                FrameEvent::Ids(batch) => came += batch.count() as u32,
+            match panel.frames_rx.recv().await.unwrap() {
+                FrameEvent::Batch(batch) => came += batch.count() as u32,
                 FrameEvent::End(outcome) => break outcome,
                 other => panic!("{other:?}"),
             }
@@ -202,12 +200,12 @@ async fn a_deadline_shorter_than_the_way_is_warned_of_once_a_link() {
     let udp = UdpOptions { deadline: Duration::ZERO, ..shared(1).udp };
     let options = Options { udp, ..shared(1) };
     for links in 1..=2 {
-        let (mut a, mut display) = joined("udp://127.0.0.1:0?mode=deadline", &options).await;
+        let (mut arm, mut panel) = joined("udp://127.0.0.1:0?mode=deadline", &options).await;
         let mut since = 0;
         for frame in 0.. {
-            a.frames_tx.begin(start(frame)).await.unwrap();
-            a.frames_tx.finish().await.unwrap();
-            while !matches!(display.frames_rx.recv().await.unwrap(), FrameEvent::End(_)) {}
+            arm.frames_tx.begin(start(frame)).await.unwrap();
+            arm.frames_tx.finish().await.unwrap();
+            while !matches!(panel.frames_rx.recv().await.unwrap(), FrameEvent::End(_)) {}
             // Three more frames after the warning do not bring another.
             since += u32::from(warnings() == links);
             if since > 3 {
@@ -220,51 +218,55 @@ async fn a_deadline_shorter_than_the_way_is_warned_of_once_a_link() {
 
 /// A frame may be lost there, so that only what the peer has confirmed is a reference.
 #[tokio::test]
-async fn with_deadlines_ids_travel_as_changes_once_a_frame_is_confirmed() {
+async fn with_deadlines_points_travel_coded_against_a_frame_once_it_is_confirmed() {
     let net = net();
-    let link = LinkConfig { coding: IdCoding::Changes, ..LinkConfig::default() };
+    let link = LinkConfig {
+        batching: Batching { size: BatchSize::default(), coded: true },
+        ..LinkConfig::default()
+    };
     let udp = UdpOptions { deadline: Duration::from_secs(10), ..shared(1).udp };
     let options = Options { link, udp, ..shared(1) };
-    let (mut a, mut display) = joined("udp://127.0.0.1:0?mode=deadline", &options).await;
-    let visible: Vec<DrawableId> = (0..2000).map(|id| DrawableId(1000 * id)).collect();
+    let (mut arm, mut panel) = joined("udp://127.0.0.1:0?mode=deadline", &options).await;
+    // In no order: against nothing they travel plain.
+    let visible = points(2000);
     let mut least = u64::MAX;
     for frame in 0..500 {
-        let before = a.stats.read();
-        a.frames_tx.begin(start(frame)).await.unwrap();
-        a.frames_tx.push(&visible).await.unwrap();
-        a.frames_tx.finish().await.unwrap();
-        let bytes = (a.stats.read() - before).sent.ids.bytes;
+        let before = arm.stats.read();
+        arm.frames_tx.begin(start(frame)).await.unwrap();
+        arm.frames_tx.push(&visible).await.unwrap();
+        arm.frames_tx.finish().await.unwrap();
+        let bytes = (arm.stats.read() - before).sent.batches.bytes;
         assert!(frame > 0 || bytes > 4000, "{bytes} bytes for the first frame: nothing is confirmed");
-        assert_eq!(receive(&mut display.frames_rx).await.unwrap().ids, visible);
+        assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, visible);
         least = least.min(bytes);
-        if least < 60 {
+        if least < 100 {
             break;
         }
         // Time for the acknowledgement.
         sleep_until(&*net, net.now().after(Duration::from_millis(5))).await;
     }
-    assert!(least < 60, "{least} bytes for a frame like the one before");
-    assert_eq!(a.stats.read().sent.ids, display.stats.read().received.ids);
+    assert!(least < 100, "{least} bytes for a frame like the one before");
+    assert_eq!(arm.stats.read().sent.batches, panel.stats.read().received.batches);
 }
 
 #[tokio::test]
 async fn packets_are_counted_while_the_link_lives_and_after() {
     let (net, begun) = (net(), net().now());
-    let (mut a, mut display) = joined("udp://127.0.0.1:0", &shared(1)).await;
-    a.frames_tx.begin(start(0)).await.unwrap();
-    a.frames_tx.push(&ids(50_000)).await.unwrap();
-    a.frames_tx.finish().await.unwrap();
-    assert_eq!(receive(&mut display.frames_rx).await.unwrap().ids, ids(50_000));
-    let [sent, received] = [&a, &display].map(|link| link.stats.read().path.unwrap());
+    let (mut arm, mut panel) = joined("udp://127.0.0.1:0", &shared(1)).await;
+    arm.frames_tx.begin(start(0)).await.unwrap();
+    arm.frames_tx.push(&points(50_000)).await.unwrap();
+    arm.frames_tx.finish().await.unwrap();
+    assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, points(50_000));
+    let [sent, received] = [&arm, &panel].map(|link| link.stats.read().path.unwrap());
     assert!((139..400).contains(&sent.sent) && sent.sent_bytes > 200_000, "{sent:?}");
     assert!(received.received_bytes > 200_000 && received.received <= sent.sent, "{received:?} of {sent:?}");
     assert!((1200..=1452).contains(&sent.datagram_size) && sent.window >= 12_000, "{sent:?}");
     let lasts = net.now().since(begun);
     assert!(sent.round_trip > Duration::ZERO && sent.round_trip <= lasts, "measured in {lasts:?}: {sent:?}");
-    let stats = a.stats.clone();
+    let stats = arm.stats.clone();
     let since = stats.read() - stats.read();
     assert_eq!(since.path.map(|path| (path.sent, path.datagram_size > 0)), Some((0, true)));
-    drop((a, display));
+    drop((arm, panel));
     let last = stats.read().path.unwrap();
     assert!(last.sent >= sent.sent && last.sent_bytes >= sent.sent_bytes, "{last:?} after {sent:?}");
     let (tcp, _peer) = joined("tcp://127.0.0.1:0", &Options::default()).await;
@@ -275,17 +277,15 @@ async fn packets_are_counted_while_the_link_lives_and_after() {
 async fn nobody_accepting_any_more_leaves_links_as_they_are() {
     let (net, options) = (net(), shared(1));
     let (mut listener, at) = listener(&options).await;
-    let (there, here) = tokio::join!(
-        connect(&net, &at, identity(Role::Display), &options, soon(&net)),
-        listener.accept(soon(&net)),
-    );
+    let (there, here) =
+        tokio::join!(connect(&net, &at, greeting(PANEL), &options, soon(&net)), listener.accept(soon(&net)),);
     let (mut there, mut here) = (there.unwrap(), here.unwrap());
     drop(listener);
     for frame in 0..3 {
         here.frames_tx.begin(start(frame)).await.unwrap();
-        here.frames_tx.push(&ids(5000)).await.unwrap();
+        here.frames_tx.push(&points(5000)).await.unwrap();
         here.frames_tx.finish().await.unwrap();
-        assert_eq!(receive(&mut there.frames_rx).await.unwrap().ids, ids(5000));
+        assert_eq!(receive(&mut there.frames_rx).await.unwrap().points, points(5000));
     }
     let _held: Arc<dyn Net> = net;
 }

@@ -8,17 +8,16 @@ mod common;
 use std::net::SocketAddr;
 
 use common::udp::shared;
-use common::{camera, identity, ids, net, receive, soon, start};
-use trimaran_proto::Role;
-use trimaran_transport::{Endpoint, Listener, connect};
+use common::{Listener, connect, net, soon};
+use trimaran_transport::Endpoint;
+use trimaran_transport::conformance::{ARM, PANEL, greeting, points, pose, receive, start};
 
-/// A display asks a listener at `at` for a link by way of `asked`, another of its addresses than the system
+/// A panel asks a listener at `at` for a link by way of `asked`, another of its addresses than the system
 /// would answer from; both talk.
 async fn asks(at: &str, asked: &str) {
     let (net, options) = (net(), shared(1));
     let Ok(mut listener) =
-        Listener::bind(&net, &format!("udp://{at}").parse().unwrap(), identity(Role::SwitchA), &options)
-            .await
+        Listener::bind(&net, &format!("udp://{at}").parse().unwrap(), greeting(ARM), &options).await
     else {
         println!("skipped: no such address here: {at}");
         return;
@@ -26,18 +25,18 @@ async fn asks(at: &str, asked: &str) {
     let Endpoint::Udp(bound) = listener.local_endpoint() else { panic!("{:?}", listener.local_endpoint()) };
     let port = bound.at.to_string().parse::<SocketAddr>().unwrap().port();
     let there = format!("udp://{asked}:{port}").parse().unwrap();
-    let (display, machine) = tokio::join!(
-        connect(&net, &there, identity(Role::Display), &options, soon(&net)),
+    let (panel, machine) = tokio::join!(
+        connect(&net, &there, greeting(PANEL), &options, soon(&net)),
         listener.accept(soon(&net)),
     );
-    let (mut display, mut machine) = (display.unwrap(), machine.unwrap());
+    let (mut panel, mut machine) = (panel.unwrap(), machine.unwrap());
     for number in 0..3 {
-        display.latest_tx.publish(camera(number)).unwrap();
-        assert_eq!(machine.latest_rx.latest().await.unwrap(), camera(number));
+        panel.latest_tx.publish(pose(number)).unwrap();
+        assert_eq!(machine.latest_rx.latest().await.unwrap(), pose(number));
         machine.frames_tx.begin(start(number)).await.unwrap();
-        machine.frames_tx.push(&ids(5000)).await.unwrap();
+        machine.frames_tx.push(&points(5000)).await.unwrap();
         machine.frames_tx.finish().await.unwrap();
-        assert_eq!(receive(&mut display.frames_rx).await.unwrap().ids, ids(5000));
+        assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, points(5000));
     }
 }
 

@@ -7,16 +7,17 @@ mod common;
 use std::time::Duration;
 
 use bytes::{BufMut, BytesMut};
-use common::udp::{a_display_gets_in, address, listener, shared, with};
-use common::{camera, identity, last_failure, net, soon};
+use common::udp::{a_panel_gets_in, address, listener, shared, with};
+use common::{Link, Listener, connect, format, introduce, last_failure, net, soon};
 use tokio::net::UdpSocket;
-use trimaran_proto::{Lane, Message, ProtocolVersion, Refusal, Role, SessionId};
+use trimaran_transport::conformance::{PANEL, greeting, pose};
 use trimaran_transport::udp::Trust;
 use trimaran_transport::{
-    AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Link, LinkConfig, Listener, Loss, Options,
-    RecvError, connect, until,
+    AttemptError, ConnectError, Endpoint, HandshakeError, Lane, Limits, LinkConfig, Loss, Options, RecvError,
+    Refusal, SessionId, WireVersion, until,
 };
 use trimaran_udp::{Config, Connecting, ConnectionId, Progress, Security};
+use trimaran_wire::{Message, to_bytes};
 
 /// Deterministic garbage.
 fn garbage(i: u32) -> Vec<u8> {
@@ -32,7 +33,7 @@ async fn garbage_disturbs_neither_a_link_nor_a_listener() {
     for i in 0..2000 {
         stranger.send_to(&garbage(i), address(&endpoint)).await.unwrap();
     }
-    a_display_gets_in(&mut listener, &endpoint, &options).await;
+    a_panel_gets_in(&mut listener, &endpoint, &options).await;
 }
 
 /// The header of a packet: its form (1 is a first packet, 2 a retry), a version and whose it is.
@@ -52,7 +53,7 @@ async fn another_version_is_answered_with_ours_and_lets_nobody_in() {
     let length = stranger.recv(&mut answer).await.unwrap();
     assert_eq!(answer[..12], header(2, 1, *b"them"));
     assert!(3 * length < 1200, "{length} bytes");
-    a_display_gets_in(&mut listener, &endpoint, &options).await;
+    a_panel_gets_in(&mut listener, &endpoint, &options).await;
 }
 
 /// Whoever has another version says so once in plain sight: anyone could, so it is only said why nobody
@@ -74,7 +75,7 @@ async fn a_claim_of_another_version_is_named_once_nobody_else_has_answered() {
     let begun = net.now();
     let by = begun.after(Duration::from_secs(2));
     let error = tokio::select! {
-        error = connect(&net, &there, identity(Role::Display), &options, by) => error.unwrap_err(),
+        error = connect(&net, &there, greeting(PANEL), &options, by) => error.unwrap_err(),
         () = answers => panic!("it never ends"),
     };
     assert!(net.now().since(begun) >= Duration::from_secs(1), "it was given up early");
@@ -115,7 +116,7 @@ async fn forged_answers_to_a_first_packet_end_nothing() {
         }
     };
     tokio::select! {
-        _links = a_camera_goes_over(&mut listener, &through, &options) => {}
+        _links = a_pose_goes_over(&mut listener, &through, &options) => {}
         () = forge => panic!("it never ends"),
     }
 }
@@ -126,7 +127,7 @@ async fn a_hello_of_another_version_is_refused_in_words_that_it_can_read() {
     let options = with(Trust::Plaintext);
     let (mut listener, endpoint) = listener(&options).await;
     let mut hello = BytesMut::new();
-    Message::Hello(identity(Role::Display).hello(SessionId(7), Lane::Frames)).encode(&mut hello);
+    introduce(&greeting(PANEL), SessionId(7), Lane::Frames).encode(&mut hello);
     // Behind the header and the four letters of every hello; what follows may mean anything there.
     hello[8..10].copy_from_slice(&9_u16.to_le_bytes());
     hello[10..].fill(0xff);
@@ -139,19 +140,19 @@ async fn a_hello_of_another_version_is_refused_in_words_that_it_can_read() {
         connecting.initial(&mut first);
         stranger.send_to(&first, address(&endpoint)).await.unwrap();
         let length = stranger.recv(&mut answer).await.unwrap();
-        connecting = match connecting.handle(net().now(), &answer[..length], Config::default()) {
+        connecting = match connecting.handle(net().now(), &answer[..length], Config::new(format())) {
             Progress::Retry(connecting) => connecting,
             Progress::Refused(refusal) => break refusal,
             other => panic!("{other:?}"),
         };
     };
-    let expected = Refusal::Version { listener: ProtocolVersion(1), connector: ProtocolVersion(9) };
+    let expected = Refusal::Version { listener: WireVersion(1), connector: WireVersion(9) };
     let mut said = BytesMut::new();
-    Message::Refuse(expected).encode(&mut said);
+    Message::Refuse(expected.clone()).encode(&mut said);
     assert_eq!(refusal[..said.len()], said);
     let known = last_failure(&mut listener).await;
-    assert!(matches!(known, HandshakeError::Refused(known) if known == expected), "{known:?}");
-    a_display_gets_in(&mut listener, &endpoint, &options).await;
+    assert!(matches!(&known, HandshakeError::Refused(known) if *known == expected), "{known:?}");
+    a_panel_gets_in(&mut listener, &endpoint, &options).await;
 }
 
 /// A socket between a peer and a listener, which sees and may do everything.
@@ -195,32 +196,32 @@ impl Relay {
     }
 }
 
-/// A display joins by way of `through`, and its first camera arrives.
-async fn a_camera_goes_over(listener: &mut Listener, through: &Endpoint, options: &Options) -> (Link, Link) {
+/// A panel joins by way of `through`, and its first pose arrives.
+async fn a_pose_goes_over(listener: &mut Listener, through: &Endpoint, options: &Options) -> (Link, Link) {
     let net = net();
     let (there, here) = tokio::join!(
-        connect(&net, through, identity(Role::Display), options, soon(&net)),
+        connect(&net, through, greeting(PANEL), options, soon(&net)),
         listener.accept(soon(&net)),
     );
     let (mut there, mut here) = (there.unwrap(), here.unwrap());
-    there.latest_tx.publish(camera(1)).unwrap();
-    assert_eq!(here.latest_rx.latest().await.unwrap(), camera(1));
+    there.latest_tx.publish(pose(1)).unwrap();
+    assert_eq!(here.latest_rx.latest().await.unwrap(), pose(1));
     (there, here)
 }
 
 /// Everything that a peer said is said again ten times, by someone at its address.
 #[tokio::test]
-async fn replays_make_no_second_link_and_no_second_camera() {
+async fn replays_make_no_second_link_and_no_second_pose() {
     let (net, options) = (net(), shared(1));
     let (mut listener, at) = listener(&options).await;
     let (mut relay, through) = Relay::before(&at).await;
-    let talk = a_camera_goes_over(&mut listener, &through, &options);
+    let talk = a_pose_goes_over(&mut listener, &through, &options);
     let mut inwards = Vec::new();
     let (there, mut here) = tokio::select! {
         links = talk => links,
         _ = relay.pass(|bytes, into| { if into { inwards.push(bytes.to_vec()); } false }) => panic!("it never ends"),
     };
-    assert!(inwards.len() >= 4, "two first packets, a sign of life and a camera");
+    assert!(inwards.len() >= 4, "two first packets, a sign of life and a pose");
     for packet in inwards.iter().cycle().take(10 * inwards.len()) {
         relay.inside.send(packet).await.unwrap();
     }
@@ -230,16 +231,16 @@ async fn replays_make_no_second_link_and_no_second_camera() {
     drop(there);
 }
 
-/// Every packet is as long as it was, and whoever is on the way reads a camera in it, or does not.
+/// Every packet is as long as it was, and whoever is on the way reads a pose in it, or does not.
 #[tokio::test]
 async fn what_travels_can_be_read_on_the_way_only_in_the_clear() {
     for (options, readable) in [(shared(1), false), (with(Trust::Plaintext), true)] {
         let (mut listener, at) = listener(&options).await;
         let (mut relay, through) = Relay::before(&at).await;
-        let needle = camera(1).to_bytes();
+        let needle = to_bytes(&pose(1)).to_vec();
         let mut read = false;
         tokio::select! {
-            _links = a_camera_goes_over(&mut listener, &through, &options) => {}
+            _links = a_pose_goes_over(&mut listener, &through, &options) => {}
             _ = relay.pass(|bytes, _| { read |= bytes.windows(needle.len()).any(|it| it == needle); false }) => {}
         }
         assert_eq!(read, readable, "{:?}", options.udp.trust);
@@ -258,7 +259,7 @@ async fn a_first_packet_that_somebody_repeats_is_no_link() {
     let (mut relay, through) = Relay::before(&at).await;
     let mut answers = 0;
     let first = tokio::select! {
-        _ = connect(&net, &through, identity(Role::Display), &options, soon(&net)) => panic!("through a relay that keeps the answer"),
+        _ = connect(&net, &through, greeting(PANEL), &options, soon(&net)) => panic!("through a relay that keeps the answer"),
         first = relay.keep_the_answer() => first,
     };
     for _ in 0..100 {
@@ -275,7 +276,7 @@ async fn a_first_packet_that_somebody_repeats_is_no_link() {
     assert!(answers <= 100, "{answers} answers");
     let failure = last_failure(&mut listener).await;
     assert!(matches!(failure, HandshakeError::TimedOut), "{failure:?}");
-    a_display_gets_in(&mut listener, &at, &options).await;
+    a_panel_gets_in(&mut listener, &at, &options).await;
 }
 
 /// What somebody on the way saw of an earlier link must not keep its peer out, however long a handshake may
@@ -287,11 +288,11 @@ async fn a_first_packet_that_somebody_repeats_takes_no_place() {
     let (mut listener, at) = listener(&options).await;
     let (mut relay, through) = Relay::before(&at).await;
     let first = tokio::select! {
-        _ = connect(&net, &through, identity(Role::Display), &options, soon(&net)) => panic!("through a relay that keeps the answer"),
+        _ = connect(&net, &through, greeting(PANEL), &options, soon(&net)) => panic!("through a relay that keeps the answer"),
         first = relay.keep_the_answer() => first,
     };
     relay.inside.send(&first).await.unwrap();
-    a_display_gets_in(&mut listener, &at, &options).await;
+    a_panel_gets_in(&mut listener, &at, &options).await;
 }
 
 impl Relay {
@@ -329,7 +330,7 @@ async fn ten_thousand_half_open_handshakes_shut_nobody_out() {
     let there = Endpoint::Udp(lure.local_addr().unwrap().into());
     let mut first = vec![0; 2000];
     let length = tokio::select! {
-        _ = connect(&net, &there, identity(Role::Display), &options, soon(&net)) => panic!("a link to a lure"),
+        _ = connect(&net, &there, greeting(PANEL), &options, soon(&net)) => panic!("a link to a lure"),
         got = lure.recv(&mut first) => got.unwrap(),
     };
     let (mut sent, mut received) = (0, 0);
@@ -343,7 +344,7 @@ async fn ten_thousand_half_open_handshakes_shut_nobody_out() {
     }
     assert!(received * 3 <= sent, "{received} bytes for {sent}");
     assert!(received > 0, "cookies were given");
-    a_display_gets_in(&mut listener, &at, &options).await;
+    a_panel_gets_in(&mut listener, &at, &options).await;
 }
 
 #[tokio::test]
@@ -356,7 +357,7 @@ async fn a_peer_that_vanishes_is_lost_after_the_lease() {
         let net = net();
         let joining = async {
             tokio::join!(
-                connect(&net, &through, identity(Role::Display), &options, soon(&net)),
+                connect(&net, &through, greeting(PANEL), &options, soon(&net)),
                 listener.accept(soon(&net)),
             )
         };

@@ -12,21 +12,21 @@ use std::os::unix::net::UnixListener;
 use std::path::Path;
 use std::sync::Arc;
 
-use common::conformance::Pairs;
-use common::{identity, joined, last_failure, net, soon};
+use common::{Link, Listener, connect, joined, last_failure, net, soon};
 use tempfile::TempDir;
 use trimaran_net::{BoxFuture, Listen, Stream, StreamPeer, Timer, UdpSocket, UnixSocketOptions};
-use trimaran_proto::Role;
+use trimaran_transport::conformance::{ARM, Overhead, PANEL, Pairs, greeting};
 use trimaran_transport::{
-    Credentials, Endpoint, ForeignUser, HandshakeError, Instant, Link, LinkConfig, ListenError, Listener,
-    Net, Options, PeerAddress, SocketPath, TcpOptions, UdpSocketOptions, UnixOptions, connect,
+    Credentials, Endpoint, ForeignUser, HandshakeError, Instant, LinkConfig, ListenError, Net, Options,
+    PeerAddress, SocketPath, TcpOptions, UdpSocketOptions, UnixOptions,
 };
 
 struct Unix;
 
 impl Pairs for Unix {
-    const HEADER: u64 = 4;
-    const HANDSHAKE: u64 = 2;
+    fn overhead(&self) -> Overhead {
+        Overhead { header_bytes: 4, handshake: 2, coded: true }
+    }
 
     async fn pair(&self, link: LinkConfig) -> (Link, Link) {
         let (_folder, endpoint) = socket();
@@ -34,11 +34,11 @@ impl Pairs for Unix {
     }
 }
 
-conformance!(Unix);
+trimaran_transport::conformance!(Unix);
 
 fn socket() -> (TempDir, Endpoint) {
     let folder = tempfile::tempdir().unwrap();
-    let path = SocketPath::new(folder.path().join("display.sock")).unwrap();
+    let path = SocketPath::new(folder.path().join("panel.sock")).unwrap();
     (folder, Endpoint::Unix(path))
 }
 
@@ -48,14 +48,14 @@ fn file_of(endpoint: &Endpoint) -> &Path {
 }
 
 async fn bind(endpoint: &Endpoint, options: &Options) -> Result<Listener, ListenError> {
-    Listener::bind(&net(), endpoint, identity(Role::SwitchA), options).await
+    Listener::bind(&net(), endpoint, greeting(ARM), options).await
 }
 
 #[tokio::test]
 async fn each_end_knows_whose_process_the_other_is() {
     let (_folder, endpoint) = socket();
-    let (a, display) = joined(&endpoint.to_string(), &Options::default()).await;
-    for link in [&a, &display] {
+    let (arm, panel) = joined(&endpoint.to_string(), &Options::default()).await;
+    for link in [&arm, &panel] {
         let PeerAddress::Unix(peer) = link.peer.address else { panic!("{:?}", link.peer) };
         assert_eq!(peer.pid, Some(std::process::id().cast_signed()));
         assert!(link.capabilities().local && !link.capabilities().encrypted);
@@ -186,28 +186,35 @@ async fn another_users_process_gets_no_link_from_either_side_unless_its_user_is_
     let options = Options::default();
 
     // The listener sees another user's process, and says no more to it.
-    let mut listener =
-        Listener::bind(&elsewhere, &endpoint, identity(Role::SwitchA), &options).await.unwrap();
+    let mut listener = Listener::bind(&elsewhere, &endpoint, greeting(ARM), &options).await.unwrap();
     let known = tokio::select! {
-        link = connect(&here, &endpoint, identity(Role::Display), &options, soon(&here)) => panic!("{link:?}"),
+        link = connect(&here, &endpoint, greeting(PANEL), &options, soon(&here)) => panic!("{link:?}"),
         known = last_failure(&mut listener) => known,
     };
-    assert!(matches!(known, HandshakeError::ForeignUser(who) if who == stranger), "{known:?}");
+    assert_eq!(foreigner(&known), Some(stranger), "{known:?}");
     drop(listener);
 
     // Whoever connects sees another user's listener, which may give way to another.
     let (_folder, endpoint) = socket();
     let mut listener = bind(&endpoint, &options).await.unwrap();
-    let cause = common::obstacle(&elsewhere, &endpoint, identity(Role::Display), &options).await;
-    assert!(matches!(cause, HandshakeError::ForeignUser(who) if who == stranger), "{cause:?}");
+    let cause = common::obstacle(&elsewhere, &endpoint, greeting(PANEL), &options).await;
+    assert_eq!(foreigner(&cause), Some(stranger), "{cause:?}");
 
     let unix = UnixOptions { allow_uids: vec![stranger.theirs], ..UnixOptions::default() };
     let open = Options { unix, ..options };
     let (there, accepted) = tokio::join!(
-        connect(&elsewhere, &endpoint, identity(Role::Display), &open, soon(&here)),
+        connect(&elsewhere, &endpoint, greeting(PANEL), &open, soon(&here)),
         listener.accept(soon(&here)),
     );
     let PeerAddress::Unix(peer) = there.unwrap().peer.address else { panic!("no Unix socket") };
     assert_eq!(peer.uid, stranger.theirs);
     assert!(accepted.is_ok());
+}
+
+/// Whose process was not let in, if that is what failed.
+fn foreigner(error: &HandshakeError) -> Option<ForeignUser> {
+    match error {
+        HandshakeError::NotLetIn(cause) => cause.get_ref()?.downcast_ref().copied(),
+        _ => None,
+    }
 }

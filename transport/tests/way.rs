@@ -7,11 +7,11 @@ mod common;
 use std::cell::Cell;
 
 use common::router::Router;
-use common::{camera, identity, ids, net, receive, soon, start};
-use trimaran_proto::Role;
+use common::{Link, Listener, connect, net, soon};
+use trimaran_transport::conformance::{ARM, PANEL, greeting, points, pose, receive, start};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::quic::{Congestion, QuicOptions};
-use trimaran_transport::{Link, Listener, Options, connect, until};
+use trimaran_transport::{Options, until};
 
 /// Options of two peers that know each other.
 fn acquainted(quic: QuicOptions) -> [Options; 2] {
@@ -35,12 +35,12 @@ async fn through_a_router(
     let net = net();
     let [ours, theirs] = acquainted(quic);
     let endpoint = format!("{transport}://127.0.0.1:0").parse().unwrap();
-    let mut listener = Listener::bind(&net, &endpoint, identity(Role::SwitchA), &ours).await.unwrap();
+    let mut listener = Listener::bind(&net, &endpoint, greeting(ARM), &ours).await.unwrap();
     let router = Router::before(listener.local_endpoint()).await;
     let lost = Cell::new(0);
     let session = async {
         let (there, here) = tokio::join!(
-            connect(&net, &router.at, identity(Role::Display), &theirs, soon(&net)),
+            connect(&net, &router.at, greeting(PANEL), &theirs, soon(&net)),
             listener.accept(soon(&net)),
         );
         let (mut here, mut there) = (here.unwrap(), there.unwrap());
@@ -53,30 +53,30 @@ async fn through_a_router(
     lost.get()
 }
 
-/// The machine sends a frame of ids and the display cameras; both get them.
-async fn a_frame_and_cameras(machine: &mut Link, display: &mut Link, frame: u32, count: u32) {
+/// The machine sends a frame of points and the panel poses; both get them.
+async fn a_frame_and_poses(machine: &mut Link, panel: &mut Link, frame: u32, count: u32) {
     let send = async {
         machine.frames_tx.begin(start(frame)).await.unwrap();
-        machine.frames_tx.push(&ids(count)).await.unwrap();
+        machine.frames_tx.push(&points(count)).await.unwrap();
         machine.frames_tx.finish().await.unwrap();
     };
     for number in 0..10 {
-        display.latest_tx.publish(camera(frame * 10 + number)).unwrap();
+        panel.latest_tx.publish(pose(frame * 10 + number)).unwrap();
     }
-    let ((), got) = tokio::join!(send, receive(&mut display.frames_rx));
+    let ((), got) = tokio::join!(send, receive(&mut panel.frames_rx));
     let got = got.unwrap();
-    assert!(got.start == start(frame) && got.ids == ids(count), "frame {frame}");
-    // Cameras may be lost, but never the last one, and none comes before an older one.
+    assert!(got.start == start(frame) && got.points == points(count), "frame {frame}");
+    // Poses may be lost, but never the last one, and none comes before an older one.
     let mut last = None;
     while last != Some(frame * 10 + 9) {
-        let seen = machine.latest_rx.latest().await.unwrap().frame().0;
+        let seen = machine.latest_rx.latest().await.unwrap().number;
         assert!(last.is_none_or(|last| last < seen), "{seen} after {last:?}");
         last = Some(seen);
     }
 }
 
 #[tokio::test]
-async fn frames_are_complete_and_the_last_camera_comes_whatever_is_lost() {
+async fn frames_are_complete_and_the_last_pose_comes_whatever_is_lost() {
     let controls = Congestion::ALL.map(|congestion| ("quic", congestion));
     for (transport, congestion) in controls.into_iter().chain([("udp", Congestion::default())]) {
         // A fixed pattern without a period: about one packet in twelve is lost, in bursts now and then.
@@ -86,9 +86,9 @@ async fn frames_are_complete_and_the_last_camera_comes_whatever_is_lost() {
             !(state >> 16).is_multiple_of(12)
         };
         let quic = QuicOptions { congestion, ..QuicOptions::default() };
-        let lost = through_a_router(transport, quic, keep, async |machine, display, _| {
+        let lost = through_a_router(transport, quic, keep, async |machine, panel, _| {
             for frame in 0..8 {
-                a_frame_and_cameras(machine, display, frame, 4000).await;
+                a_frame_and_poses(machine, panel, frame, 4000).await;
             }
         });
         assert!(lost.await > 5, "{transport}, {congestion:?}: the way lost next to nothing");
@@ -102,9 +102,9 @@ async fn a_link_outlives(transport: &str, change: impl AsyncFn(&Router)) {
         transport,
         quic,
         || true,
-        async |machine, display, router| {
+        async |machine, panel, router| {
             for frame in 0..4 {
-                a_frame_and_cameras(machine, display, frame, 4000).await;
+                a_frame_and_poses(machine, panel, frame, 4000).await;
                 change(router).await;
             }
         },

@@ -69,7 +69,7 @@ pub(crate) fn svg(rows: &[Row]) -> Result<String, fmt::Error> {
     writeln!(
         svg,
         "<text class=\"soft\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">\
-         ms from a frame's first id to its last one's arrival: median, p99, p99.9 (figure)</text></svg>",
+         ms from a frame's first point to its last one's arrival: median, p99, p99.9 (figure)</text></svg>",
         (LEFT + RIGHT) / 2.0,
         bottom + 36.0
     )?;

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Two network namespaces, each with a TUN device whose packets this program carries to the other one: 5 ms
-//! later, or, where the path loses them, never. A sender in one sends 60 frames of 4,000 ids a second to a
+//! later, or, where the path loses them, never. A sender in one sends 60 frames of 4,000 points a second to a
 //! receiver in the other. Prints a table in Markdown: all rows, or those of the losses and links that are
 //! named; draws it, where a file is named. A row takes 60 s, or `SECONDS`; of fewer than 1,000 frames the
 //! p99.9 is the slowest. Needs Linux, root and `ip` (iproute2); says what is missing otherwise.
@@ -29,7 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!("skipped: {missing}");
         return Ok(());
     }
-    println!("60 frames of 4,000 ids a second for {} s a row, 5 ms one way.", rows.seconds);
+    println!("60 frames of 4,000 points a second for {} s a row, 5 ms one way.", rows.seconds);
     println!("First: the first frame of a link. More: bytes, against the same link without loss.");
     println!();
     println!(

@@ -8,18 +8,18 @@ use std::thread;
 use std::time::Duration;
 
 use tokio::runtime::{Builder, Runtime};
-use trimaran_proto::{
-    Camera, DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStart, Goodbye, Identity, Role, SceneHash,
-};
+use trimaran_transport::conformance::{ARM, PANEL, Robot, finished, greeting, points, start as begin};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
-use trimaran_transport::{Endpoint, Instant, Link, Listener, Net, Options, TokioNet, connect, sleep_until};
+use trimaran_transport::{
+    Endpoint, FrameEvent, FrameOutcome, Instant, Link, Listener, Net, Options, TokioNet, connect, sleep_until,
+};
 
 use crate::path::{ADDRESSES, Path};
 use crate::relay::{Loss, Tally, carry};
 
 const FRAMES_A_SECOND: u32 = 60;
-const IDS: u32 = 4000;
+const POINTS: u32 = 4000;
 const PORT: u16 = 7400;
 
 /// A way to link.
@@ -177,10 +177,6 @@ fn endpoint(kind: &Kind) -> Result<Endpoint, Box<dyn Error>> {
     Ok(format!("{}://{}:{PORT}{}", kind.endpoint, ADDRESSES[0], kind.query).parse()?)
 }
 
-const fn identity(role: Role) -> Identity {
-    Identity { role, scene: SceneHash(1), settings: None }
-}
-
 async fn send(
     kind: &Kind,
     options: &Options,
@@ -190,18 +186,16 @@ async fn send(
 ) -> Result<(), Box<dyn Error>> {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
     let soon = net.now().after(Duration::from_secs(30));
-    let mut listener = Listener::bind(&net, &endpoint(kind)?, identity(Role::SwitchA), options).await?;
-    let mut link: Link = listener.accept(soon).await?;
-    let ids: Vec<DrawableId> = (0..IDS).map(|id| DrawableId(id.wrapping_mul(2_654_435_761))).collect();
+    let mut listener = Listener::bind(&net, &endpoint(kind)?, greeting(ARM), options).await?;
+    let mut link: Link<Robot> = listener.accept(soon).await?;
+    let points = points(POINTS);
     let start = net.now();
     for frame in 0..frames {
         let due = start.after(Duration::from_secs(1) * frame / FRAMES_A_SECOND);
         sleep_until(&*net, due).await;
         begun.lock().unwrap_or_else(PoisonError::into_inner).push(clock.now());
-        let frame = FrameNumber(frame);
-        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, frame)?;
-        link.frames_tx.begin(FrameStart { frame, camera }).await?;
-        link.frames_tx.push(&ids).await?;
+        link.frames_tx.begin(begin(frame)).await?;
+        link.frames_tx.push(&points).await?;
         link.frames_tx.finish().await?;
     }
     leave(link, &*net).await;
@@ -216,7 +210,7 @@ async fn receive(
 ) -> Result<Arrived, Box<dyn Error>> {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
     let soon = net.now().after(Duration::from_secs(30));
-    let mut link = connect(&net, &endpoint(kind)?, identity(Role::Display), options, soon).await?;
+    let mut link: Link<Robot> = connect(&net, &endpoint(kind)?, greeting(PANEL), options, soon).await?;
     let (mut latencies, mut complete) = (Vec::new(), 0);
     while let Ok(event) = link.frames_rx.recv().await {
         let FrameEvent::End(outcome) = event else { continue };
@@ -233,7 +227,7 @@ async fn receive(
 
 /// Says goodbye, and stays a moment: the runtime goes with this thread, and a lost goodbye may have to be
 /// said again.
-async fn leave(link: Link, net: &dyn Net) {
-    let _gone = link.goodbye(Goodbye::Finished).await;
+async fn leave(link: Link<Robot>, net: &dyn Net) {
+    let _gone = link.goodbye(finished()).await;
     sleep_until(net, net.now().after(Duration::from_millis(500))).await;
 }

@@ -97,13 +97,13 @@ mod tests {
         let security = Security {
             keys: Keys::generate("own".parse().unwrap()).unwrap(),
             peers: vec![
-                KnownPeer::in_role(one.clone(), Role::SwitchA),
-                KnownPeer::in_role(two.clone(), Role::SwitchA),
-                KnownPeer::in_role(two.clone(), Role::SwitchB),
+                KnownPeer::in_role(one.clone(), "arm"),
+                KnownPeer::in_role(two.clone(), "arm"),
+                KnownPeer::in_role(two.clone(), "gripper"),
                 any.clone().into(),
             ],
         };
-        let roles = [Role::SwitchA, Role::SwitchB, Role::Display];
+        let roles = ["arm", "gripper", "panel"];
         for (peer, expected) in [
             (&one, [true, false, false]),
             (&two, [true, true, false]),
@@ -111,15 +111,20 @@ mod tests {
             (&nobody, [false; 3]),
         ] {
             for key in [PeerKey::Quic(peer.quic), PeerKey::Udp(peer.udp)] {
-                assert_eq!(roles.map(|role| security.judge(key, role).is_ok()), expected, "{}", peer.name);
+                assert_eq!(
+                    roles.map(|role| security.judge(key, Some(role)).is_ok()),
+                    expected,
+                    "{}",
+                    peer.name
+                );
             }
         }
         let key = PeerKey::Udp(one.udp);
-        let error = security.judge(key, Role::SwitchB).unwrap_err().to_string();
+        let error = security.judge(key, Some("gripper")).unwrap_err().to_string();
         let begins =
-            format!("key 'one' ({}) claims to be switch B; this configuration knows it as switch A", one.udp);
+            format!("key 'one' ({}) claims to be gripper; this configuration knows it as arm", one.udp);
         assert!(error.starts_with(&begins), "{error}");
-        let stranger = security.judge(PeerKey::Udp(own.udp), Role::SwitchA).unwrap_err();
+        let stranger = security.judge(PeerKey::Udp(own.udp), Some("arm")).unwrap_err();
         assert!(matches!(stranger, HandshakeError::Stranger), "{stranger:?}");
     }
 }

@@ -105,12 +105,11 @@ mod tests {
     use std::sync::mpsc;
     use std::thread;
 
-    use tokio::runtime::Builder;
-    use trimaran_proto::{Goodbye, Identity, Role, SceneHash};
-
+    use crate::conformance::{ARM, PANEL, Robot, finished, greeting};
     use crate::keys::{Keys, Security};
-    use crate::latest::LatestRx;
+    use crate::latest::{LatestRx, WireLatestRx};
     use crate::{Link, Listener, Options, RecvError, TokioNet, connect};
+    use tokio::runtime::Builder;
 
     use super::*;
 
@@ -124,7 +123,6 @@ mod tests {
             security: Some(Security { keys: own.clone(), peers: vec![peer.public().clone().into()] }),
             ..Options::default()
         };
-        let identity = |role| Identity { role, scene: SceneHash(1), settings: None };
         let (ours, theirs) = (options(&here, &there), options(&there, &here));
         let (tell, told) = mpsc::channel();
         let runtime = || Builder::new_current_thread().enable_all().build().unwrap();
@@ -132,22 +130,23 @@ mod tests {
             runtime().block_on(async {
                 let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
                 let (endpoint, by) = (told.recv().unwrap(), net.now().after(SECONDS));
-                let mut link = connect(&net, &endpoint, identity(Role::Display), &theirs, by).await.unwrap();
+                let mut link = connect::<Robot>(&net, &endpoint, greeting(PANEL), &theirs, by).await.unwrap();
                 let heard = link.frames_rx.recv().await;
                 assert!(matches!(heard, Err(RecvError::Goodbye { .. })), "{heard:?}");
-                link.goodbye(Goodbye::Finished).await.unwrap();
+                link.goodbye(finished()).await.unwrap();
             });
         });
         runtime().block_on(async {
             let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
             let loopback = "quic://127.0.0.1:0".parse().unwrap();
-            let mut listener = Listener::bind(&net, &loopback, identity(Role::SwitchA), &ours).await.unwrap();
+            let mut listener = Listener::<Robot>::bind(&net, &loopback, greeting(ARM), &ours).await.unwrap();
             tell.send(listener.local_endpoint().clone()).unwrap();
             let link = listener.accept(net.now().after(SECONDS)).await.unwrap();
             let Link { frames_tx, latest_tx, latest_rx, .. } = link;
-            let LatestRx::Quic(lane) = &latest_rx.lane else { unreachable!("a link over QUIC") };
-            frames_tx.goodbye(Goodbye::Finished).await.unwrap();
-            latest_tx.goodbye(Goodbye::Finished).await.unwrap();
+            let LatestRx::Wire(lane) = &latest_rx.lane else { unreachable!("not within one process") };
+            let WireLatestRx::Quic(lane) = &**lane else { unreachable!("a link over QUIC") };
+            frames_tx.goodbye(finished()).await.unwrap();
+            latest_tx.goodbye(finished()).await.unwrap();
             // Not that it was silent for the length of the lease.
             let end = lane.connection().closed().await;
             assert!(matches!(end, ConnectionError::ApplicationClosed(_)), "{end:?}");

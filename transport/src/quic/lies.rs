@@ -6,31 +6,33 @@ use std::sync::Arc;
 use bytes::Bytes;
 use quinn::Connection;
 use quinn::crypto::rustls::QuicClientConfig;
-use trimaran_proto::{
-    DecodeFault, Identity, Kind, Lane, Message, NumberedCamera, Role, SceneHash, SessionId,
-};
+use trimaran_wire::{Fixed, Format, Message, Numbered};
 
 use super::QuicOptions;
 use super::connect::endpoint;
 use super::control::Control;
 use super::tls::{self, Doorman};
+use crate::application::{Application, Side};
+use crate::conformance::{ARM, PANEL, Pose, Robot, greeting};
 use crate::handshake::{HandshakeError, Parley};
 use crate::keys::{Keys, Security};
 use crate::{
-    AcceptError, Endpoint, Link, Listener, Net, Options, ProtocolError, RecvError, TokioNet, connect,
+    AcceptError, DecodeFault, Endpoint, Kind, Lane, Link, Listener, Net, Options, ProtocolError, RecvError,
+    SessionId, TokioNet, connect,
 };
 
 const HERE: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 0);
 const MOST: [u8; 3] = [0xff; 3];
 
-fn identity(role: Role) -> Identity {
-    Identity { role, scene: SceneHash(1), settings: None }
+/// The liar, as it introduces itself.
+fn panel() -> Arc<dyn Application> {
+    Side::<Robot>::of(greeting(PANEL)).unwrap()
 }
 
 /// A listener, and what a liar needs who is one of its peers.
 struct Setting {
     net: Arc<dyn Net>,
-    listener: Listener,
+    listener: Listener<Robot>,
     liar: Keys,
     listens: Keys,
     quinn: quinn::Endpoint,
@@ -43,23 +45,25 @@ impl Setting {
         let security = Some(Security { keys: listens.clone(), peers: vec![liar.public().clone().into()] });
         let options = Options { security, ..Options::default() };
         let at = Endpoint::Quic(HERE.into());
-        let listener = Listener::bind(&net, &at, identity(Role::SwitchA), &options).await.unwrap();
+        let listener = Listener::bind(&net, &at, greeting(ARM), &options).await.unwrap();
         let (quinn, _) = endpoint(&net, HERE, &QuicOptions::default(), None).unwrap();
         Self { net, listener, liar, listens, quinn }
     }
 
     async fn dial(&self) -> Connection {
         let Endpoint::Quic(at) = self.listener.local_endpoint() else { panic!("not QUIC") };
-        let crypto = tls::client(&self.liar, &Doorman::new(&[self.listens.public().clone().into()])).unwrap();
+        let doorman = Doorman::new(&[self.listens.public().clone().into()]);
+        let crypto = tls::client(&self.liar, &doorman, &panel().protocol()).unwrap();
         let config = quinn::ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
         self.quinn.connect_with(config, at.to_string().parse().unwrap(), "trimaran").unwrap().await.unwrap()
     }
 
     /// A link, and the liar's end of it.
-    async fn joined(&mut self, session: u64) -> (Link, Connection, Control) {
+    async fn joined(&mut self, session: u64) -> (Link<Robot>, Connection, Control) {
         let connection = self.dial().await;
-        let mut control = Control::new(connection.clone(), connection.open_bi().await.unwrap());
-        let hello = identity(Role::Display).hello(SessionId(session), Lane::Frames);
+        let streams = connection.open_bi().await.unwrap();
+        let mut control = Control::new(connection.clone(), streams, Format::of::<Robot>());
+        let hello = panel().introduce(SessionId(session), Lane::Frames);
         control.send(&Message::Hello(hello)).await.unwrap();
         let soon = self.net.now().after(std::time::Duration::from_secs(60));
         let link = self.listener.accept(soon).await.unwrap();
@@ -78,7 +82,7 @@ fn header(kind: Kind) -> [u8; 4] {
 
 fn lied(error: &RecvError, said: Kind) -> bool {
     let RecvError::Protocol { cause: ProtocolError::Decode(e), .. } = error else { return false };
-    matches!(e.fault, DecodeFault::Length { kind, length: 0xff_ffff } if kind == said)
+    matches!(e.fault, DecodeFault::Length { kind, length: 0xff_ffff, .. } if kind == said)
 }
 
 #[tokio::test]
@@ -113,9 +117,10 @@ async fn a_lie_in_every_length_of_a_frame_ends_the_lane() {
 }
 
 #[tokio::test]
-async fn a_camera_of_another_length_ends_the_lane() {
+async fn a_value_of_another_length_ends_the_lane() {
     let mut setting = Setting::new().await;
-    for (session, length) in (1..).zip([0, 1, NumberedCamera::SIZE - 1, NumberedCamera::SIZE + 1]) {
+    let whole = Numbered::NUMBER_BYTES + Pose::SIZE;
+    for (session, length) in (1..).zip([0, 1, whole - 1, whole + 1]) {
         let (mut link, connection, _control) = setting.joined(session).await;
         connection.send_datagram(Bytes::from(vec![0; length])).unwrap();
         let error = link.latest_rx.latest().await.unwrap_err();
@@ -133,6 +138,6 @@ async fn whoever_lied_may_come_back_with_the_truth() {
     let options = Options { security, ..Options::default() };
     let there = setting.listener.local_endpoint().clone();
     let soon = setting.net.now().after(std::time::Duration::from_secs(60));
-    let link = connect(&setting.net, &there, identity(Role::Display), &options, soon).await;
+    let link = connect::<Robot>(&setting.net, &there, greeting(PANEL), &options, soon).await;
     assert!(link.is_ok(), "{link:?}");
 }

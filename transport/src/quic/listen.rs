@@ -140,10 +140,11 @@ mod tests {
     use quinn::crypto::rustls::QuicClientConfig;
     use tokio::sync::mpsc;
     use tokio::task::JoinSet;
-    use trimaran_proto::{Identity, Role, SceneHash};
 
     use super::super::QuicOptions;
     use super::*;
+    use crate::application::Side;
+    use crate::conformance::{ARM, Robot, greeting};
     use crate::keys::Keys;
     use crate::{Limits, LinkConfig, Options, TokioNet};
     use trimaran_net::Net;
@@ -160,17 +161,18 @@ mod tests {
         let link = LinkConfig { lease: Duration::from_secs(3600), ..LinkConfig::default() };
         let quic = QuicOptions { initial_rtt: Duration::from_millis(10), ..QuicOptions::default() };
         let options = Options { limits, link, quic, ..Options::default() };
-        let identity = Identity { role: Role::SwitchA, scene: SceneHash(1), settings: None };
-        let desk = Desk::new(&net, identity, &options, mpsc::channel(1).0);
+        let application = Side::<Robot>::of(greeting(ARM)).unwrap();
+        let (protocol, format) = (application.protocol(), application.format());
+        let desk = Desk::new(&net, application, &options, mpsc::channel(1).0);
         let (config, _) = server(&desk, &security).unwrap();
         let loopback = "127.0.0.1:0".parse().unwrap();
         let (there, at) = endpoint(&net, loopback, &options.quic, Some(config)).unwrap();
 
         let (here, _) = endpoint(&net, loopback, &options.quic, None).unwrap();
         let doorman = Doorman::new(&security.peers);
-        let crypto = tls::client(&security.keys, &doorman).unwrap();
+        let crypto = tls::client(&security.keys, &doorman, &protocol).unwrap();
         let mut config = ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
-        config.transport_config(options.quic.transport(&options.link));
+        config.transport_config(options.quic.transport(&options.link, &format));
         let mut attempts = JoinSet::new();
         for _ in 0..=ROOM {
             attempts.spawn(here.connect_with(config.clone(), at, "trimaran").unwrap().into_future());

@@ -147,9 +147,11 @@ mod tests {
     use quinn::congestion::{Bbr, Cubic, NewReno};
     use quinn::crypto::rustls::{QuicClientConfig, QuicServerConfig};
     use quinn::{ClientConfig, Connection, Endpoint, SendStream, ServerConfig};
+    use trimaran_wire::{Fixed, Format, Protocol, ProtocolName};
 
     use super::*;
     use crate::TokioNet;
+    use crate::conformance::{Pose, Robot};
     use crate::keys::Keys;
     use crate::quic::connect::endpoint;
     use crate::quic::tls::{self, Doorman};
@@ -164,12 +166,13 @@ mod tests {
     ) -> [(Connection, Endpoint); 2] {
         let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
         let [a, b] = ["a", "b"].map(|name| Keys::generate(name.parse().unwrap()).unwrap());
-        let crypto = tls::server(&b, &Doorman::new(&[a.public().clone().into()])).unwrap();
+        let protocol = ProtocolName::new(Robot::NAME);
+        let crypto = tls::server(&b, &Doorman::new(&[a.public().clone().into()]), &protocol).unwrap();
         let mut server = ServerConfig::with_crypto(Arc::new(QuicServerConfig::try_from(crypto).unwrap()));
-        server.transport_config(theirs.transport(&link));
-        let crypto = tls::client(&a, &Doorman::new(&[b.public().clone().into()])).unwrap();
+        server.transport_config(theirs.transport(&link, &Format::of::<Robot>()));
+        let crypto = tls::client(&a, &Doorman::new(&[b.public().clone().into()]), &protocol).unwrap();
         let mut client = ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
-        client.transport_config(ours.transport(&link));
+        client.transport_config(ours.transport(&link, &Format::of::<Robot>()));
         let loopback = "127.0.0.1:0".parse().unwrap();
         let (there, at) = endpoint(&net, loopback, &theirs, Some(server)).unwrap();
         let (here, _) = endpoint(&net, loopback, &ours, None).unwrap();
@@ -283,7 +286,9 @@ mod tests {
             mtu_discovery: false,
             ..QuicOptions::default()
         };
-        let told = |options: QuicOptions| format!("{:?}", options.transport(&LinkConfig::default()));
+        let told = |options: QuicOptions| {
+            format!("{:?}", options.transport(&LinkConfig::default(), &Format::of::<Robot>()))
+        };
         for (with, without) in [
             ("initial_rtt: 123ms", "initial_rtt: 100ms"),
             ("enable_segmentation_offload: false", "enable_segmentation_offload: true"),
@@ -292,7 +297,8 @@ mod tests {
             assert!(told(options).contains(with), "{with}: {}", told(options));
             assert!(told(QuicOptions::default()).contains(without), "{without}");
         }
-        assert!(told(options).contains(&format!("datagram_send_buffer_size: {DATAGRAM_ROOM}")));
+        // A number, a pose, and what quinn counts.
+        assert!(told(options).contains(&format!("datagram_send_buffer_size: {}", 4 + Pose::SIZE + 32)));
         assert!(told(options).contains("max_idle_timeout: Some(20000)"), "{}", told(options));
     }
 }

@@ -185,9 +185,10 @@ mod tests {
     use std::time::Duration;
 
     use quinn::crypto::rustls::{QuicClientConfig, QuicServerConfig};
-    use trimaran_proto::{Identity, Role, SceneHash};
+    use trimaran_wire::Protocol;
 
     use super::*;
+    use crate::conformance::{ARM, PANEL, Robot, greeting};
     use crate::keys::Security;
     use crate::quic::QuicOptions;
     use crate::quic::connect::endpoint;
@@ -196,15 +197,15 @@ mod tests {
         connect,
     };
 
-    const OTHER: &[u8] = b"trimaran/0";
+    const OTHER: &[u8] = b"robot/0";
     const HERE: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 0);
+
+    fn ours() -> ProtocolName {
+        ProtocolName::new(Robot::NAME)
+    }
 
     fn net() -> Arc<dyn Net> {
         Arc::new(TokioNet::current().unwrap())
-    }
-
-    fn identity(role: Role) -> Identity {
-        Identity { role, scene: SceneHash(1), settings: None }
     }
 
     /// A peer of ours, and what another program needs to be taken for one of its acquaintances.
@@ -220,23 +221,23 @@ mod tests {
     async fn a_listener_turns_another_protocol_away() {
         let (net, (options, theirs, doorman)) = (net(), acquainted());
         let at = Endpoint::Quic(HERE.into());
-        let mut listener = Listener::bind(&net, &at, identity(Role::SwitchA), &options).await.unwrap();
+        let mut listener = Listener::<Robot>::bind(&net, &at, greeting(ARM), &options).await.unwrap();
         let Endpoint::Quic(at) = listener.local_endpoint() else { panic!("not QUIC") };
         let at = at.to_string().parse().unwrap();
-        let mut crypto = client(&theirs, &doorman).unwrap();
+        let mut crypto = client(&theirs, &doorman, &ours()).unwrap();
         crypto.alpn_protocols = vec![OTHER.to_vec()];
         let config = quinn::ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
         let (other, _) = endpoint(&net, HERE, &QuicOptions::default(), None).unwrap();
         assert!(other.connect_with(config, at, "trimaran").unwrap().await.is_err());
         let accepted = listener.accept(net.now().after(Duration::from_millis(500))).await;
         let Err(AcceptError::Deadline { last: Some(why), .. }) = accepted else { panic!("{accepted:?}") };
-        assert!(matches!(why, HandshakeError::Alpn), "{why:?}");
+        assert!(matches!(why, HandshakeError::Alpn(_)), "{why:?}");
     }
 
     #[tokio::test]
     async fn a_listener_of_another_protocol_is_no_peer() {
         let (net, (options, theirs, doorman)) = (net(), acquainted());
-        let mut crypto = server(&theirs, &doorman).unwrap();
+        let mut crypto = server(&theirs, &doorman, &ours()).unwrap();
         crypto.alpn_protocols = vec![OTHER.to_vec()];
         let config = quinn::ServerConfig::with_crypto(Arc::new(QuicServerConfig::try_from(crypto).unwrap()));
         let (other, at) = endpoint(&net, HERE, &QuicOptions::default(), Some(config)).unwrap();
@@ -249,11 +250,11 @@ mod tests {
         // The first wait that is long enough here for an answer.
         for wait in (0..).map(|doubled| Duration::from_millis(50) * 2_u32.pow(doubled)) {
             let deadline = net.now().after(wait);
-            let error = connect(&net, &at, identity(Role::Display), &options, deadline).await.unwrap_err();
+            let error = connect::<Robot>(&net, &at, greeting(PANEL), &options, deadline).await.unwrap_err();
             match error {
                 ConnectError::Deadline { last: AttemptError::TimedOut, .. } => {}
                 ConnectError::Deadline { last: AttemptError::Handshake { cause, .. }, .. } => {
-                    assert!(matches!(cause, HandshakeError::Alpn), "{cause:?}");
+                    assert!(matches!(cause, HandshakeError::Alpn(_)), "{cause:?}");
                     break;
                 }
                 other => panic!("{other:?}"),

@@ -26,21 +26,24 @@ pub(super) fn keep_alive(net: &Arc<dyn Net>, interval: Duration, lanes: [Weak<dy
     }));
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "tcp"))]
 mod tests {
     use tokio::io::{AsyncReadExt, DuplexStream, duplex, split};
-    use trimaran_proto::{
-        Camera, DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStart, Goodbye, Identity, Role,
-        SceneHash, SessionId,
-    };
+    use trimaran_wire::{Format, Kind, SessionId};
 
     use super::super::handshake::{Connection, Lanes};
+    use crate::application::Side;
+    use crate::conformance::{ARM, PANEL, Robot, finished, greeting, points, receive, start};
+    use crate::link::Capabilities;
     use crate::stats::Counters;
-    use crate::{Link, LinkConfig, Loss, RecvError, SendError, TokioNet};
+    use crate::tcp::Tcp;
+    use crate::{LinkConfig, Loss, RecvError, SendError, TcpOptions, TokioNet};
     use std::net::{IpAddr, Ipv4Addr, SocketAddr};
     use std::sync::Arc;
     use std::time::Duration;
     use trimaran_net::{Net, Stream, StreamPeer, sleep_until};
+
+    type Link = crate::Link<Robot>;
 
     const LEASE: Duration = Duration::from_secs(20);
     const PEER: StreamPeer = StreamPeer::Tcp(SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 1));
@@ -54,26 +57,25 @@ mod tests {
         let connection = |stream| {
             let (reader, writer) = split(stream);
             let stream = Stream { reader: Box::new(reader), writer: Box::new(writer), peer: PEER };
-            Connection::new(stream, &counters)
+            Connection::new(stream, &Tcp(TcpOptions::default()), Format::of::<Robot>(), &counters)
         };
         let config = LinkConfig { patience, lease: LEASE, ..LinkConfig::default() };
-        let identity = Identity { role: Role::SwitchA, scene: SceneHash(1), settings: None };
-        Lanes {
+        let application = Side::<Robot>::of(greeting(ARM)).unwrap();
+        let panel = Side::<Robot>::of(greeting(PANEL)).unwrap();
+        let peer = application.recognize(panel.hello()).unwrap();
+        let lanes = Lanes {
             latest: connection(latest),
             frames: connection(frames),
-            capabilities: crate::tcp::CAPABILITIES,
-        }
-        .into_link(net, &config, &identity, identity, SessionId(1), None)
+            capabilities: Capabilities { reliable: true, ordered: true, encrypted: false, local: false },
+        };
+        let parts = lanes.into_parts(net, &config, application.format(), peer, SessionId(1), None);
+        parts.into_link(net, &config).unwrap()
     }
 
     /// Two links over pipes of `room` bytes.
     fn pair(net: &Arc<dyn Net>, room: usize, patience: Duration) -> (Link, Link) {
         let ((latest_a, latest_b), (frames_a, frames_b)) = (duplex(room), duplex(room));
         (link(net, latest_a, frames_a, patience), link(net, latest_b, frames_b, patience))
-    }
-
-    fn camera() -> Camera {
-        Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(0)).unwrap()
     }
 
     #[tokio::test(start_paused = true)]
@@ -107,9 +109,8 @@ mod tests {
 
     /// Sends until that fails; says how, and when.
     async fn send_into(here: &mut Link, net: &Arc<dyn Net>) -> (SendError, Duration) {
-        let ids: Vec<_> = (0..100_000).map(DrawableId).collect();
-        here.frames_tx.begin(FrameStart { frame: FrameNumber(0), camera: camera() }).await.unwrap();
-        let error = here.frames_tx.push(&ids).await.unwrap_err();
+        here.frames_tx.begin(start(0)).await.unwrap();
+        let error = here.frames_tx.push(&points(100_000)).await.unwrap_err();
         (error, Duration::from_nanos(net.now().as_nanos()))
     }
 
@@ -149,7 +150,7 @@ mod tests {
         let net = net();
         let (mut here, there) = pair(&net, 128, LEASE * 2);
         let Link { frames_tx, frames_rx: _unread, latest_tx: _latest, .. } = there;
-        frames_tx.goodbye(Goodbye::Finished).await.unwrap();
+        frames_tx.goodbye(finished()).await.unwrap();
         // The peer has left: nothing more comes, and it takes nothing.
         let (error, _) = send_into(&mut here, &net).await;
         assert!(matches!(error, SendError::Lost { .. }), "{error:?}");
@@ -161,26 +162,17 @@ mod tests {
     async fn a_beat_never_comes_between_what_a_sender_who_waits_has_to_say() {
         let net = net();
         let (mut here, mut there) = pair(&net, 64, LEASE * 10);
-        let ids: Vec<_> = (0..5000).map(|id| DrawableId(id * 7919)).collect();
-        let sent = ids.clone();
         // In a task of its own: nobody else's wake-up is to be taken for the sender's.
         net.spawn(Box::pin(async move {
-            here.frames_tx.begin(FrameStart { frame: FrameNumber(0), camera: camera() }).await.unwrap();
-            here.frames_tx.push(&sent).await.unwrap();
+            here.frames_tx.begin(start(0)).await.unwrap();
+            here.frames_tx.push(&points(5000)).await.unwrap();
             here.frames_tx.finish().await.unwrap();
         }));
         // Many beats fall due while the sender waits for room, and none at this moment.
         let begins = LEASE * 5 + Duration::from_secs(1);
         sleep_until(&*net, net.now().after(begins)).await;
-        let mut got = Vec::new();
-        let outcome = loop {
-            match there.frames_rx.recv().await.unwrap() {
-                FrameEvent::Ids(batch) => got.extend(batch.iter()),
-                FrameEvent::End(outcome) => break outcome,
-                _ => {}
-            }
-        };
-        assert!(got == ids && matches!(outcome, FrameOutcome::Complete(_)), "{outcome:?}");
+        let got = receive(&mut there.frames_rx).await.unwrap();
+        assert!(got.points == points(5000));
         assert_eq!(net.now().as_nanos() / 1_000_000_000, begins.as_secs(), "a wake-up was lost to a beat");
     }
 
@@ -189,14 +181,16 @@ mod tests {
         let net = net();
         let ((latest, mut raw_latest), (frames, mut raw_frames)) = (duplex(4096), duplex(4096));
         let Link { latest_tx, latest_rx, frames_tx, frames_rx, .. } = link(&net, latest, frames, LEASE * 10);
-        frames_tx.goodbye(Goodbye::Finished).await.unwrap();
-        latest_tx.goodbye(Goodbye::Finished).await.unwrap();
+        frames_tx.goodbye(finished()).await.unwrap();
+        latest_tx.goodbye(finished()).await.unwrap();
         sleep_until(&*net, net.now().after(LEASE * 5)).await;
         drop((latest_rx, frames_rx));
         for raw in [&mut raw_latest, &mut raw_frames] {
             let mut all = Vec::new();
             raw.read_to_end(&mut all).await.unwrap();
-            assert_eq!((all[0], all.len()), (trimaran_proto::Kind::Goodbye.code(), 5), "{all:?}");
+            // A header, a code, and a text with its length.
+            let length = 4 + 1 + 1 + finished().why.as_str().len();
+            assert_eq!((all[0], all.len()), (Kind::Goodbye.code(), length), "{all:?}");
         }
     }
 }

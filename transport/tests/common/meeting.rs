@@ -1,10 +1,9 @@
-//! A listener over any transport between processes, and a display that it knows.
+//! A listener over any transport between processes, and a panel that it knows.
 
-use trimaran_proto::Role;
+use crate::common::{Listener, net};
+use trimaran_transport::conformance::{ARM, greeting};
 use trimaran_transport::keys::{Keys, Security};
-use trimaran_transport::{Endpoint, Listener, Options};
-
-use crate::common::{identity, net};
+use trimaran_transport::{Endpoint, Options};
 
 /// Makes a test of each case for each transport.
 #[macro_export]
@@ -27,12 +26,12 @@ macro_rules! over_every_transport {
     };
 }
 
-/// A listener, where it is, and how a display gets in.
+/// A listener, where it is, and how a panel gets in.
 pub(crate) struct Meeting {
     pub(crate) listener: Listener,
     pub(crate) at: Endpoint,
-    /// The options of a display that the listener knows.
-    pub(crate) display: Options,
+    /// The options of a panel that the listener knows.
+    pub(crate) panel: Options,
     /// Those of the listener.
     #[allow(dead_code, reason = "not every test program listens again")]
     pub(crate) ours: Options,
@@ -53,10 +52,10 @@ impl Meeting {
             let security = Security { keys: keys.clone(), peers: vec![peer.public().clone().into()] };
             Options { security: Some(security), ..options.clone() }
         };
-        let (ours, display) = (with(&a, &b), with(&b, &a));
+        let (ours, panel) = (with(&a, &b), with(&b, &a));
         let endpoint = endpoint.parse().unwrap();
-        let listener = Listener::bind(&net(), &endpoint, identity(Role::SwitchA), &ours).await.unwrap();
+        let listener = Listener::bind(&net(), &endpoint, greeting(ARM), &ours).await.unwrap();
         let at = listener.local_endpoint().clone();
-        Self { listener, at, display, ours, _folder: folder }
+        Self { listener, at, panel, ours, _folder: folder }
     }
 }

@@ -1,7 +1,6 @@
-//! What the transport tests share: peers, cameras, and the conformance suite.
+//! What the transport tests share: peers, and how they meet.
 #![allow(dead_code, unused_imports, reason = "each test program uses a part")]
 
-pub(crate) mod conformance;
 pub(crate) mod ports;
 pub(crate) mod router;
 pub(crate) mod udp;
@@ -9,16 +8,27 @@ pub(crate) mod udp;
 use std::sync::Arc;
 use std::time::Duration;
 
-use trimaran_proto::{
-    BatchSize, Camera, DrawableId, EpsilonPx, FrameEnd, FrameEvent, FrameNumber, FrameOutcome, FrameStart,
-    IdCoding, Identity, PictureSize, Refusal, Role, SceneHash, Settings, TesterKind,
-};
+use bytes::Bytes;
+use trimaran_transport::conformance::{ARM, Greeting, PANEL, Robot, greeting};
 use trimaran_transport::{
-    AcceptError, AttemptError, ConnectError, Endpoint, FrameReceiver, HandshakeError, Instant,
-    LatestReceiver, Link, Listener, Net, Options, RecvError, TokioNet, connect,
+    AcceptError, AttemptError, ConnectError, Endpoint, Explanation, HandshakeError, Instant, Lane, Net,
+    Options, Protocol, ProtocolName, Refusal, Rejection, SessionId, TokioNet,
 };
+use trimaran_wire::{Format, Hello, Message};
 
-pub(crate) const SCENE: SceneHash = SceneHash(0x5ce7e);
+pub(crate) type Link = trimaran_transport::Link<Robot>;
+pub(crate) type Listener = trimaran_transport::Listener<Robot>;
+
+/// As [`trimaran_transport::connect`].
+pub(crate) async fn connect(
+    net: &Arc<dyn Net>,
+    at: &Endpoint,
+    who: Greeting,
+    options: &Options,
+    deadline: Instant,
+) -> Result<Link, ConnectError> {
+    trimaran_transport::connect(net, at, who, options, deadline).await
+}
 
 pub(crate) fn net() -> Arc<dyn Net> {
     Arc::new(TokioNet::current().unwrap())
@@ -28,91 +38,42 @@ pub(crate) fn soon(net: &Arc<dyn Net>) -> Instant {
     net.now().after(Duration::from_secs(60))
 }
 
-pub(crate) fn identity(role: Role) -> Identity {
-    Identity { role, scene: SCENE, settings: None }
+/// The sizes of what peers say.
+pub(crate) fn format() -> Format {
+    Format::of::<Robot>()
 }
 
-pub(crate) fn settings(batch: u32) -> Settings {
-    Settings {
-        size: PictureSize::new(640, 480).unwrap(),
-        epsilon: EpsilonPx::new(2.0).unwrap(),
-        batch: BatchSize::new(batch).unwrap(),
-        coding: IdCoding::Plain,
-        tester: TesterKind::Query,
-        lockstep: true,
-        few_pixels: false,
-        first: FrameNumber(0),
-        frames: None,
-    }
+/// What a peer says of itself, as it travels.
+pub(crate) fn hello_bytes(who: &Greeting) -> Bytes {
+    postcard::to_stdvec(who).unwrap().into()
 }
 
-pub(crate) fn camera(frame: u32) -> Camera {
-    let eye = [f64::from(frame), 2.0, -3.5];
-    Camera::new(eye, [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(frame)).unwrap()
+/// The first message of whoever connects.
+pub(crate) fn introduce(who: &Greeting, session: SessionId, lane: Lane) -> Message {
+    let protocol = ProtocolName::new(Robot::NAME);
+    Message::Hello(Hello { protocol, session, lane, application: hello_bytes(who) })
 }
 
-pub(crate) fn start(frame: u32) -> FrameStart {
-    FrameStart { frame: FrameNumber(frame), camera: camera(frame + 100) }
+/// What a listener says to a peer that has another map.
+pub(crate) fn other_map(listener: u64, connector: u64) -> Refusal {
+    let why = format!("the listener has map {listener:#x}, the connecting peer map {connector:#x}");
+    Refusal::Rejected(Rejection::new(1, &why))
 }
 
-pub(crate) fn ids(count: u32) -> Vec<DrawableId> {
-    (0..count).map(|i| DrawableId(i.wrapping_mul(2_654_435_761))).collect()
+/// What it says to a peer whose role another one has.
+pub(crate) fn role_taken(role: &str) -> Refusal {
+    Refusal::RoleTaken { role: Explanation::new(role) }
 }
 
-/// One frame as it was received.
-#[derive(Debug)]
-pub(crate) struct Received {
-    pub(crate) start: FrameStart,
-    pub(crate) batches: Vec<usize>,
-    pub(crate) ids: Vec<DrawableId>,
-    pub(crate) end: FrameEnd,
-}
-
-/// Reads one frame that must be complete, however often the link's patience ends before it is.
-pub(crate) async fn receive(rx: &mut FrameReceiver) -> Result<Received, RecvError> {
-    let FrameEvent::Begin(start) = next_event(rx).await? else { panic!("no begin") };
-    let (mut batches, mut ids) = (Vec::new(), Vec::new());
-    loop {
-        match next_event(rx).await? {
-            FrameEvent::Ids(batch) => {
-                batches.push(batch.count());
-                ids.extend(batch.iter());
-            }
-            FrameEvent::End(FrameOutcome::Complete(end)) => return Ok(Received { start, batches, ids, end }),
-            other => panic!("{other:?} within a frame"),
-        }
-    }
-}
-
-/// The next event of a frame, however often the link's patience ends before it comes.
-async fn next_event(rx: &mut FrameReceiver) -> Result<FrameEvent, RecvError> {
-    loop {
-        match rx.recv().await {
-            Err(RecvError::Silent { .. }) => {}
-            event => return event,
-        }
-    }
-}
-
-/// The next camera, however often the link's patience ends before it comes.
-pub(crate) async fn next_camera(rx: &mut LatestReceiver) -> Result<Camera, RecvError> {
-    loop {
-        match rx.latest().await {
-            Err(RecvError::Silent { .. }) => {}
-            camera => return camera,
-        }
-    }
-}
-
-/// A link over the transport that `endpoint` names, by a listener and a connector: switch A's end first, then
-/// the display's.
+/// A link over the transport that `endpoint` names, by a listener and a connector: the arm's end first, then
+/// the panel's.
 pub(crate) async fn joined(endpoint: &str, options: &Options) -> (Link, Link) {
     let net = net();
     let endpoint: Endpoint = endpoint.parse().unwrap();
-    let mut listener = Listener::bind(&net, &endpoint, identity(Role::SwitchA), options).await.unwrap();
+    let mut listener = Listener::bind(&net, &endpoint, greeting(ARM), options).await.unwrap();
     let there = listener.local_endpoint().clone();
     let (there, here) = tokio::join!(
-        connect(&net, &there, identity(Role::Display), options, soon(&net)),
+        connect(&net, &there, greeting(PANEL), options, soon(&net)),
         listener.accept(soon(&net)),
     );
     (here.unwrap(), there.unwrap())
@@ -123,14 +84,26 @@ pub(crate) async fn joined(endpoint: &str, options: &Options) -> (Link, Link) {
 pub(crate) async fn obstacle(
     net: &Arc<dyn Net>,
     at: &Endpoint,
-    who: Identity,
+    who: Greeting,
+    options: &Options,
+) -> HandshakeError {
+    obstacle_of::<Robot>(net, at, who, options).await
+}
+
+/// The same, for any protocol.
+pub(crate) async fn obstacle_of<P: Protocol>(
+    net: &Arc<dyn Net>,
+    at: &Endpoint,
+    who: P::Hello,
     options: &Options,
 ) -> HandshakeError {
     let soon = soon(net);
     // The first wait that is long enough here.
     for wait in (0..).map(|doubled| Duration::from_millis(50) * 2_u32.pow(doubled)) {
         assert!(net.now() < soon, "no answer from {at}");
-        let error = connect(net, at, who, options, net.now().after(wait)).await.unwrap_err();
+        let error = trimaran_transport::connect::<P>(net, at, who.clone(), options, net.now().after(wait))
+            .await
+            .unwrap_err();
         assert!(error.may_pass(), "{error:?}");
         match error {
             ConnectError::Deadline { last: AttemptError::Handshake { cause, .. }, .. } => match cause {
@@ -145,7 +118,7 @@ pub(crate) async fn obstacle(
 }
 
 /// With which words `at` refuses `who`.
-pub(crate) async fn refusal(net: &Arc<dyn Net>, at: &Endpoint, who: Identity, options: &Options) -> Refusal {
+pub(crate) async fn refusal(net: &Arc<dyn Net>, at: &Endpoint, who: Greeting, options: &Options) -> Refusal {
     match obstacle(net, at, who, options).await {
         HandshakeError::Refused(refusal) => refusal,
         other => panic!("{other:?}"),

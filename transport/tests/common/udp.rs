@@ -1,10 +1,9 @@
 //! Peers over datagrams on the loopback interface.
 
-use trimaran_proto::Role;
+use super::{Listener, connect, net, soon};
+use trimaran_transport::conformance::{ARM, PANEL, greeting, pose};
 use trimaran_transport::udp::{Trust, UdpOptions};
-use trimaran_transport::{Endpoint, Listener, Options, connect};
-
-use super::{camera, identity, net, soon};
+use trimaran_transport::{Endpoint, Options};
 
 pub(crate) fn with(trust: Trust) -> Options {
     Options { udp: UdpOptions { trust, ..UdpOptions::default() }, ..Options::default() }
@@ -17,7 +16,7 @@ pub(crate) fn shared(key: u8) -> Options {
 
 pub(crate) async fn listener(options: &Options) -> (Listener, Endpoint) {
     let endpoint = "udp://127.0.0.1:0".parse().unwrap();
-    let listener = Listener::bind(&net(), &endpoint, identity(Role::SwitchA), options).await.unwrap();
+    let listener = Listener::bind(&net(), &endpoint, greeting(ARM), options).await.unwrap();
     let endpoint = listener.local_endpoint().clone();
     (listener, endpoint)
 }
@@ -27,16 +26,14 @@ pub(crate) fn address(endpoint: &Endpoint) -> String {
     there.at.to_string()
 }
 
-/// A display comes, is let in, and both ends talk.
-pub(crate) async fn a_display_gets_in(listener: &mut Listener, at: &Endpoint, options: &Options) {
+/// A panel comes, is let in, and both ends talk.
+pub(crate) async fn a_panel_gets_in(listener: &mut Listener, at: &Endpoint, options: &Options) {
     let net = net();
-    let (there, here) = tokio::join!(
-        connect(&net, at, identity(Role::Display), options, soon(&net)),
-        listener.accept(soon(&net)),
-    );
+    let (there, here) =
+        tokio::join!(connect(&net, at, greeting(PANEL), options, soon(&net)), listener.accept(soon(&net)),);
     let (mut there, mut here) = (there.unwrap(), here.unwrap());
-    there.latest_tx.publish(camera(1)).unwrap();
-    assert_eq!(here.latest_rx.latest().await.unwrap(), camera(1));
-    here.latest_tx.publish(camera(2)).unwrap();
-    assert_eq!(there.latest_rx.latest().await.unwrap(), camera(2));
+    there.latest_tx.publish(pose(1)).unwrap();
+    assert_eq!(here.latest_rx.latest().await.unwrap(), pose(1));
+    here.latest_tx.publish(pose(2)).unwrap();
+    assert_eq!(there.latest_rx.latest().await.unwrap(), pose(2));
 }

@@ -3,17 +3,18 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use super::common::{
+    Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, role_taken, soon,
+};
+use super::{SESSION, bytes, hello, listener};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
-use trimaran_proto::{
-    Accept, DecodeFault, Decoder, Lane, Message, ProtocolVersion, Refusal, Role, SceneHash,
-};
+use trimaran_transport::conformance::{ARM, GRIPPER, MAP, PANEL, greeting};
 use trimaran_transport::{
-    AttemptError, ConnectError, Endpoint, HandshakeError, Limits, Listener, Options, connect, until,
+    AttemptError, ConnectError, DecodeFault, Endpoint, HandshakeError, Lane, Limits, Options, Refusal,
+    WireVersion, until,
 };
-
-use super::common::{SCENE, identity, last_failure, net, soon};
-use super::{SESSION, bytes, hello, listener};
+use trimaran_wire::{Accept, Decoder, Message};
 
 fn quick() -> Options {
     Options { handshake: Duration::from_millis(200), ..Options::default() }
@@ -28,7 +29,7 @@ async fn dial(address: SocketAddr, message: &Message) -> TcpStream {
 
 /// Everything that comes until the end of the stream.
 async fn answers(stream: &mut TcpStream) -> Vec<Message> {
-    let mut decoder = Decoder::new();
+    let mut decoder = Decoder::new(format());
     // A reset is as good an end as any.
     while stream.read_buf(decoder.buffer(1024)).await.is_ok_and(|n| n > 0) {}
     std::iter::from_fn(|| decoder.next_message().unwrap()).collect()
@@ -49,13 +50,10 @@ async fn strangers_hold_up_nobody() {
     let options = Options::default();
     let address = Endpoint::Tcp(address.into());
     let (there, here) = tokio::join!(
-        connect(&net, &address, identity(Role::Display), &options, soon(&net)),
+        connect(&net, &address, greeting(PANEL), &options, soon(&net)),
         listener.accept(soon(&net)),
     );
-    assert_eq!(
-        (there.unwrap().peer.identity.role, here.unwrap().peer.identity.role),
-        (Role::SwitchA, Role::Display)
-    );
+    assert_eq!((there.unwrap().peer.hello, here.unwrap().peer.hello), (greeting(ARM), greeting(PANEL)));
 }
 
 #[tokio::test]
@@ -79,17 +77,17 @@ async fn one_lane_alone_is_refused_in_time() {
     assert_eq!(answers, [Message::Refuse(Refusal::Unpaired { session: SESSION })]);
 }
 
-/// Another machine, or the same one after a moment, may have another scene, release or room: so no refusal is
+/// Another machine, or the same one after a moment, may have another map, release or room: so no refusal is
 /// the last word.
 #[tokio::test]
 async fn whatever_a_listener_refuses_for_is_tried_again() {
     let net = net();
-    let versions = (ProtocolVersion(7), ProtocolVersion(1));
+    let versions = (WireVersion(7), WireVersion(1));
     for refusal in [
         Refusal::Busy,
         Refusal::Unpaired { session: SESSION },
-        Refusal::RoleTaken { role: Role::Display },
-        Refusal::Scene { listener: SceneHash(1), connector: SCENE },
+        role_taken(PANEL),
+        other_map(1, MAP),
         Refusal::Version { listener: versions.0, connector: versions.1 },
         Refusal::Session { session: SESSION, lane: Lane::Frames },
     ] {
@@ -101,15 +99,14 @@ async fn whatever_a_listener_refuses_for_is_tried_again() {
             // Both connections of the first attempt.
             for _ in 0..2 {
                 let (mut stream, _) = stranger.accept().await.unwrap();
-                stream.write_all(&bytes(&[Message::Refuse(refusal)])).await.ok();
+                stream.write_all(&bytes(&[Message::Refuse(refusal.clone())])).await.ok();
             }
             drop(stranger);
-            let mut listener =
-                Listener::bind(&net, &endpoint, identity(Role::SwitchA), &options).await.unwrap();
+            let mut listener = Listener::bind(&net, &endpoint, greeting(ARM), &options).await.unwrap();
             listener.accept(soon(&net)).await
         };
         let (there, here) =
-            tokio::join!(connect(&net, &endpoint, identity(Role::Display), &options, soon(&net)), refuse);
+            tokio::join!(connect(&net, &endpoint, greeting(PANEL), &options, soon(&net)), refuse);
         assert!(there.is_ok() && here.is_ok(), "{refusal:?}: {there:?} {here:?}");
     }
 }
@@ -127,12 +124,13 @@ async fn the_same_lane_twice_is_refused_and_the_right_one_still_welcome() {
     };
     let refusal = |lane| [Message::Refuse(Refusal::Session { session: SESSION, lane })];
     assert_eq!(refused, refusal(Lane::Frames));
-    let other_role = Message::Hello(identity(Role::SwitchB).hello(SESSION, Lane::Latest));
+    let other_role = introduce(&greeting(GRIPPER), SESSION, Lane::Latest);
     assert_eq!(answers(&mut dial(address, &other_role).await).await, refusal(Lane::Latest));
     let mut latest = TcpStream::connect(address).await.unwrap();
     latest.write_all(&bytes(&[hello(Lane::Latest)])).await.unwrap();
     assert_eq!(listener.accept(soon(&net)).await.unwrap().peer.session, SESSION);
-    let mut accept = vec![0; bytes(&[Message::Accept(Accept { identity: identity(Role::SwitchA) })]).len()];
+    let mut accept =
+        vec![0; bytes(&[Message::Accept(Accept { application: hello_bytes(&greeting(ARM)) })]).len()];
     frames.read_exact(&mut accept).await.unwrap();
     latest.read_exact(&mut accept).await.unwrap();
 }
@@ -152,7 +150,7 @@ async fn a_crowd_makes_room_for_who_comes_later_and_is_told_so() {
     // Connections are accepted in the order in which they came, and each takes its slot at once.
     let endpoint = Endpoint::Tcp(address.into());
     let (there, here) = tokio::join!(
-        connect(&net, &endpoint, identity(Role::Display), &options, soon(&net)),
+        connect(&net, &endpoint, greeting(PANEL), &options, soon(&net)),
         listener.accept(soon(&net))
     );
     assert!(there.is_ok() && here.is_ok(), "{there:?} {here:?}");
@@ -183,7 +181,7 @@ async fn a_server_that_is_no_peer_is_named_as_the_cause_though_the_deadline_cuts
         let server = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = Endpoint::Tcp(server.local_addr().unwrap().into());
         let error = tokio::select! {
-            error = connect(&net, &address, identity(Role::Display), &options, net.now().after(wait)) => error.unwrap_err(),
+            error = connect(&net, &address, greeting(PANEL), &options, net.now().after(wait)) => error.unwrap_err(),
             () = no_peer(server) => unreachable!(),
         };
         let ConnectError::Deadline { attempts, last, .. } = error else { panic!("{error:?}") };

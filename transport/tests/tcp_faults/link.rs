@@ -2,26 +2,24 @@
 
 use std::time::Duration;
 
+use super::common::{Link, connect, hello_bytes, net, soon};
+use super::{bytes, hello, listener};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
-use trimaran_proto::{
-    Accept, DecodeFault, FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOutcome, FrameViolation,
-    Goodbye, Kind, Lane, Message, Role,
-};
+use trimaran_transport::conformance::{ARM, PANEL, Robot, finished, greeting, points, pose, receive, start};
 use trimaran_transport::{
-    Endpoint, FrameReceiver, Link, LinkConfig, Loss, Options, ProtocolError, RecvError, SendError, connect,
+    CloseReason, DecodeFault, Endpoint, FrameEnd, FrameEvent, FrameNumber, FrameOutcome, FrameReceiver,
+    FrameStart, FrameViolation, Kind, Lane, LinkConfig, Loss, Options, ProtocolError, RecvError, SendError,
     until,
 };
+use trimaran_wire::{Accept, FrameMessage, Message, to_bytes};
 
-use super::common::{camera, identity, ids, net, receive, soon, start};
-use super::{bytes, hello, listener};
-
-/// A display that is made of bare sockets, and the link that switch A has to it.
-async fn raw_display() -> (Link, TcpStream, TcpStream) {
-    raw_display_of(&Options::default()).await
+/// A panel that is made of bare sockets, and the link that the arm has to it.
+async fn raw_panel() -> (Link, TcpStream, TcpStream) {
+    raw_panel_of(&Options::default()).await
 }
 
-async fn raw_display_of(options: &Options) -> (Link, TcpStream, TcpStream) {
+async fn raw_panel_of(options: &Options) -> (Link, TcpStream, TcpStream) {
     let net = net();
     let (mut listener, address) = listener(&net, options).await;
     let mut frames = TcpStream::connect(address).await.unwrap();
@@ -30,27 +28,37 @@ async fn raw_display_of(options: &Options) -> (Link, TcpStream, TcpStream) {
     latest.write_all(&bytes(&[hello(Lane::Latest)])).await.unwrap();
     let link = listener.accept(soon(&net)).await.unwrap();
     // Read, lest closing with unread data resets the connection.
-    let mut accept = vec![0; bytes(&[Message::Accept(Accept { identity: identity(Role::SwitchA) })]).len()];
+    let mut accept =
+        vec![0; bytes(&[Message::Accept(Accept { application: hello_bytes(&greeting(ARM)) })]).len()];
     frames.read_exact(&mut accept).await.unwrap();
     latest.read_exact(&mut accept).await.unwrap();
     (link, frames, latest)
 }
 
+fn published(number: u32) -> Message {
+    Message::Latest(to_bytes(&pose(number)))
+}
+
+fn begin(frame: u32) -> Message {
+    let FrameStart { frame, header } = start(frame);
+    Message::Frame(FrameMessage::Begin { frame, header: to_bytes(&header) })
+}
+
 fn violation(error: RecvError) -> FrameViolation {
     match error {
-        RecvError::Protocol { peer: Role::Display, cause: ProtocolError::Frame(violation) } => violation,
+        RecvError::Protocol { cause: ProtocolError::Frame(violation), .. } => violation,
         other => panic!("{other:?}"),
     }
 }
 
 fn fault(error: RecvError) -> DecodeFault {
     match error {
-        RecvError::Protocol { peer: Role::Display, cause: ProtocolError::Decode(error) } => error.fault,
+        RecvError::Protocol { cause: ProtocolError::Decode(error), .. } => error.fault,
         other => panic!("{other:?}"),
     }
 }
 
-async fn error(rx: &mut FrameReceiver) -> RecvError {
+async fn error(rx: &mut FrameReceiver<Robot>) -> RecvError {
     loop {
         if let Err(error) = rx.recv().await {
             return error;
@@ -59,11 +67,11 @@ async fn error(rx: &mut FrameReceiver) -> RecvError {
 }
 
 #[tokio::test]
-async fn a_display_of_bare_sockets_is_a_display() {
-    let (mut link, mut frames, mut latest) = raw_display().await;
-    latest.write_all(&bytes(&[Message::Camera(camera(1)), Message::Camera(camera(2))])).await.unwrap();
-    assert_eq!(link.latest_rx.latest().await.unwrap(), camera(2));
-    let begin = bytes(&[Message::Frame(FrameMessage::Begin(start(0)))]);
+async fn a_panel_of_bare_sockets_is_a_panel() {
+    let (mut link, mut frames, mut latest) = raw_panel().await;
+    latest.write_all(&bytes(&[published(1), published(2)])).await.unwrap();
+    assert_eq!(link.latest_rx.latest().await.unwrap(), pose(2));
+    let begin = bytes(&[begin(0)]);
     for byte in begin {
         frames.write_all(&[byte]).await.unwrap();
         tokio::task::yield_now().await;
@@ -76,18 +84,23 @@ async fn a_lie_about_a_length_costs_nothing() {
     for (header, length) in
         [([0x21, 0xff, 0xff, 0xff], 0xff_ffff), ([0x21, 0x01, 0x00, 0x01], 65_537), ([0x22, 0, 0, 0], 0)]
     {
-        let (mut link, mut frames, _latest) = raw_display().await;
+        let (mut link, mut frames, _latest) = raw_panel().await;
         frames.write_all(&header).await.unwrap();
         let kind = Kind::from_code(header[0]).unwrap();
         for _ in 0..2 {
-            assert_eq!(fault(error(&mut link.frames_rx).await), DecodeFault::Length { kind, length });
+            let DecodeFault::Length { kind: named, length: claimed, .. } =
+                fault(error(&mut link.frames_rx).await)
+            else {
+                panic!("{header:?}")
+            };
+            assert_eq!((named, claimed), (kind, length));
         }
     }
 }
 
 #[tokio::test]
 async fn garbage_after_the_handshake_is_an_error() {
-    let (mut link, mut frames, mut latest) = raw_display().await;
+    let (mut link, mut frames, mut latest) = raw_panel().await;
     frames.write_all(&[0xee; 100]).await.unwrap();
     latest.write_all(&[0x99; 100]).await.unwrap();
     assert_eq!(fault(error(&mut link.frames_rx).await), DecodeFault::UnknownKind { code: 0xee });
@@ -97,34 +110,43 @@ async fn garbage_after_the_handshake_is_an_error() {
 
 #[tokio::test]
 async fn messages_on_the_wrong_lane_are_errors() {
-    let (mut link, mut frames, mut latest) = raw_display().await;
-    frames.write_all(&bytes(&[Message::Camera(camera(0))])).await.unwrap();
-    latest.write_all(&bytes(&[Message::Frame(FrameMessage::Begin(start(0)))])).await.unwrap();
+    let (mut link, mut frames, mut latest) = raw_panel().await;
+    frames.write_all(&bytes(&[published(0)])).await.unwrap();
+    latest.write_all(&bytes(&[begin(0)])).await.unwrap();
     let misplaced = |error: RecvError| match error {
         RecvError::Protocol { cause: ProtocolError::Misplaced { kind, lane }, .. } => (kind, lane),
         other => panic!("{other:?}"),
     };
-    assert_eq!(misplaced(error(&mut link.frames_rx).await), (Kind::Camera, Lane::Frames));
+    assert_eq!(misplaced(error(&mut link.frames_rx).await), (Kind::Latest, Lane::Frames));
     assert_eq!(misplaced(link.latest_rx.latest().await.unwrap_err()), (Kind::Begin, Lane::Latest));
 }
 
 #[tokio::test]
 async fn frames_that_break_the_rules_are_errors() {
-    let (mut link, mut frames, _latest) = raw_display().await;
-    let end = FrameEnd { frame: FrameNumber(0), ids: 0, hash: 1 };
-    let begin = Message::Frame(FrameMessage::Begin(start(0)));
-    frames.write_all(&bytes(&[begin, Message::Frame(FrameMessage::End(end))])).await.unwrap();
+    let (mut link, mut frames, _latest) = raw_panel().await;
+    let end = FrameEnd { frame: FrameNumber(0), items: 0, hash: 1 };
+    frames.write_all(&bytes(&[begin(0), Message::Frame(FrameMessage::End(end))])).await.unwrap();
     let received = 0x2d06_8005_38d3_94c2;
     let expected = FrameViolation::Hash { frame: FrameNumber(0), announced: 1, received };
     assert_eq!(violation(error(&mut link.frames_rx).await), expected);
 }
 
 #[tokio::test]
-async fn a_frame_with_missing_ids_says_how_many() {
-    let (mut link, mut frames, _latest) = raw_display().await;
-    let end = FrameEnd { frame: FrameNumber(0), ids: 9, hash: 1 };
-    let begin = Message::Frame(FrameMessage::Begin(start(0)));
-    frames.write_all(&bytes(&[begin, Message::Frame(FrameMessage::End(end))])).await.unwrap();
+async fn a_note_that_is_none_or_more_than_one_is_an_error() {
+    for note in [&[][..], &[90, 0]] {
+        let (mut link, mut frames, _latest) = raw_panel().await;
+        let note = FrameMessage::Note(note.to_vec().into());
+        frames.write_all(&bytes(&[Message::Frame(note)])).await.unwrap();
+        let error = error(&mut link.frames_rx).await;
+        assert!(matches!(error, RecvError::Protocol { cause: ProtocolError::Note(_), .. }), "{error:?}");
+    }
+}
+
+#[tokio::test]
+async fn a_frame_with_missing_points_says_how_many() {
+    let (mut link, mut frames, _latest) = raw_panel().await;
+    let end = FrameEnd { frame: FrameNumber(0), items: 9, hash: 1 };
+    frames.write_all(&bytes(&[begin(0), Message::Frame(FrameMessage::End(end))])).await.unwrap();
     link.frames_rx.recv().await.unwrap();
     let expected = FrameOutcome::Incomplete { frame: FrameNumber(0), expected: 9, received: 0 };
     assert_eq!(link.frames_rx.recv().await.unwrap(), FrameEvent::End(expected));
@@ -132,23 +154,21 @@ async fn a_frame_with_missing_ids_says_how_many() {
 
 #[tokio::test]
 async fn death_within_a_message_says_where() {
-    let (mut link, mut frames, _latest) = raw_display().await;
-    frames.write_all(&bytes(&[Message::Frame(FrameMessage::Begin(start(0)))])[..40]).await.unwrap();
+    let (mut link, mut frames, _latest) = raw_panel().await;
+    frames.write_all(&bytes(&[begin(0)])[..40]).await.unwrap();
     drop(frames);
     let error = error(&mut link.frames_rx).await;
-    let RecvError::Lost { peer: Role::Display, cause: Loss::Cut { bytes: 40 } } = error else {
-        panic!("{error:?}")
-    };
+    let RecvError::Lost { cause: Loss::Cut { bytes: 40 }, .. } = error else { panic!("{error:?}") };
 }
 
 #[tokio::test]
 async fn a_reset_is_a_loss() {
-    let (mut link, frames, _latest) = raw_display().await;
+    let (mut link, frames, _latest) = raw_panel().await;
     // What a killed process with unread data looks like.
     frames.set_zero_linger().unwrap();
     drop(frames);
     let error = error(&mut link.frames_rx).await;
-    assert!(matches!(error, RecvError::Lost { peer: Role::Display, cause: Loss::Io(_) }), "{error:?}");
+    assert!(matches!(error, RecvError::Lost { cause: Loss::Io(_), .. }), "{error:?}");
 }
 
 #[tokio::test]
@@ -157,34 +177,34 @@ async fn goodbye_survives_unread_data() {
     let (mut listener, address) = listener(&net, &Options::default()).await;
     let (address, options) = (Endpoint::Tcp(address.into()), Options::default());
     let (there, here) = tokio::join!(
-        connect(&net, &address, identity(Role::Display), &options, soon(&net)),
+        connect(&net, &address, greeting(PANEL), &options, soon(&net)),
         listener.accept(soon(&net)),
     );
     let (there, mut here) = (there.unwrap(), here.unwrap());
     here.frames_tx.begin(start(0)).await.unwrap();
-    here.frames_tx.push(&ids(1000)).await.unwrap();
-    here.latest_tx.publish(camera(0)).unwrap();
-    there.goodbye(Goodbye::Interrupted).await.unwrap();
+    here.frames_tx.push(&points(1000)).await.unwrap();
+    here.latest_tx.publish(pose(0)).unwrap();
+    there.goodbye(CloseReason::new(1, "interrupted")).await.unwrap();
     // What was said on one lane was said on both.
     let said = here.latest_rx.latest().await.unwrap_err();
     assert!(matches!(said, RecvError::Goodbye { .. }), "{said:?}");
     let error = receive(&mut here.frames_rx).await.unwrap_err();
-    let reason = Goodbye::Interrupted;
+    let reason = CloseReason::new(1, "interrupted");
     assert!(matches!(&error, RecvError::Goodbye { reason: said, .. } if *said == reason), "{error:?}");
 }
 
 #[tokio::test]
-async fn a_display_that_went_without_a_word_and_reads_nothing_has_not_heard_a_goodbye() {
+async fn a_panel_that_went_without_a_word_and_reads_nothing_has_not_heard_a_goodbye() {
     let patience = Duration::from_secs(1);
     let link = LinkConfig { patience, ..LinkConfig::default() };
-    let (mut link, mut frames, mut latest) = raw_display_of(&Options { link, ..Options::default() }).await;
-    let (net, ids) = (net(), ids(16_384));
+    let (mut link, mut frames, mut latest) = raw_panel_of(&Options { link, ..Options::default() }).await;
+    let (net, points) = (net(), points(16_384));
     link.frames_tx.begin(start(0)).await.unwrap();
     // Until the system takes no more: the goodbye is behind it.
     let moment = || net.now().after(Duration::from_millis(100));
-    while until(&*net, moment(), link.frames_tx.push(&ids)).await.is_some() {}
+    while until(&*net, moment(), link.frames_tx.push(&points)).await.is_some() {}
     frames.shutdown().await.unwrap();
     latest.shutdown().await.unwrap();
-    let said = link.goodbye(Goodbye::Finished).await;
-    assert!(matches!(said, Err(SendError::Stalled { peer: Role::Display, .. })), "{said:?}");
+    let said = link.goodbye(finished()).await;
+    assert!(matches!(said, Err(SendError::Stalled { .. })), "{said:?}");
 }

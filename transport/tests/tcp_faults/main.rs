@@ -11,17 +11,16 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 use bytes::BytesMut;
-use common::identity;
-use trimaran_proto::{Lane, Message, Role, SessionId};
-use trimaran_transport::{Endpoint, Listener, Net, Options};
+use common::{Listener, introduce};
+use trimaran_transport::conformance::{ARM, PANEL, greeting};
+use trimaran_transport::{Endpoint, Lane, Net, Options, SessionId};
+use trimaran_wire::Message;
 
 const SESSION: SessionId = SessionId(0x1234);
 
 async fn listener(net: &Arc<dyn Net>, options: &Options) -> (Listener, SocketAddr) {
     let listener =
-        Listener::bind(net, &"tcp://127.0.0.1:0".parse().unwrap(), identity(Role::SwitchA), options)
-            .await
-            .unwrap();
+        Listener::bind(net, &"tcp://127.0.0.1:0".parse().unwrap(), greeting(ARM), options).await.unwrap();
     let Endpoint::Tcp(at) = listener.local_endpoint() else { panic!("no TCP") };
     let address = at.to_string().parse().unwrap();
     (listener, address)
@@ -34,5 +33,5 @@ fn bytes(messages: &[Message]) -> BytesMut {
 }
 
 fn hello(lane: Lane) -> Message {
-    Message::Hello(identity(Role::Display).hello(SESSION, lane))
+    introduce(&greeting(PANEL), SESSION, lane)
 }

@@ -1,4 +1,4 @@
-//! What links cost beside other ways to send the same data: a camera there and back, a frame of 4,000 ids until the last one has
+//! What links cost beside other ways to send the same data: a pose there and back, a frame of 4,000 points until the last one has
 //! arrived, frames without a pause; time, CPU time and heap allocations of both ends together.
 //!
 //! ```sh
@@ -30,9 +30,9 @@ struct Args {
     /// How often each subject is measured.
     #[arg(long, default_value_t = 7)]
     rounds: usize,
-    /// Cameras a round.
+    /// Poses a round.
     #[arg(long, default_value_t = 3000)]
-    cameras: u32,
+    poses: u32,
     /// Frames a round, one at a time and again without a pause.
     #[arg(long, default_value_t = 300)]
     frames: u32,
@@ -72,8 +72,8 @@ const SUBJECTS: &[Entry] = &[
 
 fn main() -> Result<()> {
     let args = Args::parse();
-    let Args { cameras, frames, as_roles, block_on, .. } = args;
-    let plan = Plan { cameras, frames, as_roles, block_on };
+    let Args { poses, frames, as_roles, block_on, .. } = args;
+    let plan = Plan { poses, frames, as_roles, block_on };
     let chosen =
         |name: &str| args.names.is_empty() || args.names.iter().any(|part| name.contains(part.as_str()));
     let mut rows: Vec<(&Entry, Row)> =

@@ -1,4 +1,4 @@
-//! How a subject is measured: one round is a pair of ends made anew, cameras, frames one at a time, frames without a pause.
+//! How a subject is measured: one round is a pair of ends made anew, poses, frames one at a time, frames without a pause.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -15,17 +15,17 @@ use tokio::runtime::{Builder, Runtime};
 use crate::ALLOCATOR;
 use crate::row::{Round, Row};
 
-/// How many ids a frame has.
-pub(crate) const IDS: u32 = 4000;
+/// How many points a frame has.
+pub(crate) const POINTS: u32 = 4000;
 /// How many frames may be under way without an answer.
 const WINDOW: u32 = 4;
-/// Cameras and frames before anything counts.
+/// Poses and frames before anything counts.
 const WARM_UP: u32 = 50;
 
 /// What a round is made of.
 #[derive(Clone, Copy)]
 pub(crate) struct Plan {
-    pub(crate) cameras: u32,
+    pub(crate) poses: u32,
     pub(crate) frames: u32,
     /// Each end is a thread beside a worker of its runtime, as in a role, and goes where it likes.
     pub(crate) as_roles: bool,
@@ -33,7 +33,7 @@ pub(crate) struct Plan {
     pub(crate) block_on: bool,
 }
 
-/// A way to send cameras and frames of ids between two threads.
+/// A way to send poses and frames of points between two threads.
 pub(crate) trait Subject: Send + Sync + 'static {
     type Near: Near;
     type Far: Far;
@@ -49,10 +49,10 @@ pub(crate) trait Subject: Send + Sync + 'static {
 /// The end that sends.
 pub(crate) trait Near {
     /// Sends 72 bytes that carry `number`.
-    fn camera(&mut self, number: u32) -> impl Future<Output = Result<()>> + Send;
-    /// Sends a frame of [`IDS`] ids.
+    fn pose(&mut self, number: u32) -> impl Future<Output = Result<()>> + Send;
+    /// Sends a frame of [`POINTS`] points.
     fn frame(&mut self, number: u32) -> impl Future<Output = Result<()>> + Send;
-    /// Waits for the next answer: the number of the camera or frame. Later ones may replace earlier ones.
+    /// Waits for the next answer: the number of the pose or frame. Later ones may replace earlier ones.
     fn answer(&mut self) -> impl Future<Output = Result<u32>> + Send;
     /// Ends the other end's service.
     fn close(self) -> impl Future<Output = Result<()>> + Send;
@@ -60,7 +60,7 @@ pub(crate) trait Near {
 
 /// The end that answers.
 pub(crate) trait Far {
-    /// Answers each camera, and each frame once its last id is there, with 72 bytes; frames are told to `arrivals` before. Ends
+    /// Answers each pose, and each frame once its last point is there, with 72 bytes; frames are told to `arrivals` before. Ends
     /// when the other end has closed.
     fn serve(self, arrivals: Arc<Arrivals>) -> impl Future<Output = Result<()>> + Send;
 }
@@ -81,9 +81,9 @@ impl Arrivals {
     }
 }
 
-/// What one round measured: each camera and each frame, and the round.
+/// What one round measured: each pose and each frame, and the round.
 struct Measured {
-    cameras: Histogram<u64>,
+    poses: Histogram<u64>,
     frames: Histogram<u64>,
     round: Round,
 }
@@ -148,7 +148,7 @@ fn on_two_threads<S: Subject>(
     });
     let measured = client.map_err(|_| anyhow::anyhow!("the near end panicked"))?.context("near end")?;
     server.map_err(|_| anyhow::anyhow!("the far end panicked"))?.context("far end")?;
-    row.there_and_back.add(&measured.cameras)?;
+    row.there_and_back.add(&measured.poses)?;
     row.frame.add(&measured.frames)?;
     row.rounds.push(measured.round);
     Ok(())
@@ -158,23 +158,23 @@ async fn drive<N: Near>(mut near: N, plan: Plan, arrivals: Arc<Arrivals>) -> Res
     let mut number = 0;
     for _ in 0..WARM_UP {
         number += 1;
-        near.camera(number).await?;
+        near.pose(number).await?;
         until(&mut near, number).await?;
         number += 1;
         near.frame(number).await?;
         until(&mut near, number).await?;
     }
 
-    let (mut cameras, mut frames) = (Histogram::<u64>::new(3)?, Histogram::<u64>::new(3)?);
+    let (mut poses, mut frames) = (Histogram::<u64>::new(3)?, Histogram::<u64>::new(3)?);
     let heap = Region::new(ALLOCATOR);
-    for _ in 0..plan.cameras {
+    for _ in 0..plan.poses {
         number += 1;
         let start = arrivals.now();
-        near.camera(number).await?;
+        near.pose(number).await?;
         until(&mut near, number).await?;
-        cameras.record(arrivals.now() - start)?;
+        poses.record(arrivals.now() - start)?;
     }
-    let allocations_a_camera = heap.change().allocations as f64 / f64::from(plan.cameras);
+    let allocations_a_pose = heap.change().allocations as f64 / f64::from(plan.poses);
 
     let (heap, cpu) = (Region::new(ALLOCATOR), ProcessTime::now());
     for _ in 0..plan.frames {
@@ -198,19 +198,19 @@ async fn drive<N: Near>(mut near: N, plan: Plan, arrivals: Arc<Arrivals>) -> Res
     while answered != number {
         answered = near.answer().await?;
     }
-    let ids_a_second = f64::from(plan.frames * IDS) / start.elapsed().as_secs_f64();
+    let ids_a_second = f64::from(plan.frames * POINTS) / start.elapsed().as_secs_f64();
 
     near.close().await?;
 
     let round = Round {
-        camera_p50: cameras.value_at_quantile(0.5) as f64,
+        pose_p50: poses.value_at_quantile(0.5) as f64,
         frame_p50: frames.value_at_quantile(0.5) as f64,
         cpu_a_frame,
-        allocations_a_camera,
+        allocations_a_pose,
         allocations_a_frame,
         ids_a_second,
     };
-    Ok(Measured { cameras, frames, round })
+    Ok(Measured { poses, frames, round })
 }
 
 async fn until(near: &mut impl Near, number: u32) -> Result<()> {

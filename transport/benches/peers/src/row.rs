@@ -13,10 +13,10 @@ pub(crate) struct Row {
 /// Of one round: nanoseconds, counts.
 #[derive(Clone, Copy)]
 pub(crate) struct Round {
-    pub(crate) camera_p50: f64,
+    pub(crate) pose_p50: f64,
     pub(crate) frame_p50: f64,
     pub(crate) cpu_a_frame: f64,
-    pub(crate) allocations_a_camera: f64,
+    pub(crate) allocations_a_pose: f64,
     pub(crate) allocations_a_frame: f64,
     pub(crate) ids_a_second: f64,
 }
@@ -30,18 +30,18 @@ impl Default for Row {
 
 impl Row {
     pub(crate) const HEADER: &str = "\
-                          | camera there and back, us                  | frame of 4,000 ids, us             | CPU us  | allocations     | M ids
-                          |    p50 (of rounds)       p99      p99.9     |     p50 (of rounds)         p99    | a frame | camera    frame | a second";
+                          | pose there and back, us                  | frame of 4,000 points, us             | CPU us  | allocations     | M points
+                          |    p50 (of rounds)       p99      p99.9     |     p50 (of rounds)         p99    | a frame | pose    frame | a second";
 
     pub(crate) fn line(&self, name: &str) -> String {
         let us = |nanoseconds: f64| nanoseconds / 1e3;
-        let (camera, frame) = (self.of(|r| us(r.camera_p50)), self.of(|r| us(r.frame_p50)));
+        let (pose, frame) = (self.of(|r| us(r.pose_p50)), self.of(|r| us(r.frame_p50)));
         let quantile = |h: &Histogram<u64>, q: f64| us(h.value_at_quantile(q) as f64);
         format!(
             "{name:<26}| {:>6.2} ({:>6.2}-{:>6.2}) {:>8.1} {:>10.1}   | {:>7.1} ({:>6.1}-{:>6.1}) {:>8.1} | {:>7.1} | {:>6.2} {:>8.2} | {:>6.1}",
-            camera.median,
-            camera.least,
-            camera.most,
+            pose.median,
+            pose.least,
+            pose.most,
             quantile(&self.there_and_back, 0.99),
             quantile(&self.there_and_back, 0.999),
             frame.median,
@@ -49,7 +49,7 @@ impl Row {
             frame.most,
             quantile(&self.frame, 0.99),
             self.of(|r| us(r.cpu_a_frame)).median,
-            self.of(|r| r.allocations_a_camera).median,
+            self.of(|r| r.allocations_a_pose).median,
             self.of(|r| r.allocations_a_frame).median,
             self.of(|r| r.ids_a_second / 1e6).median,
         )
@@ -60,13 +60,13 @@ impl Row {
         json!({
             "name": name,
             "rounds": self.rounds.len(),
-            "camera_p50_ns": self.of(|r| r.camera_p50).median,
-            "camera_p99_ns": self.there_and_back.value_at_quantile(0.99),
-            "camera_p999_ns": self.there_and_back.value_at_quantile(0.999),
+            "pose_p50_ns": self.of(|r| r.pose_p50).median,
+            "pose_p99_ns": self.there_and_back.value_at_quantile(0.99),
+            "pose_p999_ns": self.there_and_back.value_at_quantile(0.999),
             "frame_p50_ns": self.of(|r| r.frame_p50).median,
             "frame_p99_ns": self.frame.value_at_quantile(0.99),
             "cpu_a_frame_ns": self.of(|r| r.cpu_a_frame).median,
-            "allocations_a_camera": self.of(|r| r.allocations_a_camera).median,
+            "allocations_a_pose": self.of(|r| r.allocations_a_pose).median,
             "allocations_a_frame": self.of(|r| r.allocations_a_frame).median,
             "ids_a_second": self.of(|r| r.ids_a_second).median,
         })

@@ -39,7 +39,7 @@ impl LatestRx {
     pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<FixedBytes>, LaneError> {
         let connection = self.carrier.connection.clone();
         match self.poll_latest(&connection, pin!(connection.read_datagram()), shared, &mut noop()) {
-            Poll::Ready(camera) => camera.map(Some),
+            Poll::Ready(value) => value.map(Some),
             Poll::Pending => Ok(None),
         }
     }
@@ -53,8 +53,8 @@ impl LatestRx {
         let connection = self.carrier.connection.clone();
         // What rings for a datagram is this future, so it lives as long as the wait.
         let mut datagram = pin!(connection.read_datagram());
-        let camera = poll_fn(|cx| self.poll_latest(&connection, datagram.as_mut(), shared, cx));
-        patience.wait(by, camera).await.map_err(LaneError::Expired)?
+        let value = poll_fn(|cx| self.poll_latest(&connection, datagram.as_mut(), shared, cx));
+        patience.wait(by, value).await.map_err(LaneError::Expired)?
     }
 
     #[cfg(test)]
@@ -92,7 +92,7 @@ impl LatestRx {
             Poll::Pending => None,
         };
         match (self.newest.take(), end.or(lost.map(|e| LaneError::Lost(loss(e))))) {
-            (Some(camera), _) => Poll::Ready(Ok(camera)),
+            (Some(value), _) => Poll::Ready(Ok(value)),
             (None, Some(end)) => Poll::Ready(Err(end)),
             (None, None) => Poll::Pending,
         }

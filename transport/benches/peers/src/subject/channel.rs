@@ -1,11 +1,11 @@
-//! The floor of links within a process: tokio's channels, a copy of the ids shared.
+//! The floor of links within a process: tokio's channels, a copy of the points shared.
 
 use std::sync::{Arc, Mutex, mpsc};
 
 use anyhow::{Context, Result, bail};
 use tokio::sync::mpsc::{Receiver, Sender, channel};
 
-use super::{camera, frame, number};
+use super::{pose, frame, number};
 use crate::measure::{Arrivals, Far, Near, Subject};
 
 /// Two channels between threads.
@@ -13,14 +13,14 @@ pub(crate) struct Channels;
 
 #[derive(Debug)]
 pub(crate) enum Message {
-    Camera([u8; 72]),
+    Pose([u8; 72]),
     Frame(u32, Arc<[u8]>),
 }
 
 pub(crate) struct End {
     to: Sender<Message>,
     from: Receiver<Message>,
-    ids: Arc<[u8]>,
+    points: Arc<[u8]>,
 }
 
 static OTHER: Mutex<Option<End>> = Mutex::new(None);
@@ -31,11 +31,11 @@ impl Subject for Channels {
 
     async fn near(&self, whereabouts: mpsc::Sender<String>) -> Result<End> {
         let ((to, there), (back, from)) = (channel(64), channel(64));
-        let ids: Arc<[u8]> = frame(0).into();
+        let points: Arc<[u8]> = frame(0).into();
         *OTHER.lock().map_err(|_| anyhow::anyhow!("poisoned"))? =
-            Some(End { to: back, from: there, ids: ids.clone() });
+            Some(End { to: back, from: there, points: points.clone() });
         whereabouts.send(String::new())?;
-        Ok(End { to, from, ids })
+        Ok(End { to, from, points })
     }
 
     async fn far(&self, _: &str) -> Result<End> {
@@ -44,17 +44,17 @@ impl Subject for Channels {
 }
 
 impl Near for End {
-    async fn camera(&mut self, number: u32) -> Result<()> {
-        Ok(self.to.send(Message::Camera(camera(number))).await?)
+    async fn pose(&mut self, number: u32) -> Result<()> {
+        Ok(self.to.send(Message::Pose(pose(number))).await?)
     }
 
     async fn frame(&mut self, number: u32) -> Result<()> {
-        Ok(self.to.send(Message::Frame(number, self.ids.clone())).await?)
+        Ok(self.to.send(Message::Frame(number, self.points.clone())).await?)
     }
 
     async fn answer(&mut self) -> Result<u32> {
         match self.from.recv().await.context("ended")? {
-            Message::Camera(bytes) => number(&bytes),
+            Message::Pose(bytes) => number(&bytes),
             Message::Frame(..) => bail!("a frame as an answer"),
         }
     }
@@ -68,14 +68,14 @@ impl Far for End {
     async fn serve(mut self, arrivals: Arc<Arrivals>) -> Result<()> {
         while let Some(message) = self.from.recv().await {
             let answer = match message {
-                Message::Camera(bytes) => bytes,
-                Message::Frame(number, ids) => {
-                    std::hint::black_box(&ids);
+                Message::Pose(bytes) => bytes,
+                Message::Frame(number, points) => {
+                    std::hint::black_box(&points);
                     arrivals.mark();
-                    camera(number)
+                    pose(number)
                 }
             };
-            self.to.send(Message::Camera(answer)).await?;
+            self.to.send(Message::Pose(answer)).await?;
         }
         Ok(())
     }

@@ -10,7 +10,7 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::*;
 
-use super::{CAMERA, camera, frame, number};
+use super::{POSE, pose, frame, number};
 use crate::measure::{Arrivals, Far, Near, Subject};
 
 /// Two services in shared memory, one a direction.
@@ -94,7 +94,7 @@ impl End {
 
     fn answer_all(&mut self, arrivals: &Arrivals) -> Result<()> {
         loop {
-            let (number, is_frame) = self.receive(|bytes| (number(bytes), bytes.len() > CAMERA))?;
+            let (number, is_frame) = self.receive(|bytes| (number(bytes), bytes.len() > POSE))?;
             let number = number?;
             if number == u32::MAX {
                 return Ok(());
@@ -102,7 +102,7 @@ impl End {
             if is_frame {
                 arrivals.mark();
             }
-            self.send(&camera(number))?;
+            self.send(&pose(number))?;
         }
     }
 }
@@ -121,15 +121,15 @@ impl Subject for SharedMemory {
 
     async fn far(&self, _: &str) -> Result<End> {
         let end = End::open("far", "near", self.events)?;
-        end.send(&camera(0))?;
+        end.send(&pose(0))?;
         Ok(end)
     }
 }
 
 /// All of it is done at once, on the thread that asks.
 impl Near for End {
-    fn camera(&mut self, number: u32) -> impl Future<Output = Result<()>> + Send {
-        ready(self.send(&camera(number)))
+    fn pose(&mut self, number: u32) -> impl Future<Output = Result<()>> + Send {
+        ready(self.send(&pose(number)))
     }
 
     fn frame(&mut self, number: u32) -> impl Future<Output = Result<()>> + Send {
@@ -142,7 +142,7 @@ impl Near for End {
     }
 
     fn close(self) -> impl Future<Output = Result<()>> + Send {
-        ready(self.send(&camera(u32::MAX)))
+        ready(self.send(&pose(u32::MAX)))
     }
 }
 

@@ -1,18 +1,53 @@
-//! Links: cameras and answers on the latest lane, frames on the frames lane.
+//! Links: poses and answers on the latest lane, frames on the frames lane.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
 use anyhow::Result;
-use trimaran_proto::{
-    Camera, DrawableId, FrameEvent, FrameNumber, FrameOutcome, FrameStart, Goodbye, IdCoding, Identity, Role,
-    SceneHash,
-};
 use trimaran_transport::keys::{Keys, Security};
-use trimaran_transport::{Endpoint, Link, Listener, Net, Options, TokioNet, connect};
+use trimaran_transport::{
+    CloseReason, Endpoint, Fixed, FrameEvent, FrameNumber, FrameOutcome, FrameStart, Link, Listener, Net, Options,
+    Protocol, TokioNet, connect,
+};
 
-use crate::measure::{Arrivals, Far, IDS, Near, Subject};
+use super::{POSE, number, pose};
+
+use crate::measure::{Arrivals, Far, POINTS, Near, Subject};
+
+/// Poses of 72 bytes, frames of points.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Peers;
+
+impl Protocol for Peers {
+    const NAME: &'static str = "peers/1";
+    type Hello = String;
+    type Latest = Pose;
+    type Header = Pose;
+    type Item = u32;
+    type Note = ();
+
+    fn name(hello: &String) -> String {
+        hello.clone()
+    }
+}
+
+/// A number and zeros.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Pose(u32);
+
+impl Fixed for Pose {
+    const SIZE: usize = POSE;
+    type Error = std::io::Error;
+
+    fn write(&self, out: &mut [u8]) {
+        out.copy_from_slice(&pose(self.0));
+    }
+
+    fn read(bytes: &[u8]) -> std::io::Result<Self> {
+        number(bytes).map(Self).map_err(std::io::Error::other)
+    }
+}
 
 /// A link over one of the transports.
 pub(crate) struct Linked {
@@ -48,7 +83,6 @@ impl Linked {
         let (near, far) = (Keys::generate("near".parse()?)?, Keys::generate("far".parse()?)?);
         let options = |own: &Keys, other: &Keys| {
             let mut options = Options::default();
-            options.link.coding = IdCoding::Plain;
             options.security = Some(Security { keys: own.clone(), peers: vec![other.public().clone().into()] });
             options
         };
@@ -57,22 +91,14 @@ impl Linked {
 }
 
 pub(crate) struct End {
-    link: Link,
-    ids: Vec<DrawableId>,
+    link: Link<Peers>,
+    points: Vec<u32>,
 }
 
 impl End {
-    fn new(link: Link) -> Self {
-        Self { link, ids: (0..IDS).map(DrawableId).collect() }
+    fn new(link: Link<Peers>) -> Self {
+        Self { link, points: (0..POINTS).collect() }
     }
-}
-
-fn identity(role: Role) -> Identity {
-    Identity { role, scene: SceneHash(1), settings: None }
-}
-
-fn camera(number: u32) -> Result<Camera> {
-    Ok(Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(number))?)
 }
 
 impl Subject for Linked {
@@ -82,7 +108,7 @@ impl Subject for Linked {
     async fn near(&self, whereabouts: mpsc::Sender<String>) -> Result<End> {
         let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
         let deadline = net.now().after(Duration::from_secs(10));
-        let mut listener = Listener::bind(&net, &self.endpoint, identity(Role::SwitchA), &self.near).await?;
+        let mut listener = Listener::bind(&net, &self.endpoint, "near".to_owned(), &self.near).await?;
         whereabouts.send(listener.local_endpoint().to_string())?;
         Ok(End::new(listener.accept(deadline).await?))
     }
@@ -90,46 +116,46 @@ impl Subject for Linked {
     async fn far(&self, whereabouts: &str) -> Result<End> {
         let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
         let deadline = net.now().after(Duration::from_secs(10));
-        let link = connect(&net, &whereabouts.parse()?, identity(Role::Display), &self.far, deadline).await?;
+        let link = connect(&net, &whereabouts.parse()?, "far".to_owned(), &self.far, deadline).await?;
         Ok(End::new(link))
     }
 }
 
 impl Near for End {
-    async fn camera(&mut self, number: u32) -> Result<()> {
-        Ok(self.link.latest_tx.publish(camera(number)?)?)
+    async fn pose(&mut self, number: u32) -> Result<()> {
+        Ok(self.link.latest_tx.publish(Pose(number))?)
     }
 
     async fn frame(&mut self, number: u32) -> Result<()> {
         let frames = &mut self.link.frames_tx;
-        frames.begin(FrameStart { frame: FrameNumber(number), camera: camera(number)? }).await?;
-        frames.push(&self.ids).await?;
+        frames.begin(FrameStart { frame: FrameNumber(number), header: Pose(number) }).await?;
+        frames.push(&self.points).await?;
         frames.finish().await?;
         Ok(())
     }
 
     async fn answer(&mut self) -> Result<u32> {
-        Ok(self.link.latest_rx.latest().await?.frame().0)
+        Ok(self.link.latest_rx.latest().await?.0)
     }
 
     async fn close(self) -> Result<()> {
-        self.link.goodbye(Goodbye::Finished).await?;
+        self.link.goodbye(CloseReason::new(0, "all is measured")).await?;
         Ok(())
     }
 }
 
 /// Looks at what a frame brought; the number of a frame that has ended.
-fn ended(event: FrameEvent) -> Option<FrameNumber> {
+fn ended(event: FrameEvent<Peers>) -> Option<FrameNumber> {
     match event {
-        FrameEvent::Ids(ids) => {
-            for id in ids.iter() {
-                std::hint::black_box(id);
+        FrameEvent::Batch(points) => {
+            for point in points.iter() {
+                std::hint::black_box(point);
             }
             None
         }
         FrameEvent::End(FrameOutcome::Complete(end)) => Some(end.frame),
         FrameEvent::End(FrameOutcome::Incomplete { frame, .. }) => Some(frame),
-        FrameEvent::Begin(_) | FrameEvent::Stats(_) => None,
+        FrameEvent::Begin(_) | FrameEvent::Note(_) => None,
     }
 }
 
@@ -137,14 +163,14 @@ impl Far for End {
     async fn serve(mut self, arrivals: Arc<Arrivals>) -> Result<()> {
         loop {
             tokio::select! {
-                camera = self.link.latest_rx.latest() => match camera {
-                    Ok(camera) => self.link.latest_tx.publish(camera)?,
+                pose = self.link.latest_rx.latest() => match pose {
+                    Ok(pose) => self.link.latest_tx.publish(pose)?,
                     Err(_) => break,
                 },
                 event = self.link.frames_rx.recv() => match event.map(ended) {
                     Ok(Some(frame)) => {
                         arrivals.mark();
-                        self.link.latest_tx.publish(camera(frame.0)?)?;
+                        self.link.latest_tx.publish(Pose(frame.0))?;
                     }
                     Ok(None) => {}
                     Err(_) => break,
@@ -152,7 +178,7 @@ impl Far for End {
             }
         }
         // Both leave: the other end waits for it.
-        let _gone_first = self.link.goodbye(Goodbye::Finished).await;
+        let _gone_first = self.link.goodbye(CloseReason::new(0, "all is measured")).await;
         Ok(())
     }
 }
@@ -182,8 +208,8 @@ impl Subject for Polled {
 }
 
 impl Near for PolledEnd {
-    async fn camera(&mut self, number: u32) -> Result<()> {
-        self.0.camera(number).await
+    async fn pose(&mut self, number: u32) -> Result<()> {
+        self.0.pose(number).await
     }
 
     async fn frame(&mut self, number: u32) -> Result<()> {
@@ -192,8 +218,8 @@ impl Near for PolledEnd {
 
     async fn answer(&mut self) -> Result<u32> {
         loop {
-            if let Some(camera) = self.0.link.latest_rx.try_latest()? {
-                return Ok(camera.frame().0);
+            if let Some(pose) = self.0.link.latest_rx.try_latest()? {
+                return Ok(pose.0);
             }
             std::hint::spin_loop();
         }
@@ -209,7 +235,7 @@ impl Far for PolledEnd {
         let mut link = self.0.link;
         loop {
             match link.latest_rx.try_latest() {
-                Ok(Some(camera)) => link.latest_tx.publish(camera)?,
+                Ok(Some(pose)) => link.latest_tx.publish(pose)?,
                 Ok(None) => {}
                 Err(_) => break,
             }
@@ -217,14 +243,14 @@ impl Far for PolledEnd {
                 Ok(Some(event)) => {
                     if let Some(frame) = ended(event) {
                         arrivals.mark();
-                        link.latest_tx.publish(camera(frame.0)?)?;
+                        link.latest_tx.publish(Pose(frame.0))?;
                     }
                 }
                 Ok(None) => std::hint::spin_loop(),
                 Err(_) => break,
             }
         }
-        let _gone_first = link.goodbye(Goodbye::Finished).await;
+        let _gone_first = link.goodbye(CloseReason::new(0, "all is measured")).await;
         Ok(())
     }
 }

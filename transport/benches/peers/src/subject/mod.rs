@@ -11,21 +11,21 @@ pub(crate) mod zenoh;
 
 use anyhow::{Context, Result};
 
-use crate::measure::IDS;
+use crate::measure::POINTS;
 
-/// How long a camera is.
-pub(crate) const CAMERA: usize = 72;
+/// How long a pose is.
+pub(crate) const POSE: usize = 72;
 
 /// 72 bytes that carry `number`.
-pub(crate) fn camera(number: u32) -> [u8; CAMERA] {
-    let mut bytes = [0; CAMERA];
+pub(crate) fn pose(number: u32) -> [u8; POSE] {
+    let mut bytes = [0; POSE];
     bytes[..4].copy_from_slice(&number.to_le_bytes());
     bytes
 }
 
-/// A frame's bytes: its number, then its ids.
+/// A frame's bytes: its number, then its points.
 pub(crate) fn frame(number: u32) -> Vec<u8> {
-    std::iter::once(number).chain(0..IDS).flat_map(u32::to_le_bytes).collect()
+    std::iter::once(number).chain(0..POINTS).flat_map(u32::to_le_bytes).collect()
 }
 
 /// The number that `bytes` begin with.

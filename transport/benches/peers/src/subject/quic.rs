@@ -1,8 +1,8 @@
-//! The floor of links over QUIC: quinn as it is, cameras in datagrams, a stream a frame.
+//! The floor of links over QUIC: quinn as it is, poses in datagrams, a stream a frame.
 //!
-//! Both encrypt with the same ciphers (rustls on ring, the first that both sides have), and what else matters to a camera or a frame on a path that loses
+//! Both encrypt with the same ciphers (rustls on ring, the first that both sides have), and what else matters to a pose or a frame on a path that loses
 //! nothing is quinn's default in both: congestion control, acknowledgements, pacing, segmentation. A link is quinn over its own sockets, with
-//! larger buffers, numbers its cameras, copies the last one, hashes ids, and waits with an end to its patience: that is what the difference costs.
+//! larger buffers, numbers its poses, copies the last one, hashes points, and waits with an end to its patience: that is what the difference costs.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, mpsc};
@@ -13,7 +13,7 @@ use quinn::crypto::rustls::QuicClientConfig;
 use quinn::{ClientConfig, Connection, Endpoint, ServerConfig};
 use rustls::pki_types::{CertificateDer, PrivatePkcs8KeyDer};
 
-use super::{camera, frame, number};
+use super::{pose, frame, number};
 use crate::measure::{Arrivals, Far, Near, Subject};
 
 const MAX_FRAME: usize = 1 << 20;
@@ -67,8 +67,8 @@ impl Subject for Bare {
 }
 
 impl Near for End {
-    async fn camera(&mut self, number: u32) -> Result<()> {
-        Ok(self.connection.send_datagram(Bytes::copy_from_slice(&camera(number)))?)
+    async fn pose(&mut self, number: u32) -> Result<()> {
+        Ok(self.connection.send_datagram(Bytes::copy_from_slice(&pose(number)))?)
     }
 
     async fn frame(&mut self, number: u32) -> Result<()> {
@@ -93,15 +93,15 @@ impl Far for End {
     async fn serve(self, arrivals: Arc<Arrivals>) -> Result<()> {
         loop {
             let answer = tokio::select! {
-                camera = self.connection.read_datagram() => match camera {
-                    Ok(camera) => camera,
+                pose = self.connection.read_datagram() => match pose {
+                    Ok(pose) => pose,
                     Err(_) => return Ok(()),
                 },
                 stream = self.connection.accept_uni() => {
                     let Ok(mut stream) = stream else { return Ok(()) };
                     let bytes = stream.read_to_end(MAX_FRAME).await?;
                     arrivals.mark();
-                    Bytes::copy_from_slice(&camera(number(&bytes)?))
+                    Bytes::copy_from_slice(&pose(number(&bytes)?))
                 }
             };
             self.connection.send_datagram(answer)?;

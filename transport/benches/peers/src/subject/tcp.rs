@@ -6,7 +6,7 @@ use anyhow::Result;
 use tokio::io::{AsyncReadExt, AsyncWriteExt, BufReader};
 use tokio::net::{TcpListener, TcpStream};
 
-use super::{CAMERA, camera, frame, number};
+use super::{POSE, pose, frame, number};
 use crate::measure::{Arrivals, Far, Near, Subject};
 
 /// A TCP connection.
@@ -26,10 +26,10 @@ impl End {
         Ok(Self { stream: BufReader::with_capacity(64 * 1024, stream), frame: bytes })
     }
 
-    async fn send_camera(&mut self, number: u32) -> Result<()> {
-        let mut bytes = [0; 4 + CAMERA];
-        bytes[..4].copy_from_slice(&(CAMERA as u32).to_le_bytes());
-        bytes[4..].copy_from_slice(&camera(number));
+    async fn send_pose(&mut self, number: u32) -> Result<()> {
+        let mut bytes = [0; 4 + POSE];
+        bytes[..4].copy_from_slice(&(POSE as u32).to_le_bytes());
+        bytes[4..].copy_from_slice(&pose(number));
         Ok(self.stream.write_all(&bytes).await?)
     }
 }
@@ -50,8 +50,8 @@ impl Subject for Bare {
 }
 
 impl Near for End {
-    async fn camera(&mut self, number: u32) -> Result<()> {
-        self.send_camera(number).await
+    async fn pose(&mut self, number: u32) -> Result<()> {
+        self.send_pose(number).await
     }
 
     async fn frame(&mut self, number: u32) -> Result<()> {
@@ -60,7 +60,7 @@ impl Near for End {
     }
 
     async fn answer(&mut self) -> Result<u32> {
-        let mut bytes = [0; 4 + CAMERA];
+        let mut bytes = [0; 4 + POSE];
         self.stream.read_exact(&mut bytes).await?;
         number(&bytes[4..])
     }
@@ -76,10 +76,10 @@ impl Far for End {
         while let Ok(length) = self.stream.read_u32_le().await {
             bytes.resize(length as usize, 0);
             self.stream.read_exact(&mut bytes).await?;
-            if bytes.len() > CAMERA {
+            if bytes.len() > POSE {
                 arrivals.mark();
             }
-            self.send_camera(number(&bytes)?).await?;
+            self.send_pose(number(&bytes)?).await?;
         }
         Ok(())
     }

@@ -70,7 +70,7 @@ impl Subject for Parking {
 }
 
 impl Near for End {
-    async fn camera(&mut self, number: u32) -> Result<()> {
+    async fn pose(&mut self, number: u32) -> Result<()> {
         self.put(number)
     }
 

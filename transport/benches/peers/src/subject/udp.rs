@@ -5,12 +5,12 @@ use std::sync::{Arc, mpsc};
 use anyhow::{Context, Result};
 use tokio::net::UdpSocket;
 
-use super::{CAMERA, camera, frame, number};
+use super::{POSE, pose, frame, number};
 use crate::measure::{Arrivals, Far, Near, Subject};
 
 /// How much of a frame a datagram holds, behind its frame's number and its own.
 const PART: usize = 1192;
-/// In place of a datagram's number: a camera; the last of a frame; the end.
+/// In place of a datagram's number: a pose; the last of a frame; the end.
 const SINGLE: u32 = u32::MAX;
 const LAST: u32 = u32::MAX - 1;
 const END: u32 = u32::MAX - 2;
@@ -20,13 +20,13 @@ pub(crate) struct Bare;
 
 pub(crate) struct End {
     socket: UdpSocket,
-    ids: Vec<u8>,
+    points: Vec<u8>,
     datagram: Vec<u8>,
 }
 
 impl End {
     fn new(socket: UdpSocket) -> Self {
-        Self { socket, ids: frame(0), datagram: Vec::new() }
+        Self { socket, points: frame(0), datagram: Vec::new() }
     }
 
     async fn send(&mut self, number: u32, part: u32, payload: &[u8]) -> Result<()> {
@@ -68,17 +68,17 @@ impl Subject for Bare {
 }
 
 impl Near for End {
-    async fn camera(&mut self, number: u32) -> Result<()> {
-        self.send(number, SINGLE, &camera(number)[..CAMERA - 8]).await
+    async fn pose(&mut self, number: u32) -> Result<()> {
+        self.send(number, SINGLE, &pose(number)[..POSE - 8]).await
     }
 
     async fn frame(&mut self, number: u32) -> Result<()> {
-        let ids = std::mem::take(&mut self.ids);
-        let count = ids.len().div_ceil(PART);
-        for (part, bytes) in ids.chunks(PART).enumerate() {
+        let points = std::mem::take(&mut self.points);
+        let count = points.len().div_ceil(PART);
+        for (part, bytes) in points.chunks(PART).enumerate() {
             self.send(number, if part + 1 == count { LAST } else { part as u32 }, bytes).await?;
         }
-        self.ids = ids;
+        self.points = points;
         Ok(())
     }
 
@@ -97,10 +97,10 @@ impl Far for End {
             let (number, part) = self.receive().await?;
             match part {
                 END => return Ok(()),
-                SINGLE => self.camera(number).await?,
+                SINGLE => self.pose(number).await?,
                 LAST => {
                     arrivals.mark();
-                    self.camera(number).await?;
+                    self.pose(number).await?;
                 }
                 _ => {}
             }

@@ -1,4 +1,4 @@
-//! Zenoh between two peers over TCP: cameras, frames and answers each a key of their own, nothing held back to be batched.
+//! Zenoh between two peers over TCP: poses, frames and answers each a key of their own, nothing held back to be batched.
 
 use std::net::TcpListener;
 use std::sync::{Arc, mpsc};
@@ -10,7 +10,7 @@ use zenoh::qos::CongestionControl;
 use zenoh::sample::Sample;
 use zenoh::{Config, Session};
 
-use super::{camera, frame, number};
+use super::{pose, frame, number};
 use crate::measure::{Arrivals, Far, Near, Subject};
 
 /// Two zenoh sessions.
@@ -18,7 +18,7 @@ pub(crate) struct Zenoh;
 
 pub(crate) struct End {
     session: Session,
-    cameras: Publisher<'static>,
+    poses: Publisher<'static>,
     frames: Publisher<'static>,
     received: Subscriber<FifoChannelHandler<Sample>>,
     frame: Vec<u8>,
@@ -35,15 +35,15 @@ impl End {
                 .await
                 .map_err(|e| anyhow!(e))
         };
-        let (cameras, frames) =
-            (publisher(format!("{sends}/camera")).await?, publisher(format!("{sends}/frame")).await?);
+        let (poses, frames) =
+            (publisher(format!("{sends}/pose")).await?, publisher(format!("{sends}/frame")).await?);
         let received = session.declare_subscriber(format!("{receives}/**")).await.map_err(|e| anyhow!(e))?;
-        Ok(Self { session, cameras, frames, received, frame: frame(0) })
+        Ok(Self { session, poses, frames, received, frame: frame(0) })
     }
 
     /// Waits until the other end listens.
     async fn meet(&self) -> Result<()> {
-        while !self.cameras.matching_status().await.map_err(|e| anyhow!(e))?.matching() {
+        while !self.poses.matching_status().await.map_err(|e| anyhow!(e))?.matching() {
             tokio::time::sleep(std::time::Duration::from_millis(10)).await;
         }
         Ok(())
@@ -53,8 +53,8 @@ impl End {
         self.received.recv_async().await.map_err(|e| anyhow!(e))
     }
 
-    async fn send_camera(&self, number: u32) -> Result<()> {
-        self.cameras.put(camera(number).as_slice()).await.map_err(|e| anyhow!(e))
+    async fn send_pose(&self, number: u32) -> Result<()> {
+        self.poses.put(pose(number).as_slice()).await.map_err(|e| anyhow!(e))
     }
 }
 
@@ -93,8 +93,8 @@ impl Subject for Zenoh {
 }
 
 impl Near for End {
-    async fn camera(&mut self, number: u32) -> Result<()> {
-        self.send_camera(number).await
+    async fn pose(&mut self, number: u32) -> Result<()> {
+        self.send_pose(number).await
     }
 
     async fn frame(&mut self, number: u32) -> Result<()> {
@@ -107,7 +107,7 @@ impl Near for End {
     }
 
     async fn close(self) -> Result<()> {
-        self.send_camera(u32::MAX).await?;
+        self.send_pose(u32::MAX).await?;
         self.answer_to_end().await;
         self.session.close().await.map_err(|e| anyhow!(e))
     }
@@ -125,11 +125,11 @@ impl Far for End {
         loop {
             let sample = self.receive().await?;
             let bytes = sample.payload().to_bytes();
-            if bytes.len() > super::CAMERA {
+            if bytes.len() > super::POSE {
                 arrivals.mark();
             }
             let number = number(&bytes)?;
-            self.send_camera(number).await?;
+            self.send_pose(number).await?;
             if number == u32::MAX {
                 return self.session.close().await.map_err(|e| anyhow!(e));
             }

@@ -1,0 +1,260 @@
+//! How batches of [`Robot`](super::Robot) travel coded: as runs of like differences to what is expected.
+//!
+//! Expected is what stands at the same place of an earlier frame, or else the number before.
+
+use std::collections::VecDeque;
+
+use bytes::{BufMut, Bytes, BytesMut};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+use trimaran_wire::{
+    Batch, BatchDecoder, BatchEncoder, BatchError, BatchSize, CodingError, Delivery, FrameEnd, FrameNumber,
+};
+
+/// How many frames either side remembers: the sender never refers to one that the receiver has forgotten.
+const KEPT: usize = 8;
+
+/// A batch as it travels.
+#[derive(Debug, Serialize, Deserialize)]
+struct Coded {
+    /// The frame that it refers to.
+    against: Option<FrameNumber>,
+    /// Where in its own frame it begins.
+    at: u32,
+    /// Differences, wrapping, and how many points in a row have each.
+    runs: Vec<(i32, u32)>,
+}
+
+/// What is wrong with a coded batch.
+#[derive(Debug, Error)]
+enum Fault {
+    #[error("it is malformed")]
+    Malformed(#[from] postcard::Error),
+    #[error("it refers to {0}, which is not known")]
+    Unknown(FrameNumber),
+    #[error("the frame has more than {0} points")]
+    TooMany(u32),
+    #[error(transparent)]
+    Batch(#[from] BatchError),
+}
+
+/// How many points a coded batch stands for.
+pub(super) fn count(bytes: &[u8]) -> Option<usize> {
+    postcard::from_bytes::<Coded>(bytes).ok().map(|coded| coded.count() as usize)
+}
+
+impl Coded {
+    fn count(&self) -> u64 {
+        self.runs.iter().map(|(_, count)| u64::from(*count)).sum()
+    }
+}
+
+/// Frames that are over, and the open one.
+#[derive(Debug, Default)]
+struct Frames {
+    kept: VecDeque<(FrameNumber, Vec<u32>)>,
+    open: Vec<u32>,
+}
+
+impl Frames {
+    fn get(&self, number: FrameNumber) -> Option<&[u32]> {
+        self.kept.iter().find(|(kept, _)| *kept == number).map(|(_, points)| points.as_slice())
+    }
+
+    /// Keeps the open frame if all of it is there, in place of the oldest.
+    fn end(&mut self, end: &FrameEnd) {
+        if self.open.len() == end.items as usize {
+            let oldest = if self.kept.len() == KEPT { self.kept.pop_back() } else { None };
+            let next = oldest.map(|(_, points)| points).unwrap_or_default();
+            self.kept.push_front((end.frame, std::mem::replace(&mut self.open, next)));
+        }
+    }
+}
+
+#[derive(Debug)]
+pub(super) struct Encoder {
+    delivery: Delivery,
+    frames: Frames,
+    /// The newest frame that the receiver has for certain.
+    reference: Option<FrameNumber>,
+}
+
+impl Encoder {
+    pub(super) fn new(delivery: Delivery) -> Self {
+        Self { delivery, frames: Frames::default(), reference: None }
+    }
+}
+
+impl BatchEncoder<u32> for Encoder {
+    fn begin(&mut self, _: FrameNumber) {
+        self.frames.open.clear();
+    }
+
+    fn encode(&mut self, batch: &Batch<u32>) -> Option<Bytes> {
+        let at = self.frames.open.len();
+        let earlier = self.reference.and_then(|number| self.frames.get(number));
+        let against = self.reference.filter(|_| earlier.is_some());
+        let (mut runs, mut last) = (Vec::<(i32, u32)>::new(), 0);
+        for (place, point) in (at..).zip(batch.iter()) {
+            let expected = earlier.and_then(|points| points.get(place)).copied().unwrap_or(last);
+            let difference = point.wrapping_sub(expected) as i32;
+            match runs.last_mut() {
+                Some((same, count)) if *same == difference => *count += 1,
+                _ => runs.push((difference, 1)),
+            }
+            last = point;
+        }
+        self.frames.open.extend(batch.iter());
+        let coded = Coded { against, at: at.try_into().ok()?, runs };
+        let bytes = postcard::to_stdvec(&coded).ok()?;
+        (bytes.len() < batch.as_bytes().len()).then(|| bytes.into())
+    }
+
+    fn end(&mut self, end: &FrameEnd) {
+        self.frames.end(end);
+        if self.delivery == Delivery::Ordered {
+            self.reference = Some(end.frame);
+        }
+    }
+
+    fn confirmed(&mut self, frame: FrameNumber) {
+        self.reference = Some(frame);
+    }
+}
+
+#[derive(Debug)]
+pub(super) struct Decoder {
+    max_items: u32,
+    frames: Frames,
+}
+
+impl Decoder {
+    pub(super) fn new(max_items: u32) -> Self {
+        Self { max_items, frames: Frames::default() }
+    }
+
+    fn read(&mut self, bytes: &[u8]) -> Result<Batch<u32>, Fault> {
+        let coded: Coded = postcard::from_bytes(bytes)?;
+        let count = coded.count();
+        if count + self.frames.open.len() as u64 > self.max_items.into() {
+            return Err(Fault::TooMany(self.max_items));
+        }
+        if count > BatchSize::MAX.items() as u64 {
+            return Err(BatchError { bytes: count as usize * 4, item: 4 }.into());
+        }
+        let earlier = match coded.against {
+            Some(number) => self.frames.get(number).ok_or(Fault::Unknown(number))?,
+            None => &[],
+        };
+        let differences = coded.runs.iter().flat_map(|(difference, count)| (0..*count).map(|_| *difference));
+        let (mut plain, mut last) = (BytesMut::with_capacity(count as usize * 4), 0);
+        for (place, difference) in (coded.at as usize..).zip(differences) {
+            let expected = earlier.get(place).copied().unwrap_or(last);
+            last = expected.wrapping_add_signed(difference);
+            plain.put_u32_le(last);
+        }
+        let batch = Batch::new(plain.freeze())?;
+        self.frames.open.extend(batch.iter());
+        Ok(batch)
+    }
+}
+
+impl BatchDecoder<u32> for Decoder {
+    fn begin(&mut self, _: FrameNumber) {
+        self.frames.open.clear();
+    }
+
+    fn plain(&mut self, batch: &Batch<u32>) {
+        // More than a frame may have is found out by the link.
+        let room = (self.max_items as usize).saturating_sub(self.frames.open.len());
+        self.frames.open.extend(batch.iter().take(room));
+    }
+
+    fn decode(&mut self, bytes: &[u8]) -> Result<Batch<u32>, CodingError> {
+        self.read(bytes).map_err(|fault| CodingError(Box::new(fault)))
+    }
+
+    fn end(&mut self, end: &FrameEnd) {
+        self.frames.end(end);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const MOST: u32 = 100_000;
+
+    fn batch(points: &[u32]) -> Batch<u32> {
+        Batch::new(points.iter().flat_map(|point| point.to_le_bytes()).collect::<Vec<_>>().into()).unwrap()
+    }
+
+    /// Codes frames of one batch each, and reads what arrives; `confirm` says which are confirmed.
+    fn there_and_back(delivery: Delivery, frames: &[Vec<u32>], arrives: impl Fn(usize) -> bool) -> Vec<bool> {
+        let (mut encoder, mut decoder) = (Encoder::new(delivery), Decoder::new(MOST));
+        let mut coded = Vec::new();
+        for (number, points) in frames.iter().enumerate() {
+            let frame = FrameNumber(number as u32);
+            let end = FrameEnd { frame, items: points.len() as u32, hash: 0 };
+            encoder.begin(frame);
+            let sent = encoder.encode(&batch(points));
+            encoder.end(&end);
+            coded.push(sent.is_some());
+            if !arrives(number) {
+                continue;
+            }
+            decoder.begin(frame);
+            match sent {
+                Some(bytes) => {
+                    assert_eq!(count(&bytes), Some(points.len()));
+                    assert_eq!(decoder.decode(&bytes).unwrap(), batch(points));
+                }
+                None => decoder.plain(&batch(points)),
+            }
+            decoder.end(&end);
+            encoder.confirmed(frame);
+        }
+        coded
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_is_coded_is_read_though_frames_are_lost(
+            frames in prop::collection::vec(prop::collection::vec(0_u32..9, 1..50), 1..30),
+            lost in prop::collection::vec(any::<bool>(), 30),
+        ) {
+            there_and_back(Delivery::Lossy, &frames, |number| !lost[number]);
+            there_and_back(Delivery::Ordered, &frames, |_| true);
+        }
+
+        #[test]
+        fn no_bytes_make_a_frame_larger_than_it_may_be(bytes: Vec<u8>) {
+            let mut decoder = Decoder::new(10);
+            if let Ok(batch) = decoder.decode(&bytes) {
+                prop_assert!(batch.count() <= 10);
+            }
+        }
+    }
+
+    #[test]
+    fn points_in_no_order_travel_coded_only_when_they_come_again() {
+        let points: Vec<u32> = (0..100_u32).map(|n| n.wrapping_mul(n).wrapping_mul(2_654_435_761)).collect();
+        let frames = [points.clone(), points.clone(), points];
+        assert_eq!(there_and_back(Delivery::Ordered, &frames, |_| true), [false, true, true]);
+        assert_eq!(there_and_back(Delivery::Lossy, &frames, |number| number > 0), [false, false, true]);
+    }
+
+    #[test]
+    fn few_bytes_stand_for_no_more_points_than_a_frame_may_have() {
+        let all = Coded { against: None, at: 0, runs: vec![(1, u32::MAX), (0, u32::MAX)] };
+        let bytes = postcard::to_stdvec(&all).unwrap();
+        let error = Decoder::new(MOST).decode(&bytes).unwrap_err();
+        assert_eq!(error.to_string(), format!("the frame has more than {MOST} points"));
+        let unknown = Coded { against: Some(FrameNumber(3)), at: 0, runs: vec![(1, 1)] };
+        let bytes = postcard::to_stdvec(&unknown).unwrap();
+        let error = Decoder::new(MOST).decode(&bytes).unwrap_err();
+        assert_eq!(error.to_string(), "it refers to frame 3, which is not known");
+    }
+}

@@ -1,0 +1,152 @@
+//! How links end: goodbyes and deaths.
+
+use std::time::Duration;
+
+use super::talk::{batches_of, patient};
+use super::{ARM, Battery, Pairs, Robot, finished, points, pose, receive, start};
+use crate::{CloseReason, FrameEvent, FrameNumber, Link, Loss, RecvError, SendError, sleep_until};
+
+/// What was sent before a goodbye arrives before it, and the goodbye on both lanes, as often as it is asked
+/// for.
+pub async fn goodbye_comes_after_everything(pairs: &impl Pairs) {
+    let (mut arm, mut panel) = pairs.pair(patient()).await;
+    arm.latest_tx.publish(pose(1)).unwrap();
+    arm.frames_tx.begin(start(0)).await.unwrap();
+    arm.frames_tx.push(&points(5)).await.unwrap();
+    arm.frames_tx.finish().await.unwrap();
+    arm.goodbye(CloseReason::new(2, "out of memory")).await.unwrap();
+
+    assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, points(5));
+    let said = |e: RecvError| match e {
+        RecvError::Goodbye { peer, reason } if peer.as_str() == ARM => reason,
+        other => panic!("{other:?}"),
+    };
+    for _ in 0..2 {
+        assert_eq!(said(panel.frames_rx.recv().await.unwrap_err()), CloseReason::new(2, "out of memory"));
+    }
+    assert_eq!(panel.latest_rx.latest().await.unwrap(), pose(1));
+    for _ in 0..2 {
+        assert_eq!(said(panel.latest_rx.latest().await.unwrap_err()), CloseReason::new(2, "out of memory"));
+    }
+    assert_eq!(said(panel.latest_rx.try_latest().unwrap_err()), CloseReason::new(2, "out of memory"));
+    // Who leaves second finds nobody, and that is no error.
+    panel.goodbye(finished()).await.unwrap();
+}
+
+/// What was sent before a link is dropped arrives: more than may be under way at once.
+pub async fn what_was_sent_before_a_link_is_dropped_arrives(pairs: &impl Pairs) {
+    let (mut arm, mut panel) = pairs.pair(patient()).await;
+    let send = async {
+        arm.frames_tx.begin(start(0)).await.unwrap();
+        arm.frames_tx.push(&points(50_000)).await.unwrap();
+        arm.frames_tx.finish().await.unwrap();
+        arm.latest_tx.publish(pose(1)).unwrap();
+        drop(arm);
+    };
+    let ((), got) = tokio::join!(send, receive(&mut panel.frames_rx));
+    assert_eq!(got.unwrap().points, points(50_000));
+    assert_eq!(panel.latest_rx.latest().await.unwrap(), pose(1));
+}
+
+/// Who drops its link within a frame is lost, and the frame stays open.
+pub async fn death_within_a_frame_is_no_goodbye(pairs: &impl Pairs) {
+    let (mut arm, mut panel) = pairs.pair(batches_of(10)).await;
+    arm.frames_tx.begin(start(0)).await.unwrap();
+    arm.frames_tx.push(&points(25)).await.unwrap();
+    drop(arm);
+    let mut got = 0;
+    let error = loop {
+        match panel.frames_rx.recv().await {
+            Ok(FrameEvent::Begin(_)) => {}
+            Ok(FrameEvent::Batch(batch)) => got += batch.count(),
+            Ok(other) => panic!("{other:?}"),
+            Err(error) => break error,
+        }
+    };
+    assert_eq!(got, 20, "what was sent before is received");
+    assert!(
+        matches!(error, RecvError::Lost { ref peer, cause: Loss::Closed } if peer.as_str() == ARM),
+        "{error:?}"
+    );
+    assert_eq!(panel.frames_rx.open_frame(), Some(FrameNumber(0)));
+    let latest = panel.latest_rx.latest().await;
+    assert!(matches!(latest, Err(RecvError::Lost { ref peer, .. }) if peer.as_str() == ARM), "{latest:?}");
+}
+
+/// Who sends to a peer that has dropped its link learns it, on either lane.
+pub async fn a_dead_receiver_fails_the_sender(pairs: &impl Pairs) {
+    let (arm, mut panel) = pairs.pair(patient()).await;
+    panel.frames_tx.begin(start(0)).await.unwrap();
+    drop(arm.frames_rx);
+    drop(arm.frames_tx);
+    let net = pairs.net();
+    let error = loop {
+        match panel.frames_tx.push(&points(1000)).await {
+            Ok(()) => sleep_until(&*net, net.now().after(Duration::from_millis(1))).await,
+            Err(error) => break error,
+        }
+    };
+    assert!(matches!(error, SendError::Lost { ref peer, .. } if peer.as_str() == ARM), "{error:?}");
+    drop((arm.latest_rx, arm.latest_tx));
+    let error = loop {
+        match panel.latest_tx.publish(pose(1)) {
+            Ok(()) => sleep_until(&*net, net.now().after(Duration::from_millis(1))).await,
+            Err(error) => break error,
+        }
+    };
+    assert!(matches!(error, SendError::Lost { ref peer, .. } if peer.as_str() == ARM), "{error:?}");
+}
+
+/// Whoever dies behind whichever step of a frame, the other gets all that was before it, and then knows.
+pub async fn death_behind_every_step_of_a_frame_is_a_loss(pairs: &impl Pairs) {
+    const STEPS: usize = 5;
+    for steps in 0..=STEPS {
+        let (mut arm, mut panel) = pairs.pair(batches_of(10)).await;
+        walk(&mut arm, steps).await.unwrap();
+        drop(arm);
+        let mut got = 0;
+        let lost = loop {
+            match panel.frames_rx.recv().await {
+                Ok(_) => got += 1,
+                Err(error) => break error,
+            }
+        };
+        assert_eq!(got, steps, "a message a step");
+        assert!(matches!(lost, RecvError::Lost { cause: Loss::Closed, .. }), "{steps} steps: {lost:?}");
+        assert!(matches!(panel.latest_rx.latest().await, Err(RecvError::Lost { .. })), "{steps} steps");
+    }
+    for steps in 0..=STEPS {
+        let (mut arm, mut panel) = pairs.pair(batches_of(10)).await;
+        let net = pairs.net();
+        let die = async {
+            for _ in 0..steps {
+                panel.frames_rx.recv().await.unwrap();
+            }
+            drop(panel);
+        };
+        let send = async {
+            walk(&mut arm, STEPS).await?;
+            for frame in 1.. {
+                arm.frames_tx.begin(start(frame)).await?;
+                arm.frames_tx.finish().await?;
+                sleep_until(&*net, net.now().after(Duration::from_millis(1))).await;
+            }
+            Ok(())
+        };
+        let ((), sent) = tokio::join!(die, send);
+        assert!(matches!(sent, Err(SendError::Lost { .. })), "{steps} steps: {sent:?}");
+    }
+}
+
+/// The first steps of a frame and what belongs to it.
+async fn walk(arm: &mut Link<Robot>, steps: usize) -> Result<(), SendError> {
+    for step in 0..steps {
+        match step {
+            0 => arm.frames_tx.begin(start(0)).await?,
+            1 | 2 => arm.frames_tx.push(&points(10)).await?,
+            3 => drop(arm.frames_tx.finish().await?),
+            _ => arm.frames_tx.note(&Battery { percent: 90 }).await?,
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,183 @@
+//! The frames lane: order, completeness, batches, bytes.
+
+use super::talk::{batches_of, patient};
+use super::{Battery, Overhead, PANEL, Pairs, Pose, Robot, points, pose, receive, start};
+use crate::{
+    Fixed, FrameEvent, FrameNumber, FrameOrderError, Link, LinkConfig, LinkStats, SendError, Tally, Traffic,
+};
+
+/// Frames of no points and of many arrive as they were sent, whatever fits into a batch, plain and coded.
+pub async fn frames_of_every_size_arrive_in_order(pairs: &impl Pairs) {
+    let configs = |batch| [(batch, batches_of(batch)), (batch, coded(batch))];
+    for (batch, config) in [1, 10, 256, 16_384].into_iter().flat_map(configs) {
+        let (mut arm, mut panel) = pairs.pair(config).await;
+        let sizes = [0, 1, batch - 1, batch, batch + 1, 4000, 200_000];
+        let reader = async {
+            for (frame, size) in sizes.into_iter().enumerate() {
+                let got = receive(&mut panel.frames_rx).await.unwrap();
+                assert_eq!(got.start, start(frame as u32));
+                assert_eq!(got.points, points(size), "{config:?}");
+                assert_eq!((got.end.frame, got.end.items), (FrameNumber(frame as u32), size));
+            }
+        };
+        let writer = async {
+            for (frame, size) in sizes.into_iter().enumerate() {
+                arm.frames_tx.begin(start(frame as u32)).await.unwrap();
+                for part in points(size).chunks(999) {
+                    arm.frames_tx.push(part).await.unwrap();
+                }
+                assert_eq!(arm.frames_tx.finish().await.unwrap().items, size);
+            }
+        };
+        tokio::join!(reader, writer);
+    }
+}
+
+/// How points were pushed does not tell how they travel.
+pub async fn batches_are_full_but_the_last(pairs: &impl Pairs) {
+    let (mut arm, mut panel) = pairs.pair(batches_of(10)).await;
+    arm.frames_tx.begin(start(0)).await.unwrap();
+    for part in points(47).chunks(7) {
+        arm.frames_tx.push(part).await.unwrap();
+    }
+    arm.frames_tx.finish().await.unwrap();
+    let got = receive(&mut panel.frames_rx).await.unwrap();
+    assert_eq!(got.batches, [10, 10, 10, 10, 7]);
+}
+
+/// What waits for a full batch leaves when it is asked to.
+pub async fn flush_sends_a_part_of_a_batch(pairs: &impl Pairs) {
+    let (mut arm, mut panel) = pairs.pair(batches_of(10)).await;
+    arm.frames_tx.begin(start(0)).await.unwrap();
+    arm.frames_tx.push(&points(3)).await.unwrap();
+    arm.frames_tx.flush().await.unwrap();
+    arm.frames_tx.flush().await.unwrap();
+    assert!(matches!(panel.frames_rx.recv().await.unwrap(), FrameEvent::Begin(_)));
+    let FrameEvent::Batch(batch) = panel.frames_rx.recv().await.unwrap() else { panic!("no batch") };
+    assert_eq!(batch.iter().collect::<Vec<_>>(), points(3));
+    assert_eq!(panel.frames_rx.open_frame(), Some(FrameNumber(0)));
+    arm.frames_tx.push(&points(1)).await.unwrap();
+    assert_eq!(arm.frames_tx.finish().await.unwrap().items, 4);
+}
+
+/// A sender that makes no frame learns it, and the link is as good as before.
+pub async fn frames_in_the_wrong_order_are_refused(pairs: &impl Pairs) {
+    let (mut arm, mut panel) = pairs.pair(patient()).await;
+    let order = |result: Result<(), SendError>| match result {
+        Err(SendError::Order { peer, cause }) if peer.as_str() == PANEL => cause,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(order(arm.frames_tx.push(&[1]).await), FrameOrderError::NoneOpen);
+    assert_eq!(order(arm.frames_tx.finish().await.map(|_| ())), FrameOrderError::NoneOpen);
+    arm.frames_tx.begin(start(5)).await.unwrap();
+    let (open, wanted) = (FrameNumber(5), FrameNumber(6));
+    assert_eq!(order(arm.frames_tx.begin(start(6)).await), FrameOrderError::StillOpen { open, wanted });
+    arm.frames_tx.finish().await.unwrap();
+    let not_rising = FrameOrderError::NotRising { last: FrameNumber(5), wanted: FrameNumber(5) };
+    assert_eq!(order(arm.frames_tx.begin(start(5)).await), not_rising);
+    assert_eq!(receive(&mut panel.frames_rx).await.unwrap().end.frame, FrameNumber(5));
+}
+
+/// Neither direction waits for the other.
+pub async fn both_directions_at_once(pairs: &impl Pairs) {
+    async fn talk(mut link: Link<Robot>) -> Link<Robot> {
+        let Link { frames_tx, frames_rx, .. } = &mut link;
+        let send = async {
+            for frame in 0..20 {
+                frames_tx.begin(start(frame)).await.unwrap();
+                frames_tx.push(&points(10_000)).await.unwrap();
+                frames_tx.finish().await.unwrap();
+            }
+        };
+        let receive = async {
+            for _ in 0..20 {
+                assert_eq!(receive(frames_rx).await.unwrap().points.len(), 10_000);
+            }
+        };
+        tokio::join!(send, receive);
+        link
+    }
+    let (arm, panel) = pairs.pair(patient()).await;
+    let _ends = tokio::join!(talk(arm), talk(panel));
+}
+
+/// Both sides count the same messages and bytes, and no others than were sent.
+pub async fn every_byte_is_counted(pairs: &impl Pairs) {
+    const POSE: u64 = Pose::SIZE as u64;
+    let Overhead { header_bytes, handshake, .. } = pairs.overhead();
+    let (mut arm, mut panel) = pairs.pair(batches_of(10)).await;
+    let before: LinkStats = arm.stats.read();
+    assert_eq!(before.sent.control.messages, handshake);
+    arm.frames_tx.begin(start(0)).await.unwrap();
+    arm.frames_tx.push(&points(25)).await.unwrap();
+    arm.frames_tx.finish().await.unwrap();
+    arm.latest_tx.publish(pose(0)).unwrap();
+    receive(&mut panel.frames_rx).await.unwrap();
+    panel.latest_rx.latest().await.unwrap();
+
+    let sent = (arm.stats.read() - before).sent;
+    assert_eq!(sent.begin, Tally { messages: 1, bytes: 4 + POSE });
+    assert_eq!(sent.batches, Tally { messages: 3, bytes: 100 });
+    assert_eq!(sent.items, 25);
+    assert_eq!(sent.end, Tally { messages: 1, bytes: 16 });
+    assert_eq!(sent.latest, Tally { messages: 1, bytes: POSE });
+    assert_eq!(sent.control, Tally::default());
+    assert_eq!(sent.header_bytes, 6 * header_bytes);
+    assert_eq!(sent.total_bytes(), 4 + POSE + 100 + 16 + POSE + 6 * header_bytes);
+    let received = panel.stats.read().received;
+    assert_eq!((received.begin, received.batches), (sent.begin, sent.batches));
+    assert_eq!((received.end, received.latest), (sent.end, sent.latest));
+    assert_eq!(received.control.messages, handshake);
+    assert_eq!(received.control, arm.stats.read().sent.control);
+}
+
+/// Where batches travel coded, both sides count the bytes that travelled and the points they stand for.
+pub async fn frames_alike_cost_little_when_coded(pairs: &impl Pairs) {
+    let (mut arm, mut panel) = pairs.pair(coded(256)).await;
+    // Of 4,000 points, others are hidden in each frame.
+    let visible = |frame: u32| -> Vec<u32> {
+        (0..4000).filter(|n| !(n + 3 * frame).is_multiple_of(100)).map(|n| 5 * n).collect()
+    };
+    let mut first = Traffic::default();
+    for frame in 0..10 {
+        arm.frames_tx.begin(start(frame)).await.unwrap();
+        arm.frames_tx.push(&visible(frame)).await.unwrap();
+        arm.frames_tx.finish().await.unwrap();
+        assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, visible(frame));
+        if frame == 0 {
+            first = arm.stats.read().sent;
+        }
+    }
+    let sent = arm.stats.read().sent - first;
+    assert_eq!(sent.items, 9 * 3960);
+    if pairs.overhead().coded {
+        assert!(sent.batches.bytes < 9 * 3960 * 4 / 10, "{:?}", sent.batches);
+    } else {
+        assert_eq!(sent.batches.bytes, 4 * sent.items);
+    }
+    let received = panel.stats.read().received;
+    assert_eq!(received.items, 10 * 3960);
+    assert_eq!(received.batches.bytes, sent.batches.bytes + first.batches.bytes);
+}
+
+/// Notes come between frames, in the order in which they were said, and not within a frame.
+pub async fn notes_arrive_between_frames(pairs: &impl Pairs) {
+    let (mut arm, mut panel) = pairs.pair(patient()).await;
+    for frame in 0..3 {
+        let battery = Battery { percent: 90 - frame as u8 };
+        arm.frames_tx.note(&battery).await.unwrap();
+        arm.frames_tx.begin(start(frame)).await.unwrap();
+        let within = arm.frames_tx.note(&battery).await;
+        assert!(matches!(within, Err(SendError::Order { .. })), "{within:?}");
+        arm.frames_tx.finish().await.unwrap();
+        assert_eq!(panel.frames_rx.recv().await.unwrap(), FrameEvent::Note(battery));
+        assert_eq!(receive(&mut panel.frames_rx).await.unwrap().start, start(frame));
+    }
+}
+
+/// A link whose batches travel coded.
+fn coded(points: u32) -> LinkConfig {
+    let mut config = batches_of(points);
+    config.batching.coded = true;
+    config
+}

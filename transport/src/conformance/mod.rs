@@ -1,0 +1,170 @@
+//! What every transport must do, whatever is below it: a suite of tests for whoever adds one.
+//!
+//! A transport joins by making pairs of links of the protocol [`Robot`]. Where an endpoint leads to it,
+//! [`Joined`] does that, and one line makes all the tests:
+//!
+//! ```
+//! mod tests {
+//!     use trimaran_transport::Options;
+//!     use trimaran_transport::conformance::{Joined, Overhead};
+//!
+//!     // Messages have a header of 4 bytes, and a handshake takes 2 messages in each direction.
+//!     const OVERHEAD: Overhead = Overhead { header_bytes: 4, handshake: 2, coded: true };
+//!
+//!     trimaran_transport::conformance!(Joined::at("tcp://127.0.0.1:0", Options::default(), OVERHEAD));
+//! }
+//! ```
+//!
+//! Anything else implements [`Pairs`]:
+//!
+//! ```
+//! use std::sync::Arc;
+//! use trimaran_transport::conformance::{ARM, Overhead, PANEL, Pairs, Robot, block_on, greeting};
+//! use trimaran_transport::{Link, LinkConfig, Net, TokioNet, conformance, inproc};
+//!
+//! struct InProcess;
+//!
+//! impl Pairs for InProcess {
+//!     fn overhead(&self) -> Overhead {
+//!         Overhead { header_bytes: 0, handshake: 0, coded: false }
+//!     }
+//!
+//!     async fn pair(&self, config: LinkConfig) -> (Link<Robot>, Link<Robot>) {
+//!         inproc::pair(&self.net(), greeting(ARM), greeting(PANEL), &config).unwrap()
+//!     }
+//! }
+//!
+//! // One case by itself, in a runtime of its own; `conformance!(InProcess)` makes a test of each.
+//! block_on(conformance::a_value_is_read_once(&InProcess));
+//! ```
+//!
+//! A case that fails panics, and says what it found. Whose tests run in another way, in virtual time say,
+//! gives [`conformance_cases!`](crate::conformance_cases) a macro of its own.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | `frames`, `latest`, `waiting`, `endings` | the cases |
+//! | `robot`, `coding` | the protocol that they speak |
+//! | `talk` | what its peers say, and how they meet |
+
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a check that fails panics: that is how a test fails")]
+
+mod coding;
+mod endings;
+mod frames;
+mod latest;
+mod robot;
+mod talk;
+mod waiting;
+
+use std::sync::Arc;
+
+pub use endings::*;
+pub use frames::*;
+pub use latest::*;
+pub use robot::{Battery, Greeting, Pose, PoseError, RejectionCode, Robot};
+pub use talk::{
+    ARM, GRIPPER, Joined, MAP, PANEL, Received, finished, greeting, next_event, next_pose, points, pose,
+    receive, start,
+};
+pub use waiting::*;
+
+use crate::{Link, LinkConfig, Net, TokioNet};
+
+/// Makes pairs of joined links over one transport.
+pub trait Pairs {
+    /// What the transport adds to what the peers say.
+    fn overhead(&self) -> Overhead;
+
+    /// Two links, each the other's peer: that of [`ARM`] first, which listened, then that of [`PANEL`].
+    ///
+    /// They have this configuration. What they buffer on their way is less than 64 MiB.
+    fn pair(&self, config: LinkConfig) -> impl Future<Output = (Link<Robot>, Link<Robot>)>;
+
+    /// The network whose time the links keep. By default that of the runtime under which this is called.
+    fn net(&self) -> Arc<dyn Net> {
+        Arc::new(TokioNet::current().unwrap())
+    }
+}
+
+/// What a transport adds to what the peers say, as [`LinkStats`](crate::LinkStats) counts it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Overhead {
+    /// The bytes of a message's header.
+    pub header_bytes: u64,
+    /// How many messages a handshake takes in each direction.
+    pub handshake: u64,
+    /// Whether batches travel coded where the link is configured so.
+    pub coded: bool,
+}
+
+/// Runs a case in a runtime of two threads.
+pub fn block_on(case: impl Future<Output = ()>) {
+    let mut runtime = tokio::runtime::Builder::new_multi_thread();
+    runtime.worker_threads(2).enable_all().build().unwrap().block_on(case);
+}
+
+/// Makes a test of each case for the [`Pairs`] that the expression gives.
+#[macro_export]
+macro_rules! conformance {
+    (@each $pairs:expr; tasks: $($task:ident),+; threads: $($thread:ident),+;) => {
+        $crate::conformance!(@tests $pairs; $($task),+, $($thread),+);
+    };
+    (@tests $pairs:expr; $($case:ident),+) => {
+        $(
+            #[test]
+            fn $case() {
+                $crate::conformance::block_on(async { $crate::conformance::$case(&$pairs).await });
+            }
+        )+
+    };
+    ($pairs:expr) => {
+        $crate::conformance_cases!($crate::conformance!(@each $pairs;));
+    };
+}
+
+/// Hands all cases to a macro, behind what it is given already: first those that need nothing but tasks, then
+/// those in which threads take part.
+///
+/// ```
+/// macro_rules! names {
+///     (of $what:literal; tasks: $($task:ident),+; threads: $($thread:ident),+;) => {
+///         [$(stringify!($task)),+, $(stringify!($thread)),+]
+///     };
+/// }
+/// let names = trimaran_transport::conformance_cases!(names!(of "anything";));
+/// assert!(names.contains(&"a_value_is_read_once"));
+/// ```
+#[macro_export]
+macro_rules! conformance_cases {
+    ($($make:tt)::+ ! ($($given:tt)*)) => {
+        $($make)::+ ! { $($given)*
+            tasks:
+                frames_of_every_size_arrive_in_order,
+                batches_are_full_but_the_last,
+                flush_sends_a_part_of_a_batch,
+                notes_arrive_between_frames,
+                the_newest_value_wins,
+                publishing_never_waits,
+                a_value_is_read_once,
+                a_slow_receiver_holds_the_sender_back,
+                a_receiver_that_catches_up_gets_everything,
+                silence_ends_in_an_error,
+                a_deadline_leaves_the_link_usable,
+                polling_takes_what_is_there,
+                dropping_a_wait_loses_nothing,
+                goodbye_comes_after_everything,
+                what_was_sent_before_a_link_is_dropped_arrives,
+                death_within_a_frame_is_no_goodbye,
+                death_behind_every_step_of_a_frame_is_a_loss,
+                a_dead_receiver_fails_the_sender,
+                frames_in_the_wrong_order_are_refused,
+                both_directions_at_once,
+                every_byte_is_counted,
+                frames_alike_cost_little_when_coded;
+            threads:
+                a_busy_receiver_is_no_dead_peer,
+                polling_without_a_pause_sees_everything;
+        }
+    };
+}

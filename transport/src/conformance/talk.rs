@@ -1,0 +1,162 @@
+//! What the peers of the suite say to each other, and how they meet.
+
+use std::time::Duration;
+
+use trimaran_wire::{BatchSize, CloseReason, FrameEnd, FrameNumber, FrameOutcome};
+
+use super::{Greeting, Overhead, Pairs, Pose, Robot};
+use crate::{
+    Endpoint, FrameEvent, FrameReceiver, FrameStart, LatestReceiver, Link, LinkConfig, Listener, Options,
+    RecvError, connect,
+};
+
+/// The role of a robot: it listens, sends frames of points, and is told poses.
+pub const ARM: &str = "arm";
+/// The role of another robot.
+pub const GRIPPER: &str = "gripper";
+/// The role of a person's panel: it connects, publishes poses, and is sent points.
+pub const PANEL: &str = "panel";
+/// The map that all have who go together.
+pub const MAP: u64 = 0x5ce7e;
+
+/// How the peer in this role introduces itself.
+#[must_use]
+pub fn greeting(role: &str) -> Greeting {
+    Greeting { name: role.to_owned(), role: Some(role.to_owned()), map: MAP, batch: None }
+}
+
+/// A pose of this number.
+#[must_use]
+pub fn pose(number: u32) -> Pose {
+    Pose { number, position: [f64::from(number), 2.0, -3.5], heading: 0.5 }
+}
+
+/// How a frame of this number begins.
+#[must_use]
+pub fn start(frame: u32) -> FrameStart<Pose> {
+    FrameStart { frame: FrameNumber(frame), header: pose(frame + 100) }
+}
+
+/// So many points, in no order.
+#[must_use]
+pub fn points(count: u32) -> Vec<u32> {
+    (0..count).map(|n| (n ^ (n >> 3)).wrapping_mul(2_654_435_761)).collect()
+}
+
+/// How a peer leaves that has done all it had to do.
+#[must_use]
+pub fn finished() -> CloseReason {
+    CloseReason::new(0, "all is done")
+}
+
+/// One frame as it was received.
+#[derive(Debug)]
+pub struct Received {
+    /// How it began.
+    pub start: FrameStart<Pose>,
+    /// How many points each batch had.
+    pub batches: Vec<usize>,
+    /// All points.
+    pub points: Vec<u32>,
+    /// How it ended.
+    pub end: FrameEnd,
+}
+
+/// Reads one frame that must be complete, however often the link's patience ends before it is.
+///
+/// # Errors
+/// Those of [`FrameReceiver::recv`].
+///
+/// # Panics
+/// When what comes is no complete frame.
+pub async fn receive(rx: &mut FrameReceiver<Robot>) -> Result<Received, RecvError> {
+    let first = next_event(rx).await?;
+    let FrameEvent::Begin(start) = first else { panic!("{first:?} before a frame") };
+    let (mut batches, mut points) = (Vec::new(), Vec::new());
+    loop {
+        match next_event(rx).await? {
+            FrameEvent::Batch(batch) => {
+                batches.push(batch.count());
+                points.extend(batch.iter());
+            }
+            FrameEvent::End(FrameOutcome::Complete(end)) => {
+                return Ok(Received { start, batches, points, end });
+            }
+            other => panic!("{other:?} within a frame"),
+        }
+    }
+}
+
+/// The next event of a frame, however often the link's patience ends before it comes.
+///
+/// # Errors
+/// Those of [`FrameReceiver::recv`].
+pub async fn next_event(rx: &mut FrameReceiver<Robot>) -> Result<FrameEvent<Robot>, RecvError> {
+    loop {
+        match rx.recv().await {
+            Err(RecvError::Silent { .. }) => {}
+            event => return event,
+        }
+    }
+}
+
+/// The next pose, however often the link's patience ends before it comes.
+///
+/// # Errors
+/// Those of [`LatestReceiver::latest`].
+pub async fn next_pose(rx: &mut LatestReceiver<Robot>) -> Result<Pose, RecvError> {
+    loop {
+        match rx.latest().await {
+            Err(RecvError::Silent { .. }) => {}
+            pose => return pose,
+        }
+    }
+}
+
+/// Pairs by way of a listener at an endpoint, both sides with the same options.
+#[derive(Debug, Clone)]
+pub struct Joined {
+    endpoint: Endpoint,
+    options: Options,
+    overhead: Overhead,
+}
+
+impl Joined {
+    /// Pairs over the transport that `endpoint` names. A port of 0 is best: cases run at the same time.
+    ///
+    /// # Panics
+    /// When `endpoint` is none.
+    #[must_use]
+    pub fn at(endpoint: &str, options: Options, overhead: Overhead) -> Self {
+        let endpoint = endpoint.parse().unwrap_or_else(|e| panic!("{endpoint}: {e}"));
+        Self { endpoint, options, overhead }
+    }
+}
+
+impl Pairs for Joined {
+    fn overhead(&self) -> Overhead {
+        self.overhead
+    }
+
+    async fn pair(&self, link: LinkConfig) -> (Link<Robot>, Link<Robot>) {
+        let (net, options) = (self.net(), Options { link, ..self.options.clone() });
+        let soon = net.now().after(Duration::from_secs(60));
+        let mut listener = Listener::bind(&net, &self.endpoint, greeting(ARM), &options).await.unwrap();
+        let there = listener.local_endpoint().clone();
+        let (there, here) =
+            tokio::join!(connect(&net, &there, greeting(PANEL), &options, soon), listener.accept(soon),);
+        (here.unwrap(), there.unwrap())
+    }
+}
+
+/// A configuration whose waits are long enough for a busy machine.
+pub(super) fn patient() -> LinkConfig {
+    LinkConfig { patience: Duration::from_secs(60), ..LinkConfig::default() }
+}
+
+/// The same, with batches of so many points.
+pub(super) fn batches_of(points: u32) -> LinkConfig {
+    let mut config = patient();
+    config.batching.size = BatchSize::new(points).unwrap();
+    config
+}

@@ -1,0 +1,192 @@
+//! Slow receivers, silence, deadlines, and waits that are dropped.
+
+use std::time::Duration;
+
+use super::talk::{batches_of, patient};
+use super::{ARM, PANEL, Pairs, finished, next_pose, points, pose, receive, start};
+use crate::{FrameEvent, LinkConfig, RecvError, SendError, sleep_until, until};
+
+/// A sender to whom nobody listens waits for room before it has sent 64 MiB, and no longer than its patience.
+pub async fn a_slow_receiver_holds_the_sender_back(pairs: &impl Pairs) {
+    let config = LinkConfig { patience: Duration::from_millis(200), ..batches_of(16_384) };
+    let (mut arm, panel) = pairs.pair(config).await;
+    arm.frames_tx.begin(start(0)).await.unwrap();
+    let batch = points(16_384);
+    let mut taken = 0;
+    let error = loop {
+        match arm.frames_tx.push(&batch).await {
+            Ok(()) => taken += batch.len() * 4,
+            Err(error) => break error,
+        }
+        assert!(taken < 64 << 20, "64 MiB taken and nobody reads");
+    };
+    assert!(matches!(error, SendError::Stalled { ref peer, .. } if peer.as_str() == PANEL), "{error}");
+    drop(panel);
+}
+
+/// A frame larger than all that may be under way arrives once somebody reads it.
+pub async fn a_receiver_that_catches_up_gets_everything(pairs: &impl Pairs) {
+    let (mut arm, mut panel) = pairs.pair(LinkConfig { max_frame: 16 << 20, ..batches_of(16_384) }).await;
+    let all = points(16 << 20);
+    let writer = async {
+        arm.frames_tx.begin(start(0)).await.unwrap();
+        arm.frames_tx.push(&all).await.unwrap();
+        arm.frames_tx.finish().await.unwrap();
+    };
+    let net = pairs.net();
+    let reader = async {
+        sleep_until(&*net, net.now().after(Duration::from_millis(50))).await;
+        receive(&mut panel.frames_rx).await.unwrap()
+    };
+    let ((), got) = tokio::join!(writer, reader);
+    assert!(got.points == all, "64 MiB of points");
+}
+
+/// A reader's thread may be busy elsewhere for longer than the patience of the link.
+pub async fn a_busy_receiver_is_no_dead_peer(pairs: &impl Pairs) {
+    let config = LinkConfig { patience: Duration::from_millis(100), ..LinkConfig::default() };
+    let (mut arm, mut panel) = pairs.pair(config).await;
+    let runtime = tokio::runtime::Handle::current();
+    let reader = std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_millis(400));
+        let got = runtime.block_on(receive(&mut panel.frames_rx)).unwrap();
+        std::thread::sleep(Duration::from_millis(400));
+        runtime.block_on(async { panel.latest_tx.publish(pose(1)).unwrap() });
+        (got, panel)
+    });
+    arm.frames_tx.begin(start(0)).await.unwrap();
+    // Few enough that nobody waits for room.
+    arm.frames_tx.push(&points(1000)).await.unwrap();
+    arm.frames_tx.finish().await.unwrap();
+    assert_eq!(next_pose(&mut arm.latest_rx).await.unwrap(), pose(1));
+    let (got, _panel) = tokio::task::spawn_blocking(|| reader.join().unwrap()).await.unwrap();
+    assert_eq!(got.points, points(1000));
+}
+
+/// Who waits in vain for its patience learns it, and may go on waiting.
+pub async fn silence_ends_in_an_error(pairs: &impl Pairs) {
+    let patience = Duration::from_millis(50);
+    let (mut arm, mut panel) = pairs.pair(LinkConfig { patience, ..LinkConfig::default() }).await;
+    let frames = arm.frames_rx.recv().await;
+    let latest = arm.latest_rx.latest().await;
+    let silent = |e: &RecvError| match e {
+        RecvError::Silent { peer, waited } => peer.as_str() == PANEL && *waited == patience,
+        _ => false,
+    };
+    assert!(frames.as_ref().is_err_and(silent), "{frames:?}");
+    assert!(latest.as_ref().is_err_and(silent), "{latest:?}");
+    panel.latest_tx.publish(pose(3)).unwrap();
+    assert_eq!(next_pose(&mut arm.latest_rx).await.unwrap(), pose(3), "the caller may go on waiting");
+}
+
+/// A deadline that passes costs nothing but that call.
+pub async fn a_deadline_leaves_the_link_usable(pairs: &impl Pairs) {
+    let (mut arm, mut panel) = pairs.pair(patient()).await;
+    let net = pairs.net();
+    for frame in 0..3 {
+        let by = net.now().after(Duration::from_millis(10));
+        let missed = panel.frames_rx.recv_by(by).await;
+        assert!(
+            matches!(missed, Err(RecvError::Deadline { ref peer }) if peer.as_str() == ARM),
+            "{missed:?}"
+        );
+        arm.frames_tx.begin(start(frame)).await.unwrap();
+        arm.frames_tx.push(&points(300)).await.unwrap();
+        arm.frames_tx.finish().await.unwrap();
+        assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, points(300));
+    }
+}
+
+/// Who polls gets all that comes, and the end.
+pub async fn polling_takes_what_is_there(pairs: &impl Pairs) {
+    // More batches than a runtime lets a task take in one go.
+    let (mut arm, mut panel) = pairs.pair(batches_of(10)).await;
+    let net = pairs.net();
+    assert!(matches!(panel.frames_rx.try_recv(), Ok(None)));
+    arm.frames_tx.begin(start(0)).await.unwrap();
+    arm.frames_tx.push(&points(2000)).await.unwrap();
+    arm.frames_tx.finish().await.unwrap();
+    let mut got = Vec::new();
+    loop {
+        match panel.frames_rx.try_recv().unwrap() {
+            Some(FrameEvent::Batch(batch)) => got.extend(batch.iter()),
+            Some(FrameEvent::End(_)) => break,
+            Some(FrameEvent::Begin(_) | FrameEvent::Note(_)) => {}
+            None => sleep_until(&*net, net.now().after(Duration::from_millis(1))).await,
+        }
+    }
+    assert_eq!(got, points(2000));
+    let poll = async {
+        loop {
+            match panel.frames_rx.try_recv() {
+                Ok(None) => sleep_until(&*net, net.now().after(Duration::from_millis(1))).await,
+                ended => break ended,
+            }
+        }
+    };
+    let (_left, ended) = tokio::join!(arm.goodbye(finished()), poll);
+    assert!(matches!(ended, Err(RecvError::Goodbye { .. })), "{ended:?}");
+}
+
+/// Who polls without ever yielding is shown all that comes, however much: the runtime's budget of a task is
+/// not for it.
+pub async fn polling_without_a_pause_sees_everything(pairs: &impl Pairs) {
+    // More reads than a runtime lets a task make in one go, each of a frame that is sent when the one before
+    // it was read.
+    const FRAMES: u32 = 300;
+    let (mut arm, mut panel) = pairs.pair(patient()).await;
+    let (next, wanted) = std::sync::mpsc::channel();
+    let runtime = tokio::runtime::Handle::current();
+    let sender = std::thread::spawn(move || {
+        for frame in wanted {
+            runtime.block_on(async {
+                arm.frames_tx.begin(start(frame)).await.unwrap();
+                arm.frames_tx.finish().await.unwrap();
+            });
+        }
+        arm
+    });
+    let net = pairs.net();
+    let deadline = net.now().after(Duration::from_secs(60));
+    for frame in 0..FRAMES {
+        next.send(frame).unwrap();
+        while !matches!(panel.frames_rx.try_recv().unwrap(), Some(FrameEvent::End(_))) {
+            assert!(net.now() < deadline, "frame {frame} is not seen");
+            std::thread::yield_now();
+        }
+    }
+    drop(next);
+    sender.join().unwrap();
+}
+
+/// Futures that are dropped while they wait lose nothing of what arrives.
+pub async fn dropping_a_wait_loses_nothing(pairs: &impl Pairs) {
+    let (mut arm, mut panel) = pairs.pair(batches_of(100)).await;
+    let all = points(50_000);
+    let writer = async {
+        arm.frames_tx.begin(start(0)).await.unwrap();
+        for part in all.chunks(333) {
+            arm.frames_tx.push(part).await.unwrap();
+            tokio::task::yield_now().await;
+        }
+        arm.frames_tx.finish().await.unwrap();
+    };
+    let net = pairs.net();
+    let reader = async {
+        let mut got = Vec::new();
+        loop {
+            // Every other wait is dropped as soon as it would have to wait.
+            let event = match until(&*net, net.now(), panel.frames_rx.recv()).await {
+                Some(event) => event,
+                None => panel.frames_rx.recv().await,
+            };
+            match event.unwrap() {
+                FrameEvent::Batch(batch) => got.extend(batch.iter()),
+                FrameEvent::End(_) => return got,
+                FrameEvent::Begin(_) | FrameEvent::Note(_) => {}
+            }
+        }
+    };
+    let ((), got) = tokio::join!(writer, reader);
+    assert_eq!(got, all);
+}
