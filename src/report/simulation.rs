@@ -1,12 +1,44 @@
 //! What simulations came to: tables to print, and files for other programs.
 
-mod bytes;
-
 use super::format::figure;
 use super::html;
 use super::text::table;
-use crate::simulate::Outcome;
-pub(super) use bytes::COLUMNS;
+use crate::simulate::{FrameBytes, Outcome, Percentiles};
+
+/// What the bytes of a frame are told by, wherever that is: in the printed table, on the page, and in
+/// `runs.csv`.
+pub(super) struct ByteColumn {
+    /// At the head of a table.
+    pub(super) title: &'static str,
+    /// At the head of `runs.csv`.
+    pub(super) key: &'static str,
+    /// The figure.
+    pub(super) of: fn(&FrameBytes) -> f64,
+}
+
+/// All figures of a frame's bytes, in their order.
+pub(super) const BYTES: [ByteColumn; 16] = [
+    ByteColumn { title: "all", key: "bytes", of: |bytes| bytes.total },
+    ByteColumn { title: "ids", key: "ids", of: |bytes| bytes.ids },
+    ByteColumn { title: "messages", key: "messages", of: |bytes| bytes.messages },
+    ByteColumn { title: "transport", key: "transport", of: |bytes| bytes.transport },
+    ByteColumn { title: "tcp/udp", key: "transport_headers", of: |bytes| bytes.transport_headers },
+    ByteColumn { title: "ip", key: "ip_headers", of: |bytes| bytes.ip_headers },
+    ByteColumn { title: "link layer", key: "link_layer", of: |bytes| bytes.link_layer },
+    ByteColumn { title: "packets", key: "packets", of: |bytes| bytes.packets },
+    ByteColumn { title: "acks", key: "acknowledgements", of: |bytes| bytes.acknowledgements },
+    ByteColumn { title: "repeated", key: "repetitions", of: |bytes| bytes.repetitions },
+    ByteColumn { title: "keepalive", key: "keepalive", of: |bytes| bytes.keepalive },
+    ByteColumn { title: "handshake, once", key: "handshake", of: |bytes| bytes.handshake },
+    ByteColumn { title: "h", key: "header", of: |bytes| bytes.header },
+    ByteColumn { title: "paper", key: "paper", of: |bytes| bytes.paper },
+    ByteColumn { title: "added", key: "corrected", of: |bytes| bytes.corrected },
+    ByteColumn {
+        title: "added, h as is",
+        key: "corrected_as_measured",
+        of: |bytes| bytes.corrected_as_measured,
+    },
+];
 
 /// What simulations came to: latencies, then where the time went, then bytes; a row a run.
 #[must_use]
@@ -23,7 +55,7 @@ pub fn tables(outcomes: &[Outcome]) -> String {
     out += "\nof that, on average, milliseconds: waiting for a machine that is busy with another frame; the network; OR, HC, RVG\n\n";
     let parts = ["waiting", "network", "network p99", "OR", "HC", "RVG", "all"];
     out += &of(outcomes, &parts, |run| {
-        let mean = |part: crate::simulate::Percentiles| part.mean;
+        let mean = |part: Percentiles| part.mean;
         let times = [
             mean(run.waiting_ms),
             mean(run.network_ms),
@@ -36,8 +68,8 @@ pub fn tables(outcomes: &[Outcome]) -> String {
         times.map(figure).into()
     });
     out += "\nbytes a frame over all links, by what they are; h: headers around a packet; paper: 8nh/b+3(72+h), added: 2(4n+hn/b)+3(72+h), h = 50\n\n";
-    out += &of(outcomes, &COLUMNS.map(|column| column.title), |run| {
-        COLUMNS.map(|column| figure((column.of)(&run.bytes))).into()
+    out += &of(outcomes, &BYTES.map(|column| column.title), |run| {
+        BYTES.map(|column| figure((column.of)(&run.bytes))).into()
     });
     if outcomes.iter().any(|run| run.pixels.is_some()) {
         out += "\nwhat gaps cost the pictures: frames with a wrong pixel, wrong pixels a frame over all frames, the most in one, needless \
@@ -89,7 +121,7 @@ fn names(run: &Outcome) -> [String; 4] {
 /// there is one session.
 #[must_use]
 pub fn runs_csv(outcomes: &[Outcome]) -> String {
-    let bytes = COLUMNS.map(|column| column.key).join(",");
+    let bytes = BYTES.map(|column| column.key).join(",");
     let mut csv = format!(
         "network,link,coding,nodes,batch,seed,frames,p50_ms,p95_ms,p99_ms,p999_ms,waiting_ms,network_ms,or_ms,hc_ms,rvg_ms,\
          frames_per_second,late_at_30,late_at_60,incomplete,{bytes},frames_wrong,wrong_pixels,worst_pixels,needless_triangles,\
@@ -112,7 +144,7 @@ pub fn runs_csv(outcomes: &[Outcome]) -> String {
             f64::from(run.late_at_60),
             f64::from(run.incomplete),
         ];
-        let bytes = COLUMNS.map(|column| (column.of)(&run.bytes));
+        let bytes = BYTES.map(|column| (column.of)(&run.bytes));
         let figures: Vec<String> = figures.iter().chain(&bytes).map(f64::to_string).collect();
         let figures = figures.join(",");
         // Empty where nothing was drawn: not measured.
@@ -165,5 +197,5 @@ fn key(run: &Outcome) -> String {
 /// The figures as one page that opens offline. `command` is how they can be had again.
 #[must_use]
 pub fn page(outcomes: &[Outcome], command: &[String]) -> String {
-    html::simulation::page(outcomes, command)
+    html::simulation_page(outcomes, command)
 }

@@ -19,7 +19,7 @@ use super::{
     viewport,
 };
 use crate::report::{
-    Frame, Lens, Paths, PictureKind, Report, ReportError, Run, Writer,
+    Frame, Paths, PictureKind, Projection, Report, ReportError, Run, Writer,
     metrics::MetricError,
     schema::{Ended, HowEnded, Mode, RoleInfo, SceneInfo, Seat, timestamp},
 };
@@ -225,7 +225,7 @@ fn report(
     frames: Vec<Frame>,
     ended: Ended,
 ) -> Report {
-    let lens = Lens {
+    let projection = Projection {
         width: plan.size.width(),
         height: plan.size.height(),
         vfov_deg: trail.vfov_deg(),
@@ -235,7 +235,7 @@ fn report(
         [first, .., last] => Some(last.shown.saturating_sub(first.shown).as_secs_f64() * 1e3),
         _ => None,
     };
-    Report::new(run(file, plan, about), lens, frames, wall_ms, ended)
+    Report::new(run(file, plan, about), projection, frames, wall_ms, ended)
 }
 
 fn run(file: &SceneFile, plan: &Plan, about: &ReportPlan) -> Run {

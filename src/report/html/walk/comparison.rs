@@ -2,8 +2,8 @@
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use maud::{Markup, html};
 
-use super::escape;
 use crate::report::format::{figure, plural};
 use crate::report::metrics::{Picture, flip};
 use crate::report::png::Rgb;
@@ -14,13 +14,13 @@ const SIDE: u32 = 512;
 /// How many frames are shown at most.
 const FRAMES: usize = 3;
 
-/// A frame with pictures.
+/// The pictures of a frame, to be shown side by side.
 #[derive(Debug)]
-pub(in crate::report) struct Exhibit {
+pub(in crate::report) struct Comparison {
     /// The frame.
     pub(in crate::report) frame: u32,
     /// Why this one.
-    pub(in crate::report) why: String,
+    pub(in crate::report) why: &'static str,
     /// What RVG showed.
     pub(in crate::report) shown: Rgb,
     /// The same level cut without culling.
@@ -31,20 +31,20 @@ pub(in crate::report) struct Exhibit {
 
 /// The frames worth a look, and why, among those that have pictures: the worst by culling error, the worst by
 /// level-of-detail error, and a typical one.
-pub(in crate::report) fn choose(report: &Report) -> Vec<(u32, String)> {
+pub(in crate::report) fn choose(report: &Report) -> Vec<(u32, &'static str)> {
     let shown: Vec<&Frame> = report.frames.iter().filter(|f| f.pictures.shown.is_some()).collect();
     let compared: Vec<&Frame> = shown
         .iter()
         .copied()
         .filter(|f| f.pictures.unculled.is_some() || f.pictures.full.is_some())
         .collect();
-    let candidates = if compared.is_empty() { &shown } else { &compared };
+    let candidates = if compared.is_empty() { shown } else { compared };
 
-    let mut chosen: Vec<(u32, String)> = Vec::new();
-    let mut add = |frame: Option<&&Frame>, why: &str| {
+    let mut chosen: Vec<(u32, &str)> = Vec::new();
+    let mut add = |frame: Option<&&Frame>, why| {
         if let Some(frame) = frame.filter(|f| chosen.len() < FRAMES && chosen.iter().all(|c| c.0 != f.frame))
         {
-            chosen.push((frame.frame, why.to_owned()));
+            chosen.push((frame.frame, why));
         }
     };
     let wrong = |f: &&&Frame| f.cut_mismatch_pixels.unwrap_or(0).max(f.false_culled_pixels.unwrap_or(0));
@@ -59,43 +59,53 @@ pub(in crate::report) fn choose(report: &Report) -> Vec<(u32, String)> {
     chosen
 }
 
-impl Exhibit {
-    /// The pictures side by side.
-    pub(super) fn html(&self, report: &Report) -> String {
-        let frame = report.frames.iter().find(|f| f.frame == self.frame);
-        let mut panes = pane("shown", "what RVG drew after culling", &self.shown, Shrink::Mean);
-        if let Some(unculled) = &self.unculled {
-            let wrong = frame.and_then(|f| f.cut_mismatch_pixels).map_or_else(
-                || "differing pixels are lit".to_owned(),
-                |pixels| match pixels {
-                    0 => "culling changed no pixel; one that differs would be lit".to_owned(),
-                    _ => format!("culling changed the {} that are lit", plural(pixels, "pixel", "pixels")),
-                },
-            );
-            panes += &pane("unculled", "the same level cut without culling", unculled, Shrink::Mean);
-            if let Some(lit) = lit(&self.shown, unculled) {
-                panes += &pane("shown against unculled", &wrong, &lit, Shrink::Brightest);
+pub(super) fn comparisons(report: &Report, comparisons: &[Comparison]) -> Markup {
+    html! {
+        @if !comparisons.is_empty() {
+            h2 #pictures { "Pictures" }
+            p.hint { "Click a picture to enlarge it. Pictures are scaled down; frames/ has them in full." }
+            @for comparison in comparisons {
+                section.comparison {
+                    h3 { "Frame " (comparison.frame) ": " (comparison.why) }
+                    div.panes { (panes(report, comparison)) }
+                }
             }
         }
-        if let Some(full) = &self.full {
-            let error = frame.and_then(|f| f.full_detail);
-            let text = error.map_or_else(String::new, |e| {
-                let psnr =
-                    e.psnr_db.map_or_else(|| "equal".to_owned(), |db| format!("PSNR {} dB", figure(db)));
-                let flip = e.flip_mean.map_or_else(String::new, |f| format!(", mean FLIP {}", figure(f)));
-                format!("{psnr}{flip}; brighter is more visible")
-            });
-            panes += &pane("full detail", "finest levels, no culling", full, Shrink::Mean);
-            if let Some(map) = flip_map(full, &self.shown) {
-                panes += &pane("shown against full detail", &text, &map, Shrink::Brightest);
-            }
-        }
-        format!(
-            "<section class=\"exhibit\"><h3>Frame {}: {}</h3><div class=\"panes\">{panes}</div></section>",
-            self.frame,
-            escape(&self.why)
-        )
     }
+}
+
+fn panes(report: &Report, Comparison { frame, shown, unculled, full, .. }: &Comparison) -> Markup {
+    let frame = report.frames.iter().find(|f| f.frame == *frame);
+    html! {
+        (pane("shown", "what RVG drew after culling", shown, Shrink::Mean))
+        @if let Some(unculled) = unculled {
+            (pane("unculled", "the same level cut without culling", unculled, Shrink::Mean))
+            @if let Some(lit) = lit(shown, unculled) {
+                (pane("shown against unculled", &culling_error(frame), &lit, Shrink::Brightest))
+            }
+        }
+        @if let Some(full) = full {
+            (pane("full detail", "finest levels, no culling", full, Shrink::Mean))
+            @if let Some(map) = flip_map(full, shown) {
+                (pane("shown against full detail", &detail_error(frame), &map, Shrink::Brightest))
+            }
+        }
+    }
+}
+
+fn culling_error(frame: Option<&Frame>) -> String {
+    match frame.and_then(|f| f.cut_mismatch_pixels) {
+        None => "differing pixels are lit".to_owned(),
+        Some(0) => "culling changed no pixel; one that differs would be lit".to_owned(),
+        Some(pixels) => format!("culling changed the {} that are lit", plural(pixels, "pixel", "pixels")),
+    }
+}
+
+fn detail_error(frame: Option<&Frame>) -> String {
+    let Some(error) = frame.and_then(|f| f.full_detail) else { return String::new() };
+    let psnr = error.psnr_db.map_or_else(|| "equal".to_owned(), |db| format!("PSNR {} dB", figure(db)));
+    let flip = error.flip_mean.map_or_else(String::new, |f| format!(", mean FLIP {}", figure(f)));
+    format!("{psnr}{flip}; brighter is more visible")
 }
 
 /// How a picture is made small.
@@ -107,22 +117,23 @@ enum Shrink {
     Brightest,
 }
 
-fn pane(title: &str, text: &str, image: &Rgb, shrink: Shrink) -> String {
+fn pane(title: &str, text: &str, image: &Rgb, shrink: Shrink) -> Markup {
     let factor = image.width.max(image.height).div_ceil(SIDE);
     let small = match shrink {
         Shrink::Mean => image.shrink(factor, mean),
         Shrink::Brightest => image.shrink(factor, brightest),
     };
-    let Ok(file) = small.encode(png::Compression::Balanced) else { return String::new() };
-    format!(
-        "<figure><button type=\"button\" class=\"zoom\" aria-label=\"enlarge\"><img alt=\"{0}\" width=\"{1}\" height=\"{2}\" \
-         src=\"data:image/png;base64,{3}\"></button><figcaption><b>{0}</b> {4}</figcaption></figure>",
-        escape(title),
-        small.width,
-        small.height,
-        STANDARD.encode(file),
-        escape(text)
-    )
+    html! {
+        @if let Ok(file) = small.encode(png::Compression::Balanced) {
+            figure {
+                button.zoom type="button" aria-label="enlarge" {
+                    img alt=(title) width=(small.width) height=(small.height)
+                        src={ "data:image/png;base64," (STANDARD.encode(file)) };
+                }
+                figcaption { b { (title) } " " (text) }
+            }
+        }
+    }
 }
 
 fn mean(block: &[[u8; 3]]) -> [u8; 3] {
