@@ -22,17 +22,17 @@ pub(in crate::report) fn page(outcomes: &[Outcome], command: &[String]) -> Strin
         header {
             h1 { "Simulated networks" }
             p {
-                "Nothing here was measured on a network: the links, QUIC and the datagram connection are the real code in \
-                 virtual time; the networks, TCP (Linux’s with CUBIC, not BBR) and the roles’ computing times are models. \
-                 To have it again:"
+                "Nothing here was measured on a network: the links, QUIC and the datagram connection are the \
+                 real code in virtual time; the networks, TCP (Linux’s with CUBIC, not BBR) and the \
+                 roles’ computing times are models. To have it again:"
             }
             pre style="white-space: pre-wrap" { (command.join(" ")) }
         }
         main {
             h2 #latency { "Latency" }
             p.hint {
-                "From a camera leaving RVG to its picture. A picture is late that is shown more than a 30th or a 60th of a \
-                 second after the one before; frames with gaps came without some of their ids."
+                "From a camera leaving RVG to its picture. A picture is late that is shown more than a 30th or \
+                 a 60th of a second after the one before; frames with gaps came without some of their ids."
             }
             div.cards { @for runs in networks() { (latency_curves(runs)) } }
             @for runs in networks() { (percentiles(runs)) }
@@ -41,9 +41,9 @@ pub(in crate::report) fn page(outcomes: &[Outcome], command: &[String]) -> Strin
             @for runs in networks() { (wrong_pixels(runs)) }
             h2 #bytes { "Bytes" }
             p.hint {
-                "A frame’s over all links, each packet counted once where it leaves its machine. " i { "h" } " is what \
-                 headers take around a packet; " i { "added" } " is the paper’s formula with ids and headers added rather \
-                 than multiplied."
+                "A frame’s over all links, each packet counted once where it leaves its machine. "
+                i { "h" } " is what headers take around a packet; "
+                i { "added" } " is the paper’s formula with ids and headers added rather than multiplied."
             }
             div.cards { @for runs in networks() { (bytes_curves(runs)) } }
             @for runs in networks() { (bytes_by_kind(runs)) }
@@ -136,8 +136,9 @@ fn percentiles(runs: &[Outcome]) -> Markup {
         }))
         @if !hopeless.is_empty() {
             p.hint {
-                (hopeless.join(", ")) ": a frame may take no longer than the way to the display alone, so that what is \
-                 lost, or waits at its end, is given up."
+                (hopeless.join(", "))
+                ": a frame may take no longer than the way to the display alone, so that what is lost, or \
+                 waits at its end, is given up."
             }
         }
     }
@@ -218,8 +219,8 @@ fn wrong_pixels(runs: &[Outcome]) -> Markup {
             (card(
                 &format!("{}: what is late in one mode is wrong in the other", network(runs)),
                 &chart,
-                "Pixels that are not as they would have been with every id, over all frames. Each point is a session with a \
-                 seed of its own.",
+                "Pixels that are not as they would have been with every id, over all frames. Each point is a \
+                 session with a seed of its own.",
             ))
         }
         (table("runs", network(runs), &head, &rows))

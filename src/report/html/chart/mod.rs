@@ -100,7 +100,9 @@ impl Render for Chart {
                     }
                 }
                 text.axis x=((LEFT + RIGHT) / 2.0) y=(unit(HEIGHT - 5.0)) text-anchor="middle" { (self.x) }
-                text.axis transform={ "translate(13 " (unit((TOP + BOTTOM) / 2.0)) ") rotate(-90)" } text-anchor="middle" {
+                text.axis transform={ "translate(13 " (unit((TOP + BOTTOM) / 2.0)) ") rotate(-90)" }
+                    text-anchor="middle"
+                {
                     (self.y) @if y.log { ", logarithmic" }
                 }
             }
@@ -183,10 +185,11 @@ pub(super) fn stacked_bar(label: &str, parts: &[(&str, &str, f64)], full: f64) -
     html! {
         svg viewBox={ "0 0 " (WIDTH) " 20" } width=(WIDTH) role="img" aria-label=(label) {
             @for (index, (name, class, value)) in parts.iter().enumerate() {
-                @let left: f64 = parts.iter().take(index).map(|(.., value)| width(value)).sum();
+                @let left = parts.iter().take(index).fold(0.0, |left, (.., value)| left + width(value));
                 g {
                     title { (name) ": " (figure(*value)) " ms" }
-                    rect class={ "bar " (class) } x=(unit(left)) y="2" width=(unit(width(value))) height="16" {}
+                    rect class={ "bar " (class) } x=(unit(left)) y="2" width=(unit(width(value)))
+                        height="16" {}
                 }
             }
         }
@@ -247,7 +250,7 @@ mod tests {
     use super::*;
 
     fn svg(points: Vec<(f64, f64)>) -> String {
-        let series = Series { name: "<b>".to_owned(), class: "or", mark: Mark::Line, points };
+        let series = Series { name: "<b>\"x\"".to_owned(), class: "or", mark: Mark::Line, points };
         let keys: &[&str] = &["or_ms"];
         Chart { x: "frame", y: "ms", series: vec![series], keys, ..Chart::default() }.render().into_string()
     }
@@ -274,8 +277,9 @@ mod tests {
     }
 
     #[test]
-    fn names_are_escaped() {
+    fn names_are_escaped_in_text_and_attributes() {
         let svg = svg(vec![(0.0, 1.0)]);
-        assert!(svg.contains("&lt;b&gt;") && !svg.contains("<b>"));
+        assert_eq!(svg.matches("&lt;b&gt;&quot;x&quot;").count(), 2, "in the legend and in the label");
+        assert!(!svg.contains("<b>") && !svg.contains("\"x\""), "{svg}");
     }
 }

@@ -89,11 +89,11 @@ impl<'a> Timeline<'a> {
         html! {
             g {
                 title { (name) " of frame " (frame) ": " (figure(span.end_ms - span.start_ms)) " ms" }
-                rect class={ "bar " (class) } x=(unit(left)) y=(unit(top)) width=(unit(width)) height=(BAR) rx="2" {}
+                rect class={ "bar " (class) } x=(unit(left)) y=(unit(top)) width=(unit(width)) height=(BAR)
+                    rx="2" {}
                 @if width > 18.0 {
-                    text.onbar x=(unit(left + width / 2.0)) y=(unit(top + BAR / 2.0 + 4.0)) text-anchor="middle" {
-                        (frame)
-                    }
+                    @let (x, y) = (unit(left + width / 2.0), unit(top + BAR / 2.0 + 4.0));
+                    text.onbar x=(x) y=(y) text-anchor="middle" { (frame) }
                 }
             }
         }
@@ -108,7 +108,9 @@ impl Render for Timeline<'_> {
                 li { i.hc.block {} "HC: culls" }
                 li { i.rvg.block {} "RVG: draws the picture" }
             }
-            svg viewBox={ "0 0 " (WIDTH) " " (BOTTOM + 40.0) } role="img" aria-label="which machine is busy when" {
+            svg viewBox={ "0 0 " (WIDTH) " " (BOTTOM + 40.0) } role="img"
+                aria-label="which machine is busy when"
+            {
                 (self.grid())
                 @for (row, (seat, name)) in SEATS.into_iter().enumerate() {
                     (self.row(seat, name, TOP + ROW * row as f64 + (ROW - BAR) / 2.0))

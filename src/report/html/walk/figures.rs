@@ -58,8 +58,8 @@ fn role_times(report: &Report) -> Markup {
     let caption = if report.run.alone {
         "Busy time, of roles that computed one after another: it holds no other role's work."
     } else {
-        "Busy time: waiting for another role is not counted. Where roles share a machine, it holds what others took \
-         of its cores."
+        "Busy time: waiting for another role is not counted. Where roles share a machine, it holds what \
+         others took of its cores."
     };
     card(&slowest_role(frames), &chart, caption)
 }
@@ -103,7 +103,8 @@ fn timeline(frames: &[Frame]) -> Markup {
     let busy = figure(timeline.busy());
     let finding = format!("{busy} of 3 machines are busy on average around the slowest frame");
     let caption = format!(
-        "Frames {first} to {last}. The switching pair takes turns: whoever drew the occluders of a frame culls it."
+        "Frames {first} to {last}. The switching pair takes turns: whoever drew the occluders of a frame \
+         culls it."
     );
     wide_card(&finding, &timeline, &caption)
 }
@@ -291,8 +292,8 @@ fn bytes(report: &Report) -> Markup {
     card(
         &finding,
         &over_frames("bytes a frame", all, &["bytes", "nodes_drawn"]),
-        "The formulas are evaluated at each frame's own number of ids. The paper's 8nh/b + 3(72+h) multiplies id bytes by \
-         header bytes; what is sent is 2(4n + hn/b) + 3(72+h).",
+        "The formulas are evaluated at each frame's own number of ids. The paper's 8nh/b + 3(72+h) \
+         multiplies id bytes by header bytes; what is sent is 2(4n + hn/b) + 3(72+h).",
     )
 }
 

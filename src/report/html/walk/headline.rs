@@ -20,9 +20,10 @@ pub(super) fn headline(report: &Report) -> Markup {
             div.kicker { "Trimaran " (run.version) " · walkthrough report" }
             h1 { (file_name(&run.scene.file)) }
             p.setting {
-                (grouped(run.scene.objects as f64)) " objects, " (grouped(run.scene.triangles as f64)) " triangles · "
-                (report.width) " × " (report.height) " pixels · ε " (figure(run.epsilon_px)) " px · tester " (run.tester)
-                " · " (mode) " over " (run.link) " · " (run.started)
+                (grouped(run.scene.objects as f64)) " objects, "
+                (grouped(run.scene.triangles as f64)) " triangles · "
+                (report.width) " × " (report.height) " pixels · ε " (figure(run.epsilon_px)) " px · tester "
+                (run.tester) " · " (mode) " over " (run.link) " · " (run.started)
             }
             @if let Some(ended) = summary.ended.sentence(summary.frames) {
                 (verdict("bad", "!", &format!("This walk {ended}.")))

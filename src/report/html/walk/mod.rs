@@ -38,7 +38,7 @@ pub(in crate::report) fn page(
 fn embedded(report: &Report) -> Result<String, serde_json::Error> {
     let frames = report.frames.iter().map(|f| Frame { visible: None, ..f.clone() }).collect();
     let slim = Report { frames, ..report.clone() };
-    // Within JSON `<` occurs in strings only. Written as JSON's own escape, no string ends the script element.
+    // Within JSON `<` occurs in strings only. As JSON's own escape it cannot end the script element.
     Ok(serde_json::to_string(&slim)?.replace('<', "\\u003c"))
 }
 
