@@ -43,16 +43,18 @@ pub(super) const BYTES: [ByteColumn; 16] = [
 /// What simulations came to: latencies, then where the time went, then bytes; a row a run.
 #[must_use]
 pub fn tables(outcomes: &[Outcome]) -> String {
-    let mut out = "latency from a camera leaving RVG to its picture, milliseconds; pictures later than a 30th and a 60th of a second; frames \
-                   that came with gaps\n\n"
-        .to_owned();
+    let mut out = String::from(
+        "latency from a camera leaving RVG to its picture, milliseconds; pictures later than a 30th and a \
+         60th of a second; frames that came with gaps\n\n",
+    );
     out += &of(outcomes, &["p50", "p95", "p99", "p99.9", "frames/s", "late 30", "late 60", "gaps"], |run| {
         let latency = run.latency_ms;
         let times = [latency.p50, latency.p95, latency.p99, latency.p999, run.frames_per_second];
         let counts = [run.late_at_30, run.late_at_60, run.incomplete].map(|frames| frames.to_string());
         times.map(figure).into_iter().chain(counts).collect()
     });
-    out += "\nof that, on average, milliseconds: waiting for a machine that is busy with another frame; the network; OR, HC, RVG\n\n";
+    out += "\nof that, on average, milliseconds: waiting for a machine that is busy with another frame; the \
+            network; OR, HC, RVG\n\n";
     let parts = ["waiting", "network", "network p99", "OR", "HC", "RVG", "all"];
     out += &of(outcomes, &parts, |run| {
         let mean = |part: Percentiles| part.mean;
@@ -67,13 +69,15 @@ pub fn tables(outcomes: &[Outcome]) -> String {
         ];
         times.map(figure).into()
     });
-    out += "\nbytes a frame over all links, by what they are; h: headers around a packet; paper: 8nh/b+3(72+h), added: 2(4n+hn/b)+3(72+h), h = 50\n\n";
+    out += "\nbytes a frame over all links, by what they are; h: headers around a packet; paper: 8nh/b+3(72+h), \
+            added: 2(4n+hn/b)+3(72+h), h = 50\n\n";
     out += &of(outcomes, &BYTES.map(|column| column.title), |run| {
         BYTES.map(|column| figure((column.of)(&run.bytes))).into()
     });
     if outcomes.iter().any(|run| run.pixels.is_some()) {
-        out += "\nwhat gaps cost the pictures: frames with a wrong pixel, wrong pixels a frame over all frames, the most in one, needless \
-                triangles a frame; ±: how far sessions with other seeds are apart, as their standard deviation\n\n";
+        out += "\nwhat gaps cost the pictures: frames with a wrong pixel, wrong pixels a frame over all frames, \
+                the most in one, needless triangles a frame; ±: how far sessions with other seeds are apart, as \
+                their standard deviation\n\n";
         let head =
             ["sessions", "frames wrong", "wrong pixels", "±", "worst", "triangles", "±", "p99 ms", "±"];
         out += &of(outcomes, &head, |run| {
@@ -123,9 +127,10 @@ fn names(run: &Outcome) -> [String; 4] {
 pub fn runs_csv(outcomes: &[Outcome]) -> String {
     let bytes = BYTES.map(|column| column.key).join(",");
     let mut csv = format!(
-        "network,link,coding,nodes,batch,seed,frames,p50_ms,p95_ms,p99_ms,p999_ms,waiting_ms,network_ms,or_ms,hc_ms,rvg_ms,\
-         frames_per_second,late_at_30,late_at_60,incomplete,{bytes},frames_wrong,wrong_pixels,worst_pixels,needless_triangles,\
-         p99_ms_deviation,wrong_pixels_deviation,needless_triangles_deviation\n"
+        "network,link,coding,nodes,batch,seed,frames,p50_ms,p95_ms,p99_ms,p999_ms,waiting_ms,network_ms,or_ms,\
+         hc_ms,rvg_ms,frames_per_second,late_at_30,late_at_60,incomplete,{bytes},frames_wrong,wrong_pixels,\
+         worst_pixels,needless_triangles,p99_ms_deviation,wrong_pixels_deviation,\
+         needless_triangles_deviation\n"
     );
     for run in outcomes {
         let latency = run.latency_ms;
@@ -165,9 +170,10 @@ pub fn runs_csv(outcomes: &[Outcome]) -> String {
 /// When what happened to each frame, in nanoseconds of the run's own clock.
 #[must_use]
 pub fn frames_csv(outcomes: &[Outcome]) -> String {
-    let mut csv = "network,link,coding,nodes_mean,batch,seed,frame,nodes,missing,published_ns,asked_ns,taken_ns,fed_ns,occluded_ns,\
-                   culled_ns,arrived_ns,shown_ns\n"
-        .to_owned();
+    let mut csv = String::from(
+        "network,link,coding,nodes_mean,batch,seed,frame,nodes,missing,published_ns,asked_ns,taken_ns,fed_ns,\
+         occluded_ns,culled_ns,arrived_ns,shown_ns\n",
+    );
     for run in outcomes {
         let key = key(run);
         for (frame, times) in run.times.iter().enumerate() {
