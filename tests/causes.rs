@@ -12,16 +12,15 @@ use common::{
 use trimaran::vulkan::{VulkanPair, VulkanPairError};
 use trimaran::{
     report::{Frame, schema::FalseCullCause},
-    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, viewport},
+    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage},
 };
 use trimaran_actors::PairDevice;
+use trimaran_audit::cases::with_halved_boxes;
 use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
 };
-use trimaran_cull::{
-    Answer, BoxTester, CutRule, DepthImage, Outline, TestBox, View, reference::cases::with_halved_boxes,
-};
+use trimaran_cull::{Answer, BoxTester, CutRule, DepthImage, Outline, TestBox, View};
 use trimaran_proto::{BatchSize, Camera, DrawableId, EpsilonPx, IdCoding, PictureSize, TesterKind};
 use trimaran_scene::Scene;
 
@@ -48,8 +47,7 @@ struct Faulty {
 
 impl Faulty {
     fn new(stage: &Stage, machine: usize, plan: &Plan, fault: Fault) -> Self {
-        let size = viewport(plan.size).unwrap();
-        let sound = VulkanPair::new(&stage.drawn[machine], size, plan.tester).unwrap();
+        let sound = VulkanPair::new(&stage.drawn[machine], plan.size, plan.tester).unwrap();
         Self { sound, fault, last: None }
     }
 }
@@ -147,8 +145,7 @@ fn walk_with_fault(stage: &Stage, plan: &Plan, path: &PathChoice, fault: Fault) 
 /// were lost.
 fn lost(stage: &Stage, plan: &Plan, fault: Fault, walk: &[FrameRecord]) -> BTreeMap<FalseCullCause, u64> {
     let rule = CutRule::new(plan.epsilon.pixels()).unwrap().stopping_at_few_pixels(plan.few_pixels);
-    let mut auditor =
-        Auditor::new(&stage.scene, &stage.drawn[2], viewport(plan.size).unwrap(), rule).unwrap();
+    let mut auditor = Auditor::new(&stage.scene, &stage.drawn[2], plan.size, rule).unwrap();
     let mut machine = Faulty::new(stage, 2, plan, fault);
     let mut lost = BTreeMap::new();
     for index in 0..walk.len() {

@@ -2,12 +2,11 @@
 //! [`Report`].
 //!
 //! A run hands frames and pictures to a [`Writer`] as they come, makes a [`Report`] of the frames and lets
-//! the writer put it beside them. [`metrics`] measures how wrong a picture is.
+//! the writer put it beside them. How wrong a picture is, [`trimaran_audit::metrics`] measures.
 
 mod error;
 mod format;
 mod html;
-pub mod metrics;
 mod pictures;
 mod png;
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use super::metrics::Picture;
+use trimaran_audit::metrics::Picture;
 
 /// An 8-bit RGB image in memory, row by row from the top left.
 #[derive(Debug, Clone, PartialEq, Eq)]

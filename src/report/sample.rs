@@ -2,11 +2,11 @@
 
 use std::sync::LazyLock;
 
-use super::metrics::{Deviation, Picture, picture_error};
 use super::schema::{
     BytesByKind, CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Mode, PassTime,
     Projection, Report, Role, RoleInfo, Run, SceneInfo, Seat, Span, SweepPoint, VisibleObject,
 };
+use trimaran_audit::metrics::{Deviation, Picture, image_difference};
 
 pub(super) const SIZE: u32 = 96;
 const FRAMES: u32 = 60;
@@ -135,7 +135,7 @@ fn frame(frame: u32) -> Frame {
             let picture = |rgba| Picture::new(SIZE, SIZE, rgba).unwrap();
             let silhouette = Deviation { max_px: 1.0 + 0.9 * noise(frame, 5), p95_px: 0.6 };
             let surfaces = Deviation { max_px: silhouette.max_px + 0.05, p95_px: 0.4 };
-            picture_error(&picture(&full), &picture(&shown), silhouette, surfaces).unwrap()
+            image_difference(&picture(&full), &picture(&shown), silhouette, surfaces).unwrap()
         }),
         bytes: Some(bytes_by_kind.total()),
         bytes_by_kind: Some(bytes_by_kind),

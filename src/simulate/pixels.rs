@@ -7,15 +7,13 @@ use std::sync::Arc;
 use serde::Serialize;
 use thiserror::Error;
 use trimaran_actors::Gaps;
-use trimaran_cull::{
-    CutRule, CutRuleError, OccluderError, Picture, View, Viewport, ViewportError, draw_order,
-};
+use trimaran_audit::metrics::{MetricError, mismatching_pixels};
+use trimaran_cull::{CutRule, CutRuleError, OccluderError, Picture, View, Viewport, draw_order};
 use trimaran_gpu::{GpuError, GpuScene, PicturePass};
-use trimaran_proto::{DrawableId, FrameNumber, SceneHash};
+use trimaran_proto::{DrawableId, FrameNumber, SceneHash, SettingsError};
 use trimaran_scene::Scene;
 
 use super::{Outcome, Workload};
-use crate::report::metrics::{MetricError, mismatching_pixels};
 use crate::trace::Trace;
 use crate::walkthrough::picture_of;
 
@@ -55,9 +53,9 @@ pub enum PixelError {
     /// The device fails.
     #[error("drawing the frames with gaps failed")]
     Gpu(#[from] GpuError),
-    /// The picture has no pixels.
+    /// The picture's size is out of range.
     #[error(transparent)]
-    Viewport(#[from] ViewportError),
+    Viewport(#[from] SettingsError),
     /// The error bound is none.
     #[error(transparent)]
     Rule(#[from] CutRuleError),

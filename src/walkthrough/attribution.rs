@@ -5,10 +5,8 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use thiserror::Error;
 use trimaran_actors::{OccluderPolicy, PairDevice};
-use trimaran_cull::{
-    CutRule, OccluderError, View, Viewport,
-    reference::{CulledFrame, FalseCullCause, Missing, causes},
-};
+use trimaran_audit::{CulledFrame, FalseCullCause, Missing, causes};
+use trimaran_cull::{CutRule, OccluderError, View, Viewport};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 

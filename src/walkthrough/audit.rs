@@ -4,7 +4,14 @@ use std::{collections::BTreeSet, sync::Arc};
 
 use thiserror::Error;
 use trimaran_actors::PairDevice;
-use trimaran_cull::{CutRule, LevelCut, Picture, View, Viewport, draw_order, level_cut, reference::Missing};
+use trimaran_audit::{
+    Missing,
+    metrics::{
+        self, ImageDifference, MetricError, exactly_visible, exactly_visible_triangles, false_culls,
+        mismatching_pixels,
+    },
+};
+use trimaran_cull::{CutRule, LevelCut, Picture, View, Viewport, draw_order, level_cut};
 use trimaran_gpu::{GpuError, GpuScene, ItemImage, ItemPass, PicturePass};
 use trimaran_proto::{Camera, DrawableId};
 use trimaran_scene::Scene;
@@ -16,12 +23,7 @@ use super::{
     objects::ObjectCounts,
     record::FrameRecord,
 };
-use crate::report::{
-    metrics::{
-        self, MetricError, exactly_visible, exactly_visible_triangles, false_culls, mismatching_pixels,
-    },
-    schema::{Frame, PictureError, VisibleObject},
-};
+use crate::report::schema::{Frame, VisibleObject};
 
 /// Why a frame could not be checked.
 #[derive(Debug, Error)]
@@ -209,9 +211,9 @@ impl Auditor {
         cut: &[DrawableId],
         pictures: &AuditPictures,
         [shown, full]: [&ItemImage; 2],
-    ) -> Result<PictureError, MetricError> {
+    ) -> Result<ImageDifference, MetricError> {
         let (shown, full) = (items_of(shown)?, items_of(full)?);
-        metrics::picture_error(
+        metrics::image_difference(
             &picture_of(&pictures.full)?,
             &picture_of(&pictures.shown)?,
             deviation::silhouette(&self.scene, view, &record.ids, &shown, &full)?,

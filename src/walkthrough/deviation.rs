@@ -12,11 +12,13 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use trimaran_cull::{View, reference::distances_to_surfaces};
+use trimaran_audit::{
+    distances_to_surfaces,
+    metrics::{self, Deviation, ItemImage, MetricError},
+};
+use trimaran_cull::View;
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, NodeId, Scene};
-
-use crate::report::metrics::{self, Deviation, ItemImage, MetricError};
 
 /// How far the border to the background moved: `shown` is the item image of `drawn`, `full` that of full
 /// detail.

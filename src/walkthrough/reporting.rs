@@ -5,7 +5,8 @@ use std::{ops::ControlFlow, path::PathBuf, sync::Arc, time::SystemTime};
 use crate::vulkan::VulkanPair;
 use thiserror::Error;
 use trimaran_actors::RoleError;
-use trimaran_cull::{CutRule, CutRuleError, Picture, ViewportError};
+use trimaran_audit::metrics::MetricError;
+use trimaran_cull::{CutRule, CutRuleError, Picture};
 use trimaran_gpu::{GpuError, GpuInfo, GpuScene};
 use trimaran_scene::Scene;
 
@@ -16,11 +17,9 @@ use super::{
     journal::Journal,
     path::Trail,
     record::FrameRecord,
-    viewport,
 };
 use crate::report::{
     Frame, Paths, PictureKind, Projection, Report, ReportError, Run, Writer,
-    metrics::MetricError,
     schema::{Ended, HowEnded, Mode, RoleInfo, SceneInfo, Seat, timestamp},
 };
 use trimaran_actors::causes;
@@ -74,9 +73,6 @@ pub enum ReportingError {
     /// The system gave no thread to write on.
     #[error("cannot start a thread to write on")]
     Thread(#[source] std::io::Error),
-    /// The picture has no pixels.
-    #[error(transparent)]
-    Viewport(#[from] ViewportError),
     /// The error bound is none.
     #[error(transparent)]
     Rule(#[from] CutRuleError),
@@ -176,10 +172,9 @@ fn draw(
     frames: &mut [Frame],
     progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
 ) -> Result<(), ReportingError> {
-    let size = viewport(plan.size)?;
     let rule = CutRule::new(plan.epsilon.pixels())?.stopping_at_few_pixels(plan.few_pixels);
-    let mut auditor = Auditor::new(&file.scene, drawn, size, rule)?;
-    let mut machine = VulkanPair::new(drawn, size, plan.tester)?;
+    let mut auditor = Auditor::new(&file.scene, drawn, plan.size, rule)?;
+    let mut machine = VulkanPair::new(drawn, plan.size, plan.tester)?;
     let mut pictures = AuditPictures::default();
     for (index, (frame, record)) in frames.iter_mut().zip(records).enumerate() {
         let number = frame.frame;

@@ -20,9 +20,8 @@ use trimaran_actors::{
     PictureDevice, Place, RoleError, Seat, ShownFrame, Stop, Stopper, Stopwatch, Turns, await_pair,
     join_session,
 };
-use trimaran_cull::{
-    BoxTester, Culler, CutRule, DepthImage, NoOccluders, Picture, TestBox, View, Viewport, reference::cases,
-};
+use trimaran_audit::cases;
+use trimaran_cull::{BoxTester, Culler, CutRule, DepthImage, NoOccluders, Picture, TestBox, View, Viewport};
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStart, FrameStats, Goodbye, IdCoding,
     Identity, PictureSize, Role, Settings, TesterKind,

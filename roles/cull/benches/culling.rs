@@ -7,8 +7,8 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::DVec3;
-use trimaran_cull::reference::cases::{plant, plant_views};
-use trimaran_cull::reference::{Placement, rasterize};
+use trimaran_audit::cases::{plant, plant_views};
+use trimaran_audit::{Placement, rasterize};
 use trimaran_cull::{
     Culler, CutRule, DepthImage, DepthPyramid, HzbTester, LevelCut, NoOccluders, OccluderMapper, Outline,
     View, Viewport, draw_order,

@@ -193,18 +193,20 @@ pub fn occluders(
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
+    use trimaran_audit::cases::{plant, plant_views};
 
     use super::*;
     use crate::Viewport;
     use crate::cut::level_cut;
-    use crate::reference::cases::{plant, plant_views};
 
     /// When the stamps run out, marks of the frames before must not count as this frame's.
     #[test]
     fn frames_past_the_last_stamp_start_clean() {
         let scene = plant(1, 100, DVec3::ZERO).unwrap();
         let viewport = Viewport::new(32, 32).unwrap();
-        let view = plant_views(1, 100, DVec3::ZERO, viewport, 1).unwrap()[0];
+        // `trimaran-audit` links this crate built without tests: its views are of another type, its cameras are not.
+        let audit_view = plant_views(1, 100, DVec3::ZERO, viewport, 1).unwrap()[0];
+        let view = View::new(*audit_view.camera(), viewport);
         let rule = CutRule::new(1.0).unwrap();
         let cut = level_cut(&scene, &view, rule);
         let mut mapper = OccluderMapper::new(scene, view, rule);

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use proptest::prelude::*;
-use trimaran_cull::reference::cases::{plant, plant_views};
-use trimaran_cull::reference::{ReferenceWalk, Testing};
+use trimaran_audit::cases::{plant, plant_views};
+use trimaran_audit::{ReferenceWalk, Testing};
 use trimaran_cull::{
     Choice, CullError, Culler, CutRule, LevelCut, NoOccluders, OccluderMapper, TestBox, View, Viewport,
     draw_order, level_cut, occluders,

@@ -16,7 +16,7 @@ use std::time::Instant;
 
 use trimaran_cull::{
     Culler, CutRule, DepthPyramid, DrawOrder, HzbTester, OccluderMapper, TriangleBudget, View, Viewport,
-    nearest_within, worthiest_within,
+    aspect, nearest_within, worthiest_within,
 };
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemImage, ItemPass, OccluderPass, PicturePass};
 use trimaran_proto::{DrawableId, FrameNumber};
@@ -50,7 +50,7 @@ fn main() -> Outcome<()> {
 fn views(walk: &Walk, size: Viewport) -> Outcome<Vec<View>> {
     let near = walk.near().ok_or("the walk names no near distance")?;
     let camera = |(pose, frame): (&trimaran_scene::walk::WalkFrame, u32)| {
-        Ok(View::new(pose.camera(walk.vfov_deg(), size.aspect(), near, FrameNumber(frame))?, size))
+        Ok(View::new(pose.camera(walk.vfov_deg(), aspect(size), near, FrameNumber(frame))?, size))
     };
     walk.frames().iter().zip(0..).map(camera).collect()
 }

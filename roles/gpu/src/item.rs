@@ -156,7 +156,7 @@ impl ItemPass {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use trimaran_cull::reference::cases::{plant, plant_views};
+    use trimaran_audit::cases::{plant, plant_views};
     use trimaran_cull::{CutRule, draw_order, level_cut};
 
     use super::*;

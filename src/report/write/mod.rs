@@ -6,10 +6,10 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
+use trimaran_audit::metrics::Picture;
 
 use super::error::{ReportError, io_error};
 use super::html::{self, Comparison};
-use super::metrics::Picture;
 use super::pictures::{PictureKind, file_name, files_of_report};
 use super::png::Rgb;
 use super::schema::{Frame, FramePictures, Report};

@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use trimaran_cull::reference::cases::{Case, hard_cases, plant, plant_views};
-use trimaran_cull::reference::{Placement, rasterize};
+use trimaran_audit::cases::{Case, hard_cases, plant, plant_views};
+use trimaran_audit::{Placement, rasterize};
 use trimaran_cull::{
     Culler, CutRule, DepthPyramid, HzbTester, NoOccluders, View, Viewport, draw_order, level_cut, occluders,
 };

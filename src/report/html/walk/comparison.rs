@@ -3,9 +3,9 @@
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use maud::{Markup, html};
+use trimaran_audit::metrics::{Picture, flip};
 
 use crate::report::format::{figure, plural};
-use crate::report::metrics::{Picture, flip};
 use crate::report::png::Rgb;
 use crate::report::schema::{Frame, Report};
 

@@ -4,9 +4,9 @@ use std::convert::Infallible;
 
 use glam::{DVec3, Vec3};
 
-use super::picture::Picture;
-use super::raster::rasterize_triangle;
-use crate::{Answer, BoxTester, Outline, TestBox, View};
+use crate::id_buffer::Picture;
+use crate::raster::rasterize_triangle;
+use trimaran_cull::{Answer, BoxTester, Outline, TestBox, View};
 
 /// Rasterizes boxes against a picture's depth and counts the pixels at which a box is in front of it or level
 /// with it: what precise occlusion queries with `GREATER_OR_EQUAL` and back faces culled count.
@@ -77,7 +77,7 @@ impl BoxTester for ReferenceTester<'_> {
 }
 
 /// The twelve triangles of a box, in view space.
-pub(super) fn triangles_of(test_box: &TestBox) -> impl Iterator<Item = [DVec3; 3]> + use<> {
+pub(crate) fn triangles_of(test_box: &TestBox) -> impl Iterator<Item = [DVec3; 3]> + use<> {
     let centre = test_box.centre.as_dvec3();
     let axes = test_box.axes.map(Vec3::as_dvec3);
     (0..6).flat_map(move |face: usize| {

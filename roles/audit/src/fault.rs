@@ -1,10 +1,10 @@
 //! Faults to be found: what each condition of exact culling looks like when it does not hold.
 
+use trimaran_cull::{Answer, BoxTester, HzbError, HzbTester, Outline, TestBox, View};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
-use super::ReferenceTester;
-use crate::{Answer, BoxTester, HzbError, HzbTester, Outline, TestBox, View};
+use crate::ReferenceTester;
 
 /// One of the conditions of exact culling, broken.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -32,7 +32,7 @@ pub enum Fault {
 
 impl Fault {
     /// What RVG draws of the ids that HC sent it.
-    pub(super) fn arrived(self, scene: &Scene, sent: &[DrawableId]) -> Vec<DrawableId> {
+    pub(crate) fn arrived(self, scene: &Scene, sent: &[DrawableId]) -> Vec<DrawableId> {
         let other_level = |id: DrawableId| {
             let drawable = scene.drawables().get(id.index())?;
             scene.nodes().get(drawable.node as usize)?.levels().find(|level| *level != id)
@@ -60,15 +60,15 @@ impl Fault {
 }
 
 /// Which of the testers a machine has.
-pub(super) enum AnyTester<'p> {
+pub(crate) enum AnyTester<'p> {
     Rasterized(ReferenceTester<'p>),
     Pyramid(HzbTester<'p>),
 }
 
 /// A tester whose boxes are tampered with as the fault says.
-pub(super) struct Tampered<'p> {
-    pub(super) inner: AnyTester<'p>,
-    pub(super) fault: Fault,
+pub(crate) struct Tampered<'p> {
+    pub(crate) inner: AnyTester<'p>,
+    pub(crate) fault: Fault,
 }
 
 impl BoxTester for Tampered<'_> {

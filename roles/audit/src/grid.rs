@@ -3,13 +3,13 @@
 use glam::DVec2;
 
 /// The smallest rectangle around points: lower and upper corner; inverted and infinite around none.
-pub(super) fn bounds(points: &[DVec2]) -> (DVec2, DVec2) {
+pub(crate) fn bounds(points: &[DVec2]) -> (DVec2, DVec2) {
     let start = (DVec2::INFINITY, DVec2::NEG_INFINITY);
     points.iter().fold(start, |(low, high), &p| (low.min(p), high.max(p)))
 }
 
 /// Points sorted into square cells, so that those in a rectangle are found without looking at all.
-pub(super) struct Grid {
+pub(crate) struct Grid {
     corner: DVec2,
     cell: f64,
     columns: usize,
@@ -22,7 +22,7 @@ pub(super) struct Grid {
 
 impl Grid {
     /// Sorts points into cells of about the size given, at least 2.
-    pub(super) fn new(points: &[DVec2], cell: f64) -> Self {
+    pub(crate) fn new(points: &[DVec2], cell: f64) -> Self {
         let (corner, high) = bounds(points);
         let cell = cell.max(2.0);
         let count = |extent: f64| (extent / cell) as usize + 1;
@@ -44,7 +44,7 @@ impl Grid {
     }
 
     /// The points, as indices, of the cells that touch a rectangle, a row of cells at a time.
-    pub(super) fn cells(&self, low: DVec2, high: DVec2) -> impl Iterator<Item = &[usize]> {
+    pub(crate) fn cells(&self, low: DVec2, high: DVec2) -> impl Iterator<Item = &[usize]> {
         let (low, high) = ((low - self.corner) / self.cell, (high - self.corner) / self.cell);
         // From float to integer saturates: what is left of the first cell becomes the first cell, unless all
         // of it is.
@@ -60,7 +60,7 @@ impl Grid {
     }
 
     /// Whether there is a point in the cells that touch a rectangle.
-    pub(super) fn holds_any(&self, low: DVec2, high: DVec2) -> bool {
+    pub(crate) fn holds_any(&self, low: DVec2, high: DVec2) -> bool {
         self.cells(low, high).any(|points| !points.is_empty())
     }
 }

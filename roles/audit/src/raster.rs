@@ -5,8 +5,7 @@
 //! the screen, interpolated in f64.
 
 use glam::{DVec2, DVec3};
-
-use crate::View;
+use trimaran_cull::View;
 
 /// Sub-pixel positions a pixel, in each direction (8 bits).
 const SUBPIXELS: f64 = 256.0;
@@ -68,7 +67,7 @@ fn snap(pixels: f64) -> i64 {
 }
 
 /// Keeps the part of a convex polygon where `side` is at least 0 (Sutherland and Hodgman, 1974).
-pub(super) fn clip(polygon: &mut Vec<DVec3>, side: impl Fn(DVec3) -> f64) {
+pub(crate) fn clip(polygon: &mut Vec<DVec3>, side: impl Fn(DVec3) -> f64) {
     let mut kept = Vec::with_capacity(polygon.len() + 1);
     for (index, &here) in polygon.iter().enumerate() {
         let Some(&next) = polygon.get((index + 1) % polygon.len()) else { continue };
@@ -128,9 +127,11 @@ fn fill(view: &View, [a, mut b, mut c]: [Corner; 3], cover: &mut impl FnMut(Cove
 
 #[cfg(test)]
 mod tests {
+    use trimaran_cull::Viewport;
+    use trimaran_scene::random::Random;
+
     use super::*;
-    use crate::Viewport;
-    use crate::reference::cases::{Dice, looking};
+    use crate::cases::looking;
 
     fn view() -> View {
         looking(DVec3::ZERO, DVec3::Y, 90.0, Viewport::new(32, 32).unwrap(), 0).unwrap()
@@ -157,9 +158,9 @@ mod tests {
 
     #[test]
     fn an_edge_shared_by_two_triangles_covers_each_pixel_once() {
-        let mut dice = Dice::new(5);
+        let mut random = Random::new(5);
         for _ in 0..300 {
-            let mut corner = || dice.point(DVec3::new(-9.0, -9.0, -20.0), DVec3::new(9.0, 9.0, -8.0));
+            let mut corner = || random.point(DVec3::new(-9.0, -9.0, -20.0), DVec3::new(9.0, 9.0, -8.0));
             let (a, b) = (corner(), corner());
             let (mut c, mut d) = (corner(), corner());
             // On either side of the edge as seen from the eye.

@@ -1,8 +1,9 @@
 //! Pictures against pictures, by colour.
 
+use serde::{Deserialize, Serialize};
+
 use super::image::same_size;
 use super::{Deviation, MetricError, Picture};
-use crate::report::schema::PictureError;
 
 /// The FLIP error of every pixel: 0 (looks equal) to 1, row by row from the top left.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,6 +31,32 @@ impl FlipMap {
         let rank = (percent * values.len()).div_ceil(100).clamp(1, values.len());
         f64::from(*values.select_nth_unstable_by(rank - 1, f32::total_cmp).1)
     }
+}
+
+/// One image against another, as it stands in a report.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ImageDifference {
+    /// Peak signal-to-noise ratio over red, green and blue, decibels; `null` if the images are equal
+    /// (infinite).
+    pub psnr_db: Option<f64>,
+    /// Mean of the FLIP error map, 0 (equal) to 1.
+    pub flip_mean: Option<f64>,
+    /// 99th percentile of the FLIP error map.
+    pub flip_p99: Option<f64>,
+    /// Pixels whose colour differs.
+    pub mismatching_pixels: u64,
+    /// Largest distance of a pixel that only one of the images covers to the nearest surface of the other,
+    /// pixels; the image's diagonal if there is none.
+    pub silhouette_max_px: Option<f64>,
+    /// 95th percentile of that distance, over the outline pixels of both as well (0 where both cover them).
+    pub silhouette_p95_px: Option<f64>,
+    /// Largest distance of a covered pixel, of either image, to the same thing's surface in the other,
+    /// pixels.
+    #[serde(default)]
+    pub surface_max_px: Option<f64>,
+    /// 95th percentile of that distance over the covered pixels of both.
+    #[serde(default)]
+    pub surface_p95_px: Option<f64>,
 }
 
 /// The number of pixels whose red, green or blue differs.
@@ -82,14 +109,14 @@ pub fn flip(reference: &Picture<'_>, picture: &Picture<'_>) -> Result<FlipMap, M
 ///
 /// # Errors
 /// If they differ in size.
-pub fn picture_error(
+pub fn image_difference(
     reference: &Picture<'_>,
     picture: &Picture<'_>,
     silhouette: Deviation,
     surfaces: Deviation,
-) -> Result<PictureError, MetricError> {
+) -> Result<ImageDifference, MetricError> {
     let map = flip(reference, picture)?;
-    Ok(PictureError {
+    Ok(ImageDifference {
         psnr_db: psnr_db(reference, picture)?,
         flip_mean: Some(map.mean()),
         flip_p99: Some(map.percentile(99)),

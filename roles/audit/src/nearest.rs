@@ -7,13 +7,13 @@
 //! difference.
 
 use glam::{DVec2, DVec3};
+use trimaran_cull::View;
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, Scene};
 
-use super::grid::{Grid, bounds};
-use super::picture::{Placement, triangles};
-use super::raster::clip;
-use crate::View;
+use crate::grid::{Grid, bounds};
+use crate::id_buffer::{Placement, triangles};
+use crate::raster::clip;
 
 /// How far from a pixel's centre the surface that covers it may lie, in pixels, as it is known here: the
 /// rasterizer moves corners by its sub-pixel step of 1/256, and a GPU places vertices in f32.
@@ -170,11 +170,12 @@ fn squared_distance(point: DVec2, polygon: &[DVec2], (low, high): (DVec2, DVec2)
 mod tests {
     use glam::Vec3;
     use proptest::prelude::*;
+    use trimaran_cull::Viewport;
+    use trimaran_scene::random::Random;
 
     use super::*;
-    use crate::Viewport;
-    use crate::reference::cases::{Dice, Mesh, Object, build, looking};
-    use crate::reference::rasterize;
+    use crate::cases::{Mesh, Object, build, looking};
+    use crate::rasterize;
 
     /// At depth 10 a metre is a pixel, and the picture's middle is straight ahead (along y; z is up).
     fn view() -> View {
@@ -309,11 +310,11 @@ mod tests {
         /// Against every triangle for every pixel, without a grid or a reach.
         #[test]
         fn agrees_with_brute_force(seed: u64) {
-            let mut dice = Dice::new(seed);
+            let mut random = Random::new(seed);
             let objects: Vec<Object> = (0..12)
                 .map(|_| {
-                    let place = dice.point(DVec3::new(-40.0, -10.0, -40.0), DVec3::new(40.0, 40.0, 40.0));
-                    let half = dice.point(DVec3::ZERO, DVec3::splat(3.0)).as_vec3();
+                    let place = random.point(DVec3::new(-40.0, -10.0, -40.0), DVec3::new(40.0, 40.0, 40.0));
+                    let half = random.point(DVec3::ZERO, DVec3::splat(3.0)).as_vec3();
                     Object::new(Mesh::cuboid(-half, half, 1)).at(place)
                 })
                 .collect();

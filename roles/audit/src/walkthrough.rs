@@ -10,12 +10,12 @@ use thiserror::Error;
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
-use super::attribution::{CulledFrame, Missing, causes};
-use super::cause::FalseCullCause;
-use super::fault::{AnyTester, Fault, Tampered};
-use super::picture::{Picture, Placement, rasterize};
-use super::tester::ReferenceTester;
-use crate::{
+use crate::attribution::{CulledFrame, Missing, causes};
+use crate::cause::FalseCullCause;
+use crate::fault::{AnyTester, Fault, Tampered};
+use crate::id_buffer::{Picture, Placement, rasterize};
+use crate::occlusion_test::ReferenceTester;
+use trimaran_cull::{
     CullError, CullStats, Culler, CutRule, DepthImage, DepthPyramid, DrawOrder, HzbError, HzbTester,
     LevelCut, OccluderError, OccluderMapper, View,
 };

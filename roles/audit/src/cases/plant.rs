@@ -4,57 +4,10 @@ use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3, Mat3, Quat, Vec3};
 use trimaran_proto::{Camera, CameraError, FrameNumber};
-use trimaran_scene::{Scene, SceneError};
+use trimaran_scene::{Scene, SceneError, random::Random};
 
 use super::builder::{Mesh, Object, build};
-use crate::{View, Viewport};
-
-/// Random numbers from a seed (SplitMix64; Steele, Lea and Flood, 2014), the same everywhere.
-#[derive(Debug, Clone)]
-pub struct Dice(u64);
-
-impl Dice {
-    /// From a seed.
-    #[must_use]
-    pub const fn new(seed: u64) -> Self {
-        Self(seed)
-    }
-
-    /// Any 64 bits.
-    pub const fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// A number from `low` up to `high`.
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// A point in a box.
-    pub fn point(&mut self, min: DVec3, max: DVec3) -> DVec3 {
-        DVec3::new(self.between(min.x, max.x), self.between(min.y, max.y), self.between(min.z, max.z))
-    }
-
-    /// A direction, evenly.
-    pub fn direction(&mut self) -> DVec3 {
-        loop {
-            let point = self.point(DVec3::splat(-1.0), DVec3::ONE);
-            if (1e-4..=1.0).contains(&point.length_squared()) {
-                return point.normalize();
-            }
-        }
-    }
-
-    /// A rotation, evenly.
-    pub fn rotation(&mut self) -> DQuat {
-        let axis = self.direction();
-        DQuat::from_axis_angle(axis, self.between(0.0, std::f64::consts::TAU))
-    }
-}
+use trimaran_cull::{View, Viewport, aspect};
 
 /// Rooms side by side with walls, decks, pipes, vessels and crates in them: about `objects` objects about
 /// `origin`, z up, four metres a storey. Walls and decks hide most of it from anywhere inside.
@@ -62,21 +15,21 @@ impl Dice {
 /// # Errors
 /// None for at least one object.
 pub fn plant(seed: u64, objects: usize, origin: DVec3) -> Result<Arc<Scene>, SceneError> {
-    let mut dice = Dice::new(seed);
+    let mut random = Random::new(seed);
     let rooms = rooms_across(objects);
     let mut made = Vec::with_capacity(objects);
     for room in 0..rooms * rooms * rooms {
         let corner = room_corner(room, rooms);
         // A deck below, and a wall on one or two sides with a door's gap.
         made.push(slab(corner, DVec3::new(4.0, 4.0, 0.1)));
-        if dice.between(0.0, 1.0) < 0.85 {
+        if random.between(0.0, 1.0) < 0.85 {
             made.push(slab(corner, DVec3::new(0.1, 3.0, 4.0)));
         }
-        if dice.between(0.0, 1.0) < 0.85 {
+        if random.between(0.0, 1.0) < 0.85 {
             made.push(slab(corner + DVec3::X, DVec3::new(3.0, 0.1, 4.0)));
         }
         for _ in 0..OBJECTS_IN_A_ROOM {
-            made.push(fixture(&mut dice, corner));
+            made.push(fixture(&mut random, corner));
         }
     }
     made.truncate(objects.max(1));
@@ -107,22 +60,22 @@ fn on_grid(point: DVec3) -> DVec3 {
 }
 
 /// A pipe, a vessel or a crate somewhere in the room.
-fn fixture(dice: &mut Dice, corner: DVec3) -> Object {
-    let place = corner + on_grid(dice.point(DVec3::splat(0.4), DVec3::splat(3.6)));
-    let kind = dice.between(0.0, 3.0);
+fn fixture(random: &mut Random, corner: DVec3) -> Object {
+    let place = corner + on_grid(random.point(DVec3::splat(0.4), DVec3::splat(3.6)));
+    let kind = random.between(0.0, 3.0);
     let along = [Mat3::IDENTITY, Mat3::from_rotation_y(1.570_796_4), Mat3::from_rotation_z(1.570_796_4)];
-    let turn = along[(dice.bits() % 3) as usize];
+    let turn = along[(random.bits() % 3) as usize];
     if kind < 1.5 {
-        let length = dice.between(0.3, 2.0) as f32;
-        Object::new(Mesh::cylinder(dice.between(0.02, 0.15) as f32, length, 10))
+        let length = random.between(0.3, 2.0) as f32;
+        Object::new(Mesh::cylinder(random.between(0.02, 0.15) as f32, length, 10))
             .at(place)
             .turned(turn)
             .with_box_level()
     } else if kind < 2.0 {
         Object::new(Mesh::cylinder(0.4, 0.5, 24)).at(place).turned(turn).with_box_level()
     } else {
-        let half = dice.point(DVec3::splat(0.05), DVec3::splat(0.35)).as_vec3();
-        let turn = Mat3::from_quat(Quat::from_rotation_z(dice.between(0.0, 1.5) as f32));
+        let half = random.point(DVec3::splat(0.05), DVec3::splat(0.35)).as_vec3();
+        let turn = Mat3::from_quat(Quat::from_rotation_z(random.between(0.0, 1.5) as f32));
         Object::new(Mesh::cuboid(-half, half, 3)).at(place).turned(turn).with_box_level()
     }
 }
@@ -139,18 +92,18 @@ pub fn plant_views(
     viewport: Viewport,
     count: u32,
 ) -> Result<Vec<View>, CameraError> {
-    let mut dice = Dice::new(seed);
+    let mut random = Random::new(seed);
     let size = 4.0 * rooms_across(objects) as f64;
     let mut eye = DVec3::ZERO;
     let mut heading = 0.0;
     (0..count)
         .map(|frame| {
             if frame % 13 == 0 {
-                eye = dice.point(DVec3::splat(0.3), DVec3::splat(size - 0.3));
-                heading = dice.between(0.0, std::f64::consts::TAU);
+                eye = random.point(DVec3::splat(0.3), DVec3::splat(size - 0.3));
+                heading = random.between(0.0, std::f64::consts::TAU);
             }
-            heading += dice.between(-0.15, 0.15);
-            let step = DVec3::new(-heading.sin(), heading.cos(), dice.between(-0.3, 0.3)) * 0.15;
+            heading += random.between(-0.15, 0.15);
+            let step = DVec3::new(-heading.sin(), heading.cos(), random.between(-0.3, 0.3)) * 0.15;
             eye = (eye + step).clamp(DVec3::splat(0.3), DVec3::splat(size - 0.3));
             // z up: turn the camera's -z to the horizon first.
             let level = DQuat::from_mat3(&DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y));
@@ -159,7 +112,7 @@ pub fn plant_views(
                 (on_grid(eye) + origin).to_array(),
                 orientation.normalize().to_array(),
                 0.577,
-                viewport.aspect(),
+                aspect(viewport),
                 0.05,
                 FrameNumber(frame),
             )?;

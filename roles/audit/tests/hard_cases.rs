@@ -2,9 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test or benchmark that cannot be set up fails")]
 
+use trimaran_audit::cases::{Case, hard_cases};
+use trimaran_audit::{FrameReport, Placement, ReferenceWalk, Testing};
 use trimaran_cull::CutRule;
-use trimaran_cull::reference::cases::{Case, hard_cases};
-use trimaran_cull::reference::{FrameReport, Placement, ReferenceWalk, Testing};
 
 fn case(name: &str) -> Case {
     hard_cases().unwrap().into_iter().find(|case| case.name == name).unwrap()

@@ -10,15 +10,16 @@ use std::collections::{BTreeMap, HashMap};
 use std::iter::successors;
 
 use glam::{DVec3, Vec3};
+use trimaran_cull::{
+    BoxMaker, BoxTester, Choice, CutRule, LevelCut, Outline, Prepared, TestBox, View, reaches,
+};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, NodeId, Scene};
 
-use super::cause::FalseCullCause as Cause;
-use super::picture::{Item, Picture, Placement, rasterize, triangles};
-use super::raster::rasterize_triangle;
-use super::tester::triangles_of;
-use crate::boxes::{BoxMaker, Prepared, reaches};
-use crate::{BoxTester, CutRule, LevelCut, Outline, TestBox, View};
+use crate::cause::FalseCullCause as Cause;
+use crate::id_buffer::{Item, Picture, Placement, rasterize, triangles};
+use crate::occlusion_test::triangles_of;
+use crate::raster::rasterize_triangle;
 
 /// A pixel's centre may be covered by a surface that ends so far beside it: corners move by the sub-pixel
 /// step.
@@ -99,7 +100,7 @@ trait Steps {
     fn slack(&self, id: NodeId, node: &Node) -> f64;
 }
 
-/// The steps as [`Culler`](crate::Culler) takes them.
+/// The steps as [`Culler`](trimaran_cull::Culler) takes them.
 struct MachineSteps<'f, T> {
     cut: LevelCut<'f>,
     maker: BoxMaker,
@@ -387,11 +388,7 @@ fn is_of_cut(scene: &Scene, cut: &LevelCut<'_>, item: Item) -> bool {
     way_down(scene, NodeId(drawable.node)).into_iter().all(|id| {
         let Some(node) = scene.nodes().get(id.0 as usize) else { return false };
         let chosen = cut.choose(node);
-        if id.0 == drawable.node {
-            chosen == crate::Choice::Draw(item.drawable)
-        } else {
-            chosen == crate::Choice::Refine
-        }
+        if id.0 == drawable.node { chosen == Choice::Draw(item.drawable) } else { chosen == Choice::Refine }
     })
 }
 
@@ -440,9 +437,10 @@ fn covered(view: &View, test_box: &TestBox) -> HashMap<usize, f64> {
 mod tests {
     use std::convert::Infallible;
 
+    use trimaran_cull::Viewport;
+
     use super::*;
-    use crate::Viewport;
-    use crate::reference::cases::{Mesh, Object, build, looking};
+    use crate::cases::{Mesh, Object, build, looking};
 
     /// Steps that answer the same at every node.
     struct Told {

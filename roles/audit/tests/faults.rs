@@ -8,8 +8,8 @@ use std::f32::consts::FRAC_PI_2;
 use std::sync::Arc;
 
 use glam::{DVec3, Mat3, Vec3};
-use trimaran_cull::reference::cases::{Mesh, Object, build, looking, plant, plant_views, with_halved_boxes};
-use trimaran_cull::reference::{FalseCullCause, Fault, FrameReport, Placement, ReferenceWalk, Testing};
+use trimaran_audit::cases::{Mesh, Object, build, looking, plant, plant_views, with_halved_boxes};
+use trimaran_audit::{FalseCullCause, Fault, FrameReport, Placement, ReferenceWalk, Testing};
 use trimaran_cull::{CutRule, DEPTH_ULPS, OUTLINE_PX, POSITION_ULPS, Viewport};
 
 /// Faults of depth in the plant, as a fraction of the distance. Boxes are taken to be nearer by half a pixel

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3, Mat3, Vec3};
 use thiserror::Error;
-use trimaran_proto::{Camera, CameraError, FrameNumber};
-use trimaran_scene::{Scene, SceneError};
+use trimaran_proto::{Camera, CameraError, FrameNumber, SettingsError};
+use trimaran_scene::{Scene, SceneError, random::Random};
 
 use super::builder::{Mesh, Object, build};
-use super::plant::{Dice, plant, plant_views};
-use crate::{View, Viewport, ViewportError};
+use super::plant::{plant, plant_views};
+use trimaran_cull::{View, Viewport, aspect};
 
 /// A scene and a walk of views through it. Along the walk nothing visible may be culled, and pictures with
 /// and without culling are equal.
@@ -33,9 +33,9 @@ pub enum CaseError {
     /// A camera is out of range.
     #[error("a case's camera is out of range")]
     Camera(#[from] CameraError),
-    /// A picture has no pixels.
-    #[error("a case's picture has no pixels")]
-    Viewport(#[from] ViewportError),
+    /// A picture's size is out of range.
+    #[error("a case's picture size is out of range")]
+    Viewport(#[from] SettingsError),
 }
 
 /// A view from `eye` towards `target` with the vertical field of view in degrees; the near plane at 0.01 m.
@@ -55,14 +55,8 @@ pub fn looking(
     let orientation = DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back)).normalize();
     let tan = (fov_degrees.to_radians() * 0.5).tan() as f32;
     let near = 0.01;
-    let camera = Camera::new(
-        eye.to_array(),
-        orientation.to_array(),
-        tan,
-        viewport.aspect(),
-        near,
-        FrameNumber(frame),
-    )?;
+    let camera =
+        Camera::new(eye.to_array(), orientation.to_array(), tan, aspect(viewport), near, FrameNumber(frame))?;
     Ok(View::new(camera, viewport))
 }
 
@@ -105,7 +99,7 @@ pub fn hard_cases() -> Result<Vec<Case>, CaseError> {
     Ok(cases)
 }
 
-fn small() -> Result<Viewport, ViewportError> {
+fn small() -> Result<Viewport, SettingsError> {
     Viewport::new(96, 80)
 }
 
@@ -157,12 +151,12 @@ fn flat_line_and_point() -> Result<Case, CaseError> {
     let flat = Mesh::rectangle(Vec3::ZERO, Vec3::X * 0.4, Vec3::Y * 0.3, 1);
     let line = Mesh::rectangle(Vec3::ZERO, Vec3::X * 0.4, Vec3::ZERO, 1);
     let point = Mesh::rectangle(Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, 1);
-    let mut dice = Dice::new(3);
+    let mut random = Random::new(3);
     let objects: Vec<Object> = (0..60)
         .map(|index| {
             let mesh = [&flat, &line, &point][index % 3].clone();
-            let place = dice.point(DVec3::new(-2.0, 3.0, -2.0), DVec3::new(2.0, 7.0, 2.0));
-            Object::new(mesh).at(place).turned(Mat3::from_quat(dice.rotation().as_quat()))
+            let place = random.point(DVec3::new(-2.0, 3.0, -2.0), DVec3::new(2.0, 7.0, 2.0));
+            Object::new(mesh).at(place).turned(Mat3::from_quat(random.rotation().as_quat()))
         })
         .chain([wall(5.0, 0.8)])
         .collect();
@@ -189,14 +183,14 @@ fn still_wall() -> Result<Case, CaseError> {
 
 fn slivers_behind_a_gap() -> Result<Case, CaseError> {
     // Slivers far away, most of them smaller than a pixel, seen past two walls with a gap of about a pixel.
-    let mut dice = Dice::new(7);
+    let mut random = Random::new(7);
     let mut objects: Vec<Object> = (0..150)
         .map(|_| {
-            let half = Vec3::new(dice.between(0.001, 0.4) as f32, 0.002, 0.003);
-            let place = dice.point(DVec3::new(-6.0, 20.0, -6.0), DVec3::new(6.0, 40.0, 6.0));
+            let half = Vec3::new(random.between(0.001, 0.4) as f32, 0.002, 0.003);
+            let place = random.point(DVec3::new(-6.0, 20.0, -6.0), DVec3::new(6.0, 40.0, 6.0));
             Object::new(Mesh::cuboid(-half, half, 1))
                 .at(place)
-                .turned(Mat3::from_quat(dice.rotation().as_quat()))
+                .turned(Mat3::from_quat(random.rotation().as_quat()))
         })
         .collect();
     let panel = Mesh::cuboid(Vec3::new(-2.0, 0.0, -2.0), Vec3::new(0.0, 0.1, 2.0), 1);
@@ -237,10 +231,10 @@ fn scaled_mirrored_sheared() -> Result<Case, CaseError> {
         flat_shear,
         Mat3::from_diagonal(Vec3::new(1.0, 0.0, 1.0)),
     ];
-    let mut dice = Dice::new(11);
+    let mut random = Random::new(11);
     let objects: Vec<Object> = (0..70)
         .map(|index| {
-            let place = dice.point(DVec3::new(-3.0, 3.0, -3.0), DVec3::new(3.0, 12.0, 3.0));
+            let place = random.point(DVec3::new(-3.0, 3.0, -3.0), DVec3::new(3.0, 12.0, 3.0));
             Object::new(Mesh::cylinder(0.5, 0.5, 8))
                 .at(place)
                 .turned(linears[index % linears.len()])

@@ -1,11 +1,11 @@
 //! Drawables to a picture of depths and items.
 
 use glam::{DVec3, Vec3};
+use trimaran_cull::{View, Viewport};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Drawable, Scene};
 
-use super::raster::{Coverage, rasterize_triangle};
-use crate::{View, Viewport};
+use crate::raster::{Coverage, rasterize_triangle};
 
 /// What is seen at a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -92,7 +92,7 @@ impl Picture {
     }
 
     /// Moves all that is drawn nearer to the eye by a fraction of its distance: a fault to be found.
-    pub(super) fn bring_nearer(&mut self, fraction: f64) {
+    pub(crate) fn bring_nearer(&mut self, fraction: f64) {
         for depth in &mut self.depth {
             *depth *= 1.0 + fraction;
         }
@@ -137,7 +137,7 @@ pub fn rasterize(
 }
 
 /// The drawable's triangles in view space.
-pub(super) fn triangles<'s>(
+pub(crate) fn triangles<'s>(
     scene: &'s Scene,
     view: &View,
     drawable: &Drawable,
