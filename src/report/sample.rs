@@ -6,7 +6,7 @@ use super::schema::{
     BytesByKind, CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Mode, PassTime,
     Projection, Report, Role, RoleInfo, Run, SceneInfo, Seat, Span, SweepPoint, VisibleObject,
 };
-use trimaran_audit::metrics::{Deviation, Picture, image_difference};
+use trimaran_audit::metrics::{Deviation, ImageRef, image_difference};
 
 pub(super) const SIZE: u32 = 96;
 const FRAMES: u32 = 60;
@@ -132,7 +132,7 @@ fn frame(frame: u32) -> Frame {
         cut_mismatch_pixels: audited.then_some(if wrong { 41 } else { 0 }),
         full_detail: audited.then(|| {
             let (shown, full) = (picture(frame, 1), picture(frame, 0));
-            let picture = |rgba| Picture::new(SIZE, SIZE, rgba).unwrap();
+            let picture = |rgba| ImageRef::new(SIZE, SIZE, rgba).unwrap();
             let silhouette = Deviation { max_px: 1.0 + 0.9 * noise(frame, 5), p95_px: 0.6 };
             let surfaces = Deviation { max_px: silhouette.max_px + 0.05, p95_px: 0.4 };
             image_difference(&picture(&full), &picture(&shown), silhouette, surfaces).unwrap()

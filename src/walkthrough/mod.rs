@@ -20,7 +20,7 @@ mod record;
 mod reporting;
 
 pub use attribution::AttributionError;
-pub use audit::{AuditError, AuditPictures, Auditor, picture_of};
+pub use audit::{AuditError, AuditPictures, Auditor};
 pub use in_process::{Stage, StageError, in_process};
 pub use journal::{Journal, JournalStopped};
 pub use path::{PathChoice, Trail, TrailError};

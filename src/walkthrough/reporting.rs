@@ -5,14 +5,14 @@ use std::{ops::ControlFlow, path::PathBuf, sync::Arc, time::SystemTime};
 use crate::vulkan::VulkanPair;
 use thiserror::Error;
 use trimaran_actors::RoleError;
-use trimaran_audit::metrics::MetricError;
-use trimaran_cull::{CutRule, CutRuleError, Picture};
+use trimaran_audit::metrics::{ImageRef, MetricError};
+use trimaran_cull::{Image, LodRule, LodRuleError};
 use trimaran_gpu::{GpuError, GpuInfo, GpuScene};
 use trimaran_scene::Scene;
 
 use super::{
     Pace, Plan,
-    audit::{AuditError, AuditPictures, Auditor, picture_of},
+    audit::{AuditError, AuditPictures, Auditor},
     compose::Composer,
     journal::Journal,
     path::Trail,
@@ -75,7 +75,7 @@ pub enum ReportingError {
     Thread(#[source] std::io::Error),
     /// The error bound is none.
     #[error(transparent)]
-    Rule(#[from] CutRuleError),
+    Rule(#[from] LodRuleError),
     /// A picture does not fit its size.
     #[error(transparent)]
     Metric(#[from] MetricError),
@@ -172,7 +172,7 @@ fn draw(
     frames: &mut [Frame],
     progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
 ) -> Result<(), ReportingError> {
-    let rule = CutRule::new(plan.epsilon.pixels())?.stopping_at_few_pixels(plan.few_pixels);
+    let rule = LodRule::new(plan.epsilon.pixels())?.stopping_at_few_pixels(plan.few_pixels);
     let mut auditor = Auditor::new(&file.scene, drawn, plan.size, rule)?;
     let mut machine = VulkanPair::new(drawn, plan.size, plan.tester)?;
     let mut pictures = AuditPictures::default();
@@ -206,9 +206,9 @@ fn write_picture(
     writer: &mut Writer,
     frame: u32,
     kind: PictureKind,
-    picture: &Picture,
+    picture: &Image,
 ) -> Result<(), ReportingError> {
-    Ok(writer.picture(frame, kind, &picture_of(picture)?)?)
+    Ok(writer.picture(frame, kind, &ImageRef::of(picture)?)?)
 }
 
 fn report(

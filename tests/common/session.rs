@@ -9,7 +9,7 @@ use trimaran_actors::{
     Devices, DisplayRole, Joined, OccluderPolicy, PairDevice, PairRole, Place, Seat, Stop, Stopwatch, Turns,
     await_pair, join_session,
 };
-use trimaran_cull::{CutRule, View, level_cut};
+use trimaran_cull::{LodRule, View, lod_cut};
 use trimaran_proto::{Identity, Role};
 use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Listener, Net, Options, TokioNet};
@@ -123,7 +123,7 @@ pub(crate) fn essence(records: &[FrameRecord]) -> Vec<(Vec<u32>, u64)> {
 /// How many drawables the frame's level cut has before culling.
 pub(crate) fn uncut_count(stage: &Stage, plan: &Plan, record: &FrameRecord) -> usize {
     let view = View::new(record.camera, plan.size);
-    level_cut(&stage.scene, &view, CutRule::new(plan.epsilon.pixels()).unwrap()).len()
+    lod_cut(&stage.scene, &view, LodRule::new(plan.epsilon.pixels()).unwrap()).len()
 }
 
 /// Fails if the validation layer had anything to say.

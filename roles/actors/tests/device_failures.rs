@@ -21,7 +21,9 @@ use trimaran_actors::{
     join_session,
 };
 use trimaran_audit::cases;
-use trimaran_cull::{BoxTester, Culler, CutRule, DepthImage, NoOccluders, Picture, TestBox, View, Viewport};
+use trimaran_cull::{
+    Culler, DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport,
+};
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStart, FrameStats, Goodbye, IdCoding,
     Identity, PictureSize, Role, Settings, TesterKind,
@@ -121,7 +123,7 @@ impl PairDevice for Device {
     }
 }
 
-impl BoxTester for Device {
+impl OcclusionTest for Device {
     type Error = Broken;
 
     fn test(&mut self, _: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Broken> {
@@ -142,7 +144,7 @@ impl PictureDevice for Device {
         self.work(Task::Draw)
     }
 
-    fn read(&mut self, _: &mut Picture) -> Result<(), Broken> {
+    fn read(&mut self, _: &mut Image) -> Result<(), Broken> {
         panic!("nobody wants a picture here")
     }
 }
@@ -195,7 +197,7 @@ impl House {
         let scene = cases::plant(7, 60, DVec3::ZERO).unwrap();
         let size = Viewport::new(SIDE, SIDE).unwrap();
         let views = cases::plant_views(7, 60, DVec3::ZERO, size, 30).unwrap();
-        let (mut culler, rule) = (Culler::new(Arc::clone(&scene)), CutRule::new(EPSILON_PX).unwrap());
+        let (mut culler, rule) = (Culler::new(Arc::clone(&scene)), LodRule::new(EPSILON_PX).unwrap());
         let mut tested = |view: &View| culler.cull(view, rule, &mut NoOccluders, |_| {}).unwrap().tested;
         let camera = *views.iter().find(|view| tested(view) > 0).unwrap().camera();
         Self { runtime, net, scene, camera, name: name.to_owned() }

@@ -1,10 +1,10 @@
 //! Faults to be found: what each condition of exact culling looks like when it does not hold.
 
-use trimaran_cull::{Answer, BoxTester, HzbError, HzbTester, Outline, TestBox, View};
+use trimaran_cull::{Answer, HzbError, HzbTest, OcclusionTest, Outline, TestBox, View};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
-use crate::ReferenceTester;
+use crate::ReferenceTest;
 
 /// One of the conditions of exact culling, broken.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -18,7 +18,7 @@ pub enum Fault {
     OtherLevelsShown(usize),
     /// As if OR had drawn from the camera before: its depth is the last frame's.
     StaleDepth,
-    /// Condition 3: the tester tests boxes this much smaller than it was given.
+    /// Condition 3: boxes are tested this much smaller than they were given.
     SmallBoxes(f32),
     /// Condition 3: boxes are not inflated against ties, but lie this fraction farther away.
     NoInflation(f32),
@@ -59,43 +59,41 @@ impl Fault {
     }
 }
 
-/// Which of the testers a machine has.
-pub(crate) enum AnyTester<'p> {
-    Rasterized(ReferenceTester<'p>),
-    Pyramid(HzbTester<'p>),
+/// Which occlusion test a culler has.
+pub(crate) enum AnyTest<'p> {
+    Rasterized(ReferenceTest<'p>),
+    Pyramid(HzbTest<'p>),
 }
 
-/// A tester whose boxes are tampered with as the fault says.
+/// An occlusion test whose boxes are tampered with as the fault says.
 pub(crate) struct Tampered<'p> {
-    pub(crate) inner: AnyTester<'p>,
+    pub(crate) inner: AnyTest<'p>,
     pub(crate) fault: Fault,
 }
 
-impl BoxTester for Tampered<'_> {
+impl OcclusionTest for Tampered<'_> {
     type Error = HzbError;
 
     fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), HzbError> {
         let boxes: Vec<TestBox> = boxes.iter().map(|test_box| self.fault.tampered(test_box)).collect();
         match &mut self.inner {
-            AnyTester::Rasterized(tester) => {
-                tester.test(view, &boxes, visible).map_err(|never| match never {})
-            }
-            AnyTester::Pyramid(tester) => tester.test(view, &boxes, visible),
+            AnyTest::Rasterized(test) => test.test(view, &boxes, visible).map_err(|never| match never {}),
+            AnyTest::Pyramid(test) => test.test(view, &boxes, visible),
         }
     }
 
     fn outline(&self) -> Outline {
         match &self.inner {
             _ if self.fault == Fault::NoOutline => Outline::OnScreen,
-            AnyTester::Rasterized(tester) => tester.outline(),
-            AnyTester::Pyramid(tester) => tester.outline(),
+            AnyTest::Rasterized(test) => test.outline(),
+            AnyTest::Pyramid(test) => test.outline(),
         }
     }
 
     fn answer(&self) -> Answer {
         match &self.inner {
-            AnyTester::Rasterized(tester) => tester.answer(),
-            AnyTester::Pyramid(tester) => tester.answer(),
+            AnyTest::Rasterized(test) => test.answer(),
+            AnyTest::Pyramid(test) => test.answer(),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Drawables to a picture of depths and items.
+//! Drawables to an ID buffer with depth (the paper: item buffer): which triangle shows at each pixel.
 
 use glam::{DVec3, Vec3};
 use trimaran_cull::{View, Viewport};
@@ -7,9 +7,9 @@ use trimaran_scene::{Drawable, Scene};
 
 use crate::raster::{Coverage, rasterize_triangle};
 
-/// What is seen at a pixel.
+/// The triangle that shows at a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Item {
+pub struct TriangleId {
     /// The drawable.
     pub drawable: DrawableId,
     /// The triangle in it, counted from 0.
@@ -27,20 +27,20 @@ pub enum Placement {
     Single,
 }
 
-/// Depth and item at every pixel, row by row from the top left.
+/// Depth and triangle at every pixel, row by row from the top left.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Picture {
+pub struct IdBuffer {
     viewport: Viewport,
     depth: Vec<f64>,
-    items: Vec<Option<Item>>,
+    ids: Vec<Option<TriangleId>>,
 }
 
-impl Picture {
-    /// An empty picture: the background everywhere.
+impl IdBuffer {
+    /// An empty buffer: the background everywhere.
     #[must_use]
     pub fn new(viewport: Viewport) -> Self {
         let pixels = viewport.width() as usize * viewport.height() as usize;
-        Self { viewport, depth: vec![0.0; pixels], items: vec![None; pixels] }
+        Self { viewport, depth: vec![0.0; pixels], ids: vec![None; pixels] }
     }
 
     /// The size.
@@ -61,26 +61,26 @@ impl Picture {
         self.depth.iter().map(|&depth| depth as f32).collect()
     }
 
-    /// What is seen at each pixel.
+    /// The triangle at each pixel; `None` for the background.
     #[must_use]
-    pub fn items(&self) -> &[Option<Item>] {
-        &self.items
+    pub fn ids(&self) -> &[Option<TriangleId>] {
+        &self.ids
     }
 
     /// The drawables seen, each once, in ascending order.
     #[must_use]
     pub fn seen(&self) -> Vec<DrawableId> {
-        let mut seen: Vec<DrawableId> = self.items.iter().flatten().map(|item| item.drawable).collect();
+        let mut seen: Vec<DrawableId> = self.ids.iter().flatten().map(|id| id.drawable).collect();
         seen.sort_unstable();
         seen.dedup();
         seen
     }
 
-    /// The number of pixels at which another item is seen in the other picture.
+    /// The number of pixels at which the other buffer has another triangle.
     #[must_use]
     pub fn differing_pixels(&self, other: &Self) -> usize {
-        let unpaired = self.items.len().abs_diff(other.items.len());
-        unpaired + self.items.iter().zip(&other.items).filter(|(a, b)| a != b).count()
+        let unpaired = self.ids.len().abs_diff(other.ids.len());
+        unpaired + self.ids.iter().zip(&other.ids).filter(|(a, b)| a != b).count()
     }
 
     /// Keeps the nearer of what is drawn and a pixel of a triangle that belongs to no drawable: an occluder
@@ -103,8 +103,7 @@ impl Picture {
         let Some(drawable) = scene.drawables().get(id.index()) else { return };
         for (triangle, corners) in (0..).zip(triangles(scene, view, drawable, placement)) {
             rasterize_triangle(view, corners, |hit| {
-                let (Some(depth), Some(item)) =
-                    (self.depth.get_mut(hit.pixel), self.items.get_mut(hit.pixel))
+                let (Some(depth), Some(shown)) = (self.depth.get_mut(hit.pixel), self.ids.get_mut(hit.pixel))
                 else {
                     return;
                 };
@@ -114,7 +113,7 @@ impl Picture {
                 };
                 if nearness > *depth {
                     *depth = nearness;
-                    *item = Some(Item { drawable: id, triangle });
+                    *shown = Some(TriangleId { drawable: id, triangle });
                 }
             });
         }
@@ -128,12 +127,12 @@ pub fn rasterize(
     view: &View,
     ids: impl IntoIterator<Item = DrawableId>,
     placement: Placement,
-) -> Picture {
-    let mut picture = Picture::new(view.viewport());
+) -> IdBuffer {
+    let mut buffer = IdBuffer::new(view.viewport());
     for id in ids {
-        picture.draw(scene, view, id, placement);
+        buffer.draw(scene, view, id, placement);
     }
-    picture
+    buffer
 }
 
 /// The drawable's triangles in view space.

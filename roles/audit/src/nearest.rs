@@ -282,8 +282,8 @@ mod tests {
     }
 
     proptest! {
-        /// Pixels that a rectangle covers, against the same rectangle shifted: none is farther than the shift, and where the
-        /// shift is a whole number of pixels the farthest is as far.
+        /// Pixels that a rectangle covers, against the same rectangle shifted: none is farther than the
+        /// shift, and where the shift is a whole number of pixels the farthest is as far.
         #[test]
         fn a_shift_by_d_is_at_most_d(
             low in (2.0..20.0_f32, 2.0..20.0_f32), size in (4.0..10.0_f32, 4.0..10.0_f32),
@@ -294,8 +294,8 @@ mod tests {
                 rectangle(low, (low.0 + size.0, low.1 + size.1))
             };
             let scene = build(&[shifted((0.0, 0.0))], false).unwrap();
-            let picture = rasterize(&scene, &view(), [DrawableId(0)], Placement::Exact);
-            let covered: Vec<usize> = (0..1024).filter(|&p| picture.items()[p].is_some()).collect();
+            let shown = rasterize(&scene, &view(), [DrawableId(0)], Placement::Exact);
+            let covered: Vec<usize> = (0..1024).filter(|&p| shown.ids()[p].is_some()).collect();
             let largest = |shift: (f32, f32)| {
                 let found = distances(&[shifted(shift)], &covered);
                 found.into_iter().map(|d| d.unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
@@ -303,7 +303,8 @@ mod tests {
             let length = f64::from(shift.0).hypot(f64::from(shift.1));
             let found = largest(shift);
             prop_assert!(found <= length + SURFACE_SLACK_PX, "{} > {}", found, length);
-            // The covered centre nearest to the edge left behind is less than a pixel off it, in each direction.
+            // The covered centre nearest to the edge left behind is less than a pixel off it, in each
+            // direction.
             prop_assert!(found >= length - 2.0_f64.sqrt() - SURFACE_SLACK_PX, "{} < {}", found, length);
         }
 

@@ -1,33 +1,33 @@
-//! The oracle's box test: boxes rasterized against depth.
+//! The reference occlusion test: boxes rasterized in f64 against depth.
 
 use std::convert::Infallible;
 
 use glam::{DVec3, Vec3};
 
-use crate::id_buffer::Picture;
+use crate::id_buffer::IdBuffer;
 use crate::raster::rasterize_triangle;
-use trimaran_cull::{Answer, BoxTester, Outline, TestBox, View};
+use trimaran_cull::{Answer, OcclusionTest, Outline, TestBox, View};
 
-/// Rasterizes boxes against a picture's depth and counts the pixels at which a box is in front of it or level
-/// with it: what precise occlusion queries with `GREATER_OR_EQUAL` and back faces culled count.
+/// Rasterizes boxes against an ID buffer's depth and counts the pixels at which a box is in front of it or
+/// level with it: what precise occlusion queries with `GREATER_OR_EQUAL` and back faces culled count.
 #[derive(Debug)]
-pub struct ReferenceTester<'p> {
-    occluders: &'p Picture,
+pub struct ReferenceTest<'p> {
+    occluders: &'p IdBuffer,
     outline: Outline,
     /// Per pixel the last box that counted it, so that a pixel on two faces counts once.
     counted: Vec<usize>,
     boxes: usize,
 }
 
-impl<'p> ReferenceTester<'p> {
+impl<'p> ReferenceTest<'p> {
     /// Tests against `occluders`.
     #[must_use]
-    pub fn new(occluders: &'p Picture) -> Self {
+    pub fn new(occluders: &'p IdBuffer) -> Self {
         let counted = vec![0; occluders.depth().len()];
         Self { occluders, outline: Outline::InBox, counted, boxes: 0 }
     }
 
-    /// The same tester with boxes prepared as `outline` says. It grows nothing by itself, so with
+    /// The same test with boxes prepared as `outline` says. It grows nothing by itself, so with
     /// [`Outline::OnScreen`] boxes come without their half pixel: only for tests that need to see what
     /// that does.
     #[must_use]
@@ -56,7 +56,7 @@ impl<'p> ReferenceTester<'p> {
     }
 }
 
-impl BoxTester for ReferenceTester<'_> {
+impl OcclusionTest for ReferenceTest<'_> {
     type Error = Infallible;
 
     fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Infallible> {

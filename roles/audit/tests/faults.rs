@@ -9,16 +9,16 @@ use std::sync::Arc;
 
 use glam::{DVec3, Mat3, Vec3};
 use trimaran_audit::cases::{Mesh, Object, build, looking, plant, plant_views, with_halved_boxes};
-use trimaran_audit::{FalseCullCause, Fault, FrameReport, Placement, ReferenceWalk, Testing};
-use trimaran_cull::{CutRule, DEPTH_ULPS, OUTLINE_PX, POSITION_ULPS, Viewport};
+use trimaran_audit::{FalseCullCause, Fault, FrameReport, Placement, ReferenceWalkthrough, Testing};
+use trimaran_cull::{DEPTH_ULPS, LodRule, OUTLINE_PX, POSITION_ULPS, Viewport};
 
 /// Faults of depth in the plant, as a fraction of the distance. Boxes are taken to be nearer by half a pixel
-/// over the focal length (see `Lens` in `screen_box.rs`; a box that is grown in space comes as much nearer),
-/// which is 0.6 % at this small size: a fault below that is none. Of 0.3 % the pyramid loses nothing, of 1 %
-/// some 1800 pixels.
+/// over the focal length (see `ScreenProjection` in `screen_box.rs`; a box that is grown in space comes as
+/// much nearer), which is 0.6 % at this small size: a fault below that is none. Of 0.3 % the pyramid loses
+/// nothing, of 1 % some 1800 pixels.
 const PLANT_FRACTION: f64 = 0.01;
 
-/// What a walk through the plant came to under a fault.
+/// What a walkthrough of the plant came to under a fault.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Errors {
     /// Pixels at which the picture is wrong.
@@ -45,15 +45,16 @@ impl Errors {
 }
 
 fn walk_plant(fault: Fault, testing: Testing, placement: Placement) -> Errors {
-    let rule = CutRule::new(4.0).unwrap();
+    let rule = LodRule::new(4.0).unwrap();
     walk_plant_by(rule, fault, testing, placement)
 }
 
-fn walk_plant_by(rule: CutRule, fault: Fault, testing: Testing, placement: Placement) -> Errors {
+fn walk_plant_by(rule: LodRule, fault: Fault, testing: Testing, placement: Placement) -> Errors {
     let viewport = Viewport::new(96, 80).unwrap();
     let scene = plant(21, 300, DVec3::ZERO).unwrap();
     let views = plant_views(21, 300, DVec3::ZERO, viewport, 60).unwrap();
-    let mut walk = ReferenceWalk::new(scene, rule).testing(testing).placing(placement).with_fault(fault);
+    let mut walk =
+        ReferenceWalkthrough::new(scene, rule).testing(testing).placing(placement).with_fault(fault);
     let errors = Errors::of(views.iter().map(|view| walk.frame(view).unwrap()));
     println!("{fault:?}, {testing:?}, {placement:?}: {errors:?}");
     errors
@@ -85,7 +86,8 @@ fn occluders_at_other_levels_are_found_out() {
     let views =
         [-100.0, -20.0].map(|y| looking(DVec3::new(0.0, y, 0.0), DVec3::ZERO, 20.0, viewport, 0).unwrap());
     for (fault, hidden) in [(Fault::None, 0), (Fault::OtherLevels, 1)] {
-        let mut walk = ReferenceWalk::new(scene.clone(), CutRule::new(12.0).unwrap()).with_fault(fault);
+        let mut walk =
+            ReferenceWalkthrough::new(scene.clone(), LodRule::new(12.0).unwrap()).with_fault(fault);
         let [_, report] = views.map(|view| walk.frame(&view).unwrap());
         assert_eq!(report.false_culled.len(), hidden, "{fault:?}");
         assert!(report.false_culled.iter().all(|lost| lost.cause == FalseCullCause::LevelMismatch));
@@ -104,7 +106,7 @@ fn levels_that_were_not_sent_are_found_out() {
 /// The paper's section 4.5.2 draws other levels than the cut, and says so.
 #[test]
 fn stopping_at_few_pixels_is_found_out() {
-    let rule = CutRule::new(16.0).unwrap().stopping_at_few_pixels(true);
+    let rule = LodRule::new(16.0).unwrap().stopping_at_few_pixels(true);
     let errors = walk_plant_by(rule, Fault::None, Testing::Rasterized, Placement::Exact);
     assert_eq!(errors.causes(), [FalseCullCause::PixelCountRule]);
     assert!(errors.lost[&FalseCullCause::PixelCountRule] > 0, "{errors:?}");
@@ -119,12 +121,12 @@ fn a_stale_depth_is_found_out() {
     }
 }
 
-/// A tester that makes boxes smaller loses what is level with their faces, and some of what sticks out in
+/// A test that makes boxes smaller loses what is level with their faces, and some of what sticks out in
 /// front.
 #[test]
-fn a_tester_of_smaller_boxes_is_found_out() {
+fn an_occlusion_test_of_smaller_boxes_is_found_out() {
     let errors = walk_plant(Fault::SmallBoxes(0.9), Testing::Rasterized, Placement::Exact);
-    assert_eq!(errors.causes(), [FalseCullCause::DepthTie, FalseCullCause::TesterHid]);
+    assert_eq!(errors.causes(), [FalseCullCause::DepthTie, FalseCullCause::TestHid]);
     assert_eq!(errors.lost.values().sum::<usize>(), errors.differing, "{errors:?}");
 }
 
@@ -134,7 +136,7 @@ fn boxes_that_hold_too_little_are_found_out() {
     let scene = plant(21, 300, DVec3::ZERO).unwrap();
     let scene = Arc::new(with_halved_boxes(&scene).unwrap());
     let views = plant_views(21, 300, DVec3::ZERO, Viewport::new(96, 80).unwrap(), 60).unwrap();
-    let mut walk = ReferenceWalk::new(scene, CutRule::new(4.0).unwrap()).testing(Testing::Pyramid);
+    let mut walk = ReferenceWalkthrough::new(scene, LodRule::new(4.0).unwrap()).testing(Testing::Pyramid);
     let errors = Errors::of(views.iter().map(|view| walk.frame(view).unwrap()));
     assert_eq!(errors.causes(), [FalseCullCause::BoxTooSmall], "{errors:?}");
     assert!(errors.lost[&FalseCullCause::BoxTooSmall] > 1000, "{errors:?}");
@@ -180,7 +182,7 @@ fn faults_of_depth_are_found_out_from_the_size_of_the_allowance_on() {
     let scene = Arc::new(build(&panels, false).unwrap());
     let view = looking(DVec3::ZERO, DVec3::Y, 60.0, Viewport::new(97, 97).unwrap(), 0).unwrap();
     let lost = |fault, testing, placement| {
-        let mut walk = ReferenceWalk::new(scene.clone(), CutRule::new(1.0).unwrap())
+        let mut walk = ReferenceWalkthrough::new(scene.clone(), LodRule::new(1.0).unwrap())
             .testing(testing)
             .placing(placement)
             .with_fault(fault);
@@ -220,7 +222,7 @@ fn boxes_without_an_outline_are_found_out() {
     let view =
         looking(DVec3::ZERO, DVec3::new(1.0, 40.0, 1.0), 60.0, Viewport::new(96, 96).unwrap(), 0).unwrap();
     let emitted = |fault| {
-        let mut walk = ReferenceWalk::new(scene.clone(), CutRule::new(1.0).unwrap()).with_fault(fault);
+        let mut walk = ReferenceWalkthrough::new(scene.clone(), LodRule::new(1.0).unwrap()).with_fault(fault);
         walk.frame(&view).unwrap();
         walk.frame(&view).unwrap().emitted.len()
     };

@@ -45,11 +45,11 @@ pub enum Prepared {
     Outside,
     /// To be tested.
     Test(TestBox),
-    /// Visible without a test, and why.
+    /// Conservatively visible, and why.
     Visible(Untestable),
 }
 
-/// Why a box is taken as visible without a test.
+/// Why a node is conservatively visible: its box cannot be tested.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Untestable {
     /// The eye is in the inflated box.
@@ -72,7 +72,7 @@ pub struct BoxMaker {
 }
 
 impl BoxMaker {
-    /// For boxes as seen from `view` by a tester that deals with outlines as `outline` says.
+    /// For boxes as seen from `view` by an occlusion test that deals with outlines as `outline` says.
     #[must_use]
     pub fn new(view: &View, outline: Outline) -> Self {
         let growth = match outline {
@@ -146,7 +146,7 @@ pub fn reaches(nodes: &[Node]) -> Vec<f32> {
             per_axis.length() as f32 * (1.0 + f32::EPSILON)
         })
         .collect();
-    // Children stand after their parents, so one walk from the end carries the greatest reach to the root.
+    // Children stand after their parents, so one pass from the end carries the greatest reach to the root.
     for (index, node) in nodes.iter().enumerate().rev() {
         let own = reach.get(index).copied().unwrap_or(f32::NAN);
         if let Some(parent) = reach.get_mut(node.parent as usize) {

@@ -12,15 +12,15 @@
 use thiserror::Error;
 
 use crate::boxes::OUTLINE_PX;
-use crate::screen_box::{Footprint, Lens, MARGIN_PX, PixelRect, ScreenShape, Texel};
-use crate::{BoxTester, DepthImage, DepthPyramid, Outline, TestBox, View, Viewport};
+use crate::screen_box::{Footprint, MARGIN_PX, PixelRect, ScreenProjection, ScreenShape, Texel};
+use crate::{DepthImage, DepthPyramid, OcclusionTest, Outline, TestBox, View, Viewport};
 
 /// Texels looked at for one box before it counts as visible.
 const BUDGET: u32 = 256;
 
 /// Tests boxes against a depth image and the pyramid over it.
 #[derive(Debug, Clone)]
-pub struct HzbTester<'p> {
+pub struct HzbTest<'p> {
     image: DepthImage<'p>,
     pyramid: &'p DepthPyramid,
     outline: Outline,
@@ -55,8 +55,8 @@ impl std::fmt::Display for OtherSize {
     }
 }
 
-impl<'p> HzbTester<'p> {
-    /// Tests against `image`, over which `pyramid` was built. The tester grows outlines itself.
+impl<'p> HzbTest<'p> {
+    /// Tests against `image`, over which `pyramid` was built. Outlines are grown here.
     ///
     /// # Errors
     /// If the pyramid was built over an image of another size.
@@ -67,20 +67,20 @@ impl<'p> HzbTester<'p> {
         Ok(Self { image, pyramid, outline: Outline::OnScreen, stack: Vec::new() })
     }
 
-    /// The same tester with outlines grown as `outline` says: with [`Outline::InBox`] it takes boxes as a
-    /// tester that rasterizes them does, so that the two can be compared.
+    /// The same test with outlines grown as `outline` says: with [`Outline::InBox`] it takes boxes as a test
+    /// that rasterizes them does, so that the two can be compared.
     #[must_use]
     pub fn with_outline(self, outline: Outline) -> Self {
         Self { outline, ..self }
     }
 
     /// Whether the box shows at any pixel.
-    fn shows(&mut self, lens: &Lens, test_box: &TestBox) -> bool {
+    fn shows(&mut self, projection: &ScreenProjection, test_box: &TestBox) -> bool {
         let grown = match self.outline {
             Outline::OnScreen => OUTLINE_PX + MARGIN_PX,
             Outline::InBox => MARGIN_PX,
         };
-        let Some(footprint) = lens.footprint(test_box, grown) else { return true };
+        let Some(footprint) = projection.footprint(test_box, grown) else { return true };
         let Some(pixels) = footprint.pixels else { return false };
         let level_index = pixels.coarse_level().min(self.pyramid.last_level());
         let level = self.pyramid.level(self.image, level_index);
@@ -93,19 +93,19 @@ impl<'p> HzbTester<'p> {
                 }
             }
         }
-        !self.stack.is_empty() && self.shows_at_a_pixel(lens, test_box, &footprint, pixels, grown)
+        !self.stack.is_empty() && self.shows_at_a_pixel(projection, test_box, &footprint, pixels, grown)
     }
 
     /// Follows the texels on the stack down to a pixel at which the box shows.
     fn shows_at_a_pixel(
         &mut self,
-        lens: &Lens,
+        projection: &ScreenProjection,
         test_box: &TestBox,
         footprint: &Footprint,
         pixels: PixelRect,
         grown: f64,
     ) -> bool {
-        let shape = ScreenShape::new(lens, test_box, footprint, pixels, grown);
+        let shape = ScreenShape::new(projection, test_box, footprint, pixels, grown);
         let mut looked_at = 0;
         while let Some(texel) = self.stack.pop() {
             looked_at += 1;
@@ -128,16 +128,16 @@ impl<'p> HzbTester<'p> {
     }
 }
 
-impl BoxTester for HzbTester<'_> {
+impl OcclusionTest for HzbTest<'_> {
     type Error = HzbError;
 
     fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), HzbError> {
         if view.viewport() != self.image.viewport() {
             return Err(HzbError::Size { image: self.image.viewport(), other: Some(view.viewport()) });
         }
-        let lens = Lens::new(view, self.outline);
+        let projection = ScreenProjection::new(view, self.outline);
         visible.clear();
-        visible.extend(boxes.iter().map(|test_box| u32::from(self.shows(&lens, test_box))));
+        visible.extend(boxes.iter().map(|test_box| u32::from(self.shows(&projection, test_box))));
         Ok(())
     }
 

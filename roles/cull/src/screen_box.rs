@@ -56,7 +56,7 @@ impl PixelRect {
 
 /// From view space to the screen.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Lens {
+pub(crate) struct ScreenProjection {
     near: f64,
     focal: (f64, f64),
     middle: (f64, f64),
@@ -75,8 +75,8 @@ pub(crate) struct Footprint {
     pub(crate) farthest: f64,
 }
 
-impl Lens {
-    /// The lens of `view`, for boxes whose outlines are grown as `outline` says.
+impl ScreenProjection {
+    /// The projection of `view`, for boxes whose outlines are grown as `outline` says.
     ///
     /// The rasterizer moves a surface sideways by up to half a sub-pixel step, and the steeper the surface,
     /// the more that moves its depth at a pixel: at the edge of a face seen at a grazing angle it may
@@ -203,7 +203,7 @@ impl<const N: usize> Few<N> {
 
 impl ScreenShape {
     pub(crate) fn new(
-        lens: &Lens,
+        projection: &ScreenProjection,
         test_box: &TestBox,
         footprint: &Footprint,
         pixels: PixelRect,
@@ -211,8 +211,8 @@ impl ScreenShape {
     ) -> Self {
         let middle = (0.5 * (pixels.x0 + pixels.x1 + 1) as f64, 0.5 * (pixels.y0 + pixels.y1 + 1) as f64);
         let ray = DVec3::new(
-            (middle.0 - lens.middle.0) / lens.focal.0,
-            -(middle.1 - lens.middle.1) / lens.focal.1,
+            (middle.0 - projection.middle.0) / projection.focal.0,
+            -(middle.1 - projection.middle.1) / projection.focal.1,
             -1.0,
         );
         let (mut fronts, mut backs) = (Few::<3>::new(), Few::<6>::new());
@@ -221,11 +221,11 @@ impl ScreenShape {
             // A face at `axis . p = offset`; the eye is outside of it if its outward side has the origin.
             for (offset, outside) in [(along + half, along + half < 0.0), (along - half, along - half > 0.0)]
             {
-                let scale = lens.near / offset;
+                let scale = projection.near / offset;
                 let plane = Linear {
                     middle: axis.dot(ray) * scale,
-                    dx: axis.x * scale / lens.focal.0,
-                    dy: -axis.y * scale / lens.focal.1,
+                    dx: axis.x * scale / projection.focal.0,
+                    dy: -axis.y * scale / projection.focal.1,
                 };
                 // A plane through the eye is seen edge on and bounds nothing: leaving it out makes the shape
                 // larger.
@@ -254,7 +254,7 @@ impl ScreenShape {
             farthest: footprint.farthest,
             middle,
             grown,
-            nearer: lens.nearer,
+            nearer: projection.nearer,
         }
     }
 

@@ -4,10 +4,10 @@
 
 use glam::{DVec3, Mat3, Vec3};
 use trimaran_audit::cases::{Mesh, Object, build, looking};
-use trimaran_audit::{Picture, ReferenceTester};
+use trimaran_audit::{IdBuffer, ReferenceTest};
 use trimaran_cull::{
-    BoxMaker, BoxTester, DepthImage, DepthPyramid, HzbTester, Outline, Prepared, Untestable, View, Viewport,
-    reaches,
+    BoxMaker, DepthImage, DepthPyramid, HzbTest, OcclusionTest, Outline, Prepared, Untestable, View,
+    Viewport, reaches,
 };
 use trimaran_scene::{Scene, random::Random};
 
@@ -70,11 +70,11 @@ fn a_box_that_is_not_finite_is_visible() {
 }
 
 /// Cubes, flats, lines and points from far below a pixel to several, anywhere in the picture: before an
-/// empty background both testers show every one of them.
+/// empty background both occlusion tests show every one of them.
 #[test]
 fn boxes_of_any_size_and_shape_show_when_nothing_is_before_them() {
     let view = view();
-    let background = Picture::new(view.viewport());
+    let background = IdBuffer::new(view.viewport());
     let depth = background.depth32();
     let image = DepthImage::new(view.viewport(), &depth).unwrap();
     let mut pyramid = DepthPyramid::new();
@@ -97,9 +97,9 @@ fn boxes_of_any_size_and_shape_show_when_nothing_is_before_them() {
         else {
             panic!("{place} {half} is testable");
         };
-        assert!(ReferenceTester::new(&background).count(&view, &in_box) > 0, "{place} {half}");
-        let mut tester = HzbTester::new(image, &pyramid).unwrap();
-        tester.test(&view, &[on_screen], &mut answers).unwrap();
+        assert!(ReferenceTest::new(&background).count(&view, &in_box) > 0, "{place} {half}");
+        let mut test = HzbTest::new(image, &pyramid).unwrap();
+        test.test(&view, &[on_screen], &mut answers).unwrap();
         assert_eq!(answers, [1], "{place} {half}");
     }
 }

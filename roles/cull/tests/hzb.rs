@@ -4,8 +4,8 @@
 
 use glam::{DVec3, Vec3};
 use trimaran_audit::cases::looking;
-use trimaran_audit::{Picture, ReferenceTester, rasterize_triangle};
-use trimaran_cull::{BoxTester, DepthImage, DepthPyramid, HzbTester, Outline, TestBox, Viewport};
+use trimaran_audit::{IdBuffer, ReferenceTest, rasterize_triangle};
+use trimaran_cull::{DepthImage, DepthPyramid, HzbTest, OcclusionTest, Outline, TestBox, Viewport};
 use trimaran_scene::random::Random;
 
 fn random_box(random: &mut Random) -> TestBox {
@@ -29,7 +29,7 @@ fn nothing_that_a_rasterized_test_shows_is_hidden() {
         let fov = [60.0, 100.0, 20.0][round % 3];
         let viewport = Viewport::new(width, height).unwrap();
         let view = looking(DVec3::ZERO, DVec3::Y, fov, viewport, 0).unwrap();
-        let mut occluders = Picture::new(viewport);
+        let mut occluders = IdBuffer::new(viewport);
         for _ in 0..12 {
             let wall = random_box(&mut random);
             let [a, b] = [wall.axes[0] * 9.0, wall.axes[1] * 9.0].map(Vec3::as_dvec3);
@@ -44,9 +44,9 @@ fn nothing_that_a_rasterized_test_shows_is_hidden() {
         pyramid.rebuild(image);
         let boxes: Vec<TestBox> = (0..200).map(|_| random_box(&mut random)).collect();
         let (mut exact, mut fast) = (Vec::new(), Vec::new());
-        ReferenceTester::new(&occluders).test(&view, &boxes, &mut exact).unwrap();
-        let mut tester = HzbTester::new(image, &pyramid).unwrap().with_outline(Outline::InBox);
-        tester.test(&view, &boxes, &mut fast).unwrap();
+        ReferenceTest::new(&occluders).test(&view, &boxes, &mut exact).unwrap();
+        let mut test = HzbTest::new(image, &pyramid).unwrap().with_outline(Outline::InBox);
+        test.test(&view, &boxes, &mut fast).unwrap();
         for (test_box, (&count, &shows)) in boxes.iter().zip(exact.iter().zip(&fast)) {
             let beyond_near =
                 -test_box.centre.z - test_box.axes.iter().map(|a| a.z.abs()).sum::<f32>() > 0.011;
@@ -77,8 +77,8 @@ fn a_box_that_cannot_be_judged_shows() {
     let nan = TestBox { centre: Vec3::new(f32::NAN, 0.0, -5.0), ..sound };
     let infinite = TestBox { axes: [Vec3::X * f32::INFINITY, Vec3::Y, Vec3::Z], ..sound };
     let mut answers = Vec::new();
-    let mut tester = HzbTester::new(image, &pyramid).unwrap();
-    tester.test(&view, &[sound, around_the_eye, nan, infinite], &mut answers).unwrap();
+    let mut test = HzbTest::new(image, &pyramid).unwrap();
+    test.test(&view, &[sound, around_the_eye, nan, infinite], &mut answers).unwrap();
     assert_eq!(answers, [0, 1, 1, 1]);
 }
 
@@ -105,7 +105,7 @@ fn a_side_that_the_rasterizer_moves_past_its_corner_does_not_hide_its_box() {
     let mut pyramid = DepthPyramid::new();
     pyramid.rebuild(image);
     let mut answers = Vec::new();
-    HzbTester::new(image, &pyramid).unwrap().test(&view, &[plate], &mut answers).unwrap();
+    HzbTest::new(image, &pyramid).unwrap().test(&view, &[plate], &mut answers).unwrap();
     assert_eq!(answers, [1]);
 }
 
@@ -114,11 +114,11 @@ fn sizes_must_agree() {
     let depth = [0.0; 6];
     let image = DepthImage::new(Viewport::new(3, 2).unwrap(), &depth).unwrap();
     let mut pyramid = DepthPyramid::new();
-    assert!(HzbTester::new(image, &pyramid).is_err());
+    assert!(HzbTest::new(image, &pyramid).is_err());
     pyramid.rebuild(image);
-    let mut tester = HzbTester::new(image, &pyramid).unwrap();
+    let mut test = HzbTest::new(image, &pyramid).unwrap();
     let view = looking(DVec3::ZERO, DVec3::Y, 60.0, Viewport::new(2, 3).unwrap(), 0).unwrap();
-    let error = tester.test(&view, &[], &mut Vec::new()).unwrap_err();
+    let error = test.test(&view, &[], &mut Vec::new()).unwrap_err();
     let message = "a depth image of 3 x 2 pixels against 2 x 3 pixels: both must be of the view's size";
     assert_eq!(error.to_string(), message);
 }

@@ -5,7 +5,7 @@
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 use trimaran_audit::cases::{Mesh, Object, build, looking};
-use trimaran_cull::{Choice, CutRule, LevelCut, View, Viewport, choose};
+use trimaran_cull::{Choice, LodCut, LodRule, View, Viewport, choose};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
 use trimaran_scene::{NodeId, Scene, random::Random};
 
@@ -23,9 +23,9 @@ fn crate_scene(half: f32, place: DVec3) -> Scene {
 #[test]
 fn a_rule_needs_a_finite_bound_above_zero() {
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        assert!(CutRule::new(bad).is_err(), "{bad}");
+        assert!(LodRule::new(bad).is_err(), "{bad}");
     }
-    assert!(CutRule::new(f64::MIN_POSITIVE).is_ok());
+    assert!(LodRule::new(f64::MIN_POSITIVE).is_ok());
 }
 
 #[test]
@@ -33,7 +33,7 @@ fn the_coarsest_level_within_the_bound_is_chosen() {
     // Focal length 50 px, nearest depth 99 m: 1 m is seen as 0.505 px on the axis, a little more with the
     // box's width.
     let scene = crate_scene(1.0, DVec3::new(0.0, 100.0, 0.0));
-    let choice = |epsilon| choose(&scene, NodeId(0), &view(), CutRule::new(epsilon).unwrap());
+    let choice = |epsilon| choose(&scene, NodeId(0), &view(), LodRule::new(epsilon).unwrap());
     assert_eq!(choice(0.506), Choice::Draw(DrawableId(1)));
     assert_eq!(choice(0.504), Choice::Draw(DrawableId(0)));
 }
@@ -41,7 +41,7 @@ fn the_coarsest_level_within_the_bound_is_chosen() {
 #[test]
 fn a_leaf_above_the_bound_is_drawn_at_its_finest_level() {
     let scene = crate_scene(1.0, DVec3::new(0.0, 2.0, 0.0));
-    let choice = choose(&scene, NodeId(0), &view(), CutRule::new(1e-6).unwrap());
+    let choice = choose(&scene, NodeId(0), &view(), LodRule::new(1e-6).unwrap());
     assert_eq!(choice, Choice::Draw(DrawableId(0)));
 }
 
@@ -49,7 +49,7 @@ fn a_leaf_above_the_bound_is_drawn_at_its_finest_level() {
 fn the_error_is_infinite_at_the_near_plane_and_around_the_eye() {
     for y in [0.0, 0.5, 1.005] {
         let scene = crate_scene(1.0, DVec3::new(0.0, y, 0.0));
-        let cut = LevelCut::new(&scene, &view(), CutRule::new(1.0).unwrap());
+        let cut = LodCut::new(&scene, &view(), LodRule::new(1.0).unwrap());
         assert_eq!(cut.error_on_screen(&scene.nodes()[0], 0.1), f64::INFINITY, "{y}");
         assert_eq!(cut.error_on_screen(&scene.nodes()[0], 0.0), 0.0, "{y}");
     }
@@ -58,7 +58,7 @@ fn the_error_is_infinite_at_the_near_plane_and_around_the_eye() {
 #[test]
 fn a_box_that_is_not_finite_is_refined() {
     let scene = crate_scene(1.0, DVec3::new(0.0, 50.0, 0.0));
-    let cut = LevelCut::new(&scene, &view(), CutRule::new(1e9).unwrap());
+    let cut = LodCut::new(&scene, &view(), LodRule::new(1e9).unwrap());
     for bad in [f64::NAN, f64::INFINITY] {
         for axis in 0..3 {
             let mut node = scene.nodes()[0];
@@ -79,13 +79,14 @@ fn the_projected_error_has_golden_bits() {
     let ahead = view.eye() + view.to_view().transpose() * DVec3::new(3.0, -2.0, -40.0);
     let place = (ahead * 64.0).round() / 64.0;
     let scene = crate_scene(1.25, place);
-    let cut = LevelCut::new(&scene, &view, CutRule::new(1.0).unwrap());
+    let cut = LodCut::new(&scene, &view, LodRule::new(1.0).unwrap());
     let bits = cut.error_on_screen(&scene.nodes()[0], 0.037).to_bits();
     assert_eq!(bits, 0x3feb_4833_320c_41fb, "{bits:#x}");
 }
 
 proptest! {
-    /// Nothing in the box, displaced within the box by the error, moves farther on the screen than the bound says.
+    /// Nothing in the box, displaced within the box by the error, moves farther on the screen than the bound
+    /// says.
     #[test]
     fn the_bound_holds(seed: u64, fov in 1.0..170.0_f64, half in 0.01..30.0_f32, error in 0.001..20.0_f64) {
         let mut random = Random::new(seed);
@@ -94,7 +95,7 @@ proptest! {
         let scene = crate_scene(half, place);
         let node = &scene.nodes()[0];
         let (min, max) = node.world_box();
-        let cut = LevelCut::new(&scene, &view, CutRule::new(1.0).unwrap());
+        let cut = LodCut::new(&scene, &view, LodRule::new(1.0).unwrap());
         let bound = cut.error_on_screen(node, error);
         let near = f64::from(view.camera().near());
         let on_screen = |p: DVec3| {

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
-use trimaran_cull::{BoxTester, DepthPyramid, HzbTester, TestBox, View, Viewport};
+use trimaran_cull::{DepthPyramid, HzbTest, OcclusionTest, TestBox, View, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemPass, OccluderPass, PassTiming, PicturePass};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
 use trimaran_scene::{
@@ -89,7 +89,7 @@ fn time_testers(scene: &Arc<GpuScene>, count: usize, edge_px: f64, wanted: &str)
         pass.draw(&[])?;
         let image = pass.read_depth()?;
         pyramid.rebuild(image);
-        HzbTester::new(image, &pyramid)?.test(&view, &boxes, &mut visible)?;
+        HzbTest::new(image, &pyramid)?.test(&view, &boxes, &mut visible)?;
         Ok(PassTiming::default())
     })
 }

@@ -6,7 +6,7 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
-use trimaran_audit::metrics::Picture;
+use trimaran_audit::metrics::ImageRef;
 
 use super::error::{ReportError, io_error};
 use super::html::{self, Comparison};
@@ -34,7 +34,7 @@ pub struct Paths {
 pub fn write<'a>(
     dir: &Path,
     report: Report,
-    pictures: impl IntoIterator<Item = (u32, PictureKind, Picture<'a>)>,
+    pictures: impl IntoIterator<Item = (u32, PictureKind, ImageRef<'a>)>,
 ) -> Result<Paths, ReportError> {
     let mut writer = Writer::create(dir)?;
     for (frame, kind, picture) in pictures {
@@ -112,7 +112,7 @@ impl Writer {
         &mut self,
         frame: u32,
         kind: PictureKind,
-        picture: &Picture<'_>,
+        picture: &ImageRef<'_>,
     ) -> Result<(), ReportError> {
         let name = file_name(frame, kind);
         let path = self.unfinished.path().join(&name);

@@ -24,7 +24,7 @@ fn pictures(report: &Report) -> Vec<(u32, PictureKind, Vec<u8>)> {
 fn write_sample(dir: &Path, report: Report) -> Result<Paths, ReportError> {
     let pictures = pictures(&report);
     let borrowed =
-        pictures.iter().map(|(f, kind, rgba)| (*f, *kind, Picture::new(SIZE, SIZE, rgba).unwrap()));
+        pictures.iter().map(|(f, kind, rgba)| (*f, *kind, ImageRef::new(SIZE, SIZE, rgba).unwrap()));
     write(dir, report, borrowed)
 }
 
@@ -49,7 +49,7 @@ fn everything_is_there_and_nothing_else() {
     assert_eq!(report.frames[3].pictures.unculled.as_deref(), Some("frames/00003.unculled.png"));
     let file = fs::read(out.join("frames/00003.png")).unwrap();
     let expected = sample::picture(3, 1);
-    assert_eq!(Rgb::decode(&file).unwrap(), Rgb::of(&Picture::new(SIZE, SIZE, &expected).unwrap()));
+    assert_eq!(Rgb::decode(&file).unwrap(), Rgb::of(&ImageRef::new(SIZE, SIZE, &expected).unwrap()));
 
     let html = fs::read_to_string(&paths.html).unwrap();
     assert_eq!(
@@ -95,7 +95,7 @@ fn an_abandoned_writer_leaves_nothing() {
     let dir = tempfile::tempdir().unwrap();
     let mut writer = Writer::create(dir.path()).unwrap();
     let rgba = sample::picture(0, 0);
-    writer.picture(0, PictureKind::Shown, &Picture::new(SIZE, SIZE, &rgba).unwrap()).unwrap();
+    writer.picture(0, PictureKind::Shown, &ImageRef::new(SIZE, SIZE, &rgba).unwrap()).unwrap();
     assert_eq!(listing(dir.path()), ["unfinished"]);
     drop(writer);
     assert!(listing(dir.path()).is_empty(), "no frame was recorded");

@@ -11,15 +11,15 @@ use super::builder::{Mesh, Object, build};
 use super::plant::{plant, plant_views};
 use trimaran_cull::{View, Viewport, aspect};
 
-/// A scene and a walk of views through it. Along the walk nothing visible may be culled, and pictures with
-/// and without culling are equal.
+/// A scene and a camera path through it, on which nothing visible may be culled, and pictures with and
+/// without culling are equal.
 #[derive(Debug, Clone)]
 pub struct Case {
     /// What is hard about it.
     pub name: &'static str,
     /// The scene.
     pub scene: Arc<Scene>,
-    /// The walk.
+    /// The camera path.
     pub views: Vec<View>,
 }
 

@@ -1,5 +1,5 @@
-//! Small scenes and views for tests: the hard cases of culling, and a random plant to walk through. GPU
-//! testers are tested on the same ones as the oracle.
+//! Small scenes and views for tests: the hard cases of culling, and a random plant to walk through. Tests on
+//! a GPU use the same ones as the f64 reference.
 
 mod altered;
 mod builder;

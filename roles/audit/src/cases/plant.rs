@@ -80,8 +80,8 @@ fn fixture(random: &mut Random, corner: DVec3) -> Object {
     }
 }
 
-/// A walk of `count` views through a [`plant`] of so many objects: small steps and turns, and a teleport
-/// every 13 views.
+/// A camera path of `count` views through a [`plant`] of so many objects: small steps and turns, and a
+/// teleport every 13 views.
 ///
 /// # Errors
 /// None: the cameras are in range.

@@ -1,9 +1,9 @@
-//! Pictures against pictures, by colour.
+//! Images against images, by colour.
 
 use serde::{Deserialize, Serialize};
 
 use super::image::same_size;
-use super::{Deviation, MetricError, Picture};
+use super::{Deviation, ImageRef, MetricError};
 
 /// The FLIP error of every pixel: 0 (looks equal) to 1, row by row from the top left.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,19 +62,19 @@ pub struct ImageDifference {
 /// The number of pixels whose red, green or blue differs.
 ///
 /// # Errors
-/// If the pictures differ in size.
-pub fn mismatching_pixels(a: &Picture<'_>, b: &Picture<'_>) -> Result<u64, MetricError> {
+/// If the images differ in size.
+pub fn mismatching_pixels(a: &ImageRef<'_>, b: &ImageRef<'_>) -> Result<u64, MetricError> {
     same_size(a.size(), b.size())?;
     let differs = |(a, b): &(&[u8; 4], &[u8; 4])| a[..3] != b[..3];
     Ok(a.pixels().iter().zip(b.pixels()).filter(differs).count() as u64)
 }
 
 /// The peak signal-to-noise ratio over red, green and blue in decibels: 10 log10(255^2 / mean squared
-/// difference). `None` if the pictures are equal, where it is infinite.
+/// difference). `None` if the images are equal, where it is infinite.
 ///
 /// # Errors
-/// If the pictures differ in size.
-pub fn psnr_db(a: &Picture<'_>, b: &Picture<'_>) -> Result<Option<f64>, MetricError> {
+/// If the images differ in size.
+pub fn psnr_db(a: &ImageRef<'_>, b: &ImageRef<'_>) -> Result<Option<f64>, MetricError> {
     same_size(a.size(), b.size())?;
     let squares: u64 = a
         .pixels()
@@ -87,40 +87,40 @@ pub fn psnr_db(a: &Picture<'_>, b: &Picture<'_>) -> Result<Option<f64>, MetricEr
     Ok((squares > 0).then(|| 10.0 * (255.0_f64.powi(2) / mean).log10()))
 }
 
-/// The FLIP error map of `picture` against `reference` (Andersson et al., "FLIP: a difference evaluator for
+/// The FLIP error map of `image` against `reference` (Andersson et al., "FLIP: a difference evaluator for
 /// alternating images", 2020), at the authors' default of 67 pixels a degree of the viewer's field.
 ///
 /// # Errors
-/// If the pictures differ in size.
-pub fn flip(reference: &Picture<'_>, picture: &Picture<'_>) -> Result<FlipMap, MetricError> {
-    same_size(reference.size(), picture.size())?;
-    if mismatching_pixels(reference, picture)? == 0 {
+/// If the images differ in size.
+pub fn flip(reference: &ImageRef<'_>, image: &ImageRef<'_>) -> Result<FlipMap, MetricError> {
+    same_size(reference.size(), image.size())?;
+    if mismatching_pixels(reference, image)? == 0 {
         return Ok(FlipMap { values: vec![0.0; reference.pixels().len()] });
     }
     let (width, height) = reference.size();
     let rgb =
-        |p: &Picture<'_>| -> Vec<u8> { p.pixels().iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect() };
-    let image = |p| nv_flip::FlipImageRgb8::with_data(width, height, &rgb(p));
-    let map = nv_flip::flip(image(reference), image(picture), nv_flip::DEFAULT_PIXELS_PER_DEGREE);
+        |p: &ImageRef<'_>| -> Vec<u8> { p.pixels().iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect() };
+    let rgb_of = |p| nv_flip::FlipImageRgb8::with_data(width, height, &rgb(p));
+    let map = nv_flip::flip(rgb_of(reference), rgb_of(image), nv_flip::DEFAULT_PIXELS_PER_DEGREE);
     Ok(FlipMap { values: map.to_vec() })
 }
 
-/// `picture` against `reference` by colour, beside how far what it shows moved.
+/// `image` against `reference` by colour, beside how far what it shows moved.
 ///
 /// # Errors
 /// If they differ in size.
 pub fn image_difference(
-    reference: &Picture<'_>,
-    picture: &Picture<'_>,
+    reference: &ImageRef<'_>,
+    image: &ImageRef<'_>,
     silhouette: Deviation,
     surfaces: Deviation,
 ) -> Result<ImageDifference, MetricError> {
-    let map = flip(reference, picture)?;
+    let map = flip(reference, image)?;
     Ok(ImageDifference {
-        psnr_db: psnr_db(reference, picture)?,
+        psnr_db: psnr_db(reference, image)?,
         flip_mean: Some(map.mean()),
         flip_p99: Some(map.percentile(99)),
-        mismatching_pixels: mismatching_pixels(reference, picture)?,
+        mismatching_pixels: mismatching_pixels(reference, image)?,
         silhouette_max_px: Some(silhouette.max_px),
         silhouette_p95_px: Some(silhouette.p95_px),
         surface_max_px: Some(surfaces.max_px),
@@ -139,8 +139,8 @@ mod tests {
         values.iter().flat_map(|&v| [v, v, v, 255]).collect()
     }
 
-    fn checked(width: u32, rgba: &[u8]) -> Picture<'_> {
-        Picture::new(width, rgba.len() as u32 / 4 / width, rgba).unwrap()
+    fn checked(width: u32, rgba: &[u8]) -> ImageRef<'_> {
+        ImageRef::new(width, rgba.len() as u32 / 4 / width, rgba).unwrap()
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The images that are compared: borrowed, and checked once.
 
 use thiserror::Error;
+use trimaran_cull::Image;
 
 /// Why images cannot be measured.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -28,16 +29,16 @@ pub enum MetricError {
     },
 }
 
-/// A picture: 8-bit red, green, blue, alpha a pixel, row-major from the top left.
+/// A colour image, borrowed: 8-bit red, green, blue, alpha a pixel, row-major from the top left.
 #[derive(Debug, Clone, Copy)]
-pub struct Picture<'a> {
+pub struct ImageRef<'a> {
     size: (u32, u32),
     pixels: &'a [[u8; 4]],
 }
 
-/// An image of what owns each pixel: an id, or `background` where nothing does.
+/// An ID buffer, borrowed: which id owns each pixel, or `background` where nothing does.
 #[derive(Debug, Clone, Copy)]
-pub struct ItemImage<'a> {
+pub struct IdBufferRef<'a> {
     size: (u32, u32),
     ids: &'a [u32],
     background: u32,
@@ -50,8 +51,8 @@ pub struct Mask {
     covered: Vec<bool>,
 }
 
-impl<'a> Picture<'a> {
-    /// A picture of `width` x `height` pixels, four bytes each.
+impl<'a> ImageRef<'a> {
+    /// An image of `width` x `height` pixels, four bytes each.
     ///
     /// # Errors
     /// If `rgba` does not fill that size exactly, or a side is 0.
@@ -61,6 +62,14 @@ impl<'a> Picture<'a> {
             return Err(MetricError::Size { width, height, values: pixels.len() });
         }
         Ok(Self { size: checked(width, height, pixels.len())?, pixels })
+    }
+
+    /// All of `image`.
+    ///
+    /// # Errors
+    /// If its bytes do not fill its size exactly, or a side is 0.
+    pub fn of(image: &'a Image) -> Result<Self, MetricError> {
+        Self::new(image.width, image.height, &image.rgba)
     }
 
     /// Width and height.
@@ -76,8 +85,8 @@ impl<'a> Picture<'a> {
     }
 }
 
-impl<'a> ItemImage<'a> {
-    /// An item image of `width` x `height` pixels; pixels that nothing owns hold `background`.
+impl<'a> IdBufferRef<'a> {
+    /// An ID buffer of `width` x `height` pixels; pixels that nothing owns hold `background`.
     ///
     /// # Errors
     /// If `ids` does not fill that size exactly, or a side is 0.
@@ -162,19 +171,19 @@ mod tests {
 
     #[test]
     fn data_must_fill_the_size_exactly() {
-        assert!(Picture::new(2, 1, &[0; 8]).is_ok());
+        assert!(ImageRef::new(2, 1, &[0; 8]).is_ok());
         for bytes in [0, 4, 7, 9, 12] {
-            assert!(Picture::new(2, 1, &vec![0; bytes]).is_err(), "{bytes} bytes");
+            assert!(ImageRef::new(2, 1, &vec![0; bytes]).is_err(), "{bytes} bytes");
         }
-        assert!(ItemImage::new(0, 5, &[], 0).is_err());
+        assert!(IdBufferRef::new(0, 5, &[], 0).is_err());
         assert!(Mask::new(2, 2, vec![true; 3]).is_err());
         // A size whose product overflows 32 bits is not mistaken for a small one.
-        assert!(ItemImage::new(1 << 16, 1 << 16, &[], 0).is_err());
+        assert!(IdBufferRef::new(1 << 16, 1 << 16, &[], 0).is_err());
     }
 
     #[test]
     fn the_background_covers_nothing() {
-        let image = ItemImage::new(3, 1, &[7, u32::MAX, 0], u32::MAX).unwrap();
+        let image = IdBufferRef::new(3, 1, &[7, u32::MAX, 0], u32::MAX).unwrap();
         assert_eq!(image.owners().collect::<Vec<_>>(), [Some(7), None, Some(0)]);
         assert_eq!(image.coverage().covered(), [true, false, true]);
     }

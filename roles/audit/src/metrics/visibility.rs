@@ -1,9 +1,9 @@
-//! Exactly visible sets from item images, and what culling lost of them.
+//! Exactly visible sets from ID buffers, and what culling lost of them.
 
 use std::collections::BTreeMap;
 
 use super::image::same_size;
-use super::{ItemImage, Mask, MetricError, largest_blob};
+use super::{IdBufferRef, Mask, MetricError, largest_blob};
 
 /// What culling lost.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -21,14 +21,14 @@ pub struct FalseCulls {
 
 /// The ids that own a pixel, ascending, each once: the exactly visible set.
 #[must_use]
-pub fn exactly_visible(image: &ItemImage<'_>) -> Vec<u32> {
+pub fn exactly_visible(image: &IdBufferRef<'_>) -> Vec<u32> {
     sorted_distinct(image.owners().flatten().collect())
 }
 
 /// The number of triangles that own a pixel. `primitives` holds each pixel's triangle within its owner;
 /// `None` if it is of another size than the image.
 #[must_use]
-pub fn exactly_visible_triangles(image: &ItemImage<'_>, primitives: &[u32]) -> Option<u64> {
+pub fn exactly_visible_triangles(image: &IdBufferRef<'_>, primitives: &[u32]) -> Option<u64> {
     let owners = image.owners();
     if owners.len() != primitives.len() {
         return None;
@@ -37,14 +37,14 @@ pub fn exactly_visible_triangles(image: &ItemImage<'_>, primitives: &[u32]) -> O
     Some(sorted_distinct(pairs).len() as u64)
 }
 
-/// What culling lost: `unculled` and `culled` are the item images of the same level cut, `drawn` the ids that
+/// What culling lost: `unculled` and `culled` are the ID buffers of the same LOD cut, `drawn` the ids that
 /// were drawn, in any order.
 ///
 /// # Errors
 /// If the images differ in size.
 pub fn false_culls(
-    unculled: &ItemImage<'_>,
-    culled: &ItemImage<'_>,
+    unculled: &IdBufferRef<'_>,
+    culled: &IdBufferRef<'_>,
     drawn: &[u32],
 ) -> Result<FalseCulls, MetricError> {
     same_size(unculled.size(), culled.size())?;
@@ -87,8 +87,8 @@ mod tests {
 
     const NONE: u32 = u32::MAX;
 
-    fn image(width: u32, ids: &[u32]) -> ItemImage<'_> {
-        ItemImage::new(width, ids.len() as u32 / width, ids, NONE).unwrap()
+    fn image(width: u32, ids: &[u32]) -> IdBufferRef<'_> {
+        IdBufferRef::new(width, ids.len() as u32 / width, ids, NONE).unwrap()
     }
 
     #[test]

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use trimaran_audit::{Placement, ReferenceTester, rasterize};
-use trimaran_cull::{Answer, BoxTester, TestBox, View};
+use trimaran_audit::{Placement, ReferenceTest, rasterize};
+use trimaran_cull::{Answer, OcclusionTest, TestBox, View};
 use trimaran_gpu::{GpuScene, OccluderPass};
 use trimaran_scene::{Scene, random::Random};
 
@@ -50,7 +50,7 @@ fn ask(gpu: &CheckedGpu, scene: &Arc<Scene>, view: &View, boxes: &[TestBox]) -> 
     let all = ids(scene.drawables().len());
     let picture = rasterize(scene, view, all.iter().copied(), Placement::Single);
     let mut reference = Vec::new();
-    ReferenceTester::new(&picture).test(view, boxes, &mut reference).unwrap();
+    ReferenceTest::new(&picture).test(view, boxes, &mut reference).unwrap();
 
     let uploaded = GpuScene::upload(gpu, scene).unwrap();
     let mut pass = OccluderPass::new(&uploaded, view.viewport()).unwrap();

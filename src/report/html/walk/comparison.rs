@@ -3,7 +3,7 @@
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use maud::{Markup, html};
-use trimaran_audit::metrics::{Picture, flip};
+use trimaran_audit::metrics::{ImageRef, flip};
 
 use crate::report::format::{figure, plural};
 use crate::report::png::Rgb;
@@ -161,8 +161,8 @@ fn flip_map(reference: &Rgb, picture: &Rgb) -> Option<Rgb> {
         |image: &Rgb| -> Vec<u8> { image.pixels.iter().flat_map(|[r, g, b]| [*r, *g, *b, 255]).collect() };
     let (reference_rgba, picture_rgba) = (rgba(reference), rgba(picture));
     let map = flip(
-        &Picture::new(reference.width, reference.height, &reference_rgba).ok()?,
-        &Picture::new(picture.width, picture.height, &picture_rgba).ok()?,
+        &ImageRef::new(reference.width, reference.height, &reference_rgba).ok()?,
+        &ImageRef::new(picture.width, picture.height, &picture_rgba).ok()?,
     )
     .ok()?;
     let colours = nv_flip::magma_lut().to_vec();

@@ -1,4 +1,4 @@
-//! Which occluders are worth drawing. Any subset of the cut is a valid set of occluders, so this trades the
+//! Occluder selection: which of the cut to draw as occluders. Any subset of it is valid, so this trades the
 //! time to draw them for looser culling, and never a hole.
 
 use std::cmp::Reverse;
@@ -8,7 +8,7 @@ use glam::DVec3;
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, NodeId, Scene};
 
-use crate::{Choice, CutRule, LevelCut, View};
+use crate::{Choice, LodCut, LodRule, View};
 
 /// At most so many triangles of occluders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -17,7 +17,7 @@ pub struct TriangleBudget(pub u64);
 /// Keeps the drawables that hide most for their triangles, as long as they fit the budget: by the square of
 /// how large they look (the box's diagonal over its distance), a triangle. What the scene does not have is
 /// dropped.
-pub fn worthiest_within(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>, budget: TriangleBudget) {
+pub fn select_occluders(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>, budget: TriangleBudget) {
     let eye = view.eye();
     let mut ranked: Vec<(f32, DrawableId, u64)> = ids
         .iter()
@@ -48,14 +48,14 @@ pub fn worthiest_within(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>, b
 ///
 /// These are the occluders of a frame that has no frame before it to take them from: the first one, or one
 /// after a jump.
-pub fn nearest_within(
+pub fn nearest_occluders(
     scene: &Scene,
     view: &View,
-    rule: CutRule,
+    rule: LodRule,
     budget: TriangleBudget,
     ids: &mut Vec<DrawableId>,
 ) {
-    let cut = LevelCut::new(scene, view, rule);
+    let cut = LodCut::new(scene, view, rule);
     let eye = view.eye();
     // Squared distances are not negative, so their bits order as they do. NaN comes last.
     let entry = |id: NodeId| {

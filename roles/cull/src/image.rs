@@ -1,8 +1,8 @@
 //! What a display shows.
 
-/// A picture: sRGB-encoded red, green, blue and alpha (255), 8 bits each, row by row from the top.
+/// A colour image: sRGB-encoded red, green, blue and alpha (255), 8 bits each, row by row from the top.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Picture {
+pub struct Image {
     /// Columns.
     pub width: u32,
     /// Rows.

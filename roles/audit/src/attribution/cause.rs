@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FalseCullCause {
-    /// Another level was drawn in its place, or it is hidden by an occluder that is not of the frame's level
+    /// Another level was drawn in its place, or it is hidden by an occluder that is not of the frame's LOD
     /// cut: the roles did not choose alike.
     LevelMismatch,
     /// The rule of the paper's section 4.5.2 was on, and a node above it was drawn in its place.
@@ -23,12 +23,13 @@ pub enum FalseCullCause {
     /// The depth tested against lies in front of the surface that shows: two passes or two devices placed it
     /// differently.
     OccluderTooNear,
-    /// The box given to the tester covers none of the pixels at which the surface shows.
+    /// The box given to the occlusion test covers none of the pixels at which the surface shows.
     MissedSamples,
     /// The box, before it is grown, is level with the depth tested against, and lost to it.
     DepthTie,
-    /// The box is clearly in front at a pixel of the surface, and the tester said that it is hidden.
-    TesterHid,
+    /// The box is clearly in front at a pixel of the surface, and the occlusion test said that it is hidden.
+    #[serde(rename = "tester_hid")]
+    TestHid,
     /// Every step keeps it, and more ids were sent than drawn.
     LostIds,
     /// Every step keeps it when done again, and all ids arrived.
@@ -47,7 +48,7 @@ impl FalseCullCause {
         Self::OccluderTooNear,
         Self::MissedSamples,
         Self::DepthTie,
-        Self::TesterHid,
+        Self::TestHid,
         Self::LostIds,
         Self::Unattributed,
     ];
@@ -65,7 +66,7 @@ impl FalseCullCause {
             Self::OccluderTooNear => "an occluder's depth lies in front of its surface",
             Self::MissedSamples => "its box covers none of its pixels",
             Self::DepthTie => "its box lost a depth tie",
-            Self::TesterHid => "the tester hid a box that shows",
+            Self::TestHid => "the occlusion test hid a box that shows",
             Self::LostIds => "its id did not arrive",
             Self::Unattributed => "no step repeats it",
         }

@@ -1,45 +1,47 @@
-//! Why something visible was not drawn: the walk from the root down to it, step by step, each step held
+//! Why something visible was not drawn: the way from the root down to it, step by step, each step held
 //! against the surface that the picture shows.
 //!
-//! The tester and its depth are those of the machine that culled the frame (or of one that did its work
-//! again), and so is what comes before the tester: the level cut, the frustum test, the boxes. What they are
-//! judged by is independent of them: where the f64 rasterizer puts the surface that is missing. The walk to a
-//! drawable may go wrong at any node above it, and the first such step is the cause.
+//! The occlusion test and its depth are those of the culler of the frame (or of one that did its work again),
+//! and so is what comes before the test: the LOD cut, the frustum test, the boxes. What they are judged by is
+//! independent of them: where the f64 rasterizer puts the surface that is missing. The traversal may go wrong
+//! at any node above a drawable, and the first such step is the cause.
 
-use std::collections::{BTreeMap, HashMap};
+mod cause;
+mod steps;
+mod surface;
+
+use std::collections::HashMap;
 use std::iter::successors;
 
 use glam::{DVec3, Vec3};
-use trimaran_cull::{
-    BoxMaker, BoxTester, Choice, CutRule, LevelCut, Outline, Prepared, TestBox, View, reaches,
-};
+use trimaran_cull::{Choice, LodCut, LodRule, OcclusionTest, Prepared, TestBox, View};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, NodeId, Scene};
 
-use crate::cause::FalseCullCause as Cause;
-use crate::id_buffer::{Item, Picture, Placement, rasterize, triangles};
+pub use cause::FalseCullCause;
+use cause::FalseCullCause as Cause;
+use steps::{CullerSteps, Steps};
+use surface::{SurfacePoint, surface_of};
+
+use crate::id_buffer::{IdBuffer, Placement, rasterize};
 use crate::occlusion_test::triangles_of;
 use crate::raster::rasterize_triangle;
-
-/// A pixel's centre may be covered by a surface that ends so far beside it: corners move by the sub-pixel
-/// step.
-const SNAP_PX: f64 = 1.0 / 256.0;
 
 /// Depths that differ by less than this fraction are of the same surface.
 const SAME_DEPTH: f64 = 1e-4;
 
-/// What a machine did for a frame from which something is missing.
+/// What a culler did for a frame from which something is missing.
 #[derive(Debug, Clone, Copy)]
 pub struct CulledFrame<'f> {
     /// The scene.
     pub scene: &'f Scene,
     /// The frame's camera and size.
     pub view: &'f View,
-    /// The rule of its level cut.
-    pub rule: CutRule,
+    /// The rule of its LOD cut.
+    pub rule: LodRule,
     /// What OR drew.
     pub occluders: &'f [DrawableId],
-    /// The depth that came of it, as the tester had it: reversed, row by row from the top left.
+    /// The depth that came of it, as the occlusion test had it: reversed, row by row from the top left.
     pub depth: &'f [f32],
     /// How many ids HC sent, if that is known.
     pub sent: Option<u64>,
@@ -50,7 +52,7 @@ pub struct CulledFrame<'f> {
     pub before: &'f [(View, &'f [DrawableId])],
 }
 
-/// A drawable that owns pixels of the unculled picture and was not drawn.
+/// A drawable that owns pixels without culling and was not drawn.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Missing {
     /// Which.
@@ -59,101 +61,18 @@ pub struct Missing {
     pub pixels: Vec<usize>,
 }
 
-/// The cause for each of `missing`, in order. `tester` is that of the machine, and tests against
+/// The cause for each of `missing`, in order. `test` is the occlusion test of the culler, against
 /// `frame.depth`.
 ///
 /// # Errors
-/// If the tester fails.
-pub fn causes<T: BoxTester>(
+/// If the test fails.
+pub fn causes<T: OcclusionTest>(
     frame: &CulledFrame<'_>,
-    tester: &mut T,
+    test: &mut T,
     missing: &[Missing],
 ) -> Result<Vec<Cause>, T::Error> {
-    let steps = MachineSteps {
-        cut: LevelCut::new(frame.scene, frame.view, frame.rule),
-        maker: BoxMaker::new(frame.view, tester.outline()),
-        reach: reaches(frame.scene.nodes()),
-        view: frame.view,
-        tester,
-        answers: Vec::new(),
-    };
+    let steps = CullerSteps::new(frame.scene, frame.view, frame.rule, test);
     Judge::new(frame, steps).judge(missing)
-}
-
-/// The steps of HC's walk, one node at a time.
-trait Steps {
-    type Error;
-
-    /// Whether the node is outside the frustum, by its world box.
-    fn outside(&self, node: &Node) -> bool;
-
-    /// What becomes of the node before any test.
-    fn prepare(&self, id: NodeId, node: &Node) -> Prepared;
-
-    /// Whether the tester says that the box shows.
-    fn shows(&mut self, test_box: TestBox) -> Result<bool, Self::Error>;
-
-    /// The node's box without its half pixel, if it can be tested.
-    fn bare(&self, id: NodeId, node: &Node) -> Option<TestBox>;
-
-    /// How far the node's box is inflated against rounding and depth ties, metres.
-    fn slack(&self, id: NodeId, node: &Node) -> f64;
-}
-
-/// The steps as [`Culler`](trimaran_cull::Culler) takes them.
-struct MachineSteps<'f, T> {
-    cut: LevelCut<'f>,
-    maker: BoxMaker,
-    reach: Vec<f32>,
-    view: &'f View,
-    tester: &'f mut T,
-    answers: Vec<u32>,
-}
-
-impl<T> MachineSteps<'_, T> {
-    fn reach(&self, id: NodeId) -> f64 {
-        self.reach.get(id.0 as usize).copied().unwrap_or(f32::NAN).into()
-    }
-}
-
-impl<T: BoxTester> Steps for MachineSteps<'_, T> {
-    type Error = T::Error;
-
-    fn outside(&self, node: &Node) -> bool {
-        self.cut.outside(node)
-    }
-
-    fn prepare(&self, id: NodeId, node: &Node) -> Prepared {
-        self.maker.prepare(node, self.reach(id))
-    }
-
-    fn shows(&mut self, test_box: TestBox) -> Result<bool, T::Error> {
-        self.tester.test(self.view, &[test_box], &mut self.answers)?;
-        Ok(self.answers != [0])
-    }
-
-    fn bare(&self, id: NodeId, node: &Node) -> Option<TestBox> {
-        match BoxMaker::new(self.view, Outline::OnScreen).prepare(node, self.reach(id)) {
-            Prepared::Test(test_box) => Some(test_box),
-            _ => None,
-        }
-    }
-
-    fn slack(&self, id: NodeId, node: &Node) -> f64 {
-        self.maker.slack(node, self.reach(id))
-    }
-}
-
-/// A point of a missing surface, at the centre of a pixel that it owns.
-#[derive(Debug, Clone, Copy)]
-struct SurfacePoint {
-    pixel: usize,
-    /// In view space, metres.
-    place: DVec3,
-    /// Reversed depth.
-    depth: f64,
-    /// By what fraction depths of this surface may differ between passes.
-    tolerance: f64,
 }
 
 struct Judge<'f, S> {
@@ -162,10 +81,10 @@ struct Judge<'f, S> {
     /// Each node of which a level was drawn.
     drawn: Vec<u32>,
     /// The occluders as the reference draws them; drawn when first asked for.
-    occluders: Option<Picture>,
+    occluders: Option<IdBuffer>,
     /// This frame's occluders from the cameras of the frames before, and what was drawn of those frames;
     /// likewise.
-    stale: Option<Vec<Picture>>,
+    stale: Option<Vec<IdBuffer>>,
 }
 
 impl<'f, S: Steps> Judge<'f, S> {
@@ -193,7 +112,9 @@ impl<'f, S: Steps> Judge<'f, S> {
         if let Some(cause) = self.replaced(target) {
             return Ok(cause);
         }
-        let surface = self.surface(missing, target);
+        let node = scene.nodes().get(target.0 as usize);
+        let slack = node.map_or(f64::NAN, |node| self.steps.slack(target, node));
+        let surface = surface_of(missing, scene, self.frame.view, slack);
         for id in way_down(scene, target) {
             let Some(node) = scene.nodes().get(id.0 as usize) else { continue };
             if let Some(cause) = self.step(id, node, &surface)? {
@@ -216,31 +137,6 @@ impl<'f, S: Steps> Judge<'f, S> {
         }
         let below = |&node: &u32| way_down(scene, NodeId(node)).contains(&target);
         self.drawn.iter().any(below).then_some(Cause::LevelMismatch)
-    }
-
-    /// Where the f64 rasterizer puts the missing surface at its pixels. Pixels on its very edge may not be
-    /// among them.
-    fn surface(&self, missing: &Missing, target: NodeId) -> Vec<SurfacePoint> {
-        let (scene, view) = (self.frame.scene, self.frame.view);
-        let Some(drawable) = scene.drawables().get(missing.id.index()) else { return Vec::new() };
-        let slack =
-            scene.nodes().get(target.0 as usize).map_or(f64::NAN, |node| self.steps.slack(target, node));
-        let mut nearest: BTreeMap<usize, Option<SurfacePoint>> =
-            missing.pixels.iter().map(|&pixel| (pixel, None)).collect();
-        for corners in triangles(scene, view, drawable, Placement::Exact) {
-            let snap = depth_of_a_snap(view, &corners);
-            rasterize_triangle(view, corners, |hit| {
-                let Some(found) = nearest.get_mut(&hit.pixel) else { return };
-                if found.is_none_or(|found| hit.depth > found.depth) {
-                    let place = unproject(view, hit.pixel, hit.depth);
-                    // Each of two passes may be off by the slack, and by a step of the sub-pixel grid where
-                    // the surface is steep.
-                    let tolerance = 2.0 * slack / -place.z + snap / hit.depth;
-                    *found = Some(SurfacePoint { pixel: hit.pixel, place, depth: hit.depth, tolerance });
-                }
-            });
-        }
-        nearest.into_values().flatten().collect()
     }
 
     /// What goes wrong at one node on the way down, if anything does.
@@ -287,7 +183,7 @@ impl<'f, S: Steps> Judge<'f, S> {
             let front = fronts.get(&point.pixel).map_or(point.depth, |front| front.max(point.depth));
             front > tested(point) * (1.0 + 2.0 * point.tolerance)
         });
-        if clearly { Cause::TesterHid } else { Cause::DepthTie }
+        if clearly { Cause::TestHid } else { Cause::DepthTie }
     }
 
     /// Why the depth tested against lies in front of the surface at all its pixels.
@@ -297,11 +193,11 @@ impl<'f, S: Steps> Judge<'f, S> {
             rasterize(frame.scene, view, ids.iter().copied(), Placement::Exact)
         };
         let occluders = self.occluders.get_or_insert_with(|| draw(frame.view, frame.occluders));
-        let cut = LevelCut::new(frame.scene, frame.view, frame.rule);
+        let cut = LodCut::new(frame.scene, frame.view, frame.rule);
         let foreign = |point: &SurfacePoint| {
-            let item = occluders.items().get(point.pixel).copied().flatten();
+            let shown = occluders.ids().get(point.pixel).copied().flatten();
             let before = occluders.depth().get(point.pixel).is_some_and(|&depth| depth > point.depth);
-            before && item.is_some_and(|item| !is_of_cut(frame.scene, &cut, item))
+            before && shown.is_some_and(|shown| !is_of_cut(frame.scene, &cut, shown.drawable))
         };
         if surface.iter().any(foreign) {
             return Cause::LevelMismatch;
@@ -314,10 +210,10 @@ impl<'f, S: Steps> Judge<'f, S> {
         });
         // At most points: along edges a device may round to another surface. The depth of a large triangle is
         // interpolated less exactly than the missing surface's own tolerance says.
-        let same = |picture: &Picture| {
+        let same = |buffer: &IdBuffer| {
             let equal = |point: &&SurfacePoint| {
                 let tested = frame.depth.get(point.pixel).copied().map(f64::from);
-                let drawn = picture.depth().get(point.pixel);
+                let drawn = buffer.depth().get(point.pixel);
                 drawn.zip(tested).is_some_and(|(drawn, tested)| (drawn - tested).abs() <= tested * SAME_DEPTH)
             };
             surface.iter().filter(equal).count() * 2 > surface.len()
@@ -333,7 +229,7 @@ impl<'f, S: Steps> Judge<'f, S> {
         let linear = node.linear().as_dmat3();
         let to_local = (linear.determinant() != 0.0).then(|| linear.inverse());
         surface.iter().all(|point| {
-            let slack = self.leeway(point);
+            let slack = point.leeway(view);
             let from_eye = view.to_view().transpose() * point.place;
             let world = view.eye() + from_eye;
             let in_world = (min - slack).cmple(world).all() && world.cmple(max + slack).all();
@@ -355,15 +251,10 @@ impl<'f, S: Steps> Judge<'f, S> {
         surface.iter().all(|point| {
             let offset = point.place - test_box.centre.as_dvec3();
             test_box.axes.map(Vec3::as_dvec3).iter().all(|axis| {
-                axis.dot(offset).abs() <= axis.length_squared() + axis.length() * self.leeway(point)
+                axis.dot(offset).abs()
+                    <= axis.length_squared() + axis.length() * point.leeway(self.frame.view)
             })
         })
-    }
-
-    /// How far from the surface a point at its pixel's centre may lie, metres.
-    fn leeway(&self, point: &SurfacePoint) -> f64 {
-        let focal = self.frame.view.focal_x().min(self.frame.view.focal_y());
-        -point.place.z * (SNAP_PX / focal + point.tolerance)
     }
 }
 
@@ -383,36 +274,13 @@ fn pose(view: &View) -> ([f64; 3], [f64; 4]) {
     (view.camera().eye(), view.camera().orientation())
 }
 
-fn is_of_cut(scene: &Scene, cut: &LevelCut<'_>, item: Item) -> bool {
-    let Some(drawable) = scene.drawables().get(item.drawable.index()) else { return false };
-    way_down(scene, NodeId(drawable.node)).into_iter().all(|id| {
-        let Some(node) = scene.nodes().get(id.0 as usize) else { return false };
+fn is_of_cut(scene: &Scene, cut: &LodCut<'_>, id: DrawableId) -> bool {
+    let Some(drawable) = scene.drawables().get(id.index()) else { return false };
+    way_down(scene, NodeId(drawable.node)).into_iter().all(|at| {
+        let Some(node) = scene.nodes().get(at.0 as usize) else { return false };
         let chosen = cut.choose(node);
-        if id.0 == drawable.node { chosen == Choice::Draw(item.drawable) } else { chosen == Choice::Refine }
+        if at.0 == drawable.node { chosen == Choice::Draw(id) } else { chosen == Choice::Refine }
     })
-}
-
-/// The point at a pixel's centre with this reversed depth, in view space.
-fn unproject(view: &View, pixel: usize, depth: f64) -> DVec3 {
-    let (width, height) = (view.viewport().width() as usize, f64::from(view.viewport().height()));
-    let distance = f64::from(view.camera().near()) / depth;
-    let (x, y) = ((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
-    DVec3::new(
-        (x - width as f64 * 0.5) / view.focal_x() * distance,
-        (height * 0.5 - y) / view.focal_y() * distance,
-        -distance,
-    )
-}
-
-/// By how much the reversed depth of a triangle changes over a step of the sub-pixel grid, right and down
-/// together.
-fn depth_of_a_snap(view: &View, [a, b, c]: &[DVec3; 3]) -> f64 {
-    let normal = (*b - *a).cross(*c - *a);
-    // Reversed depth is near / distance, which on the plane `normal . p = offset` is linear on the screen.
-    let scale = f64::from(view.camera().near()) / normal.dot(*a);
-    let gradient = ((normal.x / view.focal_x()).abs() + (normal.y / view.focal_y()).abs()) * scale.abs();
-    // A plane through the eye is seen edge on: nothing is known of depths on it.
-    if gradient.is_finite() { SNAP_PX * gradient } else { 0.0 }
 }
 
 /// The smallest depth in a box, metres.
@@ -439,6 +307,7 @@ mod tests {
 
     use trimaran_cull::Viewport;
 
+    use super::surface::unproject;
     use super::*;
     use crate::cases::{Mesh, Object, build, looking};
 
@@ -478,7 +347,7 @@ mod tests {
         scene: Scene,
         view: View,
         missing: Missing,
-        truth: Picture,
+        truth: IdBuffer,
     }
 
     impl Plate {
@@ -488,7 +357,7 @@ mod tests {
             let view = looking(DVec3::ZERO, DVec3::Y, 60.0, Viewport::new(96, 96).unwrap(), 0).unwrap();
             let id = DrawableId(0);
             let truth = rasterize(&scene, &view, [id], Placement::Exact);
-            let pixels = (0..truth.items().len()).filter(|&p| truth.items()[p].is_some()).collect();
+            let pixels = (0..truth.ids().len()).filter(|&p| truth.ids()[p].is_some()).collect();
             Self { scene, view, missing: Missing { id, pixels }, truth }
         }
 
@@ -498,8 +367,8 @@ mod tests {
             Prepared::Test(TestBox { centre: Vec3::NEG_Z * 4.0, axes })
         }
 
-        /// The cause, if the tester says what `shows` says and the depth tested against is `nearer` times
-        /// that of the plate at the plate's pixels.
+        /// The cause, if the occlusion test says what `shows` says and the depth tested against is `nearer`
+        /// times that of the plate at the plate's pixels.
         fn cause(&self, outside: bool, prepared: Prepared, shows: bool, nearer: f64) -> Cause {
             let depth: Vec<f32> = self.truth.depth().iter().map(|d| (d * nearer) as f32).collect();
             self.cause_of(Told { outside, prepared, shows }, &depth, Some(0), &self.missing)
@@ -509,7 +378,7 @@ mod tests {
             let frame = CulledFrame {
                 scene: &self.scene,
                 view: &self.view,
-                rule: CutRule::new(1.0).unwrap(),
+                rule: LodRule::new(1.0).unwrap(),
                 occluders: &[DrawableId(0)],
                 depth,
                 sent,
@@ -529,9 +398,9 @@ mod tests {
         assert_eq!(plate.cause(false, Prepared::Outside, true, 0.0), Cause::OutsideFrustum);
         assert_eq!(plate.cause(false, plate.grown(-0.05), false, 0.0), Cause::BoxTooSmall);
         assert_eq!(plate.cause(false, plate.grown(5.0), false, 0.0), Cause::NearPlane);
-        assert_eq!(plate.cause(false, right, false, 0.0), Cause::TesterHid);
-        assert_eq!(plate.cause(false, right, false, 0.99), Cause::TesterHid);
-        assert_eq!(plate.cause(false, plate.grown(0.01), false, 1.0), Cause::TesterHid);
+        assert_eq!(plate.cause(false, right, false, 0.0), Cause::TestHid);
+        assert_eq!(plate.cause(false, right, false, 0.99), Cause::TestHid);
+        assert_eq!(plate.cause(false, plate.grown(0.01), false, 1.0), Cause::TestHid);
         assert_eq!(plate.cause(false, right, false, 1.0), Cause::DepthTie);
         assert_eq!(plate.cause(false, right, false, 1.01), Cause::OccluderTooNear);
         assert_eq!(plate.cause(false, right, true, 1.0), Cause::Unattributed);

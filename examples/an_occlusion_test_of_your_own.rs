@@ -1,8 +1,8 @@
-//! Culling with a box tester of your own. This one hides whatever lies wholly beyond a distance, as fog does:
+//! Culling with an occlusion test of your own. This one hides whatever lies wholly beyond a distance, as fog does:
 //! not exact, but a few lines. Whatever can answer "does this box show?" fits in the same place: a GPU, a
 //! pyramid of depths, a potentially visible set computed beforehand.
 //!
-//!     cargo run --release --example a_tester_of_your_own
+//!     cargo run --release --example an_occlusion_test_of_your_own
 
 use std::{convert::Infallible, error::Error, sync::Arc};
 
@@ -10,7 +10,7 @@ use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
 };
-use trimaran_cull::{BoxTester, CullStats, Culler, CutRule, NoOccluders, TestBox, View, Viewport};
+use trimaran_cull::{CullStats, Culler, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport};
 use trimaran_proto::{Camera, FrameNumber};
 
 /// Hides boxes with no corner nearer than so many metres.
@@ -18,7 +18,7 @@ struct Fog {
     metres: f32,
 }
 
-impl BoxTester for Fog {
+impl OcclusionTest for Fog {
     type Error = Infallible;
 
     fn test(&mut self, _: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Infallible> {
@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let looking_south = [0.0, 1.0, 0.0, 0.0]; // half a turn about the vertical, from -z to +z
     let camera = Camera::new([4.0, 1.7, 4.0], looking_south, 0.5, 1.0, 0.1, FrameNumber(0))?;
     let view = View::new(camera, Viewport::new(512, 512)?);
-    let rule = CutRule::new(2.0)?;
+    let rule = LodRule::new(2.0)?;
     let mut culler = Culler::new(scene);
 
     let clear = culler.cull(&view, rule, &mut NoOccluders, |_| {})?;

@@ -1,4 +1,4 @@
-//! The level-of-detail cut: which level of which nodes shows the scene within a given error on the screen.
+//! The LOD cut: which level of detail of which nodes shows the scene within a given error on the screen.
 //!
 //! Going down from the root, a node is drawn at its coarsest level whose error, projected to the screen, is
 //! within the rule's bound; where no level is good enough its children are asked instead (the paper, section
@@ -40,7 +40,7 @@ use crate::frustum::Frustum;
 
 /// When a level of detail is good enough.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CutRule {
+pub struct LodRule {
     epsilon_px: f64,
     few_pixels: bool,
 }
@@ -48,18 +48,18 @@ pub struct CutRule {
 /// An error bound that no rule can have.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error("an error bound of {0} pixels: it must be a finite number above 0")]
-pub struct CutRuleError(pub f64);
+pub struct LodRuleError(pub f64);
 
-impl CutRule {
+impl LodRule {
     /// A level is good enough if nothing on the screen moves by more than `epsilon_px` pixels.
     ///
     /// # Errors
     /// If the bound is not a finite number above 0.
-    pub fn new(epsilon_px: f64) -> Result<Self, CutRuleError> {
+    pub fn new(epsilon_px: f64) -> Result<Self, LodRuleError> {
         if epsilon_px.is_finite() && epsilon_px > 0.0 {
             Ok(Self { epsilon_px, few_pixels: false })
         } else {
-            Err(CutRuleError(epsilon_px))
+            Err(LodRuleError(epsilon_px))
         }
     }
 
@@ -97,7 +97,7 @@ pub enum Choice {
 /// The cut of one scene for one view: chooses levels and says what is outside the frustum. It borrows the
 /// scene and holds what the choice needs of the view.
 #[derive(Debug, Clone, Copy)]
-pub struct LevelCut<'s> {
+pub struct LodCut<'s> {
     scene: &'s Scene,
     frustum: Frustum,
     eye: DVec3,
@@ -108,10 +108,10 @@ pub struct LevelCut<'s> {
     epsilon: f64,
 }
 
-impl<'s> LevelCut<'s> {
+impl<'s> LodCut<'s> {
     /// The cut of `scene` seen from `view` under `rule`.
     #[must_use]
-    pub fn new(scene: &'s Scene, view: &View, rule: CutRule) -> Self {
+    pub fn new(scene: &'s Scene, view: &View, rule: LodRule) -> Self {
         let (tan_x, tan_y) = (view.tan_half_fov_x(), view.tan_half_fov_y());
         Self {
             scene,
@@ -151,8 +151,8 @@ impl<'s> LevelCut<'s> {
         self.magnification(node).error_on_screen(error)
     }
 
-    /// All drawables of the cut that are not outside the frustum, in the order of a breadth-first walk: what
-    /// is drawn without culling.
+    /// All drawables of the cut that are not outside the frustum, in the order of a breadth-first traversal:
+    /// what is drawn without culling.
     #[must_use]
     pub fn drawables(&self) -> Vec<DrawableId> {
         let mut drawn = Vec::new();
@@ -243,7 +243,7 @@ impl Magnification {
             return 0.0;
         }
         let depth = self.nearest.max(self.seen - error);
-        // Written so that NaN ends here as well: doubt refines.
+        // Written so that NaN ends here as well: conservatively, it refines.
         if depth > self.near { self.focal_spread * error / depth } else { f64::INFINITY }
     }
 }
@@ -253,17 +253,17 @@ fn extent(direction: DVec3, half: DVec3) -> f64 {
     direction.x.abs() * half.x + direction.y.abs() * half.y + direction.z.abs() * half.z
 }
 
-/// What the cut of `scene` from `view` under `rule` does with `node`; for many nodes make one [`LevelCut`].
+/// What the cut of `scene` from `view` under `rule` does with `node`; for many nodes make one [`LodCut`].
 #[must_use]
-pub fn choose(scene: &Scene, node: NodeId, view: &View, rule: CutRule) -> Choice {
+pub fn choose(scene: &Scene, node: NodeId, view: &View, rule: LodRule) -> Choice {
     match scene.nodes().get(node.0 as usize) {
-        Some(node) => LevelCut::new(scene, view, rule).choose(node),
+        Some(node) => LodCut::new(scene, view, rule).choose(node),
         None => Choice::Refine,
     }
 }
 
 /// What is drawn without occlusion culling: all of the cut but what is outside the frustum.
 #[must_use]
-pub fn level_cut(scene: &Scene, view: &View, rule: CutRule) -> Vec<DrawableId> {
-    LevelCut::new(scene, view, rule).drawables()
+pub fn lod_cut(scene: &Scene, view: &View, rule: LodRule) -> Vec<DrawableId> {
+    LodCut::new(scene, view, rule).drawables()
 }
