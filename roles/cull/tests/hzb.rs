@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test or benchmark that cannot be set up fails")]
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Mat3, Vec3};
 use trimaran_audit::cases::looking;
 use trimaran_audit::{IdBuffer, ReferenceTest, rasterize_triangle};
 use trimaran_cull::{DepthImage, DepthPyramid, HzbTest, OcclusionTest, Outline, TestBox, Viewport};
@@ -109,12 +109,66 @@ fn a_side_that_the_rasterizer_moves_past_its_corner_does_not_hide_its_box() {
     assert_eq!(answers, [1]);
 }
 
+/// A box smaller than a pixel, between the centres of four: it shows if its outline is grown, and misses them
+/// all if that was left to whoever made the box.
+#[test]
+fn outlines_are_grown_where_boxes_are_not() {
+    let viewport = Viewport::new(8, 8).unwrap();
+    let view = looking(DVec3::ZERO, DVec3::Y, 60.0, viewport, 0).unwrap();
+    let mut pyramid = DepthPyramid::new();
+    let image = DepthImage::new(viewport, &[0.0; 64]).unwrap();
+    pyramid.rebuild(image);
+    let small = TestBox { centre: Vec3::Z * -5.0, axes: [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis * 1e-3) };
+    for (outline, shows) in [(Outline::OnScreen, 1), (Outline::InBox, 0)] {
+        let mut test = HzbTest::new(image, &pyramid).unwrap().with_outline(outline);
+        let mut answers = Vec::new();
+        test.test(&view, &[small], &mut answers).unwrap();
+        assert_eq!((test.outline(), answers), (outline, vec![shows]));
+    }
+    assert_eq!(HzbTest::new(image, &pyramid).unwrap().outline(), Outline::OnScreen);
+}
+
+/// Boxes with slanted fronts just behind the depth of every pixel: only single pixels hide them. A small one
+/// is looked at to the end; a large one has more pixels than are looked at, and counts as visible.
+#[test]
+fn a_box_that_takes_too_long_counts_as_visible() {
+    let viewport = Viewport::new(64, 64).unwrap();
+    let view = looking(DVec3::ZERO, DVec3::Y, 60.0, viewport, 0).unwrap();
+    let slanted = |half: f32| {
+        let turn = Mat3::from_rotation_x(1.0);
+        TestBox {
+            centre: Vec3::Z * -5.0,
+            axes: [Vec3::X * half, Vec3::Y * half, Vec3::Z * 1e-3].map(|a| turn * a),
+        }
+    };
+    for (half, shows) in [(0.4, 0), (1.6, 1)] {
+        let test_box = slanted(half);
+        let mut front = IdBuffer::new(viewport);
+        let [a, b, c] = test_box.axes.map(Vec3::as_dvec3);
+        let middle = test_box.centre.as_dvec3() + c;
+        // Beyond its edges as well, so that nothing but the front's slope decides.
+        for [a, b] in [[a, b], [b, -a], [-a, -b], [-b, a]].map(|axes| axes.map(|axis| axis * 20.0)) {
+            rasterize_triangle(&view, [middle, middle + a, middle + b], |hit| front.cover(hit));
+        }
+        let depth: Vec<f32> = front.depth32().iter().map(|depth| depth * 1.01).collect();
+        let image = DepthImage::new(viewport, &depth).unwrap();
+        let mut pyramid = DepthPyramid::new();
+        pyramid.rebuild(image);
+        let mut answers = Vec::new();
+        let mut test = HzbTest::new(image, &pyramid).unwrap().with_outline(Outline::InBox);
+        test.test(&view, &[test_box], &mut answers).unwrap();
+        assert_eq!(answers, [shows], "{half} m");
+    }
+}
+
 #[test]
 fn sizes_must_agree() {
     let depth = [0.0; 6];
     let image = DepthImage::new(Viewport::new(3, 2).unwrap(), &depth).unwrap();
     let mut pyramid = DepthPyramid::new();
-    assert!(HzbTest::new(image, &pyramid).is_err());
+    let error = HzbTest::new(image, &pyramid).unwrap_err();
+    let message = "a depth image of 3 x 2 pixels against a pyramid that was never built: both must be of the view's size";
+    assert_eq!(error.to_string(), message);
     pyramid.rebuild(image);
     let mut test = HzbTest::new(image, &pyramid).unwrap();
     let view = looking(DVec3::ZERO, DVec3::Y, 60.0, Viewport::new(2, 3).unwrap(), 0).unwrap();

@@ -2,10 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test or benchmark that cannot be set up fails")]
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Mat3, Vec3};
 use proptest::prelude::*;
 use trimaran_audit::cases::{Mesh, Object, build, looking};
-use trimaran_cull::{Choice, LodCut, LodRule, View, Viewport, choose};
+use trimaran_cull::{Choice, LodCut, LodRule, View, Viewport, choose, lod_cut};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
 use trimaran_scene::{NodeId, Scene, random::Random};
 
@@ -43,6 +43,75 @@ fn a_leaf_above_the_bound_is_drawn_at_its_finest_level() {
     let scene = crate_scene(1.0, DVec3::new(0.0, 2.0, 0.0));
     let choice = choose(&scene, NodeId(0), &view(), LodRule::new(1e-6).unwrap());
     assert_eq!(choice, Choice::Draw(DrawableId(0)));
+}
+
+#[test]
+fn an_interior_node_above_the_bound_is_refined_though_it_has_a_level() {
+    let half = Vec3::splat(0.5);
+    let objects = [-2.0, 2.0].map(|x| Object::new(Mesh::cuboid(-half, half, 1)).at(DVec3::new(x, 20.0, 0.0)));
+    let scene = build(&objects, true).unwrap();
+    assert_eq!(scene.nodes()[0].levels().count(), 1);
+    let (strict, loose) = (LodRule::new(1.0).unwrap(), LodRule::new(100.0).unwrap());
+    assert_eq!(choose(&scene, NodeId(0), &view(), strict), Choice::Refine);
+    assert_eq!(choose(&scene, NodeId(0), &view(), loose), Choice::Draw(DrawableId(0)));
+    assert_eq!(lod_cut(&scene, &view(), strict), [DrawableId(1), DrawableId(2)]);
+}
+
+#[test]
+fn what_is_outside_the_frustum_is_not_of_the_cut() {
+    // Behind the eye, then beyond each side of a field of view of 90 degrees; then just within each.
+    let rule = LodRule::new(1.0).unwrap();
+    for (x, y, z, drawn) in [
+        (0.0, -9.0, 0.0, 0),
+        (13.0, 10.0, 0.0, 0),
+        (-13.0, 10.0, 0.0, 0),
+        (0.0, 10.0, 13.0, 0),
+        (0.0, 10.0, -13.0, 0),
+        (10.0, 10.0, 0.0, 1),
+        (-10.0, 10.0, 0.0, 1),
+        (0.0, 10.0, 10.0, 1),
+        (0.0, 10.0, -10.0, 1),
+    ] {
+        let scene = crate_scene(1.0, DVec3::new(x, y, z));
+        assert_eq!(LodCut::new(&scene, &view(), rule).outside(&scene.nodes()[0]), drawn == 0, "{x} {y} {z}");
+        assert_eq!(lod_cut(&scene, &view(), rule).len(), drawn, "{x} {y} {z}");
+    }
+}
+
+/// A short distance at depth z and |p| from the eye is seen at most as f |p| / z^2 times itself: off the axis
+/// as well, the bound is no more than that.
+#[test]
+fn the_bound_is_tight_for_a_small_box_anywhere_in_the_frustum() {
+    let view = looking(DVec3::ZERO, DVec3::Y, 90.0, Viewport::new(200, 100).unwrap(), 0).unwrap();
+    for (across, up) in
+        [(0.0, 0.0), (1.9, 0.0), (-1.9, 0.0), (0.0, 0.9), (0.0, -0.9), (1.9, 0.9), (-1.0, -0.5)]
+    {
+        for depth in [0.5, 10.0, 3000.0] {
+            let place = DVec3::new(across, 1.0, up) * depth;
+            let scene = crate_scene(1e-3 * depth as f32, place);
+            let cut = LodCut::new(&scene, &view, LodRule::new(1.0).unwrap());
+            let error = 1e-4 * depth;
+            let bound = cut.error_on_screen(&scene.nodes()[0], error);
+            let exact = 50.0 * place.length() / (depth * depth) * error;
+            assert!(bound >= exact && bound < 1.01 * exact, "{bound}, not {exact}, at {place}");
+        }
+    }
+}
+
+/// What can be seen of a wall beside the eye is as far away as the edge of the picture.
+#[test]
+fn the_bound_of_a_box_beside_the_frustum_is_that_of_its_part_in_the_frustum() {
+    let wall = Mesh::cuboid(Vec3::new(30.0, 1.0, -1.0), Vec3::new(31.0, 300.0, 1.0), 1);
+    for turn in [0.0, 0.5, 1.0, 1.5].map(|turns: f32| Mat3::from_rotation_y(turns * std::f32::consts::PI)) {
+        let scene = build(&[Object::new(wall.clone()).turned(turn)], false).unwrap();
+        let cut = LodCut::new(&scene, &view(), LodRule::new(1.0).unwrap());
+        // The eye is 30 m away, and no direction in the picture is more than sqrt(3) longer than it is deep.
+        let (spread, error) = (3.0_f64.sqrt(), 0.01);
+        let depth = (30.0_f64.powi(2) + 1.0).sqrt() / spread - error;
+        let expected = 50.0 * spread * error / depth;
+        let bound = cut.error_on_screen(&scene.nodes()[0], error);
+        assert!((bound / expected - 1.0).abs() < 1e-5, "{bound}, not {expected}");
+    }
 }
 
 #[test]
