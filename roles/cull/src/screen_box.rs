@@ -353,6 +353,40 @@ mod tests {
         assert!(moved(Vec3::Z * 4.9).is_some() && moved(Vec3::Z * 5.1).is_none(), "at the eye's plane");
     }
 
+    /// Also where pixels are not square: 160 of them to the metre across, at a depth of one metre.
+    #[test]
+    fn a_footprint_is_that_of_the_eight_corners() {
+        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 0.625, 0.01, FrameNumber(0)).unwrap();
+        let projection =
+            ScreenProjection::new(&View::new(camera, Viewport::new(100, 80).unwrap()), Outline::OnScreen);
+        let near = f64::from(0.01_f32);
+        let mut random = Random::new(8);
+        for _ in 0..200 {
+            let turn = random.rotation();
+            let axes = [DVec3::X * 0.3, DVec3::Y * 0.5, DVec3::Z * 0.8].map(|axis| (turn * axis).as_vec3());
+            let test_box = TestBox { centre: Vec3::new(0.02, -0.03, -9.0), axes };
+            let [a, b, c] = axes.map(Vec3::as_dvec3);
+            let signs = [-1.0, 1.0];
+            let corners = signs.iter().flat_map(|i| signs.iter().flat_map(move |j| signs.map(|k| (i, j, k))));
+            let corners: Vec<DVec3> =
+                corners.map(|(i, j, k)| test_box.centre.as_dvec3() + a * i + b * j + c * k).collect();
+            let range = |of: fn(DVec3) -> f64| {
+                let all = corners.iter().map(|&corner| of(corner));
+                (all.clone().fold(f64::INFINITY, f64::min), all.fold(f64::NEG_INFINITY, f64::max))
+            };
+            let (left, right) = range(|p| 49.5 + 160.0 * p.x / -p.z);
+            let (top, bottom) = range(|p| 39.5 - 80.0 * p.y / -p.z);
+            let (front, back) = range(|p| -p.z);
+            let found = projection.footprint(&test_box, 0.0).unwrap();
+            let PixelRect { x0, x1, y0, y1 } = found.pixels.unwrap();
+            let expected = [left.ceil(), right.floor(), top.ceil(), bottom.floor()];
+            assert_eq!([x0, x1, y0, y1].map(|pixel| pixel as f64), expected, "{test_box:?}");
+            let nearest = near / front * (1.0 + OUTLINE_PX / 80.0);
+            assert!((found.nearest / nearest - 1.0).abs() < 1e-5, "{} {nearest}", found.nearest);
+            assert!((found.farthest * back / near - 1.0).abs() < 1e-6, "{}", found.farthest);
+        }
+    }
+
     /// A box that rays are cast at.
     struct Slabs(Vec<Face>);
 
