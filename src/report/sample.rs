@@ -2,11 +2,12 @@
 
 use std::sync::LazyLock;
 
+use trimaran_audit::metrics::{Deviation, ImageRef, image_difference};
+
 use super::schema::{
     BytesByKind, CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Mode, PassTime,
     Projection, Report, Role, RoleInfo, Run, SceneInfo, Seat, Span, SweepPoint, VisibleObject,
 };
-use trimaran_audit::metrics::{Deviation, ImageRef, image_difference};
 
 pub(super) const SIZE: u32 = 96;
 const FRAMES: u32 = 60;

@@ -3,10 +3,10 @@
 use std::convert::Infallible;
 
 use glam::{DVec3, Vec3};
+use trimaran_cull::{Answer, OcclusionTest, Outline, TestBox, View};
 
 use crate::id_buffer::IdBuffer;
 use crate::raster::rasterize_triangle;
-use trimaran_cull::{Answer, OcclusionTest, Outline, TestBox, View};
 
 /// Rasterizes boxes against an ID buffer's depth and counts the pixels at which a box is in front of it or
 /// level with it: what precise occlusion queries with `GREATER_OR_EQUAL` and back faces culled count.

@@ -8,18 +8,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use thiserror::Error;
-use trimaran_proto::DrawableId;
-use trimaran_scene::Scene;
-
-use crate::attribution::{CulledFrame, FalseCullCause, Missing, causes};
-
-use crate::fault::{AnyTest, Fault, Tampered};
-use crate::id_buffer::{IdBuffer, Placement, rasterize};
-use crate::occlusion_test::ReferenceTest;
 use trimaran_cull::{
     CullError, CullStats, Culler, DepthImage, DepthPyramid, DrawOrder, HzbError, HzbTest, LodCut, LodRule,
     OccluderError, OccluderMapper, View,
 };
+use trimaran_proto::DrawableId;
+use trimaran_scene::Scene;
+
+use crate::attribution::{CulledFrame, FalseCullCause, Missing, causes};
+use crate::fault::{AnyTest, Fault, Tampered};
+use crate::id_buffer::{IdBuffer, Placement, rasterize};
+use crate::occlusion_test::ReferenceTest;
 
 /// Which occlusion test HC uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -1,4 +1,4 @@
-//! What passes and box testers take, against triangles, draws and boxes: medians in milliseconds, as one
+//! What passes and occlusion tests take, against triangles, draws and boxes: medians in milliseconds, as one
 //! table. `cpu` sums all threads of the process (Linux): on a driver that draws on the CPU it is the figure
 //! to plan with, for other programs disturb it least.
 //!

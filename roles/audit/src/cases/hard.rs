@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3, Mat3, Vec3};
 use thiserror::Error;
+use trimaran_cull::{View, Viewport, aspect};
 use trimaran_proto::{Camera, CameraError, FrameNumber, SettingsError};
 use trimaran_scene::{Scene, SceneError, random::Random};
 
 use super::builder::{Mesh, Object, build};
 use super::plant::{plant, plant_views};
-use trimaran_cull::{View, Viewport, aspect};
 
 /// A scene and a camera path through it, on which nothing visible may be culled, and pictures with and
 /// without culling are equal.

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3, Mat3, Quat, Vec3};
+use trimaran_cull::{View, Viewport, aspect};
 use trimaran_proto::{Camera, CameraError, FrameNumber};
 use trimaran_scene::{Scene, SceneError, random::Random};
 
 use super::builder::{Mesh, Object, build};
-use trimaran_cull::{View, Viewport, aspect};
 
 /// Rooms side by side with walls, decks, pipes, vessels and crates in them: about `objects` objects about
 /// `origin`, z up, four metres a storey. Walls and decks hide most of it from anywhere inside.
