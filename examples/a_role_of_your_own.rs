@@ -15,7 +15,7 @@ use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
 };
-use trimaran_cull::{Picture, View, Viewport};
+use trimaran_cull::{Image, View, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, PictureSize, Settings,
@@ -44,7 +44,7 @@ impl PictureDevice for Loader {
         Ok(())
     }
 
-    fn read(&mut self, _: &mut Picture) -> Result<(), Infallible> {
+    fn read(&mut self, _: &mut Image) -> Result<(), Infallible> {
         Ok(()) // nobody asks for a picture
     }
 }

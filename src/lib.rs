@@ -3,8 +3,8 @@
 //!
 //! This crate joins the parts for the command line and for programs that want a walkthrough as a whole; the
 //! parts stand for themselves: [`trimaran_proto`] the wire, [`trimaran_transport`] the links,
-//! [`trimaran_scene`] models and cooking, [`trimaran_cull`] what is drawn, [`trimaran_gpu`] drawing it,
-//! [`trimaran_actors`] the roles.
+//! [`trimaran_scene`] models, [`trimaran_cook`] cooking, [`trimaran_cull`] what is drawn, [`trimaran_audit`]
+//! what checks it, [`trimaran_gpu`] drawing it, [`trimaran_actors`] the roles.
 
 pub mod config;
 pub mod metrics;

@@ -4,7 +4,7 @@ use std::{sync::Arc, time::Duration};
 
 use thiserror::Error;
 use trimaran_cull::{
-    Answer, BoxTester, DepthImage, DepthPyramid, HzbError, HzbTester, Outline, Picture, TestBox, View,
+    Answer, DepthImage, DepthPyramid, HzbError, HzbTest, Image, OcclusionTest, Outline, TestBox, View,
     Viewport,
 };
 use trimaran_gpu::{GpuError, GpuScene, OccluderPass, PassTiming, PicturePass};
@@ -69,7 +69,7 @@ impl PairDevice for VulkanPair {
     }
 }
 
-impl BoxTester for VulkanPair {
+impl OcclusionTest for VulkanPair {
     type Error = VulkanPairError;
 
     fn test(
@@ -82,7 +82,7 @@ impl BoxTester for VulkanPair {
             TesterKind::Query => self.pass.query_tester()?.test(view, boxes, visible)?,
             TesterKind::Raster => self.pass.raster_tester()?.test(view, boxes, visible)?,
             TesterKind::Hzb => {
-                HzbTester::new(self.pass.read_depth()?, &self.pyramid)?.test(view, boxes, visible)?;
+                HzbTest::new(self.pass.read_depth()?, &self.pyramid)?.test(view, boxes, visible)?;
             }
         }
         Ok(())
@@ -133,7 +133,7 @@ impl PictureDevice for VulkanDisplay {
         Ok(())
     }
 
-    fn read(&mut self, picture: &mut Picture) -> Result<(), GpuError> {
+    fn read(&mut self, picture: &mut Image) -> Result<(), GpuError> {
         self.pass.read(picture)
     }
 }

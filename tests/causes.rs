@@ -12,16 +12,15 @@ use common::{
 use trimaran::vulkan::{VulkanPair, VulkanPairError};
 use trimaran::{
     report::{Frame, schema::FalseCullCause},
-    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, viewport},
+    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage},
 };
 use trimaran_actors::PairDevice;
+use trimaran_audit::cases::with_halved_boxes;
 use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
 };
-use trimaran_cull::{
-    Answer, BoxTester, CutRule, DepthImage, Outline, TestBox, View, reference::cases::with_halved_boxes,
-};
+use trimaran_cull::{Answer, DepthImage, LodRule, OcclusionTest, Outline, TestBox, View};
 use trimaran_proto::{BatchSize, Camera, DrawableId, EpsilonPx, IdCoding, PictureSize, TesterKind};
 use trimaran_scene::Scene;
 
@@ -48,8 +47,7 @@ struct Faulty {
 
 impl Faulty {
     fn new(stage: &Stage, machine: usize, plan: &Plan, fault: Fault) -> Self {
-        let size = viewport(plan.size).unwrap();
-        let sound = VulkanPair::new(&stage.drawn[machine], size, plan.tester).unwrap();
+        let sound = VulkanPair::new(&stage.drawn[machine], plan.size, plan.tester).unwrap();
         Self { sound, fault, last: None }
     }
 }
@@ -78,7 +76,7 @@ impl PairDevice for Faulty {
     }
 }
 
-impl BoxTester for Faulty {
+impl OcclusionTest for Faulty {
     type Error = VulkanPairError;
 
     fn test(
@@ -146,9 +144,8 @@ fn walk_with_fault(stage: &Stage, plan: &Plan, path: &PathChoice, fault: Fault) 
 /// Audits every frame of a session with machines of this fault: pixels by cause, which together are all that
 /// were lost.
 fn lost(stage: &Stage, plan: &Plan, fault: Fault, walk: &[FrameRecord]) -> BTreeMap<FalseCullCause, u64> {
-    let rule = CutRule::new(plan.epsilon.pixels()).unwrap().stopping_at_few_pixels(plan.few_pixels);
-    let mut auditor =
-        Auditor::new(&stage.scene, &stage.drawn[2], viewport(plan.size).unwrap(), rule).unwrap();
+    let rule = LodRule::new(plan.epsilon.pixels()).unwrap().stopping_at_few_pixels(plan.few_pixels);
+    let mut auditor = Auditor::new(&stage.scene, &stage.drawn[2], plan.size, rule).unwrap();
     let mut machine = Faulty::new(stage, 2, plan, fault);
     let mut lost = BTreeMap::new();
     for index in 0..walk.len() {
@@ -172,7 +169,7 @@ fn lost(stage: &Stage, plan: &Plan, fault: Fault, walk: &[FrameRecord]) -> BTree
 fn assert_cause(lost: &BTreeMap<FalseCullCause, u64>, cause: FalseCullCause) {
     let all: u64 = lost.values().sum();
     let named = lost.get(&cause).copied().unwrap_or_default();
-    let in_ten = if matches!(cause, FalseCullCause::DepthTie | FalseCullCause::TesterHid) { 6 } else { 9 };
+    let in_ten = if matches!(cause, FalseCullCause::DepthTie | FalseCullCause::TestHid) { 6 } else { 9 };
     assert!(named > 50 && named * 10 >= all * in_ten, "{cause:?}: {lost:?}");
 }
 
@@ -185,7 +182,7 @@ fn faults_are_named(stage: &Stage, path: &PathChoice) {
         (Fault::StaleCamera, FalseCullCause::StaleCamera),
         (Fault::EyeAhead(0.02 * diagonal(&stage.scene)), FalseCullCause::OccluderTooNear),
         (Fault::BoxesFarther(0.006), FalseCullCause::DepthTie),
-        (Fault::Hides(9), FalseCullCause::TesterHid),
+        (Fault::Hides(9), FalseCullCause::TestHid),
     ] {
         let walk = walk_with_fault(stage, &hzb, path, fault);
         assert_cause(&lost(stage, &hzb, fault, &walk), cause);

@@ -5,7 +5,7 @@ use std::fs;
 
 use trimaran::{
     report::{
-        Frame, Lens, Report, Run,
+        Frame, Projection, Report, Run,
         schema::{Ended, Mode, SceneInfo},
     },
     simulate::{Knobs, Scenario, Transport, Workload, simulate},
@@ -31,8 +31,8 @@ fn report(times: impl Fn(u32) -> [f64; 3]) -> Report {
     };
     let frames: Vec<Frame> = (0..FRAMES).map(frame).collect();
     let whole: f64 = (1..FRAMES).map(|number| times(number).iter().sum::<f64>()).sum();
-    let lens = Lens { width: 8, height: 8, vfov_deg: 60.0, near: 0.1 };
-    Report::new(run(), lens, frames, Some(whole), Ended::finished(Some(FRAMES)))
+    let projection = Projection { width: 8, height: 8, vfov_deg: 60.0, near: 0.1 };
+    Report::new(run(), projection, frames, Some(whole), Ended::finished(Some(FRAMES)))
 }
 
 fn run() -> Run {

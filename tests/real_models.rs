@@ -13,9 +13,10 @@ use common::{
 use trimaran::vulkan::VulkanPair;
 use trimaran::{
     report::Frame,
-    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, viewport},
+    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage},
 };
-use trimaran_cull::{CutRule, reference::SURFACE_SLACK_PX};
+use trimaran_audit::SURFACE_SLACK_PX;
+use trimaran_cull::LodRule;
 use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
 
 /// Every so many frames one is audited.
@@ -72,9 +73,9 @@ fn walks(files: &[PathBuf], path: &PathChoice) -> Result<Option<Stage>, Box<dyn 
 /// Audits frames of a session and returns how far an outline and a surface were off at most, in pixels.
 fn audit(stage: &Stage, plan: &Plan, records: &[FrameRecord]) -> Result<[f64; 2], Box<dyn Error>> {
     let [_, _, display] = &stage.drawn;
-    let rule = CutRule::new(plan.epsilon.pixels())?;
-    let mut auditor = Auditor::new(&stage.scene, display, viewport(plan.size)?, rule)?;
-    let mut machine = VulkanPair::new(display, viewport(plan.size)?, plan.tester)?;
+    let rule = LodRule::new(plan.epsilon.pixels())?;
+    let mut auditor = Auditor::new(&stage.scene, display, plan.size, rule)?;
+    let mut machine = VulkanPair::new(display, plan.size, plan.tester)?;
     let mut farthest = [0.0_f64; 2];
     for (index, record) in records.iter().enumerate().step_by(AUDIT_EVERY as usize) {
         let mut frame = Frame::default();

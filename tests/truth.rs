@@ -27,7 +27,7 @@ use glam::DVec3;
 use serde::Deserialize;
 use trimaran::walkthrough::Auditor;
 use trimaran_cook::Model;
-use trimaran_cull::{CutRule, Viewport};
+use trimaran_cull::{LodRule, Viewport};
 use trimaran_gpu::{GpuScene, ItemImage};
 use trimaran_proto::{Camera, FrameNumber};
 use trimaran_scene::{Scene, walk::WalkFrame};
@@ -168,7 +168,7 @@ fn agrees_with_the_truth(name: &str) -> Result<(), Box<dyn Error>> {
     let drawn = GpuScene::upload(&gpu, &scene)?;
     // The rule decides levels, of which full detail has none to decide.
     let size = Viewport::new(truth.width, truth.height)?;
-    let mut auditor = Auditor::new(&scene, &drawn, size, CutRule::new(1.0)?)?;
+    let mut auditor = Auditor::new(&scene, &drawn, size, LodRule::new(1.0)?)?;
 
     println!(
         "{name}: {} objects are twins of another; missing/surplus objects (at edges)",

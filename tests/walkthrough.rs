@@ -11,16 +11,14 @@ use common::session::{
 use trimaran::vulkan::VulkanPair;
 use trimaran::{
     report::Frame,
-    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, Trail, viewport},
+    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, Trail},
 };
+use trimaran_audit::{SURFACE_SLACK_PX, cases::with_records};
 use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
 };
-use trimaran_cull::{
-    CutRule,
-    reference::{SURFACE_SLACK_PX, cases::with_records},
-};
+use trimaran_cull::LodRule;
 use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
 use trimaran_scene::Scene;
 
@@ -102,9 +100,9 @@ fn understated(scene: &Scene, by: f32) -> Scene {
 /// The farthest that an outline and a surface are off in a session, pixels.
 fn farthest_off(stage: &Stage, plan: &Plan) -> Result<[f64; 2], Box<dyn Error>> {
     let [_, _, display] = &stage.drawn;
-    let rule = CutRule::new(plan.epsilon.pixels())?;
-    let mut auditor = Auditor::new(&stage.scene, display, viewport(plan.size)?, rule)?;
-    let mut machine = VulkanPair::new(display, viewport(plan.size)?, plan.tester)?;
+    let rule = LodRule::new(plan.epsilon.pixels())?;
+    let mut auditor = Auditor::new(&stage.scene, display, plan.size, rule)?;
+    let mut machine = VulkanPair::new(display, plan.size, plan.tester)?;
     let mut farthest = [0.0_f64; 2];
     let records = walk_in_process(stage, plan, &automatic(stage, plan));
     for index in 0..records.len() {
@@ -140,10 +138,10 @@ fn every_tester_shows_the_unculled_cut() -> Result<(), Box<dyn Error>> {
     for tester in TesterKind::ALL {
         let plan = plan(tester);
         let records = walk_in_process(&stage, &plan, &automatic(&stage, &plan));
-        let rule = CutRule::new(plan.epsilon.pixels())?;
+        let rule = LodRule::new(plan.epsilon.pixels())?;
         let [_, _, display] = &stage.drawn;
-        let mut auditor = Auditor::new(&stage.scene, display, viewport(plan.size)?, rule)?;
-        let mut machine = VulkanPair::new(display, viewport(plan.size)?, tester)?;
+        let mut auditor = Auditor::new(&stage.scene, display, plan.size, rule)?;
+        let mut machine = VulkanPair::new(display, plan.size, tester)?;
         let mut seen = 0;
         for (index, record) in records.iter().enumerate() {
             let mut frame = Frame::default();

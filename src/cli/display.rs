@@ -12,7 +12,7 @@ use trimaran::{
         Writer,
         schema::{HowEnded, Seat as ReportSeat},
     },
-    walkthrough::{Plan, Recorder, ReportPlan, SceneFile, Trail, begin, how_ended, viewport},
+    walkthrough::{Plan, Recorder, ReportPlan, SceneFile, Trail, begin, how_ended},
 };
 use trimaran_actors::{DisplayRole, Stop, Stopwatch, Turns, again, await_pair, leave_unable};
 use trimaran_actors::{Link, Listener};
@@ -142,7 +142,6 @@ impl DisplayStage {
         let failed = |why| Early { how: HowEnded::Failed, why };
         let Self { drawn, mut listener, net, options } = self;
         let endpoints = listener.local_endpoints().clone();
-        let size = viewport(show.plan.size).map_err(|error| failed(Failure::bad_input(error)))?;
         let mut settings = show.plan.settings(show.trail.frames());
         let mut cameras = show.trail.cameras(show.plan.pace);
         let clock = Stopwatch::start();
@@ -173,7 +172,7 @@ impl DisplayStage {
                         .map_err(|error| Early { how: HowEnded::NotRecorded, why: Failure::broken(error) })?,
                 );
             }
-            let device = match VulkanDisplay::new(&drawn, size) {
+            let device = match VulkanDisplay::new(&drawn, settings.size) {
                 Ok(device) => device,
                 Err(error) => {
                     leave_unable(runtime.handle(), [first, second], &error.to_string());

@@ -14,7 +14,7 @@ use trimaran::{
     config::{DisplayConfig, PairSeat, PeerFile, RoleConfig, SessionConfig, SwitchConfig},
     metrics::{LinkMetrics, Serving},
     report::schema::Seat as ReportSeat,
-    walkthrough::{PathChoice, Plan, SceneFile, Trail, viewport},
+    walkthrough::{PathChoice, Plan, SceneFile, Trail},
 };
 use trimaran_actors::Link;
 use trimaran_actors::{
@@ -107,8 +107,7 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
         })?;
         tracing::info!(%settings, "joined the session");
         metrics.watch([&display, &other]);
-        let size = viewport(settings.size).map_err(Failure::broken)?;
-        let device = match VulkanPair::new(&drawn, size, settings.tester) {
+        let device = match VulkanPair::new(&drawn, settings.size, settings.tester) {
             Ok(device) => device,
             Err(error) => {
                 leave_unable(runtime.handle(), [display, other], &error.to_string());
@@ -137,7 +136,6 @@ pub(super) fn not_joined(error: JoinError) -> Failure {
 fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
     let plan = session_plan(&config.session)?;
     let choice = PathChoice::parse(&config.session.path, config.session.seed);
-    let size = viewport(plan.size).map_err(Failure::bad_input)?;
     let (first, second) = (config.peers.first.as_deref(), config.peers.second.as_deref());
     let peers = [
         PeerFile { name: "peers.first", role: Some(role_of(Seat::First)), path: first },
@@ -152,7 +150,8 @@ fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
     let Some(folder) = start.until(async || open_folder(&config.out))? else { return Ok(()) };
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
-    let trail = Trail::find(&choice, &file.scene, size, config.session.frames).map_err(Failure::bad_input)?;
+    let trail =
+        Trail::find(&choice, &file.scene, plan.size, config.session.frames).map_err(Failure::bad_input)?;
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
     let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };
     let listen =

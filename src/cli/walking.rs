@@ -7,7 +7,7 @@ use std::{
 };
 
 use tokio::runtime::{Builder, Runtime};
-use trimaran::walkthrough::{Pace, PathChoice, Plan, SceneFile, Trail, viewport};
+use trimaran::walkthrough::{Pace, PathChoice, Plan, SceneFile, Trail};
 use trimaran_actors::{Stop, Stopper};
 use trimaran_gpu::{DeviceChoice, GpuOptions};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
@@ -50,8 +50,7 @@ pub(super) fn pace(live_hz: Option<f64>) -> Pace {
 /// The path that the flags ask for, through `scene`.
 pub(super) fn trail(walk: &WalkArgs, plan: &Plan, scene: &Scene) -> Result<Trail, Failure> {
     let choice = PathChoice::parse(&walk.path, walk.seed);
-    let size = viewport(plan.size).map_err(Failure::bad_input)?;
-    Trail::find(&choice, scene, size, walk.frames).map_err(Failure::bad_input)
+    Trail::find(&choice, scene, plan.size, walk.frames).map_err(Failure::bad_input)
 }
 
 /// Opens a cooked scene.

@@ -2,11 +2,12 @@
 //! [`Report`].
 //!
 //! A run hands frames and pictures to a [`Writer`] as they come, makes a [`Report`] of the frames and lets
-//! the writer put it beside them. [`metrics`] measures how wrong a picture is.
+//! the writer put it beside them. How wrong a picture is, [`trimaran_audit::metrics`] measures.
 
+mod error;
 mod format;
 mod html;
-pub mod metrics;
+mod pictures;
 mod png;
 #[cfg(test)]
 mod sample;
@@ -16,5 +17,7 @@ pub mod text;
 mod unfinished;
 mod write;
 
-pub use schema::{Frame, Lens, Report, Run, Summary, SweepPoint};
-pub use write::{Paths, PictureKind, ReportError, Writer, write};
+pub use error::ReportError;
+pub use pictures::PictureKind;
+pub use schema::{Frame, Projection, Report, Run, Summary, SweepPoint};
+pub use write::{Paths, Writer, write};

@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use super::metrics::Picture;
+use trimaran_audit::metrics::ImageRef;
 
 /// An 8-bit RGB image in memory, row by row from the top left.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -13,7 +13,7 @@ pub(super) struct Rgb {
 }
 
 impl Rgb {
-    pub(super) fn of(picture: &Picture<'_>) -> Self {
+    pub(super) fn of(picture: &ImageRef<'_>) -> Self {
         let (width, height) = picture.size();
         Self { width, height, pixels: picture.pixels().iter().map(|[r, g, b, _]| [*r, *g, *b]).collect() }
     }
@@ -64,7 +64,7 @@ mod tests {
     #[test]
     fn a_picture_survives_its_file_and_loses_alpha() {
         let rgba: Vec<u8> = (0..5 * 3 * 4).collect();
-        let rgb = Rgb::of(&Picture::new(5, 3, &rgba).unwrap());
+        let rgb = Rgb::of(&ImageRef::new(5, 3, &rgba).unwrap());
         assert_eq!(rgb.pixels[1], [4, 5, 6]);
         for compression in [png::Compression::Fast, png::Compression::Balanced] {
             assert_eq!(Rgb::decode(&rgb.encode(compression).unwrap()).unwrap(), rgb);

@@ -2,10 +2,11 @@
 
 use std::sync::LazyLock;
 
-use super::metrics::{Deviation, Picture, picture_error};
+use trimaran_audit::metrics::{Deviation, ImageRef, image_difference};
+
 use super::schema::{
-    BytesByKind, CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Lens, Mode, PassTime,
-    Report, Role, RoleInfo, Run, SceneInfo, Seat, Span, SweepPoint, VisibleObject,
+    BytesByKind, CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Mode, PassTime,
+    Projection, Report, Role, RoleInfo, Run, SceneInfo, Seat, Span, SweepPoint, VisibleObject,
 };
 
 pub(super) const SIZE: u32 = 96;
@@ -132,10 +133,10 @@ fn frame(frame: u32) -> Frame {
         cut_mismatch_pixels: audited.then_some(if wrong { 41 } else { 0 }),
         full_detail: audited.then(|| {
             let (shown, full) = (picture(frame, 1), picture(frame, 0));
-            let picture = |rgba| Picture::new(SIZE, SIZE, rgba).unwrap();
+            let picture = |rgba| ImageRef::new(SIZE, SIZE, rgba).unwrap();
             let silhouette = Deviation { max_px: 1.0 + 0.9 * noise(frame, 5), p95_px: 0.6 };
             let surfaces = Deviation { max_px: silhouette.max_px + 0.05, p95_px: 0.4 };
-            picture_error(&picture(&full), &picture(&shown), silhouette, surfaces).unwrap()
+            image_difference(&picture(&full), &picture(&shown), silhouette, surfaces).unwrap()
         }),
         bytes: Some(bytes_by_kind.total()),
         bytes_by_kind: Some(bytes_by_kind),
@@ -181,14 +182,14 @@ pub(super) fn report() -> Report {
 
 fn make_report() -> Report {
     let frames: Vec<Frame> = (0..FRAMES).map(frame).collect();
-    let lens = Lens { width: SIZE, height: SIZE, vfov_deg: 60.0, near: 0.05 };
+    let projection = Projection { width: SIZE, height: SIZE, vfov_deg: 60.0, near: 0.05 };
     let ended = Ended {
         how: HowEnded::Interrupted,
         why: Some("it was asked to stop <twice>".to_owned()),
         frames_due: Some(2 * FRAMES),
     };
     let wall_ms = frames.iter().filter_map(|f| f.frame_ms).sum();
-    let report = Report::new(run(), lens, frames, Some(wall_ms), ended);
+    let report = Report::new(run(), projection, frames, Some(wall_ms), ended);
     let sweep = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0].map(|epsilon: f64| {
         let point = SweepPoint::of(&report);
         let gain = epsilon.sqrt();
@@ -206,7 +207,7 @@ fn make_report() -> Report {
 
 /// A report of a run in which nothing could be measured.
 pub(super) fn bare() -> Report {
-    let lens = Lens { width: 1, height: 1, vfov_deg: 60.0, near: 0.05 };
+    let projection = Projection { width: 1, height: 1, vfov_deg: 60.0, near: 0.05 };
     let run = Run { alone: false, ..run() };
-    Report::new(run, lens, vec![Frame::default()], None, Ended::finished(Some(1)))
+    Report::new(run, projection, vec![Frame::default()], None, Ended::finished(Some(1)))
 }

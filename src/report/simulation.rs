@@ -1,29 +1,63 @@
 //! What simulations came to: tables to print, and files for other programs.
 
-mod bytes;
-
 use super::format::figure;
 use super::html;
 use super::text::table;
-use crate::simulate::Outcome;
-pub(super) use bytes::COLUMNS;
+use crate::simulate::{FrameBytes, Outcome, Percentiles};
+
+/// What the bytes of a frame are told by, wherever that is: in the printed table, on the page, and in
+/// `runs.csv`.
+pub(super) struct ByteColumn {
+    /// At the head of a table.
+    pub(super) title: &'static str,
+    /// At the head of `runs.csv`.
+    pub(super) key: &'static str,
+    /// The figure.
+    pub(super) of: fn(&FrameBytes) -> f64,
+}
+
+/// All figures of a frame's bytes, in their order.
+pub(super) const BYTES: [ByteColumn; 16] = [
+    ByteColumn { title: "all", key: "bytes", of: |bytes| bytes.total },
+    ByteColumn { title: "ids", key: "ids", of: |bytes| bytes.ids },
+    ByteColumn { title: "messages", key: "messages", of: |bytes| bytes.messages },
+    ByteColumn { title: "transport", key: "transport", of: |bytes| bytes.transport },
+    ByteColumn { title: "tcp/udp", key: "transport_headers", of: |bytes| bytes.transport_headers },
+    ByteColumn { title: "ip", key: "ip_headers", of: |bytes| bytes.ip_headers },
+    ByteColumn { title: "link layer", key: "link_layer", of: |bytes| bytes.link_layer },
+    ByteColumn { title: "packets", key: "packets", of: |bytes| bytes.packets },
+    ByteColumn { title: "acks", key: "acknowledgements", of: |bytes| bytes.acknowledgements },
+    ByteColumn { title: "repeated", key: "repetitions", of: |bytes| bytes.repetitions },
+    ByteColumn { title: "keepalive", key: "keepalive", of: |bytes| bytes.keepalive },
+    ByteColumn { title: "handshake, once", key: "handshake", of: |bytes| bytes.handshake },
+    ByteColumn { title: "h", key: "header", of: |bytes| bytes.header },
+    ByteColumn { title: "paper", key: "paper", of: |bytes| bytes.paper },
+    ByteColumn { title: "added", key: "corrected", of: |bytes| bytes.corrected },
+    ByteColumn {
+        title: "added, h as is",
+        key: "corrected_as_measured",
+        of: |bytes| bytes.corrected_as_measured,
+    },
+];
 
 /// What simulations came to: latencies, then where the time went, then bytes; a row a run.
 #[must_use]
 pub fn tables(outcomes: &[Outcome]) -> String {
-    let mut out = "latency from a camera leaving RVG to its picture, milliseconds; pictures later than a 30th and a 60th of a second; frames \
-                   that came with gaps\n\n"
-        .to_owned();
+    let mut out = String::from(
+        "latency from a camera leaving RVG to its picture, milliseconds; pictures later than a 30th and a \
+         60th of a second; frames that came with gaps\n\n",
+    );
     out += &of(outcomes, &["p50", "p95", "p99", "p99.9", "frames/s", "late 30", "late 60", "gaps"], |run| {
         let latency = run.latency_ms;
         let times = [latency.p50, latency.p95, latency.p99, latency.p999, run.frames_per_second];
         let counts = [run.late_at_30, run.late_at_60, run.incomplete].map(|frames| frames.to_string());
         times.map(figure).into_iter().chain(counts).collect()
     });
-    out += "\nof that, on average, milliseconds: waiting for a machine that is busy with another frame; the network; OR, HC, RVG\n\n";
+    out += "\nof that, on average, milliseconds: waiting for a machine that is busy with another frame; the \
+            network; OR, HC, RVG\n\n";
     let parts = ["waiting", "network", "network p99", "OR", "HC", "RVG", "all"];
     out += &of(outcomes, &parts, |run| {
-        let mean = |part: crate::simulate::Percentiles| part.mean;
+        let mean = |part: Percentiles| part.mean;
         let times = [
             mean(run.waiting_ms),
             mean(run.network_ms),
@@ -35,13 +69,15 @@ pub fn tables(outcomes: &[Outcome]) -> String {
         ];
         times.map(figure).into()
     });
-    out += "\nbytes a frame over all links, by what they are; h: headers around a packet; paper: 8nh/b+3(72+h), added: 2(4n+hn/b)+3(72+h), h = 50\n\n";
-    out += &of(outcomes, &COLUMNS.map(|column| column.title), |run| {
-        COLUMNS.map(|column| figure((column.of)(&run.bytes))).into()
+    out += "\nbytes a frame over all links, by what they are; h: headers around a packet; paper: 8nh/b+3(72+h), \
+            added: 2(4n+hn/b)+3(72+h), h = 50\n\n";
+    out += &of(outcomes, &BYTES.map(|column| column.title), |run| {
+        BYTES.map(|column| figure((column.of)(&run.bytes))).into()
     });
     if outcomes.iter().any(|run| run.pixels.is_some()) {
-        out += "\nwhat gaps cost the pictures: frames with a wrong pixel, wrong pixels a frame over all frames, the most in one, needless \
-                triangles a frame; ±: how far sessions with other seeds are apart, as their standard deviation\n\n";
+        out += "\nwhat gaps cost the pictures: frames with a wrong pixel, wrong pixels a frame over all frames, \
+                the most in one, needless triangles a frame; ±: how far sessions with other seeds are apart, as \
+                their standard deviation\n\n";
         let head =
             ["sessions", "frames wrong", "wrong pixels", "±", "worst", "triangles", "±", "p99 ms", "±"];
         out += &of(outcomes, &head, |run| {
@@ -89,11 +125,12 @@ fn names(run: &Outcome) -> [String; 4] {
 /// there is one session.
 #[must_use]
 pub fn runs_csv(outcomes: &[Outcome]) -> String {
-    let bytes = COLUMNS.map(|column| column.key).join(",");
+    let bytes = BYTES.map(|column| column.key).join(",");
     let mut csv = format!(
-        "network,link,coding,nodes,batch,seed,frames,p50_ms,p95_ms,p99_ms,p999_ms,waiting_ms,network_ms,or_ms,hc_ms,rvg_ms,\
-         frames_per_second,late_at_30,late_at_60,incomplete,{bytes},frames_wrong,wrong_pixels,worst_pixels,needless_triangles,\
-         p99_ms_deviation,wrong_pixels_deviation,needless_triangles_deviation\n"
+        "network,link,coding,nodes,batch,seed,frames,p50_ms,p95_ms,p99_ms,p999_ms,waiting_ms,network_ms,or_ms,\
+         hc_ms,rvg_ms,frames_per_second,late_at_30,late_at_60,incomplete,{bytes},frames_wrong,wrong_pixels,\
+         worst_pixels,needless_triangles,p99_ms_deviation,wrong_pixels_deviation,\
+         needless_triangles_deviation\n"
     );
     for run in outcomes {
         let latency = run.latency_ms;
@@ -112,7 +149,7 @@ pub fn runs_csv(outcomes: &[Outcome]) -> String {
             f64::from(run.late_at_60),
             f64::from(run.incomplete),
         ];
-        let bytes = COLUMNS.map(|column| (column.of)(&run.bytes));
+        let bytes = BYTES.map(|column| (column.of)(&run.bytes));
         let figures: Vec<String> = figures.iter().chain(&bytes).map(f64::to_string).collect();
         let figures = figures.join(",");
         // Empty where nothing was drawn: not measured.
@@ -133,9 +170,10 @@ pub fn runs_csv(outcomes: &[Outcome]) -> String {
 /// When what happened to each frame, in nanoseconds of the run's own clock.
 #[must_use]
 pub fn frames_csv(outcomes: &[Outcome]) -> String {
-    let mut csv = "network,link,coding,nodes_mean,batch,seed,frame,nodes,missing,published_ns,asked_ns,taken_ns,fed_ns,occluded_ns,\
-                   culled_ns,arrived_ns,shown_ns\n"
-        .to_owned();
+    let mut csv = String::from(
+        "network,link,coding,nodes_mean,batch,seed,frame,nodes,missing,published_ns,asked_ns,taken_ns,fed_ns,\
+         occluded_ns,culled_ns,arrived_ns,shown_ns\n",
+    );
     for run in outcomes {
         let key = key(run);
         for (frame, times) in run.times.iter().enumerate() {
@@ -165,5 +203,5 @@ fn key(run: &Outcome) -> String {
 /// The figures as one page that opens offline. `command` is how they can be had again.
 #[must_use]
 pub fn page(outcomes: &[Outcome], command: &[String]) -> String {
-    html::simulation::page(outcomes, command)
+    html::simulation_page(outcomes, command)
 }

@@ -193,7 +193,7 @@ pub(super) fn table(head: &[&str], rows: &[Vec<String>]) -> String {
 mod tests {
     use super::*;
     use crate::report::sample;
-    use crate::report::schema::{Ended, Lens};
+    use crate::report::schema::{Ended, Projection};
 
     #[test]
     fn columns_are_aligned() {
@@ -224,8 +224,8 @@ mod tests {
         for link in ["inproc", "tcp"] {
             let Report { run, width, height, vfov_deg, near, frames, .. } = sample::report();
             let run = Run { alone: false, link: link.to_owned(), ..run };
-            let lens = Lens { width, height, vfov_deg, near };
-            let text = summary(&Report::new(run, lens, frames, Some(2000.0), Ended::default()));
+            let projection = Projection { width, height, vfov_deg, near };
+            let text = summary(&Report::new(run, projection, frames, Some(2000.0), Ended::default()));
             assert!(!text.contains("MODEL"), "{text}");
             assert!(text.contains("measured   29.5 frames/s on this machine"), "{text}");
             assert!(text.contains("--alone") && text.lines().all(|l| l.chars().count() <= 130), "{text}");

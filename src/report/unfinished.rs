@@ -8,7 +8,7 @@ use std::fs::{self, File, TryLockError};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use super::write::{ReportError, io_error};
+use super::error::{ReportError, io_error};
 
 const NAME: &str = "unfinished";
 /// What a process that was killed left behind, until the next one does.

@@ -7,17 +7,14 @@ use std::sync::Arc;
 use serde::Serialize;
 use thiserror::Error;
 use trimaran_actors::Gaps;
-use trimaran_cull::{
-    CutRule, CutRuleError, OccluderError, Picture, View, Viewport, ViewportError, draw_order,
-};
+use trimaran_audit::metrics::{ImageRef, MetricError, mismatching_pixels};
+use trimaran_cull::{Image, LodRule, LodRuleError, OccluderError, View, Viewport, draw_order};
 use trimaran_gpu::{GpuError, GpuScene, PicturePass};
-use trimaran_proto::{DrawableId, FrameNumber, SceneHash};
+use trimaran_proto::{DrawableId, FrameNumber, SceneHash, SettingsError};
 use trimaran_scene::Scene;
 
 use super::{Outcome, Workload};
-use crate::report::metrics::{MetricError, mismatching_pixels};
 use crate::trace::Trace;
-use crate::walkthrough::picture_of;
 
 /// What gaps cost the pictures of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
@@ -55,12 +52,12 @@ pub enum PixelError {
     /// The device fails.
     #[error("drawing the frames with gaps failed")]
     Gpu(#[from] GpuError),
-    /// The picture has no pixels.
+    /// The picture's size is out of range.
     #[error(transparent)]
-    Viewport(#[from] ViewportError),
+    Viewport(#[from] SettingsError),
     /// The error bound is none.
     #[error(transparent)]
-    Rule(#[from] CutRuleError),
+    Rule(#[from] LodRuleError),
     /// An id is none of the scene's.
     #[error(transparent)]
     Ids(#[from] OccluderError),
@@ -73,10 +70,10 @@ pub enum PixelError {
 pub struct Painter {
     scene: Arc<Scene>,
     viewport: Viewport,
-    rule: CutRule,
+    rule: LodRule,
     pass: PicturePass,
-    shown: Picture,
-    whole: Picture,
+    shown: Image,
+    whole: Image,
 }
 
 impl Painter {
@@ -93,10 +90,10 @@ impl Painter {
         Ok(Self {
             scene: Arc::clone(scene),
             viewport,
-            rule: CutRule::new(trace.epsilon_px)?.stopping_at_few_pixels(trace.few_pixels),
+            rule: LodRule::new(trace.epsilon_px)?.stopping_at_few_pixels(trace.few_pixels),
             pass: PicturePass::new(drawn, viewport)?,
-            shown: Picture::default(),
-            whole: Picture::default(),
+            shown: Image::default(),
+            whole: Image::default(),
         })
     }
 
@@ -134,7 +131,7 @@ impl Painter {
             cost.needless_triangles += needless.map(|id| self.triangles(*id)).sum::<u64>();
             Self::draw(&mut self.pass, &self.scene, &view, ids.clone(), &mut self.shown)?;
             Self::draw(&mut self.pass, &self.scene, &view, whole.into_owned(), &mut self.whole)?;
-            let wrong = mismatching_pixels(&picture_of(&self.shown)?, &picture_of(&self.whole)?)?;
+            let wrong = mismatching_pixels(&ImageRef::of(&self.shown)?, &ImageRef::of(&self.whole)?)?;
             cost.frames_wrong += u32::from(wrong > 0);
             cost.wrong_pixels += wrong;
             cost.worst = cost.worst.max(wrong);
@@ -152,7 +149,7 @@ impl Painter {
         scene: &Scene,
         view: &View,
         mut ids: Vec<DrawableId>,
-        into: &mut Picture,
+        into: &mut Image,
     ) -> Result<(), GpuError> {
         draw_order(scene, view, &mut ids);
         pass.begin(view)?;

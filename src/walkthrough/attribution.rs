@@ -5,10 +5,8 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use thiserror::Error;
 use trimaran_actors::{OccluderPolicy, PairDevice};
-use trimaran_cull::{
-    CutRule, OccluderError, View, Viewport,
-    reference::{CulledFrame, FalseCullCause, Missing, causes},
-};
+use trimaran_audit::{CulledFrame, FalseCullCause, Missing, causes};
+use trimaran_cull::{LodRule, OccluderError, View, Viewport};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
@@ -35,7 +33,7 @@ pub enum AttributionError {
 /// If the machine fails, or the frames are not of this scene.
 pub(super) fn false_culls<D: PairDevice>(
     scene: &Arc<Scene>,
-    rule: CutRule,
+    rule: LodRule,
     size: Viewport,
     machine: &mut D,
     walk: &[FrameRecord],
@@ -68,7 +66,7 @@ pub(super) fn false_culls<D: PairDevice>(
 /// What all frames of a session share.
 struct Session<'s> {
     scene: &'s Arc<Scene>,
-    rule: CutRule,
+    rule: LodRule,
     size: Viewport,
 }
 

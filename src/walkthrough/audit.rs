@@ -4,7 +4,14 @@ use std::{collections::BTreeSet, sync::Arc};
 
 use thiserror::Error;
 use trimaran_actors::PairDevice;
-use trimaran_cull::{CutRule, LevelCut, Picture, View, Viewport, draw_order, level_cut, reference::Missing};
+use trimaran_audit::{
+    Missing,
+    metrics::{
+        self, ImageDifference, ImageRef, MetricError, exactly_visible, exactly_visible_triangles,
+        false_culls, mismatching_pixels,
+    },
+};
+use trimaran_cull::{Image, LodCut, LodRule, View, Viewport, draw_order, lod_cut};
 use trimaran_gpu::{GpuError, GpuScene, ItemImage, ItemPass, PicturePass};
 use trimaran_proto::{Camera, DrawableId};
 use trimaran_scene::Scene;
@@ -16,12 +23,7 @@ use super::{
     objects::ObjectCounts,
     record::FrameRecord,
 };
-use crate::report::{
-    metrics::{
-        self, MetricError, exactly_visible, exactly_visible_triangles, false_culls, mismatching_pixels,
-    },
-    schema::{Frame, PictureError, VisibleObject},
-};
+use crate::report::schema::{Frame, VisibleObject};
 
 /// Why a frame could not be checked.
 #[derive(Debug, Error)]
@@ -56,11 +58,11 @@ pub enum AuditError {
 #[derive(Debug, Clone, Default)]
 pub struct AuditPictures {
     /// As shown.
-    pub shown: Picture,
+    pub shown: Image,
     /// The same level cut without culling.
-    pub unculled: Picture,
+    pub unculled: Image,
     /// Full detail without culling.
-    pub full: Picture,
+    pub full: Image,
 }
 
 /// Checks frames of a finished session, away from its clock: draws each again from its record, as it was,
@@ -68,7 +70,7 @@ pub struct AuditPictures {
 pub struct Auditor {
     scene: Arc<Scene>,
     viewport: Viewport,
-    rule: CutRule,
+    rule: LodRule,
     drawn: Arc<GpuScene>,
     pictures: PicturePass,
     /// Made when the first frame is checked.
@@ -85,7 +87,7 @@ impl Auditor {
         scene: &Arc<Scene>,
         drawn: &Arc<GpuScene>,
         viewport: Viewport,
-        rule: CutRule,
+        rule: LodRule,
     ) -> Result<Self, GpuError> {
         Ok(Self {
             scene: Arc::clone(scene),
@@ -102,7 +104,7 @@ impl Auditor {
     ///
     /// # Errors
     /// If the device fails, or draws another picture than it did then.
-    pub fn picture(&mut self, record: &FrameRecord, into: &mut Picture) -> Result<(), AuditError> {
+    pub fn picture(&mut self, record: &FrameRecord, into: &mut Image) -> Result<(), AuditError> {
         let view = View::new(record.camera, self.viewport);
         self.draw_picture(&view, &record.ids, into)?;
         match record.picture {
@@ -133,7 +135,7 @@ impl Auditor {
         self.picture(record, &mut pictures.shown)?;
         let shown_items = self.draw_items(&view, &record.ids)?;
 
-        let mut cut = level_cut(&self.scene, &view, self.rule);
+        let mut cut = lod_cut(&self.scene, &view, self.rule);
         draw_order(&self.scene, &view, &mut cut);
         self.draw_picture(&view, &cut, &mut pictures.unculled)?;
         let cut_items = self.draw_items(&view, &cut)?;
@@ -171,7 +173,7 @@ impl Auditor {
         self.draw_items(&view, &finest)
     }
 
-    fn draw_picture(&mut self, view: &View, ids: &[DrawableId], into: &mut Picture) -> Result<(), GpuError> {
+    fn draw_picture(&mut self, view: &View, ids: &[DrawableId], into: &mut Image) -> Result<(), GpuError> {
         self.pictures.begin(view)?;
         self.pictures.draw(ids)?;
         self.pictures.finish()?;
@@ -194,7 +196,7 @@ impl Auditor {
 
     /// The finest level of every leaf that is not outside the frustum, in drawing order.
     fn full_detail(&self, view: &View) -> Vec<DrawableId> {
-        let cut = LevelCut::new(&self.scene, view, self.rule);
+        let cut = LodCut::new(&self.scene, view, self.rule);
         let leaves = self.scene.nodes().iter().filter(|node| node.is_leaf() && !cut.outside(node));
         let mut finest = leaves.filter_map(|leaf| leaf.levels().next()).collect::<Vec<_>>();
         draw_order(&self.scene, view, &mut finest);
@@ -209,11 +211,11 @@ impl Auditor {
         cut: &[DrawableId],
         pictures: &AuditPictures,
         [shown, full]: [&ItemImage; 2],
-    ) -> Result<PictureError, MetricError> {
+    ) -> Result<ImageDifference, MetricError> {
         let (shown, full) = (items_of(shown)?, items_of(full)?);
-        metrics::picture_error(
-            &picture_of(&pictures.full)?,
-            &picture_of(&pictures.shown)?,
+        metrics::image_difference(
+            &ImageRef::of(&pictures.full)?,
+            &ImageRef::of(&pictures.shown)?,
             deviation::silhouette(&self.scene, view, &record.ids, &shown, &full)?,
             deviation::surfaces(&self.scene, view, cut, &shown, &full),
         )
@@ -256,7 +258,7 @@ fn enter_culling(
     frame.false_culled_pixels = Some(lost.pixels);
     frame.false_culled_blob_px = Some(lost.largest_blob);
     frame.cut_mismatch_pixels =
-        Some(mismatching_pixels(&picture_of(&pictures.shown)?, &picture_of(&pictures.unculled)?)?);
+        Some(mismatching_pixels(&ImageRef::of(&pictures.shown)?, &ImageRef::of(&pictures.unculled)?)?);
     let mut pixels = deviation::pixels_by_owner(&cut_items);
     let missing = lost.nodes.iter().filter_map(|(id, _)| {
         let id = DrawableId(*id);
@@ -265,14 +267,6 @@ fn enter_culling(
     Ok(missing.collect())
 }
 
-/// A picture as the metrics read it.
-///
-/// # Errors
-/// If its size and its bytes differ.
-pub fn picture_of(picture: &Picture) -> Result<metrics::Picture<'_>, MetricError> {
-    metrics::Picture::new(picture.width, picture.height, &picture.rgba)
-}
-
-fn items_of(image: &ItemImage) -> Result<metrics::ItemImage<'_>, MetricError> {
-    metrics::ItemImage::new(image.width, image.height, &image.drawable, ItemImage::BACKGROUND)
+fn items_of(image: &ItemImage) -> Result<metrics::IdBufferRef<'_>, MetricError> {
+    metrics::IdBufferRef::new(image.width, image.height, &image.drawable, ItemImage::BACKGROUND)
 }

@@ -12,11 +12,13 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use trimaran_cull::{View, reference::distances_to_surfaces};
+use trimaran_audit::{
+    distances_to_surfaces,
+    metrics::{self, Deviation, IdBufferRef, MetricError},
+};
+use trimaran_cull::View;
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, NodeId, Scene};
-
-use crate::report::metrics::{self, Deviation, ItemImage, MetricError};
 
 /// How far the border to the background moved: `shown` is the item image of `drawn`, `full` that of full
 /// detail.
@@ -27,8 +29,8 @@ pub(super) fn silhouette(
     scene: &Scene,
     view: &View,
     drawn: &[DrawableId],
-    shown: &ItemImage<'_>,
-    full: &ItemImage<'_>,
+    shown: &IdBufferRef<'_>,
+    full: &IdBufferRef<'_>,
 ) -> Result<Deviation, MetricError> {
     let to = |pixels: &[usize], ids: &[DrawableId]| distances_to_surfaces(scene, view, pixels, ids);
     metrics::silhouette(
@@ -46,8 +48,8 @@ pub(super) fn surfaces(
     scene: &Scene,
     view: &View,
     cut: &[DrawableId],
-    shown: &ItemImage<'_>,
-    full: &ItemImage<'_>,
+    shown: &IdBufferRef<'_>,
+    full: &IdBufferRef<'_>,
 ) -> Deviation {
     let mut distances = Vec::new();
     let mut zeros = 0;
@@ -111,7 +113,7 @@ fn node_of(scene: &Scene, drawable: DrawableId) -> Option<NodeId> {
 }
 
 /// The pixels that each drawable owns, as indices row by row.
-pub(super) fn pixels_by_owner(image: &ItemImage<'_>) -> BTreeMap<DrawableId, Vec<usize>> {
+pub(super) fn pixels_by_owner(image: &IdBufferRef<'_>) -> BTreeMap<DrawableId, Vec<usize>> {
     let mut pixels = BTreeMap::<_, Vec<usize>>::new();
     for (pixel, owner) in image.owners().enumerate() {
         if let Some(owner) = owner {

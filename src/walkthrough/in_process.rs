@@ -6,12 +6,11 @@ use crate::vulkan::{VulkanDisplay, VulkanPair, VulkanPairError};
 use thiserror::Error;
 use tokio::runtime::Handle;
 use trimaran_actors::{Devices, Observer, SessionError, Stop, Turns, in_process as join};
-use trimaran_cull::ViewportError;
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, ItemPass};
 use trimaran_scene::Scene;
 use trimaran_transport::{Net, TokioNet};
 
-use super::{Plan, path::Trail, viewport};
+use super::{Plan, path::Trail};
 
 /// A scene on the devices of three roles: a Vulkan device each, so that one role's work does not queue behind
 /// another's.
@@ -29,9 +28,6 @@ pub enum StageError {
     /// A device could not be opened, filled or sized.
     #[error(transparent)]
     Gpu(#[from] GpuError),
-    /// The picture has no pixels.
-    #[error(transparent)]
-    Viewport(#[from] ViewportError),
     /// The session failed.
     #[error("the walkthrough failed")]
     Session(#[from] Box<SessionError<VulkanPairError, GpuError>>),
@@ -66,14 +62,16 @@ pub fn in_process(
     runtime: &Handle,
     stop: &Stop,
 ) -> Result<(), StageError> {
-    let size = viewport(plan.size)?;
     let [first, second, display] = &stage.drawn;
     if plan.audit_every > 0 {
         ItemPass::check(display)?;
     }
-    let pair = |drawn| VulkanPair::new(drawn, size, plan.tester);
-    let devices =
-        Devices { first: pair(first)?, second: pair(second)?, display: VulkanDisplay::new(display, size)? };
+    let pair = |drawn| VulkanPair::new(drawn, plan.size, plan.tester);
+    let devices = Devices {
+        first: pair(first)?,
+        second: pair(second)?,
+        display: VulkanDisplay::new(display, plan.size)?,
+    };
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
     let settings = plan.settings(trail.frames());
     let mut cameras = trail.cameras(plan.pace);

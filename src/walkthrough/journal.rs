@@ -6,9 +6,10 @@ use std::{
     thread::{self, JoinHandle},
 };
 
-use trimaran_cull::Picture;
+use trimaran_audit::metrics::ImageRef;
+use trimaran_cull::Image;
 
-use super::{audit::picture_of, compose::Composer, record::FrameRecord, reporting::ReportingError};
+use super::{compose::Composer, record::FrameRecord, reporting::ReportingError};
 use crate::report::{PictureKind, Writer};
 
 /// How many frames and pictures may wait to be written. When as many do, the walk waits for the disk.
@@ -25,7 +26,7 @@ pub struct Journal {
 #[derive(Debug)]
 pub(super) enum Entry {
     Frame(Box<FrameRecord>),
-    Picture { frame: u32, picture: Picture },
+    Picture { frame: u32, picture: Image },
 }
 
 /// Nothing more can be written; [`Journal::finish`] says why.
@@ -71,7 +72,7 @@ fn write(
         match entry {
             Entry::Frame(record) => writer.frame(&composer.frame(&record))?,
             Entry::Picture { frame, picture } => {
-                writer.picture(frame, PictureKind::Shown, &picture_of(&picture)?)?;
+                writer.picture(frame, PictureKind::Shown, &ImageRef::of(&picture)?)?;
             }
         }
         Ok(())

@@ -20,14 +20,13 @@ mod record;
 mod reporting;
 
 pub use attribution::AttributionError;
-pub use audit::{AuditError, AuditPictures, Auditor, picture_of};
+pub use audit::{AuditError, AuditPictures, Auditor};
 pub use in_process::{Stage, StageError, in_process};
 pub use journal::{Journal, JournalStopped};
 pub use path::{PathChoice, Trail, TrailError};
 pub use record::{FrameRecord, Recorder};
 pub use reporting::{ReportPlan, ReportingError, SceneFile, Written, begin, how_ended, write_report};
 
-use trimaran_cull::Viewport;
 use trimaran_proto::{BatchSize, EpsilonPx, FrameNumber, IdCoding, PictureSize, Settings, TesterKind};
 
 /// How the poses of a path become frames.
@@ -90,12 +89,4 @@ impl Plan {
             },
         }
     }
-}
-
-/// The picture's size as the drawing crates take it.
-///
-/// # Errors
-/// Never for a size that exists: both sides are at least 1.
-pub fn viewport(size: PictureSize) -> Result<Viewport, trimaran_cull::ViewportError> {
-    Viewport::new(size.width(), size.height())
 }

@@ -5,22 +5,21 @@ use std::{ops::ControlFlow, path::PathBuf, sync::Arc, time::SystemTime};
 use crate::vulkan::VulkanPair;
 use thiserror::Error;
 use trimaran_actors::RoleError;
-use trimaran_cull::{CutRule, CutRuleError, Picture, ViewportError};
+use trimaran_audit::metrics::{ImageRef, MetricError};
+use trimaran_cull::{Image, LodRule, LodRuleError};
 use trimaran_gpu::{GpuError, GpuInfo, GpuScene};
 use trimaran_scene::Scene;
 
 use super::{
     Pace, Plan,
-    audit::{AuditError, AuditPictures, Auditor, picture_of},
+    audit::{AuditError, AuditPictures, Auditor},
     compose::Composer,
     journal::Journal,
     path::Trail,
     record::FrameRecord,
-    viewport,
 };
 use crate::report::{
-    Frame, Lens, Paths, PictureKind, Report, ReportError, Run, Writer,
-    metrics::MetricError,
+    Frame, Paths, PictureKind, Projection, Report, ReportError, Run, Writer,
     schema::{Ended, HowEnded, Mode, RoleInfo, SceneInfo, Seat, timestamp},
 };
 use trimaran_actors::causes;
@@ -74,12 +73,9 @@ pub enum ReportingError {
     /// The system gave no thread to write on.
     #[error("cannot start a thread to write on")]
     Thread(#[source] std::io::Error),
-    /// The picture has no pixels.
-    #[error(transparent)]
-    Viewport(#[from] ViewportError),
     /// The error bound is none.
     #[error(transparent)]
-    Rule(#[from] CutRuleError),
+    Rule(#[from] LodRuleError),
     /// A picture does not fit its size.
     #[error(transparent)]
     Metric(#[from] MetricError),
@@ -176,10 +172,9 @@ fn draw(
     frames: &mut [Frame],
     progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
 ) -> Result<(), ReportingError> {
-    let size = viewport(plan.size)?;
-    let rule = CutRule::new(plan.epsilon.pixels())?.stopping_at_few_pixels(plan.few_pixels);
-    let mut auditor = Auditor::new(&file.scene, drawn, size, rule)?;
-    let mut machine = VulkanPair::new(drawn, size, plan.tester)?;
+    let rule = LodRule::new(plan.epsilon.pixels())?.stopping_at_few_pixels(plan.few_pixels);
+    let mut auditor = Auditor::new(&file.scene, drawn, plan.size, rule)?;
+    let mut machine = VulkanPair::new(drawn, plan.size, plan.tester)?;
     let mut pictures = AuditPictures::default();
     for (index, (frame, record)) in frames.iter_mut().zip(records).enumerate() {
         let number = frame.frame;
@@ -211,9 +206,9 @@ fn write_picture(
     writer: &mut Writer,
     frame: u32,
     kind: PictureKind,
-    picture: &Picture,
+    picture: &Image,
 ) -> Result<(), ReportingError> {
-    Ok(writer.picture(frame, kind, &picture_of(picture)?)?)
+    Ok(writer.picture(frame, kind, &ImageRef::of(picture)?)?)
 }
 
 fn report(
@@ -225,7 +220,7 @@ fn report(
     frames: Vec<Frame>,
     ended: Ended,
 ) -> Report {
-    let lens = Lens {
+    let projection = Projection {
         width: plan.size.width(),
         height: plan.size.height(),
         vfov_deg: trail.vfov_deg(),
@@ -235,7 +230,7 @@ fn report(
         [first, .., last] => Some(last.shown.saturating_sub(first.shown).as_secs_f64() * 1e3),
         _ => None,
     };
-    Report::new(run(file, plan, about), lens, frames, wall_ms, ended)
+    Report::new(run(file, plan, about), projection, frames, wall_ms, ended)
 }
 
 fn run(file: &SceneFile, plan: &Plan, about: &ReportPlan) -> Run {

@@ -4,13 +4,13 @@ use std::{sync::Arc, thread, time::Duration};
 
 use tokio::runtime::{Builder, Runtime};
 use trimaran::vulkan::{VulkanDisplay, VulkanPair};
-use trimaran::walkthrough::{FrameRecord, PathChoice, Plan, Recorder, Stage, Trail, in_process, viewport};
+use trimaran::walkthrough::{FrameRecord, PathChoice, Plan, Recorder, Stage, Trail, in_process};
 use trimaran_actors::Listener;
 use trimaran_actors::{
     Devices, DisplayRole, Joined, OccluderPolicy, PairDevice, PairRole, Place, Seat, Stop, Stopwatch, Turns,
     await_pair, join_session,
 };
-use trimaran_cull::{CutRule, View, level_cut};
+use trimaran_cull::{LodRule, View, lod_cut};
 use trimaran_proto::{Identity, Role};
 use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Net, Options, TokioNet};
@@ -24,7 +24,7 @@ pub(crate) fn stage(scene: &Arc<Scene>) -> Option<Stage> {
 
 /// The first `frames` cameras of a path.
 pub(crate) fn trail(stage: &Stage, plan: &Plan, path: &PathChoice, frames: u32) -> Trail {
-    Trail::find(path, &stage.scene, viewport(plan.size).unwrap(), Some(frames)).unwrap()
+    Trail::find(path, &stage.scene, plan.size, Some(frames)).unwrap()
 }
 
 /// Walks with the three roles in this process; every picture is read back.
@@ -45,7 +45,7 @@ pub(crate) fn walk_with<P: PairDevice + Send>(
 ) -> Vec<FrameRecord> {
     let (runtime, (_stopper, stop)) = (runtime(), Stop::new());
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
-    let display = VulkanDisplay::new(&stage.drawn[2], viewport(plan.size).unwrap()).unwrap();
+    let display = VulkanDisplay::new(&stage.drawn[2], plan.size).unwrap();
     let mut quiet = |_| {};
     let mut recorder = Recorder::new(1, &mut quiet);
     let settings = plan.settings(trail.frames());
@@ -70,7 +70,6 @@ pub(crate) fn walk_over_tcp(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<Fr
     let (runtime, (_stopper, stop)) = (runtime(), Stop::new());
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
     let deadline = net.now().after(Duration::from_secs(60));
-    let size = viewport(plan.size).unwrap();
     let settings = plan.settings(trail.frames());
     let scene = stage.scene.hash();
     let [first, second, display] = &stage.drawn;
@@ -92,7 +91,7 @@ pub(crate) fn walk_over_tcp(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<Fr
                 let joining = join_session(net, seat, scene, &address, &pair, deadline);
                 let Joined { display, other, settings } = runtime.block_on(joining).unwrap();
                 assert_eq!(settings, plan.settings(trail.frames()));
-                let device = VulkanPair::new(drawn, size, settings.tester).unwrap();
+                let device = VulkanPair::new(drawn, plan.size, settings.tester).unwrap();
                 let role = PairRole {
                     seat,
                     scene: Arc::clone(&stage.scene),
@@ -108,7 +107,7 @@ pub(crate) fn walk_over_tcp(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<Fr
             });
         }
         let [first, second] = runtime.block_on(await_pair(listener, deadline)).unwrap();
-        let device = VulkanDisplay::new(display, size).unwrap();
+        let device = VulkanDisplay::new(display, plan.size).unwrap();
         let net = Arc::clone(&net);
         let (scene, clock, turns) = (Arc::clone(&stage.scene), Stopwatch::start(), Turns::at_once());
         let role = DisplayRole { scene, device, first, second, settings, net, clock, turns };
@@ -124,8 +123,8 @@ pub(crate) fn essence(records: &[FrameRecord]) -> Vec<(Vec<u32>, u64)> {
 
 /// How many drawables the frame's level cut has before culling.
 pub(crate) fn uncut_count(stage: &Stage, plan: &Plan, record: &FrameRecord) -> usize {
-    let view = View::new(record.camera, viewport(plan.size).unwrap());
-    level_cut(&stage.scene, &view, CutRule::new(plan.epsilon.pixels()).unwrap()).len()
+    let view = View::new(record.camera, plan.size);
+    lod_cut(&stage.scene, &view, LodRule::new(plan.epsilon.pixels()).unwrap()).len()
 }
 
 /// Fails if the validation layer had anything to say.

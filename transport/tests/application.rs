@@ -119,7 +119,7 @@ async fn a_note_that_is_too_long_is_not_sent_and_costs_nothing_else() {
         listener.accept(soon(&net)),
     );
     let (mut there, mut here): (AnyLink<Other>, AnyLink<Other>) = (there.unwrap(), here.unwrap());
-    let refused = there.frames_tx.note(&"x".repeat(253)).await;
+    let refused = there.frames_tx.note(&"x".repeat(255)).await;
     assert!(matches!(refused, Err(SendError::Note { .. })), "{refused:?}");
     there.frames_tx.note(&"short".to_owned()).await.unwrap();
     let said = here.frames_rx.recv().await.unwrap();

@@ -22,8 +22,9 @@ use trimaran_actors::{
     join_session,
 };
 use trimaran_actors::{Link, Listener};
+use trimaran_audit::cases;
 use trimaran_cull::{
-    BoxTester, Culler, CutRule, DepthImage, NoOccluders, Picture, TestBox, View, Viewport, reference::cases,
+    Culler, DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport,
 };
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, Goodbye, IdCoding, Identity,
@@ -124,7 +125,7 @@ impl PairDevice for Device {
     }
 }
 
-impl BoxTester for Device {
+impl OcclusionTest for Device {
     type Error = Broken;
 
     fn test(&mut self, _: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Broken> {
@@ -145,7 +146,7 @@ impl PictureDevice for Device {
         self.work(Task::Draw)
     }
 
-    fn read(&mut self, _: &mut Picture) -> Result<(), Broken> {
+    fn read(&mut self, _: &mut Image) -> Result<(), Broken> {
         panic!("nobody wants a picture here")
     }
 }
@@ -198,7 +199,7 @@ impl House {
         let scene = cases::plant(7, 60, DVec3::ZERO).unwrap();
         let size = Viewport::new(SIDE, SIDE).unwrap();
         let views = cases::plant_views(7, 60, DVec3::ZERO, size, 30).unwrap();
-        let (mut culler, rule) = (Culler::new(Arc::clone(&scene)), CutRule::new(EPSILON_PX).unwrap());
+        let (mut culler, rule) = (Culler::new(Arc::clone(&scene)), LodRule::new(EPSILON_PX).unwrap());
         let mut tested = |view: &View| culler.cull(view, rule, &mut NoOccluders, |_| {}).unwrap().tested;
         let camera = *views.iter().find(|view| tested(view) > 0).unwrap().camera();
         Self { runtime, net, scene, camera, name: name.to_owned() }

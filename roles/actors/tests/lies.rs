@@ -13,7 +13,7 @@ use trimaran_actors::{
 };
 use trimaran_cook::generate::{PlantOptions, plant};
 use trimaran_cook::{CookOptions, cook};
-use trimaran_cull::{BoxTester, DepthImage, Picture, TestBox, View};
+use trimaran_cull::{DepthImage, Image, OcclusionTest, TestBox, View};
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, Goodbye, IdCoding, Identity,
     PictureSize, Role, SceneHash, Settings, TesterKind, Walkthrough,
@@ -31,12 +31,12 @@ impl PictureDevice for Idle {
         panic!("a frame of {} ids was drawn", ids.len());
     }
 
-    fn read(&mut self, _: &mut Picture) -> Result<(), Infallible> {
+    fn read(&mut self, _: &mut Image) -> Result<(), Infallible> {
         Ok(())
     }
 }
 
-impl BoxTester for Idle {
+impl OcclusionTest for Idle {
     type Error = Infallible;
 
     fn test(&mut self, _: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Infallible> {

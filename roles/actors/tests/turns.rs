@@ -18,7 +18,7 @@ use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
 };
-use trimaran_cull::{BoxTester, DepthImage, NoOccluders, Picture, TestBox, View, Viewport};
+use trimaran_cull::{DepthImage, Image, NoOccluders, OcclusionTest, TestBox, View, Viewport};
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, PictureSize, Settings,
     TesterKind,
@@ -59,7 +59,7 @@ impl Busy {
     }
 }
 
-impl BoxTester for Busy {
+impl OcclusionTest for Busy {
     type Error = Infallible;
 
     fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Infallible> {
@@ -98,7 +98,7 @@ impl PictureDevice for Busy {
         Ok(())
     }
 
-    fn read(&mut self, _: &mut Picture) -> Result<(), Infallible> {
+    fn read(&mut self, _: &mut Image) -> Result<(), Infallible> {
         Ok(())
     }
 }

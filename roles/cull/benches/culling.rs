@@ -1,4 +1,4 @@
-//! What culling costs on the CPU: the pyramid, and the walk over it, in random plants of ten and a hundred
+//! What culling costs on the CPU: the pyramid, and the traversal with it, in random plants of ten and a hundred
 //! thousand objects. Prints how tight the visible sets are beside it.
 
 #![allow(clippy::unwrap_used, reason = "a test or benchmark that cannot be set up fails")]
@@ -7,11 +7,11 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::DVec3;
-use trimaran_cull::reference::cases::{plant, plant_views};
-use trimaran_cull::reference::{Placement, rasterize};
+use trimaran_audit::cases::{plant, plant_views};
+use trimaran_audit::{Placement, rasterize};
 use trimaran_cull::{
-    Culler, CutRule, DepthImage, DepthPyramid, HzbTester, LevelCut, NoOccluders, OccluderMapper, Outline,
-    View, Viewport, draw_order,
+    Culler, DepthImage, DepthPyramid, HzbTest, LodCut, LodRule, NoOccluders, OccluderMapper, Outline, View,
+    Viewport, draw_order,
 };
 use trimaran_proto::DrawableId;
 
@@ -34,9 +34,9 @@ struct Frame {
     exact: Vec<DrawableId>,
 }
 
-fn walk(c: &mut Criterion) {
+fn traversal(c: &mut Criterion) {
     let viewport = Viewport::new(1024, 1024).unwrap();
-    let rule = CutRule::new(2.0).unwrap();
+    let rule = LodRule::new(2.0).unwrap();
     for objects in [10_000, 100_000] {
         let scene = plant(1, objects, DVec3::ZERO).unwrap();
         let mut culler = Culler::new(scene.clone());
@@ -45,7 +45,7 @@ fn walk(c: &mut Criterion) {
             .into_iter()
             .step_by(13)
             .map(|view| {
-                let mut cut = LevelCut::new(&scene, &view, rule).drawables();
+                let mut cut = LodCut::new(&scene, &view, rule).drawables();
                 draw_order(&scene, &view, &mut cut);
                 let picture = rasterize(&scene, &view, cut, Placement::Single);
                 Frame { view, depth: picture.depth32(), exact: picture.seen() }
@@ -58,8 +58,8 @@ fn walk(c: &mut Criterion) {
                 let image = DepthImage::new(viewport, &frame.depth).unwrap();
                 let mut pyramid = DepthPyramid::new();
                 pyramid.rebuild(image);
-                let mut tester = HzbTester::new(image, &pyramid).unwrap().with_outline(outline);
-                let stats = culler.cull(&frame.view, rule, &mut tester, |ids| emitted += ids.len()).unwrap();
+                let mut test = HzbTest::new(image, &pyramid).unwrap().with_outline(outline);
+                let stats = culler.cull(&frame.view, rule, &mut test, |ids| emitted += ids.len()).unwrap();
                 exact += frame.exact.len();
                 let figures = [
                     stats.visited,
@@ -82,10 +82,10 @@ fn walk(c: &mut Criterion) {
         let mut pyramid = DepthPyramid::new();
         pyramid.rebuild(image);
         c.bench_function(&format!("cull {objects} objects, pyramid"), |b| {
-            let mut tester = HzbTester::new(image, &pyramid).unwrap();
+            let mut test = HzbTest::new(image, &pyramid).unwrap();
             b.iter(|| {
                 culler
-                    .cull(&frame.view, rule, &mut tester, |ids| {
+                    .cull(&frame.view, rule, &mut test, |ids| {
                         black_box(ids);
                     })
                     .unwrap()
@@ -112,5 +112,5 @@ fn walk(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, pyramid, walk);
+criterion_group!(benches, pyramid, traversal);
 criterion_main!(benches);

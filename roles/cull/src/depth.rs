@@ -168,20 +168,21 @@ fn farther(a: f32, b: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use trimaran_scene::random::Random;
+
     use super::*;
-    use crate::reference::cases::Dice;
 
     /// Every texel of every level is the farthest of exactly its pixels, at sizes that are and are not powers
     /// of two.
     #[test]
     fn each_texel_is_the_farthest_of_its_pixels() {
-        let mut dice = Dice::new(4);
+        let mut random = Random::new(4);
         let mut pyramid = DepthPyramid::new();
         for (width, height) in
             [(1, 1), (1, 9), (9, 1), (2, 2), (3, 5), (64, 64), (333, 77), (1023, 3), (17, 16)]
         {
             let viewport = Viewport::new(width, height).unwrap();
-            let depth: Vec<f32> = (0..width * height).map(|_| dice.between(0.0, 1.0) as f32).collect();
+            let depth: Vec<f32> = (0..width * height).map(|_| random.between(0.0, 1.0) as f32).collect();
             let image = DepthImage::new(viewport, &depth).unwrap();
             pyramid.rebuild(image);
             let (width, height) = (width as usize, height as usize);

@@ -1,33 +1,85 @@
-//! What is drawn: the level-of-detail cut and occlusion culling, as pure functions over a [`BoxTester`].
+//! What is drawn: the LOD cut and occlusion culling, as pure functions. No GPU, socket or clock is needed.
 //!
-//! [`Culler::cull`] walks the scene and keeps what shows, [`level_cut`] is what would be drawn without it,
-//! [`OccluderMapper`] turns the last frame's visible set into the next one's occluders, and [`draw_order`]
-//! puts either into the one order in which everyone draws. Boxes are tested by whatever holds the occluders'
-//! depth: a GPU, or [`HzbTester`] on the CPU.
+//! An [`OcclusionTest`] says which boxes show in front of the occluders. It is a GPU, or [`HzbTest`] on the
+//! CPU, or one of your own. Whatever it cannot decide counts as visible, so culling never makes a hole.
+//!
+//! ```
+//! use trimaran_cull::{
+//!     Culler, DepthImage, DepthPyramid, HzbTest, LodRule, View, Viewport, draw_order, lod_cut,
+//! };
+//! # use glam::DVec3;
+//! # use trimaran_audit::cases::{plant, plant_views};
+//! # use trimaran_audit::{Placement, rasterize};
+//! # let size = Viewport::new(64, 48)?;
+//! # let scene = plant(1, 500, DVec3::ZERO)?;
+//! # let view: View = plant_views(1, 500, DVec3::ZERO, size, 1)?[0];
+//! let rule = LodRule::new(2.0)?; // nothing moves by more than two pixels
+//! let mut culler = Culler::new(scene.clone());
+//!
+//! // The first frame has no occluders: all of the cut that is in the frustum is drawn.
+//! let mut drawn = lod_cut(&scene, &view, rule);
+//! draw_order(&scene, &view, &mut drawn);
+//!
+//! // Later frames are culled against the depth of what the last one showed.
+//! let depth: Vec<f32> = // read back from a device
+//! #     rasterize(&scene, &view, drawn.iter().copied(), Placement::Exact).depth32();
+//! let image = DepthImage::new(size, &depth)?;
+//! let mut pyramid = DepthPyramid::new();
+//! pyramid.rebuild(image);
+//! let mut visible = Vec::new();
+//! let mut test = HzbTest::new(image, &pyramid)?;
+//! let stats = culler.cull(&view, rule, &mut test, |ids| visible.extend_from_slice(ids))?;
+//! assert!(visible.len() < drawn.len() && stats.hidden > 0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! | module | what is in it |
+//! |---|---|
+//! | `view` | [`View`]: a camera and the size of its image, and every transform from world to pixel |
+//! | `lod_cut` | [`LodCut`]: which level of which nodes is drawn, within an error bound in pixels |
+//! | `occluders` | [`OccluderMapper`]: the last frame's visible set as this frame's occluders |
+//! | `occluder_selection` | [`select_occluders`], [`nearest_occluders`]: within a budget of triangles |
+//! | `occlusion_test` | [`OcclusionTest`], the seam to whatever holds the occluders' depth |
+//! | `boxes`, `frustum` | [`BoxMaker`]: from a node to the box that is tested in its place |
+//! | `depth`, `hzb`, `screen_box` | [`HzbTest`]: boxes tested against a pyramid of farthest depths |
+//! | `traverse` | [`Culler`]: the traversal that keeps what shows |
+//! | `order` | [`draw_order`]: the one order in which everyone draws |
+//! | `image` | [`Image`]: what a display shows |
+//!
+//! What judges the result is in `trimaran-audit`.
 
 mod boxes;
-mod cut;
 mod depth;
 mod frustum;
 mod hzb;
+mod image;
+mod lod_cut;
+mod occluder_selection;
 mod occluders;
+mod occlusion_test;
 mod order;
-mod picture;
-pub mod reference;
 mod screen_box;
-mod selection;
-mod tester;
 mod traverse;
 mod view;
 
 pub use boxes::{BoxMaker, DEPTH_ULPS, OUTLINE_PX, POSITION_ULPS, Prepared, Untestable, reaches};
-pub use cut::{Choice, CutRule, CutRuleError, LevelCut, choose, level_cut};
 pub use depth::{DepthImage, DepthImageError, DepthPyramid};
-pub use hzb::{HzbError, HzbTester};
+pub use hzb::{HzbError, HzbTest};
+pub use image::Image;
+pub use lod_cut::{Choice, LodCut, LodRule, LodRuleError, choose, lod_cut};
+pub use occluder_selection::{TriangleBudget, nearest_occluders, select_occluders};
 pub use occluders::{OccluderError, OccluderMapper, occluders};
+pub use occlusion_test::{Answer, NoOccluders, OcclusionTest, Outline, TestBox};
 pub use order::{DrawOrder, draw_order};
-pub use picture::Picture;
-pub use selection::{TriangleBudget, nearest_within, worthiest_within};
-pub use tester::{Answer, BoxTester, NoOccluders, Outline, TestBox};
 pub use traverse::{CullError, CullStats, Culler};
-pub use view::{View, Viewport, ViewportError};
+pub use trimaran_proto::PictureSize as Viewport;
+pub use view::{View, aspect};
+
+// The names by which `trimaran-actors` still calls these.
+#[doc(hidden)]
+pub use self::{
+    Image as Picture, LodRule as CutRule, LodRuleError as CutRuleError, OcclusionTest as BoxTester,
+    lod_cut as level_cut, nearest_occluders as nearest_within, select_occluders as worthiest_within,
+};
+#[doc(hidden)]
+pub use trimaran_proto::SettingsError as ViewportError;

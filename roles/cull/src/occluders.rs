@@ -4,7 +4,7 @@
 //! is mapped to what the new cut has in its place: the same node at another level, an ancestor, or
 //! descendants. So every occluder is part of the picture that will be drawn, and nothing hidden behind it can
 //! show: this is what makes culling exact. Any subset of the cut is a valid set of occluders, so fewer may be
-//! drawn ([`worthiest_within`](crate::worthiest_within)) for looser culling.
+//! drawn ([`select_occluders`](crate::select_occluders)) for looser culling.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, Scene};
 
 use crate::View;
-use crate::cut::{Choice, CutRule, LevelCut};
+use crate::lod_cut::{Choice, LodCut, LodRule};
 
 /// An id from another scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
@@ -50,7 +50,7 @@ pub struct OccluderMapper {
     marks: Vec<u32>,
     stamp: u32,
     view: View,
-    rule: CutRule,
+    rule: LodRule,
     path: Vec<u32>,
 }
 
@@ -59,14 +59,14 @@ impl OccluderMapper {
 
     /// For the cut of `scene` seen from `view` under `rule`.
     #[must_use]
-    pub fn new(scene: Arc<Scene>, view: View, rule: CutRule) -> Self {
+    pub fn new(scene: Arc<Scene>, view: View, rule: LodRule) -> Self {
         let marks = vec![0; scene.nodes().len()];
         Self { scene, marks, stamp: 1, view, rule, path: Vec::new() }
     }
 
     /// Starts the next frame: forgets what was handed out and maps to the cut from `view` under `rule` from
     /// now on.
-    pub fn begin(&mut self, view: View, rule: CutRule) {
+    pub fn begin(&mut self, view: View, rule: LodRule) {
         (self.view, self.rule) = (view, rule);
         if self.stamp == Self::LAST_STAMP {
             self.marks.fill(0);
@@ -81,7 +81,7 @@ impl OccluderMapper {
     /// At the first id that the scene does not have; those before it have been mapped.
     pub fn push(&mut self, ids: &[DrawableId], due: &mut Vec<DrawableId>) -> Result<(), OccluderError> {
         let scene = Arc::clone(&self.scene);
-        let cut = LevelCut::new(&scene, &self.view, self.rule);
+        let cut = LodCut::new(&scene, &self.view, self.rule);
         for &id in ids {
             let drawable = scene
                 .drawables()
@@ -95,7 +95,7 @@ impl OccluderMapper {
     }
 
     /// Settles the nodes from the root down to `node`, and says what it is.
-    fn settle_path(&mut self, cut: &LevelCut<'_>, node: u32, due: &mut Vec<DrawableId>) -> State {
+    fn settle_path(&mut self, cut: &LodCut<'_>, node: u32, due: &mut Vec<DrawableId>) -> State {
         let nodes = cut.scene().nodes();
         self.path.clear();
         let mut state = State::Above;
@@ -122,7 +122,7 @@ impl OccluderMapper {
     }
 
     /// Hands out all that the cut has below `top`, which is above the cut.
-    fn descend(&mut self, cut: &LevelCut<'_>, top: u32, due: &mut Vec<DrawableId>) {
+    fn descend(&mut self, cut: &LodCut<'_>, top: u32, due: &mut Vec<DrawableId>) {
         let nodes = cut.scene().nodes();
         self.path.clear();
         self.path.push(top);
@@ -142,7 +142,7 @@ impl OccluderMapper {
     }
 
     /// Decides a node that the cut comes to.
-    fn ask(cut: &LevelCut<'_>, node: &Node, due: &mut Vec<DrawableId>) -> State {
+    fn ask(cut: &LodCut<'_>, node: &Node, due: &mut Vec<DrawableId>) -> State {
         if cut.outside(node) {
             return State::Settled;
         }
@@ -182,7 +182,7 @@ impl OccluderMapper {
 pub fn occluders(
     scene: &Arc<Scene>,
     view: &View,
-    rule: CutRule,
+    rule: LodRule,
     ids: &[DrawableId],
 ) -> Result<Vec<DrawableId>, OccluderError> {
     let mut due = Vec::new();
@@ -193,20 +193,23 @@ pub fn occluders(
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
+    use trimaran_audit::cases::{plant, plant_views};
 
     use super::*;
     use crate::Viewport;
-    use crate::cut::level_cut;
-    use crate::reference::cases::{plant, plant_views};
+    use crate::lod_cut::lod_cut;
 
     /// When the stamps run out, marks of the frames before must not count as this frame's.
     #[test]
     fn frames_past_the_last_stamp_start_clean() {
         let scene = plant(1, 100, DVec3::ZERO).unwrap();
         let viewport = Viewport::new(32, 32).unwrap();
-        let view = plant_views(1, 100, DVec3::ZERO, viewport, 1).unwrap()[0];
-        let rule = CutRule::new(1.0).unwrap();
-        let cut = level_cut(&scene, &view, rule);
+        // `trimaran-audit` links this crate built without tests: its views are of another type, its cameras
+        // are not.
+        let audit_view = plant_views(1, 100, DVec3::ZERO, viewport, 1).unwrap()[0];
+        let view = View::new(*audit_view.camera(), viewport);
+        let rule = LodRule::new(1.0).unwrap();
+        let cut = lod_cut(&scene, &view, rule);
         let mut mapper = OccluderMapper::new(scene, view, rule);
         mapper.stamp = OccluderMapper::LAST_STAMP - 1;
         for _ in 0..4 {

@@ -56,7 +56,7 @@ impl PixelRect {
 
 /// From view space to the screen.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Lens {
+pub(crate) struct ScreenProjection {
     near: f64,
     focal: (f64, f64),
     middle: (f64, f64),
@@ -75,8 +75,8 @@ pub(crate) struct Footprint {
     pub(crate) farthest: f64,
 }
 
-impl Lens {
-    /// The lens of `view`, for boxes whose outlines are grown as `outline` says.
+impl ScreenProjection {
+    /// The projection of `view`, for boxes whose outlines are grown as `outline` says.
     ///
     /// The rasterizer moves a surface sideways by up to half a sub-pixel step, and the steeper the surface,
     /// the more that moves its depth at a pixel: at the edge of a face seen at a grazing angle it may
@@ -203,7 +203,7 @@ impl<const N: usize> Few<N> {
 
 impl ScreenShape {
     pub(crate) fn new(
-        lens: &Lens,
+        projection: &ScreenProjection,
         test_box: &TestBox,
         footprint: &Footprint,
         pixels: PixelRect,
@@ -211,8 +211,8 @@ impl ScreenShape {
     ) -> Self {
         let middle = (0.5 * (pixels.x0 + pixels.x1 + 1) as f64, 0.5 * (pixels.y0 + pixels.y1 + 1) as f64);
         let ray = DVec3::new(
-            (middle.0 - lens.middle.0) / lens.focal.0,
-            -(middle.1 - lens.middle.1) / lens.focal.1,
+            (middle.0 - projection.middle.0) / projection.focal.0,
+            -(middle.1 - projection.middle.1) / projection.focal.1,
             -1.0,
         );
         let (mut fronts, mut backs) = (Few::<3>::new(), Few::<6>::new());
@@ -221,11 +221,11 @@ impl ScreenShape {
             // A face at `axis . p = offset`; the eye is outside of it if its outward side has the origin.
             for (offset, outside) in [(along + half, along + half < 0.0), (along - half, along - half > 0.0)]
             {
-                let scale = lens.near / offset;
+                let scale = projection.near / offset;
                 let plane = Linear {
                     middle: axis.dot(ray) * scale,
-                    dx: axis.x * scale / lens.focal.0,
-                    dy: -axis.y * scale / lens.focal.1,
+                    dx: axis.x * scale / projection.focal.0,
+                    dy: -axis.y * scale / projection.focal.1,
                 };
                 // A plane through the eye is seen edge on and bounds nothing: leaving it out makes the shape
                 // larger.
@@ -254,7 +254,7 @@ impl ScreenShape {
             farthest: footprint.farthest,
             middle,
             grown,
-            nearer: lens.nearer,
+            nearer: projection.nearer,
         }
     }
 
@@ -282,5 +282,211 @@ impl ScreenShape {
             half_x: 0.5 * (pixels.x1 - pixels.x0) as f64 + margin,
             half_y: 0.5 * (pixels.y1 - pixels.y0) as f64 + margin,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use trimaran_proto::{Camera, FrameNumber};
+    use trimaran_scene::random::Random;
+
+    use super::*;
+    use crate::{Viewport, aspect};
+
+    /// 100 x 80 pixels down -z; 80 pixels to the metre at a depth of one metre.
+    fn view() -> View {
+        let viewport = Viewport::new(100, 80).unwrap();
+        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, aspect(viewport), 0.01, FrameNumber(0));
+        View::new(camera.unwrap(), viewport)
+    }
+
+    fn upright(centre: Vec3, half: Vec3) -> TestBox {
+        TestBox { centre, axes: [Vec3::X * half.x, Vec3::Y * half.y, Vec3::Z * half.z] }
+    }
+
+    #[test]
+    fn a_rectangle_covers_few_texels_of_its_coarse_level_and_more_of_the_next_finer_one() {
+        for (start, longest) in (0..40).flat_map(|start| (0..200).map(move |longest| (start, longest))) {
+            let columns = PixelRect { x0: start, x1: start + longest, y0: 7, y1: 7 };
+            let rows = PixelRect { x0: 7, x1: 7, y0: start, y1: start + longest };
+            let level = columns.coarse_level();
+            assert_eq!(rows.coarse_level(), level);
+            let texels = |level: usize| ((start + longest) >> level) - (start >> level) + 1;
+            assert!(texels(level) <= 5, "{longest} pixels from {start}");
+            assert!(level == 0 || texels(level - 1) >= 5, "{longest} pixels from {start}");
+        }
+    }
+
+    #[test]
+    fn a_texel_cuts_a_rectangle() {
+        let rect = PixelRect { x0: 3, x1: 10, y0: 5, y1: 18 };
+        let PixelRect { x0, x1, y0, y1 } = rect.within(Texel { level: 2, x: 1, y: 2 });
+        assert_eq!([x0, x1, y0, y1], [4, 7, 8, 11]);
+        let PixelRect { x0, x1, y0, y1 } = rect.within(Texel { level: 3, x: 0, y: 2 });
+        assert_eq!([x0, x1, y0, y1], [3, 7, 16, 18]);
+    }
+
+    /// A box from 5 to 6 m, from -0.9 to 1.1 m across and from -0.7 to 0.3 m up.
+    #[test]
+    fn a_footprint_has_the_pixels_whose_centres_are_in_the_grown_rectangle() {
+        let test_box = upright(Vec3::new(0.1, -0.2, -5.5), Vec3::new(1.0, 0.5, 0.5));
+        let of = |outline, test_box: &TestBox, grown| {
+            let found = ScreenProjection::new(&view(), outline).footprint(test_box, grown)?;
+            let pixels = found.pixels.map(|PixelRect { x0, x1, y0, y1 }| [x0, x1, y0, y1]);
+            Some((pixels, found.nearest, found.farthest))
+        };
+        // Columns 50 - 14.4 to 50 + 17.6, rows 40 - 4.8 to 40 + 11.2.
+        let (pixels, nearest, farthest) = of(Outline::InBox, &test_box, 0.0).unwrap();
+        assert_eq!(pixels, Some([36, 67, 35, 50]));
+        let near = f64::from(0.01_f32);
+        assert!(nearest >= near / 5.0 && nearest < near / 5.0 * (1.0 + 2.0 * NEARER), "{nearest}");
+        assert!((farthest * 6.0 / near - 1.0).abs() < 1e-6, "{farthest}");
+        let (pixels, nearest, _) = of(Outline::OnScreen, &test_box, 0.5).unwrap();
+        assert_eq!(pixels, Some([35, 67, 35, 51]));
+        assert!((nearest * 5.0 / near - 1.0 - OUTLINE_PX / 80.0).abs() < 2.0 * NEARER, "{nearest}");
+
+        let moved = |by: Vec3| of(Outline::InBox, &TestBox { centre: test_box.centre + by, ..test_box }, 0.0);
+        assert_eq!(moved(Vec3::X * 3.0).unwrap().0, Some([78, 99, 35, 50]), "cut at the last column");
+        assert_eq!(moved(Vec3::Y * -2.5).unwrap().0, Some([36, 67, 69, 79]), "cut at the last row");
+        assert_eq!(moved(Vec3::X * 9.0).unwrap().0, None, "beside the picture");
+        assert_eq!(moved(Vec3::Y * 9.0).unwrap().0, None, "above the picture");
+        assert!(moved(Vec3::Z * 4.9).is_some() && moved(Vec3::Z * 5.1).is_none(), "at the eye's plane");
+    }
+
+    /// Also where pixels are not square: 160 of them to the metre across, at a depth of one metre.
+    #[test]
+    fn a_footprint_is_that_of_the_eight_corners() {
+        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 0.625, 0.01, FrameNumber(0)).unwrap();
+        let projection =
+            ScreenProjection::new(&View::new(camera, Viewport::new(100, 80).unwrap()), Outline::OnScreen);
+        let near = f64::from(0.01_f32);
+        let mut random = Random::new(8);
+        for _ in 0..200 {
+            let turn = random.rotation();
+            let axes = [DVec3::X * 0.3, DVec3::Y * 0.5, DVec3::Z * 0.8].map(|axis| (turn * axis).as_vec3());
+            let test_box = TestBox { centre: Vec3::new(0.02, -0.03, -9.0), axes };
+            let [a, b, c] = axes.map(Vec3::as_dvec3);
+            let signs = [-1.0, 1.0];
+            let corners = signs.iter().flat_map(|i| signs.iter().flat_map(move |j| signs.map(|k| (i, j, k))));
+            let corners: Vec<DVec3> =
+                corners.map(|(i, j, k)| test_box.centre.as_dvec3() + a * i + b * j + c * k).collect();
+            let range = |of: fn(DVec3) -> f64| {
+                let all = corners.iter().map(|&corner| of(corner));
+                (all.clone().fold(f64::INFINITY, f64::min), all.fold(f64::NEG_INFINITY, f64::max))
+            };
+            let (left, right) = range(|p| 49.5 + 160.0 * p.x / -p.z);
+            let (top, bottom) = range(|p| 39.5 - 80.0 * p.y / -p.z);
+            let (front, back) = range(|p| -p.z);
+            let found = projection.footprint(&test_box, 0.0).unwrap();
+            let PixelRect { x0, x1, y0, y1 } = found.pixels.unwrap();
+            let expected = [left.ceil(), right.floor(), top.ceil(), bottom.floor()];
+            assert_eq!([x0, x1, y0, y1].map(|pixel| pixel as f64), expected, "{test_box:?}");
+            let nearest = near / front * (1.0 + OUTLINE_PX / 80.0);
+            assert!((found.nearest / nearest - 1.0).abs() < 1e-5, "{} {nearest}", found.nearest);
+            assert!((found.farthest * back / near - 1.0).abs() < 1e-6, "{}", found.farthest);
+        }
+    }
+
+    /// A box that rays are cast at.
+    struct Slabs(Vec<Face>);
+
+    struct Face {
+        outwards: DVec3,
+        offset: f64,
+    }
+
+    impl Slabs {
+        fn of(test_box: &TestBox) -> Self {
+            let face = |axis: DVec3| Face {
+                outwards: axis,
+                offset: axis.dot(test_box.centre.as_dvec3()) + axis.length_squared(),
+            };
+            Self(test_box.axes.map(Vec3::as_dvec3).iter().flat_map(|&a| [face(a), face(-a)]).collect())
+        }
+
+        /// The reversed depth at which the ray through a point of the screen passes each front face.
+        fn fronts(&self, x: f64, y: f64) -> impl Iterator<Item = f64> {
+            let ray = ray(x, y);
+            self.0
+                .iter()
+                .filter(|face| face.offset < 0.0)
+                .map(move |face| f64::from(0.01_f32) * face.outwards.dot(ray) / face.offset)
+        }
+
+        /// Whether the ray hits the box: whether it enters the last front face before it leaves the first
+        /// back face.
+        fn is_hit(&self, x: f64, y: f64) -> bool {
+            let ray = ray(x, y);
+            let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
+            for Face { outwards, offset } in &self.0 {
+                let along = outwards.dot(ray);
+                let at = offset / along;
+                if along < 0.0 {
+                    enter = enter.max(at);
+                } else {
+                    leave = leave.min(at);
+                }
+            }
+            enter <= leave
+        }
+    }
+
+    /// From the eye through a point of the screen, one metre deep.
+    fn ray(x: f64, y: f64) -> DVec3 {
+        DVec3::new((x - 50.0) / 80.0, (40.0 - y) / 80.0, -1.0)
+    }
+
+    #[test]
+    fn outline_and_front_are_those_that_rays_find() {
+        let mut random = Random::new(3);
+        let (mut hit, mut missed, mut outside) = (0, 0, 0);
+        for _ in 0..300 {
+            let depth = random.between(1.0, 20.0);
+            let middle = DVec3::new(random.between(-0.6, 0.6), random.between(-0.5, 0.5), -1.0) * depth;
+            let turn = random.rotation();
+            let axes = [DVec3::X, DVec3::Y, DVec3::Z]
+                .map(|axis| (turn * axis * depth * 0.2 * random.between(0.1, 1.0)).as_vec3());
+            let test_box = TestBox { centre: middle.as_vec3(), axes };
+            let projection = ScreenProjection::new(&view(), Outline::InBox);
+            let Some(footprint) = projection.footprint(&test_box, MARGIN_PX) else { panic!("{test_box:?}") };
+            let Some(rect) = footprint.pixels else { continue };
+            let shape = ScreenShape::new(&projection, &test_box, &footprint, rect, MARGIN_PX);
+            let slabs = Slabs::of(&test_box);
+            for block in (0..4).flat_map(|level| blocks(rect, level)) {
+                // Each front plane's greatest depth is at a corner of the block.
+                let corners =
+                    [block.x0 as f64 + 0.5 - MARGIN_PX, block.x1 as f64 + 0.5 + MARGIN_PX].map(|x| {
+                        [block.y0 as f64 + 0.5 - MARGIN_PX, block.y1 as f64 + 0.5 + MARGIN_PX].map(|y| (x, y))
+                    });
+                let greatest = corners
+                    .as_flattened()
+                    .iter()
+                    .map(|&(x, y)| slabs.fronts(x, y).collect())
+                    .reduce(|a: Vec<f64>, b| a.iter().zip(&b).map(|(a, b)| a.max(*b)).collect());
+                let front = greatest.unwrap().into_iter().fold(f64::INFINITY, f64::min) * (1.0 + NEARER);
+                let expected = front.min(footprint.nearest).max(footprint.farthest);
+                let found = shape.nearest_over(block);
+                assert!((found / expected - 1.0).abs() < 1e-9, "{found}, not {expected}: {test_box:?}");
+
+                let centres = (block.y0..=block.y1).flat_map(|y| (block.x0..=block.x1).map(move |x| (x, y)));
+                let shows = centres.clone().any(|(x, y)| slabs.is_hit(x as f64 + 0.5, y as f64 + 0.5));
+                assert!(!(shows && shape.misses(block)), "{block:?} of {test_box:?}");
+                if block.x0 == block.x1 && block.y0 == block.y1 {
+                    hit += u32::from(shows);
+                    outside += u32::from(!shows);
+                    missed += u32::from(shape.misses(block));
+                }
+            }
+        }
+        assert!(hit > 10_000 && outside > 10_000, "{hit} {outside}");
+        // All but a few pixels whose centres are within the margin of the outline.
+        assert!(missed * 50 > outside * 49, "{missed} of {outside}");
+    }
+
+    /// A rectangle's parts in the texels of a level.
+    fn blocks(rect: PixelRect, level: usize) -> impl Iterator<Item = PixelRect> {
+        let texels = move |low: usize, high: usize| low >> level..=high >> level;
+        texels(rect.y0, rect.y1)
+            .flat_map(move |y| texels(rect.x0, rect.x1).map(move |x| rect.within(Texel { level, x, y })))
     }
 }

@@ -1,5 +1,5 @@
-//! Hardware culling: the walk down the tree that keeps what shows (the paper, Algorithm 4.1 and section
-//! 4.5.1).
+//! Hardware culling (HC): the traversal of the tree that keeps what shows (the paper, Algorithm 4.1 and
+//! section 4.5.1).
 
 use std::sync::Arc;
 
@@ -8,26 +8,26 @@ use trimaran_proto::DrawableId;
 use trimaran_scene::{NodeId, Scene};
 
 use crate::boxes::{BoxMaker, Prepared, Untestable, reaches};
-use crate::cut::{Choice, CutRule, LevelCut};
-use crate::{Answer, BoxTester, TestBox, View};
+use crate::lod_cut::{Choice, LodCut, LodRule};
+use crate::{Answer, OcclusionTest, TestBox, View};
 
-/// What one walk did. Each node it came to is counted once among `frustum_culled`, `hidden`, `emitted` and
-/// `refined`, or is an interior node without children to go to.
+/// What one traversal did. Each node it came to is counted once among `frustum_culled`, `hidden`, `emitted`
+/// and `refined`, or is an interior node without children to go to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct CullStats {
-    /// Nodes the walk came to.
+    /// Nodes the traversal came to.
     pub visited: u32,
     /// Nodes outside the frustum.
     pub frustum_culled: u32,
-    /// Boxes given to the tester.
+    /// Boxes given to the occlusion test.
     pub tested: u32,
-    /// Boxes the tester found hidden; with each its whole subtree was dropped.
+    /// Boxes found hidden; with each its whole subtree was dropped.
     pub hidden: u32,
-    /// Taken as visible untested: a corner is nearer than the near plane.
+    /// Conservatively visible: a corner is nearer than the near plane.
     pub near_visible: u32,
-    /// Taken as visible untested: the eye is in the inflated box.
+    /// Conservatively visible: the eye is in the inflated box.
     pub eye_inside: u32,
-    /// Taken as visible untested: a coordinate is NaN, infinite or too large for f32.
+    /// Conservatively visible: a coordinate is NaN, infinite or too large for f32.
     pub not_finite: u32,
     /// Drawables given to the sink.
     pub emitted: u32,
@@ -36,33 +36,33 @@ pub struct CullStats {
     /// Nodes drawn too coarsely because they show at few pixels (section 4.5.2 of the paper, if the rule
     /// asks for it).
     pub stopped_at_few_pixels: u32,
-    /// Batches of box tests: levels of the tree at which there was something to test.
+    /// Batches of occlusion tests: levels of the tree at which there was something to test.
     pub batches: u32,
 }
 
-/// Why a walk stopped. What the sink got before is valid, but not all that is visible.
+/// Why a traversal stopped. What the sink got before is valid, but not all that is visible.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CullError<E: std::error::Error + 'static> {
-    /// The tester failed.
+    /// The occlusion test failed.
     #[error("testing boxes against the occluders failed")]
     Tester(#[source] E),
-    /// The tester broke its contract.
-    #[error("the box tester gave {answers} answers for {boxes} boxes; it must give one for each")]
+    /// The occlusion test broke its contract.
+    #[error("the occlusion test gave {answers} answers for {boxes} boxes; it must give one for each")]
     AnswerCount {
         /// The boxes asked about.
         boxes: usize,
         /// The answers.
         answers: usize,
     },
-    /// The rule counts visible pixels and the tester does not.
+    /// The rule counts visible pixels and the occlusion test does not.
     #[error(
-        "stopping at few pixels needs a tester that counts pixels; use another tester or turn the rule off"
+        "stopping at few pixels needs an occlusion test that counts pixels; use another one or turn the rule off"
     )]
     NeedsPixelCount,
 }
 
-/// A scene made ready for culling, and the walk's working memory: make one, use it every frame.
+/// A scene made ready for culling, and the traversal's working memory: make one, use it every frame.
 #[derive(Debug)]
 pub struct Culler {
     scene: Arc<Scene>,
@@ -85,7 +85,7 @@ struct Candidate {
 }
 
 impl Culler {
-    /// Makes `scene` ready; walks it once.
+    /// Makes `scene` ready; goes through it once.
     #[must_use]
     pub fn new(scene: Arc<Scene>) -> Self {
         let reach = reaches(scene.nodes());
@@ -107,25 +107,25 @@ impl Culler {
         &self.scene
     }
 
-    /// Walks the tree breadth first, a level at a time, and gives `sink` the drawables of `rule`'s cut whose
-    /// nodes show in front of the tester's occluders: those of a level at once, as soon as that level is
+    /// Traverses the tree breadth first, a level at a time, and gives `sink` the drawables of `rule`'s cut
+    /// whose nodes show in front of the test's occluders: those of a level at once, as soon as that level is
     /// decided, and none for a level without.
     ///
     /// # Errors
-    /// If the tester fails, or does not fit the rule.
-    pub fn cull<T: BoxTester>(
+    /// If the test fails, or does not fit the rule.
+    pub fn cull<T: OcclusionTest>(
         &mut self,
         view: &View,
-        rule: CutRule,
-        tester: &mut T,
+        rule: LodRule,
+        test: &mut T,
         mut sink: impl FnMut(&[DrawableId]),
     ) -> Result<CullStats, CullError<T::Error>> {
-        if rule.stops_at_few_pixels() && tester.answer() != Answer::PixelCount {
+        if rule.stops_at_few_pixels() && test.answer() != Answer::PixelCount {
             return Err(CullError::NeedsPixelCount);
         }
         let scene = Arc::clone(&self.scene);
-        let cut = LevelCut::new(&scene, view, rule);
-        let maker = BoxMaker::new(view, tester.outline());
+        let cut = LodCut::new(&scene, view, rule);
+        let maker = BoxMaker::new(view, test.outline());
         let mut stats = CullStats::default();
         self.level.clear();
         if !scene.nodes().is_empty() {
@@ -135,7 +135,7 @@ impl Culler {
             self.prepare_level(&cut, &maker, &mut stats);
             self.answers.clear();
             if !self.boxes.is_empty() {
-                tester.test(view, &self.boxes, &mut self.answers).map_err(CullError::Tester)?;
+                test.test(view, &self.boxes, &mut self.answers).map_err(CullError::Tester)?;
                 stats.batches += 1;
             }
             if self.answers.len() != self.boxes.len() {
@@ -150,9 +150,9 @@ impl Culler {
         Ok(stats)
     }
 
-    /// Sorts the level's nodes into those outside the frustum, those to test and those visible without a
-    /// test.
-    fn prepare_level(&mut self, cut: &LevelCut<'_>, maker: &BoxMaker, stats: &mut CullStats) {
+    /// Sorts the level's nodes into those outside the frustum, those to test and those conservatively
+    /// visible.
+    fn prepare_level(&mut self, cut: &LodCut<'_>, maker: &BoxMaker, stats: &mut CullStats) {
         self.candidates.clear();
         self.boxes.clear();
         for &id in &self.level {
@@ -189,8 +189,8 @@ impl Culler {
         }
     }
 
-    /// Emits, refines or drops the level's candidates by the tester's answers.
-    fn decide_level(&mut self, rule: CutRule, stats: &mut CullStats) {
+    /// Emits, refines or drops the level's candidates by the test's answers.
+    fn decide_level(&mut self, rule: LodRule, stats: &mut CullStats) {
         self.next.clear();
         self.visible.clear();
         let mut answers = self.answers.iter();

@@ -1,57 +1,14 @@
 //! A camera and the picture it fills.
 
-use std::num::NonZeroU32;
-
 use glam::{DMat3, DQuat, DVec3, Mat4, Vec4};
-use thiserror::Error;
 use trimaran_proto::Camera;
 
-/// The size of a picture in pixels; neither side is 0.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Viewport {
-    width: NonZeroU32,
-    height: NonZeroU32,
-}
+use crate::Viewport;
 
-/// A picture size with a side of 0.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-#[error("a picture of {width} x {height} pixels has no pixels")]
-pub struct ViewportError {
-    /// The width asked for.
-    pub width: u32,
-    /// The height asked for.
-    pub height: u32,
-}
-
-impl Viewport {
-    /// A picture of `width` x `height` pixels.
-    ///
-    /// # Errors
-    /// If either is 0.
-    pub fn new(width: u32, height: u32) -> Result<Self, ViewportError> {
-        match (NonZeroU32::new(width), NonZeroU32::new(height)) {
-            (Some(width), Some(height)) => Ok(Self { width, height }),
-            _ => Err(ViewportError { width, height }),
-        }
-    }
-
-    /// The width in pixels.
-    #[must_use]
-    pub const fn width(self) -> u32 {
-        self.width.get()
-    }
-
-    /// The height in pixels.
-    #[must_use]
-    pub const fn height(self) -> u32 {
-        self.height.get()
-    }
-
-    /// Width over height.
-    #[must_use]
-    pub fn aspect(self) -> f32 {
-        self.width() as f32 / self.height() as f32
-    }
+/// Width over height.
+#[must_use]
+pub fn aspect(viewport: Viewport) -> f32 {
+    viewport.width() as f32 / viewport.height() as f32
 }
 
 /// A camera looking into a picture of a given size: the one definition of every transform from world to

@@ -2,21 +2,22 @@
 
 #![allow(clippy::unwrap_used, reason = "a test or benchmark that cannot be set up fails")]
 
-use trimaran_cull::CutRule;
-use trimaran_cull::reference::cases::{Case, hard_cases};
-use trimaran_cull::reference::{FrameReport, Placement, ReferenceWalk, Testing};
+use trimaran_audit::cases::{Case, hard_cases};
+use trimaran_audit::{FrameReport, Placement, ReferenceWalkthrough, Testing};
+use trimaran_cull::LodRule;
 
 fn case(name: &str) -> Case {
     hard_cases().unwrap().into_iter().find(|case| case.name == name).unwrap()
 }
 
-/// Walks a case with both testers and both ways to place vertices, asserts that culling is exact in every
-/// frame, and gives the frames of the walk with rasterized boxes.
+/// Walks a case with both occlusion tests and both ways to place vertices, asserts that culling is exact in
+/// every frame, and gives the frames of the one with rasterized boxes.
 fn assert_exact(name: &str) -> Vec<FrameReport> {
     let case = case(name);
     let walk = |testing, placement, epsilon| {
-        let rule = CutRule::new(epsilon).unwrap();
-        let mut walk = ReferenceWalk::new(case.scene.clone(), rule).testing(testing).placing(placement);
+        let rule = LodRule::new(epsilon).unwrap();
+        let mut walk =
+            ReferenceWalkthrough::new(case.scene.clone(), rule).testing(testing).placing(placement);
         let frames = case.views.iter().map(|view| {
             let report = walk.frame(view).unwrap();
             let at = format!("{testing:?}, {placement:?}, epsilon {epsilon}, {}", view.camera().frame());
@@ -87,7 +88,7 @@ fn far_from_the_origin_is_as_at_the_origin() {
     let here = assert_exact("origin at 0");
     for name in ["origin at 1e6", "origin at 1e7", "origin at 1e8"] {
         for (far, here) in assert_exact(name).iter().zip(&here) {
-            assert_eq!(far.picture.items(), here.picture.items(), "{name}");
+            assert_eq!(far.shown.ids(), here.shown.ids(), "{name}");
         }
     }
 }
@@ -95,7 +96,7 @@ fn far_from_the_origin_is_as_at_the_origin() {
 #[test]
 fn a_teleport_culls_nothing_falsely() {
     assert_exact("teleport every frame");
-    // This walk teleports every 13 views; the frame after one draws more, and nothing is lost.
+    // This path teleports every 13 views; the frame after one draws more, and nothing is lost.
     let frames = assert_exact("origin at 0");
     assert!(frames[13].emitted.len() >= frames[14].emitted.len());
 }

@@ -7,11 +7,11 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use proptest::prelude::*;
-use trimaran_cull::reference::cases::{plant, plant_views};
-use trimaran_cull::reference::{ReferenceWalk, Testing};
+use trimaran_audit::cases::{plant, plant_views};
+use trimaran_audit::{ReferenceWalkthrough, Testing};
 use trimaran_cull::{
-    Choice, CullError, Culler, CutRule, LevelCut, NoOccluders, OccluderMapper, TestBox, View, Viewport,
-    draw_order, level_cut, occluders,
+    Choice, CullError, Culler, LodCut, LodRule, NoOccluders, OccluderMapper, TestBox, View, Viewport,
+    draw_order, lod_cut, occluders,
 };
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
@@ -26,8 +26,8 @@ fn setting(seed: u64) -> (Arc<Scene>, Vec<View>) {
     )
 }
 
-fn rule(epsilon: f64) -> CutRule {
-    CutRule::new(epsilon).unwrap()
+fn rule(epsilon: f64) -> LodRule {
+    LodRule::new(epsilon).unwrap()
 }
 
 /// How many nodes of the cut there are from a node up to the root.
@@ -52,7 +52,7 @@ proptest! {
     fn a_cut_is_an_antichain_that_covers_every_leaf_in_the_frustum(seed: u64, epsilon in 0.1..100.0_f64) {
         let (scene, views) = setting(seed);
         for view in views.iter().step_by(4) {
-            let cut = LevelCut::new(&scene, view, rule(epsilon));
+            let cut = LodCut::new(&scene, view, rule(epsilon));
             let drawables = cut.drawables();
             let drawn = nodes_of(&scene, &drawables);
             prop_assert_eq!(drawn.len(), drawables.len(), "one level a node");
@@ -69,14 +69,14 @@ proptest! {
         let (scene, views) = setting(seed);
         let (fine, coarse) = (rule(epsilon), rule(epsilon * looser));
         for node in scene.nodes() {
-            let at = |rule| LevelCut::new(&scene, &views[0], rule).choose(node);
+            let at = |rule| LodCut::new(&scene, &views[0], rule).choose(node);
             match (at(fine), at(coarse)) {
                 (Choice::Draw(a), Choice::Draw(b)) => prop_assert!(a <= b),
                 (Choice::Draw(a), Choice::Refine) => prop_assert!(false, "{} is good enough only for the finer rule", a),
                 (Choice::Refine, _) => {}
             }
         }
-        let drawn = |rule| nodes_of(&scene, &level_cut(&scene, &views[0], rule));
+        let drawn = |rule| nodes_of(&scene, &lod_cut(&scene, &views[0], rule));
         let coarser = drawn(coarse);
         for node in drawn(fine) {
             prop_assert_eq!(drawn_above(&scene, &coarser, node), 1, "node {} or one above it", node);
@@ -89,8 +89,8 @@ proptest! {
         let rule = rule(epsilon);
         let mut mapper = OccluderMapper::new(scene.clone(), views[0], rule);
         for pair in views.windows(2) {
-            let old = level_cut(&scene, &pair[0], rule);
-            let new: BTreeSet<DrawableId> = level_cut(&scene, &pair[1], rule).into_iter().collect();
+            let old = lod_cut(&scene, &pair[0], rule);
+            let new: BTreeSet<DrawableId> = lod_cut(&scene, &pair[1], rule).into_iter().collect();
             mapper.begin(pair[1], rule);
             let mut due = Vec::new();
             // Every other id, some of them twice.
@@ -132,7 +132,7 @@ proptest! {
     fn what_is_emitted_holds_all_that_is_seen(seed: u64, epsilon in 0.5..20.0_f64) {
         let (scene, views) = setting(seed);
         for testing in [Testing::Rasterized, Testing::Pyramid] {
-            let mut walk = ReferenceWalk::new(scene.clone(), rule(epsilon)).testing(testing);
+            let mut walk = ReferenceWalkthrough::new(scene.clone(), rule(epsilon)).testing(testing);
             for view in &views {
                 let report = walk.frame(view).unwrap();
                 prop_assert_eq!(&report.false_culled, &[]);
@@ -161,7 +161,7 @@ fn without_occluders_all_of_the_cut_in_the_frustum_is_emitted_and_every_node_is_
         let stats = culler
             .cull(view, rule(2.0), &mut NoOccluders, |ids| assert!(ids.iter().all(|id| emitted.insert(*id))))
             .unwrap();
-        let cut: BTreeSet<DrawableId> = level_cut(&scene, view, rule(2.0)).into_iter().collect();
+        let cut: BTreeSet<DrawableId> = lod_cut(&scene, view, rule(2.0)).into_iter().collect();
         assert!(emitted.is_subset(&cut));
         assert_eq!(stats.emitted as usize, emitted.len());
         assert_eq!(stats.visited, stats.frustum_culled + stats.hidden + stats.emitted + stats.refined);
@@ -184,18 +184,18 @@ fn ids_of_another_scene_are_refused() {
 /// A setting at the view that sees most.
 fn busy_setting() -> (Arc<Scene>, View) {
     let (scene, views) = setting(3);
-    let busiest = views.into_iter().max_by_key(|view| level_cut(&scene, view, rule(2.0)).len()).unwrap();
+    let busiest = views.into_iter().max_by_key(|view| lod_cut(&scene, view, rule(2.0)).len()).unwrap();
     (scene, busiest)
 }
 
-/// A tester that breaks its contract, or fails.
+/// An occlusion test that breaks its contract, or fails.
 struct Broken(Result<usize, &'static str>);
 
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct Lost(&'static str);
 
-impl trimaran_cull::BoxTester for Broken {
+impl trimaran_cull::OcclusionTest for Broken {
     type Error = Lost;
 
     fn test(&mut self, _: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Lost> {
@@ -206,7 +206,7 @@ impl trimaran_cull::BoxTester for Broken {
 }
 
 #[test]
-fn a_tester_that_fails_or_miscounts_stops_the_walk() {
+fn an_occlusion_test_that_fails_or_miscounts_stops_the_traversal() {
     let (scene, view) = busy_setting();
     let mut culler = Culler::new(scene);
     let short = culler.cull(&view, rule(2.0), &mut Broken(Ok(1)), |_| ()).unwrap_err();
@@ -218,10 +218,10 @@ fn a_tester_that_fails_or_miscounts_stops_the_walk() {
     assert!(matches!(uncounted, CullError::NeedsPixelCount), "{uncounted}");
 }
 
-/// A tester to which every box shows at so many pixels.
+/// An occlusion test to which every box shows at so many pixels.
 struct Shows(u32);
 
-impl trimaran_cull::BoxTester for Shows {
+impl trimaran_cull::OcclusionTest for Shows {
     type Error = std::convert::Infallible;
 
     fn test(&mut self, _: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Self::Error> {
@@ -235,7 +235,7 @@ impl trimaran_cull::BoxTester for Shows {
 }
 
 #[test]
-fn at_few_pixels_the_walk_stops_only_if_the_rule_says_so() {
+fn at_few_pixels_the_traversal_stops_only_if_the_rule_says_so() {
     let (scene, view) = busy_setting();
     let mut culler = Culler::new(scene);
     let mut stopped = |pixels, on| {

@@ -1,4 +1,4 @@
-//! What passes and box testers take, against triangles, draws and boxes: medians in milliseconds, as one
+//! What passes and occlusion tests take, against triangles, draws and boxes: medians in milliseconds, as one
 //! table. `cpu` sums all threads of the process (Linux): on a driver that draws on the CPU it is the figure
 //! to plan with, for other programs disturb it least.
 //!
@@ -14,11 +14,12 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
-use trimaran_cull::reference::cases::Dice;
-use trimaran_cull::{BoxTester, DepthPyramid, HzbTester, TestBox, View, Viewport};
+use trimaran_cull::{DepthPyramid, HzbTest, OcclusionTest, TestBox, View, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemPass, OccluderPass, PassTiming, PicturePass};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
-use trimaran_scene::{Drawable, Node, ObjectRecord, Rgba8, Scene, SceneArrays, Shading, Vertex};
+use trimaran_scene::{
+    Drawable, Node, ObjectRecord, Rgba8, Scene, SceneArrays, Shading, Vertex, random::Random,
+};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -88,7 +89,7 @@ fn time_testers(scene: &Arc<GpuScene>, count: usize, edge_px: f64, wanted: &str)
         pass.draw(&[])?;
         let image = pass.read_depth()?;
         pyramid.rebuild(image);
-        HzbTester::new(image, &pyramid)?.test(&view, &boxes, &mut visible)?;
+        HzbTest::new(image, &pyramid)?.test(&view, &boxes, &mut visible)?;
         Ok(PassTiming::default())
     })
 }
@@ -135,13 +136,13 @@ fn view(side: u32) -> Outcome<View> {
 
 /// Spheres of about `triangles` triangles each, near ones first, each its own mesh as in a real scene.
 fn cloud(draws: u32, triangles: u32) -> Outcome<Scene> {
-    let mut dice = Dice::new(1);
+    let mut random = Random::new(1);
     // A picture is 2 x 2 at distance 1: `draws` discs of this radius there make up three of it.
     let spread = (3.0 * 4.0 / (f64::from(draws) * std::f64::consts::PI)).sqrt();
     let mut places: Vec<(f64, DVec3)> = (0..draws)
         .map(|_| {
-            let distance = dice.between(5.0, 50.0);
-            let across = dice.point(DVec3::new(-0.95, -0.95, -1.0), DVec3::new(0.95, 0.95, -1.0));
+            let distance = random.between(5.0, 50.0);
+            let across = random.point(DVec3::new(-0.95, -0.95, -1.0), DVec3::new(0.95, 0.95, -1.0));
             (distance, across * distance)
         })
         .collect();
@@ -212,11 +213,11 @@ fn add_sphere(arrays: &mut SceneArrays, index: u32, radius: f32, triangles: u32)
 
 /// Cubes whose faces are about `edge_px` pixels wide at 1024 x 1024, at all distances of the cloud.
 fn boxes(count: usize, edge_px: f64) -> Vec<TestBox> {
-    let mut dice = Dice::new(2);
+    let mut random = Random::new(2);
     (0..count)
         .map(|_| {
-            let distance = dice.between(5.0, 50.0);
-            let across = dice.point(DVec3::new(-0.9, -0.9, -1.0), DVec3::new(0.9, 0.9, -1.0));
+            let distance = random.between(5.0, 50.0);
+            let across = random.point(DVec3::new(-0.9, -0.9, -1.0), DVec3::new(0.9, 0.9, -1.0));
             let half = edge_px / 1024.0 * distance;
             TestBox {
                 centre: (across * distance).as_vec3(),

@@ -15,8 +15,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use trimaran_cull::{
-    Culler, CutRule, DepthPyramid, DrawOrder, HzbTester, OccluderMapper, TriangleBudget, View, Viewport,
-    nearest_within, worthiest_within,
+    Culler, DepthPyramid, DrawOrder, HzbTest, LodRule, OccluderMapper, TriangleBudget, View, Viewport,
+    aspect, nearest_occluders, select_occluders,
 };
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemImage, ItemPass, OccluderPass, PicturePass};
 use trimaran_proto::{DrawableId, FrameNumber};
@@ -50,7 +50,7 @@ fn main() -> Outcome<()> {
 fn views(walk: &Walk, size: Viewport) -> Outcome<Vec<View>> {
     let near = walk.near().ok_or("the walk names no near distance")?;
     let camera = |(pose, frame): (&trimaran_scene::walk::WalkFrame, u32)| {
-        Ok(View::new(pose.camera(walk.vfov_deg(), size.aspect(), near, FrameNumber(frame))?, size))
+        Ok(View::new(pose.camera(walk.vfov_deg(), aspect(size), near, FrameNumber(frame))?, size))
     };
     walk.frames().iter().zip(0..).map(camera).collect()
 }
@@ -76,7 +76,7 @@ fn start(path: &Path, budget: TriangleBudget, first: &View) -> Outcome<Roles> {
 /// The three roles, and the item pass for what is exactly visible.
 struct Roles {
     scene: Arc<Scene>,
-    rule: CutRule,
+    rule: LodRule,
     budget: TriangleBudget,
     occluders: OccluderPass,
     pictures: PicturePass,
@@ -90,7 +90,7 @@ struct Roles {
 
 impl Roles {
     fn new(scene: Arc<Scene>, drawn: &Arc<GpuScene>, budget: TriangleBudget, first: &View) -> Outcome<Self> {
-        let (size, rule) = (first.viewport(), CutRule::new(EPSILON_PX)?);
+        let (size, rule) = (first.viewport(), LodRule::new(EPSILON_PX)?);
         Ok(Self {
             occluders: OccluderPass::new(drawn, size)?,
             pictures: PicturePass::new(drawn, size)?,
@@ -116,7 +116,7 @@ impl Roles {
         table.add("OR, drawing: cpu ms", lap.cpu());
         self.pyramid.rebuild(self.occluders.read_depth()?);
         table.add("OR, pyramid: cpu ms", lap.cpu());
-        let mut tester = HzbTester::new(self.occluders.read_depth()?, &self.pyramid)?;
+        let mut tester = HzbTest::new(self.occluders.read_depth()?, &self.pyramid)?;
         let visible = &mut self.visible;
         visible.clear();
         self.culler.cull(view, self.rule, &mut tester, |ids| visible.extend_from_slice(ids))?;
@@ -150,9 +150,9 @@ impl Roles {
         self.mapper.begin(*view, self.rule);
         self.mapper.push(&self.visible, &mut due)?;
         let jumped = 2 * due.len() <= self.visible.len();
-        worthiest_within(&self.scene, view, &mut due, self.budget);
+        select_occluders(&self.scene, view, &mut due, self.budget);
         if jumped {
-            nearest_within(&self.scene, view, self.rule, AFTER_A_JUMP, &mut due);
+            nearest_occluders(&self.scene, view, self.rule, AFTER_A_JUMP, &mut due);
         }
         Ok(due)
     }

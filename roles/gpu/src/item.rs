@@ -156,8 +156,8 @@ impl ItemPass {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use trimaran_cull::reference::cases::{plant, plant_views};
-    use trimaran_cull::{CutRule, draw_order, level_cut};
+    use trimaran_audit::cases::{plant, plant_views};
+    use trimaran_cull::{LodRule, draw_order, lod_cut};
 
     use super::*;
     use crate::common::{CheckedGpu, Part, ids, upload, view};
@@ -217,7 +217,7 @@ mod tests {
         let size = Viewport::new(320, 200).unwrap();
         let views = plant_views(7, 800, DVec3::new(1e6, 2e6, 0.0), size, 30).unwrap();
         let cut = |view: &View| {
-            let mut cut = level_cut(&scene, view, CutRule::new(1.0).unwrap());
+            let mut cut = lod_cut(&scene, view, LodRule::new(1.0).unwrap());
             draw_order(&scene, view, &mut cut);
             (*view, cut)
         };

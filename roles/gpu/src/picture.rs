@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use ash::vk;
-use trimaran_cull::{DepthImage, Picture, View, Viewport};
+use trimaran_cull::{DepthImage, Image, View, Viewport};
 use trimaran_proto::DrawableId;
 
 use crate::draws::Fetch;
@@ -127,7 +127,7 @@ impl PicturePass {
     ///
     /// # Errors
     /// If the device fails, or before [`begin`](Self::begin).
-    pub fn read(&mut self, picture: &mut Picture) -> Result<(), GpuError> {
+    pub fn read(&mut self, picture: &mut Image) -> Result<(), GpuError> {
         let size = self.readable().pass.size();
         (picture.width, picture.height) = (size.width(), size.height());
         picture.rgba.clear();

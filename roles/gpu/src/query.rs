@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use trimaran_cull::{Answer, BoxTester, TestBox, View};
+use trimaran_cull::{Answer, OcclusionTest, TestBox, View};
 
 use crate::boxes::{self, BoxRecord};
 use crate::camera::ProjectionConstants;
@@ -54,7 +54,7 @@ impl<'a> QueryTester<'a> {
     }
 }
 
-impl BoxTester for QueryTester<'_> {
+impl OcclusionTest for QueryTester<'_> {
     type Error = GpuError;
 
     fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), GpuError> {

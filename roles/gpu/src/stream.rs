@@ -241,7 +241,7 @@ mod tests {
     use std::time::Duration;
 
     use glam::{DVec3, Vec3};
-    use trimaran_cull::{BoxTester as _, TestBox};
+    use trimaran_cull::{OcclusionTest as _, TestBox};
 
     use super::*;
     use crate::common::{CheckedGpu, NEAR, Part, ids, upload, view};

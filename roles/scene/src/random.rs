@@ -1,6 +1,8 @@
 //! Random numbers that are the same on every platform and in every release: those of walks and of generated
 //! models.
 
+use glam::{DQuat, DVec3};
+
 /// SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014). A dozen lines
 /// of integer arithmetic rather than a crate, because a seed must give the same model for ever, whatever a
 /// crate's next version does.
@@ -51,6 +53,27 @@ impl Random {
         self.unit() < probability
     }
 
+    /// A point in the box from `min` to `max`, evenly.
+    pub fn point(&mut self, min: DVec3, max: DVec3) -> DVec3 {
+        DVec3::new(self.between(min.x, max.x), self.between(min.y, max.y), self.between(min.z, max.z))
+    }
+
+    /// A unit vector, evenly.
+    pub fn direction(&mut self) -> DVec3 {
+        loop {
+            let point = self.point(DVec3::splat(-1.0), DVec3::ONE);
+            if (1e-4..=1.0).contains(&point.length_squared()) {
+                return point.normalize();
+            }
+        }
+    }
+
+    /// A rotation about an even direction by an even angle.
+    pub fn rotation(&mut self) -> DQuat {
+        let axis = self.direction();
+        DQuat::from_axis_angle(axis, self.between(0.0, std::f64::consts::TAU))
+    }
+
     /// One of the values.
     pub fn pick<T: Copy, const N: usize>(&mut self, values: [T; N]) -> T {
         const { assert!(N > 0) };
@@ -80,6 +103,12 @@ mod tests {
         }
         assert!(counts.iter().all(|c| (800..1200).contains(c)), "{counts:?}");
         assert_eq!(random.below(0), 0);
+        let (low, high) = (DVec3::new(-3.0, 0.0, 7.0), DVec3::new(-2.0, 5.0, 7.5));
+        for _ in 0..100 {
+            let point = random.point(low, high);
+            assert!(point.cmpge(low).all() && point.cmplt(high).all(), "{point}");
+            assert!(random.direction().is_normalized() && random.rotation().is_normalized());
+        }
     }
 
     #[test]

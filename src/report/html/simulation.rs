@@ -1,51 +1,63 @@
-//! The page of a simulation: latencies, where the time goes, bytes against the formulas, and when what was
-//! done.
+//! `sim.html`, the page of a simulation: latencies, where the time goes, bytes against the formulas, and when
+//! what was done. Runs are shown network by network.
 
-mod bytes;
-mod latency;
-mod pixels;
+use maud::{Markup, html};
 
-use super::chart::Mark;
-use super::escape;
-use super::timeline::Timeline;
-use crate::report::format::figure;
+use super::chart::{Chart, Mark, Series, Timeline, stacked_bar};
+use super::{card, document, table};
+use crate::report::format::{figure, grouped};
 use crate::report::schema::{Frame, Role, Seat, Span};
-use crate::simulate::{FrameTimes, Outcome};
+use crate::report::simulation::BYTES;
+use crate::simulate::{FrameTimes, Outcome, Spread};
 
 /// The colours of runs, in turn.
 const CLASSES: [&str; 6] = ["k0", "k1", "k2", "k3", "k4", "k5"];
 /// So many timelines are on the page at most.
 const TIMELINES: usize = 12;
 
-/// The page; its runs are shown network by network.
+/// The page; `command` is how it can be had again.
 pub(in crate::report) fn page(outcomes: &[Outcome], command: &[String]) -> String {
     let networks = || outcomes.chunk_by(|a, b| a.network == b.network);
-    let latencies: String = networks().map(latency::chart).collect();
-    let percentiles: String = networks().map(latency::figures).collect();
-    let splits: String = networks().map(split).collect();
-    let curves: String = networks().map(bytes::chart).collect();
-    let bytes: String = networks().map(bytes::figures).collect();
-    let pixels: String = networks().map(pixels::error_curve).collect();
-    let timelines: String = outcomes.iter().take(TIMELINES).map(timeline).collect();
-    let command = escape(&command.join(" "));
-    format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\
-         <meta name=\"color-scheme\" content=\"light dark\"><title>Trimaran: simulated networks</title>\n<style>\n{style}</style></head>\n\
-         <body>\n<header><h1>Simulated networks</h1><p>Nothing here was measured on a network: the links, QUIC and the datagram connection \
-         are the real code in virtual time; the networks, TCP (Linux\u{2019}s with CUBIC, not BBR) and the roles\u{2019} computing times are models. To have it again:</p>\
-         <pre style=\"white-space: pre-wrap\">{command}</pre></header>\n<main>\n\
-         <h2 id=\"latency\">Latency</h2><p class=\"hint\">From a camera leaving RVG to its picture. A picture is late that is shown more than a \
-         30th or a 60th of a second after the one before; frames with gaps came without some of their ids.</p>\
-         <div class=\"cards\">{latencies}</div>{percentiles}\
-         <h2 id=\"split\">Where the time goes</h2>{splits}{pixels}\
-         <h2 id=\"bytes\">Bytes</h2><p class=\"hint\">A frame\u{2019}s over all links, each packet counted once where it leaves its machine. <i>h</i> is what \
-         headers take around a packet; <i>added</i> is the paper\u{2019}s formula with ids and headers added rather than multiplied.</p>\
-         <div class=\"cards\">{curves}</div>{bytes}\
-         <h2 id=\"time\">When</h2><p class=\"hint\">The frames around the slowest one of each run.</p>{timelines}\
-         </main>\n</body></html>\n",
-        style = include_str!("style.css"),
-    )
+    let body = html! {
+        header {
+            h1 { "Simulated networks" }
+            p {
+                "Nothing here was measured on a network: the links, QUIC and the datagram connection are the \
+                 real code in virtual time; the networks, TCP (Linux’s with CUBIC, not BBR) and the \
+                 roles’ computing times are models. To have it again:"
+            }
+            pre style="white-space: pre-wrap" { (command.join(" ")) }
+        }
+        main {
+            h2 #latency { "Latency" }
+            p.hint {
+                "From a camera leaving RVG to its picture. A picture is late that is shown more than a 30th or \
+                 a 60th of a second after the one before; frames with gaps came without some of their ids."
+            }
+            div.cards { @for runs in networks() { (latency_curves(runs)) } }
+            @for runs in networks() { (percentiles(runs)) }
+            h2 #split { "Where the time goes" }
+            @for runs in networks() { (time_by_part(runs)) }
+            @for runs in networks() { (wrong_pixels(runs)) }
+            h2 #bytes { "Bytes" }
+            p.hint {
+                "A frame’s over all links, each packet counted once where it leaves its machine. "
+                i { "h" } " is what headers take around a packet; "
+                i { "added" } " is the paper’s formula with ids and headers added rather than multiplied."
+            }
+            div.cards { @for runs in networks() { (bytes_curves(runs)) } }
+            @for runs in networks() { (bytes_by_kind(runs)) }
+            h2 #time { "When" }
+            p.hint { "The frames around the slowest one of each run." }
+            @for run in outcomes.iter().take(TIMELINES) { (timeline(run)) }
+        }
+    };
+    document("Trimaran: simulated networks", &body).into_string()
+}
+
+/// What a network is called whose runs these are.
+fn network(runs: &[Outcome]) -> &str {
+    runs.first().map_or("", |run| &run.network)
 }
 
 /// What tells runs of one network apart.
@@ -61,6 +73,77 @@ fn name(runs: &[Outcome], run: &Outcome) -> String {
     name
 }
 
+/// How runs are drawn in turn: by colours, and when these are used up, dashed.
+fn styles() -> impl Iterator<Item = (&'static str, Mark)> {
+    let with = |mark| CLASSES.iter().map(move |class| (*class, mark));
+    with(Mark::Line).chain(with(Mark::Dashed)).cycle()
+}
+
+/// A table of a network's runs: a row a run, after its name.
+fn runs_table(
+    caption: &str,
+    head: &[&str],
+    runs: &[Outcome],
+    cells: impl Fn(&Outcome) -> Vec<String>,
+) -> Markup {
+    let head: Vec<&str> = std::iter::once("").chain(head.iter().copied()).collect();
+    let row = |run| std::iter::once(name(runs, run)).chain(cells(run)).collect();
+    let rows: Vec<Vec<String>> = runs.iter().map(row).collect();
+    table("runs", caption, &head, &rows)
+}
+
+/// How many frames take longer than so many milliseconds.
+fn latency_curves(runs: &[Outcome]) -> Markup {
+    let curve = |(run, (class, mark)): (&Outcome, (&'static str, Mark))| {
+        let mut times: Vec<f64> =
+            run.splits().iter().map(|split| split.total().as_secs_f64() * 1e3).collect();
+        times.sort_by(f64::total_cmp);
+        Series { name: name(runs, run), class, mark, points: exceedance(&times) }
+    };
+    let series = runs.iter().zip(styles()).map(curve).collect();
+    let chart = Chart { x: "latency (ms)", y: "frames that take longer", series, ..Chart::default() };
+    let finding = format!("{}: how many frames take longer than so many milliseconds", network(runs));
+    card(&finding, &chart, "")
+}
+
+/// For sorted `times`, the share of them above each of some of them: one half, a fifth, a tenth, down to the
+/// last one.
+fn exceedance(times: &[f64]) -> Vec<(f64, f64)> {
+    let count = times.len() as f64;
+    let mut points = Vec::new();
+    let mut share = 1.0;
+    while share * count >= 1.0 {
+        let rank = ((1.0 - share) * count).round() as usize;
+        if let Some(&time) = times.get(rank.min(times.len().saturating_sub(1))) {
+            points.push((time, share));
+        }
+        share *= 0.85;
+    }
+    points
+}
+
+fn percentiles(runs: &[Outcome]) -> Markup {
+    let head = ["p50", "p95", "p99", "p99.9", "frames/s", "late at 30/s", "late at 60/s", "gaps", "frames"];
+    let mut hopeless: Vec<String> = runs.iter().filter(|run| run.hopeless).map(Outcome::label).collect();
+    hopeless.dedup();
+    html! {
+        (runs_table(&format!("{}, milliseconds", network(runs)), &head, runs, |run| {
+            let latency = run.latency_ms;
+            let times = [latency.p50, latency.p95, latency.p99, latency.p999, run.frames_per_second];
+            let counts = [run.late_at_30, run.late_at_60, run.incomplete, run.frames];
+            let counts = counts.map(|count| grouped(count.into()));
+            times.map(figure).into_iter().chain(counts).collect()
+        }))
+        @if !hopeless.is_empty() {
+            p.hint {
+                (hopeless.join(", "))
+                ": a frame may take no longer than the way to the display alone, so that what is lost, or \
+                 waits at its end, is given up."
+            }
+        }
+    }
+}
+
 /// What a frame's time goes by: its name, its colour, and its mean in a run.
 type Part = (&'static str, &'static str, fn(&Outcome) -> f64);
 const PARTS: [Part; 5] = [
@@ -72,88 +155,132 @@ const PARTS: [Part; 5] = [
 ];
 
 /// Bars of the mean time by what it was for.
-fn split(runs: &[Outcome]) -> String {
+fn time_by_part(runs: &[Outcome]) -> Markup {
     let longest = runs.iter().map(|run| run.latency_ms.mean).fold(f64::MIN_POSITIVE, f64::max);
-    let rows: String = runs
-        .iter()
-        .map(|run| {
-            let mut left = 0.0;
-            let bars: String = PARTS
-                .iter()
-                .map(|(what, class, mean)| {
-                    let ms = mean(run);
-                    let width = ms / longest * 600.0;
-                    let bar = format!(
-                        "<g><title>{what}: {} ms</title><rect class=\"bar {class}\" x=\"{left:.1}\" y=\"2\" width=\"{width:.1}\" height=\"16\"/></g>",
-                        figure(ms)
-                    );
-                    left += width;
-                    bar
-                })
-                .collect();
-            let cells: String = PARTS.iter().map(|(.., mean)| format!("<td>{}</td>", figure(mean(run)))).collect();
-            format!(
-                "<tr><th>{}</th>{cells}<td><svg viewBox=\"0 0 600 20\" width=\"600\" role=\"img\" aria-label=\"where the time goes\">{bars}</svg></td></tr>",
-                escape(&name(runs, run))
-            )
-        })
-        .collect();
-    let titles: String = PARTS
-        .iter()
-        .map(|(what, class, _)| format!("<th class=\"key\"><i class=\"swatch {class}\"></i>{what}</th>"))
-        .collect();
-    format!(
-        "<div class=\"card scroll runs\"><table><caption>{}, mean milliseconds</caption><thead><tr><th></th>{titles}<th></th></tr></thead>\
-         <tbody>{rows}</tbody></table></div>",
-        escape(network(runs))
-    )
+    html! {
+        div.card.scroll.runs {
+            table {
+                caption { (network(runs)) ", mean milliseconds" }
+                thead {
+                    tr {
+                        th {}
+                        @for (what, class, _) in PARTS { th.key { i class={ "swatch " (class) } {} (what) } }
+                        th {}
+                    }
+                }
+                tbody {
+                    @for run in runs {
+                        @let parts = PARTS.map(|(what, class, mean)| (what, class, mean(run)));
+                        tr {
+                            th scope="row" { (name(runs, run)) }
+                            @for (.., ms) in parts { td { (figure(ms)) } }
+                            td { (stacked_bar("where the time goes", &parts, longest)) }
+                        }
+                    }
+                }
+            }
+        }
+    }
 }
 
-/// What a network is called whose runs these are.
-fn network(runs: &[Outcome]) -> &str {
-    runs.first().map_or("", |run| &run.network)
-}
-
-/// How runs are drawn in turn: by colours, and when these are used up, dashed.
-fn curves() -> impl Iterator<Item = (&'static str, Mark)> {
-    let with = |mark| CLASSES.iter().map(move |class| (*class, mark));
-    with(Mark::Line).chain(with(Mark::Dashed)).cycle()
-}
-
-fn table(caption: &str, head: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
-    let head: String = head.iter().map(|cell| format!("<th>{cell}</th>")).collect();
-    let row = |cells: Vec<String>| {
-        let cells: String = cells
-            .iter()
-            .enumerate()
-            .map(|(place, cell)| {
-                let tag = if place == 0 { "th" } else { "td" };
-                format!("<{tag}>{}</{tag}>", escape(cell))
-            })
-            .collect();
-        format!("<tr>{cells}</tr>")
+/// Latency against what it costs the pictures, where that was drawn: a point a session, so that chance shows.
+fn wrong_pixels(runs: &[Outcome]) -> Markup {
+    let session_points = |(run, (class, _)): (&Outcome, (&'static str, Mark))| {
+        run.pixels?;
+        let sessions = run.sessions.iter();
+        let points = sessions.filter_map(|s| Some((s.latency_ms.p99, s.pixels?.wrong_a_frame()))).collect();
+        Some(Series { name: name(runs, run), class, mark: Mark::Points, points })
     };
-    format!(
-        "<div class=\"card scroll runs\"><table><caption>{}</caption><thead><tr>{head}</tr></thead><tbody>{}</tbody></table></div>",
-        escape(caption),
-        rows.map(row).collect::<String>()
-    )
+    let series: Vec<Series> = runs.iter().zip(styles()).filter_map(session_points).collect();
+    if series.is_empty() {
+        return Markup::default();
+    }
+    let chart =
+        Chart { x: "latency, 99th percentile (ms)", y: "wrong pixels a frame", series, ..Chart::default() };
+    let head = [
+        "mean of sessions, ± standard deviation",
+        "p99, ms",
+        "wrong pixels a frame",
+        "needless triangles a frame",
+        "sessions",
+    ];
+    let row = |run: &Outcome| {
+        let spreads = [
+            run.spread(|session| Some(session.latency_ms.p99)),
+            run.spread(|session| Some(session.pixels?.wrong_a_frame())),
+            run.spread(|session| Some(session.pixels?.needless_a_frame())),
+        ];
+        let cells = spreads.map(|spread| spread.map_or_else(String::new, mean_and_deviation));
+        std::iter::once(name(runs, run)).chain(cells).chain([run.sessions.len().to_string()]).collect()
+    };
+    let rows: Vec<Vec<String>> = runs.iter().filter(|run| run.pixels.is_some()).map(row).collect();
+    html! {
+        div.cards {
+            (card(
+                &format!("{}: what is late in one mode is wrong in the other", network(runs)),
+                &chart,
+                "Pixels that are not as they would have been with every id, over all frames. Each point is a \
+                 session with a seed of its own.",
+            ))
+        }
+        (table("runs", network(runs), &head, &rows))
+    }
 }
 
-fn timeline(run: &Outcome) -> String {
+fn mean_and_deviation(Spread { mean, deviation }: Spread) -> String {
+    deviation.map_or_else(|| figure(mean), |apart| format!("{} ± {}", figure(mean), figure(apart)))
+}
+
+/// Bytes a frame over the ids a batch, or over the ids a frame where only that varies, beside both formulas.
+fn bytes_curves(runs: &[Outcome]) -> Markup {
+    let over_nodes = runs.iter().all(|run| runs.first().is_some_and(|first| first.batch == run.batch))
+        && runs.iter().any(|run| runs.first().is_some_and(|first| first.nodes != run.nodes));
+    let x = |run: &Outcome| if over_nodes { run.nodes } else { run.batch as f64 };
+    // In the order of the flags, as everywhere on the page.
+    let mut links: Vec<String> = Vec::new();
+    for label in runs.iter().map(Outcome::label) {
+        if !links.contains(&label) {
+            links.push(label);
+        }
+    }
+    let curve = |name: &str, class, mark, of: &dyn Fn(&Outcome) -> Option<f64>| {
+        let mut points: Vec<(f64, f64)> = runs.iter().filter_map(|run| Some((x(run), of(run)?))).collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        points.dedup();
+        Series { name: name.to_owned(), class, mark, points }
+    };
+    let of_link = |(link, (class, mark)): (&String, (&'static str, Mark))| {
+        curve(link, class, mark, &|run| (run.label() == *link).then_some(run.bytes.total))
+    };
+    let mut series: Vec<Series> = links.iter().zip(styles()).map(of_link).collect();
+    series.push(curve("2(4n+hn/b)+3(72+h), h = 50", "model", Mark::Dashed, &|run| Some(run.bytes.corrected)));
+    series.push(curve("paper: 8nh/b+3(72+h)", "paper", Mark::Dashed, &|run| Some(run.bytes.paper)));
+    // A single value of x makes no curve.
+    if series.iter().all(|series| series.points.len() < 2) {
+        return Markup::default();
+    }
+    let x = if over_nodes { "ids a frame (n)" } else { "ids a batch (b)" };
+    let chart = Chart { x, y: "bytes a frame", series, ..Chart::default() };
+    card(&format!("{}: bytes a frame beside the formulas", network(runs)), &chart, "")
+}
+
+fn bytes_by_kind(runs: &[Outcome]) -> Markup {
+    let caption = format!("{}, bytes a frame", network(runs));
+    let figures = |run: &Outcome| BYTES.map(|column| figure((column.of)(&run.bytes))).into();
+    runs_table(&caption, &BYTES.map(|column| column.title), runs, figures)
+}
+
+fn timeline(run: &Outcome) -> Markup {
     let frames: Vec<Frame> = run.times.iter().zip(0..).map(|(times, frame)| spans(frame, times)).collect();
     let slowest = run.times.iter().enumerate().max_by_key(|(_, times)| times.shown.since(times.published));
-    let Some(window) = slowest.and_then(|(place, _)| Timeline::around(&frames, place)) else {
-        return String::new();
-    };
-    format!(
-        "<details><summary>{}: {}, n {}, b {}</summary>{}</details>",
-        escape(&run.network),
-        escape(&run.label()),
-        figure(run.nodes),
-        run.batch,
-        window.svg()
-    )
+    html! {
+        @if let Some(window) = slowest.and_then(|(index, _)| Timeline::around(&frames, index)) {
+            details {
+                summary { (run.network) ": " (run.label()) ", n " (figure(run.nodes)) ", b " (run.batch) }
+                (window)
+            }
+        }
+    }
 }
 
 /// When the roles were busy with a frame.
@@ -167,4 +294,22 @@ fn spans(frame: u32, times: &FrameTimes) -> Frame {
         span(Role::Rvg, Seat::Display, times.arrived, times.shown),
     ];
     Frame { frame, timeline, ..Frame::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_point_says_how_many_frames_take_longer() {
+        let times: Vec<f64> = (0..1000).map(f64::from).collect();
+        let points = exceedance(&times);
+        assert_eq!(points[0], (0.0, 1.0));
+        for (time, share) in &points {
+            let longer = times.iter().filter(|t| *t >= time).count() as f64 / 1000.0;
+            assert!((longer - share).abs() < 0.001, "{time}: {longer} {share}");
+        }
+        assert!(points.last().unwrap().1 < 0.0012);
+        assert!(exceedance(&[]).is_empty());
+    }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-pub use trimaran_cull::reference::FalseCullCause;
+pub use trimaran_audit::{FalseCullCause, metrics::ImageDifference};
 
 /// One frame: pose, times, what was drawn, what should have been, and what it cost on the wire.
 ///
@@ -80,7 +80,7 @@ pub struct Frame {
     /// Pixels whose colour differs from the unculled picture of the same level cut. Must be 0.
     pub cut_mismatch_pixels: Option<u64>,
     /// The picture against full detail: the error of the levels.
-    pub full_detail: Option<PictureError>,
+    pub full_detail: Option<ImageDifference>,
 
     /// All bytes sent for this frame over all links, headers included.
     pub bytes: Option<u64>,
@@ -157,32 +157,6 @@ pub struct FalseCull {
     pub nodes: u64,
     /// Pixels they own.
     pub pixels: u64,
-}
-
-/// One picture against another.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct PictureError {
-    /// Peak signal-to-noise ratio over red, green and blue, decibels; `null` if the pictures are equal
-    /// (infinite).
-    pub psnr_db: Option<f64>,
-    /// Mean of the FLIP error map, 0 (equal) to 1.
-    pub flip_mean: Option<f64>,
-    /// 99th percentile of the FLIP error map.
-    pub flip_p99: Option<f64>,
-    /// Pixels whose colour differs.
-    pub mismatching_pixels: u64,
-    /// Largest distance of a pixel that only one of the pictures covers to the nearest surface of the other,
-    /// pixels; the picture's diagonal if there is none.
-    pub silhouette_max_px: Option<f64>,
-    /// 95th percentile of that distance, over the outline pixels of both as well (0 where both cover them).
-    pub silhouette_p95_px: Option<f64>,
-    /// Largest distance of a covered pixel, of either picture, to the same thing's surface in the other,
-    /// pixels.
-    #[serde(default)]
-    pub surface_max_px: Option<f64>,
-    /// 95th percentile of that distance over the covered pixels of both.
-    #[serde(default)]
-    pub surface_p95_px: Option<f64>,
 }
 
 /// Bytes sent for a frame over all links, by kind.

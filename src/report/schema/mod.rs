@@ -17,7 +17,7 @@ mod sweep;
 
 pub use ended::{Ended, HowEnded};
 pub use frame::{
-    BytesByKind, CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, PassTime, PictureError,
+    BytesByKind, CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, ImageDifference, PassTime,
     Role, Span, VisibleObject,
 };
 pub use metric::{METRICS, Metric};
@@ -61,7 +61,7 @@ pub struct Report {
 
 /// The picture that all frames of a run share: the top-level keys that a path file has as well.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lens {
+pub struct Projection {
     /// Width, pixels.
     pub width: u32,
     /// Height, pixels.
@@ -76,9 +76,15 @@ impl Report {
     /// A report of `frames`, summarised. `wall_ms` is the time from the first picture shown to the last, if
     /// it was measured.
     #[must_use]
-    pub fn new(run: Run, lens: Lens, frames: Vec<Frame>, wall_ms: Option<f64>, ended: Ended) -> Self {
+    pub fn new(
+        run: Run,
+        projection: Projection,
+        frames: Vec<Frame>,
+        wall_ms: Option<f64>,
+        ended: Ended,
+    ) -> Self {
         let summary = Summary::of(&run, &frames, wall_ms, ended);
-        let Lens { width, height, vfov_deg, near } = lens;
+        let Projection { width, height, vfov_deg, near } = projection;
         Self {
             schema_version: SCHEMA_VERSION,
             run,

@@ -77,7 +77,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::report::schema::PictureError;
+    use crate::report::schema::ImageDifference;
 
     #[test]
     fn percentiles_are_nearest_rank() {
@@ -93,7 +93,7 @@ mod tests {
     #[test]
     fn equal_pictures_count_as_infinite_psnr() {
         let error = |psnr_db, mismatching_pixels| Frame {
-            full_detail: Some(PictureError {
+            full_detail: Some(ImageDifference {
                 psnr_db,
                 flip_mean: None,
                 flip_p99: None,

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
-use trimaran_cull::reference::SURFACE_SLACK_PX;
+use trimaran_audit::SURFACE_SLACK_PX;
 use trimaran_netsim::FrameLoad;
 
 use super::{BytesByKind, Ended, FalseCull, FalseCullCause, Frame, LowStat, METRICS, Model, Run, Stat};

@@ -1,7 +1,7 @@
 //! What the passes draw, pixel by pixel.
 
 use glam::{DVec3, Mat3, Vec3};
-use trimaran_cull::{Picture, Viewport};
+use trimaran_cull::{Image, Viewport};
 use trimaran_gpu::{BACKGROUND, GpuError, ItemImage, ItemPass, OccluderPass, PicturePass};
 use trimaran_proto::DrawableId;
 
@@ -143,7 +143,7 @@ fn any_size_is_drawn_to_its_last_pixel() {
         picture_pass.begin(&view).unwrap();
         picture_pass.draw(&ids(1)).unwrap();
         picture_pass.finish().unwrap();
-        let mut picture = Picture::default();
+        let mut picture = Image::default();
         picture_pass.read(&mut picture).unwrap();
         assert_eq!((picture.width, picture.height, picture.rgba.len()), (width, height, 4 * pixels));
         assert!(picture.rgba.chunks(4).all(|pixel| pixel != BACKGROUND && pixel[3] == 255));

@@ -3,11 +3,10 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
-use trimaran_cull::reference::cases::Dice;
-use trimaran_cull::reference::{Placement, ReferenceTester, rasterize};
-use trimaran_cull::{Answer, BoxTester, TestBox, View};
+use trimaran_audit::{Placement, ReferenceTest, rasterize};
+use trimaran_cull::{Answer, OcclusionTest, TestBox, View};
 use trimaran_gpu::{GpuScene, OccluderPass};
-use trimaran_scene::Scene;
+use trimaran_scene::{Scene, random::Random};
 
 use crate::common::{CheckedGpu, Part, ids, scene, upload, view};
 
@@ -17,12 +16,12 @@ fn upright(centre: Vec3, half: Vec3) -> TestBox {
 }
 
 /// A box in front of the eye in any pose, of about `size` metres.
-fn random_box(dice: &mut Dice, size: f64) -> TestBox {
-    let centre = dice.point(DVec3::new(-6.0, -6.0, -12.0), DVec3::new(6.0, 6.0, -2.5));
-    let rotation = dice.rotation();
-    let half = dice.point(DVec3::splat(0.05 * size), DVec3::splat(size));
+fn random_box(random: &mut Random, size: f64) -> TestBox {
+    let centre = random.point(DVec3::new(-6.0, -6.0, -12.0), DVec3::new(6.0, 6.0, -2.5));
+    let rotation = random.rotation();
+    let half = random.point(DVec3::splat(0.05 * size), DVec3::splat(size));
     // One box in two is left-handed: its corners wind the other way.
-    let hand = if dice.bits() & 1 == 0 { 1.0 } else { -1.0 };
+    let hand = if random.bits() & 1 == 0 { 1.0 } else { -1.0 };
     TestBox {
         centre: centre.as_vec3(),
         axes: [DVec3::X * half.x * hand, DVec3::Y * half.y, DVec3::Z * half.z]
@@ -51,7 +50,7 @@ fn ask(gpu: &CheckedGpu, scene: &Arc<Scene>, view: &View, boxes: &[TestBox]) -> 
     let all = ids(scene.drawables().len());
     let picture = rasterize(scene, view, all.iter().copied(), Placement::Single);
     let mut reference = Vec::new();
-    ReferenceTester::new(&picture).test(view, boxes, &mut reference).unwrap();
+    ReferenceTest::new(&picture).test(view, boxes, &mut reference).unwrap();
 
     let uploaded = GpuScene::upload(gpu, scene).unwrap();
     let mut pass = OccluderPass::new(&uploaded, view.viewport()).unwrap();
@@ -72,10 +71,11 @@ fn ask(gpu: &CheckedGpu, scene: &Arc<Scene>, view: &View, boxes: &[TestBox]) -> 
 fn queries_and_counting_agree_with_the_reference_on_random_boxes() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let scene = Arc::new(scene(&walls()));
-    let mut dice = Dice::new(1);
+    let mut random = Random::new(1);
     for (width, height) in [(256, 256), (333, 177)] {
         let view = view(width, height, DVec3::ZERO);
-        let boxes: Vec<TestBox> = (0..2500).map(|i| random_box(&mut dice, [1.5, 0.3, 0.06][i % 3])).collect();
+        let boxes: Vec<TestBox> =
+            (0..2500).map(|i| random_box(&mut random, [1.5, 0.3, 0.06][i % 3])).collect();
         let Answers { reference, query, raster } = ask(&gpu, &scene, &view, &boxes);
         assert_eq!(query, raster);
         let hidden = reference.iter().filter(|&&count| count == 0).count();
@@ -126,8 +126,8 @@ fn boxes_smaller_than_a_pixel_agree_with_the_reference() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let scene = Arc::new(scene(&walls()));
     let view = view(200, 200, DVec3::ZERO);
-    let mut dice = Dice::new(2);
-    let boxes: Vec<TestBox> = (0..4000).map(|_| random_box(&mut dice, 0.03)).collect();
+    let mut random = Random::new(2);
+    let boxes: Vec<TestBox> = (0..4000).map(|_| random_box(&mut random, 0.03)).collect();
     let Answers { reference, query, raster } = ask(&gpu, &scene, &view, &boxes);
     assert_eq!(query, raster);
     assert!(query.contains(&0) && query.contains(&1));
@@ -172,8 +172,8 @@ fn batches_of_any_size_are_answered_in_order() {
     let mut pass = OccluderPass::new(&scene, view.viewport()).unwrap();
     pass.begin(&view).unwrap();
     pass.draw(&ids(3)).unwrap();
-    let mut dice = Dice::new(3);
-    let boxes: Vec<TestBox> = (0..70_000).map(|_| random_box(&mut dice, 0.2)).collect();
+    let mut random = Random::new(3);
+    let boxes: Vec<TestBox> = (0..70_000).map(|_| random_box(&mut random, 0.2)).collect();
     let mut all = Vec::new();
     pass.raster_tester().unwrap().test(&view, &boxes, &mut all).unwrap();
     assert_eq!(all.len(), boxes.len());

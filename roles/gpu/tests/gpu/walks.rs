@@ -4,10 +4,10 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use trimaran_cull::reference::cases::{Case, hard_cases, plant, plant_views};
-use trimaran_cull::reference::{Placement, rasterize};
+use trimaran_audit::cases::{Case, hard_cases, plant, plant_views};
+use trimaran_audit::{Placement, rasterize};
 use trimaran_cull::{
-    Culler, CutRule, DepthPyramid, HzbTester, NoOccluders, View, Viewport, draw_order, level_cut, occluders,
+    Culler, DepthPyramid, HzbTest, LodRule, NoOccluders, View, Viewport, draw_order, lod_cut, occluders,
 };
 use trimaran_gpu::{GpuScene, ItemImage, ItemPass, OccluderPass};
 use trimaran_proto::DrawableId;
@@ -24,7 +24,7 @@ enum Tester {
 /// The three roles on one device.
 struct Walk<'g> {
     culler: Culler,
-    rule: CutRule,
+    rule: LodRule,
     tester: Tester,
     occluder_pass: OccluderPass,
     item_pass: ItemPass,
@@ -42,7 +42,7 @@ struct Frame {
 }
 
 impl<'g> Walk<'g> {
-    fn new(gpu: &'g CheckedGpu, case: &Case, rule: CutRule, tester: Tester) -> Self {
+    fn new(gpu: &'g CheckedGpu, case: &Case, rule: LodRule, tester: Tester) -> Self {
         let scene = GpuScene::upload(gpu, &case.scene).unwrap();
         let size = case.views[0].viewport();
         Self {
@@ -61,7 +61,7 @@ impl<'g> Walk<'g> {
         let scene = Arc::clone(self.culler.scene());
         let mut emitted = self.cull(view);
         draw_order(&scene, view, &mut emitted);
-        let mut cut = level_cut(&scene, view, self.rule);
+        let mut cut = lod_cut(&scene, view, self.rule);
         draw_order(&scene, view, &mut cut);
         self.last = Some(emitted.clone());
         Frame { culled: self.items(view, &emitted), truth: self.items(view, &cut), emitted, cut }
@@ -88,7 +88,7 @@ impl<'g> Walk<'g> {
             Tester::Pyramid => {
                 let image = occluder_pass.read_depth().unwrap();
                 pyramid.rebuild(image);
-                culler.cull(view, *rule, &mut HzbTester::new(image, pyramid).unwrap(), sink).unwrap();
+                culler.cull(view, *rule, &mut HzbTest::new(image, pyramid).unwrap(), sink).unwrap();
             }
         }
         emitted
@@ -107,7 +107,7 @@ impl<'g> Walk<'g> {
 fn assert_exact(gpu: &CheckedGpu, case: &Case, tester: Tester) -> (usize, usize) {
     let (mut drawn, mut whole) = (0, 0);
     for epsilon in [0.5, 4.0] {
-        let mut walk = Walk::new(gpu, case, CutRule::new(epsilon).unwrap(), tester);
+        let mut walk = Walk::new(gpu, case, LodRule::new(epsilon).unwrap(), tester);
         for view in &case.views {
             let Frame { culled, truth, emitted, cut } = walk.frame(view);
             let at = format!("{}, {tester:?}, epsilon {epsilon}, {}", case.name, view.camera().frame());
@@ -167,16 +167,16 @@ fn culling_a_plant_is_exact_and_hides_most_of_it_with_every_tester() {
 fn the_item_buffer_agrees_with_the_reference_picture() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let case = plant_case(DVec3::new(1e6, 2e6, 0.0));
-    let rule = CutRule::new(1.0).unwrap();
+    let rule = LodRule::new(1.0).unwrap();
     let mut walk = Walk::new(&gpu, &case, rule, Tester::Query);
     let (mut pixels, mut differing) = (0, 0);
     for view in case.views.iter().step_by(6) {
-        let mut cut = level_cut(&case.scene, view, rule);
+        let mut cut = lod_cut(&case.scene, view, rule);
         draw_order(&case.scene, view, &mut cut);
         let expected = rasterize(&case.scene, view, cut.iter().copied(), Placement::Single);
         let items = walk.items(view, &cut);
         let drawn = items.drawable.iter().zip(&items.triangle);
-        for (item, (&drawable, &triangle)) in expected.items().iter().zip(drawn) {
+        for (item, (&drawable, &triangle)) in expected.ids().iter().zip(drawn) {
             let expected =
                 item.map_or((ItemImage::BACKGROUND, ItemImage::BACKGROUND), |i| (i.drawable.0, i.triangle));
             pixels += 1;

@@ -1,0 +1,74 @@
+//! Names for why something visible was not drawn.
+
+use serde::{Deserialize, Serialize};
+
+/// Why a visible drawable was not drawn: the first step on its way from the root of the tree to the picture
+/// that went wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FalseCullCause {
+    /// Another level was drawn in its place, or it is hidden by an occluder that is not of the frame's LOD
+    /// cut: the roles did not choose alike.
+    LevelMismatch,
+    /// The rule of the paper's section 4.5.2 was on, and a node above it was drawn in its place.
+    PixelCountRule,
+    /// A box on the way does not hold the surface that shows.
+    BoxTooSmall,
+    /// A box that holds the surface was taken to be outside the frustum.
+    OutsideFrustum,
+    /// A box that reaches nearer than the near plane was tested instead of being taken as visible.
+    NearPlane,
+    /// The depth tested against was drawn from the camera of an earlier frame.
+    StaleCamera,
+    /// The depth tested against lies in front of the surface that shows: two passes or two devices placed it
+    /// differently.
+    OccluderTooNear,
+    /// The box given to the occlusion test covers none of the pixels at which the surface shows.
+    MissedSamples,
+    /// The box, before it is grown, is level with the depth tested against, and lost to it.
+    DepthTie,
+    /// The box is clearly in front at a pixel of the surface, and the occlusion test said that it is hidden.
+    #[serde(rename = "tester_hid")]
+    TestHid,
+    /// Every step keeps it, and more ids were sent than drawn.
+    LostIds,
+    /// Every step keeps it when done again, and all ids arrived.
+    Unattributed,
+}
+
+impl FalseCullCause {
+    /// All causes, in the order of tables.
+    pub const ALL: [Self; 12] = [
+        Self::LevelMismatch,
+        Self::PixelCountRule,
+        Self::BoxTooSmall,
+        Self::OutsideFrustum,
+        Self::NearPlane,
+        Self::StaleCamera,
+        Self::OccluderTooNear,
+        Self::MissedSamples,
+        Self::DepthTie,
+        Self::TestHid,
+        Self::LostIds,
+        Self::Unattributed,
+    ];
+
+    /// The cause in words.
+    #[must_use]
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::LevelMismatch => "the roles drew different levels of it, or of what hides it",
+            Self::PixelCountRule => "the pixel-count rule (option) drew a node above it",
+            Self::BoxTooSmall => "a box does not hold its surface",
+            Self::OutsideFrustum => "a box that shows was taken to be outside the frustum",
+            Self::NearPlane => "a box across the near plane was tested",
+            Self::StaleCamera => "the occluders were drawn from an earlier frame's camera",
+            Self::OccluderTooNear => "an occluder's depth lies in front of its surface",
+            Self::MissedSamples => "its box covers none of its pixels",
+            Self::DepthTie => "its box lost a depth tie",
+            Self::TestHid => "the occlusion test hid a box that shows",
+            Self::LostIds => "its id did not arrive",
+            Self::Unattributed => "no step repeats it",
+        }
+    }
+}

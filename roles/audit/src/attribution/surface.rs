@@ -1,0 +1,80 @@
+//! Where the surface of a missing drawable lies, by the f64 rasterizer.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use trimaran_cull::View;
+use trimaran_scene::Scene;
+
+use super::Missing;
+use crate::id_buffer::{Placement, triangles};
+use crate::raster::rasterize_triangle;
+
+/// A pixel's centre may be covered by a surface that ends so far beside it: corners move by the sub-pixel
+/// step.
+const SNAP_PX: f64 = 1.0 / 256.0;
+
+/// A point of a missing surface, at the centre of a pixel that it owns.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SurfacePoint {
+    pub(super) pixel: usize,
+    /// In view space, metres.
+    pub(super) place: DVec3,
+    /// Reversed depth.
+    pub(super) depth: f64,
+    /// By what fraction depths of this surface may differ between passes.
+    pub(super) tolerance: f64,
+}
+
+impl SurfacePoint {
+    /// How far from the surface this point may lie, metres.
+    pub(super) fn leeway(&self, view: &View) -> f64 {
+        let focal = view.focal_x().min(view.focal_y());
+        -self.place.z * (SNAP_PX / focal + self.tolerance)
+    }
+}
+
+/// Where the f64 rasterizer puts the missing surface at its pixels. Pixels on its very edge may not be
+/// among them. `slack` is how far its node's box is inflated, metres.
+pub(super) fn surface_of(missing: &Missing, scene: &Scene, view: &View, slack: f64) -> Vec<SurfacePoint> {
+    let Some(drawable) = scene.drawables().get(missing.id.index()) else { return Vec::new() };
+    let mut nearest: BTreeMap<usize, Option<SurfacePoint>> =
+        missing.pixels.iter().map(|&pixel| (pixel, None)).collect();
+    for corners in triangles(scene, view, drawable, Placement::Exact) {
+        let snap = depth_of_a_snap(view, &corners);
+        rasterize_triangle(view, corners, |hit| {
+            let Some(found) = nearest.get_mut(&hit.pixel) else { return };
+            if found.is_none_or(|found| hit.depth > found.depth) {
+                let place = unproject(view, hit.pixel, hit.depth);
+                // Each of two passes may be off by the slack, and by a step of the sub-pixel grid where
+                // the surface is steep.
+                let tolerance = 2.0 * slack / -place.z + snap / hit.depth;
+                *found = Some(SurfacePoint { pixel: hit.pixel, place, depth: hit.depth, tolerance });
+            }
+        });
+    }
+    nearest.into_values().flatten().collect()
+}
+
+/// The point at a pixel's centre with this reversed depth, in view space.
+pub(super) fn unproject(view: &View, pixel: usize, depth: f64) -> DVec3 {
+    let (width, height) = (view.viewport().width() as usize, f64::from(view.viewport().height()));
+    let distance = f64::from(view.camera().near()) / depth;
+    let (x, y) = ((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
+    DVec3::new(
+        (x - width as f64 * 0.5) / view.focal_x() * distance,
+        (height * 0.5 - y) / view.focal_y() * distance,
+        -distance,
+    )
+}
+
+/// By how much the reversed depth of a triangle changes over a step of the sub-pixel grid, right and down
+/// together.
+fn depth_of_a_snap(view: &View, [a, b, c]: &[DVec3; 3]) -> f64 {
+    let normal = (*b - *a).cross(*c - *a);
+    // Reversed depth is near / distance, which on the plane `normal . p = offset` is linear on the screen.
+    let scale = f64::from(view.camera().near()) / normal.dot(*a);
+    let gradient = ((normal.x / view.focal_x()).abs() + (normal.y / view.focal_y()).abs()) * scale.abs();
+    // A plane through the eye is seen edge on: nothing is known of depths on it.
+    if gradient.is_finite() { SNAP_PX * gradient } else { 0.0 }
+}

@@ -1,0 +1,12 @@
+//! Small scenes and views for tests: the hard cases of culling, and a random plant to walk through. Tests on
+//! a GPU use the same ones as the f64 reference.
+
+mod altered;
+mod builder;
+mod hard;
+mod plant;
+
+pub use altered::{with_halved_boxes, with_records};
+pub use builder::{Mesh, Object, build};
+pub use hard::{Case, CaseError, hard_cases, looking};
+pub use plant::{plant, plant_views};

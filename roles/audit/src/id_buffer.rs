@@ -1,0 +1,163 @@
+//! Drawables to an ID buffer with depth (the paper: item buffer): which triangle shows at each pixel.
+
+use glam::{DVec3, Vec3};
+use trimaran_cull::{View, Viewport};
+use trimaran_proto::DrawableId;
+use trimaran_scene::{Drawable, Scene};
+
+use crate::raster::{Coverage, rasterize_triangle};
+
+/// The triangle that shows at a pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct TriangleId {
+    /// The drawable.
+    pub drawable: DrawableId,
+    /// The triangle in it, counted from 0.
+    pub triangle: u32,
+}
+
+/// How vertices get from their node's frame to view space.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Placement {
+    /// In f64 all the way.
+    #[default]
+    Exact,
+    /// As a GPU does: matrix and translation about the eye composed in f64, rounded to f32, and applied in
+    /// f32.
+    Single,
+}
+
+/// Depth and triangle at every pixel, row by row from the top left.
+#[derive(Debug, Clone, PartialEq)]
+pub struct IdBuffer {
+    viewport: Viewport,
+    depth: Vec<f64>,
+    ids: Vec<Option<TriangleId>>,
+}
+
+impl IdBuffer {
+    /// An empty buffer: the background everywhere.
+    #[must_use]
+    pub fn new(viewport: Viewport) -> Self {
+        let pixels = viewport.width() as usize * viewport.height() as usize;
+        Self { viewport, depth: vec![0.0; pixels], ids: vec![None; pixels] }
+    }
+
+    /// The size.
+    #[must_use]
+    pub const fn viewport(&self) -> Viewport {
+        self.viewport
+    }
+
+    /// Reversed depth (near / distance); 0 for the background.
+    #[must_use]
+    pub fn depth(&self) -> &[f64] {
+        &self.depth
+    }
+
+    /// Reversed depth as a D32 buffer holds it.
+    #[must_use]
+    pub fn depth32(&self) -> Vec<f32> {
+        self.depth.iter().map(|&depth| depth as f32).collect()
+    }
+
+    /// The triangle at each pixel; `None` for the background.
+    #[must_use]
+    pub fn ids(&self) -> &[Option<TriangleId>] {
+        &self.ids
+    }
+
+    /// The drawables seen, each once, in ascending order.
+    #[must_use]
+    pub fn seen(&self) -> Vec<DrawableId> {
+        let mut seen: Vec<DrawableId> = self.ids.iter().flatten().map(|id| id.drawable).collect();
+        seen.sort_unstable();
+        seen.dedup();
+        seen
+    }
+
+    /// The number of pixels at which the other buffer has another triangle.
+    #[must_use]
+    pub fn differing_pixels(&self, other: &Self) -> usize {
+        let unpaired = self.ids.len().abs_diff(other.ids.len());
+        unpaired + self.ids.iter().zip(&other.ids).filter(|(a, b)| a != b).count()
+    }
+
+    /// Keeps the nearer of what is drawn and a pixel of a triangle that belongs to no drawable: an occluder
+    /// by hand.
+    pub fn cover(&mut self, hit: Coverage) {
+        if let Some(depth) = self.depth.get_mut(hit.pixel) {
+            *depth = depth.max(hit.depth);
+        }
+    }
+
+    /// Moves all that is drawn nearer to the eye by a fraction of its distance: a fault to be found.
+    pub(crate) fn bring_nearer(&mut self, fraction: f64) {
+        for depth in &mut self.depth {
+            *depth *= 1.0 + fraction;
+        }
+    }
+
+    /// Draws one drawable. Where depths are equal, what was drawn first stays.
+    pub fn draw(&mut self, scene: &Scene, view: &View, id: DrawableId, placement: Placement) {
+        let Some(drawable) = scene.drawables().get(id.index()) else { return };
+        for (triangle, corners) in (0..).zip(triangles(scene, view, drawable, placement)) {
+            rasterize_triangle(view, corners, |hit| {
+                let (Some(depth), Some(shown)) = (self.depth.get_mut(hit.pixel), self.ids.get_mut(hit.pixel))
+                else {
+                    return;
+                };
+                let nearness = match placement {
+                    Placement::Exact => hit.depth,
+                    Placement::Single => f64::from(hit.depth as f32),
+                };
+                if nearness > *depth {
+                    *depth = nearness;
+                    *shown = Some(TriangleId { drawable: id, triangle });
+                }
+            });
+        }
+    }
+}
+
+/// Draws `ids` in the order given.
+#[must_use]
+pub fn rasterize(
+    scene: &Scene,
+    view: &View,
+    ids: impl IntoIterator<Item = DrawableId>,
+    placement: Placement,
+) -> IdBuffer {
+    let mut buffer = IdBuffer::new(view.viewport());
+    for id in ids {
+        buffer.draw(scene, view, id, placement);
+    }
+    buffer
+}
+
+/// The drawable's triangles in view space.
+pub(crate) fn triangles<'s>(
+    scene: &'s Scene,
+    view: &View,
+    drawable: &Drawable,
+    placement: Placement,
+) -> impl Iterator<Item = [DVec3; 3]> + use<'s> {
+    let first = drawable.first_index as usize;
+    let indices = scene.indices().get(first..first + drawable.index_count as usize).unwrap_or_default();
+    let base = drawable.vertex_offset as usize;
+    let node = scene.nodes().get(drawable.node as usize);
+    let place = node.map(|node| {
+        (view.to_view() * node.linear().as_dmat3(), view.to_view() * (node.origin() - view.eye()))
+    });
+    let corner = move |index: u32| {
+        let vertex = scene.vertices().get(base + index as usize)?;
+        let (linear, origin) = place?;
+        let position = Vec3::from_array(vertex.position);
+        Some(match placement {
+            Placement::Exact => origin + linear * position.as_dvec3(),
+            Placement::Single => (origin.as_vec3() + linear.as_mat3() * position).as_dvec3(),
+        })
+    };
+    let (triples, _) = indices.as_chunks::<3>();
+    triples.iter().filter_map(move |[a, b, c]| Some([corner(*a)?, corner(*b)?, corner(*c)?]))
+}

@@ -1,0 +1,269 @@
+//! The LOD cut: which level of detail of which nodes shows the scene within a given error on the screen.
+//!
+//! Going down from the root, a node is drawn at its coarsest level whose error, projected to the screen, is
+//! within the rule's bound; where no level is good enough its children are asked instead (the paper, section
+//! 4.1). What is drawn is a cut through the tree: each leaf has exactly one node of the cut on its path to
+//! the root.
+//!
+//! # The projected error
+//! Let `p` and `q` be points in view space, one of the finest geometry and one of a level, no further apart
+//! than the level's certified error `e`. Both lie in the node's box, which bounds every level below it. With
+//! depths `zp`, `zq` and focal length `f` in pixels, their distance on the screen is
+//!
+//! ```text
+//! f / (zp zq) * |(zq px - zp qx, zq py - zp qy)|
+//! ```
+//!
+//! and the vector is two components of `p x q = p x (q - p)`, so its length is at most `|p| e`: the distance
+//! is at most `f e (|p| / zp) / zq`, and just as well `f e (|q| / zq) / zp`. One of the two points is inside
+//! the frustum (else the difference is not seen); call it `p`. Then `|p| / zp` is at most `sqrt(1 + tan_x^2 +
+//! tan_y^2)`, and at most the greatest such ratio over the box; `zp` is at least the box's smallest depth,
+//! and at least the eye's distance from the box over that ratio; `zq` is at least the box's smallest depth,
+//! and at least `zp - e`. This holds at any angle off the axis, where a rule by distance alone comes out up
+//! to `1 / cos^2` too small.
+//!
+//! Where `zq` may reach the near plane (the eye is in the box, say) the bound is infinite and the node is
+//! refined.
+//!
+//! # The same bits everywhere
+//! OR, HC and RVG may run on different machines and must choose alike. All of this is f64 addition,
+//! subtraction, multiplication, division, square root, minimum and maximum in a fixed order, each of which
+//! IEEE 754 defines to the last bit and none of which Rust fuses.
+
+use glam::{DMat3, DVec3};
+use thiserror::Error;
+use trimaran_proto::DrawableId;
+use trimaran_scene::{Node, NodeId, Scene};
+
+use crate::View;
+use crate::frustum::Frustum;
+
+/// When a level of detail is good enough.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LodRule {
+    epsilon_px: f64,
+    few_pixels: bool,
+}
+
+/// An error bound that no rule can have.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+#[error("an error bound of {0} pixels: it must be a finite number above 0")]
+pub struct LodRuleError(pub f64);
+
+impl LodRule {
+    /// A level is good enough if nothing on the screen moves by more than `epsilon_px` pixels.
+    ///
+    /// # Errors
+    /// If the bound is not a finite number above 0.
+    pub fn new(epsilon_px: f64) -> Result<Self, LodRuleError> {
+        if epsilon_px.is_finite() && epsilon_px > 0.0 {
+            Ok(Self { epsilon_px, few_pixels: false })
+        } else {
+            Err(LodRuleError(epsilon_px))
+        }
+    }
+
+    /// The same rule with the paper's section 4.5.2 on or off: a node whose box shows at fewer pixels than
+    /// the error bound is drawn as it is and not refined. That compares a count with a length, and it
+    /// makes what is drawn depend on what is visible: the exactness of culling does not hold under it.
+    /// Off unless asked for.
+    #[must_use]
+    pub const fn stopping_at_few_pixels(self, on: bool) -> Self {
+        Self { few_pixels: on, ..self }
+    }
+
+    /// The error bound in pixels.
+    #[must_use]
+    pub const fn epsilon_px(self) -> f64 {
+        self.epsilon_px
+    }
+
+    /// Whether section 4.5.2 of the paper is on.
+    #[must_use]
+    pub const fn stops_at_few_pixels(self) -> bool {
+        self.few_pixels
+    }
+}
+
+/// What to do with a node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Choice {
+    /// Draw it at this level.
+    Draw(DrawableId),
+    /// No level of it is good enough: ask its children.
+    Refine,
+}
+
+/// The cut of one scene for one view: chooses levels and says what is outside the frustum. It borrows the
+/// scene and holds what the choice needs of the view.
+#[derive(Debug, Clone, Copy)]
+pub struct LodCut<'s> {
+    scene: &'s Scene,
+    frustum: Frustum,
+    eye: DVec3,
+    to_view: DMat3,
+    focal: f64,
+    spread: f64,
+    near: f64,
+    epsilon: f64,
+}
+
+impl<'s> LodCut<'s> {
+    /// The cut of `scene` seen from `view` under `rule`.
+    #[must_use]
+    pub fn new(scene: &'s Scene, view: &View, rule: LodRule) -> Self {
+        let (tan_x, tan_y) = (view.tan_half_fov_x(), view.tan_half_fov_y());
+        Self {
+            scene,
+            frustum: Frustum::new(view),
+            eye: view.eye(),
+            to_view: view.to_view(),
+            focal: view.focal_x().max(view.focal_y()),
+            spread: (1.0 + tan_x * tan_x + tan_y * tan_y).sqrt(),
+            near: f64::from(view.camera().near()),
+            epsilon: rule.epsilon_px(),
+        }
+    }
+
+    /// What this cut does with a node, given that it comes to it: the coarsest level that is good enough;
+    /// without one, refine; for a leaf without one, its finest level (Algorithm 4.1 would drop it).
+    #[must_use]
+    pub fn choose(&self, node: &Node) -> Choice {
+        let magnification = self.magnification(node);
+        for id in node.levels().rev() {
+            let error =
+                self.scene.drawables().get(id.index()).map_or(f64::INFINITY, |level| f64::from(level.error));
+            if magnification.error_on_screen(error) <= self.epsilon {
+                return Choice::Draw(id);
+            }
+        }
+        match node.levels().next() {
+            Some(finest) if node.is_leaf() => Choice::Draw(finest),
+            _ => Choice::Refine,
+        }
+    }
+
+    /// An upper bound of the distance on the screen, in pixels, between points of the node that are `error`
+    /// metres apart and of which one is in the frustum. 0 for an error of 0; infinite where the box
+    /// reaches the near plane.
+    #[must_use]
+    pub fn error_on_screen(&self, node: &Node, error: f64) -> f64 {
+        self.magnification(node).error_on_screen(error)
+    }
+
+    /// All drawables of the cut that are not outside the frustum, in the order of a breadth-first traversal:
+    /// what is drawn without culling.
+    #[must_use]
+    pub fn drawables(&self) -> Vec<DrawableId> {
+        let mut drawn = Vec::new();
+        if self.scene.nodes().is_empty() {
+            return drawn;
+        }
+        let mut level = vec![NodeId(0)];
+        let mut next = Vec::new();
+        while !level.is_empty() {
+            for node in level.drain(..).filter_map(|id| self.scene.nodes().get(id.0 as usize)) {
+                if self.outside(node) {
+                    continue;
+                }
+                match self.choose(node) {
+                    Choice::Draw(id) => drawn.push(id),
+                    Choice::Refine => next.extend(node.children().map(NodeId)),
+                }
+            }
+            std::mem::swap(&mut level, &mut next);
+        }
+        drawn
+    }
+
+    /// Whether the node's box is certainly outside the frustum.
+    #[must_use]
+    pub fn outside(&self, node: &Node) -> bool {
+        self.frustum.excludes_world_box(node)
+    }
+
+    /// The scene this is a cut of.
+    #[must_use]
+    pub const fn scene(&self) -> &'s Scene {
+        self.scene
+    }
+
+    fn magnification(&self, node: &Node) -> Magnification {
+        let (min, max) = node.world_box();
+        let half = (max - min) * 0.5;
+        let centre = self.to_view * ((min + max) * 0.5 - self.eye);
+        let reach = DVec3::new(
+            extent(self.to_view.row(0), half),
+            extent(self.to_view.row(1), half),
+            extent(self.to_view.row(2), half),
+        );
+        let nearest = -centre.z - reach.z;
+        if !nearest.is_finite() {
+            return Magnification {
+                focal_spread: f64::NAN,
+                nearest: f64::NAN,
+                seen: f64::NAN,
+                near: self.near,
+            };
+        }
+        // How far off the axis the box goes: a bound of |p| / zp over the box where all of it is before the
+        // eye.
+        let spread = if nearest > 0.0 {
+            let (x, y) = (centre.x.abs() + reach.x, centre.y.abs() + reach.y);
+            self.spread.min((1.0 + (x * x + y * y) / (nearest * nearest)).sqrt())
+        } else {
+            self.spread
+        };
+        let outside = (min - self.eye).max(self.eye - max).max(DVec3::ZERO);
+        let distance = (outside.x * outside.x + outside.y * outside.y + outside.z * outside.z).sqrt();
+        Magnification {
+            focal_spread: self.focal * spread,
+            nearest,
+            seen: nearest.max(distance / spread),
+            near: self.near,
+        }
+    }
+}
+
+/// What magnifies the errors of one node: see the module's text.
+#[derive(Debug, Clone, Copy)]
+struct Magnification {
+    /// Focal length times the bound of |p| / zp.
+    focal_spread: f64,
+    /// The box's smallest depth.
+    nearest: f64,
+    /// The smallest depth at which a point of the box can be in the frustum.
+    seen: f64,
+    near: f64,
+}
+
+impl Magnification {
+    fn error_on_screen(&self, error: f64) -> f64 {
+        if error == 0.0 {
+            return 0.0;
+        }
+        let depth = self.nearest.max(self.seen - error);
+        // Written so that NaN ends here as well: conservatively, it refines.
+        if depth > self.near { self.focal_spread * error / depth } else { f64::INFINITY }
+    }
+}
+
+/// Half the width of a box of half-size `half` along `direction`.
+fn extent(direction: DVec3, half: DVec3) -> f64 {
+    direction.x.abs() * half.x + direction.y.abs() * half.y + direction.z.abs() * half.z
+}
+
+/// What the cut of `scene` from `view` under `rule` does with `node`; for many nodes make one [`LodCut`].
+#[must_use]
+pub fn choose(scene: &Scene, node: NodeId, view: &View, rule: LodRule) -> Choice {
+    match scene.nodes().get(node.0 as usize) {
+        Some(node) => LodCut::new(scene, view, rule).choose(node),
+        None => Choice::Refine,
+    }
+}
+
+/// What is drawn without occlusion culling: all of the cut but what is outside the frustum.
+#[must_use]
+pub fn lod_cut(scene: &Scene, view: &View, rule: LodRule) -> Vec<DrawableId> {
+    LodCut::new(scene, view, rule).drawables()
+}

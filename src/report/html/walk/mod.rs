@@ -1,0 +1,103 @@
+//! `report.html`: what a walk was, how fast, and how right.
+
+mod comparison;
+mod figures;
+mod headline;
+mod tables;
+
+use maud::{PreEscaped, html};
+
+use super::document;
+use crate::report::schema::{Frame, Report};
+pub(in crate::report) use comparison::{Comparison, choose};
+
+/// The page.
+///
+/// # Errors
+/// If the report cannot be made JSON.
+pub(in crate::report) fn page(
+    report: &Report,
+    comparisons: &[Comparison],
+) -> Result<String, serde_json::Error> {
+    let body = html! {
+        (headline::headline(report))
+        main {
+            (comparison::comparisons(report, comparisons))
+            (figures::figures(report))
+            (tables::tables(report))
+        }
+        script type="application/json" id="report" { (PreEscaped(embedded(report)?)) }
+        script { (PreEscaped(include_str!("script.js"))) }
+    };
+    let title = format!("Trimaran: {}", file_name(&report.run.scene.file));
+    Ok(document(&title, &body).into_string())
+}
+
+/// The report as JSON for a script element. The lists of visible objects stay in `report.json`: they can be a
+/// hundred times the rest.
+fn embedded(report: &Report) -> Result<String, serde_json::Error> {
+    let frames = report.frames.iter().map(|f| Frame { visible: None, ..f.clone() }).collect();
+    let slim = Report { frames, ..report.clone() };
+    // Within JSON `<` occurs in strings only. As JSON's own escape it cannot end the script element.
+    Ok(serde_json::to_string(&slim)?.replace('<', "\\u003c"))
+}
+
+/// The last part of a path, as typed.
+fn file_name(path: &str) -> &str {
+    path.rsplit(['/', '\\']).next().filter(|n| !n.is_empty()).unwrap_or(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::sample;
+
+    #[test]
+    fn the_page_refers_to_nothing_outside() {
+        let html = page(&sample::report(), &[]).unwrap();
+        for outside in ["http", "//cdn", "url(", "@import", "<link", " href=", "src=\"/"] {
+            assert!(!html.contains(outside), "{outside}");
+        }
+    }
+
+    #[test]
+    fn names_cannot_leave_their_place() {
+        let html = page(&sample::report(), &[]).unwrap();
+        assert!(!html.contains("<b>platform"));
+        assert!(html.contains("&lt;b&gt;platform.scene"));
+        assert!(!html.contains("<script>alert(1)"));
+        assert_eq!(html.matches("</script>").count(), 2, "the data's and the script's own");
+    }
+
+    #[test]
+    fn the_embedded_data_is_the_report_without_its_lists_of_objects() {
+        let report = sample::report();
+        let text = embedded(&report).unwrap();
+        let back: Report = serde_json::from_str(&text).unwrap();
+        assert_eq!(back.summary, report.summary);
+        assert!(report.frames.iter().any(|f| f.visible.is_some()));
+        assert!(back.frames.iter().all(|f| f.visible.is_none()));
+    }
+
+    #[test]
+    fn an_unaudited_run_is_not_called_right() {
+        let html = page(&sample::bare(), &[]).unwrap();
+        assert!(html.contains("No frame was audited"));
+        assert!(!html.contains("Culling changed no pixel"));
+        assert!(!html.contains("NaN") && !html.contains("inf\""));
+    }
+
+    #[test]
+    fn a_model_is_called_one() {
+        let html = page(&sample::report(), &[]).unwrap();
+        assert!(html.contains("<span class=\"badge\">model</span>"));
+        assert!(!html.contains("measured, this machine"), "no walk's speed stands beside it");
+    }
+
+    #[test]
+    fn a_run_whose_roles_computed_at_once_is_no_model_and_says_how_to_get_one() {
+        let html = page(&sample::bare(), &[]).unwrap();
+        assert!(!html.contains("<span class=\"badge\">model</span>"));
+        assert!(html.contains("no figure") && html.contains("run with --alone"));
+    }
+}

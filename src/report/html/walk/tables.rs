@@ -1,0 +1,221 @@
+//! The page's tables.
+
+use std::collections::BTreeMap;
+
+use maud::{Markup, html};
+
+use crate::report::format::{figure, grouped, sweep_cells};
+use crate::report::html::table;
+use crate::report::schema::{
+    METRICS, Metric, Mode, Report, Role, RoleInfo, Run, SceneInfo, Seat, Stat, SweepPoint,
+};
+
+pub(super) fn tables(report: &Report) -> Markup {
+    html! {
+        h2 #tables { "Figures" }
+        div.columns {
+            (metrics(report))
+            (false_culls(report))
+            (doubts(report))
+            (passes(report))
+            (sweep(&report.sweep))
+        }
+        h2 #settings { "Settings" }
+        div.columns { (run(report)) (scene(&report.run.scene)) (machines(&report.run)) }
+    }
+}
+
+fn metrics(report: &Report) -> Markup {
+    let row = |metric: &Metric| {
+        let stat = report.summary.metrics.get(metric.key)?;
+        let unit = if metric.unit.is_empty() { String::new() } else { format!(" ({})", metric.unit) };
+        let values = [figure(stat.median), figure(stat.p95), figure(stat.max), count(stat.frames)];
+        Some(named(format!("{}{unit}", metric.title), values))
+    };
+    let mut rows: Vec<_> = METRICS.iter().filter_map(row).collect();
+    if let Some(psnr) = report.summary.psnr_db {
+        let value = |v: Option<f64>| v.map_or_else(|| "∞".to_owned(), figure);
+        let frames = count(psnr.frames + psnr.infinite);
+        rows.push(named(
+            "PSNR against full detail (dB): median, p5, lowest",
+            [value(psnr.median), value(psnr.p5), value(psnr.min), frames],
+        ));
+    }
+    let caption = "Per frame (nearest-rank percentiles over the frames measured)";
+    table("all", caption, &["figure", "median", "p95", "max", "frames"], &rows)
+}
+
+/// A row of a table.
+fn named(name: impl Into<String>, values: impl IntoIterator<Item = String>) -> Vec<String> {
+    std::iter::once(name.into()).chain(values).collect()
+}
+
+fn count(frames: u32) -> String {
+    grouped(f64::from(frames))
+}
+
+fn false_culls(report: &Report) -> Markup {
+    let summary = &report.summary;
+    let mut rows: Vec<_> = summary
+        .false_culls
+        .iter()
+        .map(|c| named(c.cause.words(), [grouped(c.nodes as f64), grouped(c.pixels as f64)]))
+        .collect();
+    if rows.is_empty() {
+        let (found, count) = if summary.audited_frames == 0 { ("not audited", "–") } else { ("none", "0") };
+        rows.push([found, count, count].map(str::to_owned).into());
+    }
+    table(
+        "numbers",
+        "False culls by cause: the first step that went wrong",
+        &["cause", "nodes", "pixels"],
+        &rows,
+    )
+}
+
+fn doubts(report: &Report) -> Markup {
+    let doubts = report.summary.doubts.iter();
+    let rows: Vec<_> =
+        doubts.map(|(reason, nodes)| named(reason.replace('_', " "), [grouped(*nodes as f64)])).collect();
+    let caption = "Doubt means visible: nodes drawn because the test could not be decided";
+    table("numbers", caption, &["reason", "nodes"], &rows)
+}
+
+pub(super) fn bandwidth(report: &Report) -> Markup {
+    let Some(b) = report.summary.bandwidth else { return Markup::default() };
+    let rate = |bytes: f64| {
+        report.summary.measured_fps.map_or_else(|| "–".to_owned(), |fps| figure(bytes * 8.0 * fps / 1e6))
+    };
+    let row = |name: &str, bytes: f64| named(name, [grouped(bytes), rate(bytes)]);
+    let mut rows = vec![row("measured", b.measured_bytes)];
+    if let Some(kinds) = report.summary.bytes_by_kind {
+        let counted = report.frames.iter().filter(|f| f.bytes_by_kind.is_some()).count().max(1) as f64;
+        let kinds = [
+            ("– ids", kinds.ids),
+            ("– headers", kinds.headers),
+            ("– camera", kinds.camera),
+            ("– end of frame", kinds.eof),
+            ("– begin of frame", kinds.begin),
+            ("– control", kinds.control),
+        ];
+        rows.extend(kinds.map(|(name, bytes)| row(name, bytes as f64 / counted)));
+    }
+    rows.push(row("corrected formula, 2(4n + hn/b) + 3(72+h)", b.corrected_formula_bytes));
+    rows.push(row("paper's formula, 8nh/b + 3(72+h)", b.paper_formula_bytes));
+    let caption = format!(
+        "Bytes a frame at n = {} ids, b = {}, h = {} header bytes a message (means)",
+        figure(b.ids_per_frame),
+        b.batch,
+        figure(b.header_bytes)
+    );
+    table("numbers", &caption, &["", "bytes a frame", "Mbit/s as measured"], &rows)
+}
+
+fn passes(report: &Report) -> Markup {
+    let mut times: BTreeMap<(Role, &str), Vec<f64>> = BTreeMap::new();
+    for pass in report.frames.iter().flat_map(|f| &f.passes) {
+        times.entry((pass.role, &pass.pass)).or_default().push(pass.ms);
+    }
+    let row = |((role, pass), ms): ((Role, &str), Vec<f64>)| {
+        let role = match role {
+            Role::Or => "OR",
+            Role::Hc => "HC",
+            Role::Rvg => "RVG",
+        };
+        let stat = Stat::of(ms)?;
+        Some(named(format!("{role}: {pass}"), [stat.median, stat.p95, stat.max].map(figure)))
+    };
+    let rows: Vec<_> = times.into_iter().filter_map(row).collect();
+    table("numbers", "Passes on the device (ms)", &["pass", "median", "p95", "max"], &rows)
+}
+
+fn sweep(points: &[SweepPoint]) -> Markup {
+    let rows: Vec<_> = points.iter().map(|point| sweep_cells(point, "–")).collect();
+    let modelled = points.iter().any(|point| point.modelled_fps.is_some());
+    let head = [
+        "ε (px)",
+        if modelled { "frames/s, modelled" } else { "frames/s" },
+        "OR ms",
+        "HC ms",
+        "RVG ms",
+        "triangles",
+        "changed px",
+        "PSNR dB",
+        "FLIP",
+        "silhouette px",
+    ];
+    let caption = "Speed against error (medians; changed pixels are sums, silhouette is the largest)";
+    table("all", caption, &head, &rows)
+}
+
+/// A table of names and values.
+fn pairs<const N: usize>(caption: &str, rows: [(&str, String); N]) -> Markup {
+    table("pairs", caption, &[], &rows.map(|(name, value)| named(name, [value])))
+}
+
+fn run(report: &Report) -> Markup {
+    let run = &report.run;
+    let mode = match run.mode {
+        Mode::Lockstep => "lockstep: every camera of the path is a frame",
+        Mode::Live => "live: the newest camera wins",
+    };
+    let roles = if run.alone { "computed one after another" } else { "computed at once" };
+    let audited = run.audit_every.map(|k| match k {
+        1 => "every frame".to_owned(),
+        k => format!("every {k} frames"),
+    });
+    let or_dash = |v: Option<String>| v.unwrap_or_else(|| "–".to_owned());
+    pairs(
+        "Run",
+        [
+            ("command line", run.command_line.join(" ")),
+            ("started", run.started.clone()),
+            ("version", run.version.clone()),
+            ("mode", mode.to_owned()),
+            ("roles", roles.to_owned()),
+            ("link", run.link.clone()),
+            ("transport", run.transport.clone()),
+            ("tester", run.tester.clone()),
+            ("ids a message, at most", count(run.batch)),
+            ("ε", format!("{} px", figure(run.epsilon_px))),
+            ("picture", format!("{} × {} pixels", report.width, report.height)),
+            ("vertical field of view", format!("{}°", figure(report.vfov_deg))),
+            ("near plane", format!("{} m", figure(report.near))),
+            ("path", run.path.clone()),
+            ("seed", or_dash(run.seed.map(|seed| seed.to_string()))),
+            ("audited", or_dash(audited)),
+            ("schema version", report.schema_version.to_string()),
+        ],
+    )
+}
+
+fn scene(scene: &SceneInfo) -> Markup {
+    let or_dash = |v: Option<u64>| v.map_or_else(|| "–".to_owned(), |v| grouped(v as f64));
+    pairs(
+        "Scene",
+        [
+            ("file", scene.file.clone()),
+            ("fingerprint", scene.hash.clone()),
+            ("file size (bytes)", or_dash(scene.file_bytes)),
+            ("objects", grouped(scene.objects as f64)),
+            ("nodes", grouped(scene.nodes as f64)),
+            ("nodes × levels", grouped(scene.drawables as f64)),
+            ("triangles, instances counted each", grouped(scene.triangles as f64)),
+            ("triangles, each mesh once", or_dash(scene.triangles_unique)),
+            ("made from", scene.sources.join(", ")),
+        ],
+    )
+}
+
+fn machines(run: &Run) -> Markup {
+    let row = |role: &RoleInfo| {
+        let seat = match role.seat {
+            Seat::SwitchA => "switch A (OR, HC)",
+            Seat::SwitchB => "switch B (HC, OR)",
+            Seat::Display => "display (RVG)",
+        };
+        named(seat, [role.device.clone(), role.driver.clone()])
+    };
+    let rows: Vec<_> = run.roles.iter().map(row).collect();
+    table("text", "Machines", &["role", "device", "driver"], &rows)
+}

@@ -1,0 +1,50 @@
+//! The PNG files of a report: a frame's pictures by kind, and what each file is called.
+
+use std::fs;
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::schema::FramePictures;
+
+/// Which picture of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum PictureKind {
+    /// What RVG showed.
+    Shown,
+    /// The same level cut without culling.
+    Unculled,
+    /// Full detail without culling.
+    Full,
+}
+
+/// The file of a frame's picture, relative to the report.
+pub(super) fn file_name(frame: u32, kind: PictureKind) -> String {
+    match kind {
+        PictureKind::Shown => format!("frames/{frame:05}.png"),
+        PictureKind::Unculled => format!("frames/{frame:05}.unculled.png"),
+        PictureKind::Full => format!("frames/{frame:05}.full.png"),
+    }
+}
+
+/// The pictures of the report that lies at `json`, if one does. They are to be removed, so only names that
+/// [`file_name`] gives are believed.
+pub(super) fn files_of_report(json: &Path) -> Vec<String> {
+    #[derive(Deserialize)]
+    struct Report {
+        frames: Vec<Frame>,
+    }
+    #[derive(Deserialize)]
+    struct Frame {
+        frame: u32,
+        pictures: FramePictures,
+    }
+    let Ok(text) = fs::read(json) else { return Vec::new() };
+    let Ok(report) = serde_json::from_slice::<Report>(&text) else { return Vec::new() };
+    let files = |Frame { frame, pictures: FramePictures { shown, unculled, full } }| {
+        [(PictureKind::Shown, shown), (PictureKind::Unculled, unculled), (PictureKind::Full, full)]
+            .into_iter()
+            .filter_map(move |(kind, named)| named.filter(|named| *named == file_name(frame, kind)))
+    };
+    report.frames.into_iter().flat_map(files).collect()
+}

@@ -1,0 +1,226 @@
+//! Puts a report on disk: what is recorded as it comes, and the report itself whole or not at all.
+
+use std::collections::BTreeSet;
+use std::fs::{self, File};
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use trimaran_audit::metrics::ImageRef;
+
+use super::error::{ReportError, io_error};
+use super::html::{self, Comparison};
+use super::pictures::{PictureKind, file_name, files_of_report};
+use super::png::Rgb;
+use super::schema::{Frame, FramePictures, Report};
+use super::unfinished::Unfinished;
+
+/// Where a report lies.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Paths {
+    /// `report.json`.
+    pub json: PathBuf,
+    /// `report.html`.
+    pub html: PathBuf,
+    /// The folder of the PNG files.
+    pub frames: PathBuf,
+}
+
+/// Writes a report, its page and its pictures into `dir`, which is created if need be. A report that was
+/// there is replaced.
+///
+/// # Errors
+/// Says which file could not be written; then nothing of the new report is left.
+pub fn write<'a>(
+    dir: &Path,
+    report: Report,
+    pictures: impl IntoIterator<Item = (u32, PictureKind, ImageRef<'a>)>,
+) -> Result<Paths, ReportError> {
+    let mut writer = Writer::create(dir)?;
+    for (frame, kind, picture) in pictures {
+        writer.picture(frame, kind, &picture)?;
+    }
+    writer.finish(report)
+}
+
+/// Takes a run's frames and pictures as they come, and puts the report beside them at the end.
+///
+/// All goes to a folder `unfinished` within the target first, and is moved into place by
+/// [`finish`](Self::finish). A writer that is dropped before leaves what was recorded there: `walk.jsonl`,
+/// whose first line says what was run and whose other lines are frames, and `frames/`. Where nothing was
+/// recorded it leaves nothing. While it takes frames it keeps room for the report, so that a full disk has
+/// room for that.
+#[derive(Debug)]
+pub struct Writer {
+    out: PathBuf,
+    unfinished: Unfinished,
+    journal: Option<File>,
+    pictures: BTreeSet<(u32, PictureKind)>,
+}
+
+impl Writer {
+    /// Prepares to write into `dir`, which is created if need be.
+    ///
+    /// # Errors
+    /// If the folder cannot be created or written to, is full, or another process writes a report there.
+    pub fn create(dir: &Path) -> Result<Self, ReportError> {
+        let unfinished = Unfinished::create(dir)?;
+        Ok(Self { out: dir.to_owned(), unfinished, journal: None, pictures: BTreeSet::new() })
+    }
+
+    /// Begins to record frames: notes what is run, as `report` says, which has no frames yet.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn begin(&mut self, report: &Report) -> Result<(), ReportError> {
+        let path = self.unfinished.path().join("walk.jsonl");
+        self.journal = Some(File::create(&path).map_err(io_error("creating", &path))?);
+        let mut head = serde_json::to_value(report)?;
+        if let Some(head) = head.as_object_mut() {
+            head.retain(|key, _| !matches!(key.as_str(), "summary" | "sweep" | "frames"));
+        }
+        self.line(&head)
+    }
+
+    /// Records a frame.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn frame(&mut self, frame: &Frame) -> Result<(), ReportError> {
+        self.line(frame)?;
+        self.unfinished.recorded();
+        Ok(())
+    }
+
+    /// A line of the journal, and room for what becomes of it: it stands indented in the report and once more
+    /// in the page.
+    fn line(&mut self, value: &impl Serialize) -> Result<(), ReportError> {
+        let Some(journal) = &mut self.journal else { return Ok(()) };
+        let mut line = serde_json::to_vec(value)?;
+        line.push(b'\n');
+        let reserved = self.unfinished.reserve(4 * line.len());
+        reserved
+            .and_then(|()| journal.write_all(&line))
+            .map_err(io_error("writing", &self.out.join("unfinished/walk.jsonl")))
+    }
+
+    /// Writes a picture of a frame as PNG.
+    ///
+    /// # Errors
+    /// If it cannot be encoded or written.
+    pub fn picture(
+        &mut self,
+        frame: u32,
+        kind: PictureKind,
+        picture: &ImageRef<'_>,
+    ) -> Result<(), ReportError> {
+        let name = file_name(frame, kind);
+        let path = self.unfinished.path().join(&name);
+        let file = Rgb::of(picture)
+            .encode(png::Compression::Fast)
+            .map_err(|source| ReportError::Encode { path: self.out.join(&name), source })?;
+        if let Err(cause) = fs::write(&path, file) {
+            // Half a picture is of no use, and its room may be needed.
+            let _left = fs::remove_file(&path);
+            return Err(io_error("writing", &self.out.join(&name))(cause));
+        }
+        self.pictures.insert((frame, kind));
+        Ok(())
+    }
+
+    /// Whether this picture has been written.
+    #[must_use]
+    pub fn has(&self, frame: u32, kind: PictureKind) -> bool {
+        self.pictures.contains(&(frame, kind))
+    }
+
+    /// Writes `report.json` and `report.html`, and moves everything into place. The pictures written are
+    /// entered into the report's frames. On a full disk the page goes without pictures.
+    ///
+    /// # Errors
+    /// Says which file could not be written; then the older report is still there, and what was recorded is
+    /// in `unfinished`.
+    pub fn finish(mut self, mut report: Report) -> Result<Paths, ReportError> {
+        self.unfinished.release();
+        for frame in &mut report.frames {
+            let name = |kind| self.has(frame.frame, kind).then(|| file_name(frame.frame, kind));
+            frame.pictures = FramePictures {
+                shown: name(PictureKind::Shown),
+                unculled: name(PictureKind::Unculled),
+                full: name(PictureKind::Full),
+            };
+        }
+        self.save("report.json", &serde_json::to_vec_pretty(&report)?)?;
+        let comparisons = self.comparisons(&report)?;
+        match self.save("report.html", html::page(&report, &comparisons)?.as_bytes()) {
+            Err(full) if full.may_pass() => {
+                self.save("report.html", html::page(&report, &[])?.as_bytes())?;
+            }
+            saved => saved?,
+        }
+        self.publish()
+    }
+
+    /// Writes a file of the report proper, to the disk and not only to the cache: a full disk may show no
+    /// earlier.
+    fn save(&self, name: &str, content: &[u8]) -> Result<(), ReportError> {
+        File::create(self.unfinished.path().join(name))
+            .and_then(|mut file| file.write_all(content).and_then(|()| file.sync_all()))
+            .map_err(io_error("writing", &self.out.join(name)))
+    }
+
+    /// The pictures that the page shows.
+    fn comparisons(&self, report: &Report) -> Result<Vec<Comparison>, ReportError> {
+        let mut comparisons = Vec::new();
+        for (frame, why) in html::choose(report) {
+            if let Some(shown) = self.read_back(frame, PictureKind::Shown)? {
+                let unculled = self.read_back(frame, PictureKind::Unculled)?;
+                let full = self.read_back(frame, PictureKind::Full)?;
+                comparisons.push(Comparison { frame, why, shown, unculled, full });
+            }
+        }
+        Ok(comparisons)
+    }
+
+    /// A picture that was written; `None` if it was not.
+    fn read_back(&self, frame: u32, kind: PictureKind) -> Result<Option<Rgb>, ReportError> {
+        if !self.has(frame, kind) {
+            return Ok(None);
+        }
+        let path = self.unfinished.path().join(file_name(frame, kind));
+        let file = fs::read(&path).map_err(io_error("reading", &path))?;
+        Rgb::decode(&file).map(Some).map_err(|source| ReportError::Decode { path, source })
+    }
+
+    /// Moves everything into place, `report.json` last, and removes the pictures of the report that was there
+    /// before and has no successor.
+    fn publish(self) -> Result<Paths, ReportError> {
+        let paths = Paths {
+            json: self.out.join("report.json"),
+            html: self.out.join("report.html"),
+            frames: self.out.join("frames"),
+        };
+        let before = files_of_report(&paths.json);
+        let pictures: Vec<String> =
+            self.pictures.iter().map(|(frame, kind)| file_name(*frame, *kind)).collect();
+        fs::create_dir_all(&paths.frames).map_err(io_error("creating the folder", &paths.frames))?;
+        for name in pictures.iter().map(String::as_str).chain(["report.html", "report.json"]) {
+            let target = self.out.join(name);
+            fs::rename(self.unfinished.path().join(name), &target).map_err(io_error("moving", &target))?;
+        }
+        for stale in before.iter().filter(|name| !pictures.contains(name)) {
+            let path = self.out.join(stale);
+            match fs::remove_file(&path) {
+                Err(cause) if cause.kind() != ErrorKind::NotFound => {
+                    return Err(io_error("removing the older picture", &path)(cause));
+                }
+                _ => {}
+            }
+        }
+        self.unfinished.discard();
+        Ok(paths)
+    }
+}
+
+#[cfg(test)]
+mod tests;
