@@ -7,8 +7,7 @@
 
 use std::{error::Error, sync::Arc, time::Duration};
 
-use trimaran_actors::{FrameEvent, FrameStart};
-use trimaran_actors::{Link, Listener};
+use trimaran_actors::{FrameEvent, FrameStart, Link, Listener};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash, Walkthrough};
 use trimaran_transport::{Endpoint, Net, Options, TokioNet, connect};
 

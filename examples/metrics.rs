@@ -7,8 +7,7 @@ use std::{error::Error, net::SocketAddr, sync::Arc, time::Duration};
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use trimaran::metrics::LinkMetrics;
-use trimaran_actors::Link;
-use trimaran_actors::{FrameEvent, FrameStart};
+use trimaran_actors::{FrameEvent, FrameStart, Link};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash, Walkthrough};
 use trimaran_transport::{LinkConfig, Net, TokioNet, inproc, sleep_until};
 

@@ -10,8 +10,7 @@ use std::time::Duration;
 
 use tokio::net::TcpStream as Dial;
 use trimaran::metrics::LinkMetrics;
-use trimaran_actors::FrameStart;
-use trimaran_actors::Listener;
+use trimaran_actors::{FrameStart, Listener};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash, Walkthrough};
 use trimaran_transport::{Endpoint, Limits, LinkConfig, Net, Options, TokioNet, connect, sleep_until};
 

@@ -14,8 +14,7 @@ use trimaran::{
     },
     walkthrough::{Plan, Recorder, ReportPlan, SceneFile, Trail, begin, how_ended},
 };
-use trimaran_actors::{DisplayRole, Stop, Stopwatch, Turns, again, await_pair, leave_unable};
-use trimaran_actors::{Link, Listener};
+use trimaran_actors::{DisplayRole, Link, Listener, Stop, Stopwatch, Turns, again, await_pair, leave_unable};
 use trimaran_gpu::{GpuInfo, GpuScene, ItemPass};
 use trimaran_proto::{Identity, Role, Settings};
 use trimaran_transport::{Endpoints, Net, Options, TokioNet};

@@ -13,8 +13,7 @@ use trimaran::{
 };
 use trimaran_actors::{Link, Listener};
 use trimaran_proto::{BatchSize, Goodbye, IdCoding, Identity, RejectionCode, Role, SceneHash, Walkthrough};
-use trimaran_transport::Refusal;
-use trimaran_transport::{Batching, ConnectError, Endpoint, Net, Options, TokioNet, connect};
+use trimaran_transport::{Batching, ConnectError, Endpoint, Net, Options, Refusal, TokioNet, connect};
 
 use super::{
     Failure,

@@ -16,10 +16,9 @@ use trimaran::{
     report::schema::Seat as ReportSeat,
     walkthrough::{PathChoice, Plan, SceneFile, Trail},
 };
-use trimaran_actors::Link;
 use trimaran_actors::{
-    JoinError, Joined, OccluderPolicy, PairRole, Place, Seat, Stop, Stopwatch, Turns, again, join_session,
-    leave_unable, max_frame, role_of,
+    JoinError, Joined, Link, OccluderPolicy, PairRole, Place, Seat, Stop, Stopwatch, Turns, again,
+    join_session, leave_unable, max_frame, role_of,
 };
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Role};

@@ -4,8 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use trimaran_actors::Listener;
-use trimaran_actors::{JoinError, Place, Seat, await_pair, join_session};
+use trimaran_actors::{JoinError, Listener, Place, Seat, await_pair, join_session};
 use trimaran_netsim::Machines;
 use trimaran_proto::{
     DrawableId, EpsilonPx, FrameNumber, Identity, PictureSize, Role, SceneHash, Settings, TesterKind,

@@ -4,12 +4,11 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use trimaran_actors::Link;
-use trimaran_actors::{DisplayMachine, DisplayStep, Joined, Seat, SwitchMachine, SwitchStep};
-use trimaran_actors::{FrameEvent, FrameStart};
+use trimaran_actors::{
+    DisplayMachine, DisplayStep, FrameEvent, FrameStart, Joined, Link, Seat, SwitchMachine, SwitchStep,
+};
 use trimaran_proto::{DrawableId, FrameNumber, FrameStats, Goodbye};
-use trimaran_transport::FrameOutcome;
-use trimaran_transport::{Instant, Net, StatsHandle, sleep_until};
+use trimaran_transport::{FrameOutcome, Instant, Net, StatsHandle, sleep_until};
 
 use super::session::RoleFailure;
 use super::{FrameTimes, Workload};

@@ -5,10 +5,9 @@ use std::{sync::Arc, thread, time::Duration};
 use tokio::runtime::{Builder, Runtime};
 use trimaran::vulkan::{VulkanDisplay, VulkanPair};
 use trimaran::walkthrough::{FrameRecord, PathChoice, Plan, Recorder, Stage, Trail, in_process};
-use trimaran_actors::Listener;
 use trimaran_actors::{
-    Devices, DisplayRole, Joined, OccluderPolicy, PairDevice, PairRole, Place, Seat, Stop, Stopwatch, Turns,
-    await_pair, join_session,
+    Devices, DisplayRole, Joined, Listener, OccluderPolicy, PairDevice, PairRole, Place, Seat, Stop,
+    Stopwatch, Turns, await_pair, join_session,
 };
 use trimaran_cull::{LodRule, View, lod_cut};
 use trimaran_proto::{Identity, Role};

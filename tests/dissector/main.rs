@@ -16,15 +16,13 @@ use tempfile::TempDir;
 use trimaran::simulate::{Knobs, Load, Scenario, Transport, Workload, simulate_watched};
 use trimaran::trace::Trace;
 use trimaran::walkthrough::{FrameRecord, Pace, Plan};
-use trimaran_actors::Listener;
-use trimaran_actors::{FrameEvent, FrameStart};
+use trimaran_actors::{FrameEvent, FrameStart, Listener};
 use trimaran_netsim::Profile;
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, Identity, PictureSize, Role,
     SceneHash, SentBytes, TesterKind, Walkthrough,
 };
-use trimaran_transport::{Lane, SessionId};
-use trimaran_transport::{Net, Options, TokioNet, connect, sleep_until};
+use trimaran_transport::{Lane, Net, Options, SessionId, TokioNet, connect, sleep_until};
 use trimaran_wire::{Hello, Message, Protocol, ProtocolName};
 
 const FRAMES: u32 = 12;

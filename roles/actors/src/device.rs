@@ -2,14 +2,14 @@
 
 use std::time::Duration;
 
-use trimaran_cull::{BoxTester, DepthImage, Picture, View};
+use trimaran_cull::{DepthImage, Image, OcclusionTest, View};
 use trimaran_proto::DrawableId;
 
 use crate::Stop;
 
 /// The device of one machine of the pair: it draws occluders and culls against their depth, which stays on it
-/// (paper, section 3.2). As a [`BoxTester`] it tests against the occluders finished last.
-pub trait PairDevice: BoxTester {
+/// (paper, section 3.2). As a [`OcclusionTest`] it tests against the occluders finished last.
+pub trait PairDevice: OcclusionTest {
     /// Told before the role begins: once `stop` is requested, what waits for the device ends soon, with an
     /// error. A device that never waits long need not look at it.
     fn cancel_on(&mut self, stop: &Stop) {
@@ -61,5 +61,5 @@ pub trait PictureDevice {
     ///
     /// # Errors
     /// As the device says.
-    fn read(&mut self, picture: &mut Picture) -> Result<(), Self::Error>;
+    fn read(&mut self, picture: &mut Image) -> Result<(), Self::Error>;
 }

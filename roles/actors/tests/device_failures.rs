@@ -15,13 +15,11 @@ use std::{
 use glam::DVec3;
 use thiserror::Error;
 use tokio::runtime::{Builder, Handle, Runtime};
-use trimaran_actors::FrameStart;
 use trimaran_actors::{
-    Cameras, DisplayRole, Joined, Observer, ObserverError, OccluderPolicy, PairDevice, PairRole,
-    PictureDevice, Place, RoleError, Seat, ShownFrame, Stop, Stopper, Stopwatch, Turns, await_pair,
-    join_session,
+    Cameras, DisplayRole, FrameStart, Joined, Link, Listener, Observer, ObserverError, OccluderPolicy,
+    PairDevice, PairRole, PictureDevice, Place, RoleError, Seat, ShownFrame, Stop, Stopper, Stopwatch, Turns,
+    await_pair, join_session,
 };
-use trimaran_actors::{Link, Listener};
 use trimaran_audit::cases;
 use trimaran_cull::{
     Culler, DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport,

@@ -6,8 +6,7 @@
 use std::{sync::Arc, time::Duration};
 
 use tokio::task::JoinHandle;
-use trimaran_actors::{JoinError, Joined, Place, Seat, again, await_pair, join_session};
-use trimaran_actors::{Link, Listener};
+use trimaran_actors::{JoinError, Joined, Link, Listener, Place, Seat, again, await_pair, join_session};
 use trimaran_proto::{
     BatchSize, Camera, EpsilonPx, FrameNumber, Goodbye, IdCoding, Identity, PictureSize, Role, SceneHash,
     Settings, TesterKind, Walkthrough,

@@ -5,11 +5,9 @@
 use std::{convert::Infallible, sync::Arc, thread, time::Duration};
 
 use tokio::runtime::Runtime;
-use trimaran_actors::FrameStart;
-use trimaran_actors::Link;
 use trimaran_actors::{
-    Cameras, DisplayRole, IdError, Observer, ObserverError, OccluderPolicy, PairDevice, PairRole,
-    PictureDevice, RoleError, Seat, ShownFrame, Stop, Stopwatch, Turns, max_frame, role_of,
+    Cameras, DisplayRole, FrameStart, IdError, Link, Observer, ObserverError, OccluderPolicy, PairDevice,
+    PairRole, PictureDevice, RoleError, Seat, ShownFrame, Stop, Stopwatch, Turns, max_frame, role_of,
 };
 use trimaran_cook::generate::{PlantOptions, plant};
 use trimaran_cook::{CookOptions, cook};

@@ -74,12 +74,3 @@ pub use order::{DrawOrder, draw_order};
 pub use traverse::{CullError, CullStats, Culler};
 pub use trimaran_proto::PictureSize as Viewport;
 pub use view::{View, aspect};
-
-// The names by which `trimaran-actors` still calls these.
-#[doc(hidden)]
-pub use self::{
-    Image as Picture, LodRule as CutRule, LodRuleError as CutRuleError, OcclusionTest as BoxTester,
-    lod_cut as level_cut, nearest_occluders as nearest_within, select_occluders as worthiest_within,
-};
-#[doc(hidden)]
-pub use trimaran_proto::SettingsError as ViewportError;

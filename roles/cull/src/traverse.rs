@@ -46,7 +46,7 @@ pub struct CullStats {
 pub enum CullError<E: std::error::Error + 'static> {
     /// The occlusion test failed.
     #[error("testing boxes against the occluders failed")]
-    Tester(#[source] E),
+    Test(#[source] E),
     /// The occlusion test broke its contract.
     #[error("the occlusion test gave {answers} answers for {boxes} boxes; it must give one for each")]
     AnswerCount {
@@ -135,7 +135,7 @@ impl Culler {
             self.prepare_level(&cut, &maker, &mut stats);
             self.answers.clear();
             if !self.boxes.is_empty() {
-                test.test(view, &self.boxes, &mut self.answers).map_err(CullError::Tester)?;
+                test.test(view, &self.boxes, &mut self.answers).map_err(CullError::Test)?;
                 stats.batches += 1;
             }
             if self.answers.len() != self.boxes.len() {

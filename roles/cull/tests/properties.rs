@@ -212,7 +212,7 @@ fn an_occlusion_test_that_fails_or_miscounts_stops_the_traversal() {
     let short = culler.cull(&view, rule(2.0), &mut Broken(Ok(1)), |_| ()).unwrap_err();
     assert!(matches!(short, CullError::AnswerCount { boxes, answers } if answers + 1 == boxes), "{short}");
     let lost = culler.cull(&view, rule(2.0), &mut Broken(Err("device lost")), |_| ()).unwrap_err();
-    assert!(matches!(lost, CullError::Tester(Lost("device lost"))), "{lost}");
+    assert!(matches!(lost, CullError::Test(Lost("device lost"))), "{lost}");
     let few = rule(2.0).stopping_at_few_pixels(true);
     let uncounted = culler.cull(&view, few, &mut Broken(Ok(0)), |_| ()).unwrap_err();
     assert!(matches!(uncounted, CullError::NeedsPixelCount), "{uncounted}");

@@ -2,14 +2,12 @@
 
 use std::{pin::pin, sync::Arc, time::Duration};
 
-use crate::FrameEvent;
-use crate::Link;
+use crate::{FrameEvent, Link};
 use tokio::runtime::Handle;
-use trimaran_cull::{DrawOrder, Picture, View, Viewport};
+use trimaran_cull::{DrawOrder, Image, View, Viewport};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, SentBytes, Settings};
 use trimaran_scene::Scene;
-use trimaran_transport::FrameOutcome;
-use trimaran_transport::{LinkStats, Net, RecvError, SendError, StatsHandle, until};
+use trimaran_transport::{FrameOutcome, LinkStats, Net, RecvError, SendError, StatsHandle, until};
 
 use super::{
     Cameras, LinkError, RoleError,
@@ -22,7 +20,7 @@ use super::{
     stop::{Stop, Waiting},
     stopped_or,
     turn::Turns,
-    viewport_of, wait,
+    wait,
 };
 use crate::{DisplayMachine, DisplayStep, OrderError, PictureDevice, Seat, Stopwatch};
 
@@ -39,7 +37,7 @@ pub struct ShownFrame<'f> {
     /// How many of them were drawn only because ids of the frame were lost on a link with deadlines.
     pub for_loss: u32,
     /// The picture, if it was asked for.
-    pub picture: Option<&'f Picture>,
+    pub picture: Option<&'f Image>,
     /// When its camera was handed out, since the session's start.
     pub published: Duration,
     /// When its begin arrived.
@@ -144,7 +142,7 @@ struct Work<'r, D> {
     /// Ids of the frame were lost.
     lossy: bool,
     gaps: Gaps,
-    picture: Picture,
+    picture: Image,
 }
 
 /// A frame that a machine of the pair has begun to send.
@@ -175,7 +173,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             device,
             carried: [first.stats.read(), second.stats.read()],
             links: [first, second],
-            viewport: viewport_of(&settings)?,
+            viewport: settings.size,
             lockstep: settings.lockstep,
             waiting,
             net,
@@ -186,7 +184,7 @@ impl<'r, D: PictureDevice> Work<'r, D> {
             arrivals: Vec::new(),
             lossy: false,
             gaps,
-            picture: Picture::default(),
+            picture: Image::default(),
         })
     }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use trimaran_cull::{CutRule, OccluderError, OccluderMapper, View};
+use trimaran_cull::{LodRule, OccluderError, OccluderMapper, View};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
@@ -10,7 +10,7 @@ use trimaran_scene::Scene;
 #[derive(Debug)]
 pub struct Gaps {
     scene: Arc<Scene>,
-    rule: CutRule,
+    rule: LodRule,
     last: Vec<DrawableId>,
     /// Made with the first gap: most sessions have none.
     mapper: Option<OccluderMapper>,
@@ -19,7 +19,7 @@ pub struct Gaps {
 impl Gaps {
     /// For a display that shows `scene` at `rule`'s levels, and has shown nothing yet.
     #[must_use]
-    pub fn new(scene: &Arc<Scene>, rule: CutRule) -> Self {
+    pub fn new(scene: &Arc<Scene>, rule: LodRule) -> Self {
         Self { scene: Arc::clone(scene), rule, last: Vec::new(), mapper: None }
     }
 
@@ -59,7 +59,7 @@ impl Gaps {
 mod tests {
     use trimaran_cook::generate::{PlantOptions, plant};
     use trimaran_cook::{CookOptions, cook};
-    use trimaran_cull::{Viewport, level_cut};
+    use trimaran_cull::{Viewport, lod_cut};
     use trimaran_proto::{Camera, FrameNumber};
 
     use super::*;
@@ -70,18 +70,18 @@ mod tests {
     }
 
     /// The view into the scene, out of a few, that shows most; and the same one a little to the side.
-    fn views(scene: &Scene, rule: CutRule) -> [View; 2] {
+    fn views(scene: &Scene, rule: LodRule) -> [View; 2] {
         let h = 0.5_f64.sqrt();
         let ways = [[0.0, 0.0, 0.0, 1.0], [0.0, h, 0.0, h], [h, 0.0, 0.0, h], [0.5, 0.5, 0.5, 0.5]];
         let eyes = (0..27).map(|at| [at % 3, at / 3 % 3, at / 9].map(|step| 12.0 * f64::from(step) - 12.0));
         let all = eyes.flat_map(|eye| ways.map(|way| (eye, way)));
-        let best = all.max_by_key(|(eye, way)| level_cut(scene, &view(*eye, *way), rule).len());
+        let best = all.max_by_key(|(eye, way)| lod_cut(scene, &view(*eye, *way), rule).len());
         let ([x, y, z], way) = best.unwrap();
         [view([x, y, z], way), view([x + 0.1, y + 0.1, z], way)]
     }
 
-    fn cut(scene: &Scene, view: &View, rule: CutRule) -> Vec<u32> {
-        let mut ids: Vec<u32> = level_cut(scene, view, rule).into_iter().map(|id| id.0).collect();
+    fn cut(scene: &Scene, view: &View, rule: LodRule) -> Vec<u32> {
+        let mut ids: Vec<u32> = lod_cut(scene, view, rule).into_iter().map(|id| id.0).collect();
         ids.sort_unstable();
         ids
     }
@@ -89,9 +89,9 @@ mod tests {
     #[test]
     fn a_lost_half_is_made_up_from_the_last_frame_at_the_levels_due_now() {
         let scene = Arc::new(cook(&plant(&PlantOptions::small(3)), &CookOptions::default(), &()).unwrap());
-        let rule = CutRule::new(2.0).unwrap();
+        let rule = LodRule::new(2.0).unwrap();
         let [before, now] = views(&scene, rule);
-        let last = level_cut(&scene, &before, rule);
+        let last = lod_cut(&scene, &before, rule);
         let whole = cut(&scene, &now, rule);
         assert!(whole.len() > 20, "{} ids", whole.len());
         let mut gaps = Gaps::new(&scene, rule);

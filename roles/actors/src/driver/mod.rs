@@ -27,7 +27,7 @@ pub use turn::Turns;
 use std::future::Future;
 
 use thiserror::Error;
-use trimaran_cull::{CullError, CutRule, CutRuleError, OccluderError, Viewport, ViewportError};
+use trimaran_cull::{CullError, LodRule, LodRuleError, OccluderError};
 use trimaran_proto::{Goodbye, Settings};
 use trimaran_transport::{RecvError, SendError};
 
@@ -86,12 +86,9 @@ pub enum RoleError<D: std::error::Error + 'static> {
     /// The observer cannot note any more what is shown.
     #[error("what is shown cannot be recorded any more")]
     Observer(#[source] ObserverError),
-    /// The session's picture has no pixels.
-    #[error("the session's picture size cannot be used")]
-    Viewport(#[from] ViewportError),
     /// The session's error bound is none.
     #[error("the session's error bound cannot be used")]
-    Rule(#[from] CutRuleError),
+    Rule(#[from] LodRuleError),
 }
 
 impl<D: std::error::Error + 'static> RoleError<D> {
@@ -128,7 +125,7 @@ impl<D: std::error::Error + 'static> RoleError<D> {
     #[must_use]
     pub const fn device_failure(&self) -> Option<&D> {
         match self {
-            Self::Device { cause, .. } | Self::Cull(CullError::Tester(cause)) => Some(cause),
+            Self::Device { cause, .. } | Self::Cull(CullError::Test(cause)) => Some(cause),
             _ => None,
         }
     }
@@ -179,12 +176,8 @@ fn wait<T, E: Into<LinkError>, D: std::error::Error + 'static>(
     }
 }
 
-fn viewport_of(settings: &Settings) -> Result<Viewport, ViewportError> {
-    Viewport::new(settings.size.width(), settings.size.height())
-}
-
-fn rule_of(settings: &Settings) -> Result<CutRule, CutRuleError> {
-    Ok(CutRule::new(settings.epsilon.pixels())?.stopping_at_few_pixels(settings.few_pixels))
+fn rule_of(settings: &Settings) -> Result<LodRule, LodRuleError> {
+    Ok(LodRule::new(settings.epsilon.pixels())?.stopping_at_few_pixels(settings.few_pixels))
 }
 
 fn nanoseconds(time: std::time::Duration) -> u64 {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use trimaran_cull::{
-    CutRule, OccluderError, TriangleBudget, View, nearest_within, occluders, worthiest_within,
+    LodRule, OccluderError, TriangleBudget, View, nearest_occluders, occluders, select_occluders,
 };
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
@@ -12,7 +12,7 @@ use trimaran_scene::Scene;
 /// hide less, and never too much.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OccluderPolicy {
-    /// Draw the worthiest of the last frame's visible set within this budget, once all its ids are there.
+    /// Select occluders from the last frame's visible set within this budget, once all its ids are there.
     /// `None` draws all of them, each batch as it comes.
     pub budget: Option<TriangleBudget>,
     /// Where the last frame's set says little of this one (the first frame, or one after a jump), draw the
@@ -36,7 +36,7 @@ impl OccluderPolicy {
         self,
         scene: &Arc<Scene>,
         view: &View,
-        rule: CutRule,
+        rule: LodRule,
         last: &[DrawableId],
     ) -> Result<Vec<DrawableId>, OccluderError> {
         let mut due = occluders(scene, view, rule, last)?;
@@ -50,16 +50,16 @@ impl OccluderPolicy {
         self,
         scene: &Scene,
         view: &View,
-        rule: CutRule,
+        rule: LodRule,
         received: usize,
         due: &mut Vec<DrawableId>,
     ) {
         let jumped = due.len() * 2 <= received;
         if let Some(budget) = self.budget {
-            worthiest_within(scene, view, due, budget);
+            select_occluders(scene, view, due, budget);
         }
         if jumped {
-            nearest_within(scene, view, rule, self.after_a_jump, due);
+            nearest_occluders(scene, view, rule, self.after_a_jump, due);
         }
     }
 }

@@ -1,8 +1,7 @@
 //! Where a culling machine's ids leave: to the display and to the other machine of the pair, in batches,
 //! while culling goes on.
 
-use crate::FrameSender;
-use crate::FrameStart;
+use crate::{FrameSender, FrameStart};
 use trimaran_proto::DrawableId;
 use trimaran_transport::SendError;
 

@@ -2,10 +2,9 @@
 
 use std::{sync::Arc, time::Duration};
 
-use crate::Link;
-use crate::{FrameEvent, FrameStart};
+use crate::{FrameEvent, FrameStart, Link};
 use tokio::runtime::Handle;
-use trimaran_cull::{CullStats, Culler, CutRule, OccluderMapper, View, Viewport};
+use trimaran_cull::{CullStats, Culler, LodRule, OccluderMapper, View, Viewport};
 use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, FrameStats, IdBatch, SentBytes, Settings};
 use trimaran_scene::Scene;
 use trimaran_transport::Traffic;
@@ -18,7 +17,7 @@ use super::{
     parting::{ended, hear_out, leave},
     rule_of,
     stop::{Stop, Waiting},
-    stopped_or, viewport_of, wait,
+    stopped_or, wait,
 };
 use crate::{PairDevice, Seat, Stopwatch, SwitchMachine, SwitchStep};
 
@@ -77,7 +76,7 @@ struct Work<'r, D> {
     culler: Culler,
     mapper: Option<OccluderMapper>,
     viewport: Viewport,
-    rule: CutRule,
+    rule: LodRule,
     waiting: Waiting<'r>,
     clock: Stopwatch,
     stats: FrameStats,
@@ -106,7 +105,7 @@ impl<'r, D: PairDevice> Work<'r, D> {
             other,
             mapper: None,
             culler: Culler::new(scene),
-            viewport: viewport_of(&settings)?,
+            viewport: settings.size,
             rule,
             waiting,
             clock,
