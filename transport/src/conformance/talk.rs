@@ -129,6 +129,12 @@ impl Joined {
     #[must_use]
     pub fn at(endpoint: &str, options: Options, overhead: Overhead) -> Self {
         let endpoint = endpoint.parse().unwrap_or_else(|e| panic!("{endpoint}: {e}"));
+        Self::over(endpoint, options, overhead)
+    }
+
+    /// The same for an endpoint that is no text, as that of a transport from outside.
+    #[must_use]
+    pub const fn over(endpoint: Endpoint, options: Options, overhead: Overhead) -> Self {
         Self { endpoint, options, overhead }
     }
 }

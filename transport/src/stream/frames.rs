@@ -127,7 +127,7 @@ impl Pulse for Outlet {
             state.sink.stage(&Message::Alive, &self.counters.sent);
         }
         // What the stream does not take now goes with what is said next; an error shows then.
-        let _later = state.sink.poll_write(&mut Context::from_waker(Waker::noop()));
+        let _later = state.sink.poll_drain(&mut Context::from_waker(Waker::noop()));
         true
     }
 }

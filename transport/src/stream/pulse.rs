@@ -26,7 +26,8 @@ pub(super) fn keep_alive(net: &Arc<dyn Net>, interval: Duration, lanes: [Weak<dy
     }));
 }
 
-#[cfg(all(test, feature = "tcp"))]
+#[cfg(test)]
+#[cfg(feature = "tcp")]
 mod tests {
     use tokio::io::{AsyncReadExt, DuplexStream, duplex, split};
     use trimaran_wire::{Format, Kind, SessionId};

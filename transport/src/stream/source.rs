@@ -76,6 +76,8 @@ impl Source {
 pub(crate) struct Sink {
     writer: BoxWriter,
     out: BytesMut,
+    /// The stream was given bytes that it may still hold.
+    held: bool,
 }
 
 impl fmt::Debug for Sink {
@@ -86,12 +88,12 @@ impl fmt::Debug for Sink {
 
 impl Sink {
     pub(crate) fn new(writer: BoxWriter) -> Self {
-        Self { writer, out: BytesMut::new() }
+        Self { writer, out: BytesMut::new(), held: false }
     }
 
-    /// Whether everything has been written.
+    /// Whether everything has been written and passed on.
     pub(crate) fn is_drained(&self) -> bool {
-        self.out.is_empty()
+        self.out.is_empty() && !self.held
     }
 
     /// Adds a message to what is to be written.
@@ -101,15 +103,19 @@ impl Sink {
         counts.count(message.kind(), self.out.len() - before - HEADER_BYTES);
     }
 
-    /// Writes as much as the stream takes now, at least one byte unless there is nothing to write.
+    /// Writes as much as the stream takes now, at least one byte; where there is nothing to write, has the
+    /// stream pass on what it holds.
     pub(crate) fn poll_write(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
         if self.out.is_empty() {
+            ready!(Pin::new(&mut self.writer).poll_flush(cx))?;
+            self.held = false;
             return Poll::Ready(Ok(()));
         }
         match ready!(Pin::new(&mut self.writer).poll_write(cx, &self.out))? {
             0 => Poll::Ready(Err(io::ErrorKind::WriteZero.into())),
             written => {
                 self.out.advance(written);
+                self.held = true;
                 Poll::Ready(Ok(()))
             }
         }
@@ -120,7 +126,7 @@ impl Sink {
         while !self.is_drained() {
             ready!(self.poll_write(cx))?;
         }
-        Pin::new(&mut self.writer).poll_flush(cx)
+        Poll::Ready(Ok(()))
     }
 
     /// Tells the peer that nothing more comes.
