@@ -2,7 +2,7 @@
 //! that break it; an ordinary test of `trimaran-netsim` replays the corpus.
 //!
 //! An input is what is said on the first connection, behind a byte of its length, and then what is said on
-//! the second.
+//! the second. The application is the one of the conformance suite.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,7 +11,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use trimaran_net::Stream;
 use trimaran_netsim::link::LinkModel;
 use trimaran_netsim::{Simulation, Topology};
-use trimaran_proto::{Identity, Role, SceneHash, Walkthrough};
+use trimaran_transport::conformance::{ARM, PANEL, Robot, greeting};
 use trimaran_transport::{Endpoint, Listener, Net, Options, TcpOptions, connect, until};
 use trimaran_wire::{Decoder, Format, Message};
 
@@ -21,10 +21,6 @@ fn said(bytes: &[u8]) -> [&[u8]; 2] {
     let Some((&length, rest)) = bytes.split_first() else { return [&[]; 2] };
     let (first, second) = rest.split_at(rest.len().min(usize::from(length)));
     [first, second]
-}
-
-fn identity(role: Role) -> Identity {
-    Identity { role, scene: SceneHash(1), settings: None }
 }
 
 /// A simulation and two machines in it.
@@ -46,8 +42,7 @@ pub fn hellos(bytes: &[u8]) {
     let Ok(everywhere) = "tcp://0.0.0.0:4000".parse() else { unreachable!("an endpoint") };
     let Ok(at) = "tcp://here:4000".parse::<Endpoint>() else { unreachable!("an endpoint") };
     let program = async {
-        let ours = identity(Role::SwitchA);
-        let listener = Listener::<Walkthrough>::bind(&here, &everywhere, ours, &options).await;
+        let listener = Listener::<Robot>::bind(&here, &everywhere, greeting(ARM), &options).await;
         let Ok(mut listener) = listener else { unreachable!("the port is free") };
         let stranger = async {
             let mut streams = Vec::new();
@@ -70,8 +65,7 @@ pub fn hellos(bytes: &[u8]) {
             () = async {
                 stranger.await;
                 let by = there.now().after(MINUTE);
-                let theirs = identity(Role::Display);
-                let peer = connect::<Walkthrough>(&there, &at, theirs, &options, by).await;
+                let peer = connect::<Robot>(&there, &at, greeting(PANEL), &options, by).await;
                 assert!(peer.is_ok(), "a peer is kept out: {peer:?}");
             } => {}
             () = accepts => unreachable!("an hour is longer"),
@@ -86,7 +80,7 @@ async fn hear(net: &dyn Net, mut stream: Stream) {
     let mut heard = Vec::new();
     let end = until(net, net.now().after(MINUTE), stream.reader.read_to_end(&mut heard)).await;
     assert!(end.is_some(), "the connection of a stranger stays open");
-    let mut decoder = Decoder::new(Format::of::<Walkthrough>());
+    let mut decoder = Decoder::new(Format::of::<Robot>());
     decoder.push(&heard);
     if let Some(first) = decoder.next_message().unwrap_or_default() {
         assert!(matches!(first, Message::Accept(_) | Message::Refuse(_)), "{first:?}");
@@ -114,7 +108,7 @@ pub fn answers(bytes: &[u8]) {
         let by = there.now().after(Duration::from_secs(1));
         tokio::select! {
             biased;
-            link = connect::<Walkthrough>(&there, &at, identity(Role::Display), &options, by) => {
+            link = connect::<Robot>(&there, &at, greeting(PANEL), &options, by) => {
                 if let Err(error) = link {
                     assert!(error.may_pass(), "what a stranger says ends the attempts: {error:?}");
                     assert!(there.now().after(Duration::from_secs(1)) > by, "it has not tried until then");

@@ -2,23 +2,20 @@
 //! the same.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
-#[path = "../../transport/tests/common/mod.rs"]
-mod common;
-#[path = "virtual_time/silent.rs"]
-mod silent;
+mod virtual_time;
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use common::identity;
-use silent::SilentNet;
 use trimaran_netsim::link::{LinkModel, Rate};
 use trimaran_netsim::{SimNet, Simulation, Topology};
-use trimaran_proto::Role;
-use trimaran_transport::keys::{Keys, Security};
+use trimaran_transport::conformance::{ARM, GRIPPER, PANEL, Robot, greeting};
+use trimaran_transport::keys::Keys;
 use trimaran_transport::{
-    Endpoint, HostPort, Instant, Listener, Net, Options, TcpOptions, TurnedAway, connect, sleep_until, until,
+    Endpoint, HostPort, Instant, Net, Options, TcpOptions, TurnedAway, connect, sleep_until, until,
 };
+use virtual_time::silent::SilentNet;
+use virtual_time::{Listener, knowing, seen_from_elsewhere};
 
 const MS: Duration = Duration::from_millis(1);
 const SECOND: Duration = Duration::from_secs(1);
@@ -36,10 +33,6 @@ enum Flood {
 fn acquainted() -> [Options; 3] {
     let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
     let (peer, listener, stranger) = (keys("peer"), keys("listener"), keys("stranger"));
-    let knowing = |keys: &Keys, other: &Keys| {
-        let security = Some(Security { keys: keys.clone(), peers: vec![other.public().clone().into()] });
-        Options { security, ..Options::default() }
-    };
     [knowing(&peer, &listener), knowing(&listener, &peer), knowing(&stranger, &listener)]
 }
 
@@ -55,7 +48,7 @@ async fn begin(net: SimNet, at: Endpoint, options: Options) {
         _ => {
             let silent = Arc::new(SilentNet::new(net));
             let as_net = Arc::clone(&silent) as Arc<dyn Net>;
-            let link = connect(&as_net, &at, identity(Role::SwitchB), &options, by);
+            let link = connect::<Robot>(&as_net, &at, greeting(GRIPPER), &options, by);
             let link = until(&*as_net, by, link).await;
             silent.leave();
             assert!(!matches!(link, Some(Ok(_))), "a stranger got in: {link:?}");
@@ -90,18 +83,13 @@ fn joins_during(flooded: Flood, scheme: &str) -> (Duration, TurnedAway) {
     let [peer, ours, stranger] = acquainted();
     let joined = async {
         let everywhere = format!("{scheme}://0.0.0.0:0").parse().unwrap();
-        let mut listener = Listener::bind(&here, &everywhere, identity(Role::SwitchA), &ours).await.unwrap();
-        let port = match listener.local_endpoint() {
-            Endpoint::Tcp(at) | Endpoint::Quic(at) => at.port,
-            Endpoint::Udp(at) => at.at.port,
-            other => panic!("{other}"),
-        };
-        let at: Endpoint = format!("{scheme}://here:{port}").parse().unwrap();
+        let mut listener = Listener::bind(&here, &everywhere, greeting(ARM), &ours).await.unwrap();
+        let at = seen_from_elsewhere(&listener);
         here.spawn(Box::pin(flood(Arc::clone(&here), nets, at.clone(), stranger)));
         sleep_until(&*here, Instant::from_nanos(0).after(SECOND / 2)).await;
         let (begun, by) = (here.now(), here.now().after(30 * SECOND));
         let (there, link) =
-            tokio::join!(connect(&there, &at, identity(Role::Display), &peer, by), listener.accept(by));
+            tokio::join!(connect::<Robot>(&there, &at, greeting(PANEL), &peer, by), listener.accept(by));
         let turned_away = listener.turned_away();
         assert!(there.is_ok() && link.is_ok(), "{there:?} {link:?} {turned_away:?}");
         (here.now().since(begun), turned_away)

@@ -1,84 +1,63 @@
-//! How many packets the ids of a frame take, by transport and batch size, counted one by one.
+//! How many packets the points of a frame take, by transport and batch size, counted one by one.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
-#[path = "../../transport/tests/common/mod.rs"]
-mod common;
+mod virtual_time;
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use common::{identity, ids, receive, start};
 use trimaran_netsim::link::{LinkModel, Rate};
-use trimaran_netsim::{Simulation, Topology};
-use trimaran_proto::{BatchSize, Role};
-use trimaran_transport::keys::{Keys, Security};
-use trimaran_transport::{Endpoint, Link, LinkConfig, Listener, Net, Options, connect, sleep_until};
+use trimaran_transport::conformance::{Overhead, Pairs, points, receive, start};
+use trimaran_transport::{BatchSize, LinkConfig, Net, sleep_until};
+use virtual_time::{Link, Machines, acquainted, two_hosts};
 
-/// As many as in the paper's model of bandwidth.
-const IDS: u32 = 4000;
+/// As many as the ids in the paper's model of bandwidth.
+const POINTS: u32 = 4000;
 
-/// What one frame of [`IDS`] ids took over `transport` in batches of `batch`, each packet of either direction
-/// counted: where all ids are found at once, or, if not, where each batch is alone.
-fn packets(transport: &str, batch: u32, at_once: bool) -> u64 {
-    let mut topology = Topology::new();
-    let (here, there) = (topology.host("here"), topology.host("there"));
+/// What one frame of [`POINTS`] points took over `transport` in batches of `batch`, each packet of either
+/// direction counted: where all points are found at once, or, if not, where each batch is alone.
+fn packets(transport: &'static str, batch: u32, at_once: bool) -> u64 {
     let gigabit = LinkModel::clean(Rate::new(1_000_000_000), Duration::from_micros(5));
-    topology.join(topology.node(here), topology.node(there), gigabit.clone(), gigabit);
-    let simulation = Simulation::new(&topology, 1);
-    let nets: [Arc<dyn Net>; 2] = [Arc::new(simulation.net(here)), Arc::new(simulation.net(there))];
+    let (simulation, hosts) = two_hosts(&gigabit, &gigabit, 1);
+    let overhead = Overhead { header_bytes: 4, handshake: 1, coded: true };
+    let nets = hosts.map(|host| simulation.net(host));
+    let machines = Machines { scheme: transport, overhead, nets, options: acquainted() };
+    let net = machines.net();
+    let mut config = LinkConfig::default();
+    config.batching.size = BatchSize::new(batch).unwrap();
     let offered = || simulation.links().iter().map(|link| link.offered.packets).sum::<u64>();
     simulation
         .run(async {
-            let (mut a, mut display) = pair(&nets, transport, batch).await;
+            let (mut arm, mut panel) = machines.pair(config).await;
             // Frames before it open the window, and teach how large a datagram may be.
             for frame in 0..10 {
-                send(&mut a, frame, &ids(IDS)).await;
-                receive(&mut display.frames_rx).await.unwrap();
-                pause(&nets[0]).await;
+                send(&mut arm, frame, &points(POINTS)).await;
+                receive(&mut panel.frames_rx).await.unwrap();
+                pause(&net).await;
             }
             let before = offered();
             if at_once {
-                send(&mut a, 10, &ids(IDS)).await;
+                send(&mut arm, 10, &points(POINTS)).await;
             } else {
-                a.frames_tx.begin(start(10)).await.unwrap();
-                for found in ids(IDS).chunks(batch as usize) {
-                    a.frames_tx.push(found).await.unwrap();
-                    sleep_until(&*nets[0], nets[0].now().after(Duration::from_micros(12))).await;
+                arm.frames_tx.begin(start(10)).await.unwrap();
+                for found in points(POINTS).chunks(batch as usize) {
+                    arm.frames_tx.push(found).await.unwrap();
+                    sleep_until(&*net, net.now().after(Duration::from_micros(12))).await;
                 }
-                a.frames_tx.finish().await.unwrap();
+                arm.frames_tx.finish().await.unwrap();
             }
-            assert_eq!(receive(&mut display.frames_rx).await.unwrap().ids, ids(IDS));
+            assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, points(POINTS));
             // Late acknowledgements.
-            pause(&nets[0]).await;
+            pause(&net).await;
             offered() - before
         })
         .unwrap()
 }
 
-async fn pair([here, there]: &[Arc<dyn Net>; 2], transport: &str, batch: u32) -> (Link, Link) {
-    let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
-    let (a, b) = (keys("a"), keys("b"));
-    let link = LinkConfig { batch: BatchSize::new(batch).unwrap(), ..LinkConfig::default() };
-    let options = |own: &Keys, peer: &Keys| {
-        let security = Some(Security { keys: own.clone(), peers: vec![peer.public().clone().into()] });
-        Options { link, security, ..Options::default() }
-    };
-    let (ours, theirs) = (options(&a, &b), options(&b, &a));
-    let endpoint: Endpoint = format!("{transport}://0.0.0.0:7400").parse().unwrap();
-    let mut listener = Listener::bind(here, &endpoint, identity(Role::SwitchA), &ours).await.unwrap();
-    let endpoint = format!("{transport}://here:7400").parse().unwrap();
-    let soon = here.now().after(Duration::from_secs(60));
-    let (there, here) = tokio::join!(
-        connect(there, &endpoint, identity(Role::Display), &theirs, soon),
-        listener.accept(soon),
-    );
-    (here.unwrap(), there.unwrap())
-}
-
-async fn send(a: &mut Link, frame: u32, found: &[trimaran_proto::DrawableId]) {
-    a.frames_tx.begin(start(frame)).await.unwrap();
-    a.frames_tx.push(found).await.unwrap();
-    a.frames_tx.finish().await.unwrap();
+async fn send(arm: &mut Link, frame: u32, found: &[u32]) {
+    arm.frames_tx.begin(start(frame)).await.unwrap();
+    arm.frames_tx.push(found).await.unwrap();
+    arm.frames_tx.finish().await.unwrap();
 }
 
 async fn pause(net: &Arc<dyn Net>) {
@@ -93,7 +72,7 @@ fn batches_that_are_found_at_once_share_packets() {
         let counts = [1, 10, 100, 1000].map(|batch| packets(transport, batch, true));
         println!("{transport}: {counts:?}");
         for (batch, count) in [1, 10, 100, 1000].into_iter().zip(counts) {
-            // A message's header is 4 bytes, as much as an id; datagrams of our own have none.
+            // A message's header is 4 bytes, as much as a point; datagrams of our own have none.
             let most = if batch == 1 && transport != "udp" { 2 * most } else { most };
             assert!(count <= most, "{count} packets over {transport} in batches of {batch}");
         }

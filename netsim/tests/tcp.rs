@@ -1,73 +1,35 @@
 //! TCP in virtual time: the conformance suite, and what Linux does when packets are lost, late, or too many.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
-#[path = "../../transport/tests/common/mod.rs"]
-mod common;
-#[path = "virtual_time/mod.rs"]
 #[macro_use]
 mod virtual_time;
 
 use std::io::ErrorKind;
 use std::net::SocketAddr;
-use std::sync::Arc;
 use std::time::Duration;
 
-use common::conformance::Pairs;
-use common::identity;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use trimaran_net::Stream;
 use trimaran_netsim::link::{Conditions, LinkModel, LinkTally, Loss, Phase, Probability, QueueModel, Rate};
-use trimaran_netsim::{Class, HostId, SimNet, Simulation, Topology};
-use trimaran_proto::Role;
-use trimaran_transport::{
-    Endpoint, Link, LinkConfig, Listener, Net, Options, TcpOptions, connect, sleep_until,
-};
-
-/// Two machines of a simulation.
-struct Tcp {
-    here: SimNet,
-    there: SimNet,
-}
-
-impl Pairs for Tcp {
-    const HEADER: u64 = 4;
-    const HANDSHAKE: u64 = 2;
-
-    async fn pair(&self, link: LinkConfig) -> (Link, Link) {
-        let (send_buffer, recv_buffer) = (Some(64 * 1024), Some(64 * 1024));
-        let tcp = TcpOptions { send_buffer, recv_buffer, ..TcpOptions::default() };
-        let options = Options { link, tcp, ..Options::default() };
-        let (here, there) = (self.net(), Arc::new(self.there.clone()) as Arc<dyn Net>);
-        let endpoint = "tcp://0.0.0.0:0".parse().unwrap();
-        let mut listener = Listener::bind(&here, &endpoint, identity(Role::SwitchA), &options).await.unwrap();
-        let Endpoint::Tcp(at) = listener.local_endpoint() else { panic!("not TCP") };
-        let endpoint = format!("tcp://here:{}", at.port).parse().unwrap();
-        let soon = here.now().after(Duration::from_secs(60));
-        let (there, here) = tokio::join!(
-            connect(&there, &endpoint, identity(Role::Display), &options, soon),
-            listener.accept(soon),
-        );
-        (here.unwrap(), there.unwrap())
-    }
-
-    fn net(&self) -> Arc<dyn Net> {
-        Arc::new(self.here.clone())
-    }
-}
+use trimaran_netsim::{Class, HostId, SimNet, Simulation};
+use trimaran_transport::conformance::Overhead;
+use trimaran_transport::{Net, Options, TcpOptions, sleep_until};
+use virtual_time::{Machines, two_hosts};
 
 fn machines(there: &LinkModel, back: &LinkModel) -> (Simulation, [SimNet; 2], [HostId; 2]) {
-    let mut topology = Topology::new();
-    let hosts = [topology.host("here"), topology.host("there")];
-    topology.join(topology.node(hosts[0]), topology.node(hosts[1]), there.clone(), back.clone());
-    let simulation = Simulation::new(&topology, 1);
+    let (simulation, hosts) = two_hosts(there, back, 1);
     let nets = hosts.map(|host| simulation.net(host));
     (simulation, nets, hosts)
 }
 
 conformance_in_virtual_time!(|| {
     let gigabit = LinkModel::clean(Rate::new(1_000_000_000), Duration::from_micros(5));
-    let (simulation, [here, there], _) = machines(&gigabit, &gigabit);
-    (simulation, Tcp { here, there })
+    let (simulation, nets, _) = machines(&gigabit, &gigabit);
+    let (send_buffer, recv_buffer) = (Some(64 * 1024), Some(64 * 1024));
+    let tcp = TcpOptions { send_buffer, recv_buffer, ..TcpOptions::default() };
+    let options = Options { tcp, ..Options::default() };
+    let overhead = Overhead { header_bytes: 4, handshake: 2, coded: true };
+    (simulation, Machines { scheme: "tcp", overhead, nets, options: [options.clone(), options] })
 });
 
 fn ms(millis: u64) -> Duration {

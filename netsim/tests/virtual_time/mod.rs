@@ -1,17 +1,111 @@
-//! The conformance suite of the transports as tests in virtual time.
+//! Two machines in virtual time, and links between them over each transport.
+#![allow(dead_code, reason = "each test program uses a part")]
 
-/// Makes a test of each case but those in which threads take part: there are none here. `$machines` gives a
-/// simulation and what makes pairs of links on it.
+pub(crate) mod lossy;
+pub(crate) mod priorities;
+pub(crate) mod silent;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use trimaran_netsim::link::LinkModel;
+use trimaran_netsim::{HostId, SimNet, Simulation, Topology};
+use trimaran_transport::conformance::{ARM, Overhead, PANEL, Pairs, Robot, greeting};
+use trimaran_transport::keys::{Keys, Security};
+use trimaran_transport::{Endpoint, Host, LinkConfig, Net, Options, connect};
+
+pub(crate) type Link = trimaran_transport::Link<Robot>;
+pub(crate) type Listener = trimaran_transport::Listener<Robot>;
+
+/// Makes a test of each case of the conformance suite but those in which threads take part: there are none
+/// here. `$machines` gives a simulation, and what makes pairs of links on it.
 #[macro_export]
 macro_rules! conformance_in_virtual_time {
-    ($machines:expr) => { $crate::conformance_cases!(conformance_in_virtual_time, $machines); };
-    ($machines:expr; tasks: $($case:ident),+; threads: $($thread:ident),+;) => {
+    (@each $machines:expr; tasks: $($case:ident),+; threads: $($thread:ident),+;) => {
         $(
             #[test]
             fn $case() {
-                let (simulation, pairs) = $machines();
-                simulation.run($crate::common::conformance::$case(&pairs)).unwrap();
+                let (simulation, machines) = $machines();
+                simulation.run(trimaran_transport::conformance::$case(&machines)).unwrap();
             }
         )+
     };
+    ($machines:expr) => {
+        trimaran_transport::conformance_cases!(conformance_in_virtual_time!(@each $machines;));
+    };
+}
+
+/// A simulation of two machines, `here` and `there`; `way` leads from the first to the second.
+pub(crate) fn two_hosts(way: &LinkModel, back: &LinkModel, seed: u64) -> (Simulation, [HostId; 2]) {
+    let mut topology = Topology::new();
+    let hosts = [topology.host("here"), topology.host("there")];
+    topology.join(topology.node(hosts[0]), topology.node(hosts[1]), way.clone(), back.clone());
+    (Simulation::new(&topology, seed), hosts)
+}
+
+/// The two machines, and what their links are like. The machine `here` listens.
+pub(crate) struct Machines {
+    pub(crate) scheme: &'static str,
+    pub(crate) overhead: Overhead,
+    /// Of `here` and of `there`.
+    pub(crate) nets: [SimNet; 2],
+    pub(crate) options: [Options; 2],
+}
+
+impl Machines {
+    /// A pair of links with these configurations: that of `here`, then that of `there`.
+    pub(crate) async fn join(&self, configs: [LinkConfig; 2]) -> (Link, Link) {
+        let [here, there] = self.nets.clone().map(|net| Arc::new(net) as Arc<dyn Net>);
+        let [mut ours, mut theirs] = self.options.clone();
+        [ours.link, theirs.link] = configs;
+        let anywhere = format!("{}://0.0.0.0:0", self.scheme).parse().unwrap();
+        let mut listener = Listener::bind(&here, &anywhere, greeting(ARM), &ours).await.unwrap();
+        let at = seen_from_elsewhere(&listener);
+        let soon = here.now().after(Duration::from_secs(60));
+        let (there, here) =
+            tokio::join!(connect(&there, &at, greeting(PANEL), &theirs, soon), listener.accept(soon));
+        (here.unwrap(), there.unwrap())
+    }
+}
+
+impl Pairs for Machines {
+    fn overhead(&self) -> Overhead {
+        self.overhead
+    }
+
+    async fn pair(&self, config: LinkConfig) -> (Link, Link) {
+        self.join([config; 2]).await
+    }
+
+    fn net(&self) -> Arc<dyn Net> {
+        Arc::new(self.nets[0].clone())
+    }
+}
+
+/// Where other machines find a listener on the machine `here`.
+pub(crate) fn seen_from_elsewhere(listener: &Listener) -> Endpoint {
+    let mut at = listener.local_endpoint().clone();
+    match &mut at {
+        Endpoint::Tcp(at) | Endpoint::Quic(at) => at.host = here(),
+        Endpoint::Udp(at) => at.at.host = here(),
+        other => panic!("{other}"),
+    }
+    at
+}
+
+fn here() -> Host {
+    Host::Name("here".parse().unwrap())
+}
+
+/// Options of two peers that know each other.
+pub(crate) fn acquainted() -> [Options; 2] {
+    let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
+    let (ours, theirs) = (keys("ours"), keys("theirs"));
+    [knowing(&ours, &theirs), knowing(&theirs, &ours)]
+}
+
+/// Options of a peer with these keys that knows the other.
+pub(crate) fn knowing(keys: &Keys, other: &Keys) -> Options {
+    let security = Some(Security { keys: keys.clone(), peers: vec![other.public().clone().into()] });
+    Options { security, ..Options::default() }
 }
