@@ -1,4 +1,6 @@
 //! What a stranger answers to who connects over byte streams.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| trimaran_fuzz::hellos::answers(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    trimaran_fuzz::hellos::answers(bytes);
+});

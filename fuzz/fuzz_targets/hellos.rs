@@ -1,4 +1,6 @@
 //! What a stranger says to a listener over byte streams.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| trimaran_fuzz::hellos::hellos(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    trimaran_fuzz::hellos::hellos(bytes);
+});

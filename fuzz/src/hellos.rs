@@ -34,9 +34,15 @@ fn machines() -> (Simulation, [Arc<dyn Net>; 2]) {
     (simulation, nets)
 }
 
+/// Runs the program to its end.
+fn finish(simulation: &Simulation, program: impl Future<Output = bool>) -> bool {
+    let Ok(outcome) = simulation.run(program) else { unreachable!("the program waits for nothing") };
+    outcome
+}
+
 /// A stranger says anything to a listener and waits: it hears whole messages of a handshake, or nothing, and
-/// then the end. A peer gets in afterwards.
-pub fn hellos(bytes: &[u8]) {
+/// then the end. A peer gets in afterwards. Gives whether the stranger got in as well.
+pub fn hellos(bytes: &[u8]) -> bool {
     let (simulation, [here, there]) = machines();
     let options = Options::default();
     let Ok(everywhere) = "tcp://0.0.0.0:4000".parse() else { unreachable!("an endpoint") };
@@ -54,42 +60,47 @@ pub fn hellos(bytes: &[u8]) {
                 let _said = stream.writer.write_all(said).await;
                 streams.push(stream);
             }
+            let mut accepted = false;
             for stream in streams {
-                hear(&*there, stream).await;
+                accepted |= hear(&*there, stream).await;
             }
+            accepted
         };
         // Whoever gets in is left at once.
         let accepts = async { while listener.accept(here.now().after(MINUTE * 60)).await.is_ok() {} };
         tokio::select! {
             biased;
-            () = async {
-                stranger.await;
+            accepted = async {
+                let accepted = stranger.await;
                 let by = there.now().after(MINUTE);
                 let peer = connect::<Robot>(&there, &at, greeting(PANEL), &options, by).await;
                 assert!(peer.is_ok(), "a peer is kept out: {peer:?}");
-            } => {}
+                accepted
+            } => accepted,
             () = accepts => unreachable!("an hour is longer"),
         }
     };
-    assert_eq!(simulation.run(program), Ok(()));
+    finish(&simulation, program)
 }
 
 /// Hears what a listener says until it ends the connection. It has ten seconds for a handshake, and a link
-/// ends with its peer.
-async fn hear(net: &dyn Net, mut stream: Stream) {
+/// ends with its peer. Gives whether the listener accepted.
+async fn hear(net: &dyn Net, mut stream: Stream) -> bool {
     let mut heard = Vec::new();
     let end = until(net, net.now().after(MINUTE), stream.reader.read_to_end(&mut heard)).await;
     assert!(end.is_some(), "the connection of a stranger stays open");
     let mut decoder = Decoder::new(Format::of::<Robot>());
     decoder.push(&heard);
-    if let Some(first) = decoder.next_message().unwrap_or_default() {
-        assert!(matches!(first, Message::Accept(_) | Message::Refuse(_)), "{first:?}");
+    match decoder.next_message().unwrap_or_default() {
+        None | Some(Message::Refuse(_)) => false,
+        Some(Message::Accept(_)) => true,
+        Some(other) => unreachable!("{other:?}"),
     }
 }
 
 /// Whoever has a listener's address says anything to a peer that connects, each time that it does: the peer
-/// gets a link, or has tried again until its deadline.
-pub fn answers(bytes: &[u8]) {
+/// gets a link, or has tried again until its deadline. Gives whether it got one.
+pub fn answers(bytes: &[u8]) -> bool {
     let (simulation, [here, there]) = machines();
     let Ok(at) = "tcp://here:4000".parse::<Endpoint>() else { unreachable!("an endpoint") };
     let program = async {
@@ -109,13 +120,14 @@ pub fn answers(bytes: &[u8]) {
         tokio::select! {
             biased;
             link = connect::<Robot>(&there, &at, greeting(PANEL), &options, by) => {
-                if let Err(error) = link {
+                if let Err(error) = &link {
                     assert!(error.may_pass(), "what a stranger says ends the attempts: {error:?}");
                     assert!(there.now().after(Duration::from_secs(1)) > by, "it has not tried until then");
                 }
+                link.is_ok()
             }
             () = answering => unreachable!("it goes on for ever"),
         }
     };
-    assert_eq!(simulation.run(program), Ok(()));
+    finish(&simulation, program)
 }
