@@ -276,7 +276,9 @@ async fn believed<P: Protocol>(
 
 #[cfg(test)]
 mod tests {
-    use trimaran_wire::{Explanation, ProtocolName, Rejection};
+    use trimaran_wire::Explanation;
+    #[cfg(feature = "quic")]
+    use trimaran_wire::{ProtocolName, Rejection};
 
     use super::*;
 
@@ -303,6 +305,7 @@ mod tests {
         AttemptError::Handshake { address: "there:1".to_owned(), cause }
     }
 
+    #[cfg(feature = "quic")]
     #[test]
     fn whatever_a_peer_or_time_may_mend_may_pass_and_what_this_side_was_given_not() {
         let another_map = Refusal::Rejected(Rejection::new(1, "the maps differ"));

@@ -1,12 +1,66 @@
-//! Links for frame-synchronous data over pluggable transports.
+//! Links for data that belongs to frames, over pluggable transports and an application's own types.
 //!
-//! A [`Link`] joins two peers by two lanes: the *latest* lane is a cell of size one, the *frames* lane
-//! carries begin, batches of items, end. An application says what they hold by a [`Protocol`]. [`connect`] and [`Listener`] make them over the transport that
-//! an [`Endpoint`] names; using them is the same. [`inproc::pair`] makes two joined links in one process
-//! without either.
+//! A [`Link`] joins two peers by two lanes: the *latest* lane is a cell of size one, the *frames* lane carries
+//! begin, batches of items, end. An application says what they hold by a [`Protocol`]. [`connect`] and
+//! [`Listener`] make links over the transport that an [`Endpoint`] names; using them is the same over each.
+//!
+//! ```
+//! use std::sync::Arc;
+//! use trimaran_transport::{
+//!     FrameEvent, FrameNumber, FrameStart, LinkConfig, Net, Protocol, TokioNet, inproc,
+//! };
+//!
+//! /// Frames of numbers, and nothing else.
+//! #[derive(Debug, Clone, PartialEq)]
+//! struct Numbers;
+//!
+//! impl Protocol for Numbers {
+//!     const NAME: &'static str = "numbers/1";
+//!     type Hello = String;
+//!     type Latest = ();
+//!     type Header = ();
+//!     type Item = u32;
+//!     type Note = ();
+//!
+//!     fn name(hello: &String) -> String {
+//!         hello.clone()
+//!     }
+//! }
+//!
+//! # #[tokio::main]
+//! # async fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
+//! let (hellos, config) = (("a".to_owned(), "b".to_owned()), LinkConfig::default());
+//! let (mut a, mut b) = inproc::pair::<Numbers>(&net, hellos.0, hellos.1, &config)?;
+//! a.frames_tx.begin(FrameStart { frame: FrameNumber(0), header: () }).await?;
+//! a.frames_tx.push(&[1, 2, 3]).await?;
+//! a.frames_tx.finish().await?;
+//! let mut sum = 0;
+//! loop {
+//!     match b.frames_rx.recv().await? {
+//!         FrameEvent::Batch(batch) => sum += batch.iter().sum::<u32>(),
+//!         FrameEvent::End(_) => break,
+//!         _ => {}
+//!     }
+//! }
+//! assert_eq!(sum, 6);
+//! # Ok(())
+//! # }
+//! ```
 //!
 //! All time, tasks and sockets come through one trait, [`Net`] of `trimaran-net`: [`TokioNet`] is the real
-//! one.
+//! one. The README beside this crate shows more, from keys to deadlines.
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | `link`, `latest`, `frames` | a link and its halves, over the application's types |
+//! | `connect`, `listen`, `handshake`, `desk` | how links come about, and who is let in |
+//! | `application` | the application's part of that, for the layers that know only bytes |
+//! | `scheme`, `endpoint`, `transport` | which transport makes a link; transports from outside |
+//! | `stream`, `tcp`, `unix`, [`quic`], [`udp`], [`inproc`] | the transports |
+//! | [`keys`] | the keys of peers |
+//! | `patience`, `rates`, `pending` | limits in time and number |
+//! | `conformance` | what every transport must do, as a suite of tests |
 
 mod application;
 #[cfg(feature = "conformance")]
@@ -21,7 +75,7 @@ mod handshake;
 #[cfg(feature = "inproc")]
 pub mod inproc;
 #[cfg(not(feature = "inproc"))]
-#[expect(dead_code, unreachable_pub, reason = "a build without it leads nobody to its lanes")]
+#[allow(dead_code, unreachable_pub, reason = "a build without it leads nobody to its lanes, but tests")]
 mod inproc;
 #[cfg(feature = "keys")]
 pub mod keys;

@@ -1,5 +1,6 @@
 //! What links allocate in steady state: nothing for a packet, a pose or a batch. Alone in its program,
 //! whose allocator counts.
+#![cfg(all(feature = "inproc", feature = "tcp", feature = "udp"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

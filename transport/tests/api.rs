@@ -1,5 +1,6 @@
 //! What may go to another thread, and what may be used by several at once. A type that ceases to be fails to
 //! compile here.
+#![cfg(all(feature = "quic", feature = "tcp", feature = "udp", feature = "unix", feature = "inproc"))]
 
 use trimaran_transport::conformance::Robot;
 use trimaran_transport::keys::{KeyFiles, Keys, KeysError, PublicKeys, Security, WrongRole};

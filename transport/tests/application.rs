@@ -1,5 +1,5 @@
 //! What becomes of a link where the application's own part does not fit.
-#![cfg(unix)]
+#![cfg(all(unix, feature = "inproc", feature = "tcp"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

@@ -1,6 +1,6 @@
 //! What a peer whose frame does not end makes its reader hold: no more than the frame may have, whatever the
 //! bytes on the way stand for. Alone in its program, whose allocator counts.
-#![cfg(unix)]
+#![cfg(all(unix, feature = "inproc", feature = "quic", feature = "tcp", feature = "udp", feature = "unix"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

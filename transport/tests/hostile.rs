@@ -1,6 +1,6 @@
 //! What a peer may do over byte streams, TCP and Unix alike: lie about lengths, come in crowds, and die at
 //! every step.
-#![cfg(unix)]
+#![cfg(all(unix, feature = "tcp", feature = "unix"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

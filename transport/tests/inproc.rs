@@ -1,4 +1,5 @@
 //! Links within one process.
+#![cfg(feature = "inproc")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

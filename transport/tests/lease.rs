@@ -1,4 +1,5 @@
 //! Peers that hang, and peers that come back, over every transport between processes.
+#![cfg(all(feature = "inproc", feature = "keys"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

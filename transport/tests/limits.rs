@@ -1,4 +1,5 @@
 //! What peers and strangers may ask for in a second, and what becomes of more.
+#![cfg(all(feature = "quic", feature = "tcp", feature = "udp"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

@@ -1,4 +1,5 @@
 //! What the log says of peers that do not come, and of those that do not fit.
+#![cfg(all(feature = "inproc", feature = "tcp"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

@@ -1,6 +1,6 @@
 //! What strangers and peers make this side hold: no more than was configured. Alone in its program, whose
 //! allocator counts.
-#![cfg(unix)]
+#![cfg(all(unix, feature = "quic", feature = "tcp", feature = "udp", feature = "unix"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

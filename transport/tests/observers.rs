@@ -1,6 +1,6 @@
 //! Who sees packets, forges packets or has a listener's address for a moment: a peer goes on trying, and gets
 //! in afterwards.
-#![cfg(unix)]
+#![cfg(all(unix, feature = "quic", feature = "tcp", feature = "udp", feature = "unix"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

@@ -1,4 +1,5 @@
 //! Links over QUIC on the loopback interface: the conformance suite, who gets a link, and who does not.
+#![cfg(feature = "quic")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

@@ -1,5 +1,6 @@
 //! Keys are known for roles: who has the key of one role gets no other one, and the listener goes on waiting
 //! for the right one.
+#![cfg(all(feature = "quic", feature = "udp"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

@@ -1,6 +1,6 @@
 //! What is left of private keys in this process's memory once they are dropped. Alone in its program, which
 //! reads its own memory.
-#![cfg(target_os = "linux")]
+#![cfg(all(target_os = "linux", feature = "quic", feature = "udp"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 use std::fs::{self, File};

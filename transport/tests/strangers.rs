@@ -1,5 +1,5 @@
 //! Who must not get in, over every transport between processes, and what they cost those who may.
-#![cfg(unix)]
+#![cfg(all(unix, feature = "quic", feature = "udp"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

@@ -1,5 +1,6 @@
 //! All that waits may be a task of its own, on whichever thread: a link is made, used and left by tasks
 //! alone.
+#![cfg(all(feature = "inproc", feature = "tcp"))]
 #![allow(clippy::disallowed_methods, reason = "what is tested is that tasks may be spawned")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 

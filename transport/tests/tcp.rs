@@ -1,4 +1,5 @@
 //! Links over TCP on the loopback interface: the conformance suite, and who gets a link.
+#![cfg(feature = "tcp")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

@@ -1,5 +1,6 @@
 //! Links over datagrams on the loopback interface: the conformance suite, who gets a link, and what it
 //! carries.
+#![cfg(all(feature = "tcp", feature = "udp"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

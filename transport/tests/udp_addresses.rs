@@ -1,6 +1,6 @@
 //! A listener that has several addresses answers from the one that was asked: its peer takes answers from no
 //! other.
-#![cfg(target_os = "linux")]
+#![cfg(all(target_os = "linux", feature = "udp"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

@@ -1,5 +1,6 @@
 //! Links over datagrams when somebody is on the way, or nobody: garbage, replays, half-open handshakes,
 //! silence.
+#![cfg(feature = "udp")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

@@ -1,5 +1,5 @@
 //! Links over Unix sockets: the conformance suite, and what becomes of the socket's file.
-#![cfg(unix)]
+#![cfg(all(unix, feature = "unix"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

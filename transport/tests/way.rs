@@ -1,5 +1,6 @@
 //! Links over datagrams, QUIC and this project's own, when the way between the peers loses packets, or
 //! changes under the connection.
+#![cfg(all(feature = "quic", feature = "udp"))]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;

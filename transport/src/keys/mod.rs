@@ -118,7 +118,7 @@ impl Keys {
     }
 
     /// The secret behind [`PublicKeys::udp`].
-    #[cfg(feature = "udp")]
+    #[cfg(any(test, feature = "udp"))]
     pub(crate) fn noise(&self) -> &NoiseSecret {
         &self.file.udp_key
     }

@@ -3,6 +3,7 @@
 
 pub(crate) mod ports;
 pub(crate) mod router;
+#[cfg(feature = "udp")]
 pub(crate) mod udp;
 
 use std::sync::Arc;

@@ -1,5 +1,6 @@
 //! Strangers, liars and the dead, over real sockets: what they do ends in a typed error at the peer that
 //! meets them.
+#![cfg(feature = "tcp")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 #[path = "../common/mod.rs"]
