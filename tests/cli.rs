@@ -180,7 +180,7 @@ fn a_port_that_stays_in_use_is_named() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("tcp://{}", taken.local_addr().unwrap());
     write_display(&bench, &address);
-    let display = bench.trimaran(&["role", "display", "--config", "display.toml", "--patience", "0.5"]);
+    let display = bench.trimaran(&["role", "display", "--config", "display.toml", "--join-timeout", "0.5"]);
     expect(&display, 1, &[&address, "in use"]);
 }
 
@@ -328,7 +328,7 @@ fn a_flag_goes_before_the_environment_and_that_before_the_file() {
     let args = ["role", "display", "--config", "display.toml"];
     let command = || {
         let mut command = bench.command(&args);
-        command.env("TRIMARAN_PATIENCE_S", "0");
+        command.env("TRIMARAN_JOIN_TIMEOUT_S", "0");
         command
     };
     expect(&command().output().unwrap(), 1, &[&file, "in use"]);
@@ -363,7 +363,7 @@ fn a_bad_key_of_a_transport_is_named_wherever_it_stands() {
         ("--tcp-user-timeout=never", "float"),
         ("--unix-mode=999", "three octal digits"),
         ("--unix-allow-uids=me", "invalid digit"),
-        ("--link-lease=0", "0.1 to 86400"),
+        ("--link-idle-timeout=0", "0.1 to 86400"),
     ];
     for (flag, why) in flags {
         let (name, _) = flag.split_once('=').unwrap();
@@ -415,7 +415,7 @@ impl LongSession {
         let args =
             ["run", "plant.scene", "--link", link, "--out", "long", "--frames", "100000", "--size", "64x64"];
         let mut command = bench.command(&args);
-        command.env("TRIMARAN_LINK_LEASE_S", "4");
+        command.env("TRIMARAN_LINK_IDLE_TIMEOUT_S", "4");
         command.args(["--audit-every", "0"]).env("TRIMARAN_LOG", "info").stderr(Stdio::piped());
         let mut display = command.stdout(Stdio::null()).spawn().unwrap();
         // The pair shares the display's standard error, and each machine says when it has joined.

@@ -78,7 +78,7 @@ fn the_second_machines_keys_do_not_get_the_first_machines_place_and_the_session_
         let role = |kind, name| start(folder, &["role", kind, "--config", &format!("{name}.toml")]);
         let show = role("display", "display");
         // The listener's configuration may be what is mended: it tries until its time is over.
-        let mixed_up = ["role", "switch", "--config", "mixed-up.toml", "--patience", "1"];
+        let mixed_up = ["role", "switch", "--config", "mixed-up.toml", "--join-timeout", "1"];
         let (code, said) = ended(start(folder, &mixed_up));
         assert_eq!(code, Some(1), "{transport}: {said}");
         let why = "claims to be switch A, and the listener knows its key as that of switch B";

@@ -105,13 +105,13 @@ fn a_machine_that_is_killed_before_the_other_comes_takes_its_place_again() {
 
 #[test]
 fn a_machine_that_gives_up_is_missed_at_once() {
-    // Long before its lease ends: it says so itself, though it has no time left.
-    let lease = ["--link-lease", "100"];
+    // Long before its idle timeout ends: it says so itself, though it has no time left.
+    let idle = ["--link-idle-timeout", "100"];
     for transport in ["tcp", "quic", "udp"] {
         let deployment = deploy(transport);
-        let mut display = deployment.start("display", &lease);
+        let mut display = deployment.start("display", &idle);
         display.says("listens on");
-        let impatient = deployment.start("first", &[&lease[..], &["--patience", "2"]].concat());
+        let impatient = deployment.start("first", &[&idle[..], &["--join-timeout", "2"]].concat());
         display.says("role=switch A");
         impatient.ends(1);
         display.says("left before the other one came");

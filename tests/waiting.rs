@@ -102,7 +102,7 @@ fn a_port_in_use_is_waited_for() {
 #[test]
 fn what_stays_away_ends_a_role_that_is_to_be_started_again() {
     let folder = folder();
-    let mut display = Display::start(&folder, ANYWHERE, &["--patience", "0.3"]);
+    let mut display = Display::start(&folder, ANYWHERE, &["--join-timeout", "0.3"]);
     let mut said = String::new();
     display.stderr.read_to_string(&mut said).unwrap();
     assert_eq!(display.child.wait().unwrap().code(), Some(1), "{said}");
@@ -171,7 +171,7 @@ fn a_disk_that_is_full_already_is_waited_for() {
     let config = format!("scene = 'plant.scene'\nlisten = '{ANYWHERE}'\nout = 'disk/walk'\n");
     fs::write(folder.path().join("display.toml"), config).unwrap();
     let script = format!(
-        "{program} role display --config display.toml --patience 0.3; code=$?; ls -A disk/walk; exit $code"
+        "{program} role display --config display.toml --join-timeout 0.3; code=$?; ls -A disk/walk; exit $code"
     );
     let run = on_small_disk(&folder, 1 << 20, &script).output().unwrap();
     let said = String::from_utf8_lossy(&run.stderr);

@@ -113,7 +113,7 @@ fn a_peer_that_hears_nothing_any_more_is_lost_though_it_can_be_heard() {
     let talk = async {
         let net = machines.net();
         // The other side is more patient, and does not close the connection first.
-        let patient = LinkConfig { lease: Duration::from_secs(100), ..LinkConfig::default() };
+        let patient = LinkConfig { idle_timeout: Duration::from_secs(100), ..LinkConfig::default() };
         let (mut here, mut there) = machines.join([LinkConfig::default(), patient]).await;
         sleep_until(&*net, net.now().after(cut)).await;
         here.latest_tx.publish(pose(0)).unwrap();

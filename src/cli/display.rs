@@ -47,7 +47,7 @@ pub(super) struct Show {
     /// The devices that the report names.
     pub(super) devices: Vec<(ReportSeat, GpuInfo)>,
     /// How long to wait for the pair, seconds.
-    pub(super) patience_s: f64,
+    pub(super) join_timeout_s: f64,
     /// How long to wait for a machine that was lost, seconds; not at all if 0.
     pub(super) reconnect_s: f64,
     /// Where what the links carry is shown.
@@ -144,7 +144,7 @@ impl DisplayStage {
         let mut settings = show.plan.settings(show.trail.frames());
         let mut cameras = show.trail.cameras(show.plan.pace);
         let clock = Stopwatch::start();
-        let (mut hopeless, mut wait_s, mut lost) = (pin!(hopeless), show.patience_s, None);
+        let (mut hopeless, mut wait_s, mut lost) = (pin!(hopeless), show.join_timeout_s, None);
         loop {
             let coming = async {
                 tokio::select! {

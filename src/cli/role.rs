@@ -44,7 +44,7 @@ pub(super) fn run(command: &RoleCommand) -> Result<(), Failure> {
 }
 
 /// Plays a role. However it ends, a link that is dropped without a goodbye tells its peer once the runtime
-/// runs again: over QUIC the peer would otherwise wait for the end of the lease.
+/// runs again: over QUIC the peer would otherwise wait for the end of the idle timeout.
 fn on_runtime(role: impl FnOnce(&Runtime) -> Result<(), Failure>) -> Result<(), Failure> {
     let runtime = walking::runtime()?;
     let result = role(&runtime);
@@ -83,7 +83,7 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
     let mut display = place(&config.display, "peers.display", Role::Display, &config.peers.display)?;
     let mut pair = place(&config.pair, "peers.other", role_of(seat.other()), &config.peers.other)?;
     let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
-    let start = Start::new(runtime, config.patience_s);
+    let start = Start::new(runtime, config.join_timeout_s);
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     for place in [&mut display, &mut pair] {
         place.options.link.max_frame = max_frame(&file.scene);
@@ -94,7 +94,7 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
     };
     let Start { net, stop, .. } = start;
     let scene = file.scene.hash();
-    let (mut wait_s, mut lost) = (config.patience_s, None);
+    let (mut wait_s, mut lost) = (config.join_timeout_s, None);
     loop {
         let deadline = deadline(&net, wait_s);
         let join = || join_session(&net, seat, scene, &display, &pair, deadline);
@@ -145,7 +145,7 @@ fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
     let mut options = config.link.options(guard);
     check_trace(config.record.as_deref())?;
     let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
-    let start = Start::new(runtime, config.patience_s);
+    let start = Start::new(runtime, config.join_timeout_s);
     let Some(folder) = start.until(async || open_folder(&config.out))? else { return Ok(()) };
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
@@ -165,7 +165,7 @@ fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
         path: config.session.path.clone(),
         seed: config.session.seed,
         devices: vec![(ReportSeat::Display, info)],
-        patience_s: config.patience_s,
+        join_timeout_s: config.join_timeout_s,
         reconnect_s: config.reconnect_s,
         metrics,
         trace: config.record.clone(),
@@ -199,19 +199,19 @@ struct Start<'r> {
     runtime: &'r Runtime,
     net: Arc<dyn Net>,
     stop: Stop,
-    patience_s: f64,
+    join_timeout_s: f64,
 }
 
 impl<'r> Start<'r> {
-    fn new(runtime: &'r Runtime, patience_s: f64) -> Self {
+    fn new(runtime: &'r Runtime, join_timeout_s: f64) -> Self {
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
-        Self { runtime, net, stop: stop_on_signal(runtime), patience_s }
+        Self { runtime, net, stop: stop_on_signal(runtime), join_timeout_s }
     }
 
     /// What `attempt` gives once it works; `None` if the role is asked to stop before. It is tried again
     /// while what it fails with may pass, for as long as the role waits for others.
     fn until<T>(&self, attempt: impl AsyncFn() -> Result<T, Failure>) -> Result<Option<T>, Failure> {
-        let deadline = deadline(&self.net, self.patience_s);
+        let deadline = deadline(&self.net, self.join_timeout_s);
         let attempts = again(&self.net, deadline, Failure::may_pass, || attempt());
         self.stop.unless_requested(self.runtime.handle(), attempts).transpose()
     }

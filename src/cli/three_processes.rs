@@ -31,7 +31,7 @@ use super::{
 };
 
 /// How long the three wait for each other: loading and copying a large scene takes a while.
-const PATIENCE_S: f64 = 120.0;
+const JOIN_TIMEOUT_S: f64 = 120.0;
 
 /// How the three processes are joined.
 #[derive(Debug, Clone, Copy)]
@@ -72,7 +72,7 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
             pair: pair.clone(),
             device: args.walk.device.clone(),
             device_timeout_s: args.walk.device_timeout,
-            patience_s: PATIENCE_S,
+            join_timeout_s: JOIN_TIMEOUT_S,
             reconnect_s: 0.0,
             metrics: None,
             keys: keyring.as_ref().map(|keyring| keyring.of(seat).private.clone()),
@@ -91,7 +91,7 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
         path: args.walk.path.clone(),
         seed: args.walk.seed,
         devices: devices.into(),
-        patience_s: PATIENCE_S,
+        join_timeout_s: JOIN_TIMEOUT_S,
         // Nobody starts a machine of this session again.
         reconnect_s: 0.0,
         metrics: Metrics::show(args.metrics, &runtime)?,

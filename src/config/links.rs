@@ -29,32 +29,32 @@ pub struct LinkConfig {
     /// How long any one wait for a peer may last once it has joined, seconds: longer than its longest pause,
     /// loading included.
     #[config(
-        env = "TRIMARAN_LINK_PATIENCE_S",
+        env = "TRIMARAN_LINK_TIMEOUT_S",
         default = 30.0,
         validate = seconds,
         layer_attr(arg(
-            long = "link-patience",
-            id = "link_patience_s",
+            long = "link-timeout",
+            id = "link_timeout_s",
             value_name = "S",
             value_parser = pause,
             allow_negative_numbers = true
         ))
     )]
-    pub patience_s: f64,
-    /// The silence after which a peer counts as lost, seconds: its process shows signs of life while it has
+    pub timeout_s: f64,
+    /// The silence after which a peer counts as lost, seconds: its process sends keep-alives while it has
     /// nothing to say. The same for all roles.
     #[config(
-        env = "TRIMARAN_LINK_LEASE_S",
+        env = "TRIMARAN_LINK_IDLE_TIMEOUT_S",
         default = 20.0,
-        validate = lease,
+        validate = idle_timeout,
         layer_attr(arg(
-            long = "link-lease",
+            long = "link-idle-timeout",
             value_name = "S",
-            value_parser = lease_flag,
+            value_parser = idle_timeout_flag,
             allow_negative_numbers = true
         ))
     )]
-    pub lease_s: f64,
+    pub idle_timeout_s: f64,
     /// How long one handshake may take, seconds.
     #[config(
         env = "TRIMARAN_LINK_HANDSHAKE_S",
@@ -110,9 +110,9 @@ pub struct PeerFile<'p> {
     pub path: Option<&'p Path>,
 }
 
-/// A lease that can be kept.
+/// An idle timeout that can be kept.
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "as the derived code calls it")]
-fn lease(seconds: &f64) -> Result<(), &'static str> {
+fn idle_timeout(seconds: &f64) -> Result<(), &'static str> {
     if (0.1..=86_400.0).contains(seconds) { Ok(()) } else { Err("give 0.1 to 86400 seconds") }
 }
 
@@ -134,8 +134,8 @@ impl LinkConfig {
     pub fn options(&self, security: Option<Security>) -> Options {
         Options {
             link: trimaran_transport::LinkConfig {
-                patience: duration(self.patience_s),
-                lease: duration(self.lease_s),
+                timeout: duration(self.timeout_s),
+                idle_timeout: duration(self.idle_timeout_s),
                 messages_per_s: self.limits.messages_per_s,
                 ..trimaran_transport::LinkConfig::default()
             },
@@ -209,9 +209,9 @@ fn pause(text: &str) -> Result<f64, String> {
     checked(text, seconds)
 }
 
-/// A lease, for a flag.
-fn lease_flag(text: &str) -> Result<f64, String> {
-    checked(text, lease)
+/// An idle timeout, for a flag.
+fn idle_timeout_flag(text: &str) -> Result<f64, String> {
+    checked(text, idle_timeout)
 }
 
 /// A number that passes `check`.

@@ -52,12 +52,12 @@ pub struct SwitchConfig {
     pub device_timeout_s: f64,
     /// How long to wait for the other roles at the start, seconds.
     #[config(
-        env = "TRIMARAN_PATIENCE_S",
+        env = "TRIMARAN_JOIN_TIMEOUT_S",
         default = 30.0,
         validate = seconds,
-        layer_attr(arg(long = "patience", value_name = "S"))
+        layer_attr(arg(long = "join-timeout", value_name = "S"))
     )]
-    pub patience_s: f64,
+    pub join_timeout_s: f64,
     /// How long to wait for a peer that was lost to come again, seconds: the session then goes on with the
     /// frame that was due. 0 ends the session with the peer.
     #[config(
@@ -134,12 +134,12 @@ pub struct DisplayConfig {
     pub device_timeout_s: f64,
     /// How long to wait for the other roles at the start, seconds.
     #[config(
-        env = "TRIMARAN_PATIENCE_S",
+        env = "TRIMARAN_JOIN_TIMEOUT_S",
         default = 30.0,
         validate = seconds,
-        layer_attr(arg(long = "patience", value_name = "S"))
+        layer_attr(arg(long = "join-timeout", value_name = "S"))
     )]
-    pub patience_s: f64,
+    pub join_timeout_s: f64,
     /// How long to wait for a peer that was lost to come again, seconds: the session then goes on with the
     /// frame that was due. 0 ends the session with the peer.
     #[config(

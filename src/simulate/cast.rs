@@ -17,7 +17,7 @@ use super::roles::{Stage, display, leave, switch};
 use super::{FrameTimes, Knobs, RoleFailure, Scenario, SimulateError, Transport};
 
 /// How long the roles may take to find each other.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 /// After the handshakes everything is quiet for so long before the first camera, so that they are not
 /// counted.
 const PAUSE: Duration = Duration::from_secs(1);
@@ -87,7 +87,7 @@ impl Cast {
         let [first, second, _] = &self.options;
         let options = if seat == Seat::First { first } else { second };
         let [show, meet] = self.doors.clone().map(|endpoint| Place { endpoint, options: options.clone() });
-        let deadline = net.now().after(PATIENCE);
+        let deadline = net.now().after(TIMEOUT);
         let mut joined = join_session(net, seat, SCENE, &show, &meet, deadline).await?;
         let stats = [joined.display.stats.clone(), joined.other.stats.clone()];
         self.stage.log(|log| log.stats.extend(stats));
@@ -112,7 +112,7 @@ impl Cast {
         let [door, _] = &self.doors;
         let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(self.settings) };
         let listener = Listener::bind(net, door, identity, options).await?;
-        let mut links = await_pair(listener, net.now().after(PATIENCE)).await?;
+        let mut links = await_pair(listener, net.now().after(TIMEOUT)).await?;
         let handles: Vec<_> = links.iter().map(|link| link.stats.clone()).collect();
         sleep_until(&**net, net.now().after(PAUSE)).await;
         self.stage.log(|log| log.stats.extend(handles));

@@ -101,7 +101,7 @@ impl Deployment {
         };
         command.args(["role", kind, "--config", &format!("{name}.toml")]);
         // What is gone without a word is missed soon.
-        command.env("TRIMARAN_LOG", "info").env("TRIMARAN_LINK_LEASE_S", "4");
+        command.env("TRIMARAN_LOG", "info").env("TRIMARAN_LINK_IDLE_TIMEOUT_S", "4");
         let mut child = command.args(more).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         let stderr = BufReader::new(child.stderr.take().unwrap());
         Role { child, stderr, said: String::new() }

@@ -66,7 +66,7 @@ impl Walk {
             fs::write(checkout.join(format!("{role}.toml")), self.configuration(role, over)).unwrap();
         }
         // What is gone without a word is missed soon.
-        let environment = "TRIMARAN_LOG=info\nTRIMARAN_LINK_LEASE_S=4\n";
+        let environment = "TRIMARAN_LOG=info\nTRIMARAN_LINK_IDLE_TIMEOUT_S=4\n";
         fs::write(machine.path("/etc/default/trimaran"), environment).unwrap();
         for command in commands_of_the_guide() {
             machine.run(&format!("cd {CHECKOUT}; {command}"));

@@ -193,27 +193,27 @@ pub async fn connect<P: Protocol>(
     loop {
         attempts += 1;
         let session = SessionId(net.random().map_err(ConnectError::Random)?);
-        let patience = net.now().after(options.handshake).min(deadline);
+        let timeout = net.now().after(options.handshake).min(deadline);
         let introduction = Introduction {
             application: &*application,
             session,
             options,
             #[cfg(feature = "udp")]
-            by: patience,
+            by: timeout,
         };
         let attempt = async {
             let scheme = scheme_of(endpoint, options).map_err(unsupported)?;
             believed::<P>(net, options, scheme.attempt(net, &introduction).await?).await
         };
-        let last = match until(&**net, patience, attempt).await {
+        let last = match until(&**net, timeout, attempt).await {
             Some(Ok(link)) => return Ok(link),
-            Some(Err(e)) if patience == deadline && e.is_silence() => known.unwrap_or(e),
+            Some(Err(e)) if timeout == deadline && e.is_silence() => known.unwrap_or(e),
             Some(Err(cause)) if cause.is_final() => {
                 return Err(ConnectError::Failed { endpoint: endpoint.clone(), cause });
             }
             Some(Err(last)) => last,
             // An attempt that was cut short by the deadline tells less than the one before it.
-            None => known.filter(|_| patience == deadline).unwrap_or(AttemptError::TimedOut),
+            None => known.filter(|_| timeout == deadline).unwrap_or(AttemptError::TimedOut),
         };
         let obstacle = told(&last);
         match (obstacle == logged, last.is_mismatch()) {

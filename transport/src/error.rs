@@ -9,8 +9,8 @@ use trimaran_wire::{
 };
 
 use crate::application::PeerName;
-use crate::patience::Expired;
 use crate::rates::TooMany;
+use crate::timeouts::Expired;
 
 /// Why nothing was received.
 #[derive(Debug, Error)]
@@ -33,14 +33,14 @@ pub enum RecvError {
         #[source]
         cause: Loss,
     },
-    /// The connection stands, but nothing came within the link's patience.
+    /// The connection stands, but nothing came within the link's timeout.
     #[error(
-        "{peer} sent nothing for {waited:?}: it hangs, or the link's patience is too short for what it does"
+        "{peer} sent nothing for {waited:?}: it hangs, or the link's timeout is too short for what it does"
     )]
     Silent {
         /// The peer.
         peer: PeerName,
-        /// The link's patience.
+        /// The link's timeout.
         waited: Duration,
     },
     /// The deadline of this call came. The link is as good as before.
@@ -73,14 +73,14 @@ pub enum SendError {
         #[source]
         cause: Loss,
     },
-    /// The peer took nothing within the link's patience.
+    /// The peer took nothing within the link's timeout.
     #[error(
-        "{peer} took nothing for {waited:?}: it hangs, or the link's patience is too short for what it does"
+        "{peer} took nothing for {waited:?}: it hangs, or the link's timeout is too short for what it does"
     )]
     Stalled {
         /// The peer.
         peer: PeerName,
-        /// The link's patience.
+        /// The link's timeout.
         waited: Duration,
     },
     /// A note is longer than it may be.
@@ -113,9 +113,9 @@ pub enum Loss {
         /// How much of the message had come.
         bytes: usize,
     },
-    /// Nothing came within the lease, not even a sign of life.
+    /// Nothing came within the idle timeout, not even a sign of life.
     #[error(
-        "no sign of life came from it within the lease: its machine, its process or the way to it is gone or hangs"
+        "no sign of life came from it within the idle_timeout: its machine, its process or the way to it is gone or hangs"
     )]
     Silent,
     /// The system reports an error.
@@ -175,14 +175,14 @@ pub(crate) enum LaneError {
 }
 
 impl LaneError {
-    pub(crate) fn receiving(self, peer: &PeerName, patience: Duration) -> RecvError {
+    pub(crate) fn receiving(self, peer: &PeerName, timeout: Duration) -> RecvError {
         let peer = peer.clone();
         match self {
             Self::Goodbye(reason) => RecvError::Goodbye { peer, reason },
             Self::Lost(cause) => RecvError::Lost { peer, cause },
             Self::Expired(Expired::Deadline) => RecvError::Deadline { peer },
-            Self::Expired(Expired::Patience) => RecvError::Silent { peer, waited: patience },
-            Self::Expired(Expired::Lease) => RecvError::Lost { peer, cause: Loss::Silent },
+            Self::Expired(Expired::Timeout) => RecvError::Silent { peer, waited: timeout },
+            Self::Expired(Expired::Idle) => RecvError::Lost { peer, cause: Loss::Silent },
             Self::Protocol(cause) => RecvError::Protocol { peer, cause },
         }
     }
@@ -206,11 +206,11 @@ pub(crate) enum LaneSendError {
 }
 
 impl LaneSendError {
-    pub(crate) fn sending(self, peer: &PeerName, patience: Duration) -> SendError {
+    pub(crate) fn sending(self, peer: &PeerName, timeout: Duration) -> SendError {
         let peer = peer.clone();
         match self {
             Self::Lost(cause) => SendError::Lost { peer, cause },
-            Self::Stalled => SendError::Stalled { peer, waited: patience },
+            Self::Stalled => SendError::Stalled { peer, waited: timeout },
         }
     }
 }

@@ -14,10 +14,10 @@ use crate::application::whole;
 use crate::error::{LaneError, LaneSendError, ProtocolError};
 use crate::inproc;
 use crate::link::{Capabilities, Shared};
-use crate::patience::Patience;
 #[cfg(feature = "quic")]
 use crate::quic;
 use crate::rates::Messages;
+use crate::timeouts::Timeouts;
 use crate::trace::{FrameSpan, Way};
 #[cfg(feature = "udp")]
 use crate::udp;
@@ -48,7 +48,7 @@ pub enum FrameEvent<P: Protocol> {
 
 /// Sends frames: `begin`, any number of `push`, `finish`.
 ///
-/// Each call waits until the peer's side has room (backpressure), within the link's patience. What a call was
+/// Each call waits until the peer's side has room (backpressure), within the link's timeout. What a call was
 /// given counts as taken even when its future is dropped: the next call sends it.
 #[derive(Debug)]
 pub struct FrameSender<P: Protocol> {
@@ -57,7 +57,7 @@ pub struct FrameSender<P: Protocol> {
     encoder: Option<Box<dyn BatchEncoder<P::Item>>>,
     lane: FrameTx<P>,
     shared: Shared,
-    patience: Patience,
+    timeouts: Timeouts,
     span: FrameSpan,
 }
 
@@ -69,7 +69,7 @@ pub struct FrameReceiver<P: Protocol> {
     decoder: Option<Box<dyn BatchDecoder<P::Item>>>,
     lane: FrameRx<P>,
     shared: Shared,
-    patience: Patience,
+    timeouts: Timeouts,
     rate: Messages,
     span: FrameSpan,
 }
@@ -113,7 +113,7 @@ impl<P: Protocol> FrameSender<P> {
         capabilities: Capabilities,
         lane: FrameTx<P>,
         shared: Shared,
-        patience: Patience,
+        timeouts: Timeouts,
     ) -> Self {
         let delivery = if capabilities.reliable { Delivery::Ordered } else { Delivery::Lossy };
         // Nothing is coded within one process.
@@ -122,7 +122,7 @@ impl<P: Protocol> FrameSender<P> {
             _ => None,
         };
         let writer = FrameWriter::new(size).of_at_most(max_frame);
-        Self { writer, encoder, lane, shared, patience, span: FrameSpan::none() }
+        Self { writer, encoder, lane, shared, timeouts, span: FrameSpan::none() }
     }
 
     /// Begins a frame; its header is on its way when this returns.
@@ -225,7 +225,7 @@ impl<P: Protocol> FrameSender<P> {
     /// Dropping the future may leave the goodbye unsaid.
     ///
     /// # Errors
-    /// When the peer is gone already, or takes nothing within the link's patience.
+    /// When the peer is gone already, or takes nothing within the link's timeout.
     pub async fn goodbye(mut self, reason: CloseReason) -> Result<(), SendError> {
         match &mut self.lane {
             FrameTx::Local(lane) => lane.stage_goodbye(reason, &self.shared),
@@ -234,21 +234,21 @@ impl<P: Protocol> FrameSender<P> {
         self.send_staged().await?;
         match &mut self.lane {
             FrameTx::Local(_) => Ok(()),
-            FrameTx::Wire(lane) => lane.close(&mut self.patience).await,
+            FrameTx::Wire(lane) => lane.close(&mut self.timeouts).await,
         }
         .map_err(|e| self.error(e))
     }
 
     async fn send_staged(&mut self) -> Result<(), SendError> {
         match &mut self.lane {
-            FrameTx::Local(lane) => lane.send_staged(&mut self.patience).await,
-            FrameTx::Wire(lane) => lane.send_staged(&mut self.patience).await,
+            FrameTx::Local(lane) => lane.send_staged(&mut self.timeouts).await,
+            FrameTx::Wire(lane) => lane.send_staged(&mut self.timeouts).await,
         }
         .map_err(|e| self.error(e))
     }
 
     fn error(&self, error: LaneSendError) -> SendError {
-        error.sending(&self.shared.peer, self.patience.limit())
+        error.sending(&self.shared.peer, self.timeouts.limit())
     }
 
     fn order(&self, cause: FrameOrderError) -> SendError {
@@ -320,23 +320,23 @@ impl WireFrameTx {
         }
     }
 
-    async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
+    async fn send_staged(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         match self {
-            Self::Stream(lane) => lane.send_staged(patience).await,
+            Self::Stream(lane) => lane.send_staged(timeouts).await,
             #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.send_staged(patience).await,
+            Self::Quic(lane) => lane.send_staged(timeouts).await,
             #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.send_staged(patience).await,
+            Self::Udp(lane) => lane.send_staged(timeouts).await,
         }
     }
 
-    async fn close(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
+    async fn close(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         match self {
-            Self::Stream(lane) => lane.close(patience).await,
+            Self::Stream(lane) => lane.close(timeouts).await,
             #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.close(patience).await,
+            Self::Quic(lane) => lane.close(timeouts).await,
             #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.close(patience).await,
+            Self::Udp(lane) => lane.close(timeouts).await,
         }
     }
 }
@@ -346,7 +346,7 @@ impl<P: Protocol> FrameReceiver<P> {
         max_frame: u32,
         lane: FrameRx<P>,
         shared: Shared,
-        patience: Patience,
+        timeouts: Timeouts,
         rate: Messages,
     ) -> Self {
         let decoder = match lane {
@@ -354,13 +354,13 @@ impl<P: Protocol> FrameReceiver<P> {
             FrameRx::Local(_) => None,
         };
         let assembler = FrameAssembler::new(max_frame);
-        Self { assembler, decoder, lane, shared, patience, rate, span: FrameSpan::none() }
+        Self { assembler, decoder, lane, shared, timeouts, rate, span: FrameSpan::none() }
     }
 
     /// Waits for what comes next. Dropping the future loses nothing.
     ///
     /// # Errors
-    /// When the peer said goodbye, is lost, broke the protocol, or sent nothing within the link's patience.
+    /// When the peer said goodbye, is lost, broke the protocol, or sent nothing within the link's timeout.
     pub async fn recv(&mut self) -> Result<FrameEvent<P>, RecvError> {
         self.recv_until(None).await
     }
@@ -405,12 +405,12 @@ impl<P: Protocol> FrameReceiver<P> {
 
     async fn recv_until(&mut self, by: Option<Instant>) -> Result<FrameEvent<P>, RecvError> {
         let event = match &mut self.lane {
-            FrameRx::Local(lane) => lane.next(by, &self.shared, &mut self.patience).await,
+            FrameRx::Local(lane) => lane.next(by, &self.shared, &mut self.timeouts).await,
             FrameRx::Wire(lane) => {
-                let message = lane.next(by, &self.shared, &mut self.patience).await;
+                let message = lane.next(by, &self.shared, &mut self.timeouts).await;
                 let rate = &mut self.rate;
                 message.and_then(|message| {
-                    rate.count(|| self.patience.now()).map_err(|e| {
+                    rate.count(|| self.timeouts.now()).map_err(|e| {
                         self.shared.counters.flooded();
                         LaneError::Protocol(ProtocolError::TooMany(e))
                     })?;
@@ -420,7 +420,7 @@ impl<P: Protocol> FrameReceiver<P> {
         };
         let event = event
             .and_then(|event| self.judged(event))
-            .map_err(|e| e.receiving(&self.shared.peer, self.patience.limit()))?;
+            .map_err(|e| e.receiving(&self.shared.peer, self.timeouts.limit()))?;
         match &event {
             FrameEvent::Begin(start) => {
                 self.span = FrameSpan::open(Way::Received, start.frame, &self.shared);
@@ -455,14 +455,14 @@ impl WireFrameRx {
         &mut self,
         by: Option<Instant>,
         shared: &Shared,
-        patience: &mut Patience,
+        timeouts: &mut Timeouts,
     ) -> Result<FrameMessage, LaneError> {
         match self {
-            Self::Stream(lane) => lane.next(by, shared, patience).await,
+            Self::Stream(lane) => lane.next(by, shared, timeouts).await,
             #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.next(by, shared, patience).await,
+            Self::Quic(lane) => lane.next(by, shared, timeouts).await,
             #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.next(by, shared, patience).await,
+            Self::Udp(lane) => lane.next(by, shared, timeouts).await,
         }
     }
 }

@@ -17,9 +17,9 @@ use crate::error::{LaneError, LaneSendError, Loss};
 use crate::frames::FrameEvent;
 use crate::handshake::HandshakeError;
 use crate::link::{Capabilities, Lanes as AnyLanes, Link, LinkConfig, Parts, PeerAddress, Shared};
-use crate::patience::Patience;
 use crate::scheme::{Listened, Scheme};
 use crate::stats::Counters;
+use crate::timeouts::Timeouts;
 use crate::transport::ListenFault;
 use crate::{Endpoint, Name};
 use trimaran_net::{BoxFuture, Instant, Net};
@@ -227,14 +227,14 @@ impl<P: Protocol> LatestRx<P> {
         &mut self,
         by: Option<Instant>,
         shared: &Shared,
-        patience: &mut Patience,
+        timeouts: &mut Timeouts,
     ) -> Result<P::Latest, LaneError> {
         loop {
             if let Some(value) = self.try_latest(shared)? {
                 return Ok(value);
             }
             // An end is found out by the next look.
-            let _changed = patience.wait(by, self.view.changed()).await.map_err(LaneError::Expired)?;
+            let _changed = timeouts.wait(by, self.view.changed()).await.map_err(LaneError::Expired)?;
         }
     }
 }
@@ -264,9 +264,9 @@ impl<P: Protocol> FrameTx<P> {
         self.staged.push_back(Message::Goodbye(reason));
     }
 
-    pub(crate) async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
+    pub(crate) async fn send_staged(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         while !self.staged.is_empty() {
-            let sent = patience.wait(None, self.queue.send(&mut self.staged)).await;
+            let sent = timeouts.wait(None, self.queue.send(&mut self.staged)).await;
             sent.map_err(|_| LaneSendError::Stalled)?.map_err(|_gone| LaneSendError::Lost(Loss::Closed))?;
         }
         Ok(())
@@ -284,12 +284,12 @@ impl<P: Protocol> FrameRx<P> {
         &mut self,
         by: Option<Instant>,
         shared: &Shared,
-        patience: &mut Patience,
+        timeouts: &mut Timeouts,
     ) -> Result<FrameEvent<P>, LaneError> {
         if let Some(reason) = &self.farewell {
             return Err(LaneError::Goodbye(reason.clone()));
         }
-        let message = patience.wait(by, self.messages.recv()).await.map_err(LaneError::Expired)?;
+        let message = timeouts.wait(by, self.messages.recv()).await.map_err(LaneError::Expired)?;
         match message.ok_or(LaneError::Lost(Loss::Closed))? {
             Message::Goodbye(reason) => {
                 shared.counters.received.count(Kind::Goodbye, 0);

@@ -5,9 +5,9 @@ use trimaran_wire::{CloseReason, Fixed, FixedBytes, Protocol, to_bytes};
 use crate::error::{LaneError, LaneSendError, ProtocolError};
 use crate::inproc;
 use crate::link::Shared;
-use crate::patience::Patience;
 #[cfg(feature = "quic")]
 use crate::quic;
+use crate::timeouts::Timeouts;
 #[cfg(feature = "udp")]
 use crate::udp;
 use crate::{RecvError, SendError, stream};
@@ -18,7 +18,7 @@ use trimaran_net::Instant;
 pub struct LatestSender<P: Protocol> {
     pub(crate) lane: LatestTx<P>,
     pub(crate) shared: Shared,
-    pub(crate) patience: Patience,
+    pub(crate) timeouts: Timeouts,
 }
 
 /// Reads the newest value.
@@ -26,7 +26,7 @@ pub struct LatestSender<P: Protocol> {
 pub struct LatestReceiver<P: Protocol> {
     pub(crate) lane: LatestRx<P>,
     pub(crate) shared: Shared,
-    pub(crate) patience: Patience,
+    pub(crate) timeouts: Timeouts,
 }
 
 #[derive(Debug)]
@@ -79,17 +79,17 @@ impl<P: Protocol> LatestSender<P> {
     /// Dropping the future may leave the goodbye unsaid.
     ///
     /// # Errors
-    /// When the peer is gone already, or takes nothing within the link's patience.
+    /// When the peer is gone already, or takes nothing within the link's timeout.
     pub async fn goodbye(mut self, reason: CloseReason) -> Result<(), SendError> {
         match &mut self.lane {
             LatestTx::Local(lane) => lane.goodbye(reason, &self.shared),
-            LatestTx::Wire(lane) => lane.goodbye(reason, &mut self.patience).await,
+            LatestTx::Wire(lane) => lane.goodbye(reason, &mut self.timeouts).await,
         }
         .map_err(|e| self.error(e))
     }
 
     fn error(&self, error: LaneSendError) -> SendError {
-        error.sending(&self.shared.peer, self.patience.limit())
+        error.sending(&self.shared.peer, self.timeouts.limit())
     }
 }
 
@@ -104,13 +104,13 @@ impl WireLatestTx {
         }
     }
 
-    async fn goodbye(&mut self, reason: CloseReason, patience: &mut Patience) -> Result<(), LaneSendError> {
+    async fn goodbye(&mut self, reason: CloseReason, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         match self {
-            Self::Stream(lane) => lane.goodbye(reason, patience).await,
+            Self::Stream(lane) => lane.goodbye(reason, timeouts).await,
             #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.goodbye(reason, patience).await,
+            Self::Quic(lane) => lane.goodbye(reason, timeouts).await,
             #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.goodbye(reason, patience).await,
+            Self::Udp(lane) => lane.goodbye(reason, timeouts).await,
         }
     }
 }
@@ -122,7 +122,7 @@ impl<P: Protocol> LatestReceiver<P> {
     ///
     /// # Errors
     /// When the peer said goodbye, is lost, broke the protocol, or published nothing within the link's
-    /// patience. A value that came before such an end is given first.
+    /// timeout. A value that came before such an end is given first.
     pub async fn latest(&mut self) -> Result<P::Latest, RecvError> {
         self.latest_until(None).await
     }
@@ -171,9 +171,9 @@ impl<P: Protocol> LatestReceiver<P> {
 
     async fn latest_until(&mut self, by: Option<Instant>) -> Result<P::Latest, RecvError> {
         match &mut self.lane {
-            LatestRx::Local(lane) => lane.latest(by, &self.shared, &mut self.patience).await,
+            LatestRx::Local(lane) => lane.latest(by, &self.shared, &mut self.timeouts).await,
             LatestRx::Wire(lane) => {
-                let bytes = lane.latest(by, &self.shared, &mut self.patience).await;
+                let bytes = lane.latest(by, &self.shared, &mut self.timeouts).await;
                 bytes.and_then(|bytes| read::<P>(&bytes))
             }
         }
@@ -181,7 +181,7 @@ impl<P: Protocol> LatestReceiver<P> {
     }
 
     fn error(&self, error: LaneError) -> RecvError {
-        error.receiving(&self.shared.peer, self.patience.limit())
+        error.receiving(&self.shared.peer, self.timeouts.limit())
     }
 }
 
@@ -200,14 +200,14 @@ impl WireLatestRx {
         &mut self,
         by: Option<Instant>,
         shared: &Shared,
-        patience: &mut Patience,
+        timeouts: &mut Timeouts,
     ) -> Result<FixedBytes, LaneError> {
         match self {
-            Self::Stream(lane) => lane.latest(by, shared, patience).await,
+            Self::Stream(lane) => lane.latest(by, shared, timeouts).await,
             #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.latest(by, shared, patience).await,
+            Self::Quic(lane) => lane.latest(by, shared, timeouts).await,
             #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.latest(by, shared, patience).await,
+            Self::Udp(lane) => lane.latest(by, shared, timeouts).await,
         }
     }
 }

@@ -59,7 +59,7 @@
 //! | `scheme`, `endpoint`, `transport` | which transport makes a link; transports from outside |
 //! | `stream`, `tcp`, `unix`, [`quic`], [`udp`], [`inproc`] | the transports |
 //! | [`keys`] | the keys of peers |
-//! | `patience`, `rates`, `pending` | limits in time and number |
+//! | `timeout`, `rates`, `pending` | limits in time and number |
 //! | `conformance` | what every transport must do, as a suite of tests |
 
 mod application;
@@ -83,7 +83,6 @@ mod latest;
 mod link;
 mod listen;
 mod options;
-mod patience;
 mod pending;
 #[cfg(feature = "quic")]
 pub mod quic;
@@ -93,6 +92,7 @@ mod stats;
 mod stream;
 #[cfg(feature = "tcp")]
 mod tcp;
+mod timeouts;
 mod trace;
 mod transport;
 #[cfg(feature = "udp")]

@@ -14,9 +14,9 @@ use crate::frames::{FrameRx, FrameTx, WireFrameRx, WireFrameTx};
 use crate::handshake::HandshakeError;
 use crate::inproc;
 use crate::latest::{LatestRx, LatestTx, WireLatestRx, WireLatestTx};
-use crate::patience::Patience;
 use crate::rates::Messages;
 use crate::stats::Counters;
+use crate::timeouts::Timeouts;
 use crate::transport::Transport;
 use crate::{FrameReceiver, FrameSender, LatestReceiver, LatestSender, RecvError, SendError, StatsHandle};
 use trimaran_net::{Credentials, Net, StreamPeer, until};
@@ -142,11 +142,11 @@ impl fmt::Display for PeerAddress {
 pub struct LinkConfig {
     /// How long any one wait for the peer may last: longer than the peer's longest pause between two
     /// messages, loading and first frame included. Default 30 s.
-    pub patience: Duration,
+    pub timeout: Duration,
     /// The silence after which the peer counts as lost, whatever the transport: it shows signs of life while
     /// it has nothing to say, as long as its process runs. Time in which nobody waits for the peer does
     /// not count. Both sides should have the same, or 20 s and more. Default 20 s.
-    pub lease: Duration,
+    pub idle_timeout: Duration,
     /// How items travel, where the peers' hellos do not say so. Within one process they are not coded.
     /// Default batches of 256, plain.
     pub batching: Batching,
@@ -162,8 +162,8 @@ pub struct LinkConfig {
 impl Default for LinkConfig {
     fn default() -> Self {
         Self {
-            patience: Duration::from_secs(30),
-            lease: Duration::from_secs(20),
+            timeout: Duration::from_secs(30),
+            idle_timeout: Duration::from_secs(20),
             batching: Batching { size: BatchSize::default(), coded: false },
             max_frame: 1 << 22,
             messages_per_s: 1_000_000,
@@ -173,9 +173,9 @@ impl Default for LinkConfig {
 
 impl LinkConfig {
     /// The pause after which a lane that has nothing to say shows a sign of life: often enough for a peer of
-    /// the default lease.
+    /// the default idle timeout.
     pub(crate) fn keepalive(&self) -> Duration {
-        (self.lease / 4).min(Duration::from_secs(5))
+        (self.idle_timeout / 4).min(Duration::from_secs(5))
     }
 }
 
@@ -194,7 +194,7 @@ impl<P: Protocol> Link<P> {
     /// all, and then takes this side for lost.
     ///
     /// # Errors
-    /// When the peer is gone without a goodbye of its own, or takes nothing within the link's patience.
+    /// When the peer is gone without a goodbye of its own, or takes nothing within the link's timeout.
     pub async fn goodbye(self, reason: CloseReason) -> Result<(), SendError> {
         let Self { peer, latest_tx, mut latest_rx, frames_tx, mut frames_rx, net, .. } = self;
         let say = async { frames_tx.goodbye(reason.clone()).await.and(latest_tx.goodbye(reason).await) };
@@ -266,7 +266,7 @@ impl Parts {
         let hello = postcard::from_bytes(&peer.hello).ok()?;
         let local = address == PeerAddress::InProcess;
         let most = if local { u32::MAX } else { config.messages_per_s };
-        let patience = || Patience::new(net, config.patience, config.lease);
+        let timeouts = || Timeouts::new(net, config.timeout, config.idle_timeout);
         let batching = peer.batching.unwrap_or(config.batching);
         let (latest, frames) = match lanes {
             Lanes::Wire(wire) => (
@@ -287,17 +287,17 @@ impl Parts {
             capabilities,
             net: Arc::clone(net),
             stats: shared.counters.handle(),
-            latest_tx: LatestSender { lane: latest.0, shared: shared.clone(), patience: patience() },
-            latest_rx: LatestReceiver { lane: latest.1, shared: shared.clone(), patience: patience() },
+            latest_tx: LatestSender { lane: latest.0, shared: shared.clone(), timeouts: timeouts() },
+            latest_rx: LatestReceiver { lane: latest.1, shared: shared.clone(), timeouts: timeouts() },
             frames_tx: FrameSender::new(
                 batching,
                 max_frame,
                 capabilities,
                 frames.0,
                 shared.clone(),
-                patience(),
+                timeouts(),
             ),
-            frames_rx: FrameReceiver::new(max_frame, frames.1, shared, patience(), rate),
+            frames_rx: FrameReceiver::new(max_frame, frames.1, shared, timeouts(), rate),
         })
     }
 }

@@ -47,9 +47,9 @@ fn held() -> usize {
 
 fn options(coded: bool, max_frame: u32) -> Options {
     // So that who waits in vain ends soon.
-    let patience = Duration::from_millis(300);
+    let timeout = Duration::from_millis(300);
     let batching = Batching { size: BatchSize::MAX, coded };
-    let link = LinkConfig { patience, batching, max_frame, ..LinkConfig::default() };
+    let link = LinkConfig { timeout, batching, max_frame, ..LinkConfig::default() };
     Options {
         link,
         quic: QuicOptions { window: WINDOW as u32, ..QuicOptions::default() },

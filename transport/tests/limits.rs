@@ -60,7 +60,7 @@ async fn who_stops_within_a_handshake_makes_room_for_the_next_and_holds_no_role(
     for (endpoint, mask, question) in [("udp://127.0.0.1:0", 0x03, 0x02), ("quic://127.0.0.1:0", 0xf0, 0xf0)]
     {
         let hour = Duration::from_secs(3600);
-        let link = LinkConfig { lease: hour, ..LinkConfig::default() };
+        let link = LinkConfig { idle_timeout: hour, ..LinkConfig::default() };
         let limits = Limits { handshakes: 1, ..Limits::default() };
         let options = Options { limits, link, handshake: hour, ..trusting() };
         let net = net();

@@ -125,7 +125,7 @@ async fn strangers_cost_no_more_than_the_handshakes_that_may_be_under_way() {
         handshakes_per_s_per_address: 1 << 20,
         ..Limits::default()
     };
-    let link = LinkConfig { lease: hour, ..LinkConfig::default() };
+    let link = LinkConfig { idle_timeout: hour, ..LinkConfig::default() };
     let options = Options { limits, link, handshake: hour, ..Options::default() };
     for endpoint in ENDPOINTS {
         let mut meeting = Meeting::at(endpoint, &options).await;
@@ -165,9 +165,9 @@ async fn strangers_cost_no_more_than_the_handshakes_that_may_be_under_way() {
 async fn a_peer_that_is_not_read_fills_the_windows_and_no_more() {
     const WINDOW: usize = 1024 * KIB;
     let _alone = ALONE.lock().await;
-    let patience = Duration::from_millis(300);
+    let timeout = Duration::from_millis(300);
     let options = Options {
-        link: LinkConfig { patience, ..LinkConfig::default() },
+        link: LinkConfig { timeout, ..LinkConfig::default() },
         quic: QuicOptions { window: WINDOW as u32, ..QuicOptions::default() },
         udp: UdpOptions { window: WINDOW as u32, send_buffer: WINDOW, ..UdpOptions::default() },
         ..Options::default()

@@ -254,7 +254,7 @@ async fn what_travels_can_be_read_on_the_way_only_in_the_clear() {
 async fn a_first_packet_that_somebody_repeats_is_no_link() {
     let net = net();
     // Only the time of the handshake ends it.
-    let link = LinkConfig { lease: Duration::from_secs(3600), ..LinkConfig::default() };
+    let link = LinkConfig { idle_timeout: Duration::from_secs(3600), ..LinkConfig::default() };
     let options = Options { handshake: Duration::from_millis(300), link, ..shared(1) };
     let (mut listener, at) = listener(&options).await;
     let (mut relay, through) = Relay::before(&at).await;
@@ -350,9 +350,9 @@ async fn ten_thousand_half_open_handshakes_shut_nobody_out() {
 
 #[tokio::test]
 async fn a_peer_that_vanishes_is_lost_after_the_lease() {
-    // The first lease that is long enough here to get as far as that.
-    for lease in (0..).map(|doubled| Duration::from_millis(200) * 2_u32.pow(doubled)) {
-        let options = Options { link: LinkConfig { lease, ..shared(1).link }, ..shared(1) };
+    // The first idle timeout that is long enough here to get as far as that.
+    for idle_timeout in (0..).map(|doubled| Duration::from_millis(200) * 2_u32.pow(doubled)) {
+        let options = Options { link: LinkConfig { idle_timeout, ..shared(1).link }, ..shared(1) };
         let (mut listener, at) = listener(&options).await;
         let (mut relay, through) = Relay::before(&at).await;
         let net = net();

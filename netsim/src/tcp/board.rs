@@ -61,7 +61,7 @@ pub(super) struct Board {
     /// Packets have overtaken each other on this way.
     reorders: bool,
     /// Quarters of a round trip that a packet may be late.
-    patience: u32,
+    reordering_steps: u32,
 }
 
 impl Board {
@@ -74,7 +74,7 @@ impl Board {
             highest: 0,
             newest: None,
             reorders: false,
-            patience: 1,
+            reordering_steps: 1,
         }
     }
 
@@ -201,7 +201,7 @@ impl Board {
 
     /// The peer got something twice: what was repeated was only late.
     pub(super) fn be_more_patient(&mut self) {
-        self.patience = (self.patience + 1).min(255);
+        self.reordering_steps = (self.reordering_steps + 1).min(255);
         self.reorders = true;
     }
 
@@ -219,7 +219,7 @@ impl Board {
         let window = if certain {
             Duration::ZERO
         } else {
-            (min_rtt.unwrap_or(rtt) / 4).saturating_mul(self.patience).min(smoothed.unwrap_or(rtt))
+            (min_rtt.unwrap_or(rtt) / 4).saturating_mul(self.reordering_steps).min(smoothed.unwrap_or(rtt))
         };
         let mut wait = None;
         for packet in &mut self.sent {

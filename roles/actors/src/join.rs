@@ -229,7 +229,7 @@ pub async fn join_session(
         let other = match other.and_then(|other| expect_role(&other, role_of(seat.other())).map(|()| other)) {
             Ok(other) => other,
             Err(error) => {
-                // It need not be heard; over QUIC the display would wait for the lease without it.
+                // It need not be heard; over QUIC the display would wait for the idle timeout without it.
                 let _unheard = display.goodbye(Goodbye::PeerLost.because(&causes(&error))).await;
                 return Err(error);
             }

@@ -31,7 +31,7 @@ struct Meeting {
 impl Meeting {
     /// Places of this name, which no other test has.
     fn at(name: &str) -> Self {
-        let link = LinkConfig { patience: LINK_PATIENCE, ..LinkConfig::default() };
+        let link = LinkConfig { timeout: LINK_PATIENCE, ..LinkConfig::default() };
         Self {
             net: Arc::new(TokioNet::current().unwrap()),
             options: Options { link, ..Options::default() },

@@ -21,7 +21,7 @@ pub(super) struct Probe {
     /// How many ids there and back as a frame; 0 sends a camera.
     pub(super) ids: u32,
     /// After how long an answer that has not come is taken as lost. A frame is waited for as long as the
-    /// link's patience lasts.
+    /// link's timeout lasts.
     pub(super) timeout: Duration,
 }
 

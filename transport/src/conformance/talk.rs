@@ -62,7 +62,7 @@ pub struct Received {
     pub end: FrameEnd,
 }
 
-/// Reads one frame that must be complete, however often the link's patience ends before it is.
+/// Reads one frame that must be complete, however often the link's timeout ends before it is.
 ///
 /// # Errors
 /// Those of [`FrameReceiver::recv`].
@@ -87,7 +87,7 @@ pub async fn receive(rx: &mut FrameReceiver<Robot>) -> Result<Received, RecvErro
     }
 }
 
-/// The next event of a frame, however often the link's patience ends before it comes.
+/// The next event of a frame, however often the link's timeout ends before it comes.
 ///
 /// # Errors
 /// Those of [`FrameReceiver::recv`].
@@ -100,7 +100,7 @@ pub async fn next_event(rx: &mut FrameReceiver<Robot>) -> Result<FrameEvent<Robo
     }
 }
 
-/// The next pose, however often the link's patience ends before it comes.
+/// The next pose, however often the link's timeout ends before it comes.
 ///
 /// # Errors
 /// Those of [`LatestReceiver::latest`].
@@ -157,7 +157,7 @@ impl Pairs for Joined {
 
 /// A configuration whose waits are long enough for a busy machine.
 pub(super) fn patient() -> LinkConfig {
-    LinkConfig { patience: Duration::from_secs(60), ..LinkConfig::default() }
+    LinkConfig { timeout: Duration::from_secs(60), ..LinkConfig::default() }
 }
 
 /// The same, with batches of so many points.

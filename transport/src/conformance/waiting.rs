@@ -6,9 +6,9 @@ use super::talk::{batches_of, patient};
 use super::{ARM, PANEL, Pairs, finished, next_pose, points, pose, receive, start};
 use crate::{FrameEvent, LinkConfig, RecvError, SendError, sleep_until, until};
 
-/// A sender to whom nobody listens waits for room before it has sent 64 MiB, and no longer than its patience.
+/// A sender to whom nobody listens waits for room before it has sent 64 MiB, and no longer than its timeout.
 pub async fn a_slow_receiver_holds_the_sender_back(pairs: &impl Pairs) {
-    let config = LinkConfig { patience: Duration::from_millis(200), ..batches_of(16_384) };
+    let config = LinkConfig { timeout: Duration::from_millis(200), ..batches_of(16_384) };
     let (mut arm, panel) = pairs.pair(config).await;
     arm.frames_tx.begin(start(0)).await.unwrap();
     let batch = points(16_384);
@@ -42,9 +42,9 @@ pub async fn a_receiver_that_catches_up_gets_everything(pairs: &impl Pairs) {
     assert!(got.points == all, "64 MiB of points");
 }
 
-/// A reader's thread may be busy elsewhere for longer than the patience of the link.
+/// A reader's thread may be busy elsewhere for longer than the timeout of the link.
 pub async fn a_busy_receiver_is_no_dead_peer(pairs: &impl Pairs) {
-    let config = LinkConfig { patience: Duration::from_millis(100), ..LinkConfig::default() };
+    let config = LinkConfig { timeout: Duration::from_millis(100), ..LinkConfig::default() };
     let (mut arm, mut panel) = pairs.pair(config).await;
     let runtime = tokio::runtime::Handle::current();
     let reader = std::thread::spawn(move || {
@@ -63,14 +63,14 @@ pub async fn a_busy_receiver_is_no_dead_peer(pairs: &impl Pairs) {
     assert_eq!(got.points, points(1000));
 }
 
-/// Who waits in vain for its patience learns it, and may go on waiting.
+/// Who waits in vain for its timeout learns it, and may go on waiting.
 pub async fn silence_ends_in_an_error(pairs: &impl Pairs) {
-    let patience = Duration::from_millis(50);
-    let (mut arm, mut panel) = pairs.pair(LinkConfig { patience, ..LinkConfig::default() }).await;
+    let timeout = Duration::from_millis(50);
+    let (mut arm, mut panel) = pairs.pair(LinkConfig { timeout, ..LinkConfig::default() }).await;
     let frames = arm.frames_rx.recv().await;
     let latest = arm.latest_rx.latest().await;
     let silent = |e: &RecvError| match e {
-        RecvError::Silent { peer, waited } => peer.as_str() == PANEL && *waited == patience,
+        RecvError::Silent { peer, waited } => peer.as_str() == PANEL && *waited == timeout,
         _ => false,
     };
     assert!(frames.as_ref().is_err_and(silent), "{frames:?}");

@@ -41,7 +41,7 @@ impl Carrier {
 
     /// Closes the connection, and waits until the packet that says so has left. It also acknowledges what
     /// came last: a process that ended without it would leave its peer waiting for that until the end of
-    /// the lease.
+    /// the idle timeout.
     pub(crate) async fn part(&self) {
         if self.connection.close_reason().is_some() {
             return;
@@ -147,7 +147,7 @@ mod tests {
             let WireLatestRx::Quic(lane) = &**lane else { unreachable!("a link over QUIC") };
             frames_tx.goodbye(finished()).await.unwrap();
             latest_tx.goodbye(finished()).await.unwrap();
-            // Not that it was silent for the length of the lease.
+            // Not that it was silent for the length of the idle timeout.
             let end = lane.connection().closed().await;
             assert!(matches!(end, ConnectionError::ApplicationClosed(_)), "{end:?}");
         });

@@ -19,7 +19,7 @@ use trimaran_wire::{CloseReason, Decoder, Format, FrameMessage, HEADER_BYTES, Ki
 use super::carrier::{Carrier, all_arrived, loss, read_loss, write_loss};
 use crate::error::{LaneError, LaneSendError, Loss, ProtocolError, misplaced};
 use crate::link::Shared;
-use crate::patience::Patience;
+use crate::timeouts::Timeouts;
 use trimaran_net::Instant;
 
 /// How much is read at once: whole frames, mostly.
@@ -81,8 +81,8 @@ impl FrameTx {
         self.staged.push_back(Part { bytes: self.buffer.split().freeze(), last });
     }
 
-    /// Gives what is staged to the connection. Whatever it takes starts the patience anew.
-    pub(crate) async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
+    /// Gives what is staged to the connection. Whatever it takes starts the timeout anew.
+    pub(crate) async fn send_staged(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         if !self.buffer.is_empty() {
             self.cut(false);
         }
@@ -90,7 +90,7 @@ impl FrameTx {
             let stream = match &mut self.stream {
                 Some(stream) => stream,
                 None => {
-                    let opened = patience.wait(None, self.carrier.connection.open_uni()).await;
+                    let opened = timeouts.wait(None, self.carrier.connection.open_uni()).await;
                     let stream = opened
                         .map_err(|_| LaneSendError::Stalled)?
                         .map_err(|e| LaneSendError::Lost(loss(e)))?;
@@ -102,7 +102,7 @@ impl FrameTx {
             };
             while !part.bytes.is_empty() {
                 let bytes = std::slice::from_mut(&mut part.bytes);
-                patience
+                timeouts
                     .wait(None, stream.write_chunks(bytes))
                     .await
                     .map_err(|_| LaneSendError::Stalled)?
@@ -117,8 +117,8 @@ impl FrameTx {
     }
 
     /// Waits until everything has arrived.
-    pub(crate) async fn close(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
-        patience.wait(None, all_arrived(&self.flying)).await.map_err(|_| LaneSendError::Stalled)
+    pub(crate) async fn close(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
+        timeouts.wait(None, all_arrived(&self.flying)).await.map_err(|_| LaneSendError::Stalled)
     }
 
     fn finish(&mut self) {
@@ -161,7 +161,7 @@ impl FrameRx {
         &mut self,
         by: Option<Instant>,
         shared: &Shared,
-        patience: &mut Patience,
+        timeouts: &mut Timeouts,
     ) -> Result<FrameMessage, LaneError> {
         if let Some(reason) = &self.farewell {
             return Err(LaneError::Goodbye(reason.clone()));
@@ -186,13 +186,13 @@ impl FrameRx {
             match &mut self.stream {
                 Some(stream) => {
                     let decoder = &mut self.decoder;
-                    let read = patience.wait(by, poll_fn(|cx| poll_fill(stream, decoder, cx))).await;
+                    let read = timeouts.wait(by, poll_fn(|cx| poll_fill(stream, decoder, cx))).await;
                     if read.map_err(LaneError::Expired)?? == 0 {
                         self.end_of_stream()?;
                     }
                 }
                 None => {
-                    let accepted = patience.wait(by, self.carrier.connection.accept_uni()).await;
+                    let accepted = timeouts.wait(by, self.carrier.connection.accept_uni()).await;
                     let stream = accepted.map_err(LaneError::Expired)?;
                     self.stream = Some(stream.map_err(|e| LaneError::Lost(loss(e)))?);
                 }

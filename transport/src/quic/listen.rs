@@ -158,7 +158,7 @@ mod tests {
         let keys = Keys::generate("both".parse().unwrap()).unwrap();
         let security = Security { peers: vec![keys.public().clone().into()], keys };
         let limits = Limits { handshakes: ROOM, ..Limits::default() };
-        let link = LinkConfig { lease: Duration::from_secs(3600), ..LinkConfig::default() };
+        let link = LinkConfig { idle_timeout: Duration::from_secs(3600), ..LinkConfig::default() };
         let quic = QuicOptions { initial_rtt: Duration::from_millis(10), ..QuicOptions::default() };
         let options = Options { limits, link, quic, ..Options::default() };
         let application = Side::<Robot>::of(greeting(ARM)).unwrap();

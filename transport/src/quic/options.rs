@@ -116,7 +116,7 @@ impl QuicOptions {
         let datagram = Numbered::NUMBER_BYTES + format.latest + size_of::<bytes::Bytes>();
         let mut config = TransportConfig::default();
         // A hundred years of silence are as good as for ever.
-        let idle = IdleTimeout::try_from(link.lease).ok();
+        let idle = IdleTimeout::try_from(link.idle_timeout).ok();
         config
             .max_idle_timeout(idle)
             .keep_alive_interval(Some(link.keepalive()))
@@ -269,11 +269,11 @@ mod tests {
 
     #[tokio::test]
     async fn silence_is_no_end_while_both_ends_are_there() {
-        let link = LinkConfig { lease: Duration::from_secs(1), ..LinkConfig::default() };
+        let link = LinkConfig { idle_timeout: Duration::from_secs(1), ..LinkConfig::default() };
         let [(ours, _here), (theirs, _there)] =
             connected(QuicOptions::default(), QuicOptions::default(), link).await;
         let net = TokioNet::current().unwrap();
-        sleep_until(&net, net.now().after(link.lease * 5 / 2)).await;
+        sleep_until(&net, net.now().after(link.idle_timeout * 5 / 2)).await;
         assert_eq!((ours.close_reason(), theirs.close_reason()), (None, None));
     }
 

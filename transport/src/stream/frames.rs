@@ -13,8 +13,8 @@ use super::source::{Sink, Source};
 use crate::desk::lock;
 use crate::error::{LaneError, LaneSendError, Loss, misplaced};
 use crate::link::Shared;
-use crate::patience::{Expired, Patience, Wait};
 use crate::stats::Counters;
+use crate::timeouts::{Expired, Timeouts, Wait};
 use trimaran_net::Instant;
 
 /// How much is read at once: whole frames, mostly.
@@ -59,17 +59,17 @@ impl FrameTx {
         lock(&self.outlet.state).sink.stage(message, &shared.counters.sent);
     }
 
-    /// Writes what is staged. Whatever the peer takes starts the patience anew, and a peer that hangs is not
+    /// Writes what is staged. Whatever the peer takes starts the timeout anew, and a peer that hangs is not
     /// waited for that long.
-    pub(crate) async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
+    pub(crate) async fn send_staged(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         let turn = Turn::take(&self.outlet);
         while !lock(&turn.state).sink.is_drained() {
-            patience
+            timeouts
                 .wait_while_alive(|| self.inlet.heard(), poll_fn(|cx| lock(&turn.state).sink.poll_write(cx)))
                 .await
                 .map_err(|end| match end {
-                    Expired::Lease => LaneSendError::Lost(Loss::Silent),
-                    Expired::Patience | Expired::Deadline => LaneSendError::Stalled,
+                    Expired::Idle => LaneSendError::Lost(Loss::Silent),
+                    Expired::Timeout | Expired::Deadline => LaneSendError::Stalled,
                 })?
                 .map_err(|e| LaneSendError::Lost(Loss::Io(e)))?;
         }
@@ -77,9 +77,9 @@ impl FrameTx {
     }
 
     /// Tells the peer that nothing more comes.
-    pub(crate) async fn close(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
+    pub(crate) async fn close(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         lock(&self.outlet.state).closed = true;
-        patience
+        timeouts
             .wait(None, poll_fn(|cx| lock(&self.outlet.state).sink.poll_shutdown(cx)))
             .await
             .map_err(|_| LaneSendError::Stalled)?
@@ -150,7 +150,7 @@ impl FrameRx {
         &mut self,
         by: Option<Instant>,
         shared: &Shared,
-        patience: &mut Patience,
+        timeouts: &mut Timeouts,
     ) -> Result<FrameMessage, LaneError> {
         if let Some(reason) = &self.farewell {
             return Err(LaneError::Goodbye(reason.clone()));
@@ -167,7 +167,7 @@ impl FrameRx {
                 Some(other) => return Err(misplaced(other.kind(), Lane::Frames)),
                 None => {
                     let attention = self.inlet.attend();
-                    patience
+                    timeouts
                         .hear(&mut wait, by, poll_fn(|cx| attention.poll_fill(cx)))
                         .await
                         .map_err(LaneError::Expired)??;

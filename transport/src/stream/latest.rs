@@ -13,7 +13,7 @@ use super::pulse::Pulse;
 use super::source::{Sink, Source};
 use crate::error::{LaneError, LaneSendError, Loss, misplaced};
 use crate::link::Shared;
-use crate::patience::{Patience, Wait};
+use crate::timeouts::{Timeouts, Wait};
 use trimaran_net::{Instant, Net};
 
 /// How much is read at once: many values.
@@ -83,7 +83,7 @@ impl LatestTx {
     pub(crate) async fn goodbye(
         &mut self,
         reason: CloseReason,
-        patience: &mut Patience,
+        timeouts: &mut Timeouts,
     ) -> Result<(), LaneSendError> {
         self.send(|outgoing| {
             outgoing.farewell = Some(reason);
@@ -99,7 +99,7 @@ impl LatestTx {
                     return Ok(());
                 }
             }
-            patience.wait(None, idle).await.map_err(|_| LaneSendError::Stalled)?;
+            timeouts.wait(None, idle).await.map_err(|_| LaneSendError::Stalled)?;
         }
     }
 
@@ -216,14 +216,14 @@ impl LatestRx {
         &mut self,
         by: Option<Instant>,
         shared: &Shared,
-        patience: &mut Patience,
+        timeouts: &mut Timeouts,
     ) -> Result<FixedBytes, LaneError> {
         let mut wait = Wait::default();
         loop {
             if let Some(value) = self.try_latest(shared)? {
                 return Ok(value);
             }
-            patience
+            timeouts
                 .hear(&mut wait, by, poll_fn(|cx| self.source.poll_fill(cx)))
                 .await
                 .map_err(LaneError::Expired)??;

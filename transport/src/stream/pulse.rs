@@ -46,21 +46,21 @@ mod tests {
 
     type Link = crate::Link<Robot>;
 
-    const LEASE: Duration = Duration::from_secs(20);
+    const IDLE_TIMEOUT: Duration = Duration::from_secs(20);
     const PEER: StreamPeer = StreamPeer::Tcp(SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 1));
 
     fn net() -> Arc<dyn Net> {
         Arc::new(TokioNet::current().unwrap())
     }
 
-    fn link(net: &Arc<dyn Net>, latest: DuplexStream, frames: DuplexStream, patience: Duration) -> Link {
+    fn link(net: &Arc<dyn Net>, latest: DuplexStream, frames: DuplexStream, timeout: Duration) -> Link {
         let counters = Counters::framed();
         let connection = |stream| {
             let (reader, writer) = split(stream);
             let stream = Stream { reader: Box::new(reader), writer: Box::new(writer), peer: PEER };
             Connection::new(stream, &Tcp(TcpOptions::default()), Format::of::<Robot>(), &counters)
         };
-        let config = LinkConfig { patience, lease: LEASE, ..LinkConfig::default() };
+        let config = LinkConfig { timeout, idle_timeout: IDLE_TIMEOUT, ..LinkConfig::default() };
         let application = Side::<Robot>::of(greeting(ARM)).unwrap();
         let panel = Side::<Robot>::of(greeting(PANEL)).unwrap();
         let peer = application.recognize(panel.hello()).unwrap();
@@ -74,21 +74,21 @@ mod tests {
     }
 
     /// Two links over pipes of `room` bytes.
-    fn pair(net: &Arc<dyn Net>, room: usize, patience: Duration) -> (Link, Link) {
+    fn pair(net: &Arc<dyn Net>, room: usize, timeout: Duration) -> (Link, Link) {
         let ((latest_a, latest_b), (frames_a, frames_b)) = (duplex(room), duplex(room));
-        (link(net, latest_a, frames_a, patience), link(net, latest_b, frames_b, patience))
+        (link(net, latest_a, frames_a, timeout), link(net, latest_b, frames_b, timeout))
     }
 
     #[tokio::test(start_paused = true)]
     async fn a_peer_with_nothing_to_say_lives() {
         let net = net();
-        let (mut here, there) = pair(&net, 4096, LEASE * 10);
+        let (mut here, there) = pair(&net, 4096, IDLE_TIMEOUT * 10);
         let silent = here.frames_rx.recv().await.unwrap_err();
         assert!(matches!(silent, RecvError::Silent { .. }), "{silent:?}");
         let silent = here.latest_rx.latest().await.unwrap_err();
         assert!(matches!(silent, RecvError::Silent { .. }), "{silent:?}");
-        assert!(net.now().as_nanos() >= (LEASE * 20).as_nanos() as u64);
-        // Four in each lease, on either lane.
+        assert!(net.now().as_nanos() >= (IDLE_TIMEOUT * 20).as_nanos() as u64);
+        // Four in each idle timeout, on either lane.
         assert!((140..=160).contains(&there.stats.read().sent.control.messages));
     }
 
@@ -96,9 +96,9 @@ mod tests {
     async fn a_peer_that_hangs_is_lost_when_the_lease_is_over() {
         let net = net();
         let ((latest, _hangs), (frames, _too)) = (duplex(4096), duplex(4096));
-        let mut here = link(&net, latest, frames, LEASE * 10);
-        for at in [LEASE, LEASE * 2] {
-            let lost = if at == LEASE {
+        let mut here = link(&net, latest, frames, IDLE_TIMEOUT * 10);
+        for at in [IDLE_TIMEOUT, IDLE_TIMEOUT * 2] {
+            let lost = if at == IDLE_TIMEOUT {
                 here.frames_rx.recv().await.unwrap_err()
             } else {
                 here.latest_rx.latest().await.unwrap_err()
@@ -119,26 +119,26 @@ mod tests {
     async fn a_peer_that_hangs_is_lost_by_a_sender_when_the_lease_is_over() {
         let net = net();
         let ((latest, _hangs), (frames, _too)) = (duplex(128), duplex(128));
-        let mut here = link(&net, latest, frames, LEASE * 10);
+        let mut here = link(&net, latest, frames, IDLE_TIMEOUT * 10);
         let (error, at) = send_into(&mut here, &net).await;
         assert!(matches!(error, SendError::Lost { cause: Loss::Silent, .. }), "{error:?}");
-        assert_eq!(at.as_secs(), LEASE.as_secs());
+        assert_eq!(at.as_secs(), IDLE_TIMEOUT.as_secs());
     }
 
     #[tokio::test(start_paused = true)]
     async fn a_peer_that_lives_and_takes_nothing_has_all_of_the_patience() {
         let net = net();
-        let (mut here, _there) = pair(&net, 128, LEASE * 10);
+        let (mut here, _there) = pair(&net, 128, IDLE_TIMEOUT * 10);
         let (error, at) = send_into(&mut here, &net).await;
         assert!(matches!(error, SendError::Stalled { .. }), "{error:?}");
-        assert_eq!(at.as_secs(), 10 * LEASE.as_secs());
+        assert_eq!(at.as_secs(), 10 * IDLE_TIMEOUT.as_secs());
     }
 
     #[tokio::test(start_paused = true)]
     async fn two_that_send_to_each_other_and_do_not_read_have_all_of_the_patience() {
         let net = net();
         // Each takes in something of what the other sends, to see whether it lives, and then no more.
-        let (mut here, mut there) = pair(&net, 64 * 1024, LEASE * 10);
+        let (mut here, mut there) = pair(&net, 64 * 1024, IDLE_TIMEOUT * 10);
         let (one, other) = tokio::join!(send_into(&mut here, &net), send_into(&mut there, &net));
         for (error, at) in [one, other] {
             assert!(matches!(error, SendError::Stalled { .. }), "{error:?}");
@@ -149,7 +149,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn what_a_sender_found_in_its_wait_is_read_afterwards() {
         let net = net();
-        let (mut here, there) = pair(&net, 128, LEASE * 2);
+        let (mut here, there) = pair(&net, 128, IDLE_TIMEOUT * 2);
         let Link { frames_tx, frames_rx: _unread, latest_tx: _latest, .. } = there;
         frames_tx.goodbye(finished()).await.unwrap();
         // The peer has left: nothing more comes, and it takes nothing.
@@ -162,7 +162,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn a_beat_never_comes_between_what_a_sender_who_waits_has_to_say() {
         let net = net();
-        let (mut here, mut there) = pair(&net, 64, LEASE * 10);
+        let (mut here, mut there) = pair(&net, 64, IDLE_TIMEOUT * 10);
         // In a task of its own: nobody else's wake-up is to be taken for the sender's.
         net.spawn(Box::pin(async move {
             here.frames_tx.begin(start(0)).await.unwrap();
@@ -170,7 +170,7 @@ mod tests {
             here.frames_tx.finish().await.unwrap();
         }));
         // Many beats fall due while the sender waits for room, and none at this moment.
-        let begins = LEASE * 5 + Duration::from_secs(1);
+        let begins = IDLE_TIMEOUT * 5 + Duration::from_secs(1);
         sleep_until(&*net, net.now().after(begins)).await;
         let got = receive(&mut there.frames_rx).await.unwrap();
         assert!(got.points == points(5000));
@@ -181,10 +181,11 @@ mod tests {
     async fn nothing_follows_a_goodbye() {
         let net = net();
         let ((latest, mut raw_latest), (frames, mut raw_frames)) = (duplex(4096), duplex(4096));
-        let Link { latest_tx, latest_rx, frames_tx, frames_rx, .. } = link(&net, latest, frames, LEASE * 10);
+        let Link { latest_tx, latest_rx, frames_tx, frames_rx, .. } =
+            link(&net, latest, frames, IDLE_TIMEOUT * 10);
         frames_tx.goodbye(finished()).await.unwrap();
         latest_tx.goodbye(finished()).await.unwrap();
-        sleep_until(&*net, net.now().after(LEASE * 5)).await;
+        sleep_until(&*net, net.now().after(IDLE_TIMEOUT * 5)).await;
         drop((latest_rx, frames_rx));
         for raw in [&mut raw_latest, &mut raw_frames] {
             let mut all = Vec::new();

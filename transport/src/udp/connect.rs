@@ -93,7 +93,7 @@ async fn introduce(
     let (key, mut connection, answer) = asking.ask(ways, config, by).await.map_err(failed)?;
     let (theirs, reliable) = read_answer(&answer, format, &counters).map_err(failed)?;
     let theirs = application.recognize(&theirs).map_err(failed)?;
-    let reliable = reliable && config.patience.is_none();
+    let reliable = reliable && config.frame_deadline.is_none();
     let batching = theirs.batching.unwrap_or(options.link.batching);
     connection.set_batch(batching.size);
     connection.set_coded(batching.coded);
@@ -139,7 +139,7 @@ pub(super) fn introduce_with(message: &Message, config: &Config, counters: &Coun
     let mut bytes = BytesMut::new();
     message.encode(&mut bytes);
     counters.sent.count(message.kind(), bytes.len() - HEADER_BYTES);
-    bytes.put_u8(u8::from(config.patience.is_some()));
+    bytes.put_u8(u8::from(config.frame_deadline.is_some()));
     bytes
 }
 

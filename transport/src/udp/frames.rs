@@ -11,7 +11,7 @@ use trimaran_wire::{CloseReason, FrameMessage, FrameNumber, Kind};
 use super::port::{Carrier, State, Waiter};
 use crate::error::{LaneError, LaneSendError, Loss};
 use crate::link::Shared;
-use crate::patience::Patience;
+use crate::timeouts::Timeouts;
 use trimaran_net::Instant;
 
 #[derive(Debug)]
@@ -51,8 +51,8 @@ impl FrameTx {
         self.carrier.lock().connection.confirmed_frame()
     }
 
-    /// Gives what is staged to the connection. Whatever it takes starts the patience anew.
-    pub(crate) async fn send_staged(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
+    /// Gives what is staged to the connection. Whatever it takes starts the timeout anew.
+    pub(crate) async fn send_staged(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         while !self.staged.is_empty() {
             let Self { carrier, staged, warned, .. } = self;
             let some = poll_fn(|cx| {
@@ -79,13 +79,13 @@ impl FrameTx {
                 }
                 Poll::Ready(Ok(()))
             });
-            patience.wait(None, some).await.map_err(|_| LaneSendError::Stalled)??;
+            timeouts.wait(None, some).await.map_err(|_| LaneSendError::Stalled)??;
         }
         Ok(())
     }
 
     /// Ends the lane behind its goodbye, once all of it has arrived.
-    pub(crate) async fn close(&mut self, patience: &mut Patience) -> Result<(), LaneSendError> {
+    pub(crate) async fn close(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         self.ended = true;
         let arrived = poll_fn(|cx| {
             let mut state = self.carrier.lock();
@@ -98,7 +98,7 @@ impl FrameTx {
             state.wait(Waiter::FrameTx, cx);
             Poll::Pending
         });
-        patience.wait(None, arrived).await.map_err(|_| LaneSendError::Stalled)?
+        timeouts.wait(None, arrived).await.map_err(|_| LaneSendError::Stalled)?
     }
 }
 
@@ -132,7 +132,7 @@ impl FrameRx {
         &mut self,
         by: Option<Instant>,
         shared: &Shared,
-        patience: &mut Patience,
+        timeouts: &mut Timeouts,
     ) -> Result<FrameMessage, LaneError> {
         let next = poll_fn(|cx| {
             if let Some(end) = self.farewell.clone() {
@@ -151,7 +151,7 @@ impl FrameRx {
             state.wait(Waiter::FrameRx, cx);
             Poll::Pending
         });
-        let received = patience.wait(by, next).await.map_err(LaneError::Expired)??;
+        let received = timeouts.wait(by, next).await.map_err(LaneError::Expired)??;
         match received {
             Received::Frame(message) => {
                 shared.counters.received.count(message.kind(), message.payload());

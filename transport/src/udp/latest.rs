@@ -10,7 +10,7 @@ use trimaran_wire::{CloseReason, FixedBytes, Kind};
 use super::port::{Carrier, State, Waiter};
 use crate::error::{LaneError, LaneSendError, Loss};
 use crate::link::Shared;
-use crate::patience::Patience;
+use crate::timeouts::Timeouts;
 use trimaran_net::Instant;
 
 #[derive(Debug)]
@@ -37,7 +37,7 @@ impl LatestTx {
     pub(crate) async fn goodbye(
         &mut self,
         reason: CloseReason,
-        patience: &mut Patience,
+        timeouts: &mut Timeouts,
     ) -> Result<(), LaneSendError> {
         self.end(Some(reason));
         let arrived = poll_fn(|cx| {
@@ -51,7 +51,7 @@ impl LatestTx {
             state.wait(Waiter::LatestTx, cx);
             Poll::Pending
         });
-        patience.wait(None, arrived).await.map_err(|_| LaneSendError::Stalled)?
+        timeouts.wait(None, arrived).await.map_err(|_| LaneSendError::Stalled)?
     }
 
     fn end(&self, reason: Option<CloseReason>) {
@@ -85,7 +85,7 @@ impl LatestRx {
         &mut self,
         by: Option<Instant>,
         shared: &Shared,
-        patience: &mut Patience,
+        timeouts: &mut Timeouts,
     ) -> Result<FixedBytes, LaneError> {
         let value = poll_fn(|cx| {
             let mut state = self.carrier.lock();
@@ -97,7 +97,7 @@ impl LatestRx {
                 }
             }
         });
-        patience.wait(by, value).await.map_err(LaneError::Expired)?
+        timeouts.wait(by, value).await.map_err(LaneError::Expired)?
     }
 }
 

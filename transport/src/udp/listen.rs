@@ -148,7 +148,7 @@ impl Hall {
         }
         // It takes the role's place only once it has shown that it is there now.
         self.desk.admits(&hello).map_err(HandshakeError::Refused)?;
-        let reliable = reliable && self.config.patience.is_none();
+        let reliable = reliable && self.config.frame_deadline.is_none();
         let batching = peer.batching.unwrap_or(self.desk.options.link.batching);
         Ok(Guest { hello, batching, reliable, counters })
     }

@@ -133,18 +133,18 @@ impl Default for UdpOptions {
 impl UdpOptions {
     /// What holds for a connection whose endpoint asks for `mode`.
     pub(super) fn config(&self, mode: Option<UdpMode>, link: &LinkConfig, format: Format) -> Config {
-        let patience = match mode.unwrap_or(self.mode) {
+        let frame_deadline = match mode.unwrap_or(self.mode) {
             UdpMode::Reliable => None,
             UdpMode::Deadline => Some(self.deadline),
         };
         Config {
-            patience,
+            frame_deadline,
             repair: self.repair,
             repair_percent: self.repair_percent,
             congestion: self.congestion,
             initial_window: self.initial_window,
             max_datagram: self.max_datagram.min(LARGEST),
-            lease: link.lease,
+            idle_timeout: link.idle_timeout,
             window: self.window.into(),
             send_buffer: self.send_buffer,
             ..Config::new(format)

@@ -195,8 +195,8 @@ async fn goodbye_survives_unread_data() {
 
 #[tokio::test]
 async fn a_panel_that_went_without_a_word_and_reads_nothing_has_not_heard_a_goodbye() {
-    let patience = Duration::from_secs(1);
-    let link = LinkConfig { patience, ..LinkConfig::default() };
+    let timeout = Duration::from_secs(1);
+    let link = LinkConfig { timeout, ..LinkConfig::default() };
     let (mut link, mut frames, mut latest) = raw_panel_of(&Options { link, ..Options::default() }).await;
     let (net, points) = (net(), points(16_384));
     link.frames_tx.begin(start(0)).await.unwrap();

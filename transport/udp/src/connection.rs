@@ -116,7 +116,7 @@ impl Connection {
                 config.format,
                 config.window,
                 Inbox::initial_units(),
-                config.patience,
+                config.frame_deadline,
                 Budget::new(config.repair, config.repair_percent),
                 config.coded,
             ),

@@ -45,7 +45,7 @@ pub(crate) struct Outbox {
     offered: u64,
     kept: usize,
     /// How long after its end a frame is worth sending; always, if not given.
-    pub(crate) patience: Option<Duration>,
+    pub(crate) frame_deadline: Option<Duration>,
     repair: Budget,
     /// The bytes of the last frame: those of the next one will be about as many.
     last_length: usize,
@@ -67,7 +67,7 @@ impl Outbox {
         format: Format,
         allowed_bytes: u64,
         allowed_units: u64,
-        patience: Option<Duration>,
+        frame_deadline: Option<Duration>,
         repair: Budget,
         coded: bool,
     ) -> Self {
@@ -84,7 +84,7 @@ impl Outbox {
             allowed_units,
             offered: 0,
             kept: 0,
-            patience,
+            frame_deadline,
             repair,
             last_length: 0,
             coded,
@@ -273,9 +273,9 @@ mod tests {
     pub(super) const PATH: Path = Path { shard: 1136, loss: 0.0 };
 
     /// Without repair.
-    pub(super) fn sender(patience: Option<u64>) -> Outbox {
-        let patience = patience.map(Duration::from_millis);
-        Outbox::new(FORMAT, 1 << 20, 1024, patience, Budget::new(Repair::Off, 15), false)
+    pub(super) fn sender(frame_deadline: Option<u64>) -> Outbox {
+        let frame_deadline = frame_deadline.map(Duration::from_millis);
+        Outbox::new(FORMAT, 1 << 20, 1024, frame_deadline, Budget::new(Repair::Off, 15), false)
     }
 
     pub(super) fn frame(outbox: &mut Outbox, number: u32) {

@@ -126,7 +126,7 @@ pub enum Refusal {
     /// The listening peer has this role itself, or has a peer with it already.
     #[error(
         "the role {role} is taken: each role exists once, and the place of a process that was killed is free \
-         when its lease has ended"
+         when its idle timeout has ended"
     )]
     RoleTaken {
         /// The role both claim.

@@ -13,9 +13,9 @@ use trimaran_wire::{
 
 use crate::error::{LaneError, Loss, ProtocolError, misplaced};
 use crate::link::Shared;
-use crate::patience::Patience;
 use crate::quic::carrier::{Carrier, loss};
 use crate::quic::frames::{noop, poll_fill};
+use crate::timeouts::Timeouts;
 use trimaran_net::Instant;
 
 #[derive(Debug)]
@@ -48,13 +48,13 @@ impl LatestRx {
         &mut self,
         by: Option<Instant>,
         shared: &Shared,
-        patience: &mut Patience,
+        timeouts: &mut Timeouts,
     ) -> Result<FixedBytes, LaneError> {
         let connection = self.carrier.connection.clone();
         // What rings for a datagram is this future, so it lives as long as the wait.
         let mut datagram = pin!(connection.read_datagram());
         let value = poll_fn(|cx| self.poll_latest(&connection, datagram.as_mut(), shared, cx));
-        patience.wait(by, value).await.map_err(LaneError::Expired)?
+        timeouts.wait(by, value).await.map_err(LaneError::Expired)?
     }
 
     #[cfg(test)]

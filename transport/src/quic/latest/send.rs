@@ -13,8 +13,8 @@ use trimaran_wire::{CloseReason, FixedBytes, Kind, Message, Numbered, Serial};
 use crate::desk::lock;
 use crate::error::{LaneSendError, Loss};
 use crate::link::Shared;
-use crate::patience::Patience;
 use crate::quic::carrier::{Carrier, loss, write_loss};
+use crate::timeouts::Timeouts;
 use trimaran_net::Timer;
 
 /// The shortest quiet after which the newest value is copied; where a round trip takes longer, 1.5 of those.
@@ -82,7 +82,7 @@ impl LatestTx {
     pub(crate) async fn goodbye(
         &mut self,
         reason: CloseReason,
-        patience: &mut Patience,
+        timeouts: &mut Timeouts,
     ) -> Result<(), LaneSendError> {
         {
             let mut state = lock(&self.cell.state);
@@ -102,7 +102,7 @@ impl LatestTx {
                     return Ok(());
                 }
             }
-            patience.wait(None, ended).await.map_err(|_| LaneSendError::Stalled)?;
+            timeouts.wait(None, ended).await.map_err(|_| LaneSendError::Stalled)?;
         }
     }
 }

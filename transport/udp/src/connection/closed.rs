@@ -17,7 +17,7 @@ pub enum Closed {
     /// The peer closed it.
     #[error("the peer closed the connection")]
     Peer,
-    /// Nothing came for the lease.
+    /// Nothing came for the idle timeout.
     #[error("nothing came from the peer for {0:?}")]
     Silent(Duration),
     /// The peer sends, but acknowledges nothing.

@@ -24,10 +24,10 @@ pub struct Config {
     pub ack_delay: Duration,
     /// How long nothing may arrive, or nothing that was sent be acknowledged, before the peer counts as
     /// dead. Default 20 s; a quarter of it without traffic sends a ping.
-    pub lease: Duration,
+    pub idle_timeout: Duration,
     /// How long after its end a frame sent from here is worth sending: whatever cannot arrive in time is
     /// given up, and the peer gets the frame with gaps. `None`, the default, for always.
-    pub patience: Option<Duration>,
+    pub frame_deadline: Option<Duration>,
     /// When frames sent from here get repair. Default while packets are lost.
     pub repair: Repair,
     /// How many bytes repair may cost, percent of those without: its packets, and the headers of those that
@@ -55,8 +55,8 @@ impl Config {
             window: 4 << 20,
             send_buffer: 4 << 20,
             ack_delay: Duration::from_millis(1),
-            lease: Duration::from_secs(20),
-            patience: None,
+            idle_timeout: Duration::from_secs(20),
+            frame_deadline: None,
             repair: Repair::default(),
             repair_percent: 15,
             congestion: Congestion::default(),

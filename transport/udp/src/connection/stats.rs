@@ -67,7 +67,7 @@ impl PathStats {
 /// Frames have no more time than the way to the peer takes: hardly any can come whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Hopeless {
-    /// How long a frame may take ([`Config::patience`](crate::Config::patience)).
+    /// How long a frame may take ([`Config::frame_deadline`](crate::Config::frame_deadline)).
     pub deadline: Duration,
     /// How long a packet is on its way at least: half of the shortest round trip.
     pub way: Duration,
@@ -83,7 +83,7 @@ impl Connection {
     /// the way was measured.
     #[must_use]
     pub fn hopeless(&self) -> Option<Hopeless> {
-        let (deadline, way) = (self.outbox.patience?, self.recovery.rtt.least_one_way()?);
+        let (deadline, way) = (self.outbox.frame_deadline?, self.recovery.rtt.least_one_way()?);
         (way >= deadline).then_some(Hopeless { deadline, way })
     }
 

@@ -17,9 +17,9 @@ impl Connection {
         if self.closed.is_some() {
             return None;
         }
-        let keepalive = self.last_sent.after(self.config.lease / 4);
-        let lease = self.last_received.after(self.config.lease);
-        let mut next = keepalive.min(lease);
+        let keepalive = self.last_sent.after(self.config.idle_timeout / 4);
+        let idle_timeout = self.last_received.after(self.config.idle_timeout);
+        let mut next = keepalive.min(idle_timeout);
         // One after the other, as it is asked with every packet: a chain of iterators takes twice the
         // instructions.
         let mut or_at = |due: Option<Instant>| {
@@ -28,7 +28,7 @@ impl Connection {
             }
         };
         or_at(self.recovery.timeout());
-        or_at(self.recovery.unheard_since().map(|since| since.after(self.config.lease)));
+        or_at(self.recovery.unheard_since().map(|since| since.after(self.config.idle_timeout)));
         or_at(self.acks.due());
         or_at(self.paced_until);
         or_at(self.question_due());
@@ -46,15 +46,15 @@ impl Connection {
         if self.closed.is_some() {
             return;
         }
-        if now >= self.last_received.after(self.config.lease) {
-            self.end(Closed::Silent(self.config.lease));
+        if now >= self.last_received.after(self.config.idle_timeout) {
+            self.end(Closed::Silent(self.config.idle_timeout));
             return;
         }
-        if self.recovery.unheard_since().is_some_and(|since| now >= since.after(self.config.lease)) {
-            self.end(Closed::Deaf(self.config.lease));
+        if self.recovery.unheard_since().is_some_and(|since| now >= since.after(self.config.idle_timeout)) {
+            self.end(Closed::Deaf(self.config.idle_timeout));
             return;
         }
-        if now >= self.last_sent.after(self.config.lease / 4) {
+        if now >= self.last_sent.after(self.config.idle_timeout / 4) {
             self.ping();
         }
         if self.recovery.timeout().is_some_and(|at| at <= now) {

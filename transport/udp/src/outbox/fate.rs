@@ -9,10 +9,10 @@ use super::{Outbox, UNIT_COST, Unit};
 impl Outbox {
     /// Gives up frames that are not worth sending any more: what leaves at `now` arrives at `arrival`.
     pub(crate) fn expire(&mut self, now: Instant, arrival: Instant) {
-        let Some(patience) = self.patience else { return };
+        let Some(deadline) = self.frame_deadline else { return };
         self.undated = self.undated.max(self.first);
         while let Some(unit) = self.unit(self.undated).filter(|unit| unit.is_ended()) {
-            unit.due_by(now.after(patience));
+            unit.due_by(now.after(deadline));
             self.undated += 1;
         }
         self.in_time = self.in_time.max(self.first);
@@ -33,7 +33,7 @@ impl Outbox {
 
     /// By when the next frame has to arrive.
     pub(crate) fn deadline(&self) -> Option<Instant> {
-        self.patience?;
+        self.frame_deadline?;
         let over = usize::try_from(self.in_time.saturating_sub(self.first)).ok()?;
         self.units.range(over.min(self.units.len())..).find_map(Unit::deadline)
     }

@@ -58,7 +58,7 @@ fn a_walk_takes_a_tenth_of_the_bytes_and_repeats_every_item() {
 fn with_deadlines_changes_refer_to_what_was_confirmed_whatever_else_was_lost() {
     let frames = walk(300, 500, 10, 2);
     let config =
-        Config { repair_percent: 0, patience: Some(Duration::from_millis(17)), ..as_changes(RELIABLE) };
+        Config { repair_percent: 0, frame_deadline: Some(Duration::from_millis(17)), ..as_changes(RELIABLE) };
     let (pair, reader) = converse(Network { loss: 200, ..SEALED }, config, &frames, PAUSE);
     assert!(reader.gaps.len() > 40, "{} frames with gaps", reader.gaps.len());
     assert!(reader.coded > 40, "{} batches as changes", reader.coded);
@@ -91,7 +91,7 @@ fn a_frame_is_confirmed_once_all_of_it_was_acknowledged() {
 
 #[test]
 fn a_frame_that_was_given_up_is_never_confirmed() {
-    let config = Config { patience: Some(Duration::from_millis(8)), ..as_changes(RELIABLE) };
+    let config = Config { frame_deadline: Some(Duration::from_millis(8)), ..as_changes(RELIABLE) };
     let mut pair = Pair::new(Network { loss: 1000, ..CLEAN }, config);
     let mut sender = Sender::new(config);
     sender.send(&mut pair.ends[0], 0, &[1]);
@@ -114,20 +114,20 @@ proptest! {
     #[test]
     fn no_frame_is_spoilt_by_another_ones_loss(
         loss in 0u64..400, twice in 0u64..200, late in 0u64..300, broken in 0u64..100,
-        bursts in prop::sample::select(vec![0u64, 10]), sealed: bool, seed: u64, patience in prop::option::of(1u64..80), repair_percent in 0u8..40,
+        bursts in prop::sample::select(vec![0u64, 10]), sealed: bool, seed: u64, frame_deadline in prop::option::of(1u64..80), repair_percent in 0u8..40,
         mtu in 1200usize..1460, pause in 0u64..20, batch in prop::sample::select(vec![1, 7, 100, 1024, 16_384]),
         size in 0u32..3000, changed in 0u32..60, count in 1usize..40,
     ) {
         let network = Network { loss, twice, late, broken, bursts, sealed, seed, mtu };
         let config = Config {
-            patience: patience.map(Duration::from_millis),
+            frame_deadline: frame_deadline.map(Duration::from_millis),
             repair_percent,
             batch: BatchSize::new(batch).unwrap(),
             ..as_changes(RELIABLE)
         };
         let frames = walk(count, size, changed, seed);
         let (pair, reader) = converse(network, config, &frames, Duration::from_millis(pause));
-        prop_assert!(patience.is_some() || reader.gaps.is_empty());
+        prop_assert!(frame_deadline.is_some() || reader.gaps.is_empty());
         prop_assert!(pair.ends[0].is_drained());
     }
 }

@@ -54,7 +54,7 @@ impl Runs {
             network.loss,
             network.bursts,
             config.repair,
-            config.patience,
+            config.frame_deadline,
             runs.latencies.len(),
             runs.waited(),
             runs.gaps,
@@ -137,7 +137,7 @@ fn bursts_make_few_frames_wait_and_no_link_stand_still() {
 /// hears of none has no room in its window.
 #[test]
 fn no_frame_is_late_for_lost_acknowledgements() {
-    let deadline = Config { patience: Some(Duration::from_millis(50)), ..RELIABLE };
+    let deadline = Config { frame_deadline: Some(Duration::from_millis(50)), ..RELIABLE };
     for repair in [Repair::Off, Repair::Auto] {
         // The last one is a long burst that finds the window full.
         let runs = Runs::many((1..6).chain([22]), BURSTS, Config { repair, ..deadline });

@@ -75,15 +75,15 @@ fn the_last_value_arrives_although_nothing_follows() {
 
 #[test]
 fn a_dead_path_ends_after_the_lease_and_a_live_one_does_not() {
-    let lease = Duration::from_secs(2);
-    let config = Config { lease, ..config() };
+    let idle_timeout = Duration::from_secs(2);
+    let config = Config { idle_timeout, ..config() };
     let end = Instant::from_nanos(0).after(Duration::from_secs(60));
     let mut pair = Pair::new(CLEAN, config);
     while pair.step(end) {}
     assert_eq!(pair.ends[0].closed(), None);
     pair.network.loss = 1000;
-    while pair.step(end.after(lease * 2)) {}
-    assert_eq!(pair.ends[0].closed(), Some(&Closed::Silent(lease)));
+    while pair.step(end.after(idle_timeout * 2)) {}
+    assert_eq!(pair.ends[0].closed(), Some(&Closed::Silent(idle_timeout)));
 }
 
 #[test]
@@ -185,7 +185,7 @@ fn both_ends_count_what_became_of_their_packets() {
 
 #[test]
 fn what_cannot_arrive_in_time_is_given_up_and_the_rest_is_passed_on() {
-    let config = Config { repair_percent: 0, patience: Some(Duration::from_millis(9)), ..RELIABLE };
+    let config = Config { repair_percent: 0, frame_deadline: Some(Duration::from_millis(9)), ..RELIABLE };
     let (pair, reader) = stream(Network { loss: 10, ..SEALED }, config, 5);
     // A round trip takes 10 ms: what is lost is not sent again in time.
     assert!(reader.gaps.len() > 10, "{} frames with gaps", reader.gaps.len());
@@ -204,8 +204,8 @@ fn what_cannot_arrive_in_time_is_given_up_and_the_rest_is_passed_on() {
 
 #[test]
 fn a_deadline_before_anything_can_have_come_is_known_once_the_way_was_measured() {
-    let hopeless = |patience| {
-        let config = Config { patience, ..RELIABLE };
+    let hopeless = |frame_deadline| {
+        let config = Config { frame_deadline, ..RELIABLE };
         assert_eq!(Pair::new(SEALED, config).ends[0].hopeless(), None, "nothing was measured");
         let end = &stream(SEALED, config, 2).0.ends[0];
         assert_eq!(end.stats().hopeless, end.hopeless().is_some());
@@ -255,8 +255,8 @@ fn a_wider_path_is_found_and_a_narrower_one_too() {
 
 #[test]
 fn a_peer_that_acknowledges_nothing_is_given_up_and_costs_no_more() {
-    let lease = Duration::from_secs(5);
-    let config = Config { lease, ..config() };
+    let idle_timeout = Duration::from_secs(5);
+    let config = Config { idle_timeout, ..config() };
     let mut pair = Pair::new(CLEAN, config);
     pair.deaf = true;
     pair.ends[0].publish(value(0));
@@ -267,9 +267,9 @@ fn a_peer_that_acknowledges_nothing_is_given_up_and_costs_no_more() {
     {
         frame += 1;
         pair.ends[1].publish(value(frame));
-        assert!(pair.now < Instant::from_nanos(0).after(lease * 2));
+        assert!(pair.now < Instant::from_nanos(0).after(idle_timeout * 2));
     }
-    assert_eq!(pair.ends[0].closed(), Some(&Closed::Deaf(lease)));
+    assert_eq!(pair.ends[0].closed(), Some(&Closed::Deaf(idle_timeout)));
 }
 
 proptest! {
@@ -288,14 +288,14 @@ proptest! {
     #[test]
     fn with_deadlines_every_frame_ends_whole_or_with_known_gaps(
         loss in 0u64..300, twice in 0u64..200, late in 0u64..300, broken in 0u64..100,
-        bursts in prop::sample::select(vec![0u64, 10]), sealed: bool, seed: u64, patience in 1u64..80, repair_percent in 0u8..60,
+        bursts in prop::sample::select(vec![0u64, 10]), sealed: bool, seed: u64, frame_deadline in 1u64..80, repair_percent in 0u8..60,
         mtu in 1200usize..1460, pause in 0u64..20,
         sizes in prop::collection::vec(0u32..6000, 1..12),
     ) {
         let network = Network { loss, twice, late, broken, bursts, sealed, seed, mtu };
-        let config = Config { patience: Some(Duration::from_millis(patience)), repair_percent, ..RELIABLE };
+        let config = Config { frame_deadline: Some(Duration::from_millis(frame_deadline)), repair_percent, ..RELIABLE };
         let (pair, reader) = converse(network, config, &of_sizes(&sizes), Duration::from_millis(pause));
-        if loss + broken + bursts == 0 && late == 0 && patience > 70 {
+        if loss + broken + bursts == 0 && late == 0 && frame_deadline > 70 {
             prop_assert_eq!(reader.gaps, []);
         }
         prop_assert!(pair.ends[0].is_drained());

@@ -77,17 +77,17 @@ proptest! {
 
     #[test]
     fn items_of_any_size_come_whole_and_in_order_and_all_of_them_without_a_deadline(
-        loss in 0u64..200, seed: u64, patience in prop::option::of(1u64..40),
+        loss in 0u64..200, seed: u64, frame_deadline in prop::option::of(1u64..40),
         latest in prop::sample::select(vec![0, 5, MAX_FIXED]), header in prop::sample::select(vec![0, 8, MAX_FIXED]),
         size in prop::sample::select(vec![4, 5, 12, 100, 255, 256]), batch in prop::sample::select(vec![1, 7, 256]),
         counts in prop::collection::vec(0..MOST, 1..6),
     ) {
         let format = Format { latest, header, item: size, ..RELIABLE.format };
-        let (patience, batch) = (patience.map(Duration::from_millis), BatchSize::new(batch).unwrap());
-        let config = Config { format, patience, batch, ..RELIABLE };
+        let (frame_deadline, batch) = (frame_deadline.map(Duration::from_millis), BatchSize::new(batch).unwrap());
+        let config = Config { format, frame_deadline, batch, ..RELIABLE };
         let came = came(Network { loss, seed, ..SEALED }, config, &counts);
         prop_assert_eq!(came.len(), counts.len());
-        if patience.is_none() {
+        if frame_deadline.is_none() {
             prop_assert_eq!(came, counts);
         }
     }

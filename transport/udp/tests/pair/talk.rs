@@ -34,7 +34,7 @@ pub(crate) struct Sender {
 impl Sender {
     pub(crate) fn new(config: Config) -> Self {
         let changes = config.coded.then(Changes::default);
-        Self { writer: FrameWriter::new(config.batch), changes, reliable: config.patience.is_none() }
+        Self { writer: FrameWriter::new(config.batch), changes, reliable: config.frame_deadline.is_none() }
     }
 
     pub(crate) fn send(&mut self, end: &mut Connection, frame: u32, items: &[u32]) {
@@ -208,7 +208,7 @@ pub(crate) fn converse(
     let whole = reader.frames.iter().zip(frames).filter(|(got, sent)| got == sent).count();
     assert_eq!(whole + reader.gaps.len(), frames.len(), "a frame is whole or known to have gaps");
     for (frame, expected) in &reader.gaps {
-        assert!(config.patience.is_some() && *expected as usize == frames[*frame].len(), "{frame}");
+        assert!(config.frame_deadline.is_some() && *expected as usize == frames[*frame].len(), "{frame}");
         assert!(reader.frames[*frame].len() < *expected as usize);
     }
     assert_eq!(newest, frames.len().checked_sub(1).map(|last| value(last as u32)));
@@ -225,13 +225,13 @@ pub(crate) fn config() -> Config {
     Config::new(RELIABLE.format)
 }
 
-pub(crate) const DEADLINE: Config = Config { patience: Some(Duration::from_millis(40)), ..RELIABLE };
+pub(crate) const DEADLINE: Config = Config { frame_deadline: Some(Duration::from_millis(40)), ..RELIABLE };
 pub(crate) const RELIABLE: Config = Config {
     window: 4 << 20,
     send_buffer: 4 << 20,
     ack_delay: Duration::from_millis(1),
-    lease: Duration::from_secs(20),
-    patience: None,
+    idle_timeout: Duration::from_secs(20),
+    frame_deadline: None,
     repair: Repair::Auto,
     repair_percent: 15,
     congestion: Congestion::Cubic,

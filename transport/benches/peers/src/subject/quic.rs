@@ -2,7 +2,7 @@
 //!
 //! Both encrypt with the same ciphers (rustls on ring, the first that both sides have), and what else matters to a pose or a frame on a path that loses
 //! nothing is quinn's default in both: congestion control, acknowledgements, pacing, segmentation. A link is quinn over its own sockets, with
-//! larger buffers, numbers its poses, copies the last one, hashes points, and waits with an end to its patience: that is what the difference costs.
+//! larger buffers, numbers its poses, copies the last one, hashes points, and waits with an end to its timeout: that is what the difference costs.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, mpsc};

@@ -1,4 +1,4 @@
-//! How long a link waits for its peer: by patience for what it is to say, and by lease for a sign of life.
+//! How long a link waits for its peer: by a timeout for what it is to say, and by an idle timeout for anything.
 
 use std::fmt;
 use std::future::poll_fn;
@@ -9,17 +9,17 @@ use std::time::Duration;
 
 use trimaran_net::{Instant, Net, Timer};
 
-/// How often a sender looks for signs of life in a lease: as often as there are some.
+/// How often a sender looks for signs of life in an idle timeout: as often as there are some.
 const LOOKS: u32 = 4;
 
 /// Bounds every wait of one half of a link.
 ///
 /// The time counts from where a wait begins, not from the last byte: while the caller is busy elsewhere, what
 /// the peer sent lies in the system's buffers, and nobody is to blame.
-pub(crate) struct Patience {
+pub(crate) struct Timeouts {
     net: Arc<dyn Net>,
     limit: Duration,
-    lease: Duration,
+    idle_timeout: Duration,
     /// How long this half has listened since it last heard anything.
     quiet: Duration,
     timer: Box<dyn Timer>,
@@ -46,24 +46,24 @@ struct Life {
 /// A wait that took too long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Expired {
-    /// The patience of the link ended.
-    Patience,
+    /// The timeout of the link ended.
+    Timeout,
     /// The deadline of the call came.
     Deadline,
     /// Not even a sign of life came.
-    Lease,
+    Idle,
 }
 
-impl fmt::Debug for Patience {
+impl fmt::Debug for Timeouts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Patience").field("limit", &self.limit).finish_non_exhaustive()
+        f.debug_struct("Timeouts").field("limit", &self.limit).finish_non_exhaustive()
     }
 }
 
-impl Patience {
-    pub(crate) fn new(net: &Arc<dyn Net>, limit: Duration, lease: Duration) -> Self {
+impl Timeouts {
+    pub(crate) fn new(net: &Arc<dyn Net>, limit: Duration, idle_timeout: Duration) -> Self {
         let quiet = Duration::ZERO;
-        Self { net: Arc::clone(net), limit, lease, quiet, timer: net.timer(), armed: None }
+        Self { net: Arc::clone(net), limit, idle_timeout, quiet, timer: net.timer(), armed: None }
     }
 
     pub(crate) const fn limit(&self) -> Duration {
@@ -74,7 +74,7 @@ impl Patience {
         self.net.now()
     }
 
-    /// What `future` gives, unless the patience or the deadline `by` ends first.
+    /// What `future` gives, unless the timeout or the deadline `by` ends first.
     pub(crate) async fn wait<F: Future>(
         &mut self,
         by: Option<Instant>,
@@ -92,10 +92,10 @@ impl Patience {
         .await
     }
 
-    /// What `future` hears of the peer: as [`Patience::wait`] for all that `wait` is made of, and only as
-    /// long as the lease lasts.
+    /// What `future` hears of the peer: as [`Timeouts::wait`] for all that `wait` is made of, and only as
+    /// long as the idle timeout lasts.
     ///
-    /// The lease counts the time in which this half listens, over several waits if need be: while its owner
+    /// The idle timeout counts the time in which this half listens, over several waits if need be: while its owner
     /// does something else, signs of life lie unread and are no less there.
     pub(crate) async fn hear<F: Future>(
         &mut self,
@@ -111,8 +111,8 @@ impl Patience {
             }
             let begun = *since.get_or_insert_with(|| self.net.now());
             let end = self.end(wait, by);
-            let lease = begun.after(self.lease.saturating_sub(self.quiet));
-            let (at, why) = if lease < end.0 { (lease, Expired::Lease) } else { end };
+            let idle_timeout = begun.after(self.idle_timeout.saturating_sub(self.quiet));
+            let (at, why) = if idle_timeout < end.0 { (idle_timeout, Expired::Idle) } else { end };
             self.poll_reached(at, cx).map(|()| Err(why))
         })
         .await;
@@ -123,7 +123,7 @@ impl Patience {
         heard
     }
 
-    /// What `future` gives, unless the patience ends first, or the lease: `heard` is asked four times in each
+    /// What `future` gives, unless the timeout ends first, or the idle timeout: `heard` is asked four times in each
     /// whether anything came from the peer since it was asked last.
     pub(crate) async fn wait_while_alive<F: Future>(
         &mut self,
@@ -145,17 +145,17 @@ impl Patience {
                     // What came before is a sign of life at this moment: whose age it has, nobody knows.
                     None => {
                         heard();
-                        life.insert(Life { sign: now, look: now.after(self.lease / LOOKS) })
+                        life.insert(Life { sign: now, look: now.after(self.idle_timeout / LOOKS) })
                     }
                 };
                 if now >= life.look {
                     if heard() {
                         life.sign = now;
                     }
-                    life.look = now.after(self.lease / LOOKS);
+                    life.look = now.after(self.idle_timeout / LOOKS);
                 }
-                if now.since(life.sign) >= self.lease {
-                    return Poll::Ready(Err(Expired::Lease));
+                if now.since(life.sign) >= self.idle_timeout {
+                    return Poll::Ready(Err(Expired::Idle));
                 }
                 if now >= end {
                     return Poll::Ready(Err(why));
@@ -170,10 +170,10 @@ impl Patience {
     /// When a wait ends, and why: told when it is first needed, because most waits are over at once.
     fn end(&self, wait: &mut Wait, by: Option<Instant>) -> (Instant, Expired) {
         *wait.end.get_or_insert_with(|| {
-            let patience = self.net.now().after(self.limit);
+            let timeout = self.net.now().after(self.limit);
             match by {
-                Some(by) if by < patience => (by, Expired::Deadline),
-                _ => (patience, Expired::Patience),
+                Some(by) if by < timeout => (by, Expired::Deadline),
+                _ => (timeout, Expired::Timeout),
             }
         })
     }
@@ -199,7 +199,7 @@ mod tests {
     use crate::TokioNet;
     use trimaran_net::sleep_until;
 
-    const LEASE: Duration = Duration::from_secs(20);
+    const IDLE_TIMEOUT: Duration = Duration::from_secs(20);
 
     fn net() -> Arc<dyn Net> {
         Arc::new(TokioNet::current().unwrap())
@@ -208,72 +208,72 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn each_wait_has_the_whole_patience() {
         let net = net();
-        let mut patience = Patience::new(&net, Duration::from_millis(100), LEASE);
+        let mut timeouts = Timeouts::new(&net, Duration::from_millis(100), IDLE_TIMEOUT);
         for _ in 0..5 {
             let soon = net.now().after(Duration::from_millis(90));
-            assert_eq!(patience.wait(None, sleep_until(&*net, soon)).await, Ok(()));
+            assert_eq!(timeouts.wait(None, sleep_until(&*net, soon)).await, Ok(()));
         }
         let start = net.now();
         let never = std::future::pending::<()>();
-        assert_eq!(patience.wait(None, never).await, Err(Expired::Patience));
+        assert_eq!(timeouts.wait(None, never).await, Err(Expired::Timeout));
         assert!(net.now().since(start) >= Duration::from_millis(100));
     }
 
     #[tokio::test(start_paused = true)]
     async fn a_deadline_cuts_a_wait_short_and_only_that_one() {
         let net = net();
-        let mut patience = Patience::new(&net, Duration::from_secs(10), LEASE);
+        let mut timeouts = Timeouts::new(&net, Duration::from_secs(10), IDLE_TIMEOUT);
         let start = net.now();
         let by = start.after(Duration::from_millis(50));
         let never = std::future::pending::<()>();
-        assert_eq!(patience.wait(Some(by), never).await, Err(Expired::Deadline));
+        assert_eq!(timeouts.wait(Some(by), never).await, Err(Expired::Deadline));
         assert!(net.now().since(start) < Duration::from_secs(1));
         let later = net.now().after(Duration::from_secs(5));
-        assert_eq!(patience.wait(None, sleep_until(&*net, later)).await, Ok(()));
+        assert_eq!(timeouts.wait(None, sleep_until(&*net, later)).await, Ok(()));
     }
 
     #[tokio::test(start_paused = true)]
     async fn a_deadline_in_the_past_still_takes_what_is_there() {
         let net = net();
-        let mut patience = Patience::new(&net, Duration::from_secs(10), LEASE);
+        let mut timeouts = Timeouts::new(&net, Duration::from_secs(10), IDLE_TIMEOUT);
         let past = Instant::from_nanos(0);
-        assert_eq!(patience.wait(Some(past), std::future::ready(7)).await, Ok(7));
+        assert_eq!(timeouts.wait(Some(past), std::future::ready(7)).await, Ok(7));
         let never = std::future::pending::<()>();
-        assert_eq!(patience.wait(Some(past), never).await, Err(Expired::Deadline));
+        assert_eq!(timeouts.wait(Some(past), never).await, Err(Expired::Deadline));
     }
 
     #[tokio::test(start_paused = true)]
     async fn signs_of_life_renew_the_lease_and_not_the_patience() {
         let net = net();
-        let mut patience = Patience::new(&net, Duration::from_secs(100), LEASE);
+        let mut timeouts = Timeouts::new(&net, Duration::from_secs(100), IDLE_TIMEOUT);
         let (start, mut wait, mut signs) = (net.now(), Wait::default(), 0);
         let end = loop {
             let soon = net.now().after(Duration::from_secs(19));
-            match patience.hear(&mut wait, None, sleep_until(&*net, soon)).await {
+            match timeouts.hear(&mut wait, None, sleep_until(&*net, soon)).await {
                 Ok(()) => signs += 1,
                 Err(end) => break end,
             }
         };
-        assert_eq!((end, signs), (Expired::Patience, 5));
+        assert_eq!((end, signs), (Expired::Timeout, 5));
         assert!(net.now().since(start) >= Duration::from_secs(100));
     }
 
     #[tokio::test(start_paused = true)]
     async fn the_lease_counts_while_somebody_listens() {
         let net = net();
-        let mut patience = Patience::new(&net, Duration::from_secs(100), LEASE);
+        let mut timeouts = Timeouts::new(&net, Duration::from_secs(100), IDLE_TIMEOUT);
         let mut listened = 0;
         let end = loop {
-            assert!(listened < 100, "the lease never ends");
+            assert!(listened < 100, "the idle_timeout never ends");
             let by = net.now().after(Duration::from_secs(3));
             let never = std::future::pending::<()>();
-            match patience.hear(&mut Wait::default(), Some(by), never).await {
+            match timeouts.hear(&mut Wait::default(), Some(by), never).await {
                 Err(Expired::Deadline) => listened += 3,
                 end => break end,
             }
-            // Busy elsewhere for longer than the lease.
-            sleep_until(&*net, net.now().after(LEASE * 2)).await;
+            // Busy elsewhere for longer than the idle timeout.
+            sleep_until(&*net, net.now().after(IDLE_TIMEOUT * 2)).await;
         };
-        assert_eq!((end, listened), (Err(Expired::Lease), 18));
+        assert_eq!((end, listened), (Err(Expired::Idle), 18));
     }
 }

@@ -28,7 +28,7 @@ async fn a_peer_of_this_process_comes_back_as_well() {
 }
 
 /// A panel whose process runs until it has read a pose, and then hangs with all that it has. None where
-/// the lease is over before that, because the machine has other things to do.
+/// the idle timeout is over before that, because the machine has other things to do.
 async fn hanging_panel(at: Endpoint, options: Options) -> Option<(Runtime, Link)> {
     let life = move || {
         let runtime = Builder::new_current_thread().enable_all().build().unwrap();
@@ -45,10 +45,10 @@ async fn hanging_panel(at: Endpoint, options: Options) -> Option<(Runtime, Link)
 
 /// A link to a panel that hangs, and what keeps that panel there.
 async fn joined_to_a_hanging_panel(endpoint: &str) -> (Link, Runtime, impl Sized) {
-    let patience = Duration::from_secs(3600);
-    // The first lease that is long enough here.
-    for lease in (0..).map(|doubled| Duration::from_millis(200) * 2_u32.pow(doubled)) {
-        let link = LinkConfig { patience, lease, ..LinkConfig::default() };
+    let timeout = Duration::from_secs(3600);
+    // The first idle timeout that is long enough here.
+    for idle_timeout in (0..).map(|doubled| Duration::from_millis(200) * 2_u32.pow(doubled)) {
+        let link = LinkConfig { timeout, idle_timeout, ..LinkConfig::default() };
         let Meeting { mut listener, at, panel, _folder, .. } =
             Meeting::at(endpoint, &Options { link, ..Options::default() }).await;
         let meet = async {
@@ -59,7 +59,7 @@ async fn joined_to_a_hanging_panel(endpoint: &str) -> (Link, Runtime, impl Sized
             return (here, runtime, (hangs, listener, _folder));
         }
     }
-    unreachable!("some lease is long enough")
+    unreachable!("some idle timeout is long enough")
 }
 
 async fn a_peer_that_hangs_is_lost_by_whoever_waits_for_room(endpoint: &str) {
