@@ -8,7 +8,7 @@ use std::{error::Error, sync::Arc, time::Duration};
 
 use clap::{Parser, ValueEnum};
 use trimaran_actors::{FrameEvent, FrameStart, Link, Listener};
-use trimaran_proto::{Camera, DrawableId, FrameNumber, Goodbye, Identity, Role, SceneHash, Walkthrough};
+use trimaran_proto::{Camera, CloseCode, DrawableId, FrameNumber, Identity, Role, SceneHash, Walkthrough};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::{Endpoint, Net, Options, TokioNet, connect};
 
@@ -87,8 +87,8 @@ async fn show(transport: Transport) -> Result<(), Box<dyn Error>> {
         sent.read().sent.total_bytes() / u64::from(FRAMES)
     );
     let (_, _) = tokio::join!(
-        machine.goodbye(Goodbye::Finished.reason()),
-        display.goodbye(Goodbye::Finished.reason())
+        machine.close(CloseCode::Finished.reason()),
+        display.close(CloseCode::Finished.reason())
     );
     Ok(())
 }

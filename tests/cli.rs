@@ -509,7 +509,7 @@ fn a_machine_of_the_pair_that_hangs_is_noticed_within_the_lease() {
         session.has_recorded(&bench, 3);
         // Its connections stand, and the system under it answers for it.
         signal("-STOP", &session.pair[1]);
-        expect(&session.end(), 3, &["switch", "lost", "no sign of life"]);
+        expect(&session.end(), 3, &["switch", "lost", "no keep-alive"]);
     }
 }
 

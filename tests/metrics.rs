@@ -158,7 +158,7 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
             .await
             .unwrap();
     // Whoever was still being turned away when the listener went may have been counted later.
-    let after = display.stats.door().unwrap().turned_away();
+    let after = display.stats.listener().unwrap().turned_away();
     for (limit, counted) in [
         ("handshakes", before.no_room..=after.no_room),
         ("handshakes_per_s_per_address", 0..=0),

@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use trimaran_net::Instant;
 use trimaran_udp::{
-    Closed, Connecting, Connection, ConnectionId, Door, MIN_DATAGRAM, Progress, Received, Reception, Security,
+    Acceptor, Closed, Connecting, Connection, ConnectionId, Handled, MIN_DATAGRAM, Progress, Received,
+    Security,
 };
 use trimaran_wire::{CloseReason, FrameMessage};
 
@@ -30,20 +31,20 @@ pub fn strangers(bytes: &[u8]) {
     filled.resize(MIN_DATAGRAM.max(bytes.len()), 0);
     for security in [Security::Plaintext, Security::PreShared([9; 32].into())] {
         for datagram in [bytes, &filled] {
-            knock(&security, datagram);
+            initial(&security, datagram);
             answer(&security, datagram);
         }
     }
 }
 
-fn knock(security: &Security, datagram: &[u8]) {
-    let Ok(door) = Door::new(security.clone(), SECRET) else { unreachable!("the keys are good") };
+fn initial(security: &Security, datagram: &[u8]) {
+    let Ok(acceptor) = Acceptor::new(security.clone(), SECRET) else { unreachable!("the keys are good") };
     let mut out = Vec::new();
-    match door.handle(now(), ELSEWHERE, datagram, &mut out) {
-        Reception::Reply => assert!(out.len() * 3 <= datagram.len(), "{} for {}", out.len(), datagram.len()),
-        Reception::Knock(knock) => {
+    match acceptor.handle(now(), ELSEWHERE, datagram, &mut out) {
+        Handled::Reply => assert!(out.len() * 3 <= datagram.len(), "{} for {}", out.len(), datagram.len()),
+        Handled::Initial(initial) => {
             assert!(datagram.len() >= MIN_DATAGRAM);
-            let connection = knock.take(now(), THERE, b"welcome", config(), &mut out);
+            let connection = initial.take(now(), THERE, b"welcome", config(), &mut out);
             assert!(connection.is_some(), "who knocks rightly is let in");
             assert!(out.len() <= MIN_DATAGRAM);
         }
@@ -73,7 +74,7 @@ fn answer(security: &Security, datagram: &[u8]) {
 pub fn chunks(bytes: &[u8]) {
     let mut connection = Connection::plaintext(now(), HERE, THERE, config());
     connection.publish(value());
-    connection.goodbye(CloseReason::new(0, "over"));
+    connection.end_frames(CloseReason::new(0, "over"));
     connection.follow(HOME, SECRET);
     settle(&mut connection, now());
     let (mut rest, mut at, mut passed, mut elsewhere) = (bytes, now(), 0, 0);

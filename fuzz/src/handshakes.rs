@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use trimaran_net::Instant;
 use trimaran_udp::{
-    Connecting, Connection, ConnectionId, Door, MIN_DATAGRAM, Progress, Reception, Security, destination,
+    Acceptor, Connecting, Connection, ConnectionId, Handled, MIN_DATAGRAM, Progress, Security, destination,
 };
 
 use crate::wire::config;
@@ -51,7 +51,7 @@ fn pinned() -> Security {
 struct Street {
     now: Instant,
     begun: Instant,
-    door: Door,
+    acceptor: Acceptor,
     connecting: Option<Connecting>,
     connected: Option<Connection>,
     /// By callers, as a listener keeps them: the answer, and the connection.
@@ -73,7 +73,7 @@ impl Street {
         Some(Self {
             now,
             begun: now,
-            door: Door::new(security.clone(), [7; 32]).ok()?,
+            acceptor: Acceptor::new(security.clone(), [7; 32]).ok()?,
             connecting: Some(Connecting::new(security, HERE, b"hello").ok()?),
             connected: None,
             guests: BTreeMap::new(),
@@ -153,16 +153,16 @@ impl Street {
         let (had, sent) = self.had.entry(from).or_default();
         *had += packet.len();
         let mut reply = Vec::new();
-        match self.door.handle(self.now, from, packet, &mut reply) {
-            Reception::Reply => assert!(reply.len() * 3 <= packet.len()),
-            Reception::Knock(knock) => {
-                let caller = (from, knock.from);
-                assert_eq!(knock.from, HERE, "the stranger has no keys");
+        match self.acceptor.handle(self.now, from, packet, &mut reply) {
+            Handled::Reply => assert!(reply.len() * 3 <= packet.len()),
+            Handled::Initial(initial) => {
+                let caller = (from, initial.from);
+                assert_eq!(initial.from, HERE, "the stranger has no keys");
                 if let Some((answer, _)) = self.guests.get(&caller) {
                     reply.clone_from(answer);
                 } else {
                     let name = ConnectionId(20 + self.guests.len() as u32);
-                    let guest = knock.take(self.now, name, b"welcome", config(), &mut reply);
+                    let guest = initial.take(self.now, name, b"welcome", config(), &mut reply);
                     let Some(guest) = guest else { unreachable!("who knocks rightly is let in") };
                     self.guests.insert(caller, (reply.clone(), guest));
                 }

@@ -66,11 +66,11 @@ fn who_leaves_waits_half_a_second_for_a_peer_that_has_left_and_cannot_tell_what_
     let took = simulation.run(async {
         let (arm, panel) = machines.pair(LinkConfig::default()).await;
         sleep_until(&*machines.net(), Instant::from_nanos(2_000_000_000)).await;
-        // It hears nothing, and nothing tells it that its own goodbye has arrived.
+        // It hears nothing, and nothing tells it that its own close has arrived.
         let Link { frames_tx, latest_tx, .. } = panel;
-        let left = async { tokio::join!(frames_tx.goodbye(finished()), latest_tx.goodbye(finished())) };
+        let left = async { tokio::join!(frames_tx.close(finished()), latest_tx.close(finished())) };
         tokio::select! {
-            said = arm.goodbye(finished()) => said.unwrap(),
+            said = arm.close(finished()) => said.unwrap(),
             left = left => panic!("nobody can have answered it: {left:?}"),
         }
         machines.net().now().since(Instant::from_nanos(2_000_000_000))

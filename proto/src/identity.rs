@@ -99,7 +99,7 @@ impl Identity {
 /// How a peer leaves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u16)]
-pub enum Goodbye {
+pub enum CloseCode {
     /// The session is over: all frames are done.
     Finished = 0,
     /// Someone stopped the peer (Ctrl-C).
@@ -113,7 +113,7 @@ pub enum Goodbye {
     DeviceFailed = 4,
 }
 
-impl Goodbye {
+impl CloseCode {
     /// What a peer says that leaves for this reason; `why` is for people, and may be empty.
     #[must_use]
     pub fn because(self, why: &str) -> CloseReason {
@@ -139,7 +139,7 @@ impl Goodbye {
     pub fn of(reason: &CloseReason) -> Option<Self> {
         [Self::Finished, Self::Interrupted, Self::Failed, Self::PeerLost, Self::DeviceFailed]
             .into_iter()
-            .find(|goodbye| *goodbye as u16 == reason.code)
+            .find(|close| *close as u16 == reason.code)
     }
 }
 

@@ -15,7 +15,7 @@ mod walkthrough;
 pub use camera::{Camera, CameraError};
 pub use coding::{CodedViolation, CodingFault, IdCoding, IdDecoder, IdEncoder};
 pub use id::{DrawableId, ID_BYTES, IdBatch, SceneHash};
-pub use identity::{Goodbye, Identity, RejectionCode, Role};
+pub use identity::{CloseCode, Identity, RejectionCode, Role};
 pub use settings::{EpsilonPx, PictureSize, Settings, SettingsError, TesterKind};
 pub use stats::{CullCounts, FrameStats, SentBytes};
 pub use trimaran_wire::{BatchSize, BatchSizeError, FrameNumber};

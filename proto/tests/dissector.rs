@@ -100,7 +100,7 @@ fn the_examples_are_read_field_by_field() {
             &["trimaran.version", "trimaran.reason", "trimaran.rejection", "trimaran.text"],
             "1|2|3|the listener is switch A itself: each role exists once in a session",
         ),
-        ("goodbye", &["trimaran.goodbye", "trimaran.text"], "2|it failed: no GPU"),
+        ("close", &["trimaran.close", "trimaran.text"], "2|it failed: no GPU"),
         (
             "camera",
             &["trimaran.camera.eye", "trimaran.camera.near", "trimaran.camera.frame"],
@@ -163,10 +163,10 @@ fn each_refusal_is_read_with_its_values() {
     let Some(shown) = read(&packets.collect::<Vec<_>>(), &fields) else { return };
     assert_eq!(shown, refusals.map(|(_, expected)| expected));
 
-    let close = |code| (0, encoded(Message::Goodbye(CloseReason::new(code, ""))));
-    let fields = ["trimaran.goodbye", "trimaran.text", "_ws.col.Info"];
+    let close = |code| (0, encoded(Message::Close(CloseReason::new(code, ""))));
+    let fields = ["trimaran.close", "trimaran.text", "_ws.col.Info"];
     let Some(shown) = read(&[close(CloseReason::REFUSED)], &fields) else { return };
-    assert_eq!(shown, ["65535||Trimaran: goodbye: the listener is not taken"]);
+    assert_eq!(shown, ["65535||Trimaran: close: the listener is not taken"]);
 }
 
 /// Its values have other sizes: they are shown as bytes, and nothing is made of them.
@@ -179,7 +179,7 @@ fn of_another_application_only_kinds_are_read() {
         (1, say("accept")),
         (0, say("latest-value")),
         (0, [say("begin"), say("batch"), say("end"), say("note")].concat()),
-        (0, say("goodbye")),
+        (0, say("close")),
     ];
     let fields =
         ["trimaran.kind", "trimaran.protocol", "trimaran.camera.eye", "trimaran.id", "trimaran.application"];

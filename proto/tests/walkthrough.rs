@@ -3,9 +3,9 @@
 
 use bytes::Bytes;
 use trimaran_proto::{
-    BatchSize, CodedViolation, CodingFault, CullCounts, EpsilonPx, FrameNumber, FrameStats, Goodbye, IdBatch,
-    IdCoding, Identity, PictureSize, RejectionCode, Role, SceneHash, SentBytes, Settings, TesterKind,
-    Walkthrough,
+    BatchSize, CloseCode, CodedViolation, CodingFault, CullCounts, EpsilonPx, FrameNumber, FrameStats,
+    IdBatch, IdCoding, Identity, PictureSize, RejectionCode, Role, SceneHash, SentBytes, Settings,
+    TesterKind, Walkthrough,
 };
 use trimaran_wire::{
     BatchDecoder, BatchEncoder, Batching, CloseReason, CodingError, Delivery, Explanation, FrameEnd,
@@ -187,24 +187,24 @@ fn a_code_is_of_its_own_rejections() {
 
 #[test]
 fn a_peer_that_leaves_says_why_to_programs_and_people() {
-    for (goodbye, code, what) in [
-        (Goodbye::Finished, 0, "the session is over"),
-        (Goodbye::Interrupted, 1, "it was interrupted"),
-        (Goodbye::Failed, 2, "it failed"),
-        (Goodbye::PeerLost, 3, "it has lost a peer"),
-        (Goodbye::DeviceFailed, 4, "its device failed"),
+    for (close, code, what) in [
+        (CloseCode::Finished, 0, "the session is over"),
+        (CloseCode::Interrupted, 1, "it was interrupted"),
+        (CloseCode::Failed, 2, "it failed"),
+        (CloseCode::PeerLost, 3, "it has lost a peer"),
+        (CloseCode::DeviceFailed, 4, "its device failed"),
     ] {
-        let reason = goodbye.reason();
+        let reason = close.reason();
         assert_eq!((reason.code, reason.why.as_str()), (code, what));
-        assert_eq!(Goodbye::of(&reason), Some(goodbye));
-        let because = goodbye.because("no power");
+        assert_eq!(CloseCode::of(&reason), Some(close));
+        let because = close.because("no power");
         assert_eq!(because.why.as_str(), format!("{what}: no power"));
-        assert_eq!(Goodbye::of(&because), Some(goodbye));
+        assert_eq!(CloseCode::of(&because), Some(close));
     }
     for code in [5, CloseReason::REFUSED] {
-        assert_eq!(Goodbye::of(&CloseReason::new(code, "it failed")), None);
+        assert_eq!(CloseCode::of(&CloseReason::new(code, "it failed")), None);
     }
-    assert_eq!(Goodbye::Failed.because(&"x".repeat(1000)).why.as_str().len(), Explanation::MAX_BYTES);
+    assert_eq!(CloseCode::Failed.because(&"x".repeat(1000)).why.as_str().len(), Explanation::MAX_BYTES);
 }
 
 /// The longest that there is of each fits what a link carries.

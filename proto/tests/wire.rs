@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use bytes::{Bytes, BytesMut};
 use trimaran_proto::{
-    BatchSize, Camera, CullCounts, DrawableId, EpsilonPx, FrameNumber, FrameStats, Goodbye, IdBatch,
+    BatchSize, Camera, CloseCode, CullCounts, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdBatch,
     IdCoding, Identity, PictureSize, RejectionCode, Role, SceneHash, Settings, TesterKind, Walkthrough,
 };
 use trimaran_wire::{
@@ -102,7 +102,7 @@ fn messages() -> Vec<(&'static str, Message)> {
         ("hello", Message::Hello(hello)),
         ("accept", Message::Accept(Accept { application: postcard(&switch()) })),
         ("refuse", Message::Refuse(Refusal::Rejected(Walkthrough::admit(&switch(), &switch()).unwrap_err()))),
-        ("goodbye", Message::Goodbye(Goodbye::Failed.because("no GPU"))),
+        ("close", Message::Close(CloseCode::Failed.because("no GPU"))),
         ("camera", Message::Latest(header)),
     ];
     messages.extend(frames.map(|(name, message)| (name, Message::Frame(message))));
@@ -147,8 +147,8 @@ fn the_examples_read_back_as_what_they_stand_for() {
     assert_eq!(postcard::from_bytes(&accept.application), Ok(switch()));
     let Message::Refuse(Refusal::Rejected(rejection)) = read("refuse") else { panic!("not refused") };
     assert!(RejectionCode::Role.is_of(&rejection));
-    let Message::Goodbye(reason) = read("goodbye") else { panic!("no goodbye") };
-    assert_eq!(Goodbye::of(&reason), Some(Goodbye::Failed));
+    let Message::Close(reason) = read("close") else { panic!("no close") };
+    assert_eq!(CloseCode::of(&reason), Some(CloseCode::Failed));
     let Message::Latest(value) = read("camera") else { panic!("no camera") };
     assert_eq!(Camera::read(&value), Ok(camera()));
     let Message::Frame(FrameMessage::Begin { header, .. }) = read("begin") else { panic!("no begin") };
@@ -173,18 +173,18 @@ fn the_examples_read_back_as_what_they_stand_for() {
 fn the_tables_of_lengths_and_codes_are_the_crates() {
     let format = Format::of::<Walkthrough>();
     assert_eq!((format.latest, format.header, format.item), (Camera::SIZE, Camera::SIZE, DrawableId::SIZE));
-    for kind in Kind::ALL.into_iter().filter(|kind| !matches!(kind, Kind::Alive | Kind::End)) {
+    for kind in Kind::ALL.into_iter().filter(|kind| !matches!(kind, Kind::KeepAlive | Kind::End)) {
         let (min, max) = kind.lengths(&format).into_inner();
         let lengths = if min == max { format!("{min}") } else { format!("{min} to {max}") };
         let row = format!("| `{:#04x}` | {kind} | {lengths} |", kind.code());
         assert!(WIRE.contains(&row), "no row {row:?}");
     }
     for (code, name) in [
-        (Goodbye::Finished as u16, "finished"),
-        (Goodbye::Interrupted as u16, "interrupted"),
-        (Goodbye::Failed as u16, "failed"),
-        (Goodbye::PeerLost as u16, "peer lost"),
-        (Goodbye::DeviceFailed as u16, "device failed"),
+        (CloseCode::Finished as u16, "finished"),
+        (CloseCode::Interrupted as u16, "interrupted"),
+        (CloseCode::Failed as u16, "failed"),
+        (CloseCode::PeerLost as u16, "peer lost"),
+        (CloseCode::DeviceFailed as u16, "device failed"),
         (RejectionCode::Scene as u16, "scene"),
         (RejectionCode::Settings as u16, "settings"),
         (RejectionCode::Role as u16, "role"),

@@ -8,7 +8,7 @@
 -- only the hello and the kinds of messages are shown.
 
 local KINDS = {
-  [0x01] = "hello", [0x02] = "accept", [0x03] = "refuse", [0x04] = "goodbye", [0x05] = "sign of life",
+  [0x01] = "hello", [0x02] = "accept", [0x03] = "refuse", [0x04] = "close", [0x05] = "keep-alive",
   [0x10] = "latest value", [0x11] = "numbered value",
   [0x20] = "begin", [0x21] = "batch", [0x22] = "end", [0x23] = "note", [0x24] = "coded batch",
 }
@@ -23,7 +23,7 @@ local REASONS = {
   "the key is known for another role",
 }
 local REJECTIONS = { "scenes differ", "settings differ", "both have the same role" }
-local GOODBYES = {
+local CLOSES = {
   [0] = "the session is over", "interrupted", "failed", "lost a peer", "device failed", [65535] = "the listener is not taken",
 }
 local FORMS = { [0] = "data", "initial", "retry", "answer" }
@@ -55,7 +55,7 @@ local f = {
   lane = ProtoField.uint8("trimaran.lane", "Lane", base.DEC, LANES),
   reason = ProtoField.uint8("trimaran.reason", "Reason", base.DEC, REASONS),
   rejection = ProtoField.uint16("trimaran.rejection", "Rejection", base.DEC, REJECTIONS),
-  goodbye = ProtoField.uint16("trimaran.goodbye", "Goodbye", base.DEC, GOODBYES),
+  close = ProtoField.uint16("trimaran.close", "Close", base.DEC, CLOSES),
   text = ProtoField.string("trimaran.text", "Says"),
   number = ProtoField.uint32("trimaran.camera.number", "Number of the camera"),
   eye = ProtoField.double("trimaran.camera.eye", "Eye (m)"),
@@ -433,9 +433,9 @@ local function message(tvb, from, to, pinfo, tree, key)
   elseif kind == 0x03 then
     return refusal(r, sub)
   elseif kind == 0x04 then
-    local why = add_varint(sub, f.goodbye, r)
+    local why = add_varint(sub, f.close, r)
     add_text(sub, f.text, r)
-    return "goodbye: " .. (GOODBYES[why] or "?")
+    return "close: " .. (CLOSES[why] or "?")
   elseif kind == 0x10 then
     return "camera of frame " .. camera(r, sub)
   elseif kind == 0x11 then

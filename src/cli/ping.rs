@@ -12,7 +12,7 @@ use trimaran::{
     metrics::PathReading,
 };
 use trimaran_actors::{Link, Listener};
-use trimaran_proto::{BatchSize, Goodbye, IdCoding, Identity, RejectionCode, Role, SceneHash, Walkthrough};
+use trimaran_proto::{BatchSize, CloseCode, IdCoding, Identity, RejectionCode, Role, SceneHash, Walkthrough};
 use trimaran_transport::{Batching, ConnectError, Endpoint, Net, Options, Refusal, TokioNet, connect};
 
 use super::{
@@ -161,7 +161,7 @@ async fn ping(
     let carried = link.stats.read() - before;
     let bytes = carried.sent.total_bytes() + carried.received.total_bytes();
     // What the other end makes of the end of the ping is its own business.
-    let _left = link.goodbye(Goodbye::Finished.reason()).await;
+    let _left = link.close(CloseCode::Finished.reason()).await;
     Ok(Cost { bytes: bytes as f64 / f64::from(args.count), path: carried.path.map(PathReading::from) })
 }
 

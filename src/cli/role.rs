@@ -43,7 +43,7 @@ pub(super) fn run(command: &RoleCommand) -> Result<(), Failure> {
     }
 }
 
-/// Plays a role. However it ends, a link that is dropped without a goodbye tells its peer once the runtime
+/// Plays a role. However it ends, a link that is dropped without a close tells its peer once the runtime
 /// runs again: over QUIC the peer would otherwise wait for the end of the idle timeout.
 fn on_runtime(role: impl FnOnce(&Runtime) -> Result<(), Failure>) -> Result<(), Failure> {
     let runtime = walking::runtime()?;
@@ -68,7 +68,7 @@ pub(super) fn template(role: RoleName) -> String {
     }
 }
 
-/// One machine of the pair, from start to goodbye.
+/// One machine of the pair, from start to close.
 fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
     let seat = match config.seat {
         PairSeat::First => Seat::First,

@@ -19,7 +19,7 @@ use prometheus_client::{
 };
 use serde::{Deserialize, Serialize};
 use trimaran_actors::Link;
-use trimaran_transport::{Door, LinkStats, StatsHandle, Tally, Traffic};
+use trimaran_transport::{LinkStats, ListenerStats, StatsHandle, Tally, Traffic};
 
 pub use path::PathReading;
 pub use server::{MetricsError, Serving};
@@ -35,7 +35,7 @@ pub struct LinkMetrics {
 struct Watched {
     links: Vec<WatchedLink>,
     /// The listeners through which their peers came, each once.
-    doors: Vec<Door>,
+    doors: Vec<ListenerStats>,
 }
 
 #[derive(Debug)]
@@ -78,7 +78,7 @@ pub struct Carried {
     pub id_bytes: u64,
     /// Payload bytes of ends of frames.
     pub end_bytes: u64,
-    /// Payload bytes of handshake, statistics and goodbye.
+    /// Payload bytes of handshake, statistics and close.
     pub control_bytes: u64,
     /// Bytes of this protocol's headers; those of the layers below are not seen from here.
     pub header_bytes: u64,
@@ -99,7 +99,7 @@ impl LinkMetrics {
         let mut watched = Watched::default();
         for link in links {
             let (peer, stats) = (link.peer.hello.role.to_string(), link.stats.clone());
-            watched.doors.extend(stats.door().filter(|door| !watched.doors.contains(door)));
+            watched.doors.extend(stats.listener().filter(|listener| !watched.doors.contains(listener)));
             watched.links.push(WatchedLink { peer, stats });
         }
         *self.watched.write().unwrap_or_else(PoisonError::into_inner) = watched;
@@ -119,7 +119,7 @@ impl LinkMetrics {
     /// What the listeners have turned away through which the links' peers came.
     #[must_use]
     pub fn turned_away(&self) -> TurnedAwayReading {
-        self.watched().doors.iter().map(|door| TurnedAwayReading::from(door.turned_away())).sum()
+        self.watched().doors.iter().map(|listener| TurnedAwayReading::from(listener.turned_away())).sum()
     }
 
     fn watched(&self) -> RwLockReadGuard<'_, Watched> {

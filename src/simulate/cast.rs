@@ -109,9 +109,9 @@ impl Cast {
         shown: impl Fn(),
     ) -> Result<(C, C), RoleFailure> {
         let [_, _, options] = &self.options;
-        let [door, _] = &self.doors;
+        let [listener, _] = &self.doors;
         let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(self.settings) };
-        let listener = Listener::bind(net, door, identity, options).await?;
+        let listener = Listener::bind(net, listener, identity, options).await?;
         let mut links = await_pair(listener, net.now().after(TIMEOUT)).await?;
         let handles: Vec<_> = links.iter().map(|link| link.stats.clone()).collect();
         sleep_until(&**net, net.now().after(PAUSE)).await;

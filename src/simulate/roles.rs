@@ -7,7 +7,7 @@ use std::time::Duration;
 use trimaran_actors::{
     DisplayMachine, DisplayStep, FrameEvent, FrameStart, Joined, Link, Seat, SwitchMachine, SwitchStep,
 };
-use trimaran_proto::{DrawableId, FrameNumber, FrameStats, Goodbye};
+use trimaran_proto::{CloseCode, DrawableId, FrameNumber, FrameStats};
 use trimaran_transport::{FrameOutcome, Instant, Net, StatsHandle, sleep_until};
 
 use super::session::RoleFailure;
@@ -185,7 +185,7 @@ pub(super) async fn switch(
 pub(super) async fn leave(links: [Link; 2]) {
     for link in links {
         // A peer that is gone already does not hear it, and need not.
-        let _heard = link.goodbye(Goodbye::Finished.reason()).await;
+        let _heard = link.close(CloseCode::Finished.reason()).await;
     }
 }
 

@@ -206,7 +206,7 @@ fn a_session_over_tcp_is_read_id_by_id() {
     let says = |accept: &[Vec<String>; 4]| accept.each_ref().map(|values| values[0].clone());
     let expected = ["2", "1024", "100", "12"].map(str::to_owned);
     assert!(accepts.iter().any(|accept| says(accept) == expected), "{accepts:?}");
-    assert!(!capture.read("trimaran.goodbye == 0", ["frame.number"]).is_empty());
+    assert!(!capture.read("trimaran.close == 0", ["frame.number"]).is_empty());
 }
 
 #[test]

@@ -8,7 +8,7 @@ use bytes::BufMut;
 use trimaran_net::Instant;
 use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, IdBatch, IdCoding, IdEncoder, Walkthrough};
 use trimaran_udp::{
-    Config, Connecting, Connection, ConnectionId, Door, Progress, Received, Reception, Repair, Security,
+    Acceptor, Config, Connecting, Connection, ConnectionId, Handled, Progress, Received, Repair, Security,
 };
 use trimaran_wire::{
     BatchDecoder, BatchEncoder, Delivery, Format, FrameAssembler, FrameMessage, FrameOutcome, FrameStep,
@@ -29,17 +29,19 @@ fn introduced(config: Config) -> ([Connection; 2], Vec<(usize, Vec<u8>)>) {
     let now = Instant::from_nanos(0);
     let mut hello = hello();
     hello.put_u8(0);
-    let door = Door::new(Security::Plaintext, [3; 32]).unwrap();
+    let acceptor = Acceptor::new(Security::Plaintext, [3; 32]).unwrap();
     let address = "127.0.0.1:7400".parse().unwrap();
     let connecting = Connecting::new(&Security::Plaintext, ConnectionId(1), &hello).unwrap();
     let (mut said, mut first, mut reply) = (Vec::new(), Vec::new(), Vec::new());
     connecting.initial(&mut first);
-    let Reception::Reply = door.handle(now, address, &first, &mut reply) else { panic!("no cookie") };
+    let Handled::Reply = acceptor.handle(now, address, &first, &mut reply) else { panic!("no cookie") };
     said.extend([(0, first.clone()), (1, reply.clone())]);
     let Progress::Retry(connecting) = connecting.handle(now, &reply, config) else { panic!("no retry") };
     connecting.initial(&mut first);
-    let Reception::Knock(knock) = door.handle(now, address, &first, &mut reply) else { panic!("no knock") };
-    let there = knock.take(now, ConnectionId(2), b"", config, &mut reply).unwrap();
+    let Handled::Initial(initial) = acceptor.handle(now, address, &first, &mut reply) else {
+        panic!("no initial")
+    };
+    let there = initial.take(now, ConnectionId(2), b"", config, &mut reply).unwrap();
     said.extend([(0, first.clone()), (1, reply.clone())]);
     let Progress::Taken(here, _) = connecting.handle(now, &reply, config) else { panic!("not taken") };
     ([*here, there], said)

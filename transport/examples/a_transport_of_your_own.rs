@@ -193,7 +193,7 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
     arm.frames_tx.finish().await?;
     println!("a frame of {} points", receive(&mut panel.frames_rx).await?.points.len());
 
-    let (left, heard) = tokio::join!(arm.goodbye(finished()), panel.goodbye(finished()));
+    let (left, heard) = tokio::join!(arm.close(finished()), panel.close(finished()));
     left.and(heard)?;
     Ok(())
 }

@@ -266,7 +266,7 @@ async fn believed<P: Protocol>(
         #[cfg(feature = "keys")]
         (Some(link), Some(HandshakeError::WrongRole(claim))) => {
             // It need not be heard.
-            let _unheard = link.goodbye(claim.goodbye()).await;
+            let _unheard = link.close(claim.close()).await;
             Err(failed(claim.into()))
         }
         (Some(_), Some(error)) => Err(failed(error)),

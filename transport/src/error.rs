@@ -17,14 +17,14 @@ use crate::timeouts::Expired;
 #[non_exhaustive]
 pub enum RecvError {
     /// The peer left on purpose.
-    #[error("{peer} said goodbye: {reason}")]
-    Goodbye {
+    #[error("{peer} closed the link: {reason}")]
+    Closed {
         /// The peer.
         peer: PeerName,
         /// Its reason.
         reason: CloseReason,
     },
-    /// The connection ended without a goodbye: the peer crashed, was killed, or cannot be reached.
+    /// The connection ended without a close: the peer crashed, was killed, or cannot be reached.
     #[error("the connection to {peer} was lost")]
     Lost {
         /// The peer.
@@ -64,7 +64,7 @@ pub enum RecvError {
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum SendError {
-    /// The connection is gone. Receiving tells whether the peer said goodbye before.
+    /// The connection is gone. Receiving tells whether the peer closed the link before.
     #[error("the connection to {peer} was lost")]
     Lost {
         /// The peer.
@@ -100,12 +100,12 @@ pub enum SendError {
     },
 }
 
-/// How a connection ended without a goodbye.
+/// How a connection ended without a close.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Loss {
     /// The peer closed it, between two messages.
-    #[error("it was closed without a goodbye")]
+    #[error("it was closed without a close")]
     Closed,
     /// The peer closed it within a message.
     #[error("it was closed in the middle of a message, {bytes} bytes into it")]
@@ -113,9 +113,9 @@ pub enum Loss {
         /// How much of the message had come.
         bytes: usize,
     },
-    /// Nothing came within the idle timeout, not even a sign of life.
+    /// Nothing came within the idle timeout, not even a keep-alive.
     #[error(
-        "no sign of life came from it within the idle_timeout: its machine, its process or the way to it is gone or hangs"
+        "no keep-alive came from it within the idle_timeout: its machine, its process or the way to it is gone or hangs"
     )]
     Silent,
     /// The system reports an error.
@@ -168,7 +168,7 @@ pub enum ProtocolError {
 /// How a lane fails, before it is known for which peer.
 #[derive(Debug)]
 pub(crate) enum LaneError {
-    Goodbye(CloseReason),
+    Closed(CloseReason),
     Lost(Loss),
     Expired(Expired),
     Protocol(ProtocolError),
@@ -178,7 +178,7 @@ impl LaneError {
     pub(crate) fn receiving(self, peer: &PeerName, timeout: Duration) -> RecvError {
         let peer = peer.clone();
         match self {
-            Self::Goodbye(reason) => RecvError::Goodbye { peer, reason },
+            Self::Closed(reason) => RecvError::Closed { peer, reason },
             Self::Lost(cause) => RecvError::Lost { peer, cause },
             Self::Expired(Expired::Deadline) => RecvError::Deadline { peer },
             Self::Expired(Expired::Timeout) => RecvError::Silent { peer, waited: timeout },

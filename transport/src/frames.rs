@@ -220,16 +220,16 @@ impl<P: Protocol> FrameSender<P> {
         self.send_staged().await
     }
 
-    /// Says goodbye on this lane. A frame that is open stays unfinished.
+    /// Closes this lane. A frame that is open stays unfinished.
     ///
-    /// Dropping the future may leave the goodbye unsaid.
+    /// Dropping the future may leave the close unsaid.
     ///
     /// # Errors
     /// When the peer is gone already, or takes nothing within the link's timeout.
-    pub async fn goodbye(mut self, reason: CloseReason) -> Result<(), SendError> {
+    pub async fn close(mut self, reason: CloseReason) -> Result<(), SendError> {
         match &mut self.lane {
-            FrameTx::Local(lane) => lane.stage_goodbye(reason, &self.shared),
-            FrameTx::Wire(lane) => lane.stage_goodbye(reason, &self.shared),
+            FrameTx::Local(lane) => lane.stage_close(reason, &self.shared),
+            FrameTx::Wire(lane) => lane.stage_close(reason, &self.shared),
         }
         self.send_staged().await?;
         match &mut self.lane {
@@ -310,13 +310,13 @@ impl WireFrameTx {
         }
     }
 
-    fn stage_goodbye(&mut self, reason: CloseReason, shared: &Shared) {
+    fn stage_close(&mut self, reason: CloseReason, shared: &Shared) {
         match self {
             Self::Stream(lane) => lane.stage(&reason.into(), shared),
             #[cfg(feature = "quic")]
             Self::Quic(lane) => lane.stage(&reason.into(), shared),
             #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.stage_goodbye(reason, shared),
+            Self::Udp(lane) => lane.stage_close(reason, shared),
         }
     }
 
@@ -360,7 +360,7 @@ impl<P: Protocol> FrameReceiver<P> {
     /// Waits for what comes next. Dropping the future loses nothing.
     ///
     /// # Errors
-    /// When the peer said goodbye, is lost, broke the protocol, or sent nothing within the link's timeout.
+    /// When the peer closed the link, is lost, broke the protocol, or sent nothing within the link's timeout.
     pub async fn recv(&mut self) -> Result<FrameEvent<P>, RecvError> {
         self.recv_until(None).await
     }
@@ -377,7 +377,7 @@ impl<P: Protocol> FrameReceiver<P> {
     /// A peer that hangs is not noticed this way.
     ///
     /// # Errors
-    /// When the peer said goodbye, is lost, or broke the protocol.
+    /// When the peer closed the link, is lost, or broke the protocol.
     pub fn try_recv(&mut self) -> Result<Option<FrameEvent<P>>, RecvError> {
         // Not bound by the runtime's budget of a task, which would show a full queue as an empty one to a
         // loop that never yields.

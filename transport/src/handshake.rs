@@ -162,14 +162,14 @@ impl From<LaneError> for HandshakeError {
             LaneError::Protocol(ProtocolError::TooMany(e)) => Self::TooMany(e),
             // What belongs on a lane.
             LaneError::Protocol(_) => Self::Unexpected { kind: Kind::Batch },
-            LaneError::Goodbye(_) => Self::Unexpected { kind: Kind::Goodbye },
+            LaneError::Closed(_) => Self::Unexpected { kind: Kind::Close },
             LaneError::Expired(_) => Self::TimedOut,
         }
     }
 }
 
 /// The other side, while the two introduce themselves.
-pub(crate) trait Parley: Send {
+pub(crate) trait Handshake: Send {
     /// Reads the next message.
     fn recv(&mut self) -> impl Future<Output = Result<Message, HandshakeError>> + Send;
 

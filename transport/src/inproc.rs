@@ -10,9 +10,9 @@ use std::sync::{Arc, LazyLock, Mutex, Weak};
 use tokio::sync::watch;
 use trimaran_wire::{CloseReason, Fixed, Kind, Protocol, Refusal, SessionId};
 
+use crate::acceptor::{Acceptor, Place, lock};
 use crate::application::{Application, Peer, Side};
 use crate::connect::{AttemptError, Introduction};
-use crate::desk::{Desk, Place, lock};
 use crate::error::{LaneError, LaneSendError, Loss};
 use crate::frames::FrameEvent;
 use crate::handshake::HandshakeError;
@@ -32,7 +32,7 @@ const CAPABILITIES: Capabilities =
     Capabilities { reliable: true, ordered: true, encrypted: false, local: true };
 
 /// Who listens in this process, by name.
-static LISTENERS: LazyLock<Mutex<HashMap<Name, Weak<Desk>>>> = LazyLock::new(Mutex::default);
+static LISTENERS: LazyLock<Mutex<HashMap<Name, Weak<Acceptor>>>> = LazyLock::new(Mutex::default);
 
 /// A listener's name; free again when this is dropped.
 #[derive(Debug)]
@@ -56,39 +56,39 @@ impl Scheme for Inproc {
         Box::pin(attempt(&self.0, introduction))
     }
 
-    fn listen<'a>(&'a self, desk: &'a Arc<Desk>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
+    fn listen<'a>(&'a self, acceptor: &'a Arc<Acceptor>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
         Box::pin(async move {
-            let registered = listen(&self.0, desk)?;
+            let registered = listen(&self.0, acceptor)?;
             Ok(Listened { at: Endpoint::Inproc(self.0.clone()), guard: Some(Box::new(registered)) })
         })
     }
 }
 
-/// Takes `name` for the listener at `desk`.
-fn listen(name: &Name, desk: &Arc<Desk>) -> io::Result<Registered> {
+/// Takes `name` for the listener at `acceptor`.
+fn listen(name: &Name, acceptor: &Arc<Acceptor>) -> io::Result<Registered> {
     let mut listeners = lock(&LISTENERS);
     if listeners.contains_key(name) {
         return Err(io::ErrorKind::AddrInUse.into());
     }
-    listeners.insert(name.clone(), Arc::downgrade(desk));
+    listeners.insert(name.clone(), Arc::downgrade(acceptor));
     Ok(Registered(name.clone()))
 }
 
 /// Makes a link with whoever listens as `name`.
 async fn attempt(name: &Name, introduction: &Introduction<'_>) -> Result<Parts, AttemptError> {
     let found = lock(&LISTENERS).get(name).and_then(Weak::upgrade);
-    let desk = found.ok_or_else(|| AttemptError::Nobody { name: name.clone() })?;
+    let acceptor = found.ok_or_else(|| AttemptError::Nobody { name: name.clone() })?;
     let Introduction { application, session, .. } = *introduction;
     let failed = |cause| AttemptError::Handshake { address: name.to_string(), cause };
     let refused = |refusal| failed(HandshakeError::Refused(refusal));
-    if desk.application.type_of() != application.type_of() {
-        let (listener, connector) = (desk.application.protocol(), application.protocol());
+    if acceptor.application.type_of() != application.type_of() {
+        let (listener, connector) = (acceptor.application.protocol(), application.protocol());
         return Err(refused(Refusal::Protocol { listener, connector }));
     }
-    let (ours, place) = desk.enter(application.hello()).map_err(refused)?;
-    let theirs = application.recognize(desk.application.hello()).map_err(failed)?;
+    let (ours, place) = acceptor.enter(application.hello()).map_err(refused)?;
+    let theirs = application.recognize(acceptor.application.hello()).map_err(failed)?;
     let [here, there] = application.local_lanes();
-    desk.hand_out(assemble(&*desk.application, ours, session, there, Some(place))).await;
+    acceptor.hand_out(assemble(&*acceptor.application, ours, session, there, Some(place))).await;
     Ok(assemble(application, theirs, session, here, None))
 }
 
@@ -155,11 +155,11 @@ impl<P: Protocol> Lanes<P> {
 /// Both lanes in one direction.
 #[expect(clippy::type_complexity, reason = "both halves of both lanes")]
 fn direction<P: Protocol>() -> ((LatestTx<P>, LatestRx<P>), (FrameTx<P>, FrameRx<P>)) {
-    let (cell, view) = watch::channel(Cell { value: None, number: 0, farewell: None });
+    let (cell, view) = watch::channel(Cell { value: None, number: 0, closed: None });
     let (queue, messages) = queue::queue(QUEUE);
     (
         (LatestTx { cell }, LatestRx { view, seen: 0 }),
-        (FrameTx { queue, staged: VecDeque::new() }, FrameRx { messages, farewell: None }),
+        (FrameTx { queue, staged: VecDeque::new() }, FrameRx { messages, closed: None }),
     )
 }
 
@@ -169,7 +169,7 @@ struct Cell<P: Protocol> {
     value: Option<P::Latest>,
     /// How many values were published: tells the reader whether it has seen this one.
     number: u64,
-    farewell: Option<CloseReason>,
+    closed: Option<CloseReason>,
 }
 
 #[derive(Debug)]
@@ -190,12 +190,12 @@ impl<P: Protocol> LatestTx<P> {
         Ok(())
     }
 
-    pub(crate) fn goodbye(&mut self, reason: CloseReason, shared: &Shared) -> Result<(), LaneSendError> {
+    pub(crate) fn close(&mut self, reason: CloseReason, shared: &Shared) -> Result<(), LaneSendError> {
         if self.cell.is_closed() {
             return Err(LaneSendError::Lost(Loss::Closed));
         }
-        shared.counters.sent.count(Kind::Goodbye, 0);
-        self.cell.send_modify(|cell| cell.farewell = Some(reason));
+        shared.counters.sent.count(Kind::Close, 0);
+        self.cell.send_modify(|cell| cell.closed = Some(reason));
         Ok(())
     }
 }
@@ -216,8 +216,8 @@ impl<P: Protocol> LatestRx<P> {
             shared.counters.received.count(Kind::Latest, P::Latest::SIZE);
             return Ok(cell.value.clone());
         }
-        match &cell.farewell {
-            Some(reason) => Err(LaneError::Goodbye(reason.clone())),
+        match &cell.closed {
+            Some(reason) => Err(LaneError::Closed(reason.clone())),
             None if ended => Err(LaneError::Lost(Loss::Closed)),
             None => Ok(None),
         }
@@ -243,7 +243,7 @@ impl<P: Protocol> LatestRx<P> {
 #[derive(Debug)]
 enum Message<P: Protocol> {
     Event(FrameEvent<P>),
-    Goodbye(CloseReason),
+    Close(CloseReason),
 }
 
 #[derive(Debug)]
@@ -259,9 +259,9 @@ impl<P: Protocol> FrameTx<P> {
         self.staged.push_back(Message::Event(event));
     }
 
-    pub(crate) fn stage_goodbye(&mut self, reason: CloseReason, shared: &Shared) {
-        shared.counters.sent.count(Kind::Goodbye, 0);
-        self.staged.push_back(Message::Goodbye(reason));
+    pub(crate) fn stage_close(&mut self, reason: CloseReason, shared: &Shared) {
+        shared.counters.sent.count(Kind::Close, 0);
+        self.staged.push_back(Message::Close(reason));
     }
 
     pub(crate) async fn send_staged(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
@@ -276,7 +276,7 @@ impl<P: Protocol> FrameTx<P> {
 #[derive(Debug)]
 pub(crate) struct FrameRx<P: Protocol> {
     messages: queue::Receiver<Message<P>>,
-    farewell: Option<CloseReason>,
+    closed: Option<CloseReason>,
 }
 
 impl<P: Protocol> FrameRx<P> {
@@ -286,15 +286,15 @@ impl<P: Protocol> FrameRx<P> {
         shared: &Shared,
         timeouts: &mut Timeouts,
     ) -> Result<FrameEvent<P>, LaneError> {
-        if let Some(reason) = &self.farewell {
-            return Err(LaneError::Goodbye(reason.clone()));
+        if let Some(reason) = &self.closed {
+            return Err(LaneError::Closed(reason.clone()));
         }
         let message = timeouts.wait(by, self.messages.recv()).await.map_err(LaneError::Expired)?;
         match message.ok_or(LaneError::Lost(Loss::Closed))? {
-            Message::Goodbye(reason) => {
-                shared.counters.received.count(Kind::Goodbye, 0);
-                self.farewell = Some(reason.clone());
-                Err(LaneError::Goodbye(reason))
+            Message::Close(reason) => {
+                shared.counters.received.count(Kind::Close, 0);
+                self.closed = Some(reason.clone());
+                Err(LaneError::Closed(reason))
             }
             Message::Event(event) => {
                 let (kind, bytes) = weight(&event, shared);

@@ -74,16 +74,16 @@ impl<P: Protocol> LatestSender<P> {
         .map_err(|e| self.error(e))
     }
 
-    /// Says goodbye on this lane, after the value that was published last.
+    /// Closes this lane, after the value that was published last.
     ///
-    /// Dropping the future may leave the goodbye unsaid.
+    /// Dropping the future may leave the close unsaid.
     ///
     /// # Errors
     /// When the peer is gone already, or takes nothing within the link's timeout.
-    pub async fn goodbye(mut self, reason: CloseReason) -> Result<(), SendError> {
+    pub async fn close(mut self, reason: CloseReason) -> Result<(), SendError> {
         match &mut self.lane {
-            LatestTx::Local(lane) => lane.goodbye(reason, &self.shared),
-            LatestTx::Wire(lane) => lane.goodbye(reason, &mut self.timeouts).await,
+            LatestTx::Local(lane) => lane.close(reason, &self.shared),
+            LatestTx::Wire(lane) => lane.close(reason, &mut self.timeouts).await,
         }
         .map_err(|e| self.error(e))
     }
@@ -104,13 +104,13 @@ impl WireLatestTx {
         }
     }
 
-    async fn goodbye(&mut self, reason: CloseReason, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
+    async fn close(&mut self, reason: CloseReason, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         match self {
-            Self::Stream(lane) => lane.goodbye(reason, timeouts).await,
+            Self::Stream(lane) => lane.close(reason, timeouts).await,
             #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.goodbye(reason, timeouts).await,
+            Self::Quic(lane) => lane.close(reason, timeouts).await,
             #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.goodbye(reason, timeouts).await,
+            Self::Udp(lane) => lane.close(reason, timeouts).await,
         }
     }
 }
@@ -121,7 +121,7 @@ impl<P: Protocol> LatestReceiver<P> {
     /// Dropping the future loses no value.
     ///
     /// # Errors
-    /// When the peer said goodbye, is lost, broke the protocol, or published nothing within the link's
+    /// When the peer closed the link, is lost, broke the protocol, or published nothing within the link's
     /// timeout. A value that came before such an end is given first.
     pub async fn latest(&mut self) -> Result<P::Latest, RecvError> {
         self.latest_until(None).await
@@ -138,7 +138,7 @@ impl<P: Protocol> LatestReceiver<P> {
     /// The newest value that was not read before, or `None` when there is none now. Never waits.
     ///
     /// # Errors
-    /// When the peer said goodbye, is lost, or broke the protocol.
+    /// When the peer closed the link, is lost, or broke the protocol.
     pub fn try_latest(&mut self) -> Result<Option<P::Latest>, RecvError> {
         match &mut self.lane {
             LatestRx::Local(lane) => lane.try_latest(&self.shared),
@@ -159,7 +159,7 @@ impl<P: Protocol> LatestReceiver<P> {
     }
 
     /// Tells the peer's machine that this side is gone, where only a machine that lives can: after both have
-    /// said goodbye.
+    /// closed the link.
     pub(crate) async fn part(self) {
         #[cfg(feature = "quic")]
         if let LatestRx::Wire(lane) = self.lane

@@ -54,7 +54,7 @@
 //! | module | what it holds |
 //! |---|---|
 //! | `link`, `latest`, `frames` | a link and its halves, over the application's types |
-//! | `connect`, `listen`, `handshake`, `desk` | how links come about, and who is let in |
+//! | `connect`, `listen`, `handshake`, `acceptor` | how links come about, and who is let in |
 //! | `application` | the application's part of that, for the layers that know only bytes |
 //! | `scheme`, `endpoint`, `transport` | which transport makes a link; transports from outside |
 //! | `stream`, `tcp`, `unix`, [`quic`], [`udp`], [`inproc`] | the transports |
@@ -62,11 +62,11 @@
 //! | `timeout`, `rates`, `pending` | limits in time and number |
 //! | `conformance` | what every transport must do, as a suite of tests |
 
+mod acceptor;
 mod application;
 #[cfg(feature = "conformance")]
 pub mod conformance;
 mod connect;
-mod desk;
 mod endpoint;
 mod endpoints;
 mod error;
@@ -114,7 +114,7 @@ pub use latest::{LatestReceiver, LatestSender};
 pub use link::{Capabilities, Link, LinkConfig, PeerAddress, PeerInfo};
 pub use listen::{AcceptError, ListenError, Listener};
 pub use options::{Limits, Options};
-pub use rates::{Door, TooMany, TurnedAway};
+pub use rates::{ListenerStats, TooMany, TurnedAway};
 pub use stats::{LinkStats, StatsHandle, Tally, Traffic};
 pub use transport::{ListenFault, Listening, Transport};
 pub use trimaran_net::{

@@ -29,7 +29,7 @@ const LINGER: Duration = Duration::from_millis(500);
 /// The halves are independent: take the struct apart and use each where it is needed, from any thread.
 /// Waiting calls work inside a runtime as well as under `Handle::block_on` on a thread of the caller's.
 ///
-/// A link that is dropped without [`Link::goodbye`] looks to the peer like a crash.
+/// A link that is dropped without [`Link::close`] looks to the peer like a crash.
 #[derive(Debug)]
 pub struct Link<P: Protocol> {
     /// Who is at the other end.
@@ -143,7 +143,7 @@ pub struct LinkConfig {
     /// How long any one wait for the peer may last: longer than the peer's longest pause between two
     /// messages, loading and first frame included. Default 30 s.
     pub timeout: Duration,
-    /// The silence after which the peer counts as lost, whatever the transport: it shows signs of life while
+    /// The silence after which the peer counts as lost, whatever the transport: it shows keep-alives while
     /// it has nothing to say, as long as its process runs. Time in which nobody waits for the peer does
     /// not count. Both sides should have the same, or 20 s and more. Default 20 s.
     pub idle_timeout: Duration,
@@ -172,7 +172,7 @@ impl Default for LinkConfig {
 }
 
 impl LinkConfig {
-    /// The pause after which a lane that has nothing to say shows a sign of life: often enough for a peer of
+    /// The pause after which a lane that has nothing to say shows a keep-alive: often enough for a peer of
     /// the default idle timeout.
     pub(crate) fn keepalive(&self) -> Duration {
         (self.idle_timeout / 4).min(Duration::from_secs(5))
@@ -186,23 +186,23 @@ impl<P: Protocol> Link<P> {
         self.capabilities
     }
 
-    /// Leaves in good order: says goodbye on both lanes, and waits a moment (half a second at most) for the
+    /// Leaves in good order: closes the link on both lanes, and waits a moment (half a second at most) for the
     /// peer to leave as well, or for what was said to arrive when the peer has left already. What still
     /// comes from it is thrown away.
     ///
-    /// Dropping the future drops the link: the peer may have heard the goodbye on one lane only or not at
+    /// Dropping the future drops the link: the peer may have heard the close on one lane only or not at
     /// all, and then takes this side for lost.
     ///
     /// # Errors
-    /// When the peer is gone without a goodbye of its own, or takes nothing within the link's timeout.
-    pub async fn goodbye(self, reason: CloseReason) -> Result<(), SendError> {
+    /// When the peer is gone without a close of its own, or takes nothing within the link's timeout.
+    pub async fn close(self, reason: CloseReason) -> Result<(), SendError> {
         let Self { peer, latest_tx, mut latest_rx, frames_tx, mut frames_rx, net, .. } = self;
-        let say = async { frames_tx.goodbye(reason.clone()).await.and(latest_tx.goodbye(reason).await) };
+        let say = async { frames_tx.close(reason.clone()).await.and(latest_tx.close(reason).await) };
         // A connection that is closed while it holds unread data is reset, and on some systems the reset
-        // overtakes the goodbye on the peer's side. So whatever comes is read until the peer closes.
+        // overtakes the close on the peer's side. So whatever comes is read until the peer closes.
         let hear = async {
             let ends = [frames_rx.drain().await, latest_rx.drain().await];
-            (ends.iter().any(|end| matches!(end, RecvError::Goodbye { .. })), latest_rx)
+            (ends.iter().any(|end| matches!(end, RecvError::Closed { .. })), latest_rx)
         };
         let (mut say, mut hear) = (pin!(say), pin!(hear));
         let soon = || net.now().after(LINGER);
@@ -225,7 +225,7 @@ impl<P: Protocol> Link<P> {
         };
         let Some((has_left, lane)) = heard else { return said };
         lane.part().await;
-        // It may leave between the goodbye on one lane and that on the other.
+        // It may leave between the close on one lane and that on the other.
         if has_left { Ok(()) } else { said }
     }
 }

@@ -10,8 +10,8 @@ use thiserror::Error;
 use tokio::sync::mpsc;
 use trimaran_wire::Protocol;
 
+use crate::acceptor::Acceptor;
 use crate::application::Side;
-use crate::desk::Desk;
 use crate::error::readable;
 use crate::handshake::HandshakeError;
 use crate::link::Parts;
@@ -136,7 +136,7 @@ pub struct Listener<P: Protocol> {
     protocol: PhantomData<fn() -> P>,
     endpoints: Endpoints,
     net: Arc<dyn Net>,
-    desk: Arc<Desk>,
+    acceptor: Arc<Acceptor>,
     /// What goes with the listener, such as its names within this process.
     _guards: Vec<Box<dyn Send + Sync>>,
 }
@@ -181,13 +181,13 @@ impl<P: Protocol> Listener<P> {
             cause: io::Error::other(e),
         })?;
         let (done, links) = mpsc::channel(QUEUE);
-        let desk = Arc::new(Desk::new(net, application, options, done));
+        let acceptor = Arc::new(Acceptor::new(net, application, options, done));
         let mut guards = Vec::new();
         let mut bound: Option<Endpoints> = None;
         for endpoint in endpoints.iter() {
             let failed = |fault| ListenError::new(endpoint, fault);
             let scheme = scheme_of(endpoint, options).map_err(|e| failed(e.into()))?;
-            let Listened { at: local, guard } = scheme.listen(&desk).await.map_err(failed)?;
+            let Listened { at: local, guard } = scheme.listen(&acceptor).await.map_err(failed)?;
             guards.extend(guard);
             match &mut bound {
                 Some(bound) => bound.push(local),
@@ -195,7 +195,7 @@ impl<P: Protocol> Listener<P> {
             }
         }
         let endpoints = bound.unwrap_or_else(|| endpoints.clone());
-        Ok(Self { links, protocol: PhantomData, endpoints, net: Arc::clone(net), desk, _guards: guards })
+        Ok(Self { links, protocol: PhantomData, endpoints, net: Arc::clone(net), acceptor, _guards: guards })
     }
 
     /// Where it listens, first of all: with the port that the system chose, where it was to.
@@ -213,7 +213,7 @@ impl<P: Protocol> Listener<P> {
     /// What was turned away so far.
     #[must_use]
     pub fn turned_away(&self) -> TurnedAway {
-        self.desk.turned_away()
+        self.acceptor.turned_away()
     }
 
     /// Waits for the next peer, until `deadline` at most. Who does not fit is turned away, and the wait goes
@@ -231,14 +231,14 @@ impl<P: Protocol> Listener<P> {
             match until(&*self.net, deadline, self.links.recv()).await {
                 Some(Some(parts)) => {
                     // Whose hello was admitted can be read.
-                    if let Some(link) = parts.into_link(&self.net, &self.desk.options.link) {
+                    if let Some(link) = parts.into_link(&self.net, &self.acceptor.options.link) {
                         return Ok(link);
                     }
                 }
                 Some(None) => return Err(AcceptError::ShutDown { endpoints }),
                 None => {
                     let waited = self.net.now().since(started);
-                    let last = self.desk.last_failure();
+                    let last = self.acceptor.last_failure();
                     return Err(AcceptError::Deadline { endpoints, waited, last });
                 }
             }

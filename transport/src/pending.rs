@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 
 use tokio::sync::oneshot;
 
-use crate::desk::lock;
+use crate::acceptor::lock;
 use crate::rates::Origin;
 
 /// How many slots one link takes: over byte streams each of its two connections shakes hands.

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::desk::lock;
+use crate::acceptor::lock;
 use crate::{Limits, PeerAddress};
 use trimaran_net::{Instant, StreamPeer};
 
@@ -45,9 +45,9 @@ pub struct TurnedAway {
 /// A listener as those who came through it know it: reads what it turns away, though the listener itself is
 /// gone.
 #[derive(Debug, Clone)]
-pub struct Door(pub(crate) Arc<Handshakes>);
+pub struct ListenerStats(pub(crate) Arc<Handshakes>);
 
-impl Door {
+impl ListenerStats {
     /// What was turned away since the listener was made.
     #[must_use]
     pub fn turned_away(&self) -> TurnedAway {
@@ -55,7 +55,7 @@ impl Door {
     }
 }
 
-impl PartialEq for Door {
+impl PartialEq for ListenerStats {
     /// Whether both are the same listener's.
     fn eq(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.0, &other.0)

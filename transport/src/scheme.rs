@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use trimaran_net::{BoxFuture, Net};
 
+use crate::acceptor::Acceptor;
 use crate::connect::{AttemptError, Introduction};
-use crate::desk::Desk;
 use crate::link::Parts;
 use crate::stream::Streams;
 use crate::transport::{ListenFault, named};
@@ -24,7 +24,7 @@ pub(crate) trait Scheme: Send + Sync {
     ) -> BoxFuture<'a, Result<Parts, AttemptError>>;
 
     /// Listens there, and receives peers until nobody accepts them any more.
-    fn listen<'a>(&'a self, desk: &'a Arc<Desk>) -> BoxFuture<'a, Result<Listened, ListenFault>>;
+    fn listen<'a>(&'a self, acceptor: &'a Arc<Acceptor>) -> BoxFuture<'a, Result<Listened, ListenFault>>;
 }
 
 /// Somebody listens.

@@ -1,6 +1,6 @@
 //! Both lanes over byte streams: TCP, Unix sockets, and whatever else carries bytes in order.
 
-mod desk;
+mod acceptor;
 mod frames;
 mod handshake;
 mod inlet;
@@ -10,7 +10,7 @@ mod pulse;
 mod scheme;
 mod source;
 
-use desk::serve;
+use acceptor::serve;
 pub(crate) use frames::{FrameRx, FrameTx};
 use introduce::introduce;
 pub(crate) use latest::{LatestRx, LatestTx};

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use trimaran_net::{Instant, Net, Timer};
 
-/// How often a sender looks for signs of life in an idle timeout: as often as there are some.
+/// How often a sender looks for keep-alives in an idle timeout: as often as there are some.
 const LOOKS: u32 = 4;
 
 /// Bounds every wait of one half of a link.
@@ -28,7 +28,7 @@ pub(crate) struct Timeouts {
     armed: Option<Instant>,
 }
 
-/// A wait that is made of several: for each part of what is to come, and past signs of life.
+/// A wait that is made of several: for each part of what is to come, and past keep-alives.
 #[derive(Debug, Default)]
 pub(crate) struct Wait {
     end: Option<(Instant, Expired)>,
@@ -50,7 +50,7 @@ pub(crate) enum Expired {
     Timeout,
     /// The deadline of the call came.
     Deadline,
-    /// Not even a sign of life came.
+    /// Not even a keep-alive came.
     Idle,
 }
 
@@ -96,7 +96,7 @@ impl Timeouts {
     /// long as the idle timeout lasts.
     ///
     /// The idle timeout counts the time in which this half listens, over several waits if need be: while its owner
-    /// does something else, signs of life lie unread and are no less there.
+    /// does something else, keep-alives lie unread and are no less there.
     pub(crate) async fn hear<F: Future>(
         &mut self,
         wait: &mut Wait,
@@ -142,7 +142,7 @@ impl Timeouts {
                 let now = self.net.now();
                 let life = match &mut life {
                     Some(life) => life,
-                    // What came before is a sign of life at this moment: whose age it has, nobody knows.
+                    // What came before is a keep-alive at this moment: whose age it has, nobody knows.
                     None => {
                         heard();
                         life.insert(Life { sign: now, look: now.after(self.idle_timeout / LOOKS) })

@@ -79,8 +79,8 @@ mod tests {
     use tracing_subscriber::filter::LevelFilter;
     use trimaran_wire::Fixed;
 
+    use crate::acceptor::lock;
     use crate::conformance::{ARM, PANEL, Pose, Robot, greeting, receive, start};
-    use crate::desk::lock;
     use crate::{LinkConfig, Net, TokioNet, inproc};
 
     #[derive(Clone, Default)]

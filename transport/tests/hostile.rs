@@ -233,7 +233,7 @@ mod cases {
         let (bare, at) = Bare::bind(endpoint).await;
         let options = Options::default();
         let taken = bytes(&Message::Refuse(role_taken(PANEL)));
-        let door = async {
+        let listener = async {
             loop {
                 // Who is told so on one connection may have closed the other.
                 let _told = bare.accept().await.write_all(&taken).await;
@@ -242,7 +242,7 @@ mod cases {
         let net = net();
         let known = tokio::select! {
             known = refusal(&net, &at, greeting(PANEL), &options) => known,
-            () = door => unreachable!(),
+            () = listener => unreachable!(),
         };
         assert_eq!(known, role_taken(PANEL));
     }

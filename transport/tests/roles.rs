@@ -148,7 +148,7 @@ async fn a_listener_that_claims_another_role_is_not_believed_and_learns_why() {
         let HandshakeError::WrongRole(claim) = cause else { panic!("{endpoint}: {cause:?}") };
         assert_eq!((claim.claimed.as_str(), claim.known.as_str()), (PANEL, GRIPPER), "{endpoint}");
         assert_eq!(claim.name.as_str(), "panel", "{endpoint}");
-        let Err(RecvError::Goodbye { reason, .. }) = link else { panic!("{endpoint}: {link:?}") };
+        let Err(RecvError::Closed { reason, .. }) = link else { panic!("{endpoint}: {link:?}") };
         let expected = "its peer claims to be panel, with a key that is known as that of gripper";
         assert_eq!(
             (reason.code, reason.to_string()),

@@ -34,14 +34,14 @@ async fn tasks_make_links_and_use_their_halves_and_leave() {
             arm.frames_tx.begin(start(1)).await.unwrap();
             arm.frames_tx.push(&points(5000)).await.unwrap();
             arm.frames_tx.finish().await.unwrap();
-            arm.goodbye(finished()).await
+            arm.close(finished()).await
         });
         let panel = spawn(async move {
             panel.latest_tx.publish(pose(1)).unwrap();
             assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, points(5000));
             let end = panel.frames_rx.recv().await.unwrap_err();
-            assert!(matches!(&end, RecvError::Goodbye { reason, .. } if *reason == finished()), "{end:?}");
-            panel.goodbye(finished()).await
+            assert!(matches!(&end, RecvError::Closed { reason, .. } if *reason == finished()), "{end:?}");
+            panel.close(finished()).await
         });
         for side in [arm, panel] {
             side.await.unwrap().unwrap();

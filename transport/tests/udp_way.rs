@@ -222,7 +222,7 @@ async fn replays_make_no_second_link_and_no_second_pose() {
         links = talk => links,
         _ = relay.pass(|bytes, into| { if into { inwards.push(bytes.to_vec()); } false }) => panic!("it never ends"),
     };
-    assert!(inwards.len() >= 4, "two first packets, a sign of life and a pose");
+    assert!(inwards.len() >= 4, "two first packets, a keep-alive and a pose");
     for packet in inwards.iter().cycle().take(10 * inwards.len()) {
         relay.inside.send(packet).await.unwrap();
     }

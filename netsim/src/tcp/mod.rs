@@ -12,11 +12,11 @@
 //! qdisc), ECN (off unless a peer asks), F-RTO, path MTU discovery (the smallest MTU of the way is known),
 //! `TIME_WAIT`, urgent data, and the granularity of the kernel's clock tick.
 
-mod board;
 mod cubic;
 mod delayed_ack;
 mod receiver;
 mod rtt;
+mod scoreboard;
 pub(crate) mod segment;
 mod sender;
 mod socket;

@@ -38,7 +38,7 @@ pub enum Class {
     /// A datagram of UDP.
     Datagram,
     /// A datagram of at most 64 bytes: in protocols whose headers and seal are half of that, as QUIC's and
-    /// this project's, an acknowledgement, a sign of life, or very little else.
+    /// this project's, an acknowledgement, a keep-alive, or very little else.
     SmallDatagram,
     /// Data sent for the first time.
     #[default]

@@ -5,9 +5,9 @@ use std::time::Duration;
 use bytes::Bytes;
 use trimaran_net::Instant;
 
-use super::board::{Board, News};
 use super::cubic::Cubic;
 use super::rtt::Rtt;
+use super::scoreboard::{News, Scoreboard};
 use super::segment::{Class, earlier};
 use super::unsent::Unsent;
 
@@ -38,7 +38,7 @@ pub(super) struct Sender {
     /// The program has written all that it will.
     closing: bool,
     fin_sent: bool,
-    board: Board,
+    scoreboard: Scoreboard,
     pub(super) rtt: Rtt,
     cubic: Cubic,
     cwnd: u32,
@@ -105,7 +105,7 @@ impl Sender {
             buffer: buffer.map(|bytes| bytes as u64),
             closing: false,
             fin_sent: false,
-            board: Board::new(),
+            scoreboard: Scoreboard::new(),
             rtt: Rtt::new(),
             cubic: Cubic::new(),
             cwnd: FIRST_WINDOW,
@@ -155,12 +155,12 @@ impl Sender {
 
     /// Whether all has been acknowledged, the end of the stream included.
     pub(super) fn has_ended(&self) -> bool {
-        self.fin_sent && self.board.is_empty()
+        self.fin_sent && self.scoreboard.is_empty()
     }
 
     /// Since when what is to be sent makes no progress: it is not acknowledged, or the peer has no room.
     pub(super) fn waiting_since(&self) -> Option<Instant> {
-        (!self.board.is_empty() || self.timers.persist.is_some()).then_some(self.progress)
+        (!self.scoreboard.is_empty() || self.timers.persist.is_some()).then_some(self.progress)
     }
 
     pub(super) fn set_window(&mut self, ack: u64, window: u32) {
@@ -190,13 +190,13 @@ impl Sender {
         let due = |timer: &mut Option<Instant>| timer.take_if(|at| *at <= now).is_some();
         if due(&mut self.timers.reorder) {
             self.look_for_losses(now);
-            if self.state == State::Open && self.board.has_lost() {
+            if self.state == State::Open && self.scoreboard.has_lost() {
                 self.enter_recovery();
                 self.reduce(&News::default(), false);
                 self.timers.tail = None;
             }
         }
-        if due(&mut self.timers.tail) && !self.board.is_empty() {
+        if due(&mut self.timers.tail) && !self.scoreboard.is_empty() {
             self.probe_tail = true;
             self.timers.retransmit = None;
             return;
@@ -206,7 +206,7 @@ impl Sender {
             self.rtt.back_off();
             self.timers.persist = Some(now.after(self.rtt.timeout()));
         }
-        if due(&mut self.timers.retransmit) && !self.board.is_empty() {
+        if due(&mut self.timers.retransmit) && !self.scoreboard.is_empty() {
             self.time_out(now);
         }
     }

@@ -6,7 +6,7 @@ use std::{future::pending, sync::Arc, time::Duration};
 
 use crate::{Link, Listener};
 use thiserror::Error;
-use trimaran_proto::{Goodbye, Identity, Role, SceneHash, Settings, Walkthrough};
+use trimaran_proto::{CloseCode, Identity, Role, SceneHash, Settings, Walkthrough};
 use trimaran_transport::{
     AcceptError, ConnectError, Endpoint, Instant, ListenError, Net, Options, RecvError, connect, sleep_until,
 };
@@ -126,7 +126,7 @@ pub async fn await_pair(mut listener: Listener, deadline: Instant) -> Result<[Li
         if role == Role::Display {
             tracing::warn!(from = %came.peer.address, "turned another display away: it is to listen, not to join");
             let why = "a display has no place at another display";
-            let _unheard = came.goodbye(Goodbye::Failed.because(why)).await;
+            let _unheard = came.close(CloseCode::Failed.because(why)).await;
             continue;
         }
         early = Some(match early {
@@ -230,7 +230,7 @@ pub async fn join_session(
             Ok(other) => other,
             Err(error) => {
                 // It need not be heard; over QUIC the display would wait for the idle timeout without it.
-                let _unheard = display.goodbye(Goodbye::PeerLost.because(&causes(&error))).await;
+                let _unheard = display.close(CloseCode::PeerLost.because(&causes(&error))).await;
                 return Err(error);
             }
         };

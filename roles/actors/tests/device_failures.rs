@@ -25,7 +25,7 @@ use trimaran_cull::{
     Culler, DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport,
 };
 use trimaran_proto::{
-    BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, Goodbye, IdCoding, Identity,
+    BatchSize, Camera, CloseCode, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, Identity,
     PictureSize, Role, Settings, TesterKind, Walkthrough,
 };
 use trimaran_scene::Scene;
@@ -343,11 +343,11 @@ fn stopped<T: Send>(hangs: Receiver<()>, stopper: Stopper, role: impl FnOnce() -
     })
 }
 
-fn goodbye(handle: &Handle, link: &mut Link) -> CloseReason {
+fn close(handle: &Handle, link: &mut Link) -> CloseReason {
     loop {
         match handle.block_on(link.frames_rx.recv()) {
             Ok(_) => {}
-            Err(RecvError::Goodbye { reason, .. }) => return reason,
+            Err(RecvError::Closed { reason, .. }) => return reason,
             Err(end) => panic!("{end:?}"),
         }
     }
@@ -367,7 +367,7 @@ fn a_machine_that_waits_for_its_device_ends_when_it_is_asked_to() {
         let role = house.machine(Seat::First, device, display, other, house.settings(0));
         stopped(hangs, stopper, || role.run(handle, &stop)).unwrap();
         for link in [&mut to_display, &mut to_other] {
-            assert_eq!(goodbye(handle, link), Goodbye::Interrupted.reason(), "{task:?}");
+            assert_eq!(close(handle, link), CloseCode::Interrupted.reason(), "{task:?}");
         }
     }
 }
@@ -400,7 +400,7 @@ fn a_display_that_waits_for_its_device_ends_when_it_is_asked_to() {
     stopped(hangs, stopper, || role.run(&mut Still(house.camera), &mut frames, handle, &stop)).unwrap();
     assert_eq!(frames.0, [0_u32; 0]);
     for link in [&mut to_first, &mut to_second] {
-        assert_eq!(goodbye(handle, link), Goodbye::Interrupted.reason());
+        assert_eq!(close(handle, link), CloseCode::Interrupted.reason());
     }
 }
 
@@ -428,7 +428,7 @@ fn left_by_the_other(lockstep: bool, words: Option<CloseReason>) -> RoleError<Br
         handle.block_on(async {
             leaving.latest_rx.latest().await.unwrap();
             match words {
-                Some(words) => leaving.goodbye(words).await.unwrap(),
+                Some(words) => leaving.close(words).await.unwrap(),
                 None => drop(leaving),
             }
         });
@@ -440,7 +440,7 @@ fn left_by_the_other(lockstep: bool, words: Option<CloseReason>) -> RoleError<Br
 fn a_display_does_not_wait_for_one_machine_when_the_other_has_left() {
     for lockstep in [true, false] {
         for words in
-            [None, Some(Goodbye::PeerLost.because("it was away")), Some(Goodbye::Interrupted.reason())]
+            [None, Some(CloseCode::PeerLost.because("it was away")), Some(CloseCode::Interrupted.reason())]
         {
             let end = left_by_the_other(lockstep, words);
             assert!(end.lost_a_peer() && format!("{end:?}").contains("switch B"), "{end:?}");

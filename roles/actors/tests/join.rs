@@ -8,7 +8,7 @@ use std::{sync::Arc, time::Duration};
 use tokio::task::JoinHandle;
 use trimaran_actors::{JoinError, Joined, Link, Listener, Place, Seat, again, await_pair, join_session};
 use trimaran_proto::{
-    BatchSize, Camera, EpsilonPx, FrameNumber, Goodbye, IdCoding, Identity, PictureSize, Role, SceneHash,
+    BatchSize, Camera, CloseCode, EpsilonPx, FrameNumber, IdCoding, Identity, PictureSize, Role, SceneHash,
     Settings, TesterKind, Walkthrough,
 };
 use trimaran_transport::{
@@ -87,15 +87,15 @@ fn settings(first: FrameNumber) -> Settings {
 #[tokio::test(start_paused = true)]
 async fn a_machine_that_leaves_before_the_other_comes_is_waited_for_again() {
     let pair = [Role::SwitchA, Role::SwitchB];
-    for (index, goodbye) in [None, Some(Goodbye::Interrupted.reason())].into_iter().enumerate() {
+    for (index, close) in [None, Some(CloseCode::Interrupted.reason())].into_iter().enumerate() {
         for [early, late] in [pair, [pair[1], pair[0]]] {
             let meeting = Meeting::at(&format!("left-{index}-{early}").replace(' ', "-"));
             let display = meeting.display(FrameNumber(0)).await;
             for _ in 0..2 {
                 let left = meeting.early(early).await;
                 meeting.pause(Duration::from_millis(1)).await;
-                match goodbye.clone() {
-                    Some(reason) => left.goodbye(reason).await.unwrap(),
+                match close.clone() {
+                    Some(reason) => left.close(reason).await.unwrap(),
                     None => drop(left),
                 }
                 meeting.pause(Duration::from_millis(1)).await;
@@ -161,8 +161,8 @@ async fn a_machine_whose_pair_does_not_come_tells_the_display_why_it_leaves() {
             end => break end,
         }
     };
-    let Err(RecvError::Goodbye { reason, .. }) = end else { panic!("{end:?}") };
-    assert_eq!(Goodbye::of(&reason), Some(Goodbye::PeerLost));
+    let Err(RecvError::Closed { reason, .. }) = end else { panic!("{end:?}") };
+    assert_eq!(CloseCode::of(&reason), Some(CloseCode::PeerLost));
     let why = reason;
     assert!(why.to_string().contains("switch B"), "{why}");
     drop(link);
@@ -206,8 +206,8 @@ async fn a_display_that_comes_to_a_display_is_turned_away_and_the_pair_waited_fo
     .await;
     if let Ok(mut stranger) = stranger {
         let end = stranger.frames_rx.recv().await.unwrap_err();
-        let RecvError::Goodbye { reason, .. } = &end else { panic!("{end:?}") };
-        assert_eq!(Goodbye::of(reason), Some(Goodbye::Failed), "{reason}");
+        let RecvError::Closed { reason, .. } = &end else { panic!("{end:?}") };
+        assert_eq!(CloseCode::of(reason), Some(CloseCode::Failed), "{reason}");
     }
     let pair = [meeting.early(Role::SwitchA).await, meeting.early(Role::SwitchB).await];
     let links = display.await.unwrap().unwrap();

@@ -13,7 +13,7 @@ use trimaran_cook::generate::{PlantOptions, plant};
 use trimaran_cook::{CookOptions, cook};
 use trimaran_cull::{DepthImage, Image, OcclusionTest, TestBox, View};
 use trimaran_proto::{
-    BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, Goodbye, IdCoding, Identity,
+    BatchSize, Camera, CloseCode, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, Identity,
     PictureSize, Role, SceneHash, Settings, TesterKind, Walkthrough,
 };
 use trimaran_scene::Scene;
@@ -190,7 +190,7 @@ async fn lie(mut link: Link, ids: &[u32]) -> CloseReason {
     }
     let _gone = link.frames_tx.finish().await;
     match link.frames_rx.recv().await {
-        Err(RecvError::Goodbye { reason, .. }) => reason,
+        Err(RecvError::Closed { reason, .. }) => reason,
         other => panic!("{other:?}"),
     }
 }
@@ -204,7 +204,7 @@ fn an_id_that_the_scene_does_not_have_ends_the_session_and_names_its_sender() {
             let RoleError::Ids { peer, cause } = error else { panic!("{error:?}") };
             assert_eq!(peer, sender);
             assert_eq!(cause, IdError::Unknown { id: DrawableId(id), count: count as usize });
-            assert_eq!(Goodbye::of(&told), Some(Goodbye::Failed), "{told}");
+            assert_eq!(CloseCode::of(&told), Some(CloseCode::Failed), "{told}");
         }
     }
 }
@@ -215,6 +215,6 @@ fn an_id_that_comes_twice_in_a_frame_ends_the_session_and_names_its_sender() {
     for (sender, error, told) in setting.both_get(&[4, 5, 4]) {
         let RoleError::Ids { peer, cause } = error else { panic!("{error:?}") };
         assert_eq!((peer, cause), (sender, IdError::Twice { id: DrawableId(4) }));
-        assert_eq!(Goodbye::of(&told), Some(Goodbye::Failed), "{told}");
+        assert_eq!(CloseCode::of(&told), Some(CloseCode::Failed), "{told}");
     }
 }

@@ -94,7 +94,7 @@ pub(super) async fn answer(link: Link) -> Result<CloseReason, ProbeError> {
         loop {
             match latest_rx.latest().await {
                 Ok(camera) => latest_tx.publish(camera)?,
-                Err(RecvError::Goodbye { reason, .. }) => return Ok(reason),
+                Err(RecvError::Closed { reason, .. }) => return Ok(reason),
                 // Only frames are sent, or nothing for a while.
                 Err(RecvError::Silent { .. }) => {}
                 Err(e) => return Err(e.into()),
@@ -113,7 +113,7 @@ pub(super) async fn answer(link: Link) -> Result<CloseReason, ProbeError> {
                     frames_tx.finish().await?;
                 }
                 Ok(FrameEvent::Note(_)) => {}
-                Err(RecvError::Goodbye { reason, .. }) => return Ok(reason),
+                Err(RecvError::Closed { reason, .. }) => return Ok(reason),
                 Err(RecvError::Silent { .. }) => {}
                 Err(e) => return Err(e.into()),
             }
@@ -166,7 +166,7 @@ async fn whole_frame(frames: &mut FrameReceiver, ids: &[DrawableId]) -> Result<b
 
 #[cfg(test)]
 mod tests {
-    use trimaran_proto::{Goodbye, Identity, Role, SceneHash, Walkthrough};
+    use trimaran_proto::{CloseCode, Identity, Role, SceneHash, Walkthrough};
 
     use super::*;
     use trimaran_transport::{LinkConfig, TokioNet, inproc};
@@ -192,13 +192,13 @@ mod tests {
                 let mut replies = Vec::new();
                 probe(&mut here, &net, Probe { ids, ..PROBE }, |reply| replies.push(reply)).await.unwrap();
                 assert_eq!(here.stats.read().received.items, u64::from(5 * ids));
-                here.goodbye(Goodbye::Finished.reason()).await.unwrap();
+                here.close(CloseCode::Finished.reason()).await.unwrap();
                 replies
             };
             let (replies, answered) = tokio::join!(probing, answer(there));
             assert_eq!(replies.len(), 5);
             assert!(replies.iter().all(|reply| matches!(reply, Reply::Whole(_))), "{replies:?}");
-            assert_eq!(answered.unwrap(), Goodbye::Finished.reason());
+            assert_eq!(answered.unwrap(), CloseCode::Finished.reason());
         }
     }
 

@@ -225,9 +225,9 @@ async fn receive(
     Ok(Arrived { latencies, first, complete })
 }
 
-/// Says goodbye, and stays a moment: the runtime goes with this thread, and a lost goodbye may have to be
+/// Says close, and stays a moment: the runtime goes with this thread, and a lost close may have to be
 /// said again.
 async fn leave(link: Link<Robot>, net: &dyn Net) {
-    let _gone = link.goodbye(finished()).await;
+    let _gone = link.close(finished()).await;
     sleep_until(net, net.now().after(Duration::from_millis(500))).await;
 }

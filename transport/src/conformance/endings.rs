@@ -1,4 +1,4 @@
-//! How links end: goodbyes and deaths.
+//! How links end: closes and deaths.
 
 use std::time::Duration;
 
@@ -6,19 +6,19 @@ use super::talk::{batches_of, patient};
 use super::{ARM, Battery, Pairs, Robot, finished, points, pose, receive, start};
 use crate::{CloseReason, FrameEvent, FrameNumber, Link, Loss, RecvError, SendError, sleep_until};
 
-/// What was sent before a goodbye arrives before it, and the goodbye on both lanes, as often as it is asked
+/// What was sent before a close arrives before it, and the close on both lanes, as often as it is asked
 /// for.
-pub async fn goodbye_comes_after_everything(pairs: &impl Pairs) {
+pub async fn close_comes_after_everything(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(patient()).await;
     arm.latest_tx.publish(pose(1)).unwrap();
     arm.frames_tx.begin(start(0)).await.unwrap();
     arm.frames_tx.push(&points(5)).await.unwrap();
     arm.frames_tx.finish().await.unwrap();
-    arm.goodbye(CloseReason::new(2, "out of memory")).await.unwrap();
+    arm.close(CloseReason::new(2, "out of memory")).await.unwrap();
 
     assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, points(5));
     let said = |e: RecvError| match e {
-        RecvError::Goodbye { peer, reason } if peer.as_str() == ARM => reason,
+        RecvError::Closed { peer, reason } if peer.as_str() == ARM => reason,
         other => panic!("{other:?}"),
     };
     for _ in 0..2 {
@@ -30,7 +30,7 @@ pub async fn goodbye_comes_after_everything(pairs: &impl Pairs) {
     }
     assert_eq!(said(panel.latest_rx.try_latest().unwrap_err()), CloseReason::new(2, "out of memory"));
     // Who leaves second finds nobody, and that is no error.
-    panel.goodbye(finished()).await.unwrap();
+    panel.close(finished()).await.unwrap();
 }
 
 /// What was sent before a link is dropped arrives: more than may be under way at once.
@@ -49,7 +49,7 @@ pub async fn what_was_sent_before_a_link_is_dropped_arrives(pairs: &impl Pairs) 
 }
 
 /// Who drops its link within a frame is lost, and the frame stays open.
-pub async fn death_within_a_frame_is_no_goodbye(pairs: &impl Pairs) {
+pub async fn death_within_a_frame_is_no_close(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(batches_of(10)).await;
     arm.frames_tx.begin(start(0)).await.unwrap();
     arm.frames_tx.push(&points(25)).await.unwrap();

@@ -124,8 +124,8 @@ pub async fn polling_takes_what_is_there(pairs: &impl Pairs) {
             }
         }
     };
-    let (_left, ended) = tokio::join!(arm.goodbye(finished()), poll);
-    assert!(matches!(ended, Err(RecvError::Goodbye { .. })), "{ended:?}");
+    let (_left, ended) = tokio::join!(arm.close(finished()), poll);
+    assert!(matches!(ended, Err(RecvError::Closed { .. })), "{ended:?}");
 }
 
 /// Who polls without ever yielding is shown all that comes, however much: the runtime's budget of a task is

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use tokio::sync::Notify;
 
-use crate::desk::lock;
+use crate::acceptor::lock;
 
 /// Makes a queue that holds at most `capacity` items, at least one; as many again may be with the receiver.
 pub(super) fn queue<T>(capacity: usize) -> (Sender<T>, Receiver<T>) {

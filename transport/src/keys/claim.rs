@@ -69,7 +69,7 @@ impl WrongRole {
     }
 
     /// What a connecting peer tells the listener.
-    pub(crate) fn goodbye(&self) -> CloseReason {
+    pub(crate) fn close(&self) -> CloseReason {
         let Self { claimed, known, .. } = self;
         let why = format!("its peer claims to be {claimed}, with a key that is known as that of {known}");
         CloseReason::new(CloseReason::REFUSED, &why)

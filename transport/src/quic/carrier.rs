@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use quinn::{Connection, ConnectionError, ReadError, SendStream, VarInt, WriteError};
 
-use crate::desk::lock;
+use crate::acceptor::lock;
 use crate::error::Loss;
 use trimaran_net::{Net, sleep_until, until};
 
@@ -16,7 +16,7 @@ const LINGER: Duration = Duration::from_secs(2);
 const TELL: Duration = Duration::from_millis(500);
 /// How often to look whether it has left.
 const LOOK: Duration = Duration::from_millis(1);
-/// The code that a connection is closed with: QUIC needs one, this protocol has its goodbye.
+/// The code that a connection is closed with: QUIC needs one, this protocol has its close.
 const CLOSED: VarInt = VarInt::from_u32(0);
 
 /// A connection that the halves of a link share. Dropping the last half closes it, once what was sent has
@@ -115,9 +115,9 @@ mod tests {
 
     const SECONDS: Duration = Duration::from_secs(10);
 
-    /// A process that ends when it has said goodbye: nothing of it sends anything any more.
+    /// A process that ends when it has closed the link: nothing of it sends anything any more.
     #[test]
-    fn the_close_has_left_when_a_goodbye_is_over() {
+    fn the_close_has_left_when_a_close_is_over() {
         let [here, there] = ["near", "far"].map(|name| Keys::generate(name.parse().unwrap()).unwrap());
         let options = |own: &Keys, peer: &Keys| Options {
             security: Some(Security { keys: own.clone(), peers: vec![peer.public().clone().into()] }),
@@ -132,8 +132,8 @@ mod tests {
                 let (endpoint, by) = (told.recv().unwrap(), net.now().after(SECONDS));
                 let mut link = connect::<Robot>(&net, &endpoint, greeting(PANEL), &theirs, by).await.unwrap();
                 let heard = link.frames_rx.recv().await;
-                assert!(matches!(heard, Err(RecvError::Goodbye { .. })), "{heard:?}");
-                link.goodbye(finished()).await.unwrap();
+                assert!(matches!(heard, Err(RecvError::Closed { .. })), "{heard:?}");
+                link.close(finished()).await.unwrap();
             });
         });
         runtime().block_on(async {
@@ -145,8 +145,8 @@ mod tests {
             let Link { frames_tx, latest_tx, latest_rx, .. } = link;
             let LatestRx::Wire(lane) = &latest_rx.lane else { unreachable!("not within one process") };
             let WireLatestRx::Quic(lane) = &**lane else { unreachable!("a link over QUIC") };
-            frames_tx.goodbye(finished()).await.unwrap();
-            latest_tx.goodbye(finished()).await.unwrap();
+            frames_tx.close(finished()).await.unwrap();
+            latest_tx.close(finished()).await.unwrap();
             // Not that it was silent for the length of the idle timeout.
             let end = lane.connection().closed().await;
             assert!(matches!(end, ConnectionError::ApplicationClosed(_)), "{end:?}");

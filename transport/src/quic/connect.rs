@@ -11,10 +11,10 @@ use trimaran_wire::{Lane, Message};
 use super::QuicOptions;
 use super::control::{Control, check_datagrams, explain};
 use super::runtime::{NetRuntime, NetSocket};
-use super::tls::{self, Doorman};
+use super::tls::{self, Verifier};
 use crate::HostPort;
 use crate::connect::{AttemptError, Introduction};
-use crate::handshake::{HandshakeError, Parley};
+use crate::handshake::{Handshake, HandshakeError};
 use crate::keys::Security;
 use crate::link::Parts;
 use trimaran_net::{Net, random_bytes};
@@ -57,8 +57,8 @@ async fn introduce(
     let refused = |cause| AttemptError::Connect { address: to.to_string(), cause };
     let security = options.security.as_ref().ok_or(HandshakeError::NoKeys).map_err(failed)?;
     let Security { keys, peers } = security;
-    let doorman = Doorman::new(peers);
-    let crypto = tls::client(keys, &doorman, &application.protocol()).map_err(|e| failed(e.into()))?;
+    let verifier = Verifier::new(peers);
+    let crypto = tls::client(keys, &verifier, &application.protocol()).map_err(|e| failed(e.into()))?;
     let crypto = QuicClientConfig::try_from(crypto).map_err(|e| refused(io::Error::other(e)))?;
     let mut config = ClientConfig::new(Arc::new(crypto));
     config.transport_config(options.quic.transport(&options.link, &application.format()));
@@ -69,7 +69,7 @@ async fn introduce(
     let (endpoint, _) = endpoint(net, here, &options.quic, None).map_err(refused)?;
     let connecting =
         endpoint.connect_with(config, to, SERVER_NAME).map_err(|e| refused(io::Error::other(e)))?;
-    let explained = |e| failed(explain(e, &doorman, keys.public().quic, application.protocol()));
+    let explained = |e| failed(explain(e, &verifier, keys.public().quic, application.protocol()));
     let connection = connecting.await.map_err(explained)?;
     let shake = async {
         check_datagrams(&connection, &application.format())?;

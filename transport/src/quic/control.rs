@@ -12,11 +12,11 @@ use super::CAPABILITIES;
 use super::carrier::Carrier;
 use super::frames::{FrameRx, FrameTx, poll_fill};
 use super::latest::{LatestRx, LatestTx};
-use super::tls::Doorman;
+use super::tls::Verifier;
 use crate::application::Peer;
 use crate::error::{LaneError, Loss};
 use crate::frames::{WireFrameRx, WireFrameTx};
-use crate::handshake::{HandshakeError, Parley};
+use crate::handshake::{Handshake, HandshakeError};
 use crate::keys::Fingerprint;
 use crate::latest::{WireLatestRx, WireLatestTx};
 use crate::link::{Lanes, Parts, PeerAddress, Shared, Wire};
@@ -88,7 +88,7 @@ impl Control {
     }
 }
 
-impl Parley for Control {
+impl Handshake for Control {
     async fn recv(&mut self) -> Result<Message, HandshakeError> {
         loop {
             let before = self.decoder.position();
@@ -127,11 +127,11 @@ pub(super) fn check_datagrams(connection: &Connection, format: &Format) -> Resul
 /// What a failed connection means; `ours` is what this side showed, `protocol` what it speaks.
 pub(super) fn explain(
     error: ConnectionError,
-    doorman: &Doorman,
+    verifier: &Verifier,
     ours: Fingerprint,
     protocol: ProtocolName,
 ) -> HandshakeError {
-    if let Some(unknown) = doorman.turned_away() {
+    if let Some(unknown) = verifier.turned_away() {
         return Box::new(unknown).into();
     }
     let alert = |code| match code {

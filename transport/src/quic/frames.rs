@@ -2,7 +2,7 @@
 //! the way.
 //!
 //! The lane is what its streams hold, one after the other in the order in which they were opened. Each holds
-//! one frame, or a note between two, or the goodbye. Older streams go first where the connection
+//! one frame, or a note between two, or the close. Older streams go first where the connection
 //! cannot take all.
 
 use std::collections::VecDeque;
@@ -71,7 +71,7 @@ impl FrameTx {
         let before = self.buffer.len();
         message.encode(&mut self.buffer);
         shared.counters.sent.count(message.kind(), self.buffer.len() - before - HEADER_BYTES);
-        let last = matches!(message.kind(), Kind::End | Kind::Note | Kind::Goodbye);
+        let last = matches!(message.kind(), Kind::End | Kind::Note | Kind::Close);
         if last || self.buffer.len() >= PART {
             self.cut(last);
         }
@@ -148,13 +148,13 @@ pub(crate) struct FrameRx {
     decoder: Decoder,
     /// Between the beginning and the end of a frame.
     within: bool,
-    farewell: Option<CloseReason>,
+    closed: Option<CloseReason>,
 }
 
 impl FrameRx {
     pub(crate) fn new(carrier: &Arc<Carrier>, format: Format) -> Self {
         let carrier = Arc::clone(carrier);
-        Self { carrier, stream: None, decoder: Decoder::new(format), within: false, farewell: None }
+        Self { carrier, stream: None, decoder: Decoder::new(format), within: false, closed: None }
     }
 
     pub(crate) async fn next(
@@ -163,16 +163,16 @@ impl FrameRx {
         shared: &Shared,
         timeouts: &mut Timeouts,
     ) -> Result<FrameMessage, LaneError> {
-        if let Some(reason) = &self.farewell {
-            return Err(LaneError::Goodbye(reason.clone()));
+        if let Some(reason) = &self.closed {
+            return Err(LaneError::Closed(reason.clone()));
         }
         loop {
             if let Some(message) = self.buffered(shared)? {
                 let message = match message {
                     Message::Frame(message) => message,
-                    Message::Goodbye(reason) => {
-                        self.farewell = Some(reason.clone());
-                        return Err(LaneError::Goodbye(reason));
+                    Message::Close(reason) => {
+                        self.closed = Some(reason.clone());
+                        return Err(LaneError::Closed(reason));
                     }
                     other => return Err(misplaced(other.kind(), Lane::Frames)),
                 };

@@ -11,10 +11,10 @@ use trimaran_wire::{Fixed, Format, Message, Numbered};
 use super::QuicOptions;
 use super::connect::endpoint;
 use super::control::Control;
-use super::tls::{self, Doorman};
+use super::tls::{self, Verifier};
 use crate::application::{Application, Side};
 use crate::conformance::{ARM, PANEL, Pose, Robot, greeting};
-use crate::handshake::{HandshakeError, Parley};
+use crate::handshake::{Handshake, HandshakeError};
 use crate::keys::{Keys, Security};
 use crate::{
     AcceptError, DecodeFault, Endpoint, Kind, Lane, Link, Listener, Net, Options, ProtocolError, RecvError,
@@ -52,8 +52,8 @@ impl Setting {
 
     async fn dial(&self) -> Connection {
         let Endpoint::Quic(at) = self.listener.local_endpoint() else { panic!("not QUIC") };
-        let doorman = Doorman::new(&[self.listens.public().clone().into()]);
-        let crypto = tls::client(&self.liar, &doorman, &panel().protocol()).unwrap();
+        let verifier = Verifier::new(&[self.listens.public().clone().into()]);
+        let crypto = tls::client(&self.liar, &verifier, &panel().protocol()).unwrap();
         let config = quinn::ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
         self.quinn.connect_with(config, at.to_string().parse().unwrap(), "trimaran").unwrap().await.unwrap()
     }

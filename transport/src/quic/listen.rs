@@ -10,10 +10,10 @@ use trimaran_wire::{Accept, Hello, Lane, Message, Refusal};
 
 use super::connect::endpoint;
 use super::control::{Control, check_datagrams, explain};
-use super::tls::{self, Doorman};
+use super::tls::{self, Verifier};
 use crate::PeerAddress;
-use crate::desk::Desk;
-use crate::handshake::{HandshakeError, Parley};
+use crate::acceptor::Acceptor;
+use crate::handshake::{Handshake, HandshakeError};
 use crate::keys::Security;
 use crate::pending::Slot;
 use trimaran_net::until;
@@ -22,35 +22,37 @@ use trimaran_net::until;
 const WAITING: u64 = 16 * 1024;
 
 /// Listens, and receives peers until nobody accepts them any more. Says where.
-pub(super) fn listen(at: SocketAddr, desk: &Arc<Desk>) -> io::Result<SocketAddr> {
-    let options = &desk.options;
+pub(super) fn listen(at: SocketAddr, acceptor: &Arc<Acceptor>) -> io::Result<SocketAddr> {
+    let options = &acceptor.options;
     let security = options.security.clone().ok_or_else(|| io::Error::other(HandshakeError::NoKeys))?;
-    let (config, _) = server(desk, &security).map_err(io::Error::other)?;
-    let (endpoint, address) = endpoint(&desk.net, at, &options.quic, Some(config))?;
-    desk.net.spawn(Box::pin(serve(Arc::clone(desk), security, endpoint)));
+    let (config, _) = server(acceptor, &security).map_err(io::Error::other)?;
+    let (endpoint, address) = endpoint(&acceptor.net, at, &options.quic, Some(config))?;
+    acceptor.net.spawn(Box::pin(serve(Arc::clone(acceptor), security, endpoint)));
     Ok(address)
 }
 
 /// How one handshake is done, and who judges the certificate in it.
-fn server(desk: &Desk, security: &Security) -> Result<(ServerConfig, Arc<Doorman>), HandshakeError> {
-    let doorman = Doorman::new(&security.peers);
-    let crypto = tls::server(&security.keys, &doorman, &desk.application.protocol())?;
+fn server(acceptor: &Acceptor, security: &Security) -> Result<(ServerConfig, Arc<Verifier>), HandshakeError> {
+    let verifier = Verifier::new(&security.peers);
+    let crypto = tls::server(&security.keys, &verifier, &acceptor.application.protocol())?;
     let crypto = QuicServerConfig::try_from(crypto).map_err(|e| HandshakeError::Io(io::Error::other(e)))?;
     let mut config = ServerConfig::with_crypto(Arc::new(crypto));
-    let handshakes = desk.options.limits.handshakes;
+    let handshakes = acceptor.options.limits.handshakes;
     config
-        .transport_config(desk.options.quic.transport(&desk.options.link, &desk.application.format()))
+        .transport_config(
+            acceptor.options.quic.transport(&acceptor.options.link, &acceptor.application.format()),
+        )
         .max_incoming(handshakes)
         .incoming_buffer_size(WAITING)
         .incoming_buffer_size_total(WAITING * handshakes as u64);
-    Ok((config, doorman))
+    Ok((config, verifier))
 }
 
-async fn serve(desk: Arc<Desk>, security: Security, endpoint: Endpoint) {
+async fn serve(acceptor: Arc<Acceptor>, security: Security, endpoint: Endpoint) {
     loop {
         let incoming = tokio::select! {
             biased;
-            () = desk.closed() => break,
+            () = acceptor.closed() => break,
             incoming = endpoint.accept() => incoming,
         };
         let Some(incoming) = incoming else { break };
@@ -62,46 +64,50 @@ async fn serve(desk: Arc<Desk>, security: Security, endpoint: Endpoint) {
             continue;
         }
         let from = PeerAddress::Quic(incoming.remote_address());
-        if let Err(e) = desk.begin(&from) {
-            desk.failed(&from, e);
+        if let Err(e) = acceptor.begin(&from) {
+            acceptor.failed(&from, e);
             // Its first packet comes again: by then it may be its turn.
             incoming.ignore();
             continue;
         }
-        let guest = Guest { slot: desk.slot(&from), desk: Arc::clone(&desk) };
+        let guest = Guest { slot: acceptor.slot(&from), acceptor: Arc::clone(&acceptor) };
         let security = security.clone();
-        desk.net.spawn(Box::pin(async move { guest.receive(incoming, &security).await }));
+        acceptor.net.spawn(Box::pin(async move { guest.receive(incoming, &security).await }));
     }
     endpoint.set_server_config(None);
 }
 
 /// One handshake.
 struct Guest {
-    desk: Arc<Desk>,
+    acceptor: Arc<Acceptor>,
     slot: Slot,
 }
 
 impl Guest {
     async fn receive(mut self, incoming: Incoming, security: &Security) {
         let address = incoming.remote_address();
-        let desk = &self.desk;
-        let deadline = desk.net.now().after(desk.options.handshake);
-        let handshake = shake_hands(desk, incoming, security);
+        let acceptor = &self.acceptor;
+        let deadline = acceptor.net.now().after(acceptor.options.handshake);
+        let handshake = shake_hands(acceptor, incoming, security);
         let outcome = tokio::select! {
             biased;
-            outcome = until(&*desk.net, deadline, handshake) => outcome.unwrap_or(Err(HandshakeError::TimedOut)),
+            outcome = until(&*acceptor.net, deadline, handshake) => outcome.unwrap_or(Err(HandshakeError::TimedOut)),
             () = self.slot.revoked() => Err(HandshakeError::Refused(Refusal::Busy)),
         };
         if let Err(e) = outcome {
-            desk.failed(&address, e);
+            acceptor.failed(&address, e);
         }
     }
 }
 
-async fn shake_hands(desk: &Desk, incoming: Incoming, security: &Security) -> Result<(), HandshakeError> {
-    let (config, doorman) = server(desk, security)?;
-    let Desk { net, application, .. } = desk;
-    let explained = |e| explain(e, &doorman, security.keys.public().quic, application.protocol());
+async fn shake_hands(
+    acceptor: &Acceptor,
+    incoming: Incoming,
+    security: &Security,
+) -> Result<(), HandshakeError> {
+    let (config, verifier) = server(acceptor, security)?;
+    let Acceptor { net, application, .. } = acceptor;
+    let explained = |e| explain(e, &verifier, security.keys.public().quic, application.protocol());
     let connection = incoming.accept_with(Arc::new(config)).map_err(explained)?.await.map_err(explained)?;
     check_datagrams(&connection, &application.format())?;
     let key = tls::key_of(&connection).ok_or(HandshakeError::Stranger)?;
@@ -110,9 +116,9 @@ async fn shake_hands(desk: &Desk, incoming: Incoming, security: &Security) -> Re
     let hello = control.recv_hello().await?;
     let Hello { session, lane, .. } = hello;
     let entered = match lane {
-        Lane::Frames => desk.identify(&hello).and_then(|theirs| {
+        Lane::Frames => acceptor.identify(&hello).and_then(|theirs| {
             security.judge(key, theirs.role.as_deref())?;
-            desk.enter(&hello.application).map_err(HandshakeError::Refused)
+            acceptor.enter(&hello.application).map_err(HandshakeError::Refused)
         }),
         Lane::Latest => Err(HandshakeError::Refused(Refusal::Session { session, lane })),
     };
@@ -120,7 +126,7 @@ async fn shake_hands(desk: &Desk, incoming: Incoming, security: &Security) -> Re
         Ok((peer, place)) => {
             control.send(&Message::Accept(Accept { application: application.hello().clone() })).await?;
             let place = Some(Arc::new(place) as _);
-            desk.hand_out(control.into_parts(net, peer, session, place)).await;
+            acceptor.hand_out(control.into_parts(net, peer, session, place)).await;
             Ok(())
         }
         Err(error) => {
@@ -163,14 +169,14 @@ mod tests {
         let options = Options { limits, link, quic, ..Options::default() };
         let application = Side::<Robot>::of(greeting(ARM)).unwrap();
         let (protocol, format) = (application.protocol(), application.format());
-        let desk = Desk::new(&net, application, &options, mpsc::channel(1).0);
-        let (config, _) = server(&desk, &security).unwrap();
+        let acceptor = Acceptor::new(&net, application, &options, mpsc::channel(1).0);
+        let (config, _) = server(&acceptor, &security).unwrap();
         let loopback = "127.0.0.1:0".parse().unwrap();
         let (there, at) = endpoint(&net, loopback, &options.quic, Some(config)).unwrap();
 
         let (here, _) = endpoint(&net, loopback, &options.quic, None).unwrap();
-        let doorman = Doorman::new(&security.peers);
-        let crypto = tls::client(&security.keys, &doorman, &protocol).unwrap();
+        let verifier = Verifier::new(&security.peers);
+        let crypto = tls::client(&security.keys, &verifier, &protocol).unwrap();
         let mut config = ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
         config.transport_config(options.quic.transport(&options.link, &format));
         let mut attempts = JoinSet::new();

@@ -2,7 +2,7 @@
 //! certificates pinned.
 //!
 //! The peer that connects opens one stream in both directions, the control stream: hello and its answer, then
-//! copies of values that no newer one has followed, then the goodbye of the latest lane. See
+//! copies of values that no newer one has followed, then the close of the latest lane. See
 //! `transport/wire/WIRE.md`.
 
 mod carrier;
@@ -24,8 +24,8 @@ pub use tls::UnknownPeer;
 
 use std::sync::Arc;
 
+use crate::acceptor::Acceptor;
 use crate::connect::{AttemptError, Introduction};
-use crate::desk::Desk;
 use crate::link::{Capabilities, Parts};
 use crate::scheme::{Listened, Scheme, first_address};
 use crate::transport::ListenFault;
@@ -44,10 +44,10 @@ impl Scheme for Quic {
         Box::pin(connect::attempt(net, &self.0, introduction))
     }
 
-    fn listen<'a>(&'a self, desk: &'a Arc<Desk>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
+    fn listen<'a>(&'a self, acceptor: &'a Arc<Acceptor>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
         Box::pin(async move {
-            let to = first_address(&desk.net, &self.0.to_string()).await?;
-            Ok(Endpoint::Quic(listen::listen(to, desk)?.into()).into())
+            let to = first_address(&acceptor.net, &self.0.to_string()).await?;
+            Ok(Endpoint::Quic(listen::listen(to, acceptor)?.into()).into())
         })
     }
 }

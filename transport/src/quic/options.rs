@@ -154,7 +154,7 @@ mod tests {
     use crate::conformance::{Pose, Robot};
     use crate::keys::Keys;
     use crate::quic::connect::endpoint;
-    use crate::quic::tls::{self, Doorman};
+    use crate::quic::tls::{self, Verifier};
     use trimaran_net::{Net, sleep_until};
 
     /// A connection between an end with `ours`, which connects, and one with `theirs`; the endpoints keep it
@@ -167,10 +167,10 @@ mod tests {
         let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
         let [a, b] = ["a", "b"].map(|name| Keys::generate(name.parse().unwrap()).unwrap());
         let protocol = ProtocolName::new(Robot::NAME);
-        let crypto = tls::server(&b, &Doorman::new(&[a.public().clone().into()]), &protocol).unwrap();
+        let crypto = tls::server(&b, &Verifier::new(&[a.public().clone().into()]), &protocol).unwrap();
         let mut server = ServerConfig::with_crypto(Arc::new(QuicServerConfig::try_from(crypto).unwrap()));
         server.transport_config(theirs.transport(&link, &Format::of::<Robot>()));
-        let crypto = tls::client(&a, &Doorman::new(&[b.public().clone().into()]), &protocol).unwrap();
+        let crypto = tls::client(&a, &Verifier::new(&[b.public().clone().into()]), &protocol).unwrap();
         let mut client = ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
         client.transport_config(ours.transport(&link, &Format::of::<Robot>()));
         let loopback = "127.0.0.1:0".parse().unwrap();

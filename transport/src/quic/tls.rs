@@ -45,13 +45,13 @@ fn expectation(expected: &[Fingerprint]) -> String {
 /// Names, issuers and dates in a certificate are not looked at: the fingerprint says more than all of them.
 /// The proof, the signature over the handshake, is checked by the provider, as for any certificate.
 #[derive(Debug)]
-pub(crate) struct Doorman {
+pub(crate) struct Verifier {
     expected: Vec<Fingerprint>,
     algorithms: WebPkiSupportedAlgorithms,
     turned_away: Mutex<Option<UnknownPeer>>,
 }
 
-impl Doorman {
+impl Verifier {
     pub(crate) fn new(peers: &[KnownPeer]) -> Arc<Self> {
         let algorithms = ring::default_provider().signature_verification_algorithms;
         Arc::new(Self {
@@ -110,7 +110,7 @@ macro_rules! proofs {
     };
 }
 
-impl ServerCertVerifier for Doorman {
+impl ServerCertVerifier for Verifier {
     fn verify_server_cert(
         &self,
         end_entity: &CertificateDer<'_>,
@@ -125,7 +125,7 @@ impl ServerCertVerifier for Doorman {
     proofs!();
 }
 
-impl ClientCertVerifier for Doorman {
+impl ClientCertVerifier for Verifier {
     fn root_hint_subjects(&self) -> &[DistinguishedName] {
         &[]
     }
@@ -150,13 +150,13 @@ fn provider() -> Arc<CryptoProvider> {
 /// certificates.
 pub(crate) fn client(
     keys: &Keys,
-    doorman: &Arc<Doorman>,
+    verifier: &Arc<Verifier>,
     protocol: &ProtocolName,
 ) -> Result<ClientConfig, Error> {
     let mut config = ClientConfig::builder_with_provider(provider())
         .with_protocol_versions(&[&TLS13])?
         .dangerous() // rustls' word for a verifier of one's own
-        .with_custom_certificate_verifier(Arc::<Doorman>::clone(doorman))
+        .with_custom_certificate_verifier(Arc::<Verifier>::clone(verifier))
         .with_client_cert_resolver(Arc::new(SingleCertAndKey::from(Arc::clone(&keys.certified))));
     config.alpn_protocols = vec![protocol.to_string().into_bytes()];
     config.resumption = Resumption::disabled();
@@ -166,12 +166,12 @@ pub(crate) fn client(
 /// How the peer that listens does its TLS.
 pub(crate) fn server(
     keys: &Keys,
-    doorman: &Arc<Doorman>,
+    verifier: &Arc<Verifier>,
     protocol: &ProtocolName,
 ) -> Result<ServerConfig, Error> {
     let mut config = ServerConfig::builder_with_provider(provider())
         .with_protocol_versions(&[&TLS13])?
-        .with_client_cert_verifier(Arc::<Doorman>::clone(doorman))
+        .with_client_cert_verifier(Arc::<Verifier>::clone(verifier))
         .with_cert_resolver(Arc::new(SingleCertAndKey::from(Arc::clone(&keys.certified))));
     config.alpn_protocols = vec![protocol.to_string().into_bytes()];
     config.session_storage = Arc::new(NoServerSessionStorage {});
@@ -209,22 +209,22 @@ mod tests {
     }
 
     /// A peer of ours, and what another program needs to be taken for one of its acquaintances.
-    fn acquainted() -> (Options, Keys, Arc<Doorman>) {
+    fn acquainted() -> (Options, Keys, Arc<Verifier>) {
         let keys = |name: &str| Keys::generate(name.parse().unwrap()).unwrap();
         let (ours, theirs) = (keys("ours"), keys("theirs"));
-        let doorman = Doorman::new(&[ours.public().clone().into()]);
+        let verifier = Verifier::new(&[ours.public().clone().into()]);
         let security = Some(Security { keys: ours, peers: vec![theirs.public().clone().into()] });
-        (Options { security, ..Options::default() }, theirs, doorman)
+        (Options { security, ..Options::default() }, theirs, verifier)
     }
 
     #[tokio::test]
     async fn a_listener_turns_another_protocol_away() {
-        let (net, (options, theirs, doorman)) = (net(), acquainted());
+        let (net, (options, theirs, verifier)) = (net(), acquainted());
         let at = Endpoint::Quic(HERE.into());
         let mut listener = Listener::<Robot>::bind(&net, &at, greeting(ARM), &options).await.unwrap();
         let Endpoint::Quic(at) = listener.local_endpoint() else { panic!("not QUIC") };
         let at = at.to_string().parse().unwrap();
-        let mut crypto = client(&theirs, &doorman, &ours()).unwrap();
+        let mut crypto = client(&theirs, &verifier, &ours()).unwrap();
         crypto.alpn_protocols = vec![OTHER.to_vec()];
         let config = quinn::ClientConfig::new(Arc::new(QuicClientConfig::try_from(crypto).unwrap()));
         let (other, _) = endpoint(&net, HERE, &QuicOptions::default(), None).unwrap();
@@ -236,8 +236,8 @@ mod tests {
 
     #[tokio::test]
     async fn a_listener_of_another_protocol_is_no_peer() {
-        let (net, (options, theirs, doorman)) = (net(), acquainted());
-        let mut crypto = server(&theirs, &doorman, &ours()).unwrap();
+        let (net, (options, theirs, verifier)) = (net(), acquainted());
+        let mut crypto = server(&theirs, &verifier, &ours()).unwrap();
         crypto.alpn_protocols = vec![OTHER.to_vec()];
         let config = quinn::ServerConfig::with_crypto(Arc::new(QuicServerConfig::try_from(crypto).unwrap()));
         let (other, at) = endpoint(&net, HERE, &QuicOptions::default(), Some(config)).unwrap();

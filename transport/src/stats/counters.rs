@@ -10,7 +10,7 @@ use trimaran_udp::PathStats;
 use trimaran_wire::{HEADER_BYTES, Kind};
 
 use super::{LinkStats, Tally, Traffic};
-use crate::rates::Door;
+use crate::rates::ListenerStats;
 
 /// Reads the counters of a link at any time, from any thread.
 #[derive(Debug, Clone)]
@@ -32,13 +32,13 @@ impl StatsHandle {
 
     /// The listener that let the peer in; none at the end that connected.
     #[must_use]
-    pub fn door(&self) -> Option<Door> {
-        self.0.door.get().cloned()
+    pub fn listener(&self) -> Option<ListenerStats> {
+        self.0.listener.get().cloned()
     }
 
     /// Says which listener let the peer in.
-    pub(crate) fn came_through(&self, door: Door) {
-        self.0.door.get_or_init(|| door);
+    pub(crate) fn came_from(&self, listener: ListenerStats) {
+        self.0.listener.get_or_init(|| listener);
     }
 }
 
@@ -61,7 +61,7 @@ pub(crate) struct Counters {
     /// Who counts packets, where the transport tells.
     #[cfg(feature = "udp")]
     path: OnceLock<Box<dyn PathSource>>,
-    door: OnceLock<Door>,
+    listener: OnceLock<ListenerStats>,
 }
 
 impl Counters {
@@ -84,7 +84,7 @@ impl Counters {
             header,
             #[cfg(feature = "udp")]
             path: OnceLock::new(),
-            door: OnceLock::new(),
+            listener: OnceLock::new(),
         })
     }
 
@@ -147,7 +147,7 @@ impl Direction {
             Kind::Begin => &self.begin,
             Kind::Batch | Kind::Coded => &self.batches,
             Kind::End => &self.end,
-            Kind::Hello | Kind::Accept | Kind::Refuse | Kind::Goodbye | Kind::Alive | Kind::Note => {
+            Kind::Hello | Kind::Accept | Kind::Refuse | Kind::Close | Kind::KeepAlive | Kind::Note => {
                 &self.control
             }
         };
@@ -206,7 +206,7 @@ mod tests {
         counters.sent.count(Kind::Coded, 8);
         counters.sent.count_items(13);
         counters.received.count(Kind::Latest, 72);
-        counters.received.count(Kind::Goodbye, 1);
+        counters.received.count(Kind::Close, 1);
         let early = counters.handle().read();
         assert_eq!(early.sent.batches, Tally { messages: 2, bytes: 48 });
         assert_eq!(early.sent.items, 13);

@@ -10,7 +10,7 @@ use trimaran_wire::{CloseReason, FrameMessage, Lane, Message};
 use super::inlet::Inlet;
 use super::pulse::Pulse;
 use super::source::{Sink, Source};
-use crate::desk::lock;
+use crate::acceptor::lock;
 use crate::error::{LaneError, LaneSendError, Loss, misplaced};
 use crate::link::Shared;
 use crate::stats::Counters;
@@ -23,7 +23,7 @@ const ROOM: usize = 64 * 1024;
 #[derive(Debug)]
 pub(crate) struct FrameTx {
     outlet: Arc<Outlet>,
-    /// Where signs of life come in while the peer takes nothing.
+    /// Where keep-alives come in while the peer takes nothing.
     inlet: Arc<Inlet>,
 }
 
@@ -124,7 +124,7 @@ impl Pulse for Outlet {
             return true;
         }
         if state.sink.is_drained() {
-            state.sink.stage(&Message::Alive, &self.counters.sent);
+            state.sink.stage(&Message::KeepAlive, &self.counters.sent);
         }
         // What the stream does not take now goes with what is said next; an error shows then.
         let _later = state.sink.poll_drain(&mut Context::from_waker(Waker::noop()));
@@ -135,14 +135,14 @@ impl Pulse for Outlet {
 #[derive(Debug)]
 pub(crate) struct FrameRx {
     inlet: Arc<Inlet>,
-    farewell: Option<CloseReason>,
+    closed: Option<CloseReason>,
 }
 
 /// Both halves of the lane.
 pub(super) fn frames(sink: Sink, source: Source, counters: &Arc<Counters>) -> (FrameTx, FrameRx) {
     let inlet = Arc::new(Inlet::new(source.with_room(ROOM), ROOM));
     let tx = FrameTx::new(sink, counters, &inlet);
-    (tx, FrameRx { inlet, farewell: None })
+    (tx, FrameRx { inlet, closed: None })
 }
 
 impl FrameRx {
@@ -152,17 +152,17 @@ impl FrameRx {
         shared: &Shared,
         timeouts: &mut Timeouts,
     ) -> Result<FrameMessage, LaneError> {
-        if let Some(reason) = &self.farewell {
-            return Err(LaneError::Goodbye(reason.clone()));
+        if let Some(reason) = &self.closed {
+            return Err(LaneError::Closed(reason.clone()));
         }
         let mut wait = Wait::default();
         loop {
             match self.inlet.next_buffered(&shared.counters.received)? {
-                Some(Message::Goodbye(reason)) => {
-                    self.farewell = Some(reason.clone());
-                    return Err(LaneError::Goodbye(reason));
+                Some(Message::Close(reason)) => {
+                    self.closed = Some(reason.clone());
+                    return Err(LaneError::Closed(reason));
                 }
-                Some(Message::Alive) => {}
+                Some(Message::KeepAlive) => {}
                 Some(Message::Frame(message)) => return Ok(message),
                 Some(other) => return Err(misplaced(other.kind(), Lane::Frames)),
                 None => {

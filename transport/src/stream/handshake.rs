@@ -9,10 +9,10 @@ use super::frames::{Outlet, frames as both_halves};
 use super::latest::Cell;
 use super::pulse::{Pulse, keep_alive};
 use super::{LatestRx, LatestTx, Sink, Source};
+use crate::acceptor::Place;
 use crate::application::Peer;
-use crate::desk::Place;
 use crate::frames::{WireFrameRx, WireFrameTx};
-use crate::handshake::{HandshakeError, Parley};
+use crate::handshake::{Handshake, HandshakeError};
 use crate::latest::{WireLatestRx, WireLatestTx};
 use crate::link::{Capabilities, Lanes as AnyLanes, LinkConfig, Parts, PeerAddress, Shared, Wire};
 use crate::stats::Counters;
@@ -51,7 +51,7 @@ impl Connection {
         poll_fn(|cx| self.sink.poll_drain(cx)).await.map_err(HandshakeError::Io)
     }
 
-    /// Says hello. One who is turned away at the door may be too late for that, but can read why.
+    /// Says hello. One who is turned away at the listener may be too late for that, but can read why.
     pub(super) async fn greet(&mut self, hello: Hello) -> Result<(), HandshakeError> {
         let Err(unsaid) = self.send(&Message::Hello(hello)).await else { return Ok(()) };
         match self.recv_answer().await {
@@ -61,7 +61,7 @@ impl Connection {
     }
 }
 
-impl Parley for Connection {
+impl Handshake for Connection {
     async fn recv(&mut self) -> Result<Message, HandshakeError> {
         loop {
             if let Some(message) = self.source.next_buffered(&self.counters.received)? {

@@ -1,4 +1,4 @@
-//! What comes in on a lane: read by the lane's owner, and looked at for signs of life by a sender that waits
+//! What comes in on a lane: read by the lane's owner, and looked at for keep-alives by a sender that waits
 //! for room.
 
 use std::sync::Mutex;
@@ -7,7 +7,7 @@ use std::task::{Context, Poll, Waker, ready};
 use trimaran_wire::Message;
 
 use super::source::Source;
-use crate::desk::lock;
+use crate::acceptor::lock;
 use crate::error::LaneError;
 use crate::stats::Direction;
 

@@ -7,7 +7,7 @@ use trimaran_wire::Lane;
 use super::Streams;
 use super::handshake::{Connection, Lanes};
 use crate::connect::{AttemptError, Introduction};
-use crate::handshake::{HandshakeError, Parley};
+use crate::handshake::{Handshake, HandshakeError};
 use crate::link::Parts;
 use crate::stats::Counters;
 use trimaran_net::{Net, StreamPeer};

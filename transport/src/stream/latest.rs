@@ -44,12 +44,12 @@ struct Outgoing {
     sink: Sink,
     /// The newest value, while older bytes are still being written.
     newest: Option<FixedBytes>,
-    farewell: Option<CloseReason>,
-    /// A sign of life is due.
+    closed: Option<CloseReason>,
+    /// A keep-alive is due.
     alive: bool,
     /// Something was said since the last beat.
     spoke: bool,
-    /// Nothing follows the farewell.
+    /// Nothing follows the closed.
     left: bool,
     /// A task writes; nobody else may, because a stream wakes only who polled it last.
     busy: bool,
@@ -61,7 +61,7 @@ impl LatestTx {
         let outgoing = Outgoing {
             sink,
             newest: None,
-            farewell: None,
+            closed: None,
             alive: false,
             spoke: false,
             left: false,
@@ -80,13 +80,13 @@ impl LatestTx {
         self.send(|outgoing| outgoing.newest = Some(value))
     }
 
-    pub(crate) async fn goodbye(
+    pub(crate) async fn close(
         &mut self,
         reason: CloseReason,
         timeouts: &mut Timeouts,
     ) -> Result<(), LaneSendError> {
         self.send(|outgoing| {
-            outgoing.farewell = Some(reason);
+            outgoing.closed = Some(reason);
             outgoing.left = true;
         })?;
         loop {
@@ -150,9 +150,9 @@ impl Cell {
             if let Some(value) = outgoing.newest.take() {
                 outgoing.sink.stage(&Message::Latest(value), counts);
             } else if mem::take(&mut outgoing.alive) {
-                outgoing.sink.stage(&Message::Alive, counts);
-            } else if let Some(reason) = outgoing.farewell.take() {
-                outgoing.sink.stage(&Message::Goodbye(reason), counts);
+                outgoing.sink.stage(&Message::KeepAlive, counts);
+            } else if let Some(reason) = outgoing.closed.take() {
+                outgoing.sink.stage(&Message::Close(reason), counts);
             } else {
                 return Poll::Ready(());
             }
@@ -187,14 +187,14 @@ impl Outgoing {
 #[derive(Debug)]
 pub(crate) struct LatestRx {
     source: Source,
-    farewell: Option<CloseReason>,
+    closed: Option<CloseReason>,
     /// What ended the lane behind a value that was given first.
     ended: Option<LaneError>,
 }
 
 impl LatestRx {
     pub(crate) fn new(source: Source) -> Self {
-        Self { source: source.with_room(ROOM), farewell: None, ended: None }
+        Self { source: source.with_room(ROOM), closed: None, ended: None }
     }
 
     pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<FixedBytes>, LaneError> {
@@ -232,17 +232,17 @@ impl LatestRx {
 
     /// Takes everything that has arrived.
     fn drain(&mut self, shared: &Shared, newest: &mut Option<FixedBytes>) -> Result<(), LaneError> {
-        if let Some(reason) = &self.farewell {
-            return Err(LaneError::Goodbye(reason.clone()));
+        if let Some(reason) = &self.closed {
+            return Err(LaneError::Closed(reason.clone()));
         }
         for _ in 0..READS {
             while let Some(message) = self.source.next_buffered(&shared.counters.received)? {
                 match message {
                     Message::Latest(value) => *newest = Some(value),
-                    Message::Alive => {}
-                    Message::Goodbye(reason) => {
-                        self.farewell = Some(reason.clone());
-                        return Err(LaneError::Goodbye(reason));
+                    Message::KeepAlive => {}
+                    Message::Close(reason) => {
+                        self.closed = Some(reason.clone());
+                        return Err(LaneError::Closed(reason));
                     }
                     other => return Err(misplaced(other.kind(), Lane::Latest)),
                 }

@@ -1,18 +1,18 @@
-//! Signs of life on lanes that have nothing to say.
+//! keep-alives on lanes that have nothing to say.
 
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
 use trimaran_net::{Net, sleep_until};
 
-/// A lane that can show a sign of life.
+/// A lane that can show a keep-alive.
 pub(super) trait Pulse: Send + Sync {
     /// Shows one, unless something was said since the last call or waits to be written. False once the lane
     /// is over.
     fn beat(&self) -> bool;
 }
 
-/// Has each of `lanes` show a sign of life every `interval` in which it says nothing, until all are over.
+/// Has each of `lanes` show a keep-alive every `interval` in which it says nothing, until all are over.
 pub(super) fn keep_alive(net: &Arc<dyn Net>, interval: Duration, lanes: [Weak<dyn Pulse>; 2]) {
     let clock = Arc::clone(net);
     net.spawn(Box::pin(async move {
@@ -151,12 +151,12 @@ mod tests {
         let net = net();
         let (mut here, there) = pair(&net, 128, IDLE_TIMEOUT * 2);
         let Link { frames_tx, frames_rx: _unread, latest_tx: _latest, .. } = there;
-        frames_tx.goodbye(finished()).await.unwrap();
+        frames_tx.close(finished()).await.unwrap();
         // The peer has left: nothing more comes, and it takes nothing.
         let (error, _) = send_into(&mut here, &net).await;
         assert!(matches!(error, SendError::Lost { .. }), "{error:?}");
         let left = here.frames_rx.recv().await.unwrap_err();
-        assert!(matches!(left, RecvError::Goodbye { .. }), "{left:?}");
+        assert!(matches!(left, RecvError::Closed { .. }), "{left:?}");
     }
 
     #[tokio::test(start_paused = true)]
@@ -178,13 +178,13 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn nothing_follows_a_goodbye() {
+    async fn nothing_follows_a_close() {
         let net = net();
         let ((latest, mut raw_latest), (frames, mut raw_frames)) = (duplex(4096), duplex(4096));
         let Link { latest_tx, latest_rx, frames_tx, frames_rx, .. } =
             link(&net, latest, frames, IDLE_TIMEOUT * 10);
-        frames_tx.goodbye(finished()).await.unwrap();
-        latest_tx.goodbye(finished()).await.unwrap();
+        frames_tx.close(finished()).await.unwrap();
+        latest_tx.close(finished()).await.unwrap();
         sleep_until(&*net, net.now().after(IDLE_TIMEOUT * 5)).await;
         drop((latest_rx, frames_rx));
         for raw in [&mut raw_latest, &mut raw_frames] {
@@ -192,7 +192,7 @@ mod tests {
             raw.read_to_end(&mut all).await.unwrap();
             // A header, a code, and a text with its length.
             let length = 4 + 1 + 1 + finished().why.as_str().len();
-            assert_eq!((all[0], all.len()), (Kind::Goodbye.code(), length), "{all:?}");
+            assert_eq!((all[0], all.len()), (Kind::Close.code(), length), "{all:?}");
         }
     }
 }

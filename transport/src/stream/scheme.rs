@@ -7,8 +7,8 @@ use trimaran_net::{BoxFuture, Net};
 
 use super::{introduce, serve};
 use crate::Endpoint;
+use crate::acceptor::Acceptor;
 use crate::connect::{AttemptError, Introduction};
-use crate::desk::Desk;
 use crate::link::{Capabilities, Parts};
 use crate::scheme::{Listened, Scheme};
 use crate::transport::{ListenFault, Listening, Transport};
@@ -40,12 +40,12 @@ impl Scheme for Streams {
         Box::pin(introduce(net, self, introduction))
     }
 
-    fn listen<'a>(&'a self, desk: &'a Arc<Desk>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
+    fn listen<'a>(&'a self, acceptor: &'a Arc<Acceptor>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
         Box::pin(async move {
             let address = self.endpoint.address();
-            let Listening { socket, address } = self.transport.listen(&desk.net, &address).await?;
+            let Listening { socket, address } = self.transport.listen(&acceptor.net, &address).await?;
             let at = self.endpoint.at(&address).map_err(io::Error::other)?;
-            desk.net.spawn(Box::pin(serve(Arc::clone(desk), socket, self.clone())));
+            acceptor.net.spawn(Box::pin(serve(Arc::clone(acceptor), socket, self.clone())));
             Ok(at.into())
         })
     }

@@ -10,7 +10,7 @@ use bytes::{BufMut, Bytes, BytesMut};
 use trimaran_udp::{Config, Connecting, Connection, ConnectionId, Progress, Security, VERSION};
 use trimaran_wire::{Decoder, Format, HEADER_BYTES, Lane, Message};
 
-use super::driver::Board;
+use super::driver::Connections;
 use super::port::Port;
 use super::socket::{Incoming, Outgoing, Path};
 use crate::connect::{AttemptError, Introduction};
@@ -101,18 +101,18 @@ async fn introduce(
     // The listener believes in this side once it has heard it use its keys.
     connection.ping();
 
-    let board = Board::new(net);
+    let connections = Connections::new(net);
     let here = connection.id();
     let port = Port::new(net, &socket, Path::to(to), connection);
-    net.spawn(Box::pin(board.serve(here, &port)));
+    net.spawn(Box::pin(connections.serve(here, &port)));
     let mut incoming = asking.incoming;
     net.spawn(Box::pin(async move {
-        let mut emptied = pin!(board.emptied());
+        let mut emptied = pin!(connections.emptied());
         loop {
             tokio::select! {
                 biased;
                 () = &mut emptied => break,
-                () = board.receive(&mut incoming, |_, _| {}) => {}
+                () = connections.receive(&mut incoming, |_, _| {}) => {}
             }
         }
     }));

@@ -13,7 +13,7 @@ use trimaran_udp::{Closed, ConnectionId, destination};
 
 use super::port::{Port, State, Waiter};
 use super::socket::{Incoming, Path};
-use crate::desk::lock;
+use crate::acceptor::lock;
 use trimaran_net::{Instant, Net, UdpPoller, sleep_until};
 
 /// How long what was sent may take to arrive after the last half of a link was dropped.
@@ -25,13 +25,13 @@ const PAUSE: Duration = Duration::from_millis(10);
 
 /// The connections at one socket, by the names that this side gave them.
 #[derive(Debug)]
-pub(super) struct Board {
+pub(super) struct Connections {
     net: Arc<dyn Net>,
     ports: Mutex<BTreeMap<ConnectionId, Arc<Port>>>,
     emptied: Notify,
 }
 
-impl Board {
+impl Connections {
     pub(super) fn new(net: &Arc<dyn Net>) -> Arc<Self> {
         Arc::new(Self { net: Arc::clone(net), ports: Mutex::default(), emptied: Notify::new() })
     }
@@ -63,11 +63,11 @@ impl Board {
         port: &Arc<Port>,
     ) -> impl Future<Output = ()> + Send + use<> {
         lock(&self.ports).insert(id, Arc::clone(port));
-        let (board, port) = (Arc::clone(self), Arc::clone(port));
+        let (connections, port) = (Arc::clone(self), Arc::clone(port));
         async move {
             drive(&port).await;
-            lock(&board.ports).remove(&id);
-            board.emptied.notify_waiters();
+            lock(&connections.ports).remove(&id);
+            connections.emptied.notify_waiters();
         }
     }
 

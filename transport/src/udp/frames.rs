@@ -5,7 +5,7 @@ use std::future::poll_fn;
 use std::sync::Arc;
 use std::task::Poll;
 
-use trimaran_udp::{Hopeless, Received};
+use trimaran_udp::{DeadlineTooShort, Received};
 use trimaran_wire::{CloseReason, FrameMessage, FrameNumber, Kind};
 
 use super::port::{Carrier, State, Waiter};
@@ -18,7 +18,7 @@ use trimaran_net::Instant;
 pub(crate) struct FrameTx {
     carrier: Arc<Carrier>,
     staged: VecDeque<Staged>,
-    /// The lane has ended with a goodbye.
+    /// The lane has ended with a close.
     ended: bool,
     /// Somebody was told that frames have less time than the way takes.
     warned: bool,
@@ -28,7 +28,7 @@ pub(crate) struct FrameTx {
 #[derive(Debug)]
 enum Staged {
     Frame(FrameMessage),
-    Goodbye(CloseReason),
+    Close(CloseReason),
 }
 
 impl FrameTx {
@@ -41,9 +41,9 @@ impl FrameTx {
         self.staged.push_back(Staged::Frame(message));
     }
 
-    pub(crate) fn stage_goodbye(&mut self, reason: CloseReason, shared: &Shared) {
-        shared.counters.sent.count(Kind::Goodbye, 0);
-        self.staged.push_back(Staged::Goodbye(reason));
+    pub(crate) fn stage_close(&mut self, reason: CloseReason, shared: &Shared) {
+        shared.counters.sent.count(Kind::Close, 0);
+        self.staged.push_back(Staged::Close(reason));
     }
 
     /// The newest frame that the peer has all of.
@@ -69,11 +69,13 @@ impl FrameTx {
                 {
                     match message {
                         Staged::Frame(message) => state.connection.send(&message),
-                        Staged::Goodbye(reason) => state.connection.goodbye(reason),
+                        Staged::Close(reason) => state.connection.end_frames(reason),
                     }
                 }
                 carrier.port().flush(&mut state);
-                if !*warned && let Some(Hopeless { deadline, way }) = state.connection.hopeless() {
+                if !*warned
+                    && let Some(DeadlineTooShort { deadline, way }) = state.connection.deadline_too_short()
+                {
                     *warned = true;
                     tracing::warn!(peer = %carrier.port().remote(), ?way, ?deadline, "the way to the peer takes longer than a frame may: hardly any will come whole; take a longer deadline, or a link without one");
                 }
@@ -84,7 +86,7 @@ impl FrameTx {
         Ok(())
     }
 
-    /// Ends the lane behind its goodbye, once all of it has arrived.
+    /// Ends the lane behind its close, once all of it has arrived.
     pub(crate) async fn close(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         self.ended = true;
         let arrived = poll_fn(|cx| {
@@ -104,7 +106,7 @@ impl FrameTx {
 
 /// Why nothing can be sent any more, if it cannot.
 fn gone(state: &State) -> Option<Loss> {
-    state.loss().or_else(|| state.connection.is_unheard().then_some(Loss::Closed))
+    state.loss().or_else(|| state.connection.is_stopped().then_some(Loss::Closed))
 }
 
 impl Drop for FrameTx {
@@ -120,12 +122,12 @@ impl Drop for FrameTx {
 #[derive(Debug)]
 pub(crate) struct FrameRx {
     carrier: Arc<Carrier>,
-    farewell: Option<Received>,
+    closed: Option<Received>,
 }
 
 impl FrameRx {
     pub(crate) fn new(carrier: &Arc<Carrier>) -> Self {
-        Self { carrier: Arc::clone(carrier), farewell: None }
+        Self { carrier: Arc::clone(carrier), closed: None }
     }
 
     pub(crate) async fn next(
@@ -135,7 +137,7 @@ impl FrameRx {
         timeouts: &mut Timeouts,
     ) -> Result<FrameMessage, LaneError> {
         let next = poll_fn(|cx| {
-            if let Some(end) = self.farewell.clone() {
+            if let Some(end) = self.closed.clone() {
                 return Poll::Ready(Ok(end));
             }
             let mut state = self.carrier.lock();
@@ -158,12 +160,12 @@ impl FrameRx {
                 Ok(message)
             }
             end => {
-                if self.farewell.is_none() {
-                    shared.counters.received.count(Kind::Goodbye, 0);
-                    self.farewell = Some(end.clone());
+                if self.closed.is_none() {
+                    shared.counters.received.count(Kind::Close, 0);
+                    self.closed = Some(end.clone());
                 }
                 Err(match end {
-                    Received::Goodbye(reason) => LaneError::Goodbye(reason),
+                    Received::Closed(reason) => LaneError::Closed(reason),
                     _ => LaneError::Lost(Loss::Closed),
                 })
             }

@@ -34,7 +34,7 @@ impl LatestTx {
         Ok(())
     }
 
-    pub(crate) async fn goodbye(
+    pub(crate) async fn close(
         &mut self,
         reason: CloseReason,
         timeouts: &mut Timeouts,
@@ -108,7 +108,7 @@ fn next(state: &mut State, shared: &Shared) -> Option<Result<FixedBytes, LaneErr
         return Some(Ok(value));
     }
     let ended = state.connection.latest_end().map(|end| match end {
-        LatestEnd::Goodbye(reason) => LaneError::Goodbye(reason.clone()),
+        LatestEnd::Closed(reason) => LaneError::Closed(reason.clone()),
         _ => LaneError::Lost(Loss::Closed),
     });
     ended.or_else(|| state.end()).map(Err)

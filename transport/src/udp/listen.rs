@@ -8,14 +8,14 @@ use std::pin::pin;
 use std::sync::{Arc, Mutex};
 use std::task::Poll;
 
-use trimaran_udp::{Config, ConnectionId, Door, Knock, Reception};
+use trimaran_udp::{Acceptor as UdpAcceptor, Config, ConnectionId, Handled, Initial};
 use trimaran_wire::{Accept, Batching, DecodeFault, Hello, Lane, Message, Refusal};
 
 use super::connect::{introduce_with, read_introduction};
-use super::driver::Board;
+use super::driver::Connections;
 use super::port::{Port, Waiter};
 use super::socket::{Incoming, Outgoing, Path};
-use crate::desk::{Desk, lock};
+use crate::acceptor::{Acceptor, lock};
 use crate::handshake::HandshakeError;
 use crate::keys::{NoiseKey, PeerKey};
 use crate::pending::Slot;
@@ -24,16 +24,27 @@ use crate::{PeerAddress, UdpMode};
 use trimaran_net::{UdpSocket, random_bytes, until};
 
 /// Listens, and receives peers until nobody accepts them any more. Says where.
-pub(super) fn listen(at: SocketAddr, mode: Option<UdpMode>, desk: &Arc<Desk>) -> io::Result<SocketAddr> {
-    let options = &desk.options.udp;
-    let security = options.trust.listening(desk.options.security.as_ref()).map_err(io::Error::other)?;
-    let door = Door::new(security, random_bytes(&*desk.net)?).map_err(io::Error::other)?;
-    let socket = desk.net.bind_udp(at, options.socket)?;
+pub(super) fn listen(
+    at: SocketAddr,
+    mode: Option<UdpMode>,
+    acceptor: &Arc<Acceptor>,
+) -> io::Result<SocketAddr> {
+    let options = &acceptor.options.udp;
+    let security = options.trust.listening(acceptor.options.security.as_ref()).map_err(io::Error::other)?;
+    let udp = UdpAcceptor::new(security, random_bytes(&*acceptor.net)?).map_err(io::Error::other)?;
+    let socket = acceptor.net.bind_udp(at, options.socket)?;
     let address = socket.local_addr()?;
-    let board = Board::new(&desk.net);
-    let config = options.config(mode, &desk.options.link, desk.application.format());
-    let hall = Hall { desk: Arc::clone(desk), config, door, socket, board, answers: Arc::default() };
-    desk.net.spawn(Box::pin(hall.serve()));
+    let connections = Connections::new(&acceptor.net);
+    let config = options.config(mode, &acceptor.options.link, acceptor.application.format());
+    let listener = UdpListener {
+        acceptor: Arc::clone(acceptor),
+        config,
+        udp,
+        socket,
+        connections,
+        answers: Arc::default(),
+    };
+    acceptor.net.spawn(Box::pin(listener.serve()));
     Ok(address)
 }
 
@@ -41,12 +52,12 @@ pub(super) fn listen(at: SocketAddr, mode: Option<UdpMode>, desk: &Arc<Desk>) ->
 type Caller = (SocketAddr, ConnectionId);
 
 /// A listening socket, and the connections at it.
-struct Hall {
-    desk: Arc<Desk>,
+struct UdpListener {
+    acceptor: Arc<Acceptor>,
     config: Config,
-    door: Door,
+    udp: UdpAcceptor,
     socket: Arc<dyn UdpSocket>,
-    board: Arc<Board>,
+    connections: Arc<Connections>,
     /// What callers were answered: the same first packet may come again, and means the same connection.
     answers: Arc<Mutex<BTreeMap<Caller, Vec<u8>>>>,
 }
@@ -61,23 +72,23 @@ struct Guest {
     counters: Arc<Counters>,
 }
 
-impl Hall {
+impl UdpListener {
     async fn serve(self) {
         let mut incoming = Incoming::new(&self.socket);
-        let mut closed = pin!(self.desk.closed());
+        let mut closed = pin!(self.acceptor.closed());
         loop {
             tokio::select! {
                 biased;
                 () = &mut closed => break,
-                () = self.board.receive(&mut incoming, |path, datagram| self.take(path, datagram)) => {}
+                () = self.connections.receive(&mut incoming, |path, datagram| self.take(path, datagram)) => {}
             }
         }
-        let mut emptied = pin!(self.board.emptied());
+        let mut emptied = pin!(self.connections.emptied());
         loop {
             tokio::select! {
                 biased;
                 () = &mut emptied => break,
-                () = self.board.receive(&mut incoming, |_, _| {}) => {}
+                () = self.connections.receive(&mut incoming, |_, _| {}) => {}
             }
         }
     }
@@ -86,48 +97,48 @@ impl Hall {
     fn take(&self, path: Path, datagram: &[u8]) {
         let from = path.remote;
         // Whoever sends from an address of its own makes work from here on.
-        if self.door.would_open(self.desk.net.now(), from, datagram)
-            && let Err(e) = self.desk.begin(&PeerAddress::Udp(from))
+        if self.udp.would_decrypt(self.acceptor.net.now(), from, datagram)
+            && let Err(e) = self.acceptor.begin(&PeerAddress::Udp(from))
         {
-            return self.desk.failed(&from, e);
+            return self.acceptor.failed(&from, e);
         }
         let mut reply = Vec::new();
-        match self.door.handle(self.desk.net.now(), from, datagram, &mut reply) {
-            Reception::Reply => self.send(path, &reply),
-            Reception::Knock(knock) => self.answer(path, *knock),
-            Reception::Stranger => self.desk.failed(&from, HandshakeError::Stranger),
+        match self.udp.handle(self.acceptor.net.now(), from, datagram, &mut reply) {
+            Handled::Reply => self.send(path, &reply),
+            Handled::Initial(initial) => self.answer(path, *initial),
+            Handled::Stranger => self.acceptor.failed(&from, HandshakeError::Stranger),
             _ => {}
         }
     }
 
-    fn answer(&self, path: Path, knock: Knock) {
+    fn answer(&self, path: Path, initial: Initial) {
         let from = path.remote;
-        let caller = (from, knock.from);
+        let caller = (from, initial.from);
         if let Some(answer) = lock(&self.answers).get(&caller) {
             return self.send(path, answer);
         }
         let mut reply = Vec::new();
-        match self.judge(&knock) {
-            Ok(guest) => match self.let_in(path, knock, guest, &mut reply) {
+        match self.judge(&initial) {
+            Ok(guest) => match self.let_in(path, initial, guest, &mut reply) {
                 Ok(()) => {}
-                Err(e) => return self.desk.failed(&from, HandshakeError::Io(e)),
+                Err(e) => return self.acceptor.failed(&from, HandshakeError::Io(e)),
             },
             Err(error) => {
                 if let Some(refusal) = error.refusal() {
                     let answer =
                         introduce_with(&Message::Refuse(refusal), &self.config, &Counters::unframed());
-                    knock.refuse(&answer, &mut reply);
+                    initial.refuse(&answer, &mut reply);
                 }
-                self.desk.failed(&from, error);
+                self.acceptor.failed(&from, error);
             }
         }
         self.send(path, &reply);
     }
 
     /// Whether the caller may come in.
-    fn judge(&self, knock: &Knock) -> Result<Guest, HandshakeError> {
+    fn judge(&self, initial: &Initial) -> Result<Guest, HandshakeError> {
         let counters = Counters::unframed();
-        let (hello, reliable) = match read_introduction(&knock.hello, self.config.format, &counters) {
+        let (hello, reliable) = match read_introduction(&initial.hello, self.config.format, &counters) {
             Ok((Message::Hello(hello), reliable)) => Ok((hello, reliable)),
             Ok((other, _)) => Err(HandshakeError::Unexpected { kind: other.kind() }),
             Err(HandshakeError::Decode(e)) => Err(match e.fault {
@@ -142,47 +153,47 @@ impl Hall {
             let Hello { session, lane, .. } = hello;
             return Err(HandshakeError::Refused(Refusal::Session { session, lane }));
         }
-        let peer = self.desk.identify(&hello)?;
-        if let (Some(key), Some(security)) = (knock.key, &self.desk.options.security) {
+        let peer = self.acceptor.identify(&hello)?;
+        if let (Some(key), Some(security)) = (initial.key, &self.acceptor.options.security) {
             security.judge(PeerKey::Udp(NoiseKey::from_bytes(key)), peer.role.as_deref())?;
         }
         // It takes the role's place only once it has shown that it is there now.
-        self.desk.admits(&hello).map_err(HandshakeError::Refused)?;
+        self.acceptor.admits(&hello).map_err(HandshakeError::Refused)?;
         let reliable = reliable && self.config.frame_deadline.is_none();
-        let batching = peer.batching.unwrap_or(self.desk.options.link.batching);
+        let batching = peer.batching.unwrap_or(self.acceptor.options.link.batching);
         Ok(Guest { hello, batching, reliable, counters })
     }
 
     /// Makes a connection of the caller, and a link once it has shown that it is there now: its first packet
     /// may be a copy of one that somebody else sent.
-    fn let_in(&self, path: Path, knock: Knock, guest: Guest, reply: &mut Vec<u8>) -> io::Result<()> {
-        let (desk, caller) = (&self.desk, (path.remote, knock.from));
+    fn let_in(&self, path: Path, initial: Initial, guest: Guest, reply: &mut Vec<u8>) -> io::Result<()> {
+        let (acceptor, caller) = (&self.acceptor, (path.remote, initial.from));
         let here = self.free_name()?;
-        let accept = Message::Accept(Accept { application: desk.application.hello().clone() });
+        let accept = Message::Accept(Accept { application: acceptor.application.hello().clone() });
         let answer = introduce_with(&accept, &self.config, &guest.counters);
         let Batching { size: batch, coded } = guest.batching;
         let config = Config { batch, coded, ..self.config };
-        let mut connection = knock
-            .take(desk.net.now(), here, &answer, config, reply)
+        let mut connection = initial
+            .take(acceptor.net.now(), here, &answer, config, reply)
             .ok_or_else(|| io::Error::other("the answer could not be sealed"))?;
-        connection.follow(caller.0, random_bytes(&*desk.net)?);
+        connection.follow(caller.0, random_bytes(&*acceptor.net)?);
         lock(&self.answers).insert(caller, reply.clone());
-        let port = Port::new(&desk.net, &self.socket, path, connection);
-        let (served, answers) = (self.board.serve(here, &port), Arc::clone(&self.answers));
-        desk.net.spawn(Box::pin(async move {
+        let port = Port::new(&acceptor.net, &self.socket, path, connection);
+        let (served, answers) = (self.connections.serve(here, &port), Arc::clone(&self.answers));
+        acceptor.net.spawn(Box::pin(async move {
             served.await;
             lock(&answers).remove(&caller);
         }));
-        let slot = desk.slot(&PeerAddress::Udp(caller.0));
-        desk.net.spawn(Box::pin(greet(Arc::clone(desk), port, guest, slot)));
+        let slot = acceptor.slot(&PeerAddress::Udp(caller.0));
+        acceptor.net.spawn(Box::pin(greet(Arc::clone(acceptor), port, guest, slot)));
         Ok(())
     }
 
     /// A name that no connection here has.
     fn free_name(&self) -> io::Result<ConnectionId> {
         loop {
-            let id = ConnectionId(self.desk.net.random()? as u32);
-            if !self.board.has(id) {
+            let id = ConnectionId(self.acceptor.net.random()? as u32);
+            if !self.connections.has(id) {
                 return Ok(id);
             }
         }
@@ -199,7 +210,7 @@ impl Hall {
 }
 
 /// Hands out the link with a guest once it has used its keys, or lets it go.
-async fn greet(desk: Arc<Desk>, port: Arc<Port>, guest: Guest, mut slot: Slot) {
+async fn greet(acceptor: Arc<Acceptor>, port: Arc<Port>, guest: Guest, mut slot: Slot) {
     let confirmed = poll_fn(|cx| {
         let mut state = port.lock();
         if state.connection.is_confirmed() || state.connection.closed().is_some() {
@@ -208,10 +219,10 @@ async fn greet(desk: Arc<Desk>, port: Arc<Port>, guest: Guest, mut slot: Slot) {
         state.wait(Waiter::Greeter, cx);
         Poll::Pending
     });
-    let by = desk.net.now().after(desk.options.handshake);
+    let by = acceptor.net.now().after(acceptor.options.handshake);
     let confirmed = tokio::select! {
         biased;
-        confirmed = until(&*desk.net, by, confirmed) => match confirmed {
+        confirmed = until(&*acceptor.net, by, confirmed) => match confirmed {
             Some(true) => Ok(()),
             _ => Err(HandshakeError::TimedOut),
         },
@@ -219,16 +230,17 @@ async fn greet(desk: Arc<Desk>, port: Arc<Port>, guest: Guest, mut slot: Slot) {
     };
     drop(slot);
     let Guest { hello, reliable, counters, .. } = guest;
-    let entered = confirmed.and_then(|()| desk.enter(&hello.application).map_err(HandshakeError::Refused));
+    let entered =
+        confirmed.and_then(|()| acceptor.enter(&hello.application).map_err(HandshakeError::Refused));
     let (peer, place) = match entered {
         Ok((peer, place)) => (peer, Some(Arc::new(place) as _)),
         Err(error) => {
             port.lock().connection.close();
-            port.settle(desk.net.now());
-            return desk.failed(&port.remote(), error);
+            port.settle(acceptor.net.now());
+            return acceptor.failed(&port.remote(), error);
         }
     };
-    let format = desk.application.format();
+    let format = acceptor.application.format();
     let link = (hello.session, reliable);
-    desk.hand_out(super::parts(&port, &desk.options.udp, format, peer, link, counters, place)).await;
+    acceptor.hand_out(super::parts(&port, &acceptor.options.udp, format, peer, link, counters, place)).await;
 }

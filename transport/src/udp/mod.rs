@@ -24,9 +24,9 @@ use std::sync::Arc;
 
 use trimaran_wire::{Format, SessionId};
 
+use crate::acceptor::Acceptor;
 use crate::application::Peer;
 use crate::connect::{AttemptError, Introduction};
-use crate::desk::Desk;
 use crate::frames::{WireFrameRx, WireFrameTx};
 use crate::latest::{WireLatestRx, WireLatestTx};
 use crate::link::{Capabilities, Lanes, Parts, PeerAddress, Shared, Wire};
@@ -49,11 +49,11 @@ impl Scheme for Udp {
         Box::pin(connect::attempt(net, &self.0, introduction))
     }
 
-    fn listen<'a>(&'a self, desk: &'a Arc<Desk>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
+    fn listen<'a>(&'a self, acceptor: &'a Arc<Acceptor>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
         Box::pin(async move {
             let UdpEndpoint { at, mode } = &self.0;
-            let to = first_address(&desk.net, &at.to_string()).await?;
-            let at = listen::listen(to, *mode, desk)?.into();
+            let to = first_address(&acceptor.net, &at.to_string()).await?;
+            let at = listen::listen(to, *mode, acceptor)?.into();
             Ok(Endpoint::Udp(UdpEndpoint { at, mode: *mode }).into())
         })
     }

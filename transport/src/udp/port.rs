@@ -8,7 +8,7 @@ use std::task::{Context, Waker};
 use trimaran_udp::{Closed, Connection, PathStats};
 
 use super::socket::{Outgoing, Path};
-use crate::desk::lock;
+use crate::acceptor::lock;
 use crate::error::{LaneError, Loss, ProtocolError};
 use crate::stats::PathSource;
 use trimaran_net::{Instant, Net, UdpSocket};
@@ -190,7 +190,7 @@ impl State {
         let drained = connection.is_drained();
         let ready = [
             (Waiter::Greeter, connection.is_confirmed()),
-            (Waiter::FrameTx, connection.is_writable() || connection.is_unheard() || drained),
+            (Waiter::FrameTx, connection.is_writable() || connection.is_stopped() || drained),
             (Waiter::FrameRx, connection.is_readable()),
             (Waiter::LatestTx, drained),
             (Waiter::LatestRx, connection.is_latest_readable()),
@@ -202,7 +202,7 @@ impl State {
         }
     }
 
-    /// Whether the peer has closed the connection in good order: a goodbye that crosses its leaving need not
+    /// Whether the peer has closed the connection in good order: a close that crosses its leaving need not
     /// arrive.
     pub(super) fn peer_has_left(&self) -> bool {
         matches!(self.connection.closed(), Some(Closed::Peer))

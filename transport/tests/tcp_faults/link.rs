@@ -172,7 +172,7 @@ async fn a_reset_is_a_loss() {
 }
 
 #[tokio::test]
-async fn goodbye_survives_unread_data() {
+async fn close_survives_unread_data() {
     let net = net();
     let (mut listener, address) = listener(&net, &Options::default()).await;
     let (address, options) = (Endpoint::Tcp(address.into()), Options::default());
@@ -184,27 +184,27 @@ async fn goodbye_survives_unread_data() {
     here.frames_tx.begin(start(0)).await.unwrap();
     here.frames_tx.push(&points(1000)).await.unwrap();
     here.latest_tx.publish(pose(0)).unwrap();
-    there.goodbye(CloseReason::new(1, "interrupted")).await.unwrap();
+    there.close(CloseReason::new(1, "interrupted")).await.unwrap();
     // What was said on one lane was said on both.
     let said = here.latest_rx.latest().await.unwrap_err();
-    assert!(matches!(said, RecvError::Goodbye { .. }), "{said:?}");
+    assert!(matches!(said, RecvError::Closed { .. }), "{said:?}");
     let error = receive(&mut here.frames_rx).await.unwrap_err();
     let reason = CloseReason::new(1, "interrupted");
-    assert!(matches!(&error, RecvError::Goodbye { reason: said, .. } if *said == reason), "{error:?}");
+    assert!(matches!(&error, RecvError::Closed { reason: said, .. } if *said == reason), "{error:?}");
 }
 
 #[tokio::test]
-async fn a_panel_that_went_without_a_word_and_reads_nothing_has_not_heard_a_goodbye() {
+async fn a_panel_that_went_without_a_word_and_reads_nothing_has_not_heard_a_close() {
     let timeout = Duration::from_secs(1);
     let link = LinkConfig { timeout, ..LinkConfig::default() };
     let (mut link, mut frames, mut latest) = raw_panel_of(&Options { link, ..Options::default() }).await;
     let (net, points) = (net(), points(16_384));
     link.frames_tx.begin(start(0)).await.unwrap();
-    // Until the system takes no more: the goodbye is behind it.
+    // Until the system takes no more: the close is behind it.
     let moment = || net.now().after(Duration::from_millis(100));
     while until(&*net, moment(), link.frames_tx.push(&points)).await.is_some() {}
     frames.shutdown().await.unwrap();
     latest.shutdown().await.unwrap();
-    let said = link.goodbye(finished()).await;
+    let said = link.close(finished()).await;
     assert!(matches!(said, Err(SendError::Stalled { .. })), "{said:?}");
 }

@@ -52,11 +52,11 @@ pub(crate) enum Chunk<'a> {
     Close,
     /// A value of the latest lane, the `number`th that was published.
     Latest { number: u64, value: &'a [u8] },
-    /// The latest lane ends behind value `number`, 0 if there was none, with the encoded goodbye, or with
+    /// The latest lane ends behind value `number`, 0 if there was none, with the encoded close, or with
     /// none.
-    LastLatest { number: u64, goodbye: &'a [u8] },
+    LastLatest { number: u64, close: &'a [u8] },
     /// The sender reads no more of the frames lane.
-    Unread,
+    StopSending,
     /// Who receives at the address that this is sent to shall bring the cookie back from there.
     Challenge { cookie: CookieBytes },
     /// The cookie of a challenge.

@@ -14,9 +14,9 @@ use crate::mtu::Mtu;
 use crate::outbox::Outbox;
 use crate::pacer::Pacer;
 use crate::packet::{ConnectionId, MIN_DATAGRAM};
+use crate::peer_path::PeerPath;
 use crate::recovery::Recovery;
 use crate::repair::Budget;
-use crate::whereabouts::Whereabouts;
 
 mod closed;
 mod config;
@@ -29,7 +29,7 @@ mod transmit;
 
 pub use closed::Closed;
 pub use config::Config;
-pub use stats::{Hopeless, PathStats, STEPS_PER_BYTE, STEPS_PER_PACKET};
+pub use stats::{DeadlineTooShort, PathStats, STEPS_PER_BYTE, STEPS_PER_PACKET};
 
 /// One end of a connection: no socket, no clock.
 ///
@@ -42,7 +42,7 @@ pub struct Connection {
     here: ConnectionId,
     there: ConnectionId,
     /// Where the peer is, if it is followed.
-    whereabouts: Option<Whereabouts>,
+    peer_path: Option<PeerPath>,
     recovery: Recovery,
     pacer: Pacer,
     paced_until: Option<Instant>,
@@ -55,9 +55,9 @@ pub struct Connection {
     credit_due: bool,
     /// The peer's frames lane is not read here, and it must be told so.
     unread: bool,
-    unread_due: bool,
+    stop_sending_due: bool,
     /// The peer does not read the frames lane.
-    unheard: bool,
+    stopped: bool,
     /// When the peer was answered, if its first packet shows how long a round trip takes.
     answered: Option<Instant>,
     /// Something came that only the peer can have sent.
@@ -106,7 +106,7 @@ impl Connection {
             keys,
             here,
             there,
-            whereabouts: None,
+            peer_path: None,
             recovery: Recovery::new(config.congestion, MIN_DATAGRAM, config.initial_window, config.ack_delay),
             pacer: Pacer::new(MIN_DATAGRAM),
             paced_until: None,
@@ -125,8 +125,8 @@ impl Connection {
             latest_in: LatestIn::new(config.format),
             credit_due: false,
             unread: false,
-            unread_due: false,
-            unheard: false,
+            stop_sending_due: false,
+            stopped: false,
             answered: None,
             confirmed: false,
             pings: 0,

@@ -12,14 +12,14 @@ use crate::packet::{ConnectionId, CookieBytes};
 const LIFE: Duration = Duration::from_secs(10);
 
 /// The secret of a listener, from which it makes cookies: 32 random bytes, drawn when it starts.
-pub(crate) struct Jar(Zeroizing<[u8; 32]>);
+pub(crate) struct TokenKey(Zeroizing<[u8; 32]>);
 
-impl Jar {
+impl TokenKey {
     pub(crate) fn new(secret: [u8; 32]) -> Self {
         Self(Zeroizing::new(secret))
     }
 
-    pub(crate) fn bake(&self, now: Instant, address: SocketAddr, id: ConnectionId) -> CookieBytes {
+    pub(crate) fn issue(&self, now: Instant, address: SocketAddr, id: ConnectionId) -> CookieBytes {
         let mut cookie = [0; 24];
         let (time, hash) = cookie.split_at_mut(8);
         time.copy_from_slice(&now.as_nanos().to_le_bytes());
@@ -35,11 +35,11 @@ impl Jar {
         cookie: &CookieBytes,
     ) -> bool {
         let Some((time, hash)) = cookie.split_first_chunk() else { return false };
-        let baked = Instant::from_nanos(u64::from_le_bytes(*time));
+        let issued = Instant::from_nanos(u64::from_le_bytes(*time));
         // Compared as keyed hashes, which takes the same time wherever they differ.
         let theirs = blake3::keyed_hash(&self.0, hash);
-        let ours = blake3::keyed_hash(&self.0, &self.hash(baked, address, id).as_bytes()[..16]);
-        baked <= now && now.since(baked) <= LIFE && theirs == ours
+        let ours = blake3::keyed_hash(&self.0, &self.hash(issued, address, id).as_bytes()[..16]);
+        issued <= now && now.since(issued) <= LIFE && theirs == ours
     }
 
     fn hash(&self, at: Instant, address: SocketAddr, id: ConnectionId) -> blake3::Hash {
@@ -61,22 +61,22 @@ mod tests {
 
     #[test]
     fn a_cookie_is_good_for_one_address_one_id_and_ten_seconds() {
-        let jar = Jar::new([7; 32]);
+        let token_key = TokenKey::new([7; 32]);
         let (here, there) = (SocketAddr::from(([127, 0, 0, 1], 5)), SocketAddr::from(([127, 0, 0, 1], 6)));
         let (id, other) = (ConnectionId(1), ConnectionId(2));
         let now = Instant::from_nanos(1_000_000);
-        let cookie = jar.bake(now, here, id);
-        assert!(jar.accepts(now, here, id, &cookie));
-        assert!(jar.accepts(now.after(LIFE), here, id, &cookie));
-        assert!(!jar.accepts(now.after(LIFE + Duration::from_nanos(1)), here, id, &cookie));
-        assert!(!jar.accepts(Instant::from_nanos(0), here, id, &cookie), "from the future");
-        assert!(!jar.accepts(now, there, id, &cookie));
-        assert!(!jar.accepts(now, here, other, &cookie));
-        assert!(!Jar::new([8; 32]).accepts(now, here, id, &cookie));
+        let cookie = token_key.issue(now, here, id);
+        assert!(token_key.accepts(now, here, id, &cookie));
+        assert!(token_key.accepts(now.after(LIFE), here, id, &cookie));
+        assert!(!token_key.accepts(now.after(LIFE + Duration::from_nanos(1)), here, id, &cookie));
+        assert!(!token_key.accepts(Instant::from_nanos(0), here, id, &cookie), "from the future");
+        assert!(!token_key.accepts(now, there, id, &cookie));
+        assert!(!token_key.accepts(now, here, other, &cookie));
+        assert!(!TokenKey::new([8; 32]).accepts(now, here, id, &cookie));
         for at in 0..cookie.len() {
             let mut forged = cookie;
             forged[at] ^= 1;
-            assert!(!jar.accepts(now.after(LIFE / 2), here, id, &forged), "byte {at}");
+            assert!(!token_key.accepts(now.after(LIFE / 2), here, id, &forged), "byte {at}");
         }
     }
 }

@@ -15,8 +15,8 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use crate::chunk::{Chunk, GivenUp, Tail};
 use crate::connection::{Config, Connection};
-use crate::cookie::Jar;
-use crate::handshake::{Connecting, Door, Progress, Reception, Security};
+use crate::cookie::TokenKey;
+use crate::handshake::{Acceptor, Connecting, Handled, Progress, Security};
 use crate::inbox::{Inbox, Received};
 use crate::keys::Keys;
 use crate::packet::{ConnectionId, MIN_DATAGRAM, Packet, VERSION, data_header};
@@ -118,23 +118,23 @@ fn every_chunk_has_an_example() {
     let unit = unit();
     let coded = coded_unit();
     let hash = xxh3_64(&unit[80..]);
-    let (value, mut goodbye) = (value(7), BytesMut::new());
-    Message::Goodbye(CloseReason::new(0, "over")).encode(&mut goodbye);
+    let (value, mut close) = (value(7), BytesMut::new());
+    Message::Close(CloseReason::new(0, "over")).encode(&mut close);
     let part = |unit, offset, tail, data| Chunk::Part { unit, offset, tail, data };
     let chunks = [
         ("ping", Chunk::Ping),
         ("ack", Chunk::Ack { delay_us: 300, numbers: numbers() }),
         ("credit", Chunk::Credit { bytes: 4 << 20, units: 1024 }),
         ("close", Chunk::Close),
-        ("unread", Chunk::Unread),
-        ("challenge", Chunk::Challenge { cookie: Jar::new(SECRET).bake(now(), address(), HERE) }),
-        ("response", Chunk::Response { cookie: Jar::new(SECRET).bake(now(), address(), HERE) }),
-        ("last-value", Chunk::LastLatest { number: 1, goodbye: &goodbye }),
+        ("unread", Chunk::StopSending),
+        ("challenge", Chunk::Challenge { cookie: TokenKey::new(SECRET).issue(now(), address(), HERE) }),
+        ("response", Chunk::Response { cookie: TokenKey::new(SECRET).issue(now(), address(), HERE) }),
+        ("last-value", Chunk::LastLatest { number: 1, close: &close }),
         ("value", Chunk::Latest { number: 1, value: &value }),
         ("part", part(0, 0, Tail::More, &unit[..80])),
         ("part-pause", part(0, 80, Tail::Pause, &unit[80..84])),
         ("part-frame", part(0, 84, Tail::Frame(hash), &unit[84..])),
-        ("part-goodbye", part(1, 0, Tail::End, &goodbye)),
+        ("part-close", part(1, 0, Tail::End, &close)),
         ("part-gone", part(2, 0, Tail::End, &[])),
     ];
     let block = Block { offset: 0, length: 88, shard: 44, count: 1 };
@@ -164,7 +164,7 @@ fn every_chunk_has_an_example() {
         }
     }
     let received: Vec<_> = std::iter::from_fn(|| inbox.take().unwrap()).collect();
-    let [begin, _, end, Received::Goodbye(_), Received::Gone, coded @ ..] = &received[..] else {
+    let [begin, _, end, Received::Closed(_), Received::Gone, coded @ ..] = &received[..] else {
         panic!("{received:?}")
     };
     let batch = Received::Frame(FrameMessage::Coded(CODED.into()));
@@ -221,24 +221,24 @@ fn unfilled(packet: &[u8], length: usize) -> &[u8] {
 
 #[test]
 fn the_handshake_in_the_clear_is_the_examples() {
-    let door = Door::new(Security::Plaintext, SECRET).unwrap();
+    let acceptor = Acceptor::new(Security::Plaintext, SECRET).unwrap();
     let connecting = Connecting::new(&Security::Plaintext, HERE, b"hello").unwrap();
     let (mut out, mut reply) = (Vec::new(), Vec::new());
     connecting.initial(&mut out);
     assert_example("initial", unfilled(&out, 20));
-    assert!(matches!(door.handle(now(), address(), &out, &mut reply), Reception::Reply));
+    assert!(matches!(acceptor.handle(now(), address(), &out, &mut reply), Handled::Reply));
     assert_example("retry", &reply);
-    assert!(Jar::new(SECRET).accepts(now(), address(), HERE, reply[12..].try_into().unwrap()));
+    assert!(TokenKey::new(SECRET).accepts(now(), address(), HERE, reply[12..].try_into().unwrap()));
     let Progress::Retry(connecting) = connecting.handle(now(), &reply, config()) else { panic!("no retry") };
     connecting.initial(&mut out);
     assert_example("initial-with-cookie", unfilled(&out, 44));
-    let knock = || match door.handle(now(), address(), &out, &mut Vec::new()) {
-        Reception::Knock(knock) => *knock,
+    let initial = || match acceptor.handle(now(), address(), &out, &mut Vec::new()) {
+        Handled::Initial(initial) => *initial,
         other => panic!("{other:?}"),
     };
-    knock().take(now(), THERE, b"welcome", config(), &mut reply).unwrap();
+    initial().take(now(), THERE, b"welcome", config(), &mut reply).unwrap();
     assert_example("answer", &reply);
-    knock().refuse(b"no", &mut reply);
+    initial().refuse(b"no", &mut reply);
     assert_example("answer-no", &reply);
 }
 
@@ -265,17 +265,17 @@ fn with_room<E>(room: usize, write: impl FnOnce(&mut [u8]) -> Result<usize, E>) 
 fn the_handshake_with_a_shared_key_is_the_examples() {
     let (mut here, mut there) = (noise([1; 32], true), noise([2; 32], false));
     let message = with_room(100, |out| here.write_message(b"hello", out));
-    let cookie = &Jar::new(SECRET).bake(now(), address(), HERE);
+    let cookie = &TokenKey::new(SECRET).issue(now(), address(), HERE);
     let mut out = Vec::new();
     Packet::Initial { version: VERSION, from: HERE, cookie: Some(cookie), noise: &message }.write(&mut out);
     assert_example("initial-shared", unfilled(&out, 39 + message.len()));
 
-    // The door, which knows nothing of the fixed keys, reads the example.
+    // The acceptor, which knows nothing of the fixed keys, reads the example.
     let mut example = examples()["initial-shared"].clone();
     example.resize(MIN_DATAGRAM, 0);
-    let door = Door::new(Security::PreShared(PSK.into()), SECRET).unwrap();
-    match door.handle(now(), address(), &example, &mut Vec::new()) {
-        Reception::Knock(knock) => assert_eq!((knock.from, &knock.hello[..]), (HERE, &b"hello"[..])),
+    let acceptor = Acceptor::new(Security::PreShared(PSK.into()), SECRET).unwrap();
+    match acceptor.handle(now(), address(), &example, &mut Vec::new()) {
+        Handled::Initial(initial) => assert_eq!((initial.from, &initial.hello[..]), (HERE, &b"hello"[..])),
         other => panic!("{other:?}"),
     }
 

@@ -10,7 +10,7 @@ use trimaran_net::Instant;
 use zeroize::Zeroizing;
 
 use crate::connection::{Config, Connection};
-use crate::cookie::Jar;
+use crate::cookie::TokenKey;
 use crate::keys::Keys;
 use crate::packet::{ConnectionId, CookieBytes, MIN_DATAGRAM, Packet, VERSION};
 
@@ -249,19 +249,19 @@ impl Connecting {
 }
 
 /// The listening side: it remembers nobody who has not shown that it receives at its address.
-pub struct Door {
+pub struct Acceptor {
     security: Security,
-    jar: Jar,
+    token_key: TokenKey,
 }
 
-impl fmt::Debug for Door {
+impl fmt::Debug for Acceptor {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Door").field("security", &self.security).finish_non_exhaustive()
+        f.debug_struct("Acceptor").field("security", &self.security).finish_non_exhaustive()
     }
 }
 
 /// Someone with a good cookie and the right keys.
-pub struct Knock {
+pub struct Initial {
     /// The id that its sender chose: with its address it tells a repeated packet from a second connection.
     pub from: ConnectionId,
     /// What it says.
@@ -271,71 +271,71 @@ pub struct Knock {
     half: Half,
 }
 
-impl fmt::Debug for Knock {
+impl fmt::Debug for Initial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Knock").field("from", &self.from).finish_non_exhaustive()
+        f.debug_struct("Initial").field("from", &self.from).finish_non_exhaustive()
     }
 }
 
 /// What to do about a datagram that belongs to no connection.
 #[derive(Debug)]
 #[non_exhaustive]
-pub enum Reception {
+pub enum Handled {
     /// Nothing.
     Ignore,
     /// Send what was written into `out`. It is shorter than what came.
     Reply,
     /// Nothing: someone who receives at its address, with keys that do not fit.
     Stranger,
-    /// Judge the hello, then [`Knock::take`] or [`Knock::refuse`].
-    Knock(Box<Knock>),
+    /// Judge the hello, then [`Initial::take`] or [`Initial::refuse`].
+    Initial(Box<Initial>),
 }
 
-impl Door {
-    /// A door with 32 random bytes as its secret.
+impl Acceptor {
+    /// A acceptor with 32 random bytes as its secret.
     ///
     /// # Errors
     /// When the keys cannot be used.
     pub fn new(security: Security, secret: [u8; 32]) -> Result<Self, HandshakeError> {
         Half::new(&security, ConnectionId(0), false)?;
-        Ok(Self { security, jar: Jar::new(secret) })
+        Ok(Self { security, token_key: TokenKey::new(secret) })
     }
 
     /// Takes a datagram from `address`. Nothing is allocated before the cookie is found good.
-    pub fn handle(&self, now: Instant, address: SocketAddr, datagram: &[u8], out: &mut Vec<u8>) -> Reception {
+    pub fn handle(&self, now: Instant, address: SocketAddr, datagram: &[u8], out: &mut Vec<u8>) -> Handled {
         // A first packet is as long as any: what is shorter could be answered with more than it cost.
         if datagram.len() < MIN_DATAGRAM {
-            return Reception::Ignore;
+            return Handled::Ignore;
         }
         let Ok(Packet::Initial { version, from, cookie, noise }) = Packet::parse(datagram) else {
-            return Reception::Ignore;
+            return Handled::Ignore;
         };
         let cookie =
-            cookie.filter(|cookie| version == VERSION && self.jar.accepts(now, address, from, cookie));
+            cookie.filter(|cookie| version == VERSION && self.token_key.accepts(now, address, from, cookie));
         if cookie.is_none() {
-            let cookie = &self.jar.bake(now, address, from);
+            let cookie = &self.token_key.issue(now, address, from);
             Packet::Retry { version: VERSION, to: from, cookie }.write(out);
-            return Reception::Reply;
+            return Handled::Reply;
         }
         match self.open(from, noise) {
-            Some(knock) => Reception::Knock(Box::new(knock)),
-            None => Reception::Stranger,
+            Some(initial) => Handled::Initial(Box::new(initial)),
+            None => Handled::Stranger,
         }
     }
 
-    /// Whether `datagram` is a first packet with a good cookie: [`Door::handle`] answers others for nearly
+    /// Whether `datagram` is a first packet with a good cookie: [`Acceptor::handle`] answers others for nearly
     /// nothing, and opens this one.
     #[must_use]
-    pub fn would_open(&self, now: Instant, address: SocketAddr, datagram: &[u8]) -> bool {
+    pub fn would_decrypt(&self, now: Instant, address: SocketAddr, datagram: &[u8]) -> bool {
         let Ok(Packet::Initial { version: VERSION, from, cookie: Some(cookie), .. }) =
             Packet::parse(datagram)
         else {
             return false;
         };
-        datagram.len() >= MIN_DATAGRAM && self.jar.accepts(now, address, from, cookie)
+        datagram.len() >= MIN_DATAGRAM && self.token_key.accepts(now, address, from, cookie)
     }
 
-    fn open(&self, from: ConnectionId, noise: &[u8]) -> Option<Knock> {
+    fn open(&self, from: ConnectionId, noise: &[u8]) -> Option<Initial> {
         let mut half = Half::new(&self.security, from, false).ok()?;
         let hello = half.read(noise)?;
         let key = match (&self.security, &half) {
@@ -345,11 +345,11 @@ impl Door {
             }
             _ => None,
         };
-        Some(Knock { from, hello, key, half })
+        Some(Initial { from, hello, key, half })
     }
 }
 
-impl Knock {
+impl Initial {
     /// Takes the peer: `here` is free and drawn at random, `answer` is what the peer shall read. Writes the
     /// packet into `out`, which it replaces; keep it, and send it again whenever the same first packet
     /// comes again.

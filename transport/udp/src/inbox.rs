@@ -27,8 +27,8 @@ pub enum Received {
     /// A message of the lane.
     Frame(FrameMessage),
     /// The peer leaves.
-    Goodbye(CloseReason),
-    /// The peer is gone without a goodbye.
+    Closed(CloseReason),
+    /// The peer is gone without a close.
     Gone,
 }
 

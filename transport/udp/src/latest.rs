@@ -15,8 +15,8 @@ const OVERHEAD: usize = 16;
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum LatestEnd {
-    /// It said goodbye.
-    Goodbye(CloseReason),
+    /// It closed the link.
+    Closed(CloseReason),
     /// It ended without.
     Gone,
 }
@@ -35,7 +35,7 @@ pub(crate) struct LatestOut {
 
 #[derive(Debug)]
 struct End {
-    goodbye: BytesMut,
+    close: BytesMut,
     due: bool,
     arrived: bool,
 }
@@ -51,11 +51,11 @@ impl LatestOut {
 
     /// Ends the lane behind the newest value. The first call counts.
     pub(crate) fn end(&mut self, reason: Option<CloseReason>) {
-        let mut goodbye = BytesMut::new();
+        let mut close = BytesMut::new();
         if let Some(reason) = reason {
-            Message::Goodbye(reason).encode(&mut goodbye);
+            Message::Close(reason).encode(&mut close);
         }
-        self.end.get_or_insert(End { goodbye, due: true, arrived: false });
+        self.end.get_or_insert(End { close, due: true, arrived: false });
     }
 
     pub(crate) fn is_due(&self) -> bool {
@@ -75,9 +75,9 @@ impl LatestOut {
             self.due = false;
         }
         let (number, room) = (self.number(), room.saturating_sub(out.len() - before));
-        if let Some(end) = self.end.as_mut().filter(|end| end.due && room >= end.goodbye.len() + OVERHEAD) {
+        if let Some(end) = self.end.as_mut().filter(|end| end.due && room >= end.close.len() + OVERHEAD) {
             end.due = false;
-            Chunk::LastLatest { number, goodbye: &end.goodbye }.write(out);
+            Chunk::LastLatest { number, close: &end.close }.write(out);
             contents.push(Content::LastLatest);
         }
     }
@@ -141,9 +141,9 @@ pub(crate) struct LatestIn {
     end: Option<(u64, LatestEnd)>,
 }
 
-/// A goodbye that is none.
+/// A close that is none.
 #[derive(Debug)]
-pub(crate) struct NoGoodbye;
+pub(crate) struct NoCloseReason;
 
 impl LatestIn {
     pub(crate) const fn new(format: Format) -> Self {
@@ -157,15 +157,15 @@ impl LatestIn {
         }
     }
 
-    pub(crate) fn put_end(&mut self, number: u64, goodbye: &[u8]) -> Result<(), NoGoodbye> {
-        let end = if goodbye.is_empty() {
+    pub(crate) fn put_end(&mut self, number: u64, close: &[u8]) -> Result<(), NoCloseReason> {
+        let end = if close.is_empty() {
             LatestEnd::Gone
         } else {
             let mut decoder = Decoder::new(self.format);
-            decoder.push(goodbye);
+            decoder.push(close);
             match decoder.next_message() {
-                Ok(Some(Message::Goodbye(reason))) if decoder.pending() == 0 => LatestEnd::Goodbye(reason),
-                _ => return Err(NoGoodbye),
+                Ok(Some(Message::Close(reason))) if decoder.pending() == 0 => LatestEnd::Closed(reason),
+                _ => return Err(NoCloseReason),
             }
         };
         self.end.get_or_insert((number, end));
@@ -234,20 +234,20 @@ mod tests {
 
     #[test]
     fn the_end_waits_for_the_value_before_it() {
-        let (mut lane, mut goodbye) = (LatestIn::new(FORMAT), BytesMut::new());
+        let (mut lane, mut close) = (LatestIn::new(FORMAT), BytesMut::new());
         let reason = CloseReason::new(0, "over");
-        Message::Goodbye(reason.clone()).encode(&mut goodbye);
-        lane.put_end(2, &goodbye).unwrap();
+        Message::Close(reason.clone()).encode(&mut close);
+        lane.put_end(2, &close).unwrap();
         lane.put(1, &value(0));
         assert_eq!((lane.take(), lane.end()), (Some(value(0)), None));
         lane.put(2, &value(1));
-        assert_eq!((lane.take(), lane.end()), (Some(value(1)), Some(&LatestEnd::Goodbye(reason))));
-        assert!(lane.put_end(2, &goodbye[..3]).is_err());
+        assert_eq!((lane.take(), lane.end()), (Some(value(1)), Some(&LatestEnd::Closed(reason))));
+        assert!(lane.put_end(2, &close[..3]).is_err());
         assert!(lane.put_end(2, &[0, 0, 0, 0]).is_err());
     }
 
     #[test]
-    fn the_largest_value_and_the_longest_goodbye_leave_one_after_the_other() {
+    fn the_largest_value_and_the_longest_close_leave_one_after_the_other() {
         let (mut lane, mut packets) = (LatestOut::default(), Vec::new());
         lane.publish(FixedBytes::from_elem(7, MAX_FIXED));
         lane.end(Some(CloseReason::new(1, &"x".repeat(200))));

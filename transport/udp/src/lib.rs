@@ -21,17 +21,19 @@ mod mtu;
 mod outbox;
 mod pacer;
 mod packet;
+mod peer_path;
 mod ranges;
 mod recovery;
 mod repair;
 mod rtt;
 mod spare;
-mod whereabouts;
 mod wire;
 
 pub use congestion::Congestion;
-pub use connection::{Closed, Config, Connection, Hopeless, PathStats, STEPS_PER_BYTE, STEPS_PER_PACKET};
-pub use handshake::{Connecting, Door, HandshakeError, Knock, MAX_HELLO, Progress, Reception, Security};
+pub use connection::{
+    Closed, Config, Connection, DeadlineTooShort, PathStats, STEPS_PER_BYTE, STEPS_PER_PACKET,
+};
+pub use handshake::{Acceptor, Connecting, Handled, HandshakeError, Initial, MAX_HELLO, Progress, Security};
 pub use inbox::{LaneViolation, Received};
 pub use latest::LatestEnd;
 pub use packet::{ConnectionId, MIN_DATAGRAM, VERSION, destination};

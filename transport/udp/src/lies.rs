@@ -110,7 +110,7 @@ fn lengths_beyond_the_packet_end_the_connection() {
     let part = Chunk::Part { unit: 0, offset: 0, tail: Tail::More, data: b"1234" };
     let about = GivenUp { length: 88, sent: 84, hash: 0, coded: None };
     let give_up = Chunk::GiveUp { unit: 0, about, head: &[] };
-    let last_value = Chunk::LastLatest { number: 1, goodbye: &[] };
+    let last_value = Chunk::LastLatest { number: 1, close: &[] };
     for end in [
         // Behind the code, unit and offset.
         lying(part, 3, &[0xff; 2]),
@@ -127,6 +127,6 @@ fn lengths_beyond_the_packet_end_the_connection() {
 fn generous_credit_and_high_numbers_of_values_are_taken_as_they_are() {
     assert_eq!(lie(&Chunk::Credit { bytes: MOST, units: MOST }), None);
     assert_eq!(lie(&Chunk::Latest { number: MOST, value: &value(0) }), None);
-    assert_eq!(lie(&Chunk::LastLatest { number: MOST, goodbye: &[] }), None);
-    assert_eq!(lie(&Chunk::LastLatest { number: MOST, goodbye: &[0xff; 9] }), Some(Closed::Goodbye));
+    assert_eq!(lie(&Chunk::LastLatest { number: MOST, close: &[] }), None);
+    assert_eq!(lie(&Chunk::LastLatest { number: MOST, close: &[0xff; 9] }), Some(Closed::Reason));
 }

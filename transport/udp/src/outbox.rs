@@ -12,7 +12,7 @@ use crate::recovery::Content;
 use crate::repair::{Budget, Path};
 use crate::spare::Spare;
 
-mod fate;
+mod delivery;
 mod guard;
 mod unit;
 
@@ -21,7 +21,7 @@ use unit::Unit;
 /// What a unit costs beside its bytes, so that many small ones are not for nothing.
 const UNIT_COST: usize = 256;
 
-/// Units in order of their numbers. A unit is a frame, a note, a goodbye, or, empty, the end of the lane
+/// Units in order of their numbers. A unit is a frame, a note, a close, or, empty, the end of the lane
 /// without one.
 #[derive(Debug)]
 pub(crate) struct Outbox {
@@ -136,12 +136,12 @@ impl Outbox {
         self.units.back().is_some_and(Unit::is_coded)
     }
 
-    pub(crate) fn goodbye(&mut self, reason: CloseReason, path: Path) {
+    pub(crate) fn end_with(&mut self, reason: CloseReason, path: Path) {
         self.cut(path);
-        self.whole(|out| Message::Goodbye(reason).encode(out), path);
+        self.whole(|out| Message::Close(reason).encode(out), path);
     }
 
-    /// Ends the lane without a goodbye.
+    /// Ends the lane without a close.
     pub(crate) fn gone(&mut self, path: Path) {
         self.cut(path);
         self.add(Unit::new(&self.format, path.shard, BytesMut::new()));

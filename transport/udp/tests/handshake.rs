@@ -1,4 +1,4 @@
-//! Strangers at the door.
+//! Strangers at the acceptor.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 use std::net::SocketAddr;
@@ -7,7 +7,7 @@ use std::time::Duration;
 use proptest::prelude::*;
 use trimaran_net::Instant;
 use trimaran_udp::{
-    Config, Connecting, Connection, ConnectionId, Door, Knock, Progress, Reception, Security,
+    Acceptor, Config, Connecting, Connection, ConnectionId, Handled, Initial, Progress, Security,
 };
 use trimaran_wire::{FixedBytes, Format};
 
@@ -38,27 +38,27 @@ fn keypair() -> snow::Keypair {
 }
 
 /// Fetches a cookie and knocks with it.
-fn knock(door: &Door, connecting: Connecting) -> (Connecting, Option<Knock>, Vec<u8>) {
+fn initial(acceptor: &Acceptor, connecting: Connecting) -> (Connecting, Option<Initial>, Vec<u8>) {
     let (mut first, mut reply) = (Vec::new(), Vec::new());
     connecting.initial(&mut first);
-    let reception = door.handle(now(), address(), &first, &mut reply);
-    assert!(matches!(reception, Reception::Reply), "{reception:?}");
+    let reception = acceptor.handle(now(), address(), &first, &mut reply);
+    assert!(matches!(reception, Handled::Reply), "{reception:?}");
     assert!(reply.len() <= first.len() / 3, "{} bytes for {}", reply.len(), first.len());
     let Progress::Retry(connecting) = connecting.handle(now(), &reply, config()) else { panic!("no retry") };
     connecting.initial(&mut first);
-    match door.handle(now(), address(), &first, &mut reply) {
-        Reception::Knock(knock) => (connecting, Some(*knock), first),
+    match acceptor.handle(now(), address(), &first, &mut reply) {
+        Handled::Initial(initial) => (connecting, Some(*initial), first),
         _ => (connecting, None, first),
     }
 }
 
 fn join(ours: &Security, theirs: Security) -> Option<(Connection, Connection)> {
-    let door = Door::new(theirs, [3; 32]).unwrap();
-    let (connecting, knock, _) = knock(&door, Connecting::new(ours, HERE, b"hello").unwrap());
-    let knock = knock?;
-    assert_eq!((knock.from, &knock.hello[..]), (HERE, &b"hello"[..]));
+    let acceptor = Acceptor::new(theirs, [3; 32]).unwrap();
+    let (connecting, initial, _) = initial(&acceptor, Connecting::new(ours, HERE, b"hello").unwrap());
+    let initial = initial?;
+    assert_eq!((initial.from, &initial.hello[..]), (HERE, &b"hello"[..]));
     let mut answer = Vec::new();
-    let there = knock.take(now(), THERE, b"welcome", config(), &mut answer).unwrap();
+    let there = initial.take(now(), THERE, b"welcome", config(), &mut answer).unwrap();
     let mut connecting = connecting;
     if !matches!(ours, Security::Plaintext) {
         for at in [0, 9, 12, 44, answer.len() - 1] {
@@ -139,10 +139,10 @@ fn another_key_or_none_is_not_let_in() {
 #[test]
 fn a_refusal_is_read() {
     let key = Security::PreShared([9; 32].into());
-    let door = Door::new(key.clone(), [3; 32]).unwrap();
-    let (connecting, knock, _) = knock(&door, Connecting::new(&key, HERE, b"hello").unwrap());
+    let acceptor = Acceptor::new(key.clone(), [3; 32]).unwrap();
+    let (connecting, initial, _) = initial(&acceptor, Connecting::new(&key, HERE, b"hello").unwrap());
     let mut answer = Vec::new();
-    knock.unwrap().refuse(b"no", &mut answer);
+    initial.unwrap().refuse(b"no", &mut answer);
     let progress = connecting.handle(now(), &answer, config());
     assert!(matches!(&progress, Progress::Refused(said) if said == b"no"), "{progress:?}");
 }
@@ -150,14 +150,14 @@ fn a_refusal_is_read() {
 #[test]
 fn a_cookie_does_not_work_from_elsewhere_or_later() {
     let key = Security::PreShared([9; 32].into());
-    let door = Door::new(key.clone(), [3; 32]).unwrap();
-    let (_, _, first) = knock(&door, Connecting::new(&key, HERE, b"hello").unwrap());
+    let acceptor = Acceptor::new(key.clone(), [3; 32]).unwrap();
+    let (_, _, first) = initial(&acceptor, Connecting::new(&key, HERE, b"hello").unwrap());
     let mut out = Vec::new();
     let elsewhere = SocketAddr::from(([192, 0, 2, 2], 4000));
-    assert!(matches!(door.handle(now(), elsewhere, &first, &mut out), Reception::Reply));
+    assert!(matches!(acceptor.handle(now(), elsewhere, &first, &mut out), Handled::Reply));
     let later = now().after(Duration::from_secs(11));
-    assert!(matches!(door.handle(later, address(), &first, &mut out), Reception::Reply));
-    assert!(matches!(door.handle(now(), address(), &first[..1199], &mut out), Reception::Ignore));
+    assert!(matches!(acceptor.handle(later, address(), &first, &mut out), Handled::Reply));
+    assert!(matches!(acceptor.handle(now(), address(), &first[..1199], &mut out), Handled::Ignore));
 }
 
 /// What anyone on the way can say to who connects as id 10: a retry of some version, with some cookie.
@@ -167,12 +167,12 @@ fn retry(version: u64, cookie: u8) -> Vec<u8> {
 }
 
 /// Goes on to a connection, from a listener that answers what it always does.
-fn go_on(mut connecting: Connecting, door: &Door) -> Connection {
+fn go_on(mut connecting: Connecting, acceptor: &Acceptor) -> Connection {
     let (mut first, mut reply) = (Vec::new(), Vec::new());
     for _ in 0..3 {
         connecting.initial(&mut first);
-        if let Reception::Knock(knock) = door.handle(now(), address(), &first, &mut reply) {
-            let _there = knock.take(now(), THERE, b"welcome", config(), &mut reply).unwrap();
+        if let Handled::Initial(initial) = acceptor.handle(now(), address(), &first, &mut reply) {
+            let _there = initial.take(now(), THERE, b"welcome", config(), &mut reply).unwrap();
         }
         connecting = match connecting.handle(now(), &reply, config()) {
             Progress::Retry(connecting) => connecting,
@@ -186,7 +186,7 @@ fn go_on(mut connecting: Connecting, door: &Door) -> Connection {
 #[test]
 fn a_forged_version_is_a_hint_and_the_handshake_goes_on() {
     let key = Security::PreShared([9; 32].into());
-    let door = Door::new(key.clone(), [3; 32]).unwrap();
+    let acceptor = Acceptor::new(key.clone(), [3; 32]).unwrap();
     let connecting = Connecting::new(&key, HERE, b"hello").unwrap();
     assert_eq!(connecting.claimed_version(), None);
     let Progress::None(connecting) = connecting.handle(now(), &retry(7, 0), config()) else {
@@ -197,13 +197,13 @@ fn a_forged_version_is_a_hint_and_the_handshake_goes_on() {
         panic!("no retry")
     };
     assert_eq!(connecting.claimed_version(), None, "somebody answers in this version");
-    assert_eq!(go_on(connecting, &door).closed(), None);
+    assert_eq!(go_on(connecting, &acceptor).closed(), None);
 }
 
 #[test]
 fn a_forged_cookie_does_not_lock_the_true_one_out() {
     let key = Security::PreShared([9; 32].into());
-    let door = Door::new(key.clone(), [3; 32]).unwrap();
+    let acceptor = Acceptor::new(key.clone(), [3; 32]).unwrap();
     let (mut first, mut reply) = (Vec::new(), Vec::new());
     let connecting = Connecting::new(&key, HERE, b"hello").unwrap();
     connecting.initial(&mut first);
@@ -211,12 +211,12 @@ fn a_forged_cookie_does_not_lock_the_true_one_out() {
         panic!("no retry")
     };
     // The listener's own comes behind it.
-    assert!(matches!(door.handle(now(), address(), &first, &mut reply), Reception::Reply));
+    assert!(matches!(acceptor.handle(now(), address(), &first, &mut reply), Handled::Reply));
     let Progress::Retry(connecting) = connecting.handle(now(), &reply, config()) else {
         panic!("the first cookie keeps it out")
     };
     connecting.initial(&mut first);
-    assert!(matches!(door.handle(now(), address(), &first, &mut reply), Reception::Knock(_)));
+    assert!(matches!(acceptor.handle(now(), address(), &first, &mut reply), Handled::Initial(_)));
     // A cookie that was sent back is not sent back again.
     let progress = connecting.handle(now(), &first[..0], config());
     assert!(matches!(progress, Progress::None(_)), "{progress:?}");
@@ -225,7 +225,7 @@ fn a_forged_cookie_does_not_lock_the_true_one_out() {
 #[test]
 fn forged_cookies_are_not_sent_back_without_end_and_who_goes_on_comes_in() {
     let key = Security::PreShared([9; 32].into());
-    let door = Door::new(key.clone(), [3; 32]).unwrap();
+    let acceptor = Acceptor::new(key.clone(), [3; 32]).unwrap();
     let mut connecting = Connecting::new(&key, HERE, b"hello").unwrap();
     let (mut sent, mut at) = (0, now());
     for cookie in 0..100 {
@@ -243,7 +243,7 @@ fn forged_cookies_are_not_sent_back_without_end_and_who_goes_on_comes_in() {
     // A first packet with a cookie that is none is answered with one.
     let (mut first, mut reply) = (Vec::new(), Vec::new());
     connecting.initial(&mut first);
-    assert!(matches!(door.handle(now(), address(), &first, &mut reply), Reception::Reply));
+    assert!(matches!(acceptor.handle(now(), address(), &first, &mut reply), Handled::Reply));
     let later = at.after(Duration::from_millis(60));
     assert!(matches!(connecting.handle(later, &reply, config()), Progress::Retry(_)));
 }
@@ -254,11 +254,11 @@ proptest! {
         if let Some(first) = bytes.first_mut() {
             *first = 4 | form;
         }
-        let door = Door::new(Security::PreShared([9; 32].into()), [3; 32]).unwrap();
+        let acceptor = Acceptor::new(Security::PreShared([9; 32].into()), [3; 32]).unwrap();
         let mut out = Vec::new();
-        match door.handle(now(), address(), &bytes, &mut out) {
-            Reception::Reply => prop_assert!(out.len() * 3 <= bytes.len()),
-            Reception::Ignore => prop_assert!(out.is_empty()),
+        match acceptor.handle(now(), address(), &bytes, &mut out) {
+            Handled::Reply => prop_assert!(out.len() * 3 <= bytes.len()),
+            Handled::Ignore => prop_assert!(out.is_empty()),
             other => prop_assert!(false, "{other:?}"),
         }
     }

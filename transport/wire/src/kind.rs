@@ -24,9 +24,9 @@ pub enum Kind {
     /// The hello was not taken, and why.
     Refuse = 0x03,
     /// The peer leaves, and why.
-    Goodbye = 0x04,
+    Close = 0x04,
     /// The sender has nothing to say, and lives.
-    Alive = 0x05,
+    KeepAlive = 0x05,
     /// A value of the latest lane.
     Latest = 0x10,
     /// A value and its number, where the latest lane has no order of its own.
@@ -49,8 +49,8 @@ impl Kind {
         Self::Hello,
         Self::Accept,
         Self::Refuse,
-        Self::Goodbye,
-        Self::Alive,
+        Self::Close,
+        Self::KeepAlive,
         Self::Latest,
         Self::Numbered,
         Self::Begin,
@@ -80,8 +80,8 @@ impl Kind {
             Self::Hello => 2..=MAX_HELLO + 56,
             Self::Accept => 0..=MAX_HELLO,
             Self::Refuse => 2..=512,
-            Self::Goodbye => 1..=256,
-            Self::Alive => 0..=0,
+            Self::Close => 1..=256,
+            Self::KeepAlive => 0..=0,
             Self::Latest => format.latest..=format.latest,
             Self::Numbered => {
                 let bytes = Numbered::NUMBER_BYTES + format.latest;
@@ -108,8 +108,8 @@ impl fmt::Display for Kind {
             Self::Hello => "hello",
             Self::Accept => "accept",
             Self::Refuse => "refuse",
-            Self::Goodbye => "goodbye",
-            Self::Alive => "sign of life",
+            Self::Close => "close",
+            Self::KeepAlive => "keep-alive",
             Self::Latest => "latest value",
             Self::Numbered => "numbered value",
             Self::Begin => "begin",

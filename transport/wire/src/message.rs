@@ -23,9 +23,9 @@ pub enum Message {
     /// The hello was not taken.
     Refuse(Refusal),
     /// The peer leaves.
-    Goodbye(CloseReason),
+    Close(CloseReason),
     /// The peer has nothing to say, and lives.
-    Alive,
+    KeepAlive,
     /// A value of the latest lane.
     Latest(FixedBytes),
     /// A value of a latest lane that has no order of its own.
@@ -42,7 +42,7 @@ impl From<FrameMessage> for Message {
 
 impl From<CloseReason> for Message {
     fn from(reason: CloseReason) -> Self {
-        Self::Goodbye(reason)
+        Self::Close(reason)
     }
 }
 
@@ -54,8 +54,8 @@ impl Message {
             Self::Hello(_) => Kind::Hello,
             Self::Accept(_) => Kind::Accept,
             Self::Refuse(_) => Kind::Refuse,
-            Self::Goodbye(_) => Kind::Goodbye,
-            Self::Alive => Kind::Alive,
+            Self::Close(_) => Kind::Close,
+            Self::KeepAlive => Kind::KeepAlive,
             Self::Latest(_) => Kind::Latest,
             Self::Numbered(_) => Kind::Numbered,
             Self::Frame(message) => message.kind(),
@@ -78,8 +78,8 @@ impl Message {
                 out.put_u16_le(WireVersion::CURRENT.0);
                 put_control(out, refusal);
             }),
-            Self::Goodbye(reason) => with_header(out, Kind::Goodbye, |out| put_control(out, reason)),
-            Self::Alive => out.put_slice(&Kind::Alive.header(0)),
+            Self::Close(reason) => with_header(out, Kind::Close, |out| put_control(out, reason)),
+            Self::KeepAlive => out.put_slice(&Kind::KeepAlive.header(0)),
             Self::Latest(value) => {
                 out.put_slice(&Kind::Latest.header(value.len()));
                 out.put_slice(value);
@@ -99,8 +99,8 @@ impl Message {
             Kind::Hello => parse_hello(payload),
             Kind::Accept => Ok(Self::Accept(Accept { application: payload })),
             Kind::Refuse => parse_refusal(&payload),
-            Kind::Goodbye => parse_control(kind, &payload).map(Self::Goodbye),
-            Kind::Alive => Ok(Self::Alive),
+            Kind::Close => parse_control(kind, &payload).map(Self::Close),
+            Kind::KeepAlive => Ok(Self::KeepAlive),
             Kind::Latest => Ok(Self::Latest(payload.as_ref().into())),
             Kind::Numbered => Numbered::read(&payload, format.latest).map(Self::Numbered).ok_or(short),
             Kind::Begin => {

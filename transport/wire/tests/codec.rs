@@ -77,8 +77,8 @@ fn message() -> impl Strategy<Value = Message> {
         hello(),
         bytes(0..=MAX_HELLO).prop_map(|bytes| Message::Accept(Accept { application: bytes.into() })),
         refusal().prop_map(Message::Refuse),
-        (any::<u16>(), text()).prop_map(|(code, why)| Message::Goodbye(CloseReason { code, why })),
-        Just(Message::Alive),
+        (any::<u16>(), text()).prop_map(|(code, why)| Message::Close(CloseReason { code, why })),
+        Just(Message::KeepAlive),
         fixed(FORMAT.latest).prop_map(Message::Latest),
         (any::<u32>(), fixed(FORMAT.latest))
             .prop_map(|(number, value)| Message::Numbered(Numbered { number: Serial(number), value })),
@@ -271,7 +271,7 @@ fn the_longest_control_messages_are_taken() {
     let mut messages = vec![
         Message::Hello(Hello { protocol: name, session, lane, application: application.clone() }),
         Message::Accept(Accept { application }),
-        Message::Goodbye(CloseReason { code: u16::MAX, why: text }),
+        Message::Close(CloseReason { code: u16::MAX, why: text }),
         Message::Frame(FrameMessage::Note(vec![0; MAX_NOTE].into())),
     ];
     messages.extend(refusals.map(Message::Refuse));

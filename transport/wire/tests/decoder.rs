@@ -73,15 +73,15 @@ fn a_refusal_of_another_version_is_read_no_further() {
 
 #[test]
 fn control_messages_end_where_their_payload_does() {
-    let tail = DecodeFault::Trailing { kind: Kind::Goodbye, bytes: 2 };
-    assert_eq!(decode(&message(Kind::Goodbye, &[0, 0, 7, 7])), Err(tail));
+    let tail = DecodeFault::Trailing { kind: Kind::Close, bytes: 2 };
+    assert_eq!(decode(&message(Kind::Close, &[0, 0, 7, 7])), Err(tail));
     assert_eq!(
         decode(&message(Kind::Refuse, &[1, 0, 6, 7])),
         Err(DecodeFault::Trailing { kind: Kind::Refuse, bytes: 1 })
     );
     let long = [&[2, 0xc9, 1][..], &[b'x'; 201]].concat();
-    let long = decode(&message(Kind::Goodbye, &long));
-    assert!(matches!(long, Err(DecodeFault::Control { kind: Kind::Goodbye, .. })), "{long:?}");
+    let long = decode(&message(Kind::Close, &long));
+    assert!(matches!(long, Err(DecodeFault::Control { kind: Kind::Close, .. })), "{long:?}");
 }
 
 #[test]
@@ -93,11 +93,11 @@ fn a_batch_is_whole_items() {
 #[test]
 fn an_error_says_where_its_message_starts_and_stays() {
     let mut decoder = Decoder::new(FORMAT);
-    let alive = message(Kind::Alive, &[]);
+    let alive = message(Kind::KeepAlive, &[]);
     decoder.push(&[&alive[..], &alive, &[0xff; 9]].concat());
-    assert_eq!(decoder.next_message(), Ok(Some(Message::Alive)));
+    assert_eq!(decoder.next_message(), Ok(Some(Message::KeepAlive)));
     assert_eq!((decoder.position(), decoder.pending()), (4, 13));
-    assert_eq!(decoder.next_message(), Ok(Some(Message::Alive)));
+    assert_eq!(decoder.next_message(), Ok(Some(Message::KeepAlive)));
     let error = decoder.next_message().unwrap_err();
     assert_eq!((error.offset, &error.fault), (8, &DecodeFault::UnknownKind { code: 0xff }));
     decoder.push(&alive);

@@ -50,8 +50,8 @@ fn messages() -> Vec<(&'static str, Message)> {
         ("hello", Message::Hello(introduced)),
         ("accept", Message::Accept(Accept { application: hello("map") })),
         ("refuse", Message::Refuse(Refusal::Rejected(Rejection::new(1, "full")))),
-        ("goodbye", Message::Goodbye(CloseReason::new(3, "no power"))),
-        ("sign-of-life", Message::Alive),
+        ("close", Message::Close(CloseReason::new(3, "no power"))),
+        ("keep-alive", Message::KeepAlive),
         ("latest-value", Message::Latest(pose.clone())),
         ("numbered-value", Message::Numbered(Numbered { number: Serial(5), value: pose })),
     ];
@@ -145,7 +145,7 @@ fn the_limits_are_the_crates() {
         format!("a note {MAX_NOTE}, each text for people {} bytes", Explanation::MAX_BYTES),
         format!("refuses a peer {}.", Rejection::new(0, &"x".repeat(1000)).why.as_str().len()),
         format!("1 to {} items of I bytes", BatchSize::MAX.items()),
-        format!("goodbye with code {}", CloseReason::REFUSED),
+        format!("close with code {}", CloseReason::REFUSED),
         format!("version {}\n", WireVersion::CURRENT),
     ] {
         assert!(WIRE.contains(&said), "the page does not say {said:?}");

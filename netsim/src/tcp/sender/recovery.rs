@@ -2,7 +2,7 @@
 
 use trimaran_net::Instant;
 
-use super::super::board::News;
+use super::super::scoreboard::News;
 use super::super::segment::{Range, Segment};
 use super::{PROBE_SLACK, Sender, State};
 
@@ -33,18 +33,18 @@ impl Sender {
         let advanced = ack > self.acknowledged;
         self.acknowledged = ack;
         let min_rtt = self.rtt.min();
-        let news = self.board.acknowledge(now, ack, &segment.sacks, min_rtt);
+        let news = self.scoreboard.acknowledge(now, ack, &segment.sacks, min_rtt);
         if let Some(sample) = news.rtt.or(news.latest_rtt) {
             self.rtt.measure(now, sample, ack, self.next);
         }
         if advanced {
             self.progress = now;
             self.rtt.forgive();
-            self.timers.retransmit = (!self.board.is_empty()).then(|| now.after(self.rtt.timeout()));
+            self.timers.retransmit = (!self.scoreboard.is_empty()).then(|| now.after(self.rtt.timeout()));
         }
         self.judge_tail_probe(ack, &news, advanced, duplicate);
         if duplicate && self.tail_probe.is_none() {
-            self.board.be_more_patient();
+            self.scoreboard.be_more_patient();
         }
         self.undo_if_spurious(segment, advanced, duplicate);
         self.look_for_losses(now);
@@ -54,7 +54,7 @@ impl Sender {
             }
             self.state = State::Open;
         }
-        if self.state == State::Open && self.board.has_lost() {
+        if self.state == State::Open && self.scoreboard.has_lost() {
             self.enter_recovery();
         }
         match self.state {
@@ -66,7 +66,7 @@ impl Sender {
 
     pub(super) fn look_for_losses(&mut self, now: Instant) {
         let recovering = self.state != State::Open;
-        let wait = self.board.find_lost(now, recovering, self.rtt.min(), self.rtt.smoothed());
+        let wait = self.scoreboard.find_lost(now, recovering, self.rtt.min(), self.rtt.smoothed());
         self.timers.reorder = wait.map(|wait| now.after(wait + PROBE_SLACK));
     }
 
@@ -96,10 +96,10 @@ impl Sender {
     }
 
     fn remember_for_undo(&mut self) {
-        if self.board.repeated() == 0 {
+        if self.scoreboard.repeated() == 0 {
             self.repeating_since = None;
         }
-        let repetitions = self.board.repeated();
+        let repetitions = self.scoreboard.repeated();
         self.undo = Some(Undo { cwnd: self.cwnd, threshold: self.threshold, repetitions });
     }
 
@@ -121,7 +121,7 @@ impl Sender {
         self.threshold = self.threshold.max(undo.threshold);
         self.undo = None;
         if recovering {
-            self.board.nothing_is_lost();
+            self.scoreboard.nothing_is_lost();
             self.state = State::Open;
         }
     }
@@ -129,7 +129,7 @@ impl Sender {
     /// Proportional rate reduction: sends in proportion to what arrives, so that the window ends at the
     /// threshold.
     pub(super) fn reduce(&mut self, news: &News, advanced: bool) {
-        let flight = self.board.in_flight();
+        let flight = self.scoreboard.in_flight();
         let reduction = &mut self.reduction;
         reduction.delivered += news.delivered;
         let allowed = if flight > self.threshold {
@@ -154,8 +154,8 @@ impl Sender {
         self.recovery_end = self.next;
         self.tail_probe = None;
         self.timers.tail = None;
-        self.board.give_up(now);
-        self.cwnd = self.board.in_flight() + 1;
+        self.scoreboard.give_up(now);
+        self.cwnd = self.scoreboard.in_flight() + 1;
         self.rtt.back_off();
         self.timers.retransmit = Some(now.after(self.rtt.timeout()));
     }

@@ -10,9 +10,9 @@ use super::{Outgoing, PROBE_SLACK, Sender, State};
 impl Sender {
     /// The next segment to be sent, if there is one that may.
     pub(in crate::tcp) fn transmit(&mut self, now: Instant) -> Option<Outgoing> {
-        let alone = self.board.in_flight() == 0;
-        if self.board.in_flight() < self.cwnd
-            && let Some(packet) = self.board.repeat_lost(now)
+        let alone = self.scoreboard.in_flight() == 0;
+        if self.scoreboard.in_flight() < self.cwnd
+            && let Some(packet) = self.scoreboard.repeat_lost(now)
         {
             let out = Outgoing {
                 seq: packet.seq,
@@ -52,7 +52,7 @@ impl Sender {
         self.timers.retransmit = Some(now.after(self.rtt.timeout()));
         self.timers.tail = None;
         fresh.or_else(|| {
-            let packet = self.board.repeat_last(now)?;
+            let packet = self.scoreboard.repeat_last(now)?;
             let class = Class::Retransmission;
             Some(Outgoing { seq: packet.seq, data: packet.data.clone(), fin: packet.fin, class })
         })
@@ -65,12 +65,12 @@ impl Sender {
         if self.unsent.is_empty() && !fin_due {
             return None;
         }
-        if self.board.is_empty() && self.state == State::Open {
+        if self.scoreboard.is_empty() && self.state == State::Open {
             self.restart_after_idle(now);
         }
-        if !probing && self.board.in_flight() >= self.cwnd {
+        if !probing && self.scoreboard.in_flight() >= self.cwnd {
             self.usage.limited = true;
-            self.usage.most = self.usage.most.max(self.board.packets());
+            self.usage.most = self.usage.most.max(self.scoreboard.packets());
             return None;
         }
         if self.outgoing >= self.queue_limit() {
@@ -80,8 +80,8 @@ impl Sender {
         let room = self.window_end.saturating_sub(self.next);
         let wanted = self.unsent.len().min(self.segment as usize);
         let size = wanted.min(usize::try_from(room).unwrap_or(usize::MAX));
-        if size < wanted && (size == 0 || !self.board.is_empty()) {
-            if self.board.is_empty() && self.timers.persist.is_none() {
+        if size < wanted && (size == 0 || !self.scoreboard.is_empty()) {
+            if self.scoreboard.is_empty() && self.timers.persist.is_none() {
                 self.timers.persist = Some(now.after(self.rtt.timeout()));
                 self.progress = now;
             }
@@ -90,25 +90,25 @@ impl Sender {
         // A small segment waits while one before it is still in this machine (Linux's autocorking), or,
         // without `nodelay`, while one is not acknowledged (Nagle).
         let small = wanted < self.segment as usize && !fin_due;
-        if small && !probing && !self.board.is_empty() && (self.outgoing > 0 || !self.nodelay) {
+        if small && !probing && !self.scoreboard.is_empty() && (self.outgoing > 0 || !self.nodelay) {
             self.held_back = self.outgoing > 0;
             return None;
         }
-        if self.board.in_flight() == 0 {
+        if self.scoreboard.in_flight() == 0 {
             self.cubic.skip(now.since(self.last_sent));
         }
         let data = self.unsent.take(size);
         let fin = fin_due && self.unsent.is_empty();
-        if self.board.is_empty() {
+        if self.scoreboard.is_empty() {
             self.progress = now;
         }
-        if self.board.is_empty() || self.timers.tail.is_some() {
+        if self.scoreboard.is_empty() || self.timers.tail.is_some() {
             self.timers.retransmit = Some(now.after(self.rtt.timeout()));
         }
         let out = Outgoing { seq: self.next, data: data.clone(), fin, class: Class::Data };
         self.next += data.len() as u64 + u64::from(fin);
         self.fin_sent |= fin;
-        self.board.push(now, out.seq, data, fin);
+        self.scoreboard.push(now, out.seq, data, fin);
         self.reduction.sent += 1;
         self.last_sent = now;
         self.note_usage(now);
@@ -120,14 +120,14 @@ impl Sender {
     /// the oldest packet, or a fresh one where an acknowledgement has just come.
     pub(super) fn set_tail_timer(&mut self, now: Instant, heard: bool) {
         self.timers.tail = None;
-        if self.state != State::Open || self.board.is_empty() || self.tail_probe.is_some() {
+        if self.state != State::Open || self.scoreboard.is_empty() || self.tail_probe.is_some() {
             return;
         }
         let Some(smoothed) = self.rtt.smoothed() else { return };
         // A single packet's acknowledgement may be delayed.
-        let slack = if self.board.packets() == 1 { RTO_MIN } else { PROBE_SLACK };
+        let slack = if self.scoreboard.packets() == 1 { RTO_MIN } else { PROBE_SLACK };
         let at = now.after(2 * smoothed + slack);
-        let since = if heard { None } else { self.board.oldest().map(|oldest| oldest.at) };
+        let since = if heard { None } else { self.scoreboard.oldest().map(|oldest| oldest.at) };
         let last = since.unwrap_or(now).after(self.rtt.timeout());
         self.timers.tail = Some(if last > now { at.min(last) } else { at });
     }

@@ -3,8 +3,8 @@
 
 use trimaran_net::Instant;
 
-use super::super::board::News;
 use super::super::cubic::Ack;
+use super::super::scoreboard::News;
 use super::{FIRST_WINDOW, Sender, State};
 
 /// How much of the window is used.
@@ -32,7 +32,7 @@ impl Sender {
 
     pub(super) fn note_usage(&mut self, now: Instant) {
         let (packets, remembered, timeout) =
-            (self.board.packets(), self.remembered_threshold(), self.rtt.timeout());
+            (self.scoreboard.packets(), self.remembered_threshold(), self.rtt.timeout());
         let usage = &mut self.usage;
         if self.acknowledged > usage.round_end {
             (usage.most, usage.round_end, usage.limited) = (0, self.next, false);

@@ -319,15 +319,15 @@ impl<'r, D: PictureDevice> Work<'r, D> {
         noted.map_err(RoleError::Observer)
     }
 
-    /// After the last frame: what the machines still say of their work, up to their goodbyes.
+    /// After the last frame: what the machines still say of their work, up to their closes.
     fn last_words(&mut self, observer: &mut dyn Observer) -> Result<(), RoleError<D::Error>> {
         for seat in [Seat::First, Seat::Second] {
             loop {
                 let next = self.links[seat.index()].frames_rx.recv();
                 match wait(self.waiting, "receiving a frame", next) {
                     Ok(FrameEvent::Note(stats)) => observer.pair_did(&stats),
-                    Ok(_) => return Err(out_of_order(seat, "its goodbye")),
-                    Err(RoleError::Link { cause: LinkError::Receive(RecvError::Goodbye { .. }), .. }) => {
+                    Ok(_) => return Err(out_of_order(seat, "its close")),
+                    Err(RoleError::Link { cause: LinkError::Receive(RecvError::Closed { .. }), .. }) => {
                         break;
                     }
                     Err(error) => return Err(error),

@@ -28,7 +28,7 @@ use std::future::Future;
 
 use thiserror::Error;
 use trimaran_cull::{CullError, LodRule, LodRuleError, OccluderError};
-use trimaran_proto::{Goodbye, Settings};
+use trimaran_proto::{CloseCode, Settings};
 use trimaran_transport::{RecvError, SendError};
 
 use crate::OrderError;
@@ -97,7 +97,7 @@ impl<D: std::error::Error + 'static> RoleError<D> {
     /// once all three have joined again.
     #[must_use]
     pub fn lost_a_peer(&self) -> bool {
-        let passing = [Goodbye::PeerLost, Goodbye::Interrupted, Goodbye::DeviceFailed];
+        let passing = [CloseCode::PeerLost, CloseCode::Interrupted, CloseCode::DeviceFailed];
         match self {
             Self::Link {
                 cause: LinkError::Receive(RecvError::Lost { .. } | RecvError::Silent { .. }),
@@ -106,15 +106,15 @@ impl<D: std::error::Error + 'static> RoleError<D> {
             | Self::Link {
                 cause: LinkError::Send(SendError::Lost { .. } | SendError::Stalled { .. }), ..
             } => true,
-            _ => self.goodbye().is_some_and(|goodbye| passing.contains(&goodbye)),
+            _ => self.close().is_some_and(|close| passing.contains(&close)),
         }
     }
 
     /// Why a peer left that said so, if that is what ended this role.
-    fn goodbye(&self) -> Option<Goodbye> {
+    fn close(&self) -> Option<CloseCode> {
         match self {
-            Self::Link { cause: LinkError::Receive(RecvError::Goodbye { reason, .. }), .. } => {
-                Goodbye::of(reason)
+            Self::Link { cause: LinkError::Receive(RecvError::Closed { reason, .. }), .. } => {
+                CloseCode::of(reason)
             }
             _ => None,
         }
@@ -134,7 +134,7 @@ impl<D: std::error::Error + 'static> RoleError<D> {
     /// over.
     #[must_use]
     pub fn is_clean_end(&self) -> bool {
-        matches!(self, Self::Stopped) || self.goodbye() == Some(Goodbye::Finished)
+        matches!(self, Self::Stopped) || self.close() == Some(CloseCode::Finished)
     }
 }
 

@@ -4,14 +4,14 @@ use std::future::pending;
 
 use crate::{LatestReceiver, Link};
 use tokio::runtime::Handle;
-use trimaran_proto::Goodbye;
+use trimaran_proto::CloseCode;
 use trimaran_transport::{CloseReason, RecvError, SendError};
 
 use crate::causes;
 
 use super::{LinkError, RoleError, Stop, stop::Waiting};
 
-/// Says goodbye on both links, giving the reason that `result` gives. A peer that is gone already does not
+/// Says close on both links, giving the reason that `result` gives. A peer that is gone already does not
 /// hear it, and need not.
 pub(super) fn leave<D: std::error::Error + 'static>(
     runtime: &Handle,
@@ -19,13 +19,13 @@ pub(super) fn leave<D: std::error::Error + 'static>(
     result: &Result<(), RoleError<D>>,
 ) {
     let reason = match result {
-        Ok(()) => Goodbye::Finished.reason(),
-        Err(RoleError::Stopped) => Goodbye::Interrupted.reason(),
-        Err(error) if error.is_clean_end() => Goodbye::Finished.reason(),
-        Err(error) if error.lost_a_peer() => Goodbye::PeerLost.because(&causes(error)),
+        Ok(()) => CloseCode::Finished.reason(),
+        Err(RoleError::Stopped) => CloseCode::Interrupted.reason(),
+        Err(error) if error.is_clean_end() => CloseCode::Finished.reason(),
+        Err(error) if error.lost_a_peer() => CloseCode::PeerLost.because(&causes(error)),
         Err(error) => match error.device_failure() {
-            Some(cause) => Goodbye::DeviceFailed.because(&causes(cause)),
-            None => Goodbye::Failed.because(&causes(error)),
+            Some(cause) => CloseCode::DeviceFailed.because(&causes(cause)),
+            None => CloseCode::Failed.because(&causes(error)),
         },
     };
     part(runtime, links, &reason);
@@ -34,8 +34,8 @@ pub(super) fn leave<D: std::error::Error + 'static>(
 fn part(runtime: &Handle, links: [Link; 2], reason: &CloseReason) {
     runtime.block_on(async {
         for link in links {
-            if let Err(cause) = link.goodbye(reason.clone()).await {
-                tracing::debug!(%cause, "a goodbye was not heard");
+            if let Err(cause) = link.close(reason.clone()).await {
+                tracing::debug!(%cause, "a close was not heard");
             }
         }
     });
@@ -43,7 +43,7 @@ fn part(runtime: &Handle, links: [Link; 2], reason: &CloseReason) {
 
 /// Leaves both peers before the session has begun, because this role's device cannot play in it.
 pub fn leave_unable(runtime: &Handle, links: [Link; 2], why: &str) {
-    part(runtime, links, &Goodbye::DeviceFailed.because(why));
+    part(runtime, links, &CloseCode::DeviceFailed.because(why));
 }
 
 /// What a role returns for how its work ended. Whoever was asked to stop does not ask why the others left:
@@ -69,7 +69,7 @@ pub(super) fn hear_out<D: std::error::Error + 'static>(
             let link = links.into_iter().find(|link| link.peer.name == *peer);
             let heard = link.and_then(|link| waiting.on(last_word(link)));
             match heard {
-                Some(cause @ RecvError::Goodbye { .. }) => {
+                Some(cause @ RecvError::Closed { .. }) => {
                     Err(RoleError::Link { doing, cause: LinkError::Receive(cause) })
                 }
                 _ => result,
@@ -85,7 +85,7 @@ pub(super) async fn left_early(lane: &mut LatestReceiver) -> RecvError {
     loop {
         match lane.latest().await {
             Ok(_) | Err(RecvError::Silent { .. }) => {}
-            Err(RecvError::Goodbye { reason, .. }) if Goodbye::of(&reason) == Some(Goodbye::Finished) => {
+            Err(RecvError::Closed { reason, .. }) if CloseCode::of(&reason) == Some(CloseCode::Finished) => {
                 return pending().await;
             }
             Err(end) => return end,
@@ -118,7 +118,7 @@ mod tests {
 
     /// What a machine makes of it that it cannot begin a frame any more for a display that handed out a
     /// camera, and went.
-    fn begin_after(goodbye: Option<CloseReason>) -> RoleError<Infallible> {
+    fn begin_after(close: Option<CloseReason>) -> RoleError<Infallible> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
         let identity = |role| Identity { role, scene: SceneHash(1), settings: None };
@@ -130,8 +130,8 @@ mod tests {
             (join(Role::Display), join(Role::SwitchA));
         let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(0)).unwrap();
         display.latest_tx.publish(camera).unwrap();
-        match goodbye {
-            Some(reason) => runtime.block_on(display.goodbye(reason)).unwrap(),
+        match close {
+            Some(reason) => runtime.block_on(display.close(reason)).unwrap(),
             None => drop(display),
         }
         let (_stopper, stop) = Stop::new();
@@ -146,27 +146,27 @@ mod tests {
 
     #[test]
     fn a_display_that_left_is_not_lost_though_its_last_camera_was_not_read() {
-        let finished = begin_after(Some(Goodbye::Finished.reason()));
+        let finished = begin_after(Some(CloseCode::Finished.reason()));
         assert!(finished.is_clean_end() && !finished.lost_a_peer(), "{finished:?}");
-        let failed = begin_after(Some(Goodbye::Failed.because("no memory")));
+        let failed = begin_after(Some(CloseCode::Failed.because("no memory")));
         assert!(!failed.is_clean_end() && !failed.lost_a_peer(), "{failed:?}");
-        let broken = begin_after(Some(Goodbye::DeviceFailed.because("the device was lost")));
+        let broken = begin_after(Some(CloseCode::DeviceFailed.because("the device was lost")));
         assert!(!broken.is_clean_end() && broken.lost_a_peer(), "{broken:?}");
     }
 
     #[test]
     fn a_display_that_was_interrupted_has_not_finished_and_may_come_again() {
-        let interrupted = begin_after(Some(Goodbye::Interrupted.reason()));
+        let interrupted = begin_after(Some(CloseCode::Interrupted.reason()));
         assert!(interrupted.lost_a_peer() && !interrupted.is_clean_end(), "{interrupted:?}");
         let (stopper, stop) = Stop::new();
         let lost = |error: &RoleError<Infallible>| error.lost_a_peer();
         assert!(ended(Err(interrupted), &stop).is_err_and(|error| lost(&error)));
         stopper.stop();
         assert!(
-            ended(Err(begin_after(Some(Goodbye::Interrupted.reason()))), &stop).is_ok(),
+            ended(Err(begin_after(Some(CloseCode::Interrupted.reason()))), &stop).is_ok(),
             "it was asked itself"
         );
-        let failed = begin_after(Some(Goodbye::Failed.because("no memory")));
+        let failed = begin_after(Some(CloseCode::Failed.because("no memory")));
         assert!(ended(Err(failed), &stop).is_err(), "a failure is told all the same");
     }
 

@@ -27,13 +27,13 @@ pub(crate) struct LatestRx {
     last: Option<Serial>,
     /// Came, and is not read.
     newest: Option<FixedBytes>,
-    farewell: Option<CloseReason>,
+    closed: Option<CloseReason>,
 }
 
 impl LatestRx {
     pub(crate) fn new(carrier: &Arc<Carrier>, control: RecvStream, decoder: Decoder) -> Self {
         let carrier = Arc::clone(carrier);
-        Self { carrier, control, decoder, last: None, newest: None, farewell: None }
+        Self { carrier, control, decoder, last: None, newest: None, closed: None }
     }
 
     pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<FixedBytes>, LaneError> {
@@ -62,7 +62,7 @@ impl LatestRx {
         self.carrier.connection.clone()
     }
 
-    /// Closes the connection, which both sides have said goodbye on.
+    /// Closes the connection, which both sides have closed the link on.
     pub(crate) async fn part(self) {
         self.carrier.part().await;
     }
@@ -100,16 +100,16 @@ impl LatestRx {
 
     /// Ready when the lane has ended, and then again each time.
     fn poll_control(&mut self, shared: &Shared, cx: &mut Context<'_>) -> Poll<LaneError> {
-        if let Some(reason) = &self.farewell {
-            return Poll::Ready(LaneError::Goodbye(reason.clone()));
+        if let Some(reason) = &self.closed {
+            return Poll::Ready(LaneError::Closed(reason.clone()));
         }
         loop {
             match self.decoder.next_message() {
                 Ok(Some(Message::Numbered(numbered))) => self.see(numbered),
-                Ok(Some(Message::Goodbye(reason))) => {
-                    shared.counters.received.count(Kind::Goodbye, 0);
-                    self.farewell = Some(reason.clone());
-                    return Poll::Ready(LaneError::Goodbye(reason));
+                Ok(Some(Message::Close(reason))) => {
+                    shared.counters.received.count(Kind::Close, 0);
+                    self.closed = Some(reason.clone());
+                    return Poll::Ready(LaneError::Closed(reason));
                 }
                 Ok(Some(other)) => {
                     return Poll::Ready(misplaced(other.kind(), Lane::Latest));

@@ -10,7 +10,7 @@ use quinn::{SendDatagramError, SendStream, StoppedError, WriteError};
 use tokio::sync::Notify;
 use trimaran_wire::{CloseReason, FixedBytes, Kind, Message, Numbered, Serial};
 
-use crate::desk::lock;
+use crate::acceptor::lock;
 use crate::error::{LaneSendError, Loss};
 use crate::link::Shared;
 use crate::quic::carrier::{Carrier, loss, write_loss};
@@ -35,7 +35,7 @@ struct Cell {
     state: Mutex<State>,
     /// Rings when there is something to copy or to end.
     changed: Notify,
-    /// Rings when the goodbye has arrived, or never will.
+    /// Rings when the close has arrived, or never will.
     ended: Notify,
 }
 
@@ -43,7 +43,7 @@ struct Cell {
 struct State {
     /// The newest value, until it is copied.
     newest: Option<Numbered>,
-    farewell: Option<CloseReason>,
+    closed: Option<CloseReason>,
     leaving: bool,
     ended: bool,
     failed: Option<io::ErrorKind>,
@@ -79,14 +79,14 @@ impl LatestTx {
         Ok(())
     }
 
-    pub(crate) async fn goodbye(
+    pub(crate) async fn close(
         &mut self,
         reason: CloseReason,
         timeouts: &mut Timeouts,
     ) -> Result<(), LaneSendError> {
         {
             let mut state = lock(&self.cell.state);
-            state.farewell = Some(reason);
+            state.closed = Some(reason);
             state.leaving = true;
         }
         self.cell.changed.notify_one();
@@ -151,16 +151,16 @@ impl Copier {
             while let Some(newest) = self.quiet(&mut *timer).await {
                 self.write(&Message::Numbered(newest)).await?;
             }
-            let farewell = {
+            let closed = {
                 let mut state = lock(&self.cell.state);
                 if !state.leaving {
                     continue;
                 }
-                state.farewell.take()
+                state.closed.take()
             };
-            if let Some(reason) = farewell {
-                let bytes = self.write(&Message::Goodbye(reason)).await?;
-                self.shared.counters.sent.count(Kind::Goodbye, bytes);
+            if let Some(reason) = closed {
+                let bytes = self.write(&Message::Close(reason)).await?;
+                self.shared.counters.sent.count(Kind::Close, bytes);
             }
             // Fails only for a stream that is closed.
             let _ = self.control.finish();

@@ -15,7 +15,7 @@ const PING: u8 = 0x01;
 const ACK: u8 = 0x02;
 const CREDIT: u8 = 0x03;
 pub(crate) const CLOSE: u8 = 0x04;
-const UNREAD: u8 = 0x05;
+const STOP_SENDING: u8 = 0x05;
 const CHALLENGE: u8 = 0x06;
 const RESPONSE: u8 = 0x07;
 const LATEST: u8 = 0x10;
@@ -53,7 +53,7 @@ impl<'a> Chunk<'a> {
                 put_varint(out, *units);
             }
             Self::Close => out.push(CLOSE),
-            Self::Unread => out.push(UNREAD),
+            Self::StopSending => out.push(STOP_SENDING),
             Self::Challenge { cookie } => {
                 out.push(CHALLENGE);
                 out.extend_from_slice(cookie);
@@ -62,11 +62,11 @@ impl<'a> Chunk<'a> {
                 out.push(RESPONSE);
                 out.extend_from_slice(cookie);
             }
-            Self::LastLatest { number, goodbye } => {
+            Self::LastLatest { number, close } => {
                 out.push(LAST_LATEST);
                 put_varint(out, *number);
-                out.extend_from_slice(&(goodbye.len() as u16).to_le_bytes());
-                out.extend_from_slice(goodbye);
+                out.extend_from_slice(&(close.len() as u16).to_le_bytes());
+                out.extend_from_slice(close);
             }
             Self::Latest { number, value } => {
                 out.push(LATEST);
@@ -126,7 +126,7 @@ impl<'a> Chunk<'a> {
             ACK => read_ack(reader),
             CREDIT => Ok(Self::Credit { bytes: reader.varint("credit")?, units: reader.varint("credit")? }),
             CLOSE => Ok(Self::Close),
-            UNREAD => Ok(Self::Unread),
+            STOP_SENDING => Ok(Self::StopSending),
             CHALLENGE => Ok(Self::Challenge { cookie: *reader.array("cookie")? }),
             RESPONSE => Ok(Self::Response { cookie: *reader.array("cookie")? }),
             LATEST => {
@@ -135,8 +135,8 @@ impl<'a> Chunk<'a> {
             }
             LAST_LATEST => {
                 let number = reader.varint("value number")?;
-                let length = usize::from(reader.u16("goodbye length")?);
-                Ok(Self::LastLatest { number, goodbye: reader.take(length, "goodbye")? })
+                let length = usize::from(reader.u16("close length")?);
+                Ok(Self::LastLatest { number, close: reader.take(length, "close")? })
             }
             0x20..=0x23 => {
                 let unit = reader.varint("unit")?;
@@ -238,7 +238,7 @@ mod tests {
         back(&Chunk::Ping);
         back(&Chunk::Close);
         back(&Chunk::Credit { bytes: 1 << 40, units: 7 });
-        back(&Chunk::Unread);
+        back(&Chunk::StopSending);
         back(&Chunk::Pad);
         for coded in [None, Some(300)] {
             let about = GivenUp { length: 9000, sent: 8000, hash: 5, coded };
@@ -249,7 +249,7 @@ mod tests {
             back(&Chunk::Repair { unit: 7, block, hash, index: 1, data: b"repair" });
         }
         back(&Chunk::Latest { number: 300, value: &[5; FORMAT.latest] });
-        back(&Chunk::LastLatest { number: 301, goodbye: b"gone" });
+        back(&Chunk::LastLatest { number: 301, close: b"gone" });
         for tail in [Tail::More, Tail::Pause, Tail::End, Tail::Frame(77)] {
             back(&Chunk::Part { unit: 1 << 30, offset: 80, tail, data: b"items" });
         }

@@ -32,9 +32,9 @@ pub enum Closed {
     /// The peer acknowledged a packet that was never sent.
     #[error("the peer acknowledged a packet that was never sent")]
     NeverSent,
-    /// The peer ended its latest lane with bytes that are no goodbye.
-    #[error("the peer ended its latest lane with bytes that are no goodbye")]
-    Goodbye,
+    /// The peer ended its latest lane with bytes that are no close.
+    #[error("the peer ended its latest lane with bytes that are no close")]
+    Reason,
     /// So many packets did not open that one could be forged by chance.
     #[error("too many packets did not open: somebody tries to forge them")]
     Forged,

@@ -45,8 +45,8 @@ impl Connection {
 
     /// Whether the peer reads the frames lane no more: what is sent on it is thrown away.
     #[must_use]
-    pub const fn is_unheard(&self) -> bool {
-        self.unheard
+    pub const fn is_stopped(&self) -> bool {
+        self.stopped
     }
 
     /// The newest frame sent from here all of which has arrived: what the peer reads later may refer to it.
@@ -62,9 +62,9 @@ impl Connection {
         self.outbox.put(message, self.path());
     }
 
-    /// Sends a goodbye behind everything else on the frames lane.
-    pub fn goodbye(&mut self, reason: CloseReason) {
-        self.outbox.goodbye(reason, self.path());
+    /// Sends a close behind everything else on the frames lane.
+    pub fn end_frames(&mut self, reason: CloseReason) {
+        self.outbox.end_with(reason, self.path());
     }
 
     /// Says behind everything else on the frames lane that nothing more comes.
@@ -80,7 +80,7 @@ impl Connection {
 
     /// Says that the frames lane is not read any more: the peer need not send what is left of it.
     pub fn stop_reading(&mut self) {
-        self.unread_due |= !self.unread;
+        self.stop_sending_due |= !self.unread;
         self.unread = true;
         self.credit_due |= self.inbox.discard();
     }
@@ -90,7 +90,7 @@ impl Connection {
         self.latest_out.publish(value);
     }
 
-    /// Ends the latest lane behind the newest value, with a goodbye or without. The first call counts.
+    /// Ends the latest lane behind the newest value, with a close or without. The first call counts.
     pub fn end_latest(&mut self, reason: Option<CloseReason>) {
         self.latest_out.end(reason);
     }

@@ -10,8 +10,8 @@ use crate::keys::OVERHEAD;
 use crate::mtu::Mtu;
 use crate::pacer::Pacer;
 use crate::packet::MIN_DATAGRAM;
+use crate::peer_path::{Arrival, Migration, Moved, PeerPath};
 use crate::recovery::Verdict;
-use crate::whereabouts::{Arrival, Excursion, Moved, Whereabouts};
 
 impl Connection {
     /// Follows the peer from `remote` on, wherever it goes: `secret` are 32 random bytes, for this connection
@@ -20,13 +20,13 @@ impl Connection {
     /// [`Connection::handle_from`], and send what [`Connection::poll_excursion`] gives as well.
     pub fn follow(&mut self, remote: SocketAddr, secret: [u8; 32]) {
         self.recovery.leave_numbers_out(blake3::derive_key("trimaran/udp packet numbers", &secret));
-        self.whereabouts = Some(Whereabouts::new(remote, secret));
+        self.peer_path = Some(PeerPath::new(remote, secret));
     }
 
     /// Where the peer is, if it is followed: there goes what [`Connection::poll_transmit`] gives.
     #[must_use]
     pub fn remote(&self) -> Option<SocketAddr> {
-        self.whereabouts.as_ref().map(Whereabouts::remote)
+        self.peer_path.as_ref().map(PeerPath::remote)
     }
 
     /// As [`Connection::handle`], of a datagram that came from `from`.
@@ -40,7 +40,7 @@ impl Connection {
         if self.closed.is_some() {
             return None;
         }
-        let Excursion { to, chunk, size } = self.whereabouts.as_mut()?.next(now, self.here)?;
+        let Migration { to, chunk, size } = self.peer_path.as_mut()?.next(now, self.here)?;
         let mut plain = Vec::with_capacity(size);
         chunk.write(&mut plain);
         plain.resize(plain.len().max(size.saturating_sub(OVERHEAD)), Chunk::FILLING);
@@ -53,18 +53,18 @@ impl Connection {
 
     /// Takes what a packet says of where the peer is; `newest` when none that was sent later has come before.
     pub(super) fn locate(&mut self, now: Instant, arrival: Option<Arrival>, newest: bool) {
-        if let (Some(whereabouts), Some(arrival)) = (&mut self.whereabouts, arrival) {
-            whereabouts.on_packet(now, arrival, newest);
+        if let (Some(peer_path), Some(arrival)) = (&mut self.peer_path, arrival) {
+            peer_path.on_packet(now, arrival, newest);
         }
     }
 
     /// Takes a chunk that asks where this side is, or answers where the peer is.
     pub(super) fn take_path_chunk(&mut self, now: Instant, arrival: Option<Arrival>, chunk: &Chunk<'_>) {
-        let (Some(whereabouts), Some(arrival)) = (&mut self.whereabouts, arrival) else { return };
+        let (Some(peer_path), Some(arrival)) = (&mut self.peer_path, arrival) else { return };
         match chunk {
-            Chunk::Challenge { cookie } => whereabouts.on_challenge(arrival, *cookie),
+            Chunk::Challenge { cookie } => peer_path.on_challenge(arrival, *cookie),
             Chunk::Response { cookie } => {
-                if let Some(moved) = whereabouts.on_response(now, self.here, arrival.from, cookie) {
+                if let Some(moved) = peer_path.on_response(now, self.here, arrival.from, cookie) {
                     self.go_on_elsewhere(now, moved);
                 }
             }

@@ -7,8 +7,8 @@ use trimaran_net::Instant;
 use super::{Closed, Connection};
 use crate::chunk::{Asks, CLOSE, Chunk};
 use crate::packet::Packet;
+use crate::peer_path::Arrival;
 use crate::recovery::{Content, Verdict};
-use crate::whereabouts::Arrival;
 use crate::wire::Reader;
 
 /// So many packets that do not open end a connection: with more of them somebody could come to forge one (RFC
@@ -87,11 +87,11 @@ impl Connection {
                 Chunk::Credit { bytes, units } => self.outbox.allow(bytes, units),
                 Chunk::Close => return Err(Closed::Peer),
                 Chunk::Latest { number, value } => self.latest_in.put(number, value),
-                Chunk::LastLatest { number, goodbye } => {
-                    self.latest_in.put_end(number, goodbye).map_err(|_| Closed::Goodbye)?;
+                Chunk::LastLatest { number, close } => {
+                    self.latest_in.put_end(number, close).map_err(|_| Closed::Reason)?;
                 }
-                Chunk::Unread => {
-                    self.unheard = true;
+                Chunk::StopSending => {
+                    self.stopped = true;
                     self.outbox.drop_all();
                 }
                 Chunk::Part { unit, offset, tail, data } => self.inbox.put(unit, offset, tail, data)?,
@@ -114,7 +114,7 @@ impl Connection {
                 Content::Latest { number } => self.latest_out.on_value_lost(number),
                 Content::LastLatest => self.latest_out.on_end_lost(),
                 Content::Credit => self.credit_due = true,
-                Content::Unread => self.unread_due = true,
+                Content::StopSending => self.stop_sending_due = true,
                 Content::GiveUp { unit } => self.outbox.on_give_up_loss(unit),
                 Content::Repair { unit, offset, index } => self.outbox.on_repair_loss(unit, offset, index),
                 Content::Probe { size } => self.mtu.on_lost(now, size),
@@ -131,7 +131,7 @@ impl Connection {
                     self.resize();
                 }
                 Content::Repair { unit, offset, index } => self.outbox.on_repair_ack(unit, offset, index),
-                Content::Credit | Content::Unread => {}
+                Content::Credit | Content::StopSending => {}
             }
         }
         self.recovery.reuse(verdict.arrived);

@@ -66,7 +66,7 @@ impl PathStats {
 
 /// Frames have no more time than the way to the peer takes: hardly any can come whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Hopeless {
+pub struct DeadlineTooShort {
     /// How long a frame may take ([`Config::frame_deadline`](crate::Config::frame_deadline)).
     pub deadline: Duration,
     /// How long a packet is on its way at least: half of the shortest round trip.
@@ -82,9 +82,9 @@ impl Connection {
     /// Whether the deadline of the frames sent from here is over before anything can have come; known once
     /// the way was measured.
     #[must_use]
-    pub fn hopeless(&self) -> Option<Hopeless> {
+    pub fn deadline_too_short(&self) -> Option<DeadlineTooShort> {
         let (deadline, way) = (self.outbox.frame_deadline?, self.recovery.rtt.least_one_way()?);
-        (way >= deadline).then_some(Hopeless { deadline, way })
+        (way >= deadline).then_some(DeadlineTooShort { deadline, way })
     }
 
     /// What the peer's packets have cost so far, in steps: eight bytes copied, cleared or computed on, or a
@@ -115,7 +115,7 @@ impl Connection {
             round_trip: recovery.rtt.smoothed(),
             window: recovery.window.window(),
             in_flight: recovery.in_flight(),
-            hopeless: self.hopeless().is_some(),
+            hopeless: self.deadline_too_short().is_some(),
         }
     }
 }

@@ -4,8 +4,8 @@ use trimaran_net::Instant;
 
 use super::{Closed, Connection};
 use crate::packet::MIN_DATAGRAM;
+use crate::peer_path::PeerPath;
 use crate::recovery::{PROBES, Probe};
-use crate::whereabouts::Whereabouts;
 
 /// After so many probes without an answer a path may have become narrower.
 const BLACK_HOLE: u32 = 3;
@@ -37,7 +37,7 @@ impl Connection {
             Instant::from_nanos(at.as_nanos().saturating_sub(way))
         }));
         or_at(self.mtu.due().filter(|_| self.paced_until.is_none() && self.may_probe()));
-        or_at(self.whereabouts.as_ref().and_then(Whereabouts::due));
+        or_at(self.peer_path.as_ref().and_then(PeerPath::due));
         Some(next)
     }
 

@@ -69,9 +69,9 @@ impl Connection {
             Chunk::Credit { bytes, units }.write(plain);
             contents.push(Content::Credit);
         }
-        if std::mem::take(&mut self.unread_due) {
-            Chunk::Unread.write(plain);
-            contents.push(Content::Unread);
+        if std::mem::take(&mut self.stop_sending_due) {
+            Chunk::StopSending.write(plain);
+            contents.push(Content::StopSending);
         }
         self.latest_out.write(all.saturating_sub(plain.len()), plain, &mut contents);
         while let Some(content) = self.outbox.write_next(all.saturating_sub(plain.len()), all, plain) {
@@ -122,7 +122,7 @@ impl Connection {
     }
 
     fn has_data(&self) -> bool {
-        self.credit_due || self.unread_due || self.latest_out.is_due() || self.outbox.has_due()
+        self.credit_due || self.stop_sending_due || self.latest_out.is_due() || self.outbox.has_due()
     }
 
     pub(super) fn seal(

@@ -11,7 +11,7 @@ use crate::chunk::{GivenUp, Tail, unit_head};
 use crate::ranges::RangeSet;
 use crate::repair::{BLOCK, Block, Budget, Path, protect, shard_size};
 
-mod fate;
+mod delivery;
 mod write;
 
 #[derive(Debug)]

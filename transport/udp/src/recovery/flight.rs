@@ -25,7 +25,7 @@ pub(crate) enum Content {
     },
     LastLatest,
     Credit,
-    Unread,
+    StopSending,
     GiveUp {
         unit: u64,
     },
@@ -83,7 +83,7 @@ impl Flight {
         self.bytes
     }
 
-    /// Whether data have to wait: signs of life and acknowledgements still find a place when they do not.
+    /// Whether data have to wait: keep-alives and acknowledgements still find a place when they do not.
     pub(super) fn is_full(&self) -> bool {
         self.packets.len() >= REMEMBERED / 2
     }

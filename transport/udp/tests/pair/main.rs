@@ -206,10 +206,10 @@ fn what_cannot_arrive_in_time_is_given_up_and_the_rest_is_passed_on() {
 fn a_deadline_before_anything_can_have_come_is_known_once_the_way_was_measured() {
     let hopeless = |frame_deadline| {
         let config = Config { frame_deadline, ..RELIABLE };
-        assert_eq!(Pair::new(SEALED, config).ends[0].hopeless(), None, "nothing was measured");
+        assert_eq!(Pair::new(SEALED, config).ends[0].deadline_too_short(), None, "nothing was measured");
         let end = &stream(SEALED, config, 2).0.ends[0];
-        assert_eq!(end.stats().hopeless, end.hopeless().is_some());
-        end.hopeless()
+        assert_eq!(end.stats().hopeless, end.deadline_too_short().is_some());
+        end.deadline_too_short()
     };
     let found = hopeless(Some(Duration::from_millis(4))).unwrap();
     assert_eq!(found.deadline, Duration::from_millis(4));

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use trimaran_net::Instant;
 use trimaran_udp::{
-    Config, Connecting, Connection, ConnectionId, Door, MIN_DATAGRAM, Progress, Reception, Security,
+    Acceptor, Config, Connecting, Connection, ConnectionId, Handled, MIN_DATAGRAM, Progress, Security,
 };
 
 /// What happens to packets, in 1/1000.
@@ -36,7 +36,7 @@ pub(crate) const ONE_WAY: Duration = Duration::from_millis(5);
 /// Arrival, order, whither, what.
 type Flight = (Instant, u64, usize, Vec<u8>);
 
-/// Two ends that have met at a door and share a key.
+/// Two ends that have met at a acceptor and share a key.
 pub(crate) fn introduce(
     now: Instant,
     here: ConnectionId,
@@ -44,16 +44,18 @@ pub(crate) fn introduce(
     config: Config,
 ) -> [Connection; 2] {
     let key = Security::PreShared([9; 32].into());
-    let door = Door::new(key.clone(), [3; 32]).unwrap();
+    let acceptor = Acceptor::new(key.clone(), [3; 32]).unwrap();
     let address = SocketAddr::from(([192, 0, 2, 1], 4000));
     let connecting = Connecting::new(&key, here, b"").unwrap();
     let (mut first, mut reply) = (Vec::new(), Vec::new());
     connecting.initial(&mut first);
-    let _retry = door.handle(now, address, &first, &mut reply);
+    let _retry = acceptor.handle(now, address, &first, &mut reply);
     let Progress::Retry(connecting) = connecting.handle(now, &reply, config) else { panic!("no retry") };
     connecting.initial(&mut first);
-    let Reception::Knock(knock) = door.handle(now, address, &first, &mut reply) else { panic!("no knock") };
-    let listener = knock.take(now, there, b"", config, &mut reply).unwrap();
+    let Handled::Initial(initial) = acceptor.handle(now, address, &first, &mut reply) else {
+        panic!("no initial")
+    };
+    let listener = initial.take(now, there, b"", config, &mut reply).unwrap();
     // The other steps take no time here, the last one a round trip.
     let Progress::Taken(ours, _) = connecting.handle(now.after(2 * ONE_WAY), &reply, config) else {
         panic!("not taken")

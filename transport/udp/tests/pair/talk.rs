@@ -141,7 +141,7 @@ impl Reader {
     }
 }
 
-/// Sends frames of these sizes and a goodbye over `network`; all must arrive whole.
+/// Sends frames of these sizes and a close over `network`; all must arrive whole.
 pub(crate) fn deliver(network: Network, config: Config, sizes: &[u32]) -> Pair {
     let (pair, reader) = converse(network, config, &of_sizes(sizes), Duration::ZERO);
     assert_eq!(reader.gaps, []);
@@ -153,7 +153,7 @@ pub(crate) fn of_sizes(sizes: &[u32]) -> Vec<Vec<u32>> {
     sizes.iter().map(|size| items(*size)).collect()
 }
 
-/// Sends frames, one after each `pause`, and a goodbye. The end must arrive, and of each frame its items in
+/// Sends frames, one after each `pause`, and a close. The end must arrive, and of each frame its items in
 /// order, with gaps where the configuration allows them.
 pub(crate) fn converse(
     network: Network,
@@ -176,7 +176,7 @@ pub(crate) fn converse(
                     reader.begun.push(pair.now);
                     sender.send(&mut pair.ends[0], frame, items);
                     if frame as usize + 1 == frames.len() {
-                        pair.ends[0].goodbye(CloseReason::new(0, "over"));
+                        pair.ends[0].end_frames(CloseReason::new(0, "over"));
                     }
                 }
                 None if reader.ended.is_some() && pair.ends[0].is_drained() => break,
@@ -196,7 +196,7 @@ pub(crate) fn converse(
         reader.read(&mut pair.ends[1]);
         newest = pair.ends[1].latest().or(newest);
     }
-    assert_eq!(reader.ended, Some(Received::Goodbye(CloseReason::new(0, "over"))));
+    assert_eq!(reader.ended, Some(Received::Closed(CloseReason::new(0, "over"))));
     assert_eq!(reader.frames.len(), frames.len());
     for (got, sent) in reader.frames.iter().zip(frames) {
         let mut all = sent.iter();

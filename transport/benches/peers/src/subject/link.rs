@@ -139,7 +139,7 @@ impl Near for End {
     }
 
     async fn close(self) -> Result<()> {
-        self.link.goodbye(CloseReason::new(0, "all is measured")).await?;
+        self.link.close(CloseReason::new(0, "all is measured")).await?;
         Ok(())
     }
 }
@@ -178,7 +178,7 @@ impl Far for End {
             }
         }
         // Both leave: the other end waits for it.
-        let _gone_first = self.link.goodbye(CloseReason::new(0, "all is measured")).await;
+        let _gone_first = self.link.close(CloseReason::new(0, "all is measured")).await;
         Ok(())
     }
 }
@@ -250,7 +250,7 @@ impl Far for PolledEnd {
                 Err(_) => break,
             }
         }
-        let _gone_first = link.goodbye(CloseReason::new(0, "all is measured")).await;
+        let _gone_first = link.close(CloseReason::new(0, "all is measured")).await;
         Ok(())
     }
 }

@@ -206,7 +206,7 @@ impl Unit {
                 Ok(Step::Item(Received::Frame(FrameMessage::Begin { frame, header })))
             }
             Message::Frame(note @ FrameMessage::Note(_)) => Ok(Step::Last(Some(Received::Frame(note)))),
-            Message::Goodbye(reason) => Ok(Step::Last(Some(Received::Goodbye(reason)))),
+            Message::Close(reason) => Ok(Step::Last(Some(Received::Closed(reason)))),
             _ => Err(LaneViolation::Unit),
         }
     }

@@ -49,7 +49,7 @@ pub(super) struct News {
 
 /// The packets that are not acknowledged, in order.
 #[derive(Debug)]
-pub(super) struct Board {
+pub(super) struct Scoreboard {
     sent: VecDeque<Sent>,
     sacked: u32,
     lost: u32,
@@ -64,7 +64,7 @@ pub(super) struct Board {
     reordering_steps: u32,
 }
 
-impl Board {
+impl Scoreboard {
     pub(super) const fn new() -> Self {
         Self {
             sent: VecDeque::new(),
@@ -293,69 +293,69 @@ mod tests {
     }
 
     /// Packets of 100 bytes, one each millisecond.
-    fn sent(count: u64) -> Board {
-        let mut board = Board::new();
+    fn sent(count: u64) -> Scoreboard {
+        let mut scoreboard = Scoreboard::new();
         for n in 0..count {
-            board.push(at(n), n * 100, Bytes::from_static(&[0; 100]), false);
+            scoreboard.push(at(n), n * 100, Bytes::from_static(&[0; 100]), false);
         }
-        board
+        scoreboard
     }
 
     #[test]
     fn acknowledgements_give_round_trips_and_room() {
-        let mut board = sent(4);
-        let news = board.acknowledge(at(20), 200, &[], None);
+        let mut scoreboard = sent(4);
+        let news = scoreboard.acknowledge(at(20), 200, &[], None);
         assert_eq!((news.delivered, news.acknowledged), (2, 2));
         assert_eq!((news.rtt, news.latest_rtt), (Some(ms(20)), Some(ms(19))));
-        assert_eq!((board.packets(), board.in_flight()), (2, 2));
+        assert_eq!((scoreboard.packets(), scoreboard.in_flight()), (2, 2));
     }
 
     #[test]
     fn three_packets_ahead_make_one_lost_and_fewer_wait_a_quarter_round_trip() {
-        let mut board = sent(6);
-        board.acknowledge(at(20), 100, &[], None);
-        board.acknowledge(at(22), 100, &[range(2, 3)], Some(ms(20)));
+        let mut scoreboard = sent(6);
+        scoreboard.acknowledge(at(20), 100, &[], None);
+        scoreboard.acknowledge(at(22), 100, &[range(2, 3)], Some(ms(20)));
         // Packet 2 took 20 ms: packet 1 has until 20 + 20/4 ms after it was sent.
-        assert_eq!(board.find_lost(at(22), false, Some(ms(20)), Some(ms(20))), Some(ms(4)));
-        assert!(!board.has_lost());
-        board.acknowledge(at(24), 100, &[range(2, 5)], Some(ms(20)));
-        board.find_lost(at(24), false, Some(ms(20)), Some(ms(20)));
-        assert!(board.has_lost());
-        assert_eq!(board.in_flight(), 1, "only the last");
-        assert_eq!(board.repeat_lost(at(24)).unwrap().seq, 100);
-        assert!(board.repeat_lost(at(24)).is_none());
-        assert_eq!(board.in_flight(), 2);
+        assert_eq!(scoreboard.find_lost(at(22), false, Some(ms(20)), Some(ms(20))), Some(ms(4)));
+        assert!(!scoreboard.has_lost());
+        scoreboard.acknowledge(at(24), 100, &[range(2, 5)], Some(ms(20)));
+        scoreboard.find_lost(at(24), false, Some(ms(20)), Some(ms(20)));
+        assert!(scoreboard.has_lost());
+        assert_eq!(scoreboard.in_flight(), 1, "only the last");
+        assert_eq!(scoreboard.repeat_lost(at(24)).unwrap().seq, 100);
+        assert!(scoreboard.repeat_lost(at(24)).is_none());
+        assert_eq!(scoreboard.in_flight(), 2);
     }
 
     #[test]
     fn a_repetition_that_is_lost_too_is_found_by_what_was_sent_after_it() {
-        let mut board = sent(5);
-        board.acknowledge(at(20), 0, &[range(1, 4)], None);
-        board.find_lost(at(20), false, Some(ms(20)), Some(ms(20)));
-        assert_eq!(board.repeat_lost(at(21)).unwrap().seq, 0);
-        board.push(at(22), 500, Bytes::from_static(&[0; 100]), false);
-        board.acknowledge(at(42), 0, &[range(1, 6)], Some(ms(19)));
-        board.find_lost(at(42), true, Some(ms(20)), Some(ms(20)));
-        assert_eq!(board.repeat_lost(at(42)).unwrap().seq, 0);
+        let mut scoreboard = sent(5);
+        scoreboard.acknowledge(at(20), 0, &[range(1, 4)], None);
+        scoreboard.find_lost(at(20), false, Some(ms(20)), Some(ms(20)));
+        assert_eq!(scoreboard.repeat_lost(at(21)).unwrap().seq, 0);
+        scoreboard.push(at(22), 500, Bytes::from_static(&[0; 100]), false);
+        scoreboard.acknowledge(at(42), 0, &[range(1, 6)], Some(ms(19)));
+        scoreboard.find_lost(at(42), true, Some(ms(20)), Some(ms(20)));
+        assert_eq!(scoreboard.repeat_lost(at(42)).unwrap().seq, 0);
     }
 
     #[test]
     fn where_packets_overtake_each_other_patience_is_kept() {
-        let mut board = sent(6);
-        board.acknowledge(at(20), 0, &[range(1, 2)], None);
+        let mut scoreboard = sent(6);
+        scoreboard.acknowledge(at(20), 0, &[range(1, 2)], None);
         // Packet 0 arrives after packet 1 without having been repeated.
-        board.acknowledge(at(21), 200, &[], None);
-        board.acknowledge(at(25), 200, &[range(3, 6)], Some(ms(20)));
-        assert_eq!(board.find_lost(at(25), false, Some(ms(20)), Some(ms(20))), Some(ms(2)));
-        assert!(!board.has_lost(), "three ahead are no proof any more");
+        scoreboard.acknowledge(at(21), 200, &[], None);
+        scoreboard.acknowledge(at(25), 200, &[range(3, 6)], Some(ms(20)));
+        assert_eq!(scoreboard.find_lost(at(25), false, Some(ms(20)), Some(ms(20))), Some(ms(2)));
+        assert!(!scoreboard.has_lost(), "three ahead are no proof any more");
     }
 
     #[test]
     fn a_timeout_spares_what_was_just_sent() {
-        let mut board = sent(3);
-        board.acknowledge(at(20), 100, &[], None);
-        board.push(at(215), 300, Bytes::from_static(&[0; 100]), false);
-        board.give_up(at(221));
-        assert_eq!((board.lost, board.in_flight()), (2, 1));
+        let mut scoreboard = sent(3);
+        scoreboard.acknowledge(at(20), 100, &[], None);
+        scoreboard.push(at(215), 300, Bytes::from_static(&[0; 100]), false);
+        scoreboard.give_up(at(221));
+        assert_eq!((scoreboard.lost, scoreboard.in_flight()), (2, 1));
     }
 }

@@ -11,9 +11,9 @@ use trimaran_wire::{Accept, Hello, Lane, Message, Refusal, SessionId};
 use super::Streams;
 use super::handshake::{Connection, Lanes};
 use crate::PeerAddress;
+use crate::acceptor::{Acceptor, Place, lock};
 use crate::application::Peer;
-use crate::desk::{Desk, Place, lock};
-use crate::handshake::{HandshakeError, Parley};
+use crate::handshake::{Handshake, HandshakeError};
 use crate::pending::Slot;
 use crate::stats::Counters;
 use trimaran_net::{Instant, Listen, Stream, StreamPeer, sleep_until, until};
@@ -22,14 +22,14 @@ use trimaran_net::{Instant, Listen, Stream, StreamPeer, sleep_until, until};
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
 /// Accepts until nobody takes the links any more.
-pub(crate) async fn serve(desk: Arc<Desk>, socket: Box<dyn Listen>, streams: Streams) {
-    Arc::new(Reception { desk, streams, waiting: Mutex::default() }).serve(socket).await;
+pub(crate) async fn serve(acceptor: Arc<Acceptor>, socket: Box<dyn Listen>, streams: Streams) {
+    Arc::new(Reception { acceptor, streams, waiting: Mutex::default() }).serve(socket).await;
 }
 
 /// Receives connections, checks who they are, and pairs them.
 #[derive(Debug)]
 struct Reception {
-    desk: Arc<Desk>,
+    acceptor: Arc<Acceptor>,
     streams: Streams,
     /// Which sessions have one connection.
     waiting: Mutex<HashMap<SessionId, Waiting>>,
@@ -60,28 +60,28 @@ impl Reception {
         loop {
             let accepted = tokio::select! {
                 biased;
-                () = self.desk.closed() => return,
+                () = self.acceptor.closed() => return,
                 accepted = socket.accept() => accepted,
             };
             match accepted {
                 Ok(stream) => match self.admit(stream.peer) {
                     Ok(slot) => {
                         let reception = Arc::clone(&self);
-                        self.desk.net.spawn(Box::pin(reception.receive(stream, slot)));
+                        self.acceptor.net.spawn(Box::pin(reception.receive(stream, slot)));
                     }
                     Err(e) => {
-                        self.desk.failed(&self.address(stream.peer), e);
+                        self.acceptor.failed(&self.address(stream.peer), e);
                         turn_away(&mut Connection::new(
                             stream,
                             &*self.streams.transport,
-                            self.desk.application.format(),
+                            self.acceptor.application.format(),
                             &Counters::framed(),
                         ));
                     }
                 },
                 Err(e) => {
                     tracing::warn!(error = &e as &dyn std::error::Error, "could not accept a connection");
-                    sleep_until(&*self.desk.net, self.desk.net.now().after(ACCEPT_PAUSE)).await;
+                    sleep_until(&*self.acceptor.net, self.acceptor.net.now().after(ACCEPT_PAUSE)).await;
                 }
             }
         }
@@ -95,21 +95,22 @@ impl Reception {
     fn admit(&self, peer: StreamPeer) -> Result<Slot, HandshakeError> {
         self.streams.transport.admit(peer).map_err(HandshakeError::NotLetIn)?;
         let address = self.address(peer);
-        self.desk.begin(&address)?;
-        Ok(self.desk.slot(&address))
+        self.acceptor.begin(&address)?;
+        Ok(self.acceptor.slot(&address))
     }
 
     /// One connection, from its first byte to a link or a failure.
     async fn receive(self: Arc<Self>, stream: Stream, mut slot: Slot) {
         let address = self.address(stream.peer);
-        let deadline = self.desk.net.now().after(self.desk.options.handshake);
+        let deadline = self.acceptor.net.now().after(self.acceptor.options.handshake);
         // A lane that waits for the other one watches the deadline itself, in order to refuse politely; the
         // limit is for a peer that does not even read the refusal.
-        let limit = deadline.after(self.desk.options.handshake);
+        let limit = deadline.after(self.acceptor.options.handshake);
         let handshake = self.shake_hands(stream, deadline, &mut slot);
-        let outcome = until(&*self.desk.net, limit, handshake).await.unwrap_or(Err(HandshakeError::TimedOut));
+        let outcome =
+            until(&*self.acceptor.net, limit, handshake).await.unwrap_or(Err(HandshakeError::TimedOut));
         if let Err(e) = outcome {
-            self.desk.failed(&address, e);
+            self.acceptor.failed(&address, e);
         }
     }
 
@@ -119,11 +120,11 @@ impl Reception {
         deadline: Instant,
         slot: &mut Slot,
     ) -> Result<(), HandshakeError> {
-        let net = &*self.desk.net;
+        let net = &*self.acceptor.net;
         let mut connection = Connection::new(
             stream,
             &*self.streams.transport,
-            self.desk.application.format(),
+            self.acceptor.application.format(),
             &Counters::framed(),
         );
         let hello = tokio::select! {
@@ -159,7 +160,7 @@ impl Reception {
     /// Pairs a hello with that of the other lane, if it is there.
     fn enter(&self, hello: Hello, connection: Connection) -> Entry {
         let Hello { session, lane, .. } = hello;
-        if let Err(refusal) = self.desk.admits(&hello) {
+        if let Err(refusal) = self.acceptor.admits(&hello) {
             return Entry::Refused(connection, refusal);
         }
         let mut waiting = lock(&self.waiting);
@@ -172,7 +173,7 @@ impl Reception {
             waiting.insert(session, other);
             return Entry::Refused(connection, Refusal::Session { session, lane });
         }
-        let (peer, place) = match self.desk.enter(&hello.application) {
+        let (peer, place) = match self.acceptor.enter(&hello.application) {
             Ok(entered) => entered,
             Err(refusal) => {
                 waiting.insert(session, other);
@@ -195,12 +196,12 @@ impl Reception {
         peer: Peer,
         place: Place,
     ) -> Result<(), HandshakeError> {
-        let Desk { net, application, options, .. } = &*self.desk;
+        let Acceptor { net, application, options, .. } = &*self.acceptor;
         let accept = Message::Accept(Accept { application: application.hello().clone() });
         lanes.latest.send(&accept).await?;
         lanes.frames.send(&accept).await?;
         let parts = lanes.into_parts(net, &options.link, application.format(), peer, session, Some(place));
-        self.desk.hand_out(parts).await;
+        self.acceptor.hand_out(parts).await;
         Ok(())
     }
 }

@@ -10,7 +10,7 @@ use std::time::Duration;
 use trimaran_net::Instant;
 
 use crate::chunk::Chunk;
-use crate::cookie::Jar;
+use crate::cookie::TokenKey;
 use crate::keys::OVERHEAD;
 use crate::packet::{ConnectionId, CookieBytes, MIN_DATAGRAM};
 
@@ -33,7 +33,7 @@ pub(crate) struct Arrival {
 
 /// A packet that goes elsewhere than all others: a chunk, filled up to so many bytes.
 #[derive(Debug, PartialEq)]
-pub(crate) struct Excursion {
+pub(crate) struct Migration {
     pub(crate) to: SocketAddr,
     pub(crate) chunk: Chunk<'static>,
     pub(crate) size: usize,
@@ -49,11 +49,11 @@ pub(crate) enum Moved {
 }
 
 /// Where the peer is, where it may be, and what the peer wants to know of this side.
-pub(crate) struct Whereabouts {
+pub(crate) struct PeerPath {
     remote: SocketAddr,
-    jar: Jar,
+    token_key: TokenKey,
     candidate: Option<Candidate>,
-    response: Option<Excursion>,
+    response: Option<Migration>,
 }
 
 /// Where the newest packet came from.
@@ -66,10 +66,10 @@ struct Candidate {
     due: Instant,
 }
 
-impl Whereabouts {
+impl PeerPath {
     /// A peer at `remote`; 32 random bytes, of which nobody else learns.
     pub(crate) fn new(remote: SocketAddr, secret: [u8; 32]) -> Self {
-        Self { remote, jar: Jar::new(secret), candidate: None, response: None }
+        Self { remote, token_key: TokenKey::new(secret), candidate: None, response: None }
     }
 
     pub(crate) const fn remote(&self) -> SocketAddr {
@@ -92,7 +92,7 @@ impl Whereabouts {
     /// long.
     pub(crate) fn on_challenge(&mut self, Arrival { from, bytes }: Arrival, cookie: CookieBytes) {
         self.response =
-            Some(Excursion { to: from, chunk: Chunk::Response { cookie }, size: bytes.min(MIN_DATAGRAM) });
+            Some(Migration { to: from, chunk: Chunk::Response { cookie }, size: bytes.min(MIN_DATAGRAM) });
     }
 
     /// The peer brings a cookie back. Says how far it has moved, if it has.
@@ -103,19 +103,20 @@ impl Whereabouts {
         from: SocketAddr,
         cookie: &CookieBytes,
     ) -> Option<Moved> {
-        let jar = &self.jar;
-        let found = self.candidate.take_if(|at| at.at == from && jar.accepts(now, from, here, cookie))?;
+        let token_key = &self.token_key;
+        let found =
+            self.candidate.take_if(|at| at.at == from && token_key.accepts(now, from, here, cookie))?;
         let before = std::mem::replace(&mut self.remote, found.at);
         Some(if before.ip() == from.ip() { Moved::Port } else { Moved::Path })
     }
 
-    /// When [`Whereabouts::next`] has something to say.
+    /// When [`PeerPath::next`] has something to say.
     pub(crate) fn due(&self) -> Option<Instant> {
         self.candidate.as_ref().map(|candidate| candidate.due)
     }
 
     /// The next packet that does not go to the peer's address.
-    pub(crate) fn next(&mut self, now: Instant, here: ConnectionId) -> Option<Excursion> {
+    pub(crate) fn next(&mut self, now: Instant, here: ConnectionId) -> Option<Migration> {
         if self.response.is_none() && self.candidate.is_none() {
             return None;
         }
@@ -137,8 +138,8 @@ impl Whereabouts {
             return None;
         }
         candidate.sent += size;
-        let cookie = self.jar.bake(now, candidate.at, here);
-        Some(Excursion { to: candidate.at, chunk: Chunk::Challenge { cookie }, size })
+        let cookie = self.token_key.issue(now, candidate.at, here);
+        Some(Migration { to: candidate.at, chunk: Chunk::Challenge { cookie }, size })
     }
 }
 
@@ -156,17 +157,17 @@ mod tests {
         ([10, 0, 0, host], port).into()
     }
 
-    fn whereabouts() -> Whereabouts {
-        Whereabouts::new(address(1, 1), [7; 32])
+    fn peer_path() -> PeerPath {
+        PeerPath::new(address(1, 1), [7; 32])
     }
 
     fn from(from: SocketAddr, bytes: usize) -> Arrival {
         Arrival { from, bytes }
     }
 
-    fn challenge(whereabouts: &mut Whereabouts, ms: u64) -> (SocketAddr, CookieBytes, usize) {
-        match whereabouts.next(at(ms), HERE) {
-            Some(Excursion { to, chunk: Chunk::Challenge { cookie }, size }) => (to, cookie, size),
+    fn challenge(peer_path: &mut PeerPath, ms: u64) -> (SocketAddr, CookieBytes, usize) {
+        match peer_path.next(at(ms), HERE) {
+            Some(Migration { to, chunk: Chunk::Challenge { cookie }, size }) => (to, cookie, size),
             other => panic!("{other:?}"),
         }
     }
@@ -174,7 +175,7 @@ mod tests {
     #[test]
     fn a_peer_is_believed_to_have_moved_once_it_answers_from_there() {
         for (there, moved) in [(address(1, 2), Moved::Port), (address(2, 1), Moved::Path)] {
-            let mut it = whereabouts();
+            let mut it = peer_path();
             it.on_packet(at(0), from(there, 500), true);
             assert_eq!(it.remote(), address(1, 1));
             let (to, cookie, size) = challenge(&mut it, 0);
@@ -190,7 +191,7 @@ mod tests {
 
     #[test]
     fn an_address_that_does_not_answer_is_asked_three_times_and_gets_no_more_than_thrice_what_came() {
-        let mut it = whereabouts();
+        let mut it = peer_path();
         it.on_packet(at(0), from(address(2, 1), 40), true);
         assert_eq!(challenge(&mut it, 0).2, 120);
         assert_eq!((it.due(), it.next(at(299), HERE)), (Some(at(300)), None));
@@ -204,7 +205,7 @@ mod tests {
 
     #[test]
     fn only_the_newest_packet_leads_and_one_from_where_the_peer_is_leads_back() {
-        let mut it = whereabouts();
+        let mut it = peer_path();
         it.on_packet(at(0), from(address(2, 1), 500), false);
         assert_eq!(it.due(), None);
         it.on_packet(at(0), from(address(2, 1), 500), true);
@@ -219,9 +220,9 @@ mod tests {
 
     #[test]
     fn an_answer_goes_where_the_question_came_from_and_is_as_long() {
-        let mut it = whereabouts();
+        let mut it = peer_path();
         it.on_challenge(from(address(5, 5), 120), [9; 24]);
-        let expected = Excursion { to: address(5, 5), chunk: Chunk::Response { cookie: [9; 24] }, size: 120 };
+        let expected = Migration { to: address(5, 5), chunk: Chunk::Response { cookie: [9; 24] }, size: 120 };
         assert_eq!(it.next(at(0), HERE), Some(expected));
         assert_eq!(it.next(at(0), HERE), None);
         it.on_challenge(from(address(5, 5), 9000), [9; 24]);
@@ -230,7 +231,7 @@ mod tests {
 
     #[test]
     fn an_answer_and_a_question_together_are_no_more_than_thrice_what_came() {
-        let mut it = whereabouts();
+        let mut it = peer_path();
         it.on_packet(at(0), from(address(2, 1), 100), true);
         it.on_challenge(from(address(2, 1), 100), [9; 24]);
         assert_eq!(it.next(at(0), HERE).map(|it| it.size), Some(100));

@@ -13,14 +13,14 @@ use crate::handshake::HandshakeError;
 use crate::keys::WrongRole;
 use crate::link::Parts;
 use crate::pending::{Pending, Slot};
-use crate::rates::{Door, Handshakes, Origin, Sparse, TurnedAway};
+use crate::rates::{Handshakes, ListenerStats, Origin, Sparse, TurnedAway};
 use crate::{Options, PeerAddress};
 use trimaran_net::Net;
 
 /// Admits peers and hands their links to whoever accepts. A transport's listening task holds it, asks
-/// [`Desk::enter`] once a peer has introduced itself, and ends when [`Desk::closed`] does.
+/// [`Acceptor::enter`] once a peer has introduced itself, and ends when [`Acceptor::closed`] does.
 #[derive(Debug)]
-pub(crate) struct Desk {
+pub(crate) struct Acceptor {
     pub(crate) net: Arc<dyn Net>,
     pub(crate) application: Arc<dyn Application>,
     pub(crate) options: Options,
@@ -62,8 +62,8 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl Desk {
-    /// A desk that receives peers of `application` and hands their links to `done`.
+impl Acceptor {
+    /// A acceptor that receives peers of `application` and hands their links to `done`.
     pub(crate) fn new(
         net: &Arc<dyn Net>,
         application: Arc<dyn Application>,
@@ -146,7 +146,7 @@ impl Desk {
 
     /// Hands out a link. Where nobody takes it, dropping it tells the peer.
     pub(crate) async fn hand_out(&self, parts: Parts) {
-        parts.shared.counters.handle().came_through(Door(Arc::clone(&self.handshakes)));
+        parts.shared.counters.handle().came_from(ListenerStats(Arc::clone(&self.handshakes)));
         let _unwanted = self.done.send(parts).await;
     }
 
