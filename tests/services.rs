@@ -107,7 +107,7 @@ fn a_service_whose_peers_are_not_there_is_started_again() {
 fn a_machine_whose_place_is_still_held_for_the_process_before_waits_for_it() {
     let (folder, _) = place();
     let [show, pair] = [(); 2].map(|()| format!("'udp://127.0.0.1:{}'", unused_port()));
-    let plain = "link.udp.trust = 'plain'\nlink.idle_timeout_s = 4\npatience_s = 600\n";
+    let plain = "link.udp.trust = 'plain'\nlink.idle_timeout_s = 4\njoin_timeout_s = 600\n";
     let display = format!("{plain}scene = 'plant.scene'\nlisten = {show}\nout = 'walk'\n");
     fs::write(folder.path().join("display.toml"), display).unwrap();
     let second = format!("{plain}scene = 'plant.scene'\nseat = 'second'\ndisplay = {show}\npair = {pair}\n");
@@ -187,7 +187,7 @@ fn keys_that_systemd_hands_over_may_be_readable_by_their_group() {
         .unwrap();
     assert!(made.status.success(), "{made:?}");
     let configuration = format!(
-        "scene = 'plant.scene'\nseat = 'first'\npatience_s = 0.2\ndisplay = {socket}\npair = 'quic://127.0.0.1:0'\n\
+        "scene = 'plant.scene'\nseat = 'first'\njoin_timeout_s = 0.2\ndisplay = {socket}\npair = 'quic://127.0.0.1:0'\n\
          keys = 'first.key'\npeers.other = 'first.pub'\n"
     );
     fs::write(at("role.toml"), configuration).unwrap();
