@@ -166,7 +166,7 @@ fn the_reasons_have_the_numbers_of_the_page() {
         ("the role is taken", Refusal::RoleTaken { role: text.clone() }),
         ("the lane came twice", Refusal::Session { session, lane }),
         ("the other lane", Refusal::Unpaired { session }),
-        ("too many handshakes", Refusal::Busy),
+        ("too many peers or handshakes", Refusal::Busy),
         ("the key of who connects", Refusal::Key { claimed: text.clone(), known: text }),
     ];
     assert_eq!(rows.len(), refusals.len());
