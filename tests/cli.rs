@@ -341,7 +341,7 @@ fn a_flag_goes_before_the_environment_and_that_before_the_file() {
     expect(&bad, 2, &["TRIMARAN_SESSION_BATCH", "1 to 16384"]);
     bench
         .refuses(&["role", "display", "--config", "display.toml", "--batch", "0"], &["--batch", "1..=16384"]);
-    fs::write(bench.path("display.toml"), "scene = 'a'\n[link.quic]\ncongestion = 'reno'\n").unwrap();
+    fs::write(bench.path("display.toml"), "scene = 'a'\n[quic]\ncongestion = 'reno'\n").unwrap();
     bench.refuses(&args, &["display.toml", "line 3", "congestion", "new-reno"]);
 }
 
@@ -349,35 +349,36 @@ fn a_flag_goes_before_the_environment_and_that_before_the_file() {
 fn a_bad_key_of_a_transport_is_named_wherever_it_stands() {
     let bench = Bench::empty();
     let args = ["ping", "tcp://127.0.0.1:1"];
-    let flags = [
-        ("--udp-mode=fast", "reliable"),
-        ("--udp-deadline-ms=0", "above 0"),
-        ("--udp-repair=maybe", "auto"),
-        ("--udp-repair-percent=0", "1..=100"),
-        ("--udp-trust=nobody", "plain"),
-        ("--udp-congestion=bbr", "new-reno"),
-        ("--udp-pmtu=1500", "true"),
-        ("--tcp-nodelay=2", "true"),
-        ("--tcp-send-buffer=-1", "invalid digit"),
-        ("--tcp-keepalive=-1", "0 to 86400"),
-        ("--tcp-user-timeout=never", "float"),
-        ("--unix-mode=999", "three octal digits"),
-        ("--unix-allow-uids=me", "invalid digit"),
-        ("--link-idle-timeout=0", "0.1 to 86400"),
-    ];
-    for (flag, why) in flags {
-        let (name, _) = flag.split_once('=').unwrap();
-        bench.refuses(&[&args[..], &[flag]].concat(), &[name, why]);
+    for (given, why) in [
+        ("udp.mode=fast", "reliable"),
+        ("udp.deadline_ms=0", "out of range"),
+        ("udp.repair=maybe", "auto"),
+        ("udp.repair_percent=0", "1 to 100"),
+        ("udp.trust=nobody", "plain"),
+        ("udp.congestion=bbr", "new-reno"),
+        ("udp.max_datagram=1501", "1200 to 1500"),
+        ("tcp.nodelay=2", "boolean"),
+        ("tcp.send_buffer=-1", "invalid value"),
+        ("tcp.keepalive_s=-1", "0 to 86400"),
+        ("tcp.user_timeout_s=never", "f64"),
+        ("unix.mode=999", "three octal digits"),
+        ("unix.allow_uids=me", "u32"),
+        ("link.idle_timeout_s=0", "0.1 to 86400"),
+        ("link.idle_time=1", "trimaran config"),
+        ("udp.mode", "KEY=VALUE"),
+    ] {
+        let (key, _) = given.split_once('=').unwrap_or((given, ""));
+        bench.refuses(&[&args[..], &["-o", given]].concat(), &["--option", key, why]);
     }
     for (variable, value) in [
-        ("TRIMARAN_LINK_UDP_MODE", "fast"),
-        ("TRIMARAN_LINK_UDP_REPAIR_PERCENT", "101"),
-        ("TRIMARAN_LINK_TCP_NODELAY", "2"),
-        ("TRIMARAN_LINK_UNIX_ALLOW_UIDS", "1,me"),
+        ("TRIMARAN_UDP_MODE", "fast"),
+        ("TRIMARAN_UDP_REPAIR_PERCENT", "101"),
+        ("TRIMARAN_TCP_NODELAY", "2"),
+        ("TRIMARAN_UNIX_ALLOW_UIDS", "1,me"),
     ] {
         expect(&bench.command(&args).env(variable, value).output().unwrap(), 2, &[variable]);
     }
-    fs::write(bench.path("display.toml"), "scene = 'a'\n[link.udp]\nmode = 'fast'\n").unwrap();
+    fs::write(bench.path("display.toml"), "scene = 'a'\n[udp]\nmode = 'fast'\n").unwrap();
     let role = ["role", "display", "--config", "display.toml"];
     bench.refuses(&role, &["display.toml", "line 3", "mode", "deadline"]);
 }

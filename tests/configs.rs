@@ -8,7 +8,7 @@ use trimaran::config::{DisplayConfig, PairSeat, RoleConfig, SessionConfig, Switc
 
 fn example<C: RoleConfig>(name: &str) -> C {
     let path: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/configs").join(name);
-    C::load(Layer::empty(), Some(&path)).unwrap()
+    C::load(Layer::empty(), &[], Some(&path)).unwrap().0
 }
 
 #[test]

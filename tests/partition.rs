@@ -72,7 +72,7 @@ fn a_walk_goes_on_after_a_cut_that_is_shorter_than_the_lease() {
         for cut in [1, 2] {
             let deployment = deploy(&emulation, transport);
             let display_at = &emulation.machines()[2].1;
-            let roles = walking(&deployment, display_at, &["--link-idle-timeout", "60"]);
+            let roles = walking(&deployment, display_at, &["-o", "link.idle_timeout_s=60"]);
             set(&emulation.machines()[cut].1, "down");
             thread::sleep(Duration::from_secs(1));
             set(&emulation.machines()[cut].1, "up");
@@ -97,7 +97,7 @@ fn a_walk_goes_on_when_the_network_comes_back_after_a_longer_cut() {
     for transport in ["tcp", "udp", "quic"] {
         let deployment = deploy(&emulation, transport);
         let display_at = &emulation.machines()[2].1;
-        let [mut display, first, second] = walking(&deployment, display_at, &["--link-idle-timeout", "3"]);
+        let [mut display, first, second] = walking(&deployment, display_at, &["-o", "link.idle_timeout_s=3"]);
         set(display_at, "down");
         display.says("waiting 60 s for all to join again");
         set(display_at, "up");

@@ -106,7 +106,7 @@ fn a_machine_that_is_killed_before_the_other_comes_takes_its_place_again() {
 #[test]
 fn a_machine_that_gives_up_is_missed_at_once() {
     // Long before its idle timeout ends: it says so itself, though it has no time left.
-    let idle = ["--link-idle-timeout", "100"];
+    let idle = ["-o", "link.idle_timeout_s=100"];
     for transport in ["tcp", "quic", "udp"] {
         let deployment = deploy(transport);
         let mut display = deployment.start("display", &idle);

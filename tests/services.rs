@@ -107,7 +107,7 @@ fn a_service_whose_peers_are_not_there_is_started_again() {
 fn a_machine_whose_place_is_still_held_for_the_process_before_waits_for_it() {
     let (folder, _) = place();
     let [show, pair] = [(); 2].map(|()| format!("'udp://127.0.0.1:{}'", unused_port()));
-    let plain = "link.udp.trust = 'plain'\nlink.idle_timeout_s = 4\njoin_timeout_s = 600\n";
+    let plain = "udp.trust = 'plain'\nlink.idle_timeout_s = 4\njoin_timeout_s = 600\n";
     let display = format!("{plain}scene = 'plant.scene'\nlisten = {show}\nout = 'walk'\n");
     fs::write(folder.path().join("display.toml"), display).unwrap();
     let second = format!("{plain}scene = 'plant.scene'\nseat = 'second'\ndisplay = {show}\npair = {pair}\n");

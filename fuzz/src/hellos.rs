@@ -12,7 +12,7 @@ use trimaran_net::Stream;
 use trimaran_netsim::link::LinkModel;
 use trimaran_netsim::{Simulation, Topology};
 use trimaran_transport::conformance::{ARM, PANEL, Robot, greeting};
-use trimaran_transport::{Endpoint, Listener, Net, Options, TcpOptions, connect, until};
+use trimaran_transport::{Endpoint, LinkConfig, Listener, Net, Options, TcpOptions, connect, until};
 use trimaran_wire::{Decoder, Format, Message};
 
 const MINUTE: Duration = Duration::from_secs(60);
@@ -115,7 +115,8 @@ pub fn answers(bytes: &[u8]) -> bool {
                 streams.push(stream);
             }
         };
-        let options = Options { handshake: Duration::from_millis(200), ..Options::default() };
+        let link = LinkConfig { handshake_timeout: Duration::from_millis(200), ..LinkConfig::default() };
+        let options = Options { link, ..Options::default() };
         let by = there.now().after(Duration::from_secs(1));
         tokio::select! {
             biased;

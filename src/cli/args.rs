@@ -9,7 +9,7 @@ mod walks;
 use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
-pub(crate) use roles::{DoctorArgs, KeysCommand, RoleArgs, RoleCommand, RoleName};
+pub(crate) use roles::{DoctorArgs, KeysCommand, LinkFlags, RoleArgs, RoleCommand, RoleName};
 pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, Up};
 pub(crate) use sim::{SimArgs, SimLink};
 pub(crate) use walks::{Coding, DemoArgs, LinkKind, RunArgs, Size, SweepArgs, Tester, WalkArgs};

@@ -1,13 +1,12 @@
 //! `trimaran demo`: the main job on a model of its own, from nothing to a report.
 
-use confique::Layer;
 use trimaran_cook::CookOptions;
 use trimaran_cook::generate::{PlantOptions, plant};
 use trimaran_gpu::GpuOptions;
 
 use super::{
     Failure,
-    args::{Coding, DemoArgs, LinkKind, RunArgs, Size, Tester, WalkArgs},
+    args::{Coding, DemoArgs, LinkFlags, LinkKind, RunArgs, Size, Tester, WalkArgs},
     cooking, run,
 };
 
@@ -42,7 +41,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
     run::run(&RunArgs {
         scene,
         link: LinkKind::Inproc,
-        links: Layer::empty(),
+        links: LinkFlags::default(),
         epsilon: 2.0,
         walk,
         metrics: None,

@@ -6,9 +6,8 @@ mod tally;
 use std::{path::PathBuf, sync::Arc, time::Duration};
 
 use clap::Args;
-use confique::Config;
 use trimaran::{
-    config::{LinkConfig, PeerFile, positive},
+    config::{PeerFile, options, positive, security},
     metrics::PathReading,
 };
 use trimaran_actors::{Link, Listener};
@@ -17,7 +16,7 @@ use trimaran_transport::{Batching, ConnectError, Endpoint, Net, Options, Refusal
 
 use super::{
     Failure,
-    args::Coding,
+    args::{Coding, LinkFlags},
     number, print_json,
     walking::{runtime, stop_on_signal},
 };
@@ -86,19 +85,18 @@ pub(crate) struct PingArgs {
     #[arg(long, value_name = "NAME.pub")]
     peer: Option<PathBuf>,
     #[command(flatten)]
-    links: <LinkConfig as Config>::Layer,
+    links: LinkFlags,
     /// Print the result as JSON.
     #[arg(long)]
     json: bool,
 }
 
 pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
-    let links = LinkConfig::load(args.links.clone()).map_err(Failure::bad_input)?;
+    let mut options = options(&args.links.options, toml::Table::new()).map_err(Failure::bad_input)?;
     // Whoever answers or pings has no role in a session.
     let peer = [PeerFile { name: "peer", role: None, path: args.peer.as_deref() }];
-    let guard = links.security(&args.endpoint.clone().into(), args.keys.as_deref(), &peer);
-    let guard = guard.map_err(Failure::bad_input)?;
-    let mut options = links.options(guard);
+    let known = security(&options, &args.endpoint.clone().into(), args.keys.as_deref(), &peer);
+    options.security = known.map_err(Failure::bad_input)?;
     options.link.batching = Batching {
         size: BatchSize::new(args.batch.into()).map_err(Failure::bad_input)?,
         coded: IdCoding::from(args.coding) == IdCoding::Changes,

@@ -11,7 +11,7 @@ use std::{
 use tokio::runtime::Runtime;
 use trimaran::vulkan::VulkanPair;
 use trimaran::{
-    config::{DisplayConfig, PairSeat, PeerFile, RoleConfig, SessionConfig, SwitchConfig},
+    config::{DisplayConfig, PairSeat, PeerFile, RoleConfig, SessionConfig, SwitchConfig, security},
     metrics::{LinkMetrics, Serving},
     report::schema::Seat as ReportSeat,
     walkthrough::{PathChoice, Plan, SceneFile, Trail},
@@ -23,7 +23,7 @@ use trimaran_actors::{
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Role};
 use trimaran_scene::Scene;
-use trimaran_transport::{Endpoint, Instant, Net, TokioNet, sleep_until};
+use trimaran_transport::{Endpoint, Instant, Net, Options, TokioNet, sleep_until};
 
 use super::{
     Failure,
@@ -53,11 +53,11 @@ fn on_runtime(role: impl FnOnce(&Runtime) -> Result<(), Failure>) -> Result<(), 
     result
 }
 
-fn load<C: RoleConfig>(args: &RoleArgs<C::Layer>) -> Result<C, Failure>
+fn load<C: RoleConfig>(args: &RoleArgs<C::Layer>) -> Result<(C, Options), Failure>
 where
     C::Layer: clap::Args + Clone,
 {
-    C::load(args.flags.clone(), args.config.as_deref()).map_err(Failure::bad_input)
+    C::load(args.flags.clone(), &args.links.options, args.config.as_deref()).map_err(Failure::bad_input)
 }
 
 /// A configuration file with every key.
@@ -69,15 +69,15 @@ pub(super) fn template(role: RoleName) -> String {
 }
 
 /// One machine of the pair, from start to close.
-fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
+fn switch((config, options): &(SwitchConfig, Options), runtime: &Runtime) -> Result<(), Failure> {
     let seat = match config.seat {
         PairSeat::First => Seat::First,
         PairSeat::Second => Seat::Second,
     };
     let place = |endpoint: &Endpoint, name, role, peer: &Option<PathBuf>| {
         let peer = PeerFile { name, role: Some(role), path: peer.as_deref() };
-        let guard = config.link.security(&endpoint.clone().into(), config.keys.as_deref(), &[peer]);
-        let options = config.link.options(guard.map_err(Failure::bad_input)?);
+        let known = security(options, &endpoint.clone().into(), config.keys.as_deref(), &[peer]);
+        let options = Options { security: known.map_err(Failure::bad_input)?, ..options.clone() };
         Ok::<_, Failure>(Place { endpoint: endpoint.clone(), options })
     };
     let mut display = place(&config.display, "peers.display", Role::Display, &config.peers.display)?;
@@ -132,7 +132,7 @@ pub(super) fn not_joined(error: JoinError) -> Failure {
 }
 
 /// The display of a deployment: waits for the pair, walks the path, writes the report.
-fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
+fn display((config, options): &(DisplayConfig, Options), runtime: &Runtime) -> Result<(), Failure> {
     let plan = session_plan(&config.session)?;
     let choice = PathChoice::parse(&config.session.path, config.session.seed);
     let (first, second) = (config.peers.first.as_deref(), config.peers.second.as_deref());
@@ -140,9 +140,8 @@ fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
         PeerFile { name: "peers.first", role: Some(role_of(Seat::First)), path: first },
         PeerFile { name: "peers.second", role: Some(role_of(Seat::Second)), path: second },
     ];
-    let guard =
-        config.link.security(&config.listen, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
-    let mut options = config.link.options(guard);
+    let known = security(options, &config.listen, config.keys.as_deref(), &peers);
+    let mut options = Options { security: known.map_err(Failure::bad_input)?, ..options.clone() };
     check_trace(config.record.as_deref())?;
     let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
     let start = Start::new(runtime, config.join_timeout_s);

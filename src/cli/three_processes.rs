@@ -11,7 +11,7 @@ use tokio::{
     runtime::Runtime,
 };
 use trimaran::{
-    config::{LinkConfig, PairSeat, SwitchConfig, SwitchPeers},
+    config::{self, PairSeat, SwitchConfig, SwitchPeers},
     report::schema::Seat,
 };
 use trimaran_actors::max_frame;
@@ -53,9 +53,11 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
     let gpu = gpu_options(args.walk.device.as_deref(), args.walk.device_timeout);
     let configs = tempfile::tempdir().map_err(Failure::broken)?;
     let (listen, pair) = meeting_places(transport, configs.path())?;
-    let link = LinkConfig::load(args.links.clone()).map_err(Failure::bad_input)?;
-    let keyring = if link.needs_keys(&listen) { Some(Keyring::make(configs.path())?) } else { None };
-    let mut options = link.options(keyring.as_ref().map(|keyring| keyring.security.clone()));
+    let mut options = config::options(&args.links.options, toml::Table::new()).map_err(Failure::bad_input)?;
+    let keyring =
+        if config::needs_keys(&options, &listen) { Some(Keyring::make(configs.path())?) } else { None };
+    let links = toml::to_string(&options).map_err(Failure::broken)?;
+    options.security = keyring.as_ref().map(|keyring| keyring.security.clone());
     options.link.max_frame = max_frame(&file.scene);
     let drawn = upload(&file, &gpu)?;
     let listen = listen.into();
@@ -77,9 +79,8 @@ pub(super) fn run(args: &RunArgs, transport: Transport) -> Result<(), Failure> {
             metrics: None,
             keys: keyring.as_ref().map(|keyring| keyring.of(seat).private.clone()),
             peers: keyring.as_ref().map(|keyring| keyring.peers_of(seat)).unwrap_or_default(),
-            link: link.clone(),
         };
-        Machine::start(&config, configs.path(), &runtime)
+        Machine::start(&config, &links, configs.path(), &runtime)
     };
     let mut machines = [machine(PairSeat::First)?, machine(PairSeat::Second)?];
 
@@ -187,10 +188,10 @@ struct Machine {
 }
 
 impl Machine {
-    fn start(config: &SwitchConfig, folder: &Path, runtime: &Runtime) -> Result<Self, Failure> {
+    fn start(config: &SwitchConfig, links: &str, folder: &Path, runtime: &Runtime) -> Result<Self, Failure> {
         let path = folder.join(format!("{:?}.toml", config.seat));
-        let text = toml::to_string(config).map_err(Failure::broken)?;
-        std::fs::write(&path, text).map_err(Failure::broken)?;
+        let own = toml::to_string(config).map_err(Failure::broken)?;
+        std::fs::write(&path, own + links).map_err(Failure::broken)?;
         let program = std::env::current_exe().map_err(Failure::broken)?;
         let mut command = Command::new(program);
         command.args(["role", "switch", "--config"]).arg(&path);

@@ -5,8 +5,9 @@
 
 #![allow(unused_qualifications, clippy::ptr_arg, reason = "as `Config` derives its layers and checks")]
 
-mod links;
+mod options;
 mod role;
+mod security;
 
 use std::{
     fs,
@@ -14,14 +15,14 @@ use std::{
 };
 
 use confique::{Config, Layer};
+use serde::{Deserialize, de::DeserializeOwned};
 use thiserror::Error;
-use trimaran_transport::{Endpoint, keys::KeysError};
+use toml::{Spanned, Table, de::DeTable};
+use trimaran_transport::{Endpoint, Options, keys::KeysError};
 
-pub use links::{
-    FileMode, FileModeError, FrameMode, LimitsConfig, LinkConfig, PeerFile, QuicConfig, RepairMode,
-    TcpConfig, UdpConfig, UdpCongestion, UdpTrust, UnixConfig,
-};
+pub use options::{GivenOption, GivenOptionError, OptionKey, options};
 pub use role::{DisplayConfig, DisplayPeers, PairSeat, SessionConfig, SwitchConfig, SwitchPeers};
+pub use security::{PeerFile, needs_keys, security};
 
 /// Why a configuration could not be used.
 #[derive(Debug, Error)]
@@ -51,6 +52,22 @@ pub enum ConfigError {
         /// Which variable, and why.
         #[source]
         cause: confique::Error,
+    },
+    /// An environment variable has a bad value for a link.
+    #[error("the environment is not valid: {variable}: {cause}")]
+    Variable {
+        /// The variable.
+        variable: String,
+        /// Why.
+        #[source]
+        cause: GivenOptionError,
+    },
+    /// The options of links do not go together.
+    #[error("the options of links are not valid: {cause}")]
+    Options {
+        /// Why.
+        #[source]
+        cause: Box<toml::de::Error>,
     },
     /// A key that has no default is nowhere; the cause names it.
     #[error("{cause}: give it in the configuration file, as a flag or in the environment")]
@@ -94,37 +111,58 @@ pub trait RoleConfig: Config {
     /// Names the key and what is wrong with it.
     fn check(&self) -> Result<(), ConfigError>;
 
-    /// Reads the layers, each before the next: `flags`, the environment, `file` and the defaults.
+    /// Reads the layers, each before the next: flags, the environment, `file` and the defaults. Gives the
+    /// role's own keys, and the options of its links.
     ///
     /// # Errors
     /// Names the file with line and key, the variable, or the key that is nowhere.
-    fn load(flags: Self::Layer, file: Option<&Path>) -> Result<Self, ConfigError> {
+    fn load(
+        flags: Self::Layer,
+        link_flags: &[GivenOption],
+        file: Option<&Path>,
+    ) -> Result<(Self, Options), ConfigError> {
         let environment = Self::Layer::from_env().map_err(|cause| ConfigError::Environment { cause })?;
-        let file = file.map_or_else(|| Ok(Self::Layer::empty()), read::<Self>)?;
+        let none = || Ok((Self::Layer::empty(), Table::new()));
+        let (file, links) = file.map_or_else(none, read::<Self>)?;
         let layers = flags.with_fallback(environment).with_fallback(file);
         let layers = layers.with_fallback(Self::Layer::default_values());
         let config = Self::from_layer(layers).map_err(|cause| ConfigError::Missing { cause })?;
         config.check()?;
-        Ok(config)
+        Ok((config, options(link_flags, links)?))
     }
 
     /// A file with every key, its description and its default, each commented out.
     fn template() -> String {
-        confique::toml::template::<Self>(confique::toml::FormatOptions::default())
+        let own = confique::toml::template::<Self>(confique::toml::FormatOptions::default());
+        own + &OptionKey::template()
     }
 }
 
-/// The layer that a file makes.
-fn read<C: RoleConfig>(path: &Path) -> Result<C::Layer, ConfigError> {
+/// The layer that a file makes, and what it says of links.
+fn read<C: RoleConfig>(path: &Path) -> Result<(C::Layer, Table), ConfigError> {
     let text =
         fs::read_to_string(path).map_err(|cause| ConfigError::Read { path: path.to_owned(), cause })?;
-    let mut layer = toml::from_str(&text)
-        .map_err(|cause| ConfigError::Parse { path: path.to_owned(), cause: Box::new(cause) })?;
+    let (mut layer, links) = split(&text).map_err(|mut cause| {
+        cause.set_input(Some(&text));
+        ConfigError::Parse { path: path.to_owned(), cause: Box::new(cause) }
+    })?;
     let folder = path.parent().unwrap_or(Path::new(""));
     for relative in C::paths(&mut layer) {
         *relative = folder.join(&*relative);
     }
-    Ok(layer)
+    Ok((layer, links))
+}
+
+/// A role's own keys, and the tables of links. Both are read with their places in the text, for errors.
+fn split<L: DeserializeOwned>(text: &str) -> Result<(L, Table), toml::de::Error> {
+    let all = DeTable::parse(text)?;
+    let span = all.span();
+    let tables = OptionKey::tables();
+    let (links, own): (DeTable<'_>, DeTable<'_>) =
+        all.into_inner().into_iter().partition(|(key, _)| tables.iter().any(|table| key.get_ref() == table));
+    let deserializer = |table| toml::Deserializer::from(Spanned::new(span.clone(), table));
+    Options::deserialize(deserializer(links.clone()))?;
+    Ok((L::deserialize(deserializer(own))?, Table::deserialize(deserializer(links))?))
 }
 
 /// A number of seconds that can be waited.

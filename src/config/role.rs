@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use trimaran_proto::{IdCoding, TesterKind};
 use trimaran_transport::{Endpoint, Endpoints};
 
-use super::{ConfigError, LinkConfig, RoleConfig, positive, seconds};
+use super::{ConfigError, RoleConfig, positive, seconds};
 
 /// Which machine of the pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -79,9 +79,6 @@ pub struct SwitchConfig {
     /// By what this machine knows the others: their public keys.
     #[config(nested, layer_attr(command(flatten)))]
     pub peers: SwitchPeers,
-    /// How links are made.
-    #[config(nested, layer_attr(command(flatten)))]
-    pub link: LinkConfig,
 }
 
 /// By what a machine of the pair knows the others.
@@ -164,9 +161,6 @@ pub struct DisplayConfig {
     /// What is walked and how.
     #[config(nested, layer_attr(command(flatten)))]
     pub session: SessionConfig,
-    /// How links are made.
-    #[config(nested, layer_attr(command(flatten)))]
-    pub link: LinkConfig,
 }
 
 /// By what the display knows the machines of the pair.

@@ -14,9 +14,13 @@ fn written(text: &str) -> (tempfile::TempDir, PathBuf) {
     (dir, path)
 }
 
-fn file<C: RoleConfig>(text: &str) -> Result<C, ConfigError> {
+fn both<C: RoleConfig>(text: &str) -> Result<(C, Options), ConfigError> {
     let (_dir, path) = written(text);
-    C::load(C::Layer::empty(), Some(&path))
+    C::load(C::Layer::empty(), &[], Some(&path))
+}
+
+fn file<C: RoleConfig>(text: &str) -> Result<C, ConfigError> {
+    both(text).map(|(config, _)| config)
 }
 
 fn defaults() -> SessionConfig {
@@ -27,7 +31,8 @@ fn defaults() -> SessionConfig {
 fn a_short_configuration_is_filled_with_defaults_and_paths_start_beside_it() {
     let (dir, path) =
         written("scene = 'a.scene'\nlisten = 'tcp://[::]:7400'\nout = '/tmp/x'\nkeys = 'k/one.key'\n");
-    let config = DisplayConfig::load(Layer::empty(), Some(&path)).unwrap();
+    let (config, options) = DisplayConfig::load(Layer::empty(), &[], Some(&path)).unwrap();
+    assert_eq!(options, Options::default());
     assert_eq!(config.session, defaults());
     assert_eq!((config.session.width, config.session.tester.as_str()), (1024, "hzb"));
     assert_eq!(config.scene, dir.path().join("a.scene"));
@@ -37,11 +42,14 @@ fn a_short_configuration_is_filled_with_defaults_and_paths_start_beside_it() {
 
 #[test]
 fn a_flag_goes_before_the_file_and_its_paths_start_where_the_user_is() {
-    let (_dir, path) = written(&format!("{DISPLAY}[session]\nbatch = 7\nseed = 8\n"));
+    let (_dir, path) =
+        written(&format!("{DISPLAY}[session]\nbatch = 7\nseed = 8\n[udp]\nwindow = 7\ninitial_window = 8\n"));
     let mut flags = <DisplayConfig as Config>::Layer::empty();
     flags.session.batch = Some(9);
     flags.scene = Some("b.scene".into());
-    let config = DisplayConfig::load(flags, Some(&path)).unwrap();
+    let given = ["udp.window=9".parse().unwrap()];
+    let (config, options) = DisplayConfig::load(flags, &given, Some(&path)).unwrap();
+    assert_eq!((options.udp.window, options.udp.initial_window, options.udp.repair_percent), (9, 8, 15));
     assert_eq!((config.session.batch, config.session.seed, config.session.audit_every), (9, 8, 10));
     assert_eq!(config.scene, Path::new("b.scene"));
 }
@@ -61,9 +69,12 @@ fn a_switch_configuration_survives_a_round_trip() {
         metrics: None,
         keys: Some("/k/two.key".into()),
         peers,
-        link: LinkConfig::from_layer(Layer::default_values()).unwrap(),
     };
-    assert_eq!(file::<SwitchConfig>(&toml::to_string(&config).unwrap()).unwrap(), config);
+    let mut options = Options::default();
+    options.udp.window = 12_345;
+    options.tcp.keepalive = None;
+    let text = [toml::to_string(&config).unwrap(), toml::to_string(&options).unwrap()].concat();
+    assert_eq!(both::<SwitchConfig>(&text).unwrap(), (config, options));
 }
 
 #[test]
@@ -74,7 +85,7 @@ fn a_key_that_nobody_gave_is_named() {
 
 #[test]
 fn a_misspelt_key_is_named_with_its_line() {
-    for (lines, key) in [("[session]\nepsilon = 2\n", "epsilon"), ("[link.quic]\nwindows = 2\n", "windows")] {
+    for (lines, key) in [("[session]\nepsilon = 2\n", "epsilon"), ("[quic]\nwindows = 2\n", "windows")] {
         let message = file::<DisplayConfig>(&format!("{DISPLAY}{lines}")).unwrap_err().to_string();
         assert!(message.contains(key) && message.contains("line 5"), "{message}");
     }
@@ -101,25 +112,25 @@ fn values_outside_their_range_are_refused_by_line_and_key() {
         "session.tester = 'guess'",
         "join_timeout_s = -1",
         "link.timeout_s = 1e9",
-        "link.quic.congestion = 'reno'",
-        "link.limits.handshakes_per_s = 0",
-        "link.limits.messages_per_s = -1",
-        "link.tcp.nodelay = 1",
-        "link.tcp.send_buffer = -1",
-        "link.tcp.keepalive_s = -1",
-        "link.tcp.user_timeout_s = 'never'",
-        "link.unix.mode = '999'",
-        "link.unix.mode = 600",
-        "link.unix.allow_uids = [-1]",
-        "link.udp.mode = 'fast'",
-        "link.udp.deadline_ms = 0",
-        "link.udp.repair = true",
-        "link.udp.repair_percent = 0",
-        "link.udp.trust = 'nobody'",
-        "link.udp.congestion = 'bbr'",
-        "link.udp.initial_window = 1",
-        "link.udp.pmtu = 1500",
-        "link.peers = -1",
+        "quic.congestion = 'reno'",
+        "limits.handshakes_per_s = 0",
+        "link.messages_per_s = -1",
+        "tcp.nodelay = 1",
+        "tcp.send_buffer = -1",
+        "tcp.keepalive_s = -1",
+        "tcp.user_timeout_s = 'never'",
+        "unix.mode = '999'",
+        "unix.mode = 600",
+        "unix.allow_uids = [-1]",
+        "udp.mode = 'fast'",
+        "udp.deadline_ms = 0",
+        "udp.repair = true",
+        "udp.repair_percent = 0",
+        "udp.trust = 'nobody'",
+        "udp.congestion = 'bbr'",
+        "udp.initial_window = 1",
+        "udp.max_datagram = 1501",
+        "limits.peers = -1",
     ] {
         let key = line.split([' ', '.']).nth(line.split(' ').next().unwrap().matches('.').count()).unwrap();
         let message = file::<DisplayConfig>(&format!("{DISPLAY}{line}\n")).unwrap_err().to_string();
@@ -142,7 +153,7 @@ fn leaves(meta: &'static Meta, under: &str, found: &mut Vec<(String, Option<&'st
 }
 
 /// The template with every key that has a default turned on, and every other one off.
-fn template_in_step<C: RoleConfig>(required: &str) -> C {
+fn template_in_step<C: RoleConfig>(required: &str) -> (C, Options) {
     let mut keys = Vec::new();
     leaves(&C::META, "", &mut keys);
     assert!(keys.len() > 10, "{keys:?}");
@@ -156,6 +167,12 @@ fn template_in_step<C: RoleConfig>(required: &str) -> C {
         let shown = template.contains(&format!("\n#{name} ="));
         assert!(shown, "{path} (default: {default}) is not in the template:\n{template}");
     }
+    for key in OptionKey::all() {
+        let (_, name) = key.path.rsplit_once('.').unwrap();
+        assert!(!key.meaning.is_empty(), "{} is not described", key.path);
+        assert!(template.contains(&format!("`{}`", key.variable())), "{}", key.path);
+        assert!(template.contains(&format!("\n#{name} =")), "{}", key.path);
+    }
     let on = |line: &str| match line.strip_prefix('#') {
         Some(key) if key.starts_with(|c: char| c.is_ascii_lowercase()) && !key.trim_end().ends_with('=') => {
             key.to_owned()
@@ -163,32 +180,28 @@ fn template_in_step<C: RoleConfig>(required: &str) -> C {
         _ => line.to_owned(),
     };
     let text: Vec<_> = template.lines().map(on).collect();
-    file(&format!("{required}{}", text.join("\n"))).unwrap()
+    both(&format!("{required}{}", text.join("\n"))).unwrap()
 }
 
 #[test]
 fn the_templates_have_every_key_and_its_true_default() {
-    let display: DisplayConfig = template_in_step(DISPLAY);
-    assert_eq!(display.session, defaults());
+    let (display, options) = template_in_step::<DisplayConfig>(DISPLAY);
+    assert_eq!((display.session, options), (defaults(), Options::default()));
     let required = "scene = 'a'\nseat = 'first'\ndisplay = 'tcp://x:1'\npair = 'tcp://x:2'\n";
-    let switch: SwitchConfig = template_in_step(required);
-    assert_eq!(switch.link, display.link);
-    assert_eq!(
-        switch.link.options(None),
-        trimaran_transport::Options::default(),
-        "the defaults are the links' own"
-    );
+    let (_, options) = template_in_step::<SwitchConfig>(required);
+    assert_eq!(options, Options::default());
 }
 
 #[test]
 fn what_is_told_of_a_transport_reaches_its_links() {
     use trimaran_transport::{UdpMode, udp};
-    let tcp = "[link.tcp]\nnodelay = false\nsend_buffer = 1\nrecv_buffer = 2\nkeepalive_s = 0\nuser_timeout_s = 3.5\n";
-    let unix = "[link.unix]\nmode = '0660'\nallow_uids = [7, 8]\n";
-    let udp = "[link.udp]\nmode = 'deadline'\ndeadline_ms = 12.5\nrepair = 'on'\nrepair_percent = 20\ntrust = 'plain'\n\
-               congestion = 'new-reno'\ninitial_window = 10\npmtu = false\nwindow = 3\nsend_buffer = 4\nsocket_buffer = 5\n";
-    let config: DisplayConfig = file(&format!("{DISPLAY}{tcp}{unix}{udp}")).unwrap();
-    let options = config.link.options(None);
+    let tcp =
+        "[tcp]\nnodelay = false\nsend_buffer = 1\nrecv_buffer = 2\nkeepalive_s = 0\nuser_timeout_s = 3.5\n";
+    let unix = "[unix]\nmode = '0660'\nallow_uids = [7, 8]\n";
+    let udp = "[udp]\nmode = 'deadline'\ndeadline_ms = 12.5\nrepair = 'on'\nrepair_percent = 20\ntrust = 'plain'\n\
+               congestion = 'new-reno'\ninitial_window = 10\nmax_datagram = 1200\nwindow = 3\nsend_buffer = 4\n\
+               [udp.socket]\nsend_buffer = 5\nrecv_buffer = 5\n";
+    let (_, options) = both::<DisplayConfig>(&format!("{DISPLAY}{tcp}{unix}{udp}")).unwrap();
     let tcp = options.tcp;
     assert_eq!(
         (tcp.nodelay, tcp.send_buffer, tcp.recv_buffer, tcp.keepalive),
@@ -215,13 +228,13 @@ fn what_is_told_of_a_transport_reaches_its_links() {
 
 #[test]
 fn datagrams_in_the_clear_need_no_keys() {
-    let mut link = LinkConfig::from_layer(Layer::default_values()).unwrap();
+    let mut options = Options::default();
     let (udp, quic) = ("udp://a:1".parse().unwrap(), "udp://a:1,quic://a:2".parse().unwrap());
     let none = [PeerFile { name: "peers.other", role: None, path: None }];
-    assert!(link.security(&udp, None, &none).is_err());
-    link.udp.trust = UdpTrust::Plain;
-    assert_eq!(link.security(&udp, None, &none).unwrap(), None);
-    let message = link.security(&quic, None, &none).unwrap_err().to_string();
+    assert!(security(&options, &udp, None, &none).is_err());
+    options.udp.trust = trimaran_transport::udp::Trust::Plaintext;
+    assert_eq!(security(&options, &udp, None, &none).unwrap(), None);
+    let message = security(&options, &quic, None, &none).unwrap_err().to_string();
     assert!(message.contains("quic://a:2"), "{message}");
 }
 
@@ -237,16 +250,16 @@ fn what_encrypts_needs_keys_of_both_sides() {
     let both = "tcp://a:1,quic://a:2".parse().unwrap();
     let none = |name| PeerFile { name, role: Some(Role::SwitchB), path: None };
     let peer = PeerFile { path: Some(two.public.as_path()), ..none("peers.other") };
-    let link = LinkConfig::from_layer(Layer::default_values()).unwrap();
-    assert_eq!(link.security(&tcp, None, &[none("peers.other")]).unwrap(), None);
-    let guard = link.security(&both, Some(&one.private), &[none("peers.first"), peer]).unwrap().unwrap();
-    assert_eq!(guard.keys.public().name.as_str(), "one");
-    let known = guard.peers.iter().map(|peer| (peer.keys.name.as_str(), peer.role.clone()));
+    let options = Options::default();
+    assert_eq!(security(&options, &tcp, None, &[none("peers.other")]).unwrap(), None);
+    let known = security(&options, &both, Some(&one.private), &[none("peers.first"), peer]).unwrap().unwrap();
+    assert_eq!(known.keys.public().name.as_str(), "one");
+    let known = known.peers.iter().map(|peer| (peer.keys.name.as_str(), peer.role.clone()));
     assert_eq!(known.collect::<Vec<_>>(), [("two", Some(String::from(Role::SwitchB)))]);
     for (keys, peer) in [(None, peer), (Some(one.private.as_path()), none("peers.other"))] {
-        let message = link.security(&both, keys, &[peer]).unwrap_err().to_string();
+        let message = security(&options, &both, keys, &[peer]).unwrap_err().to_string();
         assert!(message.contains("quic://a:2") && message.contains("peers.other"), "{message}");
     }
-    let swapped = link.security(&both, Some(&one.public), &[peer]).unwrap_err();
+    let swapped = security(&options, &both, Some(&one.public), &[peer]).unwrap_err();
     assert!(matches!(swapped, ConfigError::Keys(KeysError::Public { .. })), "{swapped}");
 }

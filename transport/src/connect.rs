@@ -193,7 +193,7 @@ pub async fn connect<P: Protocol>(
     loop {
         attempts += 1;
         let session = SessionId(net.random().map_err(ConnectError::Random)?);
-        let timeout = net.now().after(options.handshake).min(deadline);
+        let timeout = net.now().after(options.link.handshake_timeout).min(deadline);
         let introduction = Introduction {
             application: &*application,
             session,

@@ -64,6 +64,8 @@
 
 mod acceptor;
 mod application;
+#[cfg(feature = "config")]
+mod config;
 #[cfg(feature = "conformance")]
 pub mod conformance;
 mod connect;
@@ -118,8 +120,7 @@ pub use rates::{ListenerStats, TooMany, TurnedAway};
 pub use stats::{LinkStats, StatsHandle, Tally, Traffic};
 pub use transport::{ListenFault, Listening, Transport};
 pub use trimaran_net::{
-    Credentials, Instant, Keepalive, Net, TcpOptions, TokioNet, UdpSocketOptions, UnixSocketOptions,
-    sleep_until, until,
+    Credentials, Instant, Net, TcpOptions, TokioNet, UdpSocketOptions, UnixSocketOptions, sleep_until, until,
 };
 #[cfg(feature = "udp")]
 pub use trimaran_udp::PathStats;

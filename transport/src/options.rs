@@ -1,7 +1,6 @@
 //! How links are made and what they may cost: what all transports have in common, and each one's own.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 #[cfg(feature = "unix")]
 use crate::UnixOptions;
@@ -15,16 +14,17 @@ use crate::{LinkConfig, TcpOptions, Transport};
 
 /// Options of links, whatever their transport.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct Options {
     /// What holds for a link once it is made.
     pub link: LinkConfig,
-    /// How long one handshake may take, from the connection to the last answer. Default 5 s.
-    pub handshake: Duration,
     /// What others may make this side spend.
     pub limits: Limits,
     /// This peer's keys and the peers that it knows. What encrypts needs them: QUIC has no plaintext mode.
     /// Default none.
     #[cfg(feature = "keys")]
+    #[cfg_attr(feature = "config", serde(skip))]
     pub security: Option<Security>,
     /// What holds for TCP connections.
     pub tcp: TcpOptions,
@@ -38,11 +38,14 @@ pub struct Options {
     #[cfg(feature = "udp")]
     pub udp: UdpOptions,
     /// Transports beside those of this crate, for endpoints of their schemes. Default none.
+    #[cfg_attr(feature = "config", serde(skip))]
     pub transports: Vec<Arc<dyn Transport>>,
 }
 
 /// What others may make this side spend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct Limits {
     /// How many peers a listener has links with at once; more are told that it is busy. Default 16.
     pub peers: usize,
@@ -51,9 +54,11 @@ pub struct Limits {
     pub handshakes: usize,
     /// How many handshakes may begin at a listener in a second, by all together. More are turned away,
     /// except that each address may begin its even share. Default 1,000.
+    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::above_zero"))]
     pub handshakes_per_s: u32,
     /// And by one address, of IPv6 one network of 64 bits, or over Unix sockets one user. A link over byte
     /// streams takes two. Default 500.
+    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::above_zero"))]
     pub handshakes_per_s_per_address: u32,
 }
 
@@ -61,7 +66,6 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             link: LinkConfig::default(),
-            handshake: Duration::from_secs(5),
             limits: Limits::default(),
             #[cfg(feature = "keys")]
             security: None,

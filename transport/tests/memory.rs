@@ -125,8 +125,8 @@ async fn strangers_cost_no_more_than_the_handshakes_that_may_be_under_way() {
         handshakes_per_s_per_address: 1 << 20,
         ..Limits::default()
     };
-    let link = LinkConfig { idle_timeout: hour, ..LinkConfig::default() };
-    let options = Options { limits, link, handshake: hour, ..Options::default() };
+    let link = LinkConfig { idle_timeout: hour, handshake_timeout: hour, ..LinkConfig::default() };
+    let options = Options { limits, link, ..Options::default() };
     for endpoint in ENDPOINTS {
         let mut meeting = Meeting::at(endpoint, &options).await;
         drop(joined(&mut meeting).await);

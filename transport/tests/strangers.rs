@@ -117,8 +117,9 @@ mod of_datagrams {
     /// The panel sees a listener that dies, and the listener a panel.
     async fn either_side_may_die_behind_every_datagram_of_the_handshake(endpoint: &str) {
         // Only the time of a handshake frees the place of who dies in it.
-        let link = LinkConfig { idle_timeout: Duration::from_secs(3600), ..LinkConfig::default() };
-        let options = Options { handshake: Duration::from_secs(1), link, ..Options::default() };
+        let (idle_timeout, handshake_timeout) = (Duration::from_secs(3600), Duration::from_secs(1));
+        let link = LinkConfig { idle_timeout, handshake_timeout, ..LinkConfig::default() };
+        let options = Options { link, ..Options::default() };
         let Meeting { mut listener, at, panel, _folder, .. } = Meeting::at(endpoint, &options).await;
         let net = net();
         let inside = match &at {

@@ -72,7 +72,8 @@ async fn a_claim_of_another_version_is_named_once_nobody_else_has_answered() {
             other.send_to(&retry, from).await.unwrap();
         }
     };
-    let options = Options { handshake: Duration::from_millis(300), ..shared(1) };
+    let link = LinkConfig { handshake_timeout: Duration::from_millis(300), ..LinkConfig::default() };
+    let options = Options { link, ..shared(1) };
     let begun = net.now();
     let by = begun.after(Duration::from_secs(2));
     let error = tokio::select! {
@@ -254,8 +255,9 @@ async fn what_travels_can_be_read_on_the_way_only_in_the_clear() {
 async fn a_first_packet_that_somebody_repeats_is_no_link() {
     let net = net();
     // Only the time of the handshake ends it.
-    let link = LinkConfig { idle_timeout: Duration::from_secs(3600), ..LinkConfig::default() };
-    let options = Options { handshake: Duration::from_millis(300), link, ..shared(1) };
+    let (idle_timeout, handshake_timeout) = (Duration::from_secs(3600), Duration::from_millis(300));
+    let link = LinkConfig { idle_timeout, handshake_timeout, ..LinkConfig::default() };
+    let options = Options { link, ..shared(1) };
     let (mut listener, at) = listener(&options).await;
     let (mut relay, through) = Relay::before(&at).await;
     let mut answers = 0;
@@ -285,7 +287,8 @@ async fn a_first_packet_that_somebody_repeats_is_no_link() {
 #[tokio::test]
 async fn a_first_packet_that_somebody_repeats_takes_no_place() {
     let net = net();
-    let options = Options { handshake: Duration::from_secs(3600), ..shared(1) };
+    let link = LinkConfig { handshake_timeout: Duration::from_secs(3600), ..LinkConfig::default() };
+    let options = Options { link, ..shared(1) };
     let (mut listener, at) = listener(&options).await;
     let (mut relay, through) = Relay::before(&at).await;
     let first = tokio::select! {

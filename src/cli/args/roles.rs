@@ -4,7 +4,7 @@ use std::{net::SocketAddr, path::PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use confique::Config;
-use trimaran::config::{DisplayConfig, SwitchConfig};
+use trimaran::config::{DisplayConfig, GivenOption, SwitchConfig};
 use trimaran_transport::Name;
 
 #[derive(Debug, Subcommand)]
@@ -24,6 +24,17 @@ pub(crate) struct RoleArgs<L: Args> {
     pub(crate) config: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) flags: L,
+    #[command(flatten)]
+    pub(crate) links: LinkFlags,
+}
+
+/// What is told of links.
+#[derive(Debug, Default, Args)]
+pub(crate) struct LinkFlags {
+    /// Set an option of links, such as `udp.mode=deadline` or `link.idle_timeout_s=5`; may be repeated.
+    /// `trimaran config display` prints all keys. Environment variables do the same: `TRIMARAN_UDP_MODE`.
+    #[arg(short = 'o', long = "option", value_name = "KEY=VALUE")]
+    pub(crate) options: Vec<GivenOption>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -3,9 +3,10 @@
 use std::{net::SocketAddr, path::PathBuf};
 
 use clap::{Args, ValueEnum};
-use confique::Config;
-use trimaran::config::{LinkConfig, positive};
+use trimaran::config::positive;
 use trimaran_proto::IdCoding;
+
+use super::LinkFlags;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LinkKind {
@@ -113,7 +114,7 @@ pub(crate) struct RunArgs {
     #[arg(long, value_enum, default_value = "inproc", env = "TRIMARAN_LINK")]
     pub(crate) link: LinkKind,
     #[command(flatten)]
-    pub(crate) links: <LinkConfig as Config>::Layer,
+    pub(crate) links: LinkFlags,
     /// The largest error on the screen, pixels.
     #[arg(
         long,

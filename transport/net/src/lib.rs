@@ -30,6 +30,8 @@
 //! | `tcp`, `unix`, `udp` | what is told to sockets and what they tell, and datagrams in batches |
 //! | `tokio_net` | [`TokioNet`], behind the feature `tokio` |
 
+#[cfg(feature = "config")]
+pub mod config;
 mod net;
 mod tcp;
 mod time;
@@ -41,7 +43,7 @@ mod unix;
 pub use net::{
     BoxFuture, BoxReader, BoxWriter, Listen, Net, Stream, StreamPeer, Timer, random_bytes, sleep_until, until,
 };
-pub use tcp::{Keepalive, TcpOptions};
+pub use tcp::TcpOptions;
 pub use time::Instant;
 #[cfg(feature = "tokio")]
 pub use tokio_net::TokioNet;

@@ -4,6 +4,8 @@ use std::time::Duration;
 
 /// Options of each TCP connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct TcpOptions {
     /// Send at once, without Nagle's wait for an acknowledgement. Default true.
     pub nodelay: bool,
@@ -11,24 +13,32 @@ pub struct TcpOptions {
     pub send_buffer: Option<usize>,
     /// The system's receive buffer, bytes; `None` leaves it to the system, which adapts it.
     pub recv_buffer: Option<usize>,
-    /// Probes of an idle connection, answered by the peer's system even while the peer is busy. Default
-    /// after 5 s.
-    pub keepalive: Option<Keepalive>,
+    /// How long a connection is idle before the system asks the peer's system whether it is there. Default
+    /// 5 s. `None` (in a file 0) never asks.
+    #[cfg_attr(
+        feature = "config",
+        serde(rename = "keepalive_s", with = "crate::config::seconds_or_off"),
+        schemars(with = "f64")
+    )]
+    pub keepalive: Option<Duration>,
+    /// The time between two such probes. Default 2 s.
+    #[cfg_attr(
+        feature = "config",
+        serde(rename = "keepalive_interval_s", with = "crate::config::seconds"),
+        schemars(with = "f64")
+    )]
+    pub keepalive_interval: Duration,
     /// How long data may wait for the peer's system, or for room on its side, before the connection counts
-    /// as dead (`TCP_USER_TIMEOUT`; Linux only). Default 20 s. `None` leaves it to the system: about 15
-    /// minutes.
+    /// as dead (`TCP_USER_TIMEOUT`; Linux only). Default 20 s. `None` (in a file 0) leaves it to the
+    /// system: about 15 minutes.
+    #[cfg_attr(
+        feature = "config",
+        serde(rename = "user_timeout_s", with = "crate::config::seconds_or_off"),
+        schemars(with = "f64")
+    )]
     pub user_timeout: Option<Duration>,
-    /// How many connections may wait to be accepted.
+    /// How many connections may wait to be accepted. Default 128.
     pub backlog: i32,
-}
-
-/// Probes of an idle connection.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Keepalive {
-    /// How long a connection is idle before the first probe.
-    pub idle: Duration,
-    /// The time between two probes.
-    pub interval: Duration,
 }
 
 impl Default for TcpOptions {
@@ -37,7 +47,8 @@ impl Default for TcpOptions {
             nodelay: true,
             send_buffer: None,
             recv_buffer: None,
-            keepalive: Some(Keepalive { idle: Duration::from_secs(5), interval: Duration::from_secs(2) }),
+            keepalive: Some(Duration::from_secs(5)),
+            keepalive_interval: Duration::from_secs(2),
             user_timeout: Some(Duration::from_secs(20)),
             backlog: 128,
         }

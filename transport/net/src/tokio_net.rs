@@ -131,8 +131,8 @@ fn apply(socket: &SockRef<'_>, options: &TcpOptions) -> io::Result<()> {
     if let Some(bytes) = options.recv_buffer {
         socket.set_recv_buffer_size(bytes)?;
     }
-    if let Some(keepalive) = options.keepalive {
-        let wish = TcpKeepalive::new().with_time(keepalive.idle).with_interval(keepalive.interval);
+    if let Some(idle) = options.keepalive {
+        let wish = TcpKeepalive::new().with_time(idle).with_interval(options.keepalive_interval);
         socket.set_tcp_keepalive(&wish)?;
     }
     #[cfg(any(target_os = "linux", target_os = "android"))]

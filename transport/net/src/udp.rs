@@ -61,6 +61,8 @@ pub enum EcnCodepoint {
 
 /// Options of a UDP socket.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct UdpSocketOptions {
     /// The system's send buffer, bytes; the system may grant less. `None` leaves it as it is. Default 4 MiB.
     pub send_buffer: Option<usize>,

@@ -17,6 +17,8 @@ pub struct UdpEndpoint {
 /// What becomes of frames that this side sends over datagrams when packets are lost. Each side has its own
 /// mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "config", serde(rename_all = "kebab-case"))]
 #[non_exhaustive]
 pub enum UdpMode {
     /// Every frame arrives complete, or the link ends.

@@ -87,7 +87,7 @@ impl Guest {
     async fn receive(mut self, incoming: Incoming, security: &Security) {
         let address = incoming.remote_address();
         let acceptor = &self.acceptor;
-        let deadline = acceptor.net.now().after(acceptor.options.handshake);
+        let deadline = acceptor.net.now().after(acceptor.options.link.handshake_timeout);
         let handshake = shake_hands(acceptor, incoming, security);
         let outcome = tokio::select! {
             biased;

@@ -19,7 +19,7 @@ mod tls;
 
 pub(crate) use frames::{FrameRx, FrameTx};
 pub(crate) use latest::{LatestRx, LatestTx};
-pub use options::{Congestion, CongestionError, QuicOptions};
+pub use options::{Congestion, QuicOptions};
 pub use tls::UnknownPeer;
 
 use std::sync::Arc;

@@ -1,13 +1,10 @@
 //! How QUIC connections are set up.
 
-use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Duration;
 
 use quinn::congestion::{BbrConfig, CubicConfig, NewRenoConfig};
 use quinn::{IdleTimeout, MtuDiscoveryConfig, TransportConfig, VarInt};
-use serde::{Deserialize, Serialize};
-use thiserror::Error;
 use trimaran_wire::{Format, Numbered};
 
 use crate::{LinkConfig, UdpSocketOptions};
@@ -17,11 +14,18 @@ const VALUES: usize = 16;
 
 /// Options of QUIC connections.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct QuicOptions {
     /// How the connection shares the way with others. Default cubic.
     pub congestion: Congestion,
     /// What the first packets take the round trip to be, before it is measured: a third of the pause after
     /// which they are sent again. Default 100 ms.
+    #[cfg_attr(
+        feature = "config",
+        serde(rename = "initial_rtt_s", with = "trimaran_net::config::seconds"),
+        schemars(with = "f64")
+    )]
     pub initial_rtt: Duration,
     /// How many bytes may be under way in each direction, sent and not read. Default 8 MiB.
     pub window: u32,
@@ -37,10 +41,9 @@ pub struct QuicOptions {
 }
 
 /// Which congestion control a connection has.
-///
-/// As text `cubic`, `bbr` or `new-reno`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "config", serde(rename_all = "kebab-case"))]
 #[non_exhaustive]
 pub enum Congestion {
     /// CUBIC (RFC 9438), as most TCP has it.
@@ -50,49 +53,6 @@ pub enum Congestion {
     Bbr,
     /// New Reno (RFC 9002, section 7).
     NewReno,
-}
-
-/// A text that names no congestion control.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("{0:?} is no congestion control: give cubic, bbr or new-reno")]
-pub struct CongestionError(String);
-
-impl Congestion {
-    /// Every one.
-    pub const ALL: [Self; 3] = [Self::Cubic, Self::Bbr, Self::NewReno];
-
-    /// Its name.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Cubic => "cubic",
-            Self::Bbr => "bbr",
-            Self::NewReno => "new-reno",
-        }
-    }
-}
-
-impl FromStr for Congestion {
-    type Err = CongestionError;
-
-    fn from_str(name: &str) -> Result<Self, CongestionError> {
-        let found = Self::ALL.into_iter().find(|congestion| congestion.name() == name);
-        found.ok_or_else(|| CongestionError(name.to_owned()))
-    }
-}
-
-impl TryFrom<String> for Congestion {
-    type Error = CongestionError;
-
-    fn try_from(name: String) -> Result<Self, CongestionError> {
-        name.parse()
-    }
-}
-
-impl From<Congestion> for String {
-    fn from(congestion: Congestion) -> Self {
-        congestion.name().to_owned()
-    }
 }
 
 impl Default for QuicOptions {
@@ -209,24 +169,15 @@ mod tests {
         all
     }
 
-    #[test]
-    fn a_congestion_control_goes_by_its_name() {
-        for congestion in Congestion::ALL {
-            assert_eq!(congestion.name().parse(), Ok(congestion));
-        }
-        let error = "reno".parse::<Congestion>().unwrap_err().to_string();
-        assert!(error.contains("new-reno"), "{error}");
-    }
-
     #[tokio::test]
     async fn both_ends_have_the_congestion_control_that_was_asked_for() {
-        for congestion in Congestion::ALL {
+        let all = [Congestion::Cubic, Congestion::Bbr, Congestion::NewReno];
+        for congestion in all {
             let options = QuicOptions { congestion, ..QuicOptions::default() };
             for (connection, _) in connected(options, options, LinkConfig::default()).await {
                 let control = connection.congestion_state().into_any();
                 let found = (control.is::<Cubic>(), control.is::<Bbr>(), control.is::<NewReno>());
-                let asked =
-                    [Congestion::Cubic, Congestion::Bbr, Congestion::NewReno].map(|it| it == congestion);
+                let asked = all.map(|it| it == congestion);
                 assert_eq!(<[bool; 3]>::from(found), asked, "{congestion:?}");
             }
         }

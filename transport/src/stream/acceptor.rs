@@ -102,10 +102,10 @@ impl Reception {
     /// One connection, from its first byte to a link or a failure.
     async fn receive(self: Arc<Self>, stream: Stream, mut slot: Slot) {
         let address = self.address(stream.peer);
-        let deadline = self.acceptor.net.now().after(self.acceptor.options.handshake);
+        let deadline = self.acceptor.net.now().after(self.acceptor.options.link.handshake_timeout);
         // A lane that waits for the other one watches the deadline itself, in order to refuse politely; the
         // limit is for a peer that does not even read the refusal.
-        let limit = deadline.after(self.acceptor.options.handshake);
+        let limit = deadline.after(self.acceptor.options.link.handshake_timeout);
         let handshake = self.shake_hands(stream, deadline, &mut slot);
         let outcome =
             until(&*self.acceptor.net, limit, handshake).await.unwrap_or(Err(HandshakeError::TimedOut));

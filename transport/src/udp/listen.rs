@@ -219,7 +219,7 @@ async fn greet(acceptor: Arc<Acceptor>, port: Arc<Port>, guest: Guest, mut slot:
         state.wait(Waiter::Greeter, cx);
         Poll::Pending
     });
-    let by = acceptor.net.now().after(acceptor.options.handshake);
+    let by = acceptor.net.now().after(acceptor.options.link.handshake_timeout);
     let confirmed = tokio::select! {
         biased;
         confirmed = until(&*acceptor.net, by, confirmed) => match confirmed {

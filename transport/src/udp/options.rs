@@ -12,10 +12,12 @@ use crate::keys::Security;
 use crate::{LinkConfig, UdpMode, UdpSocketOptions};
 
 /// The largest datagram that fits the buffers here.
-const LARGEST: usize = 1500;
+pub(crate) const MAX_DATAGRAM: usize = 1500;
 
 /// Options of connections over datagrams.
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct UdpOptions {
     /// What makes peers trust each other. Default their keys.
     pub trust: Trust,
@@ -23,19 +25,27 @@ pub struct UdpOptions {
     /// say. Default reliable.
     pub mode: UdpMode,
     /// How long after its end a frame sent from here may arrive, in the mode with deadlines. Default 50 ms.
+    #[cfg_attr(
+        feature = "config",
+        serde(rename = "deadline_ms", with = "crate::config::udp::deadline_ms"),
+        schemars(with = "f64")
+    )]
     pub deadline: Duration,
     /// When frames sent from here get repair, with which most losses cost no time. Default while packets are
     /// lost.
     pub repair: Repair,
     /// How many bytes of repair may be sent, percent of the frames' own. 0 for none. Default 15.
+    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::udp::repair_percent"))]
     pub repair_percent: u8,
     /// How a connection shares its path with others. Default CUBIC.
     pub congestion: Congestion,
     /// How many packets may be under way at first, 2 at least: ten leave at once, those behind them over the
     /// round trip. Default 20.
+    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::udp::initial_window"))]
     pub initial_window: u16,
     /// The largest datagram that is tried, bytes: 1,200 are always used, and at most 1,500 are. Default
     /// 1,452.
+    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::udp::max_datagram"))]
     pub max_datagram: usize,
     /// How many bytes of frames may be under way in each direction, sent and not read. Both sides must have
     /// the same. Default 4 MiB.
@@ -48,6 +58,8 @@ pub struct UdpOptions {
 
 /// What makes peers trust each other. Both sides need the same kind.
 #[derive(Clone, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "config", serde(rename_all = "kebab-case"))]
 #[non_exhaustive]
 pub enum Trust {
     /// Each has keys and knows the other's public ones: those of
@@ -55,8 +67,10 @@ pub enum Trust {
     #[default]
     Keys,
     /// Both hold these 32 random bytes: who has them is a peer. Wiped from memory when this is dropped.
+    #[cfg_attr(feature = "config", serde(skip))]
     SharedKey(Zeroizing<[u8; 32]>),
     /// Nothing is hidden and nobody is checked: only for trusted networks.
+    #[cfg_attr(feature = "config", serde(rename = "plain"))]
     Plaintext,
 }
 
@@ -143,7 +157,7 @@ impl UdpOptions {
             repair_percent: self.repair_percent,
             congestion: self.congestion,
             initial_window: self.initial_window,
-            max_datagram: self.max_datagram.min(LARGEST),
+            max_datagram: self.max_datagram.min(MAX_DATAGRAM),
             idle_timeout: link.idle_timeout,
             window: self.window.into(),
             send_buffer: self.send_buffer,

@@ -19,6 +19,8 @@ const LARGEST_INITIAL: f64 = 1_472.0;
 
 /// How a connection shares its path with others. There is no way to turn it off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "config", serde(rename_all = "kebab-case"))]
 #[non_exhaustive]
 pub enum Congestion {
     /// CUBIC (RFC 9438), as most TCP has it.

@@ -77,9 +77,10 @@ impl Socket {
 
     /// When an idle peer is asked whether it is still there.
     fn next_probe(&self) -> Option<Instant> {
-        let keepalive = self.config.options.keepalive?;
+        let options = &self.config.options;
+        let after = options.keepalive?;
         let idle = !self.orphan && self.sender.waiting_since().is_none();
-        idle.then(|| self.last_heard.after(keepalive.idle + keepalive.interval * self.probes))
+        idle.then(|| self.last_heard.after(after + options.keepalive_interval * self.probes))
     }
 
     /// When a connection ends that the program has left and whose peer does not end it (Linux's

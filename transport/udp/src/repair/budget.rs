@@ -23,6 +23,8 @@ const SAVINGS: f64 = 64.0 * 1024.0;
 
 /// When frames get repair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "config", serde(rename_all = "kebab-case"))]
 #[non_exhaustive]
 pub enum Repair {
     /// Never: what is lost is sent again.
