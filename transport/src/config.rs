@@ -4,8 +4,8 @@ use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
+use serde::Deserializer;
 use serde::de::{DeserializeOwned, Error};
-use serde::{Deserialize, Deserializer};
 
 /// A value within `range`.
 fn within<'de, D, T>(deserializer: D, range: &RangeInclusive<T>) -> Result<T, D::Error>
@@ -75,9 +75,9 @@ pub(crate) mod udp {
 /// The permissions of a socket's file: as text three octal digits, or four with a zero in front.
 #[cfg(feature = "unix")]
 pub(crate) mod file_mode {
-    use serde::Serializer;
+    use serde::{Deserialize, Serializer};
 
-    use super::{Deserialize, Deserializer, Error};
+    use super::{Deserializer, Error};
 
     #[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
     pub(crate) fn serialize<S: Serializer>(mode: &u32, serializer: S) -> Result<S::Ok, S::Error> {

@@ -13,7 +13,7 @@ use crate::udp::UdpOptions;
 use crate::{LinkConfig, TcpOptions, Transport};
 
 /// Options of links, whatever their transport.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct Options {
@@ -60,25 +60,6 @@ pub struct Limits {
     /// streams takes two. Default 500.
     #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::above_zero"))]
     pub handshakes_per_s_per_address: u32,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            link: LinkConfig::default(),
-            limits: Limits::default(),
-            #[cfg(feature = "keys")]
-            security: None,
-            tcp: TcpOptions::default(),
-            #[cfg(feature = "unix")]
-            unix: UnixOptions::default(),
-            #[cfg(feature = "quic")]
-            quic: QuicOptions::default(),
-            #[cfg(feature = "udp")]
-            udp: UdpOptions::default(),
-            transports: Vec::new(),
-        }
-    }
 }
 
 impl Default for Limits {
