@@ -19,7 +19,7 @@ use forged::{Forgery, Initial};
 use meeting::Meeting;
 use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};
 use trimaran_transport::keys::{Keys, Security};
-use trimaran_transport::{Endpoint, HandshakeError, Options, Refusal};
+use trimaran_transport::{Endpoint, HandshakeError, LinkConfig, Options, Refusal};
 
 over_every_transport!(a_listener_of_another_map_is_waited_out);
 
@@ -79,7 +79,8 @@ async fn a_listener_whose_keys_do_not_fit_is_waited_out() {
 /// arrives.
 async fn gets_in_in_spite_of(forgery: Forgery) -> (Link, Link) {
     // An attempt that a forgery has led astray ends with this.
-    let options = Options { handshake: Duration::from_millis(500), ..Options::default() };
+    let link = LinkConfig { handshake_timeout: Duration::from_millis(500), ..LinkConfig::default() };
+    let options = Options { link, ..Options::default() };
     let Meeting { mut listener, at, panel, .. } = Meeting::at("quic://127.0.0.1:0", &options).await;
     let router = Router::before(&at).await;
     let (forged, mut attempts) = (Cell::new(0), Vec::new());

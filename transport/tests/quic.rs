@@ -177,8 +177,8 @@ async fn ten_thousand_first_packets_of_twenty_handshakes_keep_no_peer_out() {
     let limits = Limits { handshakes: 8, ..Limits::default() };
     // What is begun stays begun for as long as the test runs.
     let hour = Duration::from_secs(3600);
-    let link = LinkConfig { idle_timeout: hour, ..LinkConfig::default() };
-    let (ours, theirs) = acquainted(&Options { limits, link, handshake: hour, ..Options::default() });
+    let link = LinkConfig { idle_timeout: hour, handshake_timeout: hour, ..LinkConfig::default() };
+    let (ours, theirs) = acquainted(&Options { limits, link, ..Options::default() });
     let (mut listener, endpoint) = listener(&net, &ours).await;
     let Endpoint::Quic(at) = &endpoint else { panic!("{endpoint}") };
     // First packets that are authentic: what a relay sees of handshakes that go no further.
