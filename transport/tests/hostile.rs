@@ -17,8 +17,8 @@ use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
 use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};
 use trimaran_transport::{
-    DecodeFault, Endpoint, HandshakeError, Kind, Lane, Limits, Options, ProtocolError, RecvError, Refusal,
-    SessionId, WireVersion, until,
+    DecodeFault, Endpoint, HandshakeError, Kind, Lane, Limits, LinkConfig, Options, ProtocolError, RecvError,
+    Refusal, SessionId, WireVersion, until,
 };
 use trimaran_wire::{Accept, Decoder, Message};
 
@@ -180,11 +180,11 @@ mod cases {
     pub(super) async fn ten_thousand_half_open_handshakes_shut_nobody_out(endpoint: &str) {
         const ROOM: usize = 4;
         // None of them ends by itself, and none is turned away for its number.
-        let handshake = Duration::from_secs(3600);
+        let link = LinkConfig { handshake_timeout: Duration::from_secs(3600), ..LinkConfig::default() };
         let (handshakes_per_s, handshakes_per_s_per_address) = (u32::MAX, u32::MAX);
         let limits =
             Limits { handshakes: ROOM, handshakes_per_s, handshakes_per_s_per_address, ..Limits::default() };
-        let (mut listener, at) = listen(endpoint, &Options { limits, handshake, ..Options::default() }).await;
+        let (mut listener, at) = listen(endpoint, &Options { limits, link, ..Options::default() }).await;
         let (net, busy) = (net(), bytes(&Message::Refuse(Refusal::Busy)));
         let mut inside = VecDeque::new();
         for session in 0..10_000 {

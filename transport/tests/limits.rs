@@ -60,9 +60,9 @@ async fn who_stops_within_a_handshake_makes_room_for_the_next_and_holds_no_role(
     for (endpoint, mask, question) in [("udp://127.0.0.1:0", 0x03, 0x02), ("quic://127.0.0.1:0", 0xf0, 0xf0)]
     {
         let hour = Duration::from_secs(3600);
-        let link = LinkConfig { idle_timeout: hour, ..LinkConfig::default() };
+        let link = LinkConfig { idle_timeout: hour, handshake_timeout: hour, ..LinkConfig::default() };
         let limits = Limits { handshakes: 1, ..Limits::default() };
-        let options = Options { limits, link, handshake: hour, ..trusting() };
+        let options = Options { limits, link, ..trusting() };
         let net = net();
         let wanted = endpoint.parse().unwrap();
         let mut listener = Listener::bind(&net, &wanted, greeting(ARM), &options).await.unwrap();
@@ -91,7 +91,11 @@ async fn who_stops_within_a_handshake_makes_room_for_the_next_and_holds_no_role(
 async fn handshakes_beyond_the_limit_of_a_second_are_turned_away_and_counted() {
     for endpoint in ["udp://127.0.0.1:0", "tcp://127.0.0.1:0", "quic://127.0.0.1:0"] {
         let limits = Limits { handshakes_per_s_per_address: 2, ..Limits::default() };
-        let options = Options { limits, handshake: Duration::from_millis(300), ..trusting() };
+        let options = Options {
+            limits,
+            link: LinkConfig { handshake_timeout: Duration::from_millis(300), ..LinkConfig::default() },
+            ..trusting()
+        };
         let net = net();
         let mut listener =
             Listener::bind(&net, &endpoint.parse().unwrap(), greeting(ARM), &options).await.unwrap();

@@ -11,13 +11,16 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use trimaran_transport::conformance::{ARM, GRIPPER, MAP, PANEL, greeting};
 use trimaran_transport::{
-    AttemptError, ConnectError, DecodeFault, Endpoint, HandshakeError, Lane, Limits, Options, Refusal,
-    WireVersion, until,
+    AttemptError, ConnectError, DecodeFault, Endpoint, HandshakeError, Lane, Limits, LinkConfig, Options,
+    Refusal, WireVersion, until,
 };
 use trimaran_wire::{Accept, Decoder, Message};
 
 fn quick() -> Options {
-    Options { handshake: Duration::from_millis(200), ..Options::default() }
+    Options {
+        link: LinkConfig { handshake_timeout: Duration::from_millis(200), ..LinkConfig::default() },
+        ..Options::default()
+    }
 }
 
 /// A connection to `address` on which `message` was said.
@@ -139,9 +142,13 @@ async fn the_same_lane_twice_is_refused_and_the_right_one_still_welcome() {
 async fn a_crowd_makes_room_for_who_comes_later_and_is_told_so() {
     let net = net();
     // Who is inside stays there until it is sent away.
-    let handshake = Duration::from_secs(3600);
+    let handshake_timeout = Duration::from_secs(3600);
     let limits = Limits { handshakes: 4, ..Limits::default() };
-    let options = Options { limits, handshake, ..Options::default() };
+    let options = Options {
+        limits,
+        link: LinkConfig { handshake_timeout, ..LinkConfig::default() },
+        ..Options::default()
+    };
     let (mut listener, address) = listener(&net, &options).await;
     let mut crowd = Vec::new();
     for _ in 0..4 {
@@ -175,7 +182,10 @@ async fn no_peer(server: TcpListener) {
 #[tokio::test]
 async fn a_server_that_is_no_peer_is_named_as_the_cause_though_the_deadline_cuts_a_later_attempt_short() {
     let net = net();
-    let options = Options { handshake: Duration::from_secs(3600), ..Options::default() };
+    let options = Options {
+        link: LinkConfig { handshake_timeout: Duration::from_secs(3600), ..LinkConfig::default() },
+        ..Options::default()
+    };
     // The first wait that is long enough here for a second attempt.
     for wait in (0..).map(|doubled| Duration::from_millis(100) * 2_u32.pow(doubled)) {
         let server = TcpListener::bind("127.0.0.1:0").await.unwrap();
