@@ -142,7 +142,7 @@ impl<'a> Parts<'a> {
         Ok(())
     }
 
-    /// A part of an object, in the object's frame: of its finest level, and of a giant's coarser ones.
+    /// A part of an object, in the object's frame: of its finest level, and of a large mesh's coarser ones.
     fn place_cluster(&self, leaf: u32, node: u32, index: u32, record: &mut Node, arrays: &mut SceneArrays) {
         let Some((leaf, mesh)) = self.leaf(leaf) else { return };
         let Some(cluster) = mesh.clusters.get(node as usize) else { return };

@@ -29,7 +29,7 @@ pub(super) struct ClusterNode {
     pub(super) max: Vec3,
     /// For a cluster its triangles: positions in the finest level's indices.
     pub(super) indices: Range<u32>,
-    /// For a part of a giant mesh its levels but the finest, among those of all parts.
+    /// For a part of a large mesh its levels but the finest, among those of all parts.
     pub(super) levels: Range<u32>,
 }
 

@@ -5,8 +5,8 @@ use meshopt::{SimplifyOptions, VertexDataAdapter};
 use rayon::prelude::*;
 
 use super::clusters::{self, ClusterNode};
-use super::giant::{self, Giant};
 use super::hausdorff::{self, Surface};
+use super::large_mesh::{self, LargeMesh};
 use super::{CookOptions, Phase, Progress};
 use crate::{Mesh, Model};
 use trimaran_scene::Vertex;
@@ -39,7 +39,7 @@ pub(super) struct LeveledMesh {
     pub(super) vertices: Vec<Vertex>,
     /// Of the whole mesh, finest first.
     pub(super) levels: Vec<Level>,
-    /// Of the parts of a giant mesh: its clusters' nodes say which are whose.
+    /// Of the parts of a large mesh: its clusters' nodes say which are whose.
     pub(super) part_levels: Vec<Level>,
     /// The tree of the finest level's clusters; empty for a small mesh.
     pub(super) clusters: Vec<ClusterNode>,
@@ -90,8 +90,8 @@ impl LeveledMesh {
             min,
             max,
         };
-        Some(if finest.len() / 3 > giant::GIANT {
-            leveled.with_parts(&vertices, Giant::new(&vertices, &positions, &finest, coarsest_error))
+        Some(if finest.len() / 3 > large_mesh::LARGE {
+            leveled.with_parts(&vertices, LargeMesh::new(&vertices, &positions, &finest, coarsest_error))
         } else {
             leveled.whole(&vertices, &positions, finest, largest_error)
         })
@@ -114,8 +114,8 @@ impl LeveledMesh {
     }
 
     /// Its parts have levels of their own.
-    fn with_parts(self, vertices: &[Vertex], giant: Giant) -> Self {
-        let Giant { clusters, finest, part_levels, levels: whole } = giant;
+    fn with_parts(self, vertices: &[Vertex], mesh: LargeMesh) -> Self {
+        let LargeMesh { clusters, finest, part_levels, levels: whole } = mesh;
         let parts = part_levels.len();
         let chain = std::iter::once((finest, 0.0)).chain(part_levels).chain(whole).collect();
         let (vertices, mut levels) = share_vertices(vertices, chain);

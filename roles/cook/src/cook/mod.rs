@@ -2,7 +2,7 @@
 //!
 //! 1. Each distinct mesh gets a chain of levels of detail (`levels`). All objects that place the mesh share
 //!    them. The finest level of a large mesh is cut into clusters (`clusters`) that are culled one by one,
-//!    and a giant mesh into parts (`giant`) with levels of their own.
+//!    and a large mesh into parts (`large_mesh`) with levels of their own.
 //! 2. A spatial tree is built over the objects (`tree`), each a leaf.
 //! 3. From the leaves up, each interior node gets up to two levels merged from levels below it (`hlod`,
 //!    `thin`).
@@ -17,14 +17,14 @@ mod bvh;
 mod clusters;
 mod facets;
 mod gather;
-mod giant;
 mod hausdorff;
 mod hlod;
+mod large_mesh;
 mod levels;
 mod linear;
-mod patch;
 mod placed;
 mod polygon;
+mod submesh;
 mod thin;
 mod tree;
 

@@ -1,4 +1,4 @@
-//! A part of a giant mesh that is simplified by itself: whatever it shares with what lies beside it stays
+//! A part of a large mesh that is simplified by itself: whatever it shares with what lies beside it stays
 //! where it is.
 //!
 //! Its vertices are numbered anew and stand about its own middle, so that what a part costs, and what is as
@@ -11,19 +11,19 @@ use super::levels::{Aim, Triangles, halve};
 
 /// Triangles of a part, and which of their corners must stay.
 #[derive(Debug)]
-pub(super) struct Patch {
+pub(super) struct Submesh {
     /// The mesh's number of each vertex, ascending.
     numbers: Vec<u32>,
-    /// About the patch's middle.
+    /// About the submesh's middle.
     positions: Vec<Vec3>,
-    /// Three a triangle, in the patch's numbers.
+    /// Three a triangle, in the submesh's numbers.
     indices: Vec<u32>,
     held: Vec<bool>,
     /// Whether a vertex hangs together with one that is held. What does not may vanish as a whole.
     anchored: Vec<bool>,
 }
 
-impl Patch {
+impl Submesh {
     /// The triangles `indices` of a mesh. `is_held` says of a vertex whether it must stay.
     pub(super) fn new(positions: &[Vec3], indices: &[u32], is_held: impl Fn(u32) -> bool) -> Self {
         let mut numbers = indices.to_vec();
@@ -47,7 +47,7 @@ impl Patch {
         self.held.iter().filter(|&&held| held).count()
     }
 
-    /// Levels of the patch, finest first, in the mesh's numbers.
+    /// Levels of the submesh, finest first, in the mesh's numbers.
     pub(super) fn levels(&self, aim: Aim) -> Vec<Triangles> {
         let simplify = |former: &[u32], adapter: &VertexDataAdapter<'_>, target: usize| {
             self.simplify(former, adapter, target, aim.largest_error)
@@ -175,8 +175,8 @@ mod tests {
         let corners = (0..side - 1).flat_map(|z| (0..side - 1).map(move |x| 100 + z * side + x));
         let indices: Vec<u32> = corners.flat_map(square).collect();
         let held = 100 + 7 * side + 5;
-        let patch = Patch::new(&positions, &indices, |vertex| vertex == held);
-        let levels = patch.levels(Aim { few: 24, from_error: 0.5, largest_error: 1.0 });
+        let submesh = Submesh::new(&positions, &indices, |vertex| vertex == held);
+        let levels = submesh.levels(Aim { few: 24, from_error: 0.5, largest_error: 1.0 });
         assert!(levels.len() > 2, "a flat square has {} levels", levels.len());
         for (level, error) in levels {
             assert!(level.iter().all(|&index| index >= 100) && level.contains(&held));

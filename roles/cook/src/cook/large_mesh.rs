@@ -1,7 +1,7 @@
-//! Giant meshes: a terrain, a scanned hull. They are cut into parts that have levels of their own.
+//! Large meshes: a terrain, a scanned hull. They are cut into parts that have levels of their own.
 //!
 //! A mesh whose levels are all of the whole is drawn finely everywhere if the eye is near any of it. So the
-//! triangles of a giant are cut into parts near each other, with a small tree over the parts below the
+//! triangles of a large mesh are cut into parts near each other, with a small tree over the parts below the
 //! object. A part's levels are made of its own triangles; the levels of a node over parts of the coarsest
 //! levels of the nodes below, and the object's own levels of all. So what is simplified and measured shrinks
 //! from height to height, and the work is a few times that for one level of the mesh.
@@ -19,12 +19,12 @@ use rayon::prelude::*;
 use super::clusters::{self, ClusterNode};
 use super::levels::{Aim, FEW, Triangles};
 use super::linear::WorldBox;
-use super::patch::Patch;
+use super::submesh::Submesh;
 use super::tree::{self, TreeNode};
 use trimaran_scene::Vertex;
 
 /// Meshes of more triangles than this are cut into parts.
-pub(super) const GIANT: usize = 1 << 16;
+pub(super) const LARGE: usize = 1 << 16;
 /// The most triangles of a part. A level is drawn whole where any of its part is seen: of parts of 16,384
 /// triangles, 1.6 times as many were drawn on a walk over uneven ground.
 const PART: usize = 1 << 11;
@@ -38,7 +38,7 @@ const FREE: usize = 5;
 
 /// A mesh in parts.
 #[derive(Debug)]
-pub(super) struct Giant {
+pub(super) struct LargeMesh {
     /// The tree over the parts, and below each the tree of its clusters. The first stands for the whole
     /// mesh.
     pub(super) clusters: Vec<ClusterNode>,
@@ -50,26 +50,26 @@ pub(super) struct Giant {
     pub(super) levels: Vec<Triangles>,
 }
 
-impl Giant {
-    /// Cuts a mesh of more than [`GIANT`] triangles. Levels end where their error passes `coarsest_error` as
+impl LargeMesh {
+    /// Cuts a mesh of more than [`LARGE`] triangles. Levels end where their error passes `coarsest_error` as
     /// part of their node's diagonal.
     pub(super) fn new(vertices: &[Vertex], positions: &[Vec3], finest: &[u32], coarsest_error: f32) -> Self {
         let parts = Parts::new(vertices, positions, finest);
         let mut chains = parts.all_levels(positions, coarsest_error);
-        let mut giant = Self {
+        let mut mesh = Self {
             clusters: parts.tree.iter().map(blank).collect(),
             finest: Vec::with_capacity(finest.len()),
             part_levels: Vec::new(),
             levels: chains.first_mut().map(std::mem::take).unwrap_or_default(),
         };
         // From behind, so that levels of more come after those of less, as within a chain.
-        for (node, chain) in giant.clusters.iter_mut().zip(chains).rev() {
-            let first = giant.part_levels.len() as u32;
-            giant.part_levels.extend(chain);
-            node.levels = first..giant.part_levels.len() as u32;
+        for (node, chain) in mesh.clusters.iter_mut().zip(chains).rev() {
+            let first = mesh.part_levels.len() as u32;
+            mesh.part_levels.extend(chain);
+            node.levels = first..mesh.part_levels.len() as u32;
         }
-        giant.add_clusters(vertices, parts);
-        giant
+        mesh.add_clusters(vertices, parts);
+        mesh
     }
 
     /// Puts each part's clusters below its node.
@@ -201,14 +201,14 @@ impl Parts {
         self.gather(node, chains, &mut first);
         // A vertex whose home is above is shared with what lies beside this node.
         let is_held = |vertex: u32| self.homes.get(vertex as usize).is_some_and(|&home| home < node);
-        let patch = Patch::new(positions, &first.0, is_held);
+        let submesh = Submesh::new(positions, &first.0, is_held);
         let aim = Aim {
             // Nothing lies beside the whole mesh.
-            few: if node == 0 { FEW } else { COARSE.max(FREE * patch.held_count()) },
+            few: if node == 0 { FEW } else { COARSE.max(FREE * submesh.held_count()) },
             from_error: first.1,
             largest_error: coarsest_error * record.bounds.diagonal() as f32,
         };
-        patch.levels(aim)
+        submesh.levels(aim)
     }
 
     /// Adds what a node's levels are made of: the coarsest levels of the nodes below it, or the finest
@@ -293,15 +293,15 @@ mod tests {
     #[test]
     fn every_triangle_is_in_one_cluster() {
         let (vertices, positions, finest) = field(190);
-        let giant = Giant::new(&vertices, &positions, &finest, 0.1);
+        let mesh = LargeMesh::new(&vertices, &positions, &finest, 0.1);
         let mut clusters: Vec<&ClusterNode> =
-            giant.clusters.iter().filter(|c| c.children.is_empty()).collect();
+            mesh.clusters.iter().filter(|c| c.children.is_empty()).collect();
         clusters.sort_by_key(|cluster| cluster.indices.start);
         let mut covered = 0;
         for cluster in clusters {
             assert_eq!(cluster.indices.start as usize, covered, "clusters follow each other");
             covered = cluster.indices.end as usize;
-            for &index in &giant.finest[cluster.indices.start as usize..covered] {
+            for &index in &mesh.finest[cluster.indices.start as usize..covered] {
                 let p = positions[index as usize];
                 assert!(p.cmpge(cluster.min).all() && p.cmple(cluster.max).all());
             }
@@ -314,6 +314,6 @@ mod tests {
             triangles.sort_unstable();
             triangles
         };
-        assert!(sorted(&giant.finest) == sorted(&finest), "the triangles are those given");
+        assert!(sorted(&mesh.finest) == sorted(&finest), "the triangles are those given");
     }
 }
