@@ -44,7 +44,6 @@ fn run() -> Run {
         nodes: 0,
         drawables: 0,
         triangles: 0,
-        triangles_unique: None,
         sources: Vec::new(),
     };
     Run {

@@ -5,8 +5,8 @@ use std::sync::LazyLock;
 use trimaran_audit::metrics::{Deviation, ImageRef, image_difference};
 
 use super::schema::{
-    BytesByKind, CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Mode, PassTime,
-    Projection, Report, Role, RoleInfo, Run, SceneInfo, Seat, Span, SweepPoint, VisibleObject,
+    BytesByKind, CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Mode, Projection, Report,
+    Role, RoleInfo, Run, SceneInfo, Seat, Span, SweepPoint, VisibleObject,
 };
 
 pub(super) const SIZE: u32 = 96;
@@ -32,7 +32,6 @@ pub(super) fn run() -> Run {
             nodes: 12_955,
             drawables: 51_204,
             triangles: 923_118,
-            triangles_unique: Some(923_118),
             sources: vec!["area.RVM".to_owned(), "</script><script>alert(1)</script>.RVM".to_owned()],
         },
         epsilon_px: 2.0,
@@ -94,11 +93,6 @@ fn frame(frame: u32) -> Frame {
             span(Role::Or, seat, start, or),
             span(Role::Hc, seat, start + or, hc),
             span(Role::Rvg, Seat::Display, start + or + hc, rvg),
-        ],
-        passes: vec![
-            PassTime { role: Role::Or, pass: "occluders".to_owned(), ms: or * 0.9 },
-            PassTime { role: Role::Hc, pass: "box tests".to_owned(), ms: hc * 0.7 },
-            PassTime { role: Role::Rvg, pass: "picture".to_owned(), ms: rvg * 0.8 },
         ],
         nodes_drawn: Some(drawn),
         nodes_exact: audited.then_some(exact),

@@ -273,7 +273,6 @@ fn scene_info(file: &SceneFile) -> SceneInfo {
         nodes: scene.nodes().len() as u64,
         drawables: scene.drawables().len() as u64,
         triangles: scene.full_detail_triangles(),
-        triangles_unique: None,
         sources: scene.sources().to_vec(),
     }
 }

@@ -36,9 +36,6 @@ pub struct Frame {
     /// When each role was busy with this frame.
     #[serde(default)]
     pub timeline: Vec<Span>,
-    /// Times of the single passes.
-    #[serde(default)]
-    pub passes: Vec<PassTime>,
 
     /// Drawables that RVG drew.
     pub nodes_drawn: Option<u64>,
@@ -117,17 +114,6 @@ pub struct Span {
     pub start_ms: f64,
     /// End, milliseconds.
     pub end_ms: f64,
-}
-
-/// The time of one pass.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PassTime {
-    /// The role that ran it.
-    pub role: Role,
-    /// The pass.
-    pub pass: String,
-    /// Its time on the device, milliseconds.
-    pub ms: f64,
 }
 
 /// What HC's traversal of the tree did.

@@ -17,8 +17,8 @@ mod sweep;
 
 pub use ended::{Ended, HowEnded};
 pub use frame::{
-    BytesByKind, CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, ImageDifference, PassTime,
-    Role, Span, VisibleObject,
+    BytesByKind, CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, ImageDifference, Role, Span,
+    VisibleObject,
 };
 pub use metric::{METRICS, Metric};
 pub use model::Model;
@@ -28,7 +28,6 @@ pub use stat::{LowStat, Stat};
 pub use summary::{
     Bandwidth, DeviationVerdict, PAPER_OBJECT_TIGHTNESS, PAPER_TRIANGLE_TIGHTNESS, Summary, Tightness,
 };
-pub(super) use summary::{corrected_formula_bytes, paper_formula_bytes};
 pub use sweep::SweepPoint;
 
 /// The version of the schema that this program writes. Keys may be added without a new version; a key that

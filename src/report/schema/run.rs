@@ -97,8 +97,6 @@ pub struct SceneInfo {
     pub drawables: u64,
     /// Triangles at full detail, instances counted each.
     pub triangles: u64,
-    /// Triangles at full detail, each mesh counted once.
-    pub triangles_unique: Option<u64>,
     /// The files the scene was cooked from.
     pub sources: Vec<String>,
 }

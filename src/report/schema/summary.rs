@@ -171,12 +171,12 @@ impl Bandwidth {
 }
 
 /// The paper's formula, bytes a frame, for `n` ids, `b` ids a message and `h` header bytes a message.
-pub(in crate::report) fn paper_formula_bytes(n: f64, b: u32, h: f64) -> f64 {
+fn paper_formula_bytes(n: f64, b: u32, h: f64) -> f64 {
     FrameLoad { ids: n, batch: f64::from(b), header: h }.paper_bytes()
 }
 
 /// The formula of what is sent, likewise.
-pub(in crate::report) fn corrected_formula_bytes(n: f64, b: u32, h: f64) -> f64 {
+fn corrected_formula_bytes(n: f64, b: u32, h: f64) -> f64 {
     FrameLoad { ids: n, batch: f64::from(b), header: h }.sent_bytes()
 }
 

@@ -7,8 +7,8 @@ use crate::report::format::{figure, plural};
 use crate::report::html::chart::{Chart, Mark, Series, Timeline};
 use crate::report::html::{card, wide_card};
 use crate::report::schema::{
-    Bandwidth, BytesByKind, DeviationVerdict, Frame, METRICS, PAPER_OBJECT_TIGHTNESS,
-    PAPER_TRIANGLE_TIGHTNESS, Report, SweepPoint, corrected_formula_bytes, paper_formula_bytes,
+    BytesByKind, DeviationVerdict, Frame, METRICS, PAPER_OBJECT_TIGHTNESS, PAPER_TRIANGLE_TIGHTNESS, Report,
+    SweepPoint,
 };
 
 pub(super) fn figures(report: &Report) -> Markup {
@@ -236,34 +236,24 @@ fn sweep(points: &[SweepPoint]) -> Markup {
                 "",
             ))
         } @else {
-            (over_speed(points, |p| p.flip_mean, "mean FLIP against full detail", &finding))
-            (over_speed(
-                points,
-                |p| p.silhouette_max_px,
-                "largest silhouette deviation (px)",
-                "What the same runs do to the silhouette",
-            ))
+            (over_speed(points, &finding))
         }
     }
 }
 
-/// An error of a sweep's runs over their speed.
-fn over_speed(
-    points: &[SweepPoint],
-    error: fn(&SweepPoint) -> Option<f64>,
-    y: &'static str,
-    finding: &str,
-) -> Markup {
+/// The error of a sweep's runs over their speed.
+fn over_speed(points: &[SweepPoint], finding: &str) -> Markup {
     let modelled = points.iter().any(|point| point.modelled_fps.is_some());
     let (name, class) =
         if modelled { ("modelled, three machines", "model") } else { ("measured, this machine", "drawn") };
     let labels: Vec<(f64, f64, String)> = points
         .iter()
-        .filter_map(|p| Some((p.fps()?, error(p)?, format!("ε {}", figure(p.epsilon_px)))))
+        .filter_map(|p| Some((p.fps()?, p.flip_mean?, format!("ε {}", figure(p.epsilon_px)))))
         .collect();
     let points = labels.iter().map(|(speed, error, _)| (*speed, *error)).collect();
     let series = vec![Series { name: name.to_owned(), class, mark: Mark::Points, points }];
-    let chart = Chart { x: "frames/s", y, series, labels, ..Chart::default() };
+    let chart =
+        Chart { x: "frames/s", y: "mean FLIP against full detail", series, labels, ..Chart::default() };
     card(finding, &chart, "Each point is a run; right and down is better.")
 }
 
@@ -282,8 +272,6 @@ fn bytes(report: &Report) -> Markup {
     }
     let mut finding = "Bytes sent".to_owned();
     if let Some(bandwidth) = &report.summary.bandwidth {
-        all.push(formula(frames, "paper's formula", "paper", bandwidth, paper_formula_bytes));
-        all.push(formula(frames, "corrected formula", "exact", bandwidth, corrected_formula_bytes));
         let corrected = figure(bandwidth.measured_bytes / bandwidth.corrected_formula_bytes);
         let paper = figure(bandwidth.measured_bytes / bandwidth.paper_formula_bytes);
         finding =
@@ -292,8 +280,8 @@ fn bytes(report: &Report) -> Markup {
     card(
         &finding,
         &over_frames("bytes a frame", all, &["bytes", "nodes_drawn"]),
-        "The formulas are evaluated at each frame's own number of ids. The paper's 8nh/b + 3(72+h) \
-         multiplies id bytes by header bytes; what is sent is 2(4n + hn/b) + 3(72+h).",
+        "The paper's 8nh/b + 3(72+h) multiplies id bytes by header bytes; what is sent is \
+         2(4n + hn/b) + 3(72+h).",
     )
 }
 
@@ -303,18 +291,4 @@ fn area(frames: &[Frame], name: &str, class: &'static str, of: fn(&BytesByKind) 
         .filter_map(|f| Some((f64::from(f.frame), of(f.bytes_by_kind.as_ref()?) as f64)))
         .collect();
     Series { name: name.to_owned(), class, mark: Mark::Area, points }
-}
-
-fn formula(
-    frames: &[Frame],
-    name: &str,
-    class: &'static str,
-    at: &Bandwidth,
-    bytes: fn(f64, u32, f64) -> f64,
-) -> Series {
-    let points = frames
-        .iter()
-        .filter_map(|f| Some((f64::from(f.frame), bytes(f.nodes_drawn? as f64, at.batch, at.header_bytes))))
-        .collect();
-    Series { name: name.to_owned(), class, mark: Mark::Dashed, points }
 }

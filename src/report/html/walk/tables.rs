@@ -1,14 +1,10 @@
 //! The page's tables.
 
-use std::collections::BTreeMap;
-
 use maud::{Markup, html};
 
 use crate::report::format::{figure, grouped, sweep_cells};
 use crate::report::html::table;
-use crate::report::schema::{
-    METRICS, Metric, Mode, Report, Role, RoleInfo, Run, SceneInfo, Seat, Stat, SweepPoint,
-};
+use crate::report::schema::{METRICS, Metric, Mode, Report, RoleInfo, Run, SceneInfo, Seat, SweepPoint};
 
 pub(super) fn tables(report: &Report) -> Markup {
     html! {
@@ -17,7 +13,6 @@ pub(super) fn tables(report: &Report) -> Markup {
             (metrics(report))
             (false_culls(report))
             (doubts(report))
-            (passes(report))
             (sweep(&report.sweep))
         }
         h2 #settings { "Settings" }
@@ -111,24 +106,6 @@ pub(super) fn bandwidth(report: &Report) -> Markup {
     table("numbers", &caption, &["", "bytes a frame", "Mbit/s as measured"], &rows)
 }
 
-fn passes(report: &Report) -> Markup {
-    let mut times: BTreeMap<(Role, &str), Vec<f64>> = BTreeMap::new();
-    for pass in report.frames.iter().flat_map(|f| &f.passes) {
-        times.entry((pass.role, &pass.pass)).or_default().push(pass.ms);
-    }
-    let row = |((role, pass), ms): ((Role, &str), Vec<f64>)| {
-        let role = match role {
-            Role::Or => "OR",
-            Role::Hc => "HC",
-            Role::Rvg => "RVG",
-        };
-        let stat = Stat::of(ms)?;
-        Some(named(format!("{role}: {pass}"), [stat.median, stat.p95, stat.max].map(figure)))
-    };
-    let rows: Vec<_> = times.into_iter().filter_map(row).collect();
-    table("numbers", "Passes on the device (ms)", &["pass", "median", "p95", "max"], &rows)
-}
-
 fn sweep(points: &[SweepPoint]) -> Markup {
     let rows: Vec<_> = points.iter().map(|point| sweep_cells(point, "–")).collect();
     let modelled = points.iter().any(|point| point.modelled_fps.is_some());
@@ -201,7 +178,6 @@ fn scene(scene: &SceneInfo) -> Markup {
             ("nodes", grouped(scene.nodes as f64)),
             ("nodes × levels", grouped(scene.drawables as f64)),
             ("triangles, instances counted each", grouped(scene.triangles as f64)),
-            ("triangles, each mesh once", or_dash(scene.triangles_unique)),
             ("made from", scene.sources.join(", ")),
         ],
     )
