@@ -271,8 +271,13 @@ fn bytes_by_kind(runs: &[Outcome]) -> Markup {
 }
 
 fn timeline(run: &Outcome) -> Markup {
-    let frames: Vec<Frame> = run.times.iter().zip(0..).map(|(times, frame)| spans(frame, times)).collect();
-    let slowest = run.times.iter().enumerate().max_by_key(|(_, times)| times.shown.since(times.published));
+    let latency = |times: &FrameTimes| times.shown.since(times.published);
+    let session_frames = (run.times.len() / run.sessions.len().max(1)).max(1);
+    // The clocks of sessions begin anew: only one of them is shown.
+    let session = run.times.chunks(session_frames).max_by_key(|session| session.iter().map(latency).max());
+    let session = session.unwrap_or_default();
+    let frames: Vec<Frame> = session.iter().zip(0..).map(|(times, frame)| spans(frame, times)).collect();
+    let slowest = session.iter().enumerate().max_by_key(|(_, times)| latency(times));
     html! {
         @if let Some(window) = slowest.and_then(|(index, _)| Timeline::around(&frames, index)) {
             details {
