@@ -3,11 +3,34 @@
 use std::fs;
 use std::io;
 use std::path::Path;
+use std::time::Duration;
 
+use serde::Deserialize;
 use thiserror::Error;
 use toml::{Table, Value};
 
-use super::written::WrittenPhase;
+use crate::link::{Conditions, Jitter, Loss, Phase, Probability, Rate, Reorder};
+
+/// What changes at a time; what is not said stays as the link has it at first.
+#[derive(Debug, Clone, Deserialize)]
+#[cfg_attr(test, derive(PartialEq))]
+#[serde(deny_unknown_fields, expecting = "a table of a phase's keys, such as `at` and `rate`")]
+pub(super) struct WrittenPhase {
+    #[serde(with = "crate::text::duration")]
+    pub(super) at: Duration,
+    rate: Option<Rate>,
+    delay: Option<WrittenDuration>,
+    jitter: Option<Jitter>,
+    loss: Option<Loss>,
+    corrupt: Option<Probability>,
+    duplicate: Option<Probability>,
+    reorder: Option<Reorder>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[cfg_attr(test, derive(PartialEq))]
+#[serde(transparent)]
+pub(super) struct WrittenDuration(#[serde(with = "crate::text::duration")] pub(super) Duration);
 
 /// Why a file of phases cannot be used.
 #[derive(Debug, Error)]
@@ -27,6 +50,22 @@ pub enum ScheduleFault {
         /// What is wrong with it.
         problem: String,
     },
+}
+
+impl WrittenPhase {
+    /// What holds from then on, where `first` holds at first.
+    pub(super) fn over(self, first: &Conditions) -> Phase {
+        let conditions = Conditions {
+            rate: self.rate.or(first.rate),
+            delay: self.delay.map_or(first.delay, |WrittenDuration(delay)| delay),
+            jitter: self.jitter.or(first.jitter),
+            loss: self.loss.unwrap_or(first.loss),
+            corrupt: self.corrupt.unwrap_or(first.corrupt),
+            duplicate: self.duplicate.unwrap_or(first.duplicate),
+            reorder: self.reorder.or(first.reorder),
+        };
+        Phase { at: self.at, conditions }
+    }
 }
 
 /// Reads a file of comma-separated values, a line a phase: first the names of the columns, which are those of

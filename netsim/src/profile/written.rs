@@ -6,10 +6,8 @@ use std::time::Duration;
 use serde::Deserialize;
 
 use super::ProfileError;
-use super::schedule;
-use crate::link::{
-    Conditions, Framing, Jitter, LinkModel, Loss, Phase, Probability, QueueModel, Rate, Reorder,
-};
+use super::schedule::{self, WrittenDuration, WrittenPhase};
+use crate::link::{Conditions, Framing, Jitter, LinkModel, Loss, Probability, QueueModel, Rate, Reorder};
 
 /// A link as it is written.
 #[derive(Debug, Clone, Deserialize)]
@@ -38,27 +36,6 @@ pub(super) struct WrittenLink {
     phases_from: Option<PathBuf>,
     repeat: Option<WrittenDuration>,
 }
-
-/// What changes at a time; what is not said stays as the link has it at first.
-#[derive(Debug, Clone, Deserialize)]
-#[cfg_attr(test, derive(PartialEq))]
-#[serde(deny_unknown_fields, expecting = "a table of a phase's keys, such as `at` and `rate`")]
-pub(super) struct WrittenPhase {
-    #[serde(with = "crate::text::duration")]
-    pub(super) at: Duration,
-    rate: Option<Rate>,
-    delay: Option<WrittenDuration>,
-    jitter: Option<Jitter>,
-    loss: Option<Loss>,
-    corrupt: Option<Probability>,
-    duplicate: Option<Probability>,
-    reorder: Option<Reorder>,
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[cfg_attr(test, derive(PartialEq))]
-#[serde(transparent)]
-struct WrittenDuration(#[serde(with = "crate::text::duration")] Duration);
 
 const fn ethernet_mtu() -> u32 {
     1500
@@ -133,20 +110,5 @@ impl WrittenLink {
         let conditions = Conditions { rate, delay, jitter, loss, corrupt, duplicate, reorder };
         let phases = phases.into_iter().map(|phase| phase.over(&conditions)).collect();
         Ok(LinkModel { conditions, phases, repeat, queue, mtu, framing })
-    }
-}
-
-impl WrittenPhase {
-    fn over(self, first: &Conditions) -> Phase {
-        let conditions = Conditions {
-            rate: self.rate.or(first.rate),
-            delay: self.delay.map_or(first.delay, |WrittenDuration(delay)| delay),
-            jitter: self.jitter.or(first.jitter),
-            loss: self.loss.unwrap_or(first.loss),
-            corrupt: self.corrupt.unwrap_or(first.corrupt),
-            duplicate: self.duplicate.unwrap_or(first.duplicate),
-            reorder: self.reorder.or(first.reorder),
-        };
-        Phase { at: self.at, conditions }
     }
 }

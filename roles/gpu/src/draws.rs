@@ -11,21 +11,12 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use trimaran_cull::View;
 use trimaran_proto::DrawableId;
-use trimaran_scene::Drawable;
 
+use crate::draw_record::{DrawCommand, DrawRecord, Fetch};
 use crate::memory::HostBuffer;
 use crate::recorder::Recorder;
 use crate::scene::in_view;
 use crate::{Gpu, GpuError, GpuScene};
-
-/// How the vertices of a draw are fetched.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Fetch {
-    /// By the pipeline, by way of the index buffer.
-    Fixed,
-    /// By the vertex shader, from storage buffers: it then knows which triangle it works on.
-    Pulled,
-}
 
 /// The draws of one frame, in the order given. Those already submitted stay as they are until
 /// [`clear`](Self::clear).
@@ -52,36 +43,6 @@ const SUBMISSION: u64 = 3 << 23;
 struct Chunk {
     records: HostBuffer<DrawRecord>,
     commands: HostBuffer<DrawCommand>,
-}
-
-/// What the shaders know of a draw: `Draw` of scene.wgsl, and what the item pass reads beside it.
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(crate) struct DrawRecord {
-    /// Local frame to view space: the rows of a 3x4 matrix.
-    pub(crate) to_view: [[f32; 4]; 3],
-    /// The drawable.
-    pub(crate) id: u32,
-    /// Its first index and its first vertex.
-    pub(crate) first: [u32; 2],
-}
-
-/// `VkDrawIndexedIndirectCommand`, or a `VkDrawIndirectCommand` with a word behind it that is not read.
-#[derive(Debug, Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(crate) struct DrawCommand([u32; 5]);
-
-impl DrawCommand {
-    /// One instance, that of the number `instance`, of a drawable.
-    const fn new(fetch: Fetch, drawable: &Drawable, instance: u32) -> Self {
-        let Drawable { index_count, first_index, vertex_offset, .. } = *drawable;
-        Self(match fetch {
-            // The offset is signed; `GpuScene::upload` has seen that it fits.
-            Fetch::Fixed => [index_count, 1, first_index, vertex_offset, instance],
-            // The number of a vertex is its place among the indices.
-            Fetch::Pulled => [index_count, 1, first_index, instance, 0],
-        })
-    }
 }
 
 impl Draws {

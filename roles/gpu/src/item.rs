@@ -8,7 +8,7 @@ use trimaran_cull::{View, Viewport};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Vertex;
 
-use crate::draws::Fetch;
+use crate::draw_record::Fetch;
 use crate::memory::HostBuffer;
 use crate::pass::{ColourTarget, PassKind, ScenePass};
 use crate::pipeline::{VertexInput, shader};

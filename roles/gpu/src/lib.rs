@@ -29,6 +29,7 @@ mod common;
 mod adapter;
 mod boxes;
 mod camera;
+mod draw_record;
 mod draws;
 mod error;
 mod gpu;

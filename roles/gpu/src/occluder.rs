@@ -5,7 +5,7 @@ use std::sync::Arc;
 use trimaran_cull::{DepthImage, View, Viewport};
 use trimaran_proto::DrawableId;
 
-use crate::draws::Fetch;
+use crate::draw_record::Fetch;
 use crate::memory::HostBuffer;
 use crate::pass::{PassKind, ScenePass};
 use crate::pipeline::{VertexInput, shader};

@@ -9,7 +9,8 @@ use trimaran_cull::{View, Viewport};
 use trimaran_proto::DrawableId;
 
 use crate::camera::CameraConstants;
-use crate::draws::{Draws, Fetch};
+use crate::draw_record::Fetch;
+use crate::draws::Draws;
 use crate::memory::{Buffer, HostBuffer, Image};
 use crate::pipeline::{BindingSet, DepthUse, Layout, Pipeline, PipelineDesc, Shader, VertexInput};
 use crate::recorder::Targets;

@@ -6,7 +6,7 @@ use ash::vk;
 use trimaran_cull::{DepthImage, Image, View, Viewport};
 use trimaran_proto::DrawableId;
 
-use crate::draws::Fetch;
+use crate::draw_record::Fetch;
 use crate::memory::HostBuffer;
 use crate::pass::{ColourTarget, PassKind, ScenePass};
 use crate::pipeline::{VertexInput, shader};

@@ -8,7 +8,7 @@ use ash::vk;
 use trimaran_scene::Vertex;
 
 use crate::boxes::BoxRecord;
-use crate::draws::DrawRecord;
+use crate::draw_record::DrawRecord;
 use crate::error::During as _;
 use crate::memory::Buffer;
 use crate::{Gpu, GpuError};

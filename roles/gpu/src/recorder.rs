@@ -9,7 +9,7 @@ use std::ops::Range;
 use ash::vk;
 use trimaran_cull::Viewport;
 
-use crate::draws::{DrawCommand, Fetch};
+use crate::draw_record::{DrawCommand, Fetch};
 use crate::memory::{Buffer, Image, ImageUse, whole};
 use crate::pipeline::{BindingSet, INSTANCES, Pipeline, VERTICES};
 

@@ -16,6 +16,7 @@ mod socket;
 
 pub(crate) use frames::{FrameRx, FrameTx};
 pub(crate) use latest::{LatestRx, LatestTx};
+#[cfg(feature = "config")]
 pub(crate) use options::MAX_DATAGRAM;
 pub use options::{Trust, UdpOptions};
 pub use trimaran_udp::{Closed, Congestion, LaneViolation, MIN_DATAGRAM, Repair};

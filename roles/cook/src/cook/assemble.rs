@@ -3,7 +3,7 @@
 use glam::{DVec3, Mat3, Vec3};
 
 use super::CookError;
-use super::hlod::{Merged, MergedLevel};
+use super::gather::{Merged, MergedLevel};
 use super::levels::{Level, LeveledMesh};
 use super::linear::WorldBox;
 use super::placed::Leaf;

@@ -2,11 +2,30 @@
 
 use glam::{DVec3, Vec3};
 
-use super::hlod::{Merged, MergedLevel};
 use super::levels::{Level, LeveledMesh};
+use super::linear::WorldBox;
 use super::placed::Leaf;
 use super::tree::TreeNode;
 use trimaran_scene::{Rgba8, Vertex};
+
+/// An interior node's frame, bounds and levels.
+#[derive(Debug)]
+pub(super) struct Merged {
+    /// The origin of the node's frame: the centre of the items' box.
+    pub(super) origin: DVec3,
+    /// Holds the node's levels and all below it.
+    pub(super) bounds: WorldBox,
+    /// Finest first; none where merging saved too little.
+    pub(super) levels: Vec<MergedLevel>,
+}
+
+/// A merged level in its node's frame.
+#[derive(Debug)]
+pub(super) struct MergedLevel {
+    pub(super) vertices: Vec<Vertex>,
+    pub(super) indices: Vec<u32>,
+    pub(super) error: f32,
+}
 
 /// All that is known when a node is merged: the leaves, and the nodes below it.
 #[derive(Debug, Clone, Copy)]

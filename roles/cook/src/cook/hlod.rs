@@ -8,17 +8,15 @@
 //! A level's error is bounded by the triangle inequality: the largest error of what was gathered, plus the
 //! distance from that to the result.
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
-use super::gather::Below;
+use super::gather::{Below, Merged, MergedLevel};
 use super::levels::LeveledMesh;
-use super::linear::WorldBox;
 use super::placed::{Leaf, round_up};
 use super::thin::thin;
 use super::tree::{self, TreeNode};
 use super::{CookOptions, Phase, Progress};
-use trimaran_scene::Vertex;
 
 /// A merged level is kept if it has at most this part of the fewest triangles that would be drawn without it.
 const WORTH: f64 = 0.7;
@@ -42,25 +40,6 @@ const GATHERED: usize = 16;
 /// Rounding of positions to single precision about the node's origin, as part of the node's diagonal: 2^-24
 /// for each axis.
 const ROUNDING: f64 = 1.1e-7;
-
-/// An interior node's frame, bounds and levels.
-#[derive(Debug)]
-pub(super) struct Merged {
-    /// The origin of the node's frame: the centre of the items' box.
-    pub(super) origin: DVec3,
-    /// Holds the node's levels and all below it.
-    pub(super) bounds: WorldBox,
-    /// Finest first; none where merging saved too little.
-    pub(super) levels: Vec<MergedLevel>,
-}
-
-/// A merged level in its node's frame.
-#[derive(Debug)]
-pub(super) struct MergedLevel {
-    pub(super) vertices: Vec<Vertex>,
-    pub(super) indices: Vec<u32>,
-    pub(super) error: f32,
-}
 
 /// Merges levels for all interior nodes, from the leaves up. One entry a node of the tree; `None` for leaves.
 pub(super) fn merge_all(

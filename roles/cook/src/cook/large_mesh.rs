@@ -16,8 +16,8 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::chain::{Aim, FEW, Triangles};
 use super::clusters::{self, ClusterNode};
-use super::levels::{Aim, FEW, Triangles};
 use super::linear::WorldBox;
 use super::submesh::Submesh;
 use super::tree::{self, TreeNode};

@@ -14,6 +14,7 @@
 
 mod assemble;
 mod bvh;
+mod chain;
 mod clusters;
 mod facets;
 mod gather;

@@ -7,7 +7,7 @@
 use glam::Vec3;
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 
-use super::levels::{Aim, Triangles, halve};
+use super::chain::{Aim, Triangles, halve};
 
 /// Triangles of a part, and which of their corners must stay.
 #[derive(Debug)]

@@ -13,7 +13,9 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::DVec3;
 
 use super::solid::{Chord, MOST_CHORDS, Ring, Solid, circle, direction};
-use super::tessellate::turn;
+
+/// A torus whose angle is this near to a full turn is closed.
+const FULL_TURN: f64 = TAU - 1e-4;
 
 /// A circle of `radius` whose middle is `offset` from z, turned about z by `angle`.
 pub(super) fn torus(solid: &mut Solid, offset: f64, radius: f64, angle: f64, chord: Chord) {
@@ -203,6 +205,41 @@ impl Ellipsoid {
         let (cos, sin) = direction(angle);
         let [across, along] = [self.height * sin, self.radius * cos];
         (self.radius * self.height).abs() / (across * across + along * along).sqrt()
+    }
+}
+
+/// Turns a section, (distance from z, height) counter-clockwise, about z from the x axis on.
+pub(super) fn turn(solid: &mut Solid, section: &[(f64, f64)], count: usize, angle: f64) {
+    let closed = angle.abs() >= FULL_TURN;
+    // Three chords at least, or a full turn would be flat.
+    let (count, angle) = if closed { (count.max(3), TAU.copysign(angle)) } else { (count, angle) };
+    // Seen from where the turn goes on to, a positive one, the section runs clockwise.
+    let mut section = section.to_vec();
+    if angle >= 0.0 {
+        section.reverse();
+    }
+    let rings: Vec<Ring> = (0..count + usize::from(!closed))
+        .map(|step| {
+            let (cos, sin) = direction(angle * step as f64 / count as f64);
+            solid.ring(section.iter().map(|&(radius, z)| DVec3::new(radius * cos, radius * sin, z)))
+        })
+        .collect();
+    for pair in rings.windows(2) {
+        if let [lower, upper] = pair {
+            solid.wall(lower, upper);
+        }
+    }
+    if let (Some(first), Some(last)) = (rings.first(), rings.last()) {
+        if closed {
+            solid.wall(last, first);
+        } else {
+            solid.begin(first);
+            solid.end(last);
+        }
+    }
+    // A section that touches the axis collapses there.
+    if section.iter().any(|&(radius, _)| radius == 0.0) {
+        solid.collapse();
     }
 }
 

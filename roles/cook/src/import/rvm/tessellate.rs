@@ -10,11 +10,8 @@ use glam::DVec3;
 
 use super::round;
 use super::shape::{Polygon, Shape};
-use super::solid::{Chord, Ring, Solid, circle, direction};
+use super::solid::{Chord, Ring, Solid, circle};
 use crate::import::polygon::Triangulator;
-
-/// A torus whose angle is this near to a full turn is closed.
-const FULL_TURN: f64 = TAU - 1e-4;
 
 /// The shape's surface, cut to `chord`.
 pub(super) fn tessellate(shape: &Shape, chord: Chord) -> Solid {
@@ -25,7 +22,7 @@ pub(super) fn tessellate(shape: &Shape, chord: Chord) -> Solid {
         Shape::RectangularTorus { inner, outer, height, angle } => {
             let section = [(inner, -0.5), (outer, -0.5), (outer, 0.5), (inner, 0.5)];
             let section = section.map(|(radius, z)| (radius, z * height));
-            turn(&mut solid, &section, chord.count(outer, angle), angle);
+            round::turn(&mut solid, &section, chord.count(outer, angle), angle);
         }
         Shape::CircularTorus { offset, radius, angle } => {
             round::torus(&mut solid, offset, radius, angle, chord);
@@ -110,41 +107,6 @@ fn frustum(solid: &mut Solid, low: &End, high: &End, chord: Chord) {
             solid.begin(&lower);
             solid.end(&upper);
         }
-    }
-}
-
-/// Turns a section, (distance from z, height) counter-clockwise, about z from the x axis on.
-pub(super) fn turn(solid: &mut Solid, section: &[(f64, f64)], count: usize, angle: f64) {
-    let closed = angle.abs() >= FULL_TURN;
-    // Three chords at least, or a full turn would be flat.
-    let (count, angle) = if closed { (count.max(3), TAU.copysign(angle)) } else { (count, angle) };
-    // Seen from where the turn goes on to, a positive one, the section runs clockwise.
-    let mut section = section.to_vec();
-    if angle >= 0.0 {
-        section.reverse();
-    }
-    let rings: Vec<Ring> = (0..count + usize::from(!closed))
-        .map(|step| {
-            let (cos, sin) = direction(angle * step as f64 / count as f64);
-            solid.ring(section.iter().map(|&(radius, z)| DVec3::new(radius * cos, radius * sin, z)))
-        })
-        .collect();
-    for pair in rings.windows(2) {
-        if let [lower, upper] = pair {
-            solid.wall(lower, upper);
-        }
-    }
-    if let (Some(first), Some(last)) = (rings.first(), rings.last()) {
-        if closed {
-            solid.wall(last, first);
-        } else {
-            solid.begin(first);
-            solid.end(last);
-        }
-    }
-    // A section that touches the axis collapses there.
-    if section.iter().any(|&(radius, _)| radius == 0.0) {
-        solid.collapse();
     }
 }
 

@@ -1,0 +1,61 @@
+//! A chain of levels, each simplified from the one before, with certified errors.
+
+use glam::Vec3;
+use meshopt::VertexDataAdapter;
+
+use super::hausdorff::{self, Surface};
+
+/// A level is kept if it has at most this part of the triangles of the one before.
+const WORTH: f32 = 0.7;
+/// ... and if it saves at least so many. To draw a part costs as much as a few dozen triangles, and
+/// simplifying a small part shows: slats that overlap by a millimetre part by three.
+const SAVED: usize = 20;
+/// Meshes of so few triangles are not simplified further.
+pub(super) const FEW: usize = 24;
+
+/// Triangles of a level, three indices each, and its error.
+pub(super) type Triangles = (Vec<u32>, f32);
+
+/// Where a chain of levels begins and ends.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Aim {
+    /// So few triangles are not simplified further.
+    pub(super) few: usize,
+    /// How far the triangles that the chain begins with are from the finest ones.
+    pub(super) from_error: f32,
+    /// The chain ends where its error passes this.
+    pub(super) largest_error: f32,
+}
+
+/// Halves the triangles again and again, each level made from the one before and measured against those it
+/// began with. Returns the levels that were made, finest first. `simplify` gets the triangles, their vertices
+/// and the number of indices aimed at.
+pub(super) fn halve(
+    positions: &[Vec3],
+    first: &[u32],
+    aim: Aim,
+    simplify: impl Fn(&[u32], &VertexDataAdapter<'_>, usize) -> Vec<u32>,
+) -> Vec<Triangles> {
+    let mut chain: Vec<Triangles> = Vec::new();
+    let Ok(adapter) = VertexDataAdapter::new(bytemuck::cast_slice(positions), size_of::<Vec3>(), 0) else {
+        return chain;
+    };
+    let reference = Surface::new(positions, first);
+    let mut former = first;
+    let mut error = aim.from_error;
+    while former.len() / 3 > aim.few {
+        let level = simplify(former, &adapter, former.len() / 6 * 3);
+        let saved = (former.len() - level.len().min(former.len())) / 3;
+        if level.is_empty() || level.len() as f32 > WORTH * former.len() as f32 || saved < SAVED {
+            break;
+        }
+        // The triangle inequality, where the first triangles are not the finest.
+        error = error.max(aim.from_error + hausdorff::bound(&reference, &Surface::new(positions, &level)));
+        if error > aim.largest_error {
+            break;
+        }
+        chain.push((level, error));
+        former = chain.last().map_or(&[], |(level, _)| level);
+    }
+    chain
+}
