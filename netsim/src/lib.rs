@@ -3,6 +3,32 @@
 //! A [`Topology`] of machines and [`link`]s becomes a [`Simulation`]; each machine's [`SimNet`] is the
 //! transports' `Net`, so that programs written for that run here unchanged, in no time, and the same way each
 //! time.
+//!
+//! ```
+//! use std::time::Duration;
+//! use trimaran_net::{Net, sleep_until};
+//! use trimaran_netsim::{Profile, Simulation};
+//!
+//! let (topology, machines) = Profile::find("wifi")?.topology();
+//! let simulation = Simulation::new(&topology, 1);
+//! let net = simulation.net(machines.display);
+//! simulation.run(async {
+//!     let hour = net.now().after(Duration::from_secs(3600));
+//!     sleep_until(&net, hour).await; // an hour that takes no time
+//! })?;
+//! assert_eq!(simulation.now().as_nanos(), 3_600_000_000_000);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! | module | what is in it |
+//! |---|---|
+//! | `topology`, `profile` | machines and how they are joined; whole networks in TOML |
+//! | `simulation`, `executor`, `timers`, `events`, `world` | virtual time, and the programs in it |
+//! | [`link`] | one direction of a link, without a clock of its own |
+//! | `fabric`, `packet`, `wire` | packets on their way through a topology |
+//! | `net`, `tcp` | a machine's sockets: datagrams, and a model of Linux's TCP |
+//! | `relay` | the links of a topology for packets that are real |
+//! | `capture`, `bandwidth` | packets for Wireshark, and the bandwidth formulas |
 
 mod bandwidth;
 mod capture;

@@ -3,6 +3,25 @@
 //! [`Walkthrough`] puts it together as the protocol of an application: how the bytes get from one role to the
 //! other is the business of links, which know nothing of it. Sans-IO: nothing here touches a socket, a clock
 //! or a GPU. `WIRE.md` beside this crate specifies every byte.
+//!
+//! ```
+//! use trimaran_proto::{Camera, FrameNumber, Walkthrough};
+//! use trimaran_wire::Format;
+//!
+//! let camera = Camera::new([4.0, 1.7, 4.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(7))?;
+//! assert_eq!(Camera::from_bytes(&camera.to_bytes())?, camera);
+//! // A camera is all that the latest lane holds, and what a frame of ids begins with.
+//! assert_eq!(Format::of::<Walkthrough>().latest, Camera::SIZE);
+//! # Ok::<(), trimaran_proto::CameraError>(())
+//! ```
+//!
+//! | module | what is in it |
+//! |---|---|
+//! | `walkthrough` | [`Walkthrough`]: the protocol of the three roles, whom a listener takes |
+//! | `camera`, `id` | what travels: a camera, a drawable's id |
+//! | `coding` | ids as changes against an earlier frame |
+//! | `identity`, `settings` | who a role is, and what the display decides for a session |
+//! | `stats` | what a culler did for a frame |
 
 mod camera;
 mod coding;

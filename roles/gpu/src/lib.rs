@@ -5,6 +5,40 @@
 //! place vertices by the same arithmetic, so that a triangle has the same depth at the same pixels in each.
 //! [`QueryTester`] and [`RasterTester`] test boxes against an occluder pass's depth.
 //!
+//! ```
+//! use trimaran_cull::{LodRule, View, Viewport, draw_order, lod_cut};
+//! use trimaran_gpu::{BACKGROUND, Gpu, GpuError, GpuOptions, GpuScene, PicturePass};
+//! # use glam::DVec3;
+//! # use trimaran_audit::cases::{plant, plant_views};
+//!
+//! let gpu = match Gpu::open(&GpuOptions::default()) {
+//!     Err(GpuError::NoLoader(_)) => return Ok(()), // no Vulkan on this machine
+//!     gpu => gpu?,
+//! };
+//! # let size = Viewport::new(64, 48)?;
+//! # let scene = plant(1, 500, DVec3::ZERO)?;
+//! # let view: View = plant_views(1, 500, DVec3::ZERO, size, 1)?[0];
+//! let on_device = GpuScene::upload(&gpu, &scene)?;
+//! let mut ids = lod_cut(&scene, &view, LodRule::new(2.0)?);
+//! draw_order(&scene, &view, &mut ids);
+//! let mut pass = PicturePass::new(&on_device, size)?;
+//! pass.begin(&view)?;
+//! pass.draw(&ids)?;
+//! pass.finish()?;
+//! let drawn = pass.pixels()?.iter().filter(|pixel| **pixel != BACKGROUND).count();
+//! assert!(drawn > 0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! | module | what is in it |
+//! |---|---|
+//! | `adapter`, `needs`, `gpu`, `wait` | a device: which, what it must have, opened, waited for |
+//! | `memory`, `in_place`, `scene` | buffers, and a scene on the device |
+//! | `camera`, `draw_record`, `draws`, `stream`, `recorder`, `pipeline`, `pass` | what the passes share |
+//! | `occluder`, `picture`, `item` | the three passes |
+//! | `boxes`, `query`, `raster` | tests of boxes against the occluders' depth |
+//! | `timing`, `validation` | what a pass took, what the validation layer said |
+//!
 //! # Soundness
 //! The `unsafe` calls sit in small wrappers (`adapter`, `needs`, `gpu`, `memory`, `in_place`, `stream`,
 //! `recorder`, `pipeline`, `query`); the passes above them are safe code. Three rules carry them. An object

@@ -2,6 +2,22 @@
 //!
 //! This is what a role needs. What makes a scene of CAD files is in `trimaran-cook`.
 //!
+//! ```
+//! # use trimaran_cook::{CookOptions, cook, generate::{PlantOptions, plant}};
+//! use trimaran_scene::Scene;
+//!
+//! # let folder = std::env::temp_dir().join(format!("trimaran-scene-{}", std::process::id()));
+//! # std::fs::create_dir_all(&folder)?;
+//! # let path = folder.join("plant.scene");
+//! # cook(&plant(&PlantOptions::small(7)), &CookOptions::default(), &())?.save(&path)?;
+//! let scene = Scene::open(&path)?;
+//! let root = &scene.nodes()[0];
+//! let finest = scene.nodes().iter().filter(|node| node.is_leaf()).filter_map(|leaf| leaf.levels().next());
+//! println!("{} objects in {:?}, {} leaves", scene.objects().len(), root.world_box(), finest.count());
+//! # std::fs::remove_dir_all(&folder)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! | module | what is in it |
 //! |---|---|
 //! | `scene` | [`Scene`]: the file, its records, and the checks that later code relies on |
