@@ -1,5 +1,5 @@
 #!/bin/sh
-# Takes the figures of docs/networks.md and docs/bandwidth.md again, and writes them between the marks there.
+# Takes the figures of docs/networks.md again, and writes them between the marks there.
 #
 #   docs/figures.sh               those of stated models: three minutes of one core, after the program is built
 #   docs/figures.sh city.scene    and those of a walk through a scene, which is recorded first: half an hour more, and a Vulkan device
@@ -24,9 +24,20 @@ begin() {
     echo "$1" >&2
 }
 
-# says COMMAND..: the command of the figures that follow.
+# says COMMAND..: the command of the figures that follow, broken before flags.
 says() {
-    { printf '```sh\n'; printf 'trimaran'; printf ' %s' "$@"; printf '\n```\n'; } >> "$block"
+    {
+        printf '```sh\n'
+        echo "trimaran $*" | awk '{
+            count = split($0, part, / --/); line = part[1]
+            for (place = 2; place <= count; place++) {
+                if (length(line part[place]) > 96) { print line " \\"; line = "   " }
+                line = line " --" part[place]
+            }
+            print line
+        }'
+        printf '```\n'
+    } >> "$block"
 }
 
 # quietly ARGS..: a run of the simulator; its figures lie in $out/runs.csv then.
@@ -137,7 +148,7 @@ place() {
 }
 
 latency='network=network link=link p50_ms=p50 p95_ms=p95 p99_ms=p99 p999_ms=p99.9 frames_per_second=frames/s late%=late incomplete=gaps bytes=bytes_a_frame'
-parts='link=link batch=b bytes=all ids=ids messages=messages transport=transport transport_headers=tcp/udp_headers ip_headers=IP link_layer=link_layer packets=packets'
+parts='link=link batch=b bytes=all ids=ids messages=messages transport=transport transport_headers=tcp/udp ip_headers=IP link_layer=link_layer packets=packets'
 
 begin wired
 sim --network fast-ethernet,gigabit,10g --link tcp,quic,udp --frames 2000
@@ -155,13 +166,13 @@ across link batch=ids_a_batch 'p50_ms=_p50 bytes=_bytes'
 
 begin formulas
 sim --network gigabit --link tcp,quic,udp --frames 200 --nodes 100,1000,4000 --batch 1,10,100,1000
-across link 'nodes=n batch=b' 'bytes=' 'corrected=added,_h_=_50 corrected_as_measured=added,_h_as_is_(tcp) paper=paper'
+across link 'nodes=n batch=b' 'bytes=' 'corrected=corrected,_h_=_50 corrected_as_measured=corrected,_h_of_tcp paper=paper'
 begin split
 sim --network gigabit --link tcp,quic,udp --frames 200 --nodes 4000 --batch 10,100,1000
-table $parts acknowledgements=of_all:_acknowledgements
+table $parts acknowledgements=acks
 begin repeated
 sim --network wifi --link tcp,quic,udp --udp-repair 15,0 --frames 1000 --nodes 4000 --batch 1000 --seed 1,2,3
-table link=link bytes=all ids=ids messages=messages transport=transport transport_headers=tcp/udp_headers ip_headers=IP link_layer=link_layer packets=packets repetitions=repeated
+table link=link bytes=all ids=ids messages=messages transport=transport transport_headers=tcp/udp ip_headers=IP link_layer=link_layer packets=packets repetitions=repeated
 begin once
 sim --network gigabit --link tcp,quic,udp --frames 3000 --nodes 4000 --batch 1000
 table link=link handshake=handshake,_once keepalive=keepalive,_a_frame
@@ -177,7 +188,7 @@ if [ -n "$scene" ]; then
     says run city.scene --record city.trace $recording
     says sim --trace city.trace $times --network fast-ethernet --link tcp,quic,udp --batch 10,100,1000 --frames 1000
     quietly --trace "$trace" $times --network fast-ethernet --link tcp,quic,udp --batch 10,100,1000 --frames 1000
-    table $parts corrected=added paper=paper
+    table $parts corrected=corrected paper=paper
     begin coding
     says sim --trace city.trace $times --network fast-ethernet --link tcp,quic,udp --coding plain --frames 1000 "# and changes"
     for coding in plain changes; do
@@ -192,11 +203,10 @@ if [ -n "$scene" ]; then
     says run city.scene --record city.trace $recording
     says sim --trace city.trace --scene city.scene $wrong
     quietly --trace "$trace" --scene "$scene" $wrong
-    table link=link p50_ms=p50 p99_ms=p99 p99_ms_deviation=± p999_ms=p99.9 incomplete=gaps frames_wrong=frames_wrong \
-        wrong_pixels=wrong_pixels_a_frame wrong_pixels_deviation=± worst_pixels=most_in_one \
-        needless_triangles=needless_triangles_a_frame needless_triangles_deviation=± bytes=bytes_a_frame
+    table link=link p50_ms=p50 p99_ms=p99 p99_ms_deviation=± p999_ms=p99.9 incomplete=gaps bytes=bytes_a_frame
+    echo >> "$block"
+    table link=link frames_wrong=frames_wrong wrong_pixels=pixels_wrong wrong_pixels_deviation=± \
+        worst_pixels=most_in_one needless_triangles=needless_triangles needless_triangles_deviation=±
 fi
 
-for page in docs/networks.md docs/bandwidth.md; do
-    place "$page"
-done
+place docs/networks.md

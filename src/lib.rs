@@ -1,5 +1,5 @@
-//! Trimaran walks through 3D models that are too large for one GPU: two machines take turns culling a frame
-//! and drawing the occluders of the next, a third shows what is visible.
+//! Trimaran walks through CAD models of process plants with tens of millions of triangles: two machines take
+//! turns to find out what is visible in a frame, and a third shows it.
 //!
 //! This crate joins the parts for the command line and for programs that want a walkthrough as a whole; the
 //! parts stand for themselves: [`trimaran_proto`] the wire, [`trimaran_transport`] the links,

@@ -1,4 +1,4 @@
-//! The configurations in `examples/configs` are what the guide tells people to start from: they must be good.
+//! The configurations in `examples/configs` are what docs/operations.md tells people to start from.
 #![allow(clippy::unwrap_used, reason = "a test ends where what it needs is not there")]
 
 use std::path::{Path, PathBuf};

@@ -16,10 +16,10 @@ pub(crate) use walks::{Coding, DemoArgs, LinkKind, RunArgs, Size, SweepArgs, Tes
 
 use super::{netem::NetemArgs, ping::PingArgs, stat::StatArgs};
 
-/// Walk through 3D models too large for one GPU.
+/// Walk through CAD models of process plants with tens of millions of triangles.
 ///
-/// Two machines take turns, one culling a frame with occlusion queries while the other draws the occluders of
-/// the next; a third shows what is visible. A typical first hour:
+/// Two machines take turns to find out what is visible in a frame, and a third shows it. A typical first
+/// hour:
 ///
 ///   trimaran doctor                               what this machine can do
 ///   trimaran demo                                 a walk through a generated plant

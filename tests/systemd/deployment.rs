@@ -1,4 +1,4 @@
-//! Three services on one machine, installed as docs/guide.md says.
+//! Three services on one machine, installed as docs/operations.md says.
 
 use std::fs;
 use std::path::Path;
@@ -15,9 +15,9 @@ pub(crate) const SECOND: (&str, u16) = ("trimaran-switch@second", 9466);
 
 /// Where the display's report lies.
 const REPORT: &str = "/var/lib/trimaran/walk";
-/// Where the guide's commands are run: a checkout with a scene, keys and configurations.
+/// Where the page's commands are run: a checkout with a scene, keys and configurations.
 const CHECKOUT: &str = "/run/checkout";
-/// What the guide's three hosts are called in its command lines.
+/// What the page's three hosts are called in its command lines.
 const HOSTS: [&str; 3] = ["one", "two", "show"];
 
 /// How the roles reach each other.
@@ -52,7 +52,7 @@ impl Walk {
         assert!(output.status.success(), "{arguments:?}: {output:?}");
     }
 
-    /// Puts what the guide's commands need into the machine, and runs all of them there.
+    /// Puts what the page's commands need into the machine, and runs all of them there.
     pub(crate) fn install(&self, machine: &Machine, over: Over) {
         let checkout = machine.path(CHECKOUT);
         fs::create_dir_all(checkout.join("target/release")).unwrap();
@@ -68,7 +68,7 @@ impl Walk {
         // What is gone without a word is missed soon.
         let environment = "TRIMARAN_LOG=info\nTRIMARAN_LINK_IDLE_TIMEOUT_S=4\n";
         fs::write(machine.path("/etc/default/trimaran"), environment).unwrap();
-        for command in commands_of_the_guide() {
+        for command in commands_of_the_page() {
             machine.run(&format!("cd {CHECKOUT}; {command}"));
         }
     }
@@ -128,11 +128,12 @@ fn copy_files(from: &Path, to: &Path) {
     }
 }
 
-/// The command lines of the guide's section about services, whichever host they are for.
-fn commands_of_the_guide() -> Vec<String> {
-    let guide = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/guide.md")).unwrap();
-    let (_, after) = guide.split_once("### As services\n").unwrap();
-    let (section, _) = after.split_once("\n### ").unwrap();
+/// The command lines of the section about services, whichever host they are for.
+fn commands_of_the_page() -> Vec<String> {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/operations.md");
+    let page = fs::read_to_string(page).unwrap();
+    let (_, after) = page.split_once("\n## Services\n").unwrap();
+    let (section, _) = after.split_once("\n## ").unwrap();
     let commands = section.lines().filter_map(|line| {
         let (host, command) = line.split_once("$ ")?;
         HOSTS.contains(&host.trim()).then(|| command.to_owned())

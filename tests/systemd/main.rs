@@ -1,4 +1,4 @@
-//! The services of `deploy/systemd` under a real systemd: as docs/guide.md installs them, started in any
+//! The services of `deploy/systemd` under a real systemd: as docs/operations.md installs them, started in any
 //! order, killed and restarted.
 //!
 //! Needs Linux, root and systemd. Elsewhere the tests say that they are skipped, and fail if
@@ -37,7 +37,7 @@ fn services_start_in_any_order_and_show_what_one_process_shows() {
         let Some(machine) = Machine::boot("order") else { return };
         let walk = Walk::in_one_process(20);
         walk.install(&machine, over);
-        walk.is_shown(&machine); // as the guide started them
+        walk.is_shown(&machine); // as the page started them
         for order in ORDERS {
             machine.run("systemctl stop 'trimaran-*'");
             for (service, _) in order {
@@ -65,7 +65,7 @@ fn in_walks(name: &str, act: impl Fn(&Machine, &str)) {
         let Some(machine) = Machine::boot(name) else { return };
         walk.install(&machine, over);
         for turns in [&[FIRST, SECOND][..], &[DISPLAY]] {
-            // For the first walk the guide has started it already.
+            // For the first walk the page has started it already.
             machine.run("systemctl start trimaran-display");
             for turn in turns {
                 let process = || machine.run(&format!("systemctl show -P MainPID {}", turn.0));
