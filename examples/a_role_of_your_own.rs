@@ -7,7 +7,7 @@
 
 use std::{collections::HashSet, convert::Infallible, error::Error, sync::Arc, time::Duration};
 
-use trimaran::vulkan::VulkanPair;
+use trimaran::vulkan::VulkanCuller;
 use trimaran_actors::{
     Cameras, Devices, Observer, ObserverError, PictureDevice, ShownFrame, Stop, Turns, in_process,
 };
@@ -66,7 +66,7 @@ impl Observer for Tally {
         Ok(())
     }
 
-    fn pair_did(&mut self, stats: &FrameStats) {
+    fn culled(&mut self, stats: &FrameStats) {
         self.culling += Duration::from_nanos(stats.hc_end_ns - stats.hc_start_ns);
     }
 }
@@ -100,8 +100,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         frames: Some(60),
     };
     let drawn = GpuScene::upload(&Gpu::open(&GpuOptions::default())?, &scene)?;
-    let pair =
-        || VulkanPair::new(&drawn, Viewport::new(512, 512)?, settings.tester).map_err(Box::<dyn Error>::from);
+    let pair = || {
+        VulkanCuller::new(&drawn, Viewport::new(512, 512)?, settings.tester).map_err(Box::<dyn Error>::from)
+    };
     let devices = Devices { first: pair()?, second: pair()?, display: Loader::default() };
 
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;

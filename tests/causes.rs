@@ -9,12 +9,12 @@ use common::{
     data::{Data, cooked, imported},
     session::{stage, trail, walk_in_process, walk_with},
 };
-use trimaran::vulkan::{VulkanPair, VulkanPairError};
+use trimaran::vulkan::{VulkanCuller, VulkanCullerError};
 use trimaran::{
     report::{Frame, schema::FalseCullCause},
     walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage},
 };
-use trimaran_actors::PairDevice;
+use trimaran_actors::CullerDevice;
 use trimaran_audit::cases::with_halved_boxes;
 use trimaran_cook::{
     CookOptions, cook,
@@ -40,20 +40,20 @@ enum Fault {
 
 /// A machine with a fault.
 struct Faulty {
-    sound: VulkanPair,
+    sound: VulkanCuller,
     fault: Fault,
     last: Option<View>,
 }
 
 impl Faulty {
     fn new(stage: &Stage, machine: usize, plan: &Plan, fault: Fault) -> Self {
-        let sound = VulkanPair::new(&stage.drawn[machine], plan.size, plan.tester).unwrap();
+        let sound = VulkanCuller::new(&stage.drawn[machine], plan.size, plan.tester).unwrap();
         Self { sound, fault, last: None }
     }
 }
 
-impl PairDevice for Faulty {
-    fn begin_occluders(&mut self, view: &View) -> Result<(), VulkanPairError> {
+impl CullerDevice for Faulty {
+    fn begin_occluders(&mut self, view: &View) -> Result<(), VulkanCullerError> {
         let last = self.last.replace(*view);
         let from = match self.fault {
             Fault::StaleCamera => last.unwrap_or(*view),
@@ -63,28 +63,28 @@ impl PairDevice for Faulty {
         self.sound.begin_occluders(&from)
     }
 
-    fn draw_occluders(&mut self, ids: &[DrawableId]) -> Result<(), VulkanPairError> {
+    fn draw_occluders(&mut self, ids: &[DrawableId]) -> Result<(), VulkanCullerError> {
         self.sound.draw_occluders(ids)
     }
 
-    fn finish_occluders(&mut self) -> Result<Duration, VulkanPairError> {
+    fn finish_occluders(&mut self) -> Result<Duration, VulkanCullerError> {
         self.sound.finish_occluders()
     }
 
-    fn read_depth(&mut self) -> Result<DepthImage<'_>, VulkanPairError> {
+    fn read_depth(&mut self) -> Result<DepthImage<'_>, VulkanCullerError> {
         self.sound.read_depth()
     }
 }
 
 impl OcclusionTest for Faulty {
-    type Error = VulkanPairError;
+    type Error = VulkanCullerError;
 
     fn test(
         &mut self,
         view: &View,
         boxes: &[TestBox],
         visible: &mut Vec<u32>,
-    ) -> Result<(), VulkanPairError> {
+    ) -> Result<(), VulkanCullerError> {
         let away = if let Fault::BoxesFarther(by) = self.fault { 1.0 + by } else { 1.0 };
         let moved = boxes
             .iter()

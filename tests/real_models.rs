@@ -10,7 +10,7 @@ use common::{
     data::{Data, cooked, imported},
     session::{assert_no_validation_messages, essence, stage, trail, walk_in_process, walk_over_tcp},
 };
-use trimaran::vulkan::VulkanPair;
+use trimaran::vulkan::VulkanCuller;
 use trimaran::{
     report::Frame,
     walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage},
@@ -75,7 +75,7 @@ fn audit(stage: &Stage, plan: &Plan, records: &[FrameRecord]) -> Result<[f64; 2]
     let [_, _, display] = &stage.drawn;
     let rule = LodRule::new(plan.epsilon.pixels())?;
     let mut auditor = Auditor::new(&stage.scene, display, plan.size, rule)?;
-    let mut machine = VulkanPair::new(display, plan.size, plan.tester)?;
+    let mut machine = VulkanCuller::new(display, plan.size, plan.tester)?;
     let mut farthest = [0.0_f64; 2];
     for (index, record) in records.iter().enumerate().step_by(AUDIT_EVERY as usize) {
         let mut frame = Frame::default();

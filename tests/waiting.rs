@@ -30,7 +30,8 @@ struct Display {
 
 impl Display {
     fn start(folder: &TempDir, listen: &str, more: &[&str]) -> Self {
-        let config = format!("scene = 'plant.scene'\nlisten = '{listen}'\nout = 'walk'\njoin_timeout_s = 600\n");
+        let config =
+            format!("scene = 'plant.scene'\nlisten = '{listen}'\nout = 'walk'\njoin_timeout_s = 600\n");
         fs::write(folder.path().join("display.toml"), config).unwrap();
         let mut child = Command::new(env!("CARGO_BIN_EXE_trimaran"))
             .args(["role", "display", "--config", "display.toml"])

@@ -8,10 +8,10 @@ use std::{error::Error, sync::Arc};
 use common::session::{
     assert_no_validation_messages, essence, stage, trail, uncut_count, walk_in_process, walk_over_tcp,
 };
-use trimaran::vulkan::VulkanPair;
+use trimaran::vulkan::VulkanCuller;
 use trimaran::{
     report::Frame,
-    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, Trail},
+    walkthrough::{Auditor, CameraPath, FrameRecord, Pace, PathChoice, Plan, Stage},
 };
 use trimaran_audit::{SURFACE_SLACK_PX, cases::with_records};
 use trimaran_cook::{
@@ -44,7 +44,7 @@ fn plant_on_stage() -> Option<Stage> {
     stage(&Arc::new(cook(&model, &CookOptions::default(), &()).unwrap()))
 }
 
-fn automatic(stage: &Stage, plan: &Plan) -> Trail {
+fn automatic(stage: &Stage, plan: &Plan) -> CameraPath {
     trail(stage, plan, &PathChoice::Auto { seed: 7 }, FRAMES)
 }
 
@@ -102,7 +102,7 @@ fn farthest_off(stage: &Stage, plan: &Plan) -> Result<[f64; 2], Box<dyn Error>> 
     let [_, _, display] = &stage.drawn;
     let rule = LodRule::new(plan.epsilon.pixels())?;
     let mut auditor = Auditor::new(&stage.scene, display, plan.size, rule)?;
-    let mut machine = VulkanPair::new(display, plan.size, plan.tester)?;
+    let mut machine = VulkanCuller::new(display, plan.size, plan.tester)?;
     let mut farthest = [0.0_f64; 2];
     let records = walk_in_process(stage, plan, &automatic(stage, plan));
     for index in 0..records.len() {
@@ -141,7 +141,7 @@ fn every_tester_shows_the_unculled_cut() -> Result<(), Box<dyn Error>> {
         let rule = LodRule::new(plan.epsilon.pixels())?;
         let [_, _, display] = &stage.drawn;
         let mut auditor = Auditor::new(&stage.scene, display, plan.size, rule)?;
-        let mut machine = VulkanPair::new(display, plan.size, tester)?;
+        let mut machine = VulkanCuller::new(display, plan.size, tester)?;
         let mut seen = 0;
         for (index, record) in records.iter().enumerate() {
             let mut frame = Frame::default();

@@ -11,7 +11,7 @@ use rustix::process::setpriority_process;
 use tokio::runtime::Builder;
 use trimaran::netem::{Emulation, Namespace, Report};
 use trimaran::simulate::{Cast, FrameTimes, Scenario};
-use trimaran_actors::Seat;
+use trimaran_actors::CullerIndex;
 use trimaran_transport::{Net, TokioNet};
 
 use crate::clock::Clock;
@@ -45,12 +45,12 @@ pub(crate) fn play(scenario: &Scenario) -> Ended<Played> {
     };
     let (cast, sent) = (&cast, &sent);
     let (before, after) = thread::scope(|scope| {
-        let switch = |seat, place| {
+        let switch = |index, place| {
             let played =
-                move || in_place(place, start, async |net, clock| Ok(cast.switch(seat, net, clock).await?));
+                move || in_place(place, start, async |net, clock| Ok(cast.switch(index, net, clock).await?));
             scope.spawn(played)
         };
-        let pair = [switch(Seat::First, first), switch(Seat::Second, second)];
+        let pair = [switch(CullerIndex::First, first), switch(CullerIndex::Second, second)];
         let show = scope.spawn(move || {
             in_place(display, start, async |net, clock| Ok(cast.display(net, clock, sent, || ()).await?))
         });

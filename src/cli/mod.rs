@@ -12,14 +12,15 @@ mod info;
 mod keys;
 mod netem;
 mod ping;
+mod processes;
 mod progress;
 mod recording;
 mod role;
 mod run;
 mod sim;
+mod starting;
 mod stat;
 mod sweep;
-mod three_processes;
 mod walking;
 
 use std::io::{self, IsTerminal, Write};

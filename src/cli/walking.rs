@@ -7,7 +7,7 @@ use std::{
 };
 
 use tokio::runtime::{Builder, Runtime};
-use trimaran::walkthrough::{Pace, PathChoice, Plan, SceneFile, Trail};
+use trimaran::walkthrough::{CameraPath, Pace, PathChoice, Plan, SceneFile};
 use trimaran_actors::{Stop, Stopper};
 use trimaran_gpu::{DeviceChoice, GpuOptions};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
@@ -48,9 +48,9 @@ pub(super) fn pace(live_hz: Option<f64>) -> Pace {
 }
 
 /// The path that the flags ask for, through `scene`.
-pub(super) fn trail(walk: &WalkArgs, plan: &Plan, scene: &Scene) -> Result<Trail, Failure> {
+pub(super) fn path(walk: &WalkArgs, plan: &Plan, scene: &Scene) -> Result<CameraPath, Failure> {
     let choice = PathChoice::parse(&walk.path, walk.seed);
-    Trail::find(&choice, scene, plan.size, walk.frames).map_err(Failure::bad_input)
+    CameraPath::find(&choice, scene, plan.size, walk.frames).map_err(Failure::bad_input)
 }
 
 /// Opens a cooked scene.

@@ -8,9 +8,8 @@ use trimaran_proto::DrawableId;
 use trimaran_transport::Instant;
 
 use super::bytes::{Account, FrameBytes};
-use super::pixels::PixelCost;
-use super::statistics::{Percentiles, Spread};
-use super::{Scenario, Transport};
+use super::scenario::{Knobs, Scenario, Transport};
+use super::statistics::{Percentiles, PixelCost, Spread};
 
 /// When what happened to a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -209,7 +208,7 @@ impl Outcome {
     #[must_use]
     pub fn label(&self) -> String {
         let deadline = self.deadline_ms.map_or_else(String::new, |ms| format!("/{ms}ms"));
-        let usual = super::Knobs::default().repair_percent;
+        let usual = Knobs::default().repair_percent;
         let repair = self.repair_percent.filter(|percent| *percent != usual);
         let repair = repair.map_or_else(String::new, |percent| format!("/r{percent}"));
         format!("{}{deadline}{repair}", self.link.name())

@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, sync::Arc};
 
 use thiserror::Error;
-use trimaran_actors::PairDevice;
+use trimaran_actors::CullerDevice;
 use trimaran_audit::{
     Missing,
     metrics::{
@@ -20,8 +20,8 @@ use xxhash_rust::xxh3::xxh3_64;
 use super::{
     attribution::{self, AttributionError},
     deviation,
+    frame_record::FrameRecord,
     objects::ObjectCounts,
-    record::FrameRecord,
 };
 use crate::report::schema::{Frame, VisibleObject};
 
@@ -122,7 +122,7 @@ impl Auditor {
     ///
     /// # Errors
     /// If a device fails.
-    pub fn audit<D: PairDevice>(
+    pub fn audit<D: CullerDevice>(
         &mut self,
         machine: &mut D,
         walk: &[FrameRecord],

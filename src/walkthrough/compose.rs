@@ -5,14 +5,14 @@ use std::{collections::BTreeMap, sync::Arc, time::Duration};
 use trimaran_proto::{CullCounts, FrameNumber, FrameStats, SentBytes};
 use trimaran_scene::Scene;
 
-use super::{objects::ObjectCounts, path::Trail, record::FrameRecord};
+use super::{frame_record::FrameRecord, objects::ObjectCounts, path::CameraPath};
 use crate::report::schema::{BytesByKind, CullingCounts, Frame, Role, Seat, Span};
 
 /// Makes the report's frames of what was recorded, without what only an audit can tell.
 #[derive(Debug)]
 pub(super) struct Composer {
     scene: Arc<Scene>,
-    trail: Trail,
+    path: CameraPath,
     objects: ObjectCounts,
     /// Whether all roles measured by one clock.
     one_clock: bool,
@@ -21,9 +21,9 @@ pub(super) struct Composer {
 }
 
 impl Composer {
-    pub(super) fn new(scene: &Arc<Scene>, trail: &Trail, one_clock: bool) -> Self {
+    pub(super) fn new(scene: &Arc<Scene>, path: &CameraPath, one_clock: bool) -> Self {
         let objects = ObjectCounts::new(scene);
-        Self { scene: Arc::clone(scene), trail: trail.clone(), objects, one_clock, shown: Vec::new() }
+        Self { scene: Arc::clone(scene), path: path.clone(), objects, one_clock, shown: Vec::new() }
     }
 
     /// The next frame, in the order shown.
@@ -31,7 +31,7 @@ impl Composer {
         let previous = self.shown.last().copied();
         let frames_between = self.shown.iter().rev().take_while(|shown| **shown > record.published).count();
         self.shown.push(record.shown);
-        let frame = frame(&self.scene, &self.trail, record, previous, frames_between);
+        let frame = frame(&self.scene, &self.path, record, previous, frames_between);
         let objects = self.objects.of(&self.scene, record.ids.iter().copied());
         Frame { objects_drawn: Some(objects), timeline: timeline(record, self.one_clock), ..frame }
     }
@@ -39,13 +39,13 @@ impl Composer {
 
 fn frame(
     scene: &Scene,
-    trail: &Trail,
+    path: &CameraPath,
     record: &FrameRecord,
     previous: Option<Duration>,
     frames_between: usize,
 ) -> Frame {
     let number = record.camera.frame();
-    let pose = trail.pose_of(&record.camera);
+    let pose = path.pose_of(&record.camera);
     let triangles = record
         .ids
         .iter()
@@ -106,9 +106,9 @@ const fn busy_start(stats: &FrameStats) -> u64 {
 }
 
 const fn seat_of(frame: FrameNumber) -> Seat {
-    match trimaran_actors::Seat::of(frame) {
-        trimaran_actors::Seat::First => Seat::SwitchA,
-        trimaran_actors::Seat::Second => Seat::SwitchB,
+    match trimaran_actors::CullerIndex::of(frame) {
+        trimaran_actors::CullerIndex::First => Seat::SwitchA,
+        trimaran_actors::CullerIndex::Second => Seat::SwitchB,
     }
 }
 

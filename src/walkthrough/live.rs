@@ -1,44 +1,58 @@
-//! A path walked by the clock.
+//! A path at a pace: a frame a pose, or by the clock.
 
 use std::time::Duration;
 
-use trimaran_actors::Cameras;
+use trimaran_actors::{Cameras, Stopwatch};
 use trimaran_proto::{Camera, FrameNumber};
 
-use super::path::Trail;
+use super::{path::CameraPath, plan::Pace};
+
+impl CameraPath {
+    /// The cameras of a session that walks it at this pace.
+    #[must_use]
+    pub fn cameras(&self, pace: Pace) -> Box<dyn Cameras> {
+        match pace {
+            Pace::Lockstep => Box::new(self.clone()),
+            Pace::Live { hz } => {
+                let clock = Stopwatch::start();
+                Box::new(LivePath::new(self.clone(), hz, move || clock.elapsed()))
+            }
+        }
+    }
+}
 
 /// The poses of a path at so many a second, from the moment the first one is asked for.
-pub(super) struct LiveTrail<C> {
-    trail: Trail,
+struct LivePath<C> {
+    path: CameraPath,
     hz: f64,
     /// Time since some origin.
     clock: C,
     start: Option<Duration>,
 }
 
-impl<C: Fn() -> Duration> LiveTrail<C> {
-    pub(super) const fn new(trail: Trail, hz: f64, clock: C) -> Self {
-        Self { trail, hz, clock, start: None }
+impl<C: Fn() -> Duration> LivePath<C> {
+    const fn new(path: CameraPath, hz: f64, clock: C) -> Self {
+        Self { path, hz, clock, start: None }
     }
 
     /// How many poses have been walked past.
-    fn place(&self) -> usize {
+    fn walked(&self) -> usize {
         let start = self.start.unwrap_or_default();
         // Rounded down, and saturating for a walk of that many poses.
         ((self.clock)().saturating_sub(start).as_secs_f64() * self.hz) as usize
     }
 }
 
-impl<C: Fn() -> Duration> Cameras for LiveTrail<C> {
+impl<C: Fn() -> Duration> Cameras for LivePath<C> {
     fn camera(&mut self, frame: FrameNumber) -> Camera {
         if self.start.is_none() {
             self.start = Some((self.clock)());
         }
-        self.trail.camera_at(self.place(), frame)
+        self.path.camera_at(self.walked(), frame)
     }
 
     fn is_over(&self) -> bool {
-        self.start.is_some() && self.place() >= self.trail.frames() as usize
+        self.start.is_some() && self.walked() >= self.path.frames() as usize
     }
 }
 
@@ -55,20 +69,20 @@ mod tests {
     use super::*;
     use crate::walkthrough::PathChoice;
 
-    fn trail() -> Trail {
-        let path = tempfile::NamedTempFile::new().unwrap();
+    fn path() -> CameraPath {
+        let file = tempfile::NamedTempFile::new().unwrap();
         let pose = |x: u32| format!(r#"{{"eye":[{x},0,0],"forward":[0,0,-1],"up":[0,1,0]}}"#);
         let frames = (0..3).map(pose).collect::<Vec<_>>().join(",");
-        std::fs::write(path.path(), format!(r#"{{"vfov_deg":60,"near":0.1,"frames":[{frames}]}}"#)).unwrap();
-        let choice = PathChoice::File(path.path().to_owned());
+        std::fs::write(file.path(), format!(r#"{{"vfov_deg":60,"near":0.1,"frames":[{frames}]}}"#)).unwrap();
+        let choice = PathChoice::File(file.path().to_owned());
         let scene = cook(&plant(&PlantOptions::small(1)), &CookOptions::default(), &()).unwrap();
-        Trail::find(&choice, &scene, Viewport::new(8, 8).unwrap(), None).unwrap()
+        CameraPath::find(&choice, &scene, Viewport::new(8, 8).unwrap(), None).unwrap()
     }
 
     #[test]
     fn the_newest_pose_is_handed_out_until_the_walk_is_over() {
         let now = Cell::new(Duration::from_secs(5));
-        let mut live = LiveTrail::new(trail(), 2.0, || now.get());
+        let mut live = LivePath::new(path(), 2.0, || now.get());
         assert!(!live.is_over(), "the clock starts with the first camera");
         let mut poses = Vec::new();
         for ms in [5000, 5400, 5500, 6100, 6499, 6500] {

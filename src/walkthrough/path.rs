@@ -3,15 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
-use trimaran_actors::{Cameras, Stopwatch};
+use trimaran_actors::Cameras;
 use trimaran_cull::{Viewport, aspect};
 use trimaran_proto::{Camera, CameraError, FrameNumber};
 use trimaran_scene::{
     Scene,
     walk::{AutoWalkError, AutoWalkOptions, Walk, WalkError, WalkKind, auto},
 };
-
-use super::{Pace, live::LiveTrail};
 
 /// Which way to walk.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -35,7 +33,7 @@ impl PathChoice {
 
 /// A camera for each frame of a walkthrough.
 #[derive(Debug, Clone)]
-pub struct Trail {
+pub struct CameraPath {
     cameras: Vec<Camera>,
     walk: Walk,
     near: f32,
@@ -46,7 +44,7 @@ pub struct Trail {
 /// Why there is no path to walk.
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum TrailError {
+pub enum CameraPathError {
     /// The file cannot be read.
     #[error("cannot read the path {path}: {cause}", path = path.display())]
     Read {
@@ -79,7 +77,7 @@ pub enum TrailError {
     },
 }
 
-impl Trail {
+impl CameraPath {
     /// How many frames an automatic walk has unless told otherwise.
     pub const AUTO_FRAMES: u32 = 200;
 
@@ -93,7 +91,7 @@ impl Trail {
         scene: &Scene,
         viewport: Viewport,
         frames: Option<u32>,
-    ) -> Result<Self, TrailError> {
+    ) -> Result<Self, CameraPathError> {
         let (walk, kind) = match choice {
             PathChoice::Auto { seed } => {
                 let frames = frames.unwrap_or(Self::AUTO_FRAMES);
@@ -106,7 +104,7 @@ impl Trail {
         let near = walk.near().unwrap_or_else(|| default_near(scene));
         let camera = |(frame, pose): (usize, &trimaran_scene::walk::WalkFrame)| {
             pose.camera(walk.vfov_deg(), aspect(viewport), near, FrameNumber(0))
-                .map_err(|cause| TrailError::Camera { frame, cause })
+                .map_err(|cause| CameraPathError::Camera { frame, cause })
         };
         let poses: Vec<Camera> = walk.frames().iter().enumerate().map(camera).collect::<Result<_, _>>()?;
         let count = frames.map_or(poses.len(), |frames| frames as usize);
@@ -133,50 +131,38 @@ impl Trail {
         self.near
     }
 
-    /// The pose that a camera of this trail has, as the path has it: eye, forward and up.
+    /// The pose that a camera of this path has, as the path has it: eye, forward and up.
     #[must_use]
     pub fn pose_of(&self, camera: &Camera) -> Option<&trimaran_scene::walk::WalkFrame> {
         let same = |other: &Camera| other.for_frame(camera.frame()) == *camera;
-        // In lockstep the frame's number is its place.
-        let place = camera.frame().0 as usize;
-        let place = if self.cameras.get(place).is_some_and(same) {
-            place
+        // In lockstep the frame's number is its index.
+        let index = camera.frame().0 as usize;
+        let index = if self.cameras.get(index).is_some_and(same) {
+            index
         } else {
             self.cameras.iter().position(same)?
         };
         let count = self.walk.frames().len();
-        self.walk.frames().get(place % count.max(1))
+        self.walk.frames().get(index % count.max(1))
     }
 
-    /// The cameras of a session that walks it at this pace.
-    #[must_use]
-    pub fn cameras(&self, pace: Pace) -> Box<dyn Cameras> {
-        match pace {
-            Pace::Lockstep => Box::new(self.clone()),
-            Pace::Live { hz } => {
-                let clock = Stopwatch::start();
-                Box::new(LiveTrail::new(self.clone(), hz, move || clock.elapsed()))
-            }
-        }
-    }
-
-    /// The camera at a place of the path, for a frame. Past its end the walk stands still.
-    pub(super) fn camera_at(&self, place: usize, frame: FrameNumber) -> Camera {
+    /// The camera so many poses into the path, for a frame. Past its end the walk stands still.
+    pub(super) fn camera_at(&self, pose: usize, frame: FrameNumber) -> Camera {
         let last = self.cameras.len().saturating_sub(1);
-        self.cameras[place.min(last)].for_frame(frame)
+        self.cameras[pose.min(last)].for_frame(frame)
     }
 }
 
-impl Cameras for Trail {
+impl Cameras for CameraPath {
     fn camera(&mut self, frame: FrameNumber) -> Camera {
         self.camera_at(frame.0 as usize, frame)
     }
 }
 
-fn read(path: &Path) -> Result<Walk, TrailError> {
-    let text =
-        std::fs::read_to_string(path).map_err(|cause| TrailError::Read { path: path.to_owned(), cause })?;
-    Walk::from_json(&text).map_err(|cause| TrailError::Walk { path: path.to_owned(), cause })
+fn read(path: &Path) -> Result<Walk, CameraPathError> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|cause| CameraPathError::Read { path: path.to_owned(), cause })?;
+    Walk::from_json(&text).map_err(|cause| CameraPathError::Walk { path: path.to_owned(), cause })
 }
 
 /// The near plane of a path that names none: a ten-thousandth of the scene's diagonal.

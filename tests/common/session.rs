@@ -3,11 +3,11 @@
 use std::{sync::Arc, thread, time::Duration};
 
 use tokio::runtime::{Builder, Runtime};
-use trimaran::vulkan::{VulkanDisplay, VulkanPair};
-use trimaran::walkthrough::{FrameRecord, PathChoice, Plan, Recorder, Stage, Trail, in_process};
+use trimaran::vulkan::{VulkanCuller, VulkanDisplay};
+use trimaran::walkthrough::{CameraPath, FrameRecord, PathChoice, Plan, Recorder, Stage, in_process};
 use trimaran_actors::{
-    Devices, DisplayRole, Joined, Listener, OccluderPolicy, PairDevice, PairRole, Place, Seat, Stop,
-    Stopwatch, Turns, await_pair, join_session,
+    CullerDevice, CullerIndex, CullerRole, Devices, DisplayRole, Joined, Listener, OccluderPolicy,
+    PeerEndpoint, Stop, Stopwatch, Turns, await_cullers, join_session,
 };
 use trimaran_cull::{LodRule, View, lod_cut};
 use trimaran_proto::{Identity, Role};
@@ -22,12 +22,12 @@ pub(crate) fn stage(scene: &Arc<Scene>) -> Option<Stage> {
 }
 
 /// The first `frames` cameras of a path.
-pub(crate) fn trail(stage: &Stage, plan: &Plan, path: &PathChoice, frames: u32) -> Trail {
-    Trail::find(path, &stage.scene, plan.size, Some(frames)).unwrap()
+pub(crate) fn trail(stage: &Stage, plan: &Plan, path: &PathChoice, frames: u32) -> CameraPath {
+    CameraPath::find(path, &stage.scene, plan.size, Some(frames)).unwrap()
 }
 
 /// Walks with the three roles in this process; every picture is read back.
-pub(crate) fn walk_in_process(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<FrameRecord> {
+pub(crate) fn walk_in_process(stage: &Stage, plan: &Plan, trail: &CameraPath) -> Vec<FrameRecord> {
     let (runtime, (_stopper, stop)) = (runtime(), Stop::new());
     let mut quiet = |_| {};
     let mut recorder = Recorder::new(1, &mut quiet);
@@ -36,10 +36,10 @@ pub(crate) fn walk_in_process(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<
 }
 
 /// The same with a pair of other devices.
-pub(crate) fn walk_with<P: PairDevice + Send>(
+pub(crate) fn walk_with<P: CullerDevice + Send>(
     stage: &Stage,
     plan: &Plan,
-    trail: &Trail,
+    trail: &CameraPath,
     [first, second]: [P; 2],
 ) -> Vec<FrameRecord> {
     let (runtime, (_stopper, stop)) = (runtime(), Stop::new());
@@ -65,7 +65,7 @@ pub(crate) fn walk_with<P: PairDevice + Send>(
 }
 
 /// The same session with the three roles joined over TCP on loopback, as separate processes are.
-pub(crate) fn walk_over_tcp(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<FrameRecord> {
+pub(crate) fn walk_over_tcp(stage: &Stage, plan: &Plan, trail: &CameraPath) -> Vec<FrameRecord> {
     let (runtime, (_stopper, stop)) = (runtime(), Stop::new());
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
     let deadline = net.now().after(Duration::from_secs(60));
@@ -81,18 +81,20 @@ pub(crate) fn walk_over_tcp(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<Fr
     let mut quiet = |_| {};
     let mut recorder = Recorder::new(1, &mut quiet);
     thread::scope(|scope| {
-        for (seat, drawn) in [(Seat::First, first), (Seat::Second, second)] {
+        for (index, drawn) in [(CullerIndex::First, first), (CullerIndex::Second, second)] {
             let (address, pair, net, stop, runtime) = (&address, &pair, &net, &stop, &runtime);
             scope.spawn(move || {
-                let place =
-                    |endpoint: &Endpoint| Place { endpoint: endpoint.clone(), options: Options::default() };
+                let place = |endpoint: &Endpoint| PeerEndpoint {
+                    endpoint: endpoint.clone(),
+                    options: Options::default(),
+                };
                 let (address, pair) = (place(address), place(pair));
-                let joining = join_session(net, seat, scene, &address, &pair, deadline);
+                let joining = join_session(net, index, scene, &address, &pair, deadline);
                 let Joined { display, other, settings } = runtime.block_on(joining).unwrap();
                 assert_eq!(settings, plan.settings(trail.frames()));
-                let device = VulkanPair::new(drawn, plan.size, settings.tester).unwrap();
-                let role = PairRole {
-                    seat,
+                let device = VulkanCuller::new(drawn, plan.size, settings.tester).unwrap();
+                let role = CullerRole {
+                    index,
                     scene: Arc::clone(&stage.scene),
                     device,
                     display,
@@ -105,7 +107,7 @@ pub(crate) fn walk_over_tcp(stage: &Stage, plan: &Plan, trail: &Trail) -> Vec<Fr
                 role.run(runtime.handle(), stop).unwrap();
             });
         }
-        let [first, second] = runtime.block_on(await_pair(listener, deadline)).unwrap();
+        let [first, second] = runtime.block_on(await_cullers(listener, deadline)).unwrap();
         let device = VulkanDisplay::new(display, plan.size).unwrap();
         let net = Arc::clone(&net);
         let (scene, clock, turns) = (Arc::clone(&stage.scene), Stopwatch::start(), Turns::at_once());

@@ -64,6 +64,7 @@
 
 mod acceptor;
 mod application;
+mod causes;
 #[cfg(feature = "conformance")]
 pub mod conformance;
 mod connect;
@@ -101,7 +102,8 @@ pub mod udp;
 mod unix;
 
 pub use application::{HelloTooLong, PeerName};
-pub use connect::{AttemptError, ConnectError, connect};
+pub use causes::causes;
+pub use connect::{AttemptError, ConnectError, connect, growing_pauses};
 pub use endpoint::{
     Endpoint, EndpointError, EndpointFault, Host, HostName, HostPort, Name, OtherEndpoint, SocketPath,
     UdpEndpoint, UdpMode,

@@ -87,7 +87,10 @@ async fn in_steady_state_neither_poses_nor_frames_allocate() {
 
         // Not none: where the machine stalls, packets are acknowledged in larger heaps than usual, and some
         // are sent again. One allocation for each pose or frame would be far more.
-        assert!(by_poses <= POSES as usize / 10, "{endpoint}: {by_poses} allocations for {POSES} poses there and back");
+        assert!(
+            by_poses <= POSES as usize / 10,
+            "{endpoint}: {by_poses} allocations for {POSES} poses there and back"
+        );
         assert!(by_frames <= FRAMES as usize / 2, "{endpoint}: {by_frames} allocations for {FRAMES} frames");
     }
 }

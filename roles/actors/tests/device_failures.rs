@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 use std::{
-    future::pending,
     sync::{
         Arc,
         mpsc::{Receiver, Sender, channel},
@@ -16,9 +15,9 @@ use glam::DVec3;
 use thiserror::Error;
 use tokio::runtime::{Builder, Handle, Runtime};
 use trimaran_actors::{
-    Cameras, DisplayRole, FrameStart, Joined, Link, Listener, Observer, ObserverError, OccluderPolicy,
-    PairDevice, PairRole, PictureDevice, Place, RoleError, Seat, ShownFrame, Stop, Stopper, Stopwatch, Turns,
-    await_pair, join_session,
+    Cameras, CullerDevice, CullerIndex, CullerRole, DisplayRole, FrameStart, Joined, Link, Listener,
+    Observer, ObserverError, PeerEndpoint, PictureDevice, RoleError, SceneCulling, ScenePictures, ShownFrame,
+    Stop, Stopper, Stopwatch, Turns, await_cullers, join_session,
 };
 use trimaran_audit::cases;
 use trimaran_cull::{
@@ -44,7 +43,7 @@ enum Fault {
     /// It says so.
     Fails(Broken),
     /// It never ends, unless the role is asked to stop. Says that it has begun.
-    Hangs(Sender<()>, Handle),
+    Hangs(Sender<()>),
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
@@ -91,17 +90,19 @@ impl Device {
         }
         match fault {
             Fault::Fails(broken) => Err(*broken),
-            Fault::Hangs(begun, runtime) => {
+            Fault::Hangs(begun) => {
                 begun.send(()).unwrap();
                 let stop = self.stop.as_ref().unwrap();
-                assert_eq!(stop.unless_requested(runtime, pending::<()>()), None);
+                while !stop.requested() {
+                    thread::yield_now();
+                }
                 Err(Broken::Cancelled)
             }
         }
     }
 }
 
-impl PairDevice for Device {
+impl CullerDevice for Device {
     fn cancel_on(&mut self, stop: &Stop) {
         self.stop = Some(stop.clone());
     }
@@ -163,7 +164,7 @@ impl Observer for Frames {
         Ok(())
     }
 
-    fn pair_did(&mut self, _: &FrameStats) {}
+    fn culled(&mut self, _: &FrameStats) {}
 }
 
 struct Still(Camera);
@@ -217,8 +218,8 @@ impl House {
         }
     }
 
-    fn place(&self, what: &str) -> Place {
-        Place {
+    fn place(&self, what: &str) -> PeerEndpoint {
+        PeerEndpoint {
             endpoint: format!("inproc:{}-{what}", self.name).parse().unwrap(),
             options: Options::default(),
         }
@@ -232,50 +233,54 @@ impl House {
     fn session(&self, first: u32, pair: [Device; 2], display: Device) -> Ends {
         let ((_stopper, stop), settings) = (Stop::new(), self.settings(first));
         let identity = Identity { role: Role::Display, scene: self.scene.hash(), settings: Some(settings) };
-        let Place { endpoint, options } = self.place("display");
+        let PeerEndpoint { endpoint, options } = self.place("display");
         let handle = self.runtime.handle();
         let listener = handle.block_on(Listener::bind(&self.net, &endpoint, identity, &options)).unwrap();
         thread::scope(|scope| {
             let stop = &stop;
-            let machine = |seat, device| {
+            let machine = |index, device| {
                 scope.spawn(move || {
                     let (display, pair) = (self.place("display"), self.place("pair"));
                     let joining =
-                        join_session(&self.net, seat, self.scene.hash(), &display, &pair, self.deadline());
+                        join_session(&self.net, index, self.scene.hash(), &display, &pair, self.deadline());
                     let Joined { display, other, settings } = handle.block_on(joining).unwrap();
-                    self.machine(seat, device, display, other, settings).run(handle, stop)
+                    let role = self.culler(index, device, display, other, settings);
+                    handle.block_on(role.run(stop))
                 })
             };
             let [one, two] = pair;
-            let pair = [machine(Seat::First, one), machine(Seat::Second, two)];
-            let [first, second] = handle.block_on(await_pair(listener, self.deadline())).unwrap();
-            let role = DisplayRole {
-                scene: Arc::clone(&self.scene),
-                device: display,
-                first,
-                second,
-                settings,
-                net: Arc::clone(&self.net),
-                clock: Stopwatch::start(),
-                turns: Turns::at_once(),
-            };
+            let pair = [machine(CullerIndex::First, one), machine(CullerIndex::Second, two)];
+            let [first, second] = handle.block_on(await_cullers(listener, self.deadline())).unwrap();
+            let role = self.display(display, first, second, settings);
             let mut frames = Frames::default();
-            let display = role.run(&mut Still(self.camera), &mut frames, handle, stop).map(|_| ());
+            let display = handle.block_on(role.run(&mut Still(self.camera), &mut frames, stop)).map(|_| ());
             Ends { pair: pair.map(|role| role.join().unwrap()), display, shown: frames.0 }
         })
     }
 
-    fn machine(
+    fn culler(
         &self,
-        seat: Seat,
+        index: CullerIndex,
         device: Device,
         display: Link,
         other: Link,
         settings: Settings,
-    ) -> PairRole<Device> {
-        let (scene, occluders) = (Arc::clone(&self.scene), OccluderPolicy::default());
+    ) -> CullerRole<SceneCulling<Device>> {
         let (clock, turns) = (Stopwatch::start(), Turns::at_once());
-        PairRole { seat, scene, device, display, other, settings, occluders, clock, turns }
+        let work = SceneCulling::new(&self.scene, device, &settings, clock, &turns).unwrap();
+        CullerRole { index, work, display, other, settings, clock, turns }
+    }
+
+    fn display(
+        &self,
+        device: Device,
+        first: Link,
+        second: Link,
+        settings: Settings,
+    ) -> DisplayRole<ScenePictures<Device>> {
+        let (net, clock, turns) = (Arc::clone(&self.net), Stopwatch::start(), Turns::at_once());
+        let work = ScenePictures::new(&self.scene, device, &settings).unwrap();
+        DisplayRole { work, first, second, settings, net, clock, turns }
     }
 
     /// A link of a role to a peer that the test plays.
@@ -359,13 +364,13 @@ fn a_machine_that_waits_for_its_device_ends_when_it_is_asked_to() {
         let house = House::new("unused");
         let (begun, hangs) = channel();
         let handle = house.runtime.handle();
-        let device = Device::failing(task, 0, Fault::Hangs(begun, handle.clone()));
+        let device = Device::failing(task, 0, Fault::Hangs(begun));
         let (display, mut to_display) = house.link(Role::SwitchA, Role::Display);
         let (other, mut to_other) = house.link(Role::SwitchA, Role::SwitchB);
         to_display.latest_tx.publish(house.camera.for_frame(FrameNumber(0))).unwrap();
         let (stopper, stop) = Stop::new();
-        let role = house.machine(Seat::First, device, display, other, house.settings(0));
-        stopped(hangs, stopper, || role.run(handle, &stop)).unwrap();
+        let role = house.culler(CullerIndex::First, device, display, other, house.settings(0));
+        stopped(hangs, stopper, || handle.block_on(role.run(&stop))).unwrap();
         for link in [&mut to_display, &mut to_other] {
             assert_eq!(close(handle, link), CloseCode::Interrupted.reason(), "{task:?}");
         }
@@ -377,7 +382,7 @@ fn a_display_that_waits_for_its_device_ends_when_it_is_asked_to() {
     let house = House::new("unused");
     let (begun, hangs) = channel();
     let handle = house.runtime.handle();
-    let device = Device::failing(Task::Draw, 0, Fault::Hangs(begun, handle.clone()));
+    let device = Device::failing(Task::Draw, 0, Fault::Hangs(begun));
     let (first, mut to_first) = house.link(Role::Display, Role::SwitchA);
     let (second, mut to_second) = house.link(Role::Display, Role::SwitchB);
     let camera = house.camera.for_frame(FrameNumber(0));
@@ -386,18 +391,10 @@ fn a_display_that_waits_for_its_device_ends_when_it_is_asked_to() {
         to_first.frames_tx.finish().await.unwrap();
     });
     let (stopper, stop) = Stop::new();
-    let role = DisplayRole {
-        scene: Arc::clone(&house.scene),
-        device,
-        first,
-        second,
-        settings: house.settings(0),
-        net: Arc::clone(&house.net),
-        clock: Stopwatch::start(),
-        turns: Turns::at_once(),
-    };
+    let role = house.display(device, first, second, house.settings(0));
     let mut frames = Frames::default();
-    stopped(hangs, stopper, || role.run(&mut Still(house.camera), &mut frames, handle, &stop)).unwrap();
+    let play = || handle.block_on(role.run(&mut Still(house.camera), &mut frames, &stop));
+    stopped(hangs, stopper, play).unwrap();
     assert_eq!(frames.0, [0_u32; 0]);
     for link in [&mut to_first, &mut to_second] {
         assert_eq!(close(handle, link), CloseCode::Interrupted.reason());
@@ -411,20 +408,13 @@ fn left_by_the_other(lockstep: bool, words: Option<CloseReason>) -> RoleError<Br
     let handle = house.runtime.handle();
     let (first, _silent) = house.link(Role::Display, Role::SwitchA);
     let (second, mut leaving) = house.link(Role::Display, Role::SwitchB);
-    let role = DisplayRole {
-        scene: Arc::clone(&house.scene),
-        device: Device::default(),
-        first,
-        second,
-        settings: Settings { lockstep, frames: lockstep.then_some(FRAMES), ..house.settings(0) },
-        net: Arc::clone(&house.net),
-        clock: Stopwatch::start(),
-        turns: Turns::at_once(),
-    };
+    let settings = Settings { lockstep, frames: lockstep.then_some(FRAMES), ..house.settings(0) };
+    let role = house.display(Device::default(), first, second, settings);
     let (_stopper, stop) = Stop::new();
     thread::scope(|scope| {
         let (mut still, mut frames) = (Still(house.camera), Frames::default());
-        let ended = scope.spawn(move || role.run(&mut still, &mut frames, handle, &stop).unwrap_err());
+        let ended =
+            scope.spawn(move || handle.block_on(role.run(&mut still, &mut frames, &stop)).unwrap_err());
         handle.block_on(async {
             leaving.latest_rx.latest().await.unwrap();
             match words {

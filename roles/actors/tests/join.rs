@@ -6,7 +6,9 @@
 use std::{sync::Arc, time::Duration};
 
 use tokio::task::JoinHandle;
-use trimaran_actors::{JoinError, Joined, Link, Listener, Place, Seat, again, await_pair, join_session};
+use trimaran_actors::{
+    CullerIndex, JoinError, Joined, Link, Listener, PeerEndpoint, again, await_cullers, join_session,
+};
 use trimaran_proto::{
     BatchSize, Camera, CloseCode, EpsilonPx, FrameNumber, IdCoding, Identity, PictureSize, Role, SceneHash,
     Settings, TesterKind, Walkthrough,
@@ -52,7 +54,7 @@ impl Meeting {
     async fn display(&self, first: FrameNumber) -> JoinHandle<Result<[Link; 2], JoinError>> {
         let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(settings(first)) };
         let listener = Listener::bind(&self.net, &self.display, identity, &self.options).await.unwrap();
-        tokio::spawn(await_pair(listener, self.deadline()))
+        tokio::spawn(await_cullers(listener, self.deadline()))
     }
 
     /// A machine that has joined the display and nobody else.
@@ -62,11 +64,11 @@ impl Meeting {
     }
 
     /// A machine that joins the display and the other machine.
-    fn machine(&self, seat: Seat) -> JoinHandle<Result<Joined, JoinError>> {
+    fn machine(&self, index: CullerIndex) -> JoinHandle<Result<Joined, JoinError>> {
         let [display, pair] = [&self.display, &self.pair]
-            .map(|endpoint| Place { endpoint: endpoint.clone(), options: self.options.clone() });
+            .map(|endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: self.options.clone() });
         let (net, deadline) = (Arc::clone(&self.net), self.deadline());
-        tokio::spawn(async move { join_session(&net, seat, SCENE, &display, &pair, deadline).await })
+        tokio::spawn(async move { join_session(&net, index, SCENE, &display, &pair, deadline).await })
     }
 }
 
@@ -126,7 +128,7 @@ async fn a_machine_that_says_nothing_while_it_waits_has_not_left() {
 /// A machine that waits for the other one joins whichever display is there when that one comes.
 #[tokio::test(start_paused = true)]
 async fn a_display_that_leaves_before_the_pair_is_complete_is_looked_for_again() {
-    for waiting in [Seat::First, Seat::Second] {
+    for waiting in [CullerIndex::First, CullerIndex::Second] {
         let meeting = Meeting::at(&format!("display-{waiting:?}").to_lowercase());
         let gone = meeting.display(FrameNumber(0)).await;
         let early = meeting.machine(waiting);
@@ -141,7 +143,7 @@ async fn a_display_that_leaves_before_the_pair_is_complete_is_looked_for_again()
         let [early, late] = [early.await.unwrap().unwrap(), late.await.unwrap().unwrap()];
         assert_eq!([early.settings, late.settings], [settings(FrameNumber(5)); 2]);
         assert_eq!(early.other.peer.session, late.other.peer.session);
-        let [first, second] = if waiting == Seat::First { [early, late] } else { [late, early] };
+        let [first, second] = if waiting == CullerIndex::First { [early, late] } else { [late, early] };
         let joined = [first, second].map(|machine| machine.display.peer.session);
         assert_eq!(links.map(|link| link.peer.session), joined);
     }
@@ -153,7 +155,7 @@ async fn a_machine_whose_pair_does_not_come_tells_the_display_why_it_leaves() {
     let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(settings(FrameNumber(0))) };
     let mut listener =
         Listener::bind(&meeting.net, &meeting.display, identity, &meeting.options).await.unwrap();
-    let machine = meeting.machine(Seat::First);
+    let machine = meeting.machine(CullerIndex::First);
     let mut link = listener.accept(meeting.deadline()).await.unwrap();
     let end = loop {
         match link.frames_rx.recv().await {
@@ -176,7 +178,7 @@ async fn a_machine_whose_pair_does_not_come_tells_the_display_why_it_leaves() {
 async fn a_camera_that_comes_before_the_other_machine_is_kept() {
     let meeting = Meeting::at("camera");
     let display = meeting.display(FrameNumber(0)).await;
-    let first = meeting.machine(Seat::First);
+    let first = meeting.machine(CullerIndex::First);
     let second = meeting.early(Role::SwitchB).await;
     let [mut to_first, _to_second] = display.await.unwrap().unwrap();
     let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, FrameNumber(0)).unwrap();
@@ -257,7 +259,7 @@ async fn displays_that_get_one_machine_each_end_in_time_and_name_the_one_they_mi
     let one = Meeting::at("one-of-two");
     let other = Meeting { pair: one.pair.clone(), ..Meeting::at("other-of-two") };
     let displays = [one.display(FrameNumber(0)).await, other.display(FrameNumber(0)).await];
-    let machines = [one.machine(Seat::First), other.machine(Seat::Second)];
+    let machines = [one.machine(CullerIndex::First), other.machine(CullerIndex::Second)];
     for (display, missing) in displays.into_iter().zip([Role::SwitchB, Role::SwitchA]) {
         let error = display.await.unwrap().unwrap_err();
         assert!(matches!(error, JoinError::Accept { peer, .. } if peer == missing), "{error:?}");
