@@ -7,7 +7,7 @@ use tokio::runtime::Handle;
 use trimaran_actors::{CullerIndex, LocalSession, LocalSessionError, Observer, Stop, Turns};
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene};
 use trimaran_scene::Scene;
-use trimaran_transport::{Endpoint, Name};
+use trimaran_transport::Endpoint;
 
 use super::{path::CameraPath, plan::Plan};
 use crate::vulkan::{VulkanCuller, VulkanCullerError, VulkanDisplay};
@@ -49,34 +49,8 @@ impl SceneOnDevices {
         Ok(Self { scene: Arc::clone(scene), drawn: [first?, second?, display?] })
     }
 
-    /// Walks `path` and shows each frame to `observer`, with roles that meet at `endpoints`: where the display
-    /// listens, and where the cullers meet.
-    ///
-    /// # Errors
-    /// The first role to fail.
-    pub fn walk_over(
-        &self,
-        endpoints: [Endpoint; 2],
-        plan: &Plan,
-        path: &CameraPath,
-        observer: &mut dyn Observer,
-        runtime: &Handle,
-        stop: &Stop,
-    ) -> Result<(), WalkthroughError> {
-        let (scene, settings) = (Arc::clone(&self.scene), plan.settings(path.frames()));
-        let turns = if plan.alone { Turns::alone() } else { Turns::at_once() };
-        let [.., display] = &self.drawn;
-        let display = VulkanDisplay::new(display, plan.size)?;
-        let device =
-            |culler: CullerIndex| Ok(VulkanCuller::new(&self.drawn[culler.index()], plan.size, plan.tester)?);
-        let mut cameras = path.cameras(plan.pace);
-        LocalSession { scene, settings, endpoints, turns }
-            .run(device, display, &mut *cameras, observer, runtime, stop)
-            .map_err(Box::new)?;
-        Ok(())
-    }
-
-    /// The same within this process alone.
+    /// Walks `path` and shows each frame to `observer`. All roles are in this process; where `endpoints` are
+    /// given (where the display listens, and where the cullers meet), their links leave it.
     ///
     /// # Errors
     /// The first role to fail.
@@ -84,11 +58,22 @@ impl SceneOnDevices {
         &self,
         plan: &Plan,
         path: &CameraPath,
+        endpoints: Option<[Endpoint; 2]>,
         observer: &mut dyn Observer,
         runtime: &Handle,
         stop: &Stop,
     ) -> Result<(), WalkthroughError> {
-        let endpoints = [(); 2].map(|()| Endpoint::Inproc(Name::unique()));
-        self.walk_over(endpoints, plan, path, observer, runtime, stop)
+        let mut session = LocalSession::new(&self.scene, plan.settings(path.frames()));
+        session.endpoints = endpoints.unwrap_or(session.endpoints);
+        if plan.alone {
+            session.turns = Turns::alone();
+        }
+        let [.., display] = &self.drawn;
+        let display = VulkanDisplay::new(display, plan.size)?;
+        let device =
+            |culler: CullerIndex| Ok(VulkanCuller::new(&self.drawn[culler.index()], plan.size, plan.tester)?);
+        let mut cameras = path.cameras(plan.pace);
+        let walked = session.run(device, display, &mut *cameras, observer, runtime, stop);
+        walked.map(|_| ()).map_err(|error| Box::new(error).into())
     }
 }

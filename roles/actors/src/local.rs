@@ -6,7 +6,7 @@ use thiserror::Error;
 use tokio::runtime::Handle;
 use trimaran_proto::{Identity, Role, Settings};
 use trimaran_scene::Scene;
-use trimaran_transport::{Endpoint, ListenError, Net, Options, TokioNet};
+use trimaran_transport::{Endpoint, ListenError, Name, Net, Options, TokioNet};
 
 use crate::{
     clock::Stopwatch,
@@ -85,8 +85,7 @@ pub struct LocalSession {
     pub scene: Arc<Scene>,
     /// What the display decides.
     pub settings: Settings,
-    /// Where the display listens, and where the cullers meet: names of their own within the
-    /// process, or those of another transport.
+    /// Where the display listens, and where the cullers meet.
     pub endpoints: [Endpoint; 2],
     /// Whether the roles compute one after another.
     pub turns: Turns,
@@ -111,6 +110,13 @@ pub enum LocalSessionError<P: Error + 'static, D: Error + 'static> {
 }
 
 impl LocalSession {
+    /// A session within this process alone, whose roles compute at once.
+    #[must_use]
+    pub fn new(scene: &Arc<Scene>, settings: Settings) -> Self {
+        let endpoints = [(); 2].map(|()| Endpoint::Inproc(Name::unique()));
+        Self { scene: Arc::clone(scene), settings, endpoints, turns: Turns::at_once() }
+    }
+
     /// Runs it: the cullers, whose devices `device` opens, on two threads of their own, and the display on this
     /// one. Returns what the display's links carried. All three measure by one clock.
     ///

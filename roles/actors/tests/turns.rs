@@ -24,7 +24,6 @@ use trimaran_proto::{
     TesterKind,
 };
 use trimaran_scene::Scene;
-use trimaran_transport::{Endpoint, Name};
 
 const FRAMES: u32 = 30;
 const SIZE: u32 = 8;
@@ -173,14 +172,16 @@ fn session(scene: &Arc<Scene>, batch: u32, turns: &Turns) -> (Record, u32) {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let (_stopper, stop) = Stop::new();
     let mut record = Record::default();
-    LocalSession {
-        scene: Arc::clone(scene),
-        settings,
-        endpoints: [(); 2].map(|()| Endpoint::Inproc(Name::unique())),
-        turns: turns.clone(),
-    }
-    .run(|_| Ok(Busy::new(&devices)), Busy::new(&devices), &mut cameras, &mut record, runtime.handle(), &stop)
-    .unwrap();
+    LocalSession { turns: turns.clone(), ..LocalSession::new(scene, settings) }
+        .run(
+            |_| Ok(Busy::new(&devices)),
+            Busy::new(&devices),
+            &mut cameras,
+            &mut record,
+            runtime.handle(),
+            &stop,
+        )
+        .unwrap();
     (record, devices.most.load(Ordering::SeqCst))
 }
 
