@@ -8,7 +8,7 @@
 use std::{collections::HashSet, convert::Infallible, error::Error, sync::Arc, time::Duration};
 
 use trimaran::vulkan::VulkanCuller;
-use trimaran_actors::{Cameras, LocalSession, Observer, ObserverError, PictureDevice, ShownFrame, Stop};
+use trimaran_actors::{BoxedError, Cameras, LocalSession, Observer, PictureDevice, ShownFrame, Stop};
 use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
@@ -58,7 +58,7 @@ impl Observer for Tally {
         false
     }
 
-    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), ObserverError> {
+    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), BoxedError> {
         self.frames += 1;
         Ok(())
     }

@@ -8,16 +8,16 @@ use tokio::runtime::Runtime;
 use trimaran::{
     report::{
         Writer,
-        schema::{HowEnded, Seat as ReportSeat},
+        schema::{HowEnded, Seat},
     },
-    vulkan::{VulkanCullerError, VulkanDisplay},
+    vulkan::VulkanDisplay,
     walkthrough::{CameraPath, Plan, Recorder, ReportPlan, SceneFile, begin, how_ended},
 };
 use trimaran_actors::{
-    Cameras, CullerError, CullerFailure, DisplayRole, JoinTimeouts, Link, Listener, LostForGood, Participant,
-    RoleError, ScenePictures, Stop, Stopwatch, Turns, again, await_cullers, leave_unable, take_part,
+    Cameras, DisplayRole, JoinTimeouts, Link, Listener, RoleError, ScenePictures, SessionError, Stop,
+    Stopwatch, Turns, again, await_cullers, leave_unable,
 };
-use trimaran_gpu::{GpuError, GpuInfo, GpuScene, ItemPass};
+use trimaran_gpu::{GpuInfo, GpuScene, ItemPass};
 use trimaran_proto::{Identity, Role, Settings};
 use trimaran_scene::walk::WalkKind;
 use trimaran_transport::{Endpoints, Instant, Net, Options, PeerAddress, causes};
@@ -35,51 +35,38 @@ pub(super) struct DisplaySession<'s> {
     /// The scene on its device.
     pub(super) drawn: &'s Arc<GpuScene>,
     pub(super) plan: Plan,
-    pub(super) path: CameraPath,
-    /// The path as the user named it, and the seed of an automatic one.
-    pub(super) path_name: String,
-    pub(super) seed: u64,
-    /// Where the report goes.
-    pub(super) folder: Writer,
-    /// The devices that the report names.
-    pub(super) devices: Vec<(ReportSeat, GpuInfo)>,
+    pub(super) path: &'s CameraPath,
+    pub(super) about: ReportPlan,
+    /// Where the report goes, until there is something to report.
+    pub(super) folder: Option<Writer>,
     pub(super) timeouts: JoinTimeouts,
     /// Where what the links carry is shown.
     pub(super) metrics: Metrics,
     /// Where to record what each frame asked of the roles.
     pub(super) trace: Option<PathBuf>,
     pub(super) net: Arc<dyn Net>,
-    pub(super) listener: Listener,
+    /// Until somebody has come to it.
+    pub(super) listener: Option<Listener>,
+    /// Where it listens.
+    pub(super) endpoints: Endpoints,
     pub(super) options: Options,
     /// What it measures by, as all roles of this process do.
     pub(super) clock: Stopwatch,
     pub(super) turns: Turns,
 }
 
-/// A display's walk while it goes on.
-struct Walk<'w> {
-    file: &'w SceneFile,
-    drawn: &'w Arc<GpuScene>,
-    plan: &'w Plan,
-    path: &'w CameraPath,
-    cameras: Box<dyn Cameras>,
-    /// Until there is something to report.
-    folder: Option<Writer>,
-    metrics: Metrics,
-    recorder: Recorder<'w>,
-    about: ReportPlan,
-    bar: &'w ProgressBar,
-    settings: Settings,
-    net: Arc<dyn Net>,
-    /// As long as nobody has come to it.
-    listener: Option<Listener>,
-    endpoints: Endpoints,
-    options: Options,
-    reconnect_s: f64,
-    clock: Stopwatch,
-    turns: Turns,
-    /// Ends when the cullers cannot come any more.
-    hopeless: Pin<Box<dyn Future<Output = Failure> + 'w>>,
+/// What a report says of a walk beside its frames, before the cullers have come.
+pub(super) fn about(path: &CameraPath, name: &str, seed: u64, devices: Vec<(Seat, GpuInfo)>) -> ReportPlan {
+    ReportPlan {
+        command_line: std::env::args().collect(),
+        started: walking::date(),
+        link: String::new(),
+        transport: String::new(),
+        path: name.to_owned(),
+        seed: (name == "auto").then_some(seed),
+        devices,
+        notes: notes(path),
+    }
 }
 
 /// Listens for the cullers that a display on this device waits for.
@@ -107,139 +94,121 @@ fn identity(file: &SceneFile, settings: Settings) -> Identity {
 
 impl DisplaySession<'_> {
     /// Waits for the cullers, walks and reports. When `hopeless` ends, they cannot come any more. `beside` plays
-    /// whatever else of the session is in this process beside the walk.
+    /// whatever else of the session is in this process while the walk goes on.
     pub(super) fn show(
-        self,
+        mut self,
         runtime: &Runtime,
         stop: &Stop,
         hopeless: impl Future<Output = Failure>,
         beside: impl FnOnce(&mut dyn FnMut() -> Result<(), Early>) -> Result<(), Early>,
     ) -> Result<Outcome, Failure> {
-        let Self { file, drawn, plan, path, trace, timeouts, net, .. } = self;
-        let bar = progress::walk(plan.pace, &path);
+        let bar = progress::walk(self.plan.pace, self.path);
         let mut advance = |_| bar.inc(1);
-        let mut walk = Walk {
-            file,
-            drawn,
-            plan: &plan,
-            path: &path,
-            cameras: path.cameras(plan.pace),
-            folder: Some(self.folder),
-            metrics: self.metrics,
-            recorder: Recorder::new(plan.audit_every, &mut advance),
-            about: ReportPlan {
-                command_line: std::env::args().collect(),
-                started: walking::date(),
-                link: String::new(),
-                transport: String::new(),
-                seed: (self.path_name == "auto").then_some(self.seed),
-                path: self.path_name,
-                devices: self.devices,
-                notes: notes(&path),
-            },
-            bar: &bar,
-            settings: plan.settings(path.frames()),
-            net: Arc::clone(&net),
-            endpoints: self.listener.local_endpoints().clone(),
-            listener: Some(self.listener),
-            options: self.options,
-            reconnect_s: timeouts.rejoin.as_secs_f64(),
-            clock: self.clock,
-            turns: self.turns,
-            hopeless: Box::pin(hopeless),
-        };
+        let mut recorder = Recorder::new(self.plan.audit_every, &mut advance);
+        let mut hopeless = Box::pin(hopeless);
+        let mut walk = || runtime.block_on(self.walk(&mut recorder, &bar, stop, hopeless.as_mut()));
         // What was walked before a failure is worth a report.
-        let early = beside(&mut || runtime.block_on(take_part(&mut walk, &net, timeouts, stop))).err();
+        let early = beside(&mut walk).err();
         bar.finish_and_clear();
-        let Walk { recorder, folder, about, .. } = walk;
-        report_on(recorder, folder, early, trace.as_deref(), file, drawn, &plan, about, &path, stop)
+        let Self { file, drawn, plan, path, about, folder, trace, .. } = self;
+        report_on(recorder, folder, early, trace.as_deref(), file, drawn, &plan, about, path, stop)
     }
 
     /// The same with cullers that are elsewhere, and come by themselves.
     pub(super) fn show_to_others(self, runtime: &Runtime, stop: &Stop) -> Result<Outcome, Failure> {
         self.show(runtime, stop, pending(), |walk| walk())
     }
-}
 
-impl Participant for Walk<'_> {
-    type Links = [Link; 2];
-    type Device = GpuError;
-    type Failure = Early;
+    /// Walks to the end of the session, or until `stop` asks. When a culler is lost, it waits for both to come
+    /// again and goes on with the frame that was due.
+    async fn walk(
+        &mut self,
+        recorder: &mut Recorder<'_>,
+        bar: &ProgressBar,
+        stop: &Stop,
+        mut hopeless: Pin<&mut impl Future<Output = Failure>>,
+    ) -> Result<(), Early> {
+        let mut cameras = self.path.cameras(self.plan.pace);
+        let mut settings = self.plan.settings(self.path.frames());
+        let (mut within, mut lost) = (self.timeouts.join, None);
+        loop {
+            let joining = self.join(settings, self.net.now().after(within), hopeless.as_mut());
+            let Some(links) = stop.unless_requested(joining).await else { return Ok(()) };
+            let links = links.map_err(|early| match lost.take() {
+                Some(cause) => SessionError::Lost { within, cause }.into(),
+                None => early,
+            })?;
+            let error = match self.play(links, settings, &mut *cameras, recorder, stop).await {
+                Err(error) if !self.timeouts.rejoin.is_zero() && error.lost_a_peer() => error,
+                played => return Ok(played.map_err(SessionError::from)?),
+            };
+            settings.first = recorder.next_frame();
+            if settings.frames.is_some_and(|frames| settings.first.0 >= frames) {
+                return Ok(()); // it was lost behind the last frame
+            }
+            let (said, seconds) = (causes(&error), self.timeouts.rejoin.as_secs_f64());
+            bar.suspend(|| eprintln!("trimaran: {said}; waiting {seconds} s for all to join again"));
+            self.about.notes.push(format!("the session stopped before {}: {said}", settings.first));
+            (within, lost) = (self.timeouts.rejoin, Some(error));
+        }
+    }
 
-    async fn join(&mut self, deadline: Instant) -> Result<[Link; 2], Early> {
+    async fn join(
+        &mut self,
+        settings: Settings,
+        deadline: Instant,
+        hopeless: Pin<&mut impl Future<Output = Failure>>,
+    ) -> Result<[Link; 2], Early> {
         let failed = |why| Early { how: HowEnded::Failed, why };
         let listener = match self.listener.take() {
             Some(listener) => listener,
             None => {
-                let identity = identity(self.file, self.settings);
+                let identity = identity(self.file, settings);
                 let listen = || Listener::bind_all(&self.net, &self.endpoints, identity, &self.options);
                 // The old sockets may need a moment to be gone.
-                let listening = again(&self.net, deadline, |_| true, listen).await;
-                listening.map_err(|error| failed(Failure::broken(error)))?
+                again(&self.net, deadline, |_| true, listen).await.map_err(SessionError::from)?
             }
         };
         tokio::select! {
             biased;
             cullers = await_cullers(listener, deadline) => cullers.map_err(|e| failed(not_joined(e))),
-            failure = self.hopeless.as_mut() => Err(failed(failure)),
+            failure = hopeless => Err(failed(failure)),
         }
     }
 
-    async fn play(&mut self, [first, second]: [Link; 2], stop: &Stop) -> Result<(), RoleError<GpuError>> {
+    /// Plays the role, after it has begun to write what is shown and made its device ready.
+    async fn play(
+        &mut self,
+        [first, second]: [Link; 2],
+        settings: Settings,
+        cameras: &mut dyn Cameras,
+        recorder: &mut Recorder<'_>,
+        stop: &Stop,
+    ) -> Result<(), RoleError> {
         self.metrics.watch([&first, &second]);
         (self.about.link, self.about.transport) = transports(&first, &second);
-        let work = match self.work() {
+        let mut prepare = || {
+            if let Some(folder) = self.folder.take() {
+                let journal = begin(folder, self.file, &self.plan, &self.about, self.path);
+                recorder.write_into(journal.map_err(|error| RoleError::Observer(error.into()))?);
+            }
+            let device =
+                VulkanDisplay::new(self.drawn, settings.size).map_err(RoleError::device("opening it"))?;
+            Ok(ScenePictures::new(&self.file.scene, device, &settings)?)
+        };
+        let work = match prepare() {
             Ok(work) => work,
             Err(error) => return Err(leave_unable([first, second], error).await),
         };
-        let (settings, net, clock) = (self.settings, Arc::clone(&self.net), self.clock);
-        let role = DisplayRole { work, first, second, settings, net, clock, turns: self.turns.clone() };
-        role.run(&mut *self.cameras, &mut self.recorder, stop).await.map(|_| ())
-    }
-
-    fn lost(&mut self, error: &RoleError<GpuError>) -> bool {
-        self.settings.first = self.recorder.next_frame();
-        if self.settings.frames.is_some_and(|frames| self.settings.first.0 >= frames) {
-            return false; // it was lost behind the last frame
-        }
-        let (said, seconds) = (causes(error), self.reconnect_s);
-        self.bar.suspend(|| eprintln!("trimaran: {said}; waiting {seconds} s for all to join again"));
-        self.about.notes.push(format!("the session stopped before {}: {said}", self.settings.first));
-        true
+        let (net, clock, turns) = (Arc::clone(&self.net), self.clock, self.turns.clone());
+        let role = DisplayRole { work, first, second, settings, net, clock, turns };
+        role.run(cameras, recorder, stop).await.map(|_| ())
     }
 }
 
-impl Walk<'_> {
-    /// Begins to write what is shown, and makes the device ready.
-    fn work(&mut self) -> Result<ScenePictures<VulkanDisplay>, RoleError<GpuError>> {
-        if let Some(folder) = self.folder.take() {
-            let journal = begin(folder, self.file, self.plan, &self.about, self.path);
-            self.recorder.write_into(journal.map_err(|error| RoleError::Observer(error.into()))?);
-        }
-        let device = VulkanDisplay::new(self.drawn, self.settings.size).map_err(RoleError::unopened)?;
-        Ok(ScenePictures::new(&self.file.scene, device, &self.settings)?)
-    }
-}
-
-impl From<RoleError<GpuError>> for Early {
-    fn from(error: RoleError<GpuError>) -> Self {
+impl From<SessionError> for Early {
+    fn from(error: SessionError) -> Self {
         Self { how: how_ended(&error), why: Failure::broken(error) }
-    }
-}
-
-impl From<LostForGood<GpuError>> for Early {
-    fn from(error: LostForGood<GpuError>) -> Self {
-        Self { how: HowEnded::PeerLost, why: Failure::broken(error) }
-    }
-}
-
-impl From<CullerFailure<VulkanCullerError>> for Early {
-    fn from(failure: CullerFailure<VulkanCullerError>) -> Self {
-        let how = match &failure.cause {
-            CullerError::Role(error) => how_ended(error),
-            _ => HowEnded::Failed,
-        };
-        Self { how, why: Failure::broken(failure) }
     }
 }
 

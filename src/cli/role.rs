@@ -5,11 +5,13 @@ use std::{path::PathBuf, time::Duration};
 use tokio::runtime::Runtime;
 use trimaran::{
     config::{DisplayConfig, PairSeat, PeerFile, RoleConfig, SessionConfig, SwitchConfig},
-    report::schema::Seat as ReportSeat,
+    report::schema::Seat,
+    vulkan::VulkanCuller,
     walkthrough::{CameraPath, PathChoice, Plan},
 };
 use trimaran_actors::{
-    CullerError, CullerIndex, CullerSession, PeerEndpoint, SessionEvent, Stopwatch, Turns, max_frame,
+    CullerIndex, CullerSession, PeerEndpoint, RoleError, SceneCulling, SessionError, SessionEvent, Stopwatch,
+    Turns, max_frame,
 };
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Role, Settings};
 use trimaran_transport::{Endpoint, Net, TokioNet, causes, sleep_until};
@@ -17,9 +19,9 @@ use trimaran_transport::{Endpoint, Net, TokioNet, causes, sleep_until};
 use super::{
     Failure,
     args::{RoleArgs, RoleCommand, RoleName},
-    display::{DisplaySession, listen},
+    display::{DisplaySession, about, listen},
     recording::{check_trace, open_folder},
-    starting::{Metrics, Start, culling, not_joined, scene, upload},
+    starting::{Metrics, Start, not_joined, scene, upload},
     walking::{self, gpu_options},
 };
 
@@ -93,7 +95,11 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
         timeouts,
         clock,
         turns: turns.clone(),
-        work: |settings: &Settings| culling(&file, &drawn, settings, clock, &turns),
+        work: |settings: &Settings| {
+            let device = VulkanCuller::new(&drawn, settings.size, settings.tester);
+            let device = device.map_err(RoleError::device("opening it"))?;
+            Ok(SceneCulling::new(&file.scene, device, settings, clock, &turns)?)
+        },
         watch: |event: SessionEvent<'_>| match event {
             SessionEvent::Joined(joined) => {
                 tracing::info!(settings = %joined.settings, "joined the session");
@@ -106,7 +112,7 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
         },
     };
     runtime.block_on(session.run(&stop)).map_err(|error| match error {
-        CullerError::Join(error) => not_joined(error),
+        SessionError::Join(error) => not_joined(error),
         error => Failure::broken(error),
     })
 }
@@ -136,20 +142,20 @@ fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
     let listening = || listen(&file, &drawn, &plan, &path, &start.net, &config.listen, &options);
     let Some(listener) = start.until(listening)? else { return Ok(()) };
     eprintln!("trimaran: the display listens on {}", listener.local_endpoints());
+    let devices = vec![(Seat::Display, drawn.gpu().info().clone())];
     let session = DisplaySession {
-        devices: vec![(ReportSeat::Display, drawn.gpu().info().clone())],
+        about: about(&path, &config.session.path, config.session.seed, devices),
         file: &file,
         drawn: &drawn,
         plan,
-        path,
-        path_name: config.session.path.clone(),
-        seed: config.session.seed,
-        folder,
+        path: &path,
+        folder: Some(folder),
         timeouts: start.timeouts,
         metrics,
         trace: config.record.clone(),
         net: start.net,
-        listener,
+        endpoints: listener.local_endpoints().clone(),
+        listener: Some(listener),
         options,
         clock: Stopwatch::start(),
         turns: Turns::at_once(),

@@ -5,22 +5,20 @@ use std::{future::pending, sync::Arc, time::Duration};
 use trimaran::{
     config::LinkConfig,
     report::schema::Seat,
+    vulkan::VulkanCuller,
     walkthrough::{SceneFile, SceneOnDevices},
 };
-use trimaran_actors::{
-    CullerIndex, CullerSession, JoinTimeouts, PeerEndpoint, SessionEvent, Stopwatch, Turns, beside_cullers,
-    max_frame,
-};
+use trimaran_actors::{CullerIndex, JoinTimeouts, LocalCullers, Stopwatch, Turns, max_frame};
 use trimaran_proto::Settings;
-use trimaran_transport::{Endpoint, Net, TokioNet};
+use trimaran_transport::{Net, TokioNet};
 
 use super::{
     Failure,
     args::{LinkKind, RunArgs},
-    display::{DisplaySession, listen},
+    display::{DisplaySession, about, listen},
     processes::{CullerProcesses, Keyring, endpoints},
     recording::{Outcome, check_trace, open_folder},
-    starting::{Metrics, culling, upload},
+    starting::{Metrics, upload},
     walking::{self, gpu_options, open, stop_on_signal},
 };
 
@@ -88,20 +86,20 @@ pub(super) fn walk(
     let info = |index: usize| devices.map_or(&drawn, |devices| &devices.drawn[index]).gpu().info().clone();
     let clock = Stopwatch::start();
     let turns = if plan.alone { Turns::alone() } else { Turns::at_once() };
+    let infos = vec![(Seat::SwitchA, info(0)), (Seat::SwitchB, info(1)), (Seat::Display, info(2))];
     let session = DisplaySession {
         file,
         drawn: &drawn,
         plan,
-        path,
-        path_name: walk.path.clone(),
-        seed: walk.seed,
-        folder,
-        devices: vec![(Seat::SwitchA, info(0)), (Seat::SwitchB, info(1)), (Seat::Display, info(2))],
+        path: &path,
+        about: about(&path, &walk.path, walk.seed, infos),
+        folder: Some(folder),
         timeouts: TIMEOUTS,
         metrics: Metrics::show(args.metrics, &runtime)?,
         trace: args.record.clone(),
-        net: Arc::clone(&net),
-        listener,
+        net,
+        endpoints: listener.local_endpoints().clone(),
+        listener: Some(listener),
         options: options.clone(),
         clock,
         turns: turns.clone(),
@@ -116,19 +114,10 @@ pub(super) fn walk(
         }
         return Ok(outcome);
     };
-    let peer = |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
-    let turns = &turns;
-    let cullers = CullerIndex::ALL.map(|index| CullerSession {
-        index,
-        scene: file.scene.hash(),
-        net: Arc::clone(&net),
-        display: peer(&display),
-        other: peer(&meet),
-        timeouts: TIMEOUTS,
-        clock,
-        turns: turns.clone(),
-        work: move |settings: &Settings| culling(file, &drawn[index.index()], settings, clock, turns),
-        watch: |_: SessionEvent<'_>| {},
-    });
-    session.show(&runtime, &stop, pending(), |walk| beside_cullers(cullers, runtime.handle(), &stop, walk))
+    let (scene, timeouts) = (Arc::clone(&file.scene), TIMEOUTS);
+    let cullers = LocalCullers { scene, display, meet, options, timeouts, clock, turns };
+    let device = |culler: CullerIndex, settings: &Settings| {
+        Ok(VulkanCuller::new(&drawn[culler.index()], settings.size, settings.tester)?)
+    };
+    session.show(&runtime, &stop, pending(), |walk| cullers.beside(device, runtime.handle(), &stop, walk))
 }

@@ -5,14 +5,10 @@ use std::{net::SocketAddr, path::Path, sync::Arc, time::Duration};
 use tokio::runtime::Runtime;
 use trimaran::{
     metrics::{LinkMetrics, Serving},
-    vulkan::{VulkanCuller, VulkanCullerError},
     walkthrough::SceneFile,
 };
-use trimaran_actors::{
-    JoinError, JoinTimeouts, Link, RoleError, SceneCulling, Stop, Stopwatch, Turns, again,
-};
+use trimaran_actors::{JoinError, JoinTimeouts, Link, Stop, again};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
-use trimaran_proto::Settings;
 use trimaran_scene::Scene;
 use trimaran_transport::{Net, TokioNet};
 
@@ -57,19 +53,6 @@ pub(super) fn scene(path: &Path) -> Result<SceneFile, Failure> {
 pub(super) fn upload(file: &SceneFile, gpu: &GpuOptions) -> Result<Arc<GpuScene>, Failure> {
     let gpu = Gpu::open(gpu).map_err(Failure::broken)?;
     GpuScene::upload(&gpu, &file.scene).map_err(Failure::broken)
-}
-
-/// Makes a device ready for what the display has decided.
-pub(super) fn culling(
-    file: &SceneFile,
-    drawn: &Arc<GpuScene>,
-    settings: &Settings,
-    clock: Stopwatch,
-    turns: &Turns,
-) -> Result<SceneCulling<VulkanCuller>, RoleError<VulkanCullerError>> {
-    let device = VulkanCuller::new(drawn, settings.size, settings.tester);
-    let device = device.map_err(|error| RoleError::unopened(error.into()))?;
-    Ok(SceneCulling::new(&file.scene, device, settings, clock, turns)?)
 }
 
 /// What may pass is no fault of the configuration: whoever starts roles again when they fail may do so.

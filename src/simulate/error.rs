@@ -1,15 +1,11 @@
 //! Why a session cannot be simulated.
 
-use std::convert::Infallible;
-
 use thiserror::Error;
-use trimaran_actors::{CullerError, JoinError, RoleError};
+use trimaran_actors::SessionError;
 use trimaran_netsim::{CaptureError, Stalled};
 use trimaran_proto::SettingsError;
 use trimaran_transport::keys::KeysError;
-use trimaran_transport::{EndpointError, EndpointFault, ListenError};
-
-use super::recorded::IncompleteFrame;
+use trimaran_transport::{EndpointError, EndpointFault};
 
 /// Why a session could not be simulated.
 #[derive(Debug, Error)]
@@ -38,7 +34,7 @@ pub enum SimulateError {
         link: &'static str,
         /// Why.
         #[source]
-        cause: Box<RoleFailure>,
+        cause: Box<SessionError>,
     },
     /// The machines never got a link over this network.
     #[error(
@@ -51,7 +47,7 @@ pub enum SimulateError {
         link: &'static str,
         /// Why.
         #[source]
-        cause: Box<RoleFailure>,
+        cause: Box<SessionError>,
     },
     /// The packets cannot be written down.
     #[error(transparent)]
@@ -59,22 +55,4 @@ pub enum SimulateError {
     /// The roles wait for each other.
     #[error(transparent)]
     Stalled(#[from] Stalled),
-}
-
-/// Why a role ended early.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum RoleFailure {
-    /// It cannot listen.
-    #[error(transparent)]
-    Listen(#[from] ListenError),
-    /// It did not find the others.
-    #[error(transparent)]
-    Join(#[from] JoinError),
-    /// A culler's end.
-    #[error(transparent)]
-    Culler(#[from] CullerError<Infallible>),
-    /// The display's end.
-    #[error(transparent)]
-    Display(#[from] RoleError<IncompleteFrame>),
 }

@@ -16,10 +16,9 @@ mod statistics;
 mod workload;
 
 pub use bytes::FrameBytes;
-pub use error::{RoleFailure, SimulateError};
+pub use error::SimulateError;
 pub use outcome::{FrameTimes, Outcome, Session, Split, pooled};
 pub use pixels::{Painter, PixelError};
-pub use recorded::IncompleteFrame;
 pub use roles::Roles;
 pub use scenario::{Knobs, Scenario, Transport};
 pub use session::{simulate, simulate_watched};

@@ -2,7 +2,6 @@
 //! what happened.
 
 use std::collections::BTreeMap;
-use std::convert::Infallible;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -37,9 +36,8 @@ pub(super) struct Log {
 /// Ids are missing where all were promised.
 #[derive(Debug, Error)]
 #[error("{frame} arrived incomplete")]
-pub struct IncompleteFrame {
-    /// The frame.
-    pub frame: FrameNumber,
+struct IncompleteFrame {
+    frame: FrameNumber,
 }
 
 impl Recording {
@@ -72,8 +70,6 @@ pub(super) struct RecordedCulling {
 }
 
 impl CullerWork for RecordedCulling {
-    type Error = Infallible;
-
     fn awaits_camera(&mut self) {
         self.asked = self.clock.now();
     }
@@ -83,16 +79,16 @@ impl CullerWork for RecordedCulling {
         self.recording.note(camera.frame(), |times| (times.asked, times.taken) = (asked, taken));
     }
 
-    fn begin_occluders(&mut self, camera: Camera) -> Result<(), RoleError<Infallible>> {
+    fn begin_occluders(&mut self, camera: Camera) -> Result<(), RoleError> {
         self.frame = camera.frame();
         Ok(())
     }
 
-    fn take_occluders(&mut self, _: &IdBatch) -> Result<(), RoleError<Infallible>> {
+    fn take_occluders(&mut self, _: &IdBatch) -> Result<(), RoleError> {
         Ok(())
     }
 
-    async fn complete_occluders(&mut self, camera: Camera) -> Result<(), RoleError<Infallible>> {
+    async fn complete_occluders(&mut self, camera: Camera) -> Result<(), RoleError> {
         let (frame, fed) = (camera.frame(), self.clock.now());
         compute(&self.clock, fed, self.recording.workload.of(frame.0).or).await;
         let occluded = self.clock.now();
@@ -100,11 +96,7 @@ impl CullerWork for RecordedCulling {
         Ok(())
     }
 
-    async fn cull(
-        &mut self,
-        camera: Camera,
-        visible: &mut VisibleIds<'_>,
-    ) -> Result<(), RoleError<Infallible>> {
+    async fn cull(&mut self, camera: Camera, visible: &mut VisibleIds<'_>) -> Result<(), RoleError> {
         let Recording { workload, .. } = &self.recording;
         let frame = camera.frame();
         let (ids, began) = (workload.ids(frame.0), self.clock.now());
@@ -134,8 +126,6 @@ pub(super) struct RecordedPictures {
 }
 
 impl DisplayWork for RecordedPictures {
-    type Error = IncompleteFrame;
-
     fn begin(&mut self) {
         self.came.clear();
     }
@@ -147,18 +137,11 @@ impl DisplayWork for RecordedPictures {
         Ok(())
     }
 
-    async fn draw(
-        &mut self,
-        camera: Camera,
-        outcome: FrameOutcome,
-    ) -> Result<(), RoleError<IncompleteFrame>> {
+    async fn draw(&mut self, camera: Camera, outcome: FrameOutcome) -> Result<(), RoleError> {
         let (frame, arrived) = (camera.frame(), self.clock.now());
         if let FrameOutcome::Incomplete { expected, received, .. } = outcome {
             if !self.recording.gaps {
-                return Err(RoleError::Device {
-                    doing: "drawing a picture",
-                    cause: IncompleteFrame { frame },
-                });
+                return Err(RoleError::device("drawing a picture")(IncompleteFrame { frame }));
             }
             self.recording.note(frame, |times| times.missing = expected.saturating_sub(received));
             let came = std::mem::take(&mut self.came);
@@ -170,7 +153,7 @@ impl DisplayWork for RecordedPictures {
         Ok(())
     }
 
-    fn drawn(&mut self, _: bool) -> Result<Drawn<'_>, RoleError<IncompleteFrame>> {
+    fn drawn(&mut self, _: bool) -> Result<Drawn<'_>, RoleError> {
         Ok(Drawn::default())
     }
 }

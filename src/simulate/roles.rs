@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use trimaran_actors::{
-    CullerError, CullerIndex, CullerSession, DisplayRole, JoinError, JoinTimeouts, Listener, Observer,
-    ObserverError, PeerEndpoint, SessionEvent, ShownFrame, Stop, Stopwatch, Turns, await_cullers,
+    BoxedError, CullerIndex, CullerSession, DisplayRole, JoinError, JoinTimeouts, Listener, Observer,
+    PeerEndpoint, SessionError, SessionEvent, ShownFrame, Stop, Stopwatch, Turns, await_cullers,
 };
 use trimaran_netsim::Machines;
 use trimaran_proto::{
@@ -17,7 +17,7 @@ use trimaran_transport::keys::{Keys, KnownPeer, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{Endpoint, Instant, Net, Options, Traffic, sleep_until};
 
-use super::error::{RoleFailure, SimulateError};
+use super::error::SimulateError;
 use super::outcome::FrameTimes;
 use super::recorded::{RecordedCameras, RecordedCulling, RecordedPictures, Recording};
 use super::scenario::{Knobs, Scenario, Transport};
@@ -89,7 +89,7 @@ impl Roles {
         index: CullerIndex,
         net: &Arc<dyn Net>,
         clock: &Arc<dyn Net>,
-    ) -> Result<(), RoleFailure> {
+    ) -> Result<(), SessionError> {
         let options = &self.options[index.index()];
         let [display, other] =
             self.listen.clone().map(|endpoint| PeerEndpoint { endpoint, options: options.clone() });
@@ -115,7 +115,7 @@ impl Roles {
             },
         };
         let (_stopper, stop) = Stop::new();
-        Ok(culler.run(&stop).await?)
+        culler.run(&stop).await
     }
 
     /// Plays the display until the last frame, and calls `shown` after each picture. Gives what `count` says
@@ -129,7 +129,7 @@ impl Roles {
         clock: &Arc<dyn Net>,
         count: impl Fn() -> C,
         shown: impl Fn(),
-    ) -> Result<(C, C), RoleFailure> {
+    ) -> Result<(C, C), SessionError> {
         let ([listen, _], [_, _, options], settings) = (&self.listen, &self.options, self.settings);
         let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(settings) };
         let listener = Listener::bind(net, listen, identity, options).await?;
@@ -175,14 +175,11 @@ impl Roles {
     }
 
     /// The failure of a role.
-    pub(super) fn failed(&self, role: &'static str, cause: RoleFailure) -> SimulateError {
+    pub(super) fn failed(&self, role: &'static str, cause: SessionError) -> SimulateError {
         let (network, link) = (self.network.clone(), self.link.name());
         // The other role is there, in a simulation.
-        let join = match &cause {
-            RoleFailure::Join(join) | RoleFailure::Culler(CullerError::Join(join)) => Some(join),
-            _ => None,
-        };
-        let no_link = matches!(join, Some(JoinError::Accept { .. } | JoinError::Connect { .. }));
+        let no_link =
+            matches!(cause, SessionError::Join(JoinError::Accept { .. } | JoinError::Connect { .. }));
         let cause = Box::new(cause);
         if no_link {
             SimulateError::NoLink { network, link, cause }
@@ -207,7 +204,7 @@ impl<F: Fn() -> C, S: Fn(), C> Observer for Pictures<F, S, C> {
         false
     }
 
-    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), ObserverError> {
+    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), BoxedError> {
         (self.shown)();
         self.due -= 1;
         if self.due == 0 {

@@ -4,13 +4,13 @@ use std::{sync::Arc, thread};
 
 use thiserror::Error;
 use tokio::runtime::Handle;
-use trimaran_actors::{CullerIndex, LocalSession, LocalSessionError, Observer, Stop, Turns};
+use trimaran_actors::{CullerIndex, LocalSession, Observer, SessionError, Stop, Turns};
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene};
 use trimaran_scene::Scene;
 use trimaran_transport::Endpoint;
 
 use super::{path::CameraPath, plan::Plan};
-use crate::vulkan::{VulkanCuller, VulkanCullerError, VulkanDisplay};
+use crate::vulkan::{VulkanCuller, VulkanDisplay};
 
 /// A scene on the devices of three roles: a Vulkan device each, so that one role's work does not queue behind
 /// another's.
@@ -30,7 +30,7 @@ pub enum WalkthroughError {
     Gpu(#[from] GpuError),
     /// The session failed.
     #[error("the walkthrough failed")]
-    Session(#[from] Box<LocalSessionError<VulkanCullerError, GpuError>>),
+    Session(#[from] SessionError),
 }
 
 impl SceneOnDevices {
@@ -73,7 +73,7 @@ impl SceneOnDevices {
         let device =
             |culler: CullerIndex| Ok(VulkanCuller::new(&self.drawn[culler.index()], plan.size, plan.tester)?);
         let mut cameras = path.cameras(plan.pace);
-        let walked = session.run(device, display, &mut *cameras, observer, runtime, stop);
-        walked.map(|_| ()).map_err(|error| Box::new(error).into())
+        session.run(device, display, &mut *cameras, observer, runtime, stop)?;
+        Ok(())
     }
 }

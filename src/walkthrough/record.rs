@@ -1,6 +1,6 @@
 //! What happened in a session, frame by frame.
 
-use trimaran_actors::{Observer, ObserverError, ShownFrame};
+use trimaran_actors::{BoxedError, Observer, ShownFrame};
 use trimaran_proto::{FrameNumber, FrameStats};
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -82,7 +82,7 @@ impl Observer for Recorder<'_> {
         self.picture_every > 0 && frame.0.is_multiple_of(self.picture_every)
     }
 
-    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), ObserverError> {
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
         self.frames.push(FrameRecord {
             camera: frame.camera,
             ids: frame.ids.to_vec(),

@@ -2,7 +2,7 @@
 
 use std::{ops::ControlFlow, path::PathBuf, sync::Arc, time::SystemTime};
 
-use trimaran_actors::RoleError;
+use trimaran_actors::{RoleError, SessionError};
 use trimaran_audit::metrics::ImageRef;
 use trimaran_cull::{Image, LodRule};
 use trimaran_gpu::{GpuInfo, GpuScene};
@@ -70,12 +70,15 @@ pub fn begin(
 }
 
 /// How a session ended that a role or the journal ended early.
-pub fn how_ended<D: std::error::Error + 'static>(error: &RoleError<D>) -> HowEnded {
+#[must_use]
+pub fn how_ended(error: &SessionError) -> HowEnded {
     match error {
-        RoleError::Stopped => HowEnded::Interrupted,
-        error if error.device_failure().is_some() => HowEnded::DeviceFailed,
-        RoleError::Observer(_) => HowEnded::NotRecorded,
-        error if error.lost_a_peer() => HowEnded::PeerLost,
+        SessionError::Culler { cause, .. } => how_ended(cause),
+        SessionError::Lost { .. } => HowEnded::PeerLost,
+        SessionError::Role(RoleError::Stopped) => HowEnded::Interrupted,
+        SessionError::Role(RoleError::Observer(_)) => HowEnded::NotRecorded,
+        SessionError::Role(error) if error.device_failure().is_some() => HowEnded::DeviceFailed,
+        SessionError::Role(error) if error.lost_a_peer() => HowEnded::PeerLost,
         _ => HowEnded::Failed,
     }
 }

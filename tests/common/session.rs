@@ -29,12 +29,12 @@ pub(crate) fn camera_path(
 /// Walks with the three roles in this process; every picture is read back.
 pub(crate) fn walk_in_process(devices: &SceneOnDevices, plan: &Plan, path: &CameraPath) -> Vec<FrameRecord> {
     recorded(|recorder, runtime, stop| {
-        devices.walk(plan, path, None, recorder, runtime.handle(), stop).unwrap()
+        devices.walk(plan, path, None, recorder, runtime.handle(), stop).unwrap();
     })
 }
 
 /// The same with cullers of other devices.
-pub(crate) fn walk_with<P: CullerDevice<Error: Send>>(
+pub(crate) fn walk_with<P: CullerDevice>(
     devices: &SceneOnDevices,
     plan: &Plan,
     path: &CameraPath,

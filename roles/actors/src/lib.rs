@@ -3,7 +3,7 @@
 //! [`CullerMachine`] and [`DisplayMachine`] know what is due and what is out of order. [`CullerRole`] and
 //! [`DisplayRole`] move messages between them, links, and what a role does with a frame ([`CullerWork`],
 //! [`DisplayWork`]): [`SceneCulling`] and [`ScenePictures`] do it on devices ([`CullerDevice`],
-//! [`PictureDevice`]). [`take_part`] joins a role to the others; [`LocalSession`] is three of them in one
+//! [`PictureDevice`]). [`CullerSession`] joins a culler to the others; [`LocalSession`] is three roles in one
 //! process.
 
 mod clock;
@@ -22,19 +22,17 @@ mod work;
 pub use clock::Stopwatch;
 pub use device::{CullerDevice, PictureDevice};
 pub use driver::{
-    Cameras, CullerRole, CullerTraffic, CullerWork, DisplayRole, DisplayWork, Drawn, LinkError, Observer,
-    ObserverError, RoleError, ShownFrame, VisibleIds, leave_unable,
+    BoxedError, Cameras, CullerRole, CullerTraffic, CullerWork, DisplayRole, DisplayWork, Drawn, LinkError,
+    Observer, RoleError, ShownFrame, VisibleIds, leave_unable,
 };
 pub use ids::{IdError, max_frame};
 pub use join::{JoinError, Joined, PeerEndpoint, again, await_cullers, join_session};
 pub use links::{
     FrameEvent, FrameReceiver, FrameSender, FrameStart, LatestReceiver, LatestSender, Link, Listener,
 };
-pub use local::{CullerFailure, LocalSession, LocalSessionError, beside_cullers};
+pub use local::{LocalCullers, LocalSession};
 pub use machine::{CullerIndex, CullerMachine, CullerStep, DisplayMachine, DisplayStep, OrderError};
-pub use session::{
-    CullerError, CullerSession, JoinTimeouts, LostForGood, Participant, SessionEvent, take_part,
-};
+pub use session::{CullerSession, JoinTimeouts, SessionError, SessionEvent};
 pub use stop::{Stop, Stopper};
 pub use turn::Turns;
 pub use work::{Gaps, OccluderPolicy, SceneCulling, ScenePictures};

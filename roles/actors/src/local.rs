@@ -1,81 +1,108 @@
 //! Three roles in one process.
 
-use std::{error::Error, panic, sync::Arc, thread, time::Duration};
+use std::{panic, sync::Arc, thread, time::Duration};
 
-use thiserror::Error;
 use tokio::runtime::Handle;
 use trimaran_proto::{Identity, Role, Settings};
 use trimaran_scene::Scene;
-use trimaran_transport::{Endpoint, ListenError, Name, Net, Options, TokioNet};
+use trimaran_transport::{Endpoint, Name, Net, Options, TokioNet};
 
 use crate::{
     clock::Stopwatch,
     device::{CullerDevice, PictureDevice},
-    driver::{Cameras, CullerTraffic, CullerWork, DisplayRole, Observer, RoleError},
+    driver::{Cameras, CullerTraffic, DisplayRole, Observer, RoleError},
     ids::max_frame,
-    join::{JoinError, PeerEndpoint, await_cullers},
+    join::{PeerEndpoint, await_cullers},
     links::Listener,
     machine::CullerIndex,
-    session::{CullerError, CullerSession, JoinTimeouts, SessionEvent},
+    session::{CullerSession, JoinTimeouts, SessionError, SessionEvent},
     stop::Stop,
     turn::Turns,
     work::{SceneCulling, ScenePictures},
 };
 
-/// How long the roles of a process may take to find each other.
-const TIMEOUT: Duration = Duration::from_secs(120);
-
-/// A culler failed.
-#[derive(Debug, Error)]
-#[error("the {} failed", .index.name())]
-pub struct CullerFailure<D: Error + 'static> {
-    /// Which.
-    pub index: CullerIndex,
-    /// Why.
-    #[source]
-    pub cause: CullerError<D>,
+/// The cullers of a process that is the display as well.
+#[derive(Debug, Clone)]
+pub struct LocalCullers {
+    /// The scene.
+    pub scene: Arc<Scene>,
+    /// Where the display listens.
+    pub display: Endpoint,
+    /// Where the cullers meet.
+    pub meet: Endpoint,
+    /// What holds for all links.
+    pub options: Options,
+    /// How long they wait for the others.
+    pub timeouts: JoinTimeouts,
+    /// What all roles of the process measure by.
+    pub clock: Stopwatch,
+    /// Whether the roles of the process compute one after another.
+    pub turns: Turns,
 }
 
-impl<D: Error + 'static> CullerFailure<D> {
-    /// Whether it may only have heard of another role's failure: when one role fails, the others fail for it.
-    const fn is_hearsay(&self) -> bool {
-        matches!(self.cause, CullerError::Role(RoleError::Link { .. }))
+impl LocalCullers {
+    /// Plays them on threads of their own, with what `device` opens, while `display` plays on this one.
+    ///
+    /// # Errors
+    /// When a role fails: rather one that has not only heard of another's failure.
+    pub fn beside<P, T, X>(
+        self,
+        device: impl Fn(CullerIndex, &Settings) -> Result<P, P::Error> + Sync,
+        runtime: &Handle,
+        stop: &Stop,
+        display: impl FnOnce() -> Result<T, X>,
+    ) -> Result<T, X>
+    where
+        P: CullerDevice,
+        X: From<SessionError>,
+    {
+        let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
+        let Self { scene, options, timeouts, clock, turns, .. } = &self;
+        let peer =
+            |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
+        let play = |index| {
+            let session = CullerSession {
+                index,
+                scene: scene.hash(),
+                net: Arc::clone(&net),
+                display: peer(&self.display),
+                other: peer(&self.meet),
+                timeouts: *timeouts,
+                clock: *clock,
+                turns: turns.clone(),
+                work: |settings: &Settings| {
+                    let device = device(index, settings).map_err(RoleError::device("opening it"))?;
+                    Ok(SceneCulling::new(scene, device, settings, *clock, turns)?)
+                },
+                watch: |_: SessionEvent<'_>| {},
+            };
+            runtime.block_on(session.run(stop))
+        };
+        let failed = |index, cause| SessionError::Culler { index, cause: Box::new(cause) };
+        thread::scope(|scope| {
+            let play = &play;
+            let mut threads = Vec::new();
+            for index in CullerIndex::ALL {
+                let thread = thread::Builder::new().name(index.name().to_owned());
+                let thread = thread.spawn_scoped(scope, move || play(index));
+                threads.push((index, thread.map_err(SessionError::Thread)?));
+            }
+            let shown = display();
+            let mut hearsay = None;
+            for (index, thread) in threads {
+                match thread.join().unwrap_or_else(|panic| panic::resume_unwind(panic)) {
+                    Ok(()) => {}
+                    // When one role fails, the others fail for it.
+                    Err(error @ SessionError::Role(RoleError::Link { .. })) => hearsay = Some((index, error)),
+                    Err(error) => return Err(failed(index, error).into()),
+                }
+            }
+            match hearsay {
+                Some((index, error)) if shown.is_ok() => Err(failed(index, error).into()),
+                _ => shown,
+            }
+        })
     }
-}
-
-/// Plays two cullers on threads of their own, and `display` on this one.
-///
-/// # Errors
-/// When a role fails: rather one that has not only heard of another's failure.
-pub fn beside_cullers<W, F, E, T, X>(
-    cullers: [CullerSession<F, E>; 2],
-    runtime: &Handle,
-    stop: &Stop,
-    display: impl FnOnce() -> Result<T, X>,
-) -> Result<T, X>
-where
-    W: CullerWork<Error: Send>,
-    F: FnMut(&Settings) -> Result<W, RoleError<W::Error>> + Send,
-    E: FnMut(SessionEvent<'_>) + Send,
-    X: From<CullerFailure<W::Error>>,
-{
-    thread::scope(|scope| {
-        let mut threads = Vec::new();
-        for culler in cullers {
-            let index = culler.index;
-            let play =
-                move || runtime.block_on(culler.run(stop)).map_err(|cause| CullerFailure { index, cause });
-            let thread = thread::Builder::new().name(index.name().to_owned()).spawn_scoped(scope, play);
-            threads.push(thread.map_err(|e| CullerFailure { index, cause: CullerError::Thread(e) })?);
-        }
-        let shown = display();
-        let ended = threads.into_iter().map(|role| role.join().unwrap_or_else(|e| panic::resume_unwind(e)));
-        let failures: Vec<_> = ended.filter_map(Result::err).collect();
-        match failures.into_iter().min_by_key(CullerFailure::is_hearsay) {
-            Some(culler) if shown.is_ok() || !culler.is_hearsay() => Err(culler.into()),
-            _ => shown,
-        }
-    })
 }
 
 /// A session of three roles in this process.
@@ -91,24 +118,6 @@ pub struct LocalSession {
     pub turns: Turns,
 }
 
-/// Why a session in one process failed.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum LocalSessionError<P: Error + 'static, D: Error + 'static> {
-    /// The display cannot listen.
-    #[error(transparent)]
-    Listen(#[from] ListenError),
-    /// The cullers did not come.
-    #[error(transparent)]
-    Join(#[from] JoinError),
-    /// A culler failed.
-    #[error(transparent)]
-    Culler(#[from] CullerFailure<P>),
-    /// The display failed.
-    #[error("the display failed")]
-    Display(#[from] RoleError<D>),
-}
-
 impl LocalSession {
     /// A session within this process alone, whose roles compute at once.
     #[must_use]
@@ -117,58 +126,43 @@ impl LocalSession {
         Self { scene: Arc::clone(scene), settings, endpoints, turns: Turns::at_once() }
     }
 
-    /// Runs it: the cullers, whose devices `device` opens, on two threads of their own, and the display on this
-    /// one. Returns what the display's links carried. All three measure by one clock.
+    /// Runs it: the cullers, whose devices `device` opens, on threads of their own, and the display on this one.
+    /// Returns what the display's links carried.
     ///
     /// # Errors
     /// The first role to fail; the others are told and end as well.
-    pub fn run<P, D>(
+    pub fn run<P: CullerDevice>(
         self,
         device: impl Fn(CullerIndex) -> Result<P, P::Error> + Sync,
-        display: D,
+        display: impl PictureDevice,
         cameras: &mut dyn Cameras,
         observer: &mut dyn Observer,
         runtime: &Handle,
         stop: &Stop,
-    ) -> Result<CullerTraffic, LocalSessionError<P::Error, D::Error>>
-    where
-        P: CullerDevice<Error: Send>,
-        D: PictureDevice,
-    {
+    ) -> Result<CullerTraffic, SessionError> {
         let Self { scene, settings, endpoints: [listen, meet], turns } = self;
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
         let mut options = Options::default();
         options.link.max_frame = max_frame(&scene);
         let identity = Identity { role: Role::Display, scene: scene.hash(), settings: Some(settings) };
         let listener = runtime.block_on(Listener::bind(&net, &listen, identity, &options))?;
-        let peer =
-            |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
-        let clock = Stopwatch::start();
-        let (device, scene, turns) = (&device, &scene, &turns);
-        let culler = |index| CullerSession {
-            index,
-            scene: scene.hash(),
-            net: Arc::clone(&net),
-            display: peer(listener.local_endpoint()),
-            other: peer(&meet),
-            timeouts: JoinTimeouts { join: TIMEOUT, rejoin: Duration::ZERO },
+        let timeouts = JoinTimeouts { join: Duration::from_secs(120), rejoin: Duration::ZERO };
+        let (clock, deadline) = (Stopwatch::start(), net.now().after(timeouts.join));
+        let cullers = LocalCullers {
+            scene: Arc::clone(&scene),
+            display: listener.local_endpoint().clone(),
+            meet,
+            options,
+            timeouts,
             clock,
             turns: turns.clone(),
-            work: move |settings: &Settings| {
-                let device = device(index).map_err(RoleError::unopened)?;
-                Ok(SceneCulling::new(scene, device, settings, clock, turns)?)
-            },
-            watch: |_: SessionEvent<'_>| {},
         };
-        let cullers = CullerIndex::ALL.map(culler);
+        let work = ScenePictures::new(&scene, display, &settings).map_err(RoleError::from)?;
         let show = || {
-            let deadline = net.now().after(TIMEOUT);
             let [first, second] = runtime.block_on(await_cullers(listener, deadline))?;
-            let work = ScenePictures::new(scene, display, &settings).map_err(RoleError::from)?;
-            let (net, turns) = (Arc::clone(&net), turns.clone());
             let role = DisplayRole { work, first, second, settings, net, clock, turns };
             Ok(runtime.block_on(role.run(cameras, observer, stop))?)
         };
-        beside_cullers(cullers, runtime, stop, show)
+        cullers.beside(|index, _| device(index), runtime, stop, show)
     }
 }

@@ -1,10 +1,10 @@
-//! A role finds the others, plays, and goes on with them after one was lost.
+//! A culler finds the others, plays, and goes on with them after one was lost.
 
-use std::{error::Error, future::Future, io, sync::Arc, time::Duration};
+use std::{error::Error, io, sync::Arc, time::Duration};
 
 use thiserror::Error;
 use trimaran_proto::{SceneHash, Settings};
-use trimaran_transport::{Instant, Net};
+use trimaran_transport::{ListenError, Net};
 
 use crate::{
     clock::Stopwatch,
@@ -24,76 +24,40 @@ pub struct JoinTimeouts {
     pub rejoin: Duration,
 }
 
-/// A peer was lost for good. `D` is the error of the role's device.
+/// Why a role could not take part in a session to its end.
 #[derive(Debug, Error)]
-#[error("a peer was lost, and the session could not go on within {} s", .within.as_secs_f64())]
-pub struct LostForGood<D: Error + 'static> {
-    /// How long the role waited.
-    pub within: Duration,
-    /// How it was lost.
-    #[source]
-    pub lost: RoleError<D>,
-}
-
-/// A role that takes part in a session: see [`take_part`].
-pub trait Participant {
-    /// The links to the others.
-    type Links;
-    /// Why its device failed.
-    type Device: Error + 'static;
-    /// Why it could not take part to the end.
-    type Failure: From<RoleError<Self::Device>> + From<LostForGood<Self::Device>>;
-
-    /// Joins the others.
-    ///
-    /// # Errors
-    /// When one is not there by the deadline.
-    fn join(&mut self, deadline: Instant) -> impl Future<Output = Result<Self::Links, Self::Failure>>;
-
-    /// Plays the role until the session ends.
-    ///
-    /// # Errors
-    /// As the role does.
-    fn play(
-        &mut self,
-        links: Self::Links,
-        stop: &Stop,
-    ) -> impl Future<Output = Result<(), RoleError<Self::Device>>>;
-
-    /// A peer was lost, and is waited for. Whether there is anything left to play.
-    fn lost(&mut self, error: &RoleError<Self::Device>) -> bool;
-}
-
-/// Joins the others and plays until the session ends, or `stop` asks. When a peer is lost that may come again,
-/// all join anew, and the session goes on.
-///
-/// # Errors
-/// When the others are not there in time, and as the role does.
-pub async fn take_part<P: Participant>(
-    participant: &mut P,
-    net: &Arc<dyn Net>,
-    timeouts: JoinTimeouts,
-    stop: &Stop,
-) -> Result<(), P::Failure> {
-    let (mut within, mut lost) = (timeouts.join, None);
-    loop {
-        let joining = participant.join(net.now().after(within));
-        let Some(links) = stop.unless_requested(joining).await else { return Ok(()) };
-        let links = match (links, lost.take()) {
-            (Ok(links), _) => links,
-            (Err(_), Some(lost)) => return Err(LostForGood { within, lost }.into()),
-            (Err(failure), None) => return Err(failure),
-        };
-        match participant.play(links, stop).await {
-            Err(error) if !timeouts.rejoin.is_zero() && error.lost_a_peer() => {
-                if !participant.lost(&error) {
-                    return Ok(());
-                }
-                (within, lost) = (timeouts.rejoin, Some(error));
-            }
-            result => return Ok(result?),
-        }
-    }
+#[non_exhaustive]
+pub enum SessionError {
+    /// The system gave it no thread.
+    #[error("cannot start a thread for a role")]
+    Thread(#[source] io::Error),
+    /// It cannot listen.
+    #[error(transparent)]
+    Listen(#[from] ListenError),
+    /// It did not find the others.
+    #[error(transparent)]
+    Join(#[from] JoinError),
+    /// It ended early.
+    #[error(transparent)]
+    Role(#[from] RoleError),
+    /// A peer was lost, and did not come again.
+    #[error("a peer was lost, and the session could not go on within {} s", .within.as_secs_f64())]
+    Lost {
+        /// How long the role waited.
+        within: Duration,
+        /// How it was lost.
+        #[source]
+        cause: RoleError,
+    },
+    /// A culler of the same process could not.
+    #[error("the {} failed", .index.name())]
+    Culler {
+        /// Which.
+        index: CullerIndex,
+        /// Why.
+        #[source]
+        cause: Box<Self>,
+    },
 }
 
 /// A culler in a session, `work` of which gives what it does with a frame.
@@ -130,57 +94,40 @@ pub enum SessionEvent<'e> {
     Lost(&'e (dyn Error + 'static)),
 }
 
-/// Why a culler could not take part to the end.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum CullerError<D: Error + 'static> {
-    /// The system gave it no thread.
-    #[error("cannot start a thread for it")]
-    Thread(#[source] io::Error),
-    /// It did not find the others.
-    #[error(transparent)]
-    Join(#[from] JoinError),
-    /// It ended early.
-    #[error(transparent)]
-    Role(#[from] RoleError<D>),
-    /// A peer did not come again.
-    #[error(transparent)]
-    Lost(#[from] LostForGood<D>),
-}
-
 impl<W, F, E> CullerSession<F, E>
 where
     W: CullerWork,
-    F: FnMut(&Settings) -> Result<W, RoleError<W::Error>>,
+    F: FnMut(&Settings) -> Result<W, RoleError>,
     E: FnMut(SessionEvent<'_>),
 {
-    /// Takes part until the session ends, or `stop` asks: see [`take_part`].
+    /// Joins the others and plays until the session ends, or `stop` asks. When a peer is lost that may come
+    /// again, all join anew, and the session goes on.
     ///
     /// # Errors
     /// When the others are not there in time, and as the role does.
-    pub async fn run(mut self, stop: &Stop) -> Result<(), CullerError<W::Error>> {
-        let (net, timeouts) = (Arc::clone(&self.net), self.timeouts);
-        take_part(&mut self, &net, timeouts, stop).await
+    pub async fn run(mut self, stop: &Stop) -> Result<(), SessionError> {
+        let (mut within, mut lost) = (self.timeouts.join, None);
+        loop {
+            let deadline = self.net.now().after(within);
+            let Self { index, scene, net, display, other, .. } = &self;
+            let join = || join_session(net, *index, *scene, display, other, deadline);
+            let joining = again(net, deadline, JoinError::is_early, join);
+            let Some(joined) = stop.unless_requested(joining).await else { return Ok(()) };
+            let joined = joined.map_err(|error| match lost.take() {
+                Some(cause) => SessionError::Lost { within, cause },
+                None => error.into(),
+            })?;
+            match self.play(joined, stop).await {
+                Err(error) if !self.timeouts.rejoin.is_zero() && error.lost_a_peer() => {
+                    (self.watch)(SessionEvent::Lost(&error));
+                    (within, lost) = (self.timeouts.rejoin, Some(error));
+                }
+                played => return Ok(played?),
+            }
+        }
     }
-}
 
-impl<W, F, E> Participant for CullerSession<F, E>
-where
-    W: CullerWork,
-    F: FnMut(&Settings) -> Result<W, RoleError<W::Error>>,
-    E: FnMut(SessionEvent<'_>),
-{
-    type Links = Joined;
-    type Device = W::Error;
-    type Failure = CullerError<W::Error>;
-
-    async fn join(&mut self, deadline: Instant) -> Result<Joined, CullerError<W::Error>> {
-        let Self { index, scene, net, display, other, .. } = &*self;
-        let join = || join_session(net, *index, *scene, display, other, deadline);
-        Ok(again(net, deadline, JoinError::is_early, join).await?)
-    }
-
-    async fn play(&mut self, joined: Joined, stop: &Stop) -> Result<(), RoleError<W::Error>> {
+    async fn play(&mut self, joined: Joined, stop: &Stop) -> Result<(), RoleError> {
         (self.watch)(SessionEvent::Joined(&joined));
         let Joined { display, other, settings } = joined;
         match (self.work)(&settings) {
@@ -190,10 +137,5 @@ where
             }
             Err(error) => Err(leave_unable([display, other], error).await),
         }
-    }
-
-    fn lost(&mut self, error: &RoleError<W::Error>) -> bool {
-        (self.watch)(SessionEvent::Lost(error));
-        true
     }
 }

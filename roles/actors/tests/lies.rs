@@ -6,8 +6,8 @@ use std::{convert::Infallible, sync::Arc, thread, time::Duration};
 
 use tokio::runtime::Runtime;
 use trimaran_actors::{
-    Cameras, CullerDevice, CullerIndex, CullerRole, DisplayRole, FrameStart, IdError, Link, Observer,
-    ObserverError, PictureDevice, RoleError, SceneCulling, ScenePictures, ShownFrame, Stop, Stopwatch, Turns,
+    BoxedError, Cameras, CullerDevice, CullerIndex, CullerRole, DisplayRole, FrameStart, IdError, Link,
+    Observer, PictureDevice, RoleError, SceneCulling, ScenePictures, ShownFrame, Stop, Stopwatch, Turns,
     max_frame,
 };
 use trimaran_cook::generate::{PlantOptions, plant};
@@ -78,7 +78,7 @@ impl Observer for Nobody {
         false
     }
 
-    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), ObserverError> {
+    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), BoxedError> {
         Ok(())
     }
 
@@ -126,7 +126,7 @@ impl Setting {
     }
 
     /// How a display ends whose first culler sends these ids, and what that one is told.
-    fn display_gets(&self, ids: &[u32]) -> (RoleError<Infallible>, CloseReason) {
+    fn display_gets(&self, ids: &[u32]) -> (RoleError, CloseReason) {
         let ((first, liar), (second, _idle)) =
             (self.link(Role::Display, Role::SwitchA), self.link(Role::Display, Role::SwitchB));
         let (settings, net, clock) = (settings(), Arc::clone(&self.net), Stopwatch::start());
@@ -143,7 +143,7 @@ impl Setting {
     }
 
     /// How the second culler ends whose peer sends these ids, and what that one is told.
-    fn culler_gets(&self, ids: &[u32]) -> (RoleError<Infallible>, CloseReason) {
+    fn culler_gets(&self, ids: &[u32]) -> (RoleError, CloseReason) {
         let ((display, mut show), (other, liar)) =
             (self.link(Role::SwitchB, Role::Display), self.link(Role::SwitchB, Role::SwitchA));
         show.latest_tx.publish(Still.camera(FrameNumber(1))).unwrap();
@@ -161,7 +161,7 @@ impl Setting {
     }
 
     /// How either of them ends, with what a peer is called there.
-    fn both_get(&self, ids: &[u32]) -> [(&'static str, RoleError<Infallible>, CloseReason); 2] {
+    fn both_get(&self, ids: &[u32]) -> [(&'static str, RoleError, CloseReason); 2] {
         let ((at_display, told), (at_culler, other_told)) = (self.display_gets(ids), self.culler_gets(ids));
         [("first culler", at_display, told), ("other culler", at_culler, other_told)]
     }

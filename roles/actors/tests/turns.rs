@@ -11,7 +11,7 @@ use std::{
 };
 
 use trimaran_actors::{
-    Cameras, CullerDevice, LocalSession, Observer, ObserverError, PictureDevice, ShownFrame, Stop, Stopwatch,
+    BoxedError, Cameras, CullerDevice, LocalSession, Observer, PictureDevice, ShownFrame, Stop, Stopwatch,
     Turns,
 };
 use trimaran_cook::{
@@ -117,7 +117,7 @@ impl Observer for Record {
         false
     }
 
-    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), ObserverError> {
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
         self.drawing.push([frame.drawing, frame.shown].map(|at| at.as_nanos() as u64));
         self.ids.push(frame.ids.iter().map(|id| id.0).collect());
         Ok(())

@@ -13,11 +13,11 @@ use crate::{
 };
 
 /// What a role's work gives, unless the role is asked to stop.
-pub(super) async fn worked<D: std::error::Error + 'static>(
-    work: impl Future<Output = Result<(), RoleError<D>>>,
+pub(super) async fn worked(
+    work: impl Future<Output = Result<(), RoleError>>,
     turn: &Turn,
     stop: &Stop,
-) -> Result<(), RoleError<D>> {
+) -> Result<(), RoleError> {
     let work = turn.given_back_while_waiting(work);
     let result = stop.unless_requested(work).await.unwrap_or(Err(RoleError::Stopped));
     turn.give_back();
@@ -32,11 +32,11 @@ pub(super) async fn worked<D: std::error::Error + 'static>(
 }
 
 /// Leaves both peers, and says how the role ended whose work gave `result`.
-pub(super) async fn part<D: std::error::Error + 'static>(
+pub(super) async fn part(
     mut links: [Link; 2],
-    mut result: Result<(), RoleError<D>>,
+    mut result: Result<(), RoleError>,
     stop: &Stop,
-) -> Result<(), RoleError<D>> {
+) -> Result<(), RoleError> {
     // What a peer said when it left says more than the failure to send to it afterwards.
     if let Err(RoleError::Link { doing, cause: LinkError::Send(SendError::Lost { peer, .. }) }) = &result
         && let Some(link) = links.iter_mut().find(|link| link.peer.name == *peer)
@@ -53,16 +53,13 @@ pub(super) async fn part<D: std::error::Error + 'static>(
 }
 
 /// Leaves both peers before the session has begun, because this role cannot play in it. Gives `error` back.
-pub async fn leave_unable<D: std::error::Error + 'static>(
-    links: [Link; 2],
-    error: RoleError<D>,
-) -> RoleError<D> {
+pub async fn leave_unable(links: [Link; 2], error: RoleError) -> RoleError {
     leave(links, reason(&error)).await;
     error
 }
 
 /// What peers are told of how this role ended.
-fn reason<D: std::error::Error + 'static>(error: &RoleError<D>) -> CloseReason {
+fn reason(error: &RoleError) -> CloseReason {
     match error {
         RoleError::Stopped => CloseCode::Interrupted.reason(),
         error if error.is_clean_end() => CloseCode::Finished.reason(),
@@ -110,7 +107,7 @@ async fn last_word(link: &mut Link) -> RecvError {
 
 #[cfg(test)]
 mod tests {
-    use std::{convert::Infallible, sync::Arc};
+    use std::sync::Arc;
 
     use trimaran_proto::{Camera, FrameNumber, Identity, Role, SceneHash, Walkthrough};
     use trimaran_transport::{LinkConfig, Net, TokioNet, inproc};
@@ -120,7 +117,7 @@ mod tests {
 
     /// How a culler ends that cannot begin a frame any more for a display that handed out a camera, and went;
     /// `asked` to stop itself or not.
-    fn begin_after(close: Option<CloseReason>, asked: bool) -> Result<(), RoleError<Infallible>> {
+    fn begin_after(close: Option<CloseReason>, asked: bool) -> Result<(), RoleError> {
         let runtime =
             tokio::runtime::Builder::new_current_thread().enable_all().start_paused(true).build().unwrap();
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));

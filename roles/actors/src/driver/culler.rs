@@ -19,9 +19,6 @@ use crate::{
 
 /// What a culler does with a frame: on a device, or as it was recorded.
 pub trait CullerWork {
-    /// Why its device failed.
-    type Error: std::error::Error + 'static;
-
     /// As [`CullerDevice::cancel_on`](crate::CullerDevice::cancel_on).
     fn cancel_on(&mut self, stop: &Stop) {
         let _ = stop;
@@ -39,22 +36,19 @@ pub trait CullerWork {
     ///
     /// # Errors
     /// As the device says.
-    fn begin_occluders(&mut self, camera: Camera) -> Result<(), RoleError<Self::Error>>;
+    fn begin_occluders(&mut self, camera: Camera) -> Result<(), RoleError>;
 
     /// Takes what the other culler found visible in the frame before, as it comes.
     ///
     /// # Errors
     /// If no frame can have an id, or as the device says.
-    fn take_occluders(&mut self, batch: &IdBatch) -> Result<(), RoleError<Self::Error>>;
+    fn take_occluders(&mut self, batch: &IdBatch) -> Result<(), RoleError>;
 
     /// All ids are there: completes the occluders of the frame.
     ///
     /// # Errors
     /// As the device says.
-    fn complete_occluders(
-        &mut self,
-        camera: Camera,
-    ) -> impl Future<Output = Result<(), RoleError<Self::Error>>>;
+    fn complete_occluders(&mut self, camera: Camera) -> impl Future<Output = Result<(), RoleError>>;
 
     /// Culls the frame (HC), and gives `visible` each drawable as soon as it is found.
     ///
@@ -64,7 +58,7 @@ pub trait CullerWork {
         &mut self,
         camera: Camera,
         visible: &mut VisibleIds<'_>,
-    ) -> impl Future<Output = Result<(), RoleError<Self::Error>>>;
+    ) -> impl Future<Output = Result<(), RoleError>>;
 
     /// What was done for the frame, whose end has just been sent. Since the last frame's end `to_other` was
     /// sent to the other culler, and since the occluders were complete others have computed for `away` in
@@ -82,10 +76,7 @@ impl VisibleIds<'_> {
     ///
     /// # Errors
     /// When a receiver is gone or stalls.
-    pub async fn push<D: std::error::Error + 'static>(
-        &mut self,
-        ids: &[DrawableId],
-    ) -> Result<(), RoleError<D>> {
+    pub async fn push(&mut self, ids: &[DrawableId]) -> Result<(), RoleError> {
         for sender in &mut self.0 {
             sender.push(ids).await.map_err(link("sending ids"))?;
         }
@@ -119,14 +110,14 @@ impl<W: CullerWork> CullerRole<W> {
     /// # Errors
     /// When a peer dies, is interrupted or breaks the order, or the device fails. The peers are told before
     /// it returns. That this role itself was asked to stop is no error.
-    pub async fn run(mut self, stop: &Stop) -> Result<(), RoleError<W::Error>> {
+    pub async fn run(mut self, stop: &Stop) -> Result<(), RoleError> {
         self.work.cancel_on(stop);
         let turn = self.turns.of_a_role(self.clock);
         let result = worked(self.frames(&turn), &turn, stop).await;
         part([self.display, self.other], result, stop).await
     }
 
-    async fn frames(&mut self, turn: &Turn) -> Result<(), RoleError<W::Error>> {
+    async fn frames(&mut self, turn: &Turn) -> Result<(), RoleError> {
         let mut machine = CullerMachine::new(self.index, self.settings.first, self.settings.frames);
         let mut sent_to_other = self.other.stats.read().sent;
         loop {
@@ -175,7 +166,7 @@ impl<W: CullerWork> CullerRole<W> {
         feeds_other: bool,
         turn: &Turn,
         sent_to_other: &mut Traffic,
-    ) -> Result<(), RoleError<W::Error>> {
+    ) -> Result<(), RoleError> {
         self.work.complete_occluders(camera).await?;
         // Only what passes from here on is missing from HC.
         turn.away();
@@ -200,7 +191,7 @@ impl<W: CullerWork> CullerRole<W> {
 /// How messages speak of the other culler.
 pub(crate) const OTHER: &str = "other culler";
 
-fn by<D: std::error::Error + 'static>(peer: &'static str) -> impl Fn(OrderError) -> RoleError<D> {
+fn by(peer: &'static str) -> impl FnOnce(OrderError) -> RoleError {
     move |cause| RoleError::Order { peer, cause }
 }
 

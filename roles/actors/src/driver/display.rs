@@ -10,7 +10,7 @@ use super::{
     cameras::{Cameras, PublishedCameras},
     close::{left_early, part, worked},
     culler::sent_bytes,
-    error::{ObserverError, RoleError, link},
+    error::{BoxedError, RoleError, link},
 };
 use crate::{
     clock::Stopwatch,
@@ -26,9 +26,6 @@ const REFRESH: Duration = Duration::from_millis(4);
 
 /// What a display does with a frame: on a device, or as it was recorded.
 pub trait DisplayWork {
-    /// Why its device failed.
-    type Error: std::error::Error + 'static;
-
     /// As [`CullerDevice::cancel_on`](crate::CullerDevice::cancel_on).
     fn cancel_on(&mut self, stop: &Stop) {
         let _ = stop;
@@ -47,17 +44,13 @@ pub trait DisplayWork {
     ///
     /// # Errors
     /// As the device says.
-    fn draw(
-        &mut self,
-        camera: Camera,
-        outcome: FrameOutcome,
-    ) -> impl Future<Output = Result<(), RoleError<Self::Error>>>;
+    fn draw(&mut self, camera: Camera, outcome: FrameOutcome) -> impl Future<Output = Result<(), RoleError>>;
 
     /// What was drawn last, with its picture if that is asked for.
     ///
     /// # Errors
     /// As the device says.
-    fn drawn(&mut self, with_picture: bool) -> Result<Drawn<'_>, RoleError<Self::Error>>;
+    fn drawn(&mut self, with_picture: bool) -> Result<Drawn<'_>, RoleError>;
 }
 
 /// What a display drew.
@@ -106,7 +99,7 @@ pub trait Observer {
     ///
     /// # Errors
     /// When it cannot be noted. The session ends with it, and the peers are told.
-    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), ObserverError>;
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError>;
     /// What a culler did for a frame that it has sent.
     fn culled(&mut self, stats: &FrameStats);
 }
@@ -146,7 +139,7 @@ impl<W: DisplayWork> DisplayRole<W> {
         cameras: &mut dyn Cameras,
         observer: &mut dyn Observer,
         stop: &Stop,
-    ) -> Result<CullerTraffic, RoleError<W::Error>> {
+    ) -> Result<CullerTraffic, RoleError> {
         self.work.cancel_on(stop);
         let turn = self.turns.of_a_role(self.clock);
         let links = [self.first, self.second];
@@ -200,7 +193,7 @@ struct Begun {
 }
 
 impl<W: DisplayWork> Session<'_, W> {
-    async fn frames(&mut self) -> Result<(), RoleError<W::Error>> {
+    async fn frames(&mut self) -> Result<(), RoleError> {
         for frame in self.machine.first_cameras() {
             self.hand_out(frame)?;
         }
@@ -221,7 +214,7 @@ impl<W: DisplayWork> Session<'_, W> {
         self.last_words().await
     }
 
-    fn hand_out(&mut self, frame: FrameNumber) -> Result<(), RoleError<W::Error>> {
+    fn hand_out(&mut self, frame: FrameNumber) -> Result<(), RoleError> {
         let camera = self.cameras.camera(frame);
         self.machine.hand_out(camera);
         let to = &mut self.links[CullerIndex::of(frame).index()].latest_tx;
@@ -229,7 +222,7 @@ impl<W: DisplayWork> Session<'_, W> {
     }
 
     /// Waits for the frame's begin, and hands its culler the camera of the frame after next.
-    async fn await_begin(&mut self, from: CullerIndex) -> Result<Begun, RoleError<W::Error>> {
+    async fn await_begin(&mut self, from: CullerIndex) -> Result<Begun, RoleError> {
         loop {
             match self.receive(from).await? {
                 FrameEvent::Begin(start) => {
@@ -248,11 +241,7 @@ impl<W: DisplayWork> Session<'_, W> {
     }
 
     /// Gathers the ids of a frame that has begun at `begun`, up to its end.
-    async fn gather(
-        &mut self,
-        from: CullerIndex,
-        begun: Duration,
-    ) -> Result<FrameOutcome, RoleError<W::Error>> {
+    async fn gather(&mut self, from: CullerIndex, begun: Duration) -> Result<FrameOutcome, RoleError> {
         self.work.begin();
         self.arrivals.clear();
         let mut count = 0;
@@ -283,7 +272,7 @@ impl<W: DisplayWork> Session<'_, W> {
     }
 
     /// RVG: draws the frame, and tells the observer.
-    async fn show(&mut self, begun: Begun, outcome: FrameOutcome) -> Result<(), RoleError<W::Error>> {
+    async fn show(&mut self, begun: Begun, outcome: FrameOutcome) -> Result<(), RoleError> {
         let Begun { camera, published, at: begun } = begun;
         let drawing = self.clock.elapsed();
         self.work.draw(camera, outcome).await?;
@@ -311,7 +300,7 @@ impl<W: DisplayWork> Session<'_, W> {
     }
 
     /// After the last frame: what the cullers still say of their work, up to their closes.
-    async fn last_words(&mut self) -> Result<(), RoleError<W::Error>> {
+    async fn last_words(&mut self) -> Result<(), RoleError> {
         for from in CullerIndex::ALL {
             loop {
                 match self.links[from.index()].frames_rx.recv().await {
@@ -328,7 +317,7 @@ impl<W: DisplayWork> Session<'_, W> {
     /// Waits for the next message of a culler, while none of the two leaves: the one that is due may itself
     /// wait for the one that left. In a live session newer poses go out meanwhile, for frames that have
     /// not begun.
-    async fn receive(&mut self, from: CullerIndex) -> Result<FrameEvent, RoleError<W::Error>> {
+    async fn receive(&mut self, from: CullerIndex) -> Result<FrameEvent, RoleError> {
         let [first, second] = &mut self.links;
         let lane = match from {
             CullerIndex::First => &mut first.frames_rx,
@@ -365,10 +354,10 @@ impl<W: DisplayWork> Session<'_, W> {
 const RECEIVING: &str = "receiving a frame";
 const HANDING_OUT: &str = "handing out a camera";
 
-fn by<D: std::error::Error + 'static>(from: CullerIndex) -> impl Fn(OrderError) -> RoleError<D> {
+fn by(from: CullerIndex) -> impl FnOnce(OrderError) -> RoleError {
     move |cause| RoleError::Order { peer: from.name(), cause }
 }
 
-fn out_of_order<D: std::error::Error + 'static>(from: CullerIndex, state: &'static str) -> RoleError<D> {
+fn out_of_order(from: CullerIndex, state: &'static str) -> RoleError {
     by(from)(OrderError::Unexpected { what: "a part of a frame", state })
 }

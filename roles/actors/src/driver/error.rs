@@ -1,19 +1,20 @@
 //! Why a role ends early.
 
-use thiserror::Error;
+use std::error::Error;
+
 use trimaran_cull::{CullError, LodRuleError, OccluderError};
 use trimaran_proto::CloseCode;
 use trimaran_transport::{RecvError, SendError};
 
 use crate::{ids::IdError, machine::OrderError};
 
-/// Why an observer can note no more, such as a full disk.
-pub type ObserverError = Box<dyn std::error::Error + Send + Sync>;
+/// An error of a device or an observer, whatever these are.
+pub type BoxedError = Box<dyn Error + Send + Sync>;
 
-/// Why a role ended early. `D` is its device's error.
-#[derive(Debug, Error)]
+/// Why a role ended early.
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum RoleError<D: std::error::Error + 'static> {
+pub enum RoleError {
     /// It was asked to stop.
     #[error("stopped")]
     Stopped,
@@ -51,26 +52,26 @@ pub enum RoleError<D: std::error::Error + 'static> {
         doing: &'static str,
         /// Why.
         #[source]
-        cause: D,
+        cause: BoxedError,
     },
     /// Culling failed.
     #[error("culling failed")]
-    Cull(#[from] CullError<D>),
+    Cull(#[source] BoxedError),
     /// A peer named a drawable that the scene does not have, although both hold the same scene.
     #[error("the peer named a drawable that the scene does not have")]
     Unknown(#[from] OccluderError),
     /// The observer cannot note any more what is shown.
     #[error("what is shown cannot be recorded any more")]
-    Observer(#[source] ObserverError),
+    Observer(#[source] BoxedError),
     /// The session's error bound cannot be used.
     #[error("the session's error bound cannot be used")]
     Rule(#[from] LodRuleError),
 }
 
-impl<D: std::error::Error + 'static> RoleError<D> {
-    /// That of a role whose device cannot be made ready for the session.
-    pub const fn unopened(cause: D) -> Self {
-        Self::Device { doing: "being made ready", cause }
+impl RoleError {
+    /// What a failure of its device means to a role that was `doing` something with it.
+    pub fn device<D: Error + Send + Sync + 'static>(doing: &'static str) -> impl FnOnce(D) -> Self {
+        move |cause| Self::Device { doing, cause: cause.into() }
     }
 
     /// Whether a peer is gone that may come again: its connection broke, it was interrupted, its device
@@ -104,9 +105,9 @@ impl<D: std::error::Error + 'static> RoleError<D> {
     /// How this role's own device failed, if that is what happened. The role cannot go on, but its process
     /// may be started again, for which its peers wait as for one that was lost.
     #[must_use]
-    pub const fn device_failure(&self) -> Option<&D> {
+    pub fn device_failure(&self) -> Option<&(dyn Error + Send + Sync + 'static)> {
         match self {
-            Self::Device { cause, .. } | Self::Cull(CullError::Test(cause)) => Some(cause),
+            Self::Device { cause, .. } => Some(&**cause),
             _ => None,
         }
     }
@@ -120,7 +121,7 @@ impl<D: std::error::Error + 'static> RoleError<D> {
 }
 
 /// What failed on a link.
-#[derive(Debug, Error)]
+#[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LinkError {
     /// Nothing more comes.
@@ -131,9 +132,16 @@ pub enum LinkError {
     Send(#[from] SendError),
 }
 
+impl<D: Error + Send + Sync + 'static> From<CullError<D>> for RoleError {
+    fn from(error: CullError<D>) -> Self {
+        match error {
+            CullError::Test(cause) => Self::device("testing boxes against the occluders")(cause),
+            error => Self::Cull(error.into()),
+        }
+    }
+}
+
 /// What a failure of a link means to a role that was `doing` something with it.
-pub(super) fn link<D: std::error::Error + 'static, E: Into<LinkError>>(
-    doing: &'static str,
-) -> impl Fn(E) -> RoleError<D> {
+pub(super) fn link<E: Into<LinkError>>(doing: &'static str) -> impl FnOnce(E) -> RoleError {
     move |cause| RoleError::Link { doing, cause: cause.into() }
 }

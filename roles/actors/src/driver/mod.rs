@@ -15,4 +15,4 @@ pub use close::leave_unable;
 pub(crate) use culler::OTHER;
 pub use culler::{CullerRole, CullerWork, VisibleIds};
 pub use display::{CullerTraffic, DisplayRole, DisplayWork, Drawn, Observer, ShownFrame};
-pub use error::{LinkError, ObserverError, RoleError};
+pub use error::{BoxedError, LinkError, RoleError};

@@ -71,9 +71,9 @@ impl<D: CullerDevice> SceneCulling<D> {
     }
 
     /// Draws the due occluders from this one on.
-    fn draw(&mut self, first: usize) -> Result<(), RoleError<D::Error>> {
+    fn draw(&mut self, first: usize) -> Result<(), RoleError> {
         let ids = self.due.get(first..).unwrap_or_default();
-        self.device.draw_occluders(ids).map_err(device("drawing occluders"))?;
+        self.device.draw_occluders(ids).map_err(RoleError::device("drawing occluders"))?;
         self.stats.occluders += u32::try_from(ids.len()).unwrap_or(u32::MAX);
         let drawables = self.culler.scene().drawables();
         let drawn = ids.iter().filter_map(|id| drawables.get(id.index()));
@@ -84,13 +84,11 @@ impl<D: CullerDevice> SceneCulling<D> {
 }
 
 impl<D: CullerDevice> CullerWork for SceneCulling<D> {
-    type Error = D::Error;
-
     fn cancel_on(&mut self, stop: &Stop) {
         self.device.cancel_on(stop);
     }
 
-    fn begin_occluders(&mut self, camera: Camera) -> Result<(), RoleError<D::Error>> {
+    fn begin_occluders(&mut self, camera: Camera) -> Result<(), RoleError> {
         let view = View::new(camera, self.viewport);
         let start = self.clock.elapsed();
         self.stats =
@@ -99,7 +97,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
             Some(mapper) => mapper.begin(view, self.rule),
             None => self.mapper = Some(OccluderMapper::new(Arc::clone(self.culler.scene()), view, self.rule)),
         }
-        self.device.begin_occluders(&view).map_err(device("clearing the depth"))?;
+        self.device.begin_occluders(&view).map_err(RoleError::device("clearing the depth"))?;
         self.received.begin();
         self.due.clear();
         self.host = self.clock.elapsed().saturating_sub(start);
@@ -107,7 +105,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
     }
 
     /// Maps a batch onto this frame's level cut, and draws it if there is nothing to choose.
-    fn take_occluders(&mut self, batch: &IdBatch) -> Result<(), RoleError<D::Error>> {
+    fn take_occluders(&mut self, batch: &IdBatch) -> Result<(), RoleError> {
         let start = self.clock.elapsed();
         let ids = self.received.take(batch).map_err(|cause| RoleError::Ids { peer: OTHER, cause })?;
         let known = self.due.len();
@@ -122,7 +120,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
     }
 
     /// Chooses among the ids, and makes up for those that a jump has made useless.
-    async fn complete_occluders(&mut self, camera: Camera) -> Result<(), RoleError<D::Error>> {
+    async fn complete_occluders(&mut self, camera: Camera) -> Result<(), RoleError> {
         let start = self.clock.elapsed();
         let view = View::new(camera, self.viewport);
         let drawn = if self.draws_as_it_comes { self.due.len() } else { 0 };
@@ -131,7 +129,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         self.draw(drawn)?;
         self.host += self.clock.elapsed().saturating_sub(start);
         let start = self.clock.elapsed();
-        let drawing = self.device.finish_occluders().map_err(device("completing the depth"))?;
+        let drawing = self.device.finish_occluders().map_err(RoleError::device("completing the depth"))?;
         self.or_end = self.clock.elapsed();
         let waited = self.or_end.saturating_sub(start);
         // What is drawn as it comes may have been drawn before this. What is drawn at once was drawn while
@@ -142,11 +140,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         Ok(())
     }
 
-    async fn cull(
-        &mut self,
-        camera: Camera,
-        visible: &mut VisibleIds<'_>,
-    ) -> Result<(), RoleError<D::Error>> {
+    async fn cull(&mut self, camera: Camera, visible: &mut VisibleIds<'_>) -> Result<(), RoleError> {
         let view = View::new(camera, self.viewport);
         let mut traversal = self.culler.traverse(&view, self.rule, &self.device)?;
         while let Some(ids) = traversal.next_level(&mut self.device)? {
@@ -163,10 +157,6 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         self.stats.to_other = to_other;
         self.stats
     }
-}
-
-fn device<D: std::error::Error + 'static>(doing: &'static str) -> impl Fn(D) -> RoleError<D> {
-    move |cause| RoleError::Device { doing, cause }
 }
 
 fn nanoseconds(time: Duration) -> u64 {

@@ -15,6 +15,8 @@ use crate::{
     stop::Stop,
 };
 
+const DRAWING: &str = "drawing a picture";
+
 /// A display's work on a scene.
 #[derive(Debug)]
 pub struct ScenePictures<D> {
@@ -49,8 +51,6 @@ impl<D: PictureDevice> ScenePictures<D> {
 }
 
 impl<D: PictureDevice> DisplayWork for ScenePictures<D> {
-    type Error = D::Error;
-
     fn cancel_on(&mut self, stop: &Stop) {
         self.device.cancel_on(stop);
     }
@@ -64,20 +64,20 @@ impl<D: PictureDevice> DisplayWork for ScenePictures<D> {
     }
 
     /// Draws front to back.
-    async fn draw(&mut self, camera: Camera, outcome: FrameOutcome) -> Result<(), RoleError<D::Error>> {
+    async fn draw(&mut self, camera: Camera, outcome: FrameOutcome) -> Result<(), RoleError> {
         let view = View::new(camera, self.viewport);
         let ids = &mut self.received.ids;
         let whole = matches!(outcome, FrameOutcome::Complete(_));
         self.for_loss = if whole { 0 } else { self.gaps.fill(view, ids)? };
         self.order.sort(&self.scene, &view, ids);
-        self.device.draw(&view, ids).map_err(drawing)?;
+        self.device.draw(&view, ids).map_err(RoleError::device(DRAWING))?;
         self.gaps.drawn(ids);
         Ok(())
     }
 
-    fn drawn(&mut self, with_picture: bool) -> Result<Drawn<'_>, RoleError<D::Error>> {
+    fn drawn(&mut self, with_picture: bool) -> Result<Drawn<'_>, RoleError> {
         if with_picture {
-            self.device.read(&mut self.picture).map_err(drawing)?;
+            self.device.read(&mut self.picture).map_err(RoleError::device(DRAWING))?;
         }
         Ok(Drawn {
             ids: &self.received.ids,
@@ -85,8 +85,4 @@ impl<D: PictureDevice> DisplayWork for ScenePictures<D> {
             picture: with_picture.then_some(&self.picture),
         })
     }
-}
-
-fn drawing<D: std::error::Error + 'static>(cause: D) -> RoleError<D> {
-    RoleError::Device { doing: "drawing a picture", cause }
 }
