@@ -54,10 +54,6 @@ struct Tally {
 }
 
 impl Observer for Tally {
-    fn wants_picture(&self, _: FrameNumber) -> bool {
-        false
-    }
-
     fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), BoxedError> {
         self.frames += 1;
         Ok(())

@@ -12,7 +12,7 @@ use trimaran_proto::{DrawableId, TesterKind};
 
 use trimaran_actors::{CullerDevice, PictureDevice, Stop};
 
-/// Why a machine of the pair cannot draw or test.
+/// Why a culler cannot draw or test.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum VulkanCullerError {
@@ -24,7 +24,7 @@ pub enum VulkanCullerError {
     Hzb(#[from] HzbError),
 }
 
-/// The device of one machine of the pair.
+/// The device of a culler.
 pub struct VulkanCuller {
     pass: OccluderPass,
     tester: TesterKind,

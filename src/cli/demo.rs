@@ -1,13 +1,12 @@
 //! `trimaran demo`: the main job on a model of its own, from nothing to a report.
 
-use confique::Layer;
 use trimaran_cook::CookOptions;
 use trimaran_cook::generate::{PlantOptions, plant};
 use trimaran_gpu::GpuOptions;
 
 use super::{
     Failure,
-    args::{Coding, DemoArgs, LinkKind, RunArgs, Size, Tester, WalkArgs},
+    args::{Coding, DemoArgs, RunArgs, Size, Tester, WalkArgs},
     cooking, run,
 };
 
@@ -39,17 +38,5 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         alone: false,
         audit_every: 10,
     };
-    run::run(&RunArgs {
-        scene,
-        link: LinkKind::Inproc,
-        links: Layer::empty(),
-        epsilon: 2.0,
-        walk,
-        metrics: None,
-        record: None,
-        live: None,
-        visible: false,
-        out: args.out.clone(),
-        json: false,
-    })
+    run::run(&RunArgs::of(scene, walk, args.out.clone()))
 }

@@ -14,8 +14,8 @@ use trimaran::{
     walkthrough::{CameraPath, Plan, Recorder, ReportPlan, SceneFile, begin, how_ended},
 };
 use trimaran_actors::{
-    Cameras, DisplayRole, JoinTimeouts, Link, Listener, RoleError, ScenePictures, SessionError, Stop,
-    Stopwatch, Turns, again, await_cullers, leave_unable,
+    Cameras, DisplayRole, JoinTimeouts, Link, Listener, RoleError, ScenePictures, SessionError, Stop, Turns,
+    again, await_cullers, leave_unable,
 };
 use trimaran_gpu::{GpuInfo, GpuScene, ItemPass};
 use trimaran_proto::{Identity, Role, Settings};
@@ -25,8 +25,7 @@ use trimaran_transport::{Endpoints, Instant, Net, Options, PeerAddress, causes};
 use super::{
     Failure, progress,
     recording::{Early, Outcome, report_on},
-    starting::{Metrics, not_joined},
-    walking,
+    walking::{self, Metrics, not_joined},
 };
 
 /// A display that is ready to walk.
@@ -50,8 +49,6 @@ pub(super) struct DisplaySession<'s> {
     /// Where it listens.
     pub(super) endpoints: Endpoints,
     pub(super) options: Options,
-    /// What it measures by, as all roles of this process do.
-    pub(super) clock: Stopwatch,
     pub(super) turns: Turns,
 }
 
@@ -93,20 +90,20 @@ fn identity(file: &SceneFile, settings: Settings) -> Identity {
 }
 
 impl DisplaySession<'_> {
-    /// Waits for the cullers, walks and reports. When `hopeless` ends, they cannot come any more. `beside` plays
-    /// whatever else of the session is in this process while the walk goes on.
+    /// Waits for the cullers, walks and reports. When `no_cullers` ends, they cannot come any more. `beside`
+    /// plays whatever else of the session is in this process while the walk goes on.
     pub(super) fn show(
         mut self,
         runtime: &Runtime,
         stop: &Stop,
-        hopeless: impl Future<Output = Failure>,
+        no_cullers: impl Future<Output = Failure>,
         beside: impl FnOnce(&mut dyn FnMut() -> Result<(), Early>) -> Result<(), Early>,
     ) -> Result<Outcome, Failure> {
         let bar = progress::walk(self.plan.pace, self.path);
         let mut advance = |_| bar.inc(1);
         let mut recorder = Recorder::new(self.plan.audit_every, &mut advance);
-        let mut hopeless = Box::pin(hopeless);
-        let mut walk = || runtime.block_on(self.walk(&mut recorder, &bar, stop, hopeless.as_mut()));
+        let mut no_cullers = Box::pin(no_cullers);
+        let mut walk = || runtime.block_on(self.walk(&mut recorder, &bar, stop, no_cullers.as_mut()));
         // What was walked before a failure is worth a report.
         let early = beside(&mut walk).err();
         bar.finish_and_clear();
@@ -119,20 +116,20 @@ impl DisplaySession<'_> {
         self.show(runtime, stop, pending(), |walk| walk())
     }
 
-    /// Walks to the end of the session, or until `stop` asks. When a culler is lost, it waits for both to come
-    /// again and goes on with the frame that was due.
+    /// Walks to the end of the session, or until `stop` asks. When a culler is lost, it waits for both to
+    /// come again and goes on with the frame that was due.
     async fn walk(
         &mut self,
         recorder: &mut Recorder<'_>,
         bar: &ProgressBar,
         stop: &Stop,
-        mut hopeless: Pin<&mut impl Future<Output = Failure>>,
+        mut no_cullers: Pin<&mut impl Future<Output = Failure>>,
     ) -> Result<(), Early> {
         let mut cameras = self.path.cameras(self.plan.pace);
         let mut settings = self.plan.settings(self.path.frames());
         let (mut within, mut lost) = (self.timeouts.join, None);
         loop {
-            let joining = self.join(settings, self.net.now().after(within), hopeless.as_mut());
+            let joining = self.join(settings, self.net.now().after(within), no_cullers.as_mut());
             let Some(links) = stop.unless_requested(joining).await else { return Ok(()) };
             let links = links.map_err(|early| match lost.take() {
                 Some(cause) => SessionError::Lost { within, cause }.into(),
@@ -157,7 +154,7 @@ impl DisplaySession<'_> {
         &mut self,
         settings: Settings,
         deadline: Instant,
-        hopeless: Pin<&mut impl Future<Output = Failure>>,
+        no_cullers: Pin<&mut impl Future<Output = Failure>>,
     ) -> Result<[Link; 2], Early> {
         let failed = |why| Early { how: HowEnded::Failed, why };
         let listener = match self.listener.take() {
@@ -172,7 +169,7 @@ impl DisplaySession<'_> {
         tokio::select! {
             biased;
             cullers = await_cullers(listener, deadline) => cullers.map_err(|e| failed(not_joined(e))),
-            failure = hopeless => Err(failed(failure)),
+            failure = no_cullers => Err(failed(failure)),
         }
     }
 
@@ -200,8 +197,8 @@ impl DisplaySession<'_> {
             Ok(work) => work,
             Err(error) => return Err(leave_unable([first, second], error).await),
         };
-        let (net, clock, turns) = (Arc::clone(&self.net), self.clock, self.turns.clone());
-        let role = DisplayRole { work, first, second, settings, net, clock, turns };
+        let (net, turns) = (Arc::clone(&self.net), self.turns.clone());
+        let role = DisplayRole { work, first, second, settings, net, turns };
         role.run(cameras, recorder, stop).await.map(|_| ())
     }
 }

@@ -18,7 +18,6 @@ mod recording;
 mod role;
 mod run;
 mod sim;
-mod starting;
 mod stat;
 mod sweep;
 mod walking;

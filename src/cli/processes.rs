@@ -11,6 +11,7 @@ use tokio::{
     runtime::Runtime,
 };
 use trimaran::config::{LinkConfig, PairSeat, SwitchConfig, SwitchPeers};
+use trimaran_actors::JoinTimeouts;
 use trimaran_proto::Role;
 use trimaran_transport::{
     Endpoint, Name, SocketPath,
@@ -22,15 +23,12 @@ use super::{
     args::{LinkKind, RunArgs},
 };
 
-/// How long cullers wait for the display and each other.
-pub(super) const JOIN_TIMEOUT_S: f64 = 120.0;
-
 /// Keys that live as long as the session: each of the three knows the two others.
 pub(super) struct Keyring {
     /// The display's own, and whom it knows.
     pub(super) security: Security,
     display: KeyFiles,
-    pair: [KeyFiles; 2],
+    cullers: [KeyFiles; 2],
 }
 
 impl Keyring {
@@ -45,11 +43,11 @@ impl Keyring {
             (make("display")?, make("first")?, make("second")?);
         let peers = [(first, Role::SwitchA), (second, Role::SwitchB)]
             .map(|(keys, role)| KnownPeer::in_role(keys.public().clone(), role));
-        Ok(Self { security: Security { keys, peers: peers.into() }, display, pair: [one, two] })
+        Ok(Self { security: Security { keys, peers: peers.into() }, display, cullers: [one, two] })
     }
 
     const fn of(&self, seat: PairSeat) -> &KeyFiles {
-        let [first, second] = &self.pair;
+        let [first, second] = &self.cullers;
         match seat {
             PairSeat::First => first,
             PairSeat::Second => second,
@@ -91,13 +89,13 @@ struct CullerProcess {
 }
 
 impl CullerProcesses {
-    /// Starts them with the scene and the device of `args`. `display` is where the display listens, `pair` where
-    /// they meet.
+    /// Starts them with the scene and the device of `args`. `display` is where the display listens, `meet`
+    /// where they meet.
     pub(super) fn start(
         args: &RunArgs,
         link: &LinkConfig,
         display: &Endpoint,
-        pair: &Endpoint,
+        meet: &Endpoint,
         keyring: Option<&Keyring>,
         folder: &Path,
         runtime: &Runtime,
@@ -108,10 +106,10 @@ impl CullerProcesses {
                 scene: scene.clone(),
                 seat,
                 display: display.clone(),
-                pair: pair.clone(),
+                pair: meet.clone(),
                 device: args.walk.device.clone(),
                 device_timeout_s: args.walk.device_timeout,
-                join_timeout_s: JOIN_TIMEOUT_S,
+                join_timeout_s: JoinTimeouts::ONCE.join.as_secs_f64(),
                 reconnect_s: 0.0,
                 metrics: None,
                 keys: keyring.map(|keyring| keyring.of(seat).private.clone()),

@@ -10,8 +10,8 @@ use trimaran::{
     walkthrough::{CameraPath, PathChoice, Plan},
 };
 use trimaran_actors::{
-    CullerIndex, CullerSession, PeerEndpoint, RoleError, SceneCulling, SessionError, SessionEvent, Stopwatch,
-    Turns, max_frame,
+    CullerIndex, CullerSession, PeerEndpoint, RoleError, SceneCulling, SessionError, SessionEvent, Turns,
+    max_frame,
 };
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Role, Settings};
 use trimaran_transport::{Endpoint, Net, TokioNet, causes, sleep_until};
@@ -21,8 +21,7 @@ use super::{
     args::{RoleArgs, RoleCommand, RoleName},
     display::{DisplaySession, about, listen},
     recording::{check_trace, open_folder},
-    starting::{Metrics, Start, not_joined, scene, upload},
-    walking::{self, gpu_options},
+    walking::{self, Metrics, Start, gpu_options, not_joined, scene, upload},
 };
 
 /// How long the last links of a process may take to tell that they are gone.
@@ -85,7 +84,7 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
         return Ok(());
     };
     let Start { net, stop, timeouts, .. } = start;
-    let (clock, turns) = (Stopwatch::start(), Turns::at_once());
+    let turns = Turns::at_once();
     let session = CullerSession {
         index,
         scene: file.scene.hash(),
@@ -93,12 +92,11 @@ fn switch(config: &SwitchConfig, runtime: &Runtime) -> Result<(), Failure> {
         display,
         other,
         timeouts,
-        clock,
         turns: turns.clone(),
         work: |settings: &Settings| {
             let device = VulkanCuller::new(&drawn, settings.size, settings.tester);
             let device = device.map_err(RoleError::device("opening it"))?;
-            Ok(SceneCulling::new(&file.scene, device, settings, clock, &turns)?)
+            Ok(SceneCulling::new(&file.scene, device, settings, &turns)?)
         },
         watch: |event: SessionEvent<'_>| match event {
             SessionEvent::Joined(joined) => {
@@ -157,7 +155,6 @@ fn display(config: &DisplayConfig, runtime: &Runtime) -> Result<(), Failure> {
         endpoints: listener.local_endpoints().clone(),
         listener: Some(listener),
         options,
-        clock: Stopwatch::start(),
         turns: Turns::at_once(),
     };
     match session.show_to_others(runtime, &start.stop) {

@@ -1,6 +1,6 @@
 //! `trimaran run`: walks a camera through a scene with the three roles and writes the report.
 
-use std::{future::pending, sync::Arc, time::Duration};
+use std::{future::pending, sync::Arc};
 
 use trimaran::{
     config::LinkConfig,
@@ -8,7 +8,7 @@ use trimaran::{
     vulkan::VulkanCuller,
     walkthrough::{SceneFile, SceneOnDevices},
 };
-use trimaran_actors::{CullerIndex, JoinTimeouts, LocalCullers, Stopwatch, Turns, max_frame};
+use trimaran_actors::{CullerIndex, JoinTimeouts, LocalCullers, Turns, max_frame};
 use trimaran_proto::Settings;
 use trimaran_transport::{Net, TokioNet};
 
@@ -18,13 +18,8 @@ use super::{
     display::{DisplaySession, about, listen},
     processes::{CullerProcesses, Keyring, endpoints},
     recording::{Outcome, check_trace, open_folder},
-    starting::{Metrics, upload},
-    walking::{self, gpu_options, open, stop_on_signal},
+    walking::{self, Metrics, gpu_options, open, stop_on_signal, upload},
 };
-
-/// How long the three wait for each other: loading and copying a large scene takes a while. Nobody starts a
-/// role of this session again.
-const TIMEOUTS: JoinTimeouts = JoinTimeouts { join: Duration::from_secs(120), rejoin: Duration::ZERO };
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     if args.walk.alone && (args.link != LinkKind::Inproc || args.live.is_some()) {
@@ -84,7 +79,6 @@ pub(super) fn walk(
     let listener = runtime.block_on(listening)?;
     let display = listener.local_endpoint().clone();
     let info = |index: usize| devices.map_or(&drawn, |devices| &devices.drawn[index]).gpu().info().clone();
-    let clock = Stopwatch::start();
     let turns = if plan.alone { Turns::alone() } else { Turns::at_once() };
     let infos = vec![(Seat::SwitchA, info(0)), (Seat::SwitchB, info(1)), (Seat::Display, info(2))];
     let session = DisplaySession {
@@ -94,14 +88,13 @@ pub(super) fn walk(
         path: &path,
         about: about(&path, &walk.path, walk.seed, infos),
         folder: Some(folder),
-        timeouts: TIMEOUTS,
+        timeouts: JoinTimeouts::ONCE,
         metrics: Metrics::show(args.metrics, &runtime)?,
         trace: args.record.clone(),
         net,
         endpoints: listener.local_endpoints().clone(),
         listener: Some(listener),
         options: options.clone(),
-        clock,
         turns: turns.clone(),
     };
     let Some(SceneOnDevices { drawn, .. }) = devices else {
@@ -114,8 +107,8 @@ pub(super) fn walk(
         }
         return Ok(outcome);
     };
-    let (scene, timeouts) = (Arc::clone(&file.scene), TIMEOUTS);
-    let cullers = LocalCullers { scene, display, meet, options, timeouts, clock, turns };
+    let (scene, timeouts) = (Arc::clone(&file.scene), JoinTimeouts::ONCE);
+    let cullers = LocalCullers { scene, display, meet, options, timeouts, turns };
     let device = |culler: CullerIndex, settings: &Settings| {
         Ok(VulkanCuller::new(&drawn[culler.index()], settings.size, settings.tester)?)
     };

@@ -1,11 +1,10 @@
 //! `trimaran sweep`: the same path at several error bounds, speed against error.
 
-use confique::Layer;
 use trimaran::report::{SweepPoint, text, write};
 
 use super::{
     Failure,
-    args::{LinkKind, RunArgs, SweepArgs},
+    args::{RunArgs, SweepArgs},
     print_json,
     run::{open_devices, walk},
     walking::open,
@@ -17,19 +16,8 @@ pub(super) fn run(args: &SweepArgs) -> Result<(), Failure> {
     let mut points = Vec::new();
     let mut last = None;
     for &epsilon in &args.epsilons {
-        let at = RunArgs {
-            scene: args.scene.clone(),
-            link: LinkKind::Inproc,
-            links: Layer::empty(),
-            epsilon,
-            walk: args.walk.clone(),
-            metrics: None,
-            live: None,
-            visible: false,
-            record: None,
-            out: args.out.join(format!("epsilon-{epsilon}")),
-            json: false,
-        };
+        let out = args.out.join(format!("epsilon-{epsilon}"));
+        let at = RunArgs { epsilon, ..RunArgs::of(args.scene.clone(), args.walk.clone(), out) };
         let report = walk(&at, &file, Some(&devices))?.whole()?;
         points.push(SweepPoint::of(&report));
         last = Some(report);

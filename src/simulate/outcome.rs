@@ -20,9 +20,9 @@ pub struct FrameTimes {
     pub missing: u32,
     /// Its camera left RVG.
     pub published: Instant,
-    /// Its machine is free, and waits for the camera.
+    /// Its culler is free, and waits for the camera.
     pub asked: Instant,
-    /// The machine has the camera, and OR waits for the ids of the frame before.
+    /// The culler has the camera, and OR waits for the ids of the frame before.
     pub taken: Instant,
     /// They are there, and OR draws them.
     pub fed: Instant,
@@ -39,9 +39,9 @@ pub struct FrameTimes {
 /// Where a frame's time went. All together it is the time from its camera leaving RVG to its picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Split {
-    /// For a machine that was busy with another frame, or for another machine's culling.
+    /// For a role that was busy with another frame, or for the other culler's culling.
     pub waiting: Duration,
-    /// For something under way, by a machine that was free for it.
+    /// For something under way, by a role that was free for it.
     pub network: Duration,
     /// OR.
     pub occluders: Duration,
@@ -79,9 +79,9 @@ pub struct Outcome {
     pub frames_per_second: f64,
     /// From a camera leaving RVG to its picture shown, milliseconds.
     pub latency_ms: Percentiles,
-    /// Of that: for a machine that is busy with another frame, or for the culling of the frame before.
+    /// Of that: for a role that is busy with another frame, or for the culling of the frame before.
     pub waiting_ms: Percentiles,
-    /// Of that: for what is under way, the machine being free.
+    /// Of that: for what is under way, the role being free.
     pub network_ms: Percentiles,
     /// Of that: OR.
     pub occluders_ms: Percentiles,

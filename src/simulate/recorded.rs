@@ -116,8 +116,8 @@ impl CullerWork for RecordedCulling {
     }
 }
 
-/// A display's work.
-#[derive(Debug)]
+/// A display's work and its cameras.
+#[derive(Debug, Clone)]
 pub(super) struct RecordedPictures {
     pub(super) recording: Recording,
     pub(super) clock: Arc<dyn Net>,
@@ -158,14 +158,7 @@ impl DisplayWork for RecordedPictures {
     }
 }
 
-/// The cameras of a workload.
-#[derive(Debug)]
-pub(super) struct RecordedCameras {
-    pub(super) recording: Recording,
-    pub(super) clock: Arc<dyn Net>,
-}
-
-impl Cameras for RecordedCameras {
+impl Cameras for RecordedPictures {
     fn camera(&mut self, frame: FrameNumber) -> Camera {
         self.recording.note(frame, |times| times.published = self.clock.now());
         self.recording.workload.camera(frame)

@@ -6,12 +6,11 @@ use std::time::Duration;
 
 use trimaran_actors::{
     BoxedError, CullerIndex, CullerSession, DisplayRole, JoinError, JoinTimeouts, Listener, Observer,
-    PeerEndpoint, SessionError, SessionEvent, ShownFrame, Stop, Stopwatch, Turns, await_cullers,
+    PeerEndpoint, SessionError, SessionEvent, ShownFrame, Stop, Turns, await_cullers,
 };
 use trimaran_netsim::Machines;
 use trimaran_proto::{
-    DrawableId, EpsilonPx, FrameNumber, FrameStats, Identity, PictureSize, Role, SceneHash, Settings,
-    TesterKind,
+    DrawableId, EpsilonPx, FrameNumber, Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
 };
 use trimaran_transport::keys::{Keys, KnownPeer, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
@@ -19,7 +18,7 @@ use trimaran_transport::{Endpoint, Instant, Net, Options, Traffic, sleep_until};
 
 use super::error::SimulateError;
 use super::outcome::FrameTimes;
-use super::recorded::{RecordedCameras, RecordedCulling, RecordedPictures, Recording};
+use super::recorded::{RecordedCulling, RecordedPictures, Recording};
 use super::scenario::{Knobs, Scenario, Transport};
 
 /// How long the roles may take to find each other.
@@ -101,7 +100,6 @@ impl Roles {
             display,
             other,
             timeouts: TIMEOUTS,
-            clock: Stopwatch::start(),
             turns: Turns::at_once(),
             work: |settings: &Settings| {
                 let (recording, clock, batch) = (recording.clone(), Arc::clone(clock), settings.batch);
@@ -139,17 +137,11 @@ impl Roles {
         self.recording.log(|log| log.stats.extend(stats));
         let before = count();
         let mut pictures = Pictures { due: settings.frames.unwrap_or(0), shown, count: &count, after: None };
-        let (recording, came) = (self.recording.clone(), Vec::new());
-        let mut cameras = RecordedCameras { recording: recording.clone(), clock: Arc::clone(clock) };
-        let role = DisplayRole {
-            work: RecordedPictures { recording, clock: Arc::clone(clock), came },
-            first,
-            second,
-            settings,
-            net: Arc::clone(net),
-            clock: Stopwatch::start(),
-            turns: Turns::at_once(),
-        };
+        let (recording, clock) = (self.recording.clone(), Arc::clone(clock));
+        let work = RecordedPictures { recording, clock, came: Vec::new() };
+        let mut cameras = work.clone();
+        let role =
+            DisplayRole { work, first, second, settings, net: Arc::clone(net), turns: Turns::at_once() };
         let (_stopper, stop) = Stop::new();
         role.run(&mut cameras, &mut pictures, &stop).await?;
         Ok((before, pictures.after.unwrap_or_else(count)))
@@ -200,10 +192,6 @@ struct Pictures<F, S, C> {
 }
 
 impl<F: Fn() -> C, S: Fn(), C> Observer for Pictures<F, S, C> {
-    fn wants_picture(&self, _: FrameNumber) -> bool {
-        false
-    }
-
     fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), BoxedError> {
         (self.shown)();
         self.due -= 1;
@@ -212,8 +200,6 @@ impl<F: Fn() -> C, S: Fn(), C> Observer for Pictures<F, S, C> {
         }
         Ok(())
     }
-
-    fn culled(&mut self, _: &FrameStats) {}
 }
 
 /// Options of three machines that know each other.

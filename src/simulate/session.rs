@@ -20,7 +20,7 @@ const TIMER_GRAIN: Duration = Duration::from_millis(1);
 /// Runs a session.
 ///
 /// # Errors
-/// When a role fails, for instance because a link falls silent for longer than links are patient.
+/// When a role fails, for instance because a link is silent for longer than its timeout.
 pub fn simulate(scenario: &Scenario) -> Result<Outcome, SimulateError> {
     simulate_watched(scenario, None, || ())
 }

@@ -10,7 +10,7 @@ use trimaran_cull::{LodRule, OccluderError, View, Viewport};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
-use super::frame_record::FrameRecord;
+use super::compose::FrameRecord;
 use crate::report::schema::FalseCull;
 
 /// Why no cause could be looked for.

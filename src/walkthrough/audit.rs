@@ -19,8 +19,8 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use super::{
     attribution::{self, AttributionError},
+    compose::FrameRecord,
     deviation,
-    frame_record::FrameRecord,
     objects::ObjectCounts,
 };
 use crate::report::schema::{Frame, VisibleObject};
@@ -35,7 +35,7 @@ pub enum AuditError {
     /// The pictures do not fit together.
     #[error("comparing pictures failed")]
     Metric(#[from] MetricError),
-    /// Something visible was not drawn, and the machine's work could not be done again to see why.
+    /// Something visible was not drawn, and the culler's work could not be done again to see why.
     #[error("{frame} was culled falsely; culling it again, to see why, failed")]
     Attribution {
         /// The frame.

@@ -2,11 +2,38 @@
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
-use trimaran_proto::{CullCounts, FrameNumber, FrameStats, SentBytes};
+use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, FrameStats, SentBytes};
 use trimaran_scene::Scene;
 
-use super::{frame_record::FrameRecord, objects::ObjectCounts, path::CameraPath};
+use super::{objects::ObjectCounts, path::CameraPath};
 use crate::report::schema::{BytesByKind, CullingCounts, Frame, Role, Seat, Span};
+
+/// A frame as it was shown.
+#[derive(Debug, Clone)]
+pub struct FrameRecord {
+    /// Its camera.
+    pub camera: Camera,
+    /// What was drawn, in the order drawn.
+    pub ids: Vec<DrawableId>,
+    /// How many of them were drawn only because ids of the frame were lost.
+    pub for_loss: u32,
+    /// XXH3-64 of the picture's bytes, if it was read back.
+    pub picture: Option<u64>,
+    /// When its camera was handed out; all times are on the display's clock.
+    pub published: Duration,
+    /// When its begin arrived.
+    pub begun: Duration,
+    /// When drawing began.
+    pub drawing: Duration,
+    /// When it was shown.
+    pub shown: Duration,
+    /// What travelled between the display and the frame's culler.
+    pub traffic: SentBytes,
+    /// How many ids had come, and when, since the begin: one entry for all batches that came at once.
+    pub arrivals: Vec<(u32, Duration)>,
+    /// What that machine says it did.
+    pub stats: Option<FrameStats>,
+}
 
 /// Makes the report's frames of what was recorded, without what only an audit can tell.
 #[derive(Debug)]
@@ -77,7 +104,7 @@ fn frame(
     }
 }
 
-/// When each role was busy. Unless they are one, the machine's clock is laid over the display's where the
+/// When each role was busy. Unless they are one, the culler's clock is laid over the display's where the
 /// frame's begin was sent and arrived.
 fn timeline(record: &FrameRecord, one_clock: bool) -> Vec<Span> {
     let number = record.camera.frame();

@@ -43,8 +43,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// What the display dictates to the pair for a walk of `frames` poses. A live session has as many frames
-    /// as there is time for.
+    /// What the display dictates to the cullers for a walk of `frames` poses. A live session has as many
+    /// frames as there is time for.
     #[must_use]
     pub const fn settings(&self, frames: u32) -> Settings {
         Settings {

@@ -5,7 +5,7 @@ use trimaran_proto::{FrameNumber, FrameStats};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::{
-    frame_record::FrameRecord,
+    compose::FrameRecord,
     journal::{Entry, Journal, JournalStopped},
 };
 

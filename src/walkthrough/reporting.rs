@@ -11,9 +11,8 @@ use trimaran_transport::causes;
 
 use super::{
     audit::{AuditPictures, Auditor},
-    compose::Composer,
+    compose::{Composer, FrameRecord},
     error::ReportingError,
-    frame_record::FrameRecord,
     journal::Journal,
     path::CameraPath,
     plan::{Pace, Plan},

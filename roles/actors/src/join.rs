@@ -191,8 +191,8 @@ pub struct PeerEndpoint {
     pub options: Options,
 }
 
-/// A culler joins the display at `display` and the other culler: the first listens at `pair`, the second
-/// connects there. The two links may go over different transports. When the display leaves before
+/// A culler joins the display at `display` and the other culler: the first listens at `meet`, the
+/// second connects there. The two links may go over different transports. When the display leaves before
 /// the other culler has come, it joins the next one there.
 ///
 /// # Errors
@@ -202,7 +202,7 @@ pub async fn join_session(
     index: CullerIndex,
     scene: SceneHash,
     display: &PeerEndpoint,
-    pair: &PeerEndpoint,
+    meet: &PeerEndpoint,
     deadline: Instant,
 ) -> Result<Joined, JoinError> {
     let identity = |settings| Identity { role: index.role(), scene, settings };
@@ -219,7 +219,7 @@ pub async fn join_session(
                 tracing::warn!(%end, "the display left before the other culler came");
                 return Err(JoinError::Left(end));
             }
-            other = meet(net, index, identity(Some(settings)), pair, deadline) => other,
+            other = link_of_cullers(net, index, identity(Some(settings)), meet, deadline) => other,
         };
         let other = match other.and_then(|other| expect_role(&other, index.other().role()).map(|()| other)) {
             Ok(other) => other,
@@ -239,11 +239,11 @@ pub async fn join_session(
 }
 
 /// The cullers' link between themselves.
-async fn meet(
+async fn link_of_cullers(
     net: &Arc<dyn Net>,
     index: CullerIndex,
     identity: Identity,
-    pair: &PeerEndpoint,
+    meet: &PeerEndpoint,
     deadline: Instant,
 ) -> Result<Link, JoinError> {
     let peer = index.other().role();
@@ -251,13 +251,13 @@ async fn meet(
         CullerIndex::First => {
             // The sockets of a session that is over may need a moment to be gone. The display is kept
             // meanwhile.
-            let bind = || Listener::bind(net, &pair.endpoint, identity, &pair.options);
+            let bind = || Listener::bind(net, &meet.endpoint, identity, &meet.options);
             let mut listener = again(net, deadline, ListenError::may_pass, bind).await?;
             let other = listener.accept(deadline).await;
             other.map_err(|cause| JoinError::Accept { peer, cause: Box::new(cause) })
         }
         CullerIndex::Second => {
-            let other = connect::<Walkthrough>(net, &pair.endpoint, identity, &pair.options, deadline).await;
+            let other = connect::<Walkthrough>(net, &meet.endpoint, identity, &meet.options, deadline).await;
             other.map_err(|cause| JoinError::Connect { peer, cause: Box::new(cause) })
         }
     }

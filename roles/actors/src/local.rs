@@ -1,6 +1,6 @@
 //! Three roles in one process.
 
-use std::{panic, sync::Arc, thread, time::Duration};
+use std::{panic, sync::Arc, thread};
 
 use tokio::runtime::Handle;
 use trimaran_proto::{Identity, Role, Settings};
@@ -8,7 +8,6 @@ use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Name, Net, Options, TokioNet};
 
 use crate::{
-    clock::Stopwatch,
     device::{CullerDevice, PictureDevice},
     driver::{Cameras, CullerTraffic, DisplayRole, Observer, RoleError},
     ids::max_frame,
@@ -34,9 +33,7 @@ pub struct LocalCullers {
     pub options: Options,
     /// How long they wait for the others.
     pub timeouts: JoinTimeouts,
-    /// What all roles of the process measure by.
-    pub clock: Stopwatch,
-    /// Whether the roles of the process compute one after another.
+    /// What all roles of the process measure by, and whether they compute one after another.
     pub turns: Turns,
 }
 
@@ -57,7 +54,7 @@ impl LocalCullers {
         X: From<SessionError>,
     {
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
-        let Self { scene, options, timeouts, clock, turns, .. } = &self;
+        let Self { scene, options, timeouts, turns, .. } = &self;
         let peer =
             |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
         let play = |index| {
@@ -68,11 +65,10 @@ impl LocalCullers {
                 display: peer(&self.display),
                 other: peer(&self.meet),
                 timeouts: *timeouts,
-                clock: *clock,
                 turns: turns.clone(),
                 work: |settings: &Settings| {
                     let device = device(index, settings).map_err(RoleError::device("opening it"))?;
-                    Ok(SceneCulling::new(scene, device, settings, *clock, turns)?)
+                    Ok(SceneCulling::new(scene, device, settings, turns)?)
                 },
                 watch: |_: SessionEvent<'_>| {},
             };
@@ -126,7 +122,7 @@ impl LocalSession {
         Self { scene: Arc::clone(scene), settings, endpoints, turns: Turns::at_once() }
     }
 
-    /// Runs it: the cullers, whose devices `device` opens, on threads of their own, and the display on this one.
+    /// Runs it: the cullers, whose devices `device` opens, on threads of their own, the display on this one.
     /// Returns what the display's links carried.
     ///
     /// # Errors
@@ -146,21 +142,20 @@ impl LocalSession {
         options.link.max_frame = max_frame(&scene);
         let identity = Identity { role: Role::Display, scene: scene.hash(), settings: Some(settings) };
         let listener = runtime.block_on(Listener::bind(&net, &listen, identity, &options))?;
-        let timeouts = JoinTimeouts { join: Duration::from_secs(120), rejoin: Duration::ZERO };
-        let (clock, deadline) = (Stopwatch::start(), net.now().after(timeouts.join));
+        let timeouts = JoinTimeouts::ONCE;
+        let deadline = net.now().after(timeouts.join);
         let cullers = LocalCullers {
             scene: Arc::clone(&scene),
             display: listener.local_endpoint().clone(),
             meet,
             options,
             timeouts,
-            clock,
             turns: turns.clone(),
         };
         let work = ScenePictures::new(&scene, display, &settings).map_err(RoleError::from)?;
         let show = || {
             let [first, second] = runtime.block_on(await_cullers(listener, deadline))?;
-            let role = DisplayRole { work, first, second, settings, net, clock, turns };
+            let role = DisplayRole { work, first, second, settings, net, turns };
             Ok(runtime.block_on(role.run(cameras, observer, stop))?)
         };
         cullers.beside(|index, _| device(index), runtime, stop, show)

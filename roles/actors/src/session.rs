@@ -7,7 +7,6 @@ use trimaran_proto::{SceneHash, Settings};
 use trimaran_transport::{ListenError, Net};
 
 use crate::{
-    clock::Stopwatch,
     driver::{CullerRole, CullerWork, RoleError, leave_unable},
     join::{JoinError, Joined, PeerEndpoint, again, join_session},
     machine::CullerIndex,
@@ -22,6 +21,11 @@ pub struct JoinTimeouts {
     pub join: Duration,
     /// After one was lost; not at all if zero.
     pub rejoin: Duration,
+}
+
+impl JoinTimeouts {
+    /// Long enough to load and copy a large scene. Who was lost is not waited for.
+    pub const ONCE: Self = Self { join: Duration::from_secs(120), rejoin: Duration::ZERO };
 }
 
 /// Why a role could not take part in a session to its end.
@@ -75,8 +79,6 @@ pub struct CullerSession<F, E> {
     pub other: PeerEndpoint,
     /// How long it waits for the others.
     pub timeouts: JoinTimeouts,
-    /// As in [`CullerRole`].
-    pub clock: Stopwatch,
     /// As in [`CullerRole`].
     pub turns: Turns,
     /// Makes ready for what the display has decided.
@@ -132,8 +134,8 @@ where
         let Joined { display, other, settings } = joined;
         match (self.work)(&settings) {
             Ok(work) => {
-                let (index, clock, turns) = (self.index, self.clock, self.turns.clone());
-                CullerRole { index, work, display, other, settings, clock, turns }.run(stop).await
+                let (index, turns) = (self.index, self.turns.clone());
+                CullerRole { index, work, display, other, settings, turns }.run(stop).await
             }
             Err(error) => Err(leave_unable([display, other], error).await),
         }

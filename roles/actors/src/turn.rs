@@ -13,46 +13,55 @@ use tokio::sync::{Mutex, OwnedMutexGuard};
 
 use crate::clock::Stopwatch;
 
-/// Whether the roles of a process compute at once, or one after another.
+/// What the roles of a process measure by, and whether they compute at once or one after another.
 ///
 /// What a frame shows does not depend on it. Roles that take turns say what each of them takes by itself,
 /// which is what a model of three machines needs; roles that compute at once share the machine's cores.
-#[derive(Debug, Clone, Default)]
-pub struct Turns(Option<Arc<Mutex<()>>>);
+/// Clones are one and the same: their roles' times can be compared.
+#[derive(Debug, Clone)]
+pub struct Turns {
+    clock: Stopwatch,
+    lock: Option<Arc<Mutex<()>>>,
+}
 
 impl Turns {
-    /// Roles that compute whenever they can: the default.
+    /// Roles that compute whenever they can. The clock starts now.
     #[must_use]
-    pub const fn at_once() -> Self {
-        Self(None)
+    pub fn at_once() -> Self {
+        Self { clock: Stopwatch::start(), lock: None }
     }
 
     /// Roles that compute one after another, as far as all of them hold a clone of this.
     #[must_use]
     pub fn alone() -> Self {
-        Self(Some(Arc::default()))
+        Self { lock: Some(Arc::default()), ..Self::at_once() }
     }
 
     /// Whether roles compute one after another.
     #[must_use]
     pub const fn are_exclusive(&self) -> bool {
-        self.0.is_some()
+        self.lock.is_some()
     }
 
-    /// A role's part in it, by the clock that the role measures its work with.
-    pub(crate) fn of_a_role(&self, clock: Stopwatch) -> Turn {
-        Turn { lock: self.0.clone(), held: Cell::new(None), away: Cell::default(), clock }
+    /// What the roles measure by.
+    #[must_use]
+    pub const fn clock(&self) -> Stopwatch {
+        self.clock
+    }
+
+    /// A role's part in it.
+    pub(crate) fn of_a_role(&self) -> Turn {
+        Turn { turns: self.clone(), held: Cell::new(None), away: Cell::default() }
     }
 }
 
 /// A role's turn to compute. It takes it before it begins, gives it back when it is done, and in between
 /// while it waits: whom it waits for may have to compute first.
 pub(crate) struct Turn {
-    /// None where roles compute at once: then taking and giving back do nothing.
-    lock: Option<Arc<Mutex<()>>>,
+    /// Without a lock, taking and giving back do nothing.
+    turns: Turns,
     held: Cell<Option<OwnedMutexGuard<()>>>,
     away: Cell<Duration>,
-    clock: Stopwatch,
 }
 
 type Taking = Pin<Box<dyn Future<Output = OwnedMutexGuard<()>>>>;
@@ -61,7 +70,7 @@ impl Turn {
     /// Waits until no other role computes. Whoever waits longest is next.
     pub(crate) async fn take(&self) {
         let held = self.held.take();
-        let taken = match &self.lock {
+        let taken = match &self.turns.lock {
             Some(lock) if held.is_none() => Some(Arc::clone(lock).lock_owned().await),
             _ => held,
         };
@@ -81,15 +90,15 @@ impl Turn {
         poll_fn(|context| {
             if let Some((since, again)) = &mut gave_back {
                 self.held.set(Some(ready!(again.as_mut().poll(context))));
-                self.away.set(self.away.get() + self.clock.elapsed().saturating_sub(*since));
+                self.away.set(self.away.get() + self.turns.clock.elapsed().saturating_sub(*since));
                 gave_back = None;
             }
             let polled = work.as_mut().poll(context);
             if polled.is_pending()
-                && let (Some(held), Some(lock)) = (self.held.take(), &self.lock)
+                && let (Some(held), Some(lock)) = (self.held.take(), &self.turns.lock)
             {
                 // Before another role can begin: its time and this one's are not to overlap.
-                let since = self.clock.elapsed();
+                let since = self.turns.clock.elapsed();
                 drop(held);
                 gave_back = Some((since, Box::pin(Arc::clone(lock).lock_owned())));
             }
@@ -123,7 +132,7 @@ mod tests {
         let turns = Turns::alone();
         let computing = AtomicU32::new(0);
         let role = async || {
-            let turn = turns.of_a_role(Stopwatch::start());
+            let turn = turns.of_a_role();
             for _ in 0..2000 {
                 turn.take().await;
                 turn.take().await;
@@ -142,7 +151,7 @@ mod tests {
 
     #[test]
     fn roles_at_once_never_wait_for_each_other() {
-        let [one, other] = [(), ()].map(|()| Turns::at_once().of_a_role(Stopwatch::start()));
+        let [one, other] = [(), ()].map(|()| Turns::at_once().of_a_role());
         block_on(async {
             one.take().await;
             other.take().await;
@@ -155,8 +164,8 @@ mod tests {
     #[test]
     fn who_waits_gives_the_turn_back_and_what_others_take_is_not_its_own_time() {
         let turns = Turns::alone();
-        let clock = Stopwatch::start();
-        let turn = turns.of_a_role(clock);
+        let clock = turns.clock();
+        let turn = turns.of_a_role();
         thread::scope(|scope| {
             let (done, other_is_done) = oneshot::channel();
             let turns = &turns;
@@ -164,7 +173,7 @@ mod tests {
                 turn.take().await;
                 assert_eq!(turn.away(), Duration::ZERO, "it did not have to wait");
                 let other = scope.spawn(move || {
-                    let turn = turns.of_a_role(clock);
+                    let turn = turns.of_a_role();
                     block_on(turn.take());
                     let began = clock.elapsed();
                     thread::yield_now();
@@ -184,7 +193,7 @@ mod tests {
 
     #[test]
     fn who_waits_without_the_turn_does_not_take_it() {
-        let turn = Turns::alone().of_a_role(Stopwatch::start());
+        let turn = Turns::alone().of_a_role();
         block_on(turn.given_back_while_waiting(tokio::task::yield_now()));
         assert!(turn.held.take().is_none());
     }

@@ -17,15 +17,15 @@ use tokio::runtime::{Builder, Handle, Runtime};
 use trimaran_actors::{
     BoxedError, Cameras, CullerDevice, CullerIndex, CullerRole, DisplayRole, FrameStart, Joined, Link,
     Listener, Observer, PeerEndpoint, PictureDevice, RoleError, SceneCulling, ScenePictures, ShownFrame,
-    Stop, Stopper, Stopwatch, Turns, await_cullers, join_session,
+    Stop, Stopper, Turns, await_cullers, join_session,
 };
 use trimaran_audit::cases;
 use trimaran_cull::{
     Culler, DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport,
 };
 use trimaran_proto::{
-    BatchSize, Camera, CloseCode, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, Identity,
-    PictureSize, Role, Settings, TesterKind, Walkthrough,
+    BatchSize, Camera, CloseCode, DrawableId, EpsilonPx, FrameNumber, IdCoding, Identity, PictureSize, Role,
+    Settings, TesterKind, Walkthrough,
 };
 use trimaran_scene::Scene;
 use trimaran_transport::{CloseReason, Instant, LinkConfig, Net, Options, RecvError, TokioNet, inproc};
@@ -155,16 +155,10 @@ impl PictureDevice for Device {
 struct Frames(Vec<u32>);
 
 impl Observer for Frames {
-    fn wants_picture(&self, _: FrameNumber) -> bool {
-        false
-    }
-
     fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
         self.0.push(frame.camera.frame().0);
         Ok(())
     }
-
-    fn culled(&mut self, _: &FrameStats) {}
 }
 
 struct Still(Camera);
@@ -175,7 +169,7 @@ impl Cameras for Still {
     }
 }
 
-/// A scene, a camera in it, and a place to meet that no other test has.
+/// A scene, a camera in it, and endpoints that no other test has.
 struct House {
     runtime: Runtime,
     net: Arc<dyn Net>,
@@ -186,7 +180,7 @@ struct House {
 
 /// How the three roles of a session ended, and the frames shown.
 struct Ends {
-    pair: [Result<(), RoleError>; 2],
+    cullers: [Result<(), RoleError>; 2],
     display: Result<(), RoleError>,
     shown: Vec<u32>,
 }
@@ -218,7 +212,7 @@ impl House {
         }
     }
 
-    fn place(&self, what: &str) -> PeerEndpoint {
+    fn endpoint(&self, what: &str) -> PeerEndpoint {
         PeerEndpoint {
             endpoint: format!("inproc:{}-{what}", self.name).parse().unwrap(),
             options: Options::default(),
@@ -230,31 +224,31 @@ impl House {
     }
 
     /// The three roles with these devices join, and play from the frame `first` on until all have ended.
-    fn session(&self, first: u32, pair: [Device; 2], display: Device) -> Ends {
+    fn session(&self, first: u32, cullers: [Device; 2], display: Device) -> Ends {
         let ((_stopper, stop), settings) = (Stop::new(), self.settings(first));
         let identity = Identity { role: Role::Display, scene: self.scene.hash(), settings: Some(settings) };
-        let PeerEndpoint { endpoint, options } = self.place("display");
+        let PeerEndpoint { endpoint, options } = self.endpoint("display");
         let handle = self.runtime.handle();
         let listener = handle.block_on(Listener::bind(&self.net, &endpoint, identity, &options)).unwrap();
         thread::scope(|scope| {
             let stop = &stop;
-            let machine = |index, device| {
+            let culler = |index, device| {
                 scope.spawn(move || {
-                    let (display, pair) = (self.place("display"), self.place("pair"));
+                    let (display, meet) = (self.endpoint("display"), self.endpoint("meet"));
                     let joining =
-                        join_session(&self.net, index, self.scene.hash(), &display, &pair, self.deadline());
+                        join_session(&self.net, index, self.scene.hash(), &display, &meet, self.deadline());
                     let Joined { display, other, settings } = handle.block_on(joining).unwrap();
                     let role = self.culler(index, device, display, other, settings);
                     handle.block_on(role.run(stop))
                 })
             };
-            let [one, two] = pair;
-            let pair = [machine(CullerIndex::First, one), machine(CullerIndex::Second, two)];
+            let [one, two] = cullers;
+            let cullers = [culler(CullerIndex::First, one), culler(CullerIndex::Second, two)];
             let [first, second] = handle.block_on(await_cullers(listener, self.deadline())).unwrap();
             let role = self.display(display, first, second, settings);
             let mut frames = Frames::default();
             let display = handle.block_on(role.run(&mut Still(self.camera), &mut frames, stop)).map(|_| ());
-            Ends { pair: pair.map(|role| role.join().unwrap()), display, shown: frames.0 }
+            Ends { cullers: cullers.map(|role| role.join().unwrap()), display, shown: frames.0 }
         })
     }
 
@@ -266,9 +260,9 @@ impl House {
         other: Link,
         settings: Settings,
     ) -> CullerRole<SceneCulling<Device>> {
-        let (clock, turns) = (Stopwatch::start(), Turns::at_once());
-        let work = SceneCulling::new(&self.scene, device, &settings, clock, &turns).unwrap();
-        CullerRole { index, work, display, other, settings, clock, turns }
+        let turns = Turns::at_once();
+        let work = SceneCulling::new(&self.scene, device, &settings, &turns).unwrap();
+        CullerRole { index, work, display, other, settings, turns }
     }
 
     fn display(
@@ -278,9 +272,9 @@ impl House {
         second: Link,
         settings: Settings,
     ) -> DisplayRole<ScenePictures<Device>> {
-        let (net, clock, turns) = (Arc::clone(&self.net), Stopwatch::start(), Turns::at_once());
+        let (net, turns) = (Arc::clone(&self.net), Turns::at_once());
         let work = ScenePictures::new(&self.scene, device, &settings).unwrap();
-        DisplayRole { work, first, second, settings, net, clock, turns }
+        DisplayRole { work, first, second, settings, net, turns }
     }
 
     /// A link of a role to a peer that the test plays.
@@ -301,7 +295,7 @@ fn assert_goes_on(house: &House, shown: Vec<u32>) {
     let due = shown.len() as u32;
     assert!(due < FRAMES, "it failed within the session");
     let ends = house.session(due, Default::default(), Device::default());
-    assert!(ends.pair.iter().all(Result::is_ok) && ends.display.is_ok());
+    assert!(ends.cullers.iter().all(Result::is_ok) && ends.display.is_ok());
     assert_eq!([shown, ends.shown].concat(), (0..FRAMES).collect::<Vec<_>>());
 }
 
@@ -313,12 +307,12 @@ fn a_session_goes_on_when_the_machine_whose_device_failed_comes_again() {
             let house = House::new(&format!("machine-{index}-{failing}"));
             let mut devices = [Device::default(), Device::default()];
             devices[failing] = Device::failing(task, 2, Fault::Fails(broken));
-            let Ends { pair, display, shown } = house.session(0, devices, Device::default());
+            let Ends { cullers, display, shown } = house.session(0, devices, Device::default());
             let (failed, other) =
-                (pair[failing].as_ref().unwrap_err(), pair[1 - failing].as_ref().unwrap_err());
+                (cullers[failing].as_ref().unwrap_err(), cullers[1 - failing].as_ref().unwrap_err());
             assert_eq!(broken_by(failed), Some(&broken), "{failed:?}");
             assert!(!failed.lost_a_peer() && !failed.is_clean_end(), "its process ends: {failed:?}");
-            // Either hears it from the machine itself, or that the other has lost it.
+            // Either hears it from the culler itself, or that the other has lost it.
             for peer in [other, display.as_ref().unwrap_err()] {
                 assert!(peer.lost_a_peer(), "{task:?} {broken}: {peer:?}");
                 let said = format!("{peer:?}");
@@ -333,9 +327,9 @@ fn a_session_goes_on_when_the_machine_whose_device_failed_comes_again() {
 fn a_session_goes_on_when_the_display_whose_device_failed_comes_again() {
     let house = House::new("display");
     let broken = Device::failing(Task::Draw, 4, Fault::Fails(Broken::Hung));
-    let Ends { pair, display, shown } = house.session(0, Default::default(), broken);
+    let Ends { cullers, display, shown } = house.session(0, Default::default(), broken);
     assert_eq!(broken_by(&display.unwrap_err()), Some(&Broken::Hung));
-    for peer in pair {
+    for peer in cullers {
         assert!(peer.as_ref().unwrap_err().lost_a_peer(), "{peer:?}");
     }
     assert_eq!(shown, [0, 1, 2, 3]);

@@ -7,15 +7,14 @@ use std::{convert::Infallible, sync::Arc, thread, time::Duration};
 use tokio::runtime::Runtime;
 use trimaran_actors::{
     BoxedError, Cameras, CullerDevice, CullerIndex, CullerRole, DisplayRole, FrameStart, IdError, Link,
-    Observer, PictureDevice, RoleError, SceneCulling, ScenePictures, ShownFrame, Stop, Stopwatch, Turns,
-    max_frame,
+    Observer, PictureDevice, RoleError, SceneCulling, ScenePictures, ShownFrame, Stop, Turns, max_frame,
 };
 use trimaran_cook::generate::{PlantOptions, plant};
 use trimaran_cook::{CookOptions, cook};
 use trimaran_cull::{DepthImage, Image, OcclusionTest, TestBox, View};
 use trimaran_proto::{
-    BatchSize, Camera, CloseCode, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, Identity,
-    PictureSize, Role, SceneHash, Settings, TesterKind, Walkthrough,
+    BatchSize, Camera, CloseCode, DrawableId, EpsilonPx, FrameNumber, IdCoding, Identity, PictureSize, Role,
+    SceneHash, Settings, TesterKind, Walkthrough,
 };
 use trimaran_scene::Scene;
 use trimaran_transport::{CloseReason, LinkConfig, Net, RecvError, TokioNet, inproc};
@@ -74,15 +73,9 @@ impl Cameras for Still {
 struct Nobody;
 
 impl Observer for Nobody {
-    fn wants_picture(&self, _: FrameNumber) -> bool {
-        false
-    }
-
     fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), BoxedError> {
         Ok(())
     }
-
-    fn culled(&mut self, _: &FrameStats) {}
 }
 
 fn settings() -> Settings {
@@ -129,9 +122,9 @@ impl Setting {
     fn display_gets(&self, ids: &[u32]) -> (RoleError, CloseReason) {
         let ((first, liar), (second, _idle)) =
             (self.link(Role::Display, Role::SwitchA), self.link(Role::Display, Role::SwitchB));
-        let (settings, net, clock) = (settings(), Arc::clone(&self.net), Stopwatch::start());
+        let (settings, net) = (settings(), Arc::clone(&self.net));
         let work = ScenePictures::new(&self.scene, Idle, &settings).unwrap();
-        let role = DisplayRole { work, first, second, settings, net, clock, turns: Turns::at_once() };
+        let role = DisplayRole { work, first, second, settings, net, turns: Turns::at_once() };
         let runtime = self.runtime.handle();
         let (_stopper, stop) = Stop::new();
         thread::scope(|scope| {
@@ -147,10 +140,10 @@ impl Setting {
         let ((display, mut show), (other, liar)) =
             (self.link(Role::SwitchB, Role::Display), self.link(Role::SwitchB, Role::SwitchA));
         show.latest_tx.publish(Still.camera(FrameNumber(1))).unwrap();
-        let (settings, clock, turns) = (settings(), Stopwatch::start(), Turns::at_once());
-        let work = SceneCulling::new(&self.scene, Idle, &settings, clock, &turns).unwrap();
+        let (settings, turns) = (settings(), Turns::at_once());
+        let work = SceneCulling::new(&self.scene, Idle, &settings, &turns).unwrap();
         let index = CullerIndex::Second;
-        let role = CullerRole { index, work, display, other, settings, clock, turns };
+        let role = CullerRole { index, work, display, other, settings, turns };
         let runtime = self.runtime.handle();
         let (_stopper, stop) = Stop::new();
         thread::scope(|scope| {

@@ -113,10 +113,6 @@ struct Record {
 }
 
 impl Observer for Record {
-    fn wants_picture(&self, _: FrameNumber) -> bool {
-        false
-    }
-
     fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
         self.drawing.push([frame.drawing, frame.shown].map(|at| at.as_nanos() as u64));
         self.ids.push(frame.ids.iter().map(|id| id.0).collect());

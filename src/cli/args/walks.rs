@@ -3,7 +3,7 @@
 use std::{net::SocketAddr, path::PathBuf};
 
 use clap::{Args, ValueEnum};
-use confique::Config;
+use confique::{Config, Layer};
 use trimaran::config::{LinkConfig, positive};
 use trimaran_proto::IdCoding;
 
@@ -147,6 +147,25 @@ pub(crate) struct RunArgs {
     /// Print the report's summary as JSON.
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+impl RunArgs {
+    /// What a walk within this process takes unless flags say otherwise.
+    pub(crate) fn of(scene: PathBuf, walk: WalkArgs, out: PathBuf) -> Self {
+        Self {
+            scene,
+            link: LinkKind::Inproc,
+            links: Layer::empty(),
+            epsilon: 2.0,
+            walk,
+            metrics: None,
+            live: None,
+            visible: false,
+            record: None,
+            out,
+            json: false,
+        }
+    }
 }
 
 #[derive(Debug, Args)]

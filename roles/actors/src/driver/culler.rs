@@ -10,7 +10,6 @@ use super::{
     error::{RoleError, link},
 };
 use crate::{
-    clock::Stopwatch,
     links::{FrameEvent, FrameSender, FrameStart, Link},
     machine::{CullerIndex, CullerMachine, CullerStep, OrderError},
     stop::Stop,
@@ -97,9 +96,7 @@ pub struct CullerRole<W> {
     pub other: Link,
     /// What the display has decided.
     pub settings: Settings,
-    /// What it measures by. Roles of one process may share it: then their times can be compared.
-    pub clock: Stopwatch,
-    /// Whether it computes while other roles of the process do.
+    /// What it measures by, and whether it computes while other roles of the process do.
     pub turns: Turns,
 }
 
@@ -112,7 +109,7 @@ impl<W: CullerWork> CullerRole<W> {
     /// it returns. That this role itself was asked to stop is no error.
     pub async fn run(mut self, stop: &Stop) -> Result<(), RoleError> {
         self.work.cancel_on(stop);
-        let turn = self.turns.of_a_role(self.clock);
+        let turn = self.turns.of_a_role();
         let result = worked(self.frames(&turn), &turn, stop).await;
         part([self.display, self.other], result, stop).await
     }

@@ -94,14 +94,21 @@ pub struct ShownFrame<'f> {
 /// Sees what the display does. Time spent here is the session's: an observer notes and returns.
 pub trait Observer {
     /// Whether this frame's picture is to be read back.
-    fn wants_picture(&self, frame: FrameNumber) -> bool;
+    fn wants_picture(&self, frame: FrameNumber) -> bool {
+        let _ = frame;
+        false
+    }
+
     /// A frame has been shown.
     ///
     /// # Errors
     /// When it cannot be noted. The session ends with it, and the peers are told.
     fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError>;
+
     /// What a culler did for a frame that it has sent.
-    fn culled(&mut self, stats: &FrameStats);
+    fn culled(&mut self, stats: &FrameStats) {
+        let _ = stats;
+    }
 }
 
 /// The display, joined to the cullers.
@@ -117,10 +124,8 @@ pub struct DisplayRole<W> {
     pub settings: Settings,
     /// The time it waits by.
     pub net: Arc<dyn Net>,
-    /// Started with the session; it goes on when the session goes on with another role after a peer was
-    /// lost.
-    pub clock: Stopwatch,
-    /// Whether it draws while other roles of the process compute.
+    /// What it measures by, and whether it draws while other roles of the process compute. The same goes on
+    /// when the session does, after a peer was lost.
     pub turns: Turns,
 }
 
@@ -128,8 +133,8 @@ pub struct DisplayRole<W> {
 pub type CullerTraffic = [LinkStats; 2];
 
 impl<W: DisplayWork> DisplayRole<W> {
-    /// Plays the role until the session's last frame is shown, or `stop` asks. Where the work is a device's, it
-    /// occupies its thread. Returns what the links carried.
+    /// Plays the role until the session's last frame is shown, or `stop` asks. Where the work is a device's,
+    /// it occupies its thread. Returns what the links carried.
     ///
     /// # Errors
     /// When a peer dies, leaves or breaks the order, or the device or the observer fails. The peers are told
@@ -141,7 +146,7 @@ impl<W: DisplayWork> DisplayRole<W> {
         stop: &Stop,
     ) -> Result<CullerTraffic, RoleError> {
         self.work.cancel_on(stop);
-        let turn = self.turns.of_a_role(self.clock);
+        let turn = self.turns.of_a_role();
         let links = [self.first, self.second];
         let counters = links.each_ref().map(|link| link.stats.clone());
         let mut session = Session {
@@ -153,8 +158,8 @@ impl<W: DisplayWork> DisplayRole<W> {
             stop,
             turn: &turn,
             net: self.net,
-            clock: self.clock,
-            published: PublishedCameras::new(self.clock),
+            clock: self.turns.clock(),
+            published: PublishedCameras::new(self.turns.clock()),
             arrivals: Vec::new(),
             cameras,
             observer,

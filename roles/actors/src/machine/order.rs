@@ -31,7 +31,7 @@ impl CullerIndex {
         }
     }
 
-    /// Its place in lists of things that cullers have: 0 or 1.
+    /// Its index in lists of things that cullers have: 0 or 1.
     #[must_use]
     pub const fn index(self) -> usize {
         match self {
@@ -100,7 +100,7 @@ pub enum OrderError {
     },
 }
 
-/// The frame after the machine's own next-but-one, if the session has it.
+/// The next-but-one frame, if the session has it.
 pub(super) fn two_on(frame: FrameNumber, frames: Option<u32>) -> Option<FrameNumber> {
     frame.next()?.next().filter(|next| in_session(*next, frames))
 }

@@ -26,8 +26,8 @@ pub struct SceneCulling<D> {
     rule: LodRule,
     clock: Stopwatch,
     policy: OccluderPolicy,
-    /// Whether the device draws while further ids are waited for.
-    draws_as_it_comes: bool,
+    /// Whether the device is to be idle while further ids are waited for.
+    takes_turns: bool,
     stats: FrameStats,
     /// Time the host spent on the occluders of this frame.
     host: Duration,
@@ -40,8 +40,8 @@ pub struct SceneCulling<D> {
 }
 
 impl<D: CullerDevice> SceneCulling<D> {
-    /// Culls `scene` as the display has decided in `settings`, and measures by `clock`. A role that takes `turns`
-    /// lets others compute while it waits, and then its device is to be idle.
+    /// Culls `scene` as the display has decided in `settings`, and measures by the clock of `turns`. A role
+    /// that takes turns lets others compute while it waits, and then its device is to be idle.
     ///
     /// # Errors
     /// If the session's error bound cannot be used.
@@ -49,25 +49,34 @@ impl<D: CullerDevice> SceneCulling<D> {
         scene: &Arc<Scene>,
         device: D,
         settings: &Settings,
-        clock: Stopwatch,
         turns: &Turns,
     ) -> Result<Self, LodRuleError> {
-        let policy = OccluderPolicy::default();
         Ok(Self {
             device,
             culler: Culler::new(Arc::clone(scene)),
             mapper: None,
             viewport: settings.size,
             rule: lod_rule(settings)?,
-            clock,
-            policy,
-            draws_as_it_comes: policy.budget.is_none() && !turns.are_exclusive(),
+            clock: turns.clock(),
+            policy: OccluderPolicy::default(),
+            takes_turns: turns.are_exclusive(),
             stats: FrameStats::default(),
             host: Duration::ZERO,
             or_end: Duration::ZERO,
             received: FrameIds::of(scene),
             due: Vec::new(),
         })
+    }
+
+    /// The same with other occluders than by default.
+    #[must_use]
+    pub fn with_occluders(self, policy: OccluderPolicy) -> Self {
+        Self { policy, ..self }
+    }
+
+    /// Whether the device draws while further ids are waited for.
+    const fn draws_as_it_comes(&self) -> bool {
+        self.policy.budget.is_none() && !self.takes_turns
     }
 
     /// Draws the due occluders from this one on.
@@ -112,7 +121,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         if let Some(mapper) = &mut self.mapper {
             mapper.push(ids, &mut self.due)?;
         }
-        if self.draws_as_it_comes {
+        if self.draws_as_it_comes() {
             self.draw(known)?;
         }
         self.host += self.clock.elapsed().saturating_sub(start);
@@ -123,7 +132,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
     async fn complete_occluders(&mut self, camera: Camera) -> Result<(), RoleError> {
         let start = self.clock.elapsed();
         let view = View::new(camera, self.viewport);
-        let drawn = if self.draws_as_it_comes { self.due.len() } else { 0 };
+        let drawn = if self.draws_as_it_comes() { self.due.len() } else { 0 };
         let received = self.received.ids.len();
         self.policy.choose(self.culler.scene(), &view, self.rule, received, &mut self.due);
         self.draw(drawn)?;
@@ -134,7 +143,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         let waited = self.or_end.saturating_sub(start);
         // What is drawn as it comes may have been drawn before this. What is drawn at once was drawn while
         // the host still worked at it, and that time is counted already.
-        let finishing = if self.draws_as_it_comes { drawing.max(waited) } else { waited };
+        let finishing = if self.draws_as_it_comes() { drawing.max(waited) } else { waited };
         self.stats.or_busy_ns = nanoseconds(self.host + finishing);
         self.stats.or_end_ns = nanoseconds(self.or_end);
         Ok(())
