@@ -1,4 +1,4 @@
-//! A display of your own: two real machines cull and draw occluders, and the third role, which would draw
+//! A display of your own: two real cullers cull and draw occluders, and the third role, which would draw
 //! what is visible, does something else with it. This one plans what a renderer that streams its geometry
 //! would have to load, frame by frame; it needs no device of its own. Any program that takes frames of
 //! visible nodes fits in the same place.
@@ -7,21 +7,18 @@
 
 use std::{collections::HashSet, convert::Infallible, error::Error, sync::Arc, time::Duration};
 
-use trimaran::vulkan::VulkanPair;
-use trimaran_actors::{
-    Cameras, Devices, Observer, ObserverError, PictureDevice, ShownFrame, Stop, Turns, in_process,
-};
+use trimaran::vulkan::VulkanCuller;
+use trimaran_actors::{BoxedError, Cameras, LocalSession, Observer, PictureDevice, ShownFrame, Stop};
 use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
 };
-use trimaran_cull::{Image, View, Viewport};
+use trimaran_cull::{Image, View};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, PictureSize, Settings,
     TesterKind,
 };
-use trimaran_transport::{Net, TokioNet};
 
 /// Holds what was ever visible, as a cache of geometry would that throws nothing away.
 #[derive(Default)]
@@ -49,7 +46,7 @@ impl PictureDevice for Loader {
     }
 }
 
-/// Adds up what the pair says it did.
+/// Adds up what the cullers say they did.
 #[derive(Default)]
 struct Tally {
     frames: u32,
@@ -57,24 +54,20 @@ struct Tally {
 }
 
 impl Observer for Tally {
-    fn wants_picture(&self, _: FrameNumber) -> bool {
-        false
-    }
-
-    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), ObserverError> {
+    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), BoxedError> {
         self.frames += 1;
         Ok(())
     }
 
-    fn pair_did(&mut self, stats: &FrameStats) {
+    fn culled(&mut self, stats: &FrameStats) {
         self.culling += Duration::from_nanos(stats.hc_end_ns - stats.hc_start_ns);
     }
 }
 
 /// Walks along the plant's side, looking across it.
-struct Stroll;
+struct AlongTheSide;
 
-impl Cameras for Stroll {
+impl Cameras for AlongTheSide {
     fn camera(&mut self, frame: FrameNumber) -> Camera {
         let looking_east = [0.0, -std::f64::consts::FRAC_1_SQRT_2, 0.0, std::f64::consts::FRAC_1_SQRT_2];
         let eye = [1.0, 1.7, 2.0 + 0.25 * f64::from(frame.0)];
@@ -87,7 +80,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let model = plant(&PlantOptions { seed: 1, objects: 1_000, triangles: 100_000 });
     let scene = Arc::new(cook(&model, &CookOptions::default(), &())?);
 
-    // The pair's devices are real, and may be the same one.
+    // The cullers' devices are real, and may be the same one.
     let settings = Settings {
         size: PictureSize::new(512, 512)?,
         epsilon: EpsilonPx::new(2.0)?,
@@ -100,15 +93,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         frames: Some(60),
     };
     let drawn = GpuScene::upload(&Gpu::open(&GpuOptions::default())?, &scene)?;
-    let pair =
-        || VulkanPair::new(&drawn, Viewport::new(512, 512)?, settings.tester).map_err(Box::<dyn Error>::from);
-    let devices = Devices { first: pair()?, second: pair()?, display: Loader::default() };
-
+    let culler = |_| Ok(VulkanCuller::new(&drawn, settings.size, settings.tester)?);
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
-    let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
     let (_stopper, stop) = Stop::new();
-    let (mut tally, turns) = (Tally::default(), Turns::at_once());
-    in_process(&scene, settings, devices, &mut Stroll, &mut tally, &net, runtime.handle(), &stop, &turns)?;
+    let mut tally = Tally::default();
+    let session = LocalSession::new(&scene, settings);
+    session.run(culler, Loader::default(), &mut AlongTheSide, &mut tally, runtime.handle(), &stop)?;
     println!(
         "{} frames of a scene of {} drawables, culled in {:?}",
         tally.frames,

@@ -5,7 +5,7 @@
 
 use std::{error::Error, sync::Arc};
 
-use trimaran::walkthrough::{Pace, PathChoice, Plan, Recorder, Stage, Trail, in_process};
+use trimaran::walkthrough::{CameraPath, Pace, PathChoice, Plan, Recorder, SceneOnDevices};
 use trimaran_actors::Stop;
 use trimaran_cook::{
     CookOptions, cook,
@@ -31,14 +31,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         visible: false,
         alone: false,
     };
-    let trail = Trail::find(&PathChoice::Auto { seed: 1 }, &scene, plan.size, Some(30))?;
-    let stage = Stage::set(&scene, &GpuOptions::default())?;
+    let path = CameraPath::find(&PathChoice::Auto { seed: 1 }, &scene, plan.size, Some(30))?;
+    let devices = SceneOnDevices::open(&scene, &GpuOptions::default())?;
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let (_stopper, stop) = Stop::new(); // whoever keeps the stopper can end the walk early
 
     let mut progress = |_| {};
     let mut recorder = Recorder::new(0, &mut progress);
-    in_process(&stage, &plan, &trail, &mut recorder, runtime.handle(), &stop)?;
+    devices.walk(&plan, &path, None, &mut recorder, runtime.handle(), &stop)?;
 
     let frames = recorder.into_frames();
     let drawn: usize = frames.iter().map(|frame| frame.ids.len()).sum();

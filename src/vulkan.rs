@@ -10,12 +10,12 @@ use trimaran_cull::{
 use trimaran_gpu::{GpuError, GpuScene, OccluderPass, PassTiming, PicturePass};
 use trimaran_proto::{DrawableId, TesterKind};
 
-use trimaran_actors::{PairDevice, PictureDevice, Stop};
+use trimaran_actors::{CullerDevice, PictureDevice, Stop};
 
-/// Why a machine of the pair cannot draw or test.
+/// Why a culler cannot draw or test.
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum VulkanPairError {
+pub enum VulkanCullerError {
     /// The device failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
@@ -24,14 +24,14 @@ pub enum VulkanPairError {
     Hzb(#[from] HzbError),
 }
 
-/// The device of one machine of the pair.
-pub struct VulkanPair {
+/// The device of a culler.
+pub struct VulkanCuller {
     pass: OccluderPass,
     tester: TesterKind,
     pyramid: DepthPyramid,
 }
 
-impl VulkanPair {
+impl VulkanCuller {
     /// Draws occluders of `scene` into a depth buffer of `size` and tests boxes against it by `tester`.
     ///
     /// # Errors
@@ -41,22 +41,22 @@ impl VulkanPair {
     }
 }
 
-impl PairDevice for VulkanPair {
+impl CullerDevice for VulkanCuller {
     fn cancel_on(&mut self, stop: &Stop) {
         let stop = stop.clone();
         self.pass.cancel_when(move || stop.requested());
     }
 
-    fn begin_occluders(&mut self, view: &View) -> Result<(), VulkanPairError> {
+    fn begin_occluders(&mut self, view: &View) -> Result<(), VulkanCullerError> {
         Ok(self.pass.begin(view)?)
     }
 
-    fn draw_occluders(&mut self, ids: &[DrawableId]) -> Result<(), VulkanPairError> {
+    fn draw_occluders(&mut self, ids: &[DrawableId]) -> Result<(), VulkanCullerError> {
         self.pass.draw(ids)?;
         Ok(self.pass.flush()?)
     }
 
-    fn finish_occluders(&mut self) -> Result<Duration, VulkanPairError> {
+    fn finish_occluders(&mut self) -> Result<Duration, VulkanCullerError> {
         let timing = self.pass.finish()?;
         if self.tester == TesterKind::Hzb {
             self.pyramid.rebuild(self.pass.read_depth()?);
@@ -64,20 +64,20 @@ impl PairDevice for VulkanPair {
         Ok(device_time(timing))
     }
 
-    fn read_depth(&mut self) -> Result<DepthImage<'_>, VulkanPairError> {
+    fn read_depth(&mut self) -> Result<DepthImage<'_>, VulkanCullerError> {
         Ok(self.pass.read_depth()?)
     }
 }
 
-impl OcclusionTest for VulkanPair {
-    type Error = VulkanPairError;
+impl OcclusionTest for VulkanCuller {
+    type Error = VulkanCullerError;
 
     fn test(
         &mut self,
         view: &View,
         boxes: &[TestBox],
         visible: &mut Vec<u32>,
-    ) -> Result<(), VulkanPairError> {
+    ) -> Result<(), VulkanCullerError> {
         match self.tester {
             TesterKind::Query => self.pass.query_tester()?.test(view, boxes, visible)?,
             TesterKind::Raster => self.pass.raster_tester()?.test(view, boxes, visible)?,

@@ -7,14 +7,14 @@ use std::{collections::BTreeMap, error::Error, sync::Arc, time::Duration};
 
 use common::{
     data::{Data, cooked, imported},
-    session::{stage, trail, walk_in_process, walk_with},
+    session::{camera_path, on_devices, walk_in_process, walk_with},
 };
-use trimaran::vulkan::{VulkanPair, VulkanPairError};
+use trimaran::vulkan::{VulkanCuller, VulkanCullerError};
 use trimaran::{
     report::{Frame, schema::FalseCullCause},
-    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage},
+    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, SceneOnDevices},
 };
-use trimaran_actors::PairDevice;
+use trimaran_actors::CullerDevice;
 use trimaran_audit::cases::with_halved_boxes;
 use trimaran_cook::{
     CookOptions, cook,
@@ -24,7 +24,7 @@ use trimaran_cull::{Answer, DepthImage, LodRule, OcclusionTest, Outline, TestBox
 use trimaran_proto::{BatchSize, Camera, DrawableId, EpsilonPx, IdCoding, PictureSize, TesterKind};
 use trimaran_scene::Scene;
 
-/// What is wrong with a machine of the pair.
+/// What is wrong with a culler.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Fault {
     None,
@@ -38,22 +38,22 @@ enum Fault {
     Hides(u32),
 }
 
-/// A machine with a fault.
+/// A culler with a fault.
 struct Faulty {
-    sound: VulkanPair,
+    sound: VulkanCuller,
     fault: Fault,
     last: Option<View>,
 }
 
 impl Faulty {
-    fn new(stage: &Stage, machine: usize, plan: &Plan, fault: Fault) -> Self {
-        let sound = VulkanPair::new(&stage.drawn[machine], plan.size, plan.tester).unwrap();
+    fn new(devices: &SceneOnDevices, machine: usize, plan: &Plan, fault: Fault) -> Self {
+        let sound = VulkanCuller::new(&devices.drawn[machine], plan.size, plan.tester).unwrap();
         Self { sound, fault, last: None }
     }
 }
 
-impl PairDevice for Faulty {
-    fn begin_occluders(&mut self, view: &View) -> Result<(), VulkanPairError> {
+impl CullerDevice for Faulty {
+    fn begin_occluders(&mut self, view: &View) -> Result<(), VulkanCullerError> {
         let last = self.last.replace(*view);
         let from = match self.fault {
             Fault::StaleCamera => last.unwrap_or(*view),
@@ -63,28 +63,28 @@ impl PairDevice for Faulty {
         self.sound.begin_occluders(&from)
     }
 
-    fn draw_occluders(&mut self, ids: &[DrawableId]) -> Result<(), VulkanPairError> {
+    fn draw_occluders(&mut self, ids: &[DrawableId]) -> Result<(), VulkanCullerError> {
         self.sound.draw_occluders(ids)
     }
 
-    fn finish_occluders(&mut self) -> Result<Duration, VulkanPairError> {
+    fn finish_occluders(&mut self) -> Result<Duration, VulkanCullerError> {
         self.sound.finish_occluders()
     }
 
-    fn read_depth(&mut self) -> Result<DepthImage<'_>, VulkanPairError> {
+    fn read_depth(&mut self) -> Result<DepthImage<'_>, VulkanCullerError> {
         self.sound.read_depth()
     }
 }
 
 impl OcclusionTest for Faulty {
-    type Error = VulkanPairError;
+    type Error = VulkanCullerError;
 
     fn test(
         &mut self,
         view: &View,
         boxes: &[TestBox],
         visible: &mut Vec<u32>,
-    ) -> Result<(), VulkanPairError> {
+    ) -> Result<(), VulkanCullerError> {
         let away = if let Fault::BoxesFarther(by) = self.fault { 1.0 + by } else { 1.0 };
         let moved = boxes
             .iter()
@@ -136,17 +136,28 @@ fn plan() -> Plan {
     }
 }
 
-fn walk_with_fault(stage: &Stage, plan: &Plan, path: &PathChoice, fault: Fault) -> Vec<FrameRecord> {
-    let pair = [0, 1].map(|machine| Faulty::new(stage, machine, plan, fault));
-    walk_with(stage, plan, &trail(stage, plan, path, 8), pair)
+fn walk_with_fault(
+    devices: &SceneOnDevices,
+    plan: &Plan,
+    path: &PathChoice,
+    fault: Fault,
+) -> Vec<FrameRecord> {
+    walk_with(devices, plan, &camera_path(devices, plan, path, 8), |culler| {
+        Faulty::new(devices, culler.index(), plan, fault)
+    })
 }
 
 /// Audits every frame of a session with machines of this fault: pixels by cause, which together are all that
 /// were lost.
-fn lost(stage: &Stage, plan: &Plan, fault: Fault, walk: &[FrameRecord]) -> BTreeMap<FalseCullCause, u64> {
+fn lost(
+    devices: &SceneOnDevices,
+    plan: &Plan,
+    fault: Fault,
+    walk: &[FrameRecord],
+) -> BTreeMap<FalseCullCause, u64> {
     let rule = LodRule::new(plan.epsilon.pixels()).unwrap().stopping_at_few_pixels(plan.few_pixels);
-    let mut auditor = Auditor::new(&stage.scene, &stage.drawn[2], plan.size, rule).unwrap();
-    let mut machine = Faulty::new(stage, 2, plan, fault);
+    let mut auditor = Auditor::new(&devices.scene, &devices.drawn[2], plan.size, rule).unwrap();
+    let mut machine = Faulty::new(devices, 2, plan, fault);
     let mut lost = BTreeMap::new();
     for index in 0..walk.len() {
         let mut frame = Frame::default();
@@ -174,40 +185,40 @@ fn assert_cause(lost: &BTreeMap<FalseCullCause, u64>, cause: FalseCullCause) {
 }
 
 /// Breaks the machines, and what reaches the display, in one way after the other.
-fn faults_are_named(stage: &Stage, path: &PathChoice) {
+fn faults_are_named(devices: &SceneOnDevices, path: &PathChoice) {
     let hzb = plan();
-    let sound = walk_with_fault(stage, &hzb, path, Fault::None);
-    assert_eq!(lost(stage, &hzb, Fault::None, &sound), BTreeMap::new());
+    let sound = walk_with_fault(devices, &hzb, path, Fault::None);
+    assert_eq!(lost(devices, &hzb, Fault::None, &sound), BTreeMap::new());
     for (fault, cause) in [
         (Fault::StaleCamera, FalseCullCause::StaleCamera),
-        (Fault::EyeAhead(0.02 * diagonal(&stage.scene)), FalseCullCause::OccluderTooNear),
+        (Fault::EyeAhead(0.02 * diagonal(&devices.scene)), FalseCullCause::OccluderTooNear),
         (Fault::BoxesFarther(0.006), FalseCullCause::DepthTie),
         (Fault::Hides(9), FalseCullCause::TestHid),
     ] {
-        let walk = walk_with_fault(stage, &hzb, path, fault);
-        assert_cause(&lost(stage, &hzb, fault, &walk), cause);
+        let walk = walk_with_fault(devices, &hzb, path, fault);
+        assert_cause(&lost(devices, &hzb, fault, &walk), cause);
     }
 
     let few_pixels =
         Plan { few_pixels: true, tester: TesterKind::Raster, epsilon: EpsilonPx::new(30.0).unwrap(), ..hzb };
-    let walk = walk_in_process(stage, &few_pixels, &trail(stage, &few_pixels, path, 8));
+    let walk = walk_in_process(devices, &few_pixels, &camera_path(devices, &few_pixels, path, 8));
     // The rule seldom loses anything; if it does, it is named.
-    let lost_by_rule = lost(stage, &few_pixels, Fault::None, &walk);
+    let lost_by_rule = lost(devices, &few_pixels, Fault::None, &walk);
     assert!(lost_by_rule.keys().all(|cause| *cause == FalseCullCause::PixelCountRule), "{lost_by_rule:?}");
 
     let mut dropped = sound.clone();
     let last = dropped.last_mut().unwrap();
     (last.picture, last.ids) = (None, last.ids.iter().copied().skip(1).step_by(2).collect());
-    assert_cause(&lost(stage, &hzb, Fault::None, &dropped), FalseCullCause::LostIds);
+    assert_cause(&lost(devices, &hzb, Fault::None, &dropped), FalseCullCause::LostIds);
 
     let mut swapped = sound;
     let last = swapped.last_mut().unwrap();
     let other_level = |id: &DrawableId| {
-        let node = stage.scene.drawables()[id.index()].node;
-        stage.scene.nodes()[node as usize].levels().find(|level| level != id).unwrap_or(*id)
+        let node = devices.scene.drawables()[id.index()].node;
+        devices.scene.nodes()[node as usize].levels().find(|level| level != id).unwrap_or(*id)
     };
     (last.picture, last.ids) = (None, last.ids.iter().map(other_level).collect());
-    assert_cause(&lost(stage, &hzb, Fault::None, &swapped), FalseCullCause::LevelMismatch);
+    assert_cause(&lost(devices, &hzb, Fault::None, &swapped), FalseCullCause::LevelMismatch);
 }
 
 fn diagonal(scene: &Scene) -> f64 {
@@ -215,9 +226,9 @@ fn diagonal(scene: &Scene) -> f64 {
     (max - min).length()
 }
 
-fn small_boxes_are_named(stage: &Stage, path: &PathChoice) {
-    let walk = walk_with_fault(stage, &plan(), path, Fault::None);
-    assert_cause(&lost(stage, &plan(), Fault::None, &walk), FalseCullCause::BoxTooSmall);
+fn small_boxes_are_named(devices: &SceneOnDevices, path: &PathChoice) {
+    let walk = walk_with_fault(devices, &plan(), path, Fault::None);
+    assert_cause(&lost(devices, &plan(), Fault::None, &walk), FalseCullCause::BoxTooSmall);
 }
 
 #[test]
@@ -225,9 +236,9 @@ fn faults_in_a_plant_are_named() {
     let model = plant(&PlantOptions { objects: 700, triangles: 70_000, ..PlantOptions::small(3) });
     let scene = cook(&model, &CookOptions::default(), &()).unwrap();
     let path = PathChoice::Auto { seed: 7 };
-    let Some(small) = stage(&Arc::new(with_halved_boxes(&scene).unwrap())) else { return };
+    let Some(small) = on_devices(&Arc::new(with_halved_boxes(&scene).unwrap())) else { return };
     small_boxes_are_named(&small, &path);
-    let Some(sound) = stage(&Arc::new(scene)) else { return };
+    let Some(sound) = on_devices(&Arc::new(scene)) else { return };
     faults_are_named(&sound, &path);
 }
 
@@ -236,9 +247,9 @@ fn faults_in_the_town_hall_are_named() -> Result<(), Box<dyn Error>> {
     let Some(data) = Data::find() else { return Ok(()) };
     let path = PathChoice::File(data.truth("ldraw_town_hall_1.3Mtri.walk.json"));
     let scene = cooked(&imported(&[data.unpacked("ldraw_town_hall_1.3Mtri.glb")]));
-    let Some(small) = stage(&Arc::new(with_halved_boxes(&scene).unwrap())) else { return Ok(()) };
+    let Some(small) = on_devices(&Arc::new(with_halved_boxes(&scene).unwrap())) else { return Ok(()) };
     small_boxes_are_named(&small, &path);
-    let Some(sound) = stage(&scene) else { return Ok(()) };
+    let Some(sound) = on_devices(&scene) else { return Ok(()) };
     faults_are_named(&sound, &path);
     Ok(())
 }

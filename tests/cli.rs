@@ -471,7 +471,7 @@ fn a_pair_that_cannot_start_is_not_waited_for() {
         // once.
         let args = [env!("CARGO_BIN_EXE_trimaran"), "run", "plant.scene", "--link", link, "--frames", "4"];
         let run = Command::new(&loader).args(args).current_dir(bench.dir.path()).output().unwrap();
-        expect(&run, 1, &["machine of the pair", "exit status: 127", "before it had joined"]);
+        expect(&run, 1, &[" culler ended with", "exit status: 127", "before it had joined"]);
     }
 }
 

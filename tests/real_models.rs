@@ -8,12 +8,14 @@ use std::{error::Error, path::PathBuf};
 
 use common::{
     data::{Data, cooked, imported},
-    session::{assert_no_validation_messages, essence, stage, trail, walk_in_process, walk_over_tcp},
+    session::{
+        assert_no_validation_messages, camera_path, essence, on_devices, walk_in_process, walk_over_tcp,
+    },
 };
-use trimaran::vulkan::VulkanPair;
+use trimaran::vulkan::VulkanCuller;
 use trimaran::{
     report::Frame,
-    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage},
+    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, SceneOnDevices},
 };
 use trimaran_audit::SURFACE_SLACK_PX;
 use trimaran_cull::LodRule;
@@ -43,16 +45,17 @@ const fn frames(tester: TesterKind) -> u32 {
 }
 
 /// Walks through a model with every tester at two error bounds, and audits.
-fn walks(files: &[PathBuf], path: &PathChoice) -> Result<Option<Stage>, Box<dyn Error>> {
-    let Some(stage) = stage(&cooked(&imported(files))) else { return Ok(None) };
+fn walks(files: &[PathBuf], path: &PathChoice) -> Result<Option<SceneOnDevices>, Box<dyn Error>> {
+    let Some(devices) = on_devices(&cooked(&imported(files))) else { return Ok(None) };
     println!("tester epsilon  frames  audited  drawn  outline off  surface off");
     for epsilon in [2.0, 10.0] {
         let mut pictures = Vec::new();
         for tester in TesterKind::ALL {
             let plan = plan(tester, epsilon);
-            let records = walk_in_process(&stage, &plan, &trail(&stage, &plan, path, frames(tester)));
+            let records =
+                walk_in_process(&devices, &plan, &camera_path(&devices, &plan, path, frames(tester)));
             assert_eq!(records.len(), frames(tester) as usize);
-            let [outline, surface] = audit(&stage, &plan, &records)?;
+            let [outline, surface] = audit(&devices, &plan, &records)?;
             let drawn: usize = records.iter().map(|record| record.ids.len()).sum();
             println!(
                 "{tester:6} {epsilon:7} {:7} {:8} {:6} {outline:9.2} px {surface:9.2} px",
@@ -66,16 +69,16 @@ fn walks(files: &[PathBuf], path: &PathChoice) -> Result<Option<Stage>, Box<dyn 
             assert_eq!(raster, hzb, "frame {frame} at {epsilon} px: testers differ in what shows");
         }
     }
-    assert_no_validation_messages(&stage);
-    Ok(Some(stage))
+    assert_no_validation_messages(&devices);
+    Ok(Some(devices))
 }
 
 /// Audits frames of a session and returns how far an outline and a surface were off at most, in pixels.
-fn audit(stage: &Stage, plan: &Plan, records: &[FrameRecord]) -> Result<[f64; 2], Box<dyn Error>> {
-    let [_, _, display] = &stage.drawn;
+fn audit(devices: &SceneOnDevices, plan: &Plan, records: &[FrameRecord]) -> Result<[f64; 2], Box<dyn Error>> {
+    let [_, _, display] = &devices.drawn;
     let rule = LodRule::new(plan.epsilon.pixels())?;
-    let mut auditor = Auditor::new(&stage.scene, display, plan.size, rule)?;
-    let mut machine = VulkanPair::new(display, plan.size, plan.tester)?;
+    let mut auditor = Auditor::new(&devices.scene, display, plan.size, rule)?;
+    let mut machine = VulkanCuller::new(display, plan.size, plan.tester)?;
     let mut farthest = [0.0_f64; 2];
     for (index, record) in records.iter().enumerate().step_by(AUDIT_EVERY as usize) {
         let mut frame = Frame::default();
@@ -112,11 +115,11 @@ fn platform_in_14_copies() -> Result<(), Box<dyn Error>> {
 fn town_hall_in_process_and_over_tcp() -> Result<(), Box<dyn Error>> {
     let Some(data) = Data::find() else { return Ok(()) };
     let path = PathChoice::File(data.truth("ldraw_town_hall_1.3Mtri.walk.json"));
-    let Some(stage) = walks(&[data.unpacked("ldraw_town_hall_1.3Mtri.glb")], &path)? else { return Ok(()) };
+    let Some(devices) = walks(&[data.unpacked("ldraw_town_hall_1.3Mtri.glb")], &path)? else { return Ok(()) };
     let plan = plan(TesterKind::Raster, 2.0);
-    let trail = trail(&stage, &plan, &path, frames(plan.tester));
-    let (inproc, tcp) = (walk_in_process(&stage, &plan, &trail), walk_over_tcp(&stage, &plan, &trail));
+    let path = camera_path(&devices, &plan, &path, frames(plan.tester));
+    let (inproc, tcp) = (walk_in_process(&devices, &plan, &path), walk_over_tcp(&devices, &plan, &path));
     assert_eq!(essence(&inproc), essence(&tcp), "TCP shows what one process shows");
-    assert_no_validation_messages(&stage);
+    assert_no_validation_messages(&devices);
     Ok(())
 }

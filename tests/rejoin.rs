@@ -128,7 +128,7 @@ fn a_machine_that_waits_for_the_other_joins_the_display_that_is_there_by_then() 
         let mut early = deployment.start(waiting, &[]);
         gone.says("joined");
         gone.kill();
-        early.says("the display left before the other machine came");
+        early.says("the display left before the other culler came");
         let display = deployment.start("display", &["--frames", "10"]);
         deployment.start(late, &[]).ends(0);
         early.ends(0);

@@ -6,12 +6,13 @@ mod common;
 use std::{error::Error, sync::Arc};
 
 use common::session::{
-    assert_no_validation_messages, essence, stage, trail, uncut_count, walk_in_process, walk_over_tcp,
+    assert_no_validation_messages, camera_path, essence, on_devices, uncut_count, walk_in_process,
+    walk_over_tcp,
 };
-use trimaran::vulkan::VulkanPair;
+use trimaran::vulkan::VulkanCuller;
 use trimaran::{
     report::Frame,
-    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, Stage, Trail},
+    walkthrough::{Auditor, CameraPath, FrameRecord, Pace, PathChoice, Plan, SceneOnDevices},
 };
 use trimaran_audit::{SURFACE_SLACK_PX, cases::with_records};
 use trimaran_cook::{
@@ -39,45 +40,45 @@ fn plan(tester: TesterKind) -> Plan {
     }
 }
 
-fn plant_on_stage() -> Option<Stage> {
+fn plant_on_devices() -> Option<SceneOnDevices> {
     let model = plant(&PlantOptions { objects: 700, triangles: 70_000, ..PlantOptions::small(3) });
-    stage(&Arc::new(cook(&model, &CookOptions::default(), &()).unwrap()))
+    on_devices(&Arc::new(cook(&model, &CookOptions::default(), &()).unwrap()))
 }
 
-fn automatic(stage: &Stage, plan: &Plan) -> Trail {
-    trail(stage, plan, &PathChoice::Auto { seed: 7 }, FRAMES)
+fn automatic(devices: &SceneOnDevices, plan: &Plan) -> CameraPath {
+    camera_path(devices, plan, &PathChoice::Auto { seed: 7 }, FRAMES)
 }
 
 #[test]
 fn a_session_is_the_same_in_process_and_over_tcp() {
-    let Some(stage) = plant_on_stage() else { return };
+    let Some(devices) = plant_on_devices() else { return };
     let plan = plan(TesterKind::Hzb);
-    let trail = automatic(&stage, &plan);
-    let inproc = walk_in_process(&stage, &plan, &trail);
+    let path = automatic(&devices, &plan);
+    let inproc = walk_in_process(&devices, &plan, &path);
     assert_eq!(inproc.len(), FRAMES as usize);
     assert!(inproc.iter().any(|record| record.ids.len() > 16), "no frame fills a batch");
-    let again = walk_in_process(&stage, &plan, &trail);
+    let again = walk_in_process(&devices, &plan, &path);
     assert_eq!(essence(&inproc), essence(&again), "a session repeats itself");
-    let tcp = walk_over_tcp(&stage, &plan, &trail);
+    let tcp = walk_over_tcp(&devices, &plan, &path);
     assert_eq!(essence(&inproc), essence(&tcp), "TCP shows what one process shows");
-    assert_no_validation_messages(&stage);
+    assert_no_validation_messages(&devices);
 }
 
 #[test]
 fn roles_that_compute_one_after_another_show_the_same_and_never_overlap() {
-    let Some(stage) = plant_on_stage() else { return };
+    let Some(devices) = plant_on_devices() else { return };
     let at_once = plan(TesterKind::Hzb);
     let alone = Plan { alone: true, ..at_once };
-    let trail = automatic(&stage, &at_once);
-    let records = walk_in_process(&stage, &alone, &trail);
-    assert_eq!(essence(&records), essence(&walk_in_process(&stage, &at_once, &trail)));
+    let path = automatic(&devices, &at_once);
+    let records = walk_in_process(&devices, &alone, &path);
+    assert_eq!(essence(&records), essence(&walk_in_process(&devices, &at_once, &path)));
     let mut busy: Vec<[u64; 2]> = records.iter().flat_map(work_on).collect();
     busy.sort_unstable();
     assert_eq!(busy.len(), 3 * FRAMES as usize);
     for pair in busy.windows(2) {
         assert!(pair[0][1] <= pair[1][0], "{:?} overlaps {:?}", pair[0], pair[1]);
     }
-    assert_no_validation_messages(&stage);
+    assert_no_validation_messages(&devices);
 }
 
 /// Begin and end of OR, HC and RVG on a frame, nanoseconds on the session's clock.
@@ -98,13 +99,13 @@ fn understated(scene: &Scene, by: f32) -> Scene {
 }
 
 /// The farthest that an outline and a surface are off in a session, pixels.
-fn farthest_off(stage: &Stage, plan: &Plan) -> Result<[f64; 2], Box<dyn Error>> {
-    let [_, _, display] = &stage.drawn;
+fn farthest_off(devices: &SceneOnDevices, plan: &Plan) -> Result<[f64; 2], Box<dyn Error>> {
+    let [_, _, display] = &devices.drawn;
     let rule = LodRule::new(plan.epsilon.pixels())?;
-    let mut auditor = Auditor::new(&stage.scene, display, plan.size, rule)?;
-    let mut machine = VulkanPair::new(display, plan.size, plan.tester)?;
+    let mut auditor = Auditor::new(&devices.scene, display, plan.size, rule)?;
+    let mut machine = VulkanCuller::new(display, plan.size, plan.tester)?;
     let mut farthest = [0.0_f64; 2];
-    let records = walk_in_process(stage, plan, &automatic(stage, plan));
+    let records = walk_in_process(devices, plan, &automatic(devices, plan));
     for index in 0..records.len() {
         let mut frame = Frame::default();
         auditor.audit(&mut machine, &records[..=index], false, &mut frame, &mut Default::default())?;
@@ -118,8 +119,8 @@ fn farthest_off(stage: &Stage, plan: &Plan) -> Result<[f64; 2], Box<dyn Error>> 
 
 #[test]
 fn levels_that_claim_too_much_are_found_out() -> Result<(), Box<dyn Error>> {
-    let Some(honest) = plant_on_stage() else { return Ok(()) };
-    let Some(boasting) = stage(&Arc::new(understated(&honest.scene, 20.0))) else { return Ok(()) };
+    let Some(honest) = plant_on_devices() else { return Ok(()) };
+    let Some(boasting) = on_devices(&Arc::new(understated(&honest.scene, 20.0))) else { return Ok(()) };
     let plan = plan(TesterKind::Raster);
     let bound = plan.epsilon.pixels() + SURFACE_SLACK_PX;
     let [outline, surface] = farthest_off(&honest, &plan)?;
@@ -133,15 +134,15 @@ fn levels_that_claim_too_much_are_found_out() -> Result<(), Box<dyn Error>> {
 
 #[test]
 fn every_tester_shows_the_unculled_cut() -> Result<(), Box<dyn Error>> {
-    let Some(stage) = plant_on_stage() else { return Ok(()) };
+    let Some(devices) = plant_on_devices() else { return Ok(()) };
     let mut pictures = Vec::new();
     for tester in TesterKind::ALL {
         let plan = plan(tester);
-        let records = walk_in_process(&stage, &plan, &automatic(&stage, &plan));
+        let records = walk_in_process(&devices, &plan, &automatic(&devices, &plan));
         let rule = LodRule::new(plan.epsilon.pixels())?;
-        let [_, _, display] = &stage.drawn;
-        let mut auditor = Auditor::new(&stage.scene, display, plan.size, rule)?;
-        let mut machine = VulkanPair::new(display, plan.size, tester)?;
+        let [_, _, display] = &devices.drawn;
+        let mut auditor = Auditor::new(&devices.scene, display, plan.size, rule)?;
+        let mut machine = VulkanCuller::new(display, plan.size, tester)?;
         let mut seen = 0;
         for (index, record) in records.iter().enumerate() {
             let mut frame = Frame::default();
@@ -154,7 +155,7 @@ fn every_tester_shows_the_unculled_cut() -> Result<(), Box<dyn Error>> {
         }
         pictures.push(records.iter().map(|record| record.picture).collect::<Vec<_>>());
         let drawn: usize = records.iter().map(|record| record.ids.len()).sum();
-        let cut: usize = records.iter().map(|r| uncut_count(&stage, &plan, r)).sum();
+        let cut: usize = records.iter().map(|r| uncut_count(&devices, &plan, r)).sum();
         // The walk looks where there is most to see: of 2544 drawables 1550 own a pixel, and culling leaves
         // 300 of the others.
         let (hidden, culled) = (cut - seen, cut - drawn);
@@ -164,6 +165,6 @@ fn every_tester_shows_the_unculled_cut() -> Result<(), Box<dyn Error>> {
         pictures.windows(2).all(|pair| pair[0] == pair[1]),
         "the testers differ in what they draw, not in what shows"
     );
-    assert_no_validation_messages(&stage);
+    assert_no_validation_messages(&devices);
     Ok(())
 }

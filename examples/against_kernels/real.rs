@@ -10,8 +10,8 @@ use std::thread;
 use rustix::process::setpriority_process;
 use tokio::runtime::Builder;
 use trimaran::netem::{Emulation, Namespace, Report};
-use trimaran::simulate::{Cast, FrameTimes, Scenario};
-use trimaran_actors::Seat;
+use trimaran::simulate::{FrameTimes, Roles, Scenario};
+use trimaran_actors::CullerIndex;
 use trimaran_transport::{Net, TokioNet};
 
 use crate::clock::Clock;
@@ -37,29 +37,30 @@ pub(crate) fn play(scenario: &Scenario) -> Ended<Played> {
     let [(_, first), (_, second), (_, display)] = emulation.machines() else {
         return Err("a machine is missing".into());
     };
-    let (cast, start) = (Cast::new(scenario)?, std::time::Instant::now());
+    let (roles, start) = (Roles::new(scenario)?, std::time::Instant::now());
     let sent = || -> u64 {
         let report = emulation.report();
         let leaving = report.links.iter().filter(|link| !link.name.starts_with("switch"));
         leaving.map(|link| link.tally.offered.bytes).sum()
     };
-    let (cast, sent) = (&cast, &sent);
+    let (roles, sent) = (&roles, &sent);
     let (before, after) = thread::scope(|scope| {
-        let switch = |seat, place| {
-            let played =
-                move || in_place(place, start, async |net, clock| Ok(cast.switch(seat, net, clock).await?));
+        let culler = |index, place| {
+            let played = move || {
+                in_place(place, start, async |net, clock| Ok(roles.culler(index, net, clock).await?))
+            };
             scope.spawn(played)
         };
-        let pair = [switch(Seat::First, first), switch(Seat::Second, second)];
+        let cullers = [culler(CullerIndex::First, first), culler(CullerIndex::Second, second)];
         let show = scope.spawn(move || {
-            in_place(display, start, async |net, clock| Ok(cast.display(net, clock, sent, || ()).await?))
+            in_place(display, start, async |net, clock| Ok(roles.display(net, clock, sent, || ()).await?))
         });
-        for role in pair {
-            role.join().map_err(|_| "a machine of the pair panicked")??;
+        for role in cullers {
+            role.join().map_err(|_| "a culler panicked")??;
         }
         show.join().map_err(|_| "the display panicked")?
     })?;
-    Ok(Played { times: cast.times(), bytes: after - before, report: emulation.finish()? })
+    Ok(Played { times: roles.times(), bytes: after - before, report: emulation.finish()? })
 }
 
 /// The simulator's TCP is one with CUBIC; a system may have another one for its default, and Linux lets a

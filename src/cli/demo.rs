@@ -6,7 +6,7 @@ use trimaran_gpu::GpuOptions;
 
 use super::{
     Failure,
-    args::{Coding, DemoArgs, LinkFlags, LinkKind, RunArgs, Size, Tester, WalkArgs},
+    args::{Coding, DemoArgs, RunArgs, Size, Tester, WalkArgs},
     cooking, run,
 };
 
@@ -38,17 +38,5 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         alone: false,
         audit_every: 10,
     };
-    run::run(&RunArgs {
-        scene,
-        link: LinkKind::Inproc,
-        links: LinkFlags::default(),
-        epsilon: 2.0,
-        walk,
-        metrics: None,
-        record: None,
-        live: None,
-        visible: false,
-        out: args.out.clone(),
-        json: false,
-    })
+    run::run(&RunArgs::of(scene, walk, args.out.clone()))
 }

@@ -2,7 +2,7 @@
 
 use std::{error::Error, fmt, process::ExitCode};
 
-use trimaran_actors::causes;
+use trimaran_transport::causes;
 
 /// Why a command ended early, and the exit code that says so to a script.
 #[derive(Debug)]

@@ -12,6 +12,7 @@ mod info;
 mod keys;
 mod netem;
 mod ping;
+mod processes;
 mod progress;
 mod recording;
 mod role;
@@ -19,7 +20,6 @@ mod run;
 mod sim;
 mod stat;
 mod sweep;
-mod three_processes;
 mod walking;
 
 use std::io::{self, IsTerminal, Write};

@@ -106,11 +106,11 @@ pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
     let stop = stop_on_signal(&runtime);
     if args.answer {
         let answering = keep_answering(&net, &args.endpoint, &options);
-        return stop.unless_requested(runtime.handle(), answering).unwrap_or(Ok(()));
+        return runtime.block_on(stop.unless_requested(answering)).unwrap_or(Ok(()));
     }
     let mut tally = Tally::new().map_err(Failure::broken)?;
     let pinging = ping(args, &net, &options, &mut tally);
-    let cost = stop.unless_requested(runtime.handle(), pinging).transpose()?;
+    let cost = runtime.block_on(stop.unless_requested(pinging)).transpose()?;
     let summary = tally.summary(&args.endpoint, args.ids, cost.unwrap_or_default());
     if args.json {
         return print_json(&summary);

@@ -1,7 +1,7 @@
 //! Progress on a terminal, silence in a pipe.
 
 use indicatif::{ProgressBar, ProgressStyle};
-use trimaran::walkthrough::{Pace, Trail};
+use trimaran::walkthrough::{CameraPath, Pace};
 
 /// A bar for `total` steps of `what`. Nothing is drawn where standard error is no terminal.
 pub(crate) fn bar(what: &'static str, total: u64) -> ProgressBar {
@@ -14,9 +14,9 @@ pub(crate) fn bar(what: &'static str, total: u64) -> ProgressBar {
 }
 
 /// A bar for a walk. Nobody knows beforehand how many frames a live one has.
-pub(crate) fn walk(pace: Pace, trail: &Trail) -> ProgressBar {
+pub(crate) fn walk(pace: Pace, path: &CameraPath) -> ProgressBar {
     match pace {
-        Pace::Lockstep => bar("walking", trail.frames().into()),
+        Pace::Lockstep => bar("walking", path.frames().into()),
         Pace::Live { .. } => {
             let style = ProgressStyle::with_template("{msg:>12} {pos} frames, {elapsed}");
             let bar = ProgressBar::no_length().with_message("walking");

@@ -11,11 +11,12 @@ use trimaran::{
     },
     trace::Trace,
     walkthrough::{
-        FrameRecord, Plan, Recorder, ReportPlan, ReportingError, SceneFile, Trail, Written, write_report,
+        CameraPath, FrameRecord, Plan, Recorder, ReportPlan, ReportingError, SceneFile, Written, write_report,
     },
 };
-use trimaran_actors::{Stop, causes};
+use trimaran_actors::Stop;
 use trimaran_gpu::GpuScene;
+use trimaran_transport::causes;
 
 use super::{Failure, print_json, progress};
 
@@ -58,7 +59,7 @@ pub(super) fn report_on(
     drawn: &Arc<GpuScene>,
     plan: &Plan,
     about: ReportPlan,
-    trail: &Trail,
+    path: &CameraPath,
     stop: &Stop,
 ) -> Result<Outcome, Failure> {
     let (records, journal) = recorder.into_parts();
@@ -66,7 +67,7 @@ pub(super) fn report_on(
         Some((writer, full)) => (Some(writer), full),
         None => (unused, None),
     };
-    let due = plan.settings(trail.frames()).frames;
+    let due = plan.settings(path.frames()).frames;
     let ended = ended(early.as_ref(), full.as_ref(), stop, records.len(), due);
     let (Some(writer), false) = (writer, records.is_empty()) else {
         let nothing = || Failure::stopped("interrupted before the first frame: there is nothing to report");
@@ -81,7 +82,7 @@ pub(super) fn report_on(
         bar.inc(1);
         if stop.insisted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let written = write_report(writer, full, file, drawn, plan, about, trail, &records, ended, &mut advance);
+    let written = write_report(writer, full, file, drawn, plan, about, path, &records, ended, &mut advance);
     bar.finish_and_clear();
     let Written { report, incomplete, .. } = written.map_err(Failure::broken)?;
     let missing = match (report.summary.ended.sentence(frames), incomplete) {
@@ -110,9 +111,7 @@ fn ended(
         (None, None) if stop.requested() && (missing || due.is_none()) => {
             (HowEnded::Interrupted, "it was asked to stop".to_owned())
         }
-        (None, None) if missing => {
-            (HowEnded::PeerLost, "a machine of the pair said that the session was over".to_owned())
-        }
+        (None, None) if missing => (HowEnded::PeerLost, "a culler said that the session was over".to_owned()),
         (None, None) => return Ended::finished(due),
     };
     Ended { how, why: Some(why), frames_due: due }

@@ -1,36 +1,27 @@
 //! `trimaran role`: one role of a deployment on several machines.
 
-use std::{
-    future::pending,
-    net::SocketAddr,
-    path::{Path, PathBuf},
-    sync::Arc,
-    time::Duration,
-};
+use std::{path::PathBuf, time::Duration};
 
 use tokio::runtime::Runtime;
-use trimaran::vulkan::VulkanPair;
 use trimaran::{
     config::{DisplayConfig, PairSeat, PeerFile, RoleConfig, SessionConfig, SwitchConfig, security},
-    metrics::{LinkMetrics, Serving},
-    report::schema::Seat as ReportSeat,
-    walkthrough::{PathChoice, Plan, SceneFile, Trail},
+    report::schema::Seat,
+    vulkan::VulkanCuller,
+    walkthrough::{CameraPath, PathChoice, Plan},
 };
 use trimaran_actors::{
-    JoinError, Joined, Link, OccluderPolicy, PairRole, Place, Seat, Stop, Stopwatch, Turns, again,
-    join_session, leave_unable, max_frame, role_of,
+    CullerIndex, CullerSession, PeerEndpoint, RoleError, SceneCulling, SessionError, SessionEvent, Turns,
+    max_frame,
 };
-use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
-use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Role};
-use trimaran_scene::Scene;
-use trimaran_transport::{Endpoint, Instant, Net, Options, TokioNet, sleep_until};
+use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Role, Settings};
+use trimaran_transport::{Endpoint, Net, Options, TokioNet, causes, sleep_until};
 
 use super::{
     Failure,
     args::{RoleArgs, RoleCommand, RoleName},
-    display::{DisplayStage, LostForGood, Show},
+    display::{DisplaySession, about, listen},
     recording::{check_trace, open_folder},
-    walking::{self, gpu_options, stop_on_signal},
+    walking::{self, Metrics, Start, gpu_options, not_joined, scene, upload},
 };
 
 /// How long the last links of a process may take to tell that they are gone.
@@ -68,108 +59,104 @@ pub(super) fn template(role: RoleName) -> String {
     }
 }
 
-/// One machine of the pair, from start to close.
+/// A culler, from start to close.
 fn switch((config, options): &(SwitchConfig, Options), runtime: &Runtime) -> Result<(), Failure> {
-    let seat = match config.seat {
-        PairSeat::First => Seat::First,
-        PairSeat::Second => Seat::Second,
+    let index = match config.seat {
+        PairSeat::First => CullerIndex::First,
+        PairSeat::Second => CullerIndex::Second,
     };
-    let place = |endpoint: &Endpoint, name, role, peer: &Option<PathBuf>| {
+    let peer = |endpoint: &Endpoint, name, role, peer: &Option<PathBuf>| {
         let peer = PeerFile { name, role: Some(role), path: peer.as_deref() };
         let known = security(options, &endpoint.clone().into(), config.keys.as_deref(), &[peer]);
         let options = Options { security: known.map_err(Failure::bad_input)?, ..options.clone() };
-        Ok::<_, Failure>(Place { endpoint: endpoint.clone(), options })
+        Ok::<_, Failure>(PeerEndpoint { endpoint: endpoint.clone(), options })
     };
-    let mut display = place(&config.display, "peers.display", Role::Display, &config.peers.display)?;
-    let mut pair = place(&config.pair, "peers.other", role_of(seat.other()), &config.peers.other)?;
+    let mut display = peer(&config.display, "peers.display", Role::Display, &config.peers.display)?;
+    let mut other = peer(&config.pair, "peers.other", index.other().role(), &config.peers.other)?;
     let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
-    let start = Start::new(runtime, config.join_timeout_s);
+    let start = Start::new(runtime, config.join_timeout_s, config.reconnect_s);
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
-    for place in [&mut display, &mut pair] {
-        place.options.link.max_frame = max_frame(&file.scene);
+    for peer in [&mut display, &mut other] {
+        peer.options.link.max_frame = max_frame(&file.scene);
     }
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
     let Some(mut metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else {
         return Ok(());
     };
-    let Start { net, stop, .. } = start;
-    let scene = file.scene.hash();
-    let (mut wait_s, mut lost) = (config.join_timeout_s, None);
-    loop {
-        let deadline = deadline(&net, wait_s);
-        let join = || join_session(&net, seat, scene, &display, &pair, deadline);
-        let joining = again(&net, deadline, JoinError::is_early, join);
-        let Some(joined) = stop.unless_requested(runtime.handle(), joining) else { return Ok(()) };
-        let Joined { display, other, settings } = joined.map_err(|e| match lost.take() {
-            Some(lost) => Failure::broken(LostForGood { seconds: wait_s, lost }),
-            None => not_joined(e),
-        })?;
-        tracing::info!(%settings, "joined the session");
-        metrics.watch([&display, &other]);
-        let device = match VulkanPair::new(&drawn, settings.size, settings.tester) {
-            Ok(device) => device,
-            Err(error) => {
-                leave_unable(runtime.handle(), [display, other], &error.to_string());
-                return Err(Failure::broken(error));
+    let Start { net, stop, timeouts, .. } = start;
+    let turns = Turns::at_once();
+    let session = CullerSession {
+        index,
+        scene: file.scene.hash(),
+        net,
+        display,
+        other,
+        timeouts,
+        turns: turns.clone(),
+        work: |settings: &Settings| {
+            let device = VulkanCuller::new(&drawn, settings.size, settings.tester);
+            let device = device.map_err(RoleError::device("opening it"))?;
+            Ok(SceneCulling::new(&file.scene, device, settings, &turns)?)
+        },
+        watch: |event: SessionEvent<'_>| match event {
+            SessionEvent::Joined(joined) => {
+                tracing::info!(settings = %joined.settings, "joined the session");
+                metrics.watch([&joined.display, &joined.other]);
             }
-        };
-        let (scene, occluders) = (Arc::clone(&file.scene), OccluderPolicy::default());
-        let (clock, turns) = (Stopwatch::start(), Turns::at_once());
-        let role = PairRole { seat, scene, device, display, other, settings, occluders, clock, turns };
-        let Err(error) = role.run(runtime.handle(), &stop) else { return Ok(()) };
-        if config.reconnect_s <= 0.0 || !error.lost_a_peer() {
-            return Err(Failure::broken(error));
-        }
-        let said = Failure::broken(error);
-        eprintln!("trimaran: {said}; joining again for {} s", config.reconnect_s);
-        (wait_s, lost) = (config.reconnect_s, Some(said.to_string().into()));
-    }
+            SessionEvent::Lost(error) => {
+                let said = causes(error);
+                eprintln!("trimaran: {said}; joining again for {} s", config.reconnect_s);
+            }
+        },
+    };
+    runtime.block_on(session.run(&stop)).map_err(|error| match error {
+        SessionError::Join(error) => not_joined(error),
+        error => Failure::broken(error),
+    })
 }
 
-/// What may pass is no fault of the configuration: whoever starts roles again when they fail may do so.
-pub(super) fn not_joined(error: JoinError) -> Failure {
-    if error.may_pass() { Failure::broken(error) } else { Failure::bad_input(error) }
-}
-
-/// The display of a deployment: waits for the pair, walks the path, writes the report.
+/// The display of a deployment: waits for the cullers, walks the path, writes the report.
 fn display((config, options): &(DisplayConfig, Options), runtime: &Runtime) -> Result<(), Failure> {
     let plan = session_plan(&config.session)?;
     let choice = PathChoice::parse(&config.session.path, config.session.seed);
     let (first, second) = (config.peers.first.as_deref(), config.peers.second.as_deref());
     let peers = [
-        PeerFile { name: "peers.first", role: Some(role_of(Seat::First)), path: first },
-        PeerFile { name: "peers.second", role: Some(role_of(Seat::Second)), path: second },
+        PeerFile { name: "peers.first", role: Some(CullerIndex::First.role()), path: first },
+        PeerFile { name: "peers.second", role: Some(CullerIndex::Second.role()), path: second },
     ];
     let known = security(options, &config.listen, config.keys.as_deref(), &peers);
     let mut options = Options { security: known.map_err(Failure::bad_input)?, ..options.clone() };
     check_trace(config.record.as_deref())?;
     let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
-    let start = Start::new(runtime, config.join_timeout_s);
+    let start = Start::new(runtime, config.join_timeout_s, config.reconnect_s);
     let Some(folder) = start.until(async || open_folder(&config.out))? else { return Ok(()) };
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
-    let trail =
-        Trail::find(&choice, &file.scene, plan.size, config.session.frames).map_err(Failure::bad_input)?;
+    let path = CameraPath::find(&choice, &file.scene, plan.size, config.session.frames)
+        .map_err(Failure::bad_input)?;
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
     let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };
-    let listen =
-        || DisplayStage::set(&file, Arc::clone(&drawn), &plan, &trail, runtime, &config.listen, &options);
-    let Some(stage) = start.until(listen)? else { return Ok(()) };
-    eprintln!("trimaran: the display listens on {}", stage.listener.local_endpoints());
-    let info = stage.info().clone();
-    let show = Show {
-        folder: Some(folder),
+    let listening = || listen(&file, &drawn, &plan, &path, &start.net, &config.listen, &options);
+    let Some(listener) = start.until(listening)? else { return Ok(()) };
+    eprintln!("trimaran: the display listens on {}", listener.local_endpoints());
+    let devices = vec![(Seat::Display, drawn.gpu().info().clone())];
+    let session = DisplaySession {
+        about: about(&path, &config.session.path, config.session.seed, devices),
+        file: &file,
+        drawn: &drawn,
         plan,
-        trail,
-        path: config.session.path.clone(),
-        seed: config.session.seed,
-        devices: vec![(ReportSeat::Display, info)],
-        join_timeout_s: config.join_timeout_s,
-        reconnect_s: config.reconnect_s,
+        path: &path,
+        folder: Some(folder),
+        timeouts: start.timeouts,
         metrics,
         trace: config.record.clone(),
+        net: start.net,
+        endpoints: listener.local_endpoints().clone(),
+        listener: Some(listener),
+        options,
+        turns: Turns::at_once(),
     };
-    match stage.show(&file, show, runtime, &start.stop, pending()) {
+    match session.show_to_others(runtime, &start.stop) {
         // A service that waits is stopped as any other.
         Err(failure) if failure.is_stop() => Ok(()),
         shown => shown?.conclude(&config.out, false),
@@ -190,69 +177,4 @@ fn session_plan(session: &SessionConfig) -> Result<Plan, Failure> {
         visible: session.visible,
         alone: false,
     })
-}
-
-/// How a role starts: what is not there yet, such as a scene that is being copied or a port in use, is waited
-/// for.
-struct Start<'r> {
-    runtime: &'r Runtime,
-    net: Arc<dyn Net>,
-    stop: Stop,
-    join_timeout_s: f64,
-}
-
-impl<'r> Start<'r> {
-    fn new(runtime: &'r Runtime, join_timeout_s: f64) -> Self {
-        let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
-        Self { runtime, net, stop: stop_on_signal(runtime), join_timeout_s }
-    }
-
-    /// What `attempt` gives once it works; `None` if the role is asked to stop before. It is tried again
-    /// while what it fails with may pass, for as long as the role waits for others.
-    fn until<T>(&self, attempt: impl AsyncFn() -> Result<T, Failure>) -> Result<Option<T>, Failure> {
-        let deadline = deadline(&self.net, self.join_timeout_s);
-        let attempts = again(&self.net, deadline, Failure::may_pass, || attempt());
-        self.stop.unless_requested(self.runtime.handle(), attempts).transpose()
-    }
-}
-
-/// The scene, which may be being copied.
-fn scene(path: &Path) -> Result<SceneFile, Failure> {
-    let scene = Scene::open(path).map_err(Failure::broken)?;
-    Ok(SceneFile { path: path.to_owned(), scene: Arc::new(scene) })
-}
-
-/// What the links carry, once there are any.
-pub(super) struct Metrics {
-    links: LinkMetrics,
-    _shown: Option<Serving>,
-}
-
-impl Metrics {
-    /// Shows them at this address, if there is one, for as long as this lives.
-    pub(super) fn show(at: Option<SocketAddr>, runtime: &Runtime) -> Result<Self, Failure> {
-        let links = LinkMetrics::default();
-        let shown = at.map(|at| links.clone().serve(at, runtime.handle())).transpose();
-        let shown = shown.map_err(Failure::broken)?;
-        if let Some(serving) = &shown {
-            eprintln!("trimaran: metrics on http://{}/metrics", serving.address());
-        }
-        Ok(Self { links, _shown: shown })
-    }
-
-    /// Shows what `links` carry from now on.
-    pub(super) fn watch(&mut self, links: [&Link; 2]) {
-        self.links.watch(links);
-    }
-}
-
-/// The scene on a device.
-pub(super) fn upload(file: &SceneFile, gpu: &GpuOptions) -> Result<Arc<GpuScene>, Failure> {
-    let gpu = Gpu::open(gpu).map_err(Failure::broken)?;
-    GpuScene::upload(&gpu, &file.scene).map_err(Failure::broken)
-}
-
-/// So many seconds from now.
-pub(super) fn deadline(net: &Arc<dyn Net>, seconds: f64) -> Instant {
-    net.now().after(Duration::try_from_secs_f64(seconds).unwrap_or_default())
 }

@@ -1,116 +1,117 @@
 //! `trimaran run`: walks a camera through a scene with the three roles and writes the report.
 
-use std::path::Path;
+use std::{future::pending, sync::Arc};
 
 use trimaran::{
-    report::{
-        Writer,
-        schema::{HowEnded, Seat},
-    },
-    walkthrough::{
-        Plan, Recorder, ReportPlan, SceneFile, Stage, StageError, Trail, begin, how_ended, in_process,
-    },
+    config,
+    report::schema::Seat,
+    vulkan::VulkanCuller,
+    walkthrough::{SceneFile, SceneOnDevices},
 };
-use trimaran_actors::SessionError;
-use trimaran_scene::walk::WalkKind;
+use trimaran_actors::{CullerIndex, JoinTimeouts, LocalCullers, Turns, max_frame};
+use trimaran_proto::Settings;
+use trimaran_transport::{Net, TokioNet};
 
 use super::{
     Failure,
-    args::{LinkKind, RunArgs, WalkArgs},
-    progress,
-    recording::{Early, Outcome, check_trace, open_folder, report_on},
-    three_processes::{self, Transport},
-    walking::{self, gpu_options, open, stop_on_signal},
+    args::{LinkKind, RunArgs},
+    display::{DisplaySession, about, listen},
+    processes::{CullerProcesses, Keyring, endpoints},
+    recording::{Outcome, check_trace, open_folder},
+    walking::{self, Metrics, gpu_options, open, stop_on_signal, upload},
 };
 
 pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
-    let plan = walking::plan(&args.walk, args.epsilon, args.visible, walking::pace(args.live))?;
     if args.walk.alone && (args.link != LinkKind::Inproc || args.live.is_some()) {
         return Err(Failure::bad_input(
             "--alone lets the roles of one process take turns: leave --link and --live out",
         ));
     }
-    match args.link {
-        LinkKind::Inproc if args.metrics.is_some() => Err(Failure::bad_input(
+    if args.link == LinkKind::Inproc && args.metrics.is_some() {
+        return Err(Failure::bad_input(
             "--metrics shows what links between processes carry: add --link unix, tcp, quic or udp",
-        )),
-        LinkKind::Inproc => {
-            let file = open(&args.scene)?;
-            let trail = walking::trail(&args.walk, &plan, &file.scene)?;
-            let record = args.record.as_deref();
-            check_trace(record)?;
-            let folder = open_folder(&args.out)?;
-            let stage = set_stage(&file, &args.walk)?;
-            let outcome = walk_and_report(&stage, folder, &file, &plan, &trail, &args.walk, record)?;
-            outcome.conclude(&args.out, args.json)
-        }
-        LinkKind::Unix => three_processes::run(args, Transport::Unix),
-        LinkKind::Tcp => three_processes::run(args, Transport::Tcp),
-        LinkKind::Quic => three_processes::run(args, Transport::Quic),
-        LinkKind::Udp => three_processes::run(args, Transport::Udp),
+        ));
     }
+    walk(args, &open(&args.scene)?, None)?.conclude(&args.out, args.json)
 }
 
 /// Opens the devices of three roles in this process.
-pub(super) fn set_stage(file: &SceneFile, walk: &WalkArgs) -> Result<Stage, Failure> {
-    Stage::set(&file.scene, &gpu_options(walk.device.as_deref(), walk.device_timeout))
-        .map_err(Failure::broken)
+pub(super) fn open_devices(
+    file: &SceneFile,
+    device: Option<&str>,
+    timeout_s: f64,
+) -> Result<SceneOnDevices, Failure> {
+    SceneOnDevices::open(&file.scene, &gpu_options(device, timeout_s)).map_err(Failure::broken)
 }
 
-/// Walks in this process, records into `trace` and reports into `folder`.
-pub(super) fn walk_and_report(
-    stage: &Stage,
-    folder: Writer,
+/// Walks and reports. Roles of one process use `devices`, or open their own.
+pub(super) fn walk(
+    args: &RunArgs,
     file: &SceneFile,
-    plan: &Plan,
-    trail: &Trail,
-    walk: &WalkArgs,
-    trace: Option<&Path>,
+    devices: Option<&SceneOnDevices>,
 ) -> Result<Outcome, Failure> {
-    let [first, second, display] = &stage.drawn;
-    let devices = [(Seat::SwitchA, first), (Seat::SwitchB, second), (Seat::Display, display)]
-        .map(|(seat, drawn)| (seat, drawn.gpu().info().clone()));
-    let about = ReportPlan {
-        command_line: std::env::args().collect(),
-        started: walking::date(),
-        link: "inproc".to_owned(),
-        transport: "in one process: shared memory, nothing is encoded".to_owned(),
-        path: walk.path.clone(),
-        seed: (walk.path == "auto").then_some(walk.seed),
-        devices: devices.into(),
-        notes: notes(trail),
+    let RunArgs { walk, link, .. } = args;
+    let plan = walking::plan(walk, args.epsilon, args.visible, walking::pace(args.live))?;
+    let path = walking::path(walk, &plan, &file.scene)?;
+    check_trace(args.record.as_deref())?;
+    let folder = open_folder(&args.out)?;
+    let opened = match (link, devices) {
+        (LinkKind::Inproc, None) => Some(open_devices(file, walk.device.as_deref(), walk.device_timeout)?),
+        _ => None,
     };
+    let devices = devices.or(opened.as_ref());
+
     let runtime = walking::runtime()?;
     let stop = stop_on_signal(&runtime);
-    let bar = progress::walk(plan.pace, trail);
-    let mut advance = |_| bar.inc(1);
-    let mut recorder = Recorder::new(plan.audit_every, &mut advance);
-    recorder.write_into(begin(folder, file, plan, &about, trail).map_err(Failure::broken)?);
-    let walked = in_process(stage, plan, trail, &mut recorder, runtime.handle(), &stop);
-    bar.finish_and_clear();
-    let early = walked.err().map(|error| Early { how: how_it_ended(&error), why: Failure::broken(error) });
-    report_on(recorder, None, early, trace, file, display, plan, about, trail, &stop)
-}
-
-fn how_it_ended(error: &StageError) -> HowEnded {
-    let StageError::Session(session) = error else { return HowEnded::DeviceFailed };
-    match &**session {
-        SessionError::Pair { cause, .. } => how_ended(cause),
-        SessionError::Display(cause) => how_ended(cause),
-        _ => HowEnded::Failed,
-    }
-}
-
-/// Remarks that belong beside every figure of the walk.
-pub(super) fn notes(trail: &Trail) -> Vec<String> {
-    let note = match trail.kind {
-        None | Some(WalkKind::Floors) => return Vec::new(),
-        Some(WalkKind::Hovering) => {
-            "no floor was found to walk on: the automatic path hovers between the objects"
-        }
-        Some(WalkKind::Orbit) => {
-            "no room was found to move in: the automatic path circles the scene from outside"
-        }
+    let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+    let configs = tempfile::tempdir().map_err(Failure::broken)?;
+    let (display, meet) = endpoints(*link, configs.path())?;
+    let mut options = config::options(&args.links.options, toml::Table::new()).map_err(Failure::bad_input)?;
+    let keyring =
+        if config::needs_keys(&options, &display) { Some(Keyring::make(configs.path())?) } else { None };
+    options.security = keyring.as_ref().map(|keyring| keyring.security.clone());
+    options.link.max_frame = max_frame(&file.scene);
+    let drawn = match devices {
+        Some(devices) => Arc::clone(&devices.drawn[2]),
+        None => upload(file, &gpu_options(walk.device.as_deref(), walk.device_timeout))?,
     };
-    vec![note.to_owned()]
+    let listening = display.into();
+    let listening = listen(file, &drawn, &plan, &path, &net, &listening, &options);
+    let listener = runtime.block_on(listening)?;
+    let display = listener.local_endpoint().clone();
+    let info = |index: usize| devices.map_or(&drawn, |devices| &devices.drawn[index]).gpu().info().clone();
+    let turns = if plan.alone { Turns::alone() } else { Turns::at_once() };
+    let infos = vec![(Seat::SwitchA, info(0)), (Seat::SwitchB, info(1)), (Seat::Display, info(2))];
+    let session = DisplaySession {
+        file,
+        drawn: &drawn,
+        plan,
+        path: &path,
+        about: about(&path, &walk.path, walk.seed, infos),
+        folder: Some(folder),
+        timeouts: JoinTimeouts::ONCE,
+        metrics: Metrics::show(args.metrics, &runtime)?,
+        trace: args.record.clone(),
+        net,
+        endpoints: listener.local_endpoints().clone(),
+        listener: Some(listener),
+        options: options.clone(),
+        turns: turns.clone(),
+    };
+    let Some(SceneOnDevices { drawn, .. }) = devices else {
+        let folder = configs.path();
+        let mut cullers =
+            CullerProcesses::start(args, &options, &display, &meet, keyring.as_ref(), folder, &runtime)?;
+        let outcome = session.show(&runtime, &stop, cullers.ended_early(), |walk| walk())?;
+        if !outcome.report.summary.ended.early() {
+            runtime.block_on(cullers.ended_well())?;
+        }
+        return Ok(outcome);
+    };
+    let (scene, timeouts) = (Arc::clone(&file.scene), JoinTimeouts::ONCE);
+    let cullers = LocalCullers { scene, display, meet, options, timeouts, turns };
+    let device = |culler: CullerIndex, settings: &Settings| {
+        Ok(VulkanCuller::new(&drawn[culler.index()], settings.size, settings.tester)?)
+    };
+    session.show(&runtime, &stop, pending(), |walk| cullers.beside(device, runtime.handle(), &stop, walk))
 }

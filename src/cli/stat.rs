@@ -53,7 +53,7 @@ pub(super) fn run(args: &StatArgs) -> Result<(), Failure> {
     let runtime = walking::runtime()?;
     let stop = walking::stop_on_signal(&runtime);
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
-    stop.unless_requested(runtime.handle(), watch(args, &net)).unwrap_or(Ok(()))
+    runtime.block_on(stop.unless_requested(watch(args, &net))).unwrap_or(Ok(()))
 }
 
 async fn watch(args: &StatArgs, net: &Arc<dyn Net>) -> Result<(), Failure> {

@@ -1,29 +1,24 @@
 //! `trimaran sweep`: the same path at several error bounds, speed against error.
 
-use trimaran::{
-    report::{SweepPoint, text, write},
-    walkthrough::Pace,
-};
+use trimaran::report::{SweepPoint, text, write};
 
 use super::{
     Failure,
-    args::SweepArgs,
+    args::{RunArgs, SweepArgs},
     print_json,
-    recording::open_folder,
-    run::{set_stage, walk_and_report},
-    walking::{self, open},
+    run::{open_devices, walk},
+    walking::open,
 };
 
 pub(super) fn run(args: &SweepArgs) -> Result<(), Failure> {
     let file = open(&args.scene)?;
-    let stage = set_stage(&file, &args.walk)?;
+    let devices = open_devices(&file, args.walk.device.as_deref(), args.walk.device_timeout)?;
     let mut points = Vec::new();
     let mut last = None;
     for &epsilon in &args.epsilons {
-        let plan = walking::plan(&args.walk, epsilon, false, Pace::Lockstep)?;
-        let trail = walking::trail(&args.walk, &plan, &file.scene)?;
-        let folder = open_folder(&args.out.join(format!("epsilon-{epsilon}")))?;
-        let report = walk_and_report(&stage, folder, &file, &plan, &trail, &args.walk, None)?.whole()?;
+        let out = args.out.join(format!("epsilon-{epsilon}"));
+        let at = RunArgs { epsilon, ..RunArgs::of(args.scene.clone(), args.walk.clone(), out) };
+        let report = walk(&at, &file, Some(&devices))?.whole()?;
         points.push(SweepPoint::of(&report));
         last = Some(report);
     }

@@ -1,17 +1,25 @@
 //! What `run`, `sweep` and the roles share: from flags to a plan, and a runtime to run it on.
 
 use std::{
+    net::SocketAddr,
     path::Path,
     sync::Arc,
     time::{Duration, SystemTime},
 };
 
-use tokio::runtime::{Builder, Runtime};
-use trimaran::walkthrough::{Pace, PathChoice, Plan, SceneFile, Trail};
-use trimaran_actors::{Stop, Stopper};
-use trimaran_gpu::{DeviceChoice, GpuOptions};
+use tokio::{
+    runtime::{Builder, Runtime},
+    signal::unix::{SignalKind, signal},
+};
+use trimaran::{
+    metrics::{LinkMetrics, Serving},
+    walkthrough::{CameraPath, Pace, PathChoice, Plan, SceneFile},
+};
+use trimaran_actors::{JoinError, JoinTimeouts, Link, Stop, again};
+use trimaran_gpu::{DeviceChoice, Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
 use trimaran_scene::Scene;
+use trimaran_transport::{Net, TokioNet};
 
 use super::{
     Failure,
@@ -48,9 +56,9 @@ pub(super) fn pace(live_hz: Option<f64>) -> Pace {
 }
 
 /// The path that the flags ask for, through `scene`.
-pub(super) fn trail(walk: &WalkArgs, plan: &Plan, scene: &Scene) -> Result<Trail, Failure> {
+pub(super) fn path(walk: &WalkArgs, plan: &Plan, scene: &Scene) -> Result<CameraPath, Failure> {
     let choice = PathChoice::parse(&walk.path, walk.seed);
-    Trail::find(&choice, scene, plan.size, walk.frames).map_err(Failure::bad_input)
+    CameraPath::find(&choice, scene, plan.size, walk.frames).map_err(Failure::bad_input)
 }
 
 /// Opens a cooked scene.
@@ -80,22 +88,90 @@ pub(super) fn runtime() -> Result<Runtime, Failure> {
 /// A stop that Ctrl-C and the termination signal of systemd set; a second one insists.
 pub(super) fn stop_on_signal(runtime: &Runtime) -> Stop {
     let (stopper, stop) = Stop::new();
-    runtime.spawn(wait_for_signal(stopper));
+    let _within = runtime.enter();
+    // Here, not in the task: a signal that comes before the task runs is heard as well.
+    let signals = (signal(SignalKind::interrupt()), signal(SignalKind::terminate()));
+    if let (Ok(mut interrupt), Ok(mut terminate)) = signals {
+        runtime.spawn(async move {
+            loop {
+                tokio::select! {
+                    _ = interrupt.recv() => {}
+                    _ = terminate.recv() => {}
+                }
+                stopper.stop();
+            }
+        });
+    }
     stop
 }
 
-async fn wait_for_signal(stopper: Stopper) {
-    use tokio::signal::unix::{SignalKind, signal};
-    let (Ok(mut interrupt), Ok(mut terminate)) =
-        (signal(SignalKind::interrupt()), signal(SignalKind::terminate()))
-    else {
-        return;
-    };
-    loop {
-        tokio::select! {
-            _ = interrupt.recv() => {}
-            _ = terminate.recv() => {}
+/// How a role starts: what is not there yet, such as a scene that is being copied or a port in use, is waited
+/// for.
+pub(super) struct Start<'r> {
+    runtime: &'r Runtime,
+    pub(super) net: Arc<dyn Net>,
+    pub(super) stop: Stop,
+    pub(super) timeouts: JoinTimeouts,
+}
+
+impl<'r> Start<'r> {
+    pub(super) fn new(runtime: &'r Runtime, join_timeout_s: f64, reconnect_s: f64) -> Self {
+        let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+        let seconds = |s| Duration::try_from_secs_f64(s).unwrap_or_default();
+        let timeouts = JoinTimeouts { join: seconds(join_timeout_s), rejoin: seconds(reconnect_s) };
+        Self { runtime, net, stop: stop_on_signal(runtime), timeouts }
+    }
+
+    /// What `attempt` gives once it works; `None` if the role is asked to stop before. It is tried again
+    /// while what it fails with may pass, for as long as the role waits for others.
+    pub(super) fn until<T>(
+        &self,
+        attempt: impl AsyncFn() -> Result<T, Failure>,
+    ) -> Result<Option<T>, Failure> {
+        let deadline = self.net.now().after(self.timeouts.join);
+        let attempts = again(&self.net, deadline, Failure::may_pass, || attempt());
+        self.runtime.block_on(self.stop.unless_requested(attempts)).transpose()
+    }
+}
+
+/// Opens a cooked scene, which may be being copied.
+pub(super) fn scene(path: &Path) -> Result<SceneFile, Failure> {
+    let scene = Scene::open(path).map_err(Failure::broken)?;
+    Ok(SceneFile { path: path.to_owned(), scene: Arc::new(scene) })
+}
+
+/// The scene on a device.
+pub(super) fn upload(file: &SceneFile, gpu: &GpuOptions) -> Result<Arc<GpuScene>, Failure> {
+    let gpu = Gpu::open(gpu).map_err(Failure::broken)?;
+    GpuScene::upload(&gpu, &file.scene).map_err(Failure::broken)
+}
+
+/// What may pass is no fault of the configuration: whoever starts roles again when they fail may do so.
+pub(super) fn not_joined(error: JoinError) -> Failure {
+    if error.may_pass() { Failure::broken(error) } else { Failure::bad_input(error) }
+}
+
+/// What the links carry, once there are any.
+#[derive(Default)]
+pub(super) struct Metrics {
+    links: LinkMetrics,
+    _shown: Option<Serving>,
+}
+
+impl Metrics {
+    /// Shows them at this address, if there is one, for as long as this lives.
+    pub(super) fn show(at: Option<SocketAddr>, runtime: &Runtime) -> Result<Self, Failure> {
+        let links = LinkMetrics::default();
+        let shown = at.map(|at| links.clone().serve(at, runtime.handle())).transpose();
+        let shown = shown.map_err(Failure::broken)?;
+        if let Some(serving) = &shown {
+            eprintln!("trimaran: metrics on http://{}/metrics", serving.address());
         }
-        stopper.stop();
+        Ok(Self { links, _shown: shown })
+    }
+
+    /// Shows what `links` carry from now on.
+    pub(super) fn watch(&mut self, links: [&Link; 2]) {
+        self.links.watch(links);
     }
 }

@@ -1,118 +1,26 @@
-//! A session of the three roles on a simulated network: the roles' state machines, the links and the
-//! transports are the real ones; their computing takes as long as a recorded walk or a stated model says, and
-//! the network is a [`Profile`].
+//! A session of the three roles on a simulated network: the roles, the links and the transports are the real
+//! ones; their computing takes as long as a recorded walk or a stated model says, and the network is a
+//! [`Profile`](trimaran_netsim::Profile).
 //!
 //! Ten thousand frames take seconds, and the same seed gives the same frames.
 
 mod bytes;
-mod cast;
+mod error;
 mod outcome;
 mod pixels;
+mod recorded;
 mod roles;
+mod scenario;
 mod session;
 mod statistics;
 mod workload;
 
 pub use bytes::FrameBytes;
-pub use cast::Cast;
+pub use error::SimulateError;
 pub use outcome::{FrameTimes, Outcome, Session, Split, pooled};
-pub use pixels::{Painter, PixelCost, PixelError};
-pub use session::{RoleFailure, SimulateError, simulate, simulate_watched};
-pub use statistics::{Percentiles, Spread};
+pub use pixels::{Painter, PixelError};
+pub use roles::Roles;
+pub use scenario::{Knobs, Scenario, Transport};
+pub use session::{simulate, simulate_watched};
+pub use statistics::{Percentiles, PixelCost, Spread};
 pub use workload::{Load, Times, Workload, WorkloadError};
-
-use std::time::Duration;
-
-use serde::Serialize;
-use trimaran_netsim::Profile;
-use trimaran_proto::{BatchSize, IdCoding};
-
-/// What is simulated.
-#[derive(Debug, Clone)]
-pub struct Scenario {
-    /// The network.
-    pub network: Profile,
-    /// What the roles are joined by.
-    pub link: Transport,
-    /// How many ids travel in a batch.
-    pub batch: BatchSize,
-    /// How many frames are shown.
-    pub frames: u32,
-    /// The seed of losses and delays.
-    pub seed: u64,
-    /// What each frame takes.
-    pub workload: Workload,
-    /// What else may be set.
-    pub knobs: Knobs,
-}
-
-impl Scenario {
-    /// Whether a frame's deadline is over before its end can have come to the display.
-    #[must_use]
-    pub fn gives_up_everything(&self) -> bool {
-        // The way is that of a packet without its bits: one exactly as long is over before they have come.
-        self.link == Transport::UdpDeadline && self.knobs.deadline <= self.network.way_to_display()
-    }
-}
-
-/// What of links may be set in a simulation beside the transport.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Knobs {
-    /// How ids travel. Default plain, as the formulas count them.
-    pub coding: IdCoding,
-    /// For `udp` with deadlines: how long after its end a frame may arrive. Default 50 ms.
-    pub deadline: Duration,
-    /// For `udp`: how many bytes of repair may be sent while packets are lost, percent of the frames' own.
-    /// Default 15.
-    pub repair_percent: u8,
-    /// For `udp`: nothing is encrypted, so that a capture shows what is said. Default no.
-    pub in_the_clear: bool,
-}
-
-impl Default for Knobs {
-    fn default() -> Self {
-        Self {
-            coding: IdCoding::Plain,
-            deadline: Duration::from_millis(50),
-            repair_percent: 15,
-            in_the_clear: false,
-        }
-    }
-}
-
-/// What joins machines.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Transport {
-    /// Two TCP connections a link, as in the paper.
-    Tcp,
-    /// A QUIC connection a link.
-    Quic,
-    /// The project's own connection over datagrams: every frame arrives whole.
-    Udp,
-    /// The same: what of a frame would come too late is given up, and the display makes up for it.
-    UdpDeadline,
-}
-
-impl Transport {
-    /// What it is called in flags and tables.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Tcp => "tcp",
-            Self::Quic => "quic",
-            Self::Udp => "udp",
-            Self::UdpDeadline => "udp-deadline",
-        }
-    }
-
-    /// The endpoint of `place`, a host with its port.
-    fn endpoint(self, place: &str) -> String {
-        match self {
-            Self::Tcp => format!("tcp://{place}"),
-            Self::Quic => format!("quic://{place}"),
-            Self::Udp => format!("udp://{place}"),
-            Self::UdpDeadline => format!("udp://{place}?mode=deadline"),
-        }
-    }
-}

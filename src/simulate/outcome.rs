@@ -8,9 +8,8 @@ use trimaran_proto::DrawableId;
 use trimaran_transport::Instant;
 
 use super::bytes::{Account, FrameBytes};
-use super::pixels::PixelCost;
-use super::statistics::{Percentiles, Spread};
-use super::{Scenario, Transport};
+use super::scenario::{Knobs, Scenario, Transport};
+use super::statistics::{Percentiles, PixelCost, Spread};
 
 /// When what happened to a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,9 +20,9 @@ pub struct FrameTimes {
     pub missing: u32,
     /// Its camera left RVG.
     pub published: Instant,
-    /// Its machine is free, and waits for the camera.
+    /// Its culler is free, and waits for the camera.
     pub asked: Instant,
-    /// The machine has the camera, and OR waits for the ids of the frame before.
+    /// The culler has the camera, and OR waits for the ids of the frame before.
     pub taken: Instant,
     /// They are there, and OR draws them.
     pub fed: Instant,
@@ -40,9 +39,9 @@ pub struct FrameTimes {
 /// Where a frame's time went. All together it is the time from its camera leaving RVG to its picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Split {
-    /// For a machine that was busy with another frame, or for another machine's culling.
+    /// For a role that was busy with another frame, or for the other culler's culling.
     pub waiting: Duration,
-    /// For something under way, by a machine that was free for it.
+    /// For something under way, by a role that was free for it.
     pub network: Duration,
     /// OR.
     pub occluders: Duration,
@@ -80,9 +79,9 @@ pub struct Outcome {
     pub frames_per_second: f64,
     /// From a camera leaving RVG to its picture shown, milliseconds.
     pub latency_ms: Percentiles,
-    /// Of that: for a machine that is busy with another frame, or for the culling of the frame before.
+    /// Of that: for a role that is busy with another frame, or for the culling of the frame before.
     pub waiting_ms: Percentiles,
-    /// Of that: for what is under way, the machine being free.
+    /// Of that: for what is under way, the role being free.
     pub network_ms: Percentiles,
     /// Of that: OR.
     pub occluders_ms: Percentiles,
@@ -209,7 +208,7 @@ impl Outcome {
     #[must_use]
     pub fn label(&self) -> String {
         let deadline = self.deadline_ms.map_or_else(String::new, |ms| format!("/{ms}ms"));
-        let usual = super::Knobs::default().repair_percent;
+        let usual = Knobs::default().repair_percent;
         let repair = self.repair_percent.filter(|percent| *percent != usual);
         let repair = repair.map_or_else(String::new, |percent| format!("/r{percent}"));
         format!("{}{deadline}{repair}", self.link.name())

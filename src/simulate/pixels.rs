@@ -1,10 +1,8 @@
 //! What lost ids cost the pictures: frames that came with gaps, drawn as the display draws them and as they
 //! would have been.
 
-use std::ops::Add;
 use std::sync::Arc;
 
-use serde::Serialize;
 use thiserror::Error;
 use trimaran_actors::Gaps;
 use trimaran_audit::metrics::{ImageRef, MetricError, mismatching_pixels};
@@ -13,24 +11,10 @@ use trimaran_gpu::{GpuError, GpuScene, PicturePass};
 use trimaran_proto::{DrawableId, FrameNumber, SceneHash, SettingsError};
 use trimaran_scene::Scene;
 
-use super::{Outcome, Workload};
+use super::outcome::Outcome;
+use super::statistics::PixelCost;
+use super::workload::Workload;
 use crate::trace::Trace;
-
-/// What gaps cost the pictures of a session.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-pub struct PixelCost {
-    /// How many frames were shown.
-    pub frames: u32,
-    /// How many had a pixel that is not as it would have been without loss.
-    pub frames_wrong: u32,
-    /// Such pixels, all frames together.
-    pub wrong_pixels: u64,
-    /// The most in a frame.
-    pub worst: u64,
-    /// Triangles drawn that would not have been, because the frame before had them and what was lost is not
-    /// known; all together.
-    pub needless_triangles: u64,
-}
 
 /// Why the cost cannot be told.
 #[derive(Debug, Error)]
@@ -170,19 +154,5 @@ impl PixelCost {
     #[must_use]
     pub fn needless_a_frame(&self) -> f64 {
         self.needless_triangles as f64 / f64::from(self.frames.max(1))
-    }
-}
-
-impl Add for PixelCost {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        Self {
-            frames: self.frames + other.frames,
-            frames_wrong: self.frames_wrong + other.frames_wrong,
-            wrong_pixels: self.wrong_pixels + other.wrong_pixels,
-            worst: self.worst.max(other.worst),
-            needless_triangles: self.needless_triangles + other.needless_triangles,
-        }
     }
 }

@@ -1,208 +1,223 @@
-//! The roles in virtual time: their state machines and their links, with pauses where they would compute.
+//! The three roles of a session, to be played on any network.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use trimaran_actors::{
-    DisplayMachine, DisplayStep, FrameEvent, FrameStart, Joined, Link, Seat, SwitchMachine, SwitchStep,
+    BoxedError, CullerIndex, CullerSession, DisplayRole, JoinError, JoinTimeouts, Listener, Observer,
+    PeerEndpoint, SessionError, SessionEvent, ShownFrame, Stop, Turns, await_cullers,
 };
-use trimaran_proto::{CloseCode, DrawableId, FrameNumber, FrameStats};
-use trimaran_transport::{FrameOutcome, Instant, Net, StatsHandle, sleep_until};
+use trimaran_netsim::Machines;
+use trimaran_proto::{
+    DrawableId, EpsilonPx, FrameNumber, Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
+};
+use trimaran_transport::keys::{Keys, KnownPeer, Security};
+use trimaran_transport::udp::{Trust, UdpOptions};
+use trimaran_transport::{Endpoint, Instant, Net, Options, Traffic, sleep_until};
 
-use super::session::RoleFailure;
-use super::{FrameTimes, Workload};
+use super::error::SimulateError;
+use super::outcome::FrameTimes;
+use super::recorded::{RecordedCulling, RecordedPictures, Recording};
+use super::scenario::{Knobs, Scenario, Transport};
 
-/// What all roles of a session have in common.
-#[derive(Debug, Clone)]
-pub(super) struct Stage {
-    pub(super) workload: Arc<Workload>,
-    pub(super) frames: u32,
-    /// Whether frames may arrive with gaps.
-    pub(super) gaps: bool,
-    log: Arc<Mutex<Log>>,
+/// How long the roles may take to find each other.
+const TIMEOUTS: JoinTimeouts = JoinTimeouts { join: Duration::from_secs(60), rejoin: Duration::ZERO };
+/// After the handshakes everything is quiet for so long before the first camera, so that they are not
+/// counted.
+const PAUSE: Duration = Duration::from_secs(1);
+/// All roles hold the same scene; which one does not matter here.
+const SCENE: SceneHash = SceneHash(0);
+
+/// The roles of a scenario. Each is played on a network of its own machine, which has the address that
+/// [`Profile::topology`](trimaran_netsim::Profile::topology) gives it; whether that network is simulated or
+/// real is the same to them.
+///
+/// Each role takes two of them: `net` for its links, and `clock` for what is not the network's: computing,
+/// and when things happen. All clocks must begin at the same time.
+#[derive(Debug)]
+pub struct Roles {
+    recording: Recording,
+    settings: Settings,
+    network: String,
+    link: Transport,
+    /// Where the display waits for the cullers, and the first culler for the second.
+    listen: [Endpoint; 2],
+    /// Of the first, the second and the display; each knows the others' keys.
+    options: [Options; 3],
 }
 
-/// What the roles note.
-#[derive(Debug, Default)]
-pub(super) struct Log {
-    /// By frame.
-    pub(super) times: Vec<FrameTimes>,
-    /// What came of each frame that came with gaps.
-    pub(super) remains: BTreeMap<u32, Vec<DrawableId>>,
-    /// The counters of every end of every link.
-    pub(super) stats: Vec<StatsHandle>,
-}
-
-impl Stage {
-    pub(super) fn new(workload: Arc<Workload>, frames: u32, gaps: bool) -> Self {
-        let times = (0..frames).map(|frame| FrameTimes::of(workload.of(frame).nodes)).collect();
-        Self { workload, frames, gaps, log: Arc::new(Mutex::new(Log { times, ..Log::default() })) }
+impl Roles {
+    /// The roles, with fresh keys.
+    ///
+    /// # Errors
+    /// When there are no keys to be had, or the settings cannot be.
+    pub fn new(scenario: &Scenario) -> Result<Self, SimulateError> {
+        let Scenario { network, link, batch, frames, workload, knobs, .. } = scenario;
+        let (_, Machines { first, display, .. }) = network.topology();
+        let settings = Settings {
+            size: PictureSize::new(1024, 1024)?,
+            epsilon: EpsilonPx::new(2.0)?,
+            batch: *batch,
+            coding: knobs.coding,
+            tester: TesterKind::Hzb,
+            lockstep: true,
+            few_pixels: false,
+            first: FrameNumber(0),
+            frames: Some(*frames),
+        };
+        Ok(Self {
+            recording: Recording::new(workload, *frames, *link == Transport::UdpDeadline),
+            settings,
+            network: network.name.clone(),
+            link: *link,
+            listen: [
+                link.endpoint(&format!("{}:7400", display.v4())).parse()?,
+                link.endpoint(&format!("{}:7401", first.v4())).parse()?,
+            ],
+            options: acquainted(knobs)?,
+        })
     }
 
-    /// The log, to be written or read.
-    pub(super) fn log<T>(&self, act: impl FnOnce(&mut Log) -> T) -> T {
-        act(&mut self.log.lock().unwrap_or_else(PoisonError::into_inner))
-    }
-
-    fn note(&self, frame: FrameNumber, act: impl FnOnce(&mut FrameTimes)) {
-        self.log(|log| {
-            if let Some(times) = log.times.get_mut(frame.0 as usize) {
-                act(times);
-            }
-        });
-    }
-}
-
-async fn compute(net: &Arc<dyn Net>, time: Duration) {
-    sleep_until(&**net, net.now().after(time)).await;
-}
-
-/// The display: hands out cameras, gathers each frame, draws it, shows it (paper, algorithm 4.3).
-pub(super) async fn display(
-    net: &Arc<dyn Net>,
-    stage: &Stage,
-    links: &mut [Link; 2],
-    shown: impl Fn(),
-) -> Result<(), RoleFailure> {
-    let mut machine = DisplayMachine::new(FrameNumber(0), Some(stage.frames));
-    for frame in machine.first_cameras() {
-        hand_out(net, stage, &mut machine, links, frame)?;
-    }
-    let mut ids = Vec::new();
-    while let DisplayStep::Await { from, frame } = machine.step() {
-        match of(links, from).frames_rx.recv().await? {
-            FrameEvent::Begin(start) => {
-                if let Some(next) = machine.began(start.header, true)? {
-                    hand_out(net, stage, &mut machine, links, next)?;
-                }
-            }
-            FrameEvent::Batch(batch) if stage.gaps => ids.extend(batch.iter()),
-            FrameEvent::Batch(_) | FrameEvent::Note(_) => {}
-            FrameEvent::End(outcome) => {
-                machine.ended()?;
-                let arrived = net.now();
-                let came = std::mem::take(&mut ids);
-                if let FrameOutcome::Incomplete { expected, received, .. } = outcome {
-                    if !stage.gaps {
-                        return Err(RoleFailure::Incomplete { frame });
-                    }
-                    stage.note(frame, |times| times.missing = expected.saturating_sub(received));
-                    stage.log(|log| log.remains.insert(frame.0, came));
-                }
-                compute(net, stage.workload.of(frame.0).rvg).await;
-                stage.note(frame, |times| (times.arrived, times.shown) = (arrived, net.now()));
-                shown();
-            }
-        }
-    }
-    Ok(())
-}
-
-fn hand_out(
-    net: &Arc<dyn Net>,
-    stage: &Stage,
-    machine: &mut DisplayMachine,
-    links: &mut [Link; 2],
-    frame: FrameNumber,
-) -> Result<(), RoleFailure> {
-    let camera = stage.workload.camera(frame);
-    machine.hand_out(camera);
-    stage.note(frame, |times| times.published = net.now());
-    Ok(of(links, Seat::of(frame)).latest_tx.publish(camera)?)
-}
-
-const fn of(links: &mut [Link; 2], seat: Seat) -> &mut Link {
-    let [first, second] = links;
-    match seat {
-        Seat::First => first,
-        Seat::Second => second,
-    }
-}
-
-/// One machine of the pair: OR for a frame, then HC for the same frame (paper, algorithm 4.2).
-pub(super) async fn switch(
-    net: &Arc<dyn Net>,
-    stage: &Stage,
-    seat: Seat,
-    joined: &mut Joined,
-) -> Result<(), RoleFailure> {
-    let Joined { display, other, settings } = joined;
-    let mut machine = SwitchMachine::new(seat, FrameNumber(0), Some(stage.frames));
-    loop {
-        match machine.step() {
-            SwitchStep::AwaitCamera { .. } => {
-                let asked = net.now();
-                let camera = display.latest_rx.latest().await?;
-                stage.note(camera.frame(), |times| (times.asked, times.taken) = (asked, net.now()));
-                machine.camera(camera)?;
-            }
-            SwitchStep::Occlude { .. } => match other.frames_rx.recv().await? {
-                FrameEvent::Begin(start) => machine.occluders_began(start.frame)?,
-                FrameEvent::Batch(_) | FrameEvent::Note(_) => {}
-                FrameEvent::End(_) => machine.occluders_ended()?,
+    /// Plays a culler until the last frame.
+    ///
+    /// # Errors
+    /// When a link fails, or a peer breaks the order of messages.
+    pub async fn culler(
+        &self,
+        index: CullerIndex,
+        net: &Arc<dyn Net>,
+        clock: &Arc<dyn Net>,
+    ) -> Result<(), SessionError> {
+        let options = &self.options[index.index()];
+        let [display, other] =
+            self.listen.clone().map(|endpoint| PeerEndpoint { endpoint, options: options.clone() });
+        let (recording, asked) = (&self.recording, Instant::from_nanos(0));
+        let culler = CullerSession {
+            index,
+            scene: SCENE,
+            net: Arc::clone(net),
+            display,
+            other,
+            timeouts: TIMEOUTS,
+            turns: Turns::at_once(),
+            work: |settings: &Settings| {
+                let (recording, clock, batch) = (recording.clone(), Arc::clone(clock), settings.batch);
+                Ok(RecordedCulling { recording, clock, batch, asked, frame: settings.first })
             },
-            SwitchStep::Cull { camera, feeds_other } => {
-                let frame = camera.frame();
-                let load = stage.workload.of(frame.0);
-                stage.note(frame, |times| times.fed = net.now());
-                compute(net, load.or).await;
-                stage.note(frame, |times| times.occluded = net.now());
-                let start = FrameStart { frame, header: camera };
-                let mut receivers: Vec<_> =
-                    [feeds_other.then_some(&mut other.frames_tx), Some(&mut display.frames_tx)]
-                        .into_iter()
-                        .flatten()
-                        .collect();
-                for sender in &mut receivers {
-                    sender.begin(start).await?;
+            watch: |event: SessionEvent<'_>| {
+                if let SessionEvent::Joined(joined) = event {
+                    let stats = [joined.display.stats.clone(), joined.other.stats.clone()];
+                    recording.log(|log| log.stats.extend(stats));
                 }
-                let ids = stage.workload.ids(frame.0);
-                let began = net.now();
-                let mut done = 0;
-                for (count, at) in stage.workload.finds(frame.0, settings.batch) {
-                    sleep_until(&**net, began.after(at)).await;
-                    let found = ids.get(done..count).unwrap_or_default();
-                    for sender in &mut receivers {
-                        sender.push(found).await?;
-                    }
-                    done = count;
-                }
-                sleep_until(&**net, began.after(load.hc)).await;
-                stage.note(frame, |times| times.culled = net.now());
-                for sender in &mut receivers {
-                    sender.finish().await?;
-                }
-                display.frames_tx.note(&FrameStats { frame, ..FrameStats::default() }).await?;
-                machine.culled()?;
-            }
-            SwitchStep::Done => return Ok(()),
+            },
+        };
+        let (_stopper, stop) = Stop::new();
+        culler.run(&stop).await
+    }
+
+    /// Plays the display until the last frame, and calls `shown` after each picture. Gives what `count` says
+    /// before the first camera and after the last picture.
+    ///
+    /// # Errors
+    /// When a link fails, or a peer breaks the order of messages.
+    pub async fn display<C>(
+        &self,
+        net: &Arc<dyn Net>,
+        clock: &Arc<dyn Net>,
+        count: impl Fn() -> C,
+        shown: impl Fn(),
+    ) -> Result<(C, C), SessionError> {
+        let ([listen, _], [_, _, options], settings) = (&self.listen, &self.options, self.settings);
+        let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(settings) };
+        let listener = Listener::bind(net, listen, identity, options).await?;
+        let [first, second] = await_cullers(listener, net.now().after(TIMEOUTS.join)).await?;
+        let stats = [first.stats.clone(), second.stats.clone()];
+        sleep_until(&**net, net.now().after(PAUSE)).await;
+        self.recording.log(|log| log.stats.extend(stats));
+        let before = count();
+        let mut pictures = Pictures { due: settings.frames.unwrap_or(0), shown, count: &count, after: None };
+        let (recording, clock) = (self.recording.clone(), Arc::clone(clock));
+        let work = RecordedPictures { recording, clock, came: Vec::new() };
+        let mut cameras = work.clone();
+        let role =
+            DisplayRole { work, first, second, settings, net: Arc::clone(net), turns: Turns::at_once() };
+        let (_stopper, stop) = Stop::new();
+        role.run(&mut cameras, &mut pictures, &stop).await?;
+        Ok((before, pictures.after.unwrap_or_else(count)))
+    }
+
+    /// What all ends of all links sent so far, by their own count.
+    #[must_use]
+    pub fn messages(&self) -> Traffic {
+        self.recording.log(|log| {
+            log.stats.iter().map(|stats| stats.read().sent).fold(Traffic::default(), |all, sent| all + sent)
+        })
+    }
+
+    /// When what happened to each frame.
+    #[must_use]
+    pub fn times(&self) -> Vec<FrameTimes> {
+        self.recording.log(|log| log.times.clone())
+    }
+
+    /// When what happened to each frame, and what was missing in each.
+    pub(super) fn take_log(&self) -> (Vec<FrameTimes>, BTreeMap<u32, Vec<DrawableId>>) {
+        self.recording.log(|log| (std::mem::take(&mut log.times), std::mem::take(&mut log.remains)))
+    }
+
+    /// The failure of a role.
+    pub(super) fn failed(&self, role: &'static str, cause: SessionError) -> SimulateError {
+        let (network, link) = (self.network.clone(), self.link.name());
+        // The other role is there, in a simulation.
+        let no_link =
+            matches!(cause, SessionError::Join(JoinError::Accept { .. } | JoinError::Connect { .. }));
+        let cause = Box::new(cause);
+        if no_link {
+            SimulateError::NoLink { network, link, cause }
+        } else {
+            SimulateError::Role { role, network, link, cause }
         }
     }
 }
 
-/// Leaves both links in good order.
-pub(super) async fn leave(links: [Link; 2]) {
-    for link in links {
-        // A peer that is gone already does not hear it, and need not.
-        let _heard = link.close(CloseCode::Finished.reason()).await;
+/// Counts pictures.
+struct Pictures<F, S, C> {
+    /// How many are still to be shown.
+    due: u32,
+    shown: S,
+    count: F,
+    /// What was counted after the last one.
+    after: Option<C>,
+}
+
+impl<F: Fn() -> C, S: Fn(), C> Observer for Pictures<F, S, C> {
+    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), BoxedError> {
+        (self.shown)();
+        self.due -= 1;
+        if self.due == 0 {
+            self.after = Some((self.count)());
+        }
+        Ok(())
     }
 }
 
-impl FrameTimes {
-    const fn of(nodes: u32) -> Self {
-        let start = Instant::from_nanos(0);
-        Self {
-            nodes,
-            missing: 0,
-            published: start,
-            asked: start,
-            taken: start,
-            fed: start,
-            occluded: start,
-            culled: start,
-            arrived: start,
-            shown: start,
-        }
-    }
+/// Options of three machines that know each other.
+fn acquainted(knobs: &Knobs) -> Result<[Options; 3], SimulateError> {
+    let keys = |name: &str| -> Result<Keys, SimulateError> { Ok(Keys::generate(name.parse()?)?) };
+    let all = [keys("first")?, keys("second")?, keys("display")?];
+    let roles = [Role::SwitchA, Role::SwitchB, Role::Display];
+    let known = |(keys, role): (&Keys, Role)| KnownPeer::in_role(keys.public().clone(), role);
+    let peers: Vec<_> = all.iter().zip(roles).map(known).collect();
+    let udp = UdpOptions {
+        trust: if knobs.in_the_clear { Trust::Plaintext } else { Trust::Keys },
+        deadline: knobs.deadline,
+        repair_percent: knobs.repair_percent,
+        ..UdpOptions::default()
+    };
+    Ok(all.map(|keys| Options {
+        security: Some(Security { keys, peers: peers.clone() }),
+        udp: udp.clone(),
+        ..Options::default()
+    }))
 }

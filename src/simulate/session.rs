@@ -4,101 +4,23 @@ use std::io::Write;
 use std::sync::Arc;
 use std::time::Duration;
 
-use thiserror::Error;
-use trimaran_actors::{JoinError, OrderError, Seat};
-use trimaran_netsim::{CaptureError, HostId, Machines, Simulation, Stalled};
-use trimaran_proto::{FrameNumber, SettingsError};
-use trimaran_transport::keys::KeysError;
-use trimaran_transport::{EndpointError, EndpointFault, ListenError, Net, RecvError, SendError};
+use trimaran_actors::CullerIndex;
+use trimaran_netsim::{HostId, Machines, Simulation};
+use trimaran_transport::Net;
 
 use super::bytes::{Account, Sent};
-use super::outcome::Ended;
-use super::{Cast, Outcome, Scenario};
+use super::error::SimulateError;
+use super::outcome::{Ended, Outcome};
+use super::roles::Roles;
+use super::scenario::Scenario;
 
 /// Links run on tokio, which counts time in milliseconds; what roles compute ends at any time.
 const TIMER_GRAIN: Duration = Duration::from_millis(1);
 
-/// Why a session could not be simulated.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum SimulateError {
-    /// No keys for the machines.
-    #[error("no keys for the simulated machines")]
-    Keys(#[from] KeysError),
-    /// A machine's address or name cannot be written.
-    #[error(transparent)]
-    Endpoint(#[from] EndpointError),
-    /// A name of a key cannot be used.
-    #[error(transparent)]
-    Name(#[from] EndpointFault),
-    /// The session's settings.
-    #[error(transparent)]
-    Settings(#[from] SettingsError),
-    /// A role ended early.
-    #[error("the {role} failed on {network} over {link}")]
-    Role {
-        /// Which.
-        role: &'static str,
-        /// Where.
-        network: String,
-        /// By what.
-        link: &'static str,
-        /// Why.
-        #[source]
-        cause: Box<RoleFailure>,
-    },
-    /// The machines never got a link over this network.
-    #[error(
-        "nothing gets through {network} over {link}: look at its keys rate, loss, queue and mtu (quic and udp begin with packets of 1228 bytes)"
-    )]
-    NoLink {
-        /// Where.
-        network: String,
-        /// By what.
-        link: &'static str,
-        /// Why.
-        #[source]
-        cause: Box<RoleFailure>,
-    },
-    /// The packets cannot be written down.
-    #[error(transparent)]
-    Capture(#[from] CaptureError),
-    /// The roles wait for each other.
-    #[error(transparent)]
-    Stalled(#[from] Stalled),
-}
-
-/// Why a role ended early.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum RoleFailure {
-    /// It cannot listen.
-    #[error(transparent)]
-    Listen(#[from] ListenError),
-    /// It did not find the others.
-    #[error(transparent)]
-    Join(#[from] JoinError),
-    /// A link takes nothing more.
-    #[error(transparent)]
-    Send(#[from] SendError),
-    /// A link brings nothing more.
-    #[error(transparent)]
-    Receive(#[from] RecvError),
-    /// A peer broke the order of messages.
-    #[error(transparent)]
-    Order(#[from] OrderError),
-    /// Ids are missing where all were promised.
-    #[error("{frame} arrived incomplete")]
-    Incomplete {
-        /// The frame.
-        frame: FrameNumber,
-    },
-}
-
 /// Runs a session.
 ///
 /// # Errors
-/// When a role fails, for instance because a link falls silent for longer than links are patient.
+/// When a role fails, for instance because a link is silent for longer than its timeout.
 pub fn simulate(scenario: &Scenario) -> Result<Outcome, SimulateError> {
     simulate_watched(scenario, None, || ())
 }
@@ -117,36 +39,36 @@ pub fn simulate_watched(
     if let Some(out) = capture {
         simulation.capture(out)?;
     }
-    let cast = Cast::new(scenario)?;
+    let roles = Roles::new(scenario)?;
     let hosts = [machines.first, machines.second, machines.display];
     let clocks = hosts.map(|host| -> Arc<dyn Net> { Arc::new(simulation.net(host)) });
     let nets =
         hosts.map(|host| -> Arc<dyn Net> { Arc::new(simulation.net(host).with_timer_grain(TIMER_GRAIN)) });
-    let count = || sent(&simulation, &cast, machines);
+    let count = || sent(&simulation, &roles, machines);
     let (first, second, counted) = simulation.run(async {
         tokio::join!(
-            cast.switch(Seat::First, &nets[0], &clocks[0]),
-            cast.switch(Seat::Second, &nets[1], &clocks[1]),
-            cast.display(&nets[2], &clocks[2], count, shown),
+            roles.culler(CullerIndex::First, &nets[0], &clocks[0]),
+            roles.culler(CullerIndex::Second, &nets[1], &clocks[1]),
+            roles.display(&nets[2], &clocks[2], count, shown),
         )
     })?;
     simulation.end_capture()?;
     // Whoever fails first takes the others with it: they hear only of a lost link.
-    for (role, ended) in [("pair's first machine", first), ("pair's second machine", second)] {
-        ended.map_err(|cause| cast.failed(role, cause))?;
+    for (role, ended) in [("first culler", first), ("second culler", second)] {
+        ended.map_err(|cause| roles.failed(role, cause))?;
     }
-    let (before, after) = counted.map_err(|cause| cast.failed("display", cause))?;
+    let (before, after) = counted.map_err(|cause| roles.failed("display", cause))?;
     let handshakes = before.bytes();
     let account = Account { sessions: 1, frames: scenario.frames, sent: after - before, before: handshakes };
-    let (times, remains) = cast.take_log();
+    let (times, remains) = roles.take_log();
     Ok(Outcome::new(scenario, Ended { times, remains, account, trace_hash: simulation.trace_hash() }))
 }
 
 /// What was sent so far: by the links' own count, and on the wire by what it was for.
-fn sent(simulation: &Simulation, cast: &Cast, machines: Machines) -> Sent {
+fn sent(simulation: &Simulation, roles: &Roles, machines: Machines) -> Sent {
     let Machines { first, second, display } = machines;
     let hosts: [HostId; 3] = [first, second, display];
-    let mut sent = Sent { messages: cast.messages(), ..Sent::default() };
+    let mut sent = Sent { messages: roles.messages(), ..Sent::default() };
     for from in hosts {
         for to in hosts {
             for (class, tally) in simulation.sent_by_class(from, to) {

@@ -1,5 +1,7 @@
 //! What many values come to.
 
+use std::ops::Add;
+
 use serde::Serialize;
 
 /// A distribution.
@@ -48,6 +50,36 @@ impl Percentiles {
         };
         let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
         Self { p50: at(0.5), p95: at(0.95), p99: at(0.99), p999: at(0.999), mean }
+    }
+}
+
+/// What gaps cost the pictures of a session.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct PixelCost {
+    /// How many frames were shown.
+    pub frames: u32,
+    /// How many had a pixel that is not as it would have been without loss.
+    pub frames_wrong: u32,
+    /// Such pixels, all frames together.
+    pub wrong_pixels: u64,
+    /// The most in a frame.
+    pub worst: u64,
+    /// Triangles drawn that would not have been, because the frame before had them and what was lost is not
+    /// known; all together.
+    pub needless_triangles: u64,
+}
+
+impl Add for PixelCost {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            frames: self.frames + other.frames,
+            frames_wrong: self.frames_wrong + other.frames_wrong,
+            wrong_pixels: self.wrong_pixels + other.wrong_pixels,
+            worst: self.worst.max(other.worst),
+            needless_triangles: self.needless_triangles + other.needless_triangles,
+        }
     }
 }
 

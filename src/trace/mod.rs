@@ -57,7 +57,7 @@ pub struct TraceFrame {
 #[non_exhaustive]
 pub enum RecordError {
     /// The walk had no frame of which all is known.
-    #[error("the walk was over before a machine of the pair had said what a frame took: walk more frames")]
+    #[error("the walk was over before a culler had said what a frame took: walk more frames")]
     Nothing,
     /// What was drawn is not what was culled.
     #[error(

@@ -4,13 +4,13 @@
 use std::{collections::BTreeMap, sync::Arc};
 
 use thiserror::Error;
-use trimaran_actors::{OccluderPolicy, PairDevice};
+use trimaran_actors::{CullerDevice, OccluderPolicy};
 use trimaran_audit::{CulledFrame, FalseCullCause, Missing, causes};
 use trimaran_cull::{LodRule, OccluderError, View, Viewport};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
-use super::record::FrameRecord;
+use super::compose::FrameRecord;
 use crate::report::schema::FalseCull;
 
 /// Why no cause could be looked for.
@@ -31,7 +31,7 @@ pub enum AttributionError {
 ///
 /// # Errors
 /// If the machine fails, or the frames are not of this scene.
-pub(super) fn false_culls<D: PairDevice>(
+pub(super) fn false_culls<D: CullerDevice>(
     scene: &Arc<Scene>,
     rule: LodRule,
     size: Viewport,
@@ -76,7 +76,7 @@ impl Session<'_> {
     }
 
     /// OR's work for a frame: returns what it draws.
-    fn draw_occluders<D: PairDevice>(
+    fn draw_occluders<D: CullerDevice>(
         &self,
         machine: &mut D,
         before: Option<&FrameRecord>,

@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, sync::Arc};
 
 use thiserror::Error;
-use trimaran_actors::PairDevice;
+use trimaran_actors::CullerDevice;
 use trimaran_audit::{
     Missing,
     metrics::{
@@ -19,9 +19,9 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use super::{
     attribution::{self, AttributionError},
+    compose::FrameRecord,
     deviation,
     objects::ObjectCounts,
-    record::FrameRecord,
 };
 use crate::report::schema::{Frame, VisibleObject};
 
@@ -35,7 +35,7 @@ pub enum AuditError {
     /// The pictures do not fit together.
     #[error("comparing pictures failed")]
     Metric(#[from] MetricError),
-    /// Something visible was not drawn, and the machine's work could not be done again to see why.
+    /// Something visible was not drawn, and the culler's work could not be done again to see why.
     #[error("{frame} was culled falsely; culling it again, to see why, failed")]
     Attribution {
         /// The frame.
@@ -122,7 +122,7 @@ impl Auditor {
     ///
     /// # Errors
     /// If a device fails.
-    pub fn audit<D: PairDevice>(
+    pub fn audit<D: CullerDevice>(
         &mut self,
         machine: &mut D,
         walk: &[FrameRecord],

@@ -2,17 +2,44 @@
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
-use trimaran_proto::{CullCounts, FrameNumber, FrameStats, SentBytes};
+use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, FrameStats, SentBytes};
 use trimaran_scene::Scene;
 
-use super::{objects::ObjectCounts, path::Trail, record::FrameRecord};
+use super::{objects::ObjectCounts, path::CameraPath};
 use crate::report::schema::{BytesByKind, CullingCounts, Frame, Role, Seat, Span};
+
+/// A frame as it was shown.
+#[derive(Debug, Clone)]
+pub struct FrameRecord {
+    /// Its camera.
+    pub camera: Camera,
+    /// What was drawn, in the order drawn.
+    pub ids: Vec<DrawableId>,
+    /// How many of them were drawn only because ids of the frame were lost.
+    pub for_loss: u32,
+    /// XXH3-64 of the picture's bytes, if it was read back.
+    pub picture: Option<u64>,
+    /// When its camera was handed out; all times are on the display's clock.
+    pub published: Duration,
+    /// When its begin arrived.
+    pub begun: Duration,
+    /// When drawing began.
+    pub drawing: Duration,
+    /// When it was shown.
+    pub shown: Duration,
+    /// What travelled between the display and the frame's culler.
+    pub traffic: SentBytes,
+    /// How many ids had come, and when, since the begin: one entry for all batches that came at once.
+    pub arrivals: Vec<(u32, Duration)>,
+    /// What that machine says it did.
+    pub stats: Option<FrameStats>,
+}
 
 /// Makes the report's frames of what was recorded, without what only an audit can tell.
 #[derive(Debug)]
 pub(super) struct Composer {
     scene: Arc<Scene>,
-    trail: Trail,
+    path: CameraPath,
     objects: ObjectCounts,
     /// Whether all roles measured by one clock.
     one_clock: bool,
@@ -21,9 +48,9 @@ pub(super) struct Composer {
 }
 
 impl Composer {
-    pub(super) fn new(scene: &Arc<Scene>, trail: &Trail, one_clock: bool) -> Self {
+    pub(super) fn new(scene: &Arc<Scene>, path: &CameraPath, one_clock: bool) -> Self {
         let objects = ObjectCounts::new(scene);
-        Self { scene: Arc::clone(scene), trail: trail.clone(), objects, one_clock, shown: Vec::new() }
+        Self { scene: Arc::clone(scene), path: path.clone(), objects, one_clock, shown: Vec::new() }
     }
 
     /// The next frame, in the order shown.
@@ -31,7 +58,7 @@ impl Composer {
         let previous = self.shown.last().copied();
         let frames_between = self.shown.iter().rev().take_while(|shown| **shown > record.published).count();
         self.shown.push(record.shown);
-        let frame = frame(&self.scene, &self.trail, record, previous, frames_between);
+        let frame = frame(&self.scene, &self.path, record, previous, frames_between);
         let objects = self.objects.of(&self.scene, record.ids.iter().copied());
         Frame { objects_drawn: Some(objects), timeline: timeline(record, self.one_clock), ..frame }
     }
@@ -39,13 +66,13 @@ impl Composer {
 
 fn frame(
     scene: &Scene,
-    trail: &Trail,
+    path: &CameraPath,
     record: &FrameRecord,
     previous: Option<Duration>,
     frames_between: usize,
 ) -> Frame {
     let number = record.camera.frame();
-    let pose = trail.pose_of(&record.camera);
+    let pose = path.pose_of(&record.camera);
     let triangles = record
         .ids
         .iter()
@@ -77,7 +104,7 @@ fn frame(
     }
 }
 
-/// When each role was busy. Unless they are one, the machine's clock is laid over the display's where the
+/// When each role was busy. Unless they are one, the culler's clock is laid over the display's where the
 /// frame's begin was sent and arrived.
 fn timeline(record: &FrameRecord, one_clock: bool) -> Vec<Span> {
     let number = record.camera.frame();
@@ -106,9 +133,9 @@ const fn busy_start(stats: &FrameStats) -> u64 {
 }
 
 const fn seat_of(frame: FrameNumber) -> Seat {
-    match trimaran_actors::Seat::of(frame) {
-        trimaran_actors::Seat::First => Seat::SwitchA,
-        trimaran_actors::Seat::Second => Seat::SwitchB,
+    match trimaran_actors::CullerIndex::of(frame) {
+        trimaran_actors::CullerIndex::First => Seat::SwitchA,
+        trimaran_actors::CullerIndex::Second => Seat::SwitchB,
     }
 }
 

@@ -9,7 +9,10 @@ use std::{
 use trimaran_audit::metrics::ImageRef;
 use trimaran_cull::Image;
 
-use super::{compose::Composer, record::FrameRecord, reporting::ReportingError};
+use super::{
+    compose::{Composer, FrameRecord},
+    error::ReportingError,
+};
 use crate::report::{PictureKind, Writer};
 
 /// How many frames and pictures may wait to be written. When as many do, the walk waits for the disk.

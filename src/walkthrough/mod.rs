@@ -1,92 +1,32 @@
 //! A walkthrough: a scene, a path and three roles, and the report of how it went.
 //!
 //! ```text
-//! Trail::find      which way to walk
-//! in_process       the three roles walk it; a Recorder notes every frame, and a Journal writes it down
-//! Auditor          draws frames again, away from the clock: as shown, without culling, at full detail
-//! report           all of it as a report with its pictures
+//! CameraPath::find      which way to walk
+//! SceneOnDevices::walk  the three roles walk it; a Recorder notes every frame, and a Journal writes it down
+//! Auditor               draws frames again, away from the clock: as shown, without culling, at full detail
+//! write_report          all of it as a report with its pictures
 //! ```
 
 mod attribution;
 mod audit;
 mod compose;
 mod deviation;
-mod in_process;
+mod devices;
+mod error;
 mod journal;
-mod live;
 mod objects;
 mod path;
+mod plan;
 mod record;
 mod reporting;
 
 pub use attribution::AttributionError;
 pub use audit::{AuditError, AuditPictures, Auditor};
-pub use in_process::{Stage, StageError, in_process};
+pub use compose::FrameRecord;
+pub use devices::{SceneOnDevices, WalkthroughError};
+pub use error::ReportingError;
 pub use journal::{Journal, JournalStopped};
-pub use path::{PathChoice, Trail, TrailError};
-pub use record::{FrameRecord, Recorder};
-pub use reporting::{ReportPlan, ReportingError, SceneFile, Written, begin, how_ended, write_report};
-
-use trimaran_proto::{BatchSize, EpsilonPx, FrameNumber, IdCoding, PictureSize, Settings, TesterKind};
-
-/// How the poses of a path become frames.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Pace {
-    /// Every pose is one frame: the same frames each time.
-    Lockstep,
-    /// The path is walked by the clock, and a frame shows the newest pose there is when its machine begins
-    /// it.
-    Live {
-        /// Poses of the path a second, above 0.
-        hz: f64,
-    },
-}
-
-/// How to walk.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Plan {
-    /// The picture's size.
-    pub size: PictureSize,
-    /// The largest error on the screen.
-    pub epsilon: EpsilonPx,
-    /// How many ids travel in a batch.
-    pub batch: BatchSize,
-    /// How ids travel between processes.
-    pub coding: IdCoding,
-    /// What tests boxes.
-    pub tester: TesterKind,
-    /// How poses become frames.
-    pub pace: Pace,
-    /// Whether culling stops at nodes that show at fewer pixels than epsilon (paper, section 4.5.2). Needs a
-    /// tester that counts pixels.
-    pub few_pixels: bool,
-    /// Every how many frames one is checked against the truth; 0 for none.
-    pub audit_every: u32,
-    /// Whether audited frames name what is exactly visible at full detail.
-    pub visible: bool,
-    /// Whether the roles compute one after another, so that no busy time contains another role's work. Only
-    /// roles of one process can: it has no effect on others.
-    pub alone: bool,
-}
-
-impl Plan {
-    /// What the display dictates to the pair for a walk of `frames` poses. A live session has as many frames
-    /// as there is time for.
-    #[must_use]
-    pub const fn settings(&self, frames: u32) -> Settings {
-        Settings {
-            size: self.size,
-            epsilon: self.epsilon,
-            batch: self.batch,
-            coding: self.coding,
-            tester: self.tester,
-            lockstep: matches!(self.pace, Pace::Lockstep),
-            few_pixels: self.few_pixels,
-            first: FrameNumber(0),
-            frames: match self.pace {
-                Pace::Lockstep => Some(frames),
-                Pace::Live { .. } => None,
-            },
-        }
-    }
-}
+pub use path::{CameraPath, CameraPathError, PathChoice};
+pub use plan::{Pace, Plan};
+pub use record::Recorder;
+pub use reporting::{ReportPlan, SceneFile, Written, begin, how_ended, write_report};

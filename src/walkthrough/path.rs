@@ -1,6 +1,9 @@
 //! The camera path of a walkthrough: automatic, from a file, or from an earlier report.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
 
 use thiserror::Error;
 use trimaran_actors::{Cameras, Stopwatch};
@@ -11,7 +14,7 @@ use trimaran_scene::{
     walk::{AutoWalkError, AutoWalkOptions, Walk, WalkError, WalkKind, auto},
 };
 
-use super::{Pace, live::LiveTrail};
+use super::plan::Pace;
 
 /// Which way to walk.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -35,7 +38,7 @@ impl PathChoice {
 
 /// A camera for each frame of a walkthrough.
 #[derive(Debug, Clone)]
-pub struct Trail {
+pub struct CameraPath {
     cameras: Vec<Camera>,
     walk: Walk,
     near: f32,
@@ -46,7 +49,7 @@ pub struct Trail {
 /// Why there is no path to walk.
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum TrailError {
+pub enum CameraPathError {
     /// The file cannot be read.
     #[error("cannot read the path {path}: {cause}", path = path.display())]
     Read {
@@ -79,7 +82,7 @@ pub enum TrailError {
     },
 }
 
-impl Trail {
+impl CameraPath {
     /// How many frames an automatic walk has unless told otherwise.
     pub const AUTO_FRAMES: u32 = 200;
 
@@ -93,7 +96,7 @@ impl Trail {
         scene: &Scene,
         viewport: Viewport,
         frames: Option<u32>,
-    ) -> Result<Self, TrailError> {
+    ) -> Result<Self, CameraPathError> {
         let (walk, kind) = match choice {
             PathChoice::Auto { seed } => {
                 let frames = frames.unwrap_or(Self::AUTO_FRAMES);
@@ -106,7 +109,7 @@ impl Trail {
         let near = walk.near().unwrap_or_else(|| default_near(scene));
         let camera = |(frame, pose): (usize, &trimaran_scene::walk::WalkFrame)| {
             pose.camera(walk.vfov_deg(), aspect(viewport), near, FrameNumber(0))
-                .map_err(|cause| TrailError::Camera { frame, cause })
+                .map_err(|cause| CameraPathError::Camera { frame, cause })
         };
         let poses: Vec<Camera> = walk.frames().iter().enumerate().map(camera).collect::<Result<_, _>>()?;
         let count = frames.map_or(poses.len(), |frames| frames as usize);
@@ -133,19 +136,19 @@ impl Trail {
         self.near
     }
 
-    /// The pose that a camera of this trail has, as the path has it: eye, forward and up.
+    /// The pose that a camera of this path has, as the path has it: eye, forward and up.
     #[must_use]
     pub fn pose_of(&self, camera: &Camera) -> Option<&trimaran_scene::walk::WalkFrame> {
         let same = |other: &Camera| other.for_frame(camera.frame()) == *camera;
-        // In lockstep the frame's number is its place.
-        let place = camera.frame().0 as usize;
-        let place = if self.cameras.get(place).is_some_and(same) {
-            place
+        // In lockstep the frame's number is its index.
+        let index = camera.frame().0 as usize;
+        let index = if self.cameras.get(index).is_some_and(same) {
+            index
         } else {
             self.cameras.iter().position(same)?
         };
         let count = self.walk.frames().len();
-        self.walk.frames().get(place % count.max(1))
+        self.walk.frames().get(index % count.max(1))
     }
 
     /// The cameras of a session that walks it at this pace.
@@ -155,28 +158,28 @@ impl Trail {
             Pace::Lockstep => Box::new(self.clone()),
             Pace::Live { hz } => {
                 let clock = Stopwatch::start();
-                Box::new(LiveTrail::new(self.clone(), hz, move || clock.elapsed()))
+                Box::new(LivePath::new(self.clone(), hz, move || clock.elapsed()))
             }
         }
     }
 
-    /// The camera at a place of the path, for a frame. Past its end the walk stands still.
-    pub(super) fn camera_at(&self, place: usize, frame: FrameNumber) -> Camera {
+    /// The camera so many poses into the path, for a frame. Past its end the walk stands still.
+    fn camera_at(&self, pose: usize, frame: FrameNumber) -> Camera {
         let last = self.cameras.len().saturating_sub(1);
-        self.cameras[place.min(last)].for_frame(frame)
+        self.cameras[pose.min(last)].for_frame(frame)
     }
 }
 
-impl Cameras for Trail {
+impl Cameras for CameraPath {
     fn camera(&mut self, frame: FrameNumber) -> Camera {
         self.camera_at(frame.0 as usize, frame)
     }
 }
 
-fn read(path: &Path) -> Result<Walk, TrailError> {
-    let text =
-        std::fs::read_to_string(path).map_err(|cause| TrailError::Read { path: path.to_owned(), cause })?;
-    Walk::from_json(&text).map_err(|cause| TrailError::Walk { path: path.to_owned(), cause })
+fn read(path: &Path) -> Result<Walk, CameraPathError> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|cause| CameraPathError::Read { path: path.to_owned(), cause })?;
+    Walk::from_json(&text).map_err(|cause| CameraPathError::Walk { path: path.to_owned(), cause })
 }
 
 /// The near plane of a path that names none: a ten-thousandth of the scene's diagonal.
@@ -186,4 +189,77 @@ fn default_near(scene: &Scene) -> f32 {
         (max - min).length()
     });
     ((diagonal * 1e-4) as f32).max(1e-6)
+}
+
+/// The poses of a path at so many a second, from the moment the first one is asked for.
+struct LivePath<C> {
+    path: CameraPath,
+    hz: f64,
+    /// Time since some origin.
+    clock: C,
+    start: Option<Duration>,
+}
+
+impl<C: Fn() -> Duration> LivePath<C> {
+    const fn new(path: CameraPath, hz: f64, clock: C) -> Self {
+        Self { path, hz, clock, start: None }
+    }
+
+    /// How many poses have been walked past.
+    fn walked(&self) -> usize {
+        let start = self.start.unwrap_or_default();
+        // Rounded down, and saturating for a walk of that many poses.
+        ((self.clock)().saturating_sub(start).as_secs_f64() * self.hz) as usize
+    }
+}
+
+impl<C: Fn() -> Duration> Cameras for LivePath<C> {
+    fn camera(&mut self, frame: FrameNumber) -> Camera {
+        if self.start.is_none() {
+            self.start = Some((self.clock)());
+        }
+        self.path.camera_at(self.walked(), frame)
+    }
+
+    fn is_over(&self) -> bool {
+        self.start.is_some() && self.walked() >= self.path.frames() as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use trimaran_cook::{
+        CookOptions, cook,
+        generate::{PlantOptions, plant},
+    };
+    use trimaran_cull::Viewport;
+
+    use super::*;
+
+    fn path() -> CameraPath {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let pose = |x: u32| format!(r#"{{"eye":[{x},0,0],"forward":[0,0,-1],"up":[0,1,0]}}"#);
+        let frames = (0..3).map(pose).collect::<Vec<_>>().join(",");
+        std::fs::write(file.path(), format!(r#"{{"vfov_deg":60,"near":0.1,"frames":[{frames}]}}"#)).unwrap();
+        let choice = PathChoice::File(file.path().to_owned());
+        let scene = cook(&plant(&PlantOptions::small(1)), &CookOptions::default(), &()).unwrap();
+        CameraPath::find(&choice, &scene, Viewport::new(8, 8).unwrap(), None).unwrap()
+    }
+
+    #[test]
+    fn the_newest_pose_is_handed_out_until_the_walk_is_over() {
+        let now = Cell::new(Duration::from_secs(5));
+        let mut live = LivePath::new(path(), 2.0, || now.get());
+        assert!(!live.is_over(), "the clock starts with the first camera");
+        let mut poses = Vec::new();
+        for ms in [5000, 5400, 5500, 6100, 6499, 6500] {
+            now.set(Duration::from_millis(ms));
+            poses.push((live.camera(FrameNumber(9)).eye()[0], live.is_over()));
+        }
+        let expected = [(0.0, false), (0.0, false), (1.0, false), (2.0, false), (2.0, false), (2.0, true)];
+        assert_eq!(poses, expected);
+        assert_eq!(live.camera(FrameNumber(9)).frame(), FrameNumber(9));
+    }
 }

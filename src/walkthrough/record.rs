@@ -1,43 +1,17 @@
 //! What happened in a session, frame by frame.
 
-use std::time::Duration;
-
-use trimaran_actors::{Observer, ObserverError, ShownFrame};
-use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, SentBytes};
+use trimaran_actors::{BoxedError, Observer, ShownFrame};
+use trimaran_proto::{FrameNumber, FrameStats};
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::journal::{Entry, Journal, JournalStopped};
+use super::{
+    compose::FrameRecord,
+    journal::{Entry, Journal, JournalStopped},
+};
 
-/// How many frames later the pair's figures of a frame are there at the latest. A frame is written without
+/// How many frames later the culler's figures of a frame are there at the latest. A frame is written without
 /// them then.
 const STATS_LAG: usize = 4;
-
-/// A frame as it was shown.
-#[derive(Debug, Clone)]
-pub struct FrameRecord {
-    /// Its camera.
-    pub camera: Camera,
-    /// What was drawn, in the order drawn.
-    pub ids: Vec<DrawableId>,
-    /// How many of them were drawn only because ids of the frame were lost.
-    pub for_loss: u32,
-    /// XXH3-64 of the picture's bytes, if it was read back.
-    pub picture: Option<u64>,
-    /// When its camera was handed out; all times are on the display's clock.
-    pub published: Duration,
-    /// When its begin arrived.
-    pub begun: Duration,
-    /// When drawing began.
-    pub drawing: Duration,
-    /// When it was shown.
-    pub shown: Duration,
-    /// What travelled between the display and the frame's machine.
-    pub traffic: SentBytes,
-    /// How many ids had come, and when, since the begin: one entry for all batches that came at once.
-    pub arrivals: Vec<(u32, Duration)>,
-    /// What that machine says it did.
-    pub stats: Option<FrameStats>,
-}
 
 /// Notes every frame of a session, and writes them into a report's folder as they come if it is given one.
 pub struct Recorder<'p> {
@@ -96,7 +70,7 @@ impl<'p> Recorder<'p> {
         Ok(())
     }
 
-    /// How many frames, from the first on, the pair has nothing more to say of.
+    /// How many frames, from the first on, the cullers have nothing more to say of.
     fn complete(&self) -> usize {
         let known = self.frames.iter().skip(self.written).take_while(|record| record.stats.is_some()).count();
         (self.written + known).max(self.frames.len().saturating_sub(STATS_LAG))
@@ -108,7 +82,7 @@ impl Observer for Recorder<'_> {
         self.picture_every > 0 && frame.0.is_multiple_of(self.picture_every)
     }
 
-    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), ObserverError> {
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
         self.frames.push(FrameRecord {
             camera: frame.camera,
             ids: frame.ids.to_vec(),
@@ -130,7 +104,7 @@ impl Observer for Recorder<'_> {
         Ok(self.write(self.complete())?)
     }
 
-    fn pair_did(&mut self, stats: &FrameStats) {
+    fn culled(&mut self, stats: &FrameStats) {
         if let Some(record) = self.frames.get_mut(stats.frame.0 as usize) {
             record.stats = Some(*stats);
         }

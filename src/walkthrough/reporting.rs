@@ -2,27 +2,26 @@
 
 use std::{ops::ControlFlow, path::PathBuf, sync::Arc, time::SystemTime};
 
-use crate::vulkan::VulkanPair;
-use thiserror::Error;
-use trimaran_actors::RoleError;
-use trimaran_audit::metrics::{ImageRef, MetricError};
-use trimaran_cull::{Image, LodRule, LodRuleError};
-use trimaran_gpu::{GpuError, GpuInfo, GpuScene};
+use trimaran_actors::{RoleError, SessionError};
+use trimaran_audit::metrics::ImageRef;
+use trimaran_cull::{Image, LodRule};
+use trimaran_gpu::{GpuInfo, GpuScene};
 use trimaran_scene::Scene;
+use trimaran_transport::causes;
 
 use super::{
-    Pace, Plan,
-    audit::{AuditError, AuditPictures, Auditor},
-    compose::Composer,
+    audit::{AuditPictures, Auditor},
+    compose::{Composer, FrameRecord},
+    error::ReportingError,
     journal::Journal,
-    path::Trail,
-    record::FrameRecord,
+    path::CameraPath,
+    plan::{Pace, Plan},
 };
 use crate::report::{
     Frame, Paths, PictureKind, Projection, Report, ReportError, Run, Writer,
     schema::{Ended, HowEnded, Mode, RoleInfo, SceneInfo, Seat, timestamp},
 };
-use trimaran_actors::causes;
+use crate::vulkan::VulkanCuller;
 
 /// A scene and the file it came from.
 #[derive(Debug, Clone)]
@@ -54,33 +53,6 @@ pub struct ReportPlan {
     pub notes: Vec<String>,
 }
 
-/// Why there is no report, or less than a whole one.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum ReportingError {
-    /// A device failed.
-    #[error("drawing the report's pictures failed")]
-    Gpu(#[from] GpuError),
-    /// A frame could not be checked.
-    #[error(transparent)]
-    Audit(#[from] AuditError),
-    /// It was broken off.
-    #[error("interrupted again")]
-    Interrupted,
-    /// Writing failed.
-    #[error(transparent)]
-    Write(#[from] ReportError),
-    /// The system gave no thread to write on.
-    #[error("cannot start a thread to write on")]
-    Thread(#[source] std::io::Error),
-    /// The error bound is none.
-    #[error(transparent)]
-    Rule(#[from] LodRuleError),
-    /// A picture does not fit its size.
-    #[error(transparent)]
-    Metric(#[from] MetricError),
-}
-
 /// Begins to record a walk into a report's folder.
 ///
 /// # Errors
@@ -90,19 +62,22 @@ pub fn begin(
     file: &SceneFile,
     plan: &Plan,
     about: &ReportPlan,
-    trail: &Trail,
+    path: &CameraPath,
 ) -> Result<Journal, ReportingError> {
-    writer.begin(&report(file, plan, about, trail, &[], Vec::new(), Ended::default()))?;
-    Journal::start(writer, Composer::new(&file.scene, trail, plan.alone)).map_err(ReportingError::Thread)
+    writer.begin(&report(file, plan, about, path, &[], Vec::new(), Ended::default()))?;
+    Journal::start(writer, Composer::new(&file.scene, path, plan.alone)).map_err(ReportingError::Thread)
 }
 
 /// How a session ended that a role or the journal ended early.
-pub fn how_ended<D: std::error::Error + 'static>(error: &RoleError<D>) -> HowEnded {
+#[must_use]
+pub fn how_ended(error: &SessionError) -> HowEnded {
     match error {
-        RoleError::Stopped => HowEnded::Interrupted,
-        error if error.device_failure().is_some() => HowEnded::DeviceFailed,
-        RoleError::Observer(_) => HowEnded::NotRecorded,
-        error if error.lost_a_peer() => HowEnded::PeerLost,
+        SessionError::Culler { cause, .. } => how_ended(cause),
+        SessionError::Lost { .. } => HowEnded::PeerLost,
+        SessionError::Role(RoleError::Stopped) => HowEnded::Interrupted,
+        SessionError::Role(RoleError::Observer(_)) => HowEnded::NotRecorded,
+        SessionError::Role(error) if error.device_failure().is_some() => HowEnded::DeviceFailed,
+        SessionError::Role(error) if error.lost_a_peer() => HowEnded::PeerLost,
         _ => HowEnded::Failed,
     }
 }
@@ -133,12 +108,12 @@ pub fn write_report(
     drawn: &Arc<GpuScene>,
     plan: &Plan,
     mut about: ReportPlan,
-    trail: &Trail,
+    path: &CameraPath,
     records: &[FrameRecord],
     ended: Ended,
     progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
 ) -> Result<Written, ReportError> {
-    let mut composer = Composer::new(&file.scene, trail, plan.alone);
+    let mut composer = Composer::new(&file.scene, path, plan.alone);
     let mut frames: Vec<Frame> = records.iter().map(|record| composer.frame(record)).collect();
     let mut checked = 0;
     let incomplete = match failure {
@@ -157,7 +132,7 @@ pub fn write_report(
             .notes
             .push(format!("pictures and checks end after {checked} of {} frames: {why}", frames.len()));
     }
-    let report = report(file, plan, &about, trail, records, frames, ended);
+    let report = report(file, plan, &about, path, records, frames, ended);
     let paths = writer.finish(report.clone())?;
     Ok(Written { report, paths, incomplete })
 }
@@ -174,7 +149,7 @@ fn draw(
 ) -> Result<(), ReportingError> {
     let rule = LodRule::new(plan.epsilon.pixels())?.stopping_at_few_pixels(plan.few_pixels);
     let mut auditor = Auditor::new(&file.scene, drawn, plan.size, rule)?;
-    let mut machine = VulkanPair::new(drawn, plan.size, plan.tester)?;
+    let mut machine = VulkanCuller::new(drawn, plan.size, plan.tester)?;
     let mut pictures = AuditPictures::default();
     for (index, (frame, record)) in frames.iter_mut().zip(records).enumerate() {
         let number = frame.frame;
@@ -215,7 +190,7 @@ fn report(
     file: &SceneFile,
     plan: &Plan,
     about: &ReportPlan,
-    trail: &Trail,
+    path: &CameraPath,
     records: &[FrameRecord],
     frames: Vec<Frame>,
     ended: Ended,
@@ -223,8 +198,8 @@ fn report(
     let projection = Projection {
         width: plan.size.width(),
         height: plan.size.height(),
-        vfov_deg: trail.vfov_deg(),
-        near: trail.near().into(),
+        vfov_deg: path.vfov_deg(),
+        near: path.near().into(),
     };
     let wall_ms = match records {
         [first, .., last] => Some(last.shown.saturating_sub(first.shown).as_secs_f64() * 1e3),

@@ -1,7 +1,7 @@
 //! Connecting to a listener that may not be there yet, over whatever transport its endpoint names.
 
-use std::error::Error;
 use std::io;
+use std::iter::successors;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,6 +9,7 @@ use thiserror::Error;
 use trimaran_wire::{Protocol, Refusal, SessionId};
 
 use crate::application::{Application, Side};
+use crate::causes::causes;
 use crate::error::readable;
 use crate::handshake::HandshakeError;
 use crate::link::Parts;
@@ -186,7 +187,7 @@ pub async fn connect<P: Protocol>(
     })?;
     let unsupported = |cause| AttemptError::Connect { address: endpoint.to_string(), cause };
     let started = net.now();
-    let mut pause = FIRST_PAUSE;
+    let mut pauses = growing_pauses(FIRST_PAUSE, LAST_PAUSE);
     let mut attempts = 0;
     let mut known = None;
     let mut logged = String::new();
@@ -215,33 +216,27 @@ pub async fn connect<P: Protocol>(
             // An attempt that was cut short by the deadline tells less than the one before it.
             None => known.filter(|_| timeout == deadline).unwrap_or(AttemptError::TimedOut),
         };
-        let obstacle = told(&last);
+        let obstacle = causes(&last);
         match (obstacle == logged, last.is_mismatch()) {
             (true, _) => tracing::debug!(%endpoint, attempts, "no link yet"),
             (false, true) => tracing::warn!(%endpoint, "no link yet, trying again: {obstacle}"),
             (false, false) => tracing::info!(%endpoint, "no link yet, trying again: {obstacle}"),
         }
         logged = obstacle;
-        let next = net.now().after(jittered(pause, &**net).map_err(ConnectError::Random)?);
+        let pause = jittered(pauses.next().unwrap_or(LAST_PAUSE), &**net).map_err(ConnectError::Random)?;
+        let next = net.now().after(pause);
         if next >= deadline {
             let waited = net.now().since(started);
             return Err(ConnectError::Deadline { endpoint: endpoint.clone(), waited, attempts, last });
         }
         sleep_until(&**net, next).await;
         known = Some(last);
-        pause = (pause * 2).min(LAST_PAUSE);
     }
 }
 
-/// An error with its causes.
-fn told(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        text = format!("{text}: {error}");
-        cause = error.source();
-    }
-    text
+/// Pauses between attempts, without end: each is twice the one before, up to `longest`.
+pub fn growing_pauses(first: Duration, longest: Duration) -> impl Iterator<Item = Duration> {
+    successors(Some(first), move |pause| Some((*pause * 2).min(longest)))
 }
 
 /// Between a half and the whole of `pause`, so that peers which lost the same listener do not all come back

@@ -64,6 +64,7 @@
 
 mod acceptor;
 mod application;
+mod causes;
 #[cfg(feature = "config")]
 mod config;
 #[cfg(feature = "conformance")]
@@ -103,7 +104,8 @@ pub mod udp;
 mod unix;
 
 pub use application::{HelloTooLong, PeerName};
-pub use connect::{AttemptError, ConnectError, connect};
+pub use causes::causes;
+pub use connect::{AttemptError, ConnectError, connect, growing_pauses};
 pub use endpoint::{
     Endpoint, EndpointError, EndpointFault, Host, HostName, HostPort, Name, OtherEndpoint, SocketPath,
     UdpEndpoint, UdpMode,

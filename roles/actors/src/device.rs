@@ -5,11 +5,11 @@ use std::time::Duration;
 use trimaran_cull::{DepthImage, Image, OcclusionTest, View};
 use trimaran_proto::DrawableId;
 
-use crate::Stop;
+use crate::stop::Stop;
 
-/// The device of one machine of the pair: it draws occluders and culls against their depth, which stays on it
-/// (paper, section 3.2). As a [`OcclusionTest`] it tests against the occluders finished last.
-pub trait PairDevice: OcclusionTest {
+/// The device of a culler: it draws occluders and culls against their depth, which stays on it (paper,
+/// section 3.2). As an [`OcclusionTest`] it tests against the occluders finished last.
+pub trait CullerDevice: OcclusionTest {
     /// Told before the role begins: once `stop` is requested, what waits for the device ends soon, with an
     /// error. A device that never waits long need not look at it.
     fn cancel_on(&mut self, stop: &Stop) {
@@ -46,7 +46,7 @@ pub trait PictureDevice {
     /// Why the device failed.
     type Error: std::error::Error + Send + Sync + 'static;
 
-    /// As [`PairDevice::cancel_on`].
+    /// As [`CullerDevice::cancel_on`].
     fn cancel_on(&mut self, stop: &Stop) {
         let _ = stop;
     }

@@ -4,16 +4,19 @@
 
 use std::{future::pending, sync::Arc, time::Duration};
 
-use crate::{Link, Listener};
 use thiserror::Error;
 use trimaran_proto::{CloseCode, Identity, Role, SceneHash, Settings, Walkthrough};
 use trimaran_transport::{
-    AcceptError, ConnectError, Endpoint, Instant, ListenError, Net, Options, RecvError, connect, sleep_until,
+    AcceptError, ConnectError, Endpoint, Instant, ListenError, Net, Options, RecvError, causes, connect,
+    growing_pauses, sleep_until,
 };
 
-use crate::{Seat, causes};
+use crate::{
+    links::{Link, Listener},
+    machine::CullerIndex,
+};
 
-/// How long after the first failed attempt comes the next. The pause doubles up to [`LONGEST_PAUSE`].
+/// The pause after the first failed attempt; it doubles up to [`LONGEST_PAUSE`].
 const FIRST_PAUSE: Duration = Duration::from_millis(200);
 const LONGEST_PAUSE: Duration = Duration::from_secs(5);
 
@@ -50,8 +53,8 @@ pub enum JoinError {
         /// Who should be.
         due: Role,
     },
-    /// The display left before the other machine had come.
-    #[error("the display left before the other machine had come")]
+    /// The display left before the other culler had come.
+    #[error("the display left before the other culler had come")]
     Left(#[source] RecvError),
     /// The display's address belongs to something that dictates no session.
     #[error("the peer at the display's address dictates no session")]
@@ -83,21 +86,12 @@ impl JoinError {
     }
 }
 
-/// The role on the wire of a machine of the pair.
-#[must_use]
-pub const fn role_of(seat: Seat) -> Role {
-    match seat {
-        Seat::First => Role::SwitchA,
-        Seat::Second => Role::SwitchB,
-    }
-}
-
-/// The display waits for both machines of the pair on its listener; the links come first machine first. One
+/// The display waits for both cullers on its listener; the links come first culler first. One
 /// that leaves before the other has come is waited for again. A display that comes is turned away.
 ///
 /// # Errors
 /// When one has not come by the deadline.
-pub async fn await_pair(mut listener: Listener, deadline: Instant) -> Result<[Link; 2], JoinError> {
+pub async fn await_cullers(mut listener: Listener, deadline: Instant) -> Result<[Link; 2], JoinError> {
     let mut early: Option<Link> = None;
     loop {
         let missing = match &early {
@@ -113,7 +107,7 @@ pub async fn await_pair(mut listener: Listener, deadline: Instant) -> Result<[Li
         let came = tokio::select! {
             biased;
             end = early_left => {
-                tracing::warn!(%end, "a machine left before the other one came");
+                tracing::warn!(%end, "a culler left before the other one came");
                 early = None;
                 continue;
             }
@@ -161,7 +155,8 @@ pub async fn again<T, E: std::error::Error + 'static, F: Future<Output = Result<
     may_pass: impl Fn(&E) -> bool,
     mut attempt: impl FnMut() -> F,
 ) -> Result<T, E> {
-    let (mut pause, mut said) = (FIRST_PAUSE, String::new());
+    let mut said = String::new();
+    let mut pauses = growing_pauses(FIRST_PAUSE, LONGEST_PAUSE);
     loop {
         let error = match attempt().await {
             Err(error) if net.now() < deadline && may_pass(&error) => causes(&error),
@@ -171,46 +166,46 @@ pub async fn again<T, E: std::error::Error + 'static, F: Future<Output = Result<
             tracing::warn!("{error}; trying again");
             said = error;
         }
+        let pause = pauses.next().unwrap_or(LONGEST_PAUSE);
         sleep_until(&**net, net.now().after(pause).min(deadline)).await;
-        pause = (2 * pause).min(LONGEST_PAUSE);
     }
 }
 
-/// What a machine of the pair has once it has joined.
+/// What a culler has once it has joined.
 #[derive(Debug)]
 pub struct Joined {
     /// The link to the display.
     pub display: Link,
-    /// The link to the other machine of the pair.
+    /// The link to the other culler.
     pub other: Link,
     /// What the display dictates.
     pub settings: Settings,
 }
 
-/// Where a role meets another, and what holds for their link.
+/// Where a role meets a peer, and what holds for their link.
 #[derive(Debug, Clone)]
-pub struct Place {
+pub struct PeerEndpoint {
     /// Where.
     pub endpoint: Endpoint,
     /// How, and whom it expects there.
     pub options: Options,
 }
 
-/// A machine of the pair joins the display at `display` and the other machine: the first listens at `pair`,
-/// the second connects there. The two links may go over different transports. When the display leaves before
-/// the other machine has come, it joins the next one there.
+/// A culler joins the display at `display` and the other culler: the first listens at `meet`, the
+/// second connects there. The two links may go over different transports. When the display leaves before
+/// the other culler has come, it joins the next one there.
 ///
 /// # Errors
 /// When a peer is not there by the deadline, refuses, or is not who it should be.
 pub async fn join_session(
     net: &Arc<dyn Net>,
-    seat: Seat,
+    index: CullerIndex,
     scene: SceneHash,
-    display: &Place,
-    pair: &Place,
+    display: &PeerEndpoint,
+    meet: &PeerEndpoint,
     deadline: Instant,
 ) -> Result<Joined, JoinError> {
-    let identity = |settings| Identity { role: role_of(seat), scene, settings };
+    let identity = |settings| Identity { role: index.role(), scene, settings };
     let once = || async {
         let mut display =
             connect::<Walkthrough>(net, &display.endpoint, identity(None), &display.options, deadline)
@@ -221,12 +216,12 @@ pub async fn join_session(
         let other = tokio::select! {
             biased;
             end = left(&mut display) => {
-                tracing::warn!(%end, "the display left before the other machine came");
+                tracing::warn!(%end, "the display left before the other culler came");
                 return Err(JoinError::Left(end));
             }
-            other = meet(net, seat, identity(Some(settings)), pair, deadline) => other,
+            other = link_of_cullers(net, index, identity(Some(settings)), meet, deadline) => other,
         };
-        let other = match other.and_then(|other| expect_role(&other, role_of(seat.other())).map(|()| other)) {
+        let other = match other.and_then(|other| expect_role(&other, index.other().role()).map(|()| other)) {
             Ok(other) => other,
             Err(error) => {
                 // It need not be heard; over QUIC the display would wait for the idle timeout without it.
@@ -243,26 +238,26 @@ pub async fn join_session(
     }
 }
 
-/// The pair's link between themselves.
-async fn meet(
+/// The cullers' link between themselves.
+async fn link_of_cullers(
     net: &Arc<dyn Net>,
-    seat: Seat,
+    index: CullerIndex,
     identity: Identity,
-    pair: &Place,
+    meet: &PeerEndpoint,
     deadline: Instant,
 ) -> Result<Link, JoinError> {
-    let peer = role_of(seat.other());
-    match seat {
-        Seat::First => {
+    let peer = index.other().role();
+    match index {
+        CullerIndex::First => {
             // The sockets of a session that is over may need a moment to be gone. The display is kept
             // meanwhile.
-            let bind = || Listener::bind(net, &pair.endpoint, identity, &pair.options);
+            let bind = || Listener::bind(net, &meet.endpoint, identity, &meet.options);
             let mut listener = again(net, deadline, ListenError::may_pass, bind).await?;
             let other = listener.accept(deadline).await;
             other.map_err(|cause| JoinError::Accept { peer, cause: Box::new(cause) })
         }
-        Seat::Second => {
-            let other = connect::<Walkthrough>(net, &pair.endpoint, identity, &pair.options, deadline).await;
+        CullerIndex::Second => {
+            let other = connect::<Walkthrough>(net, &meet.endpoint, identity, &meet.options, deadline).await;
             other.map_err(|cause| JoinError::Connect { peer, cause: Box::new(cause) })
         }
     }

@@ -1,147 +1,143 @@
-//! Three roles in one process.
+//! A culler finds the others, plays, and goes on with them after one was lost.
 
-use std::{sync::Arc, thread};
+use std::{error::Error, io, sync::Arc, time::Duration};
 
-use crate::Link;
 use thiserror::Error;
-use tokio::runtime::Handle;
-use trimaran_proto::{Identity, Role, Settings, Walkthrough};
-use trimaran_scene::Scene;
-use trimaran_transport::{HandshakeError, LinkConfig, Net, inproc};
+use trimaran_proto::{SceneHash, Settings};
+use trimaran_transport::{ListenError, Net};
 
 use crate::{
-    Cameras, DisplayRole, Observer, OccluderPolicy, PairDevice, PairRole, PairTraffic, PictureDevice,
-    RoleError, Seat, Stop, Stopwatch, Turns, max_frame,
+    driver::{CullerRole, CullerWork, RoleError, leave_unable},
+    join::{JoinError, Joined, PeerEndpoint, again, join_session},
+    machine::CullerIndex,
+    stop::Stop,
+    turn::Turns,
 };
 
-/// The devices of the three roles.
-#[derive(Debug)]
-pub struct Devices<P, D> {
-    /// Of the pair's first machine.
-    pub first: P,
-    /// Of the pair's second machine.
-    pub second: P,
-    /// Of the display.
-    pub display: D,
+/// How long a role waits for the others.
+#[derive(Debug, Clone, Copy)]
+pub struct JoinTimeouts {
+    /// At first.
+    pub join: Duration,
+    /// After one was lost; not at all if zero.
+    pub rejoin: Duration,
 }
 
-/// Why a session in one process failed.
+impl JoinTimeouts {
+    /// Long enough to load and copy a large scene. Who was lost is not waited for.
+    pub const ONCE: Self = Self { join: Duration::from_secs(120), rejoin: Duration::ZERO };
+}
+
+/// Why a role could not take part in a session to its end.
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum SessionError<P: std::error::Error + 'static, D: std::error::Error + 'static> {
-    /// The roles do not go together.
-    #[error("the roles cannot be joined")]
-    Refused(#[from] HandshakeError),
-    /// The system gave no thread.
+pub enum SessionError {
+    /// The system gave it no thread.
     #[error("cannot start a thread for a role")]
-    Thread(#[source] std::io::Error),
-    /// A machine of the pair failed.
-    #[error("the {seat:?} machine of the pair failed")]
-    Pair {
+    Thread(#[source] io::Error),
+    /// It cannot listen.
+    #[error(transparent)]
+    Listen(#[from] ListenError),
+    /// It did not find the others.
+    #[error(transparent)]
+    Join(#[from] JoinError),
+    /// It ended early.
+    #[error(transparent)]
+    Role(#[from] RoleError),
+    /// A peer was lost, and did not come again.
+    #[error("a peer was lost, and the session could not go on within {} s", .within.as_secs_f64())]
+    Lost {
+        /// How long the role waited.
+        within: Duration,
+        /// How it was lost.
+        #[source]
+        cause: RoleError,
+    },
+    /// A culler of the same process could not.
+    #[error("the {} failed", .index.name())]
+    Culler {
         /// Which.
-        seat: Seat,
+        index: CullerIndex,
         /// Why.
         #[source]
-        cause: RoleError<P>,
+        cause: Box<Self>,
     },
-    /// The display failed.
-    #[error("the display failed")]
-    Display(#[source] RoleError<D>),
 }
 
-/// Runs a whole session in this process: the pair on two threads of its own, the display on this one. Returns
-/// what the display's links carried. All three measure by one clock.
-///
-/// # Errors
-/// The first role to fail; the others are told and end as well.
-#[expect(clippy::too_many_arguments, reason = "a session has this many parts, each of its own type")]
-pub fn in_process<P, D>(
-    scene: &Arc<Scene>,
-    settings: Settings,
-    devices: Devices<P, D>,
-    cameras: &mut dyn Cameras,
-    observer: &mut dyn Observer,
-    net: &Arc<dyn Net>,
-    runtime: &Handle,
-    stop: &Stop,
-    turns: &Turns,
-) -> Result<PairTraffic, SessionError<P::Error, D::Error>>
+/// A culler in a session, `work` of which gives what it does with a frame.
+#[expect(missing_debug_implementations, reason = "closures say nothing")]
+pub struct CullerSession<F, E> {
+    /// Which culler.
+    pub index: CullerIndex,
+    /// The scene, the same in all three roles.
+    pub scene: SceneHash,
+    /// The time it waits by.
+    pub net: Arc<dyn Net>,
+    /// Where the display is.
+    pub display: PeerEndpoint,
+    /// Where the cullers meet.
+    pub other: PeerEndpoint,
+    /// How long it waits for the others.
+    pub timeouts: JoinTimeouts,
+    /// As in [`CullerRole`].
+    pub turns: Turns,
+    /// Makes ready for what the display has decided.
+    pub work: F,
+    /// Told how the session goes.
+    pub watch: E,
+}
+
+/// What a culler's process may want to show of its session.
+#[derive(Debug)]
+pub enum SessionEvent<'e> {
+    /// All have joined, over these links.
+    Joined(&'e Joined),
+    /// A peer was lost, and is waited for.
+    Lost(&'e (dyn Error + 'static)),
+}
+
+impl<W, F, E> CullerSession<F, E>
 where
-    P: PairDevice + Send,
-    D: PictureDevice,
+    W: CullerWork,
+    F: FnMut(&Settings) -> Result<W, RoleError>,
+    E: FnMut(SessionEvent<'_>),
 {
-    let join = |ours: Role, theirs: Role| -> Result<(Link, Link), HandshakeError> {
-        let identity = |role| Identity {
-            role,
-            scene: scene.hash(),
-            settings: (role == Role::Display).then_some(settings),
-        };
-        let config = LinkConfig { max_frame: max_frame(scene), ..LinkConfig::default() };
-        inproc::pair::<Walkthrough>(net, identity(ours), identity(theirs), &config)
-    };
-    let (display_first, first_display) = join(Role::Display, Role::SwitchA)?;
-    let (display_second, second_display) = join(Role::Display, Role::SwitchB)?;
-    let (first_second, second_first) = join(Role::SwitchA, Role::SwitchB)?;
-    let clock = Stopwatch::start();
-    let machine = |seat, device, display, other| PairRole {
-        seat,
-        scene: Arc::clone(scene),
-        device,
-        display,
-        other,
-        settings,
-        occluders: OccluderPolicy::default(),
-        clock,
-        turns: turns.clone(),
-    };
-    let first = machine(Seat::First, devices.first, first_display, first_second);
-    let second = machine(Seat::Second, devices.second, second_display, second_first);
-    let display = DisplayRole {
-        scene: Arc::clone(scene),
-        device: devices.display,
-        first: display_first,
-        second: display_second,
-        settings,
-        net: Arc::clone(net),
-        clock,
-        turns: turns.clone(),
-    };
-
-    thread::scope(|scope| {
-        let start = |name: &str, role: PairRole<P>| {
-            let seat = role.seat;
-            let run = move || role.run(runtime, stop).map_err(|cause| SessionError::Pair { seat, cause });
-            thread::Builder::new()
-                .name(name.to_owned())
-                .spawn_scoped(scope, run)
-                .map_err(SessionError::Thread)
-        };
-        let first = start("first", first)?;
-        let second = start("second", second)?;
-        let display = display.run(cameras, observer, runtime, stop).map_err(SessionError::Display);
-        let pair = [first, second].map(|role| match role.join() {
-            Ok(result) => result,
-            Err(panic) => std::panic::resume_unwind(panic),
-        });
-        root_cause(pair, display)
-    })
-}
-
-/// When one role fails, the others fail for it: tells the one that did not just hear of another's failure.
-fn root_cause<T, P: std::error::Error, D: std::error::Error>(
-    pair: [Result<(), SessionError<P, D>>; 2],
-    display: Result<T, SessionError<P, D>>,
-) -> Result<T, SessionError<P, D>> {
-    let mut hearsay = None;
-    for failure in pair.into_iter().filter_map(Result::err) {
-        match &failure {
-            SessionError::Pair { cause: RoleError::Link { .. }, .. } => hearsay = hearsay.or(Some(failure)),
-            _ => return Err(failure),
+    /// Joins the others and plays until the session ends, or `stop` asks. When a peer is lost that may come
+    /// again, all join anew, and the session goes on.
+    ///
+    /// # Errors
+    /// When the others are not there in time, and as the role does.
+    pub async fn run(mut self, stop: &Stop) -> Result<(), SessionError> {
+        let (mut within, mut lost) = (self.timeouts.join, None);
+        loop {
+            let deadline = self.net.now().after(within);
+            let Self { index, scene, net, display, other, .. } = &self;
+            let join = || join_session(net, *index, *scene, display, other, deadline);
+            let joining = again(net, deadline, JoinError::is_early, join);
+            let Some(joined) = stop.unless_requested(joining).await else { return Ok(()) };
+            let joined = joined.map_err(|error| match lost.take() {
+                Some(cause) => SessionError::Lost { within, cause },
+                None => error.into(),
+            })?;
+            match self.play(joined, stop).await {
+                Err(error) if !self.timeouts.rejoin.is_zero() && error.lost_a_peer() => {
+                    (self.watch)(SessionEvent::Lost(&error));
+                    (within, lost) = (self.timeouts.rejoin, Some(error));
+                }
+                played => return Ok(played?),
+            }
         }
     }
-    match (display, hearsay) {
-        (Ok(value), None) => Ok(value),
-        (Ok(_), Some(failure)) => Err(failure),
-        (Err(failure), _) => Err(failure),
+
+    async fn play(&mut self, joined: Joined, stop: &Stop) -> Result<(), RoleError> {
+        (self.watch)(SessionEvent::Joined(&joined));
+        let Joined { display, other, settings } = joined;
+        match (self.work)(&settings) {
+            Ok(work) => {
+                let (index, turns) = (self.index, self.turns.clone());
+                CullerRole { index, work, display, other, settings, turns }.run(stop).await
+            }
+            Err(error) => Err(leave_unable([display, other], error).await),
+        }
     }
 }

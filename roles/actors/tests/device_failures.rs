@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 use std::{
-    future::pending,
     sync::{
         Arc,
         mpsc::{Receiver, Sender, channel},
@@ -16,17 +15,17 @@ use glam::DVec3;
 use thiserror::Error;
 use tokio::runtime::{Builder, Handle, Runtime};
 use trimaran_actors::{
-    Cameras, DisplayRole, FrameStart, Joined, Link, Listener, Observer, ObserverError, OccluderPolicy,
-    PairDevice, PairRole, PictureDevice, Place, RoleError, Seat, ShownFrame, Stop, Stopper, Stopwatch, Turns,
-    await_pair, join_session,
+    BoxedError, Cameras, CullerDevice, CullerIndex, CullerRole, DisplayRole, FrameStart, Joined, Link,
+    Listener, Observer, PeerEndpoint, PictureDevice, RoleError, SceneCulling, ScenePictures, ShownFrame,
+    Stop, Stopper, Turns, await_cullers, join_session,
 };
 use trimaran_audit::cases;
 use trimaran_cull::{
     Culler, DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport,
 };
 use trimaran_proto::{
-    BatchSize, Camera, CloseCode, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, Identity,
-    PictureSize, Role, Settings, TesterKind, Walkthrough,
+    BatchSize, Camera, CloseCode, DrawableId, EpsilonPx, FrameNumber, IdCoding, Identity, PictureSize, Role,
+    Settings, TesterKind, Walkthrough,
 };
 use trimaran_scene::Scene;
 use trimaran_transport::{CloseReason, Instant, LinkConfig, Net, Options, RecvError, TokioNet, inproc};
@@ -44,7 +43,7 @@ enum Fault {
     /// It says so.
     Fails(Broken),
     /// It never ends, unless the role is asked to stop. Says that it has begun.
-    Hangs(Sender<()>, Handle),
+    Hangs(Sender<()>),
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
@@ -91,17 +90,19 @@ impl Device {
         }
         match fault {
             Fault::Fails(broken) => Err(*broken),
-            Fault::Hangs(begun, runtime) => {
+            Fault::Hangs(begun) => {
                 begun.send(()).unwrap();
                 let stop = self.stop.as_ref().unwrap();
-                assert_eq!(stop.unless_requested(runtime, pending::<()>()), None);
+                while !stop.requested() {
+                    thread::yield_now();
+                }
                 Err(Broken::Cancelled)
             }
         }
     }
 }
 
-impl PairDevice for Device {
+impl CullerDevice for Device {
     fn cancel_on(&mut self, stop: &Stop) {
         self.stop = Some(stop.clone());
     }
@@ -154,16 +155,10 @@ impl PictureDevice for Device {
 struct Frames(Vec<u32>);
 
 impl Observer for Frames {
-    fn wants_picture(&self, _: FrameNumber) -> bool {
-        false
-    }
-
-    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), ObserverError> {
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
         self.0.push(frame.camera.frame().0);
         Ok(())
     }
-
-    fn pair_did(&mut self, _: &FrameStats) {}
 }
 
 struct Still(Camera);
@@ -174,7 +169,7 @@ impl Cameras for Still {
     }
 }
 
-/// A scene, a camera in it, and a place to meet that no other test has.
+/// A scene, a camera in it, and endpoints that no other test has.
 struct House {
     runtime: Runtime,
     net: Arc<dyn Net>,
@@ -185,8 +180,8 @@ struct House {
 
 /// How the three roles of a session ended, and the frames shown.
 struct Ends {
-    pair: [Result<(), RoleError<Broken>>; 2],
-    display: Result<(), RoleError<Broken>>,
+    cullers: [Result<(), RoleError>; 2],
+    display: Result<(), RoleError>,
     shown: Vec<u32>,
 }
 
@@ -217,8 +212,8 @@ impl House {
         }
     }
 
-    fn place(&self, what: &str) -> Place {
-        Place {
+    fn endpoint(&self, what: &str) -> PeerEndpoint {
+        PeerEndpoint {
             endpoint: format!("inproc:{}-{what}", self.name).parse().unwrap(),
             options: Options::default(),
         }
@@ -229,53 +224,57 @@ impl House {
     }
 
     /// The three roles with these devices join, and play from the frame `first` on until all have ended.
-    fn session(&self, first: u32, pair: [Device; 2], display: Device) -> Ends {
+    fn session(&self, first: u32, cullers: [Device; 2], display: Device) -> Ends {
         let ((_stopper, stop), settings) = (Stop::new(), self.settings(first));
         let identity = Identity { role: Role::Display, scene: self.scene.hash(), settings: Some(settings) };
-        let Place { endpoint, options } = self.place("display");
+        let PeerEndpoint { endpoint, options } = self.endpoint("display");
         let handle = self.runtime.handle();
         let listener = handle.block_on(Listener::bind(&self.net, &endpoint, identity, &options)).unwrap();
         thread::scope(|scope| {
             let stop = &stop;
-            let machine = |seat, device| {
+            let culler = |index, device| {
                 scope.spawn(move || {
-                    let (display, pair) = (self.place("display"), self.place("pair"));
+                    let (display, meet) = (self.endpoint("display"), self.endpoint("meet"));
                     let joining =
-                        join_session(&self.net, seat, self.scene.hash(), &display, &pair, self.deadline());
+                        join_session(&self.net, index, self.scene.hash(), &display, &meet, self.deadline());
                     let Joined { display, other, settings } = handle.block_on(joining).unwrap();
-                    self.machine(seat, device, display, other, settings).run(handle, stop)
+                    let role = self.culler(index, device, display, other, settings);
+                    handle.block_on(role.run(stop))
                 })
             };
-            let [one, two] = pair;
-            let pair = [machine(Seat::First, one), machine(Seat::Second, two)];
-            let [first, second] = handle.block_on(await_pair(listener, self.deadline())).unwrap();
-            let role = DisplayRole {
-                scene: Arc::clone(&self.scene),
-                device: display,
-                first,
-                second,
-                settings,
-                net: Arc::clone(&self.net),
-                clock: Stopwatch::start(),
-                turns: Turns::at_once(),
-            };
+            let [one, two] = cullers;
+            let cullers = [culler(CullerIndex::First, one), culler(CullerIndex::Second, two)];
+            let [first, second] = handle.block_on(await_cullers(listener, self.deadline())).unwrap();
+            let role = self.display(display, first, second, settings);
             let mut frames = Frames::default();
-            let display = role.run(&mut Still(self.camera), &mut frames, handle, stop).map(|_| ());
-            Ends { pair: pair.map(|role| role.join().unwrap()), display, shown: frames.0 }
+            let display = handle.block_on(role.run(&mut Still(self.camera), &mut frames, stop)).map(|_| ());
+            Ends { cullers: cullers.map(|role| role.join().unwrap()), display, shown: frames.0 }
         })
     }
 
-    fn machine(
+    fn culler(
         &self,
-        seat: Seat,
+        index: CullerIndex,
         device: Device,
         display: Link,
         other: Link,
         settings: Settings,
-    ) -> PairRole<Device> {
-        let (scene, occluders) = (Arc::clone(&self.scene), OccluderPolicy::default());
-        let (clock, turns) = (Stopwatch::start(), Turns::at_once());
-        PairRole { seat, scene, device, display, other, settings, occluders, clock, turns }
+    ) -> CullerRole<SceneCulling<Device>> {
+        let turns = Turns::at_once();
+        let work = SceneCulling::new(&self.scene, device, &settings, &turns).unwrap();
+        CullerRole { index, work, display, other, settings, turns }
+    }
+
+    fn display(
+        &self,
+        device: Device,
+        first: Link,
+        second: Link,
+        settings: Settings,
+    ) -> DisplayRole<ScenePictures<Device>> {
+        let (net, turns) = (Arc::clone(&self.net), Turns::at_once());
+        let work = ScenePictures::new(&self.scene, device, &settings).unwrap();
+        DisplayRole { work, first, second, settings, net, turns }
     }
 
     /// A link of a role to a peer that the test plays.
@@ -286,13 +285,17 @@ impl House {
     }
 }
 
+fn broken_by(error: &RoleError) -> Option<&Broken> {
+    error.device_failure()?.downcast_ref()
+}
+
 /// Goes on with the frame that was due, with devices that work, and asserts that no frame is missing and none
 /// was shown twice.
 fn assert_goes_on(house: &House, shown: Vec<u32>) {
     let due = shown.len() as u32;
     assert!(due < FRAMES, "it failed within the session");
     let ends = house.session(due, Default::default(), Device::default());
-    assert!(ends.pair.iter().all(Result::is_ok) && ends.display.is_ok());
+    assert!(ends.cullers.iter().all(Result::is_ok) && ends.display.is_ok());
     assert_eq!([shown, ends.shown].concat(), (0..FRAMES).collect::<Vec<_>>());
 }
 
@@ -304,12 +307,12 @@ fn a_session_goes_on_when_the_machine_whose_device_failed_comes_again() {
             let house = House::new(&format!("machine-{index}-{failing}"));
             let mut devices = [Device::default(), Device::default()];
             devices[failing] = Device::failing(task, 2, Fault::Fails(broken));
-            let Ends { pair, display, shown } = house.session(0, devices, Device::default());
+            let Ends { cullers, display, shown } = house.session(0, devices, Device::default());
             let (failed, other) =
-                (pair[failing].as_ref().unwrap_err(), pair[1 - failing].as_ref().unwrap_err());
-            assert_eq!(failed.device_failure(), Some(&broken), "{failed:?}");
+                (cullers[failing].as_ref().unwrap_err(), cullers[1 - failing].as_ref().unwrap_err());
+            assert_eq!(broken_by(failed), Some(&broken), "{failed:?}");
             assert!(!failed.lost_a_peer() && !failed.is_clean_end(), "its process ends: {failed:?}");
-            // Either hears it from the machine itself, or that the other has lost it.
+            // Either hears it from the culler itself, or that the other has lost it.
             for peer in [other, display.as_ref().unwrap_err()] {
                 assert!(peer.lost_a_peer(), "{task:?} {broken}: {peer:?}");
                 let said = format!("{peer:?}");
@@ -324,9 +327,9 @@ fn a_session_goes_on_when_the_machine_whose_device_failed_comes_again() {
 fn a_session_goes_on_when_the_display_whose_device_failed_comes_again() {
     let house = House::new("display");
     let broken = Device::failing(Task::Draw, 4, Fault::Fails(Broken::Hung));
-    let Ends { pair, display, shown } = house.session(0, Default::default(), broken);
-    assert_eq!(display.unwrap_err().device_failure(), Some(&Broken::Hung));
-    for peer in pair {
+    let Ends { cullers, display, shown } = house.session(0, Default::default(), broken);
+    assert_eq!(broken_by(&display.unwrap_err()), Some(&Broken::Hung));
+    for peer in cullers {
         assert!(peer.as_ref().unwrap_err().lost_a_peer(), "{peer:?}");
     }
     assert_eq!(shown, [0, 1, 2, 3]);
@@ -359,13 +362,13 @@ fn a_machine_that_waits_for_its_device_ends_when_it_is_asked_to() {
         let house = House::new("unused");
         let (begun, hangs) = channel();
         let handle = house.runtime.handle();
-        let device = Device::failing(task, 0, Fault::Hangs(begun, handle.clone()));
+        let device = Device::failing(task, 0, Fault::Hangs(begun));
         let (display, mut to_display) = house.link(Role::SwitchA, Role::Display);
         let (other, mut to_other) = house.link(Role::SwitchA, Role::SwitchB);
         to_display.latest_tx.publish(house.camera.for_frame(FrameNumber(0))).unwrap();
         let (stopper, stop) = Stop::new();
-        let role = house.machine(Seat::First, device, display, other, house.settings(0));
-        stopped(hangs, stopper, || role.run(handle, &stop)).unwrap();
+        let role = house.culler(CullerIndex::First, device, display, other, house.settings(0));
+        stopped(hangs, stopper, || handle.block_on(role.run(&stop))).unwrap();
         for link in [&mut to_display, &mut to_other] {
             assert_eq!(close(handle, link), CloseCode::Interrupted.reason(), "{task:?}");
         }
@@ -377,7 +380,7 @@ fn a_display_that_waits_for_its_device_ends_when_it_is_asked_to() {
     let house = House::new("unused");
     let (begun, hangs) = channel();
     let handle = house.runtime.handle();
-    let device = Device::failing(Task::Draw, 0, Fault::Hangs(begun, handle.clone()));
+    let device = Device::failing(Task::Draw, 0, Fault::Hangs(begun));
     let (first, mut to_first) = house.link(Role::Display, Role::SwitchA);
     let (second, mut to_second) = house.link(Role::Display, Role::SwitchB);
     let camera = house.camera.for_frame(FrameNumber(0));
@@ -386,18 +389,10 @@ fn a_display_that_waits_for_its_device_ends_when_it_is_asked_to() {
         to_first.frames_tx.finish().await.unwrap();
     });
     let (stopper, stop) = Stop::new();
-    let role = DisplayRole {
-        scene: Arc::clone(&house.scene),
-        device,
-        first,
-        second,
-        settings: house.settings(0),
-        net: Arc::clone(&house.net),
-        clock: Stopwatch::start(),
-        turns: Turns::at_once(),
-    };
+    let role = house.display(device, first, second, house.settings(0));
     let mut frames = Frames::default();
-    stopped(hangs, stopper, || role.run(&mut Still(house.camera), &mut frames, handle, &stop)).unwrap();
+    let play = || handle.block_on(role.run(&mut Still(house.camera), &mut frames, &stop));
+    stopped(hangs, stopper, play).unwrap();
     assert_eq!(frames.0, [0_u32; 0]);
     for link in [&mut to_first, &mut to_second] {
         assert_eq!(close(handle, link), CloseCode::Interrupted.reason());
@@ -406,25 +401,18 @@ fn a_display_that_waits_for_its_device_ends_when_it_is_asked_to() {
 
 /// How a display ends whose first machine is due and silent, when the second one leaves with these words or
 /// none.
-fn left_by_the_other(lockstep: bool, words: Option<CloseReason>) -> RoleError<Broken> {
+fn left_by_the_other(lockstep: bool, words: Option<CloseReason>) -> RoleError {
     let house = House::new("unused");
     let handle = house.runtime.handle();
     let (first, _silent) = house.link(Role::Display, Role::SwitchA);
     let (second, mut leaving) = house.link(Role::Display, Role::SwitchB);
-    let role = DisplayRole {
-        scene: Arc::clone(&house.scene),
-        device: Device::default(),
-        first,
-        second,
-        settings: Settings { lockstep, frames: lockstep.then_some(FRAMES), ..house.settings(0) },
-        net: Arc::clone(&house.net),
-        clock: Stopwatch::start(),
-        turns: Turns::at_once(),
-    };
+    let settings = Settings { lockstep, frames: lockstep.then_some(FRAMES), ..house.settings(0) };
+    let role = house.display(Device::default(), first, second, settings);
     let (_stopper, stop) = Stop::new();
     thread::scope(|scope| {
         let (mut still, mut frames) = (Still(house.camera), Frames::default());
-        let ended = scope.spawn(move || role.run(&mut still, &mut frames, handle, &stop).unwrap_err());
+        let ended =
+            scope.spawn(move || handle.block_on(role.run(&mut still, &mut frames, &stop)).unwrap_err());
         handle.block_on(async {
             leaving.latest_rx.latest().await.unwrap();
             match words {

@@ -6,7 +6,9 @@
 use std::{sync::Arc, time::Duration};
 
 use tokio::task::JoinHandle;
-use trimaran_actors::{JoinError, Joined, Link, Listener, Place, Seat, again, await_pair, join_session};
+use trimaran_actors::{
+    CullerIndex, JoinError, Joined, Link, Listener, PeerEndpoint, again, await_cullers, join_session,
+};
 use trimaran_proto::{
     BatchSize, Camera, CloseCode, EpsilonPx, FrameNumber, IdCoding, Identity, PictureSize, Role, SceneHash,
     Settings, TesterKind, Walkthrough,
@@ -25,7 +27,7 @@ struct Meeting {
     net: Arc<dyn Net>,
     options: Options,
     display: Endpoint,
-    pair: Endpoint,
+    meet: Endpoint,
 }
 
 impl Meeting {
@@ -36,7 +38,7 @@ impl Meeting {
             net: Arc::new(TokioNet::current().unwrap()),
             options: Options { link, ..Options::default() },
             display: format!("inproc:{name}-display").parse().unwrap(),
-            pair: format!("inproc:{name}-pair").parse().unwrap(),
+            meet: format!("inproc:{name}-meet").parse().unwrap(),
         }
     }
 
@@ -48,25 +50,25 @@ impl Meeting {
         sleep_until(&*self.net, self.net.now().after(time)).await;
     }
 
-    /// A display that waits for its pair.
+    /// A display that waits for its cullers.
     async fn display(&self, first: FrameNumber) -> JoinHandle<Result<[Link; 2], JoinError>> {
         let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(settings(first)) };
         let listener = Listener::bind(&self.net, &self.display, identity, &self.options).await.unwrap();
-        tokio::spawn(await_pair(listener, self.deadline()))
+        tokio::spawn(await_cullers(listener, self.deadline()))
     }
 
-    /// A machine that has joined the display and nobody else.
+    /// A culler that has joined the display and nobody else.
     async fn early(&self, role: Role) -> Link {
         let identity = Identity { role, scene: SCENE, settings: None };
         connect(&self.net, &self.display, identity, &self.options, self.deadline()).await.unwrap()
     }
 
     /// A machine that joins the display and the other machine.
-    fn machine(&self, seat: Seat) -> JoinHandle<Result<Joined, JoinError>> {
-        let [display, pair] = [&self.display, &self.pair]
-            .map(|endpoint| Place { endpoint: endpoint.clone(), options: self.options.clone() });
+    fn culler(&self, index: CullerIndex) -> JoinHandle<Result<Joined, JoinError>> {
+        let [display, meet] = [&self.display, &self.meet]
+            .map(|endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: self.options.clone() });
         let (net, deadline) = (Arc::clone(&self.net), self.deadline());
-        tokio::spawn(async move { join_session(&net, seat, SCENE, &display, &pair, deadline).await })
+        tokio::spawn(async move { join_session(&net, index, SCENE, &display, &meet, deadline).await })
     }
 }
 
@@ -86,9 +88,9 @@ fn settings(first: FrameNumber) -> Settings {
 
 #[tokio::test(start_paused = true)]
 async fn a_machine_that_leaves_before_the_other_comes_is_waited_for_again() {
-    let pair = [Role::SwitchA, Role::SwitchB];
+    let cullers = [Role::SwitchA, Role::SwitchB];
     for (index, close) in [None, Some(CloseCode::Interrupted.reason())].into_iter().enumerate() {
-        for [early, late] in [pair, [pair[1], pair[0]]] {
+        for [early, late] in [cullers, [cullers[1], cullers[0]]] {
             let meeting = Meeting::at(&format!("left-{index}-{early}").replace(' ', "-"));
             let display = meeting.display(FrameNumber(0)).await;
             for _ in 0..2 {
@@ -106,7 +108,7 @@ async fn a_machine_that_leaves_before_the_other_comes_is_waited_for_again() {
                 sessions.reverse();
             }
             let links = display.await.unwrap().unwrap();
-            assert_eq!(links.each_ref().map(|link| link.peer.hello.role), pair);
+            assert_eq!(links.each_ref().map(|link| link.peer.hello.role), cullers);
             assert_eq!(links.each_ref().map(|link| link.peer.session), sessions);
         }
     }
@@ -126,22 +128,22 @@ async fn a_machine_that_says_nothing_while_it_waits_has_not_left() {
 /// A machine that waits for the other one joins whichever display is there when that one comes.
 #[tokio::test(start_paused = true)]
 async fn a_display_that_leaves_before_the_pair_is_complete_is_looked_for_again() {
-    for waiting in [Seat::First, Seat::Second] {
+    for waiting in [CullerIndex::First, CullerIndex::Second] {
         let meeting = Meeting::at(&format!("display-{waiting:?}").to_lowercase());
         let gone = meeting.display(FrameNumber(0)).await;
-        let early = meeting.machine(waiting);
+        let early = meeting.culler(waiting);
         meeting.pause(LINK_PATIENCE * 10).await;
         gone.abort();
         meeting.pause(LINK_PATIENCE * 10).await;
 
         let display = meeting.display(FrameNumber(5)).await;
         meeting.pause(Duration::from_secs(2)).await;
-        let late = meeting.machine(waiting.other());
+        let late = meeting.culler(waiting.other());
         let links = display.await.unwrap().unwrap();
         let [early, late] = [early.await.unwrap().unwrap(), late.await.unwrap().unwrap()];
         assert_eq!([early.settings, late.settings], [settings(FrameNumber(5)); 2]);
         assert_eq!(early.other.peer.session, late.other.peer.session);
-        let [first, second] = if waiting == Seat::First { [early, late] } else { [late, early] };
+        let [first, second] = if waiting == CullerIndex::First { [early, late] } else { [late, early] };
         let joined = [first, second].map(|machine| machine.display.peer.session);
         assert_eq!(links.map(|link| link.peer.session), joined);
     }
@@ -153,7 +155,7 @@ async fn a_machine_whose_pair_does_not_come_tells_the_display_why_it_leaves() {
     let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(settings(FrameNumber(0))) };
     let mut listener =
         Listener::bind(&meeting.net, &meeting.display, identity, &meeting.options).await.unwrap();
-    let machine = meeting.machine(Seat::First);
+    let machine = meeting.culler(CullerIndex::First);
     let mut link = listener.accept(meeting.deadline()).await.unwrap();
     let end = loop {
         match link.frames_rx.recv().await {
@@ -170,13 +172,13 @@ async fn a_machine_whose_pair_does_not_come_tells_the_display_why_it_leaves() {
     assert!(matches!(error, JoinError::Accept { peer: Role::SwitchB, .. }) && error.may_pass(), "{error:?}");
 }
 
-/// The camera that a display has handed out before the pair is complete is read by the role, not by who
+/// The camera that a display has handed out before both cullers have come is read by the role, not by who
 /// waits.
 #[tokio::test(start_paused = true)]
 async fn a_camera_that_comes_before_the_other_machine_is_kept() {
     let meeting = Meeting::at("camera");
     let display = meeting.display(FrameNumber(0)).await;
-    let first = meeting.machine(Seat::First);
+    let first = meeting.culler(CullerIndex::First);
     let second = meeting.early(Role::SwitchB).await;
     let [mut to_first, _to_second] = display.await.unwrap().unwrap();
     let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, FrameNumber(0)).unwrap();
@@ -184,7 +186,7 @@ async fn a_camera_that_comes_before_the_other_machine_is_kept() {
     meeting.pause(LINK_PATIENCE * 2).await;
     let identity = Identity { role: Role::SwitchB, scene: SCENE, settings: second.peer.hello.settings };
     let _pair =
-        connect::<Walkthrough>(&meeting.net, &meeting.pair, identity, &meeting.options, meeting.deadline())
+        connect::<Walkthrough>(&meeting.net, &meeting.meet, identity, &meeting.options, meeting.deadline())
             .await
             .unwrap();
     let mut joined = first.await.unwrap().unwrap();
@@ -209,9 +211,9 @@ async fn a_display_that_comes_to_a_display_is_turned_away_and_the_pair_waited_fo
         let RecvError::Closed { reason, .. } = &end else { panic!("{end:?}") };
         assert_eq!(CloseCode::of(reason), Some(CloseCode::Failed), "{reason}");
     }
-    let pair = [meeting.early(Role::SwitchA).await, meeting.early(Role::SwitchB).await];
+    let cullers = [meeting.early(Role::SwitchA).await, meeting.early(Role::SwitchB).await];
     let links = display.await.unwrap().unwrap();
-    assert_eq!(links.map(|link| link.peer.session), pair.map(|link| link.peer.session));
+    assert_eq!(links.map(|link| link.peer.session), cullers.map(|link| link.peer.session));
 }
 
 /// One line a reason, a pause that grows, and no attempt after what cannot pass or after the deadline.
@@ -255,16 +257,16 @@ async fn attempts_are_spaced_and_end() {
 #[tokio::test(start_paused = true)]
 async fn displays_that_get_one_machine_each_end_in_time_and_name_the_one_they_miss() {
     let one = Meeting::at("one-of-two");
-    let other = Meeting { pair: one.pair.clone(), ..Meeting::at("other-of-two") };
+    let other = Meeting { meet: one.meet.clone(), ..Meeting::at("other-of-two") };
     let displays = [one.display(FrameNumber(0)).await, other.display(FrameNumber(0)).await];
-    let machines = [one.machine(Seat::First), other.machine(Seat::Second)];
+    let cullers = [one.culler(CullerIndex::First), other.culler(CullerIndex::Second)];
     for (display, missing) in displays.into_iter().zip([Role::SwitchB, Role::SwitchA]) {
         let error = display.await.unwrap().unwrap_err();
         assert!(matches!(error, JoinError::Accept { peer, .. } if peer == missing), "{error:?}");
         assert!(error.may_pass(), "{error:?}");
     }
-    for machine in machines {
-        let mut joined = machine.await.unwrap().unwrap();
+    for culler in cullers {
+        let mut joined = culler.await.unwrap().unwrap();
         let end = joined.display.frames_rx.recv().await;
         let Err(RecvError::Lost { peer, .. }) = end else { panic!("{end:?}") };
         assert_eq!(peer.to_string(), "display");

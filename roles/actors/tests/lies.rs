@@ -1,20 +1,20 @@
 //! A peer that sends ids which no frame of the scene can have: unknown ones, one twice, more than there are.
-//! Whoever receives them, the display or the other machine, leaves, says who did what, and is not misled.
+//! Whoever receives them, the display or the other culler, leaves, says who did what, and is not misled.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 use std::{convert::Infallible, sync::Arc, thread, time::Duration};
 
 use tokio::runtime::Runtime;
 use trimaran_actors::{
-    Cameras, DisplayRole, FrameStart, IdError, Link, Observer, ObserverError, OccluderPolicy, PairDevice,
-    PairRole, PictureDevice, RoleError, Seat, ShownFrame, Stop, Stopwatch, Turns, max_frame, role_of,
+    BoxedError, Cameras, CullerDevice, CullerIndex, CullerRole, DisplayRole, FrameStart, IdError, Link,
+    Observer, PictureDevice, RoleError, SceneCulling, ScenePictures, ShownFrame, Stop, Turns, max_frame,
 };
 use trimaran_cook::generate::{PlantOptions, plant};
 use trimaran_cook::{CookOptions, cook};
 use trimaran_cull::{DepthImage, Image, OcclusionTest, TestBox, View};
 use trimaran_proto::{
-    BatchSize, Camera, CloseCode, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, Identity,
-    PictureSize, Role, SceneHash, Settings, TesterKind, Walkthrough,
+    BatchSize, Camera, CloseCode, DrawableId, EpsilonPx, FrameNumber, IdCoding, Identity, PictureSize, Role,
+    SceneHash, Settings, TesterKind, Walkthrough,
 };
 use trimaran_scene::Scene;
 use trimaran_transport::{CloseReason, LinkConfig, Net, RecvError, TokioNet, inproc};
@@ -44,7 +44,7 @@ impl OcclusionTest for Idle {
     }
 }
 
-impl PairDevice for Idle {
+impl CullerDevice for Idle {
     fn begin_occluders(&mut self, _: &View) -> Result<(), Infallible> {
         Ok(())
     }
@@ -73,15 +73,9 @@ impl Cameras for Still {
 struct Nobody;
 
 impl Observer for Nobody {
-    fn wants_picture(&self, _: FrameNumber) -> bool {
-        false
-    }
-
-    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), ObserverError> {
+    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), BoxedError> {
         Ok(())
     }
-
-    fn pair_did(&mut self, _: &FrameStats) {}
 }
 
 fn settings() -> Settings {
@@ -124,57 +118,45 @@ impl Setting {
         inproc::pair::<Walkthrough>(&self.net, identity(ours), identity(theirs), &config).unwrap()
     }
 
-    /// How a display ends whose first machine sends these ids, and what that machine is told.
-    fn display_gets(&self, ids: &[u32]) -> (RoleError<Infallible>, CloseReason) {
+    /// How a display ends whose first culler sends these ids, and what that one is told.
+    fn display_gets(&self, ids: &[u32]) -> (RoleError, CloseReason) {
         let ((first, liar), (second, _idle)) =
             (self.link(Role::Display, Role::SwitchA), self.link(Role::Display, Role::SwitchB));
-        let scene = Arc::clone(&self.scene);
-        let (settings, net, clock) = (settings(), Arc::clone(&self.net), Stopwatch::start());
-        let role =
-            DisplayRole { scene, device: Idle, first, second, settings, net, clock, turns: Turns::at_once() };
+        let (settings, net) = (settings(), Arc::clone(&self.net));
+        let work = ScenePictures::new(&self.scene, Idle, &settings).unwrap();
+        let role = DisplayRole { work, first, second, settings, net, turns: Turns::at_once() };
         let runtime = self.runtime.handle();
         let (_stopper, stop) = Stop::new();
         thread::scope(|scope| {
-            let ended = scope.spawn(|| role.run(&mut Still, &mut Nobody, runtime, &stop).unwrap_err());
+            let ended =
+                scope.spawn(|| runtime.block_on(role.run(&mut Still, &mut Nobody, &stop)).unwrap_err());
             let told = self.runtime.block_on(lie(liar, ids));
             (ended.join().unwrap(), told)
         })
     }
 
-    /// How the second machine ends whose other machine sends these ids, and what that one is told.
-    fn machine_gets(&self, ids: &[u32]) -> (RoleError<Infallible>, CloseReason) {
+    /// How the second culler ends whose peer sends these ids, and what that one is told.
+    fn culler_gets(&self, ids: &[u32]) -> (RoleError, CloseReason) {
         let ((display, mut show), (other, liar)) =
             (self.link(Role::SwitchB, Role::Display), self.link(Role::SwitchB, Role::SwitchA));
         show.latest_tx.publish(Still.camera(FrameNumber(1))).unwrap();
-        let (scene, settings, occluders) = (Arc::clone(&self.scene), settings(), OccluderPolicy::default());
-        let role = PairRole {
-            seat: Seat::Second,
-            scene,
-            device: Idle,
-            display,
-            other,
-            settings,
-            occluders,
-            clock: Stopwatch::start(),
-            turns: Turns::at_once(),
-        };
-        assert_eq!(role_of(role.seat), Role::SwitchB);
+        let (settings, turns) = (settings(), Turns::at_once());
+        let work = SceneCulling::new(&self.scene, Idle, &settings, &turns).unwrap();
+        let index = CullerIndex::Second;
+        let role = CullerRole { index, work, display, other, settings, turns };
         let runtime = self.runtime.handle();
         let (_stopper, stop) = Stop::new();
         thread::scope(|scope| {
-            let ended = scope.spawn(|| role.run(runtime, &stop).unwrap_err());
+            let ended = scope.spawn(|| runtime.block_on(role.run(&stop)).unwrap_err());
             let told = self.runtime.block_on(lie(liar, ids));
             (ended.join().unwrap(), told)
         })
     }
 
     /// How either of them ends, with what a peer is called there.
-    fn both_get(&self, ids: &[u32]) -> [(&'static str, RoleError<Infallible>, CloseReason); 2] {
-        let ((at_display, told), (at_machine, other_told)) = (self.display_gets(ids), self.machine_gets(ids));
-        [
-            ("first machine of the pair", at_display, told),
-            ("other machine of the pair", at_machine, other_told),
-        ]
+    fn both_get(&self, ids: &[u32]) -> [(&'static str, RoleError, CloseReason); 2] {
+        let ((at_display, told), (at_culler, other_told)) = (self.display_gets(ids), self.culler_gets(ids));
+        [("first culler", at_display, told), ("other culler", at_culler, other_told)]
     }
 }
 

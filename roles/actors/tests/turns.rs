@@ -11,8 +11,8 @@ use std::{
 };
 
 use trimaran_actors::{
-    Cameras, Devices, Observer, ObserverError, PairDevice, PictureDevice, ShownFrame, Stop, Stopwatch, Turns,
-    in_process,
+    BoxedError, Cameras, CullerDevice, LocalSession, Observer, PictureDevice, ShownFrame, Stop, Stopwatch,
+    Turns,
 };
 use trimaran_cook::{
     CookOptions, cook,
@@ -24,7 +24,6 @@ use trimaran_proto::{
     TesterKind,
 };
 use trimaran_scene::Scene;
-use trimaran_transport::{Net, TokioNet};
 
 const FRAMES: u32 = 30;
 const SIZE: u32 = 8;
@@ -68,7 +67,7 @@ impl OcclusionTest for Busy {
     }
 }
 
-impl PairDevice for Busy {
+impl CullerDevice for Busy {
     fn begin_occluders(&mut self, _: &View) -> Result<(), Infallible> {
         self.work();
         Ok(())
@@ -114,17 +113,13 @@ struct Record {
 }
 
 impl Observer for Record {
-    fn wants_picture(&self, _: FrameNumber) -> bool {
-        false
-    }
-
-    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), ObserverError> {
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
         self.drawing.push([frame.drawing, frame.shown].map(|at| at.as_nanos() as u64));
         self.ids.push(frame.ids.iter().map(|id| id.0).collect());
         Ok(())
     }
 
-    fn pair_did(&mut self, stats: &FrameStats) {
+    fn culled(&mut self, stats: &FrameStats) {
         self.occluders.push([stats.or_end_ns - stats.or_busy_ns, stats.or_end_ns]);
         self.culling.push([stats.hc_start_ns, stats.hc_end_ns]);
     }
@@ -170,13 +165,18 @@ fn session(scene: &Arc<Scene>, batch: u32, turns: &Turns) -> (Record, u32) {
     let (min, max) = scene.nodes().first().unwrap().world_box();
     let mut cameras = Turning((0.5 * (min + max)).to_array());
     let devices = Arc::new(Count::default());
-    let busy = || Busy::new(&devices);
-    let three = Devices { first: busy(), second: busy(), display: busy() };
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-    let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
     let (_stopper, stop) = Stop::new();
     let mut record = Record::default();
-    in_process(scene, settings, three, &mut cameras, &mut record, &net, runtime.handle(), &stop, turns)
+    LocalSession { turns: turns.clone(), ..LocalSession::new(scene, settings) }
+        .run(
+            |_| Ok(Busy::new(&devices)),
+            Busy::new(&devices),
+            &mut cameras,
+            &mut record,
+            runtime.handle(),
+            &stop,
+        )
         .unwrap();
     (record, devices.most.load(Ordering::SeqCst))
 }

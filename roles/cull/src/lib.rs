@@ -71,6 +71,6 @@ pub use occluder_selection::{TriangleBudget, nearest_occluders, select_occluders
 pub use occluders::{OccluderError, OccluderMapper, occluders};
 pub use occlusion_test::{Answer, NoOccluders, OcclusionTest, Outline, TestBox};
 pub use order::{DrawOrder, draw_order};
-pub use traverse::{CullError, CullStats, Culler};
+pub use traverse::{CullError, CullStats, Culler, Traversal};
 pub use trimaran_proto::PictureSize as Viewport;
 pub use view::{View, aspect};

@@ -67,6 +67,11 @@ pub enum CullError<E: std::error::Error + 'static> {
 pub struct Culler {
     scene: Arc<Scene>,
     reach: Vec<f32>,
+    memory: Memory,
+}
+
+#[derive(Debug, Default)]
+struct Memory {
     level: Vec<NodeId>,
     next: Vec<NodeId>,
     candidates: Vec<Candidate>,
@@ -89,16 +94,7 @@ impl Culler {
     #[must_use]
     pub fn new(scene: Arc<Scene>) -> Self {
         let reach = reaches(scene.nodes());
-        Self {
-            scene,
-            reach,
-            level: Vec::new(),
-            next: Vec::new(),
-            candidates: Vec::new(),
-            boxes: Vec::new(),
-            answers: Vec::new(),
-            visible: Vec::new(),
-        }
+        Self { scene, reach, memory: Memory::default() }
     }
 
     /// The scene.
@@ -107,9 +103,30 @@ impl Culler {
         &self.scene
     }
 
-    /// Traverses the tree breadth first, a level at a time, and gives `sink` the drawables of `rule`'s cut
-    /// whose nodes show in front of the test's occluders: those of a level at once, as soon as that level is
-    /// decided, and none for a level without.
+    /// Begins to traverse the tree, breadth first, for the drawables of `rule`'s cut whose nodes show in front
+    /// of `test`'s occluders.
+    ///
+    /// # Errors
+    /// If the test does not fit the rule.
+    pub fn traverse<T: OcclusionTest>(
+        &mut self,
+        view: &View,
+        rule: LodRule,
+        test: &T,
+    ) -> Result<Traversal<'_>, CullError<T::Error>> {
+        if rule.stops_at_few_pixels() && test.answer() != Answer::PixelCount {
+            return Err(CullError::NeedsPixelCount);
+        }
+        let Self { scene, reach, memory } = self;
+        memory.level.clear();
+        if !scene.nodes().is_empty() {
+            memory.level.push(NodeId(0));
+        }
+        let (cut, maker) = (LodCut::new(scene, view, rule), BoxMaker::new(view, test.outline()));
+        Ok(Traversal { scene, reach, memory, view: *view, rule, cut, maker, stats: CullStats::default() })
+    }
+
+    /// Traverses the whole tree, and gives `sink` what [`Traversal::next_level`] finds, level by level.
     ///
     /// # Errors
     /// If the test fails, or does not fit the rule.
@@ -120,42 +137,72 @@ impl Culler {
         test: &mut T,
         mut sink: impl FnMut(&[DrawableId]),
     ) -> Result<CullStats, CullError<T::Error>> {
-        if rule.stops_at_few_pixels() && test.answer() != Answer::PixelCount {
-            return Err(CullError::NeedsPixelCount);
+        let mut traversal = self.traverse(view, rule, test)?;
+        while let Some(visible) = traversal.next_level(test)? {
+            sink(visible);
         }
-        let scene = Arc::clone(&self.scene);
-        let cut = LodCut::new(&scene, view, rule);
-        let maker = BoxMaker::new(view, test.outline());
-        let mut stats = CullStats::default();
-        self.level.clear();
-        if !scene.nodes().is_empty() {
-            self.level.push(NodeId(0));
+        Ok(traversal.stats())
+    }
+}
+
+/// A traversal under way. Whoever has to wait between two levels can.
+#[derive(Debug)]
+pub struct Traversal<'c> {
+    scene: &'c Scene,
+    reach: &'c [f32],
+    memory: &'c mut Memory,
+    view: View,
+    rule: LodRule,
+    cut: LodCut<'c>,
+    maker: BoxMaker,
+    stats: CullStats,
+}
+
+impl Traversal<'_> {
+    /// The visible drawables of the next level that has any, as soon as that level is decided; `None` when
+    /// there is nothing more.
+    ///
+    /// # Errors
+    /// If the test fails.
+    pub fn next_level<T: OcclusionTest>(
+        &mut self,
+        test: &mut T,
+    ) -> Result<Option<&[DrawableId]>, CullError<T::Error>> {
+        while !self.memory.level.is_empty() {
+            self.prepare_level();
+            let Memory { boxes, answers, .. } = &mut *self.memory;
+            answers.clear();
+            if !boxes.is_empty() {
+                test.test(&self.view, boxes, answers).map_err(CullError::Test)?;
+                self.stats.batches += 1;
+            }
+            if answers.len() != boxes.len() {
+                return Err(CullError::AnswerCount { boxes: boxes.len(), answers: answers.len() });
+            }
+            self.decide_level();
+            let Memory { level, next, visible, .. } = &mut *self.memory;
+            std::mem::swap(level, next);
+            if !visible.is_empty() {
+                return Ok(Some(&self.memory.visible));
+            }
         }
-        while !self.level.is_empty() {
-            self.prepare_level(&cut, &maker, &mut stats);
-            self.answers.clear();
-            if !self.boxes.is_empty() {
-                test.test(view, &self.boxes, &mut self.answers).map_err(CullError::Test)?;
-                stats.batches += 1;
-            }
-            if self.answers.len() != self.boxes.len() {
-                return Err(CullError::AnswerCount { boxes: self.boxes.len(), answers: self.answers.len() });
-            }
-            self.decide_level(rule, &mut stats);
-            if !self.visible.is_empty() {
-                sink(&self.visible);
-            }
-            std::mem::swap(&mut self.level, &mut self.next);
-        }
-        Ok(stats)
+        Ok(None)
+    }
+
+    /// What the traversal did so far.
+    #[must_use]
+    pub const fn stats(&self) -> CullStats {
+        self.stats
     }
 
     /// Sorts the level's nodes into those outside the frustum, those to test and those conservatively
     /// visible.
-    fn prepare_level(&mut self, cut: &LodCut<'_>, maker: &BoxMaker, stats: &mut CullStats) {
-        self.candidates.clear();
-        self.boxes.clear();
-        for &id in &self.level {
+    fn prepare_level(&mut self) {
+        let Self { cut, maker, stats, .. } = self;
+        let Memory { level, candidates, boxes, .. } = &mut *self.memory;
+        candidates.clear();
+        boxes.clear();
+        for &id in &*level {
             let (Some(node), Some(&reach)) =
                 (self.scene.nodes().get(id.0 as usize), self.reach.get(id.0 as usize))
             else {
@@ -172,7 +219,7 @@ impl Culler {
                     continue;
                 }
                 Prepared::Test(test_box) => {
-                    self.boxes.push(test_box);
+                    boxes.push(test_box);
                     stats.tested += 1;
                     true
                 }
@@ -185,16 +232,18 @@ impl Culler {
                     false
                 }
             };
-            self.candidates.push(Candidate { node: id, choice: cut.choose(node), tested });
+            candidates.push(Candidate { node: id, choice: cut.choose(node), tested });
         }
     }
 
     /// Emits, refines or drops the level's candidates by the test's answers.
-    fn decide_level(&mut self, rule: LodRule, stats: &mut CullStats) {
-        self.next.clear();
-        self.visible.clear();
-        let mut answers = self.answers.iter();
-        for candidate in &self.candidates {
+    fn decide_level(&mut self) {
+        let Self { rule, stats, .. } = self;
+        let Memory { next, visible, answers, candidates, .. } = &mut *self.memory;
+        next.clear();
+        visible.clear();
+        let mut answers = answers.iter();
+        for candidate in &*candidates {
             let pixels = if candidate.tested { answers.next().copied() } else { None };
             if pixels == Some(0) {
                 stats.hidden += 1;
@@ -206,16 +255,16 @@ impl Culler {
             match (candidate.choice, node.levels().next()) {
                 (Choice::Draw(id), _) => {
                     stats.emitted += 1;
-                    self.visible.push(id);
+                    visible.push(id);
                 }
                 (Choice::Refine, Some(finest)) if few => {
                     stats.stopped_at_few_pixels += 1;
                     stats.emitted += 1;
-                    self.visible.push(finest);
+                    visible.push(finest);
                 }
                 (Choice::Refine, _) => {
                     stats.refined += 1;
-                    self.next.extend(node.children().map(NodeId));
+                    next.extend(node.children().map(NodeId));
                 }
             }
         }

@@ -150,6 +150,25 @@ pub(crate) struct RunArgs {
     pub(crate) json: bool,
 }
 
+impl RunArgs {
+    /// What a walk within this process takes unless flags say otherwise.
+    pub(crate) fn of(scene: PathBuf, walk: WalkArgs, out: PathBuf) -> Self {
+        Self {
+            scene,
+            link: LinkKind::Inproc,
+            links: LinkFlags::default(),
+            epsilon: 2.0,
+            walk,
+            metrics: None,
+            live: None,
+            visible: false,
+            record: None,
+            out,
+            json: false,
+        }
+    }
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct SweepArgs {
     /// The scene.

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use serde::{Deserialize, Serialize};
 
@@ -60,6 +61,13 @@ impl fmt::Display for SocketPath {
 }
 
 impl Name {
+    /// A name that this gives once in a process.
+    #[must_use]
+    pub fn unique() -> Self {
+        static GIVEN: AtomicU64 = AtomicU64::new(0);
+        Self(format!("unique-{}", GIVEN.fetch_add(1, Ordering::Relaxed)))
+    }
+
     /// The name.
     #[must_use]
     pub fn as_str(&self) -> &str {

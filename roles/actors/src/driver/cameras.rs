@@ -2,11 +2,10 @@
 
 use std::{collections::VecDeque, time::Duration};
 
-use crate::LatestSender;
 use trimaran_proto::{Camera, FrameNumber};
 use trimaran_transport::SendError;
 
-use crate::{Seat, Stopwatch};
+use crate::{clock::Stopwatch, links::LatestSender, machine::CullerIndex};
 
 /// Where cameras come from.
 pub trait Cameras {
@@ -21,38 +20,37 @@ pub trait Cameras {
     }
 }
 
-/// The cameras handed out for the next frame of each machine.
+/// The cameras handed out for the next frame of each culler.
 #[derive(Debug)]
-pub(super) struct Handed {
+pub(super) struct PublishedCameras {
     clock: Stopwatch,
-    machines: [Pending; 2],
+    cullers: [Pending; 2],
 }
 
-impl Handed {
+impl PublishedCameras {
     pub(super) fn new(clock: Stopwatch) -> Self {
-        Self { clock, machines: Default::default() }
+        Self { clock, cullers: Default::default() }
     }
 
-    /// Publishes `camera` to the machine that culls its frame.
-    pub(super) fn hand_out(&mut self, camera: Camera, to: &mut LatestSender) -> Result<(), SendError> {
-        self.machines[Seat::of(camera.frame()).index()].note(camera, self.clock.elapsed());
+    /// Publishes `camera` to the culler of its frame.
+    pub(super) fn publish(&mut self, camera: Camera, to: &mut LatestSender) -> Result<(), SendError> {
+        self.cullers[CullerIndex::of(camera.frame()).index()].note(camera, self.clock.elapsed());
         to.publish(camera)
     }
 
-    /// The newer pose for that machine's next frame, if there is one.
-    pub(super) fn newer(&self, seat: Seat, cameras: &mut dyn Cameras) -> Option<Camera> {
-        let last = self.machines[seat.index()].newest()?;
+    /// The newer pose for that culler's next frame, if there is one.
+    pub(super) fn newer(&self, index: CullerIndex, cameras: &mut dyn Cameras) -> Option<Camera> {
+        let last = self.cullers[index.index()].newest()?;
         Some(cameras.camera(last.frame())).filter(|camera| *camera != last)
     }
 
-    /// A machine began its frame from `camera`: says when that was handed out. The machine's next frame
-    /// starts anew.
+    /// A culler began its frame from `camera`: says when that was handed out. Its next frame starts anew.
     pub(super) fn taken(&mut self, camera: &Camera) -> Duration {
-        self.machines[Seat::of(camera.frame()).index()].take(camera)
+        self.cullers[CullerIndex::of(camera.frame()).index()].take(camera)
     }
 }
 
-/// The cameras handed out for one frame, oldest first, and when: which of them its machine took, the frame
+/// The cameras handed out for one frame, oldest first, and when: which of them its culler took, the frame
 /// says.
 #[derive(Debug, Default)]
 struct Pending(VecDeque<(Camera, Duration)>);
@@ -101,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn a_machine_that_takes_long_does_not_make_the_list_grow() {
+    fn a_culler_that_takes_long_does_not_make_the_list_grow() {
         let mut pending = Pending::default();
         for n in 0..1000u32 {
             pending.note(camera(f64::from(n)), Duration::from_millis(n.into()));
@@ -131,11 +129,15 @@ mod tests {
 
     #[test]
     fn only_a_pose_that_has_moved_is_handed_out_again() {
-        let mut handed = Handed::new(Stopwatch::start());
-        assert_eq!(handed.newer(Seat::First, &mut Walker(0.0)), None, "no frame of this machine is due");
-        handed.machines[0].note(camera(0.0), Duration::ZERO);
-        assert_eq!(handed.newer(Seat::First, &mut Still), None);
-        assert_eq!(handed.newer(Seat::First, &mut Walker(6.0)), Some(camera(7.0)));
-        assert_eq!(handed.newer(Seat::Second, &mut Walker(6.0)), None);
+        let mut handed = PublishedCameras::new(Stopwatch::start());
+        assert_eq!(
+            handed.newer(CullerIndex::First, &mut Walker(0.0)),
+            None,
+            "no frame of this culler is due"
+        );
+        handed.cullers[0].note(camera(0.0), Duration::ZERO);
+        assert_eq!(handed.newer(CullerIndex::First, &mut Still), None);
+        assert_eq!(handed.newer(CullerIndex::First, &mut Walker(6.0)), Some(camera(7.0)));
+        assert_eq!(handed.newer(CullerIndex::Second, &mut Walker(6.0)), None);
     }
 }

@@ -1,31 +1,68 @@
-//! The display at work (paper, algorithm 4.3).
+//! The display: which messages move when (paper, algorithm 4.3).
 
-use std::{pin::pin, sync::Arc, time::Duration};
+use std::{future::Future, pin::pin, sync::Arc, time::Duration};
 
-use crate::{FrameEvent, Link};
-use tokio::runtime::Handle;
-use trimaran_cull::{DrawOrder, Image, View, Viewport};
-use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, SentBytes, Settings};
-use trimaran_scene::Scene;
-use trimaran_transport::{FrameOutcome, LinkStats, Net, RecvError, SendError, StatsHandle, until};
+use trimaran_cull::Image;
+use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, IdBatch, SentBytes, Settings};
+use trimaran_transport::{FrameOutcome, LinkStats, Net, RecvError, StatsHandle, until};
 
 use super::{
-    Cameras, LinkError, RoleError,
-    cameras::Handed,
-    gaps::Gaps,
-    ids::FrameIds,
-    pair::sent_bytes,
-    parting::{ended, hear_out, leave, left_early},
-    rule_of,
-    stop::{Stop, Waiting},
-    stopped_or,
-    turn::Turns,
-    wait,
+    cameras::{Cameras, PublishedCameras},
+    close::{left_early, part, worked},
+    culler::sent_bytes,
+    error::{BoxedError, RoleError, link},
 };
-use crate::{DisplayMachine, DisplayStep, OrderError, PictureDevice, Seat, Stopwatch};
+use crate::{
+    clock::Stopwatch,
+    ids::IdError,
+    links::{FrameEvent, Link},
+    machine::{CullerIndex, DisplayMachine, DisplayStep, OrderError},
+    stop::Stop,
+    turn::{Turn, Turns},
+};
 
-/// How often the display of a live session looks for a newer pose while it waits for the pair.
+/// How often the display of a live session looks for a newer pose while it waits for the cullers.
 const REFRESH: Duration = Duration::from_millis(4);
+
+/// What a display does with a frame: on a device, or as it was recorded.
+pub trait DisplayWork {
+    /// As [`CullerDevice::cancel_on`](crate::CullerDevice::cancel_on).
+    fn cancel_on(&mut self, stop: &Stop) {
+        let _ = stop;
+    }
+
+    /// A frame has begun to come.
+    fn begin(&mut self);
+
+    /// Takes a part of it.
+    ///
+    /// # Errors
+    /// If no frame can have an id.
+    fn take(&mut self, batch: &IdBatch) -> Result<(), IdError>;
+
+    /// Draws it, all of which is there but for what `outcome` says (RVG).
+    ///
+    /// # Errors
+    /// As the device says.
+    fn draw(&mut self, camera: Camera, outcome: FrameOutcome) -> impl Future<Output = Result<(), RoleError>>;
+
+    /// What was drawn last, with its picture if that is asked for.
+    ///
+    /// # Errors
+    /// As the device says.
+    fn drawn(&mut self, with_picture: bool) -> Result<Drawn<'_>, RoleError>;
+}
+
+/// What a display drew.
+#[derive(Debug, Default)]
+pub struct Drawn<'w> {
+    /// In the order drawn.
+    pub ids: &'w [DrawableId],
+    /// How many of them were drawn only because ids of the frame were lost on a link with deadlines.
+    pub for_loss: u32,
+    /// The picture, if it was asked for.
+    pub picture: Option<&'w Image>,
+}
 
 /// A frame that has been drawn, as the display's observer sees it.
 #[derive(Debug)]
@@ -46,7 +83,7 @@ pub struct ShownFrame<'f> {
     pub drawing: Duration,
     /// When the device was done with it. RVG was busy from `drawing` to here.
     pub shown: Duration,
-    /// What travelled between the display and the frame's machine, both ways, since that machine's last
+    /// What travelled between the display and the frame's culler, both ways, since that culler's last
     /// frame was shown: the frame, statistics of an earlier one, and a camera.
     pub traffic: SentBytes,
     /// How many ids had come, and when, since the frame's begin: one entry for all batches that came at
@@ -54,98 +91,103 @@ pub struct ShownFrame<'f> {
     pub arrivals: &'f [(u32, Duration)],
 }
 
-/// Why an observer can note no more, such as a full disk.
-pub type ObserverError = Box<dyn std::error::Error + Send + Sync>;
-
 /// Sees what the display does. Time spent here is the session's: an observer notes and returns.
 pub trait Observer {
     /// Whether this frame's picture is to be read back.
-    fn wants_picture(&self, frame: FrameNumber) -> bool;
+    fn wants_picture(&self, frame: FrameNumber) -> bool {
+        let _ = frame;
+        false
+    }
+
     /// A frame has been shown.
     ///
     /// # Errors
     /// When it cannot be noted. The session ends with it, and the peers are told.
-    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), ObserverError>;
-    /// What a machine of the pair did for a frame that it has sent.
-    fn pair_did(&mut self, stats: &FrameStats);
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError>;
+
+    /// What a culler did for a frame that it has sent.
+    fn culled(&mut self, stats: &FrameStats) {
+        let _ = stats;
+    }
 }
 
-/// The display, joined to the pair.
+/// The display, joined to the cullers.
 #[derive(Debug)]
-pub struct DisplayRole<D> {
-    /// The scene, the same in all three roles.
-    pub scene: Arc<Scene>,
-    /// Its device.
-    pub device: D,
-    /// The link to the pair's first machine.
+pub struct DisplayRole<W> {
+    /// What it does with a frame.
+    pub work: W,
+    /// The link to the first culler.
     pub first: Link,
-    /// The link to the pair's second machine.
+    /// The link to the second culler.
     pub second: Link,
     /// What it has decided for the session.
     pub settings: Settings,
     /// The time it waits by.
     pub net: Arc<dyn Net>,
-    /// Started with the session; it goes on when the session goes on with another role after a peer was
-    /// lost.
-    pub clock: Stopwatch,
-    /// Whether it draws while other roles of the process compute.
+    /// What it measures by, and whether it draws while other roles of the process compute. The same goes on
+    /// when the session does, after a peer was lost.
     pub turns: Turns,
 }
 
-/// What the display's links carried, first and second machine.
-pub type PairTraffic = [LinkStats; 2];
+/// What the display's links carried, first and second culler.
+pub type CullerTraffic = [LinkStats; 2];
 
-impl<D: PictureDevice> DisplayRole<D> {
-    /// Plays the role until the session's last frame is shown, or `stop` asks. It occupies this thread;
-    /// `runtime` drives the links. Returns what the links carried.
+impl<W: DisplayWork> DisplayRole<W> {
+    /// Plays the role until the session's last frame is shown, or `stop` asks. Where the work is a device's,
+    /// it occupies its thread. Returns what the links carried.
     ///
     /// # Errors
     /// When a peer dies, leaves or breaks the order, or the device or the observer fails. The peers are told
     /// before it returns.
-    pub fn run(
-        self,
+    pub async fn run(
+        mut self,
         cameras: &mut dyn Cameras,
         observer: &mut dyn Observer,
-        runtime: &Handle,
         stop: &Stop,
-    ) -> Result<PairTraffic, RoleError<D::Error>> {
-        let turn = self.turns.of_a_role(self.clock);
-        let waiting = Waiting { runtime, stop, turn: &turn };
-        let mut work = Work::new(self, waiting)?;
-        work.device.cancel_on(stop);
-        let result = stopped_or(work.frames(cameras, observer), stop);
-        turn.give_back();
-        let result = hear_out(result, work.links.each_mut(), waiting);
-        let counters = work.links.each_ref().map(|link| link.stats.clone());
-        leave(runtime, work.links, &result);
-        ended(result, stop)?;
+    ) -> Result<CullerTraffic, RoleError> {
+        self.work.cancel_on(stop);
+        let turn = self.turns.of_a_role();
+        let links = [self.first, self.second];
+        let counters = links.each_ref().map(|link| link.stats.clone());
+        let mut session = Session {
+            machine: DisplayMachine::new(self.settings.first, self.settings.frames),
+            work: self.work,
+            carried: counters.each_ref().map(StatsHandle::read),
+            links,
+            lockstep: self.settings.lockstep,
+            stop,
+            turn: &turn,
+            net: self.net,
+            clock: self.turns.clock(),
+            published: PublishedCameras::new(self.turns.clock()),
+            arrivals: Vec::new(),
+            cameras,
+            observer,
+        };
+        let result = worked(session.frames(), &turn, stop).await;
+        part(session.links, result, stop).await?;
         Ok(counters.each_ref().map(StatsHandle::read))
     }
 }
 
-struct Work<'r, D> {
+struct Session<'r, W> {
     machine: DisplayMachine,
-    scene: Arc<Scene>,
-    device: D,
+    work: W,
     links: [Link; 2],
-    viewport: Viewport,
     lockstep: bool,
-    waiting: Waiting<'r>,
+    stop: &'r Stop,
+    turn: &'r Turn,
     net: Arc<dyn Net>,
     clock: Stopwatch,
-    handed: Handed,
+    published: PublishedCameras,
     /// What the links had carried when their last frames were shown.
-    carried: [LinkStats; 2],
-    order: DrawOrder,
-    received: FrameIds,
+    carried: CullerTraffic,
     arrivals: Vec<(u32, Duration)>,
-    /// Ids of the frame were lost.
-    lossy: bool,
-    gaps: Gaps,
-    picture: Image,
+    cameras: &'r mut dyn Cameras,
+    observer: &'r mut dyn Observer,
 }
 
-/// A frame that a machine of the pair has begun to send.
+/// A frame that a culler has begun to send.
 #[derive(Debug, Clone, Copy)]
 struct Begun {
     camera: Camera,
@@ -155,204 +197,136 @@ struct Begun {
     at: Duration,
 }
 
-const fn peer(seat: Seat) -> &'static str {
-    match seat {
-        Seat::First => "first machine of the pair",
-        Seat::Second => "second machine of the pair",
-    }
-}
-
-impl<'r, D: PictureDevice> Work<'r, D> {
-    fn new(role: DisplayRole<D>, waiting: Waiting<'r>) -> Result<Self, RoleError<D::Error>> {
-        let DisplayRole { scene, device, first, second, settings, net, clock, .. } = role;
-        let gaps = Gaps::new(&scene, rule_of(&settings)?);
-        let received = FrameIds::of(&scene);
-        Ok(Self {
-            machine: DisplayMachine::new(settings.first, settings.frames),
-            scene,
-            device,
-            carried: [first.stats.read(), second.stats.read()],
-            links: [first, second],
-            viewport: settings.size,
-            lockstep: settings.lockstep,
-            waiting,
-            net,
-            clock,
-            handed: Handed::new(clock),
-            order: DrawOrder::default(),
-            received,
-            arrivals: Vec::new(),
-            lossy: false,
-            gaps,
-            picture: Image::default(),
-        })
-    }
-
-    fn frames(
-        &mut self,
-        cameras: &mut dyn Cameras,
-        observer: &mut dyn Observer,
-    ) -> Result<(), RoleError<D::Error>> {
+impl<W: DisplayWork> Session<'_, W> {
+    async fn frames(&mut self) -> Result<(), RoleError> {
         for frame in self.machine.first_cameras() {
-            self.hand_out(cameras.camera(frame))?;
+            self.hand_out(frame)?;
         }
         while let DisplayStep::Await { from, .. } = self.machine.step() {
-            if self.waiting.stop.requested() {
+            if self.stop.requested() {
                 return Err(RoleError::Stopped);
             }
-            if !self.lockstep && cameras.is_over() {
+            if !self.lockstep && self.cameras.is_over() {
                 return Ok(());
             }
-            let begun = self.await_begin(from, cameras, observer)?;
-            self.gather(from, begun.at, cameras)?;
+            let begun = self.await_begin(from).await?;
+            let outcome = self.gather(from, begun.at).await?;
             // What it does until now is to take messages: that is no computing to wait for.
-            self.waiting.turn.take();
-            self.show(begun, observer)?;
-            self.waiting.turn.give_back();
+            self.turn.take().await;
+            self.show(begun, outcome).await?;
+            self.turn.give_back();
         }
-        self.last_words(observer)
+        self.last_words().await
     }
 
-    fn hand_out(&mut self, camera: Camera) -> Result<(), RoleError<D::Error>> {
+    fn hand_out(&mut self, frame: FrameNumber) -> Result<(), RoleError> {
+        let camera = self.cameras.camera(frame);
         self.machine.hand_out(camera);
-        let link = &mut self.links[Seat::of(camera.frame()).index()];
-        self.handed.hand_out(camera, &mut link.latest_tx).map_err(handing_out)
+        let to = &mut self.links[CullerIndex::of(frame).index()].latest_tx;
+        self.published.publish(camera, to).map_err(link(HANDING_OUT))
     }
 
-    /// Waits for the frame's begin, and hands its machine the camera of the frame after next.
-    fn await_begin(
-        &mut self,
-        from: Seat,
-        cameras: &mut dyn Cameras,
-        observer: &mut dyn Observer,
-    ) -> Result<Begun, RoleError<D::Error>> {
+    /// Waits for the frame's begin, and hands its culler the camera of the frame after next.
+    async fn await_begin(&mut self, from: CullerIndex) -> Result<Begun, RoleError> {
         loop {
-            match self.receive(from, cameras)? {
+            match self.receive(from).await? {
                 FrameEvent::Begin(start) => {
-                    let published = self.handed.taken(&start.header);
+                    let published = self.published.taken(&start.header);
                     let begun = Begun { camera: start.header, published, at: self.clock.elapsed() };
-                    let order = |cause| RoleError::Order { peer: peer(from), cause };
-                    let next = self.machine.began(start.header, self.lockstep).map_err(order)?;
+                    let next = self.machine.began(start.header, self.lockstep).map_err(by(from))?;
                     if let Some(frame) = next {
-                        self.hand_out(cameras.camera(frame))?;
+                        self.hand_out(frame)?;
                     }
                     return Ok(begun);
                 }
-                FrameEvent::Note(stats) => observer.pair_did(&stats),
+                FrameEvent::Note(stats) => self.observer.culled(&stats),
                 FrameEvent::Batch(_) | FrameEvent::End(_) => return Err(out_of_order(from, "its begin")),
             }
         }
     }
 
     /// Gathers the ids of a frame that has begun at `begun`, up to its end.
-    fn gather(
-        &mut self,
-        from: Seat,
-        begun: Duration,
-        cameras: &mut dyn Cameras,
-    ) -> Result<(), RoleError<D::Error>> {
-        self.received.begin();
+    async fn gather(&mut self, from: CullerIndex, begun: Duration) -> Result<FrameOutcome, RoleError> {
+        self.work.begin();
         self.arrivals.clear();
+        let mut count = 0;
         loop {
-            let there = self.try_receive(from)?;
+            let there = self.links[from.index()].frames_rx.try_recv().map_err(link(RECEIVING))?;
             // What is there without waiting came with what was before it.
             let at_once = there.is_some();
             let event = match there {
                 Some(event) => event,
-                None => self.receive(from, cameras)?,
+                None => self.receive(from).await?,
             };
             match event {
                 FrameEvent::Batch(batch) => {
-                    let ids = |cause| RoleError::Ids { peer: peer(from), cause };
-                    self.received.take(&batch).map_err(ids)?;
-                    let count = u32::try_from(self.received.ids.len()).unwrap_or(u32::MAX);
+                    self.work.take(&batch).map_err(|cause| RoleError::Ids { peer: from.name(), cause })?;
+                    count += u32::try_from(batch.count()).unwrap_or(u32::MAX);
                     match self.arrivals.last_mut().filter(|_| at_once) {
                         Some((before, _)) => *before = count,
                         None => self.arrivals.push((count, self.clock.elapsed().saturating_sub(begun))),
                     }
                 }
                 FrameEvent::End(outcome) => {
-                    self.lossy = !matches!(outcome, FrameOutcome::Complete(_));
-                    return self
-                        .machine
-                        .ended()
-                        .map_err(|cause| RoleError::Order { peer: peer(from), cause });
+                    self.machine.ended().map_err(by(from))?;
+                    return Ok(outcome);
                 }
                 FrameEvent::Begin(_) | FrameEvent::Note(_) => return Err(out_of_order(from, "its end")),
             }
         }
     }
 
-    /// RVG: draws the frame front to back.
-    fn show(&mut self, begun: Begun, observer: &mut dyn Observer) -> Result<(), RoleError<D::Error>> {
-        let Begun { camera, published, at } = begun;
-        let view = View::new(camera, self.viewport);
+    /// RVG: draws the frame, and tells the observer.
+    async fn show(&mut self, begun: Begun, outcome: FrameOutcome) -> Result<(), RoleError> {
+        let Begun { camera, published, at: begun } = begun;
         let drawing = self.clock.elapsed();
-        let ids = &mut self.received.ids;
-        let for_loss = if self.lossy { self.gaps.fill(view, ids)? } else { 0 };
-        self.order.sort(&self.scene, &view, ids);
-        let device = |cause| RoleError::Device { doing: "drawing a picture", cause };
-        self.device.draw(&view, ids).map_err(device)?;
-        self.gaps.drawn(ids);
+        self.work.draw(camera, outcome).await?;
         let shown = self.clock.elapsed();
-        let machine = Seat::of(camera.frame()).index();
-        let carried = self.links[machine].stats.read();
-        let LinkStats { sent, received, .. } =
-            carried - std::mem::replace(&mut self.carried[machine], carried);
-        let traffic = sent_bytes(sent + received);
-        let wanted = observer.wants_picture(camera.frame());
-        if wanted {
-            self.device.read(&mut self.picture).map_err(device)?;
-        }
-        let noted = observer.shown(&ShownFrame {
+        let culler = CullerIndex::of(camera.frame()).index();
+        let carried = self.links[culler].stats.read();
+        let since = carried - std::mem::replace(&mut self.carried[culler], carried);
+        let traffic = sent_bytes(since.sent + since.received);
+        let Drawn { ids, for_loss, picture } =
+            self.work.drawn(self.observer.wants_picture(camera.frame()))?;
+        let arrivals = &self.arrivals;
+        let frame = ShownFrame {
             camera,
-            ids: &self.received.ids,
-            for_loss: u32::try_from(for_loss).unwrap_or(u32::MAX),
-            picture: wanted.then_some(&self.picture),
+            ids,
+            for_loss,
+            picture,
             published,
-            begun: at,
+            begun,
             drawing,
             shown,
             traffic,
-            arrivals: &self.arrivals,
-        });
-        noted.map_err(RoleError::Observer)
+            arrivals,
+        };
+        self.observer.shown(&frame).map_err(RoleError::Observer)
     }
 
-    /// After the last frame: what the machines still say of their work, up to their closes.
-    fn last_words(&mut self, observer: &mut dyn Observer) -> Result<(), RoleError<D::Error>> {
-        for seat in [Seat::First, Seat::Second] {
+    /// After the last frame: what the cullers still say of their work, up to their closes.
+    async fn last_words(&mut self) -> Result<(), RoleError> {
+        for from in CullerIndex::ALL {
             loop {
-                let next = self.links[seat.index()].frames_rx.recv();
-                match wait(self.waiting, "receiving a frame", next) {
-                    Ok(FrameEvent::Note(stats)) => observer.pair_did(&stats),
-                    Ok(_) => return Err(out_of_order(seat, "its close")),
-                    Err(RoleError::Link { cause: LinkError::Receive(RecvError::Closed { .. }), .. }) => {
-                        break;
-                    }
-                    Err(error) => return Err(error),
+                match self.links[from.index()].frames_rx.recv().await {
+                    Ok(FrameEvent::Note(stats)) => self.observer.culled(&stats),
+                    Ok(_) => return Err(out_of_order(from, "its close")),
+                    Err(RecvError::Closed { .. }) => break,
+                    Err(cause) => return Err(link(RECEIVING)(cause)),
                 }
             }
         }
         Ok(())
     }
 
-    /// What has come, if anything has.
-    fn try_receive(&mut self, from: Seat) -> Result<Option<FrameEvent>, RoleError<D::Error>> {
-        let link = &mut self.links[from.index()];
-        let doing = "receiving a frame";
-        link.frames_rx.try_recv().map_err(|cause| RoleError::Link { doing, cause: cause.into() })
-    }
-
-    /// Waits for the next message of a machine, while none of the two leaves: the one that is due may itself
+    /// Waits for the next message of a culler, while none of the two leaves: the one that is due may itself
     /// wait for the one that left. In a live session newer poses go out meanwhile, for frames that have
     /// not begun.
-    fn receive(&mut self, from: Seat, cameras: &mut dyn Cameras) -> Result<FrameEvent, RoleError<D::Error>> {
-        let doing = "receiving a frame";
+    async fn receive(&mut self, from: CullerIndex) -> Result<FrameEvent, RoleError> {
         let [first, second] = &mut self.links;
         let lane = match from {
-            Seat::First => &mut first.frames_rx,
-            Seat::Second => &mut second.frames_rx,
+            CullerIndex::First => &mut first.frames_rx,
+            CullerIndex::Second => &mut second.frames_rx,
         };
         let [of_first, of_second] = [&mut first.latest_rx, &mut second.latest_rx];
         let mut next = pin!(async {
@@ -363,34 +337,32 @@ impl<'r, D: PictureDevice> Work<'r, D> {
                 end = left_early(of_second) => Err(end),
             }
         });
-        let cells = [&mut first.latest_tx, &mut second.latest_tx];
         if self.lockstep {
-            return wait(self.waiting, doing, next);
+            return next.await.map_err(link(RECEIVING));
         }
+        let cells = [&mut first.latest_tx, &mut second.latest_tx];
         loop {
             let look = self.net.now().after(REFRESH);
-            match self.waiting.on(until(&*self.net, look, next.as_mut())) {
-                None => return Err(RoleError::Stopped),
-                Some(Some(event)) => {
-                    return event.map_err(|cause| RoleError::Link { doing, cause: cause.into() });
-                }
-                Some(None) => {}
+            if let Some(event) = until(&*self.net, look, next.as_mut()).await {
+                return event.map_err(link(RECEIVING));
             }
-            for seat in [Seat::First, Seat::Second] {
-                if let Some(camera) = self.handed.newer(seat, cameras) {
+            for culler in CullerIndex::ALL {
+                if let Some(camera) = self.published.newer(culler, self.cameras) {
                     self.machine.hand_out(camera);
-                    self.handed.hand_out(camera, cells[seat.index()]).map_err(handing_out)?;
+                    self.published.publish(camera, cells[culler.index()]).map_err(link(HANDING_OUT))?;
                 }
             }
         }
     }
 }
 
-fn handing_out<D: std::error::Error>(cause: SendError) -> RoleError<D> {
-    RoleError::Link { doing: "handing out a camera", cause: cause.into() }
+const RECEIVING: &str = "receiving a frame";
+const HANDING_OUT: &str = "handing out a camera";
+
+fn by(from: CullerIndex) -> impl FnOnce(OrderError) -> RoleError {
+    move |cause| RoleError::Order { peer: from.name(), cause }
 }
 
-fn out_of_order<D: std::error::Error>(from: Seat, state: &'static str) -> RoleError<D> {
-    let cause = OrderError::Unexpected { what: "a part of a frame", state };
-    RoleError::Order { peer: peer(from), cause }
+fn out_of_order(from: CullerIndex, state: &'static str) -> RoleError {
+    by(from)(OrderError::Unexpected { what: "a part of a frame", state })
 }

@@ -1,18 +1,18 @@
-//! The display: shows each frame from the machine that culled it, and hands out cameras (paper, algorithm
+//! The display: shows each frame from the culler that culled it, and hands out cameras (paper, algorithm
 //! 4.3).
 
 use trimaran_proto::{Camera, FrameNumber};
 
-use super::{OrderError, Seat, in_session, two_on};
+use super::order::{CullerIndex, OrderError, in_session, two_on};
 
 /// What the display does next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DisplayStep {
-    /// Read the next message of this frame from that machine: report with [`DisplayMachine::began`],
+    /// Read the next message of this frame from that culler: report with [`DisplayMachine::began`],
     /// [`DisplayMachine::ended`].
     Await {
-        /// The machine that culls the frame.
-        from: Seat,
+        /// The culler of the frame.
+        from: CullerIndex,
         /// The frame.
         frame: FrameNumber,
     },
@@ -40,7 +40,7 @@ impl DisplayMachine {
         Self { first, frames, due, began: false, handed: [None; 2] }
     }
 
-    /// The frames whose cameras are handed out before anything else, each to its machine: see
+    /// The frames whose cameras are handed out before anything else, each to its culler: see
     /// [`DisplayMachine::hand_out`].
     pub fn first_cameras(&self) -> impl Iterator<Item = FrameNumber> + use<> {
         let frames = self.frames;
@@ -50,23 +50,23 @@ impl DisplayMachine {
             .filter(move |frame| in_session(*frame, frames))
     }
 
-    /// Notes that `camera` goes to the machine that culls its frame. A camera handed out again for the same
+    /// Notes that `camera` goes to the culler of its frame. A camera handed out again for the same
     /// frame (the user has moved on) replaces the earlier one.
     pub fn hand_out(&mut self, camera: Camera) {
-        self.handed[usize::from(camera.frame().0 % 2 == 1)] = Some(camera);
+        self.handed[CullerIndex::of(camera.frame()).index()] = Some(camera);
     }
 
     /// What is due.
     #[must_use]
     pub fn step(&self) -> DisplayStep {
         match self.due {
-            Some(frame) => DisplayStep::Await { from: Seat::of(frame), frame },
+            Some(frame) => DisplayStep::Await { from: CullerIndex::of(frame), frame },
             None => DisplayStep::Done,
         }
     }
 
-    /// A machine began to send a frame, culled from `camera`. Says which frame's camera that machine is to
-    /// get now.
+    /// A culler began to send a frame, culled from `camera`. Says which frame's camera that culler is to get
+    /// now.
     ///
     /// # Errors
     /// If the frame is not the one due, has begun already, or was culled from a camera that was not handed
@@ -80,7 +80,7 @@ impl DisplayMachine {
         if camera.frame() != due {
             return Err(OrderError::WrongFrame { due, got: camera.frame() });
         }
-        if lockstep && self.handed[usize::from(due.0 % 2 == 1)] != Some(camera) {
+        if lockstep && self.handed[CullerIndex::of(due).index()] != Some(camera) {
             return Err(OrderError::ForeignCamera { frame: due });
         }
         self.began = true;
@@ -112,11 +112,11 @@ mod tests {
     }
 
     #[test]
-    fn frames_alternate_between_the_machines() {
+    fn frames_alternate_between_the_cullers() {
         let mut display = DisplayMachine::new(FrameNumber(0), Some(3));
         assert_eq!(display.first_cameras().collect::<Vec<_>>(), [FrameNumber(0), FrameNumber(1)]);
         for frame in 0..3 {
-            let from = if frame % 2 == 0 { Seat::First } else { Seat::Second };
+            let from = if frame % 2 == 0 { CullerIndex::First } else { CullerIndex::Second };
             assert_eq!(display.step(), DisplayStep::Await { from, frame: FrameNumber(frame) });
             display.hand_out(camera(frame));
             let next = display.began(camera(frame), true).unwrap();

@@ -33,21 +33,21 @@ pub enum IdError {
 
 /// The ids of one frame after the other.
 #[derive(Debug)]
-pub(super) struct FrameIds {
+pub(crate) struct FrameIds {
     /// Those of this frame. Others may be added, and all put in another order.
-    pub(super) ids: Vec<DrawableId>,
+    pub(crate) ids: Vec<DrawableId>,
     /// For each drawable of the scene whether it is among them.
     came: Vec<bool>,
 }
 
 impl FrameIds {
     /// Of frames that show `scene`.
-    pub(super) fn of(scene: &Scene) -> Self {
+    pub(crate) fn of(scene: &Scene) -> Self {
         Self { ids: Vec::new(), came: vec![false; scene.drawables().len()] }
     }
 
     /// The next frame begins.
-    pub(super) fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         for id in self.ids.drain(..) {
             if let Some(came) = self.came.get_mut(id.index()) {
                 *came = false;
@@ -59,7 +59,7 @@ impl FrameIds {
     ///
     /// # Errors
     /// At the first that cannot be; those before it are added.
-    pub(super) fn take(&mut self, batch: &IdBatch) -> Result<&[DrawableId], IdError> {
+    pub(crate) fn take(&mut self, batch: &IdBatch) -> Result<&[DrawableId], IdError> {
         let first = self.ids.len();
         let count = self.came.len();
         for id in batch.iter() {

@@ -1,29 +1,29 @@
-//! One machine of the pair: OR for a frame, then HC for the same frame (paper, algorithm 4.2).
+//! A culler: OR for a frame, then HC for the same frame (paper, algorithm 4.2).
 
 use trimaran_proto::{Camera, FrameNumber};
 
-use super::{OrderError, Seat, in_session, two_on};
+use super::order::{CullerIndex, OrderError, in_session, two_on};
 
-/// What the machine waits for or does next.
+/// What the culler waits for or does next.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum SwitchStep {
-    /// Wait for the display's camera of this frame, then call [`SwitchMachine::camera`].
+pub enum CullerStep {
+    /// Wait for the display's camera of this frame, then call [`CullerMachine::camera`].
     AwaitCamera {
         /// The frame.
         frame: FrameNumber,
     },
-    /// The camera is set: clear the depth and draw what the other machine sends of the frame before, from
-    /// this camera. Report each message with [`SwitchMachine::occluders_began`] and
-    /// [`SwitchMachine::occluders_ended`].
+    /// The camera is set: clear the depth and draw what the other culler sends of the frame before, from
+    /// this camera. Report each message with [`CullerMachine::occluders_began`] and
+    /// [`CullerMachine::occluders_ended`].
     Occlude {
         /// The frame whose occluders are drawn.
         camera: Camera,
     },
-    /// The depth is complete: cull this frame with it, then call [`SwitchMachine::culled`].
+    /// The depth is complete: cull this frame with it, then call [`CullerMachine::culled`].
     Cull {
         /// The frame's camera; its number is the frame.
         camera: Camera,
-        /// Whether the other machine needs the ids: not after the session's last frame.
+        /// Whether the other culler needs the ids: not after the session's last frame.
         feeds_other: bool,
     },
     /// All frames are done.
@@ -38,32 +38,32 @@ enum State {
     Done,
 }
 
-/// The order in which one machine of the pair works.
+/// The order in which a culler works.
 #[derive(Debug, Clone)]
-pub struct SwitchMachine {
+pub struct CullerMachine {
     first: FrameNumber,
     frames: Option<u32>,
     state: State,
 }
 
-impl SwitchMachine {
-    /// The machine in `seat`, for a session that begins with the frame `first` and ends before the frame
+impl CullerMachine {
+    /// The culler of this index, for a session that begins with the frame `first` and ends before the frame
     /// `frames`, or never.
     #[must_use]
-    pub fn new(seat: Seat, first: FrameNumber, frames: Option<u32>) -> Self {
-        let due = seat.first_frame(first).filter(|frame| in_session(*frame, frames));
+    pub fn new(index: CullerIndex, first: FrameNumber, frames: Option<u32>) -> Self {
+        let due = index.first_frame(first).filter(|frame| in_session(*frame, frames));
         let state = due.map_or(State::Done, |frame| State::AwaitCamera { frame });
         Self { first, frames, state }
     }
 
     /// What is due.
     #[must_use]
-    pub fn step(&self) -> SwitchStep {
+    pub fn step(&self) -> CullerStep {
         match self.state {
-            State::AwaitCamera { frame } => SwitchStep::AwaitCamera { frame },
-            State::Occlude { camera, .. } => SwitchStep::Occlude { camera },
-            State::Cull { camera } => SwitchStep::Cull { camera, feeds_other: self.feeds_other(camera) },
-            State::Done => SwitchStep::Done,
+            State::AwaitCamera { frame } => CullerStep::AwaitCamera { frame },
+            State::Occlude { camera, .. } => CullerStep::Occlude { camera },
+            State::Cull { camera } => CullerStep::Cull { camera, feeds_other: self.feeds_other(camera) },
+            State::Done => CullerStep::Done,
         }
     }
 
@@ -87,7 +87,7 @@ impl SwitchMachine {
         Ok(())
     }
 
-    /// The other machine began to send the ids of a frame.
+    /// The other culler began to send the ids of a frame.
     ///
     /// # Errors
     /// If it is not the frame before the one whose occluders are due, or has begun already.
@@ -105,7 +105,7 @@ impl SwitchMachine {
         }
     }
 
-    /// The other machine sent the end of its frame. Whether all its ids arrived does not matter here: any
+    /// The other culler sent the end of its frame. Whether all its ids arrived does not matter here: any
     /// subset of them is a valid set of occluders, and fewer only loosen the culling.
     ///
     /// # Errors
@@ -120,7 +120,7 @@ impl SwitchMachine {
         }
     }
 
-    /// The frame has been culled and its end sent: the machines swap.
+    /// The frame has been culled and its end sent: the cullers swap.
     ///
     /// # Errors
     /// If no culling was due.
@@ -161,38 +161,38 @@ mod tests {
 
     #[test]
     fn the_first_frame_is_culled_without_occluders() {
-        let mut machine = SwitchMachine::new(Seat::First, FrameNumber(0), None);
+        let mut machine = CullerMachine::new(CullerIndex::First, FrameNumber(0), None);
         machine.camera(camera(0)).unwrap();
-        assert_eq!(machine.step(), SwitchStep::Cull { camera: camera(0), feeds_other: true });
+        assert_eq!(machine.step(), CullerStep::Cull { camera: camera(0), feeds_other: true });
     }
 
     #[test]
     fn a_machine_draws_occluders_of_the_frame_it_then_culls() {
-        let mut machine = SwitchMachine::new(Seat::Second, FrameNumber(0), None);
+        let mut machine = CullerMachine::new(CullerIndex::Second, FrameNumber(0), None);
         machine.camera(camera(1)).unwrap();
-        assert_eq!(machine.step(), SwitchStep::Occlude { camera: camera(1) });
+        assert_eq!(machine.step(), CullerStep::Occlude { camera: camera(1) });
         machine.occluders_began(FrameNumber(0)).unwrap();
         machine.occluders_ended().unwrap();
-        assert_eq!(machine.step(), SwitchStep::Cull { camera: camera(1), feeds_other: true });
+        assert_eq!(machine.step(), CullerStep::Cull { camera: camera(1), feeds_other: true });
         machine.culled().unwrap();
-        assert_eq!(machine.step(), SwitchStep::AwaitCamera { frame: FrameNumber(3) });
+        assert_eq!(machine.step(), CullerStep::AwaitCamera { frame: FrameNumber(3) });
     }
 
     #[test]
     fn the_last_frame_feeds_nobody_and_ends_the_machine() {
-        let mut machine = SwitchMachine::new(Seat::First, FrameNumber(0), Some(1));
+        let mut machine = CullerMachine::new(CullerIndex::First, FrameNumber(0), Some(1));
         machine.camera(camera(0)).unwrap();
-        assert_eq!(machine.step(), SwitchStep::Cull { camera: camera(0), feeds_other: false });
+        assert_eq!(machine.step(), CullerStep::Cull { camera: camera(0), feeds_other: false });
         machine.culled().unwrap();
-        assert_eq!(machine.step(), SwitchStep::Done);
-        assert_eq!(SwitchMachine::new(Seat::Second, FrameNumber(0), Some(1)).step(), SwitchStep::Done);
+        assert_eq!(machine.step(), CullerStep::Done);
+        assert_eq!(CullerMachine::new(CullerIndex::Second, FrameNumber(0), Some(1)).step(), CullerStep::Done);
     }
 
     #[test]
     fn an_old_camera_is_ignored_and_one_ahead_refused() {
-        let mut machine = SwitchMachine::new(Seat::Second, FrameNumber(0), None);
+        let mut machine = CullerMachine::new(CullerIndex::Second, FrameNumber(0), None);
         machine.camera(camera(0)).unwrap();
-        assert_eq!(machine.step(), SwitchStep::AwaitCamera { frame: FrameNumber(1) });
+        assert_eq!(machine.step(), CullerStep::AwaitCamera { frame: FrameNumber(1) });
         assert_eq!(
             machine.camera(camera(3)),
             Err(OrderError::CameraAhead { due: FrameNumber(1), got: FrameNumber(3) })
@@ -201,7 +201,7 @@ mod tests {
 
     #[test]
     fn messages_out_of_order_are_refused_and_change_nothing() {
-        let mut machine = SwitchMachine::new(Seat::Second, FrameNumber(0), None);
+        let mut machine = CullerMachine::new(CullerIndex::Second, FrameNumber(0), None);
         assert!(matches!(machine.occluders_ended(), Err(OrderError::Unexpected { .. })));
         assert!(matches!(machine.culled(), Err(OrderError::Unexpected { .. })));
         machine.camera(camera(1)).unwrap();
@@ -212,6 +212,6 @@ mod tests {
         );
         machine.occluders_began(FrameNumber(0)).unwrap();
         assert!(matches!(machine.occluders_began(FrameNumber(0)), Err(OrderError::Unexpected { .. })));
-        assert_eq!(machine.step(), SwitchStep::Occlude { camera: camera(1) });
+        assert_eq!(machine.step(), CullerStep::Occlude { camera: camera(1) });
     }
 }

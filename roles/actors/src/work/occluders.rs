@@ -1,4 +1,4 @@
-//! Which occluders a machine draws.
+//! Which occluders a culler draws.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use trimaran_cull::{
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
-/// Which occluders a machine draws. Any subset of the level cut is a valid set: fewer are drawn sooner and
+/// Which occluders a culler draws. Any subset of the level cut is a valid set: fewer are drawn sooner and
 /// hide less, and never too much.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OccluderPolicy {

@@ -1,0 +1,147 @@
+//! Why a role ends early.
+
+use std::error::Error;
+
+use trimaran_cull::{CullError, LodRuleError, OccluderError};
+use trimaran_proto::CloseCode;
+use trimaran_transport::{RecvError, SendError};
+
+use crate::{ids::IdError, machine::OrderError};
+
+/// An error of a device or an observer, whatever these are.
+pub type BoxedError = Box<dyn Error + Send + Sync>;
+
+/// Why a role ended early.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RoleError {
+    /// It was asked to stop.
+    #[error("stopped")]
+    Stopped,
+    /// A link failed: the peer died, fell silent or spoke nonsense.
+    #[error("{doing} failed")]
+    Link {
+        /// What the role was doing.
+        doing: &'static str,
+        /// Why.
+        #[source]
+        cause: LinkError,
+    },
+    /// A peer broke the order of a frame's messages.
+    #[error("the {peer} broke the order of messages")]
+    Order {
+        /// The peer.
+        peer: &'static str,
+        /// How.
+        #[source]
+        cause: OrderError,
+    },
+    /// A peer sent an id that no frame of the scene can have.
+    #[error("the {peer} sent ids that no frame can have")]
+    Ids {
+        /// The peer.
+        peer: &'static str,
+        /// Which, and why.
+        #[source]
+        cause: IdError,
+    },
+    /// The device failed.
+    #[error("the device failed while {doing}")]
+    Device {
+        /// What the role was doing.
+        doing: &'static str,
+        /// Why.
+        #[source]
+        cause: BoxedError,
+    },
+    /// Culling failed.
+    #[error("culling failed")]
+    Cull(#[source] BoxedError),
+    /// A peer named a drawable that the scene does not have, although both hold the same scene.
+    #[error("the peer named a drawable that the scene does not have")]
+    Unknown(#[from] OccluderError),
+    /// The observer cannot note any more what is shown.
+    #[error("what is shown cannot be recorded any more")]
+    Observer(#[source] BoxedError),
+    /// The session's error bound cannot be used.
+    #[error("the session's error bound cannot be used")]
+    Rule(#[from] LodRuleError),
+}
+
+impl RoleError {
+    /// What a failure of its device means to a role that was `doing` something with it.
+    pub fn device<D: Error + Send + Sync + 'static>(doing: &'static str) -> impl FnOnce(D) -> Self {
+        move |cause| Self::Device { doing, cause: cause.into() }
+    }
+
+    /// Whether a peer is gone that may come again: its connection broke, it was interrupted, its device
+    /// failed, or it has lost another peer itself. The session can go on with the frame that was due,
+    /// once all three have joined again.
+    #[must_use]
+    pub fn lost_a_peer(&self) -> bool {
+        let passing = [CloseCode::PeerLost, CloseCode::Interrupted, CloseCode::DeviceFailed];
+        match self {
+            Self::Link {
+                cause: LinkError::Receive(RecvError::Lost { .. } | RecvError::Silent { .. }),
+                ..
+            }
+            | Self::Link {
+                cause: LinkError::Send(SendError::Lost { .. } | SendError::Stalled { .. }), ..
+            } => true,
+            _ => self.close().is_some_and(|close| passing.contains(&close)),
+        }
+    }
+
+    /// Why a peer left that said so, if that is what ended this role.
+    fn close(&self) -> Option<CloseCode> {
+        match self {
+            Self::Link { cause: LinkError::Receive(RecvError::Closed { reason, .. }), .. } => {
+                CloseCode::of(reason)
+            }
+            _ => None,
+        }
+    }
+
+    /// How this role's own device failed, if that is what happened. The role cannot go on, but its process
+    /// may be started again, for which its peers wait as for one that was lost.
+    #[must_use]
+    pub fn device_failure(&self) -> Option<&(dyn Error + Send + Sync + 'static)> {
+        match self {
+            Self::Device { cause, .. } => Some(&**cause),
+            _ => None,
+        }
+    }
+
+    /// Whether this is an end on purpose: this role was asked to stop, or a peer says that the session is
+    /// over.
+    #[must_use]
+    pub fn is_clean_end(&self) -> bool {
+        matches!(self, Self::Stopped) || self.close() == Some(CloseCode::Finished)
+    }
+}
+
+/// What failed on a link.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LinkError {
+    /// Nothing more comes.
+    #[error(transparent)]
+    Receive(#[from] RecvError),
+    /// Nothing more goes out.
+    #[error(transparent)]
+    Send(#[from] SendError),
+}
+
+impl<D: Error + Send + Sync + 'static> From<CullError<D>> for RoleError {
+    fn from(error: CullError<D>) -> Self {
+        match error {
+            CullError::Test(cause) => Self::device("testing boxes against the occluders")(cause),
+            error => Self::Cull(error.into()),
+        }
+    }
+}
+
+/// What a failure of a link means to a role that was `doing` something with it.
+pub(super) fn link<E: Into<LinkError>>(doing: &'static str) -> impl FnOnce(E) -> RoleError {
+    move |cause| RoleError::Link { doing, cause: cause.into() }
+}

@@ -1,0 +1,200 @@
+//! Roles of one process that compute one after another, so that no busy time contains another role's work.
+
+use std::{
+    cell::Cell,
+    future::{Future, poll_fn},
+    pin::{Pin, pin},
+    sync::Arc,
+    task::ready,
+    time::Duration,
+};
+
+use tokio::sync::{Mutex, OwnedMutexGuard};
+
+use crate::clock::Stopwatch;
+
+/// What the roles of a process measure by, and whether they compute at once or one after another.
+///
+/// What a frame shows does not depend on it. Roles that take turns say what each of them takes by itself,
+/// which is what a model of three machines needs; roles that compute at once share the machine's cores.
+/// Clones are one and the same: their roles' times can be compared.
+#[derive(Debug, Clone)]
+pub struct Turns {
+    clock: Stopwatch,
+    lock: Option<Arc<Mutex<()>>>,
+}
+
+impl Turns {
+    /// Roles that compute whenever they can. The clock starts now.
+    #[must_use]
+    pub fn at_once() -> Self {
+        Self { clock: Stopwatch::start(), lock: None }
+    }
+
+    /// Roles that compute one after another, as far as all of them hold a clone of this.
+    #[must_use]
+    pub fn alone() -> Self {
+        Self { lock: Some(Arc::default()), ..Self::at_once() }
+    }
+
+    /// Whether roles compute one after another.
+    #[must_use]
+    pub const fn are_exclusive(&self) -> bool {
+        self.lock.is_some()
+    }
+
+    /// What the roles measure by.
+    #[must_use]
+    pub const fn clock(&self) -> Stopwatch {
+        self.clock
+    }
+
+    /// A role's part in it.
+    pub(crate) fn of_a_role(&self) -> Turn {
+        Turn { turns: self.clone(), held: Cell::new(None), away: Cell::default() }
+    }
+}
+
+/// A role's turn to compute. It takes it before it begins, gives it back when it is done, and in between
+/// while it waits: whom it waits for may have to compute first.
+pub(crate) struct Turn {
+    /// Without a lock, taking and giving back do nothing.
+    turns: Turns,
+    held: Cell<Option<OwnedMutexGuard<()>>>,
+    away: Cell<Duration>,
+}
+
+type Taking = Pin<Box<dyn Future<Output = OwnedMutexGuard<()>>>>;
+
+impl Turn {
+    /// Waits until no other role computes. Whoever waits longest is next.
+    pub(crate) async fn take(&self) {
+        let held = self.held.take();
+        let taken = match &self.turns.lock {
+            Some(lock) if held.is_none() => Some(Arc::clone(lock).lock_owned().await),
+            _ => held,
+        };
+        self.held.set(taken);
+    }
+
+    /// Lets another role compute.
+    pub(crate) fn give_back(&self) {
+        self.held.take();
+    }
+
+    /// What `work` gives. While `work` waits for something, the turn is another role's.
+    pub(crate) async fn given_back_while_waiting<T>(&self, work: impl Future<Output = T>) -> T {
+        let mut work = pin!(work);
+        // Since when others have had the turn in the midst of this role's, and the way to get it again.
+        let mut gave_back: Option<(Duration, Taking)> = None;
+        poll_fn(|context| {
+            if let Some((since, again)) = &mut gave_back {
+                self.held.set(Some(ready!(again.as_mut().poll(context))));
+                self.away.set(self.away.get() + self.turns.clock.elapsed().saturating_sub(*since));
+                gave_back = None;
+            }
+            let polled = work.as_mut().poll(context);
+            if polled.is_pending()
+                && let (Some(held), Some(lock)) = (self.held.take(), &self.turns.lock)
+            {
+                // Before another role can begin: its time and this one's are not to overlap.
+                let since = self.turns.clock.elapsed();
+                drop(held);
+                gave_back = Some((since, Box::pin(Arc::clone(lock).lock_owned())));
+            }
+            polled
+        })
+        .await
+    }
+
+    /// How long others had the turn while this role waited in the midst of its own, since this was last
+    /// asked.
+    pub(crate) fn away(&self) -> Duration {
+        self.away.take()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use std::thread;
+
+    use tokio::sync::oneshot;
+
+    use super::*;
+
+    fn block_on<T>(future: impl Future<Output = T>) -> T {
+        tokio::runtime::Builder::new_current_thread().build().unwrap().block_on(future)
+    }
+
+    #[test]
+    fn at_most_one_role_has_the_turn() {
+        let turns = Turns::alone();
+        let computing = AtomicU32::new(0);
+        let role = async || {
+            let turn = turns.of_a_role();
+            for _ in 0..2000 {
+                turn.take().await;
+                turn.take().await;
+                assert_eq!(computing.fetch_add(1, Ordering::SeqCst), 0, "another role computes");
+                thread::yield_now();
+                computing.fetch_sub(1, Ordering::SeqCst);
+                turn.give_back();
+            }
+        };
+        thread::scope(|scope| {
+            for _ in 0..3 {
+                scope.spawn(|| block_on(role()));
+            }
+        });
+    }
+
+    #[test]
+    fn roles_at_once_never_wait_for_each_other() {
+        let [one, other] = [(), ()].map(|()| Turns::at_once().of_a_role());
+        block_on(async {
+            one.take().await;
+            other.take().await;
+            one.given_back_while_waiting(tokio::task::yield_now()).await;
+        });
+        assert_eq!(one.away(), Duration::ZERO);
+    }
+
+    /// Another role computes between two moments of the clock that this one's waiting time has to contain.
+    #[test]
+    fn who_waits_gives_the_turn_back_and_what_others_take_is_not_its_own_time() {
+        let turns = Turns::alone();
+        let clock = turns.clock();
+        let turn = turns.of_a_role();
+        thread::scope(|scope| {
+            let (done, other_is_done) = oneshot::channel();
+            let turns = &turns;
+            let role = async {
+                turn.take().await;
+                assert_eq!(turn.away(), Duration::ZERO, "it did not have to wait");
+                let other = scope.spawn(move || {
+                    let turn = turns.of_a_role();
+                    block_on(turn.take());
+                    let began = clock.elapsed();
+                    thread::yield_now();
+                    let took = clock.elapsed().saturating_sub(began);
+                    turn.give_back();
+                    done.send(()).unwrap();
+                    took
+                });
+                other_is_done.await.unwrap();
+                let took = other.join().unwrap();
+                assert!(turn.away() >= took);
+                assert!(turn.held.take().is_some(), "it has the turn again");
+            };
+            block_on(turn.given_back_while_waiting(role));
+        });
+    }
+
+    #[test]
+    fn who_waits_without_the_turn_does_not_take_it() {
+        let turn = Turns::alone().of_a_role();
+        block_on(turn.given_back_while_waiting(tokio::task::yield_now()));
+        assert!(turn.held.take().is_none());
+    }
+}

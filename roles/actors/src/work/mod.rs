@@ -1,0 +1,12 @@
+//! What roles do with a frame of a scene, each on its device.
+
+mod culling;
+mod gaps;
+mod occluders;
+mod pictures;
+mod rule;
+
+pub use culling::SceneCulling;
+pub use gaps::Gaps;
+pub use occluders::OccluderPolicy;
+pub use pictures::ScenePictures;

@@ -1,0 +1,58 @@
+//! Why a session cannot be simulated.
+
+use thiserror::Error;
+use trimaran_actors::SessionError;
+use trimaran_netsim::{CaptureError, Stalled};
+use trimaran_proto::SettingsError;
+use trimaran_transport::keys::KeysError;
+use trimaran_transport::{EndpointError, EndpointFault};
+
+/// Why a session could not be simulated.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum SimulateError {
+    /// No keys for the machines.
+    #[error("no keys for the simulated machines")]
+    Keys(#[from] KeysError),
+    /// A machine's address or name cannot be written.
+    #[error(transparent)]
+    Endpoint(#[from] EndpointError),
+    /// A name of a key cannot be used.
+    #[error(transparent)]
+    Name(#[from] EndpointFault),
+    /// The session's settings.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// A role ended early.
+    #[error("the {role} failed on {network} over {link}")]
+    Role {
+        /// Which.
+        role: &'static str,
+        /// Where.
+        network: String,
+        /// By what.
+        link: &'static str,
+        /// Why.
+        #[source]
+        cause: Box<SessionError>,
+    },
+    /// The machines never got a link over this network.
+    #[error(
+        "nothing gets through {network} over {link}: look at its keys rate, loss, queue and mtu (quic and udp begin with packets of 1228 bytes)"
+    )]
+    NoLink {
+        /// Where.
+        network: String,
+        /// By what.
+        link: &'static str,
+        /// Why.
+        #[source]
+        cause: Box<SessionError>,
+    },
+    /// The packets cannot be written down.
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
+    /// The roles wait for each other.
+    #[error(transparent)]
+    Stalled(#[from] Stalled),
+}

@@ -1,0 +1,36 @@
+//! Why there is no report of a walk.
+
+use thiserror::Error;
+use trimaran_audit::metrics::MetricError;
+use trimaran_cull::LodRuleError;
+use trimaran_gpu::GpuError;
+
+use super::audit::AuditError;
+use crate::report::ReportError;
+
+/// Why there is no report, or less than a whole one.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ReportingError {
+    /// A device failed.
+    #[error("drawing the report's pictures failed")]
+    Gpu(#[from] GpuError),
+    /// A frame could not be checked.
+    #[error(transparent)]
+    Audit(#[from] AuditError),
+    /// It was broken off.
+    #[error("interrupted again")]
+    Interrupted,
+    /// Writing failed.
+    #[error(transparent)]
+    Write(#[from] ReportError),
+    /// The system gave no thread to write on.
+    #[error("cannot start a thread to write on")]
+    Thread(#[source] std::io::Error),
+    /// The error bound is none.
+    #[error(transparent)]
+    Rule(#[from] LodRuleError),
+    /// A picture does not fit its size.
+    #[error(transparent)]
+    Metric(#[from] MetricError),
+}
