@@ -53,7 +53,7 @@ pub struct Limits {
     /// except that each address may begin its even share. Default 1,000.
     pub handshakes_per_s: u32,
     /// And by one address, of IPv6 one network of 64 bits, or over Unix sockets one user. A link over byte
-    /// streams takes two. Default 500.
+    /// streams takes three. Default 500.
     pub handshakes_per_s_per_address: u32,
 }
 
