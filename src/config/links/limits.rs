@@ -21,7 +21,7 @@ pub struct LimitsConfig {
         ))
     )]
     pub handshakes_per_s: u32,
-    /// How many of them from one address, or from one network of 64 bits of IPv6; a link over TCP takes two.
+    /// How many of them from one address, or from one network of 64 bits of IPv6; a link over TCP takes three.
     #[config(
         env = "TRIMARAN_LINK_LIMITS_HANDSHAKES_PER_S_PER_ADDRESS",
         default = 500,

@@ -1,4 +1,4 @@
-//! Frames over datagrams: the state machine of a connection, without sockets or a clock.
+//! Frames and messages over datagrams: the state machine of a connection, without sockets or a clock.
 //!
 //! A [`Connection`] carries the lanes of a link in packets that fit the path: the newest value, sent
 //! again until it or a newer one has arrived, and two lanes of units: frames, and messages. Each unit is put
