@@ -34,8 +34,8 @@ pub(crate) async fn introduce(
         Ok::<_, AttemptError>((connection, peer))
     };
     let (mut frames, peer) = connection(None).await?;
-    let (mut latest, _) = connection(Some(peer)).await?;
-    let (mut messages, _) = connection(Some(peer)).await?;
+    let ((mut latest, _), (mut messages, _)) =
+        tokio::try_join!(connection(Some(peer)), connection(Some(peer)))?;
     let address = frames.address.to_string();
     let failed = |cause| AttemptError::Handshake { address, cause };
     let theirs = async {
