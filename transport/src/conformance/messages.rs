@@ -181,7 +181,7 @@ pub async fn a_peer_without_a_message_fails_nobody(pairs: &impl Pairs) {
                 arm.frames_tx.begin(start(frames)).await.unwrap();
                 arm.frames_tx.push(&points(100)).await.unwrap();
                 arm.frames_tx.finish().await.unwrap();
-                std::future::pending().await
+                std::future::pending::<()>().await;
             }, if frames < 3 => {}
         }
     };

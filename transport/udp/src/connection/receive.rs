@@ -117,7 +117,7 @@ impl Connection {
                 Content::StopSending { lane } => self.units_mut(lane).stop_sending_due = true,
                 Content::GiveUp { unit } => self.frames.outbox.on_give_up_loss(unit),
                 Content::Repair { unit, offset, index } => {
-                    self.frames.outbox.on_repair_loss(unit, offset, index)
+                    self.frames.outbox.on_repair_loss(unit, offset, index);
                 }
                 Content::Probe { size } => self.mtu.on_lost(now, size),
             }
@@ -135,7 +135,7 @@ impl Connection {
                     self.resize();
                 }
                 Content::Repair { unit, offset, index } => {
-                    self.frames.outbox.on_repair_ack(unit, offset, index)
+                    self.frames.outbox.on_repair_ack(unit, offset, index);
                 }
                 Content::Credit { .. } | Content::StopSending { .. } => {}
             }

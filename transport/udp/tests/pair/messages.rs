@@ -67,13 +67,13 @@ fn converse(network: Network, config: Config, count: u32, frame: &[u32]) -> usiz
             sender.send(&mut pair.ends[0], frames, frame);
             (frames, due) = (frames + 1, pair.now.after(Duration::from_micros(16_667)));
         }
-        for end in 0..2 {
-            say(&mut pair.ends[end], &mut said[end], count);
+        for (end, said) in pair.ends.iter_mut().zip(&mut said) {
+            say(end, said, count);
         }
         assert!(pair.step_until(if due > pair.now { due } else { late }, late), "stuck at {:?}", pair.now);
         assert_eq!((pair.ends[0].closed(), pair.ends[1].closed()), (None, None));
-        for end in 0..2 {
-            read[end].read(&mut pair.ends[end]);
+        for (end, read) in pair.ends.iter_mut().zip(&mut read) {
+            read.read(end);
         }
         reader.read(&mut pair.ends[1]);
     }
