@@ -5,10 +5,10 @@
 use std::time::Duration;
 
 use trimaran_net::Instant;
-use trimaran_udp::{Connection, ConnectionId, STEPS_PER_BYTE, STEPS_PER_PACKET};
+use trimaran_udp::{Connection, ConnectionId, STEPS_PER_BYTE, STEPS_PER_PACKET, UnitLane};
 use trimaran_wire::{FrameEnd, FrameMessage, FrameNumber};
 
-use crate::wire::{Block, acknowledgement, begin, config, give_up, part, repair, sealed};
+use crate::wire::{Block, acknowledgement, begin, config, give_up, message_part, part, repair, sealed};
 
 const HERE: ConnectionId = ConnectionId(10);
 const THERE: ConnectionId = ConnectionId(20);
@@ -34,7 +34,7 @@ pub fn costs(bytes: &[u8]) {
             number += 1;
             chunks.clear();
             // What this side sends gives the peer something to acknowledge.
-            if number % 4 == 0 && connection.is_writable() {
+            if number % 4 == 0 && connection.is_writable(UnitLane::Frames) {
                 send_frame(&mut connection, frame);
                 frame += 1;
             }
@@ -54,8 +54,11 @@ fn chunk(reader: &mut impl Iterator<Item = u8>, sent: u64) -> Option<Vec<u8>> {
     Some(match kind % 16 {
         0..=5 => {
             let (unit, offset) = (unit(next()), place(&mut next));
-            let length = usize::from(next()) * 5;
-            part(unit, offset, kind >> 4, &vec![kind; length.min(1100)])
+            let data = vec![kind; (usize::from(next()) * 5).min(1100)];
+            match kind >> 4 {
+                tail @ 0..8 => part(unit, offset, tail, &data),
+                tail => message_part(unit, offset, tail > 8, &data),
+            }
         }
         6..=9 => {
             let (unit, offset, shape) = (unit(next()), place(&mut next), next());
@@ -101,7 +104,9 @@ fn send_frame(connection: &mut Connection, number: u32) {
 /// Reads and sends what there is, and looks at what that has cost.
 fn settle(connection: &mut Connection, now: Instant) {
     let mut out = Vec::new();
-    while connection.recv().is_some() {}
+    for lane in [UnitLane::Frames, UnitLane::Messages] {
+        while connection.recv(lane).is_some() {}
+    }
     if connection.poll_timeout().is_some_and(|due| due <= now) {
         connection.handle_timeout(now);
     }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use trimaran_net::Instant;
 use trimaran_udp::{
     Acceptor, Closed, Connecting, Connection, ConnectionId, Handled, MIN_DATAGRAM, Progress, Received,
-    Security,
+    Security, UnitLane,
 };
 use trimaran_wire::{CloseReason, FrameMessage};
 
@@ -74,7 +74,9 @@ fn answer(security: &Security, datagram: &[u8]) {
 pub fn chunks(bytes: &[u8]) {
     let mut connection = Connection::plaintext(now(), HERE, THERE, config());
     connection.publish(value());
-    connection.end_frames(CloseReason::new(0, "over"));
+    for lane in [UnitLane::Frames, UnitLane::Messages] {
+        connection.end_lane(lane, CloseReason::new(0, "over"));
+    }
     connection.follow(HOME, SECRET);
     settle(&mut connection, now());
     let (mut rest, mut at, mut passed, mut elsewhere) = (bytes, now(), 0, 0);
@@ -86,10 +88,14 @@ pub fn chunks(bytes: &[u8]) {
         let (from, datagram) = (if number & 2 == 0 { ELSEWHERE } else { HOME }, sealed(HERE.0, number, body));
         connection.handle_from(at, from, &datagram);
         elsewhere += if from == ELSEWHERE { 3 * datagram.len() } else { 0 };
-        while let Some(item) = connection.recv() {
-            assert_eq!(closed, None, "nothing comes after the end");
-            if let Received::Frame(FrameMessage::Batch(items) | FrameMessage::Coded(items)) = item {
-                passed += items.len();
+        for lane in [UnitLane::Frames, UnitLane::Messages] {
+            while let Some(item) = connection.recv(lane) {
+                assert_eq!(closed, None, "nothing comes after the end");
+                match item {
+                    Received::Frame(FrameMessage::Batch(bytes) | FrameMessage::Coded(bytes))
+                    | Received::Message(bytes) => passed += bytes.len(),
+                    _ => {}
+                }
             }
         }
         settle(&mut connection, at);
@@ -101,7 +107,7 @@ pub fn chunks(bytes: &[u8]) {
                 elsewhere -= out.len();
             }
         }
-        assert!(passed <= bytes.len(), "{passed} bytes of items out of {}", bytes.len());
+        assert!(passed <= bytes.len(), "{passed} bytes out of {}", bytes.len());
         assert!(closed.is_none() || connection.closed() == closed.as_ref(), "over for good");
         at = connection.poll_timeout().unwrap_or(at).max(at.after(Duration::from_micros(1)));
         connection.handle_timeout(at);

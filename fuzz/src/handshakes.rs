@@ -8,7 +8,8 @@ use std::time::Duration;
 
 use trimaran_net::Instant;
 use trimaran_udp::{
-    Acceptor, Connecting, Connection, ConnectionId, Handled, MIN_DATAGRAM, Progress, Security, destination,
+    Acceptor, Connecting, Connection, ConnectionId, Handled, MIN_DATAGRAM, Progress, Security, VERSION,
+    destination,
 };
 
 use crate::wire::config;
@@ -110,7 +111,7 @@ impl Street {
             }
             // A retry or an answer to the right id, of any version.
             9 | 10 => {
-                let (form, version) = (2 + u64::from(what % 2), u64::from(next() % 3));
+                let (form, version) = (2 + u64::from(what % 2), VERSION - 1 + u64::from(next() % 3));
                 let length = if form == 2 { 24 } else { 32 + usize::from(next()) };
                 let inside = (0..length).map(|_| next()).collect::<Vec<u8>>();
                 let packet =

@@ -1,8 +1,8 @@
 //! What must hold for any bytes in place of a handshake over byte streams. The fuzz targets search for bytes
 //! that break it; an ordinary test of `trimaran-netsim` replays the corpus.
 //!
-//! An input is what is said on the first connection, behind a byte of its length, and then what is said on
-//! the second. The application is the one of the conformance suite.
+//! An input is what is said on each of the three connections, one after the other, each but the last behind a
+//! byte of its length. The application is the one of the conformance suite.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,10 +17,15 @@ use trimaran_wire::{Decoder, Format, Message};
 
 const MINUTE: Duration = Duration::from_secs(60);
 
-fn said(bytes: &[u8]) -> [&[u8]; 2] {
-    let Some((&length, rest)) = bytes.split_first() else { return [&[]; 2] };
-    let (first, second) = rest.split_at(rest.len().min(usize::from(length)));
-    [first, second]
+fn said(bytes: &[u8]) -> [&[u8]; 3] {
+    let (first, rest) = next_said(bytes);
+    let (second, third) = next_said(rest);
+    [first, second, third]
+}
+
+fn next_said(bytes: &[u8]) -> (&[u8], &[u8]) {
+    let Some((&length, rest)) = bytes.split_first() else { return (&[], &[]) };
+    rest.split_at(rest.len().min(usize::from(length)))
 }
 
 /// A simulation and two machines in it.
@@ -56,7 +61,7 @@ pub fn hellos(bytes: &[u8]) -> bool {
                 let Ok(to) = there.resolve("here:4000").await else { unreachable!("it has a name") };
                 let opened = there.connect_tcp(to[0], TcpOptions::default()).await;
                 let Ok(mut stream) = opened else { unreachable!("it listens") };
-                // Who is refused on one connection may find the other closed.
+                // Who is refused on one connection may find the others closed.
                 let _said = stream.writer.write_all(said).await;
                 streams.push(stream);
             }
@@ -110,7 +115,7 @@ pub fn answers(bytes: &[u8]) -> bool {
             let mut streams = Vec::new();
             for said in said(bytes).into_iter().cycle() {
                 let Ok(mut stream) = listener.accept().await else { unreachable!("it listens") };
-                // It may be gone after what it was told on the other connection.
+                // It may be gone after what it was told on another connection.
                 let _said = stream.writer.write_all(said).await;
                 streams.push(stream);
             }

@@ -50,6 +50,13 @@ pub fn part(unit: u64, offset: u64, tail: u8, data: &[u8]) -> Vec<u8> {
     out
 }
 
+/// A part of a message.
+pub fn message_part(unit: u64, offset: u64, ends: bool, data: &[u8]) -> Vec<u8> {
+    let mut out = part(unit, offset, 0, data);
+    out[0] = 0x40 | u8::from(ends) << 1;
+    out
+}
+
 /// Where a block lies, and what repair it has.
 #[derive(Debug, Clone, Copy)]
 pub struct Block {

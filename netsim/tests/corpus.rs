@@ -12,7 +12,11 @@ type Check = fn(&[u8]) -> bool;
 
 /// Each with inputs of its corpus that make a link, unless the corpus is in a layout of the past.
 const TARGETS: [(&str, Check, &[&str]); 2] = [
-    ("hellos", hellos::hellos, &["a-peer", "a-peer-latest-lane-first", "a-peer-without-a-role"]),
+    (
+        "hellos",
+        hellos::hellos,
+        &["a-peer", "a-peer-latest-lane-first", "a-peer-messages-lane-first", "a-peer-without-a-role"],
+    ),
     ("answers", hellos::answers, &["accept", "accept-with-a-batch-size-and-a-close"]),
 ];
 

@@ -41,6 +41,12 @@ fn a_value_goes_before_a_frame() {
 }
 
 #[test]
+fn a_message_goes_before_a_frame() {
+    let (simulation, machines) = machines(&priorities::narrow(), 1);
+    simulation.run(priorities::a_message_goes_before_a_frame(&machines)).unwrap();
+}
+
+#[test]
 fn the_same_seed_gives_the_same_packets_at_the_same_nanoseconds() {
     lossy::a_seed_decides_the_run(machines);
 }
@@ -67,8 +73,14 @@ fn who_leaves_waits_half_a_second_for_a_peer_that_has_left_and_cannot_tell_what_
         let (arm, panel) = machines.pair(LinkConfig::default()).await;
         sleep_until(&*machines.net(), Instant::from_nanos(2_000_000_000)).await;
         // It hears nothing, and nothing tells it that its own close has arrived.
-        let Link { frames_tx, latest_tx, .. } = panel;
-        let left = async { tokio::join!(frames_tx.close(finished()), latest_tx.close(finished())) };
+        let Link { frames_tx, latest_tx, messages_tx, .. } = panel;
+        let left = async {
+            tokio::join!(
+                frames_tx.close(finished()),
+                latest_tx.close(finished()),
+                messages_tx.close(finished())
+            )
+        };
         tokio::select! {
             said = arm.close(finished()) => said.unwrap(),
             left = left => panic!("nobody can have answered it: {left:?}"),

@@ -9,9 +9,12 @@ use std::time::Duration;
 
 use trimaran_netsim::Simulation;
 use trimaran_netsim::link::{Conditions, LinkModel, Loss, Phase, Probability, Rate};
-use trimaran_transport::conformance::{Overhead, Pairs, pose, start};
+use trimaran_transport::conformance::{Overhead, Pairs, Robot, command, points, pose, start};
 use trimaran_transport::udp::{Repair, Trust, UdpOptions};
-use trimaran_transport::{FrameEvent, FrameOutcome, LinkConfig, Options, RecvError, UdpMode, sleep_until};
+use trimaran_transport::{
+    FrameEvent, FrameOutcome, LinkConfig, MessageReceiver, MessageSender, Options, RecvError, UdpMode,
+    sleep_until,
+};
 use virtual_time::{Machines, lossy, priorities, two_hosts};
 
 fn machines(link: &LinkModel, seed: u64) -> (Simulation, Machines) {
@@ -41,6 +44,12 @@ fn an_older_frame_is_complete_first() {
 fn a_value_goes_before_a_frame() {
     let (simulation, machines) = machines(&priorities::narrow(), 1);
     simulation.run(priorities::a_value_goes_before_a_frame(&machines)).unwrap();
+}
+
+#[test]
+fn a_message_goes_before_a_frame() {
+    let (simulation, machines) = machines(&priorities::narrow(), 1);
+    simulation.run(priorities::a_message_goes_before_a_frame(&machines)).unwrap();
 }
 
 #[test]
@@ -100,6 +109,71 @@ fn with_deadlines_a_lost_frame_spoils_no_later_one() {
     let (whole, gaps, bytes) = simulation.run(talk).unwrap();
     // Some travelled coded.
     assert!(whole >= 20 && gaps >= 20 && bytes < 2000, "{whole} whole, {gaps} with gaps, {bytes} bytes");
+}
+
+/// Where most frames are given up, every message arrives once, in order, both ways.
+#[test]
+fn with_deadlines_and_heavy_loss_every_message_arrives() {
+    const COUNT: u32 = 200;
+    let mut way = LinkModel::clean(Rate::new(100_000_000), Duration::from_millis(3));
+    way.conditions.loss = Loss::Independent(Probability::new(0.3).unwrap());
+    let options = UdpOptions {
+        mode: UdpMode::Deadline,
+        deadline: Duration::from_millis(14),
+        repair: Repair::Off,
+        ..UdpOptions::default()
+    };
+    let (simulation, machines) = machines_between(&way, &way, 1, options);
+    let talk = async {
+        let (arm, panel) = machines.pair(LinkConfig::default()).await;
+        let (mut frames_tx, mut frames_rx) = (arm.frames_tx, panel.frames_rx);
+        let say = async |mut tx: MessageSender<Robot>| {
+            for number in 0..COUNT {
+                tx.send(&command(number)).await.unwrap();
+                sleep_until(&*machines.net(), machines.net().now().after(Duration::from_millis(5))).await;
+            }
+            tx
+        };
+        let hear = async |mut rx: MessageReceiver<Robot>| {
+            for number in 0..COUNT {
+                assert_eq!(rx.recv().await.unwrap(), command(number));
+            }
+            rx
+        };
+        let frames = async {
+            for frame in 0.. {
+                frames_tx.begin(start(frame)).await.unwrap();
+                frames_tx.push(&points(1000)).await.unwrap();
+                frames_tx.finish().await.unwrap();
+                sleep_until(&*machines.net(), machines.net().now().after(Duration::from_millis(16))).await;
+            }
+        };
+        let mut gaps = 0;
+        let read = async {
+            loop {
+                if let FrameEvent::End(FrameOutcome::Incomplete { .. }) = frames_rx.recv().await.unwrap() {
+                    gaps += 1;
+                }
+            }
+        };
+        let messages = async {
+            tokio::join!(
+                say(arm.messages_tx),
+                hear(arm.messages_rx),
+                say(panel.messages_tx),
+                hear(panel.messages_rx)
+            )
+        };
+        tokio::select! {
+            biased;
+            _ends = messages => {}
+            () = frames => {}
+            () = read => {}
+        }
+        gaps
+    };
+    let gaps = simulation.run(talk).unwrap();
+    assert!(gaps > 10, "only {gaps} frames with gaps");
 }
 
 /// A network that is cut one way only is no fault of the peer: it may come again.

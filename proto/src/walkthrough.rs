@@ -19,6 +19,7 @@ impl Protocol for Walkthrough {
     type Header = Camera;
     type Item = DrawableId;
     type Note = FrameStats;
+    type Message = ();
 
     fn name(hello: &Identity) -> String {
         hello.role.to_string()

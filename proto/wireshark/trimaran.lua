@@ -11,15 +11,17 @@ local KINDS = {
   [0x01] = "hello", [0x02] = "accept", [0x03] = "refuse", [0x04] = "close", [0x05] = "keep-alive",
   [0x10] = "latest value", [0x11] = "numbered value",
   [0x20] = "begin", [0x21] = "batch", [0x22] = "end", [0x23] = "note", [0x24] = "coded batch",
+  [0x30] = "message",
 }
+local VERSION = 2
 local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/1", 72, 80
 local ROLES = { [0] = "switch A", "switch B", "display" }
-local LANES = { [0] = "latest", "frames" }
+local LANES = { [0] = "latest", "frames", "messages" }
 local CODINGS = { [0] = "plain", "changes" }
 local TESTERS = { [0] = "query", "raster", "hzb" }
 local REASONS = {
   [0] = "versions differ", "the applications differ", "the application does not take the peer", "the role is taken",
-  "the lane came twice", "the other lane did not come in time", "too many handshakes under way",
+  "the lane came twice", "another lane did not come in time", "too many handshakes under way",
   "the key is known for another role",
 }
 local REJECTIONS = { "scenes differ", "settings differ", "both have the same role" }
@@ -79,7 +81,7 @@ local f = {
   stat = ProtoField.uint64("trimaran.stats.value", "Value"),
 }
 local e = {
-  malformed = ProtoExpert.new("trimaran.malformed", "No message of version 1", expert.group.MALFORMED, expert.severity.ERROR),
+  malformed = ProtoExpert.new("trimaran.malformed", "No message of version 2", expert.group.MALFORMED, expert.severity.ERROR),
 }
 trimaran.fields, trimaran.experts = f, e
 
@@ -103,6 +105,10 @@ local u = {
   units = ProtoField.uint64("trimaran_udp.credit.units", "Credit (units)"),
   close = ProtoField.none("trimaran_udp.close", "Close"),
   unread = ProtoField.none("trimaran_udp.unread", "Unread"),
+  unread_messages = ProtoField.none("trimaran_udp.unread.messages", "Unread messages"),
+  messages_credit = ProtoField.uint64("trimaran_udp.messages.credit", "Credit of messages (bytes)"),
+  messages_units = ProtoField.uint64("trimaran_udp.messages.credit.units", "Credit of messages (units)"),
+  messages_unit = ProtoField.uint64("trimaran_udp.messages.unit", "Unit of the messages lane"),
   challenge = ProtoField.bytes("trimaran_udp.challenge", "Challenge"),
   response = ProtoField.bytes("trimaran_udp.response", "Response"),
   camera = ProtoField.uint64("trimaran_udp.camera", "Number of the camera"),
@@ -112,6 +118,7 @@ local u = {
   bytes = ProtoField.uint32("trimaran_udp.bytes", "Bytes"),
   part = ProtoField.uint8("trimaran_udp.part", "Part", base.HEX, {
     [0x20] = "more follows", [0x21] = "nothing follows for now", [0x22] = "the unit ends here", [0x23] = "the frame ends here",
+    [0x40] = "more of the message follows", [0x42] = "the message ends here",
   }),
   hash = ProtoField.uint64("trimaran_udp.hash", "Hash of the frame's ids", base.HEX),
   given_up = ProtoField.uint64("trimaran_udp.given_up", "Given up: bytes of the unit"),
@@ -124,7 +131,7 @@ local u = {
 }
 local ue = {
   unseen = ProtoExpert.new("trimaran_udp.not_rebuilt", "Bytes came by repair, which is not rebuilt here", expert.group.UNDECODED, expert.severity.WARN),
-  malformed = ProtoExpert.new("trimaran_udp.malformed", "No chunk of version 1", expert.group.MALFORMED, expert.severity.ERROR),
+  malformed = ProtoExpert.new("trimaran_udp.malformed", "No chunk of version 2", expert.group.MALFORMED, expert.severity.ERROR),
 }
 datagrams.fields, datagrams.experts = u, ue
 
@@ -376,7 +383,7 @@ end
 local function refusal(r, tree)
   local version = r.take(2)
   tree:add_le(f.version, version)
-  if version:le_uint() ~= 1 then return "refuse by version " .. version:le_uint() end
+  if version:le_uint() ~= VERSION then return "refuse by version " .. version:le_uint() end
   local reason = add_varint(tree, f.reason, r)
   local said = "refuse: " .. (REASONS[reason] or "?")
   if reason == 0 then
@@ -417,7 +424,7 @@ local function message(tvb, from, to, pinfo, tree, key)
     r.take(#MAGIC)
     local version = r.take(2)
     sub:add_le(f.version, version)
-    if version:le_uint() ~= 1 then return "hello of version " .. version:le_uint() end
+    if version:le_uint() ~= VERSION then return "hello of version " .. version:le_uint() end
     local protocol = add_text(sub, f.protocol, r)
     add_varint(sub, f.session, r)
     local which = LANES[add_varint(sub, f.lane, r)] or "?"
@@ -467,6 +474,8 @@ local function message(tvb, from, to, pinfo, tree, key)
     return stats(r, sub)
   elseif kind == 0x24 then
     return coded(r, sub, pinfo, key)
+  elseif kind == 0x30 then
+    return foreign(r, sub, name)
   end
   sub:add_proto_expert_info(e.malformed)
   return "unknown kind"
@@ -706,6 +715,13 @@ local function chunk(r, tvb, tree, pinfo, key)
   elseif code == 0x07 then
     tree:add(u.response, r.take(24))
     return "response"
+  elseif code == 0x08 then
+    add_wide(tree, u.messages_credit, r)
+    add_wide(tree, u.messages_units, r)
+    return "credit of messages"
+  elseif code == 0x09 then
+    tree:add(u.unread_messages, tvb(start, 1))
+    return "unread messages"
   elseif code == 0x10 then
     add_wide(tree, u.camera, r)
     return "camera of frame " .. camera(r, tree)
@@ -730,6 +746,20 @@ local function chunk(r, tvb, tree, pinfo, key)
     local said = unit_part(r, tvb, sub, pinfo, unit, offset, length:le_uint(), ends, key)
     sub:set_len(r.at() - start)
     return "unit " .. unit .. ": " .. said .. (code == 0x23 and ", end" or "")
+  elseif code == 0x40 or code == 0x42 then
+    local sub = tree:add("Part of a message")
+    sub:add(u.part, tvb(start, 1))
+    local unit = add_wide(sub, u.messages_unit, r)
+    local offset = add_wide(sub, u.offset, r)
+    local length = r.take(2)
+    sub:add_le(u.bytes, length)
+    local from, count = r.at(), length:le_uint()
+    if count > 0 then r.take(count) end
+    sub:set_len(r.at() - start)
+    -- Most messages are one part; of the others the parts are named.
+    local whole = offset == 0 and code == 0x42 and count > 0
+    local said = whole and message(tvb, from, from + count, pinfo, sub, key) or count == 0 and "nothing" or "part of a message"
+    return "message " .. unit .. ": " .. said
   elseif code == 0x24 or code == 0x25 then
     local sub = tree:add("Give-up")
     local unit = add_wide(sub, u.unit, r)
@@ -834,9 +864,9 @@ function datagrams.dissector(tvb, pinfo, tree)
   return tvb:len()
 end
 
--- An initial has 1,200 bytes at least, version 1, and zeros behind its handshake; that is told from QUIC by its first byte.
+-- An initial has 1,200 bytes at least, this version, and zeros behind its handshake; that is told from QUIC by its first byte.
 datagrams:register_heuristic("udp", function(tvb, pinfo, tree)
-  if tvb:len() < 1200 or tvb(0, 8):le_uint64() ~= UInt64(5, 0) then return false end
+  if tvb:len() < 1200 or tvb(0, 8):le_uint64() ~= UInt64(VERSION * 4 + 1, 0) then return false end
   local cookie = tvb(12, 1):uint()
   if cookie > 1 then return false end
   local at = 13 + 24 * cookie

@@ -162,9 +162,9 @@ impl Carried {
 
 impl From<Traffic> for Carried {
     fn from(traffic: Traffic) -> Self {
-        let Traffic { latest, begin, batches, items, end, control, header_bytes } = traffic;
+        let Traffic { latest, begin, batches, items, end, messages: said, control, header_bytes } = traffic;
         let messages =
-            [latest, begin, batches, end, control].iter().map(|tally: &Tally| tally.messages).sum();
+            [latest, begin, batches, end, said, control].iter().map(|tally: &Tally| tally.messages).sum();
         Self {
             frames: end.messages,
             ids: items,
@@ -173,7 +173,8 @@ impl From<Traffic> for Carried {
             begin_bytes: begin.bytes,
             id_bytes: batches.bytes,
             end_bytes: end.bytes,
-            control_bytes: control.bytes,
+            // What roles say beside cameras and ids is counted with it.
+            control_bytes: control.bytes + said.bytes,
             header_bytes,
         }
     }

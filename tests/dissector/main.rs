@@ -189,14 +189,14 @@ fn a_session_over_tcp_is_read_id_by_id() {
     let ids: Vec<&String> = ends.iter().flat_map(|[_, ids]| ids).collect();
     assert_eq!(ids.len() as u32, 2 * FRAMES - 1);
     assert!(ids.iter().all(|ids| *ids == "1000"));
-    // Three links of two lanes, a hello and an accept each; the display's settings are in its accepts.
+    // Three links of three lanes, a hello and an accept each; the display's settings are in its accepts.
     let hellos =
         capture.read("trimaran.kind == 1", ["trimaran.version", "trimaran.session", "trimaran.lane"]);
-    assert_eq!(hellos.len(), 6);
+    assert_eq!(hellos.len(), 9);
     assert!(
         hellos
             .iter()
-            .all(|[version, session, lane]| version[0] == "1" && session.len() == 1 && lane.len() == 1)
+            .all(|[version, session, lane]| version[0] == "2" && session.len() == 1 && lane.len() == 1)
     );
     let accepts = capture.read(
         "trimaran.kind == 2 && trimaran.settings.width",
@@ -255,7 +255,7 @@ fn datagrams_in_the_clear_are_read_and_sealed_ones_called_so() {
     assert!(!capture.read("trimaran.kind == 0x24", ["frame.number"]).is_empty(), "frames travel as changes");
     holds_every_id(&capture, &workload);
     let hellos = capture.read("trimaran_udp.form == 1", ["trimaran.role", "trimaran_udp.version"]);
-    assert!(hellos.iter().all(|[role, version]| role.len() == 1 && version[0] == "1"), "{hellos:?}");
+    assert!(hellos.iter().all(|[role, version]| role.len() == 1 && version[0] == "2"), "{hellos:?}");
 
     session(&capture, Transport::Udp, &workload, Knobs::default());
     capture.is_sound();

@@ -9,6 +9,7 @@ use trimaran_net::Instant;
 use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, IdBatch, IdCoding, IdEncoder, Walkthrough};
 use trimaran_udp::{
     Acceptor, Config, Connecting, Connection, ConnectionId, Handled, Progress, Received, Repair, Security,
+    UnitLane,
 };
 use trimaran_wire::{
     BatchDecoder, BatchEncoder, Delivery, Format, FrameAssembler, FrameMessage, FrameOutcome, FrameStep,
@@ -140,7 +141,7 @@ fn three_frames(coding: IdCoding, lost: usize) -> (Vec<(usize, Vec<u8>)>, usize)
                 }
             }
         }
-        while let Some(received) = ends[1].recv() {
+        while let Some(received) = ends[1].recv(UnitLane::Frames) {
             let Received::Frame(message) = received else { panic!("{received:?}") };
             let outcome = receive(message, &mut *decoder, &mut assembler);
             whole += usize::from(matches!(outcome, Some(FrameOutcome::Complete(_))));

@@ -204,7 +204,7 @@ mod tests {
 
     use super::*;
 
-    const OVERHEAD: Overhead = Overhead { header_bytes: 4, handshake: 2, coded: true };
+    const OVERHEAD: Overhead = Overhead { header_bytes: 4, handshake: 3, coded: true };
 
     fn web_sockets() -> Joined {
         let options = Options { transports: vec![Arc::new(WebSockets::default())], ..Options::default() };

@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use thiserror::Error;
 use trimaran_wire::{
-    BatchError, CloseReason, CodingError, DecodeError, FrameOrderError, FrameViolation, Kind, Lane, MAX_NOTE,
+    BatchError, CloseReason, CodingError, DecodeError, FrameOrderError, FrameViolation, Kind, Lane,
+    MAX_MESSAGE, MAX_NOTE,
 };
 
 use crate::application::PeerName;
@@ -83,6 +84,12 @@ pub enum SendError {
         /// The link's timeout.
         waited: Duration,
     },
+    /// A message of the messages lane is longer than it may be.
+    #[error("a message for {peer} is longer than {MAX_MESSAGE} bytes")]
+    TooLong {
+        /// The peer.
+        peer: PeerName,
+    },
     /// A note is longer than it may be.
     #[error("a note for {peer} is longer than {MAX_NOTE} bytes")]
     Note {
@@ -152,6 +159,9 @@ pub enum ProtocolError {
     /// It sent a note that is none.
     #[error("it sent a note that is none")]
     Note(#[source] postcard::Error),
+    /// It sent a message that is none of the application's.
+    #[error("it sent a message that is none of the application's")]
+    Message(#[source] postcard::Error),
     /// It sent more than it may.
     #[error(transparent)]
     TooMany(#[from] TooMany),

@@ -1,5 +1,6 @@
 //! Links within one process: values travel as they are, nothing is encoded.
 
+mod messages;
 mod queue;
 
 use std::any::Any;
@@ -9,6 +10,9 @@ use std::sync::{Arc, LazyLock, Mutex, Weak};
 
 use tokio::sync::watch;
 use trimaran_wire::{CloseReason, Fixed, Kind, Protocol, Refusal, SessionId};
+
+use messages::messages;
+pub(crate) use messages::{MessageRx, MessageTx};
 
 use crate::acceptor::{Acceptor, Place, lock};
 use crate::application::{Application, Peer, Side};
@@ -134,33 +138,45 @@ fn assemble(
     }
 }
 
-/// One end of both lanes.
+/// One end of the lanes.
 #[derive(Debug)]
 pub(crate) struct Lanes<P: Protocol> {
     pub(crate) latest: (LatestTx<P>, LatestRx<P>),
     pub(crate) frames: (FrameTx<P>, FrameRx<P>),
+    pub(crate) messages: (MessageTx<P>, MessageRx<P>),
 }
 
 impl<P: Protocol> Lanes<P> {
     /// Both ends.
     pub(crate) fn pair() -> [Self; 2] {
-        let ((latest_a, frames_a), (latest_b, frames_b)) = (direction(), direction());
+        let ((latest_a, latest_rx_b), (latest_b, latest_rx_a)) = (latest(), latest());
+        let ((frames_a, frames_rx_b), (frames_b, frames_rx_a)) = (frames(), frames());
+        let ((messages_a, messages_rx_b), (messages_b, messages_rx_a)) = (messages(), messages());
         [
-            Self { latest: (latest_a.0, latest_b.1), frames: (frames_a.0, frames_b.1) },
-            Self { latest: (latest_b.0, latest_a.1), frames: (frames_b.0, frames_a.1) },
+            Self {
+                latest: (latest_a, latest_rx_a),
+                frames: (frames_a, frames_rx_a),
+                messages: (messages_a, messages_rx_a),
+            },
+            Self {
+                latest: (latest_b, latest_rx_b),
+                frames: (frames_b, frames_rx_b),
+                messages: (messages_b, messages_rx_b),
+            },
         ]
     }
 }
 
-/// Both lanes in one direction.
-#[expect(clippy::type_complexity, reason = "both halves of both lanes")]
-fn direction<P: Protocol>() -> ((LatestTx<P>, LatestRx<P>), (FrameTx<P>, FrameRx<P>)) {
+/// A latest lane in one direction.
+fn latest<P: Protocol>() -> (LatestTx<P>, LatestRx<P>) {
     let (cell, view) = watch::channel(Cell { value: None, number: 0, closed: None });
+    (LatestTx { cell }, LatestRx { view, seen: 0 })
+}
+
+/// A frames lane in one direction.
+fn frames<P: Protocol>() -> (FrameTx<P>, FrameRx<P>) {
     let (queue, messages) = queue::queue(QUEUE);
-    (
-        (LatestTx { cell }, LatestRx { view, seen: 0 }),
-        (FrameTx { queue, staged: VecDeque::new() }, FrameRx { messages, closed: None }),
-    )
+    (FrameTx { queue, staged: VecDeque::new() }, FrameRx { messages, closed: None })
 }
 
 /// What the latest lane holds.

@@ -1,7 +1,7 @@
 //! Links for data that belongs to frames, over pluggable transports and an application's own types.
 //!
-//! A [`Link`] joins two peers by two lanes: the *latest* lane is a cell of size one, the *frames* lane carries
-//! begin, batches of items, end. An application says what they hold by a [`Protocol`]. [`connect`] and
+//! A [`Link`] joins two peers by three lanes: the *latest* lane is a cell of size one, the *frames* lane
+//! carries begin, batches of items, end, the *messages* lane what is said beside. An application says what they hold by a [`Protocol`]. [`connect`] and
 //! [`Listener`] make links over the transport that an [`Endpoint`] names; using them is the same over each.
 //!
 //! ```
@@ -21,6 +21,7 @@
 //!     type Header = ();
 //!     type Item = u32;
 //!     type Note = ();
+//!     type Message = ();
 //!
 //!     fn name(hello: &String) -> String {
 //!         hello.clone()
@@ -53,7 +54,7 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | `link`, `latest`, `frames` | a link and its halves, over the application's types |
+//! | `link`, `latest`, `frames`, `messages` | a link and its halves, over the application's types |
 //! | `connect`, `listen`, `handshake`, `acceptor` | how links come about, and who is let in |
 //! | `application` | the application's part of that, for the layers that know only bytes |
 //! | `scheme`, `endpoint`, `transport` | which transport makes a link; transports from outside |
@@ -85,6 +86,7 @@ pub mod keys;
 mod latest;
 mod link;
 mod listen;
+mod messages;
 mod options;
 mod pending;
 #[cfg(feature = "quic")]
@@ -117,6 +119,7 @@ pub use handshake::HandshakeError;
 pub use latest::{LatestReceiver, LatestSender};
 pub use link::{Capabilities, Link, LinkConfig, PeerAddress, PeerInfo};
 pub use listen::{AcceptError, ListenError, Listener};
+pub use messages::{MessageReceiver, MessageSender};
 pub use options::{Limits, Options};
 pub use rates::{ListenerStats, TooMany, TurnedAway};
 pub use stats::{LinkStats, StatsHandle, Tally, Traffic};
@@ -129,8 +132,8 @@ pub use trimaran_udp::PathStats;
 pub use trimaran_wire::{
     Batch, BatchDecoder, BatchEncoder, BatchError, BatchSize, BatchSizeError, Batching, CloseReason,
     CodingError, DecodeError, DecodeFault, Delivery, Explanation, Fixed, FrameEnd, FrameNumber,
-    FrameOrderError, FrameOutcome, FrameViolation, Item, Kind, Lane, Protocol, ProtocolName, Refusal,
-    Rejection, SessionId, WireVersion,
+    FrameOrderError, FrameOutcome, FrameViolation, Item, Kind, Lane, MAX_MESSAGE, Protocol, ProtocolName,
+    Refusal, Rejection, SessionId, WireVersion,
 };
 #[cfg(feature = "unix")]
 pub use unix::{ForeignUser, UnixOptions};

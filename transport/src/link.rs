@@ -14,17 +14,22 @@ use crate::frames::{FrameRx, FrameTx, WireFrameRx, WireFrameTx};
 use crate::handshake::HandshakeError;
 use crate::inproc;
 use crate::latest::{LatestRx, LatestTx, WireLatestRx, WireLatestTx};
+use crate::messages::{MessageRx, MessageTx, WireMessageRx, WireMessageTx};
 use crate::rates::Messages;
 use crate::stats::Counters;
 use crate::timeouts::Timeouts;
 use crate::transport::Transport;
-use crate::{FrameReceiver, FrameSender, LatestReceiver, LatestSender, RecvError, SendError, StatsHandle};
+use crate::{
+    FrameReceiver, FrameSender, LatestReceiver, LatestSender, MessageReceiver, MessageSender, RecvError,
+    SendError, StatsHandle,
+};
 use trimaran_net::{Credentials, Net, StreamPeer, until};
 
 /// How long a peer that leaves waits for the other one to leave as well.
 const LINGER: Duration = Duration::from_millis(500);
 
-/// A link to a peer: a lane for the latest value and a lane for frames of items, both in both directions.
+/// A link to a peer: a lane for the latest value, a lane for frames of items and a lane for messages, each in
+/// both directions.
 ///
 /// The halves are independent: take the struct apart and use each where it is needed, from any thread.
 /// Waiting calls work inside a runtime as well as under `Handle::block_on` on a thread of the caller's.
@@ -42,6 +47,10 @@ pub struct Link<P: Protocol> {
     pub frames_tx: FrameSender<P>,
     /// Receives frames of items.
     pub frames_rx: FrameReceiver<P>,
+    /// Sends messages.
+    pub messages_tx: MessageSender<P>,
+    /// Receives messages.
+    pub messages_rx: MessageReceiver<P>,
     /// Counts what travels, for reading at any time.
     pub stats: StatsHandle,
     pub(crate) capabilities: Capabilities,
@@ -174,8 +183,8 @@ pub struct LinkConfig {
     /// and is found out before room is made for them. Give what the application can have. Default 4,194,304.
     #[cfg_attr(feature = "config", serde(skip))]
     pub max_frame: u32,
-    /// How many messages the peer may send on the frames lane in a second, measured over that many: one that
-    /// sends more is no peer but a flood, and the lane fails. Of latest values only the newest is read anyway.
+    /// How many messages the peer may send on the frames lane in a second, measured over that many, and on the
+    /// messages lane: one that sends more is no peer but a flood, and the lane fails. Of latest values only the newest is read anyway.
     /// Not within one process. Default 1,000,000.
     #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::above_zero"))]
     pub messages_per_s: u32,
@@ -209,22 +218,32 @@ impl<P: Protocol> Link<P> {
         self.capabilities
     }
 
-    /// Leaves in good order: closes the link on both lanes, and waits a moment (half a second at most) for the
+    /// Leaves in good order: closes the link on each lane, and waits a moment (half a second at most) for the
     /// peer to leave as well, or for what was said to arrive when the peer has left already. What still
     /// comes from it is thrown away.
     ///
-    /// Dropping the future drops the link: the peer may have heard the close on one lane only or not at
-    /// all, and then takes this side for lost.
+    /// Dropping the future drops the link: the peer may have heard the close on some lanes only or on
+    /// none, and then takes this side for lost.
     ///
     /// # Errors
     /// When the peer is gone without a close of its own, or takes nothing within the link's timeout.
     pub async fn close(self, reason: CloseReason) -> Result<(), SendError> {
-        let Self { peer, latest_tx, mut latest_rx, frames_tx, mut frames_rx, net, .. } = self;
-        let say = async { frames_tx.close(reason.clone()).await.and(latest_tx.close(reason).await) };
+        let Self { peer, latest_tx, mut latest_rx, frames_tx, mut frames_rx, .. } = self;
+        let (messages_tx, mut messages_rx, net) = (self.messages_tx, self.messages_rx, self.net);
+        let say = async {
+            let (frames, latest, messages) = tokio::join!(
+                frames_tx.close(reason.clone()),
+                latest_tx.close(reason.clone()),
+                messages_tx.close(reason.clone())
+            );
+            frames.and(latest).and(messages)
+        };
         // A connection that is closed while it holds unread data is reset, and on some systems the reset
         // overtakes the close on the peer's side. So whatever comes is read until the peer closes.
         let hear = async {
-            let ends = [frames_rx.drain().await, latest_rx.drain().await];
+            let (frames, latest, messages) =
+                tokio::join!(frames_rx.drain(), latest_rx.drain(), messages_rx.drain());
+            let ends = [frames, latest, messages];
             (ends.iter().any(|end| matches!(end, RecvError::Closed { .. })), latest_rx)
         };
         let (mut say, mut hear) = (pin!(say), pin!(hear));
@@ -266,14 +285,15 @@ pub(crate) struct Parts {
     pub(crate) doubt: Option<HandshakeError>,
 }
 
-/// Both lanes where values travel as bytes.
+/// The lanes where values travel as bytes.
 #[derive(Debug)]
 pub(crate) struct Wire {
     pub(crate) latest: (WireLatestTx, WireLatestRx),
     pub(crate) frames: (WireFrameTx, WireFrameRx),
+    pub(crate) messages: (WireMessageTx, WireMessageRx),
 }
 
-/// Both lanes.
+/// The lanes.
 #[derive(Debug)]
 pub(crate) enum Lanes {
     /// Of bytes.
@@ -291,20 +311,23 @@ impl Parts {
         let most = if local { u32::MAX } else { config.messages_per_s };
         let timeouts = || Timeouts::new(net, config.timeout, config.idle_timeout);
         let batching = peer.batching.unwrap_or(config.batching);
-        let (latest, frames) = match lanes {
+        let (latest, frames, messages) = match lanes {
             Lanes::Wire(wire) => (
                 (LatestTx::Wire(wire.latest.0), LatestRx::Wire(Box::new(wire.latest.1))),
                 (FrameTx::Wire(wire.frames.0), FrameRx::Wire(wire.frames.1)),
+                (MessageTx::Wire(wire.messages.0), MessageRx::Wire(wire.messages.1)),
             ),
             Lanes::Local(lanes) => {
-                let inproc::Lanes { latest, frames } = *lanes.downcast::<inproc::Lanes<P>>().ok()?;
+                let inproc::Lanes { latest, frames, messages } =
+                    *lanes.downcast::<inproc::Lanes<P>>().ok()?;
                 (
                     (LatestTx::Local(latest.0), LatestRx::Local(latest.1)),
                     (FrameTx::Local(frames.0), FrameRx::Local(frames.1)),
+                    (MessageTx::Local(messages.0), MessageRx::Local(messages.1)),
                 )
             }
         };
-        let (max_frame, rate) = (config.max_frame, Messages::new(most));
+        let (max_frame, rate) = (config.max_frame, || Messages::new(most));
         Some(Link {
             peer: PeerInfo { name: peer.name, hello, session, address },
             capabilities,
@@ -320,7 +343,14 @@ impl Parts {
                 shared.clone(),
                 timeouts(),
             ),
-            frames_rx: FrameReceiver::new(max_frame, frames.1, shared, timeouts(), rate),
+            frames_rx: FrameReceiver::new(max_frame, frames.1, shared.clone(), timeouts(), rate()),
+            messages_tx: MessageSender { lane: messages.0, shared: shared.clone(), timeouts: timeouts() },
+            messages_rx: MessageReceiver {
+                lane: messages.1,
+                shared,
+                timeouts: Timeouts::new(net, Duration::MAX, config.idle_timeout),
+                rate: rate(),
+            },
         })
     }
 }

@@ -23,7 +23,7 @@ pub enum TooMany {
     /// Handshakes at one listener.
     #[error("more than {0} handshakes a second")]
     InAll(u32),
-    /// Messages of one peer on the frames lane.
+    /// Messages of one peer on the frames lane, or on the messages lane.
     #[error("it sent more than {0} messages a second")]
     Messages(u32),
 }

@@ -20,7 +20,7 @@ pub struct LinkStats {
     /// What this side received.
     pub received: Traffic,
     /// How often the peer sent more messages in a second than it [may](crate::LinkConfig::messages_per_s):
-    /// each time its frames lane failed.
+    /// each time the lane failed.
     pub floods: u64,
     /// Packets and the path they take, over datagrams of this crate's own protocol. Other transports do not
     /// tell.
@@ -41,6 +41,8 @@ pub struct Traffic {
     pub items: u64,
     /// Ends of frames (EOF).
     pub end: Tally,
+    /// Messages of the messages lane.
+    pub messages: Tally,
     /// Handshake, close, keep-alives and notes; within one process these have no size.
     pub control: Tally,
     /// The bytes of this protocol's own headers; those of TCP, IP and Ethernet are not seen from here. 0
@@ -66,6 +68,7 @@ impl Traffic {
             + self.begin.bytes
             + self.batches.bytes
             + self.end.bytes
+            + self.messages.bytes
             + self.control.bytes
             + self.header_bytes
     }
@@ -97,6 +100,7 @@ impl Add for Traffic {
             batches: self.batches + other.batches,
             items: self.items + other.items,
             end: self.end + other.end,
+            messages: self.messages + other.messages,
             control: self.control + other.control,
             header_bytes: self.header_bytes + other.header_bytes,
         }
@@ -113,6 +117,7 @@ impl Sub for Traffic {
             batches: self.batches - earlier.batches,
             items: self.items.saturating_sub(earlier.items),
             end: self.end - earlier.end,
+            messages: self.messages - earlier.messages,
             control: self.control - earlier.control,
             header_bytes: self.header_bytes.saturating_sub(earlier.header_bytes),
         }

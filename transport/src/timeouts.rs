@@ -12,6 +12,9 @@ use trimaran_net::{Instant, Net, Timer};
 /// How often a sender looks for keep-alives in an idle timeout: as often as there are some.
 const LOOKS: u32 = 4;
 
+/// A wait until then has no end.
+const NEVER: Instant = Instant::from_nanos(u64::MAX);
+
 /// Bounds every wait of one half of a link.
 ///
 /// The time counts from where a wait begins, not from the last byte: while the caller is busy elsewhere, what
@@ -61,6 +64,7 @@ impl fmt::Debug for Timeouts {
 }
 
 impl Timeouts {
+    /// Waits last `limit` at most; for ever, if that is [`Duration::MAX`].
     pub(crate) fn new(net: &Arc<dyn Net>, limit: Duration, idle_timeout: Duration) -> Self {
         let quiet = Duration::ZERO;
         Self { net: Arc::clone(net), limit, idle_timeout, quiet, timer: net.timer(), armed: None }
@@ -179,6 +183,9 @@ impl Timeouts {
     }
 
     fn poll_reached(&mut self, at: Instant, cx: &mut Context<'_>) -> Poll<()> {
+        if at == NEVER {
+            return Poll::Pending;
+        }
         loop {
             if self.armed.is_none_or(|armed| armed > at) {
                 self.timer.reset(at);

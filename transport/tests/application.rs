@@ -31,6 +31,7 @@ impl Protocol for Other {
     type Header = ();
     type Item = u32;
     type Note = String;
+    type Message = String;
 
     fn name(hello: &String) -> String {
         hello.clone()

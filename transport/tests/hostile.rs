@@ -118,16 +118,15 @@ fn accept() -> BytesMut {
     bytes(&Message::Accept(Accept { application: hello_bytes(&greeting(ARM)) }))
 }
 
-/// A panel of bare streams, and the listener's link with it.
-async fn raw_panel(
-    listener: &mut Listener,
-    at: &Endpoint,
-    session: u64,
-) -> (Link, Box<dyn Duplex>, Box<dyn Duplex>) {
-    let (mut frames, mut latest) = (dial(at).await, dial(at).await);
-    frames.write_all(&hello(session, Lane::Frames)).await.unwrap();
-    latest.write_all(&hello(session, Lane::Latest)).await.unwrap();
-    (listener.accept(soon(&net())).await.unwrap(), frames, latest)
+const LANES: [Lane; 3] = [Lane::Frames, Lane::Latest, Lane::Messages];
+
+/// A panel of bare streams in the order of [`LANES`], and the listener's link with it.
+async fn raw_panel(listener: &mut Listener, at: &Endpoint, session: u64) -> (Link, [Box<dyn Duplex>; 3]) {
+    let mut lanes = [dial(at).await, dial(at).await, dial(at).await];
+    for (stream, lane) in lanes.iter_mut().zip(LANES) {
+        stream.write_all(&hello(session, lane)).await.unwrap();
+    }
+    (listener.accept(soon(&net())).await.unwrap(), lanes)
 }
 
 /// A panel comes, is let in, and leaves.
@@ -159,13 +158,16 @@ mod cases {
         assert!(kinds.len() > 8, "{kinds:?}");
         for (session, kind) in (1..).zip(kinds) {
             let header = [kind.code(), 0xff, 0xff, 0xff];
-            let (mut link, mut frames, mut latest) = raw_panel(&mut listener, &at, session).await;
-            frames.write_all(&header).await.unwrap();
-            latest.write_all(&header).await.unwrap();
+            let (mut link, mut lanes) = raw_panel(&mut listener, &at, session).await;
+            for stream in &mut lanes {
+                stream.write_all(&header).await.unwrap();
+            }
             let on_frames = link.frames_rx.recv().await.unwrap_err();
             let on_latest = link.latest_rx.latest().await.unwrap_err();
-            assert_eq!(length_of(&on_frames), Some((kind, MOST)), "{on_frames:?}");
-            assert_eq!(length_of(&on_latest), Some((kind, MOST)), "{on_latest:?}");
+            let on_messages = link.messages_rx.recv().await.unwrap_err();
+            for error in [on_frames, on_latest, on_messages] {
+                assert_eq!(length_of(&error), Some((kind, MOST)), "{error:?}");
+            }
             drop(link);
 
             let mut stranger = dial(&at).await;
@@ -207,9 +209,9 @@ mod cases {
     pub(super) async fn a_peer_that_died_may_come_back(endpoint: &str) {
         let (mut listener, at) = listen(endpoint, &Options::default()).await;
         for session in 1..4 {
-            let (mut link, frames, latest) = raw_panel(&mut listener, &at, session).await;
+            let (mut link, lanes) = raw_panel(&mut listener, &at, session).await;
             // The answers to its hellos lie unread: over TCP the end is a reset.
-            drop((frames, latest));
+            drop(lanes);
             let error = link.frames_rx.recv().await.unwrap_err();
             assert!(matches!(error, RecvError::Lost { .. }), "{error:?}");
         }
@@ -235,7 +237,7 @@ mod cases {
         let taken = bytes(&Message::Refuse(role_taken(PANEL)));
         let listener = async {
             loop {
-                // Who is told so on one connection may have closed the other.
+                // Who is told so on one connection may have closed the others.
                 let _told = bare.accept().await.write_all(&taken).await;
             }
         };
@@ -256,10 +258,10 @@ mod cases {
         let mut answer = Vec::new();
         stranger.read_to_end(&mut answer).await.unwrap();
         assert_eq!(answer[0], Kind::Refuse.code());
-        assert_eq!(answer[4..6], [1, 0], "the listener's version comes first");
+        assert_eq!(answer[4..6], WireVersion::CURRENT.0.to_le_bytes(), "the listener's version comes first");
         let mut decoder = Decoder::new(format());
         decoder.push(&answer);
-        let expected = Refusal::Version { listener: WireVersion(1), connector: WireVersion(0x0107) };
+        let expected = Refusal::Version { listener: WireVersion::CURRENT, connector: WireVersion(0x0107) };
         assert_eq!(decoder.next_message(), Ok(Some(Message::Refuse(expected.clone()))));
         let failure = last_failure(&mut listener).await;
         assert!(matches!(&failure, HandshakeError::Refused(known) if *known == expected), "{failure:?}");
@@ -270,7 +272,8 @@ mod cases {
         let (bare, at) = Bare::bind(endpoint).await;
         let serve = async {
             loop {
-                let (mut frames, _latest) = (bare.accept().await, bare.accept().await);
+                let (mut frames, _latest, _messages) =
+                    (bare.accept().await, bare.accept().await, bare.accept().await);
                 // Who runs out of time has gone.
                 if frames.read_exact(&mut [0; 8]).await.is_ok() {
                     frames.write_all(&[0x03, 4, 0, 0, 0x07, 0x00, 0xff, 0xff]).await.ok();
@@ -283,11 +286,13 @@ mod cases {
             known = refusal(&net, &at, greeting(PANEL), &options) => known,
             () = serve => unreachable!(),
         };
-        assert_eq!(known, Refusal::Version { listener: WireVersion(7), connector: WireVersion(1) });
+        assert_eq!(known, Refusal::Version { listener: WireVersion(7), connector: WireVersion::CURRENT });
     }
 
     pub(super) async fn a_connector_may_die_at_every_byte_of_its_handshake(endpoint: &str) {
-        let (mut listener, at) = listen(endpoint, &Options::default()).await;
+        // What waits for a lane that died keeps its slot for a while.
+        let limits = Limits { handshakes: 1000, ..Limits::default() };
+        let (mut listener, at) = listen(endpoint, &Options { limits, ..Options::default() }).await;
         let whole = hello(0, Lane::Frames).len();
         for step in 0..whole {
             let mut frames = dial(&at).await;
@@ -301,14 +306,15 @@ mod cases {
         }
         for step in 0..whole {
             let session = 1000 + step as u64;
-            let (mut frames, mut latest) = (dial(&at).await, dial(&at).await);
+            let (mut frames, mut latest, mut messages) = (dial(&at).await, dial(&at).await, dial(&at).await);
             frames.write_all(&hello(session, Lane::Frames)).await.unwrap();
-            latest.write_all(&hello(session, Lane::Latest)[..step]).await.unwrap();
-            drop((frames, latest));
+            latest.write_all(&hello(session, Lane::Latest)).await.unwrap();
+            messages.write_all(&hello(session, Lane::Messages)[..step]).await.unwrap();
+            drop((frames, latest, messages));
             let failure = last_failure(&mut listener).await;
             assert!(
                 matches!(failure, HandshakeError::Closed | HandshakeError::Io(_)),
-                "{step} bytes of the second: {failure:?}"
+                "{step} bytes of the last: {failure:?}"
             );
         }
         a_panel_gets_in(&mut listener, &at).await;
@@ -318,24 +324,27 @@ mod cases {
         let (bare, at) = Bare::bind(endpoint).await;
         let (answer, hello) = (accept(), hello(0, Lane::Frames).len());
         let serve = async {
-            // How much of the two hellos it reads, and then of the two answers it gives, before it dies.
-            let most = (hello, hello, answer.len(), answer.len());
-            let half = answer.len() / 2;
-            for (of_frames, of_latest, to_frames, to_latest) in [
-                (0, 0, 0, 0),
-                (7, 0, 0, 0),
-                (hello, 0, 0, 0),
-                (hello, hello, 0, 0),
-                (hello, hello, half, 0),
-                (hello, hello, answer.len(), 0),
-                (hello, hello, answer.len(), half),
-                most,
+            // How much of the hellos it reads, and then of the answers it gives, before it dies.
+            let (whole, half) = (answer.len(), answer.len() / 2);
+            for (of_each, to_each) in [
+                ([0, 0, 0], [0, 0, 0]),
+                ([7, 0, 0], [0, 0, 0]),
+                ([hello, 0, 0], [0, 0, 0]),
+                ([hello, hello, 0], [0, 0, 0]),
+                ([hello; 3], [0, 0, 0]),
+                ([hello; 3], [half, 0, 0]),
+                ([hello; 3], [whole, 0, 0]),
+                ([hello; 3], [whole, half, 0]),
+                ([hello; 3], [whole, whole, half]),
+                ([hello; 3], [whole; 3]),
             ] {
-                let (mut frames, mut latest) = (bare.accept().await, bare.accept().await);
-                frames.read_exact(&mut vec![0; of_frames]).await.unwrap();
-                latest.read_exact(&mut vec![0; of_latest]).await.unwrap();
-                frames.write_all(&answer[..to_frames]).await.unwrap();
-                latest.write_all(&answer[..to_latest]).await.unwrap();
+                let mut lanes = [bare.accept().await, bare.accept().await, bare.accept().await];
+                for (stream, length) in lanes.iter_mut().zip(of_each) {
+                    stream.read_exact(&mut vec![0; length]).await.unwrap();
+                }
+                for (stream, length) in lanes.iter_mut().zip(to_each) {
+                    stream.write_all(&answer[..length]).await.unwrap();
+                }
             }
         };
         let (net, options) = (net(), Options::default());

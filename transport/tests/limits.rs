@@ -90,7 +90,7 @@ async fn who_stops_within_a_handshake_makes_room_for_the_next_and_holds_no_role(
 #[tokio::test]
 async fn handshakes_beyond_the_limit_of_a_second_are_turned_away_and_counted() {
     for endpoint in ["udp://127.0.0.1:0", "tcp://127.0.0.1:0", "quic://127.0.0.1:0"] {
-        let limits = Limits { handshakes_per_s_per_address: 2, ..Limits::default() };
+        let limits = Limits { handshakes_per_s_per_address: 3, ..Limits::default() };
         let options = Options {
             limits,
             link: LinkConfig { handshake_timeout: Duration::from_millis(300), ..LinkConfig::default() },

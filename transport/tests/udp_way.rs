@@ -17,7 +17,7 @@ use trimaran_transport::{
     AttemptError, ConnectError, Endpoint, HandshakeError, Lane, Limits, LinkConfig, Loss, Options, RecvError,
     Refusal, SessionId, WireVersion, until,
 };
-use trimaran_udp::{Config, Connecting, ConnectionId, Progress, Security};
+use trimaran_udp::{Config, Connecting, ConnectionId, Progress, Security, VERSION};
 use trimaran_wire::{Message, to_bytes};
 
 /// Deterministic garbage.
@@ -52,7 +52,7 @@ async fn another_version_is_answered_with_ours_and_lets_nobody_in() {
     stranger.send_to(&first, address(&endpoint)).await.unwrap();
     let mut answer = vec![0; 2000];
     let length = stranger.recv(&mut answer).await.unwrap();
-    assert_eq!(answer[..12], header(2, 1, *b"them"));
+    assert_eq!(answer[..12], header(2, VERSION, *b"them"));
     assert!(3 * length < 1200, "{length} bytes");
     a_panel_gets_in(&mut listener, &endpoint, &options).await;
 }
@@ -84,7 +84,7 @@ async fn a_claim_of_another_version_is_named_once_nobody_else_has_answered() {
     let ConnectError::Deadline { attempts, last: AttemptError::Handshake { cause, .. }, .. } = &error else {
         panic!("{error:?}")
     };
-    assert!(matches!(cause, HandshakeError::Datagram { theirs: 7, ours: 1 }), "{cause:?}");
+    assert!(matches!(cause, HandshakeError::Datagram { theirs: 7, ours: VERSION }), "{cause:?}");
     assert!(*attempts > 1 && error.may_pass(), "{error:?}");
 }
 
@@ -104,7 +104,7 @@ async fn forged_answers_to_a_first_packet_end_nothing() {
                     relay.peer = Some(from);
                     if a[0] & 3 == 1 {
                         let id = a[8..12].try_into().unwrap();
-                        for (form, version, rest) in [(2, 7, 24), (2, 1, 24), (3, 1, 80), (3, 7, 80), (2, 1, 3)] {
+                        for (form, version, rest) in [(2, 7, 24), (2, VERSION, 24), (3, VERSION, 80), (3, 7, 80), (2, VERSION, 3)] {
                             let forged = [header(form, version, id), vec![rest; rest.into()]].concat();
                             relay.outside.send_to(&forged, from).await.unwrap();
                         }
@@ -148,7 +148,7 @@ async fn a_hello_of_another_version_is_refused_in_words_that_it_can_read() {
             other => panic!("{other:?}"),
         };
     };
-    let expected = Refusal::Version { listener: WireVersion(1), connector: WireVersion(9) };
+    let expected = Refusal::Version { listener: WireVersion::CURRENT, connector: WireVersion(9) };
     let mut said = BytesMut::new();
     Message::Refuse(expected.clone()).encode(&mut said);
     assert_eq!(refusal[..said.len()], said);

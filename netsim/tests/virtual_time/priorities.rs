@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use trimaran_netsim::link::{LinkModel, Rate};
 use trimaran_transport::LinkConfig;
-use trimaran_transport::conformance::{Pairs, points, pose, receive, start};
+use trimaran_transport::conformance::{Pairs, command, points, pose, receive, start};
 
 /// A frame of so many points takes 160 ms over the [narrow line](narrow).
 const LONG: u32 = 50_000;
@@ -52,4 +52,25 @@ pub(crate) async fn a_value_goes_before_a_frame(pairs: &impl Pairs) {
     };
     let (seen, complete) = tokio::join!(look, read);
     assert!(seen * 4 < complete, "the value after {seen:?}, the frame after {complete:?}");
+}
+
+/// A message that is sent behind a frame is there long before all of the frame is.
+pub(crate) async fn a_message_goes_before_a_frame(pairs: &impl Pairs) {
+    let (mut arm, mut panel) = pairs.pair(LinkConfig::default()).await;
+    let net = pairs.net();
+    let begun = net.now();
+    arm.frames_tx.begin(start(0)).await.unwrap();
+    arm.frames_tx.push(&points(LONG)).await.unwrap();
+    arm.frames_tx.finish().await.unwrap();
+    arm.messages_tx.send(&command(7)).await.unwrap();
+    let hear = async {
+        assert_eq!(panel.messages_rx.recv().await.unwrap(), command(7));
+        net.now().since(begun)
+    };
+    let read = async {
+        receive(&mut panel.frames_rx).await.unwrap();
+        net.now().since(begun)
+    };
+    let (heard, complete) = tokio::join!(hear, read);
+    assert!(heard * 4 < complete, "the message after {heard:?}, the frame after {complete:?}");
 }

@@ -6,7 +6,7 @@ use super::talk::{batches_of, patient};
 use super::{ARM, Battery, Pairs, Robot, finished, points, pose, receive, start};
 use crate::{CloseReason, FrameEvent, FrameNumber, Link, Loss, RecvError, SendError, sleep_until};
 
-/// What was sent before a close arrives before it, and the close on both lanes, as often as it is asked
+/// What was sent before a close arrives before it, and the close on each lane, as often as it is asked
 /// for.
 pub async fn close_comes_after_everything(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(patient()).await;
@@ -71,6 +71,11 @@ pub async fn death_within_a_frame_is_no_close(pairs: &impl Pairs) {
     assert_eq!(panel.frames_rx.open_frame(), Some(FrameNumber(0)));
     let latest = panel.latest_rx.latest().await;
     assert!(matches!(latest, Err(RecvError::Lost { ref peer, .. }) if peer.as_str() == ARM), "{latest:?}");
+    let messages = panel.messages_rx.recv().await;
+    assert!(
+        matches!(messages, Err(RecvError::Lost { ref peer, .. }) if peer.as_str() == ARM),
+        "{messages:?}"
+    );
 }
 
 /// Who sends to a peer that has dropped its link learns it, on either lane.
@@ -87,7 +92,7 @@ pub async fn a_dead_receiver_fails_the_sender(pairs: &impl Pairs) {
         }
     };
     assert!(matches!(error, SendError::Lost { ref peer, .. } if peer.as_str() == ARM), "{error:?}");
-    drop((arm.latest_rx, arm.latest_tx));
+    drop((arm.latest_rx, arm.latest_tx, arm.messages_rx, arm.messages_tx));
     let error = loop {
         match panel.latest_tx.publish(pose(1)) {
             Ok(()) => sleep_until(&*net, net.now().after(Duration::from_millis(1))).await,

@@ -1,7 +1,7 @@
 //! The frames lane: order, completeness, batches, bytes.
 
 use super::talk::{batches_of, patient};
-use super::{Battery, Overhead, PANEL, Pairs, Pose, Robot, points, pose, receive, start};
+use super::{Battery, Overhead, PANEL, Pairs, Pose, Robot, command, points, pose, receive, start};
 use crate::{
     Fixed, FrameEvent, FrameNumber, FrameOrderError, Link, LinkConfig, LinkStats, SendError, Tally, Traffic,
 };
@@ -114,6 +114,8 @@ pub async fn every_byte_is_counted(pairs: &impl Pairs) {
     arm.latest_tx.publish(pose(0)).unwrap();
     receive(&mut panel.frames_rx).await.unwrap();
     panel.latest_rx.latest().await.unwrap();
+    arm.messages_tx.send(&command(3)).await.unwrap();
+    panel.messages_rx.recv().await.unwrap();
 
     let sent = (arm.stats.read() - before).sent;
     assert_eq!(sent.begin, Tally { messages: 1, bytes: 4 + POSE });
@@ -122,11 +124,14 @@ pub async fn every_byte_is_counted(pairs: &impl Pairs) {
     assert_eq!(sent.end, Tally { messages: 1, bytes: 16 });
     assert_eq!(sent.latest, Tally { messages: 1, bytes: POSE });
     assert_eq!(sent.control, Tally::default());
-    assert_eq!(sent.header_bytes, 6 * header_bytes);
-    assert_eq!(sent.total_bytes(), 4 + POSE + 100 + 16 + POSE + 6 * header_bytes);
+    // A number, a length, three letters.
+    assert_eq!(sent.messages, Tally { messages: 1, bytes: 5 });
+    assert_eq!(sent.header_bytes, 7 * header_bytes);
+    assert_eq!(sent.total_bytes(), 4 + POSE + 100 + 16 + POSE + 5 + 7 * header_bytes);
     let received = panel.stats.read().received;
     assert_eq!((received.begin, received.batches), (sent.begin, sent.batches));
     assert_eq!((received.end, received.latest), (sent.end, sent.latest));
+    assert_eq!(received.messages, sent.messages);
     assert_eq!(received.control.messages, handshake);
     assert_eq!(received.control, arm.stats.read().sent.control);
 }

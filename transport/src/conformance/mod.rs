@@ -8,8 +8,8 @@
 //!     use trimaran_transport::Options;
 //!     use trimaran_transport::conformance::{Joined, Overhead};
 //!
-//!     // Messages have a header of 4 bytes, and a handshake takes 2 messages in each direction.
-//!     const OVERHEAD: Overhead = Overhead { header_bytes: 4, handshake: 2, coded: true };
+//!     // Messages have a header of 4 bytes, and a handshake takes 3 messages in each direction.
+//!     const OVERHEAD: Overhead = Overhead { header_bytes: 4, handshake: 3, coded: true };
 //!
 //!     trimaran_transport::conformance!(Joined::at("tcp://127.0.0.1:0", Options::default(), OVERHEAD));
 //! }
@@ -43,7 +43,7 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | `frames`, `latest`, `waiting`, `endings` | the cases |
+//! | `frames`, `latest`, `messages`, `waiting`, `endings` | the cases |
 //! | `robot`, `coding` | the protocol that they speak |
 //! | `talk` | what its peers say, and how they meet |
 
@@ -53,6 +53,7 @@ mod coding;
 mod endings;
 mod frames;
 mod latest;
+mod messages;
 mod robot;
 mod talk;
 mod waiting;
@@ -62,10 +63,11 @@ use std::sync::Arc;
 pub use endings::*;
 pub use frames::*;
 pub use latest::*;
-pub use robot::{Battery, Greeting, Pose, PoseError, RejectionCode, Robot};
+pub use messages::*;
+pub use robot::{Battery, Command, Greeting, Pose, PoseError, RejectionCode, Robot};
 pub use talk::{
-    ARM, GRIPPER, Joined, MAP, PANEL, Received, finished, greeting, next_event, next_pose, points, pose,
-    receive, start,
+    ARM, GRIPPER, Joined, MAP, PANEL, Received, command, finished, greeting, next_event, next_pose, points,
+    pose, receive, start,
 };
 pub use waiting::*;
 
@@ -147,6 +149,15 @@ macro_rules! conformance_cases {
                 the_newest_value_wins,
                 publishing_never_waits,
                 a_value_is_read_once,
+                messages_arrive_in_order_beside_a_frame_that_nobody_reads,
+                a_sender_of_messages_waits_for_its_receiver,
+                a_sender_of_messages_waits_no_longer_than_its_timeout,
+                messages_arrive_before_the_close,
+                messages_arrive_before_a_link_is_dropped,
+                a_dead_receiver_of_messages_fails_the_sender,
+                a_message_that_is_too_long_is_refused,
+                a_peer_without_a_message_fails_nobody,
+                dropping_a_wait_for_messages_loses_none,
                 a_slow_receiver_holds_the_sender_back,
                 a_receiver_that_catches_up_gets_everything,
                 silence_ends_in_an_error,

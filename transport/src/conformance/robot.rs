@@ -48,6 +48,15 @@ pub struct Battery {
     pub percent: u8,
 }
 
+/// What a robot and its panel say to each other beside poses and points.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Command {
+    /// Counts commands.
+    pub number: u32,
+    /// What shall be done.
+    pub program: String,
+}
+
 /// Why a peer of [`Robot`] is rejected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u16)]
@@ -67,6 +76,7 @@ impl Protocol for Robot {
     type Header = Pose;
     type Item = u32;
     type Note = Battery;
+    type Message = Command;
 
     fn name(hello: &Greeting) -> String {
         hello.name.clone()

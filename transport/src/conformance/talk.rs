@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use trimaran_wire::{BatchSize, CloseReason, FrameEnd, FrameNumber, FrameOutcome};
 
-use super::{Greeting, Overhead, Pairs, Pose, Robot};
+use super::{Command, Greeting, Overhead, Pairs, Pose, Robot};
 use crate::{
     Endpoint, FrameEvent, FrameReceiver, FrameStart, LatestReceiver, Link, LinkConfig, Listener, Options,
     RecvError, connect,
@@ -29,6 +29,13 @@ pub fn greeting(role: &str) -> Greeting {
 #[must_use]
 pub fn pose(number: u32) -> Pose {
     Pose { number, position: [f64::from(number), 2.0, -3.5], heading: 0.5 }
+}
+
+/// A command of this number: some are long.
+#[must_use]
+pub fn command(number: u32) -> Command {
+    let length = if number % 50 == 10 { 16_000 } else { number as usize % 100 };
+    Command { number, program: "go ".chars().cycle().take(length).collect() }
 }
 
 /// How a frame of this number begins.

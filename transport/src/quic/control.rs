@@ -6,12 +6,15 @@ use std::sync::Arc;
 
 use bytes::BytesMut;
 use quinn::{Connection, ConnectionError, RecvStream, SendStream, TransportErrorCode, VarInt, WriteError};
-use trimaran_wire::{Decoder, Format, HEADER_BYTES, Message, Numbered, ProtocolName, Refusal, SessionId};
+use trimaran_wire::{
+    Decoder, Format, HEADER_BYTES, Kind, Message, Numbered, ProtocolName, Refusal, SessionId,
+};
 
 use super::CAPABILITIES;
 use super::carrier::Carrier;
 use super::frames::{FrameRx, FrameTx, poll_fill};
 use super::latest::{LatestRx, LatestTx};
+use super::messages::{MessageRx, MessageTx};
 use super::tls::Verifier;
 use crate::application::Peer;
 use crate::error::{LaneError, Loss};
@@ -20,6 +23,7 @@ use crate::handshake::{Handshake, HandshakeError};
 use crate::keys::Fingerprint;
 use crate::latest::{WireLatestRx, WireLatestTx};
 use crate::link::{Lanes, Parts, PeerAddress, Shared, Wire};
+use crate::messages::{WireMessageRx, WireMessageTx};
 use crate::stats::Counters;
 use trimaran_net::Net;
 
@@ -61,11 +65,26 @@ impl Control {
         })
     }
 
+    /// Opens the messages stream, and has the other side know of it.
+    pub(super) async fn open_messages(&self) -> Result<(SendStream, RecvStream), HandshakeError> {
+        let (mut send, recv) = self.connection.open_bi().await.map_err(|e| HandshakeError::Io(e.into()))?;
+        let mut bytes = BytesMut::new();
+        Message::KeepAlive.encode(&mut bytes);
+        send.write_chunk(bytes.freeze()).await.map_err(|e| HandshakeError::Io(std::io::Error::other(e)))?;
+        self.counters.sent.count(Kind::KeepAlive, 0);
+        Ok((send, recv))
+    }
+
+    /// Waits for the messages stream of the side that connects.
+    pub(super) async fn accept_messages(&self) -> Result<(SendStream, RecvStream), HandshakeError> {
+        self.connection.accept_bi().await.map_err(|e| HandshakeError::Io(e.into()))
+    }
+
     pub(super) fn into_parts(
         self,
         net: &Arc<dyn Net>,
         peer: Peer,
-        session: SessionId,
+        (session, messages): (SessionId, (SendStream, RecvStream)),
         place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
     ) -> Parts {
         let Self { connection, send, recv, format, decoder, counters } = self;
@@ -82,6 +101,10 @@ impl Control {
             frames: (
                 WireFrameTx::Quic(FrameTx::new(&carrier)),
                 WireFrameRx::Quic(FrameRx::new(&carrier, format)),
+            ),
+            messages: (
+                WireMessageTx::Quic(MessageTx::new(&carrier, messages.0)),
+                WireMessageRx::Quic(MessageRx::new(&carrier, messages.1, format)),
             ),
         }));
         Parts { lanes, peer, session, address, capabilities: CAPABILITIES, shared, doubt: None }

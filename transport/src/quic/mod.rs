@@ -1,9 +1,9 @@
 //! Links over QUIC (RFC 9000): latest values as datagrams, a stream for each frame, TLS 1.3 with both sides'
 //! certificates pinned.
 //!
-//! The peer that connects opens one stream in both directions, the control stream: hello and its answer, then
-//! copies of values that no newer one has followed, then the close of the latest lane. See
-//! `transport/wire/WIRE.md`.
+//! The peer that connects opens two streams in both directions. The control stream: hello and its answer, then
+//! copies of values that no newer one has followed, then the close of the latest lane. And the messages
+//! stream. See `transport/wire/WIRE.md`.
 
 mod carrier;
 mod connect;
@@ -13,12 +13,14 @@ mod latest;
 #[cfg(test)]
 mod lies;
 mod listen;
+mod messages;
 mod options;
 mod runtime;
 mod tls;
 
 pub(crate) use frames::{FrameRx, FrameTx};
 pub(crate) use latest::{LatestRx, LatestTx};
+pub(crate) use messages::{MessageRx, MessageTx};
 pub use options::{Congestion, QuicOptions};
 pub use tls::UnknownPeer;
 

@@ -27,7 +27,8 @@ pub struct QuicOptions {
         schemars(with = "f64")
     )]
     pub initial_rtt: Duration,
-    /// How many bytes may be under way in each direction, sent and not read. Default 8 MiB.
+    /// How many bytes of a frame may be under way in each direction, sent and not read; twice as many on all
+    /// lanes together. Default 8 MiB.
     pub window: u32,
     /// How many frames may be under way in each direction. Default 64.
     pub frames: u32,
@@ -82,9 +83,10 @@ impl QuicOptions {
             .keep_alive_interval(Some(link.keepalive()))
             .initial_rtt(self.initial_rtt)
             .stream_receive_window(VarInt::from_u32(self.window))
-            .receive_window(VarInt::from_u32(self.window))
-            .send_window(self.window.into())
-            .max_concurrent_bidi_streams(VarInt::from_u32(1))
+            // A frame that nobody reads, or that is on its way, leaves room for messages.
+            .receive_window(VarInt::from_u32(self.window.saturating_mul(2)))
+            .send_window(2 * u64::from(self.window))
+            .max_concurrent_bidi_streams(VarInt::from_u32(2))
             .max_concurrent_uni_streams(VarInt::from_u32(self.frames))
             .datagram_send_buffer_size(datagram)
             .datagram_receive_buffer_size(Some(datagram * VALUES))
@@ -189,32 +191,32 @@ mod tests {
         const LARGE: u32 = 4 << 20;
         let with = |window| QuicOptions { window, ..QuicOptions::default() };
         // More than one stream may have by quinn's own defaults, and less.
-        for (window, streams) in [(SMALL, 1), (SMALL, 2), (LARGE, 1)] {
+        for (window, streams, all) in [(SMALL, 1, SMALL), (SMALL, 3, 2 * SMALL), (LARGE, 1, LARGE)] {
             let [(ours, _here), (_theirs, _there)] =
                 connected(with(LARGE), with(window), LinkConfig::default()).await;
             let mut open = Vec::new();
             for _ in 0..streams {
                 open.push(ours.open_uni().await.unwrap());
             }
-            assert_eq!(fill_all(&mut open).await, window as usize, "{streams} streams");
+            assert_eq!(fill_all(&mut open).await, all as usize, "{streams} streams");
         }
         let [(ours, _here), _there] = connected(with(SMALL), with(LARGE), LinkConfig::default()).await;
         assert_eq!(
             fill(&mut ours.open_uni().await.unwrap()),
-            SMALL as usize,
+            2 * SMALL as usize,
             "before anything was acknowledged"
         );
     }
 
     #[tokio::test]
-    async fn as_many_frames_are_under_way_as_was_set_and_one_stream_in_both_directions() {
+    async fn as_many_frames_are_under_way_as_was_set_and_two_streams_in_both_directions() {
         for frames in [3, 100] {
             let theirs = QuicOptions { frames, ..QuicOptions::default() };
             let [(ours, _here), _there] =
                 connected(QuicOptions::default(), theirs, LinkConfig::default()).await;
             let opened = std::iter::from_fn(|| at_once(ours.open_uni())).take(1000).count();
             assert_eq!(opened, frames as usize);
-            assert_eq!(std::iter::from_fn(|| at_once(ours.open_bi())).take(1000).count(), 1);
+            assert_eq!(std::iter::from_fn(|| at_once(ours.open_bi())).take(1000).count(), 2);
         }
     }
 

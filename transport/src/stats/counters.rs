@@ -118,6 +118,7 @@ pub(crate) struct Direction {
     batches: AtomicTally,
     items: AtomicU64,
     end: AtomicTally,
+    messages: AtomicTally,
     control: AtomicTally,
 }
 
@@ -147,6 +148,7 @@ impl Direction {
             Kind::Begin => &self.begin,
             Kind::Batch | Kind::Coded => &self.batches,
             Kind::End => &self.end,
+            Kind::Message => &self.messages,
             Kind::Hello | Kind::Accept | Kind::Refuse | Kind::Close | Kind::KeepAlive | Kind::Note => {
                 &self.control
             }
@@ -166,12 +168,13 @@ impl Direction {
     }
 
     fn absorb(&self, other: &Self) {
-        let Self { latest, begin, batches, items, end, control } = self;
+        let Self { latest, begin, batches, items, end, messages, control } = self;
         items.fetch_add(other.items.load(Ordering::Relaxed), Ordering::Relaxed);
         latest.absorb(&other.latest);
         begin.absorb(&other.begin);
         batches.absorb(&other.batches);
         end.absorb(&other.end);
+        messages.absorb(&other.messages);
         control.absorb(&other.control);
     }
 
@@ -182,6 +185,7 @@ impl Direction {
             batches: self.batches.read(),
             items: self.items.load(Ordering::Relaxed),
             end: self.end.read(),
+            messages: self.messages.read(),
             control: self.control.read(),
             header_bytes: 0,
         };
@@ -189,6 +193,7 @@ impl Direction {
             + traffic.begin.messages
             + traffic.batches.messages
             + traffic.end.messages
+            + traffic.messages.messages
             + traffic.control.messages;
         traffic.header_bytes = messages * header;
         traffic

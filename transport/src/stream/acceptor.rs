@@ -1,10 +1,11 @@
-//! Where the connections of links over byte streams are received, and the two of a link paired.
+//! Where the connections of links over byte streams are received, and those of a link joined.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 use std::task::{Context, Waker};
 use std::time::Duration;
 
+use bytes::Bytes;
 use tokio::sync::oneshot;
 use trimaran_wire::{Accept, Hello, Lane, Message, Refusal, SessionId};
 
@@ -21,35 +22,65 @@ use trimaran_net::{Instant, Listen, Stream, StreamPeer, sleep_until, until};
 /// The pause after the system could not accept, for instance for want of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
+/// With so many lanes of a session there, the next one completes it.
+const LANES_BEFORE_THE_LAST: usize = 2;
+
 /// Accepts until nobody takes the links any more.
 pub(crate) async fn serve(acceptor: Arc<Acceptor>, socket: Box<dyn Listen>, streams: Streams) {
     Arc::new(Reception { acceptor, streams, waiting: Mutex::default() }).serve(socket).await;
 }
 
-/// Receives connections, checks who they are, and pairs them.
+/// Receives connections, checks who they are, and joins those of a link.
 #[derive(Debug)]
 struct Reception {
     acceptor: Arc<Acceptor>,
     streams: Streams,
-    /// Which sessions have one connection.
+    /// The sessions that lack a lane.
     waiting: Mutex<HashMap<SessionId, Waiting>>,
 }
 
-/// A connection whose session lacks the other lane.
+/// A session some of whose lanes have come.
 #[derive(Debug)]
 struct Waiting {
-    hello: Hello,
+    /// What each of them says of its peer.
+    application: Bytes,
+    latest: Option<Arrived>,
+    frames: Option<Arrived>,
+    messages: Option<Arrived>,
+}
+
+/// A connection whose session lacks another lane.
+#[derive(Debug)]
+struct Arrived {
     connection: Connection,
-    /// Dropped when the other lane comes: tells the task that watches the time to stop.
-    _paired: oneshot::Sender<()>,
+    /// Dropped when the others have come: tells the task that watches the time to stop.
+    _joined: oneshot::Sender<()>,
+}
+
+impl Waiting {
+    const fn new(application: Bytes) -> Self {
+        Self { application, latest: None, frames: None, messages: None }
+    }
+
+    const fn of(&mut self, lane: Lane) -> &mut Option<Arrived> {
+        match lane {
+            Lane::Latest => &mut self.latest,
+            Lane::Frames => &mut self.frames,
+            Lane::Messages => &mut self.messages,
+        }
+    }
+
+    fn count(&self) -> usize {
+        [&self.latest, &self.frames, &self.messages].into_iter().flatten().count()
+    }
 }
 
 /// What becomes of a hello.
 #[expect(clippy::large_enum_variant, reason = "none is kept")]
 enum Entry {
-    /// Both lanes are there, and the role is this link's.
+    /// All lanes are there, and the role is this link's.
     Complete(Lanes, Peer, Place),
-    /// The other lane has to come.
+    /// Another lane has to come.
     Wait(oneshot::Receiver<()>),
     /// No.
     Refused(Connection, Refusal),
@@ -103,7 +134,7 @@ impl Reception {
     async fn receive(self: Arc<Self>, stream: Stream, mut slot: Slot) {
         let address = self.address(stream.peer);
         let deadline = self.acceptor.net.now().after(self.acceptor.options.link.handshake_timeout);
-        // A lane that waits for the other one watches the deadline itself, in order to refuse politely; the
+        // A lane that waits for another one watches the deadline itself, in order to refuse politely; the
         // limit is for a peer that does not even read the refusal.
         let limit = deadline.after(self.acceptor.options.link.handshake_timeout);
         let handshake = self.shake_hands(stream, deadline, &mut slot);
@@ -132,63 +163,77 @@ impl Reception {
             hello = until(net, deadline, connection.recv_hello()) => hello.ok_or(HandshakeError::TimedOut)??,
             () = slot.revoked() => return Err(turn_away(&mut connection)),
         };
-        let session = hello.session;
+        let Hello { session, lane, .. } = hello;
         match self.enter(hello, connection) {
             Entry::Complete(lanes, peer, place) => self.welcome(session, lanes, peer, place).await,
-            Entry::Wait(paired) => {
+            Entry::Wait(joined) => {
                 let revoked = tokio::select! {
                     biased;
-                    paired = until(net, deadline, paired) => match paired {
+                    joined = until(net, deadline, joined) => match joined {
                         Some(_) => return Ok(()),
                         None => false,
                     },
                     () = slot.revoked() => true,
                 };
-                let Some(mut waiting) = lock(&self.waiting).remove(&session) else {
+                let Some(mut connection) = self.withdraw(session, lane) else {
                     return Ok(());
                 };
                 if revoked {
-                    return Err(turn_away(&mut waiting.connection));
+                    return Err(turn_away(&mut connection));
                 }
                 let refusal = Refusal::Unpaired { session };
-                Err(waiting.connection.refuse(refusal).await)
+                Err(connection.refuse(refusal).await)
             }
             Entry::Refused(mut connection, refusal) => Err(connection.refuse(refusal).await),
         }
     }
 
-    /// Pairs a hello with that of the other lane, if it is there.
+    /// Takes back the connection of a lane that waits in vain, unless it has been joined.
+    fn withdraw(&self, session: SessionId, lane: Lane) -> Option<Connection> {
+        let mut sessions = lock(&self.waiting);
+        let waiting = sessions.get_mut(&session)?;
+        let arrived = waiting.of(lane).take();
+        if waiting.count() == 0 {
+            sessions.remove(&session);
+        }
+        arrived.map(|arrived| arrived.connection)
+    }
+
+    /// Joins a connection with those of the other lanes, if they are there.
     fn enter(&self, hello: Hello, connection: Connection) -> Entry {
         let Hello { session, lane, .. } = hello;
         if let Err(refusal) = self.acceptor.admits(&hello) {
             return Entry::Refused(connection, refusal);
         }
-        let mut waiting = lock(&self.waiting);
-        let Some(other) = waiting.remove(&session) else {
-            let (_paired, watch) = oneshot::channel();
-            waiting.insert(session, Waiting { hello, connection, _paired });
-            return Entry::Wait(watch);
-        };
-        if other.hello.lane == lane || other.hello.application != hello.application {
-            waiting.insert(session, other);
+        let mut sessions = lock(&self.waiting);
+        let new = || Waiting::new(hello.application.clone());
+        let waiting = sessions.entry(session).or_insert_with(new);
+        if waiting.of(lane).is_some() || waiting.application != hello.application {
             return Entry::Refused(connection, Refusal::Session { session, lane });
         }
-        let (peer, place) = match self.acceptor.enter(&hello.application) {
-            Ok(entered) => entered,
-            Err(refusal) => {
-                waiting.insert(session, other);
-                return Entry::Refused(connection, refusal);
+        let place = match waiting.count() {
+            LANES_BEFORE_THE_LAST => match self.acceptor.enter(&hello.application) {
+                Ok(entered) => Some(entered),
+                Err(refusal) => return Entry::Refused(connection, refusal),
+            },
+            _ => None,
+        };
+        let (_joined, watch) = oneshot::channel();
+        *waiting.of(lane) = Some(Arrived { connection, _joined });
+        let Some((peer, place)) = place else { return Entry::Wait(watch) };
+        match sessions.remove(&session) {
+            Some(Waiting {
+                latest: Some(latest), frames: Some(frames), messages: Some(messages), ..
+            }) => {
+                let [latest, frames, messages] = [latest, frames, messages].map(|arrived| arrived.connection);
+                let capabilities = self.streams.capabilities();
+                Entry::Complete(Lanes { latest, frames, messages, capabilities }, peer, place)
             }
-        };
-        let capabilities = self.streams.capabilities();
-        let lanes = match lane {
-            Lane::Latest => Lanes { latest: connection, frames: other.connection, capabilities },
-            Lane::Frames => Lanes { latest: other.connection, frames: connection, capabilities },
-        };
-        Entry::Complete(lanes, peer, place)
+            _ => Entry::Wait(watch),
+        }
     }
 
-    /// Answers on both lanes, and hands out the link.
+    /// Answers on each lane, and hands out the link.
     async fn welcome(
         &self,
         session: SessionId,
@@ -200,6 +245,7 @@ impl Reception {
         let accept = Message::Accept(Accept { application: application.hello().clone() });
         lanes.latest.send(&accept).await?;
         lanes.frames.send(&accept).await?;
+        lanes.messages.send(&accept).await?;
         let parts = lanes.into_parts(net, &options.link, application.format(), peer, session, Some(place));
         self.acceptor.hand_out(parts).await;
         Ok(())

@@ -5,16 +5,16 @@ use std::mem;
 use std::sync::{Arc, Mutex};
 use std::task::{Context, Waker};
 
-use trimaran_wire::{CloseReason, FrameMessage, Lane, Message};
+use trimaran_wire::{FrameMessage, Lane, Message};
 
-use super::inlet::Inlet;
+use super::inlet::{Inlet, Reader};
 use super::pulse::Pulse;
 use super::source::{Sink, Source};
 use crate::acceptor::lock;
 use crate::error::{LaneError, LaneSendError, Loss, misplaced};
 use crate::link::Shared;
 use crate::stats::Counters;
-use crate::timeouts::{Expired, Timeouts, Wait};
+use crate::timeouts::{Expired, Timeouts};
 use trimaran_net::Instant;
 
 /// How much is read at once: whole frames, mostly.
@@ -133,16 +133,13 @@ impl Pulse for Outlet {
 }
 
 #[derive(Debug)]
-pub(crate) struct FrameRx {
-    inlet: Arc<Inlet>,
-    closed: Option<CloseReason>,
-}
+pub(crate) struct FrameRx(Reader);
 
 /// Both halves of the lane.
 pub(super) fn frames(sink: Sink, source: Source, counters: &Arc<Counters>) -> (FrameTx, FrameRx) {
     let inlet = Arc::new(Inlet::new(source.with_room(ROOM), ROOM));
     let tx = FrameTx::new(sink, counters, &inlet);
-    (tx, FrameRx { inlet, closed: None })
+    (tx, FrameRx(Reader::new(inlet)))
 }
 
 impl FrameRx {
@@ -152,27 +149,9 @@ impl FrameRx {
         shared: &Shared,
         timeouts: &mut Timeouts,
     ) -> Result<FrameMessage, LaneError> {
-        if let Some(reason) = &self.closed {
-            return Err(LaneError::Closed(reason.clone()));
-        }
-        let mut wait = Wait::default();
-        loop {
-            match self.inlet.next_buffered(&shared.counters.received)? {
-                Some(Message::Close(reason)) => {
-                    self.closed = Some(reason.clone());
-                    return Err(LaneError::Closed(reason));
-                }
-                Some(Message::KeepAlive) => {}
-                Some(Message::Frame(message)) => return Ok(message),
-                Some(other) => return Err(misplaced(other.kind(), Lane::Frames)),
-                None => {
-                    let attention = self.inlet.attend();
-                    timeouts
-                        .hear(&mut wait, by, poll_fn(|cx| attention.poll_fill(cx)))
-                        .await
-                        .map_err(LaneError::Expired)??;
-                }
-            }
+        match self.0.next(by, shared, timeouts).await? {
+            Message::Frame(message) => Ok(message),
+            other => Err(misplaced(other.kind(), Lane::Frames)),
         }
     }
 }

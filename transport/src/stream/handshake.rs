@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use trimaran_wire::{Format, Hello, Message, Refusal, SessionId};
 
-use super::frames::{Outlet, frames as both_halves};
-use super::latest::Cell;
+use super::frames::{Outlet, frames as frames_lane};
+use super::messages::messages as messages_lane;
 use super::pulse::{Pulse, keep_alive};
+use super::writer::Cell;
 use super::{LatestRx, LatestTx, Sink, Source};
 use crate::acceptor::Place;
 use crate::application::Peer;
@@ -15,6 +16,7 @@ use crate::frames::{WireFrameRx, WireFrameTx};
 use crate::handshake::{Handshake, HandshakeError};
 use crate::latest::{WireLatestRx, WireLatestTx};
 use crate::link::{Capabilities, Lanes as AnyLanes, LinkConfig, Parts, PeerAddress, Shared, Wire};
+use crate::messages::{WireMessageRx, WireMessageTx};
 use crate::stats::Counters;
 use crate::transport::Transport;
 use trimaran_net::{Net, Stream};
@@ -77,11 +79,12 @@ impl Handshake for Connection {
     }
 }
 
-/// The two connections of a link whose handshake is done.
+/// The connections of a link whose handshake is done.
 #[derive(Debug)]
 pub(super) struct Lanes {
     pub(super) latest: Connection,
     pub(super) frames: Connection,
+    pub(super) messages: Connection,
     pub(super) capabilities: Capabilities,
 }
 
@@ -95,22 +98,27 @@ impl Lanes {
         session: SessionId,
         place: Option<Place>,
     ) -> Parts {
-        let Self { latest, frames, capabilities } = self;
+        let Self { latest, frames, messages, capabilities } = self;
         let (counters, address) = (frames.counters, frames.address);
-        if !Arc::ptr_eq(&counters, &latest.counters) {
-            counters.absorb(&latest.counters);
+        for other in [&latest.counters, &messages.counters] {
+            if !Arc::ptr_eq(&counters, other) {
+                counters.absorb(other);
+            }
         }
         let place = place.map(|place| Arc::new(place) as _);
         let shared = Shared { peer: peer.name.clone(), format, counters, _place: place };
-        let latest_tx = LatestTx::new(net, latest.sink, shared.clone());
-        let (frames_tx, frames_rx) = both_halves(frames.sink, frames.source, &shared.counters);
+        let latest_tx = LatestTx::new(net, latest.sink, &shared.counters);
+        let (frames_tx, frames_rx) = frames_lane(frames.sink, frames.source, &shared.counters);
+        let (messages_tx, messages_rx) = messages_lane(net, messages.sink, messages.source, &shared.counters);
         let latest_pulse: Arc<dyn Pulse> = Arc::<Cell>::clone(latest_tx.cell());
         let frames_pulse: Arc<dyn Pulse> = Arc::<Outlet>::clone(frames_tx.outlet());
-        let lanes = [Arc::downgrade(&latest_pulse), Arc::downgrade(&frames_pulse)];
+        let messages_pulse: Arc<dyn Pulse> = Arc::<Cell>::clone(messages_tx.cell());
+        let lanes = [&latest_pulse, &frames_pulse, &messages_pulse].map(Arc::downgrade);
         keep_alive(net, config.keepalive(), lanes);
         let lanes = AnyLanes::Wire(Box::new(Wire {
             latest: (WireLatestTx::Stream(latest_tx), WireLatestRx::Stream(LatestRx::new(latest.source))),
             frames: (WireFrameTx::Stream(frames_tx), WireFrameRx::Stream(frames_rx)),
+            messages: (WireMessageTx::Stream(messages_tx), WireMessageRx::Stream(messages_rx)),
         }));
         Parts { lanes, peer, session, address, capabilities, shared, doubt: None }
     }

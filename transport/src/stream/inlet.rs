@@ -1,15 +1,19 @@
 //! What comes in on a lane: read by the lane's owner, and looked at for keep-alives by a sender that waits
 //! for room.
 
-use std::sync::Mutex;
+use std::future::poll_fn;
+use std::sync::{Arc, Mutex};
 use std::task::{Context, Poll, Waker, ready};
 
-use trimaran_wire::Message;
+use trimaran_wire::{CloseReason, Message};
 
 use super::source::Source;
 use crate::acceptor::lock;
 use crate::error::LaneError;
+use crate::link::Shared;
 use crate::stats::Direction;
+use crate::timeouts::{Timeouts, Wait};
+use trimaran_net::Instant;
 
 /// A stream and what has come of it.
 #[derive(Debug)]
@@ -84,5 +88,48 @@ impl Attention<'_> {
 impl Drop for Attention<'_> {
     fn drop(&mut self) {
         lock(&self.0.state).attended = false;
+    }
+}
+
+/// Reads what comes on a lane, up to its close.
+#[derive(Debug)]
+pub(super) struct Reader {
+    inlet: Arc<Inlet>,
+    closed: Option<CloseReason>,
+}
+
+impl Reader {
+    pub(super) const fn new(inlet: Arc<Inlet>) -> Self {
+        Self { inlet, closed: None }
+    }
+
+    /// The next message that is no keep-alive.
+    pub(super) async fn next(
+        &mut self,
+        by: Option<Instant>,
+        shared: &Shared,
+        timeouts: &mut Timeouts,
+    ) -> Result<Message, LaneError> {
+        if let Some(reason) = &self.closed {
+            return Err(LaneError::Closed(reason.clone()));
+        }
+        let mut wait = Wait::default();
+        loop {
+            match self.inlet.next_buffered(&shared.counters.received)? {
+                Some(Message::Close(reason)) => {
+                    self.closed = Some(reason.clone());
+                    return Err(LaneError::Closed(reason));
+                }
+                Some(Message::KeepAlive) => {}
+                Some(message) => return Ok(message),
+                None => {
+                    let attention = self.inlet.attend();
+                    timeouts
+                        .hear(&mut wait, by, poll_fn(|cx| attention.poll_fill(cx)))
+                        .await
+                        .map_err(LaneError::Expired)??;
+                }
+            }
+        }
     }
 }

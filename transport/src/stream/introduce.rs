@@ -1,4 +1,4 @@
-//! Making a link over byte streams: two connections, a hello on each, an answer on each.
+//! Making a link over byte streams: a connection for each lane, with a hello and an answer.
 
 use std::sync::Arc;
 
@@ -12,7 +12,7 @@ use crate::link::Parts;
 use crate::stats::Counters;
 use trimaran_net::{Net, StreamPeer};
 
-/// Opens both connections to whoever listens there, says hello on both, and reads both answers.
+/// Opens the connections to whoever listens there, says hello on each, and reads the answers.
 pub(crate) async fn introduce(
     net: &Arc<dyn Net>,
     streams: &Streams,
@@ -34,18 +34,21 @@ pub(crate) async fn introduce(
         Ok::<_, AttemptError>((connection, peer))
     };
     let (mut frames, peer) = connection(None).await?;
-    let (mut latest, _) = connection(Some(peer)).await?;
+    let ((mut latest, _), (mut messages, _)) =
+        tokio::try_join!(connection(Some(peer)), connection(Some(peer)))?;
     let address = frames.address.to_string();
     let failed = |cause| AttemptError::Handshake { address, cause };
     let theirs = async {
         frames.greet(application.introduce(session, Lane::Frames)).await?;
         latest.greet(application.introduce(session, Lane::Latest)).await?;
-        // Whichever lane is refused says why at once, and the other one only when it has waited for its twin.
-        let (theirs, _) = tokio::try_join!(frames.recv_answer(), latest.recv_answer())?;
+        messages.greet(application.introduce(session, Lane::Messages)).await?;
+        // Whichever lane is refused says why at once, and the others only when they have waited for it.
+        let (theirs, _, _) =
+            tokio::try_join!(frames.recv_answer(), latest.recv_answer(), messages.recv_answer())?;
         application.recognize(&theirs)
     }
     .await
     .map_err(failed)?;
-    let lanes = Lanes { latest, frames, capabilities };
+    let lanes = Lanes { latest, frames, messages, capabilities };
     Ok(lanes.into_parts(net, &options.link, format, theirs, session, None))
 }

@@ -1,18 +1,16 @@
 //! The latest lane over a byte stream of its own.
 
 use std::future::poll_fn;
-use std::io;
-use std::mem;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::task::{Context, Poll, Waker, ready};
+use std::sync::Arc;
+use std::task::{Context, Poll, Waker};
 
-use tokio::sync::Notify;
 use trimaran_wire::{CloseReason, FixedBytes, Lane, Message};
 
-use super::pulse::Pulse;
 use super::source::{Sink, Source};
-use crate::error::{LaneError, LaneSendError, Loss, misplaced};
+use super::writer::{Cell, Writer};
+use crate::error::{LaneError, LaneSendError, misplaced};
 use crate::link::Shared;
+use crate::stats::Counters;
 use crate::timeouts::{Timeouts, Wait};
 use trimaran_net::{Instant, Net};
 
@@ -23,61 +21,21 @@ const ROOM: usize = 4 * 1024;
 /// hold the reader.
 const READS: usize = 64;
 
-/// Writes each value straight from the publishing thread. Only when the stream takes no more does a task
-/// take over, and the cell of size one fills.
+/// A cell of size one: where the stream takes no more, each value replaces the one that waits.
 #[derive(Debug)]
-pub(crate) struct LatestTx {
-    net: Arc<dyn Net>,
-    cell: Arc<Cell>,
-}
-
-#[derive(Debug)]
-pub(super) struct Cell {
-    outgoing: Mutex<Outgoing>,
-    /// Rings when the task is done.
-    idle: Notify,
-    shared: Shared,
-}
-
-#[derive(Debug)]
-struct Outgoing {
-    sink: Sink,
-    /// The newest value, while older bytes are still being written.
-    newest: Option<FixedBytes>,
-    closed: Option<CloseReason>,
-    /// A keep-alive is due.
-    alive: bool,
-    /// Something was said since the last beat.
-    spoke: bool,
-    /// Nothing follows the closed.
-    left: bool,
-    /// A task writes; nobody else may, because a stream wakes only who polled it last.
-    busy: bool,
-    failed: Option<io::ErrorKind>,
-}
+pub(crate) struct LatestTx(Writer);
 
 impl LatestTx {
-    pub(crate) fn new(net: &Arc<dyn Net>, sink: Sink, shared: Shared) -> Self {
-        let outgoing = Outgoing {
-            sink,
-            newest: None,
-            closed: None,
-            alive: false,
-            spoke: false,
-            left: false,
-            busy: false,
-            failed: None,
-        };
-        let cell = Cell { outgoing: Mutex::new(outgoing), idle: Notify::new(), shared };
-        Self { net: Arc::clone(net), cell: Arc::new(cell) }
+    pub(crate) fn new(net: &Arc<dyn Net>, sink: Sink, counters: &Arc<Counters>) -> Self {
+        Self(Writer::new(net, sink, counters))
     }
 
     pub(super) fn cell(&self) -> &Arc<Cell> {
-        &self.cell
+        self.0.cell()
     }
 
     pub(crate) fn publish(&mut self, value: FixedBytes, _: &Shared) -> Result<(), LaneSendError> {
-        self.send(|outgoing| outgoing.newest = Some(value))
+        self.0.send(Message::Latest(value))
     }
 
     pub(crate) async fn close(
@@ -85,102 +43,7 @@ impl LatestTx {
         reason: CloseReason,
         timeouts: &mut Timeouts,
     ) -> Result<(), LaneSendError> {
-        self.send(|outgoing| {
-            outgoing.closed = Some(reason);
-            outgoing.left = true;
-        })?;
-        loop {
-            // Made before the look, so that a task that ends in between is not missed.
-            let idle = self.cell.idle.notified();
-            {
-                let outgoing = self.cell.lock();
-                outgoing.check()?;
-                if !outgoing.busy {
-                    return Ok(());
-                }
-            }
-            timeouts.wait(None, idle).await.map_err(|_| LaneSendError::Stalled)?;
-        }
-    }
-
-    fn send(&self, put: impl FnOnce(&mut Outgoing)) -> Result<(), LaneSendError> {
-        let mut outgoing = self.cell.lock();
-        outgoing.check()?;
-        put(&mut outgoing);
-        outgoing.spoke = true;
-        if outgoing.busy {
-            return Ok(());
-        }
-        if self.cell.poll_send(&mut outgoing, &mut Context::from_waker(Waker::noop())).is_pending() {
-            outgoing.busy = true;
-            drop(outgoing);
-            let cell = Arc::clone(&self.cell);
-            self.net.spawn(Box::pin(async move { cell.send_all().await }));
-            return Ok(());
-        }
-        outgoing.check()
-    }
-}
-
-impl Cell {
-    fn lock(&self) -> MutexGuard<'_, Outgoing> {
-        // A panic elsewhere leaves whole messages in the sink: going on is sound.
-        self.outgoing.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    async fn send_all(&self) {
-        poll_fn(|cx| {
-            let mut outgoing = self.lock();
-            ready!(self.poll_send(&mut outgoing, cx));
-            outgoing.busy = false;
-            Poll::Ready(())
-        })
-        .await;
-        self.idle.notify_waiters();
-    }
-
-    /// Ready when there is nothing more to send, or the stream has failed.
-    fn poll_send(&self, outgoing: &mut Outgoing, cx: &mut Context<'_>) -> Poll<()> {
-        loop {
-            if let Err(e) = ready!(outgoing.sink.poll_drain(cx)) {
-                outgoing.failed = Some(e.kind());
-                return Poll::Ready(());
-            }
-            let counts = &self.shared.counters.sent;
-            if let Some(value) = outgoing.newest.take() {
-                outgoing.sink.stage(&Message::Latest(value), counts);
-            } else if mem::take(&mut outgoing.alive) {
-                outgoing.sink.stage(&Message::KeepAlive, counts);
-            } else if let Some(reason) = outgoing.closed.take() {
-                outgoing.sink.stage(&Message::Close(reason), counts);
-            } else {
-                return Poll::Ready(());
-            }
-        }
-    }
-}
-
-impl Pulse for Cell {
-    fn beat(&self) -> bool {
-        let mut outgoing = self.lock();
-        if outgoing.left || outgoing.failed.is_some() {
-            return false;
-        }
-        if !outgoing.busy && !mem::take(&mut outgoing.spoke) {
-            outgoing.alive = outgoing.sink.is_drained();
-            // What the stream does not take now goes with what is said next.
-            let _later = self.poll_send(&mut outgoing, &mut Context::from_waker(Waker::noop()));
-        }
-        true
-    }
-}
-
-impl Outgoing {
-    fn check(&self) -> Result<(), LaneSendError> {
-        match self.failed {
-            Some(kind) => Err(LaneSendError::Lost(Loss::Io(kind.into()))),
-            None => Ok(()),
-        }
+        self.0.close(reason, timeouts).await
     }
 }
 

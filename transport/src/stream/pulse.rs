@@ -1,4 +1,4 @@
-//! keep-alives on lanes that have nothing to say.
+//! Keep-alives on lanes that have nothing to say.
 
 use std::sync::{Arc, Weak};
 use std::time::Duration;
@@ -13,7 +13,7 @@ pub(super) trait Pulse: Send + Sync {
 }
 
 /// Has each of `lanes` show a keep-alive every `interval` in which it says nothing, until all are over.
-pub(super) fn keep_alive(net: &Arc<dyn Net>, interval: Duration, lanes: [Weak<dyn Pulse>; 2]) {
+pub(super) fn keep_alive(net: &Arc<dyn Net>, interval: Duration, lanes: [Weak<dyn Pulse>; 3]) {
     let clock = Arc::clone(net);
     net.spawn(Box::pin(async move {
         loop {
@@ -30,7 +30,7 @@ pub(super) fn keep_alive(net: &Arc<dyn Net>, interval: Duration, lanes: [Weak<dy
 #[cfg(feature = "tcp")]
 mod tests {
     use tokio::io::{AsyncReadExt, DuplexStream, duplex, split};
-    use trimaran_wire::{Format, Kind, SessionId};
+    use trimaran_wire::{Format, Kind, Lane, SessionId};
 
     use super::super::handshake::{Connection, Lanes};
     use crate::application::Side;
@@ -53,7 +53,7 @@ mod tests {
         Arc::new(TokioNet::current().unwrap())
     }
 
-    fn link(net: &Arc<dyn Net>, latest: DuplexStream, frames: DuplexStream, timeout: Duration) -> Link {
+    fn link(net: &Arc<dyn Net>, [latest, frames, messages]: [DuplexStream; 3], timeout: Duration) -> Link {
         let counters = Counters::framed();
         let connection = |stream| {
             let (reader, writer) = split(stream);
@@ -67,16 +67,23 @@ mod tests {
         let lanes = Lanes {
             latest: connection(latest),
             frames: connection(frames),
+            messages: connection(messages),
             capabilities: Capabilities { reliable: true, ordered: true, encrypted: false, local: false },
         };
         let parts = lanes.into_parts(net, &config, application.format(), peer, SessionId(1), None);
         parts.into_link(net, &config).unwrap()
     }
 
+    /// Both ends of a pipe of `room` bytes for each lane.
+    fn pipes(room: usize) -> ([DuplexStream; 3], [DuplexStream; 3]) {
+        let [(a, x), (b, y), (c, z)] = [duplex(room), duplex(room), duplex(room)];
+        ([a, b, c], [x, y, z])
+    }
+
     /// Two links over pipes of `room` bytes.
     fn pair(net: &Arc<dyn Net>, room: usize, timeout: Duration) -> (Link, Link) {
-        let ((latest_a, latest_b), (frames_a, frames_b)) = (duplex(room), duplex(room));
-        (link(net, latest_a, frames_a, timeout), link(net, latest_b, frames_b, timeout))
+        let (here, there) = pipes(room);
+        (link(net, here, timeout), link(net, there, timeout))
     }
 
     #[tokio::test(start_paused = true)]
@@ -88,23 +95,28 @@ mod tests {
         let silent = here.latest_rx.latest().await.unwrap_err();
         assert!(matches!(silent, RecvError::Silent { .. }), "{silent:?}");
         assert!(net.now().as_nanos() >= (IDLE_TIMEOUT * 20).as_nanos() as u64);
-        // Four in each idle timeout, on either lane.
-        assert!((140..=160).contains(&there.stats.read().sent.control.messages));
+        // Four in each idle timeout, on each lane.
+        assert!((210..=240).contains(&there.stats.read().sent.control.messages));
+        // Nobody has to say anything there, for however long.
+        let soon = net.now().after(IDLE_TIMEOUT * 100);
+        let silent = here.messages_rx.recv_by(soon).await.unwrap_err();
+        assert!(matches!(silent, RecvError::Deadline { .. }), "{silent:?}");
     }
 
     #[tokio::test(start_paused = true)]
     async fn a_peer_that_hangs_is_lost_when_the_lease_is_over() {
         let net = net();
-        let ((latest, _hangs), (frames, _too)) = (duplex(4096), duplex(4096));
-        let mut here = link(&net, latest, frames, IDLE_TIMEOUT * 10);
-        for at in [IDLE_TIMEOUT, IDLE_TIMEOUT * 2] {
-            let lost = if at == IDLE_TIMEOUT {
-                here.frames_rx.recv().await.unwrap_err()
-            } else {
-                here.latest_rx.latest().await.unwrap_err()
+        let (here, _hangs) = pipes(4096);
+        let mut here = link(&net, here, IDLE_TIMEOUT * 10);
+        for lane in [Lane::Frames, Lane::Latest, Lane::Messages] {
+            let since = net.now();
+            let lost = match lane {
+                Lane::Frames => here.frames_rx.recv().await.unwrap_err(),
+                Lane::Latest => here.latest_rx.latest().await.unwrap_err(),
+                Lane::Messages => here.messages_rx.recv().await.unwrap_err(),
             };
             assert!(matches!(lost, RecvError::Lost { cause: Loss::Silent, .. }), "{lost:?}");
-            assert_eq!(net.now().as_nanos() / 1_000_000_000, at.as_secs());
+            assert_eq!(net.now().since(since).as_secs(), IDLE_TIMEOUT.as_secs());
         }
     }
 
@@ -118,8 +130,8 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn a_peer_that_hangs_is_lost_by_a_sender_when_the_lease_is_over() {
         let net = net();
-        let ((latest, _hangs), (frames, _too)) = (duplex(128), duplex(128));
-        let mut here = link(&net, latest, frames, IDLE_TIMEOUT * 10);
+        let (here, _hangs) = pipes(128);
+        let mut here = link(&net, here, IDLE_TIMEOUT * 10);
         let (error, at) = send_into(&mut here, &net).await;
         assert!(matches!(error, SendError::Lost { cause: Loss::Silent, .. }), "{error:?}");
         assert_eq!(at.as_secs(), IDLE_TIMEOUT.as_secs());
@@ -180,14 +192,15 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn nothing_follows_a_close() {
         let net = net();
-        let ((latest, mut raw_latest), (frames, mut raw_frames)) = (duplex(4096), duplex(4096));
-        let Link { latest_tx, latest_rx, frames_tx, frames_rx, .. } =
-            link(&net, latest, frames, IDLE_TIMEOUT * 10);
+        let (here, mut raw) = pipes(4096);
+        let Link { latest_tx, latest_rx, frames_tx, frames_rx, messages_tx, messages_rx, .. } =
+            link(&net, here, IDLE_TIMEOUT * 10);
         frames_tx.close(finished()).await.unwrap();
         latest_tx.close(finished()).await.unwrap();
+        messages_tx.close(finished()).await.unwrap();
         sleep_until(&*net, net.now().after(IDLE_TIMEOUT * 5)).await;
-        drop((latest_rx, frames_rx));
-        for raw in [&mut raw_latest, &mut raw_frames] {
+        drop((latest_rx, frames_rx, messages_rx));
+        for raw in &mut raw {
             let mut all = Vec::new();
             raw.read_to_end(&mut all).await.unwrap();
             // A header, a code, and a text with its length.

@@ -13,7 +13,7 @@ use crate::link::{Capabilities, Parts};
 use crate::scheme::{Listened, Scheme};
 use crate::transport::{ListenFault, Listening, Transport};
 
-/// Makes links of two byte streams each.
+/// Makes links of a byte stream for each lane.
 #[derive(Debug, Clone)]
 pub(crate) struct Streams {
     pub(crate) transport: Arc<dyn Transport>,

@@ -10,12 +10,15 @@ mod driver;
 mod frames;
 mod latest;
 mod listen;
+mod messages;
 mod options;
 mod port;
 mod socket;
+mod units;
 
 pub(crate) use frames::{FrameRx, FrameTx};
 pub(crate) use latest::{LatestRx, LatestTx};
+pub(crate) use messages::{MessageRx, MessageTx};
 #[cfg(feature = "config")]
 pub(crate) use options::MAX_DATAGRAM;
 pub use options::{Trust, UdpOptions};
@@ -32,6 +35,7 @@ use crate::connect::{AttemptError, Introduction};
 use crate::frames::{WireFrameRx, WireFrameTx};
 use crate::latest::{WireLatestRx, WireLatestTx};
 use crate::link::{Capabilities, Lanes, Parts, PeerAddress, Shared, Wire};
+use crate::messages::{WireMessageRx, WireMessageTx};
 use crate::scheme::{Listened, Scheme, first_address};
 use crate::stats::Counters;
 use crate::transport::ListenFault;
@@ -76,6 +80,10 @@ fn parts(
     let lanes = Lanes::Wire(Box::new(Wire {
         latest: (WireLatestTx::Udp(LatestTx::new(&carrier)), WireLatestRx::Udp(LatestRx::new(&carrier))),
         frames: (WireFrameTx::Udp(FrameTx::new(&carrier)), WireFrameRx::Udp(FrameRx::new(&carrier))),
+        messages: (
+            WireMessageTx::Udp(MessageTx::new(&carrier)),
+            WireMessageRx::Udp(MessageRx::new(&carrier)),
+        ),
     }));
     Parts {
         lanes,

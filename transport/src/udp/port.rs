@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, Weak};
 use std::task::{Context, Waker};
 
-use trimaran_udp::{Closed, Connection, PathStats};
+use trimaran_udp::{Closed, Connection, PathStats, UnitLane};
 
 use super::socket::{Outgoing, Path};
 use crate::acceptor::lock;
@@ -55,7 +55,7 @@ pub(super) struct State {
     pub(super) armed: Option<Instant>,
     /// No half of the link is left.
     pub(super) left: bool,
-    waiting: [Option<Waker>; 6],
+    waiting: [Option<Waker>; 8],
 }
 
 /// Who waits for a connection.
@@ -63,8 +63,8 @@ pub(super) struct State {
 pub(super) enum Waiter {
     Driver,
     Greeter,
-    FrameTx,
-    FrameRx,
+    UnitTx(UnitLane),
+    UnitRx(UnitLane),
     LatestTx,
     LatestRx,
 }
@@ -89,7 +89,7 @@ impl Port {
             waits: false,
             armed: None,
             left: false,
-            waiting: [const { None }; 6],
+            waiting: [const { None }; 8],
         };
         Arc::new(Self {
             net: Arc::clone(net),
@@ -188,10 +188,14 @@ impl State {
         let connection = &self.connection;
         let over = connection.closed().is_some();
         let drained = connection.is_drained();
+        let sends = |lane| connection.is_writable(lane) || connection.is_stopped(lane) || drained;
+        let (frames, messages) = (UnitLane::Frames, UnitLane::Messages);
         let ready = [
             (Waiter::Greeter, connection.is_confirmed()),
-            (Waiter::FrameTx, connection.is_writable() || connection.is_stopped() || drained),
-            (Waiter::FrameRx, connection.is_readable()),
+            (Waiter::UnitTx(frames), sends(frames)),
+            (Waiter::UnitRx(frames), connection.is_readable(frames)),
+            (Waiter::UnitTx(messages), sends(messages)),
+            (Waiter::UnitRx(messages), connection.is_readable(messages)),
             (Waiter::LatestTx, drained),
             (Waiter::LatestRx, connection.is_latest_readable()),
         ];
@@ -234,12 +238,15 @@ impl State {
     }
 
     fn slot(&mut self, who: Waiter) -> &mut Option<Waker> {
-        let [driver, greeter, frame_tx, frame_rx, latest_tx, latest_rx] = &mut self.waiting;
+        let [driver, greeter, frame_tx, frame_rx, message_tx, message_rx, latest_tx, latest_rx] =
+            &mut self.waiting;
         match who {
             Waiter::Driver => driver,
             Waiter::Greeter => greeter,
-            Waiter::FrameTx => frame_tx,
-            Waiter::FrameRx => frame_rx,
+            Waiter::UnitTx(UnitLane::Frames) => frame_tx,
+            Waiter::UnitRx(UnitLane::Frames) => frame_rx,
+            Waiter::UnitTx(UnitLane::Messages) => message_tx,
+            Waiter::UnitRx(UnitLane::Messages) => message_rx,
             Waiter::LatestTx => latest_tx,
             Waiter::LatestRx => latest_rx,
         }

@@ -1,4 +1,4 @@
-//! Links over Unix stream sockets, for peers on one machine: two connections a link, as over TCP.
+//! Links over Unix stream sockets, for peers on one machine: a connection for each lane, as over TCP.
 //!
 //! Each side asks the kernel whose process the other end is, and takes its own user's and those that
 //! [`UnixOptions::allow_uids`] names.

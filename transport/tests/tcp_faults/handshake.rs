@@ -71,13 +71,19 @@ async fn whoever_stops_in_the_middle_of_the_handshake_is_dropped() {
 }
 
 #[tokio::test]
-async fn one_lane_alone_is_refused_in_time() {
+async fn one_lane_alone_or_two_are_refused_in_time() {
     let net = net();
     let (_listener, address) = listener(&net, &quick()).await;
-    let mut half = TcpStream::connect(address).await.unwrap();
-    half.write_all(&bytes(&[hello(Lane::Frames)])).await.unwrap();
-    let answers = until(&*net, soon(&net), answers(&mut half)).await.unwrap();
-    assert_eq!(answers, [Message::Refuse(Refusal::Unpaired { session: SESSION })]);
+    for lanes in [&[Lane::Frames][..], &[Lane::Messages, Lane::Latest]] {
+        let mut streams = Vec::new();
+        for lane in lanes {
+            streams.push(dial(address, &hello(*lane)).await);
+        }
+        for mut stream in streams {
+            let answers = until(&*net, soon(&net), answers(&mut stream)).await.unwrap();
+            assert_eq!(answers, [Message::Refuse(Refusal::Unpaired { session: SESSION })]);
+        }
+    }
 }
 
 /// Another machine, or the same one after a moment, may have another map, release or room: so no refusal is
@@ -85,7 +91,7 @@ async fn one_lane_alone_is_refused_in_time() {
 #[tokio::test]
 async fn whatever_a_listener_refuses_for_is_tried_again() {
     let net = net();
-    let versions = (WireVersion(7), WireVersion(1));
+    let versions = (WireVersion(7), WireVersion::CURRENT);
     for refusal in [
         Refusal::Busy,
         Refusal::Unpaired { session: SESSION },
@@ -99,8 +105,8 @@ async fn whatever_a_listener_refuses_for_is_tried_again() {
         let endpoint = Endpoint::Tcp(address.into());
         let options = Options::default();
         let refuse = async {
-            // Both connections of the first attempt.
-            for _ in 0..2 {
+            // The connections of the first attempt.
+            for _ in 0..3 {
                 let (mut stream, _) = stranger.accept().await.unwrap();
                 stream.write_all(&bytes(&[Message::Refuse(refusal.clone())])).await.ok();
             }
@@ -129,13 +135,14 @@ async fn the_same_lane_twice_is_refused_and_the_right_one_still_welcome() {
     assert_eq!(refused, refusal(Lane::Frames));
     let other_role = introduce(&greeting(GRIPPER), SESSION, Lane::Latest);
     assert_eq!(answers(&mut dial(address, &other_role).await).await, refusal(Lane::Latest));
-    let mut latest = TcpStream::connect(address).await.unwrap();
-    latest.write_all(&bytes(&[hello(Lane::Latest)])).await.unwrap();
+    let mut latest = dial(address, &hello(Lane::Latest)).await;
+    let mut messages = dial(address, &hello(Lane::Messages)).await;
     assert_eq!(listener.accept(soon(&net)).await.unwrap().peer.session, SESSION);
     let mut accept =
         vec![0; bytes(&[Message::Accept(Accept { application: hello_bytes(&greeting(ARM)) })]).len()];
     frames.read_exact(&mut accept).await.unwrap();
     latest.read_exact(&mut accept).await.unwrap();
+    messages.read_exact(&mut accept).await.unwrap();
 }
 
 #[tokio::test]
@@ -161,10 +168,10 @@ async fn a_crowd_makes_room_for_who_comes_later_and_is_told_so() {
         listener.accept(soon(&net))
     );
     assert!(there.is_ok() && here.is_ok(), "{there:?} {here:?}");
-    for oldest in &mut crowd[..2] {
+    for oldest in &mut crowd[..3] {
         assert_eq!(answers(oldest).await, [Message::Refuse(Refusal::Busy)]);
     }
-    assert_eq!(listener.turned_away().no_room, 2);
+    assert_eq!(listener.turned_away().no_room, 3);
 }
 
 /// A server that says what makes no sense once, and then nothing to those who come again.
@@ -172,7 +179,7 @@ async fn no_peer(server: TcpListener) {
     let mut connections = Vec::new();
     loop {
         let (mut connection, _) = server.accept().await.unwrap();
-        if connections.len() < 2 {
+        if connections.len() < 3 {
             connection.write_all(b"220 smtp ready\r\n").await.ok();
         }
         connections.push(connection);

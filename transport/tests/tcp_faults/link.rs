@@ -9,30 +9,35 @@ use tokio::net::TcpStream;
 use trimaran_transport::conformance::{ARM, PANEL, Robot, finished, greeting, points, pose, receive, start};
 use trimaran_transport::{
     CloseReason, DecodeFault, Endpoint, FrameEnd, FrameEvent, FrameNumber, FrameOutcome, FrameReceiver,
-    FrameStart, FrameViolation, Kind, Lane, LinkConfig, Loss, Options, ProtocolError, RecvError, SendError,
-    until,
+    FrameStart, FrameViolation, Kind, Lane, LinkConfig, Loss, MAX_MESSAGE, Options, ProtocolError, RecvError,
+    SendError, until,
 };
 use trimaran_wire::{Accept, FrameMessage, Message, to_bytes};
 
-/// A panel that is made of bare sockets, and the link that the arm has to it.
-async fn raw_panel() -> (Link, TcpStream, TcpStream) {
+/// The link that the arm has to a panel of bare sockets, and these: of the frames lane, of the latest lane and
+/// of the messages lane.
+async fn raw_panel() -> (Link, [TcpStream; 3]) {
     raw_panel_of(&Options::default()).await
 }
 
-async fn raw_panel_of(options: &Options) -> (Link, TcpStream, TcpStream) {
+async fn raw_panel_of(options: &Options) -> (Link, [TcpStream; 3]) {
     let net = net();
     let (mut listener, address) = listener(&net, options).await;
-    let mut frames = TcpStream::connect(address).await.unwrap();
-    let mut latest = TcpStream::connect(address).await.unwrap();
-    frames.write_all(&bytes(&[hello(Lane::Frames)])).await.unwrap();
-    latest.write_all(&bytes(&[hello(Lane::Latest)])).await.unwrap();
+    let connection = async |lane| {
+        let mut stream = TcpStream::connect(address).await.unwrap();
+        stream.write_all(&bytes(&[hello(lane)])).await.unwrap();
+        stream
+    };
+    let mut panel =
+        [connection(Lane::Frames).await, connection(Lane::Latest).await, connection(Lane::Messages).await];
     let link = listener.accept(soon(&net)).await.unwrap();
     // Read, lest closing with unread data resets the connection.
     let mut accept =
         vec![0; bytes(&[Message::Accept(Accept { application: hello_bytes(&greeting(ARM)) })]).len()];
-    frames.read_exact(&mut accept).await.unwrap();
-    latest.read_exact(&mut accept).await.unwrap();
-    (link, frames, latest)
+    for stream in &mut panel {
+        stream.read_exact(&mut accept).await.unwrap();
+    }
+    (link, panel)
 }
 
 fn published(number: u32) -> Message {
@@ -68,7 +73,7 @@ async fn error(rx: &mut FrameReceiver<Robot>) -> RecvError {
 
 #[tokio::test]
 async fn a_panel_of_bare_sockets_is_a_panel() {
-    let (mut link, mut frames, mut latest) = raw_panel().await;
+    let (mut link, [mut frames, mut latest, _messages]) = raw_panel().await;
     latest.write_all(&bytes(&[published(1), published(2)])).await.unwrap();
     assert_eq!(link.latest_rx.latest().await.unwrap(), pose(2));
     let begin = bytes(&[begin(0)]);
@@ -84,7 +89,7 @@ async fn a_lie_about_a_length_costs_nothing() {
     for (header, length) in
         [([0x21, 0xff, 0xff, 0xff], 0xff_ffff), ([0x21, 0x01, 0x00, 0x01], 65_537), ([0x22, 0, 0, 0], 0)]
     {
-        let (mut link, mut frames, _latest) = raw_panel().await;
+        let (mut link, [mut frames, _latest, _messages]) = raw_panel().await;
         frames.write_all(&header).await.unwrap();
         let kind = Kind::from_code(header[0]).unwrap();
         for _ in 0..2 {
@@ -100,7 +105,10 @@ async fn a_lie_about_a_length_costs_nothing() {
 
 #[tokio::test]
 async fn garbage_after_the_handshake_is_an_error() {
-    let (mut link, mut frames, mut latest) = raw_panel().await;
+    let (mut link, [mut frames, mut latest, mut messages]) = raw_panel().await;
+    messages.write_all(&[0x77; 100]).await.unwrap();
+    let on_messages = fault(link.messages_rx.recv().await.unwrap_err());
+    assert_eq!(on_messages, DecodeFault::UnknownKind { code: 0x77 });
     frames.write_all(&[0xee; 100]).await.unwrap();
     latest.write_all(&[0x99; 100]).await.unwrap();
     assert_eq!(fault(error(&mut link.frames_rx).await), DecodeFault::UnknownKind { code: 0xee });
@@ -110,7 +118,8 @@ async fn garbage_after_the_handshake_is_an_error() {
 
 #[tokio::test]
 async fn messages_on_the_wrong_lane_are_errors() {
-    let (mut link, mut frames, mut latest) = raw_panel().await;
+    let (mut link, [mut frames, mut latest, mut messages]) = raw_panel().await;
+    messages.write_all(&bytes(&[begin(0)])).await.unwrap();
     frames.write_all(&bytes(&[published(0)])).await.unwrap();
     latest.write_all(&bytes(&[begin(0)])).await.unwrap();
     let misplaced = |error: RecvError| match error {
@@ -119,11 +128,12 @@ async fn messages_on_the_wrong_lane_are_errors() {
     };
     assert_eq!(misplaced(error(&mut link.frames_rx).await), (Kind::Latest, Lane::Frames));
     assert_eq!(misplaced(link.latest_rx.latest().await.unwrap_err()), (Kind::Begin, Lane::Latest));
+    assert_eq!(misplaced(link.messages_rx.recv().await.unwrap_err()), (Kind::Begin, Lane::Messages));
 }
 
 #[tokio::test]
 async fn frames_that_break_the_rules_are_errors() {
-    let (mut link, mut frames, _latest) = raw_panel().await;
+    let (mut link, [mut frames, _latest, _messages]) = raw_panel().await;
     let end = FrameEnd { frame: FrameNumber(0), items: 0, hash: 1 };
     frames.write_all(&bytes(&[begin(0), Message::Frame(FrameMessage::End(end))])).await.unwrap();
     let received = 0x2d06_8005_38d3_94c2;
@@ -134,7 +144,7 @@ async fn frames_that_break_the_rules_are_errors() {
 #[tokio::test]
 async fn a_note_that_is_none_or_more_than_one_is_an_error() {
     for note in [&[][..], &[90, 0]] {
-        let (mut link, mut frames, _latest) = raw_panel().await;
+        let (mut link, [mut frames, _latest, _messages]) = raw_panel().await;
         let note = FrameMessage::Note(note.to_vec().into());
         frames.write_all(&bytes(&[Message::Frame(note)])).await.unwrap();
         let error = error(&mut link.frames_rx).await;
@@ -142,9 +152,24 @@ async fn a_note_that_is_none_or_more_than_one_is_an_error() {
     }
 }
 
+/// A command cut short, one with something behind it, and one that is longer than any may be.
+#[tokio::test]
+async fn a_message_that_is_none_is_an_error() {
+    for message in [&[7][..], &[7, 1, b'x', 0], &[7; MAX_MESSAGE + 1]] {
+        let (mut link, [_frames, _latest, mut messages]) = raw_panel().await;
+        messages.write_all(&bytes(&[Message::Message(message.to_vec().into())])).await.unwrap();
+        let error = link.messages_rx.recv().await.unwrap_err();
+        match error {
+            RecvError::Protocol { cause: ProtocolError::Message(_), .. } if message.len() < 5 => {}
+            RecvError::Protocol { cause: ProtocolError::Decode(_), .. } if message.len() > 5 => {}
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
 #[tokio::test]
 async fn a_frame_with_missing_points_says_how_many() {
-    let (mut link, mut frames, _latest) = raw_panel().await;
+    let (mut link, [mut frames, _latest, _messages]) = raw_panel().await;
     let end = FrameEnd { frame: FrameNumber(0), items: 9, hash: 1 };
     frames.write_all(&bytes(&[begin(0), Message::Frame(FrameMessage::End(end))])).await.unwrap();
     link.frames_rx.recv().await.unwrap();
@@ -154,7 +179,7 @@ async fn a_frame_with_missing_points_says_how_many() {
 
 #[tokio::test]
 async fn death_within_a_message_says_where() {
-    let (mut link, mut frames, _latest) = raw_panel().await;
+    let (mut link, [mut frames, _latest, _messages]) = raw_panel().await;
     frames.write_all(&bytes(&[begin(0)])[..40]).await.unwrap();
     drop(frames);
     let error = error(&mut link.frames_rx).await;
@@ -163,7 +188,7 @@ async fn death_within_a_message_says_where() {
 
 #[tokio::test]
 async fn a_reset_is_a_loss() {
-    let (mut link, frames, _latest) = raw_panel().await;
+    let (mut link, [frames, _latest, _messages]) = raw_panel().await;
     // What a killed process with unread data looks like.
     frames.set_zero_linger().unwrap();
     drop(frames);
@@ -197,7 +222,8 @@ async fn close_survives_unread_data() {
 async fn a_panel_that_went_without_a_word_and_reads_nothing_has_not_heard_a_close() {
     let timeout = Duration::from_secs(1);
     let link = LinkConfig { timeout, ..LinkConfig::default() };
-    let (mut link, mut frames, mut latest) = raw_panel_of(&Options { link, ..Options::default() }).await;
+    let (mut link, [mut frames, mut latest, _messages]) =
+        raw_panel_of(&Options { link, ..Options::default() }).await;
     let (net, points) = (net(), points(16_384));
     link.frames_tx.begin(start(0)).await.unwrap();
     // Until the system takes no more: the close is behind it.

@@ -15,6 +15,15 @@ pub(crate) use codec::CLOSE;
 /// enough.
 pub(crate) const ACK_RANGES: usize = 32;
 
+/// A lane that is a sequence of units: each is put together by itself, and they are passed on in order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum UnitLane {
+    /// A unit is a frame.
+    Frames,
+    /// A unit is a message.
+    Messages,
+}
+
 /// How a part of a unit relates to what follows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Tail {
@@ -46,8 +55,8 @@ pub(crate) enum Chunk<'a> {
     Ping,
     /// Packets that arrived; the newest one so many microseconds ago.
     Ack { delay_us: u64, numbers: RangeSet },
-    /// How many bytes and units the sender may send in all.
-    Credit { bytes: u64, units: u64 },
+    /// How many bytes and units the sender may send on a lane in all.
+    Credit { lane: UnitLane, bytes: u64, units: u64 },
     /// The sender is gone.
     Close,
     /// A value of the latest lane, the `number`th that was published.
@@ -55,14 +64,14 @@ pub(crate) enum Chunk<'a> {
     /// The latest lane ends behind value `number`, 0 if there was none, with the encoded close, or with
     /// none.
     LastLatest { number: u64, close: &'a [u8] },
-    /// The sender reads no more of the frames lane.
-    StopSending,
+    /// The sender reads no more of a lane.
+    StopSending { lane: UnitLane },
     /// Who receives at the address that this is sent to shall bring the cookie back from there.
     Challenge { cookie: CookieBytes },
     /// The cookie of a challenge.
     Response { cookie: CookieBytes },
-    /// Bytes of a unit of the frames lane.
-    Part { unit: u64, offset: u64, tail: Tail, data: &'a [u8] },
+    /// Bytes of a unit. Those of the messages lane have no other tail than more and end.
+    Part { lane: UnitLane, unit: u64, offset: u64, tail: Tail, data: &'a [u8] },
     /// What has not arrived of a frame will not come any more.
     GiveUp { unit: u64, about: GivenUp, head: &'a [u8] },
     /// A repair shard of a block of a unit; with the frame's hash where the block ends the frame.

@@ -7,16 +7,14 @@ use trimaran_net::Instant;
 use trimaran_wire::BatchSize;
 
 use crate::acks::Acks;
-use crate::inbox::Inbox;
+use crate::chunk::UnitLane;
 use crate::keys::Keys;
 use crate::latest::{LatestIn, LatestOut};
 use crate::mtu::Mtu;
-use crate::outbox::Outbox;
 use crate::pacer::Pacer;
 use crate::packet::{ConnectionId, MIN_DATAGRAM};
 use crate::peer_path::PeerPath;
 use crate::recovery::Recovery;
-use crate::repair::Budget;
 
 mod closed;
 mod config;
@@ -26,6 +24,11 @@ mod receive;
 mod stats;
 mod timers;
 mod transmit;
+mod units;
+
+#[cfg(test)]
+pub(crate) use units::MESSAGES_WINDOW;
+use units::Units;
 
 pub use closed::Closed;
 pub use config::Config;
@@ -48,16 +51,10 @@ pub struct Connection {
     paced_until: Option<Instant>,
     mtu: Mtu,
     acks: Acks,
-    outbox: Outbox,
-    inbox: Inbox,
+    frames: Units,
+    messages: Units,
     latest_out: LatestOut,
     latest_in: LatestIn,
-    credit_due: bool,
-    /// The peer's frames lane is not read here, and it must be told so.
-    unread: bool,
-    stop_sending_due: bool,
-    /// The peer does not read the frames lane.
-    stopped: bool,
     /// When the peer was answered, if its first packet shows how long a round trip takes.
     answered: Option<Instant>,
     /// Something came that only the peer can have sent.
@@ -112,21 +109,10 @@ impl Connection {
             paced_until: None,
             acks: Acks::default(),
             mtu: Mtu::new(now, config.max_datagram),
-            outbox: Outbox::new(
-                config.format,
-                config.window,
-                Inbox::initial_units(),
-                config.frame_deadline,
-                Budget::new(config.repair, config.repair_percent),
-                config.coded,
-            ),
-            inbox: Inbox::new(config.format, config.batch, config.window),
+            frames: Units::frames(&config),
+            messages: Units::messages(&config),
             latest_out: LatestOut::default(),
             latest_in: LatestIn::new(config.format),
-            credit_due: false,
-            unread: false,
-            stop_sending_due: false,
-            stopped: false,
             answered: None,
             confirmed: false,
             pings: 0,
@@ -167,12 +153,12 @@ impl Connection {
 
     /// Passes on items in batches of at most `batch`, from now on.
     pub const fn set_batch(&mut self, batch: BatchSize) {
-        self.inbox.set_batch(batch);
+        self.frames.inbox.set_batch(batch);
     }
 
     /// Whether batches of frames that begin from now on may be coded.
     pub const fn set_coded(&mut self, coded: bool) {
-        self.outbox.set_coded(coded);
+        self.frames.outbox.set_coded(coded);
     }
 
     /// Sends something, so that the peer knows this side is there.
@@ -194,6 +180,20 @@ impl Connection {
     /// A probe is for a peer that is there, and for a path that is worth it: one that carries frames.
     fn may_probe(&self) -> bool {
         self.confirmed && self.recovery.room() >= self.config.max_datagram
+    }
+
+    const fn units(&self, lane: UnitLane) -> &Units {
+        match lane {
+            UnitLane::Frames => &self.frames,
+            UnitLane::Messages => &self.messages,
+        }
+    }
+
+    const fn units_mut(&mut self, lane: UnitLane) -> &mut Units {
+        match lane {
+            UnitLane::Frames => &mut self.frames,
+            UnitLane::Messages => &mut self.messages,
+        }
     }
 
     fn end(&mut self, why: Closed) {

@@ -8,13 +8,13 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use bytes::BytesMut;
+use bytes::{Bytes, BytesMut};
 use trimaran_net::Instant;
 use trimaran_wire::{CloseReason, FixedBytes, Format, FrameMessage, FrameNumber, Message};
 use xxhash_rust::xxh3::xxh3_64;
 
-use crate::chunk::{Chunk, GivenUp, Tail};
-use crate::connection::{Config, Connection};
+use crate::chunk::{Chunk, GivenUp, Tail, UnitLane};
+use crate::connection::{Config, Connection, MESSAGES_WINDOW};
 use crate::cookie::TokenKey;
 use crate::handshake::{Acceptor, Connecting, Handled, Progress, Security};
 use crate::inbox::{Inbox, Received};
@@ -41,7 +41,7 @@ fn assert_example(name: &str, bytes: &[u8]) {
 }
 
 fn inbox() -> Inbox {
-    Inbox::new(FORMAT, config().batch, config().window)
+    Inbox::new(UnitLane::Frames, FORMAT, config().batch, config().window)
 }
 
 fn now() -> Instant {
@@ -120,13 +120,15 @@ fn every_chunk_has_an_example() {
     let hash = xxh3_64(&unit[80..]);
     let (value, mut close) = (value(7), BytesMut::new());
     Message::Close(CloseReason::new(0, "over")).encode(&mut close);
-    let part = |unit, offset, tail, data| Chunk::Part { unit, offset, tail, data };
+    let part = |unit, offset, tail, data| Chunk::Part { lane: UnitLane::Frames, unit, offset, tail, data };
     let chunks = [
         ("ping", Chunk::Ping),
         ("ack", Chunk::Ack { delay_us: 300, numbers: numbers() }),
-        ("credit", Chunk::Credit { bytes: 4 << 20, units: 1024 }),
+        ("credit", Chunk::Credit { lane: UnitLane::Frames, bytes: 4 << 20, units: 1024 }),
         ("close", Chunk::Close),
-        ("unread", Chunk::StopSending),
+        ("unread", Chunk::StopSending { lane: UnitLane::Frames }),
+        ("credit-messages", Chunk::Credit { lane: UnitLane::Messages, bytes: 64 << 10, units: 1024 }),
+        ("unread-messages", Chunk::StopSending { lane: UnitLane::Messages }),
         ("challenge", Chunk::Challenge { cookie: TokenKey::new(SECRET).issue(now(), address(), HERE) }),
         ("response", Chunk::Response { cookie: TokenKey::new(SECRET).issue(now(), address(), HERE) }),
         ("last-value", Chunk::LastLatest { number: 1, close: &close }),
@@ -150,6 +152,11 @@ fn every_chunk_has_an_example() {
         ],
     ]
     .concat();
+    let mut message = BytesMut::new();
+    Message::Message(Bytes::from_static(b"\x01\x04dock")).encode(&mut message);
+    let message =
+        Chunk::Part { lane: UnitLane::Messages, unit: 0, offset: 0, tail: Tail::End, data: &message };
+    let chunks = [&chunks[..], &[("part-message", message)]].concat();
     let mut inbox = inbox();
     for (name, chunk) in &chunks {
         let mut out = Vec::new();
@@ -159,7 +166,7 @@ fn every_chunk_has_an_example() {
         let mut reader = Reader::new(written);
         assert_eq!(Chunk::read(&mut reader, &FORMAT).as_ref(), Ok(chunk), "the example {name}");
         assert!(reader.is_empty());
-        if let Chunk::Part { unit, offset, tail, data } = *chunk {
+        if let Chunk::Part { lane: UnitLane::Frames, unit, offset, tail, data } = *chunk {
             inbox.put(unit, offset, tail, data).unwrap();
         }
     }
@@ -244,7 +251,7 @@ fn the_handshake_in_the_clear_is_the_examples() {
 
 /// The Noise state of one side, its ephemeral key no secret, built without this crate's code.
 fn noise(ephemeral: [u8; 32], initiates: bool) -> snow::HandshakeState {
-    let prologue = b"trimaran/udp/1\x0a\x00\x00\x00";
+    let prologue = b"trimaran/udp/2\x0a\x00\x00\x00";
     let builder = snow::Builder::new("Noise_NNpsk0_25519_ChaChaPoly_BLAKE2s".parse().unwrap())
         .prologue(prologue)
         .unwrap()
@@ -305,6 +312,7 @@ fn the_page_says_what_the_constants_are() {
         format!("at most {} bytes of hello", crate::MAX_HELLO),
         format!("at most {} ranges", crate::chunk::ACK_RANGES),
         format!("the first {} units", Inbox::initial_units()),
+        format!("{MESSAGES_WINDOW} bytes of messages"),
         format!("at most {} *shards*", crate::repair::BLOCK),
         format!("1 to {}", crate::repair::MOST),
         format!(
@@ -315,5 +323,5 @@ fn the_page_says_what_the_constants_are() {
     ] {
         assert!(page.contains(&fact), "{fact:?}");
     }
-    assert_eq!(examples().len(), 28, "every example is checked by a test here");
+    assert_eq!(examples().len(), 31, "every example is checked by a test here");
 }

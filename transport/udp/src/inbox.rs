@@ -1,11 +1,12 @@
-//! The frames lane as it is received: units put together in any order, passed on in theirs.
+//! A lane of units as it is received: they are put together in any order, and passed on in theirs.
 
 use std::collections::BTreeMap;
 
+use bytes::Bytes;
 use thiserror::Error;
 use trimaran_wire::{BatchSize, CloseReason, DecodeError, Format, FrameMessage};
 
-use crate::chunk::Tail;
+use crate::chunk::{Tail, UnitLane};
 
 mod blocks;
 mod buffers;
@@ -20,19 +21,21 @@ use unit::{Step, Unit};
 /// How many units may be under way.
 const UNITS: u64 = 1024;
 
-/// What comes out of the lane.
+/// What comes out of a lane.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Received {
-    /// A message of the lane.
+    /// A message of the frames lane.
     Frame(FrameMessage),
+    /// A message of the messages lane, as the application wrote it.
+    Message(Bytes),
     /// The peer leaves.
     Closed(CloseReason),
     /// The peer is gone without a close.
     Gone,
 }
 
-/// What a peer did on the frames lane that it must not do.
+/// What a peer did on a lane of units that it must not do.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum LaneViolation {
@@ -59,6 +62,7 @@ pub enum LaneViolation {
 /// Units in order of their numbers.
 #[derive(Debug)]
 pub(crate) struct Inbox {
+    lane: UnitLane,
     /// Those of which anything came.
     units: BTreeMap<u64, Unit>,
     buffers: Buffers,
@@ -78,8 +82,9 @@ pub(crate) struct Inbox {
 }
 
 impl Inbox {
-    pub(crate) fn new(format: Format, batch: BatchSize, window: u64) -> Self {
+    pub(crate) fn new(lane: UnitLane, format: Format, batch: BatchSize, window: u64) -> Self {
         Self {
+            lane,
             units: BTreeMap::new(),
             buffers: Buffers::new(format),
             first: 0,
@@ -195,12 +200,22 @@ impl Inbox {
                     }
                     self.first += 1;
                     if let Some(item) = item {
-                        return Ok(Some(item));
+                        return self.belongs(item).map(Some);
                     }
                 }
                 Step::Wait => return Ok(None),
-                Step::Item(item) => return Ok(Some(item)),
+                Step::Item(item) => return self.belongs(item).map(Some),
             }
+        }
+    }
+
+    /// What was received, if it may come on this lane.
+    fn belongs(&self, item: Received) -> Result<Received, LaneViolation> {
+        match (self.lane, &item) {
+            (UnitLane::Frames, Received::Message(_)) | (UnitLane::Messages, Received::Frame(_)) => {
+                Err(LaneViolation::Unit)
+            }
+            _ => Ok(item),
         }
     }
 
@@ -239,7 +254,7 @@ impl Credit {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use bytes::{Bytes, BytesMut};
+    use bytes::BytesMut;
     use proptest::prelude::*;
     use trimaran_wire::FrameNumber;
 
@@ -247,7 +262,7 @@ pub(crate) mod tests {
     use crate::examples::{FORMAT, FORMAT_OF_12, value};
 
     pub(super) fn empty() -> Inbox {
-        Inbox::new(FORMAT, BatchSize::default(), 4 << 20)
+        Inbox::new(UnitLane::Frames, FORMAT, BatchSize::default(), 4 << 20)
     }
 
     /// A frame of these bytes of items as its unit's bytes, its header as large as `format` says.
@@ -307,7 +322,7 @@ pub(crate) mod tests {
     #[test]
     fn a_note_longer_than_the_beginning_of_a_frame_is_readable_once_it_is_whole() {
         let (mut inbox, mut bytes) =
-            (Inbox::new(FORMAT_OF_12, BatchSize::default(), 4 << 20), BytesMut::new());
+            (Inbox::new(UnitLane::Frames, FORMAT_OF_12, BatchSize::default(), 4 << 20), BytesMut::new());
         let note = FrameMessage::Note(vec![7; 100].into());
         note.encode(&mut bytes);
         inbox.put(0, 0, Tail::More, &bytes[..90]).unwrap();
@@ -318,7 +333,7 @@ pub(crate) mod tests {
 
     #[test]
     fn what_nobody_reads_is_thrown_away_and_makes_room() {
-        let mut inbox = Inbox::new(FORMAT, BatchSize::default(), 1000);
+        let mut inbox = Inbox::new(UnitLane::Frames, FORMAT, BatchSize::default(), 1000);
         for unit in 0..10 {
             inbox.put(unit, 0, Tail::More, &[0; 900]).unwrap();
             assert!(inbox.discard(), "the peer should hear of new room");
@@ -329,7 +344,7 @@ pub(crate) mod tests {
     #[test]
     fn a_batch_that_the_window_cannot_hold_is_passed_on_in_smaller_ones() {
         let format = Format { item: 256, ..FORMAT };
-        let mut inbox = Inbox::new(format, BatchSize::MAX, 10_000);
+        let mut inbox = Inbox::new(UnitLane::Frames, format, BatchSize::MAX, 10_000);
         let bytes = unit_of(&format, &[9; 256 * 100]);
         let (mut sent, mut items) = (0, Vec::new());
         while sent < bytes.len() {
@@ -362,7 +377,7 @@ pub(crate) mod tests {
             if twice {
                 parts.extend_from_within(..);
             }
-            let mut inbox = Inbox::new(FORMAT_OF_12, BatchSize::new(batch).unwrap(), 4 << 20);
+            let mut inbox = Inbox::new(UnitLane::Frames, FORMAT_OF_12, BatchSize::new(batch).unwrap(), 4 << 20);
             let mut items = Vec::new();
             for part in parts {
                 let tail = if part.end == bytes.len() { Tail::Frame(7) } else { Tail::More };

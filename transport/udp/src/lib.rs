@@ -1,8 +1,9 @@
-//! Frames over datagrams: the state machine of a connection, without sockets or a clock.
+//! Frames and messages over datagrams: the state machine of a connection, without sockets or a clock.
 //!
 //! A [`Connection`] carries the lanes of a link in packets that fit the path: the newest value, sent
-//! again until it or a newer one has arrived, and the frames lane, whose frames are put together each by
-//! itself, so that the loss of a packet holds up no other frame on the wire; they are passed on in order.
+//! again until it or a newer one has arrived, and two lanes of units: frames, and messages. Each unit is put
+//! together by itself, so that the loss of a packet holds up no other one on the wire; they are passed on in
+//! order.
 
 mod acks;
 mod chunk;
@@ -29,6 +30,7 @@ mod rtt;
 mod spare;
 mod wire;
 
+pub use chunk::UnitLane;
 pub use congestion::Congestion;
 pub use connection::{
     Closed, Config, Connection, DeadlineTooShort, PathStats, STEPS_PER_BYTE, STEPS_PER_PACKET,

@@ -1,8 +1,10 @@
 //! A peer that lies in every field that says how much, how many or which, under keys that are good.
 
+use bytes::{Bytes, BytesMut};
 use trimaran_net::Instant;
+use trimaran_wire::{FrameMessage, FrameNumber, MAX_MESSAGE, Message};
 
-use crate::chunk::{Chunk, GivenUp, Tail};
+use crate::chunk::{Chunk, GivenUp, Tail, UnitLane};
 use crate::connection::{Closed, Connection};
 use crate::examples::{config, value};
 use crate::inbox::LaneViolation;
@@ -31,7 +33,8 @@ fn told(plain: &[u8]) -> Option<Closed> {
     let (mut out, mut at) = (Vec::new(), now());
     for _ in 0..100 {
         while connection.poll_transmit(at, &mut out) {}
-        while connection.recv().is_some() {}
+        while connection.recv(UnitLane::Frames).is_some() {}
+        while connection.recv(UnitLane::Messages).is_some() {}
         let Some(due) = connection.poll_timeout() else { break };
         at = at.max(due);
         connection.handle_timeout(at);
@@ -66,7 +69,7 @@ fn acknowledgements_of_what_was_never_sent_end_the_connection() {
 
 #[test]
 fn places_beyond_what_was_allowed_end_the_connection() {
-    let part = |unit, offset, tail| Chunk::Part { unit, offset, tail, data: b"1234" };
+    let part = |unit, offset, tail| Chunk::Part { lane: UnitLane::Frames, unit, offset, tail, data: b"1234" };
     for (unit, offset) in [(0, MOST), (0, MOST - 3), (0, 1 << 40), (MOST, 0), (1 << 40, 0), (MOST, MOST)] {
         for tail in [Tail::More, Tail::Pause, Tail::End, Tail::Frame(MOST)] {
             let end = lie(&part(unit, offset, tail));
@@ -100,6 +103,30 @@ fn places_beyond_what_was_allowed_end_the_connection() {
 }
 
 #[test]
+fn a_unit_on_the_wrong_lane_ends_the_connection() {
+    let mut unit = BytesMut::new();
+    Message::Message(Bytes::from_static(b"stop")).encode(&mut unit);
+    let (mut begin, mut long) = (BytesMut::new(), BytesMut::new());
+    FrameMessage::Begin { frame: FrameNumber(0), header: value(0) }.encode(&mut begin);
+    Message::Message(vec![0; MAX_MESSAGE + 1].into()).encode(&mut long);
+    let part = |lane, data| Chunk::Part { lane, unit: 0, offset: 0, tail: Tail::End, data };
+    assert_eq!(lie(&part(UnitLane::Messages, &unit)), None);
+    assert_eq!(lie(&part(UnitLane::Frames, &unit)), lane(LaneViolation::Unit));
+    assert_eq!(lie(&part(UnitLane::Messages, &begin)), lane(LaneViolation::Unit));
+    let end = lie(&part(UnitLane::Messages, &long));
+    assert!(matches!(end, Some(Closed::Lane(LaneViolation::Decode(_)))), "{end:?}");
+    // The window of the lane is its own.
+    let end = lie(&Chunk::Part {
+        lane: UnitLane::Messages,
+        unit: 0,
+        offset: 1 << 20,
+        tail: Tail::More,
+        data: b"1",
+    });
+    assert_eq!(end, lane(LaneViolation::Credit));
+}
+
+#[test]
 fn lengths_beyond_the_packet_end_the_connection() {
     let lying = |chunk: Chunk<'_>, at: usize, bytes: &[u8]| {
         let mut plain = Vec::new();
@@ -107,7 +134,7 @@ fn lengths_beyond_the_packet_end_the_connection() {
         plain[at..at + bytes.len()].copy_from_slice(bytes);
         told(&plain)
     };
-    let part = Chunk::Part { unit: 0, offset: 0, tail: Tail::More, data: b"1234" };
+    let part = Chunk::Part { lane: UnitLane::Frames, unit: 0, offset: 0, tail: Tail::More, data: b"1234" };
     let about = GivenUp { length: 88, sent: 84, hash: 0, coded: None };
     let give_up = Chunk::GiveUp { unit: 0, about, head: &[] };
     let last_value = Chunk::LastLatest { number: 1, close: &[] };
@@ -125,7 +152,7 @@ fn lengths_beyond_the_packet_end_the_connection() {
 /// What only the liar itself has harm of.
 #[test]
 fn generous_credit_and_high_numbers_of_values_are_taken_as_they_are() {
-    assert_eq!(lie(&Chunk::Credit { bytes: MOST, units: MOST }), None);
+    assert_eq!(lie(&Chunk::Credit { lane: UnitLane::Frames, bytes: MOST, units: MOST }), None);
     assert_eq!(lie(&Chunk::Latest { number: MOST, value: &value(0) }), None);
     assert_eq!(lie(&Chunk::LastLatest { number: MOST, close: &[] }), None);
     assert_eq!(lie(&Chunk::LastLatest { number: MOST, close: &[0xff; 9] }), Some(Closed::Reason));

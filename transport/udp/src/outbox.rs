@@ -1,13 +1,13 @@
-//! The frames lane as it is sent: units whose bytes are kept until they are acknowledged, or not worth
-//! sending any more.
+//! A lane of units as it is sent: their bytes are kept until they are acknowledged, or not worth sending any
+//! more.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
-use bytes::{BufMut, BytesMut};
+use bytes::{BufMut, Bytes, BytesMut};
 use trimaran_wire::{CloseReason, Format, FrameEnd, FrameMessage, FrameNumber, Message};
 
-use crate::chunk::{CODED_UNIT, Tail};
+use crate::chunk::{CODED_UNIT, Tail, UnitLane};
 use crate::recovery::Content;
 use crate::repair::{Budget, Path};
 use crate::spare::Spare;
@@ -21,10 +21,11 @@ use unit::Unit;
 /// What a unit costs beside its bytes, so that many small ones are not for nothing.
 const UNIT_COST: usize = 256;
 
-/// Units in order of their numbers. A unit is a frame, a note, a close, or, empty, the end of the lane
-/// without one.
+/// Units in order of their numbers. A unit is a frame, a note, a message, a close, or, empty, the end of the
+/// lane without one.
 #[derive(Debug)]
 pub(crate) struct Outbox {
+    lane: UnitLane,
     format: Format,
     units: VecDeque<Unit>,
     /// Buffers for units to come.
@@ -64,14 +65,15 @@ pub(crate) struct Outbox {
 
 impl Outbox {
     pub(crate) fn new(
+        lane: UnitLane,
         format: Format,
-        allowed_bytes: u64,
-        allowed_units: u64,
+        (allowed_bytes, allowed_units): (u64, u64),
         frame_deadline: Option<Duration>,
         repair: Budget,
         coded: bool,
     ) -> Self {
         Self {
+            lane,
             format,
             units: VecDeque::new(),
             spare: Spare::default(),
@@ -126,6 +128,11 @@ impl Outbox {
             }
             FrameMessage::Note(_) => self.whole(|out| message.encode(out), path),
         }
+    }
+
+    /// Takes the next message of the messages lane.
+    pub(crate) fn say(&mut self, message: Bytes, path: Path) {
+        self.whole(|out| Message::Message(message).encode(out), path);
     }
 
     pub(crate) const fn set_coded(&mut self, coded: bool) {
@@ -241,7 +248,8 @@ impl Outbox {
     pub(crate) fn write_next(&mut self, room: usize, whole: usize, out: &mut Vec<u8>) -> Option<Content> {
         let number = self.next_due()?;
         let credit = self.allowed_bytes.saturating_sub(self.offered);
-        let (content, fresh) = self.unit(number)?.write(number, credit, room, whole, out)?;
+        let at = (self.lane, number);
+        let (content, fresh) = self.unit(number)?.write(at, credit, room, whole, out)?;
         self.look(number);
         self.offered += fresh;
         match &content {
@@ -275,7 +283,8 @@ mod tests {
     /// Without repair.
     pub(super) fn sender(frame_deadline: Option<u64>) -> Outbox {
         let frame_deadline = frame_deadline.map(Duration::from_millis);
-        Outbox::new(FORMAT, 1 << 20, 1024, frame_deadline, Budget::new(Repair::Off, 15), false)
+        let repair = Budget::new(Repair::Off, 15);
+        Outbox::new(UnitLane::Frames, FORMAT, (1 << 20, 1024), frame_deadline, repair, false)
     }
 
     pub(super) fn frame(outbox: &mut Outbox, number: u32) {
@@ -311,7 +320,8 @@ mod tests {
         // A full packet takes all up to the next shard, though these are no whole items, and so does the rest
         // of a packet where the rest of the frame fits.
         for (room, expected) in [(1172, 0..1136), (1172, 1136..2272), (20, 0..0), (80, 2272..2330)] {
-            let part = Content::Part { unit: 0, range: expected.clone(), ended: false };
+            let lane = UnitLane::Frames;
+            let part = Content::Part { lane, unit: 0, range: expected.clone(), ended: false };
             let expected = Some(part).filter(|_| !expected.is_empty());
             assert_eq!(outbox.write_next(room, 1172, &mut Vec::new()), expected, "{room} bytes");
         }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use proptest::prelude::*;
 use trimaran_net::Instant;
 use trimaran_udp::{
-    Acceptor, Config, Connecting, Connection, ConnectionId, Handled, Initial, Progress, Security,
+    Acceptor, Config, Connecting, Connection, ConnectionId, Handled, Initial, Progress, Security, VERSION,
 };
 use trimaran_wire::{FixedBytes, Format};
 
@@ -193,7 +193,7 @@ fn a_forged_version_is_a_hint_and_the_handshake_goes_on() {
         panic!("it ended the handshake")
     };
     assert_eq!(connecting.claimed_version(), Some(7));
-    let Progress::Retry(connecting) = connecting.handle(now(), &retry(1, 5), config()) else {
+    let Progress::Retry(connecting) = connecting.handle(now(), &retry(VERSION, 5), config()) else {
         panic!("no retry")
     };
     assert_eq!(connecting.claimed_version(), None, "somebody answers in this version");
@@ -207,7 +207,7 @@ fn a_forged_cookie_does_not_lock_the_true_one_out() {
     let (mut first, mut reply) = (Vec::new(), Vec::new());
     let connecting = Connecting::new(&key, HERE, b"hello").unwrap();
     connecting.initial(&mut first);
-    let Progress::Retry(connecting) = connecting.handle(now(), &retry(1, 5), config()) else {
+    let Progress::Retry(connecting) = connecting.handle(now(), &retry(VERSION, 5), config()) else {
         panic!("no retry")
     };
     // The listener's own comes behind it.
@@ -230,7 +230,7 @@ fn forged_cookies_are_not_sent_back_without_end_and_who_goes_on_comes_in() {
     let (mut sent, mut at) = (0, now());
     for cookie in 0..100 {
         at = at.after(Duration::from_millis(1));
-        connecting = match connecting.handle(at, &retry(1, cookie), config()) {
+        connecting = match connecting.handle(at, &retry(VERSION, cookie), config()) {
             Progress::Retry(connecting) => {
                 sent += 1;
                 connecting
@@ -252,7 +252,7 @@ proptest! {
     #[test]
     fn no_stranger_gets_back_more_than_a_third(mut bytes in prop::collection::vec(any::<u8>(), 0..1500), form in 0u8..4) {
         if let Some(first) = bytes.first_mut() {
-            *first = 4 | form;
+            *first = (VERSION << 2) as u8 | form;
         }
         let acceptor = Acceptor::new(Security::PreShared([9; 32].into()), [3; 32]).unwrap();
         let mut out = Vec::new();

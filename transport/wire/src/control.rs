@@ -14,7 +14,7 @@ pub struct WireVersion(pub u16);
 
 impl WireVersion {
     /// The version that this crate speaks.
-    pub const CURRENT: Self = Self(1);
+    pub const CURRENT: Self = Self(2);
 }
 
 impl fmt::Display for WireVersion {
@@ -30,6 +30,8 @@ pub enum Lane {
     Latest,
     /// Frames of items.
     Frames,
+    /// Messages in order.
+    Messages,
 }
 
 impl fmt::Display for Lane {
@@ -37,6 +39,7 @@ impl fmt::Display for Lane {
         f.write_str(match self {
             Self::Latest => "latest",
             Self::Frames => "frames",
+            Self::Messages => "messages",
         })
     }
 }
@@ -140,8 +143,8 @@ pub enum Refusal {
         /// The lane that was refused.
         lane: Lane,
     },
-    /// The other lane of the session did not come in time.
-    #[error("session {session}: the other lane did not come in time")]
+    /// Another lane of the session did not come in time.
+    #[error("session {session}: another lane did not come in time")]
     Unpaired {
         /// The session.
         session: SessionId,
@@ -166,7 +169,7 @@ impl Refusal {
     /// Whether the same peer may be let in when it tries again.
     #[must_use]
     pub const fn is_passing(&self) -> bool {
-        // One lane of a pair may have found room where the other found none.
+        // One lane may have found room where another found none.
         matches!(self, Self::Busy | Self::Unpaired { .. })
     }
 }

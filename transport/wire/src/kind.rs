@@ -11,9 +11,13 @@ pub const HEADER_BYTES: usize = 4;
 /// The most bytes of a note.
 pub const MAX_NOTE: usize = 256;
 
+/// The most bytes of a message of the messages lane, as postcard writes it.
+pub const MAX_MESSAGE: usize = 16_384;
+
 /// What a message is: the first byte of its header.
 ///
-/// The upper half of the code says where it belongs: 0 control, 1 the latest lane, 2 the frames lane.
+/// The upper half of the code says where it belongs: 0 control, 1 the latest lane, 2 the frames
+/// lane, 3 the messages lane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Kind {
@@ -41,11 +45,13 @@ pub enum Kind {
     Note = 0x23,
     /// A batch of items of the frame that has begun, in the application's own shorter form.
     Coded = 0x24,
+    /// What the application says on the messages lane.
+    Message = 0x30,
 }
 
 impl Kind {
     /// Every kind, in the order of the codes.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Hello,
         Self::Accept,
         Self::Refuse,
@@ -58,6 +64,7 @@ impl Kind {
         Self::End,
         Self::Note,
         Self::Coded,
+        Self::Message,
     ];
 
     /// The kind with this code, if there is one.
@@ -93,6 +100,7 @@ impl Kind {
             Self::Note => 0..=MAX_NOTE,
             // Shorter than the same items plain.
             Self::Coded => 1..=format.batch(BatchSize::MAX),
+            Self::Message => 0..=MAX_MESSAGE,
         }
     }
 
@@ -117,6 +125,7 @@ impl fmt::Display for Kind {
             Self::Coded => "coded batch",
             Self::End => "end",
             Self::Note => "note",
+            Self::Message => "message",
         })
     }
 }

@@ -32,6 +32,8 @@ pub enum Message {
     Numbered(Numbered),
     /// A message of the frames lane.
     Frame(FrameMessage),
+    /// A message of the messages lane, as postcard writes it.
+    Message(Bytes),
 }
 
 impl From<FrameMessage> for Message {
@@ -59,6 +61,7 @@ impl Message {
             Self::Latest(_) => Kind::Latest,
             Self::Numbered(_) => Kind::Numbered,
             Self::Frame(message) => message.kind(),
+            Self::Message(_) => Kind::Message,
         }
     }
 
@@ -89,6 +92,10 @@ impl Message {
                 numbered.write(out);
             }
             Self::Frame(message) => message.encode(out),
+            Self::Message(bytes) => {
+                out.put_slice(&Kind::Message.header(bytes.len()));
+                out.put_slice(bytes);
+            }
         }
     }
 
@@ -114,6 +121,7 @@ impl Message {
             }
             Kind::Coded => Ok(Self::Frame(FrameMessage::Coded(payload))),
             Kind::Note => Ok(Self::Frame(FrameMessage::Note(payload))),
+            Kind::Message => Ok(Self::Message(payload)),
             Kind::End => {
                 let words: &[u8; 16] = payload.first_chunk().ok_or(short)?;
                 let word = u128::from_le_bytes(*words);

@@ -11,9 +11,9 @@ use crate::{Batch, BatchSize, Fixed, FrameEnd, FrameNumber, Item, Rejection};
 
 /// What an application says over its links, in which types.
 ///
-/// A link has lanes of these kinds, each in both directions: the *latest* lane is a cell of size one, the
-/// *frames* lane carries frames of items. For what it does not use an application takes `()`, and `u32` for
-/// the items.
+/// A link has a lane of each kind, each in both directions: the *latest* lane is a cell of size one, the
+/// *frames* lane carries frames of items, the *messages* lane small messages in order. For what it does not
+/// use an application takes `()`, and `u32` for the items.
 ///
 /// ```
 /// use std::convert::Infallible;
@@ -48,6 +48,7 @@ use crate::{Batch, BatchSize, Fixed, FrameEnd, FrameNumber, Item, Rejection};
 ///     type Header = ();
 ///     type Item = u32;
 ///     type Note = ();
+///     type Message = ();
 ///
 ///     fn name(hello: &String) -> String {
 ///         hello.clone()
@@ -76,6 +77,10 @@ pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
     /// What is said between two frames, for instance of the one before. At most
     /// [`MAX_NOTE`](crate::MAX_NOTE) bytes as postcard writes it.
     type Note: Serialize + DeserializeOwned + Clone + PartialEq + fmt::Debug + Send + Sync;
+
+    /// What is said beside values and frames, in order and without loss. At most
+    /// [`MAX_MESSAGE`](crate::MAX_MESSAGE) bytes as postcard writes it.
+    type Message: Serialize + DeserializeOwned + Clone + PartialEq + fmt::Debug + Send + Sync;
 
     /// What the peer behind `hello` is called in messages and logs.
     fn name(hello: &Self::Hello) -> String;

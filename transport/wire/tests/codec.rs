@@ -10,7 +10,8 @@ use proptest::prelude::*;
 use trimaran_wire::{
     Accept, BatchSize, CloseReason, Decoder, Explanation, FixedBytes, Format, FrameAssembler, FrameEnd,
     FrameMessage, FrameNumber, FrameOutcome, FrameStep, FrameViolation, FrameWriter, Hello, Lane, MAX_HELLO,
-    MAX_NOTE, Message, Numbered, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion,
+    MAX_MESSAGE, MAX_NOTE, Message, Numbered, ProtocolName, Refusal, Rejection, Serial, SessionId,
+    WireVersion,
 };
 
 /// Of an application whose values and headers take more room than a [`FixedBytes`] has on the stack, and
@@ -30,7 +31,7 @@ fn text() -> impl Strategy<Value = Explanation> {
 }
 
 fn lane() -> impl Strategy<Value = Lane> {
-    prop_oneof![Just(Lane::Latest), Just(Lane::Frames)]
+    prop_oneof![Just(Lane::Latest), Just(Lane::Frames), Just(Lane::Messages)]
 }
 
 fn hello() -> impl Strategy<Value = Message> {
@@ -83,6 +84,7 @@ fn message() -> impl Strategy<Value = Message> {
         (any::<u32>(), fixed(FORMAT.latest))
             .prop_map(|(number, value)| Message::Numbered(Numbered { number: Serial(number), value })),
         frame.prop_map(Message::Frame),
+        bytes(0..1000_usize).prop_map(|bytes| Message::Message(bytes.into())),
     ]
 }
 
@@ -273,6 +275,7 @@ fn the_longest_control_messages_are_taken() {
         Message::Accept(Accept { application }),
         Message::Close(CloseReason { code: u16::MAX, why: text }),
         Message::Frame(FrameMessage::Note(vec![0; MAX_NOTE].into())),
+        Message::Message(vec![0; MAX_MESSAGE].into()),
     ];
     messages.extend(refusals.map(Message::Refuse));
     for message in messages {

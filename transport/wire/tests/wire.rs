@@ -7,11 +7,11 @@ mod robot;
 use std::collections::BTreeMap;
 
 use bytes::{Bytes, BytesMut};
-use robot::{Pose, Robot, Time};
+use robot::{Command, Pose, Robot, Time};
 use trimaran_wire::{
     Accept, BatchSize, CloseReason, Decoder, Explanation, Format, FrameEnd, FrameMessage, FrameNumber,
-    FrameWriter, HEADER_BYTES, Hello, Item, Kind, Lane, MAX_FIXED, MAX_HELLO, MAX_NOTE, Message, Numbered,
-    Protocol, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion, to_bytes,
+    FrameWriter, HEADER_BYTES, Hello, Item, Kind, Lane, MAX_FIXED, MAX_HELLO, MAX_MESSAGE, MAX_NOTE, Message,
+    Numbered, Protocol, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion, to_bytes,
 };
 
 const WIRE: &str = include_str!("../WIRE.md");
@@ -56,6 +56,8 @@ fn messages() -> Vec<(&'static str, Message)> {
         ("numbered-value", Message::Numbered(Numbered { number: Serial(5), value: pose })),
     ];
     messages.extend(frames.map(|(name, message)| (name, Message::Frame(message))));
+    let command = postcard::to_stdvec(&Command::GoTo("dock".to_owned())).unwrap();
+    messages.push(("message", Message::Message(command.into())));
     messages
 }
 
@@ -100,9 +102,9 @@ fn the_empty_frame_is_begin_and_end() {
 #[test]
 fn another_versions_hello_says_which() {
     let mut decoder = Decoder::new(Format::of::<Robot>());
-    decoder.push(&examples()["hello-2"]);
+    decoder.push(&examples()["hello-3"]);
     let error = decoder.next_message().unwrap_err().to_string();
-    assert!(error.contains("the peer speaks version 2 of the protocol, this one version 1"), "{error}");
+    assert!(error.contains("the peer speaks version 3 of the protocol, this one version 2"), "{error}");
 }
 
 /// What a length of the page comes to: a sum of numbers, each of which may be followed by a letter to be
@@ -142,7 +144,10 @@ fn the_limits_are_the_crates() {
         format!("I is {}", <u32 as Item>::SIZE),
         format!("| {MAX_FIXED} |"),
         format!("at most {} bytes, the application's hello {MAX_HELLO}", ProtocolName::MAX_BYTES),
-        format!("a note {MAX_NOTE}, each text for people {} bytes", Explanation::MAX_BYTES),
+        format!(
+            "a message {MAX_MESSAGE}, a note {MAX_NOTE}, each text for people {} bytes",
+            Explanation::MAX_BYTES
+        ),
         format!("refuses a peer {}.", Rejection::new(0, &"x".repeat(1000)).why.as_str().len()),
         format!("1 to {} items of I bytes", BatchSize::MAX.items()),
         format!("close with code {}", CloseReason::REFUSED),
@@ -165,7 +170,7 @@ fn the_reasons_have_the_numbers_of_the_page() {
         ("the application of the listener", Refusal::Rejected(Rejection::new(1, "full"))),
         ("the role is taken", Refusal::RoleTaken { role: text.clone() }),
         ("the lane came twice", Refusal::Session { session, lane }),
-        ("the other lane", Refusal::Unpaired { session }),
+        ("another lane", Refusal::Unpaired { session }),
         ("too many peers or handshakes", Refusal::Busy),
         ("the key of who connects", Refusal::Key { claimed: text.clone(), known: text }),
     ];

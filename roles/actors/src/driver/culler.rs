@@ -198,12 +198,13 @@ pub(super) const fn sent_bytes(traffic: Traffic) -> SentBytes {
         begin: traffic.begin.bytes,
         ids: traffic.batches.bytes,
         end: traffic.end.bytes,
-        control: traffic.control.bytes,
+        control: traffic.control.bytes + traffic.messages.bytes,
         headers: traffic.header_bytes,
         messages: traffic.latest.messages
             + traffic.begin.messages
             + traffic.batches.messages
             + traffic.end.messages
+            + traffic.messages.messages
             + traffic.control.messages,
     }
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use smallvec::SmallVec;
 use trimaran_wire::Format;
 
-use super::{ACK_RANGES, Chunk, GivenUp, Tail, unit_head};
+use super::{ACK_RANGES, Chunk, GivenUp, Tail, UnitLane, unit_head};
 use crate::ranges::RangeSet;
 use crate::repair::Block;
 use crate::wire::{Malformed, Reader, put_varint};
@@ -18,6 +18,8 @@ pub(crate) const CLOSE: u8 = 0x04;
 const STOP_SENDING: u8 = 0x05;
 const CHALLENGE: u8 = 0x06;
 const RESPONSE: u8 = 0x07;
+const MESSAGES_CREDIT: u8 = 0x08;
+const STOP_MESSAGES: u8 = 0x09;
 const LATEST: u8 = 0x10;
 const LAST_LATEST: u8 = 0x11;
 const PART: u8 = 0x20;
@@ -25,6 +27,9 @@ const GIVE_UP: u8 = 0x24;
 const GIVE_UP_CODED: u8 = 0x25;
 const REPAIR: u8 = 0x30;
 const LAST_REPAIR: u8 = 0x33;
+const MESSAGE_PART: u8 = 0x40;
+/// What a part's code has beside [`PART`] or [`MESSAGE_PART`] where its unit ends, and is no whole frame.
+const END: u8 = 2;
 
 impl<'a> Chunk<'a> {
     /// The byte that is the chunk [`Chunk::Pad`].
@@ -47,13 +52,17 @@ impl<'a> Chunk<'a> {
                     above = Some(range.start);
                 }
             }
-            Self::Credit { bytes, units } => {
-                out.push(CREDIT);
+            Self::Credit { lane, bytes, units } => {
+                out.push(match lane {
+                    UnitLane::Frames => CREDIT,
+                    UnitLane::Messages => MESSAGES_CREDIT,
+                });
                 put_varint(out, *bytes);
                 put_varint(out, *units);
             }
             Self::Close => out.push(CLOSE),
-            Self::StopSending => out.push(STOP_SENDING),
+            Self::StopSending { lane: UnitLane::Frames } => out.push(STOP_SENDING),
+            Self::StopSending { lane: UnitLane::Messages } => out.push(STOP_MESSAGES),
             Self::Challenge { cookie } => {
                 out.push(CHALLENGE);
                 out.extend_from_slice(cookie);
@@ -73,15 +82,15 @@ impl<'a> Chunk<'a> {
                 put_varint(out, *number);
                 out.extend_from_slice(value);
             }
-            Self::Part { unit, offset, tail, data } => {
-                out.push(
-                    PART | match tail {
-                        Tail::More => 0,
-                        Tail::Pause => 1,
-                        Tail::End => 2,
-                        Tail::Frame(_) => 3,
-                    },
-                );
+            Self::Part { lane, unit, offset, tail, data } => {
+                out.push(match (lane, tail) {
+                    (UnitLane::Messages, Tail::End) => MESSAGE_PART | END,
+                    (UnitLane::Messages, _) => MESSAGE_PART,
+                    (UnitLane::Frames, Tail::More) => PART,
+                    (UnitLane::Frames, Tail::Pause) => PART | 1,
+                    (UnitLane::Frames, Tail::End) => PART | END,
+                    (UnitLane::Frames, Tail::Frame(_)) => PART | 3,
+                });
                 put_varint(out, *unit);
                 put_varint(out, *offset);
                 out.extend_from_slice(&(data.len() as u16).to_le_bytes());
@@ -124,9 +133,12 @@ impl<'a> Chunk<'a> {
             PAD => Ok(Self::Pad),
             PING => Ok(Self::Ping),
             ACK => read_ack(reader),
-            CREDIT => Ok(Self::Credit { bytes: reader.varint("credit")?, units: reader.varint("credit")? }),
+            CREDIT | MESSAGES_CREDIT => {
+                let (bytes, units) = (reader.varint("credit")?, reader.varint("credit")?);
+                Ok(Self::Credit { lane: lane_of(code, MESSAGES_CREDIT), bytes, units })
+            }
             CLOSE => Ok(Self::Close),
-            STOP_SENDING => Ok(Self::StopSending),
+            STOP_SENDING | STOP_MESSAGES => Ok(Self::StopSending { lane: lane_of(code, STOP_MESSAGES) }),
             CHALLENGE => Ok(Self::Challenge { cookie: *reader.array("cookie")? }),
             RESPONSE => Ok(Self::Response { cookie: *reader.array("cookie")? }),
             LATEST => {
@@ -138,7 +150,7 @@ impl<'a> Chunk<'a> {
                 let length = usize::from(reader.u16("close length")?);
                 Ok(Self::LastLatest { number, close: reader.take(length, "close")? })
             }
-            0x20..=0x23 => {
+            0x20..=0x23 | MESSAGE_PART | 0x42 => {
                 let unit = reader.varint("unit")?;
                 let offset = reader.varint("offset")?;
                 let length = usize::from(reader.u16("part length")?);
@@ -148,7 +160,8 @@ impl<'a> Chunk<'a> {
                     2 => Tail::End,
                     _ => Tail::Frame(reader.u64("hash")?),
                 };
-                Ok(Self::Part { unit, offset, tail, data: reader.take(length, "part")? })
+                let lane = lane_of(code & !3, MESSAGE_PART);
+                Ok(Self::Part { lane, unit, offset, tail, data: reader.take(length, "part")? })
             }
             GIVE_UP | GIVE_UP_CODED => {
                 let unit = reader.varint("unit")?;
@@ -186,6 +199,11 @@ impl<'a> Chunk<'a> {
             _ => Err(Malformed::UnknownChunk { code }),
         }
     }
+}
+
+/// The lane of a chunk with that code, which one of the messages lane has.
+const fn lane_of(code: u8, of_messages: u8) -> UnitLane {
+    if code == of_messages { UnitLane::Messages } else { UnitLane::Frames }
 }
 
 fn read_ack<'a>(reader: &mut Reader<'a>) -> Result<Chunk<'a>, Malformed> {
@@ -237,8 +255,10 @@ mod tests {
     fn chunks_come_back_and_their_parts_do_not() {
         back(&Chunk::Ping);
         back(&Chunk::Close);
-        back(&Chunk::Credit { bytes: 1 << 40, units: 7 });
-        back(&Chunk::StopSending);
+        for lane in [UnitLane::Frames, UnitLane::Messages] {
+            back(&Chunk::Credit { lane, bytes: 1 << 40, units: 7 });
+            back(&Chunk::StopSending { lane });
+        }
         back(&Chunk::Pad);
         for coded in [None, Some(300)] {
             let about = GivenUp { length: 9000, sent: 8000, hash: 5, coded };
@@ -251,7 +271,10 @@ mod tests {
         back(&Chunk::Latest { number: 300, value: &[5; FORMAT.latest] });
         back(&Chunk::LastLatest { number: 301, close: b"gone" });
         for tail in [Tail::More, Tail::Pause, Tail::End, Tail::Frame(77)] {
-            back(&Chunk::Part { unit: 1 << 30, offset: 80, tail, data: b"items" });
+            back(&Chunk::Part { lane: UnitLane::Frames, unit: 1 << 30, offset: 80, tail, data: b"items" });
+        }
+        for tail in [Tail::More, Tail::End] {
+            back(&Chunk::Part { lane: UnitLane::Messages, unit: 1 << 30, offset: 80, tail, data: b"stop" });
         }
         let mut numbers = RangeSet::default();
         for range in [0..1, 3..9, 200..1000] {

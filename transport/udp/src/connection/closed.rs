@@ -26,8 +26,8 @@ pub enum Closed {
     /// The peer sent what is no packet, under its own key.
     #[error("the peer sent a packet that is none")]
     Malformed(#[from] Malformed),
-    /// The peer broke the rules of the frames lane.
-    #[error("the peer broke the rules of the frames lane")]
+    /// The peer broke the rules of a lane.
+    #[error("the peer broke the rules of a lane")]
     Lane(#[from] LaneViolation),
     /// The peer acknowledged a packet that was never sent.
     #[error("the peer acknowledged a packet that was never sent")]

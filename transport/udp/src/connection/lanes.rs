@@ -1,8 +1,10 @@
-//! Both lanes as their owner uses them: what is given to the connection, and what is taken from it.
+//! The lanes as their owner uses them: what is given to the connection, and what is taken from it.
 
+use bytes::Bytes;
 use trimaran_wire::{CloseReason, FixedBytes, FrameMessage, FrameNumber};
 
 use super::Connection;
+use crate::chunk::UnitLane;
 use crate::inbox::Received;
 use crate::keys::OVERHEAD;
 use crate::latest::LatestEnd;
@@ -13,22 +15,22 @@ use crate::repair::{LARGEST, Path};
 const BESIDE: usize = 36;
 
 impl Connection {
-    /// Whether [`Connection::send`] may be called: what waits for its acknowledgement leaves room.
+    /// Whether something may be sent on the lane: what waits for its acknowledgement leaves room.
     #[must_use]
-    pub const fn is_writable(&self) -> bool {
-        self.outbox.kept() < self.config.send_buffer
+    pub const fn is_writable(&self, lane: UnitLane) -> bool {
+        self.units(lane).is_writable()
     }
 
     /// Whether everything that was sent has arrived.
     #[must_use]
     pub fn is_drained(&self) -> bool {
-        self.outbox.is_empty() && self.latest_out.is_drained()
+        self.frames.outbox.is_empty() && self.messages.outbox.is_empty() && self.latest_out.is_drained()
     }
 
-    /// Whether everything that was sent on the frames lane has arrived.
+    /// Whether everything that was sent on the lane has arrived.
     #[must_use]
-    pub fn is_lane_drained(&self) -> bool {
-        self.outbox.is_empty()
+    pub fn is_lane_drained(&self, lane: UnitLane) -> bool {
+        self.units(lane).outbox.is_empty()
     }
 
     /// Whether the newest value has arrived, and the end of the lane if there was one.
@@ -39,37 +41,45 @@ impl Connection {
 
     /// Whether [`Connection::recv`] would give something.
     #[must_use]
-    pub fn is_readable(&self) -> bool {
-        self.inbox.is_readable()
+    pub fn is_readable(&self, lane: UnitLane) -> bool {
+        self.units(lane).inbox.is_readable()
     }
 
-    /// Whether the peer reads the frames lane no more: what is sent on it is thrown away.
+    /// Whether the peer reads the lane no more: what is sent on it is thrown away.
     #[must_use]
-    pub const fn is_stopped(&self) -> bool {
-        self.stopped
+    pub const fn is_stopped(&self, lane: UnitLane) -> bool {
+        self.units(lane).stopped
     }
 
     /// The newest frame sent from here all of which has arrived: what the peer reads later may refer to it.
     #[must_use]
     pub const fn confirmed_frame(&self) -> Option<FrameNumber> {
-        self.outbox.confirmed
+        self.frames.outbox.confirmed
     }
 
     /// Sends a message of the frames lane; a frame writer has put the messages in order. Frames take coded
     /// batches where [`Connection::set_coded`] or [`Config::coded`](super::Config::coded) said so before they
     /// began.
     pub fn send(&mut self, message: &FrameMessage) {
-        self.outbox.put(message, self.path());
+        self.frames.outbox.put(message, self.path());
     }
 
-    /// Sends a close behind everything else on the frames lane.
-    pub fn end_frames(&mut self, reason: CloseReason) {
-        self.outbox.end_with(reason, self.path());
+    /// Sends a message of the messages lane, as the application wrote it: at most
+    /// [`MAX_MESSAGE`](trimaran_wire::MAX_MESSAGE) bytes.
+    pub fn say(&mut self, message: Bytes) {
+        self.messages.outbox.say(message, self.path());
     }
 
-    /// Says behind everything else on the frames lane that nothing more comes.
-    pub fn gone(&mut self) {
-        self.outbox.gone(self.path());
+    /// Sends a close behind everything else on the lane.
+    pub fn end_lane(&mut self, lane: UnitLane, reason: CloseReason) {
+        let path = self.path();
+        self.units_mut(lane).outbox.end_with(reason, path);
+    }
+
+    /// Says behind everything else on the lane that nothing more comes.
+    pub fn gone(&mut self, lane: UnitLane) {
+        let path = self.path();
+        self.units_mut(lane).outbox.gone(path);
     }
 
     const fn path(&self) -> Path {
@@ -78,11 +88,9 @@ impl Connection {
         Path { shard: most & !15, loss: self.recovery.probable_loss() }
     }
 
-    /// Says that the frames lane is not read any more: the peer need not send what is left of it.
-    pub fn stop_reading(&mut self) {
-        self.stop_sending_due |= !self.unread;
-        self.unread = true;
-        self.credit_due |= self.inbox.discard();
+    /// Says that the lane is not read any more: the peer need not send what is left of it.
+    pub fn stop_reading(&mut self, lane: UnitLane) {
+        self.units_mut(lane).stop_reading();
     }
 
     /// Publishes a value: it replaces the one before. It is sent again until it or a newer one has arrived.
@@ -112,18 +120,12 @@ impl Connection {
         self.latest_in.is_readable()
     }
 
-    /// The next message of the frames lane. What arrived before an end of the connection is still given,
-    /// up to the first unit that breaks the rules of the lane.
-    pub fn recv(&mut self) -> Option<Received> {
-        match self.inbox.take() {
-            Ok(item) => {
-                self.credit_due |= self.inbox.credit_due();
-                item
-            }
-            Err(violation) => {
-                self.end(violation.into());
-                None
-            }
-        }
+    /// What comes next on the lane. What arrived before an end of the connection is still given, up to the
+    /// first unit that breaks the rules of the lane.
+    pub fn recv(&mut self, lane: UnitLane) -> Option<Received> {
+        self.units_mut(lane).recv().unwrap_or_else(|violation| {
+            self.end(violation.into());
+            None
+        })
     }
 }

@@ -84,54 +84,60 @@ impl Connection {
                         self.recovery.on_ack(now, &numbers, delay).map_err(|_| Closed::NeverSent)?;
                     self.judge(now, verdict);
                 }
-                Chunk::Credit { bytes, units } => self.outbox.allow(bytes, units),
+                Chunk::Credit { lane, bytes, units } => self.units_mut(lane).outbox.allow(bytes, units),
                 Chunk::Close => return Err(Closed::Peer),
                 Chunk::Latest { number, value } => self.latest_in.put(number, value),
                 Chunk::LastLatest { number, close } => {
                     self.latest_in.put_end(number, close).map_err(|_| Closed::Reason)?;
                 }
-                Chunk::StopSending => {
-                    self.stopped = true;
-                    self.outbox.drop_all();
+                Chunk::StopSending { lane } => self.units_mut(lane).on_stop(),
+                Chunk::Part { lane, unit, offset, tail, data } => {
+                    self.units_mut(lane).inbox.put(unit, offset, tail, data)?;
                 }
-                Chunk::Part { unit, offset, tail, data } => self.inbox.put(unit, offset, tail, data)?,
-                Chunk::GiveUp { unit, about, head } => self.inbox.give_up(unit, about, head)?,
+                Chunk::GiveUp { unit, about, head } => self.frames.inbox.give_up(unit, about, head)?,
                 Chunk::Repair { unit, block, hash, index, data } => {
-                    taken &= self.inbox.put_repair(unit, block, hash, index, data)?;
+                    taken &= self.frames.inbox.put_repair(unit, block, hash, index, data)?;
                 }
             }
         }
-        if self.unread {
-            self.credit_due |= self.inbox.discard();
-        }
+        self.frames.discard_unread();
+        self.messages.discard_unread();
         Ok(taken.then_some(asks))
     }
 
     pub(super) fn judge(&mut self, now: Instant, mut verdict: Verdict) {
         for content in verdict.lost {
             match content {
-                Content::Part { unit, range, ended } => self.outbox.on_loss(unit, range, ended),
+                Content::Part { lane, unit, range, ended } => {
+                    self.units_mut(lane).outbox.on_loss(unit, range, ended);
+                }
                 Content::Latest { number } => self.latest_out.on_value_lost(number),
                 Content::LastLatest => self.latest_out.on_end_lost(),
-                Content::Credit => self.credit_due = true,
-                Content::StopSending => self.stop_sending_due = true,
-                Content::GiveUp { unit } => self.outbox.on_give_up_loss(unit),
-                Content::Repair { unit, offset, index } => self.outbox.on_repair_loss(unit, offset, index),
+                Content::Credit { lane } => self.units_mut(lane).credit_due = true,
+                Content::StopSending { lane } => self.units_mut(lane).stop_sending_due = true,
+                Content::GiveUp { unit } => self.frames.outbox.on_give_up_loss(unit),
+                Content::Repair { unit, offset, index } => {
+                    self.frames.outbox.on_repair_loss(unit, offset, index);
+                }
                 Content::Probe { size } => self.mtu.on_lost(now, size),
             }
         }
         for content in verdict.arrived.drain(..) {
             match content {
-                Content::Part { unit, range, ended } => self.outbox.on_ack(unit, range, ended),
+                Content::Part { lane, unit, range, ended } => {
+                    self.units_mut(lane).outbox.on_ack(unit, range, ended);
+                }
                 Content::Latest { number } => self.latest_out.on_value_arrived(number),
                 Content::LastLatest => self.latest_out.on_end_arrived(),
-                Content::GiveUp { unit } => self.outbox.on_give_up_ack(unit),
+                Content::GiveUp { unit } => self.frames.outbox.on_give_up_ack(unit),
                 Content::Probe { size } => {
                     self.mtu.on_arrived(now, size);
                     self.resize();
                 }
-                Content::Repair { unit, offset, index } => self.outbox.on_repair_ack(unit, offset, index),
-                Content::Credit | Content::StopSending => {}
+                Content::Repair { unit, offset, index } => {
+                    self.frames.outbox.on_repair_ack(unit, offset, index);
+                }
+                Content::Credit { .. } | Content::StopSending { .. } => {}
             }
         }
         self.recovery.reuse(verdict.arrived);

@@ -20,7 +20,7 @@ pub struct PathStats {
     pub forged: u64,
     /// Packets that were sent and found lost. Probes for larger datagrams are not counted.
     pub lost: u64,
-    /// Parts of frames that were sent again.
+    /// Parts of frames and messages that were sent again.
     pub repeated: u64,
     /// Repair shards that were sent.
     pub repair_sent: u64,
@@ -83,7 +83,7 @@ impl Connection {
     /// the way was measured.
     #[must_use]
     pub fn deadline_too_short(&self) -> Option<DeadlineTooShort> {
-        let (deadline, way) = (self.outbox.frame_deadline?, self.recovery.rtt.least_one_way()?);
+        let (deadline, way) = (self.frames.outbox.frame_deadline?, self.recovery.rtt.least_one_way()?);
         (way >= deadline).then_some(DeadlineTooShort { deadline, way })
     }
 
@@ -92,13 +92,14 @@ impl Connection {
     /// [`STEPS_PER_PACKET`] for each packet sent or received.
     #[must_use]
     pub const fn work(&self) -> u64 {
-        self.inbox.work() + self.outbox.visited + self.recovery.visited
+        let units = self.frames.inbox.work() + self.messages.inbox.work();
+        units + self.frames.outbox.visited + self.messages.outbox.visited + self.recovery.visited
     }
 
     /// What became of the packets, and what is known of the path.
     #[must_use]
     pub fn stats(&self) -> PathStats {
-        let (recovery, outbox) = (&self.recovery, &self.outbox);
+        let (recovery, outbox) = (&self.recovery, &self.frames.outbox);
         PathStats {
             sent: recovery.sent(),
             sent_bytes: self.sent_bytes,
@@ -106,9 +107,9 @@ impl Connection {
             received_bytes: self.received_bytes,
             forged: self.forged,
             lost: recovery.lost_packets,
-            repeated: outbox.repeated,
+            repeated: outbox.repeated + self.messages.outbox.repeated,
             repair_sent: outbox.repair_sent,
-            frames_repaired: self.inbox.frames_repaired,
+            frames_repaired: self.frames.inbox.frames_repaired,
             frames_given_up: outbox.frames_given_up,
             probes: recovery.all_probes,
             datagram_size: self.mtu.known(),

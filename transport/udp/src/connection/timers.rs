@@ -32,7 +32,7 @@ impl Connection {
         or_at(self.acks.due());
         or_at(self.paced_until);
         or_at(self.question_due());
-        or_at(self.outbox.deadline().map(|at| {
+        or_at(self.frames.outbox.deadline().map(|at| {
             let way = self.recovery.rtt.one_way().as_nanos() as u64;
             Instant::from_nanos(at.as_nanos().saturating_sub(way))
         }));
@@ -64,7 +64,7 @@ impl Connection {
                 self.pings = PROBES;
             }
             if probe == Some(Probe::Repeat) {
-                self.outbox.stop_waiting();
+                self.frames.outbox.stop_waiting();
             }
             if self.recovery.probes() >= BLACK_HOLE && self.mtu.known() > MIN_DATAGRAM {
                 self.mtu.on_black_hole(now);

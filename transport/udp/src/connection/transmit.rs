@@ -19,7 +19,7 @@ impl Connection {
     pub fn poll_transmit(&mut self, now: Instant, out: &mut Vec<u8>) -> bool {
         let mut plain = std::mem::take(&mut self.plain);
         plain.clear();
-        self.outbox.expire(now, now.after(self.recovery.rtt.one_way()));
+        self.frames.outbox.expire(now, now.after(self.recovery.rtt.one_way()));
         let sent = self.write_chunks(now, &mut plain);
         let made = !plain.is_empty() && self.seal(now, &plain, sent, out);
         self.plain = plain;
@@ -64,19 +64,16 @@ impl Connection {
             self.pings = self.pings.saturating_sub(1);
             Chunk::Ping.write(plain);
         }
-        if std::mem::take(&mut self.credit_due) {
-            let (bytes, units) = self.inbox.tell_credit();
-            Chunk::Credit { bytes, units }.write(plain);
-            contents.push(Content::Credit);
-        }
-        if std::mem::take(&mut self.stop_sending_due) {
-            Chunk::StopSending.write(plain);
-            contents.push(Content::StopSending);
-        }
+        self.frames.write_words(plain, &mut contents);
+        self.messages.write_words(plain, &mut contents);
         self.latest_out.write(all.saturating_sub(plain.len()), plain, &mut contents);
-        while let Some(content) = self.outbox.write_next(all.saturating_sub(plain.len()), all, plain) {
-            contents.push(content);
-        }
+        // In turn: neither lane waits for all of the other one.
+        let (first, second) = match self.recovery.next_number() % 2 {
+            0 => (&mut self.messages, &mut self.frames),
+            _ => (&mut self.frames, &mut self.messages),
+        };
+        first.write(all, plain, &mut contents);
+        second.write(all, plain, &mut contents);
         if ping {
             return Some(contents);
         }
@@ -122,7 +119,7 @@ impl Connection {
     }
 
     fn has_data(&self) -> bool {
-        self.credit_due || self.stop_sending_due || self.latest_out.is_due() || self.outbox.has_due()
+        self.latest_out.is_due() || self.frames.has_due() || self.messages.has_due()
     }
 
     pub(super) fn seal(

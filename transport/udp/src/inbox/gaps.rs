@@ -107,6 +107,7 @@ mod tests {
     use super::super::Received;
     use super::super::tests::{all, batches, empty, unit_of};
     use super::*;
+    use crate::chunk::UnitLane;
     use crate::examples::{FORMAT, FORMAT_OF_12};
 
     /// A frame of the items 0, 1, .. as its unit's bytes.
@@ -122,7 +123,7 @@ mod tests {
 
     #[test]
     fn a_frame_that_is_given_up_passes_on_what_came_and_gives_the_credit_back() {
-        let mut inbox = Inbox::new(FORMAT, BatchSize::default(), 4000);
+        let mut inbox = Inbox::new(UnitLane::Frames, FORMAT, BatchSize::default(), 4000);
         let bytes = frame_of(100);
         for range in [0..96, 200..246, 403..440] {
             inbox.put(0, range.start as u64, Tail::More, &bytes[range]).unwrap();
@@ -159,7 +160,7 @@ mod tests {
     fn a_long_header_comes_with_the_word_that_no_more_does() {
         let format = Format { header: 1000, ..FORMAT_OF_12 };
         let bytes = unit_of(&format, &[5; 24]);
-        let mut inbox = Inbox::new(format, BatchSize::default(), 4 << 20);
+        let mut inbox = Inbox::new(UnitLane::Frames, format, BatchSize::default(), 4 << 20);
         inbox.put(0, 0, Tail::More, &bytes[..3]).unwrap();
         inbox.put(0, 1015, Tail::More, &bytes[1015..1032]).unwrap();
         let about = GivenUp { length: 1032, sent: 1032, hash: 7, coded: None };
@@ -194,7 +195,7 @@ mod tests {
                 "{about:?}"
             );
         }
-        let mut inbox = Inbox::new(FORMAT, BatchSize::default(), 100);
+        let mut inbox = Inbox::new(UnitLane::Frames, FORMAT, BatchSize::default(), 100);
         let about = GivenUp { length: 480, sent: 101, hash: 7, coded: None };
         assert_eq!(inbox.give_up(0, about, &[]), Err(LaneViolation::Credit));
     }
@@ -340,7 +341,7 @@ mod tests {
             let sent: Vec<u8> = (0..count).flat_map(|item| [item as u8; 12]).collect();
             let bytes = unit_of(&FORMAT_OF_12, &sent);
             let came = |at: usize| at < 16 || lost.iter().all(|(from, length)| !(*from..from + length).contains(&(at as u64)));
-            let mut inbox = Inbox::new(FORMAT_OF_12, BatchSize::new(batch).unwrap(), 4 << 20);
+            let mut inbox = Inbox::new(UnitLane::Frames, FORMAT_OF_12, BatchSize::new(batch).unwrap(), 4 << 20);
             for (at, byte) in (0..).zip(&bytes).filter(|(at, _)| came(*at)) {
                 inbox.put(0, at as u64, Tail::More, &[*byte]).unwrap();
             }

@@ -1,4 +1,4 @@
-//! One unit of the frames lane as it is received.
+//! One unit as it is received.
 
 use trimaran_wire::{Format, FrameNumber};
 

@@ -115,7 +115,7 @@ mod tests {
     use trimaran_wire::{FixedBytes, Format, FrameEnd, FrameMessage, FrameNumber};
 
     use super::*;
-    use crate::chunk::Chunk;
+    use crate::chunk::{Chunk, UnitLane};
     use crate::examples::FORMAT;
     use crate::outbox::tests::{PATH, at, begin, frame, sender};
     use crate::recovery::Content;
@@ -128,7 +128,7 @@ mod tests {
         frame(&mut outbox, 0);
         outbox.expire(at(0), at(5));
         let mut out = Vec::new();
-        let part = Content::Part { unit: 0, range: 0..80, ended: true };
+        let part = part(0..80, true);
         assert_eq!(outbox.write_next(1172, 1172, &mut out), Some(part));
         assert_eq!(outbox.deadline(), Some(at(50)));
         outbox.on_loss(0, 0..80, true);
@@ -221,7 +221,7 @@ mod tests {
     }
 
     fn part(range: Range<u64>, ended: bool) -> Content {
-        Content::Part { unit: 0, range, ended }
+        Content::Part { lane: UnitLane::Frames, unit: 0, range, ended }
     }
 
     #[test]

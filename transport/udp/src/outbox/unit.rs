@@ -1,4 +1,4 @@
-//! One unit of the frames lane as it is sent.
+//! One unit as it is sent.
 
 use std::collections::VecDeque;
 

@@ -6,6 +6,7 @@ use std::ops::Range;
 use smallvec::SmallVec;
 use trimaran_net::Instant;
 
+use crate::chunk::UnitLane;
 use crate::packet::PacketNumber;
 
 /// How many packets are remembered at most: far more than a window of honest ones. Of those beyond it the
@@ -16,6 +17,7 @@ const REMEMBERED: usize = 16 * 1024;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Content {
     Part {
+        lane: UnitLane,
         unit: u64,
         range: Range<u64>,
         ended: bool,
@@ -24,8 +26,12 @@ pub(crate) enum Content {
         number: u64,
     },
     LastLatest,
-    Credit,
-    StopSending,
+    Credit {
+        lane: UnitLane,
+    },
+    StopSending {
+        lane: UnitLane,
+    },
     GiveUp {
         unit: u64,
     },

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use bytes::BytesMut;
 use trimaran_net::Instant;
-use trimaran_udp::{Connection, ConnectionId};
+use trimaran_udp::{Connection, ConnectionId, UnitLane};
 use trimaran_wire::{FrameEnd, FrameMessage, FrameNumber};
 
 use crate::wire::{Block, acknowledgement, begin, config, give_up, part, repair, sealed, varint};
@@ -47,7 +47,7 @@ impl Victim {
     pub fn take(&mut self, packet: &[u8]) {
         self.now = self.now.after(Duration::from_micros(10));
         self.connection.handle_from(self.now, at(1), packet);
-        while self.connection.recv().is_some() {}
+        while self.connection.recv(UnitLane::Frames).is_some() {}
         self.answer();
     }
 
@@ -315,7 +315,7 @@ pub fn ordinary(frames: u32, items: u32) -> Attack {
                 receiver.handle(now, &out);
                 packets.push(out.clone());
             }
-            while receiver.recv().is_some() {}
+            while receiver.recv(UnitLane::Frames).is_some() {}
             now = now.after(Duration::from_millis(1));
             while receiver.poll_transmit(now, &mut out) {
                 sender.handle(now, &out);
@@ -345,7 +345,7 @@ pub fn frames_behind_one_that_never_arrives(frames: u32, pings: u64) -> (Victim,
     varint(&mut credit, u64::MAX);
     victim.take(&sealed(HERE.0, number, &credit));
     for frame in 0..frames {
-        if !victim.connection.is_writable() {
+        if !victim.connection.is_writable(UnitLane::Frames) {
             break;
         }
         send_frame(&mut victim.connection, frame, 0);

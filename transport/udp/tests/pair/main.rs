@@ -4,6 +4,7 @@
 mod changes;
 mod coded;
 mod lossy;
+mod messages;
 mod moving;
 mod network;
 mod paused;

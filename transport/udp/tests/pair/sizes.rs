@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 use trimaran_net::Instant;
-use trimaran_udp::{Config, Received};
+use trimaran_udp::{Config, Received, UnitLane};
 use trimaran_wire::{BatchSize, FixedBytes, Format, FrameEnd, FrameMessage, FrameNumber, MAX_FIXED};
 
 use crate::network::{Network, Pair, SEALED};
@@ -40,7 +40,7 @@ fn came(network: Network, config: Config, counts: &[u32]) -> Vec<u32> {
             if last { Instant::from_nanos(u64::MAX) } else { pair.now.after(Duration::from_millis(5)) };
         while !(last && pair.ends[0].is_drained()) && pair.step(until) {
             assert_eq!((pair.ends[0].closed(), pair.ends[1].closed()), (None, None));
-            while let Some(Received::Frame(message)) = pair.ends[1].recv() {
+            while let Some(Received::Frame(message)) = pair.ends[1].recv(UnitLane::Frames) {
                 match message {
                     FrameMessage::Begin { frame, header: came_with } => {
                         assert_eq!((frame.0 as usize, &came_with), (came.len(), &header));

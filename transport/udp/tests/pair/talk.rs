@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use trimaran_net::Instant;
-use trimaran_udp::{Config, Congestion, Connection, Received, Repair};
+use trimaran_udp::{Config, Congestion, Connection, Received, Repair, UnitLane};
 use trimaran_wire::{
     Batch, BatchSize, CloseReason, FixedBytes, Format, FrameAssembler, FrameMessage, FrameNumber,
     FrameOutcome, FrameStep, FrameWriter,
@@ -102,7 +102,7 @@ impl Reader {
     }
 
     pub(crate) fn read(&mut self, end: &mut Connection) {
-        while let Some(item) = end.recv() {
+        while let Some(item) = end.recv(UnitLane::Frames) {
             assert_eq!(self.ended, None, "nothing comes after the end");
             match item {
                 Received::Frame(FrameMessage::Begin { frame, header }) => {
@@ -168,7 +168,7 @@ pub(crate) fn converse(
     let mut newest = None;
     let mut next = Instant::from_nanos(0);
     loop {
-        if pair.ends[0].is_writable() && pair.now >= next {
+        if pair.ends[0].is_writable(UnitLane::Frames) && pair.now >= next {
             next = pair.now.after(pause);
             match waiting.next() {
                 Some((frame, items)) => {
@@ -176,7 +176,7 @@ pub(crate) fn converse(
                     reader.begun.push(pair.now);
                     sender.send(&mut pair.ends[0], frame, items);
                     if frame as usize + 1 == frames.len() {
-                        pair.ends[0].end_frames(CloseReason::new(0, "over"));
+                        pair.ends[0].end_lane(UnitLane::Frames, CloseReason::new(0, "over"));
                     }
                 }
                 None if reader.ended.is_some() && pair.ends[0].is_drained() => break,

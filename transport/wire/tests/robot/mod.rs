@@ -1,6 +1,7 @@
 //! An application of its own for the tests, which leaves to the trait what it can: a robot says where it is,
 //! and sends frames of the map's cells that it found taken.
 
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use trimaran_wire::{Fixed, Protocol};
 
@@ -19,6 +20,14 @@ pub(crate) struct Pose {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Time(pub(crate) u64);
 
+/// What a robot is told.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) enum Command {
+    Stop,
+    /// By the name of a place.
+    GoTo(String),
+}
+
 #[derive(Debug, PartialEq, Error)]
 #[error("not finite")]
 pub(crate) struct NotFinite;
@@ -31,6 +40,7 @@ impl Protocol for Robot {
     type Item = u32;
     /// Per cent of the battery.
     type Note = u8;
+    type Message = Command;
 
     fn name(hello: &String) -> String {
         hello.clone()

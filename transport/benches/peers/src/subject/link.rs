@@ -26,6 +26,7 @@ impl Protocol for Peers {
     type Header = Pose;
     type Item = u32;
     type Note = ();
+    type Message = ();
 
     fn name(hello: &String) -> String {
         hello.clone()

@@ -1,7 +1,7 @@
 //! What of a unit is due, as chunks.
 
 use super::{GivingUp, Repair, Unit};
-use crate::chunk::{Chunk, Tail, part_overhead};
+use crate::chunk::{Chunk, Tail, UnitLane, part_overhead};
 use crate::recovery::Content;
 
 impl Unit {
@@ -34,7 +34,7 @@ impl Unit {
     /// Writes the chunk that is due; gives what it carries and how many bytes of it were never sent before.
     pub(in crate::outbox) fn write(
         &mut self,
-        number: u64,
+        (lane, number): (UnitLane, u64),
         credit: u64,
         room: usize,
         whole: usize,
@@ -76,8 +76,8 @@ impl Unit {
         let from = range.start.saturating_sub(self.base) as usize;
         let to = range.end.saturating_sub(self.base) as usize;
         let data = self.data.get(from..to).unwrap_or_default();
-        Chunk::Part { unit: number, offset: range.start, tail, data }.write(out);
-        Some((Content::Part { unit: number, range, ended }, first_time))
+        Chunk::Part { lane, unit: number, offset: range.start, tail, data }.write(out);
+        Some((Content::Part { lane, unit: number, range, ended }, first_time))
     }
 
     fn write_repair(&mut self, number: u64, room: usize, out: &mut Vec<u8>) -> Option<Content> {

@@ -1,0 +1,178 @@
+//! The messages lane over QUIC: a stream of its own in both directions. A task writes it, so that whoever sends
+//! may stop waiting at any time and leaves no half of a message.
+
+use std::future::poll_fn;
+use std::sync::Arc;
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+use quinn::{RecvStream, SendStream};
+use tokio::sync::{mpsc, oneshot};
+use trimaran_wire::{CloseReason, Decoder, Format, HEADER_BYTES, Kind, Lane, Message};
+
+use super::carrier::{Carrier, all_arrived, loss};
+use super::frames::poll_fill;
+use crate::error::{LaneError, LaneSendError, Loss, ProtocolError, misplaced};
+use crate::link::Shared;
+use crate::timeouts::Timeouts;
+use trimaran_net::{Instant, sleep_until};
+
+/// How many messages may wait for room on the stream.
+const QUEUE: usize = 8;
+/// Before frames, whose streams have negative ones.
+const PRIORITY: i32 = 1;
+/// How long what was sent may wait for room once the sending half was dropped.
+const LINGER: Duration = Duration::from_secs(2);
+
+#[derive(Debug)]
+pub(crate) struct MessageTx {
+    carrier: Arc<Carrier>,
+    queue: mpsc::Sender<Said>,
+    /// Dropped with this half.
+    _open: oneshot::Sender<()>,
+    /// Resolves when all has arrived, or never will.
+    ended: oneshot::Receiver<()>,
+}
+
+/// A message as it travels, and whether nothing follows it.
+type Said = (Bytes, bool);
+
+impl MessageTx {
+    pub(super) fn new(carrier: &Arc<Carrier>, stream: SendStream) -> Self {
+        // Fails only for a stream that is closed.
+        let _ = stream.set_priority(PRIORITY);
+        let ((queue, waiting), (_open, left), (end, ended)) =
+            (mpsc::channel(QUEUE), oneshot::channel(), oneshot::channel());
+        let task = write(Arc::clone(carrier), stream, waiting, left, end);
+        carrier.net.spawn(Box::pin(task));
+        Self { carrier: Arc::clone(carrier), queue, _open, ended }
+    }
+
+    pub(crate) async fn send(
+        &mut self,
+        message: Bytes,
+        shared: &Shared,
+        timeouts: &mut Timeouts,
+    ) -> Result<(), LaneSendError> {
+        self.say(&Message::Message(message), shared, timeouts).await
+    }
+
+    /// Closes the lane, and waits until all of it has arrived.
+    pub(crate) async fn close(
+        &mut self,
+        reason: CloseReason,
+        shared: &Shared,
+        timeouts: &mut Timeouts,
+    ) -> Result<(), LaneSendError> {
+        self.say(&Message::Close(reason), shared, timeouts).await?;
+        let _ended = timeouts.wait(None, &mut self.ended).await.map_err(|_| LaneSendError::Stalled)?;
+        Ok(())
+    }
+
+    async fn say(
+        &self,
+        message: &Message,
+        shared: &Shared,
+        timeouts: &mut Timeouts,
+    ) -> Result<(), LaneSendError> {
+        let mut bytes = BytesMut::new();
+        message.encode(&mut bytes);
+        let (payload, last) = (bytes.len() - HEADER_BYTES, message.kind() == Kind::Close);
+        let queued = timeouts.wait(None, self.queue.send((bytes.freeze(), last))).await;
+        queued.map_err(|_| LaneSendError::Stalled)?.map_err(|_gone| {
+            LaneSendError::Lost(self.carrier.connection.close_reason().map_or(Loss::Closed, loss))
+        })?;
+        shared.counters.sent.count(message.kind(), payload);
+        Ok(())
+    }
+}
+
+/// Writes what is queued until nothing follows, and ends the stream.
+async fn write(
+    carrier: Arc<Carrier>,
+    mut stream: SendStream,
+    mut waiting: mpsc::Receiver<Said>,
+    left: oneshot::Receiver<()>,
+    end: oneshot::Sender<()>,
+) {
+    let net = Arc::clone(&carrier.net);
+    let connection = carrier.connection.clone();
+    let all = async {
+        while let Some((bytes, last)) = waiting.recv().await {
+            if stream.write_chunk(bytes).await.is_err() {
+                return;
+            }
+            if last {
+                break;
+            }
+        }
+        // Fails only for a stream that is closed.
+        let _ = stream.finish();
+        all_arrived([&stream]).await;
+    };
+    let late = async {
+        let _left = left.await;
+        sleep_until(&*net, net.now().after(LINGER)).await;
+    };
+    tokio::select! {
+        biased;
+        () = all => {}
+        _ = connection.closed() => {}
+        () = late => {}
+    }
+    drop(waiting);
+    let _unheard = end.send(());
+}
+
+#[derive(Debug)]
+pub(crate) struct MessageRx {
+    /// Kept as long as anybody reads.
+    _carrier: Arc<Carrier>,
+    stream: RecvStream,
+    decoder: Decoder,
+    closed: Option<CloseReason>,
+}
+
+impl MessageRx {
+    pub(super) fn new(carrier: &Arc<Carrier>, stream: RecvStream, format: Format) -> Self {
+        Self { _carrier: Arc::clone(carrier), stream, decoder: Decoder::new(format), closed: None }
+    }
+
+    pub(crate) async fn next(
+        &mut self,
+        by: Option<Instant>,
+        shared: &Shared,
+        timeouts: &mut Timeouts,
+    ) -> Result<Bytes, LaneError> {
+        if let Some(reason) = &self.closed {
+            return Err(LaneError::Closed(reason.clone()));
+        }
+        let Self { stream, decoder, .. } = self;
+        loop {
+            let before = decoder.position();
+            let message =
+                decoder.next_message().map_err(|e| LaneError::Protocol(ProtocolError::Decode(e)))?;
+            let Some(message) = message else {
+                let read = timeouts.wait(by, poll_fn(|cx| poll_fill(stream, decoder, cx))).await;
+                if read.map_err(LaneError::Expired)?? == 0 {
+                    return Err(LaneError::Lost(match decoder.pending() {
+                        0 => Loss::Closed,
+                        bytes => Loss::Cut { bytes },
+                    }));
+                }
+                continue;
+            };
+            let bytes = decoder.position().saturating_sub(before) as usize;
+            shared.counters.received.count(message.kind(), bytes.saturating_sub(HEADER_BYTES));
+            match message {
+                Message::Message(bytes) => return Ok(bytes),
+                Message::KeepAlive => {}
+                Message::Close(reason) => {
+                    self.closed = Some(reason.clone());
+                    return Err(LaneError::Closed(reason));
+                }
+                other => return Err(misplaced(other.kind(), Lane::Messages)),
+            }
+        }
+    }
+}

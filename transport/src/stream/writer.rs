@@ -1,0 +1,186 @@
+//! Writing to a stream from whoever has something to say, and from a task where the stream takes no more.
+
+use std::future::poll_fn;
+use std::io;
+use std::mem;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::{Context, Poll, Waker, ready};
+
+use tokio::sync::Notify;
+use trimaran_wire::{CloseReason, Message};
+
+use super::pulse::Pulse;
+use super::source::Sink;
+use crate::error::{LaneSendError, Loss};
+use crate::stats::Counters;
+use crate::timeouts::Timeouts;
+use trimaran_net::Net;
+
+/// Writes each message straight from the thread that says it. Only when the stream takes no more does a task
+/// take over, and one message waits behind it.
+#[derive(Debug)]
+pub(super) struct Writer {
+    net: Arc<dyn Net>,
+    cell: Arc<Cell>,
+}
+
+#[derive(Debug)]
+pub(super) struct Cell {
+    outgoing: Mutex<Outgoing>,
+    /// Rings when the task is done.
+    idle: Notify,
+    counters: Arc<Counters>,
+}
+
+#[derive(Debug)]
+struct Outgoing {
+    sink: Sink,
+    /// What is said next, while older bytes are still being written.
+    next: Option<Message>,
+    closed: Option<CloseReason>,
+    /// A keep-alive is due.
+    alive: bool,
+    /// Something was said since the last beat.
+    spoke: bool,
+    /// Nothing follows the closed.
+    left: bool,
+    /// A task writes; nobody else may, because a stream wakes only who polled it last.
+    busy: bool,
+    failed: Option<io::ErrorKind>,
+}
+
+impl Writer {
+    pub(super) fn new(net: &Arc<dyn Net>, sink: Sink, counters: &Arc<Counters>) -> Self {
+        let outgoing = Outgoing {
+            sink,
+            next: None,
+            closed: None,
+            alive: false,
+            spoke: false,
+            left: false,
+            busy: false,
+            failed: None,
+        };
+        let cell =
+            Cell { outgoing: Mutex::new(outgoing), idle: Notify::new(), counters: Arc::clone(counters) };
+        Self { net: Arc::clone(net), cell: Arc::new(cell) }
+    }
+
+    pub(super) fn cell(&self) -> &Arc<Cell> {
+        &self.cell
+    }
+
+    /// Says `message`. It replaces one that waits.
+    pub(super) fn send(&self, message: Message) -> Result<(), LaneSendError> {
+        self.say(|outgoing| outgoing.next = Some(message))
+    }
+
+    /// Waits until nothing waits.
+    pub(super) async fn idle(&self) -> Result<(), LaneSendError> {
+        loop {
+            // Made before the look, so that a task that ends in between is not missed.
+            let idle = self.cell.idle.notified();
+            {
+                let outgoing = self.cell.lock();
+                outgoing.check()?;
+                if !outgoing.busy {
+                    return Ok(());
+                }
+            }
+            idle.await;
+        }
+    }
+
+    /// Closes the lane behind all that was said.
+    pub(super) async fn close(
+        &self,
+        reason: CloseReason,
+        timeouts: &mut Timeouts,
+    ) -> Result<(), LaneSendError> {
+        self.say(|outgoing| {
+            outgoing.closed = Some(reason);
+            outgoing.left = true;
+        })?;
+        timeouts.wait(None, self.idle()).await.map_err(|_| LaneSendError::Stalled)?
+    }
+
+    fn say(&self, put: impl FnOnce(&mut Outgoing)) -> Result<(), LaneSendError> {
+        let mut outgoing = self.cell.lock();
+        outgoing.check()?;
+        put(&mut outgoing);
+        outgoing.spoke = true;
+        if outgoing.busy {
+            return Ok(());
+        }
+        if self.cell.poll_send(&mut outgoing, &mut Context::from_waker(Waker::noop())).is_pending() {
+            outgoing.busy = true;
+            drop(outgoing);
+            let cell = Arc::clone(&self.cell);
+            self.net.spawn(Box::pin(async move { cell.send_all().await }));
+            return Ok(());
+        }
+        outgoing.check()
+    }
+}
+
+impl Cell {
+    fn lock(&self) -> MutexGuard<'_, Outgoing> {
+        // A panic elsewhere leaves whole messages in the sink: going on is sound.
+        self.outgoing.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    async fn send_all(&self) {
+        poll_fn(|cx| {
+            let mut outgoing = self.lock();
+            ready!(self.poll_send(&mut outgoing, cx));
+            outgoing.busy = false;
+            Poll::Ready(())
+        })
+        .await;
+        self.idle.notify_waiters();
+    }
+
+    /// Ready when there is nothing more to send, or the stream has failed.
+    fn poll_send(&self, outgoing: &mut Outgoing, cx: &mut Context<'_>) -> Poll<()> {
+        loop {
+            if let Err(e) = ready!(outgoing.sink.poll_drain(cx)) {
+                outgoing.failed = Some(e.kind());
+                return Poll::Ready(());
+            }
+            let counts = &self.counters.sent;
+            if let Some(message) = outgoing.next.take() {
+                outgoing.sink.stage(&message, counts);
+            } else if mem::take(&mut outgoing.alive) {
+                outgoing.sink.stage(&Message::KeepAlive, counts);
+            } else if let Some(reason) = outgoing.closed.take() {
+                outgoing.sink.stage(&Message::Close(reason), counts);
+            } else {
+                return Poll::Ready(());
+            }
+        }
+    }
+}
+
+impl Pulse for Cell {
+    fn beat(&self) -> bool {
+        let mut outgoing = self.lock();
+        if outgoing.left || outgoing.failed.is_some() {
+            return false;
+        }
+        if !outgoing.busy && !mem::take(&mut outgoing.spoke) {
+            outgoing.alive = outgoing.sink.is_drained();
+            // What the stream does not take now goes with what is said next.
+            let _later = self.poll_send(&mut outgoing, &mut Context::from_waker(Waker::noop()));
+        }
+        true
+    }
+}
+
+impl Outgoing {
+    fn check(&self) -> Result<(), LaneSendError> {
+        match self.failed {
+            Some(kind) => Err(LaneSendError::Lost(Loss::Io(kind.into()))),
+            None => Ok(()),
+        }
+    }
+}

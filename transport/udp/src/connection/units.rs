@@ -1,0 +1,120 @@
+//! A lane of units in both directions.
+
+use super::Config;
+use crate::chunk::{Chunk, UnitLane};
+use crate::inbox::{Inbox, LaneViolation, Received};
+use crate::outbox::Outbox;
+use crate::recovery::{Content, Contents};
+use crate::repair::{Budget, Repair};
+
+/// Bytes of the messages lane that the receiver keeps for a reader who does not read, and that the sender
+/// keeps until they are acknowledged: four of the longest messages.
+pub(crate) const MESSAGES_WINDOW: u64 = 64 * 1024;
+
+/// What is sent and received on one lane, and what the peer must be told of it.
+#[derive(Debug)]
+pub(super) struct Units {
+    lane: UnitLane,
+    pub(super) outbox: Outbox,
+    pub(super) inbox: Inbox,
+    pub(super) credit_due: bool,
+    /// The peer's side of the lane is not read here.
+    unread: bool,
+    pub(super) stop_sending_due: bool,
+    /// The peer does not read the lane.
+    pub(super) stopped: bool,
+    /// What waits for its acknowledgement leaves no room beyond so many bytes.
+    send_buffer: usize,
+}
+
+impl Units {
+    pub(super) fn frames(config: &Config) -> Self {
+        let Config { format, batch, window, send_buffer, .. } = *config;
+        let repair = Budget::new(config.repair, config.repair_percent);
+        let outbox = Outbox::new(
+            UnitLane::Frames,
+            format,
+            (window, Inbox::initial_units()),
+            config.frame_deadline,
+            repair,
+            config.coded,
+        );
+        Self::new(UnitLane::Frames, outbox, Inbox::new(UnitLane::Frames, format, batch, window), send_buffer)
+    }
+
+    /// Messages have no deadline, and no repair: what is lost of them is few, and sent again.
+    pub(super) fn messages(config: &Config) -> Self {
+        let (lane, format) = (UnitLane::Messages, config.format);
+        let allowed = (MESSAGES_WINDOW, Inbox::initial_units());
+        let outbox = Outbox::new(lane, format, allowed, None, Budget::new(Repair::Off, 0), false);
+        let inbox = Inbox::new(lane, format, config.batch, MESSAGES_WINDOW);
+        Self::new(lane, outbox, inbox, MESSAGES_WINDOW as usize)
+    }
+
+    const fn new(lane: UnitLane, outbox: Outbox, inbox: Inbox, send_buffer: usize) -> Self {
+        Self {
+            lane,
+            outbox,
+            inbox,
+            credit_due: false,
+            unread: false,
+            stop_sending_due: false,
+            stopped: false,
+            send_buffer,
+        }
+    }
+
+    pub(super) const fn is_writable(&self) -> bool {
+        self.outbox.kept() < self.send_buffer
+    }
+
+    /// The peer does not read any more.
+    pub(super) fn on_stop(&mut self) {
+        self.stopped = true;
+        self.outbox.drop_all();
+    }
+
+    pub(super) fn stop_reading(&mut self) {
+        self.stop_sending_due |= !self.unread;
+        self.unread = true;
+        self.credit_due |= self.inbox.discard();
+    }
+
+    /// Throws away what has come, if nobody reads it.
+    pub(super) fn discard_unread(&mut self) {
+        if self.unread {
+            self.credit_due |= self.inbox.discard();
+        }
+    }
+
+    pub(super) fn recv(&mut self) -> Result<Option<Received>, LaneViolation> {
+        let received = self.inbox.take()?;
+        self.credit_due |= self.inbox.credit_due();
+        Ok(received)
+    }
+
+    pub(super) fn has_due(&self) -> bool {
+        self.credit_due || self.stop_sending_due || self.outbox.has_due()
+    }
+
+    /// Writes what the peer must be told of the lane.
+    pub(super) fn write_words(&mut self, plain: &mut Vec<u8>, contents: &mut Contents) {
+        let lane = self.lane;
+        if std::mem::take(&mut self.credit_due) {
+            let (bytes, units) = self.inbox.tell_credit();
+            Chunk::Credit { lane, bytes, units }.write(plain);
+            contents.push(Content::Credit { lane });
+        }
+        if std::mem::take(&mut self.stop_sending_due) {
+            Chunk::StopSending { lane }.write(plain);
+            contents.push(Content::StopSending { lane });
+        }
+    }
+
+    /// Fills a packet that has room for `all` bytes with what is due of units.
+    pub(super) fn write(&mut self, all: usize, plain: &mut Vec<u8>, contents: &mut Contents) {
+        while let Some(content) = self.outbox.write_next(all.saturating_sub(plain.len()), all, plain) {
+            contents.push(content);
+        }
+    }
+}
