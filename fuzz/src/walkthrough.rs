@@ -3,7 +3,7 @@
 
 use bytes::Bytes;
 use trimaran_proto::{
-    BatchSize, Camera, DrawableId, FrameNumber, FrameStats, IdBatch, IdDecoder, IdEncoder, Identity,
+    BatchSize, Camera, DrawableId, FrameNumber, IdBatch, IdDecoder, IdEncoder, Identity, RoleMessage,
     Walkthrough,
 };
 use trimaran_wire::{
@@ -26,7 +26,7 @@ pub fn decode(bytes: &[u8]) {
                     assert_eq!(read.to_bytes()[..], camera[..]);
                 }
             }
-            Message::Frame(FrameMessage::Note(stats)) => reads_again::<FrameStats>(&stats),
+            Message::Message(said) => reads_again::<RoleMessage>(&said),
             Message::Frame(FrameMessage::Coded(coded)) => {
                 let most = BatchSize::MAX.items();
                 assert!(Walkthrough::count_coded(&coded).is_none_or(|ids| (1..=most).contains(&ids)));

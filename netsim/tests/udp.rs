@@ -100,7 +100,7 @@ fn with_deadlines_a_lost_frame_spoils_no_later_one() {
                         gaps += 1;
                         break;
                     }
-                    FrameEvent::Begin(_) | FrameEvent::Note(_) => {}
+                    FrameEvent::Begin(_) => {}
                 }
             }
         }

@@ -38,4 +38,4 @@ pub use identity::{CloseCode, Identity, RejectionCode, Role};
 pub use settings::{EpsilonPx, PictureSize, Settings, SettingsError, TesterKind};
 pub use stats::{CullCounts, FrameStats, SentBytes};
 pub use trimaran_wire::{BatchSize, BatchSizeError, FrameNumber};
-pub use walkthrough::Walkthrough;
+pub use walkthrough::{RoleMessage, Walkthrough};

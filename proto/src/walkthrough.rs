@@ -2,15 +2,25 @@
 
 use trimaran_wire::{BatchDecoder, BatchEncoder, Batching, Delivery, Protocol, Rejection};
 
+use serde::{Deserialize, Serialize};
+
 use crate::{Camera, DrawableId, FrameStats, IdCoding, IdDecoder, IdEncoder, Identity, coding};
 
-/// Trimaran's protocol: cameras on the latest lane, frames of ids, and between them what the sender did for
-/// the frame before.
+/// Trimaran's protocol: cameras on the latest lane, frames of ids, and messages of what the sender did for a
+/// frame.
 ///
 /// A frame's header is the camera that it was culled for. The camera's own frame number is the one that the
 /// display gave it; in live mode that may be another than the frame's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Walkthrough;
+
+/// What roles say to each other beside cameras and ids.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum RoleMessage {
+    /// What a culler did for a frame that it has sent.
+    Stats(FrameStats),
+}
 
 impl Protocol for Walkthrough {
     const NAME: &'static str = "trimaran/1";
@@ -18,8 +28,7 @@ impl Protocol for Walkthrough {
     type Latest = Camera;
     type Header = Camera;
     type Item = DrawableId;
-    type Note = FrameStats;
-    type Message = ();
+    type Message = RoleMessage;
 
     fn name(hello: &Identity) -> String {
         hello.role.to_string()

@@ -4,12 +4,12 @@
 use bytes::Bytes;
 use trimaran_proto::{
     BatchSize, CloseCode, CodedViolation, CodingFault, CullCounts, EpsilonPx, FrameNumber, FrameStats,
-    IdBatch, IdCoding, Identity, PictureSize, RejectionCode, Role, SceneHash, SentBytes, Settings,
-    TesterKind, Walkthrough,
+    IdBatch, IdCoding, Identity, PictureSize, RejectionCode, Role, RoleMessage, SceneHash, SentBytes,
+    Settings, TesterKind, Walkthrough,
 };
 use trimaran_wire::{
     BatchDecoder, BatchEncoder, Batching, CloseReason, CodingError, Delivery, Explanation, FrameEnd,
-    MAX_HELLO, MAX_NOTE, Protocol, ProtocolName, Rejection,
+    MAX_HELLO, MAX_MESSAGE, Protocol, ProtocolName, Rejection,
 };
 
 type Encoder = Box<dyn BatchEncoder<trimaran_proto::DrawableId>>;
@@ -247,7 +247,8 @@ fn identities_and_stats_fit_their_messages() {
         culling,
         to_other,
     };
-    assert!(postcard::to_stdvec(&stats).unwrap().len() <= MAX_NOTE);
+    let said = RoleMessage::Stats(stats);
+    assert!(postcard::to_stdvec(&said).unwrap().len() <= MAX_MESSAGE);
 }
 
 /// What goes wrong between peers that do not go together is told in full.

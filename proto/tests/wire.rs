@@ -9,7 +9,8 @@ use std::collections::BTreeMap;
 use bytes::{Bytes, BytesMut};
 use trimaran_proto::{
     BatchSize, Camera, CloseCode, CullCounts, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdBatch,
-    IdCoding, Identity, PictureSize, RejectionCode, Role, SceneHash, Settings, TesterKind, Walkthrough,
+    IdCoding, Identity, PictureSize, RejectionCode, Role, RoleMessage, SceneHash, Settings, TesterKind,
+    Walkthrough,
 };
 use trimaran_wire::{
     Accept, Decoder, Delivery, Fixed, Format, FrameEnd, FrameMessage, Hello, Item, Kind, Lane, Message,
@@ -95,7 +96,6 @@ fn messages() -> Vec<(&'static str, Message)> {
     let frames = [
         ("begin", FrameMessage::Begin { frame: FrameNumber(9), header: header.clone() }),
         ("ids", FrameMessage::Batch(ids([1, 258]))),
-        ("stats", FrameMessage::Note(postcard(&stats()))),
         ("coded-ids", FrameMessage::Coded(coded())),
     ];
     let mut messages = vec![
@@ -106,6 +106,7 @@ fn messages() -> Vec<(&'static str, Message)> {
         ("camera", Message::Latest(header)),
     ];
     messages.extend(frames.map(|(name, message)| (name, Message::Frame(message))));
+    messages.push(("stats", Message::Message(postcard(&RoleMessage::Stats(stats())))));
     messages
 }
 
@@ -155,8 +156,8 @@ fn the_examples_read_back_as_what_they_stand_for() {
     assert_eq!(Camera::read(&header), Ok(camera()));
     let Message::Frame(FrameMessage::Batch(bytes)) = read("ids") else { panic!("no ids") };
     assert_eq!(IdBatch::new(bytes).unwrap().iter().collect::<Vec<_>>(), [1, 258].map(DrawableId));
-    let Message::Frame(FrameMessage::Note(note)) = read("stats") else { panic!("no stats") };
-    assert_eq!(postcard::from_bytes(&note), Ok(stats()));
+    let Message::Message(said) = read("stats") else { panic!("no stats") };
+    assert_eq!(postcard::from_bytes(&said), Ok(RoleMessage::Stats(stats())));
 
     let Message::Frame(FrameMessage::Coded(coded)) = read("coded-ids") else { panic!("no changes") };
     assert_eq!(Walkthrough::count_coded(&coded), Some(48));

@@ -10,13 +10,14 @@
 local KINDS = {
   [0x01] = "hello", [0x02] = "accept", [0x03] = "refuse", [0x04] = "close", [0x05] = "keep-alive",
   [0x10] = "latest value", [0x11] = "numbered value",
-  [0x20] = "begin", [0x21] = "batch", [0x22] = "end", [0x23] = "note", [0x24] = "coded batch",
+  [0x20] = "begin", [0x21] = "batch", [0x22] = "end", [0x24] = "coded batch",
   [0x30] = "message",
 }
 local VERSION = 2
 local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/1", 72, 80
 local ROLES = { [0] = "switch A", "switch B", "display" }
 local LANES = { [0] = "latest", "frames", "messages" }
+local MESSAGES = { [0] = "stats" }
 local CODINGS = { [0] = "plain", "changes" }
 local TESTERS = { [0] = "query", "raster", "hzb" }
 local REASONS = {
@@ -77,6 +78,7 @@ local f = {
   kept = ProtoField.uint32("trimaran.coded.kept", "Kept"),
   skipped = ProtoField.uint32("trimaran.coded.skipped", "Skipped"),
   put = ProtoField.uint32("trimaran.coded.put", "Put in"),
+  said = ProtoField.uint8("trimaran.message", "Message", base.DEC, MESSAGES),
   stats = ProtoField.uint32("trimaran.stats", "Stats of frame"),
   stat = ProtoField.uint64("trimaran.stats.value", "Value"),
 }
@@ -470,12 +472,11 @@ local function message(tvb, from, to, pinfo, tree, key)
     if first then end_frame(lane) end
     decoded[key] = decoded[key] or {}
     return "end " .. number:le_uint()
-  elseif kind == 0x23 then
-    return stats(r, sub)
   elseif kind == 0x24 then
     return coded(r, sub, pinfo, key)
   elseif kind == 0x30 then
-    return foreign(r, sub, name)
+    if add_varint(sub, f.said, r) == 0 then return stats(r, sub) end
+    return foreign(r, sub, "message of another kind")
   end
   sub:add_proto_expert_info(e.malformed)
   return "unknown kind"

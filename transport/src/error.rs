@@ -6,7 +6,7 @@ use std::time::Duration;
 use thiserror::Error;
 use trimaran_wire::{
     BatchError, CloseReason, CodingError, DecodeError, FrameOrderError, FrameViolation, Kind, Lane,
-    MAX_MESSAGE, MAX_NOTE,
+    MAX_MESSAGE,
 };
 
 use crate::application::PeerName;
@@ -90,12 +90,6 @@ pub enum SendError {
         /// The peer.
         peer: PeerName,
     },
-    /// A note is longer than it may be.
-    #[error("a note for {peer} is longer than {MAX_NOTE} bytes")]
-    Note {
-        /// The peer.
-        peer: PeerName,
-    },
     /// This side called begin, push and finish in an order that makes no frame.
     #[error("a frame for {peer} was put together in the wrong order")]
     Order {
@@ -156,9 +150,6 @@ pub enum ProtocolError {
     /// It sent a value that is none.
     #[error("it sent a value that is none")]
     Value(#[source] Box<dyn std::error::Error + Send + Sync>),
-    /// It sent a note that is none.
-    #[error("it sent a note that is none")]
-    Note(#[source] postcard::Error),
     /// It sent a message that is none of the application's.
     #[error("it sent a message that is none of the application's")]
     Message(#[source] postcard::Error),

@@ -6,11 +6,10 @@ use std::task::{Context, Poll, Waker};
 use bytes::Bytes;
 use trimaran_wire::{
     Batch, BatchDecoder, BatchEncoder, Batching, CloseReason, Delivery, Fixed, FrameAssembler, FrameEnd,
-    FrameMessage, FrameNumber, FrameOrderError, FrameOutcome, FrameStep, FrameWriter, Item, MAX_NOTE,
-    Protocol, to_bytes,
+    FrameMessage, FrameNumber, FrameOrderError, FrameOutcome, FrameStep, FrameWriter, Item, Protocol,
+    to_bytes,
 };
 
-use crate::application::whole;
 use crate::error::{LaneError, LaneSendError, ProtocolError};
 use crate::inproc;
 use crate::link::{Capabilities, Shared};
@@ -42,8 +41,6 @@ pub enum FrameEvent<P: Protocol> {
     Batch(Batch<P::Item>),
     /// The frame is over.
     End(FrameOutcome),
-    /// What the sender says between two frames.
-    Note(P::Note),
 }
 
 /// Sends frames: `begin`, any number of `push`, `finish`.
@@ -198,26 +195,6 @@ impl<P: Protocol> FrameSender<P> {
         self.send_staged().await?;
         self.span.close(Way::Sent, end.items, true, &self.shared);
         Ok(end)
-    }
-
-    /// Says something between two frames.
-    ///
-    /// Dropping the future takes nothing back: the next call sends it.
-    ///
-    /// # Errors
-    /// When the peer is gone or stalls, a frame is open, or the note has more than [`MAX_NOTE`] bytes.
-    pub async fn note(&mut self, note: &P::Note) -> Result<(), SendError> {
-        self.writer.between_frames().map_err(|e| self.order(e))?;
-        match &mut self.lane {
-            FrameTx::Local(lane) => lane.stage(FrameEvent::Note(note.clone()), &self.shared),
-            FrameTx::Wire(lane) => {
-                let bytes = postcard::to_stdvec(note).ok().filter(|bytes| bytes.len() <= MAX_NOTE);
-                let peer = || self.shared.peer.clone();
-                let bytes = bytes.ok_or_else(|| SendError::Note { peer: peer() })?;
-                lane.stage(FrameMessage::Note(bytes.into()), &self.shared);
-            }
-        }
-        self.send_staged().await
     }
 
     /// Closes this lane. A frame that is open stays unfinished.
@@ -432,7 +409,6 @@ impl<P: Protocol> FrameReceiver<P> {
             FrameEvent::End(FrameOutcome::Incomplete { received, .. }) => {
                 self.span.close(Way::Received, *received, false, &self.shared);
             }
-            FrameEvent::Note(_) => {}
         }
         Ok(event)
     }
@@ -443,7 +419,8 @@ impl<P: Protocol> FrameReceiver<P> {
             FrameEvent::Begin(start) => FrameStep::Begin(start.frame),
             FrameEvent::Batch(batch) => FrameStep::Batch { items: batch.count(), bytes: batch.as_bytes() },
             FrameEvent::End(FrameOutcome::Complete(end)) => FrameStep::End(*end),
-            FrameEvent::End(_) | FrameEvent::Note(_) => FrameStep::Note,
+            // Nobody sends it so.
+            FrameEvent::End(FrameOutcome::Incomplete { .. }) => return Ok(event),
         };
         let outcome = self.assembler.take(step).map_err(|e| LaneError::Protocol(ProtocolError::Frame(e)))?;
         Ok(outcome.map_or(event, FrameEvent::End))
@@ -499,10 +476,6 @@ fn decoded<P: Protocol>(
                 decoder.end(&end);
             }
             FrameEvent::End(FrameOutcome::Complete(end))
-        }
-        FrameMessage::Note(bytes) => {
-            let note = whole(&bytes).map_err(|e| broken(ProtocolError::Note(e)))?;
-            FrameEvent::Note(note)
         }
     })
 }

@@ -321,12 +321,11 @@ impl<P: Protocol> FrameRx<P> {
     }
 }
 
-/// The kind and payload size that an event would have as bytes. A note is not encoded: it counts for none.
+/// The kind and payload size that an event would have as bytes.
 fn weight<P: Protocol>(event: &FrameEvent<P>, shared: &Shared) -> (Kind, usize) {
     match event {
         FrameEvent::Begin(_) => (Kind::Begin, shared.format.begin()),
         FrameEvent::Batch(batch) => (Kind::Batch, batch.as_bytes().len()),
         FrameEvent::End(_) => (Kind::End, 16),
-        FrameEvent::Note(_) => (Kind::Note, 0),
     }
 }

@@ -20,7 +20,6 @@
 //!     type Latest = ();
 //!     type Header = ();
 //!     type Item = u32;
-//!     type Note = ();
 //!     type Message = ();
 //!
 //!     fn name(hello: &String) -> String {

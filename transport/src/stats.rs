@@ -43,7 +43,7 @@ pub struct Traffic {
     pub end: Tally,
     /// Messages of the messages lane.
     pub messages: Tally,
-    /// Handshake, close, keep-alives and notes; within one process these have no size.
+    /// Handshake, close and keep-alives; within one process these have no size.
     pub control: Tally,
     /// The bytes of this protocol's own headers; those of TCP, IP and Ethernet are not seen from here. 0
     /// where messages have no headers of their own: in one process, and over datagrams, whose packets

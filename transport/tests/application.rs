@@ -14,9 +14,8 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use trimaran_transport::conformance::{ARM, PANEL, Pose, Robot, greeting, pose, start};
 use trimaran_transport::{
-    AttemptError, ConnectError, Endpoint, FrameEvent, FrameStart, HandshakeError, Lane, Link as AnyLink,
-    ListenError, Listener as AnyListener, Options, Protocol, ProtocolError, ProtocolName, RecvError, Refusal,
-    Rejection, SendError, SessionId,
+    AttemptError, ConnectError, Endpoint, FrameStart, HandshakeError, Lane, ListenError, Options, Protocol,
+    ProtocolError, ProtocolName, RecvError, Refusal, Rejection, SessionId,
 };
 use trimaran_wire::{Decoder, Hello, Message};
 
@@ -30,7 +29,6 @@ impl Protocol for Other {
     type Latest = ();
     type Header = ();
     type Item = u32;
-    type Note = String;
     type Message = String;
 
     fn name(hello: &String) -> String {
@@ -107,24 +105,6 @@ async fn a_hello_that_is_too_long_is_this_sides_own_fault() {
     assert!(matches!(cause, HandshakeError::HelloTooLong(_)), "{cause:?}");
     let error = Listener::bind(&net, &at, long, &options).await.unwrap_err();
     assert!(matches!(error, ListenError::Given { .. }) && !error.may_pass(), "{error:?}");
-}
-
-#[tokio::test]
-async fn a_note_that_is_too_long_is_not_sent_and_costs_nothing_else() {
-    let (net, options) = (net(), Options::default());
-    let at = "tcp://127.0.0.1:0".parse().unwrap();
-    let mut listener = AnyListener::<Other>::bind(&net, &at, "a".to_owned(), &options).await.unwrap();
-    let at = listener.local_endpoint().clone();
-    let (there, here) = tokio::join!(
-        trimaran_transport::connect::<Other>(&net, &at, "b".to_owned(), &options, soon(&net)),
-        listener.accept(soon(&net)),
-    );
-    let (mut there, mut here): (AnyLink<Other>, AnyLink<Other>) = (there.unwrap(), here.unwrap());
-    let refused = there.frames_tx.note(&"x".repeat(255)).await;
-    assert!(matches!(refused, Err(SendError::Note { .. })), "{refused:?}");
-    there.frames_tx.note(&"short".to_owned()).await.unwrap();
-    let said = here.frames_rx.recv().await.unwrap();
-    assert_eq!(said, FrameEvent::Note("short".to_owned()));
 }
 
 /// The bytes of a value as postcard has them, with others behind it.

@@ -112,7 +112,6 @@ pub(super) async fn answer(link: Link) -> Result<CloseReason, ProbeError> {
                 Ok(FrameEvent::End(_)) => {
                     frames_tx.finish().await?;
                 }
-                Ok(FrameEvent::Note(_)) => {}
                 Err(RecvError::Closed { reason, .. }) => return Ok(reason),
                 Err(RecvError::Silent { .. }) => {}
                 Err(e) => return Err(e.into()),
@@ -155,7 +154,7 @@ async fn whole_frame(frames: &mut FrameReceiver, ids: &[DrawableId]) -> Result<b
     let mut got = 0;
     loop {
         match frames.recv().await? {
-            FrameEvent::Begin(_) | FrameEvent::Note(_) => {}
+            FrameEvent::Begin(_) => {}
             FrameEvent::Batch(batch) => got += batch.count(),
             FrameEvent::End(FrameOutcome::Complete(_)) if got == ids.len() => return Ok(true),
             FrameEvent::End(FrameOutcome::Complete(_)) => return Err(ProbeError::NoEcho),

@@ -1,7 +1,7 @@
 //! The frames lane: order, completeness, batches, bytes.
 
 use super::talk::{batches_of, patient};
-use super::{Battery, Overhead, PANEL, Pairs, Pose, Robot, command, points, pose, receive, start};
+use super::{Overhead, PANEL, Pairs, Pose, Robot, command, points, pose, receive, start};
 use crate::{
     Fixed, FrameEvent, FrameNumber, FrameOrderError, Link, LinkConfig, LinkStats, SendError, Tally, Traffic,
 };
@@ -163,21 +163,6 @@ pub async fn frames_alike_cost_little_when_coded(pairs: &impl Pairs) {
     let received = panel.stats.read().received;
     assert_eq!(received.items, 10 * 3960);
     assert_eq!(received.batches.bytes, sent.batches.bytes + first.batches.bytes);
-}
-
-/// Notes come between frames, in the order in which they were said, and not within a frame.
-pub async fn notes_arrive_between_frames(pairs: &impl Pairs) {
-    let (mut arm, mut panel) = pairs.pair(patient()).await;
-    for frame in 0..3 {
-        let battery = Battery { percent: 90 - frame as u8 };
-        arm.frames_tx.note(&battery).await.unwrap();
-        arm.frames_tx.begin(start(frame)).await.unwrap();
-        let within = arm.frames_tx.note(&battery).await;
-        assert!(matches!(within, Err(SendError::Order { .. })), "{within:?}");
-        arm.frames_tx.finish().await.unwrap();
-        assert_eq!(panel.frames_rx.recv().await.unwrap(), FrameEvent::Note(battery));
-        assert_eq!(receive(&mut panel.frames_rx).await.unwrap().start, start(frame));
-    }
 }
 
 /// A link whose batches travel coded.

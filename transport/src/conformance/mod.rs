@@ -64,7 +64,7 @@ pub use endings::*;
 pub use frames::*;
 pub use latest::*;
 pub use messages::*;
-pub use robot::{Battery, Command, Greeting, Pose, PoseError, RejectionCode, Robot};
+pub use robot::{Command, Greeting, Pose, PoseError, RejectionCode, Robot};
 pub use talk::{
     ARM, GRIPPER, Joined, MAP, PANEL, Received, command, finished, greeting, next_event, next_pose, points,
     pose, receive, start,
@@ -145,7 +145,6 @@ macro_rules! conformance_cases {
                 frames_of_every_size_arrive_in_order,
                 batches_are_full_but_the_last,
                 flush_sends_a_part_of_a_batch,
-                notes_arrive_between_frames,
                 the_newest_value_wins,
                 publishing_never_waits,
                 a_value_is_read_once,

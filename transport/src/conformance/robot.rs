@@ -41,13 +41,6 @@ pub struct Pose {
 #[error("a coordinate of the pose is not finite")]
 pub struct PoseError;
 
-/// What a robot says between two frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Battery {
-    /// How full it is.
-    pub percent: u8,
-}
-
 /// What a robot and its panel say to each other beside poses and points.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Command {
@@ -75,7 +68,6 @@ impl Protocol for Robot {
     type Latest = Pose;
     type Header = Pose;
     type Item = u32;
-    type Note = Battery;
     type Message = Command;
 
     fn name(hello: &Greeting) -> String {

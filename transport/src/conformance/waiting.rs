@@ -111,7 +111,7 @@ pub async fn polling_takes_what_is_there(pairs: &impl Pairs) {
         match panel.frames_rx.try_recv().unwrap() {
             Some(FrameEvent::Batch(batch)) => got.extend(batch.iter()),
             Some(FrameEvent::End(_)) => break,
-            Some(FrameEvent::Begin(_) | FrameEvent::Note(_)) => {}
+            Some(FrameEvent::Begin(_)) => {}
             None => sleep_until(&*net, net.now().after(Duration::from_millis(1))).await,
         }
     }
@@ -183,7 +183,7 @@ pub async fn dropping_a_wait_loses_nothing(pairs: &impl Pairs) {
             match event.unwrap() {
                 FrameEvent::Batch(batch) => got.extend(batch.iter()),
                 FrameEvent::End(_) => return got,
-                FrameEvent::Begin(_) | FrameEvent::Note(_) => {}
+                FrameEvent::Begin(_) => {}
             }
         }
     };

@@ -2,7 +2,7 @@
 //! the way.
 //!
 //! The lane is what its streams hold, one after the other in the order in which they were opened. Each holds
-//! one frame, or a note between two, or the close. Older streams go first where the connection
+//! one frame, or the close. Older streams go first where the connection
 //! cannot take all.
 
 use std::collections::VecDeque;
@@ -71,7 +71,7 @@ impl FrameTx {
         let before = self.buffer.len();
         message.encode(&mut self.buffer);
         shared.counters.sent.count(message.kind(), self.buffer.len() - before - HEADER_BYTES);
-        let last = matches!(message.kind(), Kind::End | Kind::Note | Kind::Close);
+        let last = matches!(message.kind(), Kind::End | Kind::Close);
         if last || self.buffer.len() >= PART {
             self.cut(last);
         }

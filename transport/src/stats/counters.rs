@@ -149,9 +149,7 @@ impl Direction {
             Kind::Batch | Kind::Coded => &self.batches,
             Kind::End => &self.end,
             Kind::Message => &self.messages,
-            Kind::Hello | Kind::Accept | Kind::Refuse | Kind::Close | Kind::KeepAlive | Kind::Note => {
-                &self.control
-            }
+            Kind::Hello | Kind::Accept | Kind::Refuse | Kind::Close | Kind::KeepAlive => &self.control,
         };
         tally.messages.fetch_add(1, Ordering::Relaxed);
         tally.bytes.fetch_add(bytes as u64, Ordering::Relaxed);

@@ -141,17 +141,6 @@ async fn frames_that_break_the_rules_are_errors() {
     assert_eq!(violation(error(&mut link.frames_rx).await), expected);
 }
 
-#[tokio::test]
-async fn a_note_that_is_none_or_more_than_one_is_an_error() {
-    for note in [&[][..], &[90, 0]] {
-        let (mut link, [mut frames, _latest, _messages]) = raw_panel().await;
-        let note = FrameMessage::Note(note.to_vec().into());
-        frames.write_all(&bytes(&[Message::Frame(note)])).await.unwrap();
-        let error = error(&mut link.frames_rx).await;
-        assert!(matches!(error, RecvError::Protocol { cause: ProtocolError::Note(_), .. }), "{error:?}");
-    }
-}
-
 /// A command cut short, one with something behind it, and one that is longer than any may be.
 #[tokio::test]
 async fn a_message_that_is_none_is_an_error() {

@@ -256,7 +256,7 @@ impl Credit {
 pub(crate) mod tests {
     use bytes::BytesMut;
     use proptest::prelude::*;
-    use trimaran_wire::FrameNumber;
+    use trimaran_wire::{FrameNumber, Message};
 
     use super::*;
     use crate::examples::{FORMAT, FORMAT_OF_12, value};
@@ -320,15 +320,15 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_note_longer_than_the_beginning_of_a_frame_is_readable_once_it_is_whole() {
+    fn a_message_longer_than_the_beginning_of_a_frame_is_readable_once_it_is_whole() {
         let (mut inbox, mut bytes) =
-            (Inbox::new(UnitLane::Frames, FORMAT_OF_12, BatchSize::default(), 4 << 20), BytesMut::new());
-        let note = FrameMessage::Note(vec![7; 100].into());
-        note.encode(&mut bytes);
+            (Inbox::new(UnitLane::Messages, FORMAT_OF_12, BatchSize::default(), 4 << 20), BytesMut::new());
+        let message = Bytes::from(vec![7; 100]);
+        Message::Message(message.clone()).encode(&mut bytes);
         inbox.put(0, 0, Tail::More, &bytes[..90]).unwrap();
         assert_eq!((inbox.is_readable(), inbox.take()), (false, Ok(None)));
         inbox.put(0, 90, Tail::End, &bytes[90..]).unwrap();
-        assert_eq!((inbox.is_readable(), inbox.take()), (true, Ok(Some(Received::Frame(note)))));
+        assert_eq!((inbox.is_readable(), inbox.take()), (true, Ok(Some(Received::Message(message)))));
     }
 
     #[test]

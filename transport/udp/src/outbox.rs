@@ -21,7 +21,7 @@ use unit::Unit;
 /// What a unit costs beside its bytes, so that many small ones are not for nothing.
 const UNIT_COST: usize = 256;
 
-/// Units in order of their numbers. A unit is a frame, a note, a message, a close, or, empty, the end of the
+/// Units in order of their numbers. A unit is a frame, a message, a close, or, empty, the end of the
 /// lane without one.
 #[derive(Debug)]
 pub(crate) struct Outbox {
@@ -126,7 +126,6 @@ impl Outbox {
                 }
                 self.append(path, |out| message.encode(out));
             }
-            FrameMessage::Note(_) => self.whole(|out| message.encode(out), path),
         }
     }
 

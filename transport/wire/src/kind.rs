@@ -8,9 +8,6 @@ use crate::{BatchSize, Format, MAX_HELLO, Numbered};
 /// The bytes of a message's header: the kind, then the payload's length as 24 bits, little-endian.
 pub const HEADER_BYTES: usize = 4;
 
-/// The most bytes of a note.
-pub const MAX_NOTE: usize = 256;
-
 /// The most bytes of a message of the messages lane, as postcard writes it.
 pub const MAX_MESSAGE: usize = 16_384;
 
@@ -41,8 +38,6 @@ pub enum Kind {
     Batch = 0x21,
     /// The frame ends: its number, how many items it had, and their hash.
     End = 0x22,
-    /// What the sender says between two frames.
-    Note = 0x23,
     /// A batch of items of the frame that has begun, in the application's own shorter form.
     Coded = 0x24,
     /// What the application says on the messages lane.
@@ -51,7 +46,7 @@ pub enum Kind {
 
 impl Kind {
     /// Every kind, in the order of the codes.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 12] = [
         Self::Hello,
         Self::Accept,
         Self::Refuse,
@@ -62,7 +57,6 @@ impl Kind {
         Self::Begin,
         Self::Batch,
         Self::End,
-        Self::Note,
         Self::Coded,
         Self::Message,
     ];
@@ -97,7 +91,6 @@ impl Kind {
             Self::Begin => format.begin()..=format.begin(),
             Self::Batch => format.item..=format.batch(BatchSize::MAX),
             Self::End => 16..=16,
-            Self::Note => 0..=MAX_NOTE,
             // Shorter than the same items plain.
             Self::Coded => 1..=format.batch(BatchSize::MAX),
             Self::Message => 0..=MAX_MESSAGE,
@@ -124,7 +117,6 @@ impl fmt::Display for Kind {
             Self::Batch => "batch",
             Self::Coded => "coded batch",
             Self::End => "end",
-            Self::Note => "note",
             Self::Message => "message",
         })
     }

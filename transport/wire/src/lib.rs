@@ -51,7 +51,7 @@ pub use frame::{
     FrameAssembler, FrameEnd, FrameMessage, FrameNumber, FrameOrderError, FrameOutcome, FrameStep,
     FrameViolation, FrameWriter,
 };
-pub use kind::{HEADER_BYTES, Kind, MAX_MESSAGE, MAX_NOTE};
+pub use kind::{HEADER_BYTES, Kind, MAX_MESSAGE};
 pub use message::Message;
 pub use protocol::{BatchDecoder, BatchEncoder, Batching, CodingError, Delivery, Protocol};
 pub use serial::{Numbered, Serial};

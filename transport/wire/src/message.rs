@@ -120,7 +120,6 @@ impl Message {
                 Ok(Self::Frame(FrameMessage::Batch(payload)))
             }
             Kind::Coded => Ok(Self::Frame(FrameMessage::Coded(payload))),
-            Kind::Note => Ok(Self::Frame(FrameMessage::Note(payload))),
             Kind::Message => Ok(Self::Message(payload)),
             Kind::End => {
                 let words: &[u8; 16] = payload.first_chunk().ok_or(short)?;
@@ -145,7 +144,6 @@ impl FrameMessage {
             Self::Batch(_) => Kind::Batch,
             Self::Coded(_) => Kind::Coded,
             Self::End(_) => Kind::End,
-            Self::Note(_) => Kind::Note,
         }
     }
 
@@ -154,7 +152,7 @@ impl FrameMessage {
     pub fn payload(&self) -> usize {
         match self {
             Self::Begin { header, .. } => 4 + header.len(),
-            Self::Batch(bytes) | Self::Coded(bytes) | Self::Note(bytes) => bytes.len(),
+            Self::Batch(bytes) | Self::Coded(bytes) => bytes.len(),
             Self::End(_) => 16,
         }
     }
@@ -167,7 +165,7 @@ impl FrameMessage {
                 out.put_u32_le(frame.0);
                 out.put_slice(header);
             }
-            Self::Batch(bytes) | Self::Coded(bytes) | Self::Note(bytes) => {
+            Self::Batch(bytes) | Self::Coded(bytes) => {
                 out.put_slice(&self.kind().header(bytes.len()));
                 out.put_slice(bytes);
             }

@@ -47,7 +47,6 @@ use crate::{Batch, BatchSize, Fixed, FrameEnd, FrameNumber, Item, Rejection};
 ///     type Latest = Heading;
 ///     type Header = ();
 ///     type Item = u32;
-///     type Note = ();
 ///     type Message = ();
 ///
 ///     fn name(hello: &String) -> String {
@@ -73,10 +72,6 @@ pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
 
     /// What a frame is made of.
     type Item: Item;
-
-    /// What is said between two frames, for instance of the one before. At most
-    /// [`MAX_NOTE`](crate::MAX_NOTE) bytes as postcard writes it.
-    type Note: Serialize + DeserializeOwned + Clone + PartialEq + fmt::Debug + Send + Sync;
 
     /// What is said beside values and frames, in order and without loss. At most
     /// [`MAX_MESSAGE`](crate::MAX_MESSAGE) bytes as postcard writes it.

@@ -10,8 +10,7 @@ use proptest::prelude::*;
 use trimaran_wire::{
     Accept, BatchSize, CloseReason, Decoder, Explanation, FixedBytes, Format, FrameAssembler, FrameEnd,
     FrameMessage, FrameNumber, FrameOutcome, FrameStep, FrameViolation, FrameWriter, Hello, Lane, MAX_HELLO,
-    MAX_MESSAGE, MAX_NOTE, Message, Numbered, ProtocolName, Refusal, Rejection, Serial, SessionId,
-    WireVersion,
+    MAX_MESSAGE, Message, Numbered, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion,
 };
 
 /// Of an application whose values and headers take more room than a [`FixedBytes`] has on the stack, and
@@ -72,7 +71,6 @@ fn message() -> impl Strategy<Value = Message> {
         any::<(u32, u32, u64)>().prop_map(|(frame, items, hash)| {
             FrameMessage::End(FrameEnd { frame: FrameNumber(frame), items, hash })
         }),
-        bytes(0..=MAX_NOTE).prop_map(|bytes| FrameMessage::Note(bytes.into())),
     ];
     prop_oneof![
         hello(),
@@ -114,7 +112,6 @@ fn take(
         FrameMessage::Begin { frame, .. } => FrameStep::Begin(*frame),
         FrameMessage::Batch(bytes) => FrameStep::Batch { items: bytes.len() / FORMAT.item, bytes },
         FrameMessage::End(end) => FrameStep::End(*end),
-        FrameMessage::Note(_) => FrameStep::Note,
         FrameMessage::Coded(_) => panic!("nothing was coded"),
     })
 }
@@ -274,7 +271,6 @@ fn the_longest_control_messages_are_taken() {
         Message::Hello(Hello { protocol: name, session, lane, application: application.clone() }),
         Message::Accept(Accept { application }),
         Message::Close(CloseReason { code: u16::MAX, why: text }),
-        Message::Frame(FrameMessage::Note(vec![0; MAX_NOTE].into())),
         Message::Message(vec![0; MAX_MESSAGE].into()),
     ];
     messages.extend(refusals.map(Message::Refuse));

@@ -70,15 +70,12 @@ fn a_full_batch_leaves_at_once_and_the_rest_at_a_flush_or_the_end() {
 fn a_writer_holds_its_caller_to_begin_push_and_finish() {
     let mut writer = writer(4);
     let none = |_| panic!("nothing is sent");
-    assert_eq!(writer.between_frames(), Ok(()));
     assert_eq!(writer.push(&items(1), none), Err(FrameOrderError::NoneOpen));
     assert_eq!(writer.flush(none), Err(FrameOrderError::NoneOpen));
     assert_eq!(writer.finish(none), Err(FrameOrderError::NoneOpen));
     writer.begin(THREE).unwrap();
     assert_eq!(writer.begin(FOUR), Err(FrameOrderError::StillOpen { open: THREE, wanted: FOUR }));
-    assert_eq!(writer.between_frames(), Err(FrameOrderError::NoteInsideFrame { open: THREE }));
     writer.finish(|_| ()).unwrap();
-    assert_eq!(writer.between_frames(), Ok(()));
     assert_eq!(writer.begin(THREE), Err(FrameOrderError::NotRising { last: THREE, wanted: THREE }));
     writer.begin(FOUR).unwrap();
 }
@@ -99,7 +96,6 @@ fn an_assembler_names_what_a_peer_breaks() {
         (&[batch], FrameViolation::ItemsOutsideFrame { count: 1 }),
         (&[end(THREE, 0)], FrameViolation::EndOutsideFrame { ended: THREE }),
         (&[begin(THREE), end(FOUR, 0)], FrameViolation::EndOfOtherFrame { open: THREE, ended: FOUR }),
-        (&[begin(THREE), FrameStep::Note], FrameViolation::NoteInsideFrame { open: THREE }),
         (
             &[begin(THREE), batch, batch, end(THREE, 1)],
             FrameViolation::TooMany { frame: THREE, announced: 1, received: 2 },
@@ -119,15 +115,14 @@ fn an_assembler_names_what_a_peer_breaks() {
 }
 
 #[test]
-fn a_note_comes_between_frames() {
+fn a_frame_is_open_from_its_begin_to_its_end() {
     let mut assembler = FrameAssembler::new(0);
     let end = FrameEnd { frame: THREE, items: 0, hash: xxhash_rust::xxh3::xxh3_64(&[]) };
-    assert_eq!(assembler.take(FrameStep::Note), Ok(None));
+    assert_eq!(assembler.open_frame(), None);
     assembler.take(FrameStep::Begin(THREE)).unwrap();
     assert_eq!(assembler.open_frame(), Some(THREE));
     assert_eq!(assembler.take(FrameStep::End(end)), Ok(Some(FrameOutcome::Complete(end))));
     assert_eq!(assembler.open_frame(), None);
-    assert_eq!(assembler.take(FrameStep::Note), Ok(None));
 }
 
 #[test]

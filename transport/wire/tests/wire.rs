@@ -10,8 +10,8 @@ use bytes::{Bytes, BytesMut};
 use robot::{Command, Pose, Robot, Time};
 use trimaran_wire::{
     Accept, BatchSize, CloseReason, Decoder, Explanation, Format, FrameEnd, FrameMessage, FrameNumber,
-    FrameWriter, HEADER_BYTES, Hello, Item, Kind, Lane, MAX_FIXED, MAX_HELLO, MAX_MESSAGE, MAX_NOTE, Message,
-    Numbered, Protocol, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion, to_bytes,
+    FrameWriter, HEADER_BYTES, Hello, Item, Kind, Lane, MAX_FIXED, MAX_HELLO, MAX_MESSAGE, Message, Numbered,
+    Protocol, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion, to_bytes,
 };
 
 const WIRE: &str = include_str!("../WIRE.md");
@@ -40,7 +40,6 @@ fn messages() -> Vec<(&'static str, Message)> {
         ("begin", FrameMessage::Begin { frame, header: to_bytes(&Time(1000)) }),
         ("batch", FrameMessage::Batch(items.into())),
         ("end", FrameMessage::End(FrameEnd { frame, items: 2, hash })),
-        ("note", FrameMessage::Note(postcard::to_stdvec(&87u8).unwrap().into())),
         (
             "coded-batch",
             FrameMessage::Coded([&100u32.to_le_bytes()[..], &50u16.to_le_bytes()].concat().into()),
@@ -144,10 +143,7 @@ fn the_limits_are_the_crates() {
         format!("I is {}", <u32 as Item>::SIZE),
         format!("| {MAX_FIXED} |"),
         format!("at most {} bytes, the application's hello {MAX_HELLO}", ProtocolName::MAX_BYTES),
-        format!(
-            "a message {MAX_MESSAGE}, a note {MAX_NOTE}, each text for people {} bytes",
-            Explanation::MAX_BYTES
-        ),
+        format!("a message {MAX_MESSAGE}, each text for people {} bytes", Explanation::MAX_BYTES),
         format!("refuses a peer {}.", Rejection::new(0, &"x".repeat(1000)).why.as_str().len()),
         format!("1 to {} items of I bytes", BatchSize::MAX.items()),
         format!("close with code {}", CloseReason::REFUSED),

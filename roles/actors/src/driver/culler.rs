@@ -2,7 +2,7 @@
 
 use std::{future::Future, time::Duration};
 
-use trimaran_proto::{Camera, DrawableId, FrameStats, IdBatch, SentBytes, Settings};
+use trimaran_proto::{Camera, DrawableId, FrameStats, IdBatch, RoleMessage, SentBytes, Settings};
 use trimaran_transport::Traffic;
 
 use super::{
@@ -136,7 +136,6 @@ impl<W: CullerWork> CullerRole<W> {
                             self.work.begin_occluders(camera)?;
                         }
                         FrameEvent::Batch(batch) => self.work.take_occluders(&batch)?,
-                        FrameEvent::Note(_) => {}
                         FrameEvent::End(_) => machine.occluders_ended().map_err(by(OTHER))?,
                     }
                 }
@@ -181,7 +180,8 @@ impl<W: CullerWork> CullerRole<W> {
         let sent = self.other.stats.read().sent;
         let to_other = sent_bytes(sent - std::mem::replace(sent_to_other, sent));
         let stats = self.work.frame_stats(to_other, turn.away());
-        self.display.frames_tx.note(&stats).await.map_err(link("sending statistics"))
+        let said = RoleMessage::Stats(stats);
+        self.display.messages_tx.send(&said).await.map_err(link("sending statistics"))
     }
 }
 

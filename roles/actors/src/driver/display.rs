@@ -3,7 +3,9 @@
 use std::{future::Future, pin::pin, sync::Arc, time::Duration};
 
 use trimaran_cull::Image;
-use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, IdBatch, SentBytes, Settings};
+use trimaran_proto::{
+    Camera, DrawableId, FrameNumber, FrameStats, IdBatch, RoleMessage, SentBytes, Settings,
+};
 use trimaran_transport::{FrameOutcome, LinkStats, Net, RecvError, StatsHandle, until};
 
 use super::{
@@ -161,6 +163,7 @@ impl<W: DisplayWork> DisplayRole<W> {
             clock: self.turns.clock(),
             published: PublishedCameras::new(self.turns.clock()),
             arrivals: Vec::new(),
+            said: Vec::new(),
             cameras,
             observer,
         };
@@ -183,6 +186,8 @@ struct Session<'r, W> {
     /// What the links had carried when their last frames were shown.
     carried: CullerTraffic,
     arrivals: Vec<(u32, Duration)>,
+    /// What cullers said of frames that are not shown yet.
+    said: Vec<RoleMessage>,
     cameras: &'r mut dyn Cameras,
     observer: &'r mut dyn Observer,
 }
@@ -239,7 +244,6 @@ impl<W: DisplayWork> Session<'_, W> {
                     }
                     return Ok(begun);
                 }
-                FrameEvent::Note(stats) => self.observer.culled(&stats),
                 FrameEvent::Batch(_) | FrameEvent::End(_) => return Err(out_of_order(from, "its begin")),
             }
         }
@@ -271,7 +275,7 @@ impl<W: DisplayWork> Session<'_, W> {
                     self.machine.ended().map_err(by(from))?;
                     return Ok(outcome);
                 }
-                FrameEvent::Begin(_) | FrameEvent::Note(_) => return Err(out_of_order(from, "its end")),
+                FrameEvent::Begin(_) => return Err(out_of_order(from, "its end")),
             }
         }
     }
@@ -301,22 +305,52 @@ impl<W: DisplayWork> Session<'_, W> {
             traffic,
             arrivals,
         };
-        self.observer.shown(&frame).map_err(RoleError::Observer)
+        self.observer.shown(&frame).map_err(RoleError::Observer)?;
+        self.hear(camera.frame());
+        Ok(())
     }
 
     /// After the last frame: what the cullers still say of their work, up to their closes.
     async fn last_words(&mut self) -> Result<(), RoleError> {
         for from in CullerIndex::ALL {
+            let Link { frames_rx, messages_rx, .. } = &mut self.links[from.index()];
+            match frames_rx.recv().await {
+                Ok(_) => return Err(out_of_order(from, "its close")),
+                Err(RecvError::Closed { .. }) => {}
+                Err(cause) => return Err(link(RECEIVING)(cause)),
+            }
             loop {
-                match self.links[from.index()].frames_rx.recv().await {
-                    Ok(FrameEvent::Note(stats)) => self.observer.culled(&stats),
-                    Ok(_) => return Err(out_of_order(from, "its close")),
+                match messages_rx.recv().await {
+                    Ok(said) => self.said.push(said),
                     Err(RecvError::Closed { .. }) => break,
                     Err(cause) => return Err(link(RECEIVING)(cause)),
                 }
             }
         }
+        self.pass_on(None);
         Ok(())
+    }
+
+    /// Hears what the cullers say of their work. What ends a link shows on its frames.
+    fn hear(&mut self, shown: FrameNumber) {
+        for link in &mut self.links {
+            self.said.extend(std::iter::from_fn(|| link.messages_rx.try_recv().ok().flatten()));
+        }
+        self.pass_on(Some(shown));
+    }
+
+    /// Tells the observer what was said of frames up to `shown`, or of all: it hears of a frame once that is
+    /// shown, and messages may overtake frames.
+    fn pass_on(&mut self, shown: Option<FrameNumber>) {
+        let observer = &mut *self.observer;
+        self.said.retain(|said| match said {
+            RoleMessage::Stats(stats) if shown.is_none_or(|shown| stats.frame <= shown) => {
+                observer.culled(stats);
+                false
+            }
+            RoleMessage::Stats(_) => true,
+            _ => false,
+        });
     }
 
     /// Waits for the next message of a culler, while none of the two leaves: the one that is due may itself

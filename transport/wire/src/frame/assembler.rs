@@ -21,8 +21,6 @@ pub enum FrameStep<'b> {
     },
     /// The frame ends.
     End(FrameEnd),
-    /// Something between two frames.
-    Note,
 }
 
 /// Checks what arrives on the frames lane: order, count and hash.
@@ -61,10 +59,6 @@ impl FrameAssembler {
             FrameStep::Begin(frame) => self.begin(frame).map(|()| None),
             FrameStep::Batch { items, bytes } => self.batch(items, bytes).map(|()| None),
             FrameStep::End(end) => self.end(end).map(Some),
-            FrameStep::Note => match &self.open {
-                None => Ok(None),
-                Some(digest) => Err(FrameViolation::NoteInsideFrame { open: digest.frame }),
-            },
         }
     }
 
@@ -158,12 +152,6 @@ pub enum FrameViolation {
         open: FrameNumber,
         /// The frame that ended.
         ended: FrameNumber,
-    },
-    /// A note came inside of a frame.
-    #[error("a note came before {open} ended")]
-    NoteInsideFrame {
-        /// The frame that is open.
-        open: FrameNumber,
     },
     /// More items came than a frame may have, and no end.
     #[error("{frame} has more than {most} items, the most that a frame may have here")]

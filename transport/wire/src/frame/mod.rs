@@ -63,8 +63,6 @@ pub enum FrameMessage {
     Coded(Bytes),
     /// The frame ends.
     End(FrameEnd),
-    /// What the sender says between two frames.
-    Note(Bytes),
 }
 
 /// What became of a frame.

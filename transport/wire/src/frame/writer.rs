@@ -124,17 +124,6 @@ impl<I: Item> FrameWriter<I> {
         emit(FrameMessage::End(end));
         Ok(end)
     }
-
-    /// Whether a note may be sent now.
-    ///
-    /// # Errors
-    /// When a frame is open.
-    pub fn between_frames(&self) -> Result<(), FrameOrderError> {
-        match &self.open {
-            Some(digest) => Err(FrameOrderError::NoteInsideFrame { open: digest.frame }),
-            None => Ok(()),
-        }
-    }
 }
 
 /// A caller that breaks the order of begin, push and finish.
@@ -160,12 +149,6 @@ pub enum FrameOrderError {
     /// `push` or `finish` before `begin`.
     #[error("no frame is open: begin one first")]
     NoneOpen,
-    /// A note before `finish`.
-    #[error("a note cannot be sent before {open} is finished")]
-    NoteInsideFrame {
-        /// The frame that is open.
-        open: FrameNumber,
-    },
     /// More items than a frame may have.
     #[error("{frame} has more than {most} items, the most that a frame may have here")]
     TooMany {

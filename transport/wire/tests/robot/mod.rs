@@ -38,8 +38,6 @@ impl Protocol for Robot {
     type Latest = Pose;
     type Header = Time;
     type Item = u32;
-    /// Per cent of the battery.
-    type Note = u8;
     type Message = Command;
 
     fn name(hello: &String) -> String {

@@ -25,7 +25,6 @@ impl Protocol for Peers {
     type Latest = Pose;
     type Header = Pose;
     type Item = u32;
-    type Note = ();
     type Message = ();
 
     fn name(hello: &String) -> String {
@@ -156,7 +155,7 @@ fn ended(event: FrameEvent<Peers>) -> Option<FrameNumber> {
         }
         FrameEvent::End(FrameOutcome::Complete(end)) => Some(end.frame),
         FrameEvent::End(FrameOutcome::Incomplete { frame, .. }) => Some(frame),
-        FrameEvent::Begin(_) | FrameEvent::Note(_) => None,
+        FrameEvent::Begin(_) => None,
     }
 }
 

@@ -205,7 +205,6 @@ impl Unit {
                 self.coded = coded;
                 Ok(Step::Item(Received::Frame(FrameMessage::Begin { frame, header })))
             }
-            Message::Frame(note @ FrameMessage::Note(_)) => Ok(Step::Last(Some(Received::Frame(note)))),
             Message::Message(bytes) => Ok(Step::Last(Some(Received::Message(bytes)))),
             Message::Close(reason) => Ok(Step::Last(Some(Received::Closed(reason)))),
             _ => Err(LaneViolation::Unit),
