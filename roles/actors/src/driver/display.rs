@@ -233,20 +233,15 @@ impl<W: DisplayWork> Session<'_, W> {
 
     /// Waits for the frame's begin, and hands its culler the camera of the frame after next.
     async fn await_begin(&mut self, from: CullerIndex) -> Result<Begun, RoleError> {
-        loop {
-            match self.receive(from).await? {
-                FrameEvent::Begin(start) => {
-                    let published = self.published.taken(&start.header);
-                    let begun = Begun { camera: start.header, published, at: self.clock.elapsed() };
-                    let next = self.machine.began(start.header, self.lockstep).map_err(by(from))?;
-                    if let Some(frame) = next {
-                        self.hand_out(frame)?;
-                    }
-                    return Ok(begun);
-                }
-                FrameEvent::Batch(_) | FrameEvent::End(_) => return Err(out_of_order(from, "its begin")),
-            }
+        let FrameEvent::Begin(start) = self.receive(from).await? else {
+            return Err(out_of_order(from, "its begin"));
+        };
+        let published = self.published.taken(&start.header);
+        let begun = Begun { camera: start.header, published, at: self.clock.elapsed() };
+        if let Some(frame) = self.machine.began(start.header, self.lockstep).map_err(by(from))? {
+            self.hand_out(frame)?;
         }
+        Ok(begun)
     }
 
     /// Gathers the ids of a frame that has begun at `begun`, up to its end.
