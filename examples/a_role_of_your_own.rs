@@ -16,8 +16,8 @@ use trimaran_cook::{
 use trimaran_cull::{Image, View};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{
-    BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, PictureSize, Settings,
-    TesterKind,
+    BatchSize, Camera, DrawableId, FrameNumber, FrameStats, IdCoding, LodRule, OcclusionTestKind, Settings,
+    Viewport,
 };
 
 /// Holds what was ever visible, as a cache of geometry would that throws nothing away.
@@ -82,18 +82,17 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // The cullers' devices are real, and may be the same one.
     let settings = Settings {
-        size: PictureSize::new(512, 512)?,
-        epsilon: EpsilonPx::new(2.0)?,
+        viewport: Viewport::new(512, 512)?,
+        lod: LodRule::new(2.0)?,
         batch: BatchSize::new(1024)?,
         coding: IdCoding::Plain,
-        tester: TesterKind::Hzb,
+        occlusion_test: OcclusionTestKind::Hzb,
         lockstep: true,
-        few_pixels: false,
         first: FrameNumber(0),
         frames: Some(60),
     };
     let drawn = GpuScene::upload(&Gpu::open(&GpuOptions::default())?, &scene)?;
-    let culler = |_| Ok(VulkanCuller::new(&drawn, settings.size, settings.tester)?);
+    let culler = |_| Ok(VulkanCuller::new(&drawn, settings.viewport, settings.occlusion_test)?);
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let (_stopper, stop) = Stop::new();
     let mut tally = Tally::default();

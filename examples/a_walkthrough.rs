@@ -12,7 +12,7 @@ use trimaran_cook::{
     generate::{PlantOptions, plant},
 };
 use trimaran_gpu::GpuOptions;
-use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
+use trimaran_proto::{BatchSize, IdCoding, LodRule, OcclusionTestKind, Viewport};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let model = plant(&PlantOptions { seed: 1, objects: 1_000, triangles: 100_000 });
@@ -20,18 +20,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{} objects, {} nodes", model.objects.len(), scene.nodes().len());
 
     let plan = Plan {
-        size: PictureSize::new(512, 512)?,
-        epsilon: EpsilonPx::new(2.0)?,
+        viewport: Viewport::new(512, 512)?,
+        lod: LodRule::new(2.0)?,
         batch: BatchSize::new(1024)?,
         coding: IdCoding::Plain,
-        tester: TesterKind::Hzb,
+        occlusion_test: OcclusionTestKind::Hzb,
         pace: Pace::Lockstep,
-        few_pixels: false,
         audit_every: 0,
         visible: false,
         alone: false,
     };
-    let path = CameraPath::find(&PathChoice::Auto { seed: 1 }, &scene, plan.size, Some(30))?;
+    let path = CameraPath::find(&PathChoice::Auto { seed: 1 }, &scene, plan.viewport, Some(30))?;
     let devices = SceneOnDevices::open(&scene, &GpuOptions::default())?;
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let (_stopper, stop) = Stop::new(); // whoever keeps the stopper can end the walk early

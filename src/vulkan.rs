@@ -8,7 +8,7 @@ use trimaran_cull::{
     Viewport,
 };
 use trimaran_gpu::{GpuError, GpuScene, OccluderPass, PassTiming, PicturePass};
-use trimaran_proto::{DrawableId, TesterKind};
+use trimaran_proto::{DrawableId, OcclusionTestKind};
 
 use trimaran_actors::{CullerDevice, PictureDevice, Stop};
 
@@ -27,17 +27,21 @@ pub enum VulkanCullerError {
 /// The device of a culler.
 pub struct VulkanCuller {
     pass: OccluderPass,
-    tester: TesterKind,
+    occlusion_test: OcclusionTestKind,
     pyramid: DepthPyramid,
 }
 
 impl VulkanCuller {
-    /// Draws occluders of `scene` into a depth buffer of `size` and tests boxes against it by `tester`.
+    /// Draws occluders of `scene` into a depth buffer of `size` and tests boxes against it by `occlusion test`.
     ///
     /// # Errors
     /// If the device cannot draw that size, or memory does not suffice.
-    pub fn new(scene: &Arc<GpuScene>, size: Viewport, tester: TesterKind) -> Result<Self, GpuError> {
-        Ok(Self { pass: OccluderPass::new(scene, size)?, tester, pyramid: DepthPyramid::new() })
+    pub fn new(
+        scene: &Arc<GpuScene>,
+        size: Viewport,
+        occlusion_test: OcclusionTestKind,
+    ) -> Result<Self, GpuError> {
+        Ok(Self { pass: OccluderPass::new(scene, size)?, occlusion_test, pyramid: DepthPyramid::new() })
     }
 }
 
@@ -58,7 +62,7 @@ impl CullerDevice for VulkanCuller {
 
     fn finish_occluders(&mut self) -> Result<Duration, VulkanCullerError> {
         let timing = self.pass.finish()?;
-        if self.tester == TesterKind::Hzb {
+        if self.occlusion_test == OcclusionTestKind::Hzb {
             self.pyramid.rebuild(self.pass.read_depth()?);
         }
         Ok(device_time(timing))
@@ -78,10 +82,10 @@ impl OcclusionTest for VulkanCuller {
         boxes: &[TestBox],
         visible: &mut Vec<u32>,
     ) -> Result<(), VulkanCullerError> {
-        match self.tester {
-            TesterKind::Query => self.pass.query_tester()?.test(view, boxes, visible)?,
-            TesterKind::Raster => self.pass.raster_tester()?.test(view, boxes, visible)?,
-            TesterKind::Hzb => {
+        match self.occlusion_test {
+            OcclusionTestKind::Query => self.pass.query_test()?.test(view, boxes, visible)?,
+            OcclusionTestKind::Raster => self.pass.raster_test()?.test(view, boxes, visible)?,
+            OcclusionTestKind::Hzb => {
                 HzbTest::new(self.pass.read_depth()?, &self.pyramid)?.test(view, boxes, visible)?;
             }
         }
@@ -89,16 +93,16 @@ impl OcclusionTest for VulkanCuller {
     }
 
     fn outline(&self) -> Outline {
-        match self.tester {
-            TesterKind::Query | TesterKind::Raster => Outline::InBox,
-            TesterKind::Hzb => Outline::OnScreen,
+        match self.occlusion_test {
+            OcclusionTestKind::Query | OcclusionTestKind::Raster => Outline::InBox,
+            OcclusionTestKind::Hzb => Outline::OnScreen,
         }
     }
 
     fn answer(&self) -> Answer {
-        match self.tester {
-            TesterKind::Query | TesterKind::Raster => Answer::PixelCount,
-            TesterKind::Hzb => Answer::YesNo,
+        match self.occlusion_test {
+            OcclusionTestKind::Query | OcclusionTestKind::Raster => Answer::PixelCount,
+            OcclusionTestKind::Hzb => Answer::YesNo,
         }
     }
 }

@@ -21,7 +21,7 @@ use trimaran_cook::{
     generate::{PlantOptions, plant},
 };
 use trimaran_cull::{Answer, DepthImage, LodRule, OcclusionTest, Outline, TestBox, View};
-use trimaran_proto::{BatchSize, Camera, DrawableId, EpsilonPx, IdCoding, PictureSize, TesterKind};
+use trimaran_proto::{BatchSize, Camera, DrawableId, IdCoding, OcclusionTestKind, Viewport};
 use trimaran_scene::Scene;
 
 /// What is wrong with a culler.
@@ -47,7 +47,7 @@ struct Faulty {
 
 impl Faulty {
     fn new(devices: &SceneOnDevices, machine: usize, plan: &Plan, fault: Fault) -> Self {
-        let sound = VulkanCuller::new(&devices.drawn[machine], plan.size, plan.tester).unwrap();
+        let sound = VulkanCuller::new(&devices.drawn[machine], plan.viewport, plan.occlusion_test).unwrap();
         Self { sound, fault, last: None }
     }
 }
@@ -123,13 +123,12 @@ fn ahead(view: &View, by: f64) -> View {
 
 fn plan() -> Plan {
     Plan {
-        size: PictureSize::new(233, 160).unwrap(),
-        epsilon: EpsilonPx::new(2.0).unwrap(),
+        viewport: Viewport::new(233, 160).unwrap(),
+        lod: LodRule::new(2.0).unwrap(),
         batch: BatchSize::new(256).unwrap(),
         coding: IdCoding::Changes,
-        tester: TesterKind::Hzb,
+        occlusion_test: OcclusionTestKind::Hzb,
         pace: Pace::Lockstep,
-        few_pixels: false,
         audit_every: 1,
         visible: false,
         alone: false,
@@ -155,8 +154,8 @@ fn lost(
     fault: Fault,
     walk: &[FrameRecord],
 ) -> BTreeMap<FalseCullCause, u64> {
-    let rule = LodRule::new(plan.epsilon.pixels()).unwrap().stopping_at_few_pixels(plan.few_pixels);
-    let mut auditor = Auditor::new(&devices.scene, &devices.drawn[2], plan.size, rule).unwrap();
+    let rule = plan.lod;
+    let mut auditor = Auditor::new(&devices.scene, &devices.drawn[2], plan.viewport, rule).unwrap();
     let mut machine = Faulty::new(devices, 2, plan, fault);
     let mut lost = BTreeMap::new();
     for index in 0..walk.len() {
@@ -170,11 +169,11 @@ fn lost(
             *lost.entry(cull.cause).or_insert(0) += cull.pixels;
         }
     }
-    println!("{fault:?}, few pixels {}: {lost:?}", plan.few_pixels);
+    println!("{fault:?}, few pixels {}: {lost:?}", plan.lod.stops_at_few_pixels());
     lost
 }
 
-/// That something was lost, and most of it by this cause: 9 pixels in 10, but for a tester that is wrong. A
+/// That something was lost, and most of it by this cause: 9 pixels in 10, but for a occlusion test that is wrong. A
 /// flat box that is level with the depth cannot tell losing a tie from being lied about, nor one tested
 /// farther away, which stood clear of what is behind it by less than that.
 fn assert_cause(lost: &BTreeMap<FalseCullCause, u64>, cause: FalseCullCause) {
@@ -199,8 +198,11 @@ fn faults_are_named(devices: &SceneOnDevices, path: &PathChoice) {
         assert_cause(&lost(devices, &hzb, fault, &walk), cause);
     }
 
-    let few_pixels =
-        Plan { few_pixels: true, tester: TesterKind::Raster, epsilon: EpsilonPx::new(30.0).unwrap(), ..hzb };
+    let few_pixels = Plan {
+        occlusion_test: OcclusionTestKind::Raster,
+        lod: LodRule::new(30.0).unwrap().stopping_at_few_pixels(true),
+        ..hzb
+    };
     let walk = walk_in_process(devices, &few_pixels, &camera_path(devices, &few_pixels, path, 8));
     // The rule seldom loses anything; if it does, it is named.
     let lost_by_rule = lost(devices, &few_pixels, Fault::None, &walk);

@@ -75,7 +75,7 @@ fn flags_that_make_no_sense_are_refused() {
     bench.refuses(&["run", "a.scene", "--size", "0x5"], &["--size", "WIDTHxHEIGHT"]);
     bench.refuses(&["run", "a.scene", "--epsilon", "-1"], &["--epsilon"]);
     bench.refuses(&["run", "a.scene", "--batch", "20000"], &["--batch", "16384"]);
-    bench.refuses(&["run", "a.scene", "--tester", "guess"], &["query", "raster", "hzb"]);
+    bench.refuses(&["run", "a.scene", "--occlusion-test", "guess"], &["query", "raster", "hzb"]);
 }
 
 #[test]
@@ -607,11 +607,11 @@ fn only_roles_that_compute_one_after_another_are_a_model_of_three_machines() {
 }
 
 #[test]
-fn stopping_at_few_pixels_needs_a_tester_that_counts() {
+fn stopping_at_few_pixels_needs_a_test_that_counts() {
     let bench = Bench::with_plant();
     let args = ["run", "plant.scene", "--few-pixels", "--frames", "4", "--size", "64x64", "--out", "few"];
-    expect(&bench.trimaran(&args), 2, &["--few-pixels", "--tester raster"]);
-    let run = bench.command(&args).args(["--tester", "raster", "--epsilon", "20"]).output().unwrap();
+    expect(&bench.trimaran(&args), 2, &["--few-pixels", "--occlusion-test raster"]);
+    let run = bench.command(&args).args(["--occlusion-test", "raster", "--epsilon", "20"]).output().unwrap();
     assert!(run.status.success(), "{}", said(&run));
     let report: serde_json::Value =
         serde_json::from_slice(&fs::read(bench.path("few/report.json")).unwrap()).unwrap();

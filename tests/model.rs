@@ -53,7 +53,7 @@ fn run() -> Run {
         roles: Vec::new(),
         scene,
         epsilon_px: 2.0,
-        tester: String::new(),
+        occlusion_test: String::new(),
         batch: 1024,
         coding: None,
         link: "inproc".to_owned(),

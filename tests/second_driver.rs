@@ -54,10 +54,10 @@ impl Walks {
     }
 
     /// Walks with every frame checked, and gives the report.
-    fn walk(&self, driver: Option<&Path>, tester: &str, out: &str) -> Value {
+    fn walk(&self, driver: Option<&Path>, occlusion_test: &str, out: &str) -> Value {
         let frames = FRAMES.to_string();
         let args = ["run", "plant.scene", "--size", "320x240", "--audit-every", "1", "--frames", &frames];
-        self.run(driver, &[&args[..], &["--tester", tester, "--out", out]].concat());
+        self.run(driver, &[&args[..], &["--occlusion-test", occlusion_test, "--out", out]].concat());
         serde_json::from_slice(&fs::read(self.0.path().join(out).join("report.json")).unwrap()).unwrap()
     }
 
@@ -116,14 +116,14 @@ const COLOUR: u8 = 2;
 const PIXELS: usize = 500;
 
 #[test]
-fn both_drivers_cull_exactly_and_draw_the_same_pictures_with_every_tester() {
+fn both_drivers_cull_exactly_and_draw_the_same_pictures_with_every_occlusion_test() {
     let Some(swiftshader) = swiftshader() else { return };
     let walks = Walks::new();
-    for tester in ["query", "raster", "hzb"] {
+    for occlusion_test in ["query", "raster", "hzb"] {
         let outs = [(None, "best"), (Some(swiftshader.as_path()), "second")];
         let [(best_shows, best), (second_shows, second)] = outs.map(|(driver, name)| {
-            let out = format!("{tester}-{name}");
-            let report = walks.walk(driver, tester, &out);
+            let out = format!("{occlusion_test}-{name}");
+            let report = walks.walk(driver, occlusion_test, &out);
             let device = report["run"]["roles"][0]["device"].as_str().unwrap();
             assert_eq!(device.contains("SwiftShader"), driver.is_some(), "{device}");
             let frames = report["frames"].as_array().unwrap();
@@ -147,10 +147,10 @@ fn both_drivers_cull_exactly_and_draw_the_same_pictures_with_every_tester() {
                 let [a, b] = [&best, &second].map(|out| walks.picture(out, frame, kind));
                 assert!(a.colours() > 20, "frame {frame} shows something");
                 let off = [a.unaccounted(&b), b.unaccounted(&a)];
-                println!("{tester} {frame}{kind}: {off:?} of {}", a.pixels.len());
+                println!("{occlusion_test} {frame}{kind}: {off:?} of {}", a.pixels.len());
                 assert!(
                     off.iter().all(|off| off * PIXELS <= a.pixels.len()),
-                    "{tester}, frame {frame}{kind}: {off:?} pixels differ beyond edges"
+                    "{occlusion_test}, frame {frame}{kind}: {off:?} pixels differ beyond edges"
                 );
             }
         }

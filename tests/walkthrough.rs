@@ -20,20 +20,19 @@ use trimaran_cook::{
     generate::{PlantOptions, plant},
 };
 use trimaran_cull::LodRule;
-use trimaran_proto::{BatchSize, EpsilonPx, IdCoding, PictureSize, TesterKind};
+use trimaran_proto::{BatchSize, IdCoding, OcclusionTestKind, Viewport};
 use trimaran_scene::Scene;
 
 const FRAMES: u32 = 12;
 
-fn plan(tester: TesterKind) -> Plan {
+fn plan(occlusion_test: OcclusionTestKind) -> Plan {
     Plan {
-        size: PictureSize::new(233, 160).unwrap(),
-        epsilon: EpsilonPx::new(2.0).unwrap(),
+        viewport: Viewport::new(233, 160).unwrap(),
+        lod: LodRule::new(2.0).unwrap(),
         batch: BatchSize::new(16).unwrap(),
         coding: IdCoding::Changes,
-        tester,
+        occlusion_test,
         pace: Pace::Lockstep,
-        few_pixels: false,
         audit_every: 1,
         visible: false,
         alone: false,
@@ -52,7 +51,7 @@ fn automatic(devices: &SceneOnDevices, plan: &Plan) -> CameraPath {
 #[test]
 fn a_session_is_the_same_in_process_and_over_tcp() {
     let Some(devices) = plant_on_devices() else { return };
-    let plan = plan(TesterKind::Hzb);
+    let plan = plan(OcclusionTestKind::Hzb);
     let path = automatic(&devices, &plan);
     let inproc = walk_in_process(&devices, &plan, &path);
     assert_eq!(inproc.len(), FRAMES as usize);
@@ -67,7 +66,7 @@ fn a_session_is_the_same_in_process_and_over_tcp() {
 #[test]
 fn roles_that_compute_one_after_another_show_the_same_and_never_overlap() {
     let Some(devices) = plant_on_devices() else { return };
-    let at_once = plan(TesterKind::Hzb);
+    let at_once = plan(OcclusionTestKind::Hzb);
     let alone = Plan { alone: true, ..at_once };
     let path = automatic(&devices, &at_once);
     let records = walk_in_process(&devices, &alone, &path);
@@ -101,9 +100,9 @@ fn understated(scene: &Scene, by: f32) -> Scene {
 /// The farthest that an outline and a surface are off in a session, pixels.
 fn farthest_off(devices: &SceneOnDevices, plan: &Plan) -> Result<[f64; 2], Box<dyn Error>> {
     let [_, _, display] = &devices.drawn;
-    let rule = LodRule::new(plan.epsilon.pixels())?;
-    let mut auditor = Auditor::new(&devices.scene, display, plan.size, rule)?;
-    let mut machine = VulkanCuller::new(display, plan.size, plan.tester)?;
+    let rule = plan.lod;
+    let mut auditor = Auditor::new(&devices.scene, display, plan.viewport, rule)?;
+    let mut machine = VulkanCuller::new(display, plan.viewport, plan.occlusion_test)?;
     let mut farthest = [0.0_f64; 2];
     let records = walk_in_process(devices, plan, &automatic(devices, plan));
     for index in 0..records.len() {
@@ -121,8 +120,8 @@ fn farthest_off(devices: &SceneOnDevices, plan: &Plan) -> Result<[f64; 2], Box<d
 fn levels_that_claim_too_much_are_found_out() -> Result<(), Box<dyn Error>> {
     let Some(honest) = plant_on_devices() else { return Ok(()) };
     let Some(boasting) = on_devices(&Arc::new(understated(&honest.scene, 20.0))) else { return Ok(()) };
-    let plan = plan(TesterKind::Raster);
-    let bound = plan.epsilon.pixels() + SURFACE_SLACK_PX;
+    let plan = plan(OcclusionTestKind::Raster);
+    let bound = plan.lod.epsilon_px() + SURFACE_SLACK_PX;
     let [outline, surface] = farthest_off(&honest, &plan)?;
     assert!(outline <= bound && surface <= bound, "off by {outline} and {surface} px");
     assert!(surface > 0.0, "levels were chosen");
@@ -133,22 +132,22 @@ fn levels_that_claim_too_much_are_found_out() -> Result<(), Box<dyn Error>> {
 }
 
 #[test]
-fn every_tester_shows_the_unculled_cut() -> Result<(), Box<dyn Error>> {
+fn every_occlusion_test_shows_the_unculled_cut() -> Result<(), Box<dyn Error>> {
     let Some(devices) = plant_on_devices() else { return Ok(()) };
     let mut pictures = Vec::new();
-    for tester in TesterKind::ALL {
-        let plan = plan(tester);
+    for occlusion_test in OcclusionTestKind::ALL {
+        let plan = plan(occlusion_test);
         let records = walk_in_process(&devices, &plan, &automatic(&devices, &plan));
-        let rule = LodRule::new(plan.epsilon.pixels())?;
+        let rule = plan.lod;
         let [_, _, display] = &devices.drawn;
-        let mut auditor = Auditor::new(&devices.scene, display, plan.size, rule)?;
-        let mut machine = VulkanCuller::new(display, plan.size, tester)?;
+        let mut auditor = Auditor::new(&devices.scene, display, plan.viewport, rule)?;
+        let mut machine = VulkanCuller::new(display, plan.viewport, occlusion_test)?;
         let mut seen = 0;
         for (index, record) in records.iter().enumerate() {
             let mut frame = Frame::default();
             auditor.audit(&mut machine, &records[..=index], false, &mut frame, &mut Default::default())?;
-            assert_eq!(frame.false_culled_pixels, Some(0), "{tester}: {}", record.camera.frame());
-            assert_eq!(frame.cut_mismatch_pixels, Some(0), "{tester}: {}", record.camera.frame());
+            assert_eq!(frame.false_culled_pixels, Some(0), "{occlusion_test}: {}", record.camera.frame());
+            assert_eq!(frame.cut_mismatch_pixels, Some(0), "{occlusion_test}: {}", record.camera.frame());
             let exact = frame.nodes_exact.unwrap() as usize;
             assert!(exact > 0, "something shows");
             seen += exact;
@@ -159,11 +158,11 @@ fn every_tester_shows_the_unculled_cut() -> Result<(), Box<dyn Error>> {
         // The walk looks where there is most to see: of 2544 drawables 1550 own a pixel, and culling leaves
         // 300 of the others.
         let (hidden, culled) = (cut - seen, cut - drawn);
-        assert!(culled * 5 > hidden * 3, "{tester} culled {culled} of {hidden} that are hidden");
+        assert!(culled * 5 > hidden * 3, "{occlusion_test} culled {culled} of {hidden} that are hidden");
     }
     assert!(
         pictures.windows(2).all(|pair| pair[0] == pair[1]),
-        "the testers differ in what they draw, not in what shows"
+        "the occlusion tests differ in what they draw, not in what shows"
     );
     assert_no_validation_messages(&devices);
     Ok(())

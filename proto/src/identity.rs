@@ -146,7 +146,7 @@ impl CloseCode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BatchSize, EpsilonPx, FrameNumber, IdCoding, PictureSize, TesterKind};
+    use crate::{BatchSize, FrameNumber, IdCoding, LodRule, OcclusionTestKind, Viewport};
 
     const SCENE: SceneHash = SceneHash(0xfeed);
 
@@ -156,13 +156,12 @@ mod tests {
 
     fn settings(width: u32) -> Settings {
         Settings {
-            size: PictureSize::new(width, 480).unwrap(),
-            epsilon: EpsilonPx::new(2.0).unwrap(),
+            viewport: Viewport::new(width, 480).unwrap(),
+            lod: LodRule::new(2.0).unwrap(),
             batch: BatchSize::default(),
             coding: IdCoding::Plain,
-            tester: TesterKind::Raster,
+            occlusion_test: OcclusionTestKind::Raster,
             lockstep: true,
-            few_pixels: false,
             first: FrameNumber(0),
             frames: Some(200),
         }

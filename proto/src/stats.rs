@@ -75,7 +75,7 @@ pub struct CullCounts {
     /// Visible untested: a coordinate is not a finite f32.
     pub not_finite: u32,
     /// Drawn too coarsely because they show at few pixels
-    /// ([`Settings::few_pixels`](crate::Settings::few_pixels)).
+    /// ([`LodRule::stopping_at_few_pixels`](crate::LodRule::stopping_at_few_pixels)).
     pub few_pixels: u32,
     /// Drawables sent.
     pub emitted: u32,

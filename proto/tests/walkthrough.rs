@@ -3,9 +3,9 @@
 
 use bytes::Bytes;
 use trimaran_proto::{
-    BatchSize, CloseCode, CodedViolation, CodingFault, CullCounts, EpsilonPx, FrameNumber, FrameStats,
-    IdBatch, IdCoding, Identity, PictureSize, RejectionCode, Role, RoleMessage, SceneHash, SentBytes,
-    Settings, TesterKind, Walkthrough,
+    BatchSize, CloseCode, CodedViolation, CodingFault, CullCounts, FrameNumber, FrameStats, IdBatch,
+    IdCoding, Identity, LodRule, OcclusionTestKind, RejectionCode, Role, RoleMessage, SceneHash, SentBytes,
+    Settings, Viewport, Walkthrough,
 };
 use trimaran_wire::{
     BatchDecoder, BatchEncoder, Batching, CloseReason, CodingError, Delivery, Explanation, FrameEnd,
@@ -17,13 +17,12 @@ type Decoder = Box<dyn BatchDecoder<trimaran_proto::DrawableId>>;
 
 fn settings() -> Settings {
     Settings {
-        size: PictureSize::new(65_536, 65_536).unwrap(),
-        epsilon: EpsilonPx::new(2.0).unwrap(),
+        viewport: Viewport::new(65_536, 65_536).unwrap(),
+        lod: LodRule::new(2.0).unwrap().stopping_at_few_pixels(true),
         batch: BatchSize::MAX,
         coding: IdCoding::Changes,
-        tester: TesterKind::Hzb,
+        occlusion_test: OcclusionTestKind::Hzb,
         lockstep: true,
-        few_pixels: true,
         first: FrameNumber(u32::MAX),
         frames: Some(u32::MAX),
     }

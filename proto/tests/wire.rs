@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 
 use bytes::{Bytes, BytesMut};
 use trimaran_proto::{
-    BatchSize, Camera, CloseCode, CullCounts, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdBatch,
-    IdCoding, Identity, PictureSize, RejectionCode, Role, RoleMessage, SceneHash, Settings, TesterKind,
+    BatchSize, Camera, CloseCode, CullCounts, DrawableId, FrameNumber, FrameStats, IdBatch, IdCoding,
+    Identity, LodRule, OcclusionTestKind, RejectionCode, Role, RoleMessage, SceneHash, Settings, Viewport,
     Walkthrough,
 };
 use trimaran_wire::{
@@ -29,13 +29,12 @@ fn camera() -> Camera {
 
 fn display() -> Identity {
     let settings = Settings {
-        size: PictureSize::new(1024, 768).unwrap(),
-        epsilon: EpsilonPx::new(2.0).unwrap(),
+        viewport: Viewport::new(1024, 768).unwrap(),
+        lod: LodRule::new(2.0).unwrap(),
         batch: BatchSize::new(256).unwrap(),
         coding: IdCoding::Changes,
-        tester: TesterKind::Raster,
+        occlusion_test: OcclusionTestKind::Raster,
         lockstep: true,
-        few_pixels: false,
         first: FrameNumber(0),
         frames: Some(200),
     };

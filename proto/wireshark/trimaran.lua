@@ -19,7 +19,7 @@ local ROLES = { [0] = "switch A", "switch B", "display" }
 local LANES = { [0] = "latest", "frames", "messages" }
 local MESSAGES = { [0] = "stats" }
 local CODINGS = { [0] = "plain", "changes" }
-local TESTERS = { [0] = "query", "raster", "hzb" }
+local OCCLUSION_TESTS = { [0] = "query", "raster", "hzb" }
 local REASONS = {
   [0] = "versions differ", "the applications differ", "the application does not take the peer", "the role is taken",
   "the lane came twice", "another lane did not come in time", "too many handshakes under way",
@@ -49,7 +49,7 @@ local f = {
   epsilon = ProtoField.double("trimaran.settings.epsilon", "Epsilon (px)"),
   batch = ProtoField.uint32("trimaran.settings.batch", "Ids a batch"),
   coding = ProtoField.uint8("trimaran.settings.coding", "Coding", base.DEC, CODINGS),
-  tester = ProtoField.uint8("trimaran.settings.tester", "Tester", base.DEC, TESTERS),
+  occlusion_test = ProtoField.uint8("trimaran.settings.occlusion_test", "Occlusion test", base.DEC, OCCLUSION_TESTS),
   lockstep = ProtoField.bool("trimaran.settings.lockstep", "Lockstep"),
   few = ProtoField.bool("trimaran.settings.few_pixels", "Few pixels"),
   first = ProtoField.uint32("trimaran.settings.first", "First frame"),
@@ -228,11 +228,11 @@ local function settings(r, tree)
   add_varint(tree, f.width, r)
   add_varint(tree, f.height, r)
   tree:add_le(f.epsilon, r.take(8))
+  tree:add(f.few, r.take(1))
   add_varint(tree, f.batch, r)
   add_varint(tree, f.coding, r)
-  add_varint(tree, f.tester, r)
+  add_varint(tree, f.occlusion_test, r)
   tree:add(f.lockstep, r.take(1))
-  tree:add(f.few, r.take(1))
   add_varint(tree, f.first, r)
   if r.take(1):uint() == 1 then add_varint(tree, f.frames, r) end
 end

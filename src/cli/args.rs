@@ -12,7 +12,7 @@ use clap_complete::Shell;
 pub(crate) use roles::{DoctorArgs, KeysCommand, LinkFlags, RoleArgs, RoleCommand, RoleName};
 pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, Up};
 pub(crate) use sim::{SimArgs, SimLink};
-pub(crate) use walks::{Coding, DemoArgs, LinkKind, RunArgs, Size, SweepArgs, Tester, WalkArgs};
+pub(crate) use walks::{Coding, DemoArgs, LinkKind, OcclusionTestArg, RunArgs, Size, SweepArgs, WalkArgs};
 
 use super::{netem::NetemArgs, ping::PingArgs, stat::StatArgs};
 

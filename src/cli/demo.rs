@@ -6,7 +6,7 @@ use trimaran_gpu::GpuOptions;
 
 use super::{
     Failure,
-    args::{Coding, DemoArgs, RunArgs, Size, Tester, WalkArgs},
+    args::{Coding, DemoArgs, OcclusionTestArg, RunArgs, Size, WalkArgs},
     cooking, run,
 };
 
@@ -31,7 +31,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         size: Size { width: 1024, height: 1024 },
         batch: 1024,
         coding: Coding::Changes,
-        tester: Tester::Hzb,
+        occlusion_test: OcclusionTestArg::Hzb,
         few_pixels: false,
         device: None,
         device_timeout: GpuOptions::TIMEOUT.as_secs_f64(),

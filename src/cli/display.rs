@@ -190,8 +190,8 @@ impl DisplaySession<'_> {
                 recorder.write_into(journal.map_err(|error| RoleError::Observer(error.into()))?);
             }
             let device =
-                VulkanDisplay::new(self.drawn, settings.size).map_err(RoleError::device("opening it"))?;
-            Ok(ScenePictures::new(&self.file.scene, device, &settings)?)
+                VulkanDisplay::new(self.drawn, settings.viewport).map_err(RoleError::device("opening it"))?;
+            Ok(ScenePictures::new(&self.file.scene, device, &settings))
         };
         let work = match prepare() {
             Ok(work) => work,

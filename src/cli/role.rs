@@ -13,7 +13,7 @@ use trimaran_actors::{
     CullerIndex, CullerSession, PeerEndpoint, RoleError, SceneCulling, SessionError, SessionEvent, Turns,
     max_frame,
 };
-use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, Role, Settings};
+use trimaran_proto::{BatchSize, LodRule, Role, Settings, Viewport};
 use trimaran_transport::{Endpoint, Net, Options, TokioNet, causes, sleep_until};
 
 use super::{
@@ -94,9 +94,9 @@ fn switch((config, options): &(SwitchConfig, Options), runtime: &Runtime) -> Res
         timeouts,
         turns: turns.clone(),
         work: |settings: &Settings| {
-            let device = VulkanCuller::new(&drawn, settings.size, settings.tester);
+            let device = VulkanCuller::new(&drawn, settings.viewport, settings.occlusion_test);
             let device = device.map_err(RoleError::device("opening it"))?;
-            Ok(SceneCulling::new(&file.scene, device, settings, &turns)?)
+            Ok(SceneCulling::new(&file.scene, device, settings, &turns))
         },
         watch: |event: SessionEvent<'_>| match event {
             SessionEvent::Joined(joined) => {
@@ -132,7 +132,7 @@ fn display((config, options): &(DisplayConfig, Options), runtime: &Runtime) -> R
     let Some(folder) = start.until(async || open_folder(&config.out))? else { return Ok(()) };
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
-    let path = CameraPath::find(&choice, &file.scene, plan.size, config.session.frames)
+    let path = CameraPath::find(&choice, &file.scene, plan.viewport, config.session.frames)
         .map_err(Failure::bad_input)?;
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
     let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };
@@ -166,13 +166,14 @@ fn display((config, options): &(DisplayConfig, Options), runtime: &Runtime) -> R
 /// What the configuration asks for.
 fn session_plan(session: &SessionConfig) -> Result<Plan, Failure> {
     Ok(Plan {
-        size: PictureSize::new(session.width, session.height).map_err(Failure::bad_input)?,
-        epsilon: EpsilonPx::new(session.epsilon_px).map_err(Failure::bad_input)?,
+        viewport: Viewport::new(session.width, session.height).map_err(Failure::bad_input)?,
+        lod: LodRule::new(session.epsilon_px)
+            .map_err(Failure::bad_input)?
+            .stopping_at_few_pixels(session.few_pixels),
         batch: BatchSize::new(session.batch.into()).map_err(Failure::bad_input)?,
         coding: session.coding.parse().map_err(Failure::bad_input)?,
-        tester: session.tester.parse().map_err(Failure::bad_input)?,
+        occlusion_test: session.occlusion_test.parse().map_err(Failure::bad_input)?,
         pace: walking::pace(session.live_hz),
-        few_pixels: session.few_pixels,
         audit_every: session.audit_every,
         visible: session.visible,
         alone: false,

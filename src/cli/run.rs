@@ -111,7 +111,7 @@ pub(super) fn walk(
     let (scene, timeouts) = (Arc::clone(&file.scene), JoinTimeouts::ONCE);
     let cullers = LocalCullers { scene, display, meet, options, timeouts, turns };
     let device = |culler: CullerIndex, settings: &Settings| {
-        Ok(VulkanCuller::new(&drawn[culler.index()], settings.size, settings.tester)?)
+        Ok(VulkanCuller::new(&drawn[culler.index()], settings.viewport, settings.occlusion_test)?)
     };
     session.show(&runtime, &stop, pending(), |walk| cullers.beside(device, runtime.handle(), &stop, walk))
 }

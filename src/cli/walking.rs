@@ -17,33 +17,32 @@ use trimaran::{
 };
 use trimaran_actors::{JoinError, JoinTimeouts, Link, Stop, again};
 use trimaran_gpu::{DeviceChoice, Gpu, GpuOptions, GpuScene};
-use trimaran_proto::{BatchSize, EpsilonPx, PictureSize, TesterKind};
+use trimaran_proto::{BatchSize, LodRule, OcclusionTestKind, Viewport};
 use trimaran_scene::Scene;
 use trimaran_transport::{Net, TokioNet};
 
 use super::{
     Failure,
-    args::{Tester, WalkArgs},
+    args::{OcclusionTestArg, WalkArgs},
 };
 
 /// The plan that the flags ask for.
 pub(super) fn plan(walk: &WalkArgs, epsilon_px: f64, visible: bool, pace: Pace) -> Result<Plan, Failure> {
-    if walk.few_pixels && walk.tester == Tester::Hzb {
-        let why = "--few-pixels needs a tester that counts pixels: add --tester raster or --tester query";
+    if walk.few_pixels && walk.occlusion_test == OcclusionTestArg::Hzb {
+        let why = "--few-pixels needs an occlusion test that counts pixels: add --occlusion-test raster or --occlusion-test query";
         return Err(Failure::bad_input(why));
     }
     Ok(Plan {
-        size: PictureSize::new(walk.size.width, walk.size.height).map_err(Failure::bad_input)?,
-        epsilon: EpsilonPx::new(epsilon_px).map_err(Failure::bad_input)?,
+        viewport: Viewport::new(walk.size.width, walk.size.height).map_err(Failure::bad_input)?,
+        lod: LodRule::new(epsilon_px).map_err(Failure::bad_input)?.stopping_at_few_pixels(walk.few_pixels),
         batch: BatchSize::new(walk.batch.into()).map_err(Failure::bad_input)?,
         coding: walk.coding.into(),
-        tester: match walk.tester {
-            Tester::Query => TesterKind::Query,
-            Tester::Raster => TesterKind::Raster,
-            Tester::Hzb => TesterKind::Hzb,
+        occlusion_test: match walk.occlusion_test {
+            OcclusionTestArg::Query => OcclusionTestKind::Query,
+            OcclusionTestArg::Raster => OcclusionTestKind::Raster,
+            OcclusionTestArg::Hzb => OcclusionTestKind::Hzb,
         },
         pace,
-        few_pixels: walk.few_pixels,
         audit_every: walk.audit_every,
         visible,
         alone: walk.alone,
@@ -58,7 +57,7 @@ pub(super) fn pace(live_hz: Option<f64>) -> Pace {
 /// The path that the flags ask for, through `scene`.
 pub(super) fn path(walk: &WalkArgs, plan: &Plan, scene: &Scene) -> Result<CameraPath, Failure> {
     let choice = PathChoice::parse(&walk.path, walk.seed);
-    CameraPath::find(&choice, scene, plan.size, walk.frames).map_err(Failure::bad_input)
+    CameraPath::find(&choice, scene, plan.viewport, walk.frames).map_err(Failure::bad_input)
 }
 
 /// Opens a cooked scene.

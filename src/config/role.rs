@@ -4,7 +4,7 @@ use std::{net::SocketAddr, path::PathBuf};
 
 use confique::Config;
 use serde::{Deserialize, Serialize};
-use trimaran_proto::{IdCoding, TesterKind};
+use trimaran_proto::{IdCoding, OcclusionTestKind};
 use trimaran_transport::{Endpoint, Endpoints};
 
 use super::{ConfigError, RoleConfig, positive, seconds};
@@ -230,10 +230,10 @@ pub struct SessionConfig {
     #[config(
         env = "TRIMARAN_SESSION_TESTER",
         default = "hzb",
-        validate(tester.parse::<TesterKind>().is_ok(), "give query, raster or hzb"),
+        validate(occlusion_test.parse::<OcclusionTestKind>().is_ok(), "give query, raster or hzb"),
         layer_attr(arg(long, value_name = "TESTER"))
     )]
-    pub tester: String,
+    pub occlusion_test: String,
     /// Walk by the clock, so many poses of the path a second; without it every pose is a frame.
     #[config(
         env = "TRIMARAN_SESSION_LIVE_HZ",
@@ -248,7 +248,7 @@ pub struct SessionConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub live_hz: Option<f64>,
     /// Whether culling stops at what shows at fewer pixels than epsilon (paper, section 4.5.2); not with the
-    /// tester `hzb`.
+    /// occlusion test `hzb`.
     #[config(
         env = "TRIMARAN_SESSION_FEW_PIXELS",
         default = false,
@@ -304,8 +304,8 @@ impl RoleConfig for DisplayConfig {
     }
 
     fn check(&self) -> Result<(), ConfigError> {
-        if self.session.few_pixels && self.session.tester == "hzb" {
-            let why = "it needs the tester query or raster";
+        if self.session.few_pixels && self.session.occlusion_test == "hzb" {
+            let why = "it needs the occlusion test query or raster";
             return Err(ConfigError::Value { key: "session.few_pixels", why });
         }
         Ok(())

@@ -34,7 +34,7 @@ fn a_short_configuration_is_filled_with_defaults_and_paths_start_beside_it() {
     let (config, options) = DisplayConfig::load(Layer::empty(), &[], Some(&path)).unwrap();
     assert_eq!(options, Options::default());
     assert_eq!(config.session, defaults());
-    assert_eq!((config.session.width, config.session.tester.as_str()), (1024, "hzb"));
+    assert_eq!((config.session.width, config.session.occlusion_test.as_str()), (1024, "hzb"));
     assert_eq!(config.scene, dir.path().join("a.scene"));
     assert_eq!(config.keys, Some(dir.path().join("k/one.key")));
     assert_eq!(config.out, Path::new("/tmp/x"));
@@ -109,7 +109,7 @@ fn values_outside_their_range_are_refused_by_line_and_key() {
         "session.frames = 0",
         "session.live_hz = 0",
         "session.coding = 'zip'",
-        "session.tester = 'guess'",
+        "session.occlusion_test = 'guess'",
         "join_timeout_s = -1",
         "link.timeout_s = 1e9",
         "quic.congestion = 'reno'",

@@ -35,7 +35,7 @@ pub(super) fn run() -> Run {
             sources: vec!["area.RVM".to_owned(), "</script><script>alert(1)</script>.RVM".to_owned()],
         },
         epsilon_px: 2.0,
-        tester: "raster".to_owned(),
+        occlusion_test: "raster".to_owned(),
         batch: 1024,
         coding: Some("plain".to_owned()),
         link: "inproc".to_owned(),

@@ -27,13 +27,13 @@ const PRINTED: [&str; 15] = [
 pub fn summary(report: &Report) -> String {
     let summary = &report.summary;
     let mut out = format!(
-        "{}: {} at {} x {}, epsilon {} px, tester {}, link {}\n\n",
+        "{}: {} at {} x {}, epsilon {} px, occlusion test {}, link {}\n\n",
         report.run.scene.file,
         plural(u64::from(summary.frames), "frame", "frames"),
         report.width,
         report.height,
         figure(report.run.epsilon_px),
-        report.run.tester,
+        report.run.occlusion_test,
         report.run.link
     );
     let rows: Vec<Vec<String>> = PRINTED

@@ -3,7 +3,7 @@
 use thiserror::Error;
 use trimaran_actors::SessionError;
 use trimaran_netsim::{CaptureError, Stalled};
-use trimaran_proto::SettingsError;
+use trimaran_proto::{LodRuleError, SettingsError};
 use trimaran_transport::keys::KeysError;
 use trimaran_transport::{EndpointError, EndpointFault};
 
@@ -23,6 +23,9 @@ pub enum SimulateError {
     /// The session's settings.
     #[error(transparent)]
     Settings(#[from] SettingsError),
+    /// The rule for levels of detail.
+    #[error(transparent)]
+    Rule(#[from] LodRuleError),
     /// A role ended early.
     #[error("the {role} failed on {network} over {link}")]
     Role {

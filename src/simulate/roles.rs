@@ -10,7 +10,7 @@ use trimaran_actors::{
 };
 use trimaran_netsim::Machines;
 use trimaran_proto::{
-    DrawableId, EpsilonPx, FrameNumber, Identity, PictureSize, Role, SceneHash, Settings, TesterKind,
+    DrawableId, FrameNumber, Identity, LodRule, OcclusionTestKind, Role, SceneHash, Settings, Viewport,
 };
 use trimaran_transport::keys::{Keys, KnownPeer, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
@@ -56,13 +56,12 @@ impl Roles {
         let Scenario { network, link, batch, frames, workload, knobs, .. } = scenario;
         let (_, Machines { first, display, .. }) = network.topology();
         let settings = Settings {
-            size: PictureSize::new(1024, 1024)?,
-            epsilon: EpsilonPx::new(2.0)?,
+            viewport: Viewport::new(1024, 1024)?,
+            lod: LodRule::new(2.0)?,
             batch: *batch,
             coding: knobs.coding,
-            tester: TesterKind::Hzb,
+            occlusion_test: OcclusionTestKind::Hzb,
             lockstep: true,
-            few_pixels: false,
             first: FrameNumber(0),
             frames: Some(*frames),
         };

@@ -98,9 +98,9 @@ impl Trace {
         }
         Ok(Self {
             scene,
-            size: [plan.size.width(), plan.size.height()],
-            epsilon_px: plan.epsilon.pixels(),
-            few_pixels: plan.few_pixels,
+            size: [plan.viewport.width(), plan.viewport.height()],
+            epsilon_px: plan.lod.epsilon_px(),
+            few_pixels: plan.lod.stops_at_few_pixels(),
             batch: u32::try_from(plan.batch.items()).unwrap_or(u32::MAX),
             frames,
         })

@@ -69,9 +69,10 @@ impl SceneOnDevices {
             session.turns = Turns::alone();
         }
         let [.., display] = &self.drawn;
-        let display = VulkanDisplay::new(display, plan.size)?;
-        let device =
-            |culler: CullerIndex| Ok(VulkanCuller::new(&self.drawn[culler.index()], plan.size, plan.tester)?);
+        let display = VulkanDisplay::new(display, plan.viewport)?;
+        let device = |culler: CullerIndex| {
+            Ok(VulkanCuller::new(&self.drawn[culler.index()], plan.viewport, plan.occlusion_test)?)
+        };
         let mut cameras = path.cameras(plan.pace);
         session.run(device, display, &mut *cameras, observer, runtime, stop)?;
         Ok(())

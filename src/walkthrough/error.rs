@@ -2,7 +2,6 @@
 
 use thiserror::Error;
 use trimaran_audit::metrics::MetricError;
-use trimaran_cull::LodRuleError;
 use trimaran_gpu::GpuError;
 
 use super::audit::AuditError;
@@ -27,9 +26,6 @@ pub enum ReportingError {
     /// The system gave no thread to write on.
     #[error("cannot start a thread to write on")]
     Thread(#[source] std::io::Error),
-    /// The error bound is none.
-    #[error(transparent)]
-    Rule(#[from] LodRuleError),
     /// A picture does not fit its size.
     #[error(transparent)]
     Metric(#[from] MetricError),

@@ -7,7 +7,7 @@ use std::{
 
 use thiserror::Error;
 use trimaran_actors::{Cameras, Stopwatch};
-use trimaran_cull::{Viewport, aspect};
+use trimaran_cull::Viewport;
 use trimaran_proto::{Camera, CameraError, FrameNumber};
 use trimaran_scene::{
     Scene,
@@ -108,7 +108,7 @@ impl CameraPath {
         };
         let near = walk.near().unwrap_or_else(|| default_near(scene));
         let camera = |(frame, pose): (usize, &trimaran_scene::walk::WalkFrame)| {
-            pose.camera(walk.vfov_deg(), aspect(viewport), near, FrameNumber(0))
+            pose.camera(walk.vfov_deg(), viewport.aspect(), near, FrameNumber(0))
                 .map_err(|cause| CameraPathError::Camera { frame, cause })
         };
         let poses: Vec<Camera> = walk.frames().iter().enumerate().map(camera).collect::<Result<_, _>>()?;

@@ -1,6 +1,6 @@
 //! How to walk.
 
-use trimaran_proto::{BatchSize, EpsilonPx, FrameNumber, IdCoding, PictureSize, Settings, TesterKind};
+use trimaran_proto::{BatchSize, FrameNumber, IdCoding, LodRule, OcclusionTestKind, Settings, Viewport};
 
 /// How the poses of a path become frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,20 +19,18 @@ pub enum Pace {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plan {
     /// The picture's size.
-    pub size: PictureSize,
-    /// The largest error on the screen.
-    pub epsilon: EpsilonPx,
+    pub viewport: Viewport,
+    /// When a level of detail is good enough. A rule that stops at few pixels needs an occlusion test that
+    /// counts them.
+    pub lod: LodRule,
     /// How many ids travel in a batch.
     pub batch: BatchSize,
     /// How ids travel between processes.
     pub coding: IdCoding,
     /// What tests boxes.
-    pub tester: TesterKind,
+    pub occlusion_test: OcclusionTestKind,
     /// How poses become frames.
     pub pace: Pace,
-    /// Whether culling stops at nodes that show at fewer pixels than epsilon (paper, section 4.5.2). Needs a
-    /// tester that counts pixels.
-    pub few_pixels: bool,
     /// Every how many frames one is checked against the truth; 0 for none.
     pub audit_every: u32,
     /// Whether audited frames name what is exactly visible at full detail.
@@ -48,13 +46,12 @@ impl Plan {
     #[must_use]
     pub const fn settings(&self, frames: u32) -> Settings {
         Settings {
-            size: self.size,
-            epsilon: self.epsilon,
+            viewport: self.viewport,
+            lod: self.lod,
             batch: self.batch,
             coding: self.coding,
-            tester: self.tester,
+            occlusion_test: self.occlusion_test,
             lockstep: matches!(self.pace, Pace::Lockstep),
-            few_pixels: self.few_pixels,
             first: FrameNumber(0),
             frames: match self.pace {
                 Pace::Lockstep => Some(frames),

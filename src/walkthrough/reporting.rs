@@ -4,7 +4,7 @@ use std::{ops::ControlFlow, path::PathBuf, sync::Arc, time::SystemTime};
 
 use trimaran_actors::{RoleError, SessionError};
 use trimaran_audit::metrics::ImageRef;
-use trimaran_cull::{Image, LodRule};
+use trimaran_cull::Image;
 use trimaran_gpu::{GpuInfo, GpuScene};
 use trimaran_scene::Scene;
 use trimaran_transport::causes;
@@ -147,9 +147,9 @@ fn draw(
     frames: &mut [Frame],
     progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
 ) -> Result<(), ReportingError> {
-    let rule = LodRule::new(plan.epsilon.pixels())?.stopping_at_few_pixels(plan.few_pixels);
-    let mut auditor = Auditor::new(&file.scene, drawn, plan.size, rule)?;
-    let mut machine = VulkanCuller::new(drawn, plan.size, plan.tester)?;
+    let rule = plan.lod;
+    let mut auditor = Auditor::new(&file.scene, drawn, plan.viewport, rule)?;
+    let mut machine = VulkanCuller::new(drawn, plan.viewport, plan.occlusion_test)?;
     let mut pictures = AuditPictures::default();
     for (index, (frame, record)) in frames.iter_mut().zip(records).enumerate() {
         let number = frame.frame;
@@ -196,8 +196,8 @@ fn report(
     ended: Ended,
 ) -> Report {
     let projection = Projection {
-        width: plan.size.width(),
-        height: plan.size.height(),
+        width: plan.viewport.width(),
+        height: plan.viewport.height(),
         vfov_deg: path.vfov_deg(),
         near: path.near().into(),
     };
@@ -220,8 +220,8 @@ fn run(file: &SceneFile, plan: &Plan, about: &ReportPlan) -> Run {
         started: timestamp(about.started),
         roles: about.devices.iter().map(role).collect(),
         scene: scene_info(file),
-        epsilon_px: plan.epsilon.pixels(),
-        tester: plan.tester.name().to_owned(),
+        epsilon_px: plan.lod.epsilon_px(),
+        occlusion_test: plan.occlusion_test.name().to_owned(),
         batch: u32::try_from(plan.batch.items()).unwrap_or(u32::MAX),
         coding: Some(plan.coding.name().to_owned()),
         link: about.link.clone(),

@@ -6,7 +6,7 @@ use tokio::runtime::{Builder, Runtime};
 use trimaran::vulkan::VulkanDisplay;
 use trimaran::walkthrough::{CameraPath, FrameRecord, PathChoice, Plan, Recorder, SceneOnDevices};
 use trimaran_actors::{CullerDevice, CullerIndex, LocalSession, Stop};
-use trimaran_cull::{LodRule, View, lod_cut};
+use trimaran_cull::{View, lod_cut};
 use trimaran_scene::Scene;
 
 use super::ports::unused_port;
@@ -23,7 +23,7 @@ pub(crate) fn camera_path(
     path: &PathChoice,
     frames: u32,
 ) -> CameraPath {
-    CameraPath::find(path, &devices.scene, plan.size, Some(frames)).unwrap()
+    CameraPath::find(path, &devices.scene, plan.viewport, Some(frames)).unwrap()
 }
 
 /// Walks with the three roles in this process; every picture is read back.
@@ -40,7 +40,7 @@ pub(crate) fn walk_with<P: CullerDevice>(
     path: &CameraPath,
     culler: impl Fn(CullerIndex) -> P + Sync,
 ) -> Vec<FrameRecord> {
-    let display = VulkanDisplay::new(&devices.drawn[2], plan.size).unwrap();
+    let display = VulkanDisplay::new(&devices.drawn[2], plan.viewport).unwrap();
     let session = LocalSession::new(&devices.scene, plan.settings(path.frames()));
     let device = |index| Ok(culler(index));
     recorded(|recorder, runtime, stop| {
@@ -75,8 +75,8 @@ pub(crate) fn essence(records: &[FrameRecord]) -> Vec<(Vec<u32>, u64)> {
 
 /// How many drawables the frame's level cut has before culling.
 pub(crate) fn uncut_count(devices: &SceneOnDevices, plan: &Plan, record: &FrameRecord) -> usize {
-    let view = View::new(record.camera, plan.size);
-    lod_cut(&devices.scene, &view, LodRule::new(plan.epsilon.pixels()).unwrap()).len()
+    let view = View::new(record.camera, plan.viewport);
+    lod_cut(&devices.scene, &view, plan.lod).len()
 }
 
 /// Fails if the validation layer had anything to say.

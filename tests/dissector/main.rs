@@ -19,8 +19,8 @@ use trimaran::walkthrough::{FrameRecord, Pace, Plan};
 use trimaran_actors::{FrameEvent, FrameStart, Listener};
 use trimaran_netsim::Profile;
 use trimaran_proto::{
-    BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, Identity, PictureSize, Role,
-    SceneHash, SentBytes, TesterKind, Walkthrough,
+    BatchSize, Camera, DrawableId, FrameNumber, FrameStats, IdCoding, Identity, LodRule, OcclusionTestKind,
+    Role, SceneHash, SentBytes, Viewport, Walkthrough,
 };
 use trimaran_transport::{Lane, Net, Options, SessionId, TokioNet, connect, sleep_until};
 use trimaran_wire::{Hello, Message, Protocol, ProtocolName};
@@ -105,13 +105,12 @@ impl Capture {
 /// A walk whose frames lose and win some ids.
 fn walk() -> Workload {
     let plan = Plan {
-        size: PictureSize::new(64, 64).unwrap(),
-        epsilon: EpsilonPx::new(2.0).unwrap(),
+        viewport: Viewport::new(64, 64).unwrap(),
+        lod: LodRule::new(2.0).unwrap(),
         batch: BatchSize::new(64).unwrap(),
         coding: IdCoding::Changes,
-        tester: TesterKind::Hzb,
+        occlusion_test: OcclusionTestKind::Hzb,
         pace: Pace::Lockstep,
-        few_pixels: false,
         audit_every: 0,
         visible: false,
         alone: false,

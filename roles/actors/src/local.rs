@@ -68,7 +68,7 @@ impl LocalCullers {
                 turns: turns.clone(),
                 work: |settings: &Settings| {
                     let device = device(index, settings).map_err(RoleError::device("opening it"))?;
-                    Ok(SceneCulling::new(scene, device, settings, turns)?)
+                    Ok(SceneCulling::new(scene, device, settings, turns))
                 },
                 watch: |_: SessionEvent<'_>| {},
             };
@@ -152,7 +152,7 @@ impl LocalSession {
             timeouts,
             turns: turns.clone(),
         };
-        let work = ScenePictures::new(&scene, display, &settings).map_err(RoleError::from)?;
+        let work = ScenePictures::new(&scene, display, &settings);
         let show = || {
             let [first, second] = runtime.block_on(await_cullers(listener, deadline))?;
             let role = DisplayRole { work, first, second, settings, net, turns };

@@ -24,8 +24,8 @@ use trimaran_cull::{
     Culler, DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport,
 };
 use trimaran_proto::{
-    BatchSize, Camera, CloseCode, DrawableId, EpsilonPx, FrameNumber, IdCoding, Identity, PictureSize, Role,
-    Settings, TesterKind, Walkthrough,
+    BatchSize, Camera, CloseCode, DrawableId, FrameNumber, IdCoding, Identity, OcclusionTestKind, Role,
+    Settings, Walkthrough,
 };
 use trimaran_scene::Scene;
 use trimaran_transport::{CloseReason, Instant, LinkConfig, Net, Options, RecvError, TokioNet, inproc};
@@ -200,13 +200,12 @@ impl House {
 
     fn settings(&self, first: u32) -> Settings {
         Settings {
-            size: PictureSize::new(SIDE, SIDE).unwrap(),
-            epsilon: EpsilonPx::new(EPSILON_PX).unwrap(),
+            viewport: Viewport::new(SIDE, SIDE).unwrap(),
+            lod: LodRule::new(EPSILON_PX).unwrap(),
             batch: BatchSize::default(),
             coding: IdCoding::Plain,
-            tester: TesterKind::Raster,
+            occlusion_test: OcclusionTestKind::Raster,
             lockstep: true,
-            few_pixels: false,
             first: FrameNumber(first),
             frames: Some(FRAMES),
         }
@@ -261,7 +260,7 @@ impl House {
         settings: Settings,
     ) -> CullerRole<SceneCulling<Device>> {
         let turns = Turns::at_once();
-        let work = SceneCulling::new(&self.scene, device, &settings, &turns).unwrap();
+        let work = SceneCulling::new(&self.scene, device, &settings, &turns);
         CullerRole { index, work, display, other, settings, turns }
     }
 
@@ -273,7 +272,7 @@ impl House {
         settings: Settings,
     ) -> DisplayRole<ScenePictures<Device>> {
         let (net, turns) = (Arc::clone(&self.net), Turns::at_once());
-        let work = ScenePictures::new(&self.scene, device, &settings).unwrap();
+        let work = ScenePictures::new(&self.scene, device, &settings);
         DisplayRole { work, first, second, settings, net, turns }
     }
 

@@ -10,8 +10,8 @@ use trimaran_actors::{
     CullerIndex, JoinError, Joined, Link, Listener, PeerEndpoint, again, await_cullers, join_session,
 };
 use trimaran_proto::{
-    BatchSize, Camera, CloseCode, EpsilonPx, FrameNumber, IdCoding, Identity, PictureSize, Role, SceneHash,
-    Settings, TesterKind, Walkthrough,
+    BatchSize, Camera, CloseCode, FrameNumber, IdCoding, Identity, LodRule, OcclusionTestKind, Role,
+    SceneHash, Settings, Viewport, Walkthrough,
 };
 use trimaran_transport::{
     Endpoint, Instant, LinkConfig, Net, Options, RecvError, TokioNet, connect, sleep_until,
@@ -74,13 +74,12 @@ impl Meeting {
 
 fn settings(first: FrameNumber) -> Settings {
     Settings {
-        size: PictureSize::new(8, 8).unwrap(),
-        epsilon: EpsilonPx::new(2.0).unwrap(),
+        viewport: Viewport::new(8, 8).unwrap(),
+        lod: LodRule::new(2.0).unwrap(),
         batch: BatchSize::default(),
         coding: IdCoding::Plain,
-        tester: TesterKind::Raster,
+        occlusion_test: OcclusionTestKind::Raster,
         lockstep: true,
-        few_pixels: false,
         first,
         frames: None,
     }

@@ -13,8 +13,8 @@ use trimaran_cook::generate::{PlantOptions, plant};
 use trimaran_cook::{CookOptions, cook};
 use trimaran_cull::{DepthImage, Image, OcclusionTest, TestBox, View};
 use trimaran_proto::{
-    BatchSize, Camera, CloseCode, DrawableId, EpsilonPx, FrameNumber, IdCoding, Identity, PictureSize, Role,
-    SceneHash, Settings, TesterKind, Walkthrough,
+    BatchSize, Camera, CloseCode, DrawableId, FrameNumber, IdCoding, Identity, LodRule, OcclusionTestKind,
+    Role, SceneHash, Settings, Viewport, Walkthrough,
 };
 use trimaran_scene::Scene;
 use trimaran_transport::{CloseReason, LinkConfig, Net, RecvError, TokioNet, inproc};
@@ -80,13 +80,12 @@ impl Observer for Nobody {
 
 fn settings() -> Settings {
     Settings {
-        size: PictureSize::new(8, 8).unwrap(),
-        epsilon: EpsilonPx::new(2.0).unwrap(),
+        viewport: Viewport::new(8, 8).unwrap(),
+        lod: LodRule::new(2.0).unwrap(),
         batch: BatchSize::default(),
         coding: IdCoding::Plain,
-        tester: TesterKind::Raster,
+        occlusion_test: OcclusionTestKind::Raster,
         lockstep: true,
-        few_pixels: false,
         first: FrameNumber(0),
         frames: None,
     }
@@ -123,7 +122,7 @@ impl Setting {
         let ((first, liar), (second, _idle)) =
             (self.link(Role::Display, Role::SwitchA), self.link(Role::Display, Role::SwitchB));
         let (settings, net) = (settings(), Arc::clone(&self.net));
-        let work = ScenePictures::new(&self.scene, Idle, &settings).unwrap();
+        let work = ScenePictures::new(&self.scene, Idle, &settings);
         let role = DisplayRole { work, first, second, settings, net, turns: Turns::at_once() };
         let runtime = self.runtime.handle();
         let (_stopper, stop) = Stop::new();
@@ -141,7 +140,7 @@ impl Setting {
             (self.link(Role::SwitchB, Role::Display), self.link(Role::SwitchB, Role::SwitchA));
         show.latest_tx.publish(Still.camera(FrameNumber(1))).unwrap();
         let (settings, turns) = (settings(), Turns::at_once());
-        let work = SceneCulling::new(&self.scene, Idle, &settings, &turns).unwrap();
+        let work = SceneCulling::new(&self.scene, Idle, &settings, &turns);
         let index = CullerIndex::Second;
         let role = CullerRole { index, work, display, other, settings, turns };
         let runtime = self.runtime.handle();

@@ -20,8 +20,7 @@ use trimaran_cook::{
 };
 use trimaran_cull::{DepthImage, Image, NoOccluders, OcclusionTest, TestBox, View, Viewport};
 use trimaran_proto::{
-    BatchSize, Camera, DrawableId, EpsilonPx, FrameNumber, FrameStats, IdCoding, PictureSize, Settings,
-    TesterKind,
+    BatchSize, Camera, DrawableId, FrameNumber, FrameStats, IdCoding, LodRule, OcclusionTestKind, Settings,
 };
 use trimaran_scene::Scene;
 
@@ -152,13 +151,12 @@ fn scene() -> Arc<Scene> {
 /// A whole session, and the most devices that were busy at once.
 fn session(scene: &Arc<Scene>, batch: u32, turns: &Turns) -> (Record, u32) {
     let settings = Settings {
-        size: PictureSize::new(SIZE, SIZE).unwrap(),
-        epsilon: EpsilonPx::new(0.01).unwrap(),
+        viewport: Viewport::new(SIZE, SIZE).unwrap(),
+        lod: LodRule::new(0.01).unwrap(),
         batch: BatchSize::new(batch).unwrap(),
         coding: IdCoding::Plain,
-        tester: TesterKind::Hzb,
+        occlusion_test: OcclusionTestKind::Hzb,
         lockstep: true,
-        few_pixels: false,
         first: FrameNumber(0),
         frames: Some(FRAMES),
     };

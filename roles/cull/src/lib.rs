@@ -66,11 +66,11 @@ pub use boxes::{BoxMaker, DEPTH_ULPS, OUTLINE_PX, POSITION_ULPS, Prepared, Untes
 pub use depth::{DepthImage, DepthImageError, DepthPyramid};
 pub use hzb::{HzbError, HzbTest};
 pub use image::Image;
-pub use lod_cut::{Choice, LodCut, LodRule, LodRuleError, choose, lod_cut};
+pub use lod_cut::{Choice, LodCut, choose, lod_cut};
 pub use occluder_selection::{TriangleBudget, nearest_occluders, select_occluders};
 pub use occluders::{OccluderError, OccluderMapper, occluders};
 pub use occlusion_test::{Answer, NoOccluders, OcclusionTest, Outline, TestBox};
 pub use order::{DrawOrder, draw_order};
 pub use traverse::{CullError, CullStats, Culler, Traversal};
-pub use trimaran_proto::PictureSize as Viewport;
-pub use view::{View, aspect};
+pub use trimaran_proto::{LodRule, LodRuleError, Viewport};
+pub use view::View;

@@ -12,8 +12,9 @@ use thiserror::Error;
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, Scene};
 
+use crate::LodRule;
 use crate::View;
-use crate::lod_cut::{Choice, LodCut, LodRule};
+use crate::lod_cut::{Choice, LodCut};
 
 /// An id from another scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]

@@ -291,12 +291,13 @@ mod tests {
     use trimaran_scene::random::Random;
 
     use super::*;
-    use crate::{Viewport, aspect};
+    use crate::Viewport;
 
     /// 100 x 80 pixels down -z; 80 pixels to the metre at a depth of one metre.
     fn view() -> View {
         let viewport = Viewport::new(100, 80).unwrap();
-        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, aspect(viewport), 0.01, FrameNumber(0));
+        let camera =
+            Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, viewport.aspect(), 0.01, FrameNumber(0));
         View::new(camera.unwrap(), viewport)
     }
 

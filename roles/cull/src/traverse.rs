@@ -7,8 +7,9 @@ use thiserror::Error;
 use trimaran_proto::DrawableId;
 use trimaran_scene::{NodeId, Scene};
 
+use crate::LodRule;
 use crate::boxes::{BoxMaker, Prepared, Untestable, reaches};
-use crate::lod_cut::{Choice, LodCut, LodRule};
+use crate::lod_cut::{Choice, LodCut};
 use crate::{Answer, OcclusionTest, TestBox, View};
 
 /// What one traversal did. Each node it came to is counted once among `frustum_culled`, `hidden`, `emitted`

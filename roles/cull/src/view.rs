@@ -5,12 +5,6 @@ use trimaran_proto::Camera;
 
 use crate::Viewport;
 
-/// Width over height.
-#[must_use]
-pub fn aspect(viewport: Viewport) -> f32 {
-    viewport.width() as f32 / viewport.height() as f32
-}
-
 /// A camera looking into a picture of a given size: the one definition of every transform from world to
 /// pixel. All roles use it, so that OR, HC and RVG compute the same positions.
 #[derive(Debug, Clone, Copy, PartialEq)]

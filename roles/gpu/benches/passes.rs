@@ -39,7 +39,7 @@ fn main() -> Outcome<()> {
     }
     let scene = GpuScene::upload(&gpu, &Arc::new(cloud(100, 1000)?))?;
     for (boxes, edge_px) in [(1000, 4.0), (1000, 32.0), (10_000, 4.0), (10_000, 32.0)] {
-        time_testers(&scene, boxes, edge_px, &wanted)?;
+        time_occlusion_tests(&scene, boxes, edge_px, &wanted)?;
     }
     Ok(())
 }
@@ -66,7 +66,7 @@ fn time_passes(scene: &Arc<GpuScene>, label: &str, view: View, draws: u32, wante
     })
 }
 
-fn time_testers(scene: &Arc<GpuScene>, count: usize, edge_px: f64, wanted: &str) -> Outcome<()> {
+fn time_occlusion_tests(scene: &Arc<GpuScene>, count: usize, edge_px: f64, wanted: &str) -> Outcome<()> {
     let view = view(1024)?;
     let mut pass = OccluderPass::new(scene, view.viewport())?;
     pass.begin(&view)?;
@@ -74,13 +74,13 @@ fn time_testers(scene: &Arc<GpuScene>, count: usize, edge_px: f64, wanted: &str)
     pass.finish()?;
     let boxes = boxes(count, edge_px);
     let mut visible = Vec::new();
-    let label = |tester| format!("{tester:<7} {count} boxes of {edge_px} px at 1024");
+    let label = |occlusion_test| format!("{occlusion_test:<7} {count} boxes of {edge_px} px at 1024");
     report(wanted, &label("query"), || {
-        pass.query_tester()?.test(&view, &boxes, &mut visible)?;
+        pass.query_test()?.test(&view, &boxes, &mut visible)?;
         Ok(PassTiming::default())
     })?;
     report(wanted, &label("raster"), || {
-        pass.raster_tester()?.test(&view, &boxes, &mut visible)?;
+        pass.raster_test()?.test(&view, &boxes, &mut visible)?;
         Ok(PassTiming::default())
     })?;
     let mut pyramid = DepthPyramid::new();

@@ -16,7 +16,7 @@ use std::time::Instant;
 
 use trimaran_cull::{
     Culler, DepthPyramid, DrawOrder, HzbTest, LodRule, OccluderMapper, TriangleBudget, View, Viewport,
-    aspect, nearest_occluders, select_occluders,
+    nearest_occluders, select_occluders,
 };
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemImage, ItemPass, OccluderPass, PicturePass};
 use trimaran_proto::{DrawableId, FrameNumber};
@@ -50,7 +50,7 @@ fn main() -> Outcome<()> {
 fn views(walk: &Walk, size: Viewport) -> Outcome<Vec<View>> {
     let near = walk.near().ok_or("the walk names no near distance")?;
     let camera = |(pose, frame): (&trimaran_scene::walk::WalkFrame, u32)| {
-        Ok(View::new(pose.camera(walk.vfov_deg(), aspect(size), near, FrameNumber(frame))?, size))
+        Ok(View::new(pose.camera(walk.vfov_deg(), size.aspect(), near, FrameNumber(frame))?, size))
     };
     walk.frames().iter().zip(0..).map(camera).collect()
 }
@@ -116,10 +116,10 @@ impl Roles {
         table.add("OR, drawing: cpu ms", lap.cpu());
         self.pyramid.rebuild(self.occluders.read_depth()?);
         table.add("OR, pyramid: cpu ms", lap.cpu());
-        let mut tester = HzbTest::new(self.occluders.read_depth()?, &self.pyramid)?;
+        let mut occlusion_test = HzbTest::new(self.occluders.read_depth()?, &self.pyramid)?;
         let visible = &mut self.visible;
         visible.clear();
-        self.culler.cull(view, self.rule, &mut tester, |ids| visible.extend_from_slice(ids))?;
+        self.culler.cull(view, self.rule, &mut occlusion_test, |ids| visible.extend_from_slice(ids))?;
         table.add("HC: cpu ms", lap.cpu());
         self.order.sort(&self.scene, view, &mut self.visible);
         table.add("RVG, sorting: cpu ms", lap.cpu());

@@ -1,4 +1,4 @@
-// The box testers: the faces of a box that face the eye.
+// The occlusion tests: the faces of a box that face the eye.
 
 // A box in view space, its axes turned so that a face that shows lies on an axis's positive end; as attributes that advance by
 // instance.

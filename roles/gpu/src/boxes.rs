@@ -1,4 +1,4 @@
-//! Boxes as the testers draw them: the faces that show, and nothing else.
+//! Boxes as the occlusion tests draw them: the faces that show, and nothing else.
 
 use glam::{DVec3, Vec3};
 use trimaran_cull::{TestBox, View};

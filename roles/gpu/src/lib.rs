@@ -3,7 +3,7 @@
 //! [`Gpu`] is an open device, [`GpuScene`] a scene on it. Three passes draw lists of drawables:
 //! [`OccluderPass`] depth alone, [`PicturePass`] shaded colour, [`ItemPass`] which triangle shows where. All
 //! place vertices by the same arithmetic, so that a triangle has the same depth at the same pixels in each.
-//! [`QueryTester`] and [`RasterTester`] test boxes against an occluder pass's depth.
+//! [`QueryTest`] and [`RasterTest`] test boxes against an occluder pass's depth.
 //!
 //! ```
 //! use trimaran_cull::{LodRule, View, Viewport, draw_order, lod_cut};
@@ -91,7 +91,7 @@ pub use item::{ItemImage, ItemPass};
 pub use needs::Optional;
 pub use occluder::OccluderPass;
 pub use picture::{BACKGROUND, PicturePass};
-pub use query::QueryTester;
-pub use raster::RasterTester;
+pub use query::QueryTest;
+pub use raster::RasterTest;
 pub use scene::GpuScene;
 pub use timing::PassTiming;

@@ -12,7 +12,7 @@ use crate::pipeline::{VertexInput, shader};
 use crate::query::QueryBoxes;
 use crate::raster::RasterBoxes;
 use crate::wait::Cancel;
-use crate::{GpuError, GpuScene, PassTiming, QueryTester, RasterTester};
+use crate::{GpuError, GpuScene, PassTiming, QueryTest, RasterTest};
 
 static KIND: PassKind = PassKind {
     name: "drawing the occluders",
@@ -23,7 +23,7 @@ static KIND: PassKind = PassKind {
     fetch: Fetch::Fixed,
 };
 
-/// Draws occluders into a depth buffer that stays on the device, for the box testers that run against it.
+/// Draws occluders into a depth buffer that stays on the device, for the occlusion tests that run against it.
 ///
 /// Depth is 32-bit float, reversed: near / distance, 0 for the background.
 pub struct OccluderPass {
@@ -111,15 +111,15 @@ impl OccluderPass {
     ///
     /// # Errors
     /// If the device cannot make the queries.
-    pub fn query_tester(&mut self) -> Result<QueryTester<'_>, GpuError> {
-        QueryTester::new(self)
+    pub fn query_test(&mut self) -> Result<QueryTest<'_>, GpuError> {
+        QueryTest::new(self)
     }
 
     /// Tests boxes by counting fragments against what was drawn.
     ///
     /// # Errors
     /// If the device cannot make the buffers.
-    pub fn raster_tester(&mut self) -> Result<RasterTester<'_>, GpuError> {
-        RasterTester::new(self)
+    pub fn raster_test(&mut self) -> Result<RasterTest<'_>, GpuError> {
+        RasterTest::new(self)
     }
 }

@@ -176,7 +176,7 @@ impl ScenePass {
         Ok(PassTiming { device_ms: self.stream.take_busy_ms(), host_ms: self.recording.take_ms() })
     }
 
-    /// What a box tester needs to draw over the pass's depth. What was added so far is drawn first.
+    /// What a occlusion test needs to draw over the pass's depth. What was added so far is drawn first.
     pub(crate) fn over_depth(&mut self) -> Result<OverDepth<'_>, GpuError> {
         self.stream.check(self.kind.name)?;
         self.flush()?;

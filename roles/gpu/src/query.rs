@@ -16,7 +16,7 @@ use crate::{Gpu, GpuError, OccluderPass};
 
 /// Tests boxes by precise occlusion queries, one a box, all of a batch before the first is read. Counts
 /// pixels.
-pub struct QueryTester<'a> {
+pub struct QueryTest<'a> {
     pass: &'a mut ScenePass,
     boxes: &'a mut QueryBoxes,
 }
@@ -43,7 +43,7 @@ struct Room {
     records: HostBuffer<BoxRecord>,
 }
 
-impl<'a> QueryTester<'a> {
+impl<'a> QueryTest<'a> {
     pub(crate) fn new(occluders: &'a mut OccluderPass) -> Result<Self, GpuError> {
         let OccluderPass { pass, queries, .. } = occluders;
         let boxes = match queries.take() {
@@ -54,7 +54,7 @@ impl<'a> QueryTester<'a> {
     }
 }
 
-impl OcclusionTest for QueryTester<'_> {
+impl OcclusionTest for QueryTest<'_> {
     type Error = GpuError;
 
     fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), GpuError> {

@@ -14,9 +14,9 @@ use crate::pipeline::{BindingSet, DepthUse, Layout, Pipeline, PipelineDesc, Vert
 use crate::{Gpu, GpuError, OccluderPass};
 
 /// Tests boxes by one instanced draw of a whole batch: a fragment that passes the early depth test adds one
-/// to its box's count. The counts are those of [`QueryTester`](crate::QueryTester), at a fraction of the cost
+/// to its box's count. The counts are those of [`QueryTest`](crate::QueryTest), at a fraction of the cost
 /// while boxes are small.
-pub struct RasterTester<'a> {
+pub struct RasterTest<'a> {
     pass: &'a mut ScenePass,
     boxes: &'a mut RasterBoxes,
 }
@@ -42,7 +42,7 @@ struct Room {
     results: HostBuffer<u32>,
 }
 
-impl<'a> RasterTester<'a> {
+impl<'a> RasterTest<'a> {
     pub(crate) fn new(occluders: &'a mut OccluderPass) -> Result<Self, GpuError> {
         let OccluderPass { pass, raster, .. } = occluders;
         let boxes = match raster.take() {
@@ -53,7 +53,7 @@ impl<'a> RasterTester<'a> {
     }
 }
 
-impl OcclusionTest for RasterTester<'_> {
+impl OcclusionTest for RasterTest<'_> {
     type Error = GpuError;
 
     fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), GpuError> {

@@ -326,10 +326,10 @@ mod tests {
         let shape = TestBox { centre: Vec3::new(0.0, 0.0, -4.0), axes: [Vec3::X, Vec3::Y, Vec3::Z] };
         let view_8 = view(8, 8, DVec3::ZERO);
         let mut answers = Vec::new();
-        let mut tester = pass.query_tester().unwrap();
-        assert!(hung(&tester.test(&view_8, &[shape], &mut answers).unwrap_err()));
-        let mut tester = pass.raster_tester().unwrap();
-        assert!(hung(&tester.test(&view_8, &[shape], &mut answers).unwrap_err()));
+        let mut occlusion_test = pass.query_test().unwrap();
+        assert!(hung(&occlusion_test.test(&view_8, &[shape], &mut answers).unwrap_err()));
+        let mut occlusion_test = pass.raster_test().unwrap();
+        assert!(hung(&occlusion_test.test(&view_8, &[shape], &mut answers).unwrap_err()));
         let mut other = OccluderPass::new(&scene, view(8, 8, DVec3::ZERO).viewport()).unwrap();
         assert!(hung(&draw(&mut other).unwrap_err()));
         // What the device still uses is neither waited for nor destroyed, of which the validation layer would

@@ -24,7 +24,7 @@ pub(crate) enum LinkKind {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Tester {
+pub(crate) enum OcclusionTestArg {
     /// Vulkan occlusion queries, the paper's method.
     Query,
     /// One instanced draw that counts pixels with atomics; counts equal the queries'.
@@ -86,9 +86,9 @@ pub(crate) struct WalkArgs {
     pub(crate) coding: Coding,
     /// What tests boxes against the occluders.
     #[arg(long, value_enum, default_value = "hzb")]
-    pub(crate) tester: Tester,
+    pub(crate) occlusion_test: OcclusionTestArg,
     /// Do not refine what shows at fewer pixels than epsilon (section 4.5.2 of the paper). The report says
-    /// what that costs. Needs a tester that counts pixels: query or raster.
+    /// what that costs. Needs a occlusion test that counts pixels: query or raster.
     #[arg(long)]
     pub(crate) few_pixels: bool,
     /// The Vulkan device, by a part of its name [default: the best there is].

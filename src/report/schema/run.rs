@@ -19,8 +19,8 @@ pub struct Run {
     pub scene: SceneInfo,
     /// The bound on the picture's level-of-detail error, pixels.
     pub epsilon_px: f64,
-    /// The box tester: `query`, `raster` or `hzb`.
-    pub tester: String,
+    /// The occlusion test: `query`, `raster` or `hzb`.
+    pub occlusion_test: String,
     /// The most node ids in one message.
     pub batch: u32,
     /// How ids travelled: `plain` or `changes`. In one process they are not coded.

@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use trimaran_cull::{CullError, LodRuleError, OccluderError};
+use trimaran_cull::{CullError, OccluderError};
 use trimaran_proto::CloseCode;
 use trimaran_transport::{RecvError, SendError};
 
@@ -63,9 +63,6 @@ pub enum RoleError {
     /// The observer cannot note any more what is shown.
     #[error("what is shown cannot be recorded any more")]
     Observer(#[source] BoxedError),
-    /// The session's error bound cannot be used.
-    #[error("the session's error bound cannot be used")]
-    Rule(#[from] LodRuleError),
 }
 
 impl RoleError {

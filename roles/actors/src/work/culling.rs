@@ -2,11 +2,11 @@
 
 use std::{sync::Arc, time::Duration};
 
-use trimaran_cull::{CullStats, Culler, LodRule, LodRuleError, OccluderMapper, View, Viewport};
+use trimaran_cull::{CullStats, Culler, LodRule, OccluderMapper, View, Viewport};
 use trimaran_proto::{Camera, CullCounts, DrawableId, FrameStats, IdBatch, SentBytes, Settings};
 use trimaran_scene::Scene;
 
-use super::{occluders::OccluderPolicy, rule::lod_rule};
+use super::occluders::OccluderPolicy;
 use crate::{
     clock::Stopwatch,
     device::CullerDevice,
@@ -42,21 +42,13 @@ pub struct SceneCulling<D> {
 impl<D: CullerDevice> SceneCulling<D> {
     /// Culls `scene` as the display has decided in `settings`, and measures by the clock of `turns`. A role
     /// that takes turns lets others compute while it waits, and then its device is to be idle.
-    ///
-    /// # Errors
-    /// If the session's error bound cannot be used.
-    pub fn new(
-        scene: &Arc<Scene>,
-        device: D,
-        settings: &Settings,
-        turns: &Turns,
-    ) -> Result<Self, LodRuleError> {
-        Ok(Self {
+    pub fn new(scene: &Arc<Scene>, device: D, settings: &Settings, turns: &Turns) -> Self {
+        Self {
             device,
             culler: Culler::new(Arc::clone(scene)),
             mapper: None,
-            viewport: settings.size,
-            rule: lod_rule(settings)?,
+            viewport: settings.viewport,
+            rule: settings.lod,
             clock: turns.clock(),
             policy: OccluderPolicy::default(),
             takes_turns: turns.are_exclusive(),
@@ -65,7 +57,7 @@ impl<D: CullerDevice> SceneCulling<D> {
             or_end: Duration::ZERO,
             received: FrameIds::of(scene),
             due: Vec::new(),
-        })
+        }
     }
 
     /// The same with other occluders than by default.

@@ -4,7 +4,6 @@ mod culling;
 mod gaps;
 mod occluders;
 mod pictures;
-mod rule;
 
 pub use culling::SceneCulling;
 pub use gaps::Gaps;

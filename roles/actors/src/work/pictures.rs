@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use trimaran_cull::{DrawOrder, Image, LodRuleError, View, Viewport};
+use trimaran_cull::{DrawOrder, Image, View, Viewport};
 use trimaran_proto::{Camera, IdBatch, Settings};
 use trimaran_scene::Scene;
 use trimaran_transport::FrameOutcome;
 
-use super::{gaps::Gaps, rule::lod_rule};
+use super::gaps::Gaps;
 use crate::{
     device::PictureDevice,
     driver::{DisplayWork, Drawn, RoleError},
@@ -33,20 +33,17 @@ pub struct ScenePictures<D> {
 
 impl<D: PictureDevice> ScenePictures<D> {
     /// Draws `scene` as `settings` have it.
-    ///
-    /// # Errors
-    /// If the session's error bound cannot be used.
-    pub fn new(scene: &Arc<Scene>, device: D, settings: &Settings) -> Result<Self, LodRuleError> {
-        Ok(Self {
+    pub fn new(scene: &Arc<Scene>, device: D, settings: &Settings) -> Self {
+        Self {
             scene: Arc::clone(scene),
             device,
-            viewport: settings.size,
+            viewport: settings.viewport,
             order: DrawOrder::default(),
             received: FrameIds::of(scene),
-            gaps: Gaps::new(scene, lod_rule(settings)?),
+            gaps: Gaps::new(scene, settings.lod),
             for_loss: 0,
             picture: Image::default(),
-        })
+        }
     }
 }
 

@@ -28,7 +28,7 @@ pub enum FalseCullCause {
     /// The box, before it is grown, is level with the depth tested against, and lost to it.
     DepthTie,
     /// The box is clearly in front at a pixel of the surface, and the occlusion test said that it is hidden.
-    #[serde(rename = "tester_hid")]
+    #[serde(rename = "occlusion_test_hid")]
     TestHid,
     /// Every step keeps it, and more ids were sent than drawn.
     LostIds,

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3, Mat3, Vec3};
 use thiserror::Error;
-use trimaran_cull::{View, Viewport, aspect};
+use trimaran_cull::{View, Viewport};
 use trimaran_proto::{Camera, CameraError, FrameNumber, SettingsError};
 use trimaran_scene::{Scene, SceneError, random::Random};
 
@@ -55,8 +55,14 @@ pub fn looking(
     let orientation = DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back)).normalize();
     let tan = (fov_degrees.to_radians() * 0.5).tan() as f32;
     let near = 0.01;
-    let camera =
-        Camera::new(eye.to_array(), orientation.to_array(), tan, aspect(viewport), near, FrameNumber(frame))?;
+    let camera = Camera::new(
+        eye.to_array(),
+        orientation.to_array(),
+        tan,
+        viewport.aspect(),
+        near,
+        FrameNumber(frame),
+    )?;
     Ok(View::new(camera, viewport))
 }
 

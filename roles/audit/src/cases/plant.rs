@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DMat3, DQuat, DVec3, Mat3, Quat, Vec3};
-use trimaran_cull::{View, Viewport, aspect};
+use trimaran_cull::{View, Viewport};
 use trimaran_proto::{Camera, CameraError, FrameNumber};
 use trimaran_scene::{Scene, SceneError, random::Random};
 
@@ -112,7 +112,7 @@ pub fn plant_views(
                 (on_grid(eye) + origin).to_array(),
                 orientation.normalize().to_array(),
                 0.577,
-                aspect(viewport),
+                viewport.aspect(),
                 0.05,
                 FrameNumber(frame),
             )?;

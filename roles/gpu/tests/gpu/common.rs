@@ -4,7 +4,7 @@ use std::ops::Deref;
 use std::sync::Arc;
 
 use glam::{DVec3, Mat3, Vec3};
-use trimaran_cull::{View, Viewport, aspect};
+use trimaran_cull::{View, Viewport};
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
 use trimaran_scene::{Drawable, Node, ObjectRecord, Rgba8, Scene, SceneArrays, Shading, Vertex};
@@ -155,6 +155,6 @@ pub(crate) const NEAR: f32 = 0.125;
 pub(crate) fn view(width: u32, height: u32, eye: DVec3) -> View {
     let viewport = Viewport::new(width, height).unwrap();
     let camera =
-        Camera::new(eye.to_array(), [0.0, 0.0, 0.0, 1.0], 1.0, aspect(viewport), NEAR, FrameNumber(0));
+        Camera::new(eye.to_array(), [0.0, 0.0, 0.0, 1.0], 1.0, viewport.aspect(), NEAR, FrameNumber(0));
     View::new(camera.unwrap(), viewport)
 }

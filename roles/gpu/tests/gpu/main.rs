@@ -1,10 +1,10 @@
-//! The passes and testers on a Vulkan device, with the validation layer on: a test fails on any message of
+//! The passes and occlusion tests on a Vulkan device, with the validation layer on: a test fails on any message of
 //! it.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests end the test, as its own lines do")]
 
 mod common;
 mod device;
+mod occlusion_tests;
 mod passes;
-mod testers;
 mod walks;

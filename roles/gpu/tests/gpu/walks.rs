@@ -15,7 +15,7 @@ use trimaran_proto::DrawableId;
 use crate::common::CheckedGpu;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Tester {
+enum TestKind {
     Query,
     Raster,
     Pyramid,
@@ -25,7 +25,7 @@ enum Tester {
 struct Walk<'g> {
     culler: Culler,
     rule: LodRule,
-    tester: Tester,
+    occlusion_test: TestKind,
     occluder_pass: OccluderPass,
     item_pass: ItemPass,
     pyramid: DepthPyramid,
@@ -42,13 +42,13 @@ struct Frame {
 }
 
 impl<'g> Walk<'g> {
-    fn new(gpu: &'g CheckedGpu, case: &Case, rule: LodRule, tester: Tester) -> Self {
+    fn new(gpu: &'g CheckedGpu, case: &Case, rule: LodRule, occlusion_test: TestKind) -> Self {
         let scene = GpuScene::upload(gpu, &case.scene).unwrap();
         let size = case.views[0].viewport();
         Self {
             culler: Culler::new(Arc::clone(&case.scene)),
             rule,
-            tester,
+            occlusion_test,
             occluder_pass: OccluderPass::new(&scene, size).unwrap(),
             item_pass: ItemPass::new(&scene, size).unwrap(),
             pyramid: DepthPyramid::new(),
@@ -68,7 +68,7 @@ impl<'g> Walk<'g> {
     }
 
     fn cull(&mut self, view: &View) -> Vec<DrawableId> {
-        let Self { culler, rule, tester, occluder_pass, pyramid, last, .. } = self;
+        let Self { culler, rule, occlusion_test, occluder_pass, pyramid, last, .. } = self;
         let mut emitted = Vec::new();
         let sink = |ids: &[DrawableId]| emitted.extend_from_slice(ids);
         let Some(last) = last else {
@@ -78,14 +78,14 @@ impl<'g> Walk<'g> {
         let due = occluders(culler.scene(), view, *rule, last).unwrap();
         occluder_pass.begin(view).unwrap();
         occluder_pass.draw(&due).unwrap();
-        match tester {
-            Tester::Query => {
-                culler.cull(view, *rule, &mut occluder_pass.query_tester().unwrap(), sink).unwrap();
+        match occlusion_test {
+            TestKind::Query => {
+                culler.cull(view, *rule, &mut occluder_pass.query_test().unwrap(), sink).unwrap();
             }
-            Tester::Raster => {
-                culler.cull(view, *rule, &mut occluder_pass.raster_tester().unwrap(), sink).unwrap();
+            TestKind::Raster => {
+                culler.cull(view, *rule, &mut occluder_pass.raster_test().unwrap(), sink).unwrap();
             }
-            Tester::Pyramid => {
+            TestKind::Pyramid => {
                 let image = occluder_pass.read_depth().unwrap();
                 pyramid.rebuild(image);
                 culler.cull(view, *rule, &mut HzbTest::new(image, pyramid).unwrap(), sink).unwrap();
@@ -104,13 +104,14 @@ impl<'g> Walk<'g> {
 }
 
 /// Walks a case and asserts that culling changes no pixel; gives what was drawn of what was in the cut.
-fn assert_exact(gpu: &CheckedGpu, case: &Case, tester: Tester) -> (usize, usize) {
+fn assert_exact(gpu: &CheckedGpu, case: &Case, occlusion_test: TestKind) -> (usize, usize) {
     let (mut drawn, mut whole) = (0, 0);
     for epsilon in [0.5, 4.0] {
-        let mut walk = Walk::new(gpu, case, LodRule::new(epsilon).unwrap(), tester);
+        let mut walk = Walk::new(gpu, case, LodRule::new(epsilon).unwrap(), occlusion_test);
         for view in &case.views {
             let Frame { culled, truth, emitted, cut } = walk.frame(view);
-            let at = format!("{}, {tester:?}, epsilon {epsilon}, {}", case.name, view.camera().frame());
+            let at =
+                format!("{}, {occlusion_test:?}, epsilon {epsilon}, {}", case.name, view.camera().frame());
             let differing = culled.drawable.iter().zip(&truth.drawable).filter(|(a, b)| a != b).count();
             assert_eq!(differing, 0, "pixels differ: {at}");
             assert!(culled == truth, "another triangle shows: {at}");
@@ -124,7 +125,7 @@ fn assert_exact(gpu: &CheckedGpu, case: &Case, tester: Tester) -> (usize, usize)
 fn culling_by_queries_is_exact_on_the_hard_cases() {
     let Some(gpu) = CheckedGpu::open() else { return };
     for case in hard_cases().unwrap() {
-        assert_exact(&gpu, &case, Tester::Query);
+        assert_exact(&gpu, &case, TestKind::Query);
     }
 }
 
@@ -132,7 +133,7 @@ fn culling_by_queries_is_exact_on_the_hard_cases() {
 fn culling_by_counting_is_exact_on_the_hard_cases() {
     let Some(gpu) = CheckedGpu::open() else { return };
     for case in hard_cases().unwrap() {
-        assert_exact(&gpu, &case, Tester::Raster);
+        assert_exact(&gpu, &case, TestKind::Raster);
     }
 }
 
@@ -140,7 +141,7 @@ fn culling_by_counting_is_exact_on_the_hard_cases() {
 fn culling_by_the_depth_pyramid_is_exact_on_the_hard_cases() {
     let Some(gpu) = CheckedGpu::open() else { return };
     for case in hard_cases().unwrap() {
-        assert_exact(&gpu, &case, Tester::Pyramid);
+        assert_exact(&gpu, &case, TestKind::Pyramid);
     }
 }
 
@@ -154,12 +155,12 @@ fn plant_case(origin: DVec3) -> Case {
 }
 
 #[test]
-fn culling_a_plant_is_exact_and_hides_most_of_it_with_every_tester() {
+fn culling_a_plant_is_exact_and_hides_most_of_it_with_every_occlusion_test() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let case = plant_case(DVec3::ZERO);
-    for tester in [Tester::Query, Tester::Raster, Tester::Pyramid] {
-        let (drawn, whole) = assert_exact(&gpu, &case, tester);
-        assert!(drawn * 2 < whole, "{tester:?} drew {drawn} of {whole}");
+    for occlusion_test in [TestKind::Query, TestKind::Raster, TestKind::Pyramid] {
+        let (drawn, whole) = assert_exact(&gpu, &case, occlusion_test);
+        assert!(drawn * 2 < whole, "{occlusion_test:?} drew {drawn} of {whole}");
     }
 }
 
@@ -168,7 +169,7 @@ fn the_item_buffer_agrees_with_the_reference_picture() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let case = plant_case(DVec3::new(1e6, 2e6, 0.0));
     let rule = LodRule::new(1.0).unwrap();
-    let mut walk = Walk::new(&gpu, &case, rule, Tester::Query);
+    let mut walk = Walk::new(&gpu, &case, rule, TestKind::Query);
     let (mut pixels, mut differing) = (0, 0);
     for view in case.views.iter().step_by(6) {
         let mut cut = lod_cut(&case.scene, view, rule);

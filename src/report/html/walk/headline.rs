@@ -22,8 +22,8 @@ pub(super) fn headline(report: &Report) -> Markup {
             p.setting {
                 (grouped(run.scene.objects as f64)) " objects, "
                 (grouped(run.scene.triangles as f64)) " triangles · "
-                (report.width) " × " (report.height) " pixels · ε " (figure(run.epsilon_px)) " px · tester "
-                (run.tester) " · " (mode) " over " (run.link) " · " (run.started)
+                (report.width) " × " (report.height) " pixels · ε " (figure(run.epsilon_px)) " px · occlusion test "
+                (run.occlusion_test) " · " (mode) " over " (run.link) " · " (run.started)
             }
             @if let Some(ended) = summary.ended.sentence(summary.frames) {
                 (verdict("bad", "!", &format!("This walk {ended}.")))

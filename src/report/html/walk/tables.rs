@@ -152,7 +152,7 @@ fn run(report: &Report) -> Markup {
             ("roles", roles.to_owned()),
             ("link", run.link.clone()),
             ("transport", run.transport.clone()),
-            ("tester", run.tester.clone()),
+            ("occlusion test", run.occlusion_test.clone()),
             ("ids a message, at most", count(run.batch)),
             ("ε", format!("{} px", figure(run.epsilon_px))),
             ("picture", format!("{} × {} pixels", report.width, report.height)),

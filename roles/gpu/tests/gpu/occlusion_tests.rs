@@ -1,4 +1,4 @@
-//! Box testers against the f64 reference and against each other.
+//! Box occlusion tests against the f64 reference and against each other.
 
 use std::sync::Arc;
 
@@ -39,7 +39,7 @@ fn walls() -> Vec<Part> {
     ]
 }
 
-/// What each tester says of `boxes` behind `occluders`.
+/// What each occlusion test says of `boxes` behind `occluders`.
 struct Answers {
     reference: Vec<u32>,
     query: Vec<u32>,
@@ -56,13 +56,13 @@ fn ask(gpu: &CheckedGpu, scene: &Arc<Scene>, view: &View, boxes: &[TestBox]) -> 
     let mut pass = OccluderPass::new(&uploaded, view.viewport()).unwrap();
     pass.begin(view).unwrap();
     pass.draw(&all).unwrap();
-    // Not finished: a tester waits by itself for what was drawn.
+    // Not finished: a occlusion test waits by itself for what was drawn.
     let (mut query, mut raster) = (Vec::new(), Vec::new());
-    pass.query_tester().unwrap().test(view, boxes, &mut query).unwrap();
-    pass.raster_tester().unwrap().test(view, boxes, &mut raster).unwrap();
+    pass.query_test().unwrap().test(view, boxes, &mut query).unwrap();
+    pass.raster_test().unwrap().test(view, boxes, &mut raster).unwrap();
     // Testing changes nothing: the same again.
     let mut again = Vec::new();
-    pass.query_tester().unwrap().test(view, boxes, &mut again).unwrap();
+    pass.query_test().unwrap().test(view, boxes, &mut again).unwrap();
     assert_eq!(again, query);
     Answers { reference, query, raster }
 }
@@ -137,7 +137,7 @@ fn boxes_smaller_than_a_pixel_agree_with_the_reference() {
 }
 
 #[test]
-fn what_no_tester_can_decide_is_visible() {
+fn what_no_test_can_decide_is_visible() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let scene = Arc::new(scene(&[Part::wall(Vec3::new(0.0, 0.0, -0.2), 99.0, 99.0)]));
     let view = view(16, 16, DVec3::ZERO);
@@ -175,20 +175,20 @@ fn batches_of_any_size_are_answered_in_order() {
     let mut random = Random::new(3);
     let boxes: Vec<TestBox> = (0..70_000).map(|_| random_box(&mut random, 0.2)).collect();
     let mut all = Vec::new();
-    pass.raster_tester().unwrap().test(&view, &boxes, &mut all).unwrap();
+    pass.raster_test().unwrap().test(&view, &boxes, &mut all).unwrap();
     assert_eq!(all.len(), boxes.len());
     for count in [0, 1, 2, 999, 1000, 1001, 4500] {
         // What was in the answers before must not stay.
         let (mut query, mut raster) = (vec![9; 7], vec![9; 7]);
-        pass.query_tester().unwrap().test(&view, &boxes[..count], &mut query).unwrap();
-        pass.raster_tester().unwrap().test(&view, &boxes[..count], &mut raster).unwrap();
+        pass.query_test().unwrap().test(&view, &boxes[..count], &mut query).unwrap();
+        pass.raster_test().unwrap().test(&view, &boxes[..count], &mut raster).unwrap();
         assert_eq!(query, all[..count], "{count} queries");
         assert_eq!(raster, all[..count], "{count} counted");
     }
     let tail = &boxes[65_000..];
     let mut query = Vec::new();
-    pass.query_tester().unwrap().test(&view, tail, &mut query).unwrap();
+    pass.query_test().unwrap().test(&view, tail, &mut query).unwrap();
     assert_eq!(query, all[65_000..], "the second part of a batch that was cut in two");
-    assert_eq!(pass.query_tester().unwrap().answer(), Answer::PixelCount);
-    assert_eq!(pass.raster_tester().unwrap().answer(), Answer::PixelCount);
+    assert_eq!(pass.query_test().unwrap().answer(), Answer::PixelCount);
+    assert_eq!(pass.raster_test().unwrap().answer(), Answer::PixelCount);
 }

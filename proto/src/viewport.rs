@@ -1,0 +1,66 @@
+//! The size of a picture.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::SettingsError;
+
+/// A picture's size in pixels, each side 1 to 65,536.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "(u32, u32)", into = "(u32, u32)")]
+pub struct Viewport {
+    width: u32,
+    height: u32,
+}
+
+impl Viewport {
+    /// A picture of `width` by `height` pixels.
+    ///
+    /// # Errors
+    /// When a side is 0 or above 65,536.
+    pub const fn new(width: u32, height: u32) -> Result<Self, SettingsError> {
+        if width == 0 || height == 0 || width > 65_536 || height > 65_536 {
+            return Err(SettingsError::Size { width, height });
+        }
+        Ok(Self { width, height })
+    }
+
+    /// Pixels, 1 to 65,536.
+    #[must_use]
+    pub const fn width(self) -> u32 {
+        self.width
+    }
+
+    /// Pixels, 1 to 65,536.
+    #[must_use]
+    pub const fn height(self) -> u32 {
+        self.height
+    }
+
+    /// Width over height.
+    #[must_use]
+    pub const fn aspect(self) -> f32 {
+        self.width as f32 / self.height as f32
+    }
+}
+
+impl TryFrom<(u32, u32)> for Viewport {
+    type Error = SettingsError;
+
+    fn try_from((width, height): (u32, u32)) -> Result<Self, SettingsError> {
+        Self::new(width, height)
+    }
+}
+
+impl From<Viewport> for (u32, u32) {
+    fn from(size: Viewport) -> Self {
+        (size.width, size.height)
+    }
+}
+
+impl fmt::Display for Viewport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
