@@ -44,7 +44,7 @@ async fn links(net: &Arc<dyn Net>, endpoint: &Endpoint) -> Result<(Link, Link), 
     let mut listener = Listener::bind(net, endpoint, identity(Role::Display), &options).await?;
     let there = listener.local_endpoint().clone();
     let (machines, displays) = tokio::join!(
-        connect::<Walkthrough>(net, &there, identity(Role::SwitchA), &options, deadline), // tries again until the deadline
+        connect::<Walkthrough>(net, &there, identity(Role::FirstCuller), &options, deadline), // tries again until the deadline
         listener.accept(deadline)
     );
     Ok((machines?, displays?))

@@ -18,7 +18,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
     let identity = |role| Identity { role, scene: SceneHash(0x1234), settings: None };
     let config = LinkConfig::default();
     let (machine, display) =
-        inproc::pair::<Walkthrough>(&net, identity(Role::SwitchA), identity(Role::Display), &config)?;
+        inproc::pair::<Walkthrough>(&net, identity(Role::FirstCuller), identity(Role::Display), &config)?;
 
     // Counting costs nothing that can be felt; whoever holds the metrics may read them at any time, links
     // alive or not.

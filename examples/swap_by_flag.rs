@@ -111,7 +111,7 @@ async fn links(net: &Arc<dyn Net>, endpoint: &Endpoint) -> Result<(Link, Link), 
     let mut listener = Listener::bind(net, endpoint, identity(Role::Display), &here).await?;
     let place = listener.local_endpoint().clone();
     let (machines, displays) = tokio::join!(
-        connect::<Walkthrough>(net, &place, identity(Role::SwitchA), &there, deadline),
+        connect::<Walkthrough>(net, &place, identity(Role::FirstCuller), &there, deadline),
         listener.accept(deadline)
     );
     Ok((machines?, displays?))

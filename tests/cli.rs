@@ -203,7 +203,7 @@ fn roles_that_hold_different_scenes_refuse_each_other() {
         ),
     )
     .unwrap();
-    let first = bench.trimaran(&["role", "switch", "--config", "first.toml"]);
+    let first = bench.trimaran(&["role", "culler", "--config", "first.toml"]);
     display.kill().unwrap();
     display.wait().unwrap();
     // The display may be started again with this one's scene.
@@ -300,8 +300,8 @@ fn every_pair_of_roles_may_have_another_transport() {
     stderr.read_line(&mut line).unwrap();
     let (tcp, quic) = line.trim().rsplit_once(' ').unwrap().1.split_once(',').unwrap();
     let pair = format!("unix:{}", bench.path("pair.sock").display());
-    let machine = |seat: &str, display: &str, keys: &[&str]| {
-        let args = ["role", "switch", "--scene", "plant.scene", "--seat", seat, "--display", display];
+    let machine = |index: &str, display: &str, keys: &[&str]| {
+        let args = ["role", "culler", "--scene", "plant.scene", "--index", index, "--display", display];
         bench.command(&args).args(["--pair", &pair]).args(keys).stderr(Stdio::piped()).spawn().unwrap()
     };
     let first = machine("first", tcp, &[]);
@@ -390,7 +390,7 @@ fn a_transport_that_encrypts_asks_for_keys() {
         ["role", "display", "--scene", "plant.scene", "--out", "o", "--listen", "quic://127.0.0.1:0"];
     bench.refuses(&listen, &["quic://127.0.0.1:0", "`keys`", "peers.first", "trimaran keys new"]);
     let args =
-        ["role", "switch", "--scene", "plant.scene", "--seat", "second", "--display", "quic://127.0.0.1:1"];
+        ["role", "culler", "--scene", "plant.scene", "--index", "second", "--display", "quic://127.0.0.1:1"];
     let mut second = bench.command(&args);
     expect(&second.args(["--pair", "tcp://127.0.0.1:1"]).output().unwrap(), 2, &["peers.display"]);
 }
@@ -398,7 +398,7 @@ fn a_transport_that_encrypts_asks_for_keys() {
 #[test]
 fn the_configuration_of_each_role_is_printed() {
     let bench = Bench::empty();
-    for (role, key) in [("switch", "#seat ="), ("display", "#listen =")] {
+    for (role, key) in [("culler", "#index ="), ("display", "#listen =")] {
         let printed = bench.trimaran(&["config", role]);
         assert!(printed.status.success() && String::from_utf8(printed.stdout).unwrap().contains(key));
     }
@@ -481,10 +481,10 @@ fn when_a_machine_of_the_pair_is_killed_the_session_ends_and_says_which() {
     let session = LongSession::start(&bench, "tcp");
     session.has_recorded(&bench, 3);
     signal("-KILL", &session.pair[0]);
-    expect(&session.end(), 3, &["switch", "lost", "ended early"]);
+    expect(&session.end(), 3, &["culler", "lost", "ended early"]);
     let report = long_report(&bench);
     assert_eq!(report["summary"]["ended"]["how"], "peer_lost");
-    assert!(report["summary"]["ended"]["why"].to_string().contains("switch"), "{}", report["summary"]);
+    assert!(report["summary"]["ended"]["why"].to_string().contains("culler"), "{}", report["summary"]);
     assert!(fs::read_to_string(bench.path("long/report.html")).unwrap().contains("This walk ended early"));
 }
 
@@ -510,7 +510,7 @@ fn a_machine_of_the_pair_that_hangs_is_noticed_within_the_lease() {
         session.has_recorded(&bench, 3);
         // Its connections stand, and the system under it answers for it.
         signal("-STOP", &session.pair[1]);
-        expect(&session.end(), 3, &["switch", "lost", "no keep-alive"]);
+        expect(&session.end(), 3, &["culler", "lost", "no keep-alive"]);
     }
 }
 

@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use confique::{Config, Layer};
-use trimaran::config::{DisplayConfig, PairSeat, RoleConfig, SessionConfig, SwitchConfig};
+use trimaran::config::{CullerConfig, DisplayConfig, RoleConfig, SessionConfig, Which};
 
 fn example<C: RoleConfig>(name: &str) -> C {
     let path: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/configs").join(name);
@@ -13,9 +13,9 @@ fn example<C: RoleConfig>(name: &str) -> C {
 
 #[test]
 fn the_pair_of_the_example_takes_both_seats_at_one_display() {
-    let first: SwitchConfig = example("first.toml");
-    let second: SwitchConfig = example("second.toml");
-    assert_eq!((first.seat, second.seat), (PairSeat::First, PairSeat::Second));
+    let first: CullerConfig = example("first.toml");
+    let second: CullerConfig = example("second.toml");
+    assert_eq!((first.index, second.index), (Which::First, Which::Second));
     assert_eq!(first.display, second.display);
     assert_eq!(first.scene, second.scene);
 }
@@ -25,12 +25,12 @@ fn the_example_display_spells_out_the_defaults() {
     let display: DisplayConfig = example("display.toml");
     let defaults = SessionConfig::from_layer(Layer::default_values()).unwrap();
     assert_eq!(display.session, SessionConfig { frames: Some(200), ..defaults });
-    assert_eq!(display.scene, example::<SwitchConfig>("first.toml").scene);
+    assert_eq!(display.scene, example::<CullerConfig>("first.toml").scene);
 }
 
 #[test]
 fn the_files_with_every_key_are_what_the_program_prints() {
-    for (name, printed) in [("display", DisplayConfig::template()), ("switch", SwitchConfig::template())] {
+    for (name, printed) in [("display", DisplayConfig::template()), ("culler", CullerConfig::template())] {
         let path =
             Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("examples/configs/every-key/{name}.toml"));
         let kept = std::fs::read_to_string(&path).unwrap();
@@ -44,7 +44,7 @@ fn the_files_with_every_key_are_what_the_program_prints() {
 #[test]
 fn the_encrypted_example_joins_three_machines_that_know_each_other() {
     let display: DisplayConfig = example("quic/display.toml");
-    let pair = [example::<SwitchConfig>("quic/first.toml"), example("quic/second.toml")];
+    let pair = [example::<CullerConfig>("quic/first.toml"), example("quic/second.toml")];
     let name = |path: &Option<PathBuf>| path.as_ref().unwrap().file_stem().unwrap().to_owned();
     let known = [&display.peers.first, &display.peers.second].map(name);
     assert!(display.listen.first().needs_keys());

@@ -62,7 +62,7 @@ fn the_second_machines_keys_do_not_get_the_first_machines_place_and_the_session_
                  [session]\nframes = 4\nwidth = 32\nheight = 32\n"
             ),
         );
-        for (name, seat, keys, other) in [
+        for (name, index, keys, other) in [
             ("first", "first", "first", "second"),
             ("second", "second", "second", "first"),
             ("mixed-up", "first", "second", "second"),
@@ -70,7 +70,7 @@ fn the_second_machines_keys_do_not_get_the_first_machines_place_and_the_session_
             write(
                 &format!("{name}.toml"),
                 format!(
-                    "scene = 'plant.scene'\nseat = '{seat}'\ndisplay = '{display}'\npair = '{pair}'\nkeys = '{keys}.key'\n\
+                    "scene = 'plant.scene'\nseat = '{index}'\ndisplay = '{display}'\npair = '{pair}'\nkeys = '{keys}.key'\n\
                      peers.display = 'display.pub'\npeers.other = '{other}.pub'\n"
                 ),
             );
@@ -78,21 +78,22 @@ fn the_second_machines_keys_do_not_get_the_first_machines_place_and_the_session_
         let role = |kind, name| start(folder, &["role", kind, "--config", &format!("{name}.toml")]);
         let show = role("display", "display");
         // The listener's configuration may be what is mended: it tries until its time is over.
-        let mixed_up = ["role", "switch", "--config", "mixed-up.toml", "--join-timeout", "1"];
+        let mixed_up = ["role", "culler", "--config", "mixed-up.toml", "--join-timeout", "1"];
         let (code, said) = ended(start(folder, &mixed_up));
         assert_eq!(code, Some(1), "{transport}: {said}");
-        let why = "claims to be switch A, and the listener knows its key as that of switch B";
+        let why = "claims to be first culler, and the listener knows its key as that of second culler";
         assert!(said.contains(why), "{transport}: {said}");
 
-        let pair = [role("switch", "first"), role("switch", "second")];
+        let pair = [role("culler", "first"), role("culler", "second")];
         for (code, said) in pair.map(ended) {
             assert_eq!(code, Some(0), "{transport}: {said}");
         }
         let (code, said) = ended(show);
         assert_eq!(code, Some(0), "{transport}: {said}");
         let key = fingerprint(folder, transport, "second.pub");
-        let claim =
-            format!("key 'second' ({key}) claims to be switch A; this configuration knows it as switch B");
+        let claim = format!(
+            "key 'second' ({key}) claims to be first culler; this configuration knows it as second culler"
+        );
         assert_eq!(said.matches(&claim).count(), 1, "{transport}: {said}");
     }
 }

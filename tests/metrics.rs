@@ -63,7 +63,7 @@ fn a_running_session_shows_what_its_links_carry() {
         }
     };
     let received =
-        |text: &str| value(text, "trimaran_link_frames_total{peer=\"switch A\",direction=\"received\"}");
+        |text: &str| value(text, "trimaran_link_frames_total{peer=\"first culler\",direction=\"received\"}");
     // The page is there before the links are.
     while !get(&address, "/metrics").contains("trimaran_link_frames_total{") {}
     while received(&get(&address, "/metrics")) == 0 {}
@@ -81,8 +81,10 @@ fn a_running_session_shows_what_its_links_carry() {
 
     assert!(metrics.starts_with("HTTP/1.1 200 OK") && metrics.trim_end().ends_with("# EOF"), "{metrics}");
     let frames = received(&metrics);
-    let begins =
-        value(&metrics, "trimaran_link_bytes_total{peer=\"switch A\",direction=\"received\",kind=\"begin\"}");
+    let begins = value(
+        &metrics,
+        "trimaran_link_bytes_total{peer=\"first culler\",direction=\"received\",kind=\"begin\"}",
+    );
     assert!(
         frames > 0 && (76 * frames..=76 * (frames + 1)).contains(&begins),
         "{frames} frames, {begins} bytes"
@@ -92,7 +94,10 @@ fn a_running_session_shows_what_its_links_carry() {
     assert_eq!(table.lines().filter(|line| line.starts_with("peer")).count(), 2, "{table}");
     assert_eq!(table.lines().filter(|line| line.trim_start().starts_with("received")).count(), 4, "{table}");
     let readings: serde_json::Value = serde_json::from_slice(&lines.stdout).unwrap();
-    assert_eq!((&readings[0]["peer"], &readings[1]["peer"]), (&"switch A".into(), &"switch B".into()));
+    assert_eq!(
+        (&readings[0]["peer"], &readings[1]["peer"]),
+        (&"first culler".into(), &"second culler".into())
+    );
     assert!(readings[0]["received"]["ids"].as_u64().unwrap() > 0);
 }
 
@@ -126,7 +131,7 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
     let Endpoint::Tcp(at) = &there else { panic!("{there}") };
 
     let options = Options::default();
-    let machine = connect::<Walkthrough>(&net, &there, identity(Role::SwitchA), &options, soon).await;
+    let machine = connect::<Walkthrough>(&net, &there, identity(Role::FirstCuller), &options, soon).await;
     let (mut machine, mut display) = (machine.unwrap(), listener.accept(soon).await.unwrap());
     let silent = [Dial::connect(at.to_string()).await.unwrap(), Dial::connect(at.to_string()).await.unwrap()];
     while listener.turned_away().no_room == 0 {
@@ -136,7 +141,7 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
     drop(silent);
     while listener.turned_away().no_place == 0 {
         let by = net.now().after(Duration::from_millis(200));
-        let second = connect::<Walkthrough>(&net, &there, identity(Role::SwitchB), &options, by).await;
+        let second = connect::<Walkthrough>(&net, &there, identity(Role::SecondCuller), &options, by).await;
         assert!(second.is_err(), "{second:?}");
     }
     let before = listener.turned_away();
@@ -173,7 +178,7 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
         );
     }
     assert!(before.no_room > 0 && before.no_place > 0, "{before:?}");
-    assert_eq!(value(&metrics, "trimaran_link_floods_total{peer=\"switch A\"}"), 1);
+    assert_eq!(value(&metrics, "trimaran_link_floods_total{peer=\"first culler\"}"), 1);
 }
 
 #[test]

@@ -44,7 +44,7 @@ fn set(machine: &Namespace, state: &str) {
 /// Starts all three, and waits until they walk. Gives the display first.
 fn walking(deployment: &Deployment, display_at: &Namespace, more: &[&str]) -> [Role; 3] {
     let mut display = deployment.start("display", more);
-    let pair = ["first", "second"].map(|seat| deployment.start(seat, more));
+    let pair = ["first", "second"].map(|index| deployment.start(index, more));
     let display = thread::scope(|scope| {
         let shows = scope.spawn(|| {
             // Its metrics are reached from its own machine.

@@ -86,7 +86,7 @@ fn a_machine_that_is_killed_before_the_other_comes_takes_its_place_again() {
         let deployment = deploy(transport);
         let mut display = deployment.start("display", &["--frames", "10"]);
         let (late, role) =
-            if early == "first" { ("second", "role=switch A") } else { ("first", "role=switch B") };
+            if early == "first" { ("second", "role=first culler") } else { ("first", "role=second culler") };
         for _ in 0..2 {
             let killed = deployment.start(early, &[]);
             display.says(role);
@@ -112,7 +112,7 @@ fn a_machine_that_gives_up_is_missed_at_once() {
         let mut display = deployment.start("display", &idle);
         display.says("listens on");
         let impatient = deployment.start("first", &[&idle[..], &["--join-timeout", "2"]].concat());
-        display.says("role=switch A");
+        display.says("role=first culler");
         impatient.ends(1);
         display.says("left before the other one came");
         display.kill();
@@ -141,7 +141,7 @@ fn a_machine_that_waits_for_the_other_joins_the_display_that_is_there_by_then() 
 fn a_display_that_is_started_again_finds_its_pair() {
     let deployment = deploy("tcp");
     let mut display = deployment.start("display", &[]);
-    let pair = ["first", "second"].map(|seat| deployment.start(seat, &[]));
+    let pair = ["first", "second"].map(|index| deployment.start(index, &[]));
     display.shows(5);
     display.kill();
     deployment.start("display", &["--frames", "10"]).ends(0);
@@ -172,7 +172,7 @@ fn a_peer_that_stays_away_ends_the_session() {
 fn a_display_that_is_interrupted_says_so_and_its_pair_waits_for_it() {
     let deployment = deploy("tcp");
     let mut display = deployment.start("display", &[]);
-    let pair = ["first", "second"].map(|seat| deployment.start(seat, &[]));
+    let pair = ["first", "second"].map(|index| deployment.start(index, &[]));
     display.shows(5);
     display.interrupt();
     assert!(display.ends(3).contains("it was asked to stop"));

@@ -18,7 +18,7 @@ use tempfile::TempDir;
 
 /// The kinds of roles, each with its unit and the name of the configuration that the unit reads.
 const UNITS: [(&str, &str, &str); 2] =
-    [("switch", "trimaran-switch@.service", "%i"), ("display", "trimaran-display.service", "display")];
+    [("culler", "trimaran-culler@.service", "%i"), ("display", "trimaran-display.service", "display")];
 const INSTALLED: &str = "/usr/bin/trimaran";
 /// The exit code for what waiting does not mend.
 const UNUSABLE: i32 = 2;
@@ -90,7 +90,7 @@ fn a_service_whose_peers_are_not_there_is_started_again() {
     let (folder, socket) = place();
     for (role, kind, configuration) in [
         (
-            "switch",
+            "culler",
             "always",
             format!("join_timeout_s = 0.2\nseat = 'second'\ndisplay = {socket}\npair = {socket}\n"),
         ),
@@ -119,12 +119,12 @@ fn a_machine_whose_place_is_still_held_for_the_process_before_waits_for_it() {
     };
     let mut display = start("display", "display.toml");
     let mut said = BufReader::new(display.stderr.take().unwrap()).lines().map_while(Result::ok);
-    let mut joins = || assert!(said.any(|line| line.contains("role=switch B")), "it never joined");
-    let mut killed = start("switch", "second.toml");
+    let mut joins = || assert!(said.any(|line| line.contains("role=second culler")), "it never joined");
+    let mut killed = start("culler", "second.toml");
     joins();
     killed.kill().unwrap();
     killed.wait().unwrap();
-    let next = start("switch", "second.toml");
+    let next = start("culler", "second.toml");
     joins();
     for mut role in [display, next] {
         role.kill().unwrap();
@@ -196,7 +196,7 @@ fn keys_that_systemd_hands_over_may_be_readable_by_their_group() {
     {
         fs::set_permissions(at("first.key"), Permissions::from_mode(mode)).unwrap();
         let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
-        command.args(["role", "switch", "--config"]).arg(at("role.toml"));
+        command.args(["role", "culler", "--config"]).arg(at("role.toml"));
         let output = command.env("CREDENTIALS_DIRECTORY", credentials).output().unwrap();
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(said.contains("others may read"), refused, "{mode:o}: {said}");

@@ -142,7 +142,7 @@ fn a_deadline_no_longer_than_the_way_is_hopeless() {
         let shown = Cell::new(0);
         let outcome = simulate_watched(&scenario, None, || shown.set(shown.get() + 1)).unwrap();
         assert_eq!(shown.get(), 20, "each picture is told of");
-        (outcome.hopeless, scenario.gives_up_everything(), outcome.incomplete)
+        (outcome.deadline_too_short, scenario.gives_up_everything(), outcome.incomplete)
     };
     let (told, warned, incomplete) = run(2000, Transport::UdpDeadline);
     assert!(told && warned && incomplete >= 18, "{told} {warned} {incomplete}");

@@ -15,7 +15,7 @@ pub struct FrameLoad {
 const CAMERA: f64 = 72.0;
 /// The bytes of a node id: `4`.
 const ID: f64 = 4.0;
-/// Cameras a frame: RVG to both machines of the pair, HC to RVG.
+/// Cameras a frame: RVG to both cullers, HC to RVG.
 const CAMERAS: f64 = 3.0;
 /// Receivers of the ids: OR and RVG.
 const RECEIVERS: f64 = 2.0;

@@ -100,7 +100,7 @@ pub enum ProfileError {
 /// The roles' machines.
 #[derive(Debug, Clone, Copy)]
 pub struct Machines {
-    /// The pair's first machine.
+    /// The first culler.
     pub first: HostId,
     /// Its second.
     pub second: HostId,
@@ -177,7 +177,7 @@ impl Profile {
         Ok(Self { name: name.to_owned(), about: written.about, sources: written.sources, up, down, wan })
     }
 
-    /// How long a packet is on its way from a machine of the pair to the display at least: without the time
+    /// How long a packet is on its way from a culler to the display at least: without the time
     /// of its bits, queues and jitter, and before any phase begins.
     #[must_use]
     pub fn way_to_display(&self) -> Duration {

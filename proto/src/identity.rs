@@ -10,10 +10,10 @@ use crate::{SceneHash, Settings};
 /// A peer's place in the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Role {
-    /// One half of the switch: culls the even frames (HC) and draws the occluders of the odd ones (OR).
-    SwitchA,
-    /// The other half of the switch: culls the odd frames and draws the occluders of the even ones.
-    SwitchB,
+    /// Draws the occluders (OR) of the even frames, and culls them (HC).
+    FirstCuller,
+    /// The same for the odd frames.
+    SecondCuller,
     /// Renders the visible geometry (RVG) and owns the camera.
     Display,
 }
@@ -21,8 +21,8 @@ pub enum Role {
 impl fmt::Display for Role {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::SwitchA => "switch A",
-            Self::SwitchB => "switch B",
+            Self::FirstCuller => "first culler",
+            Self::SecondCuller => "second culler",
             Self::Display => "display",
         })
     }
@@ -80,7 +80,7 @@ impl Identity {
             return Err(Rejection::new(RejectionCode::Scene as u16, &why));
         }
         if self.role == connector.role {
-            let why = format!("the listener is {} itself: each role exists once in a session", self.role);
+            let why = format!("the listener is the {} itself: each role exists once in a session", self.role);
             return Err(Rejection::new(RejectionCode::Role as u16, &why));
         }
         match (self.settings, connector.settings) {
@@ -170,17 +170,17 @@ mod tests {
     #[test]
     fn peers_that_go_together_are_admitted() {
         let display = Identity { settings: Some(settings(640)), ..identity(Role::Display) };
-        assert_eq!(identity(Role::SwitchA).admits(&identity(Role::SwitchB)), Ok(()));
-        assert_eq!(identity(Role::SwitchA).admits(&display), Ok(()));
-        assert_eq!(display.admits(&identity(Role::SwitchB)), Ok(()));
-        let informed = Identity { settings: Some(settings(640)), ..identity(Role::SwitchA) };
+        assert_eq!(identity(Role::FirstCuller).admits(&identity(Role::SecondCuller)), Ok(()));
+        assert_eq!(identity(Role::FirstCuller).admits(&display), Ok(()));
+        assert_eq!(display.admits(&identity(Role::SecondCuller)), Ok(()));
+        let informed = Identity { settings: Some(settings(640)), ..identity(Role::FirstCuller) };
         assert_eq!(display.admits(&informed), Ok(()));
     }
 
     #[test]
     fn a_refusal_names_both_sides() {
-        let a = identity(Role::SwitchA);
-        let other = Identity { scene: SceneHash(0xbad), ..identity(Role::SwitchB) };
+        let a = identity(Role::FirstCuller);
+        let other = Identity { scene: SceneHash(0xbad), ..identity(Role::SecondCuller) };
         let refusal = a.admits(&other).unwrap_err();
         assert!(RejectionCode::Scene.is_of(&refusal));
         let text = refusal.to_string();

@@ -1,10 +1,10 @@
-//! What a machine of the pair says of its own work on a frame.
+//! What a culler says of its own work on a frame.
 
 use serde::{Deserialize, Serialize};
 
 use crate::FrameNumber;
 
-/// What one machine of the pair did for a frame: OR, then HC. It follows the frame's end, for reports;
+/// What a culler did for a frame: OR, then HC. It follows the frame's end, for reports;
 /// nothing waits for it.
 ///
 /// Times are nanoseconds on the sender's own clock. [`FrameStats::hc_start_ns`] is when it sent the frame's
@@ -32,7 +32,7 @@ pub struct FrameStats {
     pub occluder_triangles: u64,
     /// What HC did.
     pub culling: CullCounts,
-    /// What it sent to the other machine of the pair for the frame; what the display got, the display counts
+    /// What it sent to the other culler for the frame; what the display got, the display counts
     /// itself.
     pub to_other: SentBytes,
 }

@@ -98,7 +98,7 @@ fn the_examples_are_read_field_by_field() {
         (
             "refuse",
             &["trimaran.version", "trimaran.reason", "trimaran.rejection", "trimaran.text"],
-            "2|2|3|the listener is switch A itself: each role exists once in a session",
+            "2|2|3|the listener is the first culler itself: each role exists once in a session",
         ),
         ("close", &["trimaran.close", "trimaran.text"], "2|it failed: no GPU"),
         (
@@ -155,7 +155,7 @@ fn each_refusal_is_read_with_its_values() {
         (Refusal::Session { session, lane }, "4|||0x0000000000000005|1"),
         (Refusal::Unpaired { session }, "5|||0x0000000000000005|"),
         (Refusal::Busy, "6||||"),
-        (Refusal::Key { claimed: text("switch A"), known: text("display") }, "7||switch A;display||"),
+        (Refusal::Key { claimed: text("first culler"), known: text("display") }, "7||first culler;display||"),
     ];
     let packets = refusals.iter().map(|(refusal, _)| (1, encoded(Message::Refuse(refusal.clone()))));
     let fields =

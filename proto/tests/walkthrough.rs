@@ -139,21 +139,24 @@ fn what_cannot_be_read_stands_for_no_number_of_ids() {
 
 #[test]
 fn the_displays_settings_decide_how_ids_travel() {
-    let (switch, display) = (identity(Role::SwitchA, None), identity(Role::Display, Some(settings())));
+    let (culler, display) = (identity(Role::FirstCuller, None), identity(Role::Display, Some(settings())));
     let coded = Batching { size: BatchSize::MAX, coded: true };
-    assert_eq!(Walkthrough::batching(&switch, &display), Some(coded));
-    assert_eq!(Walkthrough::batching(&display, &switch), Some(coded));
-    assert_eq!(Walkthrough::batching(&switch, &identity(Role::SwitchB, None)), None);
+    assert_eq!(Walkthrough::batching(&culler, &display), Some(coded));
+    assert_eq!(Walkthrough::batching(&display, &culler), Some(coded));
+    assert_eq!(Walkthrough::batching(&culler, &identity(Role::SecondCuller, None)), None);
     let batch = BatchSize::new(10).unwrap();
     let plain = Settings { coding: IdCoding::Plain, batch, ..settings() };
     let display = identity(Role::Display, Some(plain));
-    assert_eq!(Walkthrough::batching(&switch, &display), Some(Batching { size: batch, coded: false }));
+    assert_eq!(Walkthrough::batching(&culler, &display), Some(Batching { size: batch, coded: false }));
 }
 
 #[test]
 fn a_peer_is_called_by_its_role_of_which_there_is_one() {
-    for (role, name) in [(Role::SwitchA, "switch A"), (Role::SwitchB, "switch B"), (Role::Display, "display")]
-    {
+    for (role, name) in [
+        (Role::FirstCuller, "first culler"),
+        (Role::SecondCuller, "second culler"),
+        (Role::Display, "display"),
+    ] {
         let hello = identity(role, None);
         assert_eq!(Walkthrough::name(&hello), name);
         assert_eq!(Walkthrough::role(&hello).as_deref(), Some(name));
@@ -169,9 +172,9 @@ fn a_peer_is_told_the_first_thing_that_does_not_fit() {
     let code = |theirs: &Identity| Walkthrough::admit(&ours, theirs).map_err(|rejection| rejection.code);
     assert_eq!(code(&other), Err(RejectionCode::Scene as u16));
     assert_eq!(code(&Identity { scene: ours.scene, ..other }), Err(RejectionCode::Role as u16));
-    let switch = Identity { role: Role::SwitchA, scene: ours.scene, ..other };
-    assert_eq!(code(&switch), Err(RejectionCode::Settings as u16));
-    assert_eq!(code(&Identity { settings: None, ..switch }), Ok(()));
+    let culler = Identity { role: Role::FirstCuller, scene: ours.scene, ..other };
+    assert_eq!(code(&culler), Err(RejectionCode::Settings as u16));
+    assert_eq!(code(&Identity { settings: None, ..culler }), Ok(()));
 }
 
 #[test]
@@ -255,12 +258,12 @@ fn identities_and_stats_fit_their_messages() {
 fn the_longest_rejection_is_not_cut() {
     let (ours, theirs) = (settings(), Settings { first: FrameNumber(1), ..settings() });
     let why =
-        Walkthrough::admit(&identity(Role::Display, Some(ours)), &identity(Role::SwitchA, Some(theirs)))
+        Walkthrough::admit(&identity(Role::Display, Some(ours)), &identity(Role::FirstCuller, Some(theirs)))
             .unwrap_err();
     assert!(why.to_string().ends_with("only the display decides"), "{why}");
     let why = Walkthrough::admit(
         &identity(Role::Display, None),
-        &Identity { scene: SceneHash(0), ..identity(Role::SwitchA, None) },
+        &Identity { scene: SceneHash(0), ..identity(Role::FirstCuller, None) },
     );
     assert!(why.unwrap_err().to_string().ends_with("give both the same cooked file"));
 }

@@ -41,8 +41,8 @@ fn display() -> Identity {
     Identity { role: Role::Display, scene: SceneHash(0x1234), settings: Some(settings) }
 }
 
-fn switch() -> Identity {
-    Identity { role: Role::SwitchA, scene: SceneHash(0x1234), settings: None }
+fn culler() -> Identity {
+    Identity { role: Role::FirstCuller, scene: SceneHash(0x1234), settings: None }
 }
 
 fn stats() -> FrameStats {
@@ -99,8 +99,8 @@ fn messages() -> Vec<(&'static str, Message)> {
     ];
     let mut messages = vec![
         ("hello", Message::Hello(hello)),
-        ("accept", Message::Accept(Accept { application: postcard(&switch()) })),
-        ("refuse", Message::Refuse(Refusal::Rejected(Walkthrough::admit(&switch(), &switch()).unwrap_err()))),
+        ("accept", Message::Accept(Accept { application: postcard(&culler()) })),
+        ("refuse", Message::Refuse(Refusal::Rejected(Walkthrough::admit(&culler(), &culler()).unwrap_err()))),
         ("close", Message::Close(CloseCode::Failed.because("no GPU"))),
         ("camera", Message::Latest(header)),
     ];
@@ -144,7 +144,7 @@ fn the_examples_read_back_as_what_they_stand_for() {
     let Message::Hello(hello) = read("hello") else { panic!("no hello") };
     assert_eq!(postcard::from_bytes(&hello.application), Ok(display()));
     let Message::Accept(accept) = read("accept") else { panic!("no accept") };
-    assert_eq!(postcard::from_bytes(&accept.application), Ok(switch()));
+    assert_eq!(postcard::from_bytes(&accept.application), Ok(culler()));
     let Message::Refuse(Refusal::Rejected(rejection)) = read("refuse") else { panic!("not refused") };
     assert!(RejectionCode::Role.is_of(&rejection));
     let Message::Close(reason) = read("close") else { panic!("no close") };

@@ -15,7 +15,7 @@ local KINDS = {
 }
 local VERSION = 2
 local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/1", 72, 80
-local ROLES = { [0] = "switch A", "switch B", "display" }
+local ROLES = { [0] = "first culler", "second culler", "display" }
 local LANES = { [0] = "latest", "frames", "messages" }
 local MESSAGES = { [0] = "stats" }
 local CODINGS = { [0] = "plain", "changes" }

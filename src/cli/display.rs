@@ -8,7 +8,7 @@ use tokio::runtime::Runtime;
 use trimaran::{
     report::{
         Writer,
-        schema::{HowEnded, Seat},
+        schema::{HowEnded, Machine},
     },
     vulkan::VulkanDisplay,
     walkthrough::{CameraPath, Plan, Recorder, ReportPlan, SceneFile, begin, how_ended},
@@ -53,7 +53,12 @@ pub(super) struct DisplaySession<'s> {
 }
 
 /// What a report says of a walk beside its frames, before the cullers have come.
-pub(super) fn about(path: &CameraPath, name: &str, seed: u64, devices: Vec<(Seat, GpuInfo)>) -> ReportPlan {
+pub(super) fn about(
+    path: &CameraPath,
+    name: &str,
+    seed: u64,
+    devices: Vec<(Machine, GpuInfo)>,
+) -> ReportPlan {
     ReportPlan {
         command_line: std::env::args().collect(),
         started: walking::date(),

@@ -12,13 +12,13 @@ pub(crate) struct NetemArgs {
     /// in .toml.
     #[arg(long, value_name = "PROFILE")]
     profile: String,
-    /// The network namespaces to join: the pair's first machine, its second and the display; two names leave
+    /// The network namespaces to join: the first culler, its second and the display; two names leave
     /// the second out. Those that do not exist are made, and removed at the end. Their addresses are
     /// 10.0.0.1, .2 and .3, and fd00::1, ::2, ::3.
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', default_value = "first,second,display")]
     namespaces: Vec<String>,
     /// Rather two Ethernet interfaces that exist, with whole machines behind them or other namespaces: that
-    /// of the pair's first machine and that of the display. What comes in at one goes out at the other;
+    /// of the first culler and that of the display. What comes in at one goes out at the other;
     /// neither may have an address of this machine.
     #[arg(long, value_name = "INTERFACE,INTERFACE", value_delimiter = ',', conflicts_with = "namespaces")]
     between: Option<Vec<String>>,

@@ -121,7 +121,7 @@ pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
 
 /// Serves one guest after the other.
 async fn keep_answering(net: &Arc<dyn Net>, at: &Endpoint, options: &Options) -> Result<(), Failure> {
-    let identity = Identity { role: Role::SwitchA, scene: NO_SCENE, settings: None };
+    let identity = Identity { role: Role::FirstCuller, scene: NO_SCENE, settings: None };
     let mut listener = Listener::bind(net, at, identity, options).await.map_err(Failure::bad_input)?;
     eprintln!("trimaran: answers pings on {}", listener.local_endpoint());
     loop {

@@ -1,4 +1,4 @@
-//! The cullers of `trimaran run --link` over anything but `inproc`: two of `trimaran role switch` on this
+//! The cullers of `trimaran run --link` over anything but `inproc`: two of `trimaran role culler` on this
 //! machine.
 
 use std::{
@@ -10,7 +10,7 @@ use tokio::{
     process::{Child, Command},
     runtime::Runtime,
 };
-use trimaran::config::{PairSeat, SwitchConfig, SwitchPeers};
+use trimaran::config::{CullerConfig, CullerPeers, Which};
 use trimaran_actors::JoinTimeouts;
 use trimaran_proto::Role;
 use trimaran_transport::{
@@ -41,26 +41,26 @@ impl Keyring {
         };
         let ((keys, display), (first, one), (second, two)) =
             (make("display")?, make("first")?, make("second")?);
-        let peers = [(first, Role::SwitchA), (second, Role::SwitchB)]
+        let peers = [(first, Role::FirstCuller), (second, Role::SecondCuller)]
             .map(|(keys, role)| KnownPeer::in_role(keys.public().clone(), role));
         Ok(Self { security: Security { keys, peers: peers.into() }, display, cullers: [one, two] })
     }
 
-    const fn of(&self, seat: PairSeat) -> &KeyFiles {
+    const fn of(&self, index: Which) -> &KeyFiles {
         let [first, second] = &self.cullers;
-        match seat {
-            PairSeat::First => first,
-            PairSeat::Second => second,
+        match index {
+            Which::First => first,
+            Which::Second => second,
         }
     }
 
-    fn peers_of(&self, seat: PairSeat) -> SwitchPeers {
-        let other = match seat {
-            PairSeat::First => PairSeat::Second,
-            PairSeat::Second => PairSeat::First,
+    fn peers_of(&self, index: Which) -> CullerPeers {
+        let other = match index {
+            Which::First => Which::Second,
+            Which::Second => Which::First,
         };
         let public = |files: &KeyFiles| Some(files.public.clone());
-        SwitchPeers { display: public(&self.display), other: public(self.of(other)) }
+        CullerPeers { display: public(&self.display), other: public(self.of(other)) }
     }
 }
 
@@ -84,7 +84,7 @@ pub(super) fn endpoints(link: LinkKind, folder: &Path) -> Result<(Endpoint, Endp
 pub(super) struct CullerProcesses([CullerProcess; 2]);
 
 struct CullerProcess {
-    seat: PairSeat,
+    index: Which,
     child: Child,
 }
 
@@ -101,10 +101,10 @@ impl CullerProcesses {
         runtime: &Runtime,
     ) -> Result<Self, Failure> {
         let scene = std::path::absolute(&args.scene).map_err(Failure::broken)?;
-        let start = |seat| {
-            let config = SwitchConfig {
+        let start = |index| {
+            let config = CullerConfig {
                 scene: scene.clone(),
-                seat,
+                index,
                 display: display.clone(),
                 pair: meet.clone(),
                 device: args.walk.device.clone(),
@@ -112,19 +112,19 @@ impl CullerProcesses {
                 join_timeout_s: JoinTimeouts::ONCE.join.as_secs_f64(),
                 reconnect_s: 0.0,
                 metrics: None,
-                keys: keyring.map(|keyring| keyring.of(seat).private.clone()),
-                peers: keyring.map(|keyring| keyring.peers_of(seat)).unwrap_or_default(),
+                keys: keyring.map(|keyring| keyring.of(index).private.clone()),
+                peers: keyring.map(|keyring| keyring.peers_of(index)).unwrap_or_default(),
             };
-            let path = folder.join(format!("{seat:?}.toml"));
+            let path = folder.join(format!("{index:?}.toml"));
             let own = toml::to_string(&config).map_err(Failure::broken)?;
             let links = toml::to_string(options).map_err(Failure::broken)?;
             std::fs::write(&path, own + &links).map_err(Failure::broken)?;
             let program = std::env::current_exe().map_err(Failure::broken)?;
             let mut command = Command::new(program);
-            command.args(["role", "switch", "--config"]).arg(&path);
-            CullerProcess::spawn(seat, command, runtime)
+            command.args(["role", "culler", "--config"]).arg(&path);
+            CullerProcess::spawn(index, command, runtime)
         };
-        Ok(Self([start(PairSeat::First)?, start(PairSeat::Second)?]))
+        Ok(Self([start(Which::First)?, start(Which::Second)?]))
     }
 
     /// Ends when one of them does, with what to say of one that ended before it had joined.
@@ -155,17 +155,17 @@ impl CullerProcesses {
 }
 
 impl CullerProcess {
-    fn spawn(seat: PairSeat, mut command: Command, runtime: &Runtime) -> Result<Self, Failure> {
+    fn spawn(index: Which, mut command: Command, runtime: &Runtime) -> Result<Self, Failure> {
         let _within = runtime.enter();
         let child = command.kill_on_drop(true).spawn().map_err(Failure::broken)?;
-        Ok(Self { seat, child })
+        Ok(Self { index, child })
     }
 
     /// How it is spoken of.
     const fn name(&self) -> &'static str {
-        match self.seat {
-            PairSeat::First => "the first culler",
-            PairSeat::Second => "the second culler",
+        match self.index {
+            Which::First => "the first culler",
+            Which::Second => "the second culler",
         }
     }
 }
@@ -175,20 +175,20 @@ mod tests {
     use super::*;
     use crate::cli::walking::runtime;
 
-    fn culler(seat: PairSeat, program: &str, args: &[&str], runtime: &Runtime) -> CullerProcess {
+    fn culler(index: Which, program: &str, args: &[&str], runtime: &Runtime) -> CullerProcess {
         let mut command = Command::new(program);
         command.args(args);
-        CullerProcess::spawn(seat, command, runtime).unwrap()
+        CullerProcess::spawn(index, command, runtime).unwrap()
     }
 
     #[test]
     fn the_culler_that_ends_early_is_named_with_its_status() {
         let runtime = runtime().unwrap();
-        let sleeper = |seat| culler(seat, "sleep", &["1000"], &runtime);
-        let loser = |seat| culler(seat, "sh", &["-c", "exit 3"], &runtime);
+        let sleeper = |index| culler(index, "sleep", &["1000"], &runtime);
+        let loser = |index| culler(index, "sh", &["-c", "exit 3"], &runtime);
         for (cullers, name) in [
-            ([loser(PairSeat::First), sleeper(PairSeat::Second)], "the first culler"),
-            ([sleeper(PairSeat::First), loser(PairSeat::Second)], "the second culler"),
+            ([loser(Which::First), sleeper(Which::Second)], "the first culler"),
+            ([sleeper(Which::First), loser(Which::Second)], "the second culler"),
         ] {
             let said = runtime.block_on(CullerProcesses(cullers).ended_early()).to_string();
             assert!(said.contains(name) && said.contains("exit status: 3"), "{said}");
@@ -201,7 +201,7 @@ mod tests {
         let mut command = Command::new("sh");
         // Its standard output is open for as long as it lives.
         command.args(["-c", "exec sleep 1000"]).stdout(std::process::Stdio::piped());
-        let mut culler = CullerProcess::spawn(PairSeat::First, command, &runtime).unwrap();
+        let mut culler = CullerProcess::spawn(Which::First, command, &runtime).unwrap();
         let mut output = culler.child.stdout.take().unwrap();
         drop(culler);
         let mut all = Vec::new();

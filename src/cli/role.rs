@@ -4,8 +4,8 @@ use std::{path::PathBuf, time::Duration};
 
 use tokio::runtime::Runtime;
 use trimaran::{
-    config::{DisplayConfig, PairSeat, PeerFile, RoleConfig, SessionConfig, SwitchConfig, security},
-    report::schema::Seat,
+    config::{CullerConfig, DisplayConfig, PeerFile, RoleConfig, SessionConfig, Which, security},
+    report::schema::Machine,
     vulkan::VulkanCuller,
     walkthrough::{CameraPath, PathChoice, Plan},
 };
@@ -29,7 +29,7 @@ const LETTING_GO: Duration = Duration::from_millis(50);
 
 pub(super) fn run(command: &RoleCommand) -> Result<(), Failure> {
     match command {
-        RoleCommand::Switch(args) => on_runtime(|runtime| switch(&load(args)?, runtime)),
+        RoleCommand::Culler(args) => on_runtime(|runtime| culler(&load(args)?, runtime)),
         RoleCommand::Display(args) => on_runtime(|runtime| display(&load(args)?, runtime)),
     }
 }
@@ -54,16 +54,16 @@ where
 /// A configuration file with every key.
 pub(super) fn template(role: RoleName) -> String {
     match role {
-        RoleName::Switch => SwitchConfig::template(),
+        RoleName::Culler => CullerConfig::template(),
         RoleName::Display => DisplayConfig::template(),
     }
 }
 
 /// A culler, from start to close.
-fn switch((config, options): &(SwitchConfig, Options), runtime: &Runtime) -> Result<(), Failure> {
-    let index = match config.seat {
-        PairSeat::First => CullerIndex::First,
-        PairSeat::Second => CullerIndex::Second,
+fn culler((config, options): &(CullerConfig, Options), runtime: &Runtime) -> Result<(), Failure> {
+    let index = match config.index {
+        Which::First => CullerIndex::First,
+        Which::Second => CullerIndex::Second,
     };
     let peer = |endpoint: &Endpoint, name, role, peer: &Option<PathBuf>| {
         let peer = PeerFile { name, role: Some(role), path: peer.as_deref() };
@@ -139,7 +139,7 @@ fn display((config, options): &(DisplayConfig, Options), runtime: &Runtime) -> R
     let listening = || listen(&file, &drawn, &plan, &path, &start.net, &config.listen, &options);
     let Some(listener) = start.until(listening)? else { return Ok(()) };
     eprintln!("trimaran: the display listens on {}", listener.local_endpoints());
-    let devices = vec![(Seat::Display, drawn.gpu().info().clone())];
+    let devices = vec![(Machine::Display, drawn.gpu().info().clone())];
     let session = DisplaySession {
         about: about(&path, &config.session.path, config.session.seed, devices),
         file: &file,

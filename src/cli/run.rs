@@ -4,7 +4,7 @@ use std::{future::pending, sync::Arc};
 
 use trimaran::{
     config,
-    report::schema::Seat,
+    report::schema::Machine,
     vulkan::VulkanCuller,
     walkthrough::{SceneFile, SceneOnDevices},
 };
@@ -81,7 +81,8 @@ pub(super) fn walk(
     let display = listener.local_endpoint().clone();
     let info = |index: usize| devices.map_or(&drawn, |devices| &devices.drawn[index]).gpu().info().clone();
     let turns = if plan.alone { Turns::alone() } else { Turns::at_once() };
-    let infos = vec![(Seat::SwitchA, info(0)), (Seat::SwitchB, info(1)), (Seat::Display, info(2))];
+    let infos =
+        vec![(Machine::FirstCuller, info(0)), (Machine::SecondCuller, info(1)), (Machine::Display, info(2))];
     let session = DisplaySession {
         file,
         drawn: &drawn,

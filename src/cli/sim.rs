@@ -108,8 +108,8 @@ fn scenarios(args: &SimArgs) -> Result<Vec<Scenario>, Failure> {
 
 /// Says where deadlines are over before anything can have come.
 fn warn_of_deadlines(scenarios: &[Scenario]) {
-    let hopeless = scenarios.iter().filter(|scenario| scenario.gives_up_everything());
-    let mut said: Vec<String> = hopeless
+    let deadline_too_short = scenarios.iter().filter(|scenario| scenario.gives_up_everything());
+    let mut said: Vec<String> = deadline_too_short
         .map(|Scenario { network, link, knobs, .. }| {
             let (deadline, way) = (knobs.deadline, network.way_to_display());
             let (name, link) = (&network.name, link.name());

@@ -183,7 +183,7 @@ fn paths(before: &[LinkReading], now: &[LinkReading], elapsed: Duration) -> Stri
 /// What somebody should know beside the figures: nothing, mostly.
 fn warnings(links: &[LinkReading], turned_away: &TurnedAwayReading) -> String {
     let mut text = limits(links, turned_away);
-    for link in links.iter().filter(|link| link.path.is_some_and(|path| path.hopeless)) {
+    for link in links.iter().filter(|link| link.path.is_some_and(|path| path.deadline_too_short)) {
         let _infallible = writeln!(
             text,
             "\nthe way to {} takes as long as a frame may, or longer: hardly any comes whole; take a longer deadline, or a link without one",
@@ -293,12 +293,12 @@ mod tests {
 
     #[test]
     fn a_deadline_that_nothing_can_meet_is_told_and_no_other() {
-        let link = |hopeless| LinkReading {
+        let link = |deadline_too_short| LinkReading {
             peer: "display".to_owned(),
             sent: Carried::default(),
             received: Carried::default(),
             floods: 0,
-            path: Some(PathReading { hopeless, ..PathReading::default() }),
+            path: Some(PathReading { deadline_too_short, ..PathReading::default() }),
         };
         let nobody = TurnedAwayReading::default();
         assert_eq!(warnings(&[link(false)], &nobody), "");

@@ -21,7 +21,7 @@ use toml::{Spanned, Table, de::DeTable};
 use trimaran_transport::{Endpoint, Options, keys::KeysError};
 
 pub use options::{GivenOption, GivenOptionError, OptionKey, options};
-pub use role::{DisplayConfig, DisplayPeers, PairSeat, SessionConfig, SwitchConfig, SwitchPeers};
+pub use role::{CullerConfig, CullerPeers, DisplayConfig, DisplayPeers, SessionConfig, Which};
 pub use security::{PeerFile, needs_keys, security};
 
 /// Why a configuration could not be used.

@@ -9,31 +9,31 @@ use trimaran_transport::{Endpoint, Endpoints};
 
 use super::{ConfigError, RoleConfig, positive, seconds};
 
-/// Which machine of the pair.
+/// Which culler.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
-pub enum PairSeat {
+pub enum Which {
     /// Culls even frames and listens for the second.
     First,
     /// Culls odd frames and connects to the first.
     Second,
 }
 
-/// `trimaran role switch`: one machine of the pair.
+/// `trimaran role culler`: a culler.
 #[derive(Debug, Clone, PartialEq, Serialize, Config)]
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
-pub struct SwitchConfig {
+pub struct CullerConfig {
     /// The cooked scene; all three roles hold the same one. Paths in a file start at the file's folder.
     #[config(env = "TRIMARAN_SCENE", layer_attr(arg(long, value_name = "X.scene")))]
     pub scene: PathBuf,
     /// Which of the two machines this is: `first` culls even frames and listens for the second, `second`
     /// culls odd frames and connects to the first.
-    #[config(env = "TRIMARAN_SEAT", layer_attr(arg(long, value_enum)))]
-    pub seat: PairSeat,
+    #[config(env = "TRIMARAN_INDEX", layer_attr(arg(long, value_enum)))]
+    pub index: Which,
     /// Where the display listens, such as `tcp://show:7400`.
     #[config(env = "TRIMARAN_DISPLAY", layer_attr(arg(long, value_name = "ENDPOINT")))]
     pub display: Endpoint,
-    /// Where the machines of the pair meet: the first listens there, the second connects to it. It need not
+    /// Where the cullers meet: the first listens there, the second connects to it. It need not
     /// be the transport that leads to the display.
     #[config(env = "TRIMARAN_PAIR", layer_attr(arg(long, value_name = "ENDPOINT")))]
     pub pair: Endpoint,
@@ -78,13 +78,13 @@ pub struct SwitchConfig {
     pub keys: Option<PathBuf>,
     /// By what this machine knows the others: their public keys.
     #[config(nested, layer_attr(command(flatten)))]
-    pub peers: SwitchPeers,
+    pub peers: CullerPeers,
 }
 
-/// By what a machine of the pair knows the others.
+/// By what a culler knows the others.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Config)]
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
-pub struct SwitchPeers {
+pub struct CullerPeers {
     /// The display's public keys, `NAME.pub`.
     #[config(
         env = "TRIMARAN_PEERS_DISPLAY",
@@ -106,7 +106,7 @@ pub struct DisplayConfig {
     #[config(env = "TRIMARAN_SCENE", layer_attr(arg(long, value_name = "X.scene")))]
     pub scene: PathBuf,
     /// Where to listen, such as `tcp://0.0.0.0:7400` or `unix:/run/trimaran/display.sock`; a list where the
-    /// machines of the pair come over different transports.
+    /// cullers come over different transports.
     #[config(env = "TRIMARAN_LISTEN", layer_attr(arg(long, value_name = "ENDPOINT,..")))]
     pub listen: Endpoints,
     /// Where report and frames go.
@@ -163,7 +163,7 @@ pub struct DisplayConfig {
     pub session: SessionConfig,
 }
 
-/// By what the display knows the machines of the pair.
+/// By what the display knows the cullers.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Config)]
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
 pub struct DisplayPeers {
@@ -285,7 +285,7 @@ pub struct SessionConfig {
     pub visible: bool,
 }
 
-impl RoleConfig for SwitchConfig {
+impl RoleConfig for CullerConfig {
     fn paths(layer: &mut Self::Layer) -> impl Iterator<Item = &mut PathBuf> {
         let peers = &mut layer.peers;
         [&mut layer.scene, &mut layer.keys, &mut peers.display, &mut peers.other].into_iter().flatten()

@@ -56,10 +56,10 @@ fn a_flag_goes_before_the_file_and_its_paths_start_where_the_user_is() {
 
 #[test]
 fn a_switch_configuration_survives_a_round_trip() {
-    let peers = SwitchPeers { display: Some("/k/display.pub".into()), other: None };
-    let config = SwitchConfig {
+    let peers = CullerPeers { display: Some("/k/display.pub".into()), other: None };
+    let config = CullerConfig {
         scene: "/s/a.scene".into(),
-        seat: PairSeat::Second,
+        index: Which::Second,
         display: "quic://show:7400".parse().unwrap(),
         pair: "tcp://one:7401".parse().unwrap(),
         device: None,
@@ -74,7 +74,7 @@ fn a_switch_configuration_survives_a_round_trip() {
     options.udp.window = 12_345;
     options.tcp.keepalive = None;
     let text = [toml::to_string(&config).unwrap(), toml::to_string(&options).unwrap()].concat();
-    assert_eq!(both::<SwitchConfig>(&text).unwrap(), (config, options));
+    assert_eq!(both::<CullerConfig>(&text).unwrap(), (config, options));
 }
 
 #[test]
@@ -188,7 +188,7 @@ fn the_templates_have_every_key_and_its_true_default() {
     let (display, options) = template_in_step::<DisplayConfig>(DISPLAY);
     assert_eq!((display.session, options), (defaults(), Options::default()));
     let required = "scene = 'a'\nseat = 'first'\ndisplay = 'tcp://x:1'\npair = 'tcp://x:2'\n";
-    let (_, options) = template_in_step::<SwitchConfig>(required);
+    let (_, options) = template_in_step::<CullerConfig>(required);
     assert_eq!(options, Options::default());
 }
 
@@ -248,14 +248,14 @@ fn what_encrypts_needs_keys_of_both_sides() {
     let (one, two) = (make("one"), make("two"));
     let tcp = "tcp://a:1".parse().unwrap();
     let both = "tcp://a:1,quic://a:2".parse().unwrap();
-    let none = |name| PeerFile { name, role: Some(Role::SwitchB), path: None };
+    let none = |name| PeerFile { name, role: Some(Role::SecondCuller), path: None };
     let peer = PeerFile { path: Some(two.public.as_path()), ..none("peers.other") };
     let options = Options::default();
     assert_eq!(security(&options, &tcp, None, &[none("peers.other")]).unwrap(), None);
     let known = security(&options, &both, Some(&one.private), &[none("peers.first"), peer]).unwrap().unwrap();
     assert_eq!(known.keys.public().name.as_str(), "one");
     let known = known.peers.iter().map(|peer| (peer.keys.name.as_str(), peer.role.clone()));
-    assert_eq!(known.collect::<Vec<_>>(), [("two", Some(String::from(Role::SwitchB)))]);
+    assert_eq!(known.collect::<Vec<_>>(), [("two", Some(String::from(Role::SecondCuller)))]);
     for (keys, peer) in [(None, peer), (Some(one.private.as_path()), none("peers.other"))] {
         let message = security(&options, &both, keys, &[peer]).unwrap_err().to_string();
         assert!(message.contains("quic://a:2") && message.contains("peers.other"), "{message}");

@@ -43,7 +43,7 @@ pub struct PathReading {
     /// Bytes in flight.
     pub in_flight_bytes: u64,
     /// Frames sent have no more time than the way to the peer takes: hardly any comes whole.
-    pub hopeless: bool,
+    pub deadline_too_short: bool,
 }
 
 impl From<PathStats> for PathReading {
@@ -63,7 +63,7 @@ impl From<PathStats> for PathReading {
             round_trip_ms: path.round_trip.as_secs_f64() * 1e3,
             window_bytes: path.window as u64,
             in_flight_bytes: path.in_flight as u64,
-            hopeless: path.hopeless,
+            deadline_too_short: path.deadline_too_short,
         }
     }
 }
@@ -102,7 +102,9 @@ pub(super) fn encode(links: &[LinkReading], encoder: &mut DescriptorEncoder<'_>)
         ("round_trip_seconds", "Smoothed round-trip time", |path| path.round_trip_ms / 1e3),
         ("window_bytes", "Congestion window", |path| path.window_bytes as f64),
         ("in_flight_bytes", "Bytes in flight", |path| path.in_flight_bytes as f64),
-        ("hopeless", "1 where frames sent have no more time than the way takes", |path| path.hopeless.into()),
+        ("deadline_too_short", "1 where frames sent have no more time than the way takes", |path| {
+            path.deadline_too_short.into()
+        }),
     ];
     for (name, help, level) in levels {
         let mut family = encoder.encode_descriptor(name, help, None, MetricType::Gauge)?;
@@ -145,7 +147,7 @@ mod tests {
             packets_lost: 7,
             round_trip_ms: 12.5,
             path_mtu: 1452,
-            hopeless: true,
+            deadline_too_short: true,
             ..PathReading::default()
         };
         let text = text_of(Some(path));
@@ -155,7 +157,7 @@ mod tests {
             "# TYPE trimaran_link_round_trip_seconds gauge",
             "trimaran_link_round_trip_seconds{peer=\"display\"} 0.0125",
             "trimaran_link_path_mtu_bytes{peer=\"display\"} 1452.0",
-            "trimaran_link_hopeless{peer=\"display\"} 1.0",
+            "trimaran_link_deadline_too_short{peer=\"display\"} 1.0",
         ] {
             assert!(text.lines().any(|found| found == line), "no {line} in {text}");
         }

@@ -36,7 +36,7 @@ impl Emulation {
         granted(&[(CapabilitySet::NET_ADMIN, "CAP_NET_ADMIN"), (CapabilitySet::SYS_ADMIN, "CAP_SYS_ADMIN")])
     }
 
-    /// Puts a network between namespaces of these names: those of the pair's first machine, its second and
+    /// Puts a network between namespaces of these names: those of the first culler, its second and
     /// the display, or, if there are only two, of the first and the display. They are made where they do
     /// not exist; their addresses are [`HostId::v4`] and [`HostId::v6`].
     ///
@@ -65,7 +65,7 @@ impl Emulation {
         Ok(Self::carrying(cargo, devices, machines, Vec::new()))
     }
 
-    /// Puts a network between two Ethernet interfaces, those of the pair's first machine and of the display:
+    /// Puts a network between two Ethernet interfaces, those of the first culler and of the display:
     /// cards with machines behind them, ends of veth pairs, TAP devices. Whatever comes in at one goes
     /// out at the other, of whatever protocol.
     ///

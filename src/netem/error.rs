@@ -21,7 +21,7 @@ pub enum NetemError {
     NoTun,
     /// More or fewer namespaces than machines.
     #[error(
-        "{count} namespaces for three machines: name two (the pair's first machine and the display) or three (first, second, display), each once"
+        "{count} namespaces for three machines: name two (the first culler and the display) or three (first, second, display), each once"
     )]
     Namespaces {
         /// How many were given.

@@ -22,8 +22,8 @@ pub fn tc_commands(profile: &Profile) -> String {
     link("what a machine sends: on each machine, DEV leads to the switch", &profile.up);
     link("what a machine gets: on the switch, DEV leads to the machine; once for each", &profile.down);
     if let Some((out, back)) = &profile.wan {
-        link("between the sites: at the pair's, DEV leads to the display's", out);
-        link("and back: at the display's, DEV leads to the pair's", back);
+        link("between the sites: at the cullers', DEV leads to the display's", out);
+        link("and back: at the display's, DEV leads to the cullers'", back);
     }
     script
 }

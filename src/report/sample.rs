@@ -5,8 +5,8 @@ use std::sync::LazyLock;
 use trimaran_audit::metrics::{Deviation, ImageRef, image_difference};
 
 use super::schema::{
-    BytesByKind, CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Mode, Projection, Report,
-    Role, RoleInfo, Run, SceneInfo, Seat, Span, SweepPoint, VisibleObject,
+    BytesByKind, CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Machine, Mode, Projection,
+    Report, Role, RoleInfo, Run, SceneInfo, Span, SweepPoint, VisibleObject,
 };
 
 pub(super) const SIZE: u32 = 96;
@@ -14,8 +14,8 @@ const FRAMES: u32 = 60;
 pub(super) const AUDIT_EVERY: u32 = 3;
 
 pub(super) fn run() -> Run {
-    let role = |seat| RoleInfo {
-        seat,
+    let role = |machine| RoleInfo {
+        machine,
         device: "llvmpipe (LLVM 15.0.6, 256 bits)".to_owned(),
         driver: "llvmpipe, Mesa 22.3.6".to_owned(),
     };
@@ -23,7 +23,7 @@ pub(super) fn run() -> Run {
         version: "0.1.0".to_owned(),
         command_line: ["trimaran", "run", "platform.scene", "--epsilon", "2"].map(str::to_owned).to_vec(),
         started: "2026-03-01T12:34:56Z".to_owned(),
-        roles: [Seat::SwitchA, Seat::SwitchB, Seat::Display].map(role).to_vec(),
+        roles: [Machine::FirstCuller, Machine::SecondCuller, Machine::Display].map(role).to_vec(),
         scene: SceneInfo {
             file: "scenes/<b>platform.scene".to_owned(),
             hash: "0123456789abcdef0123456789abcdef".to_owned(),
@@ -62,8 +62,9 @@ fn frame(frame: u32) -> Frame {
     let (or, hc, rvg) = (9.0 * load, 14.0 * load + noise(frame, 2), 11.0 * load);
     // The roles take turns, 65 ms a frame; the machine that drew a frame's occluders culls it.
     let start = 65.0 * f64::from(frame);
-    let seat = if frame.is_multiple_of(2) { Seat::SwitchA } else { Seat::SwitchB };
-    let span = |role, seat, start_ms: f64, ms: f64| Span { role, seat, start_ms, end_ms: start_ms + ms };
+    let machine = if frame.is_multiple_of(2) { Machine::FirstCuller } else { Machine::SecondCuller };
+    let span =
+        |role, machine, start_ms: f64, ms: f64| Span { role, machine, start_ms, end_ms: start_ms + ms };
 
     let exact = (420.0 * load) as u64;
     let drawn = if frame == 0 { 5_210 } else { (exact as f64 * (1.22 + 0.1 * noise(frame, 3))) as u64 };
@@ -90,9 +91,9 @@ fn frame(frame: u32) -> Frame {
         latency_frames: Some(1),
         latency_ms: Some(or + hc + rvg),
         timeline: vec![
-            span(Role::Or, seat, start, or),
-            span(Role::Hc, seat, start + or, hc),
-            span(Role::Rvg, Seat::Display, start + or + hc, rvg),
+            span(Role::Or, machine, start, or),
+            span(Role::Hc, machine, start + or, hc),
+            span(Role::Rvg, Machine::Display, start + or + hc, rvg),
         ],
         nodes_drawn: Some(drawn),
         nodes_exact: audited.then_some(exact),
@@ -112,7 +113,7 @@ fn frame(frame: u32) -> Frame {
             batches: 9,
             stopped_at_few_pixels: 0,
         }),
-        doubts: [("near_plane".to_owned(), 4), ("eye_inside".to_owned(), 2)].into(),
+        conservatively_visible: [("near_plane".to_owned(), 4), ("eye_inside".to_owned(), 2)].into(),
         false_culled_nodes: audited.then_some(if wrong { 3 } else { 0 }),
         false_culled_pixels: audited.then_some(if wrong { 41 } else { 0 }),
         false_culled_blob_px: audited.then_some(if wrong { 30 } else { 0 }),

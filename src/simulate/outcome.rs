@@ -62,7 +62,7 @@ pub struct Outcome {
     pub deadline_ms: Option<f64>,
     /// With deadlines: whether they are over before a frame's end can have come; then what is lost, or waits
     /// at its end, is given up.
-    pub hopeless: bool,
+    pub deadline_too_short: bool,
     /// Over `udp`: how many bytes of repair there might be, percent of the frames' own.
     pub repair_percent: Option<u8>,
     /// How ids travelled: `plain` or `changes`.
@@ -143,7 +143,7 @@ impl Outcome {
             network: network.name.clone(),
             link: *link,
             deadline_ms: deadline.map(milliseconds),
-            hopeless: scenario.gives_up_everything(),
+            deadline_too_short: scenario.gives_up_everything(),
             repair_percent: over_udp.then_some(knobs.repair_percent),
             coding: knobs.coding.name(),
             batch: batch.items(),

@@ -205,7 +205,7 @@ impl<F: Fn() -> C, S: Fn(), C> Observer for Pictures<F, S, C> {
 fn acquainted(knobs: &Knobs) -> Result<[Options; 3], SimulateError> {
     let keys = |name: &str| -> Result<Keys, SimulateError> { Ok(Keys::generate(name.parse()?)?) };
     let all = [keys("first")?, keys("second")?, keys("display")?];
-    let roles = [Role::SwitchA, Role::SwitchB, Role::Display];
+    let roles = [Role::FirstCuller, Role::SecondCuller, Role::Display];
     let known = |(keys, role): (&Keys, Role)| KnownPeer::in_role(keys.public().clone(), role);
     let peers: Vec<_> = all.iter().zip(roles).map(known).collect();
     let udp = UdpOptions {

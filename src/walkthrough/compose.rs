@@ -6,7 +6,7 @@ use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, FrameStats, Se
 use trimaran_scene::Scene;
 
 use super::{objects::ObjectCounts, path::CameraPath};
-use crate::report::schema::{BytesByKind, CullingCounts, Frame, Role, Seat, Span};
+use crate::report::schema::{BytesByKind, CullingCounts, Frame, Machine, Role, Span};
 
 /// A frame as it was shown.
 #[derive(Debug, Clone)]
@@ -97,7 +97,7 @@ fn frame(
         occluders_drawn: stats.map(|s| u64::from(s.occluders)),
         occluder_triangles: stats.map(|s| s.occluder_triangles),
         culling: stats.map(|s| culling(&s.culling)),
-        doubts: doubts(record),
+        conservatively_visible: conservatively_visible(record),
         bytes: Some(bytes.total()),
         bytes_by_kind: Some(bytes),
         ..Frame::default()
@@ -110,7 +110,7 @@ fn timeline(record: &FrameRecord, one_clock: bool) -> Vec<Span> {
     let number = record.camera.frame();
     let mut spans = vec![Span {
         role: Role::Rvg,
-        seat: Seat::Display,
+        machine: Machine::Display,
         start_ms: milliseconds(record.drawing),
         end_ms: milliseconds(record.shown),
     }];
@@ -118,8 +118,8 @@ fn timeline(record: &FrameRecord, one_clock: bool) -> Vec<Span> {
         let begun_ns = record.begun.as_nanos() as f64;
         let ahead_ns = if one_clock { 0.0 } else { begun_ns - stats.hc_start_ns as f64 };
         let here = |there_ns: u64| (there_ns as f64 + ahead_ns) * 1e-6;
-        let seat = seat_of(number);
-        let span = |role, start, end| Span { role, seat, start_ms: here(start), end_ms: here(end) };
+        let machine = machine_of(number);
+        let span = |role, start, end| Span { role, machine, start_ms: here(start), end_ms: here(end) };
         spans.push(span(Role::Or, busy_start(stats), stats.or_end_ns));
         spans.push(span(Role::Hc, stats.hc_start_ns, stats.hc_end_ns));
     }
@@ -132,10 +132,10 @@ const fn busy_start(stats: &FrameStats) -> u64 {
     stats.or_end_ns.saturating_sub(stats.or_busy_ns)
 }
 
-const fn seat_of(frame: FrameNumber) -> Seat {
+const fn machine_of(frame: FrameNumber) -> Machine {
     match trimaran_actors::CullerIndex::of(frame) {
-        trimaran_actors::CullerIndex::First => Seat::SwitchA,
-        trimaran_actors::CullerIndex::Second => Seat::SwitchB,
+        trimaran_actors::CullerIndex::First => Machine::FirstCuller,
+        trimaran_actors::CullerIndex::Second => Machine::SecondCuller,
     }
 }
 
@@ -166,7 +166,7 @@ fn culling(counts: &CullCounts) -> CullingCounts {
 }
 
 /// What was drawn because it was not known to be hidden, by reason.
-fn doubts(record: &FrameRecord) -> BTreeMap<String, u64> {
+fn conservatively_visible(record: &FrameRecord) -> BTreeMap<String, u64> {
     let culling = record.stats.map(|stats| stats.culling);
     let of_culling = culling.iter().flat_map(|counts| {
         [

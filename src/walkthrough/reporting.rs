@@ -19,7 +19,7 @@ use super::{
 };
 use crate::report::{
     Frame, Paths, PictureKind, Projection, Report, ReportError, Run, Writer,
-    schema::{Ended, HowEnded, Mode, RoleInfo, SceneInfo, Seat, timestamp},
+    schema::{Ended, HowEnded, Machine, Mode, RoleInfo, SceneInfo, timestamp},
 };
 use crate::vulkan::VulkanCuller;
 
@@ -48,7 +48,7 @@ pub struct ReportPlan {
     /// The seed of an automatic path.
     pub seed: Option<u64>,
     /// The roles' devices.
-    pub devices: Vec<(Seat, GpuInfo)>,
+    pub devices: Vec<(Machine, GpuInfo)>,
     /// Remarks that belong beside every figure.
     pub notes: Vec<String>,
 }
@@ -209,8 +209,8 @@ fn report(
 }
 
 fn run(file: &SceneFile, plan: &Plan, about: &ReportPlan) -> Run {
-    let role = |(seat, info): &(Seat, GpuInfo)| RoleInfo {
-        seat: *seat,
+    let role = |(machine, info): &(Machine, GpuInfo)| RoleInfo {
+        machine: *machine,
         device: info.name.clone(),
         driver: info.driver.clone(),
     };

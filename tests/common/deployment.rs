@@ -46,7 +46,7 @@ impl Deployment {
         Self::at(transport, ports, [place.clone(), place.clone(), place])
     }
 
-    /// The display listens at the first of these ports, the pair's first machine at the second.
+    /// The display listens at the first of these ports, the first culler at the second.
     pub(crate) fn at(transport: &str, ports: [u16; 2], places: [Place; 3]) -> Self {
         let [first, _, display] = places.each_ref().map(|place| &place.address);
         let display = format!("{transport}://{display}:{}", ports[0]);
@@ -65,11 +65,11 @@ impl Deployment {
                  [session]\nframes = {FRAMES}\nwidth = 64\nheight = 64\naudit_every = 200\n"
             ),
         );
-        for (seat, other) in [("first", "second"), ("second", "first")] {
+        for (index, other) in [("first", "second"), ("second", "first")] {
             write(
-                &format!("{seat}.toml"),
+                &format!("{index}.toml"),
                 format!(
-                    "scene = 'plant.scene'\nseat = '{seat}'\ndisplay = '{display}'\npair = '{pair}'\nkeys = '{seat}.key'\n\
+                    "scene = 'plant.scene'\nseat = '{index}'\ndisplay = '{display}'\npair = '{pair}'\nkeys = '{index}.key'\n\
                      peers.display = 'display.pub'\npeers.other = '{other}.pub'\n"
                 ),
             );
@@ -88,7 +88,7 @@ impl Deployment {
     }
 
     pub(crate) fn start(&self, name: &str, more: &[&str]) -> Role {
-        let kind = if name == "display" { "display" } else { "switch" };
+        let kind = if name == "display" { "display" } else { "culler" };
         let place = ["first", "second", "display"].iter().position(|role| *role == name).unwrap();
         let mut command = match &self.places[place].namespace {
             Some(namespace) => {

@@ -164,7 +164,7 @@ fn session_on(network: &str, capture: &Capture, link: Transport, workload: &Work
     simulate_watched(&scenario, Some(Box::new(file)), || ()).unwrap();
 }
 
-/// Every frame to the display, and all but the last to the other machine of the pair.
+/// Every frame to the display, and all but the last to the other culler.
 fn holds_every_id(capture: &Capture, workload: &Workload) {
     let frames = capture.frames();
     let (display, pair): (Vec<_>, Vec<_>) =
@@ -287,7 +287,7 @@ fn between_two(datagrams: &[(usize, Vec<u8>)]) -> Vec<u8> {
 
 /// The hello of a machine, as bytes.
 fn hello() -> BytesMut {
-    let identity = Identity { role: Role::SwitchA, scene: SCENE, settings: None };
+    let identity = Identity { role: Role::FirstCuller, scene: SCENE, settings: None };
     let hello = Hello {
         protocol: ProtocolName::new(Walkthrough::NAME),
         session: SessionId(7),
@@ -362,7 +362,7 @@ async fn a_real_link_over_loopback_is_read_the_same() {
 
     let deadline = net.now().after(Duration::from_secs(30));
     let (joined, accepted) = tokio::join!(
-        connect::<Walkthrough>(&net, &endpoint, identity(Role::SwitchA), &options, deadline),
+        connect::<Walkthrough>(&net, &endpoint, identity(Role::FirstCuller), &options, deadline),
         listener.accept(deadline)
     );
     let (mut machine, mut display) = (joined.unwrap(), accepted.unwrap());

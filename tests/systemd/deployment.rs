@@ -10,8 +10,8 @@ use crate::machine::Machine;
 
 /// The services, and where each shows what its links carry.
 pub(crate) const DISPLAY: (&str, u16) = ("trimaran-display", 9464);
-pub(crate) const FIRST: (&str, u16) = ("trimaran-switch@first", 9465);
-pub(crate) const SECOND: (&str, u16) = ("trimaran-switch@second", 9466);
+pub(crate) const FIRST: (&str, u16) = ("trimaran-culler@first", 9465);
+pub(crate) const SECOND: (&str, u16) = ("trimaran-culler@second", 9466);
 
 /// Where the display's report lies.
 const REPORT: &str = "/var/lib/trimaran/walk";
@@ -86,11 +86,11 @@ impl Walk {
                  session = {{ frames = {frames}, width = 64, height = 64, audit_every = 0 }}\n",
                 DISPLAY.1
             ),
-            seat => {
-                let (other, metrics) = if seat == "first" { ("two", FIRST.1) } else { ("one", SECOND.1) };
+            index => {
+                let (other, metrics) = if index == "first" { ("two", FIRST.1) } else { ("one", SECOND.1) };
                 format!(
-                    "scene = 'plant.scene'\nseat = '{seat}'\ndisplay = '{show}'\npair = '{pair}'\n\
-                     keys = '/run/credentials/trimaran-switch@{seat}.service/keys'\n\
+                    "scene = 'plant.scene'\nseat = '{index}'\ndisplay = '{show}'\npair = '{pair}'\n\
+                     keys = '/run/credentials/trimaran-culler@{index}.service/keys'\n\
                      peers = {{ display = 'show.pub', other = '{other}.pub' }}\nmetrics = '127.0.0.1:{metrics}'\n"
                 )
             }

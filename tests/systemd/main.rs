@@ -108,7 +108,7 @@ const TRIES: &str = r#"
 try() { if eval "$1" >/dev/null 2>&1; then echo "could: $1"; fi; }
 try 'ls /home'
 try 'ls /proc/1'
-try 'cat /run/credentials/trimaran-switch@second.service/keys'
+try 'cat /run/credentials/trimaran-culler@second.service/keys'
 try 'unshare --user true'
 try 'perl -e "socket(S, 16, 3, 0) or exit 1"'
 try 'taskset --cpu-list --pid 0 $$'
@@ -142,7 +142,7 @@ fn a_service_can_do_little_beside_its_work() {
     let tries: Vec<&str> =
         TRIES.lines().filter_map(|line| line.strip_prefix("try '")?.strip_suffix('\'')).collect();
     let work = &tries[tries.len() - 1..];
-    for service in ["trimaran-switch@tries", "trimaran-display"] {
+    for service in ["trimaran-culler@tries", "trimaran-display"] {
         machine.run(&format!("mkdir /etc/systemd/system/{service}.service.d; systemctl stop {service}"));
         assert_eq!(could(&format!("{service}.service.d/tries.conf"), ""), work, "{service}");
     }

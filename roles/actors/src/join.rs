@@ -95,8 +95,8 @@ pub async fn await_cullers(mut listener: Listener, deadline: Instant) -> Result<
     let mut early: Option<Link> = None;
     loop {
         let missing = match &early {
-            Some(link) if link.peer.hello.role == Role::SwitchA => Role::SwitchB,
-            _ => Role::SwitchA,
+            Some(link) if link.peer.hello.role == Role::FirstCuller => Role::SecondCuller,
+            _ => Role::FirstCuller,
         };
         let early_left = async {
             match &mut early {
@@ -125,7 +125,7 @@ pub async fn await_cullers(mut listener: Listener, deadline: Instant) -> Result<
         }
         early = Some(match early {
             None => came,
-            Some(link) if role == Role::SwitchA => return Ok([came, link]),
+            Some(link) if role == Role::FirstCuller => return Ok([came, link]),
             Some(link) => return Ok([link, came]),
         });
     }

@@ -362,8 +362,8 @@ fn a_machine_that_waits_for_its_device_ends_when_it_is_asked_to() {
         let (begun, hangs) = channel();
         let handle = house.runtime.handle();
         let device = Device::failing(task, 0, Fault::Hangs(begun));
-        let (display, mut to_display) = house.link(Role::SwitchA, Role::Display);
-        let (other, mut to_other) = house.link(Role::SwitchA, Role::SwitchB);
+        let (display, mut to_display) = house.link(Role::FirstCuller, Role::Display);
+        let (other, mut to_other) = house.link(Role::FirstCuller, Role::SecondCuller);
         to_display.latest_tx.publish(house.camera.for_frame(FrameNumber(0))).unwrap();
         let (stopper, stop) = Stop::new();
         let role = house.culler(CullerIndex::First, device, display, other, house.settings(0));
@@ -380,8 +380,8 @@ fn a_display_that_waits_for_its_device_ends_when_it_is_asked_to() {
     let (begun, hangs) = channel();
     let handle = house.runtime.handle();
     let device = Device::failing(Task::Draw, 0, Fault::Hangs(begun));
-    let (first, mut to_first) = house.link(Role::Display, Role::SwitchA);
-    let (second, mut to_second) = house.link(Role::Display, Role::SwitchB);
+    let (first, mut to_first) = house.link(Role::Display, Role::FirstCuller);
+    let (second, mut to_second) = house.link(Role::Display, Role::SecondCuller);
     let camera = house.camera.for_frame(FrameNumber(0));
     handle.block_on(async {
         to_first.frames_tx.begin(FrameStart { frame: FrameNumber(0), header: camera }).await.unwrap();
@@ -403,8 +403,8 @@ fn a_display_that_waits_for_its_device_ends_when_it_is_asked_to() {
 fn left_by_the_other(lockstep: bool, words: Option<CloseReason>) -> RoleError {
     let house = House::new("unused");
     let handle = house.runtime.handle();
-    let (first, _silent) = house.link(Role::Display, Role::SwitchA);
-    let (second, mut leaving) = house.link(Role::Display, Role::SwitchB);
+    let (first, _silent) = house.link(Role::Display, Role::FirstCuller);
+    let (second, mut leaving) = house.link(Role::Display, Role::SecondCuller);
     let settings = Settings { lockstep, frames: lockstep.then_some(FRAMES), ..house.settings(0) };
     let role = house.display(Device::default(), first, second, settings);
     let (_stopper, stop) = Stop::new();
@@ -430,7 +430,7 @@ fn a_display_does_not_wait_for_one_machine_when_the_other_has_left() {
             [None, Some(CloseCode::PeerLost.because("it was away")), Some(CloseCode::Interrupted.reason())]
         {
             let end = left_by_the_other(lockstep, words);
-            assert!(end.lost_a_peer() && format!("{end:?}").contains("switch B"), "{end:?}");
+            assert!(end.lost_a_peer() && format!("{end:?}").contains("second culler"), "{end:?}");
         }
     }
 }

@@ -87,7 +87,7 @@ fn settings(first: FrameNumber) -> Settings {
 
 #[tokio::test(start_paused = true)]
 async fn a_machine_that_leaves_before_the_other_comes_is_waited_for_again() {
-    let cullers = [Role::SwitchA, Role::SwitchB];
+    let cullers = [Role::FirstCuller, Role::SecondCuller];
     for (index, close) in [None, Some(CloseCode::Interrupted.reason())].into_iter().enumerate() {
         for [early, late] in [cullers, [cullers[1], cullers[0]]] {
             let meeting = Meeting::at(&format!("left-{index}-{early}").replace(' ', "-"));
@@ -103,7 +103,7 @@ async fn a_machine_that_leaves_before_the_other_comes_is_waited_for_again() {
             }
             let (came, last) = (meeting.early(early).await, meeting.early(late).await);
             let mut sessions = [came.peer.session, last.peer.session];
-            if early == Role::SwitchB {
+            if early == Role::SecondCuller {
                 sessions.reverse();
             }
             let links = display.await.unwrap().unwrap();
@@ -117,9 +117,9 @@ async fn a_machine_that_leaves_before_the_other_comes_is_waited_for_again() {
 async fn a_machine_that_says_nothing_while_it_waits_has_not_left() {
     let meeting = Meeting::at("quiet");
     let display = meeting.display(FrameNumber(0)).await;
-    let first = meeting.early(Role::SwitchA).await;
+    let first = meeting.early(Role::FirstCuller).await;
     meeting.pause(LINK_PATIENCE * 10).await;
-    let second = meeting.early(Role::SwitchB).await;
+    let second = meeting.early(Role::SecondCuller).await;
     let links = display.await.unwrap().unwrap();
     assert_eq!(links.map(|link| link.peer.session), [first, second].map(|link| link.peer.session));
 }
@@ -165,10 +165,13 @@ async fn a_machine_whose_pair_does_not_come_tells_the_display_why_it_leaves() {
     let Err(RecvError::Closed { reason, .. }) = end else { panic!("{end:?}") };
     assert_eq!(CloseCode::of(&reason), Some(CloseCode::PeerLost));
     let why = reason;
-    assert!(why.to_string().contains("switch B"), "{why}");
+    assert!(why.to_string().contains("second culler"), "{why}");
     drop(link);
     let error = machine.await.unwrap().unwrap_err();
-    assert!(matches!(error, JoinError::Accept { peer: Role::SwitchB, .. }) && error.may_pass(), "{error:?}");
+    assert!(
+        matches!(error, JoinError::Accept { peer: Role::SecondCuller, .. }) && error.may_pass(),
+        "{error:?}"
+    );
 }
 
 /// The camera that a display has handed out before both cullers have come is read by the role, not by who
@@ -178,12 +181,12 @@ async fn a_camera_that_comes_before_the_other_machine_is_kept() {
     let meeting = Meeting::at("camera");
     let display = meeting.display(FrameNumber(0)).await;
     let first = meeting.culler(CullerIndex::First);
-    let second = meeting.early(Role::SwitchB).await;
+    let second = meeting.early(Role::SecondCuller).await;
     let [mut to_first, _to_second] = display.await.unwrap().unwrap();
     let camera = Camera::new([1.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, FrameNumber(0)).unwrap();
     to_first.latest_tx.publish(camera).unwrap();
     meeting.pause(LINK_PATIENCE * 2).await;
-    let identity = Identity { role: Role::SwitchB, scene: SCENE, settings: second.peer.hello.settings };
+    let identity = Identity { role: Role::SecondCuller, scene: SCENE, settings: second.peer.hello.settings };
     let _pair =
         connect::<Walkthrough>(&meeting.net, &meeting.meet, identity, &meeting.options, meeting.deadline())
             .await
@@ -210,7 +213,7 @@ async fn a_display_that_comes_to_a_display_is_turned_away_and_the_pair_waited_fo
         let RecvError::Closed { reason, .. } = &end else { panic!("{end:?}") };
         assert_eq!(CloseCode::of(reason), Some(CloseCode::Failed), "{reason}");
     }
-    let cullers = [meeting.early(Role::SwitchA).await, meeting.early(Role::SwitchB).await];
+    let cullers = [meeting.early(Role::FirstCuller).await, meeting.early(Role::SecondCuller).await];
     let links = display.await.unwrap().unwrap();
     assert_eq!(links.map(|link| link.peer.session), cullers.map(|link| link.peer.session));
 }
@@ -259,7 +262,7 @@ async fn displays_that_get_one_machine_each_end_in_time_and_name_the_one_they_mi
     let other = Meeting { meet: one.meet.clone(), ..Meeting::at("other-of-two") };
     let displays = [one.display(FrameNumber(0)).await, other.display(FrameNumber(0)).await];
     let cullers = [one.culler(CullerIndex::First), other.culler(CullerIndex::Second)];
-    for (display, missing) in displays.into_iter().zip([Role::SwitchB, Role::SwitchA]) {
+    for (display, missing) in displays.into_iter().zip([Role::SecondCuller, Role::FirstCuller]) {
         let error = display.await.unwrap().unwrap_err();
         assert!(matches!(error, JoinError::Accept { peer, .. } if peer == missing), "{error:?}");
         assert!(error.may_pass(), "{error:?}");

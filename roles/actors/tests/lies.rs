@@ -120,7 +120,7 @@ impl Setting {
     /// How a display ends whose first culler sends these ids, and what that one is told.
     fn display_gets(&self, ids: &[u32]) -> (RoleError, CloseReason) {
         let ((first, liar), (second, _idle)) =
-            (self.link(Role::Display, Role::SwitchA), self.link(Role::Display, Role::SwitchB));
+            (self.link(Role::Display, Role::FirstCuller), self.link(Role::Display, Role::SecondCuller));
         let (settings, net) = (settings(), Arc::clone(&self.net));
         let work = ScenePictures::new(&self.scene, Idle, &settings);
         let role = DisplayRole { work, first, second, settings, net, turns: Turns::at_once() };
@@ -137,7 +137,7 @@ impl Setting {
     /// How the second culler ends whose peer sends these ids, and what that one is told.
     fn culler_gets(&self, ids: &[u32]) -> (RoleError, CloseReason) {
         let ((display, mut show), (other, liar)) =
-            (self.link(Role::SwitchB, Role::Display), self.link(Role::SwitchB, Role::SwitchA));
+            (self.link(Role::SecondCuller, Role::Display), self.link(Role::SecondCuller, Role::FirstCuller));
         show.latest_tx.publish(Still.camera(FrameNumber(1))).unwrap();
         let (settings, turns) = (settings(), Turns::at_once());
         let work = SceneCulling::new(&self.scene, Idle, &settings, &turns);

@@ -4,13 +4,13 @@ use std::{net::SocketAddr, path::PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use confique::Config;
-use trimaran::config::{DisplayConfig, GivenOption, SwitchConfig};
+use trimaran::config::{CullerConfig, DisplayConfig, GivenOption};
 use trimaran_transport::Name;
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum RoleCommand {
-    /// One of the two machines that take turns: draws occluders, culls.
-    Switch(RoleArgs<<SwitchConfig as Config>::Layer>),
+    /// One of the two machines that cull: draws occluders, tests boxes.
+    Culler(RoleArgs<<CullerConfig as Config>::Layer>),
     /// The machine that shows the pictures and holds the camera.
     Display(RoleArgs<<DisplayConfig as Config>::Layer>),
 }
@@ -39,8 +39,8 @@ pub(crate) struct LinkFlags {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum RoleName {
-    /// A machine of the pair.
-    Switch,
+    /// One of the two machines that cull.
+    Culler,
     /// The machine that shows the pictures.
     Display,
 }

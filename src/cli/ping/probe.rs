@@ -178,7 +178,7 @@ mod tests {
         let identity = |role| Identity { role, scene: SceneHash(0), settings: None };
         let config = LinkConfig::default();
         let (here, there) =
-            inproc::pair::<Walkthrough>(&net, identity(Role::Display), identity(Role::SwitchA), &config)
+            inproc::pair::<Walkthrough>(&net, identity(Role::Display), identity(Role::FirstCuller), &config)
                 .unwrap();
         (net, here, there)
     }

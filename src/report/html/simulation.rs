@@ -6,7 +6,7 @@ use maud::{Markup, html};
 use super::chart::{Chart, Mark, Series, Timeline, stacked_bar};
 use super::{card, document, table};
 use crate::report::format::{figure, grouped};
-use crate::report::schema::{Frame, Role, Seat, Span};
+use crate::report::schema::{Frame, Machine, Role, Span};
 use crate::report::simulation::BYTES;
 use crate::simulate::{FrameTimes, Outcome, Spread};
 
@@ -124,8 +124,9 @@ fn exceedance(times: &[f64]) -> Vec<(f64, f64)> {
 
 fn percentiles(runs: &[Outcome]) -> Markup {
     let head = ["p50", "p95", "p99", "p99.9", "frames/s", "late at 30/s", "late at 60/s", "gaps", "frames"];
-    let mut hopeless: Vec<String> = runs.iter().filter(|run| run.hopeless).map(Outcome::label).collect();
-    hopeless.dedup();
+    let mut deadline_too_short: Vec<String> =
+        runs.iter().filter(|run| run.deadline_too_short).map(Outcome::label).collect();
+    deadline_too_short.dedup();
     html! {
         (runs_table(&format!("{}, milliseconds", network(runs)), &head, runs, |run| {
             let latency = run.latency_ms;
@@ -134,9 +135,9 @@ fn percentiles(runs: &[Outcome]) -> Markup {
             let counts = counts.map(|count| grouped(count.into()));
             times.map(figure).into_iter().chain(counts).collect()
         }))
-        @if !hopeless.is_empty() {
+        @if !deadline_too_short.is_empty() {
             p.hint {
-                (hopeless.join(", "))
+                (deadline_too_short.join(", "))
                 ": a frame may take no longer than the way to the display alone, so that what is lost, or \
                  waits at its end, is given up."
             }
@@ -291,12 +292,12 @@ fn timeline(run: &Outcome) -> Markup {
 /// When the roles were busy with a frame.
 fn spans(frame: u32, times: &FrameTimes) -> Frame {
     let ms = |at: trimaran_transport::Instant| at.as_nanos() as f64 / 1e6;
-    let seat = if frame.is_multiple_of(2) { Seat::SwitchA } else { Seat::SwitchB };
-    let span = |role, seat, start, end| Span { role, seat, start_ms: ms(start), end_ms: ms(end) };
+    let machine = if frame.is_multiple_of(2) { Machine::FirstCuller } else { Machine::SecondCuller };
+    let span = |role, machine, start, end| Span { role, machine, start_ms: ms(start), end_ms: ms(end) };
     let timeline = vec![
-        span(Role::Or, seat, times.fed, times.occluded),
-        span(Role::Hc, seat, times.occluded, times.culled),
-        span(Role::Rvg, Seat::Display, times.arrived, times.shown),
+        span(Role::Or, machine, times.fed, times.occluded),
+        span(Role::Hc, machine, times.occluded, times.culled),
+        span(Role::Rvg, Machine::Display, times.arrived, times.shown),
     ];
     Frame { frame, timeline, ..Frame::default() }
 }

@@ -63,7 +63,7 @@ pub struct Frame {
     pub culling: Option<CullingCounts>,
     /// Nodes drawn because the test could not be decided, by reason.
     #[serde(default)]
-    pub doubts: BTreeMap<String, u64>,
+    pub conservatively_visible: BTreeMap<String, u64>,
 
     /// Drawables exactly visible at the same level cut that were not drawn.
     pub false_culled_nodes: Option<u64>,
@@ -109,7 +109,7 @@ pub struct Span {
     /// The role.
     pub role: Role,
     /// The machine that played it.
-    pub seat: super::Seat,
+    pub machine: super::Machine,
     /// Begin, milliseconds.
     pub start_ms: f64,
     /// End, milliseconds.

@@ -60,11 +60,11 @@ pub enum Mode {
 /// One of the three machines, or of the three actors that stand for them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Seat {
+pub enum Machine {
     /// The peer of the switching pair that culls even frames.
-    SwitchA,
+    FirstCuller,
     /// The peer of the switching pair that culls odd frames.
-    SwitchB,
+    SecondCuller,
     /// The one that shows the visible geometry (RVG).
     Display,
 }
@@ -73,7 +73,7 @@ pub enum Seat {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RoleInfo {
     /// Which of the three.
-    pub seat: Seat,
+    pub machine: Machine,
     /// The Vulkan device's name.
     pub device: String,
     /// The driver's name and version.

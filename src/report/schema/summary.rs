@@ -46,7 +46,7 @@ pub struct Summary {
     /// PSNR against full detail, decibels.
     pub psnr_db: Option<LowStat>,
     /// Nodes drawn because a test could not be decided, by reason, summed over all frames.
-    pub doubts: BTreeMap<String, u64>,
+    pub conservatively_visible: BTreeMap<String, u64>,
     /// Bytes by kind, summed over all frames on which they were counted.
     pub bytes_by_kind: Option<BytesByKind>,
     /// Bytes a frame as counted, beside the two formulas.
@@ -140,7 +140,7 @@ impl Summary {
             silhouette: DeviationVerdict::of(metrics.get("silhouette_max_px"), run.epsilon_px),
             surfaces: DeviationVerdict::of(metrics.get("surface_max_px"), run.epsilon_px),
             psnr_db: LowStat::of_psnr(frames),
-            doubts: doubts(frames),
+            conservatively_visible: conservatively_visible(frames),
             bytes_by_kind: bytes_by_kind(frames),
             bandwidth: Bandwidth::of(run, frames),
             metrics,
@@ -199,9 +199,9 @@ fn false_culls(frames: &[Frame]) -> Vec<FalseCull> {
     FalseCullCause::ALL.into_iter().map(total).filter(|c| c.nodes + c.pixels > 0).collect()
 }
 
-fn doubts(frames: &[Frame]) -> BTreeMap<String, u64> {
+fn conservatively_visible(frames: &[Frame]) -> BTreeMap<String, u64> {
     let mut total = BTreeMap::new();
-    for (reason, nodes) in frames.iter().flat_map(|f| &f.doubts) {
+    for (reason, nodes) in frames.iter().flat_map(|f| &f.conservatively_visible) {
         *total.entry(reason.clone()).or_insert(0) += nodes;
     }
     total
@@ -310,6 +310,6 @@ mod tests {
         assert_eq!(causes, expected);
         assert_eq!(summary.false_culled_pixels_total, Some(41));
         assert_eq!(summary.audited_frames, 20);
-        assert_eq!(summary.doubts["near_plane"], 240);
+        assert_eq!(summary.conservatively_visible["near_plane"], 240);
     }
 }

@@ -123,10 +123,16 @@ mod tests {
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
         let identity = |role| Identity { role, scene: SceneHash(1), settings: None };
         let join = |role| {
-            inproc::pair::<Walkthrough>(&net, identity(role), identity(Role::SwitchB), &LinkConfig::default())
-                .unwrap()
+            inproc::pair::<Walkthrough>(
+                &net,
+                identity(role),
+                identity(Role::SecondCuller),
+                &LinkConfig::default(),
+            )
+            .unwrap()
         };
-        let ((mut display, mut to_display), (_other, to_other)) = (join(Role::Display), join(Role::SwitchA));
+        let ((mut display, mut to_display), (_other, to_other)) =
+            (join(Role::Display), join(Role::FirstCuller));
         let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(0)).unwrap();
         display.latest_tx.publish(camera).unwrap();
         let (stopper, stop) = Stop::new();

@@ -44,8 +44,8 @@ impl CullerIndex {
     #[must_use]
     pub const fn role(self) -> Role {
         match self {
-            Self::First => Role::SwitchA,
-            Self::Second => Role::SwitchB,
+            Self::First => Role::FirstCuller,
+            Self::Second => Role::SecondCuller,
         }
     }
 

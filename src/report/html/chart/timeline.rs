@@ -4,7 +4,7 @@ use maud::{Markup, Render, html};
 
 use super::{Axis, unit};
 use crate::report::format::{figure, tick_figure};
-use crate::report::schema::{Frame, Role, Seat, Span};
+use crate::report::schema::{Frame, Machine, Role, Span};
 
 /// The frames that a timeline shows at most; more would be hairlines.
 const WINDOW: usize = 20;
@@ -15,9 +15,12 @@ const RIGHT: f64 = WIDTH - 8.0;
 const ROW: f64 = 38.0;
 const BAR: f64 = 28.0;
 const TOP: f64 = 8.0;
-const BOTTOM: f64 = TOP + ROW * SEATS.len() as f64;
-const SEATS: [(Seat, &str); 3] =
-    [(Seat::SwitchA, "switch A"), (Seat::SwitchB, "switch B"), (Seat::Display, "display")];
+const BOTTOM: f64 = TOP + ROW * MACHINES.len() as f64;
+const MACHINES: [(Machine, &str); 3] = [
+    (Machine::FirstCuller, "first culler"),
+    (Machine::SecondCuller, "second culler"),
+    (Machine::Display, "display"),
+];
 
 /// A window of frames on the clock of the run.
 pub(in crate::report::html) struct Timeline<'a> {
@@ -67,11 +70,11 @@ impl<'a> Timeline<'a> {
         }
     }
 
-    fn row(&self, seat: Seat, name: &str, top: f64) -> Markup {
+    fn row(&self, machine: Machine, name: &str, top: f64) -> Markup {
         html! {
             text.tick x=(unit(LEFT - 6.0)) y=(unit(top + BAR / 2.0 + 4.0)) text-anchor="end" { (name) }
             @for frame in self.frames {
-                @for span in frame.timeline.iter().filter(|s| s.seat == seat) {
+                @for span in frame.timeline.iter().filter(|s| s.machine == machine) {
                     (self.bar(frame.frame, span, top))
                 }
             }
@@ -112,8 +115,8 @@ impl Render for Timeline<'_> {
                 aria-label="which machine is busy when"
             {
                 (self.grid())
-                @for (row, (seat, name)) in SEATS.into_iter().enumerate() {
-                    (self.row(seat, name, TOP + ROW * row as f64 + (ROW - BAR) / 2.0))
+                @for (row, (machine, name)) in MACHINES.into_iter().enumerate() {
+                    (self.row(machine, name, TOP + ROW * row as f64 + (ROW - BAR) / 2.0))
                 }
                 text.axis x=(unit((LEFT + RIGHT) / 2.0)) y=(unit(BOTTOM + 35.0)) text-anchor="middle" {
                     "time since the run's start (ms); numbers are frames"

@@ -103,7 +103,7 @@ fn timeline(frames: &[Frame]) -> Markup {
     let busy = figure(timeline.busy());
     let finding = format!("{busy} of 3 machines are busy on average around the slowest frame");
     let caption = format!(
-        "Frames {first} to {last}. The switching pair takes turns: whoever drew the occluders of a frame \
+        "Frames {first} to {last}. The cullers take turns: whoever drew the occluders of a frame \
          culls it."
     );
     wide_card(&finding, &timeline, &caption)

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use crate::report::format::{figure, grouped, sweep_cells};
 use crate::report::html::table;
-use crate::report::schema::{METRICS, Metric, Mode, Report, RoleInfo, Run, SceneInfo, Seat, SweepPoint};
+use crate::report::schema::{METRICS, Machine, Metric, Mode, Report, RoleInfo, Run, SceneInfo, SweepPoint};
 
 pub(super) fn tables(report: &Report) -> Markup {
     html! {
@@ -12,7 +12,7 @@ pub(super) fn tables(report: &Report) -> Markup {
         div.columns {
             (metrics(report))
             (false_culls(report))
-            (doubts(report))
+            (conservatively_visible(report))
             (sweep(&report.sweep))
         }
         h2 #settings { "Settings" }
@@ -68,10 +68,11 @@ fn false_culls(report: &Report) -> Markup {
     )
 }
 
-fn doubts(report: &Report) -> Markup {
-    let doubts = report.summary.doubts.iter();
-    let rows: Vec<_> =
-        doubts.map(|(reason, nodes)| named(reason.replace('_', " "), [grouped(*nodes as f64)])).collect();
+fn conservatively_visible(report: &Report) -> Markup {
+    let conservatively_visible = report.summary.conservatively_visible.iter();
+    let rows: Vec<_> = conservatively_visible
+        .map(|(reason, nodes)| named(reason.replace('_', " "), [grouped(*nodes as f64)]))
+        .collect();
     let caption = "Doubt means visible: nodes drawn because the test could not be decided";
     table("numbers", caption, &["reason", "nodes"], &rows)
 }
@@ -185,12 +186,12 @@ fn scene(scene: &SceneInfo) -> Markup {
 
 fn machines(run: &Run) -> Markup {
     let row = |role: &RoleInfo| {
-        let seat = match role.seat {
-            Seat::SwitchA => "switch A (OR, HC)",
-            Seat::SwitchB => "switch B (HC, OR)",
-            Seat::Display => "display (RVG)",
+        let machine = match role.machine {
+            Machine::FirstCuller => "first culler (OR, HC)",
+            Machine::SecondCuller => "second culler (HC, OR)",
+            Machine::Display => "display (RVG)",
         };
-        named(seat, [role.device.clone(), role.driver.clone()])
+        named(machine, [role.device.clone(), role.driver.clone()])
     };
     let rows: Vec<_> = run.roles.iter().map(row).collect();
     table("text", "Machines", &["role", "device", "driver"], &rows)

@@ -39,8 +39,8 @@ pub struct PathStats {
     /// How many are.
     pub in_flight: usize,
     /// Whether frames sent from here have no more time than the way to the peer takes
-    /// ([`Connection::hopeless`]).
-    pub hopeless: bool,
+    /// ([`Connection::deadline_too_short`]).
+    pub deadline_too_short: bool,
 }
 
 impl PathStats {
@@ -116,7 +116,7 @@ impl Connection {
             round_trip: recovery.rtt.smoothed(),
             window: recovery.window.window(),
             in_flight: recovery.in_flight(),
-            hopeless: self.deadline_too_short().is_some(),
+            deadline_too_short: self.deadline_too_short().is_some(),
         }
     }
 }

@@ -209,7 +209,7 @@ fn a_deadline_before_anything_can_have_come_is_known_once_the_way_was_measured()
         let config = Config { frame_deadline, ..RELIABLE };
         assert_eq!(Pair::new(SEALED, config).ends[0].deadline_too_short(), None, "nothing was measured");
         let end = &stream(SEALED, config, 2).0.ends[0];
-        assert_eq!(end.stats().hopeless, end.deadline_too_short().is_some());
+        assert_eq!(end.stats().deadline_too_short, end.deadline_too_short().is_some());
         end.deadline_too_short()
     };
     let found = hopeless(Some(Duration::from_millis(4))).unwrap();
