@@ -305,8 +305,12 @@ fn the_question_for_a_new_address_and_its_answer_are_read() {
     let Some(capture) = capture() else { return };
     let hello = hello();
     // A first packet of id 10 in the clear.
-    let mut initial =
-        [5_u64.to_le_bytes().to_vec(), vec![10, 0, 0, 0, 0], vec![hello.len() as u8, 0]].concat();
+    let mut initial = [
+        (trimaran_udp::VERSION << 2 | 1).to_le_bytes().to_vec(),
+        vec![10, 0, 0, 0, 0],
+        vec![hello.len() as u8, 0],
+    ]
+    .concat();
     initial.extend(&hello);
     initial.resize(1200, 0);
     let data = |to: u8, packet: u64, code: u8, cookie: [u8; 24]| {
