@@ -5,6 +5,37 @@
 //! parts stand for themselves: [`trimaran_proto`] the wire, [`trimaran_transport`] the links,
 //! [`trimaran_scene`] models, [`trimaran_cook`] cooking, [`trimaran_cull`] what is drawn, [`trimaran_audit`]
 //! what checks it, [`trimaran_gpu`] drawing it, [`trimaran_actors`] the roles.
+//!
+//! Three roles on a simulated network, in virtual time:
+//!
+//! ```
+//! use std::time::Duration;
+//! use trimaran::simulate::{Knobs, Load, Scenario, Transport, Workload, simulate};
+//! use trimaran_netsim::Profile;
+//! use trimaran_proto::BatchSize;
+//!
+//! let ms = Duration::from_millis;
+//! let outcome = simulate(&Scenario {
+//!     network: Profile::find("wifi")?,
+//!     link: Transport::Udp,
+//!     batch: BatchSize::new(1024)?,
+//!     frames: 20,
+//!     seed: 1,
+//!     workload: Workload::steady(Load { nodes: 1000, or: ms(5), hc: ms(5), rvg: ms(5) }),
+//!     knobs: Knobs::default(),
+//! })?;
+//! assert!(outcome.latency_ms.p50 > 15.0, "OR, HC and RVG alone take that long");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! | module | what is in it |
+//! |---|---|
+//! | [`walkthrough`] | a walk of three roles on Vulkan, recorded and judged |
+//! | [`report`] | what is written of it: JSON, a page, text, pictures |
+//! | [`simulate`], [`trace`] | roles in virtual time, and recorded walks for them |
+//! | [`config`] | the configuration of roles and links |
+//! | [`metrics`], [`netem`] | what links carry, for Prometheus; a simulated network between programs |
+//! | [`vulkan`] | the roles' devices |
 
 pub mod config;
 pub mod metrics;

@@ -5,6 +5,35 @@
 //! [`DisplayWork`]): [`SceneCulling`] and [`ScenePictures`] do it on devices ([`CullerDevice`],
 //! [`PictureDevice`]). [`CullerSession`] joins a culler to the others; [`LocalSession`] is three roles in one
 //! process.
+//!
+//! The state machines know no link and no device. Here the display deals two cameras, one to each culler:
+//!
+//! ```
+//! use trimaran_actors::{CullerIndex, DisplayMachine, DisplayStep};
+//! use trimaran_proto::{Camera, FrameNumber};
+//!
+//! let mut display = DisplayMachine::new(FrameNumber(0), Some(2));
+//! for frame in display.first_cameras() {
+//!     display.hand_out(Camera::at_origin(frame));
+//! }
+//! for frame in [FrameNumber(0), FrameNumber(1)] {
+//!     let from = CullerIndex::of(frame); // cullers take turns
+//!     assert!(matches!(display.step(), DisplayStep::Await { from: due, .. } if due == from));
+//!     display.began(Camera::at_origin(frame), true)?;
+//!     display.ended()?;
+//! }
+//! assert!(!matches!(display.step(), DisplayStep::Await { .. }));
+//! # Ok::<(), trimaran_actors::OrderError>(())
+//! ```
+//!
+//! | module | what is in it |
+//! |---|---|
+//! | `machine` | what is due, and what is out of order: no link, no device |
+//! | `driver` | the loop of a role: machine, links and work together |
+//! | `work`, `device` | what a role does with a frame, and what it needs of a GPU |
+//! | `join`, `session`, `local` | how roles meet, go on after a loss, and run in one process |
+//! | `links`, `ids` | links that carry what Trimaran says; the ids of a frame, checked |
+//! | `stop`, `turn`, `clock` | being asked to stop; computing one after another; measuring |
 
 mod clock;
 mod device;

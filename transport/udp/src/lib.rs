@@ -4,6 +4,39 @@
 //! again until it or a newer one has arrived, and two lanes of units: frames, and messages. Each unit is put
 //! together by itself, so that the loss of a packet holds up no other one on the wire; they are passed on in
 //! order.
+//!
+//! ```
+//! use trimaran_net::Instant;
+//! use trimaran_udp::{Config, Connection, ConnectionId};
+//! use trimaran_wire::{FixedBytes, Format};
+//!
+//! // Two ends that know each other already, in the clear; else `Acceptor` and `Connecting` make them.
+//! let (here, there) = (ConnectionId(1), ConnectionId(2));
+//! let config = || Config::new(Format { latest: 4, ..Format::default() });
+//! let mut now = Instant::from_nanos(0);
+//! let mut near = Connection::plaintext(now, here, there, config());
+//! let mut far = Connection::plaintext(now, there, here, config());
+//!
+//! let value: FixedBytes = [1_u8, 2, 3, 4].into_iter().collect();
+//! near.publish(value.clone());
+//! let mut datagram = Vec::new();
+//! while near.poll_transmit(now, &mut datagram) {
+//!     now = now.after(std::time::Duration::from_millis(5)); // so long is the path
+//!     far.handle(now, &datagram);
+//!     datagram.clear();
+//! }
+//! assert_eq!(far.latest(), Some(value));
+//! ```
+//!
+//! | module | what is in it |
+//! |---|---|
+//! | `handshake`, `cookie`, `keys` | how two strangers become a connection, and its keys |
+//! | `connection` | [`Connection`]: what came, what is to be sent, when to wake |
+//! | `latest`, `outbox`, `inbox` | the lanes: the newest value; units to be sent, and received |
+//! | `packet`, `chunk`, `wire`, `ranges` | packets and what they hold |
+//! | `recovery`, `acks`, `rtt`, `congestion`, `pacer` | what is lost, and how much may be in flight |
+//! | `repair` | forward error correction of frames |
+//! | `mtu`, `peer_path` | the size of datagrams; a peer that moves |
 
 mod acks;
 mod chunk;
