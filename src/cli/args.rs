@@ -1,6 +1,7 @@
 //! What the command line accepts. The help texts are the manual: each says what a thing is, its unit and its
 //! default.
 
+mod links;
 mod roles;
 mod scenes;
 mod sim;
@@ -9,12 +10,11 @@ mod walks;
 use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
-pub(crate) use roles::{DoctorArgs, KeysCommand, LinkFlags, RoleArgs, RoleCommand, RoleName};
+pub(crate) use links::{Coding, NetemArgs, PingArgs, StatArgs};
+pub(crate) use roles::{DoctorArgs, KeysCommand, RoleArgs, RoleCommand, RoleName};
 pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, Up};
 pub(crate) use sim::{SimArgs, SimLink};
-pub(crate) use walks::{Coding, DemoArgs, LinkKind, OcclusionTestArg, RunArgs, Size, SweepArgs, WalkArgs};
-
-use super::{netem::NetemArgs, ping::PingArgs, stat::StatArgs};
+pub(crate) use walks::{DemoArgs, LinkKind, OcclusionTestArg, RunArgs, Size, SweepArgs, WalkArgs};
 
 /// Walk through CAD models of process plants with tens of millions of triangles.
 ///

@@ -1,40 +1,9 @@
 //! `trimaran netem`: a network of the simulator between real programs.
 
-use clap::Args;
 use trimaran::netem::tc_commands;
 use trimaran_netsim::Profile;
 
-use super::Failure;
-
-#[derive(Debug, Args)]
-pub(crate) struct NetemArgs {
-    /// The network: fast-ethernet, gigabit, 10g, wifi, lte, wan-20ms, wan-80ms, satellite, or a file ending
-    /// in .toml.
-    #[arg(long, value_name = "PROFILE")]
-    profile: String,
-    /// The network namespaces to join: the first culler, its second and the display; two names leave
-    /// the second out. Those that do not exist are made, and removed at the end. Their addresses are
-    /// 10.0.0.1, .2 and .3, and fd00::1, ::2, ::3.
-    #[arg(long, value_name = "NAME,..", value_delimiter = ',', default_value = "first,second,display")]
-    namespaces: Vec<String>,
-    /// Rather two Ethernet interfaces that exist, with whole machines behind them or other namespaces: that
-    /// of the first culler and that of the display. What comes in at one goes out at the other;
-    /// neither may have an address of this machine.
-    #[arg(long, value_name = "INTERFACE,INTERFACE", value_delimiter = ',', conflicts_with = "namespaces")]
-    between: Option<Vec<String>>,
-    /// The seed of losses and delays.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    /// End after so many seconds [default: when interrupted].
-    #[arg(long, value_name = "S", value_parser = trimaran::config::positive, allow_negative_numbers = true)]
-    seconds: Option<f64>,
-    /// Only print the network as command lines of `tc`, for kernels that have its netem.
-    #[arg(long)]
-    print_tc: bool,
-    /// Print at the end what became of the packets as JSON.
-    #[arg(long)]
-    json: bool,
-}
+use super::{Failure, args::NetemArgs};
 
 pub(super) fn run(args: &NetemArgs) -> Result<(), Failure> {
     let profile = Profile::find(&args.profile).map_err(Failure::bad_input)?;

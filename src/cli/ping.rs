@@ -3,11 +3,10 @@
 mod probe;
 mod tally;
 
-use std::{path::PathBuf, sync::Arc, time::Duration};
+use std::{sync::Arc, time::Duration};
 
-use clap::Args;
 use trimaran::{
-    config::{PeerFile, options, positive, security},
+    config::{PeerFile, options, security},
     metrics::PathReading,
 };
 use trimaran_actors::{Link, Listener};
@@ -16,7 +15,7 @@ use trimaran_transport::{Batching, ConnectError, Endpoint, Net, Options, Refusal
 
 use super::{
     Failure,
-    args::{Coding, LinkFlags},
+    args::PingArgs,
     number, print_json,
     walking::{runtime, stop_on_signal},
 };
@@ -28,68 +27,6 @@ const NO_SCENE: SceneHash = SceneHash(u128::from_be_bytes(*b"trimaran ping  \0")
 
 /// How long a listener waits for its next guest.
 const FOR_EVER: Duration = Duration::from_secs(u32::MAX as u64);
-
-#[derive(Debug, Args)]
-pub(crate) struct PingArgs {
-    /// Where, such as `tcp://host:7500`, `udp://host:7500`, `quic://host:7500` or `unix:/path`.
-    endpoint: Endpoint,
-    /// Listen there and send back what comes, until interrupted: the other end of a ping.
-    #[arg(long)]
-    answer: bool,
-    /// How many round trips.
-    #[arg(
-        long,
-        short,
-        value_name = "N",
-        default_value_t = 20,
-        value_parser = clap::value_parser!(u32).range(1..)
-    )]
-    count: u32,
-    /// Seconds from one to the next; 0 sends as soon as the last has come back.
-    #[arg(
-        long,
-        short,
-        value_name = "S",
-        default_value_t = 0.1,
-        value_parser = not_negative,
-        allow_negative_numbers = true
-    )]
-    interval: f64,
-    /// Send a frame of so many ids there and back, not a camera.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    ids: u32,
-    /// How many ids travel in one batch.
-    #[arg(
-        long,
-        value_name = "B",
-        default_value_t = 1024,
-        value_parser = clap::value_parser!(u16).range(1..=16384)
-    )]
-    batch: u16,
-    /// How this end's ids travel.
-    #[arg(long, value_enum, default_value = "plain")]
-    coding: Coding,
-    /// How long to wait for the other end at the start, and for each camera, seconds.
-    #[arg(
-        long,
-        value_name = "S",
-        default_value_t = 5.0,
-        value_parser = positive,
-        allow_negative_numbers = true
-    )]
-    timeout: f64,
-    /// This machine's private keys, for transports that encrypt (`trimaran keys new`).
-    #[arg(long, value_name = "NAME.key")]
-    keys: Option<PathBuf>,
-    /// The other end's public keys.
-    #[arg(long, value_name = "NAME.pub")]
-    peer: Option<PathBuf>,
-    #[command(flatten)]
-    links: LinkFlags,
-    /// Print the result as JSON.
-    #[arg(long)]
-    json: bool,
-}
 
 pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
     let mut options = options(&args.links.options, toml::Table::new()).map_err(Failure::bad_input)?;
@@ -181,12 +118,5 @@ fn is_of_a_session(refusal: &Refusal) -> bool {
         Refusal::RoleTaken { .. } => true,
         Refusal::Rejected(why) => RejectionCode::Scene.is_of(why) || RejectionCode::Role.is_of(why),
         _ => false,
-    }
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if (0.0..1e6).contains(&seconds) => Ok(seconds),
-        _ => Err("give seconds, 0 or more".to_owned()),
     }
 }

@@ -2,42 +2,15 @@
 
 use std::{fmt::Write as _, io::IsTerminal, sync::Arc, time::Duration};
 
-use clap::Args;
 use http_body_util::{BodyExt, Empty};
 use hyper::{Request, StatusCode, body::Bytes, client::conn::http1};
 use hyper_util::rt::TokioIo;
 use serde::{Serialize, de::DeserializeOwned};
 use tokio::net::TcpStream;
-use trimaran::{
-    config::positive,
-    metrics::{Carried, LinkReading, PathReading, TurnedAwayReading},
-};
+use trimaran::metrics::{Carried, LinkReading, PathReading, TurnedAwayReading};
 use trimaran_transport::{Net, TokioNet, sleep_until};
 
-use super::{Failure, number, walking};
-
-#[derive(Debug, Args)]
-pub(crate) struct StatArgs {
-    /// Where the role shows its metrics: the HOST:PORT of its `--metrics`.
-    #[arg(value_name = "HOST:PORT")]
-    at: String,
-    /// Seconds from one reading to the next.
-    #[arg(
-        long,
-        short,
-        value_name = "S",
-        default_value_t = 1.0,
-        value_parser = positive,
-        allow_negative_numbers = true
-    )]
-    interval: f64,
-    /// How many readings [default: until interrupted or the role ends].
-    #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    count: Option<u32>,
-    /// Print each reading as a line of JSON: all that each link has carried.
-    #[arg(long)]
-    json: bool,
-}
+use super::{Failure, args::StatArgs, number, walking};
 
 /// What a link carried in one direction, a second.
 #[derive(Debug, Clone, PartialEq, Serialize)]

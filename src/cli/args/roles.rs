@@ -4,8 +4,10 @@ use std::{net::SocketAddr, path::PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use confique::Config;
-use trimaran::config::{CullerConfig, DisplayConfig, GivenOption};
+use trimaran::config::{CullerConfig, DisplayConfig};
 use trimaran_transport::Name;
+
+use super::links::LinkFlags;
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum RoleCommand {
@@ -26,15 +28,6 @@ pub(crate) struct RoleArgs<L: Args> {
     pub(crate) flags: L,
     #[command(flatten)]
     pub(crate) links: LinkFlags,
-}
-
-/// What is told of links.
-#[derive(Debug, Default, Args)]
-pub(crate) struct LinkFlags {
-    /// Set an option of links, such as `udp.mode=deadline` or `link.idle_timeout_s=5`; may be repeated.
-    /// `trimaran config display` prints all keys. Environment variables do the same: `TRIMARAN_UDP_MODE`.
-    #[arg(short = 'o', long = "option", value_name = "KEY=VALUE")]
-    pub(crate) options: Vec<GivenOption>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -4,9 +4,8 @@ use std::{net::SocketAddr, path::PathBuf};
 
 use clap::{Args, ValueEnum};
 use trimaran::config::positive;
-use trimaran_proto::IdCoding;
 
-use super::LinkFlags;
+use super::links::{Coding, LinkFlags};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LinkKind {
@@ -31,24 +30,6 @@ pub(crate) enum OcclusionTestArg {
     Raster,
     /// A pyramid of farthest depths; the fastest, never hides what a query shows.
     Hzb,
-}
-
-/// How ids travel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum Coding {
-    /// As changes against an earlier frame, where that is shorter.
-    Changes,
-    /// 4 bytes an id, as in the paper's bandwidth formula.
-    Plain,
-}
-
-impl From<Coding> for IdCoding {
-    fn from(coding: Coding) -> Self {
-        match coding {
-            Coding::Changes => Self::Changes,
-            Coding::Plain => Self::Plain,
-        }
-    }
 }
 
 /// A picture size, `WIDTHxHEIGHT`.
