@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use trimaran::config::{GivenOption, positive};
 use trimaran_proto::IdCoding;
 use trimaran_transport::Endpoint;
