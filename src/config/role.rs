@@ -228,10 +228,10 @@ pub struct SessionConfig {
     pub coding: String,
     /// What tests boxes: `query`, `raster` or `hzb`.
     #[config(
-        env = "TRIMARAN_SESSION_TESTER",
+        env = "TRIMARAN_SESSION_OCCLUSION_TEST",
         default = "hzb",
         validate(occlusion_test.parse::<OcclusionTestKind>().is_ok(), "give query, raster or hzb"),
-        layer_attr(arg(long, value_name = "TESTER"))
+        layer_attr(arg(long, value_name = "TEST"))
     )]
     pub occlusion_test: String,
     /// Walk by the clock, so many poses of the path a second; without it every pose is a frame.
