@@ -199,7 +199,7 @@ fn roles_that_hold_different_scenes_refuse_each_other() {
     fs::write(
         bench.path("first.toml"),
         format!(
-            "scene = 'other.scene'\nseat = 'first'\ndisplay = '{address}'\npair = 'tcp://127.0.0.1:1'\njoin_timeout_s = 3\n"
+            "scene = 'other.scene'\nindex = 'first'\ndisplay = '{address}'\npair = 'tcp://127.0.0.1:1'\njoin_timeout_s = 3\n"
         ),
     )
     .unwrap();

@@ -70,7 +70,7 @@ fn the_second_machines_keys_do_not_get_the_first_machines_place_and_the_session_
             write(
                 &format!("{name}.toml"),
                 format!(
-                    "scene = 'plant.scene'\nseat = '{index}'\ndisplay = '{display}'\npair = '{pair}'\nkeys = '{keys}.key'\n\
+                    "scene = 'plant.scene'\nindex = '{index}'\ndisplay = '{display}'\npair = '{pair}'\nkeys = '{keys}.key'\n\
                      peers.display = 'display.pub'\npeers.other = '{other}.pub'\n"
                 ),
             );

@@ -92,7 +92,7 @@ fn a_service_whose_peers_are_not_there_is_started_again() {
         (
             "culler",
             "always",
-            format!("join_timeout_s = 0.2\nseat = 'second'\ndisplay = {socket}\npair = {socket}\n"),
+            format!("join_timeout_s = 0.2\nindex = 'second'\ndisplay = {socket}\npair = {socket}\n"),
         ),
         ("display", "on-failure", format!("join_timeout_s = 0.2\nlisten = {socket}\nout = 'walk'\n")),
     ] {
@@ -110,7 +110,7 @@ fn a_machine_whose_place_is_still_held_for_the_process_before_waits_for_it() {
     let plain = "udp.trust = 'plain'\nlink.idle_timeout_s = 4\njoin_timeout_s = 600\n";
     let display = format!("{plain}scene = 'plant.scene'\nlisten = {show}\nout = 'walk'\n");
     fs::write(folder.path().join("display.toml"), display).unwrap();
-    let second = format!("{plain}scene = 'plant.scene'\nseat = 'second'\ndisplay = {show}\npair = {pair}\n");
+    let second = format!("{plain}scene = 'plant.scene'\nindex = 'second'\ndisplay = {show}\npair = {pair}\n");
     fs::write(folder.path().join("second.toml"), second).unwrap();
     let start = |role, configuration| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
@@ -187,7 +187,7 @@ fn keys_that_systemd_hands_over_may_be_readable_by_their_group() {
         .unwrap();
     assert!(made.status.success(), "{made:?}");
     let configuration = format!(
-        "scene = 'plant.scene'\nseat = 'first'\njoin_timeout_s = 0.2\ndisplay = {socket}\npair = 'quic://127.0.0.1:0'\n\
+        "scene = 'plant.scene'\nindex = 'first'\njoin_timeout_s = 0.2\ndisplay = {socket}\npair = 'quic://127.0.0.1:0'\n\
          keys = 'first.key'\npeers.other = 'first.pub'\n"
     );
     fs::write(at("role.toml"), configuration).unwrap();

@@ -187,7 +187,7 @@ fn template_in_step<C: RoleConfig>(required: &str) -> (C, Options) {
 fn the_templates_have_every_key_and_its_true_default() {
     let (display, options) = template_in_step::<DisplayConfig>(DISPLAY);
     assert_eq!((display.session, options), (defaults(), Options::default()));
-    let required = "scene = 'a'\nseat = 'first'\ndisplay = 'tcp://x:1'\npair = 'tcp://x:2'\n";
+    let required = "scene = 'a'\nindex = 'first'\ndisplay = 'tcp://x:1'\npair = 'tcp://x:2'\n";
     let (_, options) = template_in_step::<CullerConfig>(required);
     assert_eq!(options, Options::default());
 }

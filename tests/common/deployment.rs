@@ -69,7 +69,7 @@ impl Deployment {
             write(
                 &format!("{index}.toml"),
                 format!(
-                    "scene = 'plant.scene'\nseat = '{index}'\ndisplay = '{display}'\npair = '{pair}'\nkeys = '{index}.key'\n\
+                    "scene = 'plant.scene'\nindex = '{index}'\ndisplay = '{display}'\npair = '{pair}'\nkeys = '{index}.key'\n\
                      peers.display = 'display.pub'\npeers.other = '{other}.pub'\n"
                 ),
             );

@@ -89,7 +89,7 @@ impl Walk {
             index => {
                 let (other, metrics) = if index == "first" { ("two", FIRST.1) } else { ("one", SECOND.1) };
                 format!(
-                    "scene = 'plant.scene'\nseat = '{index}'\ndisplay = '{show}'\npair = '{pair}'\n\
+                    "scene = 'plant.scene'\nindex = '{index}'\ndisplay = '{show}'\npair = '{pair}'\n\
                      keys = '/run/credentials/trimaran-culler@{index}.service/keys'\n\
                      peers = {{ display = 'show.pub', other = '{other}.pub' }}\nmetrics = '127.0.0.1:{metrics}'\n"
                 )
