@@ -261,7 +261,7 @@ fn three_processes_show_what_one_shows() {
     for frame in report("tcp")["frames"].as_array().unwrap() {
         assert!(
             frame["or_ms"].is_number() && frame["hc_ms"].is_number(),
-            "the pair's times arrived: {frame}"
+            "the cullers' times arrived: {frame}"
         );
         let ids = frame["bytes_by_kind"]["ids"].as_u64().unwrap();
         let last = frame["frame"] == 5;
@@ -281,7 +281,7 @@ fn pictures(bench: &Bench, out: &str, count: u32) -> Vec<Vec<u8>> {
 /// The display listens for one machine over TCP and for the other over QUIC, and those two meet over a Unix
 /// socket.
 #[test]
-fn every_pair_of_roles_may_have_another_transport() {
+fn every_two_roles_may_have_another_transport() {
     const WALK: [&str; 6] = ["--frames", "4", "--size", "96x80", "--audit-every", "0"];
     let bench = Bench::with_plant();
     let alone = bench.command(&["run", "plant.scene", "--out", "alone"]).args(WALK).output().unwrap();
@@ -424,7 +424,10 @@ impl LongSession {
         let mut joined = 0;
         while joined < 2 {
             let mut line = String::new();
-            assert!(stderr.read_line(&mut line).unwrap() > 0, "the session ended before its pair had joined");
+            assert!(
+                stderr.read_line(&mut line).unwrap() > 0,
+                "the session ended before its cullers had joined"
+            );
             joined += usize::from(line.contains("joined the session"));
         }
         let children = format!("/proc/{0}/task/{0}/children", display.id());
@@ -439,7 +442,7 @@ impl LongSession {
         }
     }
 
-    /// Waits for the end of all three; what they said since the pair had joined.
+    /// Waits for the end of all three; what they said since the cullers had joined.
     fn end(mut self) -> Output {
         let mut stderr = Vec::new();
         self.stderr.read_to_end(&mut stderr).unwrap();
@@ -461,7 +464,7 @@ fn dynamic_loader() -> Option<String> {
 }
 
 #[test]
-fn a_pair_that_cannot_start_is_not_waited_for() {
+fn cullers_that_cannot_start_are_not_waited_for() {
     let Some(loader) = dynamic_loader() else {
         return println!("skipped: the program has no dynamic loader");
     };
@@ -476,7 +479,7 @@ fn a_pair_that_cannot_start_is_not_waited_for() {
 }
 
 #[test]
-fn when_a_machine_of_the_pair_is_killed_the_session_ends_and_says_which() {
+fn when_a_culler_is_killed_the_session_ends_and_says_which() {
     let bench = Bench::with_plant();
     let session = LongSession::start(&bench, "tcp");
     session.has_recorded(&bench, 3);
@@ -503,7 +506,7 @@ fn long_report(bench: &Bench) -> serde_json::Value {
 }
 
 #[test]
-fn a_machine_of_the_pair_that_hangs_is_noticed_within_the_lease() {
+fn a_culler_that_hangs_is_noticed_within_the_idle_timeout() {
     let bench = Bench::with_plant();
     for link in ["unix", "tcp", "quic", "udp"] {
         let session = LongSession::start(&bench, link);

@@ -12,7 +12,7 @@ fn example<C: RoleConfig>(name: &str) -> C {
 }
 
 #[test]
-fn the_pair_of_the_example_takes_both_seats_at_one_display() {
+fn the_cullers_of_the_example_take_both_places_at_one_display() {
     let first: CullerConfig = example("first.toml");
     let second: CullerConfig = example("second.toml");
     assert_eq!((first.index, second.index), (Which::First, Which::Second));

@@ -98,7 +98,7 @@ fn the_model_is_what_the_simulator_gives_on_a_network_that_takes_no_time() {
     let jump = |frame: u32| if frame.is_multiple_of(17) { 200.0 } else { 4.0 };
     type Times<'t> = &'t dyn Fn(u32) -> [f64; 3];
     let walks: [(&str, Times<'_>); 6] = [
-        ("steady, bound by the pair", &|_| [12.0, 3.0, 9.0]),
+        ("steady, bound by the cullers", &|_| [12.0, 3.0, 9.0]),
         ("steady, bound by the display", &|_| [5.0, 3.0, 14.0]),
         ("uneven, bound by now one and now the other", &|f| {
             [wide(f, 1), wide(f, 2), wide(f, 3) + wide(f, 4)]

@@ -66,7 +66,7 @@ fn assert_whole(deployment: &Deployment, transport: &str) {
 }
 
 #[test]
-fn a_walk_goes_on_after_a_cut_that_is_shorter_than_the_lease() {
+fn a_walk_goes_on_after_a_cut_that_is_shorter_than_the_idle_timeout() {
     let Some(emulation) = machines("short") else { return };
     for transport in ["tcp", "udp", "quic"] {
         for cut in [1, 2] {

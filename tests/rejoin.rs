@@ -61,7 +61,7 @@ fn a_machine_that_is_started_again_takes_its_place_and_no_frame_is_missing() {
 
 /// As when a machine is suspended: to the others it is lost, and it learns of that once it goes on.
 #[test]
-fn a_machine_that_sleeps_for_longer_than_its_lease_joins_again() {
+fn a_machine_that_sleeps_for_longer_than_its_idle_timeout_joins_again() {
     for transport in ["tcp", "quic", "udp"] {
         let deployment = deploy(transport);
         let mut display = deployment.start("display", &[]);
@@ -138,7 +138,7 @@ fn a_machine_that_waits_for_the_other_joins_the_display_that_is_there_by_then() 
 }
 
 #[test]
-fn a_display_that_is_started_again_finds_its_pair() {
+fn a_display_that_is_started_again_finds_its_cullers() {
     let deployment = deploy("tcp");
     let mut display = deployment.start("display", &[]);
     let pair = ["first", "second"].map(|index| deployment.start(index, &[]));
@@ -169,7 +169,7 @@ fn a_peer_that_stays_away_ends_the_session() {
 
 /// An interrupted walk is no finished one: its machines wait for the display as for a killed one.
 #[test]
-fn a_display_that_is_interrupted_says_so_and_its_pair_waits_for_it() {
+fn a_display_that_is_interrupted_says_so_and_its_cullers_wait_for_it() {
     let deployment = deploy("tcp");
     let mut display = deployment.start("display", &[]);
     let pair = ["first", "second"].map(|index| deployment.start(index, &[]));

@@ -111,7 +111,7 @@ fn what_stays_away_ends_a_role_that_is_to_be_started_again() {
     assert!(!folder.path().join("walk/unfinished").exists(), "nothing was recorded");
 }
 
-/// What waits for a scene, or for its pair, ends at once when it is asked to.
+/// What waits for a scene, or for its cullers, ends at once when it is asked to.
 #[test]
 fn a_role_that_waits_obeys() {
     let folder = folder();

@@ -70,7 +70,7 @@ pub enum RecordError {
 }
 
 impl Trace {
-    /// What was recorded of a walk through `scene` by `plan`, up to the first frame of which the pair did not
+    /// What was recorded of a walk through `scene` by `plan`, up to the first frame of which the cullers did not
     /// say what it did.
     ///
     /// # Errors

@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn signs_of_life_renew_the_lease_and_not_the_patience() {
+    async fn keep_alives_renew_the_idle_timeout_and_not_the_timeout() {
         let net = net();
         let mut timeouts = Timeouts::new(&net, Duration::from_secs(100), IDLE_TIMEOUT);
         let (start, mut wait, mut signs) = (net.now(), Wait::default(), 0);
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn the_lease_counts_while_somebody_listens() {
+    async fn the_idle_timeout_counts_while_somebody_listens() {
         let net = net();
         let mut timeouts = Timeouts::new(&net, Duration::from_secs(100), IDLE_TIMEOUT);
         let mut listened = 0;

@@ -352,7 +352,7 @@ async fn ten_thousand_half_open_handshakes_shut_nobody_out() {
 }
 
 #[tokio::test]
-async fn a_peer_that_vanishes_is_lost_after_the_lease() {
+async fn a_peer_that_vanishes_is_lost_after_the_idle_timeout() {
     // The first idle timeout that is long enough here to get as far as that.
     for idle_timeout in (0..).map(|doubled| Duration::from_millis(200) * 2_u32.pow(doubled)) {
         let options = Options { link: LinkConfig { idle_timeout, ..shared(1).link }, ..shared(1) };

@@ -28,7 +28,7 @@ pub enum JoinError {
     #[error(transparent)]
     Listen(#[from] ListenError),
     /// A peer did not come.
-    #[error("waiting for {peer} failed")]
+    #[error("waiting for the {peer} failed")]
     Accept {
         /// The peer that was missing.
         peer: Role,
@@ -37,7 +37,7 @@ pub enum JoinError {
         cause: Box<AcceptError>,
     },
     /// A peer cannot be reached, or refuses.
-    #[error("joining {peer} failed")]
+    #[error("joining the {peer} failed")]
     Connect {
         /// The peer.
         peer: Role,
@@ -46,7 +46,7 @@ pub enum JoinError {
         cause: Box<ConnectError>,
     },
     /// Another role is at the address of a peer.
-    #[error("{came} is where {due} was due; check the roles and addresses in the configurations")]
+    #[error("the {came} is where the {due} was due; check the roles and addresses in the configurations")]
     Stranger {
         /// Who is there.
         came: Role,

@@ -126,7 +126,7 @@ async fn a_machine_that_says_nothing_while_it_waits_has_not_left() {
 
 /// A machine that waits for the other one joins whichever display is there when that one comes.
 #[tokio::test(start_paused = true)]
-async fn a_display_that_leaves_before_the_pair_is_complete_is_looked_for_again() {
+async fn a_display_that_leaves_before_both_cullers_are_there_is_looked_for_again() {
     for waiting in [CullerIndex::First, CullerIndex::Second] {
         let meeting = Meeting::at(&format!("display-{waiting:?}").to_lowercase());
         let gone = meeting.display(FrameNumber(0)).await;
@@ -149,7 +149,7 @@ async fn a_display_that_leaves_before_the_pair_is_complete_is_looked_for_again()
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_machine_whose_pair_does_not_come_tells_the_display_why_it_leaves() {
+async fn a_culler_whose_other_one_does_not_come_tells_the_display_why_it_leaves() {
     let meeting = Meeting::at("in-vain");
     let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(settings(FrameNumber(0))) };
     let mut listener =
@@ -196,7 +196,7 @@ async fn a_camera_that_comes_before_the_other_machine_is_kept() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_display_that_comes_to_a_display_is_turned_away_and_the_pair_waited_for() {
+async fn a_display_that_comes_to_a_display_is_turned_away_and_the_cullers_waited_for() {
     let meeting = Meeting::at("another-display");
     let display = meeting.display(FrameNumber(0)).await;
     let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(settings(FrameNumber(0))) };

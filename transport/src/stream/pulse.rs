@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn a_peer_that_hangs_is_lost_when_the_lease_is_over() {
+    async fn a_peer_that_hangs_is_lost_when_the_idle_timeout_is_over() {
         let net = net();
         let (here, _hangs) = pipes(4096);
         let mut here = link(&net, here, IDLE_TIMEOUT * 10);
@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn a_peer_that_hangs_is_lost_by_a_sender_when_the_lease_is_over() {
+    async fn a_peer_that_hangs_is_lost_by_a_sender_when_the_idle_timeout_is_over() {
         let net = net();
         let (here, _hangs) = pipes(128);
         let mut here = link(&net, here, IDLE_TIMEOUT * 10);

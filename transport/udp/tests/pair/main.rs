@@ -75,7 +75,7 @@ fn the_last_value_arrives_although_nothing_follows() {
 }
 
 #[test]
-fn a_dead_path_ends_after_the_lease_and_a_live_one_does_not() {
+fn a_dead_path_ends_after_the_idle_timeout_and_a_live_one_does_not() {
     let idle_timeout = Duration::from_secs(2);
     let config = Config { idle_timeout, ..config() };
     let end = Instant::from_nanos(0).after(Duration::from_secs(60));
