@@ -53,12 +53,12 @@ impl GilbertElliott {
 /// Decides packet by packet. Its random numbers are its own, so that other knobs do not change which packets
 /// are lost.
 #[derive(Debug)]
-pub(super) struct Fate {
+pub(super) struct LossProcess {
     random: Random,
     bad: bool,
 }
 
-impl Fate {
+impl LossProcess {
     /// It starts in the good state.
     pub(super) const fn new(random: Random) -> Self {
         Self { random, bad: false }
@@ -90,10 +90,10 @@ mod tests {
 
     /// The share lost, and the mean number lost in a row, of a million packets.
     fn run(loss: &Loss, seed: u64) -> (f64, f64) {
-        let mut fate = Fate::new(Random::stream(0, seed));
+        let mut loss_process = LossProcess::new(Random::stream(0, seed));
         let (mut lost, mut bursts, mut before) = (0_u32, 0_u32, false);
         for _ in 0..1_000_000 {
-            let now = fate.is_lost(loss);
+            let now = loss_process.is_lost(loss);
             lost += u32::from(now);
             bursts += u32::from(now && !before);
             before = now;

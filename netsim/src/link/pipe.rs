@@ -6,7 +6,7 @@ use std::time::Duration;
 use trimaran_net::Instant;
 
 use super::jitter::Variation;
-use super::loss::Fate;
+use super::loss::LossProcess;
 use super::parcel::{Action, Ecn, Parcel};
 use super::queue::{Queue, Verdict};
 use super::{Conditions, LinkModel, LinkTally, Rate};
@@ -32,7 +32,7 @@ pub struct Pipe<P> {
     residue: u64,
     /// When the latest packet arrives: none overtakes it unless it may.
     last_arrival: Instant,
-    fate: Fate,
+    loss_process: LossProcess,
     variation: Variation,
     random: Random,
 }
@@ -51,7 +51,7 @@ impl<P: Clone> Pipe<P> {
             busy_until: start,
             residue: 0,
             last_arrival: start,
-            fate: Fate::new(Random::stream(seed, 1)),
+            loss_process: LossProcess::new(Random::stream(seed, 1)),
             variation: Variation::new(Random::stream(seed, 2)),
             random: Random::stream(seed, 3),
         }
@@ -151,7 +151,7 @@ impl<P: Clone> Pipe<P> {
         };
         self.busy_until = sent;
         self.left(sent, &parcel);
-        if self.fate.is_lost(&conditions.loss) {
+        if self.loss_process.is_lost(&conditions.loss) {
             self.tally.dropped.lost += bytes;
             return;
         }

@@ -56,7 +56,7 @@ pub(crate) enum Chunk<'a> {
     /// Packets that arrived; the newest one so many microseconds ago.
     Ack { delay_us: u64, numbers: RangeSet },
     /// How many bytes and units the sender may send on a lane in all.
-    Credit { lane: UnitLane, bytes: u64, units: u64 },
+    MaxData { lane: UnitLane, bytes: u64, units: u64 },
     /// The sender is gone.
     Close,
     /// A value of the latest lane, the `number`th that was published.

@@ -41,7 +41,7 @@ pub enum Received {
 pub enum LaneViolation {
     /// It sent more than it was allowed.
     #[error("more was sent than allowed")]
-    Credit,
+    FlowControl,
     /// It ended a unit in two places, or sent bytes behind the end.
     #[error("a unit ends in two places")]
     End,
@@ -113,7 +113,7 @@ impl Inbox {
         self.units.clear();
         self.repair = 0;
         self.taken = self.taken.max(self.used);
-        self.credit_due()
+        self.max_data_due()
     }
 
     /// Whether [`Inbox::take`] would give a message or find a fault.
@@ -122,7 +122,7 @@ impl Inbox {
     }
 
     /// Whether a good part of the credit was used up since the peer was told.
-    pub(crate) const fn credit_due(&self) -> bool {
+    pub(crate) const fn max_data_due(&self) -> bool {
         let (bytes, units) = self.told;
         self.taken + self.window - bytes >= self.window / 4 || self.first + UNITS - units >= UNITS / 4
     }
@@ -141,7 +141,7 @@ impl Inbox {
         tail: Tail,
         data: &[u8],
     ) -> Result<(), LaneViolation> {
-        let to = offset.checked_add(data.len() as u64).ok_or(LaneViolation::Credit)?;
+        let to = offset.checked_add(data.len() as u64).ok_or(LaneViolation::FlowControl)?;
         self.with_unit(number, |unit, credit, pool| {
             if !unit.is_given_up() {
                 credit.use_up_to(unit, to)?;
@@ -158,17 +158,17 @@ impl Inbox {
     fn with_unit(
         &mut self,
         number: u64,
-        work: impl FnOnce(&mut Unit, &mut Credit, &mut Pool) -> Result<(), LaneViolation>,
+        work: impl FnOnce(&mut Unit, &mut FlowControl, &mut Pool) -> Result<(), LaneViolation>,
     ) -> Result<(), LaneViolation> {
         let Some(at) = number.checked_sub(self.first) else { return Ok(()) };
         if at >= UNITS {
-            return Err(LaneViolation::Credit);
+            return Err(LaneViolation::FlowControl);
         }
         let pool = &mut self.buffers.pool;
         pool.work += 16;
         let unit = self.units.entry(number).or_insert_with(|| Unit::new(pool.store()));
         let before = (unit.repair_shards(), unit.repaired);
-        let mut credit = Credit { used: self.used, allowed: self.taken + self.window };
+        let mut credit = FlowControl { used: self.used, allowed: self.taken + self.window };
         work(unit, &mut credit, pool)?;
         self.used = credit.used;
         self.repair = self.repair + unit.repair_shards() - before.0;
@@ -234,16 +234,16 @@ const fn full_batch(format: &Format, batch: BatchSize, window: u64) -> usize {
 }
 
 /// What the peer has used of what it may send.
-struct Credit {
+struct FlowControl {
     used: u64,
     allowed: u64,
 }
 
-impl Credit {
+impl FlowControl {
     /// Whether the peer may have sent that much of the unit.
     fn allows(&self, unit: &Unit, to: u64) -> Result<u64, LaneViolation> {
         let used = self.used.checked_add(to.saturating_sub(unit.highest));
-        used.filter(|used| *used <= self.allowed).ok_or(LaneViolation::Credit)
+        used.filter(|used| *used <= self.allowed).ok_or(LaneViolation::FlowControl)
     }
 
     fn use_up_to(&mut self, unit: &Unit, to: u64) -> Result<(), LaneViolation> {

@@ -73,7 +73,7 @@ fn places_beyond_what_was_allowed_end_the_connection() {
     for (unit, offset) in [(0, MOST), (0, MOST - 3), (0, 1 << 40), (MOST, 0), (1 << 40, 0), (MOST, MOST)] {
         for tail in [Tail::More, Tail::Pause, Tail::End, Tail::Frame(MOST)] {
             let end = lie(&part(unit, offset, tail));
-            assert_eq!(end, lane(LaneViolation::Credit), "unit {unit}, offset {offset}, {tail:?}");
+            assert_eq!(end, lane(LaneViolation::FlowControl), "unit {unit}, offset {offset}, {tail:?}");
         }
     }
     let whole = Block { offset: 0, length: 44, shard: 44, count: 1 };
@@ -84,8 +84,8 @@ fn places_beyond_what_was_allowed_end_the_connection() {
         told(&plain)
     };
     for hash in [None, Some(MOST)] {
-        assert_eq!(repair(MOST, whole, hash), lane(LaneViolation::Credit));
-        assert_eq!(repair(0, Block { offset: 1 << 40, ..whole }, hash), lane(LaneViolation::Credit));
+        assert_eq!(repair(MOST, whole, hash), lane(LaneViolation::FlowControl));
+        assert_eq!(repair(0, Block { offset: 1 << 40, ..whole }, hash), lane(LaneViolation::FlowControl));
         let malformed = Some(Closed::Malformed(Malformed::Range { what: "block" }));
         assert_eq!(repair(0, Block { offset: MOST, ..whole }, hash), malformed);
         assert_eq!(repair(0, Block { length: u32::MAX, ..whole }, hash), malformed);
@@ -123,7 +123,7 @@ fn a_unit_on_the_wrong_lane_ends_the_connection() {
         tail: Tail::More,
         data: b"1",
     });
-    assert_eq!(end, lane(LaneViolation::Credit));
+    assert_eq!(end, lane(LaneViolation::FlowControl));
 }
 
 #[test]
@@ -152,7 +152,7 @@ fn lengths_beyond_the_packet_end_the_connection() {
 /// What only the liar itself has harm of.
 #[test]
 fn generous_credit_and_high_numbers_of_values_are_taken_as_they_are() {
-    assert_eq!(lie(&Chunk::Credit { lane: UnitLane::Frames, bytes: MOST, units: MOST }), None);
+    assert_eq!(lie(&Chunk::MaxData { lane: UnitLane::Frames, bytes: MOST, units: MOST }), None);
     assert_eq!(lie(&Chunk::Latest { number: MOST, value: &value(0) }), None);
     assert_eq!(lie(&Chunk::LastLatest { number: MOST, close: &[] }), None);
     assert_eq!(lie(&Chunk::LastLatest { number: MOST, close: &[0xff; 9] }), Some(Closed::Reason));

@@ -13,7 +13,7 @@ use crate::repair::{Budget, Path};
 use crate::spare::Spare;
 
 mod delivery;
-mod guard;
+mod repair_block;
 mod unit;
 
 use unit::Unit;

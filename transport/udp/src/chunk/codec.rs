@@ -18,7 +18,7 @@ pub(crate) const CLOSE: u8 = 0x04;
 const STOP_SENDING: u8 = 0x05;
 const CHALLENGE: u8 = 0x06;
 const RESPONSE: u8 = 0x07;
-const MESSAGES_CREDIT: u8 = 0x08;
+const MESSAGES_MAX_DATA: u8 = 0x08;
 const STOP_MESSAGES: u8 = 0x09;
 const LATEST: u8 = 0x10;
 const LAST_LATEST: u8 = 0x11;
@@ -52,10 +52,10 @@ impl<'a> Chunk<'a> {
                     above = Some(range.start);
                 }
             }
-            Self::Credit { lane, bytes, units } => {
+            Self::MaxData { lane, bytes, units } => {
                 out.push(match lane {
                     UnitLane::Frames => CREDIT,
-                    UnitLane::Messages => MESSAGES_CREDIT,
+                    UnitLane::Messages => MESSAGES_MAX_DATA,
                 });
                 put_varint(out, *bytes);
                 put_varint(out, *units);
@@ -133,9 +133,9 @@ impl<'a> Chunk<'a> {
             PAD => Ok(Self::Pad),
             PING => Ok(Self::Ping),
             ACK => read_ack(reader),
-            CREDIT | MESSAGES_CREDIT => {
+            CREDIT | MESSAGES_MAX_DATA => {
                 let (bytes, units) = (reader.varint("credit")?, reader.varint("credit")?);
-                Ok(Self::Credit { lane: lane_of(code, MESSAGES_CREDIT), bytes, units })
+                Ok(Self::MaxData { lane: lane_of(code, MESSAGES_MAX_DATA), bytes, units })
             }
             CLOSE => Ok(Self::Close),
             STOP_SENDING | STOP_MESSAGES => Ok(Self::StopSending { lane: lane_of(code, STOP_MESSAGES) }),
@@ -256,7 +256,7 @@ mod tests {
         back(&Chunk::Ping);
         back(&Chunk::Close);
         for lane in [UnitLane::Frames, UnitLane::Messages] {
-            back(&Chunk::Credit { lane, bytes: 1 << 40, units: 7 });
+            back(&Chunk::MaxData { lane, bytes: 1 << 40, units: 7 });
             back(&Chunk::StopSending { lane });
         }
         back(&Chunk::Pad);

@@ -84,7 +84,7 @@ impl Connection {
                         self.recovery.on_ack(now, &numbers, delay).map_err(|_| Closed::NeverSent)?;
                     self.judge(now, verdict);
                 }
-                Chunk::Credit { lane, bytes, units } => self.units_mut(lane).outbox.allow(bytes, units),
+                Chunk::MaxData { lane, bytes, units } => self.units_mut(lane).outbox.allow(bytes, units),
                 Chunk::Close => return Err(Closed::Peer),
                 Chunk::Latest { number, value } => self.latest_in.put(number, value),
                 Chunk::LastLatest { number, close } => {
@@ -113,7 +113,7 @@ impl Connection {
                 }
                 Content::Latest { number } => self.latest_out.on_value_lost(number),
                 Content::LastLatest => self.latest_out.on_end_lost(),
-                Content::Credit { lane } => self.units_mut(lane).credit_due = true,
+                Content::MaxData { lane } => self.units_mut(lane).max_data_due = true,
                 Content::StopSending { lane } => self.units_mut(lane).stop_sending_due = true,
                 Content::GiveUp { unit } => self.frames.outbox.on_give_up_loss(unit),
                 Content::Repair { unit, offset, index } => {
@@ -137,7 +137,7 @@ impl Connection {
                 Content::Repair { unit, offset, index } => {
                     self.frames.outbox.on_repair_ack(unit, offset, index);
                 }
-                Content::Credit { .. } | Content::StopSending { .. } => {}
+                Content::MaxData { .. } | Content::StopSending { .. } => {}
             }
         }
         self.recovery.reuse(verdict.arrived);

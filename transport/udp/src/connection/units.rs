@@ -17,7 +17,7 @@ pub(super) struct Units {
     lane: UnitLane,
     pub(super) outbox: Outbox,
     pub(super) inbox: Inbox,
-    pub(super) credit_due: bool,
+    pub(super) max_data_due: bool,
     /// The peer's side of the lane is not read here.
     unread: bool,
     pub(super) stop_sending_due: bool,
@@ -56,7 +56,7 @@ impl Units {
             lane,
             outbox,
             inbox,
-            credit_due: false,
+            max_data_due: false,
             unread: false,
             stop_sending_due: false,
             stopped: false,
@@ -77,33 +77,33 @@ impl Units {
     pub(super) fn stop_reading(&mut self) {
         self.stop_sending_due |= !self.unread;
         self.unread = true;
-        self.credit_due |= self.inbox.discard();
+        self.max_data_due |= self.inbox.discard();
     }
 
     /// Throws away what has come, if nobody reads it.
     pub(super) fn discard_unread(&mut self) {
         if self.unread {
-            self.credit_due |= self.inbox.discard();
+            self.max_data_due |= self.inbox.discard();
         }
     }
 
     pub(super) fn recv(&mut self) -> Result<Option<Received>, LaneViolation> {
         let received = self.inbox.take()?;
-        self.credit_due |= self.inbox.credit_due();
+        self.max_data_due |= self.inbox.max_data_due();
         Ok(received)
     }
 
     pub(super) fn has_due(&self) -> bool {
-        self.credit_due || self.stop_sending_due || self.outbox.has_due()
+        self.max_data_due || self.stop_sending_due || self.outbox.has_due()
     }
 
     /// Writes what the peer must be told of the lane.
     pub(super) fn write_words(&mut self, plain: &mut Vec<u8>, contents: &mut Contents) {
         let lane = self.lane;
-        if std::mem::take(&mut self.credit_due) {
+        if std::mem::take(&mut self.max_data_due) {
             let (bytes, units) = self.inbox.tell_credit();
-            Chunk::Credit { lane, bytes, units }.write(plain);
-            contents.push(Content::Credit { lane });
+            Chunk::MaxData { lane, bytes, units }.write(plain);
+            contents.push(Content::MaxData { lane });
         }
         if std::mem::take(&mut self.stop_sending_due) {
             Chunk::StopSending { lane }.write(plain);

@@ -3,7 +3,7 @@
 use super::blocks::Guarded;
 use super::store::Pool;
 use super::unit::Unit;
-use super::{Credit, Inbox, LaneViolation};
+use super::{FlowControl, Inbox, LaneViolation};
 use crate::chunk::{GivenUp, Tail};
 use crate::repair::Block;
 
@@ -71,7 +71,7 @@ fn cut(data: &[u8], block: Block) -> Vec<u8> {
 /// Restores lost bytes of the blocks that were found.
 pub(super) fn restore(
     unit: &mut Unit,
-    credit: &mut Credit,
+    credit: &mut FlowControl,
     pool: &mut Pool,
     found: Vec<Guarded>,
 ) -> Result<(), LaneViolation> {
@@ -84,7 +84,7 @@ pub(super) fn restore(
 
 fn put_restored(
     unit: &mut Unit,
-    credit: &mut Credit,
+    credit: &mut FlowControl,
     pool: &mut Pool,
     pieces: Vec<(u64, Vec<u8>)>,
 ) -> Result<(), LaneViolation> {
@@ -197,7 +197,7 @@ mod tests {
         }
         let mut inbox = Inbox::new(UnitLane::Frames, FORMAT, BatchSize::default(), 100);
         let about = GivenUp { length: 480, sent: 101, hash: 7, coded: None };
-        assert_eq!(inbox.give_up(0, about, &[]), Err(LaneViolation::Credit));
+        assert_eq!(inbox.give_up(0, about, &[]), Err(LaneViolation::FlowControl));
     }
 
     #[test]
@@ -251,7 +251,7 @@ mod tests {
             "of no use, so there is no need of a place"
         );
         let beyond = Block { offset: 4 << 20, length: 2, shard: 2, count: 1 };
-        assert_eq!(inbox.put_repair(0, beyond, None, 0, &[0; 2]), Err(LaneViolation::Credit));
+        assert_eq!(inbox.put_repair(0, beyond, None, 0, &[0; 2]), Err(LaneViolation::FlowControl));
     }
 
     /// A block of 64 shards of 100 bytes in unit 0, of which two are missing.

@@ -6,7 +6,7 @@ use bytes::BytesMut;
 use trimaran_net::Instant;
 use trimaran_wire::{Format, FrameNumber};
 
-use super::guard::Guard;
+use super::repair_block::RepairBlock;
 use crate::chunk::{GivenUp, Tail, unit_head};
 use crate::ranges::RangeSet;
 use crate::repair::{BLOCK, Block, Budget, Path, protect, shard_size};
@@ -25,7 +25,7 @@ pub(super) struct Unit {
     lost: RangeSet,
     waiting: RangeSet,
     /// The blocks that have repair.
-    guards: Vec<Guard>,
+    repair_blocks: Vec<RepairBlock>,
     /// The end, once it is known, and whether it must be sent, and whether it has arrived.
     end: Option<Tail>,
     end_due: bool,
@@ -75,7 +75,7 @@ impl Unit {
             acked: RangeSet::default(),
             lost: RangeSet::default(),
             waiting: RangeSet::default(),
-            guards: Vec::new(),
+            repair_blocks: Vec::new(),
             end: None,
             end_due: false,
             end_acked: false,
@@ -165,7 +165,7 @@ impl Unit {
             if count > 0 {
                 let (length, count_u8) = (bytes.len() as u32, count as u8);
                 let block = Block { offset: self.protected, length, shard: shard as u16, count: count_u8 };
-                self.guards.push(Guard::new(block, hash.is_some()));
+                self.repair_blocks.push(RepairBlock::new(block, hash.is_some()));
                 let shards = (0..).zip(protect(bytes, shard, count));
                 self.repair.extend(shards.map(|(index, data)| Repair { block, hash, index, data }));
             }
@@ -202,7 +202,7 @@ impl Unit {
         self.base = length;
         self.lost = RangeSet::default();
         self.waiting = RangeSet::default();
-        self.guards.clear();
+        self.repair_blocks.clear();
         self.repair.clear();
         self.end_due = false;
         // From here on it is the word of giving up that has to arrive, whatever became of the end itself.

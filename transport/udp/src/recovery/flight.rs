@@ -26,7 +26,7 @@ pub(crate) enum Content {
         number: u64,
     },
     LastLatest,
-    Credit {
+    MaxData {
         lane: UnitLane,
     },
     StopSending {

@@ -1,8 +1,8 @@
 //! The share of packets that is lost.
 
-/// Up to that share of losses, and while nothing queues, losses are taken for accidents of the path (as BBR
+/// Up to that share of losses, and while nothing queues, losses are taken for random loss on the path (as BBR
 /// does: section 4.5.2 of draft-ietf-ccwg-bbr).
-const ACCIDENTS: f64 = 0.02;
+const RANDOM_LOSS: f64 = 0.02;
 /// It is counted over about that many packets: enough that losses in bursts, of one packet in a hundred, are
 /// hardly ever taken for two.
 const MEMORY: f64 = 4096.0;
@@ -31,7 +31,7 @@ impl LossShare {
 
     /// Whether so much is lost that it is no accident.
     pub(super) fn is_congestion(&self) -> bool {
-        self.sure > ACCIDENTS || self.sudden > SUDDEN
+        self.sure > RANDOM_LOSS || self.sudden > SUDDEN
     }
 
     /// From the first loss on, as if one of the first 64 were lost.

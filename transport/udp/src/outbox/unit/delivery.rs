@@ -5,7 +5,7 @@ use std::ops::Range;
 use bytes::Buf;
 
 use super::Unit;
-use crate::outbox::guard::{Guard, Need};
+use crate::outbox::repair_block::{Need, RepairBlock};
 
 impl Unit {
     /// A part has arrived; says how many bytes that freed.
@@ -28,7 +28,7 @@ impl Unit {
         }
         self.end_due |= ended && !self.end_acked;
         let at = range.start;
-        let set = if self.guard(at).is_some() { &mut self.waiting } else { &mut self.lost };
+        let set = if self.repair_block(at).is_some() { &mut self.waiting } else { &mut self.lost };
         for gap in self.acked.gaps(range) {
             set.insert(gap);
         }
@@ -37,9 +37,9 @@ impl Unit {
 
     /// A repair shard of the block at `offset` has arrived; says how many bytes that freed.
     pub(in crate::outbox) fn on_repair_ack(&mut self, offset: u64, index: u8) -> usize {
-        let Some(guard) = self.guard(offset) else { return 0 };
-        guard.on_arrived(index);
-        let ends = guard.tells_the_end();
+        let Some(repair_block) = self.repair_block(offset) else { return 0 };
+        repair_block.on_arrived(index);
+        let ends = repair_block.tells_the_end();
         self.end_acked |= ends;
         self.end_due &= !ends;
         self.settle(offset);
@@ -47,8 +47,8 @@ impl Unit {
     }
 
     pub(in crate::outbox) fn on_repair_loss(&mut self, offset: u64, index: u8) {
-        if let Some(guard) = self.guard(offset) {
-            guard.on_lost(index);
+        if let Some(repair_block) = self.repair_block(offset) {
+            repair_block.on_lost(index);
         }
         self.settle(offset);
     }
@@ -61,18 +61,22 @@ impl Unit {
     }
 
     /// The block that `at` lies in, if it has repair.
-    fn guard(&mut self, at: u64) -> Option<&mut Guard> {
-        self.guards.iter_mut().find(|guard| guard.range().contains(&at))
+    fn repair_block(&mut self, at: u64) -> Option<&mut RepairBlock> {
+        self.repair_blocks.iter_mut().find(|repair_block| repair_block.range().contains(&at))
     }
 
     /// Decides what becomes of the lost bytes of the block that `at` lies in.
     fn settle(&mut self, at: u64) {
-        let Some(guard) = self.guards.iter().find(|guard| guard.range().contains(&at)) else { return };
-        match guard.need(&self.acked, &self.waiting) {
+        let Some(repair_block) =
+            self.repair_blocks.iter().find(|repair_block| repair_block.range().contains(&at))
+        else {
+            return;
+        };
+        match repair_block.need(&self.acked, &self.waiting) {
             Need::Restored => {
-                self.lost.remove(&guard.range());
-                self.waiting.remove(&guard.range());
-                self.acked.insert(guard.range());
+                self.lost.remove(&repair_block.range());
+                self.waiting.remove(&repair_block.range());
+                self.acked.insert(repair_block.range());
             }
             Need::Again(shards) => {
                 for shard in shards {

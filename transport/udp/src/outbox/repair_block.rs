@@ -7,7 +7,7 @@ use crate::repair::Block;
 
 /// A block, and what became of its repair shards.
 #[derive(Debug)]
-pub(super) struct Guard {
+pub(super) struct RepairBlock {
     block: Block,
     /// Whether its repair shards say as well that the frame ends there.
     ends: bool,
@@ -26,7 +26,7 @@ pub(super) enum Need {
     Again(Vec<Range<u64>>),
 }
 
-impl Guard {
+impl RepairBlock {
     pub(super) const fn new(block: Block, ends: bool) -> Self {
         Self { block, ends, arrived: 0, lost: 0 }
     }
@@ -70,8 +70,8 @@ mod tests {
     use super::*;
 
     /// Four shards of ten bytes, two of repair.
-    fn guard() -> Guard {
-        Guard::new(Block { offset: 100, length: 35, shard: 10, count: 2 }, true)
+    fn repair_block() -> RepairBlock {
+        RepairBlock::new(Block { offset: 100, length: 35, shard: 10, count: 2 }, true)
     }
 
     fn set(ranges: &[(u64, u64)]) -> RangeSet {
@@ -82,34 +82,46 @@ mod tests {
 
     #[test]
     fn as_many_lost_shards_as_repair_may_come_are_waited_for() {
-        let mut guard = guard();
+        let mut repair_block = repair_block();
         let acked = set(&[(100, 110)]);
-        assert_eq!(guard.need(&acked, &set(&[(110, 120), (130, 135)])), Need::Again(vec![]));
+        assert_eq!(repair_block.need(&acked, &set(&[(110, 120), (130, 135)])), Need::Again(vec![]));
         assert_eq!(
-            guard.need(&acked, &set(&[(110, 135)])),
+            repair_block.need(&acked, &set(&[(110, 135)])),
             Need::Again(std::iter::once(110..120).collect()),
             "one too many"
         );
-        guard.on_lost(1);
+        repair_block.on_lost(1);
         assert_eq!(
-            guard.need(&acked, &set(&[(110, 120), (130, 135)])),
+            repair_block.need(&acked, &set(&[(110, 120), (130, 135)])),
             Need::Again(std::iter::once(110..120).collect())
         );
-        guard.on_arrived(1);
-        assert_eq!(guard.need(&acked, &set(&[(110, 120), (130, 135)])), Need::Again(vec![]), "it came late");
+        repair_block.on_arrived(1);
+        assert_eq!(
+            repair_block.need(&acked, &set(&[(110, 120), (130, 135)])),
+            Need::Again(vec![]),
+            "it came late"
+        );
     }
 
     #[test]
     fn a_block_is_restored_once_repair_stands_in_for_all_that_is_missing() {
-        let mut guard = guard();
+        let mut repair_block = repair_block();
         let lost = set(&[(130, 135)]);
-        guard.on_arrived(0);
-        assert_eq!(guard.need(&set(&[(100, 120)]), &lost), Need::Again(vec![]), "one is still under way");
-        assert_eq!(guard.need(&set(&[(100, 130)]), &lost), Need::Restored);
-        assert_eq!(guard.need(&set(&[(100, 129)]), &lost), Need::Again(vec![]), "a part of a shard is none");
-        guard.on_arrived(1);
-        guard.on_arrived(1);
-        assert_eq!(guard.need(&set(&[(100, 120)]), &lost), Need::Restored);
-        assert_eq!(guard.need(&set(&[(100, 110)]), &lost), Need::Again(vec![]), "one counts once");
+        repair_block.on_arrived(0);
+        assert_eq!(
+            repair_block.need(&set(&[(100, 120)]), &lost),
+            Need::Again(vec![]),
+            "one is still under way"
+        );
+        assert_eq!(repair_block.need(&set(&[(100, 130)]), &lost), Need::Restored);
+        assert_eq!(
+            repair_block.need(&set(&[(100, 129)]), &lost),
+            Need::Again(vec![]),
+            "a part of a shard is none"
+        );
+        repair_block.on_arrived(1);
+        repair_block.on_arrived(1);
+        assert_eq!(repair_block.need(&set(&[(100, 120)]), &lost), Need::Restored);
+        assert_eq!(repair_block.need(&set(&[(100, 110)]), &lost), Need::Again(vec![]), "one counts once");
     }
 }
