@@ -65,7 +65,7 @@ impl Default for Knobs {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Transport {
-    /// Two TCP connections a link, as in the paper.
+    /// TCP, as in the paper: a connection for each lane.
     Tcp,
     /// A QUIC connection a link.
     Quic,

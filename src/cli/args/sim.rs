@@ -8,8 +8,8 @@ use super::Coding;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum SimLink {
-    /// Two TCP connections a link, as in the paper. The TCP is a model of Linux's with CUBIC; with BBR long
-    /// paths take longer.
+    /// TCP, as in the paper: a connection for each lane. The TCP is a model of Linux's with CUBIC; with BBR
+    /// long paths take longer.
     Tcp,
     /// A QUIC connection a link.
     Quic,
