@@ -1,17 +1,19 @@
 //! Who is let in at a listener, whatever its transport.
 
 use std::fmt;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use bytes::Bytes;
+use parking_lot::Mutex;
 use tokio::sync::mpsc;
 use trimaran_wire::{Explanation, Hello, Refusal};
 
-use crate::application::{Application, Peer};
+use crate::application::Application;
 use crate::handshake::HandshakeError;
 #[cfg(feature = "keys")]
 use crate::keys::WrongRole;
-use crate::link::Parts;
+use crate::parts::Parts;
+use crate::peer::Peer;
 use crate::pending::{Pending, Slot};
 use crate::rates::{Handshakes, ListenerStats, Origin, Sparse, TurnedAway};
 use crate::{Options, PeerAddress};
@@ -51,15 +53,10 @@ pub(crate) struct Place {
 
 impl Drop for Place {
     fn drop(&mut self) {
-        let mut taken = lock(&self.taken);
+        let mut taken = self.taken.lock();
         taken.peers -= 1;
         taken.roles.retain(|role| Some(role) != self.role.as_ref());
     }
-}
-
-pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // Everything under these locks is changed in single steps, so that a panic elsewhere leaves it sound.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Acceptor {
@@ -114,7 +111,7 @@ impl Acceptor {
     /// Whether who says `hello` may come in; it takes no place yet.
     pub(crate) fn admits(&self, hello: &Hello) -> Result<(), Refusal> {
         self.same_protocol(hello)?;
-        self.vacant(&hello.application, &lock(&self.taken)).map(|_| ())
+        self.vacant(&hello.application, &self.taken.lock()).map(|_| ())
     }
 
     fn same_protocol(&self, hello: &Hello) -> Result<(), Refusal> {
@@ -124,7 +121,7 @@ impl Acceptor {
 
     /// Takes the place of the peer that introduces itself so.
     pub(crate) fn enter(&self, theirs: &Bytes) -> Result<(Peer, Place), Refusal> {
-        let mut taken = lock(&self.taken);
+        let mut taken = self.taken.lock();
         let peer = self.vacant(theirs, &taken)?;
         taken.peers += 1;
         taken.roles.extend(peer.role.clone());
@@ -171,12 +168,12 @@ impl Acceptor {
             }
             None => tracing::debug!(%address, error = cause, "a handshake failed"),
         }
-        *lock(&self.last_failure) = Some(error);
+        *self.last_failure.lock() = Some(error);
     }
 
     #[cfg(feature = "keys")]
     fn is_news(&self, claim: &WrongRole) -> bool {
-        let mut known = lock(&self.wrong_roles);
+        let mut known = self.wrong_roles.lock();
         let news = !known.contains(claim);
         if news {
             known.push(claim.clone());
@@ -186,6 +183,6 @@ impl Acceptor {
 
     /// Takes what became of the last connection that did not make it to a link.
     pub(crate) fn last_failure(&self) -> Option<HandshakeError> {
-        lock(&self.last_failure).take()
+        self.last_failure.lock().take()
     }
 }

@@ -6,46 +6,11 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use serde::de::DeserializeOwned;
-use trimaran_wire::{
-    Batching, Format, Hello, Lane, MAX_HELLO, Protocol, ProtocolName, Refusal, Rejection, SessionId,
-};
+use trimaran_wire::{Format, Hello, Lane, MAX_HELLO, Protocol, ProtocolName, Refusal, Rejection, SessionId};
 
-use crate::handshake::HandshakeError;
-use crate::inproc;
-
-/// What a peer is called in messages and logs, as its application has it.
-#[derive(Clone, PartialEq, Eq)]
-pub struct PeerName(Arc<str>);
-
-impl PeerName {
-    /// The name.
-    #[must_use]
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-}
-
-impl fmt::Display for PeerName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl fmt::Debug for PeerName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(f)
-    }
-}
-
-/// A peer as it introduced itself.
-#[derive(Debug, Clone)]
-pub(crate) struct Peer {
-    pub(crate) hello: Bytes,
-    pub(crate) name: PeerName,
-    pub(crate) role: Option<String>,
-    /// How items travel, where the hellos of both sides decide it.
-    pub(crate) batching: Option<Batching>,
-}
+use crate::handshake::{HandshakeError, HelloTooLong};
+use crate::inproc::lanes::Lanes;
+use crate::peer::{Peer, PeerName};
 
 /// One side of a protocol.
 pub(crate) trait Application: fmt::Debug + Send + Sync {
@@ -98,11 +63,6 @@ pub(crate) fn whole<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, postcard::Er
     }
 }
 
-/// A hello of more than [`MAX_HELLO`] bytes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("a hello of {0} bytes is longer than {MAX_HELLO}")]
-pub struct HelloTooLong(usize);
-
 impl<P: Protocol> Side<P> {
     pub(crate) fn of(ours: P::Hello) -> Result<Arc<dyn Application>, HelloTooLong> {
         // Writing to memory fails for types only that serde cannot describe beforehand: such a hello is empty,
@@ -117,7 +77,7 @@ impl<P: Protocol> Side<P> {
     fn peer(&self, bytes: &Bytes, theirs: &P::Hello) -> Peer {
         Peer {
             hello: bytes.clone(),
-            name: PeerName(P::name(theirs).into()),
+            name: PeerName::new(&P::name(theirs)),
             role: P::role(theirs),
             batching: P::batching(&self.ours, theirs),
         }
@@ -151,7 +111,7 @@ impl<P: Protocol> Application for Side<P> {
     }
 
     fn local_lanes(&self) -> [Box<dyn Any + Send>; 2] {
-        inproc::Lanes::<P>::pair().map(|lanes| Box::new(lanes) as _)
+        Lanes::<P>::pair().map(|lanes| Box::new(lanes) as _)
     }
 
     fn type_of(&self) -> TypeId {

@@ -8,30 +8,21 @@ use std::time::Duration;
 use thiserror::Error;
 use trimaran_wire::{Protocol, Refusal, SessionId};
 
-use crate::application::{Application, Side};
+use crate::application::Side;
 use crate::causes::causes;
 use crate::error::readable;
 use crate::handshake::HandshakeError;
-use crate::link::Parts;
-use crate::scheme::scheme_of;
-use crate::{Endpoint, Link, Name, Options};
+use crate::parts::Parts;
+use crate::scheme::Introduction;
+use crate::schemes::scheme_of;
+use crate::transport::AttemptError;
+use crate::{Endpoint, Link, Options};
 use trimaran_net::{Instant, Net, sleep_until, until};
 
 /// The pause after the first attempt; it doubles up to [`LAST_PAUSE`].
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 /// The longest pause between two attempts.
 const LAST_PAUSE: Duration = Duration::from_secs(2);
-
-/// How this side introduces itself in one attempt.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Introduction<'o> {
-    pub(crate) application: &'o dyn Application,
-    pub(crate) session: SessionId,
-    pub(crate) options: &'o Options,
-    /// When the attempt is cut short.
-    #[cfg(feature = "udp")]
-    pub(crate) by: Instant,
-}
 
 /// Why no link came about.
 #[derive(Debug, Error)]
@@ -94,70 +85,6 @@ impl ConnectError {
             } => Some(refusal),
             _ => None,
         }
-    }
-}
-
-/// Why one attempt failed.
-///
-/// Most of it is a hint only. A name server, a router or whoever has the address for a moment can cause it,
-/// and so can forged packets: [`connect`] tries again.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum AttemptError {
-    /// The host name has no address now.
-    #[error("the host name could not be resolved")]
-    Resolve(#[source] io::Error),
-    /// The host name has no address at all.
-    #[error("the host name has no address")]
-    NoAddress,
-    /// No connection.
-    #[error("no connection to {address}")]
-    Connect {
-        /// Where to.
-        address: String,
-        /// What the system says.
-        #[source]
-        cause: io::Error,
-    },
-    /// A connection, but no handshake.
-    #[error("no handshake with {address}")]
-    Handshake {
-        /// With whom.
-        address: String,
-        /// Why.
-        #[source]
-        cause: HandshakeError,
-    },
-    /// Nobody in this process listens under the name.
-    #[error("nobody in this process listens as {name}")]
-    Nobody {
-        /// The name.
-        name: Name,
-    },
-    /// The attempt itself took too long.
-    #[error("no answer in time")]
-    TimedOut,
-}
-
-impl AttemptError {
-    /// Whether nobody said anything.
-    const fn is_silence(&self) -> bool {
-        matches!(self, Self::Handshake { cause: HandshakeError::Unanswered, .. })
-    }
-
-    /// Whether what this side was given is at fault, so that no other attempt can end differently. What a
-    /// peer says never is.
-    fn is_final(&self) -> bool {
-        match self {
-            Self::Handshake { cause, .. } => cause.is_final(),
-            Self::Connect { cause, .. } => cause.kind() == io::ErrorKind::Unsupported,
-            _ => false,
-        }
-    }
-
-    /// Whether somebody answers who does not go together with this side.
-    const fn is_mismatch(&self) -> bool {
-        matches!(self, Self::Handshake { cause, .. } if cause.is_mismatch())
     }
 }
 

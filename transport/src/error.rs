@@ -9,7 +9,7 @@ use trimaran_wire::{
     MAX_MESSAGE,
 };
 
-use crate::application::PeerName;
+use crate::peer::PeerName;
 use crate::rates::TooMany;
 use crate::timeouts::Expired;
 

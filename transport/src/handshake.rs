@@ -6,14 +6,13 @@ use bytes::Bytes;
 use thiserror::Error;
 #[cfg(feature = "quic")]
 use trimaran_wire::ProtocolName;
-use trimaran_wire::{DecodeError, DecodeFault, Hello, Kind, Message, Refusal};
+use trimaran_wire::{DecodeError, DecodeFault, Hello, Kind, MAX_HELLO, Message, Refusal};
 
-use crate::application::HelloTooLong;
 use crate::error::{LaneError, Loss, ProtocolError};
 #[cfg(feature = "quic")]
 use crate::keys::Fingerprint;
 #[cfg(feature = "keys")]
-use crate::keys::WrongRole;
+use crate::keys::{KeyFault, WrongRole};
 #[cfg(feature = "quic")]
 use crate::quic::UnknownPeer;
 use crate::rates::TooMany;
@@ -116,6 +115,11 @@ pub enum HandshakeError {
     NotLetIn(#[source] io::Error),
 }
 
+/// A hello of more than [`MAX_HELLO`] bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("a hello of {0} bytes is longer than {MAX_HELLO}")]
+pub struct HelloTooLong(pub(crate) usize);
+
 impl HandshakeError {
     /// What the peer is told, where it is refused.
     #[cfg(feature = "keys")]
@@ -147,6 +151,16 @@ impl HandshakeError {
             Self::Refused(refusal) => !refusal.is_passing(),
             Self::Closed | Self::Io(_) | Self::TimedOut | Self::Unanswered | Self::TooMany(_) => false,
             _ => true,
+        }
+    }
+}
+
+#[cfg(feature = "keys")]
+impl From<KeyFault> for HandshakeError {
+    fn from(fault: KeyFault) -> Self {
+        match fault {
+            KeyFault::Stranger => Self::Stranger,
+            KeyFault::WrongRole(wrong) => Self::WrongRole(wrong),
         }
     }
 }

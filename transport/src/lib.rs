@@ -53,27 +53,26 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | `link`, `latest`, `frames`, `messages` | a link and its halves, over the application's types |
-//! | `connect`, `listen`, `handshake`, `acceptor` | how links come about, and who is let in |
-//! | `application` | the application's part of that, for the layers that know only bytes |
-//! | `scheme`, `endpoint`, `transport` | which transport makes a link; transports from outside |
-//! | `stream`, `tcp`, `unix`, [`quic`], [`udp`], [`inproc`] | the transports |
+//! | `link`, `lanes` | a link and its halves, over the application's types |
+//! | `connect`, `listen`, `acceptor`, `handshake` | how links come about, and who is let in |
+//! | `application`, `peer` | the two sides of that, for the layers that know only bytes |
+//! | `endpoint`, `schemes` | which transport makes a link |
+//! | `stream`, `tcp`, `unix`, [`quic`], [`udp`], [`inproc`] | the transports, each with lanes of its own |
+//! | `transport`, `scheme`, `parts` | what a transport must do, and what it gives |
 //! | [`keys`] | the keys of peers |
-//! | `timeout`, `rates`, `pending` | limits in time and number |
+//! | `options`, `timeouts`, `rates`, `pending` | what can be set; limits in time and number |
+//! | `stats`, `trace` | what is counted and logged |
 //! | `conformance` | what every transport must do, as a suite of tests |
 
 mod acceptor;
 mod application;
 mod causes;
-#[cfg(feature = "config")]
-mod config;
 #[cfg(feature = "conformance")]
 pub mod conformance;
 mod connect;
 mod endpoint;
 mod endpoints;
 mod error;
-mod frames;
 mod handshake;
 #[cfg(feature = "inproc")]
 pub mod inproc;
@@ -82,16 +81,18 @@ pub mod inproc;
 mod inproc;
 #[cfg(feature = "keys")]
 pub mod keys;
-mod latest;
+mod lanes;
 mod link;
 mod listen;
-mod messages;
 mod options;
+mod parts;
+mod peer;
 mod pending;
 #[cfg(feature = "quic")]
 pub mod quic;
 mod rates;
 mod scheme;
+mod schemes;
 mod stats;
 mod stream;
 #[cfg(feature = "tcp")]
@@ -104,25 +105,27 @@ pub mod udp;
 #[cfg(feature = "unix")]
 mod unix;
 
-pub use application::{HelloTooLong, PeerName};
 pub use causes::causes;
-pub use connect::{AttemptError, ConnectError, connect, growing_pauses};
+pub use connect::{ConnectError, connect, growing_pauses};
 pub use endpoint::{
     Endpoint, EndpointError, EndpointFault, Host, HostName, HostPort, Name, OtherEndpoint, SocketPath,
     UdpEndpoint, UdpMode,
 };
 pub use endpoints::Endpoints;
 pub use error::{Loss, ProtocolError, RecvError, SendError};
-pub use frames::{FrameEvent, FrameReceiver, FrameSender, FrameStart};
-pub use handshake::HandshakeError;
-pub use latest::{LatestReceiver, LatestSender};
-pub use link::{Capabilities, Link, LinkConfig, PeerAddress, PeerInfo};
+pub use handshake::{HandshakeError, HelloTooLong};
+pub use lanes::frames::{FrameReceiver, FrameSender};
+pub use lanes::latest::{LatestReceiver, LatestSender};
+pub use lanes::messages::{MessageReceiver, MessageSender};
+pub use link::Link;
 pub use listen::{AcceptError, ListenError, Listener};
-pub use messages::{MessageReceiver, MessageSender};
-pub use options::{Limits, Options};
+pub use options::Options;
+pub use options::limits::Limits;
+pub use options::link::LinkConfig;
+pub use peer::{PeerAddress, PeerInfo, PeerName};
 pub use rates::{ListenerStats, TooMany, TurnedAway};
 pub use stats::{LinkStats, StatsHandle, Tally, Traffic};
-pub use transport::{ListenFault, Listening, Transport};
+pub use transport::{AttemptError, Capabilities, ListenFault, Listening, Transport};
 pub use trimaran_net::{
     Credentials, Instant, Net, TcpOptions, TokioNet, UdpSocketOptions, UnixSocketOptions, sleep_until, until,
 };
@@ -130,9 +133,9 @@ pub use trimaran_net::{
 pub use trimaran_udp::PathStats;
 pub use trimaran_wire::{
     Batch, BatchDecoder, BatchEncoder, BatchError, BatchSize, BatchSizeError, Batching, CloseReason,
-    CodingError, DecodeError, DecodeFault, Delivery, Explanation, Fixed, FrameEnd, FrameNumber,
-    FrameOrderError, FrameOutcome, FrameViolation, Item, Kind, Lane, MAX_MESSAGE, Protocol, ProtocolName,
-    Refusal, Rejection, SessionId, WireVersion,
+    CodingError, DecodeError, DecodeFault, Delivery, Explanation, Fixed, FrameEnd, FrameEvent, FrameNumber,
+    FrameOrderError, FrameOutcome, FrameStart, FrameViolation, Item, Kind, Lane, MAX_MESSAGE, Protocol,
+    ProtocolName, Refusal, Rejection, SessionId, WireVersion,
 };
 #[cfg(feature = "unix")]
 pub use unix::{ForeignUser, UnixOptions};

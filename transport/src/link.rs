@@ -1,29 +1,24 @@
 //! What two peers share after the handshake.
 
-use std::any::Any;
-use std::fmt;
-use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
-use trimaran_wire::{BatchSize, Batching, CloseReason, Format, Protocol, SessionId};
+use trimaran_net::{Net, until};
+use trimaran_wire::{CloseReason, Protocol};
 
-use crate::application::{Peer, PeerName};
-use crate::frames::{FrameRx, FrameTx, WireFrameRx, WireFrameTx};
-use crate::handshake::HandshakeError;
-use crate::inproc;
-use crate::latest::{LatestRx, LatestTx, WireLatestRx, WireLatestTx};
-use crate::messages::{MessageRx, MessageTx, WireMessageRx, WireMessageTx};
+use crate::error::{RecvError, SendError};
+use crate::inproc::lanes as inproc;
+use crate::lanes::frames::{FrameReceiver, FrameRx, FrameSender, FrameTx};
+use crate::lanes::latest::{LatestReceiver, LatestRx, LatestSender, LatestTx};
+use crate::lanes::messages::{MessageReceiver, MessageRx, MessageSender, MessageTx};
+use crate::options::link::LinkConfig;
+use crate::parts::{Lanes, Parts};
+use crate::peer::{PeerAddress, PeerInfo};
 use crate::rates::Messages;
-use crate::stats::Counters;
+use crate::stats::StatsHandle;
 use crate::timeouts::Timeouts;
-use crate::transport::Transport;
-use crate::{
-    FrameReceiver, FrameSender, LatestReceiver, LatestSender, MessageReceiver, MessageSender, RecvError,
-    SendError, StatsHandle,
-};
-use trimaran_net::{Credentials, Net, StreamPeer, until};
+use crate::transport::Capabilities;
 
 /// How long a peer that leaves waits for the other one to leave as well.
 const LINGER: Duration = Duration::from_millis(500);
@@ -55,160 +50,6 @@ pub struct Link<P: Protocol> {
     pub stats: StatsHandle,
     pub(crate) capabilities: Capabilities,
     net: Arc<dyn Net>,
-}
-
-/// Who is at the other end of a link.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PeerInfo<P: Protocol> {
-    /// What messages and logs call it.
-    pub name: PeerName,
-    /// How it introduced itself.
-    pub hello: P::Hello,
-    /// The link's session id.
-    pub session: SessionId,
-    /// Where it was when the link was made: over datagrams and QUIC it may go elsewhere.
-    pub address: PeerAddress,
-}
-
-/// Where a peer is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum PeerAddress {
-    /// In this process.
-    InProcess,
-    /// At the other end of TCP connections; the port is that of the frames lane.
-    Tcp(SocketAddr),
-    /// At the other end of Unix sockets of this machine.
-    Unix(Credentials),
-    /// Behind datagrams of this crate's own protocol.
-    Udp(SocketAddr),
-    /// At the other end of a QUIC connection.
-    Quic(SocketAddr),
-    /// At the other end of byte streams of a [`Transport`] from outside this crate.
-    Other {
-        /// The transport's scheme.
-        scheme: &'static str,
-        /// Where, as the transport says.
-        at: StreamPeer,
-    },
-}
-
-/// What a link's transport promises.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Capabilities {
-    /// Every frame arrives complete, or the link ends.
-    pub reliable: bool,
-    /// Frames arrive in the order sent, none before all of the one before.
-    pub ordered: bool,
-    /// Nobody on the way can read or change what travels.
-    pub encrypted: bool,
-    /// The peer is on this machine.
-    pub local: bool,
-}
-
-impl PeerAddress {
-    /// The peer of a byte stream of `transport`.
-    pub(crate) fn over(transport: &dyn Transport, peer: StreamPeer) -> Self {
-        match (transport.scheme(), peer) {
-            ("tcp", StreamPeer::Tcp(at)) => Self::Tcp(at),
-            ("unix", StreamPeer::Unix(process)) => Self::Unix(process),
-            (scheme, at) => Self::Other { scheme, at },
-        }
-    }
-
-    /// The transport that leads there, as [`Endpoint::transport`](crate::Endpoint::transport) names it.
-    #[must_use]
-    pub const fn transport(&self) -> &'static str {
-        match self {
-            Self::InProcess => "inproc",
-            Self::Tcp(_) => "tcp",
-            Self::Unix(_) => "unix",
-            Self::Udp(_) => "udp",
-            Self::Quic(_) => "quic",
-            Self::Other { scheme, .. } => scheme,
-        }
-    }
-}
-
-impl fmt::Display for PeerAddress {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::InProcess => f.write_str("this process"),
-            Self::Tcp(address)
-            | Self::Udp(address)
-            | Self::Quic(address)
-            | Self::Other { at: StreamPeer::Tcp(address), .. } => address.fmt(f),
-            Self::Unix(process) | Self::Other { at: StreamPeer::Unix(process), .. } => match process {
-                Credentials { uid, pid: Some(pid), .. } => write!(f, "process {pid} of user {uid}"),
-                Credentials { uid, pid: None, .. } => write!(f, "a process of user {uid}"),
-            },
-        }
-    }
-}
-
-/// What holds for a link whatever its transport.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
-#[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
-pub struct LinkConfig {
-    /// How long any one wait for the peer may last: longer than the peer's longest pause between two
-    /// messages, loading and first frame included. Default 30 s.
-    #[cfg_attr(
-        feature = "config",
-        serde(rename = "timeout_s", with = "trimaran_net::config::seconds"),
-        schemars(with = "f64")
-    )]
-    pub timeout: Duration,
-    /// The silence after which the peer counts as lost, whatever the transport: it shows keep-alives while
-    /// it has nothing to say, as long as its process runs. Time in which nobody waits for the peer does
-    /// not count. Both sides should have the same, or 20 s and more. Default 20 s.
-    #[cfg_attr(
-        feature = "config",
-        serde(rename = "idle_timeout_s", with = "crate::config::idle_timeout_s"),
-        schemars(with = "f64")
-    )]
-    pub idle_timeout: Duration,
-    /// How long one handshake may take, from the connection to the last answer. Default 5 s.
-    #[cfg_attr(
-        feature = "config",
-        serde(rename = "handshake_timeout_s", with = "trimaran_net::config::seconds"),
-        schemars(with = "f64")
-    )]
-    pub handshake_timeout: Duration,
-    /// How items travel, where the peers' hellos do not say so. Within one process they are not coded.
-    /// Default batches of 256, plain.
-    #[cfg_attr(feature = "config", serde(skip))]
-    pub batching: Batching,
-    /// How many items a frame may have at most, sent or received: a peer that sends more breaks the protocol,
-    /// and is found out before room is made for them. Give what the application can have. Default 4,194,304.
-    #[cfg_attr(feature = "config", serde(skip))]
-    pub max_frame: u32,
-    /// How many messages the peer may send on the frames lane in a second, measured over that many, and on the
-    /// messages lane: one that sends more is no peer but a flood, and the lane fails. Of latest values only the newest is read anyway.
-    /// Not within one process. Default 1,000,000.
-    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::above_zero"))]
-    pub messages_per_s: u32,
-}
-
-impl Default for LinkConfig {
-    fn default() -> Self {
-        Self {
-            timeout: Duration::from_secs(30),
-            idle_timeout: Duration::from_secs(20),
-            handshake_timeout: Duration::from_secs(5),
-            batching: Batching { size: BatchSize::default(), coded: false },
-            max_frame: 1 << 22,
-            messages_per_s: 1_000_000,
-        }
-    }
-}
-
-impl LinkConfig {
-    /// The pause after which a lane that has nothing to say shows a keep-alive: often enough for a peer of
-    /// the default idle timeout.
-    pub(crate) fn keepalive(&self) -> Duration {
-        (self.idle_timeout / 4).min(Duration::from_secs(5))
-    }
 }
 
 impl<P: Protocol> Link<P> {
@@ -272,36 +113,6 @@ impl<P: Protocol> Link<P> {
     }
 }
 
-/// What a transport has when its handshake is done: a link but for its types.
-#[derive(Debug)]
-pub(crate) struct Parts {
-    pub(crate) lanes: Lanes,
-    pub(crate) peer: Peer,
-    pub(crate) session: SessionId,
-    pub(crate) address: PeerAddress,
-    pub(crate) capabilities: Capabilities,
-    pub(crate) shared: Shared,
-    /// Why this side does not take the peer after all: it is told so.
-    pub(crate) doubt: Option<HandshakeError>,
-}
-
-/// The lanes where values travel as bytes.
-#[derive(Debug)]
-pub(crate) struct Wire {
-    pub(crate) latest: (WireLatestTx, WireLatestRx),
-    pub(crate) frames: (WireFrameTx, WireFrameRx),
-    pub(crate) messages: (WireMessageTx, WireMessageRx),
-}
-
-/// The lanes.
-#[derive(Debug)]
-pub(crate) enum Lanes {
-    /// Of bytes.
-    Wire(Box<Wire>),
-    /// Of values: `inproc::Lanes` of the application's protocol.
-    Local(Box<dyn Any + Send>),
-}
-
 impl Parts {
     /// The link, if its peer speaks `P`: the handshake has seen to that.
     pub(crate) fn into_link<P: Protocol>(self, net: &Arc<dyn Net>, config: &LinkConfig) -> Option<Link<P>> {
@@ -353,14 +164,4 @@ impl Parts {
             },
         })
     }
-}
-
-/// What the halves of a link have in common.
-#[derive(Debug, Clone)]
-pub(crate) struct Shared {
-    pub(crate) peer: PeerName,
-    pub(crate) format: Format,
-    pub(crate) counters: Arc<Counters>,
-    /// Dropped with the last half.
-    pub(crate) _place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
 }

@@ -1,11 +1,11 @@
 //! The handshakes under way at a listener: how many there may be, and which of them gives way to a new one.
 
+use parking_lot::Mutex;
 use std::convert::Infallible;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use tokio::sync::oneshot;
 
-use crate::acceptor::lock;
 use crate::rates::Origin;
 
 /// How many slots one link takes: over byte streams each of its connections shakes hands.
@@ -54,7 +54,7 @@ impl Pending {
 
     /// A slot for a handshake of `origin`, and whether another one has lost it for that.
     pub(crate) fn take(&self, origin: Origin) -> (Slot, bool) {
-        let mut slots = lock(&self.slots);
+        let mut slots = self.slots.lock();
         let full = slots.taken.len() >= self.most;
         if full {
             slots.evict();
@@ -89,7 +89,7 @@ impl Slot {
 
 impl Drop for Slot {
     fn drop(&mut self) {
-        lock(&self.slots).taken.retain(|taken| taken.number != self.number);
+        self.slots.lock().taken.retain(|taken| taken.number != self.number);
     }
 }
 

@@ -1,13 +1,13 @@
 //! How much peers and strangers may ask for in a second.
 
+use parking_lot::Mutex;
 use std::collections::HashMap;
 use std::net::IpAddr;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::acceptor::lock;
 use crate::{Limits, PeerAddress};
 use trimaran_net::{Instant, StreamPeer};
 
@@ -92,7 +92,7 @@ impl Handshakes {
     /// Counts a handshake that begins. An origin has its even share even where others have begun too many: so
     /// twice as many as all together may begin get through at most.
     pub(crate) fn begin(&self, now: Instant, from: &PeerAddress) -> Result<(), TooMany> {
-        let mut counts = lock(&self.counts);
+        let mut counts = self.counts.lock();
         if counts.begun.is_none_or(|begun| now.since(begun) >= SECOND) {
             counts.begun = Some(now);
             counts.all = 0;
@@ -118,16 +118,16 @@ impl Handshakes {
 
     /// Counts a handshake that gave way to another.
     pub(crate) fn no_room(&self) {
-        lock(&self.counts).turned_away.no_room += 1;
+        self.counts.lock().turned_away.no_room += 1;
     }
 
     /// Counts a peer for which there was no place.
     pub(crate) fn no_place(&self) {
-        lock(&self.counts).turned_away.no_place += 1;
+        self.counts.lock().turned_away.no_place += 1;
     }
 
     pub(crate) fn turned_away(&self) -> TurnedAway {
-        lock(&self.counts).turned_away
+        self.counts.lock().turned_away
     }
 }
 
@@ -175,7 +175,7 @@ impl Sparse {
 
     /// How many came untold since the last one that was told, if this one may be.
     pub(crate) fn take(&self, now: Instant) -> Option<u64> {
-        let (told, untold) = &mut *lock(&self.0);
+        let (told, untold) = &mut *self.0.lock();
         if told.is_some_and(|told| now.since(told) < Self::PAUSE) {
             *untold += 1;
             return None;
@@ -287,7 +287,7 @@ mod tests {
             let ip = IpAddr::from(n.to_be_bytes()).to_string();
             let _turned_away = handshakes.begin(at(u64::from(n) / 1000), &from(&ip));
         }
-        assert!(lock(&handshakes.counts).origins.len() <= 100);
+        assert!(handshakes.counts.lock().origins.len() <= 100);
         assert_eq!(handshakes.turned_away().in_all, 99_900);
     }
 

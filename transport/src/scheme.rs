@@ -1,17 +1,18 @@
 //! What makes links at an endpoint: one for each scheme.
 
-use std::io;
 #[cfg(any(feature = "tcp", feature = "quic", feature = "udp"))]
 use std::net::SocketAddr;
 use std::sync::Arc;
 
+#[cfg(feature = "udp")]
+use trimaran_net::Instant;
 use trimaran_net::{BoxFuture, Net};
+use trimaran_wire::SessionId;
 
 use crate::acceptor::Acceptor;
-use crate::connect::{AttemptError, Introduction};
-use crate::link::Parts;
-use crate::stream::Streams;
-use crate::transport::{ListenFault, named};
+use crate::application::Application;
+use crate::parts::Parts;
+use crate::transport::{AttemptError, ListenFault};
 use crate::{Endpoint, Options};
 
 /// Makes links at one endpoint.
@@ -25,6 +26,17 @@ pub(crate) trait Scheme: Send + Sync {
 
     /// Listens there, and receives peers until nobody accepts them any more.
     fn listen<'a>(&'a self, acceptor: &'a Arc<Acceptor>) -> BoxFuture<'a, Result<Listened, ListenFault>>;
+}
+
+/// How this side introduces itself in one attempt.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Introduction<'o> {
+    pub(crate) application: &'o dyn Application,
+    pub(crate) session: SessionId,
+    pub(crate) options: &'o Options,
+    /// When the attempt is cut short.
+    #[cfg(feature = "udp")]
+    pub(crate) by: Instant,
 }
 
 /// Somebody listens.
@@ -41,39 +53,9 @@ impl From<Endpoint> for Listened {
     }
 }
 
-/// What makes links at `endpoint`. Each transport of this crate has its line here.
-///
-/// # Errors
-/// When it is built without that transport, or nobody has given it.
-pub(crate) fn scheme_of(endpoint: &Endpoint, options: &Options) -> io::Result<Box<dyn Scheme>> {
-    let streams = |transport| Box::new(Streams { transport, endpoint: endpoint.clone() });
-    Ok(match endpoint {
-        #[cfg(feature = "tcp")]
-        Endpoint::Tcp(_) => streams(Arc::new(crate::tcp::Tcp(options.tcp))),
-        #[cfg(feature = "unix")]
-        Endpoint::Unix(_) => streams(Arc::new(crate::unix::Unix(options.unix.clone()))),
-        #[cfg(feature = "quic")]
-        Endpoint::Quic(at) => Box::new(crate::quic::Quic(at.clone())),
-        #[cfg(feature = "udp")]
-        Endpoint::Udp(at) => Box::new(crate::udp::Udp(at.clone())),
-        #[cfg(feature = "inproc")]
-        Endpoint::Inproc(name) => Box::new(crate::inproc::Inproc(name.clone())),
-        other => {
-            let transport = named(options, other.transport()).ok_or_else(|| {
-                let why = format!(
-                    "there is no transport {} here: build with its feature, or add it to the options' transports",
-                    other.transport()
-                );
-                io::Error::new(io::ErrorKind::Unsupported, why)
-            })?;
-            streams(Arc::clone(transport))
-        }
-    })
-}
-
 /// The first address of a host and port.
 #[cfg(any(feature = "tcp", feature = "quic", feature = "udp"))]
 pub(crate) async fn first_address(net: &Arc<dyn Net>, at: &str) -> Result<SocketAddr, ListenFault> {
     let addresses = net.resolve(at).await.map_err(ListenFault::Address)?;
-    addresses.first().copied().ok_or_else(|| ListenFault::Address(io::ErrorKind::NotFound.into()))
+    addresses.first().copied().ok_or_else(|| ListenFault::Address(std::io::ErrorKind::NotFound.into()))
 }

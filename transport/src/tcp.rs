@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::connect::AttemptError;
 use crate::scheme::first_address;
+use crate::transport::AttemptError;
 use crate::transport::{ListenFault, Listening, Transport};
 use trimaran_net::{BoxFuture, Net, Stream, StreamPeer, TcpOptions};
 

@@ -4,7 +4,7 @@ use tracing::field::Empty;
 use tracing::{Span, debug, debug_span};
 use trimaran_wire::FrameNumber;
 
-use crate::link::Shared;
+use crate::lanes::shared::Shared;
 use crate::stats::Direction;
 
 /// The span of the open frame; where nobody listens it is none, and costs a look at a flag.
@@ -73,13 +73,13 @@ impl FrameSpan {
 
 #[cfg(test)]
 mod tests {
+    use parking_lot::Mutex;
     use std::io::{self, Write};
-    use std::sync::{Arc, Mutex};
+    use std::sync::Arc;
 
     use tracing_subscriber::filter::LevelFilter;
     use trimaran_wire::Fixed;
 
-    use crate::acceptor::lock;
     use crate::conformance::{ARM, PANEL, Pose, Robot, greeting, receive, start};
     use crate::{LinkConfig, Net, TokioNet, inproc};
 
@@ -88,7 +88,7 @@ mod tests {
 
     impl Write for Page {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-            lock(&self.0).write(bytes)
+            self.0.lock().write(bytes)
         }
 
         fn flush(&mut self) -> io::Result<()> {
@@ -109,7 +109,7 @@ mod tests {
             let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
             runtime.block_on(one_frame());
         });
-        String::from_utf8(lock(&page.0).clone()).unwrap()
+        String::from_utf8(page.0.lock().clone()).unwrap()
     }
 
     async fn one_frame() {

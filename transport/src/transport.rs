@@ -4,12 +4,14 @@ use std::fmt;
 use std::io;
 use std::sync::Arc;
 
+use thiserror::Error;
 use trimaran_net::{BoxFuture, Listen, Net, Stream, StreamPeer};
 
-use crate::{AttemptError, Options};
+use crate::Name;
+use crate::handshake::HandshakeError;
 
 /// A transport that carries bytes in order and without loss: the crate makes links of it, whose lanes have a
-/// byte stream each. TCP and Unix sockets are such; give others to [`Options::transports`].
+/// byte stream each. TCP and Unix sockets are such; give others to [`Options`](crate::Options).
 ///
 /// What loses or reorders packets, as datagrams do, has lanes of its own inside this crate.
 pub trait Transport: fmt::Debug + Send + Sync {
@@ -84,7 +86,7 @@ impl fmt::Debug for Listening {
 }
 
 /// Why nothing listens.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ListenFault {
     /// The host has no address now.
@@ -95,7 +97,87 @@ pub enum ListenFault {
     Io(#[from] io::Error),
 }
 
-/// The transport of this scheme among those of `options`.
-pub(crate) fn named<'o>(options: &'o Options, scheme: &str) -> Option<&'o Arc<dyn Transport>> {
-    options.transports.iter().find(|transport| transport.scheme() == scheme)
+/// What a link's transport promises.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Capabilities {
+    /// Every frame arrives complete, or the link ends.
+    pub reliable: bool,
+    /// Frames arrive in the order sent, none before all of the one before.
+    pub ordered: bool,
+    /// Nobody on the way can read or change what travels.
+    pub encrypted: bool,
+    /// The peer is on this machine.
+    pub local: bool,
+}
+
+impl Capabilities {
+    /// Those of a transport that carries bytes in order.
+    pub(crate) fn over(transport: &dyn Transport) -> Self {
+        let (encrypted, local) = (transport.is_encrypted(), transport.is_local());
+        Self { reliable: true, ordered: true, encrypted, local }
+    }
+}
+
+/// Why one attempt failed.
+///
+/// Most of it is a hint only. A name server, a router or whoever has the address for a moment can cause it,
+/// and so can forged packets: [`connect`](crate::connect) tries again.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum AttemptError {
+    /// The host name has no address now.
+    #[error("the host name could not be resolved")]
+    Resolve(#[source] io::Error),
+    /// The host name has no address at all.
+    #[error("the host name has no address")]
+    NoAddress,
+    /// No connection.
+    #[error("no connection to {address}")]
+    Connect {
+        /// Where to.
+        address: String,
+        /// What the system says.
+        #[source]
+        cause: io::Error,
+    },
+    /// A connection, but no handshake.
+    #[error("no handshake with {address}")]
+    Handshake {
+        /// With whom.
+        address: String,
+        /// Why.
+        #[source]
+        cause: HandshakeError,
+    },
+    /// Nobody in this process listens under the name.
+    #[error("nobody in this process listens as {name}")]
+    Nobody {
+        /// The name.
+        name: Name,
+    },
+    /// The attempt itself took too long.
+    #[error("no answer in time")]
+    TimedOut,
+}
+
+impl AttemptError {
+    /// Whether nobody said anything.
+    pub(crate) const fn is_silence(&self) -> bool {
+        matches!(self, Self::Handshake { cause: HandshakeError::Unanswered, .. })
+    }
+
+    /// Whether what this side was given is at fault, so that no other attempt can end differently. What a
+    /// peer says never is.
+    pub(crate) fn is_final(&self) -> bool {
+        match self {
+            Self::Handshake { cause, .. } => cause.is_final(),
+            Self::Connect { cause, .. } => cause.kind() == io::ErrorKind::Unsupported,
+            _ => false,
+        }
+    }
+
+    /// Whether somebody answers who does not go together with this side.
+    pub(crate) const fn is_mismatch(&self) -> bool {
+        matches!(self, Self::Handshake { cause, .. } if cause.is_mismatch())
+    }
 }

@@ -2,8 +2,10 @@
 
 use std::time::Duration;
 
+use super::pairs::Pairs;
+use super::robot::Robot;
+use super::talk::{ARM, finished, points, pose, receive, start};
 use super::talk::{batches_of, patient};
-use super::{ARM, Pairs, Robot, finished, points, pose, receive, start};
 use crate::{CloseReason, FrameEvent, FrameNumber, Link, Loss, RecvError, SendError, sleep_until};
 
 /// What was sent before a close arrives before it, and the close on each lane, as often as it is asked

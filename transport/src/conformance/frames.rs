@@ -1,7 +1,9 @@
 //! The frames lane: order, completeness, batches, bytes.
 
+use super::pairs::{Overhead, Pairs};
+use super::robot::{Pose, Robot};
+use super::talk::{PANEL, command, points, pose, receive, start};
 use super::talk::{batches_of, patient};
-use super::{Overhead, PANEL, Pairs, Pose, Robot, command, points, pose, receive, start};
 use crate::{
     Fixed, FrameEvent, FrameNumber, FrameOrderError, Link, LinkConfig, LinkStats, SendError, Tally, Traffic,
 };

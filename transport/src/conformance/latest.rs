@@ -2,8 +2,9 @@
 
 use std::time::Duration;
 
+use super::pairs::Pairs;
 use super::talk::patient;
-use super::{PANEL, Pairs, pose};
+use super::talk::{PANEL, pose};
 use crate::RecvError;
 
 /// A reader sees ever newer values, and the last one in the end.

@@ -5,8 +5,10 @@ use std::time::Duration;
 
 use trimaran_wire::MAX_MESSAGE;
 
+use super::pairs::Pairs;
+use super::robot::{Command, Robot};
+use super::talk::{ARM, PANEL, finished, points, pose, receive, start};
 use super::talk::{batches_of, command, patient};
-use super::{ARM, PANEL, Pairs, Robot, finished, points, pose, receive, start};
 use crate::{LinkConfig, Loss, MessageReceiver, MessageSender, RecvError, SendError, sleep_until, until};
 
 /// Says commands of these numbers, of all lengths.
@@ -57,7 +59,7 @@ pub async fn a_sender_of_messages_waits_for_its_receiver(pairs: &impl Pairs) {
     let net = pairs.net();
     let mut sent = 0;
     // Alike long, so that no shorter one finds the last room.
-    let numbered = |number| super::Command { number, program: "x".repeat(10_000) };
+    let numbered = |number| Command { number, program: "x".repeat(10_000) };
     while until(&*net, net.now().after(Duration::from_millis(500)), arm.messages_tx.send(&numbered(sent)))
         .await
         .map(Result::unwrap)
@@ -148,7 +150,7 @@ pub async fn a_dead_receiver_of_messages_fails_the_sender(pairs: &impl Pairs) {
 pub async fn a_message_that_is_too_long_is_refused(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(patient()).await;
     // A number of a byte, and a length of two.
-    let of = |bytes: usize| super::Command { number: 1, program: "x".repeat(bytes - 3) };
+    let of = |bytes: usize| Command { number: 1, program: "x".repeat(bytes - 3) };
     let refused = arm.messages_tx.send(&of(MAX_MESSAGE + 1)).await;
     assert!(matches!(refused, Err(SendError::TooLong { ref peer }) if peer.as_str() == PANEL), "{refused:?}");
     arm.messages_tx.send(&of(MAX_MESSAGE)).await.unwrap();

@@ -45,7 +45,7 @@
 //! |---|---|
 //! | `frames`, `latest`, `messages`, `waiting`, `endings` | the cases |
 //! | `robot`, `coding` | the protocol that they speak |
-//! | `talk` | what its peers say, and how they meet |
+//! | `talk`, `pairs` | what its peers say, and how they meet |
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a check that fails panics: that is how a test fails")]
 
@@ -54,51 +54,22 @@ mod endings;
 mod frames;
 mod latest;
 mod messages;
+mod pairs;
 mod robot;
 mod talk;
 mod waiting;
-
-use std::sync::Arc;
 
 pub use endings::*;
 pub use frames::*;
 pub use latest::*;
 pub use messages::*;
+pub use pairs::{Joined, Overhead, Pairs};
 pub use robot::{Command, Greeting, Pose, PoseError, RejectionCode, Robot};
 pub use talk::{
-    ARM, GRIPPER, Joined, MAP, PANEL, Received, command, finished, greeting, next_event, next_pose, points,
-    pose, receive, start,
+    ARM, GRIPPER, MAP, PANEL, Received, command, finished, greeting, next_event, next_pose, points, pose,
+    receive, start,
 };
 pub use waiting::*;
-
-use crate::{Link, LinkConfig, Net, TokioNet};
-
-/// Makes pairs of joined links over one transport.
-pub trait Pairs {
-    /// What the transport adds to what the peers say.
-    fn overhead(&self) -> Overhead;
-
-    /// Two links, each the other's peer: that of [`ARM`] first, which listened, then that of [`PANEL`].
-    ///
-    /// They have this configuration. What they buffer on their way is less than 64 MiB.
-    fn pair(&self, config: LinkConfig) -> impl Future<Output = (Link<Robot>, Link<Robot>)>;
-
-    /// The network whose time the links keep. By default that of the runtime under which this is called.
-    fn net(&self) -> Arc<dyn Net> {
-        Arc::new(TokioNet::current().unwrap())
-    }
-}
-
-/// What a transport adds to what the peers say, as [`LinkStats`](crate::LinkStats) counts it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Overhead {
-    /// The bytes of a message's header.
-    pub header_bytes: u64,
-    /// How many messages a handshake takes in each direction.
-    pub handshake: u64,
-    /// Whether batches travel coded where the link is configured so.
-    pub coded: bool,
-}
 
 /// Runs a case in a runtime of two threads.
 pub fn block_on(case: impl Future<Output = ()>) {

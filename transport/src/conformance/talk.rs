@@ -1,14 +1,11 @@
-//! What the peers of the suite say to each other, and how they meet.
+//! What the peers of the suite say to each other.
 
 use std::time::Duration;
 
 use trimaran_wire::{BatchSize, CloseReason, FrameEnd, FrameNumber, FrameOutcome};
 
-use super::{Command, Greeting, Overhead, Pairs, Pose, Robot};
-use crate::{
-    Endpoint, FrameEvent, FrameReceiver, FrameStart, LatestReceiver, Link, LinkConfig, Listener, Options,
-    RecvError, connect,
-};
+use super::robot::{Command, Greeting, Pose, Robot};
+use crate::{FrameEvent, FrameReceiver, FrameStart, LatestReceiver, LinkConfig, RecvError};
 
 /// The role of a robot: it listens, sends frames of points, and is told poses.
 pub const ARM: &str = "arm";
@@ -117,48 +114,6 @@ pub async fn next_pose(rx: &mut LatestReceiver<Robot>) -> Result<Pose, RecvError
             Err(RecvError::Silent { .. }) => {}
             pose => return pose,
         }
-    }
-}
-
-/// Pairs by way of a listener at an endpoint, both sides with the same options.
-#[derive(Debug, Clone)]
-pub struct Joined {
-    endpoint: Endpoint,
-    options: Options,
-    overhead: Overhead,
-}
-
-impl Joined {
-    /// Pairs over the transport that `endpoint` names. A port of 0 is best: cases run at the same time.
-    ///
-    /// # Panics
-    /// When `endpoint` is none.
-    #[must_use]
-    pub fn at(endpoint: &str, options: Options, overhead: Overhead) -> Self {
-        let endpoint = endpoint.parse().unwrap_or_else(|e| panic!("{endpoint}: {e}"));
-        Self::over(endpoint, options, overhead)
-    }
-
-    /// The same for an endpoint that is no text, as that of a transport from outside.
-    #[must_use]
-    pub const fn over(endpoint: Endpoint, options: Options, overhead: Overhead) -> Self {
-        Self { endpoint, options, overhead }
-    }
-}
-
-impl Pairs for Joined {
-    fn overhead(&self) -> Overhead {
-        self.overhead
-    }
-
-    async fn pair(&self, link: LinkConfig) -> (Link<Robot>, Link<Robot>) {
-        let (net, options) = (self.net(), Options { link, ..self.options.clone() });
-        let soon = net.now().after(Duration::from_secs(60));
-        let mut listener = Listener::bind(&net, &self.endpoint, greeting(ARM), &options).await.unwrap();
-        let there = listener.local_endpoint().clone();
-        let (there, here) =
-            tokio::join!(connect(&net, &there, greeting(PANEL), &options, soon), listener.accept(soon),);
-        (here.unwrap(), there.unwrap())
     }
 }
 

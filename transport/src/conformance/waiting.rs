@@ -2,8 +2,9 @@
 
 use std::time::Duration;
 
+use super::pairs::Pairs;
+use super::talk::{ARM, PANEL, finished, next_pose, points, pose, receive, start};
 use super::talk::{batches_of, patient};
-use super::{ARM, PANEL, Pairs, finished, next_pose, points, pose, receive, start};
 use crate::{FrameEvent, LinkConfig, RecvError, SendError, sleep_until, until};
 
 /// A sender to whom nobody listens waits for room before it has sent 64 MiB, and no longer than its timeout.

@@ -4,7 +4,7 @@ use tokio::sync::mpsc;
 use trimaran_wire::{CloseReason, Kind, Protocol};
 
 use crate::error::{LaneError, LaneSendError, Loss};
-use crate::link::Shared;
+use crate::lanes::shared::Shared;
 use crate::timeouts::Timeouts;
 use trimaran_net::Instant;
 

@@ -1,12 +1,11 @@
 //! The frames lane's queue. Messages move in bundles: whoever waits is woken once for all of a bundle, and
 //! waking is what costs.
 
+use parking_lot::Mutex;
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use tokio::sync::Notify;
-
-use crate::acceptor::lock;
 
 /// Makes a queue that holds at most `capacity` items, at least one; as many again may be with the receiver.
 pub(super) fn queue<T>(capacity: usize) -> (Sender<T>, Receiver<T>) {
@@ -56,7 +55,7 @@ impl<T> Sender<T> {
     /// Whether there was any room.
     fn send_some(&self, items: &mut VecDeque<T>) -> Result<bool, Gone> {
         let Shared { state, arrived, capacity, .. } = &*self.0;
-        let mut state = lock(state);
+        let mut state = state.lock();
         if state.ended {
             return Err(Gone);
         }
@@ -72,7 +71,7 @@ impl<T> Sender<T> {
 
 impl<T> Drop for Sender<T> {
     fn drop(&mut self) {
-        lock(&self.0.state).ended = true;
+        self.0.state.lock().ended = true;
         self.0.arrived.notify_one();
     }
 }
@@ -94,7 +93,7 @@ impl<T> Receiver<T> {
             if self.take() {
                 continue;
             }
-            if lock(&self.shared.state).ended {
+            if self.shared.state.lock().ended {
                 // What came between the look and this one is still taken.
                 self.take();
                 return self.bundle.pop_front();
@@ -105,7 +104,7 @@ impl<T> Receiver<T> {
 
     /// Takes all that waits; whether anything did.
     fn take(&mut self) -> bool {
-        std::mem::swap(&mut lock(&self.shared.state).waiting, &mut self.bundle);
+        std::mem::swap(&mut self.shared.state.lock().waiting, &mut self.bundle);
         if self.bundle.is_empty() {
             return false;
         }
@@ -116,7 +115,7 @@ impl<T> Receiver<T> {
 
 impl<T> Drop for Receiver<T> {
     fn drop(&mut self) {
-        lock(&self.shared.state).ended = true;
+        self.shared.state.lock().ended = true;
         self.shared.taken.notify_one();
     }
 }

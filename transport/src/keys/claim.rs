@@ -7,7 +7,6 @@ use trimaran_wire::{CloseReason, Explanation, Refusal};
 
 use super::{Fingerprint, KnownPeer, NoiseKey, Security};
 use crate::Name;
-use crate::handshake::HandshakeError;
 
 /// The key that a peer has proved to hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,16 +34,25 @@ pub struct WrongRole {
     pub known: String,
 }
 
+/// Why the holder of a key is not let in.
+#[derive(Debug, PartialEq)]
+pub(crate) enum KeyFault {
+    /// Nobody is known by it.
+    Stranger,
+    /// It is known for another role.
+    WrongRole(Box<WrongRole>),
+}
+
 impl Security {
     /// Whether who holds `key` may be `claimed`.
-    pub(crate) fn judge(&self, key: PeerKey, claimed: Option<&str>) -> Result<(), HandshakeError> {
+    pub(crate) fn judge(&self, key: PeerKey, claimed: Option<&str>) -> Result<(), KeyFault> {
         let claimed = claimed.unwrap_or("a peer without a role");
-        let mut wrong = Err(HandshakeError::Stranger);
+        let mut wrong = Err(KeyFault::Stranger);
         for KnownPeer { keys, role } in self.peers.iter().filter(|peer| peer.has(key)) {
             match role {
                 Some(known) if known != claimed => {
                     let (name, claimed, known) = (keys.name.clone(), claimed.to_owned(), known.clone());
-                    wrong = Err(Box::new(WrongRole { name, key, claimed, known }).into());
+                    wrong = Err(KeyFault::WrongRole(Box::new(WrongRole { name, key, claimed, known })));
                 }
                 _ => return Ok(()),
             }
@@ -120,11 +128,11 @@ mod tests {
             }
         }
         let key = PeerKey::Udp(one.udp);
-        let error = security.judge(key, Some("gripper")).unwrap_err().to_string();
+        let Err(KeyFault::WrongRole(error)) = security.judge(key, Some("gripper")) else { panic!() };
+        let error = error.to_string();
         let begins =
             format!("key 'one' ({}) claims to be gripper; this configuration knows it as arm", one.udp);
         assert!(error.starts_with(&begins), "{error}");
-        let stranger = security.judge(PeerKey::Udp(own.udp), Some("arm")).unwrap_err();
-        assert!(matches!(stranger, HandshakeError::Stranger), "{stranger:?}");
+        assert_eq!(security.judge(PeerKey::Udp(own.udp), Some("arm")), Err(KeyFault::Stranger));
     }
 }

@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 use zeroize::Zeroize;
 
 use crate::Name;
+pub(crate) use claim::KeyFault;
 pub use claim::{PeerKey, WrongRole};
 use file::PrivateFile;
 pub use file::{KeyFiles, KeysError};

@@ -1,12 +1,12 @@
 //! The connection under a link, and how it ends.
 
+use parking_lot::Mutex;
 use std::io;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Duration;
 
 use quinn::{Connection, ConnectionError, ReadError, SendStream, VarInt, WriteError};
 
-use crate::acceptor::lock;
 use crate::error::Loss;
 use trimaran_net::{Net, sleep_until, until};
 
@@ -36,7 +36,7 @@ impl Carrier {
 
     /// Keeps the connection for the sake of `streams`, whose half is dropped.
     pub(crate) fn outlive(&self, streams: impl IntoIterator<Item = SendStream>) {
-        lock(&self.leaving).extend(streams);
+        self.leaving.lock().extend(streams);
     }
 
     /// Closes the connection, and waits until the packet that says so has left. It also acknowledges what
@@ -61,7 +61,7 @@ impl Carrier {
 impl Drop for Carrier {
     fn drop(&mut self) {
         let (net, connection) = (Arc::clone(&self.net), self.connection.clone());
-        let leaving = std::mem::take(&mut *lock(&self.leaving));
+        let leaving = std::mem::take(&mut *self.leaving.lock());
         self.net.spawn(Box::pin(async move {
             until(&*net, net.now().after(LINGER), all_arrived(&leaving)).await;
             connection.close(CLOSED, b"");
@@ -107,7 +107,7 @@ mod tests {
 
     use crate::conformance::{ARM, PANEL, Robot, finished, greeting};
     use crate::keys::{Keys, Security};
-    use crate::latest::{LatestRx, WireLatestRx};
+    use crate::lanes::latest::{LatestRx, WireLatestRx};
     use crate::{Link, Listener, Options, RecvError, TokioNet, connect};
     use tokio::runtime::Builder;
 

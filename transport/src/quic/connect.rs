@@ -13,10 +13,11 @@ use super::control::{Control, check_datagrams, explain};
 use super::runtime::{NetRuntime, NetSocket};
 use super::tls::{self, Verifier};
 use crate::HostPort;
-use crate::connect::{AttemptError, Introduction};
 use crate::handshake::{Handshake, HandshakeError};
 use crate::keys::Security;
-use crate::link::Parts;
+use crate::parts::Parts;
+use crate::scheme::Introduction;
+use crate::transport::AttemptError;
 use trimaran_net::{Net, random_bytes};
 
 /// TLS wants a name; peers know each other by fingerprint.
@@ -87,7 +88,7 @@ async fn introduce(
         (e, _) => failed(e),
     })?;
     let judged = tls::key_of(&connection).ok_or(HandshakeError::Stranger);
-    let judged = judged.and_then(|key| security.judge(key, theirs.role.as_deref()));
+    let judged = judged.and_then(|key| Ok(security.judge(key, theirs.role.as_deref())?));
     let parts = control.into_parts(net, theirs, (session, messages), None);
     Ok(Parts { doubt: judged.err(), ..parts })
 }

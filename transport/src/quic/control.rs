@@ -10,22 +10,27 @@ use trimaran_wire::{
     Decoder, Format, HEADER_BYTES, Kind, Message, Numbered, ProtocolName, Refusal, SessionId,
 };
 
-use super::CAPABILITIES;
 use super::carrier::Carrier;
 use super::frames::{FrameRx, FrameTx, poll_fill};
 use super::latest::{LatestRx, LatestTx};
 use super::messages::{MessageRx, MessageTx};
 use super::tls::Verifier;
-use crate::application::Peer;
 use crate::error::{LaneError, Loss};
-use crate::frames::{WireFrameRx, WireFrameTx};
 use crate::handshake::{Handshake, HandshakeError};
 use crate::keys::Fingerprint;
-use crate::latest::{WireLatestRx, WireLatestTx};
-use crate::link::{Lanes, Parts, PeerAddress, Shared, Wire};
-use crate::messages::{WireMessageRx, WireMessageTx};
+use crate::lanes::frames::{WireFrameRx, WireFrameTx};
+use crate::lanes::latest::{WireLatestRx, WireLatestTx};
+use crate::lanes::messages::{WireMessageRx, WireMessageTx};
+use crate::lanes::shared::Shared;
+use crate::parts::{Lanes, Parts, Wire};
+use crate::peer::Peer;
+use crate::peer::PeerAddress;
 use crate::stats::Counters;
+use crate::transport::Capabilities;
 use trimaran_net::Net;
+
+const CAPABILITIES: Capabilities =
+    Capabilities { reliable: true, ordered: true, encrypted: true, local: false };
 
 /// The connection's end says this when values of the latest lane do not fit.
 const NO_DATAGRAMS: VarInt = VarInt::from_u32(1);

@@ -18,7 +18,7 @@ use trimaran_wire::{CloseReason, Decoder, Format, FrameMessage, HEADER_BYTES, Ki
 
 use super::carrier::{Carrier, all_arrived, loss, read_loss, write_loss};
 use crate::error::{LaneError, LaneSendError, Loss, ProtocolError, misplaced};
-use crate::link::Shared;
+use crate::lanes::shared::Shared;
 use crate::timeouts::Timeouts;
 use trimaran_net::Instant;
 

@@ -13,7 +13,7 @@ use trimaran_wire::{CloseReason, Decoder, Format, HEADER_BYTES, Kind, Lane, Mess
 use super::carrier::{Carrier, all_arrived, loss};
 use super::frames::poll_fill;
 use crate::error::{LaneError, LaneSendError, Loss, ProtocolError, misplaced};
-use crate::link::Shared;
+use crate::lanes::shared::Shared;
 use crate::timeouts::Timeouts;
 use trimaran_net::{Instant, sleep_until};
 

@@ -1,7 +1,8 @@
 //! TLS 1.3 between peers that know each other by fingerprint: both show a certificate, and there is no
 //! plaintext mode.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use parking_lot::Mutex;
+use std::sync::Arc;
 
 use rustls::client::Resumption;
 use rustls::client::danger::{HandshakeSignatureValid, ServerCertVerified, ServerCertVerifier};
@@ -63,7 +64,7 @@ impl Verifier {
 
     /// Whom it turned away.
     pub(crate) fn turned_away(&self) -> Option<UnknownPeer> {
-        self.turned_away.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.turned_away.lock().clone()
     }
 
     fn check(&self, certificate: &CertificateDer<'_>) -> Result<(), Error> {
@@ -72,7 +73,7 @@ impl Verifier {
             return Ok(());
         }
         let unknown = UnknownPeer { expected: self.expected.clone(), presented };
-        *self.turned_away.lock().unwrap_or_else(PoisonError::into_inner) = Some(unknown.clone());
+        *self.turned_away.lock() = Some(unknown.clone());
         Err(CertificateError::Other(OtherError(Arc::new(unknown))).into())
     }
 }

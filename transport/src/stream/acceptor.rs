@@ -1,7 +1,8 @@
 //! Where the connections of links over byte streams are received, and those of a link joined.
 
+use parking_lot::Mutex;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::task::{Context, Waker};
 use std::time::Duration;
 
@@ -9,14 +10,13 @@ use bytes::Bytes;
 use tokio::sync::oneshot;
 use trimaran_wire::{Accept, Hello, Lane, Message, Refusal, SessionId};
 
-use super::Streams;
 use super::handshake::{Connection, Lanes};
-use crate::PeerAddress;
-use crate::acceptor::{Acceptor, Place, lock};
-use crate::application::Peer;
+use crate::acceptor::{Acceptor, Place};
 use crate::handshake::{Handshake, HandshakeError};
+use crate::peer::{Peer, PeerAddress};
 use crate::pending::Slot;
 use crate::stats::Counters;
+use crate::transport::{Capabilities, Transport};
 use trimaran_net::{Instant, Listen, Stream, StreamPeer, sleep_until, until};
 
 /// The pause after the system could not accept, for instance for want of file descriptors.
@@ -26,15 +26,15 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 const LANES_BEFORE_THE_LAST: usize = 2;
 
 /// Accepts until nobody takes the links any more.
-pub(crate) async fn serve(acceptor: Arc<Acceptor>, socket: Box<dyn Listen>, streams: Streams) {
-    Arc::new(Reception { acceptor, streams, waiting: Mutex::default() }).serve(socket).await;
+pub(crate) async fn serve(acceptor: Arc<Acceptor>, socket: Box<dyn Listen>, transport: Arc<dyn Transport>) {
+    Arc::new(Reception { acceptor, transport, waiting: Mutex::default() }).serve(socket).await;
 }
 
 /// Receives connections, checks who they are, and joins those of a link.
 #[derive(Debug)]
 struct Reception {
     acceptor: Arc<Acceptor>,
-    streams: Streams,
+    transport: Arc<dyn Transport>,
     /// The sessions that lack a lane.
     waiting: Mutex<HashMap<SessionId, Waiting>>,
 }
@@ -104,7 +104,7 @@ impl Reception {
                         self.acceptor.failed(&self.address(stream.peer), e);
                         turn_away(&mut Connection::new(
                             stream,
-                            &*self.streams.transport,
+                            &*self.transport,
                             self.acceptor.application.format(),
                             &Counters::framed(),
                         ));
@@ -119,12 +119,12 @@ impl Reception {
     }
 
     fn address(&self, peer: StreamPeer) -> PeerAddress {
-        PeerAddress::over(&*self.streams.transport, peer)
+        PeerAddress::over(self.transport.scheme(), peer)
     }
 
     /// Whether a connection may shake hands: nobody who must not take part gets a slot.
     fn admit(&self, peer: StreamPeer) -> Result<Slot, HandshakeError> {
-        self.streams.transport.admit(peer).map_err(HandshakeError::NotLetIn)?;
+        self.transport.admit(peer).map_err(HandshakeError::NotLetIn)?;
         let address = self.address(peer);
         self.acceptor.begin(&address)?;
         Ok(self.acceptor.slot(&address))
@@ -154,7 +154,7 @@ impl Reception {
         let net = &*self.acceptor.net;
         let mut connection = Connection::new(
             stream,
-            &*self.streams.transport,
+            &*self.transport,
             self.acceptor.application.format(),
             &Counters::framed(),
         );
@@ -190,7 +190,7 @@ impl Reception {
 
     /// Takes back the connection of a lane that waits in vain, unless it has been joined.
     fn withdraw(&self, session: SessionId, lane: Lane) -> Option<Connection> {
-        let mut sessions = lock(&self.waiting);
+        let mut sessions = self.waiting.lock();
         let waiting = sessions.get_mut(&session)?;
         let arrived = waiting.of(lane).take();
         if waiting.count() == 0 {
@@ -205,7 +205,7 @@ impl Reception {
         if let Err(refusal) = self.acceptor.admits(&hello) {
             return Entry::Refused(connection, refusal);
         }
-        let mut sessions = lock(&self.waiting);
+        let mut sessions = self.waiting.lock();
         let new = || Waiting::new(hello.application.clone());
         let waiting = sessions.entry(session).or_insert_with(new);
         if waiting.of(lane).is_some() || waiting.application != hello.application {
@@ -226,7 +226,7 @@ impl Reception {
                 latest: Some(latest), frames: Some(frames), messages: Some(messages), ..
             }) => {
                 let [latest, frames, messages] = [latest, frames, messages].map(|arrived| arrived.connection);
-                let capabilities = self.streams.capabilities();
+                let capabilities = Capabilities::over(&*self.transport);
                 Entry::Complete(Lanes { latest, frames, messages, capabilities }, peer, place)
             }
             _ => Entry::Wait(watch),

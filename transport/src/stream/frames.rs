@@ -1,8 +1,9 @@
 //! The frames lane over a byte stream of its own.
 
+use parking_lot::Mutex;
 use std::future::poll_fn;
 use std::mem;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::task::{Context, Waker};
 
 use trimaran_wire::{FrameMessage, Lane, Message};
@@ -10,9 +11,8 @@ use trimaran_wire::{FrameMessage, Lane, Message};
 use super::inlet::{Inlet, Reader};
 use super::pulse::Pulse;
 use super::source::{Sink, Source};
-use crate::acceptor::lock;
 use crate::error::{LaneError, LaneSendError, Loss, misplaced};
-use crate::link::Shared;
+use crate::lanes::shared::Shared;
 use crate::stats::Counters;
 use crate::timeouts::{Expired, Timeouts};
 use trimaran_net::Instant;
@@ -56,16 +56,16 @@ impl FrameTx {
     }
 
     pub(crate) fn stage(&mut self, message: &Message, shared: &Shared) {
-        lock(&self.outlet.state).sink.stage(message, &shared.counters.sent);
+        self.outlet.state.lock().sink.stage(message, &shared.counters.sent);
     }
 
     /// Writes what is staged. Whatever the peer takes starts the timeout anew, and a peer that hangs is not
     /// waited for that long.
     pub(crate) async fn send_staged(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
         let turn = Turn::take(&self.outlet);
-        while !lock(&turn.state).sink.is_drained() {
+        while !turn.state.lock().sink.is_drained() {
             timeouts
-                .wait_while_alive(|| self.inlet.heard(), poll_fn(|cx| lock(&turn.state).sink.poll_write(cx)))
+                .wait_while_alive(|| self.inlet.heard(), poll_fn(|cx| turn.state.lock().sink.poll_write(cx)))
                 .await
                 .map_err(|end| match end {
                     Expired::Idle => LaneSendError::Lost(Loss::Silent),
@@ -78,9 +78,9 @@ impl FrameTx {
 
     /// Tells the peer that nothing more comes.
     pub(crate) async fn close(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
-        lock(&self.outlet.state).closed = true;
+        self.outlet.state.lock().closed = true;
         timeouts
-            .wait(None, poll_fn(|cx| lock(&self.outlet.state).sink.poll_shutdown(cx)))
+            .wait(None, poll_fn(|cx| self.outlet.state.lock().sink.poll_shutdown(cx)))
             .await
             .map_err(|_| LaneSendError::Stalled)?
             .map_err(|e| LaneSendError::Lost(Loss::Io(e)))
@@ -92,7 +92,7 @@ struct Turn<'o>(&'o Outlet);
 
 impl<'o> Turn<'o> {
     fn take(outlet: &'o Outlet) -> Self {
-        let mut state = lock(&outlet.state);
+        let mut state = outlet.state.lock();
         state.waiting = true;
         state.spoke = true;
         drop(state);
@@ -110,13 +110,13 @@ impl std::ops::Deref for Turn<'_> {
 
 impl Drop for Turn<'_> {
     fn drop(&mut self) {
-        lock(&self.0.state).waiting = false;
+        self.0.state.lock().waiting = false;
     }
 }
 
 impl Pulse for Outlet {
     fn beat(&self) -> bool {
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         if state.closed {
             return false;
         }

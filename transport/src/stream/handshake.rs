@@ -6,18 +6,23 @@ use std::sync::Arc;
 use trimaran_wire::{Format, Hello, Message, Refusal, SessionId};
 
 use super::frames::{Outlet, frames as frames_lane};
+use super::latest::{LatestRx, LatestTx};
 use super::messages::messages as messages_lane;
 use super::pulse::{Pulse, keep_alive};
+use super::source::{Sink, Source};
 use super::writer::Cell;
-use super::{LatestRx, LatestTx, Sink, Source};
 use crate::acceptor::Place;
-use crate::application::Peer;
-use crate::frames::{WireFrameRx, WireFrameTx};
 use crate::handshake::{Handshake, HandshakeError};
-use crate::latest::{WireLatestRx, WireLatestTx};
-use crate::link::{Capabilities, Lanes as AnyLanes, LinkConfig, Parts, PeerAddress, Shared, Wire};
-use crate::messages::{WireMessageRx, WireMessageTx};
+use crate::lanes::frames::{WireFrameRx, WireFrameTx};
+use crate::lanes::latest::{WireLatestRx, WireLatestTx};
+use crate::lanes::messages::{WireMessageRx, WireMessageTx};
+use crate::lanes::shared::Shared;
+use crate::options::link::LinkConfig;
+use crate::parts::{Lanes as AnyLanes, Parts, Wire};
+use crate::peer::Peer;
+use crate::peer::PeerAddress;
 use crate::stats::Counters;
+use crate::transport::Capabilities;
 use crate::transport::Transport;
 use trimaran_net::{Net, Stream};
 
@@ -43,7 +48,7 @@ impl Connection {
         Self {
             source: Source::new(stream.reader, ROOM, format),
             sink: Sink::new(stream.writer),
-            address: PeerAddress::over(transport, stream.peer),
+            address: PeerAddress::over(transport.scheme(), stream.peer),
             counters: Arc::clone(counters),
         }
     }

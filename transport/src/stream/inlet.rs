@@ -1,16 +1,16 @@
 //! What comes in on a lane: read by the lane's owner, and looked at for keep-alives by a sender that waits
 //! for room.
 
+use parking_lot::Mutex;
 use std::future::poll_fn;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::task::{Context, Poll, Waker, ready};
 
 use trimaran_wire::{CloseReason, Message};
 
 use super::source::Source;
-use crate::acceptor::lock;
 use crate::error::LaneError;
-use crate::link::Shared;
+use crate::lanes::shared::Shared;
 use crate::stats::Direction;
 use crate::timeouts::{Timeouts, Wait};
 use trimaran_net::Instant;
@@ -42,19 +42,19 @@ impl Inlet {
 
     /// A message that has arrived in full.
     pub(super) fn next_buffered(&self, counts: &Direction) -> Result<Option<Message>, LaneError> {
-        lock(&self.state).source.next_buffered(counts)
+        self.state.lock().source.next_buffered(counts)
     }
 
     /// The owner's wait for more.
     pub(super) fn attend(&self) -> Attention<'_> {
-        lock(&self.state).attended = true;
+        self.state.lock().attended = true;
         Attention(self)
     }
 
     /// Whether anything came since the last time this was asked. Where more has come than is taken in for an
     /// owner who does not read, nobody knows, and the peer has the benefit of the doubt.
     pub(super) fn heard(&self) -> bool {
-        let mut state = lock(&self.state);
+        let mut state = self.state.lock();
         if !state.attended && state.ended.is_none() {
             if state.source.pending() >= self.room {
                 return true;
@@ -75,7 +75,7 @@ pub(super) struct Attention<'i>(&'i Inlet);
 impl Attention<'_> {
     /// Reads what there is, at least one byte.
     pub(super) fn poll_fill(&self, cx: &mut Context<'_>) -> Poll<Result<(), LaneError>> {
-        let mut state = lock(&self.0.state);
+        let mut state = self.0.state.lock();
         if let Some(end) = state.ended.take() {
             return Poll::Ready(Err(end));
         }
@@ -87,7 +87,7 @@ impl Attention<'_> {
 
 impl Drop for Attention<'_> {
     fn drop(&mut self) {
-        lock(&self.0.state).attended = false;
+        self.0.state.lock().attended = false;
     }
 }
 

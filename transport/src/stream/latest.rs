@@ -9,7 +9,7 @@ use trimaran_wire::{CloseReason, FixedBytes, Lane, Message};
 use super::source::{Sink, Source};
 use super::writer::{Cell, Writer};
 use crate::error::{LaneError, LaneSendError, misplaced};
-use crate::link::Shared;
+use crate::lanes::shared::Shared;
 use crate::stats::Counters;
 use crate::timeouts::{Timeouts, Wait};
 use trimaran_net::{Instant, Net};

@@ -9,7 +9,7 @@ use super::inlet::{Inlet, Reader};
 use super::source::{Sink, Source};
 use super::writer::{Cell, Writer};
 use crate::error::{LaneError, LaneSendError, Loss, misplaced};
-use crate::link::Shared;
+use crate::lanes::shared::Shared;
 use crate::stats::Counters;
 use crate::timeouts::{Expired, Timeouts};
 use trimaran_net::{Instant, Net};

@@ -1,9 +1,10 @@
 //! Writing to a stream from whoever has something to say, and from a task where the stream takes no more.
 
+use parking_lot::{Mutex, MutexGuard};
 use std::future::poll_fn;
 use std::io;
 use std::mem;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::task::{Context, Poll, Waker, ready};
 
 use tokio::sync::Notify;
@@ -126,7 +127,7 @@ impl Writer {
 impl Cell {
     fn lock(&self) -> MutexGuard<'_, Outgoing> {
         // A panic elsewhere leaves whole messages in the sink: going on is sound.
-        self.outgoing.lock().unwrap_or_else(PoisonError::into_inner)
+        self.outgoing.lock()
     }
 
     async fn send_all(&self) {

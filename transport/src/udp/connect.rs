@@ -13,11 +13,12 @@ use trimaran_wire::{Decoder, Format, HEADER_BYTES, Lane, Message};
 use super::driver::Connections;
 use super::port::Port;
 use super::socket::{Incoming, Outgoing, Path};
-use crate::connect::{AttemptError, Introduction};
 use crate::handshake::HandshakeError;
 use crate::keys::{NoiseKey, PeerKey};
-use crate::link::Parts;
+use crate::parts::Parts;
+use crate::scheme::Introduction;
 use crate::stats::Counters;
+use crate::transport::AttemptError;
 use crate::{UdpEndpoint, UdpMode};
 use trimaran_net::{Instant, Net, UdpSocket, random_bytes, until};
 
@@ -121,8 +122,8 @@ async fn introduce(
         (Some(key), Some(security)) => security.judge(key, theirs.role.as_deref()),
         _ => Ok(()),
     };
-    let parts = super::parts(&port, &options.udp, format, theirs, (session, reliable), counters, None);
-    Ok(Parts { doubt: judged.err(), ..parts })
+    let parts = super::parts::parts(&port, &options.udp, format, theirs, (session, reliable), counters, None);
+    Ok(Parts { doubt: judged.err().map(HandshakeError::from), ..parts })
 }
 
 /// The key of the listener that answers to `security`.

@@ -1,10 +1,11 @@
 //! The tasks behind connections: one a socket that takes what arrives, one a connection that keeps its
 //! timers.
 
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::future::poll_fn;
 use std::pin::Pin;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::task::{Poll, ready};
 use std::time::Duration;
 
@@ -13,7 +14,6 @@ use trimaran_udp::{Closed, ConnectionId, destination};
 
 use super::port::{Port, State, Waiter};
 use super::socket::{Incoming, Path};
-use crate::acceptor::lock;
 use trimaran_net::{Instant, Net, UdpPoller, sleep_until};
 
 /// How long what was sent may take to arrive after the last half of a link was dropped.
@@ -37,11 +37,11 @@ impl Connections {
     }
 
     pub(super) fn has(&self, id: ConnectionId) -> bool {
-        lock(&self.ports).contains_key(&id)
+        self.ports.lock().contains_key(&id)
     }
 
     pub(super) fn is_empty(&self) -> bool {
-        lock(&self.ports).is_empty()
+        self.ports.lock().is_empty()
     }
 
     /// Ends when the last connection does.
@@ -62,11 +62,11 @@ impl Connections {
         id: ConnectionId,
         port: &Arc<Port>,
     ) -> impl Future<Output = ()> + Send + use<> {
-        lock(&self.ports).insert(id, Arc::clone(port));
+        self.ports.lock().insert(id, Arc::clone(port));
         let (connections, port) = (Arc::clone(self), Arc::clone(port));
         async move {
             drive(&port).await;
-            lock(&connections.ports).remove(&id);
+            connections.ports.lock().remove(&id);
             connections.emptied.notify_waiters();
         }
     }
@@ -78,7 +78,7 @@ impl Connections {
         let mut came = None;
         let received = incoming
             .receive(|path, datagram| {
-                let port = destination(datagram).and_then(|id| lock(&self.ports).get(&id).cloned());
+                let port = destination(datagram).and_then(|id| self.ports.lock().get(&id).cloned());
                 let Some(port) = port else { return stranger(path, datagram) };
                 let now = *came.get_or_insert_with(|| self.net.now());
                 port.handle(now, path.remote, datagram);

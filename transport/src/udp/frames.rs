@@ -10,7 +10,7 @@ use super::messages::wrong_unit;
 use super::port::{Carrier, State};
 use super::units::{UnitRx, UnitTx};
 use crate::error::{LaneError, LaneSendError};
-use crate::link::Shared;
+use crate::lanes::shared::Shared;
 use crate::timeouts::Timeouts;
 use trimaran_net::Instant;
 

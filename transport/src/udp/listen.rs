@@ -1,11 +1,12 @@
 //! Listening over datagrams: who is let in, and what strangers may cost.
 
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
 use std::future::poll_fn;
 use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::task::Poll;
 
 use trimaran_udp::{Acceptor as UdpAcceptor, Config, ConnectionId, Handled, Initial};
@@ -15,7 +16,7 @@ use super::connect::{introduce_with, read_introduction};
 use super::driver::Connections;
 use super::port::{Port, Waiter};
 use super::socket::{Incoming, Outgoing, Path};
-use crate::acceptor::{Acceptor, lock};
+use crate::acceptor::Acceptor;
 use crate::handshake::HandshakeError;
 use crate::keys::{NoiseKey, PeerKey};
 use crate::pending::Slot;
@@ -114,7 +115,7 @@ impl UdpListener {
     fn answer(&self, path: Path, initial: Initial) {
         let from = path.remote;
         let caller = (from, initial.from);
-        if let Some(answer) = lock(&self.answers).get(&caller) {
+        if let Some(answer) = self.answers.lock().get(&caller) {
             return self.send(path, answer);
         }
         let mut reply = Vec::new();
@@ -177,12 +178,12 @@ impl UdpListener {
             .take(acceptor.net.now(), here, &answer, config, reply)
             .ok_or_else(|| io::Error::other("the answer could not be sealed"))?;
         connection.follow(caller.0, random_bytes(&*acceptor.net)?);
-        lock(&self.answers).insert(caller, reply.clone());
+        self.answers.lock().insert(caller, reply.clone());
         let port = Port::new(&acceptor.net, &self.socket, path, connection);
         let (served, answers) = (self.connections.serve(here, &port), Arc::clone(&self.answers));
         acceptor.net.spawn(Box::pin(async move {
             served.await;
-            lock(&answers).remove(&caller);
+            answers.lock().remove(&caller);
         }));
         let slot = acceptor.slot(&PeerAddress::Udp(caller.0));
         acceptor.net.spawn(Box::pin(greet(Arc::clone(acceptor), port, guest, slot)));
@@ -242,5 +243,7 @@ async fn greet(acceptor: Arc<Acceptor>, port: Arc<Port>, guest: Guest, mut slot:
     };
     let format = acceptor.application.format();
     let link = (hello.session, reliable);
-    acceptor.hand_out(super::parts(&port, &acceptor.options.udp, format, peer, link, counters, place)).await;
+    acceptor
+        .hand_out(super::parts::parts(&port, &acceptor.options.udp, format, peer, link, counters, place))
+        .await;
 }

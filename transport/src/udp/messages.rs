@@ -9,7 +9,7 @@ use trimaran_wire::{CloseReason, Kind};
 use super::port::Carrier;
 use super::units::{UnitRx, UnitTx};
 use crate::error::{LaneError, LaneSendError, ProtocolError};
-use crate::link::Shared;
+use crate::lanes::shared::Shared;
 use crate::timeouts::Timeouts;
 use trimaran_net::Instant;
 

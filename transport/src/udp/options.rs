@@ -27,7 +27,7 @@ pub struct UdpOptions {
     /// How long after its end a frame sent from here may arrive, in the mode with deadlines. Default 50 ms.
     #[cfg_attr(
         feature = "config",
-        serde(rename = "deadline_ms", with = "crate::config::udp::deadline_ms"),
+        serde(rename = "deadline_ms", with = "range::deadline_ms"),
         schemars(with = "f64")
     )]
     pub deadline: Duration,
@@ -35,17 +35,17 @@ pub struct UdpOptions {
     /// lost.
     pub repair: Repair,
     /// How many bytes of repair may be sent, percent of the frames' own. 0 for none. Default 15.
-    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::udp::repair_percent"))]
+    #[cfg_attr(feature = "config", serde(deserialize_with = "range::repair_percent"))]
     pub repair_percent: u8,
     /// How a connection shares its path with others. Default CUBIC.
     pub congestion: Congestion,
     /// How many packets may be under way at first, 2 at least: ten leave at once, those behind them over the
     /// round trip. Default 20.
-    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::udp::initial_window"))]
+    #[cfg_attr(feature = "config", serde(deserialize_with = "range::initial_window"))]
     pub initial_window: u16,
     /// The largest datagram that is tried, bytes: 1,200 are always used, and at most 1,500 are. Default
     /// 1,452.
-    #[cfg_attr(feature = "config", serde(deserialize_with = "crate::config::udp::max_datagram"))]
+    #[cfg_attr(feature = "config", serde(deserialize_with = "range::max_datagram"))]
     pub max_datagram: usize,
     /// How many bytes of frames may be under way in each direction, sent and not read. Both sides must have
     /// the same. Default 4 MiB.
@@ -167,5 +167,45 @@ impl UdpOptions {
 
     pub(super) fn is_encrypted(&self) -> bool {
         self.trust != Trust::Plaintext
+    }
+}
+
+#[cfg(feature = "config")]
+mod range {
+    //! What the options may be, as a configuration file gives them.
+
+    use serde::Deserializer;
+
+    use super::MAX_DATAGRAM;
+    use crate::options::range::within;
+    use crate::udp::MIN_DATAGRAM;
+
+    pub(super) fn repair_percent<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u8, D::Error> {
+        within(deserializer, &(1..=100))
+    }
+
+    pub(super) fn initial_window<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u16, D::Error> {
+        within(deserializer, &(2..=100))
+    }
+
+    pub(super) fn max_datagram<'de, D: Deserializer<'de>>(deserializer: D) -> Result<usize, D::Error> {
+        within(deserializer, &(MIN_DATAGRAM..=MAX_DATAGRAM))
+    }
+
+    /// How long after its end a frame may arrive.
+    pub(super) mod deadline_ms {
+        use std::time::Duration;
+
+        use serde::{Deserializer, Serialize, Serializer};
+
+        use crate::options::range::within;
+
+        pub(crate) fn serialize<S: Serializer>(time: &Duration, serializer: S) -> Result<S::Ok, S::Error> {
+            (time.as_secs_f64() * 1e3).serialize(serializer)
+        }
+
+        pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Duration, D::Error> {
+            within(deserializer, &(0.001..=86_400_000.0)).map(|ms| Duration::from_secs_f64(ms / 1e3))
+        }
     }
 }

@@ -1,14 +1,14 @@
 //! A connection at a socket, shared by the halves of its link and the tasks that serve it.
 
+use parking_lot::{Mutex, MutexGuard};
 use std::fmt;
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, MutexGuard, Weak};
+use std::sync::{Arc, Weak};
 use std::task::{Context, Waker};
 
 use trimaran_udp::{Closed, Connection, PathStats, UnitLane};
 
 use super::socket::{Outgoing, Path};
-use crate::acceptor::lock;
 use crate::error::{LaneError, Loss, ProtocolError};
 use crate::stats::PathSource;
 use trimaran_net::{Instant, Net, UdpSocket};
@@ -34,14 +34,14 @@ struct Watch {
 impl PathSource for Watch {
     fn path(&self) -> PathStats {
         let live = self.port.upgrade().map(|port| port.lock().connection.stats());
-        live.unwrap_or_else(|| *lock(&self.last))
+        live.unwrap_or_else(|| *self.last.lock())
     }
 }
 
 impl Drop for Port {
     fn drop(&mut self) {
         let counted = self.lock().connection.stats();
-        *lock(&self.last) = counted;
+        *self.last.lock() = counted;
     }
 }
 
@@ -110,7 +110,7 @@ impl Port {
     }
 
     pub(super) fn lock(&self) -> MutexGuard<'_, State> {
-        lock(&self.state)
+        self.state.lock()
     }
 
     /// Takes a datagram that came for the connection, from wherever. [`Port::settle`] follows the last one.

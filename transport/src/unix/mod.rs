@@ -13,7 +13,7 @@ use thiserror::Error;
 
 pub use options::UnixOptions;
 
-use crate::connect::AttemptError;
+use crate::transport::AttemptError;
 use crate::transport::{ListenFault, Listening, Transport};
 use trimaran_net::{BoxFuture, Net, Stream, StreamPeer};
 

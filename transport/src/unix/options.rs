@@ -8,7 +8,7 @@ use trimaran_net::UnixSocketOptions;
 #[cfg_attr(feature = "config", serde(default, deny_unknown_fields))]
 pub struct UnixOptions {
     /// The permissions of the socket's file. Default `0o600`: only the own user may connect.
-    #[cfg_attr(feature = "config", serde(with = "crate::config::file_mode"), schemars(with = "String"))]
+    #[cfg_attr(feature = "config", serde(with = "file_mode"), schemars(with = "String"))]
     pub mode: u32,
     /// Whose processes are taken as peers beside those of the own user, by user id. Default nobody.
     pub allow_uids: Vec<u32>,
@@ -26,5 +26,51 @@ impl Default for UnixOptions {
 impl UnixOptions {
     pub(super) const fn socket(&self) -> UnixSocketOptions {
         UnixSocketOptions { mode: self.mode, backlog: self.backlog }
+    }
+}
+
+/// The permissions of a socket's file: as text three octal digits, or four with a zero in front.
+#[cfg(feature = "config")]
+mod file_mode {
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    #[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
+    pub(super) fn serialize<S: Serializer>(mode: &u32, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(&format_args!("{mode:03o}"))
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<u32, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        let digits = text.strip_prefix('0').filter(|rest| rest.len() == 3).unwrap_or(&text);
+        let octal = digits.len() == 3 && digits.bytes().all(|digit| (b'0'..=b'7').contains(&digit));
+        let mode = u32::from_str_radix(digits, 8).ok().filter(|_| octal);
+        mode.ok_or_else(|| {
+            let why = "is no file mode: give three octal digits in quotes, such as \"600\" or \"660\"";
+            D::Error::custom(format_args!("{text:?} {why}"))
+        })
+    }
+}
+
+#[cfg(all(test, feature = "config"))]
+mod tests {
+    use serde::de::IntoDeserializer;
+    use serde::de::value::{Error, StrDeserializer};
+
+    use super::file_mode;
+
+    #[test]
+    fn a_file_mode_is_three_octal_digits() {
+        let read = |text: &'static str| {
+            let text: StrDeserializer<'_, Error> = text.into_deserializer();
+            file_mode::deserialize(text)
+        };
+        for (text, mode) in [("600", 0o600), ("0660", 0o660), ("007", 0o007)] {
+            assert_eq!(read(text), Ok(mode), "{text}");
+        }
+        for text in ["", "60", "0600 ", "1600", "800", "0o600", "+60", "00600"] {
+            let error = read(text).unwrap_err().to_string();
+            assert!(error.contains("three octal digits"), "{error}");
+        }
     }
 }

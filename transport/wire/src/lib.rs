@@ -48,8 +48,8 @@ pub use decode::{DecodeError, DecodeFault, Decoder};
 pub use fixed::{Fixed, FixedBytes, MAX_FIXED, to_bytes};
 pub use format::Format;
 pub use frame::{
-    FrameAssembler, FrameEnd, FrameMessage, FrameNumber, FrameOrderError, FrameOutcome, FrameStep,
-    FrameViolation, FrameWriter,
+    FrameAssembler, FrameEnd, FrameEvent, FrameMessage, FrameNumber, FrameOrderError, FrameOutcome,
+    FrameStart, FrameStep, FrameViolation, FrameWriter,
 };
 pub use kind::{HEADER_BYTES, Kind, MAX_MESSAGE};
 pub use message::Message;

@@ -12,7 +12,7 @@ use trimaran_wire::{
 };
 
 use crate::error::{LaneError, Loss, ProtocolError, misplaced};
-use crate::link::Shared;
+use crate::lanes::shared::Shared;
 use crate::quic::carrier::{Carrier, loss};
 use crate::quic::frames::{noop, poll_fill};
 use crate::timeouts::Timeouts;

@@ -1,8 +1,9 @@
 //! Values as they are sent, and the task that copies the newest one.
 
+use parking_lot::Mutex;
 use std::future::poll_fn;
 use std::io;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Duration;
 
 use bytes::BytesMut;
@@ -10,9 +11,8 @@ use quinn::{SendDatagramError, SendStream, StoppedError, WriteError};
 use tokio::sync::Notify;
 use trimaran_wire::{CloseReason, FixedBytes, Kind, Message, Numbered, Serial};
 
-use crate::acceptor::lock;
 use crate::error::{LaneSendError, Loss};
-use crate::link::Shared;
+use crate::lanes::shared::Shared;
 use crate::quic::carrier::{Carrier, loss, write_loss};
 use crate::timeouts::Timeouts;
 use trimaran_net::Timer;
@@ -73,7 +73,7 @@ impl LatestTx {
         shared.counters.sent.count(Kind::Latest, shared.format.latest);
         self.next = self.next.next();
         // The copier looks by itself for newer ones while it has one to copy.
-        if lock(&self.cell.state).newest.replace(numbered).is_none() {
+        if self.cell.state.lock().newest.replace(numbered).is_none() {
             self.cell.changed.notify_one();
         }
         Ok(())
@@ -85,7 +85,7 @@ impl LatestTx {
         timeouts: &mut Timeouts,
     ) -> Result<(), LaneSendError> {
         {
-            let mut state = lock(&self.cell.state);
+            let mut state = self.cell.state.lock();
             state.closed = Some(reason);
             state.leaving = true;
         }
@@ -94,7 +94,7 @@ impl LatestTx {
             // Made before the look, so that an end in between is not missed.
             let ended = self.cell.ended.notified();
             {
-                let state = lock(&self.cell.state);
+                let state = self.cell.state.lock();
                 if let Some(kind) = state.failed {
                     return Err(LaneSendError::Lost(Loss::Io(kind.into())));
                 }
@@ -109,7 +109,7 @@ impl LatestTx {
 
 impl Drop for LatestTx {
     fn drop(&mut self) {
-        lock(&self.cell.state).leaving = true;
+        self.cell.state.lock().leaving = true;
         self.cell.changed.notify_one();
     }
 }
@@ -136,7 +136,7 @@ impl Copier {
             e = connection.closed() => Some(io::Error::from(e).kind()),
         };
         {
-            let mut state = lock(&self.cell.state);
+            let mut state = self.cell.state.lock();
             state.ended = true;
             state.failed = failed;
         }
@@ -152,7 +152,7 @@ impl Copier {
                 self.write(&Message::Numbered(newest)).await?;
             }
             let closed = {
-                let mut state = lock(&self.cell.state);
+                let mut state = self.cell.state.lock();
                 if !state.leaving {
                     continue;
                 }
@@ -176,7 +176,7 @@ impl Copier {
     async fn quiet(&self, timer: &mut dyn Timer) -> Option<Numbered> {
         loop {
             let seen = {
-                let mut state = lock(&self.cell.state);
+                let mut state = self.cell.state.lock();
                 if state.leaving {
                     return state.newest.take();
                 }
@@ -188,10 +188,10 @@ impl Copier {
                 tokio::select! {
                     biased;
                     () = poll_fn(|cx| timer.poll(cx)) => break,
-                    () = self.cell.changed.notified() => if lock(&self.cell.state).leaving { break },
+                    () = self.cell.changed.notified() => if self.cell.state.lock().leaving { break },
                 }
             }
-            let mut state = lock(&self.cell.state);
+            let mut state = self.cell.state.lock();
             if state.leaving || state.newest.as_ref().is_some_and(|newest| newest.number == seen) {
                 return state.newest.take();
             }

@@ -7,16 +7,16 @@ use bytes::Bytes;
 use trimaran_wire::{CloseReason, MAX_MESSAGE, Protocol};
 
 use crate::application::whole;
-use crate::error::{LaneError, LaneSendError, ProtocolError};
-use crate::inproc;
-use crate::link::Shared;
+use crate::error::{LaneError, LaneSendError, ProtocolError, RecvError, SendError};
+use crate::inproc::messages as inproc;
+use crate::lanes::shared::Shared;
 #[cfg(feature = "quic")]
-use crate::quic;
+use crate::quic::messages as quic;
 use crate::rates::Messages;
+use crate::stream::messages as stream;
 use crate::timeouts::Timeouts;
 #[cfg(feature = "udp")]
-use crate::udp;
-use crate::{RecvError, SendError, stream};
+use crate::udp::messages as udp;
 use trimaran_net::Instant;
 
 /// Sends messages: each arrives once, whole, and in the order in which they were sent, or the link ends.

@@ -1,142 +1,20 @@
-//! Links within one process: values travel as they are, nothing is encoded.
+//! The lanes: values travel as they are.
 
-mod messages;
-mod queue;
-
-use std::any::Any;
-use std::collections::{HashMap, VecDeque};
-use std::io;
-use std::sync::{Arc, LazyLock, Mutex, Weak};
+use std::collections::VecDeque;
 
 use tokio::sync::watch;
-use trimaran_wire::{CloseReason, Fixed, Kind, Protocol, Refusal, SessionId};
+use trimaran_net::Instant;
+use trimaran_wire::{CloseReason, Fixed, FrameEvent, Kind, Protocol};
 
-use messages::messages;
-pub(crate) use messages::{MessageRx, MessageTx};
-
-use crate::acceptor::{Acceptor, Place, lock};
-use crate::application::{Application, Peer, Side};
-use crate::connect::{AttemptError, Introduction};
+use super::messages::{MessageRx, MessageTx, messages};
+use super::queue;
 use crate::error::{LaneError, LaneSendError, Loss};
-use crate::frames::FrameEvent;
-use crate::handshake::HandshakeError;
-use crate::link::{Capabilities, Lanes as AnyLanes, Link, LinkConfig, Parts, PeerAddress, Shared};
-use crate::scheme::{Listened, Scheme};
-use crate::stats::Counters;
+use crate::lanes::shared::Shared;
 use crate::timeouts::Timeouts;
-use crate::transport::ListenFault;
-use crate::{Endpoint, Name};
-use trimaran_net::{BoxFuture, Instant, Net};
 
 /// The most messages of the frames lane that may wait for their reader, and that it may have taken at once:
 /// of items of 4 bytes 32 MiB in all at the largest batch size.
 const QUEUE: usize = 256;
-
-const CAPABILITIES: Capabilities =
-    Capabilities { reliable: true, ordered: true, encrypted: false, local: true };
-
-/// Who listens in this process, by name.
-static LISTENERS: LazyLock<Mutex<HashMap<Name, Weak<Acceptor>>>> = LazyLock::new(Mutex::default);
-
-/// A listener's name; free again when this is dropped.
-#[derive(Debug)]
-struct Registered(Name);
-
-impl Drop for Registered {
-    fn drop(&mut self) {
-        lock(&LISTENERS).remove(&self.0);
-    }
-}
-
-/// A name within this process.
-pub(crate) struct Inproc(pub(crate) Name);
-
-impl Scheme for Inproc {
-    fn attempt<'a>(
-        &'a self,
-        _net: &'a Arc<dyn Net>,
-        introduction: &'a Introduction<'_>,
-    ) -> BoxFuture<'a, Result<Parts, AttemptError>> {
-        Box::pin(attempt(&self.0, introduction))
-    }
-
-    fn listen<'a>(&'a self, acceptor: &'a Arc<Acceptor>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
-        Box::pin(async move {
-            let registered = listen(&self.0, acceptor)?;
-            Ok(Listened { at: Endpoint::Inproc(self.0.clone()), guard: Some(Box::new(registered)) })
-        })
-    }
-}
-
-/// Takes `name` for the listener at `acceptor`.
-fn listen(name: &Name, acceptor: &Arc<Acceptor>) -> io::Result<Registered> {
-    let mut listeners = lock(&LISTENERS);
-    if listeners.contains_key(name) {
-        return Err(io::ErrorKind::AddrInUse.into());
-    }
-    listeners.insert(name.clone(), Arc::downgrade(acceptor));
-    Ok(Registered(name.clone()))
-}
-
-/// Makes a link with whoever listens as `name`.
-async fn attempt(name: &Name, introduction: &Introduction<'_>) -> Result<Parts, AttemptError> {
-    let found = lock(&LISTENERS).get(name).and_then(Weak::upgrade);
-    let acceptor = found.ok_or_else(|| AttemptError::Nobody { name: name.clone() })?;
-    let Introduction { application, session, .. } = *introduction;
-    let failed = |cause| AttemptError::Handshake { address: name.to_string(), cause };
-    let refused = |refusal| failed(HandshakeError::Refused(refusal));
-    if acceptor.application.type_of() != application.type_of() {
-        let (listener, connector) = (acceptor.application.protocol(), application.protocol());
-        return Err(refused(Refusal::Protocol { listener, connector }));
-    }
-    let (ours, place) = acceptor.enter(application.hello()).map_err(refused)?;
-    let theirs = application.recognize(acceptor.application.hello()).map_err(failed)?;
-    let [here, there] = application.local_lanes();
-    acceptor.hand_out(assemble(&*acceptor.application, ours, session, there, Some(place))).await;
-    Ok(assemble(application, theirs, session, here, None))
-}
-
-/// Two links, each the other's peer: the first is `ours`, and has `theirs` at its other end.
-///
-/// # Errors
-/// As a handshake would: when the two do not go together.
-pub fn pair<P: Protocol>(
-    net: &Arc<dyn Net>,
-    ours: P::Hello,
-    theirs: P::Hello,
-    config: &LinkConfig,
-) -> Result<(Link<P>, Link<P>), HandshakeError> {
-    let (here, there) = (Side::<P>::of(ours)?, Side::<P>::of(theirs)?);
-    let guest = here.admit(there.hello()).map_err(HandshakeError::Refused)?;
-    let host = there.recognize(here.hello())?;
-    let [near, far] = here.local_lanes();
-    let near = assemble(&*here, guest, SessionId(0), near, None).into_link(net, config);
-    let far = assemble(&*there, host, SessionId(0), far, None).into_link(net, config);
-    near.zip(far).ok_or(HandshakeError::Closed)
-}
-
-fn assemble(
-    application: &dyn Application,
-    peer: Peer,
-    session: SessionId,
-    lanes: Box<dyn Any + Send>,
-    place: Option<Place>,
-) -> Parts {
-    Parts {
-        lanes: AnyLanes::Local(lanes),
-        session,
-        address: PeerAddress::InProcess,
-        capabilities: CAPABILITIES,
-        shared: Shared {
-            peer: peer.name.clone(),
-            format: application.format(),
-            counters: Counters::unframed(),
-            _place: place.map(|place| Arc::new(place) as _),
-        },
-        peer,
-        doubt: None,
-    }
-}
 
 /// One end of the lanes.
 #[derive(Debug)]

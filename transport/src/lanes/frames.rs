@@ -6,42 +6,23 @@ use std::task::{Context, Poll, Waker};
 use bytes::Bytes;
 use trimaran_wire::{
     Batch, BatchDecoder, BatchEncoder, Batching, CloseReason, Delivery, Fixed, FrameAssembler, FrameEnd,
-    FrameMessage, FrameNumber, FrameOrderError, FrameOutcome, FrameStep, FrameWriter, Item, Protocol,
-    to_bytes,
+    FrameEvent, FrameMessage, FrameNumber, FrameOrderError, FrameOutcome, FrameStart, FrameStep, FrameWriter,
+    Item, Protocol, to_bytes,
 };
 
-use crate::error::{LaneError, LaneSendError, ProtocolError};
-use crate::inproc;
-use crate::link::{Capabilities, Shared};
+use crate::error::{LaneError, LaneSendError, ProtocolError, RecvError, SendError};
+use crate::inproc::lanes as inproc;
+use crate::lanes::shared::Shared;
 #[cfg(feature = "quic")]
-use crate::quic;
+use crate::quic::frames as quic;
 use crate::rates::Messages;
+use crate::stream::frames as stream;
 use crate::timeouts::Timeouts;
 use crate::trace::{FrameSpan, Way};
+use crate::transport::Capabilities;
 #[cfg(feature = "udp")]
-use crate::udp;
-use crate::{RecvError, SendError, stream};
+use crate::udp::frames as udp;
 use trimaran_net::Instant;
-
-/// How a frame begins.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrameStart<H> {
-    /// The frame's number: it rises from frame to frame.
-    pub frame: FrameNumber,
-    /// What the application says with it.
-    pub header: H,
-}
-
-/// What a receiver of frames learns.
-#[derive(Debug, Clone, PartialEq)]
-pub enum FrameEvent<P: Protocol> {
-    /// A frame begins.
-    Begin(FrameStart<P::Header>),
-    /// Items of the frame that has begun, in the order in which they were pushed.
-    Batch(Batch<P::Item>),
-    /// The frame is over.
-    End(FrameOutcome),
-}
 
 /// Sends frames: `begin`, any number of `push`, `finish`.
 ///

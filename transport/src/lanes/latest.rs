@@ -2,15 +2,15 @@
 
 use trimaran_wire::{CloseReason, Fixed, FixedBytes, Protocol, to_bytes};
 
-use crate::error::{LaneError, LaneSendError, ProtocolError};
-use crate::inproc;
-use crate::link::Shared;
+use crate::error::{LaneError, LaneSendError, ProtocolError, RecvError, SendError};
+use crate::inproc::lanes as inproc;
+use crate::lanes::shared::Shared;
 #[cfg(feature = "quic")]
-use crate::quic;
+use crate::quic::latest as quic;
+use crate::stream::latest as stream;
 use crate::timeouts::Timeouts;
 #[cfg(feature = "udp")]
-use crate::udp;
-use crate::{RecvError, SendError, stream};
+use crate::udp::latest as udp;
 use trimaran_net::Instant;
 
 /// Publishes values: each replaces the one before, whether that has been read or not.

@@ -1,0 +1,11 @@
+//! Links within one process: values travel as they are, nothing is encoded.
+
+pub(crate) mod lanes;
+pub(crate) mod messages;
+mod queue;
+mod scheme;
+
+#[cfg(feature = "inproc")]
+pub(crate) use scheme::Inproc;
+#[cfg(any(feature = "inproc", test))]
+pub use scheme::pair;

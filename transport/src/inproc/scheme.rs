@@ -1,0 +1,128 @@
+//! Names within this process, and the links that begin there.
+
+use std::any::Any;
+use std::collections::HashMap;
+use std::io;
+use std::sync::{Arc, LazyLock, Weak};
+
+use parking_lot::Mutex;
+use trimaran_net::{BoxFuture, Net};
+use trimaran_wire::{Protocol, Refusal, SessionId};
+
+use crate::acceptor::{Acceptor, Place};
+use crate::application::{Application, Side};
+use crate::handshake::HandshakeError;
+use crate::lanes::shared::Shared;
+use crate::link::Link;
+use crate::parts::{Lanes, Parts};
+use crate::peer::{Peer, PeerAddress};
+use crate::scheme::{Introduction, Listened, Scheme};
+use crate::stats::Counters;
+use crate::transport::{AttemptError, Capabilities, ListenFault};
+use crate::{Endpoint, LinkConfig, Name};
+
+const CAPABILITIES: Capabilities =
+    Capabilities { reliable: true, ordered: true, encrypted: false, local: true };
+
+/// Who listens in this process, by name.
+static LISTENERS: LazyLock<Mutex<HashMap<Name, Weak<Acceptor>>>> = LazyLock::new(Mutex::default);
+
+/// A listener's name; free again when this is dropped.
+#[derive(Debug)]
+struct Registered(Name);
+
+impl Drop for Registered {
+    fn drop(&mut self) {
+        LISTENERS.lock().remove(&self.0);
+    }
+}
+
+/// A name within this process.
+pub(crate) struct Inproc(pub(crate) Name);
+
+impl Scheme for Inproc {
+    fn attempt<'a>(
+        &'a self,
+        _net: &'a Arc<dyn Net>,
+        introduction: &'a Introduction<'_>,
+    ) -> BoxFuture<'a, Result<Parts, AttemptError>> {
+        Box::pin(attempt(&self.0, introduction))
+    }
+
+    fn listen<'a>(&'a self, acceptor: &'a Arc<Acceptor>) -> BoxFuture<'a, Result<Listened, ListenFault>> {
+        Box::pin(async move {
+            let registered = listen(&self.0, acceptor)?;
+            Ok(Listened { at: Endpoint::Inproc(self.0.clone()), guard: Some(Box::new(registered)) })
+        })
+    }
+}
+
+/// Takes `name` for the listener at `acceptor`.
+fn listen(name: &Name, acceptor: &Arc<Acceptor>) -> io::Result<Registered> {
+    let mut listeners = LISTENERS.lock();
+    if listeners.contains_key(name) {
+        return Err(io::ErrorKind::AddrInUse.into());
+    }
+    listeners.insert(name.clone(), Arc::downgrade(acceptor));
+    Ok(Registered(name.clone()))
+}
+
+/// Makes a link with whoever listens as `name`.
+async fn attempt(name: &Name, introduction: &Introduction<'_>) -> Result<Parts, AttemptError> {
+    let found = LISTENERS.lock().get(name).and_then(Weak::upgrade);
+    let acceptor = found.ok_or_else(|| AttemptError::Nobody { name: name.clone() })?;
+    let Introduction { application, session, .. } = *introduction;
+    let failed = |cause| AttemptError::Handshake { address: name.to_string(), cause };
+    let refused = |refusal| failed(HandshakeError::Refused(refusal));
+    if acceptor.application.type_of() != application.type_of() {
+        let (listener, connector) = (acceptor.application.protocol(), application.protocol());
+        return Err(refused(Refusal::Protocol { listener, connector }));
+    }
+    let (ours, place) = acceptor.enter(application.hello()).map_err(refused)?;
+    let theirs = application.recognize(acceptor.application.hello()).map_err(failed)?;
+    let [here, there] = application.local_lanes();
+    acceptor.hand_out(assemble(&*acceptor.application, ours, session, there, Some(place))).await;
+    Ok(assemble(application, theirs, session, here, None))
+}
+
+/// Two links, each the other's peer: the first is `ours`, and has `theirs` at its other end.
+///
+/// # Errors
+/// As a handshake would: when the two do not go together.
+pub fn pair<P: Protocol>(
+    net: &Arc<dyn Net>,
+    ours: P::Hello,
+    theirs: P::Hello,
+    config: &LinkConfig,
+) -> Result<(Link<P>, Link<P>), HandshakeError> {
+    let (here, there) = (Side::<P>::of(ours)?, Side::<P>::of(theirs)?);
+    let guest = here.admit(there.hello()).map_err(HandshakeError::Refused)?;
+    let host = there.recognize(here.hello())?;
+    let [near, far] = here.local_lanes();
+    let near = assemble(&*here, guest, SessionId(0), near, None).into_link(net, config);
+    let far = assemble(&*there, host, SessionId(0), far, None).into_link(net, config);
+    near.zip(far).ok_or(HandshakeError::Closed)
+}
+
+fn assemble(
+    application: &dyn Application,
+    peer: Peer,
+    session: SessionId,
+    lanes: Box<dyn Any + Send>,
+    place: Option<Place>,
+) -> Parts {
+    Parts {
+        lanes: Lanes::Local(lanes),
+        session,
+        address: PeerAddress::InProcess,
+        capabilities: CAPABILITIES,
+        shared: Shared {
+            peer: peer.name.clone(),
+            format: application.format(),
+            counters: Counters::unframed(),
+            _place: place.map(|place| Arc::new(place) as _),
+        },
+        peer,
+        doubt: None,
+    }
+}

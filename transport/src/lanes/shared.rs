@@ -1,0 +1,19 @@
+//! What the halves of a link have in common.
+
+use std::fmt;
+use std::sync::Arc;
+
+use trimaran_wire::Format;
+
+use crate::peer::PeerName;
+use crate::stats::Counters;
+
+/// What the halves of a link have in common.
+#[derive(Debug, Clone)]
+pub(crate) struct Shared {
+    pub(crate) peer: PeerName,
+    pub(crate) format: Format,
+    pub(crate) counters: Arc<Counters>,
+    /// Dropped with the last half.
+    pub(crate) _place: Option<Arc<dyn fmt::Debug + Send + Sync>>,
+}

@@ -1,0 +1,16 @@
+//! The lanes over byte streams: TCP, Unix sockets, and whatever else carries bytes in order.
+
+mod acceptor;
+pub(crate) mod frames;
+mod handshake;
+mod inlet;
+pub(crate) mod latest;
+pub(crate) mod messages;
+mod pulse;
+mod scheme;
+mod source;
+#[cfg(all(test, feature = "tcp"))]
+mod tests;
+mod writer;
+
+pub(crate) use scheme::Streams;
