@@ -1,10 +1,11 @@
 //! Tasks on one thread, in an order that depends on nothing but the program.
 
+use parking_lot::Mutex;
 use std::collections::VecDeque;
 use std::fmt;
 use std::pin::Pin;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll, Wake, Waker};
 
 use slab::Slab;
@@ -23,7 +24,7 @@ pub(crate) struct Executor {
 
 impl fmt::Debug for Executor {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Executor").field("tasks", &lock(&self.tasks).len()).finish_non_exhaustive()
+        f.debug_struct("Executor").field("tasks", &self.tasks.lock().len()).finish_non_exhaustive()
     }
 }
 
@@ -55,7 +56,7 @@ impl Rouser {
 impl Wake for Rouser {
     fn wake(self: Arc<Self>) {
         if !self.queued.swap(true, Ordering::Relaxed) {
-            lock(&self.ready.0).push_back(Arc::clone(&self));
+            self.ready.0.lock().push_back(Arc::clone(&self));
         }
     }
 
@@ -64,15 +65,10 @@ impl Wake for Rouser {
     }
 }
 
-pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // One thread: a lock is poisoned only by a panic that ends the simulation anyway.
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 impl Executor {
     /// Adds a task; it runs for the first time when its turn comes.
     pub(crate) fn spawn(&self, future: BoxFuture<'static, ()>) {
-        let mut tasks = lock(&self.tasks);
+        let mut tasks = self.tasks.lock();
         let entry = tasks.vacant_entry();
         let rouser = Rouser::new(entry.key(), &self.ready);
         Arc::clone(&rouser).wake();
@@ -86,7 +82,7 @@ impl Executor {
 
     /// Whether something has been woken.
     pub(crate) fn is_ready(&self) -> bool {
-        !lock(&self.ready.0).is_empty()
+        !self.ready.0.lock().is_empty()
     }
 
     /// Runs whatever is ready, and `main` with it, until `main` is done or nothing is ready.
@@ -97,7 +93,7 @@ impl Executor {
     ) -> Poll<F::Output> {
         let waker = Waker::from(Arc::clone(rouser));
         loop {
-            let Some(next) = lock(&self.ready.0).pop_front() else { return Poll::Pending };
+            let Some(next) = self.ready.0.lock().pop_front() else { return Poll::Pending };
             next.queued.store(false, Ordering::Relaxed);
             if next.key == MAIN {
                 if let Poll::Ready(output) = main.as_mut().poll(&mut Context::from_waker(&waker)) {
@@ -111,14 +107,14 @@ impl Executor {
 
     fn run(&self, rouser: &Arc<Rouser>) {
         // The key of a task that has ended may be another's by now.
-        let future = match lock(&self.tasks).get_mut(rouser.key) {
+        let future = match self.tasks.lock().get_mut(rouser.key) {
             Some(task) if Arc::ptr_eq(&task.rouser, rouser) => task.future.take(),
             _ => None,
         };
         let Some(mut future) = future else { return };
         let done =
             future.as_mut().poll(&mut Context::from_waker(&Waker::from(Arc::clone(rouser)))).is_ready();
-        let mut tasks = lock(&self.tasks);
+        let mut tasks = self.tasks.lock();
         if done {
             tasks.remove(rouser.key);
             drop(tasks);
@@ -131,8 +127,8 @@ impl Executor {
     /// Drops all tasks. They hold what holds them.
     pub(crate) fn clear(&self) {
         loop {
-            let tasks = std::mem::take(&mut *lock(&self.tasks));
-            lock(&self.ready.0).clear();
+            let tasks = std::mem::take(&mut *self.tasks.lock());
+            self.ready.0.lock().clear();
             if tasks.is_empty() {
                 return;
             }
@@ -185,13 +181,13 @@ mod tests {
             let log = Arc::clone(&log);
             executor.spawn(Box::pin(async move {
                 for round in 0..2 {
-                    lock(&log).push((name, round));
+                    log.lock().push((name, round));
                     yield_once().await;
                 }
             }));
         }
         assert_eq!(run(&executor, std::future::pending::<()>()), Poll::Pending);
-        assert_eq!(*lock(&log), [("a", 0), ("b", 0), ("c", 0), ("a", 1), ("b", 1), ("c", 1)]);
+        assert_eq!(*log.lock(), [("a", 0), ("b", 0), ("c", 0), ("a", 1), ("b", 1), ("c", 1)]);
     }
 
     #[test]
@@ -201,7 +197,7 @@ mod tests {
         let keep = Arc::clone(&stale);
         executor.spawn(Box::pin(async move {
             std::future::poll_fn(|cx| {
-                *lock(&keep) = Some(cx.waker().clone());
+                *keep.lock() = Some(cx.waker().clone());
                 Poll::Ready(())
             })
             .await;
@@ -210,13 +206,13 @@ mod tests {
         let polls = Arc::new(Mutex::new(0));
         let count = Arc::clone(&polls);
         executor.spawn(Box::pin(std::future::poll_fn(move |_| {
-            *lock(&count) += 1;
+            *count.lock() += 1;
             Poll::Pending
         })));
         assert!(run(&executor, std::future::pending::<()>()).is_pending());
-        lock(&stale).take().unwrap().wake();
+        stale.lock().take().unwrap().wake();
         assert!(run(&executor, std::future::pending::<()>()).is_pending());
-        assert_eq!(*lock(&polls), 1);
+        assert_eq!(*polls.lock(), 1);
     }
 
     #[test]

@@ -1,17 +1,17 @@
 //! All that there is in a simulation: the time, what will happen, machines and links.
 
+use parking_lot::{Mutex, MutexGuard};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard};
 
 use trimaran_net::Instant;
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::capture::Capture;
 use crate::events::Events;
-use crate::executor::{Executor, lock};
+use crate::executor::Executor;
 use crate::fabric::{Fabric, LinkEvent, Outcome};
 use crate::net::tcp::{ListenerState, TcpState};
 use crate::net::udp::UdpState;
@@ -99,7 +99,7 @@ impl World {
     }
 
     pub(crate) fn core(&self) -> MutexGuard<'_, Core> {
-        lock(&self.core)
+        self.core.lock()
     }
 
     pub(crate) fn now(&self) -> Instant {

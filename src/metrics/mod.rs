@@ -6,11 +6,9 @@ mod path;
 mod server;
 mod turned_away;
 
-use std::{
-    fmt,
-    sync::{Arc, PoisonError, RwLock, RwLockReadGuard},
-};
+use std::{fmt, sync::Arc};
 
+use parking_lot::{RwLock, RwLockReadGuard};
 use prometheus_client::{
     collector::Collector,
     encoding::{DescriptorEncoder, EncodeLabelSet, EncodeMetric, text},
@@ -102,7 +100,7 @@ impl LinkMetrics {
             watched.doors.extend(stats.listener().filter(|listener| !watched.doors.contains(listener)));
             watched.links.push(WatchedLink { peer, stats });
         }
-        *self.watched.write().unwrap_or_else(PoisonError::into_inner) = watched;
+        *self.watched.write() = watched;
     }
 
     /// What each link has carried until now.
@@ -123,7 +121,7 @@ impl LinkMetrics {
     }
 
     fn watched(&self) -> RwLockReadGuard<'_, Watched> {
-        self.watched.read().unwrap_or_else(PoisonError::into_inner)
+        self.watched.read()
     }
 
     /// The OpenMetrics text.

@@ -1,10 +1,10 @@
 //! Carrying packets from device to device when their time comes.
 #![allow(clippy::disallowed_methods, reason = "packets of the kernel keep the kernel's time")]
 
+use parking_lot::{Mutex, MutexGuard};
 use std::io;
 use std::num::NonZeroU64;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant as Clock};
 
 use hdrhistogram::{CreationError, Histogram};
@@ -220,7 +220,7 @@ impl Cargo {
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.state.lock()
     }
 }
 

@@ -1,8 +1,9 @@
 //! What roles do in virtual time: they pause for as long as a workload says that they compute, and note when
 //! what happened.
 
+use parking_lot::Mutex;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use thiserror::Error;
@@ -49,7 +50,7 @@ impl Recording {
 
     /// The log, to be written or read.
     pub(super) fn log<T>(&self, act: impl FnOnce(&mut Log) -> T) -> T {
-        act(&mut self.log.lock().unwrap_or_else(PoisonError::into_inner))
+        act(&mut self.log.lock())
     }
 
     fn note(&self, frame: FrameNumber, act: impl FnOnce(&mut FrameTimes)) {

@@ -1,7 +1,7 @@
 //! The validation layer's messages, kept for whoever asks: tests fail on any.
 
+use parking_lot::Mutex;
 use std::ffi::{CStr, c_void};
-use std::sync::{Mutex, PoisonError};
 
 use ash::{ext::debug_utils, vk};
 
@@ -46,7 +46,7 @@ impl Messenger {
 
     /// All messages so far.
     pub(crate) fn messages(&self) -> Vec<String> {
-        self.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.messages.lock().clone()
     }
 }
 
@@ -75,7 +75,7 @@ unsafe extern "system" fn collect(
     // SAFETY: the user data is the `Messages` that `Messenger::new` registered, alive until after the
     // messenger is destroyed.
     if let Some(messages) = unsafe { user_data.cast::<Messages>().as_ref() } {
-        messages.lock().unwrap_or_else(PoisonError::into_inner).push(text);
+        messages.lock().push(text);
     }
     vk::FALSE // do not abort the call
 }
