@@ -103,13 +103,13 @@ local u = {
   ack = ProtoField.uint64("trimaran_udp.ack", "Acknowledged up to"),
   ack_first = ProtoField.uint64("trimaran_udp.ack.first", "Acknowledged from"),
   delay = ProtoField.uint64("trimaran_udp.ack.delay", "Delay (us)"),
-  credit = ProtoField.uint64("trimaran_udp.credit", "Flow control limit (bytes)"),
-  units = ProtoField.uint64("trimaran_udp.credit.units", "Flow control limit (units)"),
+  max_data = ProtoField.uint64("trimaran_udp.max_data", "Flow control limit (bytes)"),
+  units = ProtoField.uint64("trimaran_udp.max_data.units", "Flow control limit (units)"),
   close = ProtoField.none("trimaran_udp.close", "Close"),
   unread = ProtoField.none("trimaran_udp.unread", "Unread"),
   unread_messages = ProtoField.none("trimaran_udp.unread.messages", "Unread messages"),
-  messages_credit = ProtoField.uint64("trimaran_udp.messages.credit", "Flow control limit of messages (bytes)"),
-  messages_units = ProtoField.uint64("trimaran_udp.messages.credit.units", "Flow control limit of messages (units)"),
+  messages_max_data = ProtoField.uint64("trimaran_udp.messages.max_data", "Flow control limit of messages (bytes)"),
+  messages_units = ProtoField.uint64("trimaran_udp.messages.max_data.units", "Flow control limit of messages (units)"),
   messages_unit = ProtoField.uint64("trimaran_udp.messages.unit", "Unit of the messages lane"),
   challenge = ProtoField.bytes("trimaran_udp.challenge", "Challenge"),
   response = ProtoField.bytes("trimaran_udp.response", "Response"),
@@ -701,9 +701,9 @@ local function chunk(r, tvb, tree, pinfo, key)
     sub:set_len(r.at() - start)
     return "ack " .. newest
   elseif code == 0x03 then
-    add_wide(tree, u.credit, r)
+    add_wide(tree, u.max_data, r)
     add_wide(tree, u.units, r)
-    return "credit"
+    return "max data"
   elseif code == 0x04 then
     tree:add(u.close, tvb(start, 1))
     return "close"
@@ -717,9 +717,9 @@ local function chunk(r, tvb, tree, pinfo, key)
     tree:add(u.response, r.take(24))
     return "response"
   elseif code == 0x08 then
-    add_wide(tree, u.messages_credit, r)
+    add_wide(tree, u.messages_max_data, r)
     add_wide(tree, u.messages_units, r)
-    return "credit of messages"
+    return "max data of messages"
   elseif code == 0x09 then
     tree:add(u.unread_messages, tvb(start, 1))
     return "unread messages"

@@ -104,7 +104,7 @@ impl UnitRx {
             }
             let mut state = self.carrier.lock();
             let received = state.connection.recv(self.lane);
-            // Reading may give the peer credit.
+            // Reading may give the peer room.
             self.carrier.port().flush(&mut state);
             if let Some(received) = received {
                 return Poll::Ready(Ok(received));

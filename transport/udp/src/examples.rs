@@ -124,10 +124,10 @@ fn every_chunk_has_an_example() {
     let chunks = [
         ("ping", Chunk::Ping),
         ("ack", Chunk::Ack { delay_us: 300, numbers: numbers() }),
-        ("credit", Chunk::MaxData { lane: UnitLane::Frames, bytes: 4 << 20, units: 1024 }),
+        ("max-data", Chunk::MaxData { lane: UnitLane::Frames, bytes: 4 << 20, units: 1024 }),
         ("close", Chunk::Close),
         ("unread", Chunk::StopSending { lane: UnitLane::Frames }),
-        ("credit-messages", Chunk::MaxData { lane: UnitLane::Messages, bytes: 64 << 10, units: 1024 }),
+        ("max-data-messages", Chunk::MaxData { lane: UnitLane::Messages, bytes: 64 << 10, units: 1024 }),
         ("unread-messages", Chunk::StopSending { lane: UnitLane::Messages }),
         ("challenge", Chunk::Challenge { cookie: TokenKey::new(SECRET).issue(now(), address(), HERE) }),
         ("response", Chunk::Response { cookie: TokenKey::new(SECRET).issue(now(), address(), HERE) }),

@@ -76,7 +76,7 @@ pub(crate) struct Inbox {
     used: u64,
     /// The repair shards that all units keep.
     repair: usize,
-    /// The credit that the peer was told of.
+    /// The max data that the peer was told of.
     told: (u64, u64),
     pub(crate) frames_repaired: u64,
 }
@@ -107,7 +107,7 @@ impl Inbox {
         self.batch = full_batch(&self.buffers.format, batch, self.window);
     }
 
-    /// Throws away what has arrived, for nobody reads it. Says whether the peer should hear of the credit
+    /// Throws away what has arrived, for nobody reads it. Says whether the peer should hear of the room
     /// that this gives.
     pub(crate) fn discard(&mut self) -> bool {
         self.units.clear();
@@ -121,14 +121,14 @@ impl Inbox {
         self.units.get(&self.first).is_some_and(|unit| unit.is_readable(self.batch, &self.buffers.format))
     }
 
-    /// Whether a good part of the credit was used up since the peer was told.
+    /// Whether a good part of the window was used up since the peer was told.
     pub(crate) const fn max_data_due(&self) -> bool {
         let (bytes, units) = self.told;
         self.taken + self.window - bytes >= self.window / 4 || self.first + UNITS - units >= UNITS / 4
     }
 
     /// The bytes and units that the peer may send in all; it counts as told.
-    pub(crate) const fn tell_credit(&mut self) -> (u64, u64) {
+    pub(crate) const fn announce_max_data(&mut self) -> (u64, u64) {
         self.told = (self.taken + self.window, self.first + UNITS);
         self.told
     }
@@ -142,13 +142,13 @@ impl Inbox {
         data: &[u8],
     ) -> Result<(), LaneViolation> {
         let to = offset.checked_add(data.len() as u64).ok_or(LaneViolation::FlowControl)?;
-        self.with_unit(number, |unit, credit, pool| {
+        self.with_unit(number, |unit, flow, pool| {
             if !unit.is_given_up() {
-                credit.use_up_to(unit, to)?;
+                flow.use_up_to(unit, to)?;
                 unit.note(to, tail)?;
                 unit.highest = unit.highest.max(to);
                 let found = unit.put(offset, data, pool);
-                gaps::restore(unit, credit, pool, found)?;
+                gaps::restore(unit, flow, pool, found)?;
             }
             Ok(())
         })
@@ -168,9 +168,9 @@ impl Inbox {
         pool.work += 16;
         let unit = self.units.entry(number).or_insert_with(|| Unit::new(pool.store()));
         let before = (unit.repair_shards(), unit.repaired);
-        let mut credit = FlowControl { used: self.used, allowed: self.taken + self.window };
-        work(unit, &mut credit, pool)?;
-        self.used = credit.used;
+        let mut flow = FlowControl { used: self.used, allowed: self.taken + self.window };
+        work(unit, &mut flow, pool)?;
+        self.used = flow.used;
         self.repair = self.repair + unit.repair_shards() - before.0;
         self.frames_repaired += u64::from(unit.repaired && !before.1);
         Ok(())
@@ -225,7 +225,7 @@ impl Inbox {
     }
 }
 
-/// The bytes of a full batch. It takes a part of the window at most: the peer has no credit to fill a larger
+/// The bytes of a full batch. It takes a part of the window at most: the peer has no room to fill a larger
 /// one while nothing is passed on.
 const fn full_batch(format: &Format, batch: BatchSize, window: u64) -> usize {
     let room = (window / 4) as usize / format.item;
@@ -348,9 +348,9 @@ pub(crate) mod tests {
         let bytes = unit_of(&format, &[9; 256 * 100]);
         let (mut sent, mut items) = (0, Vec::new());
         while sent < bytes.len() {
-            let (allowed, _) = inbox.tell_credit();
+            let (allowed, _) = inbox.announce_max_data();
             let to = bytes.len().min(allowed as usize);
-            assert!(to > sent, "no more credit after {sent} bytes");
+            assert!(to > sent, "no more room after {sent} bytes");
             inbox.put(0, sent as u64, Tail::More, &bytes[sent..to]).unwrap();
             sent = to;
             items.extend(all(&mut inbox));

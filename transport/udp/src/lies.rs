@@ -151,7 +151,7 @@ fn lengths_beyond_the_packet_end_the_connection() {
 
 /// What only the liar itself has harm of.
 #[test]
-fn generous_credit_and_high_numbers_of_values_are_taken_as_they_are() {
+fn generous_max_data_and_high_numbers_of_values_are_taken_as_they_are() {
     assert_eq!(lie(&Chunk::MaxData { lane: UnitLane::Frames, bytes: MOST, units: MOST }), None);
     assert_eq!(lie(&Chunk::Latest { number: MOST, value: &value(0) }), None);
     assert_eq!(lie(&Chunk::LastLatest { number: MOST, close: &[] }), None);

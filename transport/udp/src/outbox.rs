@@ -32,7 +32,7 @@ pub(crate) struct Outbox {
     spare: Spare,
     /// The number of the first unit kept.
     first: u64,
-    /// The units of which something is to be said that needs no credit.
+    /// The units of which something is to be said that needs no window.
     due: BTreeSet<u64>,
     /// The first unit that has, or may get, bytes that were never sent.
     fresh: u64,
@@ -246,9 +246,9 @@ impl Outbox {
     /// A part that would fit alone, `whole`, is not cut up.
     pub(crate) fn write_next(&mut self, room: usize, whole: usize, out: &mut Vec<u8>) -> Option<Content> {
         let number = self.next_due()?;
-        let credit = self.allowed_bytes.saturating_sub(self.offered);
+        let allowed = self.allowed_bytes.saturating_sub(self.offered);
         let at = (self.lane, number);
-        let (content, fresh) = self.unit(number)?.write(at, credit, room, whole, out)?;
+        let (content, fresh) = self.unit(number)?.write(at, allowed, room, whole, out)?;
         self.look(number);
         self.offered += fresh;
         match &content {

@@ -13,7 +13,7 @@ use crate::wire::{Malformed, Reader, put_varint};
 const PAD: u8 = 0x00;
 const PING: u8 = 0x01;
 const ACK: u8 = 0x02;
-const CREDIT: u8 = 0x03;
+const MAX_DATA: u8 = 0x03;
 pub(crate) const CLOSE: u8 = 0x04;
 const STOP_SENDING: u8 = 0x05;
 const CHALLENGE: u8 = 0x06;
@@ -54,7 +54,7 @@ impl<'a> Chunk<'a> {
             }
             Self::MaxData { lane, bytes, units } => {
                 out.push(match lane {
-                    UnitLane::Frames => CREDIT,
+                    UnitLane::Frames => MAX_DATA,
                     UnitLane::Messages => MESSAGES_MAX_DATA,
                 });
                 put_varint(out, *bytes);
@@ -133,8 +133,8 @@ impl<'a> Chunk<'a> {
             PAD => Ok(Self::Pad),
             PING => Ok(Self::Ping),
             ACK => read_ack(reader),
-            CREDIT | MESSAGES_MAX_DATA => {
-                let (bytes, units) = (reader.varint("credit")?, reader.varint("credit")?);
+            MAX_DATA | MESSAGES_MAX_DATA => {
+                let (bytes, units) = (reader.varint("max data")?, reader.varint("max data")?);
                 Ok(Self::MaxData { lane: lane_of(code, MESSAGES_MAX_DATA), bytes, units })
             }
             CLOSE => Ok(Self::Close),

@@ -101,7 +101,7 @@ impl Units {
     pub(super) fn write_words(&mut self, plain: &mut Vec<u8>, contents: &mut Contents) {
         let lane = self.lane;
         if std::mem::take(&mut self.max_data_due) {
-            let (bytes, units) = self.inbox.tell_credit();
+            let (bytes, units) = self.inbox.announce_max_data();
             Chunk::MaxData { lane, bytes, units }.write(plain);
             contents.push(Content::MaxData { lane });
         }

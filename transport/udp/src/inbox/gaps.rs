@@ -23,12 +23,12 @@ impl Inbox {
     ) -> Result<bool, LaneViolation> {
         let room = self.repair < REPAIR;
         let mut has_place = true;
-        self.with_unit(number, |unit, credit, pool| {
+        self.with_unit(number, |unit, flow, pool| {
             if unit.is_given_up() {
                 return Ok(());
             }
             let to = block.range().end;
-            credit.allows(unit, to)?;
+            flow.allows(unit, to)?;
             if let Some(hash) = hash {
                 unit.note(to, Tail::Frame(hash))?;
             }
@@ -37,14 +37,14 @@ impl Inbox {
             }
             let found = match (block.shard_count(), room) {
                 // It is the one shard.
-                (1, _) => return put_restored(unit, credit, pool, vec![(block.offset, cut(data, block))]),
+                (1, _) => return put_restored(unit, flow, pool, vec![(block.offset, cut(data, block))]),
                 (_, true) => unit.keep_repair(block, index, data, pool),
                 (_, false) => {
                     has_place = false;
                     return Ok(());
                 }
             };
-            restore(unit, credit, pool, found)
+            restore(unit, flow, pool, found)
         })?;
         Ok(has_place)
     }
@@ -52,9 +52,9 @@ impl Inbox {
     /// Takes word that no more comes of a frame.
     pub(crate) fn give_up(&mut self, number: u64, about: GivenUp, head: &[u8]) -> Result<(), LaneViolation> {
         let format = self.buffers.format;
-        self.with_unit(number, |unit, credit, pool| {
+        self.with_unit(number, |unit, flow, pool| {
             if !unit.is_given_up() {
-                credit.use_up_to(unit, about.sent)?;
+                flow.use_up_to(unit, about.sent)?;
                 unit.give_up(about, head, &format, pool)?;
                 unit.highest = unit.highest.max(about.sent);
             }
@@ -71,26 +71,26 @@ fn cut(data: &[u8], block: Block) -> Vec<u8> {
 /// Restores lost bytes of the blocks that were found.
 pub(super) fn restore(
     unit: &mut Unit,
-    credit: &mut FlowControl,
+    flow: &mut FlowControl,
     pool: &mut Pool,
     found: Vec<Guarded>,
 ) -> Result<(), LaneViolation> {
     for block in found {
         let pieces = unit.restore(&block, pool);
-        put_restored(unit, credit, pool, pieces)?;
+        put_restored(unit, flow, pool, pieces)?;
     }
     Ok(())
 }
 
 fn put_restored(
     unit: &mut Unit,
-    credit: &mut FlowControl,
+    flow: &mut FlowControl,
     pool: &mut Pool,
     pieces: Vec<(u64, Vec<u8>)>,
 ) -> Result<(), LaneViolation> {
     for (offset, bytes) in pieces {
         let to = offset + bytes.len() as u64;
-        credit.use_up_to(unit, to)?;
+        flow.use_up_to(unit, to)?;
         unit.highest = unit.highest.max(to);
         // No further block comes of it: blocks do not overlap.
         unit.put(offset, &bytes, pool);
@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_that_is_given_up_passes_on_what_came_and_gives_the_credit_back() {
+    fn a_frame_that_is_given_up_passes_on_what_came_and_gives_its_window_back() {
         let mut inbox = Inbox::new(UnitLane::Frames, FORMAT, BatchSize::default(), 4000);
         let bytes = frame_of(100);
         for range in [0..96, 200..246, 403..440] {

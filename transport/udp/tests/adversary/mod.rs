@@ -15,7 +15,7 @@ pub const HERE: ConnectionId = ConnectionId(10);
 pub const THERE: ConnectionId = ConnectionId(20);
 /// Chunks of a packet of 1,200 bytes.
 const ROOM: usize = 1172;
-/// The credit that a connection gives at first, bytes.
+/// The max data that a connection gives at first, bytes.
 const WINDOW: u64 = 4 << 20;
 
 pub fn start() -> Instant {
@@ -340,10 +340,10 @@ pub fn send_frame(sender: &mut Connection, frame: u32, items: u32) {
 pub fn frames_behind_one_that_never_arrives(frames: u32, pings: u64) -> (Victim, Vec<Vec<u8>>) {
     let mut victim = Victim::new();
     let (mut out, mut number) = (Vec::new(), 0);
-    let mut credit = vec![0x03];
-    varint(&mut credit, u64::MAX);
-    varint(&mut credit, u64::MAX);
-    victim.take(&sealed(HERE.0, number, &credit));
+    let mut max_data = vec![0x03];
+    varint(&mut max_data, u64::MAX);
+    varint(&mut max_data, u64::MAX);
+    victim.take(&sealed(HERE.0, number, &max_data));
     for frame in 0..frames {
         if !victim.connection.is_writable(UnitLane::Frames) {
             break;

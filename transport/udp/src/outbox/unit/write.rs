@@ -5,7 +5,7 @@ use crate::chunk::{Chunk, Tail, UnitLane, part_overhead};
 use crate::recovery::Content;
 
 impl Unit {
-    /// Whether something is to be said of it that needs no credit.
+    /// Whether something is to be said of it that needs no window.
     pub(in crate::outbox) fn is_due(&self) -> bool {
         if let Some(given_up) = &self.given_up {
             return given_up.due;
@@ -35,7 +35,7 @@ impl Unit {
     pub(in crate::outbox) fn write(
         &mut self,
         (lane, number): (UnitLane, u64),
-        credit: u64,
+        allowed: u64,
         room: usize,
         whole: usize,
         out: &mut Vec<u8>,
@@ -48,7 +48,7 @@ impl Unit {
         }
         let written = self.written();
         let overhead = part_overhead(number, written);
-        let fresh = (written - self.sent).min(credit);
+        let fresh = (written - self.sent).min(allowed);
         let lost = self.lost.iter().next();
         let wanted = match lost {
             Some(range) => range,
