@@ -3,13 +3,12 @@
 
 use bytes::Bytes;
 use trimaran_proto::{
-    BatchSize, CloseCode, CodedViolation, CodingFault, CullCounts, FrameNumber, FrameStats, IdBatch,
-    IdCoding, Identity, LodRule, OcclusionTestKind, RejectionCode, Role, RoleMessage, SceneHash, SentBytes,
-    Settings, Viewport, Walkthrough,
+    BatchSize, CloseCode, CodedViolation, CodingFault, FrameNumber, IdBatch, IdCoding, Identity, LodRule,
+    OcclusionTestKind, RejectionCode, Role, SceneHash, Settings, Viewport, Walkthrough,
 };
 use trimaran_wire::{
     BatchDecoder, BatchEncoder, Batching, CloseReason, CodingError, Delivery, Explanation, FrameEnd,
-    MAX_HELLO, MAX_MESSAGE, Protocol, ProtocolName, Rejection,
+    MAX_HELLO, Protocol, ProtocolName, Rejection,
 };
 
 type Encoder = Box<dyn BatchEncoder<trimaran_proto::DrawableId>>;
@@ -88,6 +87,18 @@ fn where_frames_get_lost_only_a_confirmed_one_is_referred_to() {
     ends.0.confirmed(FrameNumber(0));
     assert!(send(&mut ends, 3, &others) < 10, "a confirmation that comes late takes nothing back");
     assert!(send(&mut ends, 4, &ids) > 1000);
+}
+
+#[test]
+fn a_confirmed_frame_that_is_long_gone_is_not_referred_to() {
+    let mut ends = ends(Delivery::Lossy, u32::MAX);
+    let ids = batch((0..1000).map(|id| 1000 * id));
+    let alone = send(&mut ends, 0, &ids);
+    ends.0.confirmed(FrameNumber(0));
+    for frame in 1..9 {
+        assert!(send(&mut ends, frame, &ids) < 10, "frame {frame}");
+    }
+    assert_eq!(send(&mut ends, 9, &ids), alone);
 }
 
 #[test]
@@ -171,10 +182,14 @@ fn a_peer_is_told_the_first_thing_that_does_not_fit() {
     let other = Identity { scene: SceneHash(1), settings: Some(first), ..ours };
     let code = |theirs: &Identity| Walkthrough::admit(&ours, theirs).map_err(|rejection| rejection.code);
     assert_eq!(code(&other), Err(RejectionCode::Scene as u16));
+    let why = Walkthrough::admit(&ours, &other).unwrap_err().to_string();
+    assert!(why.contains("ffffffff") && why.contains("00000001"), "{why}");
     assert_eq!(code(&Identity { scene: ours.scene, ..other }), Err(RejectionCode::Role as u16));
     let culler = Identity { role: Role::FirstCuller, scene: ours.scene, ..other };
     assert_eq!(code(&culler), Err(RejectionCode::Settings as u16));
     assert_eq!(code(&Identity { settings: None, ..culler }), Ok(()));
+    let why = Walkthrough::admit(&ours, &culler).unwrap_err().to_string();
+    assert!(why.contains(&settings().to_string()) && why.contains(&first.to_string()), "{why}");
 }
 
 #[test]
@@ -209,48 +224,10 @@ fn a_peer_that_leaves_says_why_to_programs_and_people() {
     assert_eq!(CloseCode::Failed.because(&"x".repeat(1000)).why.as_str().len(), Explanation::MAX_BYTES);
 }
 
-/// The longest that there is of each fits what a link carries.
 #[test]
-fn identities_and_stats_fit_their_messages() {
+fn the_longest_identity_fits_a_hello() {
     let longest = identity(Role::Display, Some(settings()));
     assert!(postcard::to_stdvec(&longest).unwrap().len() <= MAX_HELLO);
-    let (words, longs) = (u32::MAX, u64::MAX);
-    let culling = CullCounts {
-        visited: words,
-        outside: words,
-        tested: words,
-        hidden: words,
-        near_visible: words,
-        eye_inside: words,
-        not_finite: words,
-        few_pixels: words,
-        emitted: words,
-        refined: words,
-        batches: words,
-    };
-    let to_other = SentBytes {
-        camera: longs,
-        begin: longs,
-        ids: longs,
-        end: longs,
-        control: longs,
-        headers: longs,
-        messages: longs,
-    };
-    let stats = FrameStats {
-        frame: FrameNumber(words),
-        or_start_ns: longs,
-        or_end_ns: longs,
-        or_busy_ns: longs,
-        hc_start_ns: longs,
-        hc_end_ns: longs,
-        occluders: words,
-        occluder_triangles: longs,
-        culling,
-        to_other,
-    };
-    let said = RoleMessage::Stats(stats);
-    assert!(postcard::to_stdvec(&said).unwrap().len() <= MAX_MESSAGE);
 }
 
 /// What goes wrong between peers that do not go together is told in full.

@@ -85,13 +85,3 @@ async fn nobody_under_a_name_ends_at_the_deadline() {
     assert!((36..60).contains(&attempts), "{attempts} attempts");
     assert_eq!(name.as_str(), "nobody");
 }
-
-#[tokio::test]
-async fn a_listener_within_the_process_refuses_as_any_other() {
-    let (net, options) = (net(), Options::default());
-    let endpoint: Endpoint = "inproc:picky".parse().unwrap();
-    let _listener = Listener::bind(&net, &endpoint, greeting(ARM), &options).await.unwrap();
-    let other = Greeting { map: 1, ..greeting(PANEL) };
-    let expected = other_map(MAP, 1);
-    assert_eq!(common::refusal(&net, &endpoint, other, &options).await, expected);
-}

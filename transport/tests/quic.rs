@@ -7,12 +7,9 @@ mod common;
 use std::sync::Arc;
 use std::time::Duration;
 
-use common::{Link, Listener, connect, last_failure, net, obstacle, other_map, soon};
-use trimaran_transport::conformance::{
-    ARM, Greeting, MAP, Overhead, PANEL, Pairs, greeting, points, pose, receive, start,
-};
+use common::{Link, Listener, connect, last_failure, net, obstacle, soon};
+use trimaran_transport::conformance::{ARM, Greeting, Overhead, PANEL, Pairs, greeting, pose};
 use trimaran_transport::keys::{Keys, Security};
-use trimaran_transport::quic::{Congestion, QuicOptions};
 use trimaran_transport::{
     AttemptError, ConnectError, Endpoint, HandshakeError, Limits, LinkConfig, ListenError, Net, Options,
     PeerAddress, until,
@@ -83,21 +80,6 @@ async fn both_address_families_work_and_the_link_is_encrypted() {
 }
 
 #[tokio::test]
-async fn every_congestion_control_carries_a_large_frame() {
-    for congestion in [Congestion::Cubic, Congestion::Bbr, Congestion::NewReno] {
-        let quic = QuicOptions { congestion, ..QuicOptions::default() };
-        let (mut arm, mut panel) = pair("127.0.0.1", &Options { quic, ..Options::default() }).await;
-        let send = async {
-            arm.frames_tx.begin(start(0)).await.unwrap();
-            arm.frames_tx.push(&points(200_000)).await.unwrap();
-            arm.frames_tx.finish().await.unwrap();
-        };
-        let ((), got) = tokio::join!(send, receive(&mut panel.frames_rx));
-        assert!(got.unwrap().points == points(200_000), "{congestion:?}");
-    }
-}
-
-#[tokio::test]
 async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints() {
     let (ours, theirs) = acquainted(&Options::default());
     let (_, stranger) = acquainted(&Options::default());
@@ -125,16 +107,6 @@ async fn an_unknown_certificate_is_refused_by_either_side_with_both_fingerprints
 }
 
 #[tokio::test]
-async fn another_map_is_refused_and_both_sides_know_both_maps() {
-    let (ours, theirs) = acquainted(&Options::default());
-    let other = Greeting { map: 0xdead, ..greeting(PANEL) };
-    let (error, known) = failures(&ours, &theirs, other).await;
-    let expected = other_map(MAP, 0xdead);
-    assert!(matches!(&error, HandshakeError::Refused(refusal) if *refusal == expected), "{error:?}");
-    assert!(matches!(&known, HandshakeError::Refused(refusal) if *refusal == expected), "{known:?}");
-}
-
-#[tokio::test]
 async fn without_keys_there_is_no_quic() {
     let (net, options) = (net(), Options::default());
     let endpoint = "quic://127.0.0.1:1".parse().unwrap();
@@ -146,27 +118,6 @@ async fn without_keys_there_is_no_quic() {
     assert!(matches!(cause, HandshakeError::NoKeys), "{cause:?}");
     let error = Listener::bind(&net, &endpoint, greeting(ARM), &options).await.unwrap_err();
     assert!(matches!(error, ListenError::Given { .. }) && !error.may_pass(), "{error:?}");
-}
-
-#[tokio::test]
-async fn random_datagrams_disturb_neither_a_link_nor_a_listener() {
-    let net = net();
-    let (ours, theirs) = acquainted(&Options::default());
-    let (mut listener, endpoint) = listener(&net, &ours).await;
-    let Endpoint::Quic(at) = &endpoint else { panic!("{endpoint}") };
-    let stranger = tokio::net::UdpSocket::bind("127.0.0.1:0").await.unwrap();
-    for i in 0..2000_u32 {
-        let seed = i.wrapping_mul(2_654_435_761);
-        let bytes: Vec<u8> = (0..seed % 1400).map(|j| (seed.wrapping_mul(j | 1) >> 13) as u8).collect();
-        stranger.send_to(&bytes, at.to_string()).await.unwrap();
-    }
-    let (there, here) = tokio::join!(
-        connect(&net, &endpoint, greeting(PANEL), &theirs, soon(&net)),
-        listener.accept(soon(&net)),
-    );
-    let (mut there, mut here) = (there.unwrap(), here.unwrap());
-    there.latest_tx.publish(pose(1)).unwrap();
-    assert_eq!(here.latest_rx.latest().await.unwrap(), pose(1));
 }
 
 /// Genuine first packets, sent again and again by someone who goes no further with them. Each of them is a

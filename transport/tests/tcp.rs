@@ -9,15 +9,14 @@ use std::io::ErrorKind;
 use std::sync::Arc;
 use std::time::Duration;
 
-use common::ports::unused_port;
-use common::{Link, Listener, connect, joined, last_failure, net, other_map, role_taken, soon};
+use common::{Link, Listener, connect, joined, last_failure, net, soon};
 use tokio::net::TcpSocket;
 use trimaran_transport::conformance::{
-    ARM, GRIPPER, Greeting, MAP, Overhead, PANEL, Pairs, greeting, points, pose, receive, start,
+    ARM, Greeting, Overhead, PANEL, Pairs, greeting, points, pose, receive, start,
 };
 use trimaran_transport::{
     AcceptError, AttemptError, BatchSize, ConnectError, Endpoint, HandshakeError, LinkConfig, ListenError,
-    Net, Options, PeerAddress, Refusal, Rejection, TcpOptions, sleep_until,
+    Net, Options, PeerAddress, Refusal, Rejection, TcpOptions,
 };
 
 struct Tcp;
@@ -74,21 +73,6 @@ async fn host_names_and_both_address_families_work() {
 }
 
 #[tokio::test]
-async fn the_connecting_side_may_start_first() {
-    let (net, options) = (net(), Options::default());
-    let address = format!("tcp://127.0.0.1:{}", unused_port()).parse().unwrap();
-    let late = async {
-        sleep_until(&*net, net.now().after(Duration::from_millis(300))).await;
-        let mut listener = Listener::bind(&net, &address, greeting(GRIPPER), &options).await.unwrap();
-        listener.accept(soon(&net)).await.unwrap()
-    };
-    let early = connect(&net, &address, greeting(ARM), &options, soon(&net));
-    let (early, late) = tokio::join!(early, late);
-    assert_eq!(early.unwrap().peer.hello, greeting(GRIPPER));
-    assert_eq!(late.peer.hello, greeting(ARM));
-}
-
-#[tokio::test]
 async fn what_the_peers_want_travels_in_the_hello_and_in_the_answer() {
     let panel = Greeting { batch: BatchSize::new(3).ok(), ..greeting(PANEL) };
     for (listening, connecting) in [(panel.clone(), greeting(ARM)), (greeting(ARM), panel)] {
@@ -105,14 +89,6 @@ async fn what_the_peers_want_travels_in_the_hello_and_in_the_answer() {
 }
 
 #[tokio::test]
-async fn another_map_is_refused_and_both_sides_know_both_maps() {
-    let other = 0xdead;
-    let connecting = Greeting { map: other, ..greeting(PANEL) };
-    let expected = other_map(MAP, other);
-    assert_eq!(refusal(greeting(ARM), connecting).await, (expected.clone(), expected));
-}
-
-#[tokio::test]
 async fn what_the_application_rejects_is_refused_and_both_sides_know_why() {
     let wanting = |role, points| Greeting { batch: BatchSize::new(points).ok(), ..greeting(role) };
     let rejection = Rejection::new(3, "the listener wants batches of 10, the connecting peer of 11");
@@ -125,18 +101,6 @@ async fn what_the_application_rejects_is_refused_and_both_sides_know_why() {
 async fn the_listeners_own_role_is_refused() {
     let expected = Refusal::Rejected(Rejection::new(2, "the listener is panel itself"));
     assert_eq!(refusal(greeting(PANEL), greeting(PANEL)).await, (expected.clone(), expected));
-}
-
-#[tokio::test]
-async fn a_role_is_taken_until_the_last_half_of_its_link_is_dropped() {
-    let (net, options) = (net(), Options::default());
-    let (mut listener, address) = listener(&net, greeting(ARM), &options).await;
-    let first = connect(&net, &address, greeting(PANEL), &options, soon(&net)).await.unwrap();
-    let Link { latest_rx, .. } = listener.accept(soon(&net)).await.unwrap();
-    let refusal = common::refusal(&net, &address, greeting(PANEL), &options).await;
-    assert_eq!(refusal, role_taken(PANEL));
-    drop((first, latest_rx));
-    connect(&net, &address, greeting(PANEL), &options, soon(&net)).await.unwrap();
 }
 
 #[tokio::test]

@@ -10,18 +10,15 @@ mod page;
 use std::sync::Arc;
 use std::time::Duration;
 
-use common::ports::unused_port;
 use common::udp::{a_panel_gets_in, listener, shared, with};
-use common::{Link, Listener, connect, joined, last_failure, net, other_map, role_taken, soon};
+use common::{Link, Listener, connect, joined, last_failure, net, soon};
 use page::Page;
-use trimaran_transport::conformance::{
-    ARM, Greeting, MAP, Overhead, PANEL, Pairs, greeting, points, pose, receive, start,
-};
+use trimaran_transport::conformance::{ARM, Overhead, PANEL, Pairs, greeting, points, pose, receive, start};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{
     AttemptError, BatchSize, Batching, ConnectError, Endpoint, FrameEvent, FrameNumber, FrameOutcome,
-    HandshakeError, LinkConfig, Net, Options, PeerAddress, sleep_until, until,
+    HandshakeError, LinkConfig, Net, Options, PeerAddress, sleep_until,
 };
 
 struct Udp;
@@ -91,57 +88,6 @@ async fn another_key_gets_no_answer_and_the_listener_knows_why() {
         assert!(matches!(known, HandshakeError::Stranger), "{known:?}");
     }
     a_panel_gets_in(&mut listener, &endpoint, &shared(1)).await;
-}
-
-#[tokio::test]
-async fn another_map_is_refused_and_both_sides_know_both_maps() {
-    let net = net();
-    let (mut listener, endpoint) = listener(&shared(1)).await;
-    let other = Greeting { map: 0xdead, ..greeting(PANEL) };
-    let expected = other_map(MAP, 0xdead);
-    assert_eq!(common::refusal(&net, &endpoint, other, &shared(1)).await, expected);
-    let known = last_failure(&mut listener).await;
-    assert!(matches!(&known, HandshakeError::Refused(refusal) if *refusal == expected), "{known:?}");
-}
-
-#[tokio::test]
-async fn whoever_starts_first_does_not_matter() {
-    let net = net();
-    let endpoint = format!("udp://127.0.0.1:{}", unused_port()).parse().unwrap();
-    let late = async {
-        let early =
-            until(&*net, net.now().after(Duration::from_millis(300)), std::future::pending::<()>()).await;
-        assert_eq!(early, None);
-        let mut listener = Listener::bind(&net, &endpoint, greeting(ARM), &shared(1)).await.unwrap();
-        listener.accept(soon(&net)).await.unwrap()
-    };
-    let options = shared(1);
-    let (there, here) = tokio::join!(connect(&net, &endpoint, greeting(PANEL), &options, soon(&net)), late);
-    assert_eq!(there.unwrap().peer.session, here.peer.session);
-}
-
-#[tokio::test]
-async fn a_role_is_taken_until_the_last_half_of_its_link_is_dropped() {
-    let (net, options) = (net(), shared(1));
-    let (mut listener, at) = listener(&options).await;
-    let first = connect(&net, &at, greeting(PANEL), &options, soon(&net)).await.unwrap();
-    let Link { latest_rx, .. } = listener.accept(soon(&net)).await.unwrap();
-    let refusal = common::refusal(&net, &at, greeting(PANEL), &options).await;
-    assert_eq!(refusal, role_taken(PANEL));
-    drop((first, latest_rx));
-    connect(&net, &at, greeting(PANEL), &options, soon(&net)).await.unwrap();
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_large_frame_arrives_in_the_clear_too() {
-    let (mut arm, mut panel) = joined("udp://127.0.0.1:0", &with(Trust::Plaintext)).await;
-    let send = async {
-        arm.frames_tx.begin(start(0)).await.unwrap();
-        arm.frames_tx.push(&points(200_000)).await.unwrap();
-        arm.frames_tx.finish().await.unwrap();
-    };
-    let ((), got) = tokio::join!(send, receive(&mut panel.frames_rx));
-    assert!(got.unwrap().points == points(200_000));
 }
 
 /// Who has `keys` and knows those.

@@ -64,25 +64,8 @@ pub(crate) enum FrameRx<P: Protocol> {
     Wire(WireFrameRx),
 }
 
-/// The sending half where frames travel as bytes.
-#[derive(Debug)]
-pub(crate) enum WireFrameTx {
-    Stream(stream::FrameTx),
-    #[cfg(feature = "quic")]
-    Quic(quic::FrameTx),
-    #[cfg(feature = "udp")]
-    Udp(udp::FrameTx),
-}
-
-/// The receiving half where frames travel as bytes.
-#[derive(Debug)]
-pub(crate) enum WireFrameRx {
-    Stream(stream::FrameRx),
-    #[cfg(feature = "quic")]
-    Quic(quic::FrameRx),
-    #[cfg(feature = "udp")]
-    Udp(udp::FrameRx),
-}
+over_bytes!(WireFrameTx: FrameTx);
+over_bytes!(WireFrameRx: FrameRx);
 
 impl<P: Protocol> FrameSender<P> {
     pub(crate) fn new(
@@ -125,8 +108,8 @@ impl<P: Protocol> FrameSender<P> {
         match &mut self.lane {
             FrameTx::Local(lane) => lane.stage(FrameEvent::Begin(start), &self.shared),
             FrameTx::Wire(lane) => {
-                let header = to_bytes(&start.header);
-                lane.stage(FrameMessage::Begin { frame, header }, &self.shared);
+                let begin = FrameMessage::Begin { frame, header: to_bytes(&start.header) };
+                whichever!(WireFrameTx: lane, lane => lane.stage(begin, &self.shared));
             }
         }
         self.send_staged().await
@@ -187,12 +170,14 @@ impl<P: Protocol> FrameSender<P> {
     pub async fn close(mut self, reason: CloseReason) -> Result<(), SendError> {
         match &mut self.lane {
             FrameTx::Local(lane) => lane.stage_close(reason, &self.shared),
-            FrameTx::Wire(lane) => lane.stage_close(reason, &self.shared),
+            FrameTx::Wire(lane) => whichever!(WireFrameTx: lane, lane => lane.stage(reason, &self.shared)),
         }
         self.send_staged().await?;
         match &mut self.lane {
             FrameTx::Local(_) => Ok(()),
-            FrameTx::Wire(lane) => lane.close(&mut self.timeouts).await,
+            FrameTx::Wire(lane) => {
+                whichever!(WireFrameTx: lane, lane => lane.close(&mut self.timeouts).await)
+            }
         }
         .map_err(|e| self.error(e))
     }
@@ -200,7 +185,9 @@ impl<P: Protocol> FrameSender<P> {
     async fn send_staged(&mut self) -> Result<(), SendError> {
         match &mut self.lane {
             FrameTx::Local(lane) => lane.send_staged(&mut self.timeouts).await,
-            FrameTx::Wire(lane) => lane.send_staged(&mut self.timeouts).await,
+            FrameTx::Wire(lane) => {
+                whichever!(WireFrameTx: lane, lane => lane.send_staged(&mut self.timeouts).await)
+            }
         }
         .map_err(|e| self.error(e))
     }
@@ -232,7 +219,10 @@ fn stage<P: Protocol>(
             FrameMessage::End(end) => lane.stage(FrameEvent::End(FrameOutcome::Complete(end)), shared),
             _ => {}
         },
-        FrameTx::Wire(lane) => lane.stage(coded(encoder, message), shared),
+        FrameTx::Wire(lane) => {
+            let message = coded(encoder, message);
+            whichever!(WireFrameTx: lane, lane => lane.stage(message, shared));
+        }
     }
 }
 
@@ -253,49 +243,6 @@ fn coded<I: Item>(
             FrameMessage::End(end)
         }
         other => other,
-    }
-}
-
-impl WireFrameTx {
-    /// Puts a message in the queue of this side.
-    fn stage(&mut self, message: FrameMessage, shared: &Shared) {
-        match self {
-            Self::Stream(lane) => lane.stage(&message.into(), shared),
-            #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.stage(&message.into(), shared),
-            #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.stage(message, shared),
-        }
-    }
-
-    fn stage_close(&mut self, reason: CloseReason, shared: &Shared) {
-        match self {
-            Self::Stream(lane) => lane.stage(&reason.into(), shared),
-            #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.stage(&reason.into(), shared),
-            #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.stage_close(reason, shared),
-        }
-    }
-
-    async fn send_staged(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
-        match self {
-            Self::Stream(lane) => lane.send_staged(timeouts).await,
-            #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.send_staged(timeouts).await,
-            #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.send_staged(timeouts).await,
-        }
-    }
-
-    async fn close(&mut self, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
-        match self {
-            Self::Stream(lane) => lane.close(timeouts).await,
-            #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.close(timeouts).await,
-            #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.close(timeouts).await,
-        }
     }
 }
 
@@ -365,7 +312,8 @@ impl<P: Protocol> FrameReceiver<P> {
         let event = match &mut self.lane {
             FrameRx::Local(lane) => lane.next(by, &self.shared, &mut self.timeouts).await,
             FrameRx::Wire(lane) => {
-                let message = lane.next(by, &self.shared, &mut self.timeouts).await;
+                let (shared, timeouts) = (&self.shared, &mut self.timeouts);
+                let message = whichever!(WireFrameRx: lane, lane => lane.next(by, shared, timeouts).await);
                 let rate = &mut self.rate;
                 message.and_then(|message| {
                     rate.count(|| self.timeouts.now()).map_err(|e| {
@@ -405,23 +353,6 @@ impl<P: Protocol> FrameReceiver<P> {
         };
         let outcome = self.assembler.take(step).map_err(|e| LaneError::Protocol(ProtocolError::Frame(e)))?;
         Ok(outcome.map_or(event, FrameEvent::End))
-    }
-}
-
-impl WireFrameRx {
-    async fn next(
-        &mut self,
-        by: Option<Instant>,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<FrameMessage, LaneError> {
-        match self {
-            Self::Stream(lane) => lane.next(by, shared, timeouts).await,
-            #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.next(by, shared, timeouts).await,
-            #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.next(by, shared, timeouts).await,
-        }
     }
 }
 

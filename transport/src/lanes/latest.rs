@@ -1,6 +1,6 @@
 //! The latest lane: a cell of size one.
 
-use trimaran_wire::{CloseReason, Fixed, FixedBytes, Protocol, to_bytes};
+use trimaran_wire::{CloseReason, Fixed, Protocol, to_bytes};
 
 use crate::error::{LaneError, LaneSendError, ProtocolError, RecvError, SendError};
 use crate::inproc::lanes as inproc;
@@ -41,25 +41,8 @@ pub(crate) enum LatestRx<P: Protocol> {
     Wire(Box<WireLatestRx>),
 }
 
-/// The sending half where values travel as bytes.
-#[derive(Debug)]
-pub(crate) enum WireLatestTx {
-    Stream(stream::LatestTx),
-    #[cfg(feature = "quic")]
-    Quic(quic::LatestTx),
-    #[cfg(feature = "udp")]
-    Udp(udp::LatestTx),
-}
-
-/// The receiving half where values travel as bytes.
-#[derive(Debug)]
-pub(crate) enum WireLatestRx {
-    Stream(stream::LatestRx),
-    #[cfg(feature = "quic")]
-    Quic(quic::LatestRx),
-    #[cfg(feature = "udp")]
-    Udp(udp::LatestRx),
-}
+over_bytes!(WireLatestTx: LatestTx);
+over_bytes!(WireLatestRx: LatestRx);
 
 impl<P: Protocol> LatestSender<P> {
     /// Publishes `value`. Never waits: when the peer is slow, only the newest value waits for it.
@@ -69,7 +52,9 @@ impl<P: Protocol> LatestSender<P> {
     pub fn publish(&mut self, value: P::Latest) -> Result<(), SendError> {
         match &mut self.lane {
             LatestTx::Local(lane) => lane.publish(value, &self.shared),
-            LatestTx::Wire(lane) => lane.publish(to_bytes(&value), &self.shared),
+            LatestTx::Wire(lane) => {
+                whichever!(WireLatestTx: lane, lane => lane.publish(to_bytes(&value), &self.shared))
+            }
         }
         .map_err(|e| self.error(e))
     }
@@ -83,35 +68,15 @@ impl<P: Protocol> LatestSender<P> {
     pub async fn close(mut self, reason: CloseReason) -> Result<(), SendError> {
         match &mut self.lane {
             LatestTx::Local(lane) => lane.close(reason, &self.shared),
-            LatestTx::Wire(lane) => lane.close(reason, &mut self.timeouts).await,
+            LatestTx::Wire(lane) => {
+                whichever!(WireLatestTx: lane, lane => lane.close(reason, &mut self.timeouts).await)
+            }
         }
         .map_err(|e| self.error(e))
     }
 
     fn error(&self, error: LaneSendError) -> SendError {
         error.sending(&self.shared.peer, self.timeouts.limit())
-    }
-}
-
-impl WireLatestTx {
-    fn publish(&mut self, value: FixedBytes, shared: &Shared) -> Result<(), LaneSendError> {
-        match self {
-            Self::Stream(lane) => lane.publish(value, shared),
-            #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.publish(value, shared),
-            #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.publish(value, shared),
-        }
-    }
-
-    async fn close(&mut self, reason: CloseReason, timeouts: &mut Timeouts) -> Result<(), LaneSendError> {
-        match self {
-            Self::Stream(lane) => lane.close(reason, timeouts).await,
-            #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.close(reason, timeouts).await,
-            #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.close(reason, timeouts).await,
-        }
     }
 }
 
@@ -143,7 +108,8 @@ impl<P: Protocol> LatestReceiver<P> {
         match &mut self.lane {
             LatestRx::Local(lane) => lane.try_latest(&self.shared),
             LatestRx::Wire(lane) => {
-                lane.try_latest(&self.shared).and_then(|bytes| bytes.as_deref().map(read::<P>).transpose())
+                let bytes = whichever!(WireLatestRx: &mut **lane, lane => lane.try_latest(&self.shared));
+                bytes.and_then(|bytes| bytes.as_deref().map(read::<P>).transpose())
             }
         }
         .map_err(|e| self.error(e))
@@ -173,7 +139,9 @@ impl<P: Protocol> LatestReceiver<P> {
         match &mut self.lane {
             LatestRx::Local(lane) => lane.latest(by, &self.shared, &mut self.timeouts).await,
             LatestRx::Wire(lane) => {
-                let bytes = lane.latest(by, &self.shared, &mut self.timeouts).await;
+                let (shared, timeouts) = (&self.shared, &mut self.timeouts);
+                let bytes =
+                    whichever!(WireLatestRx: &mut **lane, lane => lane.latest(by, shared, timeouts).await);
                 bytes.and_then(|bytes| read::<P>(&bytes))
             }
         }
@@ -182,33 +150,6 @@ impl<P: Protocol> LatestReceiver<P> {
 
     fn error(&self, error: LaneError) -> RecvError {
         error.receiving(&self.shared.peer, self.timeouts.limit())
-    }
-}
-
-impl WireLatestRx {
-    fn try_latest(&mut self, shared: &Shared) -> Result<Option<FixedBytes>, LaneError> {
-        match self {
-            Self::Stream(lane) => lane.try_latest(shared),
-            #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.try_latest(shared),
-            #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.try_latest(shared),
-        }
-    }
-
-    async fn latest(
-        &mut self,
-        by: Option<Instant>,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<FixedBytes, LaneError> {
-        match self {
-            Self::Stream(lane) => lane.latest(by, shared, timeouts).await,
-            #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.latest(by, shared, timeouts).await,
-            #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.latest(by, shared, timeouts).await,
-        }
     }
 }
 

@@ -3,7 +3,6 @@
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};
 
-use bytes::Bytes;
 use trimaran_wire::{CloseReason, MAX_MESSAGE, Protocol};
 
 use crate::application::whole;
@@ -52,25 +51,8 @@ pub(crate) enum MessageRx<P: Protocol> {
     Wire(WireMessageRx),
 }
 
-/// The sending half where messages travel as bytes.
-#[derive(Debug)]
-pub(crate) enum WireMessageTx {
-    Stream(stream::MessageTx),
-    #[cfg(feature = "quic")]
-    Quic(quic::MessageTx),
-    #[cfg(feature = "udp")]
-    Udp(udp::MessageTx),
-}
-
-/// The receiving half where messages travel as bytes.
-#[derive(Debug)]
-pub(crate) enum WireMessageRx {
-    Stream(stream::MessageRx),
-    #[cfg(feature = "quic")]
-    Quic(quic::MessageRx),
-    #[cfg(feature = "udp")]
-    Udp(udp::MessageRx),
-}
+over_bytes!(WireMessageTx: MessageTx);
+over_bytes!(WireMessageRx: MessageRx);
 
 impl<P: Protocol> MessageSender<P> {
     /// Sends `message`. Waits while the peer takes none and a bounded buffer is full (backpressure), within
@@ -96,7 +78,8 @@ impl<P: Protocol> MessageSender<P> {
             }
             MessageTx::Wire(lane) => {
                 let bytes = postcard::to_stdvec(message).ok().filter(|bytes| fits(bytes.len()));
-                lane.send(bytes.ok_or_else(too_long)?.into(), shared, timeouts).await
+                let bytes = bytes.ok_or_else(too_long)?.into();
+                whichever!(WireMessageTx: lane, lane => lane.send(bytes, shared, timeouts).await)
             }
         };
         sent.map_err(|e| self.error(e))
@@ -109,47 +92,18 @@ impl<P: Protocol> MessageSender<P> {
     /// # Errors
     /// When the peer is gone already, or takes nothing within the link's timeout.
     pub async fn close(mut self, reason: CloseReason) -> Result<(), SendError> {
+        let (shared, timeouts) = (&self.shared, &mut self.timeouts);
         match &mut self.lane {
-            MessageTx::Local(lane) => lane.close(reason, &self.shared, &mut self.timeouts).await,
-            MessageTx::Wire(lane) => lane.close(reason, &self.shared, &mut self.timeouts).await,
+            MessageTx::Local(lane) => lane.close(reason, shared, timeouts).await,
+            MessageTx::Wire(lane) => {
+                whichever!(WireMessageTx: lane, lane => lane.close(reason, shared, timeouts).await)
+            }
         }
         .map_err(|e| self.error(e))
     }
 
     fn error(&self, error: LaneSendError) -> SendError {
         error.sending(&self.shared.peer, self.timeouts.limit())
-    }
-}
-
-impl WireMessageTx {
-    async fn send(
-        &mut self,
-        message: Bytes,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<(), LaneSendError> {
-        match self {
-            Self::Stream(lane) => lane.send(message, shared, timeouts).await,
-            #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.send(message, shared, timeouts).await,
-            #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.send(message, shared, timeouts).await,
-        }
-    }
-
-    async fn close(
-        &mut self,
-        reason: CloseReason,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<(), LaneSendError> {
-        match self {
-            Self::Stream(lane) => lane.close(reason, shared, timeouts).await,
-            #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.close(reason, shared, timeouts).await,
-            #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.close(reason, shared, timeouts).await,
-        }
     }
 }
 
@@ -198,31 +152,18 @@ impl<P: Protocol> MessageReceiver<P> {
         let Self { lane, shared, timeouts, rate } = self;
         let message = match lane {
             MessageRx::Local(lane) => lane.next(by, shared, timeouts).await,
-            MessageRx::Wire(lane) => lane.next(by, shared, timeouts).await.and_then(|bytes| {
-                rate.count(|| timeouts.now()).map_err(|e| {
-                    shared.counters.flooded();
-                    LaneError::Protocol(ProtocolError::TooMany(e))
-                })?;
-                whole(&bytes).map_err(|e| LaneError::Protocol(ProtocolError::Message(e)))
-            }),
+            MessageRx::Wire(lane) => {
+                { whichever!(WireMessageRx: lane, lane => lane.next(by, shared, timeouts).await) }.and_then(
+                    |bytes| {
+                        rate.count(|| timeouts.now()).map_err(|e| {
+                            shared.counters.flooded();
+                            LaneError::Protocol(ProtocolError::TooMany(e))
+                        })?;
+                        whole(&bytes).map_err(|e| LaneError::Protocol(ProtocolError::Message(e)))
+                    },
+                )
+            }
         };
         message.map_err(|e| e.receiving(&self.shared.peer, self.timeouts.limit()))
-    }
-}
-
-impl WireMessageRx {
-    async fn next(
-        &mut self,
-        by: Option<Instant>,
-        shared: &Shared,
-        timeouts: &mut Timeouts,
-    ) -> Result<Bytes, LaneError> {
-        match self {
-            Self::Stream(lane) => lane.next(by, shared, timeouts).await,
-            #[cfg(feature = "quic")]
-            Self::Quic(lane) => lane.next(by, shared, timeouts).await,
-            #[cfg(feature = "udp")]
-            Self::Udp(lane) => lane.next(by, shared, timeouts).await,
-        }
     }
 }

@@ -1,5 +1,33 @@
 //! The lanes of a link as the application uses them, whatever carries them.
 
+/// Half a lane over one of the transports that carry bytes: `over_bytes!(Name: Half)`, where each of the modules
+/// `stream`, `quic` and `udp` has its `Half`.
+macro_rules! over_bytes {
+    ($name:ident: $half:ident) => {
+        #[derive(Debug)]
+        pub(crate) enum $name {
+            Stream(stream::$half),
+            #[cfg(feature = "quic")]
+            Quic(quic::$half),
+            #[cfg(feature = "udp")]
+            Udp(udp::$half),
+        }
+    };
+}
+
+/// Does the same with such a half, whichever transport it is of.
+macro_rules! whichever {
+    ($name:ident: $half:expr, $lane:ident => $act:expr) => {
+        match $half {
+            $name::Stream($lane) => $act,
+            #[cfg(feature = "quic")]
+            $name::Quic($lane) => $act,
+            #[cfg(feature = "udp")]
+            $name::Udp($lane) => $act,
+        }
+    };
+}
+
 pub(crate) mod frames;
 pub(crate) mod latest;
 pub(crate) mod messages;

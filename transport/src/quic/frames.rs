@@ -62,7 +62,8 @@ impl FrameTx {
         }
     }
 
-    pub(crate) fn stage(&mut self, message: &Message, shared: &Shared) {
+    pub(crate) fn stage(&mut self, message: impl Into<Message>, shared: &Shared) {
+        let message = message.into();
         // What is cut off leaves the rest of the memory to what follows; once that is used up, as much is
         // taken anew.
         if self.buffer.capacity() == 0 {

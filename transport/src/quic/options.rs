@@ -109,11 +109,11 @@ mod tests {
     use quinn::congestion::{Bbr, Cubic, NewReno};
     use quinn::crypto::rustls::{QuicClientConfig, QuicServerConfig};
     use quinn::{ClientConfig, Connection, Endpoint, SendStream, ServerConfig};
-    use trimaran_wire::{Fixed, Format, Protocol, ProtocolName};
+    use trimaran_wire::{Format, Protocol, ProtocolName};
 
     use super::*;
     use crate::TokioNet;
-    use crate::conformance::{Pose, Robot};
+    use crate::conformance::Robot;
     use crate::keys::Keys;
     use crate::quic::connect::endpoint;
     use crate::quic::tls::{self, Verifier};
@@ -218,40 +218,5 @@ mod tests {
             assert_eq!(opened, frames as usize);
             assert_eq!(std::iter::from_fn(|| at_once(ours.open_bi())).take(1000).count(), 2);
         }
-    }
-
-    #[tokio::test]
-    async fn silence_is_no_end_while_both_ends_are_there() {
-        let link = LinkConfig { idle_timeout: Duration::from_secs(1), ..LinkConfig::default() };
-        let [(ours, _here), (theirs, _there)] =
-            connected(QuicOptions::default(), QuicOptions::default(), link).await;
-        let net = TokioNet::current().unwrap();
-        sleep_until(&net, net.now().after(link.idle_timeout * 5 / 2)).await;
-        assert_eq!((ours.close_reason(), theirs.close_reason()), (None, None));
-    }
-
-    /// What cannot be seen from outside is at least what quinn is told.
-    #[test]
-    fn quinn_is_told_of_the_rest() {
-        let options = QuicOptions {
-            initial_rtt: Duration::from_millis(123),
-            segmentation: false,
-            mtu_discovery: false,
-            ..QuicOptions::default()
-        };
-        let told = |options: QuicOptions| {
-            format!("{:?}", options.transport(&LinkConfig::default(), &Format::of::<Robot>()))
-        };
-        for (with, without) in [
-            ("initial_rtt: 123ms", "initial_rtt: 100ms"),
-            ("enable_segmentation_offload: false", "enable_segmentation_offload: true"),
-            ("mtu_discovery_config: None", "mtu_discovery_config: Some"),
-        ] {
-            assert!(told(options).contains(with), "{with}: {}", told(options));
-            assert!(told(QuicOptions::default()).contains(without), "{without}");
-        }
-        // A number, a pose, and what quinn counts.
-        assert!(told(options).contains(&format!("datagram_send_buffer_size: {}", 4 + Pose::SIZE + 32)));
-        assert!(told(options).contains("max_idle_timeout: Some(20000)"), "{}", told(options));
     }
 }

@@ -55,8 +55,8 @@ impl FrameTx {
         &self.outlet
     }
 
-    pub(crate) fn stage(&mut self, message: &Message, shared: &Shared) {
-        self.outlet.state.lock().sink.stage(message, &shared.counters.sent);
+    pub(crate) fn stage(&mut self, message: impl Into<Message>, shared: &Shared) {
+        self.outlet.state.lock().sink.stage(&message.into(), &shared.counters.sent);
     }
 
     /// Writes what is staged. Whatever the peer takes starts the timeout anew, and a peer that hangs is not

@@ -26,9 +26,21 @@ pub(crate) struct FrameTx {
 
 /// What waits to be given to the connection.
 #[derive(Debug)]
-enum Staged {
+pub(crate) enum Staged {
     Frame(FrameMessage),
     Close(CloseReason),
+}
+
+impl From<FrameMessage> for Staged {
+    fn from(message: FrameMessage) -> Self {
+        Self::Frame(message)
+    }
+}
+
+impl From<CloseReason> for Staged {
+    fn from(reason: CloseReason) -> Self {
+        Self::Close(reason)
+    }
 }
 
 impl FrameTx {
@@ -36,14 +48,14 @@ impl FrameTx {
         Self { lane: UnitTx::new(carrier, LANE), staged: VecDeque::new(), warned: false }
     }
 
-    pub(crate) fn stage(&mut self, message: FrameMessage, shared: &Shared) {
-        shared.counters.sent.count(message.kind(), message.payload());
-        self.staged.push_back(Staged::Frame(message));
-    }
-
-    pub(crate) fn stage_close(&mut self, reason: CloseReason, shared: &Shared) {
-        shared.counters.sent.count(Kind::Close, 0);
-        self.staged.push_back(Staged::Close(reason));
+    pub(crate) fn stage(&mut self, message: impl Into<Staged>, shared: &Shared) {
+        let message = message.into();
+        let (kind, bytes) = match &message {
+            Staged::Frame(message) => (message.kind(), message.payload()),
+            Staged::Close(_) => (Kind::Close, 0),
+        };
+        shared.counters.sent.count(kind, bytes);
+        self.staged.push_back(message);
     }
 
     /// The newest frame that the peer has all of.

@@ -39,27 +39,6 @@ async fn answers(stream: &mut TcpStream) -> Vec<Message> {
 }
 
 #[tokio::test]
-async fn strangers_hold_up_nobody() {
-    let net = net();
-    let (mut listener, address) = listener(&net, &Options::default()).await;
-    let mut strangers = Vec::new();
-    for greeting in
-        [&b"GET / HTTP/1.1\r\n\r\n"[..], b"\x16\x03\x01\x02\x00", b"\x01\x20\x00\x00SSH-", b"\x01\x05", b""]
-    {
-        let mut stranger = TcpStream::connect(address).await.unwrap();
-        stranger.write_all(greeting).await.unwrap();
-        strangers.push(stranger);
-    }
-    let options = Options::default();
-    let address = Endpoint::Tcp(address.into());
-    let (there, here) = tokio::join!(
-        connect(&net, &address, greeting(PANEL), &options, soon(&net)),
-        listener.accept(soon(&net)),
-    );
-    assert_eq!((there.unwrap().peer.hello, here.unwrap().peer.hello), (greeting(ARM), greeting(PANEL)));
-}
-
-#[tokio::test]
 async fn whoever_stops_in_the_middle_of_the_handshake_is_dropped() {
     let net = net();
     let (mut listener, address) = listener(&net, &quick()).await;

@@ -7,9 +7,9 @@ mod robot;
 use std::collections::BTreeMap;
 
 use bytes::{Bytes, BytesMut};
-use robot::{Command, Pose, Robot, Time};
+use robot::{Command, NotFinite, Pose, Robot, Time};
 use trimaran_wire::{
-    Accept, BatchSize, CloseReason, Decoder, Explanation, Format, FrameEnd, FrameMessage, FrameNumber,
+    Accept, BatchSize, CloseReason, Decoder, Explanation, Fixed, Format, FrameEnd, FrameMessage, FrameNumber,
     FrameWriter, HEADER_BYTES, Hello, Item, Kind, Lane, MAX_FIXED, MAX_HELLO, MAX_MESSAGE, Message, Numbered,
     Protocol, ProtocolName, Refusal, Rejection, Serial, SessionId, WireVersion, to_bytes,
 };
@@ -177,4 +177,39 @@ fn the_reasons_have_the_numbers_of_the_page() {
         assert_eq!(usize::from(out[HEADER_BYTES + 2]), number, "{reason}");
         assert!(row.starts_with(&format!("| {number} | {reason}")), "{row}");
     }
+}
+
+#[test]
+fn a_fixed_value_reads_back_or_says_why_not() {
+    let pose = Pose { x: 1.0, y: -2.0, heading: 0.5 };
+    let bytes = to_bytes(&pose);
+    assert_eq!(bytes.len(), Pose::SIZE);
+    assert_eq!(Pose::read(&bytes), Ok(pose));
+    let lost = to_bytes(&Pose { x: f32::NAN, y: 0.0, heading: 0.0 });
+    assert_eq!(Pose::read(&lost), Err(NotFinite));
+    assert_eq!(Time::read(&to_bytes(&Time(1 << 40))), Ok(Time(1 << 40)));
+    assert_eq!((to_bytes(&()).len(), <()>::read(&[])), (0, Ok(())));
+}
+
+/// As large as values may be: they are on the heap then, and no different.
+#[test]
+fn a_value_may_have_a_kilobyte() {
+    #[derive(Debug, PartialEq)]
+    struct Large([u8; MAX_FIXED]);
+
+    impl Fixed for Large {
+        const SIZE: usize = MAX_FIXED;
+        type Error = NotFinite;
+
+        fn write(&self, out: &mut [u8]) {
+            out.copy_from_slice(&self.0);
+        }
+
+        fn read(bytes: &[u8]) -> Result<Self, NotFinite> {
+            bytes.first_chunk().copied().map(Self).ok_or(NotFinite)
+        }
+    }
+
+    let large = Large(std::array::from_fn(|at| at as u8));
+    assert_eq!(Large::read(&to_bytes(&large)), Ok(large));
 }
