@@ -31,10 +31,12 @@ impl fmt::Display for DrawableId {
 impl Item for DrawableId {
     const SIZE: usize = 4;
 
+    #[inline]
     fn write(self, out: &mut [u8]) {
         self.0.write(out);
     }
 
+    #[inline]
     fn read(bytes: &[u8]) -> Self {
         Self(u32::read(bytes))
     }

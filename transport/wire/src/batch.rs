@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// What a frame is made of: a value of fixed size for which every pattern of bytes is sound.
+///
+/// Both methods are called for each item of a frame: mark them `#[inline]`.
 pub trait Item: Copy + PartialEq + fmt::Debug + Send + Sync + 'static {
     /// How many bytes, 1 to 256.
     const SIZE: usize;
@@ -23,12 +25,14 @@ pub trait Item: Copy + PartialEq + fmt::Debug + Send + Sync + 'static {
 impl Item for u32 {
     const SIZE: usize = 4;
 
+    #[inline]
     fn write(self, out: &mut [u8]) {
         if let Some(out) = out.first_chunk_mut() {
             *out = self.to_le_bytes();
         }
     }
 
+    #[inline]
     fn read(bytes: &[u8]) -> Self {
         bytes.first_chunk().map_or(0, |bytes| Self::from_le_bytes(*bytes))
     }
