@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use trimaran_netsim::link::{LinkModel, Rate};
-use trimaran_transport::conformance::{Overhead, Pairs, points, receive, start};
+use trimaran_transport::conformance::{Overhead, Pairs, points, receive, send_frame, start};
 use trimaran_transport::{BatchSize, LinkConfig, Net, sleep_until};
 use virtual_time::{Link, Machines, acquainted, two_hosts};
 
@@ -55,9 +55,7 @@ fn packets(transport: &'static str, batch: u32, at_once: bool) -> u64 {
 }
 
 async fn send(arm: &mut Link, frame: u32, found: &[u32]) {
-    arm.frames_tx.begin(start(frame)).await.unwrap();
-    arm.frames_tx.push(found).await.unwrap();
-    arm.frames_tx.finish().await.unwrap();
+    send_frame(&mut arm.frames_tx, frame, found).await.unwrap();
 }
 
 async fn pause(net: &Arc<dyn Net>) {

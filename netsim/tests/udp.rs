@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use trimaran_netsim::Simulation;
 use trimaran_netsim::link::{Conditions, LinkModel, Loss, Phase, Probability, Rate};
-use trimaran_transport::conformance::{Overhead, Pairs, Robot, command, points, pose, start};
+use trimaran_transport::conformance::{Overhead, Pairs, Robot, command, points, pose, send_frame};
 use trimaran_transport::udp::{Repair, Trust, UdpOptions};
 use trimaran_transport::{
     FrameEvent, FrameOutcome, LinkConfig, MessageReceiver, MessageSender, Options, RecvError, UdpMode,
@@ -79,9 +79,7 @@ fn with_deadlines_a_lost_frame_spoils_no_later_one() {
             // Until what has arrived of the last frame is known.
             sleep_until(&*machines.net(), machines.net().now().after(deadline)).await;
             let before = arm.stats.read();
-            arm.frames_tx.begin(start(frame)).await.unwrap();
-            arm.frames_tx.push(&visible(frame)).await.unwrap();
-            arm.frames_tx.finish().await.unwrap();
+            send_frame(&mut arm.frames_tx, frame, &visible(frame)).await.unwrap();
             bytes = bytes.min((arm.stats.read() - before).sent.batches.bytes);
             let (mut points, sent) = (Vec::new(), visible(frame));
             loop {
@@ -142,9 +140,7 @@ fn with_deadlines_and_heavy_loss_every_message_arrives() {
         };
         let frames = async {
             for frame in 0.. {
-                frames_tx.begin(start(frame)).await.unwrap();
-                frames_tx.push(&points(1000)).await.unwrap();
-                frames_tx.finish().await.unwrap();
+                send_frame(&mut frames_tx, frame, &points(1000)).await.unwrap();
                 sleep_until(&*machines.net(), machines.net().now().after(Duration::from_millis(16))).await;
             }
         };

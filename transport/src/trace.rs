@@ -80,7 +80,7 @@ mod tests {
     use tracing_subscriber::filter::LevelFilter;
     use trimaran_wire::Fixed;
 
-    use crate::conformance::{ARM, PANEL, Pose, Robot, greeting, receive, start};
+    use crate::conformance::{ARM, PANEL, Pose, Robot, greeting, receive, send_frame};
     use crate::{LinkConfig, Net, TokioNet, inproc};
 
     #[derive(Clone, Default)]
@@ -116,9 +116,7 @@ mod tests {
         let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
         let (near, far) = (greeting(ARM), greeting(PANEL));
         let (mut arm, mut panel) = inproc::pair::<Robot>(&net, near, far, &LinkConfig::default()).unwrap();
-        arm.frames_tx.begin(start(7)).await.unwrap();
-        arm.frames_tx.push(&[1, 2, 3]).await.unwrap();
-        arm.frames_tx.finish().await.unwrap();
+        send_frame(&mut arm.frames_tx, 7, &[1, 2, 3]).await.unwrap();
         receive(&mut panel.frames_rx).await.unwrap();
     }
 

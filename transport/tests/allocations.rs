@@ -9,7 +9,7 @@ use std::alloc::System;
 
 use common::{Link, joined};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
-use trimaran_transport::conformance::{Robot, points, pose, start};
+use trimaran_transport::conformance::{Robot, points, pose, send_frame};
 use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{FrameEvent, FrameOutcome, FrameReceiver, Options};
 
@@ -37,9 +37,7 @@ async fn poses(near: &mut Link, far: &mut Link, count: u32) {
 async fn frames(near: &mut Link, far: &mut Link, numbers: std::ops::Range<u32>, points: &[u32]) {
     for number in numbers {
         let send = async {
-            near.frames_tx.begin(start(number)).await.unwrap();
-            near.frames_tx.push(points).await.unwrap();
-            near.frames_tx.finish().await.unwrap();
+            send_frame(&mut near.frames_tx, number, points).await.unwrap();
         };
         let ((), received) = tokio::join!(send, read(&mut far.frames_rx));
         assert_eq!(received, points.len());

@@ -13,7 +13,7 @@ use std::time::Duration;
 use common::{Link, connect, net, soon};
 use meeting::Meeting;
 use tokio::runtime::{Builder, Runtime};
-use trimaran_transport::conformance::{PANEL, greeting, points, pose, receive, start};
+use trimaran_transport::conformance::{PANEL, greeting, points, pose, receive, send_frame, start};
 use trimaran_transport::{Endpoint, LinkConfig, Loss, Net, Options, RecvError, SendError, TokioNet};
 
 over_every_transport!(
@@ -94,9 +94,7 @@ async fn a_peer_that_comes_back_goes_on_with_the_next_frame(endpoint: &str) {
         );
         let (mut there, mut here) = (there.unwrap(), here.unwrap());
         let send = async {
-            here.frames_tx.begin(start(frame)).await.unwrap();
-            here.frames_tx.push(&points(frame * 1000)).await.unwrap();
-            here.frames_tx.finish().await.unwrap();
+            send_frame(&mut here.frames_tx, frame, &points(frame * 1000)).await.unwrap();
         };
         let ((), got) = tokio::join!(send, receive(&mut there.frames_rx));
         let got = got.unwrap();

@@ -6,7 +6,7 @@ mod common;
 
 use common::{Link, Listener, connect, joined, net, other_map, soon};
 use trimaran_transport::conformance::{
-    ARM, Greeting, MAP, Overhead, PANEL, Pairs, Robot, greeting, points, pose, receive, start,
+    ARM, Greeting, MAP, Overhead, PANEL, Pairs, Robot, greeting, points, pose, receive, send_frame,
 };
 use trimaran_transport::inproc;
 use trimaran_transport::{
@@ -44,9 +44,7 @@ async fn each_end_knows_the_other_and_the_panels_batch_size() {
     assert_eq!(arm.peer.hello, wants);
     assert_eq!(panel.peer.hello, greeting(ARM));
     assert_eq!(arm.peer.address, PeerAddress::InProcess);
-    arm.frames_tx.begin(start(0)).await.unwrap();
-    arm.frames_tx.push(&points(7)).await.unwrap();
-    arm.frames_tx.finish().await.unwrap();
+    send_frame(&mut arm.frames_tx, 0, &points(7)).await.unwrap();
     assert_eq!(receive(&mut panel.frames_rx).await.unwrap().batches, [3, 3, 1]);
 }
 

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use common::{Listener, connect, net, soon};
 use tokio::spawn;
 use trimaran_transport::conformance::{
-    ARM, PANEL, finished, greeting, next_pose, points, pose, receive, start,
+    ARM, PANEL, finished, greeting, next_pose, points, pose, receive, send_frame,
 };
 use trimaran_transport::{Options, RecvError};
 
@@ -31,9 +31,7 @@ async fn tasks_make_links_and_use_their_halves_and_leave() {
 
         let arm = spawn(async move {
             assert_eq!(next_pose(&mut arm.latest_rx).await.unwrap(), pose(1));
-            arm.frames_tx.begin(start(1)).await.unwrap();
-            arm.frames_tx.push(&points(5000)).await.unwrap();
-            arm.frames_tx.finish().await.unwrap();
+            send_frame(&mut arm.frames_tx, 1, &points(5000)).await.unwrap();
             arm.close(finished()).await
         });
         let panel = spawn(async move {

@@ -12,7 +12,7 @@ use std::time::Duration;
 use common::{Link, Listener, connect, joined, last_failure, net, soon};
 use tokio::net::TcpSocket;
 use trimaran_transport::conformance::{
-    ARM, Greeting, Overhead, PANEL, Pairs, greeting, points, pose, receive, start,
+    ARM, Greeting, Overhead, PANEL, Pairs, greeting, points, pose, receive, send_frame,
 };
 use trimaran_transport::{
     AcceptError, AttemptError, BatchSize, ConnectError, Endpoint, HandshakeError, LinkConfig, ListenError,
@@ -81,9 +81,7 @@ async fn what_the_peers_want_travels_in_the_hello_and_in_the_answer() {
         let mut there = connect(&net, &address, connecting.clone(), &options, soon(&net)).await.unwrap();
         let mut here = listener.accept(soon(&net)).await.unwrap();
         assert_eq!((there.peer.hello, here.peer.hello), (listening, connecting));
-        there.frames_tx.begin(start(0)).await.unwrap();
-        there.frames_tx.push(&points(7)).await.unwrap();
-        there.frames_tx.finish().await.unwrap();
+        send_frame(&mut there.frames_tx, 0, &points(7)).await.unwrap();
         assert_eq!(receive(&mut here.frames_rx).await.unwrap().batches, [3, 3, 1], "the panel's batch size");
     }
 }

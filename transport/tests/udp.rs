@@ -13,7 +13,9 @@ use std::time::Duration;
 use common::udp::{a_panel_gets_in, listener, shared, with};
 use common::{Link, Listener, connect, joined, last_failure, net, soon};
 use page::Page;
-use trimaran_transport::conformance::{ARM, Overhead, PANEL, Pairs, greeting, points, pose, receive, start};
+use trimaran_transport::conformance::{
+    ARM, Overhead, PANEL, Pairs, greeting, points, pose, receive, send_frame, start,
+};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
 use trimaran_transport::{
@@ -122,9 +124,7 @@ async fn a_frame_that_is_given_up_says_how_many_points_are_missing() {
     let (mut arm, mut panel) = joined("udp://127.0.0.1:0?mode=deadline", &options).await;
     assert!(!arm.capabilities().reliable && !panel.capabilities().reliable, "both sides know");
     for frame in 0..3 {
-        arm.frames_tx.begin(start(frame)).await.unwrap();
-        arm.frames_tx.push(&points(4000)).await.unwrap();
-        arm.frames_tx.finish().await.unwrap();
+        send_frame(&mut arm.frames_tx, frame, &points(4000)).await.unwrap();
         assert_eq!(panel.frames_rx.recv().await.unwrap(), FrameEvent::Begin(start(frame)));
         let mut came = 0;
         let outcome = loop {
@@ -179,9 +179,7 @@ async fn with_deadlines_points_travel_coded_against_a_frame_once_it_is_confirmed
     let mut least = u64::MAX;
     for frame in 0..500 {
         let before = arm.stats.read();
-        arm.frames_tx.begin(start(frame)).await.unwrap();
-        arm.frames_tx.push(&visible).await.unwrap();
-        arm.frames_tx.finish().await.unwrap();
+        send_frame(&mut arm.frames_tx, frame, &visible).await.unwrap();
         let bytes = (arm.stats.read() - before).sent.batches.bytes;
         assert!(frame > 0 || bytes > 4000, "{bytes} bytes for the first frame: nothing is confirmed");
         assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, visible);
@@ -200,9 +198,7 @@ async fn with_deadlines_points_travel_coded_against_a_frame_once_it_is_confirmed
 async fn packets_are_counted_while_the_link_lives_and_after() {
     let (net, begun) = (net(), net().now());
     let (mut arm, mut panel) = joined("udp://127.0.0.1:0", &shared(1)).await;
-    arm.frames_tx.begin(start(0)).await.unwrap();
-    arm.frames_tx.push(&points(50_000)).await.unwrap();
-    arm.frames_tx.finish().await.unwrap();
+    send_frame(&mut arm.frames_tx, 0, &points(50_000)).await.unwrap();
     assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, points(50_000));
     let [sent, received] = [&arm, &panel].map(|link| link.stats.read().path.unwrap());
     assert!((139..400).contains(&sent.sent) && sent.sent_bytes > 200_000, "{sent:?}");
@@ -229,9 +225,7 @@ async fn nobody_accepting_any_more_leaves_links_as_they_are() {
     let (mut there, mut here) = (there.unwrap(), here.unwrap());
     drop(listener);
     for frame in 0..3 {
-        here.frames_tx.begin(start(frame)).await.unwrap();
-        here.frames_tx.push(&points(5000)).await.unwrap();
-        here.frames_tx.finish().await.unwrap();
+        send_frame(&mut here.frames_tx, frame, &points(5000)).await.unwrap();
         assert_eq!(receive(&mut there.frames_rx).await.unwrap().points, points(5000));
     }
     let _held: Arc<dyn Net> = net;

@@ -10,7 +10,7 @@ use std::net::SocketAddr;
 use common::udp::shared;
 use common::{Listener, connect, net, soon};
 use trimaran_transport::Endpoint;
-use trimaran_transport::conformance::{ARM, PANEL, greeting, points, pose, receive, start};
+use trimaran_transport::conformance::{ARM, PANEL, greeting, points, pose, receive, send_frame};
 
 /// A panel asks a listener at `at` for a link by way of `asked`, another of its addresses than the system
 /// would answer from; both talk.
@@ -33,9 +33,7 @@ async fn asks(at: &str, asked: &str) {
     for number in 0..3 {
         panel.latest_tx.publish(pose(number)).unwrap();
         assert_eq!(machine.latest_rx.latest().await.unwrap(), pose(number));
-        machine.frames_tx.begin(start(number)).await.unwrap();
-        machine.frames_tx.push(&points(5000)).await.unwrap();
-        machine.frames_tx.finish().await.unwrap();
+        send_frame(&mut machine.frames_tx, number, &points(5000)).await.unwrap();
         assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, points(5000));
     }
 }

@@ -9,7 +9,7 @@ use std::cell::Cell;
 
 use common::router::Router;
 use common::{Link, Listener, connect, net, soon};
-use trimaran_transport::conformance::{ARM, PANEL, greeting, points, pose, receive, start};
+use trimaran_transport::conformance::{ARM, PANEL, greeting, points, pose, receive, send_frame, start};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::quic::{Congestion, QuicOptions};
 use trimaran_transport::{Options, until};
@@ -57,9 +57,7 @@ async fn through_a_router(
 /// The machine sends a frame of points and the panel poses; both get them.
 async fn a_frame_and_poses(machine: &mut Link, panel: &mut Link, frame: u32, count: u32) {
     let send = async {
-        machine.frames_tx.begin(start(frame)).await.unwrap();
-        machine.frames_tx.push(&points(count)).await.unwrap();
-        machine.frames_tx.finish().await.unwrap();
+        send_frame(&mut machine.frames_tx, frame, &points(count)).await.unwrap();
     };
     for number in 0..10 {
         panel.latest_tx.publish(pose(frame * 10 + number)).unwrap();

@@ -5,7 +5,7 @@ use std::time::Duration;
 use trimaran_netsim::Simulation;
 use trimaran_netsim::link::{LinkModel, LinkTally, Loss, Probability, Rate};
 use trimaran_transport::LinkConfig;
-use trimaran_transport::conformance::{Pairs, points, pose, receive, start};
+use trimaran_transport::conformance::{Pairs, points, pose, receive, send_frame};
 
 use super::Machines;
 
@@ -17,9 +17,7 @@ fn session((simulation, machines): (Simulation, Machines)) -> (u64, u64, u64) {
             let (mut arm, mut panel) = machines.pair(LinkConfig::default()).await;
             for frame in 0..50 {
                 panel.latest_tx.publish(pose(frame)).unwrap();
-                arm.frames_tx.begin(start(frame)).await.unwrap();
-                arm.frames_tx.push(&points(4000)).await.unwrap();
-                arm.frames_tx.finish().await.unwrap();
+                send_frame(&mut arm.frames_tx, frame, &points(4000)).await.unwrap();
                 assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, points(4000));
             }
         })

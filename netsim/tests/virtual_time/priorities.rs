@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use trimaran_netsim::link::{LinkModel, Rate};
 use trimaran_transport::LinkConfig;
-use trimaran_transport::conformance::{Pairs, command, points, pose, receive, start};
+use trimaran_transport::conformance::{Pairs, command, points, pose, receive, send_frame, start};
 
 /// A frame of so many points takes 160 ms over the [narrow line](narrow).
 const LONG: u32 = 50_000;
@@ -20,9 +20,7 @@ pub(crate) async fn an_older_frame_is_complete_first(pairs: &impl Pairs) {
     let net = pairs.net();
     let begun = net.now();
     for frame in 0..2 {
-        arm.frames_tx.begin(start(frame)).await.unwrap();
-        arm.frames_tx.push(&points(LONG)).await.unwrap();
-        arm.frames_tx.finish().await.unwrap();
+        send_frame(&mut arm.frames_tx, frame, &points(LONG)).await.unwrap();
     }
     assert!(net.now().since(begun) < Duration::from_millis(10), "both are under way");
     let mut ends = Vec::new();
@@ -38,9 +36,7 @@ pub(crate) async fn a_value_goes_before_a_frame(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(LinkConfig::default()).await;
     let net = pairs.net();
     let begun = net.now();
-    arm.frames_tx.begin(start(0)).await.unwrap();
-    arm.frames_tx.push(&points(LONG)).await.unwrap();
-    arm.frames_tx.finish().await.unwrap();
+    send_frame(&mut arm.frames_tx, 0, &points(LONG)).await.unwrap();
     arm.latest_tx.publish(pose(7)).unwrap();
     let look = async {
         assert_eq!(panel.latest_rx.latest().await.unwrap(), pose(7));
@@ -59,9 +55,7 @@ pub(crate) async fn a_message_goes_before_a_frame(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(LinkConfig::default()).await;
     let net = pairs.net();
     let begun = net.now();
-    arm.frames_tx.begin(start(0)).await.unwrap();
-    arm.frames_tx.push(&points(LONG)).await.unwrap();
-    arm.frames_tx.finish().await.unwrap();
+    send_frame(&mut arm.frames_tx, 0, &points(LONG)).await.unwrap();
     arm.messages_tx.send(&command(7)).await.unwrap();
     let hear = async {
         assert_eq!(panel.messages_rx.recv().await.unwrap(), command(7));

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::pairs::Pairs;
 use super::robot::Robot;
-use super::talk::{ARM, finished, points, pose, receive, start};
+use super::talk::{ARM, finished, points, pose, receive, send_frame, start};
 use super::talk::{batches_of, patient};
 use crate::{CloseReason, FrameEvent, FrameNumber, Link, Loss, RecvError, SendError, sleep_until};
 
@@ -13,9 +13,7 @@ use crate::{CloseReason, FrameEvent, FrameNumber, Link, Loss, RecvError, SendErr
 pub async fn close_comes_after_everything(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(patient()).await;
     arm.latest_tx.publish(pose(1)).unwrap();
-    arm.frames_tx.begin(start(0)).await.unwrap();
-    arm.frames_tx.push(&points(5)).await.unwrap();
-    arm.frames_tx.finish().await.unwrap();
+    send_frame(&mut arm.frames_tx, 0, &points(5)).await.unwrap();
     arm.close(CloseReason::new(2, "out of memory")).await.unwrap();
 
     assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, points(5));
@@ -39,9 +37,7 @@ pub async fn close_comes_after_everything(pairs: &impl Pairs) {
 pub async fn what_was_sent_before_a_link_is_dropped_arrives(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(patient()).await;
     let send = async {
-        arm.frames_tx.begin(start(0)).await.unwrap();
-        arm.frames_tx.push(&points(50_000)).await.unwrap();
-        arm.frames_tx.finish().await.unwrap();
+        send_frame(&mut arm.frames_tx, 0, &points(50_000)).await.unwrap();
         arm.latest_tx.publish(pose(1)).unwrap();
         drop(arm);
     };

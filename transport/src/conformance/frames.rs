@@ -2,7 +2,7 @@
 
 use super::pairs::{Overhead, Pairs};
 use super::robot::{Pose, Robot};
-use super::talk::{PANEL, command, points, pose, receive, start};
+use super::talk::{PANEL, command, points, pose, receive, send_frame, start};
 use super::talk::{batches_of, patient};
 use crate::{
     Fixed, FrameEvent, FrameNumber, FrameOrderError, Link, LinkConfig, LinkStats, SendError, Tally, Traffic,
@@ -86,9 +86,7 @@ pub async fn both_directions_at_once(pairs: &impl Pairs) {
         let Link { frames_tx, frames_rx, .. } = &mut link;
         let send = async {
             for frame in 0..20 {
-                frames_tx.begin(start(frame)).await.unwrap();
-                frames_tx.push(&points(10_000)).await.unwrap();
-                frames_tx.finish().await.unwrap();
+                send_frame(frames_tx, frame, &points(10_000)).await.unwrap();
             }
         };
         let receive = async {
@@ -110,9 +108,7 @@ pub async fn every_byte_is_counted(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(batches_of(10)).await;
     let before: LinkStats = arm.stats.read();
     assert_eq!(before.sent.control.messages, handshake);
-    arm.frames_tx.begin(start(0)).await.unwrap();
-    arm.frames_tx.push(&points(25)).await.unwrap();
-    arm.frames_tx.finish().await.unwrap();
+    send_frame(&mut arm.frames_tx, 0, &points(25)).await.unwrap();
     arm.latest_tx.publish(pose(0)).unwrap();
     receive(&mut panel.frames_rx).await.unwrap();
     panel.latest_rx.latest().await.unwrap();
@@ -147,9 +143,7 @@ pub async fn frames_alike_cost_little_when_coded(pairs: &impl Pairs) {
     };
     let mut first = Traffic::default();
     for frame in 0..10 {
-        arm.frames_tx.begin(start(frame)).await.unwrap();
-        arm.frames_tx.push(&visible(frame)).await.unwrap();
-        arm.frames_tx.finish().await.unwrap();
+        send_frame(&mut arm.frames_tx, frame, &visible(frame)).await.unwrap();
         assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, visible(frame));
         if frame == 0 {
             first = arm.stats.read().sent;

@@ -7,7 +7,7 @@ use trimaran_wire::MAX_MESSAGE;
 
 use super::pairs::Pairs;
 use super::robot::{Command, Robot};
-use super::talk::{ARM, PANEL, finished, points, pose, receive, start};
+use super::talk::{ARM, PANEL, finished, points, pose, receive, send_frame, start};
 use super::talk::{batches_of, command, patient};
 use crate::{LinkConfig, Loss, MessageReceiver, MessageSender, RecvError, SendError, sleep_until, until};
 
@@ -70,9 +70,7 @@ pub async fn a_sender_of_messages_waits_for_its_receiver(pairs: &impl Pairs) {
     }
     arm.latest_tx.publish(pose(1)).unwrap();
     assert_eq!(panel.latest_rx.latest().await.unwrap(), pose(1));
-    arm.frames_tx.begin(start(0)).await.unwrap();
-    arm.frames_tx.push(&points(1000)).await.unwrap();
-    arm.frames_tx.finish().await.unwrap();
+    send_frame(&mut arm.frames_tx, 0, &points(1000)).await.unwrap();
     assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, points(1000));
 
     let last = sent + 100;
@@ -180,9 +178,7 @@ pub async fn a_peer_without_a_message_fails_nobody(pairs: &impl Pairs) {
                 }
             }
             () = async {
-                arm.frames_tx.begin(start(frames)).await.unwrap();
-                arm.frames_tx.push(&points(100)).await.unwrap();
-                arm.frames_tx.finish().await.unwrap();
+                send_frame(&mut arm.frames_tx, frames, &points(100)).await.unwrap();
                 std::future::pending::<()>().await;
             }, if frames < 3 => {}
         }

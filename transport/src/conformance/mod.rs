@@ -67,7 +67,7 @@ pub use pairs::{Joined, Overhead, Pairs};
 pub use robot::{Command, Greeting, Pose, PoseError, RejectionCode, Robot};
 pub use talk::{
     ARM, GRIPPER, MAP, PANEL, Received, command, finished, greeting, next_event, next_pose, points, pose,
-    receive, start,
+    receive, send_frame, start,
 };
 pub use waiting::*;
 

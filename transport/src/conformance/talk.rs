@@ -5,7 +5,9 @@ use std::time::Duration;
 use trimaran_wire::{BatchSize, CloseReason, FrameEnd, FrameNumber, FrameOutcome};
 
 use super::robot::{Command, Greeting, Pose, Robot};
-use crate::{FrameEvent, FrameReceiver, FrameStart, LatestReceiver, LinkConfig, RecvError};
+use crate::{
+    FrameEvent, FrameReceiver, FrameSender, FrameStart, LatestReceiver, LinkConfig, RecvError, SendError,
+};
 
 /// The role of a robot: it listens, sends frames of points, and is told poses.
 pub const ARM: &str = "arm";
@@ -51,6 +53,20 @@ pub fn points(count: u32) -> Vec<u32> {
 #[must_use]
 pub fn finished() -> CloseReason {
     CloseReason::new(0, "all is done")
+}
+
+/// Sends a frame of this number with these points.
+///
+/// # Errors
+/// Those of [`FrameSender`].
+pub async fn send_frame(
+    tx: &mut FrameSender<Robot>,
+    frame: u32,
+    points: &[u32],
+) -> Result<FrameEnd, SendError> {
+    tx.begin(start(frame)).await?;
+    tx.push(points).await?;
+    tx.finish().await
 }
 
 /// One frame as it was received.

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::pairs::Pairs;
-use super::talk::{ARM, PANEL, finished, next_pose, points, pose, receive, start};
+use super::talk::{ARM, PANEL, finished, next_pose, points, pose, receive, send_frame, start};
 use super::talk::{batches_of, patient};
 use crate::{FrameEvent, LinkConfig, RecvError, SendError, sleep_until, until};
 
@@ -30,9 +30,7 @@ pub async fn a_receiver_that_catches_up_gets_everything(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(LinkConfig { max_frame: 16 << 20, ..batches_of(16_384) }).await;
     let all = points(16 << 20);
     let writer = async {
-        arm.frames_tx.begin(start(0)).await.unwrap();
-        arm.frames_tx.push(&all).await.unwrap();
-        arm.frames_tx.finish().await.unwrap();
+        send_frame(&mut arm.frames_tx, 0, &all).await.unwrap();
     };
     let net = pairs.net();
     let reader = async {
@@ -91,9 +89,7 @@ pub async fn a_deadline_leaves_the_link_usable(pairs: &impl Pairs) {
             matches!(missed, Err(RecvError::Deadline { ref peer }) if peer.as_str() == ARM),
             "{missed:?}"
         );
-        arm.frames_tx.begin(start(frame)).await.unwrap();
-        arm.frames_tx.push(&points(300)).await.unwrap();
-        arm.frames_tx.finish().await.unwrap();
+        send_frame(&mut arm.frames_tx, frame, &points(300)).await.unwrap();
         assert_eq!(receive(&mut panel.frames_rx).await.unwrap().points, points(300));
     }
 }
@@ -104,9 +100,7 @@ pub async fn polling_takes_what_is_there(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(batches_of(10)).await;
     let net = pairs.net();
     assert!(matches!(panel.frames_rx.try_recv(), Ok(None)));
-    arm.frames_tx.begin(start(0)).await.unwrap();
-    arm.frames_tx.push(&points(2000)).await.unwrap();
-    arm.frames_tx.finish().await.unwrap();
+    send_frame(&mut arm.frames_tx, 0, &points(2000)).await.unwrap();
     let mut got = Vec::new();
     loop {
         match panel.frames_rx.try_recv().unwrap() {

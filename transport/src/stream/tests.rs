@@ -7,7 +7,7 @@ use trimaran_wire::{Format, Kind, Lane, SessionId};
 
 use super::handshake::{Connection, Lanes};
 use crate::application::Side;
-use crate::conformance::{ARM, PANEL, Robot, finished, greeting, points, receive, start};
+use crate::conformance::{ARM, PANEL, Robot, finished, greeting, points, receive, send_frame, start};
 use crate::stats::Counters;
 use crate::tcp::Tcp;
 use crate::transport::Capabilities;
@@ -150,9 +150,7 @@ async fn a_beat_never_comes_between_what_a_sender_who_waits_has_to_say() {
     let (mut here, mut there) = pair(&net, 64, IDLE_TIMEOUT * 10);
     // In a task of its own: nobody else's wake-up is to be taken for the sender's.
     net.spawn(Box::pin(async move {
-        here.frames_tx.begin(start(0)).await.unwrap();
-        here.frames_tx.push(&points(5000)).await.unwrap();
-        here.frames_tx.finish().await.unwrap();
+        send_frame(&mut here.frames_tx, 0, &points(5000)).await.unwrap();
     }));
     // Many beats fall due while the sender waits for room, and none at this moment.
     let begins = IDLE_TIMEOUT * 5 + Duration::from_secs(1);
