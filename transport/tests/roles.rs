@@ -4,11 +4,11 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
 mod common;
-
-use std::io::{self, Write};
-use std::sync::{Arc, Mutex};
+#[path = "common/page.rs"]
+mod page;
 
 use common::{Link, Listener, connect, last_failure, net, obstacle, refusal, soon};
+use page::Page;
 use trimaran_transport::conformance::{ARM, GRIPPER, PANEL, greeting};
 use trimaran_transport::keys::{Keys, KnownPeer, PeerKey, Security, WrongRole};
 use trimaran_transport::{CloseReason, Endpoint, Explanation, HandshakeError, Options, RecvError, Refusal};
@@ -76,28 +76,10 @@ fn key(endpoint: &Endpoint, keys: &Keys) -> PeerKey {
     }
 }
 
-/// What is logged goes to a page.
-#[derive(Clone, Default)]
-struct Page(Arc<Mutex<Vec<u8>>>);
-
-impl Write for Page {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.0.lock().unwrap().write(bytes)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
 #[tokio::test]
 async fn a_key_that_claims_another_role_is_refused_by_name_and_the_right_one_still_gets_in() {
     for endpoint in ENDPOINTS {
-        let page = Page::default();
-        let writer = page.clone();
-        let subscriber =
-            tracing_subscriber::fmt().with_ansi(false).with_writer(move || writer.clone()).finish();
-        let logged = tracing::subscriber::set_default(subscriber);
+        let (page, logged) = Page::log();
         let mut show = Show::at(endpoint).await;
         let (first, second) = (show.first.clone(), show.second.clone());
 
@@ -125,8 +107,7 @@ async fn a_key_that_claims_another_role_is_refused_by_name_and_the_right_one_sti
             "key 'second' ({}) claims to be arm; this configuration knows it as gripper",
             key(&show.at, &second)
         );
-        let log = String::from_utf8(page.0.lock().unwrap().clone()).unwrap();
-        assert_eq!(log.lines().filter(|line| line.contains(&said)).count(), 1, "{endpoint}, once: {log}");
+        assert_eq!(page.lines(&[&said]), 1, "{endpoint}, once");
         drop(logged);
 
         let other = show.joins(&first, ARM).await;
