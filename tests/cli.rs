@@ -355,7 +355,6 @@ fn a_bad_key_of_a_transport_is_named_wherever_it_stands() {
         ("udp.repair=maybe", "auto"),
         ("udp.repair_percent=0", "1 to 100"),
         ("udp.trust=nobody", "plain"),
-        ("udp.congestion=bbr", "new-reno"),
         ("udp.max_datagram=1501", "1200 to 1500"),
         ("tcp.nodelay=2", "boolean"),
         ("tcp.send_buffer=-1", "invalid value"),

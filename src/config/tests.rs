@@ -127,7 +127,6 @@ fn values_outside_their_range_are_refused_by_line_and_key() {
         "udp.repair = true",
         "udp.repair_percent = 0",
         "udp.trust = 'nobody'",
-        "udp.congestion = 'bbr'",
         "udp.initial_window = 1",
         "udp.max_datagram = 1501",
         "limits.peers = -1",
@@ -199,7 +198,7 @@ fn what_is_told_of_a_transport_reaches_its_links() {
         "[tcp]\nnodelay = false\nsend_buffer = 1\nrecv_buffer = 2\nkeepalive_s = 0\nuser_timeout_s = 3.5\n";
     let unix = "[unix]\nmode = '0660'\nallow_uids = [7, 8]\n";
     let udp = "[udp]\nmode = 'deadline'\ndeadline_ms = 12.5\nrepair = 'on'\nrepair_percent = 20\ntrust = 'plain'\n\
-               congestion = 'new-reno'\ninitial_window = 10\nmax_datagram = 1200\nwindow = 3\nsend_buffer = 4\n\
+               initial_window = 10\nmax_datagram = 1200\nwindow = 3\nsend_buffer = 4\n\
                [udp.socket]\nsend_buffer = 5\nrecv_buffer = 5\n";
     let (_, options) = both::<DisplayConfig>(&format!("{DISPLAY}{tcp}{unix}{udp}")).unwrap();
     let tcp = options.tcp;
@@ -216,7 +215,6 @@ fn what_is_told_of_a_transport_reaches_its_links() {
         deadline: Duration::from_micros(12_500),
         repair: udp::Repair::On,
         repair_percent: 20,
-        congestion: udp::Congestion::NewReno,
         initial_window: 10,
         max_datagram: 1200,
         window: 3,

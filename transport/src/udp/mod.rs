@@ -20,4 +20,4 @@ mod units;
 
 pub use options::{Trust, UdpOptions};
 pub(crate) use scheme::Udp;
-pub use trimaran_udp::{Closed, Congestion, LaneViolation, MIN_DATAGRAM, Repair};
+pub use trimaran_udp::{Closed, LaneViolation, MIN_DATAGRAM, Repair};

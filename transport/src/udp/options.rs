@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use trimaran_udp::{Config, Congestion, Repair, Security as Noise};
+use trimaran_udp::{Config, Repair, Security as Noise};
 use trimaran_wire::Format;
 use zeroize::Zeroizing;
 
@@ -37,8 +37,6 @@ pub struct UdpOptions {
     /// How many bytes of repair may be sent, percent of the frames' own. 0 for none. Default 15.
     #[cfg_attr(feature = "config", serde(deserialize_with = "range::repair_percent"))]
     pub repair_percent: u8,
-    /// How a connection shares its path with others. Default CUBIC.
-    pub congestion: Congestion,
     /// How many packets may be under way at first, 2 at least: ten leave at once, those behind them over the
     /// round trip. Default 20.
     #[cfg_attr(feature = "config", serde(deserialize_with = "range::initial_window"))]
@@ -118,23 +116,14 @@ impl Trust {
 
 impl Default for UdpOptions {
     fn default() -> Self {
-        let Config {
-            window,
-            send_buffer,
-            repair,
-            repair_percent,
-            congestion,
-            initial_window,
-            max_datagram,
-            ..
-        } = Config::new(Format::default());
+        let Config { window, send_buffer, repair, repair_percent, initial_window, max_datagram, .. } =
+            Config::new(Format::default());
         Self {
             trust: Trust::default(),
             mode: UdpMode::default(),
             deadline: Duration::from_millis(50),
             repair,
             repair_percent,
-            congestion,
             initial_window,
             max_datagram,
             window: u32::try_from(window).unwrap_or(u32::MAX),
@@ -155,7 +144,6 @@ impl UdpOptions {
             frame_deadline,
             repair: self.repair,
             repair_percent: self.repair_percent,
-            congestion: self.congestion,
             initial_window: self.initial_window,
             max_datagram: self.max_datagram.min(MAX_DATAGRAM),
             idle_timeout: link.idle_timeout,

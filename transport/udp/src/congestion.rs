@@ -1,5 +1,4 @@
-//! How much may be in flight: CUBIC (RFC 9438) or New Reno (RFC 9002, section 7), with the validation of RFC
-//! 7661.
+//! How much may be in flight: CUBIC (RFC 9438), with the validation of RFC 7661. There is no way to turn it off.
 
 use std::time::Duration;
 
@@ -7,8 +6,6 @@ use trimaran_net::Instant;
 
 /// What a loss leaves of the window (RFC 9438, section 4.6).
 const BETA: f64 = 0.7;
-/// What a loss leaves of it with New Reno (RFC 9002, section 7.3.2).
-const HALF: f64 = 0.5;
 /// How fast the window comes back, in segments per second cubed (RFC 9438, section 5).
 const C: f64 = 0.4;
 /// The smallest window, in segments (RFC 9002, section 7.2).
@@ -17,32 +14,9 @@ const MINIMUM: f64 = 2.0;
 /// unless two segments are more.
 const LARGEST_INITIAL: f64 = 1_472.0;
 
-/// How a connection shares its path with others. There is no way to turn it off.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-#[cfg_attr(feature = "config", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
-#[cfg_attr(feature = "config", serde(rename_all = "kebab-case"))]
-#[non_exhaustive]
-pub enum Congestion {
-    /// CUBIC (RFC 9438), as most TCP has it.
-    #[default]
-    Cubic,
-    /// New Reno (RFC 9002, section 7): slower to come back on long paths.
-    NewReno,
-}
-
-impl Congestion {
-    const fn left_by_loss(self) -> f64 {
-        match self {
-            Self::Cubic => BETA,
-            Self::NewReno => HALF,
-        }
-    }
-}
-
 /// The congestion window. All sizes are in segments of the path inside, in bytes outside.
 #[derive(Debug, Clone)]
 pub(crate) struct Window {
-    law: Congestion,
     segment: f64,
     window: f64,
     /// The window at the start.
@@ -62,10 +36,9 @@ pub(crate) struct Window {
 
 impl Window {
     /// A window of `initial` segments.
-    pub(crate) fn new(law: Congestion, segment: usize, initial: u16) -> Self {
+    pub(crate) fn new(segment: usize, initial: u16) -> Self {
         let initial = f64::from(initial).max(MINIMUM);
         Self {
-            law,
             segment: segment as f64,
             window: initial,
             initial,
@@ -120,14 +93,6 @@ impl Window {
             self.window += acked;
             return;
         }
-        match self.law {
-            Congestion::Cubic => self.grow_cubic(now, acked, rtt),
-            // One segment for each window that was acknowledged.
-            Congestion::NewReno => self.window += acked / self.window,
-        }
-    }
-
-    fn grow_cubic(&mut self, now: Instant, acked: f64, rtt: Duration) {
         let epoch = *self.epoch.get_or_insert_with(|| {
             self.reno = self.window;
             self.peak = self.peak.max(self.window);
@@ -151,13 +116,13 @@ impl Window {
         self.epoch = None;
         // Fast convergence: who lost below the last peak leaves room to others (RFC 9438, section 4.7).
         self.peak = if self.window < self.peak { self.window * (1.0 + BETA) / 2.0 } else { self.window };
-        self.window = (self.window * self.law.left_by_loss()).max(MINIMUM);
+        self.window = (self.window * BETA).max(MINIMUM);
         self.threshold = self.window;
     }
 
     /// Everything sent over a long time was lost (RFC 9002, section 7.6).
     pub(crate) fn on_persistent_congestion(&mut self) {
-        self.threshold = (self.window * self.law.left_by_loss()).max(MINIMUM);
+        self.threshold = (self.window * BETA).max(MINIMUM);
         self.is_initial = false;
         self.window = MINIMUM;
         self.epoch = None;
@@ -170,7 +135,7 @@ mod tests {
     use super::*;
 
     fn cubic(segment: usize) -> Window {
-        Window::new(Congestion::Cubic, segment, 10)
+        Window::new(segment, 10)
     }
 
     const RTT: Duration = Duration::from_millis(10);
@@ -240,19 +205,6 @@ mod tests {
             before = cubic.window();
         }
         assert!((98_000..=101_000).contains(&before), "{before}");
-    }
-
-    #[test]
-    fn new_reno_halves_and_comes_back_by_a_segment_a_round_trip() {
-        let mut reno = Window::new(Congestion::NewReno, 1000, 10);
-        reno.on_ack(at(10), at(0), 90_000, 90_000, RTT);
-        reno.on_loss(at(20), at(15));
-        assert_eq!(reno.window(), 50_000);
-        for round in 1..=4 {
-            let window = reno.window();
-            reno.on_ack(at(20 + 10 * round), at(15 + 10 * round), window, window, RTT);
-        }
-        assert!((53_900..=54_000).contains(&reno.window()), "{}", reno.window());
     }
 
     #[test]

@@ -104,7 +104,7 @@ impl Connection {
             here,
             there,
             peer_path: None,
-            recovery: Recovery::new(config.congestion, MIN_DATAGRAM, config.initial_window, config.ack_delay),
+            recovery: Recovery::new(MIN_DATAGRAM, config.initial_window, config.ack_delay),
             pacer: Pacer::new(MIN_DATAGRAM),
             paced_until: None,
             acks: Acks::default(),

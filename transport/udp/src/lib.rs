@@ -64,7 +64,6 @@ mod spare;
 mod wire;
 
 pub use chunk::UnitLane;
-pub use congestion::Congestion;
 pub use connection::{
     Closed, Config, Connection, DeadlineTooShort, PathStats, STEPS_PER_BYTE, STEPS_PER_PACKET,
 };

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use trimaran_net::Instant;
 
-use crate::congestion::{Congestion, Window};
+use crate::congestion::Window;
 use crate::packet::PacketNumber;
 use crate::ranges::RangeSet;
 use crate::rtt::Rtt;
@@ -80,7 +80,7 @@ pub(crate) struct Recovery {
 }
 
 impl Recovery {
-    pub(crate) fn new(law: Congestion, segment: usize, initial: u16, max_ack_delay: Duration) -> Self {
+    pub(crate) fn new(segment: usize, initial: u16, max_ack_delay: Duration) -> Self {
         Self {
             flight: Flight::default(),
             skipped: Skipped::default(),
@@ -94,7 +94,7 @@ impl Recovery {
             spare: Vec::new(),
             sampled: None,
             rtt: Rtt::default(),
-            window: Window::new(law, segment, initial),
+            window: Window::new(segment, initial),
             lost_packets: 0,
             all_probes: 0,
             visited: 0,
@@ -316,7 +316,7 @@ mod tests {
     }
 
     fn sender() -> Recovery {
-        Recovery::new(Congestion::Cubic, 1000, 10, Duration::from_millis(1))
+        Recovery::new(1000, 10, Duration::from_millis(1))
     }
 
     #[test]

@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use trimaran_wire::{BatchSize, Format};
 
-use crate::congestion::Congestion;
 use crate::repair::Repair;
 
 /// What holds for a connection. Both ends must agree on the window.
@@ -33,8 +32,6 @@ pub struct Config {
     /// How many bytes repair may cost, percent of those without: its packets, and the headers of those that
     /// are smaller for it. Default 15; 0 for none.
     pub repair_percent: u8,
-    /// How the connection shares its path with others. Default CUBIC.
-    pub congestion: Congestion,
     /// How many packets may be under way at first, 2 at least; ten leave at once, those behind them over the
     /// round trip. Default 20: a frame of 16 kB and its repair are 17. RFC 9002 (section 7.2)
     /// recommends 10.
@@ -59,7 +56,6 @@ impl Config {
             frame_deadline: None,
             repair: Repair::default(),
             repair_percent: 15,
-            congestion: Congestion::default(),
             initial_window: 20,
             max_datagram: 1452,
         }

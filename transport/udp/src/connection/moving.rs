@@ -77,8 +77,8 @@ impl Connection {
         let lost = self.recovery.on_moved();
         self.judge(now, Verdict { lost, ..Verdict::default() });
         if moved == Moved::Path {
-            let Config { congestion, initial_window, .. } = self.config;
-            self.recovery.on_new_path(congestion, MIN_DATAGRAM, initial_window);
+            let Config { initial_window, .. } = self.config;
+            self.recovery.on_new_path(MIN_DATAGRAM, initial_window);
             self.mtu = Mtu::new(now, self.config.max_datagram);
             self.pacer = Pacer::new(MIN_DATAGRAM);
         }

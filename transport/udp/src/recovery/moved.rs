@@ -1,6 +1,6 @@
 //! What a new path leaves of what was known of the old one.
 
-use crate::congestion::{Congestion, Window};
+use crate::congestion::Window;
 use crate::recovery::share::LossShare;
 use crate::recovery::{Contents, Recovery};
 use crate::rtt::Rtt;
@@ -17,10 +17,10 @@ impl Recovery {
     }
 
     /// Begins anew on a path of which nothing is known (RFC 9000, section 9.4).
-    pub(crate) fn on_new_path(&mut self, law: Congestion, segment: usize, initial: u16) {
+    pub(crate) fn on_new_path(&mut self, segment: usize, initial: u16) {
         self.rtt = Rtt::default();
         self.sampled = None;
-        self.window = Window::new(law, segment, initial);
+        self.window = Window::new(segment, initial);
         self.loss = LossShare::new();
     }
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use trimaran_net::Instant;
-use trimaran_udp::{Config, Congestion, Connection, Received, Repair, UnitLane};
+use trimaran_udp::{Config, Connection, Received, Repair, UnitLane};
 use trimaran_wire::{
     Batch, BatchSize, CloseReason, FixedBytes, Format, FrameAssembler, FrameMessage, FrameNumber,
     FrameOutcome, FrameStep, FrameWriter,
@@ -234,7 +234,6 @@ pub(crate) const RELIABLE: Config = Config {
     frame_deadline: None,
     repair: Repair::Auto,
     repair_percent: 15,
-    congestion: Congestion::Cubic,
     initial_window: 20,
     max_datagram: 1452,
     batch: BatchSize::MAX,
