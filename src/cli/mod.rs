@@ -10,6 +10,7 @@ mod generate;
 mod import;
 mod info;
 mod keys;
+#[cfg(target_os = "linux")]
 mod netem;
 mod ping;
 mod processes;
@@ -60,7 +61,12 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         Command::Run(args) => run::run(&args),
         Command::Sweep(args) => sweep::run(&args),
         Command::Sim(args) => sim::run(&args),
+        #[cfg(target_os = "linux")]
         Command::Netem(args) => netem::run(&args),
+        #[cfg(not(target_os = "linux"))]
+        Command::Netem(_) => {
+            Err(Failure::bad_input("emulating a network needs Linux's network namespaces and TUN devices"))
+        }
         Command::Role(command) => role::run(&command),
         Command::Config { role } => {
             print!("{}", role::template(role));
