@@ -246,6 +246,8 @@ fn three_processes_show_what_one_shows() {
             "96x80",
             "--audit-every",
             "3",
+            "--batch",
+            "16",
         ];
         let run = bench.trimaran(&args);
         assert!(run.status.success(), "{}", said(&run));
