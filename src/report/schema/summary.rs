@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use trimaran_audit::SURFACE_SLACK_PX;
-use trimaran_netsim::FrameLoad;
+
+use crate::report::FrameLoad;
 
 use super::{BytesByKind, Ended, FalseCull, FalseCullCause, Frame, LowStat, METRICS, Model, Run, Stat};
 
@@ -159,25 +160,16 @@ impl Bandwidth {
         }
         let headers: u64 = counted.iter().map(|(b, _)| b.headers).sum();
         let (n, h) = (mean(counted.iter().map(|(_, n)| n).sum()), headers as f64 / messages as f64);
+        let load = FrameLoad { ids: n, batch: f64::from(run.batch), header: h };
         Some(Self {
             ids_per_frame: n,
             batch: run.batch,
             header_bytes: h,
             measured_bytes: mean(counted.iter().map(|(b, _)| b.total() as f64).sum()),
-            paper_formula_bytes: paper_formula_bytes(n, run.batch, h),
-            corrected_formula_bytes: corrected_formula_bytes(n, run.batch, h),
+            paper_formula_bytes: load.paper_bytes(),
+            corrected_formula_bytes: load.sent_bytes(),
         })
     }
-}
-
-/// The paper's formula, bytes a frame, for `n` ids, `b` ids a message and `h` header bytes a message.
-fn paper_formula_bytes(n: f64, b: u32, h: f64) -> f64 {
-    FrameLoad { ids: n, batch: f64::from(b), header: h }.paper_bytes()
-}
-
-/// The formula of what is sent, likewise.
-fn corrected_formula_bytes(n: f64, b: u32, h: f64) -> f64 {
-    FrameLoad { ids: n, batch: f64::from(b), header: h }.sent_bytes()
 }
 
 fn measured_fps(frames: usize, wall_ms: Option<f64>) -> Option<f64> {
@@ -267,14 +259,6 @@ mod tests {
         assert_eq!(summary.tightness.nodes, Some(1.5));
         assert_eq!(summary.metrics["node_tightness"].frames, 1);
         assert_eq!(summary.metrics["nodes_drawn"].frames, 3);
-    }
-
-    #[test]
-    fn the_formulas_give_the_papers_figure_and_the_corrected_one() {
-        // n = 4000 ids, b = 10 a message, h = 50 header bytes, 30 frames a second: the paper says 39 Mbit/s.
-        let megabits = |bytes: f64| bytes * 8.0 * 30.0 / 1e6;
-        assert!((megabits(paper_formula_bytes(4000.0, 10, 50.0)) - 38.5).abs() < 0.05);
-        assert!((megabits(corrected_formula_bytes(4000.0, 10, 50.0)) - 17.4).abs() < 0.05);
     }
 
     #[test]
