@@ -27,6 +27,7 @@ use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
+use indicatif::HumanCount;
 use serde::Serialize;
 use tracing_subscriber::EnvFilter;
 
@@ -108,26 +109,5 @@ fn printed(written: io::Result<()>) -> Result<(), Failure> {
 
 /// A count with a comma every three digits.
 fn number(count: u64) -> String {
-    let digits = count.to_string();
-    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::number;
-
-    #[test]
-    fn counts_are_grouped_by_threes() {
-        let cases = [(0, "0"), (999, "999"), (1_000, "1,000"), (87_600_123, "87,600,123")];
-        for (count, text) in cases {
-            assert_eq!(number(count), text);
-        }
-    }
+    HumanCount(count).to_string()
 }
