@@ -5,7 +5,7 @@ use std::time::SystemTime;
 use serde::{Deserialize, Serialize};
 
 /// What was run, where, and with which settings.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Run {
     /// The program's version.
     pub version: String,
@@ -48,10 +48,11 @@ pub struct Run {
 }
 
 /// Whether every camera became a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
     /// Every camera of the path is one frame; the run is deterministic.
+    #[default]
     Lockstep,
     /// OR takes the latest camera; cameras that came too early are skipped.
     Live,
@@ -81,7 +82,7 @@ pub struct RoleInfo {
 }
 
 /// The scene walked through.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SceneInfo {
     /// The cooked file.
     pub file: String,
