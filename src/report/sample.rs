@@ -5,8 +5,8 @@ use std::sync::LazyLock;
 use trimaran_audit::metrics::{Deviation, ImageRef, image_difference};
 
 use super::schema::{
-    BytesByKind, CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Machine, Mode, Projection,
-    Report, Role, RoleInfo, Run, SceneInfo, Span, SweepPoint, VisibleObject,
+    CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Machine, Mode, Projection, Report,
+    Role, RoleInfo, Run, SceneInfo, SentBytes, Span, SweepPoint, VisibleObject,
 };
 
 pub(super) const SIZE: u32 = 96;
@@ -70,10 +70,10 @@ fn frame(frame: u32) -> Frame {
     let drawn = if frame == 0 { 5_210 } else { (exact as f64 * (1.22 + 0.1 * noise(frame, 3))) as u64 };
     let audited = frame.is_multiple_of(AUDIT_EVERY);
     let wrong = frame == 27;
-    let bytes_by_kind = BytesByKind {
+    let bytes_by_kind = SentBytes {
         camera: 3 * 72,
         ids: 8 * drawn,
-        eof: 48,
+        end: 48,
         begin: 16,
         control: if frame.is_multiple_of(10) { 120 } else { 0 },
         headers: 8 * (7 + 2 * drawn.div_ceil(1024)),

@@ -6,7 +6,7 @@ use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, FrameStats, Se
 use trimaran_scene::Scene;
 
 use super::{objects::ObjectCounts, path::CameraPath};
-use crate::report::schema::{BytesByKind, CullingCounts, Frame, Machine, Role, Span};
+use crate::report::schema::{CullingCounts, Frame, Machine, Role, Span};
 
 /// A frame as it was shown.
 #[derive(Debug, Clone)]
@@ -80,7 +80,7 @@ fn frame(
         .map(|drawable| u64::from(drawable.index_count / 3))
         .sum();
     let stats = record.stats.as_ref();
-    let bytes = all_bytes(record);
+    let bytes = record.traffic + stats.map(|s| s.to_other).unwrap_or_default();
     Frame {
         frame: number.0,
         eye: pose.map(|p| p.eye().to_array()).unwrap_or_default(),
@@ -136,21 +136,6 @@ const fn machine_of(frame: FrameNumber) -> Machine {
     match trimaran_actors::CullerIndex::of(frame) {
         trimaran_actors::CullerIndex::First => Machine::FirstCuller,
         trimaran_actors::CullerIndex::Second => Machine::SecondCuller,
-    }
-}
-
-/// The frame's bytes over all three links.
-fn all_bytes(record: &FrameRecord) -> BytesByKind {
-    let between_pair = record.stats.map(|stats| stats.to_other).unwrap_or_default();
-    let sum = |part: fn(&SentBytes) -> u64| part(&record.traffic) + part(&between_pair);
-    BytesByKind {
-        camera: sum(|b| b.camera),
-        ids: sum(|b| b.ids),
-        eof: sum(|b| b.end),
-        begin: sum(|b| b.begin),
-        control: sum(|b| b.control),
-        headers: sum(|b| b.headers),
-        messages: sum(|b| b.messages),
     }
 }
 

@@ -1,13 +1,13 @@
 //! The frames' figures, condensed.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, ops::Add};
 
 use serde::{Deserialize, Serialize};
 use trimaran_audit::SURFACE_SLACK_PX;
 
 use crate::report::FrameLoad;
 
-use super::{BytesByKind, Ended, FalseCull, FalseCullCause, Frame, LowStat, METRICS, Model, Run, Stat};
+use super::{Ended, FalseCull, FalseCullCause, Frame, LowStat, METRICS, Model, Run, SentBytes, Stat};
 
 /// Objects drawn over objects exactly visible in the paper's power plant (its tables 2 and 3).
 pub const PAPER_OBJECT_TIGHTNESS: f64 = 1.83;
@@ -49,7 +49,7 @@ pub struct Summary {
     /// Nodes drawn because a test could not be decided, by reason, summed over all frames.
     pub conservatively_visible: BTreeMap<String, u64>,
     /// Bytes by kind, summed over all frames on which they were counted.
-    pub bytes_by_kind: Option<BytesByKind>,
+    pub bytes_by_kind: Option<SentBytes>,
     /// Bytes a frame as counted, beside the two formulas.
     pub bandwidth: Option<Bandwidth>,
     /// Median, 95th percentile and maximum of every figure of [`METRICS`] that was measured.
@@ -151,7 +151,7 @@ impl Summary {
 
 impl Bandwidth {
     fn of(run: &Run, frames: &[Frame]) -> Option<Self> {
-        let counted: Vec<(&BytesByKind, f64)> =
+        let counted: Vec<(&SentBytes, f64)> =
             frames.iter().filter_map(|f| Some((f.bytes_by_kind.as_ref()?, f.nodes_drawn? as f64))).collect();
         let mean = |total: f64| total / counted.len() as f64;
         let messages: u64 = counted.iter().map(|(b, _)| b.messages).sum();
@@ -199,16 +199,8 @@ fn conservatively_visible(frames: &[Frame]) -> BTreeMap<String, u64> {
     total
 }
 
-fn bytes_by_kind(frames: &[Frame]) -> Option<BytesByKind> {
-    frames.iter().filter_map(|f| f.bytes_by_kind).reduce(|a, b| BytesByKind {
-        camera: a.camera + b.camera,
-        ids: a.ids + b.ids,
-        eof: a.eof + b.eof,
-        begin: a.begin + b.begin,
-        control: a.control + b.control,
-        headers: a.headers + b.headers,
-        messages: a.messages + b.messages,
-    })
+fn bytes_by_kind(frames: &[Frame]) -> Option<SentBytes> {
+    frames.iter().filter_map(|f| f.bytes_by_kind).reduce(Add::add)
 }
 
 #[cfg(test)]
@@ -265,7 +257,7 @@ mod tests {
     fn bandwidth_is_evaluated_at_what_was_measured() {
         let frame = |drawn: u64, headers, messages| Frame {
             nodes_drawn: Some(drawn),
-            bytes_by_kind: Some(BytesByKind { ids: 8 * drawn, headers, messages, ..BytesByKind::default() }),
+            bytes_by_kind: Some(SentBytes { ids: 8 * drawn, headers, messages, ..SentBytes::default() }),
             ..Frame::default()
         };
         let run = Run { batch: 100, ..sample::run() };
