@@ -2,7 +2,9 @@
 
 use std::sync::LazyLock;
 
+use trimaran_actors::CullerIndex;
 use trimaran_audit::metrics::{Deviation, ImageRef, image_difference};
+use trimaran_proto::FrameNumber;
 
 use super::schema::{
     CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Machine, Mode, Projection, Report,
@@ -62,7 +64,7 @@ fn frame(frame: u32) -> Frame {
     let (or, hc, rvg) = (9.0 * load, 14.0 * load + noise(frame, 2), 11.0 * load);
     // The roles take turns, 65 ms a frame; the machine that drew a frame's occluders culls it.
     let start = 65.0 * f64::from(frame);
-    let machine = if frame.is_multiple_of(2) { Machine::FirstCuller } else { Machine::SecondCuller };
+    let machine = CullerIndex::of(FrameNumber(frame)).role();
     let span =
         |role, machine, start_ms: f64, ms: f64| Span { role, machine, start_ms, end_ms: start_ms + ms };
 

@@ -4,6 +4,9 @@ use std::time::SystemTime;
 
 use serde::{Deserialize, Serialize};
 
+/// One of the three machines, or of the three actors that stand for them.
+pub use trimaran_proto::Role as Machine;
+
 /// What was run, where, and with which settings.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Run {
@@ -56,18 +59,6 @@ pub enum Mode {
     Lockstep,
     /// OR takes the latest camera; cameras that came too early are skipped.
     Live,
-}
-
-/// One of the three machines, or of the three actors that stand for them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Machine {
-    /// The peer of the switching pair that culls even frames.
-    FirstCuller,
-    /// The peer of the switching pair that culls odd frames.
-    SecondCuller,
-    /// The one that shows the visible geometry (RVG).
-    Display,
 }
 
 /// What one of the three machines is.
