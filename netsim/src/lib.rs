@@ -51,7 +51,7 @@ mod world;
 pub use capture::CaptureError;
 pub use net::SimNet;
 pub use profile::{Machines, Profile, ProfileError, ScheduleFault};
-pub use relay::{Arrival, Parting, Relay, Totals};
+pub use relay::{Arrival, Relay, Totals};
 pub use simulation::{Simulation, Stalled};
 pub use tcp::Class;
 pub use topology::{HostId, NodeId, Topology};
