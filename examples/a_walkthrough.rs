@@ -37,7 +37,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     let mut progress = |_| {};
     let mut recorder = Recorder::new(0, &mut progress);
-    devices.walk(&plan, &path, None, &mut recorder, runtime.handle(), &stop)?;
+    devices.walk(&plan, &path, &mut recorder, runtime.handle(), &stop)?;
 
     let frames = recorder.into_frames();
     let drawn: usize = frames.iter().map(|frame| frame.ids.len()).sum();

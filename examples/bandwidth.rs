@@ -3,7 +3,7 @@
 //!
 //!     cargo run --example bandwidth
 
-use trimaran_netsim::{FrameLoad, bits_per_second};
+use trimaran::report::FrameLoad;
 
 fn main() {
     println!("at 30 frames a second, with 50 bytes of headers a packet, in megabits a second:\n");
@@ -11,8 +11,7 @@ fn main() {
     for ids in [100.0, 1_000.0, 4_000.0, 20_000.0] {
         for batch in [1.0, 10.0, 100.0, 1_024.0] {
             let load = FrameLoad { ids, batch, header: 50.0 };
-            let [paper, sent] =
-                [load.paper_bytes(), load.sent_bytes()].map(|bytes| bits_per_second(bytes, 30.0) / 1e6);
+            let [paper, sent] = [load.paper_bytes(), load.sent_bytes()].map(|bytes| 8.0 * bytes * 30.0 / 1e6);
             println!("{ids:11} {batch:13} {paper:17.2} {sent:9.2}");
         }
     }

@@ -34,11 +34,13 @@
 //! | [`report`] | what is written of it: JSON, a page, text, pictures |
 //! | [`simulate`], [`trace`] | roles in virtual time, and recorded walks for them |
 //! | [`config`] | the configuration of roles and links |
-//! | [`metrics`], [`netem`] | what links carry, for Prometheus; a simulated network between programs |
+//! | [`metrics`] | what links carry, for Prometheus |
+//! | `netem` | a simulated network between programs, on Linux |
 //! | [`vulkan`] | the roles' devices |
 
 pub mod config;
 pub mod metrics;
+#[cfg(target_os = "linux")]
 pub mod netem;
 pub mod report;
 pub mod simulate;

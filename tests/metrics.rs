@@ -101,21 +101,6 @@ fn a_running_session_shows_what_its_links_carry() {
     assert!(readings[0]["received"]["ids"].as_u64().unwrap() > 0);
 }
 
-/// Whoever connects and says nothing costs others no time.
-#[test]
-fn a_hundred_silent_connections_leave_the_page_there() {
-    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-    let serving = LinkMetrics::default().serve(([127, 0, 0, 1], 0).into(), runtime.handle()).unwrap();
-    let silent: Vec<_> = (0..100).map(|_| TcpStream::connect(serving.address()).unwrap()).collect();
-    let mut guest = TcpStream::connect(serving.address()).unwrap();
-    guest.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
-    write!(guest, "GET /metrics HTTP/1.1\r\nhost: here\r\n\r\n").unwrap();
-    let mut answer = String::new();
-    let read = guest.read_to_string(&mut answer);
-    assert!(read.is_ok() && answer.starts_with("HTTP/1.1 200 OK"), "{read:?}, {answer:?}");
-    drop(silent);
-}
-
 /// A listener with room for one peer and three handshakes, which a link over TCP takes, meets a crowd, and a peer that says more than it may.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_came_up_against_a_limit_is_counted_and_shown() {

@@ -4,10 +4,7 @@
 use std::fs;
 
 use trimaran::{
-    report::{
-        Frame, Projection, Report, Run,
-        schema::{Ended, Mode, SceneInfo},
-    },
+    report::{Frame, Projection, Report, Run, schema::Ended},
     simulate::{Knobs, Scenario, Transport, Workload, simulate},
 };
 use trimaran_netsim::Profile;
@@ -32,39 +29,8 @@ fn report(times: impl Fn(u32) -> [f64; 3]) -> Report {
     let frames: Vec<Frame> = (0..FRAMES).map(frame).collect();
     let whole: f64 = (1..FRAMES).map(|number| times(number).iter().sum::<f64>()).sum();
     let projection = Projection { width: 8, height: 8, vfov_deg: 60.0, near: 0.1 };
-    Report::new(run(), projection, frames, Some(whole), Ended::finished(Some(FRAMES)))
-}
-
-fn run() -> Run {
-    let scene = SceneInfo {
-        file: String::new(),
-        hash: String::new(),
-        file_bytes: None,
-        objects: 0,
-        nodes: 0,
-        drawables: 0,
-        triangles: 0,
-        sources: Vec::new(),
-    };
-    Run {
-        version: String::new(),
-        command_line: Vec::new(),
-        started: String::new(),
-        roles: Vec::new(),
-        scene,
-        epsilon_px: 2.0,
-        occlusion_test: String::new(),
-        batch: 1024,
-        coding: None,
-        link: "inproc".to_owned(),
-        transport: String::new(),
-        mode: Mode::Lockstep,
-        alone: true,
-        path: String::new(),
-        seed: None,
-        audit_every: None,
-        notes: Vec::new(),
-    }
+    let run = Run { epsilon_px: 2.0, batch: 1024, alone: true, ..Run::default() };
+    Report::new(run, projection, frames, Some(whole), Ended::finished(Some(FRAMES)))
 }
 
 /// Pictures a second of a simulated session whose roles take what the report says, on a network that takes no

@@ -8,9 +8,7 @@ use std::{error::Error, path::PathBuf};
 
 use common::{
     data::{Data, cooked, imported},
-    session::{
-        assert_no_validation_messages, camera_path, essence, on_devices, walk_in_process, walk_over_tcp,
-    },
+    session::{assert_no_validation_messages, camera_path, on_devices, walk_in_process},
 };
 use trimaran::vulkan::VulkanCuller;
 use trimaran::{
@@ -44,8 +42,8 @@ const fn frames(occlusion_test: OcclusionTestKind) -> u32 {
 }
 
 /// Walks through a model with every occlusion test at two error bounds, and audits.
-fn walks(files: &[PathBuf], path: &PathChoice) -> Result<Option<SceneOnDevices>, Box<dyn Error>> {
-    let Some(devices) = on_devices(&cooked(&imported(files))) else { return Ok(None) };
+fn walks(files: &[PathBuf], path: &PathChoice) -> Result<(), Box<dyn Error>> {
+    let Some(devices) = on_devices(&cooked(&imported(files))) else { return Ok(()) };
     println!("test   epsilon  frames  audited  drawn  outline off  surface off");
     for epsilon in [2.0, 10.0] {
         let mut pictures = Vec::new();
@@ -69,7 +67,7 @@ fn walks(files: &[PathBuf], path: &PathChoice) -> Result<Option<SceneOnDevices>,
         }
     }
     assert_no_validation_messages(&devices);
-    Ok(Some(devices))
+    Ok(())
 }
 
 /// Audits frames of a session and returns how far an outline and a surface were off at most, in pixels.
@@ -99,27 +97,19 @@ fn audit(devices: &SceneOnDevices, plan: &Plan, records: &[FrameRecord]) -> Resu
 #[test]
 fn platform() -> Result<(), Box<dyn Error>> {
     let Some(data) = Data::find() else { return Ok(()) };
-    walks(&data.platform(), &PathChoice::Auto { seed: 1 })?;
-    Ok(())
+    walks(&data.platform(), &PathChoice::Auto { seed: 1 })
 }
 
 #[test]
 fn platform_in_14_copies() -> Result<(), Box<dyn Error>> {
     let Some(data) = Data::find() else { return Ok(()) };
     let path = PathChoice::File(data.truth("huldra_x14_13Mtri.walk.json"));
-    walks(&[data.unpacked("huldra_x14_13Mtri.glb")], &path)?;
-    Ok(())
+    walks(&[data.unpacked("huldra_x14_13Mtri.glb")], &path)
 }
 
 #[test]
-fn town_hall_in_process_and_over_tcp() -> Result<(), Box<dyn Error>> {
+fn town_hall() -> Result<(), Box<dyn Error>> {
     let Some(data) = Data::find() else { return Ok(()) };
     let path = PathChoice::File(data.truth("ldraw_town_hall_1.3Mtri.walk.json"));
-    let Some(devices) = walks(&[data.unpacked("ldraw_town_hall_1.3Mtri.glb")], &path)? else { return Ok(()) };
-    let plan = plan(OcclusionTestKind::Raster, 2.0);
-    let path = camera_path(&devices, &plan, &path, frames(plan.occlusion_test));
-    let (inproc, tcp) = (walk_in_process(&devices, &plan, &path), walk_over_tcp(&devices, &plan, &path));
-    assert_eq!(essence(&inproc), essence(&tcp), "TCP shows what one process shows");
-    assert_no_validation_messages(&devices);
-    Ok(())
+    walks(&[data.unpacked("ldraw_town_hall_1.3Mtri.glb")], &path)
 }

@@ -2,18 +2,13 @@
 //! started again or not.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
-#[path = "../transport/tests/common/ports.rs"]
-mod ports;
-
 use std::env;
 use std::ffi::OsStr;
 use std::fs::{self, Permissions};
-use std::io::{BufRead, BufReader};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Output};
 
-use ports::unused_port;
 use tempfile::TempDir;
 
 /// The kinds of roles, each with its unit and the name of the configuration that the unit reads.
@@ -98,37 +93,6 @@ fn a_service_whose_peers_are_not_there_is_started_again() {
     ] {
         assert_eq!(value(&unit(role), "Restart"), kind);
         serves_in_vain(role, &folder, &configuration, "show.sock");
-    }
-}
-
-/// Over datagrams nothing tells that a process was killed, until it is missed. Its successor waits for its
-/// place.
-#[test]
-fn a_machine_whose_place_is_still_held_for_the_process_before_waits_for_it() {
-    let (folder, _) = place();
-    let [show, pair] = [(); 2].map(|()| format!("'udp://127.0.0.1:{}'", unused_port()));
-    let plain = "udp.trust = 'plain'\nlink.idle_timeout_s = 4\njoin_timeout_s = 600\n";
-    let display = format!("{plain}scene = 'plant.scene'\nlisten = {show}\nout = 'walk'\n");
-    fs::write(folder.path().join("display.toml"), display).unwrap();
-    let second = format!("{plain}scene = 'plant.scene'\nindex = 'second'\ndisplay = {show}\npair = {pair}\n");
-    fs::write(folder.path().join("second.toml"), second).unwrap();
-    let start = |role, configuration| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
-        command.args(["role", role, "--config", configuration]).current_dir(folder.path());
-        command.env("TRIMARAN_LOG", "info").stderr(Stdio::piped()).spawn().unwrap()
-    };
-    let mut display = start("display", "display.toml");
-    let mut said = BufReader::new(display.stderr.take().unwrap()).lines().map_while(Result::ok);
-    let mut joins = || assert!(said.any(|line| line.contains("role=second culler")), "it never joined");
-    let mut killed = start("culler", "second.toml");
-    joins();
-    killed.kill().unwrap();
-    killed.wait().unwrap();
-    let next = start("culler", "second.toml");
-    joins();
-    for mut role in [display, next] {
-        role.kill().unwrap();
-        role.wait().unwrap();
     }
 }
 

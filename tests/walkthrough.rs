@@ -5,14 +5,11 @@ mod common;
 
 use std::{error::Error, sync::Arc};
 
-use common::session::{
-    assert_no_validation_messages, camera_path, essence, on_devices, uncut_count, walk_in_process,
-    walk_over_tcp,
-};
+use common::session::{assert_no_validation_messages, camera_path, on_devices, uncut_count, walk_in_process};
 use trimaran::vulkan::VulkanCuller;
 use trimaran::{
     report::Frame,
-    walkthrough::{Auditor, CameraPath, FrameRecord, Pace, PathChoice, Plan, SceneOnDevices},
+    walkthrough::{Auditor, CameraPath, Pace, PathChoice, Plan, SceneOnDevices},
 };
 use trimaran_audit::{SURFACE_SLACK_PX, cases::with_records};
 use trimaran_cook::{
@@ -46,48 +43,6 @@ fn plant_on_devices() -> Option<SceneOnDevices> {
 
 fn automatic(devices: &SceneOnDevices, plan: &Plan) -> CameraPath {
     camera_path(devices, plan, &PathChoice::Auto { seed: 7 }, FRAMES)
-}
-
-#[test]
-fn a_session_is_the_same_in_process_and_over_tcp() {
-    let Some(devices) = plant_on_devices() else { return };
-    let plan = plan(OcclusionTestKind::Hzb);
-    let path = automatic(&devices, &plan);
-    let inproc = walk_in_process(&devices, &plan, &path);
-    assert_eq!(inproc.len(), FRAMES as usize);
-    assert!(inproc.iter().any(|record| record.ids.len() > 16), "no frame fills a batch");
-    let again = walk_in_process(&devices, &plan, &path);
-    assert_eq!(essence(&inproc), essence(&again), "a session repeats itself");
-    let tcp = walk_over_tcp(&devices, &plan, &path);
-    assert_eq!(essence(&inproc), essence(&tcp), "TCP shows what one process shows");
-    assert_no_validation_messages(&devices);
-}
-
-#[test]
-fn roles_that_compute_one_after_another_show_the_same_and_never_overlap() {
-    let Some(devices) = plant_on_devices() else { return };
-    let at_once = plan(OcclusionTestKind::Hzb);
-    let alone = Plan { alone: true, ..at_once };
-    let path = automatic(&devices, &at_once);
-    let records = walk_in_process(&devices, &alone, &path);
-    assert_eq!(essence(&records), essence(&walk_in_process(&devices, &at_once, &path)));
-    let mut busy: Vec<[u64; 2]> = records.iter().flat_map(work_on).collect();
-    busy.sort_unstable();
-    assert_eq!(busy.len(), 3 * FRAMES as usize);
-    for pair in busy.windows(2) {
-        assert!(pair[0][1] <= pair[1][0], "{:?} overlaps {:?}", pair[0], pair[1]);
-    }
-    assert_no_validation_messages(&devices);
-}
-
-/// Begin and end of OR, HC and RVG on a frame, nanoseconds on the session's clock.
-fn work_on(record: &FrameRecord) -> [[u64; 2]; 3] {
-    let stats = record.stats.unwrap();
-    [
-        [stats.or_end_ns - stats.or_busy_ns, stats.or_end_ns],
-        [stats.hc_start_ns, stats.hc_end_ns],
-        [record.drawing, record.shown].map(|at| at.as_nanos() as u64),
-    ]
 }
 
 /// The scene with every certified error divided by `by`: levels that claim to be closer than they are.

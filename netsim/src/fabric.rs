@@ -4,23 +4,9 @@ use slab::Slab;
 use trimaran_net::Instant;
 
 use crate::events::Events;
-use crate::link::{Action, Ecn, LinkTally, Parcel, Pipe};
+use crate::link::{Action, LinkTally, Parcel, Pipe};
 use crate::random::Random;
 use crate::topology::{HostId, NodeId, Topology};
-
-/// A packet that finds its way.
-pub(crate) trait Routed: Clone {
-    /// The machine that sends it.
-    fn from(&self) -> HostId;
-    /// The machine that is to get it.
-    fn to(&self) -> HostId;
-    /// The size of the IP packet, its header included.
-    fn ip_bytes(&self) -> u32;
-    /// Its ECN field.
-    fn ecn(&self) -> Ecn;
-    /// A link has marked it.
-    fn mark(&mut self, ecn: Ecn);
-}
 
 /// What happens on links.
 #[derive(Debug, Clone, Copy)]
@@ -38,7 +24,7 @@ pub(crate) enum Outcome<P> {
     /// Nothing yet.
     Underway,
     /// The packet is there.
-    Delivered(P),
+    Delivered(Parcel<P>),
     /// Whoever has the token is rid of so many bytes.
     Left { token: u32, ip_bytes: u32 },
 }
@@ -55,7 +41,7 @@ pub(crate) struct Fabric<P> {
     flying: Slab<Parcel<P>>,
 }
 
-impl<P: Routed> Fabric<P> {
+impl<P: Clone> Fabric<P> {
     pub(crate) fn new(topology: &Topology, seed: u64) -> Self {
         let pipe = |(index, way): (usize, &crate::topology::Way)| {
             Pipe::new(way.model.clone(), Random::stream(seed, index as u64).bits())
@@ -94,30 +80,25 @@ impl<P: Routed> Fabric<P> {
     }
 
     /// What the link layer adds to a packet where it leaves `from`.
-    pub(crate) fn framing(&self, packet: &P) -> u32 {
-        let ip_bytes = packet.ip_bytes();
-        let first = self.way(packet.from(), packet.to()).next();
+    pub(crate) fn framing(&self, from: HostId, to: HostId, ip_bytes: u32) -> u32 {
+        let first = self.way(from, to).next();
         first.map_or(0, |pipe| pipe.model().framing.frame_bytes(ip_bytes) - ip_bytes)
     }
 
-    /// Sends a packet on its way. `token` is told when it has left the machine; a packet that has no way is
-    /// gone at once.
+    /// Sends a packet on its way. One that has no way is gone at once.
     pub(crate) fn send<E: From<LinkEvent>>(
         &mut self,
         now: Instant,
-        packet: P,
-        token: Option<u32>,
+        parcel: Parcel<P>,
         events: &mut Events<E>,
     ) {
-        let ip_bytes = packet.ip_bytes();
-        let first = self.homes.get(packet.from().0).and_then(|home| self.route(*home, packet.to()));
+        let first = self.homes.get(parcel.from.0).and_then(|home| self.route(*home, parcel.to));
         let Some(pipe) = first else {
-            if let Some(token) = token {
+            if let Parcel { token: Some(token), ip_bytes, .. } = parcel {
                 events.add(now, LinkEvent::Left { token, ip_bytes }.into());
             }
             return;
         };
-        let parcel = Parcel { ip_bytes, ecn: packet.ecn(), token, packet };
         self.on(pipe, events, |pipe| pipe.offer(now, parcel));
     }
 
@@ -138,12 +119,11 @@ impl<P: Routed> Fabric<P> {
                 if let Some(pipe) = self.pipes.get_mut(pipe) {
                     pipe.arrived(&parcel);
                 }
-                parcel.packet.mark(parcel.ecn);
                 let Some(&node) = self.ends.get(pipe) else { return Outcome::Underway };
-                if self.nodes.get(node.0).is_some_and(|host| *host == Some(parcel.packet.to())) {
-                    return Outcome::Delivered(parcel.packet);
+                if self.nodes.get(node.0).is_some_and(|host| *host == Some(parcel.to)) {
+                    return Outcome::Delivered(parcel);
                 }
-                if let Some(next) = self.route(node, parcel.packet.to()) {
+                if let Some(next) = self.route(node, parcel.to) {
                     parcel.token = None; // it has left its machine long ago
                     self.on(next, events, |pipe| pipe.offer(now, parcel));
                 }

@@ -1,4 +1,4 @@
-//! Networks in virtual time, and the bandwidth formulas of the three-role system.
+//! Networks in virtual time.
 //!
 //! A [`Topology`] of machines and [`link`]s becomes a [`Simulation`]; each machine's [`SimNet`] is the
 //! transports' `Net`, so that programs written for that run here unchanged, in no time, and the same way each
@@ -28,9 +28,8 @@
 //! | `fabric`, `packet`, `wire` | packets on their way through a topology |
 //! | `net`, `tcp` | a machine's sockets: datagrams, and a model of Linux's TCP |
 //! | `relay` | the links of a topology for packets that are real |
-//! | `capture`, `bandwidth` | packets for Wireshark, and the bandwidth formulas |
+//! | `capture` | packets for Wireshark |
 
-mod bandwidth;
 mod capture;
 mod events;
 mod executor;
@@ -49,11 +48,10 @@ mod topology;
 mod wire;
 mod world;
 
-pub use bandwidth::{FrameLoad, bits_per_second};
 pub use capture::CaptureError;
 pub use net::SimNet;
 pub use profile::{Machines, Profile, ProfileError, ScheduleFault};
-pub use relay::{Arrival, Parting, Relay, Totals};
+pub use relay::{Arrival, Relay, Totals};
 pub use simulation::{Simulation, Stalled};
 pub use tcp::Class;
 pub use topology::{HostId, NodeId, Topology};

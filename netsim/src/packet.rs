@@ -4,7 +4,6 @@ use std::net::SocketAddr;
 
 use bytes::Bytes;
 
-use crate::fabric::Routed;
 use crate::link::Ecn;
 use crate::tcp::{Class, Segment};
 use crate::topology::HostId;
@@ -71,27 +70,5 @@ impl Packet {
             Body::Udp(_) => Class::Datagram,
             Body::Tcp(segment) => segment.class,
         }
-    }
-}
-
-impl Routed for Box<Packet> {
-    fn from(&self) -> HostId {
-        self.from
-    }
-
-    fn to(&self) -> HostId {
-        self.to
-    }
-
-    fn ip_bytes(&self) -> u32 {
-        Packet::ip_bytes(self)
-    }
-
-    fn ecn(&self) -> Ecn {
-        self.ecn
-    }
-
-    fn mark(&mut self, ecn: Ecn) {
-        self.ecn = ecn;
     }
 }

@@ -6,8 +6,8 @@ use serde::Serialize;
 use trimaran_net::Instant;
 
 use crate::events::Events;
-use crate::fabric::{Fabric, LinkEvent, Outcome, Routed};
-use crate::link::{Ecn, LinkTally};
+use crate::fabric::{Fabric, LinkEvent, Outcome};
+use crate::link::{Ecn, LinkTally, Parcel};
 use crate::random::Random;
 use crate::topology::{HostId, Topology};
 
@@ -19,26 +19,11 @@ use crate::topology::{HostId, Topology};
 /// late the owner comes, so that lateness does not add up.
 #[derive(Debug)]
 pub struct Relay<P> {
-    fabric: Fabric<Passing<P>>,
+    fabric: Fabric<P>,
     events: Events<LinkEvent>,
     arrived: VecDeque<Arrival<P>>,
     offered: u64,
     delivered: u64,
-}
-
-/// A packet that leaves a machine.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Parting<P> {
-    /// The machine that it leaves.
-    pub from: HostId,
-    /// The machine that it is for.
-    pub to: HostId,
-    /// The size of the IP packet, its header included.
-    pub ip_bytes: u32,
-    /// Its ECN field.
-    pub ecn: Ecn,
-    /// What it is.
-    pub packet: P,
 }
 
 /// A packet that has come to its machine.
@@ -88,31 +73,6 @@ impl Totals {
     }
 }
 
-#[derive(Debug, Clone)]
-struct Passing<P>(Parting<P>);
-
-impl<P: Clone> Routed for Passing<P> {
-    fn from(&self) -> HostId {
-        self.0.from
-    }
-
-    fn to(&self) -> HostId {
-        self.0.to
-    }
-
-    fn ip_bytes(&self) -> u32 {
-        self.0.ip_bytes
-    }
-
-    fn ecn(&self) -> Ecn {
-        self.0.ecn
-    }
-
-    fn mark(&mut self, ecn: Ecn) {
-        self.0.ecn = ecn;
-    }
-}
-
 impl<P: Clone> Relay<P> {
     /// The links of `topology`, all idle.
     #[must_use]
@@ -126,14 +86,15 @@ impl<P: Clone> Relay<P> {
         }
     }
 
-    /// A packet leaves its machine. Between machines that nothing joins it is dropped and not counted.
-    pub fn offer(&mut self, now: Instant, parting: Parting<P>) {
-        if self.fabric.path_mtu(parting.from, parting.to).is_none() {
+    /// A packet leaves its machine, and no token is told. Between machines that nothing joins it is dropped and
+    /// not counted.
+    pub fn offer(&mut self, now: Instant, parcel: Parcel<P>) {
+        if self.fabric.path_mtu(parcel.from, parcel.to).is_none() {
             return;
         }
         self.pass(now);
         self.offered += 1;
-        self.fabric.send(now, Passing(parting), None, &mut self.events);
+        self.fabric.send(now, parcel, &mut self.events);
     }
 
     /// The next packet that has arrived by now.
@@ -176,8 +137,8 @@ impl<P: Clone> Relay<P> {
     fn pass(&mut self, now: Instant) {
         while self.events.next_at().is_some_and(|at| at <= now) {
             let Some((at, event)) = self.events.next() else { return };
-            if let Outcome::Delivered(Passing(parting)) = self.fabric.happen(at, event, &mut self.events) {
-                let Parting { to, ecn, packet, .. } = parting;
+            if let Outcome::Delivered(parcel) = self.fabric.happen(at, event, &mut self.events) {
+                let Parcel { to, ecn, packet, .. } = parcel;
                 self.delivered += 1;
                 self.arrived.push_back(Arrival { at, to, ecn, packet });
             }
@@ -202,6 +163,10 @@ mod tests {
         (topology, hosts)
     }
 
+    fn parcel<P>(from: HostId, to: HostId, packet: P) -> Parcel<P> {
+        Parcel { from, to, ip_bytes: 1500, ecn: Ecn::default(), token: None, packet }
+    }
+
     fn at(nanos: u64) -> Instant {
         Instant::from_nanos(nanos)
     }
@@ -210,9 +175,8 @@ mod tests {
     fn a_late_owner_gets_packets_with_the_times_at_which_they_came() {
         let (topology, [a, b, c]) = star(&LinkModel::clean(Rate::new(100_000_000), Duration::from_micros(5)));
         let mut relay = Relay::new(&topology, 1);
-        let parting = |from, to, packet| Parting { from, to, ip_bytes: 1500, ecn: Ecn::default(), packet };
-        relay.offer(at(0), parting(a, b, 'x'));
-        relay.offer(at(0), parting(a, c, 'y'));
+        relay.offer(at(0), parcel(a, b, 'x'));
+        relay.offer(at(0), parcel(a, c, 'y'));
         // 1538 bytes on two lines, 5 us on each; nobody looks before a second has passed.
         assert_eq!(relay.next_at(), Some(at(123_040)));
         let mut got = Vec::new();
@@ -227,9 +191,8 @@ mod tests {
     fn what_was_due_before_an_offer_happens_before_it() {
         let (topology, [a, b, _]) = star(&LinkModel::clean(Rate::new(100_000_000), Duration::ZERO));
         let mut relay = Relay::new(&topology, 1);
-        let parting = |packet| Parting { from: a, to: b, ip_bytes: 1500, ecn: Ecn::default(), packet };
-        relay.offer(at(0), parting(1));
-        relay.offer(at(10_000_000), parting(2));
+        relay.offer(at(0), parcel(a, b, 1));
+        relay.offer(at(10_000_000), parcel(a, b, 2));
         assert_eq!(
             relay.next_at(),
             Some(at(246_080)),
@@ -249,7 +212,7 @@ mod tests {
         for packet in 0..2000 {
             // A seventh more than the link takes.
             let now = at(packet * 1_076_600);
-            relay.offer(now, Parting { from: a, to: b, ip_bytes: 1500, ecn: Ecn::Capable0, packet: () });
+            relay.offer(now, Parcel { ecn: Ecn::Capable0, ..parcel(a, b, ()) });
         }
         let mut marked = 0;
         while let Some(arrival) = relay.arrival(at(u64::MAX)) {
@@ -265,7 +228,7 @@ mod tests {
         let mut topology = Topology::new();
         let (a, b) = (topology.host("a"), topology.host("b"));
         let mut relay = Relay::new(&topology, 1);
-        relay.offer(at(0), Parting { from: a, to: b, ip_bytes: 100, ecn: Ecn::default(), packet: () });
+        relay.offer(at(0), parcel(a, b, ()));
         assert_eq!((relay.totals(), relay.next_at()), (Totals::default(), None));
     }
 
@@ -285,7 +248,7 @@ mod tests {
             offers.sort();
             for (when, ip_bytes, pair) in &offers {
                 let (from, to) = (hosts[pair % 3], hosts[(pair + 1 + pair / 3) % 3]);
-                relay.offer(at(*when), Parting { from, to, ip_bytes: *ip_bytes, ecn: Ecn::default(), packet: () });
+                relay.offer(at(*when), Parcel { ip_bytes: *ip_bytes, ..parcel(from, to, ()) });
                 prop_assert!(relay.totals().is_balanced(), "{:?}", relay.totals());
             }
             let mut fetched = 0;

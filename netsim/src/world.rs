@@ -13,6 +13,7 @@ use crate::capture::Capture;
 use crate::events::Events;
 use crate::executor::Executor;
 use crate::fabric::{Fabric, LinkEvent, Outcome};
+use crate::link::Parcel;
 use crate::net::tcp::{ListenerState, TcpState};
 use crate::net::udp::UdpState;
 use crate::packet::{Body, Packet};
@@ -147,8 +148,8 @@ impl Core {
             let mtu = self.fabric.path_mtu(packet.from, packet.to).unwrap_or_default();
             capture.add(self.now, &packet, mtu);
         }
+        let ip_bytes = packet.ip_bytes();
         if packet.from == packet.to {
-            let ip_bytes = packet.ip_bytes();
             if let Some(token) = token {
                 self.left(token, ip_bytes);
             }
@@ -160,9 +161,11 @@ impl Core {
             payload: packet.payload().into(),
             transport_headers: packet.transport_header().into(),
             ip_headers: packet.ip_header().into(),
-            link_layer: self.fabric.framing(&packet).into(),
+            link_layer: self.fabric.framing(packet.from, packet.to, ip_bytes).into(),
         };
-        self.fabric.send(self.now, packet, token, &mut self.events);
+        let Packet { from, to, ecn, .. } = *packet;
+        let parcel = Parcel { from, to, ip_bytes, ecn, token, packet };
+        self.fabric.send(self.now, parcel, &mut self.events);
     }
 
     /// Has a connection look at its timers at this time.
@@ -188,9 +191,9 @@ impl Core {
             Event::Tcp(number) => self.tcp_timer(number),
             Event::Link(event) => match self.fabric.happen(self.now, event, &mut self.events) {
                 Outcome::Underway => {}
-                Outcome::Delivered(packet) => {
+                Outcome::Delivered(Parcel { packet, ecn, .. }) => {
                     self.note(1, &packet);
-                    self.deliver(*packet);
+                    self.deliver(Packet { ecn, ..*packet });
                 }
                 Outcome::Left { token, ip_bytes } => self.left(token, ip_bytes),
             },

@@ -8,10 +8,10 @@ mod virtual_time;
 use std::time::Duration;
 
 use trimaran_netsim::Simulation;
-use trimaran_netsim::link::{Conditions, LinkModel, Loss, Phase, Probability, Rate};
+use trimaran_netsim::link::{Conditions, LinkModel, Loss, Phase, Probability};
 use trimaran_transport::conformance::{Overhead, Pairs, finished};
 use trimaran_transport::{Instant, LinkConfig, sleep_until};
-use virtual_time::{Link, Machines, acquainted, lossy, priorities, two_hosts};
+use virtual_time::{Link, Machines, acquainted, two_hosts};
 
 fn machines(link: &LinkModel, seed: u64) -> (Simulation, Machines) {
     machines_between(link, link, seed)
@@ -24,32 +24,7 @@ fn machines_between(way: &LinkModel, back: &LinkModel, seed: u64) -> (Simulation
     (simulation, Machines { scheme: "quic", overhead, nets, options: acquainted() })
 }
 
-conformance_in_virtual_time!(|| {
-    machines(&LinkModel::clean(Rate::new(1_000_000_000), Duration::from_micros(5)), 1)
-});
-
-#[test]
-fn an_older_frame_is_complete_first() {
-    let (simulation, machines) = machines(&priorities::narrow(), 1);
-    simulation.run(priorities::an_older_frame_is_complete_first(&machines)).unwrap();
-}
-
-#[test]
-fn a_value_goes_before_a_frame() {
-    let (simulation, machines) = machines(&priorities::narrow(), 1);
-    simulation.run(priorities::a_value_goes_before_a_frame(&machines)).unwrap();
-}
-
-#[test]
-fn a_message_goes_before_a_frame() {
-    let (simulation, machines) = machines(&priorities::narrow(), 1);
-    simulation.run(priorities::a_message_goes_before_a_frame(&machines)).unwrap();
-}
-
-#[test]
-fn the_same_seed_gives_the_same_packets_at_the_same_nanoseconds() {
-    lossy::a_seed_decides_the_run(machines);
-}
+connection_in_virtual_time!(machines);
 
 #[test]
 fn a_handshake_takes_whole_round_trips() {

@@ -14,7 +14,7 @@ use trimaran_netsim::link::{Conditions, LinkModel, LinkTally, Loss, Phase, Proba
 use trimaran_netsim::{Class, HostId, SimNet, Simulation};
 use trimaran_transport::conformance::Overhead;
 use trimaran_transport::{Net, Options, TcpOptions, sleep_until};
-use virtual_time::{Machines, two_hosts};
+use virtual_time::{Machines, gigabit, two_hosts};
 
 fn machines(there: &LinkModel, back: &LinkModel) -> (Simulation, [SimNet; 2], [HostId; 2]) {
     let (simulation, hosts) = two_hosts(there, back, 1);
@@ -23,8 +23,7 @@ fn machines(there: &LinkModel, back: &LinkModel) -> (Simulation, [SimNet; 2], [H
 }
 
 conformance_in_virtual_time!(|| {
-    let gigabit = LinkModel::clean(Rate::new(1_000_000_000), Duration::from_micros(5));
-    let (simulation, nets, _) = machines(&gigabit, &gigabit);
+    let (simulation, nets, _) = machines(&gigabit(), &gigabit());
     let (send_buffer, recv_buffer) = (Some(64 * 1024), Some(64 * 1024));
     let tcp = TcpOptions { send_buffer, recv_buffer, ..TcpOptions::default() };
     let options = Options { tcp, ..Options::default() };

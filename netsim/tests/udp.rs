@@ -15,7 +15,7 @@ use trimaran_transport::{
     FrameEvent, FrameOutcome, LinkConfig, MessageReceiver, MessageSender, Options, RecvError, UdpMode,
     sleep_until,
 };
-use virtual_time::{Machines, lossy, priorities, two_hosts};
+use virtual_time::{Machines, two_hosts};
 
 fn machines(link: &LinkModel, seed: u64) -> (Simulation, Machines) {
     machines_between(link, link, seed, UdpOptions::default())
@@ -30,32 +30,7 @@ fn machines_between(way: &LinkModel, back: &LinkModel, seed: u64, udp: UdpOption
     (simulation, Machines { scheme: "udp", overhead, nets, options: [options.clone(), options] })
 }
 
-conformance_in_virtual_time!(|| {
-    machines(&LinkModel::clean(Rate::new(1_000_000_000), Duration::from_micros(5)), 1)
-});
-
-#[test]
-fn an_older_frame_is_complete_first() {
-    let (simulation, machines) = machines(&priorities::narrow(), 1);
-    simulation.run(priorities::an_older_frame_is_complete_first(&machines)).unwrap();
-}
-
-#[test]
-fn a_value_goes_before_a_frame() {
-    let (simulation, machines) = machines(&priorities::narrow(), 1);
-    simulation.run(priorities::a_value_goes_before_a_frame(&machines)).unwrap();
-}
-
-#[test]
-fn a_message_goes_before_a_frame() {
-    let (simulation, machines) = machines(&priorities::narrow(), 1);
-    simulation.run(priorities::a_message_goes_before_a_frame(&machines)).unwrap();
-}
-
-#[test]
-fn the_same_seed_gives_the_same_packets_at_the_same_nanoseconds() {
-    lossy::a_seed_decides_the_run(machines);
-}
+connection_in_virtual_time!(machines);
 
 /// Over a way that loses many packets and leaves time to send them again once: whole or with gaps, but never
 /// what was not sent.

@@ -9,6 +9,7 @@ use crate::{SceneHash, Settings};
 
 /// A peer's place in the session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Role {
     /// Draws the occluders (OR) of the even frames, and culls them (HC).
     FirstCuller,

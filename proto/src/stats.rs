@@ -1,5 +1,7 @@
 //! What a culler says of its own work on a frame.
 
+use std::ops::Add;
+
 use serde::{Deserialize, Serialize};
 
 use crate::FrameNumber;
@@ -46,7 +48,8 @@ pub struct SentBytes {
     pub begin: u64,
     /// Ids.
     pub ids: u64,
-    /// Ends of frames.
+    /// Ends of frames; `eof` in reports.
+    #[serde(rename = "eof")]
     pub end: u64,
     /// Statistics and other control messages.
     pub control: u64,
@@ -54,6 +57,30 @@ pub struct SentBytes {
     pub headers: u64,
     /// The number of messages, not bytes.
     pub messages: u64,
+}
+
+impl SentBytes {
+    /// All bytes.
+    #[must_use]
+    pub const fn total(&self) -> u64 {
+        self.camera + self.begin + self.ids + self.end + self.control + self.headers
+    }
+}
+
+impl Add for SentBytes {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            camera: self.camera + other.camera,
+            begin: self.begin + other.begin,
+            ids: self.ids + other.ids,
+            end: self.end + other.end,
+            control: self.control + other.control,
+            headers: self.headers + other.headers,
+            messages: self.messages + other.messages,
+        }
+    }
 }
 
 /// What HC's walk down the tree did. Each node it came to is counted once among `outside`, `hidden`,

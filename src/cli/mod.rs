@@ -10,6 +10,7 @@ mod generate;
 mod import;
 mod info;
 mod keys;
+#[cfg(target_os = "linux")]
 mod netem;
 mod ping;
 mod processes;
@@ -26,6 +27,7 @@ use std::io::{self, IsTerminal, Write};
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
+use indicatif::HumanCount;
 use serde::Serialize;
 use tracing_subscriber::EnvFilter;
 
@@ -60,7 +62,12 @@ fn dispatch(command: Command) -> Result<(), Failure> {
         Command::Run(args) => run::run(&args),
         Command::Sweep(args) => sweep::run(&args),
         Command::Sim(args) => sim::run(&args),
+        #[cfg(target_os = "linux")]
         Command::Netem(args) => netem::run(&args),
+        #[cfg(not(target_os = "linux"))]
+        Command::Netem(_) => {
+            Err(Failure::bad_input("emulating a network needs Linux's network namespaces and TUN devices"))
+        }
         Command::Role(command) => role::run(&command),
         Command::Config { role } => {
             print!("{}", role::template(role));
@@ -102,26 +109,5 @@ fn printed(written: io::Result<()>) -> Result<(), Failure> {
 
 /// A count with a comma every three digits.
 fn number(count: u64) -> String {
-    let digits = count.to_string();
-    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::number;
-
-    #[test]
-    fn counts_are_grouped_by_threes() {
-        let cases = [(0, "0"), (999, "999"), (1_000, "1,000"), (87_600_123, "87,600,123")];
-        for (count, text) in cases {
-            assert_eq!(number(count), text);
-        }
-    }
+    HumanCount(count).to_string()
 }

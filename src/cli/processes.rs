@@ -122,7 +122,9 @@ impl CullerProcesses {
             let program = std::env::current_exe().map_err(Failure::broken)?;
             let mut command = Command::new(program);
             command.args(["role", "culler", "--config"]).arg(&path);
-            CullerProcess::spawn(index, command, runtime)
+            let _within = runtime.enter();
+            let child = command.kill_on_drop(true).spawn().map_err(Failure::broken)?;
+            Ok(CullerProcess { index, child })
         };
         Ok(Self([start(Which::First)?, start(Which::Second)?]))
     }
@@ -155,57 +157,11 @@ impl CullerProcesses {
 }
 
 impl CullerProcess {
-    fn spawn(index: Which, mut command: Command, runtime: &Runtime) -> Result<Self, Failure> {
-        let _within = runtime.enter();
-        let child = command.kill_on_drop(true).spawn().map_err(Failure::broken)?;
-        Ok(Self { index, child })
-    }
-
     /// How it is spoken of.
     const fn name(&self) -> &'static str {
         match self.index {
             Which::First => "the first culler",
             Which::Second => "the second culler",
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::cli::walking::runtime;
-
-    fn culler(index: Which, program: &str, args: &[&str], runtime: &Runtime) -> CullerProcess {
-        let mut command = Command::new(program);
-        command.args(args);
-        CullerProcess::spawn(index, command, runtime).unwrap()
-    }
-
-    #[test]
-    fn the_culler_that_ends_early_is_named_with_its_status() {
-        let runtime = runtime().unwrap();
-        let sleeper = |index| culler(index, "sleep", &["1000"], &runtime);
-        let loser = |index| culler(index, "sh", &["-c", "exit 3"], &runtime);
-        for (cullers, name) in [
-            ([loser(Which::First), sleeper(Which::Second)], "the first culler"),
-            ([sleeper(Which::First), loser(Which::Second)], "the second culler"),
-        ] {
-            let said = runtime.block_on(CullerProcesses(cullers).ended_early()).to_string();
-            assert!(said.contains(name) && said.contains("exit status: 3"), "{said}");
-        }
-    }
-
-    #[test]
-    fn a_culler_that_nobody_is_interested_in_is_stopped() {
-        let runtime = runtime().unwrap();
-        let mut command = Command::new("sh");
-        // Its standard output is open for as long as it lives.
-        command.args(["-c", "exec sleep 1000"]).stdout(std::process::Stdio::piped());
-        let mut culler = CullerProcess::spawn(Which::First, command, &runtime).unwrap();
-        let mut output = culler.child.stdout.take().unwrap();
-        drop(culler);
-        let mut all = Vec::new();
-        let read = runtime.block_on(tokio::io::AsyncReadExt::read_to_end(&mut output, &mut all));
-        assert_eq!(read.unwrap(), 0);
     }
 }

@@ -5,22 +5,12 @@ use std::{fmt::Write as _, io::IsTerminal, sync::Arc, time::Duration};
 use http_body_util::{BodyExt, Empty};
 use hyper::{Request, StatusCode, body::Bytes, client::conn::http1};
 use hyper_util::rt::TokioIo;
-use serde::{Serialize, de::DeserializeOwned};
+use serde::de::DeserializeOwned;
 use tokio::net::TcpStream;
 use trimaran::metrics::{Carried, LinkReading, PathReading, TurnedAwayReading};
 use trimaran_transport::{Net, TokioNet, sleep_until};
 
 use super::{Failure, args::StatArgs, number, walking};
-
-/// What a link carried in one direction, a second.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-struct Rates {
-    frames: f64,
-    ids: f64,
-    messages: f64,
-    bytes: f64,
-    id_bytes: f64,
-}
 
 pub(super) fn run(args: &StatArgs) -> Result<(), Failure> {
     let runtime = walking::runtime()?;
@@ -101,9 +91,11 @@ fn table(before: &[LinkReading], now: &[LinkReading], elapsed: Duration) -> Stri
             ("", "received", &before.received, &now.received),
         ];
         for (peer, direction, before, now) in ways {
-            let Rates { frames, ids, messages, bytes, id_bytes } = Rates::between(before, now, elapsed);
-            let [ids, messages, id_bytes, bytes] =
-                [ids, messages, id_bytes, bytes].map(|rate| number(rate.round() as u64));
+            let rate = |of: fn(&Carried) -> u64| a_second(of(before), of(now), elapsed);
+            let frames = rate(|carried| carried.frames);
+            let counts: [fn(&Carried) -> u64; 4] =
+                [|of| of.ids, |of| of.messages, |of| of.id_bytes, Carried::total_bytes];
+            let [ids, messages, id_bytes, bytes] = counts.map(|of| number(rate(of).round() as u64));
             let _infallible = writeln!(
                 text,
                 "{peer:<10} {direction:<9} {frames:>10.1} {ids:>12} {messages:>12} {id_bytes:>14} {bytes:>14}"
@@ -186,19 +178,6 @@ fn a_second(before: u64, now: u64, elapsed: Duration) -> f64 {
     now.saturating_sub(before) as f64 / elapsed.as_secs_f64().max(f64::MIN_POSITIVE)
 }
 
-impl Rates {
-    fn between(before: &Carried, now: &Carried, elapsed: Duration) -> Self {
-        let rate = |before, now| a_second(before, now, elapsed);
-        Self {
-            frames: rate(before.frames, now.frames),
-            ids: rate(before.ids, now.ids),
-            messages: rate(before.messages, now.messages),
-            bytes: rate(before.total_bytes(), now.total_bytes()),
-            id_bytes: rate(before.id_bytes, now.id_bytes),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -212,13 +191,7 @@ mod tests {
             messages: 3 * frames,
             ..Carried::default()
         };
-        let link = |sent| LinkReading {
-            peer: "display".to_owned(),
-            sent,
-            received: Carried::default(),
-            floods: 0,
-            path: None,
-        };
+        let link = |sent| LinkReading { peer: "display".to_owned(), sent, ..LinkReading::default() };
         let (before, now) = (link(carried(10, 4_000, 900)), link(carried(25, 10_000, 1_500)));
         let text = table(&[before], &[now], Duration::from_millis(500));
         let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
@@ -230,9 +203,6 @@ mod tests {
     fn a_path_has_a_line_of_its_own() {
         let link = |packets_sent| LinkReading {
             peer: "display".to_owned(),
-            sent: Carried::default(),
-            received: Carried::default(),
-            floods: 0,
             path: Some(PathReading {
                 packets_sent,
                 packets_lost: 3,
@@ -241,6 +211,7 @@ mod tests {
                 window_bytes: 14_520,
                 ..PathReading::default()
             }),
+            ..LinkReading::default()
         };
         let text = table(&[link(100)], &[link(600)], Duration::from_millis(500));
         let words: Vec<&str> = text.lines().last().unwrap().split_whitespace().collect();
@@ -250,13 +221,7 @@ mod tests {
 
     #[test]
     fn a_limit_that_was_reached_is_named_and_no_other() {
-        let link = |floods| LinkReading {
-            peer: "display".to_owned(),
-            sent: Carried::default(),
-            received: Carried::default(),
-            floods,
-            path: None,
-        };
+        let link = |floods| LinkReading { floods, ..LinkReading::default() };
         assert_eq!(limits(&[link(0)], &TurnedAwayReading::default()), "");
         let turned_away =
             TurnedAwayReading { handshakes_per_s: 1_200, peers: 2, ..TurnedAwayReading::default() };
@@ -268,10 +233,8 @@ mod tests {
     fn a_deadline_that_nothing_can_meet_is_told_and_no_other() {
         let link = |deadline_too_short| LinkReading {
             peer: "display".to_owned(),
-            sent: Carried::default(),
-            received: Carried::default(),
-            floods: 0,
             path: Some(PathReading { deadline_too_short, ..PathReading::default() }),
+            ..LinkReading::default()
         };
         let nobody = TurnedAwayReading::default();
         assert_eq!(warnings(&[link(false)], &nobody), "");
@@ -281,7 +244,6 @@ mod tests {
 
     #[test]
     fn a_role_that_was_started_anew_has_no_rates_below_zero() {
-        let before = Carried { frames: 10, ..Carried::default() };
-        assert_eq!(Rates::between(&before, &Carried::default(), Duration::from_secs(1)).frames, 0.0);
+        assert_eq!(a_second(10, 0, Duration::from_secs(1)), 0.0);
     }
 }

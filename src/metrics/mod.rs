@@ -43,7 +43,7 @@ struct WatchedLink {
 }
 
 /// What a link has carried since it was made.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct LinkReading {
     /// The role at its other end.
     pub peer: String,

@@ -131,9 +131,7 @@ mod tests {
     }
 
     fn text_of(path: Option<PathReading>) -> String {
-        let carried = super::super::Carried::default();
-        let (sent, received) = (carried.clone(), carried);
-        let link = LinkReading { peer: "display".to_owned(), sent, received, floods: 0, path };
+        let link = LinkReading { peer: "display".to_owned(), path, ..LinkReading::default() };
         let mut registry = Registry::with_prefix("trimaran_link");
         registry.register_collector(Box::new(Readings(vec![link])));
         let mut text = String::new();

@@ -12,8 +12,8 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::setpriority_process;
 use rustix::thread::set_current_timer_slack;
 use serde::Serialize;
-use trimaran_netsim::link::{Ecn, LinkTally};
-use trimaran_netsim::{HostId, Parting, Relay, Topology, Totals};
+use trimaran_netsim::link::{Ecn, LinkTally, Parcel};
+use trimaran_netsim::{HostId, Relay, Topology, Totals};
 use trimaran_transport::Instant;
 use tun_rs::SyncDevice;
 
@@ -208,7 +208,8 @@ impl Cargo {
             match label {
                 Some(Label { to, ip_bytes, ecn }) => {
                     let packet = packet.to_vec();
-                    state.relay.offer(now, Parting { from: device.host, to, ip_bytes, ecn, packet });
+                    let from = device.host;
+                    state.relay.offer(now, Parcel { from, to, ip_bytes, ecn, token: None, packet });
                 }
                 None => state.strangers += 1,
             }

@@ -1,5 +1,7 @@
 //! Numbers for people: few digits, grouped thousands.
 
+use indicatif::HumanCount;
+
 use super::schema::SweepPoint;
 
 /// A figure with about three significant digits, thousands grouped by narrow spaces: `0`, `0.0123`, `4.56`,
@@ -32,15 +34,9 @@ pub(super) fn tick_figure(value: f64) -> String {
 
 /// A whole number with its thousands grouped by narrow no-break spaces.
 pub(super) fn grouped(value: f64) -> String {
-    let digits = format!("{:.0}", value.abs());
-    let mut text = if value < 0.0 && digits != "0" { "-".to_owned() } else { String::new() };
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push('\u{202f}');
-        }
-        text.push(digit);
-    }
-    text
+    // Halves to even, as figures with decimals are.
+    let digits = HumanCount(value.abs().round_ties_even() as u64).to_string().replace(',', "\u{202f}");
+    if value < 0.0 && digits != "0" { format!("-{digits}") } else { digits }
 }
 
 /// A figure with its unit; `none` in words where it was not measured.

@@ -4,6 +4,7 @@
 //! A run hands frames and pictures to a [`Writer`] as they come, makes a [`Report`] of the frames and lets
 //! the writer put it beside them. How wrong a picture is, [`trimaran_audit::metrics`] measures.
 
+mod bandwidth;
 mod error;
 mod format;
 mod html;
@@ -17,6 +18,7 @@ pub mod text;
 mod unfinished;
 mod write;
 
+pub use bandwidth::FrameLoad;
 pub use error::ReportError;
 pub use pictures::PictureKind;
 pub use schema::{Frame, Projection, Report, Run, Summary, SweepPoint};

@@ -2,11 +2,13 @@
 
 use std::sync::LazyLock;
 
+use trimaran_actors::CullerIndex;
 use trimaran_audit::metrics::{Deviation, ImageRef, image_difference};
+use trimaran_proto::FrameNumber;
 
 use super::schema::{
-    BytesByKind, CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Machine, Mode, Projection,
-    Report, Role, RoleInfo, Run, SceneInfo, Span, SweepPoint, VisibleObject,
+    CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Machine, Mode, Projection, Report,
+    Role, RoleInfo, Run, SceneInfo, SentBytes, Span, SweepPoint, VisibleObject,
 };
 
 pub(super) const SIZE: u32 = 96;
@@ -62,7 +64,7 @@ fn frame(frame: u32) -> Frame {
     let (or, hc, rvg) = (9.0 * load, 14.0 * load + noise(frame, 2), 11.0 * load);
     // The roles take turns, 65 ms a frame; the machine that drew a frame's occluders culls it.
     let start = 65.0 * f64::from(frame);
-    let machine = if frame.is_multiple_of(2) { Machine::FirstCuller } else { Machine::SecondCuller };
+    let machine = CullerIndex::of(FrameNumber(frame)).role();
     let span =
         |role, machine, start_ms: f64, ms: f64| Span { role, machine, start_ms, end_ms: start_ms + ms };
 
@@ -70,10 +72,10 @@ fn frame(frame: u32) -> Frame {
     let drawn = if frame == 0 { 5_210 } else { (exact as f64 * (1.22 + 0.1 * noise(frame, 3))) as u64 };
     let audited = frame.is_multiple_of(AUDIT_EVERY);
     let wrong = frame == 27;
-    let bytes_by_kind = BytesByKind {
+    let bytes_by_kind = SentBytes {
         camera: 3 * 72,
         ids: 8 * drawn,
-        eof: 48,
+        end: 48,
         begin: 16,
         control: if frame.is_multiple_of(10) { 120 } else { 0 },
         headers: 8 * (7 + 2 * drawn.div_ceil(1024)),
@@ -142,31 +144,13 @@ fn frame(frame: u32) -> Frame {
     }
 }
 
-/// Discs and boxes on a pale ground; `shift` moves their edges, as a coarser level would.
+/// A shade beside a pale ground; `shift` moves the edge between them, as a coarser level would.
 pub(super) fn picture(frame: u32, shift: u32) -> Vec<u8> {
-    let mut rgba = Vec::with_capacity((4 * SIZE * SIZE) as usize);
-    for y in 0..SIZE {
-        for x in 0..SIZE {
-            let mut colour = [226, 232, 238, 255];
-            for item in 0..24 {
-                let along = (noise(item, 11) + f64::from(frame) / f64::from(FRAMES)).fract();
-                let (dx, dy) = (
-                    f64::from(x) - along * f64::from(SIZE),
-                    f64::from(y) - (0.35 + 0.6 * noise(item, 12)) * f64::from(SIZE),
-                );
-                let radius = (4.0 + 9.0 * noise(item, 13)) - f64::from(shift * (item % 2));
-                let inside =
-                    if item % 3 == 0 { dx.abs().max(dy.abs() / 3.0) < radius } else { dx.hypot(dy) < radius };
-                if inside {
-                    let light = 0.55 + 0.45 * (1.0 - dx.abs() / radius);
-                    let channel = |salt| (light * (90.0 + 150.0 * noise(item, salt))) as u8;
-                    colour = [channel(14), channel(15), channel(16), 255];
-                }
-            }
-            rgba.extend_from_slice(&colour);
-        }
-    }
-    rgba
+    let pixel = |x: u32, y: u32| {
+        let shaded = (x + frame + shift) % SIZE < SIZE / 2;
+        if shaded { [(2 * x) as u8, (2 * y) as u8, 90, 255] } else { [226, 232, 238, 255] }
+    };
+    (0..SIZE).flat_map(|y| (0..SIZE).flat_map(move |x| pixel(x, y))).collect()
 }
 
 /// The whole made-up run. Its errors are measured once: that takes a second.

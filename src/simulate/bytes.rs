@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 use std::ops::{Add, Sub};
 
 use serde::Serialize;
-use trimaran_netsim::{Class, FrameLoad, WireTally};
+use trimaran_netsim::{Class, WireTally};
 use trimaran_transport::Traffic;
+
+use crate::report::FrameLoad;
 
 /// The header that the paper counts around each packet: TCP, IP and Ethernet, 50 bytes (section 3.3).
 const PAPER_HEADER: f64 = 50.0;

@@ -12,7 +12,7 @@ use super::scenario::{Knobs, Scenario, Transport};
 use super::statistics::{Percentiles, PixelCost, Spread};
 
 /// When what happened to a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct FrameTimes {
     /// How many ids it has.
     pub nodes: u32,

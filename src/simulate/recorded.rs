@@ -43,7 +43,9 @@ struct IncompleteFrame {
 
 impl Recording {
     pub(super) fn new(workload: &Workload, frames: u32, gaps: bool) -> Self {
-        let times = (0..frames).map(|frame| FrameTimes::of(workload.of(frame).nodes)).collect();
+        let times = (0..frames)
+            .map(|frame| FrameTimes { nodes: workload.of(frame).nodes, ..FrameTimes::default() })
+            .collect();
         let log = Arc::new(Mutex::new(Log { times, ..Log::default() }));
         Self { workload: Arc::new(workload.clone()), gaps, log }
     }
@@ -169,22 +171,4 @@ impl Cameras for RecordedPictures {
 /// Until `time` after it `began`.
 async fn compute(clock: &Arc<dyn Net>, began: Instant, time: Duration) {
     sleep_until(&**clock, began.after(time)).await;
-}
-
-impl FrameTimes {
-    const fn of(nodes: u32) -> Self {
-        let start = Instant::from_nanos(0);
-        Self {
-            nodes,
-            missing: 0,
-            published: start,
-            asked: start,
-            taken: start,
-            fed: start,
-            occluded: start,
-            culled: start,
-            arrived: start,
-            shown: start,
-        }
-    }
 }

@@ -2,11 +2,12 @@
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
-use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, FrameStats, SentBytes};
+use trimaran_actors::CullerIndex;
+use trimaran_proto::{Camera, CullCounts, DrawableId, FrameStats, SentBytes};
 use trimaran_scene::Scene;
 
 use super::{objects::ObjectCounts, path::CameraPath};
-use crate::report::schema::{BytesByKind, CullingCounts, Frame, Machine, Role, Span};
+use crate::report::schema::{CullingCounts, Frame, Machine, Role, Span};
 
 /// A frame as it was shown.
 #[derive(Debug, Clone)]
@@ -80,7 +81,7 @@ fn frame(
         .map(|drawable| u64::from(drawable.index_count / 3))
         .sum();
     let stats = record.stats.as_ref();
-    let bytes = all_bytes(record);
+    let bytes = record.traffic + stats.map(|s| s.to_other).unwrap_or_default();
     Frame {
         frame: number.0,
         eye: pose.map(|p| p.eye().to_array()).unwrap_or_default(),
@@ -118,7 +119,7 @@ fn timeline(record: &FrameRecord, one_clock: bool) -> Vec<Span> {
         let begun_ns = record.begun.as_nanos() as f64;
         let ahead_ns = if one_clock { 0.0 } else { begun_ns - stats.hc_start_ns as f64 };
         let here = |there_ns: u64| (there_ns as f64 + ahead_ns) * 1e-6;
-        let machine = machine_of(number);
+        let machine = CullerIndex::of(number).role();
         let span = |role, start, end| Span { role, machine, start_ms: here(start), end_ms: here(end) };
         spans.push(span(Role::Or, busy_start(stats), stats.or_end_ns));
         spans.push(span(Role::Hc, stats.hc_start_ns, stats.hc_end_ns));
@@ -130,28 +131,6 @@ fn timeline(record: &FrameRecord, one_clock: bool) -> Vec<Span> {
 /// piece.
 const fn busy_start(stats: &FrameStats) -> u64 {
     stats.or_end_ns.saturating_sub(stats.or_busy_ns)
-}
-
-const fn machine_of(frame: FrameNumber) -> Machine {
-    match trimaran_actors::CullerIndex::of(frame) {
-        trimaran_actors::CullerIndex::First => Machine::FirstCuller,
-        trimaran_actors::CullerIndex::Second => Machine::SecondCuller,
-    }
-}
-
-/// The frame's bytes over all three links.
-fn all_bytes(record: &FrameRecord) -> BytesByKind {
-    let between_pair = record.stats.map(|stats| stats.to_other).unwrap_or_default();
-    let sum = |part: fn(&SentBytes) -> u64| part(&record.traffic) + part(&between_pair);
-    BytesByKind {
-        camera: sum(|b| b.camera),
-        ids: sum(|b| b.ids),
-        eof: sum(|b| b.end),
-        begin: sum(|b| b.begin),
-        control: sum(|b| b.control),
-        headers: sum(|b| b.headers),
-        messages: sum(|b| b.messages),
-    }
 }
 
 fn culling(counts: &CullCounts) -> CullingCounts {

@@ -7,7 +7,6 @@ use tokio::runtime::Handle;
 use trimaran_actors::{CullerIndex, LocalSession, Observer, SessionError, Stop, Turns};
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene};
 use trimaran_scene::Scene;
-use trimaran_transport::Endpoint;
 
 use super::{path::CameraPath, plan::Plan};
 use crate::vulkan::{VulkanCuller, VulkanDisplay};
@@ -49,8 +48,7 @@ impl SceneOnDevices {
         Ok(Self { scene: Arc::clone(scene), drawn: [first?, second?, display?] })
     }
 
-    /// Walks `path` and shows each frame to `observer`. All roles are in this process; where `endpoints` are
-    /// given (where the display listens, and where the cullers meet), their links leave it.
+    /// Walks `path` and shows each frame to `observer`. All roles are in this process.
     ///
     /// # Errors
     /// The first role to fail.
@@ -58,13 +56,11 @@ impl SceneOnDevices {
         &self,
         plan: &Plan,
         path: &CameraPath,
-        endpoints: Option<[Endpoint; 2]>,
         observer: &mut dyn Observer,
         runtime: &Handle,
         stop: &Stop,
     ) -> Result<(), WalkthroughError> {
         let mut session = LocalSession::new(&self.scene, plan.settings(path.frames()));
-        session.endpoints = endpoints.unwrap_or(session.endpoints);
         if plan.alone {
             session.turns = Turns::alone();
         }

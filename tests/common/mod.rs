@@ -4,8 +4,6 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 pub(crate) mod data;
-#[path = "../../transport/tests/common/ports.rs"]
-pub(crate) mod ports;
 pub(crate) mod session;
 
 use std::{env, fmt::Display, sync::Arc};

@@ -1,4 +1,4 @@
-//! Whole sessions of three roles, in this process and over TCP on loopback.
+//! Whole sessions of three roles in this process.
 
 use std::sync::Arc;
 
@@ -8,8 +8,6 @@ use trimaran::walkthrough::{CameraPath, FrameRecord, PathChoice, Plan, Recorder,
 use trimaran_actors::{CullerDevice, CullerIndex, LocalSession, Stop};
 use trimaran_cull::{View, lod_cut};
 use trimaran_scene::Scene;
-
-use super::ports::unused_port;
 
 /// A scene on three devices, or `None` where there is no device and none is required.
 pub(crate) fn on_devices(scene: &Arc<Scene>) -> Option<SceneOnDevices> {
@@ -29,7 +27,7 @@ pub(crate) fn camera_path(
 /// Walks with the three roles in this process; every picture is read back.
 pub(crate) fn walk_in_process(devices: &SceneOnDevices, plan: &Plan, path: &CameraPath) -> Vec<FrameRecord> {
     recorded(|recorder, runtime, stop| {
-        devices.walk(plan, path, None, recorder, runtime.handle(), stop).unwrap();
+        devices.walk(plan, path, recorder, runtime.handle(), stop).unwrap();
     })
 }
 
@@ -51,14 +49,6 @@ pub(crate) fn walk_with<P: CullerDevice>(
     })
 }
 
-/// The same session with the three roles joined over TCP on loopback, as separate processes are.
-pub(crate) fn walk_over_tcp(devices: &SceneOnDevices, plan: &Plan, path: &CameraPath) -> Vec<FrameRecord> {
-    let endpoints = [(); 2].map(|()| format!("tcp://127.0.0.1:{}", unused_port()).parse().unwrap());
-    recorded(|recorder, runtime, stop| {
-        devices.walk(plan, path, Some(endpoints), recorder, runtime.handle(), stop).unwrap();
-    })
-}
-
 fn recorded(walk: impl FnOnce(&mut Recorder<'_>, &Runtime, &Stop)) -> Vec<FrameRecord> {
     let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let (_stopper, stop) = Stop::new();
@@ -66,11 +56,6 @@ fn recorded(walk: impl FnOnce(&mut Recorder<'_>, &Runtime, &Stop)) -> Vec<FrameR
     let mut recorder = Recorder::new(1, &mut quiet);
     walk(&mut recorder, &runtime, &stop);
     recorder.into_frames()
-}
-
-/// What a session must do the same way every time: the ids drawn and the picture's hash, a frame.
-pub(crate) fn essence(records: &[FrameRecord]) -> Vec<(Vec<u32>, u64)> {
-    records.iter().map(|r| (r.ids.iter().map(|id| id.0).collect(), r.picture.unwrap())).collect()
 }
 
 /// How many drawables the frame's level cut has before culling.

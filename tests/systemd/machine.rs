@@ -63,11 +63,6 @@ impl Machine {
         PathBuf::from(format!("/proc/{}/root{absolute}", self.init))
     }
 
-    /// Its cgroup.
-    pub(crate) fn group(&self) -> &Path {
-        &self.group
-    }
-
     /// What stops all processes of a service while it holds a 1.
     pub(crate) fn freezer(&self, service: &str) -> PathBuf {
         let group = self.wait_for("the cgroup of a service", || {

@@ -10,16 +10,10 @@
 mod deployment;
 mod machine;
 
-use std::env;
-use std::io::{BufRead, BufReader};
-use std::os::unix::process::CommandExt;
-use std::path::Path;
-use std::process::{Command, Stdio};
-use std::{fs, panic};
+use std::fs;
 
 use deployment::{DISPLAY, FIRST, Over, SECOND, Walk};
 use machine::Machine;
-use rustix::process::{Pid, Signal, kill_process_group};
 
 /// The three services in every order.
 const ORDERS: [[(&str, u16); 3]; 6] = [
@@ -147,53 +141,4 @@ fn a_service_can_do_little_beside_its_work() {
         assert_eq!(could(&format!("{service}.service.d/tries.conf"), ""), work, "{service}");
     }
     assert_eq!(could("unlimited.service", "User=trimaran"), tries);
-}
-
-/// Whether nothing is left of a machine. A cgroup can only be removed once no process is in it, and mounts
-/// end with their namespace.
-fn is_gone(group: &Path) -> bool {
-    assert!(
-        !fs::read_to_string("/proc/self/mounts").unwrap().contains("/run/layers/"),
-        "a mount has got out"
-    );
-    !group.exists()
-}
-
-#[test]
-fn a_machine_leaves_nothing_behind_when_a_test_panics() {
-    let Some(machine) = Machine::boot("panic") else { return };
-    let group = machine.group().to_owned();
-    assert!(!is_gone(&group));
-    let panicked = panic::catch_unwind(panic::AssertUnwindSafe(move || {
-        let _machine = machine;
-        panic!("on purpose");
-    }));
-    assert!(panicked.is_err() && is_gone(&group));
-}
-
-#[test]
-fn a_machine_leaves_nothing_behind_when_its_test_is_interrupted() {
-    const HOLD: &str = "TRIMARAN_TEST_HOLD";
-    let name = "a_machine_leaves_nothing_behind_when_its_test_is_interrupted";
-    if env::var_os(HOLD).is_some() {
-        // The process that is interrupted.
-        let machine = Machine::boot("interrupted").unwrap();
-        println!("\nboots {}", machine.group().display());
-        loop {
-            std::thread::park();
-        }
-    }
-    let Some(watching) = Machine::boot("watching") else { return };
-    // Not SIGINT: whoever is started in the background may ignore it.
-    for signal in [Signal::TERM, Signal::KILL] {
-        let mut command = Command::new(env::current_exe().unwrap());
-        command.args(["--exact", name, "--nocapture"]).env(HOLD, "1").process_group(0);
-        let mut held = command.stdout(Stdio::piped()).spawn().unwrap();
-        let mut lines = BufReader::new(held.stdout.take().unwrap()).lines().map_while(Result::ok);
-        let group = lines.find_map(|line| Some(line.strip_prefix("boots ")?.to_owned())).unwrap();
-        assert!(!is_gone(group.as_ref()));
-        kill_process_group(Pid::from_child(&held), signal).unwrap();
-        held.wait().unwrap();
-        watching.wait_for("the end of the machine", || is_gone(group.as_ref()).then_some(()));
-    }
 }

@@ -2,17 +2,17 @@
 
 use std::time::Duration;
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use super::Probability;
 use crate::random::Random;
 
 /// How the delay varies from packet to packet.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Jitter {
     /// The standard deviation of the delay; for `uniform`, half of the range.
-    #[serde(with = "crate::text::duration")]
+    #[serde(deserialize_with = "crate::text::duration")]
     pub deviation: Duration,
     /// The shape.
     #[serde(default)]
@@ -28,7 +28,7 @@ pub struct Jitter {
 }
 
 /// The shape of a variation of mean 0.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Distribution {
     /// Evenly between minus and plus the deviation.

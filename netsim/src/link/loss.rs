@@ -1,12 +1,12 @@
 //! Which packets are lost on the way.
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use super::Probability;
 use crate::random::Random;
 
 /// How packets are lost.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Loss {
     /// None is.
@@ -23,7 +23,7 @@ pub enum Loss {
 ///
 /// It changes per packet and not with time, as in `tc netem`: where packets are rare a bad spell is long, and
 /// repetitions that come one at a time are lost one after another.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GilbertElliott {
     /// `p`: from the good state to the bad one.

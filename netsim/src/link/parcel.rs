@@ -2,9 +2,15 @@
 
 use trimaran_net::Instant;
 
+use crate::topology::HostId;
+
 /// A packet as a link sees it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Parcel<P> {
+    /// The machine that sends it.
+    pub from: HostId,
+    /// The machine that is to get it.
+    pub to: HostId,
     /// The size of the IP packet, its header included.
     pub ip_bytes: u32,
     /// Its ECN field.

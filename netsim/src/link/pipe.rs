@@ -216,6 +216,7 @@ mod tests {
         CoDel, Discipline, Framing, GilbertElliott, Jitter, Loss, Probability, QueueModel, Reorder,
     };
     use super::*;
+    use crate::HostId;
     use crate::events::Events;
 
     enum Event {
@@ -239,13 +240,16 @@ mod tests {
         for (at, bytes) in offers {
             events.add(Instant::from_nanos(at), Event::Offer(bytes));
         }
-        let mut number = 0;
+        let (from, to, mut number) = (HostId(0), HostId(1), 0);
         while events.next_at().is_some_and(|at| at.as_nanos() <= end) {
             let (now, event) = events.next().unwrap();
             match event {
                 Event::Offer(ip_bytes) => {
                     let token = u32::try_from(number).ok();
-                    out.pipe.offer(now, Parcel { ip_bytes, ecn: Ecn::NotCapable, token, packet: number });
+                    out.pipe.offer(
+                        now,
+                        Parcel { from, to, ip_bytes, ecn: Ecn::NotCapable, token, packet: number },
+                    );
                     number += 1;
                 }
                 Event::Free => out.pipe.free(now),

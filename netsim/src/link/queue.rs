@@ -3,11 +3,11 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use trimaran_net::Instant;
 
 /// What waits before a link.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct QueueModel {
     /// How many packets may wait, beside the one that is being sent. Default 1000, Linux's `txqueuelen`.
@@ -19,7 +19,7 @@ pub struct QueueModel {
 }
 
 /// How a queue is kept short.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Discipline {
     /// It is not: what does not fit is dropped.
@@ -32,14 +32,14 @@ pub enum Discipline {
 
 /// Controlled delay (RFC 8289): when packets have waited longer than `target` for an `interval`, some are
 /// dropped, the more the longer it goes on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CoDel {
     /// How long packets may wait. Default 5 ms.
-    #[serde(with = "crate::text::duration")]
+    #[serde(deserialize_with = "crate::text::duration")]
     pub target: Duration,
     /// For how long that may be exceeded. Default 100 ms.
-    #[serde(with = "crate::text::duration")]
+    #[serde(deserialize_with = "crate::text::duration")]
     pub interval: Duration,
     /// Mark packets that can be marked rather than drop them (RFC 3168). Default true.
     pub ecn: bool,

@@ -16,7 +16,7 @@ use crate::link::{Conditions, Jitter, Loss, Phase, Probability, Rate, Reorder};
 #[cfg_attr(test, derive(PartialEq))]
 #[serde(deny_unknown_fields, expecting = "a table of a phase's keys, such as `at` and `rate`")]
 pub(super) struct WrittenPhase {
-    #[serde(with = "crate::text::duration")]
+    #[serde(deserialize_with = "crate::text::duration")]
     pub(super) at: Duration,
     rate: Option<Rate>,
     delay: Option<WrittenDuration>,
@@ -30,7 +30,7 @@ pub(super) struct WrittenPhase {
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[cfg_attr(test, derive(PartialEq))]
 #[serde(transparent)]
-pub(super) struct WrittenDuration(#[serde(with = "crate::text::duration")] pub(super) Duration);
+pub(super) struct WrittenDuration(#[serde(deserialize_with = "crate::text::duration")] pub(super) Duration);
 
 /// Why a file of phases cannot be used.
 #[derive(Debug, Error)]

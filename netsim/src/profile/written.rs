@@ -14,7 +14,7 @@ use crate::link::{Conditions, Framing, Jitter, LinkModel, Loss, Probability, Que
 #[serde(deny_unknown_fields, expecting = "a table of a link's keys, such as `rate` and `delay`")]
 pub(super) struct WrittenLink {
     rate: Option<Rate>,
-    #[serde(default, with = "crate::text::duration")]
+    #[serde(default, deserialize_with = "crate::text::duration")]
     delay: Duration,
     jitter: Option<Jitter>,
     #[serde(default)]

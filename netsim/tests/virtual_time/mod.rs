@@ -8,7 +8,7 @@ pub(crate) mod silent;
 use std::sync::Arc;
 use std::time::Duration;
 
-use trimaran_netsim::link::LinkModel;
+use trimaran_netsim::link::{LinkModel, Rate};
 use trimaran_netsim::{HostId, SimNet, Simulation, Topology};
 use trimaran_transport::conformance::{ARM, Overhead, PANEL, Pairs, Robot, greeting};
 use trimaran_transport::keys::{Keys, Security};
@@ -33,6 +33,39 @@ macro_rules! conformance_in_virtual_time {
     ($machines:expr) => {
         trimaran_transport::conformance_cases!(conformance_in_virtual_time!(@each $machines;));
     };
+}
+
+/// The suite's cases over a connection that `$machines` makes on a link by a seed; what it sends first, and that
+/// a seed decides the run.
+#[macro_export]
+macro_rules! connection_in_virtual_time {
+    ($machines:path) => {
+        conformance_in_virtual_time!(|| $machines(&$crate::virtual_time::gigabit(), 1));
+
+        #[test]
+        fn an_older_frame_is_complete_first() {
+            let (simulation, machines) = $machines(&$crate::virtual_time::priorities::narrow(), 1);
+            let talk = $crate::virtual_time::priorities::an_older_frame_is_complete_first(&machines);
+            simulation.run(talk).unwrap();
+        }
+
+        #[test]
+        fn a_value_and_a_message_go_before_a_frame() {
+            let (simulation, machines) = $machines(&$crate::virtual_time::priorities::narrow(), 1);
+            let talk = $crate::virtual_time::priorities::a_value_and_a_message_go_before_a_frame(&machines);
+            simulation.run(talk).unwrap();
+        }
+
+        #[test]
+        fn the_same_seed_gives_the_same_packets_at_the_same_nanoseconds() {
+            $crate::virtual_time::lossy::a_seed_decides_the_run($machines);
+        }
+    };
+}
+
+/// A line of a gigabit.
+pub(crate) fn gigabit() -> LinkModel {
+    LinkModel::clean(Rate::new(1_000_000_000), Duration::from_micros(5))
 }
 
 /// A simulation of two machines, `here` and `there`; `way` leads from the first to the second.

@@ -31,17 +31,19 @@ pub(crate) async fn an_older_frame_is_complete_first(pairs: &impl Pairs) {
     assert!(ends[0] * 3 < ends[1] * 2, "{ends:?}");
 }
 
-/// A value that is published behind a frame is there long before all of the frame is.
-pub(crate) async fn a_value_goes_before_a_frame(pairs: &impl Pairs) {
+/// A value and a message that are sent behind a frame are there long before all of the frame is.
+pub(crate) async fn a_value_and_a_message_go_before_a_frame(pairs: &impl Pairs) {
     let (mut arm, mut panel) = pairs.pair(LinkConfig::default()).await;
     let net = pairs.net();
     let begun = net.now();
     send_frame(&mut arm.frames_tx, 0, &points(LONG)).await.unwrap();
     arm.latest_tx.publish(pose(7)).unwrap();
+    arm.messages_tx.send(&command(7)).await.unwrap();
     let look = async {
         assert_eq!(panel.latest_rx.latest().await.unwrap(), pose(7));
         net.now().since(begun)
     };
+<<<<<<< HEAD
     let read = async {
         receive(&mut panel.frames_rx).await.unwrap();
         net.now().since(begun)
@@ -57,6 +59,8 @@ pub(crate) async fn a_message_goes_before_a_frame(pairs: &impl Pairs) {
     let begun = net.now();
     send_frame(&mut arm.frames_tx, 0, &points(LONG)).await.unwrap();
     arm.messages_tx.send(&command(7)).await.unwrap();
+=======
+>>>>>>> cuts-src
     let hear = async {
         assert_eq!(panel.messages_rx.recv().await.unwrap(), command(7));
         net.now().since(begun)
@@ -65,6 +69,9 @@ pub(crate) async fn a_message_goes_before_a_frame(pairs: &impl Pairs) {
         receive(&mut panel.frames_rx).await.unwrap();
         net.now().since(begun)
     };
-    let (heard, complete) = tokio::join!(hear, read);
-    assert!(heard * 4 < complete, "the message after {heard:?}, the frame after {complete:?}");
+    let (seen, heard, complete) = tokio::join!(look, hear, read);
+    assert!(
+        seen * 4 < complete && heard * 4 < complete,
+        "the value after {seen:?}, the message after {heard:?}, the frame after {complete:?}"
+    );
 }

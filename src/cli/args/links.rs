@@ -141,9 +141,6 @@ pub(crate) struct NetemArgs {
     /// End after so many seconds [default: when interrupted].
     #[arg(long, value_name = "S", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) seconds: Option<f64>,
-    /// Only print the network as command lines of `tc`, for kernels that have its netem.
-    #[arg(long)]
-    pub(crate) print_tc: bool,
     /// Print at the end what became of the packets as JSON.
     #[arg(long)]
     pub(crate) json: bool,

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 pub use trimaran_audit::{FalseCullCause, metrics::ImageDifference};
+pub use trimaran_proto::SentBytes;
 
 /// One frame: pose, times, what was drawn, what should have been, and what it cost on the wire.
 ///
@@ -81,8 +82,8 @@ pub struct Frame {
 
     /// All bytes sent for this frame over all links, headers included.
     pub bytes: Option<u64>,
-    /// The same by kind.
-    pub bytes_by_kind: Option<BytesByKind>,
+    /// The same by kind: 72 bytes a camera; 4 an id and receiver, where they are not coded.
+    pub bytes_by_kind: Option<SentBytes>,
 
     /// The objects exactly visible at full detail, if the run was asked for them.
     pub visible: Option<Vec<VisibleObject>>,
@@ -143,33 +144,6 @@ pub struct FalseCull {
     pub nodes: u64,
     /// Pixels they own.
     pub pixels: u64,
-}
-
-/// Bytes sent for a frame over all links, by kind.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct BytesByKind {
-    /// Payloads of camera messages: 72 each.
-    pub camera: u64,
-    /// Payloads of id batches: 4 an id and receiver.
-    pub ids: u64,
-    /// Payloads of end-of-frame messages.
-    pub eof: u64,
-    /// Payloads of begin-of-frame messages.
-    pub begin: u64,
-    /// Payloads of control messages.
-    pub control: u64,
-    /// Headers of all messages.
-    pub headers: u64,
-    /// The number of messages (not bytes).
-    pub messages: u64,
-}
-
-impl BytesByKind {
-    /// All bytes.
-    #[must_use]
-    pub const fn total(&self) -> u64 {
-        self.camera + self.ids + self.eof + self.begin + self.control + self.headers
-    }
 }
 
 /// An object, named as in its source file.

@@ -17,7 +17,7 @@ mod sweep;
 
 pub use ended::{Ended, HowEnded};
 pub use frame::{
-    BytesByKind, CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, ImageDifference, Role, Span,
+    CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, ImageDifference, Role, SentBytes, Span,
     VisibleObject,
 };
 pub use metric::{METRICS, Metric};

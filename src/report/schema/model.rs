@@ -118,27 +118,6 @@ mod tests {
     }
 
     #[test]
-    fn where_hc_is_short_a_second_culler_can_bring_little() {
-        let model = steady([19.0, 1.0, 5.0]);
-        assert_eq!(model.fps, 50.0);
-        assert!((model.fps_overlapped - 1000.0 / 19.0).abs() < 0.1, "{}", model.fps_overlapped);
-    }
-
-    #[test]
-    fn times_that_differ_are_evened_out_as_far_as_the_pair_may_be_ahead() {
-        // The pair and the display take 20 ms a frame on average, in turns 10 and 30. Culled at 10, 40, 50
-        // and 80: the display would be done at 40, 50, 80, 90. It keeps the pair waiting nowhere.
-        let frames = table(&[[5.0, 5.0, 30.0], [20.0, 10.0, 10.0], [5.0, 5.0, 30.0], [20.0, 10.0, 10.0]]);
-        let model = Model::of(&frames, Some(120.0)).unwrap();
-        assert_eq!(model.fps, 1000.0 * 3.0 / (90.0 - 40.0));
-        // The camera of the fourth frame is not there before the first picture, at 103.
-        let slow = [1.0, 2.0, 100.0];
-        let last = [180.0, 40.0, 1.0];
-        let times: Vec<Times> = table(&[slow, slow, slow, last]).iter().filter_map(Times::of).collect();
-        assert_eq!(shown(&times, Schedule::AfterCulling), [103.0, 203.0, 303.0, 324.0]);
-    }
-
-    #[test]
     fn time_that_no_role_accounts_for_is_the_models_error() {
         let frames = table(&[[10.0, 10.0, 10.0]; 10]);
         // 300 ms of work; the walk took 30 from the first camera to its picture, and 320 more.

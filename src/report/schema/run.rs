@@ -4,8 +4,11 @@ use std::time::SystemTime;
 
 use serde::{Deserialize, Serialize};
 
+/// One of the three machines, or of the three actors that stand for them.
+pub use trimaran_proto::Role as Machine;
+
 /// What was run, where, and with which settings.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Run {
     /// The program's version.
     pub version: String,
@@ -48,25 +51,14 @@ pub struct Run {
 }
 
 /// Whether every camera became a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
     /// Every camera of the path is one frame; the run is deterministic.
+    #[default]
     Lockstep,
     /// OR takes the latest camera; cameras that came too early are skipped.
     Live,
-}
-
-/// One of the three machines, or of the three actors that stand for them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Machine {
-    /// The peer of the switching pair that culls even frames.
-    FirstCuller,
-    /// The peer of the switching pair that culls odd frames.
-    SecondCuller,
-    /// The one that shows the visible geometry (RVG).
-    Display,
 }
 
 /// What one of the three machines is.
@@ -81,7 +73,7 @@ pub struct RoleInfo {
 }
 
 /// The scene walked through.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SceneInfo {
     /// The cooked file.
     pub file: String,

@@ -5,7 +5,7 @@ use std::time::Duration;
 /// A point in the time of one network: nanoseconds since an origin that the network chose.
 ///
 /// Not a `std::time::Instant`, because a simulated network keeps a time of its own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Instant(u64);
 
 impl Instant {

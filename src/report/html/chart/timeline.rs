@@ -16,11 +16,7 @@ const ROW: f64 = 38.0;
 const BAR: f64 = 28.0;
 const TOP: f64 = 8.0;
 const BOTTOM: f64 = TOP + ROW * MACHINES.len() as f64;
-const MACHINES: [(Machine, &str); 3] = [
-    (Machine::FirstCuller, "first culler"),
-    (Machine::SecondCuller, "second culler"),
-    (Machine::Display, "display"),
-];
+const MACHINES: [Machine; 3] = [Machine::FirstCuller, Machine::SecondCuller, Machine::Display];
 
 /// A window of frames on the clock of the run.
 pub(in crate::report::html) struct Timeline<'a> {
@@ -70,9 +66,9 @@ impl<'a> Timeline<'a> {
         }
     }
 
-    fn row(&self, machine: Machine, name: &str, top: f64) -> Markup {
+    fn row(&self, machine: Machine, top: f64) -> Markup {
         html! {
-            text.tick x=(unit(LEFT - 6.0)) y=(unit(top + BAR / 2.0 + 4.0)) text-anchor="end" { (name) }
+            text.tick x=(unit(LEFT - 6.0)) y=(unit(top + BAR / 2.0 + 4.0)) text-anchor="end" { (machine) }
             @for frame in self.frames {
                 @for span in frame.timeline.iter().filter(|s| s.machine == machine) {
                     (self.bar(frame.frame, span, top))
@@ -115,8 +111,8 @@ impl Render for Timeline<'_> {
                 aria-label="which machine is busy when"
             {
                 (self.grid())
-                @for (row, (machine, name)) in MACHINES.into_iter().enumerate() {
-                    (self.row(machine, name, TOP + ROW * row as f64 + (ROW - BAR) / 2.0))
+                @for (row, machine) in MACHINES.into_iter().enumerate() {
+                    (self.row(machine, TOP + ROW * row as f64 + (ROW - BAR) / 2.0))
                 }
                 text.axis x=(unit((LEFT + RIGHT) / 2.0)) y=(unit(BOTTOM + 35.0)) text-anchor="middle" {
                     "time since the run's start (ms); numbers are frames"

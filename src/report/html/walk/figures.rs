@@ -7,7 +7,7 @@ use crate::report::format::{figure, plural};
 use crate::report::html::chart::{Chart, Mark, Series, Timeline};
 use crate::report::html::{card, wide_card};
 use crate::report::schema::{
-    BytesByKind, DeviationVerdict, Frame, METRICS, PAPER_OBJECT_TIGHTNESS, PAPER_TRIANGLE_TIGHTNESS, Report,
+    DeviationVerdict, Frame, METRICS, PAPER_OBJECT_TIGHTNESS, PAPER_TRIANGLE_TIGHTNESS, Report, SentBytes,
     SweepPoint,
 };
 
@@ -263,7 +263,7 @@ fn bytes(report: &Report) -> Markup {
         area(frames, "ids", "k0", |b| b.ids),
         area(frames, "headers", "k1", |b| b.headers),
         area(frames, "camera", "k2", |b| b.camera),
-        area(frames, "EOF", "k3", |b| b.eof),
+        area(frames, "EOF", "k3", |b| b.end),
         area(frames, "begin", "k4", |b| b.begin),
         area(frames, "control", "k5", |b| b.control),
     ];
@@ -285,7 +285,7 @@ fn bytes(report: &Report) -> Markup {
     )
 }
 
-fn area(frames: &[Frame], name: &str, class: &'static str, of: fn(&BytesByKind) -> u64) -> Series {
+fn area(frames: &[Frame], name: &str, class: &'static str, of: fn(&SentBytes) -> u64) -> Series {
     let points = frames
         .iter()
         .filter_map(|f| Some((f64::from(f.frame), of(f.bytes_by_kind.as_ref()?) as f64)))

@@ -90,7 +90,7 @@ pub(super) fn bandwidth(report: &Report) -> Markup {
             ("– ids", kinds.ids),
             ("– headers", kinds.headers),
             ("– camera", kinds.camera),
-            ("– end of frame", kinds.eof),
+            ("– end of frame", kinds.end),
             ("– begin of frame", kinds.begin),
             ("– control", kinds.control),
         ];

@@ -46,12 +46,6 @@ impl FrameLoad {
     }
 }
 
-/// Bits a second at `bytes` a frame and `rate` frames a second.
-#[must_use]
-pub fn bits_per_second(bytes: f64, rate: f64) -> f64 {
-    8.0 * bytes * rate
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -60,7 +54,7 @@ mod tests {
     const PAPER: FrameLoad = FrameLoad { ids: 4000.0, batch: 10.0, header: 50.0 };
 
     fn megabits(bytes: f64) -> f64 {
-        bits_per_second(bytes, 30.0) / 1e6
+        8.0 * bytes * 30.0 / 1e6
     }
 
     #[test]
