@@ -146,7 +146,7 @@ impl CloseCode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BatchSize, FrameNumber, IdCoding, LodRule, OcclusionTestKind, Viewport};
+    use crate::{LodRule, Viewport};
 
     const SCENE: SceneHash = SceneHash(0xfeed);
 
@@ -155,16 +155,7 @@ mod tests {
     }
 
     fn settings(width: u32) -> Settings {
-        Settings {
-            viewport: Viewport::new(width, 480).unwrap(),
-            lod: LodRule::new(2.0).unwrap(),
-            batch: BatchSize::default(),
-            coding: IdCoding::Plain,
-            occlusion_test: OcclusionTestKind::Raster,
-            lockstep: true,
-            first: FrameNumber(0),
-            frames: Some(200),
-        }
+        Settings::new(Viewport::new(width, 480).unwrap(), LodRule::new(2.0).unwrap())
     }
 
     #[test]
