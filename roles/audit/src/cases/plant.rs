@@ -20,7 +20,7 @@ pub fn plant(seed: u64, objects: usize, origin: DVec3) -> Result<Arc<Scene>, Sce
     let mut made = Vec::with_capacity(objects);
     for room in 0..rooms * rooms * rooms {
         let corner = room_corner(room, rooms);
-        // A deck below, and a wall on one or two sides with a listener's gap.
+        // A deck below, and a wall on one or two sides with a door's gap.
         made.push(slab(corner, DVec3::new(4.0, 4.0, 0.1)));
         if random.between(0.0, 1.0) < 0.85 {
             made.push(slab(corner, DVec3::new(0.1, 3.0, 4.0)));

@@ -10,7 +10,7 @@ pub(super) enum Paint {
     Floor,
     Grating,
     Wall,
-    ListenerStats,
+    Door,
     Water,
     Steam,
     Gas,
@@ -54,7 +54,7 @@ impl Paint {
             Self::Floor => [104, 104, 98],
             Self::Grating => [148, 150, 148],
             Self::Wall => [214, 208, 192],
-            Self::ListenerStats => [56, 108, 84],
+            Self::Door => [56, 108, 84],
             Self::Water => [58, 140, 84],
             Self::Steam => [188, 192, 196],
             Self::Gas => [204, 168, 66],
@@ -80,7 +80,7 @@ impl Paint {
         match self {
             Self::Steel | Self::Hull => "structure",
             Self::Floor | Self::Grating => "floors",
-            Self::Wall | Self::ListenerStats => "walls",
+            Self::Wall | Self::Door => "walls",
             Self::Water | Self::Steam | Self::Gas | Self::Oil | Self::Fire | Self::Air | Self::Fitting => {
                 "piping"
             }

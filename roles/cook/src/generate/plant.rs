@@ -170,14 +170,14 @@ impl Grid {
         // Doors keep to one end of the aisle or the other, so that few rooms see through many.
         let ends = [AISLE[0] + 0.05, AISLE[1] - DOOR[0] - 0.05];
         let [door_x, door_z] = [random.pick(ends), random.pick(ends)];
-        // Along x every wall has its listener, and along z those of the first column: so every room can be
+        // Along x every wall has its door, and along z those of the first column: so every room can be
         // reached.
-        let west = if column == 0 { Wall::Blind } else { Wall::ListenerStats(door_x) };
+        let west = if column == 0 { Wall::Blind } else { Wall::Door(door_x) };
         let north = match (row, column) {
-            (0, 0) if storey == 0 => Wall::ListenerStats(door_z),
+            (0, 0) if storey == 0 => Wall::Door(door_z),
             (0, _) => Wall::Blind,
-            (_, 0) => Wall::ListenerStats(door_z),
-            _ if random.chance(0.5) => Wall::ListenerStats(door_z),
+            (_, 0) => Wall::Door(door_z),
+            _ if random.chance(0.5) => Wall::Door(door_z),
             _ => Wall::Blind,
         };
         let closing = |neighbour| if self.has(neighbour) { Wall::None } else { Wall::Blind };
@@ -280,6 +280,9 @@ mod tests {
         let model = plant(&PlantOptions { seed: 0, objects: 0, triangles: 0 });
         model.check().unwrap();
         assert!((50..400).contains(&model.objects.len()), "{}", model.objects.len());
+        for part in ["wall over door", "door frame", "door"] {
+            assert!(model.objects.iter().any(|object| object.name == part), "{part}");
+        }
     }
 
     #[test]

@@ -20,7 +20,7 @@ pub(super) const STOREY: f64 = 5.0;
 pub(super) const SLAB: f64 = 0.2;
 /// Thickness of a wall.
 const WALL: f64 = 0.15;
-/// A listener's clear width and height.
+/// A door's clear width and height.
 pub(super) const DOOR: [f64; 2] = [1.0, 2.2];
 /// The aisles: nothing stands between these two distances from a wall, up to the height of [`TRAYS`].
 pub(super) const AISLE: [f64; 2] = [3.0, 5.0];
@@ -37,8 +37,8 @@ pub(super) enum Wall {
     None,
     /// No way through.
     Blind,
-    /// A listener, its opening so far along the wall.
-    ListenerStats(f64),
+    /// A door, its opening so far along the wall.
+    Door(f64),
 }
 
 /// What a room has around it.
@@ -199,17 +199,17 @@ fn build_wall(module: &mut Module, side: usize, wall: Wall) {
     match wall {
         Wall::None => {}
         Wall::Blind => slab(module, [0.0, SIDE], [0.0, height], "wall"),
-        Wall::ListenerStats(start) => {
+        Wall::Door(start) => {
             let [width, head] = DOOR;
             slab(module, [0.0, start], [0.0, height], "wall");
             slab(module, [start + width, SIDE], [0.0, height], "wall");
-            slab(module, [start, start + width], [head, height], "wall over listener");
-            listener(module, side, start);
+            slab(module, [start, start + width], [head, height], "wall over door");
+            door(module, side, start);
         }
     }
 }
 
-fn listener(module: &mut Module, side: usize, start: f64) {
+fn door(module: &mut Module, side: usize, start: f64) {
     let [width, height] = DOOR.map(|m| (m * 1000.0) as u32);
     let plane = if side < 2 { 0.0 } else { SIDE };
     // x along the wall; the leaf stands open at a right angle, on the side of the opening that is nearer the
@@ -221,7 +221,7 @@ fn listener(module: &mut Module, side: usize, start: f64) {
         (DMat3::IDENTITY, |along, plane| DVec3::new(along, 0.0, plane))
     };
     let opening = DAffine3 { matrix3: turn, translation: at(start, plane) };
-    module.put(Paint::ListenerStats, Shape::DoorFrame { width, height }, opening, "listener frame");
+    module.put(Paint::Door, Shape::DoorFrame { width, height }, opening, "door frame");
     let inwards = if side < 2 { 1.0 } else { -1.0 };
     let hinge = if hinge_at_start { start - 0.03 } else { start + DOOR[0] + 0.03 };
     let normal = if side.is_multiple_of(2) { DVec3::X } else { DVec3::Z } * inwards;
@@ -229,7 +229,7 @@ fn listener(module: &mut Module, side: usize, start: f64) {
         matrix3: DMat3::from_cols(normal, DVec3::Y, normal.cross(DVec3::Y)),
         translation: at(hinge, plane) + normal * 0.1,
     };
-    module.put(Paint::ListenerStats, Shape::DoorLeaf { width, height }, leaf, "listener");
+    module.put(Paint::Door, Shape::DoorLeaf { width, height }, leaf, "door");
 }
 
 /// Pipes that cross the room in both directions above the aisles.

@@ -40,11 +40,11 @@ pub(super) enum Shape {
     Ladder { rise: u32 },
     /// A ladder-type cable tray, two metres along +z, centred on x, bottom at y = 0.
     Tray { width: u32 },
-    /// A cabinet with listener, plinth and handle, standing at the origin, front towards +z.
+    /// A cabinet with door, plinth and handle, standing at the origin, front towards +z.
     Cabinet { width: u32, height: u32, depth: u32 },
     /// Two jambs and a head around an opening from the origin along +x.
     DoorFrame { width: u32, height: u32 },
-    /// A listener leaf hung at the origin, along +x when shut, with handles.
+    /// A door leaf hung at the origin, along +x when shut, with handles.
     DoorLeaf { width: u32, height: u32 },
     /// A long lamp under a ceiling, along +x, top at y = 0.
     Lamp,

@@ -31,7 +31,7 @@ pub use error::ImportError;
 pub use format::Format;
 pub use gltf::GltfError;
 pub use obj::ObjError;
-pub use report::{ImportReport, PrimitiveCounts, Warning};
+pub use report::{ImportReport, Warning};
 pub use rvm::RvmError;
 
 use self::budget::Budget;

@@ -1,7 +1,6 @@
 //! What an import met, for people to judge it by.
 
 use std::fmt;
-use std::ops::AddAssign;
 
 /// Counts of an import, and what was left out.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -16,8 +15,6 @@ pub struct ImportReport {
     pub triangles: u64,
     /// Triangles as stored: each mesh once.
     pub unique_triangles: u64,
-    /// RVM primitives by kind.
-    pub primitives: PrimitiveCounts,
     /// RVM primitives whose tessellation differs by more than 5 % from the box that the file stores with
     /// them. A few are right: writers store loose boxes for sheared snouts and eccentric pyramids.
     pub box_mismatches: u64,
@@ -49,33 +46,6 @@ pub enum Warning {
     LargePolygon,
 }
 
-/// RVM primitives by kind.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct PrimitiveCounts {
-    /// Kind 1.
-    pub pyramids: u64,
-    /// Kind 2.
-    pub boxes: u64,
-    /// Kind 3.
-    pub rectangular_tori: u64,
-    /// Kind 4.
-    pub circular_tori: u64,
-    /// Kind 5.
-    pub elliptical_dishes: u64,
-    /// Kind 6.
-    pub spherical_dishes: u64,
-    /// Kind 7.
-    pub snouts: u64,
-    /// Kind 8.
-    pub cylinders: u64,
-    /// Kind 9.
-    pub spheres: u64,
-    /// Kind 10. Lines have no surface and are not drawn.
-    pub lines: u64,
-    /// Kind 11.
-    pub facet_groups: u64,
-}
-
 impl ImportReport {
     /// Notes that something happened `count` more times.
     pub(super) fn warn(&mut self, warning: Warning, count: u64) {
@@ -95,7 +65,6 @@ impl ImportReport {
         self.meshes += other.meshes;
         self.triangles += other.triangles;
         self.unique_triangles += other.unique_triangles;
-        self.primitives += other.primitives;
         self.box_mismatches += other.box_mismatches;
         for &(warning, count) in &other.warnings {
             self.warn(warning, count);
@@ -118,40 +87,6 @@ impl fmt::Display for Warning {
     }
 }
 
-impl PrimitiveCounts {
-    /// All primitives.
-    #[must_use]
-    pub const fn total(&self) -> u64 {
-        self.pyramids
-            + self.boxes
-            + self.rectangular_tori
-            + self.circular_tori
-            + self.elliptical_dishes
-            + self.spherical_dishes
-            + self.snouts
-            + self.cylinders
-            + self.spheres
-            + self.lines
-            + self.facet_groups
-    }
-}
-
-impl AddAssign for PrimitiveCounts {
-    fn add_assign(&mut self, other: Self) {
-        self.pyramids += other.pyramids;
-        self.boxes += other.boxes;
-        self.rectangular_tori += other.rectangular_tori;
-        self.circular_tori += other.circular_tori;
-        self.elliptical_dishes += other.elliptical_dishes;
-        self.spherical_dishes += other.spherical_dishes;
-        self.snouts += other.snouts;
-        self.cylinders += other.cylinders;
-        self.spheres += other.spheres;
-        self.lines += other.lines;
-        self.facet_groups += other.facet_groups;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -159,13 +94,12 @@ mod tests {
     #[test]
     fn reports_add_up() {
         let mut all = ImportReport::default();
-        let mut one = ImportReport { files: 1, objects: 2, ..Default::default() };
-        one.primitives.snouts = 3;
+        let mut one = ImportReport { files: 1, objects: 2, box_mismatches: 3, ..Default::default() };
         one.warn(Warning::EmptyObject, 4);
         one.warn(Warning::SkinnedNode, 0);
         all.absorb(&one);
         all.absorb(&one);
-        assert_eq!((all.files, all.objects, all.primitives.total()), (2, 4, 6));
+        assert_eq!((all.files, all.objects, all.box_mismatches), (2, 4, 6));
         assert_eq!(all.warnings, [(Warning::EmptyObject, 8)]);
     }
 }

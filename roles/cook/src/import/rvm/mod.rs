@@ -53,9 +53,6 @@ pub(super) fn import(bytes: &[u8], options: &ImportOptions, budget: &Budget) -> 
     let mut part = Part { model: Model::default(), report: ImportReport::default() };
     part.report.warn(Warning::VolumeLeftOut, file.volumes);
     for (group, placed) in file.groups.into_iter().zip(objects) {
-        for primitive in &group.primitives {
-            primitive.shape.count(&mut part.report.primitives);
-        }
         let Some(Placed { mesh, origin, box_mismatches, large_polygons }) = placed else {
             part.report.warn(Warning::EmptyObject, 1);
             continue;

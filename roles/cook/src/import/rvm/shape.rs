@@ -7,7 +7,6 @@ use glam::DVec3;
 
 use super::RvmError;
 use super::reader::Reader;
-use crate::import::report::PrimitiveCounts;
 
 /// A primitive's shape. Every number is finite.
 #[derive(Debug, Clone, PartialEq)]
@@ -115,23 +114,6 @@ impl Shape {
             11 => Self::FacetGroup { polygons: polygons(reader)? },
             unknown => return Err(ShapeError::UnknownKind(unknown)),
         })
-    }
-
-    /// Adds one to the count of this shape's kind.
-    pub(super) fn count(&self, counts: &mut PrimitiveCounts) {
-        *match self {
-            Self::Pyramid { .. } => &mut counts.pyramids,
-            Self::Box { .. } => &mut counts.boxes,
-            Self::RectangularTorus { .. } => &mut counts.rectangular_tori,
-            Self::CircularTorus { .. } => &mut counts.circular_tori,
-            Self::EllipticalDish { .. } => &mut counts.elliptical_dishes,
-            Self::SphericalDish { .. } => &mut counts.spherical_dishes,
-            Self::Snout { .. } => &mut counts.snouts,
-            Self::Cylinder { .. } => &mut counts.cylinders,
-            Self::Sphere { .. } => &mut counts.spheres,
-            Self::Line => &mut counts.lines,
-            Self::FacetGroup { .. } => &mut counts.facet_groups,
-        } += 1;
     }
 }
 
