@@ -6,14 +6,14 @@
 #![allow(clippy::unwrap_used, reason = "a test ends where what it needs is not there")]
 #![allow(clippy::disallowed_methods, reason = "packets of the kernel keep the kernel's time")]
 
-use std::io::{ErrorKind, Read, Write};
-use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::io::ErrorKind;
+use std::net::{IpAddr, SocketAddr, UdpSocket};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use trimaran::netem::{Emulation, Namespace, NetemError, Report};
+use trimaran::netem::{Emulation, Namespace, Report};
 use trimaran_netsim::Profile;
 
 /// Whether namespaces can be had; says so if not.
@@ -172,135 +172,6 @@ fn a_namespace_without_its_name_is_there_as_long_as_somebody_has_it() {
     assert_eq!(totals(&emulation.finish().unwrap()), [1, 0, 1, 0]);
 }
 
-/// Two machines, 10.1.0.1 and 10.1.0.2, each with a veth pair whose other end, `end0` and `end1`, is in a
-/// third place between them.
-fn veth_pairs(test: &str) -> [Namespace; 3] {
-    let names = names(test, 3);
-    let places: Vec<_> = names.iter().map(|name| Namespace::find_or_make(name).unwrap()).collect();
-    let places: [Namespace; 3] = places.try_into().unwrap();
-    for index in [0, 1] {
-        let (machine, end, address) =
-            (&names[index], format!("end{index}"), format!("10.1.0.{}/24", index + 1));
-        ip(&["-n", &names[2], "link", "add", &end, "type", "veth", "peer", "name", "eth0", "netns", machine]);
-        ip(&["-n", machine, "address", "add", &address, "dev", "eth0"]);
-        ip(&["-n", machine, "link", "set", "eth0", "up"]);
-    }
-    places
-}
-
-fn ends_of_veth() -> Vec<String> {
-    vec!["end0".to_owned(), "end1".to_owned()]
-}
-
-#[test]
-fn a_network_between_interfaces_carries_frames_of_any_kind() {
-    if !possible() {
-        return;
-    }
-    let [here, there, between] = veth_pairs("veth");
-    let slow = profile("delay = \"10ms\"", "delay = \"15ms\"");
-    let report = inside(&between, || {
-        let emulation = Emulation::between(&slow, &ends_of_veth(), 1).unwrap();
-        // Datagrams: after addresses were asked for, in frames that are not of IP.
-        let [one, other] = [(&here, [10, 1, 0, 1]), (&there, [10, 1, 0, 2])]
-            .map(|(place, address)| socket(place, IpAddr::from(address)));
-        let mut buffer = [0; 2000];
-        for size in [0, 1, 1400] {
-            let start = Instant::now();
-            one.send_to(&vec![7; size], other.local_addr().unwrap()).unwrap();
-            assert_eq!(receive(&other, &mut buffer), (size, one.local_addr().unwrap()));
-            assert!(start.elapsed() >= Duration::from_millis(25), "{:?}", start.elapsed());
-        }
-        // A stream, of which the kernel makes packets larger than any frame, whose checksums it leaves to the
-        // card.
-        let listener = inside(&there, || TcpListener::bind("10.1.0.2:0").unwrap());
-        let mut stream = inside(&here, || TcpStream::connect(listener.local_addr().unwrap()).unwrap());
-        let (mut peer, _) = listener.accept().unwrap();
-        let sent: Vec<u8> = (0..1_000_000_u32).map(|byte| byte as u8 ^ (byte >> 9) as u8).collect();
-        let got = thread::scope(|scope| {
-            scope.spawn(|| {
-                stream.write_all(&sent).unwrap();
-                drop(stream);
-            });
-            let mut got = Vec::new();
-            peer.read_to_end(&mut got).unwrap();
-            got
-        });
-        assert!(got == sent, "{} bytes", got.len());
-        let names: Vec<_> =
-            emulation.interfaces().iter().map(|interface| interface.name().to_owned()).collect();
-        assert_eq!(names, ends_of_veth());
-        let report = emulation.finish().unwrap();
-        let left = ip(&["-j", "link", "show"]);
-        assert!(left.contains("end0") && !left.contains("master") && !left.contains("tmbr"), "{left}");
-        report
-    });
-    let [sent, _, delivered, lost] = totals(&report);
-    assert!(sent > 700 && delivered + report.totals.underway == sent && lost == 0, "{report:?}");
-}
-
-/// What a user would do: the program between two interfaces, and a link over it.
-#[test]
-fn a_link_over_a_network_between_interfaces_takes_the_time_that_the_links_say() {
-    if !possible() {
-        return;
-    }
-    let [here, there, between] = veth_pairs("link");
-    let exec = |place: &Namespace, words: &[&str]| {
-        let mut command = Command::new("ip");
-        command.args(["netns", "exec", place.name(), env!("CARGO_BIN_EXE_trimaran")]).args(words);
-        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
-    };
-    let network = exec(&between, &["netem", "--profile", "wan-20ms", "--between", "end0,end1", "--json"]);
-    let mut answering = exec(&there, &["ping", "tcp://10.1.0.2:7500", "--answer"]);
-    // It tries again until both are there.
-    let words =
-        ["ping", "tcp://10.1.0.2:7500", "--count", "5", "--interval", "0", "--timeout", "20", "--json"];
-    let pinged = exec(&here, &words).wait_with_output().unwrap();
-    answering.kill().unwrap();
-    answering.wait().unwrap();
-    interrupt(&network);
-    let network = network.wait_with_output().unwrap();
-    let read = |output: Output| -> serde_json::Value {
-        assert!(output.status.success(), "{output:?}");
-        serde_json::from_slice(&output.stdout).unwrap()
-    };
-    let (pinged, network) = (read(pinged), read(network));
-    assert_eq!((&pinged["answered"], &pinged["lost"]), (&5.into(), &0.into()), "{pinged}");
-    assert!(pinged["min_us"].as_f64().unwrap() >= 20_000.0, "{pinged}");
-    let carried = network["totals"]["delivered"].as_u64().unwrap();
-    assert!(carried >= 10, "five cameras there and back: {network}");
-}
-
-#[test]
-fn interfaces_that_will_not_do_are_named() {
-    if !possible() {
-        return;
-    }
-    let [_here, _there, between] = veth_pairs("unfit");
-    inside(&between, || {
-        let refused = |first: &str, second: &str| {
-            let names = [first.to_owned(), second.to_owned()];
-            let refusal = Emulation::between(&profile("", ""), &names, 1).unwrap_err();
-            assert!(refusal.is_usage(), "{refusal}");
-            refusal
-        };
-        let said = refused("end0", "none").to_string();
-        assert!(said.contains("no network interface none: `ip link` lists"), "{said}");
-        assert!(matches!(refused("end0", "end0"), NetemError::Interfaces { count: 2 }));
-        let said = refused("lo", "end1").to_string();
-        assert!(said.contains("lo carries no Ethernet frames (loopback)"), "{said}");
-        ip(&["address", "add", "10.9.0.1/24", "dev", "end1"]);
-        let said = refused("end0", "end1").to_string();
-        assert!(said.contains("end1 has the address 10.9.0.1 of this machine"), "{said}");
-        ip(&["link", "add", "mine", "type", "bridge"]);
-        ip(&["link", "set", "end0", "master", "mine"]);
-        let said = refused("end0", "end1").to_string();
-        assert!(said.contains("end0 belongs to mine already: free it with"), "{said}");
-        assert!(!ip(&["link", "show"]).contains("tmbr"), "nothing is left of what was begun");
-    });
-}
-
 fn interrupt(child: &Child) {
     // The shell's own: the program of that name is not on every machine.
     let kill = Command::new("sh").args(["-c", &format!("kill -INT {}", child.id())]).status().unwrap();
@@ -317,8 +188,6 @@ fn flags_that_make_no_sense_are_named() {
         (&["--profile", "token-ring"][..], "token-ring"),
         (&["--profile", "wifi", "--namespaces", "only"], "1 namespaces for three machines"),
         (&["--profile", "wifi", "--namespaces", "a,b,a"], "each once"),
-        (&["--profile", "wifi", "--between", "only"], "1 interfaces to put a network between"),
-        (&["--profile", "wifi", "--between", "a,b", "--namespaces", "a,b"], "--namespaces"),
         (&["--profile", "wifi", "--seconds", "-1"], "--seconds"),
     ] {
         let output = trimaran(words);

@@ -25,17 +25,10 @@ pub(super) fn run(args: &NetemArgs) -> Result<(), Failure> {
     let runtime = runtime()?;
     // Set before anything is made, so that nothing is left behind.
     let stop = stop_on_signal(&runtime);
-    let emulation = match &args.between {
-        None => Emulation::start(&profile, &args.namespaces, args.seed),
-        Some(interfaces) => Emulation::between(&profile, interfaces, args.seed),
-    }
-    .map_err(failure)?;
+    let emulation = Emulation::start(&profile, &args.namespaces, args.seed).map_err(failure)?;
     if !args.json && io::stdout().is_terminal() {
         for (host, namespace) in emulation.machines() {
             println!("{:<12} {} and {}: `ip netns exec {0} COMMAND`", namespace.name(), host.v4(), host.v6());
-        }
-        for interface in emulation.interfaces() {
-            println!("joined {}", interface.name());
         }
     }
     let net = TokioNet::new(runtime.handle().clone());

@@ -17,7 +17,7 @@ use trimaran_netsim::{HostId, Relay, Topology, Totals};
 use trimaran_transport::Instant;
 use tun_rs::SyncDevice;
 
-use super::ip::{ETHERNET_HEADER, Header, in_frame, mark_congested};
+use super::ip::{Header, mark_congested};
 
 /// The system is asked to wake the carrier so long before a packet's time, and the rest is waited for busily:
 /// what it takes to wake a sleeping thread.
@@ -26,8 +26,8 @@ const WATCHFUL: Duration = Duration::from_micros(60);
 const GLANCE: Duration = Duration::from_millis(50);
 /// Packets that are later count as this: a minute, nanoseconds.
 const LATEST_NS: u64 = 60_000_000_000;
-/// The largest IP packet in the longest frame.
-const LARGEST: usize = 65_535 + ETHERNET_HEADER;
+/// The largest IP packet.
+const LARGEST: usize = 65_535;
 
 /// What an emulation has done so far.
 #[derive(Debug, Clone, Serialize)]
@@ -83,52 +83,6 @@ struct State {
 pub(super) struct Device {
     pub(super) host: HostId,
     pub(super) tun: SyncDevice,
-    pub(super) bound: Bound,
-}
-
-/// Whom what comes from a device is for.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Bound {
-    /// IP packets, each for the machine that has its destination's address.
-    ByAddress,
-    /// Ethernet frames of any protocol, all for one machine.
-    For(HostId),
-}
-
-/// What the links need to know of a packet.
-struct Label {
-    to: HostId,
-    ip_bytes: u32,
-    ecn: Ecn,
-}
-
-impl Device {
-    /// What a packet from here says; none if it is for nobody.
-    fn label(&self, packet: &[u8], topology: &Topology) -> Option<Label> {
-        let ip_bytes = |bytes: usize| u32::try_from(bytes).ok();
-        match self.bound {
-            Bound::ByAddress => {
-                let Header { to, ecn } = Header::of(packet)?;
-                let to = topology.at(to).filter(|to| *to != self.host)?;
-                Some(Label { to, ip_bytes: ip_bytes(packet.len())?, ecn })
-            }
-            Bound::For(to) => {
-                let ecn = in_frame(packet).and_then(Header::of).map_or(Ecn::NotCapable, |header| header.ecn);
-                Some(Label { to, ip_bytes: ip_bytes(packet.len().checked_sub(ETHERNET_HEADER)?)?, ecn })
-            }
-        }
-    }
-
-    /// Notes in a packet that it has met congestion.
-    fn mark(&self, packet: &mut [u8]) {
-        match self.bound {
-            Bound::ByAddress => mark_congested(packet),
-            Bound::For(_) if in_frame(packet).is_some() => {
-                mark_congested(packet.get_mut(ETHERNET_HEADER..).unwrap_or_default());
-            }
-            Bound::For(_) => {}
-        }
-    }
 }
 
 impl Cargo {
@@ -181,7 +135,7 @@ impl Cargo {
         while let Some(mut arrival) = state.relay.arrival(self.now()) {
             let Some(device) = devices.iter().find(|device| device.host == arrival.to) else { continue };
             if arrival.ecn == Ecn::Experienced {
-                device.mark(&mut arrival.packet);
+                mark_congested(&mut arrival.packet);
             }
             // What the kernel does not take now is lost, as in a network card without room.
             if device.tun.send(&arrival.packet).is_ok() {
@@ -203,15 +157,15 @@ impl Cargo {
             };
             let now = self.now();
             let packet = buffer.get(..length).unwrap_or_default();
-            let label = device.label(packet, &self.topology);
             let mut state = self.state();
-            match label {
-                Some(Label { to, ip_bytes, ecn }) => {
-                    let packet = packet.to_vec();
-                    let from = device.host;
+            let header = Header::of(packet);
+            let to = header.and_then(|header| self.topology.at(header.to)).filter(|to| *to != device.host);
+            match (header, to) {
+                (Some(Header { ecn, .. }), Some(to)) => {
+                    let (from, packet, ip_bytes) = (device.host, packet.to_vec(), length as u32);
                     state.relay.offer(now, Parcel { from, to, ip_bytes, ecn, token: None, packet });
                 }
-                None => state.strangers += 1,
+                _ => state.strangers += 1,
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Machines in namespaces or behind interfaces, and a network between them.
+//! Machines in namespaces, and a network between them.
 
 use std::io;
 use std::net::IpAddr;
@@ -10,18 +10,17 @@ use std::thread::{self, JoinHandle};
 use rustix::thread::{CapabilitySet, capabilities};
 use trimaran_netsim::{HostId, Profile};
 
-use super::carrier::{Bound, Cargo, Device};
-use super::{Interface, Namespace, NetemError, Report};
+use super::carrier::{Cargo, Device};
+use super::{Namespace, NetemError, Report};
 
 /// How many bits of an address name the network: all machines are neighbours.
 const NETWORK_BITS: (u8, u8) = (24, 64);
 
-/// A network between namespaces or interfaces, as long as this lives. Dropping it removes the devices,
-/// bridges and namespaces that it made.
+/// A network between namespaces, as long as this lives. Dropping it removes the devices and namespaces that it
+/// made.
 #[derive(Debug)]
 pub struct Emulation {
     machines: Vec<(HostId, Namespace)>,
-    interfaces: Vec<Interface>,
     cargo: Arc<Cargo>,
     stop: Arc<AtomicBool>,
     carrier: Option<JoinHandle<io::Result<()>>>,
@@ -33,7 +32,15 @@ impl Emulation {
     /// # Errors
     /// When it lacks something.
     pub fn possible() -> Result<(), NetemError> {
-        granted(&[(CapabilitySet::NET_ADMIN, "CAP_NET_ADMIN"), (CapabilitySet::SYS_ADMIN, "CAP_SYS_ADMIN")])
+        let granted = capabilities(None).map_err(io::Error::from)?.effective;
+        for (capability, missing) in
+            [(CapabilitySet::NET_ADMIN, "CAP_NET_ADMIN"), (CapabilitySet::SYS_ADMIN, "CAP_SYS_ADMIN")]
+        {
+            if !granted.contains(capability) {
+                return Err(NetemError::NotPermitted { missing });
+            }
+        }
+        if Path::new("/dev/net/tun").exists() { Ok(()) } else { Err(NetemError::NoTun) }
     }
 
     /// Puts a network between namespaces of these names: those of the first culler, its second and
@@ -59,50 +66,14 @@ impl Emulation {
             let addresses: [(IpAddr, u8); 2] = [(host.v4(), NETWORK_BITS.0), (host.v6(), NETWORK_BITS.1)];
             let tun = namespace.add_device(profile.up.mtu, &addresses)?;
             machines.push((host, namespace));
-            devices.push(Device { host, tun, bound: Bound::ByAddress });
+            devices.push(Device { host, tun });
         }
-        let cargo = Cargo::new(topology, seed)?;
-        Ok(Self::carrying(cargo, devices, machines, Vec::new()))
-    }
-
-    /// Puts a network between two Ethernet interfaces, those of the first culler and of the display:
-    /// cards with machines behind them, ends of veth pairs, TAP devices. Whatever comes in at one goes
-    /// out at the other, of whatever protocol.
-    ///
-    /// # Errors
-    /// When this process may not do that, or an interface will not do.
-    pub fn between(profile: &Profile, names: &[String], seed: u64) -> Result<Self, NetemError> {
-        let (topology, roles) = profile.topology();
-        let ends = match names {
-            [first, display] if distinct(names) => {
-                [(first, roles.first, roles.display), (display, roles.display, roles.first)]
-            }
-            _ => return Err(NetemError::Interfaces { count: names.len() }),
-        };
-        granted(&[(CapabilitySet::NET_ADMIN, "CAP_NET_ADMIN")])?;
-        let (mut interfaces, mut devices) = (Vec::new(), Vec::new());
-        for (index, (name, host, to)) in ends.into_iter().enumerate() {
-            let (interface, tun) = Interface::join(name, index)?;
-            interfaces.push(interface);
-            devices.push(Device { host, tun, bound: Bound::For(to) });
-        }
-        let cargo = Cargo::new(topology, seed)?;
-        Ok(Self::carrying(cargo, devices, Vec::new(), interfaces))
-    }
-
-    /// Begins to carry packets between these devices.
-    fn carrying(
-        cargo: Cargo,
-        devices: Vec<Device>,
-        machines: Vec<(HostId, Namespace)>,
-        interfaces: Vec<Interface>,
-    ) -> Self {
-        let (cargo, stop) = (Arc::new(cargo), Arc::new(AtomicBool::new(false)));
+        let (cargo, stop) = (Arc::new(Cargo::new(topology, seed)?), Arc::new(AtomicBool::new(false)));
         let carrier = thread::spawn({
             let (cargo, stop) = (Arc::clone(&cargo), Arc::clone(&stop));
             move || cargo.carry(&devices, &stop)
         });
-        Self { machines, interfaces, cargo, stop, carrier: Some(carrier) }
+        Ok(Self { machines, cargo, stop, carrier: Some(carrier) })
     }
 
     /// The machines and where they are.
@@ -118,12 +89,6 @@ impl Emulation {
     /// When iproute2 cannot.
     pub fn take_names(&mut self) -> Result<(), NetemError> {
         self.machines.iter_mut().try_for_each(|(_, namespace)| namespace.take_name())
-    }
-
-    /// The interfaces that are joined.
-    #[must_use]
-    pub fn interfaces(&self) -> &[Interface] {
-        &self.interfaces
     }
 
     /// What was carried so far.
@@ -152,17 +117,6 @@ impl Emulation {
         let Some(carrier) = self.carrier.take() else { return Ok(()) };
         carrier.join().unwrap_or_else(|_| Err(io::Error::other("the carrying thread panicked")))
     }
-}
-
-/// Whether this process has these capabilities, and the kernel TUN devices.
-fn granted(needed: &[(CapabilitySet, &'static str)]) -> Result<(), NetemError> {
-    let granted = capabilities(None).map_err(io::Error::from)?.effective;
-    for (capability, missing) in needed {
-        if !granted.contains(*capability) {
-            return Err(NetemError::NotPermitted { missing });
-        }
-    }
-    if Path::new("/dev/net/tun").exists() { Ok(()) } else { Err(NetemError::NoTun) }
 }
 
 /// Whether no name is there twice.

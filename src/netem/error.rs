@@ -10,7 +10,7 @@ use thiserror::Error;
 pub enum NetemError {
     /// This process may not.
     #[error(
-        "emulating a network makes network namespaces and TUN devices, which takes the capabilities CAP_NET_ADMIN and, for namespaces, CAP_SYS_ADMIN, and {missing} is missing: run it as root"
+        "emulating a network makes network namespaces and TUN devices, which takes the capabilities CAP_NET_ADMIN and CAP_SYS_ADMIN, and {missing} is missing: run it as root"
     )]
     NotPermitted {
         /// What it lacks.
@@ -26,64 +26,6 @@ pub enum NetemError {
     Namespaces {
         /// How many were given.
         count: usize,
-    },
-    /// Two interfaces are joined, neither more nor fewer.
-    #[error("{count} interfaces to put a network between: name two, each once")]
-    Interfaces {
-        /// How many were given.
-        count: usize,
-    },
-    /// No such interface.
-    #[error("there is no network interface {name}: `ip link` lists those that there are")]
-    NoInterface {
-        /// What it would be called.
-        name: String,
-    },
-    /// The interface carries no Ethernet frames.
-    #[error(
-        "{name} carries no Ethernet frames ({kind}): name an Ethernet card, one end of a veth pair or a TAP device"
-    )]
-    NotEthernet {
-        /// The interface.
-        name: String,
-        /// What it is.
-        kind: String,
-    },
-    /// The interface belongs to another bridge.
-    #[error("{name} belongs to {master} already: free it with `ip link set {name} nomaster`")]
-    Taken {
-        /// The interface.
-        name: String,
-        /// The bridge.
-        master: String,
-    },
-    /// This machine speaks over the interface itself.
-    #[error(
-        "{name} has the address {address} of this machine, which nobody could reach any more: name another interface, or remove it with `ip address flush dev {name}`"
-    )]
-    InUse {
-        /// The interface.
-        name: String,
-        /// Its address.
-        address: String,
-    },
-    /// iproute2 speaks of an interface in words that are not known.
-    #[error("what `ip -j address show dev {name}` says is not understood")]
-    Shown {
-        /// The interface.
-        name: String,
-        /// What is wrong.
-        #[source]
-        cause: serde_json::Error,
-    },
-    /// The device for an interface's frames could not be made.
-    #[error("cannot make a TAP device for the frames of {name}")]
-    Tap {
-        /// The interface.
-        name: String,
-        /// What the system says.
-        #[source]
-        cause: io::Error,
     },
     /// iproute2 is not there.
     #[error("the program `ip` does not run: install the package iproute2")]
@@ -130,17 +72,6 @@ impl NetemError {
     /// Whether the user can do something about it before anything is tried.
     #[must_use]
     pub const fn is_usage(&self) -> bool {
-        matches!(
-            self,
-            Self::NotPermitted { .. }
-                | Self::NoTun
-                | Self::Namespaces { .. }
-                | Self::Interfaces { .. }
-                | Self::NoInterface { .. }
-                | Self::NotEthernet { .. }
-                | Self::Taken { .. }
-                | Self::InUse { .. }
-                | Self::NoIp { .. }
-        )
+        matches!(self, Self::NotPermitted { .. } | Self::NoTun | Self::Namespaces { .. } | Self::NoIp { .. })
     }
 }

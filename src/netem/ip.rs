@@ -4,17 +4,6 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
 use trimaran_netsim::link::Ecn;
 
-/// How many bytes of an Ethernet frame come before what it carries: two addresses and a type.
-pub(super) const ETHERNET_HEADER: usize = 14;
-/// The types of IPv4 and IPv6.
-const TYPES: [[u8; 2]; 2] = [[0x08, 0x00], [0x86, 0xdd]];
-
-/// The IP packet in an Ethernet frame; none where it carries something else.
-pub(super) fn in_frame(frame: &[u8]) -> Option<&[u8]> {
-    let (head, packet) = frame.split_at_checked(ETHERNET_HEADER)?;
-    TYPES.iter().any(|kind| head.ends_with(kind)).then_some(packet)
-}
-
 /// What the header of an IP packet says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Header {
@@ -110,16 +99,6 @@ mod tests {
         }
         let to = IpAddr::from([0, 0, 0, 0, 0, 0, 0, 2_u16]);
         assert_eq!(Header::of(&v6(0x2f)), Some(Header { to, ecn: Ecn::Capable0 }));
-    }
-
-    #[test]
-    fn frames_are_opened_only_where_ip_is_inside() {
-        let frame = |kind: [u8; 2]| [&[2; 12][..], &kind, &v4(1)].concat();
-        assert_eq!(in_frame(&frame([8, 0])), Some(&v4(1)[..]));
-        assert_eq!(in_frame(&frame([0x86, 0xdd])), Some(&v4(1)[..]));
-        for other in [frame([8, 6]), frame([0x81, 0]), vec![8, 0], Vec::new()] {
-            assert_eq!(in_frame(&other), None, "ARP, a tag of a VLAN, too short");
-        }
     }
 
     #[test]

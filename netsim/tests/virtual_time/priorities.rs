@@ -43,24 +43,6 @@ pub(crate) async fn a_value_and_a_message_go_before_a_frame(pairs: &impl Pairs) 
         assert_eq!(panel.latest_rx.latest().await.unwrap(), pose(7));
         net.now().since(begun)
     };
-<<<<<<< HEAD
-    let read = async {
-        receive(&mut panel.frames_rx).await.unwrap();
-        net.now().since(begun)
-    };
-    let (seen, complete) = tokio::join!(look, read);
-    assert!(seen * 4 < complete, "the value after {seen:?}, the frame after {complete:?}");
-}
-
-/// A message that is sent behind a frame is there long before all of the frame is.
-pub(crate) async fn a_message_goes_before_a_frame(pairs: &impl Pairs) {
-    let (mut arm, mut panel) = pairs.pair(LinkConfig::default()).await;
-    let net = pairs.net();
-    let begun = net.now();
-    send_frame(&mut arm.frames_tx, 0, &points(LONG)).await.unwrap();
-    arm.messages_tx.send(&command(7)).await.unwrap();
-=======
->>>>>>> cuts-src
     let hear = async {
         assert_eq!(panel.messages_rx.recv().await.unwrap(), command(7));
         net.now().since(begun)

@@ -130,11 +130,6 @@ pub(crate) struct NetemArgs {
     /// 10.0.0.1, .2 and .3, and fd00::1, ::2, ::3.
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', default_value = "first,second,display")]
     pub(crate) namespaces: Vec<String>,
-    /// Rather two Ethernet interfaces that exist, with whole machines behind them or other namespaces: that
-    /// of the first culler and that of the display. What comes in at one goes out at the other;
-    /// neither may have an address of this machine.
-    #[arg(long, value_name = "INTERFACE,INTERFACE", value_delimiter = ',', conflicts_with = "namespaces")]
-    pub(crate) between: Option<Vec<String>>,
     /// The seed of losses and delays.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
