@@ -32,7 +32,8 @@ pub struct VulkanCuller {
 }
 
 impl VulkanCuller {
-    /// Draws occluders of `scene` into a depth buffer of `size` and tests boxes against it by `occlusion test`.
+    /// Draws occluders of `scene` into a depth buffer of `size` and tests boxes against it by `occlusion
+    /// test`.
     ///
     /// # Errors
     /// If the device cannot draw that size, or memory does not suffice.

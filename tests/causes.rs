@@ -173,9 +173,9 @@ fn lost(
     lost
 }
 
-/// That something was lost, and most of it by this cause: 9 pixels in 10, but for a occlusion test that is wrong. A
-/// flat box that is level with the depth cannot tell losing a tie from being lied about, nor one tested
-/// farther away, which stood clear of what is behind it by less than that.
+/// That something was lost, and most of it by this cause: 9 pixels in 10, but for a occlusion test that is
+/// wrong. A flat box that is level with the depth cannot tell losing a tie from being lied about, nor one
+/// tested farther away, which stood clear of what is behind it by less than that.
 fn assert_cause(lost: &BTreeMap<FalseCullCause, u64>, cause: FalseCullCause) {
     let all: u64 = lost.values().sum();
     let named = lost.get(&cause).copied().unwrap_or_default();

@@ -101,7 +101,8 @@ fn a_running_session_shows_what_its_links_carry() {
     assert!(readings[0]["received"]["ids"].as_u64().unwrap() > 0);
 }
 
-/// A listener with room for one peer and three handshakes, which a link over TCP takes, meets a crowd, and a peer that says more than it may.
+/// A listener with room for one peer and three handshakes, which a link over TCP takes, meets a crowd, and a
+/// peer that says more than it may.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_came_up_against_a_limit_is_counted_and_shown() {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());

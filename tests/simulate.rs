@@ -71,8 +71,9 @@ fn an_idle_network_costs_the_time_of_the_bits() {
     let outcome = run("fast-ethernet", Transport::Tcp, 100, load(100, 5), 1);
     let times = outcome.times[30];
     let us = times.arrived.since(times.culled).as_secs_f64() * 1e6;
-    // A segment of 404 bytes of ids costs 2 x (66 + 404 + 24) x 0.08 us and 10 us of delay at least. Three short
-    // segments may follow it: the frame's end, its statistics on the link's third connection, an acknowledgement.
+    // A segment of 404 bytes of ids costs 2 x (66 + 404 + 24) x 0.08 us and 10 us of delay at least. Three
+    // short segments may follow it: the frame's end, its statistics on the link's third connection, an
+    // acknowledgement.
     assert!(us > 2.0 * 494.0 * 0.08 + 10.0 && us < 160.0, "{us} us");
 }
 

@@ -181,8 +181,8 @@ impl GivenOption {
     }
 }
 
-/// The options that `flags`, the environment, a `file`'s tables and the defaults make, the first of these that
-/// has a key.
+/// The options that `flags`, the environment, a `file`'s tables and the defaults make, the first of these
+/// that has a key.
 ///
 /// # Errors
 /// When a variable of the environment has a bad value.

@@ -16,8 +16,8 @@ use super::{Namespace, NetemError, Report};
 /// How many bits of an address name the network: all machines are neighbours.
 const NETWORK_BITS: (u8, u8) = (24, 64);
 
-/// A network between namespaces, as long as this lives. Dropping it removes the devices and namespaces that it
-/// made.
+/// A network between namespaces, as long as this lives. Dropping it removes the devices and namespaces that
+/// it made.
 #[derive(Debug)]
 pub struct Emulation {
     machines: Vec<(HostId, Namespace)>,

@@ -70,8 +70,8 @@ pub enum RecordError {
 }
 
 impl Trace {
-    /// What was recorded of a walk through `scene` by `plan`, up to the first frame of which the cullers did not
-    /// say what it did.
+    /// What was recorded of a walk through `scene` by `plan`, up to the first frame of which the cullers did
+    /// not say what it did.
     ///
     /// # Errors
     /// When there is no such frame, or one lost ids.

@@ -65,8 +65,8 @@ pub(crate) fn whole<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, postcard::Er
 
 impl<P: Protocol> Side<P> {
     pub(crate) fn of(ours: P::Hello) -> Result<Arc<dyn Application>, HelloTooLong> {
-        // Writing to memory fails for types only that serde cannot describe beforehand: such a hello is empty,
-        // and refused by the peer.
+        // Writing to memory fails for types only that serde cannot describe beforehand: such a hello is
+        // empty, and refused by the peer.
         let bytes = postcard::to_stdvec(&ours).unwrap_or_default();
         if bytes.len() > MAX_HELLO {
             return Err(HelloTooLong(bytes.len()));

@@ -86,8 +86,8 @@ pub enum EndpointFault {
 }
 
 impl Endpoint {
-    /// The endpoint of a transport from outside this crate, written `scheme://address`. A text is read as such
-    /// an endpoint by nobody but this function.
+    /// The endpoint of a transport from outside this crate, written `scheme://address`. A text is read as
+    /// such an endpoint by nobody but this function.
     #[must_use]
     pub fn other(scheme: &str, address: &str) -> Self {
         Self::Other(OtherEndpoint { scheme: scheme.to_owned(), address: address.to_owned() })

@@ -1,8 +1,9 @@
 //! Links for data that belongs to frames, over pluggable transports and an application's own types.
 //!
 //! A [`Link`] joins two peers by three lanes: the *latest* lane is a cell of size one, the *frames* lane
-//! carries begin, batches of items, end, the *messages* lane what is said beside. An application says what they hold by a [`Protocol`]. [`connect`] and
-//! [`Listener`] make links over the transport that an [`Endpoint`] names; using them is the same over each.
+//! carries begin, batches of items, end, the *messages* lane what is said beside. An application says what
+//! they hold by a [`Protocol`]. [`connect`] and [`Listener`] make links over the transport that an
+//! [`Endpoint`] names; using them is the same over each.
 //!
 //! ```
 //! use std::sync::Arc;

@@ -1,4 +1,5 @@
-//! How long a link waits for its peer: by a timeout for what it is to say, and by an idle timeout for anything.
+//! How long a link waits for its peer: by a timeout for what it is to say, and by an idle timeout for
+//! anything.
 
 use std::fmt;
 use std::future::poll_fn;
@@ -99,8 +100,8 @@ impl Timeouts {
     /// What `future` hears of the peer: as [`Timeouts::wait`] for all that `wait` is made of, and only as
     /// long as the idle timeout lasts.
     ///
-    /// The idle timeout counts the time in which this half listens, over several waits if need be: while its owner
-    /// does something else, keep-alives lie unread and are no less there.
+    /// The idle timeout counts the time in which this half listens, over several waits if need be: while its
+    /// owner does something else, keep-alives lie unread and are no less there.
     pub(crate) async fn hear<F: Future>(
         &mut self,
         wait: &mut Wait,
@@ -127,8 +128,8 @@ impl Timeouts {
         heard
     }
 
-    /// What `future` gives, unless the timeout ends first, or the idle timeout: `heard` is asked four times in each
-    /// whether anything came from the peer since it was asked last.
+    /// What `future` gives, unless the timeout ends first, or the idle timeout: `heard` is asked four times
+    /// in each whether anything came from the peer since it was asked last.
     pub(crate) async fn wait_while_alive<F: Future>(
         &mut self,
         mut heard: impl FnMut() -> bool,

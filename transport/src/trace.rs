@@ -1,4 +1,5 @@
-//! A span for each frame that is sent or received, at the level debug: what it took, in time, items and bytes.
+//! A span for each frame that is sent or received, at the level debug: what it took, in time, items and
+//! bytes.
 
 use tracing::field::Empty;
 use tracing::{Span, debug, debug_span};

@@ -104,8 +104,8 @@ impl Culler {
         &self.scene
     }
 
-    /// Begins to traverse the tree, breadth first, for the drawables of `rule`'s cut whose nodes show in front
-    /// of `test`'s occluders.
+    /// Begins to traverse the tree, breadth first, for the drawables of `rule`'s cut whose nodes show in
+    /// front of `test`'s occluders.
     ///
     /// # Errors
     /// If the test does not fit the rule.

@@ -1,4 +1,5 @@
-//! The messages lane: order, completeness, backpressure, and that it and the other lanes leave each other alone.
+//! The messages lane: order, completeness, backpressure, and that it and the other lanes leave each other
+//! alone.
 
 use std::pin::pin;
 use std::time::Duration;
@@ -24,8 +25,8 @@ async fn hear(rx: &mut MessageReceiver<Robot>, numbers: std::ops::Range<u32>) {
     }
 }
 
-/// Messages arrive, all of them and in order, in both directions, while a frame is open that nobody reads, and
-/// values are read beside them.
+/// Messages arrive, all of them and in order, in both directions, while a frame is open that nobody reads,
+/// and values are read beside them.
 pub async fn messages_arrive_in_order_beside_a_frame_that_nobody_reads(pairs: &impl Pairs) {
     const COUNT: u32 = 2000;
     let (mut arm, mut panel) = pairs.pair(LinkConfig { max_frame: 16 << 20, ..batches_of(16_384) }).await;

@@ -147,7 +147,8 @@ impl<P: Protocol> FrameSender<P> {
 
     /// Ends the open frame: sends what waits and the end (EOF). Says what the frame had.
     ///
-    /// Dropping the future takes nothing back: the frame has ended, and the next call sends what is left of it.
+    /// Dropping the future takes nothing back: the frame has ended, and the next call sends what is left of
+    /// it.
     ///
     /// # Errors
     /// As [`FrameSender::push`].

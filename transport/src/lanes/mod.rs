@@ -1,7 +1,7 @@
 //! The lanes of a link as the application uses them, whatever carries them.
 
-/// Half a lane over one of the transports that carry bytes: `over_bytes!(Name: Half)`, where each of the modules
-/// `stream`, `quic` and `udp` has its `Half`.
+/// Half a lane over one of the transports that carry bytes: `over_bytes!(Name: Half)`, where each of the
+/// modules `stream`, `quic` and `udp` has its `Half`.
 macro_rules! over_bytes {
     ($name:ident: $half:ident) => {
         #[derive(Debug)]

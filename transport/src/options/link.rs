@@ -41,9 +41,9 @@ pub struct LinkConfig {
     /// and is found out before room is made for them. Give what the application can have. Default 4,194,304.
     #[cfg_attr(feature = "config", serde(skip))]
     pub max_frame: u32,
-    /// How many messages the peer may send on the frames lane in a second, measured over that many, and on the
-    /// messages lane: one that sends more is no peer but a flood, and the lane fails. Of latest values only the newest is read anyway.
-    /// Not within one process. Default 1,000,000.
+    /// How many messages the peer may send on the frames lane in a second, measured over that many, and on
+    /// the messages lane: one that sends more is no peer but a flood, and the lane fails. Of latest values
+    /// only the newest is read anyway. Not within one process. Default 1,000,000.
     #[cfg_attr(feature = "config", serde(deserialize_with = "crate::options::range::above_zero"))]
     pub messages_per_s: u32,
 }

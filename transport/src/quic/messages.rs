@@ -1,5 +1,5 @@
-//! The messages lane over QUIC: a stream of its own in both directions. A task writes it, so that whoever sends
-//! may stop waiting at any time and leaves no half of a message.
+//! The messages lane over QUIC: a stream of its own in both directions. A task writes it, so that whoever
+//! sends may stop waiting at any time and leaves no half of a message.
 
 use std::future::poll_fn;
 use std::sync::Arc;

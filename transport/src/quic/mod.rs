@@ -1,8 +1,8 @@
 //! Links over QUIC (RFC 9000): latest values as datagrams, a stream for each frame, TLS 1.3 with both sides'
 //! certificates pinned.
 //!
-//! The peer that connects opens two streams in both directions. The control stream: hello and its answer, then
-//! copies of values that no newer one has followed, then the close of the latest lane. And the messages
+//! The peer that connects opens two streams in both directions. The control stream: hello and its answer,
+//! then copies of values that no newer one has followed, then the close of the latest lane. And the messages
 //! stream. See `transport/wire/WIRE.md`.
 
 mod carrier;

@@ -72,8 +72,8 @@ impl Default for QuicOptions {
 
 impl QuicOptions {
     pub(crate) fn transport(&self, link: &LinkConfig, format: &Format) -> Arc<TransportConfig> {
-        // Room for the one value that waits to be sent: the next one takes its place. quinn counts 32 bytes of
-        // its own a datagram.
+        // Room for the one value that waits to be sent: the next one takes its place. quinn counts 32 bytes
+        // of its own a datagram.
         let datagram = Numbered::NUMBER_BYTES + format.latest + size_of::<bytes::Bytes>();
         let mut config = TransportConfig::default();
         // A hundred years of silence are as good as for ever.

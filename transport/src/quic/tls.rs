@@ -147,8 +147,8 @@ fn provider() -> Arc<CryptoProvider> {
     Arc::new(ring::default_provider())
 }
 
-/// How the peer that connects does its TLS. The application's protocol is its ALPN name (RFC 7301). No session is resumed: each handshake shows and checks both
-/// certificates.
+/// How the peer that connects does its TLS. The application's protocol is its ALPN name (RFC 7301). No
+/// session is resumed: each handshake shows and checks both certificates.
 pub(crate) fn client(
     keys: &Keys,
     verifier: &Arc<Verifier>,

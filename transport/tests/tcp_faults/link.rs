@@ -14,8 +14,8 @@ use trimaran_transport::{
 };
 use trimaran_wire::{Accept, FrameMessage, Message, to_bytes};
 
-/// The link that the arm has to a panel of bare sockets, and these: of the frames lane, of the latest lane and
-/// of the messages lane.
+/// The link that the arm has to a panel of bare sockets, and these: of the frames lane, of the latest lane
+/// and of the messages lane.
 async fn raw_panel() -> (Link, [TcpStream; 3]) {
     raw_panel_of(&Options::default()).await
 }

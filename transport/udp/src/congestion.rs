@@ -1,4 +1,5 @@
-//! How much may be in flight: CUBIC (RFC 9438), with the validation of RFC 7661. There is no way to turn it off.
+//! How much may be in flight: CUBIC (RFC 9438), with the validation of RFC 7661. There is no way to turn it
+//! off.
 
 use std::time::Duration;
 

@@ -323,8 +323,8 @@ impl Acceptor {
         }
     }
 
-    /// Whether `datagram` is a first packet with a good cookie: [`Acceptor::handle`] answers others for nearly
-    /// nothing, and opens this one.
+    /// Whether `datagram` is a first packet with a good cookie: [`Acceptor::handle`] answers others for
+    /// nearly nothing, and opens this one.
     #[must_use]
     pub fn would_decrypt(&self, now: Instant, address: SocketAddr, datagram: &[u8]) -> bool {
         let Ok(Packet::Initial { version: VERSION, from, cookie: Some(cookie), .. }) =

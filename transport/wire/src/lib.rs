@@ -4,8 +4,8 @@
 //! types of its lanes, and how a peer introduces itself. `WIRE.md` beside this crate specifies every byte.
 //!
 //! Sending: a [`FrameWriter`] turns pushed items into [`FrameMessage`]s, [`Message::encode`] turns these into
-//! bytes. Receiving: a [`Decoder`] turns bytes into messages, a [`FrameAssembler`] checks them and judges each
-//! frame.
+//! bytes. Receiving: a [`Decoder`] turns bytes into messages, a [`FrameAssembler`] checks them and judges
+//! each frame.
 //!
 //! ```
 //! use bytes::BytesMut;

@@ -1,5 +1,5 @@
-//! The passes and occlusion tests on a Vulkan device, with the validation layer on: a test fails on any message of
-//! it.
+//! The passes and occlusion tests on a Vulkan device, with the validation layer on: a test fails on any
+//! message of it.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests end the test, as its own lines do")]
 

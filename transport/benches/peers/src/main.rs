@@ -1,12 +1,14 @@
-//! What links cost beside other ways to send the same data: a pose there and back, a frame of 4,000 points until the last one has
-//! arrived, frames without a pause; time, CPU time and heap allocations of both ends together.
+//! What links cost beside other ways to send the same data: a pose there and back, a frame of 4,000 points
+//! until the last one has arrived, frames without a pause; time, CPU time and heap allocations of both ends
+//! together.
 //!
 //! ```sh
 //! cargo run --release --manifest-path transport/benches/peers/Cargo.toml -- [--rounds N] [--as-roles | --block-on] [--json] [NAME..]
 //! ```
 //!
-//! Both ends are in this process, each a task of a single-threaded runtime on a core of its own; `--as-roles` gives each a runtime with
-//! a thread of its own instead. Rounds go through all subjects in turn, so that what else the machine does falls on all of them.
+//! Both ends are in this process, each a task of a single-threaded runtime on a core of its own; `--as-roles`
+//! gives each a runtime with a thread of its own instead. Rounds go through all subjects in turn, so that
+//! what else the machine does falls on all of them.
 
 mod measure;
 mod row;

@@ -1,4 +1,5 @@
-//! How a subject is measured: one round is a pair of ends made anew, poses, frames one at a time, frames without a pause.
+//! How a subject is measured: one round is a pair of ends made anew, poses, frames one at a time, frames
+//! without a pause.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -37,7 +38,8 @@ pub(crate) struct Plan {
 pub(crate) trait Subject: Send + Sync + 'static {
     type Near: Near;
     type Far: Far;
-    /// Whether the library has threads of its own: then nothing is pinned, and the runtime is of the kind with threads.
+    /// Whether the library has threads of its own: then nothing is pinned, and the runtime is of the kind
+    /// with threads.
     const HAS_THREADS: bool = false;
 
     /// The end that listens; it tells the other one where.
@@ -60,8 +62,8 @@ pub(crate) trait Near {
 
 /// The end that answers.
 pub(crate) trait Far {
-    /// Answers each pose, and each frame once its last point is there, with 72 bytes; frames are told to `arrivals` before. Ends
-    /// when the other end has closed.
+    /// Answers each pose, and each frame once its last point is there, with 72 bytes; frames are told to
+    /// `arrivals` before. Ends when the other end has closed.
     fn serve(self, arrivals: Arc<Arrivals>) -> impl Future<Output = Result<()>> + Send;
 }
 
@@ -90,8 +92,8 @@ struct Measured {
 
 /// Measures `subject` once, each end a task of its runtime unless the plan says otherwise.
 ///
-/// A library's own tasks are such. What is given to `block_on` instead is polled only after another look at the system's events when such a
-/// task wakes it: a subject without tasks does not pay that.
+/// A library's own tasks are such. What is given to `block_on` instead is polled only after another look at
+/// the system's events when such a task wakes it: a subject without tasks does not pay that.
 pub(crate) fn measure<S>(subject: S, plan: &Plan, row: &mut Row) -> Result<()>
 where
     S: Subject<Near: Send + 'static, Far: Send + 'static>,

@@ -98,8 +98,8 @@ impl Drop for SocketFile {
 
 #[derive(Debug)]
 struct TokioUnixListener {
-    // Before the socket, and so dropped before it: once nobody listens, another may replace the file, and the new
-    // one may have the same number.
+    // Before the socket, and so dropped before it: once nobody listens, another may replace the file, and the
+    // new one may have the same number.
     _file: SocketFile,
     listener: UnixListener,
 }

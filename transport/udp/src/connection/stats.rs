@@ -75,7 +75,8 @@ pub struct DeadlineTooShort {
 
 /// The most steps that a byte of the peer's packets costs ([`Connection::work`]).
 pub const STEPS_PER_BYTE: u64 = 320;
-/// The most steps that a packet costs beside its bytes: what it carried is looked at when it is known whether it arrived.
+/// The most steps that a packet costs beside its bytes: what it carried is looked at when it is known whether
+/// it arrived.
 pub const STEPS_PER_PACKET: u64 = 64;
 
 impl Connection {

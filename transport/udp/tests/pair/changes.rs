@@ -1,8 +1,8 @@
 //! Batches as changes: the coding of an application for these tests.
 //!
-//! A coded batch is a sequence of words of 32 bits: first the number of the frame that it refers to. Then come
-//! items, or, with the highest bit set, runs of that frame: 15 bits where one begins, 16 bits how many items it
-//! has.
+//! A coded batch is a sequence of words of 32 bits: first the number of the frame that it refers to. Then
+//! come items, or, with the highest bit set, runs of that frame: 15 bits where one begins, 16 bits how many
+//! items it has.
 
 use std::collections::BTreeMap;
 

@@ -110,7 +110,8 @@ fn a_frame_that_was_given_up_is_never_confirmed() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
 
-    /// Every frame is exactly what was sent or known to have gaps: [`converse`] compares, and each whole one has the hash of its end.
+    /// Every frame is exactly what was sent or known to have gaps: [`converse`] compares, and each whole one
+    /// has the hash of its end.
     #[test]
     fn no_frame_is_spoilt_by_another_ones_loss(
         loss in 0u64..400, twice in 0u64..200, late in 0u64..300, broken in 0u64..100,

@@ -269,7 +269,8 @@ mod tests {
     }
 
     proptest! {
-        /// Points of the true torus are within the tolerance of the triangles: the nearest triangle is sought among all.
+        /// Points of the true torus are within the tolerance of the triangles: the nearest triangle is sought
+        /// among all.
         #[test]
         fn a_torus_keeps_the_tolerance(
             u in 0.0..1.0, v in 0.0..TAU, radius in 1.0..40.0, offset in 41.0..100.0, angle in 0.1..TAU

@@ -1,8 +1,10 @@
 //! The floor of links over QUIC: quinn as it is, poses in datagrams, a stream a frame.
 //!
-//! Both encrypt with the same ciphers (rustls on ring, the first that both sides have), and what else matters to a pose or a frame on a path that loses
-//! nothing is quinn's default in both: congestion control, acknowledgements, pacing, segmentation. A link is quinn over its own sockets, with
-//! larger buffers, numbers its poses, copies the last one, hashes points, and waits with an end to its timeout: that is what the difference costs.
+//! Both encrypt with the same ciphers (rustls on ring, the first that both sides have), and what else matters
+//! to a pose or a frame on a path that loses nothing is quinn's default in both: congestion control,
+//! acknowledgements, pacing, segmentation. A link is quinn over its own sockets, with larger buffers, numbers
+//! its poses, copies the last one, hashes points, and waits with an end to its timeout: that is what the
+//! difference costs.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, mpsc};

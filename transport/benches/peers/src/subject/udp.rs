@@ -1,4 +1,5 @@
-//! The floor of links over UDP: one socket a side, frames in datagrams of 1,200 bytes, nothing acknowledged, nothing repaired.
+//! The floor of links over UDP: one socket a side, frames in datagrams of 1,200 bytes, nothing acknowledged,
+//! nothing repaired.
 
 use std::sync::{Arc, mpsc};
 

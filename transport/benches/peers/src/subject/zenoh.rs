@@ -1,4 +1,5 @@
-//! Zenoh between two peers over TCP: poses, frames and answers each a key of their own, nothing held back to be batched.
+//! Zenoh between two peers over TCP: poses, frames and answers each a key of their own, nothing held back to
+//! be batched.
 
 use std::net::TcpListener;
 use std::sync::{Arc, mpsc};
