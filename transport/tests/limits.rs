@@ -12,9 +12,9 @@ use std::time::Duration;
 
 use common::router::Router;
 use common::udp::{a_panel_gets_in, shared};
-use common::{Listener, connect, last_failure, net, soon};
+use common::{Link, Listener, connect, last_failure, net, soon};
 use meeting::Meeting;
-use trimaran_transport::conformance::{ARM, GRIPPER, Greeting, PANEL, greeting, start};
+use trimaran_transport::conformance::{ARM, GRIPPER, Greeting, PANEL, command, greeting, send_frame};
 use trimaran_transport::keys::{Keys, Security};
 use trimaran_transport::{
     HandshakeError, Limits, LinkConfig, Options, ProtocolError, RecvError, Refusal, TooMany, sleep_until,
@@ -30,7 +30,8 @@ fn trusting() -> Options {
 
 over_every_transport!(
     one_peer_more_than_there_may_be_is_told_that_it_is_busy_until_another_leaves,
-    a_peer_that_floods_the_lane_is_lost_for_it,
+    a_peer_that_floods_the_frames_lane_is_lost_for_it,
+    a_peer_that_floods_the_messages_lane_is_lost_for_it,
 );
 
 async fn one_peer_more_than_there_may_be_is_told_that_it_is_busy_until_another_leaves(endpoint: &str) {
@@ -115,23 +116,35 @@ async fn handshakes_beyond_the_limit_of_a_second_are_turned_away_and_counted() {
     }
 }
 
-async fn a_peer_that_floods_the_lane_is_lost_for_it(endpoint: &str) {
+/// Two links with a listener whose peers may say 200 messages a second.
+async fn with_few_messages(endpoint: &str) -> (Link, Link) {
     let link = LinkConfig { messages_per_s: 200, ..LinkConfig::default() };
     let Meeting { mut listener, at, panel, _folder, .. } =
         Meeting::at(endpoint, &Options { link, ..Options::default() }).await;
     let net = net();
     let (there, here) =
-        tokio::join!(connect(&net, &at, greeting(PANEL), &panel, soon(&net)), listener.accept(soon(&net)),);
-    let (mut panel, mut arm) = (there.unwrap(), here.unwrap());
+        tokio::join!(connect(&net, &at, greeting(PANEL), &panel, soon(&net)), listener.accept(soon(&net)));
+    (there.unwrap(), here.unwrap())
+}
+
+/// The flood lasts until its reader gives up, and ends then or not.
+async fn lost_for_it(read: impl Future<Output = RecvError>, flood: impl Future<Output = ()>) {
+    let error = tokio::select! {
+        biased;
+        error = read => error,
+        () = flood => panic!("the reader gave up"),
+    };
+    let RecvError::Protocol { cause: ProtocolError::TooMany(TooMany::Messages(200)), .. } = error else {
+        panic!("{error:?}")
+    };
+}
+
+async fn a_peer_that_floods_the_frames_lane_is_lost_for_it(endpoint: &str) {
+    let (mut panel, mut arm) = with_few_messages(endpoint).await;
     let flood = async {
-        for frame in 0.. {
-            let sent = async {
-                arm.frames_tx.begin(start(frame)).await?;
-                arm.frames_tx.finish().await
-            };
-            if sent.await.is_err() {
-                break;
-            }
+        let mut frame = 0;
+        while send_frame(&mut arm.frames_tx, frame, &[]).await.is_ok() {
+            frame += 1;
         }
     };
     let read = async {
@@ -141,13 +154,20 @@ async fn a_peer_that_floods_the_lane_is_lost_for_it(endpoint: &str) {
             }
         }
     };
-    let error = tokio::select! {
-        biased;
-        error = read => error,
-        () = flood => panic!("the reader gave up"),
+    lost_for_it(read, flood).await;
+    assert_eq!((panel.stats.read().floods, arm.stats.read().floods), (1, 0));
+}
+
+async fn a_peer_that_floods_the_messages_lane_is_lost_for_it(endpoint: &str) {
+    let (mut panel, mut arm) = with_few_messages(endpoint).await;
+    let flood = async { while arm.messages_tx.send(&command(1)).await.is_ok() {} };
+    let read = async {
+        loop {
+            if let Err(e) = panel.messages_rx.recv().await {
+                break e;
+            }
+        }
     };
-    let RecvError::Protocol { cause: ProtocolError::TooMany(TooMany::Messages(200)), .. } = error else {
-        panic!("{error:?}")
-    };
+    lost_for_it(read, flood).await;
     assert_eq!((panel.stats.read().floods, arm.stats.read().floods), (1, 0));
 }

@@ -10,6 +10,7 @@ use crate::Name;
 
 /// The key that a peer has proved to hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum PeerKey {
     /// That of its certificate, over QUIC.
     Quic(Fingerprint),
