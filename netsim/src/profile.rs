@@ -29,7 +29,7 @@ const BUILT_IN: [(&str, &str); 8] = [
     ("satellite", include_str!("../profiles/satellite.toml")),
 ];
 
-/// A network for the three roles: all at one switch, or the display at another site than the pair.
+/// A network for the three roles: all at one switch, or the display at another site than the cullers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
     /// What it is called.
@@ -42,7 +42,7 @@ pub struct Profile {
     pub up: LinkModel,
     /// From the switch to each machine.
     pub down: LinkModel,
-    /// Between the sites, if there are two: from the pair's to the display's, and back.
+    /// Between the sites, if there are two: from the cullers' to the display's, and back.
     pub wan: Option<(LinkModel, LinkModel)>,
 }
 

@@ -41,7 +41,7 @@ pub struct CullerConfig {
     #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "NAME")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
-    /// How long the device may make no progress before it counts as hung, seconds. The role then ends with
+    /// How long the device may make no progress before it counts as hung, seconds. The culler then ends with
     /// exit code 1, and its peers wait for it to come again.
     #[config(
         env = "TRIMARAN_DEVICE_TIMEOUT_S",
@@ -120,8 +120,8 @@ pub struct DisplayConfig {
     #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "NAME")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
-    /// How long the device may make no progress before it counts as hung, seconds. The role then ends with
-    /// exit code 1, and its peers wait for it to come again.
+    /// How long the device may make no progress before it counts as hung, seconds. The display then ends
+    /// with exit code 3 and its report, and the cullers wait for it to come again.
     #[config(
         env = "TRIMARAN_DEVICE_TIMEOUT_S",
         default = 30.0,

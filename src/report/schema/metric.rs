@@ -83,7 +83,7 @@ fn ratio(drawn: Option<u64>, exact: Option<u64>) -> Option<f64> {
 }
 
 impl Frame {
-    /// What the pair works for the frame, milliseconds: OR and then HC. `None` unless both were measured.
+    /// What the cullers work for the frame, milliseconds: OR and then HC. `None` unless both were measured.
     #[must_use]
     pub fn pair_ms(&self) -> Option<f64> {
         Some(self.or_ms? + self.hc_ms?)

@@ -140,6 +140,7 @@ mod tests {
         assert!(found.len() > 120, "{}", found.len());
         let missing: Vec<_> = found.iter().filter(|key| !docs.contains(&format!("`{key}`"))).collect();
         assert!(missing.is_empty(), "docs/report.md does not name {missing:?}");
+        assert!(docs.contains(&format!("| `schema_version` | {SCHEMA_VERSION} |")));
     }
 
     #[test]

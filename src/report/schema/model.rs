@@ -71,7 +71,7 @@ fn fps(times: &[Times], schedule: Schedule) -> Option<f64> {
 /// When each picture is shown, milliseconds after the first camera.
 ///
 /// The display hands out a frame's camera when it takes up the frame two before, and takes that up when it
-/// has shown the one before it. So the pair is at most two frames ahead of the frame that is drawn.
+/// has shown the one before it. So the cullers are at most two frames ahead of the frame that is drawn.
 fn shown(times: &[Times], schedule: Schedule) -> Vec<f64> {
     let (mut began, mut culled) = (0.0_f64, 0.0_f64);
     let mut shown: Vec<f64> = Vec::with_capacity(times.len());

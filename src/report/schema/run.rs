@@ -45,7 +45,7 @@ pub struct Run {
     pub seed: Option<u64>,
     /// Frames 0, n, 2n and on were audited against the unculled pictures; `null` if none was.
     pub audit_every: Option<u32>,
-    /// Remarks that belong beside every figure, such as "replicated scene".
+    /// Remarks that belong beside every figure, such as why an automatic path circles the scene.
     #[serde(default)]
     pub notes: Vec<String>,
 }

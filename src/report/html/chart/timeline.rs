@@ -26,7 +26,7 @@ pub(in crate::report::html) struct Timeline<'a> {
 }
 
 impl<'a> Timeline<'a> {
-    /// The window around the frame that the pair or the display took longest for; `None` if nothing was
+    /// The window around the frame that the cullers or the display took longest for; `None` if nothing was
     /// timed.
     pub(in crate::report::html) fn around_slowest(frames: &'a [Frame]) -> Option<Self> {
         let longest = |frame: &Frame| frame.pair_ms().unwrap_or(0.0).max(frame.rvg_ms.unwrap_or(0.0));
