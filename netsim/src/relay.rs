@@ -86,8 +86,8 @@ impl<P: Clone> Relay<P> {
         }
     }
 
-    /// A packet leaves its machine, and no token is told. Between machines that nothing joins it is dropped and
-    /// not counted.
+    /// A packet leaves its machine, and no token is told. Between machines that nothing joins it is dropped
+    /// and not counted.
     pub fn offer(&mut self, now: Instant, parcel: Parcel<P>) {
         if self.fabric.path_mtu(parcel.from, parcel.to).is_none() {
             return;

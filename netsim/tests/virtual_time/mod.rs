@@ -35,8 +35,8 @@ macro_rules! conformance_in_virtual_time {
     };
 }
 
-/// The suite's cases over a connection that `$machines` makes on a link by a seed; what it sends first, and that
-/// a seed decides the run.
+/// The suite's cases over a connection that `$machines` makes on a link by a seed; what it sends first, and
+/// that a seed decides the run.
 #[macro_export]
 macro_rules! connection_in_virtual_time {
     ($machines:path) => {
