@@ -6,22 +6,18 @@ mod common;
 use std::{collections::BTreeMap, error::Error, sync::Arc, time::Duration};
 
 use common::{
-    data::{Data, cooked, imported},
-    session::{camera_path, on_devices, walk_in_process, walk_with},
+    data::{Data, cooked, imported, small_plant},
+    session::{self, audit, camera_path, on_devices, walk_in_process, walk_with},
 };
 use trimaran::vulkan::{VulkanCuller, VulkanCullerError};
 use trimaran::{
-    report::{Frame, schema::FalseCullCause},
-    walkthrough::{Auditor, FrameRecord, Pace, PathChoice, Plan, SceneOnDevices},
+    report::schema::FalseCullCause,
+    walkthrough::{FrameRecord, PathChoice, Plan, SceneOnDevices},
 };
 use trimaran_actors::CullerDevice;
 use trimaran_audit::cases::with_halved_boxes;
-use trimaran_cook::{
-    CookOptions, cook,
-    generate::{PlantOptions, plant},
-};
 use trimaran_cull::{Answer, DepthImage, LodRule, OcclusionTest, Outline, TestBox, View};
-use trimaran_proto::{BatchSize, Camera, DrawableId, IdCoding, OcclusionTestKind, Viewport};
+use trimaran_proto::{Camera, DrawableId, OcclusionTestKind};
 use trimaran_scene::Scene;
 
 /// What is wrong with a culler.
@@ -122,17 +118,7 @@ fn ahead(view: &View, by: f64) -> View {
 }
 
 fn plan() -> Plan {
-    Plan {
-        viewport: Viewport::new(233, 160).unwrap(),
-        lod: LodRule::new(2.0).unwrap(),
-        batch: BatchSize::new(256).unwrap(),
-        coding: IdCoding::Changes,
-        occlusion_test: OcclusionTestKind::Hzb,
-        pace: Pace::Lockstep,
-        audit_every: 1,
-        visible: false,
-        alone: false,
-    }
+    session::plan([233, 160], 2.0, 256, OcclusionTestKind::Hzb)
 }
 
 fn walk_with_fault(
@@ -154,21 +140,17 @@ fn lost(
     fault: Fault,
     walk: &[FrameRecord],
 ) -> BTreeMap<FalseCullCause, u64> {
-    let rule = plan.lod;
-    let mut auditor = Auditor::new(&devices.scene, &devices.drawn[2], plan.viewport, rule).unwrap();
-    let mut machine = Faulty::new(devices, 2, plan, fault);
     let mut lost = BTreeMap::new();
-    for index in 0..walk.len() {
-        let mut frame = Frame::default();
-        auditor.audit(&mut machine, &walk[..=index], false, &mut frame, &mut Default::default()).unwrap();
+    audit(devices, plan, walk, 1, Faulty::new(devices, 2, plan, fault), |record, frame| {
+        let at = format!("{fault:?}, {}", record.camera.frame());
         let pixels = frame.false_culls.iter().map(|cull| cull.pixels).sum();
-        assert_eq!(frame.false_culled_pixels, Some(pixels), "{fault:?}, frame {index}");
+        assert_eq!(frame.false_culled_pixels, Some(pixels), "{at}");
         let nodes = frame.false_culls.iter().map(|cull| cull.nodes).sum();
-        assert_eq!(frame.false_culled_nodes, Some(nodes), "{fault:?}, frame {index}");
+        assert_eq!(frame.false_culled_nodes, Some(nodes), "{at}");
         for cull in &frame.false_culls {
             *lost.entry(cull.cause).or_insert(0) += cull.pixels;
         }
-    }
+    });
     println!("{fault:?}, few pixels {}: {lost:?}", plan.lod.stops_at_few_pixels());
     lost
 }
@@ -235,12 +217,11 @@ fn small_boxes_are_named(devices: &SceneOnDevices, path: &PathChoice) {
 
 #[test]
 fn faults_in_a_plant_are_named() {
-    let model = plant(&PlantOptions { objects: 700, triangles: 70_000, ..PlantOptions::small(3) });
-    let scene = cook(&model, &CookOptions::default(), &()).unwrap();
+    let scene = small_plant();
     let path = PathChoice::Auto { seed: 7 };
     let Some(small) = on_devices(&Arc::new(with_halved_boxes(&scene).unwrap())) else { return };
     small_boxes_are_named(&small, &path);
-    let Some(sound) = on_devices(&Arc::new(scene)) else { return };
+    let Some(sound) = on_devices(&scene) else { return };
     faults_are_named(&sound, &path);
 }
 

@@ -2,67 +2,34 @@
 //! behind.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
-use std::{
-    fs,
-    io::{BufRead, BufReader, Read},
-    net::TcpListener,
-    path::{Path, PathBuf},
-    process::{Child, ChildStderr, Command, Output, Stdio},
-};
+#[path = "common/program.rs"]
+mod program;
 
-use tempfile::TempDir;
+use std::{fs, net::TcpListener, path::Path, process::Output};
 
-/// A folder with a small cooked plant in it.
-struct Bench {
-    dir: TempDir,
-}
+use program::{Bench, Process, said, signal};
 
 impl Bench {
-    fn empty() -> Self {
-        Self { dir: tempfile::tempdir().unwrap() }
-    }
-
-    fn with_plant() -> Self {
-        let bench = Self::empty();
-        let made = bench.trimaran(&["generate", "plant", "--objects", "300", "-o", "plant.scene"]);
-        assert!(made.status.success(), "{}", said(&made));
-        bench
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.dir.path().join(name)
-    }
-
-    fn command(&self, args: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
-        command.args(args).current_dir(self.dir.path());
-        command
-    }
-
-    fn trimaran(&self, args: &[&str]) -> Output {
-        self.command(args).output().unwrap()
-    }
-
     /// Runs the program, which is to refuse its input: exit code 2, and every one of `words` in what it says.
     fn refuses(&self, args: &[&str], words: &[&str]) {
         expect(&self.trimaran(args), 2, words);
     }
 
     fn files(&self) -> Vec<String> {
-        let entries = fs::read_dir(self.dir.path()).unwrap();
+        let entries = fs::read_dir(self.path("")).unwrap();
         let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
         names.sort();
         names
     }
 }
 
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
+fn expect(output: &Output, code: i32, words: &[&str]) {
+    says(output.status.code(), &said(output), code, words);
 }
 
-fn expect(output: &Output, code: i32, words: &[&str]) {
-    let said = said(output);
-    assert_eq!(output.status.code(), Some(code), "{said}");
+/// A program is to have ended so, with every one of `words` in what it said.
+fn says(ended: Option<i32>, said: &str, code: i32, words: &[&str]) {
+    assert_eq!(ended, Some(code), "{said}");
     for word in words {
         assert!(said.contains(word), "{word:?} is not in: {said}");
     }
@@ -81,9 +48,9 @@ fn flags_that_make_no_sense_are_refused() {
 #[test]
 fn files_that_are_not_what_they_should_be_are_refused() {
     let bench = Bench::empty();
-    fs::write(bench.path("a.glb"), b"glTF\x02\0\0\0\xff\xff\xff\x7f").unwrap();
-    fs::write(bench.path("a.rvm"), b"\0\0\0H\0\0\0E\0\0\0A").unwrap();
-    fs::write(bench.path("a.scene"), b"not a scene at all").unwrap();
+    bench.write("a.glb", b"glTF\x02\0\0\0\xff\xff\xff\x7f");
+    bench.write("a.rvm", b"\0\0\0H\0\0\0E\0\0\0A");
+    bench.write("a.scene", b"not a scene at all");
     bench.refuses(&["import", "a.glb", "-o", "b.scene"], &["a.glb"]);
     bench.refuses(&["import", "a.rvm", "-o", "b.scene"], &["a.rvm"]);
     bench.refuses(&["import", "missing.glb", "-o", "b.scene"], &["missing.glb"]);
@@ -95,7 +62,7 @@ fn files_that_are_not_what_they_should_be_are_refused() {
 fn a_model_beyond_the_limits_is_refused_with_the_flag_that_allows_it() {
     let bench = Bench::empty();
     let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\no plate\nf 1 2 3 4\n";
-    fs::write(bench.path("a.obj"), square).unwrap();
+    bench.write("a.obj", square);
     let import = |flag: &str, most: &str| bench.trimaran(&["import", "a.obj", "-o", "b.scene", flag, most]);
     for (flag, most) in [("--max-triangles", "1"), ("--max-vertices", "3"), ("--max-objects", "0")] {
         expect(&import(flag, most), 2, &["a.obj", "\"plate\"", flag]);
@@ -107,32 +74,29 @@ fn a_model_beyond_the_limits_is_refused_with_the_flag_that_allows_it() {
 
 #[test]
 fn a_scene_cut_short_or_changed_is_refused() {
-    let bench = Bench::with_plant();
+    let bench = Bench::with_plant(300);
     let whole = fs::read(bench.path("plant.scene")).unwrap();
-    fs::write(bench.path("short.scene"), &whole[..whole.len() / 2]).unwrap();
+    bench.write("short.scene", &whole[..whole.len() / 2]);
     bench.refuses(&["info", "short.scene"], &["short.scene", "cut short"]);
     let mut changed = whole;
     let middle = changed.len() / 2;
     changed[middle] ^= 1;
-    fs::write(bench.path("changed.scene"), changed).unwrap();
+    bench.write("changed.scene", changed);
     bench.refuses(&["run", "changed.scene"], &["changed.scene", "damaged"]);
 }
 
 #[test]
 fn a_path_that_cannot_be_walked_is_refused() {
-    let bench = Bench::with_plant();
-    fs::write(
-        bench.path("path.json"),
-        r#"{"vfov_deg":60,"frames":[{"eye":[0,0,0],"forward":[0,0,0],"up":[0,1,0]}]}"#,
-    )
-    .unwrap();
+    let bench = Bench::with_plant(300);
+    let path = r#"{"vfov_deg":60,"frames":[{"eye":[0,0,0],"forward":[0,0,0],"up":[0,1,0]}]}"#;
+    bench.write("path.json", path);
     bench.refuses(&["run", "plant.scene", "--path", "path.json"], &["path.json", "frame 0"]);
     bench.refuses(&["run", "plant.scene", "--path", "nowhere.json"], &["nowhere.json"]);
 }
 
 #[test]
 fn without_a_vulkan_device_it_says_what_to_install() {
-    let bench = Bench::with_plant();
+    let bench = Bench::with_plant(300);
     let run = bench
         .command(&["run", "plant.scene"])
         .env("VK_DRIVER_FILES", "/nonexistent")
@@ -149,7 +113,7 @@ fn a_full_disk_leaves_nothing_half_written() {
     let program = env!("CARGO_BIN_EXE_trimaran");
     let script =
         format!("ulimit -f 16; trap '' XFSZ; exec {program} generate plant --objects 300 -o plant.scene");
-    let output = Command::new("sh").args(["-c", &script]).current_dir(bench.dir.path()).output().unwrap();
+    let output = bench.command_of("sh", &["-c", &script]).output().unwrap();
     expect(&output, 1, &["plant.scene"]);
     assert_eq!(bench.files(), Vec::<String>::new(), "something was left behind");
 }
@@ -157,26 +121,23 @@ fn a_full_disk_leaves_nothing_half_written() {
 #[test]
 fn keys_are_made_once_and_both_files_say_who_they_are() {
     let bench = Bench::empty();
-    let made = bench.trimaran(&["keys", "new", "one", "--out", "keys"]);
-    assert!(made.status.success(), "{}", said(&made));
-    let printed = String::from_utf8(made.stdout).unwrap();
+    let printed = bench.done(&["keys", "new", "one", "--out", "keys"]);
     let prints: Vec<_> = printed.lines().filter(|line| line.starts_with("  ")).collect();
     assert_eq!(prints.len(), 2, "{printed}");
     for (file, kind) in [("keys/one.key", "private"), ("keys/one.pub", "public")] {
-        let shown = bench.trimaran(&["keys", "show", file]);
-        let shown = String::from_utf8(shown.stdout).unwrap();
+        let shown = bench.done(&["keys", "show", file]);
         assert_eq!(shown, format!("one ({kind})\n{}\n", prints.join("\n")));
     }
     bench.refuses(&["keys", "new", "one", "--out", "keys"], &["keys/one.key", "not overwritten"]);
     bench.refuses(&["keys", "new", "a/b"], &["letters, digits"]);
     bench.refuses(&["keys", "show", "keys/two.pub"], &["keys/two.pub"]);
-    fs::write(bench.path("keys/one.pub"), "name = 'one'\nquic = 'zz'\n").unwrap();
+    bench.write("keys/one.pub", "name = 'one'\nquic = 'zz'\n");
     bench.refuses(&["keys", "show", "keys/one.pub"], &["keys/one.pub, line 2", "64 hexadecimal digits"]);
 }
 
 #[test]
 fn a_port_that_stays_in_use_is_named() {
-    let bench = Bench::with_plant();
+    let bench = Bench::with_plant(300);
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("tcp://{}", taken.local_addr().unwrap());
     write_display(&bench, &address);
@@ -186,44 +147,37 @@ fn a_port_that_stays_in_use_is_named() {
 
 #[test]
 fn roles_that_hold_different_scenes_refuse_each_other() {
-    let bench = Bench::with_plant();
-    let made = bench.trimaran(&["generate", "plant", "--objects", "300", "--seed", "2", "-o", "other.scene"]);
-    assert!(made.status.success(), "{}", said(&made));
+    let bench = Bench::with_plant(300);
+    bench.done(&["generate", "plant", "--objects", "300", "--seed", "2", "-o", "other.scene"]);
     write_display(&bench, "tcp://127.0.0.1:0");
-    let mut display = bench.command(&["role", "display", "--config", "display.toml"]);
-    let mut display = display.stderr(Stdio::piped()).spawn().unwrap();
-    let mut stderr = BufReader::new(display.stderr.take().unwrap());
-    let mut line = String::new();
-    stderr.read_line(&mut line).unwrap();
+    let mut display = bench.start(&["role", "display", "--config", "display.toml"]);
+    let line = display.says("listens on");
     let address = line.trim().rsplit_once(' ').unwrap().1;
-    fs::write(
-        bench.path("first.toml"),
+    bench.write(
+        "first.toml",
         format!(
             "scene = 'other.scene'\nindex = 'first'\ndisplay = '{address}'\npair = 'tcp://127.0.0.1:1'\njoin_timeout_s = 3\n"
         ),
-    )
-    .unwrap();
+    );
     let first = bench.trimaran(&["role", "culler", "--config", "first.toml"]);
-    display.kill().unwrap();
-    display.wait().unwrap();
+    display.kill();
     // The display may be started again with this one's scene.
     expect(&first, 1, &["scene", &hash_of(&bench, "plant.scene"), &hash_of(&bench, "other.scene")]);
 }
 
 fn write_display(bench: &Bench, address: &str) {
     let config = format!("scene = 'plant.scene'\nlisten = '{address}'\nout = 'out'\n[session]\nframes = 4\n");
-    fs::write(bench.path("display.toml"), config).unwrap();
+    bench.write("display.toml", config);
 }
 
 fn hash_of(bench: &Bench, scene: &str) -> String {
-    let info = bench.trimaran(&["info", scene, "--json"]);
-    let info: serde_json::Value = serde_json::from_slice(&info.stdout).unwrap();
+    let info: serde_json::Value = serde_json::from_str(&bench.done(&["info", scene, "--json"])).unwrap();
     info["hash"].as_str().unwrap().to_owned()
 }
 
 #[test]
 fn three_processes_show_what_one_shows() {
-    let bench = Bench::with_plant();
+    let bench = Bench::with_plant(300);
     for (link, coding) in [
         ("inproc", "changes"),
         ("unix", "changes"),
@@ -249,18 +203,14 @@ fn three_processes_show_what_one_shows() {
             "--batch",
             "16",
         ];
-        let run = bench.trimaran(&args);
-        assert!(run.status.success(), "{}", said(&run));
+        bench.done(&args);
     }
     let frames = |link: &str| pictures(&bench, link, 6);
     assert_eq!(frames("inproc"), frames("tcp"));
     assert_eq!(frames("inproc"), frames("unix"));
     assert_eq!(frames("inproc"), frames("quic"));
     assert_eq!(frames("inproc"), frames("udp"));
-    let report = |link: &str| -> serde_json::Value {
-        serde_json::from_slice(&fs::read(bench.path(link).join("report.json")).unwrap()).unwrap()
-    };
-    for frame in report("tcp")["frames"].as_array().unwrap() {
+    for frame in bench.report("tcp")["frames"].as_array().unwrap() {
         assert!(
             frame["or_ms"].is_number() && frame["hc_ms"].is_number(),
             "the cullers' times arrived: {frame}"
@@ -270,7 +220,7 @@ fn three_processes_show_what_one_shows() {
         let receivers = if last { 1 } else { 2 };
         assert_eq!(ids, 4 * receivers * frame["nodes_drawn"].as_u64().unwrap(), "{frame}");
     }
-    let id_bytes = |link: &str| report(link)["summary"]["bytes_by_kind"]["ids"].as_u64().unwrap();
+    let id_bytes = |link: &str| bench.report(link)["summary"]["bytes_by_kind"]["ids"].as_u64().unwrap();
     assert!(2 * id_bytes("unix") < id_bytes("tcp"), "{} and {}", id_bytes("unix"), id_bytes("tcp"));
     assert!(walks_again(&bench), "a report can be walked again");
 }
@@ -285,44 +235,36 @@ fn pictures(bench: &Bench, out: &str, count: u32) -> Vec<Vec<u8>> {
 #[test]
 fn every_two_roles_may_have_another_transport() {
     const WALK: [&str; 6] = ["--frames", "4", "--size", "96x80", "--audit-every", "0"];
-    let bench = Bench::with_plant();
-    let alone = bench.command(&["run", "plant.scene", "--out", "alone"]).args(WALK).output().unwrap();
-    assert!(alone.status.success(), "{}", said(&alone));
+    let bench = Bench::with_plant(300);
+    bench.done(&[&["run", "plant.scene", "--out", "alone"], &WALK[..]].concat());
     for name in ["show", "one", "two"] {
-        assert!(bench.trimaran(&["keys", "new", name]).status.success());
+        bench.done(&["keys", "new", name]);
     }
     let config = "scene = 'plant.scene'\nout = 'apart'\nkeys = 'show.key'\npeers.second = 'two.pub'\n\
                   session = { frames = 4, width = 96, height = 80, audit_every = 0 }\n";
-    fs::write(bench.path("display.toml"), config).unwrap();
-    let mut display = bench.command(&["role", "display", "--config", "display.toml"]);
+    bench.write("display.toml", config);
     let listen = "tcp://127.0.0.1:0,quic://127.0.0.1:0";
-    let mut display = display.args(["--listen", listen]).stderr(Stdio::piped()).spawn().unwrap();
-    let mut stderr = BufReader::new(display.stderr.take().unwrap());
-    let mut line = String::new();
-    stderr.read_line(&mut line).unwrap();
+    let mut display = bench.start(&["role", "display", "--config", "display.toml", "--listen", listen]);
+    let line = display.says("listens on");
     let (tcp, quic) = line.trim().rsplit_once(' ').unwrap().1.split_once(',').unwrap();
     let pair = format!("unix:{}", bench.path("pair.sock").display());
     let machine = |index: &str, display: &str, keys: &[&str]| {
         let args = ["role", "culler", "--scene", "plant.scene", "--index", index, "--display", display];
-        bench.command(&args).args(["--pair", &pair]).args(keys).stderr(Stdio::piped()).spawn().unwrap()
+        Process::start(bench.command(&args).args(["--pair", &pair]).args(keys))
     };
     let first = machine("first", tcp, &[]);
     let second = machine("second", quic, &["--keys", "two.key", "--peer-display", "show.pub"]);
     for machine in [first, second] {
-        let ended = machine.wait_with_output().unwrap();
-        assert!(ended.status.success(), "{}", said(&ended));
+        machine.ends(0);
     }
-    stderr.read_to_string(&mut line).unwrap();
-    assert!(display.wait().unwrap().success(), "{line}");
+    display.ends(0);
     assert_eq!(pictures(&bench, "apart", 4), pictures(&bench, "alone", 4));
-    let report: serde_json::Value =
-        serde_json::from_slice(&fs::read(bench.path("apart/report.json")).unwrap()).unwrap();
-    assert_eq!(report["run"]["link"], "tcp and quic");
+    assert_eq!(bench.report("apart")["run"]["link"], "tcp and quic");
 }
 
 #[test]
 fn a_flag_goes_before_the_environment_and_that_before_the_file() {
-    let bench = Bench::with_plant();
+    let bench = Bench::with_plant(300);
     let taken: Vec<_> = (0..3).map(|_| TcpListener::bind("127.0.0.1:0").unwrap()).collect();
     let [flag, variable, file] = &taken[..] else { panic!("not three") };
     let [flag, variable, file] = [flag, variable, file].map(|l| format!("tcp://{}", l.local_addr().unwrap()));
@@ -343,7 +285,7 @@ fn a_flag_goes_before_the_environment_and_that_before_the_file() {
     expect(&bad, 2, &["TRIMARAN_SESSION_BATCH", "1 to 16384"]);
     bench
         .refuses(&["role", "display", "--config", "display.toml", "--batch", "0"], &["--batch", "1..=16384"]);
-    fs::write(bench.path("display.toml"), "scene = 'a'\n[quic]\ncongestion = 'reno'\n").unwrap();
+    bench.write("display.toml", "scene = 'a'\n[quic]\ncongestion = 'reno'\n");
     bench.refuses(&args, &["display.toml", "line 3", "congestion", "new-reno"]);
 }
 
@@ -369,7 +311,7 @@ fn a_bad_key_of_a_transport_is_named_wherever_it_stands() {
 
 #[test]
 fn a_transport_that_encrypts_asks_for_keys() {
-    let bench = Bench::with_plant();
+    let bench = Bench::with_plant(300);
     let listen =
         ["role", "display", "--scene", "plant.scene", "--out", "o", "--listen", "quic://127.0.0.1:0"];
     bench.refuses(&listen, &["quic://127.0.0.1:0", "`keys`", "peers.first", "trimaran keys new"]);
@@ -383,16 +325,14 @@ fn a_transport_that_encrypts_asks_for_keys() {
 fn the_configuration_of_each_role_is_printed() {
     let bench = Bench::empty();
     for (role, key) in [("culler", "#index ="), ("display", "#listen =")] {
-        let printed = bench.trimaran(&["config", role]);
-        assert!(printed.status.success() && String::from_utf8(printed.stdout).unwrap().contains(key));
+        assert!(bench.done(&["config", role]).contains(key));
     }
 }
 
 /// A long session of three processes whose pair has joined.
 struct LongSession {
-    display: Child,
+    display: Process,
     pair: Vec<String>,
-    stderr: BufReader<ChildStderr>,
 }
 
 impl LongSession {
@@ -401,22 +341,15 @@ impl LongSession {
             ["run", "plant.scene", "--link", link, "--out", "long", "--frames", "100000", "--size", "64x64"];
         let mut command = bench.command(&args);
         command.env("TRIMARAN_LINK_IDLE_TIMEOUT_S", "4");
-        command.args(["--audit-every", "0"]).env("TRIMARAN_LOG", "info").stderr(Stdio::piped());
-        let mut display = command.stdout(Stdio::null()).spawn().unwrap();
+        command.args(["--audit-every", "0"]).env("TRIMARAN_LOG", "info");
+        let mut display = Process::start(&mut command);
         // The pair shares the display's standard error, and each machine says when it has joined.
-        let mut stderr = BufReader::new(display.stderr.take().unwrap());
-        let mut joined = 0;
-        while joined < 2 {
-            let mut line = String::new();
-            assert!(
-                stderr.read_line(&mut line).unwrap() > 0,
-                "the session ended before its cullers had joined"
-            );
-            joined += usize::from(line.contains("joined the session"));
+        for _ in 0..2 {
+            display.says("joined the session");
         }
         let children = format!("/proc/{0}/task/{0}/children", display.id());
         let pair = fs::read_to_string(children).unwrap().split_whitespace().map(str::to_owned).collect();
-        Self { display, pair, stderr }
+        Self { display, pair }
     }
 
     /// Waits until so many frames are on disk.
@@ -426,17 +359,11 @@ impl LongSession {
         }
     }
 
-    /// Waits for the end of all three; what they said since the cullers had joined.
-    fn end(mut self) -> Output {
-        let mut stderr = Vec::new();
-        self.stderr.read_to_end(&mut stderr).unwrap();
-        Output { status: self.display.wait().unwrap(), stdout: Vec::new(), stderr }
+    /// Waits for the end of all three, which is to be so.
+    fn ends(self, code: i32, words: &[&str]) {
+        let (ended, said) = self.display.ended();
+        says(ended, &said, code, words);
     }
-}
-
-/// By the shell's own `kill`: the program of that name is not on every machine.
-fn signal(name: &str, process: &str) {
-    assert!(Command::new("sh").args(["-c", &format!("kill {name} {process}")]).status().unwrap().success());
 }
 
 /// The loader of this test, which is the program's as well.
@@ -452,23 +379,23 @@ fn cullers_that_cannot_start_are_not_waited_for() {
     let Some(loader) = dynamic_loader() else {
         return println!("skipped: the program has no dynamic loader");
     };
-    let bench = Bench::with_plant();
+    let bench = Bench::with_plant(300);
     for link in ["tcp", "unix", "quic", "udp"] {
         // Started by the loader, the program takes the loader for itself: the machines that it starts end at
         // once.
         let args = [env!("CARGO_BIN_EXE_trimaran"), "run", "plant.scene", "--link", link, "--frames", "4"];
-        let run = Command::new(&loader).args(args).current_dir(bench.dir.path()).output().unwrap();
+        let run = bench.command_of(&loader, &args).output().unwrap();
         expect(&run, 1, &[" culler ended with", "exit status: 127", "before it had joined"]);
     }
 }
 
 #[test]
 fn when_a_culler_is_killed_the_session_ends_and_says_which() {
-    let bench = Bench::with_plant();
+    let bench = Bench::with_plant(300);
     let session = LongSession::start(&bench, "tcp");
     session.has_recorded(&bench, 3);
-    signal("-KILL", &session.pair[0]);
-    expect(&session.end(), 3, &["culler", "lost", "ended early"]);
+    signal("KILL", &session.pair[0]);
+    session.ends(3, &["culler", "lost", "ended early"]);
     let report = long_report(&bench);
     assert_eq!(report["summary"]["ended"]["how"], "peer_lost");
     assert!(report["summary"]["ended"]["why"].to_string().contains("culler"), "{}", report["summary"]);
@@ -477,8 +404,7 @@ fn when_a_culler_is_killed_the_session_ends_and_says_which() {
 
 /// The report of a [`LongSession`], which is to hold what was walked and no more.
 fn long_report(bench: &Bench) -> serde_json::Value {
-    let report = fs::read(bench.path("long/report.json")).unwrap();
-    let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+    let report = bench.report("long");
     let frames = report["frames"].as_array().unwrap();
     assert!((1..100_000).contains(&frames.len()));
     assert_eq!(report["summary"]["frames"], frames.len());
@@ -491,33 +417,33 @@ fn long_report(bench: &Bench) -> serde_json::Value {
 
 #[test]
 fn a_culler_that_hangs_is_noticed_within_the_idle_timeout() {
-    let bench = Bench::with_plant();
+    let bench = Bench::with_plant(300);
     for link in ["unix", "tcp", "quic", "udp"] {
         let session = LongSession::start(&bench, link);
         session.has_recorded(&bench, 3);
         // Its connections stand, and the system under it answers for it.
-        signal("-STOP", &session.pair[1]);
-        expect(&session.end(), 3, &["culler", "lost", "no keep-alive"]);
+        signal("STOP", &session.pair[1]);
+        session.ends(3, &["culler", "lost", "no keep-alive"]);
     }
 }
 
 #[test]
 fn an_interrupted_session_reports_what_it_walked() {
-    let bench = Bench::with_plant();
+    let bench = Bench::with_plant(300);
     let session = LongSession::start(&bench, "tcp");
     session.has_recorded(&bench, 3);
-    signal("-INT", &session.display.id().to_string());
-    expect(&session.end(), 3, &["ended early", "it was asked to stop"]);
+    session.display.signal("INT");
+    session.ends(3, &["ended early", "it was asked to stop"]);
     assert_eq!(long_report(&bench)["summary"]["ended"]["how"], "interrupted");
 }
 
 #[test]
 fn a_killed_display_leaves_what_it_recorded() {
-    let bench = Bench::with_plant();
+    let bench = Bench::with_plant(300);
     let session = LongSession::start(&bench, "tcp");
     session.has_recorded(&bench, 3);
-    signal("-KILL", &session.display.id().to_string());
-    session.end();
+    session.display.signal("KILL");
+    session.display.ended();
     assert!(!bench.path("long/report.json").exists());
     // The next walk moves it aside and says so.
     let again = bench.trimaran(&["run", "plant.scene", "--out", "long", "--frames", "4", "--size", "64x64"]);
@@ -534,15 +460,13 @@ fn recorded(folder: &Path) -> usize {
 
 #[test]
 fn a_live_walk_ends_with_its_path_and_shows_poses_of_it() {
-    let bench = Bench::with_plant();
+    let bench = Bench::with_plant(300);
     for link in ["inproc", "tcp"] {
         let out = format!("live-{link}");
         let args =
             ["run", "plant.scene", "--link", link, "--live", "40", "--frames", "20", "--size", "64x64"];
-        let run = bench.command(&args).args(["--audit-every", "3", "--out", &out]).output().unwrap();
-        assert!(run.status.success(), "{}", said(&run));
-        let report = fs::read(bench.path(&out).join("report.json")).unwrap();
-        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+        bench.done(&[&args[..], &["--audit-every", "3", "--out", &out]].concat());
+        let report = bench.report(&out);
         assert_eq!(report["run"]["mode"], "live");
         let frames = report["frames"].as_array().unwrap();
         assert!(!frames.is_empty());
@@ -561,13 +485,9 @@ fn a_live_walk_ends_with_its_path_and_shows_poses_of_it() {
 #[test]
 fn only_roles_that_compute_one_after_another_are_a_model_of_three_machines() {
     const WALK: [&str; 8] = ["run", "plant.scene", "--frames", "6", "--size", "96x80", "--audit-every", "3"];
-    let bench = Bench::with_plant();
+    let bench = Bench::with_plant(300);
     let walk = |out: &str, more: &[&str]| {
-        let run = bench.command(&WALK).args(["--out", out]).args(more).output().unwrap();
-        assert!(run.status.success(), "{}", said(&run));
-        let report = fs::read(bench.path(out).join("report.json")).unwrap();
-        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
-        (String::from_utf8(run.stdout).unwrap(), report)
+        (bench.done(&[&WALK[..], &["--out", out], more].concat()), bench.report(out))
     };
     let (text, report) = walk("at-once", &[]);
     assert!(!text.contains("MODEL") && text.contains("run with --alone"), "{text}");
@@ -595,31 +515,25 @@ fn only_roles_that_compute_one_after_another_are_a_model_of_three_machines() {
 
 #[test]
 fn stopping_at_few_pixels_needs_a_test_that_counts() {
-    let bench = Bench::with_plant();
+    let bench = Bench::with_plant(300);
     let args = ["run", "plant.scene", "--few-pixels", "--frames", "4", "--size", "64x64", "--out", "few"];
     expect(&bench.trimaran(&args), 2, &["--few-pixels", "--occlusion-test raster"]);
-    let run = bench.command(&args).args(["--occlusion-test", "raster", "--epsilon", "20"]).output().unwrap();
-    assert!(run.status.success(), "{}", said(&run));
-    let report: serde_json::Value =
-        serde_json::from_slice(&fs::read(bench.path("few/report.json")).unwrap()).unwrap();
-    assert!(report["frames"][0]["culling"]["stopped_at_few_pixels"].is_u64());
+    bench.done(&[&args[..], &["--occlusion-test", "raster", "--epsilon", "20"]].concat());
+    assert!(bench.report("few")["frames"][0]["culling"]["stopped_at_few_pixels"].is_u64());
 }
 
 #[test]
 fn a_recorded_walk_is_simulated_frame_by_frame() {
-    let bench = Bench::with_plant();
+    let bench = Bench::with_plant(300);
     let args = ["run", "plant.scene", "--record", "walk.trace", "--frames", "12", "--size", "64x64"];
-    let run = bench.command(&args).args(["--batch", "16", "--audit-every", "0"]).output().unwrap();
-    assert!(run.status.success(), "{}", said(&run));
-    let report: serde_json::Value =
-        serde_json::from_slice(&fs::read(bench.path("out/report.json")).unwrap()).unwrap();
+    bench.done(&[&args[..], &["--batch", "16", "--audit-every", "0"]].concat());
+    let report = bench.report("out");
     let frames = report["frames"].as_array().unwrap();
     let nodes: f64 = frames.iter().map(|frame| frame["nodes_drawn"].as_f64().unwrap()).sum();
 
     let args = ["sim", "--trace", "walk.trace", "--frames", "12", "--link", "tcp,udp", "--json"];
-    let sim = bench.command(&args).args(["--out", "figures", "--seed", "1,2"]).output().unwrap();
-    assert!(sim.status.success(), "{}", said(&sim));
-    let runs: serde_json::Value = serde_json::from_slice(&sim.stdout).unwrap();
+    let sim = bench.done(&[&args[..], &["--out", "figures", "--seed", "1,2"]].concat());
+    let runs: serde_json::Value = serde_json::from_str(&sim).unwrap();
     for run in runs.as_array().unwrap() {
         assert_eq!(run["nodes"].as_f64().unwrap(), nodes / 12.0);
         // All but the last frame's ids go to two receivers, 4 bytes each.
@@ -637,7 +551,7 @@ fn a_recorded_walk_is_simulated_frame_by_frame() {
     assert_eq!((lines("figures/runs.csv"), lines("figures/frames.csv")), (1 + 2, 1 + 4 * 12));
 
     let bytes = fs::read(bench.path("walk.trace")).unwrap();
-    fs::write(bench.path("short.trace"), &bytes[..bytes.len() - 9]).unwrap();
+    bench.write("short.trace", &bytes[..bytes.len() - 9]);
     bench.refuses(&["sim", "--trace", "short.trace"], &["short.trace", "cut short", "record the walk again"]);
     bench.refuses(&["sim", "--trace", "plant.scene"], &["plant.scene", "trimaran run --record"]);
 }
@@ -645,8 +559,7 @@ fn a_recorded_walk_is_simulated_frame_by_frame() {
 /// The report as a path: the same frames.
 fn walks_again(bench: &Bench) -> bool {
     let again = ["run", "plant.scene", "--path", "inproc/report.json", "--out", "again", "--size", "96x80"];
-    let run = bench.trimaran(&again);
-    assert!(run.status.success(), "{}", said(&run));
+    bench.done(&again);
     let picture = |dir: &Path| fs::read(dir.join("frames/00005.png")).unwrap();
     picture(&bench.path("again")) == picture(&bench.path("inproc"))
 }

@@ -5,26 +5,31 @@
 #![cfg(target_os = "linux")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
+#[path = "common/program.rs"]
+mod program;
+
 use std::{
     env, fs,
     path::Path,
-    process::{Command, Output},
+    process::Output,
     sync::atomic::{AtomicBool, Ordering},
     thread,
     time::Duration,
 };
+
+use program::{Bench, printed};
 
 /// Takes the place of the C library's clock: Debian's package libfaketime.
 const FAKETIME: &str = "/usr/lib/x86_64-linux-gnu/faketime/libfaketimeMT.so.1";
 const HOUR_MS: f64 = 3.6e6;
 
 /// Walks in three processes while the clock jumps by twenty years, there and back, until the walk is over.
-fn walk_through_time(folder: &Path, transport: &str) -> Output {
-    let clock = folder.join("clock");
+fn walk_through_time(bench: &Bench, transport: &str) -> Output {
+    let clock = bench.path("clock");
     let set = |to: &str| {
         // Whoever reads the file while it is written sees the time before or the time after.
-        fs::write(folder.join("next"), to).unwrap();
-        fs::rename(folder.join("next"), &clock).unwrap();
+        bench.write("next", to);
+        fs::rename(bench.path("next"), &clock).unwrap();
     };
     set("+0");
     let over = AtomicBool::new(false);
@@ -39,10 +44,9 @@ fn walk_through_time(folder: &Path, transport: &str) -> Output {
             }
         });
         let walk = ["run", "plant.scene", "--frames", "200", "--size", "64x64", "--audit-every", "50"];
-        let output = Command::new(env!("CARGO_BIN_EXE_trimaran"))
-            .args(walk)
+        let output = bench
+            .command(&walk)
             .args(["--link", transport, "--out", transport])
-            .current_dir(folder)
             .env("LD_PRELOAD", FAKETIME)
             .env("FAKETIME_TIMESTAMP_FILE", &clock)
             .envs([("FAKETIME_NO_CACHE", "1"), ("FAKETIME_DONT_FAKE_MONOTONIC", "1")])
@@ -59,15 +63,10 @@ fn a_clock_that_jumps_by_years_changes_nothing() {
         assert!(!required, "{FAKETIME} is not there");
         return println!("skipped: {FAKETIME} is not there");
     }
-    let folder = tempfile::tempdir().unwrap();
-    let make = ["generate", "plant", "--objects", "300", "-o", "plant.scene"];
-    let made = Command::new(env!("CARGO_BIN_EXE_trimaran")).args(make).current_dir(&folder).output().unwrap();
-    assert!(made.status.success(), "{made:?}");
+    let bench = Bench::with_plant(300);
     for transport in ["unix", "tcp", "udp", "quic"] {
-        let output = walk_through_time(folder.path(), transport);
-        assert!(output.status.success(), "{transport}: {}", String::from_utf8_lossy(&output.stderr));
-        let report = fs::read(folder.path().join(transport).join("report.json")).unwrap();
-        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+        printed(&walk_through_time(&bench, transport));
+        let report = bench.report(transport);
         assert_eq!(report["summary"]["ended"]["how"], "finished", "{transport}");
         let frames = report["frames"].as_array().unwrap();
         assert_eq!(frames.len(), 200, "{transport}");

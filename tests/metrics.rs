@@ -1,24 +1,20 @@
 //! What a running session tells a monitoring system and `trimaran stat`.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
-use std::io::{BufRead, BufReader, Read, Write};
+#[path = "common/program.rs"]
+mod program;
+
+use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::path::Path;
-use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 
+use program::Bench;
 use tokio::net::TcpStream as Dial;
 use trimaran::metrics::LinkMetrics;
 use trimaran_actors::{FrameStart, Listener};
 use trimaran_proto::{Camera, DrawableId, FrameNumber, Identity, Role, SceneHash, Walkthrough};
 use trimaran_transport::{Endpoint, Limits, LinkConfig, Net, Options, TokioNet, connect, sleep_until};
-
-fn trimaran(folder: &Path, args: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
-    command.current_dir(folder).args(args);
-    command
-}
 
 fn get(address: &str, path: &str) -> String {
     let mut stream = TcpStream::connect(address).unwrap();
@@ -36,9 +32,8 @@ fn value(text: &str, series: &str) -> u64 {
 
 #[test]
 fn a_running_session_shows_what_its_links_carry() {
-    let folder = tempfile::tempdir().unwrap();
-    let plant = ["generate", "plant", "--objects", "60", "--triangles", "6000", "-o", "plant.scene"];
-    assert!(trimaran(folder.path(), &plant).output().unwrap().status.success());
+    let bench = Bench::empty();
+    bench.done(&["generate", "plant", "--objects", "60", "--triangles", "6000", "-o", "plant.scene"]);
     // More frames than there will be time for: it is interrupted at the end.
     let args = [
         "run",
@@ -52,32 +47,23 @@ fn a_running_session_shows_what_its_links_carry() {
         "--size",
         "32x32",
     ];
-    let mut session =
-        trimaran(folder.path(), &args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
-    let mut said = BufReader::new(session.stderr.take().unwrap());
-    let address = loop {
-        let mut line = String::new();
-        assert!(said.read_line(&mut line).unwrap() > 0, "the session ended");
-        if let Some((_, rest)) = line.split_once("http://") {
-            break rest.trim().trim_end_matches("/metrics").to_owned();
-        }
-    };
+    let mut session = bench.start(&args);
+    let line = session.says("http://");
+    let address = line.split("http://").nth(1).unwrap().trim().trim_end_matches("/metrics").to_owned();
     let received =
         |text: &str| value(text, "trimaran_link_frames_total{peer=\"first culler\",direction=\"received\"}");
     // The page is there before the links are.
     while !get(&address, "/metrics").contains("trimaran_link_frames_total{") {}
     while received(&get(&address, "/metrics")) == 0 {}
-    let stat =
-        trimaran(folder.path(), &["stat", &address, "--interval", "0.3", "--count", "2"]).output().unwrap();
-    let lines = trimaran(folder.path(), &["stat", &address, "--json", "--count", "1"]).output().unwrap();
+    let table = bench.done(&["stat", &address, "--interval", "0.3", "--count", "2"]);
+    let lines = bench.done(&["stat", &address, "--json", "--count", "1"]);
     let metrics = get(&address, "/metrics");
     let missing = get(&address, "/nowhere");
     // Interrupted once, it writes a report; twice, it leaves.
     for _ in 0..2 {
-        // The shell's own: the program of that name is not on every machine.
-        Command::new("sh").args(["-c", &format!("kill -INT {}", session.id())]).status().unwrap();
+        session.signal("INT");
     }
-    session.wait().unwrap();
+    session.ended();
 
     assert!(metrics.starts_with("HTTP/1.1 200 OK") && metrics.trim_end().ends_with("# EOF"), "{metrics}");
     let frames = received(&metrics);
@@ -90,10 +76,9 @@ fn a_running_session_shows_what_its_links_carry() {
         "{frames} frames, {begins} bytes"
     );
     assert!(missing.starts_with("HTTP/1.1 404"), "{missing}");
-    let table = String::from_utf8(stat.stdout).unwrap();
     assert_eq!(table.lines().filter(|line| line.starts_with("peer")).count(), 2, "{table}");
     assert_eq!(table.lines().filter(|line| line.trim_start().starts_with("received")).count(), 4, "{table}");
-    let readings: serde_json::Value = serde_json::from_slice(&lines.stdout).unwrap();
+    let readings: serde_json::Value = serde_json::from_str(&lines).unwrap();
     assert_eq!(
         (&readings[0]["peer"], &readings[1]["peer"]),
         (&"first culler".into(), &"second culler".into())
@@ -172,9 +157,6 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
 
 #[test]
 fn stat_says_when_nothing_is_there() {
-    let folder = tempfile::tempdir().unwrap();
-    let output = trimaran(folder.path(), &["stat", "127.0.0.1:1"]).output().unwrap();
-    assert_eq!(output.status.code(), Some(1));
-    let said = String::from_utf8(output.stderr).unwrap();
+    let said = Bench::empty().start(&["stat", "127.0.0.1:1"]).ends(1);
     assert!(said.contains("127.0.0.1:1") && said.contains("--metrics"), "{said}");
 }

@@ -8,10 +8,13 @@
 
 #[path = "common/deployment.rs"]
 mod deployment;
+#[path = "common/program.rs"]
+mod program;
 
 use std::{env, process::Command, thread, time::Duration};
 
-use deployment::{Deployment, FRAMES, Place, Role};
+use deployment::{Deployment, FRAMES, Place};
+use program::Process;
 use trimaran::netem::{Emulation, Namespace};
 use trimaran_netsim::Profile;
 
@@ -42,7 +45,7 @@ fn set(machine: &Namespace, state: &str) {
 }
 
 /// Starts all three, and waits until they walk. Gives the display first.
-fn walking(deployment: &Deployment, display_at: &Namespace, more: &[&str]) -> [Role; 3] {
+fn walking(deployment: &Deployment, display_at: &Namespace, more: &[&str]) -> [Process; 3] {
     let mut display = deployment.start("display", more);
     let pair = ["first", "second"].map(|index| deployment.start(index, more));
     let display = thread::scope(|scope| {

@@ -1,46 +1,30 @@
 //! `trimaran ping`, both ends of it as processes.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
-use std::io::{BufRead, BufReader};
-use std::path::Path;
-use std::process::{Child, ChildStderr, Command, Output, Stdio};
+#[path = "common/program.rs"]
+mod program;
 
-fn trimaran(folder: &Path, args: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
-    command.current_dir(folder).args(args);
-    command
-}
+use std::process::Output;
+
+use program::{Bench, Process, printed};
 
 /// The answering end; it ends with the test.
-struct Answering {
-    child: Child,
+struct Answering<'b> {
+    bench: &'b Bench,
     endpoint: String,
-    /// Open for as long as it may have something to say.
-    _stderr: BufReader<ChildStderr>,
+    _process: Process,
 }
 
-impl Answering {
-    fn start(folder: &Path, endpoint: &str, more: &[&str]) -> Self {
-        let mut command = trimaran(folder, &[&["ping", "--answer", endpoint], more].concat());
-        let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
-        let mut line = String::new();
-        let mut stderr = BufReader::new(child.stderr.take().unwrap());
-        stderr.read_line(&mut line).unwrap();
+impl<'b> Answering<'b> {
+    fn start(bench: &'b Bench, endpoint: &str, more: &[&str]) -> Self {
+        let mut process = bench.start(&[&["ping", "--answer", endpoint], more].concat());
+        let line = process.says("answers pings on");
         let endpoint = line.trim().rsplit(' ').next().unwrap().to_owned();
-        assert!(line.contains("answers pings on"), "{line}");
-        Self { child, endpoint, _stderr: stderr }
+        Self { bench, endpoint, _process: process }
     }
 
-    fn ping(&self, folder: &Path, more: &[&str]) -> Output {
-        trimaran(folder, &[&["ping", &self.endpoint, "--interval", "0"], more].concat()).output().unwrap()
-    }
-}
-
-impl Drop for Answering {
-    fn drop(&mut self) {
-        // It may have ended already.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+    fn ping(&self, more: &[&str]) -> Output {
+        self.bench.trimaran(&[&["ping", &self.endpoint, "--interval", "0"], more].concat())
     }
 }
 
@@ -48,21 +32,16 @@ fn said(output: &Output) -> String {
     [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text)).concat()
 }
 
-fn json(output: &Output) -> serde_json::Value {
-    assert!(output.status.success(), "{}", said(output));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
 #[test]
 fn cameras_and_frames_go_there_and_back_over_every_transport() {
-    let folder = tempfile::tempdir().unwrap();
+    let bench = Bench::empty();
     for name in ["here", "there"] {
-        assert!(trimaran(folder.path(), &["keys", "new", name]).output().unwrap().status.success());
+        bench.done(&["keys", "new", name]);
     }
     let keys = |own: &'static str, peer: &'static str| ["--keys", own, "--peer", peer];
     for (endpoint, secured) in [
         ("tcp://127.0.0.1:0", false),
-        (&format!("unix:{}/ping.sock", folder.path().display()), false),
+        (&format!("unix:{}", bench.path("ping.sock").display()), false),
         ("quic://127.0.0.1:0", true),
     ] {
         let (mut here, mut there) = (Vec::new(), Vec::new());
@@ -70,11 +49,10 @@ fn cameras_and_frames_go_there_and_back_over_every_transport() {
             here.extend(keys("here.key", "there.pub"));
             there.extend(keys("there.key", "here.pub"));
         }
-        let answering = Answering::start(folder.path(), endpoint, &there);
+        let answering = Answering::start(&bench, endpoint, &there);
         for (ids, bytes) in [("0", 2 * 72..2 * 72 + 20), ("3000", 2 * 3000..2 * 12_200)] {
-            let output = answering
-                .ping(folder.path(), &[&["--ids", ids, "--count", "4", "--json"], &here[..]].concat());
-            let summary = json(&output);
+            let output = answering.ping(&[&["--ids", ids, "--count", "4", "--json"], &here[..]].concat());
+            let summary: serde_json::Value = serde_json::from_str(&printed(&output)).unwrap();
             assert_eq!((&summary["sent"], &summary["answered"]), (&4.into(), &4.into()), "{summary}");
             assert_eq!(summary["loss_percent"], 0.0);
             let us = |key: &str| summary[key].as_f64().unwrap();
@@ -89,22 +67,22 @@ fn cameras_and_frames_go_there_and_back_over_every_transport() {
 
 #[test]
 fn a_person_reads_a_histogram() {
-    let folder = tempfile::tempdir().unwrap();
-    let answering = Answering::start(folder.path(), "tcp://127.0.0.1:0", &[]);
-    let text = said(&answering.ping(folder.path(), &["--count", "7"]));
+    let bench = Bench::empty();
+    let answering = Answering::start(&bench, "tcp://127.0.0.1:0", &[]);
+    let text = said(&answering.ping(&["--count", "7"]));
     assert!(text.contains("linked in") && text.contains("7 sent, 7 answered, 0 lost (0.0 %)"), "{text}");
     assert!(text.contains("####") && text.contains("jitter"), "{text}");
 }
 
 #[test]
 fn nobody_there_is_said_in_the_timeouts_time() {
-    let folder = tempfile::tempdir().unwrap();
-    let nobody = format!("unix:{}", folder.path().join("nobody.sock").display());
-    let output = trimaran(folder.path(), &["ping", &nobody, "--timeout", "0.2"]).output().unwrap();
+    let bench = Bench::empty();
+    let nobody = format!("unix:{}", bench.path("nobody.sock").display());
+    let output = bench.trimaran(&["ping", &nobody, "--timeout", "0.2"]);
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     let expected = format!("no link to {nobody} within");
     assert!(said(&output).contains(&expected), "{}", said(&output));
-    let bare = trimaran(folder.path(), &["ping", "quic://127.0.0.1:1"]).output().unwrap();
+    let bare = bench.trimaran(&["ping", "quic://127.0.0.1:1"]);
     assert_eq!(bare.status.code(), Some(2));
     assert!(said(&bare).contains("trimaran keys new"), "{}", said(&bare));
 }

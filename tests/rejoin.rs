@@ -6,6 +6,8 @@
 mod deployment;
 #[path = "../transport/tests/common/ports.rs"]
 mod ports;
+#[path = "common/program.rs"]
+mod program;
 
 use deployment::{Deployment, FRAMES};
 use ports::unused_port;

@@ -6,16 +6,18 @@
 //! `chromium-common` has it. Without it the test says "skipped", unless `TRIMARAN_REQUIRE_SWIFTSHADER=1`.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
+#[path = "common/program.rs"]
+mod program;
+
 use std::{
     env,
-    fs::{self, File},
+    fs::File,
     io::BufReader,
     path::{Path, PathBuf},
-    process::Command,
 };
 
+use program::{Bench, printed};
 use serde_json::Value;
-use tempfile::TempDir;
 
 const INSTALLED: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
 const FRAMES: usize = 8;
@@ -32,25 +34,20 @@ fn swiftshader() -> Option<PathBuf> {
 }
 
 /// A folder with a scene, and the program in it.
-struct Walks(TempDir);
+struct Walks(Bench);
 
 impl Walks {
     fn new() -> Self {
-        let walks = Self(tempfile::tempdir().unwrap());
-        walks.run(None, &["generate", "plant", "--objects", "300", "-o", "plant.scene"]);
-        walks
+        Self(Bench::with_plant(300))
     }
 
     /// What the program prints on the machine's driver or on that of an ICD file.
     fn run(&self, driver: Option<&Path>, args: &[&str]) -> String {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
+        let mut command = self.0.command(args);
         if let Some(driver) = driver {
             command.env("VK_DRIVER_FILES", driver);
         }
-        let output = command.args(args).current_dir(&self.0).output().unwrap();
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success(), "{args:?} on {driver:?}: {said}");
-        String::from_utf8(output.stdout).unwrap()
+        printed(&command.output().unwrap())
     }
 
     /// Walks with every frame checked, and gives the report.
@@ -58,11 +55,11 @@ impl Walks {
         let frames = FRAMES.to_string();
         let args = ["run", "plant.scene", "--size", "320x240", "--audit-every", "1", "--frames", &frames];
         self.run(driver, &[&args[..], &["--occlusion-test", occlusion_test, "--out", out]].concat());
-        serde_json::from_slice(&fs::read(self.0.path().join(out).join("report.json")).unwrap()).unwrap()
+        self.0.report(out)
     }
 
     fn picture(&self, out: &str, frame: usize, kind: &str) -> Picture {
-        Picture::read(&self.0.path().join(out).join(format!("frames/{frame:05}{kind}.png")))
+        Picture::read(&self.0.path(&format!("{out}/frames/{frame:05}{kind}.png")))
     }
 }
 

@@ -2,6 +2,9 @@
 //! started again or not.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on has failed")]
 
+#[path = "common/program.rs"]
+mod program;
+
 use std::env;
 use std::ffi::OsStr;
 use std::fs::{self, Permissions};
@@ -9,7 +12,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use tempfile::TempDir;
+use program::{Bench, said};
 
 /// The kinds of roles, each with its unit and the name of the configuration that the unit reads.
 const UNITS: [(&str, &str, &str); 2] =
@@ -36,53 +39,48 @@ fn value<'u>(unit: &'u str, key: &str) -> &'u str {
 }
 
 /// Runs the command of a role's service with this configuration in place of the installed one.
-fn serve(role: &str, folder: &TempDir, configuration: &str) -> Output {
+fn serve(role: &str, bench: &Bench, configuration: &str) -> Output {
     let unit = unit(role);
     let words: Vec<&str> = value(&unit, "ExecStart").split(' ').collect();
     let [program, arguments @ .., installed] = &words[..] else { panic!("{words:?}") };
     let (.., name) = UNITS.into_iter().find(|(name, ..)| *name == role).unwrap();
     assert_eq!((*program, *installed), (INSTALLED, &*format!("/etc/trimaran/{name}.toml")));
-    let path = folder.path().join("role.toml");
-    fs::write(&path, configuration).unwrap();
-    Command::new(env!("CARGO_BIN_EXE_trimaran")).args(arguments).arg(path).output().unwrap()
+    bench.write("role.toml", configuration);
+    bench.command(arguments).arg("role.toml").output().unwrap()
 }
 
 #[test]
 fn a_configuration_that_cannot_be_used_ends_a_service_for_good() {
-    let folder = tempfile::tempdir().unwrap();
+    let bench = Bench::empty();
     for (role, ..) in UNITS {
         // A walk that ended early is reported with 3, and a new one would replace the report.
         let down = if role == "display" { format!("{UNUSABLE} 3") } else { UNUSABLE.to_string() };
         assert_eq!(value(&unit(role), "RestartPreventExitStatus"), down);
-        let output = serve(role, &folder, "scene = 'none.scene'\nsaet = 'first'\n");
+        let output = serve(role, &bench, "scene = 'none.scene'\nsaet = 'first'\n");
         assert_eq!(output.status.code(), Some(UNUSABLE), "{role}: {output:?}");
-        let said = String::from_utf8(output.stderr).unwrap();
+        let said = said(&output);
         assert!(said.contains("role.toml") && said.contains("saet"), "{role}: {said}");
     }
 }
 
 /// A folder with a scene, and a socket in it.
-fn place() -> (TempDir, String) {
-    let folder = tempfile::tempdir().unwrap();
-    let scene = folder.path().join("plant.scene");
-    let generate = ["generate", "plant", "--objects", "100", "-o"];
-    let made = Command::new(env!("CARGO_BIN_EXE_trimaran")).args(generate).arg(&scene).output().unwrap();
-    assert!(made.status.success(), "{made:?}");
-    let socket = format!("'unix:{}/show.sock'", folder.path().display());
-    (folder, socket)
+fn place() -> (Bench, String) {
+    let bench = Bench::with_plant(100);
+    let socket = format!("'unix:{}'", bench.path("show.sock").display());
+    (bench, socket)
 }
 
 /// Serves a role whose waiting is in vain: it is to be started again.
-fn serves_in_vain(role: &str, folder: &TempDir, configuration: &str, why: &str) {
-    let output = serve(role, folder, &format!("scene = 'plant.scene'\n{configuration}"));
+fn serves_in_vain(role: &str, bench: &Bench, configuration: &str, why: &str) {
+    let output = serve(role, bench, &format!("scene = 'plant.scene'\n{configuration}"));
     assert_eq!(output.status.code(), Some(1), "{role}: {output:?}");
-    let said = String::from_utf8(output.stderr).unwrap();
+    let said = said(&output);
     assert!(said.contains(why), "{role}: {said}");
 }
 
 #[test]
 fn a_service_whose_peers_are_not_there_is_started_again() {
-    let (folder, socket) = place();
+    let (bench, socket) = place();
     for (role, kind, configuration) in [
         (
             "culler",
@@ -92,7 +90,7 @@ fn a_service_whose_peers_are_not_there_is_started_again() {
         ("display", "on-failure", format!("join_timeout_s = 0.2\nlisten = {socket}\nout = 'walk'\n")),
     ] {
         assert_eq!(value(&unit(role), "Restart"), kind);
-        serves_in_vain(role, &folder, &configuration, "show.sock");
+        serves_in_vain(role, &bench, &configuration, "show.sock");
     }
 }
 
@@ -142,27 +140,22 @@ fn the_units_leave_little_exposed() {
 
 #[test]
 fn keys_that_systemd_hands_over_may_be_readable_by_their_group() {
-    let (folder, socket) = place();
-    let at = |name: &str| folder.path().join(name);
-    let made = Command::new(env!("CARGO_BIN_EXE_trimaran"))
-        .args(["keys", "new", "first", "--out"])
-        .arg(folder.path())
-        .output()
-        .unwrap();
-    assert!(made.status.success(), "{made:?}");
+    let (bench, socket) = place();
+    bench.done(&["keys", "new", "first"]);
     let configuration = format!(
         "scene = 'plant.scene'\nindex = 'first'\njoin_timeout_s = 0.2\ndisplay = {socket}\npair = 'quic://127.0.0.1:0'\n\
          keys = 'first.key'\npeers.other = 'first.pub'\n"
     );
-    fs::write(at("role.toml"), configuration).unwrap();
+    bench.write("role.toml", configuration);
+    let (here, elsewhere) = (bench.path(""), bench.path("another"));
     for (mode, credentials, refused) in
-        [(0o440, folder.path(), false), (0o440, &*at("another"), true), (0o444, folder.path(), true)]
+        [(0o440, &here, false), (0o440, &elsewhere, true), (0o444, &here, true)]
     {
-        fs::set_permissions(at("first.key"), Permissions::from_mode(mode)).unwrap();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
-        command.args(["role", "culler", "--config"]).arg(at("role.toml"));
-        let output = command.env("CREDENTIALS_DIRECTORY", credentials).output().unwrap();
-        let said = String::from_utf8(output.stderr).unwrap();
+        fs::set_permissions(bench.path("first.key"), Permissions::from_mode(mode)).unwrap();
+        let mut command = bench.command(&["role", "culler", "--config"]);
+        command.arg(bench.path("role.toml")).env("CREDENTIALS_DIRECTORY", credentials);
+        let output = command.output().unwrap();
+        let said = said(&output);
         assert_eq!(said.contains("others may read"), refused, "{mode:o}: {said}");
         assert_eq!(output.status.code(), Some(if refused { UNUSABLE } else { 1 }), "{mode:o}: {said}");
     }

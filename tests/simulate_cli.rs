@@ -1,28 +1,18 @@
 //! `trimaran sim` as a user meets it: what it prints and writes, what it refuses, and in which words.
 #![allow(clippy::unwrap_used, reason = "a test ends where what it needs is not there")]
 
+#[path = "common/program.rs"]
+mod program;
+
 use std::fs;
-use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 
-use tempfile::TempDir;
-
-/// A folder to be in.
-struct Bench(TempDir);
+use program::{Bench, said};
 
 impl Bench {
-    fn new() -> Self {
-        Self(tempfile::tempdir().unwrap())
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
     /// A short simulation over TCP, unless `words` say otherwise.
-    fn command(&self, words: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
-        command.arg("sim").args(words).current_dir(self.0.path());
+    fn simulation(&self, words: &[&str]) -> Command {
+        let mut command = self.command(&[&["sim"], words].concat());
         let mut usual = |flag: &str, value: &str| {
             if !words.contains(&flag) {
                 command.args([flag, value]);
@@ -34,13 +24,13 @@ impl Bench {
     }
 
     fn sim(&self, words: &[&str]) -> Output {
-        self.command(words).output().unwrap()
+        self.simulation(words).output().unwrap()
     }
 
     /// Simulates what is to end with `code`; what it says has all of `expected`.
     fn fails(&self, words: &[&str], code: i32, expected: &[&str]) {
         let output = self.sim(words);
-        let said = stderr(&output);
+        let said = said(&output);
         assert_eq!(output.status.code(), Some(code), "{words:?}: {said}");
         for part in expected {
             assert!(said.contains(part), "{words:?}: {part:?} is not in: {said}");
@@ -50,18 +40,13 @@ impl Bench {
 
     /// Writes a network whose links are like that.
     fn network(&self, link: &str) {
-        let text = format!("about = \"a\"\nsources = []\n[up]\n{link}\n");
-        fs::write(self.path("mine.toml"), text).unwrap();
+        self.write("mine.toml", format!("about = \"a\"\nsources = []\n[up]\n{link}\n"));
     }
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 #[test]
 fn flags_that_make_no_sense_are_refused_by_name() {
-    let bench = Bench::new();
+    let bench = Bench::empty();
     for flag in ["--or-ms", "--hc-ms", "--rvg-ms", "--udp-deadline-ms"] {
         for value in ["-1", "nan", "60001"] {
             bench.fails(&[flag, value], 2, &[flag, value, "milliseconds from 0 to 60000"]);
@@ -88,7 +73,7 @@ fn flags_that_make_no_sense_are_refused_by_name() {
 
 #[test]
 fn a_network_that_cannot_be_is_refused_by_its_key() {
-    let bench = Bench::new();
+    let bench = Bench::empty();
     for (link, expected) in [
         ("rate = \"0 bit/s\"", "\"0 bit/s\" is no rate"),
         ("mtu = 500", "the key `up.mtu` is below 576 bytes"),
@@ -101,7 +86,7 @@ fn a_network_that_cannot_be_is_refused_by_its_key() {
 
 #[test]
 fn a_network_that_nothing_gets_through_is_told_by_the_keys_that_may_be_why() {
-    let bench = Bench::new();
+    let bench = Bench::empty();
     bench.network("loss = { independent = 1.0 }");
     let keys = "nothing gets through mine.toml over tcp: look at its keys rate, loss, queue and mtu";
     bench.fails(&["--network", "mine.toml"], 1, &[keys]);
@@ -112,8 +97,8 @@ fn a_network_that_nothing_gets_through_is_told_by_the_keys_that_may_be_why() {
 
 #[test]
 fn a_place_that_cannot_be_written_to_is_named_before_anything_is_simulated() {
-    let bench = Bench::new();
-    fs::write(bench.path("file"), "a file").unwrap();
+    let bench = Bench::empty();
+    bench.write("file", "a file");
     for flag in ["--out", "--pcap"] {
         // So many frames would take a minute.
         for (place, why) in [("file", "File exists"), ("file/below", "Not a directory")] {
@@ -128,7 +113,7 @@ fn a_place_that_cannot_be_written_to_is_named_before_anything_is_simulated() {
 
 #[test]
 fn seeds_are_taken_once_each_and_in_order() {
-    let bench = Bench::new();
+    let bench = Bench::empty();
     let output = bench.sim(&["--seed", "7,3,7,3", "--json", "--out", "out"]);
     assert!(output.status.success() && output.stderr.is_empty(), "quiet in a pipe: {output:?}");
     let runs: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -148,23 +133,24 @@ fn seeds_are_taken_once_each_and_in_order() {
 
 #[test]
 fn whoever_stops_reading_ends_it_without_a_panic() {
-    let bench = Bench::new();
+    let bench = Bench::empty();
     for words in [&[][..], &["--json"]] {
-        let mut child = bench.command(words).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut child =
+            bench.simulation(words).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         drop(child.stdout.take());
         let output = child.wait_with_output().unwrap();
-        assert_eq!((output.status.code(), stderr(&output).as_str()), (Some(0), ""), "{words:?}");
+        assert_eq!((output.status.code(), said(&output).as_str()), (Some(0), ""), "{words:?}");
     }
 }
 
 #[test]
 fn a_deadline_that_is_over_before_anything_can_have_come_is_warned_of() {
-    let bench = Bench::new();
+    let bench = Bench::empty();
     let words =
         ["--link", "udp-deadline", "--network", "wifi,gigabit", "--udp-deadline-ms", "2", "--out", "out"];
     let output = bench.sim(&words);
     assert!(output.status.success(), "{output:?}");
-    let said = stderr(&output);
+    let said = said(&output);
     // Once, and not by each link as well.
     let warnings: Vec<&str> = said.lines().collect();
     let [warning] = warnings[..] else { unreachable!("one network is that slow: {said}") };
@@ -180,8 +166,8 @@ fn a_deadline_that_is_over_before_anything_can_have_come_is_warned_of() {
 
 #[test]
 fn flags_for_links_that_are_not_asked_for_are_warned_of() {
-    let output = Bench::new().sim(&["--udp-deadline-ms", "20", "--udp-repair", "5", "--udp-in-the-clear"]);
-    let said = stderr(&output);
+    let output = Bench::empty().sim(&["--udp-deadline-ms", "20", "--udp-repair", "5", "--udp-in-the-clear"]);
+    let said = said(&output);
     for flag in ["--udp-deadline-ms", "--udp-repair", "--udp-in-the-clear"] {
         assert!(said.contains(&format!("{flag} changes nothing")), "{said}");
     }

@@ -33,8 +33,7 @@ fn sealed(contents: &[u8]) -> Vec<u8> {
     file
 }
 
-/// Any text is a network or is refused by an error that can be read; and of a network the machines can be
-/// had.
+/// Any text is a network, of which the machines can be had, or is refused by an error that can be read.
 pub fn profiles(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     match Profile::parse("any", text) {

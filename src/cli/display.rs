@@ -7,11 +7,11 @@ use indicatif::ProgressBar;
 use tokio::runtime::Runtime;
 use trimaran::{
     report::{
-        Writer,
-        schema::{HowEnded, Machine},
+        Run, Writer,
+        schema::{HowEnded, Machine, RoleInfo, timestamp},
     },
     vulkan::VulkanDisplay,
-    walkthrough::{CameraPath, Plan, Recorder, ReportPlan, SceneFile, begin, how_ended},
+    walkthrough::{CameraPath, Recorder, SceneFile, Walk, begin, how_ended},
 };
 use trimaran_actors::{
     Cameras, DisplayRole, JoinTimeouts, Link, Listener, RoleError, ScenePictures, SessionError, Stop, Turns,
@@ -30,12 +30,8 @@ use super::{
 
 /// A display that is ready to walk.
 pub(super) struct DisplaySession<'s> {
-    pub(super) file: &'s SceneFile,
-    /// The scene on its device.
-    pub(super) drawn: &'s Arc<GpuScene>,
-    pub(super) plan: Plan,
-    pub(super) path: &'s CameraPath,
-    pub(super) about: ReportPlan,
+    pub(super) walk: Walk<'s>,
+    pub(super) about: Run,
     /// Where the report goes, until there is something to report.
     pub(super) folder: Option<Writer>,
     pub(super) timeouts: JoinTimeouts,
@@ -53,30 +49,27 @@ pub(super) struct DisplaySession<'s> {
 }
 
 /// What a report says of a walk beside its frames, before the cullers have come.
-pub(super) fn about(
-    path: &CameraPath,
-    name: &str,
-    seed: u64,
-    devices: Vec<(Machine, GpuInfo)>,
-) -> ReportPlan {
-    ReportPlan {
+pub(super) fn about(walk: Walk<'_>, path: &str, seed: u64, roles: Vec<RoleInfo>) -> Run {
+    Run {
         command_line: std::env::args().collect(),
-        started: walking::date(),
-        link: String::new(),
-        transport: String::new(),
-        path: name.to_owned(),
-        seed: (name == "auto").then_some(seed),
-        devices,
-        notes: notes(path),
+        started: timestamp(walking::date()),
+        path: path.to_owned(),
+        seed: (path == "auto").then_some(seed),
+        roles,
+        notes: notes(walk.path),
+        ..walk.run()
     }
+}
+
+/// What a machine draws on.
+pub(super) fn role_info(machine: Machine, drawn: &GpuScene) -> RoleInfo {
+    let GpuInfo { name, driver, .. } = drawn.gpu().info().clone();
+    RoleInfo { machine, device: name, driver }
 }
 
 /// Listens for the cullers that a display on this device waits for.
 pub(super) async fn listen(
-    file: &SceneFile,
-    drawn: &GpuScene,
-    plan: &Plan,
-    path: &CameraPath,
+    Walk { file, drawn, plan, path }: Walk<'_>,
     net: &Arc<dyn Net>,
     at: &Endpoints,
     options: &Options,
@@ -104,16 +97,16 @@ impl DisplaySession<'_> {
         no_cullers: impl Future<Output = Failure>,
         beside: impl FnOnce(&mut dyn FnMut() -> Result<(), Early>) -> Result<(), Early>,
     ) -> Result<Outcome, Failure> {
-        let bar = progress::walk(self.plan.pace, self.path);
+        let bar = progress::walk(self.walk.plan.pace, self.walk.path);
         let mut advance = |_| bar.inc(1);
-        let mut recorder = Recorder::new(self.plan.audit_every, &mut advance);
+        let mut recorder = Recorder::new(self.walk.plan.audit_every, &mut advance);
         let mut no_cullers = Box::pin(no_cullers);
         let mut walk = || runtime.block_on(self.walk(&mut recorder, &bar, stop, no_cullers.as_mut()));
         // What was walked before a failure is worth a report.
         let early = beside(&mut walk).err();
         bar.finish_and_clear();
-        let Self { file, drawn, plan, path, about, folder, trace, .. } = self;
-        report_on(recorder, folder, early, trace.as_deref(), file, drawn, &plan, about, path, stop)
+        let Self { walk, about, folder, trace, .. } = self;
+        report_on(recorder, folder, early, trace.as_deref(), walk, about, stop)
     }
 
     /// The same with cullers that are elsewhere, and come by themselves.
@@ -130,8 +123,9 @@ impl DisplaySession<'_> {
         stop: &Stop,
         mut no_cullers: Pin<&mut impl Future<Output = Failure>>,
     ) -> Result<(), Early> {
-        let mut cameras = self.path.cameras(self.plan.pace);
-        let mut settings = self.plan.settings(self.path.frames());
+        let Walk { plan, path, .. } = self.walk;
+        let mut cameras = path.cameras(plan.pace);
+        let mut settings = plan.settings(path.frames());
         let (mut within, mut lost) = (self.timeouts.join, None);
         loop {
             let joining = self.join(settings, self.net.now().after(within), no_cullers.as_mut());
@@ -165,7 +159,7 @@ impl DisplaySession<'_> {
         let listener = match self.listener.take() {
             Some(listener) => listener,
             None => {
-                let identity = identity(self.file, settings);
+                let identity = identity(self.walk.file, settings);
                 let listen = || Listener::bind_all(&self.net, &self.endpoints, identity, &self.options);
                 // The old sockets may need a moment to be gone.
                 again(&self.net, deadline, |_| true, listen).await.map_err(SessionError::from)?
@@ -191,12 +185,13 @@ impl DisplaySession<'_> {
         (self.about.link, self.about.transport) = transports(&first, &second);
         let mut prepare = || {
             if let Some(folder) = self.folder.take() {
-                let journal = begin(folder, self.file, &self.plan, &self.about, self.path);
+                let journal = begin(folder, self.walk, self.about.clone());
                 recorder.write_into(journal.map_err(|error| RoleError::Observer(error.into()))?);
             }
+            let Walk { file, drawn, .. } = self.walk;
             let device =
-                VulkanDisplay::new(self.drawn, settings.viewport).map_err(RoleError::device("opening it"))?;
-            Ok(ScenePictures::new(&self.file.scene, device, &settings))
+                VulkanDisplay::new(drawn, settings.viewport).map_err(RoleError::device("opening it"))?;
+            Ok(ScenePictures::new(&file.scene, device, &settings))
         };
         let work = match prepare() {
             Ok(work) => work,

@@ -3,7 +3,7 @@
 
 use std::{
     net::{SocketAddr, TcpListener, UdpSocket},
-    path::Path,
+    path::{Path, PathBuf},
 };
 
 use tokio::{
@@ -46,21 +46,15 @@ impl Keyring {
         Ok(Self { security: Security { keys, peers: peers.into() }, display, cullers: [one, two] })
     }
 
-    const fn of(&self, index: Which) -> &KeyFiles {
+    /// The private keys of a culler, and whom it knows.
+    fn of(&self, index: Which) -> (PathBuf, CullerPeers) {
         let [first, second] = &self.cullers;
-        match index {
-            Which::First => first,
-            Which::Second => second,
-        }
-    }
-
-    fn peers_of(&self, index: Which) -> CullerPeers {
-        let other = match index {
-            Which::First => Which::Second,
-            Which::Second => Which::First,
+        let (own, other) = match index {
+            Which::First => (first, second),
+            Which::Second => (second, first),
         };
         let public = |files: &KeyFiles| Some(files.public.clone());
-        CullerPeers { display: public(&self.display), other: public(self.of(other)) }
+        (own.private.clone(), CullerPeers { display: public(&self.display), other: public(other) })
     }
 }
 
@@ -102,6 +96,7 @@ impl CullerProcesses {
     ) -> Result<Self, Failure> {
         let scene = std::path::absolute(&args.scene).map_err(Failure::broken)?;
         let start = |index| {
+            let (keys, peers) = keyring.map(|keyring| keyring.of(index)).unzip();
             let config = CullerConfig {
                 scene: scene.clone(),
                 index,
@@ -112,8 +107,8 @@ impl CullerProcesses {
                 join_timeout_s: JoinTimeouts::ONCE.join.as_secs_f64(),
                 reconnect_s: 0.0,
                 metrics: None,
-                keys: keyring.map(|keyring| keyring.of(index).private.clone()),
-                peers: keyring.map(|keyring| keyring.peers_of(index)).unwrap_or_default(),
+                keys,
+                peers: peers.unwrap_or_default(),
             };
             let path = folder.join(format!("{index:?}.toml"));
             let own = toml::to_string(&config).map_err(Failure::broken)?;

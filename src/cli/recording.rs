@@ -1,21 +1,18 @@
 //! What a walk leaves behind: its folder is opened before the walk, filled while it goes on, and finished
 //! however it ends.
 
-use std::{ops::ControlFlow, path::Path, sync::Arc};
+use std::{ops::ControlFlow, path::Path};
 
 use trimaran::{
     report::{
-        Report, Writer,
+        Report, Run, Writer,
         schema::{Ended, HowEnded},
         text,
     },
     trace::Trace,
-    walkthrough::{
-        CameraPath, FrameRecord, Plan, Recorder, ReportPlan, ReportingError, SceneFile, Written, write_report,
-    },
+    walkthrough::{FrameRecord, Recorder, ReportingError, Walk, Written, write_report},
 };
 use trimaran_actors::Stop;
-use trimaran_gpu::GpuScene;
 use trimaran_transport::causes;
 
 use super::{Failure, print_json, progress};
@@ -49,17 +46,13 @@ pub(super) fn check_trace(path: Option<&Path>) -> Result<(), Failure> {
 
 /// Reports what `recorder` noted, with progress. `unused` is the folder, if the walk did not begin to fill
 /// it.
-#[expect(clippy::too_many_arguments, reason = "a report joins this many things")]
 pub(super) fn report_on(
     recorder: Recorder<'_>,
     unused: Option<Writer>,
     early: Option<Early>,
     trace: Option<&Path>,
-    file: &SceneFile,
-    drawn: &Arc<GpuScene>,
-    plan: &Plan,
-    about: ReportPlan,
-    path: &CameraPath,
+    walk: Walk<'_>,
+    run: Run,
     stop: &Stop,
 ) -> Result<Outcome, Failure> {
     let (records, journal) = recorder.into_parts();
@@ -67,7 +60,7 @@ pub(super) fn report_on(
         Some((writer, full)) => (Some(writer), full),
         None => (unused, None),
     };
-    let due = plan.settings(path.frames()).frames;
+    let due = walk.plan.settings(walk.path.frames()).frames;
     let ended = ended(early.as_ref(), full.as_ref(), stop, records.len(), due);
     let (Some(writer), false) = (writer, records.is_empty()) else {
         let nothing = || Failure::stopped("interrupted before the first frame: there is nothing to report");
@@ -82,7 +75,7 @@ pub(super) fn report_on(
         bar.inc(1);
         if stop.insisted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let written = write_report(writer, full, file, drawn, plan, about, path, &records, ended, &mut advance);
+    let written = write_report(writer, full, walk, run, &records, ended, &mut advance);
     bar.finish_and_clear();
     let Written { report, incomplete, .. } = written.map_err(Failure::broken)?;
     let missing = match (report.summary.ended.sentence(frames), incomplete) {
@@ -92,7 +85,7 @@ pub(super) fn report_on(
         }
         (None, None) => None,
     };
-    let recorded = record(trace, file, plan, &records);
+    let recorded = record(trace, walk, &records);
     Ok(Outcome { report, missing: missing.or(recorded.err()) })
 }
 
@@ -118,14 +111,9 @@ fn ended(
 }
 
 /// Writes what each frame asked of the roles, if that is wanted.
-fn record(
-    trace: Option<&Path>,
-    file: &SceneFile,
-    plan: &Plan,
-    records: &[FrameRecord],
-) -> Result<(), Failure> {
+fn record(trace: Option<&Path>, walk: Walk<'_>, records: &[FrameRecord]) -> Result<(), Failure> {
     let Some(path) = trace else { return Ok(()) };
-    let trace = Trace::of(file.scene.hash(), plan, records).map_err(Failure::incomplete)?;
+    let trace = Trace::of(walk.file.scene.hash(), walk.plan, records).map_err(Failure::incomplete)?;
     trace.write(path).map_err(Failure::incomplete)
 }
 

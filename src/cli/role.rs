@@ -7,7 +7,7 @@ use trimaran::{
     config::{CullerConfig, DisplayConfig, PeerFile, RoleConfig, SessionConfig, Which, security},
     report::schema::Machine,
     vulkan::VulkanCuller,
-    walkthrough::{CameraPath, PathChoice, Plan},
+    walkthrough::{CameraPath, PathChoice, Plan, Walk},
 };
 use trimaran_actors::{
     CullerIndex, CullerSession, PeerEndpoint, RoleError, SceneCulling, SessionError, SessionEvent, Turns,
@@ -19,7 +19,7 @@ use trimaran_transport::{Endpoint, Net, Options, TokioNet, causes, sleep_until};
 use super::{
     Failure,
     args::{RoleArgs, RoleCommand, RoleName},
-    display::{DisplaySession, about, listen},
+    display::{DisplaySession, about, listen, role_info},
     recording::{check_trace, open_folder},
     walking::{self, Metrics, Start, gpu_options, not_joined, scene, upload},
 };
@@ -136,16 +136,14 @@ fn display((config, options): &(DisplayConfig, Options), runtime: &Runtime) -> R
         .map_err(Failure::bad_input)?;
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
     let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };
-    let listening = || listen(&file, &drawn, &plan, &path, &start.net, &config.listen, &options);
+    let walk = Walk { file: &file, drawn: &drawn, plan: &plan, path: &path };
+    let listening = || listen(walk, &start.net, &config.listen, &options);
     let Some(listener) = start.until(listening)? else { return Ok(()) };
     eprintln!("trimaran: the display listens on {}", listener.local_endpoints());
-    let devices = vec![(Machine::Display, drawn.gpu().info().clone())];
+    let roles = vec![role_info(Machine::Display, &drawn)];
     let session = DisplaySession {
-        about: about(&path, &config.session.path, config.session.seed, devices),
-        file: &file,
-        drawn: &drawn,
-        plan,
-        path: &path,
+        walk,
+        about: about(walk, &config.session.path, config.session.seed, roles),
         folder: Some(folder),
         timeouts: start.timeouts,
         metrics,

@@ -6,7 +6,7 @@ use trimaran::{
     config,
     report::schema::Machine,
     vulkan::VulkanCuller,
-    walkthrough::{SceneFile, SceneOnDevices},
+    walkthrough::{SceneFile, SceneOnDevices, Walk},
 };
 use trimaran_actors::{CullerIndex, JoinTimeouts, LocalCullers, Turns, max_frame};
 use trimaran_proto::Settings;
@@ -15,7 +15,7 @@ use trimaran_transport::{Net, TokioNet};
 use super::{
     Failure,
     args::{LinkKind, RunArgs},
-    display::{DisplaySession, about, listen},
+    display::{DisplaySession, about, listen, role_info},
     processes::{CullerProcesses, Keyring, endpoints},
     recording::{Outcome, check_trace, open_folder},
     walking::{self, Metrics, gpu_options, open, stop_on_signal, upload},
@@ -76,19 +76,17 @@ pub(super) fn walk(
         None => upload(file, &gpu_options(walk.device.as_deref(), walk.device_timeout))?,
     };
     let listening = display.into();
-    let listening = listen(file, &drawn, &plan, &path, &net, &listening, &options);
+    let way = Walk { file, drawn: &drawn, plan: &plan, path: &path };
+    let listening = listen(way, &net, &listening, &options);
     let listener = runtime.block_on(listening)?;
     let display = listener.local_endpoint().clone();
-    let info = |index: usize| devices.map_or(&drawn, |devices| &devices.drawn[index]).gpu().info().clone();
+    let drawn_by = |index: usize| devices.map_or(&drawn, |devices| &devices.drawn[index]);
+    let machines = [Machine::FirstCuller, Machine::SecondCuller, Machine::Display];
+    let roles = machines.into_iter().zip(0..).map(|(machine, index)| role_info(machine, drawn_by(index)));
     let turns = if plan.alone { Turns::alone() } else { Turns::at_once() };
-    let infos =
-        vec![(Machine::FirstCuller, info(0)), (Machine::SecondCuller, info(1)), (Machine::Display, info(2))];
     let session = DisplaySession {
-        file,
-        drawn: &drawn,
-        plan,
-        path: &path,
-        about: about(&path, &walk.path, walk.seed, infos),
+        walk: way,
+        about: about(way, &walk.path, walk.seed, roles.collect()),
         folder: Some(folder),
         timeouts: JoinTimeouts::ONCE,
         metrics: Metrics::show(args.metrics, &runtime)?,

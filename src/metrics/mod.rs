@@ -117,7 +117,7 @@ impl LinkMetrics {
     /// What the listeners have turned away through which the links' peers came.
     #[must_use]
     pub fn turned_away(&self) -> TurnedAwayReading {
-        self.watched().doors.iter().map(|listener| TurnedAwayReading::from(listener.turned_away())).sum()
+        TurnedAwayReading::of(&self.watched().doors)
     }
 
     fn watched(&self) -> RwLockReadGuard<'_, Watched> {

@@ -1,13 +1,13 @@
 //! What a listener has turned away.
 
-use std::{fmt, iter::Sum, ops::Add};
+use std::fmt;
 
 use prometheus_client::{
     encoding::{DescriptorEncoder, EncodeLabelSet, EncodeMetric},
     metrics::{MetricType, counter::ConstCounter},
 };
 use serde::{Deserialize, Serialize};
-use trimaran_transport::TurnedAway;
+use trimaran_transport::{ListenerStats, TurnedAway};
 
 /// What listeners have turned away since they were made, by which limit.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,6 +23,17 @@ pub struct TurnedAwayReading {
 }
 
 impl TurnedAwayReading {
+    /// Of all these together.
+    pub(super) fn of(listeners: &[ListenerStats]) -> Self {
+        let sum = |of: fn(TurnedAway) -> u64| listeners.iter().map(|at| of(at.turned_away())).sum();
+        Self {
+            handshakes: sum(|away| away.no_room),
+            handshakes_per_s_per_address: sum(|away| away.from_address),
+            handshakes_per_s: sum(|away| away.in_all),
+            peers: sum(|away| away.no_place),
+        }
+    }
+
     /// The counts by the limit that was reached, as the limits are called where they are set.
     #[must_use]
     pub const fn by_limit(&self) -> [(&'static str, u64); 4] {
@@ -48,35 +59,4 @@ impl TurnedAwayReading {
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct Limit {
     limit: &'static str,
-}
-
-impl From<TurnedAway> for TurnedAwayReading {
-    fn from(TurnedAway { no_room, from_address, in_all, no_place }: TurnedAway) -> Self {
-        Self {
-            handshakes: no_room,
-            handshakes_per_s_per_address: from_address,
-            handshakes_per_s: in_all,
-            peers: no_place,
-        }
-    }
-}
-
-impl Add for TurnedAwayReading {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        Self {
-            handshakes: self.handshakes + other.handshakes,
-            handshakes_per_s_per_address: self.handshakes_per_s_per_address
-                + other.handshakes_per_s_per_address,
-            handshakes_per_s: self.handshakes_per_s + other.handshakes_per_s,
-            peers: self.peers + other.peers,
-        }
-    }
-}
-
-impl Sum for TurnedAwayReading {
-    fn sum<I: Iterator<Item = Self>>(readings: I) -> Self {
-        readings.fold(Self::default(), Add::add)
-    }
 }

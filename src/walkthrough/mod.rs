@@ -29,4 +29,4 @@ pub use journal::{Journal, JournalStopped};
 pub use path::{CameraPath, CameraPathError, PathChoice};
 pub use plan::{Pace, Plan};
 pub use record::Recorder;
-pub use reporting::{ReportPlan, SceneFile, Written, begin, how_ended, write_report};
+pub use reporting::{SceneFile, Walk, Written, begin, how_ended, write_report};

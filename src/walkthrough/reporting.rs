@@ -1,11 +1,11 @@
 //! From a session to a report on disk, however the session ended.
 
-use std::{ops::ControlFlow, path::PathBuf, sync::Arc, time::SystemTime};
+use std::{ops::ControlFlow, path::PathBuf, sync::Arc};
 
 use trimaran_actors::{RoleError, SessionError};
 use trimaran_audit::metrics::ImageRef;
 use trimaran_cull::Image;
-use trimaran_gpu::{GpuInfo, GpuScene};
+use trimaran_gpu::GpuScene;
 use trimaran_scene::Scene;
 use trimaran_transport::causes;
 
@@ -19,7 +19,7 @@ use super::{
 };
 use crate::report::{
     Frame, Paths, PictureKind, Projection, Report, ReportError, Run, Writer,
-    schema::{Ended, HowEnded, Machine, Mode, RoleInfo, SceneInfo, timestamp},
+    schema::{Ended, HowEnded, Mode, SceneInfo},
 };
 use crate::vulkan::VulkanCuller;
 
@@ -32,40 +32,26 @@ pub struct SceneFile {
     pub scene: Arc<Scene>,
 }
 
-/// What a report says of the run beside its frames.
-#[derive(Debug, Clone)]
-pub struct ReportPlan {
-    /// The command line, the program first.
-    pub command_line: Vec<String>,
-    /// When the run began.
-    pub started: SystemTime,
-    /// `inproc` or `tcp`.
-    pub link: String,
-    /// The transport in words.
-    pub transport: String,
-    /// `auto`, or the path's file.
-    pub path: String,
-    /// The seed of an automatic path.
-    pub seed: Option<u64>,
-    /// The roles' devices.
-    pub devices: Vec<(Machine, GpuInfo)>,
-    /// Remarks that belong beside every figure.
-    pub notes: Vec<String>,
+/// A scene on a device, and the way through it.
+#[derive(Debug, Clone, Copy)]
+pub struct Walk<'w> {
+    /// The scene.
+    pub file: &'w SceneFile,
+    /// The same on the display's device.
+    pub drawn: &'w Arc<GpuScene>,
+    /// How to walk.
+    pub plan: &'w Plan,
+    /// Which way.
+    pub path: &'w CameraPath,
 }
 
 /// Begins to record a walk into a report's folder.
 ///
 /// # Errors
 /// When it cannot be written to, or the system gives no thread.
-pub fn begin(
-    mut writer: Writer,
-    file: &SceneFile,
-    plan: &Plan,
-    about: &ReportPlan,
-    path: &CameraPath,
-) -> Result<Journal, ReportingError> {
-    writer.begin(&report(file, plan, about, path, &[], Vec::new(), Ended::default()))?;
-    Journal::start(writer, Composer::new(&file.scene, path, plan.alone)).map_err(ReportingError::Thread)
+pub fn begin(mut writer: Writer, walk: Walk<'_>, run: Run) -> Result<Journal, ReportingError> {
+    writer.begin(&report(walk, run, &[], Vec::new(), Ended::default()))?;
+    Journal::start(writer, walk.composer()).map_err(ReportingError::Thread)
 }
 
 /// How a session ended that a role or the journal ended early.
@@ -100,20 +86,16 @@ pub struct Written {
 /// # Errors
 /// When the disk fails. Whatever else does, the report is written with what there is, and says what is
 /// missing.
-#[expect(clippy::too_many_arguments, reason = "a report joins this many things")]
 pub fn write_report(
     mut writer: Writer,
     failure: Option<ReportingError>,
-    file: &SceneFile,
-    drawn: &Arc<GpuScene>,
-    plan: &Plan,
-    mut about: ReportPlan,
-    path: &CameraPath,
+    walk: Walk<'_>,
+    mut run: Run,
     records: &[FrameRecord],
     ended: Ended,
     progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
 ) -> Result<Written, ReportError> {
-    let mut composer = Composer::new(&file.scene, path, plan.alone);
+    let mut composer = walk.composer();
     let mut frames: Vec<Frame> = records.iter().map(|record| composer.frame(record)).collect();
     let mut checked = 0;
     let incomplete = match failure {
@@ -123,16 +105,14 @@ pub fn write_report(
                 checked += 1;
                 progress(frame)
             };
-            draw(&mut writer, file, drawn, plan, records, &mut frames, &mut count).err()
+            draw(&mut writer, walk, records, &mut frames, &mut count).err()
         }
     };
     if let Some(why) = &incomplete {
         let why = causes(why);
-        about
-            .notes
-            .push(format!("pictures and checks end after {checked} of {} frames: {why}", frames.len()));
+        run.notes.push(format!("pictures and checks end after {checked} of {} frames: {why}", frames.len()));
     }
-    let report = report(file, plan, &about, path, records, frames, ended);
+    let report = report(walk, run, records, frames, ended);
     let paths = writer.finish(report.clone())?;
     Ok(Written { report, paths, incomplete })
 }
@@ -140,9 +120,7 @@ pub fn write_report(
 /// Draws the frames' pictures and audits those that are due.
 fn draw(
     writer: &mut Writer,
-    file: &SceneFile,
-    drawn: &Arc<GpuScene>,
-    plan: &Plan,
+    Walk { file, drawn, plan, .. }: Walk<'_>,
     records: &[FrameRecord],
     frames: &mut [Frame],
     progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
@@ -187,10 +165,8 @@ fn write_picture(
 }
 
 fn report(
-    file: &SceneFile,
-    plan: &Plan,
-    about: &ReportPlan,
-    path: &CameraPath,
+    Walk { plan, path, .. }: Walk<'_>,
+    run: Run,
     records: &[FrameRecord],
     frames: Vec<Frame>,
     ended: Ended,
@@ -205,36 +181,33 @@ fn report(
         [first, .., last] => Some(last.shown.saturating_sub(first.shown).as_secs_f64() * 1e3),
         _ => None,
     };
-    Report::new(run(file, plan, about), projection, frames, wall_ms, ended)
+    Report::new(run, projection, frames, wall_ms, ended)
 }
 
-fn run(file: &SceneFile, plan: &Plan, about: &ReportPlan) -> Run {
-    let role = |(machine, info): &(Machine, GpuInfo)| RoleInfo {
-        machine: *machine,
-        device: info.name.clone(),
-        driver: info.driver.clone(),
-    };
-    Run {
-        version: env!("CARGO_PKG_VERSION").to_owned(),
-        command_line: about.command_line.clone(),
-        started: timestamp(about.started),
-        roles: about.devices.iter().map(role).collect(),
-        scene: scene_info(file),
-        epsilon_px: plan.lod.epsilon_px(),
-        occlusion_test: plan.occlusion_test.name().to_owned(),
-        batch: u32::try_from(plan.batch.items()).unwrap_or(u32::MAX),
-        coding: Some(plan.coding.name().to_owned()),
-        link: about.link.clone(),
-        transport: about.transport.clone(),
-        mode: match plan.pace {
-            Pace::Lockstep => Mode::Lockstep,
-            Pace::Live { .. } => Mode::Live,
-        },
-        alone: plan.alone,
-        path: about.path.clone(),
-        seed: about.seed,
-        audit_every: (plan.audit_every > 0).then_some(plan.audit_every),
-        notes: about.notes.clone(),
+impl Walk<'_> {
+    /// What a report says of the run beside its frames, as far as the walk tells.
+    #[must_use]
+    pub fn run(&self) -> Run {
+        let plan = self.plan;
+        Run {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            scene: scene_info(self.file),
+            epsilon_px: plan.lod.epsilon_px(),
+            occlusion_test: plan.occlusion_test.name().to_owned(),
+            batch: u32::try_from(plan.batch.items()).unwrap_or(u32::MAX),
+            coding: Some(plan.coding.name().to_owned()),
+            mode: match plan.pace {
+                Pace::Lockstep => Mode::Lockstep,
+                Pace::Live { .. } => Mode::Live,
+            },
+            alone: plan.alone,
+            audit_every: (plan.audit_every > 0).then_some(plan.audit_every),
+            ..Run::default()
+        }
+    }
+
+    fn composer(&self) -> Composer {
+        Composer::new(&self.file.scene, self.path, self.plan.alone)
     }
 }
 

@@ -9,6 +9,7 @@ use std::{
 
 use trimaran_cook::{
     CookOptions, Model, cook,
+    generate::{PlantOptions, plant},
     import::{ImportOptions, import},
 };
 use trimaran_scene::Scene;
@@ -71,4 +72,9 @@ pub(crate) fn imported(files: &[PathBuf]) -> Model {
 /// Cooks as the program does.
 pub(crate) fn cooked(model: &Model) -> Arc<Scene> {
     Arc::new(cook(model, &CookOptions::default(), &()).unwrap())
+}
+
+/// A generated plant that takes little time.
+pub(crate) fn small_plant() -> Arc<Scene> {
+    cooked(&plant(&PlantOptions { objects: 700, triangles: 70_000, ..PlantOptions::small(3) }))
 }

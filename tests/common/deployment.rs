@@ -2,16 +2,13 @@
 #![allow(dead_code, reason = "each test file uses its part of this")]
 
 use std::{
-    fs,
-    io::{BufRead, BufReader, Read, Write},
+    io::{Read, Write},
     net::TcpStream,
-    path::PathBuf,
-    process::{Child, ChildStderr, Command, Stdio},
     thread,
     time::Duration,
 };
 
-use tempfile::TempDir;
+use crate::program::{Bench, Process};
 
 /// How many frames the sessions have.
 pub(crate) const FRAMES: usize = 1000;
@@ -27,16 +24,9 @@ pub(crate) struct Place {
 
 /// A folder with a scene, keys and a configuration a role.
 pub(crate) struct Deployment {
-    dir: TempDir,
+    bench: Bench,
     /// Where the first machine, the second and the display run.
     places: [Place; 3],
-}
-
-/// A running role and what it says.
-pub(crate) struct Role {
-    child: Child,
-    stderr: BufReader<ChildStderr>,
-    said: String,
 }
 
 impl Deployment {
@@ -51,13 +41,11 @@ impl Deployment {
         let [first, _, display] = places.each_ref().map(|place| &place.address);
         let display = format!("{transport}://{display}:{}", ports[0]);
         let pair = format!("{transport}://{first}:{}", ports[1]);
-        let deployment = Self { dir: tempfile::tempdir().unwrap(), places };
-        deployment.run(&["generate", "plant", "--objects", "300", "-o", "plant.scene"]);
+        let bench = Bench::with_plant(300);
         for name in ["display", "first", "second"] {
-            deployment.run(&["keys", "new", name, "--out", "."]);
+            bench.done(&["keys", "new", name, "--out", "."]);
         }
-        let write = |name: &str, text: String| fs::write(deployment.dir.path().join(name), text).unwrap();
-        write(
+        bench.write(
             "display.toml",
             format!(
                 "scene = 'plant.scene'\nlisten = '{display}'\nout = 'walk'\nkeys = 'display.key'\nmetrics = '127.0.0.1:0'\n\
@@ -66,7 +54,7 @@ impl Deployment {
             ),
         );
         for (index, other) in [("first", "second"), ("second", "first")] {
-            write(
+            bench.write(
                 &format!("{index}.toml"),
                 format!(
                     "scene = 'plant.scene'\nindex = '{index}'\ndisplay = '{display}'\npair = '{pair}'\nkeys = '{index}.key'\n\
@@ -74,58 +62,29 @@ impl Deployment {
                 ),
             );
         }
-        deployment
+        Self { bench, places }
     }
 
-    pub(crate) fn command(&self, args: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
-        command.args(args).current_dir(self.dir.path());
-        command
-    }
-
-    pub(crate) fn run(&self, args: &[&str]) {
-        assert!(self.command(args).output().unwrap().status.success(), "{args:?}");
-    }
-
-    pub(crate) fn start(&self, name: &str, more: &[&str]) -> Role {
+    pub(crate) fn start(&self, name: &str, more: &[&str]) -> Process {
         let kind = if name == "display" { "display" } else { "culler" };
         let place = ["first", "second", "display"].iter().position(|role| *role == name).unwrap();
+        let program = env!("CARGO_BIN_EXE_trimaran");
         let mut command = match &self.places[place].namespace {
-            Some(namespace) => {
-                let mut command = Command::new("ip");
-                command.args(["netns", "exec", namespace, env!("CARGO_BIN_EXE_trimaran")]);
-                command.current_dir(self.dir.path());
-                command
-            }
-            None => self.command(&[]),
+            Some(namespace) => self.bench.command_of("ip", &["netns", "exec", namespace, program]),
+            None => self.bench.command(&[]),
         };
         command.args(["role", kind, "--config", &format!("{name}.toml")]);
         // What is gone without a word is missed soon.
         command.env("TRIMARAN_LOG", "info").env("TRIMARAN_LINK_IDLE_TIMEOUT_S", "4");
-        let mut child = command.args(more).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
-        let stderr = BufReader::new(child.stderr.take().unwrap());
-        Role { child, stderr, said: String::new() }
+        Process::start(command.args(more))
     }
 
     pub(crate) fn report(&self) -> serde_json::Value {
-        let path: PathBuf = self.dir.path().join("walk/report.json");
-        serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+        self.bench.report("walk")
     }
 }
 
-impl Role {
-    /// Reads what it says up to a line that holds `words`.
-    pub(crate) fn says(&mut self, words: &str) -> String {
-        loop {
-            let mut line = String::new();
-            assert!(self.stderr.read_line(&mut line).unwrap() > 0, "{words:?} is not in: {}", self.said);
-            self.said.push_str(&line);
-            if line.contains(words) {
-                return line;
-            }
-        }
-    }
-
+impl Process {
     /// Waits until this display has received so many frames from one of its machines.
     pub(crate) fn shows(&mut self, frames: u64) {
         let line = self.says("metrics on http://");
@@ -147,21 +106,5 @@ impl Role {
     /// Asks it to stop, as `systemctl restart` does.
     pub(crate) fn interrupt(&self) {
         self.signal("TERM");
-    }
-
-    pub(crate) fn signal(&self, name: &str) {
-        let kill = format!("kill -{name} {}", self.child.id());
-        assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
-    }
-
-    pub(crate) fn kill(mut self) {
-        self.child.kill().unwrap();
-        self.child.wait().unwrap();
-    }
-
-    pub(crate) fn ends(mut self, code: i32) -> String {
-        self.stderr.read_to_string(&mut self.said).unwrap();
-        assert_eq!(self.child.wait().unwrap().code(), Some(code), "{}", self.said);
-        self.said
     }
 }

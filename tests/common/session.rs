@@ -3,15 +3,39 @@
 use std::sync::Arc;
 
 use tokio::runtime::{Builder, Runtime};
-use trimaran::vulkan::VulkanDisplay;
-use trimaran::walkthrough::{CameraPath, FrameRecord, PathChoice, Plan, Recorder, SceneOnDevices};
+use trimaran::report::Frame;
+use trimaran::vulkan::{VulkanCuller, VulkanDisplay};
+use trimaran::walkthrough::{
+    Auditor, CameraPath, FrameRecord, Pace, PathChoice, Plan, Recorder, SceneOnDevices,
+};
 use trimaran_actors::{CullerDevice, CullerIndex, LocalSession, Stop};
-use trimaran_cull::{View, lod_cut};
+use trimaran_cull::{LodRule, View, lod_cut};
+use trimaran_proto::{BatchSize, IdCoding, OcclusionTestKind, Viewport};
 use trimaran_scene::Scene;
 
 /// A scene on three devices, or `None` where there is no device and none is required.
 pub(crate) fn on_devices(scene: &Arc<Scene>) -> Option<SceneOnDevices> {
     super::unless_required(SceneOnDevices::open(scene, &super::options()))
+}
+
+/// A walk that shows each of its frames.
+pub(crate) fn plan(
+    [width, height]: [u32; 2],
+    epsilon_px: f64,
+    batch: u32,
+    occlusion_test: OcclusionTestKind,
+) -> Plan {
+    Plan {
+        viewport: Viewport::new(width, height).unwrap(),
+        lod: LodRule::new(epsilon_px).unwrap(),
+        batch: BatchSize::new(batch).unwrap(),
+        coding: IdCoding::Changes,
+        occlusion_test,
+        pace: Pace::Lockstep,
+        audit_every: 1,
+        visible: false,
+        alone: false,
+    }
 }
 
 /// The first `frames` cameras of a path.
@@ -56,6 +80,29 @@ fn recorded(walk: impl FnOnce(&mut Recorder<'_>, &Runtime, &Stop)) -> Vec<FrameR
     let mut recorder = Recorder::new(1, &mut quiet);
     walk(&mut recorder, &runtime, &stop);
     recorder.into_frames()
+}
+
+/// Audits every so many frames of a session on the display's device, with the culler that it is given.
+pub(crate) fn audit<P: CullerDevice>(
+    devices: &SceneOnDevices,
+    plan: &Plan,
+    records: &[FrameRecord],
+    every: usize,
+    mut culler: P,
+    mut each: impl FnMut(&FrameRecord, Frame),
+) {
+    let mut auditor = Auditor::new(&devices.scene, &devices.drawn[2], plan.viewport, plan.lod).unwrap();
+    for (index, record) in records.iter().enumerate().step_by(every) {
+        let mut frame = Frame::default();
+        let walk = &records[..=index];
+        auditor.audit(&mut culler, walk, false, &mut frame, &mut Default::default()).unwrap();
+        each(record, frame);
+    }
+}
+
+/// A sound culler on the display's device.
+pub(crate) fn culler(devices: &SceneOnDevices, plan: &Plan) -> VulkanCuller {
+    VulkanCuller::new(&devices.drawn[2], plan.viewport, plan.occlusion_test).unwrap()
 }
 
 /// How many drawables the frame's level cut has before culling.

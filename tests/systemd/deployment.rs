@@ -2,11 +2,9 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
-
-use tempfile::TempDir;
 
 use crate::machine::Machine;
+use crate::program::Bench;
 
 /// The services, and where each shows what its links carry.
 pub(crate) const DISPLAY: (&str, u16) = ("trimaran-display", 9464);
@@ -29,27 +27,20 @@ pub(crate) enum Over {
 
 /// A scene and keys, and the pictures of a walk in one process.
 pub(crate) struct Walk {
-    folder: TempDir,
+    bench: Bench,
     frames: usize,
 }
 
 impl Walk {
     pub(crate) fn in_one_process(frames: usize) -> Self {
-        let walk = Self { folder: tempfile::tempdir().unwrap(), frames };
-        walk.trimaran(&["generate", "plant", "--objects", "300", "-o", "plant.scene"]);
+        let bench = Bench::with_plant(300);
         let count = frames.to_string();
         let size = ["--size", "64x64", "--audit-every", "0", "--frames", &count];
-        walk.trimaran(&[&["run", "plant.scene", "--out", "walk"], &size[..]].concat());
+        bench.done(&[&["run", "plant.scene", "--out", "walk"], &size[..]].concat());
         for host in HOSTS {
-            walk.trimaran(&["keys", "new", host]);
+            bench.done(&["keys", "new", host]);
         }
-        walk
-    }
-
-    fn trimaran(&self, arguments: &[&str]) {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
-        let output = command.args(arguments).current_dir(self.folder.path()).output().unwrap();
-        assert!(output.status.success(), "{arguments:?}: {output:?}");
+        Self { bench, frames }
     }
 
     /// Puts what the page's commands need into the machine, and runs all of them there.
@@ -61,7 +52,7 @@ impl Walk {
             &Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/systemd"),
             &checkout.join("deploy/systemd"),
         );
-        copy_files(self.folder.path(), &checkout);
+        copy_files(&self.bench.path(""), &checkout);
         for role in ["display", "first", "second"] {
             fs::write(checkout.join(format!("{role}.toml")), self.configuration(role, over)).unwrap();
         }
@@ -110,8 +101,8 @@ impl Walk {
         assert_eq!(report["frames"].as_array().unwrap().len(), self.frames, "{}", report["run"]["notes"]);
         for number in 0..self.frames {
             let name = format!("frames/{number:05}.png");
-            let [shown, expected] = [&shown, &self.folder.path().join("walk")]
-                .map(|folder| fs::read(folder.join(&name)).unwrap());
+            let [shown, expected] =
+                [&shown, &self.bench.path("walk")].map(|folder| fs::read(folder.join(&name)).unwrap());
             assert!(shown == expected, "{name} is another picture");
         }
         fs::remove_dir_all(shown).unwrap();

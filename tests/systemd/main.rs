@@ -9,6 +9,8 @@
 
 mod deployment;
 mod machine;
+#[path = "../common/program.rs"]
+mod program;
 
 use std::fs;
 

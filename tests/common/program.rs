@@ -1,0 +1,146 @@
+//! The program in a folder of its own, and processes of it of which a test reads what they say.
+#![allow(dead_code, reason = "each test file uses its part of this")]
+#![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
+
+use std::{
+    fs,
+    io::{BufRead, BufReader, Read},
+    path::PathBuf,
+    process::{Child, ChildStderr, Command, Output, Stdio},
+};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A folder that the program runs in.
+pub(crate) struct Bench(TempDir);
+
+impl Bench {
+    pub(crate) fn empty() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    /// With a cooked plant of so many objects, `plant.scene`.
+    pub(crate) fn with_plant(objects: u32) -> Self {
+        let bench = Self::empty();
+        bench.done(&["generate", "plant", "--objects", &objects.to_string(), "-o", "plant.scene"]);
+        bench
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    pub(crate) fn write(&self, name: &str, contents: impl AsRef<[u8]>) {
+        fs::write(self.path(name), contents).unwrap();
+    }
+
+    pub(crate) fn command(&self, args: &[&str]) -> Command {
+        self.command_of(env!("CARGO_BIN_EXE_trimaran"), args)
+    }
+
+    /// Of another program in the same folder.
+    pub(crate) fn command_of(&self, program: &str, args: &[&str]) -> Command {
+        let mut command = Command::new(program);
+        command.args(args).current_dir(self.0.path());
+        command
+    }
+
+    pub(crate) fn trimaran(&self, args: &[&str]) -> Output {
+        self.command(args).output().unwrap()
+    }
+
+    /// Runs the program, which is to end well; what it prints.
+    pub(crate) fn done(&self, args: &[&str]) -> String {
+        printed(&self.trimaran(args))
+    }
+
+    pub(crate) fn start(&self, args: &[&str]) -> Process {
+        Process::start(&mut self.command(args))
+    }
+
+    /// The report in the folder `out`.
+    pub(crate) fn report(&self, out: &str) -> Value {
+        serde_json::from_slice(&fs::read(self.path(out).join("report.json")).unwrap()).unwrap()
+    }
+}
+
+/// What a program has printed that has ended well.
+pub(crate) fn printed(output: &Output) -> String {
+    assert!(output.status.success(), "{}", said(output));
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+/// What a program has said on standard error.
+pub(crate) fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// A running program and what it says. It is killed when this is dropped.
+pub(crate) struct Process {
+    child: Child,
+    stderr: BufReader<ChildStderr>,
+    said: String,
+}
+
+impl Process {
+    pub(crate) fn start(command: &mut Command) -> Self {
+        let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        let stderr = BufReader::new(child.stderr.take().unwrap());
+        Self { child, stderr, said: String::new() }
+    }
+
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Reads what it says up to a line that holds `words`.
+    pub(crate) fn says(&mut self, words: &str) -> String {
+        self.says_all(&[words])
+    }
+
+    /// The same for a line that holds all of `words`.
+    pub(crate) fn says_all(&mut self, words: &[&str]) -> String {
+        loop {
+            let mut line = String::new();
+            assert!(self.stderr.read_line(&mut line).unwrap() > 0, "{words:?} is not in: {}", self.said);
+            self.said.push_str(&line);
+            if words.iter().all(|word| line.contains(word)) {
+                return line;
+            }
+        }
+    }
+
+    pub(crate) fn signal(&self, name: &str) {
+        signal(name, &self.id().to_string());
+    }
+
+    pub(crate) fn kill(self) {}
+
+    /// Waits for its end with this exit code; all that it has said.
+    pub(crate) fn ends(self, code: i32) -> String {
+        let (ended, said) = self.ended();
+        assert_eq!(ended, Some(code), "{said}");
+        said
+    }
+
+    /// Waits for its end, however that is: its exit code, and all that it has said.
+    pub(crate) fn ended(mut self) -> (Option<i32>, String) {
+        self.stderr.read_to_string(&mut self.said).unwrap();
+        (self.child.wait().unwrap().code(), std::mem::take(&mut self.said))
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended already.
+        let _ended = self.child.kill();
+        let _ended = self.child.wait();
+    }
+}
+
+/// By the shell's own `kill`: the program of that name is not on every machine.
+pub(crate) fn signal(name: &str, process: &str) {
+    let kill = format!("kill -{name} {process}");
+    assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+}
