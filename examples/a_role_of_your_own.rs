@@ -8,17 +8,14 @@
 use std::{collections::HashSet, convert::Infallible, error::Error, sync::Arc, time::Duration};
 
 use trimaran::vulkan::VulkanCuller;
-use trimaran_actors::{BoxedError, Cameras, LocalSession, Observer, PictureDevice, ShownFrame, Stop};
+use trimaran_actors::{BoxedError, LocalSession, Observer, PictureDevice, ShownFrame, Stop};
 use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
 };
 use trimaran_cull::{Image, View};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
-use trimaran_proto::{
-    BatchSize, Camera, DrawableId, FrameNumber, FrameStats, IdCoding, LodRule, OcclusionTestKind, Settings,
-    Viewport,
-};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, LodRule, Settings, Viewport};
 
 /// Holds what was ever visible, as a cache of geometry would that throws nothing away.
 #[derive(Default)]
@@ -64,16 +61,12 @@ impl Observer for Tally {
     }
 }
 
-/// Walks along the plant's side, looking across it.
-struct AlongTheSide;
-
-impl Cameras for AlongTheSide {
-    fn camera(&mut self, frame: FrameNumber) -> Camera {
-        let looking_east = [0.0, -std::f64::consts::FRAC_1_SQRT_2, 0.0, std::f64::consts::FRAC_1_SQRT_2];
-        let eye = [1.0, 1.7, 2.0 + 0.25 * f64::from(frame.0)];
-        Camera::new(eye, looking_east, 0.5, 1.0, 0.1, frame)
-            .unwrap_or_else(|_| unreachable!("all numbers are finite"))
-    }
+/// A walk along the plant's side, looking across it.
+fn along_the_side(frame: FrameNumber) -> Camera {
+    let looking_east = [0.0, -std::f64::consts::FRAC_1_SQRT_2, 0.0, std::f64::consts::FRAC_1_SQRT_2];
+    let eye = [1.0, 1.7, 2.0 + 0.25 * f64::from(frame.0)];
+    Camera::new(eye, looking_east, 0.5, 1.0, 0.1, frame)
+        .unwrap_or_else(|_| unreachable!("all numbers are finite"))
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -81,23 +74,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = Arc::new(cook(&model, &CookOptions::default(), &())?);
 
     // The cullers' devices are real, and may be the same one.
-    let settings = Settings {
-        viewport: Viewport::new(512, 512)?,
-        lod: LodRule::new(2.0)?,
-        batch: BatchSize::new(1024)?,
-        coding: IdCoding::Plain,
-        occlusion_test: OcclusionTestKind::Hzb,
-        lockstep: true,
-        first: FrameNumber(0),
-        frames: Some(60),
-    };
+    let settings =
+        Settings { frames: Some(60), ..Settings::new(Viewport::new(512, 512)?, LodRule::new(2.0)?) };
     let drawn = GpuScene::upload(&Gpu::open(&GpuOptions::default())?, &scene)?;
     let culler = |_| Ok(VulkanCuller::new(&drawn, settings.viewport, settings.occlusion_test)?);
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let (_stopper, stop) = Stop::new();
     let mut tally = Tally::default();
     let session = LocalSession::new(&scene, settings);
-    session.run(culler, Loader::default(), &mut AlongTheSide, &mut tally, runtime.handle(), &stop)?;
+    session.run(culler, Loader::default(), &mut along_the_side, &mut tally, runtime.handle(), &stop)?;
     println!(
         "{} frames of a scene of {} drawables, culled in {:?}",
         tally.frames,

@@ -31,6 +31,24 @@ pub struct Settings {
     pub frames: Option<u32>,
 }
 
+impl Settings {
+    /// In lockstep from frame 0 on until someone leaves, with batches of the default size, ids as changes,
+    /// and boxes tested against a depth pyramid.
+    #[must_use]
+    pub fn new(viewport: Viewport, lod: LodRule) -> Self {
+        Self {
+            viewport,
+            lod,
+            batch: BatchSize::default(),
+            coding: IdCoding::Changes,
+            occlusion_test: OcclusionTestKind::Hzb,
+            lockstep: true,
+            first: FrameNumber(0),
+            frames: None,
+        }
+    }
+}
+
 impl fmt::Display for Settings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { viewport, lod, batch, coding, occlusion_test, lockstep, first, frames } = self;

@@ -2,33 +2,29 @@
 //! session goes on when it comes again. Whoever asks a role to stop does not wait for its device.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
+mod common;
+
 use std::{
     sync::{
         Arc,
-        mpsc::{Receiver, Sender, channel},
+        mpsc::{Receiver, channel},
     },
     thread,
     time::Duration,
 };
 
+use common::{Broken, Device, Fault, Frames, Task};
 use glam::DVec3;
-use thiserror::Error;
 use tokio::runtime::{Builder, Handle, Runtime};
 use trimaran_actors::{
-    BoxedError, Cameras, CullerDevice, CullerIndex, CullerRole, DisplayRole, FrameStart, Joined, Link,
-    Listener, Observer, PeerEndpoint, PictureDevice, RoleError, SceneCulling, ScenePictures, ShownFrame,
-    Stop, Stopper, Turns, await_cullers, join_session,
+    Cameras, CullerIndex, CullerRole, DisplayRole, FrameStart, Joined, Link, Listener, PeerEndpoint,
+    RoleError, SceneCulling, ScenePictures, Stop, Stopper, Turns, await_cullers, join_session,
 };
 use trimaran_audit::cases;
-use trimaran_cull::{
-    Culler, DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport,
-};
-use trimaran_proto::{
-    BatchSize, Camera, CloseCode, DrawableId, FrameNumber, IdCoding, Identity, OcclusionTestKind, Role,
-    Settings, Walkthrough,
-};
+use trimaran_cull::{Culler, LodRule, NoOccluders, View, Viewport};
+use trimaran_proto::{Camera, CloseCode, FrameNumber, Identity, Role, Settings};
 use trimaran_scene::Scene;
-use trimaran_transport::{CloseReason, Instant, LinkConfig, Net, Options, RecvError, TokioNet, inproc};
+use trimaran_transport::{CloseReason, Instant, Net, Options, RecvError, TokioNet};
 
 /// How many frames a session has.
 const FRAMES: u32 = 12;
@@ -36,138 +32,6 @@ const FRAMES: u32 = 12;
 /// The session's picture, in which something is so near that its parts are looked at.
 const SIDE: u32 = 64;
 const EPSILON_PX: f64 = 0.5;
-
-/// What a device does with the piece of work that it is to fail at.
-#[derive(Debug, Clone)]
-enum Fault {
-    /// It says so.
-    Fails(Broken),
-    /// It never ends, unless the role is asked to stop. Says that it has begun.
-    Hangs(Sender<()>),
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
-enum Broken {
-    #[error("the graphics device was lost while drawing")]
-    Lost,
-    #[error("the graphics device hangs: no progress within 30s")]
-    Hung,
-    #[error("asked to stop")]
-    Cancelled,
-}
-
-/// What a device is asked to do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Task {
-    Begin,
-    Draw,
-    Finish,
-    Test,
-}
-
-/// A device that finds all visible, until it fails at a task of this kind.
-#[derive(Debug, Default)]
-struct Device {
-    fault: Option<(Task, Fault)>,
-    /// How many tasks of that kind go well.
-    good: u32,
-    stop: Option<Stop>,
-}
-
-impl Device {
-    fn failing(at: Task, good: u32, fault: Fault) -> Self {
-        Self { fault: Some((at, fault)), good, stop: None }
-    }
-
-    fn work(&mut self, task: Task) -> Result<(), Broken> {
-        let Some((at, fault)) = &self.fault else { return Ok(()) };
-        if *at != task {
-            return Ok(());
-        }
-        if self.good > 0 {
-            self.good -= 1;
-            return Ok(());
-        }
-        match fault {
-            Fault::Fails(broken) => Err(*broken),
-            Fault::Hangs(begun) => {
-                begun.send(()).unwrap();
-                let stop = self.stop.as_ref().unwrap();
-                while !stop.requested() {
-                    thread::yield_now();
-                }
-                Err(Broken::Cancelled)
-            }
-        }
-    }
-}
-
-impl CullerDevice for Device {
-    fn cancel_on(&mut self, stop: &Stop) {
-        self.stop = Some(stop.clone());
-    }
-
-    fn begin_occluders(&mut self, _: &View) -> Result<(), Broken> {
-        self.work(Task::Begin)
-    }
-
-    fn draw_occluders(&mut self, _: &[DrawableId]) -> Result<(), Broken> {
-        self.work(Task::Draw)
-    }
-
-    fn finish_occluders(&mut self) -> Result<Duration, Broken> {
-        self.work(Task::Finish).map(|()| Duration::ZERO)
-    }
-
-    fn read_depth(&mut self) -> Result<DepthImage<'_>, Broken> {
-        panic!("nobody looks at the depth here")
-    }
-}
-
-impl OcclusionTest for Device {
-    type Error = Broken;
-
-    fn test(&mut self, _: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Broken> {
-        visible.clear();
-        visible.resize(boxes.len(), 1);
-        self.work(Task::Test)
-    }
-}
-
-impl PictureDevice for Device {
-    type Error = Broken;
-
-    fn cancel_on(&mut self, stop: &Stop) {
-        self.stop = Some(stop.clone());
-    }
-
-    fn draw(&mut self, _: &View, _: &[DrawableId]) -> Result<(), Broken> {
-        self.work(Task::Draw)
-    }
-
-    fn read(&mut self, _: &mut Image) -> Result<(), Broken> {
-        panic!("nobody wants a picture here")
-    }
-}
-
-/// A camera that stands still and a note of each frame shown.
-#[derive(Debug, Default)]
-struct Frames(Vec<u32>);
-
-impl Observer for Frames {
-    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
-        self.0.push(frame.camera.frame().0);
-        Ok(())
-    }
-}
-
-struct Still(Camera);
-
-impl Cameras for Still {
-    fn camera(&mut self, frame: FrameNumber) -> Camera {
-        self.0.for_frame(frame)
-    }
-}
 
 /// A scene, a camera in it, and endpoints that no other test has.
 struct House {
@@ -199,16 +63,14 @@ impl House {
     }
 
     fn settings(&self, first: u32) -> Settings {
-        Settings {
-            viewport: Viewport::new(SIDE, SIDE).unwrap(),
-            lod: LodRule::new(EPSILON_PX).unwrap(),
-            batch: BatchSize::default(),
-            coding: IdCoding::Plain,
-            occlusion_test: OcclusionTestKind::Raster,
-            lockstep: true,
-            first: FrameNumber(first),
-            frames: Some(FRAMES),
-        }
+        let first = FrameNumber(first);
+        Settings { first, frames: Some(FRAMES), ..common::settings(SIDE, EPSILON_PX) }
+    }
+
+    /// A camera that stands still.
+    fn still(&self) -> impl Cameras + use<> {
+        let camera = self.camera;
+        move |frame| camera.for_frame(frame)
     }
 
     fn endpoint(&self, what: &str) -> PeerEndpoint {
@@ -246,7 +108,7 @@ impl House {
             let [first, second] = handle.block_on(await_cullers(listener, self.deadline())).unwrap();
             let role = self.display(display, first, second, settings);
             let mut frames = Frames::default();
-            let display = handle.block_on(role.run(&mut Still(self.camera), &mut frames, stop)).map(|_| ());
+            let display = handle.block_on(role.run(&mut self.still(), &mut frames, stop)).map(|_| ());
             Ends { cullers: cullers.map(|role| role.join().unwrap()), display, shown: frames.0 }
         })
     }
@@ -278,9 +140,7 @@ impl House {
 
     /// A link of a role to a peer that the test plays.
     fn link(&self, ours: Role, theirs: Role) -> (Link, Link) {
-        let identity = |role| Identity { role, scene: self.scene.hash(), settings: None };
-        inproc::pair::<Walkthrough>(&self.net, identity(ours), identity(theirs), &LinkConfig::default())
-            .unwrap()
+        common::link(&self.net, &self.scene, ours, theirs)
     }
 }
 
@@ -390,7 +250,7 @@ fn a_display_that_waits_for_its_device_ends_when_it_is_asked_to() {
     let (stopper, stop) = Stop::new();
     let role = house.display(device, first, second, house.settings(0));
     let mut frames = Frames::default();
-    let play = || handle.block_on(role.run(&mut Still(house.camera), &mut frames, &stop));
+    let play = || handle.block_on(role.run(&mut house.still(), &mut frames, &stop));
     stopped(hangs, stopper, play).unwrap();
     assert_eq!(frames.0, [0_u32; 0]);
     for link in [&mut to_first, &mut to_second] {
@@ -409,7 +269,7 @@ fn left_by_the_other(lockstep: bool, words: Option<CloseReason>) -> RoleError {
     let role = house.display(Device::default(), first, second, settings);
     let (_stopper, stop) = Stop::new();
     thread::scope(|scope| {
-        let (mut still, mut frames) = (Still(house.camera), Frames::default());
+        let (mut still, mut frames) = (house.still(), Frames::default());
         let ended =
             scope.spawn(move || handle.block_on(role.run(&mut still, &mut frames, &stop)).unwrap_err());
         handle.block_on(async {

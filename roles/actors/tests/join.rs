@@ -3,16 +3,15 @@
 #![allow(clippy::disallowed_methods, reason = "the roles are tasks here")]
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
+mod common;
+
 use std::{sync::Arc, time::Duration};
 
 use tokio::task::JoinHandle;
 use trimaran_actors::{
     CullerIndex, JoinError, Joined, Link, Listener, PeerEndpoint, again, await_cullers, join_session,
 };
-use trimaran_proto::{
-    BatchSize, Camera, CloseCode, FrameNumber, IdCoding, Identity, LodRule, OcclusionTestKind, Role,
-    SceneHash, Settings, Viewport, Walkthrough,
-};
+use trimaran_proto::{Camera, CloseCode, FrameNumber, Identity, Role, SceneHash, Settings, Walkthrough};
 use trimaran_transport::{
     Endpoint, Instant, LinkConfig, Net, Options, RecvError, TokioNet, connect, sleep_until,
 };
@@ -73,16 +72,7 @@ impl Meeting {
 }
 
 fn settings(first: FrameNumber) -> Settings {
-    Settings {
-        viewport: Viewport::new(8, 8).unwrap(),
-        lod: LodRule::new(2.0).unwrap(),
-        batch: BatchSize::default(),
-        coding: IdCoding::Plain,
-        occlusion_test: OcclusionTestKind::Raster,
-        lockstep: true,
-        first,
-        frames: None,
-    }
+    Settings { first, ..common::settings(8, 2.0) }
 }
 
 #[tokio::test(start_paused = true)]

@@ -2,93 +2,29 @@
 //! Whoever receives them, the display or the other culler, leaves, says who did what, and is not misled.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
-use std::{convert::Infallible, sync::Arc, thread, time::Duration};
+mod common;
 
+use std::{sync::Arc, thread};
+
+use common::{Broken, Device, Fault, Frames, Task};
 use tokio::runtime::Runtime;
 use trimaran_actors::{
-    BoxedError, Cameras, CullerDevice, CullerIndex, CullerRole, DisplayRole, FrameStart, IdError, Link,
-    Observer, PictureDevice, RoleError, SceneCulling, ScenePictures, ShownFrame, Stop, Turns, max_frame,
+    CullerIndex, CullerRole, DisplayRole, FrameStart, IdError, Link, RoleError, SceneCulling, ScenePictures,
+    Stop, Turns, max_frame,
 };
 use trimaran_cook::generate::{PlantOptions, plant};
 use trimaran_cook::{CookOptions, cook};
-use trimaran_cull::{DepthImage, Image, OcclusionTest, TestBox, View};
-use trimaran_proto::{
-    BatchSize, Camera, CloseCode, DrawableId, FrameNumber, IdCoding, Identity, LodRule, OcclusionTestKind,
-    Role, SceneHash, Settings, Viewport, Walkthrough,
-};
+use trimaran_proto::{Camera, CloseCode, DrawableId, FrameNumber, Role};
 use trimaran_scene::Scene;
-use trimaran_transport::{CloseReason, LinkConfig, Net, RecvError, TokioNet, inproc};
+use trimaran_transport::{CloseReason, Net, RecvError, TokioNet};
 
-/// A device that has nothing to do.
-struct Idle;
-
-impl PictureDevice for Idle {
-    type Error = Infallible;
-
-    fn draw(&mut self, _: &View, ids: &[DrawableId]) -> Result<(), Infallible> {
-        panic!("a frame of {} ids was drawn", ids.len());
-    }
-
-    fn read(&mut self, _: &mut Image) -> Result<(), Infallible> {
-        Ok(())
-    }
+/// A device that is not to come as far as this.
+fn must_not(come_to: Task) -> Device {
+    Device::failing(come_to, 0, Fault::Fails(Broken::Lost))
 }
 
-impl OcclusionTest for Idle {
-    type Error = Infallible;
-
-    fn test(&mut self, _: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Infallible> {
-        visible.clear();
-        visible.resize(boxes.len(), 1);
-        Ok(())
-    }
-}
-
-impl CullerDevice for Idle {
-    fn begin_occluders(&mut self, _: &View) -> Result<(), Infallible> {
-        Ok(())
-    }
-
-    fn draw_occluders(&mut self, _: &[DrawableId]) -> Result<(), Infallible> {
-        Ok(())
-    }
-
-    fn finish_occluders(&mut self) -> Result<Duration, Infallible> {
-        panic!("all occluders were taken")
-    }
-
-    fn read_depth(&mut self) -> Result<DepthImage<'_>, Infallible> {
-        panic!("nobody asks for it")
-    }
-}
-
-struct Still;
-
-impl Cameras for Still {
-    fn camera(&mut self, frame: FrameNumber) -> Camera {
-        Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, frame).unwrap()
-    }
-}
-
-struct Nobody;
-
-impl Observer for Nobody {
-    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), BoxedError> {
-        Ok(())
-    }
-}
-
-fn settings() -> Settings {
-    Settings {
-        viewport: Viewport::new(8, 8).unwrap(),
-        lod: LodRule::new(2.0).unwrap(),
-        batch: BatchSize::default(),
-        coding: IdCoding::Plain,
-        occlusion_test: OcclusionTestKind::Raster,
-        lockstep: true,
-        first: FrameNumber(0),
-        frames: None,
-    }
+fn still(frame: FrameNumber) -> Camera {
+    Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, frame).unwrap()
 }
 
 /// A scene, and roles within this process.
@@ -112,23 +48,21 @@ impl Setting {
     }
 
     fn link(&self, ours: Role, theirs: Role) -> (Link, Link) {
-        let identity = |role| Identity { role, scene: SceneHash(1), settings: None };
-        let config = LinkConfig { max_frame: self.count(), ..LinkConfig::default() };
-        inproc::pair::<Walkthrough>(&self.net, identity(ours), identity(theirs), &config).unwrap()
+        common::link(&self.net, &self.scene, ours, theirs)
     }
 
     /// How a display ends whose first culler sends these ids, and what that one is told.
     fn display_gets(&self, ids: &[u32]) -> (RoleError, CloseReason) {
         let ((first, liar), (second, _idle)) =
             (self.link(Role::Display, Role::FirstCuller), self.link(Role::Display, Role::SecondCuller));
-        let (settings, net) = (settings(), Arc::clone(&self.net));
-        let work = ScenePictures::new(&self.scene, Idle, &settings);
+        let (settings, net) = (common::settings(8, 2.0), Arc::clone(&self.net));
+        let work = ScenePictures::new(&self.scene, must_not(Task::Draw), &settings);
         let role = DisplayRole { work, first, second, settings, net, turns: Turns::at_once() };
         let runtime = self.runtime.handle();
         let (_stopper, stop) = Stop::new();
         thread::scope(|scope| {
-            let ended =
-                scope.spawn(|| runtime.block_on(role.run(&mut Still, &mut Nobody, &stop)).unwrap_err());
+            let ended = scope
+                .spawn(|| runtime.block_on(role.run(&mut still, &mut Frames::default(), &stop)).unwrap_err());
             let told = self.runtime.block_on(lie(liar, ids));
             (ended.join().unwrap(), told)
         })
@@ -138,9 +72,9 @@ impl Setting {
     fn culler_gets(&self, ids: &[u32]) -> (RoleError, CloseReason) {
         let ((display, mut show), (other, liar)) =
             (self.link(Role::SecondCuller, Role::Display), self.link(Role::SecondCuller, Role::FirstCuller));
-        show.latest_tx.publish(Still.camera(FrameNumber(1))).unwrap();
-        let (settings, turns) = (settings(), Turns::at_once());
-        let work = SceneCulling::new(&self.scene, Idle, &settings, &turns);
+        show.latest_tx.publish(still(FrameNumber(1))).unwrap();
+        let (settings, turns) = (common::settings(8, 2.0), Turns::at_once());
+        let work = SceneCulling::new(&self.scene, must_not(Task::Finish), &settings, &turns);
         let index = CullerIndex::Second;
         let role = CullerRole { index, work, display, other, settings, turns };
         let runtime = self.runtime.handle();
@@ -163,7 +97,7 @@ impl Setting {
 async fn lie(mut link: Link, ids: &[u32]) -> CloseReason {
     let frame = FrameNumber(0);
     let ids: Vec<_> = ids.iter().copied().map(DrawableId).collect();
-    link.frames_tx.begin(FrameStart { frame, header: Still.camera(frame) }).await.unwrap();
+    link.frames_tx.begin(FrameStart { frame, header: still(frame) }).await.unwrap();
     for batch in ids.chunks(100) {
         if link.frames_tx.push(batch).await.is_err() {
             break;

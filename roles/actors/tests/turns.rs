@@ -1,6 +1,8 @@
 //! Roles of one process that compute one after another: what each says it took holds no other role's work.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
+mod common;
+
 use std::{
     convert::Infallible,
     sync::{
@@ -11,17 +13,14 @@ use std::{
 };
 
 use trimaran_actors::{
-    BoxedError, Cameras, CullerDevice, LocalSession, Observer, PictureDevice, ShownFrame, Stop, Stopwatch,
-    Turns,
+    BoxedError, CullerDevice, LocalSession, Observer, PictureDevice, ShownFrame, Stop, Stopwatch, Turns,
 };
 use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
 };
 use trimaran_cull::{DepthImage, Image, NoOccluders, OcclusionTest, TestBox, View, Viewport};
-use trimaran_proto::{
-    BatchSize, Camera, DrawableId, FrameNumber, FrameStats, IdCoding, LodRule, OcclusionTestKind, Settings,
-};
+use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, FrameStats, Settings};
 use trimaran_scene::Scene;
 
 const FRAMES: u32 = 30;
@@ -133,16 +132,6 @@ impl Record {
     }
 }
 
-/// Turns on the spot in the plant's middle.
-struct Turning([f64; 3]);
-
-impl Cameras for Turning {
-    fn camera(&mut self, frame: FrameNumber) -> Camera {
-        let half = 0.05 * f64::from(frame.0);
-        Camera::new(self.0, [0.0, half.sin(), 0.0, half.cos()], 2.0, 1.0, 0.1, frame).unwrap()
-    }
-}
-
 fn scene() -> Arc<Scene> {
     let model = plant(&PlantOptions { seed: 3, objects: 1_500, triangles: 90_000 });
     Arc::new(cook(&model, &CookOptions::default(), &()).unwrap())
@@ -150,18 +139,14 @@ fn scene() -> Arc<Scene> {
 
 /// A whole session, and the most devices that were busy at once.
 fn session(scene: &Arc<Scene>, batch: u32, turns: &Turns) -> (Record, u32) {
-    let settings = Settings {
-        viewport: Viewport::new(SIZE, SIZE).unwrap(),
-        lod: LodRule::new(0.01).unwrap(),
-        batch: BatchSize::new(batch).unwrap(),
-        coding: IdCoding::Plain,
-        occlusion_test: OcclusionTestKind::Hzb,
-        lockstep: true,
-        first: FrameNumber(0),
-        frames: Some(FRAMES),
-    };
+    let batch = BatchSize::new(batch).unwrap();
+    let settings = Settings { batch, frames: Some(FRAMES), ..common::settings(SIZE, 0.01) };
     let (min, max) = scene.nodes().first().unwrap().world_box();
-    let mut cameras = Turning((0.5 * (min + max)).to_array());
+    let middle = (0.5 * (min + max)).to_array();
+    let mut turning = |frame: FrameNumber| {
+        let half = 0.05 * f64::from(frame.0);
+        Camera::new(middle, [0.0, half.sin(), 0.0, half.cos()], 2.0, 1.0, 0.1, frame).unwrap()
+    };
     let devices = Arc::new(Count::default());
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let (_stopper, stop) = Stop::new();
@@ -170,7 +155,7 @@ fn session(scene: &Arc<Scene>, batch: u32, turns: &Turns) -> (Record, u32) {
         .run(
             |_| Ok(Busy::new(&devices)),
             Busy::new(&devices),
-            &mut cameras,
+            &mut turning,
             &mut record,
             runtime.handle(),
             &stop,

@@ -20,6 +20,13 @@ pub trait Cameras {
     }
 }
 
+/// A function of the frame's number.
+impl<F: FnMut(FrameNumber) -> Camera> Cameras for F {
+    fn camera(&mut self, frame: FrameNumber) -> Camera {
+        self(frame)
+    }
+}
+
 /// The cameras handed out for the next frame of each culler.
 #[derive(Debug)]
 pub(super) struct PublishedCameras {
@@ -108,36 +115,14 @@ mod tests {
         assert_eq!(pending.take(&camera(0.0)), Duration::from_millis(1000 - 256), "the oldest kept");
     }
 
-    /// Poses that move on each time they are asked for.
-    struct Walker(f64);
-
-    impl Cameras for Walker {
-        fn camera(&mut self, frame: FrameNumber) -> Camera {
-            self.0 += 1.0;
-            camera(self.0).for_frame(frame)
-        }
-    }
-
-    /// A camera that stands still.
-    struct Still;
-
-    impl Cameras for Still {
-        fn camera(&mut self, frame: FrameNumber) -> Camera {
-            camera(0.0).for_frame(frame)
-        }
-    }
-
     #[test]
     fn only_a_pose_that_has_moved_is_handed_out_again() {
         let mut handed = PublishedCameras::new(Stopwatch::start());
-        assert_eq!(
-            handed.newer(CullerIndex::First, &mut Walker(0.0)),
-            None,
-            "no frame of this culler is due"
-        );
+        let [mut still, mut moved] = [0.0, 7.0].map(|x| move |frame| camera(x).for_frame(frame));
+        assert_eq!(handed.newer(CullerIndex::First, &mut moved), None, "no frame of this culler is due");
         handed.cullers[0].note(camera(0.0), Duration::ZERO);
-        assert_eq!(handed.newer(CullerIndex::First, &mut Still), None);
-        assert_eq!(handed.newer(CullerIndex::First, &mut Walker(6.0)), Some(camera(7.0)));
-        assert_eq!(handed.newer(CullerIndex::Second, &mut Walker(6.0)), None);
+        assert_eq!(handed.newer(CullerIndex::First, &mut still), None);
+        assert_eq!(handed.newer(CullerIndex::First, &mut moved), Some(camera(7.0)));
+        assert_eq!(handed.newer(CullerIndex::Second, &mut moved), None);
     }
 }

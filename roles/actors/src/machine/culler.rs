@@ -160,35 +160,6 @@ mod tests {
     }
 
     #[test]
-    fn the_first_frame_is_culled_without_occluders() {
-        let mut machine = CullerMachine::new(CullerIndex::First, FrameNumber(0), None);
-        machine.camera(camera(0)).unwrap();
-        assert_eq!(machine.step(), CullerStep::Cull { camera: camera(0), feeds_other: true });
-    }
-
-    #[test]
-    fn a_machine_draws_occluders_of_the_frame_it_then_culls() {
-        let mut machine = CullerMachine::new(CullerIndex::Second, FrameNumber(0), None);
-        machine.camera(camera(1)).unwrap();
-        assert_eq!(machine.step(), CullerStep::Occlude { camera: camera(1) });
-        machine.occluders_began(FrameNumber(0)).unwrap();
-        machine.occluders_ended().unwrap();
-        assert_eq!(machine.step(), CullerStep::Cull { camera: camera(1), feeds_other: true });
-        machine.culled().unwrap();
-        assert_eq!(machine.step(), CullerStep::AwaitCamera { frame: FrameNumber(3) });
-    }
-
-    #[test]
-    fn the_last_frame_feeds_nobody_and_ends_the_machine() {
-        let mut machine = CullerMachine::new(CullerIndex::First, FrameNumber(0), Some(1));
-        machine.camera(camera(0)).unwrap();
-        assert_eq!(machine.step(), CullerStep::Cull { camera: camera(0), feeds_other: false });
-        machine.culled().unwrap();
-        assert_eq!(machine.step(), CullerStep::Done);
-        assert_eq!(CullerMachine::new(CullerIndex::Second, FrameNumber(0), Some(1)).step(), CullerStep::Done);
-    }
-
-    #[test]
     fn an_old_camera_is_ignored_and_one_ahead_refused() {
         let mut machine = CullerMachine::new(CullerIndex::Second, FrameNumber(0), None);
         machine.camera(camera(0)).unwrap();

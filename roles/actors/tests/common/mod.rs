@@ -1,0 +1,150 @@
+//! What the tests of roles share: a device that may fail, an observer, links, settings.
+#![allow(dead_code, reason = "each test file uses its part of this")]
+
+use std::{
+    sync::{Arc, mpsc::Sender},
+    thread,
+    time::Duration,
+};
+
+use thiserror::Error;
+use trimaran_actors::{BoxedError, CullerDevice, Link, Observer, PictureDevice, ShownFrame, Stop, max_frame};
+use trimaran_cull::{DepthImage, Image, LodRule, NoOccluders, OcclusionTest, TestBox, View, Viewport};
+use trimaran_proto::{DrawableId, Identity, Role, Settings, Walkthrough};
+use trimaran_scene::Scene;
+use trimaran_transport::{LinkConfig, Net, inproc};
+
+/// What a display decides about a picture so many pixels high and wide.
+pub(crate) fn settings(side: u32, epsilon_px: f64) -> Settings {
+    Settings::new(Viewport::new(side, side).unwrap(), LodRule::new(epsilon_px).unwrap())
+}
+
+/// A link within this process between two roles that have this scene.
+pub(crate) fn link(net: &Arc<dyn Net>, scene: &Scene, ours: Role, theirs: Role) -> (Link, Link) {
+    let identity = |role| Identity { role, scene: scene.hash(), settings: None };
+    let config = LinkConfig { max_frame: max_frame(scene), ..LinkConfig::default() };
+    inproc::pair::<Walkthrough>(net, identity(ours), identity(theirs), &config).unwrap()
+}
+
+/// What a device does with the piece of work that it is to fail at.
+#[derive(Debug, Clone)]
+pub(crate) enum Fault {
+    /// It says so.
+    Fails(Broken),
+    /// It never ends, unless the role is asked to stop. Says that it has begun.
+    Hangs(Sender<()>),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub(crate) enum Broken {
+    #[error("the graphics device was lost while drawing")]
+    Lost,
+    #[error("the graphics device hangs: no progress within 30s")]
+    Hung,
+    #[error("asked to stop")]
+    Cancelled,
+}
+
+/// What a device is asked to do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Task {
+    Begin,
+    Draw,
+    Finish,
+    Test,
+}
+
+/// A device that finds all visible, until it fails at a task of this kind.
+#[derive(Debug, Default)]
+pub(crate) struct Device {
+    fault: Option<(Task, Fault)>,
+    /// How many tasks of that kind go well.
+    good: u32,
+    stop: Option<Stop>,
+}
+
+impl Device {
+    pub(crate) fn failing(at: Task, good: u32, fault: Fault) -> Self {
+        Self { fault: Some((at, fault)), good, stop: None }
+    }
+
+    fn work(&mut self, task: Task) -> Result<(), Broken> {
+        let Some((at, fault)) = &self.fault else { return Ok(()) };
+        if *at != task {
+            return Ok(());
+        }
+        if self.good > 0 {
+            self.good -= 1;
+            return Ok(());
+        }
+        match fault {
+            Fault::Fails(broken) => Err(*broken),
+            Fault::Hangs(begun) => {
+                begun.send(()).unwrap();
+                let stop = self.stop.as_ref().unwrap();
+                while !stop.requested() {
+                    thread::yield_now();
+                }
+                Err(Broken::Cancelled)
+            }
+        }
+    }
+}
+
+impl CullerDevice for Device {
+    fn cancel_on(&mut self, stop: &Stop) {
+        self.stop = Some(stop.clone());
+    }
+
+    fn begin_occluders(&mut self, _: &View) -> Result<(), Broken> {
+        self.work(Task::Begin)
+    }
+
+    fn draw_occluders(&mut self, _: &[DrawableId]) -> Result<(), Broken> {
+        self.work(Task::Draw)
+    }
+
+    fn finish_occluders(&mut self) -> Result<Duration, Broken> {
+        self.work(Task::Finish).map(|()| Duration::ZERO)
+    }
+
+    fn read_depth(&mut self) -> Result<DepthImage<'_>, Broken> {
+        panic!("nobody looks at the depth here")
+    }
+}
+
+impl OcclusionTest for Device {
+    type Error = Broken;
+
+    fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), Broken> {
+        NoOccluders.test(view, boxes, visible).unwrap_or_else(|never| match never {});
+        self.work(Task::Test)
+    }
+}
+
+impl PictureDevice for Device {
+    type Error = Broken;
+
+    fn cancel_on(&mut self, stop: &Stop) {
+        self.stop = Some(stop.clone());
+    }
+
+    fn draw(&mut self, _: &View, _: &[DrawableId]) -> Result<(), Broken> {
+        self.work(Task::Draw)
+    }
+
+    fn read(&mut self, _: &mut Image) -> Result<(), Broken> {
+        panic!("nobody wants a picture here")
+    }
+}
+
+/// A note of each frame shown.
+#[derive(Debug, Default)]
+pub(crate) struct Frames(pub(crate) Vec<u32>);
+
+impl Observer for Frames {
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
+        self.0.push(frame.camera.frame().0);
+        Ok(())
+    }
+}
