@@ -18,7 +18,7 @@ use trimaran_audit::{
 };
 use trimaran_cull::View;
 use trimaran_proto::DrawableId;
-use trimaran_scene::{Node, NodeId, Scene};
+use trimaran_scene::{NodeId, Scene};
 
 /// How far the border to the background moved: `shown` is the item image of `drawn`, `full` that of full
 /// detail.
@@ -86,12 +86,8 @@ impl<'s> StandIns<'s> {
     /// What stands for a drawable's leaf: the one of the cut on its way to the root. `None` if the leaf is
     /// outside of the cut.
     fn of_leaf(&self, leaf: DrawableId) -> Option<DrawableId> {
-        let parent = |&node: &NodeId| {
-            let parent = self.scene.nodes().get(node.0 as usize)?.parent;
-            (parent != Node::NONE).then_some(NodeId(parent))
-        };
-        std::iter::successors(node_of(self.scene, leaf), parent)
-            .find_map(|node| self.drawn.get(&node).copied())
+        let mut up = self.scene.ancestors(node_of(self.scene, leaf)?);
+        up.find_map(|(node, _)| self.drawn.get(&node).copied())
     }
 }
 

@@ -1,6 +1,6 @@
 //! Drawables to an ID buffer with depth (the paper: item buffer): which triangle shows at each pixel.
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use trimaran_cull::{View, Viewport};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Drawable, Scene};
@@ -142,22 +142,15 @@ pub(crate) fn triangles<'s>(
     drawable: &Drawable,
     placement: Placement,
 ) -> impl Iterator<Item = [DVec3; 3]> + use<'s> {
-    let first = drawable.first_index as usize;
-    let indices = scene.indices().get(first..first + drawable.index_count as usize).unwrap_or_default();
-    let base = drawable.vertex_offset as usize;
     let node = scene.nodes().get(drawable.node as usize);
     let place = node.map(|node| {
         (view.to_view() * node.linear().as_dmat3(), view.to_view() * (node.origin() - view.eye()))
     });
-    let corner = move |index: u32| {
-        let vertex = scene.vertices().get(base + index as usize)?;
+    scene.triangles(drawable).filter_map(move |corners| {
         let (linear, origin) = place?;
-        let position = Vec3::from_array(vertex.position);
-        Some(match placement {
-            Placement::Exact => origin + linear * position.as_dvec3(),
-            Placement::Single => (origin.as_vec3() + linear.as_mat3() * position).as_dvec3(),
-        })
-    };
-    let (triples, _) = indices.as_chunks::<3>();
-    triples.iter().filter_map(move |[a, b, c]| Some([corner(*a)?, corner(*b)?, corner(*c)?]))
+        Some(corners.map(|corner| match placement {
+            Placement::Exact => origin + linear * corner.as_dvec3(),
+            Placement::Single => (origin.as_vec3() + linear.as_mat3() * corner).as_dvec3(),
+        }))
+    })
 }

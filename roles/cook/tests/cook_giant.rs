@@ -120,13 +120,8 @@ fn cut(scene: &Scene, mut choose: impl FnMut(&Node, &[Drawable]) -> Option<usize
 
 fn triangles(scene: &Scene, drawable: &Drawable) -> Vec<[DVec3; 3]> {
     let node = scene.nodes()[drawable.node as usize];
-    let first = drawable.first_index as usize;
-    let indices = &scene.indices()[first..first + drawable.index_count as usize];
-    let corner = |&index: &u32| {
-        let local = scene.vertices()[(drawable.vertex_offset + index) as usize].position;
-        node.origin() + node.linear().as_dmat3() * Vec3::from_array(local).as_dvec3()
-    };
-    indices.as_chunks::<3>().0.iter().map(|corners| corners.each_ref().map(corner)).collect()
+    let place = |local: Vec3| node.origin() + node.linear().as_dmat3() * local.as_dvec3();
+    scene.triangles(drawable).map(|corners| corners.map(place)).collect()
 }
 
 /// The edges that are not run along as often one way as the other: borders and cracks.

@@ -5,7 +5,7 @@
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use trimaran_cook::{CookError, CookOptions, cook};
 use trimaran_cook::{Mesh, Model, Object, Source};
-use trimaran_scene::{Node, Rgba8, Scene};
+use trimaran_scene::{Node, NodeId, Rgba8, Scene};
 
 /// A pipe along x: `sides` sides, `rings` rings, radius 0.1, length 2.
 fn pipe(sides: u32, rings: u32) -> Mesh {
@@ -62,12 +62,8 @@ fn cooked(model: &Model) -> Scene {
 fn world_vertices(scene: &Scene) -> impl Iterator<Item = (usize, u32, DVec3)> {
     scene.drawables().iter().enumerate().flat_map(move |(id, d)| {
         let node = scene.nodes()[d.node as usize];
-        let indices = &scene.indices()[d.first_index as usize..(d.first_index + d.index_count) as usize];
-        indices.iter().map(move |&i| {
-            let vertex = scene.vertices()[(d.vertex_offset + i) as usize];
-            let local = Vec3::from_array(vertex.position);
-            (id, d.node, node.origin() + node.linear().as_dmat3() * local.as_dvec3())
-        })
+        let place = move |local: Vec3| node.origin() + node.linear().as_dmat3() * local.as_dvec3();
+        scene.triangles(d).flatten().map(move |local| (id, d.node, place(local)))
     })
 }
 
@@ -128,15 +124,9 @@ fn more_nodes_than_allowed_are_refused_with_the_object_that_takes_most() {
 fn boxes_hold_every_level_of_the_node_and_of_all_below() {
     let scene = cooked(&rack());
     for (id, node, point) in world_vertices(&scene) {
-        let mut up = node;
-        loop {
-            let record = &scene.nodes()[up as usize];
+        for (NodeId(up), record) in scene.ancestors(NodeId(node)) {
             let (low, high) = record.world_box();
             assert!(point.cmpge(low).all() && point.cmple(high).all(), "drawable {id}, node {up}: {point}");
-            if up == 0 {
-                break;
-            }
-            up = record.parent;
         }
     }
 }
@@ -197,12 +187,7 @@ fn no_point_of_the_finest_geometry_is_farther_from_a_merged_level_than_its_error
         let corners: Vec<DVec3> = world_vertices(&scene).filter(|v| v.0 == id).map(|v| v.2).collect();
         corners.as_chunks::<3>().0.to_vec()
     };
-    let is_below = |mut node: u32, ancestor: u32| {
-        while node != ancestor && node != 0 {
-            node = scene.nodes()[node as usize].parent;
-        }
-        node == ancestor
-    };
+    let is_below = |node: u32, top: u32| scene.ancestors(NodeId(node)).any(|(above, _)| above.0 == top);
     // The finest level of what is drawn below: that without an error.
     let merged = scene
         .drawables()

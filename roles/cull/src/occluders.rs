@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use thiserror::Error;
 use trimaran_proto::DrawableId;
-use trimaran_scene::{Node, Scene};
+use trimaran_scene::{Node, NodeId, Scene};
 
 use crate::LodRule;
 use crate::View;
@@ -100,16 +100,14 @@ impl OccluderMapper {
         let nodes = cut.scene().nodes();
         self.path.clear();
         let mut state = State::Above;
-        let mut at = node;
-        // Up to the first ancestor that is known; the root's parent is no node and ends the climb.
-        while let Some(above) = nodes.get(at as usize) {
-            let known = self.state(at);
+        // Up to the first ancestor that is known.
+        for (NodeId(above), _) in cut.scene().ancestors(NodeId(node)) {
+            let known = self.state(above);
             if known != State::Unknown {
                 state = known;
                 break;
             }
-            self.path.push(at);
-            at = above.parent;
+            self.path.push(above);
         }
         // And down again: below a settled node all is settled.
         while let Some(below) = self.path.pop() {

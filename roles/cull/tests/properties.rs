@@ -14,7 +14,7 @@ use trimaran_cull::{
     draw_order, lod_cut, occluders,
 };
 use trimaran_proto::DrawableId;
-use trimaran_scene::Scene;
+use trimaran_scene::{NodeId, Scene};
 
 const OBJECTS: usize = 150;
 
@@ -32,13 +32,7 @@ fn rule(epsilon: f64) -> LodRule {
 
 /// How many nodes of the cut there are from a node up to the root.
 fn drawn_above(scene: &Scene, cut: &BTreeSet<u32>, node: u32) -> usize {
-    let mut at = node;
-    let mut drawn = 0;
-    while let Some(node) = scene.nodes().get(at as usize) {
-        drawn += usize::from(cut.contains(&at));
-        at = node.parent;
-    }
-    drawn
+    scene.ancestors(NodeId(node)).filter(|(above, _)| cut.contains(&above.0)).count()
 }
 
 fn nodes_of(scene: &Scene, ids: &[DrawableId]) -> BTreeSet<u32> {
@@ -106,12 +100,8 @@ proptest! {
             // Whatever the new cut has on a path of what was sent is due.
             let old_nodes = nodes_of(&scene, &sent);
             for &id in &new {
-                let mut at = scene.drawables()[id.index()].node;
-                let mut related = old_nodes.iter().any(|&node| is_below(&scene, node, at));
-                while let Some(node) = scene.nodes().get(at as usize) {
-                    related |= old_nodes.contains(&at);
-                    at = node.parent;
-                }
+                let node = scene.drawables()[id.index()].node;
+                let related = old_nodes.iter().any(|&old| is_below(&scene, old, node) || is_below(&scene, node, old));
                 prop_assert_eq!(related, each.contains(&id), "{}", id);
             }
         }
@@ -142,14 +132,8 @@ proptest! {
     }
 }
 
-fn is_below(scene: &Scene, mut node: u32, top: u32) -> bool {
-    while let Some(record) = scene.nodes().get(node as usize) {
-        if node == top {
-            return true;
-        }
-        node = record.parent;
-    }
-    false
+fn is_below(scene: &Scene, node: u32, top: u32) -> bool {
+    scene.ancestors(NodeId(node)).any(|(above, _)| above.0 == top)
 }
 
 #[test]

@@ -11,7 +11,6 @@ mod steps;
 mod surface;
 
 use std::collections::HashMap;
-use std::iter::successors;
 
 use glam::{DVec3, Vec3};
 use trimaran_cull::{Choice, LodCut, LodRule, OcclusionTest, Prepared, TestBox, View};
@@ -115,8 +114,8 @@ impl<'f, S: Steps> Judge<'f, S> {
         let node = scene.nodes().get(target.0 as usize);
         let slack = node.map_or(f64::NAN, |node| self.steps.slack(target, node));
         let surface = surface_of(missing, scene, self.frame.view, slack);
-        for id in way_down(scene, target) {
-            let Some(node) = scene.nodes().get(id.0 as usize) else { continue };
+        let up: Vec<_> = scene.ancestors(target).collect();
+        for (id, node) in up.into_iter().rev() {
             if let Some(cause) = self.step(id, node, &surface)? {
                 return Ok(cause);
             }
@@ -131,11 +130,11 @@ impl<'f, S: Steps> Judge<'f, S> {
     fn replaced(&self, target: NodeId) -> Option<Cause> {
         let scene = self.frame.scene;
         let was_drawn = |node: NodeId| self.drawn.binary_search(&node.0).is_ok();
-        if way_down(scene, target).into_iter().any(|above| above != target && was_drawn(above)) {
+        if scene.ancestors(target).skip(1).any(|(above, _)| was_drawn(above)) {
             let rule = self.frame.rule.stops_at_few_pixels();
             return Some(if rule { Cause::PixelCountRule } else { Cause::LevelMismatch });
         }
-        let below = |&node: &u32| way_down(scene, NodeId(node)).contains(&target);
+        let below = |&node: &u32| scene.ancestors(NodeId(node)).any(|(above, _)| above == target);
         self.drawn.iter().any(below).then_some(Cause::LevelMismatch)
     }
 
@@ -258,17 +257,6 @@ impl<'f, S: Steps> Judge<'f, S> {
     }
 }
 
-/// The nodes from the root down to this one.
-fn way_down(scene: &Scene, target: NodeId) -> Vec<NodeId> {
-    let parent = |id: &NodeId| {
-        let parent = scene.nodes().get(id.0 as usize)?.parent;
-        (parent != Node::NONE).then_some(NodeId(parent))
-    };
-    let mut way: Vec<NodeId> = successors(Some(target), parent).collect();
-    way.reverse();
-    way
-}
-
 /// Where a view is seen from, and which way.
 fn pose(view: &View) -> ([f64; 3], [f64; 4]) {
     (view.camera().eye(), view.camera().orientation())
@@ -276,8 +264,7 @@ fn pose(view: &View) -> ([f64; 3], [f64; 4]) {
 
 fn is_of_cut(scene: &Scene, cut: &LodCut<'_>, id: DrawableId) -> bool {
     let Some(drawable) = scene.drawables().get(id.index()) else { return false };
-    way_down(scene, NodeId(drawable.node)).into_iter().all(|at| {
-        let Some(node) = scene.nodes().get(at.0 as usize) else { return false };
+    scene.ancestors(NodeId(drawable.node)).all(|(at, node)| {
         let chosen = cut.choose(node);
         if at.0 == drawable.node { chosen == Choice::Draw(id) } else { chosen == Choice::Refine }
     })

@@ -1,6 +1,6 @@
 //! Lays out the arrays of the scene.
 
-use glam::{DVec3, Mat3, Vec3};
+use glam::{DVec3, Vec3};
 
 use super::CookError;
 use super::gather::{Merged, MergedLevel};
@@ -61,7 +61,7 @@ pub(super) fn assemble(
             first_child,
             child_count: number("nodes", queue.len())? - first_child,
             first_drawable: number("drawables", arrays.drawables.len())?,
-            ..blank()
+            ..Node::default()
         };
         match place {
             Place::Tree(node) => {
@@ -171,10 +171,6 @@ impl<'a> Parts<'a> {
             arrays.drawables.push(drawable(index, leaf.world_error(level.error), *range));
         }
     }
-}
-
-fn blank() -> Node {
-    Node { linear: Mat3::IDENTITY.to_cols_array(), object: Node::NONE, ..bytemuck::Zeroable::zeroed() }
 }
 
 fn place_leaf(record: &mut Node, leaf: &Leaf, mesh: &LeveledMesh) {

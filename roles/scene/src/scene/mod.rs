@@ -8,6 +8,7 @@ mod shading;
 mod stable;
 mod validate;
 
+use glam::Vec3;
 use rayon::prelude::*;
 use trimaran_proto::SceneHash;
 
@@ -119,6 +120,22 @@ impl Scene {
     #[must_use]
     pub fn sources(&self) -> &[String] {
         self.parts().sources
+    }
+
+    /// A drawable's triangles, in its node's local frame.
+    pub fn triangles(&self, drawable: &Drawable) -> impl Iterator<Item = [Vec3; 3]> + use<'_> {
+        let (first, offset) = (drawable.first_index as usize, drawable.vertex_offset as usize);
+        let indices = self.indices().get(first..first + drawable.index_count as usize).unwrap_or_default();
+        let vertices = self.vertices();
+        let corner = move |index: u32| Some(vertices.get(offset + index as usize)?.position.into());
+        let (triples, _) = indices.as_chunks::<3>();
+        triples.iter().filter_map(move |&[a, b, c]| Some([corner(a)?, corner(b)?, corner(c)?]))
+    }
+
+    /// A node and all above it, up to the root.
+    pub fn ancestors(&self, node: NodeId) -> impl Iterator<Item = (NodeId, &Node)> {
+        let get = |id: u32| self.nodes().get(id as usize).map(|node| (NodeId(id), node));
+        std::iter::successors(get(node.0), move |(_, node)| get(node.parent))
     }
 
     /// The triangles of all leaves at their finest level: the model as it came, instances counted each.

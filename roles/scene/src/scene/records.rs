@@ -95,6 +95,14 @@ impl Vertex {
     }
 }
 
+/// Of several objects, without children, levels or a parent.
+impl Default for Node {
+    fn default() -> Self {
+        let linear = Mat3::IDENTITY.to_cols_array();
+        Self { linear, parent: Self::NONE, object: Self::NONE, ..bytemuck::Zeroable::zeroed() }
+    }
+}
+
 impl Node {
     /// Stands for "no parent" and "no object".
     pub const NONE: u32 = u32::MAX;

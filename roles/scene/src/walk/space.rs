@@ -169,14 +169,7 @@ impl<'a> Space<'a> {
         if let Some(mesh) = self.meshes.borrow().get(&key) {
             return Some(Rc::clone(mesh));
         }
-        let first = drawable.first_index as usize;
-        let indices = self.scene.indices().get(first..first + drawable.index_count as usize)?;
-        let (vertices, offset) = (self.scene.vertices(), drawable.vertex_offset as usize);
-        let corner = |index: u32| Some(vertices.get(offset + index as usize)?.position.into());
-        let (triples, _) = indices.as_chunks::<3>();
-        let triangles =
-            triples.iter().filter_map(|&[a, b, c]| Some([corner(a)?, corner(b)?, corner(c)?])).collect();
-        let mesh = Rc::new(Triangles::new(triangles));
+        let mesh = Rc::new(Triangles::new(self.scene.triangles(drawable).collect()));
         self.meshes.borrow_mut().insert(key, Rc::clone(&mesh));
         Some(mesh)
     }
