@@ -13,13 +13,11 @@ use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 use std::time::Instant;
 
-use glam::DVec3;
+use glam::{DVec3, Mat3, Vec3};
 use trimaran_cull::{DepthPyramid, HzbTest, OcclusionTest, TestBox, View, Viewport};
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemPass, OccluderPass, PassTiming, PicturePass};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
-use trimaran_scene::{
-    Drawable, Node, ObjectRecord, Rgba8, Scene, SceneArrays, Shading, Vertex, random::Random,
-};
+use trimaran_scene::{FlatObject, Rgba8, Scene, SceneArrays, random::Random};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -147,47 +145,24 @@ fn cloud(draws: u32, triangles: u32) -> Outcome<Scene> {
         })
         .collect();
     places.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut arrays = SceneArrays { sources: vec!["cloud".into()], ..SceneArrays::default() };
-    arrays.nodes.push(node(DVec3::ZERO, Node::NONE, 1..1 + draws, None));
-    for (index, (distance, centre)) in (0..).zip(places) {
-        arrays.nodes.push(node(centre, 0, 0..0, Some(index)));
-        arrays.objects.push(ObjectRecord { source: 0, source_index: index, name_start: 0, name_length: 0 });
-        add_sphere(&mut arrays, index, (spread * distance) as f32, triangles);
-    }
-    Ok(Scene::from_arrays(arrays)?)
+    let spheres = (0..).zip(places).map(|(index, (distance, centre))| FlatObject {
+        colour: Rgba8([(index * 37) as u8, (index * 91) as u8, 200, 255]),
+        origin: centre,
+        ..sphere((spread * distance) as f32, triangles)
+    });
+    Ok(Scene::from_arrays(SceneArrays::flat(&spheres.collect::<Vec<_>>()))?)
 }
 
-fn node(origin: DVec3, parent: u32, children: std::ops::Range<u32>, object: Option<u32>) -> Node {
-    Node {
-        world_min: [-1e3; 3],
-        world_max: [1e3; 3],
-        origin: origin.to_array(),
-        linear: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-        local_min: [-1e3; 3],
-        local_max: [1e3; 3],
-        parent,
-        first_child: if children.is_empty() { 0 } else { children.start },
-        child_count: children.len() as u32,
-        first_drawable: object.unwrap_or(0),
-        drawable_count: u32::from(object.is_some()),
-        object: object.unwrap_or(Node::NONE),
-        reserved: 0,
-    }
-}
-
-fn add_sphere(arrays: &mut SceneArrays, index: u32, radius: f32, triangles: u32) {
+fn sphere(radius: f32, triangles: u32) -> FlatObject {
     // Rings of twice as many sides as there are rings: 2 * rings * sides triangles.
     let rings = ((triangles as f32 / 4.0).sqrt().round() as u32).max(2);
     let sides = (triangles / (2 * rings)).max(3);
-    let (first_index, vertex_offset) = (arrays.indices.len() as u32, arrays.vertices.len() as u32);
-    let colour = Rgba8([(index * 37) as u8, (index * 91) as u8, 200, 255]);
-    let (mut vertices, mut indices) = (Vec::new(), Vec::new());
+    let (mut positions, mut indices) = (Vec::new(), Vec::new());
     for ring in 0..=rings {
         let (sin, cos) = (PI * ring as f32 / rings as f32).sin_cos();
         for side in 0..=sides {
             let (across, along) = (TAU * side as f32 / sides as f32).sin_cos();
-            let position = [radius * sin * across, radius * cos, radius * sin * along];
-            vertices.push(Vertex::new(position, colour));
+            positions.push(radius * Vec3::new(sin * across, cos, sin * along));
         }
     }
     for ring in 0..rings {
@@ -197,18 +172,7 @@ fn add_sphere(arrays: &mut SceneArrays, index: u32, radius: f32, triangles: u32)
             indices.extend([a, b, a + 1, a + 1, b, b + 1]);
         }
     }
-    let mut shading = Shading::new(vertices);
-    shading.turn(&mut indices);
-    arrays.vertices.extend(shading.into_vertices());
-    arrays.indices.extend(indices);
-    arrays.drawables.push(Drawable {
-        error: 0.0,
-        node: index + 1,
-        first_index,
-        index_count: arrays.indices.len() as u32 - first_index,
-        vertex_offset,
-        vertex_count: arrays.vertices.len() as u32 - vertex_offset,
-    });
+    FlatObject { positions, indices, colour: Rgba8([0; 4]), linear: Mat3::IDENTITY, origin: DVec3::ZERO }
 }
 
 /// Cubes whose faces are about `edge_px` pixels wide at 1024 x 1024, at all distances of the cloud.

@@ -158,9 +158,10 @@ mod tests {
     use glam::DVec3;
     use trimaran_audit::cases::{plant, plant_views};
     use trimaran_cull::{LodRule, draw_order, lod_cut};
+    use trimaran_scene::FlatObject;
 
     use super::*;
-    use crate::common::{CheckedGpu, Part, ids, upload, view};
+    use crate::common::{CheckedGpu, ids, triangles, upload, view};
 
     fn items(mut pass: ItemPass, views: &[(View, Vec<DrawableId>)]) -> Vec<ItemImage> {
         let draw = |(view, ids): &(View, Vec<DrawableId>)| {
@@ -189,7 +190,7 @@ mod tests {
     }
 
     /// A level sheet of `n` by `n` squares, whose triangles share the corners that carry their normal.
-    fn sheet(n: u32) -> Part {
+    fn sheet(n: u32) -> FlatObject {
         let corner =
             |i: u32| [(i % (n + 1)) as f32 / n as f32 - 0.5, (i / (n + 1)) as f32 / n as f32 - 0.5, -1.0];
         let square = |i: u32| {
@@ -197,7 +198,7 @@ mod tests {
             [at, at + 1, at + n + 1, at + n + 1, at + 1, at + n + 2]
         };
         let corners: Vec<_> = (0..(n + 1) * (n + 1)).map(corner).collect();
-        Part { indices: (0..n * n).flat_map(square).collect(), ..Part::triangles(&corners) }
+        FlatObject { indices: (0..n * n).flat_map(square).collect(), ..triangles(&corners) }
     }
 
     #[test]
@@ -207,8 +208,8 @@ mod tests {
             println!("skipped: the device has no numbers of its own");
             return;
         }
-        let sheets =
-            [sheet(50), sheet(1).at(DVec3::new(0.6, 0.0, 0.1)), sheet(3).at(DVec3::new(0.0, 0.0, -0.2))];
+        let sheets = [(50, DVec3::ZERO), (1, DVec3::new(0.6, 0.0, 0.1)), (3, DVec3::new(0.0, 0.0, -0.2))]
+            .map(|(n, origin)| FlatObject { origin, ..sheet(n) });
         let scene = upload(&gpu, &sheets);
         let shown = assert_same(&scene, &[(view(300, 300, DVec3::ZERO), ids(3))]);
         assert!(shown > 3_000, "{shown} triangles show");

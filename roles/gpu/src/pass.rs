@@ -243,19 +243,20 @@ impl Attachments {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
+    use trimaran_scene::FlatObject;
 
-    use crate::common::{CheckedGpu, Part, ids, upload, view};
+    use crate::common::{CheckedGpu, ids, triangles, upload, view};
     use crate::{OccluderPass, PassTiming};
 
     #[test]
     fn a_frame_of_many_triangles_is_submitted_in_parts() {
         let Some(gpu) = CheckedGpu::open() else { return };
         // A million triangles behind the eye, and one before it.
-        let crowd = Part {
+        let crowd = FlatObject {
             indices: [0, 1, 2].repeat(1 << 20),
-            ..Part::triangles(&[[0.0, 0.0, 9.0], [1.0, 0.0, 9.0], [0.0, 1.0, 9.0]])
+            ..triangles(&[[0.0, 0.0, 9.0], [1.0, 0.0, 9.0], [0.0, 1.0, 9.0]])
         };
-        let shown = Part::triangles(&[[-9.0, -9.0, -2.0], [9.0, -9.0, -2.0], [0.0, 9.0, -2.0]]);
+        let shown = triangles(&[[-9.0, -9.0, -2.0], [9.0, -9.0, -2.0], [0.0, 9.0, -2.0]]);
         let scene = upload(&gpu, &[crowd, shown]);
         let view = view(16, 16, DVec3::ZERO);
         let mut pass = OccluderPass::new(&scene, view.viewport()).unwrap();

@@ -244,7 +244,7 @@ mod tests {
     use trimaran_cull::{OcclusionTest as _, TestBox};
 
     use super::*;
-    use crate::common::{CheckedGpu, NEAR, Part, ids, upload, view};
+    use crate::common::{self, CheckedGpu, NEAR, ids, upload, view};
     use crate::{GpuOptions, GpuScene, OccluderPass};
 
     /// A submission that waits for a semaphore which only the host signals: what is submitted after it never
@@ -289,7 +289,7 @@ mod tests {
 
     /// A wall 2 m away, and what its pass has drawn when it is given up.
     fn wall(gpu: &Arc<Gpu>) -> (Arc<GpuScene>, OccluderPass) {
-        let scene = upload(gpu, &[Part::wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0)]);
+        let scene = upload(gpu, &[common::wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0)]);
         let pass = OccluderPass::new(&scene, view(8, 8, DVec3::ZERO).viewport()).unwrap();
         (scene, pass)
     }

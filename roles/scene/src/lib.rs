@@ -29,6 +29,6 @@ mod scene;
 pub mod walk;
 
 pub use scene::{
-    Drawable, Node, NodeId, Normal, ObjectRecord, OpenError, Rgba8, SaveError, Scene, SceneArrays,
-    SceneError, Shading, Vertex,
+    Drawable, FlatObject, Node, NodeId, Normal, ObjectRecord, OpenError, Rgba8, SaveError, Scene,
+    SceneArrays, SceneError, Shading, Vertex,
 };

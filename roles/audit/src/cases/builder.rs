@@ -1,7 +1,7 @@
 //! Scenes by hand: objects in, a tree with boxes and levels out.
 
 use glam::{DVec3, Mat3, Vec3};
-use trimaran_scene::{Drawable, Node, ObjectRecord, Rgba8, Scene, SceneArrays, SceneError, Vertex};
+use trimaran_scene::{Node, ObjectRecord, Rgba8, Scene, SceneArrays, SceneError, Vertex};
 
 /// Triangles in a local frame.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -261,23 +261,15 @@ fn place<'o>(
         first_drawable,
         drawable_count: arrays.drawables.len() as u32 - first_drawable,
         object,
-        reserved: 0,
+        ..Node::default()
     };
     (record, draft.children)
 }
 
 fn add_level(arrays: &mut SceneArrays, node: u32, error: f32, mesh: &Mesh) {
-    arrays.drawables.push(Drawable {
-        error,
-        node,
-        first_index: arrays.indices.len() as u32,
-        index_count: mesh.indices.len() as u32,
-        vertex_offset: arrays.vertices.len() as u32,
-        vertex_count: mesh.positions.len() as u32,
-    });
     let colour = Rgba8([(node * 37) as u8, (node * 91) as u8, 200, 255]);
-    arrays.vertices.extend(mesh.positions.iter().map(|p| Vertex::new(p.to_array(), colour)));
-    arrays.indices.extend(&mesh.indices);
+    let vertices = mesh.positions.iter().map(|p| Vertex::new(p.to_array(), colour)).collect();
+    arrays.add_level(node, error, vertices, &mesh.indices);
 }
 
 /// At least the largest singular value: the geometric mean of the greatest column sum and the greatest row

@@ -11,7 +11,7 @@ use trimaran_gpu::{
 };
 use trimaran_scene::{Scene, Vertex};
 
-use crate::common::{CheckedGpu, NEAR, Part, ids, scene, upload, view};
+use crate::common::{CheckedGpu, NEAR, ids, scene, upload, view, wall};
 
 fn validated() -> GpuOptions {
     GpuOptions { validation: true, ..GpuOptions::default() }
@@ -59,7 +59,7 @@ fn the_cpu_can_be_asked_for() {
 fn two_devices_in_one_process_draw_at_once() {
     let depth_of = |distance: f32| {
         let gpu = CheckedGpu::open()?;
-        let scene = upload(&gpu, &[Part::wall(Vec3::new(0.0, 0.0, -distance), 99.0, 99.0)]);
+        let scene = upload(&gpu, &[wall(Vec3::new(0.0, 0.0, -distance), 99.0, 99.0)]);
         let view = view(64, 64, DVec3::ZERO);
         let mut pass = OccluderPass::new(&scene, view.viewport()).unwrap();
         let mut depths = Vec::new();
@@ -84,7 +84,7 @@ fn two_devices_in_one_process_draw_at_once() {
 #[test]
 fn one_device_is_shared_by_threads() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let scene = upload(&gpu, &[Part::wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0)]);
+    let scene = upload(&gpu, &[wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0)]);
     std::thread::scope(|scope| {
         for _ in 0..3 {
             scope.spawn(|| {
@@ -104,7 +104,7 @@ fn one_device_is_shared_by_threads() {
 #[test]
 fn a_mapped_scene_is_read_in_place_and_looks_like_its_copy() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let walls = [-2.0, -3.0].map(|z| Part::wall(Vec3::new(z, 0.0, z), 1.5, 1.0));
+    let walls = [-2.0, -3.0].map(|z| wall(Vec3::new(z, 0.0, z), 1.5, 1.0));
     let view = view(64, 64, DVec3::ZERO);
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("walls.scene");

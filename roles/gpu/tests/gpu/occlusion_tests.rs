@@ -6,9 +6,9 @@ use glam::{DVec3, Vec3};
 use trimaran_audit::{Placement, ReferenceTest, rasterize};
 use trimaran_cull::{Answer, OcclusionTest, TestBox, View};
 use trimaran_gpu::{GpuScene, OccluderPass};
-use trimaran_scene::{Scene, random::Random};
+use trimaran_scene::{FlatObject, Scene, random::Random};
 
-use crate::common::{CheckedGpu, Part, ids, scene, upload, view};
+use crate::common::{CheckedGpu, ids, scene, triangles, upload, view, wall};
 
 /// A box along the view's axes.
 fn upright(centre: Vec3, half: Vec3) -> TestBox {
@@ -30,11 +30,11 @@ fn random_box(random: &mut Random, size: f64) -> TestBox {
 }
 
 /// Walls at odd places, upright and slanted, that hide about half of what is behind them.
-fn walls() -> Vec<Part> {
-    let slanted = Part::triangles(&[[-5.0, -5.0, -4.0], [5.0, -5.0, -9.0], [0.0, 6.0, -7.0]]);
+fn walls() -> Vec<FlatObject> {
+    let slanted = triangles(&[[-5.0, -5.0, -4.0], [5.0, -5.0, -9.0], [0.0, 6.0, -7.0]]);
     vec![
-        Part::wall(Vec3::new(-2.13, 1.77, -5.31), 2.21, 1.43),
-        Part::wall(Vec3::new(1.91, -1.37, -3.7), 1.33, 1.71),
+        wall(Vec3::new(-2.13, 1.77, -5.31), 2.21, 1.43),
+        wall(Vec3::new(1.91, -1.37, -3.7), 1.33, 1.71),
         slanted,
     ]
 }
@@ -94,7 +94,7 @@ fn queries_and_counting_agree_with_the_reference_on_random_boxes() {
 #[test]
 fn a_box_in_the_open_counts_its_silhouette_once() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let scene = Arc::new(scene(&[Part::wall(Vec3::new(0.0, 0.0, -50.0), 1.0, 1.0)]));
+    let scene = Arc::new(scene(&[wall(Vec3::new(0.0, 0.0, -50.0), 1.0, 1.0)]));
     // 64 pixels to 2 m at 1 m: the front face of half-width 1/4 at 1 m covers 16 x 16 pixels, the back face
     // fewer.
     let front = upright(Vec3::new(0.0, 0.0, -1.5), Vec3::new(0.25, 0.25, 0.5));
@@ -110,7 +110,7 @@ fn a_box_in_the_open_counts_its_silhouette_once() {
 #[test]
 fn boxes_level_with_a_wall_show_and_boxes_behind_it_do_not() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let scene = Arc::new(scene(&[Part::wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0)]));
+    let scene = Arc::new(scene(&[wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0)]));
     let view = view(40, 40, DVec3::ZERO);
     let at = |z: f32| upright(Vec3::new(0.25, 0.25, z - 0.5), Vec3::new(0.3, 0.3, 0.5));
     let Answers { reference, query, raster } =
@@ -139,7 +139,7 @@ fn boxes_smaller_than_a_pixel_agree_with_the_reference() {
 #[test]
 fn what_no_test_can_decide_is_visible() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let scene = Arc::new(scene(&[Part::wall(Vec3::new(0.0, 0.0, -0.2), 99.0, 99.0)]));
+    let scene = Arc::new(scene(&[wall(Vec3::new(0.0, 0.0, -0.2), 99.0, 99.0)]));
     let view = view(16, 16, DVec3::ZERO);
     let behind = upright(Vec3::new(0.0, 0.0, -9.0), Vec3::ONE);
     let around = upright(Vec3::ZERO, Vec3::splat(5.0));
@@ -155,7 +155,7 @@ fn what_no_test_can_decide_is_visible() {
 #[test]
 fn flat_boxes_show_as_the_rectangle_they_are() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let scene = Arc::new(scene(&[Part::wall(Vec3::new(0.0, 0.0, -50.0), 1.0, 1.0)]));
+    let scene = Arc::new(scene(&[wall(Vec3::new(0.0, 0.0, -50.0), 1.0, 1.0)]));
     let view = view(64, 64, DVec3::ZERO);
     let flat = upright(Vec3::new(0.0, 0.0, -1.0), Vec3::new(0.25, 0.25, 0.0));
     let thin = upright(Vec3::new(0.0, 0.0, -1.0), Vec3::new(0.25, 0.25, 1e-7));

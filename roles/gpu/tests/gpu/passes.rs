@@ -4,15 +4,16 @@ use glam::{DVec3, Mat3, Vec3};
 use trimaran_cull::{Image, Viewport};
 use trimaran_gpu::{BACKGROUND, GpuError, ItemImage, ItemPass, OccluderPass, PicturePass};
 use trimaran_proto::DrawableId;
+use trimaran_scene::FlatObject;
 
-use crate::common::{CheckedGpu, NEAR, Part, ids, upload, view};
+use crate::common::{CheckedGpu, NEAR, ids, triangles, upload, view, wall};
 
 const NOTHING: u32 = ItemImage::BACKGROUND;
 
 /// A triangle whose corners fall on pixel corners (1, 1), (7, 1) and (1, 7) of an 8 x 8 picture, 2 m away.
-fn known_triangle() -> Part {
+fn known_triangle() -> FlatObject {
     let at = |x: f32, y: f32| [(x / 4.0 - 1.0) * 2.0, (1.0 - y / 4.0) * 2.0, -2.0];
-    Part::triangles(&[at(1.0, 1.0), at(7.0, 1.0), at(1.0, 7.0)])
+    triangles(&[at(1.0, 1.0), at(7.0, 1.0), at(1.0, 7.0)])
 }
 
 /// Whether it covers a pixel: the centre is inside, or on the top or left edge; a centre on the slanted edge
@@ -60,8 +61,8 @@ fn a_triangle_covers_exactly_its_pixels_in_every_pass() {
 fn depth_is_near_over_distance_from_millimetres_to_kilometres() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let distances = [0.125_f32, 0.126, 0.37, 1.0, 3.3, 77.7, 1234.5, 99_999.0];
-    let walls: Vec<Part> =
-        distances.iter().map(|&d| Part::wall(Vec3::new(0.0, 0.0, -d), 2.0 * d, 2.0 * d)).collect();
+    let walls: Vec<FlatObject> =
+        distances.iter().map(|&d| wall(Vec3::new(0.0, 0.0, -d), 2.0 * d, 2.0 * d)).collect();
     let scene = upload(&gpu, &walls);
     let view = view(31, 17, DVec3::ZERO);
     let mut pass = OccluderPass::new(&scene, view.viewport()).unwrap();
@@ -78,7 +79,7 @@ fn depth_is_near_over_distance_from_millimetres_to_kilometres() {
 #[test]
 fn the_nearest_surface_shows_whatever_the_order_and_the_first_of_equal_ones() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let wall = |distance: f32| Part::wall(Vec3::new(0.0, 0.0, -distance), 99.0, 99.0);
+    let wall = |distance: f32| wall(Vec3::new(0.0, 0.0, -distance), 99.0, 99.0);
     let scene = upload(&gpu, &[wall(3.0), wall(2.0), wall(2.0)]);
     let view = view(4, 4, DVec3::ZERO);
     let mut pass = ItemPass::new(&scene, view.viewport()).unwrap();
@@ -93,9 +94,8 @@ fn the_nearest_surface_shows_whatever_the_order_and_the_first_of_equal_ones() {
 fn items_name_drawables_and_their_triangles_from_zero() {
     let Some(gpu) = CheckedGpu::open() else { return };
     // A row of walls, each of two triangles, one to a column of 8 pixels.
-    let walls: Vec<Part> = (0..8)
-        .map(|i| Part::wall(Vec3::new((i as f32 * 8.0 + 4.0) / 32.0 - 1.0, 0.0, -1.0), 0.125, 1.0))
-        .collect();
+    let walls: Vec<FlatObject> =
+        (0..8).map(|i| wall(Vec3::new((i as f32 * 8.0 + 4.0) / 32.0 - 1.0, 0.0, -1.0), 0.125, 1.0)).collect();
     let scene = upload(&gpu, &walls);
     let view = view(64, 64, DVec3::ZERO);
     let mut pass = ItemPass::new(&scene, view.viewport()).unwrap();
@@ -124,7 +124,7 @@ fn items_name_drawables_and_their_triangles_from_zero() {
 #[test]
 fn any_size_is_drawn_to_its_last_pixel() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let scene = upload(&gpu, &[Part::wall(Vec3::new(0.0, 0.0, -2.0), 1e4, 1e4)]);
+    let scene = upload(&gpu, &[wall(Vec3::new(0.0, 0.0, -2.0), 1e4, 1e4)]);
     let first = Viewport::new(2, 2).unwrap();
     let mut occluders = OccluderPass::new(&scene, first).unwrap();
     let mut picture_pass = PicturePass::new(&scene, first).unwrap();
@@ -220,11 +220,11 @@ fn an_id_that_the_scene_lacks_is_refused_and_the_pass_goes_on() {
 }
 
 /// A grid of small walls at various distances, more than one chunk of draws.
-fn many_walls(count: usize) -> Vec<Part> {
+fn many_walls(count: usize) -> Vec<FlatObject> {
     (0..count)
         .map(|i| {
             let (x, y, z) = ((i * 37 % 101) as f32, (i * 61 % 103) as f32, (i * 17 % 97) as f32);
-            Part::wall(Vec3::new(x / 50.0 - 1.0, y / 50.0 - 1.0, -1.0 - z / 100.0), 0.02, 0.015)
+            wall(Vec3::new(x / 50.0 - 1.0, y / 50.0 - 1.0, -1.0 - z / 100.0), 0.02, 0.015)
         })
         .collect()
 }
@@ -263,11 +263,11 @@ fn batches_of_any_size_give_the_same_depth_and_items() {
 fn five_thousand_draws_show_the_nearest_of_each_pixel() {
     let Some(gpu) = CheckedGpu::open() else { return };
     // Wall i covers column i % 100 and hides those before it, which are farther.
-    let walls: Vec<Part> = (0..5_000)
+    let walls: Vec<FlatObject> = (0..5_000)
         .map(|i| {
             let (column, distance) = ((i % 100) as f32, 60.0 - (i / 100) as f32);
             let x = ((column + 0.5) / 50.0 - 1.0) * distance;
-            Part::wall(Vec3::new(x, 0.0, -distance), distance / 100.0, distance)
+            wall(Vec3::new(x, 0.0, -distance), distance / 100.0, distance)
         })
         .collect();
     let scene = upload(&gpu, &walls);
@@ -287,8 +287,10 @@ fn a_scene_far_from_the_origin_draws_as_at_the_origin() {
     let mut results = Vec::new();
     for far in [0.0, 1e6, 1e7, 1e8] {
         let origin = DVec3::new(far, -0.5 * far, 0.25 * far);
-        let parts: Vec<Part> =
-            many_walls(300).into_iter().map(|part| part.at(origin + DVec3::new(0.25, 0.0, -0.5))).collect();
+        let parts: Vec<FlatObject> = many_walls(300)
+            .into_iter()
+            .map(|part| FlatObject { origin: origin + DVec3::new(0.25, 0.0, -0.5), ..part })
+            .collect();
         let scene = upload(&gpu, &parts);
         let view = view_at(origin);
         let mut pass = ItemPass::new(&scene, view.viewport()).unwrap();
@@ -305,10 +307,8 @@ fn a_scene_far_from_the_origin_draws_as_at_the_origin() {
 fn mirrored_and_scaled_nodes_draw_as_their_geometry_would() {
     let Some(gpu) = CheckedGpu::open() else { return };
     let turn = Mat3::from_cols(Vec3::new(-4.0, 0.0, 0.0), Vec3::new(1.0, 0.5, 0.0), Vec3::new(0.0, 0.0, 2.0));
-    let part = Part { linear: turn, ..known_triangle() };
-    let baked = Part::triangles(
-        &part.positions.iter().map(|&p| (turn * Vec3::from_array(p)).to_array()).collect::<Vec<_>>(),
-    );
+    let part = FlatObject { linear: turn, ..known_triangle() };
+    let baked = triangles(&part.positions.iter().map(|&at| (turn * at).to_array()).collect::<Vec<_>>());
     let scene = upload(&gpu, &[part, baked]);
     let view = view(64, 64, DVec3::ZERO);
     let mut pass = OccluderPass::new(&scene, view.viewport()).unwrap();
@@ -325,7 +325,7 @@ fn mirrored_and_scaled_nodes_draw_as_their_geometry_would() {
 #[test]
 fn the_next_picture_is_prepared_while_this_one_is_drawn() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let wall = |x: f32| Part::wall(Vec3::new(x, 0.0, -2.0), 0.4, 0.4);
+    let wall = |x: f32| wall(Vec3::new(x, 0.0, -2.0), 0.4, 0.4);
     let scene = upload(&gpu, &[wall(-1.0), wall(0.0), wall(1.0)]);
     let view = view(40, 40, DVec3::ZERO);
     let mut pass = PicturePass::new(&scene, view.viewport()).unwrap();
@@ -356,10 +356,10 @@ fn the_next_picture_is_prepared_while_this_one_is_drawn() {
 #[test]
 fn both_sides_of_a_surface_are_lit_alike_and_slopes_differently() {
     let Some(gpu) = CheckedGpu::open() else { return };
-    let mut back = Part::wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0);
+    let mut back = wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0);
     back.indices.reverse();
-    let front = Part::wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0);
-    let floor = Part::triangles(&[[-99.0, -1.0, 9.0], [99.0, -1.0, 9.0], [0.0, -1.0, -99.0]]);
+    let front = wall(Vec3::new(0.0, 0.0, -2.0), 99.0, 99.0);
+    let floor = triangles(&[[-99.0, -1.0, 9.0], [99.0, -1.0, 9.0], [0.0, -1.0, -99.0]]);
     let scene = upload(&gpu, &[front, back, floor]);
     let view = view(16, 16, DVec3::ZERO);
     let mut pass = PicturePass::new(&scene, view.viewport()).unwrap();

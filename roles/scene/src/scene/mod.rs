@@ -1,6 +1,7 @@
 //! The cooked scene: plain arrays that all roles share, made by cooking or read from a file.
 
 mod file;
+mod flat;
 mod hash;
 mod open_error;
 mod records;
@@ -14,6 +15,7 @@ use trimaran_proto::SceneHash;
 
 use file::MappedScene;
 pub use file::SaveError;
+pub use flat::FlatObject;
 pub use open_error::OpenError;
 pub use records::{Drawable, Node, NodeId, ObjectRecord, Rgba8, SceneArrays, Vertex};
 pub use shading::{Normal, Shading};

@@ -4,84 +4,16 @@ use glam::{DAffine3, DVec3, Vec3};
 
 use trimaran_cook::{Mesh, Model, Object, Rgba8, Source};
 
-use crate::{Drawable, Node, ObjectRecord, Scene, SceneArrays, Vertex};
+use crate::{FlatObject, Scene, SceneArrays};
 
 /// A scene with every object of the model at its finest level only.
 pub(super) fn uncooked(model: &Model) -> Scene {
-    let mut arrays = SceneArrays { sources: vec!["test".to_owned()], ..SceneArrays::default() };
-    let ranges: Vec<(u32, u32)> = model
-        .meshes
-        .iter()
-        .map(|mesh| {
-            let range = (arrays.indices.len() as u32, arrays.vertices.len() as u32);
-            arrays.indices.extend(&mesh.indices);
-            let vertices = mesh.positions.iter().zip(&mesh.colours);
-            arrays
-                .vertices
-                .extend(vertices.map(|(p, &colour)| Vertex::new(p.to_array(), crate::Rgba8(colour.0))));
-            range
-        })
-        .collect();
-    let leaves: Vec<Node> =
-        model.objects.iter().zip(0..).map(|(object, index)| leaf(model, object, index)).collect();
-    let (min, max) = leaves.iter().map(Node::world_box).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap();
-    let root = Node {
-        world_min: min.to_array(),
-        world_max: max.to_array(),
-        origin: min.to_array(),
-        linear: glam::Mat3::IDENTITY.to_cols_array(),
-        local_min: [-1e-3; 3],
-        local_max: (max - min).as_vec3().map(|c| c * 1.001 + 1e-3).to_array(),
-        parent: Node::NONE,
-        first_child: 1,
-        child_count: leaves.len() as u32,
-        first_drawable: 0,
-        drawable_count: 0,
-        object: Node::NONE,
-        reserved: 0,
+    let flat = |object: &Object| {
+        let Mesh { positions, indices, .. } = model.meshes[object.mesh as usize].clone();
+        let DAffine3 { matrix3, translation: origin } = object.to_world;
+        FlatObject { positions, indices, colour: crate::Rgba8([200; 4]), linear: matrix3.as_mat3(), origin }
     };
-    arrays.nodes = [root].into_iter().chain(leaves).collect();
-    for (object, index) in model.objects.iter().zip(0_u32..) {
-        let mesh = &model.meshes[object.mesh as usize];
-        let (first_index, vertex_offset) = ranges[object.mesh as usize];
-        arrays.drawables.push(Drawable {
-            error: 0.0,
-            node: index + 1,
-            first_index,
-            index_count: mesh.indices.len() as u32,
-            vertex_offset,
-            vertex_count: mesh.positions.len() as u32,
-        });
-        arrays.objects.push(ObjectRecord { source: 0, source_index: index, name_start: 0, name_length: 0 });
-    }
-    Scene::from_arrays(arrays).unwrap()
-}
-
-fn leaf(model: &Model, object: &Object, index: u32) -> Node {
-    let mesh = &model.meshes[object.mesh as usize];
-    let local = |p: &Vec3| (p.to_array(), object.to_world.transform_point3(p.as_dvec3()));
-    let (mut low, mut high) = ([f32::MAX; 3], [f32::MIN; 3]);
-    let (mut min, mut max) = (DVec3::MAX, DVec3::MIN);
-    for (point, world) in mesh.positions.iter().map(local) {
-        low = std::array::from_fn(|a| low[a].min(point[a]));
-        high = std::array::from_fn(|a| high[a].max(point[a]));
-        (min, max) = (min.min(world), max.max(world));
-    }
-    Node {
-        world_min: (min - 1e-4).to_array(),
-        world_max: (max + 1e-4).to_array(),
-        origin: object.to_world.translation.to_array(),
-        linear: object.to_world.matrix3.as_mat3().to_cols_array(),
-        local_min: low,
-        local_max: high,
-        parent: 0,
-        first_child: 0,
-        child_count: 0,
-        first_drawable: index,
-        drawable_count: 1,
-        object: index,
-        reserved: 0,
-    }
+    Scene::from_arrays(SceneArrays::flat(&model.objects.iter().map(flat).collect::<Vec<_>>())).unwrap()
 }
 
 /// A model of boxes, each given by its corners.
