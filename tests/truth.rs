@@ -30,7 +30,7 @@ use trimaran_cook::Model;
 use trimaran_cull::{LodRule, Viewport};
 use trimaran_gpu::{GpuScene, ItemImage};
 use trimaran_proto::{Camera, FrameNumber};
-use trimaran_scene::{Scene, walk::WalkFrame};
+use trimaran_scene::{Scene, path::Pose};
 
 /// An object that shows at no more pixels than this, here or there, may be missing from the other.
 const EDGE_PIXELS: u32 = 2;
@@ -69,7 +69,7 @@ impl TrueView {
         let [eye, forward, up] = [self.eye, self.forward, self.up].map(DVec3::from_array);
         let aspect = truth.width as f32 / truth.height as f32;
         let near = (self.clearance * 1e-3) as f32;
-        let pose = WalkFrame::new(eye, forward, up).unwrap();
+        let pose = Pose::new(eye, forward, up).unwrap();
         pose.camera(truth.vfov_deg, aspect, near, FrameNumber(number)).unwrap()
     }
 }

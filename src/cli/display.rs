@@ -19,7 +19,7 @@ use trimaran_actors::{
 };
 use trimaran_gpu::{GpuInfo, GpuScene, ItemPass};
 use trimaran_proto::{Identity, Role, Settings};
-use trimaran_scene::walk::WalkKind;
+use trimaran_scene::path::PathKind;
 use trimaran_transport::{Endpoints, Instant, Net, Options, PeerAddress, causes};
 
 use super::{
@@ -230,11 +230,11 @@ fn transports(first: &Link, second: &Link) -> (String, String) {
 /// Remarks that belong beside every figure of the walk.
 fn notes(path: &CameraPath) -> Vec<String> {
     let note = match path.kind {
-        None | Some(WalkKind::Floors) => return Vec::new(),
-        Some(WalkKind::Hovering) => {
+        None | Some(PathKind::Floors) => return Vec::new(),
+        Some(PathKind::Hovering) => {
             "no floor was found to walk on: the automatic path hovers between the objects"
         }
-        Some(WalkKind::Orbit) => {
+        Some(PathKind::Orbit) => {
             "no room was found to move in: the automatic path circles the scene from outside"
         }
     };

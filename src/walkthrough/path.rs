@@ -11,7 +11,7 @@ use trimaran_cull::Viewport;
 use trimaran_proto::{Camera, CameraError, FrameNumber};
 use trimaran_scene::{
     Scene,
-    walk::{AutoWalkError, AutoWalkOptions, Walk, WalkError, WalkKind, auto},
+    path::{AutoPathError, AutoPathOptions, PathError, PathKind, Pose, PosePath, auto},
 };
 
 use super::plan::Pace;
@@ -40,10 +40,10 @@ impl PathChoice {
 #[derive(Debug, Clone)]
 pub struct CameraPath {
     cameras: Vec<Camera>,
-    walk: Walk,
+    poses: PosePath,
     near: f32,
     /// How an automatic walk moves; `None` for one from a file.
-    pub kind: Option<WalkKind>,
+    pub kind: Option<PathKind>,
 }
 
 /// Why there is no path to walk.
@@ -66,11 +66,11 @@ pub enum CameraPathError {
         path: PathBuf,
         /// Why.
         #[source]
-        cause: WalkError,
+        cause: PathError,
     },
     /// No automatic walk was found.
     #[error("no automatic path was found; give one with --path")]
-    Auto(#[from] AutoWalkError),
+    Auto(#[from] AutoPathError),
     /// A frame makes no camera.
     #[error("frame {frame} of the path makes no camera")]
     Camera {
@@ -97,25 +97,25 @@ impl CameraPath {
         viewport: Viewport,
         frames: Option<u32>,
     ) -> Result<Self, CameraPathError> {
-        let (walk, kind) = match choice {
+        let (poses, kind) = match choice {
             PathChoice::Auto { seed } => {
                 let frames = frames.unwrap_or(Self::AUTO_FRAMES);
                 let found =
-                    auto(scene, &AutoWalkOptions { seed: *seed, frames, ..AutoWalkOptions::default() })?;
-                (found.walk, Some(found.kind))
+                    auto(scene, &AutoPathOptions { seed: *seed, frames, ..AutoPathOptions::default() })?;
+                (found.path, Some(found.kind))
             }
             PathChoice::File(path) => (read(path)?, None),
         };
-        let near = walk.near().unwrap_or_else(|| default_near(scene));
-        let camera = |(frame, pose): (usize, &trimaran_scene::walk::WalkFrame)| {
-            pose.camera(walk.vfov_deg(), viewport.aspect(), near, FrameNumber(0))
+        let near = poses.near().unwrap_or_else(|| default_near(scene));
+        let camera = |(frame, pose): (usize, &Pose)| {
+            pose.camera(poses.vfov_deg(), viewport.aspect(), near, FrameNumber(0))
                 .map_err(|cause| CameraPathError::Camera { frame, cause })
         };
-        let poses: Vec<Camera> = walk.frames().iter().enumerate().map(camera).collect::<Result<_, _>>()?;
-        let count = frames.map_or(poses.len(), |frames| frames as usize);
+        let cameras: Vec<Camera> = poses.frames().iter().enumerate().map(camera).collect::<Result<_, _>>()?;
+        let count = frames.map_or(cameras.len(), |frames| frames as usize);
         let cameras =
-            poses.iter().cycle().take(count).zip(0..).map(|(c, n)| c.for_frame(FrameNumber(n))).collect();
-        Ok(Self { cameras, walk, near, kind })
+            cameras.iter().cycle().take(count).zip(0..).map(|(c, n)| c.for_frame(FrameNumber(n))).collect();
+        Ok(Self { cameras, poses, near, kind })
     }
 
     /// How many frames it has; at least one.
@@ -127,7 +127,7 @@ impl CameraPath {
     /// The vertical field of view, degrees.
     #[must_use]
     pub fn vfov_deg(&self) -> f64 {
-        self.walk.vfov_deg()
+        self.poses.vfov_deg()
     }
 
     /// The near plane's distance, metres.
@@ -138,7 +138,7 @@ impl CameraPath {
 
     /// The pose that a camera of this path has, as the path has it: eye, forward and up.
     #[must_use]
-    pub fn pose_of(&self, camera: &Camera) -> Option<&trimaran_scene::walk::WalkFrame> {
+    pub fn pose_of(&self, camera: &Camera) -> Option<&Pose> {
         let same = |other: &Camera| other.for_frame(camera.frame()) == *camera;
         // In lockstep the frame's number is its index.
         let index = camera.frame().0 as usize;
@@ -147,8 +147,8 @@ impl CameraPath {
         } else {
             self.cameras.iter().position(same)?
         };
-        let count = self.walk.frames().len();
-        self.walk.frames().get(index % count.max(1))
+        let count = self.poses.frames().len();
+        self.poses.frames().get(index % count.max(1))
     }
 
     /// The cameras of a session that walks it at this pace.
@@ -176,10 +176,10 @@ impl Cameras for CameraPath {
     }
 }
 
-fn read(path: &Path) -> Result<Walk, CameraPathError> {
+fn read(path: &Path) -> Result<PosePath, CameraPathError> {
     let text = std::fs::read_to_string(path)
         .map_err(|cause| CameraPathError::Read { path: path.to_owned(), cause })?;
-    Walk::from_json(&text).map_err(|cause| CameraPathError::Walk { path: path.to_owned(), cause })
+    PosePath::from_json(&text).map_err(|cause| CameraPathError::Walk { path: path.to_owned(), cause })
 }
 
 /// The near plane of a path that names none: a ten-thousandth of the scene's diagonal.

@@ -20,7 +20,10 @@ use trimaran_cull::{
 };
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemImage, ItemPass, OccluderPass, PicturePass};
 use trimaran_proto::{DrawableId, FrameNumber};
-use trimaran_scene::{Scene, walk::Walk};
+use trimaran_scene::{
+    Scene,
+    path::{Pose, PosePath},
+};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -37,7 +40,7 @@ fn main() -> Outcome<()> {
     };
     let side: u32 = rest.first().map_or(Ok(1024), |side| side.parse())?;
     let budget = TriangleBudget(rest.get(1).map_or(Ok(OCCLUDERS), |budget| budget.parse())?);
-    let views = views(&Walk::from_json(&std::fs::read_to_string(walk)?)?, Viewport::new(side, side)?)?;
+    let views = views(&PosePath::from_json(&std::fs::read_to_string(walk)?)?, Viewport::new(side, side)?)?;
     let mut stages = start(Path::new(scene), budget, views.first().ok_or("an empty walk")?)?;
     let mut table = Table::default();
     for view in &views {
@@ -47,12 +50,12 @@ fn main() -> Outcome<()> {
     Ok(())
 }
 
-fn views(walk: &Walk, size: Viewport) -> Outcome<Vec<View>> {
-    let near = walk.near().ok_or("the walk names no near distance")?;
-    let camera = |(pose, frame): (&trimaran_scene::walk::WalkFrame, u32)| {
-        Ok(View::new(pose.camera(walk.vfov_deg(), size.aspect(), near, FrameNumber(frame))?, size))
+fn views(path: &PosePath, size: Viewport) -> Outcome<Vec<View>> {
+    let near = path.near().ok_or("the path names no near distance")?;
+    let camera = |(pose, frame): (&Pose, u32)| {
+        Ok(View::new(pose.camera(path.vfov_deg(), size.aspect(), near, FrameNumber(frame))?, size))
     };
-    walk.frames().iter().zip(0..).map(camera).collect()
+    path.frames().iter().zip(0..).map(camera).collect()
 }
 
 /// Everything from the program's start to the first picture, each step timed.

@@ -1,4 +1,4 @@
-//! Random numbers that are the same on every platform and in every release: those of walks and of generated
+//! Random numbers that are the same on every platform and in every release: those of camera paths and of generated
 //! models.
 
 use glam::{DQuat, DVec3};

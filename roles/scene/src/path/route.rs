@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use super::{
     flood::{Body, Flood},
-    frame::WalkFrame,
     gaze::wrapped,
+    pose::Pose,
     space::Space,
 };
 use crate::random::Random;
@@ -74,7 +74,7 @@ pub(super) fn walk(
     pace: Pace,
     random: &mut Random,
     look: impl Fn(DVec3, f64, f64) -> f64,
-) -> Vec<WalkFrame> {
+) -> Vec<Pose> {
     /// Looks are chosen every so many frames.
     const GLANCE: usize = 10;
     let lengths: Vec<f64> = line
@@ -117,7 +117,7 @@ pub(super) fn walk(
             let off = wrapped(aim - gaze).abs();
             distance += pace.step * (2.4 - off).clamp(0.0, 1.0);
             let (sine, cosine) = libm::sincos(gaze);
-            WalkFrame::new(eye, DVec3::new(sine, -0.08, cosine).normalize(), DVec3::Y).ok()
+            Pose::new(eye, DVec3::new(sine, -0.08, cosine).normalize(), DVec3::Y).ok()
         })
         .collect()
 }

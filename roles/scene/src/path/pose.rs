@@ -1,4 +1,4 @@
-//! One frame of a walk: where the camera stands and where it looks.
+//! One pose of a camera path: where the camera stands and where it looks.
 
 use glam::{DMat3, DQuat, DVec3};
 use thiserror::Error;
@@ -8,7 +8,7 @@ use trimaran_proto::{Camera, CameraError, FrameNumber};
 /// and up is not parallel to forward. Forward and up need not be unit vectors, nor perpendicular; they are
 /// kept as given, so that a file written again is the file that was read.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct WalkFrame {
+pub struct Pose {
     eye: DVec3,
     forward: DVec3,
     up: DVec3,
@@ -17,7 +17,7 @@ pub struct WalkFrame {
 /// Why a pose was refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[non_exhaustive]
-pub enum FrameError {
+pub enum PoseError {
     /// A vector is absent from the file.
     #[error("`{0}` is missing; give three numbers")]
     Missing(&'static str),
@@ -32,7 +32,7 @@ pub enum FrameError {
     ParallelUp,
 }
 
-impl WalkFrame {
+impl Pose {
     /// Below this sine of the angle between forward and up there is no telling where right is.
     const LEAST_SINE: f64 = 1e-6;
 
@@ -40,16 +40,16 @@ impl WalkFrame {
     ///
     /// # Errors
     /// Names the vector that cannot be used.
-    pub fn new(eye: DVec3, forward: DVec3, up: DVec3) -> Result<Self, FrameError> {
+    pub fn new(eye: DVec3, forward: DVec3, up: DVec3) -> Result<Self, PoseError> {
         for (name, vector) in [("eye", eye), ("forward", forward), ("up", up)] {
             if !vector.is_finite() {
-                return Err(FrameError::NotFinite(name));
+                return Err(PoseError::NotFinite(name));
             }
         }
-        let forward_unit = forward.try_normalize().ok_or(FrameError::NoDirection("forward"))?;
-        let up_unit = up.try_normalize().ok_or(FrameError::NoDirection("up"))?;
+        let forward_unit = forward.try_normalize().ok_or(PoseError::NoDirection("forward"))?;
+        let up_unit = up.try_normalize().ok_or(PoseError::NoDirection("up"))?;
         if forward_unit.cross(up_unit).length() < Self::LEAST_SINE {
-            return Err(FrameError::ParallelUp);
+            return Err(PoseError::ParallelUp);
         }
         Ok(Self { eye, forward, up })
     }
@@ -105,13 +105,13 @@ mod tests {
 
     #[test]
     fn looking_down_minus_z_is_the_identity() {
-        let frame = WalkFrame::new(DVec3::ZERO, DVec3::NEG_Z * 7.0, DVec3::Y * 0.1).unwrap();
+        let frame = Pose::new(DVec3::ZERO, DVec3::NEG_Z * 7.0, DVec3::Y * 0.1).unwrap();
         assert!(frame.orientation().angle_between(DQuat::IDENTITY) < 1e-12);
     }
 
     #[test]
     fn camera_takes_over_every_value() {
-        let frame = WalkFrame::new(DVec3::new(1e7, 2.0, -3.0), DVec3::X, DVec3::Y).unwrap();
+        let frame = Pose::new(DVec3::new(1e7, 2.0, -3.0), DVec3::X, DVec3::Y).unwrap();
         let camera = frame.camera(60.0, 1.5, 0.25, FrameNumber(9)).unwrap();
         assert_eq!(camera.eye(), [1e7, 2.0, -3.0]);
         assert!((camera.tan_half_fov_y() - 0.577_350_26).abs() < 1e-6);
@@ -122,7 +122,7 @@ mod tests {
 
     #[test]
     fn a_field_of_view_of_180_degrees_is_no_camera() {
-        let frame = WalkFrame::new(DVec3::ZERO, DVec3::X, DVec3::Y).unwrap();
+        let frame = Pose::new(DVec3::ZERO, DVec3::X, DVec3::Y).unwrap();
         assert_eq!(frame.camera(180.0, 1.0, 0.1, FrameNumber(0)), Err(CameraError::FieldOfView));
         assert_eq!(frame.camera(60.0, 1.0, 0.0, FrameNumber(0)), Err(CameraError::Near));
     }
@@ -130,13 +130,13 @@ mod tests {
     #[test]
     fn degenerate_poses_name_the_vector() {
         let nan = DVec3::new(0.0, f64::NAN, 0.0);
-        let refused = |eye, forward, up| WalkFrame::new(eye, forward, up).unwrap_err();
-        assert_eq!(refused(nan, DVec3::X, DVec3::Y), FrameError::NotFinite("eye"));
-        assert_eq!(refused(DVec3::ZERO, DVec3::INFINITY, DVec3::Y), FrameError::NotFinite("forward"));
-        assert_eq!(refused(DVec3::ZERO, DVec3::X, nan), FrameError::NotFinite("up"));
-        assert_eq!(refused(DVec3::ZERO, DVec3::ZERO, DVec3::Y), FrameError::NoDirection("forward"));
-        assert_eq!(refused(DVec3::ZERO, DVec3::X, DVec3::ZERO), FrameError::NoDirection("up"));
-        assert_eq!(refused(DVec3::ZERO, DVec3::X, DVec3::X * -4.0), FrameError::ParallelUp);
+        let refused = |eye, forward, up| Pose::new(eye, forward, up).unwrap_err();
+        assert_eq!(refused(nan, DVec3::X, DVec3::Y), PoseError::NotFinite("eye"));
+        assert_eq!(refused(DVec3::ZERO, DVec3::INFINITY, DVec3::Y), PoseError::NotFinite("forward"));
+        assert_eq!(refused(DVec3::ZERO, DVec3::X, nan), PoseError::NotFinite("up"));
+        assert_eq!(refused(DVec3::ZERO, DVec3::ZERO, DVec3::Y), PoseError::NoDirection("forward"));
+        assert_eq!(refused(DVec3::ZERO, DVec3::X, DVec3::ZERO), PoseError::NoDirection("up"));
+        assert_eq!(refused(DVec3::ZERO, DVec3::X, DVec3::X * -4.0), PoseError::ParallelUp);
     }
 
     proptest! {
@@ -146,7 +146,7 @@ mod tests {
         ) {
             let (forward, up) = (DVec3::from_array(forward), DVec3::from_array(up));
             prop_assume!(forward.cross(up).length() > 1e-3);
-            let turn = WalkFrame::new(DVec3::ZERO, forward, up).unwrap().orientation();
+            let turn = Pose::new(DVec3::ZERO, forward, up).unwrap().orientation();
             prop_assert!((turn * DVec3::NEG_Z).distance(forward.normalize()) < 1e-9);
             prop_assert!((turn * DVec3::X).distance(forward.cross(up).normalize()) < 1e-9);
             prop_assert!((turn * DVec3::Y).dot(up) > 0.0);

@@ -1,25 +1,25 @@
-//! Walks as JSON files.
+//! Camera paths as JSON files.
 
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use thiserror::Error;
 
-use super::{FrameError, WalkFrame};
+use super::{Pose, PoseError};
 
 /// A camera path: at least one frame, and a field of view that a camera can have.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Walk {
+pub struct PosePath {
     vfov_deg: f64,
     near: Option<f32>,
     size: Option<(u32, u32)>,
-    frames: Vec<WalkFrame>,
+    frames: Vec<Pose>,
 }
 
 /// Why a path file, or a path, was refused.
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum WalkError {
+pub enum PathError {
     /// The text is not JSON, or a value in it has the wrong type; the cause names line and column.
     #[error("the path is not the JSON of a walk")]
     Json(#[from] serde_json::Error),
@@ -41,39 +41,39 @@ pub enum WalkError {
         /// Its index in `frames`, from 0.
         frame: usize,
         /// What is wrong with it.
-        source: FrameError,
+        source: PoseError,
     },
 }
 
 /// What the file holds; keys that are not listed here are ignored.
 #[derive(Deserialize)]
-struct RawWalk {
+struct RawPath {
     width: Option<u32>,
     height: Option<u32>,
     vfov_deg: f64,
     near: Option<f64>,
-    frames: Vec<RawFrame>,
+    frames: Vec<RawPose>,
 }
 
 #[derive(Deserialize)]
-struct RawFrame {
+struct RawPose {
     eye: Option<[f64; 3]>,
     forward: Option<[f64; 3]>,
     up: Option<[f64; 3]>,
 }
 
-impl Walk {
+impl PosePath {
     /// A path with a vertical field of view of `vfov_deg` degrees.
     ///
     /// # Errors
     /// If there are no frames, or the field of view is not one of a perspective camera.
-    pub fn new(vfov_deg: f64, frames: Vec<WalkFrame>) -> Result<Self, WalkError> {
+    pub fn new(vfov_deg: f64, frames: Vec<Pose>) -> Result<Self, PathError> {
         // The range of a camera's field of view: its half-angle's tangent lies in 1e-5 ..= 1e5.
         if !(0.001_15..=179.998_85).contains(&vfov_deg) {
-            return Err(WalkError::FieldOfView(vfov_deg));
+            return Err(PathError::FieldOfView(vfov_deg));
         }
         if frames.is_empty() {
-            return Err(WalkError::NoFrames);
+            return Err(PathError::NoFrames);
         }
         Ok(Self { vfov_deg, near: None, size: None, frames })
     }
@@ -82,10 +82,10 @@ impl Walk {
     ///
     /// # Errors
     /// If `near` is not a positive finite number.
-    pub fn with_near(self, near: f64) -> Result<Self, WalkError> {
+    pub fn with_near(self, near: f64) -> Result<Self, PathError> {
         let near_f32 = near as f32;
         if !(near_f32.is_finite() && near_f32 > 1e-30) {
-            return Err(WalkError::Near(near));
+            return Err(PathError::Near(near));
         }
         Ok(Self { near: Some(near_f32), ..self })
     }
@@ -94,9 +94,9 @@ impl Walk {
     ///
     /// # Errors
     /// If either is 0.
-    pub fn with_size(self, width: u32, height: u32) -> Result<Self, WalkError> {
+    pub fn with_size(self, width: u32, height: u32) -> Result<Self, PathError> {
         if width == 0 || height == 0 {
-            return Err(WalkError::Size(width, height));
+            return Err(PathError::Size(width, height));
         }
         Ok(Self { size: Some((width, height)), ..self })
     }
@@ -107,22 +107,22 @@ impl Walk {
     ///
     /// # Errors
     /// Says what is wrong and names the frame and the vector.
-    pub fn from_json(text: &str) -> Result<Self, WalkError> {
-        let raw: RawWalk = serde_json::from_str(text)?;
+    pub fn from_json(text: &str) -> Result<Self, PathError> {
+        let raw: RawPath = serde_json::from_str(text)?;
         let frames = raw
             .frames
             .iter()
             .enumerate()
-            .map(|(frame, raw)| WalkFrame::try_from(raw).map_err(|source| WalkError::Frame { frame, source }))
+            .map(|(frame, raw)| Pose::try_from(raw).map_err(|source| PathError::Frame { frame, source }))
             .collect::<Result<_, _>>()?;
-        let mut walk = Self::new(raw.vfov_deg, frames)?;
+        let mut path = Self::new(raw.vfov_deg, frames)?;
         if let Some(near) = raw.near {
-            walk = walk.with_near(near)?;
+            path = path.with_near(near)?;
         }
         if let (Some(width), Some(height)) = (raw.width, raw.height) {
-            walk = walk.with_size(width, height)?;
+            path = path.with_size(width, height)?;
         }
-        Ok(walk)
+        Ok(path)
     }
 
     /// Writes the path as [`Self::from_json`] reads it. Every number survives bit for bit.
@@ -139,16 +139,16 @@ impl Walk {
                 })
             })
             .collect();
-        let mut walk = json!({ "vfov_deg": self.vfov_deg, "frames": frames });
+        let mut path = json!({ "vfov_deg": self.vfov_deg, "frames": frames });
         if let Some(near) = self.near {
-            walk["near"] = json!(near);
+            path["near"] = json!(near);
         }
         if let Some((width, height)) = self.size {
-            walk["width"] = json!(width);
-            walk["height"] = json!(height);
+            path["width"] = json!(width);
+            path["height"] = json!(height);
         }
         // One frame a line: a path is read and compared by people too.
-        walk.to_string().replace("},{", "},\n{")
+        path.to_string().replace("},{", "},\n{")
     }
 
     /// The vertical field of view in degrees.
@@ -171,17 +171,17 @@ impl Walk {
 
     /// The frames; at least one.
     #[must_use]
-    pub fn frames(&self) -> &[WalkFrame] {
+    pub fn frames(&self) -> &[Pose] {
         &self.frames
     }
 }
 
-impl TryFrom<&RawFrame> for WalkFrame {
-    type Error = FrameError;
+impl TryFrom<&RawPose> for Pose {
+    type Error = PoseError;
 
-    fn try_from(raw: &RawFrame) -> Result<Self, FrameError> {
+    fn try_from(raw: &RawPose) -> Result<Self, PoseError> {
         let vector =
-            |value: Option<[f64; 3]>, name| value.map(DVec3::from_array).ok_or(FrameError::Missing(name));
+            |value: Option<[f64; 3]>, name| value.map(DVec3::from_array).ok_or(PoseError::Missing(name));
         Self::new(vector(raw.eye, "eye")?, vector(raw.forward, "forward")?, vector(raw.up, "up")?)
     }
 }
@@ -198,44 +198,44 @@ mod tests {
 
     #[test]
     fn unknown_keys_are_ignored() {
-        let walk = Walk::from_json(ONE).unwrap();
-        assert_eq!((walk.vfov_deg(), walk.near(), walk.size()), (60.0, None, None));
-        assert_eq!(walk.frames()[0].eye(), DVec3::new(1.0, 2.0, 3.0));
+        let path = PosePath::from_json(ONE).unwrap();
+        assert_eq!((path.vfov_deg(), path.near(), path.size()), (60.0, None, None));
+        assert_eq!(path.frames()[0].eye(), DVec3::new(1.0, 2.0, 3.0));
     }
 
     #[test]
     fn a_bad_frame_is_named_with_its_field() {
-        let bad = |from: &str, to: &str| match Walk::from_json(&ONE.replace(from, to)).unwrap_err() {
-            WalkError::Frame { frame: 0, source } => source,
+        let bad = |from: &str, to: &str| match PosePath::from_json(&ONE.replace(from, to)).unwrap_err() {
+            PathError::Frame { frame: 0, source } => source,
             other => panic!("{other}"),
         };
-        assert_eq!(bad("[0,0,-1]", "[0,0,0]"), FrameError::NoDirection("forward"));
-        assert_eq!(bad("[0,1,0]", "[0,0,2]"), FrameError::ParallelUp);
-        assert_eq!(bad("\"up\"", "\"top\""), FrameError::Missing("up"));
-        assert_eq!(bad("[1,2,3]", "null"), FrameError::Missing("eye"));
+        assert_eq!(bad("[0,0,-1]", "[0,0,0]"), PoseError::NoDirection("forward"));
+        assert_eq!(bad("[0,1,0]", "[0,0,2]"), PoseError::ParallelUp);
+        assert_eq!(bad("\"up\"", "\"top\""), PoseError::Missing("up"));
+        assert_eq!(bad("[1,2,3]", "null"), PoseError::Missing("eye"));
     }
 
     #[test]
     fn bad_headers_are_named() {
-        let bad = |from: &str, to: &str| Walk::from_json(&ONE.replace(from, to)).unwrap_err();
-        assert!(matches!(bad("60", "180"), WalkError::FieldOfView(v) if v == 180.0));
-        assert!(matches!(bad("\"far\":9", "\"near\":0"), WalkError::Near(v) if v == 0.0));
-        assert!(matches!(bad("\"far\":9", "\"width\":0,\"height\":5"), WalkError::Size(0, 5)));
-        assert!(matches!(bad("[1,2,3]", "[1,2]"), WalkError::Json(_)));
-        assert!(matches!(bad("[1,2,3]", "[1,2,1e999]"), WalkError::Json(_)));
-        assert!(matches!(Walk::from_json(r#"{"vfov_deg":60,"frames":[]}"#), Err(WalkError::NoFrames)));
-        assert!(matches!(Walk::from_json(""), Err(WalkError::Json(_))));
+        let bad = |from: &str, to: &str| PosePath::from_json(&ONE.replace(from, to)).unwrap_err();
+        assert!(matches!(bad("60", "180"), PathError::FieldOfView(v) if v == 180.0));
+        assert!(matches!(bad("\"far\":9", "\"near\":0"), PathError::Near(v) if v == 0.0));
+        assert!(matches!(bad("\"far\":9", "\"width\":0,\"height\":5"), PathError::Size(0, 5)));
+        assert!(matches!(bad("[1,2,3]", "[1,2]"), PathError::Json(_)));
+        assert!(matches!(bad("[1,2,3]", "[1,2,1e999]"), PathError::Json(_)));
+        assert!(matches!(PosePath::from_json(r#"{"vfov_deg":60,"frames":[]}"#), Err(PathError::NoFrames)));
+        assert!(matches!(PosePath::from_json(""), Err(PathError::Json(_))));
     }
 
     #[test]
-    fn real_walks_are_read_and_survive_a_round_trip() {
+    fn real_paths_are_read_and_survive_a_round_trip() {
         let Some(folder) = data() else { return };
         for (name, near) in [("huldra_x14_13Mtri", 0.199_282), ("ldraw_town_hall_1.3Mtri", 0.000_581_281)] {
             let path = folder.join("truth").join(format!("{name}.walk.json"));
-            let walk = Walk::from_json(&fs::read_to_string(path).unwrap()).unwrap();
-            assert_eq!((walk.frames().len(), walk.vfov_deg()), (60, 60.0));
-            assert_eq!((walk.size(), walk.near()), (Some((1024, 1024)), Some(near)));
-            assert_eq!(Walk::from_json(&walk.to_json()).unwrap(), walk);
+            let path = PosePath::from_json(&fs::read_to_string(path).unwrap()).unwrap();
+            assert_eq!((path.frames().len(), path.vfov_deg()), (60, 60.0));
+            assert_eq!((path.size(), path.near()), (Some((1024, 1024)), Some(near)));
+            assert_eq!(PosePath::from_json(&path.to_json()).unwrap(), path);
         }
     }
 
@@ -263,12 +263,12 @@ mod tests {
             vfov in 0.01f64..179.0, near in prop::option::of(1e-6f64..10.0), size in prop::option::of((1u32.., 1u32..))
         ) {
             let frames: Result<Vec<_>, _> =
-                eyes.iter().map(|&(eye, forward)| WalkFrame::new(eye, forward, DVec3::Y)).collect();
+                eyes.iter().map(|&(eye, forward)| Pose::new(eye, forward, DVec3::Y)).collect();
             prop_assume!(frames.is_ok());
-            let mut walk = Walk::new(vfov, frames.unwrap()).unwrap();
-            if let Some(near) = near { walk = walk.with_near(near).unwrap(); }
-            if let Some((w, h)) = size { walk = walk.with_size(w, h).unwrap(); }
-            prop_assert_eq!(Walk::from_json(&walk.to_json()).unwrap(), walk);
+            let mut path = PosePath::new(vfov, frames.unwrap()).unwrap();
+            if let Some(near) = near { path = path.with_near(near).unwrap(); }
+            if let Some((w, h)) = size { path = path.with_size(w, h).unwrap(); }
+            prop_assert_eq!(PosePath::from_json(&path.to_json()).unwrap(), path);
         }
     }
 }

@@ -151,7 +151,7 @@ impl Flood {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::walk::testing::{boxes, uncooked};
+    use crate::path::testing::{boxes, uncooked};
     use trimaran_cook::generate::{PlantOptions, plant};
 
     const WALKER: Body = Body { eye_height: 1.7, clearance: 0.25, footing: Footing::Floor };

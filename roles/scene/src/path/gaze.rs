@@ -77,7 +77,7 @@ pub(super) fn wrapped(angle: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::walk::testing::{boxes, uncooked};
+    use crate::path::testing::{boxes, uncooked};
 
     /// A wall half a metre to the right (-x, looking along +z) of the origin; four posts far to the left.
     fn wall_and_posts() -> crate::Scene {

@@ -187,7 +187,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::walk::testing::{boxes, uncooked};
+    use crate::path::testing::{boxes, uncooked};
 
     #[test]
     fn a_ray_finds_the_nearest_of_two_boxes() {

@@ -1,4 +1,4 @@
-//! Seeded walks through a scene.
+//! Seeded camera paths through a scene: walks at eye height.
 //!
 //! Places to start are drawn near objects, each object as likely as another, so that walks begin where the
 //! detail is; of them the one with the best view in the densest crowd is taken. From there the walker's reach
@@ -10,24 +10,24 @@ use glam::DVec3;
 use thiserror::Error;
 
 use super::{
-    file::{Walk, WalkError},
+    file::{PathError, PosePath},
     flood::{Body, Flood, Footing},
-    frame::WalkFrame,
     gaze::Panorama,
+    pose::Pose,
     route::{Pace, line, walk},
     space::Space,
 };
 use crate::{Node, Scene, random::Random};
 
-/// What walk to make.
+/// What path to make.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct AutoWalkOptions {
-    /// Equal seeds make equal walks through equal scenes.
+pub struct AutoPathOptions {
+    /// Equal seeds make equal paths through equal scenes.
     pub seed: u64,
     /// The number of frames; at least 1.
     pub frames: u32,
     /// Height of the eye above the floor, metres. By default 1.7 m, or less in a scene too small for people:
-    /// see [`AutoWalk::eye_height`].
+    /// see [`AutoPath::eye_height`].
     pub eye_height: Option<f64>,
     /// Vertical field of view, degrees.
     pub vfov_deg: f64,
@@ -35,7 +35,7 @@ pub struct AutoWalkOptions {
     pub teleport: bool,
 }
 
-impl Default for AutoWalkOptions {
+impl Default for AutoPathOptions {
     fn default() -> Self {
         Self { seed: 1, frames: 200, eye_height: None, vfov_deg: 60.0, teleport: true }
     }
@@ -43,7 +43,7 @@ impl Default for AutoWalkOptions {
 
 /// How the camera moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum WalkKind {
+pub enum PathKind {
     /// On floors, at eye height.
     Floors,
     /// Through the air between the objects, level: no floor was found to walk on.
@@ -52,14 +52,14 @@ pub enum WalkKind {
     Orbit,
 }
 
-/// A walk and how it was made.
+/// A camera path and how it was made.
 #[derive(Debug, Clone, PartialEq)]
-pub struct AutoWalk {
-    /// The walk, with a near plane at half the clearance: whatever the walker keeps clear of is not cut
+pub struct AutoPath {
+    /// The path, with a near plane at half the clearance: whatever the walker keeps clear of is not cut
     /// open, up to a field of view of 100 degrees either way.
-    pub walk: Walk,
+    pub path: PosePath,
     /// How the camera moves.
-    pub kind: WalkKind,
+    pub kind: PathKind,
     /// Height of the eye above floors, metres. 1.7 m in a scene of 25 m diagonal or more. A smaller one is a
     /// part or a toy: a fifteenth of its diagonal, or four times the diagonal of its median object,
     /// whichever is less.
@@ -70,16 +70,16 @@ pub struct AutoWalk {
     pub step: f64,
 }
 
-/// Why no walk was made.
+/// Why no path was made.
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum AutoWalkError {
+pub enum AutoPathError {
     /// An eye height that is not a length.
     #[error("the eye height is {0}; it must be a positive finite number of metres")]
     EyeHeight(f64),
     /// No frames, or a field of view that no camera has.
     #[error("no walk can be made with these options")]
-    Options(#[from] WalkError),
+    Options(#[from] PathError),
 }
 
 /// The eye height of people, metres.
@@ -95,25 +95,25 @@ const FEWEST_CELLS: usize = 24;
 /// Starts to explore before giving up.
 const STARTS: usize = 12;
 
-/// Makes a walk through a scene. Never fails for the scene's sake: see [`WalkKind`].
+/// Makes a camera path through a scene. Never fails for the scene's sake: see [`PathKind`].
 ///
 /// # Errors
-/// If the options make no walk.
-pub fn auto(scene: &Scene, options: &AutoWalkOptions) -> Result<AutoWalk, AutoWalkError> {
+/// If the options make no path.
+pub fn auto(scene: &Scene, options: &AutoPathOptions) -> Result<AutoPath, AutoPathError> {
     if let Some(height) = options.eye_height.filter(|h| !(h.is_finite() && *h > 0.0)) {
-        return Err(AutoWalkError::EyeHeight(height));
+        return Err(AutoPathError::EyeHeight(height));
     }
     let leaves: Vec<&Node> = scene.nodes().iter().filter(|node| node.is_leaf()).collect();
     let eye_height = options.eye_height.unwrap_or_else(|| natural_eye_height(scene, &leaves));
     let frames = options.frames as usize;
     let pace = Pace { step: 1.4 / 30.0 * eye_height / HUMAN, turn: 0.07 };
     let space = Space::new(scene);
-    for (footing, kind) in [(Footing::Floor, WalkKind::Floors), (Footing::Air, WalkKind::Hovering)] {
+    for (footing, kind) in [(Footing::Floor, PathKind::Floors), (Footing::Air, PathKind::Hovering)] {
         let body = Body { eye_height, clearance: 0.15 * eye_height, footing };
         let poses = Explorer { space: &space, leaves: &leaves, body, options }.poses(frames, pace);
         if let Some(poses) = poses {
-            let walk = Walk::new(options.vfov_deg, poses)?.with_near(body.clearance / 2.0)?;
-            return Ok(AutoWalk { walk, kind, eye_height, clearance: body.clearance, step: pace.step });
+            let path = PosePath::new(options.vfov_deg, poses)?.with_near(body.clearance / 2.0)?;
+            return Ok(AutoPath { path, kind, eye_height, clearance: body.clearance, step: pace.step });
         }
     }
     orbit(scene, options, eye_height)
@@ -141,12 +141,12 @@ struct Explorer<'a> {
     space: &'a Space<'a>,
     leaves: &'a [&'a Node],
     body: Body,
-    options: &'a AutoWalkOptions,
+    options: &'a AutoPathOptions,
 }
 
 impl Explorer<'_> {
-    /// The poses of a walk; `None` if there is no ground for one.
-    fn poses(&self, frames: usize, pace: Pace) -> Option<Vec<WalkFrame>> {
+    /// The poses of a path; `None` if there is no ground for one.
+    fn poses(&self, frames: usize, pace: Pace) -> Option<Vec<Pose>> {
         let mut random = Random::stream(self.options.seed, 11, self.body.footing as u64);
         let starts = self.starts(&mut random);
         let mut starts = starts.into_iter().take(STARTS);
@@ -225,7 +225,7 @@ impl Explorer<'_> {
 }
 
 /// Circles the scene once, looking at its middle; the teleport is a jump to the other side halfway.
-fn orbit(scene: &Scene, options: &AutoWalkOptions, eye_height: f64) -> Result<AutoWalk, AutoWalkError> {
+fn orbit(scene: &Scene, options: &AutoPathOptions, eye_height: f64) -> Result<AutoPath, AutoPathError> {
     let (min, max) = scene.nodes().first().map_or((DVec3::ZERO, DVec3::ZERO), Node::world_box);
     let centre = (min + max) / 2.0;
     let radius = (min.distance(max) / 2.0).max(eye_height * 0.1);
@@ -238,24 +238,24 @@ fn orbit(scene: &Scene, options: &AutoWalkOptions, eye_height: f64) -> Result<Au
             let opposite = if jump { std::f64::consts::PI } else { 0.0 };
             let (sine, cosine) = libm::sincos(start + opposite + turn * f64::from(frame));
             let outward = DVec3::new(cosine, 0.35, sine).normalize();
-            WalkFrame::new(centre + outward * (2.5 * radius), -outward, DVec3::Y).ok()
+            Pose::new(centre + outward * (2.5 * radius), -outward, DVec3::Y).ok()
         })
         .collect();
     let clearance = 1.5 * radius;
-    let walk = Walk::new(options.vfov_deg, poses)?.with_near(clearance / 2.0)?;
-    Ok(AutoWalk { walk, kind: WalkKind::Orbit, eye_height, clearance, step: 2.5 * radius * turn })
+    let path = PosePath::new(options.vfov_deg, poses)?.with_near(clearance / 2.0)?;
+    Ok(AutoPath { path, kind: PathKind::Orbit, eye_height, clearance, step: 2.5 * radius * turn })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::walk::testing::{boxes, uncooked};
+    use crate::path::testing::{boxes, uncooked};
     use trimaran_cook::Model;
     use trimaran_cook::generate::{PlantOptions, plant};
 
-    /// Asserts what every walk promises: its frames, their clearance all along the way, one teleport.
-    fn check(scene: &Scene, made: &AutoWalk, options: &AutoWalkOptions) {
-        let frames = made.walk.frames();
+    /// Asserts what every path promises: its frames, their clearance all along the way, one teleport.
+    fn check(scene: &Scene, made: &AutoPath, options: &AutoPathOptions) {
+        let frames = made.path.frames();
         assert_eq!(frames.len(), options.frames as usize);
         let space = Space::new(scene);
         let mut jumps = 0;
@@ -269,7 +269,7 @@ mod tests {
             assert!(clearance >= made.clearance * 0.999, "{clearance} between {from} and {to}");
         }
         assert_eq!(jumps, usize::from(options.teleport));
-        assert_eq!(made.walk.near(), Some((made.clearance / 2.0) as f32));
+        assert_eq!(made.path.near(), Some((made.clearance / 2.0) as f32));
     }
 
     fn small_plant() -> Scene {
@@ -280,11 +280,11 @@ mod tests {
     fn a_plant_is_walked_on_its_floors() {
         let scene = small_plant();
         for seed in 0..4 {
-            let options = AutoWalkOptions { seed, frames: 300, ..AutoWalkOptions::default() };
+            let options = AutoPathOptions { seed, frames: 300, ..AutoPathOptions::default() };
             let made = auto(&scene, &options).unwrap();
-            assert_eq!((made.kind, made.eye_height), (WalkKind::Floors, 1.7));
+            assert_eq!((made.kind, made.eye_height), (PathKind::Floors, 1.7));
             check(&scene, &made, &options);
-            let frames = made.walk.frames();
+            let frames = made.path.frames();
             let walked: f64 = frames.windows(2).map(|p| p[0].eye().distance(p[1].eye()).min(made.step)).sum();
             assert!(walked > 6.0, "seed {seed} walks {walked} m");
             let turned: f64 = frames.windows(2).map(|p| p[0].forward().angle_between(p[1].forward())).sum();
@@ -293,12 +293,12 @@ mod tests {
     }
 
     #[test]
-    fn a_seed_is_a_walk() {
+    fn a_seed_is_a_path() {
         let scene = small_plant();
-        let options = AutoWalkOptions { frames: 60, ..AutoWalkOptions::default() };
+        let options = AutoPathOptions { frames: 60, ..AutoPathOptions::default() };
         let first = auto(&scene, &options).unwrap();
         assert_eq!(first, auto(&scene, &options).unwrap());
-        assert_ne!(first, auto(&scene, &AutoWalkOptions { seed: 2, ..options }).unwrap());
+        assert_ne!(first, auto(&scene, &AutoPathOptions { seed: 2, ..options }).unwrap());
     }
 
     #[test]
@@ -307,10 +307,10 @@ mod tests {
         let shrink = glam::DAffine3::from_scale(DVec3::splat(0.02));
         model.objects.iter_mut().for_each(|object| object.to_world = shrink * object.to_world);
         let scene = uncooked(&model);
-        let options = AutoWalkOptions { frames: 80, ..AutoWalkOptions::default() };
+        let options = AutoPathOptions { frames: 80, ..AutoPathOptions::default() };
         let made = auto(&scene, &options).unwrap();
         assert!((0.005..0.08).contains(&made.eye_height), "{}", made.eye_height);
-        assert_eq!(made.kind, WalkKind::Floors);
+        assert_eq!(made.kind, PathKind::Floors);
         check(&scene, &made, &options);
     }
 
@@ -321,9 +321,9 @@ mod tests {
             .map(|at| (at, [at[0] + 3.0, at[1] + 0.05, at[2] + 0.05]))
             .collect();
         let scene = uncooked(&boxes(&bars));
-        let options = AutoWalkOptions { frames: 100, ..AutoWalkOptions::default() };
+        let options = AutoPathOptions { frames: 100, ..AutoPathOptions::default() };
         let made = auto(&scene, &options).unwrap();
-        assert_eq!(made.kind, WalkKind::Hovering);
+        assert_eq!(made.kind, PathKind::Hovering);
         check(&scene, &made, &options);
     }
 
@@ -333,10 +333,10 @@ mod tests {
         model.meshes[0].indices.truncate(3);
         let scene = uncooked(&model);
         for frames in [1, 2, 7] {
-            let options = AutoWalkOptions { frames, teleport: frames > 1, ..AutoWalkOptions::default() };
+            let options = AutoPathOptions { frames, teleport: frames > 1, ..AutoPathOptions::default() };
             let made = auto(&scene, &options).unwrap();
-            assert_eq!(made.kind, WalkKind::Orbit);
-            assert_eq!(made.walk.frames().len(), frames as usize);
+            assert_eq!(made.kind, PathKind::Orbit);
+            assert_eq!(made.path.frames().len(), frames as usize);
         }
     }
 
@@ -346,11 +346,11 @@ mod tests {
         let sheets: Vec<_> =
             (0..40).map(|i| f64::from(i) * 0.2).map(|y| ([0.0, y, 0.0], [120.0, y + 0.1, 120.0])).collect();
         let scene = uncooked(&boxes(&sheets));
-        let options = AutoWalkOptions { frames: 40, ..AutoWalkOptions::default() };
+        let options = AutoPathOptions { frames: 40, ..AutoPathOptions::default() };
         let made = auto(&scene, &options).unwrap();
-        assert_eq!(made.kind, WalkKind::Floors);
+        assert_eq!(made.kind, PathKind::Floors);
         check(&scene, &made, &options);
-        for frame in made.walk.frames() {
+        for frame in made.path.frames() {
             assert!((frame.eye().y - 9.6).abs() < 1e-6, "{}", frame.eye());
         }
     }
@@ -358,12 +358,12 @@ mod tests {
     #[test]
     fn an_orbit_keeps_away_and_jumps_once() {
         let scene = uncooked(&boxes(&[([1e7, 0.0, 0.0], [1e7 + 1.0, 1.0, 1.0])]));
-        let options = AutoWalkOptions { frames: 21, ..AutoWalkOptions::default() };
+        let options = AutoPathOptions { frames: 21, ..AutoPathOptions::default() };
         let made = orbit(&scene, &options, 1.0).unwrap();
-        assert_eq!(made.kind, WalkKind::Orbit);
+        assert_eq!(made.kind, PathKind::Orbit);
         check(&scene, &made, &options);
         let centre = DVec3::new(1e7 + 0.5, 0.5, 0.5);
-        for frame in made.walk.frames() {
+        for frame in made.path.frames() {
             assert!((centre - frame.eye()).normalize().dot(frame.forward()) > 0.999_999);
         }
     }
@@ -371,15 +371,15 @@ mod tests {
     #[test]
     fn bad_options_are_refused() {
         let scene = uncooked(&boxes(&[([0.0; 3], [1.0; 3])]));
-        let with = |options: AutoWalkOptions| auto(&scene, &options).unwrap_err();
-        let usual = AutoWalkOptions::default();
+        let with = |options: AutoPathOptions| auto(&scene, &options).unwrap_err();
+        let usual = AutoPathOptions::default();
         for height in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            let refused = with(AutoWalkOptions { eye_height: Some(height), ..usual });
-            assert!(matches!(refused, AutoWalkError::EyeHeight(_)));
+            let refused = with(AutoPathOptions { eye_height: Some(height), ..usual });
+            assert!(matches!(refused, AutoPathError::EyeHeight(_)));
         }
-        let refused = with(AutoWalkOptions { frames: 0, ..usual });
-        assert!(matches!(refused, AutoWalkError::Options(WalkError::NoFrames)), "{refused:?}");
-        let refused = with(AutoWalkOptions { vfov_deg: 180.0, ..usual });
-        assert!(matches!(refused, AutoWalkError::Options(WalkError::FieldOfView(_))), "{refused:?}");
+        let refused = with(AutoPathOptions { frames: 0, ..usual });
+        assert!(matches!(refused, AutoPathError::Options(PathError::NoFrames)), "{refused:?}");
+        let refused = with(AutoPathOptions { vfov_deg: 180.0, ..usual });
+        assert!(matches!(refused, AutoPathError::Options(PathError::FieldOfView(_))), "{refused:?}");
     }
 }
