@@ -101,6 +101,13 @@ impl Model {
         Ok(())
     }
 
+    /// The number of triangles as placed: a mesh counts once for each of its objects.
+    #[must_use]
+    pub fn triangle_count(&self) -> usize {
+        let placed = self.objects.iter().filter_map(|object| self.meshes.get(object.mesh as usize));
+        placed.map(Mesh::triangle_count).sum()
+    }
+
     fn check_object(&self, object: &Object) -> Result<(), &'static str> {
         let determinant = object.to_world.matrix3.determinant();
         if object.mesh as usize >= self.meshes.len() {

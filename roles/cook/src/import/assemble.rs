@@ -93,26 +93,19 @@ pub(super) fn merge<'a>(
     let mut model = Model::default();
     let mut report = ImportReport::default();
     for (path, part) in parts {
-        let mut part = part?;
+        let Part { model: mut part, report: met } = part?;
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        part.model.sources = vec![Source { name }];
-        part.model.check().map_err(|source| ImportError::Model { path: path.to_owned(), source })?;
-        count(&mut part);
-        report.absorb(&part.report);
-        append(&mut model, part.model)?;
+        part.sources = vec![Source { name }];
+        part.check().map_err(|source| ImportError::Model { path: path.to_owned(), source })?;
+        report.absorb(&met);
+        append(&mut model, part)?;
     }
-    Ok(Imported { model, report })
-}
-
-fn count(part: &mut Part) {
-    let triangles = |mesh: &Mesh| mesh.triangle_count() as u64;
-    let Part { model, report } = part;
-    report.files = 1;
+    report.files = model.sources.len() as u64;
     report.objects = model.objects.len() as u64;
     report.meshes = model.meshes.len() as u64;
-    report.unique_triangles = model.meshes.iter().map(triangles).sum();
-    report.triangles =
-        model.objects.iter().filter_map(|object| model.meshes.get(object.mesh as usize)).map(triangles).sum();
+    report.triangles = model.triangle_count() as u64;
+    report.unique_triangles = model.meshes.iter().map(Mesh::triangle_count).sum::<usize>() as u64;
+    Ok(Imported { model, report })
 }
 
 fn append(model: &mut Model, part: Model) -> Result<(), ImportError> {
