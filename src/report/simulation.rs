@@ -3,7 +3,7 @@
 use super::format::figure;
 use super::html;
 use super::text::table;
-use crate::simulate::{FrameBytes, Outcome, Percentiles};
+use crate::simulate::{FrameBytes, Outcome, Percentiles, Spread};
 
 /// What the bytes of a frame are told by, wherever that is: in the printed table, on the page, and in
 /// `runs.csv`.
@@ -82,7 +82,7 @@ pub fn tables(outcomes: &[Outcome]) -> String {
             ["sessions", "frames wrong", "wrong pixels", "±", "worst", "triangles", "±", "p99 ms", "±"];
         out += &of(outcomes, &head, |run| {
             let Some(cost) = run.pixels else { return Vec::new() };
-            let [p99, wrong, needless] = deviations(run).map(|apart| apart.map_or_else(String::new, figure));
+            let [p99, wrong, needless] = deviations(run, figure);
             vec![
                 run.sessions.len().to_string(),
                 cost.frames_wrong.to_string(),
@@ -99,15 +99,19 @@ pub fn tables(outcomes: &[Outcome]) -> String {
     out
 }
 
-/// How far sessions with other seeds are apart in latency at the 99th percentile, wrong pixels a frame and
-/// needless triangles a frame.
-fn deviations(run: &Outcome) -> [Option<f64>; 3] {
+/// What sessions with other seeds have of latency at the 99th percentile, wrong pixels a frame and needless
+/// triangles a frame.
+pub(super) fn spreads(run: &Outcome) -> [Option<Spread>; 3] {
     [
         run.spread(|session| Some(session.latency_ms.p99)),
         run.spread(|session| Some(session.pixels?.wrong_a_frame())),
         run.spread(|session| Some(session.pixels?.needless_a_frame())),
     ]
-    .map(|spread| spread.and_then(|spread| spread.deviation))
+}
+
+/// How far they are apart in that; empty where there is one session.
+fn deviations(run: &Outcome, written: impl Fn(f64) -> String + Copy) -> [String; 3] {
+    spreads(run).map(|spread| spread.and_then(|spread| spread.deviation).map_or_else(String::new, written))
 }
 
 fn of(outcomes: &[Outcome], head: &[&str], row: impl Fn(&Outcome) -> Vec<String>) -> String {
@@ -160,8 +164,7 @@ pub fn runs_csv(outcomes: &[Outcome]) -> String {
                 format!("{},{wrong},{},{needless}", cost.frames_wrong, cost.worst)
             },
         );
-        let apart =
-            deviations(run).map(|apart| apart.map_or_else(String::new, |apart| apart.to_string())).join(",");
+        let apart = deviations(run, |apart| apart.to_string()).join(",");
         csv += &format!("{},{},{figures},{pixels},{apart}\n", key(run), run.frames);
     }
     csv

@@ -9,7 +9,7 @@ use super::chart::{Chart, Mark, Series, Timeline, stacked_bar};
 use super::{card, document, table};
 use crate::report::format::{figure, grouped};
 use crate::report::schema::{Frame, Machine, Role, Span};
-use crate::report::simulation::BYTES;
+use crate::report::simulation::{BYTES, spreads};
 use crate::simulate::{FrameTimes, Outcome, Spread};
 
 /// The colours of runs, in turn.
@@ -208,12 +208,7 @@ fn wrong_pixels(runs: &[Outcome]) -> Markup {
         "sessions",
     ];
     let row = |run: &Outcome| {
-        let spreads = [
-            run.spread(|session| Some(session.latency_ms.p99)),
-            run.spread(|session| Some(session.pixels?.wrong_a_frame())),
-            run.spread(|session| Some(session.pixels?.needless_a_frame())),
-        ];
-        let cells = spreads.map(|spread| spread.map_or_else(String::new, mean_and_deviation));
+        let cells = spreads(run).map(|spread| spread.map_or_else(String::new, mean_and_deviation));
         std::iter::once(name(runs, run)).chain(cells).chain([run.sessions.len().to_string()]).collect()
     };
     let rows: Vec<Vec<String>> = runs.iter().filter(|run| run.pixels.is_some()).map(row).collect();
