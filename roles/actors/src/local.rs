@@ -108,8 +108,6 @@ pub struct LocalSession {
     pub scene: Arc<Scene>,
     /// What the display decides.
     pub settings: Settings,
-    /// Where the display listens, and where the cullers meet.
-    pub endpoints: [Endpoint; 2],
     /// Whether the roles compute one after another.
     pub turns: Turns,
 }
@@ -118,8 +116,7 @@ impl LocalSession {
     /// A session within this process alone, whose roles compute at once.
     #[must_use]
     pub fn new(scene: &Arc<Scene>, settings: Settings) -> Self {
-        let endpoints = [(); 2].map(|()| Endpoint::Inproc(Name::unique()));
-        Self { scene: Arc::clone(scene), settings, endpoints, turns: Turns::at_once() }
+        Self { scene: Arc::clone(scene), settings, turns: Turns::at_once() }
     }
 
     /// Runs it: the cullers, whose devices `device` opens, on threads of their own, the display on this one.
@@ -136,7 +133,9 @@ impl LocalSession {
         runtime: &Handle,
         stop: &Stop,
     ) -> Result<CullerTraffic, SessionError> {
-        let Self { scene, settings, endpoints: [listen, meet], turns } = self;
+        let Self { scene, settings, turns } = self;
+        // Where the display listens, and where the cullers meet.
+        let [listen, meet] = [(); 2].map(|()| Endpoint::Inproc(Name::unique()));
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
         let mut options = Options::default();
         options.link.max_frame = max_frame(&scene);
