@@ -12,7 +12,7 @@ use super::schema::FramePictures;
 pub enum PictureKind {
     /// What RVG showed.
     Shown,
-    /// The same level cut without culling.
+    /// The same LOD cut without culling.
     Unculled,
     /// Full detail without culling.
     Full,

@@ -1,4 +1,4 @@
-//! How wrong a picture is: against its own level cut without culling, and against full detail.
+//! How wrong a picture is: against its own LOD cut without culling, and against full detail.
 
 use std::{collections::BTreeSet, sync::Arc};
 
@@ -59,7 +59,7 @@ pub enum AuditError {
 pub struct AuditPictures {
     /// As shown.
     pub shown: Image,
-    /// The same level cut without culling.
+    /// The same LOD cut without culling.
     pub unculled: Image,
     /// Full detail without culling.
     pub full: Image,
@@ -241,7 +241,7 @@ impl Auditor {
     }
 }
 
-/// What culling cost the picture: against the same level cut without it. Returns what is missing.
+/// What culling cost the picture: against the same LOD cut without it. Returns what is missing.
 fn enter_culling(
     frame: &mut Frame,
     record: &FrameRecord,

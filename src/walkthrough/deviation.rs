@@ -8,7 +8,7 @@
 //!   detail; pixels that only full detail covers, to the nearest surface that was drawn. It says nothing
 //!   where no background shows.
 //! - [`surfaces`]: every covered pixel to the surface of the same thing: from a drawable to the leaves that
-//!   it stands for, and from a leaf to the drawable that stands for it in the level cut.
+//!   it stands for, and from a leaf to the drawable that stands for it in the LOD cut.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -42,7 +42,7 @@ pub(super) fn silhouette(
     )
 }
 
-/// How far surfaces moved: `shown` is the item image of some of the level cut `cut`, `full` that of full
+/// How far surfaces moved: `shown` is the item image of some of the LOD cut `cut`, `full` that of full
 /// detail.
 pub(super) fn surfaces(
     scene: &Scene,
@@ -72,7 +72,7 @@ pub(super) fn surfaces(
     Deviation::of(distances, zeros)
 }
 
-/// Which drawable of a level cut stands for a leaf.
+/// Which drawable of a LOD cut stands for a leaf.
 struct StandIns<'s> {
     scene: &'s Scene,
     drawn: HashMap<NodeId, DrawableId>,

@@ -29,7 +29,7 @@ impl ObjectCounts {
         Self { below }
     }
 
-    /// The number of objects that drawables of one level cut show. In a cut no node is below another.
+    /// The number of objects that drawables of one LOD cut show. In a cut no node is below another.
     pub(super) fn of(&self, scene: &Scene, drawn: impl IntoIterator<Item = DrawableId>) -> u64 {
         let mut objects = HashSet::new();
         let mut merged = 0;

@@ -105,7 +105,7 @@ pub(crate) fn culler(devices: &SceneOnDevices, plan: &Plan) -> VulkanCuller {
     VulkanCuller::new(&devices.drawn[2], plan.viewport, plan.occlusion_test).unwrap()
 }
 
-/// How many drawables the frame's level cut has before culling.
+/// How many drawables the frame's LOD cut has before culling.
 pub(crate) fn uncut_count(devices: &SceneOnDevices, plan: &Plan, record: &FrameRecord) -> usize {
     let view = View::new(record.camera, plan.viewport);
     lod_cut(&devices.scene, &view, plan.lod).len()

@@ -40,17 +40,17 @@ pub struct Frame {
 
     /// Drawables that RVG drew.
     pub nodes_drawn: Option<u64>,
-    /// Drawables exactly visible at the same level cut: those that own a pixel of its unculled item buffer.
+    /// Drawables exactly visible at the same LOD cut: those that own a pixel of its unculled item buffer.
     pub nodes_exact: Option<u64>,
     /// Objects that what RVG drew shows: all that a merged level stands for, and one for the parts of one.
     #[serde(default)]
     pub objects_drawn: Option<u64>,
-    /// The same of the drawables that are exactly visible at the same level cut.
+    /// The same of the drawables that are exactly visible at the same LOD cut.
     #[serde(default)]
     pub objects_exact: Option<u64>,
     /// Triangles that RVG drew.
     pub triangles_drawn: Option<u64>,
-    /// Triangles exactly visible at the same level cut: those that own a pixel of its unculled item buffer.
+    /// Triangles exactly visible at the same LOD cut: those that own a pixel of its unculled item buffer.
     pub triangles_exact: Option<u64>,
     /// Objects exactly visible at full detail.
     pub objects_exact_full: Option<u64>,
@@ -66,7 +66,7 @@ pub struct Frame {
     #[serde(default)]
     pub conservatively_visible: BTreeMap<String, u64>,
 
-    /// Drawables exactly visible at the same level cut that were not drawn.
+    /// Drawables exactly visible at the same LOD cut that were not drawn.
     pub false_culled_nodes: Option<u64>,
     /// Pixels that those drawables own.
     pub false_culled_pixels: Option<u64>,
@@ -75,7 +75,7 @@ pub struct Frame {
     /// The false culls by cause; empty if there are none.
     #[serde(default)]
     pub false_culls: Vec<FalseCull>,
-    /// Pixels whose colour differs from the unculled picture of the same level cut. Must be 0.
+    /// Pixels whose colour differs from the unculled picture of the same LOD cut. Must be 0.
     pub cut_mismatch_pixels: Option<u64>,
     /// The picture against full detail: the error of the levels.
     pub full_detail: Option<ImageDifference>,
@@ -162,7 +162,7 @@ pub struct VisibleObject {
 pub struct FramePictures {
     /// What RVG showed.
     pub shown: Option<String>,
-    /// The same level cut without culling.
+    /// The same LOD cut without culling.
     pub unculled: Option<String>,
     /// Full detail without culling.
     pub full: Option<String>,

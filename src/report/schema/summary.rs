@@ -21,7 +21,7 @@ pub struct Summary {
     pub frames: u32,
     /// How the walk ended.
     pub ended: Ended,
-    /// Frames compared with the unculled picture of the same level cut.
+    /// Frames compared with the unculled picture of the same LOD cut.
     pub audited_frames: u32,
     /// Time from the first picture shown to the last, milliseconds.
     pub wall_ms: Option<f64>,
@@ -36,7 +36,7 @@ pub struct Summary {
     pub false_culled_nodes_total: Option<u64>,
     /// Pixels falsely culled, summed over the audited frames.
     pub false_culled_pixels_total: Option<u64>,
-    /// Pixels unlike the unculled level cut, summed over the audited frames.
+    /// Pixels unlike the unculled LOD cut, summed over the audited frames.
     pub cut_mismatch_pixels_total: Option<u64>,
     /// The false culls by cause, summed over the audited frames.
     pub false_culls: Vec<FalseCull>,
@@ -59,11 +59,11 @@ pub struct Summary {
 /// How much more than the exactly visible was drawn: medians over the audited frames, beside the paper's.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Tightness {
-    /// Nodes drawn over nodes exactly visible at the same level cut, median.
+    /// Nodes drawn over nodes exactly visible at the same LOD cut, median.
     pub nodes: Option<f64>,
-    /// Objects drawn over objects exactly visible at the same level cut, median.
+    /// Objects drawn over objects exactly visible at the same LOD cut, median.
     pub objects: Option<f64>,
-    /// Triangles drawn over triangles exactly visible at the same level cut, median.
+    /// Triangles drawn over triangles exactly visible at the same LOD cut, median.
     pub triangles: Option<f64>,
     /// [`PAPER_OBJECT_TIGHTNESS`].
     pub paper_objects: f64,

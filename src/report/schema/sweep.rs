@@ -31,7 +31,7 @@ pub struct SweepPoint {
     pub audited_frames: u32,
     /// Pixels falsely culled, all audited frames.
     pub false_culled_pixels: Option<u64>,
-    /// Pixels unlike the unculled level cut, all audited frames.
+    /// Pixels unlike the unculled LOD cut, all audited frames.
     pub cut_mismatch_pixels: Option<u64>,
     /// PSNR against full detail, median, decibels; `null` if the pictures were equal or not compared.
     pub psnr_db: Option<f64>,

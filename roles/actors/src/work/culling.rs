@@ -105,7 +105,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         Ok(())
     }
 
-    /// Maps a batch onto this frame's level cut, and draws it if there is nothing to choose.
+    /// Maps a batch onto this frame's LOD cut, and draws it if there is nothing to choose.
     fn take_occluders(&mut self, batch: &IdBatch) -> Result<(), RoleError> {
         let start = self.clock.elapsed();
         let ids = self.received.take(batch).map_err(|cause| RoleError::Ids { peer: OTHER, cause })?;

@@ -23,7 +23,7 @@ impl Gaps {
         Self { scene: Arc::clone(scene), rule, last: Vec::new(), mapper: None }
     }
 
-    /// Adds to the `ids` that came what the frame's level cut has in place of the last frame's set. Says how
+    /// Adds to the `ids` that came what the frame's LOD cut has in place of the last frame's set. Says how
     /// many that are.
     ///
     /// What is lost is in most cases what was visible a moment ago. What has just come into sight may be

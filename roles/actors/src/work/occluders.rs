@@ -8,7 +8,7 @@ use trimaran_cull::{
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
-/// Which occluders a culler draws. Any subset of the level cut is a valid set: fewer are drawn sooner and
+/// Which occluders a culler draws. Any subset of the LOD cut is a valid set: fewer are drawn sooner and
 /// hide less, and never too much.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OccluderPolicy {

@@ -23,7 +23,7 @@ pub(in crate::report) struct Comparison {
     pub(in crate::report) why: &'static str,
     /// What RVG showed.
     pub(in crate::report) shown: Rgb,
-    /// The same level cut without culling.
+    /// The same LOD cut without culling.
     pub(in crate::report) unculled: Option<Rgb>,
     /// Full detail without culling.
     pub(in crate::report) full: Option<Rgb>,
@@ -79,7 +79,7 @@ fn panes(report: &Report, Comparison { frame, shown, unculled, full, .. }: &Comp
     html! {
         (pane("shown", "what RVG drew after culling", shown, Shrink::Mean))
         @if let Some(unculled) = unculled {
-            (pane("unculled", "the same level cut without culling", unculled, Shrink::Mean))
+            (pane("unculled", "the same LOD cut without culling", unculled, Shrink::Mean))
             @if let Some(lit) = lit(shown, unculled) {
                 (pane("shown against unculled", &culling_error(frame), &lit, Shrink::Brightest))
             }

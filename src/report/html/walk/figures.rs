@@ -139,7 +139,7 @@ fn drawn_and_visible(
     what: &'static str,
     keys: &'static [&'static str],
 ) -> Markup {
-    let names = [("drawn", "drawn"), ("exactly visible, same level cut", "exact")];
+    let names = [("drawn", "drawn"), ("exactly visible, same LOD cut", "exact")];
     let lines = keys
         .iter()
         .zip(names)
@@ -147,7 +147,7 @@ fn drawn_and_visible(
     card(
         finding,
         &over_frames(what, lines.collect(), keys),
-        "Exactly visible: owns a pixel of the item buffer of the same level cut, drawn without culling.",
+        "Exactly visible: owns a pixel of the item buffer of the same LOD cut, drawn without culling.",
     )
 }
 
@@ -169,7 +169,7 @@ fn culling(report: &Report) -> Markup {
         ],
         &["cut_mismatch_pixels", "false_culled_pixels", "false_culled_nodes"],
     );
-    card(&finding, &chart, "Against the unculled picture of the same level cut, on the audited frames.")
+    card(&finding, &chart, "Against the unculled picture of the same LOD cut, on the audited frames.")
 }
 
 fn silhouette(report: &Report) -> Markup {
