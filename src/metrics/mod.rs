@@ -33,7 +33,7 @@ pub struct LinkMetrics {
 struct Watched {
     links: Vec<WatchedLink>,
     /// The listeners through which their peers came, each once.
-    doors: Vec<ListenerStats>,
+    listeners: Vec<ListenerStats>,
 }
 
 #[derive(Debug)]
@@ -97,7 +97,7 @@ impl LinkMetrics {
         let mut watched = Watched::default();
         for link in links {
             let (peer, stats) = (link.peer.hello.role.to_string(), link.stats.clone());
-            watched.doors.extend(stats.listener().filter(|listener| !watched.doors.contains(listener)));
+            watched.listeners.extend(stats.listener().filter(|listener| !watched.listeners.contains(listener)));
             watched.links.push(WatchedLink { peer, stats });
         }
         *self.watched.write() = watched;
@@ -117,7 +117,7 @@ impl LinkMetrics {
     /// What the listeners have turned away through which the links' peers came.
     #[must_use]
     pub fn turned_away(&self) -> TurnedAwayReading {
-        TurnedAwayReading::of(&self.watched().doors)
+        TurnedAwayReading::of(&self.watched().listeners)
     }
 
     fn watched(&self) -> RwLockReadGuard<'_, Watched> {

@@ -47,7 +47,7 @@ over_tcp_and_unix!(
     a_connector_may_die_at_every_byte_of_its_handshake,
     a_listener_may_die_at_every_step_of_the_handshake,
     a_refusal_is_the_reason_though_nobody_stayed_to_hear_it,
-    who_is_turned_away_at_the_door_learns_why,
+    who_is_turned_away_at_once_learns_why,
     another_version_is_refused_in_words_that_it_can_read,
     a_listener_of_another_version_is_understood,
 );
@@ -231,7 +231,7 @@ mod cases {
         }
     }
 
-    pub(super) async fn who_is_turned_away_at_the_door_learns_why(endpoint: &str) {
+    pub(super) async fn who_is_turned_away_at_once_learns_why(endpoint: &str) {
         let (bare, at) = Bare::bind(endpoint).await;
         let options = Options::default();
         let taken = bytes(&Message::Refuse(role_taken(PANEL)));

@@ -105,7 +105,7 @@ async fn pinned_peers_find_each_other_among_several_and_others_do_not_get_in() {
     for options in [knowing(&b, &[&a]), knowing(&b, &[&c, &a]), knowing(&c, &[&a, &b, &d])] {
         a_panel_gets_in(&mut listener, &at, &options).await;
     }
-    // Who asks at doors of other keys is a stranger there, and so is whom nobody here knows.
+    // Who asks a listener of other keys is a stranger there, and so is whom nobody here knows.
     for options in [knowing(&d, &[&a]), knowing(&b, &[&c, &d])] {
         let known = a_stranger_knocks(&mut listener, &at, &options).await;
         assert!(matches!(known, HandshakeError::Stranger), "{known:?}");
