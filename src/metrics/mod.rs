@@ -97,7 +97,9 @@ impl LinkMetrics {
         let mut watched = Watched::default();
         for link in links {
             let (peer, stats) = (link.peer.hello.role.to_string(), link.stats.clone());
-            watched.listeners.extend(stats.listener().filter(|listener| !watched.listeners.contains(listener)));
+            watched
+                .listeners
+                .extend(stats.listener().filter(|listener| !watched.listeners.contains(listener)));
             watched.links.push(WatchedLink { peer, stats });
         }
         *self.watched.write() = watched;
