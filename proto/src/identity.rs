@@ -7,23 +7,20 @@ use trimaran_wire::{CloseReason, Rejection};
 
 use crate::{SceneHash, Settings};
 
-/// A peer's place in the session.
+/// What a peer does in a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// Draws the occluders (OR) of the even frames, and culls them (HC).
-    FirstCuller,
-    /// The same for the odd frames.
-    SecondCuller,
-    /// Renders the visible geometry (RVG) and owns the camera.
+    /// Draws the occluders (OR) of the frames that it is dealt, and culls them (HC).
+    Culler,
+    /// Renders the visible geometry (RVG), owns the camera and deals frames to cullers.
     Display,
 }
 
 impl fmt::Display for Role {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::FirstCuller => "first culler",
-            Self::SecondCuller => "second culler",
+            Self::Culler => "culler",
             Self::Display => "display",
         })
     }
@@ -36,15 +33,21 @@ impl From<Role> for String {
     }
 }
 
-/// What a peer is, and what it holds: the same for each of its links.
+/// The session that a link is for: a random number of the display, which keeps it when it is started again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[repr(transparent)]
+pub struct SessionKey(pub u64);
+
+/// What a peer is, and what it holds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Identity {
-    /// Its place in the session.
+    /// What it does.
     pub role: Role,
     /// The scene it holds.
     pub scene: SceneHash,
-    /// The settings it knows: always those of the display, from anyone else only once it has learned them.
-    pub settings: Option<Settings>,
+    /// The session, and what the display has decided for it. A display names its own, and a culler that
+    /// meets another one theirs; a culler that serves whoever comes has none.
+    pub session: Option<(SessionKey, Settings)>,
 }
 
 /// Why a listener does not take a peer.
@@ -53,9 +56,7 @@ pub struct Identity {
 pub enum RejectionCode {
     /// The scenes differ.
     Scene = 1,
-    /// Both sides hold settings, and they differ.
-    Settings = 2,
-    /// The listening peer has the connecting one's role itself.
+    /// A display came to a display, or a culler without a session to a culler.
     Role = 3,
 }
 
@@ -71,7 +72,7 @@ impl Identity {
     /// Whether `self`, listening, takes `connector`.
     ///
     /// # Errors
-    /// The first of scene, role and settings in which the two do not go together.
+    /// The first of scene and role in which the two do not go together.
     pub fn admits(&self, connector: &Self) -> Result<(), Rejection> {
         if self.scene != connector.scene {
             let why = format!(
@@ -80,17 +81,11 @@ impl Identity {
             );
             return Err(Rejection::new(RejectionCode::Scene as u16, &why));
         }
-        if self.role == connector.role {
-            let why = format!("the listener is the {} itself: each role exists once in a session", self.role);
-            return Err(Rejection::new(RejectionCode::Role as u16, &why));
-        }
-        match (self.settings, connector.settings) {
-            (Some(listener), Some(connector)) if listener != connector => {
-                let why = format!(
-                    "the listener's settings are {listener}, the connecting peer's {connector}: only the \
-                     display decides"
-                );
-                Err(Rejection::new(RejectionCode::Settings as u16, &why))
+        match (self.role, connector.role, connector.session) {
+            (Role::Culler, Role::Culler, Some(_)) => Ok(()),
+            (listener, connector, _) if listener == connector => {
+                let why = format!("the listener is a {listener} as well: connect displays with cullers");
+                Err(Rejection::new(RejectionCode::Role as u16, &why))
             }
             _ => Ok(()),
         }
@@ -107,11 +102,10 @@ pub enum CloseCode {
     Interrupted = 1,
     /// The peer cannot go on.
     Failed = 2,
-    /// The peer has lost another one: the session stops, and goes on if all join again.
-    PeerLost = 3,
-    /// The peer's graphics device failed or hangs. It ends, and may be started again: the session goes on as
-    /// after a lost peer.
+    /// The peer's graphics device failed or hangs. It ends, and may be started again.
     DeviceFailed = 4,
+    /// The peer has another link for the same session.
+    Replaced = 5,
 }
 
 impl CloseCode {
@@ -122,8 +116,8 @@ impl CloseCode {
             Self::Finished => "the session is over",
             Self::Interrupted => "it was interrupted",
             Self::Failed => "it failed",
-            Self::PeerLost => "it has lost a peer",
             Self::DeviceFailed => "its device failed",
+            Self::Replaced => "it has a newer link for the same session",
         };
         let text = if why.is_empty() { what.to_owned() } else { format!("{what}: {why}") };
         CloseReason::new(self as u16, &text)
@@ -138,7 +132,7 @@ impl CloseCode {
     /// Why a peer left that said so; none for what no peer of this version says.
     #[must_use]
     pub fn of(reason: &CloseReason) -> Option<Self> {
-        [Self::Finished, Self::Interrupted, Self::Failed, Self::PeerLost, Self::DeviceFailed]
+        [Self::Finished, Self::Interrupted, Self::Failed, Self::DeviceFailed, Self::Replaced]
             .into_iter()
             .find(|close| *close as u16 == reason.code)
     }

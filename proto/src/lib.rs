@@ -36,7 +36,7 @@ mod walkthrough;
 pub use camera::{Camera, CameraError};
 pub use coding::{CodedViolation, CodingFault, IdCoding, IdDecoder, IdEncoder};
 pub use id::{DrawableId, ID_BYTES, IdBatch, SceneHash};
-pub use identity::{CloseCode, Identity, RejectionCode, Role};
+pub use identity::{CloseCode, Identity, RejectionCode, Role, SessionKey};
 pub use lod_rule::{LodRule, LodRuleError};
 pub use settings::{OcclusionTestKind, Settings, SettingsError};
 pub use stats::{CullCounts, FrameStats, SentBytes};

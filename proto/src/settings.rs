@@ -6,9 +6,9 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::{BatchSize, FrameNumber, IdCoding, LodRule, Viewport};
+use crate::{BatchSize, IdCoding, LodRule, Viewport};
 
-/// What the display decides for all three roles. It travels in the handshake; each field is valid by its
+/// What the display decides for itself and its cullers. It travels in the handshake; each field is valid by its
 /// type.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
@@ -22,18 +22,10 @@ pub struct Settings {
     pub coding: IdCoding,
     /// How a culler tests boxes for visibility. A rule that stops at few pixels needs one that counts them.
     pub occlusion_test: OcclusionTestKind,
-    /// Whether every camera is exactly one frame (deterministic), rather than the latest camera whenever a
-    /// frame starts.
-    pub lockstep: bool,
-    /// The frame that comes first: above 0 where a session goes on after a peer was lost.
-    pub first: FrameNumber,
-    /// With which frame the session ends: it has this many, counted from 0. `None` until someone leaves.
-    pub frames: Option<u32>,
 }
 
 impl Settings {
-    /// In lockstep from frame 0 on until someone leaves, with batches of the default size, ids as changes,
-    /// and boxes tested against a depth pyramid.
+    /// Batches of the default size, ids as changes, and boxes tested against a depth pyramid.
     #[must_use]
     pub fn new(viewport: Viewport, lod: LodRule) -> Self {
         Self {
@@ -42,33 +34,23 @@ impl Settings {
             batch: BatchSize::default(),
             coding: IdCoding::Changes,
             occlusion_test: OcclusionTestKind::Hzb,
-            lockstep: true,
-            first: FrameNumber(0),
-            frames: None,
         }
     }
 }
 
 impl fmt::Display for Settings {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { viewport, lod, batch, coding, occlusion_test, lockstep, first, frames } = self;
-        let pace = if *lockstep { "lockstep" } else { "live" };
+        let Self { viewport, lod, batch, coding, occlusion_test } = self;
         write!(
             f,
-            "{viewport} at {} px, {} ids a batch, coding {coding}, occlusion test {occlusion_test}, {pace}",
+            "{viewport} at {} px, {} ids a batch, coding {coding}, occlusion test {occlusion_test}",
             lod.epsilon_px(),
             batch.items()
         )?;
         if lod.stops_at_few_pixels() {
             f.write_str(", stopping at few pixels")?;
         }
-        if first.0 > 0 {
-            write!(f, ", from {first} on")?;
-        }
-        match frames {
-            Some(frames) => write!(f, ", {frames} frames"),
-            None => f.write_str(", no frame limit"),
-        }
+        Ok(())
     }
 }
 

@@ -15,9 +15,11 @@ use crate::FrameNumber;
 /// counts as one piece that ends at [`FrameStats::hc_end_ns`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct FrameStats {
-    /// The frame.
+    /// The frame, as the display numbers it.
     pub frame: FrameNumber,
-    /// When OR began: the camera was there, and the other machine had begun the frame before.
+    /// The frame whose visible set OR drew from, if there was one before.
+    pub occluders_of: Option<FrameNumber>,
+    /// When OR began: the camera was there, and the occluders or the first of them.
     pub or_start_ns: u64,
     /// When OR was complete.
     pub or_end_ns: u64,
@@ -34,8 +36,8 @@ pub struct FrameStats {
     pub occluder_triangles: u64,
     /// What HC did.
     pub culling: CullCounts,
-    /// What it sent to the other culler for the frame; what the display got, the display counts
-    /// itself.
+    /// What it sent to another culler for the frame (the schedule `switch`); what the display got, the
+    /// display counts itself.
     pub to_other: SentBytes,
 }
 

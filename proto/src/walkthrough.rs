@@ -4,13 +4,15 @@ use trimaran_wire::{BatchDecoder, BatchEncoder, Batching, Delivery, Protocol, Re
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Camera, DrawableId, FrameStats, IdCoding, IdDecoder, IdEncoder, Identity, coding};
+use crate::{
+    Camera, DrawableId, FrameNumber, FrameStats, IdCoding, IdDecoder, IdEncoder, Identity, SessionKey, coding,
+};
 
-/// Trimaran's protocol: cameras on the latest lane, frames of ids, and messages of what the sender did for a
-/// frame.
+/// Trimaran's protocol: cameras on the latest lane, frames of ids, and messages in which roles
+/// arrange how they work.
 ///
-/// A frame's header is the camera that it was culled for. The camera's own frame number is the one that the
-/// display gave it; in live mode that may be another than the frame's.
+/// A frame's header is the camera that it was culled for, which has the display's number of the frame. The
+/// lane's own numbers count what a culler has sent over the link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Walkthrough;
 
@@ -18,8 +20,41 @@ pub struct Walkthrough;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum RoleMessage {
-    /// What a culler did for a frame that it has sent.
+    /// A culler says what it did for a frame that it has sent.
     Stats(FrameStats),
+    /// The display asks a culler to meet another one, for the schedule `switch`.
+    Meet {
+        /// By what the two know each other.
+        key: SessionKey,
+        /// Where the other one listens, as an endpoint of the links; without it the other one comes.
+        at: Option<String>,
+    },
+    /// The culler has a link to the other one.
+    Met {
+        /// As in [`RoleMessage::Meet`].
+        key: SessionKey,
+    },
+    /// The culler did not get one, or has lost it.
+    Unmet {
+        /// As in [`RoleMessage::Meet`].
+        key: SessionKey,
+        /// Why, for people.
+        why: String,
+    },
+    /// The display asks both cullers to draw what the other one finds (paper, algorithm 4.2).
+    Switch {
+        /// As in [`RoleMessage::Meet`].
+        key: SessionKey,
+        /// From this frame on. It is the first that has no frame of the other culler before it.
+        first: FrameNumber,
+    },
+    /// The culler does so.
+    Switched {
+        /// As in [`RoleMessage::Meet`].
+        key: SessionKey,
+    },
+    /// The display asks a culler to let the other one go: it is gone, or late.
+    Part,
 }
 
 impl Protocol for Walkthrough {
@@ -44,7 +79,7 @@ impl Protocol for Walkthrough {
 
     /// The display's settings decide.
     fn batching(ours: &Identity, theirs: &Identity) -> Option<Batching> {
-        let settings = ours.settings.or(theirs.settings)?;
+        let (_, settings) = ours.session.or(theirs.session)?;
         Some(Batching { size: settings.batch, coded: settings.coding == IdCoding::Changes })
     }
 

@@ -34,25 +34,31 @@ pub enum IdError {
 /// The ids of one frame after the other.
 #[derive(Debug)]
 pub(crate) struct FrameIds {
-    /// Those of this frame. Others may be added, and all put in another order.
-    pub(crate) ids: Vec<DrawableId>,
+    /// Those of this frame.
+    ids: Vec<DrawableId>,
     /// For each drawable of the scene whether it is among them.
     came: Vec<bool>,
 }
 
 impl FrameIds {
-    /// Of frames that show `scene`.
-    pub(crate) fn of(scene: &Scene) -> Self {
-        Self { ids: Vec::new(), came: vec![false; scene.drawables().len()] }
+    /// Of frames that show a scene of so many drawables.
+    pub(crate) fn of(drawables: u32) -> Self {
+        Self { ids: Vec::new(), came: vec![false; drawables as usize] }
     }
 
-    /// The next frame begins.
-    pub(crate) fn begin(&mut self) {
-        for id in self.ids.drain(..) {
+    /// How many there are so far.
+    pub(crate) fn count(&self) -> u32 {
+        u32::try_from(self.ids.len()).unwrap_or(u32::MAX)
+    }
+
+    /// The frame is over: gives its ids, and the next one can begin.
+    pub(crate) fn finish(&mut self) -> Vec<DrawableId> {
+        for id in &self.ids {
             if let Some(came) = self.came.get_mut(id.index()) {
                 *came = false;
             }
         }
+        std::mem::take(&mut self.ids)
     }
 
     /// Adds a batch; gives its ids.

@@ -1,67 +1,73 @@
 //! The three roles as state machines, their drivers, and the session that joins them.
 //!
-//! [`CullerMachine`] and [`DisplayMachine`] know what is due and what is out of order. [`CullerRole`] and
-//! [`DisplayRole`] move messages between them, links, and what a role does with a frame ([`CullerWork`],
-//! [`DisplayWork`]): [`SceneCulling`] and [`ScenePictures`] do it on devices ([`CullerDevice`],
-//! [`PictureDevice`]). [`CullerSession`] joins a culler to the others; [`LocalSession`] is three roles in one
-//! process.
+//! A display deals cameras to cullers and shows the frames that they cull. [`Dealer`] knows who is dealt what
+//! and which frame is due. [`DisplayRole`] and [`CullerRole`] move messages between it, links, and what a
+//! role does with a frame ([`DisplayWork`], [`CullerWork`]): [`ScenePictures`] and [`SceneCulling`] do it on
+//! devices ([`PictureDevice`], [`CullerDevice`]). A culler is a [`CullerService`], which serves displays as
+//! they come; a display's [`Peers`] are its cullers as they come. [`LocalSession`] is all of it in one process.
 //!
-//! The state machines know no link and no device. Here the display deals two cameras, one to each culler:
+//! The dealer knows no link and no device. Here it deals two frames, one to each culler:
 //!
 //! ```
-//! use trimaran_actors::{CullerIndex, DisplayMachine, DisplayStep};
-//! use trimaran_proto::{Camera, FrameNumber};
+//! use trimaran_actors::{CullerId, Dealer, Pace};
+//! use trimaran_proto::FrameNumber;
+//! use trimaran_transport::Instant;
 //!
-//! let mut display = DisplayMachine::new(FrameNumber(0), Some(2));
-//! for frame in display.first_cameras() {
-//!     display.hand_out(Camera::at_origin(frame));
+//! let now = Instant::from_nanos(0);
+//! let mut dealer = Dealer::new(Pace::Lockstep { frames: Some(2) }, true, FrameNumber(0));
+//! let cullers: Vec<_> = CullerId::first(2).collect();
+//! cullers.iter().for_each(|culler| dealer.join(*culler, now));
+//! assert_eq!(dealer.deal(now), [(cullers[0], FrameNumber(0)), (cullers[1], FrameNumber(1))]);
+//! for frame in [FrameNumber(1), FrameNumber(0)] {
+//!     let culler = cullers[frame.0 as usize];
+//!     dealer.began(culler, frame)?;
+//!     dealer.ended(culler, now)?;
 //! }
-//! for frame in [FrameNumber(0), FrameNumber(1)] {
-//!     let from = CullerIndex::of(frame); // cullers take turns
-//!     assert!(matches!(display.step(), DisplayStep::Await { from: due, .. } if due == from));
-//!     display.began(Camera::at_origin(frame), true)?;
-//!     display.ended()?;
-//! }
-//! assert!(!matches!(display.step(), DisplayStep::Await { .. }));
-//! # Ok::<(), trimaran_actors::OrderError>(())
+//! assert_eq!(dealer.due(), Some(FrameNumber(0)), "frames are shown in order");
+//! # Ok::<(), trimaran_actors::Disorder>(())
 //! ```
 //!
 //! | module | what is in it |
 //! |---|---|
-//! | `machine` | what is due, and what is out of order: no link, no device |
-//! | `driver` | the loop of a role: machine, links and work together |
+//! | `deal` | who culls which frame, and which is shown next: no link, no device |
+//! | `driver` | the loop of a role: dealer, links and work together |
 //! | `work`, `device` | what a role does with a frame, and what it needs of a GPU |
-//! | `join`, `session`, `local` | how roles meet, go on after a loss, and run in one process |
+//! | `peers`, `join`, `meeting` | how roles find each other, and again after a loss |
+//! | `service`, `local` | a culler as a service; all roles in one process |
 //! | `links`, `ids` | links that carry what Trimaran says; the ids of a frame, checked |
 //! | `stop`, `turn`, `clock` | being asked to stop; computing one after another; measuring |
 
 mod clock;
+mod deal;
 mod device;
 mod driver;
 mod ids;
 mod join;
 mod links;
 mod local;
-mod machine;
-mod session;
+mod meeting;
+mod peers;
+mod service;
 mod stop;
 mod turn;
 mod work;
 
 pub use clock::Stopwatch;
+pub use deal::{CullerId, Dealer, Disorder, Pace};
 pub use device::{CullerDevice, PictureDevice};
 pub use driver::{
-    BoxedError, Cameras, CullerRole, CullerTraffic, CullerWork, DisplayRole, DisplayWork, Drawn, LinkError,
-    Observer, RoleError, ShownFrame, VisibleIds, leave_unable,
+    BoxedError, Cameras, CullerEvent, CullerRole, CullerWork, DisplayRole, DisplayWork, LinkError, Observer,
+    RoleError, Schedule, ShownFrame, VisibleIds,
 };
 pub use ids::{IdError, max_frame};
-pub use join::{JoinError, Joined, PeerEndpoint, again, await_cullers, join_session};
+pub use join::{JoinError, PeerEndpoint, again};
 pub use links::{
     FrameEvent, FrameReceiver, FrameSender, FrameStart, LatestReceiver, LatestSender, Link, Listener,
 };
 pub use local::{LocalCullers, LocalSession};
-pub use machine::{CullerIndex, CullerMachine, CullerStep, DisplayMachine, DisplayStep, OrderError};
-pub use session::{CullerSession, JoinTimeouts, SessionError, SessionEvent};
+pub use meeting::{Expected, Meeting};
+pub use peers::{Arrival, Peers, Seat, Sought};
+pub use service::{CullerService, NewSession, ServiceEndpoints, SessionError};
 pub use stop::{Stop, Stopper};
 pub use turn::Turns;
 pub use work::{Gaps, OccluderPolicy, SceneCulling, ScenePictures};

@@ -1,20 +1,20 @@
-//! Three roles in one process.
+//! A display and its cullers in one process.
 
-use std::{panic, sync::Arc, thread};
+use std::{panic, sync::Arc, thread, time::Duration};
 
 use tokio::runtime::Handle;
-use trimaran_proto::{Identity, Role, Settings};
+use trimaran_proto::{FrameNumber, Identity, Role, SessionKey, Settings};
 use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Name, Net, Options, TokioNet};
 
 use crate::{
+    deal::{CullerId, Pace},
     device::{CullerDevice, PictureDevice},
-    driver::{Cameras, CullerTraffic, DisplayRole, Observer, RoleError},
+    driver::{Cameras, DisplayRole, Observer, RoleError, Schedule},
     ids::max_frame,
-    join::{PeerEndpoint, await_cullers},
-    links::Listener,
-    machine::CullerIndex,
-    session::{CullerSession, JoinTimeouts, SessionError, SessionEvent},
+    join::PeerEndpoint,
+    peers::{Peers, Sought},
+    service::{CullerService, ServiceEndpoints, SessionError},
     stop::Stop,
     turn::Turns,
     work::{SceneCulling, ScenePictures},
@@ -25,28 +25,40 @@ use crate::{
 pub struct LocalCullers {
     /// The scene.
     pub scene: Arc<Scene>,
-    /// Where the display listens.
-    pub display: Endpoint,
-    /// Where the cullers meet.
-    pub meet: Endpoint,
+    /// Where each listens.
+    pub endpoints: Vec<Endpoint>,
     /// What holds for all links.
     pub options: Options,
-    /// How long they wait for the others.
-    pub timeouts: JoinTimeouts,
     /// What all roles of the process measure by, and whether they compute one after another.
     pub turns: Turns,
 }
 
 impl LocalCullers {
-    /// Plays them on threads of their own, with what `device` opens, while `display` plays on this one.
+    /// So many, for links within this process.
+    #[must_use]
+    pub fn new(scene: &Arc<Scene>, count: usize, turns: &Turns) -> Self {
+        let mut options = Options::default();
+        options.link.max_frame = max_frame(scene);
+        let endpoints = CullerId::first(count).map(|_| Endpoint::Inproc(Name::unique())).collect();
+        Self { scene: Arc::clone(scene), endpoints, options, turns: turns.clone() }
+    }
+
+    /// Where a display finds them.
+    pub fn peers(&self) -> impl Iterator<Item = PeerEndpoint> + '_ {
+        let peer =
+            |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: self.options.clone() };
+        self.endpoints.iter().map(peer)
+    }
+
+    /// Plays them on threads of their own, with what `device` opens, while `display` plays on this one. A
+    /// culler that fails ends nothing: the display knows.
     ///
     /// # Errors
-    /// When a role fails: rather one that has not only heard of another's failure.
+    /// As `display`, and when the system gives no thread.
     pub fn beside<P, T, X>(
-        self,
-        device: impl Fn(CullerIndex, &Settings) -> Result<P, P::Error> + Sync,
+        &self,
+        device: impl Fn(CullerId, &Settings) -> Result<P, P::Error> + Sync,
         runtime: &Handle,
-        stop: &Stop,
         display: impl FnOnce() -> Result<T, X>,
     ) -> Result<T, X>
     where
@@ -54,109 +66,134 @@ impl LocalCullers {
         X: From<SessionError>,
     {
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
-        let Self { scene, options, timeouts, turns, .. } = &self;
-        let peer =
-            |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
-        let play = |index| {
-            let session = CullerSession {
-                index,
-                scene: scene.hash(),
-                net: Arc::clone(&net),
-                display: peer(&self.display),
-                other: peer(&self.meet),
-                timeouts: *timeouts,
-                turns: turns.clone(),
-                work: |settings: &Settings| {
-                    let device = device(index, settings).map_err(RoleError::device("opening it"))?;
-                    Ok(SceneCulling::new(scene, device, settings, turns))
-                },
-                watch: |_: SessionEvent<'_>| {},
-            };
-            runtime.block_on(session.run(stop))
-        };
-        let failed = |index, cause| SessionError::Culler { index, cause: Box::new(cause) };
+        let (stopper, over) = Stop::new();
         thread::scope(|scope| {
-            let play = &play;
-            let mut threads = Vec::new();
-            for index in CullerIndex::ALL {
-                let thread = thread::Builder::new().name(index.name().to_owned());
-                let thread = thread.spawn_scoped(scope, move || play(index));
-                threads.push((index, thread.map_err(SessionError::Thread)?));
+            for (id, endpoint) in CullerId::first(self.endpoints.len()).zip(&self.endpoints) {
+                let (net, over, device) = (&net, over.clone(), &device);
+                let play = move || {
+                    let served = runtime.block_on(self.serve(id, endpoint, net, device, &over));
+                    if let Err(error) = served {
+                        tracing::warn!(%id, error = &error as &dyn std::error::Error, "failed");
+                    }
+                };
+                let thread = thread::Builder::new().name(id.to_string());
+                thread.spawn_scoped(scope, play).map_err(SessionError::Thread)?;
             }
-            let shown = display();
-            let mut hearsay = None;
-            for (index, thread) in threads {
-                match thread.join().unwrap_or_else(|panic| panic::resume_unwind(panic)) {
-                    Ok(()) => {}
-                    // When one role fails, the others fail for it.
-                    Err(error @ SessionError::Role(RoleError::Link { .. })) => hearsay = Some((index, error)),
-                    Err(error) => return Err(failed(index, error).into()),
-                }
-            }
-            match hearsay {
-                Some((index, error)) if shown.is_ok() => Err(failed(index, error).into()),
-                _ => shown,
-            }
+            let shown = panic::catch_unwind(panic::AssertUnwindSafe(display));
+            stopper.stop();
+            shown.unwrap_or_else(|panic| panic::resume_unwind(panic))
         })
+    }
+
+    async fn serve<P: CullerDevice>(
+        &self,
+        id: CullerId,
+        endpoint: &Endpoint,
+        net: &Arc<dyn Net>,
+        device: &(impl Fn(CullerId, &Settings) -> Result<P, P::Error> + Sync),
+        stop: &Stop,
+    ) -> Result<(), SessionError> {
+        let Self { scene, options, turns, .. } = self;
+        let at = ServiceEndpoints {
+            listen: Some(endpoint.clone().into()),
+            displays: Vec::new(),
+            options: options.clone(),
+        };
+        let mut service = CullerService::start(net, scene.hash(), at).await?;
+        while let Some(session) = stop.unless_requested(service.next()).await {
+            let session = session?;
+            let work = |settings: &Settings| {
+                let device = device(id, settings).map_err(RoleError::device("opening it"))?;
+                Ok(SceneCulling::new(scene, device, settings, turns))
+            };
+            match session.play(work, turns, max_frame(scene), stop).await {
+                Err(error) if error.lost_a_peer() => {}
+                played => played?,
+            }
+        }
+        Ok(())
     }
 }
 
-/// A session of three roles in this process.
+/// A session of a display and cullers in this process.
 #[derive(Debug, Clone)]
 pub struct LocalSession {
     /// The scene.
     pub scene: Arc<Scene>,
     /// What the display decides.
     pub settings: Settings,
+    /// Which frames there are.
+    pub pace: Pace,
+    /// How many cullers; without any the display culls for itself.
+    pub cullers: usize,
+    /// How frames are dealt.
+    pub schedule: Schedule,
     /// Whether the roles compute one after another.
     pub turns: Turns,
 }
 
 impl LocalSession {
-    /// A session within this process alone, whose roles compute at once.
+    /// A session of two cullers, each for itself, in lockstep through `frames` frames.
     #[must_use]
-    pub fn new(scene: &Arc<Scene>, settings: Settings) -> Self {
-        Self { scene: Arc::clone(scene), settings, turns: Turns::at_once() }
+    pub fn new(scene: &Arc<Scene>, settings: Settings, frames: u32) -> Self {
+        Self {
+            scene: Arc::clone(scene),
+            settings,
+            pace: Pace::Lockstep { frames: Some(frames) },
+            cullers: 2,
+            schedule: Schedule::Independent,
+            turns: Turns::at_once(),
+        }
     }
 
     /// Runs it: the cullers, whose devices `device` opens, on threads of their own, the display on this one.
-    /// Returns what the display's links carried.
+    /// Without a culler's number it opens the one by which the display culls itself.
     ///
     /// # Errors
-    /// The first role to fail; the others are told and end as well.
+    /// When the display fails.
     pub fn run<P: CullerDevice>(
         self,
-        device: impl Fn(CullerIndex) -> Result<P, P::Error> + Sync,
+        device: impl Fn(Option<CullerId>) -> Result<P, P::Error> + Sync,
         display: impl PictureDevice,
         cameras: &mut dyn Cameras,
         observer: &mut dyn Observer,
         runtime: &Handle,
         stop: &Stop,
-    ) -> Result<CullerTraffic, SessionError> {
-        let Self { scene, settings, turns } = self;
-        // Where the display listens, and where the cullers meet.
-        let [listen, meet] = [(); 2].map(|()| Endpoint::Inproc(Name::unique()));
+    ) -> Result<(), SessionError> {
+        let Self { scene, settings, pace, cullers, schedule, turns } = self;
+        let local = LocalCullers::new(&scene, cullers, &turns);
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.clone()));
-        let mut options = Options::default();
-        options.link.max_frame = max_frame(&scene);
-        let identity = Identity { role: Role::Display, scene: scene.hash(), settings: Some(settings) };
-        let listener = runtime.block_on(Listener::bind(&net, &listen, identity, &options))?;
-        let timeouts = JoinTimeouts::ONCE;
-        let deadline = net.now().after(timeouts.join);
-        let cullers = LocalCullers {
-            scene: Arc::clone(&scene),
-            display: listener.local_endpoint().clone(),
-            meet,
-            options,
-            timeouts,
-            turns: turns.clone(),
-        };
+        let session = SessionKey(net.random().map_err(SessionError::Random)?);
+        let opened = device(None).map_err(RoleError::device("opening it"))?;
+        let alone = SceneCulling::new(&scene, opened, &settings, &turns);
         let work = ScenePictures::new(&scene, display, &settings);
         let show = || {
-            let [first, second] = runtime.block_on(await_cullers(listener, deadline))?;
-            let role = DisplayRole { work, first, second, settings, net, turns };
+            let sought = Sought {
+                identity: Identity {
+                    role: Role::Display,
+                    scene: scene.hash(),
+                    session: Some((session, settings)),
+                },
+                role: Role::Culler,
+                endpoints: local.peers().collect(),
+                listener: None,
+                most: CullerId::MOST,
+            };
+            let role = DisplayRole {
+                work,
+                alone,
+                cullers: Peers::seek(&net, sought),
+                session,
+                schedule,
+                pace,
+                first: FrameNumber(0),
+                patience: Duration::from_secs(120),
+                drawables: max_frame(&scene),
+                net: Arc::clone(&net),
+                turns: turns.clone(),
+            };
             Ok(runtime.block_on(role.run(cameras, observer, stop))?)
         };
-        cullers.beside(|index, _| device(index), runtime, stop, show)
+        local.beside(|id, _| device(Some(id)), runtime, show)
     }
 }

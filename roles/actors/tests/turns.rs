@@ -140,7 +140,7 @@ fn scene() -> Arc<Scene> {
 /// A whole session, and the most devices that were busy at once.
 fn session(scene: &Arc<Scene>, batch: u32, turns: &Turns) -> (Record, u32) {
     let batch = BatchSize::new(batch).unwrap();
-    let settings = Settings { batch, frames: Some(FRAMES), ..common::settings(SIZE, 0.01) };
+    let settings = Settings { batch, ..common::settings(SIZE, 0.01) };
     let (min, max) = scene.nodes().first().unwrap().world_box();
     let middle = (0.5 * (min + max)).to_array();
     let mut turning = |frame: FrameNumber| {
@@ -151,7 +151,7 @@ fn session(scene: &Arc<Scene>, batch: u32, turns: &Turns) -> (Record, u32) {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let (_stopper, stop) = Stop::new();
     let mut record = Record::default();
-    LocalSession { turns: turns.clone(), ..LocalSession::new(scene, settings) }
+    LocalSession { turns: turns.clone(), ..LocalSession::new(scene, settings, FRAMES) }
         .run(
             |_| Ok(Busy::new(&devices)),
             Busy::new(&devices),

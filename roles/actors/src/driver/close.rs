@@ -1,7 +1,8 @@
 //! Leaving, and finding out that a peer has left.
 
-use std::future::{Future, pending};
+use std::future::Future;
 
+use futures_util::future::join_all;
 use trimaran_proto::CloseCode;
 use trimaran_transport::{CloseReason, RecvError, SendError, causes};
 
@@ -31,9 +32,9 @@ pub(super) async fn worked(
     }
 }
 
-/// Leaves both peers, and says how the role ended whose work gave `result`.
+/// Leaves all peers, and says how the role ended whose work gave `result`.
 pub(super) async fn part(
-    mut links: [Link; 2],
+    mut links: Vec<Link>,
     mut result: Result<(), RoleError>,
     stop: &Stop,
 ) -> Result<(), RoleError> {
@@ -52,18 +53,11 @@ pub(super) async fn part(
     }
 }
 
-/// Leaves both peers before the session has begun, because this role cannot play in it. Gives `error` back.
-pub async fn leave_unable(links: [Link; 2], error: RoleError) -> RoleError {
-    leave(links, reason(&error)).await;
-    error
-}
-
 /// What peers are told of how this role ended.
-fn reason(error: &RoleError) -> CloseReason {
+pub(super) fn reason(error: &RoleError) -> CloseReason {
     match error {
         RoleError::Stopped => CloseCode::Interrupted.reason(),
         error if error.is_clean_end() => CloseCode::Finished.reason(),
-        error if error.lost_a_peer() => CloseCode::PeerLost.because(&causes(error)),
         error => match error.device_failure() {
             Some(cause) => CloseCode::DeviceFailed.because(&causes(cause)),
             None => CloseCode::Failed.because(&causes(error)),
@@ -71,25 +65,26 @@ fn reason(error: &RoleError) -> CloseReason {
     }
 }
 
-/// Says close on both links. A peer that is gone already does not
-/// hear it, and need not.
-async fn leave(links: [Link; 2], reason: CloseReason) {
-    for link in links {
+/// Says close on all links at once. A peer that is gone already does not hear it, and need not.
+pub(crate) async fn leave(links: Vec<Link>, reason: CloseReason) {
+    let each = links.into_iter().map(|link| async {
         if let Err(cause) = link.close(reason.clone()).await {
             tracing::debug!(%cause, "a close was not heard");
         }
-    }
+    });
+    join_all(each).await;
 }
 
-/// How a peer left that sends nothing on this lane. Never ends where it has finished: what it sent before
-/// that may still be to be read on the other lane.
+/// Leaves a peer before the session has begun, because this role cannot play in it.
+pub(crate) async fn leave_unable(link: Link, error: &RoleError) {
+    leave(vec![link], reason(error)).await;
+}
+
+/// How a culler left, which sends nothing on this lane.
 pub(super) async fn left_early(lane: &mut LatestReceiver) -> RecvError {
     loop {
         match lane.latest().await {
             Ok(_) | Err(RecvError::Silent { .. }) => {}
-            Err(RecvError::Closed { reason, .. }) if CloseCode::of(&reason) == Some(CloseCode::Finished) => {
-                return pending().await;
-            }
             Err(end) => return end,
         }
     }
@@ -102,77 +97,5 @@ async fn last_word(link: &mut Link) -> RecvError {
         if let Err(end) = link.latest_rx.latest().await {
             return end;
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::sync::Arc;
-
-    use trimaran_proto::{Camera, FrameNumber, Identity, Role, SceneHash, Walkthrough};
-    use trimaran_transport::{LinkConfig, Net, TokioNet, inproc};
-
-    use super::*;
-    use crate::{driver::error::link, links::FrameStart};
-
-    /// How a culler ends that cannot begin a frame any more for a display that handed out a camera, and went;
-    /// `asked` to stop itself or not.
-    fn begin_after(close: Option<CloseReason>, asked: bool) -> Result<(), RoleError> {
-        let runtime =
-            tokio::runtime::Builder::new_current_thread().enable_all().start_paused(true).build().unwrap();
-        let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
-        let identity = |role| Identity { role, scene: SceneHash(1), settings: None };
-        let join = |role| {
-            inproc::pair::<Walkthrough>(
-                &net,
-                identity(role),
-                identity(Role::SecondCuller),
-                &LinkConfig::default(),
-            )
-            .unwrap()
-        };
-        let ((mut display, mut to_display), (_other, to_other)) =
-            (join(Role::Display), join(Role::FirstCuller));
-        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(0)).unwrap();
-        display.latest_tx.publish(camera).unwrap();
-        let (stopper, stop) = Stop::new();
-        if asked {
-            stopper.stop();
-        }
-        runtime.block_on(async {
-            match close {
-                Some(reason) => display.close(reason).await.unwrap(),
-                None => drop(display),
-            }
-            let start = FrameStart { frame: FrameNumber(0), header: camera };
-            let begin = to_display.frames_tx.begin(start).await.map_err(link("beginning a frame"));
-            assert!(matches!(begin, Err(RoleError::Link { cause: LinkError::Send(_), .. })), "{begin:?}");
-            part([to_other, to_display], begin, &stop).await
-        })
-    }
-
-    #[test]
-    fn a_display_that_left_is_not_lost_though_its_last_camera_was_not_read() {
-        begin_after(Some(CloseCode::Finished.reason()), false).unwrap();
-        let failed = begin_after(Some(CloseCode::Failed.because("no memory")), false).unwrap_err();
-        assert!(!failed.is_clean_end() && !failed.lost_a_peer(), "{failed:?}");
-        let broken = CloseCode::DeviceFailed.because("the device was lost");
-        let broken = begin_after(Some(broken), false).unwrap_err();
-        assert!(!broken.is_clean_end() && broken.lost_a_peer(), "{broken:?}");
-    }
-
-    #[test]
-    fn a_display_that_was_interrupted_has_not_finished_and_may_come_again() {
-        let interrupted = begin_after(Some(CloseCode::Interrupted.reason()), false).unwrap_err();
-        assert!(interrupted.lost_a_peer() && !interrupted.is_clean_end(), "{interrupted:?}");
-        begin_after(Some(CloseCode::Interrupted.reason()), true).unwrap();
-        let failed = begin_after(Some(CloseCode::Failed.because("no memory")), true);
-        assert!(failed.is_err(), "a failure is told all the same");
-    }
-
-    #[test]
-    fn a_display_that_went_without_a_word_is_lost() {
-        let gone = begin_after(None, false).unwrap_err();
-        assert!(gone.lost_a_peer() && !gone.is_clean_end(), "{gone:?}");
     }
 }

@@ -1,17 +1,18 @@
 //! A culler: which messages move when (paper, algorithm 4.2).
 
-use std::{future::Future, time::Duration};
+use std::{future::Future, mem, time::Duration};
 
-use trimaran_proto::{Camera, DrawableId, FrameStats, IdBatch, RoleMessage, SentBytes, Settings};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoleMessage, SentBytes};
 use trimaran_transport::Traffic;
 
 use super::{
     close::{part, worked},
     error::{RoleError, link},
+    pair::Pair,
 };
 use crate::{
-    links::{FrameEvent, FrameSender, FrameStart, Link},
-    machine::{CullerIndex, CullerMachine, CullerStep, OrderError},
+    links::{FrameSender, FrameStart, Link},
+    meeting::Meeting,
     stop::Stop,
     turn::{Turn, Turns},
 };
@@ -26,22 +27,22 @@ pub trait CullerWork {
     /// The culler has nothing to do until its next camera comes.
     fn awaits_camera(&mut self) {}
 
-    /// A camera has come, from which the next frame may be culled.
+    /// A camera has come, from which the next frame is culled.
     fn has_camera(&mut self, camera: &Camera) {
         let _ = camera;
     }
 
-    /// Begins the occluders of a frame (OR).
+    /// Begins the occluders of a frame (OR). They come at once, or with `as_they_come` bit by bit.
     ///
     /// # Errors
     /// As the device says.
-    fn begin_occluders(&mut self, camera: Camera) -> Result<(), RoleError>;
+    fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError>;
 
-    /// Takes what the other culler found visible in the frame before, as it comes.
+    /// Takes what was found visible in a frame before: all of it, or some as it comes.
     ///
     /// # Errors
-    /// If no frame can have an id, or as the device says.
-    fn take_occluders(&mut self, batch: &IdBatch) -> Result<(), RoleError>;
+    /// If the scene lacks an id, or as the device says.
+    fn take_occluders(&mut self, ids: &[DrawableId]) -> Result<(), RoleError>;
 
     /// All ids are there: completes the occluders of the frame.
     ///
@@ -59,137 +60,165 @@ pub trait CullerWork {
         visible: &mut VisibleIds<'_>,
     ) -> impl Future<Output = Result<(), RoleError>>;
 
-    /// What was done for the frame, whose end has just been sent. Since the last frame's end `to_other` was
-    /// sent to the other culler, and since the occluders were complete others have computed for `away` in
-    /// this culler's place.
-    fn frame_stats(&mut self, to_other: SentBytes, away: Duration) -> FrameStats;
+    /// What was done for the frame, all of which has just been found. Since the occluders were complete
+    /// others have computed for `away` in this culler's place.
+    fn frame_stats(&mut self, away: Duration) -> FrameStats;
 }
 
 /// Takes the ids of a frame that is being culled: they leave for all receivers at once, while culling goes
 /// on.
 #[derive(Debug)]
-pub struct VisibleIds<'l>(Vec<&'l mut FrameSender>);
+pub struct VisibleIds<'l> {
+    found: Vec<DrawableId>,
+    display: Option<&'l mut FrameSender>,
+    other: Option<&'l mut Pair>,
+}
 
 impl VisibleIds<'_> {
+    /// Keeps what is found, and sends it to nobody.
+    #[must_use]
+    pub const fn kept() -> Self {
+        Self { found: Vec::new(), display: None, other: None }
+    }
+
     /// Sends what was found visible. It waits where a receiver has no room.
     ///
     /// # Errors
-    /// When a receiver is gone or stalls.
+    /// When the display is gone or stalls.
     pub async fn push(&mut self, ids: &[DrawableId]) -> Result<(), RoleError> {
-        for sender in &mut self.0 {
-            sender.push(ids).await.map_err(link("sending ids"))?;
+        self.found.extend_from_slice(ids);
+        // The other culler first: it draws while the display only gathers.
+        if let Some(other) = &mut self.other {
+            other.push(ids).await;
         }
-        Ok(())
+        match &mut self.display {
+            Some(display) => display.push(ids).await.map_err(link("sending ids")),
+            None => Ok(()),
+        }
+    }
+
+    /// All that was found.
+    #[must_use]
+    pub fn into_found(self) -> Vec<DrawableId> {
+        self.found
     }
 }
 
-/// A culler, joined to the two other roles.
+/// A culler in a session with a display.
 #[derive(Debug)]
 pub struct CullerRole<W> {
-    /// Which.
-    pub index: CullerIndex,
     /// What it does with a frame.
     pub work: W,
     /// The link to the display.
     pub display: Link,
-    /// The link to the other culler.
-    pub other: Link,
-    /// What the display has decided.
-    pub settings: Settings,
+    /// How it meets another culler, where the display wants that.
+    pub meeting: Meeting,
     /// What it measures by, and whether it computes while other roles of the process do.
     pub turns: Turns,
+    /// How many drawables the scene has.
+    pub drawables: u32,
 }
 
 impl<W: CullerWork> CullerRole<W> {
-    /// Plays the role until the session ends, a peer leaves, or `stop` asks. Where the work is a device's, it
-    /// occupies its thread.
+    /// Plays the role until the display leaves, or `stop` asks. Where the work is a device's, it occupies
+    /// its thread.
     ///
     /// # Errors
-    /// When a peer dies, is interrupted or breaks the order, or the device fails. The peers are told before
-    /// it returns. That this role itself was asked to stop is no error.
+    /// When the display dies, or the device fails. The display is told before it returns. That this role
+    /// itself was asked to stop is no error.
     pub async fn run(mut self, stop: &Stop) -> Result<(), RoleError> {
         self.work.cancel_on(stop);
         let turn = self.turns.of_a_role();
-        let result = worked(self.frames(&turn), &turn, stop).await;
-        part([self.display, self.other], result, stop).await
-    }
-
-    async fn frames(&mut self, turn: &Turn) -> Result<(), RoleError> {
-        let mut machine = CullerMachine::new(self.index, self.settings.first, self.settings.frames);
-        let mut sent_to_other = self.other.stats.read().sent;
-        loop {
-            match machine.step() {
-                CullerStep::AwaitCamera { .. } => {
-                    self.work.awaits_camera();
-                    let camera = self.display.latest_rx.latest().await;
-                    let camera = camera.map_err(link("waiting for a camera"))?;
-                    self.work.has_camera(&camera);
-                    machine.camera(camera).map_err(by("display"))?;
-                }
-                CullerStep::Occlude { camera } => {
-                    let event = self.other.frames_rx.recv().await.map_err(link("receiving occluders"))?;
-                    match event {
-                        FrameEvent::Begin(start) => {
-                            machine.occluders_began(start.frame).map_err(by(OTHER))?;
-                            // It has the turn until the frame is culled.
-                            turn.take().await;
-                            self.work.begin_occluders(camera)?;
-                        }
-                        FrameEvent::Batch(batch) => self.work.take_occluders(&batch)?,
-                        FrameEvent::End(_) => machine.occluders_ended().map_err(by(OTHER))?,
-                    }
-                }
-                CullerStep::Cull { camera, feeds_other } => {
-                    if camera.frame() == self.settings.first {
-                        // No frame before it to take occluders from.
-                        turn.take().await;
-                        self.work.begin_occluders(camera)?;
-                    }
-                    self.cull(camera, feeds_other, turn, &mut sent_to_other).await?;
-                    turn.give_back();
-                    machine.culled().map_err(by(OTHER))?;
-                }
-                CullerStep::Done => return Ok(()),
-            }
-        }
-    }
-
-    /// Culls a frame, whose occluders are all there (paper, section 4.1): sends the camera, then each visible
-    /// drawable as it is decided, then the end.
-    async fn cull(
-        &mut self,
-        camera: Camera,
-        feeds_other: bool,
-        turn: &Turn,
-        sent_to_other: &mut Traffic,
-    ) -> Result<(), RoleError> {
-        self.work.complete_occluders(camera).await?;
-        // Only what passes from here on is missing from HC.
-        turn.away();
-        // The other culler first: it draws while the display only gathers.
-        let other = feeds_other.then_some(&mut self.other.frames_tx);
-        let mut visible = VisibleIds(other.into_iter().chain([&mut self.display.frames_tx]).collect());
-        for sender in &mut visible.0 {
-            let start = FrameStart { frame: camera.frame(), header: camera };
-            sender.begin(start).await.map_err(link("beginning a frame"))?;
-        }
-        self.work.cull(camera, &mut visible).await?;
-        for sender in &mut visible.0 {
-            sender.finish().await.map_err(link("ending a frame"))?;
-        }
-        let sent = self.other.stats.read().sent;
-        let to_other = sent_bytes(sent - std::mem::replace(sent_to_other, sent));
-        let stats = self.work.frame_stats(to_other, turn.away());
-        let said = RoleMessage::Stats(stats);
-        self.display.messages_tx.send(&said).await.map_err(link("sending statistics"))
+        let session = Session {
+            work: self.work,
+            pair: Pair::new(self.meeting, self.drawables),
+            display: self.display,
+            turn: &turn,
+            sent: FrameNumber(0),
+            last: None,
+        };
+        let (display, result) = session.play(stop).await;
+        part(vec![display], result, stop).await
     }
 }
 
-/// How messages speak of the other culler.
-pub(crate) const OTHER: &str = "other culler";
+struct Session<'t, W> {
+    work: W,
+    pair: Pair,
+    display: Link,
+    turn: &'t Turn,
+    /// The number of the next frame that is sent over the display's link.
+    sent: FrameNumber,
+    /// What was found visible in the last frame.
+    last: Option<(FrameNumber, Vec<DrawableId>)>,
+}
 
-fn by(peer: &'static str) -> impl FnOnce(OrderError) -> RoleError {
-    move |cause| RoleError::Order { peer, cause }
+impl<W: CullerWork> Session<'_, W> {
+    async fn play(mut self, stop: &Stop) -> (Link, Result<(), RoleError>) {
+        let turn = self.turn;
+        let result = worked(self.frames(), turn, stop).await;
+        self.pair.part();
+        (self.display, result)
+    }
+
+    async fn frames(&mut self) -> Result<(), RoleError> {
+        loop {
+            self.work.awaits_camera();
+            let camera = self.pair.camera(&mut self.display).await?;
+            self.work.has_camera(&camera);
+            let occluders_of = self.occlude(camera).await?;
+            self.cull(camera, occluders_of).await?;
+            self.turn.give_back();
+        }
+    }
+
+    /// OR: draws what was found visible in the frame before, by the other culler or by this one. Says in
+    /// which frame.
+    async fn occlude(&mut self, camera: Camera) -> Result<Option<FrameNumber>, RoleError> {
+        let mut as_they_come = self.pair.feeds(camera.frame());
+        if as_they_come {
+            as_they_come = self.pair.begins(&mut self.display, camera.frame()).await?;
+        }
+        // It has the turn until the frame is culled.
+        self.turn.take().await;
+        self.work.begin_occluders(camera, as_they_come)?;
+        if as_they_come {
+            while let Some(ids) = self.pair.ids(&mut self.display).await? {
+                self.work.take_occluders(&ids)?;
+            }
+            self.work.complete_occluders(camera).await?;
+            return Ok(camera.frame().0.checked_sub(1).map(FrameNumber));
+        }
+        let occluders_of = self.last.as_ref().map(|(frame, _)| *frame);
+        if let Some((_, ids)) = &self.last {
+            self.work.take_occluders(ids)?;
+        }
+        self.work.complete_occluders(camera).await?;
+        Ok(occluders_of)
+    }
+
+    /// HC (paper, section 4.1): sends the camera, then each visible drawable as it is decided, then the end.
+    async fn cull(&mut self, camera: Camera, occluders_of: Option<FrameNumber>) -> Result<(), RoleError> {
+        // Only what passes from here on is missing from HC.
+        self.turn.away();
+        let frame = self.sent;
+        self.sent = FrameNumber(frame.0.wrapping_add(1));
+        let start = FrameStart { frame, header: camera };
+        let other = self.pair.begin(camera).await;
+        self.display.frames_tx.begin(start).await.map_err(link("beginning a frame"))?;
+        let found = self.last.take().map_or_else(Vec::new, |(_, mut ids)| {
+            ids.clear();
+            ids
+        });
+        let mut visible = VisibleIds { found, display: Some(&mut self.display.frames_tx), other };
+        self.work.cull(camera, &mut visible).await?;
+        self.last = Some((camera.frame(), mem::take(&mut visible.found)));
+        let to_other = self.pair.finish().await;
+        self.display.frames_tx.finish().await.map_err(link("ending a frame"))?;
+        let stats = FrameStats { occluders_of, to_other, ..self.work.frame_stats(self.turn.away()) };
+        let said = RoleMessage::Stats(stats);
+        self.display.messages_tx.send(&said).await.map_err(link("sending statistics"))
+    }
 }
 
 pub(super) const fn sent_bytes(traffic: Traffic) -> SentBytes {

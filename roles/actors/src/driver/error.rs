@@ -6,7 +6,7 @@ use trimaran_cull::{CullError, OccluderError};
 use trimaran_proto::CloseCode;
 use trimaran_transport::{RecvError, SendError};
 
-use crate::{ids::IdError, machine::OrderError};
+use crate::{deal::Disorder, ids::IdError};
 
 /// An error of a device or an observer, whatever these are.
 pub type BoxedError = Box<dyn Error + Send + Sync>;
@@ -31,16 +31,16 @@ pub enum RoleError {
     #[error("the {peer} broke the order of messages")]
     Order {
         /// The peer.
-        peer: &'static str,
+        peer: String,
         /// How.
         #[source]
-        cause: OrderError,
+        cause: Disorder,
     },
     /// A peer sent an id that no frame of the scene can have.
     #[error("the {peer} sent ids that no frame can have")]
     Ids {
         /// The peer.
-        peer: &'static str,
+        peer: String,
         /// Which, and why.
         #[source]
         cause: IdError,
@@ -71,12 +71,11 @@ impl RoleError {
         move |cause| Self::Device { doing, cause: cause.into() }
     }
 
-    /// Whether a peer is gone that may come again: its connection broke, it was interrupted, its device
-    /// failed, or it has lost another peer itself. The session can go on with the frame that was due,
-    /// once all three have joined again.
+    /// Whether a peer is gone that may come again: its connection broke, it was interrupted, or its device
+    /// failed.
     #[must_use]
     pub fn lost_a_peer(&self) -> bool {
-        let passing = [CloseCode::PeerLost, CloseCode::Interrupted, CloseCode::DeviceFailed];
+        let passing = [CloseCode::Interrupted, CloseCode::DeviceFailed];
         match self {
             Self::Link {
                 cause: LinkError::Receive(RecvError::Lost { .. } | RecvError::Silent { .. }),
@@ -113,7 +112,8 @@ impl RoleError {
     /// over.
     #[must_use]
     pub fn is_clean_end(&self) -> bool {
-        matches!(self, Self::Stopped) || self.close() == Some(CloseCode::Finished)
+        let ends = [Some(CloseCode::Finished), Some(CloseCode::Replaced)];
+        matches!(self, Self::Stopped) || ends.contains(&self.close())
     }
 }
 

@@ -4,15 +4,19 @@
 //! [`block_on`](tokio::runtime::Handle::block_on) on a thread of its own, since its device blocks within the
 //! future; a simulated one runs on the simulation's executor.
 
-mod cameras;
 mod close;
 mod culler;
+mod culler_link;
 mod display;
 mod error;
+mod introduction;
+mod observer;
+mod pair;
+mod published;
 
-pub use cameras::Cameras;
-pub use close::leave_unable;
-pub(crate) use culler::OTHER;
+pub(crate) use close::leave_unable;
 pub use culler::{CullerRole, CullerWork, VisibleIds};
-pub use display::{CullerTraffic, DisplayRole, DisplayWork, Drawn, Observer, ShownFrame};
+pub use display::{DisplayRole, DisplayWork, Schedule};
 pub use error::{BoxedError, LinkError, RoleError};
+pub use observer::{CullerEvent, Observer, ShownFrame};
+pub use published::Cameras;

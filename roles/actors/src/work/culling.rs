@@ -2,16 +2,17 @@
 
 use std::{sync::Arc, time::Duration};
 
-use trimaran_cull::{CullStats, Culler, LodRule, OccluderMapper, View, Viewport};
-use trimaran_proto::{Camera, CullCounts, DrawableId, FrameStats, IdBatch, SentBytes, Settings};
+use trimaran_cull::{
+    CullStats, Culler, LodRule, OccluderMapper, TriangleBudget, View, Viewport, select_occluders,
+};
+use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, FrameStats, Settings};
 use trimaran_scene::Scene;
 
 use super::occluders::OccluderPolicy;
 use crate::{
     clock::Stopwatch,
     device::CullerDevice,
-    driver::{CullerWork, OTHER, RoleError, VisibleIds},
-    ids::FrameIds,
+    driver::{CullerWork, RoleError, VisibleIds},
     stop::Stop,
     turn::Turns,
 };
@@ -23,19 +24,24 @@ pub struct SceneCulling<D> {
     culler: Culler,
     mapper: Option<OccluderMapper>,
     viewport: Viewport,
+    /// Of the frame under way.
+    view: View,
     rule: LodRule,
     clock: Stopwatch,
     policy: OccluderPolicy,
     /// Whether the device is to be idle while further ids are waited for.
     takes_turns: bool,
+    /// Whether the occluders of this frame are chosen and drawn as they come.
+    as_they_come: bool,
+    /// How many triangles may still be drawn then.
+    left: u64,
     stats: FrameStats,
     /// Time the host spent on the occluders of this frame.
     host: Duration,
     /// When the occluders of this frame were complete.
     or_end: Duration,
-    /// Ids received of the last frame, and occluders they map to: both for the frame whose occluders are
-    /// drawn.
-    received: FrameIds,
+    /// How many ids of an earlier frame have come for this one, and the occluders they map to.
+    received: usize,
     due: Vec<DrawableId>,
 }
 
@@ -48,27 +54,19 @@ impl<D: CullerDevice> SceneCulling<D> {
             culler: Culler::new(Arc::clone(scene)),
             mapper: None,
             viewport: settings.viewport,
+            view: View::new(Camera::at_origin(FrameNumber(0)), settings.viewport),
             rule: settings.lod,
             clock: turns.clock(),
             policy: OccluderPolicy::default(),
             takes_turns: turns.are_exclusive(),
+            as_they_come: false,
+            left: 0,
             stats: FrameStats::default(),
             host: Duration::ZERO,
             or_end: Duration::ZERO,
-            received: FrameIds::of(scene),
+            received: 0,
             due: Vec::new(),
         }
-    }
-
-    /// The same with other occluders than by default.
-    #[must_use]
-    pub fn with_occluders(self, policy: OccluderPolicy) -> Self {
-        Self { policy, ..self }
-    }
-
-    /// Whether the device draws while further ids are waited for.
-    const fn draws_as_it_comes(&self) -> bool {
-        self.policy.budget.is_none() && !self.takes_turns
     }
 
     /// Draws the due occluders from this one on.
@@ -76,10 +74,7 @@ impl<D: CullerDevice> SceneCulling<D> {
         let ids = self.due.get(first..).unwrap_or_default();
         self.device.draw_occluders(ids).map_err(RoleError::device("drawing occluders"))?;
         self.stats.occluders += u32::try_from(ids.len()).unwrap_or(u32::MAX);
-        let drawables = self.culler.scene().drawables();
-        let drawn = ids.iter().filter_map(|id| drawables.get(id.index()));
-        self.stats.occluder_triangles +=
-            drawn.map(|drawable| u64::from(drawable.index_count / 3)).sum::<u64>();
+        self.stats.occluder_triangles += triangles(self.culler.scene(), ids);
         Ok(())
     }
 }
@@ -89,8 +84,9 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         self.device.cancel_on(stop);
     }
 
-    fn begin_occluders(&mut self, camera: Camera) -> Result<(), RoleError> {
+    fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError> {
         let view = View::new(camera, self.viewport);
+        self.view = view;
         let start = self.clock.elapsed();
         self.stats =
             FrameStats { frame: camera.frame(), or_start_ns: nanoseconds(start), ..FrameStats::default() };
@@ -99,21 +95,29 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
             None => self.mapper = Some(OccluderMapper::new(Arc::clone(self.culler.scene()), view, self.rule)),
         }
         self.device.begin_occluders(&view).map_err(RoleError::device("clearing the depth"))?;
-        self.received.begin();
+        self.received = 0;
         self.due.clear();
+        self.as_they_come = as_they_come && !self.takes_turns;
+        self.left = self.policy.budget.0;
         self.host = self.clock.elapsed().saturating_sub(start);
         Ok(())
     }
 
-    /// Maps a batch onto this frame's LOD cut, and draws it if there is nothing to choose.
-    fn take_occluders(&mut self, batch: &IdBatch) -> Result<(), RoleError> {
+    /// Maps ids onto this frame's LOD cut. Where they come bit by bit, each time what hides most is drawn,
+    /// within half of the budget that is left: the first ids are of what is large or far, and more may come.
+    fn take_occluders(&mut self, ids: &[DrawableId]) -> Result<(), RoleError> {
         let start = self.clock.elapsed();
-        let ids = self.received.take(batch).map_err(|cause| RoleError::Ids { peer: OTHER, cause })?;
+        self.received += ids.len();
         let known = self.due.len();
         if let Some(mapper) = &mut self.mapper {
             mapper.push(ids, &mut self.due)?;
         }
-        if self.draws_as_it_comes() {
+        if self.as_they_come {
+            let mut chosen = self.due.split_off(known);
+            let scene = self.culler.scene();
+            select_occluders(scene, &self.view, &mut chosen, TriangleBudget(self.left / 2));
+            self.left -= triangles(scene, &chosen).min(self.left);
+            self.due.extend(chosen);
             self.draw(known)?;
         }
         self.host += self.clock.elapsed().saturating_sub(start);
@@ -121,12 +125,15 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
     }
 
     /// Chooses among the ids, and makes up for those that a jump has made useless.
-    async fn complete_occluders(&mut self, camera: Camera) -> Result<(), RoleError> {
+    async fn complete_occluders(&mut self, _: Camera) -> Result<(), RoleError> {
         let start = self.clock.elapsed();
-        let view = View::new(camera, self.viewport);
-        let drawn = if self.draws_as_it_comes() { self.due.len() } else { 0 };
-        let received = self.received.ids.len();
-        self.policy.choose(self.culler.scene(), &view, self.rule, received, &mut self.due);
+        let drawn = if self.as_they_come { self.due.len() } else { 0 };
+        let scene = Arc::clone(self.culler.scene());
+        if self.as_they_come {
+            self.policy.make_up(&scene, &self.view, self.rule, self.received, &mut self.due);
+        } else {
+            self.policy.choose(&scene, &self.view, self.rule, self.received, &mut self.due);
+        }
         self.draw(drawn)?;
         self.host += self.clock.elapsed().saturating_sub(start);
         let start = self.clock.elapsed();
@@ -135,15 +142,14 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         let waited = self.or_end.saturating_sub(start);
         // What is drawn as it comes may have been drawn before this. What is drawn at once was drawn while
         // the host still worked at it, and that time is counted already.
-        let finishing = if self.draws_as_it_comes() { drawing.max(waited) } else { waited };
+        let finishing = if self.as_they_come { drawing.max(waited) } else { waited };
         self.stats.or_busy_ns = nanoseconds(self.host + finishing);
         self.stats.or_end_ns = nanoseconds(self.or_end);
         Ok(())
     }
 
-    async fn cull(&mut self, camera: Camera, visible: &mut VisibleIds<'_>) -> Result<(), RoleError> {
-        let view = View::new(camera, self.viewport);
-        let mut traversal = self.culler.traverse(&view, self.rule, &self.device)?;
+    async fn cull(&mut self, _: Camera, visible: &mut VisibleIds<'_>) -> Result<(), RoleError> {
+        let mut traversal = self.culler.traverse(&self.view, self.rule, &self.device)?;
         while let Some(ids) = traversal.next_level(&mut self.device)? {
             visible.push(ids).await?;
         }
@@ -151,13 +157,17 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         Ok(())
     }
 
-    fn frame_stats(&mut self, to_other: SentBytes, away: Duration) -> FrameStats {
+    fn frame_stats(&mut self, away: Duration) -> FrameStats {
         self.stats.hc_end_ns = nanoseconds(self.clock.elapsed());
         // Work that was interrupted counts as done in one piece, at its end.
         self.stats.hc_start_ns = nanoseconds(self.or_end + away);
-        self.stats.to_other = to_other;
         self.stats
     }
+}
+
+fn triangles(scene: &Scene, ids: &[DrawableId]) -> u64 {
+    let drawables = ids.iter().filter_map(|id| scene.drawables().get(id.index()));
+    drawables.map(|drawable| u64::from(drawable.index_count / 3)).sum()
 }
 
 fn nanoseconds(time: Duration) -> u64 {

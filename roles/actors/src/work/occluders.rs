@@ -12,9 +12,8 @@ use trimaran_scene::Scene;
 /// hide less, and never too much.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OccluderPolicy {
-    /// Select occluders from the last frame's visible set within this budget, once all its ids are there.
-    /// `None` draws all of them, each batch as it comes.
-    pub budget: Option<TriangleBudget>,
+    /// Select occluders from an earlier frame's visible set within this budget.
+    pub budget: TriangleBudget,
     /// Where the last frame's set says little of this one (the first frame, or one after a jump), draw the
     /// nearest drawables within this budget as well.
     pub after_a_jump: TriangleBudget,
@@ -22,7 +21,7 @@ pub struct OccluderPolicy {
 
 impl Default for OccluderPolicy {
     fn default() -> Self {
-        Self { budget: Some(TriangleBudget(30_000)), after_a_jump: TriangleBudget(60_000) }
+        Self { budget: TriangleBudget(30_000), after_a_jump: TriangleBudget(60_000) }
     }
 }
 
@@ -54,11 +53,24 @@ impl OccluderPolicy {
         received: usize,
         due: &mut Vec<DrawableId>,
     ) {
-        let jumped = due.len() * 2 <= received;
-        if let Some(budget) = self.budget {
-            select_occluders(scene, view, due, budget);
+        let found = due.len();
+        select_occluders(scene, view, due, self.budget);
+        if found * 2 <= received {
+            nearest_occluders(scene, view, rule, self.after_a_jump, due);
         }
-        if jumped {
+    }
+
+    /// Makes up for those of the `received` ids that a jump has made useless, where the rest was chosen as
+    /// it came.
+    pub(super) fn make_up(
+        self,
+        scene: &Scene,
+        view: &View,
+        rule: LodRule,
+        received: usize,
+        due: &mut Vec<DrawableId>,
+    ) {
+        if due.is_empty() && received > 0 {
             nearest_occluders(scene, view, rule, self.after_a_jump, due);
         }
     }

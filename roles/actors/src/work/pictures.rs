@@ -3,15 +3,13 @@
 use std::sync::Arc;
 
 use trimaran_cull::{DrawOrder, Image, View, Viewport};
-use trimaran_proto::{Camera, IdBatch, Settings};
+use trimaran_proto::{Camera, DrawableId, Settings};
 use trimaran_scene::Scene;
-use trimaran_transport::FrameOutcome;
 
 use super::gaps::Gaps;
 use crate::{
     device::PictureDevice,
-    driver::{DisplayWork, Drawn, RoleError},
-    ids::{FrameIds, IdError},
+    driver::{DisplayWork, RoleError},
     stop::Stop,
 };
 
@@ -24,10 +22,8 @@ pub struct ScenePictures<D> {
     device: D,
     viewport: Viewport,
     order: DrawOrder,
-    received: FrameIds,
     /// What was drawn before stands in for ids that were lost.
     gaps: Gaps,
-    for_loss: usize,
     picture: Image,
 }
 
@@ -39,9 +35,7 @@ impl<D: PictureDevice> ScenePictures<D> {
             device,
             viewport: settings.viewport,
             order: DrawOrder::default(),
-            received: FrameIds::of(scene),
             gaps: Gaps::new(scene, settings.lod),
-            for_loss: 0,
             picture: Image::default(),
         }
     }
@@ -52,34 +46,23 @@ impl<D: PictureDevice> DisplayWork for ScenePictures<D> {
         self.device.cancel_on(stop);
     }
 
-    fn begin(&mut self) {
-        self.received.begin();
-    }
-
-    fn take(&mut self, batch: &IdBatch) -> Result<(), IdError> {
-        self.received.take(batch).map(|_| ())
-    }
-
     /// Draws front to back.
-    async fn draw(&mut self, camera: Camera, outcome: FrameOutcome) -> Result<(), RoleError> {
+    async fn draw(
+        &mut self,
+        camera: Camera,
+        ids: &mut Vec<DrawableId>,
+        missing: u32,
+    ) -> Result<usize, RoleError> {
         let view = View::new(camera, self.viewport);
-        let ids = &mut self.received.ids;
-        let whole = matches!(outcome, FrameOutcome::Complete(_));
-        self.for_loss = if whole { 0 } else { self.gaps.fill(view, ids)? };
+        let for_loss = if missing == 0 { 0 } else { self.gaps.fill(view, ids)? };
         self.order.sort(&self.scene, &view, ids);
         self.device.draw(&view, ids).map_err(RoleError::device(DRAWING))?;
         self.gaps.drawn(ids);
-        Ok(())
+        Ok(for_loss)
     }
 
-    fn drawn(&mut self, with_picture: bool) -> Result<Drawn<'_>, RoleError> {
-        if with_picture {
-            self.device.read(&mut self.picture).map_err(RoleError::device(DRAWING))?;
-        }
-        Ok(Drawn {
-            ids: &self.received.ids,
-            for_loss: u32::try_from(self.for_loss).unwrap_or(u32::MAX),
-            picture: with_picture.then_some(&self.picture),
-        })
+    fn picture(&mut self) -> Result<Option<&Image>, RoleError> {
+        self.device.read(&mut self.picture).map_err(RoleError::device(DRAWING))?;
+        Ok(Some(&self.picture))
     }
 }

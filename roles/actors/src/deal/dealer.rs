@@ -1,0 +1,341 @@
+//! Deals frames to cullers, and says which frame is shown next.
+
+use std::{
+    collections::{BTreeMap, BTreeSet, VecDeque},
+    time::Duration,
+};
+
+use thiserror::Error;
+use trimaran_proto::FrameNumber;
+use trimaran_transport::Instant;
+
+use super::{culler_id::CullerId, usual::Usual};
+
+/// Which frames there are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pace {
+    /// Every camera is one frame, and every frame is shown; so many of them, counted from 0. Cullers take
+    /// turns, so that a run with the same cullers is the same each time.
+    Lockstep {
+        /// With which frame it ends; never without.
+        frames: Option<u32>,
+    },
+    /// The newest camera goes to whoever is free. What is older than what was shown is not shown any more.
+    Live,
+}
+
+impl Pace {
+    /// How late a frame may always be, however fast cullers are. In lockstep nobody waits for the picture.
+    const fn least(self) -> Duration {
+        match self {
+            Self::Lockstep { .. } => Duration::from_secs(1),
+            Self::Live => Duration::from_millis(50),
+        }
+    }
+}
+
+/// A culler broke the order of a frame's messages. The display lets it go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum Disorder {
+    /// It began a frame whose camera it has not got.
+    #[error("it began {0}, which it was not dealt")]
+    NotDealt(FrameNumber),
+    /// It culled a frame from a camera that was not handed out for it.
+    #[error("it culled {0} from another camera than the display handed out")]
+    ForeignCamera(FrameNumber),
+    /// It began a frame while another was under way, or sent a part of one that had not begun.
+    #[error("it sent {0} where that was not due")]
+    Unexpected(&'static str),
+}
+
+/// Who culls which frame, and which is shown next.
+#[derive(Debug)]
+pub struct Dealer {
+    pace: Pace,
+    /// Whether cullers take turns: always in lockstep, and live where each draws what the other one found.
+    in_turn: bool,
+    cullers: BTreeMap<CullerId, Hand>,
+    /// Frames that were dealt to cullers that have left, or passed over, and are not dealt again yet.
+    orphans: BTreeSet<FrameNumber>,
+    /// Frames that are there and not shown.
+    whole: BTreeSet<FrameNumber>,
+    /// The first frame that is not shown.
+    next: FrameNumber,
+    /// The frame after the last one dealt.
+    fresh: FrameNumber,
+    usual: Usual,
+    held: bool,
+}
+
+/// What a culler has been dealt.
+#[derive(Debug)]
+struct Hand {
+    /// Cameras it got and has not begun with, in order: the last one is in its cell, or it has taken it.
+    cell: VecDeque<FrameNumber>,
+    begun: Option<FrameNumber>,
+    /// In turn: the frame that is its next.
+    own: FrameNumber,
+    /// Since when it works at the first frame it has.
+    since: Instant,
+    /// It is late, and is dealt nothing until it has answered.
+    late: bool,
+}
+
+impl Hand {
+    fn outstanding(&self) -> impl Iterator<Item = FrameNumber> + '_ {
+        self.begun.iter().chain(&self.cell).copied()
+    }
+
+    fn is_idle(&self) -> bool {
+        self.begun.is_none() && self.cell.is_empty()
+    }
+}
+
+impl Dealer {
+    /// For a session without cullers so far that goes on with the frame `first`. Where `in_turn`, cullers
+    /// take turns in a live session as well.
+    #[must_use]
+    pub fn new(pace: Pace, in_turn: bool, first: FrameNumber) -> Self {
+        Self {
+            pace,
+            in_turn: in_turn || pace != Pace::Live,
+            cullers: BTreeMap::new(),
+            orphans: BTreeSet::new(),
+            whole: BTreeSet::new(),
+            next: first,
+            fresh: first,
+            usual: Usual::default(),
+            held: false,
+        }
+    }
+
+    /// A culler has come: it is dealt frames from now on.
+    pub fn join(&mut self, id: CullerId, now: Instant) {
+        let hand = Hand { cell: VecDeque::new(), begun: None, own: self.fresh, since: now, late: false };
+        self.cullers.insert(id, hand);
+        self.share_out();
+    }
+
+    /// A culler is gone: others are dealt its frames.
+    pub fn leave(&mut self, id: CullerId) {
+        if self.cullers.remove(&id).is_some() {
+            self.share_out();
+        }
+    }
+
+    /// A culler is late: others are dealt its frames as well, and it gets no more until it answers.
+    pub fn pass_over(&mut self, id: CullerId) {
+        if let Some(hand) = self.cullers.get_mut(&id) {
+            hand.late = true;
+            self.share_out();
+        }
+    }
+
+    /// Deals nothing new for a while, or goes on.
+    pub const fn hold(&mut self, held: bool) {
+        self.held = held;
+    }
+
+    /// The first frame that is not shown.
+    #[must_use]
+    pub const fn next(&self) -> FrameNumber {
+        self.next
+    }
+
+    /// The frame that is dealt next, where nothing is dealt meanwhile.
+    #[must_use]
+    pub const fn fresh(&self) -> FrameNumber {
+        self.fresh
+    }
+
+    /// The cullers that are dealt frames.
+    pub fn available(&self) -> impl Iterator<Item = CullerId> + '_ {
+        self.cullers.iter().filter(|(_, hand)| !hand.late).map(|(id, _)| *id)
+    }
+
+    /// In turn: who is dealt which frame now. Each has to get its camera at once.
+    pub fn deal(&mut self, now: Instant) -> Vec<(CullerId, FrameNumber)> {
+        let mut dealt = Vec::new();
+        if !self.in_turn || self.held {
+            return dealt;
+        }
+        let ids: Vec<_> = self.available().collect();
+        let window = self.next.0.saturating_add(2 * ids.len() as u32);
+        for id in &ids {
+            let Some(hand) = self.cullers.get_mut(id).filter(|hand| hand.cell.is_empty()) else { continue };
+            // Who is busy takes no frame that is waited for.
+            let orphan = self.orphans.iter().copied().find(|frame| hand.is_idle() || *frame > self.next);
+            let frame = match orphan {
+                Some(orphan) => {
+                    self.orphans.remove(&orphan);
+                    orphan
+                }
+                None if hand.own.0 < window && in_session(self.pace, hand.own) => {
+                    let own = hand.own;
+                    hand.own = FrameNumber(own.0.saturating_add(ids.len() as u32));
+                    own
+                }
+                None => continue,
+            };
+            if hand.is_idle() {
+                hand.since = now;
+            }
+            hand.cell.push_back(frame);
+            self.fresh = self.fresh.max(FrameNumber(frame.0.saturating_add(1)));
+            dealt.push((*id, frame));
+        }
+        dealt
+    }
+
+    /// Live: who gets the newest camera, if anybody is to. With a camera that nobody has got yet (`news`)
+    /// that is a culler which is free. If none is, it waits in the cell of the one that has been busy
+    /// longest.
+    #[must_use]
+    pub fn wants_camera(&self, news: bool) -> Option<CullerId> {
+        let all_idle = self.cullers.values().all(|hand| hand.late || hand.is_idle());
+        if self.in_turn || self.held || !(news || all_idle) {
+            return None;
+        }
+        let hands = || self.cullers.iter().filter(|(_, hand)| !hand.late);
+        let idle = hands().filter(|(_, hand)| hand.is_idle()).min_by_key(|(_, hand)| hand.since);
+        let waiting = || hands().find(|(_, hand)| hand.begun.is_some() && !hand.cell.is_empty());
+        let longest = || hands().filter(|(_, hand)| hand.begun.is_some()).min_by_key(|(_, hand)| hand.since);
+        idle.or_else(waiting).or_else(longest).map(|(id, _)| *id)
+    }
+
+    /// Live: gives `id` a camera, in the place of one that waits in its cell; says the frame's number.
+    pub fn hand_out(&mut self, id: CullerId, now: Instant) -> FrameNumber {
+        let frame = self.fresh;
+        self.fresh = FrameNumber(frame.0.saturating_add(1));
+        if let Some(hand) = self.cullers.get_mut(&id) {
+            if hand.is_idle() {
+                hand.since = now;
+            }
+            hand.cell.push_back(frame);
+        }
+        frame
+    }
+
+    /// In turn and live: frames whose cameras wait in a cell, so that a newer pose can take their place.
+    pub fn refreshable(&self) -> impl Iterator<Item = (CullerId, FrameNumber)> + '_ {
+        let live = self.in_turn && self.pace == Pace::Live;
+        self.cullers.iter().filter(move |_| live).filter_map(|(id, hand)| Some((*id, *hand.cell.back()?)))
+    }
+
+    /// A culler began to send a frame. Those dealt to it before have been passed over.
+    ///
+    /// # Errors
+    /// If it was not dealt the frame, or has begun another one.
+    pub fn began(&mut self, id: CullerId, frame: FrameNumber) -> Result<(), Disorder> {
+        let hand = self.cullers.get_mut(&id).ok_or(Disorder::NotDealt(frame))?;
+        if hand.begun.is_some() {
+            return Err(Disorder::Unexpected("the begin of a frame"));
+        }
+        let place = hand.cell.iter().position(|dealt| *dealt == frame).ok_or(Disorder::NotDealt(frame))?;
+        let passed: Vec<_> = hand.cell.drain(..=place).filter(|passed| *passed != frame).collect();
+        hand.begun = Some(frame);
+        if self.in_turn {
+            self.orphan(passed);
+        }
+        Ok(())
+    }
+
+    /// A culler sent the end of its frame. Says which it is, if it is still to be shown.
+    ///
+    /// # Errors
+    /// If none had begun.
+    pub fn ended(&mut self, id: CullerId, now: Instant) -> Result<Option<FrameNumber>, Disorder> {
+        let unexpected = Disorder::Unexpected("the end of a frame");
+        let hand = self.cullers.get_mut(&id).ok_or(unexpected)?;
+        let frame = hand.begun.take().ok_or(unexpected)?;
+        if !hand.late {
+            self.usual.note(now.since(hand.since));
+        }
+        hand.since = now;
+        if std::mem::take(&mut hand.late) {
+            self.share_out();
+        }
+        self.orphans.remove(&frame);
+        Ok((frame >= self.next && self.whole.insert(frame)).then_some(frame))
+    }
+
+    /// The display has culled a frame itself.
+    pub fn culled_itself(&mut self, frame: FrameNumber) {
+        self.orphans.remove(&frame);
+        self.whole.insert(frame);
+        self.fresh = self.fresh.max(FrameNumber(frame.0.saturating_add(1)));
+    }
+
+    /// The frame to show now, if one is there: in lockstep the next one, live the newest.
+    #[must_use]
+    pub fn due(&self) -> Option<FrameNumber> {
+        match self.pace {
+            Pace::Lockstep { .. } => self.whole.contains(&self.next).then_some(self.next),
+            Pace::Live => self.whole.last().copied(),
+        }
+    }
+
+    /// The frame that the display has to cull itself, as nobody else does: no culler is there, or the one
+    /// that had it is gone and the others are busy.
+    #[must_use]
+    pub fn to_cull_itself(&self) -> Option<FrameNumber> {
+        let frame = match self.pace {
+            Pace::Live if !self.in_turn => self.fresh,
+            _ => self.next,
+        };
+        let nobody = self.available().next().is_none();
+        (in_session(self.pace, frame) && !self.whole.contains(&frame))
+            .then_some(frame)
+            .filter(|frame| nobody || self.orphans.contains(frame))
+    }
+
+    /// A frame is shown; older ones are not any more. Says which of those that were there are not.
+    pub fn shown(&mut self, frame: FrameNumber) -> BTreeSet<FrameNumber> {
+        self.next = FrameNumber(frame.0.saturating_add(1));
+        let later = self.whole.split_off(&self.next);
+        self.orphans = self.orphans.split_off(&self.next);
+        let mut older = std::mem::replace(&mut self.whole, later);
+        older.remove(&frame);
+        older
+    }
+
+    /// Whether every frame has been shown.
+    #[must_use]
+    pub const fn is_done(&self) -> bool {
+        !in_session(self.pace, self.next)
+    }
+
+    /// Who is late first, and when: the culler that has the oldest frame of all that are waited for.
+    #[must_use]
+    pub fn late(&self) -> Option<(CullerId, Instant)> {
+        let hands = self.cullers.iter().filter(|(_, hand)| !hand.late);
+        let oldest = hands.filter_map(|(id, hand)| Some((hand.outstanding().min()?, id, hand.since)));
+        let (_, id, since) = oldest.min()?;
+        Some((*id, since.after(self.usual.late(self.pace.least()))))
+    }
+
+    /// Puts up again what was dealt to nobody that is there, and shares out the frames that are to come.
+    fn share_out(&mut self) {
+        let has: BTreeSet<_> =
+            self.cullers.values().filter(|hand| !hand.late).flat_map(Hand::outstanding).collect();
+        if self.in_turn {
+            self.orphan((self.next.0..self.fresh.0).map(FrameNumber).filter(|frame| !has.contains(frame)));
+        }
+        for (place, hand) in self.cullers.values_mut().filter(|hand| !hand.late).enumerate() {
+            hand.own = FrameNumber(self.fresh.0.saturating_add(place as u32));
+        }
+    }
+
+    fn orphan(&mut self, frames: impl IntoIterator<Item = FrameNumber>) {
+        let (next, whole) = (self.next, &self.whole);
+        self.orphans.extend(frames.into_iter().filter(|frame| *frame >= next && !whole.contains(frame)));
+    }
+}
+
+const fn in_session(pace: Pace, frame: FrameNumber) -> bool {
+    match pace {
+        Pace::Lockstep { frames: Some(frames) } => frame.0 < frames,
+        Pace::Lockstep { frames: None } | Pace::Live => true,
+    }
+}

@@ -1,0 +1,166 @@
+//! A culler's end at the display: what comes over its link, put together to frames.
+
+use std::time::Duration;
+
+use futures_util::future::select_all;
+use trimaran_proto::{Camera, DrawableId, RoleMessage, SentBytes};
+use trimaran_transport::{FrameOutcome, LinkStats, RecvError};
+
+use super::{
+    close::left_early,
+    culler::sent_bytes,
+    error::{RoleError, link},
+};
+use crate::{
+    clock::Stopwatch,
+    deal::{CullerId, Disorder},
+    ids::FrameIds,
+    links::{FrameEvent, Link},
+    peers::{Arrival, Seat},
+};
+
+/// A culler of a display.
+#[derive(Debug)]
+pub(super) struct CullerLink {
+    pub(super) id: CullerId,
+    pub(super) link: Link,
+    /// Where another culler can reach it, if the display knows.
+    pub(super) at: Option<String>,
+    ids: FrameIds,
+    arriving: Option<Arriving>,
+    /// What the link had carried at the end of the last frame.
+    carried: LinkStats,
+    /// Its place, which is free when this is dropped.
+    _seat: Seat,
+}
+
+/// What came of a frame so far.
+#[derive(Debug)]
+struct Arriving {
+    camera: Camera,
+    begun: Duration,
+    arrivals: Vec<(u32, Duration)>,
+}
+
+/// A frame that has been culled, and can be shown.
+#[derive(Debug)]
+pub(super) struct Culled {
+    pub(super) camera: Camera,
+    /// Who culled it; none if the display itself did.
+    pub(super) by: Option<CullerId>,
+    pub(super) ids: Vec<DrawableId>,
+    /// How many more it should have: they were lost on a link with deadlines.
+    pub(super) missing: u32,
+    /// When its begin arrived.
+    pub(super) begun: Duration,
+    /// How many ids had come, and when, since the begin.
+    pub(super) arrivals: Vec<(u32, Duration)>,
+    /// What travelled over the culler's link since its last frame.
+    pub(super) traffic: SentBytes,
+}
+
+/// What a culler has to say.
+#[derive(Debug)]
+pub(super) enum Heard {
+    /// A frame begins, culled from this camera.
+    Began(Camera),
+    /// All of it is there.
+    Whole(Box<Culled>),
+    /// Something beside frames.
+    Said(RoleMessage),
+    /// Nothing more: it left, or broke the rules.
+    Gone(RoleError),
+}
+
+/// What the first of all cullers has to say. Never ends without any. Dropping the future loses nothing.
+pub(super) async fn first_of(cullers: &mut [CullerLink], clock: &Stopwatch) -> (CullerId, Heard) {
+    if cullers.is_empty() {
+        std::future::pending::<()>().await;
+    }
+    let each = cullers.iter_mut().map(|culler| Box::pin(async { (culler.id, culler.hear(clock).await) }));
+    select_all(each).await.0
+}
+
+impl CullerLink {
+    pub(super) fn new(id: CullerId, Arrival { link, at, seat, .. }: Arrival, drawables: u32) -> Self {
+        let (ids, carried) = (FrameIds::of(drawables), link.stats.read());
+        let at = at.map(|at| at.to_string());
+        Self { id, link, at, ids, arriving: None, carried, _seat: seat }
+    }
+
+    /// Waits for what it says next. Dropping the future loses nothing.
+    async fn hear(&mut self, clock: &Stopwatch) -> Heard {
+        loop {
+            // What is there without waiting came with what was before it.
+            let (event, at_once) = match self.link.frames_rx.try_recv() {
+                Ok(Some(event)) => (Ok(event), true),
+                Err(end) => (Err(end), true),
+                Ok(None) => tokio::select! {
+                    biased;
+                    event = self.link.frames_rx.recv() => (event, false),
+                    said = self.link.messages_rx.recv() => match said {
+                        Ok(said) => return Heard::Said(said),
+                        Err(end) => (Err(end), false),
+                    },
+                    end = left_early(&mut self.link.latest_rx) => (Err(end), false),
+                },
+            };
+            let taken = match event {
+                Ok(event) => self.take(event, at_once, clock.elapsed()),
+                // It has nothing to say while it is dealt nothing.
+                Err(RecvError::Silent { .. }) => Ok(None),
+                Err(end) => Err(link("receiving a frame")(end)),
+            };
+            match taken {
+                Ok(Some(heard)) => return heard,
+                Ok(None) => {}
+                Err(error) => return Heard::Gone(error),
+            }
+        }
+    }
+
+    fn take(&mut self, event: FrameEvent, at_once: bool, now: Duration) -> Result<Option<Heard>, RoleError> {
+        let peer = self.id;
+        let disorder = move |cause| RoleError::Order { peer: peer.to_string(), cause };
+        match (event, &mut self.arriving) {
+            (FrameEvent::Begin(start), None) => {
+                let camera = start.header;
+                self.arriving = Some(Arriving { camera, begun: now, arrivals: Vec::new() });
+                Ok(Some(Heard::Began(camera)))
+            }
+            (FrameEvent::Batch(batch), Some(arriving)) => {
+                let ids = self.ids.take(&batch);
+                ids.map_err(|cause| RoleError::Ids { peer: peer.to_string(), cause })?;
+                let (count, since) = (self.ids.count(), now.saturating_sub(arriving.begun));
+                match arriving.arrivals.last_mut().filter(|_| at_once) {
+                    Some((before, _)) => *before = count,
+                    None => arriving.arrivals.push((count, since)),
+                }
+                Ok(None)
+            }
+            (FrameEvent::End(outcome), arriving) => {
+                let Some(Arriving { camera, begun, arrivals }) = arriving.take() else {
+                    return Err(disorder(Disorder::Unexpected("the end of a frame")));
+                };
+                let carried = self.link.stats.read();
+                let since = carried - std::mem::replace(&mut self.carried, carried);
+                Ok(Some(Heard::Whole(Box::new(Culled {
+                    camera,
+                    by: Some(peer),
+                    ids: self.ids.finish(),
+                    missing: match outcome {
+                        FrameOutcome::Complete(_) => 0,
+                        FrameOutcome::Incomplete { expected, received, .. } => {
+                            expected.saturating_sub(received).max(1)
+                        }
+                    },
+                    begun,
+                    arrivals,
+                    traffic: sent_bytes(since.sent + since.received),
+                }))))
+            }
+            (FrameEvent::Begin(_), Some(_)) => Err(disorder(Disorder::Unexpected("the begin of a frame"))),
+            (FrameEvent::Batch(_), None) => Err(disorder(Disorder::Unexpected("a batch of ids"))),
+        }
+    }
+}

@@ -1,0 +1,280 @@
+//! A culler's other one, in the schedule `switch`: each draws as occluders what the other one finds, as it
+//! comes (paper, algorithm 4.2).
+//!
+//! What goes wrong between two cullers never ends a session: each goes on by what it found itself.
+
+use std::{collections::VecDeque, mem};
+
+use trimaran_proto::{Camera, CloseCode, DrawableId, FrameNumber, RoleMessage, SentBytes, SessionKey};
+use trimaran_transport::{RecvError, Traffic, causes};
+
+use super::{
+    culler::sent_bytes,
+    error::{RoleError, link},
+};
+use crate::{
+    ids::FrameIds,
+    links::{FrameEvent, FrameStart, Link},
+    meeting::{Meeting, Met},
+};
+
+/// The other culler, as far as there is one.
+#[derive(Debug)]
+pub(super) struct Pair {
+    meeting: Meeting,
+    drawables: u32,
+    state: State,
+    /// What the display has not been told yet.
+    unsaid: Option<RoleMessage>,
+}
+
+#[derive(Debug)]
+enum State {
+    Single,
+    Meeting { key: SessionKey, met: Met },
+    /// They have a link; from `first` on, if it is there, each draws what the other one finds.
+    Met { key: SessionKey, other: Box<Other>, first: Option<FrameNumber> },
+}
+
+#[derive(Debug)]
+struct Other {
+    link: Link,
+    /// What came while this culler waited for a camera.
+    early: VecDeque<FrameEvent>,
+    ids: FrameIds,
+    /// The number of the next frame that is sent to it.
+    sent: FrameNumber,
+    /// Whether a frame is being sent.
+    sending: bool,
+    counted: Traffic,
+}
+
+/// What a culler may learn while it waits.
+enum News<T> {
+    Awaited(T),
+    Said(RoleMessage),
+    Met(Result<Link, String>),
+    FromOther(Result<FrameEvent, RecvError>),
+}
+
+impl Pair {
+    pub(super) const fn new(meeting: Meeting, drawables: u32) -> Self {
+        Self { meeting, drawables, state: State::Single, unsaid: None }
+    }
+
+    /// Waits for the display's next camera, and does what else the display asks for meanwhile.
+    pub(super) async fn camera(&mut self, display: &mut Link) -> Result<Camera, RoleError> {
+        loop {
+            if let Some(said) = self.unsaid.take() {
+                display.messages_tx.send(&said).await.map_err(link("answering the display"))?;
+            }
+            let met = async {
+                match &mut self.state {
+                    State::Meeting { met, .. } => {
+                        News::Met(met.await.unwrap_or_else(|_| Err("it did not come".to_owned())))
+                    }
+                    State::Met { other, .. } => News::FromOther(other.link.frames_rx.recv().await),
+                    State::Single => std::future::pending().await,
+                }
+            };
+            let news = tokio::select! {
+                biased;
+                said = display.messages_rx.recv() => match said {
+                    Ok(said) => News::Said(said),
+                    Err(RecvError::Silent { .. }) => continue,
+                    Err(end) => return Err(link("waiting for a camera")(end)),
+                },
+                met = met => met,
+                camera = display.latest_rx.latest() => match camera {
+                    Ok(camera) => News::Awaited(camera),
+                    Err(RecvError::Silent { .. }) => continue,
+                    Err(end) => return Err(link("waiting for a camera")(end)),
+                },
+            };
+            match news {
+                News::Awaited(camera) => return Ok(camera),
+                News::Said(said) => self.hear(said),
+                News::Met(met) => self.met(met),
+                News::FromOther(event) => self.keep(event),
+            }
+        }
+    }
+
+    /// Whether the other one finds the occluders of this frame.
+    pub(super) const fn feeds(&self, frame: FrameNumber) -> bool {
+        matches!(self.state, State::Met { first: Some(first), .. } if frame.0 > first.0)
+    }
+
+    /// Waits until the other one begins the frame before `frame`. Says whether it does: it may be gone, or
+    /// the display may let it go.
+    pub(super) async fn begins(&mut self, display: &mut Link, frame: FrameNumber) -> Result<bool, RoleError> {
+        let mut older = false;
+        while let Some(event) = self.event(display).await? {
+            match event {
+                FrameEvent::Begin(start) if start.header.frame().0.checked_add(1) == Some(frame.0) => {
+                    return Ok(true);
+                }
+                FrameEvent::Begin(start) if start.header.frame() < frame => older = true,
+                FrameEvent::Batch(_) | FrameEvent::End(_) if older => {}
+                _ => self.lose("it broke the order of frames"),
+            }
+        }
+        Ok(false)
+    }
+
+    /// The next ids of its frame, as they come; none at its end. What has come is of use also where the rest
+    /// does not: fewer occluders only loosen the culling.
+    pub(super) async fn ids(&mut self, display: &mut Link) -> Result<Option<Vec<DrawableId>>, RoleError> {
+        let Some(event) = self.event(display).await? else { return Ok(None) };
+        let State::Met { other, .. } = &mut self.state else { return Ok(None) };
+        let broke = match event {
+            FrameEvent::Batch(batch) => match other.ids.take(&batch) {
+                Ok(ids) => return Ok(Some(ids.to_vec())),
+                Err(error) => causes(&error),
+            },
+            FrameEvent::End(_) => {
+                other.ids.finish();
+                return Ok(None);
+            }
+            FrameEvent::Begin(_) => "it broke the order of frames".to_owned(),
+        };
+        self.lose(&broke);
+        Ok(None)
+    }
+
+    /// Begins to send it a frame; gives it if it takes one.
+    pub(super) async fn begin(&mut self, camera: Camera) -> Option<&mut Self> {
+        if let State::Met { other, first: Some(first), .. } = &mut self.state
+            && camera.frame() >= *first
+        {
+            let start = FrameStart { frame: other.sent, header: camera };
+            other.sent = FrameNumber(other.sent.0.wrapping_add(1));
+            other.sending = true;
+            if let Err(error) = other.link.frames_tx.begin(start).await {
+                self.lose(&causes(&error));
+            }
+        }
+        self.is_sending().then_some(self)
+    }
+
+    pub(super) async fn push(&mut self, ids: &[DrawableId]) {
+        if let State::Met { other, .. } = &mut self.state
+            && other.sending
+            && let Err(error) = other.link.frames_tx.push(ids).await
+        {
+            self.lose(&causes(&error));
+        }
+    }
+
+    /// Ends the frame that is sent to it; says what was sent for it.
+    pub(super) async fn finish(&mut self) -> SentBytes {
+        let State::Met { other, .. } = &mut self.state else { return SentBytes::default() };
+        if !mem::take(&mut other.sending) {
+            return SentBytes::default();
+        }
+        let ended = other.link.frames_tx.finish().await;
+        let sent = other.link.stats.read().sent;
+        let since = sent_bytes(sent - mem::replace(&mut other.counted, sent));
+        if let Err(error) = ended {
+            self.lose(&causes(&error));
+        }
+        since
+    }
+
+    /// Leaves it.
+    pub(super) fn part(&mut self) {
+        if let State::Met { other, .. } = mem::replace(&mut self.state, State::Single) {
+            // Nobody waits until it has heard.
+            self.meeting.net.spawn(Box::pin(async move {
+                let _unheard = other.link.close(CloseCode::Finished.reason()).await;
+            }));
+        }
+    }
+
+    const fn is_sending(&self) -> bool {
+        match &self.state {
+            State::Met { other, .. } => other.sending,
+            _ => false,
+        }
+    }
+
+    fn hear(&mut self, said: RoleMessage) {
+        match (said, &mut self.state) {
+            (RoleMessage::Meet { key, at }, _) => {
+                self.part();
+                self.state = State::Meeting { key, met: self.meeting.meet(key, at) };
+            }
+            (RoleMessage::Switch { key, first: due }, State::Met { key: met, first, .. }) if key == *met => {
+                *first = Some(due);
+                self.unsaid = Some(RoleMessage::Switched { key });
+            }
+            (RoleMessage::Part, _) => self.part(),
+            // Of a meeting that is over.
+            _ => {}
+        }
+    }
+
+    fn met(&mut self, met: Result<Link, String>) {
+        let State::Meeting { key, .. } = self.state else { return };
+        match met {
+            Ok(link) => {
+                let (ids, counted) = (FrameIds::of(self.drawables), link.stats.read().sent);
+                let (early, sent) = (VecDeque::new(), FrameNumber(0));
+                let other = Box::new(Other { link, early, ids, sent, sending: false, counted });
+                self.state = State::Met { key, other, first: None };
+                self.unsaid = Some(RoleMessage::Met { key });
+            }
+            Err(why) => self.unmet(key, why),
+        }
+    }
+
+    /// Keeps what came of a frame until its turn has come.
+    fn keep(&mut self, event: Result<FrameEvent, RecvError>) {
+        match (event, &mut self.state) {
+            (Ok(event), State::Met { other, .. }) => other.early.push_back(event),
+            (Err(RecvError::Silent { .. }), _) => {}
+            (Err(end), _) => self.lose(&causes(&end)),
+            (Ok(_), _) => {}
+        }
+    }
+
+    /// What the other one says next, while the display does not let it go; none once it is gone.
+    async fn event(&mut self, display: &mut Link) -> Result<Option<FrameEvent>, RoleError> {
+        loop {
+            let State::Met { other, .. } = &mut self.state else { return Ok(None) };
+            if let Some(event) = other.early.pop_front() {
+                return Ok(Some(event));
+            }
+            let said = tokio::select! {
+                biased;
+                said = display.messages_rx.recv() => said,
+                event = other.link.frames_rx.recv() => match event {
+                    Ok(event) => return Ok(Some(event)),
+                    Err(RecvError::Silent { .. }) => continue,
+                    Err(end) => {
+                        self.lose(&causes(&end));
+                        return Ok(None);
+                    }
+                },
+            };
+            match said {
+                Ok(said) => self.hear(said),
+                Err(RecvError::Silent { .. }) => {}
+                Err(end) => return Err(link("waiting for occluders")(end)),
+            }
+        }
+    }
+
+    fn lose(&mut self, why: &str) {
+        if let State::Met { key, .. } = self.state {
+            self.part();
+            self.unmet(key, why.to_owned());
+        }
+    }
+
+    fn unmet(&mut self, key: SessionKey, why: String) {
+        tracing::warn!(%why, "goes on without the other culler");
+        self.state = State::Single;
+        self.unsaid = Some(RoleMessage::Unmet { key, why });
+    }
+}

@@ -1,0 +1,202 @@
+//! The peers of a role, as they come and come again: a display's cullers, a culler's displays.
+//!
+//! Each peer has a place. Who connects and who listens is configuration: a role looks for the peers whose
+//! endpoints it is told, and takes those that come to its listener. A place is filled again after its peer
+//! was lost.
+
+use std::{future::pending, sync::Arc, time::Duration};
+
+use tokio::sync::{mpsc, oneshot};
+use trimaran_proto::{Identity, Role, Walkthrough};
+use trimaran_transport::{AcceptError, Endpoint, Net, connect};
+
+use crate::{
+    join::{JoinError, PeerEndpoint, expect_role},
+    links::{Link, Listener},
+    meeting::Expected,
+};
+
+/// How long one attempt to get a link goes on. The next one follows.
+const ATTEMPT: Duration = Duration::from_secs(3600);
+
+/// A peer that has come.
+#[derive(Debug)]
+pub struct Arrival {
+    /// The number of its place, from 0: first those that are connected to, in the order given.
+    pub place: usize,
+    /// The link to it.
+    pub link: Link,
+    /// Where it listens, if this role connects to it.
+    pub at: Option<Endpoint>,
+    /// Its place.
+    pub seat: Seat,
+}
+
+/// A peer's place: free when this is dropped, and then another link is looked for.
+#[derive(Debug)]
+pub struct Seat {
+    _held: oneshot::Sender<()>,
+}
+
+impl Seat {
+    /// The place of a peer that is not looked for again.
+    #[must_use]
+    pub fn once() -> Self {
+        Self { _held: oneshot::channel().0 }
+    }
+}
+
+/// Peers as they come.
+#[derive(Debug)]
+pub struct Peers {
+    arrivals: mpsc::Receiver<Result<Arrival, JoinError>>,
+    expected: usize,
+}
+
+/// Whom a role looks for.
+#[derive(Debug)]
+pub struct Sought {
+    /// How the role introduces itself.
+    pub identity: Identity,
+    /// What its peers are.
+    pub role: Role,
+    /// Where it connects to some.
+    pub endpoints: Vec<PeerEndpoint>,
+    /// Where others come to.
+    pub listener: Option<Listener>,
+    /// The most that it has at once.
+    pub most: usize,
+}
+
+impl Peers {
+    /// Nobody.
+    #[must_use]
+    pub fn none() -> Self {
+        Self { arrivals: mpsc::channel(1).1, expected: 0 }
+    }
+
+    /// Looks for peers until this is dropped.
+    #[must_use]
+    pub fn seek(net: &Arc<dyn Net>, sought: Sought) -> Self {
+        Self::seek_and_expect(net, sought, Expected::default())
+    }
+
+    /// The same for a culler, which meets others that come with a key that it expects.
+    pub(crate) fn seek_and_expect(net: &Arc<dyn Net>, sought: Sought, met: Expected) -> Self {
+        let Sought { identity, role, endpoints, listener, most } = sought;
+        let (arrived, arrivals) = mpsc::channel(1);
+        let expected = endpoints.len();
+        for (place, peer) in endpoints.into_iter().enumerate() {
+            let arrived = arrived.clone();
+            net.spawn(Box::pin(connector(Arc::clone(net), place, peer, identity, role, arrived)));
+        }
+        if let Some(listener) = listener {
+            let places = (expected..most).collect();
+            net.spawn(Box::pin(acceptor(Arc::clone(net), places, listener, role, arrived, met)));
+        }
+        Self { arrivals, expected }
+    }
+
+    /// How many the role connects to.
+    #[must_use]
+    pub const fn expected(&self) -> usize {
+        self.expected
+    }
+
+    /// The next one that comes. Never ends where nobody can come any more. Dropping the future loses nobody.
+    ///
+    /// # Errors
+    /// When no link to one of them can ever be made with what this role was given. It is not looked for any
+    /// more.
+    pub async fn next(&mut self) -> Result<Arrival, JoinError> {
+        match self.arrivals.recv().await {
+            Some(arrival) => arrival,
+            None => pending().await,
+        }
+    }
+}
+
+type Arrived = mpsc::Sender<Result<Arrival, JoinError>>;
+
+/// Keeps a link to one peer.
+async fn connector(
+    net: Arc<dyn Net>,
+    place: usize,
+    PeerEndpoint { endpoint, options }: PeerEndpoint,
+    identity: Identity,
+    role: Role,
+    arrived: Arrived,
+) {
+    loop {
+        let attempt = connect::<Walkthrough>(&net, &endpoint, identity, &options, net.now().after(ATTEMPT));
+        let link = tokio::select! {
+            link = attempt => link,
+            () = arrived.closed() => return,
+        };
+        let link = link
+            .map_err(|cause| JoinError::Connect { peer: role, cause: Box::new(cause) })
+            .and_then(|link| expect_role(&link, role).map(|()| link));
+        match link {
+            Ok(link) => {
+                let (held, free) = oneshot::channel();
+                let at = Some(endpoint.clone());
+                if arrived.send(Ok(Arrival { place, link, at, seat: Seat { _held: held } })).await.is_err() {
+                    return;
+                }
+                let _dropped = free.await;
+            }
+            Err(error) if error.may_pass() => tracing::warn!(%endpoint, %error, "looking for it again"),
+            Err(error) => {
+                let _nobody = arrived.send(Err(error)).await;
+                return;
+            }
+        }
+    }
+}
+
+/// Takes peers that come, as many as there are places for.
+async fn acceptor(
+    net: Arc<dyn Net>,
+    places: Vec<usize>,
+    mut listener: Listener,
+    role: Role,
+    arrived: Arrived,
+    met: Expected,
+) {
+    let mut places: Vec<(usize, Option<oneshot::Receiver<()>>)> =
+        places.into_iter().map(|place| (place, None)).collect();
+    loop {
+        let came = tokio::select! {
+            came = listener.accept(net.now().after(ATTEMPT)) => came,
+            () = arrived.closed() => return,
+        };
+        let link = match came {
+            Ok(link) => link,
+            Err(AcceptError::Deadline { .. }) => continue,
+            Err(_) => return,
+        };
+        let hello = link.peer.hello;
+        if hello.role != role {
+            if let Some((key, _)) = hello.session {
+                met.came(key, link);
+            }
+            continue;
+        }
+        let vacant = places.iter_mut().find_map(|(place, seat)| is_free(seat).then_some((place, seat)));
+        let Some((place, seat)) = vacant else {
+            tracing::warn!(from = %link.peer.address, "turned a {role} away: all places are taken");
+            continue;
+        };
+        let (held, free) = oneshot::channel();
+        *seat = Some(free);
+        let arrival = Arrival { place: *place, link, at: None, seat: Seat { _held: held } };
+        if arrived.send(Ok(arrival)).await.is_err() {
+            return;
+        }
+    }
+}
+
+fn is_free(seat: &mut Option<oneshot::Receiver<()>>) -> bool {
+    let free = Err(oneshot::error::TryRecvError::Closed);
+    seat.as_mut().is_none_or(|seat| seat.try_recv() == free)
+}
