@@ -38,7 +38,7 @@ pub fn profiles(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     match Profile::parse("any", text) {
         Ok(profile) => {
-            let (topology, machines) = profile.topology();
+            let (topology, machines) = profile.topology(2);
             assert_eq!(topology.at(machines.display.v4()), Some(machines.display));
             assert!(profile.way_to_display() >= profile.up.conditions.delay);
         }

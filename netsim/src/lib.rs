@@ -9,7 +9,7 @@
 //! use trimaran_net::{Net, sleep_until};
 //! use trimaran_netsim::{Profile, Simulation};
 //!
-//! let (topology, machines) = Profile::find("wifi")?.topology();
+//! let (topology, machines) = Profile::find("wifi")?.topology(2);
 //! let simulation = Simulation::new(&topology, 1);
 //! let net = simulation.net(machines.display);
 //! simulation.run(async {

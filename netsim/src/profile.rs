@@ -29,7 +29,7 @@ const BUILT_IN: [(&str, &str); 8] = [
     ("satellite", include_str!("../profiles/satellite.toml")),
 ];
 
-/// A network for the three roles: all at one switch, or the display at another site than the cullers.
+/// A network for a display and its cullers: all at one switch, or the display at another site than the cullers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
     /// What it is called.
@@ -97,13 +97,11 @@ pub enum ProfileError {
     },
 }
 
-/// The roles' machines.
-#[derive(Debug, Clone, Copy)]
+/// The machines of a session.
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Machines {
-    /// The first culler.
-    pub first: HostId,
-    /// Its second.
-    pub second: HostId,
+    /// The cullers.
+    pub cullers: Vec<HostId>,
     /// The display.
     pub display: HostId,
 }
@@ -185,11 +183,13 @@ impl Profile {
         self.up.conditions.delay + wan + self.down.conditions.delay
     }
 
-    /// The machines of the three roles on this network: `first`, `second` and `display`.
+    /// So many cullers and a display on this network: `culler-1` and so on, and `display`.
     #[must_use]
-    pub fn topology(&self) -> (Topology, Machines) {
+    pub fn topology(&self, cullers: usize) -> (Topology, Machines) {
         let mut topology = Topology::new();
-        let [first, second, display] = ["first", "second", "display"].map(|name| topology.host(name));
+        let cullers: Vec<_> =
+            (1..=cullers).map(|culler| topology.host(&format!("culler-{culler}"))).collect();
+        let display = topology.host("display");
         let here = topology.switch();
         let there = match &self.wan {
             Some((out, back)) => {
@@ -199,10 +199,11 @@ impl Profile {
             }
             None => here,
         };
-        for (host, switch) in [(first, here), (second, here), (display, there)] {
+        let places = cullers.iter().map(|culler| (*culler, here)).chain([(display, there)]);
+        for (host, switch) in places {
             topology.join(topology.node(host), switch, self.up.clone(), self.down.clone());
         }
-        (topology, Machines { first, second, display })
+        (topology, Machines { cullers, display })
     }
 }
 
@@ -216,7 +217,7 @@ mod tests {
         for name in Profile::names() {
             let profile = Profile::find(name).unwrap();
             assert!(!profile.about.is_empty() && !profile.sources.is_empty(), "{name}");
-            let (topology, machines) = profile.topology();
+            let (topology, machines) = profile.topology(2);
             assert_eq!(topology.find("display").map(|host| host.v4()), Some(machines.display.v4()));
         }
         let wifi = Profile::find("wifi").unwrap();

@@ -14,12 +14,13 @@ pub(crate) use links::{Coding, NetemArgs, PingArgs, StatArgs};
 pub(crate) use roles::{DoctorArgs, KeysCommand, RoleArgs, RoleCommand, RoleName};
 pub(crate) use scenes::{GenerateArgs, ImportArgs, InfoArgs, Kind, Up};
 pub(crate) use sim::{SimArgs, SimLink};
-pub(crate) use walks::{DemoArgs, LinkKind, OcclusionTestArg, RunArgs, Size, SweepArgs, WalkArgs};
+pub(crate) use walks::{
+    DemoArgs, LinkKind, OcclusionTestArg, RunArgs, ScheduleArg, Size, SweepArgs, WalkArgs,
+};
 
 /// Walk through CAD models of process plants with tens of millions of triangles.
 ///
-/// Two machines take turns to find out what is visible in a frame, and a third shows it. A typical first
-/// hour:
+/// Cullers find out what is visible in a frame, and a display shows it. A typical first hour:
 ///
 ///   trimaran doctor                               what this machine can do
 ///   trimaran demo                                 a walk through a generated plant

@@ -6,7 +6,7 @@ use trimaran_gpu::GpuOptions;
 
 use super::{
     Failure,
-    args::{Coding, DemoArgs, OcclusionTestArg, RunArgs, Size, WalkArgs},
+    args::{Coding, DemoArgs, OcclusionTestArg, RunArgs, ScheduleArg, Size, WalkArgs},
     cooking, run,
 };
 
@@ -23,12 +23,14 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
             output
         }
     };
-    println!("walking through it with three roles: two take turns culling and drawing occluders, one shows");
+    println!("walking through it: two cullers take turns to find out what is visible, and a display shows it");
     let walk = WalkArgs {
         frames: Some(120),
         path: "auto".to_owned(),
         seed: 1,
         size: Size { width: 1024, height: 1024 },
+        cullers: 2,
+        schedule: ScheduleArg::Independent,
         batch: 1024,
         coding: Coding::Changes,
         occlusion_test: OcclusionTestArg::Hzb,

@@ -1,31 +1,32 @@
-//! A display that waits for its cullers, walks and reports, whether they are on other machines, in other
+//! A display that finds its cullers, walks and reports, whether they are on other machines, in other
 //! processes of this one or threads of this process.
 
-use std::{future::pending, path::PathBuf, pin::Pin, sync::Arc};
+use std::{future::pending, path::PathBuf, pin::Pin, sync::Arc, time::Duration};
 
 use indicatif::ProgressBar;
 use tokio::runtime::Runtime;
 use trimaran::{
+    metrics::LinkMetrics,
     report::{
         Run, Writer,
-        schema::{HowEnded, Machine, RoleInfo, timestamp},
+        schema::{Machine, RoleInfo, timestamp},
     },
-    vulkan::VulkanDisplay,
+    vulkan::{VulkanCuller, VulkanDisplay},
     walkthrough::{CameraPath, Recorder, SceneFile, Walk, begin, how_ended},
 };
 use trimaran_actors::{
-    Cameras, DisplayRole, JoinTimeouts, Link, Listener, RoleError, ScenePictures, SessionError, Stop, Turns,
-    again, await_cullers, leave_unable,
+    BoxedError, CullerEvent, CullerId, DisplayRole, Listener, Observer, PeerEndpoint, Peers, RoleError,
+    SceneCulling, ScenePictures, SessionError, ShownFrame, Sought, Stop, Turns, max_frame,
 };
 use trimaran_gpu::{GpuInfo, GpuScene, ItemPass};
-use trimaran_proto::{Identity, Role, Settings};
+use trimaran_proto::{FrameNumber, FrameStats, Identity, Role, SessionKey, Settings};
 use trimaran_scene::path::PathKind;
-use trimaran_transport::{Endpoints, Instant, Net, Options, PeerAddress, causes};
+use trimaran_transport::{Net, causes, until};
 
 use super::{
     Failure, progress,
     recording::{Early, Outcome, report_on},
-    walking::{self, Metrics, not_joined},
+    walking::{self, Metrics},
 };
 
 /// A display that is ready to walk.
@@ -34,17 +35,19 @@ pub(super) struct DisplaySession<'s> {
     pub(super) about: Run,
     /// Where the report goes, until there is something to report.
     pub(super) folder: Option<Writer>,
-    pub(super) timeouts: JoinTimeouts,
+    /// How long it waits for its cullers before it begins without those that are missing.
+    pub(super) patience: Duration,
     /// Where what the links carry is shown.
     pub(super) metrics: Metrics,
     /// Where to record what each frame asked of the roles.
     pub(super) trace: Option<PathBuf>,
     pub(super) net: Arc<dyn Net>,
-    /// Until somebody has come to it.
+    /// How cullers know the session.
+    pub(super) key: SessionKey,
+    /// Where its cullers are.
+    pub(super) cullers: Vec<PeerEndpoint>,
+    /// Where others come to.
     pub(super) listener: Option<Listener>,
-    /// Where it listens.
-    pub(super) endpoints: Endpoints,
-    pub(super) options: Options,
     pub(super) turns: Turns,
 }
 
@@ -57,6 +60,7 @@ pub(super) fn about(walk: Walk<'_>, path: &str, seed: u64, roles: Vec<RoleInfo>)
         seed: (path == "auto").then_some(seed),
         roles,
         notes: notes(walk.path),
+        schedule: walk.plan.schedule.name().to_owned(),
         ..walk.run()
     }
 }
@@ -67,28 +71,13 @@ pub(super) fn role_info(machine: Machine, drawn: &GpuScene) -> RoleInfo {
     RoleInfo { machine, device: name, driver }
 }
 
-/// Listens for the cullers that a display on this device waits for.
-pub(super) async fn listen(
-    Walk { file, drawn, plan, path }: Walk<'_>,
-    net: &Arc<dyn Net>,
-    at: &Endpoints,
-    options: &Options,
-) -> Result<Listener, Failure> {
-    if plan.audit_every > 0 {
-        ItemPass::check(drawn).map_err(Failure::broken)?;
-    }
-    let identity = identity(file, plan.settings(path.frames()));
-    Listener::bind_all(net, at, identity, options)
-        .await
-        .map_err(|error| if error.may_pass() { Failure::broken(error) } else { Failure::bad_input(error) })
-}
-
-fn identity(file: &SceneFile, settings: Settings) -> Identity {
-    Identity { role: Role::Display, scene: file.scene.hash(), settings: Some(settings) }
+/// How a display introduces itself.
+pub(super) fn identity(file: &SceneFile, session: SessionKey, settings: Settings) -> Identity {
+    Identity { role: Role::Display, scene: file.scene.hash(), session: Some((session, settings)) }
 }
 
 impl DisplaySession<'_> {
-    /// Waits for the cullers, walks and reports. When `no_cullers` ends, they cannot come any more. `beside`
+    /// Finds the cullers, walks and reports. When `no_cullers` ends, they cannot come any more. `beside`
     /// plays whatever else of the session is in this process while the walk goes on.
     pub(super) fn show(
         mut self,
@@ -97,15 +86,27 @@ impl DisplaySession<'_> {
         no_cullers: impl Future<Output = Failure>,
         beside: impl FnOnce(&mut dyn FnMut() -> Result<(), Early>) -> Result<(), Early>,
     ) -> Result<Outcome, Failure> {
+        if self.walk.plan.audit_every > 0 {
+            ItemPass::check(self.walk.drawn).map_err(Failure::broken)?;
+        }
+        (self.about.link, self.about.transport) = transports(&self.cullers, self.listener.as_ref());
+        self.about.cullers = u32::try_from(self.cullers.len()).unwrap_or(u32::MAX);
         let bar = progress::walk(self.walk.plan.pace, self.walk.path);
         let mut advance = |_| bar.inc(1);
-        let mut recorder = Recorder::new(self.walk.plan.audit_every, &mut advance);
+        let mut watched = Watched {
+            recorder: Recorder::new(self.walk.plan.audit_every, &mut advance),
+            links: self.metrics.links(),
+            bar: &bar,
+            notes: Vec::new(),
+        };
         let mut no_cullers = Box::pin(no_cullers);
-        let mut walk = || runtime.block_on(self.walk(&mut recorder, &bar, stop, no_cullers.as_mut()));
+        let mut walk = || runtime.block_on(self.walk(&mut watched, stop, no_cullers.as_mut()));
         // What was walked before a failure is worth a report.
         let early = beside(&mut walk).err();
         bar.finish_and_clear();
-        let Self { walk, about, folder, trace, .. } = self;
+        let Watched { recorder, notes, .. } = watched;
+        let Self { walk, mut about, folder, trace, .. } = self;
+        about.notes.extend(notes);
         report_on(recorder, folder, early, trace.as_deref(), walk, about, stop)
     }
 
@@ -114,92 +115,119 @@ impl DisplaySession<'_> {
         self.show(runtime, stop, pending(), |walk| walk())
     }
 
-    /// Walks to the end of the session, or until `stop` asks. When a culler is lost, it waits for both to
-    /// come again and goes on with the frame that was due.
+    /// Walks to the end of the session, or until `stop` asks.
     async fn walk(
         &mut self,
-        recorder: &mut Recorder<'_>,
-        bar: &ProgressBar,
+        watched: &mut Watched<'_, '_>,
         stop: &Stop,
-        mut no_cullers: Pin<&mut impl Future<Output = Failure>>,
-    ) -> Result<(), Early> {
-        let Walk { plan, path, .. } = self.walk;
-        let mut cameras = path.cameras(plan.pace);
-        let mut settings = plan.settings(path.frames());
-        let (mut within, mut lost) = (self.timeouts.join, None);
-        loop {
-            let joining = self.join(settings, self.net.now().after(within), no_cullers.as_mut());
-            let Some(links) = stop.unless_requested(joining).await else { return Ok(()) };
-            let links = links.map_err(|early| match lost.take() {
-                Some(cause) => SessionError::Lost { within, cause }.into(),
-                None => early,
-            })?;
-            let error = match self.play(links, settings, &mut *cameras, recorder, stop).await {
-                Err(error) if !self.timeouts.rejoin.is_zero() && error.lost_a_peer() => error,
-                played => return Ok(played.map_err(SessionError::from)?),
-            };
-            settings.first = recorder.next_frame();
-            if settings.frames.is_some_and(|frames| settings.first.0 >= frames) {
-                return Ok(()); // it was lost behind the last frame
-            }
-            let (said, seconds) = (causes(&error), self.timeouts.rejoin.as_secs_f64());
-            bar.suspend(|| eprintln!("trimaran: {said}; waiting {seconds} s for all to join again"));
-            self.about.notes.push(format!("the session stopped before {}: {said}", settings.first));
-            (within, lost) = (self.timeouts.rejoin, Some(error));
-        }
-    }
-
-    async fn join(
-        &mut self,
-        settings: Settings,
-        deadline: Instant,
         no_cullers: Pin<&mut impl Future<Output = Failure>>,
-    ) -> Result<[Link; 2], Early> {
-        let failed = |why| Early { how: HowEnded::Failed, why };
-        let listener = match self.listener.take() {
-            Some(listener) => listener,
-            None => {
-                let identity = identity(self.walk.file, settings);
-                let listen = || Listener::bind_all(&self.net, &self.endpoints, identity, &self.options);
-                // The old sockets may need a moment to be gone.
-                again(&self.net, deadline, |_| true, listen).await.map_err(SessionError::from)?
-            }
-        };
-        tokio::select! {
+    ) -> Result<(), Early> {
+        let Walk { file, drawn, plan, path } = self.walk;
+        let settings = plan.settings();
+        let cullers = tokio::select! {
             biased;
-            cullers = await_cullers(listener, deadline) => cullers.map_err(|e| failed(not_joined(e))),
-            failure = no_cullers => Err(failed(failure)),
-        }
-    }
-
-    /// Plays the role, after it has begun to write what is shown and made its device ready.
-    async fn play(
-        &mut self,
-        [first, second]: [Link; 2],
-        settings: Settings,
-        cameras: &mut dyn Cameras,
-        recorder: &mut Recorder<'_>,
-        stop: &Stop,
-    ) -> Result<(), RoleError> {
-        self.metrics.watch([&first, &second]);
-        (self.about.link, self.about.transport) = transports(&first, &second);
+            cullers = stop.unless_requested(self.find_cullers(settings)) => match cullers {
+                Some(cullers) => cullers.map_err(Early::failed)?,
+                None => return Ok(()),
+            },
+            failure = no_cullers => return Err(Early::failed(failure)),
+        };
         let mut prepare = || {
             if let Some(folder) = self.folder.take() {
                 let journal = begin(folder, self.walk, self.about.clone());
-                recorder.write_into(journal.map_err(|error| RoleError::Observer(error.into()))?);
+                watched.recorder.write_into(journal.map_err(|error| RoleError::Observer(error.into()))?);
             }
-            let Walk { file, drawn, .. } = self.walk;
-            let device =
-                VulkanDisplay::new(drawn, settings.viewport).map_err(RoleError::device("opening it"))?;
-            Ok(ScenePictures::new(&file.scene, device, &settings))
+            let open = RoleError::device;
+            let display = VulkanDisplay::new(drawn, settings.viewport).map_err(open("opening it"))?;
+            let culler = VulkanCuller::new(drawn, settings.viewport, settings.occlusion_test);
+            Ok((display, culler.map_err(open("opening it"))?))
         };
-        let work = match prepare() {
-            Ok(work) => work,
-            Err(error) => return Err(leave_unable([first, second], error).await),
+        let (display, culler) = prepare().map_err(SessionError::Role)?;
+        let role = DisplayRole {
+            work: ScenePictures::new(&file.scene, display, &settings),
+            alone: SceneCulling::new(&file.scene, culler, &settings, &self.turns),
+            cullers,
+            session: self.key,
+            schedule: plan.schedule,
+            pace: plan.frames(path.frames()),
+            first: FrameNumber(0),
+            patience: Duration::ZERO,
+            drawables: max_frame(&file.scene),
+            net: Arc::clone(&self.net),
+            turns: self.turns.clone(),
         };
-        let (net, turns) = (Arc::clone(&self.net), self.turns.clone());
-        let role = DisplayRole { work, first, second, settings, net, turns };
-        role.run(cameras, recorder, stop).await.map(|_| ())
+        let mut cameras = path.cameras(plan.pace);
+        Ok(role.run(&mut *cameras, watched, stop).await.map_err(SessionError::from)?)
+    }
+
+    /// Waits for those cullers that it connects to, as long as it is patient; it goes on looking for the
+    /// others.
+    async fn find_cullers(&mut self, settings: Settings) -> Result<Peers, Failure> {
+        let sought = Sought {
+            identity: identity(self.walk.file, self.key, settings),
+            role: Role::Culler,
+            endpoints: std::mem::take(&mut self.cullers),
+            listener: self.listener.take(),
+            most: CullerId::MOST,
+        };
+        let mut cullers = Peers::seek(&self.net, sought);
+        let deadline = self.net.now().after(self.patience);
+        let mut came = Vec::new();
+        while came.len() < cullers.expected() {
+            match until(&*self.net, deadline, cullers.next()).await {
+                Some(arrival) => came.push(arrival.map_err(Failure::bad_input)?),
+                None => {
+                    let missing = cullers.expected() - came.len();
+                    eprintln!("trimaran: begins without {missing} of {} cullers", cullers.expected());
+                    break;
+                }
+            }
+        }
+        came.into_iter().for_each(|arrival| cullers.put_back(arrival));
+        Ok(cullers)
+    }
+}
+
+/// What watches a walk: it is recorded, its links are counted, and what becomes of cullers is told.
+struct Watched<'w, 'p> {
+    recorder: Recorder<'p>,
+    links: LinkMetrics,
+    bar: &'w ProgressBar,
+    notes: Vec<String>,
+}
+
+impl Observer for Watched<'_, '_> {
+    fn wants_picture(&self, frame: FrameNumber) -> bool {
+        self.recorder.wants_picture(frame)
+    }
+
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
+        self.recorder.shown(frame)
+    }
+
+    fn culled(&mut self, stats: &FrameStats) {
+        self.recorder.culled(stats);
+    }
+
+    fn culler(&mut self, event: CullerEvent<'_>) {
+        let before = self.recorder.next_frame();
+        let said = match event {
+            CullerEvent::Came(id, link) => {
+                self.links.add(id.to_string(), link);
+                // At the start nobody has been missed.
+                (before.0 > 0).then(|| format!("{id} came before {before}"))
+            }
+            CullerEvent::Late(id) => Some(format!("{id} was late with {before}")),
+            CullerEvent::Left(id, why) => {
+                self.links.remove(&id.to_string());
+                Some(format!("{id} was lost before {before}: {}", causes(why)))
+            }
+            _ => None,
+        };
+        if let Some(said) = said {
+            self.bar.suspend(|| eprintln!("trimaran: {said}"));
+            self.notes.push(said);
+        }
     }
 }
 
@@ -210,16 +238,18 @@ impl From<SessionError> for Early {
 }
 
 /// What the links go over: the name of the transport, and in words.
-fn transports(first: &Link, second: &Link) -> (String, String) {
-    let [a, b] = [first.peer.address, second.peer.address];
-    let (one, other) = (a.transport(), b.transport());
-    if a == PeerAddress::InProcess {
-        (one.to_owned(), "in one process: shared memory, nothing is encoded".to_owned())
-    } else if one == other {
-        (one.to_owned(), format!("{one}: {a} and {b}"))
-    } else {
-        (format!("{one} and {other}"), format!("{one}: {a}; {other}: {b}"))
-    }
+fn transports(cullers: &[PeerEndpoint], listener: Option<&Listener>) -> (String, String) {
+    let listens = listener.into_iter().flat_map(|listener| listener.local_endpoints().iter());
+    let all: Vec<_> = cullers.iter().map(|peer| &peer.endpoint).chain(listens).collect();
+    let mut names: Vec<_> = all.iter().map(|endpoint| endpoint.transport()).collect();
+    names.sort_unstable();
+    names.dedup();
+    let words = match names[..] {
+        [] => "none: the display culls for itself".to_owned(),
+        ["inproc"] => "in one process: shared memory, nothing is encoded".to_owned(),
+        _ => all.iter().map(ToString::to_string).collect::<Vec<_>>().join(", "),
+    };
+    (if names.is_empty() { "none".to_owned() } else { names.join(" and ") }, words)
 }
 
 /// Remarks that belong beside every figure of the walk.

@@ -2,6 +2,7 @@
 
 mod args;
 mod cooking;
+mod culling;
 mod demo;
 mod display;
 mod doctor;

@@ -3,10 +3,10 @@
 mod probe;
 mod tally;
 
-use std::{sync::Arc, time::Duration};
+use std::{iter, sync::Arc, time::Duration};
 
 use trimaran::{
-    config::{PeerFile, options, security},
+    config::{PeerFiles, options, security},
     metrics::PathReading,
 };
 use trimaran_actors::{Link, Listener};
@@ -31,8 +31,8 @@ const FOR_EVER: Duration = Duration::from_secs(u32::MAX as u64);
 pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
     let mut options = options(&args.links.options, toml::Table::new()).map_err(Failure::bad_input)?;
     // Whoever answers or pings has no role in a session.
-    let peer = [PeerFile { name: "peer", role: None, path: args.peer.as_deref() }];
-    let known = security(&options, &args.endpoint.clone().into(), args.keys.as_deref(), &peer);
+    let peer = [PeerFiles { name: "peer", role: None, paths: args.peer.as_slice() }];
+    let known = security(&options, iter::once(&args.endpoint), args.keys.as_deref(), &peer);
     options.security = known.map_err(Failure::bad_input)?;
     options.link.batching = Batching {
         size: BatchSize::new(args.batch.into()).map_err(Failure::bad_input)?,
@@ -58,7 +58,7 @@ pub(super) fn run(args: &PingArgs) -> Result<(), Failure> {
 
 /// Serves one guest after the other.
 async fn keep_answering(net: &Arc<dyn Net>, at: &Endpoint, options: &Options) -> Result<(), Failure> {
-    let identity = Identity { role: Role::FirstCuller, scene: NO_SCENE, settings: None };
+    let identity = Identity { role: Role::Culler, scene: NO_SCENE, session: None };
     let mut listener = Listener::bind(net, at, identity, options).await.map_err(Failure::bad_input)?;
     eprintln!("trimaran: answers pings on {}", listener.local_endpoint());
     loop {
@@ -80,7 +80,7 @@ async fn ping(
     tally: &mut Tally,
 ) -> Result<Cost, Failure> {
     let timeout = Duration::from_secs_f64(args.timeout);
-    let identity = Identity { role: Role::Display, scene: NO_SCENE, settings: None };
+    let identity = Identity { role: Role::Display, scene: NO_SCENE, session: None };
     let begun = net.now();
     let mut link: Link = connect::<Walkthrough>(net, &args.endpoint, identity, options, begun.after(timeout))
         .await

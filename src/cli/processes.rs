@@ -1,4 +1,4 @@
-//! The cullers of `trimaran run --link` over anything but `inproc`: two of `trimaran role culler` on this
+//! The cullers of `trimaran run --link` over anything but `inproc`: each a `trimaran role culler` on this
 //! machine.
 
 use std::{
@@ -10,8 +10,8 @@ use tokio::{
     process::{Child, Command},
     runtime::Runtime,
 };
-use trimaran::config::{CullerConfig, CullerPeers, Which};
-use trimaran_actors::JoinTimeouts;
+use trimaran::config::{CullerConfig, CullerPeers};
+use trimaran_actors::{CullerId, PeerEndpoint};
 use trimaran_proto::Role;
 use trimaran_transport::{
     Endpoint, Name, Options, SocketPath,
@@ -23,94 +23,104 @@ use super::{
     args::{LinkKind, RunArgs},
 };
 
-/// Keys that live as long as the session: each of the three knows the two others.
+/// Keys that live as long as the session: display and cullers know each other.
 pub(super) struct Keyring {
     /// The display's own, and whom it knows.
     pub(super) security: Security,
     display: KeyFiles,
-    cullers: [KeyFiles; 2],
+    cullers: Vec<KeyFiles>,
 }
 
 impl Keyring {
-    pub(super) fn make(folder: &Path) -> Result<Self, Failure> {
+    /// For a display and so many cullers.
+    pub(super) fn make(folder: &Path, cullers: usize) -> Result<Self, Failure> {
         let make = |name: &str| {
             let name = name.parse().map_err(Failure::broken)?;
             let keys = Keys::generate(name).map_err(Failure::broken)?;
             let files = keys.save(folder).map_err(Failure::broken)?;
             Ok::<_, Failure>((keys, files))
         };
-        let ((keys, display), (first, one), (second, two)) =
-            (make("display")?, make("first")?, make("second")?);
-        let peers = [(first, Role::FirstCuller), (second, Role::SecondCuller)]
-            .map(|(keys, role)| KnownPeer::in_role(keys.public().clone(), role));
-        Ok(Self { security: Security { keys, peers: peers.into() }, display, cullers: [one, two] })
+        let (keys, display) = make("display")?;
+        let each = (1..=cullers).map(|culler| make(&format!("culler-{culler}")));
+        let (known, cullers): (Vec<_>, Vec<_>) = each.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+        let peers = known.iter().map(|keys| KnownPeer::in_role(keys.public().clone(), Role::Culler));
+        Ok(Self { security: Security { keys, peers: peers.collect() }, display, cullers })
     }
 
     /// The private keys of a culler, and whom it knows.
-    fn of(&self, index: Which) -> (PathBuf, CullerPeers) {
-        let [first, second] = &self.cullers;
-        let (own, other) = match index {
-            Which::First => (first, second),
-            Which::Second => (second, first),
-        };
-        let public = |files: &KeyFiles| Some(files.public.clone());
-        (own.private.clone(), CullerPeers { display: public(&self.display), other: public(other) })
+    fn of(&self, culler: CullerId) -> (Option<PathBuf>, CullerPeers) {
+        let own = self.cullers.get(culler.index()).map(|own| own.private.clone());
+        let cullers = self.cullers.iter().map(|files| files.public.clone()).collect();
+        (own, CullerPeers { displays: vec![self.display.public.clone()], cullers })
     }
 }
 
-/// Where the display listens, and where the cullers meet: for the latter, a port of loopback that nobody
-/// listens on now.
-pub(super) fn endpoints(link: LinkKind, folder: &Path) -> Result<(Endpoint, Endpoint), Failure> {
+/// Where so many cullers listen: sockets in `folder`, or ports of loopback that nobody listens on now.
+pub(super) fn endpoints(link: LinkKind, cullers: usize, folder: &Path) -> Result<Vec<Endpoint>, Failure> {
     let any = SocketAddr::from(([127, 0, 0, 1], 0));
-    let tcp = || TcpListener::bind(any).and_then(|listener| listener.local_addr()).map_err(Failure::broken);
-    let udp = || UdpSocket::bind(any).and_then(|socket| socket.local_addr()).map_err(Failure::broken);
-    let socket = |name| SocketPath::new(folder.join(name)).map(Endpoint::Unix).map_err(Failure::broken);
-    Ok(match link {
-        LinkKind::Inproc => (Endpoint::Inproc(Name::unique()), Endpoint::Inproc(Name::unique())),
-        LinkKind::Unix => (socket("display.sock")?, socket("cullers.sock")?),
-        LinkKind::Tcp => (Endpoint::Tcp(any.into()), Endpoint::Tcp(tcp()?.into())),
-        LinkKind::Quic => (Endpoint::Quic(any.into()), Endpoint::Quic(udp()?.into())),
-        LinkKind::Udp => (Endpoint::Udp(any.into()), Endpoint::Udp(udp()?.into())),
-    })
+    // Each port is held until all are chosen, so that none is chosen twice.
+    let mut held: (Vec<TcpListener>, Vec<UdpSocket>) = Default::default();
+    let mut tcp = || {
+        let listener = TcpListener::bind(any)?;
+        let at = listener.local_addr();
+        held.0.push(listener);
+        at
+    };
+    let mut udp = || {
+        let socket = UdpSocket::bind(any)?;
+        let at = socket.local_addr();
+        held.1.push(socket);
+        at
+    };
+    let mut endpoint = |culler: CullerId| {
+        Ok(match link {
+            LinkKind::Inproc => Endpoint::Inproc(Name::unique()),
+            LinkKind::Unix => {
+                let socket = folder.join(format!("culler-{}.sock", culler.index() + 1));
+                Endpoint::Unix(SocketPath::new(socket).map_err(Failure::broken)?)
+            }
+            LinkKind::Tcp => Endpoint::Tcp(tcp().map_err(Failure::broken)?.into()),
+            LinkKind::Quic => Endpoint::Quic(udp().map_err(Failure::broken)?.into()),
+            LinkKind::Udp => Endpoint::Udp(udp().map_err(Failure::broken)?.into()),
+        })
+    };
+    CullerId::first(cullers).map(&mut endpoint).collect()
 }
 
 /// The cullers, which do not outlive this process's interest in them.
-pub(super) struct CullerProcesses([CullerProcess; 2]);
+pub(super) struct CullerProcesses(Vec<CullerProcess>);
 
 struct CullerProcess {
-    index: Which,
+    id: CullerId,
+    endpoint: Endpoint,
     child: Child,
 }
 
 impl CullerProcesses {
-    /// Starts them with the scene and the device of `args`. `display` is where the display listens, `meet`
-    /// where they meet.
+    /// Starts one at each of `endpoints`, with the scene and the device of `args`.
     pub(super) fn start(
         args: &RunArgs,
         options: &Options,
-        display: &Endpoint,
-        meet: &Endpoint,
+        endpoints: Vec<Endpoint>,
         keyring: Option<&Keyring>,
         folder: &Path,
         runtime: &Runtime,
     ) -> Result<Self, Failure> {
         let scene = std::path::absolute(&args.scene).map_err(Failure::broken)?;
-        let start = |index| {
-            let (keys, peers) = keyring.map(|keyring| keyring.of(index)).unzip();
+        let start = |(id, endpoint): (CullerId, Endpoint)| {
+            let (keys, peers) = keyring.map(|keyring| keyring.of(id)).unwrap_or_default();
             let config = CullerConfig {
                 scene: scene.clone(),
-                index,
-                display: display.clone(),
-                pair: meet.clone(),
+                listen: Some(endpoint.clone().into()),
+                displays: None,
                 device: args.walk.device.clone(),
                 device_timeout_s: args.walk.device_timeout,
-                join_timeout_s: JoinTimeouts::ONCE.join.as_secs_f64(),
-                reconnect_s: 0.0,
+                join_timeout_s: 120.0,
                 metrics: None,
                 keys,
-                peers: peers.unwrap_or_default(),
+                peers,
             };
-            let path = folder.join(format!("{index:?}.toml"));
+            let path = folder.join(format!("culler-{}.toml", id.index() + 1));
             let own = toml::to_string(&config).map_err(Failure::broken)?;
             let links = toml::to_string(options).map_err(Failure::broken)?;
             std::fs::write(&path, own + &links).map_err(Failure::broken)?;
@@ -119,44 +129,33 @@ impl CullerProcesses {
             command.args(["role", "culler", "--config"]).arg(&path);
             let _within = runtime.enter();
             let child = command.kill_on_drop(true).spawn().map_err(Failure::broken)?;
-            Ok(CullerProcess { index, child })
+            Ok(CullerProcess { id, endpoint, child })
         };
-        Ok(Self([start(Which::First)?, start(Which::Second)?]))
+        let ids = CullerId::first(endpoints.len());
+        Ok(Self(ids.zip(endpoints).map(start).collect::<Result<_, _>>()?))
     }
 
-    /// Ends when one of them does, with what to say of one that ended before it had joined.
+    /// Where the display finds them.
+    pub(super) fn peers(&self, options: &Options) -> Vec<PeerEndpoint> {
+        let peer = |culler: &CullerProcess| PeerEndpoint {
+            endpoint: culler.endpoint.clone(),
+            options: options.clone(),
+        };
+        self.0.iter().map(peer).collect()
+    }
+
+    /// Ends when one of them does, with what to say of one that ended before it had come.
     pub(super) async fn ended_early(&mut self) -> Failure {
-        let [first, second] = &mut self.0;
-        let (name, ended) = tokio::select! {
-            ended = first.child.wait() => (first.name(), ended),
-            ended = second.child.wait() => (second.name(), ended),
+        let each = self.0.iter_mut().map(|culler| Box::pin(async { (culler.id, culler.child.wait().await) }));
+        let (id, ended) = match each.len() {
+            0 => std::future::pending().await,
+            _ => futures_util::future::select_all(each).await.0,
         };
         match ended {
             Ok(status) => Failure::broken(format!(
-                "{name} ended with {status} before it had joined the session; its own words are above"
+                "{id} ended with {status} before it had joined the session; its own words are above"
             )),
             Err(e) => Failure::broken(e),
-        }
-    }
-
-    /// Waits until they have ended; fails if one ended badly.
-    pub(super) async fn ended_well(self) -> Result<(), Failure> {
-        for mut culler in self.0 {
-            let status = culler.child.wait().await.map_err(Failure::broken)?;
-            if !status.success() {
-                return Err(Failure::broken(format!("{} ended with {status}", culler.name())));
-            }
-        }
-        Ok(())
-    }
-}
-
-impl CullerProcess {
-    /// How it is spoken of.
-    const fn name(&self) -> &'static str {
-        match self.index {
-            Which::First => "the first culler",
-            Which::Second => "the second culler",
         }
     }
 }

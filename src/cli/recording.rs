@@ -24,6 +24,13 @@ pub(super) struct Early {
     pub(super) why: Failure,
 }
 
+impl Early {
+    /// The walk could not go on.
+    pub(super) fn failed(why: Failure) -> Self {
+        Self { how: HowEnded::Failed, why }
+    }
+}
+
 /// A walk that is over and reported.
 #[derive(Debug)]
 pub(super) struct Outcome {
@@ -60,7 +67,7 @@ pub(super) fn report_on(
         Some((writer, full)) => (Some(writer), full),
         None => (unused, None),
     };
-    let due = walk.plan.settings(walk.path.frames()).frames;
+    let due = walk.plan.frames_due(walk.path.frames());
     let ended = ended(early.as_ref(), full.as_ref(), stop, records.len(), due);
     let (Some(writer), false) = (writer, records.is_empty()) else {
         let nothing = || Failure::stopped("interrupted before the first frame: there is nothing to report");

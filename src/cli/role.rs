@@ -1,27 +1,24 @@
 //! `trimaran role`: one role of a deployment on several machines.
 
-use std::{path::PathBuf, time::Duration};
+use std::time::Duration;
 
 use tokio::runtime::Runtime;
 use trimaran::{
-    config::{CullerConfig, DisplayConfig, PeerFile, RoleConfig, SessionConfig, Which, security},
+    config::{CullerConfig, CullerPeers, DisplayConfig, PeerFiles, RoleConfig, SessionConfig, security},
     report::schema::Machine,
-    vulkan::VulkanCuller,
     walkthrough::{CameraPath, PathChoice, Plan, Walk},
 };
-use trimaran_actors::{
-    CullerIndex, CullerSession, PeerEndpoint, RoleError, SceneCulling, SessionError, SessionEvent, Turns,
-    max_frame,
-};
-use trimaran_proto::{BatchSize, LodRule, Role, Settings, Viewport};
-use trimaran_transport::{Endpoint, Net, Options, TokioNet, causes, sleep_until};
+use trimaran_actors::{CullerService, Listener, PeerEndpoint, ServiceEndpoints, Turns, max_frame};
+use trimaran_proto::{BatchSize, LodRule, Role, SessionKey, Viewport};
+use trimaran_transport::{Endpoint, Endpoints, ListenError, Net, Options, TokioNet, sleep_until};
 
 use super::{
     Failure,
     args::{RoleArgs, RoleCommand, RoleName},
-    display::{DisplaySession, about, listen, role_info},
+    culling::Host,
+    display::{DisplaySession, about, identity, role_info},
     recording::{check_trace, open_folder},
-    walking::{self, Metrics, Start, gpu_options, not_joined, scene, upload},
+    walking::{self, Metrics, Start, gpu_options, scene, upload},
 };
 
 /// How long the last links of a process may take to tell that they are gone.
@@ -59,76 +56,54 @@ pub(super) fn template(role: RoleName) -> String {
     }
 }
 
-/// A culler, from start to close.
+/// A culler: serves displays until it is stopped.
 fn culler((config, options): &(CullerConfig, Options), runtime: &Runtime) -> Result<(), Failure> {
-    let index = match config.index {
-        Which::First => CullerIndex::First,
-        Which::Second => CullerIndex::Second,
-    };
-    let peer = |endpoint: &Endpoint, name, role, peer: &Option<PathBuf>| {
-        let peer = PeerFile { name, role: Some(role), path: peer.as_deref() };
-        let known = security(options, &endpoint.clone().into(), config.keys.as_deref(), &[peer]);
-        let options = Options { security: known.map_err(Failure::bad_input)?, ..options.clone() };
-        Ok::<_, Failure>(PeerEndpoint { endpoint: endpoint.clone(), options })
-    };
-    let mut display = peer(&config.display, "peers.display", Role::Display, &config.peers.display)?;
-    let mut other = peer(&config.pair, "peers.other", index.other().role(), &config.peers.other)?;
+    let CullerPeers { displays, cullers } = &config.peers;
+    let peers = [
+        PeerFiles { name: "peers.displays", role: Some(Role::Display), paths: displays },
+        PeerFiles { name: "peers.cullers", role: Some(Role::Culler), paths: cullers },
+    ];
+    let endpoints = config.listen.iter().chain(&config.displays).flat_map(Endpoints::iter);
+    let known = security(options, endpoints, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
+    let mut options = Options { security: known, ..options.clone() };
     let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
-    let start = Start::new(runtime, config.join_timeout_s, config.reconnect_s);
+    let start = Start::new(runtime, config.join_timeout_s);
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
-    for peer in [&mut display, &mut other] {
-        peer.options.link.max_frame = max_frame(&file.scene);
-    }
+    options.link.max_frame = max_frame(&file.scene);
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
-    let Some(mut metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else {
+    let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else {
         return Ok(());
     };
-    let Start { net, stop, timeouts, .. } = start;
-    let turns = Turns::at_once();
-    let session = CullerSession {
-        index,
-        scene: file.scene.hash(),
-        net,
-        display,
-        other,
-        timeouts,
-        turns: turns.clone(),
-        work: |settings: &Settings| {
-            let device = VulkanCuller::new(&drawn, settings.viewport, settings.occlusion_test);
-            let device = device.map_err(RoleError::device("opening it"))?;
-            Ok(SceneCulling::new(&file.scene, device, settings, &turns))
-        },
-        watch: |event: SessionEvent<'_>| match event {
-            SessionEvent::Joined(joined) => {
-                tracing::info!(settings = %joined.settings, "joined the session");
-                metrics.watch([&joined.display, &joined.other]);
-            }
-            SessionEvent::Lost(error) => {
-                let said = causes(error);
-                eprintln!("trimaran: {said}; joining again for {} s", config.reconnect_s);
-            }
-        },
+    let peer =
+        |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
+    let at = ServiceEndpoints {
+        listen: config.listen.clone(),
+        displays: config.displays.iter().flat_map(Endpoints::iter).map(peer).collect(),
+        options: options.clone(),
     };
-    runtime.block_on(session.run(&stop)).map_err(|error| match error {
-        SessionError::Join(error) => not_joined(error),
-        error => Failure::broken(error),
-    })
+    let serve = async || {
+        let started = CullerService::start(&start.net, file.scene.hash(), at.clone()).await;
+        started.map_err(|e| if e.may_pass() { Failure::broken(e) } else { Failure::bad_input(e) })
+    };
+    let Some(service) = start.until(serve)? else { return Ok(()) };
+    if let Some(endpoints) = service.endpoints() {
+        eprintln!("trimaran: the culler listens on {endpoints}");
+    }
+    let host = Host { file: &file, drawn: &drawn, runtime, links: metrics.links() };
+    host.serve(service, &start.stop)
 }
 
-/// The display of a deployment: waits for the cullers, walks the path, writes the report.
+/// The display of a deployment: finds its cullers, walks the path, writes the report.
 fn display((config, options): &(DisplayConfig, Options), runtime: &Runtime) -> Result<(), Failure> {
-    let plan = session_plan(&config.session)?;
+    let plan = session_plan(&config.session, &config.schedule)?;
     let choice = PathChoice::parse(&config.session.path, config.session.seed);
-    let (first, second) = (config.peers.first.as_deref(), config.peers.second.as_deref());
-    let peers = [
-        PeerFile { name: "peers.first", role: Some(CullerIndex::First.role()), path: first },
-        PeerFile { name: "peers.second", role: Some(CullerIndex::Second.role()), path: second },
-    ];
-    let known = security(options, &config.listen, config.keys.as_deref(), &peers);
+    let peers = [PeerFiles { name: "peers.cullers", role: Some(Role::Culler), paths: &config.peers.cullers }];
+    let endpoints = || config.cullers.iter().chain(&config.listen).flat_map(Endpoints::iter);
+    let known = security(options, endpoints(), config.keys.as_deref(), &peers);
     let mut options = Options { security: known.map_err(Failure::bad_input)?, ..options.clone() };
     check_trace(config.record.as_deref())?;
     let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
-    let start = Start::new(runtime, config.join_timeout_s, config.reconnect_s);
+    let start = Start::new(runtime, config.join_timeout_s);
     let Some(folder) = start.until(async || open_folder(&config.out))? else { return Ok(()) };
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
@@ -137,21 +112,39 @@ fn display((config, options): &(DisplayConfig, Options), runtime: &Runtime) -> R
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
     let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };
     let walk = Walk { file: &file, drawn: &drawn, plan: &plan, path: &path };
-    let listening = || listen(walk, &start.net, &config.listen, &options);
+    let peer =
+        |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
+    // Cullers that come by themselves learn the session from the handshake.
+    let key = SessionKey(start.net.random().map_err(Failure::broken)?);
+    let listening = async || match &config.listen {
+        Some(at) => {
+            let identity = identity(&file, key, plan.settings());
+            let bound = Listener::bind_all(&start.net, at, identity, &options).await;
+            let failed = |e: ListenError| {
+                if e.may_pass() { Failure::broken(e) } else { Failure::bad_input(e) }
+            };
+            bound.map(Some).map_err(failed)
+        }
+        None => Ok(None),
+    };
     let Some(listener) = start.until(listening)? else { return Ok(()) };
-    eprintln!("trimaran: the display listens on {}", listener.local_endpoints());
+    if let Some(listener) = &listener {
+        eprintln!("trimaran: the display listens on {}", listener.local_endpoints());
+    }
     let roles = vec![role_info(Machine::Display, &drawn)];
+    // Who walks by the clock does not wait.
+    let patience = if config.session.live_hz.is_some() { Duration::ZERO } else { start.patience };
     let session = DisplaySession {
         walk,
         about: about(walk, &config.session.path, config.session.seed, roles),
         folder: Some(folder),
-        timeouts: start.timeouts,
+        patience,
         metrics,
         trace: config.record.clone(),
         net: start.net,
-        endpoints: listener.local_endpoints().clone(),
-        listener: Some(listener),
-        options,
+        key,
+        cullers: config.cullers.iter().flat_map(Endpoints::iter).map(peer).collect(),
+        listener,
         turns: Turns::at_once(),
     };
     match session.show_to_others(runtime, &start.stop) {
@@ -162,7 +155,7 @@ fn display((config, options): &(DisplayConfig, Options), runtime: &Runtime) -> R
 }
 
 /// What the configuration asks for.
-fn session_plan(session: &SessionConfig) -> Result<Plan, Failure> {
+fn session_plan(session: &SessionConfig, schedule: &str) -> Result<Plan, Failure> {
     Ok(Plan {
         viewport: Viewport::new(session.width, session.height).map_err(Failure::bad_input)?,
         lod: LodRule::new(session.epsilon_px)
@@ -172,6 +165,7 @@ fn session_plan(session: &SessionConfig) -> Result<Plan, Failure> {
         coding: session.coding.parse().map_err(Failure::bad_input)?,
         occlusion_test: session.occlusion_test.parse().map_err(Failure::bad_input)?,
         pace: walking::pace(session.live_hz),
+        schedule: schedule.parse().map_err(Failure::bad_input)?,
         audit_every: session.audit_every,
         visible: session.visible,
         alone: false,

@@ -1,6 +1,6 @@
-//! `trimaran run`: walks a camera through a scene with the three roles and writes the report.
+//! `trimaran run`: walks a camera through a scene with a display and its cullers, and writes the report.
 
-use std::{future::pending, sync::Arc};
+use std::sync::Arc;
 
 use trimaran::{
     config,
@@ -8,14 +8,14 @@ use trimaran::{
     vulkan::VulkanCuller,
     walkthrough::{SceneFile, SceneOnDevices, Walk},
 };
-use trimaran_actors::{CullerIndex, JoinTimeouts, LocalCullers, Turns, max_frame};
-use trimaran_proto::Settings;
+use trimaran_actors::{CullerId, LocalCullers, Turns, max_frame};
+use trimaran_proto::{SessionKey, Settings};
 use trimaran_transport::{Net, TokioNet};
 
 use super::{
     Failure,
-    args::{LinkKind, RunArgs},
-    display::{DisplaySession, about, listen, role_info},
+    args::{LinkKind, RunArgs, WalkArgs},
+    display::{DisplaySession, about, role_info},
     processes::{CullerProcesses, Keyring, endpoints},
     recording::{Outcome, check_trace, open_folder},
     walking::{self, Metrics, gpu_options, open, stop_on_signal, upload},
@@ -35,13 +35,10 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
     walk(args, &open(&args.scene)?, None)?.conclude(&args.out, args.json)
 }
 
-/// Opens the devices of three roles in this process.
-pub(super) fn open_devices(
-    file: &SceneFile,
-    device: Option<&str>,
-    timeout_s: f64,
-) -> Result<SceneOnDevices, Failure> {
-    SceneOnDevices::open(&file.scene, &gpu_options(device, timeout_s)).map_err(Failure::broken)
+/// Opens the devices of a display and its cullers in this process.
+pub(super) fn open_devices(file: &SceneFile, walk: &WalkArgs) -> Result<SceneOnDevices, Failure> {
+    let options = gpu_options(walk.device.as_deref(), walk.device_timeout);
+    SceneOnDevices::open(&file.scene, walk.cullers.into(), &options).map_err(Failure::broken)
 }
 
 /// Walks and reports. Roles of one process use `devices`, or open their own.
@@ -56,7 +53,7 @@ pub(super) fn walk(
     check_trace(args.record.as_deref())?;
     let folder = open_folder(&args.out)?;
     let opened = match (link, devices) {
-        (LinkKind::Inproc, None) => Some(open_devices(file, walk.device.as_deref(), walk.device_timeout)?),
+        (LinkKind::Inproc, None) => Some(open_devices(file, walk)?),
         _ => None,
     };
     let devices = devices.or(opened.as_ref());
@@ -64,53 +61,50 @@ pub(super) fn walk(
     let runtime = walking::runtime()?;
     let stop = stop_on_signal(&runtime);
     let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
-    let configs = tempfile::tempdir().map_err(Failure::broken)?;
-    let (display, meet) = endpoints(*link, configs.path())?;
-    let mut options = config::options(&args.links.options, toml::Table::new()).map_err(Failure::bad_input)?;
-    let keyring =
-        if config::needs_keys(&options, &display) { Some(Keyring::make(configs.path())?) } else { None };
-    options.security = keyring.as_ref().map(|keyring| keyring.security.clone());
-    options.link.max_frame = max_frame(&file.scene);
     let drawn = match devices {
-        Some(devices) => Arc::clone(&devices.drawn[2]),
+        Some(devices) => Arc::clone(&devices.display),
         None => upload(file, &gpu_options(walk.device.as_deref(), walk.device_timeout))?,
     };
-    let listening = display.into();
-    let way = Walk { file, drawn: &drawn, plan: &plan, path: &path };
-    let listening = listen(way, &net, &listening, &options);
-    let listener = runtime.block_on(listening)?;
-    let display = listener.local_endpoint().clone();
-    let drawn_by = |index: usize| devices.map_or(&drawn, |devices| &devices.drawn[index]);
-    let machines = [Machine::FirstCuller, Machine::SecondCuller, Machine::Display];
-    let roles = machines.into_iter().zip(0..).map(|(machine, index)| role_info(machine, drawn_by(index)));
     let turns = if plan.alone { Turns::alone() } else { Turns::at_once() };
+    let way = Walk { file, drawn: &drawn, plan: &plan, path: &path };
+    let cullers = CullerId::first(walk.cullers.into());
+    let machines = cullers.clone().map(Some).chain([None]);
+    let drawn_by = |culler| devices.map_or(&drawn, |devices| devices.drawn_by(culler));
+    let roles = machines.map(|culler| role_info(Machine::of(culler), drawn_by(culler)));
     let session = DisplaySession {
         walk: way,
         about: about(way, &walk.path, walk.seed, roles.collect()),
         folder: Some(folder),
-        timeouts: JoinTimeouts::ONCE,
+        patience: PATIENCE,
         metrics: Metrics::show(args.metrics, &runtime)?,
         trace: args.record.clone(),
+        key: SessionKey(net.random().map_err(Failure::broken)?),
         net,
-        endpoints: listener.local_endpoints().clone(),
-        listener: Some(listener),
-        options: options.clone(),
+        cullers: Vec::new(),
+        listener: None,
         turns: turns.clone(),
     };
-    let Some(SceneOnDevices { drawn, .. }) = devices else {
-        let folder = configs.path();
-        let mut cullers =
-            CullerProcesses::start(args, &options, &display, &meet, keyring.as_ref(), folder, &runtime)?;
-        let outcome = session.show(&runtime, &stop, cullers.ended_early(), |walk| walk())?;
-        if !outcome.report.summary.ended.early() {
-            runtime.block_on(cullers.ended_well())?;
-        }
-        return Ok(outcome);
+    let mut options = config::options(&args.links.options, toml::Table::new()).map_err(Failure::bad_input)?;
+    options.link.max_frame = max_frame(&file.scene);
+    let Some(devices) = devices else {
+        let folder = tempfile::tempdir().map_err(Failure::broken)?;
+        let endpoints = endpoints(*link, cullers.len(), folder.path())?;
+        let needs_keys = endpoints.iter().any(|endpoint| config::needs_keys(&options, endpoint));
+        let keyring = if needs_keys { Some(Keyring::make(folder.path(), cullers.len())?) } else { None };
+        options.security = keyring.as_ref().map(|keyring| keyring.security.clone());
+        let mut children =
+            CullerProcesses::start(args, &options, endpoints, keyring.as_ref(), folder.path(), &runtime)?;
+        let session = DisplaySession { cullers: children.peers(&options), ..session };
+        return session.show(&runtime, &stop, children.ended_early(), |walk| walk());
     };
-    let (scene, timeouts) = (Arc::clone(&file.scene), JoinTimeouts::ONCE);
-    let cullers = LocalCullers { scene, display, meet, options, timeouts, turns };
-    let device = |culler: CullerIndex, settings: &Settings| {
-        Ok(VulkanCuller::new(&drawn[culler.index()], settings.viewport, settings.occlusion_test)?)
+    let local = LocalCullers { options, ..LocalCullers::new(&file.scene, cullers.len(), &turns) };
+    let device = |culler: CullerId, settings: &Settings| {
+        let drawn = devices.drawn_by(Some(culler));
+        Ok(VulkanCuller::new(drawn, settings.viewport, settings.occlusion_test)?)
     };
-    session.show(&runtime, &stop, pending(), |walk| cullers.beside(device, runtime.handle(), &stop, walk))
+    let session = DisplaySession { cullers: local.peers().collect(), ..session };
+    session.show(&runtime, &stop, std::future::pending(), |walk| local.beside(device, runtime.handle(), walk))
 }
+
+/// How long the cullers may take to load and copy a large scene.
+const PATIENCE: std::time::Duration = std::time::Duration::from_secs(120);

@@ -11,6 +11,7 @@ use trimaran::report::simulation;
 use trimaran::simulate::{
     Knobs, Load, Outcome, Painter, Scenario, Times, Transport, Workload, pooled, simulate_watched,
 };
+use trimaran_actors::Schedule;
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene};
 use trimaran_netsim::Profile;
 use trimaran_proto::{BatchSize, IdCoding};
@@ -69,8 +70,8 @@ fn unwritten(place: &Path, cause: &io::Error) -> Failure {
     Failure::broken(format!("cannot write to {}: {cause}", place.display()))
 }
 
-/// Every network with every transport, every number of ids, every batch and every seed; seeds of the same are
-/// neighbours.
+/// Every network with every transport, number of cullers, schedule, number of ids, batch and seed; seeds of
+/// the same are neighbours.
 fn scenarios(args: &SimArgs) -> Result<Vec<Scenario>, Failure> {
     let networks: Vec<Profile> = (args.network.iter())
         .map(|name| Profile::find(name).map_err(Failure::bad_input))
@@ -82,17 +83,30 @@ fn scenarios(args: &SimArgs) -> Result<Vec<Scenario>, Failure> {
         return Err(Failure::bad_input("--coding changes needs --trace: made-up frames are all alike"));
     }
     let workloads = workloads(args)?;
-    let links: Vec<(Transport, Knobs)> = args.link.iter().flat_map(|link| knobs(args, *link)).collect();
+    let mut sessions = Vec::new();
+    for (link, knobs) in args.link.iter().flat_map(|link| knobs(args, *link)) {
+        for schedule in args.schedule.iter().copied().map(Schedule::from) {
+            // The schedule switch is one of two cullers, whatever others are asked for.
+            let fits = |cullers: &&u8| schedule != Schedule::Switch || **cullers == 2;
+            let cullers = args.cullers.iter().filter(fits);
+            sessions.extend(cullers.map(|cullers| (link, knobs, usize::from(*cullers), schedule)));
+        }
+    }
+    if sessions.is_empty() {
+        return Err(Failure::bad_input("--schedule switch takes two cullers: add --cullers 2"));
+    }
     // A seed given twice would count the same frames twice.
     let seeds: BTreeSet<u64> = args.seed.iter().copied().collect();
     let mut scenarios = Vec::new();
     for network in &networks {
-        for (link, knobs) in &links {
+        for (link, knobs, cullers, schedule) in &sessions {
             for workload in &workloads {
                 for batch in &batches {
                     scenarios.extend(seeds.iter().map(|seed| Scenario {
                         network: network.clone(),
                         link: *link,
+                        cullers: *cullers,
+                        schedule: *schedule,
                         batch: *batch,
                         frames: args.frames,
                         seed: *seed,

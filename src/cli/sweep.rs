@@ -12,7 +12,7 @@ use super::{
 
 pub(super) fn run(args: &SweepArgs) -> Result<(), Failure> {
     let file = open(&args.scene)?;
-    let devices = open_devices(&file, args.walk.device.as_deref(), args.walk.device_timeout)?;
+    let devices = open_devices(&file, &args.walk)?;
     let mut points = Vec::new();
     let mut last = None;
     for &epsilon in &args.epsilons {

@@ -15,7 +15,7 @@ use trimaran::{
     metrics::{LinkMetrics, Serving},
     walkthrough::{CameraPath, Pace, PathChoice, Plan, SceneFile},
 };
-use trimaran_actors::{JoinError, JoinTimeouts, Link, Stop, again};
+use trimaran_actors::{Stop, again};
 use trimaran_gpu::{DeviceChoice, Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{BatchSize, LodRule, OcclusionTestKind, Viewport};
 use trimaran_scene::Scene;
@@ -23,7 +23,7 @@ use trimaran_transport::{Net, TokioNet};
 
 use super::{
     Failure,
-    args::{OcclusionTestArg, WalkArgs},
+    args::{OcclusionTestArg, ScheduleArg, WalkArgs},
 };
 
 /// The plan that the flags ask for.
@@ -31,6 +31,9 @@ pub(super) fn plan(walk: &WalkArgs, epsilon_px: f64, visible: bool, pace: Pace) 
     if walk.few_pixels && walk.occlusion_test == OcclusionTestArg::Hzb {
         let why = "--few-pixels needs an occlusion test that counts pixels: add --occlusion-test raster or --occlusion-test query";
         return Err(Failure::bad_input(why));
+    }
+    if walk.schedule == ScheduleArg::Switch && walk.cullers != 2 {
+        return Err(Failure::bad_input("--schedule switch takes two cullers: add --cullers 2"));
     }
     Ok(Plan {
         viewport: Viewport::new(walk.size.width, walk.size.height).map_err(Failure::bad_input)?,
@@ -43,6 +46,7 @@ pub(super) fn plan(walk: &WalkArgs, epsilon_px: f64, visible: bool, pace: Pace) 
             OcclusionTestArg::Hzb => OcclusionTestKind::Hzb,
         },
         pace,
+        schedule: walk.schedule.into(),
         audit_every: walk.audit_every,
         visible,
         alone: walk.alone,
@@ -110,24 +114,24 @@ pub(super) struct Start<'r> {
     runtime: &'r Runtime,
     pub(super) net: Arc<dyn Net>,
     pub(super) stop: Stop,
-    pub(super) timeouts: JoinTimeouts,
+    /// How long it waits for what is not there yet.
+    pub(super) patience: Duration,
 }
 
 impl<'r> Start<'r> {
-    pub(super) fn new(runtime: &'r Runtime, join_timeout_s: f64, reconnect_s: f64) -> Self {
+    pub(super) fn new(runtime: &'r Runtime, join_timeout_s: f64) -> Self {
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
-        let seconds = |s| Duration::try_from_secs_f64(s).unwrap_or_default();
-        let timeouts = JoinTimeouts { join: seconds(join_timeout_s), rejoin: seconds(reconnect_s) };
-        Self { runtime, net, stop: stop_on_signal(runtime), timeouts }
+        let patience = Duration::try_from_secs_f64(join_timeout_s).unwrap_or_default();
+        Self { runtime, net, stop: stop_on_signal(runtime), patience }
     }
 
     /// What `attempt` gives once it works; `None` if the role is asked to stop before. It is tried again
-    /// while what it fails with may pass, for as long as the role waits for others.
+    /// while what it fails with may pass, for as long as the role is patient.
     pub(super) fn until<T>(
         &self,
         attempt: impl AsyncFn() -> Result<T, Failure>,
     ) -> Result<Option<T>, Failure> {
-        let deadline = self.net.now().after(self.timeouts.join);
+        let deadline = self.net.now().after(self.patience);
         let attempts = again(&self.net, deadline, Failure::may_pass, || attempt());
         self.runtime.block_on(self.stop.unless_requested(attempts)).transpose()
     }
@@ -143,11 +147,6 @@ pub(super) fn scene(path: &Path) -> Result<SceneFile, Failure> {
 pub(super) fn upload(file: &SceneFile, gpu: &GpuOptions) -> Result<Arc<GpuScene>, Failure> {
     let gpu = Gpu::open(gpu).map_err(Failure::broken)?;
     GpuScene::upload(&gpu, &file.scene).map_err(Failure::broken)
-}
-
-/// What may pass is no fault of the configuration: whoever starts roles again when they fail may do so.
-pub(super) fn not_joined(error: JoinError) -> Failure {
-    if error.may_pass() { Failure::broken(error) } else { Failure::bad_input(error) }
 }
 
 /// What the links carry, once there are any.
@@ -169,8 +168,8 @@ impl Metrics {
         Ok(Self { links, _shown: shown })
     }
 
-    /// Shows what `links` carry from now on.
-    pub(super) fn watch(&mut self, links: [&Link; 2]) {
-        self.links.watch(links);
+    /// What the links carry, to be told which there are.
+    pub(super) fn links(&self) -> LinkMetrics {
+        self.links.clone()
     }
 }

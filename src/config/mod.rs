@@ -21,8 +21,8 @@ use toml::{Spanned, Table, de::DeTable};
 use trimaran_transport::{Endpoint, Options, keys::KeysError};
 
 pub use options::{GivenOption, GivenOptionError, OptionKey, options};
-pub use role::{CullerConfig, CullerPeers, DisplayConfig, DisplayPeers, SessionConfig, Which};
-pub use security::{PeerFile, needs_keys, security};
+pub use role::{CullerConfig, CullerPeers, DisplayConfig, DisplayPeers, SessionConfig};
+pub use security::{PeerFiles, needs_keys, security};
 
 /// Why a configuration could not be used.
 #[derive(Debug, Error)]

@@ -3,46 +3,35 @@
 use std::{net::SocketAddr, path::PathBuf};
 
 use confique::Config;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
+use trimaran_actors::{CullerId, Schedule};
 use trimaran_proto::{IdCoding, OcclusionTestKind};
-use trimaran_transport::{Endpoint, Endpoints};
+use trimaran_transport::Endpoints;
 
 use super::{ConfigError, RoleConfig, positive, seconds};
 
-/// Which culler.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum Which {
-    /// Culls even frames and listens for the second.
-    First,
-    /// Culls odd frames and connects to the first.
-    Second,
-}
-
-/// `trimaran role culler`: a culler.
+/// `trimaran role culler`: a culler, which serves displays as they come.
 #[derive(Debug, Clone, PartialEq, Serialize, Config)]
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
 pub struct CullerConfig {
-    /// The cooked scene; all three roles hold the same one. Paths in a file start at the file's folder.
+    /// The cooked scene; cullers and display hold the same one. Paths in a file start at the file's folder.
     #[config(env = "TRIMARAN_SCENE", layer_attr(arg(long, value_name = "X.scene")))]
     pub scene: PathBuf,
-    /// Which of the two machines this is: `first` culls even frames and listens for the second, `second`
-    /// culls odd frames and connects to the first.
-    #[config(env = "TRIMARAN_INDEX", layer_attr(arg(long, value_enum)))]
-    pub index: Which,
-    /// Where the display listens, such as `tcp://show:7400`.
-    #[config(env = "TRIMARAN_DISPLAY", layer_attr(arg(long, value_name = "ENDPOINT")))]
-    pub display: Endpoint,
-    /// Where the cullers meet: the first listens there, the second connects to it. It need not
-    /// be the transport that leads to the display.
-    #[config(env = "TRIMARAN_PAIR", layer_attr(arg(long, value_name = "ENDPOINT")))]
-    pub pair: Endpoint,
+    /// Where to listen for displays, such as `tcp://0.0.0.0:7400`; a list where they come over different
+    /// transports. In the schedule `switch` the other culler comes there as well.
+    #[config(env = "TRIMARAN_LISTEN", layer_attr(arg(long, value_name = "ENDPOINT,..")))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub listen: Option<Endpoints>,
+    /// Displays to connect to, where these listen: `tcp://show:7400`.
+    #[config(env = "TRIMARAN_DISPLAYS", layer_attr(arg(long, value_name = "ENDPOINT,..")))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub displays: Option<Endpoints>,
     /// The Vulkan device, by a part of its name; the best there is if not given.
     #[config(env = "TRIMARAN_DEVICE", layer_attr(arg(long, value_name = "NAME")))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
     /// How long the device may make no progress before it counts as hung, seconds. The culler then ends with
-    /// exit code 1, and its peers wait for it to come again.
+    /// exit code 1, and displays go on without it.
     #[config(
         env = "TRIMARAN_DEVICE_TIMEOUT_S",
         default = 30.0,
@@ -50,7 +39,8 @@ pub struct CullerConfig {
         layer_attr(arg(long = "device-timeout", value_name = "S", value_parser = positive))
     )]
     pub device_timeout_s: f64,
-    /// How long to wait for the other roles at the start, seconds.
+    /// How long to wait at the start for what is not there yet, such as a scene that is being copied,
+    /// seconds.
     #[config(
         env = "TRIMARAN_JOIN_TIMEOUT_S",
         default = 30.0,
@@ -58,15 +48,6 @@ pub struct CullerConfig {
         layer_attr(arg(long = "join-timeout", value_name = "S"))
     )]
     pub join_timeout_s: f64,
-    /// How long to wait for a peer that was lost to come again, seconds: the session then goes on with the
-    /// frame that was due. 0 ends the session with the peer.
-    #[config(
-        env = "TRIMARAN_RECONNECT_S",
-        default = 60.0,
-        validate = seconds,
-        layer_attr(arg(long = "reconnect", value_name = "S"))
-    )]
-    pub reconnect_s: f64,
     /// Show what the links carry on this address while the session runs: `/metrics` for Prometheus, `/links`
     /// as JSON.
     #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
@@ -85,17 +66,22 @@ pub struct CullerConfig {
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Config)]
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
 pub struct CullerPeers {
-    /// The display's public keys, `NAME.pub`.
+    /// The displays' public keys, `NAME.pub`.
     #[config(
-        env = "TRIMARAN_PEERS_DISPLAY",
-        layer_attr(arg(long = "peer-display", id = "peers_display", value_name = "NAME.pub"))
+        env = "TRIMARAN_PEERS_DISPLAYS",
+        parse_env = confique::env::parse::list_by_comma,
+        default = [],
+        layer_attr(arg(long = "peer-displays", value_name = "NAME.pub,..", value_delimiter = ','))
     )]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub display: Option<PathBuf>,
-    /// The other machine's public keys.
-    #[config(env = "TRIMARAN_PEERS_OTHER", layer_attr(arg(long = "peer-other", value_name = "NAME.pub")))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub other: Option<PathBuf>,
+    pub displays: Vec<PathBuf>,
+    /// The other cullers' public keys, for the schedule `switch`.
+    #[config(
+        env = "TRIMARAN_PEERS_CULLERS",
+        parse_env = confique::env::parse::list_by_comma,
+        default = [],
+        layer_attr(arg(long = "peer-cullers", value_name = "NAME.pub,..", value_delimiter = ','))
+    )]
+    pub cullers: Vec<PathBuf>,
 }
 
 /// `trimaran role display`: the machine that shows the pictures, holds the camera and dictates the session.
@@ -105,10 +91,24 @@ pub struct DisplayConfig {
     /// The cooked scene. Paths in a file start at the file's folder.
     #[config(env = "TRIMARAN_SCENE", layer_attr(arg(long, value_name = "X.scene")))]
     pub scene: PathBuf,
-    /// Where to listen, such as `tcp://0.0.0.0:7400` or `unix:/run/trimaran/display.sock`; a list where the
-    /// cullers come over different transports.
+    /// Where the cullers listen, at most 8: `tcp://one:7400,tcp://two:7400`. Without any the display culls
+    /// for itself.
+    #[config(env = "TRIMARAN_CULLERS", layer_attr(arg(long, value_name = "ENDPOINT,..")))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cullers: Option<Endpoints>,
+    /// Where to listen for cullers that connect by themselves, such as `tcp://0.0.0.0:7400`.
     #[config(env = "TRIMARAN_LISTEN", layer_attr(arg(long, value_name = "ENDPOINT,..")))]
-    pub listen: Endpoints,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub listen: Option<Endpoints>,
+    /// How frames are dealt: `independent`, where no culler waits for another one, or the paper's `switch`,
+    /// where each of two draws what the other one finds.
+    #[config(
+        env = "TRIMARAN_SCHEDULE",
+        default = "independent",
+        validate(schedule.parse::<Schedule>().is_ok(), "give independent or switch"),
+        layer_attr(arg(long, value_name = "SCHEDULE"))
+    )]
+    pub schedule: String,
     /// Where report and frames go.
     #[config(env = "TRIMARAN_OUT", layer_attr(arg(long, value_name = "DIR")))]
     pub out: PathBuf,
@@ -121,7 +121,7 @@ pub struct DisplayConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
     /// How long the device may make no progress before it counts as hung, seconds. The display then ends
-    /// with exit code 3 and its report, and the cullers wait for it to come again.
+    /// with exit code 3 and its report.
     #[config(
         env = "TRIMARAN_DEVICE_TIMEOUT_S",
         default = 30.0,
@@ -129,7 +129,8 @@ pub struct DisplayConfig {
         layer_attr(arg(long = "device-timeout", value_name = "S", value_parser = positive))
     )]
     pub device_timeout_s: f64,
-    /// How long to wait for the other roles at the start, seconds.
+    /// How long to wait at the start for the cullers, and for what else is not there yet, seconds. A walk in
+    /// lockstep then begins with those that are there.
     #[config(
         env = "TRIMARAN_JOIN_TIMEOUT_S",
         default = 30.0,
@@ -137,15 +138,6 @@ pub struct DisplayConfig {
         layer_attr(arg(long = "join-timeout", value_name = "S"))
     )]
     pub join_timeout_s: f64,
-    /// How long to wait for a peer that was lost to come again, seconds: the session then goes on with the
-    /// frame that was due. 0 ends the session with the peer.
-    #[config(
-        env = "TRIMARAN_RECONNECT_S",
-        default = 60.0,
-        validate = seconds,
-        layer_attr(arg(long = "reconnect", value_name = "S"))
-    )]
-    pub reconnect_s: f64,
     /// Show what the links carry on this address while the session runs: `/metrics` for Prometheus, `/links`
     /// as JSON.
     #[config(env = "TRIMARAN_METRICS", layer_attr(arg(long, value_name = "HOST:PORT")))]
@@ -167,14 +159,14 @@ pub struct DisplayConfig {
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Config)]
 #[config(layer_attr(derive(Debug, Clone, clap::Args)), layer_attr(serde(deny_unknown_fields)))]
 pub struct DisplayPeers {
-    /// The first machine's public keys, `NAME.pub`.
-    #[config(env = "TRIMARAN_PEERS_FIRST", layer_attr(arg(long = "peer-first", value_name = "NAME.pub")))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub first: Option<PathBuf>,
-    /// The second machine's public keys.
-    #[config(env = "TRIMARAN_PEERS_SECOND", layer_attr(arg(long = "peer-second", value_name = "NAME.pub")))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub second: Option<PathBuf>,
+    /// The cullers' public keys, `NAME.pub`.
+    #[config(
+        env = "TRIMARAN_PEERS_CULLERS",
+        parse_env = confique::env::parse::list_by_comma,
+        default = [],
+        layer_attr(arg(long = "peer-cullers", value_name = "NAME.pub,..", value_delimiter = ','))
+    )]
+    pub cullers: Vec<PathBuf>,
 }
 
 /// What is walked and how.
@@ -288,25 +280,37 @@ pub struct SessionConfig {
 impl RoleConfig for CullerConfig {
     fn paths(layer: &mut Self::Layer) -> impl Iterator<Item = &mut PathBuf> {
         let peers = &mut layer.peers;
-        [&mut layer.scene, &mut layer.keys, &mut peers.display, &mut peers.other].into_iter().flatten()
+        let known = [&mut peers.displays, &mut peers.cullers];
+        let own = [&mut layer.scene, &mut layer.keys].into_iter().flatten();
+        own.chain(known.into_iter().flatten().flatten())
     }
 
     fn check(&self) -> Result<(), ConfigError> {
+        if self.listen.is_none() && self.displays.is_none() {
+            let why = "say where to listen for displays, or in `displays` where these listen";
+            return Err(ConfigError::Value { key: "listen", why });
+        }
         Ok(())
     }
 }
 
 impl RoleConfig for DisplayConfig {
     fn paths(layer: &mut Self::Layer) -> impl Iterator<Item = &mut PathBuf> {
-        let peers = &mut layer.peers;
         let own = [&mut layer.scene, &mut layer.out, &mut layer.record, &mut layer.keys];
-        own.into_iter().chain([&mut peers.first, &mut peers.second]).flatten()
+        own.into_iter().flatten().chain(layer.peers.cullers.iter_mut().flatten())
     }
 
     fn check(&self) -> Result<(), ConfigError> {
         if self.session.few_pixels && self.session.occlusion_test == "hzb" {
             let why = "it needs the occlusion test query or raster";
             return Err(ConfigError::Value { key: "session.few_pixels", why });
+        }
+        let count = self.cullers.iter().flat_map(Endpoints::iter).count();
+        if count > CullerId::MOST {
+            return Err(ConfigError::Value { key: "cullers", why: "give at most 8" });
+        }
+        if self.schedule == Schedule::Switch.name() && count != 2 {
+            return Err(ConfigError::Value { key: "schedule", why: "`switch` takes two `cullers`" });
         }
         Ok(())
     }

@@ -1,25 +1,25 @@
 //! Who is let in: the key files that a configuration names.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use trimaran_proto::Role;
 use trimaran_transport::{
-    Endpoint, Endpoints, Options,
+    Endpoint, Options,
     keys::{Keys, KnownPeer, PublicKeys, Security},
     udp::Trust,
 };
 
 use super::ConfigError;
 
-/// A peer's public keys, as a configuration names them.
+/// The public keys of peers, as a configuration names them.
 #[derive(Debug, Clone, Copy)]
-pub struct PeerFile<'p> {
+pub struct PeerFiles<'p> {
     /// The key of the configuration.
     pub name: &'static str,
-    /// The role that their holder may have; any if not given.
+    /// What their holders may be; anything if not given.
     pub role: Option<Role>,
-    /// The file, where one is named.
-    pub path: Option<&'p Path>,
+    /// The files.
+    pub paths: &'p [PathBuf],
 }
 
 /// Whether both sides prove who they are at `endpoint`.
@@ -36,26 +36,26 @@ pub fn needs_keys(options: &Options, endpoint: &Endpoint) -> bool {
 ///
 /// # Errors
 /// When a file that is needed is not named, or cannot be used.
-pub fn security(
+pub fn security<'e>(
     options: &Options,
-    endpoints: &Endpoints,
+    mut endpoints: impl Iterator<Item = &'e Endpoint>,
     keys: Option<&Path>,
-    peers: &[PeerFile<'_>],
+    peers: &[PeerFiles<'_>],
 ) -> Result<Option<Security>, ConfigError> {
-    let Some(endpoint) = endpoints.iter().find(|endpoint| needs_keys(options, endpoint)) else {
+    let Some(endpoint) = endpoints.find(|endpoint| needs_keys(options, endpoint)) else {
         return Ok(None);
     };
-    let no_keys = |peer| ConfigError::NoKeys { endpoint: endpoint.clone(), peer };
-    // A display may have one machine that comes over another transport: so one peer is enough, but it takes
-    // one.
+    // Some peers may come over another transport, so one is enough, but it takes one.
     let known = peers
         .iter()
-        .filter_map(|peer| peer.path.map(|path| (path, peer.role)))
+        .flat_map(|peers| peers.paths.iter().map(|path| (path, peers.role)))
         .map(|(path, role)| Ok(KnownPeer { keys: PublicKeys::read(path)?, role: role.map(Into::into) }))
         .collect::<Result<Vec<_>, ConfigError>>()?;
-    match (keys, peers) {
-        (Some(keys), _) if !known.is_empty() => Ok(Some(Security { keys: Keys::read(keys)?, peers: known })),
-        (_, [peer, ..]) => Err(no_keys(peer.name)),
-        (_, []) => Err(no_keys("peers")),
+    match keys {
+        Some(keys) if !known.is_empty() => Ok(Some(Security { keys: Keys::read(keys)?, peers: known })),
+        _ => {
+            let peer = peers.first().map_or("peers", |peers| peers.name);
+            Err(ConfigError::NoKeys { endpoint: endpoint.clone(), peer })
+        }
     }
 }

@@ -87,22 +87,25 @@ impl LinkMetrics {
     #[must_use]
     pub fn of<'l>(links: impl IntoIterator<Item = &'l Link>) -> Self {
         let metrics = Self::default();
-        metrics.watch(links);
+        links.into_iter().for_each(|link| metrics.add(link.peer.hello.role.to_string(), link));
         metrics
     }
 
-    /// Watches these links from now on, and no longer those before: a session has new ones after a peer was
-    /// lost. What they carry counts from zero, as a scraper expects of a program that was started again.
-    pub fn watch<'l>(&self, links: impl IntoIterator<Item = &'l Link>) {
-        let mut watched = Watched::default();
-        for link in links {
-            let (peer, stats) = (link.peer.hello.role.to_string(), link.stats.clone());
-            watched
-                .listeners
-                .extend(stats.listener().filter(|listener| !watched.listeners.contains(listener)));
-            watched.links.push(WatchedLink { peer, stats });
+    /// Watches a link to `peer` from now on, in place of an earlier one. What it carries counts from zero, as
+    /// a scraper expects of a program that was started again.
+    pub fn add(&self, peer: String, link: &Link) {
+        let stats = link.stats.clone();
+        let mut watched = self.watched.write();
+        watched.links.retain(|link| link.peer != peer);
+        if let Some(listener) = stats.listener().filter(|listener| !watched.listeners.contains(listener)) {
+            watched.listeners.push(listener);
         }
-        *self.watched.write() = watched;
+        watched.links.push(WatchedLink { peer, stats });
+    }
+
+    /// Watches the link to `peer` no longer.
+    pub fn remove(&self, peer: &str) {
+        self.watched.write().links.retain(|link| link.peer != peer);
     }
 
     /// What each link has carried until now.

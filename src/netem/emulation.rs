@@ -8,7 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
 use rustix::thread::{CapabilitySet, capabilities};
-use trimaran_netsim::{HostId, Profile};
+use trimaran_actors::CullerId;
+use trimaran_netsim::{HostId, Machines, Profile};
 
 use super::carrier::{Cargo, Device};
 use super::{Namespace, NetemError, Report};
@@ -43,25 +44,19 @@ impl Emulation {
         if Path::new("/dev/net/tun").exists() { Ok(()) } else { Err(NetemError::NoTun) }
     }
 
-    /// Puts a network between namespaces of these names: those of the first culler, its second and
-    /// the display, or, if there are only two, of the first and the display. They are made where they do
-    /// not exist; their addresses are [`HostId::v4`] and [`HostId::v6`].
+    /// Puts a network between namespaces of these names: those of cullers, and last the display's. They are
+    /// made where they do not exist; their addresses are [`HostId::v4`] and [`HostId::v6`].
     ///
     /// # Errors
     /// When this process may not do that, or a name or the number of names will not do.
     pub fn start(profile: &Profile, names: &[String], seed: u64) -> Result<Self, NetemError> {
-        let (topology, roles) = profile.topology();
-        let hosts: &[HostId] = match names {
-            [_, _] => &[roles.first, roles.display],
-            [_, _, _] => &[roles.first, roles.second, roles.display],
-            _ => return Err(NetemError::Namespaces { count: names.len() }),
-        };
-        if !distinct(names) {
+        if !(2..=1 + CullerId::MOST).contains(&names.len()) || !distinct(names) {
             return Err(NetemError::Namespaces { count: names.len() });
         }
+        let (topology, Machines { cullers, display }) = profile.topology(names.len() - 1);
         Self::possible()?;
         let (mut machines, mut devices) = (Vec::new(), Vec::new());
-        for (&host, name) in hosts.iter().zip(names) {
+        for (host, name) in cullers.into_iter().chain([display]).zip(names) {
             let namespace = Namespace::find_or_make(name)?;
             let addresses: [(IpAddr, u8); 2] = [(host.v4(), NETWORK_BITS.0), (host.v6(), NETWORK_BITS.1)];
             let tun = namespace.add_device(profile.up.mtu, &addresses)?;

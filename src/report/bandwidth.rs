@@ -3,22 +3,25 @@
 /// What determines the bytes of one frame, in the paper's letters (section 3.3).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameLoad {
-    /// `n`: how many node ids HC sends to each of OR and RVG.
+    /// `n`: how many node ids HC sends to each receiver.
     pub ids: f64,
     /// `b`: how many ids travel in one packet, at least 1.
     pub batch: f64,
     /// `h`: bytes of header around each packet, of all layers; the paper takes 50 for TCP, IP and Ethernet.
     pub header: f64,
+    /// How many receivers the ids have: RVG, and in the schedule `switch` the other culler's OR. None where
+    /// the display culls for itself.
+    pub receivers: u8,
 }
 
 /// The bytes of a camera: `72`.
 const CAMERA: f64 = 72.0;
 /// The bytes of a node id: `4`.
 const ID: f64 = 4.0;
-/// Cameras a frame: RVG to both cullers, HC to RVG.
-const CAMERAS: f64 = 3.0;
-/// Receivers of the ids: OR and RVG.
-const RECEIVERS: f64 = 2.0;
+/// Cameras a frame in the paper: RVG to both cullers, HC to RVG.
+const PAPER_CAMERAS: f64 = 3.0;
+/// Receivers of the ids in the paper: OR and RVG.
+const PAPER_RECEIVERS: f64 = 2.0;
 
 impl FrameLoad {
     /// Bytes a frame by the paper's formula, `8 (nh/b) + 3 (72 + h)` (section 3.3).
@@ -28,21 +31,23 @@ impl FrameLoad {
     /// figures only.
     #[must_use]
     pub fn paper_bytes(&self) -> f64 {
-        RECEIVERS * ID * (self.ids * self.header / self.batch) + self.camera_bytes()
+        PAPER_RECEIVERS * ID * (self.ids * self.header / self.batch) + self.camera_bytes(PAPER_CAMERAS)
     }
 
-    /// Bytes a frame as sent, `2 (4n + hn/b) + 3 (72 + h)`: each id, a header for each packet of ids, and the
-    /// cameras.
+    /// Bytes a frame as sent to `r` receivers, `r (4n + hn/b) + (r + 1) (72 + h)`: each id, a header for each
+    /// packet of ids, and the cameras, to the culler and from it to each receiver.
     ///
     /// It takes every packet for full: a frame whose ids do not fill the last one sends up to one more header
     /// a receiver, and the ends of frames come on top.
     #[must_use]
     pub fn sent_bytes(&self) -> f64 {
-        RECEIVERS * (ID * self.ids + self.header * self.ids / self.batch) + self.camera_bytes()
+        let receivers = f64::from(self.receivers);
+        let cameras = if self.receivers == 0 { 0.0 } else { receivers + 1.0 };
+        receivers * (ID * self.ids + self.header * self.ids / self.batch) + self.camera_bytes(cameras)
     }
 
-    fn camera_bytes(&self) -> f64 {
-        CAMERAS * (CAMERA + self.header)
+    fn camera_bytes(&self, cameras: f64) -> f64 {
+        cameras * (CAMERA + self.header)
     }
 }
 
@@ -51,7 +56,7 @@ mod tests {
     use super::*;
 
     /// The case of the paper's section 5.1, at 30 frames a second.
-    const PAPER: FrameLoad = FrameLoad { ids: 4000.0, batch: 10.0, header: 50.0 };
+    const PAPER: FrameLoad = FrameLoad { ids: 4000.0, batch: 10.0, header: 50.0, receivers: 2 };
 
     fn megabits(bytes: f64) -> f64 {
         8.0 * bytes * 30.0 / 1e6
@@ -73,6 +78,12 @@ mod tests {
     fn without_ids_both_are_three_cameras() {
         let still = FrameLoad { ids: 0.0, ..PAPER };
         assert_eq!((still.paper_bytes(), still.sent_bytes()), (366.0, 366.0));
+    }
+
+    #[test]
+    fn one_receiver_takes_half_the_ids_and_none_takes_nothing() {
+        assert_eq!(FrameLoad { receivers: 1, ..PAPER }.sent_bytes(), 36_000.0 + 244.0);
+        assert_eq!(FrameLoad { receivers: 0, ..PAPER }.sent_bytes(), 0.0);
     }
 
     #[test]

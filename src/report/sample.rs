@@ -2,9 +2,8 @@
 
 use std::sync::LazyLock;
 
-use trimaran_actors::CullerIndex;
+use trimaran_actors::CullerId;
 use trimaran_audit::metrics::{Deviation, ImageRef, image_difference};
-use trimaran_proto::FrameNumber;
 
 use super::schema::{
     CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Machine, Mode, Projection, Report,
@@ -25,7 +24,7 @@ pub(super) fn run() -> Run {
         version: "0.1.0".to_owned(),
         command_line: ["trimaran", "run", "platform.scene", "--epsilon", "2"].map(str::to_owned).to_vec(),
         started: "2026-03-01T12:34:56Z".to_owned(),
-        roles: [Machine::FirstCuller, Machine::SecondCuller, Machine::Display].map(role).to_vec(),
+        roles: machines().map(role).to_vec(),
         scene: SceneInfo {
             file: "scenes/<b>platform.scene".to_owned(),
             hash: "0123456789abcdef0123456789abcdef".to_owned(),
@@ -42,6 +41,8 @@ pub(super) fn run() -> Run {
         coding: Some("plain".to_owned()),
         link: "inproc".to_owned(),
         transport: "in one process".to_owned(),
+        cullers: 2,
+        schedule: "independent".to_owned(),
         mode: Mode::Lockstep,
         alone: true,
         path: "auto".to_owned(),
@@ -49,6 +50,11 @@ pub(super) fn run() -> Run {
         audit_every: Some(AUDIT_EVERY),
         notes: vec!["A made-up run.".to_owned()],
     }
+}
+
+/// Two cullers and a display.
+fn machines() -> [Machine; 3] {
+    [0, 1, 2].map(|place| Machine::of(CullerId::of(place).filter(|id| id.index() < 2)))
 }
 
 /// A number between 0 and 1 that depends on `frame` and `salt` only.
@@ -64,7 +70,8 @@ fn frame(frame: u32) -> Frame {
     let (or, hc, rvg) = (9.0 * load, 14.0 * load + noise(frame, 2), 11.0 * load);
     // The roles take turns, 65 ms a frame; the machine that drew a frame's occluders culls it.
     let start = 65.0 * f64::from(frame);
-    let machine = CullerIndex::of(FrameNumber(frame)).role();
+    let [first, second, _] = machines();
+    let machine = if frame.is_multiple_of(2) { first } else { second };
     let span =
         |role, machine, start_ms: f64, ms: f64| Span { role, machine, start_ms, end_ms: start_ms + ms };
 
@@ -92,6 +99,7 @@ fn frame(frame: u32) -> Frame {
         frame_ms: (frame > 0).then_some(or + hc + rvg + 3.0 * noise(frame, 4)),
         latency_frames: Some(1),
         latency_ms: Some(or + hc + rvg),
+        culled_by: Some(machine),
         timeline: vec![
             span(Role::Or, machine, start, or),
             span(Role::Hc, machine, start + or, hc),

@@ -65,11 +65,12 @@ pub fn summary(report: &Report) -> String {
     }
     if let Some(model) = &summary.model {
         out += &format!(
-            "MODEL      {} frames/s (at least {}), not measured: three such machines, no network, max(OR + HC, RVG)\n\
-             cullers    the second one brings nothing, since OR waits for HC; if it did not, at most {} frames/s\n",
+            "MODEL      {} frames/s (at least {}), not measured: such a machine for the display and each of {} \
+             cullers ({}), no network\n",
             figure(model.fps),
             figure(model.fps_at_least),
-            figure(model.fps_overlapped)
+            report.run.cullers,
+            report.run.schedule,
         );
     }
     out += &format!("culling    {}\n", culling(report));

@@ -45,7 +45,7 @@ pub struct FrameBytes {
     pub handshake: f64,
     /// The paper's formula `8 (nh/b) + 3 (72 + h)`, with its `h` of 50.
     pub paper: f64,
-    /// What the same terms come to when ids and headers are added: `2 (4n + hn/b) + 3 (72 + h)`.
+    /// What the same terms come to when ids and headers are added: `r (4n + hn/b) + (r + 1) (72 + h)`.
     pub corrected: f64,
     /// The same with the `h` that was measured.
     pub corrected_as_measured: f64,
@@ -120,15 +120,15 @@ impl Add for Account {
 }
 
 impl FrameBytes {
-    /// Of frames with `nodes` ids in batches of `batch`.
-    pub(super) fn of(account: &Account, nodes: f64, batch: usize) -> Self {
+    /// Of frames with `nodes` ids in batches of `batch`, which go to so many `receivers`.
+    pub(super) fn of(account: &Account, nodes: f64, batch: usize, receivers: u8) -> Self {
         let Account { sessions, frames, sent, before } = account;
         let all = sent.wire.values().fold(WireTally::default(), |all, tally| all + *tally);
         let of = |class| sent.wire.get(&class).map_or(0, WireTally::bytes);
         let each = |bytes: u64| bytes as f64 / f64::from((*frames).max(1));
         let ids = sent.messages.batches.bytes;
         let header = all.headers() as f64 / all.packets.max(1) as f64;
-        let load = FrameLoad { ids: nodes, batch: batch as f64, header: PAPER_HEADER };
+        let load = FrameLoad { ids: nodes, batch: batch as f64, header: PAPER_HEADER, receivers };
         Self {
             total: each(all.bytes()),
             ids: each(ids),

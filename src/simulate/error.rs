@@ -26,6 +26,9 @@ pub enum SimulateError {
     /// The rule for levels of detail.
     #[error(transparent)]
     Rule(#[from] LodRuleError),
+    /// The rule of a schedule.
+    #[error("the schedule switch takes two cullers, not {0}")]
+    Schedule(usize),
     /// A role ended early.
     #[error("the {role} failed on {network} over {link}")]
     Role {
@@ -48,9 +51,6 @@ pub enum SimulateError {
         network: String,
         /// By what.
         link: &'static str,
-        /// Why.
-        #[source]
-        cause: Box<SessionError>,
     },
     /// The packets cannot be written down.
     #[error(transparent)]

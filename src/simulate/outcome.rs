@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::Serialize;
+use trimaran_actors::{CullerId, Schedule};
 use trimaran_proto::DrawableId;
 use trimaran_transport::Instant;
 
@@ -14,6 +15,8 @@ use super::statistics::{Percentiles, PixelCost, Spread};
 /// When what happened to a frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct FrameTimes {
+    /// Who culled it; none if the display itself did.
+    pub culler: Option<CullerId>,
     /// How many ids it has.
     pub nodes: u32,
     /// How many of them never came to the display.
@@ -58,6 +61,10 @@ pub struct Outcome {
     pub network: String,
     /// What joined the roles.
     pub link: Transport,
+    /// How many cullers there were.
+    pub cullers: usize,
+    /// Which visible set they drew their occluders from.
+    pub schedule: &'static str,
     /// With deadlines: how long after its end a frame might arrive, milliseconds.
     pub deadline_ms: Option<f64>,
     /// With deadlines: whether they are over before a frame's end can have come; then what is lost, or waits
@@ -134,7 +141,7 @@ pub(super) struct Ended {
 
 impl Outcome {
     pub(super) fn new(scenario: &Scenario, ended: Ended) -> Self {
-        let Scenario { network, link, batch, frames, seed, workload, knobs } = scenario;
+        let Scenario { network, link, cullers, schedule, batch, frames, seed, workload, knobs } = scenario;
         let Ended { times, remains, account, trace_hash } = ended;
         let deadline = (*link == Transport::UdpDeadline).then_some(knobs.deadline);
         let over_udp = matches!(link, Transport::Udp | Transport::UdpDeadline);
@@ -142,6 +149,8 @@ impl Outcome {
         Self {
             network: network.name.clone(),
             link: *link,
+            cullers: *cullers,
+            schedule: schedule.name(),
             deadline_ms: deadline.map(milliseconds),
             deadline_too_short: scenario.gives_up_everything(),
             repair_percent: over_udp.then_some(knobs.repair_percent),
@@ -162,7 +171,7 @@ impl Outcome {
             incomplete: 0,
             pixels: None,
             sessions: Vec::new(),
-            bytes: FrameBytes::of(&account, 0.0, 1),
+            bytes: FrameBytes::of(&account, 0.0, 1, 1),
             trace_hashes: vec![format!("{trace_hash:016x}")],
             times,
             remains,
@@ -192,8 +201,17 @@ impl Outcome {
             late_at_30: late(1.0 / 30.0),
             late_at_60: late(1.0 / 60.0),
             incomplete: self.times.iter().filter(|times| times.missing > 0).count() as u32,
-            bytes: FrameBytes::of(&self.account, self.nodes, self.batch),
+            bytes: FrameBytes::of(&self.account, self.nodes, self.batch, self.receivers()),
             ..self
+        }
+    }
+
+    /// How many receivers the ids of a frame had.
+    fn receivers(&self) -> u8 {
+        match self.cullers {
+            0 => 0,
+            _ if self.schedule == Schedule::Switch.name() => 2,
+            _ => 1,
         }
     }
 
@@ -230,7 +248,10 @@ impl Outcome {
 
     /// Whether the two differ in their seeds only.
     fn is_like(&self, other: &Self) -> bool {
-        let what = |outcome: &Self| (outcome.network.clone(), outcome.label(), outcome.coding, outcome.batch);
+        let what = |outcome: &Self| {
+            let session = (outcome.cullers, outcome.schedule);
+            (outcome.network.clone(), outcome.label(), session, outcome.coding, outcome.batch)
+        };
         what(self) == what(other) && self.nodes.to_bits() == other.nodes.to_bits()
     }
 }
@@ -302,6 +323,7 @@ mod tests {
     fn frame([published, asked, taken, fed, occluded, culled, arrived, shown]: [u64; 8]) -> FrameTimes {
         let at = Instant::from_nanos;
         FrameTimes {
+            culler: None,
             nodes: 10,
             missing: 0,
             published: at(published),

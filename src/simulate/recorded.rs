@@ -7,9 +7,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use thiserror::Error;
-use trimaran_actors::{Cameras, CullerWork, DisplayWork, Drawn, IdError, RoleError, VisibleIds};
-use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, FrameStats, IdBatch, SentBytes};
-use trimaran_transport::{FrameOutcome, Instant, Net, StatsHandle, sleep_until};
+use trimaran_actors::{Cameras, CullerId, CullerWork, DisplayWork, RoleError, VisibleIds};
+use trimaran_cull::Image;
+use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, FrameStats};
+use trimaran_transport::{Instant, Net, StatsHandle, sleep_until};
 
 use super::outcome::FrameTimes;
 use super::workload::Workload;
@@ -18,6 +19,7 @@ use super::workload::Workload;
 #[derive(Debug, Clone)]
 pub(super) struct Recording {
     workload: Arc<Workload>,
+    drawables: u32,
     /// Whether frames may arrive with gaps.
     gaps: bool,
     log: Arc<Mutex<Log>>,
@@ -47,12 +49,22 @@ impl Recording {
             .map(|frame| FrameTimes { nodes: workload.of(frame).nodes, ..FrameTimes::default() })
             .collect();
         let log = Arc::new(Mutex::new(Log { times, ..Log::default() }));
-        Self { workload: Arc::new(workload.clone()), gaps, log }
+        Self { workload: Arc::new(workload.clone()), drawables: workload.drawables(), gaps, log }
     }
 
     /// The log, to be written or read.
     pub(super) fn log<T>(&self, act: impl FnOnce(&mut Log) -> T) -> T {
         act(&mut self.log.lock())
+    }
+
+    /// Who culled a frame.
+    pub(super) fn culled_by(&self, frame: FrameNumber, culler: Option<CullerId>) {
+        self.note(frame, |times| times.culler = culler);
+    }
+
+    /// How many drawables the scene has.
+    pub(super) fn drawables(&self) -> u32 {
+        self.drawables
     }
 
     fn note(&self, frame: FrameNumber, act: impl FnOnce(&mut FrameTimes)) {
@@ -63,13 +75,25 @@ impl Recording {
 /// A culler's work.
 #[derive(Debug)]
 pub(super) struct RecordedCulling {
-    pub(super) recording: Recording,
-    pub(super) clock: Arc<dyn Net>,
-    pub(super) batch: BatchSize,
+    recording: Recording,
+    clock: Arc<dyn Net>,
+    batch: BatchSize,
     /// When it began to wait for a camera.
-    pub(super) asked: Instant,
+    asked: Instant,
     /// The frame it works on.
-    pub(super) frame: FrameNumber,
+    frame: FrameNumber,
+    /// Whether its occluders come bit by bit.
+    as_they_come: bool,
+    /// Until when what has come of them is drawn.
+    drawn: Instant,
+}
+
+impl RecordedCulling {
+    pub(super) fn new(recording: &Recording, clock: &Arc<dyn Net>, batch: BatchSize) -> Self {
+        let start = Instant::from_nanos(0);
+        let (recording, clock) = (recording.clone(), Arc::clone(clock));
+        Self { recording, clock, batch, asked: start, frame: FrameNumber(0), as_they_come: false, drawn: start }
+    }
 }
 
 impl CullerWork for RecordedCulling {
@@ -82,20 +106,31 @@ impl CullerWork for RecordedCulling {
         self.recording.note(camera.frame(), |times| (times.asked, times.taken) = (asked, taken));
     }
 
-    fn begin_occluders(&mut self, camera: Camera) -> Result<(), RoleError> {
-        self.frame = camera.frame();
+    fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError> {
+        let (frame, fed) = (camera.frame(), self.clock.now());
+        let or = if as_they_come { Duration::ZERO } else { self.recording.workload.of(frame.0).or };
+        (self.frame, self.as_they_come, self.drawn) = (frame, as_they_come, fed.after(or));
+        self.recording.note(frame, |times| times.fed = fed);
         Ok(())
     }
 
-    fn take_occluders(&mut self, _: &IdBatch) -> Result<(), RoleError> {
+    /// Where they come bit by bit, each id takes its share of OR.
+    fn take_occluders(&mut self, ids: &[DrawableId]) -> Result<(), RoleError> {
+        if !self.as_they_come {
+            return Ok(());
+        }
+        let Recording { workload, .. } = &self.recording;
+        let all = self.frame.0.checked_sub(1).map_or(0, |before| workload.of(before).nodes);
+        let share = ids.len() as f64 / f64::from(all.max(1));
+        let or = workload.of(self.frame.0).or;
+        self.drawn = self.drawn.max(self.clock.now()).after(or.mul_f64(share.min(1.0)));
         Ok(())
     }
 
     async fn complete_occluders(&mut self, camera: Camera) -> Result<(), RoleError> {
-        let (frame, fed) = (camera.frame(), self.clock.now());
-        compute(&self.clock, fed, self.recording.workload.of(frame.0).or).await;
+        sleep_until(&*self.clock, self.drawn).await;
         let occluded = self.clock.now();
-        self.recording.note(frame, |times| (times.fed, times.occluded) = (fed, occluded));
+        self.recording.note(camera.frame(), |times| times.occluded = occluded);
         Ok(())
     }
 
@@ -114,7 +149,7 @@ impl CullerWork for RecordedCulling {
         Ok(())
     }
 
-    fn frame_stats(&mut self, _: SentBytes, _: Duration) -> FrameStats {
+    fn frame_stats(&mut self, _: Duration) -> FrameStats {
         FrameStats { frame: self.frame, ..FrameStats::default() }
     }
 }
@@ -124,40 +159,31 @@ impl CullerWork for RecordedCulling {
 pub(super) struct RecordedPictures {
     pub(super) recording: Recording,
     pub(super) clock: Arc<dyn Net>,
-    /// What came of the frame, where it may come with gaps.
-    pub(super) came: Vec<DrawableId>,
 }
 
 impl DisplayWork for RecordedPictures {
-    fn begin(&mut self) {
-        self.came.clear();
-    }
-
-    fn take(&mut self, batch: &IdBatch) -> Result<(), IdError> {
-        if self.recording.gaps {
-            self.came.extend(batch.iter());
-        }
-        Ok(())
-    }
-
-    async fn draw(&mut self, camera: Camera, outcome: FrameOutcome) -> Result<(), RoleError> {
+    async fn draw(
+        &mut self,
+        camera: Camera,
+        ids: &mut Vec<DrawableId>,
+        missing: u32,
+    ) -> Result<usize, RoleError> {
         let (frame, arrived) = (camera.frame(), self.clock.now());
-        if let FrameOutcome::Incomplete { expected, received, .. } = outcome {
+        if missing > 0 {
             if !self.recording.gaps {
                 return Err(RoleError::device("drawing a picture")(IncompleteFrame { frame }));
             }
-            self.recording.note(frame, |times| times.missing = expected.saturating_sub(received));
-            let came = std::mem::take(&mut self.came);
-            self.recording.log(|log| log.remains.insert(frame.0, came));
+            self.recording.note(frame, |times| times.missing = missing);
+            self.recording.log(|log| log.remains.insert(frame.0, ids.clone()));
         }
         compute(&self.clock, arrived, self.recording.workload.of(frame.0).rvg).await;
         let shown = self.clock.now();
         self.recording.note(frame, |times| (times.arrived, times.shown) = (arrived, shown));
-        Ok(())
+        Ok(0)
     }
 
-    fn drawn(&mut self, _: bool) -> Result<Drawn<'_>, RoleError> {
-        Ok(Drawn::default())
+    fn picture(&mut self) -> Result<Option<&Image>, RoleError> {
+        Ok(None)
     }
 }
 

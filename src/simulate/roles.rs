@@ -1,20 +1,21 @@
-//! The three roles of a session, to be played on any network.
+//! The roles of a session, to be played on any network.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
 use trimaran_actors::{
-    BoxedError, CullerIndex, CullerSession, DisplayRole, JoinError, JoinTimeouts, Listener, Observer,
-    PeerEndpoint, SessionError, SessionEvent, ShownFrame, Stop, Turns, await_cullers,
+    BoxedError, CullerId, CullerService, DisplayRole, Observer, Pace, PeerEndpoint, Peers, Schedule,
+    ServiceEndpoints, SessionError, ShownFrame, Sought, Stop, Turns,
 };
-use trimaran_netsim::Machines;
+use trimaran_netsim::{HostId, Machines};
 use trimaran_proto::{
-    DrawableId, FrameNumber, Identity, LodRule, OcclusionTestKind, Role, SceneHash, Settings, Viewport,
+    DrawableId, FrameNumber, Identity, LodRule, OcclusionTestKind, Role, SceneHash, SessionKey, Settings,
+    Viewport,
 };
 use trimaran_transport::keys::{Keys, KnownPeer, Security};
 use trimaran_transport::udp::{Trust, UdpOptions};
-use trimaran_transport::{Endpoint, Instant, Net, Options, Traffic, sleep_until};
+use trimaran_transport::{Net, Options, Traffic, sleep_until, until};
 
 use super::error::SimulateError;
 use super::outcome::FrameTimes;
@@ -22,12 +23,13 @@ use super::recorded::{RecordedCulling, RecordedPictures, Recording};
 use super::scenario::{Knobs, Scenario, Transport};
 
 /// How long the roles may take to find each other.
-const TIMEOUTS: JoinTimeouts = JoinTimeouts { join: Duration::from_secs(60), rejoin: Duration::ZERO };
+const PATIENCE: Duration = Duration::from_secs(60);
 /// After the handshakes everything is quiet for so long before the first camera, so that they are not
 /// counted.
 const PAUSE: Duration = Duration::from_secs(1);
 /// All roles hold the same scene; which one does not matter here.
 const SCENE: SceneHash = SceneHash(0);
+const SESSION: SessionKey = SessionKey(0);
 
 /// The roles of a scenario. Each is played on a network of its own machine, which has the address that
 /// [`Profile::topology`](trimaran_netsim::Profile::topology) gives it; whether that network is simulated or
@@ -39,12 +41,14 @@ const SCENE: SceneHash = SceneHash(0);
 pub struct Roles {
     recording: Recording,
     settings: Settings,
+    frames: u32,
+    schedule: Schedule,
     network: String,
     link: Transport,
-    /// Where the display waits for the cullers, and the first culler for the second.
-    listen: [Endpoint; 2],
-    /// Of the first, the second and the display; each knows the others' keys.
-    options: [Options; 3],
+    /// Where each culler listens, and what holds for its links.
+    cullers: Vec<PeerEndpoint>,
+    /// What holds for the display's.
+    display: Options,
 }
 
 impl Roles {
@@ -53,96 +57,113 @@ impl Roles {
     /// # Errors
     /// When there are no keys to be had, or the settings cannot be.
     pub fn new(scenario: &Scenario) -> Result<Self, SimulateError> {
-        let Scenario { network, link, batch, frames, workload, knobs, .. } = scenario;
-        let (_, Machines { first, display, .. }) = network.topology();
+        let Scenario { network, link, cullers, schedule, batch, frames, workload, knobs, .. } = scenario;
+        let (_, Machines { cullers: hosts, .. }) = network.topology(*cullers);
         let settings = Settings {
             viewport: Viewport::new(1024, 1024)?,
             lod: LodRule::new(2.0)?,
             batch: *batch,
             coding: knobs.coding,
             occlusion_test: OcclusionTestKind::Hzb,
-            lockstep: true,
-            first: FrameNumber(0),
-            frames: Some(*frames),
+        };
+        let (display, options) = acquainted(knobs, hosts.len())?;
+        let peer = |(host, options): (&HostId, Options)| {
+            let endpoint = link.endpoint(&format!("{}:7400", host.v4())).parse()?;
+            Ok::<_, SimulateError>(PeerEndpoint { endpoint, options })
         };
         Ok(Self {
             recording: Recording::new(workload, *frames, *link == Transport::UdpDeadline),
             settings,
+            frames: *frames,
+            schedule: *schedule,
             network: network.name.clone(),
             link: *link,
-            listen: [
-                link.endpoint(&format!("{}:7400", display.v4())).parse()?,
-                link.endpoint(&format!("{}:7401", first.v4())).parse()?,
-            ],
-            options: acquainted(knobs)?,
+            cullers: hosts.iter().zip(options).map(peer).collect::<Result<_, _>>()?,
+            display,
         })
     }
 
-    /// Plays a culler until the last frame.
+    /// Plays a culler until the display leaves; nothing beyond the last one.
     ///
     /// # Errors
-    /// When a link fails, or a peer breaks the order of messages.
+    /// When it cannot listen, or the display is lost.
     pub async fn culler(
         &self,
-        index: CullerIndex,
+        id: CullerId,
         net: &Arc<dyn Net>,
         clock: &Arc<dyn Net>,
     ) -> Result<(), SessionError> {
-        let options = &self.options[index.index()];
-        let [display, other] =
-            self.listen.clone().map(|endpoint| PeerEndpoint { endpoint, options: options.clone() });
-        let (recording, asked) = (&self.recording, Instant::from_nanos(0));
-        let culler = CullerSession {
-            index,
-            scene: SCENE,
-            net: Arc::clone(net),
-            display,
-            other,
-            timeouts: TIMEOUTS,
-            turns: Turns::at_once(),
-            work: |settings: &Settings| {
-                let (recording, clock, batch) = (recording.clone(), Arc::clone(clock), settings.batch);
-                Ok(RecordedCulling { recording, clock, batch, asked, frame: settings.first })
-            },
-            watch: |event: SessionEvent<'_>| {
-                if let SessionEvent::Joined(joined) = event {
-                    let stats = [joined.display.stats.clone(), joined.other.stats.clone()];
-                    recording.log(|log| log.stats.extend(stats));
-                }
-            },
+        let Some(PeerEndpoint { endpoint, options }) = self.cullers.get(id.index()).cloned() else {
+            return Ok(());
         };
-        let (_stopper, stop) = Stop::new();
-        culler.run(&stop).await
+        let at = ServiceEndpoints { listen: Some(endpoint.into()), displays: Vec::new(), options };
+        let mut service = CullerService::start(net, SCENE, at).await?;
+        let session = service.next().await?;
+        self.recording.log(|log| log.stats.push(session.display.stats.clone()));
+        let (recording, (_stopper, stop)) = (&self.recording, Stop::new());
+        let work = |settings: &Settings| Ok(RecordedCulling::new(recording, clock, settings.batch));
+        Ok(session.play(work, &Turns::at_once(), recording.drawables(), &stop).await?)
     }
 
     /// Plays the display until the last frame, and calls `shown` after each picture. Gives what `count` says
     /// before the first camera and after the last picture.
     ///
     /// # Errors
-    /// When a link fails, or a peer breaks the order of messages.
+    /// When a culler does not come, or no frame can be shown any more.
     pub async fn display<C>(
         &self,
         net: &Arc<dyn Net>,
         clock: &Arc<dyn Net>,
         count: impl Fn() -> C,
         shown: impl Fn(),
-    ) -> Result<(C, C), SessionError> {
-        let ([listen, _], [_, _, options], settings) = (&self.listen, &self.options, self.settings);
-        let identity = Identity { role: Role::Display, scene: SCENE, settings: Some(settings) };
-        let listener = Listener::bind(net, listen, identity, options).await?;
-        let [first, second] = await_cullers(listener, net.now().after(TIMEOUTS.join)).await?;
-        let stats = [first.stats.clone(), second.stats.clone()];
+    ) -> Result<(C, C), SimulateError> {
+        let peer = |PeerEndpoint { endpoint, .. }: &PeerEndpoint| PeerEndpoint {
+            endpoint: endpoint.clone(),
+            options: self.display.clone(),
+        };
+        let sought = Sought {
+            identity: Identity {
+                role: Role::Display,
+                scene: SCENE,
+                session: Some((SESSION, self.settings)),
+            },
+            role: Role::Culler,
+            endpoints: self.cullers.iter().map(peer).collect(),
+            listener: None,
+            most: CullerId::MOST,
+        };
+        let mut cullers = Peers::seek(net, sought);
+        let deadline = net.now().after(PATIENCE);
+        let mut arrived = Vec::new();
+        while arrived.len() < self.cullers.len() {
+            let came = until(&**net, deadline, cullers.next()).await;
+            let came = came.ok_or_else(|| self.no_link())?.map_err(|e| self.failed("display", e.into()))?;
+            self.recording.log(|log| log.stats.push(came.link.stats.clone()));
+            arrived.push(came);
+        }
+        arrived.into_iter().for_each(|arrival| cullers.put_back(arrival));
         sleep_until(&**net, net.now().after(PAUSE)).await;
-        self.recording.log(|log| log.stats.extend(stats));
         let before = count();
-        let mut pictures = Pictures { due: settings.frames.unwrap_or(0), shown, count: &count, after: None };
-        let (recording, clock) = (self.recording.clone(), Arc::clone(clock));
-        let work = RecordedPictures { recording, clock, came: Vec::new() };
+        let recording = &self.recording;
+        let mut pictures = Pictures { recording, due: self.frames, shown, count: &count, after: None };
+        let work = RecordedPictures { recording: recording.clone(), clock: Arc::clone(clock) };
         let mut cameras = work.clone();
-        let role =
-            DisplayRole { work, first, second, settings, net: Arc::clone(net), turns: Turns::at_once() };
+        let role = DisplayRole {
+            work,
+            alone: RecordedCulling::new(recording, clock, self.settings.batch),
+            cullers,
+            session: SESSION,
+            schedule: self.schedule,
+            pace: Pace::Lockstep { frames: Some(self.frames) },
+            first: FrameNumber(0),
+            patience: PATIENCE,
+            drawables: recording.drawables(),
+            net: Arc::clone(net),
+            turns: Turns::at_once(),
+        };
         let (_stopper, stop) = Stop::new();
-        role.run(&mut cameras, &mut pictures, &stop).await?;
+        let played = role.run(&mut cameras, &mut pictures, &stop).await;
+        played.map_err(|error| self.failed("display", error.into()))?;
         Ok((before, pictures.after.unwrap_or_else(count)))
     }
 
@@ -168,20 +189,17 @@ impl Roles {
     /// The failure of a role.
     pub(super) fn failed(&self, role: &'static str, cause: SessionError) -> SimulateError {
         let (network, link) = (self.network.clone(), self.link.name());
-        // The other role is there, in a simulation.
-        let no_link =
-            matches!(cause, SessionError::Join(JoinError::Accept { .. } | JoinError::Connect { .. }));
-        let cause = Box::new(cause);
-        if no_link {
-            SimulateError::NoLink { network, link, cause }
-        } else {
-            SimulateError::Role { role, network, link, cause }
-        }
+        SimulateError::Role { role, network, link, cause: Box::new(cause) }
+    }
+
+    fn no_link(&self) -> SimulateError {
+        SimulateError::NoLink { network: self.network.clone(), link: self.link.name() }
     }
 }
 
 /// Counts pictures.
-struct Pictures<F, S, C> {
+struct Pictures<'r, F, S, C> {
+    recording: &'r Recording,
     /// How many are still to be shown.
     due: u32,
     shown: S,
@@ -190,8 +208,9 @@ struct Pictures<F, S, C> {
     after: Option<C>,
 }
 
-impl<F: Fn() -> C, S: Fn(), C> Observer for Pictures<F, S, C> {
-    fn shown(&mut self, _: &ShownFrame<'_>) -> Result<(), BoxedError> {
+impl<F: Fn() -> C, S: Fn(), C> Observer for Pictures<'_, F, S, C> {
+    fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
+        self.recording.culled_by(frame.camera.frame(), frame.culler);
         (self.shown)();
         self.due -= 1;
         if self.due == 0 {
@@ -201,22 +220,25 @@ impl<F: Fn() -> C, S: Fn(), C> Observer for Pictures<F, S, C> {
     }
 }
 
-/// Options of three machines that know each other.
-fn acquainted(knobs: &Knobs) -> Result<[Options; 3], SimulateError> {
+/// Options of a display and of so many cullers that know each other.
+fn acquainted(knobs: &Knobs, cullers: usize) -> Result<(Options, Vec<Options>), SimulateError> {
     let keys = |name: &str| -> Result<Keys, SimulateError> { Ok(Keys::generate(name.parse()?)?) };
-    let all = [keys("first")?, keys("second")?, keys("display")?];
-    let roles = [Role::FirstCuller, Role::SecondCuller, Role::Display];
-    let known = |(keys, role): (&Keys, Role)| KnownPeer::in_role(keys.public().clone(), role);
-    let peers: Vec<_> = all.iter().zip(roles).map(known).collect();
+    let display = keys("display")?;
+    let cullers: Vec<Keys> =
+        (1..=cullers).map(|culler| keys(&format!("culler-{culler}"))).collect::<Result<_, _>>()?;
+    let known = |keys: &Keys, role| KnownPeer::in_role(keys.public().clone(), role);
+    let all = cullers.iter().map(|keys| known(keys, Role::Culler)).chain([known(&display, Role::Display)]);
+    let peers: Vec<_> = all.collect();
     let udp = UdpOptions {
         trust: if knobs.in_the_clear { Trust::Plaintext } else { Trust::Keys },
         deadline: knobs.deadline,
         repair_percent: knobs.repair_percent,
         ..UdpOptions::default()
     };
-    Ok(all.map(|keys| Options {
+    let options = |keys| Options {
         security: Some(Security { keys, peers: peers.clone() }),
         udp: udp.clone(),
         ..Options::default()
-    }))
+    };
+    Ok((options(display), cullers.into_iter().map(options).collect()))
 }

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use serde::Serialize;
+use trimaran_actors::Schedule;
 use trimaran_netsim::Profile;
 use trimaran_proto::{BatchSize, IdCoding};
 
@@ -15,6 +16,10 @@ pub struct Scenario {
     pub network: Profile,
     /// What the roles are joined by.
     pub link: Transport,
+    /// How many cullers; without any the display culls for itself.
+    pub cullers: usize,
+    /// Which visible set they draw their occluders from.
+    pub schedule: Schedule,
     /// How many ids travel in a batch.
     pub batch: BatchSize,
     /// How many frames are shown.

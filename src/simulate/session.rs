@@ -1,10 +1,12 @@
-//! The three roles on the simulated network, and counting what they send.
+//! The roles on the simulated network, and counting what they send.
 
 use std::io::Write;
+use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
-use trimaran_actors::CullerIndex;
+use futures_util::future::join_all;
+use trimaran_actors::{CullerId, Schedule};
 use trimaran_netsim::{HostId, Machines, Simulation};
 use trimaran_transport::Net;
 
@@ -34,30 +36,45 @@ pub fn simulate_watched(
     capture: Option<Box<dyn Write + Send>>,
     shown: impl Fn(),
 ) -> Result<Outcome, SimulateError> {
-    let (topology, machines) = scenario.network.topology();
+    let (topology, machines) = scenario.network.topology(scenario.cullers);
+    if scenario.schedule == Schedule::Switch && scenario.cullers != 2 {
+        return Err(SimulateError::Schedule(scenario.cullers));
+    }
     let simulation = Simulation::new(&topology, scenario.seed);
     if let Some(out) = capture {
         simulation.capture(out)?;
     }
     let roles = Roles::new(scenario)?;
-    let hosts = [machines.first, machines.second, machines.display];
-    let clocks = hosts.map(|host| -> Arc<dyn Net> { Arc::new(simulation.net(host)) });
-    let nets =
-        hosts.map(|host| -> Arc<dyn Net> { Arc::new(simulation.net(host).with_timer_grain(TIMER_GRAIN)) });
-    let count = || sent(&simulation, &roles, machines);
-    let (first, second, counted) = simulation.run(async {
-        tokio::join!(
-            roles.culler(CullerIndex::First, &nets[0], &clocks[0]),
-            roles.culler(CullerIndex::Second, &nets[1], &clocks[1]),
-            roles.display(&nets[2], &clocks[2], count, shown),
-        )
+    let place = |host: &HostId| -> (Arc<dyn Net>, Arc<dyn Net>) {
+        let net = simulation.net(*host).with_timer_grain(TIMER_GRAIN);
+        (Arc::new(net), Arc::new(simulation.net(*host)))
+    };
+    let count = || sent(&simulation, &roles, &machines);
+    let places: Vec<_> = machines.cullers.iter().map(place).collect();
+    let (display_net, display_clock) = place(&machines.display);
+    let each = CullerId::first(places.len()).zip(&places);
+    let (cullers, counted) = simulation.run(async {
+        let mut cullers = pin!(join_all(each.map(|(id, (net, clock))| roles.culler(id, net, clock))));
+        let mut display = pin!(roles.display(&display_net, &display_clock, count, shown));
+        let mut ended = None;
+        let counted = loop {
+            tokio::select! {
+                biased;
+                counted = &mut display => break counted,
+                all = &mut cullers, if ended.is_none() => ended = Some(all),
+            }
+        };
+        // Cullers that a display never found wait for it for ever.
+        match ended {
+            None if counted.is_ok() => (cullers.await, counted),
+            ended => (ended.unwrap_or_default(), counted),
+        }
     })?;
     simulation.end_capture()?;
-    // Whoever fails first takes the others with it: they hear only of a lost link.
-    for (role, ended) in [("first culler", first), ("second culler", second)] {
-        ended.map_err(|cause| roles.failed(role, cause))?;
+    let (before, after) = counted?;
+    for ended in cullers {
+        ended.map_err(|cause| roles.failed("culler", cause))?;
     }
-    let (before, after) = counted.map_err(|cause| roles.failed("display", cause))?;
     let handshakes = before.bytes();
     let account = Account { sessions: 1, frames: scenario.frames, sent: after - before, before: handshakes };
     let (times, remains) = roles.take_log();
@@ -65,13 +82,12 @@ pub fn simulate_watched(
 }
 
 /// What was sent so far: by the links' own count, and on the wire by what it was for.
-fn sent(simulation: &Simulation, roles: &Roles, machines: Machines) -> Sent {
-    let Machines { first, second, display } = machines;
-    let hosts: [HostId; 3] = [first, second, display];
+fn sent(simulation: &Simulation, roles: &Roles, machines: &Machines) -> Sent {
+    let hosts: Vec<HostId> = machines.cullers.iter().copied().chain([machines.display]).collect();
     let mut sent = Sent { messages: roles.messages(), ..Sent::default() };
-    for from in hosts {
-        for to in hosts {
-            for (class, tally) in simulation.sent_by_class(from, to) {
+    for from in &hosts {
+        for to in &hosts {
+            for (class, tally) in simulation.sent_by_class(*from, *to) {
                 sent.add_packets(class, tally);
             }
         }

@@ -208,6 +208,13 @@ impl Workload {
         }
     }
 
+    /// How many drawables the scene has at least: one more than the largest id.
+    #[must_use]
+    pub fn drawables(&self) -> u32 {
+        let largest = |frame: usize| self.ids(frame as u32).iter().map(|id| id.0).max();
+        (0..self.frames()).filter_map(largest).max().map_or(0, |id| id.saturating_add(1))
+    }
+
     /// The camera of that frame.
     #[must_use]
     pub fn camera(&self, frame: FrameNumber) -> Camera {

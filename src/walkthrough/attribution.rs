@@ -41,11 +41,13 @@ pub(super) fn false_culls<D: CullerDevice>(
 ) -> Result<Vec<FalseCull>, AttributionError> {
     let [earlier @ .., record] = walk else { return Ok(Vec::new()) };
     let session = Session { scene, rule, size };
-    // A machine culls every other frame. What it did for its last one may be the cause.
-    if let [own_earlier @ .., own, _] = earlier {
-        session.draw_occluders(machine, own_earlier.last(), own)?;
+    // What its culler did for its last frame may be the cause.
+    if let Some(place) = earlier.iter().rposition(|own| own.culler == record.culler)
+        && let Some((own, own_earlier)) = earlier.get(..=place).and_then(<[_]>::split_last)
+    {
+        session.draw_occluders(machine, own_earlier, own)?;
     }
-    let occluders = session.draw_occluders(machine, earlier.last(), record)?;
+    let occluders = session.draw_occluders(machine, earlier, record)?;
     let depth = machine.read_depth().map_err(device)?.depth().to_vec();
     let before: Vec<(View, &[DrawableId])> =
         earlier.iter().rev().take(2).map(|before| (session.view(before), before.ids.as_slice())).collect();
@@ -75,14 +77,16 @@ impl Session<'_> {
         View::new(record.camera, self.size)
     }
 
-    /// OR's work for a frame: returns what it draws.
+    /// OR's work for a frame, which drew from what was visible in one of those before: returns what it draws.
     fn draw_occluders<D: CullerDevice>(
         &self,
         machine: &mut D,
-        before: Option<&FrameRecord>,
+        earlier: &[FrameRecord],
         record: &FrameRecord,
     ) -> Result<Vec<DrawableId>, AttributionError> {
         let view = self.view(record);
+        let source = record.stats.and_then(|stats| stats.occluders_of);
+        let before = earlier.iter().rfind(|before| Some(before.camera.frame()) == source);
         let last = before.map(|before| before.ids.as_slice()).unwrap_or_default();
         let occluders = OccluderPolicy::default().occluders(self.scene, &view, self.rule, last)?;
         machine.begin_occluders(&view).map_err(device)?;

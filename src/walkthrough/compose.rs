@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
-use trimaran_actors::CullerIndex;
+use trimaran_actors::CullerId;
 use trimaran_proto::{Camera, CullCounts, DrawableId, FrameStats, SentBytes};
 use trimaran_scene::Scene;
 
@@ -14,6 +14,8 @@ use crate::report::schema::{CullingCounts, Frame, Machine, Role, Span};
 pub struct FrameRecord {
     /// Its camera.
     pub camera: Camera,
+    /// Who culled it; none if the display itself did.
+    pub culler: Option<CullerId>,
     /// What was drawn, in the order drawn.
     pub ids: Vec<DrawableId>,
     /// How many of them were drawn only because ids of the frame were lost.
@@ -99,6 +101,7 @@ fn frame(
         occluder_triangles: stats.map(|s| s.occluder_triangles),
         culling: stats.map(|s| culling(&s.culling)),
         conservatively_visible: conservatively_visible(record),
+        culled_by: Some(Machine::of(record.culler)),
         bytes: Some(bytes.total()),
         bytes_by_kind: Some(bytes),
         ..Frame::default()
@@ -108,7 +111,6 @@ fn frame(
 /// When each role was busy. Unless they are one, the culler's clock is laid over the display's where the
 /// frame's begin was sent and arrived.
 fn timeline(record: &FrameRecord, one_clock: bool) -> Vec<Span> {
-    let number = record.camera.frame();
     let mut spans = vec![Span {
         role: Role::Rvg,
         machine: Machine::Display,
@@ -119,7 +121,7 @@ fn timeline(record: &FrameRecord, one_clock: bool) -> Vec<Span> {
         let begun_ns = record.begun.as_nanos() as f64;
         let ahead_ns = if one_clock { 0.0 } else { begun_ns - stats.hc_start_ns as f64 };
         let here = |there_ns: u64| (there_ns as f64 + ahead_ns) * 1e-6;
-        let machine = CullerIndex::of(number).role();
+        let machine = Machine::of(record.culler);
         let span = |role, start, end| Span { role, machine, start_ms: here(start), end_ms: here(end) };
         spans.push(span(Role::Or, busy_start(stats), stats.or_end_ns));
         spans.push(span(Role::Hc, stats.hc_start_ns, stats.hc_end_ns));

@@ -1,23 +1,25 @@
-//! A walkthrough with three roles in this process.
+//! A walkthrough with all roles in this process.
 
 use std::{sync::Arc, thread};
 
 use thiserror::Error;
 use tokio::runtime::Handle;
-use trimaran_actors::{CullerIndex, LocalSession, Observer, SessionError, Stop, Turns};
+use trimaran_actors::{CullerId, LocalSession, Observer, SessionError, Stop, Turns};
 use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene};
 use trimaran_scene::Scene;
 
 use super::{path::CameraPath, plan::Plan};
 use crate::vulkan::{VulkanCuller, VulkanDisplay};
 
-/// A scene on the devices of three roles: a Vulkan device each, so that one role's work does not queue behind
-/// another's.
+/// A scene on the devices of a display and its cullers: a Vulkan device each, so that one role's work does
+/// not queue behind another's.
 pub struct SceneOnDevices {
     /// The scene.
     pub scene: Arc<Scene>,
-    /// On the first culler, the second, and the display.
-    pub drawn: [Arc<GpuScene>; 3],
+    /// On the cullers' devices.
+    pub cullers: Vec<Arc<GpuScene>>,
+    /// On the display's, which culls there as well where no culler does.
+    pub display: Arc<GpuScene>,
 }
 
 /// Why a walkthrough in one process failed.
@@ -33,19 +35,31 @@ pub enum WalkthroughError {
 }
 
 impl SceneOnDevices {
-    /// Opens the devices and copies the scene to each.
+    /// Opens the devices of a display and so many cullers, and copies the scene to each.
     ///
     /// # Errors
     /// Says what the machine lacks.
-    pub fn open(scene: &Arc<Scene>, options: &GpuOptions) -> Result<Self, GpuError> {
+    pub fn open(scene: &Arc<Scene>, cullers: usize, options: &GpuOptions) -> Result<Self, GpuError> {
         let upload = || GpuScene::upload(&Gpu::open(options)?, scene);
         // Most of a start is the drivers' loading and the copies, and no device needs another.
-        let drawn = thread::scope(|scope| {
-            let devices = [scope.spawn(upload), scope.spawn(upload), scope.spawn(upload)];
-            devices.map(|device| device.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+        let (display, cullers) = thread::scope(|scope| {
+            let cullers: Vec<_> = (0..cullers).map(|_| scope.spawn(upload)).collect();
+            let finish =
+                |device: thread::ScopedJoinHandle<'_, _>| device.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            (upload(), cullers.into_iter().map(finish).collect::<Result<_, _>>())
         });
-        let [first, second, display] = drawn;
-        Ok(Self { scene: Arc::clone(scene), drawn: [first?, second?, display?] })
+        Ok(Self { scene: Arc::clone(scene), cullers: cullers?, display: display? })
+    }
+
+    /// The scene on every device, the display's last.
+    pub fn drawn(&self) -> impl Iterator<Item = &Arc<GpuScene>> {
+        self.cullers.iter().chain([&self.display])
+    }
+
+    /// The scene on a culler's device, or without a culler on the display's.
+    #[must_use]
+    pub fn drawn_by(&self, culler: Option<CullerId>) -> &Arc<GpuScene> {
+        culler.and_then(|id| self.cullers.get(id.index())).unwrap_or(&self.display)
     }
 
     /// Walks `path` and shows each frame to `observer`. All roles are in this process.
@@ -60,14 +74,16 @@ impl SceneOnDevices {
         runtime: &Handle,
         stop: &Stop,
     ) -> Result<(), WalkthroughError> {
-        let mut session = LocalSession::new(&self.scene, plan.settings(path.frames()));
-        if plan.alone {
-            session.turns = Turns::alone();
-        }
-        let [.., display] = &self.drawn;
-        let display = VulkanDisplay::new(display, plan.viewport)?;
-        let device = |culler: CullerIndex| {
-            Ok(VulkanCuller::new(&self.drawn[culler.index()], plan.viewport, plan.occlusion_test)?)
+        let session = LocalSession {
+            pace: plan.frames(path.frames()),
+            cullers: self.cullers.len(),
+            schedule: plan.schedule,
+            turns: if plan.alone { Turns::alone() } else { Turns::at_once() },
+            ..LocalSession::new(&self.scene, plan.settings(), path.frames())
+        };
+        let display = VulkanDisplay::new(&self.display, plan.viewport)?;
+        let device = |culler| {
+            Ok(VulkanCuller::new(self.drawn_by(culler), plan.viewport, plan.occlusion_test)?)
         };
         let mut cameras = path.cameras(plan.pace);
         session.run(device, display, &mut *cameras, observer, runtime, stop)?;

@@ -1,6 +1,7 @@
 //! How to walk.
 
-use trimaran_proto::{BatchSize, FrameNumber, IdCoding, LodRule, OcclusionTestKind, Settings, Viewport};
+use trimaran_actors::Schedule;
+use trimaran_proto::{BatchSize, IdCoding, LodRule, OcclusionTestKind, Settings, Viewport};
 
 /// How the poses of a path become frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,6 +32,8 @@ pub struct Plan {
     pub occlusion_test: OcclusionTestKind,
     /// How poses become frames.
     pub pace: Pace,
+    /// Which visible set cullers draw their occluders from.
+    pub schedule: Schedule,
     /// Every how many frames one is checked against the truth; 0 for none.
     pub audit_every: u32,
     /// Whether audited frames name what is exactly visible at full detail.
@@ -41,22 +44,33 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// What the display dictates to the cullers for a walk of `frames` poses. A live session has as many
-    /// frames as there is time for.
+    /// What the display decides for the cullers.
     #[must_use]
-    pub const fn settings(&self, frames: u32) -> Settings {
+    pub const fn settings(&self) -> Settings {
         Settings {
             viewport: self.viewport,
             lod: self.lod,
             batch: self.batch,
             coding: self.coding,
             occlusion_test: self.occlusion_test,
-            lockstep: matches!(self.pace, Pace::Lockstep),
-            first: FrameNumber(0),
-            frames: match self.pace {
-                Pace::Lockstep => Some(frames),
-                Pace::Live { .. } => None,
-            },
+        }
+    }
+
+    /// Which frames a walk of `poses` poses has. A live one has as many as there is time for.
+    #[must_use]
+    pub const fn frames(&self, poses: u32) -> trimaran_actors::Pace {
+        match self.pace {
+            Pace::Lockstep => trimaran_actors::Pace::Lockstep { frames: Some(poses) },
+            Pace::Live { .. } => trimaran_actors::Pace::Live,
+        }
+    }
+
+    /// How many frames a walk of `poses` poses has; none if it is walked by the clock.
+    #[must_use]
+    pub const fn frames_due(&self, poses: u32) -> Option<u32> {
+        match self.pace {
+            Pace::Lockstep => Some(poses),
+            Pace::Live { .. } => None,
         }
     }
 }

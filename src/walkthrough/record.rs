@@ -85,6 +85,7 @@ impl Observer for Recorder<'_> {
     fn shown(&mut self, frame: &ShownFrame<'_>) -> Result<(), BoxedError> {
         self.frames.push(FrameRecord {
             camera: frame.camera,
+            culler: frame.culler,
             ids: frame.ids.to_vec(),
             for_loss: frame.for_loss,
             picture: frame.picture.map(|picture| xxh3_64(&picture.rgba)),
@@ -105,7 +106,9 @@ impl Observer for Recorder<'_> {
     }
 
     fn culled(&mut self, stats: &FrameStats) {
-        if let Some(record) = self.frames.get_mut(stats.frame.0 as usize) {
+        let first = self.frames.first().map_or(0, |record| record.camera.frame().0);
+        let place = stats.frame.0.checked_sub(first).map(|place| place as usize);
+        if let Some(record) = place.and_then(|place| self.frames.get_mut(place)) {
             record.stats = Some(*stats);
         }
     }

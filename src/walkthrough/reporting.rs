@@ -58,12 +58,9 @@ pub fn begin(mut writer: Writer, walk: Walk<'_>, run: Run) -> Result<Journal, Re
 #[must_use]
 pub fn how_ended(error: &SessionError) -> HowEnded {
     match error {
-        SessionError::Culler { cause, .. } => how_ended(cause),
-        SessionError::Lost { .. } => HowEnded::PeerLost,
         SessionError::Role(RoleError::Stopped) => HowEnded::Interrupted,
         SessionError::Role(RoleError::Observer(_)) => HowEnded::NotRecorded,
         SessionError::Role(error) if error.device_failure().is_some() => HowEnded::DeviceFailed,
-        SessionError::Role(error) if error.lost_a_peer() => HowEnded::PeerLost,
         _ => HowEnded::Failed,
     }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use bytes::Bytes;
 use parking_lot::Mutex;
 use tokio::sync::mpsc;
-use trimaran_wire::{Explanation, Hello, Refusal};
+use trimaran_wire::{Hello, Refusal};
 
 use crate::application::Application;
 use crate::handshake::HandshakeError;
@@ -26,7 +26,8 @@ pub(crate) struct Acceptor {
     pub(crate) net: Arc<dyn Net>,
     pub(crate) application: Arc<dyn Application>,
     pub(crate) options: Options,
-    taken: Arc<Mutex<Taken>>,
+    /// How many peers there are.
+    taken: Arc<Mutex<usize>>,
     pending: Pending,
     handshakes: Arc<Handshakes>,
     done: mpsc::Sender<Parts>,
@@ -37,25 +38,15 @@ pub(crate) struct Acceptor {
     wrong_roles: Mutex<Vec<WrongRole>>,
 }
 
-/// The places of a listener that are taken.
-#[derive(Debug, Default)]
-struct Taken {
-    peers: usize,
-    roles: Vec<String>,
-}
-
 /// A peer's place at the listener: freed when the last half of its link is dropped.
 #[derive(Debug)]
 pub(crate) struct Place {
-    role: Option<String>,
-    taken: Arc<Mutex<Taken>>,
+    taken: Arc<Mutex<usize>>,
 }
 
 impl Drop for Place {
     fn drop(&mut self) {
-        let mut taken = self.taken.lock();
-        taken.peers -= 1;
-        taken.roles.retain(|role| Some(role) != self.role.as_ref());
+        *self.taken.lock() -= 1;
     }
 }
 
@@ -111,7 +102,8 @@ impl Acceptor {
     /// Whether who says `hello` may come in; it takes no place yet.
     pub(crate) fn admits(&self, hello: &Hello) -> Result<(), Refusal> {
         self.same_protocol(hello)?;
-        self.vacant(&hello.application, &self.taken.lock()).map(|_| ())
+        let taken = *self.taken.lock();
+        self.vacant(&hello.application, taken).map(|_| ())
     }
 
     fn same_protocol(&self, hello: &Hello) -> Result<(), Refusal> {
@@ -122,19 +114,14 @@ impl Acceptor {
     /// Takes the place of the peer that introduces itself so.
     pub(crate) fn enter(&self, theirs: &Bytes) -> Result<(Peer, Place), Refusal> {
         let mut taken = self.taken.lock();
-        let peer = self.vacant(theirs, &taken)?;
-        taken.peers += 1;
-        taken.roles.extend(peer.role.clone());
-        let place = Place { role: peer.role.clone(), taken: Arc::clone(&self.taken) };
-        Ok((peer, place))
+        let peer = self.vacant(theirs, *taken)?;
+        *taken += 1;
+        Ok((peer, Place { taken: Arc::clone(&self.taken) }))
     }
 
-    fn vacant(&self, theirs: &Bytes, taken: &Taken) -> Result<Peer, Refusal> {
+    fn vacant(&self, theirs: &Bytes, taken: usize) -> Result<Peer, Refusal> {
         let peer = self.application.admit(theirs)?;
-        if let Some(role) = peer.role.as_ref().filter(|role| taken.roles.contains(role)) {
-            return Err(Refusal::RoleTaken { role: Explanation::new(role) });
-        }
-        if taken.peers >= self.options.limits.peers {
+        if taken >= self.options.limits.peers {
             self.handshakes.no_place();
             return Err(Refusal::Busy);
         }

@@ -53,11 +53,11 @@ mod turn;
 mod work;
 
 pub use clock::Stopwatch;
-pub use deal::{CullerId, Dealer, Disorder, Pace};
+pub use deal::{CullerId, Dealer, Disorder, Pace, Schedule, UnknownSchedule};
 pub use device::{CullerDevice, PictureDevice};
 pub use driver::{
     BoxedError, Cameras, CullerEvent, CullerRole, CullerWork, DisplayRole, DisplayWork, LinkError, Observer,
-    RoleError, Schedule, ShownFrame, VisibleIds,
+    RoleError, ShownFrame, VisibleIds,
 };
 pub use ids::{IdError, max_frame};
 pub use join::{JoinError, PeerEndpoint, again};

@@ -8,9 +8,9 @@ use trimaran_scene::Scene;
 use trimaran_transport::{Endpoint, Name, Net, Options, TokioNet};
 
 use crate::{
-    deal::{CullerId, Pace},
+    deal::{CullerId, Pace, Schedule},
     device::{CullerDevice, PictureDevice},
-    driver::{Cameras, DisplayRole, Observer, RoleError, Schedule},
+    driver::{Cameras, DisplayRole, Observer, RoleError},
     ids::max_frame,
     join::PeerEndpoint,
     peers::{Peers, Sought},

@@ -4,7 +4,7 @@
 //! endpoints it is told, and takes those that come to its listener. A place is filled again after its peer
 //! was lost.
 
-use std::{future::pending, sync::Arc, time::Duration};
+use std::{collections::VecDeque, future::pending, sync::Arc, time::Duration};
 
 use tokio::sync::{mpsc, oneshot};
 use trimaran_proto::{Identity, Role, Walkthrough};
@@ -50,6 +50,8 @@ impl Seat {
 #[derive(Debug)]
 pub struct Peers {
     arrivals: mpsc::Receiver<Result<Arrival, JoinError>>,
+    /// Those that come first.
+    early: VecDeque<Arrival>,
     expected: usize,
 }
 
@@ -72,7 +74,7 @@ impl Peers {
     /// Nobody.
     #[must_use]
     pub fn none() -> Self {
-        Self { arrivals: mpsc::channel(1).1, expected: 0 }
+        Self { arrivals: mpsc::channel(1).1, early: VecDeque::new(), expected: 0 }
     }
 
     /// Looks for peers until this is dropped.
@@ -94,7 +96,7 @@ impl Peers {
             let places = (expected..most).collect();
             net.spawn(Box::pin(acceptor(Arc::clone(net), places, listener, role, arrived, met)));
         }
-        Self { arrivals, expected }
+        Self { arrivals, early: VecDeque::new(), expected }
     }
 
     /// How many the role connects to.
@@ -103,12 +105,20 @@ impl Peers {
         self.expected
     }
 
+    /// Lets this one come next, before others.
+    pub fn put_back(&mut self, arrival: Arrival) {
+        self.early.push_back(arrival);
+    }
+
     /// The next one that comes. Never ends where nobody can come any more. Dropping the future loses nobody.
     ///
     /// # Errors
     /// When no link to one of them can ever be made with what this role was given. It is not looked for any
     /// more.
     pub async fn next(&mut self) -> Result<Arrival, JoinError> {
+        if let Some(early) = self.early.pop_front() {
+            return Ok(early);
+        }
         match self.arrivals.recv().await {
             Some(arrival) => arrival,
             None => pending().await,
@@ -130,8 +140,9 @@ async fn connector(
     loop {
         let attempt = connect::<Walkthrough>(&net, &endpoint, identity, &options, net.now().after(ATTEMPT));
         let link = tokio::select! {
-            link = attempt => link,
+            biased;
             () = arrived.closed() => return,
+            link = attempt => link,
         };
         let link = link
             .map_err(|cause| JoinError::Connect { peer: role, cause: Box::new(cause) })
@@ -167,8 +178,9 @@ async fn acceptor(
         places.into_iter().map(|place| (place, None)).collect();
     loop {
         let came = tokio::select! {
-            came = listener.accept(net.now().after(ATTEMPT)) => came,
+            biased;
             () = arrived.closed() => return,
+            came = listener.accept(net.now().after(ATTEMPT)) => came,
         };
         let link = match came {
             Ok(link) => link,

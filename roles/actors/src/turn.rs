@@ -22,25 +22,34 @@ use crate::clock::Stopwatch;
 pub struct Turns {
     clock: Stopwatch,
     lock: Option<Arc<Mutex<()>>>,
+    /// Whether a device is to be idle while its role waits.
+    idle_devices: bool,
 }
 
 impl Turns {
     /// Roles that compute whenever they can. The clock starts now.
     #[must_use]
     pub fn at_once() -> Self {
-        Self { clock: Stopwatch::start(), lock: None }
+        Self { clock: Stopwatch::start(), lock: None, idle_devices: false }
     }
 
     /// Roles that compute one after another, as far as all of them hold a clone of this.
     #[must_use]
     pub fn alone() -> Self {
+        Self { idle_devices: true, ..Self::fair() }
+    }
+
+    /// Roles that share a device fairly: a frame each in turn, as far as all of them hold a clone of this.
+    #[must_use]
+    pub fn fair() -> Self {
         Self { lock: Some(Arc::default()), ..Self::at_once() }
     }
 
-    /// Whether roles compute one after another.
+    /// Whether a role's device is to be idle while the role waits for something, so that no other role's
+    /// time holds its work.
     #[must_use]
-    pub const fn are_exclusive(&self) -> bool {
-        self.lock.is_some()
+    pub const fn idle_devices(&self) -> bool {
+        self.idle_devices
     }
 
     /// What the roles measure by.

@@ -11,9 +11,9 @@ use super::links::LinkFlags;
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum RoleCommand {
-    /// One of the two machines that cull: draws occluders, tests boxes.
+    /// A culler: draws occluders and tests boxes for the displays that come.
     Culler(RoleArgs<<CullerConfig as Config>::Layer>),
-    /// The machine that shows the pictures and holds the camera.
+    /// The display: shows the pictures, holds the camera and deals frames to cullers.
     Display(RoleArgs<<DisplayConfig as Config>::Layer>),
 }
 
@@ -32,9 +32,9 @@ pub(crate) struct RoleArgs<L: Args> {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum RoleName {
-    /// One of the two machines that cull.
+    /// A culler.
     Culler,
-    /// The machine that shows the pictures.
+    /// The display.
     Display,
 }
 

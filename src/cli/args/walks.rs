@@ -4,21 +4,21 @@ use std::{net::SocketAddr, path::PathBuf};
 
 use clap::{Args, ValueEnum};
 use trimaran::config::positive;
+use trimaran_actors::Schedule;
 
 use super::links::{Coding, LinkFlags};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum LinkKind {
-    /// Three roles as threads of this process.
+    /// Display and cullers as threads of this process.
     Inproc,
-    /// Three processes of this machine over Unix sockets.
+    /// A process each on this machine, over Unix sockets.
     Unix,
-    /// Three processes of this machine over TCP on its loopback.
+    /// The same over TCP on its loopback.
     Tcp,
-    /// Three processes of this machine over QUIC on its loopback, with keys made for the session.
+    /// The same over QUIC, with keys made for the session.
     Quic,
-    /// Three processes of this machine over the project's own datagrams on its loopback, with keys made for
-    /// the session.
+    /// The same over the project's own datagrams, with keys made for the session.
     Udp,
 }
 
@@ -30,6 +30,23 @@ pub(crate) enum OcclusionTestArg {
     Raster,
     /// A pyramid of farthest depths; the fastest, never hides what a query shows.
     Hzb,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ScheduleArg {
+    /// Each culler's own last one: no culler waits for another one.
+    Independent,
+    /// The paper's SWITCH: of two cullers each draws what the other one finds, as it comes.
+    Switch,
+}
+
+impl From<ScheduleArg> for Schedule {
+    fn from(arg: ScheduleArg) -> Self {
+        match arg {
+            ScheduleArg::Independent => Self::Independent,
+            ScheduleArg::Switch => Self::Switch,
+        }
+    }
 }
 
 /// A picture size, `WIDTHxHEIGHT`.
@@ -54,6 +71,17 @@ pub(crate) struct WalkArgs {
     /// The picture's size in pixels.
     #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = size)]
     pub(crate) size: Size,
+    /// How many cullers there are. Without any the display culls for itself, as on a machine with one GPU.
+    #[arg(
+        long,
+        value_name = "K",
+        default_value_t = 2,
+        value_parser = clap::value_parser!(u8).range(0..=8)
+    )]
+    pub(crate) cullers: u8,
+    /// Which visible set cullers draw their occluders from.
+    #[arg(long, value_enum, default_value = "independent")]
+    pub(crate) schedule: ScheduleArg,
     /// How many ids travel in one batch.
     #[arg(
         long,
@@ -79,7 +107,7 @@ pub(crate) struct WalkArgs {
     #[arg(long, value_name = "S", default_value_t = 30.0, value_parser = positive)]
     pub(crate) device_timeout: f64,
     /// Let the roles compute one after another, so that no busy time contains another role's work: a model
-    /// of three machines is made of such times. The frames are the same. Within one process only.
+    /// of a machine for each role is made of such times. The frames are the same. Within one process only.
     #[arg(long)]
     pub(crate) alone: bool,
     /// Check every N-th frame against the unculled picture and the exactly visible set; 0 checks none.

@@ -175,10 +175,10 @@ mod tests {
 
     fn pair() -> (Arc<dyn Net>, Link, Link) {
         let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
-        let identity = |role| Identity { role, scene: SceneHash(0), settings: None };
+        let identity = |role| Identity { role, scene: SceneHash(0), session: None };
         let config = LinkConfig::default();
         let (here, there) =
-            inproc::pair::<Walkthrough>(&net, identity(Role::Display), identity(Role::FirstCuller), &config)
+            inproc::pair::<Walkthrough>(&net, identity(Role::Display), identity(Role::Culler), &config)
                 .unwrap();
         (net, here, there)
     }

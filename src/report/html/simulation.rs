@@ -2,8 +2,6 @@
 //! what was done. Runs are shown network by network.
 
 use maud::{Markup, html};
-use trimaran_actors::CullerIndex;
-use trimaran_proto::FrameNumber;
 
 use super::chart::{Chart, Mark, Series, Timeline, stacked_bar};
 use super::{card, document, table};
@@ -289,7 +287,7 @@ fn timeline(run: &Outcome) -> Markup {
 /// When the roles were busy with a frame.
 fn spans(frame: u32, times: &FrameTimes) -> Frame {
     let ms = |at: trimaran_transport::Instant| at.as_nanos() as f64 / 1e6;
-    let machine = CullerIndex::of(FrameNumber(frame)).role();
+    let machine = Machine::of(times.culler);
     let span = |role, machine, start, end| Span { role, machine, start_ms: ms(start), end_ms: ms(end) };
     let timeline = vec![
         span(Role::Or, machine, times.fed, times.occluded),

@@ -34,6 +34,9 @@ pub struct Frame {
     pub latency_frames: Option<u32>,
     /// Time from the camera's publication to its picture, milliseconds.
     pub latency_ms: Option<f64>,
+    /// Who did OR and HC of this frame: a culler, or the display itself.
+    #[serde(default)]
+    pub culled_by: Option<super::Machine>,
     /// When each role was busy with this frame.
     #[serde(default)]
     pub timeline: Vec<Span>,

@@ -1,11 +1,51 @@
 //! What was run, where, and with which settings.
 
-use std::time::SystemTime;
+use std::{fmt, time::SystemTime};
 
 use serde::{Deserialize, Serialize};
+use trimaran_actors::{CullerId, Schedule};
 
-/// One of the three machines, or of the three actors that stand for them.
-pub use trimaran_proto::Role as Machine;
+/// One of the machines, or of the actors that stand for them: `display`, `culler 1` and so on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
+pub enum Machine {
+    /// A culler.
+    Culler(CullerId),
+    /// The display.
+    Display,
+}
+
+impl Machine {
+    /// The machine of a culler, or without one the display.
+    #[must_use]
+    pub fn of(culler: Option<CullerId>) -> Self {
+        culler.map_or(Self::Display, Self::Culler)
+    }
+}
+
+impl fmt::Display for Machine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Culler(id) => id.fmt(f),
+            Self::Display => f.write_str("display"),
+        }
+    }
+}
+
+impl From<Machine> for String {
+    fn from(machine: Machine) -> Self {
+        machine.to_string()
+    }
+}
+
+impl TryFrom<String> for Machine {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        let mut all = CullerId::first(CullerId::MOST).map(Self::Culler).chain([Self::Display]);
+        all.find(|machine| machine.to_string() == name).ok_or_else(|| format!("no machine is called {name:?}"))
+    }
+}
 
 /// What was run, where, and with which settings.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -33,6 +73,10 @@ pub struct Run {
     pub link: String,
     /// The transport below the link, in words, with the options that matter.
     pub transport: String,
+    /// How many cullers the walk was to have.
+    pub cullers: u32,
+    /// Which visible set cullers drew their occluders from: `independent` or `switch`.
+    pub schedule: String,
     /// Whether every camera of the path became a frame, or the newest camera won.
     pub mode: Mode,
     /// Whether the roles computed one after another. Then no busy time contains another role's work, and the
@@ -50,6 +94,18 @@ pub struct Run {
     pub notes: Vec<String>,
 }
 
+impl Run {
+    /// How many receivers the ids of a frame have.
+    #[must_use]
+    pub fn receivers(&self) -> u8 {
+        match self.cullers {
+            0 => 0,
+            _ if self.schedule == Schedule::Switch.name() => 2,
+            _ => 1,
+        }
+    }
+}
+
 /// Whether every camera became a frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -61,10 +117,10 @@ pub enum Mode {
     Live,
 }
 
-/// What one of the three machines is.
+/// What one of the machines is.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RoleInfo {
-    /// Which of the three.
+    /// Which.
     pub machine: Machine,
     /// The Vulkan device's name.
     pub device: String,

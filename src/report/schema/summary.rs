@@ -27,8 +27,8 @@ pub struct Summary {
     pub wall_ms: Option<f64>,
     /// Frames a second as measured on this machine, over `wall_ms`.
     pub measured_fps: Option<f64>,
-    /// What three machines would show: a model, not a measurement. None unless the roles computed one after
-    /// another.
+    /// What a machine for each culler and one for the display would show: a model, not a measurement. None
+    /// unless the roles computed one after another.
     pub model: Option<Model>,
     /// How much more than the exactly visible was drawn.
     pub tightness: Tightness,
@@ -80,11 +80,13 @@ pub struct Bandwidth {
     pub batch: u32,
     /// Header bytes a message (h), mean.
     pub header_bytes: f64,
+    /// Receivers of the ids (r).
+    pub receivers: u8,
     /// Bytes a frame as counted, mean.
     pub measured_bytes: f64,
     /// The paper's formula, bytes a frame: 8nh/b + 3(72 + h). It multiplies id bytes by header bytes.
     pub paper_formula_bytes: f64,
-    /// What is really sent, bytes a frame: 2(4n + hn/b) + 3(72 + h).
+    /// What is really sent, bytes a frame: r(4n + hn/b) + (r + 1)(72 + h).
     pub corrected_formula_bytes: f64,
 }
 
@@ -126,7 +128,7 @@ impl Summary {
             audited_frames: u32::try_from(audited).unwrap_or(u32::MAX),
             wall_ms,
             measured_fps: measured_fps(frames.len(), wall_ms),
-            model: run.alone.then(|| Model::of(frames, wall_ms)).flatten(),
+            model: run.alone.then(|| Model::of(run, frames, wall_ms)).flatten(),
             tightness: Tightness {
                 nodes: median("node_tightness"),
                 objects: median("object_tightness"),
@@ -160,11 +162,13 @@ impl Bandwidth {
         }
         let headers: u64 = counted.iter().map(|(b, _)| b.headers).sum();
         let (n, h) = (mean(counted.iter().map(|(_, n)| n).sum()), headers as f64 / messages as f64);
-        let load = FrameLoad { ids: n, batch: f64::from(run.batch), header: h };
+        let receivers = run.receivers();
+        let load = FrameLoad { ids: n, batch: f64::from(run.batch), header: h, receivers };
         Some(Self {
             ids_per_frame: n,
             batch: run.batch,
             header_bytes: h,
+            receivers,
             measured_bytes: mean(counted.iter().map(|(b, _)| b.total() as f64).sum()),
             paper_formula_bytes: load.paper_bytes(),
             corrected_formula_bytes: load.sent_bytes(),

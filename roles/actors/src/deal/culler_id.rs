@@ -11,7 +11,7 @@ impl CullerId {
     pub const MOST: usize = 8;
 
     /// The first `count`, at most [`CullerId::MOST`].
-    pub fn first(count: usize) -> impl ExactSizeIterator<Item = Self> {
+    pub fn first(count: usize) -> impl ExactSizeIterator<Item = Self> + Clone {
         (0..count.min(Self::MOST) as u8).map(Self)
     }
 

@@ -15,7 +15,9 @@
 
 mod culler_id;
 mod dealer;
+mod schedule;
 mod usual;
 
 pub use culler_id::CullerId;
 pub use dealer::{Dealer, Disorder, Pace};
+pub use schedule::{Schedule, UnknownSchedule};

@@ -26,7 +26,7 @@ use super::{
 };
 use crate::{
     clock::Stopwatch,
-    deal::{CullerId, Dealer, Disorder, Pace},
+    deal::{CullerId, Dealer, Disorder, Pace, Schedule},
     join::JoinError,
     peers::{Arrival, Peers},
     stop::Stop,
@@ -64,16 +64,6 @@ pub trait DisplayWork {
     /// # Errors
     /// As the device says.
     fn picture(&mut self) -> Result<Option<&Image>, RoleError>;
-}
-
-/// Who draws as occluders what whom finds (paper, section 3.2).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Schedule {
-    /// Each culler draws what it found visible itself in its last frame. None waits for another one.
-    #[default]
-    Independent,
-    /// The paper's SWITCH: of two cullers each draws what the other one finds, as it comes.
-    Switch,
 }
 
 /// A display and its cullers.

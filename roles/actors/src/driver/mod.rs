@@ -16,7 +16,7 @@ mod published;
 
 pub(crate) use close::leave_unable;
 pub use culler::{CullerRole, CullerWork, VisibleIds};
-pub use display::{DisplayRole, DisplayWork, Schedule};
+pub use display::{DisplayRole, DisplayWork};
 pub use error::{BoxedError, LinkError, RoleError};
 pub use observer::{CullerEvent, Observer, ShownFrame};
 pub use published::Cameras;

@@ -58,7 +58,7 @@ impl<D: CullerDevice> SceneCulling<D> {
             rule: settings.lod,
             clock: turns.clock(),
             policy: OccluderPolicy::default(),
-            takes_turns: turns.are_exclusive(),
+            takes_turns: turns.idle_devices(),
             as_they_come: false,
             left: 0,
             stats: FrameStats::default(),

@@ -1,5 +1,7 @@
 //! Who was busy when: one row a machine, one bar a role and frame.
 
+use std::collections::BTreeSet;
+
 use maud::{Markup, Render, html};
 
 use super::{Axis, unit};
@@ -15,12 +17,12 @@ const RIGHT: f64 = WIDTH - 8.0;
 const ROW: f64 = 38.0;
 const BAR: f64 = 28.0;
 const TOP: f64 = 8.0;
-const BOTTOM: f64 = TOP + ROW * MACHINES.len() as f64;
-const MACHINES: [Machine; 3] = [Machine::FirstCuller, Machine::SecondCuller, Machine::Display];
 
 /// A window of frames on the clock of the run.
 pub(in crate::report::html) struct Timeline<'a> {
     frames: &'a [Frame],
+    /// Those that did something, a row each.
+    machines: BTreeSet<Machine>,
     /// Milliseconds since the run's start.
     time: Axis,
 }
@@ -42,12 +44,23 @@ impl<'a> Timeline<'a> {
         let spans = || frames.iter().flat_map(|f| &f.timeline);
         let start = spans().map(|s| s.start_ms).fold(f64::INFINITY, f64::min);
         let end = spans().map(|s| s.end_ms).fold(f64::NEG_INFINITY, f64::max);
-        (end > start).then(|| Self { frames, time: Axis::linear(start, end, (LEFT, RIGHT)) })
+        let machines = spans().map(|s| s.machine).collect();
+        (end > start).then(|| Self { frames, machines, time: Axis::linear(start, end, (LEFT, RIGHT)) })
     }
 
     /// The first and last frame shown.
     pub(in crate::report::html) fn range(&self) -> (u32, u32) {
         (self.frames.first().map_or(0, |f| f.frame), self.frames.last().map_or(0, |f| f.frame))
+    }
+
+    /// How many machines there are.
+    pub(in crate::report::html) fn machines(&self) -> usize {
+        self.machines.len()
+    }
+
+    /// Where the plot ends.
+    fn bottom(&self) -> f64 {
+        TOP + ROW * self.machines.len() as f64
     }
 
     /// How many machines are busy on average.
@@ -60,8 +73,8 @@ impl<'a> Timeline<'a> {
         html! {
             @for tick in self.time.ticks(14.0) {
                 @let x = unit(self.time.at(tick));
-                line.grid x1=(x) x2=(x) y1=(TOP) y2=(unit(BOTTOM)) {}
-                text.tick x=(x) y=(unit(BOTTOM + 16.0)) text-anchor="middle" { (tick_figure(tick)) }
+                line.grid x1=(x) x2=(x) y1=(TOP) y2=(unit(self.bottom())) {}
+                text.tick x=(x) y=(unit(self.bottom() + 16.0)) text-anchor="middle" { (tick_figure(tick)) }
             }
         }
     }
@@ -107,14 +120,14 @@ impl Render for Timeline<'_> {
                 li { i.hc.block {} "HC: culls" }
                 li { i.rvg.block {} "RVG: draws the picture" }
             }
-            svg viewBox={ "0 0 " (WIDTH) " " (BOTTOM + 40.0) } role="img"
+            svg viewBox={ "0 0 " (WIDTH) " " (self.bottom() + 40.0) } role="img"
                 aria-label="which machine is busy when"
             {
                 (self.grid())
-                @for (row, machine) in MACHINES.into_iter().enumerate() {
-                    (self.row(machine, TOP + ROW * row as f64 + (ROW - BAR) / 2.0))
+                @for (row, machine) in self.machines.iter().enumerate() {
+                    (self.row(*machine, TOP + ROW * row as f64 + (ROW - BAR) / 2.0))
                 }
-                text.axis x=(unit((LEFT + RIGHT) / 2.0)) y=(unit(BOTTOM + 35.0)) text-anchor="middle" {
+                text.axis x=(unit((LEFT + RIGHT) / 2.0)) y=(unit(self.bottom() + 35.0)) text-anchor="middle" {
                     "time since the run's start (ms); numbers are frames"
                 }
             }

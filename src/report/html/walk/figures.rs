@@ -100,12 +100,10 @@ fn latency(report: &Report) -> Markup {
 fn timeline(frames: &[Frame]) -> Markup {
     let Some(timeline) = Timeline::around_slowest(frames) else { return Markup::default() };
     let (first, last) = timeline.range();
-    let busy = figure(timeline.busy());
-    let finding = format!("{busy} of 3 machines are busy on average around the slowest frame");
-    let caption = format!(
-        "Frames {first} to {last}. The cullers take turns: whoever drew the occluders of a frame \
-         culls it."
-    );
+    let (busy, machines) = (figure(timeline.busy()), timeline.machines());
+    let finding = format!("{busy} of {machines} machines are busy on average around the slowest frame");
+    let caption =
+        format!("Frames {first} to {last}. Whoever drew the occluders of a frame culls it.");
     wide_card(&finding, &timeline, &caption)
 }
 

@@ -107,7 +107,7 @@ fn measured(report: &Report) -> Markup {
 }
 
 fn modelled(report: &Report) -> Markup {
-    const NAME: &str = "modelled, three machines";
+    const NAME: &str = "modelled, a machine a role";
     let Some(model) = &report.summary.model else {
         return tile(NAME, "no figure", &[model_hint(&report.run).to_owned()]);
     };
@@ -115,11 +115,8 @@ fn modelled(report: &Report) -> Markup {
         &html! { (NAME) " " span.badge { "model" } },
         &format!("{} frames/s", figure(model.fps)),
         &[
-            format!("at least {}; no network, each frame max(OR + HC, RVG)", figure(model.fps_at_least)),
-            format!(
-                "the second culler brings nothing, since OR waits for HC; if it did not: at most {}",
-                figure(model.fps_overlapped)
-            ),
+            format!("at least {}; no network", figure(model.fps_at_least)),
+            format!("{} cullers, {}", report.run.cullers, report.run.schedule),
         ],
     )
 }

@@ -96,12 +96,13 @@ pub(super) fn bandwidth(report: &Report) -> Markup {
         ];
         rows.extend(kinds.map(|(name, bytes)| row(name, bytes as f64 / counted)));
     }
-    rows.push(row("corrected formula, 2(4n + hn/b) + 3(72+h)", b.corrected_formula_bytes));
+    rows.push(row("corrected formula, r(4n + hn/b) + (r+1)(72+h)", b.corrected_formula_bytes));
     rows.push(row("paper's formula, 8nh/b + 3(72+h)", b.paper_formula_bytes));
     let caption = format!(
-        "Bytes a frame at n = {} ids, b = {}, h = {} header bytes a message (means)",
+        "Bytes a frame at n = {} ids, b = {}, r = {} receivers, h = {} header bytes a message (means)",
         figure(b.ids_per_frame),
         b.batch,
+        b.receivers,
         figure(b.header_bytes)
     );
     table("numbers", &caption, &["", "bytes a frame", "Mbit/s as measured"], &rows)
@@ -153,6 +154,8 @@ fn run(report: &Report) -> Markup {
             ("roles", roles.to_owned()),
             ("link", run.link.clone()),
             ("transport", run.transport.clone()),
+            ("cullers", run.cullers.to_string()),
+            ("schedule", run.schedule.clone()),
             ("occlusion test", run.occlusion_test.clone()),
             ("ids a message, at most", count(run.batch)),
             ("ε", format!("{} px", figure(run.epsilon_px))),
@@ -186,12 +189,11 @@ fn scene(scene: &SceneInfo) -> Markup {
 
 fn machines(run: &Run) -> Markup {
     let row = |role: &RoleInfo| {
-        let machine = match role.machine {
-            Machine::FirstCuller => "first culler (OR, HC)",
-            Machine::SecondCuller => "second culler (HC, OR)",
-            Machine::Display => "display (RVG)",
+        let does = match role.machine {
+            Machine::Culler(_) => "OR, HC",
+            Machine::Display => "RVG",
         };
-        named(machine, [role.device.clone(), role.driver.clone()])
+        named(format!("{} ({does})", role.machine), [role.device.clone(), role.driver.clone()])
     };
     let rows: Vec<_> = run.roles.iter().map(row).collect();
     table("text", "Machines", &["role", "device", "driver"], &rows)
