@@ -71,7 +71,12 @@ pub struct CullerPeers {
         env = "TRIMARAN_PEERS_DISPLAYS",
         parse_env = confique::env::parse::list_by_comma,
         default = [],
-        layer_attr(arg(long = "peer-displays", value_name = "NAME.pub,..", value_delimiter = ','))
+        layer_attr(arg(
+            long = "peer-displays",
+            id = "peers_displays",
+            value_name = "NAME.pub,..",
+            value_delimiter = ','
+        ))
     )]
     pub displays: Vec<PathBuf>,
     /// The other cullers' public keys, for the schedule `switch`.
@@ -79,7 +84,12 @@ pub struct CullerPeers {
         env = "TRIMARAN_PEERS_CULLERS",
         parse_env = confique::env::parse::list_by_comma,
         default = [],
-        layer_attr(arg(long = "peer-cullers", value_name = "NAME.pub,..", value_delimiter = ','))
+        layer_attr(arg(
+            long = "peer-cullers",
+            id = "peers_cullers",
+            value_name = "NAME.pub,..",
+            value_delimiter = ','
+        ))
     )]
     pub cullers: Vec<PathBuf>,
 }
@@ -164,7 +174,12 @@ pub struct DisplayPeers {
         env = "TRIMARAN_PEERS_CULLERS",
         parse_env = confique::env::parse::list_by_comma,
         default = [],
-        layer_attr(arg(long = "peer-cullers", value_name = "NAME.pub,..", value_delimiter = ','))
+        layer_attr(arg(
+            long = "peer-cullers",
+            id = "peers_cullers",
+            value_name = "NAME.pub,..",
+            value_delimiter = ','
+        ))
     )]
     pub cullers: Vec<PathBuf>,
 }

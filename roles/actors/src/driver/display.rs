@@ -131,7 +131,10 @@ impl<W: DisplayWork, A: CullerWork> DisplayRole<W, A> {
             role: self,
         };
         let result = worked(session.play(), &turn, stop).await;
-        let links = session.cullers.into_iter().map(|culler| culler.link).collect();
+        let Session { role, cullers, .. } = session;
+        // Who leaves looks for nobody any more.
+        drop(role);
+        let links = cullers.into_iter().map(|culler| culler.link).collect();
         part(links, result, stop).await
     }
 }
