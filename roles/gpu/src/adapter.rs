@@ -58,6 +58,18 @@ pub struct GpuInfo {
     pub missing: Vec<&'static str>,
     /// What it lacks that this crate can do without.
     pub lacks: Vec<Optional>,
+    /// Where boxes are best tested against a depth pyramid.
+    pub hzb_place: HzbPlace,
+}
+
+/// Where boxes are tested against a depth pyramid. Both give the same answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum HzbPlace {
+    /// On the host, by `trimaran_cull::HzbTest`: one copy of the depth replaces a wait for the device at each
+    /// level of the tree. Best where host and device share memory.
+    Host,
+    /// On the device, by [`DeviceHzbTest`](crate::DeviceHzbTest): no picture crosses the bus.
+    Device,
 }
 
 /// A device found, and what is needed to open it.
@@ -80,6 +92,8 @@ pub(crate) struct Limits {
     /// For a driver that draws on the CPU and can read the host's memory where it is: what addresses and
     /// sizes of such memory are multiples of.
     pub(crate) host_memory_alignment: Option<u64>,
+    /// Shaders may use f64.
+    pub(crate) float64: bool,
 }
 
 impl Adapter {
@@ -137,10 +151,9 @@ impl Adapter {
         let limits = properties.limits;
         let kind = DeviceKind::from_vk(properties.device_type);
         let version = properties.api_version;
-        let queue_family =
-            families.iter().position(|family| family.queue_flags.contains(vk::QueueFlags::GRAPHICS));
+        let queue_family = families.iter().position(|family| family.queue_flags.contains(needs::QUEUE));
         let family = queue_family.and_then(|family| families.get(family));
-        let Answer { missing, lacks, host_memory_alignment } =
+        let Answer { missing, lacks, host_memory_alignment, float64 } =
             needs::ask(instance, physical, &properties, kind, family);
         let timestamps = !lacks.contains(&Optional::Timestamps);
         let max_side = limits
@@ -162,6 +175,7 @@ impl Adapter {
                 max_storage_range: u64::from(limits.max_storage_buffer_range),
                 timestamp_period_ns: if timestamps { f64::from(limits.timestamp_period) } else { 0.0 },
                 host_memory_alignment,
+                float64,
             },
             info: GpuInfo {
                 name: text(properties.device_name_as_c_str()),
@@ -181,6 +195,11 @@ impl Adapter {
                 memory: local_heaps.map(|heap| heap.size).max().unwrap_or(0),
                 missing,
                 lacks,
+                hzb_place: if kind == DeviceKind::Discrete && float64 {
+                    HzbPlace::Device
+                } else {
+                    HzbPlace::Host
+                },
             },
         }
     }

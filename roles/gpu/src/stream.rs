@@ -330,6 +330,10 @@ mod tests {
         assert!(hung(&occlusion_test.test(&view_8, &[shape], &mut answers).unwrap_err()));
         let mut occlusion_test = pass.raster_test().unwrap();
         assert!(hung(&occlusion_test.test(&view_8, &[shape], &mut answers).unwrap_err()));
+        if gpu.limits().float64 {
+            let mut occlusion_test = pass.hzb_test().unwrap();
+            assert!(hung(&occlusion_test.test(&view_8, &[shape], &mut answers).unwrap_err()));
+        }
         let mut other = OccluderPass::new(&scene, view(8, 8, DVec3::ZERO).viewport()).unwrap();
         assert!(hung(&draw(&mut other).unwrap_err()));
         // What the device still uses is neither waited for nor destroyed, of which the validation layer would

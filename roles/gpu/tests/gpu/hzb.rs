@@ -1,0 +1,181 @@
+//! Boxes tested against the depth pyramid on the device: the host's answers, box by box.
+
+use std::sync::Arc;
+
+use glam::{DVec3, Mat3, Vec3};
+use trimaran_cull::{DepthPyramid, HzbTest, OcclusionTest, Outline, TestBox, View};
+use trimaran_gpu::{GpuError, GpuScene, OccluderPass};
+use trimaran_proto::DrawableId;
+use trimaran_scene::{FlatObject, random::Random};
+
+use crate::common::{CheckedGpu, ids, triangles, upload, view, wall};
+use crate::occlusion_tests::{random_box, upright, walls};
+
+/// A pass whose device can test against a pyramid; `None` where it cannot and the test is skipped.
+fn pass(scene: &Arc<GpuScene>, view: &View) -> Option<OccluderPass> {
+    let mut pass = OccluderPass::new(scene, view.viewport()).unwrap();
+    pass.begin(view).unwrap();
+    match pass.hzb_test().err() {
+        None => Some(pass),
+        Some(GpuError::Unsuitable { missing, .. }) if missing == "shaderFloat64" => {
+            println!("skipped: the device has no f64 in shaders");
+            None
+        }
+        Some(error) => panic!("{error}"),
+    }
+}
+
+fn on_host(pass: &mut OccluderPass, view: &View, boxes: &[TestBox]) -> Vec<u32> {
+    let (mut pyramid, mut answers) = (DepthPyramid::new(), Vec::new());
+    let image = pass.read_depth().unwrap();
+    pyramid.rebuild(image);
+    HzbTest::new(image, &pyramid).unwrap().test(view, boxes, &mut answers).unwrap();
+    answers
+}
+
+/// Asserts that host and device say the same of each box behind what is drawn, and gives the answers.
+fn assert_same(pass: &mut OccluderPass, view: &View, boxes: &[TestBox]) -> Vec<u32> {
+    // The device first, so that it does not find what the host has waited for.
+    let mut answers = vec![9; 7];
+    pass.hzb_test().unwrap().test(view, boxes, &mut answers).unwrap();
+    let expected = on_host(pass, view, boxes);
+    assert_eq!(answers.len(), boxes.len());
+    for ((answer, expected), test_box) in answers.iter().zip(&expected).zip(boxes) {
+        assert_eq!(answer, expected, "{test_box:?} at {:?}", view.viewport());
+    }
+    answers
+}
+
+/// Slanted triangles at all depths.
+fn shards(random: &mut Random, count: usize) -> FlatObject {
+    let shard = |random: &mut Random| {
+        let depth = random.between(1.5, 12.0);
+        let middle = random.point(DVec3::new(-1.0, -1.0, -1.0), DVec3::new(1.0, 1.0, -1.0)) * depth;
+        [(); 3]
+            .map(|()| (middle + random.point(DVec3::NEG_ONE, DVec3::ONE) * 0.2 * depth).as_vec3().to_array())
+    };
+    triangles(&(0..count).flat_map(|_| shard(random)).collect::<Vec<_>>())
+}
+
+#[test]
+fn random_boxes_get_the_hosts_answers_after_each_part_of_a_frame() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let mut random = Random::new(11);
+    let (mut hidden, mut all) = (0, 0);
+    for (width, height) in [(256, 256), (333, 177), (1023, 3), (1, 9), (1, 1), (640, 480)] {
+        let view = view(width, height, DVec3::ZERO);
+        let mut objects = walls();
+        objects.push(shards(&mut random, 300));
+        let scene = upload(&gpu, &objects);
+        let Some(mut pass) = pass(&scene, &view) else { return };
+        let boxes: Vec<_> =
+            (0..2400).map(|i| random_box(&mut random, [3.0, 1.0, 0.2, 0.05, 0.01, 0.002][i % 6])).collect();
+        let mut before = vec![1; boxes.len()];
+        // As a culler does that draws on within a frame: more depth, and the same boxes again.
+        for part in [&[][..], &[0, 1], &[2], &[3]] {
+            let part: Vec<_> = part.iter().copied().map(DrawableId).collect();
+            pass.draw(&part).unwrap();
+            let answers = assert_same(&mut pass, &view, &boxes);
+            assert!(answers.iter().zip(&before).all(|(now, before)| now <= before), "what was hidden shows");
+            before = answers;
+        }
+        hidden += before.iter().filter(|&&shows| shows == 0).count();
+        all += boxes.len();
+    }
+    assert!((all / 5..all * 4 / 5).contains(&hidden), "{hidden} of {all} hidden: the test tests little");
+}
+
+/// Boxes whose answers hang on few texels, on rounding, or on what the projection makes of them.
+fn hard_boxes() -> Vec<(&'static str, TestBox)> {
+    let turned = |angle: f32, half: Vec3, centre: Vec3| {
+        let turn = Mat3::from_rotation_x(angle) * Mat3::from_rotation_y(0.3);
+        TestBox { centre, axes: [Vec3::X * half.x, Vec3::Y * half.y, Vec3::Z * half.z].map(|a| turn * a) }
+    };
+    let behind = upright(Vec3::new(0.0, 0.0, -9.0), Vec3::ONE);
+    vec![
+        ("sub-pixel", upright(Vec3::new(0.01, 0.01, -3.0), Vec3::splat(1e-4))),
+        ("sub-pixel behind", upright(Vec3::new(0.01, 0.01, -7.0), Vec3::splat(1e-4))),
+        ("sliver", turned(0.4, Vec3::new(6.0, 1e-4, 1e-4), Vec3::new(0.0, 0.3, -4.0))),
+        ("sliver behind", turned(0.4, Vec3::new(3.0, 1e-4, 1e-4), Vec3::new(0.0, 0.3, -9.0))),
+        ("flat", upright(Vec3::new(0.0, 0.0, -5.0), Vec3::new(0.4, 0.4, 0.0))),
+        ("flat and turned", turned(1.2, Vec3::new(1.0, 1.0, 0.0), Vec3::new(0.0, 0.0, -8.0))),
+        ("a point", upright(Vec3::new(0.0, 0.0, -6.0), Vec3::ZERO)),
+        ("just before the wall", upright(Vec3::new(0.0, 0.0, -4.4999), Vec3::splat(0.5))),
+        ("level with the wall", upright(Vec3::new(0.0, 0.0, -4.5), Vec3::splat(0.5))),
+        ("just behind the wall", upright(Vec3::new(0.0, 0.0, -4.51), Vec3::splat(0.5))),
+        ("leaning on the wall", turned(0.7, Vec3::new(0.3, 0.3, 0.3), Vec3::new(0.0, 0.0, -4.45))),
+        ("at the left border", upright(Vec3::new(-9.0, 0.0, -9.0), Vec3::splat(0.3))),
+        ("at a corner", upright(Vec3::new(9.0, -9.0, -9.0), Vec3::splat(0.3))),
+        ("beside the picture", upright(Vec3::new(-30.0, 0.0, -9.0), Vec3::splat(0.3))),
+        ("at the wall's edge", upright(Vec3::new(3.0, 0.0, -4.6), Vec3::splat(0.4))),
+        ("whole screen", upright(Vec3::new(0.0, 0.0, -30.0), Vec3::new(90.0, 90.0, 1.0))),
+        ("whole screen before all", upright(Vec3::new(0.0, 0.0, -2.0), Vec3::new(9.0, 9.0, 1.0))),
+        ("huge", upright(Vec3::new(0.0, 0.0, -2e30), Vec3::splat(1e30))),
+        ("huge and near", upright(Vec3::new(0.0, 0.0, -1e30), Vec3::splat(0.999e30))),
+        ("tiny and near", upright(Vec3::new(0.0, 0.0, -1e-30), Vec3::splat(1e-32))),
+        ("far", upright(Vec3::new(0.0, 0.0, -3e38), Vec3::ONE)),
+        ("too many texels", turned(1.0, Vec3::new(4.0, 9.0, 1e-3), Vec3::new(0.0, 0.0, -14.0))),
+        ("around the eye", upright(Vec3::ZERO, Vec3::splat(5.0))),
+        ("across the near plane", upright(Vec3::new(0.0, 0.0, -1.1), Vec3::ONE)),
+        ("behind the eye", upright(Vec3::new(0.0, 0.0, 9.0), Vec3::ONE)),
+        ("not a number", TestBox { centre: Vec3::new(f32::NAN, 0.0, -9.0), ..behind }),
+        ("infinite", TestBox { axes: [Vec3::X * f32::INFINITY, Vec3::Y, Vec3::Z], ..behind }),
+    ]
+}
+
+#[test]
+fn hard_boxes_get_the_hosts_answers() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    // A thin wall with an edge, a slanted one behind it, and one far away that hides all.
+    let slanted = triangles(&[[-20.0, -20.0, -6.0], [20.0, -20.0, -6.0], [0.0, 20.0, -16.0]]);
+    let objects =
+        [wall(Vec3::new(0.0, 0.0, -4.0), 3.0, 3.0), slanted, wall(Vec3::new(0.0, 0.0, -25.0), 99.0, 99.0)];
+    let scene = upload(&gpu, &objects);
+    let (names, boxes): (Vec<_>, Vec<_>) = hard_boxes().into_iter().unzip();
+    for (width, height) in [(1, 1), (2, 1), (64, 64), (333, 77), (1023, 3), (1024, 1024)] {
+        let view = view(width, height, DVec3::ZERO);
+        let Some(mut pass) = pass(&scene, &view) else { return };
+        for id in ids(3) {
+            pass.draw(&[id]).unwrap();
+            assert_same(&mut pass, &view, &boxes);
+        }
+        if (width, height) == (1024, 1024) {
+            let answers = assert_same(&mut pass, &view, &boxes);
+            let say = |shows| {
+                let of = names.iter().zip(&answers).filter(move |(_, answer)| **answer == shows);
+                of.map(|(name, _)| *name).collect::<Vec<_>>()
+            };
+            for name in ["sub-pixel", "whole screen before all", "around the eye", "not a number", "infinite"]
+            {
+                assert!(say(1).contains(&name), "{name} is hidden");
+            }
+            for name in ["sub-pixel behind", "sliver behind", "just behind the wall", "whole screen", "huge"]
+            {
+                assert!(say(0).contains(&name), "{name} shows");
+            }
+        }
+    }
+}
+
+#[test]
+fn batches_of_any_size_and_pictures_that_change_theirs_get_the_hosts_answers() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let scene = upload(&gpu, &walls());
+    let mut random = Random::new(12);
+    let boxes: Vec<TestBox> = (0..70_000).map(|_| random_box(&mut random, 0.2)).collect();
+    let first = view(64, 64, DVec3::ZERO);
+    let Some(mut pass) = pass(&scene, &first) else { return };
+    for (size, counts) in
+        [(64, &[0, 1, 1000, 1025, 70_000][..]), (200, &[3000]), (31, &[3000]), (31, &[2000])]
+    {
+        let view = view(size, size, DVec3::ZERO);
+        pass.begin(&view).unwrap();
+        pass.draw(&ids(3)).unwrap();
+        for &count in counts {
+            assert_same(&mut pass, &view, &boxes[..count]);
+        }
+    }
+    assert_eq!(pass.hzb_test().unwrap().outline(), Outline::OnScreen);
+    let error = pass.hzb_test().unwrap().test(&first, &boxes[..1], &mut Vec::new()).unwrap_err();
+    assert!(matches!(error, GpuError::OtherSize { .. }), "{error}");
+}
