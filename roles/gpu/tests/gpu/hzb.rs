@@ -157,6 +157,29 @@ fn hard_boxes_get_the_hosts_answers() {
     }
 }
 
+/// Slanted plates just behind a slanted wall, which only single pixels hide: small ones are looked at to the
+/// end, large ones take more texels than are looked at. Somewhere between them one takes the very last.
+#[test]
+fn plates_that_take_all_texels_there_are_get_the_hosts_answers() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let turn = Mat3::from_rotation_x(1.0);
+    let at = |x: f32, y: f32| (Vec3::Z * -5.0 + turn * (Vec3::new(x, y, 0.0) * 4.0)).to_array();
+    let scene = upload(&gpu, &[triangles(&[at(-1.0, -1.0), at(1.0, -1.0), at(0.0, 1.0)])]);
+    let view = view(512, 512, DVec3::ZERO);
+    let Some(mut pass) = pass(&scene, &view) else { return };
+    pass.draw(&ids(1)).unwrap();
+    let mut random = Random::new(13);
+    let mut plate = |_| {
+        let half = random.point(DVec3::new(0.05, 0.05, 1e-4), DVec3::new(0.5, 0.2, 1e-4)).as_vec3();
+        let axes = [Vec3::X * half.x, Vec3::Y * half.y, Vec3::Z * half.z].map(|axis| turn * axis);
+        TestBox { centre: Vec3::Z * -5.025, axes }
+    };
+    let boxes: Vec<_> = (0..6000).map(&mut plate).collect();
+    let answers = assert_same(&mut pass, &view, &boxes);
+    let hidden = answers.iter().filter(|&&shows| shows == 0).count();
+    assert!((1000..5000).contains(&hidden), "{hidden} of {} hidden", boxes.len());
+}
+
 #[test]
 fn batches_of_any_size_and_pictures_that_change_theirs_get_the_hosts_answers() {
     let Some(gpu) = CheckedGpu::open() else { return };
