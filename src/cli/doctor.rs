@@ -7,7 +7,7 @@ use std::{
 };
 
 use serde::Serialize;
-use trimaran_gpu::{DeviceKind, Gpu, GpuInfo, GpuOptions, Optional};
+use trimaran_gpu::{DeviceKind, Gpu, GpuInfo, GpuOptions, HzbPlace, Optional};
 
 use super::{Failure, args::DoctorArgs, print_json, printed};
 
@@ -71,6 +71,10 @@ fn listed(info: &GpuInfo) -> Finding {
     let (major, minor, patch) = info.api_version;
     let mut detail =
         format!("{} ({}), Vulkan {major}.{minor}.{patch}, {}", info.name, kind(info.kind), info.driver);
+    detail += match info.hzb_place {
+        HzbPlace::Device => "; hzb on the device",
+        HzbPlace::Host => "; hzb on the host",
+    };
     if !info.missing.is_empty() {
         detail += &format!("; cannot be used, lacks {}", info.missing.join(", "));
     }
