@@ -71,10 +71,9 @@ fn listed(info: &GpuInfo) -> Finding {
     let (major, minor, patch) = info.api_version;
     let mut detail =
         format!("{} ({}), Vulkan {major}.{minor}.{patch}, {}", info.name, kind(info.kind), info.driver);
-    detail += match info.hzb_place {
-        HzbPlace::Device => "; hzb on the device",
-        HzbPlace::Host => "; hzb on the host",
-    };
+    if info.hzb_place == HzbPlace::Device {
+        detail += "; hzb tests boxes on the device";
+    }
     if !info.missing.is_empty() {
         detail += &format!("; cannot be used, lacks {}", info.missing.join(", "));
     }

@@ -92,8 +92,6 @@ pub(crate) struct Limits {
     /// For a driver that draws on the CPU and can read the host's memory where it is: what addresses and
     /// sizes of such memory are multiples of.
     pub(crate) host_memory_alignment: Option<u64>,
-    /// Shaders may use f64.
-    pub(crate) float64: bool,
 }
 
 impl Adapter {
@@ -153,7 +151,7 @@ impl Adapter {
         let version = properties.api_version;
         let queue_family = families.iter().position(|family| family.queue_flags.contains(needs::QUEUE));
         let family = queue_family.and_then(|family| families.get(family));
-        let Answer { missing, lacks, host_memory_alignment, float64 } =
+        let Answer { missing, lacks, host_memory_alignment } =
             needs::ask(instance, physical, &properties, kind, family);
         let timestamps = !lacks.contains(&Optional::Timestamps);
         let max_side = limits
@@ -175,7 +173,6 @@ impl Adapter {
                 max_storage_range: u64::from(limits.max_storage_buffer_range),
                 timestamp_period_ns: if timestamps { f64::from(limits.timestamp_period) } else { 0.0 },
                 host_memory_alignment,
-                float64,
             },
             info: GpuInfo {
                 name: text(properties.device_name_as_c_str()),
@@ -194,13 +191,19 @@ impl Adapter {
                 max_allocation: maintenance.max_memory_allocation_size,
                 memory: local_heaps.map(|heap| heap.size).max().unwrap_or(0),
                 missing,
+                hzb_place: HzbPlace::best(kind, &lacks),
                 lacks,
-                hzb_place: if kind == DeviceKind::Discrete && float64 {
-                    HzbPlace::Device
-                } else {
-                    HzbPlace::Host
-                },
             },
+        }
+    }
+}
+
+impl HzbPlace {
+    fn best(kind: DeviceKind, lacks: &[Optional]) -> Self {
+        if kind == DeviceKind::Discrete && !lacks.contains(&Optional::Float64) {
+            Self::Device
+        } else {
+            Self::Host
         }
     }
 }
@@ -229,4 +232,19 @@ impl DeviceKind {
 
 fn text<E>(name: Result<&CStr, E>) -> String {
     name.map_or_else(|_| "unnamed".to_owned(), |name| name.to_string_lossy().into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{DeviceKind, HzbPlace, Optional};
+
+    #[test]
+    fn only_a_gpu_with_memory_of_its_own_and_f64_tests_boxes_itself() {
+        use DeviceKind::{Cpu, Discrete, Integrated, Other, Virtual};
+        for kind in [Other, Cpu, Virtual, Integrated] {
+            assert_eq!(HzbPlace::best(kind, &[]), HzbPlace::Host);
+        }
+        assert_eq!(HzbPlace::best(Discrete, &[Optional::Timestamps]), HzbPlace::Device);
+        assert_eq!(HzbPlace::best(Discrete, &[Optional::Float64]), HzbPlace::Host);
+    }
 }

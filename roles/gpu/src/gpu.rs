@@ -173,7 +173,7 @@ impl Gpu {
             adapter.physical,
             adapter.queue_family,
             &adapter.info.lacks,
-            &adapter.limits,
+            adapter.limits.host_memory_alignment.is_some(),
         )?;
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.clone(),

@@ -13,7 +13,7 @@ use crate::memory::HostBuffer;
 use crate::pass::{OverDepth, ScenePass};
 use crate::pipeline::{BindingSet, Layout, Pipeline, shader};
 use crate::pyramid::{Halving, Pyramid};
-use crate::{Gpu, GpuError, OccluderPass};
+use crate::{Gpu, GpuError, OccluderPass, Optional};
 
 /// Tests boxes by compute shaders against a depth pyramid that never leaves the device, with the answers of
 /// [`HzbTest`](trimaran_cull::HzbTest).
@@ -122,9 +122,9 @@ impl OcclusionTest for DeviceHzbTest<'_> {
 
 impl HzbBoxes {
     fn new(gpu: &Arc<Gpu>) -> Result<Self, GpuError> {
-        if !gpu.limits().float64 {
+        if gpu.info().lacks.contains(&Optional::Float64) {
             let device = gpu.info().name.clone();
-            return Err(GpuError::Unsuitable { device, missing: "shaderFloat64".to_owned() });
+            return Err(GpuError::Unsuitable { device, missing: Optional::Float64.name().to_owned() });
         }
         let layout = Layout::new::<Constants>(gpu, 3)?;
         let pipeline = Pipeline::compute(&layout, shader!("cs_test_boxes"))?;

@@ -7,7 +7,6 @@
 
 use ash::vk;
 
-use crate::adapter::Limits;
 use crate::error::During as _;
 use crate::{DeviceKind, GpuError};
 
@@ -21,7 +20,7 @@ pub enum Optional {
     Timestamps,
     /// For a driver that draws on the CPU: reading the host's memory where it is.
     HostMemory,
-    /// For a device with memory of its own: f64 in shaders.
+    /// f64 in shaders.
     Float64,
 }
 
@@ -46,9 +45,7 @@ impl Optional {
             }
             Self::Timestamps => "device times of passes are 0 in reports",
             Self::HostMemory => "each role copies the scene instead of reading the mapped file",
-            Self::Float64 => {
-                "the occlusion test hzb runs on the host, and the depth crosses the bus each frame"
-            }
+            Self::Float64 => "hzb tests boxes on the host, which costs where the depth crosses a bus",
         }
     }
 }
@@ -62,8 +59,6 @@ pub(crate) struct Answer {
     /// What addresses and sizes of the host's memory are multiples of, where a driver that draws on the CPU
     /// can read it in place.
     pub(crate) host_memory_alignment: Option<u64>,
-    /// Whether shaders may use f64.
-    pub(crate) float64: bool,
 }
 
 /// What the one queue has to do. A device that draws has a family that does both.
@@ -92,10 +87,10 @@ pub(crate) fn ask(
         (geometry_shader, Optional::GeometryShader),
         (family.is_none_or(|family| family.timestamp_valid_bits > 0), Optional::Timestamps),
         (kind != DeviceKind::Cpu || host_memory_alignment.is_some(), Optional::HostMemory),
-        (kind != DeviceKind::Discrete || float64, Optional::Float64),
+        (float64, Optional::Float64),
     ];
     let lacks = lacks.into_iter().filter(|(has, _)| !has).map(|(_, optional)| optional).collect();
-    Answer { missing, lacks, host_memory_alignment, float64 }
+    Answer { missing, lacks, host_memory_alignment }
 }
 
 /// A logical device with one graphics queue and all that is asked for: the list of [`features`], turned on.
@@ -104,7 +99,7 @@ pub(crate) fn open(
     physical: vk::PhysicalDevice,
     queue_family: u32,
     lacks: &[Optional],
-    limits: &Limits,
+    host_memory: bool,
 ) -> Result<ash::Device, GpuError> {
     let priorities = [1.0];
     let queues =
@@ -117,12 +112,11 @@ pub(crate) fn open(
         .draw_indirect_first_instance(true)
         .fragment_stores_and_atomics(true)
         .geometry_shader(!lacks.contains(&Optional::GeometryShader))
-        .shader_float64(limits.float64);
+        .shader_float64(!lacks.contains(&Optional::Float64));
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
     let mut v13 =
         vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).dynamic_rendering(true);
-    let host_memory = limits.host_memory_alignment.map(|_| ash::ext::external_memory_host::NAME.as_ptr());
-    let extensions = host_memory.as_slice();
+    let extensions: &[_] = if host_memory { &[ash::ext::external_memory_host::NAME.as_ptr()] } else { &[] };
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
         .enabled_extension_names(extensions)

@@ -8,21 +8,18 @@ use trimaran_gpu::{GpuError, GpuScene, OccluderPass};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{FlatObject, random::Random};
 
-use crate::common::{CheckedGpu, ids, triangles, upload, view, wall};
+use crate::common::{CheckedGpu, ids, lacks_float64, triangles, upload, view, wall};
 use crate::occlusion_tests::{random_box, upright, walls};
 
-/// A pass whose device can test against a pyramid; `None` where it cannot and the test is skipped.
-fn pass(scene: &Arc<GpuScene>, view: &View) -> Option<OccluderPass> {
+/// A device that can test against a pyramid, or `None` where there is none and the test is skipped.
+fn open() -> Option<CheckedGpu> {
+    CheckedGpu::open().filter(|gpu| !lacks_float64(gpu))
+}
+
+fn pass(scene: &Arc<GpuScene>, view: &View) -> OccluderPass {
     let mut pass = OccluderPass::new(scene, view.viewport()).unwrap();
     pass.begin(view).unwrap();
-    match pass.hzb_test().err() {
-        None => Some(pass),
-        Some(GpuError::Unsuitable { missing, .. }) if missing == "shaderFloat64" => {
-            println!("skipped: the device has no f64 in shaders");
-            None
-        }
-        Some(error) => panic!("{error}"),
-    }
+    pass
 }
 
 fn on_host(pass: &mut OccluderPass, view: &View, boxes: &[TestBox]) -> Vec<u32> {
@@ -59,7 +56,7 @@ fn shards(random: &mut Random, count: usize) -> FlatObject {
 
 #[test]
 fn random_boxes_get_the_hosts_answers_after_each_part_of_a_frame() {
-    let Some(gpu) = CheckedGpu::open() else { return };
+    let Some(gpu) = open() else { return };
     let mut random = Random::new(11);
     let (mut hidden, mut all) = (0, 0);
     for (width, height) in [(256, 256), (333, 177), (1023, 3), (1, 9), (1, 1), (640, 480)] {
@@ -67,7 +64,7 @@ fn random_boxes_get_the_hosts_answers_after_each_part_of_a_frame() {
         let mut objects = walls();
         objects.push(shards(&mut random, 300));
         let scene = upload(&gpu, &objects);
-        let Some(mut pass) = pass(&scene, &view) else { return };
+        let mut pass = pass(&scene, &view);
         let boxes: Vec<_> =
             (0..2400).map(|i| random_box(&mut random, [3.0, 1.0, 0.2, 0.05, 0.01, 0.002][i % 6])).collect();
         let mut before = vec![1; boxes.len()];
@@ -125,7 +122,7 @@ fn hard_boxes() -> Vec<(&'static str, TestBox)> {
 
 #[test]
 fn hard_boxes_get_the_hosts_answers() {
-    let Some(gpu) = CheckedGpu::open() else { return };
+    let Some(gpu) = open() else { return };
     // A thin wall with an edge, a slanted one behind it, and one far away that hides all.
     let slanted = triangles(&[[-20.0, -20.0, -6.0], [20.0, -20.0, -6.0], [0.0, 20.0, -16.0]]);
     let objects =
@@ -134,7 +131,7 @@ fn hard_boxes_get_the_hosts_answers() {
     let (names, boxes): (Vec<_>, Vec<_>) = hard_boxes().into_iter().unzip();
     for (width, height) in [(1, 1), (2, 1), (64, 64), (333, 77), (1023, 3), (1024, 1024)] {
         let view = view(width, height, DVec3::ZERO);
-        let Some(mut pass) = pass(&scene, &view) else { return };
+        let mut pass = pass(&scene, &view);
         for id in ids(3) {
             pass.draw(&[id]).unwrap();
             assert_same(&mut pass, &view, &boxes);
@@ -161,12 +158,12 @@ fn hard_boxes_get_the_hosts_answers() {
 /// end, large ones take more texels than are looked at. Somewhere between them one takes the very last.
 #[test]
 fn plates_that_take_all_texels_there_are_get_the_hosts_answers() {
-    let Some(gpu) = CheckedGpu::open() else { return };
+    let Some(gpu) = open() else { return };
     let turn = Mat3::from_rotation_x(1.0);
     let at = |x: f32, y: f32| (Vec3::Z * -5.0 + turn * (Vec3::new(x, y, 0.0) * 4.0)).to_array();
     let scene = upload(&gpu, &[triangles(&[at(-1.0, -1.0), at(1.0, -1.0), at(0.0, 1.0)])]);
     let view = view(512, 512, DVec3::ZERO);
-    let Some(mut pass) = pass(&scene, &view) else { return };
+    let mut pass = pass(&scene, &view);
     pass.draw(&ids(1)).unwrap();
     let mut random = Random::new(13);
     let mut plate = |_| {
@@ -182,12 +179,12 @@ fn plates_that_take_all_texels_there_are_get_the_hosts_answers() {
 
 #[test]
 fn batches_of_any_size_and_pictures_that_change_theirs_get_the_hosts_answers() {
-    let Some(gpu) = CheckedGpu::open() else { return };
+    let Some(gpu) = open() else { return };
     let scene = upload(&gpu, &walls());
     let mut random = Random::new(12);
     let boxes: Vec<TestBox> = (0..70_000).map(|_| random_box(&mut random, 0.2)).collect();
     let first = view(64, 64, DVec3::ZERO);
-    let Some(mut pass) = pass(&scene, &first) else { return };
+    let mut pass = pass(&scene, &first);
     for (size, counts) in
         [(64, &[0, 1, 1000, 1025, 70_000][..]), (200, &[3000]), (31, &[3000]), (31, &[2000])]
     {
@@ -201,4 +198,13 @@ fn batches_of_any_size_and_pictures_that_change_theirs_get_the_hosts_answers() {
     assert_eq!(pass.hzb_test().unwrap().outline(), Outline::OnScreen);
     let error = pass.hzb_test().unwrap().test(&first, &boxes[..1], &mut Vec::new()).unwrap_err();
     assert!(matches!(error, GpuError::OtherSize { .. }), "{error}");
+}
+
+/// On a driver for the CPU without f64, as SwiftShader.
+#[test]
+fn a_device_without_f64_says_so() {
+    let Some(gpu) = CheckedGpu::open().filter(|gpu| lacks_float64(gpu)) else { return };
+    let scene = upload(&gpu, &walls());
+    let error = pass(&scene, &view(8, 8, DVec3::ZERO)).hzb_test().err().unwrap();
+    assert!(error.to_string().contains("lacks shaderFloat64"), "{error}");
 }
