@@ -1,5 +1,6 @@
-// Boxes tested against a pyramid of farthest depths, as `HzbTest` does on the host and with the same answers: f64 sums and
-// products in the same order. The build script forbids to contract them (fma rounds once, the host twice).
+// Boxes tested against a pyramid of farthest depths, as `HzbTest` does on the host and with the same answers:
+// f64 sums and products in the same order. The build script forbids to fuse them: fma rounds once, the host
+// twice.
 
 struct Plane {
     middle: f64,
@@ -117,8 +118,8 @@ fn misses(shape: u32, part: Part) -> bool {
     return false;
 }
 
-// The host visits texels in another order. That changes no answer: a box is hidden only after all have been looked at, no
-// more than the budget.
+// The host visits texels in another order. That changes no answer: a box is hidden only if all that are to be
+// looked at were, and the budget sufficed.
 fn shows(shape: u32) -> bool {
     let level = boxes[shape].level;
     var looked_at = 0u;

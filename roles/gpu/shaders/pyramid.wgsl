@@ -8,8 +8,8 @@ struct Finer {
     height: u32,
 }
 
-// Depths as bits: no device changes them, and as no depth is below 0, they compare as the depths do. Signed, so that -0 is
-// the least.
+// Depths as bits, which no device rounds or flushes: as no depth is below 0, they compare as the depths do.
+// Signed, so that -0 is the least.
 @group(0) @binding(0) var<storage, read_write> texels: array<i32>;
 var<immediate> finer: Finer;
 
@@ -29,6 +29,7 @@ fn cs_halve(@builtin(global_invocation_id) at: vec3<u32>) {
     let top = 2u * at.y;
     let right = min(left + 1u, finer.width - 1u);
     let bottom = min(top + 1u, finer.height - 1u);
-    let farthest = min(min(texel(left, top), texel(right, top)), min(texel(left, bottom), texel(right, bottom)));
-    texels[finer.next_start + at.y * width + at.x] = farthest;
+    let above = min(texel(left, top), texel(right, top));
+    let below = min(texel(left, bottom), texel(right, bottom));
+    texels[finer.next_start + at.y * width + at.x] = min(above, below);
 }

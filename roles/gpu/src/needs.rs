@@ -2,8 +2,8 @@
 //! without the optional ones.
 //!
 //! The limits that it looks at are [`Limits`](crate::adapter::Limits); all others it keeps far below what
-//! Vulkan promises of every device (128 bytes of push constants, 16 vertex attributes, 65,535 draws in an
-//! indirect call, 128 MiB in a storage buffer that tests count in).
+//! Vulkan promises of every device (128 bytes of push constants, 16 vertex attributes, 128 invocations in a
+//! workgroup, 65,535 draws in an indirect call, 128 MiB in a storage buffer that tests count in).
 
 use ash::vk;
 
