@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{DVec3, Mat3, Vec3};
-use trimaran_cull::{DepthPyramid, HzbTest, OcclusionTest, Outline, TestBox, View};
+use trimaran_cull::{DepthPyramid, HzbTest, OUTLINE_PX, OcclusionTest, Outline, TestBox, View};
 use trimaran_gpu::{GpuError, GpuScene, OccluderPass};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{FlatObject, random::Random};
@@ -175,6 +175,36 @@ fn plates_that_take_all_texels_there_are_get_the_hosts_answers() {
     let answers = assert_same(&mut pass, &view, &boxes);
     let hidden = answers.iter().filter(|&&shows| shows == 0).count();
     assert!((1000..5000).contains(&hidden), "{hidden} of {} hidden", boxes.len());
+}
+
+/// Boxes whose outline, as far as it is grown, ends exactly at the centre of the one column that is open: the
+/// last bit of sums and products says whether they show.
+#[test]
+fn boxes_that_rounding_decides_on_get_the_hosts_answers() {
+    let Some(gpu) = open() else { return };
+    let view = view(256, 256, DVec3::ZERO);
+    // All but column 192, whose centre is 64.5 pixels right of the middle; 128 pixels to the metre at 1 m.
+    let wall_between = |left: f32, right: f32| {
+        let [left, right] = [left, right].map(|at| at / 128.0);
+        wall(Vec3::new(0.5 * (left + right), 0.0, -1.0), 0.5 * (right - left), 2.0)
+    };
+    let scene = upload(&gpu, &[wall_between(-200.0, 64.0), wall_between(65.0, 200.0)]);
+    let mut pass = pass(&scene, &view);
+    pass.draw(&ids(2)).unwrap();
+    let grown = OUTLINE_PX as f32 + 1.0 / 64.0;
+    let mut random = Random::new(14);
+    let mut edge = |_| {
+        // Few bits, so that the right end is exact.
+        let mut sixteenths = |low, high| (random.between(low, high) * 16.0).round() as f32 / 16.0;
+        let (depth, half_depth) = (sixteenths(2.0, 60.0), sixteenths(0.1, 8.0));
+        let half = Vec3::new(sixteenths(0.1, 0.4), sixteenths(0.1, 1.5), half_depth);
+        let right = (64.5 - grown) / 128.0 * depth;
+        upright(Vec3::new(right - half.x, sixteenths(-0.4, 0.4), -depth - half_depth), half)
+    };
+    let boxes: Vec<_> = (0..3000).map(&mut edge).collect();
+    let answers = assert_same(&mut pass, &view, &boxes);
+    let hidden = answers.iter().filter(|&&shows| shows == 0).count();
+    assert!((300..2700).contains(&hidden), "{hidden} of {} hidden", boxes.len());
 }
 
 #[test]
