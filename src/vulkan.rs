@@ -7,7 +7,7 @@ use trimaran_cull::{
     Answer, DepthImage, DepthPyramid, HzbError, HzbTest, Image, OcclusionTest, Outline, TestBox, View,
     Viewport,
 };
-use trimaran_gpu::{GpuError, GpuScene, OccluderPass, PassTiming, PicturePass};
+use trimaran_gpu::{GpuError, GpuScene, HzbPlace, OccluderPass, PassTiming, PicturePass};
 use trimaran_proto::{DrawableId, OcclusionTestKind};
 
 use trimaran_actors::{CullerDevice, PictureDevice, Stop};
@@ -28,12 +28,14 @@ pub enum VulkanCullerError {
 pub struct VulkanCuller {
     pass: OccluderPass,
     occlusion_test: OcclusionTestKind,
+    hzb_place: HzbPlace,
+    /// On the host, where that is the place.
     pyramid: DepthPyramid,
 }
 
 impl VulkanCuller {
-    /// Draws occluders of `scene` into a depth buffer of `size` and tests boxes against it by `occlusion
-    /// test`.
+    /// Draws occluders of `scene` into a depth buffer of `size` and tests boxes against it by
+    /// `occlusion_test`: a depth pyramid where the device has it best.
     ///
     /// # Errors
     /// If the device cannot draw that size, or memory does not suffice.
@@ -42,7 +44,18 @@ impl VulkanCuller {
         size: Viewport,
         occlusion_test: OcclusionTestKind,
     ) -> Result<Self, GpuError> {
-        Ok(Self { pass: OccluderPass::new(scene, size)?, occlusion_test, pyramid: DepthPyramid::new() })
+        Ok(Self {
+            pass: OccluderPass::new(scene, size)?,
+            occlusion_test,
+            hzb_place: scene.gpu().info().hzb_place,
+            pyramid: DepthPyramid::new(),
+        })
+    }
+
+    /// The same with the depth pyramid at this place, so that the two can be compared.
+    #[must_use]
+    pub fn with_hzb_at(self, hzb_place: HzbPlace) -> Self {
+        Self { hzb_place, ..self }
     }
 }
 
@@ -63,7 +76,7 @@ impl CullerDevice for VulkanCuller {
 
     fn finish_occluders(&mut self) -> Result<Duration, VulkanCullerError> {
         let timing = self.pass.finish()?;
-        if self.occlusion_test == OcclusionTestKind::Hzb {
+        if (self.occlusion_test, self.hzb_place) == (OcclusionTestKind::Hzb, HzbPlace::Host) {
             self.pyramid.rebuild(self.pass.read_depth()?);
         }
         Ok(device_time(timing))
@@ -83,10 +96,11 @@ impl OcclusionTest for VulkanCuller {
         boxes: &[TestBox],
         visible: &mut Vec<u32>,
     ) -> Result<(), VulkanCullerError> {
-        match self.occlusion_test {
-            OcclusionTestKind::Query => self.pass.query_test()?.test(view, boxes, visible)?,
-            OcclusionTestKind::Raster => self.pass.raster_test()?.test(view, boxes, visible)?,
-            OcclusionTestKind::Hzb => {
+        match (self.occlusion_test, self.hzb_place) {
+            (OcclusionTestKind::Query, _) => self.pass.query_test()?.test(view, boxes, visible)?,
+            (OcclusionTestKind::Raster, _) => self.pass.raster_test()?.test(view, boxes, visible)?,
+            (OcclusionTestKind::Hzb, HzbPlace::Device) => self.pass.hzb_test()?.test(view, boxes, visible)?,
+            (OcclusionTestKind::Hzb, HzbPlace::Host) => {
                 HzbTest::new(self.pass.read_depth()?, &self.pyramid)?.test(view, boxes, visible)?;
             }
         }

@@ -9,11 +9,13 @@ use common::{
     data::small_plant,
     session::{
         self, assert_no_validation_messages, audit, camera_path, culler, on_devices, uncut_count,
-        walk_in_process,
+        walk_in_process, walk_with,
     },
 };
+use trimaran::vulkan::VulkanCuller;
 use trimaran::walkthrough::{CameraPath, PathChoice, Plan, SceneOnDevices};
 use trimaran_audit::{SURFACE_SLACK_PX, cases::with_records};
+use trimaran_gpu::{HzbPlace, Optional};
 use trimaran_proto::OcclusionTestKind;
 use trimaran_scene::Scene;
 
@@ -89,5 +91,25 @@ fn every_occlusion_test_shows_the_unculled_cut() {
         pictures.windows(2).all(|pair| pair[0] == pair[1]),
         "the occlusion tests differ in what they draw, not in what shows"
     );
+    assert_no_validation_messages(&devices);
+}
+
+#[test]
+fn a_walk_has_the_same_ids_with_the_depth_pyramid_on_the_host_and_on_the_device() {
+    let Some(devices) = on_devices(&small_plant()) else { return };
+    if devices.drawn[0].gpu().info().lacks.contains(&Optional::Float64) {
+        println!("skipped: the device has no f64 in shaders");
+        return;
+    }
+    let plan = plan(OcclusionTestKind::Hzb);
+    let [host, device] = [HzbPlace::Host, HzbPlace::Device].map(|place| {
+        let records = walk_with(&devices, &plan, &automatic(&devices, &plan), |index| {
+            let culler = VulkanCuller::new(&devices.drawn[index.index()], plan.viewport, plan.occlusion_test);
+            culler.unwrap().with_hzb_at(place)
+        });
+        records.into_iter().map(|record| (record.ids, record.picture)).collect::<Vec<_>>()
+    });
+    assert!(host.len() == FRAMES as usize && host.iter().all(|(ids, _)| !ids.is_empty()));
+    assert_eq!(device, host);
     assert_no_validation_messages(&devices);
 }

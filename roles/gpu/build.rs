@@ -5,6 +5,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
+use naga::ShaderStage;
 use naga::back::spv;
 use naga::front::wgsl;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -23,8 +24,10 @@ fn compile(path: &Path, out: &Path) -> Result<(), Box<dyn Error>> {
     let source = fs::read_to_string(path)?;
     let explain = |message: String| format!("{}: {message}", path.display());
     let module = wgsl::parse_str(&source).map_err(|e| explain(e.emit_to_string(&source)))?;
-    let capabilities =
-        Capabilities::PRIMITIVE_INDEX | Capabilities::IMMEDIATES | Capabilities::EARLY_DEPTH_TEST;
+    let capabilities = Capabilities::PRIMITIVE_INDEX
+        | Capabilities::IMMEDIATES
+        | Capabilities::EARLY_DEPTH_TEST
+        | Capabilities::FLOAT64;
     let mut validator = Validator::new(ValidationFlags::all(), capabilities);
     let info = validator.validate(&module).map_err(|e| explain(e.emit_to_string(&source)))?;
     let mut options = spv::Options { lang_version: (1, 3), ..spv::Options::default() };
@@ -32,10 +35,35 @@ fn compile(path: &Path, out: &Path) -> Result<(), Box<dyn Error>> {
     options.flags.remove(spv::WriterFlags::ADJUST_COORDINATE_SPACE);
     for point in &module.entry_points {
         let only = spv::PipelineOptions { shader_stage: point.stage, entry_point: point.name.clone() };
-        let words =
+        let mut words =
             spv::write_vec(&module, &info, &options, Some(&only)).map_err(|e| explain(e.to_string()))?;
+        if point.stage == ShaderStage::Compute {
+            forbid_contraction(&mut words);
+        }
         let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
         fs::write(out.join(format!("{}.spv", point.name)), bytes)?;
     }
     Ok(())
+}
+
+/// Decorates all sums and products with NoContraction, which WGSL has no word for: without it a driver may
+/// turn two of them into one fused operation, which rounds otherwise than the host.
+fn forbid_contraction(words: &mut Vec<u32>) {
+    const HEADER: usize = 5;
+    const OP_DECORATE: u32 = 71;
+    const OP_MEMBER_DECORATE: u32 = 72;
+    const NO_CONTRACTION: u32 = 42;
+    /// `OpFAdd`, `OpFSub`, `OpFMul`.
+    const ARITHMETIC: [u32; 3] = [129, 131, 133];
+    let (mut at, mut end_of_decorations, mut decorations) = (HEADER, HEADER, Vec::new());
+    while let Some(&[word, _, result]) = words.get(at..at + 3) {
+        let (operation, length) = (word & 0xffff, (word >> 16) as usize);
+        at += length.max(1);
+        if operation == OP_DECORATE || operation == OP_MEMBER_DECORATE {
+            end_of_decorations = at;
+        } else if ARITHMETIC.contains(&operation) {
+            decorations.extend([3 << 16 | OP_DECORATE, result, NO_CONTRACTION]);
+        }
+    }
+    words.splice(end_of_decorations..end_of_decorations, decorations);
 }

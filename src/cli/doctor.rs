@@ -7,7 +7,7 @@ use std::{
 };
 
 use serde::Serialize;
-use trimaran_gpu::{DeviceKind, Gpu, GpuInfo, GpuOptions, Optional};
+use trimaran_gpu::{DeviceKind, Gpu, GpuInfo, GpuOptions, HzbPlace, Optional};
 
 use super::{Failure, args::DoctorArgs, print_json, printed};
 
@@ -71,6 +71,9 @@ fn listed(info: &GpuInfo) -> Finding {
     let (major, minor, patch) = info.api_version;
     let mut detail =
         format!("{} ({}), Vulkan {major}.{minor}.{patch}, {}", info.name, kind(info.kind), info.driver);
+    if info.hzb_place == HzbPlace::Device {
+        detail += "; hzb tests boxes on the device";
+    }
     if !info.missing.is_empty() {
         detail += &format!("; cannot be used, lacks {}", info.missing.join(", "));
     }

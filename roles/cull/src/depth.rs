@@ -126,6 +126,12 @@ impl DepthPyramid {
         self.levels.len()
     }
 
+    /// The farthest depths of level `index`, row by row. `None` for the image itself and past the last level.
+    #[must_use]
+    pub fn farthest(&self, index: usize) -> Option<&[f32]> {
+        self.levels.get(index.checked_sub(1)?).map(|level| level.farthest.as_slice())
+    }
+
     /// Level `index`; level 0 is `image`, the one this was built over.
     pub(crate) fn level<'p>(&'p self, image: DepthImage<'p>, index: usize) -> Texels<'p> {
         match index.checked_sub(1).and_then(|index| self.levels.get(index)) {

@@ -11,12 +11,11 @@
 
 use thiserror::Error;
 
-use crate::boxes::OUTLINE_PX;
-use crate::screen_box::{Footprint, MARGIN_PX, PixelRect, ScreenProjection, ScreenShape, Texel};
+use crate::screen_box::{Footprint, PixelRect, ScreenProjection, ScreenShape, Texel, grown};
 use crate::{DepthImage, DepthPyramid, OcclusionTest, Outline, TestBox, View, Viewport};
 
 /// Texels looked at for one box before it counts as visible.
-const BUDGET: u32 = 256;
+pub(crate) const BUDGET: u32 = 256;
 
 /// Tests boxes against a depth image and the pyramid over it.
 #[derive(Debug, Clone)]
@@ -76,10 +75,7 @@ impl<'p> HzbTest<'p> {
 
     /// Whether the box shows at any pixel.
     fn shows(&mut self, projection: &ScreenProjection, test_box: &TestBox) -> bool {
-        let grown = match self.outline {
-            Outline::OnScreen => OUTLINE_PX + MARGIN_PX,
-            Outline::InBox => MARGIN_PX,
-        };
+        let grown = grown(self.outline);
         let Some(footprint) = projection.footprint(test_box, grown) else { return true };
         let Some(pixels) = footprint.pixels else { return false };
         let level_index = pixels.coarse_level().min(self.pyramid.last_level());

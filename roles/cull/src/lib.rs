@@ -42,6 +42,7 @@
 //! | `occlusion_test` | [`OcclusionTest`], the seam to whatever holds the occluders' depth |
 //! | `boxes`, `frustum` | [`BoxMaker`]: from a node to the box that is tested in its place |
 //! | `depth`, `hzb`, `screen_box` | [`HzbTest`]: boxes tested against a pyramid of farthest depths |
+//! | `screen_record` | [`ScreenRecords`]: boxes made ready for the same test on a device |
 //! | `traverse` | [`Culler`]: the traversal that keeps what shows |
 //! | `order` | [`draw_order`]: the one order in which everyone draws |
 //! | `image` | [`Image`]: what a display shows |
@@ -59,6 +60,7 @@ mod occluders;
 mod occlusion_test;
 mod order;
 mod screen_box;
+mod screen_record;
 mod traverse;
 mod view;
 
@@ -71,6 +73,7 @@ pub use occluder_selection::{TriangleBudget, nearest_occluders, select_occluders
 pub use occluders::{OccluderError, OccluderMapper, occluders};
 pub use occlusion_test::{Answer, NoOccluders, OcclusionTest, Outline, TestBox};
 pub use order::{DrawOrder, draw_order};
+pub use screen_record::{OnScreen, ScreenMargins, ScreenRecord, ScreenRecords};
 pub use traverse::{CullError, CullStats, Culler, Traversal};
 pub use trimaran_proto::{LodRule, LodRuleError, Viewport};
 pub use view::View;

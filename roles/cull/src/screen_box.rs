@@ -17,6 +17,14 @@ pub(crate) const MARGIN_PX: f64 = 1.0 / 64.0;
 /// Depths are taken to be nearer by this, relatively: more than the rounding of a division in f32.
 const NEARER: f64 = 1e-6;
 
+/// How far outlines are grown on the screen, in pixels.
+pub(crate) const fn grown(outline: Outline) -> f64 {
+    match outline {
+        Outline::OnScreen => OUTLINE_PX + MARGIN_PX,
+        Outline::InBox => MARGIN_PX,
+    }
+}
+
 /// A texel of a depth pyramid.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Texel {
@@ -41,6 +49,11 @@ impl PixelRect {
         if longest < 4 { 0 } else { longest.ilog2() as usize - 1 }
     }
 
+    /// Its middle on the screen.
+    pub(crate) fn middle(&self) -> (f64, f64) {
+        (0.5 * (self.x0 + self.x1 + 1) as f64, 0.5 * (self.y0 + self.y1 + 1) as f64)
+    }
+
     /// The part of the rectangle in a texel that touches it.
     pub(crate) fn within(&self, texel: Texel) -> Self {
         let last = (1 << texel.level) - 1;
@@ -62,7 +75,7 @@ pub(crate) struct ScreenProjection {
     middle: (f64, f64),
     last: (f64, f64),
     /// What nearest depths are multiplied by.
-    nearer: f64,
+    pub(crate) nearer: f64,
 }
 
 /// Where a box can show, and how near it comes.
@@ -135,8 +148,9 @@ impl ScreenProjection {
 }
 
 /// A linear function on the screen, about the middle of the box's rectangle.
-#[derive(Debug, Clone, Copy, Default)]
-struct Linear {
+#[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(crate) struct Linear {
     middle: f64,
     dx: f64,
     dy: f64,
@@ -178,7 +192,7 @@ pub(crate) struct ScreenShape {
 
 /// At most N linear functions.
 #[derive(Debug)]
-struct Few<const N: usize> {
+pub(crate) struct Few<const N: usize> {
     functions: [Linear; N],
     count: usize,
 }
@@ -196,20 +210,22 @@ impl<const N: usize> Few<N> {
         }
     }
 
-    fn iter(&self) -> impl Iterator<Item = &Linear> {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &Linear> {
         self.functions.iter().take(self.count)
     }
 }
 
-impl ScreenShape {
-    pub(crate) fn new(
-        projection: &ScreenProjection,
-        test_box: &TestBox,
-        footprint: &Footprint,
-        pixels: PixelRect,
-        grown: f64,
-    ) -> Self {
-        let middle = (0.5 * (pixels.x0 + pixels.x1 + 1) as f64, 0.5 * (pixels.y0 + pixels.y1 + 1) as f64);
+/// The planes of a box's faces as the screen sees them.
+#[derive(Debug)]
+pub(crate) struct Planes {
+    /// Those that face the eye.
+    pub(crate) fronts: Few<3>,
+    pub(crate) backs: Few<6>,
+}
+
+impl Planes {
+    /// About `middle`, the middle of the box's rectangle.
+    pub(crate) fn new(projection: &ScreenProjection, test_box: &TestBox, middle: (f64, f64)) -> Self {
         let ray = DVec3::new(
             (middle.0 - projection.middle.0) / projection.focal.0,
             -(middle.1 - projection.middle.1) / projection.focal.1,
@@ -237,6 +253,20 @@ impl ScreenShape {
                 }
             }
         }
+        Self { fronts, backs }
+    }
+}
+
+impl ScreenShape {
+    pub(crate) fn new(
+        projection: &ScreenProjection,
+        test_box: &TestBox,
+        footprint: &Footprint,
+        pixels: PixelRect,
+        grown: f64,
+    ) -> Self {
+        let middle = pixels.middle();
+        let Planes { fronts, backs } = Planes::new(projection, test_box, middle);
         let mut edges = Few::new();
         for front in fronts.iter() {
             for back in backs.iter() {
@@ -276,9 +306,10 @@ impl ScreenShape {
     }
 
     fn block(&self, pixels: PixelRect, margin: f64) -> Block {
+        let (x, y) = pixels.middle();
         Block {
-            x: 0.5 * (pixels.x0 + pixels.x1 + 1) as f64 - self.middle.0,
-            y: 0.5 * (pixels.y0 + pixels.y1 + 1) as f64 - self.middle.1,
+            x: x - self.middle.0,
+            y: y - self.middle.1,
             half_x: 0.5 * (pixels.x1 - pixels.x0) as f64 + margin,
             half_y: 0.5 * (pixels.y1 - pixels.y0) as f64 + margin,
         }

@@ -15,7 +15,7 @@ use std::time::Instant;
 
 use glam::{DVec3, Mat3, Vec3};
 use trimaran_cull::{DepthPyramid, HzbTest, OcclusionTest, TestBox, View, Viewport};
-use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemPass, OccluderPass, PassTiming, PicturePass};
+use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemPass, OccluderPass, Optional, PassTiming, PicturePass};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
 use trimaran_scene::{FlatObject, Rgba8, Scene, SceneArrays, random::Random};
 
@@ -72,7 +72,7 @@ fn time_occlusion_tests(scene: &Arc<GpuScene>, count: usize, edge_px: f64, wante
     pass.finish()?;
     let boxes = boxes(count, edge_px);
     let mut visible = Vec::new();
-    let label = |occlusion_test| format!("{occlusion_test:<7} {count} boxes of {edge_px} px at 1024");
+    let label = |occlusion_test| format!("{occlusion_test:<11} {count} boxes of {edge_px} px at 1024");
     report(wanted, &label("query"), || {
         pass.query_test()?.test(&view, &boxes, &mut visible)?;
         Ok(PassTiming::default())
@@ -81,8 +81,15 @@ fn time_occlusion_tests(scene: &Arc<GpuScene>, count: usize, edge_px: f64, wante
         pass.raster_test()?.test(&view, &boxes, &mut visible)?;
         Ok(PassTiming::default())
     })?;
+    if !scene.gpu().info().lacks.contains(&Optional::Float64) {
+        report(wanted, &label("hzb, device"), || {
+            pass.draw(&[])?;
+            pass.hzb_test()?.test(&view, &boxes, &mut visible)?;
+            Ok(PassTiming::default())
+        })?;
+    }
     let mut pyramid = DepthPyramid::new();
-    report(wanted, &label("hzb"), || {
+    report(wanted, &label("hzb, host"), || {
         // Nothing drawn, but the depth counts as new: the copy to the host is part of the price.
         pass.draw(&[])?;
         let image = pass.read_depth()?;

@@ -58,6 +58,18 @@ pub struct GpuInfo {
     pub missing: Vec<&'static str>,
     /// What it lacks that this crate can do without.
     pub lacks: Vec<Optional>,
+    /// Where boxes are best tested against a depth pyramid.
+    pub hzb_place: HzbPlace,
+}
+
+/// Where boxes are tested against a depth pyramid. Both give the same answers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum HzbPlace {
+    /// On the host, by `trimaran_cull::HzbTest`: one copy of the depth replaces a wait for the device at each
+    /// level of the tree. Best where host and device share memory.
+    Host,
+    /// On the device, by [`DeviceHzbTest`](crate::DeviceHzbTest): no picture crosses the bus.
+    Device,
 }
 
 /// A device found, and what is needed to open it.
@@ -137,8 +149,7 @@ impl Adapter {
         let limits = properties.limits;
         let kind = DeviceKind::from_vk(properties.device_type);
         let version = properties.api_version;
-        let queue_family =
-            families.iter().position(|family| family.queue_flags.contains(vk::QueueFlags::GRAPHICS));
+        let queue_family = families.iter().position(|family| family.queue_flags.contains(needs::QUEUE));
         let family = queue_family.and_then(|family| families.get(family));
         let Answer { missing, lacks, host_memory_alignment } =
             needs::ask(instance, physical, &properties, kind, family);
@@ -180,8 +191,19 @@ impl Adapter {
                 max_allocation: maintenance.max_memory_allocation_size,
                 memory: local_heaps.map(|heap| heap.size).max().unwrap_or(0),
                 missing,
+                hzb_place: HzbPlace::best(kind, &lacks),
                 lacks,
             },
+        }
+    }
+}
+
+impl HzbPlace {
+    fn best(kind: DeviceKind, lacks: &[Optional]) -> Self {
+        if kind == DeviceKind::Discrete && !lacks.contains(&Optional::Float64) {
+            Self::Device
+        } else {
+            Self::Host
         }
     }
 }
@@ -210,4 +232,19 @@ impl DeviceKind {
 
 fn text<E>(name: Result<&CStr, E>) -> String {
     name.map_or_else(|_| "unnamed".to_owned(), |name| name.to_string_lossy().into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{DeviceKind, HzbPlace, Optional};
+
+    #[test]
+    fn only_a_gpu_with_memory_of_its_own_and_f64_tests_boxes_itself() {
+        use DeviceKind::{Cpu, Discrete, Integrated, Other, Virtual};
+        for kind in [Other, Cpu, Virtual, Integrated] {
+            assert_eq!(HzbPlace::best(kind, &[]), HzbPlace::Host);
+        }
+        assert_eq!(HzbPlace::best(Discrete, &[Optional::Timestamps]), HzbPlace::Device);
+        assert_eq!(HzbPlace::best(Discrete, &[Optional::Float64]), HzbPlace::Host);
+    }
 }

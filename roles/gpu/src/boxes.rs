@@ -88,10 +88,10 @@ pub(crate) fn room_for(count: usize) -> usize {
 }
 
 /// Records and their owners in parts that a device takes at once.
-pub(crate) fn batches<'a>(
-    records: &'a [BoxRecord],
+pub(crate) fn batches<'a, R>(
+    records: &'a [R],
     owners: &'a [u32],
-) -> impl Iterator<Item = (&'a [BoxRecord], &'a [u32])> {
+) -> impl Iterator<Item = (&'a [R], &'a [u32])> {
     records.chunks(BATCH).zip(owners.chunks(BATCH))
 }
 

@@ -5,6 +5,7 @@ use std::time::Duration;
 use ash::vk;
 use gpu_allocator::AllocationError;
 use thiserror::Error;
+use trimaran_cull::Viewport;
 use trimaran_proto::DrawableId;
 
 /// Why a graphics operation failed. Each message says what was being done, and what to do where something can
@@ -106,6 +107,17 @@ pub enum GpuError {
         height: u32,
         /// The longest side the device can draw.
         limit: u32,
+    },
+    /// Boxes are seen from a view of another size than the picture they are tested against.
+    #[error(
+        "boxes for a picture of {} x {} pixels against a depth of {} x {}: both must be of the view's size",
+        view.width(), view.height(), depth.width(), depth.height()
+    )]
+    OtherSize {
+        /// The view's size.
+        view: Viewport,
+        /// The depth's size.
+        depth: Viewport,
     },
     /// Something was drawn or read before any view was set.
     #[error("{0} was used before it was given a view (call begin first)")]

@@ -3,7 +3,7 @@
 //! [`Gpu`] is an open device, [`GpuScene`] a scene on it. Three passes draw lists of drawables:
 //! [`OccluderPass`] depth alone, [`PicturePass`] shaded colour, [`ItemPass`] which triangle shows where. All
 //! place vertices by the same arithmetic, so that a triangle has the same depth at the same pixels in each.
-//! [`QueryTest`] and [`RasterTest`] test boxes against an occluder pass's depth.
+//! [`QueryTest`], [`RasterTest`] and [`DeviceHzbTest`] test boxes against an occluder pass's depth.
 //!
 //! ```
 //! use trimaran_cull::{LodRule, View, Viewport, draw_order, lod_cut};
@@ -36,7 +36,8 @@
 //! | `memory`, `in_place`, `scene` | buffers, and a scene on the device |
 //! | `camera`, `draw_record`, `draws`, `stream`, `recorder`, `pipeline`, `pass` | what the passes share |
 //! | `occluder`, `picture`, `item` | the three passes |
-//! | `boxes`, `query`, `raster` | tests of boxes against the occluders' depth |
+//! | `boxes`, `query`, `raster` | tests of boxes that draw them over the occluders' depth |
+//! | `pyramid`, `hzb` | the depth's pyramid, and the test of boxes against it |
 //! | `timing`, `validation` | what a pass took, what the validation layer said |
 //!
 //! # Soundness
@@ -67,6 +68,7 @@ mod draw_record;
 mod draws;
 mod error;
 mod gpu;
+mod hzb;
 mod in_place;
 mod item;
 mod memory;
@@ -75,6 +77,7 @@ mod occluder;
 mod pass;
 mod picture;
 mod pipeline;
+mod pyramid;
 mod query;
 mod raster;
 mod recorder;
@@ -84,9 +87,10 @@ mod timing;
 mod validation;
 mod wait;
 
-pub use adapter::{DeviceChoice, DeviceKind, GpuInfo};
+pub use adapter::{DeviceChoice, DeviceKind, GpuInfo, HzbPlace};
 pub use error::GpuError;
 pub use gpu::{Gpu, GpuOptions};
+pub use hzb::DeviceHzbTest;
 pub use item::{ItemImage, ItemPass};
 pub use needs::Optional;
 pub use occluder::OccluderPass;

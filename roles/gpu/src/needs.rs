@@ -2,8 +2,8 @@
 //! without the optional ones.
 //!
 //! The limits that it looks at are [`Limits`](crate::adapter::Limits); all others it keeps far below what
-//! Vulkan promises of every device (128 bytes of push constants, 16 vertex attributes, 65,535 draws in an
-//! indirect call, 128 MiB in a storage buffer that tests count in).
+//! Vulkan promises of every device (128 bytes of push constants, 16 vertex attributes, 128 invocations in a
+//! workgroup, 65,535 draws in an indirect call, 128 MiB in a storage buffer that tests count in).
 
 use ash::vk;
 
@@ -20,6 +20,8 @@ pub enum Optional {
     Timestamps,
     /// For a driver that draws on the CPU: reading the host's memory where it is.
     HostMemory,
+    /// f64 in shaders.
+    Float64,
 }
 
 impl Optional {
@@ -30,6 +32,7 @@ impl Optional {
             Self::GeometryShader => "geometryShader",
             Self::Timestamps => "timestampValidBits",
             Self::HostMemory => "VK_EXT_external_memory_host",
+            Self::Float64 => "shaderFloat64",
         }
     }
 
@@ -42,6 +45,7 @@ impl Optional {
             }
             Self::Timestamps => "device times of passes are 0 in reports",
             Self::HostMemory => "each role copies the scene instead of reading the mapped file",
+            Self::Float64 => "hzb tests boxes on the host, which costs where the depth crosses a bus",
         }
     }
 }
@@ -57,6 +61,10 @@ pub(crate) struct Answer {
     pub(crate) host_memory_alignment: Option<u64>,
 }
 
+/// What the one queue has to do. A device that draws has a family that does both.
+pub(crate) const QUEUE: vk::QueueFlags =
+    vk::QueueFlags::from_raw(vk::QueueFlags::GRAPHICS.as_raw() | vk::QueueFlags::COMPUTE.as_raw());
+
 /// Asks a device for all of it. `family` is its graphics queue's, if it has one.
 pub(crate) fn ask(
     instance: &ash::Instance,
@@ -65,7 +73,8 @@ pub(crate) fn ask(
     kind: DeviceKind,
     family: Option<&vk::QueueFamilyProperties>,
 ) -> Answer {
-    let (mut missing, geometry_shader) = features(instance, physical, properties.api_version);
+    let Features { mut missing, geometry_shader, float64 } =
+        features(instance, physical, properties.api_version);
     if family.is_none() {
         missing.push("a graphics queue");
     }
@@ -78,6 +87,7 @@ pub(crate) fn ask(
         (geometry_shader, Optional::GeometryShader),
         (family.is_none_or(|family| family.timestamp_valid_bits > 0), Optional::Timestamps),
         (kind != DeviceKind::Cpu || host_memory_alignment.is_some(), Optional::HostMemory),
+        (float64, Optional::Float64),
     ];
     let lacks = lacks.into_iter().filter(|(has, _)| !has).map(|(_, optional)| optional).collect();
     Answer { missing, lacks, host_memory_alignment }
@@ -101,7 +111,8 @@ pub(crate) fn open(
         .multi_draw_indirect(true)
         .draw_indirect_first_instance(true)
         .fragment_stores_and_atomics(true)
-        .geometry_shader(!lacks.contains(&Optional::GeometryShader));
+        .geometry_shader(!lacks.contains(&Optional::GeometryShader))
+        .shader_float64(!lacks.contains(&Optional::Float64));
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default().timeline_semaphore(true);
     let mut v13 =
         vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).dynamic_rendering(true);
@@ -117,14 +128,16 @@ pub(crate) fn open(
     unsafe { instance.create_device(physical, &info, None) }.during("opening the device")
 }
 
-/// The required features that are missing, and whether the device has geometry shaders.
-fn features(
-    instance: &ash::Instance,
-    physical: vk::PhysicalDevice,
-    version: u32,
-) -> (Vec<&'static str>, bool) {
+/// The required features that are missing, and the optional ones that are there.
+struct Features {
+    missing: Vec<&'static str>,
+    geometry_shader: bool,
+    float64: bool,
+}
+
+fn features(instance: &ash::Instance, physical: vk::PhysicalDevice, version: u32) -> Features {
     if version < vk::API_VERSION_1_3 {
-        return (vec!["Vulkan 1.3"], false);
+        return Features { missing: vec!["Vulkan 1.3"], geometry_shader: false, float64: false };
     }
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
     let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
@@ -142,7 +155,11 @@ fn features(
         (v13.dynamic_rendering, "dynamicRendering"),
     ];
     let missing = required.into_iter().filter(|(has, _)| *has == vk::FALSE).map(|(_, name)| name).collect();
-    (missing, core.geometry_shader == vk::TRUE)
+    Features {
+        missing,
+        geometry_shader: core.geometry_shader == vk::TRUE,
+        float64: core.shader_float64 == vk::TRUE,
+    }
 }
 
 /// Whether the depth format can be drawn to: of the formats used, the one that Vulkan leaves to the device.

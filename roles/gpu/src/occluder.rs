@@ -6,13 +6,14 @@ use trimaran_cull::{DepthImage, View, Viewport};
 use trimaran_proto::DrawableId;
 
 use crate::draw_record::Fetch;
+use crate::hzb::HzbBoxes;
 use crate::memory::HostBuffer;
 use crate::pass::{PassKind, ScenePass};
 use crate::pipeline::{VertexInput, shader};
 use crate::query::QueryBoxes;
 use crate::raster::RasterBoxes;
 use crate::wait::Cancel;
-use crate::{GpuError, GpuScene, PassTiming, QueryTest, RasterTest};
+use crate::{DeviceHzbTest, GpuError, GpuScene, PassTiming, QueryTest, RasterTest};
 
 static KIND: PassKind = PassKind {
     name: "drawing the occluders",
@@ -31,6 +32,7 @@ pub struct OccluderPass {
     pub(crate) pass: ScenePass,
     pub(crate) queries: Option<QueryBoxes>,
     pub(crate) raster: Option<RasterBoxes>,
+    pub(crate) hzb: Option<HzbBoxes>,
     depth: Option<HostBuffer<f32>>,
     /// The host's copy is of what was drawn last.
     depth_is_current: bool,
@@ -46,6 +48,7 @@ impl OccluderPass {
             pass: ScenePass::new(scene, &KIND, size)?,
             queries: None,
             raster: None,
+            hzb: None,
             depth: None,
             depth_is_current: false,
         })
@@ -62,7 +65,7 @@ impl OccluderPass {
     /// # Errors
     /// If the device fails, or cannot draw the view's size.
     pub fn begin(&mut self, view: &View) -> Result<(), GpuError> {
-        self.depth_is_current = false;
+        self.depth_changes();
         self.pass.begin(view)
     }
 
@@ -72,8 +75,16 @@ impl OccluderPass {
     /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), or
     /// without memory.
     pub fn draw(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
-        self.depth_is_current = false;
+        self.depth_changes();
         self.pass.draw(ids)
+    }
+
+    /// Nothing made from the depth so far is of use any more.
+    fn depth_changes(&mut self) {
+        self.depth_is_current = false;
+        if let Some(hzb) = &mut self.hzb {
+            hzb.depth_changes();
+        }
     }
 
     /// Hands what was added to the device, which draws it while the host goes on. Each flush costs a
@@ -121,5 +132,13 @@ impl OccluderPass {
     /// If the device cannot make the buffers.
     pub fn raster_test(&mut self) -> Result<RasterTest<'_>, GpuError> {
         RasterTest::new(self)
+    }
+
+    /// Tests boxes on the device against a depth pyramid of what was drawn.
+    ///
+    /// # Errors
+    /// If the device has no f64 in shaders, or cannot make the buffers.
+    pub fn hzb_test(&mut self) -> Result<DeviceHzbTest<'_>, GpuError> {
+        DeviceHzbTest::new(self)
     }
 }

@@ -37,7 +37,14 @@ macro_rules! shader {
 }
 pub(crate) use shader;
 
-/// What shaders are given: some storage buffers and some push constants, to both stages.
+/// The stages that are given buffers and constants.
+pub(crate) const STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
+    vk::ShaderStageFlags::VERTEX.as_raw()
+        | vk::ShaderStageFlags::FRAGMENT.as_raw()
+        | vk::ShaderStageFlags::COMPUTE.as_raw(),
+);
+
+/// What shaders are given: some storage buffers and some push constants, to all [`STAGES`].
 pub(crate) struct Layout {
     gpu: Arc<Gpu>,
     set: vk::DescriptorSetLayout,
@@ -49,18 +56,17 @@ impl Layout {
     /// `buffers` storage buffers (perhaps none) at bindings 0 and on, and push constants of the size of `C`.
     pub(crate) fn new<C>(gpu: &Arc<Gpu>, buffers: u32) -> Result<Arc<Self>, GpuError> {
         const OPERATION: &str = "laying out a pipeline";
-        let stages = vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT;
         let bindings: Vec<_> = (0..buffers)
             .map(|binding| {
                 vk::DescriptorSetLayoutBinding::default()
                     .binding(binding)
                     .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
                     .descriptor_count(1)
-                    .stage_flags(stages)
+                    .stage_flags(STAGES)
             })
             .collect();
         let constants =
-            [vk::PushConstantRange { stage_flags: stages, offset: 0, size: size_of::<C>() as u32 }];
+            [vk::PushConstantRange { stage_flags: STAGES, offset: 0, size: size_of::<C>() as u32 }];
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
         // SAFETY: the device is alive and the bindings are distinct.
         let set = unsafe { gpu.device().create_descriptor_set_layout(&info, None) }.during(OPERATION)?;
@@ -182,10 +188,11 @@ pub(crate) struct PipelineDesc {
     pub(crate) depth: DepthUse,
 }
 
-/// A graphics pipeline.
+/// A pipeline for graphics or for computing.
 pub(crate) struct Pipeline {
     layout: Arc<Layout>,
     handle: vk::Pipeline,
+    bind_point: vk::PipelineBindPoint,
 }
 
 impl Pipeline {
@@ -249,9 +256,34 @@ impl Pipeline {
         let made = unsafe {
             layout.gpu.device().create_graphics_pipelines(vk::PipelineCache::null(), &[info], None)
         };
+        Self::of(layout, made, vk::PipelineBindPoint::GRAPHICS)
+    }
+
+    /// One that runs a compute shader.
+    pub(crate) fn compute(layout: &Arc<Layout>, shader: Shader) -> Result<Self, GpuError> {
+        let module = Module::new(&layout.gpu, shader)?;
+        let info = vk::ComputePipelineCreateInfo::default()
+            .stage(module.stage(vk::ShaderStageFlags::COMPUTE))
+            .layout(layout.handle);
+        // SAFETY: the module lives through the call; the shader was validated when it was compiled and uses
+        // no more than the layout and the enabled features give.
+        let made =
+            unsafe { layout.gpu.device().create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };
+        Self::of(layout, made, vk::PipelineBindPoint::COMPUTE)
+    }
+
+    fn of(
+        layout: &Arc<Layout>,
+        made: Result<Vec<vk::Pipeline>, (Vec<vk::Pipeline>, vk::Result)>,
+        bind_point: vk::PipelineBindPoint,
+    ) -> Result<Self, GpuError> {
         let handles = made.map_err(|(_, code)| GpuError::from_vk("making a pipeline", code))?;
         let handle = handles.first().copied().unwrap_or_default();
-        Ok(Self { layout: Arc::clone(layout), handle })
+        Ok(Self { layout: Arc::clone(layout), handle, bind_point })
+    }
+
+    pub(crate) const fn bind_point(&self) -> vk::PipelineBindPoint {
+        self.bind_point
     }
 
     pub(crate) const fn handle(&self) -> vk::Pipeline {

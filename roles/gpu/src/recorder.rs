@@ -11,7 +11,7 @@ use trimaran_cull::Viewport;
 
 use crate::draw_record::{DrawCommand, Fetch};
 use crate::memory::{Buffer, Image, ImageUse, whole};
-use crate::pipeline::{BindingSet, INSTANCES, Pipeline, VERTICES};
+use crate::pipeline::{BindingSet, INSTANCES, Pipeline, STAGES, VERTICES};
 
 /// A command buffer being recorded.
 pub(crate) struct Recorder<'a> {
@@ -84,15 +84,15 @@ impl<'a> Recorder<'a> {
         unsafe { self.device.cmd_end_rendering(self.commands) };
     }
 
-    /// Draws with this pipeline and these constants from here on.
+    /// Draws or computes with this pipeline and these constants from here on.
     pub(crate) fn bind<C: bytemuck::NoUninit>(&self, pipeline: &Pipeline, constants: &C) {
         // SAFETY: the module's rule; the layout's push constants are of this size (`Layout::new`).
         unsafe {
-            self.device.cmd_bind_pipeline(self.commands, vk::PipelineBindPoint::GRAPHICS, pipeline.handle());
+            self.device.cmd_bind_pipeline(self.commands, pipeline.bind_point(), pipeline.handle());
             self.device.cmd_push_constants(
                 self.commands,
                 pipeline.layout().handle(),
-                vk::ShaderStageFlags::VERTEX | vk::ShaderStageFlags::FRAGMENT,
+                STAGES,
                 0,
                 bytemuck::bytes_of(constants),
             );
@@ -105,7 +105,7 @@ impl<'a> Recorder<'a> {
         unsafe {
             self.device.cmd_bind_descriptor_sets(
                 self.commands,
-                vk::PipelineBindPoint::GRAPHICS,
+                pipeline.bind_point(),
                 pipeline.layout().handle(),
                 0,
                 &[set.handle()],
@@ -166,6 +166,13 @@ impl<'a> Recorder<'a> {
         }
     }
 
+    /// Runs the compute shader bound, in so many workgroups across and down; outside of a render pass.
+    pub(crate) fn dispatch(&self, groups: [u32; 2]) {
+        // SAFETY: the module's rule; a compute pipeline and its buffers are bound, and the groups are far
+        // fewer than the 65,535 a side that every device takes.
+        unsafe { self.device.cmd_dispatch(self.commands, groups[0], groups[1], 1) };
+    }
+
     /// Resets queries; outside of a render pass.
     pub(crate) fn reset_queries(&self, pool: vk::QueryPool, count: u32) {
         // SAFETY: the module's rule; the pool has at least `count` queries, none of them in use.
@@ -183,9 +190,18 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Copies a whole image into a host-visible buffer that holds it tightly packed, top row first, and makes
-    /// it visible to the host.
+    /// Copies a whole image into a host-visible buffer as [`copy_image`](Self::copy_image) does, and makes it
+    /// visible to the host.
     pub(crate) fn copy_to_host(&self, image: &mut Image, size: Viewport, buffer: &Buffer) {
+        self.copy_image(image, size, buffer);
+        self.barrier(
+            (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE),
+            (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ),
+        );
+    }
+
+    /// Copies a whole image to the start of a buffer, tightly packed, top row first.
+    pub(crate) fn copy_image(&self, image: &mut Image, size: Viewport, buffer: &Buffer) {
         self.hand_over(image, ImageUse::CopySource, false);
         let region = vk::BufferImageCopy::default()
             .image_subresource(vk::ImageSubresourceLayers {
@@ -195,7 +211,7 @@ impl<'a> Recorder<'a> {
                 layer_count: 1,
             })
             .image_extent(vk::Extent3D { width: size.width(), height: size.height(), depth: 1 });
-        // SAFETY: the module's rule; the image is in the layout named and the buffer as large as its texels.
+        // SAFETY: the module's rule; the image is in the layout named and the buffer holds all its texels.
         unsafe {
             self.device.cmd_copy_image_to_buffer(
                 self.commands,
@@ -205,10 +221,6 @@ impl<'a> Recorder<'a> {
                 &[region],
             );
         }
-        self.barrier(
-            (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE),
-            (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ),
-        );
     }
 
     /// Sets a buffer to zero, before shaders count in it.

@@ -330,6 +330,10 @@ mod tests {
         assert!(hung(&occlusion_test.test(&view_8, &[shape], &mut answers).unwrap_err()));
         let mut occlusion_test = pass.raster_test().unwrap();
         assert!(hung(&occlusion_test.test(&view_8, &[shape], &mut answers).unwrap_err()));
+        if !common::lacks_float64(&gpu) {
+            let mut occlusion_test = pass.hzb_test().unwrap();
+            assert!(hung(&occlusion_test.test(&view_8, &[shape], &mut answers).unwrap_err()));
+        }
         let mut other = OccluderPass::new(&scene, view(8, 8, DVec3::ZERO).viewport()).unwrap();
         assert!(hung(&draw(&mut other).unwrap_err()));
         // What the device still uses is neither waited for nor destroyed, of which the validation layer would
@@ -353,6 +357,19 @@ mod tests {
         jam.clear();
         let mut other = OccluderPass::new(&scene, view(8, 8, DVec3::ZERO).viewport()).unwrap();
         assert_eq!(draw(&mut other).unwrap(), [NEAR / 2.0; 64]);
+        if common::lacks_float64(&gpu) {
+            return;
+        }
+        // A device that stops while it tests boxes.
+        other.cancel_when(|| true);
+        let jam = Jam::new(&gpu);
+        let shape = TestBox { centre: Vec3::new(0.0, 0.0, -4.0), axes: [Vec3::X, Vec3::Y, Vec3::Z] };
+        let answers = &mut Vec::new();
+        let error = other.hzb_test().unwrap().test(&view(8, 8, DVec3::ZERO), &[shape], answers).unwrap_err();
+        let testing = "testing boxes against the depth pyramid";
+        assert!(matches!(error, GpuError::Cancelled { operation } if operation == testing), "{error}");
+        drop(other);
+        jam.clear();
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Mat3, Vec3};
 use trimaran_cull::{View, Viewport};
-use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene};
+use trimaran_gpu::{Gpu, GpuError, GpuOptions, GpuScene, Optional};
 use trimaran_proto::{Camera, DrawableId, FrameNumber};
 use trimaran_scene::{FlatObject, Rgba8, Scene, SceneArrays};
 
@@ -33,6 +33,15 @@ impl CheckedGpu {
 
 fn gpu_is_required() -> bool {
     std::env::var_os("TRIMARAN_REQUIRE_GPU").is_some_and(|value| value == "1")
+}
+
+/// Whether a test that keeps the depth pyramid on the device is to be skipped.
+pub(crate) fn lacks_float64(gpu: &Gpu) -> bool {
+    let lacks = gpu.info().lacks.contains(&Optional::Float64);
+    if lacks {
+        println!("skipped: the device has no f64 in shaders");
+    }
+    lacks
 }
 
 impl Deref for CheckedGpu {

@@ -5,6 +5,7 @@
 
 mod common;
 mod device;
+mod hzb;
 mod occlusion_tests;
 mod passes;
 mod walks;

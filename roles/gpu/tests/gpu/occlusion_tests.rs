@@ -11,12 +11,12 @@ use trimaran_scene::{FlatObject, Scene, random::Random};
 use crate::common::{CheckedGpu, ids, scene, triangles, upload, view, wall};
 
 /// A box along the view's axes.
-fn upright(centre: Vec3, half: Vec3) -> TestBox {
+pub(crate) fn upright(centre: Vec3, half: Vec3) -> TestBox {
     TestBox { centre, axes: [Vec3::X * half.x, Vec3::Y * half.y, Vec3::Z * half.z] }
 }
 
 /// A box in front of the eye in any pose, of about `size` metres.
-fn random_box(random: &mut Random, size: f64) -> TestBox {
+pub(crate) fn random_box(random: &mut Random, size: f64) -> TestBox {
     let centre = random.point(DVec3::new(-6.0, -6.0, -12.0), DVec3::new(6.0, 6.0, -2.5));
     let rotation = random.rotation();
     let half = random.point(DVec3::splat(0.05 * size), DVec3::splat(size));
@@ -30,7 +30,7 @@ fn random_box(random: &mut Random, size: f64) -> TestBox {
 }
 
 /// Walls at odd places, upright and slanted, that hide about half of what is behind them.
-fn walls() -> Vec<FlatObject> {
+pub(crate) fn walls() -> Vec<FlatObject> {
     let slanted = triangles(&[[-5.0, -5.0, -4.0], [5.0, -5.0, -9.0], [0.0, 6.0, -7.0]]);
     vec![
         wall(Vec3::new(-2.13, 1.77, -5.31), 2.21, 1.43),

@@ -12,13 +12,15 @@ use trimaran_cull::{
 use trimaran_gpu::{GpuScene, ItemImage, ItemPass, OccluderPass};
 use trimaran_proto::DrawableId;
 
-use crate::common::CheckedGpu;
+use crate::common::{CheckedGpu, lacks_float64};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum TestKind {
     Query,
     Raster,
     Pyramid,
+    /// The pyramid on the device, where it can be.
+    DevicePyramid,
 }
 
 /// The three roles on one device.
@@ -90,6 +92,9 @@ impl<'g> Walk<'g> {
                 pyramid.rebuild(image);
                 culler.cull(view, *rule, &mut HzbTest::new(image, pyramid).unwrap(), sink).unwrap();
             }
+            TestKind::DevicePyramid => {
+                culler.cull(view, *rule, &mut occluder_pass.hzb_test().unwrap(), sink).unwrap();
+            }
         }
         emitted
     }
@@ -142,6 +147,32 @@ fn culling_by_the_depth_pyramid_is_exact_on_the_hard_cases() {
     let Some(gpu) = CheckedGpu::open() else { return };
     for case in hard_cases().unwrap() {
         assert_exact(&gpu, &case, TestKind::Pyramid);
+    }
+}
+
+/// Every frame of a walk has the same ids with both pyramids, in the same order.
+#[test]
+fn culling_by_the_depth_pyramid_gives_the_same_ids_on_host_and_device() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    if lacks_float64(&gpu) {
+        return;
+    }
+    let mut cases = hard_cases().unwrap();
+    cases.push(plant_case(DVec3::ZERO));
+    for case in cases {
+        for epsilon in [0.5, 4.0] {
+            let rule = LodRule::new(epsilon).unwrap();
+            let [mut host, mut device] = [TestKind::Pyramid, TestKind::DevicePyramid]
+                .map(|occlusion_test| Walk::new(&gpu, &case, rule, occlusion_test));
+            for view in &case.views {
+                let [on_host, on_device] = [&mut host, &mut device].map(|walk| {
+                    let ids = walk.cull(view);
+                    walk.last = Some(ids.clone());
+                    ids
+                });
+                assert_eq!(on_host, on_device, "{}, epsilon {epsilon}, {}", case.name, view.camera().frame());
+            }
+        }
     }
 }
 

@@ -1,0 +1,235 @@
+//! Testing boxes on the device against its pyramid of farthest depths.
+
+use std::sync::Arc;
+
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use trimaran_cull::{
+    OcclusionTest, OnScreen, Outline, ScreenMargins, ScreenRecord, ScreenRecords, TestBox, View, Viewport,
+};
+
+use crate::boxes;
+use crate::memory::HostBuffer;
+use crate::pass::{OverDepth, ScenePass};
+use crate::pipeline::{BindingSet, Layout, Pipeline, shader};
+use crate::pyramid::{Halving, Pyramid};
+use crate::{Gpu, GpuError, OccluderPass, Optional};
+
+/// Tests boxes by compute shaders against a depth pyramid that never leaves the device, with the answers of
+/// [`HzbTest`](trimaran_cull::HzbTest).
+///
+/// Vulkan does not promise that f64 rounds as IEEE 754 says, though devices do. On one that does not, an
+/// answer might be another than the host's, and no visible box hidden: the margins are far larger.
+pub struct DeviceHzbTest<'a> {
+    pass: &'a mut ScenePass,
+    boxes: &'a mut HzbBoxes,
+}
+
+const OPERATION: &str = "testing boxes against the depth pyramid";
+
+/// What the test needs, kept from frame to frame.
+pub(crate) struct HzbBoxes {
+    halving: Halving,
+    layout: Arc<Layout>,
+    pipeline: Pipeline,
+    /// Binds the pyramid, so it goes before it.
+    room: Option<Room>,
+    pyramid: Option<Pyramid>,
+    /// The pyramid is of what was drawn last.
+    pyramid_is_current: bool,
+    records: Vec<ScreenRecord>,
+    owners: Vec<u32>,
+}
+
+/// Room on the device for a batch of so many boxes.
+struct Room {
+    set: BindingSet,
+    records: HostBuffer<ScreenRecord>,
+    answers: HostBuffer<u32>,
+}
+
+/// `Test` of hzb.wgsl.
+#[derive(Clone, Copy, bytemuck::NoUninit)]
+#[repr(C)]
+struct Constants {
+    margins: ScreenMargins,
+    width: u32,
+    boxes: u32,
+    starts: [u32; MAX_LEVELS],
+}
+
+/// Levels over the largest picture, 65,536 pixels wide, and one to fill the structure.
+const MAX_LEVELS: usize = 18;
+
+/// Boxes a workgroup tests.
+const GROUP: u32 = 64;
+
+impl<'a> DeviceHzbTest<'a> {
+    pub(crate) fn new(occluders: &'a mut OccluderPass) -> Result<Self, GpuError> {
+        let OccluderPass { pass, hzb, .. } = occluders;
+        let boxes = match hzb.take() {
+            Some(boxes) => boxes,
+            None => HzbBoxes::new(pass.gpu())?,
+        };
+        Ok(Self { pass, boxes: hzb.insert(boxes) })
+    }
+}
+
+impl OcclusionTest for DeviceHzbTest<'_> {
+    type Error = GpuError;
+
+    fn test(&mut self, view: &View, boxes: &[TestBox], visible: &mut Vec<u32>) -> Result<(), GpuError> {
+        let Self { pass, boxes: own } = self;
+        let size = pass.size();
+        if view.viewport() != size {
+            return Err(GpuError::OtherSize { view: view.viewport(), depth: size });
+        }
+        let ready = ScreenRecords::new(view, Outline::OnScreen);
+        own.prepare(&ready, boxes, visible);
+        own.fit(pass.gpu(), size)?;
+        let HzbBoxes { halving, layout, pipeline, room, pyramid, pyramid_is_current, records, owners } = own;
+        let Some(pyramid) = pyramid else { return Ok(()) };
+        let mut starts = [0; MAX_LEVELS];
+        starts.iter_mut().zip(pyramid.starts()).for_each(|(slot, start)| *slot = start);
+        let answered = (vk::PipelineStageFlags2::COMPUTE_SHADER, vk::AccessFlags2::SHADER_STORAGE_WRITE);
+        let host = (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ);
+        for (records, owners) in boxes::batches(records, owners) {
+            let room = Room::fit(room, pass.gpu(), layout, pyramid, records.len())?;
+            let OverDepth { stream, depth, .. } = pass.over_depth()?;
+            room.records.elements_mut()[..records.len()].copy_from_slice(records);
+            let count = records.len() as u32;
+            let constants = Constants { margins: ready.margins(), width: size.width(), boxes: count, starts };
+            stream.submit(OPERATION, |commands| {
+                if !*pyramid_is_current {
+                    pyramid.build(commands, halving, depth);
+                }
+                commands.bind(pipeline, &constants);
+                commands.bind_set(pipeline, &room.set);
+                commands.dispatch([count.div_ceil(GROUP), 1]);
+                commands.barrier(answered, host);
+            })?;
+            stream.wait(OPERATION)?;
+            *pyramid_is_current = true;
+            boxes::hand_out(room.answers.elements(), owners, visible);
+        }
+        Ok(())
+    }
+
+    fn outline(&self) -> Outline {
+        Outline::OnScreen
+    }
+}
+
+impl HzbBoxes {
+    fn new(gpu: &Arc<Gpu>) -> Result<Self, GpuError> {
+        if gpu.info().lacks.contains(&Optional::Float64) {
+            let device = gpu.info().name.clone();
+            return Err(GpuError::Unsuitable { device, missing: Optional::Float64.name().to_owned() });
+        }
+        let layout = Layout::new::<Constants>(gpu, 3)?;
+        let pipeline = Pipeline::compute(&layout, shader!("cs_test_boxes"))?;
+        Ok(Self {
+            halving: Halving::new(gpu)?,
+            layout,
+            pipeline,
+            room: None,
+            pyramid: None,
+            pyramid_is_current: false,
+            records: vec![],
+            owners: vec![],
+        })
+    }
+
+    /// The pyramid is to be built anew.
+    pub(crate) const fn depth_changes(&mut self) {
+        self.pyramid_is_current = false;
+    }
+
+    /// Readies a batch: a record for each box that the depth decides on, with its index.
+    fn prepare(&mut self, ready: &ScreenRecords, boxes: &[TestBox], visible: &mut Vec<u32>) {
+        visible.clear();
+        self.records.clear();
+        self.owners.clear();
+        for (index, test_box) in (0..).zip(boxes) {
+            let found = ready.find(test_box);
+            visible.push(u32::from(matches!(found, OnScreen::Shows)));
+            if let OnScreen::Test(record) = found {
+                self.records.push(record);
+                self.owners.push(index);
+            }
+        }
+    }
+
+    /// Makes a pyramid of this size, if the one there is has another. The device is done with that one.
+    fn fit(&mut self, gpu: &Arc<Gpu>, size: Viewport) -> Result<(), GpuError> {
+        if self.pyramid.as_ref().is_none_or(|pyramid| pyramid.size() != size) {
+            (self.room, self.pyramid, self.pyramid_is_current) = (None, None, false);
+            self.pyramid = Some(Pyramid::new(gpu, &self.halving, size)?);
+        }
+        Ok(())
+    }
+}
+
+impl Room {
+    /// The room there is if it is large enough, else a larger one.
+    fn fit<'r>(
+        room: &'r mut Option<Self>,
+        gpu: &Arc<Gpu>,
+        layout: &Arc<Layout>,
+        pyramid: &Pyramid,
+        count: usize,
+    ) -> Result<&'r mut Self, GpuError> {
+        let kept = match room.take().filter(|room| room.records.len() >= count) {
+            Some(room) => room,
+            None => Self::new(gpu, layout, pyramid, boxes::room_for(count))?,
+        };
+        Ok(room.insert(kept))
+    }
+
+    fn new(gpu: &Arc<Gpu>, layout: &Arc<Layout>, pyramid: &Pyramid, boxes: usize) -> Result<Self, GpuError> {
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
+        let records = HostBuffer::new(gpu, "boxes to test", usage, MemoryLocation::CpuToGpu, boxes)?;
+        let answers = HostBuffer::new(gpu, "answers for boxes", usage, MemoryLocation::GpuToCpu, boxes)?;
+        let set = BindingSet::new(layout, &[pyramid.texels(), records.buffer(), answers.buffer()])?;
+        Ok(Self { set, records, answers })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::shader;
+
+    /// Words of a module after its header, an instruction each.
+    fn instructions(words: &[u32]) -> impl Iterator<Item = &[u32]> {
+        let mut rest = &words[5..];
+        std::iter::from_fn(move || {
+            let (first, later) = rest.split_at_checked((rest.first()? >> 16) as usize)?;
+            rest = later;
+            Some(first)
+        })
+    }
+
+    /// Drivers for the CPU do not contract, so that only the module shows it.
+    #[test]
+    fn no_sum_or_product_of_the_test_may_be_contracted() {
+        let words: Vec<u32> = shader!("cs_test_boxes")
+            .spirv
+            .as_chunks::<4>()
+            .0
+            .iter()
+            .map(|word| u32::from_le_bytes(*word))
+            .collect();
+        let (mut arithmetic, mut decorated) = (BTreeSet::new(), BTreeSet::new());
+        for instruction in instructions(&words) {
+            match (instruction[0] & 0xffff, instruction) {
+                (129 | 131 | 133, [_, _, result, ..]) => _ = arithmetic.insert(*result),
+                (71, [_, target, 42]) => _ = decorated.insert(*target),
+                _ => {}
+            }
+        }
+        assert!(arithmetic.len() > 15, "{} sums and products", arithmetic.len());
+        assert_eq!(arithmetic, decorated);
+    }
+}

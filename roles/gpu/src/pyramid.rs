@@ -1,0 +1,200 @@
+//! A pyramid of farthest depths on the device: the levels of `trimaran_cull::DepthPyramid`, bit by bit.
+
+use std::sync::Arc;
+
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use trimaran_cull::Viewport;
+
+use crate::memory::{Buffer, Image};
+use crate::pipeline::{BindingSet, Layout, Pipeline, shader};
+use crate::recorder::Recorder;
+use crate::{Gpu, GpuError};
+
+/// Makes a pyramid's levels, each from the finer one.
+pub(crate) struct Halving {
+    layout: Arc<Layout>,
+    pipeline: Pipeline,
+}
+
+/// `Finer` of pyramid.wgsl.
+#[derive(Clone, Copy, bytemuck::NoUninit)]
+#[repr(C)]
+struct Finer {
+    start: u32,
+    next_start: u32,
+    width: u32,
+    height: u32,
+}
+
+/// Texels a workgroup makes, across and down.
+const GROUP: u32 = 8;
+
+impl Halving {
+    pub(crate) fn new(gpu: &Arc<Gpu>) -> Result<Self, GpuError> {
+        let layout = Layout::new::<Finer>(gpu, 1)?;
+        let pipeline = Pipeline::compute(&layout, shader!("cs_halve"))?;
+        Ok(Self { layout, pipeline })
+    }
+}
+
+/// All levels in one buffer, one after the other, the depth itself first.
+pub(crate) struct Pyramid {
+    set: BindingSet,
+    texels: Buffer,
+    size: Viewport,
+    levels: Vec<Level>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Level {
+    start: u32,
+    width: u32,
+    height: u32,
+}
+
+impl Pyramid {
+    /// Room for a pyramid over a depth of `size`.
+    pub(crate) fn new(gpu: &Arc<Gpu>, halving: &Halving, size: Viewport) -> Result<Self, GpuError> {
+        let levels = levels(size);
+        let texels: u64 = levels.iter().map(|level| u64::from(level.width) * u64::from(level.height)).sum();
+        let bytes = texels * size_of::<f32>() as u64;
+        let range = gpu.limits().max_storage_range;
+        if bytes > range {
+            let (width, height) = (size.width(), size.height());
+            // A pyramid has a third more texels than its picture, of 4 bytes each.
+            return Err(GpuError::ViewportTooLarge { width, height, limit: (range / 6).isqrt() as u32 });
+        }
+        use vk::BufferUsageFlags as Usage;
+        let usage = Usage::STORAGE_BUFFER | Usage::TRANSFER_DST | Usage::TRANSFER_SRC;
+        let texels = Buffer::new(gpu, "a depth pyramid", usage, MemoryLocation::GpuOnly, bytes)?;
+        Ok(Self { set: BindingSet::new(&halving.layout, &[&texels])?, texels, size, levels })
+    }
+
+    pub(crate) const fn size(&self) -> Viewport {
+        self.size
+    }
+
+    pub(crate) const fn texels(&self) -> &Buffer {
+        &self.texels
+    }
+
+    /// Where each level begins, in texels.
+    pub(crate) fn starts(&self) -> impl Iterator<Item = u32> {
+        self.levels.iter().map(|level| level.start)
+    }
+
+    /// Builds all levels over `depth`, for shaders to read.
+    pub(crate) fn build(&self, commands: &Recorder<'_>, halving: &Halving, depth: &mut Image) {
+        let copied = (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE);
+        let made = (vk::PipelineStageFlags2::COMPUTE_SHADER, vk::AccessFlags2::SHADER_STORAGE_WRITE);
+        let read = (
+            vk::PipelineStageFlags2::COMPUTE_SHADER,
+            vk::AccessFlags2::SHADER_STORAGE_READ | vk::AccessFlags2::SHADER_STORAGE_WRITE,
+        );
+        commands.copy_image(depth, self.size, &self.texels);
+        commands.barrier(copied, read);
+        for pair in self.levels.windows(2) {
+            let [finer, next] = pair else { break };
+            let Level { start, width, height } = *finer;
+            commands.bind(&halving.pipeline, &Finer { start, next_start: next.start, width, height });
+            commands.bind_set(&halving.pipeline, &self.set);
+            commands.dispatch([next.width, next.height].map(|side| side.div_ceil(GROUP)));
+            commands.barrier(made, read);
+        }
+    }
+}
+
+/// The levels over a picture, down to a single texel; each is half the size of the one before it, rounded up.
+fn levels(size: Viewport) -> Vec<Level> {
+    let first = Level { start: 0, width: size.width(), height: size.height() };
+    std::iter::successors(Some(first), |&Level { start, width, height }| {
+        (width > 1 || height > 1).then(|| Level {
+            start: start + width * height,
+            width: width.div_ceil(2),
+            height: height.div_ceil(2),
+        })
+    })
+    .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use glam::DVec3;
+    use trimaran_cull::{DepthImage, DepthPyramid};
+    use trimaran_scene::{FlatObject, random::Random};
+
+    use super::*;
+    use crate::OccluderPass;
+    use crate::common::{CheckedGpu, ids, triangles, upload, view};
+    use crate::memory::HostBuffer;
+    use crate::pass::OverDepth;
+
+    /// Slanted triangles of some pixels each, some layers of them over most of the picture.
+    fn crowd(size: Viewport, random: &mut Random) -> FlatObject {
+        let count = (size.width() * size.height()).clamp(12, 60_000);
+        let px = 2.0 / f64::from(size.height());
+        let spread = (6.0 * f64::from(size.width()) * f64::from(size.height()) / f64::from(count)).sqrt();
+        let corners: Vec<_> = (0..count)
+            .flat_map(|_| {
+                let aspect = f64::from(size.aspect());
+                let middle = [random.between(-aspect, aspect), random.between(-1.0, 1.0)];
+                let depth = random.between(-2.0, 6.0).exp2();
+                [(); 3].map(|()| {
+                    let [x, y] = middle.map(|at| at + spread * px * random.between(-1.0, 1.0));
+                    let depth = depth * random.between(1.0, 1.3);
+                    [x * depth, y * depth, -depth].map(|at| at as f32)
+                })
+            })
+            .collect();
+        triangles(&corners)
+    }
+
+    /// All levels over what the pass has drawn, built on the device.
+    fn levels_on_device(pass: &mut OccluderPass) -> Vec<f32> {
+        let pass = &mut pass.pass;
+        let gpu = Arc::clone(pass.gpu());
+        let halving = Halving::new(&gpu).unwrap();
+        let pyramid = Pyramid::new(&gpu, &halving, pass.size()).unwrap();
+        let bytes = pyramid.texels.own_bytes();
+        let (usage, count) = (vk::BufferUsageFlags::TRANSFER_DST, bytes as usize / size_of::<f32>());
+        let read = HostBuffer::new(&gpu, "levels", usage, MemoryLocation::GpuToCpu, count).unwrap();
+        let OverDepth { stream, depth, .. } = pass.over_depth().unwrap();
+        let made = (vk::PipelineStageFlags2::COMPUTE_SHADER, vk::AccessFlags2::SHADER_STORAGE_WRITE);
+        let copied = (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_WRITE);
+        let record = |commands: &Recorder<'_>| {
+            pyramid.build(commands, &halving, depth);
+            // A picture of one pixel is its own pyramid: nothing is made of it.
+            commands.barrier(copied, (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_READ));
+            commands.barrier(made, (vk::PipelineStageFlags2::COPY, vk::AccessFlags2::TRANSFER_READ));
+            commands.copy(&pyramid.texels, read.buffer(), 0, bytes);
+            commands.barrier(copied, (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ));
+        };
+        stream.submit("building levels", record).unwrap();
+        stream.wait("building levels").unwrap();
+        read.elements().to_vec()
+    }
+
+    #[test]
+    fn every_texel_is_the_hosts() {
+        let Some(gpu) = CheckedGpu::open() else { return };
+        let mut random = Random::new(5);
+        for (width, height) in [(1, 1), (1, 9), (9, 1), (333, 77), (1023, 3), (1024, 1024)] {
+            let view = view(width, height, DVec3::ZERO);
+            let size = view.viewport();
+            let scene = upload(&gpu, &[crowd(size, &mut random)]);
+            let mut pass = OccluderPass::new(&scene, size).unwrap();
+            pass.begin(&view).unwrap();
+            pass.draw(&ids(1)).unwrap();
+            let mut expected = pass.read_depth().unwrap().depth().to_vec();
+            let distinct: BTreeSet<u32> = expected.iter().map(|depth| depth.to_bits()).collect();
+            assert!(distinct.len() * 3 > expected.len(), "{} depths at {width} x {height}", distinct.len());
+            let mut pyramid = DepthPyramid::new();
+            pyramid.rebuild(DepthImage::new(size, &expected).unwrap());
+            (1..=pyramid.last_level()).for_each(|level| expected.extend(pyramid.farthest(level).unwrap()));
+            assert!(levels_on_device(&mut pass) == expected, "{width} x {height}");
+        }
+    }
+}
