@@ -111,7 +111,6 @@ fn ended(
         (None, None) if stop.requested() && (missing || due.is_none()) => {
             (HowEnded::Interrupted, "it was asked to stop".to_owned())
         }
-        (None, None) if missing => (HowEnded::PeerLost, "a culler said that the session was over".to_owned()),
         (None, None) => return Ended::finished(due),
     };
     Ended { how, why: Some(why), frames_due: due }

@@ -22,8 +22,6 @@ pub enum HowEnded {
     Finished,
     /// Somebody asked it to stop.
     Interrupted,
-    /// A peer was lost, and did not come again in time.
-    PeerLost,
     /// A device failed.
     DeviceFailed,
     /// What was shown could not be recorded any more, as on a full disk.

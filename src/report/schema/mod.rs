@@ -32,7 +32,7 @@ pub use sweep::SweepPoint;
 
 /// The version of the schema that this program writes. Keys may be added without a new version; a key that
 /// changes its meaning or goes away brings one.
-pub const SCHEMA_VERSION: u32 = 5;
+pub const SCHEMA_VERSION: u32 = 6;
 
 /// A whole report: `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

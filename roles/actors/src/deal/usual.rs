@@ -44,7 +44,7 @@ mod tests {
         let mut usual = Usual::default();
         let ms = Duration::from_millis;
         assert_eq!(usual.late(ms(5)), ms(2000), "nothing is usual yet");
-        [30, 10, 500].map(|took| usual.note(ms(took)));
+        [30, 10, 500].into_iter().for_each(|took| usual.note(ms(took)));
         assert_eq!(usual.late(ms(5)), ms(90));
         assert_eq!(usual.late(ms(100)), ms(100));
         (0..31).for_each(|_| usual.note(ms(7)));

@@ -167,7 +167,7 @@ struct Session<'r, W, A> {
 
 enum Event {
     Heard(CullerId, Heard),
-    Arrived(Result<Arrival, JoinError>),
+    Arrived(Box<Result<Arrival, JoinError>>),
     /// Something may be due by the clock.
     Tick,
 }
@@ -222,7 +222,7 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         tokio::select! {
             biased;
             (id, heard) = first_of(cullers, clock) => Event::Heard(id, heard),
-            arrival = peers.next() => Event::Arrived(arrival),
+            arrival = peers.next() => Event::Arrived(Box::new(arrival)),
             () = tick => Event::Tick,
         }
     }
@@ -232,7 +232,13 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         let now = self.role.net.now();
         let refresh = (self.role.pace == Pace::Live).then(|| now.after(REFRESH));
         let late = self.dealer.late().map(|(_, at)| at);
-        refresh.into_iter().chain(late).min().unwrap_or_else(|| now.after(Duration::from_secs(3600)))
+        let meeting = self.introduction.as_ref().and_then(Introduction::late);
+        refresh
+            .into_iter()
+            .chain(late)
+            .chain(meeting)
+            .min()
+            .unwrap_or_else(|| now.after(Duration::from_secs(3600)))
     }
 
     async fn take(&mut self, event: Event) {
@@ -254,12 +260,13 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
                 self.lose(from, error).await;
                 return;
             }
-            Event::Arrived(Ok(arrival)) => {
-                self.welcome(arrival, now).await;
-                return;
-            }
-            Event::Arrived(Err(error)) => {
-                tracing::error!(error = &error as &dyn std::error::Error, "goes on without a culler");
+            Event::Arrived(arrival) => {
+                match *arrival {
+                    Ok(arrival) => self.welcome(arrival, now).await,
+                    Err(error) => {
+                        tracing::error!(error = &error as &dyn std::error::Error, "goes on without a culler");
+                    }
+                }
                 return;
             }
             Event::Tick => {
@@ -268,6 +275,12 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
                     self.observer.culler(CullerEvent::Late(id));
                     self.dealer.pass_over(id);
                     self.arrange().await;
+                }
+                if let Some(introduction) = &mut self.introduction
+                    && introduction.late().is_some_and(|at| at <= now)
+                {
+                    let words = introduction.overdue(&mut self.dealer);
+                    self.say(words).await;
                 }
                 return;
             }
@@ -315,16 +328,17 @@ impl<W: DisplayWork, A: CullerWork> Session<'_, W, A> {
         if let RoleMessage::Stats(stats) = said {
             self.note(stats);
         } else if let Some(introduction) = &mut self.introduction {
-            let words = introduction.hear(from, &said, &mut self.dealer);
+            let now = self.role.net.now();
+            let words = introduction.hear(from, &said, &mut self.dealer, now);
             self.say(words).await;
         }
     }
 
     /// In the schedule `switch`: sees to it that two cullers know each other.
     async fn arrange(&mut self) {
-        let begun = self.dealer.fresh() > self.role.first;
+        let (begun, now) = (self.dealer.fresh() > self.role.first, self.role.net.now());
         if let Some(introduction) = &mut self.introduction {
-            let words = introduction.arrange(&mut self.dealer, &self.cullers, begun);
+            let words = introduction.arrange(&mut self.dealer, &self.cullers, begun, now);
             self.say(words).await;
         }
     }

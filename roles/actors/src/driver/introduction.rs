@@ -1,6 +1,9 @@
 //! How a display introduces two cullers to each other, for the schedule `switch`.
 
+use std::time::Duration;
+
 use trimaran_proto::{RoleMessage, SessionKey};
+use trimaran_transport::Instant;
 
 use super::culler_link::CullerLink;
 use crate::deal::{CullerId, Dealer};
@@ -11,7 +14,14 @@ pub(super) struct Introduction {
     /// The key of the next meeting, so that cullers can tell one from another.
     next: u64,
     state: State,
+    /// Until when the two may take for what they have been asked.
+    deadline: Option<Instant>,
 }
+
+/// How long two cullers may take to meet. They try for as long themselves.
+const MEETING: Duration = Duration::from_secs(12);
+/// How long they may take to say that they are ready. Nothing is dealt meanwhile.
+const SWITCHING: Duration = Duration::from_secs(1);
 
 #[derive(Debug, Default)]
 enum State {
@@ -30,12 +40,18 @@ pub(super) type Word = (CullerId, RoleMessage);
 
 impl Introduction {
     pub(super) const fn new(session: SessionKey) -> Self {
-        Self { next: session.0, state: State::Apart }
+        Self { next: session.0, state: State::Apart, deadline: None }
     }
 
     /// Says what cullers are to be told, now that these are `available`. Nothing is dealt before the first
     /// two have met, if the session has not begun yet.
-    pub(super) fn arrange(&mut self, dealer: &mut Dealer, cullers: &[CullerLink], begun: bool) -> Vec<Word> {
+    pub(super) fn arrange(
+        &mut self,
+        dealer: &mut Dealer,
+        cullers: &[CullerLink],
+        begun: bool,
+        now: Instant,
+    ) -> Vec<Word> {
         let available: Vec<_> = dealer.available().collect();
         let two = match available[..] {
             [one, other] => Some([one, other]),
@@ -60,13 +76,20 @@ impl Introduction {
             words.push((whom, RoleMessage::Meet { key, at: None }));
             words.push((who, RoleMessage::Meet { key, at: Some(at) }));
             dealer.hold(!begun);
+            self.deadline = Some(now.after(MEETING));
             self.state = State::Meeting { key, two: [one, other], met: Vec::new() };
         }
         words
     }
 
     /// A culler has said something that may be about it.
-    pub(super) fn hear(&mut self, from: CullerId, said: &RoleMessage, dealer: &mut Dealer) -> Vec<Word> {
+    pub(super) fn hear(
+        &mut self,
+        from: CullerId,
+        said: &RoleMessage,
+        dealer: &mut Dealer,
+        now: Instant,
+    ) -> Vec<Word> {
         match (said, &mut self.state) {
             (RoleMessage::Met { key }, State::Meeting { key: due, two, met }) if key == due => {
                 met.push(from);
@@ -76,6 +99,7 @@ impl Introduction {
                 let (key, two, first) = (*key, *two, dealer.fresh());
                 // What is dealt from now on the two cull in turn.
                 dealer.hold(true);
+                self.deadline = Some(now.after(SWITCHING));
                 self.state = State::Switching { key, two, ready: Vec::new() };
                 two.map(|id| (id, RoleMessage::Switch { key, first })).into()
             }
@@ -84,24 +108,44 @@ impl Introduction {
                 if ready.len() == 2 {
                     self.state = State::Switched { key: *key, two: *two };
                     dealer.hold(false);
+                    self.deadline = None;
                 }
                 Vec::new()
             }
             (RoleMessage::Unmet { key, why }, state) if Some(*key) == state.key() => {
                 tracing::warn!(%from, %why, "the cullers go on by themselves");
-                // They are not asked again until one of them comes anew.
-                let two = state.two();
-                dealer.hold(false);
-                self.state = two.map_or(State::Apart, |two| State::Switched { key: SessionKey(0), two });
+                self.give_up(dealer);
                 Vec::new()
             }
             _ => Vec::new(),
         }
     }
 
+    /// When the two are late, if they have been asked for something.
+    pub(super) const fn late(&self) -> Option<Instant> {
+        self.deadline
+    }
+
+    /// The two are late: they go on by themselves.
+    pub(super) fn overdue(&mut self, dealer: &mut Dealer) -> Vec<Word> {
+        tracing::warn!("the cullers are late to meet, and go on by themselves");
+        let two = self.state.two();
+        self.give_up(dealer);
+        two.into_iter().flatten().map(|id| (id, RoleMessage::Part)).collect()
+    }
+
+    /// They are not asked again until one of them comes anew.
+    fn give_up(&mut self, dealer: &mut Dealer) {
+        let two = self.state.two();
+        self.state = two.map_or(State::Apart, |two| State::Switched { key: SessionKey(0), two });
+        self.deadline = None;
+        dealer.hold(false);
+    }
+
     fn part(&mut self, dealer: &mut Dealer, cullers: &[CullerLink]) -> Vec<Word> {
         let two = std::mem::take(&mut self.state).two();
         dealer.hold(false);
+        self.deadline = None;
         let left = two.into_iter().flatten().filter(|id| cullers.iter().any(|culler| culler.id == *id));
         left.map(|id| (id, RoleMessage::Part)).collect()
     }

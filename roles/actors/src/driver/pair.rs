@@ -56,11 +56,11 @@ struct Other {
     counted: Traffic,
 }
 
-/// What a culler may learn while it waits.
-enum News<T> {
-    Awaited(T),
+/// What a culler may learn while it waits for a camera.
+enum News {
+    Camera(Camera),
     Said(RoleMessage),
-    Met(Result<Link, String>),
+    Met(Box<Result<Link, String>>),
     FromOther(Result<FrameEvent, RecvError>),
 }
 
@@ -78,7 +78,8 @@ impl Pair {
             let met = async {
                 match &mut self.state {
                     State::Meeting { met, .. } => {
-                        News::Met(met.await.unwrap_or_else(|_| Err("it did not come".to_owned())))
+                        let met = met.await.unwrap_or_else(|_| Err("it did not come".to_owned()));
+                        News::Met(Box::new(met))
                     }
                     State::Met { other, .. } => News::FromOther(other.link.frames_rx.recv().await),
                     State::Single => std::future::pending().await,
@@ -93,15 +94,15 @@ impl Pair {
                 },
                 met = met => met,
                 camera = display.latest_rx.latest() => match camera {
-                    Ok(camera) => News::Awaited(camera),
+                    Ok(camera) => News::Camera(camera),
                     Err(RecvError::Silent { .. }) => continue,
                     Err(end) => return Err(link("waiting for a camera")(end)),
                 },
             };
             match news {
-                News::Awaited(camera) => return Ok(camera),
+                News::Camera(camera) => return Ok(camera),
                 News::Said(said) => self.hear(said),
-                News::Met(met) => self.met(met),
+                News::Met(met) => self.met(*met),
                 News::FromOther(event) => self.keep(event),
             }
         }
