@@ -56,7 +56,7 @@ pub struct Dealer {
     /// Whether cullers take turns: always in lockstep, and live where each draws what the other one found.
     in_turn: bool,
     cullers: BTreeMap<CullerId, Hand>,
-    /// Frames that were dealt to cullers that have left, or passed over, and are not dealt again yet.
+    /// Frames of cullers that have left or are late, which are not dealt again yet.
     orphans: BTreeSet<FrameNumber>,
     /// Frames that are there and not shown.
     whole: BTreeSet<FrameNumber>,
@@ -71,7 +71,8 @@ pub struct Dealer {
 /// What a culler has been dealt.
 #[derive(Debug)]
 struct Hand {
-    /// Cameras it got and has not begun with, in order: the last one is in its cell, or it has taken it.
+    /// Cameras it got and has not begun with, in order. In turn there is one at most; live, a newer one
+    /// replaces what waits in its one-camera cell.
     cell: VecDeque<FrameNumber>,
     begun: Option<FrameNumber>,
     /// In turn: the frame that is its next.
@@ -223,7 +224,7 @@ impl Dealer {
         self.cullers.iter().filter(move |_| live).filter_map(|(id, hand)| Some((*id, *hand.cell.back()?)))
     }
 
-    /// A culler began to send a frame. Those dealt to it before have been passed over.
+    /// A culler began to send a frame. Live, cameras that it got before have been replaced in its cell.
     ///
     /// # Errors
     /// If it was not dealt the frame, or has begun another one.
@@ -233,11 +234,8 @@ impl Dealer {
             return Err(Disorder::Unexpected("the begin of a frame"));
         }
         let place = hand.cell.iter().position(|dealt| *dealt == frame).ok_or(Disorder::NotDealt(frame))?;
-        let passed: Vec<_> = hand.cell.drain(..=place).filter(|passed| *passed != frame).collect();
+        hand.cell.drain(..=place);
         hand.begun = Some(frame);
-        if self.in_turn {
-            self.orphan(passed);
-        }
         Ok(())
     }
 
@@ -317,19 +315,16 @@ impl Dealer {
 
     /// Puts up again what was dealt to nobody that is there, and shares out the frames that are to come.
     fn share_out(&mut self) {
-        let has: BTreeSet<_> =
-            self.cullers.values().filter(|hand| !hand.late).flat_map(Hand::outstanding).collect();
+        let hands = self.cullers.values().filter(|hand| !hand.late);
+        let under_way: BTreeSet<_> =
+            hands.flat_map(Hand::outstanding).chain(self.whole.iter().copied()).collect();
         if self.in_turn {
-            self.orphan((self.next.0..self.fresh.0).map(FrameNumber).filter(|frame| !has.contains(frame)));
+            let dealt = (self.next.0..self.fresh.0).map(FrameNumber);
+            self.orphans.extend(dealt.filter(|frame| !under_way.contains(frame)));
         }
         for (place, hand) in self.cullers.values_mut().filter(|hand| !hand.late).enumerate() {
             hand.own = FrameNumber(self.fresh.0.saturating_add(place as u32));
         }
-    }
-
-    fn orphan(&mut self, frames: impl IntoIterator<Item = FrameNumber>) {
-        let (next, whole) = (self.next, &self.whole);
-        self.orphans.extend(frames.into_iter().filter(|frame| *frame >= next && !whole.contains(frame)));
     }
 }
 
