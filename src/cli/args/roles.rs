@@ -12,9 +12,9 @@ use super::links::LinkFlags;
 #[derive(Debug, Subcommand)]
 pub(crate) enum RoleCommand {
     /// A culler: draws occluders and tests boxes for the displays that come.
-    Culler(RoleArgs<<CullerConfig as Config>::Layer>),
+    Culler(Box<RoleArgs<<CullerConfig as Config>::Layer>>),
     /// The display: shows the pictures, holds the camera and deals frames to cullers.
-    Display(RoleArgs<<DisplayConfig as Config>::Layer>),
+    Display(Box<RoleArgs<<DisplayConfig as Config>::Layer>>),
 }
 
 /// What a role is told: a flag overrides its environment variable, that overrides the file, and that the

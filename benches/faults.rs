@@ -1,0 +1,304 @@
+//! How long a picture stands still when a culler is lost: real processes, real signals, a live walk.
+//!
+//! `cargo bench --bench faults -- X.scene [TRIALS] [CULLERS]`: for each fault so many trials, 50 if not given,
+//! on a display with so many cullers, 2 if not given. Every picture is held against the one without culling.
+#![allow(clippy::disallowed_methods, reason = "real programs keep real time")]
+
+use std::{
+    env,
+    error::Error,
+    net::TcpListener,
+    path::PathBuf,
+    process::{Child, Command, Stdio},
+    sync::Arc,
+    sync::atomic::{AtomicBool, Ordering},
+    thread,
+    time::Duration,
+};
+
+use tokio::runtime::Builder;
+use trimaran::{
+    report::Frame,
+    vulkan::{VulkanCuller, VulkanDisplay},
+    walkthrough::{Auditor, CameraPath, FrameRecord, Pace, PathChoice, Plan, Recorder, SceneOnDevices},
+};
+use trimaran_actors::{
+    CullerId, DisplayRole, PeerEndpoint, Peers, SceneCulling, ScenePictures, Schedule, Sought, Stop,
+    Stopwatch, Turns, max_frame,
+};
+use trimaran_cull::{LodRule, Viewport};
+use trimaran_gpu::GpuOptions;
+use trimaran_proto::{BatchSize, FrameNumber, IdCoding, Identity, OcclusionTestKind, Role, SessionKey};
+use trimaran_scene::Scene;
+use trimaran_transport::{Endpoint, Net, Options, TokioNet};
+
+type Failed = Box<dyn Error + Send + Sync>;
+
+/// Poses of the path a second.
+const HZ: f64 = 30.0;
+/// How many trials a walk has; between them the culler is brought back.
+const TRIALS_A_WALK: usize = 10;
+/// From a fault to its repair, and from there to the next fault.
+const FAULTY: Duration = Duration::from_millis(1000);
+const SOUND: Duration = Duration::from_millis(2000);
+const SIDE: u32 = 512;
+
+/// What happens to a culler.
+#[derive(Debug, Clone, Copy)]
+enum Fault {
+    /// Its process is killed, and started again later.
+    Killed,
+    /// Its process is stopped, and goes on later.
+    Stopped,
+    /// All of them are killed.
+    AllKilled,
+}
+
+/// A culler's process.
+struct Culler {
+    child: Child,
+    endpoint: Endpoint,
+    scene: PathBuf,
+}
+
+impl Culler {
+    fn start(scene: &PathBuf, endpoint: &Endpoint) -> Result<Self, Failed> {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_trimaran"));
+        command.args(["role", "culler", "--listen", &endpoint.to_string(), "--scene"]).arg(scene);
+        let child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn()?;
+        Ok(Self { child, endpoint: endpoint.clone(), scene: scene.clone() })
+    }
+
+    fn signal(&self, name: &str) -> Result<(), Failed> {
+        let kill = format!("kill -{name} {}", self.child.id());
+        if Command::new("sh").args(["-c", &kill]).status()?.success() { Ok(()) } else { Err(kill.into()) }
+    }
+
+    fn kill(&mut self) -> Result<(), Failed> {
+        self.child.kill()?;
+        self.child.wait()?;
+        Ok(())
+    }
+
+    fn again(&mut self) -> Result<(), Failed> {
+        *self = Self::start(&self.scene, &self.endpoint)?;
+        Ok(())
+    }
+}
+
+impl Drop for Culler {
+    fn drop(&mut self) {
+        let _gone = self.kill();
+    }
+}
+
+/// A walk: its frames, and when faults happened, on one clock.
+struct Walked {
+    frames: Vec<FrameRecord>,
+    faults: Vec<Duration>,
+}
+
+fn main() -> Result<(), Failed> {
+    // `cargo bench` adds a flag of its own.
+    let mut args = env::args().skip(1).filter(|arg| !arg.starts_with("--"));
+    let Some(file) = args.next() else {
+        println!("skipped: give a cooked scene: cargo bench --bench faults -- X.scene [TRIALS] [CULLERS]");
+        return Ok(());
+    };
+    let file = std::path::absolute(file)?;
+    let trials: usize = args.next().map_or(Ok(50), |text| text.parse())?;
+    let cullers: usize = args.next().map_or(Ok(2), |text| text.parse())?;
+    let scene = Arc::new(Scene::open(&file)?);
+    let devices = SceneOnDevices::open(&scene, 0, &GpuOptions::default())?;
+    let plan = plan()?;
+    println!(
+        "| fault | trials | to the next picture, ms: p50, max | longest pause after it, ms: p50, max | usual frame, ms: p50, p99 | wrong pixels, in frames | out of order |"
+    );
+    println!("|---|---|---|---|---|---|---|");
+    for fault in [Fault::Killed, Fault::Stopped, Fault::AllKilled] {
+        let (mut next, mut pauses, mut usual) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut wrong, mut audited, mut disorder) = (0, 0, 0);
+        while next.len() < trials {
+            let walked = walk(&file, &devices, &plan, cullers, fault)?;
+            for at in &walked.faults {
+                let after = |span: Duration| {
+                    let shown = walked.frames.iter().map(|frame| frame.shown).filter(|shown| shown > at);
+                    shown.take_while(|shown| *shown < *at + span).collect::<Vec<_>>()
+                };
+                let second = after(FAULTY);
+                let Some(first) = second.first() else { return Err("no picture within a second".into()) };
+                next.push(first.saturating_sub(*at));
+                let starts = std::iter::once(at).chain(&second);
+                pauses.extend(starts.zip(&second).map(|(a, b)| b.saturating_sub(*a)).max());
+            }
+            let shown = walked.frames.windows(2);
+            usual.extend(shown.map(|pair| pair[1].shown.saturating_sub(pair[0].shown)));
+            disorder += disorders(&walked.frames);
+            let (pixels, frames) = audit(&devices, &plan, &walked.frames)?;
+            (wrong, audited) = (wrong + pixels, audited + frames);
+        }
+        let [next, pauses, usual] = [next, pauses, usual].map(sorted);
+        println!(
+            "| {fault:?} | {} | {}, {} | {}, {} | {}, {} | {wrong} in {audited} | {disorder} |",
+            next.len(),
+            ms(&next, 0.5),
+            ms(&next, 1.0),
+            ms(&pauses, 0.5),
+            ms(&pauses, 1.0),
+            ms(&usual, 0.5),
+            ms(&usual, 0.99),
+        );
+    }
+    Ok(())
+}
+
+fn plan() -> Result<Plan, Failed> {
+    Ok(Plan {
+        viewport: Viewport::new(SIDE, SIDE)?,
+        lod: LodRule::new(2.0)?,
+        batch: BatchSize::default(),
+        coding: IdCoding::Changes,
+        occlusion_test: OcclusionTestKind::Hzb,
+        pace: Pace::Live { hz: HZ },
+        schedule: Schedule::Independent,
+        audit_every: 0,
+        visible: false,
+        alone: false,
+    })
+}
+
+/// Walks live while cullers fail and come back.
+fn walk(
+    file: &PathBuf,
+    devices: &SceneOnDevices,
+    plan: &Plan,
+    count: usize,
+    fault: Fault,
+) -> Result<Walked, Failed> {
+    let seconds = (FAULTY + SOUND).as_secs_f64() * (TRIALS_A_WALK as f64 + 1.0);
+    let path = CameraPath::find(
+        &PathChoice::Auto { seed: 1 },
+        &devices.scene,
+        plan.viewport,
+        Some((seconds * HZ) as u32),
+    )?;
+    let mut cullers =
+        (0..count).map(|_| Culler::start(file, &free_endpoint()?)).collect::<Result<Vec<_>, _>>()?;
+    let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
+    let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
+    let (settings, turns, key) = (plan.settings(), Turns::at_once(), SessionKey(net.random()?));
+    let mut options = Options::default();
+    options.link.max_frame = max_frame(&devices.scene);
+    let peer = |culler: &Culler| PeerEndpoint { endpoint: culler.endpoint.clone(), options: options.clone() };
+    let sought = Sought {
+        identity: Identity {
+            role: Role::Display,
+            scene: devices.scene.hash(),
+            session: Some((key, settings)),
+        },
+        role: Role::Culler,
+        endpoints: cullers.iter().map(peer).collect(),
+        listener: None,
+        most: CullerId::MOST,
+    };
+    let culler = VulkanCuller::new(&devices.display, plan.viewport, plan.occlusion_test)?;
+    let role = DisplayRole {
+        work: ScenePictures::new(
+            &devices.scene,
+            VulkanDisplay::new(&devices.display, plan.viewport)?,
+            &settings,
+        ),
+        alone: SceneCulling::new(&devices.scene, culler, &settings, &turns),
+        cullers: Peers::seek(&net, sought),
+        session: key,
+        schedule: plan.schedule,
+        pace: plan.frames(path.frames()),
+        first: FrameNumber(0),
+        patience: Duration::from_secs(60),
+        drawables: max_frame(&devices.scene),
+        net: Arc::clone(&net),
+        turns: turns.clone(),
+    };
+    let began = AtomicBool::new(false);
+    let mut advance = |_| began.store(true, Ordering::Relaxed);
+    let mut recorder = Recorder::new(0, &mut advance);
+    let (_stopper, stop) = Stop::new();
+    let faults = thread::scope(|scope| {
+        let clock = turns.clock();
+        let (cullers, began) = (&mut cullers, &began);
+        let breaking = scope.spawn(move || break_cullers(cullers, fault, clock, began));
+        runtime.block_on(role.run(&mut *path.cameras(plan.pace), &mut recorder, &stop))?;
+        breaking.join().map_err(|_| "the thread that breaks cullers panicked")?
+    })?;
+    Ok(Walked { frames: recorder.into_frames(), faults })
+}
+
+/// Breaks a culler and mends it again, so many times; says when it broke.
+fn break_cullers(
+    cullers: &mut [Culler],
+    fault: Fault,
+    clock: Stopwatch,
+    began: &AtomicBool,
+) -> Result<Vec<Duration>, Failed> {
+    while !began.load(Ordering::Relaxed) {
+        thread::sleep(Duration::from_millis(1));
+    }
+    let mut faults = Vec::new();
+    for trial in 0..TRIALS_A_WALK {
+        // At another moment within a frame each time.
+        thread::sleep(SOUND + Duration::from_micros(7919 * trial as u64));
+        let count = cullers.len().max(1);
+        let Some(culler) = cullers.get_mut(trial % count) else { break };
+        faults.push(clock.elapsed());
+        match fault {
+            Fault::Killed => culler.kill()?,
+            Fault::Stopped => culler.signal("STOP")?,
+            Fault::AllKilled => cullers.iter_mut().try_for_each(Culler::kill)?,
+        }
+        thread::sleep(FAULTY);
+        match fault {
+            Fault::Killed => cullers.get_mut(trial % count).map_or(Ok(()), Culler::again)?,
+            Fault::Stopped => cullers.get(trial % count).map_or(Ok(()), |culler| culler.signal("CONT"))?,
+            Fault::AllKilled => cullers.iter_mut().try_for_each(Culler::again)?,
+        }
+    }
+    Ok(faults)
+}
+
+/// How many frames were shown out of order, or have a pose that is older than that of the frame before.
+fn disorders(frames: &[FrameRecord]) -> usize {
+    let numbers = frames.iter().zip(0..).filter(|(frame, number)| frame.camera.frame().0 != *number).count();
+    let poses = frames.windows(2).filter(|pair| pair[1].published < pair[0].published).count();
+    numbers + poses
+}
+
+/// How many pixels differ from the pictures without culling, and in how many frames that was looked at.
+fn audit(devices: &SceneOnDevices, plan: &Plan, frames: &[FrameRecord]) -> Result<(u64, usize), Failed> {
+    let mut auditor = Auditor::new(&devices.scene, &devices.display, plan.viewport, plan.lod)?;
+    let mut machine = VulkanCuller::new(&devices.display, plan.viewport, plan.occlusion_test)?;
+    let mut wrong = 0;
+    for index in 0..frames.len() {
+        let mut frame = Frame::default();
+        let walk = frames.get(..=index).unwrap_or_default();
+        auditor.audit(&mut machine, walk, false, &mut frame, &mut Default::default())?;
+        wrong += frame.cut_mismatch_pixels.unwrap_or(0) + frame.false_culled_pixels.unwrap_or(0);
+    }
+    Ok((wrong, frames.len()))
+}
+
+fn free_endpoint() -> Result<Endpoint, Failed> {
+    let listener = TcpListener::bind("127.0.0.1:0")?;
+    Ok(format!("tcp://{}", listener.local_addr()?).parse()?)
+}
+
+fn sorted(mut times: Vec<Duration>) -> Vec<Duration> {
+    times.sort_unstable();
+    times
+}
+
+/// The time that this share of `sorted` does not exceed, milliseconds.
+fn ms(sorted: &[Duration], share: f64) -> String {
+    let place = (share * sorted.len() as f64).ceil() as usize;
+    let time = sorted.get(place.saturating_sub(1)).copied().unwrap_or_default();
+    format!("{:.0}", time.as_secs_f64() * 1e3)
+}
