@@ -13,6 +13,8 @@ mod introduction;
 mod observer;
 mod pair;
 mod published;
+mod said;
+mod session;
 
 pub(crate) use close::leave_unable;
 pub use culler::{CullerRole, CullerWork, VisibleIds};

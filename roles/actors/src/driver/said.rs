@@ -1,0 +1,109 @@
+//! What cullers say of frames, until the frames are shown; and under which numbers these are.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+
+use trimaran_proto::{FrameNumber, FrameStats};
+
+/// Of how many frames it is kept.
+const KEPT: usize = 64;
+
+/// What cullers say of frames.
+///
+/// A frame is dealt under one number and shown under another: in a live session some that were dealt are never
+/// shown.
+#[derive(Debug)]
+pub(super) struct Said {
+    /// How many frames have been shown, with those of the walk before this session.
+    count: FrameNumber,
+    /// The last frames as they were dealt and as they were shown.
+    numbers: VecDeque<(FrameNumber, FrameNumber)>,
+    /// Of frames that are not shown yet.
+    early: BTreeMap<FrameNumber, FrameStats>,
+    /// Frames that are shown, and of which nothing was said.
+    awaited: BTreeSet<FrameNumber>,
+}
+
+impl Said {
+    /// Nothing yet; the first frame that is shown has the number `first`.
+    pub(super) const fn from(first: FrameNumber) -> Self {
+        Self { count: first, numbers: VecDeque::new(), early: BTreeMap::new(), awaited: BTreeSet::new() }
+    }
+
+    /// The number under which the next frame is shown.
+    pub(super) const fn next_number(&self) -> FrameNumber {
+        self.count
+    }
+
+    /// The frame that was shown last, as it was dealt.
+    pub(super) fn last_shown(&self) -> Option<FrameNumber> {
+        self.numbers.back().map(|(dealt, _)| *dealt)
+    }
+
+    /// The frame that was dealt under this number is shown. Gives what was said of it.
+    pub(super) fn shown(&mut self, dealt: FrameNumber) -> Option<FrameStats> {
+        self.numbers.push_back((dealt, self.count));
+        if self.numbers.len() > KEPT {
+            self.numbers.pop_front();
+        }
+        self.count = FrameNumber(self.count.0.saturating_add(1));
+        // What was said of earlier ones that are not shown is of no use.
+        let later = self.early.split_off(&FrameNumber(dealt.0.saturating_add(1)));
+        let said = std::mem::replace(&mut self.early, later).remove(&dealt);
+        if said.is_none() {
+            self.awaited.insert(dealt);
+            if self.awaited.len() > KEPT {
+                self.awaited.pop_first();
+            }
+        }
+        said.and_then(|stats| self.as_shown(stats))
+    }
+
+    /// Takes what is said of a frame. Gives it if that is shown already.
+    pub(super) fn note(&mut self, stats: FrameStats) -> Option<FrameStats> {
+        if self.last_shown().is_some_and(|last| stats.frame <= last) {
+            self.awaited.remove(&stats.frame);
+            return self.as_shown(stats);
+        }
+        self.early.insert(stats.frame, stats);
+        if self.early.len() > KEPT {
+            self.early.pop_last();
+        }
+        None
+    }
+
+    /// Whether something is still to be said of a frame that is shown.
+    pub(super) fn awaits(&self) -> bool {
+        !self.awaited.is_empty()
+    }
+
+    /// The same under the numbers by which frames were shown; none if this one was not.
+    fn as_shown(&self, stats: FrameStats) -> Option<FrameStats> {
+        let number =
+            |dealt| self.numbers.iter().find(|(known, _)| *known == dealt).map(|(_, number)| *number);
+        let occluders_of = stats.occluders_of.and_then(number);
+        Some(FrameStats { frame: number(stats.frame)?, occluders_of, ..stats })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stats(frame: u32, of: u32) -> FrameStats {
+        FrameStats { frame: FrameNumber(frame), occluders_of: Some(FrameNumber(of)), ..FrameStats::default() }
+    }
+
+    #[test]
+    fn what_is_said_of_a_frame_is_told_under_the_number_it_is_shown_by() {
+        let mut said = Said::from(FrameNumber(100));
+        assert_eq!(said.note(stats(5, 3)), None, "it is not shown yet");
+        assert_eq!(said.note(stats(4, 2)), None);
+        assert_eq!(said.shown(FrameNumber(3)), None);
+        assert!(said.awaits());
+        assert_eq!(said.shown(FrameNumber(5)), Some(stats(101, 100)), "frame 4 was never shown");
+        assert_eq!(said.note(stats(4, 3)), None);
+        let told = said.note(stats(3, 1)).unwrap();
+        assert_eq!((told.frame, told.occluders_of), (FrameNumber(100), None), "frame 1 is unknown");
+        assert!(!said.awaits());
+    }
+}

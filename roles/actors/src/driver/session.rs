@@ -1,0 +1,396 @@
+//! A display's loop: deals cameras, takes what cullers send, and shows frames that are due.
+
+use std::{collections::BTreeMap, sync::Arc, time::Duration};
+
+use futures_util::FutureExt;
+use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoleMessage, SentBytes};
+use trimaran_transport::{Instant, sleep_until, until};
+
+use super::{
+    close::{leave, reason},
+    culler::{CullerWork, VisibleIds},
+    culler_link::{Culled, CullerLink, Heard, first_of},
+    display::{DisplayRole, DisplayWork},
+    error::RoleError,
+    introduction::{Introduction, Word},
+    observer::{CullerEvent, Observer, ShownFrame},
+    published::{Cameras, Published},
+    said::Said,
+};
+use crate::{
+    clock::Stopwatch,
+    deal::{CullerId, Dealer, Disorder, Pace, Schedule},
+    join::JoinError,
+    links::Link,
+    peers::Arrival,
+    stop::Stop,
+    turn::Turn,
+};
+
+/// How often the display of a live session looks for a newer pose while it waits for the cullers.
+const REFRESH: Duration = Duration::from_millis(4);
+/// How long it waits after the last frame for what cullers say of theirs.
+const LAST_WORDS: Duration = Duration::from_millis(500);
+
+/// A display with its cullers.
+pub(super) struct Session<'r, W, A> {
+    role: DisplayRole<W, A>,
+    dealer: Dealer,
+    /// For the schedule `switch`.
+    introduction: Option<Introduction>,
+    cullers: Vec<CullerLink>,
+    /// Frames that can be shown.
+    there: BTreeMap<FrameNumber, Culled>,
+    published: Published,
+    /// Live: the newest pose that was handed out.
+    newest: Option<Camera>,
+    /// What cullers say of frames.
+    said: Said,
+    /// What was drawn last.
+    last: Vec<DrawableId>,
+    clock: Stopwatch,
+    turn: &'r Turn,
+    stop: &'r Stop,
+    cameras: &'r mut dyn Cameras,
+    observer: &'r mut dyn Observer,
+}
+
+enum Event {
+    Heard(CullerId, Heard),
+    Arrived(Box<Result<Arrival, JoinError>>),
+    /// Something may be due by the clock.
+    Tick,
+}
+
+impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
+    pub(super) fn new(
+        role: DisplayRole<W, A>,
+        turn: &'r Turn,
+        stop: &'r Stop,
+        cameras: &'r mut dyn Cameras,
+        observer: &'r mut dyn Observer,
+    ) -> Self {
+        let switch = role.schedule == Schedule::Switch;
+        Self {
+            dealer: Dealer::new(role.pace, switch, role.first),
+            introduction: switch.then(|| Introduction::new(role.session)),
+            cullers: Vec::new(),
+            there: BTreeMap::new(),
+            published: Published::default(),
+            newest: None,
+            said: Said::from(role.first),
+            last: Vec::new(),
+            clock: role.turns.clock(),
+            turn,
+            stop,
+            cameras,
+            observer,
+            role,
+        }
+    }
+
+    /// The links to the cullers, for the end. Nobody is looked for any more.
+    pub(super) fn into_links(self) -> Vec<Link> {
+        self.cullers.into_iter().map(|culler| culler.link).collect()
+    }
+
+    /// Shows frames until the last one, or until it is asked to stop.
+    pub(super) async fn play(&mut self) -> Result<(), RoleError> {
+        self.gather_cullers().await;
+        while !self.is_over() {
+            if self.stop.requested() {
+                return Err(RoleError::Stopped);
+            }
+            // All that has come, before anything is done that takes long.
+            while let Some(event) = self.event(None).now_or_never() {
+                self.take(event).await;
+            }
+            self.deal();
+            if let Some(frame) = self.dealer.due() {
+                self.show(frame).await?;
+            } else if let Some(frame) = self.dealer.to_cull_itself() {
+                self.cull_itself(frame).await?;
+            } else {
+                let event = self.event(Some(self.next_look())).await;
+                self.take(event).await;
+            }
+        }
+        self.hear_last_words().await;
+        Ok(())
+    }
+
+    fn is_over(&self) -> bool {
+        self.dealer.is_done() || self.role.pace == Pace::Live && self.cameras.is_over()
+    }
+
+    /// Waits for the cullers that are expected.
+    async fn gather_cullers(&mut self) {
+        let deadline = self.role.net.now().after(self.role.patience);
+        while self.cullers.len() < self.role.cullers.expected() && self.role.net.now() < deadline {
+            let event = self.event(Some(deadline)).await;
+            self.take(event).await;
+        }
+    }
+
+    /// What happens next, until `look` at the latest. Dropping the future loses nothing.
+    async fn event(&mut self, look: Option<Instant>) -> Event {
+        let Self { role: DisplayRole { net, cullers: peers, .. }, cullers, clock, .. } = self;
+        let tick = async {
+            match look {
+                Some(look) => sleep_until(&**net, look).await,
+                None => std::future::pending().await,
+            }
+        };
+        tokio::select! {
+            biased;
+            (id, heard) = first_of(cullers, clock) => Event::Heard(id, heard),
+            arrival = peers.next() => Event::Arrived(Box::new(arrival)),
+            () = tick => Event::Tick,
+        }
+    }
+
+    /// When something may be due though nobody says anything.
+    fn next_look(&self) -> Instant {
+        let now = self.role.net.now();
+        let refresh = (self.role.pace == Pace::Live).then(|| now.after(REFRESH));
+        let late = self.dealer.late().map(|(_, at)| at);
+        let meeting = self.introduction.as_ref().and_then(Introduction::late);
+        refresh
+            .into_iter()
+            .chain(late)
+            .chain(meeting)
+            .min()
+            .unwrap_or_else(|| now.after(Duration::from_secs(3600)))
+    }
+
+    async fn take(&mut self, event: Event) {
+        let now = self.role.net.now();
+        let (from, lapse) = match event {
+            Event::Heard(from, Heard::Began(camera)) => (from, self.began(from, &camera)),
+            Event::Heard(from, Heard::Whole(culled)) => {
+                let ended = self.dealer.ended(from, now);
+                if let Ok(Some(frame)) = ended {
+                    self.there.insert(frame, *culled);
+                }
+                (from, ended.map(drop))
+            }
+            Event::Heard(from, Heard::Said(said)) => {
+                self.hear(from, said).await;
+                return;
+            }
+            Event::Heard(from, Heard::Gone(error)) => {
+                self.lose(from, error).await;
+                return;
+            }
+            Event::Arrived(arrival) => {
+                match *arrival {
+                    Ok(arrival) => self.welcome(arrival, now).await,
+                    Err(error) => {
+                        tracing::error!(error = &error as &dyn std::error::Error, "goes on without a culler");
+                    }
+                }
+                return;
+            }
+            Event::Tick => {
+                if let Some((id, _)) = self.dealer.late().filter(|(_, at)| *at <= now) {
+                    tracing::warn!(%id, "it is late: others cull its frames until it answers");
+                    self.observer.culler(CullerEvent::Late(id));
+                    self.dealer.pass_over(id);
+                    self.arrange().await;
+                }
+                if let Some(introduction) = &mut self.introduction
+                    && introduction.late().is_some_and(|at| at <= now)
+                {
+                    let words = introduction.overdue(&mut self.dealer);
+                    self.say(words).await;
+                }
+                return;
+            }
+        };
+        match lapse {
+            Ok(()) => self.arrange().await,
+            Err(cause) => self.lose(from, RoleError::Order { peer: from.to_string(), cause }).await,
+        }
+    }
+
+    fn began(&mut self, from: CullerId, camera: &Camera) -> Result<(), Disorder> {
+        let frame = camera.frame();
+        self.dealer.began(from, frame)?;
+        // What was shown meanwhile is not looked at any more.
+        if frame >= self.dealer.next() && self.published.when(camera).is_none() {
+            return Err(Disorder::ForeignCamera(frame));
+        }
+        Ok(())
+    }
+
+    async fn welcome(&mut self, arrival: Arrival, now: Instant) {
+        let Some(id) = CullerId::of(arrival.place) else { return };
+        tracing::info!(%id, address = %arrival.link.peer.address, "has come");
+        let culler = CullerLink::new(id, arrival, self.role.drawables);
+        self.observer.culler(CullerEvent::Came(id, &culler.link));
+        self.cullers.push(culler);
+        self.dealer.join(id, now);
+        self.arrange().await;
+    }
+
+    /// Lets a culler go, and looks for it again.
+    async fn lose(&mut self, id: CullerId, error: RoleError) {
+        let Some(place) = self.cullers.iter().position(|culler| culler.id == id) else { return };
+        let culler = self.cullers.swap_remove(place);
+        tracing::warn!(%id, error = &error as &dyn std::error::Error, "is gone; it is looked for again");
+        self.observer.culler(CullerEvent::Left(id, &error));
+        self.dealer.leave(id);
+        self.arrange().await;
+        // Nobody waits until it has heard.
+        let why = reason(&error);
+        self.role.net.spawn(Box::pin(leave(vec![culler.link], why)));
+    }
+
+    async fn hear(&mut self, from: CullerId, said: RoleMessage) {
+        if let RoleMessage::Stats(stats) = said {
+            if let Some(stats) = self.said.note(stats) {
+                self.observer.culled(&stats);
+            }
+        } else if let Some(introduction) = &mut self.introduction {
+            let now = self.role.net.now();
+            let words = introduction.hear(from, &said, &mut self.dealer, now);
+            self.say(words).await;
+        }
+    }
+
+    /// In the schedule `switch`: sees to it that two cullers know each other.
+    async fn arrange(&mut self) {
+        let (begun, now) = (self.dealer.fresh() > self.role.first, self.role.net.now());
+        if let Some(introduction) = &mut self.introduction {
+            let words = introduction.arrange(&mut self.dealer, &self.cullers, begun, now);
+            self.say(words).await;
+        }
+    }
+
+    async fn say(&mut self, words: Vec<Word>) {
+        for (id, word) in words {
+            if let Some(culler) = self.cullers.iter_mut().find(|culler| culler.id == id) {
+                // Who is gone is noticed where it is listened to.
+                let _unheard = culler.link.messages_tx.send(&word).await;
+            }
+        }
+    }
+
+    /// Hands out the cameras that are due.
+    fn deal(&mut self) {
+        let now = self.role.net.now();
+        for (id, frame) in self.dealer.deal(now) {
+            let camera = self.published.newest(frame).unwrap_or_else(|| self.cameras.camera(frame));
+            self.publish(id, camera);
+        }
+        if self.role.pace != Pace::Live {
+            return;
+        }
+        let newer: Vec<_> = self.dealer.refreshable().collect();
+        for (id, frame) in newer {
+            let camera = self.cameras.camera(frame);
+            if self.published.newest(frame) != Some(camera) {
+                self.publish(id, camera);
+            }
+        }
+        loop {
+            let pose = self.cameras.camera(self.dealer.fresh());
+            let news = self.newest.is_none_or(|newest| newest.for_frame(pose.frame()) != pose);
+            let Some(id) = self.dealer.wants_camera(news) else { return };
+            let frame = self.dealer.hand_out(id, now);
+            self.newest = Some(pose);
+            self.publish(id, pose.for_frame(frame));
+        }
+    }
+
+    fn publish(&mut self, id: CullerId, camera: Camera) {
+        self.published.note(camera, self.clock.elapsed());
+        if let Some(culler) = self.cullers.iter_mut().find(|culler| culler.id == id) {
+            // Who is gone is noticed where it is listened to.
+            let _unheard = culler.link.latest_tx.publish(camera);
+        }
+    }
+
+    /// Culls a frame that nobody else does.
+    async fn cull_itself(&mut self, frame: FrameNumber) -> Result<(), RoleError> {
+        let camera = self.published.newest(frame).unwrap_or_else(|| self.cameras.camera(frame));
+        self.published.note(camera, self.clock.elapsed());
+        self.turn.take().await;
+        let alone = &mut self.role.alone;
+        alone.begin_occluders(camera, false)?;
+        alone.take_occluders(&self.last)?;
+        alone.complete_occluders(camera).await?;
+        self.turn.away();
+        let begun = self.clock.elapsed();
+        let mut visible = VisibleIds::kept();
+        alone.cull(camera, &mut visible).await?;
+        let occluders_of = self.said.last_shown();
+        let stats = FrameStats { occluders_of, ..alone.frame_stats(self.turn.away()) };
+        // It is not shown yet.
+        let _later = self.said.note(stats);
+        let culled = Culled {
+            camera,
+            by: None,
+            ids: visible.into_found(),
+            missing: 0,
+            begun,
+            arrivals: Vec::new(),
+            traffic: SentBytes::default(),
+        };
+        self.there.insert(frame, culled);
+        self.dealer.culled_itself(frame);
+        Ok(())
+    }
+
+    /// RVG: draws the frame, and tells the observer.
+    async fn show(&mut self, frame: FrameNumber) -> Result<(), RoleError> {
+        let older = self.dealer.shown(frame);
+        self.there.retain(|there, _| !older.contains(there));
+        let Some(culled) = self.there.remove(&frame) else { return Ok(()) };
+        let Culled { camera, by, mut ids, missing, begun, arrivals, traffic } = culled;
+        // What it does until now is to take messages: that is no computing to wait for.
+        self.turn.take().await;
+        let drawing = self.clock.elapsed();
+        let for_loss = self.role.work.draw(camera, &mut ids, missing).await?;
+        let shown = self.clock.elapsed();
+        let published = self.published.when(&camera).unwrap_or(begun);
+        let number = self.said.next_number();
+        let picture = match self.observer.wants_picture(number) {
+            true => self.role.work.picture()?,
+            false => None,
+        };
+        let seen = ShownFrame {
+            camera: camera.for_frame(number),
+            culler: by,
+            ids: &ids,
+            for_loss: u32::try_from(for_loss).unwrap_or(u32::MAX),
+            picture,
+            published,
+            begun,
+            drawing,
+            shown,
+            traffic,
+            arrivals: &arrivals,
+        };
+        self.observer.shown(&seen).map_err(RoleError::Observer)?;
+        self.turn.give_back();
+        self.last = ids;
+        self.published.shown(frame);
+        if let Some(stats) = self.said.shown(frame) {
+            self.observer.culled(&stats);
+        }
+        Ok(())
+    }
+
+    /// After the last frame: what cullers still say of theirs.
+    async fn hear_last_words(&mut self) {
+        let deadline = self.role.net.now().after(LAST_WORDS);
+        while self.said.awaits() && !self.cullers.is_empty() {
+            let net = Arc::clone(&self.role.net);
+            match until(&*net, deadline, self.event(None)).await {
+                Some(event) => self.take(event).await,
+                None => return,
+            }
+        }
+    }
+}
