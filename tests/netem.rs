@@ -100,7 +100,7 @@ fn packets_take_the_time_that_the_links_say_and_all_are_accounted_for() {
     }
     let report = emulation.finish().unwrap();
     assert_eq!(totals(&report), [12, 0, 12, 0]);
-    let link = report.links.iter().find(|link| link.name == "first to switch").unwrap();
+    let link = report.links.iter().find(|link| link.name == "culler-1 to switch").unwrap();
     // Three with 20 + 8 bytes of headers and three with 40 + 8, in Ethernet frames of 18 more and 64 at
     // least.
     let bytes = 64 + (100 + 28 + 18) + (1400 + 28 + 18) + (48 + 18) + (100 + 48 + 18) + (1400 + 48 + 18);
@@ -186,7 +186,7 @@ fn trimaran(words: &[&str]) -> Output {
 fn flags_that_make_no_sense_are_named() {
     for (words, expected) in [
         (&["--profile", "token-ring"][..], "token-ring"),
-        (&["--profile", "wifi", "--namespaces", "only"], "1 namespaces for three machines"),
+        (&["--profile", "wifi", "--namespaces", "only"], "1 namespaces"),
         (&["--profile", "wifi", "--namespaces", "a,b,a"], "each once"),
         (&["--profile", "wifi", "--seconds", "-1"], "--seconds"),
     ] {
