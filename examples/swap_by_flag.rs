@@ -86,10 +86,8 @@ async fn show(transport: Transport) -> Result<(), Box<dyn Error>> {
         "{transport:?}: {micros} us a frame and its answer, {} bytes a frame, encrypted: {encrypted}, local: {local}",
         sent.read().sent.total_bytes() / u64::from(FRAMES)
     );
-    let (_, _) = tokio::join!(
-        culler.close(CloseCode::Finished.reason()),
-        display.close(CloseCode::Finished.reason())
-    );
+    let (_, _) =
+        tokio::join!(culler.close(CloseCode::Finished.reason()), display.close(CloseCode::Finished.reason()));
     Ok(())
 }
 

@@ -18,7 +18,8 @@ fn each(endpoints: &Option<Endpoints>) -> Vec<&Endpoint> {
 
 #[test]
 fn the_example_display_finds_cullers_where_these_listen() {
-    let (display, culler) = (example::<DisplayConfig>("display.toml"), example::<CullerConfig>("culler.toml"));
+    let (display, culler) =
+        (example::<DisplayConfig>("display.toml"), example::<CullerConfig>("culler.toml"));
     let [cullers, listens] = [each(&display.cullers), each(&culler.listen)];
     assert_eq!((cullers.len(), listens.len()), (2, 1));
     let port = |endpoint: &Endpoint| endpoint.to_string().rsplit_once(':').unwrap().1.to_owned();

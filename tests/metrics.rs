@@ -67,10 +67,8 @@ fn a_running_session_shows_what_its_links_carry() {
 
     assert!(metrics.starts_with("HTTP/1.1 200 OK") && metrics.trim_end().ends_with("# EOF"), "{metrics}");
     let frames = received(&metrics);
-    let begins = value(
-        &metrics,
-        "trimaran_link_bytes_total{peer=\"culler 1\",direction=\"received\",kind=\"begin\"}",
-    );
+    let begins =
+        value(&metrics, "trimaran_link_bytes_total{peer=\"culler 1\",direction=\"received\",kind=\"begin\"}");
     assert!(
         frames > 0 && (76 * frames..=76 * (frames + 1)).contains(&begins),
         "{frames} frames, {begins} bytes"
@@ -79,10 +77,7 @@ fn a_running_session_shows_what_its_links_carry() {
     assert_eq!(table.lines().filter(|line| line.starts_with("peer")).count(), 2, "{table}");
     assert_eq!(table.lines().filter(|line| line.trim_start().starts_with("received")).count(), 4, "{table}");
     let readings: serde_json::Value = serde_json::from_str(&lines).unwrap();
-    assert_eq!(
-        (&readings[0]["peer"], &readings[1]["peer"]),
-        (&"culler 1".into(), &"culler 2".into())
-    );
+    assert_eq!((&readings[0]["peer"], &readings[1]["peer"]), (&"culler 1".into(), &"culler 2".into()));
     assert!(readings[0]["received"]["ids"].as_u64().unwrap() > 0);
 }
 

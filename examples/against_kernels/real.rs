@@ -28,9 +28,9 @@ pub(crate) struct Played {
 /// Plays a scenario in namespaces, one for each culler and one for the display.
 pub(crate) fn play(scenario: &Scenario) -> Ended<Played> {
     let name = |role: &str| format!("trimaran-{}-{role}", std::process::id());
-    let cullers = CullerId::first(scenario.cullers);
+    let ids = CullerId::first(scenario.cullers);
     let names: Vec<_> =
-        cullers.clone().map(|id| name(&format!("culler-{}", id.index()))).chain([name("display")]).collect();
+        ids.clone().map(|id| name(&format!("culler-{}", id.index()))).chain([name("display")]).collect();
     let mut emulation = Emulation::start(&scenario.network, &names, scenario.seed)?;
     for (_, place) in emulation.machines() {
         use_cubic(place)?;
@@ -47,12 +47,12 @@ pub(crate) fn play(scenario: &Scenario) -> Ended<Played> {
     };
     let (roles, sent) = (&roles, &sent);
     let (before, after) = thread::scope(|scope| {
-        let culler = |(id, (_, place)): (CullerId, &'_ (_, Namespace))| {
-            scope.spawn(move || {
+        let mut cullers = Vec::new();
+        for (id, (_, place)) in ids.zip(places) {
+            cullers.push(scope.spawn(move || {
                 in_place(place, start, async |net, clock| Ok(roles.culler(id, net, clock).await?))
-            })
-        };
-        let cullers: Vec<_> = cullers.zip(places).map(culler).collect();
+            }));
+        }
         let show = scope.spawn(move || {
             in_place(display, start, async |net, clock| Ok(roles.display(net, clock, sent, || ()).await?))
         });

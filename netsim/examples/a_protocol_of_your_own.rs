@@ -43,8 +43,10 @@ struct Summary {
 fn summary(network: &str, seed: u64) -> Result<Summary, Box<dyn Error>> {
     let (topology, machines) = Profile::find(network)?.topology(1);
     let simulation = Simulation::new(&topology, seed);
-    let (here, there): (Arc<dyn Net>, Arc<dyn Net>) =
-        (Arc::new(simulation.net(*machines.cullers.first().ok_or("no culler")?)), Arc::new(simulation.net(machines.display)));
+    let (here, there): (Arc<dyn Net>, Arc<dyn Net>) = (
+        Arc::new(simulation.net(*machines.cullers.first().ok_or("no culler")?)),
+        Arc::new(simulation.net(machines.display)),
+    );
     let socket = there.bind_udp("0.0.0.0:9000".parse()?, UdpSocketOptions::default())?;
     there.spawn(Box::pin(async move {
         let ended = serve(&*socket).await;

@@ -4,9 +4,7 @@ use std::{sync::Arc, thread};
 
 use tokio::{runtime::Runtime, sync::mpsc};
 use trimaran::{metrics::LinkMetrics, vulkan::VulkanCuller, walkthrough::SceneFile};
-use trimaran_actors::{
-    CullerService, NewSession, RoleError, SceneCulling, Stop, Stopper, Turns, max_frame,
-};
+use trimaran_actors::{CullerService, NewSession, RoleError, SceneCulling, Stop, Stopper, Turns, max_frame};
 use trimaran_gpu::GpuScene;
 use trimaran_proto::{SessionKey, Settings};
 use trimaran_transport::causes;

@@ -74,8 +74,7 @@ fn culler((config, options): &(CullerConfig, Options), runtime: &Runtime) -> Res
     let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else {
         return Ok(());
     };
-    let peer =
-        |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
+    let peer = |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
     let at = ServiceEndpoints {
         listen: config.listen.clone(),
         displays: config.displays.iter().flat_map(Endpoints::iter).map(peer).collect(),
@@ -112,8 +111,7 @@ fn display((config, options): &(DisplayConfig, Options), runtime: &Runtime) -> R
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
     let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };
     let walk = Walk { file: &file, drawn: &drawn, plan: &plan, path: &path };
-    let peer =
-        |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
+    let peer = |endpoint: &Endpoint| PeerEndpoint { endpoint: endpoint.clone(), options: options.clone() };
     // Cullers that come by themselves learn the session from the handshake.
     let key = SessionKey(start.net.random().map_err(Failure::broken)?);
     let listening = async || match &config.listen {

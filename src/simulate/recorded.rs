@@ -92,7 +92,15 @@ impl RecordedCulling {
     pub(super) fn new(recording: &Recording, clock: &Arc<dyn Net>, batch: BatchSize) -> Self {
         let start = Instant::from_nanos(0);
         let (recording, clock) = (recording.clone(), Arc::clone(clock));
-        Self { recording, clock, batch, asked: start, frame: FrameNumber(0), as_they_come: false, drawn: start }
+        Self {
+            recording,
+            clock,
+            batch,
+            asked: start,
+            frame: FrameNumber(0),
+            as_they_come: false,
+            drawn: start,
+        }
     }
 }
 

@@ -122,11 +122,7 @@ impl Roles {
             options: self.display.clone(),
         };
         let sought = Sought {
-            identity: Identity {
-                role: Role::Display,
-                scene: SCENE,
-                session: Some((SESSION, self.settings)),
-            },
+            identity: Identity { role: Role::Display, scene: SCENE, session: Some((SESSION, self.settings)) },
             role: Role::Culler,
             endpoints: self.cullers.iter().map(peer).collect(),
             listener: None,

@@ -44,8 +44,9 @@ impl SceneOnDevices {
         // Most of a start is the drivers' loading and the copies, and no device needs another.
         let (display, cullers) = thread::scope(|scope| {
             let cullers: Vec<_> = (0..cullers).map(|_| scope.spawn(upload)).collect();
-            let finish =
-                |device: thread::ScopedJoinHandle<'_, _>| device.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            let finish = |device: thread::ScopedJoinHandle<'_, _>| {
+                device.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            };
             (upload(), cullers.into_iter().map(finish).collect::<Result<_, _>>())
         });
         Ok(Self { scene: Arc::clone(scene), cullers: cullers?, display: display? })
@@ -82,9 +83,8 @@ impl SceneOnDevices {
             ..LocalSession::new(&self.scene, plan.settings(), path.frames())
         };
         let display = VulkanDisplay::new(&self.display, plan.viewport)?;
-        let device = |culler| {
-            Ok(VulkanCuller::new(self.drawn_by(culler), plan.viewport, plan.occlusion_test)?)
-        };
+        let device =
+            |culler| Ok(VulkanCuller::new(self.drawn_by(culler), plan.viewport, plan.occlusion_test)?);
         let mut cameras = path.cameras(plan.pace);
         session.run(device, display, &mut *cameras, observer, runtime, stop)?;
         Ok(())

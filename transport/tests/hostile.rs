@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use bytes::BytesMut;
 use common::{
-    Link, Listener, connect, format, hello_bytes, introduce, last_failure, net, refusal, other_map, soon,
+    Link, Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, refusal, soon,
 };
 use tempfile::TempDir;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};

@@ -140,7 +140,9 @@ impl NewSession {
     ) -> Result<(), RoleError> {
         let Self { settings, display, meeting, seat: _seat, .. } = self;
         match work(&settings) {
-            Ok(work) => CullerRole { work, display, meeting, turns: turns.clone(), drawables }.run(stop).await,
+            Ok(work) => {
+                CullerRole { work, display, meeting, turns: turns.clone(), drawables }.run(stop).await
+            }
             Err(error) => {
                 leave_unable(display, &error).await;
                 Err(error)

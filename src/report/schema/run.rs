@@ -43,7 +43,8 @@ impl TryFrom<String> for Machine {
 
     fn try_from(name: String) -> Result<Self, String> {
         let mut all = CullerId::first(CullerId::MOST).map(Self::Culler).chain([Self::Display]);
-        all.find(|machine| machine.to_string() == name).ok_or_else(|| format!("no machine is called {name:?}"))
+        all.find(|machine| machine.to_string() == name)
+            .ok_or_else(|| format!("no machine is called {name:?}"))
     }
 }
 

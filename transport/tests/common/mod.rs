@@ -12,8 +12,8 @@ use std::time::Duration;
 use bytes::Bytes;
 use trimaran_transport::conformance::{ARM, Greeting, PANEL, Robot, greeting};
 use trimaran_transport::{
-    AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Instant, Lane, Net,
-    Options, Protocol, ProtocolName, Refusal, Rejection, SessionId, TokioNet,
+    AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Instant, Lane, Net, Options, Protocol,
+    ProtocolName, Refusal, Rejection, SessionId, TokioNet,
 };
 use trimaran_wire::{Format, Hello, Message};
 

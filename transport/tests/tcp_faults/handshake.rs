@@ -3,9 +3,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use super::common::{
-    Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, soon,
-};
+use super::common::{Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, soon};
 use super::{SESSION, bytes, hello, listener};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};

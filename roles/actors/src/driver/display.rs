@@ -10,9 +10,7 @@ use std::{
 
 use futures_util::FutureExt;
 use trimaran_cull::Image;
-use trimaran_proto::{
-    Camera, DrawableId, FrameNumber, FrameStats, RoleMessage, SentBytes, SessionKey,
-};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoleMessage, SentBytes, SessionKey};
 use trimaran_transport::{Instant, Net, sleep_until, until};
 
 use super::{

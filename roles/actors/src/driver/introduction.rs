@@ -115,14 +115,18 @@ impl State {
     const fn two(&self) -> Option<[CullerId; 2]> {
         match self {
             Self::Apart => None,
-            Self::Meeting { two, .. } | Self::Switching { two, .. } | Self::Switched { two, .. } => Some(*two),
+            Self::Meeting { two, .. } | Self::Switching { two, .. } | Self::Switched { two, .. } => {
+                Some(*two)
+            }
         }
     }
 
     const fn key(&self) -> Option<SessionKey> {
         match self {
             Self::Apart => None,
-            Self::Meeting { key, .. } | Self::Switching { key, .. } | Self::Switched { key, .. } => Some(*key),
+            Self::Meeting { key, .. } | Self::Switching { key, .. } | Self::Switched { key, .. } => {
+                Some(*key)
+            }
         }
     }
 }

@@ -31,9 +31,16 @@ pub(super) struct Pair {
 #[derive(Debug)]
 enum State {
     Single,
-    Meeting { key: SessionKey, met: Met },
+    Meeting {
+        key: SessionKey,
+        met: Met,
+    },
     /// They have a link; from `first` on, if it is there, each draws what the other one finds.
-    Met { key: SessionKey, other: Box<Other>, first: Option<FrameNumber> },
+    Met {
+        key: SessionKey,
+        other: Box<Other>,
+        first: Option<FrameNumber>,
+    },
 }
 
 #[derive(Debug)]

@@ -75,7 +75,11 @@ mod tests {
             published.note(camera(x, 4), Duration::from_millis(at));
         }
         assert_eq!(published.newest(FrameNumber(4)), Some(camera(2.0, 4)));
-        assert_eq!(published.when(&camera(1.0, 4)), Some(Duration::from_millis(20)), "the newest was too late");
+        assert_eq!(
+            published.when(&camera(1.0, 4)),
+            Some(Duration::from_millis(20)),
+            "the newest was too late"
+        );
         assert_eq!(published.when(&camera(7.0, 4)), None, "nobody handed it out");
         published.shown(FrameNumber(4));
         assert_eq!(published.newest(FrameNumber(4)), None);

@@ -102,8 +102,7 @@ fn timeline(frames: &[Frame]) -> Markup {
     let (first, last) = timeline.range();
     let (busy, machines) = (figure(timeline.busy()), timeline.machines());
     let finding = format!("{busy} of {machines} machines are busy on average around the slowest frame");
-    let caption =
-        format!("Frames {first} to {last}. Whoever drew the occluders of a frame culls it.");
+    let caption = format!("Frames {first} to {last}. Whoever drew the occluders of a frame culls it.");
     wide_card(&finding, &timeline, &caption)
 }
 
