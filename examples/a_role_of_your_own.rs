@@ -1,5 +1,5 @@
-//! A display of your own: two real cullers cull and draw occluders, and the third role, which would draw
-//! what is visible, does something else with it. This one plans what a renderer that streams its geometry
+//! A display of your own: two real cullers draw occluders and cull, and the display, which would draw what is
+//! visible, does something else with it. This one plans what a renderer that streams its geometry
 //! would have to load, frame by frame; it needs no device of its own. Any program that takes frames of
 //! visible nodes fits in the same place.
 //!
@@ -74,14 +74,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let scene = Arc::new(cook(&model, &CookOptions::default(), &())?);
 
     // The cullers' devices are real, and may be the same one.
-    let settings =
-        Settings { frames: Some(60), ..Settings::new(Viewport::new(512, 512)?, LodRule::new(2.0)?) };
+    let settings = Settings::new(Viewport::new(512, 512)?, LodRule::new(2.0)?);
     let drawn = GpuScene::upload(&Gpu::open(&GpuOptions::default())?, &scene)?;
     let culler = |_| Ok(VulkanCuller::new(&drawn, settings.viewport, settings.occlusion_test)?);
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let (_stopper, stop) = Stop::new();
     let mut tally = Tally::default();
-    let session = LocalSession::new(&scene, settings);
+    let session = LocalSession::new(&scene, settings, 60);
     session.run(culler, Loader::default(), &mut along_the_side, &mut tally, runtime.handle(), &stop)?;
     println!(
         "{} frames of a scene of {} drawables, culled in {:?}",

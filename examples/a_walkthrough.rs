@@ -1,4 +1,4 @@
-//! A walkthrough as a library: generate a plant, cook it, walk through it with three roles in this process,
+//! A walkthrough as a library: generate a plant, cook it, walk through it with two cullers and a display in this process,
 //! and say how it went.
 //!
 //!     cargo run --release --example a_walkthrough
@@ -6,7 +6,7 @@
 use std::{error::Error, sync::Arc};
 
 use trimaran::walkthrough::{CameraPath, Pace, PathChoice, Plan, Recorder, SceneOnDevices};
-use trimaran_actors::Stop;
+use trimaran_actors::{Schedule, Stop};
 use trimaran_cook::{
     CookOptions, cook,
     generate::{PlantOptions, plant},
@@ -26,12 +26,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         coding: IdCoding::Plain,
         occlusion_test: OcclusionTestKind::Hzb,
         pace: Pace::Lockstep,
+        schedule: Schedule::Independent,
         audit_every: 0,
         visible: false,
         alone: false,
     };
     let path = CameraPath::find(&PathChoice::Auto { seed: 1 }, &scene, plan.viewport, Some(30))?;
-    let devices = SceneOnDevices::open(&scene, &GpuOptions::default())?;
+    let devices = SceneOnDevices::open(&scene, 2, &GpuOptions::default())?;
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let (_stopper, stop) = Stop::new(); // whoever keeps the stopper can end the walk early
 

@@ -10,7 +10,7 @@ fn main() {
     println!("ids a frame   ids a batch   paper's formula   as sent");
     for ids in [100.0, 1_000.0, 4_000.0, 20_000.0] {
         for batch in [1.0, 10.0, 100.0, 1_024.0] {
-            let load = FrameLoad { ids, batch, header: 50.0 };
+            let load = FrameLoad { ids, batch, header: 50.0, receivers: 2 };
             let [paper, sent] = [load.paper_bytes(), load.sent_bytes()].map(|bytes| 8.0 * bytes * 30.0 / 1e6);
             println!("{ids:11} {batch:13} {paper:17.2} {sent:9.2}");
         }

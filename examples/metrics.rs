@@ -15,21 +15,21 @@ use trimaran_transport::{LinkConfig, Net, TokioNet, inproc, sleep_until};
 async fn main() -> Result<(), Box<dyn Error>> {
     let address: Option<SocketAddr> = std::env::args().nth(1).map(|arg| arg.parse()).transpose()?;
     let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
-    let identity = |role| Identity { role, scene: SceneHash(0x1234), settings: None };
+    let identity = |role| Identity { role, scene: SceneHash(0x1234), session: None };
     let config = LinkConfig::default();
-    let (machine, display) =
-        inproc::pair::<Walkthrough>(&net, identity(Role::FirstCuller), identity(Role::Display), &config)?;
+    let (culler, display) =
+        inproc::pair::<Walkthrough>(&net, identity(Role::Culler), identity(Role::Display), &config)?;
 
     // Counting costs nothing that can be felt; whoever holds the metrics may read them at any time, links
     // alive or not.
-    let metrics = LinkMetrics::of([&machine]);
+    let metrics = LinkMetrics::of([&culler]);
     let any = SocketAddr::from(([127, 0, 0, 1], 0));
     let serving = metrics.clone().serve(address.unwrap_or(any), &tokio::runtime::Handle::current())?;
     println!("http://{}/metrics, and /links as JSON", serving.address());
 
     let frames = if address.is_some() { u32::MAX } else { 30 };
     tokio::select! {
-        sent = send(&*net, machine, frames) => sent?,
+        sent = send(&*net, culler, frames) => sent?,
         received = receive(display) => received?,
         stop = tokio::signal::ctrl_c() => stop?,
     }

@@ -41,10 +41,10 @@ async fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Where the display listens: the only place that knows of transports.
+/// Where the culler listens: the only place that knows of transports.
 fn endpoint(transport: Transport) -> Result<Endpoint, Box<dyn Error>> {
     Ok(match transport {
-        Transport::Inproc => "inproc:display".parse()?,
+        Transport::Inproc => "inproc:culler".parse()?,
         Transport::Unix => {
             format!("unix:{}/trimaran-swap-{}.sock", std::env::temp_dir().display(), std::process::id())
                 .parse()?
@@ -58,8 +58,8 @@ fn endpoint(transport: Transport) -> Result<Endpoint, Box<dyn Error>> {
 /// Sends frames of 4,000 ids to a display, which answers each with a camera.
 async fn show(transport: Transport) -> Result<(), Box<dyn Error>> {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current()?);
-    let (mut machine, mut display) = links(&net, &endpoint(transport)?).await?;
-    let (promises, sent) = (machine.capabilities(), machine.stats.clone());
+    let (mut culler, mut display) = links(&net, &endpoint(transport)?).await?;
+    let (promises, sent) = (culler.capabilities(), culler.stats.clone());
     let start = net.now();
     let shows = async {
         for _ in 0..FRAMES {
@@ -71,10 +71,10 @@ async fn show(transport: Transport) -> Result<(), Box<dyn Error>> {
     let ids: Vec<DrawableId> = (0..4000).map(DrawableId).collect();
     let sends = async {
         for frame in 0..FRAMES {
-            machine.frames_tx.begin(FrameStart { frame: FrameNumber(frame), header: camera(frame)? }).await?;
-            machine.frames_tx.push(&ids).await?;
-            machine.frames_tx.finish().await?;
-            machine.latest_rx.latest().await?;
+            culler.frames_tx.begin(FrameStart { frame: FrameNumber(frame), header: camera(frame)? }).await?;
+            culler.frames_tx.push(&ids).await?;
+            culler.frames_tx.finish().await?;
+            culler.latest_rx.latest().await?;
         }
         Ok::<_, Box<dyn Error>>(())
     };
@@ -86,10 +86,8 @@ async fn show(transport: Transport) -> Result<(), Box<dyn Error>> {
         "{transport:?}: {micros} us a frame and its answer, {} bytes a frame, encrypted: {encrypted}, local: {local}",
         sent.read().sent.total_bytes() / u64::from(FRAMES)
     );
-    let (_, _) = tokio::join!(
-        machine.close(CloseCode::Finished.reason()),
-        display.close(CloseCode::Finished.reason())
-    );
+    let (_, _) =
+        tokio::join!(culler.close(CloseCode::Finished.reason()), display.close(CloseCode::Finished.reason()));
     Ok(())
 }
 
@@ -97,22 +95,22 @@ fn camera(frame: u32) -> Result<Camera, trimaran_proto::CameraError> {
     Camera::new([0.0, 1.7, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(frame))
 }
 
-/// Both ends of a link: the machine's, then the display's. Each knows the other by its public keys, which
+/// Both ends of a link: the culler's, then the display's. Each knows the other by its public keys, which
 /// QUIC and UDP need; in real life `trimaran keys new` makes them and they are read from files.
 async fn links(net: &Arc<dyn Net>, endpoint: &Endpoint) -> Result<(Link, Link), Box<dyn Error>> {
-    let (machine, display) = (Keys::generate("machine".parse()?)?, Keys::generate("display".parse()?)?);
+    let (culler, display) = (Keys::generate("culler".parse()?)?, Keys::generate("display".parse()?)?);
     let options = |own: &Keys, other: &Keys| Options {
         security: Some(Security { keys: own.clone(), peers: vec![other.public().clone().into()] }),
         ..Options::default()
     };
-    let identity = |role| Identity { role, scene: SceneHash(0x1234), settings: None };
-    let (here, there) = (options(&display, &machine), options(&machine, &display));
+    let identity = |role| Identity { role, scene: SceneHash(0x1234), session: None };
+    let (here, there) = (options(&culler, &display), options(&display, &culler));
     let deadline = net.now().after(Duration::from_secs(10));
-    let mut listener = Listener::bind(net, endpoint, identity(Role::Display), &here).await?;
+    let mut listener = Listener::bind(net, endpoint, identity(Role::Culler), &here).await?;
     let place = listener.local_endpoint().clone();
-    let (machines, displays) = tokio::join!(
-        connect::<Walkthrough>(net, &place, identity(Role::FirstCuller), &there, deadline),
+    let (display, culler) = tokio::join!(
+        connect::<Walkthrough>(net, &place, identity(Role::Display), &there, deadline),
         listener.accept(deadline)
     );
-    Ok((machines?, displays?))
+    Ok((culler?, display?))
 }

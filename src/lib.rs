@@ -1,16 +1,17 @@
-//! Trimaran walks through CAD models of process plants with tens of millions of triangles: two machines take
-//! turns to find out what is visible in a frame, and a third shows it.
+//! Trimaran walks through CAD models of process plants with tens of millions of triangles: cullers find out
+//! what is visible in a frame, and a display shows it.
 //!
 //! This crate joins the parts for the command line and for programs that want a walkthrough as a whole; the
 //! parts stand for themselves: [`trimaran_proto`] the wire, [`trimaran_transport`] the links,
 //! [`trimaran_scene`] models, [`trimaran_cook`] cooking, [`trimaran_cull`] what is drawn, [`trimaran_audit`]
 //! what checks it, [`trimaran_gpu`] drawing it, [`trimaran_actors`] the roles.
 //!
-//! Three roles on a simulated network, in virtual time:
+//! A display and two cullers on a simulated network, in virtual time:
 //!
 //! ```
 //! use std::time::Duration;
 //! use trimaran::simulate::{Knobs, Load, Scenario, Transport, Workload, simulate};
+//! use trimaran_actors::Schedule;
 //! use trimaran_netsim::Profile;
 //! use trimaran_proto::BatchSize;
 //!
@@ -18,6 +19,8 @@
 //! let outcome = simulate(&Scenario {
 //!     network: Profile::find("wifi")?,
 //!     link: Transport::Udp,
+//!     cullers: 2,
+//!     schedule: Schedule::Independent,
 //!     batch: BatchSize::new(1024)?,
 //!     frames: 20,
 //!     seed: 1,

@@ -56,7 +56,7 @@ fn on<T: Send>(machine: &Namespace, act: impl AsyncFnOnce(Arc<dyn Net>) -> T + S
 }
 
 fn identity(role: Role) -> Identity {
-    Identity { role, scene: SceneHash(1), settings: None }
+    Identity { role, scene: SceneHash(1), session: None }
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn a_listener_with_several_addresses_answers_from_the_one_that_was_asked() {
                 let listens = scope.spawn(|| {
                     on(&here, async move |net| {
                         let at = format!("udp://{at}:4000").parse().unwrap();
-                        let listener = Listener::bind(&net, &at, identity(Role::FirstCuller), options).await;
+                        let listener = Listener::bind(&net, &at, identity(Role::Culler), options).await;
                         let mut listener = listener.unwrap();
                         tell.send(()).unwrap();
                         let link: Link = listener.accept(net.now().after(SOON)).await.unwrap();
@@ -95,7 +95,7 @@ fn a_listener_with_several_addresses_answers_from_the_one_that_was_asked() {
                     done.notify_one();
                     link.map(|link| link.peer.hello.role)
                 });
-                assert_eq!(connected.unwrap(), Role::FirstCuller, "{at}, asked at {asked}");
+                assert_eq!(connected.unwrap(), Role::Culler, "{at}, asked at {asked}");
                 let from = listens.join().unwrap();
                 assert!(from.contains(if asked.contains(':') { "fd03::9" } else { "10.3.0.9" }), "{from}");
             });

@@ -14,7 +14,7 @@ use trimaran::{
     report::schema::FalseCullCause,
     walkthrough::{FrameRecord, PathChoice, Plan, SceneOnDevices},
 };
-use trimaran_actors::CullerDevice;
+use trimaran_actors::{CullerDevice, CullerId};
 use trimaran_audit::cases::with_halved_boxes;
 use trimaran_cull::{Answer, DepthImage, LodRule, OcclusionTest, Outline, TestBox, View};
 use trimaran_proto::{Camera, DrawableId, OcclusionTestKind};
@@ -42,8 +42,9 @@ struct Faulty {
 }
 
 impl Faulty {
-    fn new(devices: &SceneOnDevices, machine: usize, plan: &Plan, fault: Fault) -> Self {
-        let sound = VulkanCuller::new(&devices.drawn[machine], plan.viewport, plan.occlusion_test).unwrap();
+    fn new(devices: &SceneOnDevices, culler: Option<CullerId>, plan: &Plan, fault: Fault) -> Self {
+        let drawn = devices.drawn_by(culler);
+        let sound = VulkanCuller::new(drawn, plan.viewport, plan.occlusion_test).unwrap();
         Self { sound, fault, last: None }
     }
 }
@@ -128,7 +129,7 @@ fn walk_with_fault(
     fault: Fault,
 ) -> Vec<FrameRecord> {
     walk_with(devices, plan, &camera_path(devices, plan, path, 8), |culler| {
-        Faulty::new(devices, culler.index(), plan, fault)
+        Faulty::new(devices, culler, plan, fault)
     })
 }
 
@@ -141,7 +142,7 @@ fn lost(
     walk: &[FrameRecord],
 ) -> BTreeMap<FalseCullCause, u64> {
     let mut lost = BTreeMap::new();
-    audit(devices, plan, walk, 1, Faulty::new(devices, 2, plan, fault), |record, frame| {
+    audit(devices, plan, walk, 1, Faulty::new(devices, None, plan, fault), |record, frame| {
         let at = format!("{fault:?}, {}", record.camera.frame());
         let pixels = frame.false_culls.iter().map(|cull| cull.pixels).sum();
         assert_eq!(frame.false_culled_pixels, Some(pixels), "{at}");

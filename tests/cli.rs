@@ -149,20 +149,23 @@ fn a_port_that_stays_in_use_is_named() {
 fn roles_that_hold_different_scenes_refuse_each_other() {
     let bench = Bench::with_plant(300);
     bench.done(&["generate", "plant", "--objects", "300", "--seed", "2", "-o", "other.scene"]);
-    write_display(&bench, "tcp://127.0.0.1:0");
-    let mut display = bench.start(&["role", "display", "--config", "display.toml"]);
-    let line = display.says("listens on");
-    let address = line.trim().rsplit_once(' ').unwrap().1;
-    bench.write(
-        "first.toml",
-        format!(
-            "scene = 'other.scene'\nindex = 'first'\ndisplay = '{address}'\npair = 'tcp://127.0.0.1:1'\njoin_timeout_s = 3\n"
-        ),
-    );
-    let first = bench.trimaran(&["role", "culler", "--config", "first.toml"]);
-    display.kill();
-    // The display may be started again with this one's scene.
-    expect(&first, 1, &["scene", &hash_of(&bench, "plant.scene"), &hash_of(&bench, "other.scene")]);
+    let (mut culler, address) = listening(&bench, "other.scene", "tcp://127.0.0.1:0", &[]);
+    let args = ["role", "display", "--scene", "plant.scene", "--out", "out", "--cullers", &address];
+    let mut display = bench.start(&[&args[..], &["--join-timeout", "60"]].concat());
+    // Either may be started again with the other one's scene.
+    let hashes = ["plant.scene", "other.scene"].map(|scene| hash_of(&bench, scene));
+    for role in [&mut culler, &mut display] {
+        role.says_all(&["scene", &hashes[0], &hashes[1]]);
+    }
+}
+
+/// A culler that holds this scene, and where it listens.
+fn listening(bench: &Bench, scene: &str, listen: &str, more: &[&str]) -> (Process, String) {
+    let args = ["role", "culler", "--scene", scene, "--listen", listen];
+    let mut culler = bench.start(&[&args[..], more].concat());
+    let line = culler.says("the culler listens on");
+    let address = line.trim().rsplit_once(' ').unwrap().1.to_owned();
+    (culler, address)
 }
 
 fn write_display(bench: &Bench, address: &str) {
@@ -176,49 +179,43 @@ fn hash_of(bench: &Bench, scene: &str) -> String {
 }
 
 #[test]
-fn three_processes_show_what_one_shows() {
+fn walks_over_every_transport_and_with_any_number_of_cullers_show_the_same() {
     let bench = Bench::with_plant(300);
-    for (link, coding) in [
-        ("inproc", "changes"),
-        ("unix", "changes"),
-        ("tcp", "plain"),
-        ("quic", "changes"),
-        ("udp", "changes"),
+    let walk = |out: &str, more: &[&str]| {
+        let args = ["run", "plant.scene", "--out", out, "--frames", "6", "--size", "96x80"];
+        bench.done(&[&args[..], &["--audit-every", "3", "--batch", "16"], more].concat());
+    };
+    walk("inproc", &[]);
+    let switch = ["--link", "tcp", "--coding", "plain", "--schedule", "switch"];
+    for (out, more) in [
+        ("unix", &["--link", "unix"][..]),
+        ("tcp", &["--link", "tcp", "--coding", "plain"]),
+        ("quic", &["--link", "quic"]),
+        ("udp", &["--link", "udp"]),
+        ("switch", &switch),
+        ("quic-switch", &["--link", "quic", "--schedule", "switch"]),
+        ("none", &["--cullers", "0"]),
+        ("one", &["--cullers", "1"]),
+        ("three", &["--cullers", "3", "--link", "unix"]),
     ] {
-        let args = [
-            "run",
-            "plant.scene",
-            "--link",
-            link,
-            "--coding",
-            coding,
-            "--out",
-            link,
-            "--frames",
-            "6",
-            "--size",
-            "96x80",
-            "--audit-every",
-            "3",
-            "--batch",
-            "16",
-        ];
-        bench.done(&args);
+        walk(out, more);
+        assert_eq!(pictures(&bench, "inproc", 6), pictures(&bench, out, 6), "{out}");
     }
-    let frames = |link: &str| pictures(&bench, link, 6);
-    assert_eq!(frames("inproc"), frames("tcp"));
-    assert_eq!(frames("inproc"), frames("unix"));
-    assert_eq!(frames("inproc"), frames("quic"));
-    assert_eq!(frames("inproc"), frames("udp"));
     for frame in bench.report("tcp")["frames"].as_array().unwrap() {
         assert!(
             frame["or_ms"].is_number() && frame["hc_ms"].is_number(),
             "the cullers' times arrived: {frame}"
         );
         let ids = frame["bytes_by_kind"]["ids"].as_u64().unwrap();
-        let last = frame["frame"] == 5;
-        let receivers = if last { 1 } else { 2 };
-        assert_eq!(ids, 4 * receivers * frame["nodes_drawn"].as_u64().unwrap(), "{frame}");
+        assert_eq!(ids, 4 * frame["nodes_drawn"].as_u64().unwrap(), "{frame}");
+    }
+    for frame in bench.report("switch")["frames"].as_array().unwrap() {
+        let ids = frame["bytes_by_kind"]["ids"].as_u64().unwrap();
+        assert_eq!(
+            ids,
+            2 * 4 * frame["nodes_drawn"].as_u64().unwrap(),
+            "the other culler gets them too: {frame}"
+        );
     }
     let id_bytes = |link: &str| bench.report(link)["summary"]["bytes_by_kind"]["ids"].as_u64().unwrap();
     assert!(2 * id_bytes("unix") < id_bytes("tcp"), "{} and {}", id_bytes("unix"), id_bytes("tcp"));
@@ -230,8 +227,7 @@ fn pictures(bench: &Bench, out: &str, count: u32) -> Vec<Vec<u8>> {
     (0..count).map(|n| fs::read(bench.path(out).join(format!("frames/{n:05}.png"))).unwrap()).collect()
 }
 
-/// The display listens for one machine over TCP and for the other over QUIC, and those two meet over a Unix
-/// socket.
+/// The display finds one culler over QUIC and the other one over TCP, over which these meet each other.
 #[test]
 fn every_two_roles_may_have_another_transport() {
     const WALK: [&str; 6] = ["--frames", "4", "--size", "96x80", "--audit-every", "0"];
@@ -240,26 +236,21 @@ fn every_two_roles_may_have_another_transport() {
     for name in ["show", "one", "two"] {
         bench.done(&["keys", "new", name]);
     }
-    let config = "scene = 'plant.scene'\nout = 'apart'\nkeys = 'show.key'\npeers.second = 'two.pub'\n\
+    let known = |own: &'static str| ["--keys", own, "--peer-displays", "show.pub"];
+    let (one, quic) = listening(&bench, "plant.scene", "quic://127.0.0.1:0", &known("one.key"));
+    let (two, tcp) = listening(&bench, "plant.scene", "tcp://127.0.0.1:0", &[]);
+    let config = "scene = 'plant.scene'\nout = 'apart'\nkeys = 'show.key'\npeers.cullers = ['one.pub']\n\
+                  schedule = 'switch'\n\
                   session = { frames = 4, width = 96, height = 80, audit_every = 0 }\n";
     bench.write("display.toml", config);
-    let listen = "tcp://127.0.0.1:0,quic://127.0.0.1:0";
-    let mut display = bench.start(&["role", "display", "--config", "display.toml", "--listen", listen]);
-    let line = display.says("listens on");
-    let (tcp, quic) = line.trim().rsplit_once(' ').unwrap().1.split_once(',').unwrap();
-    let pair = format!("unix:{}", bench.path("pair.sock").display());
-    let machine = |index: &str, display: &str, keys: &[&str]| {
-        let args = ["role", "culler", "--scene", "plant.scene", "--index", index, "--display", display];
-        Process::start(bench.command(&args).args(["--pair", &pair]).args(keys))
-    };
-    let first = machine("first", tcp, &[]);
-    let second = machine("second", quic, &["--keys", "two.key", "--peer-display", "show.pub"]);
-    for machine in [first, second] {
-        machine.ends(0);
+    let cullers = format!("{quic},{tcp}");
+    bench.done(&["role", "display", "--config", "display.toml", "--cullers", &cullers]);
+    for culler in [one, two] {
+        culler.signal("TERM");
+        culler.ends(0);
     }
-    display.ends(0);
     assert_eq!(pictures(&bench, "apart", 4), pictures(&bench, "alone", 4));
-    assert_eq!(bench.report("apart")["run"]["link"], "tcp and quic");
+    assert_eq!(bench.report("apart")["run"]["link"], "quic and tcp");
 }
 
 #[test]
@@ -314,25 +305,23 @@ fn a_transport_that_encrypts_asks_for_keys() {
     let bench = Bench::with_plant(300);
     let listen =
         ["role", "display", "--scene", "plant.scene", "--out", "o", "--listen", "quic://127.0.0.1:0"];
-    bench.refuses(&listen, &["quic://127.0.0.1:0", "`keys`", "peers.first", "trimaran keys new"]);
-    let args =
-        ["role", "culler", "--scene", "plant.scene", "--index", "second", "--display", "quic://127.0.0.1:1"];
-    let mut second = bench.command(&args);
-    expect(&second.args(["--pair", "tcp://127.0.0.1:1"]).output().unwrap(), 2, &["peers.display"]);
+    bench.refuses(&listen, &["quic://127.0.0.1:0", "`keys`", "peers.cullers", "trimaran keys new"]);
+    let args = ["role", "culler", "--scene", "plant.scene", "--listen", "quic://127.0.0.1:0"];
+    bench.refuses(&args, &["quic://127.0.0.1:0", "`keys`", "peers.displays"]);
 }
 
 #[test]
 fn the_configuration_of_each_role_is_printed() {
     let bench = Bench::empty();
-    for (role, key) in [("culler", "#index ="), ("display", "#listen =")] {
+    for (role, key) in [("culler", "#displays ="), ("display", "#cullers =")] {
         assert!(bench.done(&["config", role]).contains(key));
     }
 }
 
-/// A long session of three processes whose pair has joined.
+/// A long session of a display and two cullers as processes.
 struct LongSession {
     display: Process,
-    pair: Vec<String>,
+    cullers: Vec<String>,
 }
 
 impl LongSession {
@@ -343,13 +332,13 @@ impl LongSession {
         command.env("TRIMARAN_LINK_IDLE_TIMEOUT_S", "4");
         command.args(["--audit-every", "0"]).env("TRIMARAN_LOG", "info");
         let mut display = Process::start(&mut command);
-        // The pair shares the display's standard error, and each machine says when it has joined.
+        // The cullers share the display's standard error, and each says when the display has come.
         for _ in 0..2 {
-            display.says("joined the session");
+            display.says("serves");
         }
         let children = format!("/proc/{0}/task/{0}/children", display.id());
-        let pair = fs::read_to_string(children).unwrap().split_whitespace().map(str::to_owned).collect();
-        Self { display, pair }
+        let cullers = fs::read_to_string(children).unwrap().split_whitespace().map(str::to_owned).collect();
+        Self { display, cullers }
     }
 
     /// Waits until so many frames are on disk.
@@ -385,21 +374,22 @@ fn cullers_that_cannot_start_are_not_waited_for() {
         // once.
         let args = [env!("CARGO_BIN_EXE_trimaran"), "run", "plant.scene", "--link", link, "--frames", "4"];
         let run = bench.command_of(&loader, &args).output().unwrap();
-        expect(&run, 1, &[" culler ended with", "exit status: 127", "before it had joined"]);
+        expect(&run, 1, &["culler ", " ended with", "exit status: 127", "before it had joined"]);
     }
 }
 
 #[test]
-fn when_a_culler_is_killed_the_session_ends_and_says_which() {
+fn when_a_culler_is_killed_the_walk_goes_on_and_says_which() {
     let bench = Bench::with_plant(300);
-    let session = LongSession::start(&bench, "tcp");
+    let mut session = LongSession::start(&bench, "tcp");
     session.has_recorded(&bench, 3);
-    signal("KILL", &session.pair[0]);
-    session.ends(3, &["culler", "lost", "ended early"]);
-    let report = long_report(&bench);
-    assert_eq!(report["summary"]["ended"]["how"], "peer_lost");
-    assert!(report["summary"]["ended"]["why"].to_string().contains("culler"), "{}", report["summary"]);
-    assert!(fs::read_to_string(bench.path("long/report.html")).unwrap().contains("This walk ended early"));
+    signal("KILL", &session.cullers[0]);
+    session.display.says("culler 1 was lost before frame");
+    session.has_recorded(&bench, recorded(&bench.path("long/unfinished")) + 20);
+    session.display.signal("INT");
+    session.ends(3, &["ended early", "it was asked to stop"]);
+    let notes = long_report(&bench)["run"]["notes"].to_string();
+    assert!(notes.contains("culler 1 was lost before frame"), "{notes}");
 }
 
 /// The report of a [`LongSession`], which is to hold what was walked and no more.
@@ -419,14 +409,15 @@ fn long_report(bench: &Bench) -> serde_json::Value {
 fn a_culler_that_hangs_is_noticed_within_the_idle_timeout() {
     let bench = Bench::with_plant(300);
     for link in ["unix", "tcp", "quic", "udp"] {
-        let session = LongSession::start(&bench, link);
+        let mut session = LongSession::start(&bench, link);
         session.has_recorded(&bench, 3);
         // Its connections stand, and the system under it answers for it.
-        signal("STOP", &session.pair[1]);
-        let (ended, said) = session.display.ended();
-        says(ended, &said, 3, &["culler", "lost"]);
-        // The other culler may notice first, and leaves then.
-        assert!(said.contains("no keep-alive") || said.contains("has lost a peer"), "{said}");
+        signal("STOP", &session.cullers[1]);
+        session.display.says("culler 2 was late with frame");
+        let lost = session.display.says("culler 2 was lost before frame");
+        assert!(lost.contains("no keep-alive"), "{link}: {lost}");
+        session.display.signal("INT");
+        session.ends(3, &["ended early"]);
     }
 }
 
@@ -438,6 +429,7 @@ fn an_interrupted_session_reports_what_it_walked() {
     session.display.signal("INT");
     session.ends(3, &["ended early", "it was asked to stop"]);
     assert_eq!(long_report(&bench)["summary"]["ended"]["how"], "interrupted");
+    assert!(fs::read_to_string(bench.path("long/report.html")).unwrap().contains("This walk ended early"));
 }
 
 #[test]
@@ -486,7 +478,7 @@ fn a_live_walk_ends_with_its_path_and_shows_poses_of_it() {
 }
 
 #[test]
-fn only_roles_that_compute_one_after_another_are_a_model_of_three_machines() {
+fn only_roles_that_compute_one_after_another_are_a_model_of_a_machine_each() {
     const WALK: [&str; 8] = ["run", "plant.scene", "--frames", "6", "--size", "96x80", "--audit-every", "3"];
     let bench = Bench::with_plant(300);
     let walk = |out: &str, more: &[&str]| {
@@ -500,7 +492,7 @@ fn only_roles_that_compute_one_after_another_are_a_model_of_three_machines() {
     assert!(text.contains("\nMODEL ") && !text.contains("\nmeasured "), "{text}");
     assert_eq!(report["run"]["alone"], true);
     let model = |key: &str| report["summary"]["model"][key].as_f64().unwrap();
-    assert!(model("fps_at_least") <= model("fps") && model("fps") <= model("fps_overlapped"));
+    assert!(model("fps_at_least") <= model("fps"));
     let frames = report["frames"].as_array().unwrap();
     let spans = frames.iter().flat_map(|frame| frame["timeline"].as_array().unwrap());
     let mut spans: Vec<_> =
@@ -539,9 +531,7 @@ fn a_recorded_walk_is_simulated_frame_by_frame() {
     let runs: serde_json::Value = serde_json::from_str(&sim).unwrap();
     for run in runs.as_array().unwrap() {
         assert_eq!(run["nodes"].as_f64().unwrap(), nodes / 12.0);
-        // All but the last frame's ids go to two receivers, 4 bytes each.
-        let last = frames[11]["nodes_drawn"].as_f64().unwrap();
-        assert!((run["bytes"]["ids"].as_f64().unwrap() - 4.0 * (2.0 * nodes - last) / 12.0).abs() < 1e-9);
+        assert!((run["bytes"]["ids"].as_f64().unwrap() - 4.0 * nodes / 12.0).abs() < 1e-9);
     }
 
     assert_eq!(runs.as_array().unwrap().len(), 4, "two transports with two seeds");

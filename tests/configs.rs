@@ -4,20 +4,28 @@
 use std::path::{Path, PathBuf};
 
 use confique::{Config, Layer};
-use trimaran::config::{CullerConfig, DisplayConfig, RoleConfig, SessionConfig, Which};
+use trimaran::config::{CullerConfig, DisplayConfig, RoleConfig, SessionConfig};
+use trimaran_transport::{Endpoint, Endpoints};
 
 fn example<C: RoleConfig>(name: &str) -> C {
     let path: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/configs").join(name);
     C::load(Layer::empty(), &[], Some(&path)).unwrap().0
 }
 
+fn each(endpoints: &Option<Endpoints>) -> Vec<&Endpoint> {
+    endpoints.iter().flat_map(Endpoints::iter).collect()
+}
+
 #[test]
-fn the_cullers_of_the_example_take_both_places_at_one_display() {
-    let first: CullerConfig = example("first.toml");
-    let second: CullerConfig = example("second.toml");
-    assert_eq!((first.index, second.index), (Which::First, Which::Second));
-    assert_eq!(first.display, second.display);
-    assert_eq!(first.scene, second.scene);
+fn the_example_display_finds_cullers_where_these_listen() {
+    let (display, culler) =
+        (example::<DisplayConfig>("display.toml"), example::<CullerConfig>("culler.toml"));
+    let [cullers, listens] = [each(&display.cullers), each(&culler.listen)];
+    assert_eq!((cullers.len(), listens.len()), (2, 1));
+    let port = |endpoint: &Endpoint| endpoint.to_string().rsplit_once(':').unwrap().1.to_owned();
+    for culler in cullers {
+        assert_eq!((culler.transport(), port(culler)), (listens[0].transport(), port(listens[0])));
+    }
 }
 
 #[test]
@@ -25,7 +33,7 @@ fn the_example_display_spells_out_the_defaults() {
     let display: DisplayConfig = example("display.toml");
     let defaults = SessionConfig::from_layer(Layer::default_values()).unwrap();
     assert_eq!(display.session, SessionConfig { frames: Some(200), ..defaults });
-    assert_eq!(display.scene, example::<CullerConfig>("first.toml").scene);
+    assert_eq!(display.scene, example::<CullerConfig>("culler.toml").scene);
 }
 
 #[test]
@@ -42,16 +50,17 @@ fn the_files_with_every_key_are_what_the_program_prints() {
 }
 
 #[test]
-fn the_encrypted_example_joins_three_machines_that_know_each_other() {
+fn the_encrypted_example_joins_machines_that_know_each_other() {
     let display: DisplayConfig = example("quic/display.toml");
-    let pair = [example::<CullerConfig>("quic/first.toml"), example("quic/second.toml")];
-    let name = |path: &Option<PathBuf>| path.as_ref().unwrap().file_stem().unwrap().to_owned();
-    let known = [&display.peers.first, &display.peers.second].map(name);
-    assert!(display.listen.first().needs_keys());
-    assert_eq!(pair.each_ref().map(|machine| name(&machine.keys)), known);
-    for (machine, other) in pair.iter().zip(pair.iter().rev()) {
-        assert_eq!(machine.display.transport(), display.listen.first().transport());
-        assert_eq!(name(&machine.peers.display), name(&display.keys));
-        assert_eq!(name(&machine.peers.other), name(&other.keys));
+    let cullers = [example::<CullerConfig>("quic/one.toml"), example("quic/two.toml")];
+    let name = |path: &PathBuf| path.file_stem().unwrap().to_owned();
+    let known: Vec<_> = display.peers.cullers.iter().map(name).collect();
+    assert_eq!(cullers.each_ref().map(|culler| name(culler.keys.as_ref().unwrap())), known[..]);
+    assert!(each(&display.cullers).iter().all(|culler| culler.needs_keys()));
+    for (culler, other) in cullers.iter().zip(cullers.iter().rev()) {
+        assert_eq!(each(&culler.listen)[0].transport(), each(&display.cullers)[0].transport());
+        let [displays, others] = [&culler.peers.displays, &culler.peers.cullers].map(|known| &known[..]);
+        assert_eq!(displays.iter().map(name).collect::<Vec<_>>(), [name(display.keys.as_ref().unwrap())]);
+        assert_eq!(others.iter().map(name).collect::<Vec<_>>(), [name(other.keys.as_ref().unwrap())]);
     }
 }

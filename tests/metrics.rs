@@ -51,7 +51,7 @@ fn a_running_session_shows_what_its_links_carry() {
     let line = session.says("http://");
     let address = line.split("http://").nth(1).unwrap().trim().trim_end_matches("/metrics").to_owned();
     let received =
-        |text: &str| value(text, "trimaran_link_frames_total{peer=\"first culler\",direction=\"received\"}");
+        |text: &str| value(text, "trimaran_link_frames_total{peer=\"culler 1\",direction=\"received\"}");
     // The page is there before the links are.
     while !get(&address, "/metrics").contains("trimaran_link_frames_total{") {}
     while received(&get(&address, "/metrics")) == 0 {}
@@ -67,10 +67,8 @@ fn a_running_session_shows_what_its_links_carry() {
 
     assert!(metrics.starts_with("HTTP/1.1 200 OK") && metrics.trim_end().ends_with("# EOF"), "{metrics}");
     let frames = received(&metrics);
-    let begins = value(
-        &metrics,
-        "trimaran_link_bytes_total{peer=\"first culler\",direction=\"received\",kind=\"begin\"}",
-    );
+    let begins =
+        value(&metrics, "trimaran_link_bytes_total{peer=\"culler 1\",direction=\"received\",kind=\"begin\"}");
     assert!(
         frames > 0 && (76 * frames..=76 * (frames + 1)).contains(&begins),
         "{frames} frames, {begins} bytes"
@@ -79,10 +77,7 @@ fn a_running_session_shows_what_its_links_carry() {
     assert_eq!(table.lines().filter(|line| line.starts_with("peer")).count(), 2, "{table}");
     assert_eq!(table.lines().filter(|line| line.trim_start().starts_with("received")).count(), 4, "{table}");
     let readings: serde_json::Value = serde_json::from_str(&lines).unwrap();
-    assert_eq!(
-        (&readings[0]["peer"], &readings[1]["peer"]),
-        (&"first culler".into(), &"second culler".into())
-    );
+    assert_eq!((&readings[0]["peer"], &readings[1]["peer"]), (&"culler 1".into(), &"culler 2".into()));
     assert!(readings[0]["received"]["ids"].as_u64().unwrap() > 0);
 }
 
@@ -92,18 +87,18 @@ fn a_running_session_shows_what_its_links_carry() {
 async fn what_came_up_against_a_limit_is_counted_and_shown() {
     let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
     let soon = net.now().after(Duration::from_secs(60));
-    let identity = |role| Identity { role, scene: SceneHash(1), settings: None };
+    let identity = |role| Identity { role, scene: SceneHash(1), session: None };
     let limits = Limits { peers: 1, handshakes: 3, ..Limits::default() };
     let link = LinkConfig { messages_per_s: 2, ..LinkConfig::default() };
     let strict = Options { limits, link, ..Options::default() };
     let anywhere = "tcp://127.0.0.1:0".parse().unwrap();
-    let mut listener = Listener::bind(&net, &anywhere, identity(Role::Display), &strict).await.unwrap();
+    let mut listener = Listener::bind(&net, &anywhere, identity(Role::Culler), &strict).await.unwrap();
     let there = listener.local_endpoint().clone();
     let Endpoint::Tcp(at) = &there else { panic!("{there}") };
 
     let options = Options::default();
-    let machine = connect::<Walkthrough>(&net, &there, identity(Role::FirstCuller), &options, soon).await;
-    let (mut machine, mut display) = (machine.unwrap(), listener.accept(soon).await.unwrap());
+    let display = connect::<Walkthrough>(&net, &there, identity(Role::Display), &options, soon).await;
+    let (mut display, mut culler) = (display.unwrap(), listener.accept(soon).await.unwrap());
     let mut silent = Vec::new();
     for _ in 0..3 {
         silent.push(Dial::connect(at.to_string()).await.unwrap());
@@ -115,20 +110,20 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
     drop(silent);
     while listener.turned_away().no_place == 0 {
         let by = net.now().after(Duration::from_millis(200));
-        let second = connect::<Walkthrough>(&net, &there, identity(Role::SecondCuller), &options, by).await;
+        let second = connect::<Walkthrough>(&net, &there, identity(Role::Display), &options, by).await;
         assert!(second.is_err(), "{second:?}");
     }
     let before = listener.turned_away();
     drop(listener);
 
     let camera = Camera::at_origin(FrameNumber(0));
-    machine.frames_tx.begin(FrameStart { frame: FrameNumber(0), header: camera }).await.unwrap();
+    culler.frames_tx.begin(FrameStart { frame: FrameNumber(0), header: camera }).await.unwrap();
     for id in 0..1000 {
-        machine.frames_tx.push(&[DrawableId(id)]).await.unwrap();
-        machine.frames_tx.flush().await.unwrap();
+        culler.frames_tx.push(&[DrawableId(id)]).await.unwrap();
+        culler.frames_tx.flush().await.unwrap();
     }
     while display.frames_rx.recv().await.is_ok() {}
-    let serving = LinkMetrics::of([&display])
+    let serving = LinkMetrics::of([&display, &culler])
         .serve(([127, 0, 0, 1], 0).into(), &tokio::runtime::Handle::current())
         .unwrap();
     let address = serving.address().to_string();
@@ -137,7 +132,7 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
             .await
             .unwrap();
     // Whoever was still being turned away when the listener went may have been counted later.
-    let after = display.stats.listener().unwrap().turned_away();
+    let after = culler.stats.listener().unwrap().turned_away();
     for (limit, counted) in [
         ("handshakes", before.no_room..=after.no_room),
         ("handshakes_per_s_per_address", 0..=0),
@@ -152,7 +147,7 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
         );
     }
     assert!(before.no_room > 0 && before.no_place > 0, "{before:?}");
-    assert_eq!(value(&metrics, "trimaran_link_floods_total{peer=\"first culler\"}"), 1);
+    assert_eq!(value(&metrics, "trimaran_link_floods_total{peer=\"culler\"}"), 1);
 }
 
 #[test]

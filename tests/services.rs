@@ -8,6 +8,7 @@ mod program;
 use std::env;
 use std::ffi::OsStr;
 use std::fs::{self, Permissions};
+use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -56,18 +57,11 @@ fn a_configuration_that_cannot_be_used_ends_a_service_for_good() {
         // A walk that ended early is reported with 3, and a new one would replace the report.
         let down = if role == "display" { format!("{UNUSABLE} 3") } else { UNUSABLE.to_string() };
         assert_eq!(value(&unit(role), "RestartPreventExitStatus"), down);
-        let output = serve(role, &bench, "scene = 'none.scene'\nsaet = 'first'\n");
+        let output = serve(role, &bench, "scene = 'none.scene'\nsaet = 'one'\n");
         assert_eq!(output.status.code(), Some(UNUSABLE), "{role}: {output:?}");
         let said = said(&output);
         assert!(said.contains("role.toml") && said.contains("saet"), "{role}: {said}");
     }
-}
-
-/// A folder with a scene, and a socket in it.
-fn place() -> (Bench, String) {
-    let bench = Bench::with_plant(100);
-    let socket = format!("'unix:{}'", bench.path("show.sock").display());
-    (bench, socket)
 }
 
 /// Serves a role whose waiting is in vain: it is to be started again.
@@ -79,18 +73,13 @@ fn serves_in_vain(role: &str, bench: &Bench, configuration: &str, why: &str) {
 }
 
 #[test]
-fn a_service_whose_peers_are_not_there_is_started_again() {
-    let (bench, socket) = place();
-    for (role, kind, configuration) in [
-        (
-            "culler",
-            "always",
-            format!("join_timeout_s = 0.2\nindex = 'second'\ndisplay = {socket}\npair = {socket}\n"),
-        ),
-        ("display", "on-failure", format!("join_timeout_s = 0.2\nlisten = {socket}\nout = 'walk'\n")),
-    ] {
+fn a_service_whose_port_is_in_use_is_started_again() {
+    let bench = Bench::with_plant(100);
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let listen = format!("join_timeout_s = 0.2\nlisten = 'tcp://{}'\n", taken.local_addr().unwrap());
+    for (role, kind, more) in [("culler", "always", ""), ("display", "on-failure", "out = 'walk'\n")] {
         assert_eq!(value(&unit(role), "Restart"), kind);
-        serves_in_vain(role, &bench, &configuration, "show.sock");
+        serves_in_vain(role, &bench, &format!("{listen}{more}"), "in use");
     }
 }
 
@@ -140,18 +129,21 @@ fn the_units_leave_little_exposed() {
 
 #[test]
 fn keys_that_systemd_hands_over_may_be_readable_by_their_group() {
-    let (bench, socket) = place();
-    bench.done(&["keys", "new", "first"]);
+    let bench = Bench::with_plant(100);
+    bench.done(&["keys", "new", "one"]);
+    // In the end it fails for another reason.
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
     let configuration = format!(
-        "scene = 'plant.scene'\nindex = 'first'\njoin_timeout_s = 0.2\ndisplay = {socket}\npair = 'quic://127.0.0.1:0'\n\
-         keys = 'first.key'\npeers.other = 'first.pub'\n"
+        "scene = 'plant.scene'\njoin_timeout_s = 0.2\nlisten = ['quic://127.0.0.1:0', 'tcp://{}']\n\
+         keys = 'one.key'\npeers.displays = ['one.pub']\n",
+        taken.local_addr().unwrap()
     );
     bench.write("role.toml", configuration);
     let (here, elsewhere) = (bench.path(""), bench.path("another"));
     for (mode, credentials, refused) in
         [(0o440, &here, false), (0o440, &elsewhere, true), (0o444, &here, true)]
     {
-        fs::set_permissions(bench.path("first.key"), Permissions::from_mode(mode)).unwrap();
+        fs::set_permissions(bench.path("one.key"), Permissions::from_mode(mode)).unwrap();
         let mut command = bench.command(&["role", "culler", "--config"]);
         command.arg(bench.path("role.toml")).env("CREDENTIALS_DIRECTORY", credentials);
         let output = command.output().unwrap();

@@ -19,7 +19,7 @@ fn folder() -> Bench {
 fn wait(bench: &Bench, listen: &str, more: &[&str]) -> Process {
     bench.write(
         "display.toml",
-        format!("scene = 'plant.scene'\nlisten = '{listen}'\nout = 'walk'\njoin_timeout_s = 600\n"),
+        format!("scene = 'plant.scene'\ncullers = 'tcp://127.0.0.1:1'\nlisten = '{listen}'\nout = 'walk'\njoin_timeout_s = 600\n"),
     );
     bench.start(&[&["role", "display", "--config", "display.toml"], more].concat())
 }

@@ -1,4 +1,4 @@
-//! Whole sessions: three roles, real devices, a generated plant.
+//! Whole sessions: a display and two cullers, real devices, a generated plant.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test ends where what it needs is not there")]
 
 mod common;

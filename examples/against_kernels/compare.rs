@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use trimaran::netem::Emulation;
 use trimaran::simulate::{FrameTimes, Knobs, Load, Scenario, Transport, Workload, simulate};
+use trimaran_actors::Schedule;
 use trimaran_netsim::Profile;
 use trimaran_proto::BatchSize;
 
@@ -184,7 +185,8 @@ fn scenario(network: &Profile, link: Transport, frames: u32, seed: u64) -> Resul
     let time = Duration::from_millis(5);
     let workload = Workload::steady(Load { nodes: 4000, or: time, hc: time, rvg: time });
     let (network, batch, knobs) = (network.clone(), BatchSize::new(1024)?, Knobs::default());
-    Ok(Scenario { network, link, batch, frames, seed, workload, knobs })
+    let (cullers, schedule) = (2, Schedule::Independent);
+    Ok(Scenario { network, link, cullers, schedule, batch, frames, seed, workload, knobs })
 }
 
 fn print_row(network: &str, link: Transport, kernel: &Sample, model: &Sample) {

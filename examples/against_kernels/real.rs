@@ -11,7 +11,7 @@ use rustix::process::setpriority_process;
 use tokio::runtime::Builder;
 use trimaran::netem::{Emulation, Namespace, Report};
 use trimaran::simulate::{FrameTimes, Roles, Scenario};
-use trimaran_actors::CullerIndex;
+use trimaran_actors::CullerId;
 use trimaran_transport::{Net, TokioNet};
 
 use crate::clock::Clock;
@@ -25,16 +25,18 @@ pub(crate) struct Played {
     pub(crate) report: Report,
 }
 
-/// Plays a scenario in three namespaces.
+/// Plays a scenario in namespaces, one for each culler and one for the display.
 pub(crate) fn play(scenario: &Scenario) -> Ended<Played> {
     let name = |role: &str| format!("trimaran-{}-{role}", std::process::id());
-    let names = ["first", "second", "display"].map(name);
+    let ids = CullerId::first(scenario.cullers);
+    let names: Vec<_> =
+        ids.clone().map(|id| name(&format!("culler-{}", id.index()))).chain([name("display")]).collect();
     let mut emulation = Emulation::start(&scenario.network, &names, scenario.seed)?;
     for (_, place) in emulation.machines() {
         use_cubic(place)?;
     }
     emulation.take_names()?;
-    let [(_, first), (_, second), (_, display)] = emulation.machines() else {
+    let Some(((_, display), places)) = emulation.machines().split_last() else {
         return Err("a machine is missing".into());
     };
     let (roles, start) = (Roles::new(scenario)?, std::time::Instant::now());
@@ -45,13 +47,12 @@ pub(crate) fn play(scenario: &Scenario) -> Ended<Played> {
     };
     let (roles, sent) = (&roles, &sent);
     let (before, after) = thread::scope(|scope| {
-        let culler = |index, place| {
-            let played = move || {
-                in_place(place, start, async |net, clock| Ok(roles.culler(index, net, clock).await?))
-            };
-            scope.spawn(played)
-        };
-        let cullers = [culler(CullerIndex::First, first), culler(CullerIndex::Second, second)];
+        let mut cullers = Vec::new();
+        for (id, (_, place)) in ids.zip(places) {
+            cullers.push(scope.spawn(move || {
+                in_place(place, start, async |net, clock| Ok(roles.culler(id, net, clock).await?))
+            }));
+        }
         let show = scope.spawn(move || {
             in_place(display, start, async |net, clock| Ok(roles.display(net, clock, sent, || ()).await?))
         });

@@ -91,14 +91,18 @@ fn the_examples_are_read_field_by_field() {
                 "trimaran.role",
                 "trimaran.settings.batch",
             ][..],
-            "trimaran/1|0x0000000000000005|0|2|256",
+            "trimaran/1|0x0000000000000005|0|1|256",
         ),
-        ("hello", &["trimaran.scene", "trimaran.settings.frames"], "00000000000000000000000000001234|200"),
+        (
+            "hello",
+            &["trimaran.scene", "trimaran.session_key"],
+            "00000000000000000000000000001234|0x0000000000005eed",
+        ),
         ("accept", &["trimaran.role", "trimaran.settings.width"], "0|"),
         (
             "refuse",
             &["trimaran.version", "trimaran.reason", "trimaran.rejection", "trimaran.text"],
-            "2|2|3|the listener is the first culler itself: each role exists once in a session",
+            "2|2|3|the listener is a culler as well: connect displays with cullers",
         ),
         ("close", &["trimaran.close", "trimaran.text"], "2|it failed: no GPU"),
         (
@@ -108,7 +112,13 @@ fn the_examples_are_read_field_by_field() {
         ),
         ("begin", &["trimaran.begin", "trimaran.camera.aspect"], "9|1.5"),
         ("ids", &["trimaran.ids", "trimaran.id"], "2|1;258"),
-        ("stats", &["trimaran.message", "trimaran.stats"], "0|9"),
+        ("stats", &["trimaran.message", "trimaran.stats", "trimaran.stats.occluders_of"], "0|9|7"),
+        (
+            "meet",
+            &["trimaran.message", "trimaran.meeting", "trimaran.meet.at"],
+            "1|0x0000000000005eed|tcp://two:7400",
+        ),
+        ("switch", &["trimaran.message", "trimaran.switch.first"], "4|8"),
         ("coded-ids", &["trimaran.coded.back", "trimaran.coded.kept"], "2|10;9;27"),
     ] {
         let Some(shown) = read(&[(0, examples[name].clone())], fields) else { return };
@@ -151,11 +161,10 @@ fn each_refusal_is_read_with_its_values() {
             "1|trimaran/1;robot/1|||",
         ),
         (Refusal::Rejected(Rejection::new(1, "other scene")), "2||other scene||"),
-        (Refusal::RoleTaken { role: text("display") }, "3||display||"),
-        (Refusal::Session { session, lane }, "4|||0x0000000000000005|1"),
-        (Refusal::Unpaired { session }, "5|||0x0000000000000005|"),
-        (Refusal::Busy, "6||||"),
-        (Refusal::Key { claimed: text("first culler"), known: text("display") }, "7||first culler;display||"),
+        (Refusal::Session { session, lane }, "3|||0x0000000000000005|1"),
+        (Refusal::Unpaired { session }, "4|||0x0000000000000005|"),
+        (Refusal::Busy, "5||||"),
+        (Refusal::Key { claimed: text("culler"), known: text("display") }, "6||culler;display||"),
     ];
     let packets = refusals.iter().map(|(refusal, _)| (1, encoded(Message::Refuse(refusal.clone()))));
     let fields =

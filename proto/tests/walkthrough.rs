@@ -4,7 +4,7 @@
 use bytes::Bytes;
 use trimaran_proto::{
     BatchSize, CloseCode, CodedViolation, CodingFault, FrameNumber, IdBatch, IdCoding, Identity, LodRule,
-    OcclusionTestKind, RejectionCode, Role, SceneHash, Settings, Viewport, Walkthrough,
+    OcclusionTestKind, RejectionCode, Role, SceneHash, SessionKey, Settings, Viewport, Walkthrough,
 };
 use trimaran_wire::{
     BatchDecoder, BatchEncoder, Batching, CloseReason, CodingError, Delivery, Explanation, FrameEnd,
@@ -21,14 +21,12 @@ fn settings() -> Settings {
         batch: BatchSize::MAX,
         coding: IdCoding::Changes,
         occlusion_test: OcclusionTestKind::Hzb,
-        lockstep: true,
-        first: FrameNumber(u32::MAX),
-        frames: Some(u32::MAX),
     }
 }
 
 fn identity(role: Role, settings: Option<Settings>) -> Identity {
-    Identity { role, scene: SceneHash(u128::MAX), settings }
+    let session = settings.map(|settings| (SessionKey(u64::MAX), settings));
+    Identity { role, scene: SceneHash(u128::MAX), session }
 }
 
 fn batch(ids: impl IntoIterator<Item = u32>) -> IdBatch {
@@ -150,11 +148,13 @@ fn what_cannot_be_read_stands_for_no_number_of_ids() {
 
 #[test]
 fn the_displays_settings_decide_how_ids_travel() {
-    let (culler, display) = (identity(Role::FirstCuller, None), identity(Role::Display, Some(settings())));
+    let (culler, display) = (identity(Role::Culler, None), identity(Role::Display, Some(settings())));
     let coded = Batching { size: BatchSize::MAX, coded: true };
     assert_eq!(Walkthrough::batching(&culler, &display), Some(coded));
     assert_eq!(Walkthrough::batching(&display, &culler), Some(coded));
-    assert_eq!(Walkthrough::batching(&culler, &identity(Role::SecondCuller, None)), None);
+    assert_eq!(Walkthrough::batching(&culler, &culler), None);
+    let met = identity(Role::Culler, Some(settings()));
+    assert_eq!(Walkthrough::batching(&culler, &met), Some(coded), "a culler that meets another one has them");
     let batch = BatchSize::new(10).unwrap();
     let plain = Settings { coding: IdCoding::Plain, batch, ..settings() };
     let display = identity(Role::Display, Some(plain));
@@ -162,12 +162,8 @@ fn the_displays_settings_decide_how_ids_travel() {
 }
 
 #[test]
-fn a_peer_is_called_by_its_role_of_which_there_is_one() {
-    for (role, name) in [
-        (Role::FirstCuller, "first culler"),
-        (Role::SecondCuller, "second culler"),
-        (Role::Display, "display"),
-    ] {
+fn a_peer_is_called_by_its_role() {
+    for (role, name) in [(Role::Culler, "culler"), (Role::Display, "display")] {
         let hello = identity(role, None);
         assert_eq!(Walkthrough::name(&hello), name);
         assert_eq!(Walkthrough::role(&hello).as_deref(), Some(name));
@@ -178,23 +174,28 @@ fn a_peer_is_called_by_its_role_of_which_there_is_one() {
 #[test]
 fn a_peer_is_told_the_first_thing_that_does_not_fit() {
     let ours = identity(Role::Display, Some(settings()));
-    let first = Settings { first: FrameNumber(0), ..settings() };
-    let other = Identity { scene: SceneHash(1), settings: Some(first), ..ours };
+    let other = Identity { scene: SceneHash(1), ..ours };
     let code = |theirs: &Identity| Walkthrough::admit(&ours, theirs).map_err(|rejection| rejection.code);
     assert_eq!(code(&other), Err(RejectionCode::Scene as u16));
     let why = Walkthrough::admit(&ours, &other).unwrap_err().to_string();
     assert!(why.contains("ffffffff") && why.contains("00000001"), "{why}");
-    assert_eq!(code(&Identity { scene: ours.scene, ..other }), Err(RejectionCode::Role as u16));
-    let culler = Identity { role: Role::FirstCuller, scene: ours.scene, ..other };
-    assert_eq!(code(&culler), Err(RejectionCode::Settings as u16));
-    assert_eq!(code(&Identity { settings: None, ..culler }), Ok(()));
-    let why = Walkthrough::admit(&ours, &culler).unwrap_err().to_string();
-    assert!(why.contains(&settings().to_string()) && why.contains(&first.to_string()), "{why}");
+    assert_eq!(code(&ours), Err(RejectionCode::Role as u16));
+    assert_eq!(code(&identity(Role::Culler, None)), Ok(()));
+}
+
+/// Only the display decides whom a culler meets.
+#[test]
+fn a_culler_takes_displays_and_those_cullers_that_name_a_meeting() {
+    let culler = identity(Role::Culler, None);
+    let refused = Walkthrough::admit(&culler, &culler).unwrap_err();
+    assert!(RejectionCode::Role.is_of(&refused), "{refused}");
+    assert_eq!(Walkthrough::admit(&culler, &identity(Role::Culler, Some(settings()))), Ok(()));
+    assert_eq!(Walkthrough::admit(&culler, &identity(Role::Display, Some(settings()))), Ok(()));
 }
 
 #[test]
 fn a_code_is_of_its_own_rejections() {
-    let codes = [RejectionCode::Scene, RejectionCode::Settings, RejectionCode::Role];
+    let codes = [RejectionCode::Scene, RejectionCode::Role];
     for code in codes {
         let rejection = Rejection::new(code as u16, "");
         let of: Vec<RejectionCode> = codes.into_iter().filter(|code| code.is_of(&rejection)).collect();
@@ -208,8 +209,8 @@ fn a_peer_that_leaves_says_why_to_programs_and_people() {
         (CloseCode::Finished, 0, "the session is over"),
         (CloseCode::Interrupted, 1, "it was interrupted"),
         (CloseCode::Failed, 2, "it failed"),
-        (CloseCode::PeerLost, 3, "it has lost a peer"),
         (CloseCode::DeviceFailed, 4, "its device failed"),
+        (CloseCode::Replaced, 5, "it has a newer link for the same session"),
     ] {
         let reason = close.reason();
         assert_eq!((reason.code, reason.why.as_str()), (code, what));
@@ -218,7 +219,7 @@ fn a_peer_that_leaves_says_why_to_programs_and_people() {
         assert_eq!(because.why.as_str(), format!("{what}: no power"));
         assert_eq!(CloseCode::of(&because), Some(close));
     }
-    for code in [5, CloseReason::REFUSED] {
+    for code in [3, 6, CloseReason::REFUSED] {
         assert_eq!(CloseCode::of(&CloseReason::new(code, "it failed")), None);
     }
     assert_eq!(CloseCode::Failed.because(&"x".repeat(1000)).why.as_str().len(), Explanation::MAX_BYTES);
@@ -233,14 +234,12 @@ fn the_longest_identity_fits_a_hello() {
 /// What goes wrong between peers that do not go together is told in full.
 #[test]
 fn the_longest_rejection_is_not_cut() {
-    let (ours, theirs) = (settings(), Settings { first: FrameNumber(1), ..settings() });
-    let why =
-        Walkthrough::admit(&identity(Role::Display, Some(ours)), &identity(Role::FirstCuller, Some(theirs)))
-            .unwrap_err();
-    assert!(why.to_string().ends_with("only the display decides"), "{why}");
+    let display = identity(Role::Display, Some(settings()));
+    let why = Walkthrough::admit(&display, &display).unwrap_err();
+    assert!(why.to_string().ends_with("connect displays with cullers"), "{why}");
     let why = Walkthrough::admit(
         &identity(Role::Display, None),
-        &Identity { scene: SceneHash(0), ..identity(Role::FirstCuller, None) },
+        &Identity { scene: SceneHash(0), ..identity(Role::Culler, None) },
     );
     assert!(why.unwrap_err().to_string().ends_with("give both the same cooked file"));
 }

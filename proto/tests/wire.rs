@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 use bytes::{Bytes, BytesMut};
 use trimaran_proto::{
     BatchSize, Camera, CloseCode, CullCounts, DrawableId, FrameNumber, FrameStats, IdBatch, IdCoding,
-    Identity, LodRule, OcclusionTestKind, RejectionCode, Role, RoleMessage, SceneHash, Settings, Viewport,
-    Walkthrough,
+    Identity, LodRule, OcclusionTestKind, RejectionCode, Role, RoleMessage, SceneHash, SessionKey, Settings,
+    Viewport, Walkthrough,
 };
 use trimaran_wire::{
     Accept, Decoder, Delivery, Fixed, Format, FrameEnd, FrameMessage, Hello, Item, Kind, Lane, Message,
@@ -27,6 +27,8 @@ fn camera() -> Camera {
     Camera::new([1.0, 2.0, -3.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.25, FrameNumber(7)).unwrap()
 }
 
+const KEY: SessionKey = SessionKey(0x5eed);
+
 fn display() -> Identity {
     let settings = Settings {
         viewport: Viewport::new(1024, 768).unwrap(),
@@ -34,20 +36,18 @@ fn display() -> Identity {
         batch: BatchSize::new(256).unwrap(),
         coding: IdCoding::Changes,
         occlusion_test: OcclusionTestKind::Raster,
-        lockstep: true,
-        first: FrameNumber(0),
-        frames: Some(200),
     };
-    Identity { role: Role::Display, scene: SceneHash(0x1234), settings: Some(settings) }
+    Identity { role: Role::Display, scene: SceneHash(0x1234), session: Some((KEY, settings)) }
 }
 
 fn culler() -> Identity {
-    Identity { role: Role::FirstCuller, scene: SceneHash(0x1234), settings: None }
+    Identity { role: Role::Culler, scene: SceneHash(0x1234), session: None }
 }
 
 fn stats() -> FrameStats {
     FrameStats {
         frame: FrameNumber(9),
+        occluders_of: Some(FrameNumber(7)),
         or_start_ns: 1,
         or_end_ns: 300,
         culling: CullCounts { visited: 5, emitted: 2, ..CullCounts::default() },
@@ -83,6 +83,14 @@ fn coded() -> Bytes {
     encoder.encode(&IdBatch::new(now()).unwrap()).unwrap()
 }
 
+fn said() -> [(&'static str, RoleMessage); 3] {
+    [
+        ("stats", RoleMessage::Stats(stats())),
+        ("meet", RoleMessage::Meet { key: KEY, at: Some("tcp://two:7400".to_owned()) }),
+        ("switch", RoleMessage::Switch { key: KEY, first: FrameNumber(8) }),
+    ]
+}
+
 /// The messages that the examples spell out.
 fn messages() -> Vec<(&'static str, Message)> {
     let hello = Hello {
@@ -105,7 +113,7 @@ fn messages() -> Vec<(&'static str, Message)> {
         ("camera", Message::Latest(header)),
     ];
     messages.extend(frames.map(|(name, message)| (name, Message::Frame(message))));
-    messages.push(("stats", Message::Message(postcard(&RoleMessage::Stats(stats())))));
+    messages.extend(said().map(|(name, said)| (name, Message::Message(postcard(&said)))));
     messages
 }
 
@@ -155,8 +163,10 @@ fn the_examples_read_back_as_what_they_stand_for() {
     assert_eq!(Camera::read(&header), Ok(camera()));
     let Message::Frame(FrameMessage::Batch(bytes)) = read("ids") else { panic!("no ids") };
     assert_eq!(IdBatch::new(bytes).unwrap().iter().collect::<Vec<_>>(), [1, 258].map(DrawableId));
-    let Message::Message(said) = read("stats") else { panic!("no stats") };
-    assert_eq!(postcard::from_bytes(&said), Ok(RoleMessage::Stats(stats())));
+    for (name, expected) in said() {
+        let Message::Message(said) = read(name) else { panic!("no {name}") };
+        assert_eq!(postcard::from_bytes(&said), Ok(expected));
+    }
 
     let Message::Frame(FrameMessage::Coded(coded)) = read("coded-ids") else { panic!("no changes") };
     assert_eq!(Walkthrough::count_coded(&coded), Some(48));
@@ -183,13 +193,26 @@ fn the_tables_of_lengths_and_codes_are_the_crates() {
         (CloseCode::Finished as u16, "finished"),
         (CloseCode::Interrupted as u16, "interrupted"),
         (CloseCode::Failed as u16, "failed"),
-        (CloseCode::PeerLost as u16, "peer lost"),
         (CloseCode::DeviceFailed as u16, "device failed"),
+        (CloseCode::Replaced as u16, "replaced"),
         (RejectionCode::Scene as u16, "scene"),
-        (RejectionCode::Settings as u16, "settings"),
         (RejectionCode::Role as u16, "role"),
     ] {
         assert!(WIRE.contains(&format!("| {code} | {name} |")), "no row of {name}");
     }
     assert!(WIRE.contains(&format!("The protocol `{}`", Walkthrough::NAME)));
+    let why = String::new();
+    let first = FrameNumber(0);
+    for (name, message) in [
+        ("stats", RoleMessage::Stats(stats())),
+        ("meet", RoleMessage::Meet { key: KEY, at: None }),
+        ("met", RoleMessage::Met { key: KEY }),
+        ("unmet", RoleMessage::Unmet { key: KEY, why }),
+        ("switch", RoleMessage::Switch { key: KEY, first }),
+        ("switched", RoleMessage::Switched { key: KEY }),
+        ("part", RoleMessage::Part),
+    ] {
+        let number = postcard(&message)[0];
+        assert!(WIRE.contains(&format!("| {number} | {name} |")), "no row of {name}");
+    }
 }

@@ -15,19 +15,19 @@ local KINDS = {
 }
 local VERSION = 2
 local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/1", 72, 80
-local ROLES = { [0] = "first culler", "second culler", "display" }
+local ROLES = { [0] = "culler", "display" }
 local LANES = { [0] = "latest", "frames", "messages" }
-local MESSAGES = { [0] = "stats" }
+local MESSAGES = { [0] = "stats", "meet", "met", "unmet", "switch", "switched", "part" }
 local CODINGS = { [0] = "plain", "changes" }
 local OCCLUSION_TESTS = { [0] = "query", "raster", "hzb" }
 local REASONS = {
-  [0] = "versions differ", "the applications differ", "the application does not take the peer", "the role is taken",
+  [0] = "versions differ", "the applications differ", "the application does not take the peer",
   "the lane came twice", "another lane did not come in time", "too many handshakes under way",
   "the key is known for another role",
 }
-local REJECTIONS = { "scenes differ", "settings differ", "both have the same role" }
+local REJECTIONS = { [1] = "scenes differ", [3] = "the roles do not go together" }
 local CLOSES = {
-  [0] = "the session is over", "interrupted", "failed", "lost a peer", "device failed", [65535] = "the listener is not taken",
+  [0] = "the session is over", "interrupted", "failed", [4] = "device failed", [5] = "replaced", [65535] = "the listener is not taken",
 }
 local FORMS = { [0] = "data", "initial", "retry", "answer" }
 local PLAIN_FRAME, CODED_FRAME = 0x20, 0x24
@@ -50,11 +50,9 @@ local f = {
   batch = ProtoField.uint32("trimaran.settings.batch", "Ids a batch"),
   coding = ProtoField.uint8("trimaran.settings.coding", "Coding", base.DEC, CODINGS),
   occlusion_test = ProtoField.uint8("trimaran.settings.occlusion_test", "Occlusion test", base.DEC, OCCLUSION_TESTS),
-  lockstep = ProtoField.bool("trimaran.settings.lockstep", "Lockstep"),
   few = ProtoField.bool("trimaran.settings.few_pixels", "Few pixels"),
-  first = ProtoField.uint32("trimaran.settings.first", "First frame"),
-  frames = ProtoField.uint32("trimaran.settings.frames", "Frames"),
   session = ProtoField.uint64("trimaran.session", "Session", base.HEX),
+  session_key = ProtoField.uint64("trimaran.session_key", "Key of the session", base.HEX),
   lane = ProtoField.uint8("trimaran.lane", "Lane", base.DEC, LANES),
   reason = ProtoField.uint8("trimaran.reason", "Reason", base.DEC, REASONS),
   rejection = ProtoField.uint16("trimaran.rejection", "Rejection", base.DEC, REJECTIONS),
@@ -80,7 +78,11 @@ local f = {
   put = ProtoField.uint32("trimaran.coded.put", "Put in"),
   said = ProtoField.uint8("trimaran.message", "Message", base.DEC, MESSAGES),
   stats = ProtoField.uint32("trimaran.stats", "Stats of frame"),
+  occluders_of = ProtoField.uint32("trimaran.stats.occluders_of", "Occluders of frame"),
   stat = ProtoField.uint64("trimaran.stats.value", "Value"),
+  meeting = ProtoField.uint64("trimaran.meeting", "Key of the meeting", base.HEX),
+  meet_at = ProtoField.string("trimaran.meet.at", "At"),
+  switch_from = ProtoField.uint32("trimaran.switch.first", "From frame on"),
 }
 local e = {
   malformed = ProtoExpert.new("trimaran.malformed", "No message of version 2", expert.group.MALFORMED, expert.severity.ERROR),
@@ -190,11 +192,12 @@ local function reader(tvb, from, to)
 end
 
 local function add_varint(tree, field, r)
-  local value, wide, range = r.varint()
-  tree:add(field, range, field == f.session and wide or value)
+  local value, _, range = r.varint()
+  tree:add(field, range, value)
   return value
 end
 
+-- The same with all 64 bits.
 local function add_wide(tree, field, r)
   local value, wide, range = r.varint()
   tree:add(field, range, wide)
@@ -232,16 +235,16 @@ local function settings(r, tree)
   add_varint(tree, f.batch, r)
   add_varint(tree, f.coding, r)
   add_varint(tree, f.occlusion_test, r)
-  tree:add(f.lockstep, r.take(1))
-  add_varint(tree, f.first, r)
-  if r.take(1):uint() == 1 then add_varint(tree, f.frames, r) end
 end
 
 local function identity(r, tree)
   local role = add_varint(tree, f.role, r)
   local scene, range = r.hex()
   tree:add(f.scene, range, scene)
-  if r.take(1):uint() == 1 then settings(r, tree:add("Settings")) end
+  if r.take(1):uint() == 1 then
+    add_wide(tree, f.session_key, r)
+    settings(r, tree:add("Settings"))
+  end
   return ROLES[role] or "?"
 end
 
@@ -374,12 +377,24 @@ local STATS = {
 
 local function stats(r, tree)
   local frame = add_varint(tree, f.stats, r)
+  if r.take(1):uint() == 1 then add_varint(tree, f.occluders_of, r) end
   for _, name in ipairs(STATS) do
     if r.left() == 0 then break end
     local _, wide, range = r.varint()
     tree:add(f.stat, range, wide):set_text(name .. ": " .. tostring(wide))
   end
   return "stats of frame " .. frame
+end
+
+-- What roles say to each other.
+local function said(r, tree)
+  local what = add_varint(tree, f.said, r)
+  if what == 0 then return stats(r, tree) end
+  if what >= 1 and what <= 5 then add_wide(tree, f.meeting, r) end
+  if what == 1 and r.take(1):uint() == 1 then add_text(tree, f.meet_at, r) end
+  if what == 3 then add_text(tree, f.text, r) end
+  if what == 4 then return "switch from frame " .. add_varint(tree, f.switch_from, r) .. " on" end
+  return MESSAGES[what] or "message of another kind"
 end
 
 local function refusal(r, tree)
@@ -397,11 +412,11 @@ local function refusal(r, tree)
   elseif reason == 2 then
     said = said .. ": " .. (REJECTIONS[add_varint(tree, f.rejection, r)] or "?")
     add_text(tree, f.text, r)
-  elseif reason == 3 or reason == 7 then
+  elseif reason == 3 or reason == 4 then
+    add_wide(tree, f.session, r)
+    if reason == 3 then add_varint(tree, f.lane, r) end
+  elseif reason == 6 then
     while r.left() > 0 do add_text(tree, f.text, r) end
-  elseif reason == 4 or reason == 5 then
-    add_varint(tree, f.session, r)
-    if reason == 4 then add_varint(tree, f.lane, r) end
   end
   return said
 end
@@ -428,7 +443,7 @@ local function message(tvb, from, to, pinfo, tree, key)
     sub:add_le(f.version, version)
     if version:le_uint() ~= VERSION then return "hello of version " .. version:le_uint() end
     local protocol = add_text(sub, f.protocol, r)
-    add_varint(sub, f.session, r)
+    add_wide(sub, f.session, r)
     local which = LANES[add_varint(sub, f.lane, r)] or "?"
     others[pair_of(pinfo)] = protocol ~= APPLICATION and protocol or nil
     if protocol ~= APPLICATION then return foreign(r, sub, "hello of " .. protocol .. ", " .. which) end
@@ -475,8 +490,7 @@ local function message(tvb, from, to, pinfo, tree, key)
   elseif kind == 0x24 then
     return coded(r, sub, pinfo, key)
   elseif kind == 0x30 then
-    if add_varint(sub, f.said, r) == 0 then return stats(r, sub) end
-    return foreign(r, sub, "message of another kind")
+    return said(r, sub)
   end
   sub:add_proto_expert_info(e.malformed)
   return "unknown kind"

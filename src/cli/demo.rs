@@ -23,9 +23,7 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
             output
         }
     };
-    println!(
-        "walking through it: two cullers take turns to find out what is visible, and a display shows it"
-    );
+    println!("walking through it: two cullers find out what is visible, and a display shows it");
     let walk = WalkArgs {
         frames: Some(120),
         path: "auto".to_owned(),

@@ -115,7 +115,6 @@ fn not_linked(error: ConnectError) -> Failure {
 /// Whether a role of a session refuses so.
 fn is_of_a_session(refusal: &Refusal) -> bool {
     match refusal {
-        Refusal::RoleTaken { .. } => true,
         Refusal::Rejected(why) => RejectionCode::Scene.is_of(why) || RejectionCode::Role.is_of(why),
         _ => false,
     }

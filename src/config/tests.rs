@@ -2,10 +2,11 @@ use std::time::Duration;
 
 use confique::meta::{FieldKind, LeafKind, Meta};
 use trimaran_proto::Role;
+use trimaran_transport::Endpoints;
 
 use super::*;
 
-const DISPLAY: &str = "scene = 'a'\nlisten = 'tcp://x:1'\nout = 'o'\n";
+const DISPLAY: &str = "scene = 'a'\ncullers = 'tcp://x:1'\nout = 'o'\n";
 
 fn written(text: &str) -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
@@ -55,17 +56,15 @@ fn a_flag_goes_before_the_file_and_its_paths_start_where_the_user_is() {
 }
 
 #[test]
-fn a_switch_configuration_survives_a_round_trip() {
-    let peers = CullerPeers { display: Some("/k/display.pub".into()), other: None };
+fn a_cullers_configuration_survives_a_round_trip() {
+    let peers = CullerPeers { displays: vec!["/k/display.pub".into()], cullers: Vec::new() };
     let config = CullerConfig {
         scene: "/s/a.scene".into(),
-        index: Which::Second,
-        display: "quic://show:7400".parse().unwrap(),
-        pair: "tcp://one:7401".parse().unwrap(),
+        listen: Some("tcp://0.0.0.0:7400,quic://0.0.0.0:7400".parse().unwrap()),
+        displays: Some("quic://show:7400".parse().unwrap()),
         device: None,
         device_timeout_s: 30.0,
         join_timeout_s: 5.0,
-        reconnect_s: 0.0,
         metrics: None,
         keys: Some("/k/two.key".into()),
         peers,
@@ -79,8 +78,10 @@ fn a_switch_configuration_survives_a_round_trip() {
 
 #[test]
 fn a_key_that_nobody_gave_is_named() {
-    let message = file::<DisplayConfig>("scene = 'a'\nout = 'o'\n").unwrap_err().to_string();
-    assert!(message.contains("listen"), "{message}");
+    let message = file::<DisplayConfig>("scene = 'a'\n").unwrap_err().to_string();
+    assert!(message.contains("out"), "{message}");
+    let message = file::<CullerConfig>("scene = 'a'\n").unwrap_err().to_string();
+    assert!(message.contains("listen") && message.contains("`displays`"), "{message}");
 }
 
 #[test]
@@ -94,7 +95,7 @@ fn a_misspelt_key_is_named_with_its_line() {
 #[test]
 fn an_address_without_a_transport_is_refused_with_what_is_expected() {
     let message =
-        file::<DisplayConfig>("scene = 'a'\nlisten = 'show:7400'\nout = 'o'\n").unwrap_err().to_string();
+        file::<DisplayConfig>("scene = 'a'\ncullers = 'one:7400'\nout = 'o'\n").unwrap_err().to_string();
     assert!(message.contains("line 2") && message.contains("tcp://host:port"), "{message}");
 }
 
@@ -110,6 +111,7 @@ fn values_outside_their_range_are_refused_by_line_and_key() {
         "session.live_hz = 0",
         "session.coding = 'zip'",
         "session.occlusion_test = 'guess'",
+        "schedule = 'guess'",
         "join_timeout_s = -1",
         "link.timeout_s = 1e9",
         "quic.congestion = 'reno'",
@@ -139,6 +141,23 @@ fn values_outside_their_range_are_refused_by_line_and_key() {
     assert!(message.to_string().contains("session.few_pixels"), "{message}");
 }
 
+#[test]
+fn a_display_has_as_many_cullers_as_its_schedule_can_take() {
+    let cullers = |count: usize| vec!["'tcp://x:1'"; count].join(", ");
+    let config = |count, schedule: &str| {
+        let text =
+            format!("scene = 'a'\nout = 'o'\ncullers = [{}]\nschedule = '{schedule}'\n", cullers(count));
+        file::<DisplayConfig>(&text).map_err(|error| error.to_string())
+    };
+    assert!(file::<DisplayConfig>("scene = 'a'\nout = 'o'\n").is_ok(), "it culls for itself");
+    assert!(config(1, "independent").is_ok() && config(8, "independent").is_ok());
+    assert!(config(9, "independent").unwrap_err().contains("cullers"));
+    assert!(config(2, "switch").is_ok());
+    for count in [1, 3] {
+        assert!(config(count, "switch").unwrap_err().contains("schedule"));
+    }
+}
+
 /// Every leaf below `meta`, with its path.
 fn leaves(meta: &'static Meta, under: &str, found: &mut Vec<(String, Option<&'static str>, LeafKind)>) {
     for field in meta.fields {
@@ -155,7 +174,7 @@ fn leaves(meta: &'static Meta, under: &str, found: &mut Vec<(String, Option<&'st
 fn template_in_step<C: RoleConfig>(required: &str) -> (C, Options) {
     let mut keys = Vec::new();
     leaves(&C::META, "", &mut keys);
-    assert!(keys.len() > 10, "{keys:?}");
+    assert!(keys.len() >= 10, "{keys:?}");
     let template = C::template();
     for (path, env, kind) in &keys {
         let name = path.rsplit('.').next().unwrap();
@@ -186,7 +205,7 @@ fn template_in_step<C: RoleConfig>(required: &str) -> (C, Options) {
 fn the_templates_have_every_key_and_its_true_default() {
     let (display, options) = template_in_step::<DisplayConfig>(DISPLAY);
     assert_eq!((display.session, options), (defaults(), Options::default()));
-    let required = "scene = 'a'\nindex = 'first'\ndisplay = 'tcp://x:1'\npair = 'tcp://x:2'\n";
+    let required = "scene = 'a'\nlisten = 'tcp://x:1'\n";
     let (_, options) = template_in_step::<CullerConfig>(required);
     assert_eq!(options, Options::default());
 }
@@ -227,12 +246,12 @@ fn what_is_told_of_a_transport_reaches_its_links() {
 #[test]
 fn datagrams_in_the_clear_need_no_keys() {
     let mut options = Options::default();
-    let (udp, quic) = ("udp://a:1".parse().unwrap(), "udp://a:1,quic://a:2".parse().unwrap());
-    let none = [PeerFile { name: "peers.other", role: None, path: None }];
-    assert!(security(&options, &udp, None, &none).is_err());
+    let [udp, quic] = ["udp://a:1", "udp://a:1,quic://a:2"].map(|at| at.parse::<Endpoints>().unwrap());
+    let none = [PeerFiles { name: "peers.cullers", role: None, paths: &[] }];
+    assert!(security(&options, udp.iter(), None, &none).is_err());
     options.udp.trust = trimaran_transport::udp::Trust::Plaintext;
-    assert_eq!(security(&options, &udp, None, &none).unwrap(), None);
-    let message = security(&options, &quic, None, &none).unwrap_err().to_string();
+    assert_eq!(security(&options, udp.iter(), None, &none).unwrap(), None);
+    let message = security(&options, quic.iter(), None, &none).unwrap_err().to_string();
     assert!(message.contains("quic://a:2"), "{message}");
 }
 
@@ -244,20 +263,21 @@ fn what_encrypts_needs_keys_of_both_sides() {
         keys.save(dir.path()).unwrap()
     };
     let (one, two) = (make("one"), make("two"));
-    let tcp = "tcp://a:1".parse().unwrap();
-    let both = "tcp://a:1,quic://a:2".parse().unwrap();
-    let none = |name| PeerFile { name, role: Some(Role::SecondCuller), path: None };
-    let peer = PeerFile { path: Some(two.public.as_path()), ..none("peers.other") };
+    let [tcp, both] = ["tcp://a:1", "tcp://a:1,quic://a:2"].map(|at| at.parse::<Endpoints>().unwrap());
+    let none = |name| PeerFiles { name, role: Some(Role::Culler), paths: &[] };
+    let public = [two.public];
+    let peer = PeerFiles { paths: &public, ..none("peers.cullers") };
     let options = Options::default();
-    assert_eq!(security(&options, &tcp, None, &[none("peers.other")]).unwrap(), None);
-    let known = security(&options, &both, Some(&one.private), &[none("peers.first"), peer]).unwrap().unwrap();
+    assert_eq!(security(&options, tcp.iter(), None, &[none("peers.cullers")]).unwrap(), None);
+    let peers = [none("peers.displays"), peer];
+    let known = security(&options, both.iter(), Some(&one.private), &peers).unwrap().unwrap();
     assert_eq!(known.keys.public().name.as_str(), "one");
     let known = known.peers.iter().map(|peer| (peer.keys.name.as_str(), peer.role.clone()));
-    assert_eq!(known.collect::<Vec<_>>(), [("two", Some(String::from(Role::SecondCuller)))]);
-    for (keys, peer) in [(None, peer), (Some(one.private.as_path()), none("peers.other"))] {
-        let message = security(&options, &both, keys, &[peer]).unwrap_err().to_string();
-        assert!(message.contains("quic://a:2") && message.contains("peers.other"), "{message}");
+    assert_eq!(known.collect::<Vec<_>>(), [("two", Some(String::from(Role::Culler)))]);
+    for (keys, peer) in [(None, peer), (Some(one.private.as_path()), none("peers.cullers"))] {
+        let message = security(&options, both.iter(), keys, &[peer]).unwrap_err().to_string();
+        assert!(message.contains("quic://a:2") && message.contains("peers.cullers"), "{message}");
     }
-    let swapped = security(&options, &both, Some(&one.public), &[peer]).unwrap_err();
+    let swapped = security(&options, both.iter(), Some(&one.public), &[peer]).unwrap_err();
     assert!(matches!(swapped, ConfigError::Keys(KeysError::Public { .. })), "{swapped}");
 }

@@ -19,10 +19,8 @@ pub enum NetemError {
     /// The kernel has no TUN devices.
     #[error("there is no /dev/net/tun: load the kernel's module `tun`, or let the container have the device")]
     NoTun,
-    /// More or fewer namespaces than machines.
-    #[error(
-        "{count} namespaces for three machines: name two (the first culler and the display) or three (first, second, display), each once"
-    )]
+    /// More or fewer namespaces than there can be machines.
+    #[error("{count} namespaces: name those of 1 to 8 cullers, and last the display's, each once")]
     Namespaces {
         /// How many were given.
         count: usize,

@@ -65,8 +65,8 @@ pub fn summary(report: &Report) -> String {
     }
     if let Some(model) = &summary.model {
         out += &format!(
-            "MODEL      {} frames/s (at least {}), not measured: such a machine for the display and each of {} \
-             cullers ({}), no network\n",
+            "MODEL      {} frames/s (at least {}), not measured: a machine for the display and each of {} cullers \
+             ({}), no network\n",
             figure(model.fps),
             figure(model.fps_at_least),
             report.run.cullers,
@@ -161,8 +161,7 @@ pub fn sweep(points: &[SweepPoint]) -> String {
         "FLIP",
         "silhouette px",
     ];
-    let model =
-        if modelled { "MODEL: three machines, no network, each frame max(OR + HC, RVG). " } else { "" };
+    let model = if modelled { "MODEL: a machine for each role, no network. " } else { "" };
     table(&head, &rows) + model + "changed px: by culling, must be 0.\n"
 }
 

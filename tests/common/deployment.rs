@@ -1,17 +1,18 @@
-//! Three roles of a deployment, each a process with a configuration of its own.
+//! A display and two cullers, each a process with a configuration of its own.
 #![allow(dead_code, reason = "each test file uses its part of this")]
 
-use std::{
-    io::{Read, Write},
-    net::TcpStream,
-    thread,
-    time::Duration,
-};
+use std::{fs, thread, time::Duration};
+
+use serde_json::Value;
 
 use crate::program::{Bench, Process};
 
-/// How many frames the sessions have.
-pub(crate) const FRAMES: usize = 1000;
+/// The cullers.
+pub(crate) const CULLERS: [&str; 2] = ["culler-1", "culler-2"];
+/// More frames than there will be time for, and large ones: a walk is interrupted once it has shown what it should.
+pub(crate) const ENDLESS: usize = 100_000;
+/// Every so many frames one is checked.
+const AUDIT_EVERY: usize = 200;
 
 /// Where a role runs.
 #[derive(Clone)]
@@ -25,84 +26,127 @@ pub(crate) struct Place {
 /// A folder with a scene, keys and a configuration a role.
 pub(crate) struct Deployment {
     bench: Bench,
-    /// Where the first machine, the second and the display run.
+    /// Where the cullers and the display run.
     places: [Place; 3],
 }
 
 impl Deployment {
-    /// All on this machine.
+    /// All on this machine; the cullers listen at these ports.
     pub(crate) fn here(transport: &str, ports: [u16; 2]) -> Self {
         let place = Place { address: "127.0.0.1".to_owned(), namespace: None };
         Self::at(transport, ports, [place.clone(), place.clone(), place])
     }
 
-    /// The display listens at the first of these ports, the first culler at the second.
+    /// The cullers listen, each at its port, and the display connects.
     pub(crate) fn at(transport: &str, ports: [u16; 2], places: [Place; 3]) -> Self {
-        let [first, _, display] = places.each_ref().map(|place| &place.address);
-        let display = format!("{transport}://{display}:{}", ports[0]);
-        let pair = format!("{transport}://{first}:{}", ports[1]);
+        let at = |culler: usize| format!("'{transport}://{}:{}'", places[culler].address, ports[culler]);
+        let cullers = [0, 1].map(|culler| format!("listen = {}", at(culler)));
+        let display = format!("cullers = [{}, {}]", at(0), at(1));
+        Self::of(&display, &cullers, places.clone())
+    }
+
+    /// All on this machine: the display listens at this port, and the cullers connect.
+    pub(crate) fn with_listening_display(transport: &str, port: u16) -> Self {
+        let place = Place { address: "127.0.0.1".to_owned(), namespace: None };
+        let display = format!("{transport}://127.0.0.1:{port}");
+        let cullers = [(); 2].map(|()| format!("displays = '{display}'"));
+        Self::of(&format!("listen = '{display}'"), &cullers, [place.clone(), place.clone(), place])
+    }
+
+    fn of(display: &str, cullers: &[String; 2], places: [Place; 3]) -> Self {
         let bench = Bench::with_plant(300);
-        for name in ["display", "first", "second"] {
+        for name in CULLERS.into_iter().chain(["display"]) {
             bench.done(&["keys", "new", name, "--out", "."]);
         }
         bench.write(
             "display.toml",
             format!(
-                "scene = 'plant.scene'\nlisten = '{display}'\nout = 'walk'\nkeys = 'display.key'\nmetrics = '127.0.0.1:0'\n\
-                 peers.first = 'first.pub'\npeers.second = 'second.pub'\n\
-                 [session]\nframes = {FRAMES}\nwidth = 64\nheight = 64\naudit_every = 200\n"
+                "scene = 'plant.scene'\n{display}\nout = 'walk'\nkeys = 'display.key'\n\
+                 peers.cullers = ['culler-1.pub', 'culler-2.pub']\n\
+                 [session]\nframes = {ENDLESS}\nwidth = 512\nheight = 512\naudit_every = {AUDIT_EVERY}\n"
             ),
         );
-        for (index, other) in [("first", "second"), ("second", "first")] {
-            bench.write(
-                &format!("{index}.toml"),
-                format!(
-                    "scene = 'plant.scene'\nindex = '{index}'\ndisplay = '{display}'\npair = '{pair}'\nkeys = '{index}.key'\n\
-                     peers.display = 'display.pub'\npeers.other = '{other}.pub'\n"
-                ),
-            );
+        for (name, finds) in CULLERS.iter().zip(cullers) {
+            let known = format!("keys = '{name}.key'\npeers.displays = ['display.pub']\n");
+            bench.write(&format!("{name}.toml"), format!("scene = 'plant.scene'\n{finds}\n{known}"));
         }
         Self { bench, places }
     }
 
     pub(crate) fn start(&self, name: &str, more: &[&str]) -> Process {
-        let kind = if name == "display" { "display" } else { "culler" };
-        let place = ["first", "second", "display"].iter().position(|role| *role == name).unwrap();
+        let culler = CULLERS.iter().position(|culler| *culler == name);
+        let kind = if culler.is_some() { "culler" } else { "display" };
         let program = env!("CARGO_BIN_EXE_trimaran");
-        let mut command = match &self.places[place].namespace {
+        let mut command = match &self.places[culler.unwrap_or(2)].namespace {
             Some(namespace) => self.bench.command_of("ip", &["netns", "exec", namespace, program]),
             None => self.bench.command(&[]),
         };
         command.args(["role", kind, "--config", &format!("{name}.toml")]);
         // What is gone without a word is missed soon.
-        command.env("TRIMARAN_LOG", "info").env("TRIMARAN_LINK_IDLE_TIMEOUT_S", "4");
+        command.env("TRIMARAN_LOG", "info").env("TRIMARAN_LINK_IDLE_TIMEOUT_S", "3");
         Process::start(command.args(more))
     }
 
-    pub(crate) fn report(&self) -> serde_json::Value {
-        self.bench.report("walk")
+    /// Starts both cullers.
+    pub(crate) fn start_cullers(&self, more: &[&str]) -> [Process; 2] {
+        CULLERS.map(|culler| self.start(culler, more))
     }
-}
 
-impl Process {
-    /// Waits until this display has received so many frames from one of its machines.
-    pub(crate) fn shows(&mut self, frames: u64) {
-        let line = self.says("metrics on http://");
-        let address = line.split("http://").nth(1).unwrap().split('/').next().unwrap().to_owned();
-        loop {
-            let mut stream = TcpStream::connect(&address).unwrap();
-            stream.write_all(b"GET /links HTTP/1.0\r\n\r\n").unwrap();
-            let mut answer = String::new();
-            stream.read_to_string(&mut answer).unwrap();
-            let links: serde_json::Value =
-                serde_json::from_str(answer.split("\r\n\r\n").nth(1).unwrap()).unwrap();
-            if links[0]["received"]["frames"].as_u64().is_some_and(|received| received >= frames) {
-                return;
-            }
-            thread::sleep(Duration::from_millis(1));
+    /// How many frames of a walk that goes on are on disk.
+    pub(crate) fn shown(&self) -> usize {
+        let journal = fs::read_to_string(self.bench.path("walk/unfinished/walk.jsonl")).unwrap_or_default();
+        journal.matches("\n{\"frame\":").count()
+    }
+
+    /// Waits until the walk has gone on by so many frames.
+    pub(crate) fn shows(&self, more: usize) {
+        let before = self.shown();
+        while self.shown() < before + more {
+            thread::sleep(Duration::from_millis(5));
         }
     }
 
+    /// Interrupts a display that walks: its exit code says so. Gives its report, which has every frame once
+    /// and in order, and what the display has said.
+    pub(crate) fn interrupted(&self, display: Process) -> (Value, String) {
+        display.interrupt();
+        let said = display.ends(3);
+        let report = self.whole_report();
+        assert_eq!(report["summary"]["ended"]["how"], "interrupted", "{said}");
+        (report, said)
+    }
+
+    /// The report of a walk that is over: every frame is there once and in order, and those that were checked
+    /// are exact.
+    pub(crate) fn whole_report(&self) -> Value {
+        let report = self.bench.report("walk");
+        let frames = report["frames"].as_array().unwrap();
+        for (number, frame) in frames.iter().enumerate() {
+            assert_eq!(frame["frame"], number, "{}", report["run"]["notes"]);
+            if number % AUDIT_EVERY == 0 {
+                assert_eq!(frame["cut_mismatch_pixels"], 0, "{frame}");
+            }
+        }
+        report
+    }
+}
+
+/// Whether the report's notes have one with all of these words.
+pub(crate) fn notes(report: &Value, words: &[&str]) -> bool {
+    let notes = report["run"]["notes"].as_array().unwrap();
+    notes.iter().any(|note| words.iter().all(|word| note.as_str().unwrap().contains(word)))
+}
+
+/// The machines that culled a walk's frames, each once, in the order of their names.
+pub(crate) fn culled_by(report: &Value) -> Vec<&str> {
+    let frames = report["frames"].as_array().unwrap();
+    let mut machines: Vec<_> = frames.iter().map(|frame| frame["culled_by"].as_str().unwrap()).collect();
+    machines.sort_unstable();
+    machines.dedup();
+    machines
+}
+
+impl Process {
     /// Asks it to stop, as `systemctl restart` does.
     pub(crate) fn interrupt(&self) {
         self.signal("TERM");

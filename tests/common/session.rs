@@ -1,4 +1,4 @@
-//! Whole sessions of three roles in this process.
+//! Whole sessions of a display and two cullers in this process.
 
 use std::sync::Arc;
 
@@ -8,14 +8,14 @@ use trimaran::vulkan::{VulkanCuller, VulkanDisplay};
 use trimaran::walkthrough::{
     Auditor, CameraPath, FrameRecord, Pace, PathChoice, Plan, Recorder, SceneOnDevices,
 };
-use trimaran_actors::{CullerDevice, CullerIndex, LocalSession, Stop};
+use trimaran_actors::{CullerDevice, CullerId, LocalSession, Schedule, Stop};
 use trimaran_cull::{LodRule, View, lod_cut};
 use trimaran_proto::{BatchSize, IdCoding, OcclusionTestKind, Viewport};
 use trimaran_scene::Scene;
 
-/// A scene on three devices, or `None` where there is no device and none is required.
+/// A scene on the devices of a display and two cullers, or `None` where there is no device and none is required.
 pub(crate) fn on_devices(scene: &Arc<Scene>) -> Option<SceneOnDevices> {
-    super::unless_required(SceneOnDevices::open(scene, &super::options()))
+    super::unless_required(SceneOnDevices::open(scene, 2, &super::options()))
 }
 
 /// A walk that shows each of its frames.
@@ -32,6 +32,7 @@ pub(crate) fn plan(
         coding: IdCoding::Changes,
         occlusion_test,
         pace: Pace::Lockstep,
+        schedule: Schedule::Independent,
         audit_every: 1,
         visible: false,
         alone: false,
@@ -48,28 +49,25 @@ pub(crate) fn camera_path(
     CameraPath::find(path, &devices.scene, plan.viewport, Some(frames)).unwrap()
 }
 
-/// Walks with the three roles in this process; every picture is read back.
+/// Walks with all roles in this process; every picture is read back.
 pub(crate) fn walk_in_process(devices: &SceneOnDevices, plan: &Plan, path: &CameraPath) -> Vec<FrameRecord> {
     recorded(|recorder, runtime, stop| {
         devices.walk(plan, path, recorder, runtime.handle(), stop).unwrap();
     })
 }
 
-/// The same with cullers of other devices.
+/// The same with cullers of other devices: those of a culler, or without one what the display culls with.
 pub(crate) fn walk_with<P: CullerDevice>(
     devices: &SceneOnDevices,
     plan: &Plan,
     path: &CameraPath,
-    culler: impl Fn(CullerIndex) -> P + Sync,
+    culler: impl Fn(Option<CullerId>) -> P + Sync,
 ) -> Vec<FrameRecord> {
-    let display = VulkanDisplay::new(&devices.drawn[2], plan.viewport).unwrap();
-    let session = LocalSession::new(&devices.scene, plan.settings(path.frames()));
-    let device = |index| Ok(culler(index));
+    let display = VulkanDisplay::new(&devices.display, plan.viewport).unwrap();
+    let session = LocalSession::new(&devices.scene, plan.settings(), path.frames());
+    let device = |id| Ok(culler(id));
     recorded(|recorder, runtime, stop| {
-        session
-            .run(device, display, &mut path.clone(), recorder, runtime.handle(), stop)
-            .map(|_| ())
-            .unwrap();
+        session.run(device, display, &mut path.clone(), recorder, runtime.handle(), stop).unwrap();
     })
 }
 
@@ -91,7 +89,7 @@ pub(crate) fn audit<P: CullerDevice>(
     mut culler: P,
     mut each: impl FnMut(&FrameRecord, Frame),
 ) {
-    let mut auditor = Auditor::new(&devices.scene, &devices.drawn[2], plan.viewport, plan.lod).unwrap();
+    let mut auditor = Auditor::new(&devices.scene, &devices.display, plan.viewport, plan.lod).unwrap();
     for (index, record) in records.iter().enumerate().step_by(every) {
         let mut frame = Frame::default();
         let walk = &records[..=index];
@@ -102,7 +100,7 @@ pub(crate) fn audit<P: CullerDevice>(
 
 /// A sound culler on the display's device.
 pub(crate) fn culler(devices: &SceneOnDevices, plan: &Plan) -> VulkanCuller {
-    VulkanCuller::new(&devices.drawn[2], plan.viewport, plan.occlusion_test).unwrap()
+    VulkanCuller::new(&devices.display, plan.viewport, plan.occlusion_test).unwrap()
 }
 
 /// How many drawables the frame's LOD cut has before culling.
@@ -113,7 +111,7 @@ pub(crate) fn uncut_count(devices: &SceneOnDevices, plan: &Plan, record: &FrameR
 
 /// Fails if the validation layer had anything to say.
 pub(crate) fn assert_no_validation_messages(devices: &SceneOnDevices) {
-    for drawn in &devices.drawn {
+    for drawn in devices.drawn() {
         assert_eq!(drawn.gpu().validation_messages(), Vec::<String>::new());
     }
 }

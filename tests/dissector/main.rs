@@ -16,7 +16,7 @@ use tempfile::TempDir;
 use trimaran::simulate::{Knobs, Load, Scenario, Transport, Workload, simulate_watched};
 use trimaran::trace::Trace;
 use trimaran::walkthrough::{FrameRecord, Pace, Plan};
-use trimaran_actors::{FrameEvent, FrameStart, Listener};
+use trimaran_actors::{FrameEvent, FrameStart, Listener, Schedule};
 use trimaran_netsim::Profile;
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, FrameNumber, FrameStats, IdCoding, Identity, LodRule, OcclusionTestKind,
@@ -82,12 +82,12 @@ impl Capture {
         assert!(bad.is_empty(), "{bad:?}");
     }
 
-    /// The ids of each frame by the address that they went to, as a receiver of the messages would gather
-    /// them.
+    /// The ids of each frame, as the display numbers it, by the address that they went to, as a receiver of
+    /// the messages would gather them.
     fn frames(&self) -> BTreeMap<(String, u32), Vec<u32>> {
         let mut open: BTreeMap<String, u32> = BTreeMap::new();
         let mut frames: BTreeMap<(String, u32), Vec<u32>> = BTreeMap::new();
-        let fields = ["ip.dst", "ip.src", "trimaran.begin", "trimaran.id"];
+        let fields = ["ip.dst", "ip.src", "trimaran.camera.frame", "trimaran.id"];
         for [to, from, begun, ids] in self.read("trimaran.begin || trimaran.id", fields) {
             let lane = format!("{}>{}", from[0], to[0]);
             assert!(begun.len() <= 1, "no packet holds two frames' begins: {begun:?}");
@@ -111,6 +111,7 @@ fn walk() -> Workload {
         coding: IdCoding::Changes,
         occlusion_test: OcclusionTestKind::Hzb,
         pace: Pace::Lockstep,
+        schedule: Schedule::Independent,
         audit_every: 0,
         visible: false,
         alone: false,
@@ -130,6 +131,7 @@ fn walk() -> Workload {
                 FrameNumber(frame),
             )
             .unwrap(),
+            culler: None,
             for_loss: 0,
             picture: None,
             published: ms(0),
@@ -147,13 +149,22 @@ fn walk() -> Workload {
 }
 
 fn session(capture: &Capture, link: Transport, workload: &Workload, knobs: Knobs) {
-    session_on("gigabit", capture, link, workload, knobs);
+    session_on("gigabit", capture, link, Schedule::Independent, workload, knobs);
 }
 
-fn session_on(network: &str, capture: &Capture, link: Transport, workload: &Workload, knobs: Knobs) {
+fn session_on(
+    network: &str,
+    capture: &Capture,
+    link: Transport,
+    schedule: Schedule,
+    workload: &Workload,
+    knobs: Knobs,
+) {
     let scenario = Scenario {
         network: Profile::find(network).unwrap(),
         link,
+        cullers: 2,
+        schedule,
         batch: BatchSize::new(100).unwrap(),
         frames: FRAMES,
         seed: 1,
@@ -164,12 +175,13 @@ fn session_on(network: &str, capture: &Capture, link: Transport, workload: &Work
     simulate_watched(&scenario, Some(Box::new(file)), || ()).unwrap();
 }
 
-/// Every frame to the display, and all but the last to the other culler.
-fn holds_every_id(capture: &Capture, workload: &Workload) {
+/// Every frame to the display, and in the schedule `switch` to the other culler.
+fn holds_every_id(capture: &Capture, workload: &Workload, schedule: Schedule) {
     let frames = capture.frames();
-    let (display, pair): (Vec<_>, Vec<_>) =
+    let (display, other): (Vec<_>, Vec<_>) =
         frames.iter().partition(|((lane, _), _)| lane.ends_with("10.0.0.3"));
-    assert_eq!((display.len() as u32, pair.len() as u32), (FRAMES, FRAMES - 1));
+    let others = if schedule == Schedule::Switch { FRAMES } else { 0 };
+    assert_eq!((display.len() as u32, other.len() as u32), (FRAMES, others));
     for ((lane, frame), ids) in &frames {
         let sent: Vec<u32> = workload.ids(*frame).iter().map(|id| id.0).collect();
         assert_eq!(*ids, sent, "frame {frame} on {lane}");
@@ -181,14 +193,15 @@ fn a_session_over_tcp_is_read_id_by_id() {
     let Some(capture) = capture() else { return };
     let load = Load { nodes: 1000, or: Duration::ZERO, hc: Duration::from_millis(1), rvg: Duration::ZERO };
     let workload = Workload::steady(load);
-    session(&capture, Transport::Tcp, &workload, Knobs::default());
+    let switch = Schedule::Switch;
+    session_on("gigabit", &capture, Transport::Tcp, switch, &workload, Knobs::default());
     capture.is_sound();
-    holds_every_id(&capture, &workload);
+    holds_every_id(&capture, &workload, switch);
     let ends = capture.read("trimaran.end", ["trimaran.end", "trimaran.end.ids"]);
     let ids: Vec<&String> = ends.iter().flat_map(|[_, ids]| ids).collect();
-    assert_eq!(ids.len() as u32, 2 * FRAMES - 1);
+    assert_eq!(ids.len() as u32, 2 * FRAMES);
     assert!(ids.iter().all(|ids| *ids == "1000"));
-    // Three links of three lanes, a hello and an accept each; the display's settings are in its accepts.
+    // Three links of three lanes, a hello and an accept each. Who connects says what the display decides.
     let hellos =
         capture.read("trimaran.kind == 1", ["trimaran.version", "trimaran.session", "trimaran.lane"]);
     assert_eq!(hellos.len(), 9);
@@ -197,14 +210,19 @@ fn a_session_over_tcp_is_read_id_by_id() {
             .iter()
             .all(|[version, session, lane]| version[0] == "2" && session.len() == 1 && lane.len() == 1)
     );
-    let accepts = capture.read(
-        "trimaran.kind == 2 && trimaran.settings.width",
-        ["trimaran.role", "trimaran.settings.width", "trimaran.settings.batch", "trimaran.settings.frames"],
-    );
-    assert!(accepts.len() >= 4, "{accepts:?}");
-    let says = |accept: &[Vec<String>; 4]| accept.each_ref().map(|values| values[0].clone());
-    let expected = ["2", "1024", "100", "12"].map(str::to_owned);
-    assert!(accepts.iter().any(|accept| says(accept) == expected), "{accepts:?}");
+    let fields = ["trimaran.role", "trimaran.settings.width", "trimaran.settings.batch"];
+    let hellos = capture.read("trimaran.kind == 1 && trimaran.session_key", fields);
+    assert_eq!(hellos.len(), 9, "{hellos:?}");
+    let says = |hello: &[Vec<String>; 3]| hello.each_ref().map(|values| values[0].clone());
+    for (role, lanes) in [("0", 3), ("1", 6)] {
+        let expected = [role, "1024", "100"].map(str::to_owned);
+        assert_eq!(hellos.iter().filter(|hello| says(hello) == expected).count(), lanes, "{hellos:?}");
+    }
+    // The display introduces the cullers to each other: meet, met, switch, switched.
+    for message in [1, 2, 4, 5] {
+        let said = capture.read(&format!("trimaran.message == {message}"), ["trimaran.meeting"]);
+        assert_eq!(said.len(), 2, "{message}: {said:?}");
+    }
     assert!(!capture.read("trimaran.close == 0", ["frame.number"]).is_empty());
 }
 
@@ -213,14 +231,14 @@ fn what_tcp_repeats_is_read_once() {
     let Some(capture) = capture() else { return };
     let load = Load { nodes: 8000, or: Duration::ZERO, hc: Duration::from_millis(1), rvg: Duration::ZERO };
     let workload = Workload::steady(load);
-    session_on("wifi", &capture, Transport::Tcp, &workload, Knobs::default());
+    session_on("wifi", &capture, Transport::Tcp, Schedule::Independent, &workload, Knobs::default());
     let repeated = capture.read("tcp.analysis.retransmission && tcp.len > 0", ["frame.number"]);
     assert!(!repeated.is_empty(), "1 % of the packets are lost");
     capture.is_sound();
     // The packet that fills a gap may bring the end of a frame and the begin of the next one.
     let ends = capture.read("trimaran.end", ["trimaran.end.ids"]);
     let ends: Vec<&String> = ends.iter().flatten().flatten().collect();
-    assert_eq!(ends, vec!["8000"; 2 * FRAMES as usize - 1]);
+    assert_eq!(ends, vec!["8000"; FRAMES as usize]);
     let ids: usize = capture.read("trimaran.id", ["trimaran.id"]).iter().flatten().map(Vec::len).sum();
     assert_eq!(ids, 8000 * ends.len());
 }
@@ -233,8 +251,11 @@ fn coded_ids_are_decoded_against_the_frames_before() {
     capture.is_sound();
     let coded = capture.read("trimaran.kind == 0x24", ["trimaran.coded.back"]);
     assert!(!coded.is_empty(), "most batches are shorter as changes");
-    holds_every_id(&capture, &workload);
-    let eyes = capture.read("trimaran.begin == 5", ["trimaran.camera.eye", "trimaran.camera.near"]);
+    holds_every_id(&capture, &workload, Schedule::Independent);
+    let eyes = capture.read(
+        "trimaran.begin && trimaran.camera.frame == 5",
+        ["trimaran.camera.eye", "trimaran.camera.near"],
+    );
     let eye: Vec<f64> = eyes[0][0].iter().map(|value| value.parse().unwrap()).collect();
     assert_eq!((eye, eyes[0][1][0].as_str()), (vec![5.0, 1.5, -2.0], "0.25"));
 }
@@ -245,14 +266,14 @@ fn datagrams_in_the_clear_are_read_and_sealed_ones_called_so() {
     let workload = walk();
     session(&capture, Transport::Udp, &workload, Knobs { in_the_clear: true, ..Knobs::default() });
     capture.is_sound();
-    holds_every_id(&capture, &workload);
+    holds_every_id(&capture, &workload, Schedule::Independent);
     let cameras = capture.read("trimaran_udp.camera", ["trimaran_udp.camera", "trimaran.camera.frame"]);
     assert!(cameras.len() as u32 >= FRAMES, "{cameras:?}");
     let coding = IdCoding::Changes;
     session(&capture, Transport::Udp, &workload, Knobs { in_the_clear: true, coding, ..Knobs::default() });
     capture.is_sound();
     assert!(!capture.read("trimaran.kind == 0x24", ["frame.number"]).is_empty(), "frames travel as changes");
-    holds_every_id(&capture, &workload);
+    holds_every_id(&capture, &workload, Schedule::Independent);
     let hellos = capture.read("trimaran_udp.form == 1", ["trimaran.role", "trimaran_udp.version"]);
     assert!(hellos.iter().all(|[role, version]| role.len() == 1 && version[0] == "2"), "{hellos:?}");
 
@@ -287,7 +308,7 @@ fn between_two(datagrams: &[(usize, Vec<u8>)]) -> Vec<u8> {
 
 /// The hello of a machine, as bytes.
 fn hello() -> BytesMut {
-    let identity = Identity { role: Role::FirstCuller, scene: SCENE, settings: None };
+    let identity = Identity { role: Role::Culler, scene: SCENE, session: None };
     let hello = Hello {
         protocol: ProtocolName::new(Walkthrough::NAME),
         session: SessionId(7),
@@ -349,7 +370,7 @@ impl Drop for Sniffer {
 async fn a_real_link_over_loopback_is_read_the_same() {
     let Some(capture) = capture() else { return };
     let net: Arc<dyn Net> = Arc::new(TokioNet::current().unwrap());
-    let identity = |role| Identity { role, scene: SCENE, settings: None };
+    let identity = |role| Identity { role, scene: SCENE, session: None };
     let endpoint = "tcp://127.0.0.1:0".parse().unwrap();
     let options = Options::default();
     let mut listener = Listener::bind(&net, &endpoint, identity(Role::Display), &options).await.unwrap();
@@ -366,7 +387,7 @@ async fn a_real_link_over_loopback_is_read_the_same() {
 
     let deadline = net.now().after(Duration::from_secs(30));
     let (joined, accepted) = tokio::join!(
-        connect::<Walkthrough>(&net, &endpoint, identity(Role::FirstCuller), &options, deadline),
+        connect::<Walkthrough>(&net, &endpoint, identity(Role::Culler), &options, deadline),
         listener.accept(deadline)
     );
     let (mut machine, mut display) = (joined.unwrap(), accepted.unwrap());

@@ -8,8 +8,8 @@ use crate::program::Bench;
 
 /// The services, and where each shows what its links carry.
 pub(crate) const DISPLAY: (&str, u16) = ("trimaran-display", 9464);
-pub(crate) const FIRST: (&str, u16) = ("trimaran-culler@first", 9465);
-pub(crate) const SECOND: (&str, u16) = ("trimaran-culler@second", 9466);
+pub(crate) const ONE: (&str, u16) = ("trimaran-culler@one", 9465);
+pub(crate) const TWO: (&str, u16) = ("trimaran-culler@two", 9466);
 
 /// Where the display's report lies.
 const REPORT: &str = "/var/lib/trimaran/walk";
@@ -25,22 +25,36 @@ pub(crate) enum Over {
     Unix,
 }
 
-/// A scene and keys, and the pictures of a walk in one process.
+/// A scene and keys, and what the services walk.
 pub(crate) struct Walk {
     bench: Bench,
     frames: usize,
+    /// The side of a picture, pixels.
+    size: u32,
+    audit_every: usize,
 }
 
 impl Walk {
+    /// One of so many frames, with the pictures that one process shows.
     pub(crate) fn in_one_process(frames: usize) -> Self {
-        let bench = Bench::with_plant(300);
+        let walk = Self::of(frames, 64, 0);
         let count = frames.to_string();
         let size = ["--size", "64x64", "--audit-every", "0", "--frames", &count];
-        bench.done(&[&["run", "plant.scene", "--out", "walk"], &size[..]].concat());
+        walk.bench.done(&[&["run", "plant.scene", "--out", "walk"], &size[..]].concat());
+        walk
+    }
+
+    /// One that is to be stopped once it has shown what it should.
+    pub(crate) fn endless() -> Self {
+        Self::of(100_000, 512, 200)
+    }
+
+    fn of(frames: usize, size: u32, audit_every: usize) -> Self {
+        let bench = Bench::with_plant(300);
         for host in HOSTS {
             bench.done(&["keys", "new", host]);
         }
-        Self { bench, frames }
+        Self { bench, frames, size, audit_every }
     }
 
     /// Puts what the page's commands need into the machine, and runs all of them there.
@@ -53,7 +67,7 @@ impl Walk {
             &checkout.join("deploy/systemd"),
         );
         copy_files(&self.bench.path(""), &checkout);
-        for role in ["display", "first", "second"] {
+        for role in ["display", "one", "two"] {
             fs::write(checkout.join(format!("{role}.toml")), self.configuration(role, over)).unwrap();
         }
         // What is gone without a word is missed soon.
@@ -65,39 +79,36 @@ impl Walk {
     }
 
     fn configuration(&self, role: &str, over: Over) -> String {
-        let [show, pair] = match over {
+        let [one, two] = match over {
             Over::Quic => ["quic://127.0.0.1:7400", "quic://127.0.0.1:7401"],
-            Over::Unix => ["unix:/run/trimaran/display.sock", "unix:/run/trimaran/pair.sock"],
+            Over::Unix => ["unix:/run/trimaran/one.sock", "unix:/run/trimaran/two.sock"],
         };
-        let frames = self.frames;
+        let Self { frames, size, audit_every, .. } = self;
         match role {
             "display" => format!(
-                "scene = 'plant.scene'\nlisten = '{show}'\nout = '{REPORT}'\nmetrics = '127.0.0.1:{}'\n\
-                 keys = '/run/credentials/trimaran-display.service/keys'\npeers = {{ first = 'one.pub', second = 'two.pub' }}\n\
-                 session = {{ frames = {frames}, width = 64, height = 64, audit_every = 0 }}\n",
+                "scene = 'plant.scene'\ncullers = ['{one}', '{two}']\nout = '{REPORT}'\nmetrics = '127.0.0.1:{}'\n\
+                 keys = '/run/credentials/trimaran-display.service/keys'\npeers.cullers = ['one.pub', 'two.pub']\n\
+                 session = {{ frames = {frames}, width = {size}, height = {size}, audit_every = {audit_every} }}\n",
                 DISPLAY.1
             ),
-            index => {
-                let (other, metrics) = if index == "first" { ("two", FIRST.1) } else { ("one", SECOND.1) };
+            name => {
+                let (listen, metrics) = if name == "one" { (one, ONE.1) } else { (two, TWO.1) };
                 format!(
-                    "scene = 'plant.scene'\nindex = '{index}'\ndisplay = '{show}'\npair = '{pair}'\n\
-                     keys = '/run/credentials/trimaran-culler@{index}.service/keys'\n\
-                     peers = {{ display = 'show.pub', other = '{other}.pub' }}\nmetrics = '127.0.0.1:{metrics}'\n"
+                    "scene = 'plant.scene'\nlisten = '{listen}'\nmetrics = '127.0.0.1:{metrics}'\n\
+                     keys = '/run/credentials/trimaran-culler@{name}.service/keys'\npeers.displays = ['show.pub']\n"
                 )
             }
         }
     }
 
-    /// Waits until the walk has ended, and compares its pictures. Gives the report.
-    pub(crate) fn is_shown(&self, machine: &Machine) -> serde_json::Value {
+    /// Waits until the walk has ended, and compares its pictures.
+    pub(crate) fn is_shown(&self, machine: &Machine) {
         let state = machine.wait_for("the end of the walk", || {
             let state = machine.run("systemctl show -P ActiveState trimaran-display");
             ["inactive", "failed"].contains(&&*state).then_some(state)
         });
         assert_eq!(state, "inactive");
-        let shown = machine.path(REPORT);
-        let report = fs::read(shown.join("report.json")).unwrap();
-        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+        let (shown, report) = (machine.path(REPORT), Self::report(machine));
         assert_eq!(report["frames"].as_array().unwrap().len(), self.frames, "{}", report["run"]["notes"]);
         for number in 0..self.frames {
             let name = format!("frames/{number:05}.png");
@@ -106,7 +117,27 @@ impl Walk {
             assert!(shown == expected, "{name} is another picture");
         }
         fs::remove_dir_all(shown).unwrap();
+    }
+
+    /// Stops the display. The report has every frame until then once and in order, and those that were
+    /// checked are exact.
+    pub(crate) fn is_stopped(&self, machine: &Machine) -> serde_json::Value {
+        machine.run("systemctl stop trimaran-display");
+        let report = Self::report(machine);
+        assert_eq!(report["summary"]["ended"]["how"], "interrupted");
+        for (number, frame) in report["frames"].as_array().unwrap().iter().enumerate() {
+            assert_eq!(frame["frame"], number, "{}", report["run"]["notes"]);
+            if number % self.audit_every == 0 {
+                assert_eq!(frame["cut_mismatch_pixels"], 0, "{frame}");
+            }
+        }
+        fs::remove_dir_all(machine.path(REPORT)).unwrap();
         report
+    }
+
+    fn report(machine: &Machine) -> serde_json::Value {
+        let report = fs::read(machine.path(REPORT).join("report.json")).unwrap();
+        serde_json::from_slice(&report).unwrap()
     }
 }
 

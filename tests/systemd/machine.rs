@@ -63,15 +63,6 @@ impl Machine {
         PathBuf::from(format!("/proc/{}/root{absolute}", self.init))
     }
 
-    /// What stops all processes of a service while it holds a 1.
-    pub(crate) fn freezer(&self, service: &str) -> PathBuf {
-        let group = self.wait_for("the cgroup of a service", || {
-            let group = self.run(&format!("systemctl show -P ControlGroup {service}"));
-            Some(group.strip_prefix('/')?.to_owned())
-        });
-        self.group.join(group).join("cgroup.freeze")
-    }
-
     /// Runs a command line in it, which must end well, and gives what it says.
     pub(crate) fn run(&self, line: &str) -> String {
         let Output { status, stdout, stderr } = self.shell(line).output().unwrap();

@@ -14,17 +14,17 @@ mod program;
 
 use std::fs;
 
-use deployment::{DISPLAY, FIRST, Over, SECOND, Walk};
+use deployment::{DISPLAY, ONE, Over, TWO, Walk};
 use machine::Machine;
 
 /// The three services in every order.
 const ORDERS: [[(&str, u16); 3]; 6] = [
-    [DISPLAY, FIRST, SECOND],
-    [DISPLAY, SECOND, FIRST],
-    [FIRST, DISPLAY, SECOND],
-    [SECOND, DISPLAY, FIRST],
-    [FIRST, SECOND, DISPLAY],
-    [SECOND, FIRST, DISPLAY],
+    [DISPLAY, ONE, TWO],
+    [DISPLAY, TWO, ONE],
+    [ONE, DISPLAY, TWO],
+    [TWO, DISPLAY, ONE],
+    [ONE, TWO, DISPLAY],
+    [TWO, ONE, DISPLAY],
 ];
 
 #[test]
@@ -56,32 +56,28 @@ fn walks(machine: &Machine, (service, port): (&str, u16)) {
 /// Does something to each service in turn in a walk. Each is then another process that takes its place, and
 /// no frame is missing.
 fn in_walks(name: &str, act: impl Fn(&Machine, &str)) {
-    let walk = Walk::in_one_process(200);
+    let walk = Walk::endless();
     for over in [Over::Quic, Over::Unix] {
         let Some(machine) = Machine::boot(name) else { return };
         walk.install(&machine, over);
-        for turns in [&[FIRST, SECOND][..], &[DISPLAY]] {
-            // For the first walk the page has started it already.
-            machine.run("systemctl start trimaran-display");
-            for turn in turns {
-                let process = || machine.run(&format!("systemctl show -P MainPID {}", turn.0));
-                // Another one holds the walk, however fast it is, until this one is another process.
-                let hold = machine.freezer(if *turn == DISPLAY { FIRST.0 } else { DISPLAY.0 });
-                walks(&machine, *turn);
-                fs::write(&hold, "1").unwrap();
-                let before = process();
-                act(&machine, turn.0);
-                machine
-                    .wait_for("the next process", || (!["0", &before].contains(&&*process())).then_some(()));
-                fs::write(&hold, "0").unwrap();
-                walks(&machine, *turn);
-            }
-            let report = walk.is_shown(&machine);
-            // A display that is started again begins anew, without a note.
-            let stops = if turns == [DISPLAY] { 0 } else { turns.len() };
-            let notes = report["run"]["notes"].to_string();
-            assert!(notes.matches("the session stopped before").count() >= stops, "{over:?}: {notes}");
-        }
+        let replace = |service: (&str, u16)| {
+            let process = || machine.run(&format!("systemctl show -P MainPID {}", service.0));
+            walks(&machine, service);
+            let before = process();
+            act(&machine, service.0);
+            machine.wait_for("the next process", || (!["0", &before].contains(&&*process())).then_some(()));
+            walks(&machine, service);
+        };
+        [ONE, TWO, DISPLAY].into_iter().for_each(replace);
+        // A display that is started again begins anew.
+        let report = walk.is_stopped(&machine);
+        let notes = report["run"]["notes"].as_array().unwrap();
+        assert!(notes.is_empty(), "{over:?}: {notes:?}");
+        machine.run("systemctl start trimaran-display");
+        replace(ONE);
+        let report = walk.is_stopped(&machine);
+        let notes = report["run"]["notes"].to_string();
+        assert!(notes.contains("culler 1 was lost before"), "{over:?}: {notes}");
     }
 }
 
@@ -104,7 +100,7 @@ const TRIES: &str = r#"
 try() { if eval "$1" >/dev/null 2>&1; then echo "could: $1"; fi; }
 try 'ls /home'
 try 'ls /proc/1'
-try 'cat /run/credentials/trimaran-culler@second.service/keys'
+try 'cat /run/credentials/trimaran-culler@two.service/keys'
 try 'unshare --user true'
 try 'perl -e "socket(S, 16, 3, 0) or exit 1"'
 try 'taskset --cpu-list --pid 0 $$'

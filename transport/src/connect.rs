@@ -34,7 +34,7 @@ pub enum ConnectError {
         "no link to {endpoint} within {:?} and {attempts} attempt{}{}",
         readable(.waited),
         if *.attempts == 1 { "" } else { "s" },
-        if .last.is_mismatch() { "" } else { ": is the other role running there?" }
+        if .last.is_mismatch() { "" } else { ": is a peer running there?" }
     )]
     Deadline {
         /// Whom we asked.
@@ -198,7 +198,6 @@ async fn believed<P: Protocol>(
 
 #[cfg(test)]
 mod tests {
-    use trimaran_wire::Explanation;
     #[cfg(feature = "quic")]
     use trimaran_wire::{ProtocolName, Rejection};
 
@@ -250,9 +249,9 @@ mod tests {
 
     #[test]
     fn a_refusal_can_be_asked_for_and_is_no_sign_that_nobody_is_there() {
-        let taken = Refusal::RoleTaken { role: Explanation::new("arm") };
-        let refused = cut_short(handshake(HandshakeError::Refused(taken.clone())));
-        assert_eq!((refused.refusal(), cut_short(AttemptError::TimedOut).refusal()), (Some(&taken), None));
+        let other = Refusal::Rejected(Rejection::new(1, "the maps differ"));
+        let refused = cut_short(handshake(HandshakeError::Refused(other.clone())));
+        assert_eq!((refused.refusal(), cut_short(AttemptError::TimedOut).refusal()), (Some(&other), None));
         assert!(!refused.to_string().contains("running there"), "{refused}");
         let busy = cut_short(handshake(HandshakeError::Refused(Refusal::Busy)));
         assert!(busy.to_string().contains("running there"), "{busy}");

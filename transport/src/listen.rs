@@ -164,8 +164,7 @@ impl<P: Protocol> Listener<P> {
         Self::bind_all(net, &endpoint.clone().into(), hello, options).await
     }
 
-    /// As [`Listener::bind`], at each of `endpoints` at once: a role has one place whichever way it comes,
-    /// and the limits hold for all together.
+    /// As [`Listener::bind`], at each of `endpoints` at once: the limits hold for all together.
     ///
     /// Dropping the future frees what it has taken so far.
     ///

@@ -24,8 +24,10 @@ pub(crate) struct Timeouts {
     net: Arc<dyn Net>,
     limit: Duration,
     idle_timeout: Duration,
-    /// How long this half has listened since it last heard anything.
+    /// How long nothing has come, as far as this half knows.
     quiet: Duration,
+    /// When it listened last, and there was nothing.
+    listened: Option<Instant>,
     timer: Box<dyn Timer>,
     /// When the timer rings. It may ring early for a later wait, which then sets it again: so the timer is
     /// set about once per `limit`, not once per message.
@@ -36,6 +38,36 @@ pub(crate) struct Timeouts {
 #[derive(Debug, Default)]
 pub(crate) struct Wait {
     end: Option<(Instant, Expired)>,
+}
+
+/// A half that listens, and has heard nothing yet.
+struct Listening<'t> {
+    timeouts: &'t mut Timeouts,
+    since: Option<Instant>,
+}
+
+impl Listening<'_> {
+    /// When it began to wait.
+    fn begun(&mut self) -> Instant {
+        let Timeouts { net, idle_timeout, quiet, listened, .. } = &mut *self.timeouts;
+        *self.since.get_or_insert_with(|| {
+            let now = net.now();
+            let elsewhere = listened.map_or(Duration::ZERO, |listened| now.since(listened));
+            *quiet += elsewhere.min(*idle_timeout / LOOKS);
+            now
+        })
+    }
+}
+
+/// However it ends.
+impl Drop for Listening<'_> {
+    fn drop(&mut self) {
+        if let Some(since) = self.since {
+            let now = self.timeouts.net.now();
+            self.timeouts.quiet += now.since(since);
+            self.timeouts.listened = Some(now);
+        }
+    }
 }
 
 /// What is known of a peer's life while nobody listens to it.
@@ -67,8 +99,8 @@ impl fmt::Debug for Timeouts {
 impl Timeouts {
     /// Waits last `limit` at most; for ever, if that is [`Duration::MAX`].
     pub(crate) fn new(net: &Arc<dyn Net>, limit: Duration, idle_timeout: Duration) -> Self {
-        let quiet = Duration::ZERO;
-        Self { net: Arc::clone(net), limit, idle_timeout, quiet, timer: net.timer(), armed: None }
+        let (quiet, timer) = (Duration::ZERO, net.timer());
+        Self { net: Arc::clone(net), limit, idle_timeout, quiet, listened: None, timer, armed: None }
     }
 
     pub(crate) const fn limit(&self) -> Duration {
@@ -98,10 +130,11 @@ impl Timeouts {
     }
 
     /// What `future` hears of the peer: as [`Timeouts::wait`] for all that `wait` is made of, and only as
-    /// long as the idle timeout lasts.
+    /// long as the idle timeout lasts. Dropping the future ends the wait.
     ///
-    /// The idle timeout counts the time in which this half listens, over several waits if need be: while its
-    /// owner does something else, keep-alives lie unread and are no less there.
+    /// The idle timeout counts the time in which this half listens, over several waits if need be. While its
+    /// owner does something else, keep-alives lie unread. Where there is none then, that time counts as well,
+    /// but no more than that from one keep-alive to the next: the system may be late with it.
     pub(crate) async fn hear<F: Future>(
         &mut self,
         wait: &mut Wait,
@@ -109,23 +142,26 @@ impl Timeouts {
         future: F,
     ) -> Result<F::Output, Expired> {
         let mut future = pin!(future);
-        let mut since = None;
-        let heard = poll_fn(|cx| {
+        let mut listening = Listening { timeouts: self, since: None };
+        poll_fn(|cx| {
             if let Poll::Ready(output) = future.as_mut().poll(cx) {
+                listening.since = None;
+                listening.timeouts.heard();
                 return Poll::Ready(Ok(output));
             }
-            let begun = *since.get_or_insert_with(|| self.net.now());
-            let end = self.end(wait, by);
-            let idle_timeout = begun.after(self.idle_timeout.saturating_sub(self.quiet));
+            let begun = listening.begun();
+            let timeouts = &mut *listening.timeouts;
+            let end = timeouts.end(wait, by);
+            let idle_timeout = begun.after(timeouts.idle_timeout.saturating_sub(timeouts.quiet));
             let (at, why) = if idle_timeout < end.0 { (idle_timeout, Expired::Idle) } else { end };
-            self.poll_reached(at, cx).map(|()| Err(why))
+            timeouts.poll_reached(at, cx).map(|()| Err(why))
         })
-        .await;
-        self.quiet = match (&heard, since) {
-            (Err(_), Some(since)) => self.quiet + self.net.now().since(since),
-            _ => Duration::ZERO,
-        };
-        heard
+        .await
+    }
+
+    /// Something came from the peer.
+    pub(crate) const fn heard(&mut self) {
+        (self.quiet, self.listened) = (Duration::ZERO, None);
     }
 
     /// What `future` gives, unless the timeout ends first, or the idle timeout: `heard` is asked four times
@@ -267,7 +303,7 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn the_idle_timeout_counts_while_somebody_listens() {
+    async fn who_is_elsewhere_for_long_still_listens_to_the_last() {
         let net = net();
         let mut timeouts = Timeouts::new(&net, Duration::from_secs(100), IDLE_TIMEOUT);
         let mut listened = 0;
@@ -279,9 +315,29 @@ mod tests {
                 Err(Expired::Deadline) => listened += 3,
                 end => break end,
             }
-            // Busy elsewhere for longer than the idle timeout.
+            // Busy elsewhere for longer than the idle timeout: that counts as 5 s.
             sleep_until(&*net, net.now().after(IDLE_TIMEOUT * 2)).await;
         };
-        assert_eq!((end, listened), (Err(Expired::Idle), 18));
+        assert_eq!((end, listened), (Err(Expired::Idle), 9));
+    }
+
+    /// As by a loop that waits for several peers, one of which says something all the time.
+    #[tokio::test(start_paused = true)]
+    async fn waits_that_are_given_up_count_as_well() {
+        let net = net();
+        let mut timeouts = Timeouts::new(&net, Duration::from_secs(100), IDLE_TIMEOUT);
+        let start = net.now();
+        let end = loop {
+            let soon = net.now().after(Duration::from_millis(10));
+            let mut wait = Wait::default();
+            tokio::select! {
+                end = timeouts.hear(&mut wait, None, std::future::pending::<()>()) => break end,
+                () = sleep_until(&*net, soon) => {}
+            }
+        };
+        assert_eq!((end, net.now().since(start).as_secs()), (Err(Expired::Idle), IDLE_TIMEOUT.as_secs()));
+        timeouts.heard();
+        let soon = net.now().after(Duration::from_secs(19));
+        assert_eq!(timeouts.hear(&mut Wait::default(), None, sleep_until(&*net, soon)).await, Ok(()));
     }
 }

@@ -10,12 +10,12 @@ use std::time::Duration;
 
 use bytes::BytesMut;
 use common::{
-    Link, Listener, connect, format, hello_bytes, introduce, last_failure, net, refusal, role_taken, soon,
+    Link, Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, refusal, soon,
 };
 use tempfile::TempDir;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
-use trimaran_transport::conformance::{ARM, Greeting, PANEL, greeting};
+use trimaran_transport::conformance::{ARM, Greeting, MAP, PANEL, greeting};
 use trimaran_transport::{
     DecodeFault, Endpoint, HandshakeError, Kind, Lane, Limits, LinkConfig, Options, ProtocolError, RecvError,
     Refusal, SessionId, WireVersion, until,
@@ -234,11 +234,11 @@ mod cases {
     pub(super) async fn who_is_turned_away_at_once_learns_why(endpoint: &str) {
         let (bare, at) = Bare::bind(endpoint).await;
         let options = Options::default();
-        let taken = bytes(&Message::Refuse(role_taken(PANEL)));
+        let refused = bytes(&Message::Refuse(other_map(1, MAP)));
         let listener = async {
             loop {
                 // Who is told so on one connection may have closed the others.
-                let _told = bare.accept().await.write_all(&taken).await;
+                let _told = bare.accept().await.write_all(&refused).await;
             }
         };
         let net = net();
@@ -246,7 +246,7 @@ mod cases {
             known = refusal(&net, &at, greeting(PANEL), &options) => known,
             () = listener => unreachable!(),
         };
-        assert_eq!(known, role_taken(PANEL));
+        assert_eq!(known, other_map(1, MAP));
     }
 
     pub(super) async fn another_version_is_refused_in_words_that_it_can_read(endpoint: &str) {

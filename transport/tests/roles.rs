@@ -83,7 +83,7 @@ async fn a_key_that_claims_another_role_is_refused_by_name_and_the_right_one_sti
         let mut show = Show::at(endpoint).await;
         let (first, second) = (show.first.clone(), show.second.clone());
 
-        // It already has its own place: a key is not good for both.
+        // It has come as what it is: a key is not good for both.
         let its_own = show.joins(&second, GRIPPER).await;
         for _ in 0..3 {
             let refused = show.claim(&second, ARM).await;

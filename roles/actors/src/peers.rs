@@ -8,7 +8,7 @@ use std::{collections::VecDeque, future::pending, sync::Arc, time::Duration};
 
 use tokio::sync::{mpsc, oneshot};
 use trimaran_proto::{Identity, Role, Walkthrough};
-use trimaran_transport::{AcceptError, Endpoint, Net, connect};
+use trimaran_transport::{AcceptError, ConnectError, Endpoint, Net, causes, connect};
 
 use crate::{
     join::{JoinError, PeerEndpoint, expect_role},
@@ -16,8 +16,10 @@ use crate::{
     meeting::Expected,
 };
 
-/// How long one attempt to get a link goes on. The next one follows.
-const ATTEMPT: Duration = Duration::from_secs(3600);
+/// How long a role tries to reach a peer before the log says why it does not. It goes on trying.
+const ATTEMPT: Duration = Duration::from_secs(15);
+/// How long a listener waits before it waits again.
+const WAIT: Duration = Duration::from_secs(3600);
 
 /// A peer that has come.
 #[derive(Debug)]
@@ -137,6 +139,7 @@ async fn connector(
     role: Role,
     arrived: Arrived,
 ) {
+    let mut said = String::new();
     loop {
         let attempt = connect::<Walkthrough>(&net, &endpoint, identity, &options, net.now().after(ATTEMPT));
         let link = tokio::select! {
@@ -149,6 +152,7 @@ async fn connector(
             .and_then(|link| expect_role(&link, role).map(|()| link));
         match link {
             Ok(link) => {
+                said.clear();
                 let (held, free) = oneshot::channel();
                 let at = Some(endpoint.clone());
                 if arrived.send(Ok(Arrival { place, link, at, seat: Seat { _held: held } })).await.is_err() {
@@ -156,12 +160,29 @@ async fn connector(
                 }
                 let _dropped = free.await;
             }
-            Err(error) if error.may_pass() => tracing::warn!(%endpoint, %error, "looking for it again"),
+            Err(error) if error.may_pass() => {
+                let why = obstacle(&error);
+                if why != said {
+                    tracing::warn!(%endpoint, "cannot reach the {role}, and goes on trying: {why}");
+                    said = why;
+                }
+            }
             Err(error) => {
                 let _nobody = arrived.send(Err(error)).await;
                 return;
             }
         }
+    }
+}
+
+/// What stood in the way of the last attempt.
+fn obstacle(error: &JoinError) -> String {
+    match error {
+        JoinError::Connect { cause, .. } => match &**cause {
+            ConnectError::Deadline { last, .. } => causes(last),
+            other => causes(other),
+        },
+        other => causes(other),
     }
 }
 
@@ -180,7 +201,7 @@ async fn acceptor(
         let came = tokio::select! {
             biased;
             () = arrived.closed() => return,
-            came = listener.accept(net.now().after(ATTEMPT)) => came,
+            came = listener.accept(net.now().after(WAIT)) => came,
         };
         let link = match came {
             Ok(link) => link,

@@ -125,10 +125,10 @@ pub(crate) struct NetemArgs {
     /// in .toml.
     #[arg(long, value_name = "PROFILE")]
     pub(crate) profile: String,
-    /// The network namespaces to join: the first culler, the second and the display; two names leave
-    /// the second out. Those that do not exist are made, and removed at the end. Their addresses are
-    /// 10.0.0.1, .2 and .3, and fd00::1, ::2, ::3.
-    #[arg(long, value_name = "NAME,..", value_delimiter = ',', default_value = "first,second,display")]
+    /// The network namespaces to join: those of 1 to 8 cullers, and last the display's. Those that do not
+    /// exist are made, and removed at the end. Their addresses are 10.0.0.1, 10.0.0.2 and so on, and
+    /// fd00::1, fd00::2.
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',', default_value = "culler-1,culler-2,display")]
     pub(crate) namespaces: Vec<String>,
     /// The seed of losses and delays.
     #[arg(long, default_value_t = 1)]

@@ -56,12 +56,14 @@ fn fps(times: &[Times], cullers: usize, switch: bool) -> Option<f64> {
 
 /// When each picture is shown, milliseconds after the first camera, in lockstep.
 ///
-/// A culler has the camera of its next frame while it culls one, but none is more than twice the number of
-/// cullers ahead of the picture. In the schedule `switch` OR draws what HC of the frame before finds while it
-/// does, so it is complete no sooner.
+/// A culler has the camera of its next frame while it culls one, but none is as much as twice the number of
+/// cullers ahead of the last picture. The display deals between two pictures, and not while it draws one. In
+/// the schedule `switch` OR draws what HC of the frame before finds while it does, so it is complete no
+/// sooner.
 fn shown(times: &[Times], cullers: usize, switch: bool) -> Vec<f64> {
     let mut began: Vec<f64> = Vec::with_capacity(times.len());
     let mut culled: Vec<f64> = Vec::with_capacity(times.len());
+    let mut drawing: Vec<f64> = Vec::with_capacity(times.len());
     let mut shown: Vec<f64> = Vec::with_capacity(times.len());
     let before = |done: &[f64], frame: usize, by: usize| {
         frame.checked_sub(by).and_then(|earlier| done.get(earlier)).copied().unwrap_or(0.0)
@@ -71,13 +73,19 @@ fn shown(times: &[Times], cullers: usize, switch: bool) -> Vec<f64> {
         let occluded = if cullers == 0 {
             last + or
         } else {
-            let free = before(&culled, frame, cullers).max(before(&shown, frame, 2 * cullers + 1));
+            let wanted = before(&began, frame, cullers).max(before(&shown, frame, 2 * cullers));
+            let pictures = drawing.iter().zip(&shown).rev();
+            let drawn_then =
+                pictures.take_while(|(_, end)| **end > wanted).find(|(start, _)| **start < wanted);
+            let dealt = drawn_then.map_or(wanted, |(_, end)| *end);
+            let free = before(&culled, frame, cullers).max(dealt);
             let (fed, complete) =
                 if switch { (before(&began, frame, 1), before(&culled, frame, 1)) } else { (0.0, 0.0) };
             (free.max(fed) + or).max(complete)
         };
         began.push(occluded);
         culled.push(occluded + hc);
+        drawing.push((occluded + hc).max(last));
         shown.push((occluded + hc).max(last) + rvg);
     }
     shown

@@ -244,7 +244,7 @@ mod tests {
             |alone| Summary::of(&Run { alone, ..sample::run() }, &frames, Some(100.0), Ended::default());
         assert_eq!(summary(false).measured_fps, Some(10.0), "two pictures 100 ms apart");
         assert_eq!(summary(false).model, None, "they hold other roles' work");
-        assert_eq!(summary(true).model.unwrap().fps, 25.0, "the second picture 30 + 10 ms after the first");
+        assert_eq!(summary(true).model.unwrap().fps, 100.0, "pictures after 10 + 20 + 5 and 30 + 10 + 5 ms");
     }
 
     #[test]
@@ -264,7 +264,7 @@ mod tests {
             bytes_by_kind: Some(SentBytes { ids: 8 * drawn, headers, messages, ..SentBytes::default() }),
             ..Frame::default()
         };
-        let run = Run { batch: 100, ..sample::run() };
+        let run = Run { batch: 100, schedule: "switch".to_owned(), ..sample::run() };
         let bandwidth = Bandwidth::of(&run, &[frame(100, 40, 4), frame(300, 60, 6)]).unwrap();
         assert_eq!((bandwidth.ids_per_frame, bandwidth.header_bytes), (200.0, 10.0));
         assert_eq!(bandwidth.measured_bytes, 1650.0);

@@ -78,7 +78,7 @@ impl Waiting {
 /// What becomes of a hello.
 #[expect(clippy::large_enum_variant, reason = "none is kept")]
 enum Entry {
-    /// All lanes are there, and the role is this link's.
+    /// All lanes are there, and there is a place.
     Complete(Lanes, Peer, Place),
     /// Another lane has to come.
     Wait(oneshot::Receiver<()>),

@@ -115,7 +115,11 @@ impl Reader {
         }
         let mut wait = Wait::default();
         loop {
-            match self.inlet.next_buffered(&shared.counters.received)? {
+            let buffered = self.inlet.next_buffered(&shared.counters.received)?;
+            if buffered.is_some() {
+                timeouts.heard();
+            }
+            match buffered {
                 Some(Message::Close(reason)) => {
                     self.closed = Some(reason.clone());
                     return Err(LaneError::Closed(reason));

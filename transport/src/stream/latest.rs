@@ -1,6 +1,7 @@
 //! The latest lane over a byte stream of its own.
 
 use std::future::poll_fn;
+use std::mem;
 use std::sync::Arc;
 use std::task::{Context, Poll, Waker};
 
@@ -53,11 +54,13 @@ pub(crate) struct LatestRx {
     closed: Option<CloseReason>,
     /// What ended the lane behind a value that was given first.
     ended: Option<LaneError>,
+    /// Something has come that the timeouts do not know of.
+    heard: bool,
 }
 
 impl LatestRx {
     pub(crate) fn new(source: Source) -> Self {
-        Self { source: source.with_room(ROOM), closed: None, ended: None }
+        Self { source: source.with_room(ROOM), closed: None, ended: None, heard: false }
     }
 
     pub(crate) fn try_latest(&mut self, shared: &Shared) -> Result<Option<FixedBytes>, LaneError> {
@@ -83,7 +86,11 @@ impl LatestRx {
     ) -> Result<FixedBytes, LaneError> {
         let mut wait = Wait::default();
         loop {
-            if let Some(value) = self.try_latest(shared)? {
+            let value = self.try_latest(shared)?;
+            if mem::take(&mut self.heard) {
+                timeouts.heard();
+            }
+            if let Some(value) = value {
                 return Ok(value);
             }
             timeouts
@@ -100,6 +107,7 @@ impl LatestRx {
         }
         for _ in 0..READS {
             while let Some(message) = self.source.next_buffered(&shared.counters.received)? {
+                self.heard = true;
                 match message {
                     Message::Latest(value) => *newest = Some(value),
                     Message::KeepAlive => {}

@@ -158,7 +158,7 @@ impl UdpListener {
         if let (Some(key), Some(security)) = (initial.key, &self.acceptor.options.security) {
             security.judge(PeerKey::Udp(NoiseKey::from_bytes(key)), peer.role.as_deref())?;
         }
-        // It takes the role's place only once it has shown that it is there now.
+        // It takes a place only once it has shown that it is there now.
         self.acceptor.admits(&hello).map_err(HandshakeError::Refused)?;
         let reliable = reliable && self.config.frame_deadline.is_none();
         let batching = peer.batching.unwrap_or(self.acceptor.options.link.batching);

@@ -12,8 +12,8 @@ use std::time::Duration;
 use bytes::Bytes;
 use trimaran_transport::conformance::{ARM, Greeting, PANEL, Robot, greeting};
 use trimaran_transport::{
-    AcceptError, AttemptError, ConnectError, Endpoint, Explanation, HandshakeError, Instant, Lane, Net,
-    Options, Protocol, ProtocolName, Refusal, Rejection, SessionId, TokioNet,
+    AcceptError, AttemptError, ConnectError, Endpoint, HandshakeError, Instant, Lane, Net, Options, Protocol,
+    ProtocolName, Refusal, Rejection, SessionId, TokioNet,
 };
 use trimaran_wire::{Format, Hello, Message};
 
@@ -59,11 +59,6 @@ pub(crate) fn introduce(who: &Greeting, session: SessionId, lane: Lane) -> Messa
 pub(crate) fn other_map(listener: u64, connector: u64) -> Refusal {
     let why = format!("the listener has map {listener:#x}, the connecting peer map {connector:#x}");
     Refusal::Rejected(Rejection::new(1, &why))
-}
-
-/// What it says to a peer whose role another one has.
-pub(crate) fn role_taken(role: &str) -> Refusal {
-    Refusal::RoleTaken { role: Explanation::new(role) }
 }
 
 /// A link over the transport that `endpoint` names, by a listener and a connector: the arm's end first, then

@@ -3,9 +3,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use super::common::{
-    Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, role_taken, soon,
-};
+use super::common::{Listener, connect, format, hello_bytes, introduce, last_failure, net, other_map, soon};
 use super::{SESSION, bytes, hello, listener};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
@@ -74,7 +72,6 @@ async fn whatever_a_listener_refuses_for_is_tried_again() {
     for refusal in [
         Refusal::Busy,
         Refusal::Unpaired { session: SESSION },
-        role_taken(PANEL),
         other_map(1, MAP),
         Refusal::Version { listener: versions.0, connector: versions.1 },
         Refusal::Session { session: SESSION, lane: Lane::Frames },

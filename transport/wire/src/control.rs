@@ -126,15 +126,6 @@ pub enum Refusal {
     /// The application of the listening peer does not take the connecting one.
     #[error(transparent)]
     Rejected(Rejection),
-    /// The listening peer has this role itself, or has a peer with it already.
-    #[error(
-        "the role {role} is taken: each role exists once, and the place of a process that was killed is free \
-         when its idle timeout has ended"
-    )]
-    RoleTaken {
-        /// The role both claim.
-        role: Explanation,
-    },
     /// The connections of one session contradict each other, or carry the same lane.
     #[error("session {session}: the {lane} lane came twice or from a peer that calls itself something else")]
     Session {
@@ -216,7 +207,6 @@ mod tests {
             (Refusal::Version { listener: version, connector: version }, false),
             (Refusal::Protocol { listener: name.clone(), connector: name }, false),
             (Refusal::Rejected(Rejection::new(1, "")), false),
-            (Refusal::RoleTaken { role: role.clone() }, false),
             (Refusal::Session { session, lane: Lane::Frames }, false),
             (Refusal::Key { claimed: role.clone(), known: role }, false),
         ] {
@@ -231,8 +221,8 @@ mod tests {
         assert_eq!(CloseReason::new(7, odd).to_string(), shown);
         assert_eq!(Rejection::new(7, odd).to_string(), shown);
         assert_eq!(Refusal::Rejected(Rejection::new(7, odd)).to_string(), shown);
-        let role = Explanation::new(odd);
-        assert!(Refusal::RoleTaken { role }.to_string().contains(&format!("the role {shown} is taken")));
+        let claim = Refusal::Key { claimed: Explanation::new(odd), known: Explanation::new("arm") };
+        assert!(claim.to_string().contains(&format!("claims to be {shown}")));
         assert_eq!(SessionId(0xbeef).to_string(), "000000000000beef");
     }
 }

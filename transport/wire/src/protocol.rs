@@ -88,8 +88,7 @@ pub trait Protocol: fmt::Debug + Clone + PartialEq + Send + Sync + 'static {
         Ok(())
     }
 
-    /// The role that a peer claims, where there is one of each at a listener, and where keys can be bound to
-    /// a role. A peer without a role comes as often as it likes.
+    /// The role that a peer claims, where keys can be bound to a role.
     fn role(_hello: &Self::Hello) -> Option<String> {
         None
     }

@@ -52,7 +52,6 @@ fn refusal() -> impl Strategy<Value = Refusal> {
     prop_oneof![
         (name.clone(), name).prop_map(|(listener, connector)| Refusal::Protocol { listener, connector }),
         (any::<u16>(), any::<String>()).prop_map(|(code, why)| Refusal::Rejected(Rejection::new(code, &why))),
-        text().prop_map(|role| Refusal::RoleTaken { role }),
         (session.clone(), lane()).prop_map(|(session, lane)| Refusal::Session { session, lane }),
         session.prop_map(|session| Refusal::Unpaired { session }),
         Just(Refusal::Busy),
@@ -261,7 +260,6 @@ fn the_longest_control_messages_are_taken() {
         Refusal::Version { listener: version, connector: version },
         Refusal::Protocol { listener: name.clone(), connector: name.clone() },
         Refusal::Rejected(Rejection::new(u16::MAX, &"x".repeat(1000))),
-        Refusal::RoleTaken { role: text.clone() },
         Refusal::Session { session, lane },
         Refusal::Unpaired { session },
         Refusal::Busy,

@@ -68,7 +68,7 @@ fn a_refusal_of_another_version_is_read_no_further() {
     let refused = decode(&message(Kind::Refuse, &[3, 0, 0xff, 0xff]));
     let (listener, connector) = (WireVersion(3), WireVersion::CURRENT);
     assert_eq!(refused, Ok(Some(Message::Refuse(Refusal::Version { listener, connector }))));
-    let unknown = decode(&message(Kind::Refuse, &[2, 0, 8]));
+    let unknown = decode(&message(Kind::Refuse, &[2, 0, 7]));
     assert!(matches!(unknown, Err(DecodeFault::Control { kind: Kind::Refuse, .. })), "{unknown:?}");
 }
 
@@ -77,7 +77,7 @@ fn control_messages_end_where_their_payload_does() {
     let tail = DecodeFault::Trailing { kind: Kind::Close, bytes: 2 };
     assert_eq!(decode(&message(Kind::Close, &[0, 0, 7, 7])), Err(tail));
     assert_eq!(
-        decode(&message(Kind::Refuse, &[2, 0, 6, 7])),
+        decode(&message(Kind::Refuse, &[2, 0, 5, 7])),
         Err(DecodeFault::Trailing { kind: Kind::Refuse, bytes: 1 })
     );
     let long = [&[2, 0xc9, 1][..], &[b'x'; 201]].concat();

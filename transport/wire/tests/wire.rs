@@ -164,7 +164,6 @@ fn the_reasons_have_the_numbers_of_the_page() {
         ("versions differ", Refusal::Version { listener: version, connector: version }),
         ("the applications differ", Refusal::Protocol { listener: name.clone(), connector: name }),
         ("the application of the listener", Refusal::Rejected(Rejection::new(1, "full"))),
-        ("the role is taken", Refusal::RoleTaken { role: text.clone() }),
         ("the lane came twice", Refusal::Session { session, lane }),
         ("another lane", Refusal::Unpaired { session }),
         ("too many peers or handshakes", Refusal::Busy),
