@@ -14,6 +14,7 @@ use common::{
 };
 use trimaran::vulkan::VulkanCuller;
 use trimaran::walkthrough::{CameraPath, PathChoice, Plan, SceneOnDevices};
+use trimaran_actors::Schedule;
 use trimaran_audit::{SURFACE_SLACK_PX, cases::with_records};
 use trimaran_gpu::{HzbPlace, Optional};
 use trimaran_proto::OcclusionTestKind;
@@ -97,14 +98,14 @@ fn every_occlusion_test_shows_the_unculled_cut() {
 #[test]
 fn a_walk_has_the_same_ids_with_the_depth_pyramid_on_the_host_and_on_the_device() {
     let Some(devices) = on_devices(&small_plant()) else { return };
-    if devices.drawn[0].gpu().info().lacks.contains(&Optional::Float64) {
+    if devices.display.gpu().info().lacks.contains(&Optional::Float64) {
         println!("skipped: the device has no f64 in shaders");
         return;
     }
     let plan = plan(OcclusionTestKind::Hzb);
     let [host, device] = [HzbPlace::Host, HzbPlace::Device].map(|place| {
-        let records = walk_with(&devices, &plan, &automatic(&devices, &plan), |index| {
-            let culler = VulkanCuller::new(&devices.drawn[index.index()], plan.viewport, plan.occlusion_test);
+        let records = walk_with(&devices, &plan, &automatic(&devices, &plan), |culler| {
+            let culler = VulkanCuller::new(devices.drawn_by(culler), plan.viewport, plan.occlusion_test);
             culler.unwrap().with_hzb_at(place)
         });
         records.into_iter().map(|record| (record.ids, record.picture)).collect::<Vec<_>>()
@@ -112,4 +113,41 @@ fn a_walk_has_the_same_ids_with_the_depth_pyramid_on_the_host_and_on_the_device(
     assert!(host.len() == FRAMES as usize && host.iter().all(|(ids, _)| !ids.is_empty()));
     assert_eq!(device, host);
     assert_no_validation_messages(&devices);
+}
+
+/// Culling changes no pixel, whoever does it and by whatever occluders.
+#[test]
+fn pictures_are_the_same_for_every_number_of_cullers_schedule_and_test() {
+    let Some(all) = common::unless_required(SceneOnDevices::open(&small_plant(), 3, &common::options()))
+    else {
+        return;
+    };
+    let mut pictures = Vec::new();
+    for occlusion_test in OcclusionTestKind::ALL {
+        for (cullers, schedule) in [
+            (0, Schedule::Independent),
+            (1, Schedule::Independent),
+            (2, Schedule::Independent),
+            (3, Schedule::Independent),
+            (2, Schedule::Switch),
+        ] {
+            let devices = SceneOnDevices {
+                scene: Arc::clone(&all.scene),
+                cullers: all.cullers.iter().take(cullers).map(Arc::clone).collect(),
+                display: Arc::clone(&all.display),
+            };
+            let plan = Plan { schedule, ..plan(occlusion_test) };
+            let walk = || walk_in_process(&devices, &plan, &automatic(&devices, &plan));
+            let (records, again) = (walk(), walk());
+            let shown: Vec<_> = records.iter().map(|record| record.picture.unwrap()).collect();
+            pictures.push(shown);
+            for (number, (record, again)) in records.iter().zip(&again).enumerate() {
+                let culler = (number % cullers.max(1)) as u32;
+                assert_eq!(record.culler.map(|id| id.index() as u32), (cullers > 0).then_some(culler));
+                assert_eq!(record.ids, again.ids, "{cullers} {schedule} {occlusion_test} {number}");
+            }
+        }
+    }
+    assert!(pictures.windows(2).all(|pair| pair[0] == pair[1]), "{pictures:?}");
+    assert_no_validation_messages(&all);
 }
