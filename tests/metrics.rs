@@ -92,13 +92,13 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
     let link = LinkConfig { messages_per_s: 2, ..LinkConfig::default() };
     let strict = Options { limits, link, ..Options::default() };
     let anywhere = "tcp://127.0.0.1:0".parse().unwrap();
-    let mut listener = Listener::bind(&net, &anywhere, identity(Role::Culler), &strict).await.unwrap();
+    let mut listener = Listener::bind(&net, &anywhere, identity(Role::Display), &strict).await.unwrap();
     let there = listener.local_endpoint().clone();
     let Endpoint::Tcp(at) = &there else { panic!("{there}") };
 
     let options = Options::default();
-    let display = connect::<Walkthrough>(&net, &there, identity(Role::Display), &options, soon).await;
-    let (mut display, mut culler) = (display.unwrap(), listener.accept(soon).await.unwrap());
+    let culler = connect::<Walkthrough>(&net, &there, identity(Role::Culler), &options, soon).await;
+    let (mut culler, mut display) = (culler.unwrap(), listener.accept(soon).await.unwrap());
     let mut silent = Vec::new();
     for _ in 0..3 {
         silent.push(Dial::connect(at.to_string()).await.unwrap());
@@ -110,7 +110,7 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
     drop(silent);
     while listener.turned_away().no_place == 0 {
         let by = net.now().after(Duration::from_millis(200));
-        let second = connect::<Walkthrough>(&net, &there, identity(Role::Display), &options, by).await;
+        let second = connect::<Walkthrough>(&net, &there, identity(Role::Culler), &options, by).await;
         assert!(second.is_err(), "{second:?}");
     }
     let before = listener.turned_away();
@@ -123,7 +123,7 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
         culler.frames_tx.flush().await.unwrap();
     }
     while display.frames_rx.recv().await.is_ok() {}
-    let serving = LinkMetrics::of([&display, &culler])
+    let serving = LinkMetrics::of([&display])
         .serve(([127, 0, 0, 1], 0).into(), &tokio::runtime::Handle::current())
         .unwrap();
     let address = serving.address().to_string();
@@ -132,7 +132,7 @@ async fn what_came_up_against_a_limit_is_counted_and_shown() {
             .await
             .unwrap();
     // Whoever was still being turned away when the listener went may have been counted later.
-    let after = culler.stats.listener().unwrap().turned_away();
+    let after = display.stats.listener().unwrap().turned_away();
     for (limit, counted) in [
         ("handshakes", before.no_room..=after.no_room),
         ("handshakes_per_s_per_address", 0..=0),

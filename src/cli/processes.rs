@@ -4,10 +4,11 @@
 use std::{
     net::{SocketAddr, TcpListener, UdpSocket},
     path::{Path, PathBuf},
+    process::Stdio,
 };
 
 use tokio::{
-    process::{Child, Command},
+    process::{Child, ChildStdin, Command},
     runtime::Runtime,
 };
 use trimaran::config::{CullerConfig, CullerPeers};
@@ -94,6 +95,8 @@ struct CullerProcess {
     id: CullerId,
     endpoint: Endpoint,
     child: Child,
+    /// It ends with this process, however that ends.
+    _input: Option<ChildStdin>,
 }
 
 impl CullerProcesses {
@@ -126,10 +129,12 @@ impl CullerProcesses {
             std::fs::write(&path, own + &links).map_err(Failure::broken)?;
             let program = std::env::current_exe().map_err(Failure::broken)?;
             let mut command = Command::new(program);
-            command.args(["role", "culler", "--config"]).arg(&path);
+            command.args(["role", "culler", "--until-input-ends", "--config"]).arg(&path);
             let _within = runtime.enter();
-            let child = command.kill_on_drop(true).spawn().map_err(Failure::broken)?;
-            Ok(CullerProcess { id, endpoint, child })
+            let command = command.stdin(Stdio::piped()).kill_on_drop(true);
+            let mut child = command.spawn().map_err(Failure::broken)?;
+            let input = child.stdin.take();
+            Ok(CullerProcess { id, endpoint, child, _input: input })
         };
         let ids = CullerId::first(endpoints.len());
         Ok(Self(ids.zip(endpoints).map(start).collect::<Result<_, _>>()?))

@@ -26,8 +26,12 @@ const LETTING_GO: Duration = Duration::from_millis(50);
 
 pub(super) fn run(command: &RoleCommand) -> Result<(), Failure> {
     match command {
-        RoleCommand::Culler(args) => on_runtime(|runtime| culler(&load(args)?, runtime)),
-        RoleCommand::Display(args) => on_runtime(|runtime| display(&load(args)?, runtime)),
+        RoleCommand::Culler(args) => {
+            on_runtime(|runtime| culler(&load(args)?, args.until_input_ends, runtime))
+        }
+        RoleCommand::Display(args) => {
+            on_runtime(|runtime| display(&load(args)?, args.until_input_ends, runtime))
+        }
     }
 }
 
@@ -57,7 +61,11 @@ pub(super) fn template(role: RoleName) -> String {
 }
 
 /// A culler: serves displays until it is stopped.
-fn culler((config, options): &(CullerConfig, Options), runtime: &Runtime) -> Result<(), Failure> {
+fn culler(
+    (config, options): &(CullerConfig, Options),
+    until_input_ends: bool,
+    runtime: &Runtime,
+) -> Result<(), Failure> {
     let CullerPeers { displays, cullers } = &config.peers;
     let peers = [
         PeerFiles { name: "peers.displays", role: Some(Role::Display), paths: displays },
@@ -67,7 +75,7 @@ fn culler((config, options): &(CullerConfig, Options), runtime: &Runtime) -> Res
     let known = security(options, endpoints, config.keys.as_deref(), &peers).map_err(Failure::bad_input)?;
     let mut options = Options { security: known, ..options.clone() };
     let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
-    let start = Start::new(runtime, config.join_timeout_s);
+    let start = Start::new(runtime, config.join_timeout_s, until_input_ends);
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
@@ -93,7 +101,11 @@ fn culler((config, options): &(CullerConfig, Options), runtime: &Runtime) -> Res
 }
 
 /// The display of a deployment: finds its cullers, walks the path, writes the report.
-fn display((config, options): &(DisplayConfig, Options), runtime: &Runtime) -> Result<(), Failure> {
+fn display(
+    (config, options): &(DisplayConfig, Options),
+    until_input_ends: bool,
+    runtime: &Runtime,
+) -> Result<(), Failure> {
     let plan = session_plan(&config.session, &config.schedule)?;
     let choice = PathChoice::parse(&config.session.path, config.session.seed);
     let peers = [PeerFiles { name: "peers.cullers", role: Some(Role::Culler), paths: &config.peers.cullers }];
@@ -102,7 +114,7 @@ fn display((config, options): &(DisplayConfig, Options), runtime: &Runtime) -> R
     let mut options = Options { security: known.map_err(Failure::bad_input)?, ..options.clone() };
     check_trace(config.record.as_deref())?;
     let gpu = gpu_options(config.device.as_deref(), config.device_timeout_s);
-    let start = Start::new(runtime, config.join_timeout_s);
+    let start = Start::new(runtime, config.join_timeout_s, until_input_ends);
     let Some(folder) = start.until(async || open_folder(&config.out))? else { return Ok(()) };
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);

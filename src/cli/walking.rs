@@ -1,9 +1,11 @@
 //! What `run`, `sweep` and the roles share: from flags to a plan, and a runtime to run it on.
 
 use std::{
+    io,
     net::SocketAddr,
     path::Path,
     sync::Arc,
+    thread,
     time::{Duration, SystemTime},
 };
 
@@ -15,7 +17,7 @@ use trimaran::{
     metrics::{LinkMetrics, Serving},
     walkthrough::{CameraPath, Pace, PathChoice, Plan, SceneFile},
 };
-use trimaran_actors::{Stop, again};
+use trimaran_actors::{Stop, Stopper, again};
 use trimaran_gpu::{DeviceChoice, Gpu, GpuOptions, GpuScene};
 use trimaran_proto::{BatchSize, LodRule, OcclusionTestKind, Viewport};
 use trimaran_scene::Scene;
@@ -91,6 +93,11 @@ pub(super) fn runtime() -> Result<Runtime, Failure> {
 /// A stop that Ctrl-C and the termination signal of systemd set; a second one insists.
 pub(super) fn stop_on_signal(runtime: &Runtime) -> Stop {
     let (stopper, stop) = Stop::new();
+    stops_on_signal(stopper, runtime);
+    stop
+}
+
+fn stops_on_signal(stopper: Stopper, runtime: &Runtime) {
     let _within = runtime.enter();
     // Here, not in the task: a signal that comes before the task runs is heard as well.
     let signals = (signal(SignalKind::interrupt()), signal(SignalKind::terminate()));
@@ -105,7 +112,15 @@ pub(super) fn stop_on_signal(runtime: &Runtime) -> Stop {
             }
         });
     }
-    stop
+}
+
+/// Asks when standard input ends.
+fn stops_with_input(stopper: Stopper) {
+    thread::spawn(move || {
+        // Nothing is said there; where it cannot be read, nobody is at its other end.
+        let _ended = io::copy(&mut io::stdin(), &mut io::sink());
+        stopper.stop();
+    });
 }
 
 /// How a role starts: what is not there yet, such as a scene that is being copied or a port in use, is waited
@@ -119,10 +134,15 @@ pub(super) struct Start<'r> {
 }
 
 impl<'r> Start<'r> {
-    pub(super) fn new(runtime: &'r Runtime, join_timeout_s: f64) -> Self {
+    pub(super) fn new(runtime: &'r Runtime, join_timeout_s: f64, until_input_ends: bool) -> Self {
         let net: Arc<dyn Net> = Arc::new(TokioNet::new(runtime.handle().clone()));
         let patience = Duration::try_from_secs_f64(join_timeout_s).unwrap_or_default();
-        Self { runtime, net, stop: stop_on_signal(runtime), patience }
+        let (stopper, stop) = Stop::new();
+        if until_input_ends {
+            stops_with_input(stopper.clone());
+        }
+        stops_on_signal(stopper, runtime);
+        Self { runtime, net, stop, patience }
     }
 
     /// What `attempt` gives once it works; `None` if the role is asked to stop before. It is tried again

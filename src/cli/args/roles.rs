@@ -24,6 +24,9 @@ pub(crate) struct RoleArgs<L: Args> {
     /// The role's configuration (TOML); `trimaran config` prints one with every key.
     #[arg(long, value_name = "F.toml", env = "TRIMARAN_CONFIG")]
     pub(crate) config: Option<PathBuf>,
+    /// Stop when standard input ends: the role of a process that may be killed.
+    #[arg(long, hide = true)]
+    pub(crate) until_input_ends: bool,
     #[command(flatten)]
     pub(crate) flags: L,
     #[command(flatten)]
