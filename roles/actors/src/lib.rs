@@ -64,4 +64,4 @@ pub use machine::{CullerIndex, CullerMachine, CullerStep, DisplayMachine, Displa
 pub use session::{CullerSession, JoinTimeouts, SessionError, SessionEvent};
 pub use stop::{Stop, Stopper};
 pub use turn::Turns;
-pub use work::{Gaps, OccluderPolicy, SceneCulling, ScenePictures};
+pub use work::{CulledFrame, Gaps, OccluderPolicy, SceneCulling, ScenePictures};

@@ -2,8 +2,8 @@
 
 use std::{sync::Arc, time::Duration};
 
-use trimaran_cull::{CullStats, Culler, LodRule, OccluderMapper, View, Viewport};
-use trimaran_proto::{Camera, CullCounts, DrawableId, FrameStats, IdBatch, SentBytes, Settings};
+use trimaran_cull::{CullStats, Culler, LodRule, OccluderMapper, Rounds, View, Viewport, triangles};
+use trimaran_proto::{Camera, CullCounts, DrawableId, FrameStats, IdBatch, RoundCounts, SentBytes, Settings};
 use trimaran_scene::Scene;
 
 use super::occluders::OccluderPolicy;
@@ -75,11 +75,8 @@ impl<D: CullerDevice> SceneCulling<D> {
     fn draw(&mut self, first: usize) -> Result<(), RoleError> {
         let ids = self.due.get(first..).unwrap_or_default();
         self.device.draw_occluders(ids).map_err(RoleError::device("drawing occluders"))?;
-        self.stats.occluders += u32::try_from(ids.len()).unwrap_or(u32::MAX);
-        let drawables = self.culler.scene().drawables();
-        let drawn = ids.iter().filter_map(|id| drawables.get(id.index()));
-        self.stats.occluder_triangles +=
-            drawn.map(|drawable| u64::from(drawable.index_count / 3)).sum::<u64>();
+        self.stats.occluders += count(ids);
+        self.stats.occluder_triangles += triangles(self.culler.scene(), ids);
         Ok(())
     }
 }
@@ -142,12 +139,32 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
     }
 
     async fn cull(&mut self, camera: Camera, visible: &mut VisibleIds<'_>) -> Result<(), RoleError> {
+        let Some(last) = &self.mapper else { return Ok(()) };
         let view = View::new(camera, self.viewport);
-        let mut traversal = self.culler.traverse(&view, self.rule, &self.device)?;
-        while let Some(ids) = traversal.next_level(&mut self.device)? {
+        let scene = Arc::clone(self.culler.scene());
+        let traversal = self.culler.traverse(&view, self.rule, &self.device)?;
+        let mut rounds = Rounds::new(traversal, last, &self.due, self.policy.rule());
+        let (clock, mut drawing) = (&self.clock, Duration::ZERO);
+        let mut add_occluders = |device: &mut D, ids: &[DrawableId]| {
+            let start = clock.elapsed();
+            device.add_occluders(ids)?;
+            drawing += clock.elapsed().saturating_sub(start);
+            Ok(())
+        };
+        while let Some(ids) = rounds.next(&mut self.device, &mut add_occluders)? {
             visible.push(ids).await?;
         }
-        self.stats.culling = counts(&traversal.stats());
+        let stats = rounds.stats();
+        self.stats.culling = counts(&stats);
+        self.stats.rounds = RoundCounts {
+            further: rounds.rounds().saturating_sub(1),
+            occluder_triangles: triangles(&scene, rounds.occluders()),
+            drawing_ns: nanoseconds(drawing),
+            tested: stats.tested_again,
+            hidden: stats.hidden_later,
+        };
+        self.stats.occluders += count(rounds.occluders());
+        self.stats.occluder_triangles += self.stats.rounds.occluder_triangles;
         Ok(())
     }
 
@@ -158,6 +175,10 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         self.stats.to_other = to_other;
         self.stats
     }
+}
+
+fn count(ids: &[DrawableId]) -> u32 {
+    u32::try_from(ids.len()).unwrap_or(u32::MAX)
 }
 
 fn nanoseconds(time: Duration) -> u64 {
