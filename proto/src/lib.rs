@@ -39,7 +39,7 @@ pub use id::{DrawableId, ID_BYTES, IdBatch, SceneHash};
 pub use identity::{CloseCode, Identity, RejectionCode, Role, SessionKey};
 pub use lod_rule::{LodRule, LodRuleError};
 pub use settings::{OcclusionTestKind, Settings, SettingsError};
-pub use stats::{CullCounts, FrameStats, SentBytes};
+pub use stats::{CullCounts, FrameStats, RoundCounts, SentBytes};
 pub use trimaran_wire::{BatchSize, BatchSizeError, FrameNumber};
 pub use viewport::Viewport;
 pub use walkthrough::{RoleMessage, Walkthrough};

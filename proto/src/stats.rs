@@ -30,12 +30,14 @@ pub struct FrameStats {
     pub hc_start_ns: u64,
     /// When HC was complete.
     pub hc_end_ns: u64,
-    /// Drawables that OR drew.
+    /// Drawables drawn as occluders, by OR and in further rounds of HC.
     pub occluders: u32,
-    /// Triangles that OR drew.
+    /// Their triangles.
     pub occluder_triangles: u64,
-    /// What HC did.
+    /// What HC did, in all rounds.
     pub culling: CullCounts,
+    /// What further rounds were part of it.
+    pub rounds: RoundCounts,
     /// What it sent to another culler for the frame (the schedule `switch`); what the display got, the
     /// display counts itself.
     pub to_other: SentBytes,
@@ -112,4 +114,20 @@ pub struct CullCounts {
     pub refined: u32,
     /// Batches of box tests.
     pub batches: u32,
+}
+
+/// What HC did in further rounds: after the first traversal it draws more occluders, and tests again what it
+/// found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct RoundCounts {
+    /// Further rounds: 0 in most frames.
+    pub further: u32,
+    /// Triangles of the occluders that were drawn in them.
+    pub occluder_triangles: u64,
+    /// The time in which these were drawn.
+    pub drawing_ns: u64,
+    /// Boxes tested again.
+    pub tested: u32,
+    /// Drawables found hidden.
+    pub hidden: u32,
 }

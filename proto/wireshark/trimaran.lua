@@ -372,6 +372,7 @@ local STATS = {
   "OR start (ns)", "OR end (ns)", "OR busy (ns)", "HC start (ns)", "HC end (ns)", "occluders", "their triangles",
   "nodes visited", "outside", "tested", "hidden", "visible by a near corner", "visible by the eye inside",
   "visible by a number that is not finite", "drawn for few pixels", "emitted", "refined", "batches of tests",
+  "further rounds", "triangles drawn in them", "drawing them, ns", "boxes tested again", "hidden in further rounds",
   "bytes of camera", "bytes of begin", "bytes of ids", "bytes of end", "bytes of control", "bytes of headers", "messages",
 }
 

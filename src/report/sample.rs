@@ -7,7 +7,7 @@ use trimaran_audit::metrics::{Deviation, ImageRef, image_difference};
 
 use super::schema::{
     CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Machine, Mode, Projection, Report,
-    Role, RoleInfo, Run, SceneInfo, SentBytes, Span, SweepPoint, VisibleObject,
+    Role, RoleInfo, RoundCounts, Run, SceneInfo, SentBytes, Span, SweepPoint, VisibleObject,
 };
 
 pub(super) const SIZE: u32 = 96;
@@ -122,6 +122,13 @@ fn frame(frame: u32) -> Frame {
             boxes_hidden: 2 * drawn,
             batches: 9,
             stopped_at_few_pixels: 0,
+        }),
+        rounds: Some(RoundCounts {
+            further: u32::from(frame == 0),
+            occluder_triangles: if frame == 0 { 30_000 } else { 0 },
+            drawing_ms: if frame == 0 { 4.5 } else { 0.0 },
+            boxes_tested: if frame == 0 { 2 * drawn } else { 0 },
+            nodes_hidden: if frame == 0 { drawn } else { 0 },
         }),
         conservatively_visible: [("near_plane".to_owned(), 4), ("eye_inside".to_owned(), 2)].into(),
         false_culled_nodes: audited.then_some(if wrong { 3 } else { 0 }),

@@ -4,9 +4,9 @@
 use std::{collections::BTreeMap, sync::Arc};
 
 use thiserror::Error;
-use trimaran_actors::{CullerDevice, OccluderPolicy};
+use trimaran_actors::{CullerDevice, OccluderPolicy, RoleError};
 use trimaran_audit::{CulledFrame, FalseCullCause, Missing, causes};
-use trimaran_cull::{LodRule, OccluderError, View, Viewport};
+use trimaran_cull::{Culler, LodRule, View, Viewport};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
@@ -17,9 +17,9 @@ use crate::report::schema::FalseCull;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum AttributionError {
-    /// The frame before holds ids that the scene does not have.
-    #[error("the frame before is not of this scene")]
-    Ids(#[from] OccluderError),
+    /// The frame could not be culled again.
+    #[error("culling the frame failed")]
+    Culling(#[from] RoleError),
     /// The machine failed.
     #[error("the device failed")]
     Device(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -40,7 +40,7 @@ pub(super) fn false_culls<D: CullerDevice>(
     missing: &[Missing],
 ) -> Result<Vec<FalseCull>, AttributionError> {
     let [earlier @ .., record] = walk else { return Ok(Vec::new()) };
-    let session = Session { scene, rule, size };
+    let mut session = Session { culler: Culler::new(Arc::clone(scene)), rule, size };
     // What its culler did for its last frame may be the cause.
     if let Some(place) = earlier.iter().rposition(|own| own.culler == record.culler)
         && let Some((own, own_earlier)) = earlier.get(..=place).and_then(<[_]>::split_last)
@@ -66,20 +66,20 @@ pub(super) fn false_culls<D: CullerDevice>(
 }
 
 /// What all frames of a session share.
-struct Session<'s> {
-    scene: &'s Arc<Scene>,
+struct Session {
+    culler: Culler,
     rule: LodRule,
     size: Viewport,
 }
 
-impl Session<'_> {
+impl Session {
     fn view(&self, record: &FrameRecord) -> View {
         View::new(record.camera, self.size)
     }
 
-    /// OR's work for a frame, which drew from what was visible in one of those before: returns what it draws.
+    /// Culls a frame again, whose occluders come from one of those before: returns what was drawn of them.
     fn draw_occluders<D: CullerDevice>(
-        &self,
+        &mut self,
         machine: &mut D,
         earlier: &[FrameRecord],
         record: &FrameRecord,
@@ -88,11 +88,8 @@ impl Session<'_> {
         let source = record.stats.and_then(|stats| stats.occluders_of);
         let before = earlier.iter().rfind(|before| Some(before.camera.frame()) == source);
         let last = before.map(|before| before.ids.as_slice()).unwrap_or_default();
-        let occluders = OccluderPolicy::default().occluders(self.scene, &view, self.rule, last)?;
-        machine.begin_occluders(&view).map_err(device)?;
-        machine.draw_occluders(&occluders).map_err(device)?;
-        machine.finish_occluders().map_err(device)?;
-        Ok(occluders)
+        let policy = OccluderPolicy::default();
+        Ok(policy.cull(&mut self.culler, machine, &view, self.rule, last)?.occluders)
     }
 }
 

@@ -7,7 +7,7 @@ use trimaran_proto::{Camera, CullCounts, DrawableId, FrameStats, SentBytes};
 use trimaran_scene::Scene;
 
 use super::{objects::ObjectCounts, path::CameraPath};
-use crate::report::schema::{CullingCounts, Frame, Machine, Role, Span};
+use crate::report::schema::{CullingCounts, Frame, Machine, Role, RoundCounts, Span};
 
 /// A frame as it was shown.
 #[derive(Debug, Clone)]
@@ -100,6 +100,7 @@ fn frame(
         occluders_drawn: stats.map(|s| u64::from(s.occluders)),
         occluder_triangles: stats.map(|s| s.occluder_triangles),
         culling: stats.map(|s| culling(&s.culling)),
+        rounds: stats.map(|s| rounds(&s.rounds)),
         conservatively_visible: conservatively_visible(record),
         culled_by: Some(Machine::of(record.culler)),
         bytes: Some(bytes.total()),
@@ -143,6 +144,16 @@ fn culling(counts: &CullCounts) -> CullingCounts {
         boxes_hidden: counts.hidden.into(),
         batches: counts.batches.into(),
         stopped_at_few_pixels: counts.few_pixels.into(),
+    }
+}
+
+fn rounds(counts: &trimaran_proto::RoundCounts) -> RoundCounts {
+    RoundCounts {
+        further: counts.further,
+        occluder_triangles: counts.occluder_triangles,
+        drawing_ms: counts.drawing_ns as f64 * 1e-6,
+        boxes_tested: counts.tested.into(),
+        nodes_hidden: counts.hidden.into(),
     }
 }
 

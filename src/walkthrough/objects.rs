@@ -8,14 +8,15 @@ use trimaran_scene::{Node, Scene};
 /// Counts the objects that drawables show: what is merged of several shows all of them, and the parts of one
 /// are one.
 #[derive(Debug)]
-pub(super) struct ObjectCounts {
+pub struct ObjectCounts {
     /// The objects at and below each node.
     below: Vec<u64>,
 }
 
 impl ObjectCounts {
     /// Prepares counting in a scene.
-    pub(super) fn new(scene: &Scene) -> Self {
+    #[must_use]
+    pub fn new(scene: &Scene) -> Self {
         let nodes = scene.nodes();
         let mut below = vec![0_u64; nodes.len()];
         // Children follow their parents. An object's parts are below its own node, which counts once.
@@ -30,7 +31,7 @@ impl ObjectCounts {
     }
 
     /// The number of objects that drawables of one LOD cut show. In a cut no node is below another.
-    pub(super) fn of(&self, scene: &Scene, drawn: impl IntoIterator<Item = DrawableId>) -> u64 {
+    pub fn of(&self, scene: &Scene, drawn: impl IntoIterator<Item = DrawableId>) -> u64 {
         let mut objects = HashSet::new();
         let mut merged = 0;
         for drawable in drawn.into_iter().filter_map(|id| scene.drawables().get(id.index())) {

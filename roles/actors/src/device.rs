@@ -28,11 +28,22 @@ pub trait CullerDevice: OcclusionTest {
     /// As the device says.
     fn draw_occluders(&mut self, ids: &[DrawableId]) -> Result<(), Self::Error>;
 
-    /// Completes the depth and returns the time in which the device was busy with it.
+    /// Completes the depth and returns the time in which the device was busy with it. More occluders may be
+    /// drawn over it, and it be completed again.
     ///
     /// # Errors
     /// As the device says.
     fn finish_occluders(&mut self) -> Result<Duration, Self::Error>;
+
+    /// Draws some more occluders, and completes the depth.
+    ///
+    /// # Errors
+    /// As the device says.
+    fn add_occluders(&mut self, ids: &[DrawableId]) -> Result<(), Self::Error> {
+        self.draw_occluders(ids)?;
+        self.finish_occluders()?;
+        Ok(())
+    }
 
     /// The depth of the occluders finished last. Sessions leave it where it is; an audit looks at it.
     ///

@@ -70,4 +70,4 @@ pub use peers::{Arrival, Peers, Seat, Sought};
 pub use service::{CullerService, NewSession, ServiceEndpoints, SessionError};
 pub use stop::{Stop, Stopper};
 pub use turn::Turns;
-pub use work::{Gaps, OccluderPolicy, SceneCulling, ScenePictures};
+pub use work::{CulledFrame, Gaps, OccluderPolicy, SceneCulling, ScenePictures};

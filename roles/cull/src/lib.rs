@@ -38,12 +38,13 @@
 //! | `view` | [`View`]: a camera and the size of its image, and every transform from world to pixel |
 //! | `lod_cut` | [`LodCut`]: which level of which nodes is drawn, within an error bound in pixels |
 //! | `occluders` | [`OccluderMapper`]: the last frame's visible set as this frame's occluders |
-//! | `occluder_selection` | [`select_occluders`], [`nearest_occluders`]: within a budget of triangles |
+//! | `occluder_selection` | [`select_occluders`]: which of them, within a budget of triangles |
 //! | `occlusion_test` | [`OcclusionTest`], the seam to whatever holds the occluders' depth |
 //! | `boxes`, `frustum` | [`BoxMaker`]: from a node to the box that is tested in its place |
 //! | `depth`, `hzb`, `screen_box` | [`HzbTest`]: boxes tested against a pyramid of farthest depths |
 //! | `screen_record` | [`ScreenRecords`]: boxes made ready for the same test on a device |
 //! | `traverse` | [`Culler`]: the traversal that keeps what shows |
+//! | `rounds` | [`Rounds`]: what was found as occluders of the same frame, where much of it is new |
 //! | `order` | [`draw_order`]: the one order in which everyone draws |
 //! | `image` | [`Image`]: what a display shows |
 //!
@@ -59,6 +60,7 @@ mod occluder_selection;
 mod occluders;
 mod occlusion_test;
 mod order;
+mod rounds;
 mod screen_box;
 mod screen_record;
 mod traverse;
@@ -69,10 +71,11 @@ pub use depth::{DepthImage, DepthImageError, DepthPyramid};
 pub use hzb::{HzbError, HzbTest};
 pub use image::Image;
 pub use lod_cut::{Choice, LodCut, choose, lod_cut};
-pub use occluder_selection::{TriangleBudget, nearest_occluders, select_occluders};
+pub use occluder_selection::{TriangleBudget, select_occluders, triangles};
 pub use occluders::{OccluderError, OccluderMapper, occluders};
 pub use occlusion_test::{Answer, NoOccluders, OcclusionTest, Outline, TestBox};
 pub use order::{DrawOrder, draw_order};
+pub use rounds::{RoundRule, Rounds};
 pub use screen_record::{OnScreen, ScreenMargins, ScreenRecord, ScreenRecords};
 pub use traverse::{CullError, CullStats, Culler, Traversal};
 pub use trimaran_proto::{LodRule, LodRuleError, Viewport};

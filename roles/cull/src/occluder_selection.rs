@@ -1,18 +1,31 @@
 //! Occluder selection: which of the cut to draw as occluders. Any subset of it is valid, so this trades the
 //! time to draw them for looser culling, and never a hole.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-
 use glam::DVec3;
 use trimaran_proto::DrawableId;
-use trimaran_scene::{Node, NodeId, Scene};
+use trimaran_scene::{Node, Scene};
 
-use crate::{Choice, LodCut, LodRule, View};
+use crate::View;
 
 /// At most so many triangles of occluders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TriangleBudget(pub u64);
+
+impl TriangleBudget {
+    /// This budget and a quarter of the triangles of `visible`, which were found visible. Who shows much has
+    /// much to win by culling it better.
+    #[must_use]
+    pub fn among(self, scene: &Scene, visible: &[DrawableId]) -> Self {
+        Self(self.0 + triangles(scene, visible) / 4)
+    }
+}
+
+/// The triangles of `ids`. What the scene does not have has none.
+#[must_use]
+pub fn triangles(scene: &Scene, ids: &[DrawableId]) -> u64 {
+    let drawables = ids.iter().filter_map(|id| scene.drawables().get(id.index()));
+    drawables.map(|drawable| u64::from(drawable.index_count / 3)).sum()
+}
 
 /// Keeps the drawables that hide most for their triangles, as long as they fit the budget: by the square of
 /// how large they look (the box's diagonal over its distance), a triangle. What the scene does not have is
@@ -39,47 +52,6 @@ pub fn select_occluders(scene: &Scene, view: &View, ids: &mut Vec<DrawableId>, b
         if triangles <= left {
             left -= triangles;
             ids.push(id);
-        }
-    }
-}
-
-/// Appends the drawables of the cut that are nearest to the eye, nearest first, until the next one would pass
-/// the budget.
-///
-/// These are the occluders of a frame that has no frame before it to take them from: the first one, or one
-/// after a jump.
-pub fn nearest_occluders(
-    scene: &Scene,
-    view: &View,
-    rule: LodRule,
-    budget: TriangleBudget,
-    ids: &mut Vec<DrawableId>,
-) {
-    let cut = LodCut::new(scene, view, rule);
-    let eye = view.eye();
-    // Squared distances are not negative, so their bits order as they do. NaN comes last.
-    let entry = |id: NodeId| {
-        let distance =
-            scene.nodes().get(id.0 as usize).map_or(f64::INFINITY, |node| distance_squared(node, eye));
-        Reverse((distance.to_bits(), id))
-    };
-    let mut heap = BinaryHeap::new();
-    if !scene.nodes().is_empty() {
-        heap.push(entry(NodeId(0)));
-    }
-    let mut left = budget.0;
-    while let Some(Reverse((_, id))) = heap.pop() {
-        let Some(node) = scene.nodes().get(id.0 as usize).filter(|node| !cut.outside(node)) else { continue };
-        match cut.choose(node) {
-            Choice::Refine => heap.extend(node.children().map(|child| entry(NodeId(child)))),
-            Choice::Draw(id) => {
-                let triangles = scene.drawables().get(id.index()).map_or(0, |d| u64::from(d.index_count / 3));
-                if triangles > left {
-                    return;
-                }
-                left -= triangles;
-                ids.push(id);
-            }
         }
     }
 }

@@ -95,6 +95,12 @@ impl OccluderMapper {
         Ok(())
     }
 
+    /// Whether `node`, which the cut has and which is in the frustum, was in this frame's place of an id.
+    #[must_use]
+    pub fn holds(&self, node: NodeId) -> bool {
+        self.state(node.0) == State::Settled
+    }
+
     /// Settles the nodes from the root down to `node`, and says what it is.
     fn settle_path(&mut self, cut: &LodCut<'_>, node: u32, due: &mut Vec<DrawableId>) -> State {
         let nodes = cut.scene().nodes();

@@ -37,8 +37,13 @@ pub struct CullStats {
     /// Nodes drawn too coarsely because they show at few pixels (section 4.5.2 of the paper, if the rule
     /// asks for it).
     pub stopped_at_few_pixels: u32,
-    /// Batches of occlusion tests: levels of the tree at which there was something to test.
+    /// Batches of occlusion tests: levels of the tree at which there was something to test, and further
+    /// rounds.
     pub batches: u32,
+    /// Boxes tested once more, in further rounds.
+    pub tested_again: u32,
+    /// Of `hidden`, drawables that were found hidden only then.
+    pub hidden_later: u32,
 }
 
 /// Why a traversal stopped. What the sink got before is valid, but not all that is visible.
@@ -159,7 +164,7 @@ pub struct Traversal<'c> {
     stats: CullStats,
 }
 
-impl Traversal<'_> {
+impl<'c> Traversal<'c> {
     /// The visible drawables of the next level that has any, as soon as that level is decided; `None` when
     /// there is nothing more.
     ///
@@ -171,15 +176,7 @@ impl Traversal<'_> {
     ) -> Result<Option<&[DrawableId]>, CullError<T::Error>> {
         while !self.memory.level.is_empty() {
             self.prepare_level();
-            let Memory { boxes, answers, .. } = &mut *self.memory;
-            answers.clear();
-            if !boxes.is_empty() {
-                test.test(&self.view, boxes, answers).map_err(CullError::Test)?;
-                self.stats.batches += 1;
-            }
-            if answers.len() != boxes.len() {
-                return Err(CullError::AnswerCount { boxes: boxes.len(), answers: answers.len() });
-            }
+            self.test(test)?;
             self.decide_level();
             let Memory { level, next, visible, .. } = &mut *self.memory;
             std::mem::swap(level, next);
@@ -190,10 +187,71 @@ impl Traversal<'_> {
         Ok(None)
     }
 
+    /// Tests once more what this traversal has found, after more occluders were drawn, and drops what is
+    /// hidden now.
+    ///
+    /// # Errors
+    /// If the test fails.
+    pub fn test_again<T: OcclusionTest>(
+        &mut self,
+        test: &mut T,
+        found: &mut Vec<DrawableId>,
+    ) -> Result<(), CullError<T::Error>> {
+        let Self { scene, reach, maker, memory, .. } = self;
+        let prepared = |id: &DrawableId| {
+            let node = scene.drawables().get(id.index())?.node as usize;
+            match maker.prepare(scene.nodes().get(node)?, f64::from(*reach.get(node)?)) {
+                Prepared::Test(test_box) => Some(test_box),
+                Prepared::Outside | Prepared::Visible(_) => None,
+            }
+        };
+        memory.boxes.clear();
+        let mut is_tested = Vec::with_capacity(found.len());
+        for id in &*found {
+            let test_box = prepared(id);
+            is_tested.push(test_box.is_some());
+            memory.boxes.extend(test_box);
+        }
+        self.test(test)?;
+        let (mut is_tested, mut answers) = (is_tested.into_iter(), self.memory.answers.iter());
+        let before = found.len();
+        found.retain(|_| is_tested.next() != Some(true) || answers.next() != Some(&0));
+        let hidden = u32::try_from(before - found.len()).unwrap_or(u32::MAX);
+        self.stats.tested_again += u32::try_from(self.memory.boxes.len()).unwrap_or(u32::MAX);
+        self.stats.hidden_later += hidden;
+        self.stats.hidden += hidden;
+        self.stats.emitted -= hidden;
+        Ok(())
+    }
+
     /// What the traversal did so far.
     #[must_use]
     pub const fn stats(&self) -> CullStats {
         self.stats
+    }
+
+    /// The scene that is traversed.
+    pub(crate) const fn scene(&self) -> &'c Scene {
+        self.scene
+    }
+
+    /// The view it is seen from.
+    pub(crate) const fn view(&self) -> &View {
+        &self.view
+    }
+
+    /// Tests the boxes that were prepared.
+    fn test<T: OcclusionTest>(&mut self, test: &mut T) -> Result<(), CullError<T::Error>> {
+        let Memory { boxes, answers, .. } = &mut *self.memory;
+        answers.clear();
+        if !boxes.is_empty() {
+            test.test(&self.view, boxes, answers).map_err(CullError::Test)?;
+            self.stats.batches += 1;
+        }
+        if answers.len() != boxes.len() {
+            return Err(CullError::AnswerCount { boxes: boxes.len(), answers: answers.len() });
+        }
+        Ok(())
     }
 
     /// Sorts the level's nodes into those outside the frustum, those to test and those conservatively

@@ -16,7 +16,7 @@ use std::time::Instant;
 
 use trimaran_cull::{
     Culler, DepthPyramid, DrawOrder, HzbTest, LodRule, OccluderMapper, TriangleBudget, View, Viewport,
-    nearest_occluders, select_occluders,
+    lod_cut, select_occluders,
 };
 use trimaran_gpu::{Gpu, GpuOptions, GpuScene, ItemImage, ItemPass, OccluderPass, PicturePass};
 use trimaran_proto::{DrawableId, FrameNumber};
@@ -27,9 +27,8 @@ use trimaran_scene::{
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// As sessions draw occluders unless told otherwise.
+/// As sessions draw occluders unless told otherwise, but in one round.
 const OCCLUDERS: u64 = 30_000;
-const AFTER_A_JUMP: TriangleBudget = TriangleBudget(60_000);
 const EPSILON_PX: f64 = 2.0;
 
 fn main() -> Outcome<()> {
@@ -153,9 +152,12 @@ impl Roles {
         self.mapper.begin(*view, self.rule);
         self.mapper.push(&self.visible, &mut due)?;
         let jumped = 2 * due.len() <= self.visible.len();
-        select_occluders(&self.scene, view, &mut due, self.budget);
         if jumped {
-            nearest_occluders(&self.scene, view, self.rule, AFTER_A_JUMP, &mut due);
+            due = lod_cut(&self.scene, view, self.rule);
+            select_occluders(&self.scene, view, &mut due, self.budget);
+        } else {
+            let budget = self.budget.among(&self.scene, &due);
+            select_occluders(&self.scene, view, &mut due, budget);
         }
         Ok(due)
     }

@@ -59,12 +59,15 @@ pub struct Frame {
     pub objects_exact_full: Option<u64>,
     /// Triangles exactly visible at full detail.
     pub triangles_exact_full: Option<u64>,
-    /// Drawables that OR drew as occluders.
+    /// Drawables drawn as occluders, in all rounds.
     pub occluders_drawn: Option<u64>,
-    /// Triangles that OR drew as occluders.
+    /// Triangles drawn as occluders, in all rounds.
     pub occluder_triangles: Option<u64>,
     /// What HC's traversal did.
     pub culling: Option<CullingCounts>,
+    /// What further rounds did.
+    #[serde(default)]
+    pub rounds: Option<RoundCounts>,
     /// Nodes drawn because the test could not be decided, by reason.
     #[serde(default)]
     pub conservatively_visible: BTreeMap<String, u64>,
@@ -136,6 +139,21 @@ pub struct CullingCounts {
     /// Nodes drawn too coarsely because they show at few pixels: the paper's section 4.5.2, if it is on.
     #[serde(default)]
     pub stopped_at_few_pixels: u64,
+}
+
+/// What HC did in further rounds: it drew some of what it had found as occluders, and tested again.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct RoundCounts {
+    /// Further rounds after the first one.
+    pub further: u32,
+    /// Triangles of the occluders that were drawn in them.
+    pub occluder_triangles: u64,
+    /// The time in which these were drawn, part of `hc_ms`.
+    pub drawing_ms: f64,
+    /// Boxes tested again.
+    pub boxes_tested: u64,
+    /// Drawables found hidden.
+    pub nodes_hidden: u64,
 }
 
 /// Drawables falsely culled for one cause.

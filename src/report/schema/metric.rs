@@ -45,6 +45,10 @@ pub const METRICS: &[Metric] = &[
     metric("occluders_drawn", "", "occluders drawn", |f| count(f.occluders_drawn)),
     metric("occluder_triangles", "", "occluder triangles", |f| count(f.occluder_triangles)),
     metric("boxes_tested", "", "boxes tested", |f| f.culling.map(|c| c.boxes_tested as f64)),
+    metric("further_rounds", "", "further rounds", |f| f.rounds.map(|r| r.further.into())),
+    metric("hidden_in_further_rounds", "", "nodes hidden in further rounds", |f| {
+        f.rounds.map(|r| r.nodes_hidden as f64)
+    }),
     metric("false_culled_nodes", "", "nodes falsely culled", |f| count(f.false_culled_nodes)),
     metric("false_culled_pixels", "px", "pixels falsely culled", |f| count(f.false_culled_pixels)),
     metric("false_culled_blob_px", "px", "largest falsely culled blob", |f| count(f.false_culled_blob_px)),

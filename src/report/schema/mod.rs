@@ -17,8 +17,8 @@ mod sweep;
 
 pub use ended::{Ended, HowEnded};
 pub use frame::{
-    CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, ImageDifference, Role, SentBytes, Span,
-    VisibleObject,
+    CullingCounts, FalseCull, FalseCullCause, Frame, FramePictures, ImageDifference, Role, RoundCounts,
+    SentBytes, Span, VisibleObject,
 };
 pub use metric::{METRICS, Metric};
 pub use model::Model;

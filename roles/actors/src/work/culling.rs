@@ -3,9 +3,10 @@
 use std::{sync::Arc, time::Duration};
 
 use trimaran_cull::{
-    CullStats, Culler, LodRule, OccluderMapper, TriangleBudget, View, Viewport, select_occluders,
+    CullStats, Culler, LodRule, OccluderMapper, RoundRule, Rounds, TriangleBudget, View, Viewport,
+    select_occluders, triangles,
 };
-use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, FrameStats, Settings};
+use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, FrameStats, RoundCounts, Settings};
 use trimaran_scene::Scene;
 
 use super::occluders::OccluderPolicy;
@@ -73,7 +74,7 @@ impl<D: CullerDevice> SceneCulling<D> {
     fn draw(&mut self, first: usize) -> Result<(), RoleError> {
         let ids = self.due.get(first..).unwrap_or_default();
         self.device.draw_occluders(ids).map_err(RoleError::device("drawing occluders"))?;
-        self.stats.occluders += u32::try_from(ids.len()).unwrap_or(u32::MAX);
+        self.stats.occluders += count(ids);
         self.stats.occluder_triangles += triangles(self.culler.scene(), ids);
         Ok(())
     }
@@ -129,9 +130,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         let start = self.clock.elapsed();
         let drawn = if self.as_they_come { self.due.len() } else { 0 };
         let scene = Arc::clone(self.culler.scene());
-        if self.as_they_come {
-            self.policy.make_up(&scene, &self.view, self.rule, self.received, &mut self.due);
-        } else {
+        if !self.as_they_come || self.due.is_empty() {
             self.policy.choose(&scene, &self.view, self.rule, self.received, &mut self.due);
         }
         self.draw(drawn)?;
@@ -149,11 +148,33 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
     }
 
     async fn cull(&mut self, _: Camera, visible: &mut VisibleIds<'_>) -> Result<(), RoleError> {
-        let mut traversal = self.culler.traverse(&self.view, self.rule, &self.device)?;
-        while let Some(ids) = traversal.next_level(&mut self.device)? {
+        let Some(last) = &self.mapper else { return Ok(()) };
+        let scene = Arc::clone(self.culler.scene());
+        let traversal = self.culler.traverse(&self.view, self.rule, &self.device)?;
+        // The paper's schedule has one round, as the paper has.
+        let rule = if self.as_they_come { RoundRule::ONE } else { self.policy.rule() };
+        let mut rounds = Rounds::new(traversal, last, &self.due, rule);
+        let (clock, mut drawing) = (&self.clock, Duration::ZERO);
+        let mut add_occluders = |device: &mut D, ids: &[DrawableId]| {
+            let start = clock.elapsed();
+            device.add_occluders(ids)?;
+            drawing += clock.elapsed().saturating_sub(start);
+            Ok(())
+        };
+        while let Some(ids) = rounds.next(&mut self.device, &mut add_occluders)? {
             visible.push(ids).await?;
         }
-        self.stats.culling = counts(&traversal.stats());
+        let stats = rounds.stats();
+        self.stats.culling = counts(&stats);
+        self.stats.rounds = RoundCounts {
+            further: rounds.rounds().saturating_sub(1),
+            occluder_triangles: triangles(&scene, rounds.occluders()),
+            drawing_ns: nanoseconds(drawing),
+            tested: stats.tested_again,
+            hidden: stats.hidden_later,
+        };
+        self.stats.occluders += count(rounds.occluders());
+        self.stats.occluder_triangles += self.stats.rounds.occluder_triangles;
         Ok(())
     }
 
@@ -165,9 +186,8 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
     }
 }
 
-fn triangles(scene: &Scene, ids: &[DrawableId]) -> u64 {
-    let drawables = ids.iter().filter_map(|id| scene.drawables().get(id.index()));
-    drawables.map(|drawable| u64::from(drawable.index_count / 3)).sum()
+fn count(ids: &[DrawableId]) -> u32 {
+    u32::try_from(ids.len()).unwrap_or(u32::MAX)
 }
 
 fn nanoseconds(time: Duration) -> u64 {

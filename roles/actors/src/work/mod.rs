@@ -7,5 +7,5 @@ mod pictures;
 
 pub use culling::SceneCulling;
 pub use gaps::Gaps;
-pub use occluders::OccluderPolicy;
+pub use occluders::{CulledFrame, OccluderPolicy};
 pub use pictures::ScenePictures;

@@ -1,50 +1,78 @@
-//! Which occluders a culler draws.
+//! Which occluders a culler draws, and in how many rounds.
 
 use std::sync::Arc;
 
 use trimaran_cull::{
-    LodRule, OccluderError, TriangleBudget, View, nearest_occluders, occluders, select_occluders,
+    CullStats, Culler, LodRule, OccluderMapper, RoundRule, Rounds, TriangleBudget, View, lod_cut,
+    select_occluders,
 };
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
+
+use crate::{CullerDevice, RoleError};
 
 /// Which occluders a culler draws. Any subset of the LOD cut is a valid set: fewer are drawn sooner and
 /// hide less, and never too much.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OccluderPolicy {
-    /// Select occluders from an earlier frame's visible set within this budget.
+    /// Select occluders from an earlier frame's visible set within this budget and a quarter of the set's
+    /// triangles.
     pub budget: TriangleBudget,
-    /// Where the last frame's set says little of this one (the first frame, or one after a jump), draw the
-    /// nearest drawables within this budget as well.
-    pub after_a_jump: TriangleBudget,
+    /// Rounds at most: see [`Rounds`](trimaran_cull::Rounds).
+    pub rounds: u32,
 }
 
 impl Default for OccluderPolicy {
     fn default() -> Self {
-        Self { budget: TriangleBudget(30_000), after_a_jump: TriangleBudget(60_000) }
+        Self { budget: TriangleBudget(30_000), rounds: 4 }
     }
 }
 
+/// A frame culled by [`OccluderPolicy::cull`].
+#[derive(Debug, Clone, Default)]
+pub struct CulledFrame {
+    /// What shows, in the order found.
+    pub visible: Vec<DrawableId>,
+    /// What was drawn as occluders, in all rounds.
+    pub occluders: Vec<DrawableId>,
+    /// The rounds.
+    pub rounds: u32,
+    /// What the traversal did.
+    pub stats: CullStats,
+}
+
 impl OccluderPolicy {
-    /// What is drawn for a frame seen from `view`, where `last` was found visible in the frame before: the
-    /// same set as a session draws, in whatever order `last` comes.
+    /// Culls a frame seen from `view` on `device`, where `last` was found visible in the frame before: just
+    /// as a session does, in whatever order `last` comes.
     ///
     /// # Errors
-    /// If an id is not of this scene.
-    pub fn occluders(
+    /// If an id is not of this scene, or as the device says.
+    pub fn cull<D: CullerDevice>(
         self,
-        scene: &Arc<Scene>,
+        culler: &mut Culler,
+        device: &mut D,
         view: &View,
         rule: LodRule,
         last: &[DrawableId],
-    ) -> Result<Vec<DrawableId>, OccluderError> {
-        let mut due = occluders(scene, view, rule, last)?;
-        self.choose(scene, view, rule, last.len(), &mut due);
-        Ok(due)
+    ) -> Result<CulledFrame, RoleError> {
+        let mut mapper = OccluderMapper::new(Arc::clone(culler.scene()), *view, rule);
+        let mut occluders = Vec::new();
+        mapper.push(last, &mut occluders)?;
+        self.choose(culler.scene(), view, rule, last.len(), &mut occluders);
+        device.begin_occluders(view).map_err(RoleError::device("clearing the depth"))?;
+        device.add_occluders(&occluders).map_err(RoleError::device("drawing occluders"))?;
+        let mut visible = Vec::new();
+        let traversal = culler.traverse(view, rule, device)?;
+        let mut rounds = Rounds::new(traversal, &mapper, &occluders, self.rule());
+        while let Some(ids) = rounds.next(device, D::add_occluders)? {
+            visible.extend_from_slice(ids);
+        }
+        occluders.extend_from_slice(rounds.occluders());
+        Ok(CulledFrame { visible, occluders, rounds: rounds.rounds(), stats: rounds.stats() })
     }
 
-    /// Chooses among all that is `due` for the `received` ids of the last frame, and makes up for those that
-    /// a jump has made useless.
+    /// Chooses among all that is `due` for the `received` ids of the last frame. Where they say little of
+    /// this frame (the first one, or one after a jump), among all of the LOD cut.
     pub(super) fn choose(
         self,
         scene: &Scene,
@@ -53,25 +81,16 @@ impl OccluderPolicy {
         received: usize,
         due: &mut Vec<DrawableId>,
     ) {
-        let found = due.len();
-        select_occluders(scene, view, due, self.budget);
-        if found * 2 <= received {
-            nearest_occluders(scene, view, rule, self.after_a_jump, due);
+        if due.len() * 2 <= received {
+            *due = lod_cut(scene, view, rule);
+            select_occluders(scene, view, due, self.budget);
+        } else {
+            select_occluders(scene, view, due, self.budget.among(scene, due));
         }
     }
 
-    /// Makes up for those of the `received` ids that a jump has made useless, where the rest was chosen as
-    /// it came.
-    pub(super) fn make_up(
-        self,
-        scene: &Scene,
-        view: &View,
-        rule: LodRule,
-        received: usize,
-        due: &mut Vec<DrawableId>,
-    ) {
-        if due.is_empty() && received > 0 {
-            nearest_occluders(scene, view, rule, self.after_a_jump, due);
-        }
+    /// When a frame goes on in further rounds.
+    pub(super) fn rule(self) -> RoundRule {
+        RoundRule { most: self.rounds, budget: self.budget }
     }
 }

@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use trimaran_audit::{Placement, ReferenceTest, rasterize};
 use trimaran_cull::{Answer, OcclusionTest, TestBox, View};
 use trimaran_gpu::{GpuScene, OccluderPass};
+use trimaran_proto::DrawableId;
 use trimaran_scene::{FlatObject, Scene, random::Random};
 
 use crate::common::{CheckedGpu, ids, scene, triangles, upload, view, wall};
@@ -89,6 +90,36 @@ fn queries_and_counting_agree_with_the_reference_on_random_boxes() {
             assert!(expected.abs_diff(counted) <= 2 + expected / 200, "box {i}: {counted} for {expected}");
         }
     }
+}
+
+/// As culling in rounds does.
+#[test]
+fn occluders_can_be_added_after_boxes_were_tested() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let scene = Arc::new(scene(&walls()));
+    let view = view(256, 256, DVec3::ZERO);
+    let mut random = Random::new(3);
+    let boxes: Vec<TestBox> = (0..500).map(|_| random_box(&mut random, 0.3)).collect();
+    let uploaded = GpuScene::upload(&gpu, &scene).unwrap();
+    let mut pass = OccluderPass::new(&uploaded, view.viewport()).unwrap();
+    let mut tested = |parts: &[&[DrawableId]]| {
+        let (mut query, mut raster, mut hzb) = (Vec::new(), Vec::new(), Vec::new());
+        pass.begin(&view).unwrap();
+        for part in parts {
+            pass.draw(part).unwrap();
+            pass.finish().unwrap();
+            pass.query_test().unwrap().test(&view, &boxes, &mut query).unwrap();
+            pass.raster_test().unwrap().test(&view, &boxes, &mut raster).unwrap();
+            pass.hzb_test().unwrap().test(&view, &boxes, &mut hzb).unwrap();
+            assert_eq!(query, raster);
+        }
+        (query, hzb)
+    };
+    let all = ids(3);
+    let together = tested(&[&all]);
+    assert!(tested(&[&all[..1], &all[1..]]) == together);
+    let part = tested(&[&all[..1]]);
+    assert!(part.0 != together.0 && part.1 != together.1);
 }
 
 #[test]

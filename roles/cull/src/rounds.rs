@@ -1,0 +1,178 @@
+//! Rounds: within a frame, what was found is drawn as occluders, and what was found is tested once more.
+//!
+//! After a jump the depth of the last frame's visible set hides little, and a traversal against it finds many
+//! times what shows. What it finds is in the LOD cut, and any subset of that is a valid set of occluders. So
+//! some of it is drawn over the depth, and the rest tested again.
+//!
+//! Whether a round follows is decided by counting triangles, never by a clock, so that equal frames have equal
+//! ids. A triangle is *new* if its drawable was neither found in the last frame nor drawn as an occluder yet.
+//! - The second round comes where the new triangles are half a budget at least, and a quarter of all that was
+//!   found. In a calm frame little is new, so it has one round.
+//! - A further one comes where as many are left, and the last one hid at least half of what it tested.
+//!
+//! Ids leave as they are found, level by level, while next to nothing is new: less than a 32nd of a budget.
+//! What is found from then on is held until the last round, and keeps its order.
+
+use trimaran_proto::DrawableId;
+use trimaran_scene::{NodeId, Scene};
+
+use crate::occluder_selection::{TriangleBudget, select_occluders, triangles};
+use crate::{CullError, CullStats, OccluderMapper, OcclusionTest, Traversal};
+
+/// How many rounds a frame may have, and what may be drawn in each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RoundRule {
+    /// Rounds at most, with the first one.
+    pub most: u32,
+    /// Triangles of occluders a round, and a quarter of what there is to choose from.
+    pub budget: TriangleBudget,
+}
+
+impl RoundRule {
+    /// One round only, as the paper has it.
+    pub const ONE: Self = Self { most: 1, budget: TriangleBudget(0) };
+}
+
+/// A traversal that goes on in rounds.
+#[derive(Debug)]
+pub struct Rounds<'c> {
+    traversal: Traversal<'c>,
+    last: &'c OccluderMapper,
+    rule: RoundRule,
+    round: u32,
+    /// The occluders of all rounds so far, ascending.
+    drawn: Vec<DrawableId>,
+    /// Those of further rounds.
+    occluders: Vec<DrawableId>,
+    /// What was found so far, in its order.
+    found: Vec<DrawableId>,
+    /// How many of it were given away, and stay.
+    given: usize,
+    /// New triangles among what was found.
+    new: u64,
+}
+
+impl<'c> Rounds<'c> {
+    /// Goes on with a traversal that has just begun. `drawn` are the occluders of its first round, and `last`
+    /// has mapped what was found in the last frame.
+    #[must_use]
+    pub fn new(
+        traversal: Traversal<'c>,
+        last: &'c OccluderMapper,
+        drawn: &[DrawableId],
+        rule: RoundRule,
+    ) -> Self {
+        let mut drawn = drawn.to_vec();
+        drawn.sort_unstable();
+        Self {
+            traversal,
+            last,
+            rule,
+            round: 1,
+            drawn,
+            occluders: Vec::new(),
+            found: Vec::new(),
+            given: 0,
+            new: 0,
+        }
+    }
+
+    /// The next drawables that show, as soon as they are decided; `None` when there is nothing more. They
+    /// come in the order of the traversal. `draw` adds occluders to those that `test` tests against.
+    ///
+    /// # Errors
+    /// If testing or drawing fails.
+    pub fn next<T: OcclusionTest>(
+        &mut self,
+        test: &mut T,
+        draw: impl FnMut(&mut T, &[DrawableId]) -> Result<(), T::Error>,
+    ) -> Result<Option<&[DrawableId]>, CullError<T::Error>> {
+        let scene = self.traversal.scene();
+        while let Some(level) = self.traversal.next_level(test)? {
+            self.new += new_triangles(scene, self.last, &self.drawn, level);
+            self.found.extend_from_slice(level);
+            if self.rule.most <= 1 || self.new <= self.rule.budget.0 / 32 {
+                return Ok(Some(self.give()));
+            }
+        }
+        if self.given < self.found.len() {
+            let quarter = triangles(scene, &self.found) / 4;
+            if self.new >= quarter {
+                self.further_rounds(test, draw)?;
+            }
+            return Ok(Some(self.give()));
+        }
+        Ok(None)
+    }
+
+    /// Draws and tests again as long as the rule says.
+    fn further_rounds<T: OcclusionTest>(
+        &mut self,
+        test: &mut T,
+        mut draw: impl FnMut(&mut T, &[DrawableId]) -> Result<(), T::Error>,
+    ) -> Result<(), CullError<T::Error>> {
+        let scene = self.traversal.scene();
+        let mut held = self.found.split_off(self.given);
+        let mut tested = triangles(scene, &held);
+        while self.round < self.rule.most && self.new >= self.rule.budget.0 / 2 {
+            let occluders = self.choose(&held);
+            draw(test, &occluders).map_err(CullError::Test)?;
+            self.occluders.extend_from_slice(&occluders);
+            self.drawn.extend(occluders);
+            self.drawn.sort_unstable();
+            self.traversal.test_again(test, &mut held)?;
+            self.round += 1;
+            let left = triangles(scene, &held);
+            if left * 2 > tested {
+                break;
+            }
+            tested = left;
+            self.new = new_triangles(scene, self.last, &self.drawn, &held);
+        }
+        self.found.append(&mut held);
+        Ok(())
+    }
+
+    /// What of `held` is drawn next.
+    fn choose(&self, held: &[DrawableId]) -> Vec<DrawableId> {
+        let (scene, view) = (self.traversal.scene(), self.traversal.view());
+        let mut due: Vec<DrawableId> =
+            held.iter().copied().filter(|id| self.drawn.binary_search(id).is_err()).collect();
+        let budget = self.rule.budget.among(scene, &due);
+        select_occluders(scene, view, &mut due, budget);
+        due
+    }
+
+    fn give(&mut self) -> &[DrawableId] {
+        let from = std::mem::replace(&mut self.given, self.found.len());
+        self.found.get(from..).unwrap_or_default()
+    }
+
+    /// What the traversal did, all rounds together.
+    #[must_use]
+    pub const fn stats(&self) -> CullStats {
+        self.traversal.stats()
+    }
+
+    /// Rounds so far.
+    #[must_use]
+    pub const fn rounds(&self) -> u32 {
+        self.round
+    }
+
+    /// The occluders drawn in further rounds.
+    #[must_use]
+    pub fn occluders(&self) -> &[DrawableId] {
+        &self.occluders
+    }
+}
+
+/// The triangles of `level` that are neither of the `last` frame nor drawn as occluders.
+fn new_triangles(scene: &Scene, last: &OccluderMapper, drawn: &[DrawableId], level: &[DrawableId]) -> u64 {
+    let new = |id: &&DrawableId| {
+        let node = scene.drawables().get(id.index()).map(|drawable| NodeId(drawable.node));
+        node.is_some_and(|node| !last.holds(node)) && drawn.binary_search(id).is_err()
+    };
+    let drawables = level.iter().filter(new).filter_map(|id| scene.drawables().get(id.index()));
+    drawables.map(|drawable| u64::from(drawable.index_count / 3)).sum()
+}
