@@ -15,8 +15,8 @@ use trimaran::{
     walkthrough::{CameraPath, Recorder, SceneFile, Walk, begin, how_ended},
 };
 use trimaran_actors::{
-    BoxedError, CullerEvent, CullerId, DisplayRole, Listener, Observer, PeerEndpoint, Peers, RoleError,
-    SceneCulling, ScenePictures, SessionError, ShownFrame, Sought, Stop, Turns, max_frame,
+    Arrival, BoxedError, CullerEvent, CullerId, DisplayRole, Listener, Observer, PeerEndpoint, Peers,
+    RoleError, SceneCulling, ScenePictures, SessionError, ShownFrame, Sought, Stop, Turns, max_frame,
 };
 use trimaran_gpu::{GpuInfo, GpuScene, ItemPass};
 use trimaran_proto::{FrameNumber, FrameStats, Identity, Role, SessionKey, Settings};
@@ -163,6 +163,7 @@ impl DisplaySession<'_> {
     /// Waits for those cullers that it connects to, as long as it is patient; it goes on looking for the
     /// others.
     async fn find_cullers(&mut self, settings: Settings) -> Result<Peers, Failure> {
+        let endpoints: Vec<_> = self.cullers.iter().map(|peer| peer.endpoint.clone()).collect();
         let sought = Sought {
             identity: identity(self.walk.file, self.key, settings),
             role: Role::Culler,
@@ -177,8 +178,11 @@ impl DisplaySession<'_> {
             match until(&*self.net, deadline, cullers.next()).await {
                 Some(arrival) => came.push(arrival.map_err(Failure::bad_input)?),
                 None => {
-                    let missing = cullers.expected() - came.len();
-                    eprintln!("trimaran: begins without {missing} of {} cullers", cullers.expected());
+                    let there = |place| came.iter().any(|arrival: &Arrival| arrival.place == place);
+                    let missing = endpoints.iter().enumerate().filter(|(place, _)| !there(*place));
+                    let missing: Vec<_> = missing.map(|(_, endpoint)| endpoint.to_string()).collect();
+                    let (count, all) = (missing.len(), endpoints.len());
+                    eprintln!("trimaran: begins without {count} of {all} cullers: {}", missing.join(", "));
                     break;
                 }
             }
