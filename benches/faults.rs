@@ -1,10 +1,12 @@
 //! How long a picture stands still when a culler is lost: real processes, real signals, a live walk.
 //!
 //! `cargo bench --bench faults -- X.scene [TRIALS] [CULLERS]`: for each fault so many trials, 50 if not given,
-//! on a display with so many cullers, 2 if not given. Every picture is held against the one without culling.
+//! on a display with so many cullers, 2 if not given. Pictures after a fault are held against those without
+//! culling.
 #![allow(clippy::disallowed_methods, reason = "real programs keep real time")]
 
 use std::{
+    collections::BTreeSet,
     env,
     error::Error,
     net::TcpListener,
@@ -42,6 +44,8 @@ const TRIALS_A_WALK: usize = 10;
 const FAULTY: Duration = Duration::from_millis(1000);
 const SOUND: Duration = Duration::from_millis(2000);
 const SIDE: u32 = 512;
+/// How many pictures after a fault are held against those without culling.
+const AUDITED: usize = 10;
 
 /// What happens to a culler.
 #[derive(Debug, Clone, Copy)]
@@ -134,7 +138,7 @@ fn main() -> Result<(), Failed> {
             let shown = walked.frames.windows(2);
             usual.extend(shown.map(|pair| pair[1].shown.saturating_sub(pair[0].shown)));
             disorder += disorders(&walked.frames);
-            let (pixels, frames) = audit(&devices, &plan, &walked.frames)?;
+            let (pixels, frames) = audit(&devices, &plan, &walked)?;
             (wrong, audited) = (wrong + pixels, audited + frames);
         }
         let [next, pauses, usual] = [next, pauses, usual].map(sorted);
@@ -272,18 +276,24 @@ fn disorders(frames: &[FrameRecord]) -> usize {
     numbers + poses
 }
 
-/// How many pixels differ from the pictures without culling, and in how many frames that was looked at.
-fn audit(devices: &SceneOnDevices, plan: &Plan, frames: &[FrameRecord]) -> Result<(u64, usize), Failed> {
+/// How many pixels differ from the pictures without culling, and in how many frames that was looked at: the
+/// first ones after each fault, and some others.
+fn audit(devices: &SceneOnDevices, plan: &Plan, walked: &Walked) -> Result<(u64, usize), Failed> {
+    let Walked { frames, faults } = walked;
+    let after = |at: &Duration| frames.partition_point(|frame| frame.shown <= *at);
+    let first = faults.iter().map(after).flat_map(|first| first..first + AUDITED);
+    let looked_at: BTreeSet<_> = first.chain((0..frames.len()).step_by(100)).collect();
     let mut auditor = Auditor::new(&devices.scene, &devices.display, plan.viewport, plan.lod)?;
     let mut machine = VulkanCuller::new(&devices.display, plan.viewport, plan.occlusion_test)?;
-    let mut wrong = 0;
-    for index in 0..frames.len() {
+    let (mut wrong, mut audited) = (0, 0);
+    for index in looked_at {
+        let Some(walk) = frames.get(..=index) else { break };
         let mut frame = Frame::default();
-        let walk = frames.get(..=index).unwrap_or_default();
         auditor.audit(&mut machine, walk, false, &mut frame, &mut Default::default())?;
         wrong += frame.cut_mismatch_pixels.unwrap_or(0) + frame.false_culled_pixels.unwrap_or(0);
+        audited += 1;
     }
-    Ok((wrong, frames.len()))
+    Ok((wrong, audited))
 }
 
 fn free_endpoint() -> Result<Endpoint, Failed> {
