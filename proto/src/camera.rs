@@ -3,12 +3,13 @@
 use thiserror::Error;
 use trimaran_wire::Fixed;
 
-use crate::FrameNumber;
+use crate::{FrameNumber, ViewVersion};
 
-/// A perspective camera and the frame it is meant for.
+/// A perspective camera, the frame it is meant for, and the view state in which that is seen.
 ///
 /// World space is right-handed, in metres. Camera space is right-handed: x right, y up, looking down -z. The
-/// projection is reversed-z with an infinite far plane; `near` is in metres.
+/// projection is reversed-z with an infinite far plane; `near` is in metres. Pixels are square, so that width
+/// over height is that of the picture, whose size is part of the view state.
 ///
 /// A `Camera` is always valid: its only constructors check. Eye and orientation are `f64` because plants sit
 /// at survey coordinates of 10^6 metres and more.
@@ -17,7 +18,7 @@ pub struct Camera {
     eye: [f64; 3],
     orientation: [f64; 4],
     tan_half_fov_y: f32,
-    aspect: f32,
+    view: ViewVersion,
     near: f32,
     frame: FrameNumber,
 }
@@ -36,9 +37,6 @@ pub enum CameraError {
     /// degrees).
     #[error("the camera's vertical field of view is outside 0.00115 to 179.99885 degrees")]
     FieldOfView,
-    /// The aspect ratio (width over height) lies outside 1e-5 ..= 1e5.
-    #[error("the camera's aspect ratio is outside 1e-5 to 1e5")]
-    Aspect,
     /// The near distance is not a finite number above 1e-30 metres.
     #[error("the camera's near distance is not a positive finite number")]
     Near,
@@ -49,8 +47,8 @@ impl Camera {
     pub const SIZE: usize = 72;
 
     /// A camera at `eye` (metres, world), turned by the unit quaternion `orientation` (x, y, z, w; camera to
-    /// world), with the tangent of half its vertical field of view, its width over height, and its near
-    /// distance in metres.
+    /// world), with the tangent of half its vertical field of view, and its near distance in metres. It is seen
+    /// in the view state of version 0.
     ///
     /// # Errors
     /// Says which of the values is not a camera's.
@@ -58,7 +56,6 @@ impl Camera {
         eye: [f64; 3],
         orientation: [f64; 4],
         tan_half_fov_y: f32,
-        aspect: f32,
         near: f32,
         frame: FrameNumber,
     ) -> Result<Self, CameraError> {
@@ -72,20 +69,17 @@ impl Camera {
         if !(1e-5..=1e5).contains(&tan_half_fov_y) {
             return Err(CameraError::FieldOfView);
         }
-        if !(1e-5..=1e5).contains(&aspect) {
-            return Err(CameraError::Aspect);
-        }
         if !(near.is_finite() && near > 1e-30) {
             return Err(CameraError::Near);
         }
-        Ok(Self { eye, orientation, tan_half_fov_y, aspect, near, frame })
+        Ok(Self { eye, orientation, tan_half_fov_y, view: ViewVersion(0), near, frame })
     }
 
-    /// A camera at the origin that looks down -z: field of view 90 degrees, square, near distance 0.1 m.
+    /// A camera at the origin that looks down -z: field of view 90 degrees, near distance 0.1 m.
     #[must_use]
     pub const fn at_origin(frame: FrameNumber) -> Self {
         let orientation = [0.0, 0.0, 0.0, 1.0];
-        Self { eye: [0.0; 3], orientation, tan_half_fov_y: 1.0, aspect: 1.0, near: 0.1, frame }
+        Self { eye: [0.0; 3], orientation, tan_half_fov_y: 1.0, view: ViewVersion(0), near: 0.1, frame }
     }
 
     /// The eye in world space, metres.
@@ -106,10 +100,10 @@ impl Camera {
         self.tan_half_fov_y
     }
 
-    /// Width over height.
+    /// The version of the view state in which the frame is seen.
     #[must_use]
-    pub const fn aspect(&self) -> f32 {
-        self.aspect
+    pub const fn view(&self) -> ViewVersion {
+        self.view
     }
 
     /// The distance of the near plane, metres.
@@ -130,8 +124,14 @@ impl Camera {
         Self { frame, ..self }
     }
 
-    /// The 72 bytes that travel, little-endian: eye 3 x f64, orientation 4 x f64, tan half fov f32, aspect
-    /// f32, near f32, frame u32.
+    /// The same pose, seen in another view state.
+    #[must_use]
+    pub const fn in_view(self, view: ViewVersion) -> Self {
+        Self { view, ..self }
+    }
+
+    /// The 72 bytes that travel, little-endian: eye 3 x f64, orientation 4 x f64, tan half fov f32, view
+    /// version u32, near f32, frame u32.
     #[must_use]
     pub fn to_bytes(&self) -> [u8; Self::SIZE] {
         let mut bytes = [0; Self::SIZE];
@@ -143,7 +143,7 @@ impl Camera {
         }
         let words = [
             self.tan_half_fov_y.to_le_bytes(),
-            self.aspect.to_le_bytes(),
+            self.view.0.to_le_bytes(),
             self.near.to_le_bytes(),
             self.frame.0.to_le_bytes(),
         ];
@@ -167,15 +167,15 @@ impl Camera {
         for (word, chunk) in words.iter_mut().zip(bytes[56..].as_chunks::<4>().0) {
             *word = *chunk;
         }
-        let [tan, aspect, near, frame] = words;
-        Self::new(
+        let [tan, view, near, frame] = words;
+        let camera = Self::new(
             [ex, ey, ez],
             [qx, qy, qz, qw],
             f32::from_le_bytes(tan),
-            f32::from_le_bytes(aspect),
             f32::from_le_bytes(near),
             FrameNumber(u32::from_le_bytes(frame)),
-        )
+        )?;
+        Ok(camera.in_view(ViewVersion(u32::from_le_bytes(view))))
     }
 }
 

@@ -8,7 +8,7 @@
 //! use trimaran_proto::{Camera, FrameNumber, Walkthrough};
 //! use trimaran_wire::Format;
 //!
-//! let camera = Camera::new([4.0, 1.7, 4.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(7))?;
+//! let camera = Camera::new([4.0, 1.7, 4.0], [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(7))?;
 //! assert_eq!(Camera::from_bytes(&camera.to_bytes())?, camera);
 //! // A camera is all that the latest lane holds, and what a frame of ids begins with.
 //! assert_eq!(Format::of::<Walkthrough>().latest, Camera::SIZE);
@@ -21,6 +21,7 @@
 //! | `camera`, `id` | what travels: a camera, a drawable's id |
 //! | `coding` | ids as changes against an earlier frame |
 //! | `identity`, `settings` | who a role is, and what the display decides for a session |
+//! | `view_state` | what a user changes while walking: sections, hidden objects, picture size, error bound |
 //! | `stats` | what a culler did for a frame |
 
 mod camera;
@@ -28,8 +29,11 @@ mod coding;
 mod id;
 mod identity;
 mod lod_rule;
+mod object_set;
+mod section;
 mod settings;
 mod stats;
+mod view_state;
 mod viewport;
 mod walkthrough;
 
@@ -38,8 +42,11 @@ pub use coding::{CodedViolation, CodingFault, IdCoding, IdDecoder, IdEncoder};
 pub use id::{DrawableId, ID_BYTES, IdBatch, SceneHash};
 pub use identity::{CloseCode, Identity, RejectionCode, Role, SessionKey};
 pub use lod_rule::{LodRule, LodRuleError};
+pub use object_set::{ObjectSet, ObjectSetError};
+pub use section::{Section, SectionBox, SectionError, SectionPlane, Sections};
 pub use settings::{OcclusionTestKind, Settings, SettingsError};
 pub use stats::{CullCounts, FrameStats, RoundCounts, SentBytes};
 pub use trimaran_wire::{BatchSize, BatchSizeError, FrameNumber};
+pub use view_state::{Appearance, ViewReader, ViewState, ViewStateError, ViewVersion};
 pub use viewport::Viewport;
 pub use walkthrough::{RoleMessage, Walkthrough};

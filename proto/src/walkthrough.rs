@@ -5,7 +5,8 @@ use trimaran_wire::{BatchDecoder, BatchEncoder, Batching, Delivery, Protocol, Re
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Camera, DrawableId, FrameNumber, FrameStats, IdCoding, IdDecoder, IdEncoder, Identity, SessionKey, coding,
+    Camera, DrawableId, FrameNumber, FrameStats, IdCoding, IdDecoder, IdEncoder, Identity, SessionKey,
+    ViewVersion, coding,
 };
 
 /// Trimaran's protocol: cameras on the latest lane, frames of ids, and messages in which roles
@@ -55,6 +56,15 @@ pub enum RoleMessage {
     },
     /// The display asks a culler to let the other one go: it is gone, or late.
     Part,
+    /// The display tells a part of a view state, before it sends a camera that names the version.
+    View {
+        /// Which one.
+        version: ViewVersion,
+        /// The next bytes of the [`ViewState`](crate::ViewState), as postcard writes it.
+        part: Vec<u8>,
+        /// Whether they are the last ones.
+        last: bool,
+    },
 }
 
 impl Protocol for Walkthrough {

@@ -10,7 +10,9 @@ mod checks;
 mod walkthrough;
 
 use proptest::prelude::*;
-use trimaran_proto::{BatchSize, Camera, DrawableId, FrameNumber, IdBatch, IdDecoder, IdEncoder};
+use trimaran_proto::{
+    BatchSize, Camera, DrawableId, FrameNumber, IdBatch, IdDecoder, IdEncoder, ViewVersion,
+};
 use trimaran_wire::{
     BatchDecoder, BatchEncoder, Delivery, Fixed, FrameAssembler, FrameEnd, FrameMessage, FrameOutcome,
     FrameStep, FrameWriter, to_bytes,
@@ -22,12 +24,14 @@ prop_compose! {
         [x, y, z, w] in prop::array::uniform4(-1.0..1.0f64)
             .prop_filter("no direction", |q| q.iter().map(|c| c * c).sum::<f64>() > 0.01),
         tan in 1e-5..1e5f32,
-        aspect in 1e-5..1e5f32,
+        view: u32,
         near in 1e-20..1e6f32,
         frame: u32,
     ) -> Camera {
         let length = (x * x + y * y + z * z + w * w).sqrt();
-        Camera::new(eye, [x, y, z, w].map(|c| c / length), tan, aspect, near, FrameNumber(frame)).unwrap()
+        Camera::new(eye, [x, y, z, w].map(|c| c / length), tan, near, FrameNumber(frame))
+            .unwrap()
+            .in_view(ViewVersion(view))
     }
 }
 

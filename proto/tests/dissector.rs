@@ -110,7 +110,7 @@ fn the_examples_are_read_field_by_field() {
             &["trimaran.camera.eye", "trimaran.camera.near", "trimaran.camera.frame"],
             "1;2;-3|0.25|7",
         ),
-        ("begin", &["trimaran.begin", "trimaran.camera.aspect"], "9|1.5"),
+        ("begin", &["trimaran.begin", "trimaran.camera.view"], "9|3"),
         ("ids", &["trimaran.ids", "trimaran.id"], "2|1;258"),
         ("stats", &["trimaran.message", "trimaran.stats", "trimaran.stats.occluders_of"], "0|9|7"),
         (
@@ -119,6 +119,7 @@ fn the_examples_are_read_field_by_field() {
             "1|0x0000000000005eed|tcp://two:7400",
         ),
         ("switch", &["trimaran.message", "trimaran.switch.first"], "4|8"),
+        ("view", &["trimaran.message", "trimaran.view", "trimaran.view.last"], "7|3|1"),
         ("coded-ids", &["trimaran.coded.back", "trimaran.coded.kept"], "2|10;9;27"),
     ] {
         let Some(shown) = read(&[(0, examples[name].clone())], fields) else { return };

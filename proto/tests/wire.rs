@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 use bytes::{Bytes, BytesMut};
 use trimaran_proto::{
     BatchSize, Camera, CloseCode, CullCounts, DrawableId, FrameNumber, FrameStats, IdBatch, IdCoding,
-    Identity, LodRule, OcclusionTestKind, RejectionCode, Role, RoleMessage, SceneHash, SessionKey, Settings,
-    Viewport, Walkthrough,
+    Identity, LodRule, OcclusionTestKind, RejectionCode, Role, RoleMessage, SceneHash, Section, SectionPlane,
+    Sections, SessionKey, Settings, ViewReader, ViewState, ViewVersion, Viewport, Walkthrough,
 };
 use trimaran_wire::{
     Accept, Decoder, Delivery, Fixed, Format, FrameEnd, FrameMessage, Hello, Item, Kind, Lane, Message,
@@ -24,8 +24,10 @@ fn examples() -> BTreeMap<&'static str, Vec<u8>> {
 }
 
 fn camera() -> Camera {
-    Camera::new([1.0, 2.0, -3.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.25, FrameNumber(7)).unwrap()
+    Camera::new([1.0, 2.0, -3.0], [0.0, 0.0, 0.0, 1.0], 0.5, 0.25, FrameNumber(7)).unwrap().in_view(VIEW)
 }
+
+const VIEW: ViewVersion = ViewVersion(3);
 
 const KEY: SessionKey = SessionKey(0x5eed);
 
@@ -83,11 +85,23 @@ fn coded() -> Bytes {
     encoder.encode(&IdBatch::new(now()).unwrap()).unwrap()
 }
 
-fn said() -> [(&'static str, RoleMessage); 3] {
+fn view() -> ViewState {
+    let plane = SectionPlane::new([0.0, 3.0, 0.0], [0.0, 1.0, 0.0]).unwrap();
+    let (_, settings) = display().session.unwrap();
+    ViewState {
+        sections: Sections::new(&[Section::Plane(plane)]).unwrap(),
+        hidden: [2, 3, 4, 7].into_iter().collect(),
+        see_through: [300].into_iter().collect(),
+        ..ViewState::from(settings)
+    }
+}
+
+fn said() -> [(&'static str, RoleMessage); 4] {
     [
         ("stats", RoleMessage::Stats(stats())),
         ("meet", RoleMessage::Meet { key: KEY, at: Some("tcp://two:7400".to_owned()) }),
         ("switch", RoleMessage::Switch { key: KEY, first: FrameNumber(8) }),
+        ("view", view().to_messages(VIEW).unwrap().remove(0)),
     ]
 }
 
@@ -167,6 +181,10 @@ fn the_examples_read_back_as_what_they_stand_for() {
         let Message::Message(said) = read(name) else { panic!("no {name}") };
         assert_eq!(postcard::from_bytes(&said), Ok(expected));
     }
+    let RoleMessage::View { version, part, last } = view().to_messages(VIEW).unwrap().remove(0) else {
+        panic!("no part of a view state")
+    };
+    assert_eq!(ViewReader::default().take(version, &part, last), Ok(Some(view())));
 
     let Message::Frame(FrameMessage::Coded(coded)) = read("coded-ids") else { panic!("no changes") };
     assert_eq!(Walkthrough::count_coded(&coded), Some(48));
@@ -211,6 +229,7 @@ fn the_tables_of_lengths_and_codes_are_the_crates() {
         ("switch", RoleMessage::Switch { key: KEY, first }),
         ("switched", RoleMessage::Switched { key: KEY }),
         ("part", RoleMessage::Part),
+        ("view", view().to_messages(VIEW).unwrap().remove(0)),
     ] {
         let number = postcard(&message)[0];
         assert!(WIRE.contains(&format!("| {number} | {name} |")), "no row of {name}");

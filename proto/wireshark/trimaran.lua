@@ -17,7 +17,7 @@ local VERSION = 2
 local HEADER, MAGIC, APPLICATION, CAMERA, BEGIN_UNIT = 4, "TRIM", "trimaran/1", 72, 80
 local ROLES = { [0] = "culler", "display" }
 local LANES = { [0] = "latest", "frames", "messages" }
-local MESSAGES = { [0] = "stats", "meet", "met", "unmet", "switch", "switched", "part" }
+local MESSAGES = { [0] = "stats", "meet", "met", "unmet", "switch", "switched", "part", "view" }
 local CODINGS = { [0] = "plain", "changes" }
 local OCCLUSION_TESTS = { [0] = "query", "raster", "hzb" }
 local REASONS = {
@@ -62,7 +62,7 @@ local f = {
   eye = ProtoField.double("trimaran.camera.eye", "Eye (m)"),
   orientation = ProtoField.double("trimaran.camera.orientation", "Orientation"),
   tangent = ProtoField.float("trimaran.camera.tangent", "Tangent of half the field of view"),
-  aspect = ProtoField.float("trimaran.camera.aspect", "Aspect"),
+  seen_in = ProtoField.uint32("trimaran.camera.view", "View state"),
   near = ProtoField.float("trimaran.camera.near", "Near (m)"),
   meant = ProtoField.uint32("trimaran.camera.frame", "Camera of frame"),
   begin = ProtoField.uint32("trimaran.begin", "Begin of frame"),
@@ -82,6 +82,9 @@ local f = {
   stat = ProtoField.uint64("trimaran.stats.value", "Value"),
   meeting = ProtoField.uint64("trimaran.meeting", "Key of the meeting", base.HEX),
   meet_at = ProtoField.string("trimaran.meet.at", "At"),
+  view = ProtoField.uint32("trimaran.view", "View state"),
+  view_part = ProtoField.bytes("trimaran.view.part", "Bytes of it"),
+  view_last = ProtoField.bool("trimaran.view.last", "Last part"),
   switch_from = ProtoField.uint32("trimaran.switch.first", "From frame on"),
 }
 local e = {
@@ -221,7 +224,7 @@ local function camera(r, tree)
   for axis = 0, 2 do sub:add_le(f.eye, place(8 * axis, 8)) end
   for part = 0, 3 do sub:add_le(f.orientation, place(24 + 8 * part, 8)) end
   sub:add_le(f.tangent, place(56, 4))
-  sub:add_le(f.aspect, place(60, 4))
+  sub:add_le(f.seen_in, place(60, 4))
   sub:add_le(f.near, place(64, 4))
   sub:add_le(f.meant, place(68, 4))
   return place(68, 4):le_uint()
@@ -394,6 +397,13 @@ local function said(r, tree)
   if what >= 1 and what <= 5 then add_wide(tree, f.meeting, r) end
   if what == 1 and r.take(1):uint() == 1 then add_text(tree, f.meet_at, r) end
   if what == 3 then add_text(tree, f.text, r) end
+  if what == 7 then
+    local version = add_varint(tree, f.view, r)
+    local part = r.take(r.varint())
+    tree:add(f.view_part, part)
+    tree:add(f.view_last, r.take(1))
+    return "view state " .. version .. ", " .. part:len() .. " bytes of it"
+  end
   if what == 4 then return "switch from frame " .. add_varint(tree, f.switch_from, r) .. " on" end
   return MESSAGES[what] or "message of another kind"
 end
