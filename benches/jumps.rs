@@ -58,7 +58,7 @@ fn views(scene: &Scene, size: Viewport, places: usize) -> Outcome<Vec<View>> {
         let path = auto(scene, &AutoPathOptions { seed, frames: 2, ..AutoPathOptions::default() })?.path;
         let near = path.near().ok_or("the path names no near distance")?;
         for pose in path.frames() {
-            views.push(View::new(pose.camera(path.vfov_deg(), size.aspect(), near, FrameNumber(0))?, size));
+            views.push(View::new(pose.camera(path.vfov_deg(), near, FrameNumber(0))?, size));
         }
     }
     views.truncate(places);

@@ -18,7 +18,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
     let (mut culler, mut display) = links(&net, &endpoint).await?;
 
     // The latest lane: publishing never waits, and reading gives the newest.
-    let camera = Camera::new([0.0, 1.7, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(0))?;
+    let camera = Camera::new([0.0, 1.7, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(0))?;
     display.latest_tx.publish(camera)?;
     let camera = culler.latest_rx.latest().await?;
     println!("the culler sees from {:?}", camera.eye());

@@ -65,8 +65,7 @@ impl Observer for Tally {
 fn along_the_side(frame: FrameNumber) -> Camera {
     let looking_east = [0.0, -std::f64::consts::FRAC_1_SQRT_2, 0.0, std::f64::consts::FRAC_1_SQRT_2];
     let eye = [1.0, 1.7, 2.0 + 0.25 * f64::from(frame.0)];
-    Camera::new(eye, looking_east, 0.5, 1.0, 0.1, frame)
-        .unwrap_or_else(|_| unreachable!("all numbers are finite"))
+    Camera::new(eye, looking_east, 0.5, 0.1, frame).unwrap_or_else(|_| unreachable!("all numbers are finite"))
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let model = plant(&PlantOptions { seed: 1, objects: 1_000, triangles: 100_000 });
     let scene = Arc::new(cook(&model, &CookOptions::default(), &())?);
     let looking_south = [0.0, 1.0, 0.0, 0.0]; // half a turn about the vertical, from -z to +z
-    let camera = Camera::new([4.0, 1.7, 4.0], looking_south, 0.5, 1.0, 0.1, FrameNumber(0))?;
+    let camera = Camera::new([4.0, 1.7, 4.0], looking_south, 0.5, 0.1, FrameNumber(0))?;
     let view = View::new(camera, Viewport::new(512, 512)?);
     let rule = LodRule::new(2.0)?;
     let mut culler = Culler::new(scene);

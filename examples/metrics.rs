@@ -43,7 +43,7 @@ async fn main() -> Result<(), Box<dyn Error>> {
 async fn send(net: &dyn Net, mut link: Link, frames: u32) -> Result<(), Box<dyn Error>> {
     let ids: Vec<DrawableId> = (0..500).map(DrawableId).collect();
     for frame in 0..frames {
-        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(frame))?;
+        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(frame))?;
         link.frames_tx.begin(FrameStart { frame: FrameNumber(frame), header: camera }).await?;
         link.frames_tx.push(&ids).await?;
         link.frames_tx.finish().await?;

@@ -92,7 +92,7 @@ async fn show(transport: Transport) -> Result<(), Box<dyn Error>> {
 }
 
 fn camera(frame: u32) -> Result<Camera, trimaran_proto::CameraError> {
-    Camera::new([0.0, 1.7, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.5, 0.1, FrameNumber(frame))
+    Camera::new([0.0, 1.7, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(frame))
 }
 
 /// Both ends of a link: the culler's, then the display's. Each knows the other by its public keys, which

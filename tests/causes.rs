@@ -112,9 +112,8 @@ impl OcclusionTest for Faulty {
 fn ahead(view: &View, by: f64) -> View {
     let camera = view.camera();
     let eye = view.eye() - view.to_view().transpose().z_axis * by;
-    let (tan, aspect) = (camera.tan_half_fov_y(), camera.aspect());
-    let camera =
-        Camera::new(eye.to_array(), camera.orientation(), tan, aspect, camera.near(), camera.frame());
+    let tan = camera.tan_half_fov_y();
+    let camera = Camera::new(eye.to_array(), camera.orientation(), tan, camera.near(), camera.frame());
     View::new(camera.unwrap(), view.viewport())
 }
 

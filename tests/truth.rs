@@ -67,10 +67,9 @@ impl TrueView {
     /// The truth has no near plane; this one cuts nothing off.
     fn camera(&self, truth: &Truth, number: u32) -> Camera {
         let [eye, forward, up] = [self.eye, self.forward, self.up].map(DVec3::from_array);
-        let aspect = truth.width as f32 / truth.height as f32;
         let near = (self.clearance * 1e-3) as f32;
         let pose = Pose::new(eye, forward, up).unwrap();
-        pose.camera(truth.vfov_deg, aspect, near, FrameNumber(number)).unwrap()
+        pose.camera(truth.vfov_deg, near, FrameNumber(number)).unwrap()
     }
 }
 

@@ -17,7 +17,7 @@ use super::{Trace, TraceFrame};
 /// What every trace begins with. The last byte stops programs that print it as text.
 const MARK: [u8; 16] = *b"trimaran trace\n\x1a";
 /// The version of the format: whatever changes it is another one.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Mark, version, and the length of what follows.
 const HEAD: usize = 28;
 /// The checksum.
@@ -111,7 +111,7 @@ struct StoredFrame {
     eye: [f64; 3],
     orientation: [f64; 4],
     /// The tangent of half the vertical field of view, width over height, and the near distance.
-    lens: [f32; 3],
+    lens: [f32; 2],
     /// OR, HC, RVG.
     times_ns: [u64; 3],
     /// The first id, and how far each further one lies above the one before.
@@ -246,7 +246,7 @@ impl StoredFrame {
             number: camera.frame().0,
             eye: camera.eye(),
             orientation: camera.orientation(),
-            lens: [camera.tan_half_fov_y(), camera.aspect(), camera.near()],
+            lens: [camera.tan_half_fov_y(), camera.near()],
             times_ns: [ns(frame.or), ns(frame.hc), ns(frame.rvg)],
             gaps: frame.ids.iter().zip(before).map(|(id, before)| id.0.saturating_sub(before)).collect(),
             found: (frame.found.iter().zip(batches_before))
@@ -257,8 +257,8 @@ impl StoredFrame {
 
     fn into_frame(self, frame: usize) -> Result<TraceFrame, TraceFault> {
         let wrong = |what| TraceFault::Frame { frame, what };
-        let [tan, aspect, near] = self.lens;
-        let camera = Camera::new(self.eye, self.orientation, tan, aspect, near, FrameNumber(self.number))
+        let [tan, near] = self.lens;
+        let camera = Camera::new(self.eye, self.orientation, tan, near, FrameNumber(self.number))
             .map_err(|cause| TraceFault::Camera { frame, cause })?;
         let mut ids = Vec::with_capacity(self.gaps.len());
         let mut last: Option<u32> = None;

@@ -108,7 +108,7 @@ impl CameraPath {
         };
         let near = poses.near().unwrap_or_else(|| default_near(scene));
         let camera = |(frame, pose): (usize, &Pose)| {
-            pose.camera(poses.vfov_deg(), viewport.aspect(), near, FrameNumber(0))
+            pose.camera(poses.vfov_deg(), near, FrameNumber(0))
                 .map_err(|cause| CameraPathError::Camera { frame, cause })
         };
         let cameras: Vec<Camera> = poses.frames().iter().enumerate().map(camera).collect::<Result<_, _>>()?;

@@ -126,7 +126,6 @@ fn walk() -> Workload {
                 [frame.into(), 1.5, -2.0],
                 [0.0, 0.0, 0.0, 1.0],
                 0.5,
-                1.0,
                 0.25,
                 FrameNumber(frame),
             )

@@ -25,7 +25,7 @@ const EPSILON_PX: f64 = 2.0;
 
 fn turning(frame: FrameNumber) -> Camera {
     let half = 0.1 * f64::from(frame.0);
-    Camera::new([0.0; 3], [0.0, half.sin(), 0.0, half.cos()], 0.5, 1.0, 0.1, frame).unwrap()
+    Camera::new([0.0; 3], [0.0, half.sin(), 0.0, half.cos()], 0.5, 0.1, frame).unwrap()
 }
 
 /// A scene, and a display within this process whose cullers a test plays itself.

@@ -161,7 +161,7 @@ fn walk(scene: &Arc<Scene>) -> (Vec<Step>, Shown) {
     let middle = (0.5 * (min + max)).to_array();
     let mut turning = |frame: FrameNumber| {
         let half = 0.05 * f64::from(frame.0);
-        Camera::new(middle, [0.0, half.sin(), 0.0, half.cos()], 1.0, 1.0, 0.1, frame).unwrap()
+        Camera::new(middle, [0.0, half.sin(), 0.0, half.cos()], 1.0, 0.1, frame).unwrap()
     };
     let settings = Settings { batch: BatchSize::new(16).unwrap(), ..common::settings(SIDE, EPSILON_PX) };
     let (log, mut shown) = (Arc::new(Log::default()), Shown::default());
@@ -252,7 +252,7 @@ fn where_cullers_are_independent_nothing_travels_between_them() {
     let settings = common::settings(SIDE, EPSILON_PX);
     let (min, max) = scene.nodes().first().unwrap().world_box();
     let middle = (0.5 * (min + max)).to_array();
-    let mut still = |frame| Camera::new(middle, [0.0, 0.0, 0.0, 1.0], 1.0, 1.0, 0.1, frame).unwrap();
+    let mut still = |frame| Camera::new(middle, [0.0, 0.0, 0.0, 1.0], 1.0, 0.1, frame).unwrap();
     let mut shown = Shown::default();
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     let (_stopper, stop) = Stop::new();

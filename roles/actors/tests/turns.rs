@@ -145,7 +145,7 @@ fn session(scene: &Arc<Scene>, batch: u32, turns: &Turns) -> (Record, u32) {
     let middle = (0.5 * (min + max)).to_array();
     let mut turning = |frame: FrameNumber| {
         let half = 0.05 * f64::from(frame.0);
-        Camera::new(middle, [0.0, half.sin(), 0.0, half.cos()], 2.0, 1.0, 0.1, frame).unwrap()
+        Camera::new(middle, [0.0, half.sin(), 0.0, half.cos()], 2.0, 0.1, frame).unwrap()
     };
     let devices = Arc::new(Count::default());
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();

@@ -98,9 +98,16 @@ impl IdBuffer {
         }
     }
 
-    /// Draws one drawable. Where depths are equal, what was drawn first stays.
+    /// Draws one drawable, as far as no section cuts it away. Where depths are equal, what was drawn first stays.
     pub fn draw(&mut self, scene: &Scene, view: &View, id: DrawableId, placement: Placement) {
         let Some(drawable) = scene.drawables().get(id.index()) else { return };
+        let planes: Vec<_> = view.section_planes().collect();
+        let kept = |hit: &Coverage| {
+            planes.is_empty() || {
+                let place = unproject(view, hit.pixel, hit.depth).extend(1.0);
+                planes.iter().all(|plane| plane.dot(place) >= 0.0)
+            }
+        };
         for (triangle, corners) in (0..).zip(triangles(scene, view, drawable, placement)) {
             rasterize_triangle(view, corners, |hit| {
                 let (Some(depth), Some(shown)) = (self.depth.get_mut(hit.pixel), self.ids.get_mut(hit.pixel))
@@ -111,13 +118,25 @@ impl IdBuffer {
                     Placement::Exact => hit.depth,
                     Placement::Single => f64::from(hit.depth as f32),
                 };
-                if nearness > *depth {
+                if nearness > *depth && kept(&hit) {
                     *depth = nearness;
                     *shown = Some(TriangleId { drawable: id, triangle });
                 }
             });
         }
     }
+}
+
+/// The point at a pixel's centre with this reversed depth, in view space.
+pub(crate) fn unproject(view: &View, pixel: usize, depth: f64) -> DVec3 {
+    let (width, height) = (view.viewport().width() as usize, f64::from(view.viewport().height()));
+    let distance = f64::from(view.camera().near()) / depth;
+    let (x, y) = ((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
+    DVec3::new(
+        (x - width as f64 * 0.5) / view.focal_x() * distance,
+        (height * 0.5 - y) / view.focal_y() * distance,
+        -distance,
+    )
 }
 
 /// Draws `ids` in the order given.

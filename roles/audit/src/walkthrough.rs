@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use thiserror::Error;
 use trimaran_cull::{
-    CullError, CullStats, Culler, DepthImage, DepthPyramid, DrawOrder, HzbError, HzbTest, LodCut, LodRule,
+    CullError, CullStats, Culler, CutRule, DepthImage, DepthPyramid, DrawOrder, HzbError, HzbTest, LodCut,
     OccluderError, OccluderMapper, View,
 };
 use trimaran_proto::DrawableId;
@@ -79,7 +79,7 @@ pub enum WalkthroughError {
 #[derive(Debug)]
 pub struct ReferenceWalkthrough {
     culler: Culler,
-    rule: LodRule,
+    rule: CutRule,
     testing: Testing,
     placement: Placement,
     fault: Fault,
@@ -114,10 +114,10 @@ impl Occluders {
 impl ReferenceWalkthrough {
     /// A walkthrough of `scene`, before its first frame.
     #[must_use]
-    pub fn new(scene: Arc<Scene>, rule: LodRule) -> Self {
+    pub fn new(scene: Arc<Scene>, rule: impl Into<CutRule>) -> Self {
         Self {
             culler: Culler::new(scene),
-            rule,
+            rule: rule.into(),
             testing: Testing::default(),
             placement: Placement::default(),
             fault: Fault::None,
@@ -143,6 +143,11 @@ impl ReferenceWalkthrough {
         Self { fault, ..self }
     }
 
+    /// From the next frame on, another rule decides the LOD cut.
+    pub fn set_rule(&mut self, rule: impl Into<CutRule>) {
+        self.rule = rule.into();
+    }
+
     /// One frame.
     ///
     /// # Errors
@@ -153,11 +158,11 @@ impl ReferenceWalkthrough {
         let occluders = self.draw_occluders(&scene, view)?;
         let mut emitted = Vec::new();
         let mut test = self.occlusion_test(&occluders)?;
-        let stats = self.culler.cull(view, self.rule, &mut test, |ids| emitted.extend_from_slice(ids))?;
+        let stats = self.culler.cull(view, &self.rule, &mut test, |ids| emitted.extend_from_slice(ids))?;
         order.sort(&scene, view, &mut emitted);
         let drawn = self.fault.arrived(&scene, &emitted);
         let shown = rasterize(&scene, view, drawn.iter().copied(), self.placement);
-        let mut cut = LodCut::new(&scene, view, self.rule).drawables();
+        let mut cut = LodCut::new(&scene, view, &self.rule).drawables();
         order.sort(&scene, view, &mut cut);
         let truth = rasterize(&scene, view, cut, self.placement);
         let exact = truth.seen();
@@ -168,7 +173,7 @@ impl ReferenceWalkthrough {
         let frame = CulledFrame {
             scene: &scene,
             view,
-            rule: self.rule,
+            rule: &self.rule,
             occluders: &occluders.ids,
             depth: &occluders.depth,
             sent: Some(emitted.len() as u64),
@@ -193,7 +198,8 @@ impl ReferenceWalkthrough {
         match &self.last {
             Some(last) if self.fault == Fault::OtherLevels => ids.extend_from_slice(&last.emitted),
             Some(last) => {
-                OccluderMapper::new(Arc::clone(scene), *view, self.rule).push(&last.emitted, &mut ids)?;
+                OccluderMapper::new(Arc::clone(scene), *view, &self.rule).push(&last.emitted, &mut ids)?;
+                self.rule.retain_solid(scene, &mut ids);
             }
             None => {}
         }

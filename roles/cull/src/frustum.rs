@@ -1,6 +1,7 @@
-//! The pyramid that the picture shows.
+//! The part of space that the picture shows: a pyramid, and of it what no section cuts away.
 
 use glam::{DMat3, DVec3};
+use trimaran_proto::{Section, Sections};
 use trimaran_scene::Node;
 
 use crate::View;
@@ -8,7 +9,7 @@ use crate::View;
 /// Slack of the frustum test: rounding here, in the vertex stage and in the rasterizer stays well below it.
 const RELATIVE_SLACK: f64 = 1e-6;
 
-/// The view frustum: four sides through the eye, and the near plane.
+/// The view frustum: four sides through the eye, the near plane, and sections.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Frustum {
     eye: DVec3,
@@ -16,6 +17,7 @@ pub(crate) struct Frustum {
     tan_x: f64,
     tan_y: f64,
     near: f64,
+    sections: Sections,
 }
 
 impl Frustum {
@@ -26,10 +28,11 @@ impl Frustum {
             tan_x: view.tan_half_fov_x(),
             tan_y: view.tan_half_fov_y(),
             near: f64::from(view.camera().near()),
+            sections: *view.sections(),
         }
     }
 
-    /// Whether a node's world box is certainly outside. Whatever compares as NaN is not.
+    /// Whether a node's world box is certainly outside, or cut away. Whatever compares as NaN is not.
     ///
     /// Tested against planes one by one, so a large box near a corner of the frustum may pass though it is
     /// outside.
@@ -41,7 +44,23 @@ impl Frustum {
         let axes = [self.to_view.x_axis * half.x, self.to_view.y_axis * half.y, self.to_view.z_axis * half.z];
         let origin = DVec3::from_array(node.origin) - self.eye;
         let slack = RELATIVE_SLACK * (l1(offset) + l1(half) + l1(origin));
-        self.excludes(centre, &axes, slack)
+        self.excludes(centre, &axes, slack) || self.cuts_away(min, max, slack)
+    }
+
+    /// Whether sections cut away a box of world corners `min` and `max`, and `slack` metres around it.
+    fn cuts_away(&self, min: DVec3, max: DVec3, slack: f64) -> bool {
+        self.sections.iter().any(|section| match section {
+            Section::Plane(plane) => {
+                let direction = DVec3::from_array(plane.direction());
+                // The corner that lies farthest back.
+                let nearest = DVec3::select(direction.cmpgt(DVec3::ZERO), min, max);
+                (nearest - DVec3::from_array(plane.location())).dot(direction) > slack
+            }
+            Section::Box(kept) => {
+                let (low, high) = (DVec3::from_array(kept.min()), DVec3::from_array(kept.max()));
+                ((min - high).cmpgt(DVec3::splat(slack)) | (low - max).cmpgt(DVec3::splat(slack))).any()
+            }
+        })
     }
 
     /// Whether the box of view-space `centre` and half-edges `axes`, grown by `slack` metres, is certainly

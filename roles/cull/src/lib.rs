@@ -35,7 +35,8 @@
 //!
 //! | module | what is in it |
 //! |---|---|
-//! | `view` | [`View`]: a camera and the size of its image, and every transform from world to pixel |
+//! | `view` | [`View`]: a camera, its image's size and sections, and every transform from world to pixel |
+//! | `cut_rule` | [`CutRule`]: the level rule, and which objects are hidden or seen through |
 //! | `lod_cut` | [`LodCut`]: which level of which nodes is drawn, within an error bound in pixels |
 //! | `occluders` | [`OccluderMapper`]: the last frame's visible set as this frame's occluders |
 //! | `occluder_selection` | [`select_occluders`]: which of them, within a budget of triangles |
@@ -51,6 +52,7 @@
 //! What judges the result is in `trimaran-audit`.
 
 mod boxes;
+mod cut_rule;
 mod depth;
 mod frustum;
 mod hzb;
@@ -67,6 +69,7 @@ mod traverse;
 mod view;
 
 pub use boxes::{BoxMaker, DEPTH_ULPS, OUTLINE_PX, POSITION_ULPS, Prepared, Untestable, reaches};
+pub use cut_rule::CutRule;
 pub use depth::{DepthImage, DepthImageError, DepthPyramid};
 pub use hzb::{HzbError, HzbTest};
 pub use image::Image;

@@ -31,11 +31,12 @@
 //! IEEE 754 defines to the last bit and none of which Rust fuses.
 
 use glam::{DMat3, DVec3};
-use trimaran_proto::{DrawableId, LodRule};
+use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, NodeId, Scene};
 
-use crate::View;
+use crate::cut_rule::NodeAppearance;
 use crate::frustum::Frustum;
+use crate::{CutRule, View};
 
 /// What to do with a node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,11 +45,13 @@ pub enum Choice {
     Draw(DrawableId),
     /// No level of it is good enough: ask its children.
     Refine,
+    /// Nothing of it: all objects below it are hidden.
+    Nothing,
 }
 
 /// The cut of one scene for one view: chooses levels and says what is outside the frustum. It borrows the
 /// scene and holds what the choice needs of the view.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct LodCut<'s> {
     scene: &'s Scene,
     frustum: Frustum,
@@ -57,13 +60,13 @@ pub struct LodCut<'s> {
     focal: f64,
     spread: f64,
     near: f64,
-    epsilon: f64,
+    rule: CutRule,
 }
 
 impl<'s> LodCut<'s> {
     /// The cut of `scene` seen from `view` under `rule`.
     #[must_use]
-    pub fn new(scene: &'s Scene, view: &View, rule: LodRule) -> Self {
+    pub fn new(scene: &'s Scene, view: &View, rule: impl Into<CutRule>) -> Self {
         let (tan_x, tan_y) = (view.tan_half_fov_x(), view.tan_half_fov_y());
         Self {
             scene,
@@ -73,19 +76,26 @@ impl<'s> LodCut<'s> {
             focal: view.focal_x().max(view.focal_y()),
             spread: (1.0 + tan_x * tan_x + tan_y * tan_y).sqrt(),
             near: f64::from(view.camera().near()),
-            epsilon: rule.epsilon_px(),
+            rule: rule.into(),
         }
     }
 
     /// What this cut does with a node, given that it comes to it: the coarsest level that is good enough;
-    /// without one, refine; for a leaf without one, its finest level (Algorithm 4.1 would drop it).
+    /// without one, refine; for a leaf without one, its finest level (Algorithm 4.1 would drop it). A level
+    /// of several objects is not drawn where these are not drawn alike.
     #[must_use]
-    pub fn choose(&self, node: &Node) -> Choice {
+    pub fn choose(&self, id: NodeId, node: &Node) -> Choice {
+        match self.rule.appearance(id) {
+            NodeAppearance::Hidden => return Choice::Nothing,
+            NodeAppearance::Mixed => return Choice::Refine,
+            NodeAppearance::Solid | NodeAppearance::SeeThrough => {}
+        }
+        let epsilon = self.rule.lod().epsilon_px();
         let magnification = self.magnification(node);
         for id in node.levels().rev() {
             let error =
                 self.scene.drawables().get(id.index()).map_or(f64::INFINITY, |level| f64::from(level.error));
-            if magnification.error_on_screen(error) <= self.epsilon {
+            if magnification.error_on_screen(error) <= epsilon {
                 return Choice::Draw(id);
             }
         }
@@ -114,13 +124,15 @@ impl<'s> LodCut<'s> {
         let mut level = vec![NodeId(0)];
         let mut next = Vec::new();
         while !level.is_empty() {
-            for node in level.drain(..).filter_map(|id| self.scene.nodes().get(id.0 as usize)) {
-                if self.outside(node) {
+            for id in level.drain(..) {
+                let Some(node) = self.scene.nodes().get(id.0 as usize).filter(|node| !self.outside(node))
+                else {
                     continue;
-                }
-                match self.choose(node) {
+                };
+                match self.choose(id, node) {
                     Choice::Draw(id) => drawn.push(id),
                     Choice::Refine => next.extend(node.children().map(NodeId)),
+                    Choice::Nothing => {}
                 }
             }
             std::mem::swap(&mut level, &mut next);
@@ -128,10 +140,16 @@ impl<'s> LodCut<'s> {
         drawn
     }
 
-    /// Whether the node's box is certainly outside the frustum.
+    /// Whether the node's box is certainly outside the frustum, or cut away by a section.
     #[must_use]
     pub fn outside(&self, node: &Node) -> bool {
         self.frustum.excludes_world_box(node)
+    }
+
+    /// What decides the cut beside the view.
+    #[must_use]
+    pub const fn rule(&self) -> &CutRule {
+        &self.rule
     }
 
     /// The scene this is a cut of.
@@ -207,15 +225,15 @@ fn extent(direction: DVec3, half: DVec3) -> f64 {
 
 /// What the cut of `scene` from `view` under `rule` does with `node`; for many nodes make one [`LodCut`].
 #[must_use]
-pub fn choose(scene: &Scene, node: NodeId, view: &View, rule: LodRule) -> Choice {
-    match scene.nodes().get(node.0 as usize) {
-        Some(node) => LodCut::new(scene, view, rule).choose(node),
+pub fn choose(scene: &Scene, id: NodeId, view: &View, rule: impl Into<CutRule>) -> Choice {
+    match scene.nodes().get(id.0 as usize) {
+        Some(node) => LodCut::new(scene, view, rule).choose(id, node),
         None => Choice::Refine,
     }
 }
 
 /// What is drawn without occlusion culling: all of the cut but what is outside the frustum.
 #[must_use]
-pub fn lod_cut(scene: &Scene, view: &View, rule: LodRule) -> Vec<DrawableId> {
+pub fn lod_cut(scene: &Scene, view: &View, rule: impl Into<CutRule>) -> Vec<DrawableId> {
     LodCut::new(scene, view, rule).drawables()
 }

@@ -12,9 +12,8 @@ use thiserror::Error;
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, NodeId, Scene};
 
-use crate::LodRule;
-use crate::View;
 use crate::lod_cut::{Choice, LodCut};
+use crate::{CutRule, View};
 
 /// An id from another scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
@@ -37,8 +36,8 @@ enum State {
     Above,
     /// As `Above`, and all that the cut has below it has been handed out.
     AllBelowDue,
-    /// The cut is at this node (handed out) or above it, or the node is outside the frustum: nothing is left
-    /// to hand out.
+    /// The cut is at this node (handed out) or above it, or nothing of the node is seen: nothing is left to
+    /// hand out.
     Settled,
 }
 
@@ -51,7 +50,7 @@ pub struct OccluderMapper {
     marks: Vec<u32>,
     stamp: u32,
     view: View,
-    rule: LodRule,
+    rule: CutRule,
     path: Vec<u32>,
 }
 
@@ -60,15 +59,15 @@ impl OccluderMapper {
 
     /// For the cut of `scene` seen from `view` under `rule`.
     #[must_use]
-    pub fn new(scene: Arc<Scene>, view: View, rule: LodRule) -> Self {
+    pub fn new(scene: Arc<Scene>, view: View, rule: impl Into<CutRule>) -> Self {
         let marks = vec![0; scene.nodes().len()];
-        Self { scene, marks, stamp: 1, view, rule, path: Vec::new() }
+        Self { scene, marks, stamp: 1, view, rule: rule.into(), path: Vec::new() }
     }
 
     /// Starts the next frame: forgets what was handed out and maps to the cut from `view` under `rule` from
     /// now on.
-    pub fn begin(&mut self, view: View, rule: LodRule) {
-        (self.view, self.rule) = (view, rule);
+    pub fn begin(&mut self, view: View, rule: impl Into<CutRule>) {
+        (self.view, self.rule) = (view, rule.into());
         if self.stamp == Self::LAST_STAMP {
             self.marks.fill(0);
             self.stamp = 0;
@@ -82,7 +81,7 @@ impl OccluderMapper {
     /// At the first id that the scene does not have; those before it have been mapped.
     pub fn push(&mut self, ids: &[DrawableId], due: &mut Vec<DrawableId>) -> Result<(), OccluderError> {
         let scene = Arc::clone(&self.scene);
-        let cut = LodCut::new(&scene, &self.view, self.rule);
+        let cut = LodCut::new(&scene, &self.view, &self.rule);
         for &id in ids {
             let drawable = scene
                 .drawables()
@@ -119,7 +118,7 @@ impl OccluderMapper {
         while let Some(below) = self.path.pop() {
             let Some(record) = nodes.get(below as usize) else { break };
             if state == State::Above {
-                state = Self::ask(cut, record, due);
+                state = Self::ask(cut, NodeId(below), record, due);
             }
             self.mark(below, state);
         }
@@ -134,7 +133,7 @@ impl OccluderMapper {
         while let Some(at) = self.path.pop() {
             let Some(record) = nodes.get(at as usize) else { continue };
             let state = match self.state(at) {
-                State::Unknown => Self::ask(cut, record, due),
+                State::Unknown => Self::ask(cut, NodeId(at), record, due),
                 known => known,
             };
             if state == State::Above {
@@ -147,16 +146,17 @@ impl OccluderMapper {
     }
 
     /// Decides a node that the cut comes to.
-    fn ask(cut: &LodCut<'_>, node: &Node, due: &mut Vec<DrawableId>) -> State {
+    fn ask(cut: &LodCut<'_>, id: NodeId, node: &Node, due: &mut Vec<DrawableId>) -> State {
         if cut.outside(node) {
             return State::Settled;
         }
-        match cut.choose(node) {
+        match cut.choose(id, node) {
             Choice::Draw(id) => {
                 due.push(id);
                 State::Settled
             }
             Choice::Refine => State::Above,
+            Choice::Nothing => State::Settled,
         }
     }
 
@@ -187,7 +187,7 @@ impl OccluderMapper {
 pub fn occluders(
     scene: &Arc<Scene>,
     view: &View,
-    rule: LodRule,
+    rule: impl Into<CutRule>,
     ids: &[DrawableId],
 ) -> Result<Vec<DrawableId>, OccluderError> {
     let mut due = Vec::new();
@@ -201,6 +201,7 @@ mod tests {
     use trimaran_audit::cases::{plant, plant_views};
 
     use super::*;
+    use crate::LodRule;
     use crate::Viewport;
     use crate::lod_cut::lod_cut;
 

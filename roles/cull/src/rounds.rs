@@ -17,7 +17,7 @@ use trimaran_proto::DrawableId;
 use trimaran_scene::{NodeId, Scene};
 
 use crate::occluder_selection::{TriangleBudget, select_occluders, triangles};
-use crate::{CullError, CullStats, OccluderMapper, OcclusionTest, Traversal};
+use crate::{CullError, CullStats, CutRule, OccluderMapper, OcclusionTest, Traversal};
 
 /// How many rounds a frame may have, and what may be drawn in each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -88,8 +88,9 @@ impl<'c> Rounds<'c> {
         draw: impl FnMut(&mut T, &[DrawableId]) -> Result<(), T::Error>,
     ) -> Result<Option<&[DrawableId]>, CullError<T::Error>> {
         let scene = self.traversal.scene();
+        let rule = self.traversal.rule().clone();
         while let Some(level) = self.traversal.next_level(test)? {
-            self.new += new_triangles(scene, self.last, &self.drawn, level);
+            self.new += new_triangles(scene, self.last, &self.drawn, level, &rule);
             self.found.extend_from_slice(level);
             if self.rule.most <= 1 || self.new <= self.rule.budget.0 / 32 {
                 return Ok(Some(self.give()));
@@ -127,7 +128,7 @@ impl<'c> Rounds<'c> {
                 break;
             }
             tested = left;
-            self.new = new_triangles(scene, self.last, &self.drawn, &held);
+            self.new = new_triangles(scene, self.last, &self.drawn, &held, self.traversal.rule());
         }
         self.found.append(&mut held);
         Ok(())
@@ -138,6 +139,7 @@ impl<'c> Rounds<'c> {
         let (scene, view) = (self.traversal.scene(), self.traversal.view());
         let mut due: Vec<DrawableId> =
             held.iter().copied().filter(|id| self.drawn.binary_search(id).is_err()).collect();
+        self.traversal.rule().retain_solid(scene, &mut due);
         let budget = self.rule.budget.among(scene, &due);
         select_occluders(scene, view, &mut due, budget);
         due
@@ -167,11 +169,20 @@ impl<'c> Rounds<'c> {
     }
 }
 
-/// The triangles of `level` that are neither of the `last` frame nor drawn as occluders.
-fn new_triangles(scene: &Scene, last: &OccluderMapper, drawn: &[DrawableId], level: &[DrawableId]) -> u64 {
+/// The triangles of `level` that could hide something, and are neither of the `last` frame nor drawn as
+/// occluders.
+fn new_triangles(
+    scene: &Scene,
+    last: &OccluderMapper,
+    drawn: &[DrawableId],
+    level: &[DrawableId],
+    rule: &CutRule,
+) -> u64 {
     let new = |id: &&DrawableId| {
         let node = scene.drawables().get(id.index()).map(|drawable| NodeId(drawable.node));
-        node.is_some_and(|node| !last.holds(node)) && drawn.binary_search(id).is_err()
+        node.is_some_and(|node| !last.holds(node))
+            && drawn.binary_search(id).is_err()
+            && !rule.is_see_through(scene, **id)
     };
     let drawables = level.iter().filter(new).filter_map(|id| scene.drawables().get(id.index()));
     drawables.map(|drawable| u64::from(drawable.index_count / 3)).sum()

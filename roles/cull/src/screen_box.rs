@@ -327,8 +327,7 @@ mod tests {
     /// 100 x 80 pixels down -z; 80 pixels to the metre at a depth of one metre.
     fn view() -> View {
         let viewport = Viewport::new(100, 80).unwrap();
-        let camera =
-            Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, viewport.aspect(), 0.01, FrameNumber(0));
+        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 0.01, FrameNumber(0));
         View::new(camera.unwrap(), viewport)
     }
 
@@ -385,10 +384,9 @@ mod tests {
         assert!(moved(Vec3::Z * 4.9).is_some() && moved(Vec3::Z * 5.1).is_none(), "at the eye's plane");
     }
 
-    /// Also where pixels are not square: 160 of them to the metre across, at a depth of one metre.
     #[test]
     fn a_footprint_is_that_of_the_eight_corners() {
-        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 0.625, 0.01, FrameNumber(0)).unwrap();
+        let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 0.5, 0.01, FrameNumber(0)).unwrap();
         let projection =
             ScreenProjection::new(&View::new(camera, Viewport::new(100, 80).unwrap()), Outline::OnScreen);
         let near = f64::from(0.01_f32);
@@ -406,7 +404,7 @@ mod tests {
                 let all = corners.iter().map(|&corner| of(corner));
                 (all.clone().fold(f64::INFINITY, f64::min), all.fold(f64::NEG_INFINITY, f64::max))
             };
-            let (left, right) = range(|p| 49.5 + 160.0 * p.x / -p.z);
+            let (left, right) = range(|p| 49.5 + 80.0 * p.x / -p.z);
             let (top, bottom) = range(|p| 39.5 - 80.0 * p.y / -p.z);
             let (front, back) = range(|p| -p.z);
             let found = projection.footprint(&test_box, 0.0).unwrap();

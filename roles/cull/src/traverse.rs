@@ -7,10 +7,10 @@ use thiserror::Error;
 use trimaran_proto::DrawableId;
 use trimaran_scene::{NodeId, Scene};
 
-use crate::LodRule;
 use crate::boxes::{BoxMaker, Prepared, Untestable, reaches};
+use crate::cut_rule::NodeAppearance;
 use crate::lod_cut::{Choice, LodCut};
-use crate::{Answer, OcclusionTest, TestBox, View};
+use crate::{Answer, CutRule, OcclusionTest, TestBox, View};
 
 /// What one traversal did. Each node it came to is counted once among `frustum_culled`, `hidden`, `emitted`
 /// and `refined`, or is an interior node without children to go to.
@@ -18,7 +18,7 @@ use crate::{Answer, OcclusionTest, TestBox, View};
 pub struct CullStats {
     /// Nodes the traversal came to.
     pub visited: u32,
-    /// Nodes outside the frustum.
+    /// Nodes outside the frustum, cut away or hidden.
     pub frustum_culled: u32,
     /// Boxes given to the occlusion test.
     pub tested: u32,
@@ -117,10 +117,11 @@ impl Culler {
     pub fn traverse<T: OcclusionTest>(
         &mut self,
         view: &View,
-        rule: LodRule,
+        rule: impl Into<CutRule>,
         test: &T,
     ) -> Result<Traversal<'_>, CullError<T::Error>> {
-        if rule.stops_at_few_pixels() && test.answer() != Answer::PixelCount {
+        let rule = rule.into();
+        if rule.lod().stops_at_few_pixels() && test.answer() != Answer::PixelCount {
             return Err(CullError::NeedsPixelCount);
         }
         let Self { scene, reach, memory } = self;
@@ -129,7 +130,7 @@ impl Culler {
             memory.level.push(NodeId(0));
         }
         let (cut, maker) = (LodCut::new(scene, view, rule), BoxMaker::new(view, test.outline()));
-        Ok(Traversal { scene, reach, memory, view: *view, rule, cut, maker, stats: CullStats::default() })
+        Ok(Traversal { scene, reach, memory, view: *view, cut, maker, stats: CullStats::default() })
     }
 
     /// Traverses the whole tree, and gives `sink` what [`Traversal::next_level`] finds, level by level.
@@ -139,7 +140,7 @@ impl Culler {
     pub fn cull<T: OcclusionTest>(
         &mut self,
         view: &View,
-        rule: LodRule,
+        rule: impl Into<CutRule>,
         test: &mut T,
         mut sink: impl FnMut(&[DrawableId]),
     ) -> Result<CullStats, CullError<T::Error>> {
@@ -158,7 +159,6 @@ pub struct Traversal<'c> {
     reach: &'c [f32],
     memory: &'c mut Memory,
     view: View,
-    rule: LodRule,
     cut: LodCut<'c>,
     maker: BoxMaker,
     stats: CullStats,
@@ -235,6 +235,11 @@ impl<'c> Traversal<'c> {
         self.scene
     }
 
+    /// What decides the cut beside the view.
+    pub(crate) const fn rule(&self) -> &CutRule {
+        self.cut.rule()
+    }
+
     /// The view it is seen from.
     pub(crate) const fn view(&self) -> &View {
         &self.view
@@ -268,7 +273,7 @@ impl<'c> Traversal<'c> {
                 continue;
             };
             stats.visited += 1;
-            if cut.outside(node) {
+            if cut.rule().appearance(id) == NodeAppearance::Hidden || cut.outside(node) {
                 stats.frustum_culled += 1;
                 continue;
             }
@@ -291,13 +296,14 @@ impl<'c> Traversal<'c> {
                     false
                 }
             };
-            candidates.push(Candidate { node: id, choice: cut.choose(node), tested });
+            candidates.push(Candidate { node: id, choice: cut.choose(id, node), tested });
         }
     }
 
     /// Emits, refines or drops the level's candidates by the test's answers.
     fn decide_level(&mut self) {
-        let Self { rule, stats, .. } = self;
+        let Self { cut, stats, .. } = self;
+        let lod = cut.rule().lod();
         let Memory { next, visible, answers, candidates, .. } = &mut *self.memory;
         next.clear();
         visible.clear();
@@ -309,8 +315,10 @@ impl<'c> Traversal<'c> {
                 continue;
             }
             let Some(node) = self.scene.nodes().get(candidate.node.0 as usize) else { continue };
-            let few = pixels
-                .is_some_and(|count| rule.stops_at_few_pixels() && f64::from(count) < rule.epsilon_px());
+            let is_mixed = || cut.rule().appearance(candidate.node) == NodeAppearance::Mixed;
+            let few = lod.stops_at_few_pixels()
+                && pixels.is_some_and(|count| f64::from(count) < lod.epsilon_px())
+                && !is_mixed();
             match (candidate.choice, node.levels().next()) {
                 (Choice::Draw(id), _) => {
                     stats.emitted += 1;
@@ -321,6 +329,7 @@ impl<'c> Traversal<'c> {
                     stats.emitted += 1;
                     visible.push(finest);
                 }
+                (Choice::Nothing, _) => {}
                 (Choice::Refine, _) => {
                     stats.refined += 1;
                     next.extend(node.children().map(NodeId));

@@ -1,7 +1,7 @@
-//! A camera and the picture it fills.
+//! A camera, the picture it fills, and what is cut away.
 
-use glam::{DMat3, DQuat, DVec3, Mat4, Vec4};
-use trimaran_proto::Camera;
+use glam::{DMat3, DQuat, DVec3, DVec4, Mat4, Vec4};
+use trimaran_proto::{Camera, Sections};
 
 use crate::Viewport;
 
@@ -12,18 +12,40 @@ pub struct View {
     camera: Camera,
     viewport: Viewport,
     to_view: DMat3,
+    sections: Sections,
 }
 
 impl View {
-    /// `camera` as seen in a picture of `viewport`'s size. The camera's own aspect ratio rules; a picture of
-    /// another ratio is stretched.
+    /// `camera` as seen in a picture of `viewport`'s size, with nothing cut away.
     #[must_use]
     pub fn new(camera: Camera, viewport: Viewport) -> Self {
         // A camera's quaternion is of unit length to 1e-6; normalized, lengths in view space are lengths in
         // the world to 1e-15.
         let orientation = DQuat::from_array(camera.orientation()).normalize();
         let to_view = DMat3::from_quat(orientation).transpose();
-        Self { camera, viewport, to_view }
+        Self { camera, viewport, to_view, sections: Sections::NONE }
+    }
+
+    /// The same with this cut away.
+    #[must_use]
+    pub const fn with_sections(self, sections: Sections) -> Self {
+        Self { sections, ..self }
+    }
+
+    /// What is cut away.
+    #[must_use]
+    pub const fn sections(&self) -> &Sections {
+        &self.sections
+    }
+
+    /// The planes that bound what sections keep, at most 36, in view space: a point `p` is kept where
+    /// `xyz . p + w` is at least 0 for each of them. Metres.
+    pub fn section_planes(&self) -> impl Iterator<Item = DVec4> + '_ {
+        self.sections.planes().map(|plane| {
+            let direction = DVec3::from_array(plane.direction());
+            let offset = (DVec3::from_array(plane.location()) - self.eye()).dot(direction);
+            (-(self.to_view * direction)).extend(offset)
+        })
     }
 
     /// The camera.
@@ -77,7 +99,7 @@ impl View {
     /// The tangent of half the horizontal field of view.
     #[must_use]
     pub fn tan_half_fov_x(&self) -> f64 {
-        f64::from(self.camera.tan_half_fov_y()) * f64::from(self.camera.aspect())
+        f64::from(self.camera.tan_half_fov_y()) * f64::from(self.viewport.aspect())
     }
 
     /// View space to Vulkan clip space: reversed z, infinite far plane (depth = near / distance), y down,
@@ -85,7 +107,7 @@ impl View {
     #[must_use]
     pub fn projection(&self) -> Mat4 {
         let tan_y = self.camera.tan_half_fov_y();
-        let tan_x = tan_y * self.camera.aspect();
+        let tan_x = tan_y * self.viewport.aspect();
         Mat4::from_cols(
             Vec4::new(1.0 / tan_x, 0.0, 0.0, 0.0),
             Vec4::new(0.0, -1.0 / tan_y, 0.0, 0.0),

@@ -62,12 +62,13 @@ proptest! {
     fn a_looser_bound_never_draws_finer(seed: u64, epsilon in 0.1..50.0_f64, looser in 1.0..10.0_f64) {
         let (scene, views) = setting(seed);
         let (fine, coarse) = (rule(epsilon), rule(epsilon * looser));
-        for node in scene.nodes() {
-            let at = |rule| LodCut::new(&scene, &views[0], rule).choose(node);
+        for (index, node) in (0..).zip(scene.nodes()) {
+            let at = |rule| LodCut::new(&scene, &views[0], rule).choose(NodeId(index), node);
             match (at(fine), at(coarse)) {
                 (Choice::Draw(a), Choice::Draw(b)) => prop_assert!(a <= b),
                 (Choice::Draw(a), Choice::Refine) => prop_assert!(false, "{} is good enough only for the finer rule", a),
                 (Choice::Refine, _) => {}
+                (Choice::Nothing, _) | (_, Choice::Nothing) => prop_assert!(false, "nothing is hidden"),
             }
         }
         let drawn = |rule| nodes_of(&scene, &lod_cut(&scene, &views[0], rule));

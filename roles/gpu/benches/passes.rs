@@ -135,7 +135,7 @@ fn cpu_ms() -> f64 {
 
 /// 90 degrees high and wide, from the origin along -z.
 fn view(side: u32) -> Outcome<View> {
-    let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0, 1.0, 0.1, FrameNumber(0))?;
+    let camera = Camera::new([0.0; 3], [0.0, 0.0, 0.0, 1.0], 1.0, 0.1, FrameNumber(0))?;
     Ok(View::new(camera, Viewport::new(side, side)?))
 }
 

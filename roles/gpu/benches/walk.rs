@@ -52,7 +52,7 @@ fn main() -> Outcome<()> {
 fn views(path: &PosePath, size: Viewport) -> Outcome<Vec<View>> {
     let near = path.near().ok_or("the path names no near distance")?;
     let camera = |(pose, frame): (&Pose, u32)| {
-        Ok(View::new(pose.camera(path.vfov_deg(), size.aspect(), near, FrameNumber(frame))?, size))
+        Ok(View::new(pose.camera(path.vfov_deg(), near, FrameNumber(frame))?, size))
     };
     path.frames().iter().zip(0..).map(camera).collect()
 }

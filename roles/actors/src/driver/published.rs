@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     fn camera(x: f64, frame: u32) -> Camera {
-        Camera::new([x, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 1.0, 0.1, FrameNumber(frame)).unwrap()
+        Camera::new([x, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], 0.5, 0.1, FrameNumber(frame)).unwrap()
     }
 
     #[test]

@@ -65,7 +65,7 @@ mod tests {
     use super::*;
 
     fn view(eye: [f64; 3], orientation: [f64; 4]) -> View {
-        let camera = Camera::new(eye, orientation, 0.5, 1.5, 0.1, FrameNumber(0)).unwrap();
+        let camera = Camera::new(eye, orientation, 0.5, 0.1, FrameNumber(0)).unwrap();
         View::new(camera, Viewport::new(320, 240).unwrap())
     }
 

@@ -13,7 +13,7 @@ mod surface;
 use std::collections::HashMap;
 
 use glam::{DVec3, Vec3};
-use trimaran_cull::{Choice, LodCut, LodRule, OcclusionTest, Prepared, TestBox, View};
+use trimaran_cull::{Choice, CutRule, LodCut, OcclusionTest, Prepared, TestBox, View};
 use trimaran_proto::DrawableId;
 use trimaran_scene::{Node, NodeId, Scene};
 
@@ -36,8 +36,8 @@ pub struct CulledFrame<'f> {
     pub scene: &'f Scene,
     /// The frame's camera and size.
     pub view: &'f View,
-    /// The rule of its LOD cut.
-    pub rule: LodRule,
+    /// What decided its LOD cut beside the view.
+    pub rule: &'f CutRule,
     /// What OR drew.
     pub occluders: &'f [DrawableId],
     /// The depth that came of it, as the occlusion test had it: reversed, row by row from the top left.
@@ -131,7 +131,7 @@ impl<'f, S: Steps> Judge<'f, S> {
         let scene = self.frame.scene;
         let was_drawn = |node: NodeId| self.drawn.binary_search(&node.0).is_ok();
         if scene.ancestors(target).skip(1).any(|(above, _)| was_drawn(above)) {
-            let rule = self.frame.rule.stops_at_few_pixels();
+            let rule = self.frame.rule.lod().stops_at_few_pixels();
             return Some(if rule { Cause::PixelCountRule } else { Cause::LevelMismatch });
         }
         let below = |&node: &u32| scene.ancestors(NodeId(node)).any(|(above, _)| above == target);
@@ -265,7 +265,7 @@ fn pose(view: &View) -> ([f64; 3], [f64; 4]) {
 fn is_of_cut(scene: &Scene, cut: &LodCut<'_>, id: DrawableId) -> bool {
     let Some(drawable) = scene.drawables().get(id.index()) else { return false };
     scene.ancestors(NodeId(drawable.node)).all(|(at, node)| {
-        let chosen = cut.choose(node);
+        let chosen = cut.choose(at, node);
         if at.0 == drawable.node { chosen == Choice::Draw(id) } else { chosen == Choice::Refine }
     })
 }
@@ -294,9 +294,9 @@ mod tests {
 
     use trimaran_cull::Viewport;
 
-    use super::surface::unproject;
     use super::*;
     use crate::cases::{Mesh, Object, build, looking};
+    use crate::id_buffer::unproject;
 
     /// Steps that answer the same at every node.
     struct Told {
@@ -365,7 +365,7 @@ mod tests {
             let frame = CulledFrame {
                 scene: &self.scene,
                 view: &self.view,
-                rule: LodRule::new(1.0).unwrap(),
+                rule: &trimaran_cull::LodRule::new(1.0).unwrap().into(),
                 occluders: &[DrawableId(0)],
                 depth,
                 sent,

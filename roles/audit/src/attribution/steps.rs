@@ -1,6 +1,6 @@
 //! The steps that a culler takes with a node, one by one, so that they can be judged.
 
-use trimaran_cull::{BoxMaker, LodCut, LodRule, OcclusionTest, Outline, Prepared, TestBox, View, reaches};
+use trimaran_cull::{BoxMaker, CutRule, LodCut, OcclusionTest, Outline, Prepared, TestBox, View, reaches};
 use trimaran_scene::{Node, NodeId, Scene};
 
 /// What HC's traversal does with one node.
@@ -34,7 +34,7 @@ pub(super) struct CullerSteps<'f, T> {
 }
 
 impl<'f, T: OcclusionTest> CullerSteps<'f, T> {
-    pub(super) fn new(scene: &'f Scene, view: &'f View, rule: LodRule, test: &'f mut T) -> Self {
+    pub(super) fn new(scene: &'f Scene, view: &'f View, rule: &CutRule, test: &'f mut T) -> Self {
         Self {
             cut: LodCut::new(scene, view, rule),
             maker: BoxMaker::new(view, test.outline()),

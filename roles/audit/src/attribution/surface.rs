@@ -7,7 +7,7 @@ use trimaran_cull::View;
 use trimaran_scene::Scene;
 
 use super::Missing;
-use crate::id_buffer::{Placement, triangles};
+use crate::id_buffer::{Placement, triangles, unproject};
 use crate::raster::rasterize_triangle;
 
 /// A pixel's centre may be covered by a surface that ends so far beside it: corners move by the sub-pixel
@@ -54,18 +54,6 @@ pub(super) fn surface_of(missing: &Missing, scene: &Scene, view: &View, slack: f
         });
     }
     nearest.into_values().flatten().collect()
-}
-
-/// The point at a pixel's centre with this reversed depth, in view space.
-pub(super) fn unproject(view: &View, pixel: usize, depth: f64) -> DVec3 {
-    let (width, height) = (view.viewport().width() as usize, f64::from(view.viewport().height()));
-    let distance = f64::from(view.camera().near()) / depth;
-    let (x, y) = ((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
-    DVec3::new(
-        (x - width as f64 * 0.5) / view.focal_x() * distance,
-        (height * 0.5 - y) / view.focal_y() * distance,
-        -distance,
-    )
 }
 
 /// By how much the reversed depth of a triangle changes over a step of the sub-pixel grid, right and down

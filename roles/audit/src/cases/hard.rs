@@ -55,14 +55,7 @@ pub fn looking(
     let orientation = DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back)).normalize();
     let tan = (fov_degrees.to_radians() * 0.5).tan() as f32;
     let near = 0.01;
-    let camera = Camera::new(
-        eye.to_array(),
-        orientation.to_array(),
-        tan,
-        viewport.aspect(),
-        near,
-        FrameNumber(frame),
-    )?;
+    let camera = Camera::new(eye.to_array(), orientation.to_array(), tan, near, FrameNumber(frame))?;
     Ok(View::new(camera, viewport))
 }
 

@@ -112,7 +112,6 @@ pub fn plant_views(
                 (on_grid(eye) + origin).to_array(),
                 orientation.normalize().to_array(),
                 0.577,
-                viewport.aspect(),
                 0.05,
                 FrameNumber(frame),
             )?;

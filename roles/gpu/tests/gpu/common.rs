@@ -105,7 +105,6 @@ pub(crate) const NEAR: f32 = 0.125;
 /// A camera at `eye` that looks along -z, 90 degrees high, into a picture of this size.
 pub(crate) fn view(width: u32, height: u32, eye: DVec3) -> View {
     let viewport = Viewport::new(width, height).unwrap();
-    let camera =
-        Camera::new(eye.to_array(), [0.0, 0.0, 0.0, 1.0], 1.0, viewport.aspect(), NEAR, FrameNumber(0));
+    let camera = Camera::new(eye.to_array(), [0.0, 0.0, 0.0, 1.0], 1.0, NEAR, FrameNumber(0));
     View::new(camera.unwrap(), viewport)
 }

@@ -80,20 +80,14 @@ impl Pose {
         DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back)).normalize()
     }
 
-    /// The camera at this pose: `vfov_deg` is the vertical field of view in degrees, `aspect` width over
-    /// height, `near` the distance of the near plane in metres.
+    /// The camera at this pose: `vfov_deg` is the vertical field of view in degrees, `near` the distance of the
+    /// near plane in metres.
     ///
     /// # Errors
-    /// If field of view, aspect or near is out of a camera's range.
-    pub fn camera(
-        &self,
-        vfov_deg: f64,
-        aspect: f32,
-        near: f32,
-        frame: FrameNumber,
-    ) -> Result<Camera, CameraError> {
+    /// If field of view or near is out of a camera's range.
+    pub fn camera(&self, vfov_deg: f64, near: f32, frame: FrameNumber) -> Result<Camera, CameraError> {
         let tan_half_fov_y = (vfov_deg.to_radians() / 2.0).tan() as f32;
-        Camera::new(self.eye.to_array(), self.orientation().to_array(), tan_half_fov_y, aspect, near, frame)
+        Camera::new(self.eye.to_array(), self.orientation().to_array(), tan_half_fov_y, near, frame)
     }
 }
 
@@ -112,10 +106,10 @@ mod tests {
     #[test]
     fn camera_takes_over_every_value() {
         let frame = Pose::new(DVec3::new(1e7, 2.0, -3.0), DVec3::X, DVec3::Y).unwrap();
-        let camera = frame.camera(60.0, 1.5, 0.25, FrameNumber(9)).unwrap();
+        let camera = frame.camera(60.0, 0.25, FrameNumber(9)).unwrap();
         assert_eq!(camera.eye(), [1e7, 2.0, -3.0]);
         assert!((camera.tan_half_fov_y() - 0.577_350_26).abs() < 1e-6);
-        assert_eq!((camera.aspect(), camera.near(), camera.frame()), (1.5, 0.25, FrameNumber(9)));
+        assert_eq!((camera.near(), camera.frame()), (0.25, FrameNumber(9)));
         let right = DQuat::from_array(camera.orientation()) * DVec3::X;
         assert!(right.distance(DVec3::Z) < 1e-12, "right is forward x up: {right}");
     }
@@ -123,8 +117,8 @@ mod tests {
     #[test]
     fn a_field_of_view_of_180_degrees_is_no_camera() {
         let frame = Pose::new(DVec3::ZERO, DVec3::X, DVec3::Y).unwrap();
-        assert_eq!(frame.camera(180.0, 1.0, 0.1, FrameNumber(0)), Err(CameraError::FieldOfView));
-        assert_eq!(frame.camera(60.0, 1.0, 0.0, FrameNumber(0)), Err(CameraError::Near));
+        assert_eq!(frame.camera(180.0, 0.1, FrameNumber(0)), Err(CameraError::FieldOfView));
+        assert_eq!(frame.camera(60.0, 0.0, FrameNumber(0)), Err(CameraError::Near));
     }
 
     #[test]
