@@ -28,12 +28,13 @@ struct Loader {
 impl PictureDevice for Loader {
     type Error = Infallible;
 
-    fn draw(&mut self, _: &View, ids: &[DrawableId]) -> Result<(), Infallible> {
+    fn draw(&mut self, _: &View, solid: &[DrawableId], see_through: &[DrawableId]) -> Result<(), Infallible> {
         let before = self.loaded.len();
-        self.loaded.extend(ids);
+        self.loaded.extend(solid.iter().chain(see_through));
         self.new = self.loaded.len() - before;
         if self.new > 0 {
-            println!("{} drawables visible, {} of them to be loaded", ids.len(), self.new);
+            let visible = solid.len() + see_through.len();
+            println!("{visible} drawables visible, {} of them to be loaded", self.new);
         }
         Ok(())
     }

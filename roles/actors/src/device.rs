@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use trimaran_cull::{DepthImage, Image, OcclusionTest, View};
-use trimaran_proto::DrawableId;
+use trimaran_proto::{DrawableId, OcclusionTestKind};
 
 use crate::stop::Stop;
 
@@ -14,6 +14,12 @@ pub trait CullerDevice: OcclusionTest {
     /// error. A device that never waits long need not look at it.
     fn cancel_on(&mut self, stop: &Stop) {
         let _ = stop;
+    }
+
+    /// From the next frame on boxes are tested in this way. A device that knows one way only need not look
+    /// at it.
+    fn change_occlusion_test(&mut self, kind: OcclusionTestKind) {
+        let _ = kind;
     }
 
     /// Starts the occluders of a frame: clears the depth and sets the camera.
@@ -62,11 +68,16 @@ pub trait PictureDevice {
         let _ = stop;
     }
 
-    /// Draws the drawables in the order given, to the end.
+    /// Draws what is solid and over it what is seen through, each in the order given, to the end.
     ///
     /// # Errors
     /// As the device says.
-    fn draw(&mut self, view: &View, ids: &[DrawableId]) -> Result<(), Self::Error>;
+    fn draw(
+        &mut self,
+        view: &View,
+        solid: &[DrawableId],
+        see_through: &[DrawableId],
+    ) -> Result<(), Self::Error>;
 
     /// Reads back the picture drawn last, into `picture`, whose memory is used again.
     ///

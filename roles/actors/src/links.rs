@@ -15,6 +15,8 @@ pub type LatestReceiver = transport::LatestReceiver<Walkthrough>;
 pub type FrameSender = transport::FrameSender<Walkthrough>;
 /// Receives frames of ids.
 pub type FrameReceiver = transport::FrameReceiver<Walkthrough>;
+/// Sends messages.
+pub(crate) type MessageSender = transport::MessageSender<Walkthrough>;
 /// What a receiver of frames learns.
 pub type FrameEvent = transport::FrameEvent<Walkthrough>;
 /// How a frame begins: its number, and the camera that its ids were culled for.

@@ -184,6 +184,7 @@ impl LocalSession {
                 alone,
                 cullers: Peers::seek(&net, sought),
                 session,
+                settings,
                 schedule,
                 pace,
                 first: FrameNumber(0),

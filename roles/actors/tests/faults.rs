@@ -111,6 +111,7 @@ impl Setting {
             alone: SceneCulling::new(&self.scene, alone, &settings, &turns),
             cullers: peers,
             session: SessionKey(1),
+            settings,
             schedule: Schedule::Independent,
             pace: Pace::Lockstep { frames: Some(FRAMES) },
             first: FrameNumber(0),

@@ -124,7 +124,7 @@ struct Canvas;
 impl PictureDevice for Canvas {
     type Error = Infallible;
 
-    fn draw(&mut self, _: &View, _: &[DrawableId]) -> Result<(), Infallible> {
+    fn draw(&mut self, _: &View, _: &[DrawableId], _: &[DrawableId]) -> Result<(), Infallible> {
         Ok(())
     }
 

@@ -90,7 +90,7 @@ impl CullerDevice for Busy {
 impl PictureDevice for Busy {
     type Error = Infallible;
 
-    fn draw(&mut self, _: &View, _: &[DrawableId]) -> Result<(), Infallible> {
+    fn draw(&mut self, _: &View, _: &[DrawableId], _: &[DrawableId]) -> Result<(), Infallible> {
         self.work();
         Ok(())
     }

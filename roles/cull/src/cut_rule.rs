@@ -1,5 +1,6 @@
 //! What decides the LOD cut beside the view: the level rule, and which objects are hidden or seen through.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use trimaran_proto::{Appearance, DrawableId, ViewState};
@@ -52,6 +53,23 @@ impl CutRule {
         if self.nodes.is_some() {
             ids.retain(|id| !self.is_see_through(scene, *id));
         }
+    }
+
+    /// Divides what is drawn front to back: gives what is solid, in the same order, and leaves in
+    /// `see_through` what is seen through, from back to front.
+    #[must_use]
+    pub fn divide<'i>(
+        &self,
+        scene: &Scene,
+        ids: &'i [DrawableId],
+        see_through: &mut Vec<DrawableId>,
+    ) -> Cow<'i, [DrawableId]> {
+        see_through.clear();
+        if self.nodes.is_none() {
+            return Cow::Borrowed(ids);
+        }
+        see_through.extend(ids.iter().rev().filter(|id| self.is_see_through(scene, **id)));
+        Cow::Owned(ids.iter().copied().filter(|id| !self.is_see_through(scene, *id)).collect())
     }
 
     pub(crate) fn appearance(&self, node: NodeId) -> NodeAppearance {

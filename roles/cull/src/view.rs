@@ -1,7 +1,7 @@
 //! A camera, the picture it fills, and what is cut away.
 
 use glam::{DMat3, DQuat, DVec3, DVec4, Mat4, Vec4};
-use trimaran_proto::{Camera, Sections};
+use trimaran_proto::{Camera, Sections, ViewState};
 
 use crate::Viewport;
 
@@ -24,6 +24,12 @@ impl View {
         let orientation = DQuat::from_array(camera.orientation()).normalize();
         let to_view = DMat3::from_quat(orientation).transpose();
         Self { camera, viewport, to_view, sections: Sections::NONE }
+    }
+
+    /// `camera` in the view state that it names.
+    #[must_use]
+    pub fn of(camera: Camera, state: &ViewState) -> Self {
+        Self::new(camera, state.viewport).with_sections(state.sections)
     }
 
     /// The same with this cut away.

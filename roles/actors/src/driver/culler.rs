@@ -2,7 +2,9 @@
 
 use std::{future::Future, mem, time::Duration};
 
-use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoleMessage, SentBytes};
+use trimaran_proto::{
+    Camera, DrawableId, FrameNumber, FrameStats, RoleMessage, SentBytes, ViewState, ViewVersion,
+};
 use trimaran_transport::Traffic;
 
 use super::{
@@ -22,6 +24,11 @@ pub trait CullerWork {
     /// As [`CullerDevice::cancel_on`](crate::CullerDevice::cancel_on).
     fn cancel_on(&mut self, stop: &Stop) {
         let _ = stop;
+    }
+
+    /// From the next frame on, another view state holds.
+    fn change_view(&mut self, state: &ViewState) {
+        let _ = state;
     }
 
     /// The culler has nothing to do until its next camera comes.
@@ -135,6 +142,7 @@ impl<W: CullerWork> CullerRole<W> {
             display: self.display,
             turn: &turn,
             sent: FrameNumber(0),
+            view: ViewVersion(0),
             last: None,
         };
         let (display, result) = session.play(stop).await;
@@ -149,6 +157,8 @@ struct Session<'t, W> {
     turn: &'t Turn,
     /// The number of the next frame that is sent over the display's link.
     sent: FrameNumber,
+    /// The view state of the last frame.
+    view: ViewVersion,
     /// What was found visible in the last frame.
     last: Option<(FrameNumber, Vec<DrawableId>)>,
 }
@@ -164,7 +174,10 @@ impl<W: CullerWork> Session<'_, W> {
     async fn frames(&mut self) -> Result<(), RoleError> {
         loop {
             self.work.awaits_camera();
-            let camera = self.pair.camera(&mut self.display).await?;
+            let (camera, state) = self.pair.camera(&mut self.display).await?;
+            if mem::replace(&mut self.view, camera.view()) != camera.view() {
+                self.work.change_view(&state);
+            }
             self.work.has_camera(&camera);
             let occluders_of = self.occlude(camera).await?;
             self.cull(camera, occluders_of).await?;

@@ -1,9 +1,9 @@
 //! A culler's end at the display: what comes over its link, put together to frames.
 
-use std::time::Duration;
+use std::{collections::VecDeque, future::pending, time::Duration};
 
-use futures_util::future::select_all;
-use trimaran_proto::{Camera, DrawableId, RoleMessage, SentBytes};
+use futures_util::{FutureExt, future::select_all};
+use trimaran_proto::{Camera, DrawableId, RoleMessage, SentBytes, ViewVersion};
 use trimaran_transport::{FrameOutcome, LinkStats, RecvError};
 
 use super::{
@@ -15,7 +15,7 @@ use crate::{
     clock::Stopwatch,
     deal::{CullerId, Disorder},
     ids::FrameIds,
-    links::{FrameEvent, Link},
+    links::{FrameEvent, Link, MessageSender},
     peers::{Arrival, Seat},
 };
 
@@ -26,6 +26,10 @@ pub(super) struct CullerLink {
     pub(super) link: Link,
     /// Where another culler can reach it, if the display knows.
     pub(super) at: Option<String>,
+    /// The view state that it was told of last.
+    pub(super) told: ViewVersion,
+    /// What it has no room for yet.
+    unsaid: VecDeque<RoleMessage>,
     ids: FrameIds,
     arriving: Option<Arriving>,
     /// What the link had carried at the end of the last frame.
@@ -75,7 +79,7 @@ pub(super) enum Heard {
 /// What the first of all cullers has to say. Never ends without any. Dropping the future loses nothing.
 pub(super) async fn first_of(cullers: &mut [CullerLink], clock: &Stopwatch) -> (CullerId, Heard) {
     if cullers.is_empty() {
-        std::future::pending::<()>().await;
+        pending::<()>().await;
     }
     let each = cullers.iter_mut().map(|culler| Box::pin(async { (culler.id, culler.hear(clock).await) }));
     select_all(each).await.0
@@ -85,7 +89,24 @@ impl CullerLink {
     pub(super) fn new(id: CullerId, Arrival { link, at, seat, .. }: Arrival, drawables: u32) -> Self {
         let (ids, carried) = (FrameIds::of(drawables), link.stats.read());
         let at = at.map(|at| at.to_string());
-        Self { id, link, at, ids, arriving: None, carried, _seat: seat }
+        Self {
+            id,
+            link,
+            at,
+            told: ViewVersion(0),
+            unsaid: VecDeque::new(),
+            ids,
+            arriving: None,
+            carried,
+            _seat: seat,
+        }
+    }
+
+    /// Tells it something as soon as it has room for that. Nobody waits for a culler that stalls.
+    pub(super) fn say(&mut self, message: RoleMessage) {
+        self.unsaid.push_back(message);
+        // Who is gone is noticed where it is listened to.
+        let _waits = say_all(&mut self.link.messages_tx, &mut self.unsaid).now_or_never();
     }
 
     /// Waits for what it says next. Dropping the future loses nothing.
@@ -102,6 +123,7 @@ impl CullerLink {
                         Ok(said) => return Heard::Said(said),
                         Err(end) => (Err(end), false),
                     },
+                    () = say_all(&mut self.link.messages_tx, &mut self.unsaid) => continue,
                     end = left_early(&mut self.link.latest_rx) => (Err(end), false),
                 },
             };
@@ -162,5 +184,19 @@ impl CullerLink {
             (FrameEvent::Begin(_), Some(_)) => Err(disorder(Disorder::Unexpected("the begin of a frame"))),
             (FrameEvent::Batch(_), None) => Err(disorder(Disorder::Unexpected("a batch of ids"))),
         }
+    }
+}
+
+/// Says all of it, in order. Never ends where nothing is to be said, or the peer is gone. Dropping the future
+/// says each whole, or later.
+async fn say_all(lane: &mut MessageSender, unsaid: &mut VecDeque<RoleMessage>) {
+    if unsaid.is_empty() {
+        pending::<()>().await;
+    }
+    while let Some(message) = unsaid.front() {
+        if lane.send(message).await.is_err() {
+            pending::<()>().await;
+        }
+        unsaid.pop_front();
     }
 }

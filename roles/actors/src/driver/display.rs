@@ -3,7 +3,7 @@
 use std::{future::Future, sync::Arc, time::Duration};
 
 use trimaran_cull::Image;
-use trimaran_proto::{Camera, DrawableId, FrameNumber, SessionKey};
+use trimaran_proto::{Camera, DrawableId, FrameNumber, SessionKey, Settings, ViewState};
 use trimaran_transport::Net;
 
 use super::{
@@ -26,6 +26,11 @@ pub trait DisplayWork {
     /// As [`CullerDevice::cancel_on`](crate::CullerDevice::cancel_on).
     fn cancel_on(&mut self, stop: &Stop) {
         let _ = stop;
+    }
+
+    /// From the next frame on, another view state holds.
+    fn change_view(&mut self, state: &ViewState) {
+        let _ = state;
     }
 
     /// Draws a frame (RVG). Of its `ids` so many are `missing`, lost on a link with deadlines. They may be
@@ -58,6 +63,8 @@ pub struct DisplayRole<W, A> {
     pub cullers: Peers,
     /// How the session is known to cullers.
     pub session: SessionKey,
+    /// What the cullers were told in the handshake.
+    pub settings: Settings,
     /// How frames are dealt.
     pub schedule: Schedule,
     /// Which frames there are.

@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use trimaran_cull::{CullError, OccluderError};
-use trimaran_proto::CloseCode;
+use trimaran_proto::{CloseCode, ViewStateError, ViewVersion};
 use trimaran_transport::{RecvError, SendError};
 
 use crate::{deal::Disorder, ids::IdError};
@@ -60,6 +60,12 @@ pub enum RoleError {
     /// A peer named a drawable that the scene does not have, although both hold the same scene.
     #[error("the peer named a drawable that the scene does not have")]
     Unknown(#[from] OccluderError),
+    /// A view state cannot be told or read.
+    #[error("a view state was not understood")]
+    View(#[from] ViewStateError),
+    /// A camera names a view state that its source does not have.
+    #[error("the source of cameras does not have the view state {version} that one of them names", version = .0.0)]
+    UnknownView(ViewVersion),
     /// The observer cannot note any more what is shown.
     #[error("what is shown cannot be recorded any more")]
     Observer(#[source] BoxedError),

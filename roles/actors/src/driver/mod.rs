@@ -15,6 +15,7 @@ mod pair;
 mod published;
 mod said;
 mod session;
+mod views;
 
 pub(crate) use close::leave_unable;
 pub use culler::{CullerRole, CullerWork, VisibleIds};

@@ -3,14 +3,17 @@
 //!
 //! What goes wrong between two cullers never ends a session: each goes on by what it found itself.
 
-use std::{collections::VecDeque, mem};
+use std::{collections::VecDeque, mem, sync::Arc};
 
-use trimaran_proto::{Camera, CloseCode, DrawableId, FrameNumber, RoleMessage, SentBytes, SessionKey};
+use trimaran_proto::{
+    Camera, CloseCode, DrawableId, FrameNumber, RoleMessage, SentBytes, SessionKey, ViewState,
+};
 use trimaran_transport::{RecvError, Traffic, causes};
 
 use super::{
     culler::sent_bytes,
     error::{RoleError, link},
+    views::Views,
 };
 use crate::{
     ids::FrameIds,
@@ -23,6 +26,10 @@ use crate::{
 pub(super) struct Pair {
     meeting: Meeting,
     drawables: u32,
+    /// What the display has told of view states.
+    views: Views,
+    /// A camera whose view state has not come yet.
+    early: Option<Camera>,
     state: State,
     /// What the display has not been told yet.
     unsaid: Option<RoleMessage>,
@@ -65,13 +72,21 @@ enum News {
 }
 
 impl Pair {
-    pub(super) const fn new(meeting: Meeting, drawables: u32) -> Self {
-        Self { meeting, drawables, state: State::Single, unsaid: None }
+    pub(super) fn new(meeting: Meeting, drawables: u32) -> Self {
+        let views = Views::new(meeting.settings);
+        Self { meeting, drawables, views, early: None, state: State::Single, unsaid: None }
     }
 
-    /// Waits for the display's next camera, and does what else the display asks for meanwhile.
-    pub(super) async fn camera(&mut self, display: &mut Link) -> Result<Camera, RoleError> {
+    /// Waits for the display's next camera and its view state, and does what else the display asks for
+    /// meanwhile.
+    pub(super) async fn camera(&mut self, display: &mut Link) -> Result<(Camera, Arc<ViewState>), RoleError> {
         loop {
+            if let Some(camera) = self.early
+                && let Some(state) = self.views.get(camera.view())
+            {
+                self.early = None;
+                return Ok((camera, Arc::clone(state)));
+            }
             if let Some(said) = self.unsaid.take() {
                 display.messages_tx.send(&said).await.map_err(link("answering the display"))?;
             }
@@ -100,8 +115,8 @@ impl Pair {
                 },
             };
             match news {
-                News::Camera(camera) => return Ok(camera),
-                News::Said(said) => self.hear(said),
+                News::Camera(camera) => self.early = Some(camera),
+                News::Said(said) => self.hear(said)?,
                 News::Met(met) => self.met(*met),
                 News::FromOther(event) => self.keep(event),
             }
@@ -206,7 +221,7 @@ impl Pair {
         }
     }
 
-    fn hear(&mut self, said: RoleMessage) {
+    fn hear(&mut self, said: RoleMessage) -> Result<(), RoleError> {
         match (said, &mut self.state) {
             (RoleMessage::Meet { key, at }, _) => {
                 self.part();
@@ -217,9 +232,11 @@ impl Pair {
                 self.unsaid = Some(RoleMessage::Switched { key });
             }
             (RoleMessage::Part, _) => self.part(),
+            (RoleMessage::View { version, part, last }, _) => self.views.take(version, &part, last)?,
             // Of a meeting that is over.
             _ => {}
         }
+        Ok(())
     }
 
     fn met(&mut self, met: Result<Link, String>) {
@@ -266,7 +283,7 @@ impl Pair {
                 },
             };
             match said {
-                Ok(said) => self.hear(said),
+                Ok(said) => self.hear(said)?,
                 Err(RecvError::Silent { .. }) => {}
                 Err(end) => return Err(link("waiting for occluders")(end)),
             }

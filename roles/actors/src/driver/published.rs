@@ -2,16 +2,24 @@
 
 use std::{
     collections::{BTreeMap, VecDeque},
+    sync::Arc,
     time::Duration,
 };
 
-use trimaran_proto::{Camera, FrameNumber};
+use trimaran_proto::{Camera, FrameNumber, ViewState, ViewVersion};
 
 /// Where cameras come from.
 pub trait Cameras {
     /// The pose for this frame. In a lockstep session it depends on the frame alone; in a live one it is the
     /// newest there is.
     fn camera(&mut self, frame: FrameNumber) -> Camera;
+
+    /// A view state that one of its cameras named, of version 1 or later. It may be asked for as long as a frame
+    /// of it is not shown.
+    fn view_state(&mut self, version: ViewVersion) -> Option<Arc<ViewState>> {
+        let _ = version;
+        None
+    }
 
     /// Whether the walk is over. A live session ends then; one in lockstep has as many frames as it was
     /// given.
@@ -20,7 +28,7 @@ pub trait Cameras {
     }
 }
 
-/// A function of the frame's number.
+/// A function of the frame's number. The view state does not change.
 impl<F: FnMut(FrameNumber) -> Camera> Cameras for F {
     fn camera(&mut self, frame: FrameNumber) -> Camera {
         self(frame)

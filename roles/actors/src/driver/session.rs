@@ -3,7 +3,9 @@
 use std::{collections::BTreeMap, sync::Arc, time::Duration};
 
 use futures_util::FutureExt;
-use trimaran_proto::{Camera, DrawableId, FrameNumber, FrameStats, RoleMessage, SentBytes};
+use trimaran_proto::{
+    Camera, DrawableId, FrameNumber, FrameStats, RoleMessage, SentBytes, ViewState, ViewVersion,
+};
 use trimaran_transport::{Instant, sleep_until, until};
 
 use super::{
@@ -48,6 +50,9 @@ pub(super) struct Session<'r, W, A> {
     said: Said,
     /// What was drawn last.
     last: Vec<DrawableId>,
+    /// The view states of the last frames that it culled itself and that it drew.
+    culled_in: ViewVersion,
+    drawn_in: ViewVersion,
     clock: Stopwatch,
     turn: &'r Turn,
     stop: &'r Stop,
@@ -80,6 +85,8 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             newest: None,
             said: Said::from(role.first),
             last: Vec::new(),
+            culled_in: ViewVersion(0),
+            drawn_in: ViewVersion(0),
             clock: role.turns.clock(),
             turn,
             stop,
@@ -103,16 +110,16 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             }
             // All that has come, before anything is done that takes long.
             while let Some(event) = self.event(None).now_or_never() {
-                self.take(event).await;
+                self.take(event);
             }
-            self.deal();
+            self.deal()?;
             if let Some(frame) = self.dealer.due() {
                 self.show(frame).await?;
             } else if let Some(frame) = self.dealer.to_cull_itself() {
                 self.cull_itself(frame).await?;
             } else {
                 let event = self.event(Some(self.next_look())).await;
-                self.take(event).await;
+                self.take(event);
             }
         }
         self.hear_last_words().await;
@@ -128,7 +135,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         let deadline = self.role.net.now().after(self.role.patience);
         while self.cullers.len() < self.role.cullers.expected() && self.role.net.now() < deadline {
             let event = self.event(Some(deadline)).await;
-            self.take(event).await;
+            self.take(event);
         }
     }
 
@@ -163,7 +170,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
             .unwrap_or_else(|| now.after(Duration::from_secs(3600)))
     }
 
-    async fn take(&mut self, event: Event) {
+    fn take(&mut self, event: Event) {
         let now = self.role.net.now();
         let (from, lapse) = match event {
             Event::Heard(from, Heard::Began(camera)) => (from, self.began(from, &camera)),
@@ -175,16 +182,16 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
                 (from, ended.map(drop))
             }
             Event::Heard(from, Heard::Said(said)) => {
-                self.hear(from, said).await;
+                self.hear(from, said);
                 return;
             }
             Event::Heard(from, Heard::Gone(error)) => {
-                self.lose(from, error).await;
+                self.lose(from, error);
                 return;
             }
             Event::Arrived(arrival) => {
                 match *arrival {
-                    Ok(arrival) => self.welcome(arrival, now).await,
+                    Ok(arrival) => self.welcome(arrival, now),
                     Err(error) => {
                         tracing::error!(error = &error as &dyn std::error::Error, "goes on without a culler");
                     }
@@ -196,20 +203,20 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
                     tracing::warn!(%id, "it is late: others cull its frames until it answers");
                     self.observer.culler(CullerEvent::Late(id));
                     self.dealer.pass_over(id);
-                    self.arrange().await;
+                    self.arrange();
                 }
                 if let Some(introduction) = &mut self.introduction
                     && introduction.late().is_some_and(|at| at <= now)
                 {
                     let words = introduction.overdue(&mut self.dealer);
-                    self.say(words).await;
+                    self.say(words);
                 }
                 return;
             }
         };
         match lapse {
-            Ok(()) => self.arrange().await,
-            Err(cause) => self.lose(from, RoleError::Order { peer: from.to_string(), cause }).await,
+            Ok(()) => self.arrange(),
+            Err(cause) => self.lose(from, RoleError::Order { peer: from.to_string(), cause }),
         }
     }
 
@@ -223,30 +230,30 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         Ok(())
     }
 
-    async fn welcome(&mut self, arrival: Arrival, now: Instant) {
+    fn welcome(&mut self, arrival: Arrival, now: Instant) {
         let Some(id) = CullerId::of(arrival.place) else { return };
         tracing::info!(%id, address = %arrival.link.peer.address, "has come");
         let culler = CullerLink::new(id, arrival, self.role.drawables);
         self.observer.culler(CullerEvent::Came(id, &culler.link));
         self.cullers.push(culler);
         self.dealer.join(id, now);
-        self.arrange().await;
+        self.arrange();
     }
 
     /// Lets a culler go, and looks for it again.
-    async fn lose(&mut self, id: CullerId, error: RoleError) {
+    fn lose(&mut self, id: CullerId, error: RoleError) {
         let Some(place) = self.cullers.iter().position(|culler| culler.id == id) else { return };
         let culler = self.cullers.swap_remove(place);
         tracing::warn!(%id, error = &error as &dyn std::error::Error, "is gone; it is looked for again");
         self.observer.culler(CullerEvent::Left(id, &error));
         self.dealer.leave(id);
-        self.arrange().await;
+        self.arrange();
         // Nobody waits until it has heard.
         let why = reason(&error);
         self.role.net.spawn(Box::pin(leave(vec![culler.link], why)));
     }
 
-    async fn hear(&mut self, from: CullerId, said: RoleMessage) {
+    fn hear(&mut self, from: CullerId, said: RoleMessage) {
         if let RoleMessage::Stats(stats) = said {
             if let Some(stats) = self.said.note(stats) {
                 self.observer.culled(&stats);
@@ -254,60 +261,76 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         } else if let Some(introduction) = &mut self.introduction {
             let now = self.role.net.now();
             let words = introduction.hear(from, &said, &mut self.dealer, now);
-            self.say(words).await;
+            self.say(words);
         }
     }
 
     /// In the schedule `switch`: sees to it that two cullers know each other.
-    async fn arrange(&mut self) {
+    fn arrange(&mut self) {
         let (begun, now) = (self.dealer.fresh() > self.role.first, self.role.net.now());
         if let Some(introduction) = &mut self.introduction {
             let words = introduction.arrange(&mut self.dealer, &self.cullers, begun, now);
-            self.say(words).await;
+            self.say(words);
         }
     }
 
-    async fn say(&mut self, words: Vec<Word>) {
+    fn say(&mut self, words: Vec<Word>) {
         for (id, word) in words {
             if let Some(culler) = self.cullers.iter_mut().find(|culler| culler.id == id) {
-                // Who is gone is noticed where it is listened to.
-                let _unheard = culler.link.messages_tx.send(&word).await;
+                culler.say(word);
             }
         }
     }
 
     /// Hands out the cameras that are due.
-    fn deal(&mut self) {
+    fn deal(&mut self) -> Result<(), RoleError> {
         let now = self.role.net.now();
         for (id, frame) in self.dealer.deal(now) {
             let camera = self.published.newest(frame).unwrap_or_else(|| self.cameras.camera(frame));
-            self.publish(id, camera);
+            self.publish(id, camera)?;
         }
         if self.role.pace != Pace::Live {
-            return;
+            return Ok(());
         }
         let newer: Vec<_> = self.dealer.refreshable().collect();
         for (id, frame) in newer {
             let camera = self.cameras.camera(frame);
             if self.published.newest(frame) != Some(camera) {
-                self.publish(id, camera);
+                self.publish(id, camera)?;
             }
         }
         loop {
             let pose = self.cameras.camera(self.dealer.fresh());
             let news = self.newest.is_none_or(|newest| newest.for_frame(pose.frame()) != pose);
-            let Some(id) = self.dealer.wants_camera(news) else { return };
+            let Some(id) = self.dealer.wants_camera(news) else { return Ok(()) };
             let frame = self.dealer.hand_out(id, now);
             self.newest = Some(pose);
-            self.publish(id, pose.for_frame(frame));
+            self.publish(id, pose.for_frame(frame))?;
         }
     }
 
-    fn publish(&mut self, id: CullerId, camera: Camera) {
+    /// Hands out a camera, and its view state if the culler was told of another one last.
+    fn publish(&mut self, id: CullerId, camera: Camera) -> Result<(), RoleError> {
         self.published.note(camera, self.clock.elapsed());
+        let view = camera.view();
+        if self.cullers.iter().any(|culler| culler.id == id && culler.told != view) {
+            let messages = self.view_state(view)?.to_messages(view)?;
+            for culler in self.cullers.iter_mut().filter(|culler| culler.id == id) {
+                messages.iter().for_each(|message| culler.say(message.clone()));
+                culler.told = view;
+            }
+        }
         if let Some(culler) = self.cullers.iter_mut().find(|culler| culler.id == id) {
             // Who is gone is noticed where it is listened to.
             let _unheard = culler.link.latest_tx.publish(camera);
+        }
+        Ok(())
+    }
+
+    fn view_state(&mut self, version: ViewVersion) -> Result<Arc<ViewState>, RoleError> {
+        match version {
+            ViewVersion(0) => Ok(Arc::new(self.role.settings.into())),
+            _ => self.cameras.view_state(version).ok_or(RoleError::UnknownView(version)),
         }
     }
 
@@ -316,6 +339,11 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         let camera = self.published.newest(frame).unwrap_or_else(|| self.cameras.camera(frame));
         self.published.note(camera, self.clock.elapsed());
         self.turn.take().await;
+        if self.culled_in != camera.view() {
+            self.culled_in = camera.view();
+            let state = self.view_state(camera.view())?;
+            self.role.alone.change_view(&state);
+        }
         let alone = &mut self.role.alone;
         alone.begin_occluders(camera, false)?;
         alone.take_occluders(&self.last)?;
@@ -351,6 +379,11 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         // What it does until now is to take messages: that is no computing to wait for.
         self.turn.take().await;
         let drawing = self.clock.elapsed();
+        if self.drawn_in != camera.view() {
+            self.drawn_in = camera.view();
+            let state = self.view_state(camera.view())?;
+            self.role.work.change_view(&state);
+        }
         let for_loss = self.role.work.draw(camera, &mut ids, missing).await?;
         let shown = self.clock.elapsed();
         let published = self.published.when(&camera).unwrap_or(begun);
@@ -388,7 +421,7 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
         while self.said.awaits() && !self.cullers.is_empty() {
             let net = Arc::clone(&self.role.net);
             match until(&*net, deadline, self.event(None)).await {
-                Some(event) => self.take(event).await,
+                Some(event) => self.take(event),
                 None => return,
             }
         }

@@ -3,10 +3,12 @@
 use std::{sync::Arc, time::Duration};
 
 use trimaran_cull::{
-    CullStats, Culler, LodRule, OccluderMapper, RoundRule, Rounds, TriangleBudget, View, Viewport,
-    select_occluders, triangles,
+    CullStats, Culler, CutRule, OccluderMapper, RoundRule, Rounds, TriangleBudget, View, select_occluders,
+    triangles,
 };
-use trimaran_proto::{Camera, CullCounts, DrawableId, FrameNumber, FrameStats, RoundCounts, Settings};
+use trimaran_proto::{
+    Camera, CullCounts, DrawableId, FrameNumber, FrameStats, RoundCounts, Settings, ViewState,
+};
 use trimaran_scene::Scene;
 
 use super::occluders::OccluderPolicy;
@@ -24,10 +26,10 @@ pub struct SceneCulling<D> {
     device: D,
     culler: Culler,
     mapper: Option<OccluderMapper>,
-    viewport: Viewport,
+    state: ViewState,
+    rule: CutRule,
     /// Of the frame under way.
     view: View,
-    rule: LodRule,
     clock: Stopwatch,
     policy: OccluderPolicy,
     /// Whether the device is to be idle while further ids are waited for.
@@ -54,9 +56,9 @@ impl<D: CullerDevice> SceneCulling<D> {
             device,
             culler: Culler::new(Arc::clone(scene)),
             mapper: None,
-            viewport: settings.viewport,
+            state: (*settings).into(),
+            rule: settings.lod.into(),
             view: View::new(Camera::at_origin(FrameNumber(0)), settings.viewport),
-            rule: settings.lod,
             clock: turns.clock(),
             policy: OccluderPolicy::default(),
             takes_turns: turns.idle_devices(),
@@ -85,15 +87,23 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         self.device.cancel_on(stop);
     }
 
+    fn change_view(&mut self, state: &ViewState) {
+        self.rule = CutRule::new(self.culler.scene(), state);
+        self.device.change_occlusion_test(state.occlusion_test);
+        self.state = state.clone();
+    }
+
     fn begin_occluders(&mut self, camera: Camera, as_they_come: bool) -> Result<(), RoleError> {
-        let view = View::new(camera, self.viewport);
+        let view = View::of(camera, &self.state);
         self.view = view;
         let start = self.clock.elapsed();
         self.stats =
             FrameStats { frame: camera.frame(), or_start_ns: nanoseconds(start), ..FrameStats::default() };
         match &mut self.mapper {
-            Some(mapper) => mapper.begin(view, self.rule),
-            None => self.mapper = Some(OccluderMapper::new(Arc::clone(self.culler.scene()), view, self.rule)),
+            Some(mapper) => mapper.begin(view, &self.rule),
+            None => {
+                self.mapper = Some(OccluderMapper::new(Arc::clone(self.culler.scene()), view, &self.rule))
+            }
         }
         self.device.begin_occluders(&view).map_err(RoleError::device("clearing the depth"))?;
         self.received = 0;
@@ -116,6 +126,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         if self.as_they_come {
             let mut chosen = self.due.split_off(known);
             let scene = self.culler.scene();
+            self.rule.retain_solid(scene, &mut chosen);
             select_occluders(scene, &self.view, &mut chosen, TriangleBudget(self.left / 2));
             self.left -= triangles(scene, &chosen).min(self.left);
             self.due.extend(chosen);
@@ -131,7 +142,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
         let drawn = if self.as_they_come { self.due.len() } else { 0 };
         let scene = Arc::clone(self.culler.scene());
         if !self.as_they_come || self.due.is_empty() {
-            self.policy.choose(&scene, &self.view, self.rule, self.received, &mut self.due);
+            self.policy.choose(&scene, &self.view, &self.rule, self.received, &mut self.due);
         }
         self.draw(drawn)?;
         self.host += self.clock.elapsed().saturating_sub(start);
@@ -150,7 +161,7 @@ impl<D: CullerDevice> CullerWork for SceneCulling<D> {
     async fn cull(&mut self, _: Camera, visible: &mut VisibleIds<'_>) -> Result<(), RoleError> {
         let Some(last) = &self.mapper else { return Ok(()) };
         let scene = Arc::clone(self.culler.scene());
-        let traversal = self.culler.traverse(&self.view, self.rule, &self.device)?;
+        let traversal = self.culler.traverse(&self.view, &self.rule, &self.device)?;
         // The paper's schedule has one round, as the paper has.
         let rule = if self.as_they_come { RoundRule::ONE } else { self.policy.rule() };
         let mut rounds = Rounds::new(traversal, last, &self.due, rule);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use trimaran_cull::{LodRule, OccluderError, OccluderMapper, View};
+use trimaran_cull::{CutRule, OccluderError, OccluderMapper, View};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
@@ -10,20 +10,19 @@ use trimaran_scene::Scene;
 #[derive(Debug)]
 pub struct Gaps {
     scene: Arc<Scene>,
-    rule: LodRule,
     last: Vec<DrawableId>,
     /// Made with the first gap: most sessions have none.
     mapper: Option<OccluderMapper>,
 }
 
 impl Gaps {
-    /// For a display that shows `scene` at `rule`'s levels, and has shown nothing yet.
+    /// For a display that shows `scene`, and has shown nothing yet.
     #[must_use]
-    pub fn new(scene: &Arc<Scene>, rule: LodRule) -> Self {
-        Self { scene: Arc::clone(scene), rule, last: Vec::new(), mapper: None }
+    pub fn new(scene: &Arc<Scene>) -> Self {
+        Self { scene: Arc::clone(scene), last: Vec::new(), mapper: None }
     }
 
-    /// Adds to the `ids` that came what the frame's LOD cut has in place of the last frame's set. Says how
+    /// Adds to the `ids` that came what the frame's LOD cut by `rule` has in place of the last frame's set. Says how
     /// many that are.
     ///
     /// What is lost is in most cases what was visible a moment ago. What has just come into sight may be
@@ -31,13 +30,18 @@ impl Gaps {
     ///
     /// # Errors
     /// When an id is none of the scene's.
-    pub fn fill(&mut self, view: View, ids: &mut Vec<DrawableId>) -> Result<usize, OccluderError> {
+    pub fn fill(
+        &mut self,
+        view: View,
+        rule: &CutRule,
+        ids: &mut Vec<DrawableId>,
+    ) -> Result<usize, OccluderError> {
         let mapper = match &mut self.mapper {
             Some(mapper) => {
-                mapper.begin(view, self.rule);
+                mapper.begin(view, rule);
                 mapper
             }
-            None => self.mapper.insert(OccluderMapper::new(Arc::clone(&self.scene), view, self.rule)),
+            None => self.mapper.insert(OccluderMapper::new(Arc::clone(&self.scene), view, rule)),
         };
         let mut due = Vec::new();
         mapper.push(&self.last, &mut due)?;
@@ -59,7 +63,7 @@ impl Gaps {
 mod tests {
     use trimaran_cook::generate::{PlantOptions, plant};
     use trimaran_cook::{CookOptions, cook};
-    use trimaran_cull::{Viewport, lod_cut};
+    use trimaran_cull::{LodRule, Viewport, lod_cut};
     use trimaran_proto::{Camera, FrameNumber};
 
     use super::*;
@@ -94,12 +98,12 @@ mod tests {
         let last = lod_cut(&scene, &before, rule);
         let whole = cut(&scene, &now, rule);
         assert!(whole.len() > 20, "{} ids", whole.len());
-        let mut gaps = Gaps::new(&scene, rule);
+        let mut gaps = Gaps::new(&scene);
         gaps.drawn(&last);
         // Ids come in the order in which they were found visible.
         let mut ids: Vec<_> = whole.iter().rev().step_by(2).map(|id| DrawableId(*id)).collect();
         let came = ids.len();
-        let added = gaps.fill(now, &mut ids).unwrap();
+        let added = gaps.fill(now, &rule.into(), &mut ids).unwrap();
         assert_eq!(ids.len(), came + added);
         let mut drawn: Vec<u32> = ids.iter().map(|id| id.0).collect();
         drawn.sort_unstable();
@@ -109,13 +113,13 @@ mod tests {
 
         gaps.drawn(&ids);
         let mut ids = Vec::new();
-        assert!(gaps.fill(before, &mut ids).unwrap() > 20, "{} ids", ids.len());
+        assert!(gaps.fill(before, &rule.into(), &mut ids).unwrap() > 20, "{} ids", ids.len());
         let cut_before = cut(&scene, &before, rule);
         assert_ne!(cut_before, whole);
         assert!(ids.iter().all(|id| cut_before.binary_search(&id.0).is_ok()), "the cut of this frame's view");
 
         gaps.drawn(&[]);
         let mut ids = vec![DrawableId(whole[0])];
-        assert_eq!(gaps.fill(now, &mut ids).unwrap(), 0, "no last frame, nothing to add");
+        assert_eq!(gaps.fill(now, &rule.into(), &mut ids).unwrap(), 0, "no last frame, nothing to add");
     }
 }

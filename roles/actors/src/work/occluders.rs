@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use trimaran_cull::{
-    CullStats, Culler, LodRule, OccluderMapper, RoundRule, Rounds, TriangleBudget, View, lod_cut,
+    CullStats, Culler, CutRule, OccluderMapper, RoundRule, Rounds, TriangleBudget, View, lod_cut,
     select_occluders,
 };
 use trimaran_proto::DrawableId;
@@ -52,7 +52,7 @@ impl OccluderPolicy {
         culler: &mut Culler,
         device: &mut D,
         view: &View,
-        rule: LodRule,
+        rule: &CutRule,
         last: &[DrawableId],
     ) -> Result<CulledFrame, RoleError> {
         let mut mapper = OccluderMapper::new(Arc::clone(culler.scene()), *view, rule);
@@ -77,14 +77,16 @@ impl OccluderPolicy {
         self,
         scene: &Scene,
         view: &View,
-        rule: LodRule,
+        rule: &CutRule,
         received: usize,
         due: &mut Vec<DrawableId>,
     ) {
         if due.len() * 2 <= received {
             *due = lod_cut(scene, view, rule);
+            rule.retain_solid(scene, due);
             select_occluders(scene, view, due, self.budget);
         } else {
+            rule.retain_solid(scene, due);
             select_occluders(scene, view, due, self.budget.among(scene, due));
         }
     }

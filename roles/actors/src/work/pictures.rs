@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use trimaran_cull::{DrawOrder, Image, View, Viewport};
-use trimaran_proto::{Camera, DrawableId, Settings};
+use trimaran_cull::{CutRule, DrawOrder, Image, View};
+use trimaran_proto::{Camera, DrawableId, Settings, ViewState};
 use trimaran_scene::Scene;
 
 use super::gaps::Gaps;
@@ -20,11 +20,14 @@ const DRAWING: &str = "drawing a picture";
 pub struct ScenePictures<D> {
     scene: Arc<Scene>,
     device: D,
-    viewport: Viewport,
+    state: ViewState,
+    rule: CutRule,
     order: DrawOrder,
     /// What was drawn before stands in for ids that were lost.
     gaps: Gaps,
     picture: Image,
+    /// Of the frame under way: what is seen through, farthest first.
+    see_through: Vec<DrawableId>,
 }
 
 impl<D: PictureDevice> ScenePictures<D> {
@@ -33,10 +36,12 @@ impl<D: PictureDevice> ScenePictures<D> {
         Self {
             scene: Arc::clone(scene),
             device,
-            viewport: settings.viewport,
+            state: (*settings).into(),
+            rule: settings.lod.into(),
             order: DrawOrder::default(),
-            gaps: Gaps::new(scene, settings.lod),
+            gaps: Gaps::new(scene),
             picture: Image::default(),
+            see_through: Vec::new(),
         }
     }
 }
@@ -46,17 +51,24 @@ impl<D: PictureDevice> DisplayWork for ScenePictures<D> {
         self.device.cancel_on(stop);
     }
 
-    /// Draws front to back.
+    fn change_view(&mut self, state: &ViewState) {
+        self.rule = CutRule::new(&self.scene, state);
+        self.state = state.clone();
+    }
+
+    /// Draws what is solid front to back, and what is seen through over it from back to front.
     async fn draw(
         &mut self,
         camera: Camera,
         ids: &mut Vec<DrawableId>,
         missing: u32,
     ) -> Result<usize, RoleError> {
-        let view = View::new(camera, self.viewport);
-        let for_loss = if missing == 0 { 0 } else { self.gaps.fill(view, ids)? };
+        let view = View::of(camera, &self.state);
+        let for_loss = if missing == 0 { 0 } else { self.gaps.fill(view, &self.rule, ids)? };
         self.order.sort(&self.scene, &view, ids);
-        self.device.draw(&view, ids).map_err(RoleError::device(DRAWING))?;
+        let solid = self.rule.divide(&self.scene, ids, &mut self.see_through);
+        let Self { device, see_through, .. } = self;
+        device.draw(&view, &solid, see_through).map_err(RoleError::device(DRAWING))?;
         self.gaps.drawn(ids);
         Ok(for_loss)
     }

@@ -129,7 +129,7 @@ impl PictureDevice for Device {
         self.stop = Some(stop.clone());
     }
 
-    fn draw(&mut self, _: &View, _: &[DrawableId]) -> Result<(), Broken> {
+    fn draw(&mut self, _: &View, _: &[DrawableId], _: &[DrawableId]) -> Result<(), Broken> {
         self.work(Task::Draw)
     }
 

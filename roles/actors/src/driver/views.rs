@@ -1,0 +1,76 @@
+//! The view states that a culler was told of.
+
+use std::{collections::VecDeque, sync::Arc};
+
+use trimaran_proto::{Settings, ViewReader, ViewState, ViewStateError, ViewVersion};
+
+/// How many are kept: a camera names the one that was told last, or one before where frames are dealt again.
+const KEPT: usize = 4;
+
+/// The last view states that a culler was told of, newest at the end.
+#[derive(Debug)]
+pub(super) struct Views {
+    known: VecDeque<(ViewVersion, Arc<ViewState>)>,
+    reader: ViewReader,
+}
+
+impl Views {
+    /// Knows what the handshake says.
+    pub(super) fn new(settings: Settings) -> Self {
+        let first = (ViewVersion(0), Arc::new(settings.into()));
+        Self { known: [first].into(), reader: ViewReader::default() }
+    }
+
+    /// Takes a part of one.
+    pub(super) fn take(
+        &mut self,
+        version: ViewVersion,
+        part: &[u8],
+        last: bool,
+    ) -> Result<(), ViewStateError> {
+        if let Some(state) = self.reader.take(version, part, last)? {
+            self.known.retain(|(known, _)| *known != version);
+            self.known.push_back((version, Arc::new(state)));
+            if self.known.len() > KEPT {
+                self.known.pop_front();
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn get(&self, version: ViewVersion) -> Option<&Arc<ViewState>> {
+        self.known.iter().find(|(known, _)| *known == version).map(|(_, state)| state)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use trimaran_proto::{LodRule, RoleMessage, Viewport};
+
+    use super::*;
+
+    #[test]
+    fn the_last_four_are_known_whichever_came_again() {
+        let settings = Settings::new(Viewport::new(8, 8).unwrap(), LodRule::new(1.0).unwrap());
+        let state = |side| ViewState { viewport: Viewport::new(side, side).unwrap(), ..settings.into() };
+        let mut views = Views::new(settings);
+        let mut tell = |version: u32| {
+            for message in state(version + 8).to_messages(ViewVersion(version)).unwrap() {
+                let RoleMessage::View { version, part, last } = message else { panic!("{message:?}") };
+                views.take(version, &part, last).unwrap();
+            }
+            (0..9)
+                .filter(|version| {
+                    let known = views.get(ViewVersion(*version));
+                    assert!(known.is_none_or(|known| **known == state(version + 8)));
+                    known.is_some()
+                })
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(tell(1), [0, 1]);
+        assert_eq!(tell(3), [0, 1, 3]);
+        assert_eq!(tell(0), [0, 1, 3]);
+        assert_eq!(tell(4), [0, 1, 3, 4]);
+        assert_eq!(tell(5), [0, 3, 4, 5], "1 was told first");
+    }
+}
