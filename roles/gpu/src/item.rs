@@ -10,7 +10,8 @@ use trimaran_scene::Vertex;
 
 use crate::draw_record::Fetch;
 use crate::memory::HostBuffer;
-use crate::pass::{ColourTarget, PassKind, ScenePass};
+use crate::pass::ScenePass;
+use crate::pass_kind::{ColourTarget, PassKind};
 use crate::pipeline::{VertexInput, shader};
 use crate::{GpuError, GpuScene, Optional, PassTiming};
 
@@ -19,6 +20,7 @@ static NUMBERED: PassKind = PassKind {
     name: "drawing the item buffer",
     vertex: shader!("vs_item"),
     fragment: Some(shader!("fs_item")),
+    cut: shader!("fs_item_cut"),
     input: VertexInput::Id,
     colour: Some(TARGET),
     fetch: Fetch::Fixed,
@@ -29,6 +31,7 @@ static NUMBERED: PassKind = PassKind {
 static PULLED: PassKind = PassKind {
     vertex: shader!("vs_item_pulled"),
     fragment: Some(shader!("fs_item_pulled")),
+    cut: shader!("fs_item_pulled_cut"),
     input: VertexInput::PulledId,
     fetch: Fetch::Pulled,
     ..NUMBERED
