@@ -37,7 +37,7 @@ fn compile(path: &Path, out: &Path) -> Result<(), Box<dyn Error>> {
         let only = spv::PipelineOptions { shader_stage: point.stage, entry_point: point.name.clone() };
         let mut words =
             spv::write_vec(&module, &info, &options, Some(&only)).map_err(|e| explain(e.to_string()))?;
-        if point.stage == ShaderStage::Compute {
+        if point.stage == ShaderStage::Compute || point.name.ends_with("_cut") {
             forbid_contraction(&mut words);
         }
         let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
@@ -47,7 +47,7 @@ fn compile(path: &Path, out: &Path) -> Result<(), Box<dyn Error>> {
 }
 
 /// Decorates all sums and products with NoContraction, which WGSL has no word for: without it a driver may
-/// turn two of them into one fused operation, which rounds otherwise than the host.
+/// turn two of them into one fused operation, which rounds otherwise than the host, or another shader.
 fn forbid_contraction(words: &mut Vec<u32>) {
     const HEADER: usize = 5;
     const OP_DECORATE: u32 = 71;

@@ -37,13 +37,52 @@ fn clip_position(local: vec3<f32>, draw: Draw) -> vec4<f32> {
     return vec4<f32>(view.xy * camera.scale, camera.near, -view.z);
 }
 
-// Depth alone: no fragment shader at all.
+// What bounds the part of the scene that sections leave.
+struct Sections {
+    count: u32,
+    // In view space, with the normal times the near distance: a point is kept where plane . (near * point, 1) >= 0.
+    planes: array<vec4<f32>, 36>,
+}
+
+@group(0) @binding(0) var<storage, read> sections: Sections;
+
+// OR cuts away this much more than the passes that draw what shows, as a share of the magnitudes summed: what it draws has to be
+// drawn there as well. A side goes through 6 roundings of at most 2^-23 of that share, and its bound through as many. Two
+// shaders, or two devices, that round each of them another way are 12 apart; that and a depth some roundings apart are within 32.
+const OCCLUDER_MARGIN = 32.0 / 8388608.0;
+
+// Whether sections cut a fragment away. Its place follows from the pixel's centre and the depth alone, which are the same in all
+// passes. The build script forbids to fuse sums and products, so that the passes agree on the last bit too.
+fn is_cut_away(at: vec4<f32>, margin: f32) -> bool {
+    let scaled = at.xy * camera.ray_scale;
+    // The point is near / depth along its ray. As only a sign is asked for, all is multiplied by the depth: nothing to divide by.
+    let point = vec4<f32>(scaled + camera.ray_offset, -1.0, at.z);
+    let magnitude = vec4<f32>(abs(scaled) + abs(camera.ray_offset), 1.0, at.z);
+    for (var i = 0u; i < sections.count; i += 1u) {
+        let terms = sections.planes[i] * point;
+        let bounds = abs(sections.planes[i]) * magnitude;
+        let side = terms.x + terms.y + terms.z + terms.w;
+        if !(side >= margin * (bounds.x + bounds.y + bounds.z + bounds.w)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// Depth alone: no fragment shader at all where nothing is cut away.
 @vertex
 fn vs_depth(
     @location(0) local: vec3<f32>,
     draw: Draw,
 ) -> @invariant @builtin(position) vec4<f32> {
     return clip_position(local, draw);
+}
+
+@fragment
+fn fs_depth_cut(@builtin(position) at: vec4<f32>) {
+    if is_cut_away(at, OCCLUDER_MARGIN) {
+        discard;
+    }
 }
 
 struct PictureVertex {
@@ -92,12 +131,24 @@ fn view_normal(folded: vec2<f32>, position: vec3<f32>, draw: Draw) -> vec3<f32> 
 }
 
 // Flat shading by a key light, a light at the eye and a sky.
-@fragment
-fn fs_picture(in: PictureVertex) -> @location(0) vec4<f32> {
+fn shade(in: PictureVertex) -> vec4<f32> {
     let light = in.other_light + min(dot(in.eye_light, vec3<f32>(in.position.xy, 1.0)), EYE);
     // The colours are sRGB-encoded and light multiplies what they encode. sRGB is near a power law, under which encoding the product is
     // the product of the encoded: so encode the light (a square root) and leave the colours as they are.
     return vec4<f32>(in.colour * sqrt(light), 1.0);
+}
+
+@fragment
+fn fs_picture(in: PictureVertex) -> @location(0) vec4<f32> {
+    return shade(in);
+}
+
+@fragment
+fn fs_picture_cut(in: PictureVertex) -> @location(0) vec4<f32> {
+    if is_cut_away(in.position, 0.0) {
+        discard;
+    }
+    return shade(in);
 }
 
 struct ItemVertex {
@@ -115,11 +166,19 @@ fn fs_item(in: ItemVertex, @builtin(primitive_index) triangle: u32) -> @location
     return vec2<u32>(in.id, triangle);
 }
 
+@fragment
+fn fs_item_cut(in: ItemVertex, @builtin(primitive_index) triangle: u32) -> @location(0) vec2<u32> {
+    if is_cut_away(in.position, 0.0) {
+        discard;
+    }
+    return vec2<u32>(in.id, triangle);
+}
+
 // The same without primitive ids, which not every device has in fragment shaders: indices and vertices are
 // fetched from storage buffers, three a triangle. The number of a vertex is its place in the scene's index
 // buffer.
-@group(0) @binding(0) var<storage, read> scene_vertices: array<u32>;
-@group(0) @binding(1) var<storage, read> scene_indices: array<u32>;
+@group(0) @binding(1) var<storage, read> scene_vertices: array<u32>;
+@group(0) @binding(2) var<storage, read> scene_indices: array<u32>;
 
 // `Vertex` of the scene in words; its position comes first.
 const VERTEX_WORDS = 5u;
@@ -148,5 +207,13 @@ fn vs_item_pulled(
 
 @fragment
 fn fs_item_pulled(in: PulledVertex) -> @location(0) vec2<u32> {
+    return in.item;
+}
+
+@fragment
+fn fs_item_pulled_cut(in: PulledVertex) -> @location(0) vec2<u32> {
+    if is_cut_away(in.position, 0.0) {
+        discard;
+    }
     return in.item;
 }

@@ -122,6 +122,9 @@ pub enum GpuError {
     /// Something was drawn or read before any view was set.
     #[error("{0} was used before it was given a view (call begin first)")]
     NotBegun(&'static str),
+    /// Something solid was to be drawn over see-through drawables, where it would not shine through them.
+    #[error("solid drawables were added after see-through ones of the same frame: add them before")]
+    SolidAfterSeeThrough,
     /// An id names no drawable of the scene.
     #[error("{id} is not in this scene, which has {count}")]
     UnknownDrawable {

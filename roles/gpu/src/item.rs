@@ -10,7 +10,8 @@ use trimaran_scene::Vertex;
 
 use crate::draw_record::Fetch;
 use crate::memory::HostBuffer;
-use crate::pass::{ColourTarget, PassKind, ScenePass};
+use crate::pass::ScenePass;
+use crate::pass_kind::{ColourTarget, PassKind};
 use crate::pipeline::{VertexInput, shader};
 use crate::{GpuError, GpuScene, Optional, PassTiming};
 
@@ -19,6 +20,7 @@ static NUMBERED: PassKind = PassKind {
     name: "drawing the item buffer",
     vertex: shader!("vs_item"),
     fragment: Some(shader!("fs_item")),
+    cut: shader!("fs_item_cut"),
     input: VertexInput::Id,
     colour: Some(TARGET),
     fetch: Fetch::Fixed,
@@ -29,6 +31,7 @@ static NUMBERED: PassKind = PassKind {
 static PULLED: PassKind = PassKind {
     vertex: shader!("vs_item_pulled"),
     fragment: Some(shader!("fs_item_pulled")),
+    cut: shader!("fs_item_pulled_cut"),
     input: VertexInput::PulledId,
     fetch: Fetch::Pulled,
     ..NUMBERED
@@ -158,6 +161,7 @@ mod tests {
     use glam::DVec3;
     use trimaran_audit::cases::{plant, plant_views};
     use trimaran_cull::{LodRule, draw_order, lod_cut};
+    use trimaran_proto::{Section, SectionPlane, Sections};
     use trimaran_scene::FlatObject;
 
     use super::*;
@@ -223,6 +227,16 @@ mod tests {
             (*view, cut)
         };
         let views: Vec<_> = views.iter().step_by(6).map(cut).collect();
-        assert_same(&GpuScene::upload(&gpu, &scene).unwrap(), &views);
+        let scene = GpuScene::upload(&gpu, &scene).unwrap();
+        let whole = assert_same(&scene, &views);
+
+        let direction = [0.6, 0.64, 0.48];
+        let section =
+            |view: &View| Section::Plane(SectionPlane::new(view.eye().to_array(), direction).unwrap());
+        let cut = |(view, ids): &(View, Vec<_>)| {
+            (view.with_sections(Sections::new(&[section(view)]).unwrap()), ids.clone())
+        };
+        let shown = assert_same(&scene, &views.iter().map(cut).collect::<Vec<_>>());
+        assert!(shown > 0 && shown < whole, "{shown} of {whole} triangles show");
     }
 }

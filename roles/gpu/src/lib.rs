@@ -34,7 +34,7 @@
 //! |---|---|
 //! | `adapter`, `needs`, `gpu`, `wait` | a device: which, what it must have, opened, waited for |
 //! | `memory`, `in_place`, `scene` | buffers, and a scene on the device |
-//! | `camera`, `draw_record`, `draws`, `stream`, `recorder`, `pipeline`, `pass` | what the passes share |
+//! | `camera`, `sections`, `draw_record`, `draws`, `stream`, `recorder`, `pipeline`, `pass_kind`, `pass` | what the passes share |
 //! | `occluder`, `picture`, `item` | the three passes |
 //! | `boxes`, `query`, `raster` | tests of boxes that draw them over the occluders' depth |
 //! | `pyramid`, `hzb` | the depth's pyramid, and the test of boxes against it |
@@ -75,6 +75,7 @@ mod memory;
 mod needs;
 mod occluder;
 mod pass;
+mod pass_kind;
 mod picture;
 mod pipeline;
 mod pyramid;
@@ -82,6 +83,7 @@ mod query;
 mod raster;
 mod recorder;
 mod scene;
+mod sections;
 mod stream;
 mod timing;
 mod validation;
@@ -95,6 +97,7 @@ pub use item::{ItemImage, ItemPass};
 pub use needs::Optional;
 pub use occluder::OccluderPass;
 pub use picture::{BACKGROUND, PicturePass};
+pub use pipeline::SEE_THROUGH_ALPHA;
 pub use query::QueryTest;
 pub use raster::RasterTest;
 pub use scene::GpuScene;

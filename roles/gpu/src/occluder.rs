@@ -8,7 +8,8 @@ use trimaran_proto::DrawableId;
 use crate::draw_record::Fetch;
 use crate::hzb::HzbBoxes;
 use crate::memory::HostBuffer;
-use crate::pass::{PassKind, ScenePass};
+use crate::pass::ScenePass;
+use crate::pass_kind::PassKind;
 use crate::pipeline::{VertexInput, shader};
 use crate::query::QueryBoxes;
 use crate::raster::RasterBoxes;
@@ -19,6 +20,7 @@ static KIND: PassKind = PassKind {
     name: "drawing the occluders",
     vertex: shader!("vs_depth"),
     fragment: None,
+    cut: shader!("fs_depth_cut"),
     input: VertexInput::Position,
     colour: None,
     fetch: Fetch::Fixed,

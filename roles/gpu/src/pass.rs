@@ -12,30 +12,14 @@ use crate::camera::CameraConstants;
 use crate::draw_record::Fetch;
 use crate::draws::Draws;
 use crate::memory::{Buffer, HostBuffer, Image};
-use crate::pipeline::{BindingSet, DepthUse, Layout, Pipeline, PipelineDesc, Shader, VertexInput};
+use crate::pass_kind::{PassKind, Pipelines, Style};
+use crate::pipeline::{BindingSet, Layout};
 use crate::recorder::Targets;
+use crate::sections::SectionPlanes;
 use crate::stream::Stream;
 use crate::timing::{PassTiming, Stopwatch};
 use crate::wait::Cancel;
 use crate::{Gpu, GpuError, GpuScene};
-
-/// What sets one scene pass apart from another.
-pub(crate) struct PassKind {
-    /// For error messages.
-    pub(crate) name: &'static str,
-    pub(crate) vertex: Shader,
-    pub(crate) fragment: Option<Shader>,
-    pub(crate) input: VertexInput,
-    pub(crate) colour: Option<ColourTarget>,
-    pub(crate) fetch: Fetch,
-}
-
-/// A pass's colour attachment.
-#[derive(Clone, Copy)]
-pub(crate) struct ColourTarget {
-    pub(crate) format: vk::Format,
-    pub(crate) background: vk::ClearColorValue,
-}
 
 /// Pieces of a scene drawn over one depth attachment and perhaps a colour attachment.
 pub(crate) struct ScenePass {
@@ -43,9 +27,13 @@ pub(crate) struct ScenePass {
     stream: Stream,
     scene: Arc<GpuScene>,
     kind: &'static PassKind,
-    pipeline: Pipeline,
-    /// The scene, where the shader fetches from it.
-    pulled: Option<BindingSet>,
+    pipelines: Pipelines,
+    /// What is drawn from here on; what was added before is submitted.
+    style: Style,
+    /// One element: those of the frame that was begun last.
+    sections: HostBuffer<SectionPlanes>,
+    /// The sections, and the scene where the shader fetches from it.
+    set: BindingSet,
     draws: Draws,
     attachments: Attachments,
     view: Option<View>,
@@ -81,28 +69,30 @@ impl ScenePass {
         size: Viewport,
     ) -> Result<Self, GpuError> {
         let gpu = scene.gpu();
+        let sections = HostBuffer::new(
+            gpu,
+            "sections",
+            vk::BufferUsageFlags::STORAGE_BUFFER,
+            MemoryLocation::CpuToGpu,
+            1,
+        )?;
         let buffers: &[&Buffer] = match kind.fetch {
-            Fetch::Fixed => &[],
-            Fetch::Pulled => &[scene.vertices(), scene.indices()],
+            Fetch::Fixed => &[sections.buffer()],
+            Fetch::Pulled => &[sections.buffer(), scene.vertices(), scene.indices()],
         };
         let layout = Layout::new::<CameraConstants>(gpu, buffers.len() as u32)?;
-        let pulled = if buffers.is_empty() { None } else { Some(BindingSet::new(&layout, buffers)?) };
-        let pipeline = Pipeline::new(
-            &layout,
-            &PipelineDesc {
-                vertex: kind.vertex,
-                fragment: kind.fragment,
-                input: kind.input,
-                colour: kind.colour.map(|target| target.format),
-                depth: DepthUse::Draw,
-            },
-        )?;
+        let set = BindingSet::new(&layout, buffers)?;
+        let mut pipelines = Pipelines::new(layout, kind);
+        // What nearly every frame needs, so that what can fail does before the first one.
+        pipelines.get(Style::default())?;
         Ok(Self {
             stream: Stream::new(gpu)?,
             scene: Arc::clone(scene),
             kind,
-            pipeline,
-            pulled,
+            pipelines,
+            style: Style::default(),
+            sections,
+            set,
             draws: Draws::new(Arc::clone(gpu), kind.fetch),
             attachments: Attachments::new(gpu, kind, size)?,
             view: None,
@@ -134,13 +124,33 @@ impl ScenePass {
             self.attachments = Attachments::new(self.scene.gpu(), self.kind, view.viewport())?;
         }
         self.draws.clear();
+        self.style = Style { cut: !view.sections().is_empty(), see_through: false };
+        if self.style.cut {
+            self.sections.elements_mut().fill(SectionPlanes::new(view));
+        }
         self.view = Some(*view);
         self.fresh = true;
         Ok(())
     }
 
-    /// Adds draws; they run at the next flush.
+    /// Adds draws of what is solid; they run at the next flush.
     pub(crate) fn draw(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
+        if self.style.see_through {
+            return Err(GpuError::SolidAfterSeeThrough);
+        }
+        self.add(ids)
+    }
+
+    /// Adds draws that are blended over what was added before, to the end of the frame.
+    pub(crate) fn draw_see_through(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
+        if !self.style.see_through {
+            self.flush()?;
+            self.style.see_through = true;
+        }
+        self.add(ids)
+    }
+
+    fn add(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
         let view = self.view.as_ref().ok_or(GpuError::NotBegun(self.kind.name))?;
         self.recording.measure(|| self.draws.add(&self.scene, view, ids))
     }
@@ -150,16 +160,18 @@ impl ScenePass {
         let view = self.view.as_ref().ok_or(GpuError::NotBegun(self.kind.name))?;
         let constants = CameraConstants::new(view);
         while self.fresh || self.draws.has_news() {
-            let Self { stream, scene, kind, pipeline, pulled, draws, attachments, recording, fresh, .. } =
-                self;
+            let Self {
+                stream, scene, kind, pipelines, style, set, draws, attachments, recording, fresh, ..
+            } = self;
+            let pipeline = pipelines.get(*style)?;
             let clear = std::mem::replace(fresh, false);
             recording.measure(|| {
                 stream.submit(kind.name, |commands| {
                     commands.render(attachments.targets(kind, clear), || {
                         commands.bind(pipeline, &constants);
-                        match pulled {
-                            Some(set) => commands.bind_set(pipeline, set),
-                            None => commands.bind_mesh(scene.vertices(), scene.indices()),
+                        commands.bind_set(pipeline, set);
+                        if kind.fetch == Fetch::Fixed {
+                            commands.bind_mesh(scene.vertices(), scene.indices());
                         }
                         draws.record(commands);
                     });

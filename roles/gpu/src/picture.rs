@@ -8,7 +8,8 @@ use trimaran_proto::DrawableId;
 
 use crate::draw_record::Fetch;
 use crate::memory::HostBuffer;
-use crate::pass::{ColourTarget, PassKind, ScenePass};
+use crate::pass::ScenePass;
+use crate::pass_kind::{ColourTarget, PassKind};
 use crate::pipeline::{VertexInput, shader};
 use crate::wait::Cancel;
 use crate::{GpuError, GpuScene, PassTiming};
@@ -20,6 +21,7 @@ static KIND: PassKind = PassKind {
     name: "drawing the picture",
     vertex: shader!("vs_picture"),
     fragment: Some(shader!("fs_picture")),
+    cut: shader!("fs_picture_cut"),
     input: VertexInput::Facet,
     colour: Some(ColourTarget {
         // Not an SRGB format: the shader's output is encoded already.
@@ -77,10 +79,22 @@ impl PicturePass {
     /// Adds draws, in this order: of equal depths the first one shows.
     ///
     /// # Errors
-    /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), or
-    /// without memory.
+    /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), after
+    /// [`draw_see_through`](Self::draw_see_through) in the same frame, or without memory.
     pub fn draw(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
         self.current().pass.draw(ids)
+    }
+
+    /// Adds draws through which the rest shines, in the order in which they are blended: back to front. All
+    /// that is solid in this frame was added before. Both faces of each triangle before the solid picture
+    /// are blended over it, with a share of [`SEE_THROUGH_ALPHA`](crate::SEE_THROUGH_ALPHA) in the encoded
+    /// colours. Depth and alpha stay as the solid picture left them.
+    ///
+    /// # Errors
+    /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), if
+    /// the device fails, or without memory.
+    pub fn draw_see_through(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
+        self.current().pass.draw_see_through(ids)
     }
 
     /// Hands what was added to the device, which draws it while the host goes on. At the end of a frame this

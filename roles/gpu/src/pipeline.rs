@@ -176,10 +176,14 @@ pub(crate) enum DepthUse {
     Draw,
     /// Passes what is nearer than the surface or level with it, and changes nothing.
     Test,
+    /// Passes what is nearer than the surface, blends it over the picture, and changes no depth.
+    SeeThrough,
 }
 
-/// What sets the pipelines apart; all else they share: triangles, both sides, reversed-z depth test, no
-/// blending.
+/// The share of a see-through surface in what shows at a pixel; the rest is what is behind it.
+pub const SEE_THROUGH_ALPHA: f32 = 0.3;
+
+/// What sets the pipelines apart; all else they share: triangles, both sides, reversed-z depth test.
 pub(crate) struct PipelineDesc {
     pub(crate) vertex: Shader,
     pub(crate) fragment: Option<Shader>,
@@ -220,6 +224,7 @@ impl Pipeline {
         let (depth_write, compare) = match desc.depth {
             DepthUse::Draw => (true, vk::CompareOp::GREATER),
             DepthUse::Test => (false, vk::CompareOp::GREATER_OR_EQUAL),
+            DepthUse::SeeThrough => (false, vk::CompareOp::GREATER),
         };
         let depth = vk::PipelineDepthStencilStateCreateInfo::default()
             .depth_test_enable(true)
@@ -230,10 +235,20 @@ impl Pipeline {
             .iter()
             .map(|_| {
                 vk::PipelineColorBlendAttachmentState::default()
+                    .blend_enable(desc.depth == DepthUse::SeeThrough)
+                    .src_color_blend_factor(vk::BlendFactor::CONSTANT_ALPHA)
+                    .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_CONSTANT_ALPHA)
+                    // The shader's own, 1: the picture stays opaque.
+                    .src_alpha_blend_factor(vk::BlendFactor::ONE)
                     .color_write_mask(vk::ColorComponentFlags::RGBA)
             })
             .collect();
-        let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&writes);
+        let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&writes).blend_constants([
+            0.0,
+            0.0,
+            0.0,
+            SEE_THROUGH_ALPHA,
+        ]);
         let dynamic_states = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic_states);
         let mut rendering = vk::PipelineRenderingCreateInfo::default()

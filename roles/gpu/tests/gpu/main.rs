@@ -8,4 +8,6 @@ mod device;
 mod hzb;
 mod occlusion_tests;
 mod passes;
+mod sections;
+mod see_through;
 mod walks;

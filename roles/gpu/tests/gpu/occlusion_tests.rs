@@ -122,6 +122,27 @@ fn occluders_can_be_added_after_boxes_were_tested() {
     assert!(part.0 != together.0 && part.1 != together.1);
 }
 
+/// A pass whose views change their size answers as one that was made for each of them.
+#[test]
+fn pictures_that_change_their_size_get_the_answers_of_new_ones() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let scene = Arc::new(scene(&walls()));
+    let mut random = Random::new(4);
+    let boxes: Vec<TestBox> = (0..300).map(|_| random_box(&mut random, 0.3)).collect();
+    let uploaded = GpuScene::upload(&gpu, &scene).unwrap();
+    let mut pass = OccluderPass::new(&uploaded, view(8, 8, DVec3::ZERO).viewport()).unwrap();
+    for (width, height) in [(256, 256), (31, 200), (333, 177), (1, 1), (256, 256)] {
+        let view = view(width, height, DVec3::ZERO);
+        pass.begin(&view).unwrap();
+        pass.draw(&ids(3)).unwrap();
+        let (mut query, mut raster) = (Vec::new(), Vec::new());
+        pass.query_test().unwrap().test(&view, &boxes, &mut query).unwrap();
+        pass.raster_test().unwrap().test(&view, &boxes, &mut raster).unwrap();
+        let expected = ask(&gpu, &scene, &view, &boxes);
+        assert!(query == expected.query && raster == expected.raster, "{width} x {height}");
+    }
+}
+
 #[test]
 fn a_box_in_the_open_counts_its_silhouette_once() {
     let Some(gpu) = CheckedGpu::open() else { return };

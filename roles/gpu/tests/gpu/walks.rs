@@ -7,12 +7,15 @@ use glam::DVec3;
 use trimaran_audit::cases::{Case, hard_cases, plant, plant_views};
 use trimaran_audit::{Placement, rasterize};
 use trimaran_cull::{
-    Culler, DepthPyramid, HzbTest, LodRule, NoOccluders, View, Viewport, draw_order, lod_cut, occluders,
+    Culler, CutRule, DepthPyramid, HzbTest, LodRule, NoOccluders, View, Viewport, draw_order, lod_cut,
+    occluders,
 };
 use trimaran_gpu::{GpuScene, ItemImage, ItemPass, OccluderPass};
-use trimaran_proto::DrawableId;
+use trimaran_proto::{DrawableId, ObjectSet, Settings, ViewState};
+use trimaran_scene::random::Random;
 
 use crate::common::{CheckedGpu, lacks_float64};
+use crate::sections::random_sections;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum TestKind {
@@ -26,7 +29,7 @@ enum TestKind {
 /// The three roles on one device.
 struct Walk<'g> {
     culler: Culler,
-    rule: LodRule,
+    rule: CutRule,
     occlusion_test: TestKind,
     occluder_pass: OccluderPass,
     item_pass: ItemPass,
@@ -49,7 +52,7 @@ impl<'g> Walk<'g> {
         let size = case.views[0].viewport();
         Self {
             culler: Culler::new(Arc::clone(&case.scene)),
-            rule,
+            rule: rule.into(),
             occlusion_test,
             occluder_pass: OccluderPass::new(&scene, size).unwrap(),
             item_pass: ItemPass::new(&scene, size).unwrap(),
@@ -63,7 +66,7 @@ impl<'g> Walk<'g> {
         let scene = Arc::clone(self.culler.scene());
         let mut emitted = self.cull(view);
         draw_order(&scene, view, &mut emitted);
-        let mut cut = lod_cut(&scene, view, self.rule);
+        let mut cut = lod_cut(&scene, view, &self.rule);
         draw_order(&scene, view, &mut cut);
         self.last = Some(emitted.clone());
         Frame { culled: self.items(view, &emitted), truth: self.items(view, &cut), emitted, cut }
@@ -74,26 +77,26 @@ impl<'g> Walk<'g> {
         let mut emitted = Vec::new();
         let sink = |ids: &[DrawableId]| emitted.extend_from_slice(ids);
         let Some(last) = last else {
-            culler.cull(view, *rule, &mut NoOccluders, sink).unwrap();
+            culler.cull(view, &*rule, &mut NoOccluders, sink).unwrap();
             return emitted;
         };
-        let due = occluders(culler.scene(), view, *rule, last).unwrap();
+        let due = occluders(culler.scene(), view, &*rule, last).unwrap();
         occluder_pass.begin(view).unwrap();
         occluder_pass.draw(&due).unwrap();
         match occlusion_test {
             TestKind::Query => {
-                culler.cull(view, *rule, &mut occluder_pass.query_test().unwrap(), sink).unwrap();
+                culler.cull(view, &*rule, &mut occluder_pass.query_test().unwrap(), sink).unwrap();
             }
             TestKind::Raster => {
-                culler.cull(view, *rule, &mut occluder_pass.raster_test().unwrap(), sink).unwrap();
+                culler.cull(view, &*rule, &mut occluder_pass.raster_test().unwrap(), sink).unwrap();
             }
             TestKind::Pyramid => {
                 let image = occluder_pass.read_depth().unwrap();
                 pyramid.rebuild(image);
-                culler.cull(view, *rule, &mut HzbTest::new(image, pyramid).unwrap(), sink).unwrap();
+                culler.cull(view, &*rule, &mut HzbTest::new(image, pyramid).unwrap(), sink).unwrap();
             }
             TestKind::DevicePyramid => {
-                culler.cull(view, *rule, &mut occluder_pass.hzb_test().unwrap(), sink).unwrap();
+                culler.cull(view, &*rule, &mut occluder_pass.hzb_test().unwrap(), sink).unwrap();
             }
         }
         emitted
@@ -173,6 +176,31 @@ fn culling_by_the_depth_pyramid_gives_the_same_ids_on_host_and_device() {
                 assert_eq!(on_host, on_device, "{}, epsilon {epsilon}, {}", case.name, view.camera().frame());
             }
         }
+    }
+}
+
+/// Other objects hidden, other sections and another error bound with every frame.
+#[test]
+fn culling_is_exact_whatever_is_hidden_or_cut_away_with_every_occlusion_test() {
+    let Some(gpu) = CheckedGpu::open() else { return };
+    let case = plant_case(DVec3::new(1e6, 2e6, 0.0));
+    let mut random = Random::new(5);
+    for occlusion_test in [TestKind::Query, TestKind::Raster, TestKind::Pyramid] {
+        let first = LodRule::new(1.0).unwrap();
+        let mut walk = Walk::new(&gpu, &case, first, occlusion_test);
+        let (mut drawn, mut whole) = (0, 0);
+        for view in &case.views {
+            let (share, epsilon) = (random.between(0.0, 0.5), random.between(0.5, 8.0));
+            let hidden: ObjectSet = (0..800).filter(|_| random.chance(share)).collect();
+            let settings = Settings::new(view.viewport(), LodRule::new(epsilon).unwrap());
+            let state = ViewState { hidden, ..ViewState::from(settings) };
+            walk.rule = CutRule::new(&case.scene, &state);
+            let view = view.with_sections(random_sections(&mut random, &case.scene));
+            let Frame { culled, truth, emitted, cut } = walk.frame(&view);
+            assert!(culled == truth, "{occlusion_test:?}, {}", view.camera().frame());
+            (drawn, whole) = (drawn + emitted.len(), whole + cut.len());
+        }
+        assert!(drawn * 10 < whole * 9, "{occlusion_test:?} drew {drawn} of {whole}");
     }
 }
 

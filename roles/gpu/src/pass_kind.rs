@@ -1,0 +1,73 @@
+//! What sets one scene pass apart from another, and the pipelines it draws with.
+
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+use std::sync::Arc;
+
+use ash::vk;
+
+use crate::GpuError;
+use crate::draw_record::Fetch;
+use crate::pipeline::{DepthUse, Layout, Pipeline, PipelineDesc, Shader, VertexInput};
+
+/// What sets one scene pass apart from another.
+pub(crate) struct PassKind {
+    /// For error messages.
+    pub(crate) name: &'static str,
+    pub(crate) vertex: Shader,
+    pub(crate) fragment: Option<Shader>,
+    /// The fragment shader where sections cut something away.
+    pub(crate) cut: Shader,
+    pub(crate) input: VertexInput,
+    pub(crate) colour: Option<ColourTarget>,
+    pub(crate) fetch: Fetch,
+}
+
+/// A pass's colour attachment.
+#[derive(Clone, Copy)]
+pub(crate) struct ColourTarget {
+    pub(crate) format: vk::Format,
+    pub(crate) background: vk::ClearColorValue,
+}
+
+/// The pipelines of one pass, each made when it is first asked for.
+pub(crate) struct Pipelines {
+    layout: Arc<Layout>,
+    kind: &'static PassKind,
+    made: HashMap<Style, Pipeline>,
+}
+
+/// How a pass draws.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub(crate) struct Style {
+    /// Sections cut something away.
+    pub(crate) cut: bool,
+    /// What is behind shines through.
+    pub(crate) see_through: bool,
+}
+
+impl Pipelines {
+    pub(crate) fn new(layout: Arc<Layout>, kind: &'static PassKind) -> Self {
+        Self { layout, kind, made: HashMap::new() }
+    }
+
+    pub(crate) fn get(&mut self, style: Style) -> Result<&Pipeline, GpuError> {
+        let Self { layout, kind, made } = self;
+        Ok(match made.entry(style) {
+            Entry::Occupied(made) => made.into_mut(),
+            Entry::Vacant(room) => room.insert(Pipeline::new(layout, &kind.desc(style))?),
+        })
+    }
+}
+
+impl PassKind {
+    fn desc(&self, style: Style) -> PipelineDesc {
+        PipelineDesc {
+            vertex: self.vertex,
+            fragment: if style.cut { Some(self.cut) } else { self.fragment },
+            input: self.input,
+            colour: self.colour.map(|target| target.format),
+            depth: if style.see_through { DepthUse::SeeThrough } else { DepthUse::Draw },
+        }
+    }
+}
