@@ -183,7 +183,7 @@ fn walk(
     let path = CameraPath::find(
         &PathChoice::Auto { seed: 1 },
         &devices.scene,
-        plan.viewport,
+        plan.settings().into(),
         Some((seconds * HZ) as u32),
     )?;
     let mut cullers =
@@ -215,6 +215,7 @@ fn walk(
         alone: SceneCulling::new(&devices.scene, culler, &settings, &turns),
         cullers: Peers::seek(&net, sought),
         session: key,
+        settings,
         schedule: plan.schedule,
         pace: plan.frames(path.frames()),
         first: FrameNumber(0),
@@ -283,7 +284,7 @@ fn audit(devices: &SceneOnDevices, plan: &Plan, walked: &Walked) -> Result<(u64,
     let after = |at: &Duration| frames.partition_point(|frame| frame.shown <= *at);
     let first = faults.iter().map(after).flat_map(|first| first..first + AUDITED);
     let looked_at: BTreeSet<_> = first.chain((0..frames.len()).step_by(100)).collect();
-    let mut auditor = Auditor::new(&devices.scene, &devices.display, plan.viewport, plan.lod)?;
+    let mut auditor = Auditor::new(&devices.scene, &devices.display, plan.settings())?;
     let mut machine = VulkanCuller::new(&devices.display, plan.viewport, plan.occlusion_test)?;
     let (mut wrong, mut audited) = (0, 0);
     for index in looked_at {

@@ -121,7 +121,8 @@ impl Roles {
     fn frame(&mut self, view: &View, exact: &Exact, table: &mut Table) -> Outcome<()> {
         let before = cpu_ms();
         let policy = OccluderPolicy::default();
-        let culled = policy.cull(&mut self.culler, &mut self.device, view, self.rule, &self.visible)?;
+        let culled =
+            policy.cull(&mut self.culler, &mut self.device, view, &self.rule.into(), &self.visible)?;
         let found = cpu_ms();
         self.visible = culled.visible;
         self.order.sort(&self.scene, view, &mut self.visible);

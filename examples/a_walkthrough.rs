@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         visible: false,
         alone: false,
     };
-    let path = CameraPath::find(&PathChoice::Auto { seed: 1 }, &scene, plan.viewport, Some(30))?;
+    let path = CameraPath::find(&PathChoice::Auto { seed: 1 }, &scene, plan.settings().into(), Some(30))?;
     let devices = SceneOnDevices::open(&scene, 2, &GpuOptions::default())?;
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
     let (_stopper, stop) = Stop::new(); // whoever keeps the stopper can end the walk early

@@ -65,6 +65,10 @@ impl CullerDevice for VulkanCuller {
         self.pass.cancel_when(move || stop.requested());
     }
 
+    fn change_occlusion_test(&mut self, kind: OcclusionTestKind) {
+        self.occlusion_test = kind;
+    }
+
     fn begin_occluders(&mut self, view: &View) -> Result<(), VulkanCullerError> {
         Ok(self.pass.begin(view)?)
     }
@@ -145,9 +149,15 @@ impl PictureDevice for VulkanDisplay {
         self.pass.cancel_when(move || stop.requested());
     }
 
-    fn draw(&mut self, view: &View, ids: &[DrawableId]) -> Result<(), GpuError> {
+    fn draw(
+        &mut self,
+        view: &View,
+        solid: &[DrawableId],
+        see_through: &[DrawableId],
+    ) -> Result<(), GpuError> {
         self.pass.begin(view)?;
-        self.pass.draw(ids)?;
+        self.pass.draw(solid)?;
+        self.pass.draw_see_through(see_through)?;
         self.pass.finish()?;
         Ok(())
     }

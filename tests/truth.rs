@@ -167,7 +167,7 @@ fn agrees_with_the_truth(name: &str) -> Result<(), Box<dyn Error>> {
     let drawn = GpuScene::upload(&gpu, &scene)?;
     // The rule decides levels, of which full detail has none to decide.
     let size = Viewport::new(truth.width, truth.height)?;
-    let mut auditor = Auditor::new(&scene, &drawn, size, LodRule::new(1.0)?)?;
+    let mut auditor = Auditor::new(&scene, &drawn, Settings::new(size, LodRule::new(1.0)?))?;
 
     println!(
         "{name}: {} objects are twins of another; missing/surplus objects (at edges)",

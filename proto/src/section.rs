@@ -31,7 +31,7 @@ pub enum Section {
 /// Up to six sections. What none of them cuts away is seen.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(try_from = "Vec<Section>", into = "Vec<Section>")]
-pub struct Sections([Option<Section>; Sections::MOST]);
+pub struct Sections([Option<Section>; Self::MOST]);
 
 /// Why something is no section.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]

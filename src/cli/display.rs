@@ -148,6 +148,7 @@ impl DisplaySession<'_> {
             alone: SceneCulling::new(&file.scene, culler, &settings, &self.turns),
             cullers,
             session: self.key,
+            settings,
             schedule: plan.schedule,
             pace: plan.frames(path.frames()),
             first: FrameNumber(0),

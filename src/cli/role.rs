@@ -118,8 +118,9 @@ fn display(
     let Some(folder) = start.until(async || open_folder(&config.out))? else { return Ok(()) };
     let Some(file) = start.until(async || scene(&config.scene))? else { return Ok(()) };
     options.link.max_frame = max_frame(&file.scene);
-    let path = CameraPath::find(&choice, &file.scene, plan.viewport, config.session.frames)
-        .map_err(Failure::bad_input)?;
+    let views = walking::view_states(config.session.state.as_deref(), &plan, &file.scene)?;
+    let path =
+        CameraPath::find(&choice, &file.scene, views, config.session.frames).map_err(Failure::bad_input)?;
     let Some(drawn) = start.until(async || upload(&file, &gpu))? else { return Ok(()) };
     let Some(metrics) = start.until(async || Metrics::show(config.metrics, runtime))? else { return Ok(()) };
     let walk = Walk { file: &file, drawn: &drawn, plan: &plan, path: &path };

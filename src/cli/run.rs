@@ -32,6 +32,11 @@ pub(super) fn run(args: &RunArgs) -> Result<(), Failure> {
             "--metrics shows what links between processes carry: add --link unix, tcp, quic or udp",
         ));
     }
+    if args.state.is_some() && args.record.is_some() {
+        return Err(Failure::bad_input(
+            "--record keeps walks of one view state: leave --state or --record out",
+        ));
+    }
     walk(args, &open(&args.scene)?, None)?.conclude(&args.out, args.json)
 }
 
@@ -49,7 +54,7 @@ pub(super) fn walk(
 ) -> Result<Outcome, Failure> {
     let RunArgs { walk, link, .. } = args;
     let plan = walking::plan(walk, args.epsilon, args.visible, walking::pace(args.live))?;
-    let path = walking::path(walk, &plan, &file.scene)?;
+    let path = walking::path(walk, &plan, &file.scene, args.state.as_deref())?;
     check_trace(args.record.as_deref())?;
     let folder = open_folder(&args.out)?;
     let opened = match (link, devices) {

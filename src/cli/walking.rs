@@ -15,7 +15,7 @@ use tokio::{
 };
 use trimaran::{
     metrics::{LinkMetrics, Serving},
-    walkthrough::{CameraPath, Pace, PathChoice, Plan, SceneFile},
+    walkthrough::{CameraPath, Pace, PathChoice, Plan, SceneFile, ViewStates},
 };
 use trimaran_actors::{Stop, Stopper, again};
 use trimaran_gpu::{DeviceChoice, Gpu, GpuOptions, GpuScene};
@@ -60,10 +60,24 @@ pub(super) fn pace(live_hz: Option<f64>) -> Pace {
     live_hz.map_or(Pace::Lockstep, |hz| Pace::Live { hz })
 }
 
-/// The path that the flags ask for, through `scene`.
-pub(super) fn path(walk: &WalkArgs, plan: &Plan, scene: &Scene) -> Result<CameraPath, Failure> {
+/// The path that the flags ask for, through `scene`, seen in the view states of a file.
+pub(super) fn path(
+    walk: &WalkArgs,
+    plan: &Plan,
+    scene: &Scene,
+    states: Option<&Path>,
+) -> Result<CameraPath, Failure> {
     let choice = PathChoice::parse(&walk.path, walk.seed);
-    CameraPath::find(&choice, scene, plan.viewport, walk.frames).map_err(Failure::bad_input)
+    let views = view_states(states, plan, scene)?;
+    CameraPath::find(&choice, scene, views, walk.frames).map_err(Failure::bad_input)
+}
+
+/// The view states of a walk: those of a file, if there is one.
+pub(super) fn view_states(file: Option<&Path>, plan: &Plan, scene: &Scene) -> Result<ViewStates, Failure> {
+    match file {
+        Some(file) => ViewStates::read(file, scene, plan.settings().into()).map_err(Failure::bad_input),
+        None => Ok(plan.settings().into()),
+    }
 }
 
 /// Opens a cooked scene.

@@ -280,6 +280,10 @@ pub struct SessionConfig {
     /// The seed of an automatic path.
     #[config(env = "TRIMARAN_SESSION_SEED", default = 1, layer_attr(arg(long)))]
     pub seed: u64,
+    /// A file of view states: what of the scene is seen, as it changes at frames.
+    #[config(env = "TRIMARAN_SESSION_STATE", layer_attr(arg(long, value_name = "FILE")))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub state: Option<PathBuf>,
     /// Every how many frames the report checks one against the truth; 0 checks none.
     #[config(env = "TRIMARAN_SESSION_AUDIT_EVERY", default = 10, layer_attr(arg(long, value_name = "N")))]
     pub audit_every: u32,
@@ -311,7 +315,8 @@ impl RoleConfig for CullerConfig {
 
 impl RoleConfig for DisplayConfig {
     fn paths(layer: &mut Self::Layer) -> impl Iterator<Item = &mut PathBuf> {
-        let own = [&mut layer.scene, &mut layer.out, &mut layer.record, &mut layer.keys];
+        let session = &mut layer.session;
+        let own = [&mut layer.scene, &mut layer.out, &mut layer.record, &mut layer.keys, &mut session.state];
         own.into_iter().flatten().chain(layer.peers.cullers.iter_mut().flatten())
     }
 

@@ -7,7 +7,7 @@ use trimaran_audit::metrics::{Deviation, ImageRef, image_difference};
 
 use super::schema::{
     CullingCounts, Ended, FalseCull, FalseCullCause, Frame, HowEnded, Machine, Mode, Projection, Report,
-    Role, RoleInfo, RoundCounts, Run, SceneInfo, SentBytes, Span, SweepPoint, VisibleObject,
+    Role, RoleInfo, RoundCounts, Run, SceneInfo, SentBytes, Span, SweepPoint, ViewStateInfo, VisibleObject,
 };
 
 pub(super) const SIZE: u32 = 96;
@@ -48,6 +48,18 @@ pub(super) fn run() -> Run {
         path: "auto".to_owned(),
         seed: Some(7),
         audit_every: Some(AUDIT_EVERY),
+        view_states: vec![ViewStateInfo {
+            version: 1,
+            from_frame: 30,
+            width: 640,
+            height: 480,
+            epsilon_px: 4.0,
+            occlusion_test: "hzb".to_owned(),
+            sections: 1,
+            hidden: 12,
+            isolated: Some(40),
+            see_through: 3,
+        }],
         notes: vec!["A made-up run.".to_owned()],
     }
 }
@@ -93,6 +105,7 @@ fn frame(frame: u32) -> Frame {
         eye: [10.0 + turn.cos() / 3.0, 1.7, -4.0 + turn.sin() / 3.0],
         forward: [turn.cos(), 0.0, turn.sin()],
         up: [0.0, 1.0, 0.0],
+        view_state: u32::from(frame >= 30),
         or_ms: Some(or),
         hc_ms: Some(hc),
         rvg_ms: Some(rvg),

@@ -93,7 +93,7 @@ impl Painter {
             return Err(PixelError::NoIds);
         }
         let mut cost = PixelCost { frames: outcome.frames, ..PixelCost::default() };
-        let mut gaps = Gaps::new(&self.scene, self.rule);
+        let mut gaps = Gaps::new(&self.scene);
         let mut drawn_before: Option<(u32, Vec<DrawableId>)> = None;
         for (&frame, came) in &outcome.remains {
             let view = View::new(workload.camera(FrameNumber(frame)), self.viewport);
@@ -103,7 +103,7 @@ impl Painter {
                 (_, None) => gaps.drawn(&[]),
             }
             let mut ids = came.clone();
-            gaps.fill(view, &mut ids)?;
+            gaps.fill(view, &self.rule.into(), &mut ids)?;
             ids.sort_unstable();
             let whole = workload.ids(frame);
             if ids == *whole {

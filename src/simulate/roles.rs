@@ -149,6 +149,7 @@ impl Roles {
             alone: RecordedCulling::new(recording, clock, self.settings.batch),
             cullers,
             session: SESSION,
+            settings: self.settings,
             schedule: self.schedule,
             pace: Pace::Lockstep { frames: Some(self.frames) },
             first: FrameNumber(0),

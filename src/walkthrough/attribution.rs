@@ -6,11 +6,11 @@ use std::{collections::BTreeMap, sync::Arc};
 use thiserror::Error;
 use trimaran_actors::{CullerDevice, OccluderPolicy, RoleError};
 use trimaran_audit::{CulledFrame, FalseCullCause, Missing, causes};
-use trimaran_cull::{Culler, LodRule, View, Viewport};
+use trimaran_cull::{Culler, View};
 use trimaran_proto::DrawableId;
 use trimaran_scene::Scene;
 
-use super::compose::FrameRecord;
+use super::{compose::FrameRecord, view_states::ViewStates};
 use crate::report::schema::FalseCull;
 
 /// Why no cause could be looked for.
@@ -33,14 +33,13 @@ pub enum AttributionError {
 /// If the machine fails, or the frames are not of this scene.
 pub(super) fn false_culls<D: CullerDevice>(
     scene: &Arc<Scene>,
-    rule: LodRule,
-    size: Viewport,
+    views: &ViewStates,
     machine: &mut D,
     walk: &[FrameRecord],
     missing: &[Missing],
 ) -> Result<Vec<FalseCull>, AttributionError> {
     let [earlier @ .., record] = walk else { return Ok(Vec::new()) };
-    let mut session = Session { culler: Culler::new(Arc::clone(scene)), rule, size };
+    let mut session = Session { culler: Culler::new(Arc::clone(scene)), views };
     // What its culler did for its last frame may be the cause.
     if let Some(place) = earlier.iter().rposition(|own| own.culler == record.culler)
         && let Some((own, own_earlier)) = earlier.get(..=place).and_then(<[_]>::split_last)
@@ -49,12 +48,16 @@ pub(super) fn false_culls<D: CullerDevice>(
     }
     let occluders = session.draw_occluders(machine, earlier, record)?;
     let depth = machine.read_depth().map_err(device)?.depth().to_vec();
-    let before: Vec<(View, &[DrawableId])> =
-        earlier.iter().rev().take(2).map(|before| (session.view(before), before.ids.as_slice())).collect();
+    let before: Vec<(View, &[DrawableId])> = earlier
+        .iter()
+        .rev()
+        .take(2)
+        .map(|before| (views.view(before.camera), before.ids.as_slice()))
+        .collect();
     let frame = CulledFrame {
         scene,
-        view: &session.view(record),
-        rule,
+        view: &views.view(record.camera),
+        rule: &views.rule(scene, &record.camera),
         occluders: &occluders,
         depth: &depth,
         sent: record.stats.as_ref().map(|stats| stats.culling.emitted.into()),
@@ -66,17 +69,12 @@ pub(super) fn false_culls<D: CullerDevice>(
 }
 
 /// What all frames of a session share.
-struct Session {
+struct Session<'v> {
     culler: Culler,
-    rule: LodRule,
-    size: Viewport,
+    views: &'v ViewStates,
 }
 
-impl Session {
-    fn view(&self, record: &FrameRecord) -> View {
-        View::new(record.camera, self.size)
-    }
-
+impl Session<'_> {
     /// Culls a frame again, whose occluders come from one of those before: returns what was drawn of them.
     fn draw_occluders<D: CullerDevice>(
         &mut self,
@@ -84,12 +82,14 @@ impl Session {
         earlier: &[FrameRecord],
         record: &FrameRecord,
     ) -> Result<Vec<DrawableId>, AttributionError> {
-        let view = self.view(record);
+        let view = self.views.view(record.camera);
+        let rule = self.views.rule(self.culler.scene(), &record.camera);
+        machine.change_occlusion_test(self.views.of(&record.camera).occlusion_test);
         let source = record.stats.and_then(|stats| stats.occluders_of);
         let before = earlier.iter().rfind(|before| Some(before.camera.frame()) == source);
         let last = before.map(|before| before.ids.as_slice()).unwrap_or_default();
         let policy = OccluderPolicy::default();
-        Ok(policy.cull(&mut self.culler, machine, &view, self.rule, last)?.occluders)
+        Ok(policy.cull(&mut self.culler, machine, &view, &rule, last)?.occluders)
     }
 }
 

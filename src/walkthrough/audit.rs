@@ -11,10 +11,10 @@ use trimaran_audit::{
         false_culls, mismatching_pixels,
     },
 };
-use trimaran_cull::{Image, LodCut, LodRule, View, Viewport, draw_order, lod_cut};
+use trimaran_cull::{Choice, CutRule, Image, LodCut, View, draw_order, lod_cut};
 use trimaran_gpu::{GpuError, GpuScene, ItemImage, ItemPass, PicturePass};
-use trimaran_proto::{Camera, DrawableId};
-use trimaran_scene::Scene;
+use trimaran_proto::{Camera, DrawableId, FrameNumber};
+use trimaran_scene::{NodeId, Scene};
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::{
@@ -22,6 +22,7 @@ use super::{
     compose::FrameRecord,
     deviation,
     objects::ObjectCounts,
+    view_states::ViewStates,
 };
 use crate::report::schema::{Frame, VisibleObject};
 
@@ -39,7 +40,7 @@ pub enum AuditError {
     #[error("{frame} was culled falsely; culling it again, to see why, failed")]
     Attribution {
         /// The frame.
-        frame: trimaran_proto::FrameNumber,
+        frame: FrameNumber,
         /// Why.
         #[source]
         cause: AttributionError,
@@ -50,7 +51,7 @@ pub enum AuditError {
     )]
     NotRepeatable {
         /// The frame.
-        frame: trimaran_proto::FrameNumber,
+        frame: FrameNumber,
     },
 }
 
@@ -69,8 +70,7 @@ pub struct AuditPictures {
 /// without culling and at full detail.
 pub struct Auditor {
     scene: Arc<Scene>,
-    viewport: Viewport,
-    rule: LodRule,
+    views: ViewStates,
     drawn: Arc<GpuScene>,
     pictures: PicturePass,
     /// Made when the first frame is checked.
@@ -79,22 +79,22 @@ pub struct Auditor {
 }
 
 impl Auditor {
-    /// An auditor for pictures of `viewport`'s size at `rule`'s levels.
+    /// An auditor for frames that were seen in these view states.
     ///
     /// # Errors
     /// If the device cannot draw that size.
     pub fn new(
         scene: &Arc<Scene>,
         drawn: &Arc<GpuScene>,
-        viewport: Viewport,
-        rule: LodRule,
+        views: impl Into<ViewStates>,
     ) -> Result<Self, GpuError> {
+        let views = views.into();
+        let size = views.of(&Camera::at_origin(FrameNumber(0))).viewport;
         Ok(Self {
             scene: Arc::clone(scene),
-            viewport,
-            rule,
+            views,
             drawn: Arc::clone(drawn),
-            pictures: PicturePass::new(drawn, viewport)?,
+            pictures: PicturePass::new(drawn, size)?,
             items: None,
             counts: ObjectCounts::new(scene),
         })
@@ -105,8 +105,8 @@ impl Auditor {
     /// # Errors
     /// If the device fails, or draws another picture than it did then.
     pub fn picture(&mut self, record: &FrameRecord, into: &mut Image) -> Result<(), AuditError> {
-        let view = View::new(record.camera, self.viewport);
-        self.draw_picture(&view, &record.ids, into)?;
+        let (view, rule) = self.seen_from(&record.camera);
+        self.draw_picture(&view, &rule, &record.ids, into)?;
         match record.picture {
             Some(hash) if hash != xxh3_64(&into.rgba) => {
                 Err(AuditError::NotRepeatable { frame: record.camera.frame() })
@@ -131,27 +131,26 @@ impl Auditor {
         pictures: &mut AuditPictures,
     ) -> Result<(), AuditError> {
         let Some(record) = walk.last() else { return Ok(()) };
-        let view = View::new(record.camera, self.viewport);
+        let (view, rule) = self.seen_from(&record.camera);
         self.picture(record, &mut pictures.shown)?;
-        let shown_items = self.draw_items(&view, &record.ids)?;
+        let shown_items = self.draw_items(&view, &rule, &record.ids)?;
 
-        let mut cut = lod_cut(&self.scene, &view, self.rule);
+        let mut cut = lod_cut(&self.scene, &view, &rule);
         draw_order(&self.scene, &view, &mut cut);
-        self.draw_picture(&view, &cut, &mut pictures.unculled)?;
-        let cut_items = self.draw_items(&view, &cut)?;
+        self.draw_picture(&view, &rule, &cut, &mut pictures.unculled)?;
+        let cut_items = self.draw_items(&view, &rule, &cut)?;
         let missing = enter_culling(frame, record, pictures, &shown_items, &cut_items)?;
         if !missing.is_empty() {
             let number = record.camera.frame();
-            frame.false_culls =
-                attribution::false_culls(&self.scene, self.rule, self.viewport, machine, walk, &missing)
-                    .map_err(|cause| AuditError::Attribution { frame: number, cause })?;
+            frame.false_culls = attribution::false_culls(&self.scene, &self.views, machine, walk, &missing)
+                .map_err(|cause| AuditError::Attribution { frame: number, cause })?;
         }
         let exact = exactly_visible(&items_of(&cut_items)?).into_iter().map(DrawableId);
         frame.objects_exact = Some(self.counts.of(&self.scene, exact));
 
-        let finest = self.full_detail(&view);
-        self.draw_picture(&view, &finest, &mut pictures.full)?;
-        let full_items = self.draw_items(&view, &finest)?;
+        let finest = self.full_detail(&view, &rule);
+        self.draw_picture(&view, &rule, &finest, &mut pictures.full)?;
+        let full_items = self.draw_items(&view, &rule, &finest)?;
         frame.triangles_exact_full = exactly_visible_triangles(&items_of(&full_items)?, &full_items.triangle);
         let objects = self.objects(&exactly_visible(&items_of(&full_items)?));
         frame.objects_exact_full = Some(objects.len() as u64);
@@ -168,37 +167,55 @@ impl Auditor {
     /// # Errors
     /// If the device fails.
     pub fn full_detail_items(&mut self, camera: Camera) -> Result<ItemImage, GpuError> {
-        let view = View::new(camera, self.viewport);
-        let finest = self.full_detail(&view);
-        self.draw_items(&view, &finest)
+        let (view, rule) = self.seen_from(&camera);
+        let finest = self.full_detail(&view, &rule);
+        self.draw_items(&view, &rule, &finest)
     }
 
-    fn draw_picture(&mut self, view: &View, ids: &[DrawableId], into: &mut Image) -> Result<(), GpuError> {
+    fn seen_from(&self, camera: &Camera) -> (View, CutRule) {
+        (self.views.view(*camera), self.views.rule(&self.scene, camera))
+    }
+
+    fn draw_picture(
+        &mut self,
+        view: &View,
+        rule: &CutRule,
+        ids: &[DrawableId],
+        into: &mut Image,
+    ) -> Result<(), GpuError> {
+        let mut see_through = Vec::new();
+        let solid = rule.divide(&self.scene, ids, &mut see_through);
         self.pictures.begin(view)?;
-        self.pictures.draw(ids)?;
+        self.pictures.draw(&solid)?;
+        self.pictures.draw_see_through(&see_through)?;
         self.pictures.finish()?;
         self.pictures.read(into)
     }
 
-    fn draw_items(&mut self, view: &View, ids: &[DrawableId]) -> Result<ItemImage, GpuError> {
+    /// What shows at each pixel of what is solid.
+    fn draw_items(&mut self, view: &View, rule: &CutRule, ids: &[DrawableId]) -> Result<ItemImage, GpuError> {
         let mut image = ItemImage::default();
+        let solid = rule.divide(&self.scene, ids, &mut Vec::new());
         let items = match self.items.take() {
             Some(items) => items,
-            None => ItemPass::new(&self.drawn, self.viewport)?,
+            None => ItemPass::new(&self.drawn, view.viewport())?,
         };
         let items = self.items.insert(items);
         items.begin(view)?;
-        items.draw(ids)?;
+        items.draw(&solid)?;
         items.finish()?;
         items.read(&mut image)?;
         Ok(image)
     }
 
-    /// The finest level of every leaf that is not outside the frustum, in drawing order.
-    fn full_detail(&self, view: &View) -> Vec<DrawableId> {
-        let cut = LodCut::new(&self.scene, view, self.rule);
-        let leaves = self.scene.nodes().iter().filter(|node| node.is_leaf() && !cut.outside(node));
-        let mut finest = leaves.filter_map(|leaf| leaf.levels().next()).collect::<Vec<_>>();
+    /// The finest level of every leaf that is shown and not outside the frustum, in drawing order.
+    fn full_detail(&self, view: &View, rule: &CutRule) -> Vec<DrawableId> {
+        let cut = LodCut::new(&self.scene, view, rule);
+        let leaves = (0..).map(NodeId).zip(self.scene.nodes()).filter(|(_, node)| node.is_leaf());
+        let shown = leaves
+            .filter(|(id, leaf)| !cut.outside(leaf) && cut.choose(*id, leaf) != Choice::Nothing)
+            .filter_map(|(_, leaf)| leaf.levels().next());
+        let mut finest: Vec<DrawableId> = shown.collect();
         draw_order(&self.scene, view, &mut finest);
         finest
     }

@@ -89,6 +89,7 @@ fn frame(
         eye: pose.map(|p| p.eye().to_array()).unwrap_or_default(),
         forward: pose.map(|p| p.forward().to_array()).unwrap_or_default(),
         up: pose.map(|p| p.up().to_array()).unwrap_or_default(),
+        view_state: record.camera.view().0,
         or_ms: stats.map(|s| s.or_busy_ns as f64 * 1e-6),
         hc_ms: stats.map(|s| s.hc_end_ns.saturating_sub(s.hc_start_ns) as f64 * 1e-6),
         rvg_ms: Some(milliseconds(record.shown.saturating_sub(record.drawing))),

@@ -19,6 +19,8 @@ mod path;
 mod plan;
 mod record;
 mod reporting;
+mod view_file;
+mod view_states;
 
 pub use attribution::AttributionError;
 pub use audit::{AuditError, AuditPictures, Auditor};
@@ -31,3 +33,5 @@ pub use path::{CameraPath, CameraPathError, PathChoice};
 pub use plan::{Pace, Plan};
 pub use record::Recorder;
 pub use reporting::{SceneFile, Walk, Written, begin, how_ended, write_report};
+pub use view_file::{ViewChangeError, ViewFileError};
+pub use view_states::{ViewChange, ViewStates};

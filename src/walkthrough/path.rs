@@ -2,19 +2,19 @@
 
 use std::{
     path::{Path, PathBuf},
+    sync::Arc,
     time::Duration,
 };
 
 use thiserror::Error;
 use trimaran_actors::{Cameras, Stopwatch};
-use trimaran_cull::Viewport;
-use trimaran_proto::{Camera, CameraError, FrameNumber};
+use trimaran_proto::{Camera, CameraError, FrameNumber, ViewState, ViewVersion};
 use trimaran_scene::{
     Scene,
     path::{AutoPathError, AutoPathOptions, PathError, PathKind, Pose, PosePath, auto},
 };
 
-use super::plan::Pace;
+use super::{plan::Pace, view_states::ViewStates};
 
 /// Which way to walk.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -40,6 +40,7 @@ impl PathChoice {
 #[derive(Debug, Clone)]
 pub struct CameraPath {
     cameras: Vec<Camera>,
+    views: ViewStates,
     poses: PosePath,
     near: f32,
     /// How an automatic walk moves; `None` for one from a file.
@@ -86,7 +87,7 @@ impl CameraPath {
     /// How many frames an automatic walk has unless told otherwise.
     pub const AUTO_FRAMES: u32 = 200;
 
-    /// Finds the path. With `frames` it has so many: a path from a file is cut or walked again from its
+    /// Finds the path, which is seen in the view states `views`. With `frames` it has so many: a path from a file is cut or walked again from its
     /// start.
     ///
     /// # Errors
@@ -94,7 +95,7 @@ impl CameraPath {
     pub fn find(
         choice: &PathChoice,
         scene: &Scene,
-        viewport: Viewport,
+        views: ViewStates,
         frames: Option<u32>,
     ) -> Result<Self, CameraPathError> {
         let (poses, kind) = match choice {
@@ -113,15 +114,22 @@ impl CameraPath {
         };
         let cameras: Vec<Camera> = poses.frames().iter().enumerate().map(camera).collect::<Result<_, _>>()?;
         let count = frames.map_or(cameras.len(), |frames| frames as usize);
-        let cameras =
-            cameras.iter().cycle().take(count).zip(0..).map(|(c, n)| c.for_frame(FrameNumber(n))).collect();
-        Ok(Self { cameras, poses, near, kind })
+        let seen =
+            |(camera, n): (&Camera, u32)| camera.for_frame(FrameNumber(n)).in_view(views.version_at(n));
+        let cameras = cameras.iter().cycle().take(count).zip(0..).map(seen).collect();
+        Ok(Self { cameras, views, poses, near, kind })
     }
 
     /// How many frames it has; at least one.
     #[must_use]
     pub fn frames(&self) -> u32 {
         u32::try_from(self.cameras.len()).unwrap_or(u32::MAX)
+    }
+
+    /// The view states that it is seen in.
+    #[must_use]
+    pub const fn views(&self) -> &ViewStates {
+        &self.views
     }
 
     /// The vertical field of view, degrees.
@@ -174,6 +182,10 @@ impl Cameras for CameraPath {
     fn camera(&mut self, frame: FrameNumber) -> Camera {
         self.camera_at(frame.0 as usize, frame)
     }
+
+    fn view_state(&mut self, version: ViewVersion) -> Option<Arc<ViewState>> {
+        self.views.get(version).cloned()
+    }
 }
 
 fn read(path: &Path) -> Result<PosePath, CameraPathError> {
@@ -221,6 +233,10 @@ impl<C: Fn() -> Duration> Cameras for LivePath<C> {
         self.path.camera_at(self.walked(), frame)
     }
 
+    fn view_state(&mut self, version: ViewVersion) -> Option<Arc<ViewState>> {
+        self.path.view_state(version)
+    }
+
     fn is_over(&self) -> bool {
         self.start.is_some() && self.walked() >= self.path.frames() as usize
     }
@@ -234,7 +250,7 @@ mod tests {
         CookOptions, cook,
         generate::{PlantOptions, plant},
     };
-    use trimaran_cull::Viewport;
+    use trimaran_proto::{LodRule, Settings, Viewport};
 
     use super::*;
 
@@ -245,7 +261,8 @@ mod tests {
         std::fs::write(file.path(), format!(r#"{{"vfov_deg":60,"near":0.1,"frames":[{frames}]}}"#)).unwrap();
         let choice = PathChoice::File(file.path().to_owned());
         let scene = cook(&plant(&PlantOptions::small(1)), &CookOptions::default(), &()).unwrap();
-        CameraPath::find(&choice, &scene, Viewport::new(8, 8).unwrap(), None).unwrap()
+        let settings = Settings::new(Viewport::new(8, 8).unwrap(), LodRule::new(1.0).unwrap());
+        CameraPath::find(&choice, &scene, settings.into(), None).unwrap()
     }
 
     #[test]

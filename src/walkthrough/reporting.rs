@@ -16,10 +16,11 @@ use super::{
     journal::Journal,
     path::CameraPath,
     plan::{Pace, Plan},
+    view_states::{ViewChange, ViewStates},
 };
 use crate::report::{
     Frame, Paths, PictureKind, Projection, Report, ReportError, Run, Writer,
-    schema::{Ended, HowEnded, Mode, SceneInfo},
+    schema::{Ended, HowEnded, Mode, SceneInfo, ViewStateInfo},
 };
 use crate::vulkan::VulkanCuller;
 
@@ -117,13 +118,12 @@ pub fn write_report(
 /// Draws the frames' pictures and audits those that are due.
 fn draw(
     writer: &mut Writer,
-    Walk { file, drawn, plan, .. }: Walk<'_>,
+    Walk { file, drawn, plan, path }: Walk<'_>,
     records: &[FrameRecord],
     frames: &mut [Frame],
     progress: &mut dyn FnMut(u32) -> ControlFlow<()>,
 ) -> Result<(), ReportingError> {
-    let rule = plan.lod;
-    let mut auditor = Auditor::new(&file.scene, drawn, plan.viewport, rule)?;
+    let mut auditor = Auditor::new(&file.scene, drawn, path.views().clone())?;
     let mut machine = VulkanCuller::new(drawn, plan.viewport, plan.occlusion_test)?;
     let mut pictures = AuditPictures::default();
     for (index, (frame, record)) in frames.iter_mut().zip(records).enumerate() {
@@ -198,6 +198,7 @@ impl Walk<'_> {
                 Pace::Live { .. } => Mode::Live,
             },
             alone: plan.alone,
+            view_states: view_states(self.path.views()),
             audit_every: (plan.audit_every > 0).then_some(plan.audit_every),
             ..Run::default()
         }
@@ -206,6 +207,22 @@ impl Walk<'_> {
     fn composer(&self) -> Composer {
         Composer::new(&self.file.scene, self.path, self.plan.alone)
     }
+}
+
+fn view_states(views: &ViewStates) -> Vec<ViewStateInfo> {
+    let info = |(version, ViewChange { pose, state }): (u32, &ViewChange)| ViewStateInfo {
+        version,
+        from_frame: *pose,
+        width: state.viewport.width(),
+        height: state.viewport.height(),
+        epsilon_px: state.lod.epsilon_px(),
+        occlusion_test: state.occlusion_test.name().to_owned(),
+        sections: state.sections.iter().count() as u64,
+        hidden: state.hidden.len() as u64,
+        isolated: state.isolated.as_ref().map(|set| set.len() as u64),
+        see_through: state.see_through.len() as u64,
+    };
+    (1..).zip(views.later()).map(info).collect()
 }
 
 fn scene_info(file: &SceneFile) -> SceneInfo {

@@ -46,7 +46,7 @@ pub(crate) fn camera_path(
     path: &PathChoice,
     frames: u32,
 ) -> CameraPath {
-    CameraPath::find(path, &devices.scene, plan.viewport, Some(frames)).unwrap()
+    CameraPath::find(path, &devices.scene, plan.settings().into(), Some(frames)).unwrap()
 }
 
 /// Walks with all roles in this process; every picture is read back.
@@ -89,7 +89,7 @@ pub(crate) fn audit<P: CullerDevice>(
     mut culler: P,
     mut each: impl FnMut(&FrameRecord, Frame),
 ) {
-    let mut auditor = Auditor::new(&devices.scene, &devices.display, plan.viewport, plan.lod).unwrap();
+    let mut auditor = Auditor::new(&devices.scene, &devices.display, plan.settings()).unwrap();
     for (index, record) in records.iter().enumerate().step_by(every) {
         let mut frame = Frame::default();
         let walk = &records[..=index];

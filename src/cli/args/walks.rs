@@ -143,6 +143,10 @@ pub(crate) struct RunArgs {
     /// Without it every pose is a frame.
     #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) live: Option<f64>,
+    /// Change at frames what is seen, as this TOML file says: sections, hidden, isolated and see-through
+    /// objects, picture size, epsilon, occlusion test.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) state: Option<PathBuf>,
     /// Add to the report, per audited frame, the objects exactly visible at full detail by name and index in
     /// their file.
     #[arg(long)]
@@ -170,6 +174,7 @@ impl RunArgs {
             walk,
             metrics: None,
             live: None,
+            state: None,
             visible: false,
             record: None,
             out,

@@ -21,6 +21,10 @@ pub struct Frame {
     /// Up in the picture: a world direction, not parallel to `forward`.
     pub up: [f64; 3],
 
+    /// The view state that it is seen in; 0 is the one that the walk began in.
+    #[serde(default)]
+    pub view_state: u32,
+
     /// Busy time of OR for this frame: drawing its occluders, waiting not counted. Milliseconds.
     pub or_ms: Option<f64>,
     /// Busy time of HC for this frame: cut, box tests, sending. Milliseconds.

@@ -90,6 +90,9 @@ pub struct Run {
     pub seed: Option<u64>,
     /// Frames 0, n, 2n and on were audited against the unculled pictures; `null` if none was.
     pub audit_every: Option<u32>,
+    /// The view states that followed the one that the walk began in.
+    #[serde(default)]
+    pub view_states: Vec<ViewStateInfo>,
     /// Remarks that belong beside every figure, such as why an automatic path circles the scene.
     #[serde(default)]
     pub notes: Vec<String>,
@@ -105,6 +108,31 @@ impl Run {
             _ => 1,
         }
     }
+}
+
+/// What of the scene is seen, from a place of the path on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ViewStateInfo {
+    /// By which frames name it, from 1.
+    pub version: u32,
+    /// The first pose of the path that is seen in it. In lockstep that is the frame.
+    pub from_frame: u32,
+    /// Width of the pictures, pixels.
+    pub width: u32,
+    /// Height of the pictures, pixels.
+    pub height: u32,
+    /// The bound on the picture's level-of-detail error, pixels.
+    pub epsilon_px: f64,
+    /// The occlusion test.
+    pub occlusion_test: String,
+    /// How many sections cut the scene.
+    pub sections: u64,
+    /// How many objects are hidden.
+    pub hidden: u64,
+    /// How many objects are isolated; `null` if all are shown but those hidden.
+    pub isolated: Option<u64>,
+    /// How many objects are seen through.
+    pub see_through: u64,
 }
 
 /// Whether every camera became a frame.

@@ -4,7 +4,9 @@ use maud::{Markup, html};
 
 use crate::report::format::{figure, grouped, sweep_cells};
 use crate::report::html::table;
-use crate::report::schema::{METRICS, Machine, Metric, Mode, Report, RoleInfo, Run, SceneInfo, SweepPoint};
+use crate::report::schema::{
+    METRICS, Machine, Metric, Mode, Report, RoleInfo, Run, SceneInfo, SweepPoint, ViewStateInfo,
+};
 
 pub(super) fn tables(report: &Report) -> Markup {
     html! {
@@ -16,7 +18,9 @@ pub(super) fn tables(report: &Report) -> Markup {
             (sweep(&report.sweep))
         }
         h2 #settings { "Settings" }
-        div.columns { (run(report)) (scene(&report.run.scene)) (machines(&report.run)) }
+        div.columns {
+            (run(report)) (scene(&report.run.scene)) (machines(&report.run)) (view_states(&report.run))
+        }
     }
 }
 
@@ -168,6 +172,29 @@ fn run(report: &Report) -> Markup {
             ("schema version", report.schema_version.to_string()),
         ],
     )
+}
+
+fn view_states(run: &Run) -> Markup {
+    let row = |state: &ViewStateInfo| {
+        let isolated = state.isolated.map_or_else(|| "–".to_owned(), |count| grouped(count as f64));
+        vec![
+            grouped(f64::from(state.from_frame)),
+            format!("{} × {}", state.width, state.height),
+            format!("{} px", figure(state.epsilon_px)),
+            state.occlusion_test.clone(),
+            grouped(state.sections as f64),
+            grouped(state.hidden as f64),
+            isolated,
+            grouped(state.see_through as f64),
+        ]
+    };
+    let rows: Vec<_> = run.view_states.iter().map(row).collect();
+    if rows.is_empty() {
+        return Markup::default();
+    }
+    let caption = "View states: what was seen, from a frame of the path on (objects counted)";
+    let head = ["frame", "picture", "ε", "test", "sections", "hidden", "isolated", "see-through"];
+    table("view-states", caption, &head, &rows)
 }
 
 fn scene(scene: &SceneInfo) -> Markup {
