@@ -142,11 +142,7 @@ fn six_boxes_keep_what_is_in_all_of_them() {
     // Each bounds another side, at -1 or 1 metre; the last ones are not left out.
     let kept = |axis: usize, sign: f64| {
         let (mut low, mut high) = (-all, all);
-        if sign < 0.0 {
-            low[axis] = sign
-        } else {
-            high[axis] = sign
-        }
+        *if sign < 0.0 { &mut low[axis] } else { &mut high[axis] } = sign;
         Section::Box(SectionBox::new(low.to_array(), high.to_array()).unwrap())
     };
     let around = SectionBox::new((-all).to_array(), all.to_array()).unwrap();
