@@ -40,22 +40,23 @@ fn clip_position(local: vec3<f32>, draw: Draw) -> vec4<f32> {
 // What bounds the part of the scene that sections leave.
 struct Sections {
     count: u32,
-    // In view space, with the normal times the near distance: a point is kept where plane . (near * point, 1) >= 0.
+    // In view space, the normals times the near distance: what lies along the ray (x, y, -1) at a depth is kept where
+    // plane . (x, y, -1, depth) >= 0.
     planes: array<vec4<f32>, 36>,
 }
 
 @group(0) @binding(0) var<storage, read> sections: Sections;
 
-// OR cuts away this much more than the passes that draw what shows, as a share of the magnitudes summed: what it draws has to be
-// drawn there as well. A side goes through 6 roundings of at most 2^-23 of that share, and its bound through as many. Two
-// shaders, or two devices, that round each of them another way are 12 apart; that and a depth some roundings apart are within 32.
+// OR cuts away this much more than the passes that draw what shows, as a share of the magnitudes summed: all that it draws has to
+// be drawn there as well. A sum goes through 6 roundings, each of at most 2^-23 of the magnitudes. Two devices that round each of
+// them another way are 12 of these apart; 32 leave room for depths and rays that are a few roundings apart as well.
 const OCCLUDER_MARGIN = 32.0 / 8388608.0;
 
 // Whether sections cut a fragment away. Its place follows from the pixel's centre and the depth alone, which are the same in all
 // passes. The build script forbids to fuse sums and products, so that the passes agree on the last bit too.
 fn is_cut_away(at: vec4<f32>, margin: f32) -> bool {
     let scaled = at.xy * camera.ray_scale;
-    // The point is near / depth along its ray. As only a sign is asked for, all is multiplied by the depth: nothing to divide by.
+    // The distance is near / depth. As only the sign is asked for, all is multiplied by the depth, and nothing divided.
     let point = vec4<f32>(scaled + camera.ray_offset, -1.0, at.z);
     let magnitude = vec4<f32>(abs(scaled) + abs(camera.ray_offset), 1.0, at.z);
     for (var i = 0u; i < sections.count; i += 1u) {

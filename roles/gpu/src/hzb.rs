@@ -9,9 +9,10 @@ use trimaran_cull::{
 };
 
 use crate::boxes;
+use crate::layout::{BindingSet, Layout};
 use crate::memory::HostBuffer;
 use crate::pass::{OverDepth, ScenePass};
-use crate::pipeline::{BindingSet, Layout, Pipeline, shader};
+use crate::pipeline::{Pipeline, shader};
 use crate::pyramid::{Halving, Pyramid};
 use crate::{Gpu, GpuError, OccluderPass, Optional};
 

@@ -34,7 +34,8 @@
 //! |---|---|
 //! | `adapter`, `needs`, `gpu`, `wait` | a device: which, what it must have, opened, waited for |
 //! | `memory`, `in_place`, `scene` | buffers, and a scene on the device |
-//! | `camera`, `sections`, `draw_record`, `draws`, `stream`, `recorder`, `pipeline`, `pass_kind`, `pass` | what the passes share |
+//! | `camera`, `sections`, `draw_record`, `draws`, `stream`, `recorder` | what the passes share |
+//! | `layout`, `pipeline`, `pass_kind`, `pass` | how all of them draw |
 //! | `occluder`, `picture`, `item` | the three passes |
 //! | `boxes`, `query`, `raster` | tests of boxes that draw them over the occluders' depth |
 //! | `pyramid`, `hzb` | the depth's pyramid, and the test of boxes against it |
@@ -71,6 +72,7 @@ mod gpu;
 mod hzb;
 mod in_place;
 mod item;
+mod layout;
 mod memory;
 mod needs;
 mod occluder;

@@ -8,7 +8,8 @@ use ash::vk;
 
 use crate::GpuError;
 use crate::draw_record::Fetch;
-use crate::pipeline::{DepthUse, Layout, Pipeline, PipelineDesc, Shader, VertexInput};
+use crate::layout::Layout;
+use crate::pipeline::{DepthUse, Pipeline, PipelineDesc, Shader, VertexInput};
 
 /// What sets one scene pass apart from another.
 pub(crate) struct PassKind {

@@ -79,8 +79,8 @@ impl PicturePass {
     /// Adds draws, in this order: of equal depths the first one shows.
     ///
     /// # Errors
-    /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin), after
-    /// [`draw_see_through`](Self::draw_see_through) in the same frame, or without memory.
+    /// If an id is not the scene's (those before it may have been added), before [`begin`](Self::begin),
+    /// after [`draw_see_through`](Self::draw_see_through) in the same frame, or without memory.
     pub fn draw(&mut self, ids: &[DrawableId]) -> Result<(), GpuError> {
         self.current().pass.draw(ids)
     }

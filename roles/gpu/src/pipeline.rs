@@ -1,4 +1,4 @@
-//! Shaders joined into pipelines, and the buffers they read.
+//! Shaders joined into pipelines.
 
 use std::ffi::CStr;
 use std::mem::offset_of;
@@ -10,7 +10,7 @@ use trimaran_scene::Vertex;
 use crate::boxes::BoxRecord;
 use crate::draw_record::DrawRecord;
 use crate::error::During as _;
-use crate::memory::Buffer;
+use crate::layout::Layout;
 use crate::{Gpu, GpuError};
 
 /// One compiled entry point.
@@ -36,123 +36,6 @@ macro_rules! shader {
     };
 }
 pub(crate) use shader;
-
-/// The stages that are given buffers and constants.
-pub(crate) const STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
-    vk::ShaderStageFlags::VERTEX.as_raw()
-        | vk::ShaderStageFlags::FRAGMENT.as_raw()
-        | vk::ShaderStageFlags::COMPUTE.as_raw(),
-);
-
-/// What shaders are given: some storage buffers and some push constants, to all [`STAGES`].
-pub(crate) struct Layout {
-    gpu: Arc<Gpu>,
-    set: vk::DescriptorSetLayout,
-    handle: vk::PipelineLayout,
-    buffers: u32,
-}
-
-impl Layout {
-    /// `buffers` storage buffers (perhaps none) at bindings 0 and on, and push constants of the size of `C`.
-    pub(crate) fn new<C>(gpu: &Arc<Gpu>, buffers: u32) -> Result<Arc<Self>, GpuError> {
-        const OPERATION: &str = "laying out a pipeline";
-        let bindings: Vec<_> = (0..buffers)
-            .map(|binding| {
-                vk::DescriptorSetLayoutBinding::default()
-                    .binding(binding)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
-                    .descriptor_count(1)
-                    .stage_flags(STAGES)
-            })
-            .collect();
-        let constants =
-            [vk::PushConstantRange { stage_flags: STAGES, offset: 0, size: size_of::<C>() as u32 }];
-        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
-        // SAFETY: the device is alive and the bindings are distinct.
-        let set = unsafe { gpu.device().create_descriptor_set_layout(&info, None) }.during(OPERATION)?;
-        let mut layout = Self { gpu: Arc::clone(gpu), set, handle: vk::PipelineLayout::null(), buffers };
-        let sets = [set];
-        let info =
-            vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(&constants);
-        // SAFETY: the set layout is ours; all push constants used here are within the 128 bytes every device
-        // has.
-        layout.handle = unsafe { gpu.device().create_pipeline_layout(&info, None) }.during(OPERATION)?;
-        Ok(Arc::new(layout))
-    }
-
-    pub(crate) const fn handle(&self) -> vk::PipelineLayout {
-        self.handle
-    }
-}
-
-impl Drop for Layout {
-    fn drop(&mut self) {
-        let Some(device) = self.gpu.to_destroy() else { return };
-        // SAFETY: both are ours (the second may be null); pipelines hold the layout, so none is in use.
-        unsafe {
-            device.destroy_pipeline_layout(self.handle, None);
-            device.destroy_descriptor_set_layout(self.set, None);
-        }
-    }
-}
-
-/// Buffers bound together. Whoever holds it keeps the buffers as long.
-pub(crate) struct BindingSet {
-    layout: Arc<Layout>,
-    pool: vk::DescriptorPool,
-    handle: vk::DescriptorSet,
-}
-
-impl BindingSet {
-    /// Binds `buffers`, as many as the layout has, in order, each as a whole.
-    pub(crate) fn new(layout: &Arc<Layout>, buffers: &[&Buffer]) -> Result<Self, GpuError> {
-        const OPERATION: &str = "binding buffers";
-        let device = layout.gpu.device();
-        let sizes = [vk::DescriptorPoolSize {
-            ty: vk::DescriptorType::STORAGE_BUFFER,
-            descriptor_count: layout.buffers,
-        }];
-        let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
-        // SAFETY: the device is alive.
-        let pool = unsafe { device.create_descriptor_pool(&info, None) }.during(OPERATION)?;
-        let mut set = Self { layout: Arc::clone(layout), pool, handle: vk::DescriptorSet::null() };
-        let layouts = [layout.set];
-        let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
-        // SAFETY: the pool has room for one set of this layout.
-        let sets = unsafe { device.allocate_descriptor_sets(&info) }.during(OPERATION)?;
-        set.handle = sets.first().copied().unwrap_or_default();
-        let infos: Vec<_> = buffers
-            .iter()
-            .map(|buffer| [vk::DescriptorBufferInfo::default().buffer(buffer.handle()).range(vk::WHOLE_SIZE)])
-            .collect();
-        let writes: Vec<_> = infos
-            .iter()
-            .zip(0..layout.buffers)
-            .map(|(info, binding)| {
-                vk::WriteDescriptorSet::default()
-                    .dst_set(set.handle)
-                    .dst_binding(binding)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
-                    .buffer_info(info)
-            })
-            .collect();
-        // SAFETY: the set is fresh, so not in use; the buffers are alive storage buffers.
-        unsafe { device.update_descriptor_sets(&writes, &[]) };
-        Ok(set)
-    }
-
-    pub(crate) const fn handle(&self) -> vk::DescriptorSet {
-        self.handle
-    }
-}
-
-impl Drop for BindingSet {
-    fn drop(&mut self) {
-        let Some(device) = self.layout.gpu.to_destroy() else { return };
-        // SAFETY: work that uses the set is done, as for the buffers it binds; the set goes with its pool.
-        unsafe { device.destroy_descriptor_pool(self.pool, None) };
-    }
-}
 
 /// What a vertex shader reads: of a vertex, and of its draw.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -201,8 +84,8 @@ pub(crate) struct Pipeline {
 
 impl Pipeline {
     pub(crate) fn new(layout: &Arc<Layout>, desc: &PipelineDesc) -> Result<Self, GpuError> {
-        let vertex = Module::new(&layout.gpu, desc.vertex)?;
-        let fragment = desc.fragment.map(|shader| Module::new(&layout.gpu, shader)).transpose()?;
+        let vertex = Module::new(layout.gpu(), desc.vertex)?;
+        let fragment = desc.fragment.map(|shader| Module::new(layout.gpu(), shader)).transpose()?;
         let mut stages = vec![vertex.stage(vk::ShaderStageFlags::VERTEX)];
         stages.extend(fragment.iter().map(|module| module.stage(vk::ShaderStageFlags::FRAGMENT)));
 
@@ -264,26 +147,27 @@ impl Pipeline {
             .depth_stencil_state(&depth)
             .color_blend_state(&blend)
             .dynamic_state(&dynamic)
-            .layout(layout.handle)
+            .layout(layout.handle())
             .push_next(&mut rendering);
         // SAFETY: all that `info` points to lives through the call; the shaders were validated when they were
         // compiled and use no more than the layout and the enabled features give.
         let made = unsafe {
-            layout.gpu.device().create_graphics_pipelines(vk::PipelineCache::null(), &[info], None)
+            layout.gpu().device().create_graphics_pipelines(vk::PipelineCache::null(), &[info], None)
         };
         Self::of(layout, made, vk::PipelineBindPoint::GRAPHICS)
     }
 
     /// One that runs a compute shader.
     pub(crate) fn compute(layout: &Arc<Layout>, shader: Shader) -> Result<Self, GpuError> {
-        let module = Module::new(&layout.gpu, shader)?;
+        let module = Module::new(layout.gpu(), shader)?;
         let info = vk::ComputePipelineCreateInfo::default()
             .stage(module.stage(vk::ShaderStageFlags::COMPUTE))
-            .layout(layout.handle);
+            .layout(layout.handle());
         // SAFETY: the module lives through the call; the shader was validated when it was compiled and uses
         // no more than the layout and the enabled features give.
-        let made =
-            unsafe { layout.gpu.device().create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };
+        let made = unsafe {
+            layout.gpu().device().create_compute_pipelines(vk::PipelineCache::null(), &[info], None)
+        };
         Self::of(layout, made, vk::PipelineBindPoint::COMPUTE)
     }
 
@@ -312,7 +196,7 @@ impl Pipeline {
 
 impl Drop for Pipeline {
     fn drop(&mut self) {
-        let Some(device) = self.layout.gpu.to_destroy() else { return };
+        let Some(device) = self.layout.gpu().to_destroy() else { return };
         // SAFETY: the stream that used it is done: owners declare their stream first.
         unsafe { device.destroy_pipeline(self.handle, None) };
     }

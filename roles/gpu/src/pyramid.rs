@@ -6,8 +6,9 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use trimaran_cull::Viewport;
 
+use crate::layout::{BindingSet, Layout};
 use crate::memory::{Buffer, Image};
-use crate::pipeline::{BindingSet, Layout, Pipeline, shader};
+use crate::pipeline::{Pipeline, shader};
 use crate::recorder::Recorder;
 use crate::{Gpu, GpuError};
 

@@ -9,9 +9,10 @@ use trimaran_cull::{Answer, OcclusionTest, TestBox, View};
 use crate::boxes::{self, BoxRecord};
 use crate::camera::ProjectionConstants;
 use crate::error::During as _;
+use crate::layout::Layout;
 use crate::memory::HostBuffer;
 use crate::pass::{OverDepth, ScenePass};
-use crate::pipeline::{DepthUse, Layout, Pipeline, PipelineDesc, VertexInput, shader};
+use crate::pipeline::{DepthUse, Pipeline, PipelineDesc, VertexInput, shader};
 use crate::{Gpu, GpuError, OccluderPass};
 
 /// Tests boxes by precise occlusion queries, one a box, all of a batch before the first is read. Counts

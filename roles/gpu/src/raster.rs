@@ -8,9 +8,10 @@ use trimaran_cull::{Answer, OcclusionTest, TestBox, View};
 
 use crate::boxes::{self, BoxRecord};
 use crate::camera::ProjectionConstants;
+use crate::layout::{BindingSet, Layout};
 use crate::memory::{Buffer, HostBuffer};
 use crate::pass::{OverDepth, ScenePass};
-use crate::pipeline::{BindingSet, DepthUse, Layout, Pipeline, PipelineDesc, VertexInput, shader};
+use crate::pipeline::{DepthUse, Pipeline, PipelineDesc, VertexInput, shader};
 use crate::{Gpu, GpuError, OccluderPass};
 
 /// Tests boxes by one instanced draw of a whole batch: a fragment that passes the early depth test adds one

@@ -10,8 +10,9 @@ use ash::vk;
 use trimaran_cull::Viewport;
 
 use crate::draw_record::{DrawCommand, Fetch};
+use crate::layout::{BindingSet, STAGES};
 use crate::memory::{Buffer, Image, ImageUse, whole};
-use crate::pipeline::{BindingSet, INSTANCES, Pipeline, STAGES, VERTICES};
+use crate::pipeline::{INSTANCES, Pipeline, VERTICES};
 
 /// A command buffer being recorded.
 pub(crate) struct Recorder<'a> {

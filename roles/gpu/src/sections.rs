@@ -29,3 +29,26 @@ impl SectionPlanes {
         sections
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use trimaran_proto::{Section, SectionBox, SectionPlane};
+
+    use super::*;
+    use crate::common::view;
+
+    #[test]
+    fn there_is_room_for_six_boxes_and_every_number_is_finite() {
+        let view = view(8, 8, DVec3::ZERO);
+        let far = Section::Plane(SectionPlane::new([-1e300, 0.0, 0.0], [1.0, 0.0, 0.0]).unwrap());
+        let all = Section::Box(SectionBox::new([-1e300; 3], [1e300; 3]).unwrap());
+        for (section, count) in [(far, 6), (all, 36)] {
+            let view = view.with_sections(Sections::new(&[section; Sections::MOST]).unwrap());
+            let sections = SectionPlanes::new(&view);
+            assert_eq!(sections.count, count);
+            // Shaders need not know infinity.
+            assert!(sections.planes.as_flattened().as_flattened().iter().all(|number| number.is_finite()));
+        }
+    }
+}

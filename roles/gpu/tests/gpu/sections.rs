@@ -1,5 +1,5 @@
-//! What sections cut away in the three passes: the reference's pixels, and nothing in the occluders' depth that
-//! the picture lacks.
+//! What sections cut away in the three passes: the reference's pixels, and nothing in the occluders' depth
+//! that the picture lacks.
 
 use std::sync::Arc;
 
@@ -100,8 +100,8 @@ impl Drawn {
     }
 }
 
-/// Two walls that fill the picture, and a slanted plane that cuts the nearer one at the middle and the farther
-/// one at three quarters of the width.
+/// Two walls that fill the picture, and a slanted plane that cuts the nearer one at the middle and the
+/// farther one at three quarters of the width.
 #[test]
 fn a_plane_cuts_walls_in_every_pass_and_shows_what_is_behind() {
     let Some(gpu) = CheckedGpu::open() else { return };
@@ -142,11 +142,7 @@ fn six_boxes_keep_what_is_in_all_of_them() {
     // Each bounds another side, at -1 or 1 metre; the last ones are not left out.
     let kept = |axis: usize, sign: f64| {
         let (mut low, mut high) = (-all, all);
-        if sign < 0.0 {
-            low[axis] = sign
-        } else {
-            high[axis] = sign
-        }
+        *if sign < 0.0 { &mut low[axis] } else { &mut high[axis] } = sign;
         Section::Box(SectionBox::new(low.to_array(), high.to_array()).unwrap())
     };
     let around = SectionBox::new((-all).to_array(), all.to_array()).unwrap();
@@ -159,7 +155,7 @@ fn six_boxes_keep_what_is_in_all_of_them() {
         let inside = [i % 32, i / 32].iter().all(|at| (8..24).contains(at));
         assert_eq!(*item != NOTHING, inside, "pixel {i}");
     }
-    sections[5] = Section::Box(SectionBox::new([-50.0, -50.0, -1.9], [50.0; 3]).unwrap());
+    sections[5] = Section::Box(SectionBox::new([-50.0; 3], [50.0, 50.0, -2.1]).unwrap());
     let drawn = passes.draw(&cut.with_sections(Sections::new(&sections).unwrap()), &ids(1));
     assert!(drawn.items.iter().all(|item| *item == NOTHING));
 }
