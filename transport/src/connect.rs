@@ -199,7 +199,8 @@ async fn believed<P: Protocol>(
 #[cfg(test)]
 mod tests {
     #[cfg(feature = "quic")]
-    use trimaran_wire::{ProtocolName, Rejection};
+    use trimaran_wire::ProtocolName;
+    use trimaran_wire::Rejection;
 
     use super::*;
 

@@ -54,6 +54,8 @@ impl fmt::Debug for PeerName {
 pub(crate) struct Peer {
     pub(crate) hello: Bytes,
     pub(crate) name: PeerName,
+    /// What it claims to be: held against what its key allows, on transports that have keys.
+    #[cfg_attr(not(any(feature = "quic", feature = "udp")), expect(dead_code, reason = "there are no keys"))]
     pub(crate) role: Option<String>,
     /// How items travel, where the hellos of both sides decide it.
     pub(crate) batching: Option<Batching>,

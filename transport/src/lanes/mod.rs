@@ -5,6 +5,7 @@
 macro_rules! over_bytes {
     ($name:ident: $half:ident) => {
         #[derive(Debug)]
+        #[allow(clippy::large_enum_variant, reason = "a link has one of each, for as long as it lives")]
         pub(crate) enum $name {
             Stream(stream::$half),
             #[cfg(feature = "quic")]

@@ -98,7 +98,10 @@ impl<'r, W: DisplayWork, A: CullerWork> Session<'r, W, A> {
 
     /// The links to the cullers, for the end. Nobody is looked for any more.
     pub(super) fn into_links(self) -> Vec<Link> {
-        self.cullers.into_iter().map(|culler| culler.link).collect()
+        let Self { role, cullers, .. } = self;
+        // First of all: the cullers' places are free in a moment, and nobody is to take them again.
+        drop(role);
+        cullers.into_iter().map(|culler| culler.link).collect()
     }
 
     /// Shows frames until the last one, or until it is asked to stop.
