@@ -23,6 +23,7 @@ use trimaran::{
 use trimaran_actors::Schedule;
 use trimaran_audit::cases::{Mesh, Object, build};
 use trimaran_cull::{LodRule, Viewport};
+use trimaran_gpu::BACKGROUND;
 use trimaran_proto::{ObjectSet, OcclusionTestKind, Section, SectionBox, SectionPlane, Sections, ViewState};
 use trimaran_scene::{
     Scene,
@@ -180,11 +181,16 @@ fn a_wall_that_is_hidden_seen_through_or_cut_away_no_longer_hides() {
     let path = CameraPath::find(&choice, &bare, plan.settings().into(), Some(1)).unwrap();
     let bare_walk = walk_in_process(&without, &plan, &path);
     let crowd = audited(&without, &plan, &path, &bare_walk).remove(0).shown.rgba;
+    // Colours go by the place in the tree, which is another one without the wall.
+    let is_crowd = |picture: &[u8]| {
+        let outline = |picture: &[u8]| picture.chunks(4).map(|p| p == BACKGROUND).collect::<Vec<_>>();
+        outline(picture) == outline(&crowd)
+    };
     let (wall, through) = (&shown[1], &shown[7]);
-    assert!(shown[3] == crowd && shown[4] == crowd, "hidden");
-    assert!(shown[9] == crowd && shown[10] == crowd, "cut away");
+    assert!(is_crowd(&shown[3]) && shown[4] == shown[3], "hidden");
+    assert!(shown[9] == shown[3] && shown[10] == shown[3], "cut away");
     assert!([2, 5, 6, 11].iter().all(|&frame| shown[frame] == *wall), "as it is");
-    assert!(wall != &crowd && through != wall && *through != crowd && shown[8] == *through);
+    assert!(!is_crowd(wall) && through != wall && *through != shown[3] && shown[8] == *through);
     assert_no_validation_messages(&devices);
 }
 
