@@ -26,7 +26,7 @@ pub fn traces(bytes: &[u8]) {
 /// A trace's file with these contents: `docs/report.md` says what it looks like.
 fn sealed(contents: &[u8]) -> Vec<u8> {
     let mut file = b"trimaran trace\n\x1a".to_vec();
-    file.extend(1_u32.to_le_bytes());
+    file.extend(Trace::VERSION.to_le_bytes());
     file.extend((contents.len() as u64).to_le_bytes());
     file.extend(contents);
     file.extend(xxh3_64(&file).to_le_bytes());

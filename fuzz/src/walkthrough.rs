@@ -4,7 +4,7 @@
 use bytes::Bytes;
 use trimaran_proto::{
     BatchSize, Camera, DrawableId, FrameNumber, IdBatch, IdDecoder, IdEncoder, Identity, RoleMessage,
-    Walkthrough,
+    ViewReader, Walkthrough,
 };
 use trimaran_wire::{
     Accept, BatchDecoder, BatchEncoder, Delivery, Fixed, Format, FrameEnd, FrameMessage, Hello, Item,
@@ -26,7 +26,10 @@ pub fn decode(bytes: &[u8]) {
                     assert_eq!(read.to_bytes()[..], camera[..]);
                 }
             }
-            Message::Message(said) => reads_again::<RoleMessage>(&said),
+            Message::Message(said) => {
+                reads_again::<RoleMessage>(&said);
+                view(&said);
+            }
             Message::Frame(FrameMessage::Coded(coded)) => {
                 let most = BatchSize::MAX.items();
                 assert!(Walkthrough::count_coded(&coded).is_none_or(|ids| (1..=most).contains(&ids)));
@@ -34,6 +37,20 @@ pub fn decode(bytes: &[u8]) {
             _ => {}
         }
     }
+}
+
+/// Where a message has a whole view state, that travels in parts and is read again as it was.
+fn view(said: &[u8]) {
+    let Ok(RoleMessage::View { version, part, .. }) = postcard::from_bytes(said) else { return };
+    let Ok(Some(state)) = ViewReader::default().take(version, &part, true) else { return };
+    let (mut reader, mut read) = (ViewReader::default(), None);
+    for message in state.to_messages(version).unwrap_or_default() {
+        if let RoleMessage::View { version, part, last } = message {
+            assert_eq!(read, None);
+            read = reader.take(version, &part, last).unwrap_or_default();
+        }
+    }
+    assert_eq!(read, Some(state));
 }
 
 fn reads_again<T>(bytes: &[u8])

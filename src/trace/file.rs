@@ -16,8 +16,6 @@ use super::{Trace, TraceFrame};
 
 /// What every trace begins with. The last byte stops programs that print it as text.
 const MARK: [u8; 16] = *b"trimaran trace\n\x1a";
-/// The version of the format: whatever changes it is another one.
-const VERSION: u32 = 2;
 /// Mark, version, and the length of what follows.
 const HEAD: usize = 28;
 /// The checksum.
@@ -45,7 +43,7 @@ pub enum TraceFault {
     #[error("is not a recorded walk: give a file that `trimaran run --record` wrote")]
     Foreign,
     /// It was written by another version.
-    #[error("is a trace of version {found}, and this program reads version {VERSION}: record the walk again")]
+    #[error("is a trace of version {found}, and this program reads version {version}: record the walk again", version = Trace::VERSION)]
     Version {
         /// Its version.
         found: u32,
@@ -130,6 +128,9 @@ fn new_file(path: &Path) -> io::Result<NamedTempFile> {
 }
 
 impl Trace {
+    /// The version of the format: whatever changes it is another one.
+    pub const VERSION: u32 = 2;
+
     /// Writes the trace; an older one there is replaced at once or not at all.
     ///
     /// # Errors
@@ -185,7 +186,7 @@ impl Trace {
         let body = postcard::to_stdvec(&stored).map_err(TraceFault::Content)?;
         let mut bytes = Vec::with_capacity(HEAD + body.len() + TAIL);
         bytes.extend(MARK);
-        bytes.extend(VERSION.to_le_bytes());
+        bytes.extend(Self::VERSION.to_le_bytes());
         bytes.extend((body.len() as u64).to_le_bytes());
         bytes.extend(body);
         let sum = xxh3_64(&bytes);
@@ -208,7 +209,7 @@ impl Trace {
         };
         let [.., v0, v1, v2, v3, l0, l1, l2, l3, l4, l5, l6, l7] = *head;
         match u32::from_le_bytes([v0, v1, v2, v3]) {
-            VERSION => {}
+            Self::VERSION => {}
             other => return Err(TraceFault::Version { found: other }),
         }
         let expected = u64::from_le_bytes([l0, l1, l2, l3, l4, l5, l6, l7]).saturating_add(least);
